@@ -2,20 +2,93 @@
 
 from __future__ import annotations
 
+from contextlib import suppress
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.spatial import ConvexHull, QhullError
 
-from edgemap.simulation.render import silhouettes
+from edgemap.geometry.camera.intrinsics import Intrinsics
 from edgemap.simulation.render.canvas import RenderTarget
 from edgemap.simulation.render.lens import Lens
 from edgemap.simulation.render.mesh import Array
 from edgemap.simulation.render.movers import Mover
 from edgemap.simulation.render.moving import Moving
-from edgemap.simulation.render.silhouettes import COLUMNS, ROWS, TILE_PX
 from edgemap.simulation.render.still import Still
-from edgemap.simulation.render.view import View, clip_matrix
+from edgemap.simulation.render.view import NEAR_M, View, clip_matrix
+
+TILE_PX, COLUMNS, ROWS = 64, 16, 8
+# Objects that reach out of the picture are followed this far, as a factor on the picture's size.
+_REACH = 2.0
+_MANY = 500
+
+
+class Outlines:
+    """The points of each object that can be at the border of its picture."""
+
+    def __init__(self, points_home_m: dict[int, Array]) -> None:
+        self._points = points_home_m
+        self._hulls: dict[int, Array] = {}
+
+    def of(self, id_: int) -> Array:
+        """Corners (N, 3) of the object's convex hull."""
+        if id_ not in self._hulls:
+            points = self._points[id_]
+            if len(points) > _MANY:
+                # Of what is flat all points will do.
+                with suppress(QhullError):
+                    points = points[ConvexHull(points).vertices]
+            self._hulls[id_] = points
+        return self._hulls[id_]
+
+    def copy_of(self, id_: int, points: Array) -> None:
+        """Take the points (N, 3) of an object that may have moved."""
+        self._points[id_] = points
+        self._hulls.pop(id_, None)
+
+
+def ideal_points(points_optical_m: Array) -> Array:
+    """Projects convex points (N, 3) of the optical frame to unit depth, (M, 2). Points behind the near plane are
+    replaced by intersections with it; M is 0 where all are behind."""
+    ahead = points_optical_m[:, 2] >= NEAR_M
+    front, behind = points_optical_m[ahead], points_optical_m[~ahead]
+    if len(front) and len(behind):
+        share = ((NEAR_M - behind[:, 2])[:, None] / (front[:, 2] - behind[:, None, 2])).astype(np.float64)
+        cut = behind[:, None] + share[..., None] * (front - behind[:, None])
+        front = np.concatenate([front, cut.reshape(-1, 3)])
+    return front[:, :2] / front[:, 2:]
+
+
+def pixel_box(ideal: Array, intrinsics: Intrinsics) -> NDArray[np.float64]:
+    """(x0, y0, x1, y1) px round points at unit depth, pixel k covering k to k + 1; lens and all."""
+    at = intrinsics.distortion.distort(ideal) * [intrinsics.fx, intrinsics.fy] + [intrinsics.cx, intrinsics.cy] + 0.5
+    return np.concatenate([at.min(axis=0), at.max(axis=0)])
+
+
+def window(box: NDArray[np.float64], pinhole: Intrinsics) -> NDArray[np.float64]:
+    """The part of a whole box that an object's area is counted in: at most twice the picture, about its middle."""
+    size = np.array([pinhole.width, pinhole.height], dtype=np.float64)
+    low, high = size / 2.0 - _REACH * size / 2.0, size / 2.0 + _REACH * size / 2.0
+    first, last = np.clip(box[:2], low, high), np.clip(box[2:], low, high)
+    return np.concatenate([first, np.maximum(last, first + 1e-3)])
+
+
+def zoomed(clip_home: Array, box: NDArray[np.float64], pinhole: Intrinsics) -> Array:
+    """A clip matrix that fills the viewport with a window (x0, y0, x1, y1) px of the picture."""
+    size = np.array([pinhole.width, pinhole.height])
+    low, high = box[:2] / size * 2.0 - 1.0, box[2:] / size * 2.0 - 1.0
+    zoom = np.eye(4)
+    for axis in range(2):
+        zoom[axis, axis] = 2.0 / (high[axis] - low[axis])
+        zoom[axis, 3] = -(high[axis] + low[axis]) / (high[axis] - low[axis])
+    return zoom @ clip_home
+
+
+def filled(raw: Any, count: int) -> NDArray[np.float64]:
+    """Share of each of the first `count` tiles that is covered, from the sheet's bytes."""
+    sheet = np.frombuffer(raw, dtype=np.uint8).reshape(ROWS, TILE_PX, COLUMNS, TILE_PX)
+    return (sheet > 127).mean(axis=(1, 3)).reshape(-1)[:count]
 
 
 class Wholes:
@@ -24,7 +97,7 @@ class Wholes:
     def __init__(self, canvas: RenderTarget, still: Still, moving: Moving) -> None:
         self._canvas, self._still, self._moving = canvas, still, moving
         self._sheet = canvas.target((TILE_PX * COLUMNS, TILE_PX * ROWS), 1, depth=False)
-        self._outlines = silhouettes.Outlines(still.points())
+        self._outlines = Outlines(still.points())
 
     def of(
         self, view: View, lens: Lens, ids: list[int], movers: dict[int, Mover]
@@ -42,11 +115,11 @@ class Wholes:
             for number, id_ in enumerate(some):
                 ideal = self._outline(id_, view, movers)
                 boxes.append(_cut(ideal, lens))
-                windows.append(silhouettes.window(silhouettes.pixel_box(ideal, pinhole), pinhole))
+                windows.append(window(pixel_box(ideal, pinhole), pinhole))
                 row, column = divmod(number, COLUMNS)
                 self._sheet.viewport = (column * TILE_PX, row * TILE_PX, TILE_PX, TILE_PX)
-                self._alone(silhouettes.zoomed(clip, windows[-1], pinhole), id_, movers)
-            covered = silhouettes.filled(self._sheet.read(components=1, alignment=1), len(some))
+                self._alone(zoomed(clip, windows[-1], pinhole), id_, movers)
+            covered = filled(self._sheet.read(components=1, alignment=1), len(some))
             sides = np.array(windows).reshape(-1, 2, 2)
             areas[start : start + len(some)] = covered * np.prod(sides[:, 1] - sides[:, 0], axis=1)
         return boxes, areas
@@ -55,7 +128,7 @@ class Wholes:
         """An object's outermost points at unit depth of the optical frame; the axis itself where it is behind."""
         if id_ in movers:
             self._outlines.copy_of(id_, self._moving.points_home_m(movers[id_]))
-        ideal = silhouettes.ideal_points(view.to_optical(self._outlines.of(id_)))
+        ideal = ideal_points(view.to_optical(self._outlines.of(id_)))
         return ideal if len(ideal) else np.zeros((1, 2))
 
     def _alone(self, clip: Array, id_: int, movers: dict[int, Mover]) -> None:
@@ -81,5 +154,5 @@ def _cut(ideal: Array, lens: Lens) -> NDArray[np.float64]:
     intrinsics, pinhole = lens.intrinsics, lens.pinhole
     focal, centre = np.array([pinhole.fx, pinhole.fy]), np.array([pinhole.cx, pinhole.cy])
     low, high = (np.zeros(2) - centre) / focal, (np.array([pinhole.width, pinhole.height]) - centre) / focal
-    box = silhouettes.pixel_box(np.clip(ideal, low, high), intrinsics)
+    box = pixel_box(np.clip(ideal, low, high), intrinsics)
     return np.clip(box, 0.0, np.tile([intrinsics.width, intrinsics.height], 2).astype(np.float64))

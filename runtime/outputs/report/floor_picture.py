@@ -1,15 +1,34 @@
-"""The observed floor as part of the report's map: a picture of a pixel a cell, and the walls as lines."""
+"""The sheet that drawings of the map share; on it the observed floor: a picture of a pixel a cell, walls as lines."""
+
+from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import ArrayLike, NDArray
 
 from edgemap.geometry.grid.occupancy_grid import FREE, OCCUPIED, OccupancyGrid
 from edgemap.geometry.grid.walls import walls_of
 from edgemap.runtime.frames.png import png
 from edgemap.runtime.outputs.report.markup import Markup, data_uri, el, joined
-from edgemap.runtime.outputs.report.sheet import Sheet
 
+Points = NDArray[np.float64]
 # Blue, green, red, opacity: on light and on dark paper.
 FREE_BGRA, OBSTACLE_BGRA = (170, 140, 110, 46), (140, 120, 105, 200)
+
+
+@dataclass(frozen=True, slots=True)
+class Sheet:
+    """Origin and scale of a drawing: its corner in the map, m, and px per metre."""
+
+    top_x_m: float
+    left_y_m: float
+    px_per_m: float
+    width_px: float
+    height_px: float
+
+    def at(self, points_m: ArrayLike) -> Points:
+        """Map positions (..., 2) in metres to drawing positions (right, down)."""
+        points = np.asarray(points_m, dtype=np.float64)
+        return np.stack([self.left_y_m - points[..., 1], self.top_x_m - points[..., 0]], axis=-1) * self.px_per_m
 
 
 def seen_floor(sheet: Sheet, grid: OccupancyGrid) -> Markup:

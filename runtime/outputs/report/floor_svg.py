@@ -11,10 +11,9 @@ from edgemap.geometry.objects.edits import Zone
 from edgemap.geometry.objects.evaluation_row import EvaluationRow
 from edgemap.geometry.se2 import SE2
 from edgemap.runtime.frames.colours import label_colour
-from edgemap.runtime.outputs.report.floor_picture import seen_floor
+from edgemap.runtime.outputs.report.floor_picture import Sheet, seen_floor
 from edgemap.runtime.outputs.report.labels import place_labels
 from edgemap.runtime.outputs.report.markup import Markup, el, joined, polyline
-from edgemap.runtime.outputs.report.sheet import Sheet
 from edgemap.runtime.outputs.report.tables import mark_shape
 
 WIDEST_PX, TALLEST_PX, MARGIN_M = 960.0, 720.0, 0.5
