@@ -181,7 +181,7 @@ def seen_from(
     """The same boxes on the floor as another attitude has it; none where the picture was not searched."""
     if not observed.searched:
         return replace(observed, camera=camera)
-    sightings = sightings_of(observed.detections, camera, rule, observed.index, observed.stamp_s, depth)
+    sightings = sightings_of(observed.detections, camera, rule, observed.index, observed.stamp_s, depth, observed.floor)
     return replace(observed, sightings=sightings, camera=camera)
 
 

@@ -12,7 +12,6 @@ from edgemap.geometry.arrays import Array
 from edgemap.geometry.observations.class_extents import Shape
 
 SURFACE_SHARE, SURFACE_SIGMA = 0.5, 0.5  # of the way to its middle: how far behind its lower edge an object is seen
-NEAREST_M = 0.2  # from the lens to the lower edge of anything: the robot itself is in between
 HIDDEN = 0.5  # share of a lower edge covered by nearer boxes, from which on it may well be hidden
 
 
@@ -33,7 +32,9 @@ class BoxOnFloor:
     lens_m, edge_m (2,), edge_m2 (2, 2): the lens and that projection, base frame; direction (2,), reach_m: from the one
     to the other. width_m, height_m: apparent, there (the paper's eq. 4). extent_m: the longer side of its class's usual
     footprint. cut: by the picture's left or right border; low: by its lower one. cover: share of the lower edge that
-    nearer boxes cover. seen_m, seen_sigma_m: range of what the box shows by depth; NaN where there is none.
+    nearer boxes cover. nearest_m: the nearest range at which its foot may be: `reach_m` where floor begins below the
+    edge, less where something stands before it or the picture ends. seen_m, seen_sigma_m: range of what the box shows
+    by depth; NaN where there is none.
     """
 
     shape: Shape
@@ -48,13 +49,14 @@ class BoxOnFloor:
     cut: bool
     low: bool
     cover: float
+    nearest_m: float
     seen_m: float
     seen_sigma_m: float
 
     @property
     def is_hidden(self) -> bool:
         """Whether the foot of the object may be another place than the lower edge shows."""
-        return self.low or self.cover > HIDDEN
+        return self.nearest_m < self.reach_m or self.cover > HIDDEN
 
     @property
     def has_depth(self) -> bool:
@@ -64,8 +66,8 @@ class BoxOnFloor:
     def foot(self) -> Foot:
         """The foot by all models that apply."""
         foot = by_lower_edge(self)
-        if self.low:
-            foot = before_view(self, foot)
+        if self.nearest_m < self.reach_m:
+            foot = behind_cover(self, foot)
         if self.is_hidden and not self.cut:
             foot = by_usual_width(self, foot)
         return by_depth(self, foot) if self.has_depth else foot
@@ -76,10 +78,9 @@ def by_lower_edge(box: BoxOnFloor) -> Foot:
     return Foot(box.edge_m, box.edge_m2, box.reach_m)
 
 
-def before_view(box: BoxOnFloor, foot: Foot) -> Foot:
-    """The picture ends above the foot: it is anywhere before the nearest floor in view."""
-    nearest_m = min(NEAREST_M, 0.5 * box.reach_m)
-    range_m, sigma_m = (box.reach_m + nearest_m) / 2.0, (box.reach_m - nearest_m) / math.sqrt(12.0)
+def behind_cover(box: BoxOnFloor, foot: Foot) -> Foot:
+    """Something nearer hides the foot, or the picture ends above it: it is anywhere between there and the edge."""
+    range_m, sigma_m = (box.reach_m + box.nearest_m) / 2.0, (box.reach_m - box.nearest_m) / math.sqrt(12.0)
     share, direction = range_m / box.reach_m, box.direction
     along = np.outer(direction, direction)
     across = np.eye(2) - along

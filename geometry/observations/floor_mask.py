@@ -52,3 +52,18 @@ class FloorMask:
         above = (1.0 - across) * self.floor[r, c] + across * self.floor[r, c1]
         below = (1.0 - across) * self.floor[r1, c] + across * self.floor[r1, c1]
         return np.where(inside, (1.0 - down) * above + down * below, 0.0)
+
+    def hidden_until(self, box: ArrayLike) -> float | None:
+        """Row of the picture where floor begins below a box (4,) whose lower edge has none below it in any column: what
+        is in between hides the foot. Median over the columns; the picture's height where no floor follows. None where
+        some floor is seen at the edge, or the mask ends there.
+        """
+        x0, _, x1, y1 = np.asarray(box, dtype=np.float64)
+        rows, columns = self.floor.shape
+        first = int(y1 * rows / self.height) + 1
+        left, right = np.clip(np.array([x0, x1]) * columns / self.width, 0, columns - 1).astype(np.intp)
+        below = self.floor[first:, left : right + 1] > 0.5
+        if len(below) == 0 or below[0].any():
+            return None
+        begins = np.where(below.any(axis=0), below.argmax(axis=0), len(below))
+        return float((first + np.median(begins)) * self.height / rows)

@@ -14,9 +14,11 @@ from edgemap.geometry.observations.box_ranges import box_ranges
 from edgemap.geometry.observations.class_extents import WIDEST_M, Shape, extent_m, shape_of
 from edgemap.geometry.observations.detections import Detections
 from edgemap.geometry.observations.feet import BoxOnFloor
+from edgemap.geometry.observations.floor_mask import FloorMask
 from edgemap.geometry.observations.occlusion import carried, covered
 from edgemap.geometry.se2 import SE2
 
+NEAREST_M = 0.2  # from the lens to the lower edge of anything: the robot itself is in between
 DOUBLE_OVERLAP = 0.7  # share of the smaller box inside the other
 WEIGHT_SPAN = 0.2  # of scores over which a sighting comes to count fully
 CUT_SHARE = 0.1  # of its extent: how much nearer the middle is of what the picture's side cuts
@@ -153,6 +155,7 @@ def sightings_of(
     frame: int = 0,
     stamp_s: float = 0.0,
     depth: NDArray[np.float32] | None = None,
+    floor: FloorMask | None = None,
 ) -> list[Sighting]:
     """Every box that stands on the floor, projected there: footprint centre, covariance and size. The one floor rule.
 
@@ -160,16 +163,19 @@ def sightings_of(
     object on furniture (paper, section 3.5), it is near enough, not part of another box, and not wider than its class
     allows.
     Where the picture's side cuts a box, its class's usual width gives its middle; where nearer boxes cover its lower
-    edge, or the picture ends above it, that width gives a coarse range. In the latter case it stands between the robot
-    and the nearest visible floor, which bounds the error.
+    edge, that width gives a coarse range. Where no floor is seen below the edge, something hides the foot: it stands
+    between there and the edge; where the picture ends above the foot, between the robot and the nearest floor in view.
     depth: (H, W) metres, where the camera has it: the range of the object in a box is another measurement of its
-    position.
+    position. floor: the picture's floor mask, where the network predicts one.
     """
     sightings = []
-    for row, box, shared_m2 in _on_floor(detections, camera, rule, depth):
+    for row, box, shared_m2 in _on_floor(detections, camera, rule, depth, floor):
         label, score, foot = detections.labels[row], float(detections.scores[row]), box.foot()
+        behind = box.nearest_m < box.reach_m
+        if behind and not box.low and _largest_sigma(foot.covariance_m2 + shared_m2) > rule.max_sigma_m:
+            continue
         width_m, height_m = box.width_m, box.height_m
-        if box.low or box.has_depth:
+        if behind or box.has_depth:
             nearer = float(box.direction @ (foot.position_m - box.lens_m)) / box.reach_m
             width_m, height_m = width_m * nearer, height_m * nearer + camera.mount.height_m * (1.0 - nearer)
         along = np.outer(box.direction, box.direction)
@@ -188,7 +194,11 @@ def sightings_of(
 
 
 def _on_floor(
-    detections: Detections, camera: FloorCamera, rule: FloorRule, depth: NDArray[np.float32] | None
+    detections: Detections,
+    camera: FloorCamera,
+    rule: FloorRule,
+    depth: NDArray[np.float32] | None,
+    floor: FloorMask | None,
 ) -> Iterator[tuple[int, BoxOnFloor, Array]]:
     """Boxes whose lower edge is on the floor, near enough to be sure of and not too wide for their class: row of each,
     the box, and the covariance of the edge by the mount (2, 2)."""
@@ -209,6 +219,7 @@ def _on_floor(
     own, shared = floor_covariances(camera, feet, sigmas_px, rule.noise)
     depths_m = camera.optical_depth_m(near)
     lens = camera.mount.position_base_m()[:2]
+    nearest_m = _nearest(boxes, low, camera, floor)
     ranges = np.full((len(boxes), 2), np.nan) if depth is None else box_ranges(depth, boxes, camera)
     for at, row in enumerate(rows.tolist()):
         if not np.isfinite(own[at]).all():  # half a pixel from the horizon
@@ -225,9 +236,23 @@ def _on_floor(
         if width_m * (1.0 - 2.0 * sigma_m / reach_m) > WIDEST_M.get(labels[row], math.inf):  # it is something else
             continue
         direction, extent = bearing / max(reach_m, 1e-9), extent_m(labels[row], float(widths_m[at]))
-        flags = bool(cut[at]), bool(low[at]), float(cover[at])
+        flags = bool(cut[at]), bool(low[at]), float(cover[at]), min(float(nearest_m[at]), reach_m)
         place = lens, near[at], own[at], direction, reach_m
         yield row, BoxOnFloor(shapes[at], *place, width_m, height_m, extent, *flags, *ranges[at].tolist()), shared[at]
+
+
+def _nearest(boxes: Array, low: NDArray[np.bool_], camera: FloorCamera, floor: FloorMask | None) -> Array:
+    """Range (N,) m from the lens before which the feet of boxes (N, 4) cannot be: infinite where floor begins below."""
+    lens = camera.mount.position_base_m()[:2]
+    nearest_m = np.where(low, NEAREST_M, np.inf)
+    if floor is None:
+        return nearest_m
+    for at in np.flatnonzero(~low):
+        row = floor.hidden_until(boxes[at])
+        if row is not None:
+            middle = (boxes[at, 0] + boxes[at, 2]) / 2.0
+            nearest_m[at] = np.linalg.norm(camera.floor_points([(middle - 0.5, row - 0.5)])[0] - lens)
+    return nearest_m
 
 
 def _largest_sigma(covariance: Array) -> float:

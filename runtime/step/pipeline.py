@@ -111,7 +111,7 @@ class Pipeline:
                 at_rest=at_rest,
             )  # fmt: skip
         boxes = self._detections
-        sightings = sightings_of(boxes, camera, self.rule, frame.index, frame.stamp_s, frame.depth)
+        sightings = sightings_of(boxes, camera, self.rule, frame.index, frame.stamp_s, frame.depth, self._floor)
         stage("floor")
         fault = self._height.judge(frame.stamp_s, camera, attitude, boxes, motion)
         stage("height")

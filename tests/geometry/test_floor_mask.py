@@ -34,6 +34,16 @@ def test_any_point_has_a_value_between_those_of_cells(rows, columns, width, heig
     assert around.min() - 1e-6 <= value <= around.max() + 1e-6
 
 
+def test_what_hides_a_foot_ends_where_floor_begins_in_most_columns():
+    floor = np.zeros((8, 6), dtype=np.float32)
+    floor[5:, 1:4], floor[7:, 4] = 1.0, 1.0
+    mask = FloorMask(floor, width=60, height=80)
+    assert mask.hidden_until((10, 0, 49, 25)) == 50.0  # rows 50, 50, 50 and 70
+    assert mask.hidden_until((10, 0, 49, 45)) is None  # floor at the edge
+    assert mask.hidden_until((50, 0, 59, 45)) == 80.0  # none down to the border
+    assert mask.hidden_until((10, 0, 49, 75)) is None  # nothing is known below
+
+
 def test_shapes_must_agree():
     with pytest.raises(ValueError, match="walls"):
         FloorMask(HALF, 8, 4, wall=np.zeros((3, 2), np.float32))

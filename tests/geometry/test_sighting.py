@@ -9,6 +9,7 @@ from edgemap.geometry.camera.floor import FloorCamera
 from edgemap.geometry.camera.intrinsics import Intrinsics
 from edgemap.geometry.camera.mount import Mount
 from edgemap.geometry.observations.detections import Detections
+from edgemap.geometry.observations.floor_mask import FloorMask
 from edgemap.geometry.observations.occlusion import covered
 from edgemap.geometry.observations.sighting import FloorRule, sightings_of
 from edgemap.geometry.se2 import SE2
@@ -194,6 +195,27 @@ def test_a_hidden_lower_edge_is_doubted_and_the_usual_width_says_how_far_it_is()
     assert hidden.covariance_m2[0, 0] > 3.0 * plain.covariance_m2[0, 0]
     assert hidden.position_base_m[0] < plain.position_base_m[0] - 0.5
     assert hidden.distance_m == plain.distance_m
+
+
+def test_a_foot_behind_what_is_no_floor_is_between_that_and_the_lower_edge():
+    """The lower edge is 3.333 m away; what is no floor below it stands 2.5 m away: 2.917 +- 0.241 m. A chair looks 0.58
+    +- 0.14 m wide, so 80 px say 3.625 +- 0.875 m: together 2.966 m, where it is 0.475 m wide."""
+    box, floor = seen(("chair", 280, 240, 360, 390)), np.zeros((96, 64), dtype=np.float32)
+    floor[88:] = 1.0
+    (hidden,) = sightings_of(box, CAMERA, FloorRule(full_weight_score=0.8), floor=FloorMask(floor, 640, 480))
+    floor[79:] = 1.0
+    (standing,) = sightings_of(box, CAMERA, FloorRule(full_weight_score=0.8), floor=FloorMask(floor, 640, 480))
+    assert standing.position_base_m[0] == pytest.approx(0.2 + 3.333 + 0.13 + 0.23 * 0.533, abs=2e-3)
+    assert hidden.position_base_m[0] == pytest.approx(0.2 + 2.966 + 0.13 + 0.23 * 0.475, abs=2e-3)
+    assert hidden.covariance_m2[0, 0] == pytest.approx(1.0 / (1.0 / 0.2406**2 + 1.0 / 0.875**2) + 0.07**2, rel=0.02)
+    assert (hidden.weight, standing.weight) == (pytest.approx(0.5), pytest.approx(1.0))
+
+
+def test_a_foot_that_could_be_anywhere_is_no_place():
+    """No floor down to the picture's lower border: between 2.08 m and 12.5 m."""
+    box, nowhere = seen(("chair", 310, 200, 330, 280)), FloorMask(np.zeros((96, 64), dtype=np.float32), 640, 480)
+    assert sightings_of(box, CAMERA, EVERY, floor=nowhere)
+    assert not sightings_of(box, CAMERA, FloorRule(max_distance_m=20.0), floor=nowhere)
 
 
 @given(st.lists(st.tuples(*[st.floats(0, 640)] * 4), min_size=1, max_size=6))
