@@ -14,6 +14,9 @@ PARTS: dict[str, str] = {
     "hour": "an hour of driving through a rendered home",
     "liars": "wheels, gyro and accelerometer that lie",
     "readers": "hostile files and requests: every reader on mutated inputs",
+    "names": "hostile names: files, labels, ids and zones in all that is written",
+    "fleet": "hostile robots: messages to a keeper, one liar in every merge",
+    "clock": "hostile clocks: stamps that jump, stand, go back or are none",
 }
 
 
