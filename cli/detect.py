@@ -80,7 +80,7 @@ def command(
                 _print_result(document)
     finally:  # a picture that cannot be read does not lose those before it
         if json:
-            print_json(documents)
+            print_json(documents, allow_nan=False)
 
 
 def _plot(

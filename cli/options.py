@@ -93,11 +93,11 @@ ConfigOptions = Annotated[
 Json = Annotated[bool, arg(help="Print one JSON document on standard output and nothing else.")]
 
 
-def print_json(document: object) -> None:
-    """What `--json` prints."""
+def print_json(document: object, allow_nan: bool = True) -> None:
+    """What `--json` prints. Raises ValueError for a number that is none, where that is not allowed."""
     import json
 
-    print(json.dumps(document, indent=1))
+    print(json.dumps(document, indent=1, allow_nan=allow_nan))
 
 
 def numbers(text: str, option: str, names: str) -> list[float]:

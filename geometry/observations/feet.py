@@ -54,9 +54,14 @@ class BoxOnFloor:
     seen_sigma_m: float
 
     @property
+    def is_out_of_sight(self) -> bool:
+        """Whether the foot itself is not in view."""
+        return self.nearest_m < self.reach_m
+
+    @property
     def is_hidden(self) -> bool:
         """Whether the foot of the object may be another place than the lower edge shows."""
-        return self.nearest_m < self.reach_m or self.cover > HIDDEN
+        return self.is_out_of_sight or self.cover > HIDDEN
 
     @property
     def has_depth(self) -> bool:
@@ -66,7 +71,7 @@ class BoxOnFloor:
     def foot(self) -> Foot:
         """The foot by all models that apply."""
         foot = by_lower_edge(self)
-        if self.nearest_m < self.reach_m:
+        if self.is_out_of_sight:
             foot = behind_cover(self, foot)
         if self.is_hidden and not self.cut:
             foot = by_usual_width(self, foot)

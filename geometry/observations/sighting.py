@@ -171,11 +171,10 @@ def sightings_of(
     sightings = []
     for row, box, shared_m2 in _on_floor(detections, camera, rule, depth, floor):
         label, score, foot = detections.labels[row], float(detections.scores[row]), box.foot()
-        behind = box.nearest_m < box.reach_m
-        if behind and not box.low and _largest_sigma(foot.covariance_m2 + shared_m2) > rule.max_sigma_m:
+        if box.is_out_of_sight and not box.low and _largest_sigma(foot.covariance_m2 + shared_m2) > rule.max_sigma_m:
             continue
         width_m, height_m = box.width_m, box.height_m
-        if behind or box.has_depth:
+        if box.is_out_of_sight or box.has_depth:
             nearer = float(box.direction @ (foot.position_m - box.lens_m)) / box.reach_m
             width_m, height_m = width_m * nearer, height_m * nearer + camera.mount.height_m * (1.0 - nearer)
         along = np.outer(box.direction, box.direction)
@@ -219,7 +218,6 @@ def _on_floor(
     own, shared = floor_covariances(camera, feet, sigmas_px, rule.noise)
     depths_m = camera.optical_depth_m(near)
     lens = camera.mount.position_base_m()[:2]
-    nearest_m = _nearest(boxes, low, camera, floor)
     ranges = np.full((len(boxes), 2), np.nan) if depth is None else box_ranges(depth, boxes, camera)
     for at, row in enumerate(rows.tolist()):
         if not np.isfinite(own[at]).all():  # half a pixel from the horizon
@@ -236,23 +234,22 @@ def _on_floor(
         if width_m * (1.0 - 2.0 * sigma_m / reach_m) > WIDEST_M.get(labels[row], math.inf):  # it is something else
             continue
         direction, extent = bearing / max(reach_m, 1e-9), extent_m(labels[row], float(widths_m[at]))
-        flags = bool(cut[at]), bool(low[at]), float(cover[at]), min(float(nearest_m[at]), reach_m)
+        nearest_m = (
+            min(NEAREST_M, 0.5 * reach_m) if low[at] else min(_floor_begins_m(boxes[at], camera, floor), reach_m)
+        )
+        flags = bool(cut[at]), bool(low[at]), float(cover[at]), nearest_m
         place = lens, near[at], own[at], direction, reach_m
         yield row, BoxOnFloor(shapes[at], *place, width_m, height_m, extent, *flags, *ranges[at].tolist()), shared[at]
 
 
-def _nearest(boxes: Array, low: NDArray[np.bool_], camera: FloorCamera, floor: FloorMask | None) -> Array:
-    """Range (N,) m from the lens before which the feet of boxes (N, 4) cannot be: infinite where floor begins below."""
-    lens = camera.mount.position_base_m()[:2]
-    nearest_m = np.where(low, NEAREST_M, np.inf)
-    if floor is None:
-        return nearest_m
-    for at in np.flatnonzero(~low):
-        row = floor.hidden_until(boxes[at])
-        if row is not None:
-            middle = (boxes[at, 0] + boxes[at, 2]) / 2.0
-            nearest_m[at] = np.linalg.norm(camera.floor_points([(middle - 0.5, row - 0.5)])[0] - lens)
-    return nearest_m
+def _floor_begins_m(box: Array, camera: FloorCamera, floor: FloorMask | None) -> float:
+    """Range from the lens at which floor begins below a box (4,) with none at its edge; infinite where it is at the
+    edge, or nothing is known."""
+    row = None if floor is None else floor.hidden_until(box)
+    if row is None:
+        return math.inf
+    (place_m,) = camera.floor_points([((box[0] + box[2]) / 2.0 - 0.5, row - 0.5)])
+    return float(np.linalg.norm(place_m - camera.mount.position_base_m()[:2]))
 
 
 def _largest_sigma(covariance: Array) -> float:

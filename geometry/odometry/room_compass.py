@@ -92,7 +92,7 @@ class RoomCompass:
     them and the room's direction, by views that are not kept. error_rad: the drift up to the last one. room_rad:
     direction of the room against the start. others_rad: of its other wings against that. strange_rad: of the latest
     views, if none showed a known one. paid_rad: of the drift, what motions were given back. error_rad2: variance of
-    error_rad; unseen_rad2: of the heading where no view told, which no later one can."""
+    error_rad. unseen_rad2: variance of the heading from stretches without a view, which no later view reduces."""
 
     rule: CompassRule
     past: tuple[Heading, ...] = ()

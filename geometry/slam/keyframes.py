@@ -109,10 +109,10 @@ class KeyframeTrajectory:
         covariances = np.array(self._loose if loose else self._covariances).reshape(-1, 3, 3)
         gains = self.rule.path_gain, self.rule.yaw_gain
         headings = np.array(self._headings).reshape(-1, 2)
-        # All of them share the room's own error: together they tell as much as one does.
-        known = 1.0 / (headings[:, 1] * max(len(headings), 1))
+        # Their error is mostly the room's own, which all share: their information together is that of one.
+        heading_information = 1.0 / (headings[:, 1] * max(len(headings), 1))
         first = self._first, self._first_information
-        return OdometryFactors(motions, inverse(covariances), *first, gains, headings[:, 0], known)
+        return OdometryFactors(motions, inverse(covariances), *first, gains, headings[:, 0], heading_information)
 
     def vectors(self) -> Array:
         """All keyframes' poses, (K, 3)."""

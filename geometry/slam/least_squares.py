@@ -26,7 +26,7 @@ class OdometryFactors:
     """K poses one after another. motions (K - 1, 3): from each to the next, (m, m, rad) in the earlier one's frame;
     information (K - 1, 3, 3) of them. first (3,): prior of the first pose; first_information (3, 3). gains (2,):
     standard deviations of the share by which all paths, and all rotations, are too long. headings (K,): yaw of each
-    pose by a compass, rad; known (K,): information of it, rad^-2, zero where there is none; both may be empty."""
+    pose by a compass, rad; heading_information (K,): rad^-2, zero where there is none; both may be empty."""
 
     motions: Array
     information: Array
@@ -34,7 +34,7 @@ class OdometryFactors:
     first_information: Array
     gains: tuple[float, float] = (0.0, 0.0)
     headings: Array = field(default_factory=lambda: np.zeros(0))
-    known: Array = field(default_factory=lambda: np.zeros(0))
+    heading_information: Array = field(default_factory=lambda: np.zeros(0))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -239,9 +239,9 @@ class _System:
         self.cost += 0.5 * float(residual @ odometry.first_information @ residual)
         if len(odometry.headings):
             off = np.angle(np.exp(1j * (self._poses[:, 2] - odometry.headings)))
-            self._diagonal[:, 2, 2] += odometry.known
-            self.rhs[:, 2] -= odometry.known * off
-            self.cost += 0.5 * float(odometry.known @ off**2)
+            self._diagonal[:, 2, 2] += odometry.heading_information
+            self.rhs[:, 2] -= odometry.heading_information * off
+            self.cost += 0.5 * float(odometry.heading_information @ off**2)
         x, y, by_before, by_after = _seen_from(self._poses[:-1], self._poses[1:, :2])
         turn = self._poses[1:, 2] - self._poses[:-1, 2]
         by_gain = np.zeros((self._count - 1, 3, 2))

@@ -62,7 +62,7 @@ def residuals(x, count, chain, looks):
         off[2] = math.remainder(off[2], math.tau)
         found.append(np.linalg.cholesky(information).T @ off)
     off = [math.remainder(yaw_rad, math.tau) for yaw_rad in poses[:, 2] - chain.headings]
-    found.append(np.sqrt(chain.known) * off)
+    found.append(np.sqrt(chain.heading_information) * off)
     found.append(x[-6:])  # errors of each landmark's range, of odometry and of the mount, in their standard deviations
     rows = zip(
         looks.pose, looks.landmark, looks.position_m, looks.information, looks.bias_m, looks.range_m, strict=True
@@ -182,7 +182,7 @@ def test_a_way_without_landmarks_stays_as_it_was_driven():
         np.zeros(0, int), np.zeros(0, int), np.zeros((0, 2)), np.zeros((0, 2, 2)), np.zeros((0, 2)), np.zeros((0, 2))
     )
     empty = LandmarkFactors(np.zeros((0, 2)), np.zeros((0, 2, 2)), NO_ROWS, NO_ROWS, np.zeros(0))
-    chain = replace(chain, headings=np.zeros(0), known=np.zeros(0))
+    chain = replace(chain, headings=np.zeros(0), heading_information=np.zeros(0))
     found = solve(start, np.zeros((0, 2)), chain, nothing, empty)
     pose = SE2(*chain.first)
     for motion, where in zip(chain.motions, found.poses[1:], strict=True):

@@ -65,8 +65,8 @@ def test_another_wing_of_the_building_turns_no_map(askew_deg):
 
 @pytest.mark.parametrize(("unseen", "afterwards_deg"), [(100, 5.0), (310, 30.0)])
 def test_what_it_states_of_the_heading_is_bounded_while_the_room_is_seen(unseen, afterwards_deg):
-    """The odometry's own would be 16 degrees after 100 steps; what is lost beyond a quarter of a right angle no later
-    view tells."""
+    """The odometry's own would be 16 degrees after 100 steps; no later view reduces what exceeds a quarter of a right
+    angle."""
     compass, step = RoomCompass(CompassRule()).moved(0.0, SE2(), 0.0), math.radians(0.5)
     assert compass.heading_rad2 == math.inf
     stated = []

@@ -185,6 +185,13 @@ def test_feet_below_the_picture_are_never_behind_the_lens(left, width, height_m,
         assert np.linalg.eigvalsh(chair.covariance_m2)[0] > 0.0
 
 
+def test_feet_below_the_picture_of_a_very_low_lens_are_not_seen_either():
+    """The last row shows the floor 0.08 * 500 / 240 = 0.167 m ahead, nearer than robots let anything come."""
+    camera = FloorCamera(CAMERA.intrinsics, Mount(0.08, 0.0, 0.0, 0.2, 0.0))
+    (vase,) = sightings_of(seen(("vase", 0, 200, 640, 480)), camera, FloorRule(full_weight_score=0.8))
+    assert vase.weight == pytest.approx(0.5)
+
+
 def test_a_hidden_lower_edge_is_doubted_and_the_usual_width_says_how_far_it_is():
     """A chair that would be twice as wide as chairs look: with nearer furniture before its feet it is believed to stand
     nearer, and doubted."""

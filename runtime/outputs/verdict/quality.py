@@ -15,10 +15,9 @@ class QualityCounter:
     frames: all. blind_frames: pictures without information, by kind in `blind`; one that only repeats while the robot
     rests does not count. guessed_frames: nothing measured the motion. still_frames: the robot at rest. wheels: whether
     the source or an option declares wheel odometry, with data or without. wheel_frames, gyro_frames: that member of the
-    odometry was used. object_frames: with an object on the floor. carried_frames: the
-    camera sways as in a hand or on a head. mount_frames: roll and pitch were the mount's, unmeasured. travelled_m.
-    sigma_m, heading_sigma_deg: standard deviation of the pose, at the end and the largest along the way. duration_s:
-    of stream. rate_hz: median.
+    odometry was used. object_frames: with an object on the floor. carried_frames: the camera sways as in a hand or on a
+    head. mount_frames: roll and pitch were the mount's, unmeasured. travelled_m. sigma_m, heading_sigma_deg: standard
+    deviation of the pose, at the end and the largest along the way. duration_s: of stream. rate_hz: median.
     """
 
     def __init__(self) -> None:

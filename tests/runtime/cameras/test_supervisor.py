@@ -12,8 +12,8 @@ from edgemap.runtime.frames.fault import CameraFault, CameraLostError, CameraSta
 from edgemap.runtime.inputs.cameras.recovery import RecoveryRule
 
 
-def kinds(told):
-    return [fault.kind.value for fault in told]
+def kinds(faults):
+    return [fault.kind.value for fault in faults]
 
 
 def increasing(frames):
@@ -26,10 +26,10 @@ def increasing(frames):
 def test_a_three_second_stall_is_told_and_recovers():
     silent = dict.fromkeys(range(20, 50))  # 3 s at 10 Hz
     camera, driver, _ = scripted(silent)
-    told = []
-    frames = drain(camera, 40, told)
-    assert kinds(told) == ["late", "recovered"]
-    assert "no frame for 1.0 s (limit 1.0 s)" in str(told[0])
+    faults = []
+    frames = drain(camera, 40, faults)
+    assert kinds(faults) == ["late", "recovered"]
+    assert "no frame for 1.0 s (limit 1.0 s)" in str(faults[0])
     assert increasing(frames).max() == pytest.approx(3.1, abs=0.3)  # opened again meanwhile: the host's clock counts
     assert camera.state is CameraState.RUNNING
     assert driver.calls == ["open", "close", "open"]
@@ -40,10 +40,10 @@ def test_the_stall_limit_follows_the_frame_rate():
     drain(camera, 30)
     for silent, expected in ((8, []), (12, ["late", "recovered"])):  # 4 s and 6 s
         driver.script = {driver.grabs + i: None for i in range(silent)}
-        told = []
-        drain(camera, 3, told)
-        assert kinds(told) == expected
-    assert "(limit 5.0 s)" in str(told[0])
+        faults = []
+        drain(camera, 3, faults)
+        assert kinds(faults) == expected
+    assert "(limit 5.0 s)" in str(faults[0])
 
 
 def test_a_process_that_stood_still_opens_nothing_again():
@@ -51,9 +51,9 @@ def test_a_process_that_stood_still_opens_nothing_again():
     drain(camera, 20)
     clock.now_s += 2.0  # SIGSTOP: the host's clock goes on, the grab under way finds nothing
     driver.script = {driver.grabs: None}
-    told = []
-    drain(camera, 5, told)
-    assert kinds(told) == ["late", "recovered"]
+    faults = []
+    drain(camera, 5, faults)
+    assert kinds(faults) == ["late", "recovered"]
     assert driver.calls == ["open"]
 
 
@@ -62,11 +62,11 @@ def test_a_process_that_stood_still_opens_nothing_again():
 )
 def test_whatever_a_grab_raises_is_a_fault(error):
     camera, driver, _ = scripted({5: error})
-    told = []
-    frames = drain(camera, 20, told)
-    assert kinds(told) == ["failed", "recovered"]
-    assert type(error).__name__ in str(told[0])
-    assert "\n" not in str(told[0])
+    faults = []
+    frames = drain(camera, 20, faults)
+    assert kinds(faults) == ["failed", "recovered"]
+    assert type(error).__name__ in str(faults[0])
+    assert "\n" not in str(faults[0])
     assert driver.calls == ["open"]  # retried, not opened again
     increasing(frames)
 
@@ -83,22 +83,22 @@ def test_a_grab_that_takes_a_stalls_time_to_fail_is_not_tried_again():
         raise CameraError("gives no picture")
 
     driver.grab = slow
-    told = []
-    frames = drain(camera, 5, told)
-    assert kinds(told) == ["failed", "recovered"]
+    faults = []
+    frames = drain(camera, 5, faults)
+    assert kinds(faults) == ["failed", "recovered"]
     assert driver.calls == ["open", "close", "open"]
     assert increasing(frames)[0] < 0.2
-    assert "after 2." in str(told[-1])
+    assert "after 2." in str(faults[-1])
 
 
 def test_a_device_that_stays_dead_is_opened_then_reset_with_growing_waits():
     errors = {number: RuntimeError("dead") for number in range(10, 14)}
     camera, driver, clock = scripted(errors, closed=4)
-    told, before = [], clock()
-    drain(camera, 20, told)
+    faults, before = [], clock()
+    drain(camera, 20, faults)
     assert driver.calls == ["open", "close", "open", "reset", "open", "open", "reset", "open", "open"]
-    assert kinds(told) == ["failed", *["closed"] * 4, "recovered"]
-    assert "opened 5 times, reset 2 times" in str(told[-1])
+    assert kinds(faults) == ["failed", *["closed"] * 4, "recovered"]
+    assert "opened 5 times, reset 2 times" in str(faults[-1])
     assert clock() - before == pytest.approx(2.0 + 0.4 + 0.15 + 0.5 + 1.0 + 2.0 + 4.0, abs=0.5)
 
 
@@ -106,7 +106,7 @@ def test_an_unplugged_device_is_noticed_at_once_and_one_plugged_in_is_opened_at_
     camera, driver, clock = scripted(closed=6)
     drain(camera, 20)
     driver.changed(False)
-    told, before = [], clock()
+    faults, before = [], clock()
     with pytest.raises(CameraFault) as caught:
         camera.read()
     assert caught.value.kind is FaultKind.REMOVED
@@ -115,7 +115,7 @@ def test_an_unplugged_device_is_noticed_at_once_and_one_plugged_in_is_opened_at_
             camera.read()
     driver.closed, waited = 0, clock()
     driver.changed(True)
-    drain(camera, 1, told)
+    drain(camera, 1, faults)
     assert clock() - waited < 0.5  # and not the 16 s of its back-off
     assert waited - before > 7.0
 
@@ -125,10 +125,10 @@ def test_a_camera_that_never_comes_back_is_lost_after_its_budget():
     camera, driver, _ = scripted({n: RuntimeError("dead") for n in range(10, 20)}, rule)
     driver.closed = 1000
     drain(camera, 10)
-    told = []
+    faults = []
     with pytest.raises(CameraLostError, match=r"lost, no frame for \d+ s and 4 restarts are spent") as caught:
-        drain(camera, 1, told)
-    assert kinds(told) == ["failed", *["closed"] * 4]
+        drain(camera, 1, faults)
+    assert kinds(faults) == ["failed", *["closed"] * 4]
     assert camera.state is CameraState.LOST
     assert caught.value.exit_code == 3
     with pytest.raises(CameraLostError):
@@ -189,9 +189,9 @@ STILL = picture(77)
 )
 def test_what_is_wrong_with_a_picture_is_named_and_stamps_go_on(script, expected, delivered):
     camera, driver, _ = scripted(script)
-    told = []
-    frames = drain(camera, 30, told)
-    assert kinds(told) == expected or (kinds(told) == ["stale"] and expected == ["stamp", "stale"])
+    faults = []
+    frames = drain(camera, 30, faults)
+    assert kinds(faults) == expected or (kinds(faults) == ["stale"] and expected == ["stamp", "stale"])
     assert driver.calls == ["open"]
     assert driver.grabs == 30 + len(script) - delivered
     assert increasing(frames).max() < 0.35
@@ -200,9 +200,9 @@ def test_what_is_wrong_with_a_picture_is_named_and_stamps_go_on(script, expected
 def test_a_camera_that_stays_at_another_size_is_opened_again():
     script = {n: (100.0 + n / 10, picture(n, (8, 4))) for n in range(10, 40)}
     camera, driver, _ = scripted(script)
-    told = []
-    drain(camera, 20, told)
-    assert kinds(told) == ["size", "late", "recovered"]
+    faults = []
+    drain(camera, 20, faults)
+    assert kinds(faults) == ["size", "late", "recovered"]
     assert driver.calls[:3] == ["open", "close", "open"]
 
 
@@ -210,18 +210,18 @@ def test_a_restarted_device_clock_is_no_fault():
     errors = {number: RuntimeError("dead") for number in range(10, 14)}
     script = errors | {n: ((n - 14) / 10.0, picture(n)) for n in range(14, 30)}
     camera, _, _ = scripted(script)
-    told = []
-    frames = drain(camera, 25, told)
-    assert kinds(told) == ["failed", "recovered"]
+    faults = []
+    frames = drain(camera, 25, faults)
+    assert kinds(faults) == ["failed", "recovered"]
     np.testing.assert_allclose(increasing(frames)[11:], 0.1, atol=1e-6)
 
 
 def test_drift_between_the_clocks_is_no_fault():
     script = {n: (50.0 + n * 0.1001, picture(n)) for n in range(2000)}
     camera, _, _ = scripted(script)
-    told = []
-    frames = drain(camera, 2000, told)
-    assert told == []
+    faults = []
+    frames = drain(camera, 2000, faults)
+    assert faults == []
     np.testing.assert_allclose(increasing(frames), 0.1001, atol=1e-9)
 
 
