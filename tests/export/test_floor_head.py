@@ -122,6 +122,8 @@ def test_export_joins_a_trained_head_and_says_where_it_came_from(tmp_path, brief
     assert "labels by hand" in manifest.sources
     assert manifest.measured["floor"]["parameters"] == load_floor(path).head.parameters_count
     assert 0.0 < manifest.parity["backbone.onnx"].max_abs_difference <= manifest.parity["backbone.onnx"].tolerance
+    again = export_backbone("edgemap-pico", tmp_path / "c", heads=[path])
+    assert (again / "backbone.onnx").read_bytes() == (out / "backbone.onnx").read_bytes()
 
 
 def test_a_head_of_another_network_and_two_heads_are_refused(tmp_path):

@@ -1,4 +1,4 @@
-"""Our own furniture: the pieces that homes have always shown, on the floor, faces outwards."""
+"""Our own furniture: the pieces that homes have always shown, as large as real ones, faces outwards."""
 
 import hashlib
 from functools import cache
@@ -7,18 +7,43 @@ import numpy as np
 import pytest
 
 from edgemap.simulation.apartment.furniture import kinds
-from edgemap.simulation.apartment.made import KINDS, made
+from edgemap.simulation.apartment.made import FLAT_TOPS, KINDS, made
 from edgemap.simulation.errors import SimulationError
 
-# Of pieces 1, 5 and 101 of each kind, recorded at commit 70b7955, which drew them. They hold every shape of shapes/;
-# that shapes are closed and as large as asked, and pieces as large as real ones, was tested at commit 4495984.
+# Of pieces 1, 5 and 101 of each kind, recorded at commit 70b7955, which drew them.
 SUM = "d60397eec7dbea6a"
-NUMBERS = (1, 5, 101)
+NUMBERS = (1, 2, 3, 5, 10, 16, 101)
+# Smallest and largest depth, width and height, metres.
+SIZES = {
+    "armchair": ((0.5, 0.5, 0.55), (1.2, 1.3, 1.2)),
+    "backpack": ((0.15, 0.26, 0.38), (0.5, 0.56, 1.0)),
+    "basin": ((0.25, 0.36, 0.8), (0.68, 0.9, 1.15)),
+    "bed": ((1.1, 0.6, 0.4), (2.7, 2.4, 2.2)),
+    "chair": ((0.35, 0.35, 0.7), (0.75, 0.75, 1.2)),
+    "corner couch": ((1.1, 1.6, 0.6), (3.0, 3.6, 1.2)),
+    "couch": ((0.6, 1.0, 0.55), (1.9, 3.2, 1.2)),
+    "dining table": ((0.6, 0.7, 0.68), (1.4, 2.5, 0.8)),
+    "microwave": ((0.3, 0.4, 0.24), (0.5, 0.6, 0.36)),
+    "office chair": ((0.5, 0.5, 0.7), (0.95, 0.95, 1.4)),
+    "oven": ((0.54, 0.48, 0.84), (0.75, 1.12, 1.52)),
+    "potted plant": ((0.1, 0.1, 0.35), (2.2, 2.2, 2.0)),
+    "refrigerator": ((0.5, 0.44, 0.8), (0.8, 0.96, 2.06)),
+    "small plant": ((0.05, 0.05, 0.1), (0.7, 0.7, 0.5)),
+    "stool": ((0.28, 0.28, 0.4), (0.65, 0.65, 1.2)),
+    "suitcase": ((0.07, 0.3, 0.25), (0.55, 0.95, 1.2)),
+    "toilet": ((0.5, 0.33, 0.38), (0.8, 1.02, 1.25)),
+    "tv": ((0.1, 0.6, 0.35), (0.3, 1.2, 0.8)),
+    "vase": ((0.05, 0.05, 0.2), (0.5, 0.5, 0.6)),
+}
 
 
 @cache
 def piece(kind, number):
     return made(f"{kind}-{number}")
+
+
+def test_all_kinds_are_here():
+    assert sorted(SIZES) == sorted(KINDS)
 
 
 def test_every_piece_that_a_home_may_show_is_there():
@@ -30,7 +55,7 @@ def test_every_piece_that_a_home_may_show_is_there():
 def test_pieces_and_their_materials_never_change():
     digest = hashlib.sha256()
     for kind in KINDS:
-        for number in NUMBERS:
+        for number in (1, 5, 101):
             mesh = piece(kind, number)
             digest.update(np.round(mesh.triangles() * 1e5).astype(np.int64).tobytes())
             for part in mesh.parts:
@@ -46,13 +71,22 @@ def test_what_there_is_none_of_is_refused(name):
         made(name)
 
 
-@pytest.mark.parametrize("kind", KINDS)
-def test_a_piece_stands_on_the_floor_at_its_middle_and_its_normals_face_as_its_triangles_do(kind):
+@pytest.mark.parametrize("kind", SIZES)
+def test_it_is_as_large_as_real_ones_and_stands_on_the_floor_at_its_middle(kind):
+    smallest, largest = SIZES[kind]
+    for number in NUMBERS:
+        points = piece(kind, number).triangles().reshape(-1, 3)
+        low, high = points.min(axis=0), points.max(axis=0)
+        assert np.all(high - low >= smallest), (number, high - low)
+        assert np.all(high - low <= largest), (number, high - low)
+        np.testing.assert_allclose([*(low + high)[:2], low[2]], 0.0, atol=1e-9)
+        assert len(points) <= 3 * 6600, number
+
+
+@pytest.mark.parametrize("kind", SIZES)
+def test_normals_are_of_unit_length_and_face_as_the_triangles_do(kind):
     for number in NUMBERS:
         mesh = piece(kind, number)
-        points = mesh.triangles().reshape(-1, 3)
-        low, high = points.min(axis=0), points.max(axis=0)
-        np.testing.assert_allclose([*(low + high)[:2], low[2]], 0.0, atol=1e-9)
         normals = np.concatenate([part.normals for part in mesh.parts])
         np.testing.assert_allclose(np.linalg.norm(normals, axis=2), 1.0, atol=1e-6)
         a, b, c = mesh.triangles().swapaxes(0, 1)
@@ -61,3 +95,54 @@ def test_a_piece_stands_on_the_floor_at_its_middle_and_its_normals_face_as_its_t
         # Where a surface is creased, a sliver may disagree; hardly any area may.
         against = area[(wound * normals.mean(axis=1)).sum(axis=1) <= 0.0].sum()
         assert against < 0.005 * area.sum(), (number, against / area.sum())
+
+
+@pytest.mark.parametrize("kind", SIZES)
+def test_a_number_is_one_model_and_another_number_another(kind):
+    np.testing.assert_array_equal(made(f"{kind}-3").triangles(), piece(kind, 3).triangles())
+    assert len({piece(kind, number).triangles().tobytes() for number in NUMBERS}) == len(NUMBERS)
+
+
+def test_closed_bodies_enclose_their_inside():
+    # By the divergence theorem; inside-out bodies would take volume away.
+    for kind, share in (("refrigerator", 0.75), ("microwave", 0.75), ("oven", 0.75)):
+        for number in NUMBERS:
+            triangles = piece(kind, number).triangles()
+            volume = np.einsum("td,td->", triangles[:, 0], np.cross(triangles[:, 1], triangles[:, 2])) / 6.0
+            assert volume > share * np.ptp(triangles.reshape(-1, 3), axis=0).prod() * 0.6, (kind, number)
+
+
+def test_the_first_suitcases_are_those_that_homes_have_always_shown():
+    digest = hashlib.sha256()
+    for number in range(1, 11):
+        digest.update(np.round(made(f"suitcase-{number}").triangles() * 1e5).astype(np.int64).tobytes())
+    assert digest.hexdigest()[:16] == "50d5a127ec5fd092"
+
+
+def test_nothing_sticks_out_above_a_table():
+    """Its highest level is the top: a surface as large as things need that stand on it."""
+    assert "dining table" in FLAT_TOPS
+    for number in NUMBERS:
+        corners = piece("dining table", number).triangles()
+        highest = corners[..., 2].max()
+        level = corners[(corners[..., 2] > highest - 1e-6).all(axis=1)]
+        area = np.linalg.norm(np.cross(level[:, 1] - level[:, 0], level[:, 2] - level[:, 0]), axis=1).sum() / 2.0
+        box = np.ptp(corners.reshape(-1, 3)[:, :2], axis=0).prod()
+        assert area > 0.6 * box, number
+
+
+def test_a_beds_head_is_at_its_back():
+    """Pillows and headboards make the back half of nearly every bed the higher one."""
+    higher = 0
+    for number in range(1, 13):
+        points = piece("bed", number).triangles().reshape(-1, 3)
+        back, front = (points[points[:, 0] * side > 0.0, 2].max() for side in (-1.0, 1.0))
+        higher += back >= front - 1e-9
+    assert higher >= 11
+
+
+def test_a_person_sits_looking_along_x():
+    """A chair's upper part, its back, lies behind the middle of its seat."""
+    for number in range(1, 13):
+        points = piece("chair", number).triangles().reshape(-1, 3)
+        assert points[points[:, 2] > 0.9 * points[:, 2].max(), 0].max() < 0.05, number

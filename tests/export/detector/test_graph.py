@@ -18,7 +18,7 @@ from edgemap.export.detector.checkpoint import load_detector  # noqa: E402
 from edgemap.export.detector.graph import Graph  # noqa: E402
 from edgemap.export.detector.network import TorchNetwork, load_network  # noqa: E402
 from edgemap.export.errors import ExportError  # noqa: E402
-from edgemap.export.exporter import export_backbone, open_backbone  # noqa: E402
+from edgemap.export.exporter import export_backbone  # noqa: E402
 from edgemap.runtime.network.bundle import load_bundle  # noqa: E402
 from edgemap.runtime.network.decode import Decoder  # noqa: E402
 from edgemap.runtime.network.manifest import HeadSpec, read_manifest  # noqa: E402
@@ -164,10 +164,10 @@ def test_a_head_reads_the_feature_it_names(tmp_path, brief):
     """The paper's raw coarse map, or the widest one of its stride."""
     changed("edgemap-nano").save(tmp_path / "best.pt", {})
     for word, name, shape in (("head", "head_stride32", (1, 23, 13, 13)), ("stride32", None, (1, 256, 13, 13))):
-        part = open_backbone(str(tmp_path / "best.pt"), None, [word])
-        (feature,) = part.detector.features
-        assert part.features == {word: name or feature.name}
-        assert (feature.name, feature.stride, feature.shape[2:]) == (part.features[word], 32, shape[2:])
+        manifest = read_manifest(export_backbone(str(tmp_path / "best.pt"), tmp_path / word, feature=word))
+        (feature,) = manifest.detector.features
+        assert manifest.odometry["paper"].feature == feature.name == (name or feature.name)
+        assert (feature.stride, feature.shape[2:]) == (32, shape[2:])
     assert read_manifest(export_backbone(str(tmp_path / "best.pt"), tmp_path / "none")).odometry == {}
     with pytest.raises(ExportError, match="no tensor 'neck'"):
         export_backbone(str(tmp_path / "best.pt"), tmp_path / "x", feature="neck")
