@@ -161,34 +161,34 @@ def test_manifests(tmp_path, old, new, words):
     assert words in refusal(BundleError, read_manifest, folder)
 
 
+EMPTY = "e3b0c44298fc1c149afbf4c8996fb92427ae41e4649b934ca495991b7852b855"  # of no bytes at all
+
+
+def with_sums(folder, sums):
+    """A bundle whose manifest names these files as well."""
+    painted.write_painted(folder, [])
+    document = json.loads((folder / "bundle.json").read_text())
+    document["sha256"] |= sums
+    (folder / "bundle.json").write_text(json.dumps(document))
+    return folder
+
+
 @pytest.mark.parametrize("digest", ["/home/u/evil", "../../evil", "A" * 64, "0" * 63, "0" * 64 + "\n", ""])
 def test_a_sum_that_is_a_path_never_becomes_one(tmp_path, digest):
-    folder = painted.write_painted(tmp_path / "b", [])
-    document = json.loads((folder / "bundle.json").read_text())
-    document["sha256"]["extra.bin"] = digest
-    (folder / "bundle.json").write_text(json.dumps(document))
-    assert "sha256" in refusal(BundleError, read_manifest, folder)
+    assert "sha256" in refusal(BundleError, read_manifest, with_sums(tmp_path / "b", {"extra.bin": digest}))
 
 
 @pytest.mark.parametrize("name", ["bundle.json", "a/bundle.json", "../x", "/x", "a\\b", "x\x00", "\u202ex", "."])
 def test_a_name_that_leaves_the_folder_is_never_copied(tmp_path, monkeypatch, name):
     monkeypatch.setenv("EDGEMAP_CACHE", str(tmp_path / "cache"))
-    folder = painted.write_painted(tmp_path / "b", [])
-    document = json.loads((folder / "bundle.json").read_text())
-    document["sha256"][name] = "0" * 64
-    (folder / "bundle.json").write_text(json.dumps(document))
-    refusal(BundleError, install_folder, folder)
+    refusal(BundleError, install_folder, with_sums(tmp_path / "b", {name: EMPTY}))
     assert not (tmp_path / "cache").exists()
 
 
 def test_a_file_that_would_be_a_folder_too_is_one_line(tmp_path, monkeypatch):
     monkeypatch.setenv("EDGEMAP_CACHE", str(tmp_path / "cache"))
-    folder = painted.write_painted(tmp_path / "b", [])
+    folder = with_sums(tmp_path / "b", {"x": EMPTY, "x/y": EMPTY})
     (folder / "x").write_bytes(b"")
-    document = json.loads((folder / "bundle.json").read_text())
-    empty = "e3b0c44298fc1c149afbf4c8996fb92427ae41e4649b934ca495991b7852b855"
-    document["sha256"] |= {"x": empty, "x/y": empty}
-    (folder / "bundle.json").write_text(json.dumps(document))
     refusal(BundleError, install_folder, folder)
 
 

@@ -23,6 +23,16 @@ def fusing(members, rule=BELIEVED, **others):
     return HybridOdometry(members, rule, **others)
 
 
+def of(**motions):
+    """A hybrid of scripted members, one for each source: of(camera=[...], wheels=[...])."""
+    return fusing([Member(Scripted(*scripted), source) for source, scripted in motions.items()])
+
+
+def steps_of(hybrid, count, hz=10.0):
+    """So many steps of frames at a steady rate."""
+    return [hybrid.step(at(index / hz), {}) for index in range(count)]
+
+
 class Scripted:
     name, needs_features = "scripted", False
 
@@ -51,45 +61,36 @@ def motion(x_m, sigma_m, yaw_rad=0.0, fault=""):
 
 
 def test_who_fails_is_left_out_and_its_fault_with_it():
-    start = motion(0.0, 1.0)
-    camera = Scripted(start, motion(9.0, 0.5, fault="planar odometry: nothing agrees"), motion(0.1, 0.01))
-    wheels = Scripted(start, motion(0.1, 0.01), motion(0.1, 0.01))
-    hybrid = fusing([Member(camera, "camera"), Member(wheels, "wheels")])
-    hybrid.step(FRAME, {})
-    second = hybrid.step(FRAME, {})
+    start, good = motion(0.0, 1.0), motion(0.1, 0.01)
+    failed = motion(9.0, 0.5, fault="planar odometry: nothing agrees")
+    hybrid = of(camera=[start, failed, good], wheels=[start, good, good])
+    _, second, third = (hybrid.step(FRAME, {}) for _ in range(3))
     assert (second.motion.x_m, second.fault) == (0.1, "planar odometry: nothing agrees")
-    third = hybrid.step(FRAME, {})
     assert (third.fault, third.covariance[0, 0]) == ("", pytest.approx(LASTING * 0.5e-4))
 
 
 def test_when_all_fail_the_motion_is_a_guess_that_names_them_all():
-    start, lost = motion(0.0, 1.0), motion(0.2, 1.0, fault="lost")
-    wheels = Scripted(start, motion(0.0, 1.0, fault="no wheels"))
-    hybrid = fusing([Member(Scripted(start, lost), "camera"), Member(wheels, "wheels")])
-    hybrid.step(FRAME, {})
-    found = hybrid.step(FRAME, {})
+    start, lost, silent = motion(0.0, 1.0), motion(0.2, 1.0, fault="lost"), motion(0.0, 1.0, fault="no wheels")
+    _, found = steps_of(of(camera=[start, lost], wheels=[start, silent]), 2)
     assert (found.fault, found.blind) == ("lost; no wheels", True)
 
 
 def test_a_motion_that_tells_less_than_a_guess_is_not_counted():
     """A metre is what is believed of a step that nobody measured; a sure member of another source stays alone."""
-    for others, members in (([], {"scripted": "blind"}), ([motion(0.1, 0.01)], {"scripted": "used"})):
-        own = [Member(Scripted(motion(0.0, 1.0), motion(0.3, 12.0)), "camera")]
-        own += [Member(Scripted(motion(0.0, 1.0), other), "wheels") for other in others]
-        hybrid = fusing(own)
-        hybrid.step(FRAME, {})
-        found = hybrid.step(FRAME, {})
+    start, loose = motion(0.0, 1.0), motion(0.3, 12.0)
+    for wheels, members in (
+        ({}, {"scripted": "blind"}),
+        ({"wheels": [start, motion(0.1, 0.01)]}, {"scripted": "used"}),
+    ):
+        _, found = steps_of(of(camera=[start, loose], **wheels), 2)
         assert found.covariance[0, 0] <= 1.0
         assert dict(found.members) == members
-        assert found.blind == (not others)
+        assert found.blind == (not wheels)
 
 
 def test_a_motion_that_is_not_finite_is_a_fault_and_no_pose():
-    camera = Scripted(motion(0.0, 1.0), Motion(SE2(math.nan, 0.0, 0.0), np.eye(3)))
-    wheels = Scripted(motion(0.0, 1.0), motion(0.1, 0.01))
-    hybrid = fusing([Member(camera, "camera"), Member(wheels, "wheels")])
-    hybrid.step(FRAME, {})
-    found = hybrid.step(FRAME, {})
+    start, wild = motion(0.0, 1.0), Motion(SE2(math.nan, 0.0, 0.0), np.eye(3))
+    _, found = steps_of(of(camera=[start, wild], wheels=[start, motion(0.1, 0.01)]), 2)
     assert found.motion.x_m == 0.1
     assert found.fault == "scripted odometry: motion not finite"
 
@@ -99,62 +100,48 @@ def at(stamp_s):
 
 
 def test_a_member_that_stays_out_is_named_again_after_a_while_and_not_at_every_step():
-    lost = [motion(0.0, 1.0, fault="lost")] * 120
-    wheels = Scripted(*[motion(0.0, 0.01)] * 121)
-    hybrid = fusing([Member(Scripted(motion(0.0, 1.0), *lost), "camera"), Member(wheels, "wheels")])
-    faults = [hybrid.step(at(index / 10), {}).fault for index in range(121)]
+    lost = [motion(0.0, 1.0), *[motion(0.0, 1.0, fault="lost")] * 120]
+    faults = [step.fault for step in steps_of(of(camera=lost, wheels=[motion(0.0, 0.01)] * 121), 121)]
     assert [index for index, fault in enumerate(faults) if fault] == [1, 101]
 
 
 def test_a_line_for_people_costs_the_filters_no_step():
     """With dead wheels the line that names them again is due every 10 s; the camera measured those steps too."""
-    wheels = Scripted(motion(0.0, 1.0), *[motion(0.0, 1.0, fault="dead")] * 249)
-    hybrid = fusing([Member(Scripted(*[motion(0.1, 0.01)] * 250), "camera"), Member(wheels, "wheels")])
-    found = [hybrid.step(at(index / 10), {}) for index in range(250)]
+    dead = [motion(0.0, 1.0), *[motion(0.0, 1.0, fault="dead")] * 249]
+    found = steps_of(of(camera=[motion(0.1, 0.01)] * 250, wheels=dead), 250)
     assert [index for index, one in enumerate(found) if one.fault] == [1, 101, 201]
     assert [index for index, one in enumerate(found) if one.moved() is None] == [0]
 
 
 def test_a_guess_coasts_for_a_moment_and_is_blind_then():
-    camera = Scripted(motion(0.0, 1.0), motion(0.1, 0.01), *[motion(0.0, 1.0, fault="lost")] * 13)
-    hybrid = fusing([Member(camera, "camera")])
-    states = [hybrid.step(at(index / 10), {}).state for index in range(15)]
+    camera = [motion(0.0, 1.0), motion(0.1, 0.01), *[motion(0.0, 1.0, fault="lost")] * 13]
+    states = [step.state for step in steps_of(of(camera=camera), 15)]
     assert states[:2] == [MotionState.UNMEASURED, MotionState.MEASURED]
     assert states[2:] == [MotionState.COASTING] * 10 + [MotionState.BLIND] * 3
 
 
-def test_sources_that_go_on_disagreeing_are_a_fault():
-    camera, wheels = Scripted(*[motion(0.1, 0.001)] * 12), Scripted(*[motion(0.3, 0.001)] * 12)
-    hybrid = fusing([Member(camera, "camera"), Member(wheels, "wheels")])
-    faults = [hybrid.step(at(index / 10), {}).fault for index in range(12)]
-    assert [index for index, fault in enumerate(faults) if fault] == [10]
-    assert "camera against wheels" in faults[10]
+@pytest.mark.parametrize(("agreed", "told"), [([], 10), ([7], 17)])
+def test_sources_that_go_on_disagreeing_are_a_fault_unless_a_step_agrees_between(agreed, told):
+    """Ten steps of conflict until it is said; one of agreement after six begins again."""
+    agree, deny = motion(0.1, 0.001), motion(0.3, 0.001)
+    wheels = [agree if index in agreed else deny for index in range(told + 2)]
+    faults = [step.fault for step in steps_of(of(camera=[agree] * (told + 2), wheels=wheels), told + 2)]
+    assert [index for index, fault in enumerate(faults) if fault] == [told]
+    assert "camera against wheels" in faults[told]
 
 
 def test_the_covariance_of_a_lasting_conflict_covers_either_source():
     """A camera that shows one picture again and again beside wheels that roll: half of the path is missed."""
-    sources = {"camera": Scripted(*[motion(0.0, 0.002)] * 31), "wheels": Scripted(*[motion(0.07, 0.002)] * 31)}
-    hybrid = fusing([Member(scripted, source) for source, scripted in sources.items()])
-    moved = [hybrid.step(at(index / 10.0), {}) for index in range(31)][1:]
+    moved = steps_of(of(camera=[motion(0.0, 0.002)] * 31, wheels=[motion(0.07, 0.002)] * 31), 31)[1:]
     off_m = sum(step.motion.x_m for step in moved) - 0.07 * 30
     assert off_m == pytest.approx(-1.05, abs=0.05)
     assert 1.0 < math.sqrt(sum(step.covariance[0, 0] for step in moved)) / abs(off_m) < 1.5
 
 
-def test_a_step_in_which_sources_agree_ends_their_conflict():
-    """Six steps of conflict, one of agreement, and ten more until it is told."""
-    agree, deny = motion(0.1, 0.001), motion(0.3, 0.001)
-    camera, wheels = Scripted(*[agree] * 19), Scripted(*[deny] * 7, agree, *[deny] * 11)
-    hybrid = fusing([Member(camera, "camera"), Member(wheels, "wheels")])
-    faults = [hybrid.step(at(index / 10), {}).fault for index in range(19)]
-    assert [index for index, fault in enumerate(faults) if fault] == [17]
-
-
 def test_blind_of_everything_it_carries_on_for_a_second_and_its_doubt_covers_any_motion():
     """0.1 m a step at 10 Hz; then 3 s without a picture: 1 m is carried on, 3 m may have been driven."""
-    hybrid = fusing([Member(Scripted(*[motion(0.1, 0.01)] * 3), "camera")])
-    for index in range(3):
-        hybrid.step(at(index / 10), {})
+    hybrid = of(camera=[motion(0.1, 0.01)] * 3)
+    steps_of(hybrid, 3)
     steps = [hybrid.step_blind(0.2 + k / 10, "no picture") for k in range(1, 31)]
     assert all(step.blind for step in steps)
     assert [step.fault for step in steps] == ["no picture", *[""] * 29]
@@ -180,7 +167,7 @@ def test_an_optional_member_is_missed_only_after_it_has_measured():
     out, back = motion(0.0, 1.0, fault="no gyro"), motion(0.1, 0.01)
     gyro, wheels = Scripted(out, out, back, out), Scripted(*[motion(0.1, 0.01)] * 4)
     hybrid = fusing([Member(wheels, "wheels"), Member(gyro, "gyro", optional=True)])
-    assert [hybrid.step(at(index / 10), {}).fault for index in range(4)] == ["", "", "", "no gyro"]
+    assert [step.fault for step in steps_of(hybrid, 4)] == ["", "", "", "no gyro"]
 
 
 def test_reset_reaches_every_member():
@@ -227,9 +214,7 @@ def test_a_step_of_unknown_length_is_held_to_what_a_robot_can_do(acceleration_m_
 def test_a_doubted_member_counts_less():
     start = motion(0.0, 1.0)
     sure, doubted = Scripted(start, motion(0.10, 0.01)), Scripted(start, motion(0.12, 0.01))
-    hybrid = fusing([Member(sure, "camera"), Member(doubted, "wheels", covariance_scale=4.0)])
-    hybrid.step(FRAME, {})
-    fused = hybrid.step(FRAME, {})
+    _, fused = steps_of(fusing([Member(sure, "camera"), Member(doubted, "wheels", covariance_scale=4.0)]), 2)
     assert fused.motion.x_m == pytest.approx(0.104)  # weights 4 to 1
     assert fused.covariance[0, 0] == pytest.approx(LASTING * 8e-5)
 
@@ -306,9 +291,8 @@ def test_each_step_tells_who_was_used_who_was_blind_and_who_was_left_out():
 def test_of_sources_that_disagree_all_are_used():
     camera, wheels = Scripted(*[motion(0.1, 0.001)] * 2), Scripted(*[motion(0.3, 0.001)] * 2)
     camera.name, wheels.name = "planar", "wheel"
-    hybrid = fusing([Member(camera, "camera"), Member(wheels, "wheels")])
-    hybrid.step(at(0.0), {})
-    assert hybrid.step(at(0.1), {}).members == {"planar": "used", "wheel": "used"}
+    found = steps_of(fusing([Member(camera, "camera"), Member(wheels, "wheels")]), 2)[1]
+    assert found.members == {"planar": "used", "wheel": "used"}
 
 
 def test_the_gyro_is_told_what_the_others_measured_and_not_its_own_yaw():

@@ -307,29 +307,33 @@ def test_planar_is_deterministic():
     assert run() == run()
 
 
-def test_paper_head_carries_its_state_and_forgets_it_on_reset(tmp_path):
-    bundle = load_bundle(painted.write_painted(tmp_path / "b", [], odometry=True))
-    odometry = LearnedOdometry(bundle, "paper", CAMERA)
-    features = bundle.backbone.run({"image": np.zeros((1, 3, 64, 64), np.float32)})
-    frame = Frame(0, 0.0, np.zeros((64, 64, 3), np.uint8))
-    first = odometry.step(frame, features)
-    assert first.motion == SE2()
-    assert first.covariance[0, 0] == 1.0
-    assert [odometry.step(frame, features).motion.x_m for _ in range(3)] == pytest.approx([0.01, 0.02, 0.03])
-    odometry.reset("test")
-    again = odometry.step(frame, features)
-    assert again.motion == SE2()
-    assert again.covariance[0, 0] == 1.0
-    assert odometry.step(frame, features).motion.x_m == pytest.approx(0.01)
+@pytest.fixture
+def paper_step(tmp_path):
+    """paper_step(window) -> an odometry of the painted head and a call that steps it."""
+
+    def made(window=None):
+        options = {} if window is None else {"window": window}
+        bundle = load_bundle(painted.write_painted(tmp_path / "b", [], odometry=True, **options))
+        odometry = LearnedOdometry(bundle, "paper", CAMERA)
+        features = bundle.backbone.run({"image": np.zeros((1, 3, 64, 64), np.float32)})
+        return odometry, lambda: odometry.step(Frame(0, 0.0, np.zeros((64, 64, 3), np.uint8)), features)
+
+    return made
 
 
-def test_a_head_with_a_window_starts_anew_from_the_last_frame(tmp_path):
-    bundle = load_bundle(painted.write_painted(tmp_path / "b", [], odometry=True, window=2))
-    odometry = LearnedOdometry(bundle, "paper", CAMERA)
-    features = bundle.backbone.run({"image": np.zeros((1, 3, 64, 64), np.float32)})
-    frame = Frame(0, 0.0, np.zeros((64, 64, 3), np.uint8))
-    motions = [odometry.step(frame, features).motion.x_m for _ in range(6)]
-    assert motions == pytest.approx([0.0, 0.01, 0.02, 0.01, 0.02, 0.01])
+def test_paper_head_carries_its_state_and_forgets_it_on_reset(paper_step):
+    odometry, step = paper_step()
+    for expected in ([0.01, 0.02, 0.03], [0.01]):
+        first = step()
+        assert first.motion == SE2()
+        assert first.covariance[0, 0] == 1.0
+        assert [step().motion.x_m for _ in expected] == pytest.approx(expected)
+        odometry.reset("test")
+
+
+def test_a_head_with_a_window_starts_anew_from_the_last_frame(paper_step):
+    _, step = paper_step(window=2)
+    assert [step().motion.x_m for _ in range(6)] == pytest.approx([0.0, 0.01, 0.02, 0.01, 0.02, 0.01])
 
 
 def test_flow_at_three_times_the_rate_adds_up_to_the_same_motion():
@@ -386,40 +390,28 @@ def test_recorded_poses_become_motions():
     np.testing.assert_allclose(pose.vector(), poses[-1].vector(), atol=1e-12)
 
 
-def wheels_of(stamps_s, poses=None):
-    poses = poses or tuple(SE2(stamp_s, 0.0, 0.0) for stamp_s in stamps_s)
-    return RecordedOdometry(Trajectory(np.array(stamps_s), poses), "wheel.csv", WHEEL)
+TENTHS = [k / 10 for k in range(11)]
+RECORDINGS = {  # stamps (and poses, where they are not 1 m/s), stamps of the frames, which are blind, what a fault says
+    "ends": ([0.0, 0.1], None, [0.0, 0.1, 0.2], "--b",
+             "odometry wheel.csv: no pose at 0.200 s: the trajectory covers 0.000 to 0.100 s"),
+    "starts late": ([1.0, 1.1, 1.2], None, [0.8, 0.9, 1.0, 1.1, 1.2], "bbb--", ""),
+    "has a hole": ([*TENTHS, *(21 + t for t in TENTHS)], None, [0.8, 0.9, 1.0, 1.1, 10.0, 20.9, 21.0, 21.1], "---bbbb-",
+                   "no sample from 1.000 to 21.000 s"),
+    "is not finite": ([0.0, 0.1, 0.2, 0.3, 0.4], (SE2(), SE2(math.nan), SE2(0.2), SE2(0.3), SE2(0.4)),
+                      [0.0, 0.1, 0.25, 0.3, 0.4], "-bb--", ""),
+}  # fmt: skip
 
 
-def steps_of(odometry, stamps_s):
-    return [odometry.step(Frame(i, stamp_s, np.zeros((4, 4, 3), np.uint8)), {}) for i, stamp_s in enumerate(stamps_s)]
-
-
-def test_a_recording_that_ends_is_named_and_no_pose_is_made_up():
-    lost = steps_of(wheels_of([0.0, 0.1]), [0.0, 0.1, 0.2])
-    assert [step.blind for step in lost] == [False, False, True]
-    assert lost[2].fault == "odometry wheel.csv: no pose at 0.200 s: the trajectory covers 0.000 to 0.100 s"
-    assert lost[1].motion.x_m == pytest.approx(0.1)
-
-
-def test_a_recording_that_starts_late_measures_once_it_covers_a_step():
-    found = steps_of(wheels_of([1.0, 1.1, 1.2]), [0.8, 0.9, 1.0, 1.1, 1.2])
-    assert [step.blind for step in found] == [True, True, True, False, False]
-    assert found[4].motion.x_m == pytest.approx(0.1)
-
-
-def test_a_hole_is_no_straight_line():
-    """20 s without a sample: nothing is known until both ends of a step are covered again."""
-    stamps = [*(k / 10 for k in range(11)), *(21 + k / 10 for k in range(11))]
-    found = steps_of(wheels_of(stamps), [0.9, 1.0, 1.1, 10.0, 20.9, 21.0, 21.1])
-    assert [step.blind for step in found[1:]] == [False, True, True, True, True, False]
-    assert "no sample from 1.000 to 21.000 s" in found[2].fault
-
-
-def test_a_pose_that_is_not_finite_is_a_fault():
-    poses = (SE2(), SE2(float("nan"), 0.0, 0.0), *(SE2(0.1 * k, 0.0, 0.0) for k in range(2, 5)))
-    found = steps_of(wheels_of([0.0, 0.1, 0.2, 0.3, 0.4], poses), [0.0, 0.1, 0.25, 0.3, 0.4])
-    assert [step.blind for step in found] == [False, True, True, False, False]
+@pytest.mark.parametrize(("stamps", "poses", "frames", "blind", "text"), RECORDINGS.values(), ids=RECORDINGS)
+def test_where_a_recording_says_nothing_no_pose_is_made_up(stamps, poses, frames, blind, text):
+    poses = poses or tuple(SE2(stamp_s) for stamp_s in stamps)
+    odometry = RecordedOdometry(Trajectory(np.array(stamps), poses), "wheel.csv", WHEEL)
+    steps = [odometry.step(Frame(i, stamp_s, np.zeros((4, 4, 3), np.uint8)), {}) for i, stamp_s in enumerate(frames)]
+    assert "".join("b" if step.blind else "-" for step in steps) == blind
+    assert text in next(step for step in steps if step.blind).fault
+    for before, now, step in zip(frames, frames[1:], steps[1:], strict=False):
+        if not step.blind:
+            assert step.motion.x_m == pytest.approx(now - before)
 
 
 def test_tum_lines_come_back(tmp_path):

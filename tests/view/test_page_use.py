@@ -29,17 +29,7 @@ def box(tab, selector):
 
 def key(tab, name, count=1):
     """Press a key, as a person does."""
-    codes = {
-        "Enter": 13,
-        "Tab": 9,
-        "Escape": 27,
-        "Backspace": 8,
-        " ": 32,
-        "ArrowUp": 38,
-        "ArrowDown": 40,
-        "ArrowLeft": 37,
-        "ArrowRight": 39,
-    }
+    codes = {"Enter": 13, "Tab": 9, "Backspace": 8, "ArrowUp": 38, "ArrowDown": 40, "ArrowLeft": 37, "ArrowRight": 39}
     text = {"Enter": "\r"}.get(name)
     for _ in range(count):
         more = {"text": text} if text else {}
@@ -56,15 +46,26 @@ def tab_to(tab, identity):
     raise AssertionError(f"{identity} is not reached with Tab")
 
 
+@pytest.fixture
+def mapped(serve, look):
+    """mapped(…) -> a run of twelve steps and a tab that shows its two objects; options are those of `look`."""
+
+    def opened(**options):
+        served = serve()
+        served.step(12)
+        tab = look(served, **options)
+        tab.until("edgemap.map.objects.size === 2 && !edgemap.map.asked")
+        return served, tab
+
+    return opened
+
+
 def type_text(tab, text):
     tab.call("Input.insertText", text=text)
 
 
-def test_on_a_phone_the_map_comes_first_and_the_rest_in_a_sheet(serve, look):
-    served = serve()
-    served.step(12)
-    tab = look(served, **PHONE)
-    tab.until("edgemap.map.objects.size === 2 && !edgemap.map.asked")
+def test_on_a_phone_the_map_comes_first_and_the_rest_in_a_sheet(mapped):
+    _, tab = mapped(**PHONE)
     _, top, right, bottom = box(tab, "#map")
     assert top < 140
     assert right == 390
@@ -86,11 +87,8 @@ def test_on_a_phone_the_map_comes_first_and_the_rest_in_a_sheet(serve, look):
     assert heights[1] < 60 < heights[2] < heights[0]
 
 
-def test_on_a_phone_a_tap_on_an_object_shows_its_card(serve, look):
-    served = serve()
-    served.step(12)
-    tab = look(served, **PHONE)
-    tab.until("edgemap.map.objects.size === 2 && !edgemap.map.asked")
+def test_on_a_phone_a_tap_on_an_object_shows_its_card(mapped):
+    _, tab = mapped(**PHONE)
     tab.value("edgemap.sheet.show('peek')")
     tab.until("document.getAnimations().length === 0")
     tab.value("edgemap.map.tap(...edgemap.map.view.toScreen(4, -1.5))")
@@ -172,12 +170,9 @@ def test_with_the_keyboard_alone_an_object_is_picked_corrected_and_merged(serve,
     tab.until("edgemap.map.objects.size === 1")
 
 
-def test_with_the_keyboard_alone_a_zone_is_drawn(serve, look):
+def test_with_the_keyboard_alone_a_zone_is_drawn(mapped):
     """The cross in the middle of the map sets the corners; arrow keys move the floor below it."""
-    served = serve()
-    served.step(12)
-    tab = look(served)
-    tab.until("edgemap.map.objects.size === 2 && !edgemap.map.asked")
+    served, tab = mapped()
     tab.value("document.querySelector('#edit summary').focus()")
     key(tab, "Enter")
     tab.until("document.getElementById('edit').open")
@@ -229,11 +224,8 @@ def test_a_tap_inside_a_room_offers_its_outline_as_a_zone(serve, look):
     assert np.ptp(zone.corners_m, axis=0) == pytest.approx([3.0, 4.0], abs=0.25)
 
 
-def test_the_robots_pose_and_the_dock_are_set_on_the_map(serve, look):
-    served = serve()
-    served.step(12)
-    tab = look(served)
-    tab.until("edgemap.map.objects.size === 2 && !edgemap.map.asked")
+def test_the_robots_pose_and_the_dock_are_set_on_the_map(mapped):
+    served, tab = mapped()
     press = "[...document.querySelectorAll('#drawing button')].find(b => b.textContent === '{}').click()".format
     tab.click("set-dock")
     tab.value(
@@ -254,11 +246,8 @@ def test_the_robots_pose_and_the_dock_are_set_on_the_map(serve, look):
     assert (pose["x_m"], pose["y_m"]) == (pytest.approx(-1.05, abs=0.1), pytest.approx(0.5, abs=0.1))
 
 
-def test_an_object_is_added_on_the_map_and_drawn_in_its_shape(serve, look):
-    served = serve()
-    served.step(12)
-    tab = look(served)
-    tab.until("edgemap.map.objects.size === 2 && !edgemap.map.asked")
+def test_an_object_is_added_on_the_map_and_drawn_in_its_shape(mapped):
+    served, tab = mapped()
     tab.click("add")
     tab.value("document.querySelector('#drawing select').value = 'couch'")
     tab.value("edgemap.map.tap(...edgemap.map.view.toScreen(2, 2))")
