@@ -18,11 +18,11 @@ AT_REST = OdometryFactors(np.zeros((0, 3)), np.zeros((0, 3, 3)), np.zeros(3), FI
 def observations(places=(), information=1.0, pose=None, landmark=None, bias_m=(0.0, 0.0), range_m=(0.0, 0.0)):
     """Of places (N, 2), from the first pose and of the first landmark by default; the other values hold for each."""
     count = len(places)
-    rows = (np.zeros(count, dtype=np.intp) if row is None else np.asarray(row) for row in (pose, landmark))
-    each = (np.tile(np.asarray(value, dtype=float), (count, 1)) for value in (bias_m, range_m))
+    first = np.zeros(count, dtype=np.intp)
     return ObservationFactors(
-        *rows, np.reshape(places, (-1, 2)), np.tile(np.eye(2) * information, (count, 1, 1)), *each
-    )
+        first if pose is None else pose, first if landmark is None else landmark, np.reshape(places, (-1, 2)),
+        np.tile(np.eye(2) * information, (count, 1, 1)), np.tile(bias_m, (count, 1)), np.tile(range_m, (count, 1)),
+    )  # fmt: skip
 
 
 def priors(places, information=0.0, links=()):
