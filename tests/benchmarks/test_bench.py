@@ -1,32 +1,23 @@
 import time
+from functools import partial
 from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
 import pytest
 from support import painted
+from support.made_camera import MadeCamera
 
 from edgemap.benchmarks import compare as contest
 from edgemap.benchmarks.bench import CHUNK, WARM_UP, drive_chunks, measure
 from edgemap.runtime.frames.errors import CameraError
-from edgemap.runtime.inputs.cameras.base import CameraBase
 from edgemap.runtime.step.slam import SemanticSlam
 
 
-class Counting(CameraBase):
+def counting(count):
     """Frames that carry their number in their first pixel."""
-
-    def __init__(self, count):
-        super().__init__("counting")
-        self.left = count
-        self.size: tuple[int, int] = (4, 4)
-        self.rate_hz: float | None = 20.0
-
-    def read(self):
-        if self.left == 0:
-            return None
-        self.left -= 1
-        return self.frame(np.full((4, 4, 3), self._delivered, np.uint8), self._delivered / 20, "x")
+    picture = partial(np.full, (4, 4, 3), dtype=np.uint8)
+    return MadeCamera(count, picture, rate_hz=20.0, name="counting", size=(4, 4))
 
 
 class Slam(SemanticSlam):
@@ -46,7 +37,7 @@ class Slam(SemanticSlam):
 
 def test_drives_go_in_order_and_begin_again_with_an_empty_map():
     count = CHUNK + 5
-    chunks = drive_chunks(lambda: (Counting(count), Slam()))
+    chunks = drive_chunks(lambda: (counting(count), Slam()))
     (first, a), (same, b), (other, c) = (next(chunks) for _ in range(3))
     assert first is same
     assert other is not first
@@ -56,7 +47,7 @@ def test_drives_go_in_order_and_begin_again_with_an_empty_map():
 
 def test_a_source_of_one_frame_is_refused():
     with pytest.raises(CameraError, match="two frames or more, counting gave 1"):
-        list(zip(range(2), drive_chunks(lambda: (Counting(1), Slam())), strict=False))
+        list(zip(range(2), drive_chunks(lambda: (counting(1), Slam())), strict=False))
 
 
 def test_processor_time_is_counted_and_sleeping_is_not():
@@ -70,7 +61,7 @@ def test_processor_time_is_counted_and_sleeping_is_not():
 
     def open_drive():
         slams.append(Slam(work))
-        return Counting(60), slams[-1]
+        return counting(60), slams[-1]
 
     found = measure(open_drive, 0.5, rate_hz=50.0)
     assert slams[0].seen == list(range(len(slams[0].seen)))
@@ -96,7 +87,7 @@ def test_ratios_are_ours_over_theirs(monkeypatch):
         contest.Contest(
             lambda image: spend(0.01, 2), lambda image: spend(0.02, 3), (lambda: spend(0.004), lambda: spend(0.005))
         ),
-        lambda: (Counting(5), Slam(lambda frame: spend(0.015))),
+        lambda: (counting(5), Slam(lambda frame: spend(0.015))),
         1.0,
     )
     assert (ratios["network_ratio"], ratios["end_to_end_ratio"], ratios["full_ratio"]) == (0.8, 0.5, 0.75)

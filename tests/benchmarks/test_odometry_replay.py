@@ -1,5 +1,7 @@
 import numpy as np
 import pytest
+from support.made_camera import MadeCamera
+from support.noise import noise
 
 from edgemap.benchmarks.odometry import follow
 from edgemap.geometry.camera.floor import FloorCamera
@@ -8,7 +10,6 @@ from edgemap.geometry.camera.mount import Mount
 from edgemap.geometry.se2 import SE2
 from edgemap.runtime.frames.errors import OdometryError
 from edgemap.runtime.frames.trajectory import Trajectory
-from edgemap.runtime.inputs.cameras.base import CameraBase
 from edgemap.runtime.motion.odometry.protocol import Motion, MotionState
 from edgemap.runtime.network.bundle import load_bundle
 from edgemap.runtime.network.store import bundle_folder
@@ -18,20 +19,11 @@ COUNT = 12
 LENS = FloorCamera(Intrinsics(64, 48, 60.0, 60.0, 31.5, 23.5), Mount.from_degrees(0.5, 15.0))
 
 
-class Straight(CameraBase):
+def straight(truth=True):
     """Ten pictures a second; the base goes 0.1 m a frame from (5, 5), looking along y."""
-
-    def __init__(self, truth=True):
-        super().__init__("straight")
-        if truth:
-            poses = tuple(SE2(5, 5 + 0.1 * i, np.pi / 2) for i in range(COUNT))
-            self.truth: Trajectory | None = Trajectory(np.arange(COUNT) / 10, poses)
-
-    def read(self):
-        if self._delivered == COUNT:
-            return None
-        picture = np.random.default_rng(self._delivered).integers(0, 255, (48, 64, 3), dtype=np.uint8)
-        return self.frame(picture, self._delivered / 10, "")
+    poses = tuple(SE2(5, 5 + 0.1 * i, np.pi / 2) for i in range(COUNT))
+    way = Trajectory(np.arange(COUNT) / 10, poses) if truth else None
+    return MadeCamera(COUNT, lambda index: noise(index, (48, 64, 3)), name="straight", truth=way)
 
 
 class Reader:
@@ -67,7 +59,7 @@ def front_end(reader):
 
 def test_every_third_frame_from_the_second_on_and_no_more_than_asked():
     reader, done = Reader(fault_at=2), []
-    found = follow(Straight(), front_end(reader), first=1, every=3, frames=3, progress=lambda: done.append(1))
+    found = follow(straight(), front_end(reader), first=1, every=3, frames=3, progress=lambda: done.append(1))
     assert found.indices == (1, 4, 7)
     assert reader.seen == [(0, 0.1), (1, 0.4), (2, pytest.approx(0.7))]
     assert [pose.x_m for pose in found.true] == pytest.approx([0.0, 0.3, 0.6])
@@ -81,6 +73,6 @@ def test_every_third_frame_from_the_second_on_and_no_more_than_asked():
 
 def test_what_cannot_be_compared_is_refused():
     with pytest.raises(OdometryError, match="straight brings no true poses"):
-        follow(Straight(truth=False), front_end(Reader()))
+        follow(straight(truth=False), front_end(Reader()))
     with pytest.raises(OdometryError, match="1 frames from frame 11 on"):
-        follow(Straight(), front_end(Reader()), first=11)
+        follow(straight(), front_end(Reader()), first=11)

@@ -5,6 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from support.made_camera import MadeCamera
 from support.noise import noise
 from support.recordings import FACTS, drain, record
 
@@ -16,7 +17,6 @@ from edgemap.runtime.frames.fault import CameraFault, FaultKind
 from edgemap.runtime.frames.frame import Frame
 from edgemap.runtime.inputs.budget import LADDER, Budget, Effort
 from edgemap.runtime.inputs.cameras.around import BudgetedCamera
-from edgemap.runtime.inputs.cameras.base import CameraBase
 from edgemap.runtime.inputs.open import open_camera
 from edgemap.runtime.motion.odometry.hybrid import HybridOdometry, Member
 from edgemap.runtime.motion.odometry.protocol import Motion, no_motion
@@ -86,27 +86,17 @@ def test_what_is_no_share_is_refused(text):
         read_share(text)
 
 
-class Counting(CameraBase):
+def counting(count):
     """Numbered pictures with one inertial sample each."""
-
-    def __init__(self, count):
-        super().__init__("counting")
-        self.left, self.size = count, (64, 64)
-
-    def read(self):
-        if self.left == 0:
-            return None
-        self.left -= 1
-        frame = self.frame(noise(self._delivered), self._delivered / 10, "x")
-        sample = ImuSamples(np.array([frame.stamp_s]), np.zeros((1, 3)), np.zeros((1, 3)))
-        return replace(frame, imu=sample)
+    samples = ImuSamples(np.arange(count) / 10, np.zeros((count, 3)), np.zeros((count, 3)))
+    return MadeCamera(count, noise, imu=samples, size=(64, 64))
 
 
 REPLAYED = [Effort(4, 2, 1), Effort(8, 2, 3)]
 
 
 def test_frames_are_taken_and_marked_and_no_inertial_sample_is_lost():
-    camera = BudgetedCamera(Counting(20), replayed=REPLAYED)
+    camera = BudgetedCamera(counting(20), replayed=REPLAYED)
     frames = drain(camera)
     assert camera.status == ", 1 of 3 frames taken, 1 of 2 searched"
     assert [round(10 * frame.stamp_s) for frame in frames] == [0, 1, 2, 3, 4, 5, 6, 7, 8, 11, 14, 17]
@@ -121,7 +111,7 @@ def test_frames_are_taken_and_marked_and_no_inertial_sample_is_lost():
 
 def test_a_decision_is_told_as_news_and_no_fault():
     robot = Robot(0.10)
-    camera = BudgetedCamera(Counting(60), robot.budget)
+    camera = BudgetedCamera(counting(60), robot.budget)
     told = []
     for _ in range(60):
         try:
@@ -134,7 +124,7 @@ def test_a_decision_is_told_as_news_and_no_fault():
 
 
 def test_decisions_come_back_from_a_run_json_and_from_a_recording(tmp_path):
-    camera = BudgetedCamera(Counting(20), replayed=REPLAYED)
+    camera = BudgetedCamera(counting(20), replayed=REPLAYED)
     frames = drain(camera)
     (tmp_path / "run.json").write_text(json.dumps({"options": {}, "efforts": camera.efforts}))
     assert load_efforts(tmp_path) == load_efforts(tmp_path / "run.json") == REPLAYED

@@ -35,18 +35,21 @@ def test_darknets_scale_x_y():
     assert (box[0] + box[2]) / 2 == pytest.approx(x, abs=1e-3)
 
 
+def spec_of(decode, shape, strides):
+    """A detector of one head, its input and classes those of the painted one."""
+    base = painted.detector_spec()
+    heads = (HeadSpec(name="out", shape=shape, strides=strides),)
+    return DetectorSpec(file="x.onnx", input=base.input, decode=decode, features=(), classes=base.classes, heads=heads)
+
+
 def test_yolox_rows_by_hand():
     """One row of stride 8, one of stride 16, one of stride 32 in a 64x64 input: rows 0..63, 64..79, 80..83."""
     rows = np.zeros((1, 84, 5 + 3), dtype=np.float32)
     rows[0, 8 * 2 + 3] = [0.5, 0.25, np.log(2), np.log(3), 0.9, 0.1, 0.0, 0.8]  # column 3, row 2
     rows[0, 64 + 4 * 1 + 2] = [0.0, 0.5, np.log(1), np.log(1.5), 0.8, 0.9, 0.0, 0.0]  # column 2, row 1
     rows[0, 80 + 1] = [0.5, 0.5, np.log(0.5), np.log(1), 0.5, 0.0, 0.7, 0.0]  # column 1, row 0
-    base = painted.detector_spec()
-    spec = DetectorSpec(
-        file="x.onnx", input=base.input, decode="yolox", features=(), classes=base.classes,
-        heads=(HeadSpec(name="out", shape=(1, 84, 8), strides=(8, 16, 32)),),
-    )  # fmt: skip
-    found = Decoder(spec, 0.3)({"out": rows}, place(base.input, 64, 64))
+    spec = spec_of("yolox", (1, 84, 8), (8, 16, 32))
+    found = Decoder(spec, 0.3)({"out": rows}, place(spec.input, 64, 64))
     assert found.labels == ["couch", "chair", "person"]
     assert found.scores == pytest.approx([0.72, 0.72, 0.35])
     centres = (found.boxes[:, :2] + found.boxes[:, 2:]) / 2
@@ -63,12 +66,8 @@ def test_dfl_bins_by_hand():
     sides[3, [4, 5]] = 20.0  # bottom: halfway between 4 and 5
     head[0, 3:, 2, 3] = sides.ravel()
     head[0, 0, 7, 7] = painted.logit(0.29)  # too weak
-    base = painted.detector_spec()
-    spec = DetectorSpec(
-        file="x.onnx", input=base.input, decode="dfl", features=(), classes=base.classes,
-        heads=(HeadSpec(name="out", shape=(1, 35, 8, 8), strides=(8,)),),
-    )  # fmt: skip
-    found = Decoder(spec, 0.3)({"out": head}, place(base.input, 64, 64))
+    spec = spec_of("dfl", (1, 35, 8, 8), (8,))
+    found = Decoder(spec, 0.3)({"out": head}, place(spec.input, 64, 64))
     assert found.class_ids.tolist() == [2]
     assert found.scores == pytest.approx([0.8], abs=1e-5)
     np.testing.assert_allclose(found.boxes, [[20, 4, 52, 56]], atol=1e-3)
@@ -87,13 +86,9 @@ def test_one_place_has_one_name_by_the_votes_of_its_cells():
     put(11, 0, 0.7, (20, 20), 25)
     put(12, 1, 0.8, (20, 20), 24)
     put(40, 1, 0.5, (24, 24), 12)
-    base = painted.detector_spec()
-    spec = DetectorSpec(
-        file="x.onnx", input=base.input, decode="yolox", features=(), classes=base.classes,
-        heads=(HeadSpec(name="out", shape=(1, 84, 8), strides=(8, 16, 32)),),
-    )  # fmt: skip
-    names = [entry.name for entry in base.classes]
-    both, one = (Decoder(spec, 0.3, one_name=flag)({"out": rows}, place(base.input, 64, 64)) for flag in (False, True))
+    spec = spec_of("yolox", (1, 84, 8), (8, 16, 32))
+    names = [entry.name for entry in spec.classes]
+    both, one = (Decoder(spec, 0.3, one_name=flag)({"out": rows}, place(spec.input, 64, 64)) for flag in (False, True))
     assert both.labels == [names[1], names[0], names[1]]
     assert one.labels == [names[0], names[1]]
     assert one.scores == pytest.approx([0.7, 0.5])

@@ -4,6 +4,7 @@ import threading
 import numpy as np
 import pytest
 from support import painted
+from support.made_camera import MadeCamera, raising
 from support.noise import noise
 
 from edgemap.geometry.camera.floor import FloorCamera
@@ -15,7 +16,6 @@ from edgemap.geometry.se2 import SE2
 from edgemap.runtime.frames.errors import CameraError, RunFolderError
 from edgemap.runtime.frames.frame import Frame
 from edgemap.runtime.frames.trajectory import Trajectory, read_tum
-from edgemap.runtime.inputs.cameras.base import CameraBase
 from edgemap.runtime.motion.odometry.protocol import NO_PRIOR
 from edgemap.runtime.motion.odometry.recorded import RecordedOdometry
 from edgemap.runtime.network.bundle import load_bundle
@@ -32,21 +32,9 @@ FLOOR = FloorCamera(Intrinsics(64, 64, 50.0, 50.0, 31.5, 31.5), Mount(1.0))
 SCENE = [("chair", 40.0, 30.0, 12.0, 24.0, 0.9), ("person", 10.0, 40.0, 8.0, 20.0, 0.8)]
 
 
-class Memory(CameraBase):
-    """Frames from memory; raises `failure` in place of frame `fails_at`."""
-
-    def __init__(self, count, fails_at=None, shape=(64, 64, 3)):
-        super().__init__("memory")
-        self.frame_count: int | None = count
-        self.count, self.fails_at, self.shape, self.index = count, fails_at, shape, 0
-
-    def read(self):
-        if self.index == self.fails_at:
-            raise CameraError("memory: the cable came off")
-        if self.index >= self.count:
-            return None
-        self.index += 1
-        return Frame(self.index - 1, (self.index - 1) / 10, noise(self.index, self.shape))
+def memory(count, before=None):
+    """Pictures of noise."""
+    return MadeCamera(count, noise, before=before, frame_count=count)
 
 
 @pytest.fixture(scope="module")
@@ -136,7 +124,7 @@ def test_the_run_folder_holds_the_contract(bundle, tmp_path):
     pipe = pipeline(bundle)
     sink = RunFolder(tmp_path / "run", FLOOR, {"camera": "memory"})
     assert load_map(tmp_path / "run") == []  # an empty valid map before the first frame
-    assert run(Memory(25), pipe, [sink]) == 25
+    assert run(memory(25), pipe, [sink]) == 25
     assert {path.name for path in (tmp_path / "run").iterdir()} == {
         "map.json", "grid.npz", "trajectory.tum", "sightings.jsonl", "run.json", "mount.jpg",
     }  # fmt: skip
@@ -155,46 +143,34 @@ def test_the_run_folder_holds_the_contract(bundle, tmp_path):
 def test_a_failing_camera_loses_nothing_of_the_map(bundle, tmp_path):
     sink = RunFolder(tmp_path / "run", FLOOR, {})
     with pytest.raises(CameraError, match="cable"):
-        run(Memory(50, fails_at=13), pipeline(bundle), [sink])
+        run(memory(50, raising(13, CameraError("memory: the cable came off"))), pipeline(bundle), [sink])
     (chair,) = load_map(tmp_path / "run")
     assert chair.count == 13
     assert "frame 13: memory: the cable came off" in json.loads((tmp_path / "run" / "run.json").read_text())["faults"]
 
 
 def test_an_unknown_failure_keeps_the_map_too(bundle, tmp_path):
-    class Broken(Memory):
-        def read(self):
-            if self.index == 7:
-                raise ZeroDivisionError
-            return super().read()
-
     sink = RunFolder(tmp_path / "run", FLOOR, {})
     with pytest.raises(ZeroDivisionError):
-        run(Broken(50), pipeline(bundle), [sink])
+        run(memory(50, raising(7, ZeroDivisionError())), pipeline(bundle), [sink])
     assert load_map(tmp_path / "run")[0].count == 7
 
 
 def test_stop_ends_the_run_after_the_frame_in_hand(bundle, tmp_path):
     stop = threading.Event()
-
-    class Stopping(Memory):
-        def read(self):
-            if self.index == 4:
-                stop.set()
-            return super().read()
-
-    assert run(Stopping(50), pipeline(bundle), [RunFolder(tmp_path / "run", FLOOR, {})], stop=stop) == 5
+    camera = memory(50, lambda index: stop.set() if index == 4 else None)
+    assert run(camera, pipeline(bundle), [RunFolder(tmp_path / "run", FLOOR, {})], stop=stop) == 5
 
 
 def test_a_second_run_never_overwrites_the_first(bundle, tmp_path):
-    run(Memory(2), pipeline(bundle), [RunFolder(tmp_path / "run", FLOOR, {})])
+    run(memory(2), pipeline(bundle), [RunFolder(tmp_path / "run", FLOOR, {})])
     with pytest.raises(RunFolderError, match="already holds a run"):
         RunFolder(tmp_path / "run", FLOOR, {})
 
 
 def test_the_same_frames_give_the_same_map_byte_for_byte(bundle, tmp_path):
     for name in ("a", "b"):
-        run(Memory(30), pipeline(bundle), [RunFolder(tmp_path / name, FLOOR, {})])
+        run(memory(30), pipeline(bundle), [RunFolder(tmp_path / name, FLOOR, {})])
     assert (tmp_path / "a" / "map.json").read_bytes() == (tmp_path / "b" / "map.json").read_bytes()
     assert (tmp_path / "a" / "sightings.jsonl").read_bytes() == (tmp_path / "b" / "sightings.jsonl").read_bytes()
 
@@ -213,6 +189,6 @@ def test_one_sink_that_fails_to_close_does_not_keep_the_others_from_saving(bundl
             raise RunFolderError("disk full")
 
     with pytest.raises(RunFolderError, match="disk full"):
-        run(Memory(5), pipeline(bundle), [Full(), RunFolder(tmp_path / "run", FLOOR, {})])
+        run(memory(5), pipeline(bundle), [Full(), RunFolder(tmp_path / "run", FLOOR, {})])
     assert load_map(tmp_path / "run")[0].count == 5
     assert json.loads((tmp_path / "run" / "run.json").read_text())["finished"]

@@ -7,13 +7,13 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from support.made_camera import MadeCamera
 from support.steps import Steps
 
 from edgemap.geometry.se2 import SE2
 from edgemap.runtime.frames.fault import FrameTimeout
 from edgemap.runtime.frames.frame import Frame
 from edgemap.runtime.inputs.cameras.around import PacedCamera
-from edgemap.runtime.inputs.cameras.base import CameraBase
 from edgemap.runtime.inputs.cameras.protocol import Camera
 from edgemap.runtime.inputs.open import open_camera
 from edgemap.runtime.step.map_file import load_map, save_map
@@ -132,16 +132,9 @@ def test_paused_time_does_not_count():
     assert pause.running_s() == 13.0
 
 
-class FiveFrames(CameraBase):
+def five_frames():
     """Stamped 0, 0.4, … 1.6 seconds."""
-
-    def __init__(self):
-        super().__init__("five")
-
-    def read(self):
-        if self._delivered == 5:
-            return None
-        return self.frame(np.zeros((4, 4, 3), np.uint8), 0.4 * self._delivered, "five")
+    return MadeCamera(5, lambda _: np.zeros((4, 4, 3), np.uint8), rate_hz=2.5)
 
 
 def indices(camera, count):
@@ -157,7 +150,7 @@ def test_after_a_pause_frames_keep_their_pace_and_none_is_lost():
         now[0] += seconds
 
     pause = Pause(lambda: now[0])
-    camera = PausableCamera(PacedCamera(FiveFrames(), pause.running_s, sleep), pause, lambda: False)
+    camera = PausableCamera(PacedCamera(five_frames(), pause.running_s, sleep), pause, lambda: False)
     assert indices(camera, 2) == [0, 1]
     pause.set(True)
     now[0] += 30.0
@@ -168,7 +161,7 @@ def test_after_a_pause_frames_keep_their_pace_and_none_is_lost():
 
 def test_a_held_camera_gives_nothing_until_resumed_and_ends_when_stopped():
     pause, stop = Pause(), threading.Event()
-    camera = PausableCamera(FiveFrames(), pause, stop.is_set)
+    camera = PausableCamera(five_frames(), pause, stop.is_set)
     pause.set(True)
     for _ in range(2):  # its reader may do something else meanwhile, such as take an edit
         with pytest.raises(FrameTimeout, match="held"):

@@ -5,6 +5,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 import pytest
+from support import recordings
 from support.depth_room import depth_room, record_depth
 from support.live_camera import drain
 from support.realsense_playback import Playback
@@ -14,13 +15,6 @@ from edgemap.runtime.inputs.cameras.live import LiveCamera
 from edgemap.runtime.inputs.open import open_camera
 
 MOUNT = Mount.from_degrees(0.62, 17.0)
-
-
-def frames_of(camera):
-    frames = []
-    while (frame := camera.read()) is not None:
-        frames.append(frame)
-    return frames
 
 
 @pytest.fixture(scope="module")
@@ -38,9 +32,9 @@ def shows(depth, room):
 def test_a_recorded_depth_stream_comes_with_its_pictures(recording):
     path, rooms = recording
     with open_camera(f"realsense:{path}") as camera:
-        frames = frames_of(camera)
+        frames = recordings.drain(camera)
     with open_camera(f"realsense:{path}", depth=False) as camera:
-        plain = frames_of(camera)
+        plain = recordings.drain(camera)
     assert len(frames) == len(plain) == len(rooms)
     assert [frame.stamp_s for frame in frames] == [frame.stamp_s for frame in plain]
     assert all(frame.depth is None for frame in plain)
@@ -62,7 +56,7 @@ def test_a_live_device_brings_depth_beside_its_pictures(recording):
 def test_a_recording_without_depth_brings_none(realsense_recording):
     path, pictures, _ = realsense_recording
     with open_camera(f"realsense:{path}") as camera:
-        frames = frames_of(camera)
+        frames = recordings.drain(camera)
     assert len(frames) == len(pictures)
     assert all(frame.depth is None for frame in frames)
 
@@ -81,12 +75,12 @@ def test_a_drive_brings_its_depth_and_goes_on_past_what_is_damaged(tmp_path):
     poses = "".join(f"{index / 10} {index / 10} 0 0 0 0 0 1\n" for index in range(4))
     (tmp_path / "poses.tum").write_text(poses)
     with open_camera(f"drive:{tmp_path}") as camera:
-        frames = frames_of(camera)
+        frames = recordings.drain(camera)
     assert [frame.depth is not None for frame in frames] == [True, False, False, True]
     assert frames[3].depth is not None
     assert frames[3].depth[0, 0] == np.float32(1.003)
     with open_camera(f"drive:{tmp_path}", depth=False) as camera:
-        assert [frame.depth for frame in frames_of(camera)] == [None] * 4
+        assert [frame.depth for frame in recordings.drain(camera)] == [None] * 4
 
 
 def _camera_file(folder: Path) -> None:

@@ -2,6 +2,7 @@
 
 # pyright: reportOptionalMemberAccess=false
 
+import math
 import subprocess
 import sys
 from pathlib import Path
@@ -9,6 +10,8 @@ from pathlib import Path
 import cv2
 import numpy as np
 import pytest
+from support.made_camera import MadeCamera
+from support.recordings import drain
 
 from edgemap.geometry.camera.intrinsics import Intrinsics
 from edgemap.geometry.camera.mount import Mount
@@ -41,22 +44,16 @@ def write_pictures(folder, count, size=(48, 64)):
 
 
 def stamps_of(camera):
-    stamps = []
-    while (frame := camera.read()) is not None:
-        stamps.append(frame.stamp_s)
-    return stamps
+    return [frame.stamp_s for frame in drain(camera)]
 
 
 def test_a_video_gives_every_frame_with_its_time(tmp_path):
     with open_camera(str(write_video(tmp_path / "v.mp4"))) as camera:
         assert isinstance(camera, Camera)
         assert (camera.size, camera.rate_hz, camera.frame_count, camera.live) == ((64, 48), 10.0, 20, False)
-        levels, stamps = [], []
-        while (frame := camera.read()) is not None:
-            levels.append(float(frame.image.mean()))
-            stamps.append(frame.stamp_s)
-    np.testing.assert_allclose(levels, 10 * np.arange(20), atol=4)
-    np.testing.assert_allclose(stamps, np.arange(20) / 10, atol=1e-3)
+        frames = drain(camera)
+    np.testing.assert_allclose([frame.image.mean() for frame in frames], 10 * np.arange(20), atol=4)
+    np.testing.assert_allclose([frame.stamp_s for frame in frames], np.arange(20) / 10, atol=1e-3)
 
 
 def test_a_cut_off_video_delivers_what_is_good_and_then_says_so(tmp_path):
@@ -158,14 +155,20 @@ def test_given_lens_and_mount_go_before_the_drives_own(tmp_path):
         assert (camera.intrinsics, camera.mount) == (lens, mount)
 
 
-def test_pacing_waits_for_each_stamp_and_drops_nothing(tmp_path):
-    write_pictures(tmp_path / "p", 4)
+def a_clock():
+    """now[0], waits, and a sleep that both follow."""
     now, waits = [50.0], []
 
     def sleep(seconds):
         waits.append(seconds)
         now[0] += seconds
 
+    return now, waits, sleep
+
+
+def test_pacing_waits_for_each_stamp_and_drops_nothing(tmp_path):
+    write_pictures(tmp_path / "p", 4)
+    now, waits, sleep = a_clock()
     camera = PacedCamera(open_camera(str(tmp_path / "p")), clock_s=lambda: now[0], sleep=sleep)
     assert camera.read().stamp_s == 0.0
     now[0] += 0.03  # the reader works
@@ -177,17 +180,9 @@ def test_pacing_waits_for_each_stamp_and_drops_nothing(tmp_path):
 
 
 def test_a_gap_in_the_stamps_keeps_nobody_waiting_for_long():
-    class Gap(CameraBase):
-        def read(self):
-            return self.frame(np.zeros((4, 6, 3), np.uint8), 100.0 * self._delivered, "gap")
-
-    now, waits = [50.0], []
-
-    def sleep(seconds):
-        waits.append(seconds)
-        now[0] += seconds
-
-    camera = PacedCamera(Gap("gap"), clock_s=lambda: now[0], sleep=sleep)
+    now, waits, sleep = a_clock()
+    gap = MadeCamera(math.inf, lambda _: np.zeros((4, 6, 3), np.uint8), rate_hz=0.01)
+    camera = PacedCamera(gap, clock_s=lambda: now[0], sleep=sleep)
     assert camera.read().index == 0
     for ahead_s in ("100.0", "99.5"):
         with pytest.raises(FrameTimeout, match=f"the next frame is {ahead_s} s ahead"):

@@ -1,29 +1,27 @@
 """Inertial samples beside the pictures: pushed by a program, and out of a RealSense recording."""
 
+import math
 from typing import Any
 
 import numpy as np
 import pytest
 from support.live_camera import Clock, ScriptedDriver, drain, picture
+from support.made_camera import MadeCamera
 
 from edgemap.geometry.camera.intrinsics import Intrinsics
-from edgemap.runtime.inputs.cameras.base import CameraBase
 from edgemap.runtime.inputs.cameras.imu_buffer import ImuBuffer, ImuCamera
 from edgemap.runtime.inputs.cameras.live import LiveCamera
 from edgemap.runtime.inputs.open import open_camera
 
 
-class Still(CameraBase):
-    def __init__(self):
-        super().__init__("still", Intrinsics(8, 6, 8.0, 8.0, 3.5, 2.5))
-
-    def read(self):
-        return self.frame(np.zeros((6, 8, 3), np.uint8), 0.1 * (self._delivered + 1), "still")
+def still():
+    lens = Intrinsics(8, 6, 8.0, 8.0, 3.5, 2.5)
+    return MadeCamera(math.inf, lambda _: np.zeros((6, 8, 3), np.uint8), start_s=0.1, intrinsics=lens)
 
 
 def test_samples_pushed_by_a_program_come_with_the_frames_once_each():
     buffer = ImuBuffer(rotation=np.array([[0.0, -1.0, 0.0], [0.0, 0.0, -1.0], [1.0, 0.0, 0.0]]))  # base axes
-    camera = ImuCamera(Still(), buffer)
+    camera = ImuCamera(still(), buffer)
     for stamp_s in (0.05, 0.10, 0.15):
         buffer.push(stamp_s, (0.0, 0.0, 1.0), (0.0, 0.0, 9.8))
     buffer.push(0.12, (0.0, 0.0, float("nan")), (0.0, 0.0, 9.8))

@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from support.recordings import drain
 
 from edgemap.runtime.frames.errors import CameraError
 from edgemap.runtime.inputs.open import open_camera
@@ -17,13 +18,6 @@ from edgemap.runtime.inputs.open import open_camera
 rs: Any = pytest.importorskip("pyrealsense2")
 
 from reliability.record_realsense import record_realsense  # noqa: E402
-
-
-def drain(camera):
-    frames = []
-    while (frame := camera.read()) is not None:
-        frames.append(frame)
-    return frames
 
 
 def test_every_frame_comes_back_bit_exact_in_order(realsense_recording):

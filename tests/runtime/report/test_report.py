@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 from support import painted
 from support.axe import find_axe, serious_faults
+from support.made_camera import MadeCamera, raising
 
 from edgemap.geometry.camera.floor import FloorCamera
 from edgemap.geometry.camera.intrinsics import Intrinsics
@@ -18,9 +19,7 @@ from edgemap.geometry.objects.edits import Edit
 from edgemap.geometry.objects.evaluation_row import EvaluationRow
 from edgemap.geometry.se2 import SE2
 from edgemap.runtime.frames.errors import CameraError
-from edgemap.runtime.frames.frame import Frame
 from edgemap.runtime.frames.trajectory import Trajectory
-from edgemap.runtime.inputs.cameras.base import CameraBase
 from edgemap.runtime.motion.odometry.recorded import RecordedOdometry
 from edgemap.runtime.network.bundle import load_bundle
 from edgemap.runtime.outputs.report import sink as sink_module
@@ -38,21 +37,7 @@ VOID = {"meta", "img", "br", "hr", "link"}
 NASTY = "<script>alert('x')</script> & \"quoted\""
 
 
-class Pictures(CameraBase):
-    """Noise; raises CameraError in place of frame `fails_at`."""
-
-    def __init__(self, count, fails_at=None):
-        super().__init__("memory")
-        self.left, self.fails_at = list(range(count)), fails_at
-        self.scene = np.random.default_rng(0).integers(0, 255, (64, 64, 3), dtype=np.uint8)
-
-    def read(self):
-        if not self.left:
-            return None
-        index = self.left.pop(0)
-        if index == self.fails_at:
-            raise CameraError(f"memory: the cable came off {NASTY}")
-        return Frame(index, 1e9 + index / 10, self.scene)
+SCENERY = np.random.default_rng(0).integers(0, 255, (64, 64, 3), dtype=np.uint8)
 
 
 class Page(HTMLParser):
@@ -95,7 +80,9 @@ def drive(bundle, folder, count=30, fails_at=None, record=None, truth=True, judg
     pipeline = SemanticSlam(Pipeline(bundle, FLOOR, RecordedOdometry(way, "test")), Mapper())
     report = ReportFile(folder, real if truth else None, judge)
     record = {"camera": "memory", "mapped": ["chair"], **(record or {})}
-    run(Pictures(count, fails_at), pipeline, [RunFolder(folder, FLOOR, record), report], edits=edits)
+    sinks = [RunFolder(folder, FLOOR, record), report]
+    fails = raising(fails_at, CameraError(f"memory: the cable came off {NASTY}"))
+    run(MadeCamera(count, lambda _: SCENERY, start_s=1e9, before=fails), pipeline, sinks, edits=edits)
     return report
 
 

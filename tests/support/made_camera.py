@@ -1,0 +1,40 @@
+"""A camera whose pictures a test makes."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+
+from edgemap.runtime.frames.frame import Frame
+from edgemap.runtime.inputs.cameras.base import CameraBase
+
+
+class MadeCamera(CameraBase):
+    """So many frames at a steady rate: picture_of(index). before: called with the index of each; may raise."""
+
+    def __init__(self, count: float, picture_of: Callable[[int], np.ndarray], rate_hz=10.0, start_s=0.0, before=None,
+                 **fields) -> None:  # fmt: skip
+        super().__init__("made")
+        self.rate_hz: float | None = rate_hz
+        self._count, self._picture_of, self._before = count, picture_of, before
+        self._stamp_of = lambda index: start_s + index / rate_hz
+        vars(self).update(fields)
+
+    def read(self) -> Frame | None:
+        index = self._delivered
+        if self._before is not None:
+            self._before(index)
+        if index >= self._count:
+            return None
+        return self.frame(self._picture_of(index), self._stamp_of(index), "")
+
+
+def raising(at: int | None, error: Exception) -> Callable[[int], None]:
+    """A `before` that raises in place of one frame."""
+
+    def before(index: int) -> None:
+        if index == at:
+            raise error
+
+    return before
