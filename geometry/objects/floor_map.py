@@ -104,6 +104,11 @@ class FloorMap:
             floor_map._change(item.id)
         return floor_map
 
+    @property
+    def ids(self) -> frozenset[str]:
+        """Of all objects, those included that have too little evidence to be shown, or overlap a better one."""
+        return frozenset(self._objects)
+
     def update(self, sightings: list[PlacedSighting]) -> list[str]:
         """Updates the map with all sightings of one frame. Returns the id of each one's object."""
         self._frames += 1

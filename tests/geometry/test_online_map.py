@@ -64,9 +64,9 @@ def test_every_id_ever_told_is_an_object_or_says_what_it_became(placed_, seed):
         told.update(ids)
         counts += len(ids)
     for identity in told:
-        assert (identity in floor_map._objects) != (identity in floor_map.merged)
-    assert set(floor_map.merged.values()) <= set(floor_map._objects)
-    assert sum(one.sums.count for item in floor_map._objects.values() for one in item.landmarks) == counts
+        assert (identity in floor_map.ids) != (identity in floor_map.merged)
+    assert set(floor_map.merged.values()) <= floor_map.ids
+    assert sum(one.sums.count for one in floor_map.graph.landmarks.all.values()) == counts
 
 
 def test_a_thing_that_turns_out_to_be_two_keeps_its_id_at_the_larger_part(placed):

@@ -2,13 +2,15 @@ import itertools
 import json
 from dataclasses import replace
 
+import numpy as np
 import pytest
 import yaml
 from hypothesis import given
 from hypothesis import strategies as st
+from support import painted
 
 import edgemap
-from edgemap.runtime.motion.rest import RestRule
+from edgemap.runtime.inputs.open import open_camera
 from edgemap.runtime.step.config import RENAMED, RETIRED, Config, ConfigError, config_document, load_config
 
 
@@ -119,10 +121,22 @@ def test_the_stages_take_their_parts_of_the_tree(tmp_path, tree, told):
 
 
 def test_rest_takes_its_part_of_the_tree(tmp_path):
-    config, _ = load_config(written(tmp_path, {"config": {"rest": {"pictures_s": 1e9, "textured": 5}}}))
-    with edgemap.open("demo", odometry="planar", config=config) as session:
-        next(iter(session))
-        assert session.slam.pipeline._rest.rule == RestRule(pictures_s=1e9, textured=5)
+    """A picture that stays but for the sensor's noise is a robot at rest after two seconds, unless the tree forbids."""
+    with open_camera("demo") as camera:
+        frame, lens = camera.read(), camera.intrinsics
+    assert frame is not None
+    assert lens is not None
+    random = np.random.default_rng(0)
+    noises = (random.normal(0.0, 3.0, frame.image.shape) for _ in range(24))
+    standing = [np.clip(frame.image + noise, 0, 255).astype(np.uint8) for noise in noises]
+    given = {"frames": standing, "intrinsics": (lens.fx, lens.fy, lens.cx, lens.cy), "mount": (0.6, 11.5)}
+    bundle = painted.write_painted(tmp_path / "b", [])
+    rested = []
+    for rest in ({}, {"pictures_s": 1e9}, {"textured": 1000}):
+        config, _ = load_config(written(tmp_path, {"config": {"rest": rest}}))
+        with edgemap.open(**given, bundle=bundle, odometry="planar", config=config) as session:
+            rested.append(any(result.observed.at_rest for result in session))
+    assert rested == [True, False, False]
 
 
 def test_a_live_camera_is_opened_again_by_the_tree_s_rule(monkeypatch):

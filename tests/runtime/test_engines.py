@@ -48,7 +48,7 @@ def test_a_replay_takes_the_recorded_engine_unless_another_is_asked_for(monkeypa
 
 
 @pytest.mark.parametrize(("engine", "off_m"), [("openvino", 1e-6), ("openvino-bf16", 0.003)])
-def test_flow_odometry_moves_the_same_in_openvino(engine, off_m):
+def test_flow_odometry_moves_the_same_in_openvino(monkeypatch, engine, off_m):
     """In float32 the choice of onnxruntime for it is one of time alone."""
     pytest.importorskip("openvino")
     bundle = load_bundle(NANO, 1)
@@ -57,8 +57,11 @@ def test_flow_odometry_moves_the_same_in_openvino(engine, off_m):
         assert camera.mount
         floor = FloorCamera(camera.intrinsics, camera.mount)
         frames = [frame for _ in range(6) if (frame := camera.read()) is not None]
-    odometries = [LearnedOdometry(bundle, "flow", floor) for _ in range(2)]
-    odometries[1]._network = open_network(NANO / "odometry.flow.onnx", Compute(1, engine=engine))
+    odometries = [LearnedOdometry(bundle, "flow", floor)]
+    with monkeypatch.context() as patch:
+        other = open_network(NANO / "odometry.flow.onnx", Compute(1, engine=engine))
+        patch.setattr("edgemap.runtime.network.bundle.open_network", lambda *_: other)
+        odometries.append(LearnedOdometry(bundle, "flow", floor))
     fitted = bundle.for_pictures(camera.intrinsics.width, camera.intrinsics.height)
     preprocess = Preprocessor(fitted.detector.input)
     for frame in frames:

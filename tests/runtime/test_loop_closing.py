@@ -188,7 +188,7 @@ def test_what_is_one_landmark_is_one_object_however_the_pose_drifts():
         if index % 60 == 59:
             assert isinstance(mapper.map, FloorMap)
             assert len(mapper.objects()) <= len(ROOM)
-            assert len(mapper.map._objects) <= len(ROOM) + 2  # those not shown
+            assert len(mapper.map.ids) <= len(ROOM) + 2  # those not shown
 
 
 def test_a_wrong_closure_is_taken_back(monkeypatch):

@@ -272,7 +272,7 @@ def test_two_sightings_are_one_object_along_the_axis_in_which_they_are_uncertain
             found = replace(found, covariance_m2=np.diag(sigmas_m**2), shared_m2=np.zeros((2, 2)))
             mapper.step(observed(index, [found], Motion(SE2(), np.zeros((3, 3)))))
         assert isinstance(mapper.map, FloorMap)
-        assert len(mapper.map._objects) == count
+        assert len(mapper.map.ids) == count
 
 
 def test_of_objects_told_with_0_9_nine_in_ten_are_real():

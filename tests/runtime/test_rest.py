@@ -188,9 +188,13 @@ def test_a_learned_odometry_goes_on_as_if_the_last_picture_were_new():
     from edgemap.runtime.network.store import bundle_folder
 
     lens = Intrinsics(640, 480, 587.0, 587.0, 319.5, 239.5)
-    odometry = LearnedOdometry(load_bundle(bundle_folder("edgemap-nano")), "flow", FloorCamera(lens, Mount(0.6, 0.2)))
-    shape = odometry._network.inputs[odometry._head.feature_input]
-    features = {odometry._head.feature: np.random.default_rng(0).normal(size=shape).astype(np.float32)}
+    bundle = load_bundle(bundle_folder("edgemap-nano"))
+    odometry, (head, network) = (
+        LearnedOdometry(bundle, "flow", FloorCamera(lens, Mount(0.6, 0.2))),
+        bundle.odometry_head("flow"),
+    )
+    shape = network.inputs[head.feature_input]
+    features = {head.feature: np.random.default_rng(0).normal(size=shape).astype(np.float32)}
     frame = Frame(0, 0.0, np.zeros((4, 4, 3), np.uint8))
     odometry.step(frame, features)
     for tenth in range(1, 101):

@@ -29,7 +29,7 @@ class Served:
 
         self.steps = Steps()
         self.items = []
-        self._stepping = threading.Lock()
+        self.stepping = threading.Lock()
         self.page = LivePage(ABOUT | {"live": live}, folder, None if live else Pause())
         self.server = PageServer(self.page, host, port, self.items.append)
         self._over = threading.Event()
@@ -38,7 +38,7 @@ class Served:
         self.url = self.server.url
 
     def step(self, count=1):
-        with self._stepping:
+        with self.stepping:
             self.steps.into(self.page, count)
 
     def close(self):
@@ -48,7 +48,7 @@ class Served:
     def _take_edits(self):
         """As a run that is held: edits are taken between two steps."""
         while not self._over.wait(0.005):
-            with self._stepping:
+            with self.stepping:
                 self.page.edits.apply(self.steps.mapper, self.steps.index)
 
 

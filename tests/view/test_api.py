@@ -393,7 +393,7 @@ def test_an_edit_that_the_run_does_not_take_is_withdrawn(serve, monkeypatch):
     monkeypatch.setattr("edgemap.view.questions.EDIT_LIMIT_S", 0.05)
     served = serve()
     served.step(12)
-    with served._stepping:  # the run is busy in a step
+    with served.stepping:  # the run is busy in a step
         status, _, body = Api(served.port)("PATCH", "/api/objects/chair-1", {"name": "late"})
     assert (status, "withdrawn" in body["error"]) == (503, True)
     served.step()

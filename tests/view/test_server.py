@@ -3,6 +3,7 @@
 import http.client
 import json
 import socket
+import time
 from contextlib import suppress
 from dataclasses import replace
 
@@ -363,7 +364,9 @@ def test_a_server_that_dies_says_so_in_one_line(serve, monkeypatch):
 
     monkeypatch.setattr(uvicorn.Server, "run", die)
     served = serve()
-    served.server._thread.join(10)
+    until_s = time.monotonic() + 10.0
+    while not served.items and time.monotonic() < until_s:
+        time.sleep(0.01)
     assert served.items == ["the live page is gone (OSError: too many open files); the run goes on"]
     served.step(2)
 
