@@ -291,7 +291,7 @@ def test_a_head_in_motion_from_the_start_is_levelled_and_its_covariance_says_how
             scaled.append(error @ np.linalg.solve(found.covariance_rad2, error))
             if stamps[index] > 3.0:
                 late.append(error)
-    assert np.mean(scaled) < 3.0
+    assert 1.3 < np.mean(scaled) < 3.0  # two angles: 2 where errors and covariance agree, 2.06 here
     assert math.degrees(np.sqrt(np.mean(np.square(late)))) < 2.0
 
 

@@ -74,6 +74,7 @@ def test_the_covariance_is_honest_after_a_loop(corrected):
     off = result.pose_map_base.vector() - (WAY[0].inverse() @ WAY[-1]).vector()
     off[2] = np.angle(np.exp(1j * off[2]))
     assert off @ np.linalg.solve(result.pose_covariance, off) < 16.3  # chi-square, 3 degrees of freedom, 99.9 %
+    assert np.sqrt(np.trace(result.pose_covariance[:2, :2])) < 0.15  # a quarter of what odometry alone is off; 0.10
 
 
 def test_the_pose_is_known_as_well_as_its_correction_says(corrected):

@@ -64,7 +64,7 @@ def test_a_carried_camera_far_off_its_mount_is_found_by_the_edges_of_the_room():
     found, true = followed(swinging(pitches, rolls, 20.0 * stamps), math.radians(0.2), edges_every=3)
     figures = attitude_figures(found[20:], true[20:])
     assert max(figures["pitch_rms_deg"], figures["roll_rms_deg"]) < 0.7
-    assert figures["nees"] < 4.0
+    assert 0.2 < figures["nees"] < 4.0  # 0.38: it states a little more than it errs
     assert figures["sources"] == {"pictures": 1.0}
     blank, _ = followed(swinging(pitches, rolls, 20.0 * stamps), math.radians(0.2))
     assert {attitude.source for attitude in blank[5:]} == {"mount"}  # no edges: nothing tells where up is
@@ -107,7 +107,7 @@ def test_a_real_walk_is_seen_level_without_an_imu():
     assert len(told) > 40  # of 45; the others are the mount's
     figures = attitude_figures(*zip(*told, strict=True))
     assert figures["pitch_rms_deg"] < 0.3 * mount["pitch_rms_deg"]
-    assert figures["nees"] < 6.0
+    assert 0.15 < figures["nees"] < 6.0  # 0.33
 
 
 def test_pictures_whose_rotation_nobody_told_are_not_put_together():
