@@ -20,6 +20,8 @@ from edgemap.geometry.se2 import SE2
 Mask = NDArray[np.bool_]
 EDGE = 0.5  # probability at which floor ends
 BORDER = 12  # rays along each side of the picture
+NOTHING = np.zeros((0, 4))  # boxes
+NOTHING.setflags(write=False)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -27,7 +29,7 @@ class FloorScan:
     """contacts_base_m: (N, 2), where the floor first meets an obstacle, base frame. weights: (N,), 0 to 1; where the
     mask has walls, times 4/3 for a wall and 2/3 for a certain non-wall, since furniture overhangs and moves. Cells
     behind a contact are not part of the scan. free: (rows, columns) of the mask, 0 to 1: confidence that floor is
-    visible.
+    visible; 0 in the boxes of detections, where it may be the top of a couch or lie below a table.
     """
 
     contacts_base_m: Array
@@ -42,9 +44,11 @@ class FloorScan:
         return self.camera.intrinsics.height / len(self.free)
 
     @classmethod
-    def of(cls, mask: FloorMask, camera: FloorCamera, movers_px: Array, rule: GridRule) -> FloorScan:
+    def of(
+        cls, mask: FloorMask, camera: FloorCamera, movers_px: Array, rule: GridRule, detected_px: Array = NOTHING
+    ) -> FloorScan:
         """mask: of a picture by this camera, with that frame's attitude. movers_px: boxes (M, 4) of people and animals,
-        which make no obstacle."""
+        which make no obstacle. detected_px: boxes (N, 4) of all detections."""
         floor = mask.floor
         seen = _lowest_run(_runs(floor > EDGE, rule.run), floor > EDGE)
         solid = seen & _runs(floor > rule.floor, rule.run)
@@ -61,6 +65,8 @@ class FloorScan:
             weights *= (1.0 + mask.wall[row - 2, column][still]) / 1.5
         measured = weights > 0.0
         free = np.where(solid, np.clip((floor - EDGE) / 0.4, 0.0, 1.0), np.float32(0.0)).astype(np.float32)
+        for x0, y0, x1, y1 in _in_cells(detected_px, mask, free):
+            free[y0:y1, x0:x1] = 0.0
         return cls(points[measured], weights[measured], free, camera, rule)
 
     def free_cells(self, pose_map_base: SE2, cell_m: float) -> tuple[Cells, Array]:
@@ -104,6 +110,12 @@ class FloorScan:
             self.rule.reach_m,
             math.sqrt(max(self.rule.coarsest_row_m * height_m * focal_rows - height_m**2, 0.0)),
         )
+
+
+def _in_cells(boxes_px: Array, mask: FloorMask, cells: NDArray[np.float32]) -> list[list[int]]:
+    """Boxes (N, 4) in cells of the mask, each x0, y0, x1, y1."""
+    size = np.array([mask.width, mask.height], dtype=np.float64) / cells.shape[::-1]
+    return np.rint(np.maximum(boxes_px, 0.0) / np.tile(size, 2)).astype(int).tolist()
 
 
 def _on_floor(rays: Array, camera: FloorCamera) -> Array:

@@ -12,7 +12,7 @@ from edgemap.geometry.camera.floor import FloorCamera
 from edgemap.geometry.grid.canvas import Canvas
 from edgemap.geometry.grid.depth_scan import DepthScan
 from edgemap.geometry.grid.evidence import Evidence, repeated
-from edgemap.geometry.grid.floor_scan import FloorScan
+from edgemap.geometry.grid.floor_scan import NOTHING, FloorScan
 from edgemap.geometry.grid.merge import grid_of, saved_patch, step_bounds
 from edgemap.geometry.grid.occupancy_grid import OccupancyGrid
 from edgemap.geometry.grid.patch import Cells, Patch, columns_rows, joined
@@ -50,9 +50,10 @@ class GridFusion:
         mask: FloorMask | None,
         movers_px: Array,
         depth: SparseDepth | None = None,
+        detected_px: Array = NOTHING,
     ) -> None:
         """Fuses a frame, where one is due: the robot's pose, the floor mask, if it was computed, and the depth, if
-        there is any. movers_px: boxes (M, 4) of people and animals.
+        there is any. movers_px: boxes (M, 4) of people and animals. detected_px: boxes (N, 4) of all detections.
         """
         self.scan = None
         self._draw_some()
@@ -65,7 +66,7 @@ class GridFusion:
         self._last = pose_map_base, stamp_s
         evidence = Evidence(self.rule.cell_m)
         if mask is not None:
-            self.scan = FloorScan.of(mask, camera, movers_px, self.rule)
+            self.scan = FloorScan.of(mask, camera, movers_px, self.rule, detected_px)
             self._add_floor(evidence, pose_map_base, self.scan)
         if depth is not None:
             self._add_depth(evidence, pose_map_base, DepthScan.of(depth, camera, movers_px, self.rule))

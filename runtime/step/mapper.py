@@ -212,9 +212,9 @@ class Mapper:
         """The picture's floor becomes part of the grid; what is shown of it is renewed now and then."""
         if observed.camera is None:
             return
-        movers = mover_boxes(observed.detections)
+        movers, detected = mover_boxes(observed.detections), observed.detections.boxes
         camera, floor, depth = observed.camera, observed.floor, observed.depth
-        self.grid.observe(self.pose_map_base, observed.stamp_s, camera, floor, movers, depth)
+        self.grid.observe(self.pose_map_base, observed.stamp_s, camera, floor, movers, depth, detected)
         if not 0.0 <= observed.stamp_s - self._shown_s < GRID_EVERY_S:
             self._shown_grid, self._shown_s = self.grid.grid(), observed.stamp_s
 

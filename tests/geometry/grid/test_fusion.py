@@ -72,6 +72,19 @@ def test_floor_is_free_walls_and_a_chair_are_occupied_and_what_is_behind_them_is
         assert np.abs(near[:, normal] - point[normal]).min() < 0.06, point
 
 
+def test_what_looks_like_floor_in_a_detections_box_is_not_free_until_it_is_seen_without_one():
+    fusion, pose = GridFusion(), SE2()
+    mask = floor_mask(ROOM, pose)
+    (middle_px,) = CAMERA.project([(1.0, 0.0, 0.0)])
+    box = np.array([[*(middle_px - 12.0), *(middle_px + 12.0)]])
+    for index in range(12):
+        fusion.observe(pose, 0.5 * index, CAMERA, mask, NOBODY, detected_px=box)
+    assert shown(fusion).at([(1.0, 0.0)]) == UNKNOWN
+    assert (shown(fusion).at([(1.0, 0.3), (1.5, -0.6)]) == FREE).all()
+    drive(fusion, ROOM, [pose] * 12, start_s=6.0, rate_hz=2.0)
+    assert shown(fusion).at([(1.0, 0.0)]) == FREE
+
+
 def test_a_chair_that_is_taken_away_leaves_no_ghost_within_seconds_even_of_a_robot_at_rest():
     fusion = GridFusion()
     stamp_s = drive(fusion, [*ROOM, CHAIR], [SE2(0.3, 0.0, 0.0)] * 600)  # a minute: as sure as it gets
