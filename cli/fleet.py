@@ -45,6 +45,7 @@ def fleet_sinks(fleet: str | None, robot: str | None, saved: Path | None) -> lis
         return []
     import socket
 
+    from edgemap.runtime.outputs.fleet.access import SECRET, robot_of_environment
     from edgemap.runtime.outputs.fleet.sink import FleetSink
 
     if saved is not None and _of_a_fleet(saved):
@@ -53,7 +54,10 @@ def fleet_sinks(fleet: str | None, robot: str | None, saved: Path | None) -> lis
             "this robot's own map"
         )
     place, where = place_and_address(fleet, "--fleet")
-    return [FleetSink(place, robot or socket.gethostname(), where)]
+    named = robot_of_environment()
+    if named and robot and robot != named:
+        raise OptionError(f"--robot {robot}: {SECRET} is that of the robot {named}")
+    return [FleetSink(place, named or robot or socket.gethostname(), where)]
 
 
 def _of_a_fleet(saved: Path) -> bool:

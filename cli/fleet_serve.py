@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import time
 from math import degrees
 from pathlib import Path
@@ -27,10 +28,18 @@ def command(
         str,
         arg(
             metavar="HOST[:PORT]",
-            help="Address for the robots to connect to; 0.0.0.0 for every network. Set EDGEMAP_FLEET_SECRET to the "
-            "same text here and on the robots (docs/fleet.md): without it everybody who reaches the port is let in.",
+            help="Address for the robots to connect to; 0.0.0.0 for every network. Without --robots, or "
+            "EDGEMAP_FLEET_SECRET set to the same text here and on the robots, everybody who reaches it is let in.",
         ),
     ] = "127.0.0.1:7447",
+    robots: Annotated[
+        Path | None,
+        arg(
+            metavar="FILE",
+            help="A password for each robot, lines of NAME:PASSWORD; the robot has its line in EDGEMAP_FLEET_SECRET. "
+            "Each then sends under its own name alone, so that no robot can invent others (docs/fleet.md).",
+        ),
+    ] = None,
     reference: Annotated[
         Path | None,
         arg(
@@ -49,6 +58,7 @@ def command(
     """
     from edgemap.geometry.errors import MapError
     from edgemap.runtime.frames.errors import DiskError
+    from edgemap.runtime.outputs.fleet.access import access_is_limited, read_passwords
     from edgemap.runtime.outputs.fleet.keeper import PlaceKeeper
     from edgemap.runtime.outputs.fleet.network import PORT
     from edgemap.runtime.step.loop import stop_on_signals
@@ -57,13 +67,20 @@ def command(
         raise OptionError(f"--every {every:g}: 0.1 to 3600 s")
     name, router = place_and_address(place, "PLACE")
     through_router = "@" in place
+    if robots is not None and (through_router or os.environ.get("ZENOH_CONFIG")):
+        raise OptionError("--robots: who may send is decided by the router, or by the file of ZENOH_CONFIG")
     folder = out or Path(name)
     own = "" if through_router else address(listen, "--listen", PORT)
     with stop_on_signals() as stop:
-        keeper = PlaceKeeper(name, folder, router if through_router else "", own, reference)
+        passwords = read_passwords(robots) if robots else None
+        keeper = PlaceKeeper(name, folder, router if through_router else "", own, reference, passwords)
         try:
             print(f"map of {name}: {folder}/map.json", flush=True)
             print(f"robots:  edgemap run --fleet {name}@{router if through_router else own} --robot NAME", flush=True)
+            if own and not own.startswith(("127.", "[::1]", "localhost")) and not passwords and not access_is_limited():
+                print(
+                    "everybody who reaches this port may send maps under any name; --robots FILE limits it", flush=True
+                )
             printed: dict[str, str] = {}
             strangers: dict[str, str] = {}
             while not stop.is_set():

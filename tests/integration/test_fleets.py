@@ -16,8 +16,10 @@ pytest.importorskip("zenoh", reason="zenoh is not installed (extra 'fleet')")
 if not os.environ.get("EDGEMAP_INTEGRATION"):
     pytest.skip("real counterparts: make integration", allow_module_level=True)
 
-from support.rooms import mapped
+import numpy as np
+from support.rooms import furnished, mapped, somewhere
 
+from edgemap.runtime.outputs.fleet.access import SECRET
 from edgemap.runtime.outputs.fleet.network import open_session, packed
 from edgemap.runtime.step.map_file import load_map, map_document
 
@@ -91,6 +93,68 @@ def test_two_places_their_robots_and_a_hostile_one(tmp_path):
         assert "Traceback" not in text
     finally:
         for process in (*keepers.values(), *robots):
+            if process.returncode is None:
+                process.kill()
+                process.wait()
+
+
+HOSTILE = """
+import os, socket, sys, time
+import numpy as np
+from edgemap.runtime.outputs.fleet.access import SECRET
+from edgemap.runtime.outputs.fleet.network import open_session, packed
+from edgemap.runtime.step.map_file import map_document
+import numpy as np
+from support.rooms import furnished, mapped, somewhere
+address, random, root = sys.argv[1], np.random.default_rng(1), "edgemap/fleet/home/robots"
+session, held = open_session(connect=address, wait_s=20.0), []
+places = lambda count: [("chair", *random.uniform(-10, 10, 2)) for _ in range(count)]
+large, small = ([packed(map_document(mapped(places(count)))) for _ in range(5)] for count in (924, 16))
+for number in range(1 << 30):
+    session.put(f"{root}/bad/map", large[number % 5])
+    session.put(f"{root}/bad/map", os.urandom(510 << 10))
+    for k in range(100):
+        session.put(f"{root}/invented{k}/map", small[number % 5])
+    if len(held) < 600:
+        held.append(socket.create_connection(address.rsplit(":", 1), timeout=1.0))
+    time.sleep(0.02)
+"""
+LATEST_S = 5.0
+
+
+def test_an_honest_map_is_in_the_place_in_time_whatever_one_robot_sends(tmp_path, monkeypatch):
+    address, random = f"127.0.0.1:{free_port()}", np.random.default_rng(3)
+    (tmp_path / "robots.txt").write_text("".join(f"{name}:password-{name}\n" for name in ("a", "b", "c", "bad")))
+    keeper = edgemap(tmp_path, "fleet", "serve", "home", "--listen", address, "--robots", "robots.txt")
+    processes, room = [keeper], furnished(random, 14)
+
+    def send(name):
+        monkeypatch.setenv(SECRET, f"{name}:password-{name}")
+        objects = mapped(room, somewhere(random), random, sigma_m=0.04)
+        session = open_session(connect=address, wait_s=20.0)
+        session.put(f"edgemap/fleet/home/robots/{name}/map", packed(map_document(objects)))
+        return session
+
+    try:
+        until(lambda: "robots:" in (tmp_path / "fleet-serve-home.log").read_text(), "the keeper")
+        sessions = [send("a"), send("b")]
+        until(lambda: members(tmp_path / "home") == {"a", "b"}, "the first two robots")
+        monkeypatch.setenv(SECRET, "bad:password-bad")
+        processes.append(subprocess.Popen([sys.executable, "-c", HOSTILE, address]))
+        time.sleep(8.0)
+        began_s = time.monotonic()
+        sessions.append(send("c"))
+        until(lambda: members(tmp_path / "home") == {"a", "b", "c"}, "the third robot")
+        assert time.monotonic() - began_s < LATEST_S
+        assert len(json.loads((tmp_path / "home/map.json").read_text())["fleet"]["robots"]) <= 4
+        assert processes[1].poll() is None
+        used_s = cpu_s(keeper.pid)
+        keeper.send_signal(signal.SIGTERM)
+        _, status, usage = os.wait4(keeper.pid, 0)
+        keeper.returncode = os.waitstatus_to_exitcode(status)
+        assert (keeper.returncode, usage.ru_utime + usage.ru_stime - used_s < STOP_CPU_S) == (0, True)
+    finally:
+        for process in processes:
             if process.returncode is None:
                 process.kill()
                 process.wait()

@@ -4,7 +4,8 @@ import threading
 from collections.abc import Iterable, Sequence
 from random import Random
 
-MAXIMUM_ROBOTS = 100  # of a place; of one robot's map see `network.MAXIMUM_OBJECTS`
+from edgemap.runtime.outputs.fleet.access import MAXIMUM_ROBOTS
+
 ON_TRIAL = 10  # rooms besides: in a full place too a new robot's map is looked at
 
 

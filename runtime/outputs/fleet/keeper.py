@@ -4,7 +4,7 @@ import hashlib
 import json
 import time
 from collections import Counter
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -25,10 +25,10 @@ from edgemap.geometry.se2 import SE2
 from edgemap.runtime.frames.disk import write_atomically
 from edgemap.runtime.frames.errors import DiskError
 from edgemap.runtime.frames.reading import Coordinate, decode_json, one_line
-from edgemap.runtime.outputs.fleet.inbox import MAXIMUM_ROBOTS, Inbox
+from edgemap.runtime.outputs.fleet.access import MAXIMUM_ROBOTS, NAME
+from edgemap.runtime.outputs.fleet.inbox import Inbox
 from edgemap.runtime.outputs.fleet.network import (
     MESSAGE_BYTES,
-    NAME,
     name_of,
     open_session,
     packed,
@@ -80,13 +80,15 @@ class PlaceKeeper:
     Robots' maps are kept in `folder/robots/NAME.json`, so that an absent robot stays in the map, also after a restart,
     for a month (a day where its map cannot be aligned). A damaged or too large message is rejected with the reason, and
     the previous map stays. The cost of each robot is bounded by reading messages in turn and by a `MergeBudget`; a
-    robot whose map makes the merged one invalid is excluded by name. Raises PublishError, MissingExtraError, MapError
-    for an invalid map in the folder, or DiskError.
+    robot whose map makes the merged one invalid is excluded by name. passwords: of all robots by name; each then sends
+    under its own name alone, and otherwise names are not proved. Raises PublishError, MissingExtraError,
+    MapError for an invalid map in the folder, or DiskError.
     """
 
     def __init__(
-        self, place: str, folder: Path, connect: str = "", listen: str = "", reference: Path | None = None
-    ) -> None:
+        self, place: str, folder: Path, connect: str = "", listen: str = "", reference: Path | None = None,
+        passwords: Mapping[str, str] | None = None,
+    ) -> None:  # fmt: skip
         self.place, self.folder = name_of(place, "place"), folder
         self.robots: dict[str, Robot] = {}
         self.merged = PlaceMap()
@@ -101,11 +103,11 @@ class PlaceKeeper:
             (folder / "robots").mkdir(parents=True, exist_ok=True)
         except OSError as error:
             raise DiskError(f"{folder}/robots: cannot be made ({error.strerror})") from None
-        for path in sorted((folder / "robots").glob("*.json"))[:MAXIMUM_ROBOTS]:
-            if NAME.fullmatch(path.stem):
-                self.robots[path.stem] = Robot(latest=_robot_map(*load_annotated_map(path)))
+        kept = {path.stem: path for path in sorted((folder / "robots").glob("*.json")) if NAME.fullmatch(path.stem)}
+        for name in [name for name in kept if not passwords or name in passwords][:MAXIMUM_ROBOTS]:
+            self.robots[name] = Robot(latest=_robot_map(*load_annotated_map(kept[name])))
         self._inbox = Inbox(self.robots)
-        self._session: Any = open_session(connect, listen, wait_s=None if listen else ROUTER_S)
+        self._session: Any = open_session(connect, listen, None if listen else ROUTER_S, passwords, place)
         root = place_key(place)
         self._key, self._document = f"{root}/map", packed(self.document())
         alive = self._session.liveliness()

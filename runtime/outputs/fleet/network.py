@@ -2,13 +2,9 @@
 
 import json
 import os
-import re
-import tempfile
 import time
 import zlib
-from collections.abc import Iterator
-from contextlib import contextmanager
-from pathlib import Path
+from collections.abc import Mapping
 from typing import Annotated, Any
 
 import msgspec
@@ -21,13 +17,13 @@ from edgemap.geometry.se2 import SE2
 from edgemap.runtime.frames.errors import PublishError
 from edgemap.runtime.frames.extras import need
 from edgemap.runtime.frames.reading import Coordinate, Name, decode_json
+from edgemap.runtime.outputs.fleet.access import NAME, own_names_only, password_settings
 from edgemap.runtime.step.map_file import read_map
 
-ROOT, PORT, USER = "edgemap/fleet", 7447, "edgemap"
-NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9_.-]{0,63}", re.ASCII)
+ROOT, PORT = "edgemap/fleet", 7447
 MESSAGE_BYTES, MAP_BYTES = 512 << 10, 16 << 20  # as sent, and once inflated
 ROBOT_BYTES, MAXIMUM_OBJECTS = 4 << 20, 1000  # of one robot's map: inflated, and objects
-SECRET = "EDGEMAP_FLEET_SECRET"  # of the environment: who does not have it is let in by nobody
+ACCEPT_PENDING, ACCEPT_MS = 1000, 2000  # connections that do not finish their handshake make no other wait for long
 PATIENCE_S, ASK_S = 5.0, 1.0
 Pose = tuple[Coordinate, Coordinate, Coordinate]
 
@@ -51,13 +47,17 @@ def robot_of(key: str) -> str | None:
     return name if NAME.fullmatch(name) else None
 
 
-def open_session(connect: str = "", listen: str = "", wait_s: float | None = None) -> Any:
+def open_session(
+    connect: str = "", listen: str = "", wait_s: float | None = None, passwords: Mapping[str, str] | None = None,
+    place: str = "",
+) -> Any:  # fmt: skip
     """A zenoh session: a router that listens on an address (`127.0.0.1:7447`), or a peer that connects to one.
 
     A peer connects in the background and retries until it succeeds. wait_s: connect as a client, which other clients
-    and peers reach through a router, and give up after this time. Where ZENOH_CONFIG names a file, it sets all of this,
-    and encryption and access control too. Otherwise EDGEMAP_FLEET_SECRET, where set, is a shared secret: zenoh's
-    challenge and response does not send it, and messages are not encrypted. Raises PublishError, or MissingExtraError.
+    and peers reach through a router, and give up after this time. passwords: of the robots of a place, each of which
+    may send under its own name alone. Where ZENOH_CONFIG names a file, it sets all of this, and encryption and access
+    control too. Otherwise EDGEMAP_FLEET_SECRET, where set, is this side's password: zenoh's challenge and response does
+    not send it, and messages are not encrypted. Raises PublishError, or MissingExtraError.
     """
     need("fleet", "--fleet", ("zenoh",))
     import zenoh
@@ -74,12 +74,12 @@ def open_session(connect: str = "", listen: str = "", wait_s: float | None = Non
             "connect/timeout_ms": -1 if wait_s is None else round(1e3 * wait_s),
             "connect/exit_on_failure": wait_s is not None,
             "transport/link/rx/max_message_size": MESSAGE_BYTES + 4096,
+            "transport/unicast/accept_pending": ACCEPT_PENDING,
+            "transport/unicast/accept_timeout": ACCEPT_MS,
         }  # fmt: skip
-        secret = "" if given else os.environ.get(SECRET, "")
-        with _passwords(secret) as path:
-            if secret:
-                user = {"user": USER, "password": secret, "dictionary_file": path}
-                options |= {f"transport/auth/usrpwd/{key}": value for key, value in user.items()}
+        with password_settings(passwords or {}) as own:
+            if not given:
+                options |= own | ({"access_control": own_names_only(passwords, place_key(place))} if passwords else {})
             for key, value in options.items():
                 config.insert_json5(key, json.dumps(value))
             return zenoh.open(config)
@@ -87,18 +87,6 @@ def open_session(connect: str = "", listen: str = "", wait_s: float | None = Non
         line = str(error).split(" at ")[0]
         where = f"listening on {listen}" if listen else f"connecting to {connect}"
         raise PublishError(f"fleet, {where}: {line}") from None
-
-
-@contextmanager
-def _passwords(secret: str) -> Iterator[str]:
-    """zenoh's file of user and password, for as long as it is read. Raises PublishError for what cannot stand in it."""
-    if secret and not re.fullmatch(r"[\x21-\x39\x3b-\x7e]{8,200}", secret):
-        raise PublishError(f"{SECRET} must be 8 to 200 printable ASCII characters without spaces and colons")
-    with tempfile.TemporaryDirectory(prefix="edgemap-") as folder:  # only this user may enter it
-        path = Path(folder) / "passwords"
-        if secret:
-            path.write_text(f"{USER}:{secret}\n")
-        yield str(path)
 
 
 def rounded(pose: SE2) -> list[float]:

@@ -28,9 +28,10 @@ from edgemap.runtime.step.map_file import load_map, map_document, read_map
 pytest.importorskip("zenoh", reason="zenoh is not installed (extra 'fleet')")
 
 from edgemap.runtime.outputs.fleet import keeper as keepers
+from edgemap.runtime.outputs.fleet.access import SECRET, read_passwords
 from edgemap.runtime.outputs.fleet.inbox import MAXIMUM_ROBOTS, ON_TRIAL, Inbox
 from edgemap.runtime.outputs.fleet.keeper import PlaceKeeper
-from edgemap.runtime.outputs.fleet.network import SECRET, open_session, packed, unpacked_map
+from edgemap.runtime.outputs.fleet.network import open_session, packed, unpacked_map
 
 
 @pytest.fixture
@@ -317,3 +318,68 @@ def test_without_the_secret_nobody_is_let_in(tmp_path, address, monkeypatch):
             open_session(connect=address, wait_s=1.0)
     finally:
         kept.close()
+
+
+def test_a_robot_with_a_password_of_its_own_can_invent_no_other(tmp_path, address, monkeypatch):
+    """And of a hundred names that it tries, none delays an honest map, nor is there trace of any."""
+    file = tmp_path / "robots.txt"
+    file.write_text("# the hall\nvacuum:first-password\nmower:second-password\n\nbad:third-password\n")
+    (tmp_path / "home/robots").mkdir(parents=True)
+    (tmp_path / "home/robots/invented0.json").write_text(json.dumps(map_document(home(1)[0])))
+    monkeypatch.setenv(SECRET, "who-asks-for-the-map")
+    kept = PlaceKeeper("home", tmp_path / "home", listen=address, passwords=read_passwords(file))
+    assert not kept.robots
+    sessions = {}
+    for robot in ("vacuum:first-password", "mower:second-password", "bad:third-password", "who-asks-for-the-map"):
+        monkeypatch.setenv(SECRET, robot)
+        sessions[robot.partition(":")[0]] = open_session(connect=address, wait_s=5.0)
+    random, root = np.random.default_rng(0), "edgemap/fleet/home/robots"
+    try:
+        for sender in ("bad", "who-asks-for-the-map"):
+            for k in range(100):
+                name = ("mower", "vacuum", f"invented{k}")[min(k, 2)]
+                sessions[sender].put(f"{root}/{name}/map", packed(map_document(junk(random, 16))))
+                sessions[sender].liveliness().declare_token(f"{root}/{name}")
+        for name, objects in zip(("vacuum", "mower"), home(2), strict=True):
+            sessions[name].put(f"{root}/{name}/map", packed(map_document(objects)))
+        sessions["bad"].put(f"{root}/bad/map", packed(map_document(junk(random, 16))))
+        end_s = time.monotonic() + 20.0
+        while set(kept.robots) != {"vacuum", "mower", "bad"} and time.monotonic() < end_s:
+            kept.update()
+            time.sleep(0.05)
+        assert {name for name, robot in robots(kept).items() if "pose_place_map" in robot} == {"vacuum", "mower"}
+        assert set(robots(kept)) == {"vacuum", "mower", "bad"}
+        replies = [reply.ok for reply in sessions["who-asks-for-the-map"].get("edgemap/fleet/home/map", timeout=5.0)]
+        assert any(replies)
+        for secret in ("mower:first-password", "invented0:first-password", "another-shared-secret"):
+            monkeypatch.setenv(SECRET, secret)
+            with pytest.raises(PublishError, match="connecting to"):
+                open_session(connect=address, wait_s=1.0)
+    finally:
+        for session in sessions.values():
+            session.close()
+        kept.close()
+
+
+@pytest.mark.parametrize(
+    ("text", "reason"),
+    [
+        ("", "0 robots"),
+        ("vacuum first-password", "line 1: not a robot's NAME:PASSWORD"),
+        ("vacuum:short", "line 1: not"),
+        ("a/b:first-password", "line 1: not"),
+        ("edgemap:first-password", "line 1: not"),
+        ("vacuum:first-password\nvacuum:second-password", "line 2: vacuum has a password already"),
+        ("".join(f"robot{k}:first-password\n" for k in range(101)), "101 robots"),
+    ],
+)
+def test_files_of_passwords_that_cannot_be_meant(tmp_path, text, reason):
+    (tmp_path / "robots.txt").write_text(text)
+    with pytest.raises(PublishError, match=reason):
+        read_passwords(tmp_path / "robots.txt")
+
+
+def test_a_keeper_has_no_robots_password(tmp_path, address, monkeypatch):
+    monkeypatch.setenv(SECRET, "vacuum:first-password")
+    with pytest.raises(PublishError, match="is that of the robot vacuum"):
+        PlaceKeeper("home", tmp_path, listen=address, passwords={"vacuum": "first-password"})
