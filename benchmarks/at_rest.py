@@ -1,7 +1,5 @@
 """Cost of a standing robot: one picture of a source, repeated with a sensor's noise."""
 
-from __future__ import annotations
-
 import time
 from pathlib import Path
 from typing import Any

@@ -3,8 +3,6 @@
 The step is what `run` drives, over the source's frames in order. Decoding is outside every clock.
 """
 
-from __future__ import annotations
-
 import time
 from collections.abc import Callable, Iterator
 from typing import Any

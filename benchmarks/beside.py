@@ -5,8 +5,6 @@ what else the machine does meets both. Only the step is timed; its processor tim
 The other build needs the packages of this environment and its commit in this repository.
 """
 
-from __future__ import annotations
-
 import argparse
 import json
 import subprocess

@@ -1,7 +1,5 @@
 """Ours against a rival's loop, in turn over the same frames in one run."""
 
-from __future__ import annotations
-
 import time
 from collections.abc import Callable
 from dataclasses import dataclass

@@ -5,8 +5,6 @@ data is in $EDGEMAP_SHARED/data (default ../shared), rendered homes in $EDGEMAP_
 whose data is absent are printed.
 """
 
-from __future__ import annotations
-
 import os
 import subprocess
 import sys

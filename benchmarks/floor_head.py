@@ -1,7 +1,5 @@
 """Cost of a bundle's floor head, from onnxruntime's profile of its operators."""
 
-from __future__ import annotations
-
 import json
 import tempfile
 from pathlib import Path

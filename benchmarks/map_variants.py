@@ -1,7 +1,5 @@
 """Maps of one drive made in several ways at once: its pictures are read and the backbone runs once for all of them."""
 
-from __future__ import annotations
-
 from collections import Counter
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, replace

@@ -1,7 +1,5 @@
 """An odometry on drives with true poses: what `edgemap eval odometry` and the paper's tables are made of."""
 
-from __future__ import annotations
-
 from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace

@@ -1,7 +1,5 @@
 """The page of `paper_tables`: our figures as Markdown tables, the paper's own beside them."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from statistics import fmean
 from typing import Any

@@ -5,8 +5,6 @@ kitti:DIR and so on, `demo`. DIR/paper_tables.md has the tables with the paper's
 DIR/paper_tables.json every figure, DIR/ways/ the ways over the true ones (the paper's Fig. 7).
 """
 
-from __future__ import annotations
-
 import json
 import subprocess
 import sys

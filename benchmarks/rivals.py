@@ -1,7 +1,5 @@
 """The same backbone in another runtime's own loop, none of our code in it: OpenCV, the network, numpy, OpenCV."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from pathlib import Path
 from time import perf_counter

@@ -6,8 +6,6 @@ and with the paper's clustering. Figures are means over the homes, and those of 
 homes that decide nothing, 9250-9259 with 600 pictures, and refuses any whose truth is not the one that was committed.
 """
 
-from __future__ import annotations
-
 import hashlib
 import json
 import subprocess

@@ -1,7 +1,5 @@
 """Errors of attitudes, and their sources."""
 
-from __future__ import annotations
-
 from collections import Counter
 from collections.abc import Sequence
 from typing import Any

@@ -1,7 +1,5 @@
 """Detection counts of the paper's Table 2: detected, false, and missed."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable
 from dataclasses import dataclass
 
@@ -28,7 +26,7 @@ class Counts:
         """True boxes that no detection belongs to."""
         return self.true - self.found
 
-    def __add__(self, other: Counts) -> Counts:
+    def __add__(self, other: "Counts") -> "Counts":
         return Counts(self.true + other.true, self.found + other.found, self.false + other.false)
 
 

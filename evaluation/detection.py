@@ -1,7 +1,5 @@
 """Average precision of a detector, by faster-coco-eval (COCO's own protocol)."""
 
-from __future__ import annotations
-
 import contextlib
 import io
 from collections import Counter
@@ -47,7 +45,7 @@ class ScoredPicture:
         ignored: NDArray[np.bool_],
         detections: Detections,
         numbers: Mapping[str, int],
-    ) -> ScoredPicture:
+    ) -> "ScoredPicture":
         """A picture of `size` (width, height) px by the classes in `numbers`, name to class id; others are left out."""
         scored_rows = [row for row, label in enumerate(true_labels) if label in numbers]
         labels = np.array([numbers[true_labels[row]] for row in scored_rows], dtype=np.int64)

@@ -1,7 +1,5 @@
 """Scores of a floor mask against true labels: overlap, and the contact at which the floor ends in each column."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, field
 
 import numpy as np

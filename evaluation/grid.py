@@ -1,7 +1,5 @@
 """Scores of an occupancy grid against a floor plan: free and occupied cells, and walls."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any

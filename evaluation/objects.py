@@ -1,7 +1,5 @@
 """Scores of a map: its objects, matched one to one with the true ones."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any

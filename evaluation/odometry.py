@@ -1,7 +1,5 @@
 """Errors of an odometry, as `edgemap eval odometry` reports them: of one drive, or pooled over several."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass

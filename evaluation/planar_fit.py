@@ -1,7 +1,5 @@
 """Whether three values a frame are enough: the integrated planar motions against the full six-dimensional poses."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from itertools import pairwise

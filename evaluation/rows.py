@@ -1,7 +1,5 @@
 """Evaluation rows of a map: each object is found, misplaced, missed or extra, by the same rule as `score_map`."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 import numpy as np

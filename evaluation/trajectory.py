@@ -1,7 +1,5 @@
 """Errors of an estimated trajectory: over segments, after alignment, per frame, and against its covariance."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from itertools import pairwise

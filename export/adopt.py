@@ -1,7 +1,5 @@
 """Adopts an ONNX detector made elsewhere: recognises its outputs, taps a feature tensor, leaves its numbers alone."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path

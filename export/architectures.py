@@ -1,7 +1,5 @@
 """The layer plans of YOLOv3 and YOLOv3-tiny (Redmon and Farhadi 2018), written out as Darknet cfg text."""
 
-from __future__ import annotations
-
 TINY_ANCHORS = "10,14, 23,27, 37,58, 81,82, 135,169, 344,319"
 FULL_ANCHORS = "10,13, 16,30, 33,23, 30,61, 62,45, 59,119, 116,90, 156,198, 373,326"
 CLASSES = 80

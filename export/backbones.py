@@ -1,7 +1,5 @@
 """Backbones ready to be bundled: a Darknet network or an adopted ONNX file, its contract and its reference."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any

@@ -1,7 +1,5 @@
 """Writes a bundle beside its place, proves it with the runtime's own loader, and only then puts it there."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """Pictures by which int8 numbers are chosen and judged, from a folder."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from pathlib import Path
 

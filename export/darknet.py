@@ -1,7 +1,5 @@
 """A Darknet cfg as a torch network: layers in file order, detection heads coarse first, raw logits out."""
 
-from __future__ import annotations
-
 import math
 from pathlib import Path
 
@@ -55,7 +53,7 @@ class Darknet(nn.Module):
         self.outputs = tuple(head.layer for head in self.heads)
 
     @classmethod
-    def from_cfg(cls, cfg: Path | str, size: tuple[int, int] | None = None) -> Darknet:
+    def from_cfg(cls, cfg: Path | str, size: tuple[int, int] | None = None) -> "Darknet":
         """From a cfg file (Path) or text. size: (width, height) in px instead of the cfg's. Raises ExportError."""
         return cls(read_cfg(cfg) if isinstance(cfg, Path) else parse_cfg(cfg), size)
 

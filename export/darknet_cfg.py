@@ -1,7 +1,5 @@
 """Reads Darknet's cfg files: sections with options, each remembered with its line for messages."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path

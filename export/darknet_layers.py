@@ -1,7 +1,5 @@
 """Darknet's layers as torch modules: each builder reads one cfg section and infers its output shape."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 

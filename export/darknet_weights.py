@@ -1,7 +1,5 @@
 """Darknet's .weights files: a short header, then float32 values layer by layer, every one accounted for."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from pathlib import Path
 

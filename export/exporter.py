@@ -1,7 +1,5 @@
 """From a backbone's name, cfg or ONNX file to a proven bundle."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from pathlib import Path
 

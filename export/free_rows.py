@@ -1,7 +1,5 @@
 """Backbones whose input may have fewer rows: a picture that does not fill it costs no more than its own."""
 
-from __future__ import annotations
-
 import copy
 
 import onnx

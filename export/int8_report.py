@@ -1,7 +1,5 @@
 """Comparison of int8 with float32: differences, AP50 where there is truth, time."""
 
-from __future__ import annotations
-
 import time
 from typing import Any
 

@@ -1,7 +1,5 @@
 """Fetches a published model's file: source after source, its sum checked before anything parses it."""
 
-from __future__ import annotations
-
 import hashlib
 import os
 import shutil

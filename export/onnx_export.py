@@ -1,7 +1,5 @@
 """Torch networks as lean ONNX files: fixed shapes, one file, the contract in the metadata."""
 
-from __future__ import annotations
-
 import copy
 import logging
 import warnings

@@ -1,7 +1,5 @@
 """Proof that a bundle computes what its source computes: random pictures, random states, a chain of steps."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """PicoDet (PaddleDetection, Yu et al. 2021) as a bundle's backbone: its raw heads, and hard-swish as one operator."""
 
-from __future__ import annotations
-
 import onnx
 from onnx import ModelProto, NodeProto, helper, numpy_helper, version_converter
 

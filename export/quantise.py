@@ -1,7 +1,5 @@
 """Static int8 variant of the backbone: 8-bit weights and activations, by onnxruntime's quantiser."""
 
-from __future__ import annotations
-
 import copy
 import logging
 import tempfile

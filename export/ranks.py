@@ -1,7 +1,5 @@
 """Training in several processes at once (`torchrun`): the rank of this one, and values that all must share."""
 
-from __future__ import annotations
-
 import os
 from typing import Any
 

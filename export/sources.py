@@ -1,7 +1,5 @@
 """Published models: where their files come from, upstream first, and the sums that the files must have."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 

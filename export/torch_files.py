@@ -1,7 +1,5 @@
 """Torch files of plain values and tensors: read with specific errors, written atomically."""
 
-from __future__ import annotations
-
 import zipfile
 from collections.abc import Callable
 from pathlib import Path

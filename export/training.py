@@ -1,7 +1,5 @@
 """Common parts of all trainings: a budget, validations that select `best.pt`, a `last.pt` to resume from, curves."""
 
-from __future__ import annotations
-
 import csv
 import math
 import time

@@ -5,8 +5,6 @@ archives hold what is committed. The wheel, made from the source archive, is at 
 environment it runs the demo's first frames. Prints sizes. --extras: each extra alone in an environment of its own.
 """
 
-from __future__ import annotations
-
 import argparse
 import gzip
 import hashlib

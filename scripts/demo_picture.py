@@ -5,8 +5,6 @@ Runs the demo with its live page, looks at that in chromium without a window, an
 `EVERY`th frame of the drive as one animated WebP. Needs chromium and the extras view and simulation.
 """
 
-from __future__ import annotations
-
 import io
 import sys
 import tempfile

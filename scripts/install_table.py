@@ -6,8 +6,6 @@ markers, for Linux with glibc 2.35 (Ubuntu 22.04, JetPack 6; Raspberry Pi OS 12 
 nothing is built. The index is uv's (UV_INDEX_URL and its like say another one).
 """
 
-from __future__ import annotations
-
 import re
 import subprocess
 import sys

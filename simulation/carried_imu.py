@@ -5,8 +5,6 @@
 NEW_DIR links to all that is in DIR and holds an `imu.csv` beside it; `c2w:NEW_DIR` is the drive with the IMU.
 """
 
-from __future__ import annotations
-
 import argparse
 from pathlib import Path
 

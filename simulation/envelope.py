@@ -1,7 +1,5 @@
 """The training envelope of simulated drives, with units, and random draws from it."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 

@@ -1,7 +1,5 @@
 """The simulation's expected failures, and the one way to ask for what only the extra brings."""
 
-from __future__ import annotations
-
 import importlib
 from types import ModuleType
 

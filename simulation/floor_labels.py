@@ -1,7 +1,5 @@
 """Floor, wall and the rest of a rendered picture, exactly: by what is drawn at each pixel and how high it lies."""
 
-from __future__ import annotations
-
 import numpy as np
 from numpy.typing import NDArray
 

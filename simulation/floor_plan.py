@@ -1,7 +1,5 @@
 """The floor plan of a home as truth beside a drive: walls, rooms, doorways and furniture."""
 
-from __future__ import annotations
-
 import json
 from typing import Any
 

@@ -1,7 +1,5 @@
 """Floor labels beside a rendered drive's pictures, `floor/NAME.png`: what `eval floor` and `train floor` read."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import cv2

@@ -1,7 +1,5 @@
 """Changes of the light during a drive: switched lamps, and clouds."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 

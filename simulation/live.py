@@ -1,7 +1,5 @@
 """A simulated world as a camera that the runtime drives: `sim:SEED`."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from typing import Any
 

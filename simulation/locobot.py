@@ -1,7 +1,5 @@
 """The paper's private data set, rendered: a LoCoBot's RGB, depth and wheel odometry, to train on and to test on."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path

@@ -1,7 +1,5 @@
 """People who walk about the home while the robot drives: smooth ways, a stop here and there, never into the robot."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass

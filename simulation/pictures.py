@@ -4,8 +4,6 @@ images/HOME_VIEW.jpg    labels/HOME_VIEW.txt    boxes.json (visible share and wh
 floor/HOME_VIEW.png     1 floor, 2 wall, 0 other
 """
 
-from __future__ import annotations
-
 import json
 from collections.abc import Callable
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Work shared by a few processes, results in order: pictures are independent of one another."""
 
-from __future__ import annotations
-
 import multiprocessing
 import os
 from collections import deque

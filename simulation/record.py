@@ -1,7 +1,5 @@
 """Records a simulated drive with its truth as a folder that the runtime reads."""
 
-from __future__ import annotations
-
 import json
 import math
 from collections.abc import Callable

@@ -1,7 +1,5 @@
 """The pictures of a world in order, made by one process or two."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Iterator
 
 from edgemap.simulation.pool import default_workers, ordered

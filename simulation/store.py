@@ -1,7 +1,5 @@
 """Finished parts of a rendering on disk, so that an interrupted one can be resumed."""
 
-from __future__ import annotations
-
 import json
 import shutil
 from collections.abc import Sequence

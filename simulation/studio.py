@@ -1,7 +1,5 @@
 """Renders the pictures of a world independently: the view, the effects of lens and sensor, and the truth."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import Any
 

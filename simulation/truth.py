@@ -1,7 +1,5 @@
 """Truth of each picture and of the drive: boxes with their visible share, objects with footprints."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from typing import Any
 

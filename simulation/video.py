@@ -1,7 +1,5 @@
 """A compact video of pictures: VP9 in MP4, which every OpenCV decodes, frame for frame, to the same pixels."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable
 from fractions import Fraction
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Unrelated views of a home for training a detector: each with its own camera, light, sensor and passers-by."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass, replace
 

@@ -3,8 +3,6 @@
 Everything follows from the seed. What is drawn and how far stands in `simulation.envelope`.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Which cell answers for which true box: simplified optimal transport (SimOTA; Ge et al. 2021, section 2.1)."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, fields
 
 import torch
@@ -32,7 +30,7 @@ class Targets:
     kept: Tensor
     certainty: Tensor
 
-    def to(self, device: torch.device) -> Targets:
+    def to(self, device: torch.device) -> "Targets":
         """The same on another device."""
         return Targets(*(getattr(self, field.name).to(device, non_blocking=True) for field in fields(self)))
 

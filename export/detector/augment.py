@@ -1,7 +1,5 @@
 """Augmentation: mosaics of four pictures, scale, shift, flip, colour, blur, noise. Seeded by the caller."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import replace
 

@@ -4,8 +4,6 @@ Fine-tuning on rendered pictures degrades the network on photographs; interpolat
 of that before much of the gain is lost.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from typing import Any
 

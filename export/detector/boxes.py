@@ -1,7 +1,5 @@
 """Raw heads of every decode rule to scores and boxes inside torch, with gradients; overlap of boxes."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 

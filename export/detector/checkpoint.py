@@ -1,7 +1,5 @@
 """A trained detector's `best.pt`: its ONNX graph, and the manifest that a bundle of it gets."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import msgspec

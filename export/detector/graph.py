@@ -1,7 +1,5 @@
 """An ONNX network as a trainable torch module, operator by operator, and back to ONNX."""
 
-from __future__ import annotations
-
 import copy
 from collections import Counter
 from collections.abc import Callable, Sequence

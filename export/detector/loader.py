@@ -1,7 +1,5 @@
 """Batches for training, made ahead in processes; every picture's changes are seeded by epoch and position."""
 
-from __future__ import annotations
-
 import multiprocessing
 import signal
 from collections import Counter

@@ -3,8 +3,6 @@
 All of it is dense, masked sums over every cell: no value decides a shape, so a GPU never waits for the processor.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 
 import torch

@@ -1,7 +1,5 @@
 """The detector that is trained: the graph of a bundle, its contract, and its pictures' way in."""
 
-from __future__ import annotations
-
 import copy
 from pathlib import Path
 from typing import Any
@@ -61,7 +59,7 @@ class TorchNetwork(nn.Module):
         manifest = msgspec.structs.replace(self.manifest, measured=measured)
         save_detector(self.graph.model(), manifest, path)
 
-    def copy(self) -> TorchNetwork:
+    def copy(self) -> "TorchNetwork":
         """A copy of the network with the same weights."""
         return copy.deepcopy(self)
 

@@ -1,7 +1,5 @@
 """Training pictures in memory: decoded once, at the network's input size, with their boxes."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field, replace

@@ -1,7 +1,5 @@
 """Pseudo-labels of unlabelled pictures: the averaged predictions of teachers, and the uncertain ones."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from pathlib import Path
 

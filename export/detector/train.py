@@ -1,7 +1,5 @@
 """Trains a bundle's detector: batches, loss, moving average, validation, and checkpoints to resume from."""
 
-from __future__ import annotations
-
 import os
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass

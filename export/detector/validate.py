@@ -1,7 +1,5 @@
 """Validation on labelled pictures during training: the runtime's decoding, COCO's AP."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from typing import Any
 

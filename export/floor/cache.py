@@ -1,7 +1,5 @@
 """On-disk cache of the frozen network's features of augmented pictures, with the floor head's targets."""
 
-from __future__ import annotations
-
 import hashlib
 from collections.abc import Sequence
 from pathlib import Path

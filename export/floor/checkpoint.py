@@ -1,7 +1,5 @@
 """A trained floor head as a torch file: what training saves and export reads."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, field, fields
 from pathlib import Path
 from typing import Annotated, Any

@@ -1,7 +1,5 @@
 """Inputs of a floor head: the frozen detector's features of strides 4 to 32."""
 
-from __future__ import annotations
-
 import copy
 import hashlib
 from collections.abc import Sequence

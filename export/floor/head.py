@@ -1,7 +1,5 @@
 """The floor head: a few small convolutions on a frozen detector's features of strides 4 to 32."""
 
-from __future__ import annotations
-
 import torch
 from torch import Tensor, nn
 from torch.nn import functional

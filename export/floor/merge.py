@@ -1,7 +1,5 @@
 """Joins a floor head to the graph of its detector: one more output, all others as they were."""
 
-from __future__ import annotations
-
 import copy
 from collections.abc import Sequence
 from typing import Any

@@ -1,7 +1,5 @@
 """Labelled pictures as a floor head learns from them: cut, flipped, relit, and with floors of other colours."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import cv2

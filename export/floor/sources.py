@@ -1,7 +1,5 @@
 """Training data of a floor head: labelled folders, and folders of photographs that a teacher labels first."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """Floor masks of photographs by a teacher: DeepLabV3+ on MobileNetV2, trained on ADE20K (mlcommons/mobile_models)."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from pathlib import Path
 

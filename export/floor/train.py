@@ -1,7 +1,5 @@
 """Trains a floor head on the features of a frozen detector."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Trained odometry heads as torch files: what training saves and export reads."""
 
-from __future__ import annotations
-
 from dataclasses import asdict, dataclass, field, fields
 from pathlib import Path
 from typing import Annotated, Any, Literal

@@ -1,7 +1,5 @@
 """Clips cut from drives at random: other frame rates by skipping, backwards, standing still; all free on features."""
 
-from __future__ import annotations
-
 import math
 from collections import Counter
 from collections.abc import Sequence

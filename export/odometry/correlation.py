@@ -1,7 +1,5 @@
 """Local correlation of two feature maps: how alike each cell is to the cells around it in the previous picture."""
 
-from __future__ import annotations
-
 import torch
 from torch import Tensor
 from torch.nn import functional

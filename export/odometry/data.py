@@ -1,7 +1,5 @@
 """Drives as training data: features of the frozen backbone, computed once and kept, with the true motion."""
 
-from __future__ import annotations
-
 import copy
 import hashlib
 import json

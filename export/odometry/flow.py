@@ -5,8 +5,6 @@ the coarse motion's prediction; a ConvLSTM carries the memory. The motion follow
 squares with the geometry of lens, mount and floor (`rigid`), so that one head fits any of them.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 

@@ -1,7 +1,5 @@
 """The flow head's loss: the motion, from both searches, with a consistent covariance."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import torch

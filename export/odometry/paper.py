@@ -1,7 +1,5 @@
 """The paper's odometry head: stacked ConvLSTM (Shi et al. 2015) on a coarse feature map, state explicit."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 import torch

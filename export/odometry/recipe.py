@@ -1,7 +1,5 @@
 """Training recipe of each kind of head: loss, optimiser, clips, and its execution over a drive."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace

@@ -5,8 +5,6 @@ Batches: B pictures, N cells. The unknowns are the base's motion since the previ
 head's unit) and how much the camera tilted on its springs meanwhile (roll, pitch, rad).
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from functools import cache
 
@@ -44,7 +42,7 @@ class CellGeometry:
     lens: Tensor
 
     @staticmethod
-    def of(cells: Tensor, mount: Tensor, unit_m: float = 1.0) -> CellGeometry:
+    def of(cells: Tensor, mount: Tensor, unit_m: float = 1.0) -> "CellGeometry":
         """cells: (B, 8, H, W). mount: (B, 12). unit_m: the unit of length, metres."""
         flat = cells.flatten(2)
         here, right, down, floor, shown = flat.split([2, 2, 2, 1, 1], dim=1)
@@ -77,7 +75,7 @@ class ShownCells:
     by: Tensor
 
     @staticmethod
-    def of(cells: CellGeometry, motion: Tensor) -> ShownCells:
+    def of(cells: CellGeometry, motion: Tensor) -> "ShownCells":
         """motion: (B, 3), of the base from the previous frame to this one: P_previous = R(yaw) P_now + t."""
         yaw = motion[:, 2:]
         turned = torch.cat([torch.cos(yaw), torch.sin(yaw)], dim=1)

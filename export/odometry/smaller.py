@@ -5,8 +5,6 @@ head's layer; the most informative channels are kept (pivoted QR, weighted by th
 reconstruction, after He, Zhang and Sun 2017, without its iterations.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from itertools import pairwise

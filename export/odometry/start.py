@@ -1,7 +1,5 @@
 """Initial weights of a head: seeded random ones with standardised features, or an earlier head."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path

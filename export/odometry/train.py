@@ -1,7 +1,5 @@
 """Trains an odometry head on cached features: clips, loss, validation on whole drives, files to resume from."""
 
-from __future__ import annotations
-
 import copy
 from collections.abc import Iterator, Sequence
 from dataclasses import asdict, dataclass

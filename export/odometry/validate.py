@@ -1,7 +1,5 @@
 """Whole drives through a head, state carried from frame to frame, against the truth."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from typing import Any
 

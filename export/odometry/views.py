@@ -1,7 +1,5 @@
 """Geometrically exact augmentation of a drive: a rotated, zoomed or mirrored camera is a homography of the picture."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass, replace
 
@@ -46,7 +44,7 @@ class AugmentedView:
     mirrored: bool = False
 
     @staticmethod
-    def drawn(index: int, rule: AugmentationRule | None = None) -> AugmentedView:
+    def drawn(index: int, rule: AugmentationRule | None = None) -> "AugmentedView":
         """The view of a number, from 1 on: always the same. Every second one is mirrored."""
         rule, rng = rule or AugmentationRule(), np.random.default_rng((77, index))
         angles = [float(rng.uniform(*span)) for span in (rule.yaw_rad, rule.pitch_rad, rule.roll_rad)]

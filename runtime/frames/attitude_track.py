@@ -1,7 +1,5 @@
 """Attitudes that were recorded with 6-DoF poses."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 
@@ -26,7 +24,7 @@ class AttitudeTrack:
     risen_m: Array
 
     @classmethod
-    def of_up(cls, stamps_s: Array, up_optical: Array, heights_m: Array) -> AttitudeTrack:
+    def of_up(cls, stamps_s: Array, up_optical: Array, heights_m: Array) -> "AttitudeTrack":
         """From the direction that points up in the optical frame, (N, 3), and heights of the lens, (N,)."""
         angles = [Attitude.of_up(up, np.zeros((2, 2)), "truth") for up in up_optical]
         roll, pitch = np.array([(a.roll_rad, a.pitch_rad) for a in angles]).T

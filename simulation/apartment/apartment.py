@@ -1,7 +1,5 @@
 """Furnished homes, deterministic per seed. Home frame: x right, y far, z up, metres, origin at the low corner."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np
@@ -28,7 +26,7 @@ class Apartment:
 
     plan: ApartmentPlan
     furniture: tuple[Placed, ...]
-    before: Apartment | None = None
+    before: "Apartment | None" = None
 
 
 def purpose_of(seed: int) -> Purpose:

@@ -1,7 +1,5 @@
 """Credits of the furniture: the README that accompanies every rendering."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable
 
 from edgemap.simulation.apartment.furniture import Model

@@ -1,7 +1,5 @@
 """Taste: colours and materials of floors and walls, rugs, pictures and ceiling lamps, drawn per home and room."""
 
-from __future__ import annotations
-
 import colorsys
 
 import numpy as np

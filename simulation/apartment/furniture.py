@@ -4,8 +4,6 @@ Debian's `sweethome3d-furniture` brings five libraries of OBJ models with real s
 the ones that COCO-trained detectors recognise when they are drawn by this renderer.
 """
 
-from __future__ import annotations
-
 import re
 import tomllib
 import zipfile
@@ -73,7 +71,7 @@ class Model:
         """Licence of the library the model is from."""
         return LICENCES[self.library]
 
-    def scaled(self, factor: float, stretch: tuple[float, float, float] = (1.0, 1.0, 1.0)) -> Model:
+    def scaled(self, factor: float, stretch: tuple[float, float, float] = (1.0, 1.0, 1.0)) -> "Model":
         """The same model larger or smaller in all directions, and stretched in depth, width and height."""
         depth, width, height = (factor * part for part in stretch)
         return replace(

@@ -1,7 +1,5 @@
 """Kitchens: a row of machines and cabinets along one wall."""
 
-from __future__ import annotations
-
 from edgemap.simulation.apartment.layout import SIDES, Layout
 from edgemap.simulation.apartment.placed import Placed
 from edgemap.simulation.apartment.plan import RoomArea

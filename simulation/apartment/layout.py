@@ -1,7 +1,5 @@
 """Puts furniture into rooms: against walls, in corners, beside and on top of pieces; what does not fit is left out."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterable
 

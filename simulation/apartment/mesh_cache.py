@@ -1,7 +1,5 @@
 """Furniture as it was read and simplified, kept on disk: to read an OBJ file again takes many times longer."""
 
-from __future__ import annotations
-
 import json
 import os
 import zipfile

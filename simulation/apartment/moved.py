@@ -1,7 +1,5 @@
 """A home after some of its furniture was removed or moved, to test forgetting."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass, replace
 

@@ -1,7 +1,5 @@
 """Doorways with frames and open leaves, and windows with panes that shine, sills and curtains."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from edgemap.simulation.apartment import textures

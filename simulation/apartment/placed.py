@@ -1,7 +1,5 @@
 """A piece of furniture in place."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 from edgemap.geometry.se2 import SE2

@@ -3,8 +3,6 @@
 Home frame, seen from above: x right, y far, metres, origin at the outer low corner of the walls.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 from itertools import combinations, pairwise
 

@@ -1,7 +1,5 @@
 """Furnishing: one short recipe per kind of room, large pieces first."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable
 

@@ -1,7 +1,5 @@
 """The bare home: floors, walls, ceilings, trim, doors, windows, lamps, rugs and pictures, with the light they give."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

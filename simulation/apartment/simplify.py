@@ -1,7 +1,5 @@
 """Fewer triangles for models with more than a robot's camera can show: vertices that share a small cell become one."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from edgemap.simulation.render.mesh import Array, Mesh, Part

@@ -1,7 +1,5 @@
 """Free space while a home is furnished: boxes that must not collide, and paths that must stay free."""
 
-from __future__ import annotations
-
 from typing import cast
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Tables with chairs around them, and things on furniture."""
 
-from __future__ import annotations
-
 import math
 
 from edgemap.geometry.se2 import SE2

@@ -1,7 +1,5 @@
 """Procedural textures that tile without seams: (H, W, 4) uint8 sRGB with alpha 255, deterministic per generator."""
 
-from __future__ import annotations
-
 from itertools import pairwise
 
 import numpy as np

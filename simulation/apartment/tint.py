@@ -1,7 +1,5 @@
 """One model in many colours: how a single piece differs from its model's own materials."""
 
-from __future__ import annotations
-
 import colorsys
 from dataclasses import dataclass, replace
 

@@ -4,8 +4,6 @@ The light is that of the air around the robot, baked with the home. So the expos
 picture, and pictures can be rendered in any order.
 """
 
-from __future__ import annotations
-
 import numpy as np
 from scipy.ndimage import map_coordinates
 

@@ -3,8 +3,6 @@
 Shot noise grows with the root of the light, read noise is always there; both grow with the gain.
 """
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import cv2

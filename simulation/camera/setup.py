@@ -1,7 +1,5 @@
 """The simulated camera: its lens and mount, and how its sensor is imperfect."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 from edgemap.geometry.camera.intrinsics import Intrinsics

@@ -1,7 +1,5 @@
 """Motion blur and rolling shutter: the picture of one instant, moved along the flow that depth and motion give."""
 
-from __future__ import annotations
-
 import math
 from functools import cache
 from typing import Any

@@ -1,7 +1,5 @@
 """A lit scene as arrays for drawing: one list of vertices, one of triangles, and batches that share a material."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import product

@@ -1,7 +1,5 @@
 """OpenGL without a screen: programs per kind of surface, meshes in memory, textures."""
 
-from __future__ import annotations
-
 import math
 from typing import Any
 

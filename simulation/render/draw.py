@@ -1,7 +1,5 @@
 """Draw list of a picture: placed batches, and the bytes that identify their objects."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

@@ -1,7 +1,5 @@
 """A bent lens on top of OpenGL's pinhole: draw wider, then look every pixel up where the lens would have taken it."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from typing import Any
 

@@ -6,8 +6,6 @@ triangles they meet; each bounce is then a gather over those same triangles (rad
 that three bounces cost as one. Both groups of light travel together, as six channels: lamps, then day.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -49,7 +47,7 @@ class BakeSettings:
     bounces: int = 3
 
     @classmethod
-    def draft(cls) -> BakeSettings:
+    def draft(cls) -> "BakeSettings":
         """Good enough to train on, several times faster."""
         return cls(0.08, 0.25, 0.12, 0.3, 4, 12, 12, 2)
 

@@ -1,7 +1,5 @@
 """Points at which light is computed: texels of surfaces, selected points of solids, small cubes in mid-air."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -36,11 +34,11 @@ class Points:
     def __len__(self) -> int:
         return len(self.positions)
 
-    def __getitem__(self, some: slice) -> Points:
+    def __getitem__(self, some: slice) -> "Points":
         return Points(self.positions[some], self.normals[some], self.shifts[some])
 
     @classmethod
-    def joined(cls, some: Sequence[Points]) -> Points:
+    def joined(cls, some: Sequence["Points"]) -> "Points":
         """All of them in one list."""
         return cls(*(np.concatenate([getattr(p, n) for p in some]) for n in ("positions", "normals", "shifts")))
 

@@ -1,7 +1,5 @@
 """Triangles with materials: what furniture and walls are made of before light and pixels."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass, field, replace
 from typing import Literal
@@ -54,7 +52,7 @@ class Part:
     normals: Array
     uv: Array
 
-    def moved(self, rotation: Array, translation_m: Array) -> Part:
+    def moved(self, rotation: Array, translation_m: Array) -> "Part":
         """The same triangles after `rotation @ p + translation`."""
         return replace(self, positions=self.positions @ rotation.T + translation_m, normals=self.normals @ rotation.T)
 
@@ -65,7 +63,7 @@ class Mesh:
 
     parts: tuple[Part, ...] = field(default_factory=tuple)
 
-    def placed(self, x_m: float, y_m: float, z_m: float, yaw_rad: float) -> Mesh:
+    def placed(self, x_m: float, y_m: float, z_m: float, yaw_rad: float) -> "Mesh":
         """The mesh turned about z and moved."""
         c, s = math.cos(yaw_rad), math.sin(yaw_rad)
         rotation = np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])

@@ -1,7 +1,5 @@
 """Moving objects in a lit home: rigid meshes placed for every picture, lit by the light in mid-air."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Movers in OpenGL's memory: every shape is sent once, and lit at each pose."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Wavefront OBJ and MTL files out of a zip archive, as far as furniture models use them."""
 
-from __future__ import annotations
-
 import io
 import posixpath
 import zipfile

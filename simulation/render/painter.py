@@ -1,7 +1,5 @@
 """Colour passes: solid objects, shadows on the floor, then transparent ones; highlights on glossy surfaces."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Sequence
 from typing import Any
 

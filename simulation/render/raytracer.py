@@ -1,7 +1,5 @@
 """Rays against triangles with Embree: shadow tests and first hits, and sample patterns for both."""
 
-from __future__ import annotations
-
 import os
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor

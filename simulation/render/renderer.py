@@ -5,8 +5,6 @@ three rooms), but Mesa takes triangles in on one thread only. So let two process
 before the first Renderer; the pictures are the same.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from typing import Any

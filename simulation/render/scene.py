@@ -1,7 +1,5 @@
 """Input of the renderer and the light baker: surfaces, solids with ids, and lamps, in one room frame (z up, metres)."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import NamedTuple
 

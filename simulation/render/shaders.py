@@ -5,8 +5,6 @@ glossy ones look for highlights, only those with holes may discard. Colours are 
 pixels out) since gamma curves cost more than everything else; `DISPLAY` turns square roots into sRGB afterwards.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from pathlib import Path
 

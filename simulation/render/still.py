@@ -1,7 +1,5 @@
 """A lit home in OpenGL's memory: its batches, its light maps, and its bare walls, which hide what is behind them."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 import numpy as np

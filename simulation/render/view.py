@@ -1,7 +1,5 @@
 """Pose of the simulated camera, and OpenGL's projection for exactly edgemap's camera model."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -23,7 +21,7 @@ class View:
     position_home_m: Array
 
     @classmethod
-    def of_base(cls, pose_home_base: SE2, mount: Mount, lean: Array | None = None, rise_m: float = 0.0) -> View:
+    def of_base(cls, pose_home_base: SE2, mount: Mount, lean: Array | None = None, rise_m: float = 0.0) -> "View":
         """The view of a camera mounted on a base that stands in the room. lean: (3, 3), from the tilted base's axes to
         the level one's; rise_m: of the base above the floor."""
         turn = np.eye(3)

@@ -1,7 +1,5 @@
 """Unoccluded objects: boxes in the picture, and areas from each one's silhouette drawn alone."""
 
-from __future__ import annotations
-
 from contextlib import suppress
 from typing import Any
 

@@ -4,8 +4,6 @@ Leg by leg: some goals are drawn, each with its way and its ending, and the leg 
 least, for the time it takes, is driven. A drive is one endless stream: a longer one begins as the shorter one.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass

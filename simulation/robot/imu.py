@@ -1,7 +1,5 @@
 """Samples of an IMU beside the lens on a simulated drive, with a datasheet's errors."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable
 from dataclasses import dataclass

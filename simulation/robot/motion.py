@@ -4,8 +4,6 @@ A move is samples (N, 3) of x, y in metres and yaw in radians (not wrapped), SAM
 the pose it starts from.
 """
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 

@@ -1,7 +1,5 @@
 """Nodding of a robot: on its springs as it speeds up and brakes, and over thresholds and carpets."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 

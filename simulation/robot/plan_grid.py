@@ -1,7 +1,5 @@
 """The home from above on a grid: how high things stand, whose they are, and how far it is to the nearest of them."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Paths over the free floor: the cheapest on a grid with a cost near obstacles, then smoothed."""
 
-from __future__ import annotations
-
 import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import gaussian_filter1d

@@ -1,7 +1,5 @@
 """Estimate of the furniture's visibility from the plan alone, without rendering."""
 
-from __future__ import annotations
-
 import numpy as np
 from numpy.typing import NDArray
 

@@ -1,7 +1,5 @@
 """Wheel odometry: encoders with integer ticks, errors of the wheels' radius, and slip."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

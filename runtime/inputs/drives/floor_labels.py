@@ -1,7 +1,5 @@
 """Pictures with true floor labels: `images/` and, for some or all of them, `floor/NAME.png`."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from pathlib import Path
 

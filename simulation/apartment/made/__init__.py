@@ -5,8 +5,6 @@ Test and validation homes show the few that `models.toml` lists for what the lib
 show as many more as its `made` gives. The generators that drew them are in this repository's history, at 70b7955.
 """
 
-from __future__ import annotations
-
 import json
 import lzma
 from collections.abc import Callable

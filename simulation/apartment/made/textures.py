@@ -1,7 +1,5 @@
 """Textures of our own pieces: (H, W, 4) uint8 sRGB with alpha 255, which shade a colour."""
 
-from __future__ import annotations
-
 import numpy as np
 from numpy.typing import ArrayLike
 

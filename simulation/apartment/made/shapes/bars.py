@@ -1,7 +1,5 @@
 """Bars: square-edged beams, straight tubes, rods along any path."""
 
-from __future__ import annotations
-
 import numpy as np
 from numpy.typing import ArrayLike
 

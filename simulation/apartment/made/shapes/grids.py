@@ -1,7 +1,5 @@
 """Smooth surfaces through grids of points, for bent, turned and lofted shapes."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from edgemap.simulation.render.mesh import Array, Material, Part

@@ -1,7 +1,5 @@
 """Leaves of all shapes, many at once."""
 
-from __future__ import annotations
-
 from itertools import pairwise
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Bodies through rings: lofts, plates, padding, turned bodies; and sheets about a surface."""
 
-from __future__ import annotations
-
 import numpy as np
 from numpy.typing import ArrayLike
 

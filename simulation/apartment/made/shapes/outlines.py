@@ -1,7 +1,5 @@
 """Closed outlines in a plane, counter-clockwise, their last point the first one again; and paths of straight runs."""
 
-from __future__ import annotations
-
 import numpy as np
 from numpy.typing import ArrayLike
 

@@ -1,7 +1,5 @@
 """Blocks, boxes with round edges, cushions, upholstered blocks and balls."""
 
-from __future__ import annotations
-
 import numpy as np
 from numpy.typing import ArrayLike
 
