@@ -117,8 +117,7 @@ def command(
 
             record_locobot(out, seed, progress, command=typed)
         else:
-            from edgemap.simulation.label_drive import label_drive
-            from edgemap.simulation.record import record
+            from edgemap.simulation.record import label_drive, record
             from edgemap.simulation.world import draw_world
 
             chosen = _choices(plain, mount, rate, light, people, moved, nodding, imu)
@@ -147,7 +146,7 @@ def _choices(
 ) -> Choices:
     from dataclasses import replace
 
-    from edgemap.simulation.camera.setup import CameraSetup
+    from edgemap.simulation.camera.film import CameraSetup
     from edgemap.simulation.world import PLAIN, Choices
 
     choices = replace(PLAIN if plain else Choices(), moved=moved, rate_hz=rate_hz, nodding=nodding, imu=imu)

@@ -7,8 +7,8 @@ import numpy as np
 
 from edgemap.geometry.camera.intrinsics import Distortion, Intrinsics
 from edgemap.geometry.camera.mount import Mount
-from edgemap.simulation.camera.setup import CameraSetup, Effects
-from edgemap.simulation.light_script import LightScript
+from edgemap.simulation.camera.exposure import LightScript
+from edgemap.simulation.camera.film import CameraSetup, Effects
 from edgemap.simulation.robot.motion import Limits
 
 Range = tuple[float, float]

@@ -6,7 +6,7 @@ from pathlib import Path
 
 from edgemap.geometry.camera.intrinsics import Intrinsics
 from edgemap.geometry.camera.mount import Mount
-from edgemap.simulation.camera.setup import CameraSetup, Effects
+from edgemap.simulation.camera.film import CameraSetup, Effects
 from edgemap.simulation.record import record
 from edgemap.simulation.robot.explore import Habits
 from edgemap.simulation.robot.motion import Limits

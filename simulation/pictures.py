@@ -19,15 +19,14 @@ from edgemap.simulation.apartment.credits import PICTURES, credits_text
 from edgemap.simulation.camera.exposure import light_levels, settled_gain
 from edgemap.simulation.camera.film import encoded, sensed, shaken
 from edgemap.simulation.errors import require
-from edgemap.simulation.floor_labels import floor_labels
-from edgemap.simulation.pool import default_workers, ordered
 from edgemap.simulation.render.light import BakeSettings, bake
 from edgemap.simulation.render.renderer import Renderer
 from edgemap.simulation.render.scene import LightMix, Probes
 from edgemap.simulation.render.view import View
+from edgemap.simulation.shots import default_workers, ordered
 from edgemap.simulation.store import PartStore, write_bytes, write_text
 from edgemap.simulation.studio import EXPOSURE, light_mix
-from edgemap.simulation.truth import picture_boxes
+from edgemap.simulation.truth import floor_labels, picture_boxes
 from edgemap.simulation.views import Shown, draw_views
 from edgemap.simulation.world import build_scene
 

@@ -1,31 +1,115 @@
-"""Records a simulated drive with its truth as a folder that the runtime reads."""
+"""Records a simulated drive as a folder that the runtime reads: pictures or a video, poses, sensors, truth."""
 
 import json
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import asdict
+from fractions import Fraction
 from pathlib import Path
 from typing import Any
 
+import cv2
 import numpy as np
+from numpy.typing import NDArray
 
 from edgemap.geometry.se2 import SE2
+from edgemap.runtime.frames.library_names import library_path
 from edgemap.runtime.frames.trajectory import Trajectory
+from edgemap.runtime.inputs.drives.floor_plan import FORMAT as PLAN_FORMAT
 from edgemap.runtime.inputs.drives.floor_plan import PLAN_NAME
 from edgemap.runtime.inputs.drives.locobot import write_locobot
-from edgemap.runtime.inputs.drives.pictures import read_picture
+from edgemap.runtime.inputs.drives.pictures import list_pictures, read_picture
 from edgemap.runtime.inputs.drives.sensor_csv import write_imu_csv
 from edgemap.runtime.inputs.drives.write import write_drive
+from edgemap.simulation.apartment.apartment import Apartment
 from edgemap.simulation.apartment.credits import credits_text
-from edgemap.simulation.apartment.placed import Placed
-from edgemap.simulation.floor_plan import write_floor_plan
-from edgemap.simulation.robot.imu import imu_samples
-from edgemap.simulation.robot.wheels import wheel_odometry
+from edgemap.simulation.apartment.layout import Placed
+from edgemap.simulation.apartment.plan import Rectangle
+from edgemap.simulation.apartment.space import rectangle_corners
+from edgemap.simulation.errors import require
+from edgemap.simulation.render.light import BakeSettings
+from edgemap.simulation.render.mesh import Array
+from edgemap.simulation.robot.imu import imu_samples, wheel_odometry
 from edgemap.simulation.shots import shots
-from edgemap.simulation.store import FrameStore, write_text
+from edgemap.simulation.store import FrameStore, write_bytes, write_text
+from edgemap.simulation.studio import Studio, lit_home
 from edgemap.simulation.truth import object_records
-from edgemap.simulation.video import write_video
 from edgemap.simulation.world import World
+
+QUALITY_CRF = 32  # VP9's constant quality: some 6 kB a picture of 640x480 that hardly shows it
+
+
+def write_video(path: Path, pictures: Iterable[NDArray[np.uint8]], rate_hz: float) -> None:
+    """Encode BGR pictures (H, W, 3) of one size, sides even; one thread, so that the bytes depend on them alone.
+
+    Raises MissingExtraError where PyAV is absent.
+    """
+    av = require("av")
+    with av.open(library_path(path), "w", format="mp4") as container:
+        stream = container.add_stream("libvpx-vp9", rate=Fraction(rate_hz).limit_denominator(1000))
+        stream.pix_fmt, stream.options = "yuv420p", {"crf": str(QUALITY_CRF), "b": "0", "cpu-used": "2"}
+        stream.thread_count = 1
+        for index, picture in enumerate(pictures):
+            if index == 0:
+                stream.height, stream.width = picture.shape[:2]
+            container.mux(stream.encode(av.VideoFrame.from_ndarray(picture, format="bgr24")))
+        container.mux(stream.encode())
+
+
+def label_drive(world: World, folder: Path, every: int) -> int:
+    """Writes the missing labels of every `every`-th picture of a world's drive. Returns their number. They do not
+    depend on the light, so draft lighting suffices. Raises CameraError where the folder holds no pictures.
+    """
+    chosen = list(enumerate(list_pictures(folder / "images")))[:: max(every, 1)]
+    files = [(index, folder / "floor" / f"{path.stem}.png") for index, path in chosen]
+    missing = [(index, file) for index, file in files if not file.is_file()]
+    if missing:
+        (folder / "floor").mkdir(exist_ok=True)
+        studio = Studio(world, lit_home(world, BakeSettings.draft()))
+        try:
+            for index, file in missing:
+                write_bytes(file, cv2.imencode(".png", studio.floor_labels(index))[1].tobytes())
+        finally:
+            studio.close()
+    return len(files)
+
+
+def floor_plan_record(apartment: Apartment, pose_home_map: SE2) -> dict[str, Any]:
+    """Contents of `floor_plan.json`, in the map frame, metres. Furniture is its oriented bounding rectangle with its
+    lowest and highest point; walls contain open door leaves.
+    """
+    pose_map_home, plan = pose_home_map.inverse(), apartment.plan
+
+    def corners(points: Array) -> list[list[float]]:
+        return np.round(pose_map_home.apply(points), 4).tolist()
+
+    def rectangle(area: Rectangle) -> list[list[float]]:
+        return corners(rectangle_corners(area))
+
+    return {
+        "format": PLAN_FORMAT,
+        "frame": "map",
+        "walls": [{"corners_m": rectangle(wall)} for wall in plan.walls],
+        "rooms": [{"kind": room.kind, "corners_m": rectangle(room.rectangle)} for room in plan.rooms],
+        "doorways": [{"corners_m": rectangle(door.rectangle)} for door in plan.doorways],
+        "footprints": [
+            {
+                "id": item.id,
+                "label": item.label,
+                "low_m": round(float(item.z_m), 4),
+                "high_m": round(float(item.z_m + item.model.height_m), 4),
+                "corners_m": corners(item.footprint_home_m()),
+            }
+            for item in apartment.furniture
+        ],
+    }
+
+
+def write_floor_plan(world: World, store: FrameStore) -> None:
+    """Write it beside the other truth files. Raises SimulationError."""
+    record = floor_plan_record(world.apartment, world.poses()[0])
+    write_text(store.folder / PLAN_NAME, json.dumps(record, indent=None) + "\n")
+
 
 Progress = Callable[[int, int], None]
 FORMAT = "edgemap.simulation/2"

@@ -10,18 +10,16 @@ from numpy.typing import NDArray
 from edgemap.geometry.camera.mount import Mount
 from edgemap.geometry.se2 import SE2
 from edgemap.simulation.apartment import furniture
-from edgemap.simulation.camera.exposure import gains
+from edgemap.simulation.camera.exposure import LightScript, gains
 from edgemap.simulation.camera.film import encoded, sensed, shaken
 from edgemap.simulation.errors import require
-from edgemap.simulation.floor_labels import floor_labels
-from edgemap.simulation.light_script import LightScript
 from edgemap.simulation.render.light import BakeSettings, bake
 from edgemap.simulation.render.movers import Mover
 from edgemap.simulation.render.renderer import Renderer
 from edgemap.simulation.render.scene import LightMix, LitScene
 from edgemap.simulation.render.view import View
 from edgemap.simulation.robot.nodding import lean
-from edgemap.simulation.truth import picture_boxes
+from edgemap.simulation.truth import floor_labels, picture_boxes
 from edgemap.simulation.world import World, build_scene
 
 EXPOSURE = 1.9

@@ -1,4 +1,4 @@
-"""Truth of each picture and of the drive: boxes with their visible share, objects with footprints."""
+"""Truth of each picture and of the drive: boxes with their visible share, floor labels, objects with footprints."""
 
 from collections.abc import Sequence
 from typing import Any
@@ -7,12 +7,15 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from edgemap.geometry.camera.intrinsics import Intrinsics
 from edgemap.geometry.se2 import SE2
 from edgemap.runtime.inputs.drives.drive import SEEN_SHARE, SEEN_SIDE_PX
+from edgemap.runtime.inputs.drives.floor_labels import FLOOR, OTHER, WALL
 from edgemap.simulation.apartment.apartment import Apartment
-from edgemap.simulation.apartment.placed import ALIVE
+from edgemap.simulation.apartment.layout import ALIVE
 from edgemap.simulation.render.movers import Mover
-from edgemap.simulation.render.renderer import Renderer
+from edgemap.simulation.render.renderer import RenderedFrame, Renderer
+from edgemap.simulation.render.scene import ROOM_ID
 from edgemap.simulation.render.view import View
 
 _SMALLEST_PX = 40
@@ -92,3 +95,18 @@ def object_records(
 
 def _rounded(value: NDArray[np.float64] | float) -> float:
     return round(float(value), 4)
+
+
+RUG_M = 0.025  # thickest that is floor
+BELOW_CEILING_M = 0.05
+
+
+def floor_labels(frame: RenderedFrame, view: View, lens: Intrinsics, ceiling_m: float) -> NDArray[np.uint8]:
+    """Labels (H, W): 1 floor and rugs, 2 walls with their doors and frames, 0 furniture, people and ceiling."""
+    rows, columns = frame.ids.shape
+    v, u = np.mgrid[0:rows, 0:columns]
+    rays = lens.rays(np.column_stack([u.ravel(), v.ravel()]))
+    up = (rays @ view.rotation_home_optical.T)[:, 2].reshape(rows, columns)
+    height_m = view.position_home_m[2] + up * frame.depth_m
+    labels = np.where(height_m < RUG_M, FLOOR, np.where(height_m < ceiling_m - BELOW_CEILING_M, WALL, OTHER))
+    return np.where(frame.ids == ROOM_ID, labels, OTHER).astype(np.uint8)

@@ -9,13 +9,12 @@ from edgemap.geometry.se2 import SE2
 from edgemap.simulation.apartment import furniture
 from edgemap.simulation.apartment.apartment import Apartment, purpose_of
 from edgemap.simulation.apartment.furniture import Purpose
-from edgemap.simulation.camera.setup import CameraSetup, Effects
+from edgemap.simulation.camera.exposure import LightScript
+from edgemap.simulation.camera.film import CameraSetup, Effects
 from edgemap.simulation.envelope import Envelope
-from edgemap.simulation.light_script import LightScript
 from edgemap.simulation.render.mesh import Array
 from edgemap.simulation.render.movers import Mover
-from edgemap.simulation.robot.plan_grid import CELL_M, PlanGrid
-from edgemap.simulation.robot.sight import VisibilityEstimate
+from edgemap.simulation.robot.plan_grid import CELL_M, PlanGrid, VisibilityEstimate
 from edgemap.simulation.studio import FIRST_MOVER_ID
 
 # Places tried for one picture; most pictures take the one that shows most of what was shown least.

@@ -14,17 +14,16 @@ from edgemap.simulation.apartment.apartment import Apartment, Placed, furnish, p
 from edgemap.simulation.apartment.furniture import Model
 from edgemap.simulation.apartment.moved import Changes, move_furniture
 from edgemap.simulation.apartment.shell import build_shell
-from edgemap.simulation.camera.setup import CameraSetup, Effects
+from edgemap.simulation.camera.exposure import LightScript
+from edgemap.simulation.camera.film import CameraSetup, Effects
 from edgemap.simulation.envelope import Envelope, light_of
 from edgemap.simulation.errors import SimulationError
-from edgemap.simulation.light_script import LightScript
 from edgemap.simulation.people import Walker, draw_walkers
 from edgemap.simulation.render.scene import Scene, Solid
 from edgemap.simulation.robot.explore import Habits, drive
 from edgemap.simulation.robot.motion import Limits, SampledDrive
 from edgemap.simulation.robot.nodding import Tilts, nodding_of
-from edgemap.simulation.robot.plan_grid import PlanGrid
-from edgemap.simulation.robot.sight import VisibilityEstimate
+from edgemap.simulation.robot.plan_grid import PlanGrid, VisibilityEstimate
 
 # What a drive must offer within its first 45 s, told from the plan: a little more than the contract asks, because
 # the plan's estimate of what is seen is one. Judged on every n-th of 450 moments, whatever the camera's rate.

@@ -5,8 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from edgemap.simulation.apartment.furniture import Purpose
-from edgemap.simulation.apartment.layout import Layout
-from edgemap.simulation.apartment.placed import ALIVE, Placed
+from edgemap.simulation.apartment.layout import ALIVE, Layout, Placed
 from edgemap.simulation.apartment.plan import ApartmentPlan, draw_plan
 from edgemap.simulation.apartment.rooms import furnish_room
 

@@ -16,8 +16,7 @@ from typing import Any, Literal
 import numpy as np
 
 from edgemap.simulation.apartment.made import FLAT_TOPS, LIBRARY, made
-from edgemap.simulation.apartment.mesh_cache import kept
-from edgemap.simulation.apartment.simplify import simplified
+from edgemap.simulation.apartment.mesh_cache import kept, simplified
 from edgemap.simulation.apartment.tint import Tint
 from edgemap.simulation.errors import SimulationError
 from edgemap.simulation.render.mesh import Mesh, Part

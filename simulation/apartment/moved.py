@@ -6,8 +6,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from edgemap.simulation.apartment.apartment import Apartment
-from edgemap.simulation.apartment.layout import SIDES, Layout
-from edgemap.simulation.apartment.placed import ALIVE, Placed
+from edgemap.simulation.apartment.layout import ALIVE, SIDES, Layout, Placed
 from edgemap.simulation.errors import SimulationError
 
 # Nobody carries these elsewhere between two drives.

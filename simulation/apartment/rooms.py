@@ -4,11 +4,9 @@ import math
 from collections.abc import Callable
 
 from edgemap.geometry.se2 import SE2
-from edgemap.simulation.apartment.kitchen import kitchen
-from edgemap.simulation.apartment.layout import SIDES, Layout
-from edgemap.simulation.apartment.placed import Placed
+from edgemap.simulation.apartment.groups import dining_group, kitchen, things
+from edgemap.simulation.apartment.layout import SIDES, Layout, Placed
 from edgemap.simulation.apartment.plan import RoomArea
-from edgemap.simulation.apartment.tables import dining_group, things
 
 _OPPOSITE = {"near": "far", "far": "near", "left": "right", "right": "left"}
 

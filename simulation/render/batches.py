@@ -10,7 +10,6 @@ from numpy.typing import NDArray
 
 from edgemap.simulation.render.mesh import Array, Material, welded
 from edgemap.simulation.render.scene import ROOM_ID, LitPart, LitSurface
-from edgemap.simulation.render.shaders import SurfaceKind
 
 _GLOSS = 0.01
 # Trim of the rooms is cut into pieces of about this size, so that what is out of view can be left out.
@@ -40,6 +39,16 @@ FORMATS = {
     "lamp_front": "3f2",
     "lamp_back": "3f2",
 }
+
+
+@dataclass(frozen=True, slots=True)
+class SurfaceKind:
+    """What a surface needs of the shader. light_map: lit by a texture, else at its corners."""
+
+    light_map: bool
+    image: bool
+    holes: bool
+    glossy: bool
 
 
 @dataclass(frozen=True, slots=True, eq=False)

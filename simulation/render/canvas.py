@@ -1,6 +1,13 @@
-"""OpenGL without a screen: programs per kind of surface, meshes in memory, textures."""
+"""OpenGL without a screen: GLSL programs per kind of surface, meshes in memory, textures, what a picture draws.
+
+The GLSL of glsl/ is one source for all kinds of surface: `source` cuts out what a kind does not need. Mesa draws on the
+processor, where every fragment counts: matte, plain surfaces get their colour at the corners, only glossy ones look for
+highlights, only those with holes may discard. Colours are kept as square roots (textures in, pixels out) since gamma
+curves cost more than everything else; `DISPLAY` turns square roots into sRGB afterwards."""
 
 import math
+from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
 import cv2
@@ -8,9 +15,26 @@ import numpy as np
 from numpy.typing import NDArray
 
 from edgemap.simulation.errors import SimulationError, require
-from edgemap.simulation.render import shaders
-from edgemap.simulation.render.batches import FORMATS, Packed
-from edgemap.simulation.render.shaders import SurfaceKind
+from edgemap.simulation.render.batches import FORMATS, Batch, Packed, SurfaceKind
+from edgemap.simulation.render.mesh import Array
+from edgemap.simulation.render.scene import ROOM_ID
+
+LAMPS = 4
+# Square root of display-linear light to sRGB's gamma, both 0..255.
+DISPLAY = np.round(255.0 * (np.arange(256) / 255.0) ** (2.0 / 2.2)).astype(np.uint8)
+
+
+def source(kind: SurfaceKind) -> tuple[str, str]:
+    """Vertex and fragment shader of a kind of surface."""
+    flags = {"LIGHT_MAP": kind.light_map, "IMAGE": kind.image, "HOLES": kind.holes, "GLOSSY": kind.glossy}
+    return shader("surface", "".join(f"#define {name}\n" for name, on in flags.items() if on))
+
+
+def shader(name: str, head: str = "") -> tuple[str, str]:
+    """Vertex and fragment shader glsl/NAME. head: put before both."""
+    folder = Path(__file__).with_name("glsl")
+    vertex, fragment = ((folder / f"{name}.{kind}").read_text() for kind in ("vert", "frag"))
+    return f"#version 330\n{head}{vertex}", f"#version 330\n{head}{fragment}"
 
 
 class RenderTarget:
@@ -21,9 +45,9 @@ class RenderTarget:
         self.context = _context(self.gl)
         self._programs: dict[SurfaceKind, Any] = {}
         self._textures: dict[int, tuple[NDArray[np.uint8], Any]] = {}
-        self.silhouette = self.context.program(*shaders.shader("silhouette"))
-        self.walls = self.context.program(*shaders.shader("walls"))
-        self._shadow = self.context.program(*shaders.shader("shadow"))
+        self.silhouette = self.context.program(*shader("silhouette"))
+        self.walls = self.context.program(*shader("walls"))
+        self._shadow = self.context.program(*shader("shadow"))
         square = np.array([[-1, -1], [1, -1], [-1, 1], [1, 1]], dtype="f4")
         self._square = self.context.vertex_array(
             self._shadow, [(self.context.buffer(square.tobytes()), "2f", "corner")]
@@ -33,7 +57,7 @@ class RenderTarget:
     def program(self, kind: SurfaceKind) -> Any:
         """The program that draws a kind of surface, compiled when first asked for."""
         if kind not in self._programs:
-            made = self._programs[kind] = self.context.program(*shaders.source(kind))
+            made = self._programs[kind] = self.context.program(*source(kind))
             for unit, name in enumerate(("image", "light_map")):
                 if name in made:
                     made[name] = unit
@@ -127,3 +151,43 @@ def _context(moderngl: Any) -> Any:
         raise SimulationError(
             f"no OpenGL without a screen ({error}): apt-get install libegl1 libegl-mesa0 libgl1 libgl1-mesa-dri"
         ) from None
+
+
+# One byte per pixel tells the objects of one picture apart.
+_MOST_OBJECTS = 254
+
+
+@dataclass(frozen=True, slots=True)
+class Draw:
+    """One batch to draw: from which meshes, with which slot in the id byte, and where it stands.
+
+    clip: (4, 4) from the batch's frame to the picture; eye: (3,) of the camera in that frame, metres. home: (4, 4) from
+    that frame to the home, for what moves.
+    """
+
+    meshes: Meshes
+    batch: Batch
+    slot: int
+    clip: Array
+    eye: Array
+    home: Array | None = None
+
+
+class Slots:
+    """The ids of one picture and the bytes that stand for them; 0 is the room."""
+
+    def __init__(self) -> None:
+        self._names, self._slots = [ROOM_ID], {ROOM_ID: 0}
+
+    def of(self, id_: int) -> int:
+        """The byte that represents an id in the picture; ids beyond the limit get the room's."""
+        if id_ not in self._slots:
+            if len(self._names) > _MOST_OBJECTS:
+                return 0
+            self._slots[id_] = len(self._names)
+            self._names.append(id_)
+        return self._slots[id_]
+
+    def ids(self, slots: NDArray[np.uint8]) -> NDArray[np.int32]:
+        """The ids that bytes stand for."""
+        return np.array(self._names, dtype=np.int32)[slots]

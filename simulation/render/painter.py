@@ -5,10 +5,8 @@ from typing import Any
 
 import numpy as np
 
-from edgemap.simulation.render import shaders
 from edgemap.simulation.render.batches import Batch
-from edgemap.simulation.render.canvas import RenderTarget
-from edgemap.simulation.render.draw import Draw
+from edgemap.simulation.render.canvas import LAMPS, Draw, RenderTarget
 from edgemap.simulation.render.mesh import Array, LightGroup
 from edgemap.simulation.render.scene import AreaLight, LightMix
 
@@ -86,7 +84,7 @@ class Painter:
         """The lights nearest to a glossy batch, as it sees them; those that are switched off cost nothing."""
         near, places = self._near(draw.batch) if draw.home is None else self._near_moving(draw.batch, draw.home)
         on = [(lamp, at) for lamp, at in zip(near, places, strict=True) if _share(lamp.group, light) > 0.0]
-        none = [_NOWHERE] * (shaders.LAMPS - len(on))
+        none = [_NOWHERE] * (LAMPS - len(on))
         program["lamps"] = len(on)
         program["lamp_at"] = [at for _, at in on] + none
         program["lamp_power"] = [tuple(lamp.radiance * (0.5 * _share(lamp.group, light))) for lamp, _ in on] + none
@@ -100,7 +98,7 @@ class Painter:
         """The nearest lights, and where they are for a batch that stands at `home` (4, 4)."""
         middle = (home @ [*batch.corners.mean(axis=0), 1.0])[:3]
         near = sorted(self._lights, key=lambda lamp: float(np.linalg.norm(lamp.centre - middle)))
-        near, local = near[: shaders.LAMPS], np.linalg.inv(home)
+        near, local = near[:LAMPS], np.linalg.inv(home)
         return near, [tuple((local @ [*lamp.centre, 1.0])[:3]) for lamp in near]
 
 

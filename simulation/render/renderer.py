@@ -14,17 +14,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from edgemap.geometry.camera.intrinsics import Intrinsics
-from edgemap.simulation.render import shaders
-from edgemap.simulation.render.canvas import RenderTarget, depth_of, release
-from edgemap.simulation.render.draw import Draw, Slots
-from edgemap.simulation.render.lens import Lens
+from edgemap.simulation.render.canvas import DISPLAY, Draw, RenderTarget, Slots, depth_of, release
 from edgemap.simulation.render.mesh import Array
-from edgemap.simulation.render.movers import Mover
-from edgemap.simulation.render.moving import Moving
+from edgemap.simulation.render.movers import Mover, Moving
 from edgemap.simulation.render.painter import Painter
 from edgemap.simulation.render.scene import LightMix, LitScene
 from edgemap.simulation.render.still import Still
-from edgemap.simulation.render.view import View, clip_matrix, metres, oversampled
+from edgemap.simulation.render.view import Lens, View, clip_matrix, metres, oversampled
 from edgemap.simulation.render.whole import Wholes
 
 _TIMES = 2  # rows and columns drawn for each of the picture
@@ -150,7 +146,7 @@ class Renderer:
         raw = np.frombuffer(self._fine.read(components=4, alignment=1), dtype=np.uint8).reshape(*size, 4)
         depth = depth_of(self._fine)
         small = cv2.pyrDown(raw, dstsize=(self._lens.pinhole.width, size[0] // 2))
-        colour = cv2.LUT(np.ascontiguousarray(small[..., :3]), shaders.DISPLAY)
+        colour = cv2.LUT(np.ascontiguousarray(small[..., :3]), DISPLAY)
         exact_slots = self._lens.exact(raw[..., 3], _TIMES)
         exact_depth = self._lens.exact(depth, _TIMES)
         return RenderedFrame(

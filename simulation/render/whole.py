@@ -9,12 +9,10 @@ from scipy.spatial import ConvexHull, QhullError
 
 from edgemap.geometry.camera.intrinsics import Intrinsics
 from edgemap.simulation.render.canvas import RenderTarget
-from edgemap.simulation.render.lens import Lens
 from edgemap.simulation.render.mesh import Array
-from edgemap.simulation.render.movers import Mover
-from edgemap.simulation.render.moving import Moving
+from edgemap.simulation.render.movers import Mover, Moving
 from edgemap.simulation.render.still import Still
-from edgemap.simulation.render.view import NEAR_M, View, clip_matrix
+from edgemap.simulation.render.view import NEAR_M, Lens, View, clip_matrix
 
 TILE_PX, COLUMNS, ROWS = 64, 16, 8
 # Objects that reach out of the picture are followed this far, as a factor on the picture's size.

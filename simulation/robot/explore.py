@@ -15,9 +15,8 @@ from edgemap.simulation.errors import SimulationError
 from edgemap.simulation.render.mesh import Array
 from edgemap.simulation.robot import motion
 from edgemap.simulation.robot.motion import SAMPLE_S, Limits, SampledDrive
-from edgemap.simulation.robot.plan_grid import PlanGrid
+from edgemap.simulation.robot.plan_grid import PlanGrid, VisibilityEstimate
 from edgemap.simulation.robot.router import Router
-from edgemap.simulation.robot.sight import VisibilityEstimate
 
 _LEGS_TRIED = 16
 # How often the camera looks while a leg is judged, and the share that counts as seen.

@@ -10,11 +10,10 @@ from hypothesis import strategies as st
 from edgemap.geometry.camera.intrinsics import Intrinsics
 from edgemap.geometry.camera.mount import Mount
 from edgemap.geometry.se2 import SE2
-from edgemap.simulation.camera.exposure import gains, light_levels, settled_gain
+from edgemap.simulation.camera.exposure import LightScript, gains, light_levels, settled_gain
 from edgemap.simulation.camera.film import noisy, shaken
 from edgemap.simulation.camera.shutter import exposed, flow_px_s, optical_twist
 from edgemap.simulation.envelope import Envelope, light_of
-from edgemap.simulation.light_script import LightScript
 from edgemap.simulation.render.scene import Probes
 from edgemap.simulation.robot.motion import SampledDrive
 

@@ -10,14 +10,13 @@ from support.hand_made_home import home
 
 from edgemap.geometry.camera.mount import Mount
 from edgemap.geometry.se2 import SE2
-from edgemap.simulation.camera.setup import CameraSetup
+from edgemap.simulation.camera.film import CameraSetup
 from edgemap.simulation.robot import motion
 from edgemap.simulation.robot.explore import drive
+from edgemap.simulation.robot.imu import Wheels, wheel_odometry
 from edgemap.simulation.robot.motion import SAMPLE_S, Limits, SampledDrive
-from edgemap.simulation.robot.plan_grid import PlanGrid
+from edgemap.simulation.robot.plan_grid import PlanGrid, VisibilityEstimate
 from edgemap.simulation.robot.router import Router
-from edgemap.simulation.robot.sight import VisibilityEstimate
-from edgemap.simulation.robot.wheels import Wheels, wheel_odometry
 
 LIMITS = Limits(speed_m_s=0.6, yaw_rate_rad_s=1.1)
 SECONDS = 90.0

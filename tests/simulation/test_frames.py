@@ -177,7 +177,7 @@ def test_bent_boxes_and_shares(draw, view):
 
 def test_lens_that_folds_is_refused():
     from edgemap.simulation.errors import SimulationError
-    from edgemap.simulation.render.lens import Lens
+    from edgemap.simulation.render.view import Lens
 
     with pytest.raises(SimulationError, match="folds the picture"):
         Lens(replace(INTRINSICS, distortion=Distortion("brown_conrady", (-2.0,))))

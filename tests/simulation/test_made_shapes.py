@@ -7,11 +7,20 @@ from collections import Counter
 import numpy as np
 import pytest
 
-from edgemap.simulation.apartment.made.shapes.bars import bar, beam, rod, tube
-from edgemap.simulation.apartment.made.shapes.grids import normals_of
-from edgemap.simulation.apartment.made.shapes.lofts import lathe, loft, pad, plate, sheet
-from edgemap.simulation.apartment.made.shapes.outlines import arc, filleted, oval, raised, rectangle
-from edgemap.simulation.apartment.made.shapes.solids import ball, block, cushion, padded, rounded
+from edgemap.simulation.apartment.made.shapes.lofts import (
+    arc,
+    filleted,
+    lathe,
+    loft,
+    normals_of,
+    oval,
+    pad,
+    plate,
+    raised,
+    rectangle,
+    sheet,
+)
+from edgemap.simulation.apartment.made.shapes.solids import ball, bar, beam, block, cushion, padded, rod, rounded, tube
 from edgemap.simulation.render.mesh import Material, Mesh
 
 WOOD = Material()

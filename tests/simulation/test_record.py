@@ -182,7 +182,7 @@ def test_the_floor_plan_lies_beside_the_drive_and_comes_to_one_that_was_rendered
 
 def test_floor_labels_are_what_depth_and_mount_say(recorded, drawn, monkeypatch, lit):
     from edgemap.geometry.camera.floor import FloorCamera
-    from edgemap.simulation import label_drive as module
+    from edgemap.simulation import record as module
 
     monkeypatch.setattr(module, "lit_home", lambda *_: lit)
     assert module.label_drive(drawn, recorded, 2) == 3

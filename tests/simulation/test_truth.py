@@ -8,10 +8,9 @@ from support.hand_made_home import PIECES, home
 from edgemap.geometry.se2 import SE2
 from edgemap.simulation.apartment.apartment import Apartment
 from edgemap.simulation.apartment.furniture import Model
-from edgemap.simulation.apartment.placed import Placed
-from edgemap.simulation.camera.setup import CameraSetup
-from edgemap.simulation.robot.plan_grid import PlanGrid
-from edgemap.simulation.robot.sight import VisibilityEstimate
+from edgemap.simulation.apartment.layout import Placed
+from edgemap.simulation.camera.film import CameraSetup
+from edgemap.simulation.robot.plan_grid import PlanGrid, VisibilityEstimate
 from edgemap.simulation.truth import object_records
 
 MODEL = Model("Scopia", "thing", "somebody", "thing.obj", 0.6, 0.4, 0.9)

@@ -16,7 +16,7 @@ def pictures(count):
 
 
 def test_a_video_has_every_picture_in_order_nearly_as_it_was(tmp_path):
-    from edgemap.simulation.video import write_video
+    from edgemap.simulation.record import write_video
 
     write_video(tmp_path / "video.mp4", pictures(8), 10.0)
     video = cv2.VideoCapture(str(tmp_path / "video.mp4"))
@@ -30,7 +30,7 @@ def test_a_video_has_every_picture_in_order_nearly_as_it_was(tmp_path):
 
 
 def test_the_same_pictures_give_the_same_bytes(tmp_path):
-    from edgemap.simulation.video import write_video
+    from edgemap.simulation.record import write_video
 
     for name in ("a.mp4", "b.mp4"):
         write_video(tmp_path / name, pictures(5), 10.0)

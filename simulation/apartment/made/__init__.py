@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 
 from edgemap.simulation.apartment.made import textures
-from edgemap.simulation.apartment.made.shapes import bars, grids, lofts, outlines, solids
+from edgemap.simulation.apartment.made.shapes import lofts, solids
 from edgemap.simulation.apartment.made.shapes.leaves import leaves
 from edgemap.simulation.errors import SimulationError
 from edgemap.simulation.render.mesh import Material, Mesh, Part, box, quad
@@ -31,13 +31,22 @@ FLAT_TOPS = {"dining table"}
 _SHAPES: dict[str, Callable[..., Any]] = {
     function.__name__: function
     for function in (
-        *(bars.beam, bars.tube, bars.bar, bars.rod, grids.surface, lofts.loft, lofts.plate, lofts.pad, lofts.lathe),
+        *(
+            solids.beam,
+            solids.tube,
+            solids.bar,
+            solids.rod,
+            lofts.surface,
+            lofts.loft,
+            lofts.plate,
+            lofts.pad,
+            lofts.lathe,
+        ),
         *(lofts.sheet, solids.block, solids.rounded, solids.cushion, solids.padded, solids.ball, box, quad, leaves),
     )
 }
 _OUTLINES: dict[str, Callable[..., Any]] = {
-    function.__name__: function
-    for function in (outlines.arc, outlines.filleted, outlines.oval, outlines.raised, outlines.rectangle)
+    function.__name__: function for function in (lofts.arc, lofts.filleted, lofts.oval, lofts.raised, lofts.rectangle)
 }
 
 
