@@ -25,7 +25,6 @@ from edgemap.runtime.network.engine_choice import (
 from edgemap.runtime.network.engines import open_network
 from edgemap.runtime.network.manifest import (
     METADATA_KEY,
-    OPSETS,
     DetectorSpec,
     Manifest,
     OdometryHead,
@@ -34,8 +33,9 @@ from edgemap.runtime.network.manifest import (
     verified_file,
 )
 from edgemap.runtime.network.network import Compute, Network, Shapes, with_padding
-from edgemap.runtime.network.onnx_file import MODEL_BYTES, onnx_facts
 from edgemap.runtime.network.preprocess import Preprocessor, rows_of
+
+MODEL_BYTES = 512 << 20
 
 
 @dataclass(frozen=True, slots=True)
@@ -189,11 +189,12 @@ def _opener(
     inputs: Shapes,
     outputs: Shapes,
 ) -> Callable[[Compute, int | None], Network]:
-    """Check a file's sum, opset and contract; what opens it, for so many rows of input where those are open, and checks
+    """Check a file's sum; what opens it, for so many rows of input where those are open, and checks its contract and
     its tensors."""
     path = verified_file(folder, manifest, record.file)
-    where = f"bundle {folder}: {record.file}"
-    _check_contract(path, where, record, folder)
+    where, size = f"bundle {folder}: {record.file}", path.stat().st_size
+    if size > MODEL_BYTES:
+        raise BundleError(f"{where}: {size:,} bytes, at most {MODEL_BYTES:,} are read")
 
     def opened(compute: Compute, rows: int | None) -> Network:
         try:
@@ -202,14 +203,15 @@ def _opener(
             raise
         except Exception as error:  # the engines' exceptions share no public base
             raise BundleError(f"{where} is not a model that {compute.engine} loads ({one_line(error, 160)})") from None
+        onnxruntime = compute.engine == "onnxruntime"
+        reference = network if onnxruntime else open_network(path, Compute(), rows)
+        _check_contract(reference.metadata, where, record, folder)
         cut = _cut(inputs, network.inputs)
         _compare(where, "input", cut(inputs), network.inputs)
         _compare(where, "output", cut(outputs), network.outputs)
         odometry = isinstance(record, OdometryHead)
         rounded, largest = not odometry and record.file != manifest.detector.file, FEATURES if odometry else PICTURE
-        if compute.engine != "onnxruntime" and not agrees(
-            network, open_network(path, Compute(), rows), compute.engine, rounded, largest
-        ):
+        if not (onnxruntime or agrees(network, reference, compute.engine, rounded, largest)):
             raise BundleError(f"{where}: {compute.engine} gives other outputs than onnxruntime")
         return network
 
@@ -236,16 +238,8 @@ def _compare(where: str, kind: str, promised: Shapes, found: Shapes) -> None:
             raise BundleError(f"{where}: {kind} {name} has shape {found[name]}, manifest says {shape}")
 
 
-def _check_contract(path: Path, where: str, record: DetectorSpec | OdometryHead, folder: Path) -> None:
-    facts = onnx_facts(path)
-    if facts is None:
-        raise BundleError(
-            f"{where} is not a complete ONNX file ({path.stat().st_size:,} bytes, at most {MODEL_BYTES:,}; "
-            "no opset found)"
-        )
-    if facts.opset not in OPSETS:
-        raise BundleError(f"{where} uses ONNX opset {facts.opset}, this edgemap runs {OPSETS[0]} to {OPSETS[-1]}")
-    contract = facts.metadata.get(METADATA_KEY)
+def _check_contract(metadata: dict[str, str], where: str, record: DetectorSpec | OdometryHead, folder: Path) -> None:
+    contract = metadata.get(METADATA_KEY)
     if contract is None:
         raise BundleError(f"{where} carries no {METADATA_KEY} metadata: not made by edgemap export")
     if contract != contract_metadata(record):

@@ -58,11 +58,8 @@ def open_onnxruntime(source: Path | bytes, compute: Compute, rows: int | None = 
             name = source if isinstance(source, Path) else "a network"
             raise BundleError(f"{name}: the network fails as it runs ({one_line(error, 160)})") from None
 
-    return Network(
-        {node.name: tuple(node.shape) for node in session.get_inputs()},
-        outputs,
-        run,
-    )
+    inputs = {node.name: tuple(node.shape) for node in session.get_inputs()}
+    return Network(inputs, outputs, run, session.get_modelmeta().custom_metadata_map)
 
 
 def open_openvino(path: Path, compute: Compute, rows: int | None = None) -> Network:

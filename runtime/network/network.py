@@ -1,7 +1,7 @@
 """One network of a bundle behind a common interface to the engines, and the choice of engine."""
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -26,11 +26,15 @@ class Compute:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Network:
-    """An ONNX file, ready to run. inputs, outputs: name to shape, all static. infer: outputs in that order."""
+    """An ONNX file, ready to run. inputs, outputs: name to shape, all static. infer: outputs in that order.
+
+    metadata: the file's own keys and values, where onnxruntime runs it.
+    """
 
     inputs: Shapes
     outputs: Shapes
     infer: Callable[[Tensors], Sequence[NDArray[np.float32]]]
+    metadata: dict[str, str] = field(default_factory=dict)
 
     def run(self, tensors: Tensors) -> Tensors:
         """Run once: float32 inputs by name to float32 outputs by name."""

@@ -23,7 +23,6 @@ from edgemap.runtime.inputs.recordings.camera import RecordingCamera
 from edgemap.runtime.inputs.recordings.facts import Facts
 from edgemap.runtime.inputs.recordings.pictures import raw_picture
 from edgemap.runtime.inputs.recordings.reader import McapReading
-from edgemap.runtime.network import onnx_file
 from edgemap.runtime.network.store import LENS, default_bundle
 
 IDENTITY = {"x": 0.0, "y": 0.0, "z": 0.0, "w": 1.0}
@@ -320,18 +319,3 @@ def test_a_picture_whose_name_a_terminal_would_act_on_is_refused(tmp_path):
         with pytest.raises(CameraError, match="characters that do not print") as caught:
             list_pictures(folder)
         assert str(caught.value).isprintable()
-
-
-def test_a_metadata_entry_longer_than_a_contract_is_skipped(tmp_path, monkeypatch):
-    entry = b"\x0a\x01k\x12\x05value"
-    path = tmp_path / "a.onnx"
-    path.write_bytes(b"\x42\x02\x10\x11" + b"\x72" + bytes([len(entry)]) + entry)
-    facts = onnx_file.onnx_facts(path)
-    assert facts is not None
-    assert (facts.opset, facts.metadata) == (17, {"k": "value"})
-    monkeypatch.setattr(onnx_file, "PAIR_BYTES", 5)
-    facts = onnx_file.onnx_facts(path)
-    assert facts is not None
-    assert facts.metadata == {}
-    monkeypatch.setattr(onnx_file, "MODEL_BYTES", 5)
-    assert onnx_file.onnx_facts(path) is None
