@@ -1,6 +1,6 @@
 """SPEC to camera: one line per kind, each kind's module imported when it is asked for."""
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from importlib.metadata import EntryPoint
 from pathlib import Path
 from typing import cast
@@ -25,6 +25,17 @@ KINDS = ("kitti", "tum", "c2w", "drive", "euroc", "locobot", "yolo")
 DEMO = Path(__file__).parent / "demo"
 
 
+@dataclass(frozen=True, slots=True)
+class _Asked:
+    """What the user gives beside SPEC, as of `open_camera`."""
+
+    intrinsics: Intrinsics | None
+    mount: Mount | None
+    recovery: RecoveryRule | None
+    topics: SensorTopics
+    depth: bool
+
+
 def open_camera(
     spec: str = "demo",
     *,
@@ -46,10 +57,13 @@ def open_camera(
     recorded, by_ros = spec.partition("#")[0].endswith(".mcap"), spec.startswith("ros2:")
     if topics.depth and not (recorded or by_ros):
         raise CameraError(f"camera {spec}: a topic of depth goes with pictures of a ROS 2 topic or a recording only")
-    camera = _open(spec, intrinsics, mount, recovery, depth, topics)
+    camera = _open(spec, _Asked(intrinsics, mount, recovery, topics, depth))
     if not recorded and (topics.wheels or topics.imu):
         try:
-            camera = _with_topics(camera, topics)
+            from edgemap.runtime.inputs.ros2.node import shared_node
+            from edgemap.runtime.inputs.ros2.sources import Ros2SensorsCamera
+
+            camera = Ros2SensorsCamera(camera, shared_node(), topics)
         except BaseException:
             camera.close()
             raise
@@ -60,119 +74,90 @@ def open_camera(
     return camera
 
 
-def _open(
-    spec: str,
-    intrinsics: Intrinsics | None,
-    mount: Mount | None,
-    recovery: RecoveryRule | None,
-    depth: bool,
-    topics: SensorTopics,
-) -> Camera:
+def _open(spec: str, asked: _Asked) -> Camera:
     kind, _, rest = spec.partition(":")
     if spec == "demo":
-        return _open_drive(f"drive:{DEMO}", spec, intrinsics, mount)
+        return _open_drive(f"drive:{DEMO}", spec, asked)
     if kind in KINDS:
-        return _open_drive(spec, spec, intrinsics, mount, depth)
+        return _open_drive(spec, spec, asked)
     if kind == "realsense":
-        return _open_realsense(rest, spec, intrinsics, mount, recovery, depth)
+        return _open_realsense(rest, spec, asked)
     if spec.isdecimal() or spec.startswith("/dev/video"):
         from edgemap.runtime.inputs.cameras.webcam import WebcamDriver
 
         device = Path(f"/dev/video{spec}" if spec.isdecimal() else spec)
-        return _open_live(WebcamDriver(device, spec, intrinsics), intrinsics, mount, recovery)
+        return _open_live(WebcamDriver(device, spec, asked.intrinsics), asked)
     if kind in STREAMS:
         from edgemap.runtime.inputs.cameras.webcam import StreamDriver
 
-        return _open_live(StreamDriver(spec), intrinsics, mount, recovery)
+        return _open_live(StreamDriver(spec), asked)
     if kind == "ros2":
         from edgemap.runtime.inputs.ros2.camera import Ros2Camera
         from edgemap.runtime.inputs.ros2.depth import DepthTopic
         from edgemap.runtime.inputs.ros2.node import shared_node
 
         node = shared_node()
-        return Ros2Camera(node, rest, intrinsics, mount, recovery, DepthTopic(node, topics.depth) if depth else None)
+        depth = DepthTopic(node, asked.topics.depth) if asked.depth else None
+        return Ros2Camera(node, rest, asked.intrinsics, asked.mount, asked.recovery, depth)
     if spec.partition("#")[0].endswith(".mcap"):
         from edgemap.runtime.inputs.recordings.camera import RecordingCamera
 
-        return RecordingCamera(spec, intrinsics, mount, topics, depth)
+        return RecordingCamera(spec, asked.intrinsics, asked.mount, asked.topics, asked.depth)
     kinds = plugin_kinds()
     if kind in kinds:
-        return _open_plugin(kinds[kind], rest, spec, intrinsics, mount, recovery)
+        return _open_plugin(kinds[kind], rest, spec, asked)
     path = user_path(spec)
     if path.is_dir():
         from edgemap.runtime.inputs.cameras.pictures import open_folder
 
-        return open_folder(path, spec, intrinsics, mount)
+        return open_folder(path, spec, asked.intrinsics, asked.mount)
     if path.is_file():
         from edgemap.runtime.inputs.cameras.video import VideoCamera
 
-        return VideoCamera(spec, path, intrinsics, mount)
+        return VideoCamera(spec, path, asked.intrinsics, asked.mount)
     understood = UNDERSTOOD + "".join(f", {name}[:ADDRESS]" for name in sorted(kinds))
     if path.suffix or "/" in spec:
         raise CameraError(f"camera {spec!r}: no such file or folder; understood: {understood}")
     raise CameraError(f"camera {spec!r} is not understood; understood: {understood}")
 
 
-def _open_drive(spec: str, name: str, intrinsics: Intrinsics | None, mount: Mount | None, depth: bool = True) -> Camera:
+def _open_drive(spec: str, name: str, asked: _Asked) -> Camera:
     from edgemap.runtime.inputs.cameras.pictures import drive_camera
     from edgemap.runtime.inputs.drives.open import open_drive
 
     drive = open_drive(spec)
-    return drive_camera(drive if depth else replace(drive, depth=()), name, intrinsics, mount)
+    return drive_camera(drive if asked.depth else replace(drive, depth=()), name, asked.intrinsics, asked.mount)
 
 
-def _open_realsense(
-    rest: str,
-    name: str,
-    intrinsics: Intrinsics | None,
-    mount: Mount | None,
-    recovery: RecoveryRule | None,
-    depth: bool,
-) -> Camera:
+def _open_realsense(rest: str, name: str, asked: _Asked) -> Camera:
     from edgemap.runtime.inputs.cameras.imu_buffer import ImuCamera
     from edgemap.runtime.inputs.cameras.realsense import RealSenseDriver, is_recording
     from edgemap.runtime.inputs.cameras.realsense_recording import RealSenseRecording
 
     if is_recording(rest):
-        return RealSenseRecording(user_path(rest), name, intrinsics, mount, depth)
-    driver = RealSenseDriver(name, rest or None, depth)
-    return ImuCamera(_open_live(driver, intrinsics, mount, recovery), driver.imu)
+        return RealSenseRecording(user_path(rest), name, asked.intrinsics, asked.mount, asked.depth)
+    driver = RealSenseDriver(name, rest or None, asked.depth)
+    return ImuCamera(_open_live(driver, asked), driver.imu)
 
 
-def _open_plugin(
-    point: EntryPoint,
-    rest: str,
-    spec: str,
-    intrinsics: Intrinsics | None,
-    mount: Mount | None,
-    recovery: RecoveryRule | None,
-) -> Camera:
+def _open_plugin(point: EntryPoint, rest: str, spec: str, asked: _Asked) -> Camera:
     """A camera of another package, nothing of which is taken for granted."""
     from edgemap.runtime.inputs.cameras.checked import CheckedCamera
 
     try:
-        source = load_kind(point).open(rest, intrinsics, mount)
+        source = load_kind(point).open(rest, asked.intrinsics, asked.mount)
         if callable(getattr(source, "read", None)):
             return CheckedCamera(cast(Camera, source), spec)
         if not callable(getattr(source, "open", None)):
             raise CameraError(f"camera {spec}: its package gave a {type(source).__name__}, no Camera and no Driver")
-        return _open_live(cast(Driver, source), intrinsics, mount, recovery)
+        return _open_live(cast(Driver, source), asked)
     except EdgemapError:
         raise
     except Exception as error:  # another package's code may raise anything
         raise CameraError(f"camera {spec}: does not open ({error_line(error)})") from error
 
 
-def _with_topics(camera: Camera, topics: SensorTopics) -> Camera:
-    from edgemap.runtime.inputs.ros2.node import shared_node
-    from edgemap.runtime.inputs.ros2.sources import Ros2SensorsCamera
-
-    return Ros2SensorsCamera(camera, shared_node(), topics)
-
-
-def _open_live(
-    driver: Driver, intrinsics: Intrinsics | None, mount: Mount | None, recovery: RecoveryRule | None
-) -> Camera:
+def _open_live(driver: Driver, asked: _Asked) -> Camera:
     from edgemap.runtime.inputs.cameras.live import LiveCamera
 
-    return LiveCamera(driver, intrinsics, mount, recovery)
+    return LiveCamera(driver, asked.intrinsics, asked.mount, asked.recovery)
