@@ -11,7 +11,7 @@ from edgemap.benchmarks.bench import OpenDrive, measure
 from edgemap.runtime.frames.errors import CameraError
 from edgemap.runtime.frames.frame import Frame
 from edgemap.runtime.frames.trajectory import PoseTrack
-from edgemap.runtime.inputs.cameras.around import CameraAround
+from edgemap.runtime.inputs.cameras.base import CameraAround
 from edgemap.runtime.inputs.cameras.protocol import Camera, next_frame
 from edgemap.runtime.inputs.drives.pictures import decode_picture
 

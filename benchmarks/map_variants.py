@@ -18,7 +18,7 @@ from edgemap.runtime.frames.errors import CameraError
 from edgemap.runtime.frames.frame import Frame
 from edgemap.runtime.inputs.cameras.pictures import drive_camera
 from edgemap.runtime.inputs.drives import Drive
-from edgemap.runtime.inputs.drives.floor_plan import read_floor_plan
+from edgemap.runtime.inputs.drives.truth import read_floor_plan
 from edgemap.runtime.motion.attitude.open import open_attitude
 from edgemap.runtime.motion.odometry import Motion, Odometry, open_odometry
 from edgemap.runtime.motion.odometry.protocol import NO_PRIOR, FramePrior

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from edgemap.runtime.frames.errors import MissingExtraError
 from edgemap.runtime.frames.extras import install_hint
-from edgemap.runtime.frames.library_names import library_path
+from edgemap.runtime.frames.reading import library_path
 from edgemap.runtime.network.manifest import DetectorSpec
 
 Infer = Callable[[NDArray[np.float32]], Sequence[NDArray[np.float32]]]

@@ -9,7 +9,7 @@ from edgemap.cli.arguments import arg
 from edgemap.cli.errors import OptionError
 
 if TYPE_CHECKING:
-    from edgemap.runtime.inputs.cameras.around import BudgetedCamera
+    from edgemap.runtime.inputs.cameras.base import BudgetedCamera
     from edgemap.runtime.inputs.cameras.protocol import Camera
 
 CpuShare = Annotated[
@@ -39,7 +39,7 @@ def read_share(text: str | None) -> float | None:
 def budgeted(camera: Camera, share: float | None, config: Path | None) -> BudgetedCamera:
     """The camera under a budget, or under the budget's decisions recorded in a run.json. Raises ConfigError."""
     from edgemap.runtime.inputs.budget import Budget
-    from edgemap.runtime.inputs.cameras.around import BudgetedCamera
+    from edgemap.runtime.inputs.cameras.base import BudgetedCamera
     from edgemap.runtime.step.config import load_efforts
 
     if share is not None:

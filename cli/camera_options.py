@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from edgemap.geometry.camera.intrinsics import Intrinsics
     from edgemap.geometry.camera.mount import Mount
     from edgemap.runtime.inputs.cameras.protocol import Camera, SensorTopics
-    from edgemap.runtime.inputs.cameras.recovery import RecoveryRule
+    from edgemap.runtime.inputs.cameras.supervisor import RecoveryRule
 
 LOWEST_M, HIGHEST_M = 0.05, 3.0  # of a lens above the floor; higher ones stand in a camera file
 CameraSpec = Annotated[

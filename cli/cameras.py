@@ -7,12 +7,12 @@ from typing import TYPE_CHECKING
 from edgemap.cli.options import Json, print_json
 
 if TYPE_CHECKING:
-    from edgemap.runtime.inputs.cameras.found import FoundCamera
+    from edgemap.runtime.inputs.cameras.plugins import FoundCamera
 
 
 def command(json: Json = False) -> None:
     """List RealSense devices, V4L2 devices and what installed camera kinds find, each with the command to type."""
-    from edgemap.runtime.inputs.cameras.found import found_cameras
+    from edgemap.runtime.inputs.cameras.plugins import found_cameras
 
     cameras, notes = found_cameras()
     if json:

@@ -50,7 +50,7 @@ def command(
     from edgemap.geometry.observations.sighting import sightings_of
     from edgemap.runtime.inputs.drives.pictures import list_pictures, read_picture
     from edgemap.runtime.network.decode import Decoder, Detector
-    from edgemap.runtime.network.floor_mask import floor_mask
+    from edgemap.runtime.network.preprocess import floor_mask
     from edgemap.runtime.step.overlay import draw_floor_mask
 
     if not images:

@@ -146,7 +146,7 @@ def _libraries() -> Iterator[Diagnosis]:
 
 def _cameras() -> Iterator[Diagnosis]:
     from edgemap.cli.cameras import command_line
-    from edgemap.runtime.inputs.cameras.found import found_cameras
+    from edgemap.runtime.inputs.cameras.plugins import found_cameras
 
     cameras, notes = found_cameras()
     for note in notes:
@@ -204,7 +204,7 @@ def _camera(
 
     from edgemap.cli.camera_options import lens_and_mount, open_described
     from edgemap.geometry.camera.floor import FloorCamera
-    from edgemap.runtime.frames.fault import CameraFault
+    from edgemap.runtime.frames.errors import CameraFault
     from edgemap.runtime.inputs.cameras.protocol import next_frame
 
     faults: list[CameraFault] = []
@@ -241,7 +241,7 @@ def _camera(
     if plot:
         import cv2
 
-        from edgemap.runtime.frames.library_names import library_path
+        from edgemap.runtime.frames.reading import library_path
         from edgemap.runtime.step.overlay import draw_floor_grid
 
         written = cv2.imwrite(library_path(plot), draw_floor_grid(frame.image, floor))

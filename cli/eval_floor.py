@@ -38,10 +38,10 @@ def command(
 
     from edgemap.evaluation.floor import FloorScore
     from edgemap.runtime.frames.reading import user_path
-    from edgemap.runtime.inputs.drives.floor_labels import floor_pairs, read_floor_labels
     from edgemap.runtime.inputs.drives.pictures import read_picture
+    from edgemap.runtime.inputs.drives.truth import floor_pairs, read_floor_labels
     from edgemap.runtime.network.decode import Detector
-    from edgemap.runtime.network.floor_mask import floor_mask
+    from edgemap.runtime.network.preprocess import floor_mask
 
     at_least(1, frames=frames)
     kind, colon, name = data.partition(":")

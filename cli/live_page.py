@@ -55,7 +55,7 @@ class OpenPage(NoPage):
 
     def camera(self, source: Camera, stop: Event) -> Camera:
         """The camera that the run reads from."""
-        from edgemap.runtime.inputs.cameras.around import BudgetedCamera, PacedCamera
+        from edgemap.runtime.inputs.cameras.base import BudgetedCamera, PacedCamera
         from edgemap.view.pause import PausableCamera
 
         if isinstance(source, BudgetedCamera):

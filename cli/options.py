@@ -13,8 +13,7 @@ from edgemap.cli.errors import OptionError
 if TYPE_CHECKING:
     from edgemap.runtime.frames.decisions import Decisions, Precision
     from edgemap.runtime.network.bundle import Bundle
-    from edgemap.runtime.network.compute import Pace
-    from edgemap.runtime.network.engine_choice import EngineChoice
+    from edgemap.runtime.network.compute import EngineChoice, Pace
 
 ODOMETRIES = ("hybrid", "flow", "planar", "gyro", "paper", "truth")
 MAXIMUM_THREADS = 64

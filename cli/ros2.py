@@ -75,7 +75,7 @@ def ros2_sinks(
     """The sink that publishes, where it is asked for. Raises OptionError, Ros2Error or MissingExtraError."""
     if not wanted:
         return []
-    from edgemap.runtime.frames.messages.frame_ids import FrameIds
+    from edgemap.runtime.frames.messages.topics import FrameIds
     from edgemap.runtime.inputs.ros2.node import shared_node
     from edgemap.runtime.outputs.publishers.ros2 import Ros2Options, Ros2Sink
 

@@ -10,9 +10,8 @@ from edgemap.export.calibration import Calibration
 from edgemap.export.detector.validate import CONFIDENCE, NMS_IOU
 from edgemap.runtime.inputs.drives.pictures import read_picture
 from edgemap.runtime.network.bundle import Bundle
-from edgemap.runtime.network.compute import processor_name
+from edgemap.runtime.network.compute import processor_name, time_ratio
 from edgemap.runtime.network.decode import Decoder
-from edgemap.runtime.network.engine_choice import time_ratio
 from edgemap.runtime.network.preprocess import Preprocessor
 
 TIMED = 30  # runs of each

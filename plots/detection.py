@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from edgemap.evaluation.detection import ScoredPicture, match_boxes
-from edgemap.runtime.frames.library_names import library_path
+from edgemap.runtime.frames.reading import library_path
 
 TILE_PX, COLUMNS, TILES = 240, 5, 20
 FALSE, MISSED, TEXT = (60, 60, 255), (0, 200, 255), (255, 255, 255)  # BGR

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from edgemap.geometry.camera.intrinsics import Intrinsics
 from edgemap.geometry.se2 import SE2
 from edgemap.runtime.inputs.drives.drive import SEEN_SHARE, SEEN_SIDE_PX
-from edgemap.runtime.inputs.drives.floor_labels import FLOOR, OTHER, WALL
+from edgemap.runtime.inputs.drives.truth import FLOOR, OTHER, WALL
 from edgemap.simulation.apartment.apartment import Apartment
 from edgemap.simulation.apartment.layout import ALIVE
 from edgemap.simulation.render.movers import Mover

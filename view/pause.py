@@ -5,9 +5,9 @@ from __future__ import annotations
 import time
 from collections.abc import Callable
 
-from edgemap.runtime.frames.fault import FrameTimeout
+from edgemap.runtime.frames.errors import FrameTimeout
 from edgemap.runtime.frames.frame import Frame
-from edgemap.runtime.inputs.cameras.around import CameraAround
+from edgemap.runtime.inputs.cameras.base import CameraAround
 from edgemap.runtime.inputs.cameras.protocol import Camera
 
 LOOK_EVERY_S, HELD_S = 0.05, 0.25  # while held: between two looks, and until the reader may do something else

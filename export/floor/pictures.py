@@ -6,8 +6,8 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from edgemap.runtime.inputs.drives.floor_labels import FLOOR, OTHER, UNKNOWN, WALL, read_floor_labels
 from edgemap.runtime.inputs.drives.pictures import read_picture
+from edgemap.runtime.inputs.drives.truth import FLOOR, OTHER, UNKNOWN, WALL, read_floor_labels
 from edgemap.runtime.network.preprocess import Placement
 
 Image = NDArray[np.uint8]

@@ -9,10 +9,9 @@ from numpy.typing import NDArray
 from tqdm import tqdm
 
 from edgemap.export.errors import ExportError
-from edgemap.runtime.frames.library_names import library_path
-from edgemap.runtime.frames.reading import user_path
-from edgemap.runtime.inputs.drives.floor_labels import floor_pairs, paired
+from edgemap.runtime.frames.reading import library_path, user_path
 from edgemap.runtime.inputs.drives.pictures import list_pictures, read_picture
+from edgemap.runtime.inputs.drives.truth import floor_pairs, paired
 
 Pair = tuple[Path, Path]
 Teacher = Callable[[NDArray[np.uint8]], NDArray[np.uint8]]

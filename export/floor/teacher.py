@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from edgemap.export.errors import ExportError
 from edgemap.runtime.frames.reading import one_line
-from edgemap.runtime.inputs.drives.floor_labels import FLOOR, OTHER, UNKNOWN, WALL
+from edgemap.runtime.inputs.drives.truth import FLOOR, OTHER, UNKNOWN, WALL
 
 Image = NDArray[np.uint8]
 FLOORS = (4, 29)  # of the teacher's 32 classes: floor, rug

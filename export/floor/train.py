@@ -21,8 +21,8 @@ from edgemap.export.floor.head import LABELS, STRIDES, FloorHead
 from edgemap.export.floor.pictures import load
 from edgemap.export.training import Schedule, Training, average_into
 from edgemap.runtime.frames.reading import one_line
-from edgemap.runtime.network.floor_mask import floor_mask
 from edgemap.runtime.network.manifest import FloorSpec
+from edgemap.runtime.network.preprocess import floor_mask
 
 EDGE, EDGE_WEIGHT = 5, 2.0  # cells about the floor's edge, which count so much more
 DICE = 0.3  # weight of the overlap beside the cross-entropy

@@ -31,8 +31,6 @@ class Frame:
 
     def _repr_png_(self) -> bytes:
         """In a notebook: the picture."""
-        from edgemap.runtime.frames.png import png
-
         return png(self.image)
 
     def __post_init__(self) -> None:
@@ -40,3 +38,10 @@ class Frame:
             raise ValueError(f"frame image is {self.image.dtype} {self.image.shape}, expected uint8 (H, W, 3)")
         if self.depth is not None and self.depth.shape != self.image.shape[:2]:
             raise ValueError(f"frame depth is {self.depth.shape}, the image {self.image.shape[:2]}")
+
+
+def png(picture: NDArray[np.uint8]) -> bytes:
+    """A BGR picture (H, W, 3), or one with transparency (H, W, 4), as a PNG file."""
+    import cv2
+
+    return cv2.imencode(".png", picture)[1].tobytes()

@@ -1,9 +1,12 @@
 """Reads files that may be damaged or hostile: bounded in size, decoded against a schema, every failure one line.
 
 Every reader of edgemap begins here: `read_bytes` or `read_text` bounds what enters memory, `decode_json` and `convert`
-check all of a document against a msgspec type with constraints before anything is made of it.
+check all of a document against a msgspec type with constraints before anything is made of it. Paths that OpenCV, PyAV,
+librealsense or an engine opens go through `library_path`: Python keeps bytes of a name that are not UTF-8 as surrogates
+(PEP 383), at which those libraries abort.
 """
 
+import os
 import re
 import stat
 import sys
@@ -138,3 +141,15 @@ def _reason(why: Exception, tree: Any) -> str:
 
 def _short(value: object) -> str:
     return repr(value) if not isinstance(value, int) or abs(value) < 1 << 64 else "a huge number"
+
+
+class FileNameError(EdgemapError):
+    """A file name that a library written in C++ cannot be given."""
+
+
+def library_path(path: str | Path) -> str:
+    """The path as UTF-8 text for a library, independent of the locale. Raises FileNameError where it is not UTF-8."""
+    try:
+        return os.fsencode(path).decode("utf-8")
+    except UnicodeError:
+        raise FileNameError(f"{printable(path)}: the name is not UTF-8, rename the file or its folder") from None

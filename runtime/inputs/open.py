@@ -12,7 +12,7 @@ from edgemap.runtime.frames.errors import CameraError
 from edgemap.runtime.frames.reading import error_line, user_path
 from edgemap.runtime.inputs.cameras.plugins import load_kind, plugin_kinds
 from edgemap.runtime.inputs.cameras.protocol import Camera, Driver, SensorTopics
-from edgemap.runtime.inputs.cameras.recovery import RecoveryRule
+from edgemap.runtime.inputs.cameras.supervisor import RecoveryRule
 
 UNDERSTOOD = (
     "demo, realsense[:SERIAL], realsense:FILE.db3|.bag, a number or /dev/videoN, an rtsp:// or http(s):// stream, "
@@ -60,15 +60,15 @@ def open_camera(
     camera = _open(spec, _Asked(intrinsics, mount, recovery, topics, depth))
     if not recorded and (topics.wheels or topics.imu):
         try:
+            from edgemap.runtime.inputs.ros2.camera import Ros2SensorsCamera
             from edgemap.runtime.inputs.ros2.node import shared_node
-            from edgemap.runtime.inputs.ros2.sources import Ros2SensorsCamera
 
             camera = Ros2SensorsCamera(camera, shared_node(), topics)
         except BaseException:
             camera.close()
             raise
     if realtime and not camera.live:
-        from edgemap.runtime.inputs.cameras.around import PacedCamera
+        from edgemap.runtime.inputs.cameras.base import PacedCamera
 
         return PacedCamera(camera)
     return camera
@@ -112,7 +112,7 @@ def _open(spec: str, asked: _Asked) -> Camera:
 
         return open_folder(path, spec, asked.intrinsics, asked.mount)
     if path.is_file():
-        from edgemap.runtime.inputs.cameras.video import VideoCamera
+        from edgemap.runtime.inputs.cameras.pictures import VideoCamera
 
         return VideoCamera(spec, path, asked.intrinsics, asked.mount)
     understood = UNDERSTOOD + "".join(f", {name}[:ADDRESS]" for name in sorted(kinds))

@@ -11,14 +11,17 @@ import numpy as np
 from edgemap.runtime.frames.decisions import Engine, Numbers, Precision
 from edgemap.runtime.frames.errors import BundleError, MissingExtraError, OdometryError
 from edgemap.runtime.frames.reading import one_line
-from edgemap.runtime.network.compute import Pace, multiplies_int8, one_blas_thread, settle
-from edgemap.runtime.network.engine_choice import (
+from edgemap.runtime.network.compute import (
     FEATURES,
+    INT8_WORTH_IT,
     PICTURE,
-    WORTH_IT,
     EngineChoice,
+    Pace,
     agrees,
+    multiplies_int8,
+    one_blas_thread,
     report_allows_int8,
+    settle,
     stored_engine,
     time_ratio,
 )
@@ -175,7 +178,7 @@ def _load_the_faster(folder: Path, threads: int | None, pace: Pace, engine: Engi
     picture = np.random.default_rng(0).integers(0, 256, _input_shape(spec)).astype(np.float32)
     tensors = {spec.input.name: picture * np.float32(spec.input.scale)}
     ratio = time_ratio(lambda: small.backbone.run(tensors), lambda: exact.backbone.run(tensors))
-    return small if ratio <= WORTH_IT else exact
+    return small if ratio <= INT8_WORTH_IT else exact
 
 
 def _input_shape(detector: DetectorSpec) -> tuple[int, ...]:

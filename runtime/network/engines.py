@@ -9,8 +9,7 @@ from numpy.typing import NDArray
 
 from edgemap.runtime.frames.errors import BundleError
 from edgemap.runtime.frames.extras import need
-from edgemap.runtime.frames.library_names import library_path
-from edgemap.runtime.frames.reading import one_line
+from edgemap.runtime.frames.reading import library_path, one_line
 from edgemap.runtime.network.network import Compute, Network, Tensors
 
 PROVIDERS = ["CPUExecutionProvider"]

@@ -16,7 +16,7 @@ from edgemap.geometry.slam.pose_graph import GraphRule
 from edgemap.runtime.frames.plain_yaml import read_yaml
 from edgemap.runtime.frames.reading import Strict, convert, decode_json, one_line, read_bytes
 from edgemap.runtime.inputs.budget import Effort
-from edgemap.runtime.inputs.cameras.recovery import RecoveryRule
+from edgemap.runtime.inputs.cameras.supervisor import RecoveryRule
 from edgemap.runtime.motion.attitude.inertial import AttitudeRule
 from edgemap.runtime.motion.health import HealthRule
 from edgemap.runtime.motion.height_check import HeightRule

@@ -7,7 +7,7 @@ from contextlib import contextmanager
 from types import FrameType
 
 from edgemap.geometry.errors import EdgemapError
-from edgemap.runtime.frames.fault import CameraFault, CameraState, FrameTimeout
+from edgemap.runtime.frames.errors import CameraFault, CameraState, FrameTimeout
 from edgemap.runtime.inputs.cameras.protocol import Camera
 from edgemap.runtime.step.edits import Edits
 from edgemap.runtime.step.sinks import Sink, SinkGroup

@@ -22,9 +22,8 @@ from edgemap.runtime.motion.odometry.protocol import FramePrior, Motion, Odometr
 from edgemap.runtime.motion.rest import RestMonitor, RestRule
 from edgemap.runtime.network.bundle import Bundle
 from edgemap.runtime.network.decode import Decoder
-from edgemap.runtime.network.floor_mask import floor_mask
 from edgemap.runtime.network.network import Tensors
-from edgemap.runtime.network.preprocess import Preprocessor
+from edgemap.runtime.network.preprocess import Preprocessor, floor_mask
 from edgemap.runtime.step.frame_observations import FrameObservations
 
 # A repeated picture is still searched while the robot has moved by less since it was new.

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from edgemap.geometry.map_object import MapObject
 from edgemap.geometry.observations.detections import Detections
 from edgemap.geometry.se2 import SE2
-from edgemap.runtime.frames.fault import CameraFault
+from edgemap.runtime.frames.errors import CameraFault
 from edgemap.runtime.frames.frame import Frame
 from edgemap.runtime.motion.health import PictureHealth
 from edgemap.runtime.motion.odometry.protocol import Motion
@@ -64,7 +64,7 @@ class StepResult:
 
     def _repr_png_(self) -> bytes:
         """In a notebook: the picture with all boxes, those on the floor with their distance."""
-        from edgemap.runtime.frames.png import png
+        from edgemap.runtime.frames.frame import png
         from edgemap.runtime.step.overlay import draw_detections
 
         sightings = [placed.sighting for placed in self.sightings]

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from reliability.faulty_camera import ACTING, PASSING, CaptureDriver, FaultyDriver, FaultyWorld, plan
 
-from edgemap.runtime.frames.fault import CameraFault, FrameTimeout
+from edgemap.runtime.frames.errors import CameraFault, FrameTimeout
 from edgemap.runtime.inputs.cameras.live import LiveCamera
 
 

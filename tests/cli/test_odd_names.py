@@ -110,7 +110,7 @@ def test_names_beyond_the_locale(tmp_path):
 
 
 def test_paths_reach_libraries_through_one_door():
-    """No module but `library_names` gives OpenCV, PyAV, librealsense or an engine the text of a path."""
+    """No module but through `library_path` gives OpenCV, PyAV, librealsense or an engine the text of a path."""
     root = Path(__file__).parents[2]
     doors = ("VideoCapture(", "imread(", "imwrite(", "av.open(", "device_from_file(", "load_device(", "read_model(")
     rooms = ("geometry", "runtime", "evaluation", "simulation", "export", "plots", "view", "cli")

@@ -15,7 +15,7 @@ from edgemap.cli.record import command as record
 from edgemap.geometry.se2 import SE2
 from edgemap.runtime.frames.errors import RecordingError
 from edgemap.runtime.inputs.open import open_camera
-from edgemap.runtime.inputs.recordings.sensors import read_wheel
+from edgemap.runtime.inputs.recordings.foreign import read_wheel
 from edgemap.runtime.step.map_file import load_map
 
 FRAMES = 25

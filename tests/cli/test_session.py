@@ -12,10 +12,9 @@ from edgemap.geometry.camera.intrinsics import Intrinsics
 from edgemap.geometry.camera.mount import Mount
 from edgemap.geometry.errors import EdgemapError
 from edgemap.runtime.frames import extras
-from edgemap.runtime.frames.errors import CameraError, MissingExtraError
-from edgemap.runtime.frames.fault import CameraFault, CameraLostError
+from edgemap.runtime.frames.errors import CameraError, CameraFault, CameraLostError, MissingExtraError
 from edgemap.runtime.inputs.cameras.live import LiveCamera
-from edgemap.runtime.inputs.cameras.recovery import RecoveryRule
+from edgemap.runtime.inputs.cameras.supervisor import RecoveryRule
 from edgemap.runtime.outputs.sinks.run_folder import RunFolder
 from edgemap.runtime.step.map_file import load_map
 

@@ -4,8 +4,7 @@ import numpy as np
 
 from edgemap.cli.truth import judge_of, object_lines
 from edgemap.geometry.map_object import MapObject
-from edgemap.runtime.inputs.cameras.around import PacedCamera
-from edgemap.runtime.inputs.cameras.base import CameraBase
+from edgemap.runtime.inputs.cameras.base import CameraBase, PacedCamera
 
 CHAIR = MapObject("chair-1", "chair", np.array([2.0, 0.3]), np.eye(2) * 0.01, 0.5, 0.9, 9, 1.0, 0.0, 1.0)
 

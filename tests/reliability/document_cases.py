@@ -19,8 +19,7 @@ from edgemap.geometry.errors import EdgemapError
 from edgemap.geometry.objects import queries
 from edgemap.geometry.objects.merge import merge_maps
 from edgemap.geometry.registration.alignment import align
-from edgemap.runtime.frames.errors import CameraError
-from edgemap.runtime.frames.fault import CameraFault
+from edgemap.runtime.frames.errors import CameraError, CameraFault
 from edgemap.runtime.frames.trajectory import read_tum
 from edgemap.runtime.inputs.cameras.pictures import drive_camera
 from edgemap.runtime.inputs.cameras.protocol import Camera
@@ -28,7 +27,7 @@ from edgemap.runtime.inputs.drives import open_drive
 from edgemap.runtime.inputs.drives.camera_yaml import read_camera_yaml
 from edgemap.runtime.inputs.drives.pose_files import read_matrices, read_stamps, read_tum_3d
 from edgemap.runtime.inputs.drives.sensor_csv import read_imu_csv, read_wheel_csv
-from edgemap.runtime.inputs.drives.truth_json import read_boxes, read_objects
+from edgemap.runtime.inputs.drives.truth import read_boxes, read_objects
 from edgemap.runtime.inputs.drives.yolo import COCO_NAMES, label_table
 from edgemap.runtime.inputs.recordings.facts import read_facts, read_trajectory_file
 from edgemap.runtime.outputs.mapfiles.geojson import geojson_text

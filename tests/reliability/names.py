@@ -18,8 +18,7 @@ import yaml
 from edgemap.geometry.map_object import MapObject
 from edgemap.geometry.objects.edits import Annotations, Zone
 from edgemap.runtime.frames.errors import PublishError
-from edgemap.runtime.frames.library_names import library_path
-from edgemap.runtime.frames.reading import one_line, printable
+from edgemap.runtime.frames.reading import library_path, one_line, printable
 from edgemap.runtime.inputs.cameras.pictures import open_folder
 from edgemap.runtime.outputs.fleet.network import NAME, name_of, robot_of
 from edgemap.runtime.outputs.mapfiles.geojson import geojson_text

@@ -18,11 +18,11 @@ from edgemap.geometry.camera.intrinsics import Intrinsics
 from edgemap.geometry.camera.mount import Mount
 from edgemap.geometry.se2 import SE2
 from edgemap.runtime.frames.messages.definitions import definition
-from edgemap.runtime.inputs.cameras.video import VideoCamera
+from edgemap.runtime.inputs.cameras.pictures import VideoCamera
 from edgemap.runtime.inputs.drives.pictures import read_picture
 from edgemap.runtime.inputs.recordings.camera import RecordingCamera
 from edgemap.runtime.inputs.recordings.facts import RECORD, TRUTH_FILE, WHEEL_FILE, Facts, facts_record
-from edgemap.runtime.inputs.recordings.sensors import read_wheel
+from edgemap.runtime.inputs.recordings.foreign import read_wheel
 from edgemap.runtime.outputs.messages import build as messages
 from reliability.document_cases import drained
 from reliability.mutations import json_bytes, mutated_bytes, mutated_tree

@@ -13,10 +13,10 @@ from edgemap.cli.budget import read_share
 from edgemap.cli.errors import OptionError
 from edgemap.geometry.camera.imu import ImuSamples
 from edgemap.geometry.se2 import SE2
-from edgemap.runtime.frames.fault import CameraFault, FaultKind
+from edgemap.runtime.frames.errors import CameraFault, FaultKind
 from edgemap.runtime.frames.frame import Frame
 from edgemap.runtime.inputs.budget import LADDER, Budget, Effort
-from edgemap.runtime.inputs.cameras.around import BudgetedCamera
+from edgemap.runtime.inputs.cameras.base import BudgetedCamera
 from edgemap.runtime.inputs.open import open_camera
 from edgemap.runtime.motion.odometry.hybrid import HybridOdometry, Member
 from edgemap.runtime.motion.odometry.protocol import Motion, no_motion

@@ -12,10 +12,9 @@ from edgemap.runtime.frames.decisions import Decisions
 from edgemap.runtime.frames.errors import BundleError
 from edgemap.runtime.inputs.open import open_camera
 from edgemap.runtime.motion.odometry.learned import LearnedOdometry
-from edgemap.runtime.network import engine_choice
+from edgemap.runtime.network import compute
 from edgemap.runtime.network.bundle import load_bundle
-from edgemap.runtime.network.compute import computes_bf16
-from edgemap.runtime.network.engine_choice import best_engine, stored_engine
+from edgemap.runtime.network.compute import best_engine, computes_bf16, stored_engine
 from edgemap.runtime.network.engines import open_network
 from edgemap.runtime.network.network import Compute, Network
 from edgemap.runtime.network.preprocess import Preprocessor
@@ -81,14 +80,14 @@ def test_with_16_bits_the_odometry_runs_beside_the_backbone_unless_it_disagrees(
     del opened[:]
     bundle.odometry_head("flow")
     assert opened == ["openvino-bf16", "onnxruntime"]  # the second one to compare with
-    monkeypatch.setitem(engine_choice.TOLERANCE, "openvino-bf16", 0.0)
+    monkeypatch.setitem(compute.TOLERANCE, "openvino-bf16", 0.0)
     bundle.odometry_head("flow")
     assert opened[2:] == ["openvino-bf16", "onnxruntime", "onnxruntime"]
 
 
 def test_an_engine_that_disagrees_is_refused(monkeypatch):
     pytest.importorskip("openvino")
-    monkeypatch.setitem(engine_choice.TOLERANCE, "openvino", 0.0)
+    monkeypatch.setitem(compute.TOLERANCE, "openvino", 0.0)
     with pytest.raises(BundleError, match=r"backbone\.onnx: openvino gives other outputs than onnxruntime"):
         load_bundle(NANO, 1, engine="openvino")
 
@@ -107,13 +106,13 @@ def test_another_engine_must_be_clearly_faster(monkeypatch, times, chosen):
             raise BundleError("other outputs")
         return engine
 
-    monkeypatch.setattr(engine_choice, "minimum_ms", times.__getitem__)
+    monkeypatch.setattr(compute, "minimum_ms", times.__getitem__)
     assert best_engine(list(times), load) == chosen
 
 
 def test_the_choice_is_tried_once_for_each_bundle(monkeypatch, tmp_path):
     monkeypatch.setenv("EDGEMAP_CACHE", str(tmp_path))
-    monkeypatch.setattr(engine_choice, "available_engines", lambda: ("onnxruntime", "openvino"))
+    monkeypatch.setattr(compute, "available_engines", lambda: ("onnxruntime", "openvino"))
     loaded = []
 
     def load(engine):

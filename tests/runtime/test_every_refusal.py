@@ -11,7 +11,7 @@ import pytest
 
 from edgemap.runtime.frames import number_rows
 from edgemap.runtime.frames.errors import BundleError, CameraError
-from edgemap.runtime.inputs.cameras.video import VideoCamera
+from edgemap.runtime.inputs.cameras.pictures import VideoCamera
 from edgemap.runtime.inputs.drives import open_drive
 from edgemap.runtime.inputs.drives.pose_files import read_stamps
 from edgemap.runtime.inputs.recordings import chunks

@@ -21,10 +21,10 @@ from edgemap.runtime.frames.trajectory import Trajectory, read_tum
 from edgemap.runtime.inputs.drives.camera_yaml import read_camera_yaml
 from edgemap.runtime.inputs.drives.pictures import PIXEL_LIMIT, picture_size, read_picture
 from edgemap.runtime.inputs.drives.sensor_csv import read_wheel_csv
-from edgemap.runtime.inputs.drives.truth_json import read_boxes, read_objects
+from edgemap.runtime.inputs.drives.truth import read_boxes, read_objects
 from edgemap.runtime.inputs.recordings.camera import RecordingCamera
 from edgemap.runtime.inputs.recordings.facts import read_trajectory_file
-from edgemap.runtime.inputs.recordings.sensors import read_wheel
+from edgemap.runtime.inputs.recordings.foreign import read_wheel
 from edgemap.runtime.network.bundle import load_bundle
 from edgemap.runtime.network.manifest import read_manifest
 from edgemap.runtime.network.store import install_folder

@@ -32,7 +32,7 @@ import resource, sys
 from pathlib import Path
 from edgemap.geometry.errors import EdgemapError
 from edgemap.runtime.step.map_file import load_map
-from edgemap.runtime.inputs.drives.truth_json import read_boxes
+from edgemap.runtime.inputs.drives.truth import read_boxes
 from edgemap.runtime.inputs.recordings.facts import read_trajectory_file
 size = int(Path("/proc/self/statm").read_text().split()[0]) * resource.getpagesize()
 resource.setrlimit(resource.RLIMIT_AS, (size + (400 << 20),) * 2)

@@ -8,8 +8,7 @@ from support import painted
 from edgemap.runtime.frames.errors import BundleError
 from edgemap.runtime.network import bundle as session
 from edgemap.runtime.network.bundle import load_bundle
-from edgemap.runtime.network.compute import multiplies_int8
-from edgemap.runtime.network.engine_choice import ROUNDS, WARM_UP, report_allows_int8, time_ratio
+from edgemap.runtime.network.compute import PAIRED_ROUNDS, WARM_UP, multiplies_int8, report_allows_int8, time_ratio
 from edgemap.runtime.network.manifest import BundleVariant, read_manifest, write_manifest
 
 CHAIR, COUCH = ("chair", 40.0, 30.0, 20.0, 24.0, 0.9), ("couch", 40.0, 30.0, 20.0, 24.0, 0.9)
@@ -92,7 +91,7 @@ def test_the_trial_compares_medians_of_runs_in_turn():
         return run
 
     slow_start = [100.0] * WARM_UP
-    first = call("a", iter([*slow_start, *[2.0] * (ROUNDS - 1), 90.0]))
-    second = call("b", iter([*slow_start, *[8.0] * ROUNDS]))
+    first = call("a", iter([*slow_start, *[2.0] * (PAIRED_ROUNDS - 1), 90.0]))
+    second = call("b", iter([*slow_start, *[8.0] * PAIRED_ROUNDS]))
     assert time_ratio(first, second, clock=lambda: now[0], rest_s=0.0) == 0.25
-    assert order == ["a", "b"] * (WARM_UP + ROUNDS)
+    assert order == ["a", "b"] * (WARM_UP + PAIRED_ROUNDS)

@@ -15,7 +15,7 @@ pytest.importorskip("embreex")
 from edgemap.geometry.errors import EdgemapError
 from edgemap.runtime.inputs.cameras.protocol import Camera
 from edgemap.runtime.inputs.drives import open_drive
-from edgemap.runtime.inputs.drives.floor_labels import FLOOR, WALL, floor_pairs, read_floor_labels
+from edgemap.runtime.inputs.drives.truth import FLOOR, WALL, floor_pairs, read_floor_labels
 from edgemap.simulation.errors import SimulationError
 
 FRAMES = 5
@@ -160,7 +160,7 @@ def test_the_floor_plan_lies_beside_the_drive_and_comes_to_one_that_was_rendered
 
     from matplotlib.path import Path as Polygon
 
-    from edgemap.runtime.inputs.drives.floor_plan import read_floor_plan
+    from edgemap.runtime.inputs.drives.truth import read_floor_plan
     from edgemap.simulation.record import record
 
     plan = read_floor_plan(recorded)

@@ -81,7 +81,7 @@ def scripted(script=None, rule=None, **options) -> Any:
 
 def drain(camera, frames, told=None, limit=100_000):
     """The next frames; faults go to `told`, and timeouts are waited through."""
-    from edgemap.runtime.frames.fault import CameraFault, FrameTimeout
+    from edgemap.runtime.frames.errors import CameraFault, FrameTimeout
 
     got = []
     while len(got) < frames:

@@ -1,4 +1,6 @@
-"""Names and types of the topics that edgemap writes, for recordings and live outputs alike."""
+"""Names, types and coordinate frames of the topics that edgemap writes, for recordings and live outputs alike."""
+
+from dataclasses import dataclass
 
 PICTURES, INFO, STAMPS = "/camera/image/compressed", "/camera/camera_info", "/camera/stamp_s"
 SEARCHED = "/camera/searched"  # 0 with a picture that a budget did not have searched
@@ -33,3 +35,16 @@ KINDS = {
     MAP: "nav_msgs/msg/OccupancyGrid",
     FLOOR_SCAN: "sensor_msgs/msg/LaserScan",
 }
+
+
+@dataclass(frozen=True, slots=True)
+class FrameIds:
+    """Names of the frames. base: on the floor, at the turn axis; `base_footprint` on some robots (REP-120)."""
+
+    map: str = "map"
+    odom: str = "odom"
+    base: str = "base_link"
+    optical: str = "camera_optical_frame"
+
+
+IDS = FrameIds()

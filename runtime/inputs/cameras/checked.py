@@ -11,13 +11,11 @@ from edgemap.geometry.camera.imu import ImuSamples
 from edgemap.geometry.camera.intrinsics import Intrinsics
 from edgemap.geometry.camera.mount import Mount
 from edgemap.geometry.errors import EdgemapError
-from edgemap.runtime.frames.attitude_track import AttitudeTrack
 from edgemap.runtime.frames.decisions import Decisions
-from edgemap.runtime.frames.errors import CameraError
-from edgemap.runtime.frames.fault import CameraFault, CameraState, FaultKind, FrameTimeout
+from edgemap.runtime.frames.errors import CameraError, CameraFault, CameraState, FaultKind, FrameTimeout
 from edgemap.runtime.frames.frame import Frame
 from edgemap.runtime.frames.reading import error_line, one_line, printable
-from edgemap.runtime.frames.trajectory import Trajectory
+from edgemap.runtime.frames.trajectory import AttitudeTrack, Trajectory
 from edgemap.runtime.inputs.cameras.base import CameraBase
 from edgemap.runtime.inputs.cameras.protocol import Camera
 from edgemap.runtime.inputs.cameras.returned import depth_of, image_of, rate_of, size_of, stamp_of

@@ -7,8 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from edgemap.runtime.frames.errors import CameraError
-from edgemap.runtime.frames.fault import CameraFault, FaultKind
+from edgemap.runtime.frames.errors import CameraError, CameraFault, FaultKind
 from edgemap.runtime.inputs.cameras.protocol import Picture
 from edgemap.runtime.inputs.cameras.returned import depth_of, image_of, picture_of, stamp_of
 

@@ -6,8 +6,7 @@ from typing import Any
 
 from edgemap.geometry.camera.intrinsics import Intrinsics
 from edgemap.runtime.frames.errors import CameraError
-from edgemap.runtime.frames.library_names import library_path
-from edgemap.runtime.frames.reading import user_path
+from edgemap.runtime.frames.reading import library_path, user_path
 from edgemap.runtime.inputs.cameras.realsense import RealSenseDriver, import_realsense, is_recording, lens_of
 from edgemap.runtime.inputs.cameras.realsense_frames import POLL_MS, SILENT_POLLS, aligned_pictures, start_aligned, stop
 from edgemap.runtime.inputs.drives.open import READERS, open_drive

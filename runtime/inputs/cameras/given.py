@@ -15,8 +15,7 @@ from edgemap.geometry.camera.mount import Mount
 from edgemap.geometry.se2 import SE2
 from edgemap.runtime.frames.errors import CameraError
 from edgemap.runtime.frames.frame import Frame
-from edgemap.runtime.frames.growing_track import GrowingTrack
-from edgemap.runtime.frames.trajectory import PoseTrack
+from edgemap.runtime.frames.trajectory import GrowingTrack, PoseTrack
 from edgemap.runtime.inputs.cameras.base import CameraBase
 from edgemap.runtime.inputs.drives.camera_yaml import DEFAULT_RATE_HZ
 

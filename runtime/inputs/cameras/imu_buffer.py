@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from edgemap.geometry.camera.imu import ImuSamples
 from edgemap.runtime.frames.frame import Frame
-from edgemap.runtime.inputs.cameras.around import CameraAround
+from edgemap.runtime.inputs.cameras.base import CameraAround
 from edgemap.runtime.inputs.cameras.delivery import clock_jumps
 from edgemap.runtime.inputs.cameras.protocol import Camera
 

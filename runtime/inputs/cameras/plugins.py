@@ -1,7 +1,11 @@
-"""Cameras of other packages: entry points of the group `edgemap.cameras`, one kind of SPEC each."""
+"""Cameras of this machine (RealSense, V4L2) and of other packages: entry points of the group `edgemap.cameras`."""
 
+import os
+import struct
 from collections.abc import Sequence
+from dataclasses import dataclass
 from importlib.metadata import EntryPoint, entry_points
+from pathlib import Path
 from typing import Protocol
 
 from edgemap.geometry.camera.intrinsics import Intrinsics
@@ -58,3 +62,87 @@ def load_kind(point: EntryPoint) -> CameraKind:
 
 def _package(point: EntryPoint) -> str:
     return point.dist.name if point.dist else point.value
+
+
+VIDEO_NODES, SYSFS = Path("/dev"), Path("/sys/class/video4linux")
+# linux/videodev2.h: VIDIOC_QUERYCAP and struct v4l2_capability (driver, card, bus_info, version, capabilities,
+# device_caps, reserved); a USB camera has nodes for metadata too, which capture no video.
+QUERYCAP, CAPABILITY = 0x80685600, "16s32s32s3I3I"
+VIDEO_CAPTURE, VIDEO_CAPTURE_MPLANE = 0x1, 0x1000
+
+
+@dataclass(frozen=True, slots=True)
+class FoundCamera:
+    """A camera that is here. spec: what to type after `--camera`. name: its own. knows_lens: it reports intrinsics.
+
+    problem: why it cannot be opened; empty where it can or that is unknown.
+    """
+
+    kind: str
+    spec: str
+    name: str
+    knows_lens: bool = False
+    problem: str = ""
+
+
+def found_cameras() -> tuple[list[FoundCamera], list[str]]:
+    """The cameras found, and one line for each kind that could not be searched (a missing library)."""
+    cameras: list[FoundCamera] = []
+    notes: list[str] = []
+    try:
+        from edgemap.runtime.inputs.cameras.realsense import devices
+
+        cameras += [FoundCamera("realsense", f"realsense:{serial}", name, True) for serial, name in devices()]
+    except EdgemapError as error:
+        notes.append(str(error))
+    seen_by_librealsense = bool(cameras)
+    for camera in _video_devices():
+        # A RealSense shows itself as V4L2 devices as well, without its intrinsics.
+        if not (seen_by_librealsense and "RealSense" in camera.name):
+            cameras.append(camera)
+    try:
+        for kind, point in sorted(plugin_kinds().items()):
+            try:
+                for address, name in load_kind(point).found():
+                    cameras.append(FoundCamera(kind, f"{kind}:{address}" if address else kind, one_line(name)))
+            except EdgemapError as error:
+                notes.append(str(error))
+            except Exception as error:  # another package's code may raise anything
+                notes.append(f"camera kind {kind!r}: {type(error).__name__}: {one_line(str(error), 200)}")
+    except EdgemapError as error:
+        notes.append(str(error))
+    return cameras, notes
+
+
+def _video_devices() -> list[FoundCamera]:
+    """V4L2 nodes that capture video. A node without permission is listed too, as it cannot be queried."""
+    found = []
+    for node in sorted(VIDEO_NODES.glob("video[0-9]*"), key=lambda path: int(path.name[5:])):
+        try:
+            name = (SYSFS / node.name / "name").read_text().strip()
+        except OSError:
+            name = "video device"
+        problem = ""
+        if not os.access(node, os.R_OK | os.W_OK):
+            problem = "no permission; add the user to the group `video` and log in again"
+        elif not _captures(node):
+            continue
+        found.append(FoundCamera("v4l2", str(node), name, problem=problem))
+    return found
+
+
+def _captures(node: Path) -> bool:
+    import fcntl
+
+    answer = bytearray(struct.calcsize(CAPABILITY))
+    try:
+        handle = os.open(node, os.O_RDWR | os.O_NONBLOCK | os.O_CLOEXEC)
+    except OSError:
+        return True  # busy, for instance: opening it will show
+    try:
+        fcntl.ioctl(handle, QUERYCAP, answer)
+    except OSError:
+        return False
+    finally:
+        os.close(handle)
+    return bool(struct.unpack(CAPABILITY, answer)[5] & (VIDEO_CAPTURE | VIDEO_CAPTURE_MPLANE))

@@ -10,11 +10,10 @@ from numpy.typing import NDArray
 
 from edgemap.geometry.camera.intrinsics import Intrinsics
 from edgemap.geometry.camera.mount import Mount
-from edgemap.runtime.frames.attitude_track import AttitudeTrack
 from edgemap.runtime.frames.decisions import Decisions
-from edgemap.runtime.frames.fault import CameraFault, CameraState, FrameTimeout
+from edgemap.runtime.frames.errors import CameraFault, CameraState, FrameTimeout
 from edgemap.runtime.frames.frame import Frame
-from edgemap.runtime.frames.trajectory import PoseTrack, Trajectory
+from edgemap.runtime.frames.trajectory import AttitudeTrack, PoseTrack, Trajectory
 
 
 @runtime_checkable

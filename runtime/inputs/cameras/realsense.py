@@ -14,8 +14,7 @@ from edgemap.runtime.frames.errors import CameraError, MissingExtraError
 from edgemap.runtime.frames.extras import pip
 from edgemap.runtime.inputs.cameras.imu_buffer import ImuBuffer
 from edgemap.runtime.inputs.cameras.protocol import Picture
-from edgemap.runtime.inputs.cameras.realsense_frames import POLL_MS, Aligned, started, stop, to_bgr
-from edgemap.runtime.inputs.cameras.realsense_motion import start_motion
+from edgemap.runtime.inputs.cameras.realsense_frames import POLL_MS, Aligned, start_motion, started, stop, to_bgr
 
 WIDTH, HEIGHT, RATE_HZ = 640, 480, 30
 DEPTH_LIMIT_MS = 3000  # for the first pictures with depth

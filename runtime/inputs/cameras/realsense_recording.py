@@ -8,11 +8,9 @@ import numpy as np
 from edgemap.geometry.camera.intrinsics import Intrinsics
 from edgemap.geometry.camera.mount import Mount
 from edgemap.geometry.errors import EdgemapError
-from edgemap.runtime.frames.errors import CameraError
-from edgemap.runtime.frames.fault import CameraFault, FaultKind
+from edgemap.runtime.frames.errors import CameraError, CameraFault, FaultKind
 from edgemap.runtime.frames.frame import Frame
-from edgemap.runtime.frames.library_names import library_path
-from edgemap.runtime.frames.reading import one_line
+from edgemap.runtime.frames.reading import library_path, one_line
 from edgemap.runtime.inputs.cameras.base import CameraBase
 from edgemap.runtime.inputs.cameras.realsense import import_realsense, lens_of, picture_size
 from edgemap.runtime.inputs.cameras.realsense_frames import (
@@ -20,11 +18,11 @@ from edgemap.runtime.inputs.cameras.realsense_frames import (
     SILENT_POLLS,
     as_fast_as_read,
     depth_beside,
+    recorded_motion,
     started,
     stop,
     to_bgr,
 )
-from edgemap.runtime.inputs.cameras.realsense_motion import recorded_motion
 
 
 class RealSenseRecording(CameraBase):

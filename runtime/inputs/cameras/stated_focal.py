@@ -4,7 +4,7 @@ import math
 from importlib.util import find_spec
 from pathlib import Path
 
-from edgemap.runtime.frames.library_names import library_path
+from edgemap.runtime.frames.reading import library_path
 
 PICTURE_KINDS = (".jpg", ".jpeg", ".png", ".tif", ".tiff")
 FILM_DIAGONAL_MM = math.hypot(36.0, 24.0)

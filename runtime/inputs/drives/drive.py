@@ -10,8 +10,7 @@ from numpy.typing import NDArray
 from edgemap.geometry.camera.imu import ImuSamples
 from edgemap.geometry.camera.intrinsics import Intrinsics
 from edgemap.geometry.camera.mount import Mount
-from edgemap.runtime.frames.attitude_track import AttitudeTrack
-from edgemap.runtime.frames.trajectory import Trajectory
+from edgemap.runtime.frames.trajectory import AttitudeTrack, Trajectory
 
 # An object counts as visible in a picture from this visible share and this length of its box's longer side on.
 SEEN_SHARE, SEEN_SIDE_PX = 0.30, 24.0

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from edgemap.runtime.frames.errors import CameraError
-from edgemap.runtime.frames.library_names import library_path
+from edgemap.runtime.frames.reading import library_path
 from edgemap.runtime.inputs.drives.drive import Drive, LabelledBoxes
 from edgemap.runtime.inputs.drives.open import open_drive
 from edgemap.runtime.inputs.drives.pictures import read_picture

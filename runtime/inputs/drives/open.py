@@ -15,7 +15,7 @@ from edgemap.runtime.inputs.drives.euroc import read_euroc
 from edgemap.runtime.inputs.drives.locobot import read_locobot
 from edgemap.runtime.inputs.drives.own import read_own
 from edgemap.runtime.inputs.drives.sensor_csv import read_imu_csv
-from edgemap.runtime.inputs.drives.truth_json import ObjectRecord, read_objects
+from edgemap.runtime.inputs.drives.truth import ObjectRecord, read_objects
 from edgemap.runtime.inputs.drives.tum import read_tum_drive
 from edgemap.runtime.inputs.drives.yolo import read_yolo
 

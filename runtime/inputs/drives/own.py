@@ -27,7 +27,7 @@ from edgemap.runtime.inputs.drives.pose_files import (
     read_tum_3d,
     trajectory,
 )
-from edgemap.runtime.inputs.drives.truth_json import read_boxes
+from edgemap.runtime.inputs.drives.truth import read_boxes
 
 VIDEO_NAME = "video.mp4"
 

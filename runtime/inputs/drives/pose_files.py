@@ -7,11 +7,10 @@ import numpy as np
 from edgemap.geometry.arrays import Array
 from edgemap.geometry.camera.mount import Mount
 from edgemap.geometry.se2 import SE2
-from edgemap.runtime.frames.attitude_track import AttitudeTrack
 from edgemap.runtime.frames.errors import CameraError, OdometryError
 from edgemap.runtime.frames.number_rows import STAMP, TABLE_BYTES, Column, NumberTable
 from edgemap.runtime.frames.reading import read_bytes
-from edgemap.runtime.frames.trajectory import Trajectory, tum_rows
+from edgemap.runtime.frames.trajectory import AttitudeTrack, Trajectory, tum_rows
 
 MATRICES = {
     count: NumberTable(tuple(Column("xyzw"[i // 4] + "xyzt"[i % 4]) for i in range(count))) for count in (12, 16)

@@ -16,7 +16,7 @@ from edgemap.runtime.inputs.drives.camera_yaml import read_setup
 from edgemap.runtime.inputs.drives.drive import Drive, LabelledBoxes
 from edgemap.runtime.inputs.drives.pictures import list_pictures, read_picture
 from edgemap.runtime.inputs.drives.pose_files import check_count
-from edgemap.runtime.inputs.drives.truth_json import read_boxes
+from edgemap.runtime.inputs.drives.truth import read_boxes
 
 # The 80 class names of COCO, in the order every YOLO numbers them.
 COCO_NAMES = tuple(

@@ -9,8 +9,7 @@ from typing import Any
 from edgemap.geometry.camera.intrinsics import Intrinsics
 from edgemap.geometry.camera.mount import Mount
 from edgemap.geometry.errors import EdgemapError
-from edgemap.runtime.frames.errors import CameraError
-from edgemap.runtime.frames.fault import CameraFault, FaultKind
+from edgemap.runtime.frames.errors import CameraError, CameraFault, FaultKind
 from edgemap.runtime.frames.frame import Frame
 from edgemap.runtime.frames.messages.stamps import ns_of, to_s
 from edgemap.runtime.frames.messages.topics import DEPTH, EDITS, SEARCHED, STAMPS
@@ -19,12 +18,10 @@ from edgemap.runtime.frames.reading import user_path
 from edgemap.runtime.frames.trajectory import PoseTrack, Trajectory
 from edgemap.runtime.inputs.cameras.base import CameraBase
 from edgemap.runtime.inputs.cameras.protocol import SensorTopics
-from edgemap.runtime.inputs.recordings.depth import ALIGNED, RecordedDepth, depth_of
 from edgemap.runtime.inputs.recordings.facts import RECORD, TRUTH_FILE, WHEEL_FILE, read_facts, read_trajectory_file
-from edgemap.runtime.inputs.recordings.foreign import info_topics, lens_of, mount_of, tf_of
-from edgemap.runtime.inputs.recordings.pictures import compressed_picture, raw_picture
+from edgemap.runtime.inputs.recordings.foreign import imu_of, info_topics, lens_of, mount_of, recorded_imu, tf_of
+from edgemap.runtime.inputs.recordings.pictures import ALIGNED, RecordedDepth, compressed_picture, depth_of, raw_picture
 from edgemap.runtime.inputs.recordings.reader import McapReading
-from edgemap.runtime.inputs.recordings.sensors import imu_of, recorded_imu
 
 PICTURE_KINDS = {"sensor_msgs/Image": raw_picture, "sensor_msgs/CompressedImage": compressed_picture}
 INFO_KIND = "sensor_msgs/CameraInfo"

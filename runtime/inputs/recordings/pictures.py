@@ -1,5 +1,13 @@
-"""`sensor_msgs/Image` and `CompressedImage` to BGR."""
+"""Pictures and depth in ROS 2 messages: `Image` and `CompressedImage` to BGR, and to metres.
 
+Depth of our own recordings is `sensor_msgs/CompressedImage` at the pictures' stamps, bit for bit: 16 bits where they
+hold every value, as ROS has it (REP 118: `16UC1`, millimetres) or in the finer unit that the format names; else the
+four bytes of each float32.
+"""
+
+import itertools
+import struct
+from collections.abc import Callable, Mapping
 from typing import Any
 
 import cv2
@@ -7,8 +15,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from edgemap.runtime.frames.errors import CameraError
+from edgemap.runtime.frames.messages.stamps import ns_of
 from edgemap.runtime.frames.reading import one_line
-from edgemap.runtime.inputs.drives.pictures import PIXEL_LIMIT, SIDE_LIMIT, decode_picture
+from edgemap.runtime.inputs.drives.pictures import PIXEL_LIMIT, SIDE_LIMIT, Depth, decode_picture, decoded
+from edgemap.runtime.inputs.recordings.reader import McapReading
 
 # sensor_msgs/image_encodings: channels, and how OpenCV makes BGR of them (None: it is BGR).
 ENCODINGS: dict[str, tuple[int, int | None]] = {
@@ -68,3 +78,127 @@ def compressed_picture(message: Any, name: str) -> NDArray[np.uint8]:
             f"(understood: {', '.join(COMPRESSED)})"
         )
     return decode_picture(bytes(message.data), name)
+
+
+PER_METRE = 1000, 10000  # steps of a metre: of nearly every depth camera, and of the near-range ones
+FLOATS = "32FC1 in bytes; png"
+ALIGNED = "aligned_depth_to_color"  # in the topic's name
+APART_S = 0.02  # between the stamps of a picture and its depth
+QUANTISED = struct.Struct(
+    "<iff"
+)  # before the PNG of `compressedDepth`: a format, and A and B of depth = A / (value - B)
+
+
+def encoded_depth(depth: Depth) -> tuple[bytes, str]:
+    """PNG and format of a depth picture (H, W) in metres."""
+    for steps in PER_METRE:
+        with np.errstate(invalid="ignore"):
+            raw = np.rint(depth * steps).astype(np.uint16)
+        if np.array_equal(raw.astype(np.float32) / np.float32(steps), depth):
+            return _png(raw), f"16UC1; {steps} a metre; png"
+    return _png(np.ascontiguousarray(depth, dtype="<f4").view(np.uint8).reshape(*depth.shape, 4)), FLOATS
+
+
+def own_depth(message: Any, name: str) -> Depth:
+    """The depth that edgemap recorded, (H, W) metres. Raises CameraError."""
+    image, form = decoded(bytes(message.data), name, cv2.IMREAD_UNCHANGED), message.format
+    steps = {f"16UC1; {steps} a metre; png": steps for steps in PER_METRE}.get(form)
+    if image is not None and steps and image.dtype == np.uint16 and image.ndim == 2:
+        return image.astype(np.float32) / np.float32(steps)
+    if image is not None and form == FLOATS and image.dtype == np.uint8 and image.shape[2:] == (4,):
+        return np.ascontiguousarray(image).view("<f4").reshape(image.shape[:2]).astype(np.float32, copy=False)
+    raise CameraError(f"{name}: not a depth picture that edgemap recorded")
+
+
+def raw_depth(message: Any, name: str) -> Depth:
+    """A decoded `sensor_msgs/Image` of REP 118: `16UC1`, millimetres, or `32FC1`, metres. Raises CameraError."""
+    kind = {"16UC1": "u2", "mono16": "u2", "32FC1": "f4"}.get(message.encoding)
+    height, width, step = int(message.height), int(message.width), int(message.step)
+    if kind is None or height * width > PIXEL_LIMIT or step < width * int(kind[1]) or len(message.data) < height * step:
+        raise CameraError(f"{name}: depth of {width}x{height} px {one_line(message.encoding, 40)} in rows of {step}")
+    rows = np.frombuffer(message.data, np.uint8, height * step).reshape(height, step)[:, : width * int(kind[1])]
+    values = np.ascontiguousarray(rows).view((">" if message.is_bigendian else "<") + kind).astype(np.float32)
+    return _known(values) if kind == "f4" else values / np.float32(1000)
+
+
+def compressed_depth(message: Any, name: str) -> Depth:
+    """A decoded `sensor_msgs/CompressedImage` of compressed_depth_image_transport: `16UC1` or `32FC1; compressedDepth`.
+
+    Raises CameraError.
+    """
+    form, data = str(message.format), bytes(message.data)
+    image = decoded(data[QUANTISED.size :], name, cv2.IMREAD_UNCHANGED)
+    if "compressedDepth" not in form or image is None or image.dtype != np.uint16 or image.ndim != 2:
+        raise CameraError(f"{name}: {one_line(form, 40)} is not compressedDepth as PNG")
+    if form.startswith("16UC1"):
+        return image.astype(np.float32) / np.float32(1000)
+    _, share, offset = QUANTISED.unpack_from(data)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        return _known(np.where(image > 0, np.float32(share) / (image - np.float32(offset)), np.float32(0)))
+
+
+def _known(depth: NDArray[Any]) -> Depth:
+    """Depth (H, W) as a Frame has it, 0 where unknown."""
+    return np.where(np.isfinite(depth) & (depth > 0.0), depth, 0.0).astype(np.float32)
+
+
+READERS: dict[str, Callable[[Any, str], Depth]] = {
+    "sensor_msgs/Image": raw_depth,
+    "sensor_msgs/CompressedImage": compressed_depth,
+}
+
+
+class RecordedDepth:
+    """The depth pictures of a recording's topic in order of time; damaged ones are skipped, since depth is optional.
+    apart_s: greatest distance from its picture's stamp.
+    """
+
+    def __init__(
+        self, recording: McapReading, topic: str, read: Callable[[Any, str], Depth] = own_depth, apart_s: float = 0.0
+    ) -> None:
+        self._topic, self._read, self._apart_ns = topic, read, round(apart_s * 1e9)
+        self._messages = (_stamped(*found) for found in recording.messages(topic))
+        self._ahead: tuple[int, Any] | None = None
+
+    def at(self, stamp_ns: int) -> Depth | None:
+        """The depth picture of a stamp, later than the last request; None where there is none."""
+        waiting = [] if self._ahead is None else [self._ahead]
+        self._ahead = None
+        for found in itertools.chain(waiting, self._messages):
+            if found[0] < stamp_ns - self._apart_ns:
+                continue
+            if found[0] > stamp_ns + self._apart_ns:
+                self._ahead = found
+                return None
+            try:
+                return self._read(found[1], self._topic)
+            except CameraError:
+                return None
+        return None
+
+
+def depth_of(recording: McapReading, topic: str | None = None) -> RecordedDepth | None:
+    """The depth of a foreign recording: of a topic, by default of the first that Intel's driver has aligned to
+    the colour picture. Raises CameraError where there is no such topic, or it is no depth."""
+    found = {name: known.kind for name, known in recording.topics.items() if known.kind in READERS and known.count}
+    if topic is not None and topic not in found:
+        raise CameraError(f"{recording.path}: no topic {topic} of sensor_msgs Image or CompressedImage, for depth")
+    chosen = topic or aligned(found)
+    return RecordedDepth(recording, chosen, READERS[found[chosen]], APART_S) if chosen else None
+
+
+def aligned(kinds: Mapping[str, str]) -> str | None:
+    """The first raw picture topic whose name marks depth aligned to the colour picture. kinds: by topic."""
+    return next((name for name, kind in kinds.items() if ALIGNED in name and kind == "sensor_msgs/Image"), None)
+
+
+def _stamped(log_ns: int, decode: Callable[[], Any]) -> tuple[int, Any]:
+    message = decode()
+    return ns_of(message.header.stamp) or log_ns, message
+
+
+def _png(picture: NDArray[Any]) -> bytes:
+    done, data = cv2.imencode(".png", picture, [cv2.IMWRITE_PNG_COMPRESSION, 1])
+    if not done:
+        raise CameraError(f"a depth picture of {picture.shape[1]}x{picture.shape[0]} px cannot be written as PNG")
+    return data.tobytes()

@@ -1,28 +1,39 @@
-"""`--camera ros2:/topic`: pictures of a ROS 2 camera, with calibration and mount from CameraInfo and tf."""
+"""`--camera ros2:/topic`: pictures of a ROS 2 camera, with calibration and mount from CameraInfo and tf; and a camera
+with wheels or an IMU on ROS 2 topics."""
 
 import time
 from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
 from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
 
 from edgemap.geometry.camera.intrinsics import Intrinsics
 from edgemap.geometry.camera.mount import Mount
 from edgemap.runtime.frames.errors import CameraError
-from edgemap.runtime.frames.messages.stamps import ns_of, to_s
-from edgemap.runtime.frames.messages.topics import INFO, KINDS
+from edgemap.runtime.frames.frame import Frame
+from edgemap.runtime.frames.messages.stamps import ns_of, ros_offset_s, to_s
+from edgemap.runtime.frames.messages.topics import IMU, INFO, KINDS
+from edgemap.runtime.frames.trajectory import PoseTrack
+from edgemap.runtime.inputs.cameras.base import CameraAround
+from edgemap.runtime.inputs.cameras.imu_buffer import ImuBuffer
 from edgemap.runtime.inputs.cameras.live import LiveCamera
-from edgemap.runtime.inputs.cameras.protocol import Picture
-from edgemap.runtime.inputs.cameras.recovery import RecoveryRule
-from edgemap.runtime.inputs.recordings.foreign import info_topics, lens_of, mount_of
+from edgemap.runtime.inputs.cameras.protocol import Camera, Picture, SensorTopics
+from edgemap.runtime.inputs.cameras.supervisor import RecoveryRule
+from edgemap.runtime.inputs.recordings.foreign import info_topics, lens_of, mount_of, push_message
 from edgemap.runtime.inputs.recordings.pictures import compressed_picture, raw_picture
 from edgemap.runtime.inputs.ros2.depth import DepthTopic
 from edgemap.runtime.inputs.ros2.node import Node, Subscription
-from edgemap.runtime.inputs.ros2.tf import TfListener
+from edgemap.runtime.inputs.ros2.sources import TfListener, WheelTopic
 
 PICTURES: dict[str, Callable[[Any, str], Any]] = {
     "sensor_msgs/msg/Image": raw_picture,
     "sensor_msgs/msg/CompressedImage": compressed_picture,
 }
 PUBLISHER_S, PICTURE_S, BESIDE_S, GRAB_S = 5.0, 5.0, 1.0, 0.5  # waits: for each of them
+FIRST_S = 5.0  # wait for the first sample
 
 
 class Ros2Device:
@@ -116,6 +127,54 @@ class Ros2Camera(LiveCamera):
         super().__init__(driver, intrinsics, mount, rule)
         self.optical = driver.frame_id
         self.mount = mount or driver.mount()
+
+
+class Ros2SensorsCamera(CameraAround):
+    """A camera with wheels or an IMU on ROS 2 topics.
+
+    Raises CameraError where the IMU is silent or tf lacks its rotation to the camera.
+    """
+
+    def __init__(self, camera: Camera, node: Node, topics: SensorTopics) -> None:
+        super().__init__(camera)
+        by_ros = isinstance(camera, Ros2Camera)
+        self._offset_s: float | None = 0.0 if by_ros else None
+        self._wheels = WheelTopic(node, topics.wheels) if topics.wheels is not None else None
+        self.wheel: Path | PoseTrack | None = self._wheels or camera.wheel
+        self._buffer = self._samples = None
+        if topics.imu is not None:
+            self._samples = node.subscription(topics.imu, KINDS[IMU], depth=2000)
+            self._buffer = ImuBuffer(
+                _rotation(node, topics.imu, self._samples, camera.optical if by_ros else topics.optical)
+            )
+
+    def read(self) -> Frame | None:
+        """The next frame of the camera behind, with the samples up to its stamp."""
+        frame = super().read()
+        if frame is None:
+            return None
+        if self._offset_s is None:
+            self._offset_s = ros_offset_s(frame.stamp_s, time.time(), time.monotonic())
+            if self._wheels is not None:
+                self._wheels.offset_s = self._offset_s
+        if self._buffer is None or self._samples is None:
+            return frame
+        for message in self._samples.take():
+            push_message(self._buffer, message, to_s(ns_of(message.header.stamp)) - self._offset_s)
+        return replace(frame, imu=self._buffer.take(frame.stamp_s))
+
+
+def _rotation(node: Node, imu: str, samples: Subscription, optical: str) -> NDArray[np.float64]:
+    """From the IMU's axes to the camera's optical ones. Raises CameraError."""
+    listener = TfListener(node, f"ros2:{imu}")
+    first = samples.newest() if samples.wait(FIRST_S) else None
+    if first is None:
+        raise CameraError(f"ros2:{imu}: no sensor_msgs/Imu within {FIRST_S:.0f} s")
+    frame = first.header.frame_id
+    pose = listener.ask(lambda tree: tree.pose(optical, frame))
+    if pose is None:
+        raise CameraError(f"ros2:{imu}: tf does not join its frame ({frame}) to the pictures' ({optical})")
+    return pose[0]
 
 
 def _first_of(readers: list[Subscription], timeout_s: float) -> Any | None:

@@ -10,8 +10,8 @@ from edgemap.runtime.frames.errors import CameraError
 from edgemap.runtime.frames.messages.stamps import ns_of, to_s
 from edgemap.runtime.frames.messages.topics import INFO, KINDS
 from edgemap.runtime.inputs.drives.pictures import Depth
-from edgemap.runtime.inputs.recordings.depth import APART_S, READERS, aligned
 from edgemap.runtime.inputs.recordings.foreign import info_topics, lens_of
+from edgemap.runtime.inputs.recordings.pictures import APART_S, READERS, aligned
 from edgemap.runtime.inputs.ros2.node import Node, Subscription
 
 WAIT_S = 0.05  # for the depth of a picture that has come, where depth came with the one before

@@ -6,8 +6,8 @@ import math
 
 from edgemap.geometry.camera.attitude import Attitude, TrackedRotation
 from edgemap.geometry.camera.mount import Mount
-from edgemap.runtime.frames.attitude_track import AttitudeTrack
 from edgemap.runtime.frames.frame import Frame
+from edgemap.runtime.frames.trajectory import AttitudeTrack
 from edgemap.runtime.motion.attitude.protocol import Moved
 
 NODDING_RAD = math.radians(0.3)  # of a robot on wheels that brakes and rolls over hard floors

@@ -8,7 +8,7 @@ from edgemap.runtime.frames.errors import OdometryError
 from edgemap.runtime.frames.trajectory import Trajectory, read_tum
 from edgemap.runtime.inputs.cameras.protocol import Camera
 from edgemap.runtime.inputs.drives.sensor_csv import read_wheel_csv
-from edgemap.runtime.inputs.recordings.sensors import is_recording, read_wheel
+from edgemap.runtime.inputs.recordings.foreign import is_recording, read_wheel
 from edgemap.runtime.motion.odometry.coasting import CoastingRule
 from edgemap.runtime.motion.odometry.depth import DepthOdometry
 from edgemap.runtime.motion.odometry.depth_keyframes import DepthRule

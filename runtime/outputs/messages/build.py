@@ -15,8 +15,8 @@ from edgemap.geometry.camera.intrinsics import Intrinsics
 from edgemap.geometry.camera.mount import Mount
 from edgemap.geometry.se2 import SE2
 from edgemap.runtime.frames.messages.definitions import Message
-from edgemap.runtime.frames.messages.frame_ids import IDS, FrameIds
 from edgemap.runtime.frames.messages.stamps import ros_time
+from edgemap.runtime.frames.messages.topics import IDS, FrameIds
 from edgemap.runtime.step.slam import StepResult
 
 NOT_MOVED = 1e-9  # variance of what a floor-bound robot does not do: z, roll, pitch

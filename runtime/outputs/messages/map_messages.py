@@ -10,7 +10,7 @@ from edgemap.geometry.map_object import MapObject, ellipse_95
 from edgemap.geometry.se2 import SE2
 from edgemap.runtime.frames.colours import label_rgb
 from edgemap.runtime.frames.messages.definitions import Message
-from edgemap.runtime.frames.messages.frame_ids import IDS, FrameIds
+from edgemap.runtime.frames.messages.topics import IDS, FrameIds
 from edgemap.runtime.outputs.mapfiles.grid import live_grid
 from edgemap.runtime.outputs.messages.build import header, occupancy_grid_message
 

@@ -8,13 +8,13 @@ from edgemap.geometry.map_object import MapObject
 from edgemap.geometry.se2 import SE2
 from edgemap.runtime.frames.errors import DiskError, RecordingError
 from edgemap.runtime.frames.frame import Frame
-from edgemap.runtime.frames.messages.frame_ids import IDS, FrameIds
 from edgemap.runtime.frames.messages.stamps import to_ns, to_s
 from edgemap.runtime.frames.messages.topics import (
     DEPTH,
     EDITS,
     FLOOR_SCAN,
     GRID,
+    IDS,
     IMU,
     KINDS,
     OBJECTS,
@@ -22,10 +22,11 @@ from edgemap.runtime.frames.messages.topics import (
     STAMPS,
     TRUTH,
     WHEEL,
+    FrameIds,
 )
 from edgemap.runtime.frames.trajectory import Trajectory
-from edgemap.runtime.inputs.recordings.depth import encoded_depth
 from edgemap.runtime.inputs.recordings.facts import RECORD, TRUTH_FILE, WHEEL_FILE, Facts, facts_record, trajectory_file
+from edgemap.runtime.inputs.recordings.pictures import encoded_depth
 from edgemap.runtime.outputs.messages import build
 from edgemap.runtime.outputs.messages.stream import MessageStream, Outgoing
 from edgemap.runtime.outputs.recording.writer import McapFile

@@ -7,7 +7,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from edgemap.geometry.grid.occupancy_grid import FREE, OCCUPIED, OccupancyGrid
 from edgemap.geometry.grid.walls import walls_of
-from edgemap.runtime.frames.png import png
+from edgemap.runtime.frames.frame import png
 from edgemap.runtime.outputs.report.markup import Markup, data_uri, el, joined
 
 Points = NDArray[np.float64]

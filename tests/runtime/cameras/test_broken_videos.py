@@ -8,9 +8,8 @@ import cv2
 import numpy as np
 import pytest
 
-from edgemap.runtime.frames.errors import CameraError
-from edgemap.runtime.frames.fault import CameraFault
-from edgemap.runtime.inputs.cameras.video import VideoCamera
+from edgemap.runtime.frames.errors import CameraError, CameraFault
+from edgemap.runtime.inputs.cameras.pictures import VideoCamera
 from edgemap.runtime.inputs.open import DEMO
 
 READ = """

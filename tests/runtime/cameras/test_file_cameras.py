@@ -16,11 +16,9 @@ from support.recordings import drain
 from edgemap.geometry.camera.intrinsics import Intrinsics
 from edgemap.geometry.camera.mount import Mount
 from edgemap.geometry.se2 import SE2
-from edgemap.runtime.frames.errors import CameraError
-from edgemap.runtime.frames.fault import FrameTimeout
+from edgemap.runtime.frames.errors import CameraError, FrameTimeout
 from edgemap.runtime.frames.trajectory import Trajectory
-from edgemap.runtime.inputs.cameras.around import PacedCamera
-from edgemap.runtime.inputs.cameras.base import CameraBase
+from edgemap.runtime.inputs.cameras.base import CameraBase, PacedCamera
 from edgemap.runtime.inputs.cameras.protocol import Camera
 from edgemap.runtime.inputs.drives import write_drive
 from edgemap.runtime.inputs.open import open_camera

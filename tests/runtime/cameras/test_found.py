@@ -14,7 +14,7 @@ import pytest
 from support.live_camera import drain
 
 from edgemap.runtime.frames.errors import CameraError
-from edgemap.runtime.inputs.cameras import found, plugins
+from edgemap.runtime.inputs.cameras import plugins
 from edgemap.runtime.inputs.open import open_camera
 
 EXAMPLE = Path(__file__).parents[3] / "docs" / "examples" / "edgemap-rpicam"
@@ -35,11 +35,11 @@ def test_video_devices_are_those_that_capture(tmp_path, monkeypatch):
         answer[:] = struct.pack("16s32s32sIII12x", b"uvcvideo", b"", b"", 0, 0x85200001, capabilities[name])
 
     monkeypatch.setattr("fcntl.ioctl", capability)
-    monkeypatch.setattr(found, "VIDEO_NODES", tmp_path)
-    monkeypatch.setattr(found, "SYSFS", tmp_path / "sys")
-    monkeypatch.setattr(found, "plugin_kinds", dict)
+    monkeypatch.setattr(plugins, "VIDEO_NODES", tmp_path)
+    monkeypatch.setattr(plugins, "SYSFS", tmp_path / "sys")
+    monkeypatch.setattr(plugins, "plugin_kinds", dict)
     monkeypatch.setattr("edgemap.runtime.inputs.cameras.realsense.devices", list)
-    cameras, notes = found.found_cameras()
+    cameras, notes = plugins.found_cameras()
     assert [(camera.spec, camera.name) for camera in cameras] == [
         (f"{tmp_path}/video0", "Camera video0"),
         (f"{tmp_path}/video2", "Camera video2"),
@@ -47,7 +47,7 @@ def test_video_devices_are_those_that_capture(tmp_path, monkeypatch):
     ]
     assert notes == []
     monkeypatch.setattr("edgemap.runtime.inputs.cameras.realsense.devices", lambda: [("123", "Intel RealSense D435")])
-    cameras, _ = found.found_cameras()
+    cameras, _ = plugins.found_cameras()
     assert [camera.spec for camera in cameras] == ["realsense:123", f"{tmp_path}/video0", f"{tmp_path}/video2"]
 
 

@@ -9,10 +9,9 @@ import numpy as np
 import pytest
 
 from edgemap.geometry.camera.intrinsics import Intrinsics
-from edgemap.runtime.frames.errors import CameraError
-from edgemap.runtime.frames.fault import CameraFault, FaultKind, FrameTimeout
+from edgemap.runtime.frames.errors import CameraError, CameraFault, FaultKind, FrameTimeout
 from edgemap.runtime.inputs.cameras.live import LiveCamera
-from edgemap.runtime.inputs.cameras.recovery import RecoveryRule
+from edgemap.runtime.inputs.cameras.supervisor import RecoveryRule
 
 
 class Source:

@@ -10,7 +10,7 @@ from support.realsense_playback import Playback
 pytest.importorskip("pyrealsense2")
 
 from edgemap.runtime.inputs.cameras.live import LiveCamera
-from edgemap.runtime.inputs.cameras.recovery import RecoveryRule
+from edgemap.runtime.inputs.cameras.supervisor import RecoveryRule
 
 
 def test_a_stream_that_ends_is_late_and_then_opened_again(realsense_recording):

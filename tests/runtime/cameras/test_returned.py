@@ -15,8 +15,7 @@ import edgemap
 from edgemap.geometry.camera.imu import ImuSamples
 from edgemap.geometry.camera.intrinsics import Intrinsics
 from edgemap.geometry.camera.mount import Mount
-from edgemap.runtime.frames.errors import CameraError
-from edgemap.runtime.frames.fault import CameraFault, CameraState, FrameTimeout
+from edgemap.runtime.frames.errors import CameraError, CameraFault, CameraState, FrameTimeout
 from edgemap.runtime.frames.frame import Frame
 from edgemap.runtime.inputs.cameras import plugins
 from edgemap.runtime.inputs.cameras.base import CameraBase

@@ -7,9 +7,15 @@ import numpy as np
 import pytest
 from support.live_camera import drain, picture, scripted
 
-from edgemap.runtime.frames.errors import CameraError
-from edgemap.runtime.frames.fault import CameraFault, CameraLostError, CameraState, FaultKind, FrameTimeout
-from edgemap.runtime.inputs.cameras.recovery import RecoveryRule
+from edgemap.runtime.frames.errors import (
+    CameraError,
+    CameraFault,
+    CameraLostError,
+    CameraState,
+    FaultKind,
+    FrameTimeout,
+)
+from edgemap.runtime.inputs.cameras.supervisor import RecoveryRule
 
 
 def kinds(faults):

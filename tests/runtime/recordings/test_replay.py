@@ -26,9 +26,9 @@ from edgemap.runtime.frames.messages.stamps import to_ns, to_s
 from edgemap.runtime.frames.trajectory import Trajectory
 from edgemap.runtime.inputs.cameras.protocol import Camera
 from edgemap.runtime.inputs.open import open_camera
-from edgemap.runtime.inputs.recordings.depth import encoded_depth
 from edgemap.runtime.inputs.recordings.facts import Facts, facts_record, read_facts
-from edgemap.runtime.inputs.recordings.sensors import read_wheel
+from edgemap.runtime.inputs.recordings.foreign import read_wheel
+from edgemap.runtime.inputs.recordings.pictures import encoded_depth
 from edgemap.runtime.outputs.recording import recorder as recorder_module
 from edgemap.runtime.outputs.recording.recorder import Recorder
 

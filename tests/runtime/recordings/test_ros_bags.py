@@ -18,11 +18,10 @@ from support.ros_bag import camera_info, compressed, image, imu, odometry, tf, t
 
 from edgemap.geometry.camera.intrinsics import Distortion, Intrinsics
 from edgemap.geometry.se2 import SE2
-from edgemap.runtime.frames.errors import CameraError
-from edgemap.runtime.frames.fault import CameraFault
+from edgemap.runtime.frames.errors import CameraError, CameraFault
 from edgemap.runtime.inputs.cameras.protocol import SensorTopics
 from edgemap.runtime.inputs.open import open_camera
-from edgemap.runtime.inputs.recordings.sensors import read_wheel
+from edgemap.runtime.inputs.recordings.foreign import read_wheel
 
 K = [58.0, 0.0, 31.0, 0.0, 59.0, 23.0, 0.0, 0.0, 1.0]
 T0 = 1_700_000_000_123_456_789

@@ -35,11 +35,11 @@ from edgemap.runtime.frames.errors import CameraError
 from edgemap.runtime.inputs.cameras.protocol import SensorTopics, next_frame
 from edgemap.runtime.inputs.open import open_camera
 from edgemap.runtime.inputs.recordings.facts import Facts
-from edgemap.runtime.inputs.ros2.camera import Ros2Camera
+from edgemap.runtime.inputs.ros2.camera import Ros2Camera, Ros2SensorsCamera
 from edgemap.runtime.inputs.ros2.depth import DepthTopic
 from edgemap.runtime.inputs.ros2.discovery import Discovery
 from edgemap.runtime.inputs.ros2.node import Node, Reliability, node_for
-from edgemap.runtime.inputs.ros2.sources import Ros2SensorsCamera, WheelTopic
+from edgemap.runtime.inputs.ros2.sources import WheelTopic
 from edgemap.runtime.motion.odometry.recorded import RecordedOdometry
 from edgemap.runtime.outputs.publishers.ros2 import Ros2Options, Ros2Sink
 from edgemap.runtime.outputs.recording.recorder import Recorder

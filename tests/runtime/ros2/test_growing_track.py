@@ -6,7 +6,7 @@ import pytest
 
 from edgemap.geometry.se2 import SE2
 from edgemap.runtime.frames.errors import OdometryError
-from edgemap.runtime.frames.growing_track import AHEAD_S, GrowingTrack
+from edgemap.runtime.frames.trajectory import AHEAD_S, GrowingTrack
 from edgemap.runtime.motion.odometry.recorded import RecordedOdometry
 
 

@@ -17,7 +17,7 @@ from edgemap.geometry.camera.floor import FloorCamera
 from edgemap.geometry.se2 import SE2
 
 pytest.importorskip("cyclonedds", reason="cyclonedds is not installed (extra 'ros2')")
-from edgemap.runtime.frames.messages.frame_ids import FrameIds
+from edgemap.runtime.frames.messages.topics import FrameIds
 from edgemap.runtime.inputs.ros2.discovery import Discovery
 from edgemap.runtime.inputs.ros2.node import Node, Reliability, node_for
 from edgemap.runtime.outputs.messages import build
