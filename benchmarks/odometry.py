@@ -12,7 +12,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from edgemap.evaluation.attitude import attitude_figures
 from edgemap.evaluation.odometry import (
     INDOOR_LENGTHS_M,
     KITTI_LENGTHS_M,
@@ -22,7 +21,7 @@ from edgemap.evaluation.odometry import (
     figures,
     worst_drive,
 )
-from edgemap.evaluation.planar_fit import planar_fit
+from edgemap.evaluation.trajectory import attitude_figures, planar_fit
 from edgemap.geometry.camera.attitude import Attitude
 from edgemap.geometry.camera.floor import FloorCamera
 from edgemap.geometry.camera.imu import ImuSamples

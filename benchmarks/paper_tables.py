@@ -17,8 +17,7 @@ import tyro
 
 from edgemap.benchmarks.odometry import OWN_WHEELS, ScoredDrive, Selection, score_drive, sequence_names, together
 from edgemap.benchmarks.paper_page import page
-from edgemap.evaluation.counts import Counts, count_detections
-from edgemap.evaluation.detection import ScoredPicture
+from edgemap.evaluation.detection import Counts, ScoredPicture, count_detections
 from edgemap.geometry.errors import EdgemapError
 from edgemap.runtime.frames.errors import OdometryError
 from edgemap.runtime.inputs.drives import READERS, open_drive

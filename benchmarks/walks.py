@@ -15,9 +15,15 @@ from typing import TYPE_CHECKING, Annotated, Any
 import numpy as np
 import tyro
 
-from edgemap.evaluation.attitude import attitude_figures
 from edgemap.evaluation.objects import score_map
-from edgemap.evaluation.trajectory import integrated, motion_errors, path_m, segment_errors, window_errors
+from edgemap.evaluation.trajectory import (
+    attitude_figures,
+    integrated,
+    motion_errors,
+    path_m,
+    segment_errors,
+    window_errors,
+)
 from edgemap.geometry.camera.attitude import Attitude
 from edgemap.geometry.se2 import SE2
 from edgemap.runtime.frames.trajectory import Trajectory

@@ -45,8 +45,7 @@ def command(
     import psutil
 
     from edgemap.benchmarks import bench
-    from edgemap.benchmarks.at_rest import StandingCamera, measure_at_rest
-    from edgemap.benchmarks.floor_head import floor_head_ms
+    from edgemap.benchmarks.bench import StandingCamera, floor_head_ms, measure_at_rest
     from edgemap.runtime.frames.errors import CameraError
     from edgemap.runtime.inputs.cameras.protocol import Camera, next_frame
     from edgemap.runtime.network.bundle import Bundle
@@ -108,8 +107,7 @@ def command(
         "processor": processor_name(),
     }
     if against:
-        from edgemap.benchmarks.compare import Contest, compare
-        from edgemap.benchmarks.rivals import opencv_network, openvino_network, picture_to_boxes
+        from edgemap.benchmarks.rivals import Contest, compare, opencv_network, openvino_network, picture_to_boxes
         from edgemap.runtime.network.decode import Detector
 
         spec = files.manifest.detector

@@ -27,7 +27,7 @@ def judge_of(
     labels: those that were to be mapped, None for all; others are not asked for.
     """
     from edgemap.benchmarks.map_variants import true_objects
-    from edgemap.evaluation.rows import evaluation_rows
+    from edgemap.evaluation.objects import evaluation_rows
     from edgemap.runtime.inputs.drives import READERS, open_drive
     from edgemap.runtime.inputs.open import DEMO
 

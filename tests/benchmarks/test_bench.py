@@ -8,7 +8,7 @@ import pytest
 from support import painted
 from support.made_camera import MadeCamera
 
-from edgemap.benchmarks import compare as contest
+from edgemap.benchmarks import rivals as contest
 from edgemap.benchmarks.bench import CHUNK, WARM_UP, drive_chunks, measure
 from edgemap.runtime.frames.errors import CameraError
 from edgemap.runtime.step.slam import SemanticSlam
@@ -95,7 +95,7 @@ def test_ratios_are_ours_over_theirs(monkeypatch):
 
 
 def test_the_floor_head_is_timed_apart_from_its_backbone(tmp_path):
-    from edgemap.benchmarks.floor_head import floor_head_ms
+    from edgemap.benchmarks.bench import floor_head_ms
     from edgemap.runtime.network.bundle import load_bundle
     from edgemap.runtime.network.store import bundle_folder
 

@@ -3,7 +3,7 @@ import math
 import numpy as np
 import pytest
 
-from edgemap.evaluation.attitude import attitude_figures
+from edgemap.evaluation.trajectory import attitude_figures
 from edgemap.geometry.camera.attitude import Attitude
 
 

@@ -1,7 +1,6 @@
 import numpy as np
 
-from edgemap.evaluation.counts import Counts, count_detections
-from edgemap.evaluation.detection import ScoredPicture
+from edgemap.evaluation.detection import Counts, ScoredPicture, count_detections
 
 CHAIR, TABLE = 0, 1
 

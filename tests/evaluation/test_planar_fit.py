@@ -3,7 +3,7 @@ import math
 import numpy as np
 import pytest
 
-from edgemap.evaluation.planar_fit import planar_fit
+from edgemap.evaluation.trajectory import planar_fit
 
 
 def pose(x, y, z, yaw=0.0, pitch=0.0):

@@ -1,8 +1,7 @@
 import numpy as np
 import pytest
 
-from edgemap.evaluation.objects import TrueObject, score_map
-from edgemap.evaluation.rows import evaluation_rows
+from edgemap.evaluation.objects import TrueObject, evaluation_rows, score_map
 from edgemap.geometry.map_object import MapObject
 from edgemap.geometry.objects.evaluation_row import tally
 

@@ -13,7 +13,7 @@ import pytest
 from support.edges import room_edges
 
 import edgemap
-from edgemap.evaluation.attitude import attitude_figures
+from edgemap.evaluation.trajectory import attitude_figures
 from edgemap.geometry.camera.attitude import Attitude, TrackedRotation
 from edgemap.geometry.camera.carried import Carried
 from edgemap.geometry.camera.inertial import rotation_of
