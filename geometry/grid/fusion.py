@@ -15,7 +15,7 @@ from edgemap.geometry.grid.evidence import Evidence, repeated
 from edgemap.geometry.grid.floor_scan import NOTHING, FloorScan
 from edgemap.geometry.grid.merge import grid_of, saved_patch, step_bounds
 from edgemap.geometry.grid.occupancy_grid import OccupancyGrid
-from edgemap.geometry.grid.patch import Cells, Patch, columns_rows, joined
+from edgemap.geometry.grid.patch import Cells, Patch, columns_rows, joined, moved_m
 from edgemap.geometry.grid.rule import GridRule
 from edgemap.geometry.observations.floor_mask import FloorMask
 from edgemap.geometry.observations.sparse_depth import SparseDepth
@@ -169,7 +169,7 @@ class GridFusion:
 
     def _moved_patches(self) -> None:
         """Draw the grid again where a patch no longer lies where it was drawn."""
-        if any(patch.moved_m(self.rule.cell_m) > self.rule.cell_m / 2.0 for patch in self._patches):
+        if moved_m(self._patches, self.rule.cell_m) > self.rule.cell_m / 2.0:
             self._drawing = self._drawn()
 
     def _draw_some(self) -> None:

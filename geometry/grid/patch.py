@@ -23,7 +23,7 @@ class Patch:
     cells: (N, 2), column and row in the map as it was then. Each cell's evidence is the function
     `x -> clip(x + shift, low, high)` of its previous log-odds, all (N,). A sequence of additions, each clipped to the
     bounds, has this form, so a moved patch replays its evidence exactly. move: pose of the map frame at that time in
-    the current map frame. drawn: the same at the last drawing.
+    the current map frame. drawn: the same at the last drawing. corners: (4, 2), of the rectangle round its cells.
     """
 
     stamp_s: float
@@ -33,6 +33,13 @@ class Patch:
     high: Steps
     move: SE2 = field(default_factory=SE2)
     drawn: SE2 = field(default_factory=SE2)
+    corners: Cells = field(init=False)
+
+    def __post_init__(self) -> None:
+        self.corners = np.zeros((4, 2), np.int32)
+        if len(self.cells):
+            (left, low), (right, high) = self.cells.min(axis=0), self.cells.max(axis=0)
+            self.corners[:] = (left, low), (right, high), (left, high), (right, low)
 
     def __len__(self) -> int:
         return len(self.cells)
@@ -41,13 +48,20 @@ class Patch:
         """Its cells (N, 2) in the current map; duplicates are possible."""
         return placed(self.cells, self.move, cell_m)
 
-    def moved_m(self, cell_m: float) -> float:
-        """Lower bound of the distance that its cells moved since it was drawn, m."""
-        if self.move == self.drawn or not len(self.cells):
-            return 0.0
-        low, high = self.cells.min(axis=0), self.cells.max(axis=0)
-        corners = np.array([low, high, (low[0], high[1]), (high[0], low[1])]) * cell_m
-        return float(np.abs(self.move.apply(corners) - self.drawn.apply(corners)).max())
+
+def moved_m(patches: Sequence[Patch], cell_m: float) -> float:
+    """Greatest distance along an axis that a corner of any patch moved since it was drawn, m."""
+    corners_m = np.array([patch.corners for patch in patches]).reshape(-1, 4, 2) * cell_m
+    now, then = (
+        np.array([pose.vector() for pose in poses]).reshape(-1, 1, 3)
+        for poses in ([patch.move for patch in patches], [patch.drawn for patch in patches])
+    )
+    x, y = corners_m[:, :, 0], corners_m[:, :, 1]
+    placed_m = []
+    for pose in (now, then):
+        c, s = np.cos(pose[:, :, 2]), np.sin(pose[:, :, 2])
+        placed_m.append(np.stack([pose[:, :, 0] + c * x - s * y, pose[:, :, 1] + s * x + c * y]))
+    return float(np.abs(placed_m[0] - placed_m[1]).max(initial=0.0))
 
 
 def placed(cells: Cells, move: SE2, cell_m: float) -> Cells:

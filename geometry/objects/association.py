@@ -81,23 +81,38 @@ class Estimate:
 
 
 def grouped(landmarks: Sequence[Landmark], roots: Sequence[int], rule: LandmarkRule) -> list[list[Landmark]]:
-    """Landmarks of one label as objects: the closest two join first, until none may. Landmarks observed in one frame
-    never join; those that loop closure linked (`roots`) join at any distance within reach.
+    """Landmarks of one label as objects: those that loop closure linked (`roots`) are one, then the closest two join,
+    until none may. Landmarks observed in one frame never join.
     """
-    count = len(landmarks)
-    if count == 1:
-        return [list(landmarks)]
-    number = {one.number: row for row, one in enumerate(landmarks)}
-    apart = np.eye(count, dtype=bool)
-    for row, one in enumerate(landmarks):
-        apart[row, [number[other] for other in one.beside if other in number]] = True
-    saved = [row for row, one in enumerate(landmarks) if one.saved is not None]
-    apart[np.ix_(saved, saved)] = True
-    apart |= apart.T
-    sums, place = _sums(landmarks), np.array([*np.zeros((6, count)), roots], dtype=np.float64)
-    place[:6] = _placed(sums, rule)
-    groups = [[one] for one in landmarks]
-    distance = np.where(apart, np.inf, _distances(place, place, rule))
+    groups: list[list[Landmark]] = []
+    apart: list[set[int]] = []  # landmarks that each group may not have
+    saved = {one.number for one in landmarks if one.saved is not None}
+    of_root: dict[int, list[int]] = {}
+    for one, root in zip(landmarks, roots, strict=True):
+        barred = one.beside | (saved - {one.number} if one.saved is not None else set())
+        linked = of_root.setdefault(root, [])
+        at = next((at for at in linked if one.number not in apart[at]), None)
+        if at is None:
+            linked.append(len(groups))
+            groups.append([one])
+            apart.append(set(barred))
+        else:
+            groups[at].append(one)
+            apart[at] |= barred
+    if len(groups) == 1:
+        return groups
+    return _joined(groups, apart, rule)
+
+
+def _joined(groups: list[list[Landmark]], apart: Sequence[set[int]], rule: LandmarkRule) -> list[list[Landmark]]:
+    """Groups of landmarks, joined where they are within the gate, the closest two first. apart: landmarks that each may
+    not have."""
+    count = len(groups)
+    sums = np.array([_sums(group).sum(axis=1) for group in groups]).T
+    barred = np.array([[any(one.number in own for one in group) for group in groups] for own in apart])
+    barred |= barred.T | np.eye(count, dtype=bool)
+    place = _placed(sums, rule)
+    distance = np.where(barred, np.inf, _distances(place, place, rule))
     while True:
         kept, gone = divmod(int(distance.argmin()), count)
         if distance[kept, gone] == np.inf:
@@ -105,13 +120,13 @@ def grouped(landmarks: Sequence[Landmark], roots: Sequence[int], rule: LandmarkR
         groups[kept] += groups[gone]
         groups[gone] = []
         sums[:, kept] += sums[:, gone]
-        place[:6, [kept]] = _placed(sums[:, [kept]], rule)
-        apart[kept] |= apart[gone]
-        apart[:, kept] |= apart[:, gone]
+        place[:, [kept]] = _placed(sums[:, [kept]], rule)
+        barred[kept] |= barred[gone]
+        barred[:, kept] |= barred[:, gone]
         distance[gone] = distance[:, gone] = np.inf
         own = _distances(place[:, [kept]], place, rule)[0]
         own[[row for row, group in enumerate(groups) if not group]] = np.inf
-        distance[kept] = distance[:, kept] = np.where(apart[kept], np.inf, own)
+        distance[kept] = distance[:, kept] = np.where(barred[kept], np.inf, own)
 
 
 def _sums(landmarks: Sequence[Landmark]) -> Array:
@@ -138,12 +153,11 @@ def _placed(sums: Array, rule: LandmarkRule) -> Array:
 
 
 def _distances(here: Array, there: Array, rule: LandmarkRule) -> Array:
-    """Squared Mahalanobis distances of M places (7, M) to N, (M, N): under both own covariances and what the pose
-    drifted between the two, zero for one landmark; infinite beyond the gate and the reach."""
+    """Squared Mahalanobis distances of M places (6, M) to N, (M, N): under both own covariances and what the pose
+    drifted between the two; infinite beyond the gate and the reach."""
     here, there = here[:, :, None], there[:, None, :]
     dx, dy = there[0] - here[0], there[1] - here[1]
     drift_m2 = np.abs(there[5] - here[5])
     xx, xy, yy = here[2] + there[2] + drift_m2, here[3] + there[3], here[4] + there[4] + drift_m2
     found = (yy * dx * dx - 2.0 * xy * dx * dy + xx * dy * dy) / (xx * yy - xy * xy)
-    found = np.where(here[6] == there[6], 0.0, found)
     return np.where((found <= rule.gate) & (dx * dx + dy * dy <= rule.reach_m**2), found, np.inf)

@@ -127,7 +127,7 @@ class FloorMap:
 
     def bound(self) -> None:
         """Bounds the map's size on a drive of any length: removes landmarks that never became objects and were not
-        observed for long, merges visits to one object, and drops keyframes. Does nothing during a loop closure.
+        observed for long, and merges visits to one object. Not during a loop closure.
         """
         since = self._frames - self.rule.forget_after
         self._refresh()
@@ -143,6 +143,9 @@ class FloorMap:
         gone = {number for number, one in self.graph.landmarks.all.items() if one.gone}
         if gone:
             self.graph.remove(gone)
+
+    def bound_trajectory(self) -> None:
+        """Drops keyframes beyond the maximum. Not during a loop closure."""
         drop_keyframes(self.graph)
 
     def objects(self) -> list[MapObject]:

@@ -9,7 +9,7 @@ import numpy as np
 from edgemap.geometry.arrays import Array
 from edgemap.geometry.se2 import SE2, compose_covariance
 from edgemap.geometry.slam.least_squares import OdometryFactors, inverse
-from edgemap.geometry.trajectory_correction import TrajectoryCorrection
+from edgemap.geometry.trajectory_correction import TrajectoryCorrection, composed
 
 FIXED = np.eye(3) * 1e8  # information of a first pose that is the map's origin
 
@@ -65,6 +65,11 @@ class KeyframeTrajectory:
         """Pose of the base in the map."""
         return self.poses[-1] @ self.since
 
+    @property
+    def covariance(self) -> Array:
+        """Of that pose."""
+        return compose_covariance(self.poses[-1], self.covariances[-1], self.since, self._since_covariance)
+
     def begin(self, pose: SE2, covariance: Array, stamp_s: float) -> None:
         """Adds the first keyframe with its covariance."""
         self.poses, self.stamps_s, self._first = [pose], [stamp_s], pose.vector()
@@ -83,9 +88,7 @@ class KeyframeTrajectory:
 
     def keep(self, stamp_s: float, heading_rad2: float = math.inf) -> None:
         """Makes the current pose a keyframe. heading_rad2: variance of the sum of all yaws up to here."""
-        self.covariances.append(
-            compose_covariance(self.poses[-1], self.covariances[-1], self.since, self._since_covariance)
-        )
+        self.covariances.append(self.covariance)
         self._motions.append(self.since)
         rule = self.rule
         self._covariances.append(
@@ -133,14 +136,17 @@ class KeyframeTrajectory:
             following = compose_covariance(after[-1], covariances[-1], motion, covariance)
             covariances = np.concatenate([covariances, following[None]])
             after.append(after[-1] @ motion)
-        moves = [(now @ before.inverse()).vector() for now, before in zip(after, self.poses, strict=True)]
-        self.poses, self.covariances, self._vectors = after, list(covariances), np.zeros((0, 3))
-        here = compose_covariance(after[-1], covariances[-1], self.since, self._since_covariance)
+        before = self.vectors()
+        now = np.array([pose.vector() for pose in after]).reshape(-1, 3)
+        turned = np.column_stack([np.zeros((len(now), 2)), now[:, 2] - before[:, 2]])
+        moves = composed(turned, np.column_stack([-before[:, :2], np.zeros(len(now))]))
+        moves[:, :2] += now[:, :2]
+        self.poses, self.covariances, self._vectors = after, list(covariances), now
         return TrajectoryCorrection(
             np.array([*self.stamps_s, max(now_s, self.stamps_s[-1])]),
-            np.array([*moves, np.zeros(3)]),
-            np.array([*(pose.vector() for pose in after), self.pose.vector()]),
-            np.concatenate([covariances, here[None]]),
+            np.concatenate([moves, np.zeros((1, 3))]),
+            np.concatenate([now, self.pose.vector()[None]]),
+            np.concatenate([covariances, self.covariance[None]]),
         )
 
     def drop(self, gone: Set[int]) -> None:

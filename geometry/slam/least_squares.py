@@ -9,16 +9,16 @@ from functools import cached_property, partial
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg import cho_factor, cho_solve, cho_solve_banded, cholesky_banded
+from scipy.linalg import cho_factor, cho_solve, cholesky_banded
 from scipy.sparse import csr_array
 
 from edgemap.geometry.arrays import Array
+from edgemap.geometry.slam.banded import solve_banded
 
 Rows = NDArray[np.intp]
 
 BAND = 5  # superdiagonals of the poses' own information: each is tied to its neighbour in the chain
 CONVERGED = 0.01  # log-likelihood that a step gains, below which it is the last: loops are decided by whole units
-TOGETHER = 2  # iterations in one unit of work
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -92,6 +92,10 @@ class Solution:
         stated.step()
         return stated.pose_covariances()
 
+    def state_covariances(self) -> None:
+        """Computes `pose_covariances` now: a unit of work."""
+        _ = self.pose_covariances
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Problem:
@@ -108,19 +112,18 @@ class Problem:
 def solve(
     problem: Problem, poses: Array, landmarks: Array, biases: Array, iterations: int = 6
 ) -> Generator[None, None, Solution]:
-    """Gauss-Newton from poses (K, 3) and landmarks (L, 2); yields after every unit of work, each of bounded size.
+    """Gauss-Newton from poses (K, 3) and landmarks (L, 2); yields after every iteration, each of bounded size.
 
     Poses are eliminated first: their part is banded, so the time grows with their number, and with its cube only for
     landmarks.
     """
     size, layout = 2 * len(landmarks), _Layout(problem, len(poses), len(landmarks))
-    for iteration in range(max(iterations, 1)):
+    for _ in range(max(iterations, 1)):
         system = _System(problem, layout, poses, landmarks, biases)
         step, steps = system.step()
         poses, landmarks = poses + step.reshape(-1, 3), landmarks + steps[:size].reshape(-1, 2)
         biases = biases + steps[size:]
-        if iteration % TOGETHER == 0:
-            yield
+        yield
         if system.gain(step, steps) < CONVERGED:
             break
     poses = np.column_stack([poses[:, :2], np.angle(np.exp(1j * poses[:, 2]))])
@@ -184,9 +187,7 @@ class _System:
     def step(self) -> tuple[Array, Array]:
         """Steps of the poses (3 K,) and of the corner (2 L + 1,)."""
         self._factor = cholesky_banded(self._band(), check_finite=False)
-        solved = cho_solve_banded(
-            (self._factor, False), np.column_stack([self.rhs.ravel(), self.between.toarray()]), check_finite=False
-        )
+        solved = solve_banded(self._factor, np.column_stack([self.rhs.ravel(), self.between.toarray()]))
         own, self._tied = solved[:, 0], solved[:, 1:]
         across = self.between.T @ solved
         self.schur = cho_factor(self.corner - across[:, 1:], check_finite=False)

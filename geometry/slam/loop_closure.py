@@ -10,9 +10,8 @@ from edgemap.geometry.slam.landmarks import Landmark
 from edgemap.geometry.slam.least_squares import Solution
 from edgemap.geometry.slam.loop_hypotheses import Pairing, certain_pairings
 from edgemap.geometry.slam.pose_graph import PoseGraph, Snapshot
-from edgemap.geometry.trajectory_correction import TrajectoryCorrection
 
-Work = Generator[None, None, "tuple[Snapshot, Solution] | None"]
+Closure = Generator[None, None, "tuple[Snapshot, Solution, bool] | None"]
 
 Evidence = frozenset[tuple[int, int, int]]  # of a hypothesis: its links, and how often each later landmark was observed
 
@@ -20,42 +19,20 @@ PLAIN, SEARCH, REFINE = 6, 2, 8  # iterations at most, of a solution by what it 
 
 
 class LoopSearch:
-    """The loop closure in progress on a graph. found: accepted links that were not revoked."""
+    """Finds loop closures in a graph. found: accepted links that were not revoked."""
 
     def __init__(self, graph: PoseGraph) -> None:
         self.graph = graph
         self.found = 0
-        self._work: Work | None = None
         self._refused: Evidence = frozenset()  # the last hypothesis that was not accepted
 
-    @property
-    def busy(self) -> bool:
-        """Whether a closure is under way: until it ends, no landmark and no keyframe leaves the graph."""
-        return self._work is not None
-
-    def begin(self) -> None:
-        """Starts a search for loops in the current graph."""
-        self._work = self._closure()
-
-    def step(self, now_s: float) -> TrajectoryCorrection | None:
-        """Does one unit of work on the closure in progress. Returns the correction that it ends with. now_s: stamp of
-        the latest frame.
+    def closure(self) -> Closure:
+        """Links what is one object, and solves; links that do not fit are revoked. Yields after every unit of work;
+        until the end no landmark and no keyframe may leave the graph. Returns the solution and whether links changed,
+        None without links.
         """
-        if self._work is None:
-            return None
-        try:
-            next(self._work)
-        except StopIteration as end:
-            self._work = None
-            if end.value is not None:
-                at, solution = end.value
-                return self.graph.correct(at, solution, now_s)
-        return None
-
-    def _closure(self) -> Work:
-        """Link what is one object, and solve; links that do not fit are taken back."""
         graph = self.graph
-        count, groups = len(graph.links), graph.groups()
+        before, groups = dict(graph.links), graph.groups()
         in_view = {
             landmark.number
             for landmark in graph.landmarks.in_view(graph.trajectory.odometer_m)
@@ -83,9 +60,11 @@ class LoopSearch:
             self._take_back(unfit)
             new = {number: first for number, first in new.items() if number in graph.links}
             after = yield from graph.solved(at, graph.links, PLAIN)
-        self.found += len(graph.links) - count
-        yield  # covariances are another unit of work
-        return at, after
+        self.found += len(graph.links) - len(before)
+        yield
+        after.state_covariances()
+        yield
+        return at, after, graph.links != before
 
     def _hypothesis(
         self,

@@ -36,8 +36,8 @@ class GraphRule:
     more likely; 5 is 150 to 1. kernel: squared residual at which an observation or a link weighs half. minimum:
     pictures of 0.1 s that make a landmark one to close loops with. maximum: landmarks solved for. visits: to one
     object, kept apart; older ones become one. nearest: earlier objects weighed in one closure. every: keyframes between
-    two closures. gate: squared residual above which a link is revoked. still_m: a closure that adds no link and
-    moves poses by less than this is not applied.
+    two closures. gate: squared residual above which a link is revoked. still_m: a closure that
+    changes no link and moves no pose by more than this changes covariances only.
     """
 
     freedom: float = 4.0
@@ -248,13 +248,15 @@ class PoseGraph:
             begin = (start.poses, start.landmarks, start.biases)
         return (yield from solve(problem, *begin, iterations))
 
-    def correct(self, at: Snapshot, solution: Solution, now_s: float) -> TrajectoryCorrection:
-        """Poses stand where the solution has them, and landmarks with them. now_s: stamp of the frame whose motion came
-        last."""
+    def correct(self, at: Snapshot, solution: Solution, relinked: bool, now_s: float) -> TrajectoryCorrection | None:
+        """Poses stand where the solution has them, and landmarks with them; None where it moves no pose by `still_m`,
+        and only covariances change. relinked: whether links changed, so that it moves them anyway. now_s: stamp of the
+        frame whose motion came last."""
         poses = solution.poses
         before = self.trajectory.vectors()[: len(poses)]
-        if np.abs(poses - before).max() < self.rule.still_m:
-            return self.trajectory.set_poses(before, solution.pose_covariances, now_s)
+        if not relinked and np.abs(poses - before).max() < self.rule.still_m:
+            self.trajectory.set_poses(before, solution.pose_covariances, now_s)
+            return None
         *ranges, path, yaw, mount = solution.biases.tolist()
         self._ranges, self._shared = dict(zip(at.row, ranges, strict=True)), [path, yaw, mount]
         correction = self.trajectory.set_poses(poses, solution.pose_covariances, now_s)

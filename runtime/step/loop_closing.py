@@ -1,11 +1,13 @@
 """Loop closure: landmarks observed again measure the drift of odometry, and correct trajectory and map."""
 
 import math
+from collections.abc import Generator
 from dataclasses import dataclass
 
 from edgemap.geometry.arrays import Array
+from edgemap.geometry.objects.floor_map import FloorMap
 from edgemap.geometry.se2 import SE2
-from edgemap.geometry.slam.loop_closure import LoopSearch
+from edgemap.geometry.slam.loop_closure import Closure, LoopSearch
 from edgemap.geometry.slam.pose_graph import PoseGraph
 from edgemap.geometry.trajectory_correction import TrajectoryCorrection
 
@@ -24,51 +26,77 @@ class LoopCorrection:
 
 
 class NoLoopClosure:
-    """The pose is odometry's."""
+    """The pose is odometry's; the map's size stays bounded, a unit of work in each frame.
+
+    found: number of landmarks matched to earlier ones so far.
+    """
 
     closes_loops = False
-    busy = False
 
-    def begin(self, graph: PoseGraph) -> None:
-        """Does nothing."""
+    def __init__(self) -> None:
+        self.found = 0
+        self._graph: PoseGraph | None = None
+        self._work: Closure | None = None
 
-    def step(self, graph: PoseGraph, now_s: float) -> LoopCorrection | None:  # noqa: ARG002
-        """Returns no correction."""
+    @property
+    def busy(self) -> bool:
+        """Whether work is under way."""
+        return self._work is not None
+
+    def begin(self, floor_map: FloorMap) -> None:
+        """Starts the work that is due every few keyframes."""
+        self._graph, self._work = floor_map.graph, self._units(floor_map)
+
+    def step(self, graph: PoseGraph, now_s: float) -> LoopCorrection | None:
+        """One unit of the work under way; the correction that it ends with. now_s: stamp of the latest frame."""
+        if self._work is None:
+            return None
+        if graph is not self._graph:  # of a map that was replaced
+            self._work = None
+            return None
+        try:
+            next(self._work)
+        except StopIteration as end:
+            self._work = None
+            before = graph.trajectory.pose
+            past = None
+            if end.value is not None:
+                at, solution, relinked = end.value
+                past = graph.correct(at, solution, relinked, now_s)
+            if past is not None:
+                pose = graph.trajectory.pose
+                moved_m = math.hypot(pose.x_m - before.x_m, pose.y_m - before.y_m)
+                return LoopCorrection(pose, past.covariances[-1], past, moved_m, self.found)
+        return None
+
+    def _units(self, floor_map: FloorMap) -> Closure:
+        yield from _bounded(floor_map)
         return None
 
 
 class LoopCloser(NoLoopClosure):
-    """Tries every few keyframes to close loops in the map's graph, a bounded unit of work in each frame.
+    """Tries every few keyframes to close loops in the map's graph too.
 
-    Counts frames, path and rotation, never time: the same frames give the same corrections. found: number of landmarks
-    matched to earlier ones so far.
+    Counts frames, path and rotation, never time: the same frames give the same corrections.
     """
 
     closes_loops = True
 
     def __init__(self) -> None:
-        self.found = 0
+        super().__init__()
         self._search: LoopSearch | None = None
 
-    @property
-    def busy(self) -> bool:  # pyright: ignore[reportIncompatibleVariableOverride]
-        """Whether a closure is under way: until it ends, no landmark and no keyframe leaves the graph."""
-        return self._search is not None and self._search.busy
+    def _units(self, floor_map: FloorMap) -> Closure:
+        yield from _bounded(floor_map)
+        if self._search is None or self._search.graph is not floor_map.graph:
+            self._search = LoopSearch(floor_map.graph)
+        solved = yield from self._search.closure()
+        self.found = self._search.found
+        return solved
 
-    def begin(self, graph: PoseGraph) -> None:
-        """Starts a search for loops in the current graph."""
-        if self._search is None or self._search.graph is not graph:
-            self._search = LoopSearch(graph)
-        self._search.begin()
 
-    def step(self, graph: PoseGraph, now_s: float) -> LoopCorrection | None:
-        """One unit of work on the closure under way; the correction that it ends with."""
-        if self._search is None or self._search.graph is not graph:
-            return None
-        before = graph.trajectory.pose
-        past = self._search.step(now_s)
-        if past is None:
-            return None
-        self.found, pose = self._search.found, graph.trajectory.pose
-        moved_m = math.hypot(pose.x_m - before.x_m, pose.y_m - before.y_m)
-        return LoopCorrection(pose, past.covariances[-1], past, moved_m, self.found)
+def _bounded(floor_map: FloorMap) -> Generator[None, None, None]:
+    floor_map.bound()
+    yield
+    floor_map.bound_trajectory()
+    yield

@@ -295,11 +295,12 @@ class Mapper:
         self._due |= graph.advance(motion.motion, motion.covariance, observed.stamp_s, motion.heading_rad2)
         if self._due and not self.loop_closer.busy:
             self._due = False
-            self.map.bound()
-            self.loop_closer.begin(graph)
-        correction = self.loop_closer.step(graph, observed.stamp_s)
+            self.loop_closer.begin(self.map)
+        was_busy, correction = self.loop_closer.busy, self.loop_closer.step(graph, observed.stamp_s)
+        if was_busy and not self.loop_closer.busy:
+            self.pose_covariance = graph.trajectory.covariance
         if correction is not None:
-            self.pose_map_base, self.pose_covariance = correction.pose_map_base, correction.pose_covariance
+            self.pose_map_base = correction.pose_map_base
             self.trajectory.correct(correction.past)
             self.map.moved()
             self.grid.moved(correction.past)

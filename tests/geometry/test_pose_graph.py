@@ -3,10 +3,12 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.linalg import cholesky_banded
 from scipy.optimize import least_squares
 
 from edgemap.geometry.se2 import SE2
 from edgemap.geometry.slam import least_squares as graph
+from edgemap.geometry.slam.banded import solve_banded
 from edgemap.geometry.slam.least_squares import LandmarkFactors, ObservationFactors, OdometryFactors, Problem, inverse
 
 FIXED = np.eye(3) * 1e8
@@ -193,3 +195,18 @@ def test_a_link_draws_two_landmarks_together_as_far_as_it_is_sure():
     np.testing.assert_allclose(found.landmarks, [[0.1, 0.0], [0.2, 0.0]], atol=1e-6)
     assert found.link_chi2 == pytest.approx([1.0], abs=1e-3)
     assert abs(far.landmarks[0, 0]) < 0.05  # a robust kernel
+
+
+@pytest.mark.parametrize("poses", [1, 2, 7, 8, 9, 40])
+def test_a_banded_system_is_solved_as_lapack_solves_it(poses):
+    """Blocks of eight poses each, the last one partly filled."""
+    random, size = np.random.default_rng(poses), 3 * poses
+    matrix = np.eye(size)
+    for row in range(0, size - 3, 3):
+        beside = random.normal(size=(3, 6))
+        matrix[row : row + 6, row : row + 6] += beside.T @ beside
+    band = np.zeros((6, size))
+    for above in range(min(6, size)):
+        band[5 - above, above:] = np.diagonal(matrix, above)
+    rhs = random.normal(size=(size, 11))
+    np.testing.assert_allclose(solve_banded(cholesky_banded(band), rhs), np.linalg.solve(matrix, rhs), atol=1e-9)
