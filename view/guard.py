@@ -47,6 +47,8 @@ class Guard:
         host = headers.get("host", "")
         if not self._is_own(host):
             return PlainTextResponse(f"{host!r} is not a name of this robot\n", 400)
+        if not scope.get("query_string", b"").isascii():  # as RFC 3986 has it; starlette would fail at it
+            return PlainTextResponse("the query is not ASCII\n", 400)
         origin = headers.get("origin")
         if origin is not None and origin.lower() not in (f"http://{host}".lower(), f"https://{host}".lower()):
             return PlainTextResponse("requests from other sites are refused\n", 403)

@@ -1,11 +1,13 @@
 """The server as any program meets it: who is let in, what is sent, and what a slow or rude viewer does to others."""
 
+import asyncio
 import http.client
 import json
 import socket
 import time
 from contextlib import suppress
 from dataclasses import replace
+from typing import Any, cast
 
 import pytest
 from support.http_client import Api
@@ -14,8 +16,10 @@ from uvicorn.protocols.http.h11_impl import H11Protocol
 from websockets.exceptions import ConnectionClosed, InvalidStatus
 
 from edgemap.geometry.se2 import SE2
+from edgemap.view.app import make_app
 from edgemap.view.connections import WaitingLimited
 from edgemap.view.guard import _cookie
+from edgemap.view.page import LivePage
 from edgemap.view.server import PageServer, ViewError
 from edgemap.view.viewer import IN_FLIGHT
 
@@ -104,6 +108,26 @@ def test_what_is_not_in_the_api_is_json_too(serve, path, method, status):
     found, headers, body = ask(serve().port, path, method)
     assert (found, headers["content-type"]) == (status, "application/json")
     assert json.loads(body) == {"error": f"{method} '{path}' is not in this API"}
+
+
+@pytest.mark.parametrize("target", ["/?a=\xff", "/nothing?a=\xc3", "/api/map?\xe9", "/\xff"])
+def test_an_address_that_is_not_ascii_is_refused(serve, target):
+    port = serve().port
+    with socket.create_connection(("127.0.0.1", port), timeout=10) as raw:
+        raw.sendall(f"GET {target} HTTP/1.1\r\nHost: 127.0.0.1:{port}\r\n\r\n".encode("latin-1"))
+        assert raw.recv(100).startswith(b"HTTP/1.1 400")
+
+
+def test_a_query_that_is_not_ascii_is_refused_whatever_parser_is_installed():
+    sent = []
+
+    async def send(message):
+        sent.append(message)
+
+    headers = [(b"host", b"127.0.0.1:8090")]
+    scope = {"type": "http", "method": "GET", "path": "/nothing", "query_string": b"a=\xff", "headers": headers}
+    asyncio.run(make_app(cast(LivePage, None))(scope, cast(Any, None), send))
+    assert sent[0]["status"] == 400
 
 
 def test_beyond_loopback_nothing_comes_without_the_token(serve):
