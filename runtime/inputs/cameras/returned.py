@@ -55,7 +55,8 @@ def depth_of(given: Any, shape: tuple[int, int]) -> NDArray[np.float32] | None:
     if not isinstance(given, np.ndarray) or given.dtype.kind not in "fiu" or given.shape != shape:
         what = f"{given.dtype} {given.shape}" if isinstance(given, np.ndarray) else type(given).__name__
         raise CameraError(f"depth is {what}, not numbers (H, W) of the picture's {shape[1]}x{shape[0]} px")
-    depth = given.astype(np.float32, copy=False)
+    with np.errstate(over="ignore"):  # what is beyond float32 is infinite there
+        depth = given.astype(np.float32, copy=False)
     known = depth > 0.0  # false of NaN
     known &= depth < np.float32(np.inf)
     return depth if known.all() else np.where(known, depth, np.float32(0.0))

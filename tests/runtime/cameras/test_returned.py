@@ -68,6 +68,13 @@ def test_a_depth_that_is_none_is_one_fault_and_a_frame_without(depth):
     assert [fault.kind.value for fault in told] == ["format"]
 
 
+@pytest.mark.filterwarnings("error")
+def test_depth_beyond_float32_is_unknown_without_a_warning():
+    camera, _, _ = scripted({5: Picture(100.6, picture(200), np.full((4, 6), 1e308))})
+    frame = next(frame for frame in drain(camera, 20) if frame.depth is not None)
+    assert not frame.depth.any()
+
+
 def test_depth_that_is_no_distance_is_unknown():
     depth = np.array([[math.nan, math.inf, -1.0, 0.0, 1.0, 2.0]] * 4)
     camera, _, _ = scripted({5: Picture(100.6, picture(200), depth)})
