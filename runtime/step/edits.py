@@ -74,6 +74,7 @@ class Edits:
         self._log = LineFile(path) if path else None
         self._recorded = deque(recorded)
         self._waiting: deque[tuple[Edit, Future[str]]] = deque()
+        self._ended = False
 
     def submit(self, edit: Edit) -> Future[str]:
         """Ask for an edit, from any thread; the id of its object or zone once it is done. The future raises EditError
@@ -83,7 +84,17 @@ class Edits:
             future.set_exception(EditError(f"{MAXIMUM_WAITING} edits are waiting already"))
         else:
             self._waiting.append((edit, future))
+        if self._ended:
+            self.end()
         return future
+
+    def end(self) -> None:
+        """Refuses the edits that wait, and all that come later: nobody will apply them."""
+        self._ended = True
+        while self._waiting:
+            _, future = self._waiting.popleft()
+            if future.set_running_or_notify_cancel():
+                future.set_exception(EditError("the run has ended"))
 
     def apply(self, mapper: Mapper, frames: int) -> list[str]:
         """Take what is due, on the run's thread and between two steps. frames: steps done so far. Returns what recorded

@@ -4,6 +4,7 @@ import asyncio
 import http.client
 import json
 import socket
+import threading
 import time
 from contextlib import suppress
 from dataclasses import replace
@@ -15,6 +16,7 @@ from support.live import raw_viewer
 from uvicorn.protocols.http.h11_impl import H11Protocol
 from websockets.exceptions import ConnectionClosed, InvalidStatus
 
+from edgemap.geometry.objects.edits import Edit
 from edgemap.geometry.se2 import SE2
 from edgemap.view.app import make_app
 from edgemap.view.connections import WaitingLimited
@@ -407,6 +409,23 @@ def test_closing_frees_the_port_even_with_viewers(serve):
         assert again.port == served.port
         with pytest.raises(ConnectionClosed):
             viewer.drain(10.0)
+
+
+def test_an_edit_that_waits_when_the_page_closes_is_answered(serve, capfd):
+    served = serve()
+    served.step(30)
+    answers = []
+    with served.stepping:  # the run takes no edit any more
+        path = f"/api/objects/{served.page.newest.objects[0].id}"
+        asking = threading.Thread(target=lambda: answers.append(Api(served.port)("PATCH", path, {"name": "x"})))
+        asking.start()
+        time.sleep(1.0)  # for the request to wait
+        served.server.close()
+        asking.join(10.0)
+    ((status, _, body),) = answers
+    assert (status, body) == (409, {"error": "the run has ended"})
+    assert served.page.edits.submit(Edit("rename", "x", name="y")).exception() is not None
+    assert capfd.readouterr().err == ""
 
 
 def test_a_pause_reaches_every_viewer(serve):
