@@ -117,3 +117,14 @@ def test_another_number_of_poses_is_refused():
     for errors in (aligned_errors_m, motion_errors):
         with pytest.raises(ValueError, match="101 true poses or motions against 100"):
             errors(STRAIGHT, STRAIGHT[1:])
+
+
+@pytest.mark.parametrize(("stamp_s", "whole"), [(0.995, True), (0.985, False)])
+def test_a_window_may_end_a_hundredth_of_a_second_early_and_no_more(stamp_s, whole):
+    """A window of a second: the step after the frame at this stamp errs, and counts where that frame came too early."""
+    stamps_s = np.arange(12) / 10.0
+    stamps_s[10] = stamp_s
+    covariances = np.broadcast_to(np.eye(3) * 1e-6, (11, 3, 3))
+    estimated = integrated([SE2()] * 10 + [SE2(0.001)])
+    found = window_errors([SE2()] * 12, estimated, covariances, stamps_s, (1.0,))[1.0]
+    assert found == pytest.approx([0.0] if whole else [1.0 / 11.0])

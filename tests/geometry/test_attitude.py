@@ -21,7 +21,10 @@ def test_the_direction_up_gives_the_mounts_angles_back(pitch_deg, roll_deg):
     mount = Mount.from_degrees(1.0, pitch_deg, roll_deg)
     up = mount.rotation_base_optical().T @ [0.0, 0.0, 2.5]
     attitude = Attitude.of_up(up, EXACT, "test")
-    assert (attitude.pitch_rad, attitude.roll_rad) == pytest.approx((mount.pitch_rad, mount.roll_rad), abs=1e-9)
+    given = Attitude.of_mount(mount)
+    assert (attitude.pitch_rad, attitude.roll_rad) == pytest.approx((given.pitch_rad, given.roll_rad), abs=1e-9)
+    assert (given.pitch_rad, given.roll_rad) == (mount.pitch_rad, mount.roll_rad)
+    np.testing.assert_array_equal(given.covariance_rad2, EXACT)  # as exact as it is said to be
 
 
 def test_a_frame_that_nods_sees_the_floor_where_it_is():

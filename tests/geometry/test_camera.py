@@ -164,6 +164,14 @@ def test_horizon_row_with_distortion_parts_floor_from_sky():
         assert camera.below_horizon([[column, row - 0.2], [column, row + 0.2]]).tolist() == [False, True]
 
 
+def test_a_horizon_outside_a_distorted_picture_is_where_a_plain_lens_has_it():
+    """40 degrees down: no row of the picture meets it."""
+    bent = Intrinsics(640, 480, 587.0, 585.0, 319.5, 239.5, Distortion("brown_conrady", LENS))
+    plain, distorted = (FloorCamera(lens, Mount.from_degrees(0.6, 40.0)) for lens in (PLAIN, bent))
+    assert plain.horizon_row() < 0.0
+    assert distorted.horizon_row() == pytest.approx(plain.horizon_row())
+
+
 def test_floor_covariance_matches_sampling():
     rng = np.random.default_rng(2)
     mount = Mount.from_degrees(0.6, 11.5)

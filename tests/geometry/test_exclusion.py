@@ -1,3 +1,5 @@
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from hypothesis import given
@@ -62,17 +64,39 @@ def test_the_posterior_of_a_label_is_bayes_over_its_sightings():
     assert label_posterior({"chair": 0.0}, RULE) == {"chair": 1.0}
 
 
-@given(
-    st.lists(
-        st.tuples(
-            st.sampled_from(["chair", "vase", "couch"]),
-            st.floats(0, 3),
-            st.floats(0, 3),
-            st.integers(1, 99),
-        ),
-        max_size=12,
-    )
+ROWS = st.lists(
+    st.tuples(st.sampled_from(["chair", "vase", "couch"]), st.floats(0, 3), st.floats(0, 3), st.integers(1, 99)),
+    max_size=12,
 )
+
+
+@given(ROWS, st.integers(0, 999))
+def test_what_changed_and_came_back_is_as_if_it_had_never_changed(rows, seed):
+    """Candidates that moved, that were observed more often, and that were gone for a while."""
+    objects = [mapped(f"{label}-{n}", x, y, count) for n, (label, x, y, count) in enumerate(rows)]
+    random, overlaps, fresh = np.random.default_rng(seed), Overlaps(), Overlaps()
+    for item in [item for item in objects for _ in range(3)]:
+        place = item.position_m + random.normal(0.0, 0.3, 2)
+        overlaps.set(replace(item, position_m=place, evidence=float(random.integers(1, 99))))
+        if random.random() < 0.3:
+            overlaps.settle()
+            overlaps.remove(item.id)
+        if random.random() < 0.5:
+            overlaps.settle()
+    for found in (overlaps, fresh):
+        for item in objects:
+            found.set(item)
+        found.settle()
+        assert {found.best(item.id) for item in objects} == set(found.members)
+    assert overlaps.members == fresh.members
+    for item in objects[::2]:
+        overlaps.remove(item.id)
+    overlaps.settle()
+    assert all(overlaps.best(item.id) == item.id for item in objects[::2])
+    assert {one.id for own in overlaps.members.values() for one in own} == {item.id for item in objects[1::2]}
+
+
+@given(ROWS)
 def test_nothing_overlaps_and_the_order_of_changes_does_not_matter(rows):
     objects = [mapped(f"{label}-{n}", x, y, count) for n, (label, x, y, count) in enumerate(rows)]
     kept = without_overlaps(objects)
