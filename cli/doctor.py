@@ -29,7 +29,6 @@ EXTRAS: dict[str, tuple[str, dict[str, str]]] = {
         "rendered rooms",
         {"moderngl": "moderngl", "av": "av", "PIL": "pillow", "embreex": "embreex"},
     ),
-    "realsense": ("--camera realsense", {"pyrealsense2": "pyrealsense2"}),
     "openvino": ("bench --against openvino", {"openvino": "openvino"}),
     "view": ("run --view", {"starlette": "starlette", "uvicorn": "uvicorn", "websockets": "websockets"}),
     "record": (

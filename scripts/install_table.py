@@ -15,7 +15,7 @@ ROOT = Path(__file__).parents[1]
 GLIBC = "manylinux_2_35"
 PROCESSORS = ("x86_64", "aarch64")
 PYTHONS = ("3.11", "3.12", "3.13")
-# The base and extras of robots; RealSense by itself, since its marker leaves it out where it has no built package.
+# The base without its optional RealSense part, extras of robots, and that part by itself.
 INSTALLS = ("base", "view", "record", "foxglove", "mqtt", "ros2", "fleet", "rerun", "openvino", "realsense")
 
 
@@ -31,7 +31,7 @@ def resolved(install: str, processor: str, python: str) -> str:
     result = subprocess.run([*command, source], input=given, capture_output=True, text=True, check=False)
     if result.returncode == 0:
         packages = [line.partition("==")[0] for line in result.stdout.splitlines() if line.strip()]
-        return f"{len(packages)}"
+        return f"{len(packages)}" + (" with RealSense" if install == "base" and "pyrealsense2" in packages else "")
     words = " ".join(result.stderr.split())
     lacking = re.search(r"Because (?:only )?(?:all versions of )?([A-Za-z0-9_.-]+)", words)
     return f"no: {lacking[1]}" if lacking else f"no: {words[:60]}"
