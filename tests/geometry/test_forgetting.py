@@ -88,8 +88,8 @@ def test_what_stands_nearer_hides_and_what_stands_behind_does_not():
 
 
 def test_shares_of_boxes_by_hand():
-    box = np.array([0.0, 0.0, 10.0, 10.0])
-    others = np.array([[5.0, 0.0, 15.0, 10.0], [0.0, 8.0, 10.0, 30.0], [np.nan] * 4])
+    box = np.array([2.0, 0.0, 12.0, 10.0])
+    others = np.array([[7.0, 0.0, 17.0, 10.0], [2.0, 8.0, 12.0, 30.0], [np.nan] * 4])
     assert covered_share(box, others) == pytest.approx(0.5)
     assert covered_share(box, np.zeros((0, 4))) == 0.0
     assert iou(box, others[:2]) == pytest.approx([50 / 150, 20 / 300])

@@ -156,10 +156,24 @@ def test_one_look_at_a_known_landmark_is_a_kalman_update():
     # The pose may be 0.2 m off along x and y, the landmark 0.1 m, the look 0.1 m: it says 0.3 m less in x.
     chain = replace(AT_REST, first_information=np.diag([25.0, 25.0, 1e12]))
     known = priors([(2.0, 0.0)], 100.0)
-    found = solve(np.zeros((1, 3)), known.prior_m, chain, observations([(1.7, 0.0)], 100.0), known, kernel=1e9)
+    expected, found = (
+        solve(np.zeros((1, 3)), known.prior_m, chain, observations([(x_m, 0.0)], 100.0), known, kernel=1e9)
+        for x_m in (2.0, 1.7)
+    )
     assert found.poses[0] == pytest.approx([0.3 * 0.04 / 0.06, 0.0, 0.0], abs=1e-6)
     assert found.landmarks[0] == pytest.approx([2.0 - 0.3 * 0.01 / 0.06, 0.0], abs=1e-6)
     assert found.pose_covariances[0, 0, 0] == pytest.approx(1.0 / (25.0 + 1.0 / 0.02), rel=1e-4)
+    assert found.log_evidence - expected.log_evidence == pytest.approx(-0.5 * 0.3**2 / 0.06, abs=1e-3)
+
+
+def test_a_robust_kernel_charges_less_for_a_residual_of_three_standard_deviations():
+    """Pose and landmark are fixed, 0.3 m from what a look of 0.1 m says: 9 / 2, or 9 / 2 log(1 + 9 / 9)."""
+    known, looks = priors([(2.0, 0.0)], 1e10), observations([(1.7, 0.0)], 100.0)
+    chain = replace(AT_REST, first_information=np.eye(3) * 1e10)
+    robust, gaussian = (
+        solve(np.zeros((1, 3)), known.prior_m, chain, looks, known, kernel).log_evidence for kernel in (9.0, math.inf)
+    )
+    assert robust - gaussian == pytest.approx(4.5 - 4.5 * math.log(2.0), abs=1e-3)
 
 
 def test_an_outlier_weighs_little():

@@ -37,6 +37,7 @@ def test_position_and_size_by_hand():
     assert chair.position_base_m == pytest.approx([0.2 + 5.0 + 0.268, 0.0])
     assert chair.width_m == pytest.approx(0.6)
     assert chair.height_m == pytest.approx(1.0)
+    assert (chair.frame, chair.stamp_s) == (0, 0.0)  # where nothing is said of them
 
 
 def test_an_object_on_the_right_of_the_picture_has_negative_y():
