@@ -5,6 +5,8 @@ from numpy.typing import ArrayLike
 
 from edgemap.geometry.arrays import Array
 
+CLEAR_SIGMAS = 3.29  # standard deviations that hold 99.9 % of a normal distribution: the one probability of all gates
+HUBER = 1.345  # standard deviations beyond which a measurement loses weight (95 % efficiency: Huber 1981)
 NORMAL = 1.4826  # standard deviation of a normal distribution over its median absolute deviation (Hampel 1974)
 
 

@@ -22,34 +22,26 @@ TILES = 16, 12  # across and down, of a picture that may be covered in part
 @dataclass(frozen=True, slots=True)
 class HealthRule:
     """When a picture counts as unusable. dark: grey level; a picture whose 98th percentile is below is dark (demo: 52
-    at its darkest, photographs 151). blown, blown_share: grey level that counts as saturated, and the share that is too
-    much (photographs: 0.65). covered: grey levels of coarse structure; a covered lens or a plain wall close by has less
-    (photographs: 23). sharp: fine over coarse structure; Gaussian blur of 6 px at 640 has 0.36, moving cameras 0.63,
-    photographs 0.77. frozen_s: of pictures that do not change at all: frozen, and not one delivered twice. torn_share:
-    of the rows, at the top or the bottom, that are the last picture's while the others moved. moved: mean grey levels
-    by which the other rows changed.
-    part_every_s, part_s: of pictures that are compared for what covers a part of the lens: tiles that stay as plain as
-    `covered` and change by less than part_still grey levels while others change by more. part_share, part_lasts_s: of
-    the tiles, and for how long, from which on that is a fault (half a picture covered has 0.35 to 0.40; walls that
-    rendered robots pass have up to 0.35 for a moment, HoloLens, lounge, RedKitchen, EuRoC, KITTI at most 0.04).
-    part_sudden: share of the tiles that become plain from one picture to the next as something covers them; it counts
-    until part_s shows what stays plain.
+    at its darkest, photographs 151). covered: grey levels of coarse structure; a covered lens or a plain wall close by
+    has less (photographs: 23), and what is as near to the greatest level counts as saturated. blown_share: of
+    saturated pixels, that is too much (photographs: 0.65). sharp: fine over coarse structure; Gaussian blur of 6 px at
+    640 has 0.36, moving cameras 0.63, photographs 0.77. lasts_s: for which pictures do not change at all: frozen, and
+    not one delivered twice; over which pictures are compared for what covers a part of the lens, and for how long that
+    lasts until it is a fault. moved: mean grey levels by which what shows the scene changes as the robot moves.
+    torn_share: of the rows, at the top or the bottom, that are the last picture's while the others moved. part_share:
+    of the tiles that stay as plain as `covered` and do not change while others do (half a picture covered has 0.35 to
+    0.40; walls that rendered robots pass have up to 0.35 for a moment, HoloLens, lounge, RedKitchen, EuRoC, KITTI at
+    most 0.04); also of those that become plain from one picture to the next as something covers them.
     """
 
     dark: int = 24
-    blown: int = 250
-    blown_share: float = 0.75
     covered: int = 5
+    blown_share: float = 0.75
     sharp: float = 0.40
-    frozen_s: float = 1.0
-    torn_share: float = 0.15
+    lasts_s: float = 1.0
     moved: float = 4.0
-    part_every_s: float = 0.3
-    part_s: float = 1.0
-    part_still: float = 8.0
+    torn_share: float = 0.15
     part_share: float = 0.3
-    part_lasts_s: float = 2.0
-    part_sudden: float = 0.4
 
 
 @dataclass(frozen=True, slots=True)
@@ -98,7 +90,7 @@ class HealthMonitor:
         structure = cv2.absdiff(fine, cv2.blur(fine, (COARSE_PX, COARSE_PX)))
         kind, detail = _content(small, fine, structure, self._rule)
         if not kind and not changed:
-            kind = "repeated" if frame.stamp_s - self._changed_s < self._rule.frozen_s else "frozen"
+            kind = "repeated" if frame.stamp_s - self._changed_s < self._rule.lasts_s else "frozen"
             detail = f"has not changed since {self._changed_s:.3f} s"
         elif not kind and last is not None and last.shape == grid.shape:
             kind, detail = _torn(grid, last, self._rule)
@@ -110,7 +102,7 @@ class HealthMonitor:
         self._seen: deque[tuple[float, MatLike, NDArray[np.uint8]]] = deque()
         self._covered, self._part_due_s = 0.0, math.inf
         self._plain: NDArray[np.bool_] | None = None  # which tiles of the last picture show nothing
-        self._cover = np.zeros(TILES[::-1], dtype=np.bool_)  # what suddenly showed nothing, until part_s tells
+        self._cover = np.zeros(TILES[::-1], dtype=np.bool_)  # what suddenly showed nothing, until lasts_s tells
         self._last: NDArray[np.uint8] | None = None
         self._changed_s = self._reported_s = -math.inf
         self._kind = self._reason = ""
@@ -121,26 +113,25 @@ class HealthMonitor:
         """A good picture's health with the share that a cover takes, by what the last second showed."""
         rule, seen, maxima = self._rule, self._seen, _tile_maxima(structure)
         plain = maxima < rule.covered
-        suddenly = self._plain is not None and float((plain & ~self._plain).mean()) >= rule.part_sudden
+        suddenly = self._plain is not None and float((plain & ~self._plain).mean()) >= rule.part_share
         self._plain = plain
         if suddenly:
             self._cover = plain
             seen.clear()  # what was seen before the cover tells nothing of it
-        if not seen or stamp_s - seen[-1][0] >= rule.part_every_s:
-            seen.append((stamp_s, small, maxima))
-            while stamp_s - seen[0][0] > rule.part_s + rule.part_every_s:
-                seen.popleft()
-            if stamp_s - seen[0][0] >= rule.part_s:
-                changes = cv2.resize(cv2.absdiff(small, seen[0][1]), TILES, interpolation=cv2.INTER_AREA)
-                lasting = np.max([maxima for _, _, maxima in seen], axis=0) < rule.covered
-                self._cover = np.zeros_like(plain)
-                if (changes >= rule.part_still).any():  # at rest nothing tells a cover
-                    self._covered = float((lasting & (changes < rule.part_still)).mean())
+        seen.append((stamp_s, small, maxima))
+        while len(seen) > 1 and stamp_s - seen[1][0] >= rule.lasts_s:
+            seen.popleft()
+        if stamp_s - seen[0][0] >= rule.lasts_s:
+            changes = cv2.resize(cv2.absdiff(small, seen[0][1]), TILES, interpolation=cv2.INTER_AREA)
+            lasting = np.max([maxima for _, _, maxima in seen], axis=0) < rule.covered
+            self._cover = np.zeros_like(plain)
+            if (changes >= rule.moved).any():  # at rest nothing tells a cover
+                self._covered = float((lasting & (changes < rule.moved)).mean())
         covered = max(self._covered, float((self._cover & plain).mean()))
         if covered < rule.part_share:
             self._part_due_s = math.inf
         elif self._part_due_s == math.inf:
-            self._part_due_s = stamp_s + rule.part_lasts_s
+            self._part_due_s = stamp_s + rule.lasts_s
         if stamp_s < self._part_due_s:
             return replace(health, covered=covered)
         self._part_due_s = stamp_s + REPEATED_S
@@ -179,7 +170,7 @@ def _content(grey: MatLike, fine: MatLike, structure: MatLike, rule: HealthRule)
     bright = int(np.searchsorted(shares, 0.98))
     if bright < rule.dark:
         return "dark", f"98 % of it at grey level {bright} or below"
-    blown = 1.0 - float(shares[rule.blown - 1])
+    blown = 1.0 - float(shares[-1 - rule.covered - 1])
     if blown > rule.blown_share:
         return "blown", f"{100 * blown:.0f} % of it saturated"
     coarse = _percentile(structure)

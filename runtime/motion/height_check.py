@@ -14,35 +14,27 @@ from edgemap.geometry.camera.mount import HeightEstimate, Mount
 from edgemap.geometry.observations.class_extents import HEIGHT_M
 from edgemap.geometry.observations.detections import Detections
 from edgemap.geometry.observations.lens_height import lens_heights
-from edgemap.geometry.robust import median_and_scatter
+from edgemap.geometry.robust import CLEAR_SIGMAS, median_and_scatter
 from edgemap.runtime.motion.odometry.protocol import Motion
-
-FEWEST_RATIOS, KEPT_RATIOS = 8, 60  # windows in which wheels and camera are compared
 
 
 @dataclass(frozen=True, slots=True)
 class HeightRule:
     """When a mount's height counts as wrong.
 
-    every_s: between two pictures whose boxes count, as neighbours repeat each other. fewest, kept: boxes of a class, or
-    depth pictures with a floor. loose: scatter of a class's boxes, as a share, above which they do not count: the
-    camera is carried. window_m: that wheels roll between two comparisons with the camera; wheels_sigma: of their
-    radius; depth_sigma: of a depth camera's scale. judged_s: stream time before the first report. wrong_share, sigmas:
-    least relative error, and least number of standard deviations, of a wrong height; wrong_depth_share: the same where
-    depth shows it.
+    fewest, kept: measurements of one kind: boxes of a class, depth pictures with a floor, stretches of window_m over
+    which wheels and camera are compared. wheels_sigma: of the wheels' radius; depth_sigma: of a depth camera's scale.
+    judged_s: stream time before the first report. wrong_share: least relative error of a wrong height without depth,
+    and scatter of a class's boxes above which they do not count: the camera is carried.
     """
 
-    every_s: float = 0.2
     fewest: int = 10
     kept: int = 100
-    loose: float = 0.25
     window_m: float = 0.5
     wheels_sigma: float = 0.05
     depth_sigma: float = 0.02
     judged_s: float = 10.0
     wrong_share: float = 0.25
-    wrong_depth_share: float = 0.1
-    sigmas: float = 2.6
 
 
 @dataclass(frozen=True, slots=True)
@@ -66,14 +58,14 @@ class HeightCheck:
         self._rule, self._given_m = rule or HeightRule(), mount.height_m
         self.estimate: HeightEstimate | None = None
         self._reported, self._used = False, mount
-        self._looked_s = self._judged_s = -math.inf
+        self._judged_s = -math.inf
         self.reset()
 
     def reset(self) -> None:
         """Discards all measurements, after the camera's attitude was corrected."""
         rule = self._rule
         self._sizes: dict[str, deque[tuple[float, float]]] = defaultdict(lambda: deque(maxlen=rule.kept))
-        self._ratios: deque[float] = deque(maxlen=KEPT_RATIOS)  # logarithms of wheels over camera
+        self._ratios: deque[float] = deque(maxlen=rule.kept)  # logarithms of wheels over camera
         self._depths: deque[float] = deque(maxlen=rule.kept)  # logarithms of depth's height over the mount's
         self._camera_m = self._rolled_m = 0.0  # in the window so far
         self._began_s = math.inf
@@ -87,17 +79,14 @@ class HeightCheck:
         self._began_s = min(self._began_s, stamp_s)
         if attitude.height_m is None:
             self._compare(motion)
-            self._measure(stamp_s, camera, boxes)
+            self._measure(camera, boxes)
         elif attitude.source == "depth":
             self._depths.append(math.log(attitude.height_m / self._given_m))
         due = stamp_s - max(self._judged_s + 1.0, self._began_s + self._rule.judged_s) >= 0.0
         return self._judge(stamp_s) if due else ""
 
-    def _measure(self, stamp_s: float, camera: FloorCamera, boxes: Detections) -> None:
-        """What stands on the floor, now and then."""
-        if stamp_s - self._looked_s < self._rule.every_s:
-            return
-        self._looked_s = stamp_s
+    def _measure(self, camera: FloorCamera, boxes: Detections) -> None:
+        """What stands on the floor."""
         for found in lens_heights(boxes, camera):
             self._sizes[found.label].append((math.log(found.height_m / self._given_m), found.fall))
 
@@ -120,14 +109,14 @@ class HeightCheck:
             if len(heights) < rule.fewest:
                 continue
             (middle, fall), (scatter, _) = median_and_scatter(np.array(heights))
-            if scatter <= rule.loose:
+            if scatter <= rule.wrong_share:
                 variance = HEIGHT_M[label][1] ** 2 + (FloorNoise().pitch_rad / fall) ** 2 + scatter**2 / rule.fewest
                 found.append(_Measurement(label, float(middle), math.sqrt(variance)))
         return found
 
-    def _by(self, name: str, values: deque[float], fewest: int, least_sigma: float) -> _Measurement | None:
+    def _by(self, name: str, values: deque[float], least_sigma: float) -> _Measurement | None:
         """Logarithms as a measurement; None for too few, or where one has no meaning."""
-        if len(values) < fewest or not np.isfinite(values).all():
+        if len(values) < self._rule.fewest or not np.isfinite(values).all():
             return None
         middle, scatter = map(float, median_and_scatter(np.array(values)))
         return _Measurement(name, middle, math.hypot(scatter / math.sqrt(len(values)), least_sigma))
@@ -137,11 +126,11 @@ class HeightCheck:
         measurements = self._by_sizes()
         labels = ", ".join(one.name for one in measurements)
         sources = [f"the usual height of {labels}"] if labels else []
-        depth = self._by("the floor in depth pictures", self._depths, rule.fewest, rule.depth_sigma)
-        wheels = self._by("the wheels", self._ratios, FEWEST_RATIOS, rule.wheels_sigma)
+        depth = self._by("the floor in depth pictures", self._depths, rule.depth_sigma)
+        wheels = self._by("the wheels", self._ratios, rule.wheels_sigma)
         for more in filter(None, (depth, wheels)):
             off, sigma = _agreed(measurements)
-            if more is wheels and abs(more.log_share - off) >= rule.sigmas * math.hypot(more.sigma, sigma):
+            if more is wheels and abs(more.log_share - off) >= CLEAR_SIGMAS * math.hypot(more.sigma, sigma):
                 continue  # wheels that all others contradict are wrong themselves
             measurements.append(more)
             sources.append(more.name)
@@ -149,8 +138,8 @@ class HeightCheck:
             return ""
         off, sigma = _agreed(measurements)
         self.estimate = HeightEstimate(self._given_m * math.exp(off), self._given_m * math.exp(off) * sigma)
-        wrong = math.log1p(rule.wrong_depth_share if depth else rule.wrong_share)
-        if self._reported or abs(off) < max(wrong, rule.sigmas * sigma):
+        wrong = 0.0 if depth else math.log1p(rule.wrong_share)
+        if self._reported or abs(off) < max(wrong, CLEAR_SIGMAS * sigma):
             return ""
         self._reported = True
         return (

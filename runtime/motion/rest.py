@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from edgemap.geometry.camera.attitude import GyroRotation
+from edgemap.geometry.robust import CLEAR_SIGMAS
 from edgemap.runtime.frames.frame import Frame
 from edgemap.runtime.motion.attitude.protocol import Moved
 from edgemap.runtime.motion.health import REPEATED_S, HealthRule, PictureHealth
@@ -17,30 +18,29 @@ Array = NDArray[np.float32]
 
 SIZE = 64, 48  # px that pictures are averaged down to
 SMALL_PX, LARGE_PX = 8, 16  # tiles of it, for what changes and for what shifts
+MIDDLE_GREY = 128.0
 VARIANCE = 100.0  # squared grey levels; a picture of less is too plain to estimate a gain
 
 
 @dataclass(frozen=True, slots=True)
 class RestRule:
-    """When a robot counts as standing. confirmed_s, pictures_s: required span of unchanged pictures, at least `frames`
-    of
-    them, where wheels or gyro confirm it, and for pictures alone; 1e9 for never. changed: grey levels, RMS in a small
-    tile; a sensor's noise of 5 a pixel leaves 1.4. shifted_px, sigmas: of a large tile (0.06 are 0.6 px of a picture
-    640 px wide), beyond what noise explains. exposure, offset: largest change of gain, and of grey levels, attributed
-    to the camera's exposure. texture, textured: squared grey levels per px, and how many large tiles must have that for
-    a decision by pictures alone. braking_m_s2: no small robot brakes harder (the limit of common controllers: 2.5);
-    turned_rad: rotation by a gyro that changes any picture. A picture that stays unchanged in spite of either is
-    frozen, even if a sensor's noise changes it.
+    """When a robot counts as standing.
+
+    confirmed_s, pictures_s: required span of unchanged pictures where wheels or gyro confirm it, and for pictures
+    alone; 1e9 for never. changed: grey levels, RMS in a small tile; a sensor's noise of 5 a pixel leaves 1.4.
+    shifted_px: of a large tile (0.06 are 0.6 px of a picture 640 px wide), beyond what noise explains. exposure:
+    largest change of gain, and of brightness as a share of middle grey, attributed to the camera's exposure.
+    texture, textured: squared grey levels per px, and how many large tiles must have that for a decision by
+    pictures alone. braking_m_s2: no small robot brakes harder (the limit of common controllers: 2.5); turned_rad:
+    rotation by a gyro that changes any picture. A picture that stays unchanged in spite of either is frozen, even
+    if a sensor's noise changes it.
     """
 
     confirmed_s: float = 0.3
     pictures_s: float = 2.0
-    frames: int = 3
     changed: float = 4.0
     shifted_px: float = 0.06
-    sigmas: float = 4.0
     exposure: float = 0.1
-    offset: float = 15.0
     texture: float = 9.0
     textured: int = 4
     braking_m_s2: float = 3.0
@@ -107,7 +107,7 @@ class RestMonitor:
 
     def _frozen(self, since_s: float, stamp_s: float) -> PictureHealth:
         """That of a good picture that has shown the same since a stamp, but for noise, though the robot must move."""
-        lasts = stamp_s - since_s >= self._health.frozen_s
+        lasts = stamp_s - since_s >= self._health.lasts_s
         reason = f"blind: picture frozen (shows the same since {since_s:.3f} s, but for noise, as the robot moves)"
         news = lasts and stamp_s - self._reported_s >= REPEATED_S
         if news:
@@ -129,7 +129,7 @@ class RestMonitor:
         if reference is None or health.blind or _moved(reference, picture, self.rule):
             self._reference = _Reference.of(picture, frame.stamp_s)
             self._step_s, self._turned_rad, self.frozen_since_s = frame.stamp_s - self._before_s, 0.0, None
-            self._begin(frame.stamp_s)
+            self._since_s = frame.stamp_s
             return False
         if (
             self.frozen_since_s is None
@@ -138,15 +138,12 @@ class RestMonitor:
         ):
             self.frozen_since_s = reference.stamp_s
         if still is False or self.frozen_since_s is not None:
-            self._begin(frame.stamp_s)
+            self._since_s = frame.stamp_s
             return False
-        self._frames += 1
         rested_s = frame.stamp_s - self._since_s
         if still is None and reference.textured(self.rule.texture) < self.rule.textured:
             return False
-        return self._frames >= self.rule.frames and rested_s >= (
-            self.rule.confirmed_s if still else self.rule.pictures_s
-        )
+        return rested_s >= (self.rule.confirmed_s if still else self.rule.pictures_s)
 
     def _must_move(
         self, stamp_s: float, reference: _Reference, moved: Moved | None, turned: GyroRotation | None
@@ -169,10 +166,7 @@ class RestMonitor:
         self._reported_s = -math.inf  # of the last fault of a frozen picture
         self._turned_rad = 0.0  # by the gyro, since the reference
         self.frozen_since_s: float | None = None
-        self._begin(-math.inf)
-
-    def _begin(self, stamp_s: float) -> None:
-        self._since_s, self._frames = stamp_s, 0
+        self._since_s = -math.inf
 
 
 def _averaged(image: NDArray[np.uint8]) -> Array:
@@ -185,7 +179,7 @@ def _moved(reference: _Reference, picture: Array, rule: RestRule) -> bool:
     change = picture - reference.picture
     offset = float(change.mean())
     gain = float((change * reference.centred).mean()) / (reference.variance + VARIANCE)
-    if abs(gain) > rule.exposure or abs(offset) > rule.offset:
+    if abs(gain) > rule.exposure or abs(offset) > rule.exposure * MIDDLE_GREY:
         return True
     change -= offset + gain * reference.centred
     squared = _tiles(change**2, SMALL_PX)
@@ -194,7 +188,7 @@ def _moved(reference: _Reference, picture: Array, rule: RestRule) -> bool:
     noise = math.sqrt(float(np.median(squared)))
     slopes = np.stack([_tiles(change * slope, LARGE_PX) for slope in reference.slopes])
     energy = reference.energy + rule.texture
-    doubt = rule.sigmas * noise / (LARGE_PX * np.sqrt(energy))
+    doubt = CLEAR_SIGMAS * noise / (LARGE_PX * np.sqrt(energy))
     return bool((np.abs(slopes) / energy > rule.shifted_px + doubt).any())
 
 
