@@ -8,6 +8,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from edgemap.geometry.arrays import Array
+from edgemap.geometry.robust import HUBER
 
 
 @dataclass(frozen=True, slots=True)
@@ -15,21 +16,15 @@ class MountTiltRule:
     """Standard deviations, in radians, of the measurements of a mount's angles.
 
     given: of the configured mount; wide, so that measurements can override it. nod: of the tilt in one picture, and of
-    the lens's path, against the floor; a turn has one at each end. edges: of one picture of a room's edges, whose
-    neighbours repeat each other. drift: of the rotation over a turn. gravity: of an accelerometer's offset (BMI055: 70
-    mg, 4 degrees at most). depth: of the floor in one depth picture, whose neighbours repeat each other. lasting:
-    common error of all measurements over a drive (homes 8301-8310: 0.2 degrees of pitch). gate: standard deviations
-    beyond which a measurement is down-weighted.
+    the lens's path, against the floor; a turn has one at each end. seen: of one view of the room's edges or of the
+    floor in depth, whose neighbours repeat each other, and of an accelerometer's offset (BMI055: 70 mg, 4 degrees at
+    most). lasting: common error of all measurements over a drive (homes 8301-8310: 0.2 degrees of pitch).
     """
 
     given: float = math.radians(10.0)
     nod: float = math.radians(0.6)
-    edges: float = math.radians(1.5)
-    drift: float = math.radians(0.4)
-    gravity: float = math.radians(2.0)
-    depth: float = math.radians(2.0)
+    seen: float = math.radians(1.5)
     lasting: float = math.radians(0.2)
-    gate: float = 1.5
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -63,26 +58,26 @@ class MountTilt:
         """Update with a rotation: a robot on wheels turns about the floor's normal. turned_rad: (3,), rotation vector,
         base axes by the mount as given.
         """
-        angle = float(turned_rad[2])
-        off = np.array([turned_rad[1], -turned_rad[0]]) / angle
-        chord = 2.0 * math.sin(min(abs(angle), math.pi) / 2.0)
-        variance = (2.0 * self.rule.nod**2 + self.rule.drift**2) / chord**2
-        return self._updated("turns", np.eye(2), off, np.diag([variance] * 2))
+        angle = abs(float(turned_rad[2]))
+        share = abs(math.sin(angle / 2.0)) / (angle / 2.0) if angle > 0.0 else 1.0  # of the arc, its chord
+        variance, least = 2.0 * self.rule.nod**2, (angle * share * self.rule.given) ** 2
+        if variance >= least:  # it tells no more than the configured mount
+            return self
+        off = np.array([turned_rad[1], -turned_rad[0]])
+        return self._updated("turns", np.eye(2) * float(turned_rad[2]), off, np.eye(2) * variance / share**2)
 
-    def by_up(self, name: str, error_rad: Array, sigma_rad: float) -> MountTilt:
+    def by_up(self, name: str, error_rad: Array) -> MountTilt:
         """Update with a measured up direction: roll and pitch (2,) relative to the configured mount."""
-        return self._updated(name, np.eye(2), error_rad, np.diag([sigma_rad**2] * 2))
+        return self._updated(name, np.eye(2), error_rad, np.eye(2) * self.rule.seen**2)
 
     def sigma_rad(self) -> Array:
         """Standard deviations of roll and pitch, (2,), the error common to a drive included."""
         return np.sqrt(np.diag(self.covariance) + self.rule.lasting**2)
 
     def _updated(self, name: str, slope: Array, residual: Array, variance: Array) -> MountTilt:
-        if not np.isfinite(variance).all():
-            return self
         off = residual - slope @ self.error_rad
         expected = slope @ self.covariance @ slope.T + variance
-        excess = float(off @ np.linalg.solve(expected, off)) / len(off) / self.rule.gate**2
+        excess = float(off @ np.linalg.solve(expected, off)) / len(off) / HUBER**2
         if excess > 1.0:
             expected = expected + (excess - 1.0) * variance
         gain = np.linalg.solve(expected, slope @ self.covariance).T

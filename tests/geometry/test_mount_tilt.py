@@ -64,6 +64,6 @@ def test_motion_and_turns_on_a_floor_give_pitch_and_roll(pitch_deg, roll_deg):
 def test_one_wrong_witness_among_many_counts_little():
     tilt = MountTilt.given(MountTiltRule())
     for _ in range(10):
-        tilt = tilt.by_up("edges", np.radians([0.2, 1.0]), math.radians(1.5))
-    wrong = tilt.by_up("edges", np.radians([15.0, -20.0]), math.radians(1.5))
+        tilt = tilt.by_up("edges", np.radians([0.2, 1.0]))
+    wrong = tilt.by_up("edges", np.radians([15.0, -20.0]))
     assert np.degrees(np.abs(wrong.error_rad - tilt.error_rad)).max() < 0.6

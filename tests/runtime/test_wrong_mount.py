@@ -18,7 +18,7 @@ from edgemap.runtime.step.build import SlamOptions, build_slam
 from edgemap.runtime.step.config import Config
 
 TRUE_DEG, OFF_DEG, FRAMES = 11.5, 2.0, 130
-BLIND_TO_EDGES = MountRule(fewest=10**6, judged_s=math.inf, first_every_s=math.inf, every_s=math.inf)
+BLIND_TO_EDGES = MountRule(first_every_s=math.inf, every_s=math.inf)
 
 
 def drive(demo, off_deg, rule=None, **options):

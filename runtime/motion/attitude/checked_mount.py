@@ -15,14 +15,12 @@ from edgemap.geometry.camera.floor import FloorCamera
 from edgemap.geometry.camera.level import angles_text, pitch_roll
 from edgemap.geometry.camera.mount import Mount
 from edgemap.geometry.camera.mount_tilt import MountTilt, MountTiltRule
-from edgemap.geometry.robust import median_and_scatter
+from edgemap.geometry.robust import CLEAR_SIGMAS, median_and_scatter
 from edgemap.runtime.frames.frame import Frame
 from edgemap.runtime.motion.attitude.pictures import PicturesAttitude
 from edgemap.runtime.motion.attitude.protocol import AttitudeSource, Moved
 from edgemap.runtime.motion.attitude.segments import line_ends, segments_between
 
-COARSE_PX = (40, 30)  # of the pictures that are compared
-GRAVITY_EVERY = 8  # frames, between two looks whether its scatter allows it to count
 EDGES, GRAVITY, DEPTH = "the room's edges", "gravity", "the floor in depth pictures"
 
 
@@ -33,15 +31,11 @@ class MountRule:
     pixels: pictures are scaled down to so many (192 x 144). strips: that a picture is cut into; their edges are found
     one a frame, as all at once take a third of a step. every_s, first_every_s: between two estimates by edges, once the
     mount is confirmed, and before or where the camera is carried. window_s: of estimates that are judged together;
-    fewest, judged_s: their minimum. steady_rad: maximum median scatter of the estimates of a mounted camera (0.3
-    degrees in rendered homes); a carried one is not judged. moved: mean grey levels between two pictures that count as
-    two views. turn_rad, turn_s: of a turn whose axis counts, at least and at most. gravity_s: of an accelerometer's
-    samples before their mean counts; they scatter by less than its offset. judge_every_s: between two judgements.
-    wrong_rad, sigmas: error from which on an angle is wrong; up to there the given one holds. sure_rad: largest
-    standard deviation at which edges may tell it: one picture's err by more. settled_rad: the same, at which a mount on
-    wheels is known for good: what is seen while it sways as if carried is left aside then, and before voids all that
-    was seen. used_rad: standard deviation below which an estimate is used although the given angle is not wrong.
-    follow_rad: change of an error by which a wrong mount is corrected again. tilt: how measurements count.
+    judged_s: their minimum, and the span of a turn and of the accelerometer's samples that count as one measurement.
+    judge_every_s: between two judgements. wrong_rad: error from which on an angle is wrong; up to there the given one
+    holds. settled_rad: standard deviation at which a mount on wheels is known for good: what is seen while it sways as
+    if carried is left aside then, and before voids all that was seen. road: the profile of a car. tilt: how
+    measurements count.
     """
 
     pixels: int = 27_648
@@ -50,27 +44,17 @@ class MountRule:
     first_every_s: float = 0.35
     window_s: float = 20.0
     judged_s: float = 5.0
-    fewest: int = 8
-    steady_rad: float = math.radians(1.2)
-    moved: float = 3.0
-    turn_rad: float = 1.2
-    turn_s: float = 4.0
-    gravity_s: float = 10.0
     judge_every_s: float = 1.0
     wrong_rad: float = math.radians(0.75)
-    sigmas: float = 2.5
-    sure_rad: float = math.radians(0.8)
     settled_rad: float = math.radians(0.45)
-    used_rad: float = 0.0
-    follow_rad: float = math.radians(0.1)
+    road: bool = False
     tilt: MountTiltRule = field(default_factory=MountTiltRule)
 
     def on_road(self) -> "MountRule":
         """The profile of a car. A road's edges are not a room's, a car leans in turns and its road rises: neither
         counts. Its floor is far: 0.3 degrees are 2 % of all distances and more, so small errors are corrected too
         (KITTI 00: planar over 100 m 5.9 and 3.5 %)."""
-        tilt = replace(self.tilt, edges=math.inf, drift=math.inf)
-        return replace(self, steady_rad=math.inf, used_rad=math.radians(0.35), tilt=tilt)
+        return replace(self, road=True)
 
 
 class CheckedMount:
@@ -105,7 +89,6 @@ class CheckedMount:
         self._sways = False  # at the last picture, as if carried
         self._settled = False  # the mount is known well enough for the whole drive
         self._room: RoomHeading | None = None  # by the edges of the last picture, if just found
-        self._last: MatLike | None = None
         self._first_s, self._started_s = math.inf, -math.inf  # of the first picture, and of the one looked at
         self._strips: list[tuple[int, MatLike]] = []  # of it, not looked at yet, with their first columns
         self._ends: list[Array] = []  # of the edges found in the others
@@ -162,16 +145,13 @@ class CheckedMount:
         return stamp_s - self._started_s >= (self._rule.every_s if settled else self._rule.first_every_s)
 
     def _begin(self, frame: Frame) -> None:
-        """Take a picture for an estimate, if it shows another view than the last one."""
+        """Take a picture for an estimate; a robot at rest is not asked."""
         self._started_s = frame.stamp_s
         grey = cv2.cvtColor(frame.image, cv2.COLOR_BGR2GRAY)
         grey = cv2.resize(grey, (self._lens.width, self._lens.height), interpolation=cv2.INTER_AREA)
-        coarse = cv2.resize(grey, COARSE_PX, interpolation=cv2.INTER_AREA)
-        if self._last is not None and float(cv2.absdiff(coarse, self._last).mean()) < self._rule.moved:
-            return
         edges = np.linspace(0, self._lens.width, self._rule.strips + 1).astype(int).tolist()
         self._pictures.begin_edges()
-        self._last, self._strips = coarse, [(left, grey[:, left:right]) for left, right in pairwise(edges)]
+        self._strips = [(left, grey[:, left:right]) for left, right in pairwise(edges)]
 
     def _estimate(self, ends: Array) -> None:
         """Estimate the mount by the edges of one picture, (N, 2, 2) px."""
@@ -188,12 +168,13 @@ class CheckedMount:
         while self._estimates[0][0] < self._started_s - rule.window_s:
             self._estimates.popleft()
         estimates = np.array(self._estimates)
-        if not (self._settled and self._sways):
-            self._tilt = self._tilt.by_up(EDGES, error_rad, rule.tilt.edges)
-        span_s = estimates[-1, 0] - estimates[0, 0]
-        if len(estimates) < rule.fewest or span_s < rule.judged_s:
+        if rule.road:
             return
-        self._steady = bool(median_and_scatter(estimates[:, 1:])[1].max() < rule.steady_rad)
+        if not (self._settled and self._sways):
+            self._tilt = self._tilt.by_up(EDGES, error_rad)
+        if estimates[-1, 0] - estimates[0, 0] < rule.judged_s:
+            return
+        self._steady = bool(median_and_scatter(estimates[:, 1:])[1].max() < 2.0 * rule.tilt.nod)
         self._carried, self._confirmed = not self._steady, self._steady
 
     def _travel(self, rotation: TrackedRotation | None) -> None:
@@ -210,10 +191,9 @@ class CheckedMount:
             covariance = self._to_base @ rotation.travelled.covariance @ self._to_base.T
             self._tilt = self._tilt.by_direction(self._to_base @ rotation.travelled.direction, covariance)
         self._turned = self._turned @ rotation.rotation
-        vector = self._to_base @ cv2.Rodrigues(self._turned)[0].ravel()
-        if abs(vector[2]) > rule.turn_rad:
-            self._tilt = self._tilt.by_turn(vector)
-        if abs(vector[2]) > rule.turn_rad or self._now_s - self._turned_s > rule.turn_s:
+        if self._now_s - self._turned_s > rule.judged_s:
+            if not rule.road:
+                self._tilt = self._tilt.by_turn(self._to_base @ cv2.Rodrigues(self._turned)[0].ravel())
             self._turned, self._turned_s = np.eye(3), self._now_s
 
     def _void(self) -> None:
@@ -226,13 +206,13 @@ class CheckedMount:
         rule = self._rule
         if attitude.force_rad is not None and GRAVITY not in self._tilt.measurements:
             self._forces.append((self._now_s, *attitude.force_rad.tolist()))
-            if self._now_s - self._forces[0][0] >= rule.gravity_s and len(self._forces) % GRAVITY_EVERY == 0:
-                forces = np.array(self._forces)[:, 1:]
-                if forces.std(axis=0).max() < rule.tilt.gravity:
-                    self._tilt = self._tilt.by_up(GRAVITY, forces.mean(axis=0) - self._given, rule.tilt.gravity)
+            if self._now_s - self._forces[0][0] >= rule.judged_s:
+                forces, self._forces = np.array(self._forces)[:, 1:], []
+                if forces.std(axis=0).max() < rule.tilt.seen:
+                    self._tilt = self._tilt.by_up(GRAVITY, forces[-1] - self._given)  # which the filter has averaged
         if attitude.source == "depth":
             angles = np.array([attitude.roll_rad, attitude.pitch_rad])
-            self._tilt = self._tilt.by_up(DEPTH, angles - self._given, rule.tilt.depth)
+            self._tilt = self._tilt.by_up(DEPTH, angles - self._given)
 
     def _judge(self) -> str:
         """What is known of the mount, now and then; the fault, where it has just proved wrong."""
@@ -247,13 +227,12 @@ class CheckedMount:
             return ""
         sigma, known = tilt.sigma_rad(), self._wrong
         waits = EDGES in tilt.measurements and not (self._steady or self._on_wheels)
-        sure = ((sigma < rule.sure_rad) | (EDGES not in tilt.measurements)) & (not waits)
-        wrong = sure & (np.abs(tilt.error_rad) > np.maximum(rule.wrong_rad, rule.sigmas * sigma))
+        wrong = (not waits) & (np.abs(tilt.error_rad) > np.maximum(rule.wrong_rad, CLEAR_SIGMAS * sigma))
         self._settled |= self._on_wheels and bool(sigma.max() < rule.settled_rad)
         self._wrong = known | wrong
-        used = self._wrong | (sigma < rule.used_rad)
+        used = self._wrong | (rule.road & (sigma < rule.settled_rad))
         error_rad = np.where(used, tilt.error_rad, 0.0)
-        if np.abs(error_rad - self._corrected).max() > rule.follow_rad:
+        if np.abs(error_rad - self._corrected).max() > rule.tilt.lasting:
             self._corrected, self._correct = error_rad, self._with(error_rad)
             self._other.correct_mount(self._correct)
         self._estimated = MountEstimate(self._with(tilt.error_rad), sigma, self._correct, self._mount)
