@@ -9,10 +9,10 @@ from enum import Enum
 import numpy as np
 
 from edgemap.geometry.arrays import Array
+from edgemap.geometry.robust import CLEAR_SIGMAS
 
-BEGUN = 4.0  # a window that has this part of what it needs can cast doubt
 # Of the source's motion to the camera's. Of 470 windows in which the camera of two bad drives was compared with honest
-# wheels 8 were outside `between`, two of them in a row, and none below 0.15: those are the camera's own errors.
+# wheels 8 were outside `ratio`, two of them in a row, and none below 0.15: those are the camera's own errors.
 CONTRARY = 0.1
 INNOVATION_S, INNOVATION_SHARE, MOST_SQUARED = 1.0, 0.3, 30.0  # of a window; of the newest one in the mean; of one
 
@@ -30,17 +30,14 @@ class Trust(Enum):
 @dataclass(frozen=True, slots=True)
 class TrustRule:
     """When a source with valid numbers counts as wrong. least: least motion of the reference in a conclusive window:
-    yaw in rad, length in m. longest_s: of a window. yaw_between, length_between: ratios of the source's motion to the
-    reference's that a scale error explains: of a lens or a wheel's track, and of a height or a wheel's radius. sigmas:
-    stated standard deviations beyond which a window contradicts the source. windows: number of consecutive windows that
-    decide, either way; 0 for sources that are always trusted.
+    yaw in rad, length in m. longest_s: of a window. ratio: of the source's motion to the reference's, or the other way
+    round, down to which a scale error explains it: of a lens or a wheel's track, and of a height or a wheel's radius.
+    windows: number of consecutive windows that decide, either way; 0 for sources that are always trusted.
     """
 
     least: tuple[float, float] = (0.12, 0.2)
     longest_s: float = 3.0
-    yaw_between: tuple[float, float] = (0.75, 1.3)
-    length_between: tuple[float, float] = (0.75, 1.35)
-    sigmas: float = 3.0
+    ratio: float = 0.75
     windows: int = 3
 
 
@@ -53,7 +50,6 @@ class Agreement:
 
     rule: TrustRule
     least: float
-    between: tuple[float, float]
     state: Trust = Trust.UNPROVEN
     own: float = 0.0
     reference: float = 0.0
@@ -73,7 +69,7 @@ class Agreement:
             variance=self.variance + variance,
             span_s=self.span_s + span_s,
         )
-        if abs(window.reference) < max(self.least, self.rule.sigmas * math.sqrt(window.variance)):
+        if abs(window.reference) < max(self.least, CLEAR_SIGMAS * math.sqrt(window.variance)):
             return window if window.span_s < self.rule.longest_s else window.anew()
         return window._judged()
 
@@ -83,9 +79,7 @@ class Agreement:
 
     def _below(self, ratio: float) -> bool:
         """Whether the window so far says that the source measures less than this of the reference."""
-        if abs(self.reference) < self.least / BEGUN:
-            return False
-        off = abs(self.own - self.reference) > self.rule.sigmas * math.sqrt(self.variance)
+        off = abs(self.own - self.reference) > CLEAR_SIGMAS * math.sqrt(self.variance)
         return off and self.own / self.reference < ratio
 
     @property
@@ -95,9 +89,9 @@ class Agreement:
 
     def _judged(self) -> Agreement:
         """The window that is complete speaks for or against the source."""
-        ratio, (low, high) = self.own / self.reference, self.between
-        off = abs(self.own - self.reference) > self.rule.sigmas * math.sqrt(self.variance)
-        against = off and not low < ratio < high
+        ratio, least = self.own / self.reference, self.rule.ratio
+        off = abs(self.own - self.reference) > CLEAR_SIGMAS * math.sqrt(self.variance)
+        against = off and not least < ratio < 1.0 / least
         row = min(self.row, 0) - 1 if against else max(self.row, 0) + 1
         state = Trust.UNPROVEN if against and ratio < CONTRARY and self.state is Trust.TRUSTED else self.state
         if abs(row) >= self.rule.windows:
@@ -146,8 +140,8 @@ class SourceTrust:
     def of(cls, name: str, rule: TrustRule) -> SourceTrust:
         """The initial state: no evidence."""
         state = Trust.UNPROVEN if rule.windows else Trust.TRUSTED
-        yaw = Agreement(rule, rule.least[0], rule.yaw_between, state)
-        return cls(name, yaw, Agreement(rule, rule.least[1], rule.length_between, state))
+        yaw = Agreement(rule, rule.least[0], state)
+        return cls(name, yaw, Agreement(rule, rule.least[1], state))
 
     @property
     def distrusted(self) -> bool:

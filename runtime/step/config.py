@@ -88,6 +88,7 @@ RETIRED = {
     "tilt": ("edges", "drift", "gravity", "depth", "gate"),
     "height": ("every_s", "loose", "sigmas", "wrong_depth_share"),
     "rest": ("frames", "sigmas", "offset"),
+    "wheels": ("per_metre", "per_radian", "still_m", "still_rad", "roughness_rad"),
     "noise": ("start_accel", "speed_s", "rest_speed", "rest_yaw", "rest_accel"),
     "compass": ("alike_rad", "lost_rad"),
     "depth": ("refined_px",),
@@ -110,7 +111,7 @@ RETIRED = {
         "wheels_covariance_scale",
         "wheels_doubt",
     ),
-    "trust": ("yaw",),
+    "trust": ("yaw", "held", "yaw_between", "length_between", "sigmas"),
     "pictures": ("alone", "reach_sigmas"),
     "planar": (
         "axle_sigma_m",

@@ -32,16 +32,16 @@ def test_a_part_of_the_tree_changes_that_part_alone(tmp_path):
 
 
 def test_the_resolved_tree_gives_itself_back(tmp_path):
-    config, _ = load_config(written(tmp_path, {"config": {"odometry": {"wheels": {"per_metre": 0.05}}}}))
+    config, _ = load_config(written(tmp_path, {"config": {"odometry": {"wheels": {"roughness_m": 0.05}}}}))
     again, _ = load_config(written(tmp_path, {"config": config_document(config)}, "run.json"))
     assert again == config
 
 
 def test_a_run_from_before_its_keys_were_renamed_is_read(tmp_path):
-    document = {"forgetting": {"surest": 3.5, "look_frames": 9}, "odometry": {"hybrid": {"planar_doubt": 7.0}}}
+    document = {"forgetting": {"surest": 3.5, "look_frames": 9}, "rest": {"told_s": 0.7}}
     config, _ = load_config(written(tmp_path, {"config": document}, "run.json"))
     assert (config.forgetting.highest, config.forgetting.same_frames) == (3.5, 9)
-    assert config.odometry.hybrid.planar_covariance_scale == 7.0
+    assert config.rest.confirmed_s == 0.7
     both = written(tmp_path, {"config": {"forgetting": {"surest": 3.5, "highest": 3.0}}})
     with pytest.raises(ConfigError, match=r"config\.forgetting\.\w+: highest is given twice"):
         load_config(both)

@@ -20,16 +20,15 @@ LIVELY = 50  # samples by which a sensor is known to have noise
 @dataclass(frozen=True, slots=True)
 class ImuTrustRule:
     """When samples are invalid. gyro_rad_s, accel_m_s2: from which on a value that repeats bit by bit is full scale
-    (the smallest ranges are 125 deg/s and 2 g), and beyond which none can be (2000 deg/s, 16 g). repeats: of one value;
-    drivers deliver a sample up to four times. held: repeats of all three axes, by which a gyro that has noise is
-    frozen. share_s, share: of bad samples, lately, by which a sensor is left out; it is used again below a tenth of
+    (the smallest ranges are 125 deg/s and 2 g), and beyond which none can be (2000 deg/s, 16 g). repeats: of one value,
+    or of all three axes of a gyro that has noise, which is frozen then; drivers deliver a sample up to four times.
+    share_s, share: of bad samples, lately, by which a sensor is left out; it is used again below a tenth of
     that.
     """
 
     gyro_rad_s: tuple[float, float] = (1.5, 35.0)
     accel_m_s2: tuple[float, float] = (15.0, 160.0)
-    repeats: int = 5
-    held: int = 12
+    repeats: int = 12
     share_s: float = 0.5
     share: float = 0.3
 
@@ -38,9 +37,9 @@ class _Sensor:
     """One sensor's samples, judged by themselves."""
 
     def __init__(
-        self, name: str, unit: str, bounds: tuple[float, float], rule: ImuTrustRule, held: float = math.inf
+        self, name: str, unit: str, bounds: tuple[float, float], rule: ImuTrustRule, freezes: bool = False
     ) -> None:
-        self.name, self._unit, self._rule, self._held = name, unit, rule, held
+        self.name, self._unit, self._rule, self._freezes = name, unit, rule, freezes
         self._least, self._most = bounds
         self._last, self._runs = np.full(3, math.nan), np.zeros(3, dtype=np.intp)
         self._share, self.bad, self.reason = -1.0, False, ""
@@ -54,7 +53,7 @@ class _Sensor:
             self._runs, self._lively = np.where(same, self._runs + 1, 0), self._lively + (not same.any())
             self._last, size = value, np.abs(value)
             clipped = (self._runs >= self._rule.repeats) & (size >= self._least)
-            held = self._lively >= LIVELY and self._runs.min() >= self._held
+            held = self._freezes and self._lively >= LIVELY and self._runs.min() >= self._rule.repeats
             if clipped.any() or held:
                 good[max(row - int(self._runs.min() if held else self._runs[clipped].max()), 0) : row + 1] = False
                 self.reason = (
@@ -74,10 +73,10 @@ class ImuTrust:
 
     def __init__(self, rule: ImuTrustRule | None = None) -> None:
         self._rule = rule = rule or ImuTrustRule()
-        self._gyro = _Sensor("gyro", "rad/s", rule.gyro_rad_s, rule, rule.held)
+        self._gyro = _Sensor("gyro", "rad/s", rule.gyro_rad_s, rule, freezes=True)
         self._accel = _Sensor("accelerometer", "m/s2", rule.accel_m_s2, rule)
         yaw = TrustRule()
-        self._yaw = Agreement(yaw, yaw.least[0], yaw.yaw_between)
+        self._yaw = Agreement(yaw, yaw.least[0])
         self._turned_rad = self._span_s = 0.0  # over the last step, by the gyro
         self._seen_s, self._reason = math.nan, ""
 
