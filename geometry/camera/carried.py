@@ -16,7 +16,7 @@ class CarriedRule:
     nods by less than a third of level_rad, the second otherwise (level robots 0.05 to 0.2 degrees; a walker begins with
     0.4 to 0.5, for 1.5 m). rate_rad_s: highest rate of a camera on a robot, and lowest of one that is certainly carried
     (rendered robots 1 to 4 degrees a second, a hand-held camera 6, two head cameras 16 to 18). rate_s: averaging window
-    of the rate. calm_s: initial span in which a camera counts as calm.
+    of the rate, before the first picture of which a camera counts as calm for two.
     """
 
     share: float = 0.1
@@ -24,7 +24,6 @@ class CarriedRule:
     steady_m: tuple[float, float] = (0.5, 2.0)
     rate_rad_s: tuple[float, float] = (math.radians(5.0), math.radians(8.0))
     rate_s: float = 5.0
-    calm_s: float = 0.2
 
 
 @dataclass(frozen=True, slots=True)
@@ -51,7 +50,7 @@ class Carried:
         rule, judged_s = self.rule, self.judged_s + span_s
         share = max(rule.share, 1.0 / (3.0 + self.pictures) if gyro else 0.0)
         nodding2 = self.nodding2 + share * (nod2 - self.nodding2)
-        rate_share = span_s / min(rule.calm_s + judged_s + span_s, rule.rate_s)
+        rate_share = span_s / min(judged_s + 3.0 * span_s, rule.rate_s)
         return replace(
             self,
             pictures=self.pictures + 1,

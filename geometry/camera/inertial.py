@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 
 from edgemap.geometry.camera.attitude import GyroRotation, rotation_angle
 from edgemap.geometry.camera.imu import ImuSamples
+from edgemap.geometry.robust import CLEAR_SIGMAS
 from edgemap.geometry.se2 import SE2, wrap_angle
 
 Array = NDArray[np.float64]
@@ -35,15 +36,13 @@ SKEW = np.array([[0, 0, 0, 0, 0, -1, 0, 1, 0], [0, 0, 1, 0, 0, 0, -1, 0, 0], [0,
 class InertialNoise:
     """Standard deviations of an inexpensive sensor on a small robot; densities are per square root of a second.
 
-    gyro: of the integrated angle, rad. gyro_share: of an angle, by scale and misalignment, per square root of a radian.
-    accel: of the integrated velocity, m/s, shaking included. offset: of the accelerometer, as a tilt, rad. bias_walk:
-    rad/s. start_bias: rad/s, of a gyro that was never at rest. start_tilt: rad. start_speed: m/s, of a camera that is
-    not near its mount's angles: a walk mistaken for rest at the start would look like an acceleration. speed: velocity,
-    m/s, as a measurement of every second. rest_gyro: at rest samples scatter less, rad/s, and odometry measures less
-    than that and `moved`. rest_bias: of the mean rate over a second of rest, rad/s. rest_window_s: over which rest is
-    judged. moved, risen: of a velocity by odometry, along the floor and up, m/s. turned, turned_share: of a yaw by
-    odometry, rad a step and as a share of it, beyond its own covariance: its errors last longer than a step. gap_s,
-    gap: a longer hole between samples adds this rate, rad/s. lost_s: after such a hole the filter starts again.
+    gyro: of the integrated angle, rad. gyro_share: of an angle, by scale and misalignment, per square root of a
+    radian. accel: of the integrated velocity, m/s, shaking included. offset: of the accelerometer, as a tilt, rad.
+    bias_walk: rad/s. start_bias: rad/s, of a gyro that was never at rest. start_tilt: rad. speed: velocity, m/s, as
+    a measurement of every second. rest_gyro: at rest samples scatter less, rad/s, and odometry measures less than
+    that and `moved`. rest_window_s: over which rest is judged. moved: of a velocity by odometry, m/s. turned: of a
+    yaw by odometry, rad a step, beyond its own covariance: its errors last longer than a step. gap_s: between
+    samples; what rotates in a longer hole is not measured.
     """
 
     gyro: float = 5e-4
@@ -53,18 +52,18 @@ class InertialNoise:
     bias_walk: float = 1e-5
     start_bias: float = 0.0175
     start_tilt: float = math.radians(8.0)
-    start_speed: float = 1.5
     speed: float = 0.5
     rest_gyro: float = 0.03
-    rest_bias: float = 0.003
     rest_window_s: float = 0.5
     moved: float = 0.05
-    risen: float = 0.1
     turned: float = 0.0003
-    turned_share: float = 0.05
     gap_s: float = 0.05
-    gap: float = 0.5
-    lost_s: float = 1.0
+
+    @property
+    def start_speed(self) -> float:
+        """Of a camera that is not near its mount's angles, m/s: a walk mistaken for rest at the start would look like
+        an acceleration."""
+        return CLEAR_SIGMAS * self.speed
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -156,10 +155,10 @@ def inertial_moved(
     swung, displaced = ((state.rotation - before.rotation) @ arm_optical_m.T).T
     loose = noise.moved**2 + float(swung @ swung) / span_s**2
     variance = axes @ covariance[:2, :2] @ axes.T
-    variance[_AXES] += [loose, loose, noise.risen**2]
+    variance[_AXES] += [loose, loose, noise.moved**2]
     residual = displaced / span_s + axes @ [motion.x_m, motion.y_m] - (state.velocity + before.velocity) / 2.0
     moved = _corrected(state, _selected(_VELOCITY), residual, variance, learns_vertical_bias=False, robust=True)
-    own = float(covariance[2, 2]) + noise.gyro**2 * span_s + (noise.turned_share * motion.yaw_rad) ** 2
+    own = float(covariance[2, 2]) + noise.gyro**2 * span_s
     if motion != SE2():  # at rest nothing turns at all
         own += noise.turned**2
     about = np.zeros((1, STATES))
@@ -198,15 +197,15 @@ def inertial_step(
     state's stamp.
     """
     span_s = until_s - state.stamp_s
-    rotated, gained, gap_s = _integrated(state, samples, until_s, noise)
+    rotated, gained, gap_s, unseen2 = _integrated(state, samples, until_s, noise)
     before, force = state.rotation, state.rotation @ gained
     x, y, z = force.tolist()
     transition = _IDENTITY.copy()
     transition[_TILT, _BIAS] = transition[_VELOCITY, _OFFSET] = -span_s * before
     # The heading moves no velocity that a heading-free frame could know.
     transition[_VELOCITY, _TILT] = [[0.0, z, 0.0], [-z, 0.0, 0.0], [y, -x, 0.0]]
-    angle2 = noise.gyro**2 * span_s + noise.gyro_share**2 * rotation_angle(rotated) + (noise.gap * gap_s) ** 2
-    gained2 = noise.accel**2 * span_s + (5.0 * gap_s) ** 2
+    angle2 = noise.gyro**2 * span_s + noise.gyro_share**2 * rotation_angle(rotated) + unseen2
+    gained2 = noise.accel**2 * span_s + (GRAVITY_M_S2 / 2.0 * gap_s) ** 2
     covariance = transition @ state.covariance @ transition.T
     covariance[_DIAGONAL] += [angle2] * 3 + [noise.bias_walk**2 * span_s] * 3 + [gained2] * 3 + [0.0] * 3
     recent = ImuSamples.joined([state.recent, samples]).between(until_s - noise.rest_window_s, until_s)
@@ -245,10 +244,10 @@ def _held(state: InertialState, span_s: float, noise: InertialNoise) -> Inertial
         state = _corrected(state, selected, -state.velocity, variance, learns_vertical_bias=False)
     if state.rest_s < noise.rest_window_s:
         return state
-    state = _corrected(state, selected, -state.velocity, 0.05**2 * np.eye(3), learns_vertical_bias=False)
+    state = _corrected(state, selected, -state.velocity, noise.moved**2 * np.eye(3), learns_vertical_bias=False)
     rate = state.recent.gyro_rad_s.mean(axis=0)
     # The window's mean is nearly the same one frame later: each counts for its own share of a second.
-    variance = noise.rest_bias**2 / span_s * np.eye(3)
+    variance = noise.rest_gyro**2 / len(state.recent) / span_s * np.eye(3)
     vertical = state.calm is None
     return _corrected(state, _selected(_BIAS), rate - state.bias, variance, learns_vertical_bias=vertical)
 
@@ -305,8 +304,9 @@ def small_rotation(x: float, y: float, z: float) -> Array:
 
 def _integrated(
     state: InertialState, samples: ImuSamples, until_s: float, noise: InertialNoise
-) -> tuple[Array, Array, float]:
-    """Rotation (3, 3) and velocity (3,) gained in the optical frame of the state's stamp, and the time in holes.
+) -> tuple[Array, Array, float, float]:
+    """Rotation (3, 3) and velocity (3,) gained in the optical frame of the state's stamp; the time in holes and the
+    squared angle, rad^2, by the rates beside them.
 
     Trapezoids between samples; the last rate and force are held up to `until_s`.
     """
@@ -324,7 +324,9 @@ def _integrated(
     beside = gains.copy()  # of the spans before and after each rotation
     beside[:-1] += gains[1:]
     gained = (gains[0] + np.einsum("nij,nj->i", rotations, beside)) / 2.0
-    return rotations[-1], gained, float(spans[spans > noise.gap_s].sum())
+    holes = spans > noise.gap_s
+    unseen = (rates[holes] * spans[holes, None]).sum(axis=0)
+    return rotations[-1], gained, float(spans[holes].sum()), float(unseen @ unseen)
 
 
 def _at_rest(state: InertialState, recent: ImuSamples, noise: InertialNoise) -> bool:

@@ -24,7 +24,7 @@ from edgemap.geometry.camera.mount import Mount
 from edgemap.runtime.frames.frame import Frame
 from edgemap.runtime.motion.attitude.checked_mount import MountRule
 from edgemap.runtime.motion.attitude.imu_trust import ImuTrust, ImuTrustRule
-from edgemap.runtime.motion.attitude.pictures import PicturesRule
+from edgemap.runtime.motion.attitude.pictures import LONGEST_S, PicturesRule
 from edgemap.runtime.motion.attitude.protocol import AttitudeSource, Moved
 
 LIKELY = 2.0  # standard deviations of nodding, at which the mount tells half as much of the tilt
@@ -53,7 +53,7 @@ class AttitudeRule:
 
 class InertialAttitude:
     """Roll, pitch and rotation by gyro, accelerometer and the odometry's last motion, about the mount; without samples
-    the `other` source. Starts with the first samples, and again after a hole of `InertialNoise.lost_s`.
+    the `other` source. Starts with the first samples, and again after a hole of `LONGEST_S`.
     """
 
     name = "imu"
@@ -82,12 +82,12 @@ class InertialAttitude:
         state, rotation = self._state, None
         before_s, self._seen_s = self._seen_s, frame.stamp_s
         if not len(samples):
-            if state is not None and frame.stamp_s - state.stamp_s > self._noise.lost_s:
+            if state is not None and frame.stamp_s - state.stamp_s > LONGEST_S:
                 self._state = None
             elif state is not None:
                 self._state = replace(state, before=None)  # the odometry's next motion is of another time
             return other
-        if state is None or not 0.0 < frame.stamp_s - state.stamp_s <= self._noise.lost_s:
+        if state is None or not 0.0 < frame.stamp_s - state.stamp_s <= LONGEST_S:
             state, rotation = self._begun(samples, frame.stamp_s, before_s)
         else:
             span_s = frame.stamp_s - state.stamp_s
