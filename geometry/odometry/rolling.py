@@ -8,6 +8,7 @@ import numpy as np
 from edgemap.geometry.arrays import Array
 from edgemap.geometry.se2 import SE2
 
+ROLLED_M = 1e-3  # of a lateral motion that is none, as of any motion
 MEASURED_M = 0.005  # errs a lateral motion seen in a turn, whatever it states
 FOLLOWED_M = 0.005  # least standard deviation of a learnt axle, so that it goes on being learnt
 
@@ -26,12 +27,11 @@ class Lateral:
 class Rolling:
     """The nonholonomic constraint of a robot on wheels: it moves along an arc, tangential to its heading at the axle.
 
-    lateral_m, share: standard deviation of lateral slip: constant, and per metre and radian of motion. axle_m: distance
+    share: standard deviation of lateral slip, per metre and radian of motion. axle_m: distance
     of the wheels' axle behind the base's origin, 0 where the mount's lever arm is right; axle_sigma_m: its standard
     deviation, 0 for a fixed axle.
     """
 
-    lateral_m: float
     share: float
     axle_m: float
     axle_sigma_m: float
@@ -40,7 +40,7 @@ class Rolling:
         """The lateral residual of a motion since the last picture."""
         c, s = math.cos(moved.yaw_rad / 2.0), math.sin(moved.yaw_rad / 2.0)
         along, across = c * moved.x_m + s * moved.y_m, c * moved.y_m - s * moved.x_m
-        slides = self.lateral_m + self.share * (math.hypot(moved.x_m, moved.y_m) + abs(moved.yaw_rad))
+        slides = ROLLED_M + self.share * (math.hypot(moved.x_m, moved.y_m) + abs(moved.yaw_rad))
         variance = slides**2 + (self.axle_sigma_m * moved.yaw_rad) ** 2
         gradient = np.array([s, c, -along / 2.0 - self.axle_m], dtype=np.float64)
         return Lateral(across - self.axle_m * moved.yaw_rad, gradient, variance)

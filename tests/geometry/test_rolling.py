@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 from edgemap.geometry.odometry.rolling import Rolling
 from edgemap.geometry.se2 import SE2
 
-ROLLING = Rolling(lateral_m=0.001, share=0.01, axle_m=0.0, axle_sigma_m=0.3)
+ROLLING = Rolling(share=0.01, axle_m=0.0, axle_sigma_m=0.3)
 
 
 def arc(length_m: float, yaw_rad: float, axle_m: float = 0.0) -> SE2:

@@ -93,7 +93,7 @@ def test_depth_of_a_patch_by_hand():
     depth[8:10, 2:4] = 2.1
     depth[:3] = np.nan
     points = np.array([[4.0, 9.0], [10.0, 9.0], [16.0, 12.0], [10.0, 1.0]])
-    found, spread = patch_depths(depth, points, half_px=2, valid=8, flat=0.06)
+    found, spread = patch_depths(depth, points, half_px=2, flat=0.06)
     assert found[0] == pytest.approx(2.0)
     assert spread[2] == pytest.approx(0.0)
     assert math.isnan(found[1])  # an edge between two depths

@@ -15,7 +15,7 @@ from edgemap.geometry.arrays import Array
 from edgemap.geometry.camera.attitude import rotation_angle
 from edgemap.geometry.camera.depth_points import FARTHEST_M, NEAREST_M
 from edgemap.geometry.camera.intrinsics import Intrinsics
-from edgemap.geometry.odometry.resection import DepthLandmarks, LensPose, Resected, resect
+from edgemap.geometry.odometry.resection import TUKEY, DepthLandmarks, LensPose, Resected, resect
 
 Pixels = NDArray[np.float32]
 Indices = NDArray[np.intp]
@@ -27,40 +27,32 @@ WINDOW_PX = 11  # of the refinement
 class DepthRule:
     """How a picture with depth is located among keyframes.
 
-    working_width_px: wider pictures are scaled down to it. corners, corners_apart_px: how many, how dense. ratio: of
-    the best to the second best descriptor distance (Lowe 2004), below which a match counts. matched, kept: keyframes
-    that a picture is matched to, and that are kept. apart_m, apart_rad: of the newest keyframe, beyond which a picture
-    becomes one; fewest: so does one that fewer points fit. inliers: that must fit at all. trials, trial_px: of RANSAC;
-    by so much the refinement moves a corner at most; sigma_px: of a refined corner. patch_px: half the side of the
-    patch whose depths are one point's; valid: of its pixels, that must have one; flat: share of the depth by which the
-    middle 80 % of them differ at most, else it lies on an edge. depth_sigma_m, depth_sigma_per_m2: standard deviation
-    of a depth: constant, and with its square; slope: share of a patch's own spread that adds to it, as the middle of
-    the known depths is not the corner's where the patch is cut. fastest_m_s: of a camera that is carried. lost:
-    pictures in a row that are not located, before the keyframes are given up. covariance_scale: errors of depth last
-    over steps (NEES over 1 s of two real walks 17 and 12 with 1).
+    working_width_px: wider pictures are scaled down to it. corners: how many. ratio: of the best to the second best
+    descriptor distance (Lowe 2004), below which a match counts. matched: keyframes that a picture is matched to,
+    and pictures in a row that are not located, before all are given up. kept: keyframes. apart_m, apart_rad: of the
+    newest keyframe, beyond which a picture becomes one. inliers: that must fit at all. trials: of RANSAC. sigma_px:
+    of a refined corner. patch_px: half the side of the patch whose depths are one point's; flat: share of the depth
+    by which the middle 80 % of them differ at most, else it lies on an edge. depth_sigma_per_m2: standard deviation
+    of a depth, with its square; slope: share of a patch's own spread that adds to it, as the middle of the known
+    depths is not the corner's where the patch is cut. fastest_m_s: of a camera that is carried. covariance_scale:
+    errors of depth last over steps (NEES over 1 s of two real walks 17 and 12 with 1).
     """
 
     working_width_px: int = 540
     corners: int = 500
-    corners_apart_px: int = 5
     ratio: float = 0.8
     matched: int = 3
     kept: int = 8
     apart_m: float = 0.15
     apart_rad: float = 0.12
-    fewest: int = 80
     inliers: int = 12
     trials: int = 200
-    trial_px: float = 2.5
     sigma_px: float = 0.5
     patch_px: int = 3
-    valid: int = 8
     flat: float = 0.06
-    depth_sigma_m: float = 0.005
     depth_sigma_per_m2: float = 0.0035
     slope: float = 0.25
     fastest_m_s: float = 5.0
-    lost: int = 3
     covariance_scale: float = 8.0
 
 
@@ -106,12 +98,11 @@ class DepthKeyframes:
         self._missed = 0 if found is not None else self._missed + 1
         if found is not None and moved is not None:
             self._pose, self._velocity = found.pose, moved
-        if self._missed >= self._rule.lost:
+        if self._missed >= self._rule.matched:
             self._keyframes = []
         if found is not None or not self._keyframes:
             self._last = self._seen(grey, corners, descriptors, depth)
-            few = found is not None and float(found.weights.sum()) < self._rule.fewest
-            if few or not self._keyframes or self._apart(self._keyframes[-1]):
+            if not self._keyframes or self._distance(self._keyframes[-1].pose, self._pose, limit=True) > 1.0:
                 self._keep(self._last)
         return None if found is None or moved is None else Resected(moved, found.covariance, found.weights)
 
@@ -128,7 +119,7 @@ class DepthKeyframes:
     def _corners(self, grey: MatLike, still: MatLike) -> tuple[Pixels, MatLike]:
         rule = self._rule
         mask = None if still.all() else still
-        found = cv2.goodFeaturesToTrack(grey, rule.corners, 0.005, rule.corners_apart_px, mask=mask, blockSize=3)
+        found = cv2.goodFeaturesToTrack(grey, rule.corners, 0.005, WINDOW_PX // 2, mask=mask, blockSize=3)
         if found is None:
             return np.zeros((0, 2), np.float32), np.zeros((0, 32), np.uint8)
         points, descriptors = self._orb.compute(
@@ -152,7 +143,7 @@ class DepthKeyframes:
         focal, seen = self._lens.fx, self._lens.rays(pixels)[:, :2]
         found, turned, shift, inliers = cv2.solvePnPRansac(
             landmarks.points_m, seen, np.eye(3), None, iterationsCount=rule.trials, flags=cv2.SOLVEPNP_P3P,
-            reprojectionError=rule.trial_px / focal, confidence=0.999,
+            reprojectionError=TUKEY * rule.sigma_px / focal, confidence=0.999,
         )  # fmt: skip
         if not found or inliers is None or len(inliers) < rule.inliers:
             return None
@@ -181,7 +172,7 @@ class DepthKeyframes:
                 flags=cv2.OPTFLOW_USE_INITIAL_FLOW,
             )  # fmt: skip
             moved = moved.reshape(-1, 2)
-            near = np.hypot(*(moved - pixels[which]).T) < self._rule.trial_px
+            near = np.hypot(*(moved - pixels[which]).T) < TUKEY * self._rule.sigma_px
             good = (status.ravel() == 1) & near
             refined[which[good]] = moved[good]
         return refined
@@ -190,10 +181,10 @@ class DepthKeyframes:
         """The picture with its points, at the pose that was just found."""
         rule = self._rule
         in_depth = (corners + 0.5) * [depth.shape[1] / self._size[0], depth.shape[0] / self._size[1]]
-        depth_m, spread_m = patch_depths(depth, in_depth, rule.patch_px, rule.valid, rule.flat)
+        depth_m, spread_m = patch_depths(depth, in_depth, rule.patch_px, rule.flat)
         known = np.isfinite(depth_m)
         rays, depth_m = self._lens.rays(corners[known]), depth_m[known]
-        sigma_m = np.hypot(rule.depth_sigma_m + rule.depth_sigma_per_m2 * depth_m**2, rule.slope * spread_m[known])
+        sigma_m = np.hypot(rule.depth_sigma_per_m2 * depth_m**2, rule.slope * spread_m[known])
         landmarks = DepthLandmarks.observed(self._pose, rays, depth_m, sigma_m)
         return _Keyframe(self._pose, grey, corners[known], descriptors[known], landmarks)
 
@@ -202,9 +193,6 @@ class DepthKeyframes:
         self._keyframes.append(picture)
         if len(self._keyframes) > self._rule.kept:
             self._keyframes.remove(max(self._keyframes, key=lambda one: self._distance(one.pose, picture.pose)))
-
-    def _apart(self, keyframe: _Keyframe) -> bool:
-        return self._distance(keyframe.pose, self._pose, limit=True) > 1.0
 
     def _distance(self, a: LensPose, b: LensPose, limit: bool = False) -> float:
         """Of two views, in units of what makes a keyframe."""
@@ -215,11 +203,11 @@ class DepthKeyframes:
 
 
 def patch_depths(
-    depth: NDArray[np.float32], pixels: NDArray[np.floating[Any]], half_px: int, valid: int, flat: float
+    depth: NDArray[np.float32], pixels: NDArray[np.floating[Any]], half_px: int, flat: float
 ) -> tuple[Array, Array]:
     """Depths and their scatter (N,) at pixels (N, 2) of a picture (H, W) with holes: medians over the valid pixels of a
-    patch; NaN where there are too few, or where the patch covers two depths. Pixels count from the picture's outer
-    edge.
+    patch; NaN where they are no more than one of its rows, or where the patch covers two depths. Pixels count from the
+    picture's outer edge.
     """
     height, width = depth.shape
     columns, rows = np.clip(pixels.astype(np.intp), half_px, [width - 1 - half_px, height - 1 - half_px]).T
@@ -232,7 +220,7 @@ def patch_depths(
         patch[np.arange(len(patch)), (share * np.maximum(count - 1, 0)).astype(np.intp)] for share in (0.1, 0.5, 0.9)
     )
     spread = high - np.where(np.isfinite(high), low, 0.0)
-    good = (count >= valid) & (spread < flat * middle)
+    good = (count > 2 * half_px + 1) & (spread < flat * middle)
     return np.where(good, middle, math.nan).astype(np.float64), np.where(good, spread, math.nan).astype(np.float64)
 
 

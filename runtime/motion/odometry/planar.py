@@ -52,7 +52,8 @@ SHIFT_PX = 4  # the picture's shift is estimated on every so many pixels
 RESPONSE_PX = 3  # about a corner; that far its response reads the picture
 MASK_PX = 8  # the floor mask is computed on every so many pixels
 SHORTEST_S = 1e-3  # between two pictures
-FEW = 5  # a fifth of the corners: fewer missing ones are not replaced, fewer of a keyframe tell no direction
+FEW = 5  # a fifth of the corners: fewer missing ones are not replaced, fewer of a keyframe tell no direction, and fewer
+# of known depth keep no scale: what is seen below the horizon counts as floor at once then
 TURN_M = 0.3  # of path length that a radian of turn counts as
 MINIMUM_COVARIANCE = np.diag([1e-4, 1e-4, 1e-4]) ** 2
 
@@ -61,34 +62,29 @@ MINIMUM_COVARIANCE = np.diag([1e-4, 1e-4, 1e-4]) ** 2
 class PlanarRule:
     """How planar odometry tracks corners and weighs them. Its metres are those of robots at home: `FloorCamera.unit_m`.
 
-    working_width_px: wider pictures are scaled down to it. window_px: of the tracker. corners, corners_apart_px:
-    how many, how dense. floor_share: of the corners, looked for where the floor is within reach. shift_response: of
-    the phase correlation, from which on the picture's shift tells what lies beyond the tracker's own reach. scaled:
-    landmarks of known depth needed to keep the scale, so that what is seen below the horizon need not count as
-    floor at once. reach_heights: range, in camera heights, beyond which no corner counts as floor. max_age:
-    lifetime of a landmark, frames. track_sigma_px, drift_sigma_px: of one tracked corner at the working width, and
-    its drift in one frame. levelling: share of the tilt that is taken for the landmarks' and not for the camera's.
-    trusted_share: of the tracks that must agree, or a fresh start is tried, but on wheels: it doubles the scale
-    there as often as it mends it. agrees_more: times as many must agree on the fresh start, which has looser
-    landmarks. least_weight: tracks that must agree at all. scale_drift_per_s: relative, of the scale that landmarks
-    keep while no floor is in view. carried: when the camera counts as carried, and as one on wheels. What is
-    carried rises and sinks as well: by rise_per_rad of the mount's height for each radian beyond
-    `carried.level_rad`. lateral_m, lateral_share: as of `Rolling`, for robots on wheels. slides_share: of the steps
-    in which much floor is in view; a robot that slides in more moves sideways by itself. slides_weight: of the
-    newest step in that share. travelled_rad: the direction of motion is measured when the corners have moved so
-    far, median, beside the rotation. neighbour_px: distance in the picture, at the working width, over which
-    landmarks give new ones their depth. gyro_rad, gyro_share: standard deviation of the rotation that a gyro
-    measures between two pictures of a carried camera, and relative to it, as samples and pictures are not quite in
+    working_width_px: wider pictures are scaled down to it. window_px: of the tracker; corners are half of it apart.
+    corners: how many. floor_share: of the corners, looked for where the floor is within reach. shift_response: of the
+    phase correlation, from which on the picture's shift tells what lies beyond the tracker's own reach. reach_heights:
+    range, in camera heights, beyond which no corner counts as floor. max_age: lifetime of a landmark, frames.
+    track_sigma_px, drift_sigma_px: of one tracked corner at the working width, and its drift in one frame. levelling:
+    share of the tilt that is taken for the landmarks' and not for the camera's. trusted_share: of the tracks that must
+    agree, or a fresh start is tried, but on wheels: it doubles the scale there as often as it mends it. agrees_more:
+    times as many must agree on the fresh start, which has looser landmarks. least_weight: tracks that must agree at
+    all. scale_drift_per_s: relative, of the scale that landmarks keep while no floor is in view. carried: when the
+    camera counts as carried, and as one on wheels. What is carried rises and sinks as well: by rise_per_rad of the
+    mount's height for each radian beyond `carried.level_rad`. lateral_share: as of `Rolling`, for robots on wheels; one
+    that slides in most steps in which much floor is in view moves sideways by itself. travelled_rad: the direction of
+    motion is measured when the corners have moved so far, median, beside the rotation. carried_gate: share of the usual
+    gates within which a track of a carried camera fits. gyro_rad, gyro_share: standard deviation of the rotation that a
+    gyro measures between two pictures of a carried camera, and relative to it, as samples and pictures are not quite in
     step. What the attitude learns of an IMU's tilt rotates the landmarks and is no motion.
     """
 
     working_width_px: int = 320
     window_px: int = 11
     corners: int = 160
-    corners_apart_px: int = 6
     floor_share: float = 0.6
     shift_response: float = 0.15
-    scaled: int = 25
     reach_heights: float = 12.0
     max_age: int = 30
     track_sigma_px: float = 0.3
@@ -99,16 +95,17 @@ class PlanarRule:
     least_weight: float = 8.0
     scale_drift_per_s: float = 0.1
     carried: CarriedRule = field(default_factory=CarriedRule)
-    lateral_m: float = 0.001
     lateral_share: float = 0.01
-    slides_share: float = 0.3
-    slides_weight: float = 0.05
     travelled_rad: float = 0.035
-    neighbour_px: float = 40.0
     rise_per_rad: float = 0.5
     carried_gate: float = 0.6
     gyro_rad: float = math.radians(0.05)
     gyro_share: float = 0.03
+
+    @property
+    def apart_px(self) -> int:
+        """Least distance of two corners."""
+        return (self.window_px + 1) // 2
 
 
 class PlanarOdometry:
@@ -147,7 +144,8 @@ class PlanarOdometry:
         self._carried = Carried(rule.carried)
         known = camera.mount.forward_m != 0.0 or camera.mount.left_m != 0.0
         axle_m = 0.0 if known else self._level.mount.height_m  # nobody measured it: as far off as the lens is high
-        self._rolling = Rolling(rule.lateral_m, rule.lateral_share, 0.0, axle_m)
+        self._rolling = Rolling(rule.lateral_share, 0.0, axle_m)
+        self._spacing_px = math.sqrt(size[0] * size[1] / max(rule.corners, 1))  # of corners, on the mean
         self._slides = 0.0  # share of the steps in which the floor contradicts rolling, the latest ones
         self._seed, coasting = seed, coasting or CoastingRule()
         self._coasting, self._unseen_m_s = Coasting(coasting), coasting.speed_sigma_m_s
@@ -341,7 +339,7 @@ class PlanarOdometry:
         """Where people and animals are: boxes (N, 4), px at the working width; 0 in `_still`, 255 elsewhere."""
         self._movers = boxes.astype(np.intp)
         self._still = np.full(self._size[::-1], 255, dtype=np.uint8)
-        margin = self._rule.corners_apart_px
+        margin = self._rule.apart_px
         for x0, y0, x1, y1 in self._movers.tolist():
             self._still[max(y0 - margin, 0) : y1 + margin, max(x0 - margin, 0) : x1 + margin] = 0
 
@@ -382,13 +380,13 @@ class PlanarOdometry:
 
     def _rolls(self) -> tuple[SE2, Rolling] | None:
         """The pose that the robot rolled on from, and how, where it is on wheels and that pose was measured."""
-        rolls = self._carried.on_wheels and self._slides < self._rule.slides_share and self._since == SE2()
+        rolls = self._carried.on_wheels and self._slides < 0.5 and self._since == SE2()
         return (self._view.pose, self._rolling) if rolls else None
 
     def _learn_rolling(self, found: Located, motion: SE2) -> None:
         """Where the axle lies, and whether the robot moves sideways by itself."""
         if found.lateral is not None:
-            self._slides += self._rule.slides_weight * (found.slid - self._slides)
+            self._slides += (found.slid - self._slides) / self._rule.max_age
             self._rolling = self._rolling.learnt(*found.lateral, motion.yaw_rad)
 
     def _ahead(self, motion: SE2) -> Viewpoint:
@@ -500,7 +498,7 @@ class PlanarOdometry:
             return
         free = np.full(grey.shape, 255, dtype=np.uint8)
         for corner in self._corners.astype(np.intp).tolist():
-            cv2.circle(free, corner, self._rule.corners_apart_px, 0, -1)
+            cv2.circle(free, corner, self._rule.apart_px, 0, -1)
         floors = int(self._landmarks.floor.sum())
         for mask, have, share in (
             (free & self._mask, floors, self._rule.floor_share),
@@ -514,7 +512,7 @@ class PlanarOdometry:
                 continue
             top, bottom = max(lines[0] - RESPONSE_PX, 0), lines[-1] + 1 + RESPONSE_PX
             found = cv2.goodFeaturesToTrack(
-                grey[top:bottom], wanted, 0.005, self._rule.corners_apart_px, mask=mask[top:bottom], blockSize=3
+                grey[top:bottom], wanted, 0.005, self._rule.apart_px, mask=mask[top:bottom], blockSize=3
             )
             if found is None:
                 continue
@@ -524,7 +522,7 @@ class PlanarOdometry:
             new = new_landmarks(rays, self._camera, self._view, self._noise, self._reach_m, trusting)
             if self._carried.on_wheels:
                 apart2 = ((fresh[:, None] - self._corners) ** 2).sum(axis=2)
-                near = np.exp(-apart2 / (2.0 * self._rule.neighbour_px**2))
+                near = np.exp(-apart2 / (2.0 * self._spacing_px**2))
                 new = with_neighbours_depth(new, near, self._landmarks, self._camera, self._view, self._noise)
             self._corners, self._landmarks = np.concatenate([self._corners, fresh]), self._landmarks.joined(new)
             rays = np.concatenate([self._keyframe[2], np.full((len(fresh), 3), np.nan)])
@@ -534,7 +532,7 @@ class PlanarOdometry:
         """Whether what is seen below the horizon counts as floor at once."""
         kept, lost_s = self._landmarks, self._seen_s - self._floor_s
         known = int((kept.floor | (kept.variance < (0.1 * kept.inverse_m) ** 2)).sum())
-        return known < self._rule.scaled or (self._carried.on_wheels and lost_s > LONGEST_DT_S)
+        return known < self._rule.corners // FEW or (self._carried.on_wheels and lost_s > LONGEST_DT_S)
 
     def _bearings(self, pixels: Pixels) -> Array:
         """Normalised image points (N, 2) without the lens' distortion, read off a table between its pixels."""
