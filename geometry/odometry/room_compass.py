@@ -39,10 +39,9 @@ class CompassRule:
     addition to that of its edges. outlier: of its standard deviations, at which a view counts a quarter. gate: of those
     of a view and of the drift since the last one, beyond which it belongs to a rotated object or another wing of the
     building: `alike` of them in a row, within the gate of a view's own error, become another room direction. apart_rad,
-    apart_m: rotation or path length after which a view counts as new. views: number of views kept. kept_s: how old a
-    picture may be when its edges are known. settle_s: over which a correction is spread, as the steps of one second are
-    used together; settle_gyro_s: beside a gyro, whose steps are truer. fastest_m_s: in a room, over kept_s; on a
-    street, which bends, edges tell no heading.
+    apart_m: rotation or path length after which a view counts as new. views: number of views kept, and of the latest
+    steps, one of which a view is of. settle_s: over which a correction is spread, as the steps of one second are used
+    together.
     """
 
     drift: float = 8.0
@@ -54,10 +53,7 @@ class CompassRule:
     apart_rad: float = math.radians(5.0)
     apart_m: float = 0.2
     views: int = 40
-    kept_s: float = 2.0
     settle_s: float = 1.0
-    settle_gyro_s: float = 5.0
-    fastest_m_s: float = 3.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -125,13 +121,13 @@ class RoomCompass:
             last.variance_rad2 + drift_rad2,
             last.path_m + math.hypot(motion.x_m, motion.y_m),
         )
-        return replace(self, past=(*(item for item in self.past if item.stamp_s > stamp_s - rule.kept_s), now))
+        return replace(self, past=(*self.past[1 - rule.views :], now))
 
     def saw(self, room: RoomHeading) -> RoomCompass:
         """The compass after a view of the room in one of the latest steps."""
         rule = self.rule
         at = next((item for item in reversed(self.past) if item.stamp_s <= room.stamp_s), None)
-        if at is None or self.past[-1].path_m - self.past[0].path_m > rule.fastest_m_s * rule.kept_s:
+        if at is None:
             return self
         shown_rad, variance_rad2 = at.yaw_rad + room.level_rad, room.sigma_rad**2 + rule.view_rad**2
         if not self.views:
@@ -158,10 +154,9 @@ class RoomCompass:
             return known
         return known._solved((*self.views[:-1], replace(view, drift_rad2=last.drift_rad2 + drift_rad2)))
 
-    def paid(self, span_s: float, by_gyro: bool = False) -> tuple[RoomCompass, float]:
-        """The yaw correction, rad, of a motion over this time, with or without a gyro, and the compass after it."""
-        settle_s = self.rule.settle_gyro_s if by_gyro else self.rule.settle_s
-        part = (-self.error_rad - self.paid_rad) * (1.0 - math.exp(-span_s / settle_s))
+    def paid(self, span_s: float) -> tuple[RoomCompass, float]:
+        """The yaw correction, rad, of a motion over this time, and the compass after it."""
+        part = (-self.error_rad - self.paid_rad) * (1.0 - math.exp(-span_s / self.rule.settle_s))
         return replace(self, paid_rad=self.paid_rad + part), part
 
     def _puzzled(self, off_rad: float) -> RoomCompass:

@@ -37,12 +37,9 @@ RENAMED = {
         "look_frames": "same_frames",
         "prior_looks": "prior_observations",
     },
-    "hybrid": {
-        f"{member}_doubt": f"{member}_covariance_scale"
-        for member in ("flow", "planar", "gyro", "outside_flow", "outside_planar")
-    },
 }
 # Numbers of earlier files that nothing uses any more, passed over.
+SCALED = ("flow", "planar", "gyro", "outside_flow", "outside_planar")  # members of the hybrid
 RETIRED = {
     "camera": ("stall_intervals", "retries", "reset_every", "back_off_limit_s", "settle_s"),
     "attitude": (
@@ -87,6 +84,8 @@ RETIRED = {
     ),
     "tilt": ("edges", "drift", "gravity", "depth", "gate"),
     "carried": ("calm_s",),
+    "coasting": ("carried_s",),
+    "flow": ("keyframe_s",),
     "height": ("every_s", "loose", "sigmas", "wrong_depth_share"),
     "rest": ("frames", "sigmas", "offset"),
     "wheels": ("per_metre", "per_radian", "still_m", "still_rad", "roughness_rad"),
@@ -103,7 +102,7 @@ RETIRED = {
         "gap",
         "lost_s",
     ),
-    "compass": ("alike_rad", "lost_rad"),
+    "compass": ("alike_rad", "lost_rad", "kept_s", "settle_gyro_s", "fastest_m_s"),
     "depth": (
         "refined_px",
         "corners_apart_px",
@@ -124,6 +123,13 @@ RETIRED = {
         "part_sudden",
     ),
     "hybrid": (
+        *(f"{name}_covariance_scale" for name in SCALED),
+        *(f"{name}_doubt" for name in SCALED),
+        "lasting_covariance_scale",
+        "flow_reach_rad",
+        "flow_movers_scale",
+        "movers_share",
+        "covered_share",
         "flow_alone_s",
         "gate",
         "known_sigma",

@@ -89,12 +89,6 @@ def test_steps_are_corrected_smoothly():
     assert np.abs(np.diff(found))[101:].max() < 1.0
 
 
-def test_on_a_street_edges_tell_no_heading():
-    rng = np.random.default_rng(3)
-    drift = np.full(SPAN, math.radians(6.0) / SPAN)
-    assert np.degrees(driven(drift, views(rng), metres=0.8))[-1] == pytest.approx(6.0, abs=0.1)
-
-
 def test_a_heading_that_is_lost_is_not_taken_for_another_right_angle():
     """After 60 unseen degrees, said to be 40 by standard deviation, the room is learnt again where it seems to be."""
     compass = RoomCompass(CompassRule()).moved(0.0, SE2(), 0.0).saw(RoomHeading(0.0, 0.3, 0.01))
@@ -104,12 +98,10 @@ def test_a_heading_that_is_lost_is_not_taken_for_another_right_angle():
     assert len(compass.views) == 1
 
 
-def test_beside_a_gyro_a_correction_is_spread_longer():
+def test_a_correction_is_spread():
     compass = RoomCompass(CompassRule()).moved(0.0, SE2(), 0.0).saw(RoomHeading(0.0, 0.3, 0.01))
     compass = compass.moved(1.0, SE2(0.5, 0.0, 0.2), 0.05**2).saw(RoomHeading(1.0, 0.2, 0.01))
-    parts = [abs(compass.paid(0.1, by_gyro)[1]) for by_gyro in (True, False)]
-    assert 0.0 < parts[0] < 0.3 * parts[1]
-    assert parts[1] < 0.1 * 0.1
+    assert 0.0 < abs(compass.paid(0.1)[1]) < 0.1 * 0.1
 
 
 def test_its_cost_has_a_bound():
@@ -118,4 +110,4 @@ def test_its_cost_has_a_bound():
         compass = compass.moved(index * STEP_S, SE2(0.1, 0.0, 0.2), STEP_SIGMA**2)
         compass = compass.saw(RoomHeading(index * STEP_S, -0.2 * index, 0.01))
     assert len(compass.views) == CompassRule().views
-    assert len(compass.past) <= CompassRule().kept_s / STEP_S + 1
+    assert len(compass.past) <= CompassRule().views

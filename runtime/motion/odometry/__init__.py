@@ -53,8 +53,9 @@ def open_odometry(
     """
     rules = rules or OdometryRules()
     if spec == "hybrid":
-        members = _members(bundle, camera, floor, wheels, rules)
-        return HybridOdometry(members, rules.hybrid, rules.coasting)
+        members, warning = _members(bundle, camera, floor, wheels, rules)
+        in_room = floor.unit_m == 1.0
+        return HybridOdometry(members, rules.hybrid, rules.coasting, in_room, warning)
     if spec == "gyro":
         return GyroOdometry()
     if spec == "planar":
@@ -88,23 +89,25 @@ def _tracked(floor: FloorCamera, rules: OdometryRules) -> DepthOdometry:
 POSES_EDGE_S = 0.15  # poses that are taken as they are may end a frame early
 
 
-def _members(bundle: Bundle, camera: Camera, floor: FloorCamera, wheels: bool, rules: OdometryRules) -> list[Member]:
-    """Corners on the floor, the bundle's flow head where one is trained, wheels and gyro where there are any."""
-    rule = rules.hybrid
+def _members(
+    bundle: Bundle, camera: Camera, floor: FloorCamera, wheels: bool, rules: OdometryRules
+) -> tuple[list[Member], str]:
+    """Corners on the floor, the bundle's flow head where one is trained for such a camera, wheels and gyro where there
+    are any; and why there is no flow head, if so."""
+    rule, scale = rules.hybrid, rules.hybrid.covariance_scale
     head, flow = bundle.manifest.odometry.get("flow"), None
     if head is not None and head.trained:
         flow = LearnedOdometry(bundle, "flow", floor, coasting=rules.coasting, rule=rules.flow)
-    carried = flow is not None and flow.outside_envelope
-    scale = rule.planar_covariance_scale * (rule.outside_planar_covariance_scale if carried else 1.0)
-    members = [Member(_tracked(floor, rules), CAMERA, scale)]
-    if flow is not None:
-        scale = rule.flow_covariance_scale * (rule.outside_flow_covariance_scale if carried else 1.0)
-        limits = rule.flow_reach_rad, rule.flow_movers_scale, rule.flow_variance_share
-        members.append(Member(flow, CAMERA, scale, False, *limits))
+    warning = flow.warning if flow else ""
+    # A camera outside the head's envelope is carried, and nods.
+    members = [Member(_tracked(floor, rules), CAMERA, scale**2 if warning else scale)]
+    if flow is not None and not warning:
+        reach_rad = 2.0 * rules.flow.keyframe_rad
+        members.append(Member(flow, CAMERA, scale**2, reach_rad=reach_rad, seconds=rule.flow_variance_share))
     if wheels and camera.wheel is not None:
         given = camera.wheel
         track = wheel_trajectory(given) if isinstance(given, Path) else given
         recorded = RecordedOdometry(track, f"wheel:{given}", rules.wheels)
         members.append(Member(recorded, WHEELS))
-    members.append(Member(GyroOdometry(), GYRO, rule.gyro_covariance_scale, optional=True))
-    return members
+    members.append(Member(GyroOdometry(), GYRO, scale, optional=True))
+    return members, warning

@@ -9,19 +9,17 @@ from edgemap.geometry.arrays import Array
 from edgemap.geometry.se2 import SE2
 from edgemap.runtime.motion.odometry.protocol import Motion, MotionState
 
-SHORTEST_DT_S, LONGEST_DT_S = 0.01, 1.0  # between two steps, for a velocity
+# Between two steps, for a velocity; so long the last one is extrapolated, about a robot's turn before a blank wall (16
+# homes, the camera alone, over 5 m: 2.9 % with 0.5 s, 2.6 with 1 s and with more); after that it may as well stand.
+SHORTEST_DT_S, LONGEST_DT_S = 0.01, 1.0
 
 
 @dataclass(frozen=True, slots=True)
 class CoastingRule:
-    """carried_s: how long the last velocity is extrapolated, about a robot's turn before a blank wall (16 homes, the
-    camera alone, over 5 m: 2.9 % with 0.5 s, 2.6 with 1 s and with more); after that the robot may as well stand.
-
-    speed_sigma_m_s, yaw_rate_sigma_rad_s: of a small robot whose motion is unknown; the last velocity adds to them.
+    """speed_sigma_m_s, yaw_rate_sigma_rad_s: of a small robot whose motion is unknown; the last velocity adds to them.
     acceleration_m_s2: standard deviation of a robot's acceleration, and of a certainly carried camera's.
     """
 
-    carried_s: float = 1.0
     speed_sigma_m_s: float = 0.35
     yaw_rate_sigma_rad_s: float = 0.5
     acceleration_m_s2: tuple[float, float] = (2.0, 20.0)
@@ -75,7 +73,7 @@ class Coasting:
         before_s = self._last_s - self._blind_from_s
         after_s = max(stamp_s - self._blind_from_s, before_s + SHORTEST_DT_S)
         self._last_s = self._blind_from_s + after_s
-        carried_s = max(0.0, min(after_s, self._rule.carried_s) - min(before_s, self._rule.carried_s))
+        carried_s = max(0.0, min(after_s, LONGEST_DT_S) - min(before_s, LONGEST_DT_S))
         self._variance = np.diag(self._sigmas[:2] ** 2)
         covariance = np.diag(self._sigmas**2 * (after_s**2 - before_s**2))
         state = MotionState.COASTING if carried_s > 0.0 and self._velocity.any() else MotionState.BLIND

@@ -46,49 +46,32 @@ CAMERA, WHEELS = "camera", "wheels"  # the sources whose lengths are compared
 @dataclass(frozen=True, slots=True)
 class HybridRule:
     """Weights of the hybrid's members. lasting_conflict: number of consecutive steps of disagreement that make a
-    fault; wheel slip is shorter. flow_covariance_scale, planar_covariance_scale, gyro_covariance_scale: factors on
-    the members' covariances, so that errors and covariance agree; the flow head's errors last, so the drift asks
-    for more than its NEES: 3.6, 2.4, 2.25 % over 5 m with 1, 4, 16 (homes 8301-8308, the camera alone).
-    outside_flow_covariance_scale, outside_planar_covariance_scale: further factors for a camera outside the head's
-    training envelope, which is carried, and nods: two head cameras 1.74 m up, with synthetic IMUs made from their
-    true poses, drift 10 instead of 18 % over 5 m with 1000 instead of 25 in all for the head.
-    flow_reach_rad: largest turn of one step that the flow head's search follows, whatever the time between: after
-    missing frames its NEES is 1 to 3 up to 0.2 rad and 10 to 100 beyond (demo and home 9200, 1 to 9 frames apart).
-    covered_share: of a picture that shows nothing while the rest moves, from which on the camera is in doubt: a cover
-    and its edge stand still as the robot moves. covered_covariance_scale: one more factor for the camera there, and its
-    power with what is covered beyond.
-    flow_movers_scale: one more factor on the flow head's covariance, its power with the share of the picture that
-    people and animals cover: it follows them (its NEES is 1 up to a fifth of the picture, 6 at 0.4, 20 to 60 at 0.6, 50
-    to 150 beyond; 29 tuning drives). flow_variance_share: of the corners' variance, which the flow head's is at least:
-    it remembers, and goes on as before where a picture shows nothing. Its error of a step is 0.5 cm where corners state
-    2 mm, 1.7 where they state 2 cm, 3.3 where 10 cm, 5 where more, while it states 0.6 cm (sixteen rendered homes).
-    lasting_covariance_scale: factor on the fused covariance: errors of landmarks, of scale and of a wheel's radius last
-    for seconds, so that sums over 1 to 10 s vary more than independent steps would (NEES over 3 with 1: by the camera
-    alone 1.9 to 3.7, with wheels 1.2 to 2.9, camera and gyro 1.3 to 2.5; homes 8301-8310).
-    movers_share: of the picture that people and animals cover, from which on the camera judges nobody. trust: in the
-    wheels. compass: of the room's edges, which keep the heading.
+    fault; wheel slip is shorter. covariance_scale: factor on covariances, so that errors and covariance agree: on that
+    of corners and gyro, of a carried camera's corners once more, of the flow head, whose errors last, once more too,
+    and on the fused one: errors of landmarks, of scale and of a wheel's radius last for seconds, so that sums over 1 to
+    10 s vary more than independent steps would (NEES over 3 without it: by the camera alone 1.9 to 3.7, with wheels 1.2
+    to 2.9, camera and gyro 1.3 to 2.5; homes 8301-8310). flow_variance_share: of the corners' variance, which the flow
+    head's is at least: it remembers, and goes on as before where a picture shows nothing. Its error of a step is 0.5 cm
+    where corners state 2 mm, 1.7 where they state 2 cm, 3.3 where 10 cm, 5 where more, while it states 0.6 cm (sixteen
+    rendered homes).
+    hidden_share: of a picture that shows nothing while the rest moves, from which on the camera is in doubt: a cover
+    and its edge stand still as the robot moves; or that people and animals cover, from which on the camera judges
+    nobody. covered_covariance_scale: one more factor for the camera there, and its power with what is covered beyond.
+    trust: in the wheels. compass: of the room's edges, which keep the heading.
     """
 
     lasting_conflict: int = 10
-    flow_covariance_scale: float = 16.0
-    planar_covariance_scale: float = 2.0
-    gyro_covariance_scale: float = 2.0
-    flow_reach_rad: float = 0.2
-    outside_flow_covariance_scale: float = 60.0
-    outside_planar_covariance_scale: float = 2.0
-    covered_share: float = 0.4
-    covered_covariance_scale: float = 30.0
-    flow_movers_scale: float = 100.0
+    covariance_scale: float = 2.0
     flow_variance_share: float = 0.25
-    lasting_covariance_scale: float = 2.0
-    movers_share: float = 0.2
+    hidden_share: float = 0.4
+    covered_covariance_scale: float = 30.0
     trust: TrustRule = field(default_factory=TrustRule)
     compass: CompassRule = field(default_factory=CompassRule)
 
     def doubt(self, source: str, covered: float) -> float:
         """Factor on the covariance of a source where so much of the picture is covered."""
-        counts = source == CAMERA and covered >= self.covered_share
-        return self.covered_covariance_scale ** (covered / self.covered_share) if counts else 1.0
+        counts = source == CAMERA and covered >= self.hidden_share
+        return self.covered_covariance_scale ** (covered / self.hidden_share) if counts else 1.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -96,9 +79,8 @@ class Member:
     """An odometry within the hybrid. source: those of one source share their errors: `camera`, `wheels`, `gyro`.
 
     covariance_scale: factor on its covariance, fitted on validation drives so that errors and covariance agree.
-    optional: it is missed only after it has measured once. reach_rad: largest turn of one step that it can measure;
-    movers_scale: factor on its covariance where people and animals fill the picture, as of
-    `HybridRule.flow_movers_scale`. seconds: above 0 it counts only beside another member of its source that measures,
+    optional: it is missed only after it has measured once. reach_rad: largest turn of one step that it can measure.
+    seconds: above 0 it counts only beside another member of its source that measures,
     with at least this share of that one's variances.
     """
 
@@ -107,7 +89,6 @@ class Member:
     covariance_scale: float = 1.0
     optional: bool = False
     reach_rad: float = math.inf
-    movers_scale: float = 1.0
     seconds: float = 0.0
 
 
@@ -116,7 +97,8 @@ class HybridOdometry:
 
     A member that is blind, reports a fault or is not finite is left out until it measures again, and the fault names
     it; where no member measures, the motion is a guess (`Coasting`).
-    members: the most trusted first. Raises ValueError for none.
+    members: the most trusted first. in_room: whether edges tell a heading; on a street, which bends, they do not.
+    warning: reported with the first motion. Raises ValueError for no members.
     """
 
     name = "hybrid"
@@ -126,13 +108,16 @@ class HybridOdometry:
         members: Sequence[Member],
         rule: HybridRule | None = None,
         coasting: CoastingRule | None = None,
+        in_room: bool = True,
+        warning: str = "",
     ) -> None:
         if not members:
             raise ValueError("a hybrid odometry needs members")
         self._members = tuple(members)
         self._needy = {index for index, member in enumerate(members) if member.odometry.needs_features}
         self.needs_features = len(self._needy) == len(members)
-        self._rule, self._coasting = rule or HybridRule(), Coasting(coasting)
+        self._rule, self._coasting, self._in_room = rule or HybridRule(), Coasting(coasting), in_room
+        self._warning = warning
         # The others compute in Python while a network runs: 6.3 instead of 8.7 ms a step, paced, two cores.
         self._beside = ThreadPoolExecutor(1, "odometry")
         self.reset("start")
@@ -220,7 +205,7 @@ class HybridOdometry:
         if self._first:
             self._first = False
             self._coasting.begin(stamp_s)
-            return first_motion(all_faults)
+            return first_motion("; ".join(filter(None, (all_faults, self._warning))))
         alive = [
             MotionEstimate(
                 motion.motion.vector(),
@@ -234,9 +219,7 @@ class HybridOdometry:
         alive = [item for item in alive if item.source == GYRO or (np.diag(item.covariance) < UNKNOWN).all()]
         alive = self._seconded(alive)
         wheels, camera = self._of(WHEELS, alive), self._of(CAMERA, alive)
-        judges = (
-            camera is not None and max(covered / self._rule.covered_share, self._movers / self._rule.movers_share) < 1
-        )
+        judges = camera is not None and max(covered, self._movers) < self._rule.hidden_share
         faults = "; ".join(filter(None, (self._judge(wheels, camera if judges else None, dt_s), faults)))
         alive = self._believed(alive, camera is not None)
         if all(item.source == GYRO for item in alive):
@@ -246,7 +229,7 @@ class HybridOdometry:
         found = consensus(self._held_to_gyro(alive))
         self._conflicts = self._conflicts + 1 if found.conflict else 0
         # Who is wrong goes on being wrong: errors add up, not their squares, as in `Coasting`.
-        lasting = 2.0 * self._conflicts - 1.0 if found.conflict else self._rule.lasting_covariance_scale
+        lasting = 2.0 * self._conflicts - 1.0 if found.conflict else self._rule.covariance_scale
         found = replace(found, covariance=lasting * np.asarray(found.covariance))
         if self._conflicts == self._rule.lasting_conflict:
             faults = "; ".join(filter(None, (faults, f"hybrid odometry: {found.conflict}: they disagree")))
@@ -297,7 +280,7 @@ class HybridOdometry:
 
     def _scale_of(self, member: Member, covered: float) -> float:
         """Factor on a member's covariance in this picture."""
-        return member.covariance_scale * self._rule.doubt(member.source, covered) * member.movers_scale**self._movers
+        return member.covariance_scale * self._rule.doubt(member.source, covered)
 
     def _seconded(self, alive: Sequence[MotionEstimate]) -> list[MotionEstimate]:
         """The estimates; those that second another of their source are absent without it, and not much surer."""
@@ -320,9 +303,9 @@ class HybridOdometry:
             return motion
         span_s = stamp_s - self._compass.past[-1].stamp_s
         compass = self._compass.moved(stamp_s, motion.motion, float(motion.covariance[2, 2]))
-        if attitude is not None and attitude.room is not None:
+        if self._in_room and attitude is not None and attitude.room is not None:
             compass = compass.saw(attitude.room)
-        self._compass, turned_rad = compass.paid(span_s, by_gyro=motion.without_gyro is not None)
+        self._compass, turned_rad = compass.paid(span_s)
         x_m, y_m, yaw_rad = motion.motion.vector()
         covariance = motion.covariance + np.diag([0.0, 0.0, turned_rad**2])
         heading = SE2(x_m, y_m, yaw_rad + turned_rad)

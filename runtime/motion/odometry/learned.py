@@ -20,19 +20,19 @@ from edgemap.runtime.network.network import Tensors
 from edgemap.runtime.network.preprocess import cell_grid
 
 LONGEST_DT_S, SHORTEST_DT_S = 1.0, 1e-3  # from keyframe to frame; after a longer gap the head starts again
-NOMINAL_DT_S = 0.1  # for a first frame
+NOMINAL_DT_S = 0.1  # between the frames of its training; for a first frame
 MARGIN = 0.05  # share of a span of the envelope, or of its upper end, that a camera may lie outside without a word
 ROUNDING = 0.01  # of the envelope's numbers
 
 
 @dataclass(frozen=True, slots=True)
 class FlowRule:
-    """When the flow head's keyframe is replaced by a newer frame. keyframe_s: age of its keyframe, seconds; the head's
-    errors hardly shrink with the time between pictures, so at 30 Hz motions from picture to picture drift up to nine
-    times as much as those from every third. keyframe_rad: rotation since; its search reaches about twice as far.
+    """When the flow head's keyframe is replaced by a newer frame: nearest to the time between the frames that it was
+    trained on, since its errors hardly shrink with the time between pictures, so that at 30 Hz motions from picture to
+    picture drift up to nine times as much as those from every third. keyframe_rad: rotation since; its search reaches
+    twice as far.
     """
 
-    keyframe_s: float = 0.075
     keyframe_rad: float = 0.1
 
 
@@ -78,9 +78,9 @@ class LearnedOdometry:
         self.reset("start")
 
     @property
-    def outside_envelope(self) -> bool:
-        """Whether the camera lies outside the head's training envelope."""
-        return bool(self._warning)
+    def warning(self) -> str:
+        """How the camera lies outside the head's training envelope; empty where it does not."""
+        return self._warning
 
     def _look_from(self, mount: Mount) -> None:
         """The cells' geometry for a mount with these angles."""
@@ -107,7 +107,7 @@ class LearnedOdometry:
         motion, covariance = self._feed(features, NOMINAL_DT_S if fresh else dt_s)
         since, blind = self._since, self._blind_covariance
         self._since, self._blind_covariance = motion, np.zeros((3, 3))
-        old = dt_s >= self._rule.keyframe_s or abs(motion.yaw_rad) >= self._rule.keyframe_rad
+        old = dt_s + step_s / 2.0 >= NOMINAL_DT_S or abs(motion.yaw_rad) >= self._rule.keyframe_rad
         if fresh or old or not self._geometry:
             self._next_keyframe(frame.stamp_s)
         if fresh and math.isfinite(step_s):
