@@ -139,7 +139,7 @@ RETIRED = {
         "wheels_doubt",
     ),
     "trust": ("yaw", "held", "yaw_between", "length_between", "sigmas"),
-    "pictures": ("alone", "reach_sigmas"),
+    "pictures": ("alone", "reach_sigmas", "lasting_rad", "reach_rad"),
     "planar": (
         "corners_apart_px",
         "scaled",

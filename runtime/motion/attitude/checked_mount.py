@@ -232,7 +232,7 @@ class CheckedMount:
         self._wrong = known | wrong
         used = self._wrong | (rule.road & (sigma < rule.settled_rad))
         error_rad = np.where(used, tilt.error_rad, 0.0)
-        if np.abs(error_rad - self._corrected).max() > rule.tilt.lasting:
+        if np.abs(error_rad - self._corrected).max() > rule.tilt.lasting / 2.0:
             self._corrected, self._correct = error_rad, self._with(error_rad)
             self._other.correct_mount(self._correct)
         self._estimated = MountEstimate(self._with(tilt.error_rad), sigma, self._correct, self._mount)

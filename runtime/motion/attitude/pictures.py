@@ -32,10 +32,8 @@ class PicturesRule:
     it. edges_rad: of up by the edges of many pictures (one picture: median error 0.3 degrees in rendered homes, 0.8 in
     two real rooms, 1.7 in a kitchen, 1.2 on a street); those of one alone count twice that, as they may agree on a
     wrong direction. edges_gate: standard deviations from which on they have less weight: one in ten is off by 3 degrees
-    and more. pictures: whose edges are put together. reach_rad: of the search for up, where the tilt is known and where
-    not. known_rad: standard deviation beyond which the mount's angles are used, until the edges have been measured.
-    lasting_rad: of a carried camera's tilt, beside the filter's: what is wrong with a room's edges, or with the
-    rotation, lasts.
+    and more. pictures: whose edges are put together. known_rad: standard deviation beyond which the mount's angles are
+    used, until the edges have been measured. search_rad: of the search for up.
     """
 
     nodding_rad: float = NODDING_RAD
@@ -48,8 +46,7 @@ class PicturesRule:
     edges_gate: float = 2.0
     pictures: int = 2
     known_rad: float = math.radians(2.5)
-    lasting_rad: float = math.radians(1.0)
-    reach_rad: tuple[float, float] = (math.radians(12.0), math.radians(30.0))
+    search_rad: float = math.radians(30.0)
 
 
 class PicturesAttitude:
@@ -93,8 +90,7 @@ class PicturesAttitude:
         self._tilt = tilt
         if not self._known():
             return replace(self._given, predicted=False)
-        shown = self._tilt.widened(share * self._rule.lasting_rad)
-        return Attitude.of_up(shown.up, shown.angles_covariance(), self.name)
+        return Attitude.of_up(tilt.up, tilt.angles_covariance(), self.name)
 
     def reset(self, reason: str) -> None:  # noqa: ARG002
         """Start again at the mount."""
@@ -113,13 +109,12 @@ class PicturesAttitude:
         None where too few agree."""
         rule, since = self._rule, None if self._begun else self._since  # begun still: no rotation was measured since
         expected = self._tilt.up if since is None else since @ self._tilt.up
-        reach_rad = rule.reach_rad[0 if self._known() else 1]
         self._edges = [*self._edges[len(self._edges) + 1 - rule.pictures :], (normals, lengths)]
         all_normals, all_lengths = (np.concatenate([edges[part] for edges in self._edges]) for part in (0, 1))
-        room = room_axes(all_normals, all_lengths, expected, reach_rad)
+        room = room_axes(all_normals, all_lengths, expected, rule.search_rad)
         if room is None and len(self._edges) > 1:
             self._edges = [(normals, lengths)]
-            room = room_axes(normals, lengths, expected, reach_rad)
+            room = room_axes(normals, lengths, expected, rule.search_rad)
         if since is None:
             self._edges = []
         elif room is not None:
