@@ -18,13 +18,13 @@ def turned(yaw_rad, pitch_rad=0.0):
     return np.array([[cy, 0, sy], [0, 1, 0], [-sy, 0, cy]]) @ np.array([[1, 0, 0], [0, cp, -sp], [0, sp, cp]])
 
 
-def scene(seed, true, depth_noise=0.0):
+def scene(seed, true, depth_noise=0.0, sigma=SIGMA):
     """Landmarks seen from the origin, with errors of their depth, and where a lens at `true` sees them."""
     rng = np.random.default_rng(seed)
     rays = np.column_stack([rng.uniform(-0.5, 0.5, 200), rng.uniform(-0.35, 0.35, 200), np.ones(200)])
     depth_m = rng.uniform(1.0, 5.0, 200)
     local = (rays * depth_m[:, None] - true.position_m) @ true.rotation
-    seen = local[:, :2] / local[:, 2:] + rng.normal(0.0, SIGMA, (200, 2))
+    seen = local[:, :2] / local[:, 2:] + rng.normal(0.0, sigma, (200, 2))
     sigma_m = np.full(200, max(depth_noise, 1e-6))
     measured_m = depth_m + rng.normal(0.0, 1.0, 200) * sigma_m
     return DepthLandmarks.observed(LensPose.origin(), rays, measured_m, sigma_m), seen
@@ -39,6 +39,13 @@ def test_a_pose_is_found_among_a_third_of_wrong_matches():
     np.testing.assert_allclose(found.pose.rotation, true.rotation, atol=5e-4)
     assert found.weights[::3].mean() < 0.05
     assert found.weights[1::3].mean() > 0.6
+
+
+def test_pixels_that_err_more_than_is_stated_make_the_covariance_larger():
+    """2.5 times as much: 6.25 times the variance would be exact, had the robust kernel kept them all."""
+    true = LensPose(turned(0.08), np.array([0.1, 0.0, 0.2]))
+    plain, worse = (resect(*scene(0, true, sigma=times * SIGMA), true, SIGMA).covariance for times in (1.0, 2.5))
+    assert 2.0 < np.trace(worse) / np.trace(plain) < 6.25
 
 
 def test_the_covariance_is_that_of_the_errors():
@@ -61,9 +68,12 @@ def test_a_tilted_lens_on_an_arm_tells_how_the_base_moved(pitch_deg):
     spin = np.array([[math.cos(0.2), -math.sin(0.2), 0], [math.sin(0.2), math.cos(0.2), 0], [0, 0, 1]])
     arm = np.array([0.3, 0.0, 0.0])
     moved = LensPose(base_optical.T @ spin @ base_optical, base_optical.T @ (spin @ arm - arm))
-    step, covariance = planar_step(moved, np.eye(6) * 1e-6, up_optical(mount.pitch_rad, 0.0), mount)
+    stated = np.diag([1.0, 1.0, 9.0, 1.0, 1.0, 1.0]) * 1e-6  # the least certain along the optical axis
+    step, covariance = planar_step(moved, stated, up_optical(mount.pitch_rad, 0.0), mount)
     assert step.vector() == pytest.approx([0.0, 0.0, 0.2], abs=1e-9)
     assert covariance[2, 2] == pytest.approx(1e-6)
+    c, s = math.cos(mount.pitch_rad), math.sin(mount.pitch_rad)
+    assert covariance[0, 0] == pytest.approx(1e-6 * (9.0 * c**2 + s**2))
     assert covariance[1, 1] == pytest.approx(1e-6 * (1.0 + 0.3**2))
 
 
