@@ -162,6 +162,13 @@ def test_paper_ids_follow_clusters_that_grow_together(placed):
     assert (one.first_seen_s, one.last_seen_s) == (0.0, pytest.approx(0.2))
 
 
+def test_what_became_part_of_what_became_part_is_the_paper_maps_first(placed):
+    chairs = PaperMap()
+    for frame, x_m in enumerate((0.0, 1.8, 3.6, 2.7, 0.9)):
+        chairs.update([placed("chair", x_m, 0.0, frame)])
+    assert chairs.merged == {"chair-2": "chair-1", "chair-3": "chair-1"}
+
+
 def test_confidence_is_the_probability_that_such_an_object_is_real(placed):
     """Log-odds -3.05 after one full sighting of a mean score of 0.5, 0.98 more with every e-fold of them and 1.5 for
     each of the mean score's own log-odds: a chair of 0.9 has 0.83 after 4 frames and 0.97 after 30, one of 0.5 0.16 and

@@ -90,6 +90,7 @@ def test_a_floor_that_agrees_with_itself_takes_the_scale_back_from_walls_that_lo
     assert located.view.pose.x_m == pytest.approx(0.08, abs=0.003)
     assert (after.floor == known.floor).all()
     assert (np.sqrt(after.variance[30:]) > 0.25).all(), "their depth is unknown"
+    assert (after.inverse_m[30:] >= np.maximum(NOISE.unknown_mean, known.on_floor[30:])).all(), "none beyond the floor"
     np.testing.assert_array_equal(after.inverse_m[:30], known.inverse_m[:30])
 
 
@@ -296,6 +297,34 @@ def test_what_was_taken_for_floor_is_a_table_where_others_lie_below():
     np.testing.assert_array_equal(after.floor, ~table)
     np.testing.assert_allclose(after.inverse_m[table], 2.0 * on_floor[table])
     assert excess_scale(after) == 1.0
+    lens = CAMERA.mount.position_base_m() + [0.3, 0.0, 0.0]
+    before, now = (one.anchor_m + one.ray / one.inverse_m[:, None] for one in (known, after))
+    np.testing.assert_allclose((now - lens)[table, :2], (before - lens)[table, :2] / 2.0)  # half as far from the lens
+
+
+def of_floor_pixels(share, sigma):
+    """Ten landmarks below the horizon whose inverse depth is so many times that of the floor, and as certain."""
+    pixels = np.random.default_rng(4).uniform([0, 130], [320, 230], (10, 2))
+    known = new_landmarks(CAMERA.intrinsics.rays(pixels), CAMERA, Viewpoint(), NOISE, REACH_M)
+    return replace(
+        known, inverse_m=share * known.inverse_m, variance=(sigma * known.inverse_m) ** 2,
+        floor=np.zeros(10, dtype=bool), on_floor=known.inverse_m,
+    )  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("share", "sigma", "floor"),
+    [(1.0, 0.01, True), (1.09, 0.01, True), (0.91, 0.01, True), (1.11, 0.01, False), (0.89, 0.01, False),
+     (1.0, 0.09, True), (1.0, 0.11, False), (1.0, 2.0, False)],
+)  # fmt: skip
+def test_what_lies_on_the_floor_within_a_twelfth_and_two_sigmas_is_floor_once_its_depth_is_known(share, sigma, floor):
+    """A relative difference of 0.08 and twice 0.01; known is what is certain to a tenth."""
+    assert (rescaled(of_floor_pixels(share, sigma), CAMERA, Viewpoint(), 1.0, NOISE).floor == floor).all()
+
+
+@pytest.mark.parametrize(("times", "factor"), [(1.05, 1.0), (1.2, 1.2), (2.9, 2.9), (3.1, 1.0)])
+def test_a_scale_is_too_large_by_what_lies_below_the_floor_up_to_three_times(times, factor):
+    assert excess_scale(of_floor_pixels(1.0 / times, 0.001)) == pytest.approx(factor)
 
 
 def test_the_rise_of_a_carried_lens_is_found_where_it_may_be():

@@ -74,3 +74,16 @@ def test_a_stamp_that_a_file_has_rounded_down_is_still_that_poses():
         journal.append(stamp_s, SE2(float(k), 0.0, 0.0))
     written = [float(f"{stamp_s - 3e-7:.6f}") for stamp_s in stamps]
     assert journal.at(written)[:, 0] == pytest.approx(range(10))
+
+
+def test_of_the_older_half_every_second_pose_is_kept(monkeypatch):
+    monkeypatch.setattr(pose_journal, "MAXIMUM", 64)
+    journal = PoseJournal()
+    for k in range(65):
+        journal.append(k / 10, SE2(float(k), 0.0, 0.0))
+    stamps = journal.stamps_s
+    assert len(journal) == 16 + 32 + 1
+    assert np.diff(stamps[:16]) == pytest.approx(0.2, abs=0.11)
+    assert np.diff(stamps[16:]) == pytest.approx(0.1)
+    assert (np.diff(stamps) > 0.0).all()
+    assert journal.at(stamps)[:, 0] == pytest.approx(10.0 * stamps)
