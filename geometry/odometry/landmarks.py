@@ -417,14 +417,16 @@ def _of_known_depth(landmarks: Landmarks) -> NDArray[np.bool_]:
     return (landmarks.on_floor > 0.0) & (np.sqrt(landmarks.variance) < KNOWN_DEPTH * landmarks.on_floor)
 
 
-def excess_scale(landmarks: Landmarks) -> float:
+def excess_scale(landmarks: Landmarks, held: bool = True) -> float:
     """Factor by which the scale is too large, else 1: landmarks below the assumed floor show that it is a table top.
 
-    Nothing lies below the floor, so the lowest plane on which enough landmarks agree is the floor.
+    Nothing lies below the floor, so the lowest plane on which enough landmarks agree is the floor. held: whether
+    landmarks on the floor hold the scale; where none do, that plane may lie above the assumed floor as well, and the
+    factor is below 1.
     """
     known = _of_known_depth(landmarks)
     ratio = np.sort(landmarks.on_floor[known] / np.maximum(landmarks.inverse_m[known], 1e-6))
-    ratio = ratio[(ratio > 1.0 + FLOOR_BAND) & (ratio < 3.0)]
+    ratio = ratio[(ratio > (1.0 + FLOOR_BAND if held else 1.0 / 3.0)) & (ratio < 3.0)]
     needed = max(BELOW_COUNT, int(BELOW_SHARE * len(landmarks)))
     for last in range(len(ratio) - 1, needed - 2, -1):
         agreeing = ratio[: last + 1][ratio[: last + 1] > ratio[last] * (1.0 - FLOOR_BAND)]

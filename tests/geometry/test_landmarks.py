@@ -327,6 +327,21 @@ def test_a_scale_is_too_large_by_what_lies_below_the_floor_up_to_three_times(tim
     assert excess_scale(of_floor_pixels(1.0 / times, 0.001)) == pytest.approx(factor)
 
 
+def test_where_nothing_holds_the_scale_the_lowest_plane_is_the_floor():
+    """All depths half of the true ones: the floor seems to lie at half the lens' height, and a table higher still."""
+    rng = np.random.default_rng(4)
+    pixels = rng.uniform([0, 130], [320, 230], (40, 2))
+    known = new_landmarks(CAMERA.intrinsics.rays(pixels), CAMERA, Viewpoint(), NOISE, REACH_M, trusting=False)
+    floor = np.arange(40) < 25
+    inverse = np.where(floor, 2.0, 2.6) * known.on_floor
+    collapsed = replace(known, inverse_m=inverse, variance=np.full(40, 1e-6))
+    assert excess_scale(collapsed) == 1.0, "a table hides no floor"
+    factor = excess_scale(collapsed, held=False)
+    assert factor == pytest.approx(0.5)
+    after = rescaled(collapsed, CAMERA, Viewpoint(), factor, NOISE)
+    np.testing.assert_array_equal(after.floor, floor)
+
+
 def test_the_rise_of_a_carried_lens_is_found_where_it_may_be():
     """Three centimetres up and a step ahead; held to the mount's height it is taken for another step."""
     points, motion = scene(3), SE2(0.1, 0.0, 0.02)

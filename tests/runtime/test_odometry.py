@@ -24,7 +24,7 @@ from edgemap.runtime.frames.frame import Frame
 from edgemap.runtime.frames.trajectory import Trajectory, read_tum, tum_line
 from edgemap.runtime.inputs.cameras.protocol import Camera
 from edgemap.runtime.inputs.open import open_camera
-from edgemap.runtime.motion.odometry import OdometryRules, open_odometry
+from edgemap.runtime.motion.odometry import OdometryRules, _members, open_odometry
 from edgemap.runtime.motion.odometry.coasting import CoastingRule
 from edgemap.runtime.motion.odometry.learned import LearnedOdometry, outside_envelope
 from edgemap.runtime.motion.odometry.planar import PlanarOdometry, PlanarRule
@@ -148,11 +148,13 @@ def test_what_an_imu_learns_of_its_tilt_is_no_motion(pitch_rad, roll_rad):
 
 def test_planar_counts_lengths_in_a_unit_after_the_nearest_floor():
     """The same pictures four times as high above a floor four times as large: the same motions in units of 4 m, also
-    where a floor head trained on rooms detects no floor in them."""
+    where a floor head trained on rooms detects no floor in them. On wheels from the first motion on: the path without
+    nodding that shows it is counted in metres of the road, so the larger one shows it four times as soon."""
     mount = replace(CAMERA.mount, height_m=4.0 * CAMERA.mount.height_m, forward_m=4.0 * CAMERA.mount.forward_m)
     high = FloorCamera(CAMERA.intrinsics, mount)
     assert (CAMERA.unit_m, high.unit_m) == (1.0, 4.0)
-    small, large = PlanarOdometry(CAMERA), PlanarOdometry(high)
+    rule = PlanarRule(carried=CarriedRule(steady_m=(0.0, 0.0)))
+    small, large = PlanarOdometry(CAMERA, rule), PlanarOdometry(high, rule)
     no_floor = FloorMask(np.zeros((12, 16), dtype=np.float32), CAMERA.intrinsics.width, CAMERA.intrinsics.height)
     for frame in drive(MOTIONS["left arc"])[0]:
         found, larger = small.step(frame, {}), large.step(frame, {}, FramePrior(floor=no_floor))
@@ -372,6 +374,26 @@ def test_a_head_trained_on_one_camera_knows_it_and_its_like():
     ]
     assert found[:2] == ["", ""]
     assert "height_m 0.70 (trained on 0.6 to 0.6)" in found[2]
+
+
+@pytest.mark.parametrize(("height_m", "pitch_deg", "heads"), [(0.6, 11.5, 1), (1.65, 0.0, 0)])
+def test_a_room_s_head_is_left_out_on_a_road(height_m, pitch_deg, heads):
+    """A robot's camera, and one 1.65 m up that looks ahead."""
+    bundle = load_bundle(bundle_folder("edgemap-nano"), 1)
+    floor = FloorCamera(CAMERA.intrinsics, Mount.from_degrees(height_m, pitch_deg, 0.0))
+    source = cast(Camera, SimpleNamespace(wheel=None))
+    members, warning = _members(bundle, source, floor, True, OdometryRules())
+    names = [member.odometry.name for member in members]
+    assert names.count("flow") == heads
+    assert names[0] == "planar"
+    assert bool(warning) == (not heads)
+
+
+def test_a_car_accelerates_as_many_times_more_as_its_unit_is_longer():
+    rule = CoastingRule(speed_sigma_m_s=0.35, acceleration_m_s2=(2.0, 20.0)).of_unit(8.0)
+    assert rule.speed_sigma_m_s == pytest.approx(2.8)
+    assert rule.acceleration_m_s2 == (16.0, 160.0)
+    assert rule.yaw_rate_sigma_rad_s == CoastingRule().yaw_rate_sigma_rad_s
 
 
 def test_an_untrained_head_is_refused_unless_forced(tmp_path):

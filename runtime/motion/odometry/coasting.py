@@ -1,7 +1,9 @@
 """Motion without any measurement: the last velocity for a moment, then rest, with a covariance to match."""
 
+from __future__ import annotations
+
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -17,12 +19,19 @@ SHORTEST_DT_S, LONGEST_DT_S = 0.01, 1.0
 @dataclass(frozen=True, slots=True)
 class CoastingRule:
     """speed_sigma_m_s, yaw_rate_sigma_rad_s: of a small robot whose motion is unknown; the last velocity adds to them.
-    acceleration_m_s2: standard deviation of a robot's acceleration, and of a certainly carried camera's.
+    acceleration_m_s2: standard deviation of a robot's acceleration, and of a certainly carried camera's. Metres are
+    those of robots at home, as of `FloorCamera.unit_m`.
     """
 
     speed_sigma_m_s: float = 0.35
     yaw_rate_sigma_rad_s: float = 0.5
     acceleration_m_s2: tuple[float, float] = (2.0, 20.0)
+
+    def of_unit(self, unit_m: float) -> CoastingRule:
+        """The same rule in metres, for a camera that counts lengths in this unit."""
+        robot, carried = self.acceleration_m_s2
+        accelerations = unit_m * robot, unit_m * carried
+        return replace(self, speed_sigma_m_s=unit_m * self.speed_sigma_m_s, acceleration_m_s2=accelerations)
 
 
 class Coasting:

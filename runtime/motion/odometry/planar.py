@@ -17,6 +17,7 @@ from edgemap.geometry.camera.level import up_optical
 from edgemap.geometry.camera.mount import Mount
 from edgemap.geometry.observations.floor_mask import FloorMask
 from edgemap.geometry.odometry.landmarks import (
+    BELOW_COUNT,
     Landmarks,
     Located,
     Noise,
@@ -208,8 +209,9 @@ class PlanarOdometry:
         self._view, self._motion, self._covariance, self._trusted = found.view, motion, now, True
         self._landmarks, keep = refined(self._landmarks, found, replace(self._noise, gate=self._gate()))
         self._keep(keep & (self._landmarks.age < self._rule.max_age))
-        factor = excess_scale(self._landmarks)
-        if factor > 1.0:
+        held = self._sees_floor or int(self._landmarks.floor.sum()) >= BELOW_COUNT
+        factor = excess_scale(self._landmarks, held)
+        if factor != 1.0:
             self._landmarks = rescaled(self._landmarks, self._camera, self._view, factor, self._noise)
             motion = self._motion = SE2(motion.x_m / factor, motion.y_m / factor, motion.yaw_rad)
         if not self._predicted:
@@ -424,7 +426,7 @@ class PlanarOdometry:
         before, now = self._camera_before.mount, self._camera.mount
         pitch_rad = now.pitch_rad + found.tilt.pitch_rad - before.pitch_rad - self._view.tilt.pitch_rad
         roll_rad = now.roll_rad + found.tilt.roll_rad - before.roll_rad - self._view.tilt.roll_rad
-        path_m = math.hypot(motion.x_m, motion.y_m) + TURN_M * abs(motion.yaw_rad)
+        path_m = self._unit_m * math.hypot(motion.x_m, motion.y_m) + TURN_M * abs(motion.yaw_rad)
         nod2 = (pitch_rad**2 + roll_rad**2) / 2.0
         self._carried = self._carried.updated(nod2, max(dt_s, SHORTEST_S), path_m, gyro=self._rotation_known)
 
