@@ -52,6 +52,19 @@ def test_the_attitudes_covariance_reaches_the_floor():
     assert np.abs(shared).max() == 0.0
 
 
+def test_the_attitudes_covariance_reaches_the_floor_beside_the_axis_as_sampling_has_it():
+    """Roll and pitch that err together, for a pixel below and to the right of the middle."""
+    mount, pixel, rng = Mount.from_degrees(0.5, 10.0), [[500.0, 400.0]], np.random.default_rng(0)
+    covariance = np.array([[4.0, 1.5], [1.5, 1.0]]) * math.radians(0.5) ** 2
+    camera = FloorCamera(PLAIN, mount).at(Attitude(0.0, mount.pitch_rad, covariance))
+    own, _ = floor_covariances(camera, pixel, [[0.0, 0.0]], FloorNoise(0.0, 0.0, 0.0))
+    places = [
+        camera.at(Attitude(roll, mount.pitch_rad + pitch, EXACT)).floor_points(pixel)[0]
+        for roll, pitch in rng.multivariate_normal([0.0, 0.0], covariance, 4000)
+    ]
+    np.testing.assert_allclose(own[0], np.cov(np.transpose(places)), rtol=0.1, atol=2e-5)
+
+
 def test_imu_samples_between_two_stamps():
     samples = ImuSamples(np.arange(5) / 10.0, np.arange(15.0).reshape(5, 3), np.zeros((5, 3)))
     assert samples.between(0.1, 0.3).stamps_s.tolist() == pytest.approx([0.2, 0.3])

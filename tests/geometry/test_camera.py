@@ -172,10 +172,11 @@ def test_a_horizon_outside_a_distorted_picture_is_where_a_plain_lens_has_it():
     assert distorted.horizon_row() == pytest.approx(plain.horizon_row())
 
 
-def test_floor_covariance_matches_sampling():
+@pytest.mark.parametrize(("pitch_deg", "roll_deg", "height_m"), [(0.4, 0.2, 0.01), (0.0, 1.0, 0.0), (0.0, 0.0, 0.02)])
+def test_floor_covariance_matches_sampling(pitch_deg, roll_deg, height_m):
     rng = np.random.default_rng(2)
     mount = Mount.from_degrees(0.6, 11.5)
-    noise = FloorNoise(pitch_rad=math.radians(0.4), roll_rad=math.radians(0.2), height_m=0.01)
+    noise = FloorNoise(math.radians(pitch_deg), math.radians(roll_deg), height_m)
     pixel = np.array([420.0, 330.0])
     own, shared = floor_covariances(FloorCamera(PLAIN, mount), [pixel], [(2.0, 1.5)], noise)
     by_pixel = FloorCamera(PLAIN, mount).floor_points(pixel + rng.normal(0, (2.0, 1.5), (20000, 2)))
@@ -194,3 +195,12 @@ def test_one_coefficient_bends_as_it_does_by_hand():
     camera = Intrinsics(640, 480, 500.0, 500.0, 320.0, 240.0, Distortion("brown_conrady", (0.1, 0.0, 0.0, 0.0, 0.0)))
     assert camera.project(np.array([[1.0, 0.0, 2.0]]))[0] == pytest.approx([320.0 + 500.0 * 0.5125, 240.0])
     assert camera.rays(np.array([[320.0 + 500.0 * 0.5125, 240.0]]))[0, :2] == pytest.approx([0.5, 0.0], abs=1e-6)
+
+
+def test_where_a_ray_meets_the_floor_moves_as_the_mount_tilts():
+    def meets(roll_rad, pitch_rad):
+        return FloorCamera(PLAIN, Mount(0.5, pitch_rad, roll_rad, 0.2, 0.1)).floor_points([[420.0, 330.0]])[0]
+
+    e = 1e-6
+    slopes = np.column_stack([meets(e, 0.0) - meets(-e, 0.0), meets(0.0, e) - meets(0.0, -e)]) / (2.0 * e)
+    np.testing.assert_allclose(Mount(0.5, 0.0, 0.0, 0.2, 0.1).floor_by_tilt(meets(0.0, 0.0)), slopes, rtol=1e-5)

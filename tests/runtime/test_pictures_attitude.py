@@ -17,7 +17,7 @@ from edgemap.evaluation.trajectory import attitude_figures
 from edgemap.geometry.camera.attitude import Attitude, TrackedRotation
 from edgemap.geometry.camera.carried import Carried
 from edgemap.geometry.camera.inertial import rotation_of
-from edgemap.geometry.camera.level import up_optical
+from edgemap.geometry.camera.level import pitch_roll, up_optical
 from edgemap.geometry.camera.mount import Mount
 from edgemap.geometry.camera.tilt import Tilt
 from edgemap.runtime.frames.frame import Frame
@@ -121,3 +121,11 @@ def test_pictures_whose_rotation_nobody_told_are_not_put_together():
         turned = rotation_of(math.radians(yaw) * up_optical(MOUNT.pitch_rad, 0.0)[None])[0]
         found.append(math.degrees(source.see_edges(normals @ turned.T, lengths).level_rad))
     assert (found[1] - found[0] - 30.0 + 45.0) % 90.0 - 45.0 == pytest.approx(0.0, abs=1.5)
+
+
+def test_what_lies_far_beyond_the_gate_weighs_little():
+    """Tilt and observation are known to 0.02 rad and 0.1 rad apart, 3.54 standard deviations of their difference: half
+    of it is believed, with a gate of one 0.0004 / (0.0008 + 11.5 * 0.0004)."""
+    tilt, off = Tilt.about(up_optical(0.0, 0.0), 0.02), up_optical(0.1, 0.0)
+    for gate, share in ((math.inf, 0.5), (1.0, 0.0741), (4.0, 0.5)):
+        assert pitch_roll(tilt.corrected(off, 0.02, gate).up)[0] == pytest.approx(0.1 * share, rel=0.02)
