@@ -74,7 +74,7 @@ def command(
     from edgemap.cli.extras import need_export
 
     need_export()
-    from edgemap.export.detector.checkpoint import is_detector
+    from edgemap.export.detector.network import is_detector
     from edgemap.export.exporter import export_backbone
     from edgemap.export.floor.checkpoint import is_floor, load_floor
     from edgemap.export.odometry.checkpoint import load_head

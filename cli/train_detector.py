@@ -115,11 +115,10 @@ def command(
     check_training(minutes, rate, validate_minutes, mix, len(data))
     if input is not None and (input < 64 or input % 32):
         raise OptionError(f"--input {input}: must be a multiple of 32 from 64 on")
-    from edgemap.export.detector.blend import choose_blend
     from edgemap.export.detector.network import load_network
-    from edgemap.export.detector.store import load_examples
-    from edgemap.export.detector.teach import teacher_of
+    from edgemap.export.detector.store import load_examples, teacher_of
     from edgemap.export.detector.train import DetectorSettings, Trainer
+    from edgemap.export.detector.validate import choose_blend
 
     settings = DetectorSettings(
         size=input,

@@ -10,13 +10,14 @@ import torch
 from numpy.typing import NDArray
 from onnx import ModelProto
 
-from edgemap.export import architectures, parity
+from edgemap.export import parity
 from edgemap.export.adopt import adopt, tapped, with_outputs
 from edgemap.export.coco import class_entries, of_home
 from edgemap.export.darknet import Darknet
+from edgemap.export.darknet_cfg import yolov3, yolov3_tiny
 from edgemap.export.darknet_weights import load_weights, random_weights, value_count
-from edgemap.export.detector.checkpoint import load_detector
 from edgemap.export.detector.graph import Graph
+from edgemap.export.detector.network import load_detector
 from edgemap.export.errors import ExportError
 from edgemap.export.obtain import obtain
 from edgemap.export.onnx_export import backbone_to_onnx
@@ -24,7 +25,7 @@ from edgemap.export.sources import KNOWN
 from edgemap.runtime.network.manifest import DetectorSpec, FeatureSpec, HeadSpec, InputSpec, sha256_file
 from edgemap.runtime.network.network import Tensors
 
-DARKNET = {"yolov3": architectures.yolov3, "yolov3-tiny": architectures.yolov3_tiny}
+DARKNET = {"yolov3": yolov3, "yolov3-tiny": yolov3_tiny}
 ADOPTED = ("yolox-nano", "picodet-s")
 BACKBONES = (*DARKNET, *ADOPTED)
 DARKNET_PAD = 127  # Darknet's letterbox fills with 0.5

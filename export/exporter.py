@@ -1,8 +1,9 @@
-"""From a backbone's name, cfg or ONNX file to a proven bundle."""
+"""From a backbone's name, cfg or ONNX file to a bundle, written beside its place, proven by the runtime, then moved."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 
+import msgspec
 import numpy as np
 import torch
 from numpy.typing import NDArray
@@ -12,19 +13,17 @@ from edgemap import __version__
 from edgemap.export import parity
 from edgemap.export.adopt import Tensor4, static_tensors
 from edgemap.export.backbones import ADOPTED, Backbone, adopted_backbone, darknet_backbone, trained_backbone
-from edgemap.export.bundle_writer import write_bundle
-from edgemap.export.calibration import read_calibration
 from edgemap.export.errors import ExportError
 from edgemap.export.floor.checkpoint import FloorCheckpoint, is_floor, load_floor
 from edgemap.export.floor.features import tapped_network
 from edgemap.export.floor.merge import with_floor
-from edgemap.export.free_rows import free_rows
 from edgemap.export.odometry.checkpoint import HeadCheckpoint, load_head
 from edgemap.export.odometry.flow import GRID_STRIDE, FlowHead
 from edgemap.export.odometry.paper import random_head
-from edgemap.export.onnx_export import head_to_onnx, seal
+from edgemap.export.onnx_export import free_rows, head_to_onnx, save_model, seal
+from edgemap.export.quantise import Calibration, add_int8, read_calibration
 from edgemap.geometry.odometry.flow_cells import CHANNELS
-from edgemap.runtime.network.bundle import Bundle
+from edgemap.runtime.network.bundle import Bundle, load_bundle
 from edgemap.runtime.network.manifest import (
     FORMAT,
     DetectorSpec,
@@ -33,9 +32,11 @@ from edgemap.runtime.network.manifest import (
     OdometryHead,
     Parity,
     StateSpec,
+    sha256_file,
+    write_manifest,
 )
 from edgemap.runtime.network.network import Tensors
-from edgemap.runtime.network.store import check_place
+from edgemap.runtime.network.store import check_place, staged
 
 OWN = "edgemap-nano", "edgemap-pico"  # detectors that were trained here and come with the package
 
@@ -202,3 +203,31 @@ def _head_record(checkpoint: HeadCheckpoint, part: Backbone) -> OdometryHead:
 
 def _feature_shape(detector: DetectorSpec, name: str) -> tuple[int, ...]:
     return next(spec.shape for spec in detector.features if spec.name == name)
+
+
+Proof = Callable[[Bundle], dict[str, Parity]]
+
+
+def write_bundle(
+    out: Path, manifest: Manifest, models: dict[str, ModelProto], proof: Proof, calibration: Calibration | None = None
+) -> Path:
+    """Write models and manifest to the folder `out`; the manifest's sums and parity are filled in here.
+
+    The bundle is built under another name, loaded by the runtime, run against its source by `proof`, given an int8
+    variant where there are pictures for its calibration, and renamed into place. Raises ExportError or BundleError;
+    then nothing is left and an older bundle at `out` stays.
+    """
+    with staged(out) as stage:
+        for name, model in models.items():
+            save_model(model, stage / name)
+        sums = {name: sha256_file(stage / name) for name in models}
+        manifest = msgspec.structs.replace(manifest, sha256=sums)
+        write_manifest(stage, manifest)
+        parity = proof(load_bundle(stage))
+        write_manifest(stage, msgspec.structs.replace(manifest, parity=parity))
+        if calibration is not None:
+            add_int8(stage, calibration)
+        proven = load_bundle(stage)
+        for kind in proven.manifest.odometry:
+            proven.odometry_head(kind)
+    return out

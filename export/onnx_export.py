@@ -1,4 +1,4 @@
-"""Torch networks as lean ONNX files: fixed shapes, one file, the contract in the metadata."""
+"""Torch networks as lean ONNX files: one file, the contract in the metadata, rows of the input open where possible."""
 
 import copy
 import logging
@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 import onnx
+import onnxruntime as ort
 import torch
 from onnx import ModelProto, numpy_helper
 from torch import Tensor, nn
@@ -15,7 +16,9 @@ from edgemap.export.darknet import Darknet, fold_batch_norm
 from edgemap.export.errors import ExportError
 from edgemap.export.odometry.flow import FlowHead
 from edgemap.export.odometry.paper import PaperHead
+from edgemap.runtime.network.engines import PROVIDERS, ROWS, session_options
 from edgemap.runtime.network.manifest import METADATA_KEY, OPSETS, DetectorSpec, OdometryHead, contract_metadata
+from edgemap.runtime.network.network import Compute
 
 OPSET = 18
 IR_VERSION = 8  # the newest that onnxruntime 1.17 reads is 9; 8 goes with opset 18
@@ -151,3 +154,36 @@ def _fuse_pool_padding(model: ModelProto) -> None:
     used = {name for node in graph.node for name in node.input}
     for item in [item for item in graph.initializer if item.name not in used]:
         graph.initializer.remove(item)
+
+
+def free_rows(model: ModelProto, detector: DetectorSpec) -> ModelProto:
+    """The model with its rows left open, where pictures are letterboxed and all outputs are maps.
+
+    The same model where they are not, or where something in it is of a fixed size (YOLOX's list of boxes).
+    """
+    height = detector.input.height
+    shapes = detector.outputs()
+    if detector.input.resize == "stretch" or any(len(shape) != 4 for shape in shapes.values()):
+        return model
+    freed = copy.deepcopy(model)
+    del freed.graph.value_info[:]
+    for value in (freed.graph.input[0], *freed.graph.output):
+        rows = value.type.tensor_type.shape.dim[2]
+        part = height // rows.dim_value
+        rows.Clear()
+        rows.dim_param = ROWS if part == 1 else f"{ROWS}/{part}"
+    coarsest = max(height // shape[2] for shape in shapes.values())
+    return freed if _fits(freed, height, shapes) and _fits(freed, height - coarsest, shapes, height) else model
+
+
+def _fits(model: ModelProto, rows: int, shapes: dict[str, tuple[int, ...]], height: int | None = None) -> bool:
+    """Whether the outputs have the shapes that so many input rows ask for. shapes: of `height` rows."""
+    options = session_options(Compute(), rows)
+    try:
+        onnx.checker.check_model(model, full_check=True)
+        session = ort.InferenceSession(model.SerializeToString(), options, providers=PROVIDERS)
+    except Exception:  # onnxruntime's exceptions share no public base
+        return False
+    found = {node.name: tuple(node.shape) for node in session.get_outputs()}
+    wanted = {n: (*shape[:2], shape[2] * rows // (height or rows), shape[3]) for n, shape in shapes.items()}
+    return found == wanted

@@ -1,21 +1,29 @@
-"""Static int8 variant of the backbone: 8-bit weights and activations, by onnxruntime's quantiser."""
+"""Static int8 variant of the backbone, by onnxruntime's quantiser: its pictures, its numbers, how it compares."""
 
 import copy
 import logging
 import tempfile
+import time
 from collections.abc import Iterable, Iterator
+from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import msgspec
+import numpy as np
 import onnx
 from onnx import ModelProto, NodeProto, version_converter
 from onnxruntime.quantization import CalibrationDataReader, CalibrationMethod, QuantFormat, QuantType, quantize_static
 
-from edgemap.export.calibration import Calibration
-from edgemap.export.int8_report import int8_report
+from edgemap.evaluation.detection import ScoredPicture, average_precision
+from edgemap.export.detector.validate import CONFIDENCE, NMS_IOU
 from edgemap.export.onnx_export import IR_VERSION, default_opset, save_model, seal
-from edgemap.runtime.inputs.drives.pictures import read_picture
-from edgemap.runtime.network.bundle import load_bundle
+from edgemap.runtime.inputs.drives.drive import LabelledBoxes
+from edgemap.runtime.inputs.drives.pictures import first_folder, list_pictures, read_picture
+from edgemap.runtime.inputs.drives.yolo import read_yolo
+from edgemap.runtime.network.bundle import Bundle, load_bundle
+from edgemap.runtime.network.compute import processor_name, time_ratio
+from edgemap.runtime.network.decode import Decoder
 from edgemap.runtime.network.manifest import (
     BundleVariant,
     DetectorSpec,
@@ -26,6 +34,91 @@ from edgemap.runtime.network.manifest import (
 )
 from edgemap.runtime.network.network import Tensors
 from edgemap.runtime.network.preprocess import Preprocessor
+
+MAXIMUM_SHOWN, MAXIMUM_JUDGED = 64, 200  # AP50 changes by 0.002 with another 64; 200 judge a loss of 0.01
+
+
+@dataclass(frozen=True)
+class Calibration:
+    """shown: pictures that determine the ranges. judged: other ones for evaluation (a single picture serves both), with
+    truth where available.
+    """
+
+    folder: Path
+    shown: tuple[Path, ...]
+    judged: tuple[tuple[Path, LabelledBoxes | None], ...]
+
+
+def read_calibration(folder: Path) -> Calibration:
+    """Pictures of a folder, spread evenly over it; a yolo data folder brings truth along. Raises CameraError."""
+    if (folder / "labels").is_dir() or (folder / "boxes.json").is_file():
+        drive = read_yolo(folder)
+        pictures = list(zip(drive.images, drive.boxes, strict=True))
+    else:
+        pictures = [(path, None) for path in list_pictures(first_folder(folder, ("images",)))]
+    shown = _spread(len(pictures), min(MAXIMUM_SHOWN, (len(pictures) + 1) // 2))
+    others = [index for index in range(len(pictures)) if index not in set(shown)] or shown
+    judged = [others[index] for index in _spread(len(others), MAXIMUM_JUDGED)]
+    return Calibration(folder, tuple(pictures[i][0] for i in shown), tuple(pictures[i] for i in judged))
+
+
+def _spread(count: int, wanted: int) -> list[int]:
+    return np.linspace(0, count - 1, min(count, wanted)).astype(int).tolist()
+
+
+TIMED = 30  # runs of each
+
+
+def int8_report(exact: Bundle, small: Bundle, calibration: Calibration) -> dict[str, Any]:
+    """Figures for the manifest, both networks on the judged pictures.
+
+    difference: by output, the largest and the mean absolute one, beside the output's own mean absolute value. ap50: of
+    both, where any picture shows a class of the bundle. time: int8 / float32, processor time on one thread, in turn.
+    """
+    spec = exact.manifest.detector
+    preprocess, decode = Preprocessor(spec.input), Decoder(spec, CONFIDENCE, NMS_IOU)
+    numbers = {name: index for index, name in enumerate(exact.names)}
+    scored: dict[str, list[ScoredPicture]] = {"float32": [], "int8": []}
+    differences: dict[str, list[tuple[float, float, float]]] = {name: [] for name in exact.backbone.outputs}
+    tensors = {}
+    for path, truth in calibration.judged:
+        image = read_picture(path)
+        tensor, placement = preprocess(image)
+        tensors = {spec.input.name: tensor}
+        outputs = {"float32": exact.backbone.run(tensors), "int8": small.backbone.run(tensors)}
+        for name, values in differences.items():
+            true = outputs["float32"][name].astype(np.float64)
+            gap = np.abs(outputs["int8"][name] - true)
+            values.append((gap.max(), gap.mean(), np.abs(true).mean()))
+        if truth is not None:
+            size, ignored = (image.shape[1], image.shape[0]), truth.ignorable()
+            for precision, pictures in scored.items():
+                found = decode(outputs[precision], placement)
+                pictures.append(ScoredPicture.compare(size, truth.boxes, truth.labels, ignored, found, numbers))
+    report: dict[str, Any] = {
+        "data": calibration.folder.name,
+        "pictures_shown": len(calibration.shown),
+        "pictures_judged": len(calibration.judged),
+        "difference": {name: _summary(np.array(values)) for name, values in differences.items()},
+        "time": round(_time(exact, small, tensors), 3),
+        "processor": processor_name(),
+    }
+    if any(len(picture.true_labels) and not np.all(picture.ignored) for picture in scored["int8"]):
+        report["ap50"] = {
+            precision: average_precision(pictures, exact.names)["ap50"] for precision, pictures in scored.items()
+        }
+    return report
+
+
+def _summary(values: np.ndarray) -> dict[str, float]:
+    worst, mean, size = values[:, 0].max(), values[:, 1].mean(), values[:, 2].mean()
+    return {"largest": float(f"{worst:.4g}"), "mean": float(f"{mean:.4g}"), "mean_value": float(f"{size:.4g}")}
+
+
+def _time(exact: Bundle, small: Bundle, tensors: dict[str, Any]) -> float:
+    runs = (lambda: small.backbone.run(tensors)), (lambda: exact.backbone.run(tensors))
+    return time_ratio(*runs, clock=time.process_time, rest_s=0.0, rounds=TIMED)
+
 
 FILE = "backbone.int8.onnx"
 MINIMUM_OPSET = 13  # scales per channel

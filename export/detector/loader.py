@@ -15,8 +15,8 @@ import torch
 from numpy.typing import NDArray
 from torch import Tensor
 
-from edgemap.export.detector.assign import Targets
 from edgemap.export.detector.augment import flip, mosaic, plain, recolour, single
+from edgemap.export.detector.loss import Targets
 from edgemap.export.detector.store import Example
 from edgemap.export.errors import ExportError
 

@@ -10,10 +10,9 @@ import torch
 from torch import nn
 from tqdm import tqdm
 
-from edgemap.export.detector.assign import Assignment, Targets
 from edgemap.export.detector.boxes import Rows
 from edgemap.export.detector.loader import Batches
-from edgemap.export.detector.loss import detection_loss, distance_loss
+from edgemap.export.detector.loss import Assignment, Targets, detection_loss, distance_loss
 from edgemap.export.detector.network import TorchNetwork
 from edgemap.export.detector.store import Example
 from edgemap.export.detector.validate import validate

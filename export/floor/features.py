@@ -10,10 +10,10 @@ from numpy.typing import NDArray
 from onnx import ModelProto
 
 from edgemap.export.adopt import Tensor4
-from edgemap.export.detector.checkpoint import load_detector
+from edgemap.export.detector.network import load_detector
 from edgemap.export.floor.head import STRIDES
 from edgemap.export.floor.merge import floor_taps
-from edgemap.export.free_rows import free_rows
+from edgemap.export.onnx_export import free_rows
 from edgemap.runtime.network.engines import open_onnxruntime
 from edgemap.runtime.network.network import Compute, Network
 from edgemap.runtime.network.preprocess import Placement, Preprocessor, rows_of

@@ -15,8 +15,7 @@ from edgemap.export.errors import ExportError
 from edgemap.export.odometry.checkpoint import HeadCheckpoint, save_head
 from edgemap.export.odometry.clips import ClipDraws, Shelf, make_batch
 from edgemap.export.odometry.data import FeatureDrive
-from edgemap.export.odometry.recipe import Recipe
-from edgemap.export.odometry.validate import validate
+from edgemap.export.odometry.recipe import Recipe, validate
 from edgemap.export.training import Panel, Schedule, Training, average_into, write_curves
 
 CLIP_NORM = 1.0

@@ -11,7 +11,7 @@ import pytest
 pytest.importorskip("torch")
 
 from edgemap import models
-from edgemap.export.detector.checkpoint import load_detector, save_detector
+from edgemap.export.detector.network import load_detector, save_detector
 from edgemap.geometry.camera.floor import FloorCamera
 from edgemap.geometry.camera.intrinsics import Intrinsics
 from edgemap.geometry.camera.mount import Mount

@@ -4,9 +4,8 @@ import numpy as np
 import pytest
 import torch
 
-from edgemap.export.architectures import yolov3, yolov3_tiny
 from edgemap.export.darknet import Darknet, fold_batch_norm
-from edgemap.export.darknet_cfg import parse_cfg, read_cfg
+from edgemap.export.darknet_cfg import parse_cfg, read_cfg, yolov3, yolov3_tiny
 from edgemap.export.darknet_weights import load_weights, random_weights, read_header, save_weights, value_count
 from edgemap.export.errors import ExportError
 

@@ -8,8 +8,8 @@ import pytest
 import torch
 
 from edgemap.export import backbones, exporter, parity
-from edgemap.export.architectures import yolov3
 from edgemap.export.darknet import Darknet
+from edgemap.export.darknet_cfg import yolov3
 from edgemap.export.darknet_weights import load_weights, random_weights, save_weights
 from edgemap.export.errors import ExportError
 from edgemap.export.exporter import export_backbone

@@ -8,7 +8,7 @@ import pytest
 import torch
 
 from edgemap.export.adopt import load_onnx
-from edgemap.export.detector.checkpoint import load_detector
+from edgemap.export.detector.network import load_detector
 from edgemap.export.errors import ExportError
 from edgemap.export.exporter import export_backbone
 from edgemap.export.floor.checkpoint import FloorCheckpoint, is_floor, load_floor, save_floor

@@ -10,10 +10,8 @@ import pytest
 from onnx import numpy_helper
 from support import painted
 
-from edgemap.export.calibration import MAXIMUM_JUDGED, MAXIMUM_SHOWN, read_calibration
 from edgemap.export.exporter import export_backbone
-from edgemap.export.int8_report import int8_report
-from edgemap.export.quantise import quantised
+from edgemap.export.quantise import MAXIMUM_JUDGED, MAXIMUM_SHOWN, int8_report, quantised, read_calibration
 from edgemap.runtime.frames.errors import BundleError, CameraError
 from edgemap.runtime.inputs.drives.pictures import read_picture
 from edgemap.runtime.network.bundle import load_bundle

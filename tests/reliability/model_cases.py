@@ -13,8 +13,7 @@ import torch
 from edgemap.export.adopt import load_onnx
 from edgemap.export.darknet import Darknet
 from edgemap.export.darknet_weights import load_weights, random_weights, save_weights
-from edgemap.export.detector.checkpoint import FORMAT
-from edgemap.export.detector.network import load_network
+from edgemap.export.detector.network import FORMAT, load_network
 from edgemap.export.odometry.checkpoint import HeadCheckpoint, load_head, save_head
 from edgemap.export.odometry.paper import PaperHead
 from edgemap.runtime.network.bundle import load_bundle

@@ -14,9 +14,8 @@ from reliability.tiny_bundle import write_tiny  # noqa: E402
 
 from edgemap import models  # noqa: E402
 from edgemap.export.detector.boxes import read_heads  # noqa: E402
-from edgemap.export.detector.checkpoint import load_detector  # noqa: E402
 from edgemap.export.detector.graph import Graph  # noqa: E402
-from edgemap.export.detector.network import TorchNetwork, load_network  # noqa: E402
+from edgemap.export.detector.network import TorchNetwork, load_detector, load_network  # noqa: E402
 from edgemap.export.errors import ExportError  # noqa: E402
 from edgemap.export.exporter import export_backbone  # noqa: E402
 from edgemap.runtime.network.bundle import load_bundle  # noqa: E402

@@ -9,14 +9,13 @@ import pytest
 
 torch = pytest.importorskip("torch")
 
-from edgemap.export.detector.assign import Targets, assign  # noqa: E402
 from edgemap.export.detector.augment import PAD, flip, mosaic, plain, single  # noqa: E402
-from edgemap.export.detector.blend import blend, choose_blend  # noqa: E402
 from edgemap.export.detector.boxes import generalised_iou, overlap, read_heads  # noqa: E402
 from edgemap.export.detector.loader import Batches, collate, rarity  # noqa: E402
-from edgemap.export.detector.loss import detection_loss, distance_loss  # noqa: E402
+from edgemap.export.detector.loss import Targets, assign, detection_loss, distance_loss  # noqa: E402
 from edgemap.export.detector.store import Example, load_examples  # noqa: E402
 from edgemap.export.detector.train import DetectorSettings, Trainer  # noqa: E402
+from edgemap.export.detector.validate import blend, choose_blend  # noqa: E402
 from edgemap.export.errors import ExportError  # noqa: E402
 from edgemap.runtime.inputs.drives.yolo import COCO_NAMES  # noqa: E402
 
@@ -355,7 +354,7 @@ def test_a_blend_lies_between(start):
 
 def test_the_blend_nearest_to_the_start_within_the_loss_is_chosen(start, drawn, monkeypatch):
     """AP50 falls 0.80, 0.79, 0.76, ...: a loss of 0.03 allows 95 % but not 90 %."""
-    from edgemap.export.detector import blend as module
+    from edgemap.export.detector import validate as module
 
     figures = iter((0.80, 0.79, 0.76, 0.1, 0.0))
     monkeypatch.setattr(module, "validate", lambda *_: {"ap50": next(figures), "ap": 0.5})

@@ -8,8 +8,7 @@ from edgemap.geometry.observations.detections import Detections
 pytest.importorskip("torch")
 
 from edgemap.export.detector.loader import Batches
-from edgemap.export.detector.store import Example, load_examples
-from edgemap.export.detector.teach import averaged
+from edgemap.export.detector.store import Example, averaged, load_examples
 from edgemap.runtime.inputs.drives.yolo import predicted_boxes
 
 NAMES = ("chair", "couch")

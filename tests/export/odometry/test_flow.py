@@ -17,9 +17,8 @@ from edgemap.export.odometry.checkpoint import HeadCheckpoint, load_head, save_h
 from edgemap.export.odometry.clips import LONGEST_DT_S, ClipDraws, Clips, make_batch, reach_m  # noqa: E402
 from edgemap.export.odometry.flow import FlowHead  # noqa: E402
 from edgemap.export.odometry.flow_loss import flow_loss, run_clip  # noqa: E402
-from edgemap.export.odometry.recipe import flow_recipe  # noqa: E402
+from edgemap.export.odometry.recipe import estimate, flow_recipe, validate  # noqa: E402
 from edgemap.export.odometry.start import unit_of  # noqa: E402
-from edgemap.export.odometry.validate import estimate, validate  # noqa: E402
 from edgemap.geometry.camera.floor import FloorCamera  # noqa: E402
 from edgemap.geometry.camera.mount import Mount  # noqa: E402
 from edgemap.geometry.odometry.flow_cells import flow_cells  # noqa: E402

@@ -14,9 +14,8 @@ from support.floor_drive import floor_drive  # noqa: E402
 from edgemap.export.errors import ExportError  # noqa: E402
 from edgemap.export.odometry.checkpoint import HeadCheckpoint, load_head, save_head  # noqa: E402
 from edgemap.export.odometry.flow import FilledConv, FlowHead, FlowSizes  # noqa: E402
-from edgemap.export.odometry.recipe import flow_recipe  # noqa: E402
+from edgemap.export.odometry.recipe import estimate, flow_recipe  # noqa: E402
 from edgemap.export.odometry.smaller import fit_smaller  # noqa: E402
-from edgemap.export.odometry.validate import estimate  # noqa: E402
 
 SIZES = FlowSizes(8, 16, 16, 12, 8, 2)
 

@@ -16,8 +16,7 @@ from support.textured_floor import CAMERA, seen_by
 from edgemap.export.errors import ExportError
 from edgemap.export.odometry.clips import make_batch
 from edgemap.export.odometry.flow import FlowHead
-from edgemap.export.odometry.recipe import FewDrives
-from edgemap.export.odometry.validate import segment_lengths_m
+from edgemap.export.odometry.recipe import FewDrives, segment_lengths_m
 from edgemap.export.odometry.views import AugmentedView
 from edgemap.geometry.camera.floor import FloorCamera
 from edgemap.geometry.camera.intrinsics import Distortion
