@@ -205,7 +205,8 @@ def _opener(
         except MissingExtraError:
             raise
         except Exception as error:  # the engines' exceptions share no public base
-            raise BundleError(f"{where} is not a model that {compute.engine} loads ({one_line(error, 160)})") from None
+            why = one_line(str(error).removeprefix("[ONNXRuntimeError] : "), 160)
+            raise BundleError(f"{where} is not a model that {compute.engine} loads ({why})") from None
         onnxruntime = compute.engine == "onnxruntime"
         reference = network if onnxruntime else open_network(path, Compute(), rows)
         _check_contract(reference.metadata, where, record, folder)

@@ -46,7 +46,7 @@ def open_onnxruntime(source: Path | bytes, compute: Compute, rows: int | None = 
     Raises what onnxruntime raises, which shares no public base.
     """
     model = source if isinstance(source, bytes) else library_path(source)
-    session = ort.InferenceSession(model, session_options(compute, rows), providers=PROVIDERS)
+    session = ort.InferenceSession(model, session_options(compute, rows), providers=PROVIDERS, enable_fallback=0)
     outputs = {node.name: tuple(node.shape) for node in session.get_outputs()}
     names = list(outputs)
 

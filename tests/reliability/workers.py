@@ -37,7 +37,7 @@ KEPT = 20  # failing inputs of each reader
 FINISHED = "finished.jsonl"
 FIRST_PARSE = (
     "not JSON", "not YAML", "cannot be read", "not a picture", "picture is cut short", "not an MCAP", "not a torch",
-    "not a model that", "not a whole ONNX", "too short", "no closing bracket", "is neither [section]",
+    "INVALID_PROTOBUF", "not a whole ONNX", "too short", "no closing bracket", "is neither [section]",
     "damaged recording", "not a Darknet", "does not start with [net]", "first line must be",
 )  # fmt: skip
 
