@@ -63,7 +63,7 @@ def download(
     Raises DownloadError, one line; `target` appears only when it is complete and verified.
     """
     label = label or url
-    part, notes = _part_of(target), _notes_of(target)
+    part, notes = target.with_name(f"{target.name}.part"), target.with_name(f"{target.name}.part.json")
     try:
         with _Clock(longest_s) as clock:
             if target.is_file() and (not sums or sha256_file(target) in sums):
@@ -71,7 +71,8 @@ def download(
             target.parent.mkdir(parents=True, exist_ok=True)
             have, validator = _resume_point(part, notes, url, bool(sums))
             with _open(url, have, validator, timeout_s, clock) as reply:
-                have = have if _continues(reply, have) else 0
+                goes_on = (reply.headers.get("Content-Range") or "").startswith(f"bytes {have}-")
+                have = have if reply.status == 206 and goes_on else 0
                 total = _total(reply, have)
                 if (total or 0) > maximum_bytes:
                     raise DownloadError(f"{label}: {total:,} bytes, expected {maximum_bytes:,} at most")
@@ -84,14 +85,14 @@ def download(
         if total is not None and done != total:
             raise DownloadError(f"{label}: broke off after {done:,} of {total:,} bytes; run again to go on from there")
         if sums and (seen := sha256_file(part)) not in sums:
-            _forget(part, notes)
+            _delete(part, notes)
             wanted = " or ".join(value[:12] + "…" for value in sums)
             raise DownloadError(f"{label}: sha256 {seen[:12]}…, expected {wanted}; deleted")
         part.replace(target)
-        notes.unlink(missing_ok=True)
+        _delete(notes)
     except urllib.error.HTTPError as error:
         if error.code == 416:  # what is there is no beginning of what the server has
-            _forget(part, notes)
+            _delete(part, notes)
         raise DownloadError(f"{label}: HTTP {error.code} {one_line(error.reason)}") from None
     except (OSError, http.client.HTTPException, ValueError) as error:
         reason = getattr(error, "reason", None) or error
@@ -143,24 +144,16 @@ class _Clock:
                         one.shutdown(socket.SHUT_RDWR)
 
 
-class _Http(urllib.request.HTTPHandler):
-    """Opens http, watched by a clock."""
+class _Watched(urllib.request.HTTPSHandler, urllib.request.HTTPHandler):
+    """Opens http and https, watched by a clock."""
 
     def __init__(self, clock: _Clock) -> None:
-        super().__init__()
+        super().__init__(context=_trusted())
         self._clock = clock
 
     def http_open(self, req: Any) -> Any:
         """As the base class."""
         return self.do_open(partial(self._clock.connect, http.client.HTTPConnection), req)  # type: ignore[arg-type]
-
-
-class _Https(urllib.request.HTTPSHandler):
-    """Opens https, watched by a clock."""
-
-    def __init__(self, clock: _Clock) -> None:
-        super().__init__(context=_trusted())
-        self._clock = clock
 
     def https_open(self, req: Any) -> Any:
         """As the base class."""
@@ -193,17 +186,9 @@ class _WebOnly(urllib.request.HTTPRedirectHandler):
         return super().redirect_request(req, fp, code, msg, headers, newurl)
 
 
-def _part_of(target: Path) -> Path:
-    return target.with_name(target.name + ".part")
-
-
-def _notes_of(target: Path) -> Path:
-    return target.with_name(target.name + ".part.json")
-
-
-def _forget(part: Path, notes: Path) -> None:
-    part.unlink(missing_ok=True)
-    notes.unlink(missing_ok=True)
+def _delete(*paths: Path) -> None:
+    for path in paths:
+        path.unlink(missing_ok=True)
 
 
 def _resume_point(part: Path, notes: Path, url: str, checked: bool) -> tuple[int, str]:
@@ -228,13 +213,9 @@ def _open(url: str, have: int, validator: str, timeout_s: float, clock: _Clock) 
         headers["Range"] = f"bytes={have}-"
         if validator:
             headers["If-Range"] = validator
-    opener = urllib.request.build_opener(_WebOnly, _Http(clock), _Https(clock))
+    opener = urllib.request.build_opener(_WebOnly, _Watched(clock))
     with opener.open(urllib.request.Request(url, headers=headers), timeout=timeout_s) as reply:
         yield reply
-
-
-def _continues(reply: http.client.HTTPResponse, have: int) -> bool:
-    return reply.status == 206 and (reply.headers.get("Content-Range") or "").startswith(f"bytes {have}-")
 
 
 def _total(reply: http.client.HTTPResponse, have: int) -> int | None:
