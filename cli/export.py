@@ -78,7 +78,7 @@ def command(
     from edgemap.export.exporter import export_backbone
     from edgemap.export.floor.checkpoint import is_floor, load_floor
     from edgemap.export.odometry.checkpoint import load_head
-    from edgemap.runtime.network.manifest import read_manifest
+    from edgemap.runtime.network.manifest_file import read_manifest
 
     if int8 and calibrate is None:
         raise OptionError("--int8 needs pictures: --calibrate DIR")

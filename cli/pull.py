@@ -61,7 +61,7 @@ def pull_known(name: str, given: str | None = None) -> Path:
     """
     from edgemap.cli.extras import need_export
     from edgemap.runtime.frames.errors import BundleError
-    from edgemap.runtime.network.manifest import read_manifest, verified_file
+    from edgemap.runtime.network.manifest_file import read_manifest, verified_file
     from edgemap.runtime.network.store import cache_folder, shipped_heads
 
     if name not in KNOWN:

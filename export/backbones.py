@@ -22,7 +22,8 @@ from edgemap.export.errors import ExportError
 from edgemap.export.obtain import obtain
 from edgemap.export.onnx_export import backbone_to_onnx
 from edgemap.export.sources import KNOWN
-from edgemap.runtime.network.manifest import DetectorSpec, FeatureSpec, HeadSpec, InputSpec, sha256_file
+from edgemap.runtime.network.manifest import DetectorSpec, FeatureSpec, HeadSpec, InputSpec
+from edgemap.runtime.network.manifest_file import sha256_file
 from edgemap.runtime.network.network import Tensors
 
 DARKNET = {"yolov3": yolov3, "yolov3-tiny": yolov3_tiny}

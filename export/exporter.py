@@ -24,17 +24,8 @@ from edgemap.export.onnx_export import free_rows, head_to_onnx, save_model, seal
 from edgemap.export.quantise import Calibration, add_int8, read_calibration
 from edgemap.geometry.odometry.flow_cells import CHANNELS
 from edgemap.runtime.network.bundle import Bundle, load_bundle
-from edgemap.runtime.network.manifest import (
-    FORMAT,
-    DetectorSpec,
-    GeometrySpec,
-    Manifest,
-    OdometryHead,
-    Parity,
-    StateSpec,
-    sha256_file,
-    write_manifest,
-)
+from edgemap.runtime.network.manifest import DetectorSpec, GeometrySpec, Manifest, OdometryHead, Parity, StateSpec
+from edgemap.runtime.network.manifest_file import FORMAT, sha256_file, write_manifest
 from edgemap.runtime.network.network import Tensors
 from edgemap.runtime.network.store import check_place, staged
 

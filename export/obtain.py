@@ -15,7 +15,7 @@ from edgemap.export.sources import KnownModel, SourceArchive, Web
 from edgemap.geometry.errors import EdgemapError
 from edgemap.runtime.frames.reading import user_path
 from edgemap.runtime.network.download import DownloadError, download, is_url
-from edgemap.runtime.network.manifest import sha256_file
+from edgemap.runtime.network.manifest_file import sha256_file
 from edgemap.runtime.network.store import downloads_folder
 
 PAGE_BYTES = 8 << 20

@@ -24,14 +24,8 @@ from edgemap.runtime.inputs.drives.yolo import read_yolo
 from edgemap.runtime.network.bundle import Bundle, load_bundle
 from edgemap.runtime.network.compute import processor_name, time_ratio
 from edgemap.runtime.network.decode import Decoder
-from edgemap.runtime.network.manifest import (
-    BundleVariant,
-    DetectorSpec,
-    read_manifest,
-    sha256_file,
-    verified_file,
-    write_manifest,
-)
+from edgemap.runtime.network.manifest import BundleVariant, DetectorSpec
+from edgemap.runtime.network.manifest_file import read_manifest, sha256_file, verified_file, write_manifest
 from edgemap.runtime.network.network import Tensors
 from edgemap.runtime.network.preprocess import Preprocessor
 

@@ -19,7 +19,8 @@ from edgemap.export.onnx_export import seal
 from edgemap.export.torch_files import finite, read_torch, save_whole
 from edgemap.runtime.frames.errors import BundleError
 from edgemap.runtime.frames.reading import decode_json, one_line
-from edgemap.runtime.network.manifest import Manifest, check_shapes, read_manifest, verified_file
+from edgemap.runtime.network.manifest import Manifest
+from edgemap.runtime.network.manifest_file import check_shapes, read_manifest, verified_file
 from edgemap.runtime.network.store import bundle_folder
 
 FORMAT = "edgemap.detector/2"

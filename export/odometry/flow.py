@@ -13,7 +13,16 @@ from torch import Tensor, nn
 from torch.nn import functional
 
 from edgemap.export.errors import ExportError
-from edgemap.export.odometry.correlation import correlate, offsets
+from edgemap.export.odometry.correlation import (
+    SLOPE,
+    FilledConv,
+    correlate,
+    expected_displacement,
+    offsets,
+    two_convs,
+    unit_vectors,
+    warped_back,
+)
 from edgemap.export.odometry.rigid import CellGeometry, MotionSolution, ShownCells, solve
 
 GRID_STRIDE = 16  # px of the input per cell in which displacements are told
@@ -21,7 +30,6 @@ COARSE_ROWS, COARSE_COLUMNS = 3, 7  # reach of the coarse search, in cells of st
 SIGMA = 0.01  # a cell's weight of 1 stands for this standard deviation of its bearing
 FAR_INVERSE_DEPTH = 0.4  # 1/unit, what is taken for the depth of a cell that does not see the floor, at first
 FASTEST = (3.0, 1.0, 0.8)  # units, units, rad of one step: the coarse motion is cut to it, so that no outlier runs away
-SLOPE = 0.1
 
 
 @dataclass(frozen=True)
@@ -54,21 +62,6 @@ class Look:
     solution: MotionSolution
 
 
-class FilledConv(nn.Conv2d):
-    """A convolution whose inputs are filled up with zeros to a multiple of 4 channels: onnxruntime has a fast one for
-    those."""
-
-    def forward(self, input: Tensor) -> Tensor:
-        """The same numbers as without."""
-        batch, channels, height, width = input.shape
-        missing = -channels % 4
-        if missing == 0:
-            return super().forward(input)
-        weight = functional.pad(self.weight, (0, 0, 0, 0, 0, missing))
-        filled = torch.cat([input, torch.zeros(batch, missing, height, width, device=input.device)], dim=1)
-        return functional.conv2d(filled, weight, self.bias, self.stride, self.padding)
-
-
 class FlowHead(nn.Module):
     """Features of one frame, the geometry and the state to the base's motion, its covariance and the new state.
 
@@ -91,10 +84,10 @@ class FlowHead(nn.Module):
         coarse_window = (2 * COARSE_ROWS + 1) * (2 * COARSE_COLUMNS + 1)
         fine_window = (2 * sizes.reach + 1) ** 2
         self.sharpness = nn.Parameter(torch.tensor([8.0, 8.0]))
-        self.search = _convs(coarse_window + sizes.coarse + sizes.hidden + 7, sizes.width)
+        self.search = two_convs(coarse_window + sizes.coarse + sizes.hidden + 7, sizes.width)
         self.tell = nn.Conv2d(sizes.width, 5, 3, padding=1)
         self.narrow = FilledConv(fine_window + sizes.fine, sizes.narrow, 3, 2, 1)
-        self.refine = _convs(sizes.narrow + sizes.width + 4, sizes.width)
+        self.refine = two_convs(sizes.narrow + sizes.width + 4, sizes.width)
         self.retell = nn.Conv2d(sizes.width, 5, 3, padding=1)
         self.remember = nn.Conv2d(sizes.width, sizes.hidden, 3, 2, 1)
         self.gates = nn.Conv2d(2 * sizes.hidden, 4 * sizes.hidden, 3, padding=1)
@@ -139,7 +132,7 @@ class FlowHead(nn.Module):
         """Raw features to unit vectors per cell, of stride 8 and 16."""
         fine = self.describe_fine(feature)
         coarse = self.coarsen(functional.leaky_relu(fine, SLOPE))
-        return _unit(fine), _unit(coarse)
+        return unit_vectors(fine), unit_vectors(coarse)
 
     def describe_fine(self, feature: Tensor) -> Tensor:
         """The fine descriptors before normalisation to unit length: (feature - mean) / std, convolved. Mean and
@@ -195,7 +188,7 @@ class FlowHead(nn.Module):
         known = torch.cat([geometry.here, geometry.floor, geometry.shown, floor.log() * 0.3], dim=1).unflatten(2, shape)
 
         scores = correlate(coarse, coarse_before, COARSE_ROWS, COARSE_COLUMNS)
-        guess = _expected(scores, self.coarse_offsets, self.sharpness[0])
+        guess = expected_displacement(scores, self.coarse_offsets, self.sharpness[0])
         memory = functional.interpolate(hidden, size=(self.rows, self.columns), mode="nearest")
         found = self.search(torch.cat([scores.permute(0, 3, 1, 2), coarse, memory, known, guess * 0.3], dim=1))
         sight = ShownCells.of(geometry, prior)
@@ -208,8 +201,8 @@ class FlowHead(nn.Module):
         predicted = geometry.cells_of(sight.bearings(first.inverse_depth.flatten(2)) - geometry.here).unflatten(
             2, shape
         )
-        scores = correlate(fine, _warped(fine_before, predicted), self.sizes.reach, self.sizes.reach)
-        nearer = functional.avg_pool2d(_expected(scores, self.fine_offsets, self.sharpness[1]), 2) * 0.5
+        scores = correlate(fine, warped_back(fine_before, predicted), self.sizes.reach, self.sizes.reach)
+        nearer = functional.avg_pool2d(expected_displacement(scores, self.fine_offsets, self.sharpness[1]), 2) * 0.5
         finer = functional.leaky_relu(self.narrow(torch.cat([scores.permute(0, 3, 1, 2), fine], dim=1)), SLOPE)
         found = self.refine(torch.cat([finer, found, nearer, first.moved - predicted], dim=1))
         second = self._read(
@@ -241,37 +234,3 @@ class FlowHead(nn.Module):
         i, f, o, g = torch.split(self.gates(torch.cat([x, hidden], dim=1)), self.sizes.hidden, dim=1)
         cell = torch.sigmoid(f) * cell + torch.sigmoid(i) * torch.tanh(g)
         return torch.sigmoid(o) * torch.tanh(cell), cell
-
-
-def _convs(inputs: int, width: int) -> nn.Sequential:
-    return nn.Sequential(
-        nn.Conv2d(inputs, width, 3, padding=1),
-        nn.LeakyReLU(SLOPE),
-        nn.Conv2d(width, width, 3, padding=1),
-        nn.LeakyReLU(SLOPE),
-    )
-
-
-def _unit(features: Tensor) -> Tensor:
-    return features * torch.rsqrt((features * features).sum(dim=1, keepdim=True) + 1e-6)
-
-
-def _expected(scores: Tensor, window: Tensor, sharpness: Tensor) -> Tensor:
-    """The mean displacement under the softmax of the scores, (B, 2, H, W), in cells of the scores' grid.
-
-    Scores are cosines, so their exponentials need no largest one taken off, and one product gives both sums.
-    """
-    sums = torch.matmul(torch.exp(scores * sharpness), torch.cat([window, torch.ones_like(window[:1])]).T)
-    return (sums[..., :2] / sums[..., 2:]).permute(0, 3, 1, 2)
-
-
-def _warped(before: Tensor, moved: Tensor) -> Tensor:
-    """The previous fine features fetched from where each cell was; moved: (B, 2, H, W) in cells of twice the stride."""
-    height, width = before.shape[2:]
-    finer = functional.interpolate(moved, scale_factor=2.0, mode="bilinear", align_corners=False) * 2.0
-    rows, columns = (torch.arange(count, device=before.device) + 0.0 for count in (height, width))
-    v, u = torch.meshgrid(rows, columns, indexing="ij")
-    x = (u + finer[:, 0] + 0.5) * (2.0 / width) - 1.0
-    y = (v + finer[:, 1] + 0.5) * (2.0 / height) - 1.0
-    where = torch.stack([x, y], dim=-1).clamp(-2.0, 2.0)
-    return functional.grid_sample(before, where, mode="bilinear", padding_mode="zeros", align_corners=False)

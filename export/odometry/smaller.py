@@ -16,8 +16,9 @@ import torch
 from torch import Tensor, nn
 from torch.nn import functional
 
+from edgemap.export.odometry.correlation import SLOPE
 from edgemap.export.odometry.data import FeatureDrive
-from edgemap.export.odometry.flow import COARSE_COLUMNS, COARSE_ROWS, SLOPE, FlowHead
+from edgemap.export.odometry.flow import COARSE_COLUMNS, COARSE_ROWS, FlowHead
 from edgemap.export.odometry.rigid import CellGeometry
 
 LAYERS = ("search.0", "search.2", "tell", "narrow", "refine.0", "refine.2", "retell", "remember", "gates")

@@ -26,15 +26,8 @@ from edgemap.runtime.network.compute import (
     time_ratio,
 )
 from edgemap.runtime.network.engines import open_network
-from edgemap.runtime.network.manifest import (
-    METADATA_KEY,
-    DetectorSpec,
-    Manifest,
-    OdometryHead,
-    contract_metadata,
-    read_manifest,
-    verified_file,
-)
+from edgemap.runtime.network.manifest import METADATA_KEY, DetectorSpec, Manifest, OdometryHead, contract_metadata
+from edgemap.runtime.network.manifest_file import read_manifest, verified_file
 from edgemap.runtime.network.network import Compute, Network, Shapes, with_padding
 from edgemap.runtime.network.preprocess import Preprocessor, rows_of
 

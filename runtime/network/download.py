@@ -22,7 +22,7 @@ from tqdm import tqdm
 from edgemap.geometry.errors import EdgemapError
 from edgemap.runtime.frames.reading import Strict, decode_json, one_line, read_bytes
 from edgemap.runtime.frames.version import VERSION
-from edgemap.runtime.network.manifest import sha256_file
+from edgemap.runtime.network.manifest_file import sha256_file
 
 TIMEOUT_S = 10.0  # to connect, and between two pieces
 LOOK_EVERY_S = 0.1

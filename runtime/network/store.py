@@ -16,7 +16,7 @@ from edgemap.geometry.errors import EdgemapError
 from edgemap.runtime.frames.errors import BundleError
 from edgemap.runtime.frames.reading import user_path
 from edgemap.runtime.network.download import download
-from edgemap.runtime.network.manifest import MANIFEST_BYTES, MANIFEST_NAME, read_manifest, verified_file
+from edgemap.runtime.network.manifest_file import MANIFEST_BYTES, MANIFEST_NAME, read_manifest, verified_file
 
 BUNDLE_BYTES = 1 << 30  # of all files of a bundle together
 _NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9._-]{0,99}")

@@ -4,9 +4,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from edgemap.simulation.apartment.draw_plan import draw_plan
 from edgemap.simulation.apartment.furniture import Purpose
 from edgemap.simulation.apartment.layout import ALIVE, Layout, Placed
-from edgemap.simulation.apartment.plan import ApartmentPlan, draw_plan
+from edgemap.simulation.apartment.plan import ApartmentPlan
 from edgemap.simulation.apartment.rooms import furnish_room
 
 __all__ = ["Apartment", "Placed", "furnish", "purpose_of"]

@@ -10,7 +10,7 @@ from edgemap.export.adopt import adopt, find_tap, static_tensors
 from edgemap.export.errors import ExportError
 from edgemap.export.exporter import export_backbone
 from edgemap.runtime.network.bundle import load_bundle
-from edgemap.runtime.network.manifest import read_manifest
+from edgemap.runtime.network.manifest_file import read_manifest
 
 
 def little_yolox(path, classes=3, size=64, opset=11, rows=None, batch=1):

@@ -17,7 +17,7 @@ from edgemap.runtime.frames.errors import BundleError
 from edgemap.runtime.network import store
 from edgemap.runtime.network.bundle import load_bundle
 from edgemap.runtime.network.download import DownloadError, download
-from edgemap.runtime.network.manifest import read_manifest, write_manifest
+from edgemap.runtime.network.manifest_file import read_manifest, write_manifest
 
 DATA = bytes(range(256)) * 1000
 SUM = sha256(DATA).hexdigest()

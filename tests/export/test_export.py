@@ -17,7 +17,8 @@ from edgemap.export.odometry.checkpoint import HeadCheckpoint, save_head
 from edgemap.export.odometry.paper import PaperHead, random_head
 from edgemap.runtime.frames.errors import BundleError
 from edgemap.runtime.network.bundle import load_bundle
-from edgemap.runtime.network.manifest import METADATA_KEY, read_manifest, sha256_file, write_manifest
+from edgemap.runtime.network.manifest import METADATA_KEY
+from edgemap.runtime.network.manifest_file import read_manifest, sha256_file, write_manifest
 
 
 def test_manifest_of_a_small_network(small):

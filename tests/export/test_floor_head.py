@@ -18,7 +18,7 @@ from edgemap.export.floor.merge import floor_taps, with_floor, without_floor
 from edgemap.runtime.network.bundle import load_bundle
 from edgemap.runtime.network.decode import Detector
 from edgemap.runtime.network.engines import open_onnxruntime
-from edgemap.runtime.network.manifest import read_manifest
+from edgemap.runtime.network.manifest_file import read_manifest
 from edgemap.runtime.network.network import Compute
 from edgemap.runtime.network.store import bundle_folder
 

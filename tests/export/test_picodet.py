@@ -13,7 +13,7 @@ from edgemap.export.adopt import adopt
 from edgemap.export.detector.graph import Graph
 from edgemap.export.floor.merge import without_floor
 from edgemap.runtime.network.bundle import load_bundle
-from edgemap.runtime.network.manifest import read_manifest
+from edgemap.runtime.network.manifest_file import read_manifest
 from edgemap.runtime.network.store import bundle_folder
 
 

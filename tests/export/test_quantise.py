@@ -15,7 +15,7 @@ from edgemap.export.quantise import MAXIMUM_JUDGED, MAXIMUM_SHOWN, int8_report, 
 from edgemap.runtime.frames.errors import BundleError, CameraError
 from edgemap.runtime.inputs.drives.pictures import read_picture
 from edgemap.runtime.network.bundle import load_bundle
-from edgemap.runtime.network.manifest import read_manifest
+from edgemap.runtime.network.manifest_file import read_manifest
 
 CHAIR, ELSEWHERE = ("chair", 40.0, 30.0, 20.0, 24.0, 0.9), ("chair", 12.0, 50.0, 20.0, 24.0, 0.9)
 

@@ -17,7 +17,7 @@ from edgemap.export.detector.network import FORMAT, load_network
 from edgemap.export.odometry.checkpoint import HeadCheckpoint, load_head, save_head
 from edgemap.export.odometry.paper import PaperHead
 from edgemap.runtime.network.bundle import load_bundle
-from edgemap.runtime.network.manifest import MANIFEST_NAME, read_manifest, sha256_file
+from edgemap.runtime.network.manifest_file import MANIFEST_NAME, read_manifest, sha256_file
 from reliability.mutations import json_bytes, mutated_bytes, mutated_rows, mutated_tree
 from reliability.tiny_bundle import write_tiny
 from reliability.workers import ReaderCase, from_file

@@ -7,7 +7,6 @@ from pathlib import Path
 import numpy as np
 
 from edgemap.runtime.network.manifest import (
-    FORMAT,
     METADATA_KEY,
     ClassEntry,
     DetectorSpec,
@@ -16,9 +15,8 @@ from edgemap.runtime.network.manifest import (
     InputSpec,
     Manifest,
     contract_metadata,
-    sha256_file,
-    write_manifest,
 )
+from edgemap.runtime.network.manifest_file import FORMAT, sha256_file, write_manifest
 
 
 def write_tiny(folder: Path) -> Path:

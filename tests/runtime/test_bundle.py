@@ -8,7 +8,7 @@ from support import painted
 from edgemap.runtime.frames.errors import BundleError, OdometryError
 from edgemap.runtime.network import bundle
 from edgemap.runtime.network.bundle import load_bundle
-from edgemap.runtime.network.manifest import read_manifest, write_manifest
+from edgemap.runtime.network.manifest_file import read_manifest, write_manifest
 
 CHAIR = [("chair", 40.0, 30.0, 20.0, 24.0, 0.9)]
 

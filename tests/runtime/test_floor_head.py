@@ -18,7 +18,8 @@ from edgemap.runtime.frames.trajectory import Trajectory
 from edgemap.runtime.motion.odometry.protocol import NO_PRIOR
 from edgemap.runtime.motion.odometry.recorded import RecordedOdometry
 from edgemap.runtime.network.bundle import load_bundle
-from edgemap.runtime.network.manifest import FloorSpec, read_manifest, write_manifest
+from edgemap.runtime.network.manifest import FloorSpec
+from edgemap.runtime.network.manifest_file import read_manifest, write_manifest
 from edgemap.runtime.network.preprocess import Placement, floor_mask
 from edgemap.runtime.step.pipeline import Pipeline
 

@@ -26,7 +26,7 @@ from edgemap.runtime.inputs.recordings.camera import RecordingCamera
 from edgemap.runtime.inputs.recordings.facts import read_trajectory_file
 from edgemap.runtime.inputs.recordings.foreign import read_wheel
 from edgemap.runtime.network.bundle import load_bundle
-from edgemap.runtime.network.manifest import read_manifest
+from edgemap.runtime.network.manifest_file import read_manifest
 from edgemap.runtime.network.store import install_folder
 from edgemap.runtime.outputs.sightings_file import read_sightings
 from edgemap.runtime.step.map_file import load_map

@@ -9,7 +9,8 @@ from edgemap.runtime.frames.errors import BundleError
 from edgemap.runtime.network import bundle as session
 from edgemap.runtime.network.bundle import load_bundle
 from edgemap.runtime.network.compute import PAIRED_ROUNDS, WARM_UP, multiplies_int8, report_allows_int8, time_ratio
-from edgemap.runtime.network.manifest import BundleVariant, read_manifest, write_manifest
+from edgemap.runtime.network.manifest import BundleVariant
+from edgemap.runtime.network.manifest_file import read_manifest, write_manifest
 
 CHAIR, COUCH = ("chair", 40.0, 30.0, 20.0, 24.0, 0.9), ("couch", 40.0, 30.0, 20.0, 24.0, 0.9)
 GOOD, BAD = {"ap50": {"float32": 0.70, "int8": 0.69}}, {"ap50": {"float32": 0.70, "int8": 0.68}}

@@ -11,7 +11,6 @@ import onnx
 from onnx import TensorProto, helper, numpy_helper
 
 from edgemap.runtime.network.manifest import (
-    FORMAT,
     METADATA_KEY,
     BundleVariant,
     ClassEntry,
@@ -24,10 +23,8 @@ from edgemap.runtime.network.manifest import (
     OdometryHead,
     StateSpec,
     contract_metadata,
-    read_manifest,
-    sha256_file,
-    write_manifest,
 )
+from edgemap.runtime.network.manifest_file import FORMAT, read_manifest, sha256_file, write_manifest
 
 Resize = Literal["stretch", "letterbox", "letterbox_topleft"]
 

@@ -20,7 +20,8 @@ from edgemap.export.errors import ExportError  # noqa: E402
 from edgemap.export.exporter import export_backbone  # noqa: E402
 from edgemap.runtime.network.bundle import load_bundle  # noqa: E402
 from edgemap.runtime.network.decode import Decoder  # noqa: E402
-from edgemap.runtime.network.manifest import HeadSpec, read_manifest  # noqa: E402
+from edgemap.runtime.network.manifest import HeadSpec  # noqa: E402
+from edgemap.runtime.network.manifest_file import read_manifest  # noqa: E402
 from edgemap.runtime.network.preprocess import Preprocessor, place  # noqa: E402
 
 SHIPPED = ("edgemap-pico", "edgemap-nano")

@@ -13,7 +13,8 @@ from support.floor_drive import floor_drive  # noqa: E402
 
 from edgemap.export.errors import ExportError  # noqa: E402
 from edgemap.export.odometry.checkpoint import HeadCheckpoint, load_head, save_head  # noqa: E402
-from edgemap.export.odometry.flow import FilledConv, FlowHead, FlowSizes  # noqa: E402
+from edgemap.export.odometry.correlation import FilledConv  # noqa: E402
+from edgemap.export.odometry.flow import FlowHead, FlowSizes  # noqa: E402
 from edgemap.export.odometry.recipe import estimate, flow_recipe  # noqa: E402
 from edgemap.export.odometry.smaller import fit_smaller  # noqa: E402
 

@@ -1,0 +1,106 @@
+"""Focal length and distortion of an uncalibrated lens, by the usual field of view and the edges of rooms."""
+
+import math
+
+import numpy as np
+
+from edgemap.geometry.arrays import Array
+from edgemap.geometry.camera.intrinsics import Distortion, Intrinsics
+from edgemap.geometry.camera.room_edges import level_axes, room_axes
+from edgemap.runtime.motion.attitude.segments import segments_between
+
+# Of the picture's longer side: webcams, phones that film and the colour cameras of depth cameras have 0.65 to 1.
+USUAL_FOCAL, FOCAL_SIGMA = 0.8, 0.22
+FOCALS = np.exp(np.linspace(math.log(0.35), math.log(1.5), 24))  # shares that are tried
+# Barrel distortion, as the share by which it draws in the middle of the picture's left and right side.
+BENDS = (0.0, -0.04, -0.08, -0.12)
+# Of the logarithm of the focal length at which one picture's edges agree best: of good ones, the share of these, and of
+# the mean (2 % RMS on tuning homes 9000-9004 and 9100). SHOWN_SHARE: of the focal lengths at which a picture must show
+# the room.
+PEAK_SIGMA, PEAK_SHARE, EDGES_SIGMA, SHOWN_SHARE = 0.05, 0.6, 0.02, 0.5
+EDGE_SIGMA_RAD, EDGE_LIMIT, STEEPEST_RAD = math.radians(0.7), 6.0, math.radians(40.0)
+FEWEST_ROOMS = 4  # pictures whose edges show the room
+# Scatter of the roll from picture to picture (1.48 times the median deviation) of a camera that is no robot's: 2.5 to
+# 3.6 degrees on the lounge, hololens and redkitchen walks, 0.2 to 0.7 on tuning homes 9000-9005.
+SWAYING_RAD = math.radians(1.5)
+
+
+def plain_lens(width: int, height: int, share: float, bend: float = 0.0) -> Intrinsics:
+    """A lens of square pixels and a centred axis. share: focal length of the longer side. bend: see BENDS."""
+    distortion = Distortion("brown_conrady", (bend * 4.0 * share**2,)) if bend else Distortion()
+    focal_px = share * max(width, height)
+    return Intrinsics(width, height, focal_px, focal_px, (width - 1) / 2.0, (height - 1) / 2.0, distortion)
+
+
+def focal_by_edges(ends: list[Array], width: int, height: int) -> tuple[float, float, float, str]:
+    """Focal length as a share of the longer side, its sigma, the bend, and how: by the usual field of view, and by the
+    room's edges where enough pictures show them, whose three directions are at right angles under the right lens."""
+    usual = USUAL_FOCAL, FOCAL_SIGMA, 0.0, "usual field of view"
+    agreed = []
+    for bend in BENDS:
+        peaks = _peaks(ends[::2], width, height, bend)
+        agreed.append(float(np.mean(peaks[:, 1])) if len(peaks) else 0.0)
+    bend = _vertex(np.array(BENDS), np.array(agreed), int(np.argmax(agreed)))[0]
+    peaks = _peaks(ends, width, height, bend)
+    if len(peaks) < FEWEST_ROOMS:
+        return usual
+    # A picture's best focal length is near the right one, or anywhere.
+    logs = np.linspace(math.log(FOCALS[0]), math.log(FOCALS[-1]), 500)
+    near = np.exp(-0.5 * ((peaks[:, :1] - logs) / PEAK_SIGMA) ** 2) / (PEAK_SIGMA * math.sqrt(2.0 * math.pi))
+    cost = 0.5 * ((logs - math.log(USUAL_FOCAL)) / FOCAL_SIGMA) ** 2
+    cost -= np.log(PEAK_SHARE * near + (1.0 - PEAK_SHARE) / np.ptp(logs)).sum(axis=0)
+    weights = np.exp(cost.min() - cost)
+    weights /= weights.sum()
+    mean = float(weights @ logs)
+    sigma = math.hypot(EDGES_SIGMA, math.sqrt(float(weights @ (logs - mean) ** 2)))
+    return math.exp(mean), sigma, bend, f"usual field of view, edges of {len(peaks)} pictures"
+
+
+def _peaks(ends: list[Array], width: int, height: int, bend: float) -> Array:
+    """Of each picture whose edges show the room: logarithm of the focal length (share) at which they agree best; how
+    well they do; (N, 2)."""
+    lenses, found = [plain_lens(width, height, share, bend) for share in FOCALS], []
+    for lines in ends:
+        fits = np.array([_explained(lines, lens) for lens in lenses])
+        if np.isfinite(fits).mean() >= SHOWN_SHARE:
+            found.append(_vertex(np.log(FOCALS), fits, int(np.nanargmax(fits))))
+    return np.array(found).reshape(-1, 2)
+
+
+def _vertex(places: Array, values: Array, best: int) -> tuple[float, float]:
+    """Place and value of the maximum of evenly spaced values, by a parabola through the best and its neighbours."""
+    around = values[max(best - 1, 0) : best + 2]
+    if len(around) < 3 or not np.isfinite(around).all():
+        return float(places[best]), float(values[best])
+    left, middle, right = around.tolist()
+    off = 0.5 * (left - right) / min(left - 2.0 * middle + right, -1e-9)
+    return float(places[best] + off * (places[1] - places[0])), middle - 0.25 * (left - right) * off
+
+
+def _explained(lines: Array, lens: Intrinsics) -> float:
+    """How well three directions at right angles explain a picture's edges, per edge; NaN where they show no room.
+
+    Per edge, as a short focal length, under which all edges are longer, would otherwise always explain more.
+    """
+    edges = segments_between(lines, lens)
+    room = room_axes(edges.normals, edges.lengths, np.array([0.0, -1.0, 0.0]), STEEPEST_RAD) if len(edges) else None
+    if room is None or room.level_rad is None:
+        return math.nan
+    right, away = level_axes(room.up)
+    first = math.cos(room.level_rad) * away - math.sin(room.level_rad) * right
+    directions = np.stack([room.up, first, np.cross(room.up, first)])
+    miss = np.arcsin(np.clip(np.abs(edges.normals @ directions.T).min(axis=1), 0.0, 1.0))
+    worth = EDGE_LIMIT - np.minimum((miss / EDGE_SIGMA_RAD) ** 2, EDGE_LIMIT)
+    weight = np.minimum(edges.lengths * lens.fx / (0.15 * lens.width), 2.0)
+    return float(weight @ worth / weight.sum())
+
+
+def ups_by_edges(ends: list[Array], lens: Intrinsics) -> list[Array]:
+    """Up in each picture whose edges show the room, (3,) of the optical frame."""
+    level, found = np.array([0.0, -1.0, 0.0]), []
+    for lines in ends:
+        edges = segments_between(lines, lens)
+        room = room_axes(edges.normals, edges.lengths, level, STEEPEST_RAD) if len(edges) else None
+        if room is not None:
+            found.append(room.up)
+    return found
