@@ -163,7 +163,7 @@ def observed_by(replay: Replay, variants: Mapping[str, Variant]) -> Iterator[dic
             motions, attitude = odometry.motions, given.predict(frame)
             if attitude.predicted:  # poses track no corners
                 attitude = given.update(next((m.rotation for (spec, _), m in motions.items() if spec == "truth"), None))
-            true = seen_from(observed, floor.at(attitude), pipeline.rule, frame.depth)
+            true = at_attitude(observed, floor.at(attitude), pipeline.rule, frame.depth)
             yield {
                 name: replace(
                     true if variant.odometry == "truth" and attitude.source != "imu" else observed,
@@ -173,7 +173,7 @@ def observed_by(replay: Replay, variants: Mapping[str, Variant]) -> Iterator[dic
             }
 
 
-def seen_from(
+def at_attitude(
     observed: FrameObservations, camera: FloorCamera, rule: FloorRule, depth: NDArray[np.float32] | None = None
 ) -> FrameObservations:
     """The same boxes on the floor as another attitude has it; none where the picture was not searched."""
@@ -187,7 +187,7 @@ def true_objects(drive: Drive, frames: int | None = None) -> list[TrueObject]:
     """The drive's objects, each with the number of frames in which it was seen: in boxes.json where that is known."""
     seen: Counter[str] = Counter()
     for boxes in drive.boxes[:frames]:
-        seen.update(boxes.seen_ids())
+        seen.update(boxes.visible_ids())
     frames_seen = seen if drive.boxes else None
     return [true_object(item, frames_seen) for item in drive.objects]
 

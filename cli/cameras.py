@@ -7,14 +7,14 @@ from typing import TYPE_CHECKING
 from edgemap.cli.options import Json, print_json
 
 if TYPE_CHECKING:
-    from edgemap.runtime.inputs.cameras.plugins import FoundCamera
+    from edgemap.runtime.inputs.cameras.plugins import ConnectedCamera
 
 
 def command(json: Json = False) -> None:
     """List RealSense devices, V4L2 devices and what installed camera kinds find, each with the command to type."""
-    from edgemap.runtime.inputs.cameras.plugins import found_cameras
+    from edgemap.runtime.inputs.cameras.plugins import connected_cameras
 
-    cameras, notes = found_cameras()
+    cameras, notes = connected_cameras()
     if json:
         from dataclasses import asdict
 
@@ -31,7 +31,7 @@ def command(json: Json = False) -> None:
     print("network cameras are not searched for:  --camera rtsp://ADDRESS or http://ADDRESS")
 
 
-def command_line(camera: FoundCamera) -> str:
+def command_line(camera: ConnectedCamera) -> str:
     """The command that runs with this camera; words in capitals are placeholders."""
     lens = "" if camera.knows_lens else " --intrinsics FX,FY,CX,CY"
     return f"edgemap run --camera {camera.spec} --mount HEIGHT_M,PITCH_DEG{lens}"

@@ -146,9 +146,9 @@ def _libraries() -> Iterator[Diagnosis]:
 
 def _cameras() -> Iterator[Diagnosis]:
     from edgemap.cli.cameras import command_line
-    from edgemap.runtime.inputs.cameras.plugins import found_cameras
+    from edgemap.runtime.inputs.cameras.plugins import connected_cameras
 
-    cameras, notes = found_cameras()
+    cameras, notes = connected_cameras()
     for note in notes:
         yield Diagnosis("cameras", "missing", note)
     if not cameras:

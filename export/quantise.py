@@ -50,13 +50,13 @@ def read_calibration(folder: Path) -> Calibration:
         pictures = list(zip(drive.images, drive.boxes, strict=True))
     else:
         pictures = [(path, None) for path in list_pictures(first_folder(folder, ("images",)))]
-    shown = _spread(len(pictures), min(MAXIMUM_SHOWN, (len(pictures) + 1) // 2))
+    shown = _evenly(len(pictures), min(MAXIMUM_SHOWN, (len(pictures) + 1) // 2))
     others = [index for index in range(len(pictures)) if index not in set(shown)] or shown
-    judged = [others[index] for index in _spread(len(others), MAXIMUM_JUDGED)]
+    judged = [others[index] for index in _evenly(len(others), MAXIMUM_JUDGED)]
     return Calibration(folder, tuple(pictures[i][0] for i in shown), tuple(pictures[i] for i in judged))
 
 
-def _spread(count: int, wanted: int) -> list[int]:
+def _evenly(count: int, wanted: int) -> list[int]:
     return np.linspace(0, count - 1, min(count, wanted)).astype(int).tolist()
 
 

@@ -123,7 +123,7 @@ class Training(ABC):
             self.sums[name] = self.sums.get(name, 0.0) + value
         self.count += 1
         self.steps += 1
-        if self._looks() and not all(map(math.isfinite, self.sums.values())):
+        if self._reads_losses() and not all(map(math.isfinite, self.sums.values())):
             raise ExportError(f"training diverged at step {self.steps}: the loss is not finite; a lower --rate may do")
 
     def means(self, digits: int = 5) -> dict[str, float]:
@@ -132,12 +132,12 @@ class Training(ABC):
         self.sums, self.count = {}, 0
         return found
 
-    def _looks(self) -> bool:
+    def _reads_losses(self) -> bool:
         return self.device.type == "cpu" or self.steps % LOOK_EVERY == 0
 
     def _show(self, bar: Any) -> None:
         bar.n = round(100 * self.progress(), 1)
-        if self._looks():
+        if self._reads_losses():
             loss = float(next(iter(self.sums.values()), 0.0)) / max(1, self.count)
             bar.set_postfix_str(f"step {self.steps} loss {loss:.3f}", refresh=False)
         bar.update(0)

@@ -87,7 +87,7 @@ def _render_home(task: tuple[Path, int, int, float]) -> int:
         mount = shaken(shown.camera.mount, shown.effects.shake_rad, shown.velocity, rng)
         mix, gain = _light(shown, lit.probes, rng)
         view, lens = View.of_base(shown.pose_home_base, mount), shown.camera.intrinsics
-        renderer.look_through(lens)
+        renderer.use_lens(lens)
         frame = renderer.frame(view, mix, EXPOSURE * gain, shown.movers)
         boxes = picture_boxes(renderer, view, apartment, shown.movers)
         picture = sensed(frame.picture, frame.depth_m, lens, mount, shown.velocity, shown.effects, gain, rng)

@@ -57,7 +57,7 @@ def picture_boxes(
     return records
 
 
-def is_seen(record: dict[str, Any]) -> bool:
+def is_visible(record: dict[str, Any]) -> bool:
     """Whether a box record counts as a sighting: large and visible enough."""
     x0, y0, x1, y1 = record["box"]
     return max(x1 - x0, y1 - y0) >= SEEN_SIDE_PX and record["visible"] >= SEEN_SHARE
@@ -69,7 +69,7 @@ def object_records(
     """One record per labelled object, in the map frame: position of the footprint's centre, footprint, size in metres,
     and the number of pictures in which it is visible. People and pets have boxes, but are not objects of the map."""
     pose_map_home = pose_home_map.inverse()
-    seen = [record["id"] for frame in boxes for record in frame if is_seen(record)]
+    seen = [record["id"] for frame in boxes for record in frame if is_visible(record)]
     records = []
     for item in apartment.furniture:
         if not item.label or item.label in ALIVE:

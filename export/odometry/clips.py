@@ -134,7 +134,7 @@ def make_batch(
     )
     mount = shelf.place(np.stack(mounts))
     if any(drive.angles is not None for drive, _ in chosen):
-        cells = _seen_from(cells, mount)
+        cells = _with_mounts(cells, mount)
     return ClipBatch(
         shelf.take(chosen),
         cells,
@@ -160,7 +160,7 @@ def _mounts(
     return np.stack([drive.mount_at(*row) for row in angles])
 
 
-def _seen_from(cells: torch.Tensor, mount: torch.Tensor) -> torch.Tensor:
+def _with_mounts(cells: torch.Tensor, mount: torch.Tensor) -> torch.Tensor:
     """Cells (B, T, 8, h, w) with the floor as it lies before each frame's mount, (B, T, 12); see `flow_cells`."""
     x, y, shown = cells[:, :, 0], cells[:, :, 1], cells[:, :, 7]
     right, down, ahead, height_m = (mount[:, :, place, None, None] for place in (6, 7, 8, 11))

@@ -53,7 +53,7 @@ SMALL = FlowSizes(16, 32, 32, 28, 16, 2)  # of one that `smaller` makes: half th
 
 
 @dataclass(frozen=True, slots=True)
-class Look:
+class Search:
     """Result of one search. moved: displacements, in cells, to the previous positions, (B, 2, H, W). inverse_depth:
     (B, 1, H, W), 1/unit. solution: the motion from it, in units."""
 
@@ -178,8 +178,8 @@ class FlowHead(nn.Module):
         hidden: Tensor,
         cell: Tensor,
         velocity: Tensor,
-    ) -> tuple[Look, Look, Tensor, Tensor]:
-        """Both searches, (B, ...): the coarse and the fine look, and the new memory."""
+    ) -> tuple[Search, Search, Tensor, Tensor]:
+        """Both searches, (B, ...): the coarse and the fine one, and the new memory."""
         expected = self.expect(hidden.mean(dim=(2, 3)))
         prior = velocity * dt_s * (1.0 + 0.1 * torch.tanh(expected[:, :3]))
         prior_information = torch.exp(expected[:, 3:].clamp(-4.0, 4.0)) / (dt_s * dt_s) * 50.0
@@ -215,7 +215,7 @@ class FlowHead(nn.Module):
     def _read(
         self, outputs: Tensor, guess: Tensor, inverse_depth: Tensor, geometry: CellGeometry, sight: ShownCells,
         start: Tensor, prior: Tensor, prior_information: Tensor, stage: int,
-    ) -> Look:  # fmt: skip
+    ) -> Search:  # fmt: skip
         """The network's outputs of each cell, and the motion that explains them best."""
         outputs = outputs.float()
         moved = guess + outputs[:, :2] * 4.0
@@ -227,7 +227,7 @@ class FlowHead(nn.Module):
         measured = geometry.here + geometry.bearings_of(moved.flatten(2))
         used = information.flatten(2) * torch.exp(self.evidence[stage])
         solution = solve(slopes, measured - bearings, used, start, prior, prior_information)
-        return Look(moved, depth.unflatten(2, outputs.shape[2:]), solution)
+        return Search(moved, depth.unflatten(2, outputs.shape[2:]), solution)
 
     def _recall(self, x: Tensor, hidden: Tensor, cell: Tensor) -> tuple[Tensor, Tensor]:
         """One ConvLSTM step (Shi et al. 2015)."""

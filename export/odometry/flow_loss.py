@@ -6,14 +6,14 @@ import torch
 from torch import Tensor
 from torch.nn import functional
 
-from edgemap.export.odometry.flow import FlowHead, Look
+from edgemap.export.odometry.flow import FlowHead, Search
 from edgemap.export.odometry.rigid import CellGeometry, MotionSolution, placed
 
 MOTION_SIGMA = torch.tensor([0.006, 0.004, 0.006])
 WARM_UP = 0.15  # of the training in which the covariance is not yet taught (Huber loss instead)
 COVARIANCE_WEIGHT = 0.03
 OUTLIER = 9.0  # squared normalised error beyond which an error counts linearly
-COARSE_WEIGHT = 0.3  # of the first look's motion against the second's
+COARSE_WEIGHT = 0.3  # of the coarse search's motion against the fine one's
 
 
 @dataclass(frozen=True, slots=True)
@@ -30,8 +30,8 @@ class ClipBatch:
 
 def run_clip(
     head: FlowHead, batch: ClipBatch, state: list[Tensor] | None = None
-) -> tuple[list[tuple[Look, Look]], list[Tensor]]:
-    """The looks of frames 1 to T - 1, lengths in the head's unit, and the state after them: memory and velocity.
+) -> tuple[list[tuple[Search, Search]], list[Tensor]]:
+    """Both searches of frames 1 to T - 1, lengths in the head's unit, and the state after them: memory and velocity.
 
     state: before frame 1; None is a fresh one. Frame 0 only gives its features.
     """
@@ -42,7 +42,7 @@ def run_clip(
         for name in ("hidden", "cell", "velocity")
     ]
     hidden, cell, velocity = state or fresh
-    looks = []
+    searches = []
     for index in range(1, length):
         dt_s = batch.dt_s[:, index : index + 1]
         geometry = CellGeometry.of(batch.cells[:, index], batch.mount[:, index], head.unit_m)
@@ -51,8 +51,8 @@ def run_clip(
             hidden, cell, velocity,
         )  # fmt: skip
         velocity = second.solution.motion.detach() / dt_s
-        looks.append((first, second))
-    return looks, [hidden, cell, velocity]
+        searches.append((first, second))
+    return searches, [hidden, cell, velocity]
 
 
 def flow_loss(

@@ -151,8 +151,8 @@ def flow_recipe(rate: float = 1e-3, length: int = 8, few: FewDrives | None = Non
         return torch.optim.AdamW(head.parameters(), lr=rate, weight_decay=decay)
 
     def unroll(head: FlowHead, batch: ClipBatch, state: list[Tensor] | None) -> Any:
-        looks, new = run_clip(head, batch, state)
-        motions, covariances = zip(*(head.metric(second.solution) for _, second in looks), strict=True)
+        searches, new = run_clip(head, batch, state)
+        motions, covariances = zip(*(head.metric(second.solution) for _, second in searches), strict=True)
         return torch.stack(motions, dim=1), torch.stack(covariances, dim=1), new
 
     recipe = Recipe("flow", Clips(length), rate, optimizer, lambda share, _: Schedule.rate(share), flow_loss, unroll)

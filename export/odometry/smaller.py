@@ -142,15 +142,17 @@ def _kept_channels(small: FlowHead, large: FlowHead, steps: Sequence[_Step]) -> 
     for name, (count, read_by) in readers.items():
         convs = [(weights[f"{reader}.weight"], at) for reader, at in read_by]
         gave = torch.cat([step.gave[name] for step in steps])
-        kept[name] = _telling(gave if name == "remember" else functional.leaky_relu(gave, SLOPE), convs, count)
+        kept[name] = _informative(gave if name == "remember" else functional.leaky_relu(gave, SLOPE), convs, count)
     hidden = torch.cat([step.hidden for step in steps])
     importance = 3.0 * large.expect.weight.norm(dim=0)
-    kept["hidden"] = _telling(hidden, [(weights["search.0.weight"], memory)], sizes.hidden, importance)
+    kept["hidden"] = _informative(hidden, [(weights["search.0.weight"], memory)], sizes.hidden, importance)
     kept["gates"] = torch.cat([kept["hidden"] + part * wide.hidden for part in range(4)])
     return kept
 
 
-def _telling(values: Tensor, readers: Sequence[tuple[Tensor, int]], count: int, also: Tensor | float = 0.0) -> Tensor:
+def _informative(
+    values: Tensor, readers: Sequence[tuple[Tensor, int]], count: int, also: Tensor | float = 0.0
+) -> Tensor:
     """The channels of values (B, C, H, W) that tell most about the others. readers: weights of what reads them, and
     from which of its inputs on."""
     rows = _cells(values)

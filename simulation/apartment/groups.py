@@ -22,7 +22,7 @@ def dining_group(home: Layout, room: RoomArea) -> None:
     if table is None:
         return
     _chairs(home, table, room)
-    things(home, table, room, home.count(0, 4), vases=0.45)
+    small_items(home, table, room, home.count(0, 4), vases=0.45)
 
 
 def _chairs(home: Layout, table: Placed, room: RoomArea) -> None:
@@ -43,7 +43,7 @@ def _chairs(home: Layout, table: Placed, room: RoomArea) -> None:
         like = home.put("chair", chair, room, pose, ignore=(table,), like=like) or like
 
 
-def things(home: Layout, support: Placed, room: RoomArea, count: int, vases: float = 0.2) -> None:
+def small_items(home: Layout, support: Placed, room: RoomArea, count: int, vases: float = 0.2) -> None:
     """Small things on a piece; vases: share of vases and small plants."""
     for _ in range(count):
         draw = home.rng.random()

@@ -60,7 +60,7 @@ def _write(path: Path, stamp: NDArray[np.int64], mesh: Mesh) -> None:
     """Write the file whole or not at all, whoever else writes it. Raises OSError."""
     arrays: dict[str, NDArray] = {"stamp": stamp}
     for name in _ROWS:
-        table, rows = _told_once(np.concatenate([getattr(part, name) for part in mesh.parts]))
+        table, rows = _unique_rows(np.concatenate([getattr(part, name) for part in mesh.parts]))
         arrays |= {f"{name}_table": table, f"{name}_rows": rows}
     # Parts are drawn together where they share one texture, and not where theirs only look alike.
     textures = {id(image): image for part in mesh.parts if (image := part.material.texture) is not None}
@@ -82,7 +82,7 @@ def _write(path: Path, stamp: NDArray[np.int64], mesh: Mesh) -> None:
         unfinished.unlink(missing_ok=True)
 
 
-def _told_once(corners: Array) -> tuple[Array, NDArray[np.uint32]]:
+def _unique_rows(corners: Array) -> tuple[Array, NDArray[np.uint32]]:
     """A table of unlike rows, and (T, 3) which of them stands where, from the rows (T, 3, n) themselves."""
     rows = np.ascontiguousarray(corners).reshape(-1, corners.shape[2])
     keep, inverse = welded(rows.view(np.uint8).reshape(len(rows), -1))

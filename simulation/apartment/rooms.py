@@ -4,7 +4,7 @@ import math
 from collections.abc import Callable
 
 from edgemap.geometry.se2 import SE2
-from edgemap.simulation.apartment.groups import dining_group, kitchen, things
+from edgemap.simulation.apartment.groups import dining_group, kitchen, small_items
 from edgemap.simulation.apartment.layout import SIDES, Layout, Placed
 from edgemap.simulation.apartment.plan import RoomArea
 
@@ -44,7 +44,7 @@ def _seating(home: Layout, room: RoomArea) -> None:
     if home.chance(0.6):
         table = home.before("coffee table", sofa, room, home.uniform(0.32, 0.45), facing=False)
         if table is not None:
-            things(home, table, room, home.count(0, 2))
+            small_items(home, table, room, home.count(0, 2))
     if home.chance(0.75):
         home.beside("armchair", sofa, room, home.uniform(0.05, 0.25))
     for _ in range(home.count(0, 1)):
@@ -81,7 +81,7 @@ def _dining(home: Layout, room: RoomArea) -> None:
     if home.chance(0.7):
         drawers = home.against_wall("drawers", room)
         if drawers is not None:
-            things(home, drawers, room, home.count(1, 3), vases=0.6)
+            small_items(home, drawers, room, home.count(1, 3), vases=0.6)
     if home.chance(0.4):
         home.against_wall("bookcase", room)
     for _ in range(home.count(1, 2)):
@@ -104,7 +104,9 @@ def _bedroom(home: Layout, room: RoomArea) -> None:
     if home.chance(0.4):
         drawers = home.against_wall("drawers", room)
         if drawers is not None:
-            home.on_top("tv", drawers, room, 0.1, back=True) if home.chance(0.5) else things(home, drawers, room, 2)
+            home.on_top("tv", drawers, room, 0.1, back=True) if home.chance(0.5) else small_items(
+                home, drawers, room, 2
+            )
     if home.chance(0.4):
         home.in_corner("armchair", room, turned=False)
     home.by_wall("potted plant", room)
@@ -136,7 +138,7 @@ def _workplace(home: Layout, room: RoomArea) -> None:
     if home.chance(0.8):
         home.on_top("laptop" if home.chance(0.5) else "computer", desk, room, spread=0.15, back=True)
     home.on_top("desk lamp", desk, room, spread=0.4)
-    things(home, desk, room, home.count(0, 2))
+    small_items(home, desk, room, home.count(0, 2))
 
 
 def _bathroom(home: Layout, room: RoomArea) -> None:

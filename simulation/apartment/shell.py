@@ -62,7 +62,7 @@ def build_shell(apartment: Apartment, rng: np.random.Generator) -> ShellParts:
 
 def wall_pieces(plan: ApartmentPlan, room: RoomArea, side: str) -> list[tuple[float, float, float]]:
     """Stretches of one wall of a room: low, high along it and the height they start at (0, or above a doorway)."""
-    low, high, face = stretch(room, side)
+    low, high, face = wall_span(room, side)
     along_x = side in {"near", "far"}
     pieces, at = [], low
     doors = []
@@ -79,7 +79,7 @@ def wall_pieces(plan: ApartmentPlan, room: RoomArea, side: str) -> list[tuple[fl
     return [*pieces, (at, high, 0.0)]
 
 
-def stretch(room: RoomArea, side: str) -> tuple[float, float, float]:
+def wall_span(room: RoomArea, side: str) -> tuple[float, float, float]:
     """Start and end of a wall along x or y, and the position of its face on the other axis."""
     return {
         "near": (room.x0, room.x1, room.y0),
@@ -93,7 +93,7 @@ def upright(
     room: RoomArea, side: str, low: float, high: float, bottom: float, top: float, material: Material, tile: float
 ) -> Surface:
     """A piece of a room's wall, facing the room."""
-    face, length, up = stretch(room, side)[2], high - low, np.array([0.0, 0.0, top - bottom])
+    face, length, up = wall_span(room, side)[2], high - low, np.array([0.0, 0.0, top - bottom])
     corner, u = {
         "near": ((high, face), (-length, 0.0)),
         "far": ((low, face), (length, 0.0)),
@@ -116,7 +116,7 @@ def _hanging(rectangle: Rectangle, z_m: float) -> Surface:
 
 
 def _skirting(room: RoomArea, side: str, low: float, high: float, top: float, material: Material) -> Mesh:
-    face, thick = stretch(room, side)[2], _SKIRTING_DEPTH_M
+    face, thick = wall_span(room, side)[2], _SKIRTING_DEPTH_M
     x0, y0, x1, y1 = {
         "near": (low, face, high, face + thick),
         "far": (low, face - thick, high, face),

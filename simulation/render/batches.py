@@ -81,7 +81,7 @@ def pack_parts(parts: Sequence[LitPart]) -> Packed:
     """Parts of solids; those of one object that look alike are drawn in one go."""
     groups: dict[tuple[Any, ...], list[LitPart]] = {}
     for lit in parts:
-        groups.setdefault(_look(lit), []).append(lit)
+        groups.setdefault(_drawn_alike(lit), []).append(lit)
     vertices, indices, batches, first = [], [], [], 0
     for group in groups.values():
         rows = np.concatenate([_corner_rows(lit) for lit in group])
@@ -113,7 +113,7 @@ def pack_surfaces(surfaces: Sequence[LitSurface], places: Sequence[Array]) -> Pa
     return Packed(rows, np.arange(len(rows), dtype=np.uint32), tuple(batches))
 
 
-def _look(lit: LitPart) -> tuple[Any, ...]:
+def _drawn_alike(lit: LitPart) -> tuple[Any, ...]:
     material = lit.part.material
     cell = ()
     if lit.id == ROOM_ID:

@@ -54,9 +54,9 @@ class Renderer:
             self._moving = Moving(self._canvas, scene.probes)
             self._wholes = Wholes(self._canvas, self._still, self._moving)
             self._painter = Painter(self._canvas, scene.lights)
-        self.look_through(intrinsics)
+        self.use_lens(intrinsics)
 
-    def look_through(self, intrinsics: Intrinsics) -> None:
+    def use_lens(self, intrinsics: Intrinsics) -> None:
         """Change the camera; the scene stays as it is. Raises SimulationError for a lens that cannot be drawn."""
         lens = Lens(intrinsics)
         self.intrinsics, self._lens, self._last = intrinsics, lens, None

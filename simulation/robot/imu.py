@@ -23,7 +23,7 @@ class Wheels:
     tick_m: what one encoder tick covers. scale: of both wheels' radius (the air in the tyres); unlike: of either one's.
     base_scale: of the distance between them.
     creep: of each sample's travel, per sqrt(metre). slips_per_m: how often one wheel slips; it then turns up to
-    slip_most (share) too far, for up to slip_s.
+    largest_slip (share) too far, for up to slip_s.
     """
 
     base_m: float = 0.28
@@ -33,7 +33,7 @@ class Wheels:
     base_scale: float = 0.02
     creep: float = 0.006
     slips_per_m: float = 0.25
-    slip_most: float = 0.2
+    largest_slip: float = 0.2
     slip_s: float = 0.4
 
 
@@ -72,7 +72,7 @@ def _slip(amount: Array, rng: np.random.Generator, wheels: Wheels) -> Array:
     slip = np.ones(amount.shape)
     for row, wheel in np.argwhere(starts):
         last = row + max(1, round(rng.uniform(0.1, wheels.slip_s) / SAMPLE_S))
-        slip[row:last, wheel] = 1.0 + rng.uniform(0.05, wheels.slip_most)
+        slip[row:last, wheel] = 1.0 + rng.uniform(0.05, wheels.largest_slip)
     return slip
 
 

@@ -222,5 +222,5 @@ def test_movers_darken_the_floor_under_them(draw, view):
 def test_one_renderer_looks_through_many_cameras(draw, view):
     parts = lit(1, sheet(2.0, -0.2, 0.2, 0.8, 1.2))
     renderer, wide = draw(parts), replace(BENT, width=400, fx=230.0)
-    renderer.look_through(wide)
+    renderer.use_lens(wide)
     np.testing.assert_array_equal(renderer.picture(view), draw(parts, intrinsics=wide).picture(view))

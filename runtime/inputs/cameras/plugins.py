@@ -72,7 +72,7 @@ VIDEO_CAPTURE, VIDEO_CAPTURE_MPLANE = 0x1, 0x1000
 
 
 @dataclass(frozen=True, slots=True)
-class FoundCamera:
+class ConnectedCamera:
     """A camera that is here. spec: what to type after `--camera`. name: its own. knows_lens: it reports intrinsics.
 
     problem: why it cannot be opened; empty where it can or that is unknown.
@@ -85,14 +85,14 @@ class FoundCamera:
     problem: str = ""
 
 
-def found_cameras() -> tuple[list[FoundCamera], list[str]]:
+def connected_cameras() -> tuple[list[ConnectedCamera], list[str]]:
     """The cameras found, and one line for each kind that could not be searched (a missing library)."""
-    cameras: list[FoundCamera] = []
+    cameras: list[ConnectedCamera] = []
     notes: list[str] = []
     try:
         from edgemap.runtime.inputs.cameras.realsense import devices
 
-        cameras += [FoundCamera("realsense", f"realsense:{serial}", name, True) for serial, name in devices()]
+        cameras += [ConnectedCamera("realsense", f"realsense:{serial}", name, True) for serial, name in devices()]
     except EdgemapError as error:
         notes.append(str(error))
     seen_by_librealsense = bool(cameras)
@@ -104,7 +104,7 @@ def found_cameras() -> tuple[list[FoundCamera], list[str]]:
         for kind, point in sorted(plugin_kinds().items()):
             try:
                 for address, name in load_kind(point).found():
-                    cameras.append(FoundCamera(kind, f"{kind}:{address}" if address else kind, one_line(name)))
+                    cameras.append(ConnectedCamera(kind, f"{kind}:{address}" if address else kind, one_line(name)))
             except EdgemapError as error:
                 notes.append(str(error))
             except Exception as error:  # another package's code may raise anything
@@ -114,7 +114,7 @@ def found_cameras() -> tuple[list[FoundCamera], list[str]]:
     return cameras, notes
 
 
-def _video_devices() -> list[FoundCamera]:
+def _video_devices() -> list[ConnectedCamera]:
     """V4L2 nodes that capture video. A node without permission is listed too, as it cannot be queried."""
     found = []
     for node in sorted(VIDEO_NODES.glob("video[0-9]*"), key=lambda path: int(path.name[5:])):
@@ -127,7 +127,7 @@ def _video_devices() -> list[FoundCamera]:
             problem = "no permission; add the user to the group `video` and log in again"
         elif not _captures(node):
             continue
-        found.append(FoundCamera("v4l2", str(node), name, problem=problem))
+        found.append(ConnectedCamera("v4l2", str(node), name, problem=problem))
     return found
 
 

@@ -31,11 +31,11 @@ class LabelledBoxes:
     ids: tuple[str, ...] = ()
     scores: NDArray[np.float64] | None = None
 
-    def seen_ids(self) -> set[str]:
+    def visible_ids(self) -> set[str]:
         """Ids of the objects visible in this picture; an unknown visibility counts as complete."""
-        return {identity for identity, counts in zip(self.ids, self.seen(), strict=False) if counts}
+        return {identity for identity, counts in zip(self.ids, self.counted(), strict=False) if counts}
 
-    def seen(self) -> NDArray[np.bool_]:
+    def counted(self) -> NDArray[np.bool_]:
         """Which boxes count as visible, (N,)."""
         visible = np.ones(len(self.boxes)) if self.visible is None else self.visible
         sides_px = (self.boxes[:, 2:] - self.boxes[:, :2]).max(axis=1, initial=0.0)
@@ -43,7 +43,7 @@ class LabelledBoxes:
 
     def ignorable(self) -> NDArray[np.bool_]:
         """Which boxes are ignored when a detector is judged, (N,): too little visible; none if unknown."""
-        return np.zeros(len(self.boxes), dtype=bool) if self.visible is None else ~self.seen()
+        return np.zeros(len(self.boxes), dtype=bool) if self.visible is None else ~self.counted()
 
 
 @dataclass(frozen=True, slots=True)

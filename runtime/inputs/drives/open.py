@@ -42,14 +42,14 @@ def open_drive(spec: str) -> Drive:
     drive = READERS[kind](user_path(folder))
     objects, imu = drive.folder / "objects.json", drive.folder / "imu.csv"
     if objects.is_file():
-        drive = replace(drive, objects=tuple(_known(record, drive.boxes) for record in read_objects(objects)))
+        drive = replace(drive, objects=tuple(_with_views(record, drive.boxes) for record in read_objects(objects)))
     if drive.imu is None and imu.is_file():
         drive = replace(drive, imu=read_imu_csv(imu))
     return drive
 
 
-def _known(record: ObjectRecord, boxes: Sequence[LabelledBoxes]) -> dict[str, Any]:
+def _with_views(record: ObjectRecord, boxes: Sequence[LabelledBoxes]) -> dict[str, Any]:
     """With the pictures that show it counted, where the file does not say how many and the boxes do."""
     if record.visible_frames is None and boxes:
-        record.visible_frames = sum(str(record.id) in frame.seen_ids() for frame in boxes)
+        record.visible_frames = sum(str(record.id) in frame.visible_ids() for frame in boxes)
     return msgspec.structs.asdict(record)

@@ -118,7 +118,7 @@ def raw_depth(message: Any, name: str) -> Depth:
         raise CameraError(f"{name}: depth of {width}x{height} px {one_line(message.encoding, 40)} in rows of {step}")
     rows = np.frombuffer(message.data, np.uint8, height * step).reshape(height, step)[:, : width * int(kind[1])]
     values = np.ascontiguousarray(rows).view((">" if message.is_bigendian else "<") + kind).astype(np.float32)
-    return _known(values) if kind == "f4" else values / np.float32(1000)
+    return _valid_depth(values) if kind == "f4" else values / np.float32(1000)
 
 
 def compressed_depth(message: Any, name: str) -> Depth:
@@ -134,10 +134,10 @@ def compressed_depth(message: Any, name: str) -> Depth:
         return image.astype(np.float32) / np.float32(1000)
     _, share, offset = QUANTISED.unpack_from(data)
     with np.errstate(divide="ignore", invalid="ignore"):
-        return _known(np.where(image > 0, np.float32(share) / (image - np.float32(offset)), np.float32(0)))
+        return _valid_depth(np.where(image > 0, np.float32(share) / (image - np.float32(offset)), np.float32(0)))
 
 
-def _known(depth: NDArray[Any]) -> Depth:
+def _valid_depth(depth: NDArray[Any]) -> Depth:
     """Depth (H, W) as a Frame has it, 0 where unknown."""
     return np.where(np.isfinite(depth) & (depth > 0.0), depth, 0.0).astype(np.float32)
 

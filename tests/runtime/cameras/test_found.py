@@ -39,7 +39,7 @@ def test_video_devices_are_those_that_capture(tmp_path, monkeypatch):
     monkeypatch.setattr(plugins, "SYSFS", tmp_path / "sys")
     monkeypatch.setattr(plugins, "plugin_kinds", dict)
     monkeypatch.setattr("edgemap.runtime.inputs.cameras.realsense.devices", list)
-    cameras, notes = plugins.found_cameras()
+    cameras, notes = plugins.connected_cameras()
     assert [(camera.spec, camera.name) for camera in cameras] == [
         (f"{tmp_path}/video0", "Camera video0"),
         (f"{tmp_path}/video2", "Camera video2"),
@@ -47,7 +47,7 @@ def test_video_devices_are_those_that_capture(tmp_path, monkeypatch):
     ]
     assert notes == []
     monkeypatch.setattr("edgemap.runtime.inputs.cameras.realsense.devices", lambda: [("123", "Intel RealSense D435")])
-    cameras, _ = plugins.found_cameras()
+    cameras, _ = plugins.connected_cameras()
     assert [camera.spec for camera in cameras] == ["realsense:123", f"{tmp_path}/video0", f"{tmp_path}/video2"]
 
 
