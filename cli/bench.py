@@ -50,8 +50,7 @@ def command(
     from edgemap.runtime.inputs.cameras.protocol import Camera, next_frame
     from edgemap.runtime.network.bundle import Bundle
     from edgemap.runtime.network.compute import processor_name
-    from edgemap.runtime.step.build import build_slam
-    from edgemap.runtime.step.slam import SemanticSlam
+    from edgemap.runtime.step.slam import SemanticSlam, build_slam
 
     if not 0.0 < seconds < 1e6:
         raise OptionError(f"--seconds {seconds}: must be a positive number")

@@ -92,7 +92,7 @@ class _Drive:
         from edgemap.cli.run_record import run_record
         from edgemap.cli.saved_map import enter_saved_map, forgets, place_of
         from edgemap.runtime.outputs.report.crops import BestCrops
-        from edgemap.runtime.step.build import SlamOptions, build_slam
+        from edgemap.runtime.step.slam import SlamOptions, build_slam
 
         robot, chosen = options.robot, options.map
         self.options, self.source, self.loaded, self.floor = options, source, loaded, floor

@@ -10,12 +10,41 @@ import onnx
 from google.protobuf.message import DecodeError
 from onnx import ModelProto, version_converter
 
-from edgemap.export.coco import class_entries
 from edgemap.export.errors import ExportError
 from edgemap.export.onnx_export import default_opset
 from edgemap.export.picodet import is_picodet, picodet_contract, trim
 from edgemap.runtime.frames.reading import one_line, read_bytes
-from edgemap.runtime.network.manifest import OPSETS, DetectorSpec, FeatureSpec, HeadSpec, InputSpec
+from edgemap.runtime.inputs.drives.yolo import COCO_NAMES
+from edgemap.runtime.network.manifest import OPSETS, ClassEntry, DetectorSpec, FeatureSpec, HeadSpec, InputSpec
+
+# They walk away.
+LIVING = frozenset({"person", "bird", "cat", "dog", "horse", "sheep", "cow", "elephant", "bear", "zebra", "giraffe"})
+
+# They lie on tables, hang, fly, or are carried: a box's lower edge says nothing of the floor.
+NEVER_ON_THE_FLOOR = frozenset(
+    """airplane|boat|traffic light|umbrella|handbag|tie|frisbee|skis|snowboard|sports ball|kite|baseball bat
+baseball glove|skateboard|surfboard|tennis racket|bottle|wine glass|cup|fork|knife|spoon|bowl|banana|apple|sandwich
+orange|broccoli|carrot|hot dog|pizza|donut|cake|laptop|tv|mouse|remote|keyboard|cell phone|microwave|toaster|book|clock
+scissors|teddy bear|hair drier|toothbrush""".replace("\n", "|").split("|")
+)
+
+# They stand in streets. A map of a home has none; `--classes` may name them all the same.
+OUTDOORS = frozenset({"car", "motorcycle", "bus", "train", "truck", "fire hydrant", "stop sign", "parking meter"})
+
+CLASSES = tuple(ClassEntry(name=name, mapped=name not in LIVING | NEVER_ON_THE_FLOOR | OUTDOORS) for name in COCO_NAMES)
+
+
+def class_entries(count: int) -> tuple[ClassEntry, ...]:
+    """The classes of a detector with this many: COCO's for 80, else numbered names, all mapped."""
+    return CLASSES if count == len(CLASSES) else tuple(ClassEntry(name=f"class {number}") for number in range(count))
+
+
+def of_home(detector: DetectorSpec) -> DetectorSpec:
+    """Maps by default the classes of a COCO detector that occur in homes; returns any other detector unchanged."""
+    if tuple(entry.name for entry in detector.classes) != COCO_NAMES:
+        return detector
+    return msgspec.structs.replace(detector, classes=CLASSES)
+
 
 MODEL_BYTES = 1 << 30
 YOLOX_STRIDES = (8, 16, 32)

@@ -11,8 +11,7 @@ from numpy.typing import NDArray
 from onnx import ModelProto
 
 from edgemap.export import parity
-from edgemap.export.adopt import adopt, tapped, with_outputs
-from edgemap.export.coco import class_entries, of_home
+from edgemap.export.adopt import adopt, class_entries, of_home, tapped, with_outputs
 from edgemap.export.darknet import Darknet
 from edgemap.export.darknet_cfg import yolov3, yolov3_tiny
 from edgemap.export.darknet_weights import load_weights, random_weights, value_count

@@ -26,14 +26,13 @@ from edgemap.runtime.inputs.open import open_camera
 from edgemap.runtime.network.bundle import load_bundle
 from edgemap.runtime.network.store import bundle_folder, default_bundle
 from edgemap.runtime.outputs.notebook import MapObjects
-from edgemap.runtime.step.build import SlamOptions, build_slam
 from edgemap.runtime.step.config import Config, load_config
 from edgemap.runtime.step.grid_file import load_grid
 from edgemap.runtime.step.loop import steps
 from edgemap.runtime.step.map_file import load_annotated_map, load_last_pose, save_map
 from edgemap.runtime.step.map_store import find_map
 from edgemap.runtime.step.sinks import Sink
-from edgemap.runtime.step.slam import SemanticSlam, StepResult
+from edgemap.runtime.step.slam import SemanticSlam, SlamOptions, StepResult, build_slam
 
 
 class Session:

@@ -16,10 +16,10 @@ from edgemap.geometry.se2 import SE2
 from edgemap.runtime.frames.reading import library_path
 from edgemap.runtime.frames.trajectory import Trajectory
 from edgemap.runtime.inputs.drives.locobot import write_locobot
+from edgemap.runtime.inputs.drives.own import write_drive
 from edgemap.runtime.inputs.drives.pictures import list_pictures, read_picture
 from edgemap.runtime.inputs.drives.sensor_csv import write_imu_csv
 from edgemap.runtime.inputs.drives.truth import PLAN_FORMAT, PLAN_NAME
-from edgemap.runtime.inputs.drives.write import write_drive
 from edgemap.simulation.apartment.apartment import Apartment
 from edgemap.simulation.apartment.credits import credits_text
 from edgemap.simulation.apartment.layout import Placed

@@ -10,9 +10,8 @@ import numpy as np
 from edgemap.geometry.camera.mount import Mount
 from edgemap.geometry.se2 import SE2
 from edgemap.simulation.apartment import furniture
-from edgemap.simulation.apartment.apartment import Apartment, Placed, furnish, purpose_of
+from edgemap.simulation.apartment.apartment import Apartment, Changes, Placed, furnish, move_furniture, purpose_of
 from edgemap.simulation.apartment.furniture import Model
-from edgemap.simulation.apartment.moved import Changes, move_furniture
 from edgemap.simulation.apartment.shell import build_shell
 from edgemap.simulation.camera.exposure import LightScript
 from edgemap.simulation.camera.film import CameraSetup, Effects

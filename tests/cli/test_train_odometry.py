@@ -17,7 +17,7 @@ from edgemap.geometry.camera.intrinsics import Intrinsics
 from edgemap.geometry.camera.mount import Mount
 from edgemap.geometry.se2 import SE2
 from edgemap.runtime.frames.trajectory import Trajectory
-from edgemap.runtime.inputs.drives.write import write_drive
+from edgemap.runtime.inputs.drives.own import write_drive
 
 pytestmark = pytest.mark.slow
 CAMERA = FloorCamera(Intrinsics(128, 96, 110.0, 110.0, 63.5, 47.5), Mount.from_degrees(0.5, 15.0, 0.0, 0.1))

@@ -1,4 +1,4 @@
-from edgemap.export.coco import CLASSES, LIVING, NEVER_ON_THE_FLOOR, class_entries
+from edgemap.export.adopt import CLASSES, LIVING, NEVER_ON_THE_FLOOR, class_entries
 from edgemap.runtime.inputs.drives.yolo import COCO_NAMES
 
 

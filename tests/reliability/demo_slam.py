@@ -15,8 +15,7 @@ from edgemap.runtime.inputs.open import DEMO, open_camera
 from edgemap.runtime.network.bundle import Bundle, load_bundle
 from edgemap.runtime.network.network import Tensors
 from edgemap.runtime.network.store import bundle_folder
-from edgemap.runtime.step.build import SlamOptions, build_slam
-from edgemap.runtime.step.slam import SemanticSlam
+from edgemap.runtime.step.slam import SemanticSlam, SlamOptions, build_slam
 
 
 class DemoDrive:

@@ -13,7 +13,7 @@ from edgemap.geometry.camera.imu import ImuSamples
 from edgemap.runtime.frames.frame import Frame
 from edgemap.runtime.frames.trajectory import Trajectory
 from edgemap.runtime.motion.odometry import wheel_trajectory
-from edgemap.runtime.step.build import build_slam
+from edgemap.runtime.step.slam import build_slam
 from reliability.demo_slam import DemoDrive
 from reliability.lies import GYRO_LIES, WHEEL_LIES, Lie, imu_of
 from reliability.parts import PartReport

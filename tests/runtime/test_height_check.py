@@ -21,7 +21,7 @@ from edgemap.runtime.frames.frame import Frame
 from edgemap.runtime.motion.height_check import HeightCheck
 from edgemap.runtime.motion.odometry.protocol import Motion
 from edgemap.runtime.outputs.verdict.causes import CAUSES, cause_of_fault
-from edgemap.runtime.step.build import SlamOptions, build_slam
+from edgemap.runtime.step.slam import SlamOptions, build_slam
 
 LENS = Intrinsics(640, 480, 600.0, 600.0, 319.5, 239.5)
 NAMES = ("chair", "vase")

@@ -228,7 +228,7 @@ def window_nees(motions, true, steps):
 @pytest.mark.parametrize("wheels", [False, True])
 def test_the_demos_motion_errs_by_what_it_states_and_not_by_much_less(demo, wheels):
     from edgemap.runtime.motion.odometry import wheel_trajectory
-    from edgemap.runtime.step.build import build_slam
+    from edgemap.runtime.step.slam import build_slam
 
     demo.camera.wheel = wheel_trajectory(str(WHEELS)) if wheels else None
     pipeline = build_slam(demo.camera, demo.bundle, demo.floor).pipeline

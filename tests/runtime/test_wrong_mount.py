@@ -14,8 +14,8 @@ from edgemap.geometry.camera.level import seen_text
 from edgemap.runtime.frames.frame import Frame
 from edgemap.runtime.motion.attitude.checked_mount import MountRule
 from edgemap.runtime.motion.attitude.inertial import AttitudeRule
-from edgemap.runtime.step.build import SlamOptions, build_slam
 from edgemap.runtime.step.config import Config
+from edgemap.runtime.step.slam import SlamOptions, build_slam
 
 TRUE_DEG, OFF_DEG, FRAMES = 11.5, 2.0, 130
 BLIND_TO_EDGES = MountRule(first_every_s=math.inf, every_s=math.inf)

@@ -8,7 +8,7 @@ import pytest
 pytest.importorskip("moderngl")
 
 from edgemap.benchmarks.rooms import SUMS
-from edgemap.runtime.inputs.drives.write import write_drive
+from edgemap.runtime.inputs.drives.own import write_drive
 from edgemap.simulation.apartment import furniture
 from edgemap.simulation.apartment.apartment import furnish, purpose_of
 from edgemap.simulation.record import truth_of

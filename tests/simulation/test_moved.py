@@ -11,8 +11,7 @@ pytestmark = pytest.mark.usefixtures("furniture_catalogue")
 
 @pytest.fixture(scope="module", params=[5, 8110])
 def home(request):
-    from edgemap.simulation.apartment.apartment import furnish
-    from edgemap.simulation.apartment.moved import move_furniture
+    from edgemap.simulation.apartment.apartment import furnish, move_furniture
 
     before = furnish(request.param)
     return before, *move_furniture(before, 3, np.random.default_rng(1))
@@ -61,8 +60,7 @@ def test_what_carries_something_is_left_alone(home):
 
 
 def test_too_many_to_move_is_one_line():
-    from edgemap.simulation.apartment.apartment import furnish
-    from edgemap.simulation.apartment.moved import move_furniture
+    from edgemap.simulation.apartment.apartment import furnish, move_furniture
     from edgemap.simulation.errors import SimulationError
 
     with pytest.raises(SimulationError, match=r"pieces that can be moved"):

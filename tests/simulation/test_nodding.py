@@ -13,7 +13,7 @@ from edgemap.geometry.se2 import SE2
 from edgemap.runtime.frames.frame import Frame
 from edgemap.runtime.frames.trajectory import Trajectory
 from edgemap.runtime.inputs.drives import open_drive
-from edgemap.runtime.inputs.drives.write import write_drive
+from edgemap.runtime.inputs.drives.own import write_drive
 from edgemap.runtime.motion.attitude.inertial import InertialAttitude
 from edgemap.runtime.motion.attitude.sources import MountAttitude
 from edgemap.simulation.render.view import View

@@ -151,7 +151,6 @@ def test_locobot_set_is_readable(drawn, tmp_path):
     record(drawn, tmp_path / "one", layout="locobot", workers=1)
     drive = open_drive(f"locobot:{tmp_path / 'one'}")
     assert len(drive.images) == len(drive.depth) == FRAMES
-    assert drive.notes["truth"] == "poses.tum"
 
 
 def test_the_floor_plan_lies_beside_the_drive_and_comes_to_one_that_was_rendered_without(recorded, drawn, tmp_path):

@@ -12,6 +12,7 @@ from edgemap.runtime.inputs.drives.pictures import first_folder, list_pictures, 
 from edgemap.runtime.inputs.drives.pose_files import (
     camera_attitudes,
     check_count,
+    depth_beside,
     planarise_camera,
     read_matrices,
     trajectory,
@@ -52,14 +53,11 @@ def _read(
     check_count(path, len(poses), len(images), pictures_folder)
     stamps = stamps_for(folder, times, len(images), pictures_folder, setup.rate_hz)
     recorded = poses, setup.world_up, setup.mount
-    depth = list_pictures(folder / "depth") if kind == "c2w" and (folder / "depth").is_dir() else ()
-    if depth:
-        check_count(folder / "depth", len(depth), len(images), pictures_folder)
+    depth = depth_beside(folder, len(images), pictures_folder) if kind == "c2w" else ()
     return Drive(
         kind, folder, images, stamps, setup.intrinsics, setup.mount, setup.rate_hz,
         trajectory(path, stamps, planarise_camera(*recorded)), full_poses=upright_camera(*recorded),
         attitudes=camera_attitudes(stamps, poses, setup.world_up) if kind == "c2w" else None, depth=depth,
-        notes=setup.notes,
     )  # fmt: skip
 
 

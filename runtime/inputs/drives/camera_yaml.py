@@ -107,18 +107,10 @@ def write_camera_yaml(
 
     Raises DiskError where the folder does not take it.
     """
-    tree: dict[str, Any] = {
-        "width": intrinsics.width,
-        "height": intrinsics.height,
-        "fx": float(intrinsics.fx),
-        "fy": float(intrinsics.fy),
-        "cx": float(intrinsics.cx),
-        "cy": float(intrinsics.cy),
-        "distortion": {
-            "model": intrinsics.distortion.model,
-            "coefficients": list(intrinsics.distortion.coefficients),
-        },
-    }
+    lens = intrinsics
+    tree: dict[str, Any] = {"width": lens.width, "height": lens.height}
+    tree |= {name: float(getattr(lens, name)) for name in ("fx", "fy", "cx", "cy")}
+    tree["distortion"] = {"model": lens.distortion.model, "coefficients": list(lens.distortion.coefficients)}
     if rate_hz is not None:
         tree["fps"] = float(rate_hz)
     tree["world_up"] = world_up
@@ -143,17 +135,15 @@ class Setup:
     mount: Mount | None
     rate_hz: float
     world_up: str
-    notes: dict[str, Any]
 
 
 def read_setup(folder: Path, world_up: str, intrinsics: Intrinsics | None = None) -> Setup:
     """The folder's `camera.yaml` if there is one; `world_up` and `intrinsics` are the defaults for missing entries."""
     path = folder / "camera.yaml"
     if not path.is_file():
-        return Setup(intrinsics, None, DEFAULT_RATE_HZ, world_up, _assumed_rate())
+        return Setup(intrinsics, None, DEFAULT_RATE_HZ, world_up)
     file = read_camera_yaml(path)
-    notes = {} if file.rate_hz else _assumed_rate()
-    return Setup(file.intrinsics, file.mount, file.rate_hz or DEFAULT_RATE_HZ, file.world_up or world_up, notes)
+    return Setup(file.intrinsics, file.mount, file.rate_hz or DEFAULT_RATE_HZ, file.world_up or world_up)
 
 
 def stamps_for(folder: Path, names: tuple[str, ...], pictures: int, where: Path, rate_hz: float) -> NDArray[np.float64]:
@@ -165,7 +155,3 @@ def stamps_for(folder: Path, names: tuple[str, ...], pictures: int, where: Path,
             check_count(path, len(stamps), pictures, where)
             return stamps
     return np.arange(pictures) / rate_hz
-
-
-def _assumed_rate() -> dict[str, Any]:
-    return {"rate": f"no fps given: {DEFAULT_RATE_HZ:g} Hz assumed"}

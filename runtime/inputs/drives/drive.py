@@ -1,6 +1,6 @@
 """A recorded drive in memory: paths of its pictures, calibration and truth, independent of the layout on disk."""
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -74,4 +74,3 @@ class Drive:
     full_poses: NDArray[np.float64] | None = None
     attitudes: AttitudeTrack | None = None
     imu: ImuSamples | None = None
-    notes: dict[str, Any] = field(default_factory=dict)

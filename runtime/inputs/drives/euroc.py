@@ -117,7 +117,6 @@ def read_euroc(folder: Path) -> Drive:
         setup.intrinsics, setup.mount, rate_hz,
         trajectory(layout.truth, truth_stamps, planarise_camera(poses, setup.world_up, setup.mount)),
         attitudes=camera_attitudes(truth_stamps, poses, setup.world_up), imu=samples,
-        notes={"pictures_without_truth": int((~known).sum())},
     )  # fmt: skip
 
 

@@ -7,7 +7,7 @@
     poses.tum              optional; base poses from something better than wheels, one per picture
 
 No public data in this form exists; the layout is edgemap's own. Truth is `poses.tum` where it is there, else the
-wheel odometry itself, which drifts (the source stands in the drive's notes).
+wheel odometry itself, which drifts.
 """
 
 from collections.abc import Iterable, Sequence
@@ -19,39 +19,26 @@ from edgemap.runtime.frames.trajectory import Trajectory, tum_line
 from edgemap.runtime.inputs.drives.camera_yaml import read_setup, write_camera_yaml
 from edgemap.runtime.inputs.drives.drive import Drive
 from edgemap.runtime.inputs.drives.pictures import list_pictures
-from edgemap.runtime.inputs.drives.pose_files import check_count, planarise_base, read_tum_3d, trajectory
+from edgemap.runtime.inputs.drives.pose_files import check_count, depth_beside, planarise_base, read_tum_3d, trajectory
 from edgemap.runtime.inputs.drives.sensor_csv import read_wheel_csv, write_wheel_csv
 
 
 def read_locobot(folder: Path) -> Drive:
     """Read a LoCoBot folder as described above. Raises CameraError."""
     images = list_pictures(folder / "rgb")
-    depth = list_pictures(folder / "depth") if (folder / "depth").is_dir() else ()
-    if depth:
-        check_count(folder / "depth", len(depth), len(images), folder / "rgb")
+    depth = depth_beside(folder, len(images), folder / "rgb")
     setup = read_setup(folder, world_up="z")
     wheel_path = folder / "odometry.csv"
     stamps, poses = read_wheel_csv(wheel_path)
     check_count(wheel_path, len(stamps), len(images), folder / "rgb")
-    truth, source = trajectory(wheel_path, stamps, poses), "wheel odometry"
+    truth = trajectory(wheel_path, stamps, poses)
     better = folder / "poses.tum"
     if better.is_file():
         _, matrices = read_tum_3d(better)
         check_count(better, len(matrices), len(images), folder / "rgb")
-        truth, source = trajectory(better, stamps, planarise_base(matrices, setup.world_up)), "poses.tum"
-    return Drive(
-        "locobot",
-        folder,
-        images,
-        stamps,
-        setup.intrinsics,
-        setup.mount,
-        setup.rate_hz,
-        truth,
-        wheel=wheel_path,
-        depth=depth,
-        notes={**setup.notes, "truth": source},
-    )
+        truth = trajectory(better, stamps, planarise_base(matrices, setup.world_up))
+    lens, mount, rate_hz = setup.intrinsics, setup.mount, setup.rate_hz
+    return Drive("locobot", folder, images, stamps, lens, mount, rate_hz, truth, wheel=wheel_path, depth=depth)
 
 
 def write_locobot(

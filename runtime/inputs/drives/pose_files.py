@@ -11,6 +11,7 @@ from edgemap.runtime.frames.errors import CameraError, OdometryError
 from edgemap.runtime.frames.number_rows import STAMP, TABLE_BYTES, Column, NumberTable
 from edgemap.runtime.frames.reading import read_bytes
 from edgemap.runtime.frames.trajectory import AttitudeTrack, Trajectory, tum_rows
+from edgemap.runtime.inputs.drives.pictures import list_pictures
 
 MATRICES = {
     count: NumberTable(tuple(Column("xyzw"[i // 4] + "xyzt"[i % 4]) for i in range(count))) for count in (12, 16)
@@ -80,6 +81,15 @@ def check_count(path: Path, count: int, pictures: int, where: Path) -> None:
     """Raises CameraError, with both numbers, where a file does not have one line per picture."""
     if count != pictures:
         raise CameraError(f"{path}: {count} lines for the {pictures} pictures in {where}")
+
+
+def depth_beside(folder: Path, pictures: int, where: Path) -> tuple[Path, ...]:
+    """The pictures in `depth/`, one for each of those in `where`; empty where there is no such folder. Raises
+    CameraError."""
+    depth = list_pictures(folder / "depth") if (folder / "depth").is_dir() else ()
+    if depth:
+        check_count(folder / "depth", len(depth), pictures, where)
+    return depth
 
 
 def trajectory(path: Path, stamps_s: Array, poses: tuple[SE2, ...]) -> Trajectory:

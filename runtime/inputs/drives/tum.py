@@ -30,8 +30,8 @@ MAX_GAP_S = 0.2  # truth is not interpolated over longer holes (the tracker lost
 def read_tum_drive(folder: Path) -> Drive:
     """Read a TUM folder. Poses are the optical frame's in a world that is z-up unless camera.yaml says otherwise.
 
-    With `rgb.txt` the truth is interpolated at the pictures' stamps, and pictures without truth are left out
-    (their number stands in `notes`). Without it, `poses.tum` has one line per picture. Raises CameraError.
+    With `rgb.txt` the truth is interpolated at the pictures' stamps, and pictures without truth are left out. Without
+    it, `poses.tum` has one line per picture. Raises CameraError.
     """
     setup = read_setup(folder, world_up="z")
     if (folder / "rgb.txt").is_file():
@@ -62,12 +62,10 @@ def _read_listed(folder: Path, setup: Setup) -> Drive:
             f"no picture of {listing} ({stamps[0]:.3f} to {stamps[-1]:.3f} s) lies in it"
         )
     poses_at: tuple[SE2, ...] = tuple(recorded.at(float(stamps[i]), MAX_GAP_S) for i in known)
-    dropped = len(images) - len(known)
-    notes = {"pictures_without_truth": dropped} if dropped else {}
     kept = stamps[known]
     truth = trajectory(truth_path, kept, poses_at)
     attitudes = camera_attitudes(truth_stamps, poses, setup.world_up)
-    return _drive(folder, tuple(images[i] for i in known), kept, setup, truth, attitudes, notes)
+    return _drive(folder, tuple(images[i] for i in known), kept, setup, truth, attitudes)
 
 
 def _drive(
@@ -77,13 +75,9 @@ def _drive(
     setup: Setup,
     truth: Trajectory | None,
     attitudes: AttitudeTrack | None = None,
-    notes: dict[str, int] | None = None,
 ) -> Drive:
     rate_hz = float(1.0 / np.median(np.diff(stamps))) if len(stamps) > 1 else setup.rate_hz
-    return Drive(
-        "tum", folder, images, stamps, setup.intrinsics, setup.mount, rate_hz, truth, attitudes=attitudes,
-        notes=notes or {},
-    )  # fmt: skip
+    return Drive("tum", folder, images, stamps, setup.intrinsics, setup.mount, rate_hz, truth, attitudes=attitudes)
 
 
 def _read_listing(path: Path) -> tuple[Array, tuple[Path, ...]]:

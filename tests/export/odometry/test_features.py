@@ -14,7 +14,7 @@ from edgemap.geometry.camera.intrinsics import Intrinsics
 from edgemap.geometry.camera.mount import Mount
 from edgemap.geometry.se2 import SE2
 from edgemap.runtime.frames.trajectory import Trajectory
-from edgemap.runtime.inputs.drives.write import write_drive
+from edgemap.runtime.inputs.drives.own import write_drive
 from edgemap.simulation.record import write_video
 
 

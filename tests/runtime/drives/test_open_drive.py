@@ -51,7 +51,6 @@ def test_kitti_without_a_camera_file(tmp_path):
     drive = open_drive(kitti(tmp_path / "k"))
     assert (drive.intrinsics, drive.mount) == (None, None)
     np.testing.assert_allclose(drive.stamps_s, [0.0, 0.1, 0.2])
-    assert "10 Hz assumed" in drive.notes["rate"]
 
 
 def test_kitti_times_are_used(tmp_path):
@@ -135,7 +134,6 @@ def test_tum_drops_what_lies_outside(tmp_path):
     drive = open_drive(f"tum:{tmp_path}")
     assert [path.name for path in drive.images] == ["1.png", "2.png"]
     assert drive.truth.poses[1].x_m == pytest.approx(1.0)
-    assert drive.notes == {"pictures_without_truth": 2}
     (tmp_path / "groundtruth.txt").write_text("50 0 0 1 -0.5 0.5 -0.5 0.5\n")
     assert "covers 50.000 to 50.000 s, no picture" in refusal(f"tum:{tmp_path}")
 
@@ -216,7 +214,6 @@ def test_locobot_truth_is_its_odometry_unless_there_is_better(tmp_path):
     write_locobot(tmp_path, LENS, MOUNT, 10.0, [(3.0, 1.0, 1.0, math.pi / 2), (3.1, 1.0, 1.4, math.pi / 2)])
     drive = open_drive(f"locobot:{tmp_path}")
     assert drive.truth.poses[1].vector() == pytest.approx([0.4, 0.0, 0.0], abs=1e-5)
-    assert drive.notes["truth"] == "wheel odometry"
     assert len(drive.depth) == 2
     better = Trajectory(np.array([3.0, 3.1]), (SE2(), SE2(0.5, 0.0, 0.0)))
     write_locobot(tmp_path, LENS, MOUNT, 10.0, [(3.0, 0, 0, 0), (3.1, 0.4, 0, 0)], better)
