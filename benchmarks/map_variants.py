@@ -137,7 +137,7 @@ def observed_by(replay: Replay, variants: Mapping[str, Variant]) -> Iterator[dic
             raise CameraError(f"{drive.folder}: neither intrinsics nor mount known")
         floor = FloorCamera(camera.intrinsics, camera.mount)
         sources = dict.fromkeys((variant.odometry, variant.wheels) for variant in variants.values())
-        sources = sorted(sources, key=lambda source: source[0] == "truth")  # the first one's motion tells the attitude
+        sources = sorted(sources, key=lambda source: source[0] == "truth")  # the first one's motion gives the attitude
         odometry = SideBySide(
             {
                 (spec, wheels): open_odometry(spec, bundle, camera, floor, wheels=wheels, rules=config.odometry)
@@ -184,7 +184,7 @@ def at_attitude(
 
 
 def true_objects(drive: Drive, frames: int | None = None) -> list[TrueObject]:
-    """The drive's objects, each with the number of frames in which it was seen: in boxes.json where that is known."""
+    """The drive's objects, each with the number of frames in which it is visible: by boxes.json where there is one."""
     seen: Counter[str] = Counter()
     for boxes in drive.boxes[:frames]:
         seen.update(boxes.visible_ids())
@@ -193,7 +193,7 @@ def true_objects(drive: Drive, frames: int | None = None) -> list[TrueObject]:
 
 
 def true_object(record: Mapping[str, Any], seen: Mapping[str, int] | None = None) -> TrueObject:
-    """A record of objects.json; seen: in how many frames each id was seen, None to believe the record."""
+    """A record of objects.json; seen: the number of frames that show each id; None takes the record's."""
     frames = int(record.get("visible_frames") or 0) if seen is None else seen.get(str(record["id"]), 0)
     footprint = tuple((float(x_m), float(y_m)) for x_m, y_m in record.get("footprint_m") or ())
     return TrueObject(record["label"], record["x_m"], record["y_m"], record["on_floor"], frames, footprint)

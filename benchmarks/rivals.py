@@ -157,7 +157,7 @@ def _median_ms(infer: Infer, probe: NDArray[np.float32]) -> float:
     return float(np.median(laps[3:]) * 1e3)
 
 
-REST_S = 0.02  # after each call, so that nobody's waiting threads slow the next; what they burn in it counts as theirs
+REST_S = 0.02  # after each call, so that its spinning threads do not slow the next; their use of it is counted
 WARM_UP, MINIMUM_ROUNDS = 2, 5
 
 Boxes = Callable[[NDArray[np.uint8]], object]

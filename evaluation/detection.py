@@ -186,7 +186,7 @@ def _overlaps(box: NDArray[np.float64], others: NDArray[np.float64]) -> tuple[ND
 
 
 SAME_IOU = 0.5
-INSIDE_SHARE = 0.5  # of a detection, within a true box that nobody is asked for
+INSIDE_SHARE = 0.5  # of a detection, within a true box that is not scored
 
 
 @dataclass(frozen=True, slots=True)

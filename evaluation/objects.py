@@ -14,7 +14,7 @@ from edgemap.geometry.objects.evaluation_row import STATES, EvaluationRow, State
 FOUND_M = 0.5  # from its true one, an object is found
 MINIMUM_FRAMES = 10  # seen in fewer, a true object is neither hit nor miss
 CONFIDENCE_BINS = (0.0, 0.5, 0.6, 0.7, 0.8, 0.9, 1.0)
-CONSISTENCY_M = 1.5  # a mapped object whose true one is farther away says nothing about its covariance
+CONSISTENCY_M = 1.5  # farther from its true object, a mapped one is not used to judge covariances
 
 
 @dataclass(frozen=True, slots=True)

@@ -20,7 +20,7 @@ from edgemap.runtime.network.manifest import OPSETS, ClassEntry, DetectorSpec, F
 # They walk away.
 LIVING = frozenset({"person", "bird", "cat", "dog", "horse", "sheep", "cow", "elephant", "bear", "zebra", "giraffe"})
 
-# They lie on tables, hang, fly, or are carried: a box's lower edge says nothing of the floor.
+# They lie on tables, hang, fly, or are carried: the box's lower edge is not on the floor.
 NEVER_ON_THE_FLOOR = frozenset(
     """airplane|boat|traffic light|umbrella|handbag|tie|frisbee|skis|snowboard|sports ball|kite|baseball bat
 baseball glove|skateboard|surfboard|tennis racket|bottle|wine glass|cup|fork|knife|spoon|bowl|banana|apple|sandwich

@@ -75,7 +75,7 @@ class Session:
 
         imu: samples since the picture before: (N, 7) stamp_s, gyro x y z (rad/s), accelerometer x y z (m/s^2) in the
         camera's optical axes. wheels: pose of the wheel odometry at the stamp, (x_m, y_m, yaw_rad), with every picture
-        or with none. Raises CameraError for what is no picture, and for a session that reads a camera.
+        or with none. Raises CameraError for an invalid picture, and for a session that reads a camera.
         """
         if not isinstance(self.camera, PushedCamera):
             raise CameraError(
@@ -114,7 +114,7 @@ class Session:
         save_map(Path(path), self.map, mapper.annotations(), mapper.grid.grid())
 
     def close(self) -> None:
-        """Close the sinks and let go of the camera."""
+        """Close the sinks and the camera."""
         try:
             if self._steps is not None:
                 self._steps.close()

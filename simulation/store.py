@@ -12,7 +12,7 @@ import numpy as np
 from edgemap.simulation.errors import SimulationError
 from edgemap.simulation.studio import Shot
 
-# Says what the folder holds; written first, and with `complete` set as the very last thing.
+# What the folder holds; written first, and last of all again with `complete` set.
 RECORD_NAME = "simulation.json"
 _PARTS = ".parts"
 _MOST_DEPTH_MM = 65535

@@ -24,7 +24,7 @@ from edgemap.simulation.robot.motion import Limits, SampledDrive
 from edgemap.simulation.robot.nodding import Tilts, nodding_of
 from edgemap.simulation.robot.plan_grid import PlanGrid, VisibilityEstimate
 
-# What a drive must offer within its first 45 s, told from the plan: a little more than the contract asks, because
+# What a drive must offer within its first 45 s, estimated from the plan: a little more than the contract asks, because
 # the plan's estimate of what is seen is one. Judged on every n-th of 450 moments, whatever the camera's rate.
 CONTRACT_STAMPS_S = np.arange(450) / 10.0
 _CONTRACT_S = 45.0

@@ -92,7 +92,7 @@ def _scale(example: Example, longer: float, generator: Generator) -> NDArray[np.
 
 
 def _paste(canvas: NDArray[np.uint8], example: Example, scale: NDArray, corner: NDArray, window: NDArray) -> _Part:
-    """Draw a scaled picture at `corner` inside `window` (xyxy); its boxes there, and what share of each is seen."""
+    """Draw a scaled picture at `corner` inside `window` (xyxy); its boxes there, and the visible share of each."""
     left, top, right, bottom = (int(v) for v in np.rint(window))
     matrix = np.array([[scale[0], 0.0, corner[0]], [0.0, scale[1], corner[1]]])
     # From outer edges of pixels to their centres, which OpenCV counts in.

@@ -43,7 +43,7 @@ class Batches:
         self._rank, self._ranks, self._workers = rank, ranks, workers
         sources = np.array([example.source for example in examples])
         often = rarity(examples)
-        # A mosaic's pictures are of one source: what their labels tell must be told of all four.
+        # A mosaic's pictures are of one source: its labels must cover the same classes in all four.
         self._parts = {source: np.flatnonzero(sources == source) for source in set(sources.tolist())}
         self._chances = {source: np.cumsum(often[rows]) for source, rows in self._parts.items()}
 

@@ -147,7 +147,7 @@ def make_batch(
 def _mounts(
     drive: FeatureDrive, indices: NDArray[np.intp], dt_s: NDArray[np.float64], rng: np.random.Generator | None
 ) -> NDArray[np.float32]:
-    """The mount of each frame as the head is told it, (T, 12): the true attitude with a filter's error."""
+    """The mount of each frame as the head's input, (T, 12): the true attitude with a filter's error."""
     if drive.angles is None or (rng is not None and rng.random() >= KNOWN_ATTITUDE):
         return np.repeat(drive.mount, len(indices), axis=0)
     angles = drive.angles[indices]

@@ -185,7 +185,7 @@ _STORES: dict[str, FeatureStore] = {}
 
 
 def _content(drive: Drive) -> str:
-    """What tells these pictures from others rendered in their place: the video's sum, or each file's size and time."""
+    """A sum that changes with the pictures: of the video, or of each file's size and time."""
     if drive.video is not None:
         with drive.video.open("rb") as file:
             return hashlib.file_digest(file, "sha256").hexdigest()

@@ -25,7 +25,7 @@ from edgemap.export.odometry.correlation import (
 )
 from edgemap.export.odometry.rigid import CellGeometry, MotionSolution, ShownCells, solve
 
-GRID_STRIDE = 16  # px of the input per cell in which displacements are told
+GRID_STRIDE = 16  # px of the input per cell of the displacements
 COARSE_ROWS, COARSE_COLUMNS = 3, 7  # reach of the coarse search, in cells of stride 16: 112 px to the sides
 SIGMA = 0.01  # a cell's weight of 1 stands for this standard deviation of its bearing
 FAR_INVERSE_DEPTH = 0.4  # 1/unit, what is taken for the depth of a cell that does not see the floor, at first
@@ -92,7 +92,7 @@ class FlowHead(nn.Module):
         self.remember = nn.Conv2d(sizes.width, sizes.hidden, 3, 2, 1)
         self.gates = nn.Conv2d(2 * sizes.hidden, 4 * sizes.hidden, 3, padding=1)
         self.expect = nn.Linear(sizes.hidden, 6)
-        self.evidence = nn.Parameter(torch.tensor([-3.0, -3.0]))  # log of what one more cell tells: they err together
+        self.evidence = nn.Parameter(torch.tensor([-3.0, -3.0]))  # log of one more cell's weight: errors correlate
         for layer in (self.tell, self.retell, self.expect):
             nn.init.normal_(layer.weight, std=1e-3)
             nn.init.zeros_(layer.bias)  # type: ignore[arg-type]

@@ -142,7 +142,7 @@ def solve(
     each, (B, 2, N). prior: another estimate of the motion, (B, 3), with independent information (B, 3). One step of
     Gauss and Newton from `start`, (B, 3); the normal equations with their right side are one symmetric (B, 6, 6).
     """
-    # In float64: what the tilt takes off the motion's information is nearly all of it where only far things are seen.
+    # In float64: where only far points are visible, marginalising the tilt leaves little of the motion's information.
     rows = torch.cat([slopes, residuals[:, :, None]], dim=2).double()
     normal = torch.matmul(rows * weights[:, :, None].double(), rows.transpose(2, 3)).sum(dim=1)
     offset = torch.cat([prior - start, torch.zeros_like(start)], dim=1)[:, :, None]  # of the tilts' priors: none

@@ -153,7 +153,7 @@ def _kept_channels(small: FlowHead, large: FlowHead, steps: Sequence[_Step]) -> 
 def _informative(
     values: Tensor, readers: Sequence[tuple[Tensor, int]], count: int, also: Tensor | float = 0.0
 ) -> Tensor:
-    """The channels of values (B, C, H, W) that tell most about the others. readers: weights of what reads them, and
+    """The most informative channels of values (B, C, H, W). readers: weights of what reads them, and
     from which of its inputs on."""
     rows = _cells(values)
     chosen = rows[torch.randperm(len(rows), generator=torch.Generator().manual_seed(0))[:ROWS].to(rows.device)]

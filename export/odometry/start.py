@@ -75,7 +75,7 @@ def unit_of(drives: Sequence[FeatureDrive]) -> float:
 
 
 def _fit(head: FlowHead, larger: Path, store: FeatureStore, drives: Sequence[FeatureDrive], device: str) -> None:
-    """Raises ExportError where the larger one is no flow head, or of another grid."""
+    """Raises ExportError where the larger head is of another kind or grid."""
     teacher = load_head(larger)
     if not isinstance(teacher.head, FlowHead) or (teacher.head.rows, teacher.head.columns) != (head.rows, head.columns):
         raise ExportError(

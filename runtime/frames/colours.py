@@ -54,7 +54,7 @@ MARKS = tuple(
 )
 PALETTE = _SETS[0] + _SETS[1]
 
-# What bundles map by default has a mark of its own; other labels share by chance, and their names stand beside them.
+# Classes that bundles map by default have marks of their own; other labels may share one, beside their name.
 USUAL = (
     "chair", "couch", "potted plant", "bed", "dining table", "tv", "refrigerator", "toilet", "suitcase", "backpack",
     "bench", "oven", "sink", "vase", "bicycle", "car", "motorcycle", "bus", "train", "truck", "fire hydrant",

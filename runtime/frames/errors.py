@@ -55,9 +55,9 @@ class FaultKind(StrEnum):
     LATE = "late"  # silent beyond the stall limit
     FAILED = "failed"  # the device's driver raised an error
     CLOSED = "closed"  # the device does not open
-    REMOVED = "removed"  # the system says that the device is gone
+    REMOVED = "removed"  # the system reports that the device was removed
     STALE = "stale"  # the same pixels again
-    STAMP = "stamp"  # a stamp that stands still or is no number
+    STAMP = "stamp"  # a stamp that repeats or is not a number
     CLOCK = "clock"  # stamps that jump
     SIZE = "size"  # a picture of another size
     FORMAT = "format"  # a picture that is not (H, W, 3) uint8
@@ -91,7 +91,7 @@ class CameraFault(CameraError):
 
 
 class FrameTimeout(CameraError):
-    """No frame yet, which is no fault: raised by a live `Camera.read` so that its reader can do something else.
+    """No frame yet, which is not a fault: raised by a live `Camera.read` so that its reader can do something else.
 
     stamp_s: the time now on the stream's clock, None before the first frame.
     """

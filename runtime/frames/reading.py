@@ -26,7 +26,7 @@ SHOWN = 60  # of a value
 TREE_BYTES = 1 << 20  # of a document that is read again to show what was wrong in it: any values, each some 100 bytes
 HIDDEN = r"\x00-\x1f\x7f-\x9f\u200b-\u200f\u2028-\u202e\u2060-\u206f\ufeff"  # control characters, text directions
 
-# Numbers and names as files may hold them. NaN and infinity satisfy no bound, so none of them ever comes in.
+# Numbers and names as files may hold them. NaN and infinity satisfy no bound, so they are refused.
 Coordinate = Annotated[float, Meta(ge=-1e6, le=1e6)]  # metres or pixels
 Size = Annotated[float, Meta(ge=0.0, le=1e6)]  # metres or pixels
 Stamp = Annotated[float, Meta(ge=-1e12, le=1e12)]  # seconds
@@ -91,7 +91,7 @@ def read_bytes(path: Path, limit_bytes: int, error: type[EdgemapError]) -> bytes
 
 
 def read_text(path: Path, limit_bytes: int, error: type[EdgemapError]) -> str:
-    """All of a UTF-8 file. Raises `error` as `read_bytes` does, and where it is no UTF-8."""
+    """All of a UTF-8 file. Raises `error` as `read_bytes` does, and where it is not UTF-8."""
     try:
         return read_bytes(path, limit_bytes, error).decode("utf-8")
     except UnicodeDecodeError as why:

@@ -91,7 +91,7 @@ def download(
         part.replace(target)
         _delete(notes)
     except urllib.error.HTTPError as error:
-        if error.code == 416:  # what is there is no beginning of what the server has
+        if error.code == 416:  # the partial file is not the beginning of the server's
             _delete(part, notes)
         raise DownloadError(f"{label}: HTTP {error.code} {one_line(error.reason)}") from None
     except (OSError, http.client.HTTPException, ValueError) as error:

@@ -89,7 +89,7 @@ class Edits:
         return future
 
     def end(self) -> None:
-        """Refuses the edits that wait, and all that come later: nobody will apply them."""
+        """Refuses the edits that wait and all later ones: the run has ended."""
         self._ended = True
         while self._waiting:
             _, future = self._waiting.popleft()
@@ -113,7 +113,7 @@ class Edits:
             changed = True
         while self._waiting:
             edit, future = self._waiting.popleft()
-            if not future.set_running_or_notify_cancel():  # nobody waits for it any more
+            if not future.set_running_or_notify_cancel():  # its sender has stopped waiting
                 continue
             try:
                 answers.append((future, mapper.edit(edit)))
@@ -126,7 +126,7 @@ class Edits:
             self._unsaved = True
         if time.monotonic() - self._saved_s >= SAVE_EVERY_S:
             failed += self.settle(mapper)
-        for future, answer in answers:  # last, so that whoever waited finds the edited map
+        for future, answer in answers:  # last, so that the sender reads the edited map
             future.set_result(answer)
         return failed
 
@@ -153,7 +153,7 @@ def _call(listeners: Sequence[Edited], mapper: Mapper) -> list[str]:
     for listener in listeners:
         try:
             listener(mapper.objects(), mapper.annotations())
-        except Exception as error:  # as with sinks: whoever listens, the run goes on
+        except Exception as error:  # as with sinks: a listener's error does not end the run
             failed.append(f"edited map: {error_line(error)}")
     return failed
 

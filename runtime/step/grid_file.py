@@ -52,7 +52,7 @@ def load_grid(path: Path) -> OccupancyGrid | None:
     """The grid that a map.json, or the one of a run folder, names beside it; None where it names none, and with a
     message where that file is not there: a map.json may be copied alone.
 
-    Raises MapError in one line where the file is no grid, or larger than 8192 x 8192 cells.
+    Raises MapError in one line where the file is not a grid, or larger than 8192 x 8192 cells.
     """
     path = path / "map.json" if path.is_dir() else path
     name = decode_json(read_bytes(path, MAP_BYTES, MapError), _Named, f"{path}: damaged map", MapError).grid

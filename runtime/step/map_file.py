@@ -202,7 +202,7 @@ def load_map(path: Path) -> list[MapObject]:
 def load_annotated_map(path: Path) -> tuple[list[MapObject], Annotations]:
     """Read a map.json, or the one of a run folder: objects, and what people have added; unknown fields are left out.
 
-    Raises MapError in one line for anything that is no map: numbers out of range, covariances that are not symmetric
+    Raises MapError in one line for anything that is not a map: numbers out of range, covariances that are not symmetric
     and positive, ids given twice.
     """
     path = map_path(path)

@@ -67,7 +67,7 @@ class SinkGroup:
             outage = self._outages.get(place)
             try:
                 sink.write(result, objects)
-            except Exception as error:  # sinks raise what they like; mapping goes on
+            except Exception as error:  # a sink may raise anything; mapping continues
                 if outage is not None:
                     outage.steps += 1
                     continue

@@ -115,7 +115,7 @@ def _movable(item: Placed, furniture: tuple[Placed, ...]) -> bool:
 def _elsewhere(
     apartment: Apartment, item: Placed, others: list[Placed], shunned: list[Placed], rng: np.random.Generator
 ) -> Placed | None:
-    """The piece near a wall of any room, far from where it and its like stand or stood; None where that fails."""
+    """The piece near a wall of any room, far from present and former places of its label; None where that fails."""
     plan, home = apartment.plan, Layout(apartment.plan, "test", rng)  # no models are drawn
     for other in others:
         home.boxes.add(other.footprint_home_m(), other.z_m, other.z_m + other.model.height_m, other.id)

@@ -24,7 +24,7 @@ _CORNER_M = 0.12
 
 
 def draw_plan(rng: np.random.Generator) -> ApartmentPlan:
-    """A plan of one (seldom) to four rooms, every room joined to the main one by doorways."""
+    """A plan of one (rarely) to four rooms, every room connected to the main one by doorways."""
     count = int(rng.choice([1, 2, 3, 4], p=[0.06, 0.30, 0.36, 0.28]))
     homes = _HOMES[str(count)]
     kinds = tuple(homes[int(rng.integers(len(homes)))].split())
@@ -78,7 +78,7 @@ def _column(t: float, left: float, right: float, y0: float, y1: float) -> Rectan
 
 
 def _shared(a: RoomArea, b: RoomArea) -> tuple[bool, float, float, float] | None:
-    """The wall between two neighbours: whether it is crossed along x, its low face, and the stretch both share."""
+    """The wall between two neighbours: whether it is crossed along x, its low face, and the part that both share."""
     for across_x, (a0, a1, b0, b1), stretch in (
         (True, (a.x0, a.x1, b.x0, b.x1), (max(a.y0, b.y0), min(a.y1, b.y1))),
         (False, (a.y0, a.y1, b.y0, b.y1), (max(a.x0, b.x0), min(a.x1, b.x1))),

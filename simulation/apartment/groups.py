@@ -1,4 +1,4 @@
-"""Groups of furniture: tables with chairs, small things on furniture, a kitchen's row along one wall."""
+"""Groups of furniture: tables with chairs, small items on furniture, a kitchen's row along one wall."""
 
 import math
 
@@ -44,7 +44,7 @@ def _chairs(home: Layout, table: Placed, room: RoomArea) -> None:
 
 
 def small_items(home: Layout, support: Placed, room: RoomArea, count: int, vases: float = 0.2) -> None:
-    """Small things on a piece; vases: share of vases and small plants."""
+    """Small items on a piece; vases: share of vases and small plants."""
     for _ in range(count):
         draw = home.rng.random()
         kind = "vase" if draw < vases * 0.6 else "small plant" if draw < vases else "table clutter"

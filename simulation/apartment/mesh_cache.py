@@ -38,7 +38,7 @@ def kept(key: str, source: Path, most_triangles: int, make: Callable[[], Mesh]) 
 
 
 def _read(path: Path, stamp: NDArray[np.int64]) -> Mesh | None:
-    """None where there is no such file, or not a whole one, or one of something else."""
+    """None where the file is missing, incomplete, or of another model."""
     try:
         with np.load(path, allow_pickle=False) as arrays:
             if not np.array_equal(arrays["stamp"], stamp):
@@ -57,7 +57,7 @@ def _read(path: Path, stamp: NDArray[np.int64]) -> Mesh | None:
 
 
 def _write(path: Path, stamp: NDArray[np.int64], mesh: Mesh) -> None:
-    """Write the file whole or not at all, whoever else writes it. Raises OSError."""
+    """Writes the file atomically, also beside other writers. Raises OSError."""
     arrays: dict[str, NDArray] = {"stamp": stamp}
     for name in _ROWS:
         table, rows = _unique_rows(np.concatenate([getattr(part, name) for part in mesh.parts]))

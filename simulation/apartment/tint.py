@@ -28,7 +28,7 @@ class Tint:
 
 
 def draw_tint(rng: np.random.Generator, strength: float) -> Tint | None:
-    """A tint; None for about half of the pieces. strength: 1 for painted and woven things, near 0 for what grows."""
+    """A tint; None for about half of the pieces. strength: 1 for painted and woven pieces, near 0 for plants."""
     if rng.random() < 0.5:
         return None
     brightness = float(np.exp(rng.normal(0.0, 0.28 * strength)))

@@ -90,7 +90,7 @@ class RenderTarget:
         self.context.release()
 
     def _uploaded(self, image: NDArray[np.uint8]) -> Any:
-        """A texture with mipmaps, its sides powers of two: Mesa compiles every shader anew for each KIND of texture.
+        """A texture with mipmaps, its sides powers of two: Mesa compiles every shader again for each KIND of texture.
         Colours are kept as square roots of linear light."""
         size = tuple(1 << max(4, round(math.log2(side))) for side in image.shape[1::-1])
         if size != image.shape[1::-1]:
@@ -153,7 +153,7 @@ def _context(moderngl: Any) -> Any:
         ) from None
 
 
-# One byte per pixel tells the objects of one picture apart.
+# One byte per pixel identifies the objects of one picture.
 _MOST_OBJECTS = 254
 
 

@@ -69,7 +69,7 @@ class PlanGrid:
         return np.asarray((local <= [item.model.depth_m / 2.0, item.model.width_m / 2.0]).all(axis=-1))
 
 
-# Sample points of a piece in units of its half sides and its height: enough to tell a third from a half.
+# Sample points of a piece in units of its half sides and its height: enough to distinguish a third from a half.
 _ACROSS, _ALONG, _UP = (-0.8, 0.0, 0.8), (-0.7, 0.7), (0.2, 0.55, 0.9)
 _RAY_STEPS = 48
 _NEAREST_M, _FARTHEST_M = 0.4, 7.0

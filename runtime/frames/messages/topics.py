@@ -11,7 +11,7 @@ EDITS = "/edits"  # lines of edits.jsonl
 POSE, ODOMETRY, BOXES = "/pose", "/odometry", "/detections"
 OBJECTS, MARKERS, GRID = "/map/objects", "/map/markers", "/map/grid"
 GOAL = "/goal_pose"  # which Nav2's bt_navigator drives to
-MAP, FLOOR_SCAN = "/map", "/floor_scan"  # the floor that was seen, and where this picture's floor ends
+MAP, FLOOR_SCAN = "/map", "/floor_scan"  # the mapped floor, and where this picture's floor ends
 
 KINDS = {
     PICTURES: "sensor_msgs/msg/CompressedImage",

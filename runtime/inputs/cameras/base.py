@@ -136,7 +136,7 @@ class PacedCamera(CameraAround):
         self._ahead: Frame | None = None
 
     def read(self) -> Frame | None:
-        """The next frame, once its stamp has come; None at the end. Raises FrameTimeout where that takes longer."""
+        """The next frame at its stamp; None at the end. Raises FrameTimeout where that takes longer."""
         frame, self._ahead = self._ahead or super().read(), None
         if frame is None:
             return None

@@ -15,7 +15,7 @@ SAMPLE_STEP = 8  # px between the pixels that are compared
 DARKEST, BRIGHTEST = 8.0, 247.0  # mean levels beyond which a colour picture may well have no colour
 CLOCK_JUMP_LIMIT_S = 1.0  # stamps may run ahead of the host's clock by this much: frames that lay in a queue
 SMALLEST_STEP_S = 1e-4
-BACKWARD_LIMIT_S = 0.05  # a clock that is being disciplined steps back a little; less than a frame is no fault
+BACKWARD_LIMIT_S = 0.05  # a clock that is being disciplined steps back a little; less than a frame is not a fault
 
 
 class DeliveryCheck:
@@ -33,7 +33,7 @@ class DeliveryCheck:
         self._wrong: set[FaultKind] = set()
 
     def __call__(self, grabbed: Any, arrived_s: float) -> Picture | None:
-        """The picture at its stamp in the stream; None where it is no new picture of this camera. grabbed: whatever a
+        """The picture at its stamp in the stream; None where it is not a new picture of this camera. grabbed: what a
         driver returned."""
         now: set[FaultKind] = set()
         picture, stamp_s, depth, bgr = None, math.nan, None, None
@@ -112,7 +112,7 @@ class StreamClock:
         self._restarted = False
 
     def restart(self) -> None:
-        """The device was opened again: its clock may have begun again, which is no fault."""
+        """The device was opened again: its clock may have begun again, which is not a fault."""
         self._restarted = True
 
     def now_s(self, host_s: float) -> float | None:

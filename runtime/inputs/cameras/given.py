@@ -57,7 +57,7 @@ def as_picture(given: Any, name: str) -> Picture:
 class FramesCamera(CameraBase):
     """The pictures of an iterable, in order: BGR arrays, or (stamp_s, BGR array) pairs.
 
-    Those without stamps come ten a second. Raises CameraError where there is no picture, or the first is no image.
+    Those without stamps come ten a second. Raises CameraError where there is no picture, or the first is not an image.
     """
 
     def __init__(

@@ -1,4 +1,4 @@
-"""Inertial samples that come by themselves, from a driver's thread or from a program, dealt out with the frames."""
+"""Inertial samples from a driver's thread or a program, delivered with the frames."""
 
 import threading
 from collections.abc import Callable, Sequence

@@ -106,7 +106,7 @@ class LiveCamera(CameraBase):
     def _poll(self) -> None:
         try:
             picture = self._supervisor.poll()
-        except Exception as error:  # handed to the reader, who must not wait for a thread that is gone
+        except Exception as error:  # passed to the reader, which must not wait for a thread that has ended
             self._lost = error
             picture = None
         with self._changed:

@@ -73,7 +73,7 @@ VIDEO_CAPTURE, VIDEO_CAPTURE_MPLANE = 0x1, 0x1000
 
 @dataclass(frozen=True, slots=True)
 class ConnectedCamera:
-    """A camera that is here. spec: what to type after `--camera`. name: its own. knows_lens: it reports intrinsics.
+    """A connected camera. spec: what to type after `--camera`. name: its own. knows_lens: it reports intrinsics.
 
     problem: why it cannot be opened; empty where it can or that is unknown.
     """

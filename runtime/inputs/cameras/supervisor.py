@@ -170,7 +170,7 @@ class Supervisor:
         if device is not None:
             try:
                 device.close()
-            except Exception as error:  # a device that is gone may fail to close; it is gone all the same
+            except Exception as error:  # a removed device may fail to close; it counts as closed
                 self._fault(FaultKind.FAILED, f"does not close: {error_line(error)}")
 
     def _changed(self, present: bool) -> None:

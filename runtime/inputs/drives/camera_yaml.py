@@ -83,7 +83,7 @@ class _CameraYaml(LensRecord):
 def read_camera_yaml(path: Path) -> CameraFile:
     """Read and check a `camera.yaml`; unknown and missing fields are errors.
 
-    Raises CameraError, one line with the path, for text that is no YAML, wrong fields, and numbers that cannot be.
+    Raises CameraError, one line with the path, for text that is not YAML, wrong fields, and impossible numbers.
     """
     # Lax, because YAML 1.1 reads 1e-3 as text.
     record = convert(read_yaml(path, CameraError), _CameraYaml, path, CameraError, strict=False)

@@ -25,7 +25,7 @@ LEVEL = 1e-4  # rad and m; files round
 def read_matrices(path: Path, columns: int) -> Array:
     """Poses (N, 4, 4) from lines of 12 numbers (3x4, KITTI) or 16 (4x4), row-major, metres.
 
-    Raises CameraError with the line number for a line of other length, NaN, or a matrix that is no rigid motion.
+    Raises CameraError with the line number for a line of other length, NaN, or a matrix that is not a rigid motion.
     """
     _, rows = MATRICES[columns].read(path, CameraError)
     poses = np.tile(np.eye(4), (len(rows), 1, 1))

@@ -29,7 +29,7 @@ vase|scissors|teddy bear|hair drier|toothbrush""".replace("\n", "|").split("|")
 )
 LABEL_BYTES = 4 << 20
 CLASS_LIMIT = 10_000
-LABEL_SCORE = 0.45  # of a told box that counts as a label; weaker ones down to DOUBT_SCORE are neither object nor not
+LABEL_SCORE = 0.45  # of a predicted box that is a label; from DOUBT_SCORE on it is neither object nor background
 DOUBT_SCORE = 0.2
 
 

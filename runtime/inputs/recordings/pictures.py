@@ -179,7 +179,7 @@ class RecordedDepth:
 
 def depth_of(recording: McapReading, topic: str | None = None) -> RecordedDepth | None:
     """The depth of a foreign recording: of a topic, by default of the first that Intel's driver has aligned to
-    the colour picture. Raises CameraError where there is no such topic, or it is no depth."""
+    the colour picture. Raises CameraError where there is no such topic, or it is not depth."""
     found = {name: known.kind for name, known in recording.topics.items() if known.kind in READERS and known.count}
     if topic is not None and topic not in found:
         raise CameraError(f"{recording.path}: no topic {topic} of sensor_msgs Image or CompressedImage, for depth")

@@ -41,7 +41,7 @@ class McapReading:
 
     topics: by name. metadata, attachments: edgemap's own, by name. Messages are decoded by ROS's own definitions of the
     kinds that edgemap knows, never by a definition in the file.
-    Raises CameraError, one line, for what is no MCAP file and for damage inside a complete one.
+    Raises CameraError, one line, for files that are not MCAP, and for damage inside a complete one.
     """
 
     def __init__(self, path: Path) -> None:

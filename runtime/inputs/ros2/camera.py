@@ -100,11 +100,11 @@ class Ros2Driver:
         return device
 
     def reset(self) -> bool:
-        """There is no hardware here."""
+        """Nothing to reset: a topic has no hardware."""
         return False
 
     def watch(self, changed: Callable[[bool], None]) -> None:
-        """Nothing to watch: DDS does not report that a publisher has gone."""
+        """Nothing to watch: DDS does not report that a publisher has left."""
 
     def mount(self) -> Mount | None:
         """Mount of the pictures' frame; None where tf does not connect it to base_footprint. Raises CameraError."""

@@ -14,8 +14,8 @@ from edgemap.runtime.inputs.recordings.foreign import info_topics, lens_of
 from edgemap.runtime.inputs.recordings.pictures import APART_S, READERS, aligned
 from edgemap.runtime.inputs.ros2.node import Node, Subscription
 
-WAIT_S = 0.05  # for the depth of a picture that has come, where depth came with the one before
-ASK_S = 1.0  # between two looks for a topic that nobody publishes
+WAIT_S = 0.05  # for the depth of a picture, where the picture before had depth
+ASK_S = 1.0  # between two searches for a topic that is not published
 KEPT = 6  # depth pictures that may belong to a picture yet to come
 SAME_SHARE = 0.01  # of the picture's width: focal lengths and centres that differ by less are one lens
 

@@ -11,7 +11,7 @@ from edgemap.runtime.frames.errors import Ros2Error
 
 LAST_DOMAIN = 232  # ports above it do not exist
 PARTICIPANTS = 32  # on one machine, that are looked for by their ports
-LOOK_EVERY = "1s"  # programs of an older ROS 2 call by multicast alone, which nobody hears on the loopback interface
+LOOK_EVERY = "1s"  # an older ROS 2 announces itself by multicast alone, which the loopback interface lacks
 RANGES = ("LOCALHOST", "SUBNET", "OFF", "SYSTEM_DEFAULT")
 
 

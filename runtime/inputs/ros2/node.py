@@ -89,7 +89,7 @@ class Subscription:
                 continue
 
     def newest(self) -> Any | None:
-        """The newest message that has come; older ones are not decoded. Raises Ros2Error where it is damaged."""
+        """The newest received message; older ones are not decoded. Raises Ros2Error where it is damaged."""
         samples = self._samples()
         if not samples:
             return None

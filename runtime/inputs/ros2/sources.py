@@ -55,7 +55,7 @@ class RobotOdom:
             for step in message.transforms:
                 if (step.header.frame_id, step.child_frame_id) == (self._frames.odom, self._frames.base):
                     moved = step.transform
-                    with suppress(CameraError):  # what is no transform is none
+                    with suppress(CameraError):  # invalid transforms are ignored
                         pose = planar(moved.translation, moved.rotation, TF)
                         self._track.push(to_s(ns_of(step.header.stamp)), pose)
         try:
@@ -88,6 +88,6 @@ class WheelTopic(GrowingTrack):
 
     def _take(self) -> None:
         for message in self._messages.take():
-            with suppress(CameraError):  # what is no pose is none
+            with suppress(CameraError):  # invalid poses are ignored
                 pose = planar_pose(message.pose.pose, self._name)
                 self.push(to_s(ns_of(message.header.stamp)) - self.offset_s, pose)

@@ -13,7 +13,7 @@ from edgemap.geometry.observations.class_extents import HEIGHT_M, MEASURED
 from edgemap.geometry.observations.detections import Detections
 from edgemap.geometry.observations.lens_height import BORDER_PX, lens_heights
 
-USUAL_PITCH_RAD, PITCH_SIGMA_RAD = math.radians(8.0), math.radians(10.0)  # of robots' cameras, where no edges tell
+USUAL_PITCH_RAD, PITCH_SIGMA_RAD = math.radians(8.0), math.radians(10.0)  # of robots' cameras, without edges
 USUAL_HEIGHT_M, HEIGHT_SIGMA = 0.6, 0.7  # of the lens, and of its logarithm
 CARRIED_HEIGHT_M, CARRIED_SIGMA = 1.5, 0.15  # of a camera in a person's hands, before the chest, or on the head
 TRIED_PITCH_RAD = np.radians(np.arange(-10.0, 46.0, 1.0))

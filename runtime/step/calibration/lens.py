@@ -41,7 +41,7 @@ class LensFit:
 
 
 def fit_lens(views: list[BoardView], board: Board, size: tuple[int, int]) -> LensFit:
-    """Focal lengths, principal point and Brown-Conrady's k1, k2, p1, p2 (k3 = 0: boards seldom determine it).
+    """Focal lengths, principal point and Brown-Conrady's k1, k2, p1, p2 (k3 = 0: boards rarely determine it).
 
     Zhang's method, by OpenCV. Views that fit three times worse than the median are left out once. size: (width, height)
     of the pictures. Raises CalibrationError, one line with the numbers, where views are too few, see too little of the

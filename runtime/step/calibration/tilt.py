@@ -85,7 +85,7 @@ def fit_tilt(pictures: list[Segments]) -> TiltFit:
         )
     groups = min(len(used), GROUPS)
     left_out = [[edges for at, edges in enumerate(used) if at % groups != group] for group in range(groups)]
-    found = [pitch_roll(_refined(rest, up, 1)) for rest in left_out]  # edges of one picture err together
+    found = [pitch_roll(_refined(rest, up, 1)) for rest in left_out]  # errors of one picture's edges are correlated
     pitch_sigma, roll_sigma = np.sqrt((groups - 1) * np.var(np.array(found), axis=0)).tolist()
     if not max(pitch_sigma, roll_sigma) <= WORST_TILT_RAD:
         raise CalibrationError(

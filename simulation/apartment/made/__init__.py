@@ -25,7 +25,7 @@ KINDS = (
     "armchair", "backpack", "basin", "bed", "chair", "corner couch", "couch", "dining table", "microwave",
     "office chair", "oven", "potted plant", "refrigerator", "small plant", "stool", "suitcase", "toilet", "tv", "vase",
 )  # fmt: skip
-# Kinds whose top other things stand on.
+# Kinds whose top carries other furniture.
 FLAT_TOPS = {"dining table"}
 
 _SHAPES: dict[str, Callable[..., Any]] = {
