@@ -6,7 +6,6 @@ DIR/paper_tables.json every figure, DIR/ways/ the ways over the true ones (the p
 """
 
 import json
-import subprocess
 import sys
 from dataclasses import dataclass
 from pathlib import Path
@@ -17,9 +16,9 @@ import tyro
 
 from edgemap.benchmarks.odometry import OWN_WHEELS, ScoredDrive, Selection, score_drive, sequence_names, together
 from edgemap.benchmarks.paper_page import page
+from edgemap.benchmarks.rooms import rendered
 from edgemap.evaluation.detection import Counts, ScoredPicture, count_detections
 from edgemap.geometry.errors import EdgemapError
-from edgemap.runtime.frames.errors import OdometryError
 from edgemap.runtime.inputs.drives import READERS, open_drive
 from edgemap.runtime.inputs.drives.labelled import LabelledPictures
 from edgemap.runtime.inputs.open import DEMO
@@ -55,7 +54,9 @@ def main(options: TableOptions) -> None:
     """Render where needed, measure, and write page and figures."""
     try:
         bundle = load_bundle(bundle_folder(options.bundle), options.threads, pace="files")
-        specs = [f"drive:{DEMO}" if spec == "demo" else spec for spec in options.data] or _rendered(options)
+        specs = [f"drive:{DEMO}" if spec == "demo" else spec for spec in options.data] or [
+            f"drive:{home}" for home in rendered(options.seeds or "", options.frames, options.out / "drives")
+        ]
         names = [
             name if spec != f"drive:{DEMO}" else "demo" for name, spec in zip(sequence_names(specs), specs, strict=True)
         ]
@@ -153,22 +154,6 @@ def _ways(scored: dict[str, dict[str, ScoredDrive]], folder: Path) -> dict[str, 
         plot_ways(folder / file, name, true, {column: way.estimated for column, way in ways.items()})
         drawn[name] = f"{folder.name}/{file}"
     return drawn
-
-
-def _rendered(options: TableOptions) -> list[str]:
-    """The seeds' homes, rendered where they are not there yet. Ends the program where that fails."""
-    try:
-        first, end = (int(part) for part in (options.seeds or "").split(":"))
-    except ValueError:
-        raise OdometryError(f"--seeds {options.seeds}: expected A:B, or else --data KIND:DIR …") from None
-    specs = []
-    for seed in range(first, end):
-        drive = options.out / "drives" / str(seed)
-        command = ["simulate", "--seed", str(seed), "--frames", str(options.frames), "-o", str(drive)]
-        if subprocess.run([sys.executable, "-m", "edgemap.cli", *command], stdout=sys.stderr).returncode:
-            sys.exit(f"edgemap {' '.join(command)} failed")
-        specs.append(f"drive:{drive}")
-    return specs
 
 
 if __name__ == "__main__":

@@ -68,7 +68,8 @@ def main(options: RoomsOptions) -> None:
     variants = {name: Variant(odometry or options.odometry, *rest) for name, (odometry, *rest) in chosen.items()}
     bundle = load_bundle(bundle_folder(options.bundle))
     rows: list[dict[str, Any]] = []
-    for folder in drives_in(options.data) if options.data else _rendered(options):
+    homes = rendered(options.seeds, options.frames, options.out, options.light)
+    for folder in drives_in(options.data) if options.data else homes:
         if options.frozen:
             check_sums(folder)
         rows.append(_scored(folder, bundle, variants, options.frames))
@@ -163,13 +164,20 @@ def _scored(folder: Path, bundle: Any, variants: dict[str, Any], frames: int) ->
     return {**facts, "maps": {name: score_map(objects, truth) for name, objects in maps.items()}}
 
 
-def _rendered(options: RoomsOptions) -> Iterator[Path]:
-    """Drives through the homes of the seeds, rendered one by one where they are not there yet."""
-    first, end = (int(part) for part in options.seeds.split(":"))
-    for seed in range(first, end):
-        drive = options.out / f"{seed}{'' if options.light is None else f'-{options.light}'}"
-        light = [] if options.light is None else ["--light", options.light]
-        _edgemap("simulate", "--seed", str(seed), "--frames", str(options.frames), *light, "-o", str(drive))
+def rendered(seeds: str, frames: int, out: Path, light: str | None = None) -> Iterator[Path]:
+    """Drives in `out` through the homes of the seeds A:B, rendered one by one where they are missing.
+
+    Ends the program with the command's own line where `edgemap simulate` fails, or the seeds are not A:B.
+    """
+    first, colon, end = seeds.partition(":")
+    if not (colon and first.isdecimal() and end.isdecimal()):
+        sys.exit(f"--seeds {seeds}: expected A:B")
+    for seed in range(int(first), int(end)):
+        drive = out / f"{seed}{'' if light is None else f'-{light}'}"
+        options = ["--seed", str(seed), "--frames", str(frames), *([] if light is None else ["--light", light])]
+        command = [sys.executable, "-m", "edgemap.cli", "simulate", *options, "-o", str(drive)]
+        if (done := subprocess.run(command, capture_output=True, text=True)).returncode:
+            sys.exit(f"edgemap simulate {' '.join(options)}: {done.stderr.strip()}")
         yield drive
 
 
@@ -181,14 +189,6 @@ def _home(row: dict[str, Any]) -> str:
     mount = f"{row['mount']['height_m']:.2f} m {row['mount']['pitch_deg']:.0f} deg"
     scores = "  ".join(f"{name} {_number(figures['f1'])}" for name, figures in row["maps"].items())
     return f"{row['home']}: {row['objects_true']} objects, camera {mount}; F1 {scores}"
-
-
-def _edgemap(*arguments: str) -> str:
-    """Standard output of one edgemap command; ends this program with the command's own line where it fails."""
-    done = subprocess.run([sys.executable, "-m", "edgemap.cli", *arguments], capture_output=True, text=True)
-    if done.returncode:
-        sys.exit(f"edgemap {' '.join(arguments)}: {done.stderr.strip()}")
-    return done.stdout
 
 
 if __name__ == "__main__":

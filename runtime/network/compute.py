@@ -9,6 +9,7 @@ import os
 import platform
 import time
 from collections.abc import Callable, Sequence
+from contextlib import suppress
 from importlib.metadata import PackageNotFoundError, version
 from importlib.util import find_spec
 from pathlib import Path
@@ -17,7 +18,8 @@ from typing import Literal, cast, get_args
 import numpy as np
 
 from edgemap.runtime.frames.decisions import Engine
-from edgemap.runtime.frames.errors import BundleError
+from edgemap.runtime.frames.disk import write_atomically
+from edgemap.runtime.frames.errors import BundleError, DiskError
 from edgemap.runtime.network.manifest import Manifest
 from edgemap.runtime.network.network import Compute, Network
 from edgemap.runtime.network.store import cache_folder
@@ -137,12 +139,9 @@ def stored_engine(key: str, load: Callable[[Engine], Network]) -> Engine:
         known = {}
     if not isinstance(known, dict) or known.get(key) not in get_args(Engine):
         known = (known if isinstance(known, dict) else {}) | {key: best_engine(available_engines(), load)}
-        try:
+        with suppress(OSError, DiskError):  # a cache that cannot be written costs a trial at the next start
             path.parent.mkdir(parents=True, exist_ok=True)
-            path.with_suffix(".part").write_text(json.dumps(known, indent=1))
-            path.with_suffix(".part").replace(path)
-        except OSError:  # a cache that cannot be written costs a trial at the next start
-            pass
+            write_atomically(path, json.dumps(known, indent=1))
     return cast(Engine, known[key])
 
 

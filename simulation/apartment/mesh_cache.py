@@ -1,18 +1,20 @@
 """Furniture as read and simplified, kept on disk: to read an OBJ file again takes many times longer."""
 
 import json
-import os
 import zipfile
 import zlib
 from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import asdict, replace
+from io import BytesIO
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from edgemap.runtime.frames.disk import write_atomically
+from edgemap.runtime.frames.errors import DiskError
 from edgemap.runtime.network.store import cache_folder
 from edgemap.simulation.render.mesh import Array, Material, Mesh, Part, welded
 
@@ -32,7 +34,7 @@ def kept(key: str, source: Path, most_triangles: int, make: Callable[[], Mesh]) 
     mesh = _read(path, stamp)
     if mesh is None:
         mesh = make()
-        with suppress(OSError):
+        with suppress(OSError, DiskError):
             _write(path, stamp, mesh)
     return mesh
 
@@ -57,7 +59,7 @@ def _read(path: Path, stamp: NDArray[np.int64]) -> Mesh | None:
 
 
 def _write(path: Path, stamp: NDArray[np.int64], mesh: Mesh) -> None:
-    """Writes the file atomically, also beside other writers. Raises OSError."""
+    """Writes the file atomically, also beside other writers. Raises OSError or DiskError."""
     arrays: dict[str, NDArray] = {"stamp": stamp}
     for name in _ROWS:
         table, rows = _unique_rows(np.concatenate([getattr(part, name) for part in mesh.parts]))
@@ -73,13 +75,9 @@ def _write(path: Path, stamp: NDArray[np.int64], mesh: Mesh) -> None:
     arrays |= {f"texture_{number}": image for number, image in enumerate(textures.values())}
     arrays |= {"textures": np.array(len(textures)), "parts": np.frombuffer(json.dumps(entries).encode(), np.uint8)}
     path.parent.mkdir(parents=True, exist_ok=True)
-    unfinished = path.with_name(f".{path.name}.{os.getpid()}.unfinished")
-    try:
-        with unfinished.open("wb") as file:
-            np.savez_compressed(file, **arrays)  # type: ignore[arg-type]
-        unfinished.replace(path)
-    finally:
-        unfinished.unlink(missing_ok=True)
+    packed = BytesIO()
+    np.savez_compressed(packed, **arrays)  # type: ignore[arg-type]
+    write_atomically(path, packed.getvalue())
 
 
 def _unique_rows(corners: Array) -> tuple[Array, NDArray[np.uint32]]:
