@@ -21,17 +21,18 @@ TILES = 16, 12  # across and down, of a picture that may be covered in part
 
 @dataclass(frozen=True, slots=True)
 class HealthRule:
-    """When a picture counts as unusable. dark: grey level; a picture whose 98th percentile is below is dark (demo: 52
-    at its darkest, photographs 151). covered: grey levels of coarse structure; a covered lens or a plain wall close by
-    has less (photographs: 23), and what is as near to the greatest level counts as saturated. blown_share: of
-    saturated pixels, that is too much (photographs: 0.65). sharp: fine over coarse structure; Gaussian blur of 6 px at
-    640 has 0.36, moving cameras 0.63, photographs 0.77. lasts_s: for which pictures do not change at all: frozen, and
-    not one delivered twice; over which pictures are compared for what covers a part of the lens, and for how long that
-    lasts until it is a fault. moved: mean grey levels by which what shows the scene changes as the robot moves.
-    torn_share: of the rows, at the top or the bottom, that are the last picture's while the others moved. part_share:
-    of the tiles that stay as plain as `covered` and do not change while others do (half a picture covered has 0.35 to
-    0.40; walls that rendered robots pass have up to 0.35 for a moment, HoloLens, lounge, RedKitchen, EuRoC, KITTI at
-    most 0.04); also of those that become plain from one picture to the next as something covers them.
+    """When a picture counts as unusable. dark: grey level; a picture whose 98th percentile is below is dark (demo:
+    52 at its darkest, photographs 151). covered: grey levels of coarse structure; a covered lens or a plain wall
+    close by has less (photographs: 23), and what is as near to the greatest level counts as saturated. blown_share:
+    of saturated pixels, that is too much (photographs: 0.65). sharp: fine over coarse structure; Gaussian blur of 6
+    px at 640 has 0.36, moving cameras 0.63, photographs 0.77. lasts_s: for which pictures do not change at all:
+    frozen, and not one delivered twice; over which pictures are compared for what covers a part of the lens, and
+    for how long that lasts until it is a fault. moved: mean grey levels by which what shows the scene changes as
+    the robot moves, or something before it; a sensor's noise of 5 a pixel leaves 1.4. torn_share: of the rows, at
+    the top or the bottom, that are the last picture's while the others moved. part_share: of the tiles that stay as
+    plain as `covered` and do not change while others do (half a picture covered has 0.35 to 0.40; walls that
+    rendered robots pass have up to 0.35 for a moment, HoloLens, lounge, RedKitchen, EuRoC, KITTI at most 0.04);
+    also of those that become plain from one picture to the next as something covers them.
     """
 
     dark: int = 24

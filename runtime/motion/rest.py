@@ -27,18 +27,16 @@ class RestRule:
     """When a robot counts as standing.
 
     confirmed_s, pictures_s: required span of unchanged pictures where wheels or gyro confirm it, and for pictures
-    alone; 1e9 for never. changed: grey levels, RMS in a small tile; a sensor's noise of 5 a pixel leaves 1.4.
-    shifted_px: of a large tile (0.06 are 0.6 px of a picture 640 px wide), beyond what noise explains. exposure:
-    largest change of gain, and of brightness as a share of middle grey, attributed to the camera's exposure.
-    texture, textured: squared grey levels per px, and how many large tiles must have that for a decision by
-    pictures alone. braking_m_s2: no small robot brakes harder (the limit of common controllers: 2.5); turned_rad:
-    rotation by a gyro that changes any picture. A picture that stays unchanged in spite of either is frozen, even
-    if a sensor's noise changes it.
+    alone; 1e9 for never. shifted_px: of a large tile (0.06 are 0.6 px of a picture 640 px wide), beyond what noise
+    explains. exposure: largest change of gain, and of brightness as a share of middle grey, attributed to the
+    camera's exposure. texture, textured: squared grey levels per px, and how many large tiles must have that for a
+    decision by pictures alone. braking_m_s2: no small robot brakes harder (the limit of common controllers: 2.5);
+    turned_rad: rotation by a gyro that changes any picture. A picture that stays unchanged in spite of either is
+    frozen, even if a sensor's noise changes it.
     """
 
     confirmed_s: float = 0.3
     pictures_s: float = 2.0
-    changed: float = 4.0
     shifted_px: float = 0.06
     exposure: float = 0.1
     texture: float = 9.0
@@ -126,7 +124,7 @@ class RestMonitor:
         if health.stale:
             return False
         reference, picture = self._reference, _averaged(frame.image)
-        if reference is None or health.blind or _moved(reference, picture, self.rule):
+        if reference is None or health.blind or _moved(reference, picture, self.rule, self._health.moved):
             self._reference = _Reference.of(picture, frame.stamp_s)
             self._step_s, self._turned_rad, self.frozen_since_s = frame.stamp_s - self._before_s, 0.0, None
             self._since_s = frame.stamp_s
@@ -174,8 +172,9 @@ def _averaged(image: NDArray[np.uint8]) -> Array:
     return np.asarray(cv2.resize(half, SIZE, interpolation=cv2.INTER_AREA), dtype=np.float32)
 
 
-def _moved(reference: _Reference, picture: Array, rule: RestRule) -> bool:
-    """Whether anything changed, or the picture shifted anywhere, by more than noise and exposure explain."""
+def _moved(reference: _Reference, picture: Array, rule: RestRule, least: float) -> bool:
+    """Whether anything changed by that many grey levels, or the picture shifted anywhere, by more than noise and
+    exposure explain."""
     change = picture - reference.picture
     offset = float(change.mean())
     gain = float((change * reference.centred).mean()) / (reference.variance + VARIANCE)
@@ -183,7 +182,7 @@ def _moved(reference: _Reference, picture: Array, rule: RestRule) -> bool:
         return True
     change -= offset + gain * reference.centred
     squared = _tiles(change**2, SMALL_PX)
-    if float(squared.max()) > rule.changed**2:
+    if float(squared.max()) > least**2:
         return True
     noise = math.sqrt(float(np.median(squared)))
     slopes = np.stack([_tiles(change * slope, LARGE_PX) for slope in reference.slopes])

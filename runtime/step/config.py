@@ -27,7 +27,6 @@ MAX_BYTES = 16 << 20  # of a configuration file: a run.json may carry a long lis
 DERIVED = {"floor": ("mapped", "full_weight_score")}  # of the bundle and of --classes, never tuned
 # Names that files of before 2026-11-22 use, by part of the tree: their values are taken under today's.
 RENAMED = {
-    "check": {"told_s": "judge_every_s"},
     "rest": {"told_s": "confirmed_s", "seen_s": "pictures_s"},
     "forgetting": {
         "surest": "highest",
@@ -81,13 +80,15 @@ RETIRED = {
         "sure_rad",
         "used_rad",
         "follow_rad",
+        "judge_every_s",
+        "told_s",
     ),
     "tilt": ("edges", "drift", "gravity", "depth", "gate"),
     "carried": ("calm_s",),
     "coasting": ("carried_s",),
     "flow": ("keyframe_s",),
     "height": ("every_s", "loose", "sigmas", "wrong_depth_share"),
-    "rest": ("frames", "sigmas", "offset"),
+    "rest": ("frames", "sigmas", "offset", "changed"),
     "wheels": ("per_metre", "per_radian", "still_m", "still_rad", "roughness_rad"),
     "noise": (
         "start_accel",

@@ -18,7 +18,7 @@ from edgemap.runtime.step.config import Config
 from edgemap.runtime.step.slam import SlamOptions, build_slam
 
 TRUE_DEG, OFF_DEG, FRAMES = 11.5, 2.0, 130
-BLIND_TO_EDGES = MountRule(first_every_s=math.inf, every_s=math.inf)
+BLIND_TO_EDGES = MountRule(first_every_s=math.inf)
 
 
 def drive(demo, off_deg, rule=None, **options):

@@ -28,23 +28,22 @@ EDGES, GRAVITY, DEPTH = "the room's edges", "gravity", "the floor in depth pictu
 class MountRule:
     """When a mount counts as wrong.
 
-    pixels: pictures are scaled down to so many (192 x 144). strips: that a picture is cut into; their edges are found
-    one a frame, as all at once take a third of a step. every_s, first_every_s: between two estimates by edges, once the
-    mount is confirmed, and before or where the camera is carried. window_s: of estimates that are judged together;
-    judged_s: their minimum, and the span of a turn and of the accelerometer's samples that count as one measurement.
-    judge_every_s: between two judgements. wrong_rad: error from which on an angle is wrong; up to there the given one
-    holds. settled_rad: standard deviation at which a mount on wheels is known for good: what is seen while it sways as
-    if carried is left aside then, and before voids all that was seen. road: the profile of a car. tilt: how
-    measurements count.
+    pixels: pictures are scaled down to so many (192 x 144). strips: that a picture is cut into; their edges are
+    found one a frame, as all at once take a third of a step. every_s, first_every_s: between two estimates by
+    edges, once the mount is confirmed, and before or where the camera is carried; every_s also between two
+    judgements. window_s: of estimates that are judged together; judged_s: their minimum, and the span of a turn and
+    of the accelerometer's samples that count as one measurement. wrong_rad: error from which on an angle is wrong;
+    up to there the given one holds. settled_rad: standard deviation at which a mount on wheels is known for good:
+    what is seen while it sways as if carried is left aside then, and before voids all that was seen. road: the
+    profile of a car. tilt: how measurements count.
     """
 
     pixels: int = 27_648
     strips: int = 3
-    every_s: float = 1.5
+    every_s: float = 1.0
     first_every_s: float = 0.35
     window_s: float = 20.0
     judged_s: float = 5.0
-    judge_every_s: float = 1.0
     wrong_rad: float = math.radians(0.75)
     settled_rad: float = math.radians(0.45)
     road: bool = False
@@ -219,7 +218,7 @@ class CheckedMount:
         rule, tilt = self._rule, self._tilt
         if not math.isfinite(self._judged_s):  # whether the camera is carried shows first
             self._judged_s = self._now_s
-        if self._now_s - self._judged_s < rule.judge_every_s or not tilt.measurements:
+        if self._now_s - self._judged_s < rule.every_s or not tilt.measurements:
             return ""
         self._judged_s = self._now_s
         if self._carried:

@@ -29,7 +29,6 @@ from edgemap.runtime.motion.attitude.protocol import AttitudeSource, Moved
 
 LIKELY = 2.0  # standard deviations of nodding, at which the mount tells half as much of the tilt
 NOD_S = 1.0 / math.tau  # swing of a nod against its rate, at 1 Hz
-SWUNG_S = 5.0  # over which the camera's nodding is judged
 START_S = 0.1  # of samples, whose mean force is the first guess of where up is
 
 
@@ -157,7 +156,7 @@ class InertialAttitude:
         rate = samples.gyro_rad_s.mean(axis=0) - state.bias
         rate -= (rate @ state.up_optical) * state.up_optical
         self._judged_s += span_s
-        self._rate2 += min(span_s / min(self._judged_s, SWUNG_S), 1.0) * (float(rate @ rate) - self._rate2)
+        self._rate2 += min(span_s / min(self._judged_s, CarriedRule().rate_s), 1.0) * (float(rate @ rate) - self._rate2)
 
 
 def _angles(up: np.ndarray) -> np.ndarray:

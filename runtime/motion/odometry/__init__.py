@@ -83,7 +83,7 @@ def wheel_trajectory(path: str | Path) -> Trajectory:
 def _tracked(floor: FloorCamera, rules: OdometryRules) -> DepthOdometry:
     """Corners by their depth, where frames bring any, and on the floor where not."""
     planar = PlanarOdometry(floor, rules.planar, rules.coasting)
-    return DepthOdometry(floor, planar, rules.depth, rules.planar.carried)
+    return DepthOdometry(floor, planar, rules.depth)
 
 
 POSES_EDGE_S = 0.15  # poses that are taken as they are may end a frame early

@@ -9,14 +9,13 @@ import cv2
 import numpy as np
 
 from edgemap.geometry.camera.attitude import Attitude, TrackedRotation
-from edgemap.geometry.camera.carried import Carried, CarriedRule
 from edgemap.geometry.camera.floor import FloorCamera
 from edgemap.geometry.camera.level import up_optical
 from edgemap.geometry.odometry.resection import LensPose, Resected, planar_step
 from edgemap.geometry.se2 import SE2
 from edgemap.runtime.frames.frame import Frame
 from edgemap.runtime.motion.odometry.depth_keyframes import DepthKeyframes, DepthRule
-from edgemap.runtime.motion.odometry.planar import MINIMUM_COVARIANCE, SHORTEST_S, TURN_M, PlanarOdometry
+from edgemap.runtime.motion.odometry.planar import MINIMUM_COVARIANCE, PlanarOdometry
 from edgemap.runtime.motion.odometry.protocol import NO_PRIOR, FramePrior, Motion, MotionState, no_motion
 from edgemap.runtime.network.network import Tensors
 
@@ -31,11 +30,9 @@ class DepthOdometry:
         camera: FloorCamera,
         planar: PlanarOdometry,
         rule: DepthRule | None = None,
-        carried: CarriedRule | None = None,
     ) -> None:
         self._mount, self._planar, self._rule = camera.mount, planar, rule or DepthRule()
         self._keyframes = DepthKeyframes(camera.intrinsics, self._rule)
-        self._carried = Carried(carried or CarriedRule())
         self.reset("start")
 
     def step(self, frame: Frame, features: Tensors, prior: FramePrior = NO_PRIOR) -> Motion:
@@ -52,7 +49,7 @@ class DepthOdometry:
         if found is None:
             return self._follow(last, last_prior, frame, features, prior)
         self._follows = False
-        return self._measured(prior.attitude, found, max(span_s, SHORTEST_S))
+        return self._measured(prior.attitude, found, span_s)
 
     def _follow(
         self, last: Frame | None, last_prior: FramePrior, frame: Frame, features: Tensors, prior: FramePrior
@@ -79,14 +76,10 @@ class DepthOdometry:
         motion = self._since.inverse() @ total
         covariance = self._rule.covariance_scale * covariance + MINIMUM_COVARIANCE + self._since_covariance
         self._since, self._since_covariance = SE2(), np.zeros((3, 3))
-        if attitude is not None and attitude.carried != self._carried.scattered:
-            self._carried = replace(self._carried, scattered=attitude.carried)
-        nod = rotation.T @ up - up
-        path_m = math.hypot(total.x_m, total.y_m) + TURN_M * abs(total.yaw_rad)
-        gyro = attitude is not None and attitude.rotation is not None
-        self._carried = self._carried.updated(float(nod @ nod) / 2.0, span_s, path_m, gyro=gyro)
+        nod, gyro = rotation.T @ up - up, attitude is not None and attitude.rotation is not None
+        carried = self._planar.sways(float(nod @ nod) / 2.0, total, span_s, gyro, attitude)
         sigma_rad = math.sqrt(float(np.trace(found.covariance[3:, 3:])) / 3.0)
-        return Motion(motion, covariance, rotation=TrackedRotation(rotation, sigma_rad, self._carried))
+        return Motion(motion, covariance, rotation=TrackedRotation(rotation, sigma_rad, carried))
 
     def _up_before(self, attitude: Attitude | None, rotation: np.ndarray) -> np.ndarray:
         """Up in the picture before, (3,), optical axes. A predicted attitude is of that one."""

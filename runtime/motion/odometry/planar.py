@@ -268,8 +268,7 @@ class PlanarOdometry:
     def _attend(self, attitude: Attitude | None) -> None:
         """The camera of this frame, the uncertainty of its attitude, and the rotation by a gyro."""
         self._camera_before = self._camera
-        if attitude is not None and attitude.carried != self._carried.scattered:
-            self._carried = replace(self._carried, scattered=attitude.carried)
+        self._scatters(attitude)
         if attitude is not None and attitude is not self._attitude:
             height_m = None if attitude.height_m is None else attitude.height_m / self._unit_m
             self._attitude, self._camera = attitude, self._level.at(replace(attitude, height_m=height_m))
@@ -426,9 +425,21 @@ class PlanarOdometry:
         before, now = self._camera_before.mount, self._camera.mount
         pitch_rad = now.pitch_rad + found.tilt.pitch_rad - before.pitch_rad - self._view.tilt.pitch_rad
         roll_rad = now.roll_rad + found.tilt.roll_rad - before.roll_rad - self._view.tilt.roll_rad
-        path_m = self._unit_m * math.hypot(motion.x_m, motion.y_m) + TURN_M * abs(motion.yaw_rad)
-        nod2 = (pitch_rad**2 + roll_rad**2) / 2.0
-        self._carried = self._carried.updated(nod2, max(dt_s, SHORTEST_S), path_m, gyro=self._rotation_known)
+        metric = SE2(self._unit_m * motion.x_m, self._unit_m * motion.y_m, motion.yaw_rad)
+        self.sways((pitch_rad**2 + roll_rad**2) / 2.0, metric, dt_s, self._rotation_known)
+
+    def sways(self, nod2: float, motion: SE2, span_s: float, gyro: bool, attitude: Attitude | None = None) -> Carried:
+        """Whether the camera is carried, after one more picture. nod2: mean square of the change of roll and pitch.
+        motion: since the last one, span_s ago. gyro: whether one measured the rotation."""
+        self._scatters(attitude)
+        path_m = math.hypot(motion.x_m, motion.y_m) + TURN_M * abs(motion.yaw_rad)
+        self._carried = self._carried.updated(nod2, max(span_s, SHORTEST_S), path_m, gyro=gyro)
+        return self._carried
+
+    def _scatters(self, attitude: Attitude | None) -> None:
+        """What the room's edges say of it."""
+        if attitude is not None and attitude.carried != self._carried.scattered:
+            self._carried = replace(self._carried, scattered=attitude.carried)
 
     def _noise_now(self) -> Noise:
         """What is unknown of this picture's tilt and height, and the gate of its tracks."""
