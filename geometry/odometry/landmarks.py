@@ -278,7 +278,7 @@ def locate(
         lateral = how.lateral(before.inverse() @ slid.view.pose)
         apart = lateral.residual_m, float(lateral.by_motion @ slid.covariance[:3, :3] @ lateral.by_motion)
         turn_rad = wrap_angle(slid.view.pose.yaw_rad - before.yaw_rad)
-        doubt = LATERAL_GATE * (apart[1] + lateral.variance_m2) + (LATERAL_TURN_M * turn_rad) ** 2
+        doubt = LATERAL_GATE * (apart[1] + lateral.variance_m2) + (TURN_M * turn_rad) ** 2
         if float(slid.weights[shows].sum()) > SHOWS_LATERAL and apart[0] ** 2 > doubt:
             return replace(slid, lateral=apart, slid=True)
     elif how is not None and float(weights[shows].sum()) > SHOWS_LATERAL:
@@ -289,11 +289,12 @@ def locate(
 SHOWS_LATERAL = 30.0  # landmarks on the floor that show how the robot moves across its heading
 OVERRULED = 9.0  # squared, in standard deviations; landmarks that contradict rolling by more count less
 LATERAL_GATE = 25.0  # squared, in standard deviations
-LATERAL_TURN_M = 0.3  # per radian of turn, which pictures confuse with it
+TURN_M = 0.3  # of motion that a radian of turn counts as, and by which pictures confuse the two
 
 
-NEIGHBOUR_DEPTH = 0.3  # relative standard deviation of an inverse depth below which it is used for new landmarks
-UNLIKE_NEIGHBOURS = 0.3  # relative, of a new landmark's inverse depth about that of the ones beside it
+# Relative standard deviation of an inverse depth below which it is used for new landmarks beside it, and of theirs
+# about it.
+NEIGHBOUR_DEPTH = 0.3
 UNKNOWN_NEIGHBOURS = 0.5  # weight of `Noise.unknown_mean` among the landmarks beside a new one
 
 
@@ -315,7 +316,7 @@ def with_neighbours_depth(
     scatter2 = np.maximum(near @ inverse**2 / divisor - mean**2, 0.0)
     unknown = UNKNOWN_NEIGHBOURS / (total + UNKNOWN_NEIGHBOURS)
     mean = np.maximum((1.0 - unknown) * mean + unknown * noise.unknown_mean, new.on_floor)
-    variance = scatter2 + (UNLIKE_NEIGHBOURS * mean) ** 2 + unknown * noise.unknown**2
+    variance = scatter2 + (NEIGHBOUR_DEPTH * mean) ** 2 + unknown * noise.unknown**2
     kept = new.floor
     return replace(new, inverse_m=np.where(kept, new.inverse_m, mean), variance=np.where(kept, new.variance, variance))
 

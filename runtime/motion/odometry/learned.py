@@ -12,14 +12,14 @@ from edgemap.geometry.odometry.flow_cells import flow_cells
 from edgemap.geometry.se2 import SE2
 from edgemap.runtime.frames.errors import OdometryError
 from edgemap.runtime.frames.frame import Frame
-from edgemap.runtime.motion.odometry.coasting import Coasting, CoastingRule
+from edgemap.runtime.motion.odometry.coasting import LONGEST_DT_S, Coasting, CoastingRule
 from edgemap.runtime.motion.odometry.protocol import NO_PRIOR, FramePrior, Motion, blind_motion, first_motion, no_motion
 from edgemap.runtime.network.bundle import Bundle
 from edgemap.runtime.network.manifest import Manifest, OdometryHead
 from edgemap.runtime.network.network import Tensors
 from edgemap.runtime.network.preprocess import cell_grid
 
-LONGEST_DT_S, SHORTEST_DT_S = 1.0, 1e-3  # from keyframe to frame; after a longer gap the head starts again
+SHORTEST_DT_S = 1e-3  # from keyframe to frame; after a gap of LONGEST_DT_S the head starts again
 NOMINAL_DT_S = 0.1  # between the frames of its training; for a first frame
 MARGIN = 0.05  # share of a span of the envelope, or of its upper end, that a camera may lie outside without a word
 ROUNDING = 0.01  # of the envelope's numbers

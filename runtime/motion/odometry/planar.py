@@ -18,6 +18,8 @@ from edgemap.geometry.camera.mount import Mount
 from edgemap.geometry.observations.floor_mask import FloorMask
 from edgemap.geometry.odometry.landmarks import (
     BELOW_COUNT,
+    KNOWN_DEPTH,
+    TURN_M,
     Landmarks,
     Located,
     Noise,
@@ -55,7 +57,6 @@ MASK_PX = 8  # the floor mask is computed on every so many pixels
 SHORTEST_S = 1e-3  # between two pictures
 FEW = 5  # a fifth of the corners: fewer missing ones are not replaced, fewer of a keyframe tell no direction, and fewer
 # of known depth keep no scale: what is seen below the horizon counts as floor at once then
-TURN_M = 0.3  # of path length that a radian of turn counts as
 MINIMUM_COVARIANCE = np.diag([1e-4, 1e-4, 1e-4]) ** 2
 
 
@@ -544,7 +545,7 @@ class PlanarOdometry:
     def _trusting(self) -> bool:
         """Whether what is seen below the horizon counts as floor at once."""
         kept, lost_s = self._landmarks, self._seen_s - self._floor_s
-        known = int((kept.floor | (kept.variance < (0.1 * kept.inverse_m) ** 2)).sum())
+        known = int((kept.floor | (kept.variance < (KNOWN_DEPTH * kept.inverse_m) ** 2)).sum())
         return known < self._rule.corners // FEW or (self._carried.on_wheels and lost_s > LONGEST_DT_S)
 
     def _bearings(self, pixels: Pixels) -> Array:
