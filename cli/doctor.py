@@ -9,7 +9,8 @@ from pathlib import Path
 from typing import Annotated, Literal
 
 from edgemap.cli.arguments import arg
-from edgemap.cli.camera_options import HOW_TO_MEASURE, CameraFile, CameraSpec, IntrinsicsText, MountText
+from edgemap.cli.camera_options import HOW_TO_MEASURE
+from edgemap.cli.groups import Source
 from edgemap.cli.options import BundleName, Json, print_json
 from edgemap.geometry.errors import EdgemapError
 from edgemap.runtime.frames.extras import install_hint, pip
@@ -57,11 +58,8 @@ class Diagnosis:
 
 
 def command(
-    camera: CameraSpec = "demo",
+    camera: Annotated[Source, arg(name="Camera")],
     bundle: BundleName = None,
-    mount: MountText = None,
-    intrinsics: IntrinsicsText = None,
-    camera_file: CameraFile = None,
     plot: Annotated[
         Path | None,
         arg(
@@ -75,7 +73,7 @@ def command(
 
     Exit code 1 where the run that these options describe would not start.
     """
-    findings = list(_examine(camera, bundle, mount, intrinsics, camera_file, plot))
+    findings = list(_examine(camera, bundle, plot))
     if json:
         from dataclasses import asdict
 
@@ -90,19 +88,12 @@ def command(
         raise SystemExit(1)
 
 
-def _examine(
-    camera: str,
-    bundle: str | None,
-    mount: str | None,
-    intrinsics: str | None,
-    camera_file: Path | None,
-    plot: Path | None,
-) -> Iterator[Diagnosis]:
+def _examine(camera: Source, bundle: str | None, plot: Path | None) -> Iterator[Diagnosis]:
     yield from _processor()
     yield from _libraries()
     yield from _cameras()
-    yield _bundle(bundle, camera)
-    yield from _camera(camera, mount, intrinsics, camera_file, plot)
+    yield _bundle(bundle, camera.camera)
+    yield from _camera(camera, plot)
 
 
 def _processor() -> Iterator[Diagnosis]:
@@ -196,20 +187,17 @@ def _bundle(name: str | None, camera: str) -> Diagnosis:
     )
 
 
-def _camera(
-    spec: str, mount: str | None, intrinsics: str | None, camera_file: Path | None, plot: Path | None
-) -> Iterator[Diagnosis]:
+def _camera(described: Source, plot: Path | None) -> Iterator[Diagnosis]:
     from math import degrees
     from time import monotonic
 
-    from edgemap.cli.camera_options import lens_and_mount, open_described
-    from edgemap.geometry.camera.floor import FloorCamera
     from edgemap.runtime.frames.errors import CameraFault
     from edgemap.runtime.inputs.cameras.protocol import next_frame
 
     faults: list[CameraFault] = []
+    spec = described.camera
     try:
-        with open_described(spec, camera_file) as source:
+        with described.open() as source:
             until_s = monotonic() + WAIT_S
             frame = next_frame(source, faults.append, lambda: monotonic() > until_s)
             if frame is None:
@@ -221,7 +209,7 @@ def _camera(
             width, height = source.size
             yield Diagnosis("camera", "ok", f"{spec}: {width}x{height}, {rate}")
             try:
-                floor = FloorCamera(*lens_and_mount(source, intrinsics, mount))
+                floor = described.floor_camera(source)
             except EdgemapError as error:
                 remedy = "" if HOW_TO_MEASURE in str(error) else HOW_TO_MEASURE
                 yield Diagnosis("mount", "broken", str(error), remedy)

@@ -3,15 +3,16 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any
 
 from edgemap.cli.arguments import arg
-from edgemap.cli.groups import MotionOptions, NetworkOptions
-from edgemap.cli.options import Confidence, ConfigFile, Json, LoopClosure, WithoutDepth, at_least, in_unit, print_json
+from edgemap.cli.groups import MappingOptions, MotionOptions, NetworkOptions
+from edgemap.cli.options import ConfigFile, Json, WithoutDepth, at_least, print_json
 
 
 def command(
     motion: Annotated[MotionOptions, arg(name="Robot")],
+    mapping: Annotated[MappingOptions, arg(name="Map")],
     network: Annotated[NetworkOptions, arg(name="Network")],
     data: Annotated[
         str,
@@ -23,11 +24,6 @@ def command(
     ] = "demo",
     without_depth: WithoutDepth = False,
     frames: Annotated[int | None, arg(metavar="N", help="Only the first N frames.")] = None,
-    confidence: Confidence = None,
-    clustering: Annotated[
-        Literal["default", "paper"], arg(help="default: association; paper: single linkage at 1 m.")
-    ] = "default",
-    loop_closure: LoopClosure = True,
     config: ConfigFile = None,
     plot: Annotated[
         Path | None,
@@ -61,9 +57,9 @@ def command(
     from edgemap.runtime.step.config import Config, load_config
 
     at_least(1, frames=frames)
-    in_unit(confidence=confidence)
     tuned = load_config(config)[0] if config else Config()
     motion.check()
+    mapping.check()
     loaded = network.load(data)
     with as_data(data, frames, quiet=json) as spec:
         drive = open_drive(spec)
@@ -84,18 +80,20 @@ def command(
             "wheels": drive.wheel is not None and not motion.without_wheels,
             "imu": drive.imu is not None and not motion.without_imu,
             "depth": bool(drive.depth),
-            "clustering": clustering,
-            "loop_closure": loop_closure,
+            "clustering": mapping.clustering,
+            "loop_closure": mapping.loop_closure,
             "frames": count,
             "path_m": round(path_m, 3),
             "objects_true": len(wanted),
             "mount": {"height_m": drive.mount.height_m, "pitch_deg": round(degrees(drive.mount.pitch_rad), 3)},
         }
-        variants = {"true": Variant("truth", clustering=clustering)}
-        variants["estimated"] = Variant(motion.odometry, not motion.without_wheels, loop_closure, clustering)
+        variants = {"true": Variant("truth", clustering=mapping.clustering)}
+        variants["estimated"] = Variant(
+            motion.odometry, not motion.without_wheels, mapping.loop_closure, mapping.clustering
+        )
         if motion.odometry == "hybrid" and document["wheels"]:
             variants["without_wheels"] = replace(variants["estimated"], wheels=False)
-        replay = Replay(drive, loaded, count, confidence, tuned, not motion.without_imu)
+        replay = Replay(drive, loaded, count, mapping.confidence, tuned, not motion.without_imu)
         for name, mapper in mappers_of(replay, variants).items():
             objects, grid = mapper.objects(), mapper.grid.grid()
             document[name] = score_map(objects, truth)

@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING
 
-from edgemap.cli.arguments import arg
 from edgemap.cli.errors import OptionError
 from edgemap.cli.publishers import host_and_port
 
@@ -14,15 +13,6 @@ if TYPE_CHECKING:
     from edgemap.runtime.outputs.fleet.sink import FleetSink
 
 LOCAL = "127.0.0.1"
-
-Fleet = Annotated[
-    str | None,
-    arg(
-        metavar="PLACE[@HOST[:PORT]]",
-        help="Send the map and the pose to the keeper of a place (fleet serve), on this machine without HOST (extra "
-        "fleet, docs/fleet.md).",
-    ),
-]
 
 
 def place_and_address(text: str, option: str) -> tuple[str, str]:
@@ -39,10 +29,8 @@ def address(text: str, option: str, port: int) -> str:
     return f"[{host}]:{number}" if ":" in host else f"{host}:{number}"
 
 
-def fleet_sinks(fleet: str | None, robot: str | None, saved: Path | None) -> list[FleetSink]:
-    """The sink of `--fleet`, where it is asked for. Raises OptionError, PublishError or MissingExtraError."""
-    if fleet is None:
-        return []
+def fleet_sink(fleet: str, robot: str | None, saved: Path | None) -> FleetSink:
+    """The sink of `--fleet`. Raises OptionError, PublishError or MissingExtraError."""
     import socket
 
     from edgemap.runtime.outputs.fleet.access import SECRET, robot_of_environment
@@ -57,7 +45,7 @@ def fleet_sinks(fleet: str | None, robot: str | None, saved: Path | None) -> lis
     named = robot_of_environment()
     if named and robot and robot != named:
         raise OptionError(f"--robot {robot}: {SECRET} is that of the robot {named}")
-    return [FleetSink(place, named or robot or socket.gethostname(), where)]
+    return FleetSink(place, named or robot or socket.gethostname(), where)
 
 
 def _of_a_fleet(saved: Path) -> bool:

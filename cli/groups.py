@@ -5,8 +5,9 @@ options name. No heavy imports here.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Annotated, Literal
 
+from edgemap.cli.arguments import arg
 from edgemap.cli.camera_options import (
     CameraFile,
     CameraSpec,
@@ -21,7 +22,9 @@ from edgemap.cli.camera_options import (
 from edgemap.cli.errors import OptionError
 from edgemap.cli.options import (
     BundleName,
+    Confidence,
     EngineName,
+    LoopClosure,
     OdometrySpec,
     PrecisionName,
     Threads,
@@ -29,6 +32,7 @@ from edgemap.cli.options import (
     WithoutWheels,
     check_odometry,
     find_bundle,
+    in_unit,
 )
 
 if TYPE_CHECKING:
@@ -41,7 +45,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Optics:
-    """Mount and intrinsics: `run`, `bench`, `detect`."""
+    """Mount and intrinsics."""
 
     mount: MountText = None
     intrinsics: IntrinsicsText = None
@@ -73,7 +77,7 @@ class _Spec:
 
 @dataclass(frozen=True)
 class Source(Optics, _Spec):
-    """Source of the frames: `run`, `bench`."""
+    """Source of the frames."""
 
     def open(self, how: Opening = Opening()) -> Camera:  # noqa: B008
         """The camera, described by the camera file where there is one."""
@@ -82,7 +86,7 @@ class Source(Optics, _Spec):
 
 @dataclass(frozen=True)
 class NetworkOptions:
-    """The network and what runs it: `run`, `bench`, `detect`, `eval`."""
+    """The network and what runs it."""
 
     bundle: BundleName = None
     threads: Threads = None
@@ -98,7 +102,7 @@ class NetworkOptions:
 
 @dataclass(frozen=True)
 class MotionOptions:
-    """Source of the robot's motion: `run`, `eval map`."""
+    """Source of the robot's motion."""
 
     odometry: OdometrySpec = "hybrid"
     without_wheels: WithoutWheels = False
@@ -107,3 +111,19 @@ class MotionOptions:
     def check(self) -> None:
         """Read the SPEC, before anything is opened. Raises OptionError."""
         check_odometry(self.odometry)
+
+
+@dataclass(frozen=True)
+class MappingOptions:
+    """How detections become objects."""
+
+    confidence: Confidence = None
+    clustering: Annotated[
+        Literal["default", "paper"],
+        arg(help="default: association under both covariances; paper: single linkage per label at 1 m."),
+    ] = "default"
+    loop_closure: LoopClosure = True
+
+    def check(self) -> None:
+        """Raises OptionError for a score that none can have."""
+        in_unit(confidence=self.confidence)

@@ -6,12 +6,12 @@ import math
 import time
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import asdict
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from threading import Event
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
-from edgemap.runtime.frames.extras import need
+from edgemap.cli.arguments import arg
 
 if TYPE_CHECKING:
     from edgemap.geometry.camera.floor import FloorCamera
@@ -25,6 +25,28 @@ if TYPE_CHECKING:
     from edgemap.view.page import LivePage
 
 LOOK_EVERY_S = 0.1
+
+
+@dataclass(frozen=True)
+class PageOptions:
+    """The live page."""
+
+    view: Annotated[
+        bool,
+        arg(
+            help="Serve a live page for browsers. Files are then paced by their stamps, as --realtime does, and the "
+            "page stays after the last frame until Ctrl-C."
+        ),
+    ] = False
+    view_host: Annotated[
+        str,
+        arg(
+            metavar="ADDRESS",
+            help="Address to serve it on; 0.0.0.0 for every network. Beyond this machine viewers need the token that "
+            "is printed with the page's address.",
+        ),
+    ] = "127.0.0.1"
+    view_port: Annotated[int, arg(metavar="PORT", help="Port to serve it on; 0 for any free one.")] = 8090
 
 
 class NoPage:
@@ -87,9 +109,7 @@ class OpenPage(NoPage):
 
 @contextmanager
 def live_page(
-    wanted: bool,
-    host: str,
-    port: int,
+    options: PageOptions,
     source: Camera,
     bundle: Bundle,
     floor: FloorCamera,
@@ -101,9 +121,11 @@ def live_page(
     searching: Callable[[], bool] = bool,
 ) -> Iterator[NoPage]:
     """The page of a run while the block lasts. Raises MissingExtraError, or ViewError where the address is taken."""
-    if not wanted:
+    if not options.view:
         yield NoPage()
         return
+    from edgemap.runtime.frames.extras import need
+
     need("view", "--view", ("starlette", "uvicorn", "websockets"))
     from edgemap.view.page import LivePage
     from edgemap.view.pause import Pause
@@ -114,7 +136,7 @@ def live_page(
         about_run(source, bundle, floor, odometry, folder), folder, pause, lambda: source.state, crops, edits
     )
     page.searching, page.keep_mount = searching, keep_mount
-    server = PageServer(page, host, port)
+    server = PageServer(page, options.view_host, options.view_port)
     try:
         print(f"live page:  {server.url}", flush=True)
         yield OpenPage(page, server.url)

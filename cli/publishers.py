@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -12,75 +13,104 @@ if TYPE_CHECKING:
     from edgemap.geometry.camera.floor import FloorCamera
     from edgemap.runtime.step.sinks import Sink
 
-Foxglove = Annotated[
-    str | None,
-    may_be_left_out("HOST:PORT", "127.0.0.1:8765"),
-    arg(
-        help="Serve pictures, boxes, poses and the map to Foxglove (extra foxglove); 127.0.0.1:8765 where HOST:PORT is "
-        "left out. Files are then paced by their stamps. There is no password: 0.0.0.0 only in networks you trust."
-    ),
-]
-Rerun = Annotated[
-    str | None,
-    may_be_left_out("FILE.rrd|HOST[:PORT]", "127.0.0.1:9876"),
-    arg(
-        help="Send pictures, boxes, poses and the map to a Rerun viewer (extra rerun), on this machine where HOST is "
-        "left out, or write them into FILE.rrd."
-    ),
-]
-RerunPictures = Annotated[
-    float, arg(metavar="HZ", help="With --rerun: pictures and their boxes so often at most; they cost most of it.")
-]
-MqttBroker = Annotated[
-    str | None,
-    arg(
-        metavar="HOST[:PORT]",
-        help="Publish the robot's state and the objects that appear, move and vanish to an MQTT broker (extra mqtt); "
-        "Home Assistant discovers the robot. User and password: EDGEMAP_MQTT_USER and EDGEMAP_MQTT_PASSWORD.",
-    ),
-]
-RobotName = Annotated[
-    str | None,
-    arg(
-        metavar="NAME",
-        help="The robot's name, with --mqtt (topics edgemap/NAME/…) and --fleet; by default the machine's.",
-    ),
-]
+
+@dataclass(frozen=True)
+class Viewers:
+    """Programs that show a run while it lasts."""
+
+    foxglove: Annotated[
+        str | None,
+        may_be_left_out("HOST:PORT", "127.0.0.1:8765"),
+        arg(
+            help="Serve pictures, boxes, poses and the map to Foxglove (extra foxglove); 127.0.0.1:8765 where "
+            "HOST:PORT is left out. Files are then paced by their stamps. There is no password: 0.0.0.0 only in "
+            "networks you trust."
+        ),
+    ] = None
+    rerun: Annotated[
+        str | None,
+        may_be_left_out("FILE.rrd|HOST[:PORT]", "127.0.0.1:9876"),
+        arg(
+            help="Send pictures, boxes, poses and the map to a Rerun viewer (extra rerun), on this machine where HOST "
+            "is left out, or write them into FILE.rrd."
+        ),
+    ] = None
+    rerun_pictures: Annotated[
+        float, arg(metavar="HZ", help="With --rerun: pictures and their boxes so often at most; they cost most of it.")
+    ] = 1.0
+
+    def viewer_sinks(self, floor: FloorCamera) -> list[Sink]:
+        """The sinks that were asked for. Raises MissingExtraError, or PublishError where one cannot be opened."""
+        from edgemap.runtime.outputs.messages.stream import MessageStream
+
+        sinks: list[Sink] = []
+        if self.foxglove is not None:
+            from edgemap.runtime.outputs.publishers.foxglove import FoxgloveServer
+
+            host, port = host_and_port(self.foxglove, "--foxglove", 8765)
+            server = FoxgloveServer(host, port, MessageStream(floor.intrinsics, floor.mount))
+            print(f"Foxglove:  {server.url}", flush=True)
+            sinks.append(server)
+        if self.rerun is not None:
+            from edgemap.runtime.outputs.publishers.rerun import RerunStream
+
+            if not 0.0 < self.rerun_pictures <= 1000.0:
+                raise OptionError(f"--rerun-pictures {self.rerun_pictures:g}: more than 0 and at most 1000 a second")
+            file = self.rerun.endswith(".rrd")
+            target = Path(self.rerun) if file else host_and_port(self.rerun, "--rerun", 9876)
+            sinks.append(RerunStream(target, MessageStream(floor.intrinsics, floor.mount), self.rerun_pictures))
+        return sinks
 
 
-def open_publishers(
-    floor: FloorCamera, foxglove: str | None, rerun: str | None, pictures_hz: float, mqtt: str | None, robot: str | None
-) -> list[Sink]:
-    """The sinks that were asked for. Raises MissingExtraError, or PublishError where one cannot be opened."""
-    from edgemap.runtime.outputs.messages.stream import MessageStream
+@dataclass(frozen=True)
+class NamedOutputs:
+    """Programs that know the robot by its name."""
 
-    sinks: list[Sink] = []
-    if foxglove is not None:
-        from edgemap.runtime.outputs.publishers.foxglove import FoxgloveServer
+    mqtt: Annotated[
+        str | None,
+        arg(
+            metavar="HOST[:PORT]",
+            help="Publish the robot's state and the objects that appear, move and vanish to an MQTT broker (extra "
+            "mqtt); Home Assistant discovers the robot. User and password: EDGEMAP_MQTT_USER and "
+            "EDGEMAP_MQTT_PASSWORD.",
+        ),
+    ] = None
+    fleet: Annotated[
+        str | None,
+        arg(
+            metavar="PLACE[@HOST[:PORT]]",
+            help="Send the map and the pose to the keeper of a place (fleet serve), on this machine without HOST "
+            "(extra fleet, docs/fleet.md).",
+        ),
+    ] = None
+    robot: Annotated[
+        str | None,
+        arg(
+            metavar="NAME",
+            help="The robot's name, with --mqtt (topics edgemap/NAME/…) and --fleet; by default the machine's.",
+        ),
+    ] = None
 
-        server = FoxgloveServer(
-            *host_and_port(foxglove, "--foxglove", 8765), MessageStream(floor.intrinsics, floor.mount)
-        )
-        print(f"Foxglove:  {server.url}", flush=True)
-        sinks.append(server)
-    if rerun is not None:
-        from edgemap.runtime.outputs.publishers.rerun import RerunStream
-
-        if not 0.0 < pictures_hz <= 1000.0:
-            raise OptionError(f"--rerun-pictures {pictures_hz:g}: more than 0 and at most 1000 a second")
-        target = Path(rerun) if rerun.endswith(".rrd") else host_and_port(rerun, "--rerun", 9876)
-        sinks.append(RerunStream(target, MessageStream(floor.intrinsics, floor.mount), pictures_hz))
-    if mqtt is not None:
+    def named_sinks(self, saved: Path | None) -> list[Sink]:
+        """The sinks that were asked for. saved: the map that the run continues. Raises OptionError, PublishError or
+        MissingExtraError.
+        """
         import os
         import socket
 
-        from edgemap import __version__
-        from edgemap.runtime.outputs.publishers.mqtt import MqttPublisher
+        sinks: list[Sink] = []
+        if self.mqtt is not None:
+            from edgemap import __version__
+            from edgemap.runtime.outputs.publishers.mqtt import MqttPublisher
 
-        user, password = (os.environ.get(f"EDGEMAP_MQTT_{name}") for name in ("USER", "PASSWORD"))
-        host, port = host_and_port(mqtt, "--mqtt", 1883)
-        sinks.append(MqttPublisher(host, port, robot or socket.gethostname(), user, password, __version__))
-    return sinks
+            user, password = (os.environ.get(f"EDGEMAP_MQTT_{name}") for name in ("USER", "PASSWORD"))
+            host, port = host_and_port(self.mqtt, "--mqtt", 1883)
+            sinks.append(MqttPublisher(host, port, self.robot or socket.gethostname(), user, password, __version__))
+        if self.fleet is not None:
+            from edgemap.cli.fleet import fleet_sink
+
+            sinks.append(fleet_sink(self.fleet, self.robot, saved))
+        return sinks
 
 
 def host_and_port(text: str, option: str, port: int) -> tuple[str, int]:

@@ -6,16 +6,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 from edgemap.cli.arguments import arg
-from edgemap.cli.camera_options import (
-    CameraFile,
-    CameraSpec,
-    IntrinsicsText,
-    MountText,
-    Opening,
-    open_described,
-    read_intrinsics,
-    read_mount,
-)
+from edgemap.cli.camera_options import Opening, read_intrinsics, read_mount
+from edgemap.cli.groups import Source
 from edgemap.cli.options import WithoutDepth, at_least
 from edgemap.cli.ros2 import DepthTopicName
 
@@ -26,17 +18,12 @@ if TYPE_CHECKING:
     from edgemap.runtime.inputs.cameras.protocol import Camera
     from edgemap.runtime.outputs.recording.recorder import RecordingSink
 
-Lossless = Annotated[bool, arg(help="PNG, not JPEG: a replay gives the very same map as the camera did.")]
-
 
 def command(
     out: Annotated[Path, arg(aliases=["-o"], metavar="FILE.mcap", help="The recording; must not exist yet.")],
-    camera: CameraSpec = "demo",
-    lossless: Lossless = False,
+    source: Annotated[Source, arg(name="Camera")],
+    lossless: Annotated[bool, arg(help="PNG, not JPEG: a replay gives the very same map as the camera did.")] = False,
     frames: Annotated[int | None, arg(metavar="N", help="Stop after N pictures.")] = None,
-    mount: MountText = None,
-    intrinsics: IntrinsicsText = None,
-    camera_file: CameraFile = None,
     wheel: Annotated[
         str | None,
         arg(
@@ -66,16 +53,16 @@ def command(
     check_name(out)
     track = wheel_track(wheel)
     how = Opening(realtime, topics=SensorTopics(depth=depth_topic), depth=not without_depth)
-    with open_described(camera, camera_file, how) as source:
-        if track is None and isinstance(source.wheel, Path):
-            track = wheel_track(source.wheel)
-        lens = read_intrinsics(intrinsics, *source.size) or source.intrinsics
-        facts = Facts(source.name, lens, read_mount(mount, source.mount), source.rate_hz)
+    with source.open(how) as camera:
+        if track is None and isinstance(camera.wheel, Path):
+            track = wheel_track(camera.wheel)
+        lens = read_intrinsics(source.intrinsics, *camera.size) or camera.intrinsics
+        facts = Facts(camera.name, lens, read_mount(source.mount, camera.mount), camera.rate_hz)
         with stop_on_signals() as stop:
-            recorder = Recorder(out, facts, lossless=lossless, wheel=track, truth=source.truth)
+            recorder = Recorder(out, facts, lossless=lossless, wheel=track, truth=camera.truth)
             try:
                 while (frames is None or recorder.frames < frames) and not stop.is_set():
-                    frame = next_frame(source, print_message, stop.is_set)
+                    frame = next_frame(camera, print_message, stop.is_set)
                     if frame is None:
                         break
                     recorder.picture(frame)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Annotated
 
 from edgemap.cli.arguments import arg
@@ -13,26 +14,6 @@ if TYPE_CHECKING:
     from edgemap.runtime.outputs.publishers.ros2 import Ros2Sink
     from edgemap.runtime.step.edits import Edits
 
-Ros2 = Annotated[
-    bool,
-    arg(
-        help="Publish results live as ROS 2 topics (docs/ros2.md). Files are then paced by their stamps, as --realtime "
-        "does. ROS_DOMAIN_ID and the other variables of ROS 2 say who may find them: programs on this machine where "
-        "none is set."
-    ),
-]
-Ros2Pictures = Annotated[bool, arg(help="With --ros2: publish the pictures too (JPEG).")]
-Ros2BestEffort = Annotated[
-    bool, arg(help="With --ros2: boxes and pictures best effort, for lossy radio; reliable otherwise.")
-]
-Ros2Namespace = Annotated[str, arg(metavar="NAME", help="With --ros2: before every topic but tf.")]
-Ros2Frames = Annotated[
-    str, arg(metavar="MAP,ODOM,BASE,CAMERA", help="With --ros2: names of the frames; the base is on the floor.")
-]
-OdomTf = Annotated[
-    bool,
-    arg(help="With --ros2: --no-odom-tf where the robot itself publishes odom -> base; map -> odom builds on that."),
-]
 WheelTopic = Annotated[
     str | None,
     arg(
@@ -60,27 +41,47 @@ DepthTopicName = Annotated[
 FRAMES = "map,odom,base_link,camera_optical_frame"
 
 
-def ros2_sinks(
-    wanted: bool,
-    source: Camera,
-    floor: FloorCamera,
-    *,
-    namespace: str,
-    frames: str,
-    pictures: bool,
-    best_effort: bool,
-    odom_tf: bool,
-    edits: Edits,
-) -> list[Ros2Sink]:
-    """The sink that publishes, where it is asked for. Raises OptionError, Ros2Error or MissingExtraError."""
-    if not wanted:
-        return []
-    from edgemap.runtime.frames.messages.topics import FrameIds
-    from edgemap.runtime.inputs.ros2.node import shared_node
-    from edgemap.runtime.outputs.publishers.ros2 import Ros2Options, Ros2Sink
+@dataclass(frozen=True)
+class Ros2Outputs:
+    """Results as live ROS 2 topics."""
 
-    options = Ros2Options(namespace, FrameIds(*frame_names(frames)), pictures, best_effort, odom_tf)
-    return [Ros2Sink(shared_node(), floor, options, ros_time=source.name.startswith("ros2:"), edit=edits.submit)]
+    ros2: Annotated[
+        bool,
+        arg(
+            help="Publish results live as ROS 2 topics (docs/ros2.md). Files are then paced by their stamps, as "
+            "--realtime does. ROS_DOMAIN_ID and the other variables of ROS 2 say who may find them: programs on this "
+            "machine where none is set."
+        ),
+    ] = False
+    ros2_pictures: Annotated[bool, arg(help="With --ros2: publish the pictures too (JPEG).")] = False
+    ros2_best_effort: Annotated[
+        bool, arg(help="With --ros2: boxes and pictures best effort, for lossy radio; reliable otherwise.")
+    ] = False
+    ros2_namespace: Annotated[str, arg(metavar="NAME", help="With --ros2: before every topic but tf.")] = "edgemap"
+    ros2_frames: Annotated[
+        str,
+        arg(metavar="MAP,ODOM,BASE,CAMERA", help="With --ros2: names of the frames; the base is on the floor."),
+    ] = FRAMES
+    odom_tf: Annotated[
+        bool,
+        arg(
+            help="With --ros2: --no-odom-tf where the robot itself publishes odom -> base; map -> odom builds on that."
+        ),
+    ] = True
+
+    def ros2_sinks(self, source: Camera, floor: FloorCamera, edits: Edits) -> list[Ros2Sink]:
+        """The sink that publishes, where it is asked for. Raises OptionError, Ros2Error or MissingExtraError."""
+        if not self.ros2:
+            return []
+        from edgemap.runtime.frames.messages.topics import FrameIds
+        from edgemap.runtime.inputs.ros2.node import shared_node
+        from edgemap.runtime.outputs.publishers.ros2 import Ros2Options, Ros2Sink
+
+        options = Ros2Options(
+            self.ros2_namespace, FrameIds(*frame_names(self.ros2_frames)), self.ros2_pictures, self.ros2_best_effort,
+            self.odom_tf,
+        )  # fmt: skip
+        return [Ros2Sink(shared_node(), floor, options, ros_time=source.name.startswith("ros2:"), edit=edits.submit)]
 
 
 def frame_names(frames: str) -> list[str]:

@@ -90,7 +90,7 @@ class _Drive:
         from edgemap.cli.guessed_camera import CameraKeeper
         from edgemap.cli.options import choose_classes, minimum_score
         from edgemap.cli.run_record import run_record
-        from edgemap.cli.saved_map import enter_saved_map, forgets, place_of
+        from edgemap.cli.saved_map import enter_saved_map
         from edgemap.runtime.outputs.report.crops import BestCrops
         from edgemap.runtime.step.slam import SlamOptions, build_slam
 
@@ -104,13 +104,13 @@ class _Drive:
             not robot.without_imu,
             chosen.clustering,
             chosen.loop_closure,
-            forgets(chosen.forget, chosen.saved, chosen.clustering),
+            chosen.forgets(chosen.clustering),
             options.advanced.allow_untrained,
             self.mapped,
             threshold,
         )
         self.slam = build_slam(source, loaded, floor, slam_options, tuned)
-        self.place = place_of(chosen.saved)
+        self.place = chosen.place()
         enter_saved_map(self.slam.mapper, self.place, chosen.start, chosen.clustering)
         self.folder = options.outputs.out or Path("runs") / datetime.now(UTC).strftime("%Y%m%dT%H%M%SZ")
         self.kept_camera = CameraKeeper(self.folder, floor, guess)
@@ -125,15 +125,14 @@ class _Drive:
         from edgemap.cli.saved_map import living_map
         from edgemap.runtime.step.loop import stop_on_signals
 
-        options, watch = self.options, self.options.watch
+        options = self.options
         edits = self._edits()
         with (
             stop_on_signals() as stop,  # from here on there is something to save
             living_map(self.place, self.slam.mapper) as kept,
             live_page(
-                watch.view, watch.view_host, watch.view_port, self.source, self.loaded, self.floor,
-                options.robot.odometry, self.folder, self.crops, edits, self.kept_camera.set_mount,
-                lambda: self.slam.mapper.relocaliser.searching,
+                options.watch, self.source, self.loaded, self.floor, options.robot.odometry, self.folder, self.crops,
+                edits, self.kept_camera.set_mount, lambda: self.slam.mapper.relocaliser.searching,
             ) as page,
         ):  # fmt: skip
             self._drive(page, stop, edits, kept)
@@ -194,21 +193,14 @@ class _Drive:
 
     def _publishers(self, edits: Edits) -> list[Sink]:
         """Recording and other programs."""
-        from edgemap.cli.fleet import fleet_sinks
-        from edgemap.cli.publishers import open_publishers
         from edgemap.cli.record import recording_sinks
-        from edgemap.cli.ros2 import ros2_sinks
         from edgemap.runtime.frames.decisions import Decisions
 
-        out, watch, odometry = self.options.outputs, self.options.watch, self.options.robot.odometry
+        out, odometry = self.options.outputs, self.options.robot.odometry
         decided = Decisions(self.loaded.engine, self.loaded.precision)
-        publishers = open_publishers(self.floor, watch.foxglove, watch.rerun, watch.rerun_pictures, out.mqtt, out.robot)
-        saved = self.place.path if self.place and self.place.exists else None
-        fleet = fleet_sinks(out.fleet, out.robot, saved)
+        viewers = self.options.watch.viewer_sinks(self.floor)
+        named = out.named_sinks(self.place.path if self.place and self.place.exists else None)
         tape = recording_sinks(out.recording, out.lossless, self.source, self.floor, odometry, decided)
-        live = ros2_sinks(
-            out.ros2, self.source, self.floor, namespace=out.ros2_namespace, frames=out.ros2_frames,
-            pictures=out.ros2_pictures, best_effort=out.ros2_best_effort, odom_tf=out.odom_tf, edits=edits,
-        )  # fmt: skip
+        live = out.ros2_sinks(self.source, self.floor, edits)
         edits.recorders += [sink.edit for sink in tape]
-        return [*tape, *publishers, *fleet, *live]
+        return [*tape, *viewers, *named, *live]

@@ -4,28 +4,16 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Literal
+from typing import TYPE_CHECKING, Annotated
 
 from edgemap.cli.arguments import arg
 from edgemap.cli.budget import CpuShare
-from edgemap.cli.fleet import Fleet
-from edgemap.cli.groups import MotionOptions, NetworkOptions, Source
-from edgemap.cli.options import Confidence, ConfigFile, ConfigOptions, LoopClosure, WithoutDepth, at_least, in_unit
-from edgemap.cli.publishers import Foxglove, MqttBroker, Rerun, RerunPictures, RobotName
-from edgemap.cli.ros2 import (
-    FRAMES,
-    DepthTopicName,
-    ImuTopic,
-    OdomTf,
-    Ros2,
-    Ros2BestEffort,
-    Ros2Frames,
-    Ros2Namespace,
-    Ros2Pictures,
-    WheelTopic,
-    frame_names,
-)
-from edgemap.cli.saved_map import EditsFile, Forget, SavedMap, StartText
+from edgemap.cli.groups import MappingOptions, MotionOptions, NetworkOptions, Source
+from edgemap.cli.live_page import PageOptions
+from edgemap.cli.options import ConfigFile, ConfigOptions, WithoutDepth, at_least
+from edgemap.cli.publishers import NamedOutputs, Viewers
+from edgemap.cli.ros2 import DepthTopicName, ImuTopic, Ros2Outputs, WheelTopic, frame_names
+from edgemap.cli.saved_map import SavedMapOptions
 
 if TYPE_CHECKING:
     from edgemap.runtime.inputs.cameras.protocol import SensorTopics
@@ -50,53 +38,23 @@ class RobotGroup(MotionOptions):
 
 
 @dataclass(frozen=True)
-class MapGroup:
+class MapGroup(MappingOptions, SavedMapOptions):
     """Objects to map, and the saved map to continue."""
 
-    saved: SavedMap = None
-    start: StartText = None
-    forget: Forget = "auto"
-    edited: EditsFile = None
     classes: Annotated[
         str | None,
         arg(metavar="A,B,…", help="Classes that go on the map, any that the bundle knows; by default those of homes."),
     ] = None
-    confidence: Confidence = None
-    clustering: Annotated[
-        Literal["default", "paper"],
-        arg(help="default: association under both covariances; paper: single linkage per label at 1 m."),
-    ] = "default"
-    loop_closure: LoopClosure = True
 
 
 @dataclass(frozen=True)
-class WatchGroup:
+class WatchGroup(Viewers, PageOptions):
     """See the run while it lasts."""
 
-    view: Annotated[
-        bool,
-        arg(
-            help="Serve a live page for browsers. Files are then paced by their stamps, as --realtime does, and the "
-            "page stays after the last frame until Ctrl-C."
-        ),
-    ] = False
-    view_host: Annotated[
-        str,
-        arg(
-            metavar="ADDRESS",
-            help="Address to serve it on; 0.0.0.0 for every network. Beyond this machine viewers need the token that "
-            "is printed with the page's address.",
-        ),
-    ] = "127.0.0.1"
-    view_port: Annotated[int, arg(metavar="PORT", help="Port to serve it on; 0 for any free one.")] = 8090
-    foxglove: Foxglove = None
-    rerun: Rerun = None
-    rerun_pictures: RerunPictures = 1.0
-
 
 @dataclass(frozen=True)
-class OutputGroup:
-    """Files, and other programs that get the results."""
+class Files:
+    """Files that a run writes."""
 
     out: Annotated[
         Path | None, arg(aliases=["-o"], metavar="DIR", help="The run folder; runs/<UTC stamp>/ by default.")
@@ -106,15 +64,11 @@ class OutputGroup:
         arg(name="record", metavar="FILE.mcap", help="Record pictures and results, to be replayed."),
     ] = None
     lossless: Annotated[bool, arg(help="Record PNG, not JPEG: a replay gives the very same map.")] = False
-    mqtt: MqttBroker = None
-    fleet: Fleet = None
-    robot: RobotName = None
-    ros2: Ros2 = False
-    ros2_pictures: Ros2Pictures = False
-    ros2_best_effort: Ros2BestEffort = False
-    ros2_namespace: Ros2Namespace = "edgemap"
-    ros2_frames: Ros2Frames = FRAMES
-    odom_tf: OdomTf = True
+
+
+@dataclass(frozen=True)
+class OutputGroup(Ros2Outputs, NamedOutputs, Files):
+    """Files, and other programs that get the results."""
 
 
 @dataclass(frozen=True)
@@ -151,7 +105,7 @@ class RunOptions:
         self.camera.check()
         self.robot.check()
         at_least(1, frames=self.camera.frames, threads=self.advanced.threads)
-        in_unit(confidence=self.map.confidence)
+        self.map.check()
         frame_names(self.outputs.ros2_frames)
         check_name(self.outputs.recording)
         read_share(self.advanced.cpu)

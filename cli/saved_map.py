@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from contextlib import contextmanager
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
 
@@ -18,54 +19,57 @@ if TYPE_CHECKING:
     from edgemap.runtime.step.map_store import MapPlace
     from edgemap.runtime.step.mapper import Mapper
 
-SavedMap = Annotated[
-    Path | None,
-    arg(
-        name="map",
-        metavar="MAP",
-        help="Continue a map. A name (home) or a folder opens it or makes a new one, and saves back into it; a "
-        "map.json or a run folder is only read. Objects keep their ids. The run starts at the last pose or the dock "
-        "where the objects agree, else the robot's place is found by its objects; --start sets it.",
-    ),
-]
-StartText = Annotated[
-    str | None,
-    arg(
-        metavar="X,Y,YAW_DEG|dock|last",
-        help="Where the robot starts in the map, to about 0.1 m and 3 degrees: metres forward and left, degrees "
-        "counter-clockwise; dock: at the map's dock; last: where the last run ended.",
-    ),
-]
-EditsFile = Annotated[
-    Path | None,
-    arg(
-        name="edits",
-        metavar="FILE",
-        help="Edits of an earlier run over the same source, taken at the same frames again: its edits.jsonl. A "
-        "recording brings those of the run that recorded it.",
-    ),
-]
-Forget = Annotated[
-    Literal["auto", "on", "off"],
-    arg(
-        help="Whether an object that is in plain view and not detected, repeatedly, leaves the map; auto: on with "
-        "--map, where furniture may have been moved since."
-    ),
-]
 
+@dataclass(frozen=True)
+class SavedMapOptions:
+    """A saved map to continue."""
 
-def forgets(forget: str, saved: Path | None, clustering: str) -> bool:
-    """Whether the run weighs negative evidence. Raises OptionError for a map that cannot forget."""
-    if forget == "on" and clustering == "paper":
-        raise OptionError("--forget on: the paper's clustering keeps every sighting for good")
-    return forget == "on" or (forget == "auto" and saved is not None)
+    saved: Annotated[
+        Path | None,
+        arg(
+            name="map",
+            metavar="MAP",
+            help="Continue a map. A name (home) or a folder opens it or makes a new one, and saves back into it; a "
+            "map.json or a run folder is only read. Objects keep their ids. The run starts at the last pose or the "
+            "dock where the objects agree, else the robot's place is found by its objects; --start sets it.",
+        ),
+    ] = None
+    start: Annotated[
+        str | None,
+        arg(
+            metavar="X,Y,YAW_DEG|dock|last",
+            help="Where the robot starts in the map, to about 0.1 m and 3 degrees: metres forward and left, degrees "
+            "counter-clockwise; dock: at the map's dock; last: where the last run ended.",
+        ),
+    ] = None
+    forget: Annotated[
+        Literal["auto", "on", "off"],
+        arg(
+            help="Whether an object that is in plain view and not detected, repeatedly, leaves the map; auto: on with "
+            "--map, where furniture may have been moved since."
+        ),
+    ] = "auto"
+    edited: Annotated[
+        Path | None,
+        arg(
+            name="edits",
+            metavar="FILE",
+            help="Edits of an earlier run over the same source, taken at the same frames again: its edits.jsonl. A "
+            "recording brings those of the run that recorded it.",
+        ),
+    ] = None
 
+    def forgets(self, clustering: str) -> bool:
+        """Whether the run weighs negative evidence. Raises OptionError for a map that cannot forget."""
+        if self.forget == "on" and clustering == "paper":
+            raise OptionError("--forget on: the paper's clustering keeps every sighting for good")
+        return self.forget == "on" or (self.forget == "auto" and self.saved is not None)
 
-def place_of(saved: Path | None) -> MapPlace | None:
-    """The place of `--map`; None without it."""
-    from edgemap.runtime.step.map_store import find_map
+    def place(self) -> MapPlace | None:
+        """The place of `--map`; None without it."""
+        from edgemap.runtime.step.map_store import find_map
 
-    return None if saved is None else find_map(saved)
+        return None if self.saved is None else find_map(self.saved)
 
 
 def enter_saved_map(mapper: Mapper, place: MapPlace | None, start: str | None, clustering: str) -> None:
