@@ -11,6 +11,7 @@ import cv2
 import numpy as np
 import pytest
 
+from edgemap.cli.groups import Source
 from edgemap.cli.record import command as record
 from edgemap.geometry.se2 import SE2
 from edgemap.runtime.frames.errors import RecordingError
@@ -151,7 +152,7 @@ def test_ctrl_c_ends_a_recording_properly(tmp_path, pictures):
 def test_ctrl_c_before_the_first_picture_leaves_no_empty_recording(tmp_path, pictures, monkeypatch):
     monkeypatch.setattr("edgemap.runtime.inputs.cameras.protocol.next_frame", lambda *_: None)
     with pytest.raises(RecordingError, match="before the first picture"):
-        record(tmp_path / "a.mcap", str(pictures))
+        record(tmp_path / "a.mcap", Source(camera=str(pictures)))
     assert not (tmp_path / "a.mcap").exists()
 
 
