@@ -16,9 +16,10 @@ _log = logging.getLogger(__name__)
 class Sink(Protocol):
     """Takes results while a run lasts: a file, a page, a publisher. All calls come from the run's own thread.
 
-    To write one: give it a `name` and the three methods; raise any error. `SinkGroup` implements the rule for every
-    sink: an exception never ends the run. Its failure is reported to all sinks once, as a fault with its name; later
-    results are offered all the same, and the first one that it takes again is reported too. So a sink
+    To write one: derive from this class, give it a `name` and the methods that it needs; raise any error. `SinkGroup`
+    implements the rule for every sink: an exception never ends the run. Its failure is reported to all sinks once, as a
+    fault with its name; later results are offered all the same, and the first one that it takes again is reported too.
+    So a sink
     - never waits: what may block (a network, a slow disk) goes to a thread or a bounded queue of its own;
     - raises an EdgemapError of one line with what, where and the numbers (an unknown error keeps its traceback in the
       log), in every `write` that finds it still failing, and does not report the fault itself;
@@ -35,7 +36,7 @@ class Sink(Protocol):
         """Receives one step's result; `objects` is the map after the step. May raise anything."""
 
     def fault(self, text: str) -> None:
-        """Receives a fault, one line. Its exceptions are ignored."""
+        """Receives a fault, one line; run.json has it in any case. Its exceptions are ignored."""
 
     def close(self) -> None:
         """Finish; whatever was gathered is safe afterwards. May be called twice.

@@ -10,13 +10,14 @@ from edgemap.geometry.objects.edits import NO_ANNOTATIONS, Annotations
 from edgemap.runtime.frames.errors import PublishError
 from edgemap.runtime.outputs.fleet.network import name_of, open_session, packed, place_key, rounded
 from edgemap.runtime.step.map_file import map_document
+from edgemap.runtime.step.sinks import Sink
 from edgemap.runtime.step.slam import StepResult
 
 POSE_EVERY_S, MAP_EVERY_S, UNCHANGED_EVERY_S = 1.0, 5.0, 60.0  # of stream
 CONNECT_LIMIT_S = 2.0  # for which the run's start waits
 
 
-class FleetSink:
+class FleetSink(Sink):
     """Sends the pose every second and the map every five, where it has changed; at the end the map once more.
 
     A run's map is first sent when it has an object: until then the previous run's counts. An unchanged map is sent
@@ -59,9 +60,6 @@ class FleetSink:
             self._pose.put(json.dumps(dict(pose)))
         if not self._kept.is_set():
             raise PublishError(f"nobody keeps the map of {self._place} at {self._address} (edgemap fleet serve)")
-
-    def fault(self, text: str) -> None:
-        """Does nothing: faults are in run.json."""
 
     def close(self) -> None:
         """Send the last map and leave; may be called twice."""

@@ -26,8 +26,7 @@ def geojson_text(
     rooms: Sequence[Room] = (),
 ) -> str:
     """One FeatureCollection. Each object is a Polygon with the fields of map.json as properties; so is each zone, with
-    its id and name. Each wall is a LineString, each room a
-    Polygon.
+    its id and name. Each wall is a LineString, each room a Polygon.
 
     RFC 7946 knows WGS 84 only, and other frames by prior arrangement (section 4): the member `frame` says which, and
     `crs: null` (GeoJSON 2008, section 3) that no program should take the numbers for degrees. Exterior rings run
@@ -35,7 +34,7 @@ def geojson_text(
     """
     taken = {item.id for item in objects}
     features = chain(
-        (_feature(item, object_record(item), map_id) for item in objects),
+        (_object(item, map_id) for item in objects),
         (_zone(zone, taken) for zone in zones),
         (_wall(number, wall) for number, wall in enumerate(walls, start=1)),
         (_room(number, room) for number, room in enumerate(rooms, start=1)),
@@ -52,18 +51,25 @@ def geojson_text(
     return f'{head},\n "features": [\n{lines}\n ]\n}}\n'
 
 
-def _feature(item: MapObject, record: dict, map_id: str) -> dict:
+def _feature(identity: str, kind: str, points_m: Sequence[Sequence[float]], properties: dict) -> dict:
+    """A Polygon (its ring is closed here), a LineString, or a Point."""
+    ring = [list(point) for point in points_m]
+    coordinates = {"Polygon": [ring + ring[:1]], "LineString": ring, "Point": ring[0]}[kind]
+    geometry = {"type": kind, "coordinates": coordinates}
+    return {"type": "Feature", "id": identity, "geometry": geometry, "properties": properties | {"frame": "map"}}
+
+
+def _rounded(points_m: Sequence[Sequence[float]]) -> list[list[float]]:
+    return [[round(x, 4), round(y, 4)] for x, y in points_m]
+
+
+def _object(item: MapObject, map_id: str) -> dict:
     radius = radius_m(item)
     x_m, y_m = (float(value) for value in item.position_m)
     turns = [math.tau * k / CORNERS for k in range(CORNERS)]
-    ring = [[round(x_m + radius * math.cos(t), 4), round(y_m + radius * math.sin(t), 4)] for t in turns]
-    own = {"uuid": object_uuid(item.id, map_id), "radius_m": round(radius, 4), "frame": "map"}
-    return {
-        "type": "Feature",
-        "id": item.id,
-        "geometry": {"type": "Polygon", "coordinates": [ring + ring[:1]]},
-        "properties": record | own,
-    }
+    ring = _rounded([(x_m + radius * math.cos(t), y_m + radius * math.sin(t)) for t in turns])
+    own = {"uuid": object_uuid(item.id, map_id), "radius_m": round(radius, 4)}
+    return _feature(item.id, "Polygon", ring, object_record(item) | own)
 
 
 def _zone(zone: Zone, taken: Collection[str]) -> dict:
@@ -71,37 +77,17 @@ def _zone(zone: Zone, taken: Collection[str]) -> dict:
     ring = zone_record(zone)["corners_m"]
     if sum(x0 * y1 - x1 * y0 for (x0, y0), (x1, y1) in zip(ring, ring[1:] + ring[:1], strict=True)) < 0.0:
         ring.reverse()
-    return {
-        "type": "Feature",
-        "id": f"zone:{zone.id}" if zone.id in taken else zone.id,
-        "geometry": {"type": "Polygon", "coordinates": [ring + ring[:1]]},
-        "properties": {"zone": zone.name, "frame": "map"},
-    }
+    return _feature(f"zone:{zone.id}" if zone.id in taken else zone.id, "Polygon", ring, {"zone": zone.name})
 
 
 def _wall(number: int, wall: Wall) -> dict:
-    ends = [[round(x, 4), round(y, 4)] for x, y in (wall.from_m, wall.to_m)]
-    return {
-        "type": "Feature",
-        "id": f"wall-{number}",
-        "geometry": {"type": "LineString", "coordinates": ends},
-        "properties": {"wall": True, "length_m": round(wall.length_m, 3), "frame": "map"},
-    }
+    properties = {"wall": True, "length_m": round(wall.length_m, 3)}
+    return _feature(f"wall-{number}", "LineString", _rounded((wall.from_m, wall.to_m)), properties)
 
 
 def _room(number: int, room: Room) -> dict:
-    ring = [[round(x, 4), round(y, 4)] for x, y in room.corners_m]
-    return {
-        "type": "Feature",
-        "id": f"room-{number}",
-        "geometry": {"type": "Polygon", "coordinates": [ring + ring[:1]]},
-        "properties": {
-            "room": True,
-            "area_m2": round(room.area_m2, 2),
-            "closed": round(room.closed, 3),
-            "frame": "map",
-        },
-    }
+    properties = {"room": True, "area_m2": round(room.area_m2, 2), "closed": round(room.closed, 3)}
+    return _feature(f"room-{number}", "Polygon", _rounded(room.corners_m), properties)
 
 
 def _trajectory(trajectory: Trajectory) -> dict:
@@ -109,11 +95,5 @@ def _trajectory(trajectory: Trajectory) -> dict:
     for pose in trajectory.poses:
         if math.dist(points[-1], (pose.x_m, pose.y_m)) >= STEP_M:
             points.append([round(pose.x_m, 3), round(pose.y_m, 3)])
-    line = {"type": "LineString", "coordinates": points}
-    still = {"type": "Point", "coordinates": points[0]}  # a line needs two points
-    return {
-        "type": "Feature",
-        "id": "trajectory",
-        "geometry": line if len(points) > 1 else still,
-        "properties": {"label": "robot's trajectory", "frame": "map"},
-    }
+    kind = "LineString" if len(points) > 1 else "Point"  # a line needs two points
+    return _feature("trajectory", kind, points, {"label": "robot's trajectory"})

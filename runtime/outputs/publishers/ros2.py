@@ -21,6 +21,7 @@ from edgemap.runtime.inputs.ros2.sources import RobotOdom
 from edgemap.runtime.inputs.ros2.types import in_namespace
 from edgemap.runtime.outputs.messages import build
 from edgemap.runtime.outputs.messages.stream import MessageStream, Outgoing
+from edgemap.runtime.step.sinks import Sink
 from edgemap.runtime.step.slam import StepResult
 
 GLOBAL = (topics.TF, topics.TF_STATIC)  # one tree for all robots' programs: never below a namespace
@@ -60,7 +61,7 @@ class Ros2Options:
         return Reliability.RELIABLE
 
 
-class Ros2Sink:
+class Ros2Sink(Sink):
     """Publishes every step; messages without readers are not built, except latched ones. ros_time: the stamps
     are ROS time as they are. edit: takes the poses that come on /initialpose, in the map's frame."""
 
@@ -114,9 +115,6 @@ class Ros2Sink:
             message = self._initial_pose.newest()
             if message is not None and message.header.frame_id.lstrip("/") == self._options.frames.map:
                 self._edit(pose_edit(message))
-
-    def fault(self, text: str) -> None:
-        """Does nothing: faults are in run.json."""
 
     def close(self) -> None:
         """Unpublish; may be called twice."""

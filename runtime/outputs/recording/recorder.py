@@ -30,6 +30,7 @@ from edgemap.runtime.inputs.recordings.pictures import encoded_depth
 from edgemap.runtime.outputs.messages import build
 from edgemap.runtime.outputs.messages.stream import MessageStream, Outgoing
 from edgemap.runtime.outputs.recording.writer import McapFile
+from edgemap.runtime.step.sinks import Sink
 from edgemap.runtime.step.slam import StepResult
 
 TRUTH_IDS = FrameIds(odom=IDS.map)  # true poses start where the map does, and never jump
@@ -134,7 +135,7 @@ class _Track:
             self._next += 1
 
 
-class RecordingSink:
+class RecordingSink(Sink):
     """Passes every step to a Recorder. start: creates it, and creates it again where the file vanished with its folder.
     Raises DiskError where the disk cannot be written: those results are missing from the recording, which continues in
     the same file once the disk can be written.
@@ -156,9 +157,6 @@ class RecordingSink:
         file, is missing in a replay."""
         with suppress(DiskError, RecordingError):
             self._recorder.edit(line)
-
-    def fault(self, text: str) -> None:
-        """Does nothing: faults are in run.json."""
 
     def close(self) -> None:
         """Finishes the file. Raises DiskError where its end cannot be written; it is valid up to its last complete

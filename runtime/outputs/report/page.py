@@ -169,26 +169,25 @@ def _floor(content: ReportContent, trajectory: list[PoseSample], true_trajectory
         {item.label for item in content.objects} | {row.label for row in content.evaluation_rows or [] if row.true_m}
     )
     legend = [el("li", tables.swatch(label), label) for label in labels]
-    keys = [
-        el("li", el("i", class_="key disc"), "floor it takes, as a circle"),
-        el("li", el("i", class_="key ellipse"), "95 % ellipse"),
-        el("li", el("i", class_="key trajectory"), "trajectory"),
-        el("li", el("i", class_="key start"), "start"),
-        el("li", el("i", class_="key robot"), "end, and where it faces"),
-    ]
     known = [pose for pose in true_trajectory if pose is not None]
-    if known:
-        keys.append(el("li", el("i", class_="key true-trajectory"), "true trajectory"))
-    if any(row.true_m for row in content.evaluation_rows or []):
-        keys.append(el("li", el("i", class_="key footprint"), "true footprint"))
-    if any(row.state == "missed" for row in content.evaluation_rows or []):
-        keys.append(el("li", el("b", "×", class_="key-missed"), "missed"))
-    if content.grid is not None:
-        keys.append(el("li", el("i", class_="key free"), "seen floor"))
-        keys.append(el("li", el("i", class_="key wall"), "wall or obstacle"))
-    if content.zones:
-        keys.append(el("li", el("i", class_="key zone"), "zone"))
     rows = content.evaluation_rows or ()
+    shown = {
+        "disc": ("floor it takes, as a circle", True),
+        "ellipse": ("95 % ellipse", True),
+        "trajectory": ("trajectory", True),
+        "start": ("start", True),
+        "robot": ("end, and where it faces", True),
+        "true-trajectory": ("true trajectory", known),
+        "footprint": ("true footprint", any(row.true_m for row in rows)),
+        "missed": ("missed", any(row.state == "missed" for row in rows)),
+        "free": ("seen floor", content.grid is not None),
+        "wall": ("wall or obstacle", content.grid is not None),
+        "zone": ("zone", content.zones),
+    }
+    marks = {"missed": el("b", "×", class_="key-missed")}
+    keys = [
+        el("li", marks.get(key, el("i", class_=f"key {key}")), text) for key, (text, drawn) in shown.items() if drawn
+    ]
     driven = [sample.pose_map_base for sample in trajectory]
     drawing = floor_svg(content.drawn, driven, known, rows, content.zones, content.grid)
     return _section("From above", el("figure", drawing, el("ul", legend, keys, class_="legend")), name="wide")

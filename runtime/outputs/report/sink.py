@@ -18,6 +18,7 @@ from edgemap.runtime.outputs.report.history import History
 from edgemap.runtime.outputs.report.page import ReportContent, report_page
 from edgemap.runtime.step.grid_file import load_grid
 from edgemap.runtime.step.map_file import load_annotated_map
+from edgemap.runtime.step.sinks import Sink
 from edgemap.runtime.step.slam import StepResult
 
 _TIDY_EVERY = 50  # frames between two looks at which pictures are still wanted
@@ -26,7 +27,7 @@ _MOUNT_WIDTH_PX = 640
 Judge = Callable[[list[MapObject], int], list[EvaluationRow]]
 
 
-class ReportFile:
+class ReportFile(Sink):
     """Writes `report.html` into a run folder. It must come AFTER the folder's own sink, whose files the page shows.
     truth: the drive's own poses from its start, None where unknown. judge: function from the map and the number of
     frames to evaluation rows; None without truth. crops: collects the pictures, also for other readers. A report that
@@ -55,9 +56,6 @@ class ReportFile:
         self._crops.consider(result)
         if self._history.frames % _TIDY_EVERY == 0:
             self._crops.keep({item.id for item in objects}, result.merged)
-
-    def fault(self, text: str) -> None:
-        """Does nothing: the page takes faults from run.json."""
 
     def close(self) -> None:
         """Write the page; never raises."""

@@ -14,12 +14,13 @@ from edgemap.runtime.frames.disk import lock_folder, write_atomically
 from edgemap.runtime.frames.errors import DiskError
 from edgemap.runtime.step.grid_file import grid_name, save_grid
 from edgemap.runtime.step.map_file import map_text
+from edgemap.runtime.step.sinks import Sink
 from edgemap.runtime.step.slam import StepResult
 
 SAVE_EVERY_S = 0.75  # of stream, as the run folder
 
 
-class LivingMap:
+class LivingMap(Sink):
     """Writes `map.json` of a folder that several runs share, one after the other: objects, annotations, last pose.
 
     searching: whether the robot is not yet relocalised in the map; nothing is written until then, so a run without
@@ -55,9 +56,6 @@ class LivingMap:
             self._state = (objects, annotations, *self._state[2:])
             with suppress(DiskError):
                 self._save()
-
-    def fault(self, text: str) -> None:
-        """Does nothing: faults are in run.json."""
 
     def close(self) -> None:
         """Save for good; edits of the page that stays are still saved. Raises DiskError."""

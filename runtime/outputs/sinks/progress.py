@@ -8,12 +8,13 @@ from tqdm import tqdm
 
 from edgemap.geometry.map_object import MapObject
 from edgemap.runtime.frames.reading import print_message, printable
+from edgemap.runtime.step.sinks import Sink
 from edgemap.runtime.step.slam import StepResult
 
 LINE_EVERY_S = 10.0  # where there is no terminal: often enough to see that it runs, rare enough for a journal
 
 
-class ProgressBar:
+class ProgressBar(Sink):
     """Frames done, speed, objects and faults on a terminal. total: None for live cameras."""
 
     name = "progress bar"
@@ -41,7 +42,7 @@ class ProgressBar:
         self._bar.close()
 
 
-class ProgressLines:
+class ProgressLines(Sink):
     """Progress in a log: a line every 10 s, and each fault, unless it differs from an earlier one in its numbers only.
 
     total: None for live cameras.
@@ -78,16 +79,13 @@ class ProgressLines:
         self._printed.add(kind)
         print_message(f"frame {self._frames}: {text}")
 
-    def close(self) -> None:
-        """Nothing to close."""
-
 
 def fault_kind(text: str) -> str:
     """A fault without its numbers: the same for one that repeats with others."""
     return re.sub(r"[-+]?\d+(\.\d+)?", "#", text)
 
 
-def progress(total: int | None) -> ProgressBar | ProgressLines:
+def progress(total: int | None) -> Sink:
     """The bar where standard error is a terminal, else the lines."""
     terminal = sys.stderr is not None and sys.stderr.isatty()
     return ProgressBar(total) if terminal else ProgressLines(total)
