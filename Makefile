@@ -74,7 +74,7 @@ check: setup
 	$(BIN)/ruff check
 	$(BIN)/ruff format --check
 	PYTHONPATH=.typing $(BIN)/lint-imports
-	@$(BIN)/pyright & types=$$!; $(BIN)/python -m pytest -q $(QUICK); tests=$$?; wait $$types && exit $$tests
+	@$(BIN)/pyright & types=$$!; $(BIN)/python -m pytest -q -n 2 $(QUICK); tests=$$?; wait $$types && exit $$tests
 
 # The demo live in Foxglove's protocol, on ws://127.0.0.1:8765.
 foxglove: setup
