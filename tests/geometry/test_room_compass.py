@@ -80,6 +80,28 @@ def test_what_it_states_of_the_heading_is_bounded_while_the_room_is_seen(unseen,
     assert afterwards_deg - 8.0 < stated[-1] < afterwards_deg
 
 
+def test_its_variance_covers_its_errors_and_stays_as_it_is_while_old_views_are_dropped():
+    scaled, stated = [], []
+    for seed in range(6):
+        rng, step = np.random.default_rng(seed), math.radians(0.3)
+        compass, heading = RoomCompass(CompassRule()).moved(0.0, SE2(), 0.0), 0.0
+        for index in range(1, 400):
+            yaw = YAWS[index] - YAWS[index - 1] + rng.normal(0.0, step)
+            compass = compass.moved(index * STEP_S, SE2(0.05, 0.0, yaw), step**2)
+            if index % 5 == 0:
+                level_rad = 0.3 - (YAWS[index] - YAWS[0]) + rng.normal(0.0, math.radians(0.6))
+                compass = compass.saw(RoomHeading(index * STEP_S, level_rad % (math.pi / 2.0), math.radians(0.6)))
+            compass, turned = compass.paid(STEP_S)
+            heading += yaw + turned
+            scaled.append((heading - (YAWS[index] - YAWS[0])) ** 2 / compass.heading_rad2 if index > 100 else None)
+            stated.append(compass.heading_rad2)
+    found = [value for value in scaled if value is not None]
+    assert np.mean(found) < 1.0
+    variances = np.reshape(stated, (6, -1))
+    assert np.degrees(np.sqrt(variances[:, 20:].max())) < 5.0  # and states no more than 4.0 degrees
+    assert variances[:, 300:].mean() == pytest.approx(variances[:, 20:60].mean(), rel=0.05)
+
+
 def test_steps_are_corrected_smoothly():
     errors = np.zeros(SPAN)
     errors[100] = math.radians(8.0)  # a step that is badly wrong, and does not say so

@@ -322,3 +322,14 @@ def test_its_heading_is_held_to_the_room_that_the_edges_show():
         headings[told, in_room] = math.degrees(heading)
     assert headings[False, True] == headings[True, False] == pytest.approx(30.0)
     assert abs(headings[True, True]) < 10.0  # two seconds of its drift
+
+
+def test_after_a_reset_no_view_of_the_room_bounds_the_heading_since_the_start():
+    hybrid = of(camera=[motion(0.05, 0.01)] * 22)
+    for index in range(22):
+        if index == 11:
+            hybrid.reset("gap")
+        attitude = Attitude(0.0, 0.0, np.eye(2), room=RoomHeading(index / 10.0, 0.4, math.radians(0.6)))
+        found = hybrid.step(at(index / 10.0), {}, FramePrior(attitude))
+        assert (found.heading_rad2 < math.radians(10.0) ** 2) == (1 <= index < 11)
+        assert math.isinf(found.heading_rad2) == (not 1 <= index < 11)
