@@ -1,5 +1,6 @@
 import math
 from dataclasses import replace
+from itertools import combinations
 
 import numpy as np
 import pytest
@@ -7,8 +8,8 @@ from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 from support.rooms import furnished, mapped, somewhere
 
-from edgemap.geometry.registration.alignment import AlignmentError, align, aligning, realigned
-from edgemap.geometry.registration.hypotheses import CHUNK, Motions
+from edgemap.geometry.registration.alignment import Alignment, AlignmentError, align, aligning, realigned
+from edgemap.geometry.registration.hypotheses import CHUNK, Motions, hypotheses
 from edgemap.geometry.se2 import SE2
 
 MOTIONS = st.builds(SE2, st.floats(-6, 6), st.floats(-6, 6), st.floats(-3.1, 3.1))
@@ -174,6 +175,24 @@ def test_the_work_comes_in_units_of_bounded_size_and_finds_the_same(monkeypatch)
     assert max(distances) <= CHUNK
     assert found is not None
     assert found.pairs == align(first, second).pairs
+
+
+@given(MOTIONS)
+@settings(max_examples=20, deadline=None)
+def test_each_two_correspondences_that_are_right_propose_the_motion(motion):
+    """Of seven objects, 21; their yaw is as uncertain as their ends over their distance."""
+    found = hypotheses(mapped(CROOKED), mapped(CROOKED, motion), 9.0)
+    right = [row for row in range(len(found.yaw_rad)) if off_by_m(found.pose(row), motion) < 1e-6]
+    apart2 = 4.0 * found.place_m2[right] / found.yaw_variance_rad2[right]
+    places = [np.array(place) for _, *place in CROOKED]
+    expected = [float(((a - b) ** 2).sum()) for a, b in combinations(places, 2)]
+    assert sorted(apart2.tolist()) == pytest.approx(sorted(expected))
+
+
+def test_an_exact_alignment_claims_no_pairs():
+    exact = Alignment.exact(SE2(1.0, 2.0, 0.5))
+    assert (exact.pose_a_b, exact.pairs) == (SE2(1.0, 2.0, 0.5), ())
+    assert (exact.shared, exact.rival, exact.chance, exact.rms_m, exact.covariance.any()) == (0, 0, 0.0, 0.0, False)
 
 
 def test_an_alignment_follows_a_map_that_moved_while_it_was_sought():
