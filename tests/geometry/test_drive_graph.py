@@ -197,3 +197,17 @@ def test_a_link_needs_other_links_of_about_its_own_time():
     assert witnessed(graph, {3: 0}) == {}
     graph.landmarks.all[2].keyframes = [20, 99]
     assert witnessed(graph, {3: 0}) == {3: 0}
+
+
+def test_two_visits_that_become_one_take_their_links_and_neighbours_along(placed):
+    graph = PoseGraph()
+    a, b = graph.observe([placed("chair", 0.0, 0.0, 0), placed("chair", 3.0, 0.0, 0)], 1)
+    again, c = graph.observe([placed("chair", 0.0, 0.0, 1), placed("chair", 6.0, 0.0, 1)], 2)
+    assert again is a
+    assert (a.beside, b.beside) == ({b.number, c.number}, {a.number})
+    graph.links = {c.number: a.number}
+    graph.join(b, c)
+    assert graph.links == {b.number: a.number}  # what c was linked to
+    assert sorted(graph.landmarks.all) == [a.number, b.number]
+    assert b.sums.count == 2
+    assert b.updated == 2

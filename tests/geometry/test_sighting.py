@@ -79,6 +79,7 @@ STANDING = [  # boxes, rule, rows of those that stand on the floor
     # A part of a chair, and a chair behind it.
     ([CHAIR, ("chair", 300, 250, 365, 396)], FloorRule(), [0]),
     ([("chair", 250, 100, 390, 400), ("chair", 300, 150, 365, 340)], FloorRule(), [0, 1]),
+    ([("chair", 100, 200, 160, 400), ("chair", 400, 200, 460, 400)], FloorRule(), [0, 1]),
     # Both 5 m away, 0.2 m apart: 0.6 of the smaller box is shared, then all of it.
     ([("chair", 290, 240, 340, 340), ("chair", 310, 240, 360, 340)], FloorRule(), [0, 1]),
     ([("chair", 290, 240, 340, 340), ("chair", 292, 260, 330, 340)], FloorRule(), [0]),
