@@ -99,7 +99,6 @@ RETIRED = {
         "start_speed",
         "rest_bias",
         "risen",
-        "turned_share",
         "gap",
         "lost_s",
     ),
