@@ -12,6 +12,7 @@ from edgemap.geometry.camera.floor import FloorCamera
 from edgemap.geometry.camera.intrinsics import Intrinsics
 from edgemap.geometry.camera.mount import Mount
 from edgemap.geometry.se2 import SE2
+from edgemap.geometry.trajectory_correction import TrajectoryCorrection
 from edgemap.runtime.frames.trajectory import read_tum
 from edgemap.runtime.outputs.sinks import rewriting
 from edgemap.runtime.outputs.sinks.run_folder import RunFolder
@@ -87,3 +88,15 @@ def test_of_the_older_half_every_second_pose_is_kept(monkeypatch):
     assert np.diff(stamps[16:]) == pytest.approx(0.1)
     assert (np.diff(stamps) > 0.0).all()
     assert journal.at(stamps)[:, 0] == pytest.approx(10.0 * stamps)
+
+
+def test_a_correction_counts_from_the_next_question_on():
+    journal = PoseJournal()
+    for k in range(4):
+        journal.append(float(k), SE2(float(k), 0.0, 0.0))
+    moved = TrajectoryCorrection(np.array([0.0]), np.array([[1.0, 0.0, 0.0]]), np.zeros((1, 3)), np.zeros((1, 3, 3)))
+    journal.correct(moved)
+    assert journal.at([0.0, 1.0, 2.0, 3.0])[:, 0] == pytest.approx([1.0, 2.0, 3.0, 4.0])
+    journal.correct(moved)
+    journal.append(4.0, SE2(9.0, 0.0, 0.0))
+    assert journal.stamps_near([[2.1, 0.0], [9.1, 0.0]]).tolist() == [0.0, 4.0]
