@@ -42,7 +42,7 @@ TESTS = (
     "tests/runtime/calibration/test_floor_depth.py", "tests/runtime/calibration/test_tilt.py",
     *(f"tests/runtime/test_{name}.py" for name in (
         "attitude", "blind", "checked_mount", "edits", "hybrid", "loop_closing", "mapper", "odometry", "pipeline",
-        "pose_journal", "relocalisation", "rest", "trust",
+        "pose_journal", "relocalisation", "rest", "start_poses", "trust",
     )),
 )  # fmt: skip
 CPU_S = 40  # of one mutant's tests; those that would take longer are left out, slowest first

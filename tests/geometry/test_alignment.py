@@ -8,7 +8,7 @@ from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 from support.rooms import furnished, mapped, somewhere
 
-from edgemap.geometry.registration.alignment import Alignment, AlignmentError, align, aligning, realigned
+from edgemap.geometry.registration.alignment import Alignment, AlignmentError, align, aligned_near, aligning, realigned
 from edgemap.geometry.registration.hypotheses import CHUNK, Motions, hypotheses
 from edgemap.geometry.se2 import SE2
 
@@ -187,6 +187,15 @@ def test_each_two_correspondences_that_are_right_propose_the_motion(motion):
     places = [np.array(place) for _, *place in CROOKED]
     expected = [float(((a - b) ** 2).sum()) for a, b in combinations(places, 2)]
     assert sorted(apart2.tolist()) == pytest.approx(sorted(expected))
+
+
+def test_near_a_guess_uncertain_maps_fit_by_chance_more_often():
+    """Twice the standard deviation is four times the area in which a pair counts."""
+    chances = []
+    for sigma_m in (0.05, 0.1):
+        room = mapped(CROOKED, told_sigma_m=sigma_m)
+        chances.append(aligned_near([SE2(0.1, 0.0, 0.02)], room, room).chance)
+    assert chances[1] > 100.0 * chances[0] > 0.0  # of all seven pairs
 
 
 def test_an_exact_alignment_claims_no_pairs():
