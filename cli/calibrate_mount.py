@@ -7,19 +7,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 from edgemap.cli.arguments import arg
-from edgemap.cli.calibrate_options import (
-    BoardText,
-    OutYaml,
-    Pictures,
-    check_out,
-    read_board,
-    tilt_of,
-    views_of,
-    write_yaml,
-)
-from edgemap.cli.camera_options import CameraFile, CameraSpec, IntrinsicsText, known_lens, open_described
+from edgemap.cli.calibrate_options import BoardText, MountCalibration, read_board
 from edgemap.cli.errors import OptionError
-from edgemap.cli.options import at_least
 
 if TYPE_CHECKING:
     from edgemap.geometry.camera.intrinsics import Intrinsics
@@ -31,7 +20,7 @@ Fit = tuple["Mount", dict[str, Any]]
 
 
 def command(
-    camera: CameraSpec,
+    calibration: Annotated[MountCalibration, arg(name="Camera")],
     square: Annotated[
         float | None,
         arg(metavar="METRES", help="Side of one square of a board on the floor; without it no board is looked for."),
@@ -42,10 +31,6 @@ def command(
         float | None,
         arg(metavar="METRES", help="Lens above the floor, by ruler, for sources with neither depth nor wheels."),
     ] = None,
-    out: OutYaml = Path("camera.yaml"),
-    frames: Pictures = None,
-    camera_file: CameraFile = None,
-    intrinsics: IntrinsicsText = None,
 ) -> None:
     """Measure how the camera sits: height, pitch and roll.
 
@@ -55,34 +40,28 @@ def command(
     floor, in 3 or more places. The lens must be known. The lever arm (forward_m, left_m) stays as the camera file has
     it: measure it with a ruler from the turn axis.
     """
-    at_least(1, frames=frames)
-    check_out(out, camera_file)
+    calibration.check()
     if square is not None:
-        lens, (mount, record) = _by_board(camera, square, board, thickness, frames, camera_file, intrinsics)
+        lens, (mount, record) = _by_board(calibration, square, board, thickness)
     else:
-        lens, (mount, record) = _by_room(camera, height, frames, camera_file, intrinsics)
-    write_yaml(out, camera_file, lens, mount, "mount", record)
+        lens, (mount, record) = _by_room(calibration, height)
+    calibration.write(lens, mount, "mount", record)
 
 
-def _by_board(
-    camera: str, square: float, board: str, thickness: float, frames: int | None, camera_file: Path | None,
-    intrinsics: str | None,
-) -> tuple[Intrinsics, Fit]:  # fmt: skip
+def _by_board(calibration: MountCalibration, square: float, board: str, thickness: float) -> tuple[Intrinsics, Fit]:
     from edgemap.runtime.step.calibration.floor_board import fit_mount
 
     chessboard = read_board(board, square)
-    with open_described(camera, camera_file) as source:
-        lens = known_lens(source, intrinsics)
-        fit = fit_mount(views_of(source, chessboard, frames), chessboard, lens, thickness)
+    with calibration.open() as source:
+        lens = calibration.lens(source)
+        fit = fit_mount(calibration.views(source, chessboard), chessboard, lens, thickness)
         prior = source.mount
     print(f"{fit.views} views, {fit.rms_px:.3f} px off (root mean square), {fit.worst_view_px:.3f} px in the worst")
     _print_result(fit.mount, *fit.sigma)
     return lens, (_with_lever_arm(fit.mount, prior), fit.record())
 
 
-def _by_room(
-    camera: str, height: float | None, frames: int | None, camera_file: Path | None, intrinsics: str | None
-) -> tuple[Intrinsics, Fit]:
+def _by_room(calibration: MountCalibration, height: float | None) -> tuple[Intrinsics, Fit]:
     from itertools import islice
 
     from edgemap.geometry.camera.imu import ImuSamples
@@ -91,14 +70,15 @@ def _by_room(
     from edgemap.runtime.step.calibration.gravity import gravity
     from edgemap.runtime.step.loop import stop_on_signals
 
-    with open_described(camera, camera_file) as source, stop_on_signals() as stop:
-        lens, prior, wheel = known_lens(source, intrinsics), source.mount, source.wheel
-        up = gravity(ImuSamples.joined([frame.imu for frame in frames_of(source, frames or PICTURES, stop.is_set)]))
-    depth = depth_pictures(camera)
+    count = calibration.frames or PICTURES
+    with calibration.open() as source, stop_on_signals() as stop:
+        lens, prior, wheel = calibration.lens(source), source.mount, source.wheel
+        up = gravity(ImuSamples.joined([frame.imu for frame in frames_of(source, count, stop.is_set)]))
+    depth = depth_pictures(calibration.camera)
     if depth is not None:
         from edgemap.runtime.step.calibration.floor_depth import fit_floor_depth
 
-        fit = fit_floor_depth(islice(depth[1], frames or PICTURES), depth[0], up)
+        fit = fit_floor_depth(islice(depth[1], count), depth[0], up)
         print(
             f"{fit.pictures} of {fit.examined} depth pictures show a floor, {100 * fit.share:.0f} % of the points lie "
             f"on it, {1000 * fit.rms_m:.1f} mm off (root mean square)"
@@ -107,12 +87,12 @@ def _by_room(
         _compare_gravity(fit.mount, up)
         return lens, (_with_lever_arm(fit.mount, prior), fit.record())
     recorded = wheel if isinstance(wheel, Path) else None
-    return lens, _by_edges(camera, camera_file, lens, prior, height, recorded, up, frames)
+    return lens, _by_edges(calibration, lens, prior, height, recorded, up)
 
 
 def _by_edges(
-    camera: str, camera_file: Path | None, lens: Intrinsics, prior: Mount | None, height: float | None,
-    wheel: Path | None, up: Any, frames: int | None,
+    calibration: MountCalibration, lens: Intrinsics, prior: Mount | None, height: float | None, wheel: Path | None,
+    up: Any,
 ) -> Fit:  # fmt: skip
     from dataclasses import replace
 
@@ -125,10 +105,12 @@ def _by_edges(
     from edgemap.runtime.step.calibration.wheel_height import fit_wheel_height
 
     if height is None and wheel is None:
-        raise OptionError(f"{camera} has neither depth nor wheels to measure the height: pass --height METRES")
+        raise OptionError(
+            f"{calibration.camera} has neither depth nor wheels to measure the height: pass --height METRES"
+        )
     try:
-        with open_described(camera, camera_file) as source:
-            fit = tilt_of(source, lens, frames)
+        with calibration.open() as source:
+            fit = calibration.tilt(source, lens)
         angles, sigma, record = (fit.pitch_rad, fit.roll_rad), fit.sigma, fit.record()
     except CalibrationError as error:
         if up is None:
@@ -140,8 +122,8 @@ def _by_edges(
     tilted = _with_lever_arm(Mount(height or 1.0, *angles), prior)
     sigma_m = 0.0
     if height is None and wheel is not None:
-        with open_described(camera, camera_file) as source:
-            rolled = fit_wheel_height(frames_of(source, frames), wheel_trajectory(wheel), lens, tilted)
+        with calibration.open() as source:
+            rolled = fit_wheel_height(frames_of(source, calibration.frames), wheel_trajectory(wheel), lens, tilted)
         tilted, sigma_m = replace(tilted, height_m=rolled.height_m), rolled.sigma_m
         print(f"height by {rolled.windows} windows of wheel travel, {rolled.travelled_m:.1f} m in all")
         record |= {"height": "wheels and floor", "sigma_height_m": round(sigma_m, 5)}
