@@ -32,8 +32,8 @@ def command(
     transfer goes on where it stopped.
     """
     from edgemap.runtime.frames.reading import print_message, user_path
-    from edgemap.runtime.network.download import is_url
     from edgemap.runtime.network.store import install_folder, install_url
+    from edgemap.runtime.network.web import is_url
 
     if is_url(source):
         if source.startswith("http:"):

@@ -57,13 +57,7 @@ def export_backbone(
     """
     check_place(out)
     calibration = None if calibrate is None else read_calibration(calibrate)
-    floors = [load_floor(path) for path in heads if is_floor(path)]
-    checkpoints = [load_head(path) for path in heads if not is_floor(path)]
-    kinds = [*(checkpoint.kind for checkpoint in checkpoints), *("floor" for _ in floors)]
-    if len(set(kinds)) != len(kinds):
-        raise ExportError(f"--head: two heads of one kind ({', '.join(kinds)})")
-    if checkpoints and feature is not None:
-        raise ExportError(f"--feature {feature}: a trained head brings its own ({checkpoints[0].feature})")
+    floors, checkpoints = _loaded(heads, feature)
     trained_here = is_trained(backbone)
     adopted = is_onnx(backbone)
     if (adopted or trained_here) and (size is not None or random_seed is not None):
@@ -107,6 +101,18 @@ def export_backbone(
         return parity.prove(bundle, part.reference, trunks, part.exact)
 
     return write_bundle(out, manifest, models, proof, calibration)
+
+
+def _loaded(heads: Sequence[Path], feature: str | None) -> tuple[list[FloorCheckpoint], list[HeadCheckpoint]]:
+    """Floor heads and odometry heads. feature: as for `export_backbone`. Raises ExportError."""
+    floors = [load_floor(path) for path in heads if is_floor(path)]
+    checkpoints = [load_head(path) for path in heads if not is_floor(path)]
+    kinds = [*(checkpoint.kind for checkpoint in checkpoints), *("floor" for _ in floors)]
+    if len(set(kinds)) != len(kinds):
+        raise ExportError(f"--head: two heads of one kind ({', '.join(kinds)})")
+    if checkpoints and feature is not None:
+        raise ExportError(f"--feature {feature}: a trained head brings its own ({checkpoints[0].feature})")
+    return floors, checkpoints
 
 
 def open_backbone(

@@ -14,9 +14,10 @@ from urllib.parse import urldefrag, urljoin
 from edgemap.export.sources import KnownModel, SourceArchive, Web
 from edgemap.geometry.errors import EdgemapError
 from edgemap.runtime.frames.reading import user_path
-from edgemap.runtime.network.download import DownloadError, download, is_url
+from edgemap.runtime.network.download import DownloadError, download
 from edgemap.runtime.network.manifest_file import sha256_file
 from edgemap.runtime.network.store import downloads_folder
+from edgemap.runtime.network.web import is_url
 
 PAGE_BYTES = 8 << 20
 ARCHIVE_BYTES = 200 << 20

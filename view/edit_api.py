@@ -13,7 +13,8 @@ from starlette.responses import Response
 from edgemap.geometry.objects.corrections import LARGEST_M, SMALLEST_M
 from edgemap.geometry.objects.edits import LONGEST_NAME, MAXIMUM_CORNERS, Edit, joined
 from edgemap.runtime.frames.reading import Coordinate
-from edgemap.runtime.step.map_file import GivenName, Yaw, pose_record
+from edgemap.runtime.step.map_file import pose_record
+from edgemap.runtime.step.map_records import GivenName, Yaw
 from edgemap.view import answers
 from edgemap.view.questions import Answer, Nothing, Questions, Refused, as_json, body_of
 

@@ -3,18 +3,12 @@
 import http.client
 import json
 import re
-import socket
-import ssl
-import threading
-import time
 import urllib.error
 import urllib.request
 from collections.abc import Iterator
-from contextlib import contextmanager, suppress
-from functools import cache, partial
+from contextlib import contextmanager
 from pathlib import Path
-from typing import Annotated, Any
-from urllib.parse import urlsplit
+from typing import Annotated
 
 import msgspec
 from tqdm import tqdm
@@ -23,9 +17,9 @@ from edgemap.geometry.errors import EdgemapError
 from edgemap.runtime.frames.reading import Strict, decode_json, one_line, read_bytes
 from edgemap.runtime.frames.version import VERSION
 from edgemap.runtime.network.manifest_file import sha256_file
+from edgemap.runtime.network.web import TransferClock, WatchedHandler, WebOnly, is_url
 
 TIMEOUT_S = 10.0  # to connect, and between two pieces
-LOOK_EVERY_S = 0.1
 PIECE = 1 << 16  # bytes
 LONGEST_S, SLOWEST_BYTES_S = 60.0, 20_000.0  # a transfer may take the former, and a second for so many bytes besides
 LARGEST_BYTES = 1 << 30  # of a file of unknown size
@@ -34,14 +28,6 @@ NOTES_BYTES = 4096
 
 class DownloadError(EdgemapError):
     """A file that could not be fetched, or is not the one that was promised."""
-
-
-def is_url(text: str) -> bool:
-    """Whether a text is an http or https URL."""
-    try:
-        return urlsplit(text).scheme in ("http", "https")
-    except ValueError:  # `http://[`
-        return False
 
 
 def download(
@@ -65,7 +51,7 @@ def download(
     label = label or url
     part, notes = target.with_name(f"{target.name}.part"), target.with_name(f"{target.name}.part.json")
     try:
-        with _Clock(longest_s) as clock:
+        with TransferClock(longest_s) as clock:
             if target.is_file() and (not sums or sha256_file(target) in sums):
                 return target
             target.parent.mkdir(parents=True, exist_ok=True)
@@ -108,84 +94,6 @@ class _Notes(Strict):
     validator: Annotated[str, msgspec.Meta(max_length=1000, pattern=r"\A[\x20-\x7e]*\Z")]
 
 
-class _Clock:
-    """Ends a transfer that takes longer than it may, wherever it waits: also in headers that come drop by drop."""
-
-    def __init__(self, longest_s: float) -> None:
-        self.until_s = time.monotonic() + longest_s
-        self.over = False
-        self._sockets: list[socket.socket] = []
-        self._done = threading.Event()
-
-    def connect(self, kind: type[http.client.HTTPConnection], *arguments: Any, **options: Any) -> Any:
-        """A connection whose sockets end with the time. As `http.client`'s classes."""
-        clock = self
-
-        class Watched(kind):
-            def connect(self) -> None:
-                super().connect()
-                clock._sockets.append(self.sock)
-
-        return Watched(*arguments, **options)
-
-    def __enter__(self) -> "_Clock":
-        threading.Thread(target=self._watch, daemon=True).start()
-        return self
-
-    def __exit__(self, *exception: object) -> None:
-        self._done.set()
-
-    def _watch(self) -> None:
-        while not self._done.wait(LOOK_EVERY_S):
-            if time.monotonic() > self.until_s:
-                self.over = True
-                for one in self._sockets:
-                    with suppress(OSError):
-                        one.shutdown(socket.SHUT_RDWR)
-
-
-class _Watched(urllib.request.HTTPSHandler, urllib.request.HTTPHandler):
-    """Opens http and https, watched by a clock."""
-
-    def __init__(self, clock: _Clock) -> None:
-        super().__init__(context=_trusted())
-        self._clock = clock
-
-    def http_open(self, req: Any) -> Any:
-        """As the base class."""
-        return self.do_open(partial(self._clock.connect, http.client.HTTPConnection), req)  # type: ignore[arg-type]
-
-    def https_open(self, req: Any) -> Any:
-        """As the base class."""
-        open_watched: Any = partial(self._clock.connect, http.client.HTTPSConnection)
-        return self.do_open(open_watched, req, context=_trusted())
-
-
-@cache
-def _trusted() -> ssl.SSLContext:
-    # The system's certificates take 20 ms to read, which a bundle's files need not pay for each.
-    return ssl.create_default_context()
-
-
-class _WebOnly(urllib.request.HTTPRedirectHandler):
-    """Follows redirects to http and https only, and never from https to http; their own bodies are not read."""
-
-    def http_error_302(self, req: Any, fp: Any, code: int, msg: str, headers: Any) -> Any:
-        """As the base class, which would take a redirect's whole body into memory, whatever its length."""
-        fp.read = bytes
-        return super().http_error_302(req, fp, code, msg, headers)
-
-    http_error_301 = http_error_303 = http_error_307 = http_error_308 = http_error_302
-
-    def redirect_request(self, req: Any, fp: Any, code: int, msg: str, headers: Any, newurl: str) -> Any:
-        """As the base class, after the check. Raises ValueError."""
-        if not is_url(newurl) or (urlsplit(req.full_url).scheme == "https" and urlsplit(newurl).scheme != "https"):
-            raise ValueError(
-                f"redirected to {one_line(newurl, 80)}: only http and https are followed, never https to http"
-            )
-        return super().redirect_request(req, fp, code, msg, headers, newurl)
-
-
 def _delete(*paths: Path) -> None:
     for path in paths:
         path.unlink(missing_ok=True)
@@ -205,7 +113,9 @@ def _resume_point(part: Path, notes: Path, url: str, checked: bool) -> tuple[int
 
 
 @contextmanager
-def _open(url: str, have: int, validator: str, timeout_s: float, clock: _Clock) -> Iterator[http.client.HTTPResponse]:
+def _open(
+    url: str, have: int, validator: str, timeout_s: float, clock: TransferClock
+) -> Iterator[http.client.HTTPResponse]:
     if not is_url(url):
         raise ValueError("not an http or https URL")
     headers = {"User-Agent": f"edgemap/{VERSION}", "Accept-Encoding": "identity"}
@@ -213,7 +123,7 @@ def _open(url: str, have: int, validator: str, timeout_s: float, clock: _Clock) 
         headers["Range"] = f"bytes={have}-"
         if validator:
             headers["If-Range"] = validator
-    opener = urllib.request.build_opener(_WebOnly, _Watched(clock))
+    opener = urllib.request.build_opener(WebOnly, WatchedHandler(clock))
     with opener.open(urllib.request.Request(url, headers=headers), timeout=timeout_s) as reply:
         yield reply
 
@@ -238,7 +148,7 @@ def _receive(
     have: int,
     total: int | None,
     maximum_bytes: int,
-    clock: _Clock,
+    clock: TransferClock,
     title: str | None,
     label: str,
 ) -> int:

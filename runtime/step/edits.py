@@ -28,7 +28,7 @@ from edgemap.runtime.frames.reading import (
     one_line,
     read_text,
 )
-from edgemap.runtime.step.map_file import Yaw
+from edgemap.runtime.step.map_records import Yaw
 from edgemap.runtime.step.mapper import Mapper
 
 MAXIMUM_WAITING = 100

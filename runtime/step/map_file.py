@@ -3,36 +3,33 @@
 import json
 import uuid
 from pathlib import Path
-from typing import Annotated, Literal
 
-import msgspec
 import numpy as np
-from msgspec import Meta
 
 from edgemap.geometry.errors import MapError
 from edgemap.geometry.grid.occupancy_grid import OccupancyGrid
 from edgemap.geometry.grid.walls import walls_of
 from edgemap.geometry.map_object import MapObject
 from edgemap.geometry.objects.edits import (
-    LONGEST_NAME,
-    MAXIMUM_CORNERS,
-    MAXIMUM_ZONES,
     NO_ANNOTATIONS,
     Annotations,
     Zone,
 )
 from edgemap.geometry.se2 import SE2
 from edgemap.runtime.frames.disk import write_atomically
-from edgemap.runtime.frames.reading import HIDDEN, Coordinate, Name, Share, Size, Stamp, decode_json, read_bytes
+from edgemap.runtime.frames.reading import decode_json, read_bytes
 from edgemap.runtime.step.grid_file import grid_name, save_grid
+from edgemap.runtime.step.map_records import (
+    MAXIMUM_OBJECTS,
+    HeadRecord,
+    LastPoseRecord,
+    MapObjectRecord,
+    MapRecord,
+)
 
 FORMAT = "edgemap.map/1"
 MAP_BYTES = 32 << 20
-MAXIMUM_OBJECTS = 100_000
 ROUNDING_M2 = 1e-9  # of the file's covariances
-GivenName = Annotated[str, Meta(max_length=LONGEST_NAME, pattern=rf"\A[^{HIDDEN}]*\Z")]  # by a person
-Yaw = Annotated[float, Meta(ge=-7.0, le=7.0)]  # radians
-Variance = Annotated[float, Meta(ge=-1e6, le=1e6)]  # square metres
 DEFAULT_MAP_ID = "map"
 
 
@@ -130,70 +127,6 @@ def save_map(
     write_atomically(path, map_text(objects, annotations, grid, grid_name(path)))
 
 
-class _Head(msgspec.Struct):
-    format: str = ""
-
-
-class _Last(msgspec.Struct):
-    last_pose: "_Pose | None" = None
-
-
-class _ObjectRecord(msgspec.Struct, kw_only=True):
-    id: Name
-    label: Name
-    x_m: Coordinate
-    y_m: Coordinate
-    covariance_m2: tuple[tuple[Variance, Variance], tuple[Variance, Variance]]
-    width_m: Size
-    height_m: Size
-    count: Annotated[int, Meta(ge=1, le=1 << 40)]
-    confidence: Share
-    first_seen_s: Stamp
-    last_seen_s: Stamp
-    labels: Annotated[dict[Name, Share], Meta(max_length=1000)] = msgspec.field(default_factory=dict)
-    name: GivenName = ""
-    confirmed: bool = False
-    corrected: Annotated[list[Literal["label", "position", "size", "yaw"]], Meta(max_length=4)] = msgspec.field(
-        default_factory=list
-    )
-    yaw_rad: Yaw | None = None
-    depth_m: Size | None = None
-
-
-class _Pose(msgspec.Struct):
-    x_m: Coordinate
-    y_m: Coordinate
-    yaw_rad: Yaw
-
-    @property
-    def pose(self) -> SE2:
-        return SE2(self.x_m, self.y_m, self.yaw_rad)
-
-
-class _Zone(msgspec.Struct, kw_only=True):
-    id: Name
-    name: GivenName
-    corners_m: Annotated[list[tuple[Coordinate, Coordinate]], Meta(min_length=3, max_length=MAXIMUM_CORNERS)]
-
-
-class _Wall(msgspec.Struct, kw_only=True):
-    from_m: tuple[Coordinate, Coordinate]
-    to_m: tuple[Coordinate, Coordinate]
-
-
-class _Map(msgspec.Struct, kw_only=True):
-    objects: Annotated[list[_ObjectRecord], Meta(max_length=MAXIMUM_OBJECTS)]
-    zones: Annotated[list[_Zone], Meta(max_length=MAXIMUM_ZONES)] = msgspec.field(default_factory=list)
-    grid: Name | None = None
-    walls: Annotated[list[_Wall], Meta(max_length=100_000)] = msgspec.field(default_factory=list)
-    deleted: Annotated[list[_ObjectRecord], Meta(max_length=MAXIMUM_OBJECTS)] = msgspec.field(default_factory=list)
-    seen_from_m: dict[Name, Annotated[list[tuple[Coordinate, Coordinate]], Meta(max_length=10_000)]] = msgspec.field(
-        default_factory=dict
-    )
-    dock: _Pose | None = None
-    last_pose: _Pose | None = None
-
-
 def load_map(path: Path) -> list[MapObject]:
     """The objects of a map.json, or of the one of a run folder. Raises as `load_annotated_map`."""
     return load_annotated_map(path)[0]
@@ -217,7 +150,8 @@ def map_path(path: Path) -> Path:
 def load_last_pose(path: Path) -> SE2 | None:
     """The robot's pose when the map of a map.json or folder was saved, None where it is missing. Raises MapError."""
     path = map_path(path)
-    found = decode_json(read_bytes(path, MAP_BYTES, MapError), _Last, f"{path}: damaged map", MapError).last_pose
+    data = read_bytes(path, MAP_BYTES, MapError)
+    found = decode_json(data, LastPoseRecord, f"{path}: damaged map", MapError).last_pose
     return found and found.pose
 
 
@@ -227,10 +161,10 @@ def read_map(data: bytes, source: str, most: int = MAXIMUM_OBJECTS) -> tuple[lis
     if data.count(b'"covariance_m2"') > most:  # one in every object
         raise MapError(f"{source}: more than {most} objects")
     other = f"{source}: not an {FORMAT} document"
-    if decode_json(data, _Head, other, MapError).format != FORMAT:
+    if decode_json(data, HeadRecord, other, MapError).format != FORMAT:
         raise MapError(other)
     where = f"{source}: damaged map"
-    document = decode_json(data, _Map, where, MapError)
+    document = decode_json(data, MapRecord, where, MapError)
     if len(document.objects) + len(document.deleted) > most:  # a name may be written in another way
         raise MapError(f"{source}: more than {most} objects")
     for what, records in (("objects", (*document.objects, *document.deleted)), ("zones", document.zones)):
@@ -247,7 +181,7 @@ def read_map(data: bytes, source: str, most: int = MAXIMUM_OBJECTS) -> tuple[lis
     return objects, Annotations(zones, tuple(deleted), document.dock and document.dock.pose)
 
 
-def _object_of(record: _ObjectRecord, views: list[tuple[float, float]], where: str) -> MapObject:
+def _object_of(record: MapObjectRecord, views: list[tuple[float, float]], where: str) -> MapObject:
     covariance = np.array(record.covariance_m2)
     (xx, xy), (yx, yy) = covariance.tolist()
     if abs(xy - yx) > ROUNDING_M2 or min(xx, yy, *np.linalg.eigvalsh(covariance)) < -ROUNDING_M2:

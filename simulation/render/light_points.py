@@ -16,10 +16,8 @@ Light = NDArray[np.float32]
 
 _REFLECTOR_M = 0.25
 _PROBE_STEP_M, _PROBE_HEIGHT_M, _PROBE_LEVELS = 0.6, 0.15, 4
-# Light maps wider than this do not fit the atlas.
-_MOST_TEXELS = 1000
-# How much a point with a different normal counts as farther off, in clusters per radian or so.
-_NORMAL_WEIGHT = 1.5
+_MOST_TEXELS = 1000  # of a light map's side; the atlas holds no more
+_NORMAL_WEIGHT = 1.5  # distance of points of unlike normals, in clusters per radian or so
 
 
 @dataclass(frozen=True, slots=True, eq=False)

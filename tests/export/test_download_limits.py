@@ -8,8 +8,9 @@ from types import SimpleNamespace
 
 import pytest
 
-from edgemap.runtime.network import download as module
-from edgemap.runtime.network.download import DownloadError, download, is_url
+from edgemap.runtime.network import web as module
+from edgemap.runtime.network.download import DownloadError, download
+from edgemap.runtime.network.web import is_url
 
 
 class Hostile(BaseHTTPRequestHandler):
@@ -95,7 +96,7 @@ def test_the_body_of_a_redirect_is_not_read(address, tmp_path, path):
 
 
 def test_https_never_becomes_http():
-    handler = module._WebOnly()
+    handler = module.WebOnly()
     request = module.urllib.request.Request("https://host/a")
     with pytest.raises(ValueError, match="never https to http"):
         handler.redirect_request(request, None, 302, "", {}, "http://host/a")

@@ -27,7 +27,8 @@ from edgemap.runtime.inputs.drives import open_drive
 from edgemap.runtime.inputs.open import open_camera
 from edgemap.runtime.motion.odometry import wheel_trajectory
 from edgemap.runtime.network import store
-from edgemap.runtime.network.download import download, is_url
+from edgemap.runtime.network.download import download
+from edgemap.runtime.network.web import is_url
 from edgemap.runtime.step.mapper import Mapper
 from edgemap.view.app import make_app
 from edgemap.view.page import LivePage

@@ -1,0 +1,103 @@
+"""Opens http and https alone, redirects included, and ends a transfer that takes too long."""
+
+import http.client
+import socket
+import ssl
+import threading
+import time
+import urllib.error
+import urllib.request
+from contextlib import suppress
+from functools import cache, partial
+from typing import Any
+from urllib.parse import urlsplit
+
+from edgemap.runtime.frames.reading import one_line
+
+LOOK_EVERY_S = 0.1
+
+
+def is_url(text: str) -> bool:
+    """Whether a text is an http or https URL."""
+    try:
+        return urlsplit(text).scheme in ("http", "https")
+    except ValueError:  # `http://[`
+        return False
+
+
+class TransferClock:
+    """Ends a transfer that takes longer than it may, wherever it waits: also in headers that come drop by drop."""
+
+    def __init__(self, longest_s: float) -> None:
+        self.until_s = time.monotonic() + longest_s
+        self.over = False
+        self._sockets: list[socket.socket] = []
+        self._done = threading.Event()
+
+    def connect(self, kind: type[http.client.HTTPConnection], *arguments: Any, **options: Any) -> Any:
+        """A connection whose sockets end with the time. As `http.client`'s classes."""
+        clock = self
+
+        class Watched(kind):
+            def connect(self) -> None:
+                super().connect()
+                clock._sockets.append(self.sock)
+
+        return Watched(*arguments, **options)
+
+    def __enter__(self) -> "TransferClock":
+        threading.Thread(target=self._watch, daemon=True).start()
+        return self
+
+    def __exit__(self, *exception: object) -> None:
+        self._done.set()
+
+    def _watch(self) -> None:
+        while not self._done.wait(LOOK_EVERY_S):
+            if time.monotonic() > self.until_s:
+                self.over = True
+                for one in self._sockets:
+                    with suppress(OSError):
+                        one.shutdown(socket.SHUT_RDWR)
+
+
+class WatchedHandler(urllib.request.HTTPSHandler, urllib.request.HTTPHandler):
+    """Opens http and https, watched by a clock."""
+
+    def __init__(self, clock: TransferClock) -> None:
+        super().__init__(context=trusted_certificates())
+        self._clock = clock
+
+    def http_open(self, req: Any) -> Any:
+        """As the base class."""
+        return self.do_open(partial(self._clock.connect, http.client.HTTPConnection), req)  # type: ignore[arg-type]
+
+    def https_open(self, req: Any) -> Any:
+        """As the base class."""
+        open_watched: Any = partial(self._clock.connect, http.client.HTTPSConnection)
+        return self.do_open(open_watched, req, context=trusted_certificates())
+
+
+@cache
+def trusted_certificates() -> ssl.SSLContext:
+    """The system's certificates: they take 20 ms to read, so they are read once."""
+    return ssl.create_default_context()
+
+
+class WebOnly(urllib.request.HTTPRedirectHandler):
+    """Follows redirects to http and https only, and never from https to http; their own bodies are not read."""
+
+    def http_error_302(self, req: Any, fp: Any, code: int, msg: str, headers: Any) -> Any:
+        """As the base class, which would take a redirect's whole body into memory, whatever its length."""
+        fp.read = bytes
+        return super().http_error_302(req, fp, code, msg, headers)
+
+    http_error_301 = http_error_303 = http_error_307 = http_error_308 = http_error_302
+
+    def redirect_request(self, req: Any, fp: Any, code: int, msg: str, headers: Any, newurl: str) -> Any:
+        """As the base class, after the check. Raises ValueError."""
+        if not is_url(newurl) or (urlsplit(req.full_url).scheme == "https" and urlsplit(newurl).scheme != "https"):
+            raise ValueError(
+                f"redirected to {one_line(newurl, 80)}: only http and https are followed, never https to http"
+            )
+        return super().redirect_request(req, fp, code, msg, headers, newurl)
