@@ -14,8 +14,7 @@ from edgemap.simulation.render.scene import LitPart, Scene, Solid, Surface
 
 Light = NDArray[np.float32]
 
-_REFLECTOR_M = 0.25
-_PROBE_STEP_M, _PROBE_HEIGHT_M, _PROBE_LEVELS = 0.6, 0.15, 4
+_REFLECTOR_M, _PROBE_STEP_M, _PROBE_HEIGHT_M, _PROBE_LEVELS = 0.25, 0.6, 0.15, 4
 _MOST_TEXELS = 1000  # of a light map's side; the atlas holds no more
 _NORMAL_WEIGHT = 1.5  # distance of points of unlike normals, in clusters per radian or so
 
@@ -123,9 +122,7 @@ class SurfacePoints:
 
 class SolidPoints:
     """Light points of solids: one corner for all corners of a solid near it that face the same way; both its sides.
-
-    points: all fronts, then all backs.
-    """
+    points: all fronts, then all backs."""
 
     def __init__(self, solids: Sequence[Solid], spacing_m: float, cluster_m: float) -> None:
         self._parts = [(solid.id, _fine(part, spacing_m)) for solid in solids for part in solid.mesh.parts]

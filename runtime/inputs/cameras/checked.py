@@ -18,7 +18,7 @@ from edgemap.runtime.frames.reading import error_line, one_line, printable
 from edgemap.runtime.frames.trajectory import AttitudeTrack, Trajectory
 from edgemap.runtime.inputs.cameras.base import CameraBase
 from edgemap.runtime.inputs.cameras.protocol import Camera
-from edgemap.runtime.inputs.cameras.returned import depth_of, image_of, rate_of, size_of, stamp_of
+from edgemap.runtime.inputs.cameras.returned import depth_of, image_of, picture_fault, rate_of, size_of, stamp_of
 
 FALLBACK_STEP_S = 0.1  # between two pictures whose stamps say nothing, of a camera that names no rate
 FAILURES = 100  # reads in a row without a frame, after which the camera is at its end
@@ -116,16 +116,12 @@ class CheckedCamera(CameraBase):
         except CameraError as error:
             self._note(now, FaultKind.FORMAT, str(error))
             return None
-        height, width = image.shape[:2] if image.ndim == 3 else (0, 0)
-        if image.dtype != np.uint8 or image.ndim != 3 or image.shape[2] != 3:
-            self._note(now, FaultKind.FORMAT, f"picture is {image.dtype} {image.shape}, not uint8 (H, W, 3)")
-            return None
-        if (width, height) != self.size:
-            self._note(now, FaultKind.SIZE, f"picture is {width}x{height}, not {self.size[0]}x{self.size[1]} px")
+        if (fault := picture_fault(image, self.size)) is not None:
+            self._note(now, *fault)
             return None
         depth = None
         try:
-            depth = depth_of(given.depth, (height, width))
+            depth = depth_of(given.depth, (image.shape[0], image.shape[1]))
         except CameraError as error:
             self._note(now, FaultKind.FORMAT, f"{error}; left out")
         imu = given.imu if isinstance(given.imu, ImuSamples) else ImuSamples.none()

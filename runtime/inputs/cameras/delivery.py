@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from edgemap.runtime.frames.errors import CameraError, CameraFault, FaultKind
 from edgemap.runtime.inputs.cameras.protocol import Picture
-from edgemap.runtime.inputs.cameras.returned import depth_of, image_of, picture_of, stamp_of
+from edgemap.runtime.inputs.cameras.returned import depth_of, image_of, picture_fault, picture_of, stamp_of
 
 SAMPLE_STEP = 8  # px between the pixels that are compared
 DARKEST, BRIGHTEST = 8.0, 247.0  # mean levels beyond which a colour picture may well have no colour
@@ -67,12 +67,8 @@ class DeliveryCheck:
         if image.dtype == np.uint8 and (image.ndim == 2 or (image.ndim == 3 and image.shape[2] == 1)):
             self._note(now, FaultKind.GREY, "picture has one channel")
             image = np.repeat(image.reshape(*image.shape[:2], 1), 3, axis=2)
-        if image.dtype != np.uint8 or image.ndim != 3 or image.shape[2] != 3:
-            self._note(now, FaultKind.FORMAT, f"picture is {image.dtype} {image.shape}, not uint8 (H, W, 3)")
-            return None
-        height, width = image.shape[:2]
-        if (width, height) != self._size:
-            self._note(now, FaultKind.SIZE, f"picture is {width}x{height}, not {self._size[0]}x{self._size[1]} px")
+        if (fault := picture_fault(image, self._size)) is not None:
+            self._note(now, *fault)
             return None
         return image
 

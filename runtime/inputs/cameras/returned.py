@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from edgemap.runtime.frames.errors import CameraError
+from edgemap.runtime.frames.errors import CameraError, FaultKind
 from edgemap.runtime.frames.reading import one_line
 from edgemap.runtime.inputs.cameras.protocol import Picture
 
@@ -44,6 +44,16 @@ def image_of(given: Any) -> NDArray[Any]:
         return np.asarray(given)
     except Exception as error:  # a ragged list, or whatever an object's own conversion raises
         raise CameraError(f"picture is a {type(given).__name__} that is no array ({one_line(error, 60)})") from None
+
+
+def picture_fault(image: NDArray[Any], size: tuple[int, int]) -> tuple[FaultKind, str] | None:
+    """Why an array is not a BGR picture of this size, (width, height); None where it is one."""
+    if image.dtype != np.uint8 or image.ndim != 3 or image.shape[2] != 3:
+        return FaultKind.FORMAT, f"picture is {image.dtype} {image.shape}, not uint8 (H, W, 3)"
+    height, width = image.shape[:2]
+    if (width, height) != size:
+        return FaultKind.SIZE, f"picture is {width}x{height}, not {size[0]}x{size[1]} px"
+    return None
 
 
 def depth_of(given: Any, shape: tuple[int, int]) -> NDArray[np.float32] | None:
