@@ -17,9 +17,6 @@ WIDE_SEEN = 2  # from version 0.2 on, `seen` is 64 bits wide
 class WeightsHeader:
     """A .weights file's header. seen: pictures that the training had seen. bytes: the header's length."""
 
-    major: int
-    minor: int
-    revision: int
     seen: int
     bytes: int
 
@@ -63,7 +60,7 @@ def read_header(path: Path) -> WeightsHeader:
     if len(start) < length:
         raise ExportError(f"{path}: {len(start)} bytes, too short for a Darknet header of {length}")
     seen = int(np.frombuffer(start, "<u8" if length == 20 else "<u4", 1, offset=12)[0])
-    return WeightsHeader(major, minor, revision, seen, length)
+    return WeightsHeader(seen, length)
 
 
 def load_weights(network: Darknet, path: Path) -> WeightsHeader:

@@ -1,4 +1,4 @@
-"""People who walk about the home while the robot drives: smooth ways, a stop here and there, never into the robot."""
+"""People who walk about the home while the robot drives: smooth paths, some stops, never into the robot."""
 
 import math
 from collections.abc import Sequence
@@ -85,11 +85,11 @@ def _draw_leg(router: Router, limits: Limits, pose: Array, rng: np.random.Genera
     goal = int(rng.integers(len(cost)))
     if not 1.0 < cost[goal] < 15.0:
         return None
-    way = router.rounded(np.concatenate([pose[None, :2], router.chain(before, goal)[1:]]))
-    if way is None:
+    path = router.rounded(np.concatenate([pose[None, :2], router.chain(before, goal)[1:]]))
+    if path is None:
         return None
-    left = float(motion.headings(way, pose[2])[0] - pose[2])
-    return np.concatenate([motion.turn(pose, left, limits), motion.along(way, pose[2] + left, limits)])
+    left = float(motion.headings(path, pose[2])[0] - pose[2])
+    return np.concatenate([motion.turn(pose, left, limits), motion.along(path, pose[2] + left, limits)])
 
 
 def _apart_m(leg: Array, start: int, robot: SampledDrive) -> float:

@@ -1,4 +1,4 @@
-"""A simulated world: a furnished home with its light, a robot's way through it, and the camera on the robot.
+"""A simulated world: a furnished home with its light, a robot's path through it, and the camera on the robot.
 
 Everything follows from the seed. What is drawn and how far stands in `simulation.envelope`.
 """

@@ -1,6 +1,6 @@
 """A robot that explores a home: it approaches furniture, passes it, rotates, reverses, and changes rooms.
 
-Leg by leg: some goals are drawn, each with its way and its ending, and the leg that shows most of what has been seen
+Leg by leg: some goals are drawn, each with its path and its ending, and the leg that shows most of what was visible
 least, for the time it takes, is driven. A drive is one endless stream: a longer one begins as the shorter one.
 """
 
@@ -25,7 +25,7 @@ _LOOK_S, _SEEN = 0.4, 0.4
 _KNOWN_S, _FORGOTTEN_S = 2.5, 60.0
 # Distance from a piece's middle at which the robot stops before it.
 _APPROACH_M = (1.1, 2.2)
-# A way may begin with a bend instead of a turn on the spot up to this angle, over this distance.
+# A path may begin with a bend instead of a turn on the spot up to this angle, over this distance.
 _BEND_RAD, _BEND_M = 1.9, 0.35
 _SIT_BACK_M = (0.2, 0.45)
 
@@ -102,14 +102,14 @@ class _Explorer:
             if best is None or score > best[0]:
                 best = score, leg, gained
         if best is None:
-            raise SimulationError(f"the robot finds no way on from ({self.pose[0]:.2f}, {self.pose[1]:.2f}) m")
+            raise SimulationError(f"the robot finds no path on from ({self.pose[0]:.2f}, {self.pose[1]:.2f}) m")
         _, leg, gained = best
         self._seen_s = self._seen_s * 0.5 ** (len(leg) * SAMPLE_S / _FORGOTTEN_S) + gained
         self.pose = leg[-1]
         return leg
 
     def _score(self, gained: Array, looks: Array, seconds: float) -> float:
-        """News per second and way made, less the time spent staring at what is near."""
+        """News per second and distance travelled, less the time spent close to walls."""
         news = np.exp(-self._seen_s / _KNOWN_S) - np.exp(-(self._seen_s + gained) / _KNOWN_S)
         ahead = np.stack([np.cos(looks[:, 2]), np.sin(looks[:, 2])], axis=1)
         walls = self._grid.clearance_m(looks[:, :2] + 0.6 * ahead) < 0.05
@@ -160,14 +160,14 @@ class _Explorer:
         return int(spots[int(np.argmax(shares))])
 
     def _last_steps(self, goal_m: Array, subject: int) -> Array:
-        """A little further towards a piece where there is room, (N, 2): so the way ends facing it."""
-        way = self._sight.middles_m[subject] - goal_m
-        steps = goal_m + np.arange(0.1, 0.45, 0.1)[:, None] * way / np.linalg.norm(way)
+        """A little further towards a piece where there is room, (N, 2): so the path ends facing it."""
+        apart = self._sight.middles_m[subject] - goal_m
+        steps = goal_m + np.arange(0.1, 0.45, 0.1)[:, None] * apart / np.linalg.norm(apart)
         clear = self._grid.clearance_m(steps) > self._limits.radius_m + self._limits.margin_m + 0.05
         return steps[: int(np.argmin(clear)) if not clear.all() else len(steps)]
 
     def _follow(self, chain: Array) -> list[Array] | None:
-        """A turn to the way's first direction, if any is left, then the way."""
+        """A turn to the path's first direction, if any is left, then the path."""
         here, yaw = self.pose[:2], self.pose[2]
         points = np.concatenate([here[None], chain[1:] if len(chain) > 1 else chain])
         ahead = np.array([math.cos(yaw), math.sin(yaw)])
@@ -176,16 +176,16 @@ class _Explorer:
         if off < _BEND_RAD:
             far = np.linalg.norm(points - here, axis=1) > 1.6 * _BEND_M
             bent = np.concatenate([here[None], (here + _BEND_M * ahead)[None], points[1:][far[1:]]])
-            way = self._router.rounded(bent) if far.any() else None
-            if way is None:
-                way = self._router.rounded(points)
+            path = self._router.rounded(bent) if far.any() else None
+            if path is None:
+                path = self._router.rounded(points)
         else:
-            way = self._router.rounded(points)
-        if way is None:
+            path = self._router.rounded(points)
+        if path is None:
             return None
-        left = float(motion.headings(way, yaw)[0] - yaw)
+        left = float(motion.headings(path, yaw)[0] - yaw)
         moves = [motion.turn(self.pose, left, self._limits)] if abs(left) > 1e-4 else []
-        return [*moves, motion.along(way, yaw + left, self._limits)]
+        return [*moves, motion.along(path, yaw + left, self._limits)]
 
     def _ending(self, pose: Array, subject: int | None) -> list[Array]:
         """What is done on arrival: face the piece, look about, stand, back off."""
@@ -199,8 +199,8 @@ class _Explorer:
                 pose = move[-1]
 
         if subject is not None and rng.random() < habits.face:
-            way = self._sight.middles_m[subject] - pose[:2]
-            add(motion.turn(pose, wrap_angle(math.atan2(way[1], way[0]) - pose[2] + rng.normal(0.0, 0.12)), limits))
+            apart = self._sight.middles_m[subject] - pose[:2]
+            add(motion.turn(pose, wrap_angle(math.atan2(apart[1], apart[0]) - pose[2] + rng.normal(0.0, 0.12)), limits))
         if rng.random() < habits.pause:
             add(motion.stand(pose, rng.uniform(0.3, 1.2)))
         if rng.random() < habits.look_about:

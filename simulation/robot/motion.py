@@ -20,7 +20,7 @@ _ROUNDED_S = 0.08
 
 @dataclass(frozen=True, slots=True)
 class Limits:
-    """What the robot can do: its radius, the clearance that ways keep beyond it, speeds and accelerations."""
+    """What the robot can do: its radius, the clearance that paths keep beyond it, speeds and accelerations."""
 
     radius_m: float = 0.18
     margin_m: float = 0.08
@@ -46,18 +46,18 @@ class SampledDrive:
         return [SE2(*row) for row in self.at(np.arange(frames) / rate_hz)]
 
 
-def headings(way_m: Array, near_rad: float = 0.0) -> Array:
-    """Heading on each step of a way (N, 2), unwrapped, the first within half a turn of `near_rad`, (N - 1,)."""
-    steps = np.diff(way_m, axis=0)
+def headings(path_m: Array, near_rad: float = 0.0) -> Array:
+    """Heading on each step of a path (N, 2), unwrapped, the first within half a turn of `near_rad`, (N - 1,)."""
+    steps = np.diff(path_m, axis=0)
     raw = np.unwrap(np.concatenate([[near_rad], np.arctan2(steps[:, 1], steps[:, 0])]))[1:]
     # The polyline's small kinks are none of the robot's.
     return gaussian_filter1d(raw, 3.0, mode="nearest")
 
 
-def along(way_m: Array, start_yaw_rad: float, limits: Limits) -> Array:
-    """Follow a way (N, 2) whose points lie close together; the robot must face its first heading already."""
-    length = np.linalg.norm(np.diff(way_m, axis=0), axis=1)
-    heading = headings(way_m, start_yaw_rad)
+def along(path_m: Array, start_yaw_rad: float, limits: Limits) -> Array:
+    """Follow a path (N, 2) whose points lie close together; the robot must face its first heading already."""
+    length = np.linalg.norm(np.diff(path_m, axis=0), axis=1)
+    heading = headings(path_m, start_yaw_rad)
     travelled = np.concatenate([[0.0], np.cumsum(length)])
     middles = (travelled[1:] + travelled[:-1]) / 2.0
     curvature = np.gradient(heading, middles)
@@ -66,14 +66,14 @@ def along(way_m: Array, start_yaw_rad: float, limits: Limits) -> Array:
     allowed = np.minimum(limits.speed_m_s, limits.yaw_rate_rad_s / np.maximum(np.abs(curvature), 1e-6)) ** 2
     allowed = np.minimum(allowed, 0.5 * limits.yaw_acceleration_rad_s2 / np.maximum(np.abs(bend), 1e-6))
     square = np.concatenate([[0.0], np.minimum(allowed[1:], allowed[:-1]), [0.0]])
-    # v^2 grows by at most 2 a s along the way, and along the way back: running minima of v^2 - 2 a s.
+    # v^2 grows by at most 2 a s along the path, and likewise from its end: running minima of v^2 - 2 a s.
     room = 2.0 * limits.acceleration_m_s2 * travelled
     square = np.minimum.accumulate(square - room) + room
     square = np.minimum.accumulate((square + room)[::-1])[::-1] - room
     speed = np.sqrt(np.maximum(square, 0.0))
     time = np.concatenate([[0.0], np.cumsum(2.0 * length / np.maximum(speed[1:] + speed[:-1], 1e-9))])
     at = _rounded(np.interp(np.arange(0.0, time[-1], SAMPLE_S), time, travelled), travelled[-1])
-    x, y = (np.interp(at, travelled, way_m[:, axis]) for axis in range(2))
+    x, y = (np.interp(at, travelled, path_m[:, axis]) for axis in range(2))
     return np.stack([x, y, np.interp(at, middles, heading)], axis=1)
 
 

@@ -13,7 +13,7 @@ from edgemap.simulation.robot.plan_grid import PlanGrid
 
 _SPACING_M = 0.1
 _STEP_M = 0.02
-# Rounding tried, widest first: the standard deviation of the kernel along the way.
+# Rounding tried, widest first: the standard deviation of the kernel along the path.
 _ROUNDINGS_M = (0.36, 0.26, 0.18, 0.12, 0.08)
 _HAIRPIN_RAD, _HAIRPIN_M = 1.3, 0.2
 # Beside furniture a metre costs this much more, falling off over the second number's distance.
@@ -21,7 +21,7 @@ _SHY, _SHY_M = 3.0, 0.2
 
 
 class Router:
-    """Plans ways for a robot of given limits. nodes_m: (N, 2) points that it can reach, all from one another.
+    """Plans paths for a robot of given limits. nodes_m: (N, 2) points that it can reach, all from one another.
 
     Raises SimulationError where the home has no floor to drive on.
     """
@@ -48,7 +48,7 @@ class Router:
         return int(np.argmin(((self.nodes_m - point_m) ** 2).sum(axis=1)))
 
     def reach(self, start: int) -> tuple[Array, NDArray[np.int32]]:
-        """Cost to every node from one, and each node's predecessor on the cheapest way."""
+        """Cost to every node from one, and each node's predecessor on the cheapest path."""
         cost, before = dijkstra(self._links, directed=False, indices=start, return_predecessors=True)
         return cost, before
 
@@ -73,8 +73,8 @@ class Router:
         for sigma_m in _ROUNDINGS_M:
             smooth = _smooth(line, sigma_m / _STEP_M)
             if self._grid.clearance_m(smooth).min() > self._need_m - 0.02:
-                way = _even(smooth)
-                return None if _turns_back(way) else way
+                path = _even(smooth)
+                return None if _turns_back(path) else path
         return None
 
 
@@ -85,9 +85,9 @@ def _smooth(line: Array, sigma: float) -> Array:
     return gaussian_filter1d(np.concatenate([head, line, tail]), sigma, axis=0)[pad : pad + len(line)]
 
 
-def _turns_back(way: Array) -> bool:
+def _turns_back(path: Array) -> bool:
     """Whether it bends by more than _HAIRPIN_RAD within _HAIRPIN_M: such a turn is one on the spot."""
-    steps = np.diff(way, axis=0)
+    steps = np.diff(path, axis=0)
     heading = np.unwrap(np.arctan2(steps[:, 1], steps[:, 0]))
     apart = max(1, round(_HAIRPIN_M / _STEP_M))
     return bool(np.abs(heading[apart:] - heading[:-apart]).max(initial=0.0) > _HAIRPIN_RAD)
@@ -100,7 +100,7 @@ def _even(line: Array) -> Array:
 
 
 def _links(free: NDArray[np.bool_], spare_m: Array) -> csr_array:
-    """Costs between neighbouring free cells, eight ways, each pair once."""
+    """Costs between neighbouring free cells, to eight sides, each pair once."""
     index = np.arange(free.size).reshape(free.shape)
     dear = 1.0 + _SHY * np.exp(-np.maximum(spare_m, 0.0) / _SHY_M)
     rows, columns, costs = [], [], []
