@@ -1,4 +1,5 @@
 import pickle
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -131,14 +132,23 @@ def test_shared_error_is_a_floor_that_more_sightings_do_not_lower(placed):
 
 
 def test_pose_uncertainty_at_first_sight_stays_in_the_covariance(placed):
-    from dataclasses import replace
-
     pose = np.diag([0.2**2, 0.2**2, 0.0])
     chairs = FloorMap()
     for frame in range(50):
         chairs.update([replace(placed("chair", 2.0, 0.0, frame), pose_covariance=pose)])
     (chair,) = chairs.objects()
     assert chair.covariance_m2[0, 0] > 0.2**2
+
+
+def test_an_uncertain_heading_at_first_sight_moves_an_object_on_a_circle(placed):
+    """0.1 rad at (2, 1): 0.1 m against x and 0.2 m along y, together."""
+    chairs = FloorMap()
+    for frame in range(50):
+        sighting = placed("chair", 2.0, 1.0, frame, sigma_m=0.02, shared_m=0.01)
+        chairs.update([replace(sighting, pose_covariance=np.diag([0.0, 0.0, 0.1**2]))])
+    (chair,) = chairs.objects()
+    (xx, xy), (_, yy) = chair.covariance_m2
+    assert (xy, yy - xx) == pytest.approx((-0.02, 0.03), abs=2e-3)  # beside what is as wide in every direction
 
 
 def test_weak_objects_that_are_not_seen_again_are_forgotten(placed):
