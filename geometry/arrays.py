@@ -1,9 +1,10 @@
-"""Array types used in most signatures."""
+"""Array types used in most signatures, and what a covariance allows."""
 
 import numpy as np
 from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
+CHI2_997 = 11.83  # squared Mahalanobis distance in the plane that holds 99.7 %: the one gate of all associations
 
 
 def positive(matrix: Array, least: float = 0.0) -> Array:

@@ -12,6 +12,7 @@ from edgemap.geometry.observations.class_extents import footprint_m
 from edgemap.geometry.observations.sighting import PlacedSighting
 
 CHI2_95 = 5.991  # squared Mahalanobis distance that holds 95 % in the plane
+REPEATED = 4.0  # pictures of 0.1 s in a row that weigh as much as one: each repeats the error of the one before
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -112,7 +113,7 @@ class SightingSums:
         self.weight += sighting.weight * sighting.pictures
         self.width_m += sighting.width_m
         self.height_m += sighting.height_m
-        miss = math.log1p(-min(sighting.score, 0.999)) / 4.0  # four in a row weigh about as much as one
+        miss = math.log1p(-min(sighting.score, 0.999)) / REPEATED
         self.miss += miss * sighting.pictures
         self.first_seen_s = min(self.first_seen_s, sighting.stamp_s)
         self.last_seen_s = max(self.last_seen_s, sighting.stamp_s)
@@ -136,7 +137,7 @@ class SightingSums:
     @property
     def score_log_odds(self) -> float:
         """Log-odds of the mean score of the sightings: one less the geometric mean of (1 - score)."""
-        missed = min(4.0 * self.miss / self.pictures, -1e-9)
+        missed = min(REPEATED * self.miss / self.pictures, -1e-9)
         return math.log(-math.expm1(missed)) - missed
 
     def as_object(self, identity: str, label: str, position_m: Array, covariance_m2: Array) -> MapObject:

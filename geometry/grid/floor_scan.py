@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
 from functools import lru_cache
 
@@ -78,7 +77,7 @@ class FloorScan:
         rotation[:2] = pose_map_base.rotation() @ rotation[:2]
         middle = pose_map_base.apply(mount.position_base_m()[:2])
         border = _border_rays(lens)
-        low, high = _box(border @ rotation.T, mount.height_m, self._reach_m)
+        low, high = _box(border @ rotation.T, mount.height_m, self.rule.reach_m)
         first, last = (np.floor((middle + corner) / cell_m).astype(np.int32) for corner in (low, high))
         x, y = ((np.arange(first[k], last[k] + 1) + 0.5) * cell_m - middle[k] for k in (0, 1))
         # Optical coordinates are linear in both: no cell is projected on its own.
@@ -102,15 +101,6 @@ class FloorScan:
         counts = weights > 0.0
         return cells[counts].astype(np.int32) + first, weights[counts]
 
-    @property
-    def _reach_m(self) -> float:
-        """How far from the lens a row of the mask still covers less floor than the rule allows."""
-        height_m, focal_rows = self.camera.mount.height_m, self.camera.intrinsics.fy / self.row_px
-        return min(
-            self.rule.reach_m,
-            math.sqrt(max(self.rule.coarsest_row_m * height_m * focal_rows - height_m**2, 0.0)),
-        )
-
 
 def _in_cells(boxes_px: Array, mask: FloorMask, cells: NDArray[np.float32]) -> list[list[int]]:
     """Boxes (N, 4) in cells of the mask, each x0, y0, x1, y1."""
@@ -131,8 +121,7 @@ def row_weights(away_m2: Array, camera: FloorCamera, row_px: float, rule: GridRu
     """
     height_m, focal_rows = camera.mount.height_m, camera.intrinsics.fy / row_px
     row_m = (away_m2 + height_m**2) / (height_m * focal_rows)
-    fine = (row_m < rule.coarsest_row_m) & (away_m2 < rule.reach_m**2)
-    return np.where(fine, np.minimum(rule.row_m / np.maximum(row_m, 1e-9), 1.0), 0.0)
+    return np.where(away_m2 < rule.reach_m**2, np.minimum(rule.row_m / np.maximum(row_m, 1e-9), 1.0), 0.0)
 
 
 def _box(rays: Array, height_m: float, reach_m: float) -> tuple[Array, Array]:

@@ -115,7 +115,7 @@ class GridFusion:
             return True
         since = self._last[0].inverse() @ pose
         rule = self.rule
-        far = math.hypot(since.x_m, since.y_m) >= rule.scan_m or abs(since.yaw_rad) >= rule.scan_rad
+        far = math.hypot(since.x_m, since.y_m) >= rule.scan_m or abs(since.yaw_rad) >= rule.scan_m
         return far or not 0.0 <= stamp_s - self._last[1] < rule.scan_s
 
     def _begins_patch(self, pose: SE2) -> bool:
@@ -123,7 +123,7 @@ class GridFusion:
             return False
         since = self._began[0].inverse() @ pose
         rule = self.rule
-        return math.hypot(since.x_m, since.y_m) >= rule.patch_m or abs(since.yaw_rad) >= rule.patch_rad
+        return math.hypot(since.x_m, since.y_m) >= rule.patch_m or abs(since.yaw_rad) >= rule.patch_m
 
     def _add_floor(self, evidence: Evidence, pose: SE2, scan: FloorScan) -> None:
         """Evidence of a picture's floor mask for the map's cells."""

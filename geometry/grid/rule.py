@@ -12,15 +12,15 @@ class GridRule:
 
     cell_m: side of a cell. reach_m: greatest range of evidence from a picture or its depth; farther off a row of the
     mask covers too much floor. row_m: metres of floor per row of the mask up to which evidence counts fully; farther
-    off its weight falls with their inverse. coarsest_row_m: rows that cover more are ignored. floor: probability from
-    which a cell of the mask is floor. run: rows of floor below a contact, at least: thinner ones are reflections and
-    gaps between legs. free, occupied: log-odds of one picture near by. lowest, highest: bounds of a cell's log-odds, so
-    that an occupied cell becomes free after (highest - free_below) / free pictures. free_below, occupied_above:
-    log-odds of a free and of an occupied cell (probabilities 0.25 and 0.65, those of Nav2's map_saver). robot_m: radius
+    off its weight falls with their inverse. floor: probability from which a cell of the mask is floor. run: rows of
+    floor below a contact, at least: thinner ones are reflections and gaps between legs. free, occupied: log-odds of one
+    picture near by. lowest, highest: bounds of a cell's log-odds, so that an occupied cell becomes free after
+    (highest - free_below) / free pictures. free_below, occupied_above: log-odds of a free and of an occupied cell
+    (probabilities 0.25 and 0.65, those of Nav2's map_saver). robot_m: radius
     round the base that the robot itself keeps free. mover_px: people and animals make no obstacle this far round their
-    boxes. scan_m, scan_rad, scan_s: path, rotation or time after which a picture is fused: what is seen twice from one
-    place has the same error twice. patch_m, patch_rad: path and rotation after which evidence begins a patch of its
-    own, that moves with the trajectory. patches, patch_cells: most that are kept; then neighbours in time become one.
+    boxes. scan_m, scan_s: path or time after which a picture is fused: what is seen twice from one place has the same
+    error twice. patch_m: path after which evidence begins a patch of its own, that moves with the trajectory. A radian
+    of rotation counts as a metre of path. patches, patch_cells: most that are kept; then neighbours in time become one.
     redraw_patches: drawn per step, so that a loop closure costs a bounded part of each of some steps. obstacle_m:
     height above the floor from which a depth measurement is an obstacle; obstacle_per_m: added to it per metre of
     distance (1.1 degrees of attitude). robot_height_m: up to which it is, or up to the lens where that is higher.
@@ -31,7 +31,6 @@ class GridRule:
     cell_m: float = 0.05
     reach_m: float = 4.0
     row_m: float = 0.06
-    coarsest_row_m: float = 0.5
     floor: float = 0.8
     run: int = 3
     free: float = 0.3
@@ -43,10 +42,8 @@ class GridRule:
     robot_m: float = 0.18
     mover_px: float = 12.0
     scan_m: float = 0.10
-    scan_rad: float = math.radians(6.0)
     scan_s: float = 0.4
     patch_m: float = 0.75
-    patch_rad: float = math.radians(45.0)
     patches: int = 96
     patch_cells: int = 400_000
     redraw_patches: int = 8

@@ -6,7 +6,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from edgemap.geometry.arrays import Array
+from edgemap.geometry.arrays import CHI2_997, Array
 from edgemap.geometry.map_object import MapObject, SightingSums
 from edgemap.geometry.objects.class_posterior import OverlapRule
 from edgemap.geometry.slam.landmarks import Landmark, LandmarkRule
@@ -14,8 +14,8 @@ from edgemap.geometry.slam.landmarks import Landmark, LandmarkRule
 
 @dataclass(frozen=True, slots=True)
 class AssociationRule:
-    """Evidence that landmarks need to become an object. min_count (of what its sightings count, see FloorRule),
-    min_confidence: of all its sightings (chosen on simulated homes). forget_after: frames after which a landmark that
+    """Evidence that landmarks need to become an object. min_count: of what its sightings count (see FloorRule), and
+    pictures of 0.1 s that make a landmark one to close loops with. forget_after: frames after which a landmark that
     is no object is dropped. directions: round an object; of each the farthest place it was seen from is kept.
     real_log_odds, real_slope, real_score: that an object is real, after one full sighting with a mean score of 0.5, per
     e-fold of full sightings, and per unit of the mean score's log-odds, as a box's score is about its precision on
@@ -23,7 +23,6 @@ class AssociationRule:
     """
 
     min_count: int = 4
-    min_confidence: float = 0.6
     forget_after: int = 3000
     directions: int = 24
     real_log_odds: float = -3.05
@@ -58,8 +57,7 @@ class Estimate:
     def shows(self, rule: AssociationRule, others: Sequence[SightingSums] = ()) -> bool:
         """Whether its evidence suffices for the map. others: sightings of it under other labels."""
         weight = self.sums.weight + sum(sums.weight for sums in others)
-        confidence = -math.expm1(self.sums.miss + sum(sums.miss for sums in others))
-        return self.saved is not None or (weight >= rule.min_count and confidence >= rule.min_confidence)
+        return self.saved is not None or weight >= rule.min_count
 
     def as_object(self, identity: str, label: str, rule: AssociationRule) -> MapObject:
         """The object as a map shows it; its confidence is the probability that such an object is real, and at least
@@ -145,7 +143,7 @@ def _placed(sums: Array, rule: LandmarkRule) -> Array:
     """(6, N): position, own covariance xx, xy, yy and pose variance."""
     xx, xy, yy, vx, vy, count, extent, variance = sums
     scale = 1.0 / (xx * yy - xy * xy)
-    side_m2 = rule.side_m**2 + (rule.side_share * extent / count) ** 2
+    side_m2 = (rule.side_share * extent / count) ** 2
     return np.array([
         (yy * vx - xy * vy) * scale, (xx * vy - xy * vx) * scale,
         yy * scale + side_m2, -xy * scale, xx * scale + side_m2, variance / count,
@@ -160,4 +158,4 @@ def _distances(here: Array, there: Array, rule: LandmarkRule) -> Array:
     drift_m2 = np.abs(there[5] - here[5])
     xx, xy, yy = here[2] + there[2] + drift_m2, here[3] + there[3], here[4] + there[4] + drift_m2
     found = (yy * dx * dx - 2.0 * xy * dx * dy + xx * dy * dy) / (xx * yy - xy * xy)
-    return np.where((found <= rule.gate) & (dx * dx + dy * dy <= rule.reach_m**2), found, np.inf)
+    return np.where((found <= CHI2_997) & (dx * dx + dy * dy <= rule.reach_m**2), found, np.inf)

@@ -7,7 +7,7 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 
 from edgemap.geometry.arrays import Array
-from edgemap.geometry.map_object import MapObject
+from edgemap.geometry.map_object import REPEATED, MapObject
 from edgemap.geometry.objects.cells import Cells
 from edgemap.geometry.observations.class_extents import extent_m, footprint_m, shares_floor
 
@@ -21,23 +21,18 @@ def least_spacing_m(a: MapObject, b: MapObject) -> float:
 
 @dataclass(frozen=True, slots=True)
 class OverlapRule:
-    """Smallest distance of two objects' centres. same_label: as a share of the smaller one's extent; far_less: and only
-    where one has less than this share of the other's evidence, as two chairs pushed together are seen about as often.
+    """Smallest distance of two objects' centres. same_label: as a share of the smaller one's extent, and only where one
+    has less than `far_less` of the other's evidence, as two chairs pushed together are seen about as often.
     other_label: of two labels, as a share of half the sum of both shorter sides, below which they would stand in one
     another; under_table: the same of a table and a seat, which is pushed under it (in a real lounge every second chair
-    was taken for its table); rare_label: the same where one has less than `rare` of the other's evidence. correct: how
-    often a detection has the right label (95 of 105 household boxes on photographs that overlap a true one by 0.6:
-    yolox-nano 46 of 53, picodet-s 49 of 52); correlated: sightings that count as one, as neighbouring frames repeat
-    each other's error."""
+    was taken for its table). correct: how often a detection has the right label (95 of 105 household boxes on
+    photographs that overlap a true one by 0.6: yolox-nano 46 of 53, picodet-s 49 of 52)."""
 
     same_label: float = SAME_LABEL
     far_less: float = 0.5
     other_label: float = 0.6
     under_table: float = 0.15
-    rare_label: float = 1.0
-    rare: float = 0.2
     correct: float = 0.9
-    correlated: float = 4.0
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -58,7 +53,7 @@ def label_posterior(evidence: Mapping[str, float], rule: OverlapRule) -> dict[st
     """
     wrong = math.log((1.0 - rule.correct) / max(len(evidence) - 1, 1) / rule.correct)
     total = sum(evidence.values())
-    scores = {label: wrong * (total - count) / rule.correlated for label, count in evidence.items()}
+    scores = {label: wrong * (total - count) / REPEATED for label, count in evidence.items()}
     highest = max(scores.values())
     weights = {label: math.exp(score - highest) for label, score in scores.items()}
     order = sorted(weights, key=lambda label: (-weights[label], label))
@@ -91,7 +86,7 @@ class Overlaps:
         side_m = _side_m(candidate)
         self._largest_m = max(self._largest_m, side_m)
         reach_m = max(
-            self.rule.same_label * _extent_m(candidate), self.rule.rare_label * (side_m + self._largest_m) / 2.0
+            self.rule.same_label * _extent_m(candidate), self.rule.other_label * (side_m + self._largest_m) / 2.0
         )
         near = {other.id for other in self.within(candidate.position_m, reach_m) if self._overlap(candidate, other)}
         for other in near:
@@ -146,8 +141,6 @@ class Overlaps:
         less, more = sorted((a.evidence, b.evidence))
         if a.label == b.label:
             near_m = self.rule.same_label * min(_extent_m(a), _extent_m(b)) if less < self.rule.far_less * more else 0.0
-        elif less < self.rule.rare * more:
-            near_m = self.rule.rare_label * (_side_m(a) + _side_m(b)) / 2.0
         else:
             share = self.rule.under_table if shares_floor(a.label, b.label) else self.rule.other_label
             near_m = share * (_side_m(a) + _side_m(b)) / 2.0

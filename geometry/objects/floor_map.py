@@ -49,7 +49,8 @@ class FloorMap:
     movable = True
 
     def __init__(self, rule: AssociationRule | None = None, graph: GraphRule | None = None) -> None:
-        self.rule, self.graph = rule or AssociationRule(), PoseGraph(graph)
+        self.rule = rule or AssociationRule()
+        self.graph = PoseGraph(graph, self.rule.min_count)
         self.merged: dict[str, str] = {}
         self._objects: dict[str, _Object] = {}
         self._owner: dict[int, _Object] = {}  # by landmark

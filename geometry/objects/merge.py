@@ -6,14 +6,12 @@ from dataclasses import replace
 
 import numpy as np
 
-from edgemap.geometry.arrays import Array, positive
+from edgemap.geometry.arrays import CHI2_997, Array, positive
 from edgemap.geometry.map_object import MapObject, id_order
 from edgemap.geometry.objects.class_posterior import SAME_LABEL
 from edgemap.geometry.observations.class_extents import extent_m
 from edgemap.geometry.registration.alignment import Alignment, Pairs, jacobian
 from edgemap.geometry.slam.landmarks import LandmarkRule
-
-CHI2_99 = 9.21
 
 
 def moved(item: MapObject, alignment: Alignment) -> MapObject:
@@ -92,11 +90,11 @@ def fused(ours: MapObject, theirs: MapObject, rule: LandmarkRule) -> MapObject:
     """One object of two sightings of it by different maps, in one frame; id and label of the first.
 
     The part of a footprint that no box shows is the same error in both maps: it does not shrink. Where the two differ
-    by more than their covariances allow (99 %), these are scaled until they agree (Birge ratio).
+    by more than their covariances allow (99.7 %), these are scaled until they agree (Birge ratio).
     """
     difference = theirs.position_m - ours.position_m
     chi2 = float(difference @ np.linalg.solve(ours.covariance_m2 + theirs.covariance_m2, difference))
-    if chi2 > CHI2_99:
+    if chi2 > CHI2_997:
         ours, theirs = (replace(item, covariance_m2=item.covariance_m2 * chi2 / 2.0) for item in (ours, theirs))
     floor_m2 = np.eye(2) * rule.side_m2(extent_m(ours.label, ours.width_m))
     a, b = (np.linalg.inv(positive(item.covariance_m2 - floor_m2, least=1e-4)) for item in (ours, theirs))

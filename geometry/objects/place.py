@@ -9,10 +9,11 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
+from edgemap.geometry.arrays import CHI2_997
 from edgemap.geometry.errors import MapError
 from edgemap.geometry.map_object import MapObject
 from edgemap.geometry.objects.edits import NO_ANNOTATIONS, Annotations, Zone
-from edgemap.geometry.objects.merge import CHI2_99, fused, merge_maps, moved
+from edgemap.geometry.objects.merge import fused, merge_maps, moved
 from edgemap.geometry.registration.alignment import Alignment, AlignmentError, aligned_near, aligning
 from edgemap.geometry.se2 import SE2
 from edgemap.geometry.slam.landmarks import LandmarkRule
@@ -230,7 +231,7 @@ def balanced(parts: Sequence[MapObject]) -> MapObject:
     if len(parts) > 2:
         middle = np.median([item.position_m for item in raised], axis=0)
         spread = np.eye(2) * median_m2 / 2.0
-        kept = [item for item in raised if _chi2(item.position_m - middle, item.covariance_m2 + spread) <= CHI2_99]
+        kept = [item for item in raised if _chi2(item.position_m - middle, item.covariance_m2 + spread) <= CHI2_997]
         raised = kept or raised
     result = raised[0]
     for item in raised[1:]:

@@ -14,27 +14,21 @@ from edgemap.geometry.trajectory_correction import TrajectoryCorrection, compose
 FIXED = np.eye(3) * 1e8  # information of a first pose that is the map's origin
 
 
+EXACT = 0.0003  # m, rad: no motion is known better, however it is given
+
+
 @dataclass(frozen=True, slots=True)
 class KeyframeRule:
-    """keyframe_m, keyframe_rad: path or rotation after which a pose is kept. inflation: of the odometry's covariance
-    where loops are searched, and per_metre, per_radian, still_m, still_rad: standard deviations added to it there: a
-    slip must not hide a loop. Whether one is closed, and what is stated, go by the odometry's own covariance.
-    path_gain, yaw_gain: standard deviations of the share by which all paths, and all rotations, may be too long: a
-    wrong wheel radius, track or lens height repeats itself (0.01 leaves the least trajectory error on six homes, of 0
-    to 0.03). exact_m, exact_rad: standard deviations of a motion that is given as exact. maximum: keyframes kept; with
-    more, those of the older half that add least are dropped."""
+    """A radian of rotation counts as a metre of path. keyframe_m: path or rotation after which a pose is kept. slip:
+    standard deviation added to the odometry's covariance where loops are searched, as a share of path and rotation: a
+    slip must not hide a loop. Whether one is closed, and what is stated, go by the odometry's own covariance. gain:
+    standard deviation of the share by which all paths, and all rotations, may be too long: a wrong wheel radius, track
+    or lens height repeats itself. maximum: keyframes kept; with more, those of the older half that add least are
+    dropped."""
 
     keyframe_m: float = 0.25
-    keyframe_rad: float = 0.26
-    inflation: float = 5.0
-    per_metre: float = 0.03
-    per_radian: float = 0.05
-    still_m: float = 0.003
-    still_rad: float = 0.003
-    path_gain: float = 0.01
-    yaw_gain: float = 0.01
-    exact_m: float = 0.0003
-    exact_rad: float = 0.0003
+    slip: float = 0.05
+    gain: float = 0.01
     maximum: int = 200
 
 
@@ -84,16 +78,13 @@ class KeyframeTrajectory:
         self._since_covariance = compose_covariance(self.since, self._since_covariance, motion, covariance)
         self.since = self.since @ motion
         far = math.hypot(self.since.x_m, self.since.y_m) > self.rule.keyframe_m
-        return far or abs(self.since.yaw_rad) > self.rule.keyframe_rad
+        return far or abs(self.since.yaw_rad) > self.rule.keyframe_m
 
     def keep(self, stamp_s: float, heading_rad2: float = math.inf) -> None:
         """Makes the current pose a keyframe. heading_rad2: variance of the sum of all yaws up to here."""
         self.covariances.append(self.covariance)
         self._motions.append(self.since)
-        rule = self.rule
-        self._covariances.append(
-            self._since_covariance + np.diag(np.square([rule.exact_m, rule.exact_m, rule.exact_rad]))
-        )
+        self._covariances.append(self._since_covariance + np.eye(3) * EXACT**2)
         self._loose.append(self._loosened(self._since_covariance))
         self.poses.append(self.pose)
         self.stamps_s.append(stamp_s)
@@ -101,16 +92,15 @@ class KeyframeTrajectory:
         self.since, self._since_covariance = SE2(), np.zeros((3, 3))
 
     def _loosened(self, covariance: Array) -> Array:
-        rule, motion = self.rule, self.since
-        path = (rule.per_metre * math.hypot(motion.x_m, motion.y_m)) ** 2 + rule.still_m**2
-        turn = (rule.per_radian * motion.yaw_rad) ** 2 + rule.still_rad**2
-        return covariance * rule.inflation + np.diag([path, path, turn])
+        path_m2 = (self.rule.slip * math.hypot(self.since.x_m, self.since.y_m)) ** 2 + EXACT**2
+        turn_rad2 = (self.rule.slip * self.since.yaw_rad) ** 2 + EXACT**2
+        return covariance + np.diag([path_m2, path_m2, turn_rad2])
 
     def factors(self, loose: bool = False) -> OdometryFactors:
         """The keyframes as a graph has them. loose: with the covariances that loops are searched with."""
         motions = np.array([motion.vector() for motion in self._motions]).reshape(-1, 3)
         covariances = np.array(self._loose if loose else self._covariances).reshape(-1, 3, 3)
-        gains = self.rule.path_gain, self.rule.yaw_gain
+        gains = self.rule.gain, self.rule.gain
         headings = np.array(self._headings).reshape(-1, 2)
         # Their error is mostly the room's own, which all share: their information together is that of one.
         heading_information = 1.0 / (headings[:, 1] * max(len(headings), 1))

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import linear_sum_assignment
 
-from edgemap.geometry.arrays import Array
+from edgemap.geometry.arrays import CHI2_997, Array
 from edgemap.geometry.map_object import MapObject, SightingSums
 from edgemap.geometry.observations.sighting import PlacedSighting
 from edgemap.geometry.se2 import SE2
@@ -29,27 +29,24 @@ IMPOSSIBLE = 1e6  # cost of a pair that may not be
 
 @dataclass(frozen=True, slots=True)
 class LandmarkRule:
-    """gap_m: path length without a sighting after which a visit ends. gate: squared Mahalanobis distance up to which
-    two positions are one object's; 11.83 holds 99.7 % in the plane. reach_m: upper bound of that distance. side_m,
-    side_share: standard deviation of an object's centre when observed from another side: its minimum, and as a share of
-    the object's longer side; more sightings do not reduce it. per_metre: standard deviation that odometry adds per
-    metre since the last sighting. view_m: standard deviation per keyframe that the view itself adds to its sightings'
-    own. repeated: share of a range's variance that all observations of a landmark have in common: a box that ends too
-    low does so from frame to frame (0.5 to 0.8 over 20,000 sightings of six homes).
+    """gap_m: path length without a sighting after which a visit ends. reach_m: greatest distance of two positions of
+    one object. side_share: standard deviation of an object's centre when observed from another side, as a share of the
+    object's longer side; more sightings do not reduce it. per_metre: standard deviation that odometry adds per
+    metre since the last sighting. view_m: standard deviation per keyframe that the view itself
+    adds to its sightings' own. repeated: share of a range's variance that all observations of a landmark have in
+    common: a box that ends too low does so from frame to frame (0.5 to 0.8 over 20,000 sightings of six homes).
     """
 
     gap_m: float = 3.0
-    gate: float = 11.83
     reach_m: float = 1.0
-    side_m: float = 0.08
-    side_share: float = 0.12
+    side_share: float = 0.2
     per_metre: float = 0.05
     view_m: float = 0.15
     repeated: float = 0.65
 
     def side_m2(self, extent_m: float) -> float:
         """Variance of an object's centre when observed from another side, m^2."""
-        return self.side_m**2 + (self.side_share * extent_m) ** 2
+        return (self.side_share * extent_m) ** 2
 
 
 @dataclass(slots=True, eq=False)
@@ -275,7 +272,7 @@ class Landmarks:
             return {}
         cost = np.full((len(rows), len(candidates) + len(rows)), IMPOSSIBLE)
         for i, row in enumerate(rows):
-            cost[i, len(candidates) + i] = self.rule.gate
+            cost[i, len(candidates) + i] = CHI2_997
             for j, landmark in enumerate(candidates):
                 cost[i, j] = self._distance2(sightings[row], landmark, odometer_m)
         chosen = zip(*linear_sum_assignment(cost), strict=True)
@@ -290,7 +287,7 @@ class Landmarks:
         (a, b), (_, d) = placed.covariance_m2.tolist()
         a, d = a + added, d + added
         distance2 = (d * x_m * x_m - 2.0 * b * x_m * y_m + a * y_m * y_m) / (a * d - b * b)
-        return distance2 if distance2 <= self.rule.gate else IMPOSSIBLE
+        return distance2 if distance2 <= CHI2_997 else IMPOSSIBLE
 
 
 def _rotations(yaw_rad: Array) -> Array:

@@ -5,7 +5,7 @@ likely, and revoked where it no longer fits; a bounded unit of work per frame.
 import math
 from collections.abc import Generator, Mapping, Sequence, Set
 
-from edgemap.geometry.arrays import Array
+from edgemap.geometry.arrays import CHI2_997, Array
 from edgemap.geometry.slam.landmarks import Landmark
 from edgemap.geometry.slam.least_squares import Solution
 from edgemap.geometry.slam.loop_hypotheses import Pairing, certain_pairings
@@ -107,8 +107,8 @@ class LoopSearch:
 
     def _unfit(self, at: Snapshot, after: Solution, new: Mapping[int, int]) -> list[int]:
         """Links to take back: all new ones if one of these does not fit, else the worst of the others."""
-        ties, gate = at.ties(self.graph.links), self.graph.rule.gate
-        bad = {later: chi2 for (later, _), chi2 in zip(ties, after.link_chi2.tolist(), strict=True) if chi2 > gate}
+        ties = at.ties(self.graph.links)
+        bad = {later: chi2 for (later, _), chi2 in zip(ties, after.link_chi2.tolist(), strict=True) if chi2 > CHI2_997}
         if any(number in bad for number in new):
             return list(new)
         return [max(bad, key=lambda number: bad[number])] if bad else []
@@ -124,7 +124,7 @@ def _unlinked(graph: PoseGraph, groups: Mapping[int, list[Landmark]], in_view: S
         if not others and graph.is_likely(one) and (one.number in in_view or one.last >= since)
     ]
     found.sort(key=lambda one: (0, -one.sums.pictures) if one.number in in_view else (1, -one.last))
-    return found[: graph.rule.hypotheses.maximum_now]
+    return found[: graph.rule.maximum // 10]
 
 
 def witnessed(graph: PoseGraph, found: Mapping[int, int]) -> dict[int, int]:
@@ -165,7 +165,7 @@ def _candidates(
                 chosen.append(at)
                 pairs.append((math.hypot(*(landmark.position_m - at)), landmark, root))
     pairs.sort(key=lambda pair: (pair[0], pair[1].number, pair[2]))
-    near = set(list(dict.fromkeys(root for _, _, root in pairs))[: graph.rule.nearest])
+    near = set(list(dict.fromkeys(root for _, _, root in pairs))[: graph.rule.maximum // 2])
     return sorted(
         ((landmark, root) for _, landmark, root in pairs if root in near),
         key=lambda pair: (-pair[0].sums.pictures, pair[1]),

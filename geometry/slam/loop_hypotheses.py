@@ -7,27 +7,22 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from edgemap.geometry.arrays import Array
+from edgemap.geometry.arrays import CHI2_997, Array
 
 
 @dataclass(frozen=True, slots=True)
 class LoopHypothesisRule:
-    """When two landmarks are one object. gate: greatest squared Mahalanobis distance of a pairing, given those already
-    accepted. spacing_m2: floor area per object of a label; its inverse is the density of new objects. certain: least
-    posterior probability of a pairing; pairings with landmarks nearer together than same_m count as one. minimum:
-    pairings that must agree. maximum_now: landmarks in view that are weighed together, those seen most often.
-    maximum_hypotheses: with more, half of the landmarks are weighed, those with fewest candidates. nodes: of the
-    hypothesis tree in one unit of work.
+    """When two landmarks are one object. spacing_m2: floor area per object of a label; its inverse is the density of
+    new objects. certain: least posterior probability of a pairing; pairings with landmarks nearer together than same_m
+    count as one. minimum: pairings that must agree. maximum: hypotheses; with more, half of the landmarks are weighed,
+    those with fewest candidates.
     """
 
-    gate: float = 11.83
     spacing_m2: float = 50.0
     certain: float = 0.9
     same_m: float = 0.3
     minimum: int = 2
-    maximum_now: int = 8
-    maximum_hypotheses: int = 400
-    nodes: int = 40
+    maximum: int = 400
 
 
 @dataclass(frozen=True, slots=True)
@@ -52,7 +47,7 @@ def certain_pairings(
     and Tardos 2001), but instead of the hypothesis with the most pairings the posterior of each pairing over all
     hypotheses counts: among twins none is certain.
     """
-    pairings = _compatible(pairings, landmarks, covariance, rule)
+    pairings = _compatible(pairings, landmarks, covariance)
     if not pairings:
         return []
     tree = _Tree(pairings, landmarks, covariance, rule)
@@ -90,9 +85,7 @@ def _least_ambiguous(pairings: Sequence[Pairing]) -> list[Pairing]:
     return [pairing for pairing in pairings if pairing.now in kept]
 
 
-def _compatible(
-    pairings: Sequence[Pairing], landmarks: Array, covariance: Array, rule: LoopHypothesisRule
-) -> list[Pairing]:
+def _compatible(pairings: Sequence[Pairing], landmarks: Array, covariance: Array) -> list[Pairing]:
     """Those within the gate by themselves."""
     now, before = (
         np.array([getattr(pairing, end) for pairing in pairings], dtype=np.intp) for end in ("now", "before")
@@ -102,7 +95,7 @@ def _compatible(
     own = own + np.array([pairing.extra_m2 for pairing in pairings])[:, None, None] * np.eye(2)
     difference = (landmarks[now] - landmarks[before])[:, :, None]
     distances2 = (difference * np.linalg.solve(own, difference)).sum(axis=(1, 2))
-    return [pairing for pairing, distance2 in zip(pairings, distances2, strict=True) if distance2 <= rule.gate]
+    return [pairing for pairing, distance2 in zip(pairings, distances2, strict=True) if distance2 <= CHI2_997]
 
 
 def _differences(pairings: Sequence[Pairing], landmarks: Array, covariance: Array) -> tuple[Array, Array]:
@@ -140,9 +133,9 @@ class _Tree:
         self, depth: int, chosen: tuple[int, ...], score: float, difference: Array, covariance: Array
     ) -> Generator[None, None, bool]:
         self._nodes += 1
-        if self._nodes % self._rule.nodes == 0:
+        if self._nodes % (self._rule.maximum // 10 or 1) == 0:
             yield
-        if len(self.scores) >= self._rule.maximum_hypotheses:
+        if len(self.scores) >= self._rule.maximum:
             return False
         if depth == len(self._branches):
             self.hypotheses.append(chosen)
@@ -155,7 +148,7 @@ class _Tree:
             own = slice(2 * row, 2 * row + 2)
             factor = np.linalg.inv(covariance[own, own])
             distance2 = float(difference[own] @ factor @ difference[own])
-            if distance2 > self._rule.gate:
+            if distance2 > CHI2_997:
                 continue
             density = math.sqrt(float(np.linalg.det(factor))) / (2.0 * math.pi) * self._rule.spacing_m2
             gain = covariance[:, own] @ factor

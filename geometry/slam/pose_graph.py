@@ -6,7 +6,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from edgemap.geometry.arrays import Array, positive
+from edgemap.geometry.arrays import CHI2_997, Array, positive
 from edgemap.geometry.map_object import MapObject, SightingSums
 from edgemap.geometry.observations.class_extents import footprint_m
 from edgemap.geometry.observations.sighting import PlacedSighting
@@ -33,22 +33,16 @@ Links = Mapping[int, int]  # of a later landmark to the first one of its object
 class GraphRule:
     """Parameters of the pose graph. freedom: degrees of freedom of the odometry's errors (Student's t): most motions
     agree with their covariance, a few slip. margin: log-likelihood ratio by which a loop must make the complete graph
-    more likely; 5 is 150 to 1. kernel: squared residual at which an observation or a link weighs half. minimum:
-    pictures of 0.1 s that make a landmark one to close loops with. maximum: landmarks solved for. visits: to one
-    object, kept apart; older ones become one. nearest: earlier objects weighed in one closure. every: keyframes between
-    two closures. gate: squared residual above which a link is revoked. still_m: a closure that
-    changes no link and moves no pose by more than this changes covariances only.
+    more likely; 5 is 150 to 1. maximum: landmarks solved for. visits: to one object, kept apart, so that a wrong link
+    can be revoked; older ones become one. every: keyframes between two closures. still_m: a closure that changes no
+    link and moves no pose by more than this changes covariances only.
     """
 
     freedom: float = 4.0
     margin: float = 5.0
-    kernel: float = 9.0
-    minimum: int = 5
     maximum: int = 80
     visits: int = 3
-    nearest: int = 40
     every: int = 4
-    gate: float = 11.83
     still_m: float = 0.01
     keyframes: KeyframeRule = field(default_factory=KeyframeRule)
     landmarks: LandmarkRule = field(default_factory=LandmarkRule)
@@ -77,11 +71,12 @@ class PoseGraph:
     two to one object, within the variance between two sides.
 
     links: the landmark that each later one is linked to. refused: revoked links. tilt_rad: roll and pitch (2,) by which
-    the mount's angles changed since it placed the first sighting.
+    the mount's angles changed since it placed the first sighting. least_pictures: of 0.1 s that make a landmark one to
+    close loops with.
     """
 
-    def __init__(self, rule: GraphRule | None = None) -> None:
-        self.rule = rule or GraphRule()
+    def __init__(self, rule: GraphRule | None = None, least_pictures: float = 4.0) -> None:
+        self.rule, self.least_pictures = rule or GraphRule(), least_pictures
         self.trajectory, self.landmarks = KeyframeTrajectory(self.rule.keyframes), Landmarks(self.rule.landmarks)
         self.links: dict[int, int] = {}
         self.refused: set[tuple[int, int]] = set()
@@ -191,7 +186,7 @@ class PoseGraph:
 
     def is_likely(self, landmark: Landmark) -> bool:
         """Whether it was observed often enough to close loops with."""
-        return not landmark.gone and (landmark.saved is not None or landmark.sums.pictures >= self.rule.minimum)
+        return not landmark.gone and (landmark.saved is not None or landmark.sums.pictures >= self.least_pictures)
 
     def snapshot(self, wanted: Set[int] = frozenset()) -> Snapshot:
         """All current factors except links. wanted: earlier objects to include beyond the usual landmarks."""
@@ -218,7 +213,7 @@ class PoseGraph:
             *factors(rows, self.tilt_rad, rule.landmarks.view_m),
         )
         trajectory = self.trajectory
-        problem = Problem(trajectory.factors(), observations, landmarks, rule.kernel, rule.freedom)
+        problem = Problem(trajectory.factors(), observations, landmarks, CHI2_997, rule.freedom)
         biases = np.array([*(self._ranges.get(number, 0.0) for number in row), *self._shared])
         return Snapshot(row, problem, trajectory.factors(loose=True), trajectory.vectors(), biases)
 

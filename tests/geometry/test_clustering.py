@@ -184,7 +184,7 @@ def test_confidence_is_the_probability_that_such_an_object_is_real(placed):
     each of the mean score's own log-odds: a chair of 0.9 has 0.83 after 4 frames and 0.97 after 30, one of 0.5 0.16 and
     0.57."""
     for score, after_4, after_30 in ((0.9, 0.8326, 0.9729), (0.5, 0.1556, 0.5703)):
-        chairs, told = FloorMap(AssociationRule(min_confidence=0.1)), {}
+        chairs, told = FloorMap(), {}
         for frame in range(30):
             chairs.update([placed("chair", 2.0, 0.0, frame, score=score)])
             told |= {item.count: item.confidence for item in chairs.objects()}

@@ -40,8 +40,6 @@ STAND = [  # (id, x in m, sightings), and the ids that stay
     ([("dining table-1", 0.0, 25), ("chair-1", 0.3, 11)], "dining table-1 chair-1"),
     ([("dining table-1", 0.0, 25), ("chair-1", 0.1, 11)], "dining table-1"),
     ([("dining table-1", 0.0, 25), ("bed-1", 0.3, 11)], "dining table-1"),
-    # A label given under a fifth as often is the other object's: 0.35 m is too near.
-    ([("chair-1", 0.0, 50), ("vase-1", 0.34, 9)], "chair-1"),
     ([("chair-1", 0.0, 50), ("vase-1", 0.36, 9)], "chair-1 vase-1"),
     ([("chair-1", 0.0, 50), ("vase-1", 0.34, 11)], "chair-1 vase-1"),
     # The middle chair goes for the first one; the third is near the middle one only.
@@ -110,7 +108,7 @@ def test_nothing_overlaps_and_the_order_of_changes_does_not_matter(rows):
         if a.label == b.label:
             least = RULE.same_label * min(extents) if less < RULE.far_less * more else 0.0
         else:
-            least = (RULE.rare_label if less < RULE.rare * more else RULE.other_label) * sum(sides) / 2
+            least = RULE.other_label * sum(sides) / 2
         return np.linalg.norm(a.position_m - b.position_m) >= least - 1e-9
 
     assert all(stand_apart(a, b) for a in kept for b in kept if a is not b)

@@ -23,10 +23,10 @@ def written(folder, document, name="c.yaml"):
 def test_a_part_of_the_tree_changes_that_part_alone(tmp_path):
     path = written(
         tmp_path,
-        {"config": {"association": {"min_confidence": 0.5}, "loop_closure": {"keyframes": {"keyframe_m": 0.5}}}},
+        {"config": {"association": {"real_slope": 0.5}, "loop_closure": {"keyframes": {"keyframe_m": 0.5}}}},
     )
     config, options = load_config(path)
-    assert (config.association.min_confidence, config.loop_closure.keyframes.keyframe_m, options) == (0.5, 0.5, {})
+    assert (config.association.real_slope, config.loop_closure.keyframes.keyframe_m, options) == (0.5, 0.5, {})
     assert config.association.min_count == Config().association.min_count
     assert config.floor == Config().floor
 
@@ -75,7 +75,7 @@ def test_every_old_name_stands_for_a_name_of_today():
             {"config": {"association": {"real_slope": "wide"}}},
             r"association\.real_slope is 'wide', not a float",
         ),
-        ({"config": {"association": {"min_confidence": float("inf")}}}, "not a finite number"),
+        ({"config": {"association": {"real_slope": float("inf")}}}, "not a finite number"),
         ({"config": {"association": 3}}, "association is 3, not a mapping"),
         ({"config": {"floor": {"mapped": ["chair"]}}}, r"floor\.mapped is unknown"),
         ({"options": ["frames"]}, "options is a list, not a mapping"),

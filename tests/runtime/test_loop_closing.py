@@ -216,7 +216,7 @@ def test_a_wrong_closure_is_taken_back(monkeypatch):
     mapper = Mapper(config=Config(loop_closure=rule), loop_closer=LoopCloser())
     assert isinstance(mapper.map, FloorMap)
     graph = mapper.map.graph
-    unsure = [replace(motion, covariance=25.0 * motion.covariance) for motion in drifting(way)]
+    unsure = [replace(motion, covariance=16.0 * motion.covariance) for motion in drifting(way)]
     for result, objects in drive(mapper, ROOM, way, unsure, 0):
         if result.correction and wrong:
             ((later, first),) = wrong

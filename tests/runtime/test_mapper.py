@@ -260,7 +260,7 @@ def test_a_room_seen_from_a_map_that_is_turned_is_the_same_room(quarters):
 @pytest.mark.parametrize("axis", [0, 1])
 def test_two_sightings_are_one_object_along_the_axis_in_which_they_are_uncertain(axis):
     """Six sightings of 0.3 m along one axis and 0.02 m across, and six 0.9 m away: squared Mahalanobis distances of
-    0.9^2 / (0.3^2 + 0.08^2 + 0.06^2) = 8.1 and 78, gate 11.83."""
+    0.9^2 / (0.3^2 + 0.1^2) = 8.1 and 78, gate 11.83."""
     for apart, count in ((axis, 1), (1 - axis, 2)):
         mapper = Mapper()
         sigmas_m = np.full(2, 0.02)
