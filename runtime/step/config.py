@@ -136,10 +136,7 @@ RETIRED = {
     "depth": (
         "refined_px",
         "corners_apart_px",
-        "fewest",
-        "trial_px",
         "valid",
-        "depth_sigma_m",
         "lost",
     ),
     "health": (

@@ -103,7 +103,7 @@ def _members(
     members = [Member(_tracked(floor, rules), CAMERA, scale**2 if warning else scale)]
     if flow is not None and not warning:
         reach_rad = 2.0 * rules.flow.keyframe_rad
-        members.append(Member(flow, CAMERA, scale**2, reach_rad=reach_rad, seconds=rule.flow_variance_share))
+        members.append(Member(flow, CAMERA, scale**4, reach_rad=reach_rad, seconds=rule.flow_variance_share))
     if wheels and camera.wheel is not None:
         given = camera.wheel
         track = wheel_trajectory(given) if isinstance(given, Path) else given

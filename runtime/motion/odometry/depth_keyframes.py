@@ -15,7 +15,7 @@ from edgemap.geometry.arrays import Array
 from edgemap.geometry.camera.attitude import rotation_angle
 from edgemap.geometry.camera.depth_points import FARTHEST_M, NEAREST_M
 from edgemap.geometry.camera.intrinsics import Intrinsics
-from edgemap.geometry.odometry.resection import TUKEY, DepthLandmarks, LensPose, Resected, resect
+from edgemap.geometry.odometry.resection import DepthLandmarks, LensPose, Resected, resect
 
 Pixels = NDArray[np.float32]
 Indices = NDArray[np.intp]
@@ -30,12 +30,14 @@ class DepthRule:
     working_width_px: wider pictures are scaled down to it. corners: how many. ratio: of the best to the second best
     descriptor distance (Lowe 2004), below which a match counts. matched: keyframes that a picture is matched to,
     and pictures in a row that are not located, before all are given up. kept: keyframes. apart_m, apart_rad: of the
-    newest keyframe, beyond which a picture becomes one. inliers: that must fit at all. trials: of RANSAC. sigma_px:
-    of a refined corner. patch_px: half the side of the patch whose depths are one point's; flat: share of the depth
-    by which the middle 80 % of them differ at most, else it lies on an edge. depth_sigma_per_m2: standard deviation
-    of a depth, with its square; slope: share of a patch's own spread that adds to it, as the middle of the known
-    depths is not the corner's where the patch is cut. fastest_m_s: of a camera that is carried. covariance_scale:
-    errors of depth last over steps (NEES over 1 s of two real walks 17 and 12 with 1).
+    newest keyframe, beyond which a picture becomes one; fewest: so does one that fewer points fit. inliers: that
+    must fit at all. trials, trial_px: of RANSAC; by so much the refinement moves a corner at most. sigma_px: of a
+    refined corner. patch_px: half the side of the patch whose depths are one point's; flat: share of the depth by
+    which the middle 80 % of them differ at most, else it lies on an edge. depth_sigma_m, depth_sigma_per_m2:
+    standard deviation of a depth: constant, and with its square; slope: share of a patch's own spread that adds to
+    it, as the middle of the known depths is not the corner's where the patch is cut. fastest_m_s: of a camera that
+    is carried. covariance_scale: errors of depth last over steps (NEES over 1 s of two real walks 17 and 12 with
+    1).
     """
 
     working_width_px: int = 540
@@ -45,11 +47,14 @@ class DepthRule:
     kept: int = 8
     apart_m: float = 0.15
     apart_rad: float = 0.12
+    fewest: int = 80
     inliers: int = 12
     trials: int = 200
+    trial_px: float = 2.5
     sigma_px: float = 0.5
     patch_px: int = 3
     flat: float = 0.06
+    depth_sigma_m: float = 0.005
     depth_sigma_per_m2: float = 0.0035
     slope: float = 0.25
     fastest_m_s: float = 5.0
@@ -102,7 +107,8 @@ class DepthKeyframes:
             self._keyframes = []
         if found is not None or not self._keyframes:
             self._last = self._seen(grey, corners, descriptors, depth)
-            if not self._keyframes or self._distance(self._keyframes[-1].pose, self._pose, limit=True) > 1.0:
+            few = found is not None and float(found.weights.sum()) < self._rule.fewest
+            if few or not self._keyframes or self._distance(self._keyframes[-1].pose, self._pose, limit=True) > 1.0:
                 self._keep(self._last)
         return None if found is None or moved is None else Resected(moved, found.covariance, found.weights)
 
@@ -143,7 +149,7 @@ class DepthKeyframes:
         focal, seen = self._lens.fx, self._lens.rays(pixels)[:, :2]
         found, turned, shift, inliers = cv2.solvePnPRansac(
             landmarks.points_m, seen, np.eye(3), None, iterationsCount=rule.trials, flags=cv2.SOLVEPNP_P3P,
-            reprojectionError=TUKEY * rule.sigma_px / focal, confidence=0.999,
+            reprojectionError=rule.trial_px / focal, confidence=0.999,
         )  # fmt: skip
         if not found or inliers is None or len(inliers) < rule.inliers:
             return None
@@ -172,7 +178,7 @@ class DepthKeyframes:
                 flags=cv2.OPTFLOW_USE_INITIAL_FLOW,
             )  # fmt: skip
             moved = moved.reshape(-1, 2)
-            near = np.hypot(*(moved - pixels[which]).T) < TUKEY * self._rule.sigma_px
+            near = np.hypot(*(moved - pixels[which]).T) < self._rule.trial_px
             good = (status.ravel() == 1) & near
             refined[which[good]] = moved[good]
         return refined
@@ -184,7 +190,7 @@ class DepthKeyframes:
         depth_m, spread_m = patch_depths(depth, in_depth, rule.patch_px, rule.flat)
         known = np.isfinite(depth_m)
         rays, depth_m = self._lens.rays(corners[known]), depth_m[known]
-        sigma_m = np.hypot(rule.depth_sigma_per_m2 * depth_m**2, rule.slope * spread_m[known])
+        sigma_m = np.hypot(rule.depth_sigma_m + rule.depth_sigma_per_m2 * depth_m**2, rule.slope * spread_m[known])
         landmarks = DepthLandmarks.observed(self._pose, rays, depth_m, sigma_m)
         return _Keyframe(self._pose, grey, corners[known], descriptors[known], landmarks)
 

@@ -46,14 +46,14 @@ CAMERA, WHEELS = "camera", "wheels"  # the sources whose lengths are compared
 @dataclass(frozen=True, slots=True)
 class HybridRule:
     """Weights of the hybrid's members. lasting_conflict: number of consecutive steps of disagreement that make a
-    fault; wheel slip is shorter. covariance_scale: factor on covariances, so that errors and covariance agree: on that
-    of corners and gyro, of a carried camera's corners once more, of the flow head, whose errors last, once more too,
-    and on the fused one: errors of landmarks, of scale and of a wheel's radius last for seconds, so that sums over 1 to
-    10 s vary more than independent steps would (NEES over 3 without it: by the camera alone 1.9 to 3.7, with wheels 1.2
-    to 2.9, camera and gyro 1.3 to 2.5; homes 8301-8310). flow_variance_share: of the corners' variance, which the flow
-    head's is at least: it remembers, and goes on as before where a picture shows nothing. Its error of a step is 0.5 cm
-    where corners state 2 mm, 1.7 where they state 2 cm, 3.3 where 10 cm, 5 where more, while it states 0.6 cm (sixteen
-    rendered homes).
+    fault; wheel slip is shorter. covariance_scale: factor on covariances, so that errors and covariance agree: on
+    that of corners and gyro, of a carried camera's corners once more, of the flow head, whose errors last longest,
+    three times more, and on the fused one: errors of landmarks, of scale and of a wheel's radius last for seconds,
+    so that sums over 1 to 10 s vary more than independent steps would (NEES over 3 without it: by the camera alone
+    1.9 to 3.7, with wheels 1.2 to 2.9, camera and gyro 1.3 to 2.5; homes 8301-8310). flow_variance_share: of the
+    corners' variance, which the flow head's is at least: it remembers, and goes on as before where a picture shows
+    nothing. Its error of a step is 0.5 cm where corners state 2 mm, 1.7 where they state 2 cm, 3.3 where 10 cm, 5
+    where more, while it states 0.6 cm (sixteen rendered homes).
     hidden_share: of a picture that shows nothing while the rest moves, from which on the camera is in doubt: a cover
     and its edge stand still as the robot moves; or that people and animals cover, from which on the camera judges
     nobody. covered_covariance_scale: one more factor for the camera there, and its power with what is covered beyond.
