@@ -295,14 +295,16 @@ def test_a_head_in_motion_from_the_start_is_levelled_and_its_covariance_says_how
     assert math.degrees(np.sqrt(np.mean(np.square(late)))) < 2.0
 
 
-def test_the_rotation_is_known_from_the_first_frame_on_whose_samples_reach_back_to_the_one_before():
+@pytest.mark.parametrize("rate_rad_s", [0.5, 5.0])
+def test_the_rotation_is_known_from_the_first_frame_on_whose_samples_reach_back_to_the_one_before(rate_rad_s):
     stamps, mount = np.arange(0.01, 1.0, 0.01), Mount.from_degrees(0.5, 10.0)
     up = mount.rotation_base_optical().T @ [0.0, 0.0, 1.0]
-    samples = ImuSamples(stamps, np.outer(np.full(len(stamps), 0.5), up), np.outer(np.full(len(stamps), 9.81), up))
+    samples = ImuSamples(stamps, np.full((len(stamps), 3), rate_rad_s * up), np.full((len(stamps), 3), 9.81 * up))
     source = InertialAttitude(mount, MountAttitude(mount))
     assert source.predict(Frame(0, 0.0, BLANK)).rotation is None
     rotation = source.predict(Frame(1, 0.1, BLANK, imu=samples.between(0.0, 0.1))).rotation
     assert rotation is not None
-    assert rotation.yaw_rad == pytest.approx(0.05, abs=0.002)
+    assert rotation.yaw_rad == pytest.approx(0.1 * rate_rad_s, rel=0.04)
+    np.testing.assert_allclose(rotation.rotation, Rotation.from_rotvec(0.1 * rate_rad_s * up).as_matrix(), atol=5e-5)
     source.reset("elsewhere")
     assert source.predict(Frame(2, 0.3, BLANK, imu=samples.between(0.2, 0.3))).rotation is None
