@@ -10,6 +10,7 @@ from typing import Any, Self
 import numpy as np
 from numpy.typing import NDArray
 
+from edgemap.geometry.camera.depth_camera import DepthCamera, DepthRegistration
 from edgemap.geometry.camera.imu import ImuSamples
 from edgemap.geometry.camera.intrinsics import Intrinsics
 from edgemap.geometry.camera.mount import Mount
@@ -20,12 +21,14 @@ from edgemap.runtime.frames.reading import printable
 from edgemap.runtime.frames.trajectory import AttitudeTrack, PoseTrack, Trajectory
 from edgemap.runtime.inputs.budget import Budget, Effort
 from edgemap.runtime.inputs.cameras.protocol import Camera
+from edgemap.runtime.inputs.drives.pictures import readable_depth
 
 
 class CameraBase:
     """The protocol's fields, all unknown, and `frame` to wrap a picture. Subclasses set `size`, add `read`.
 
-    imu: all inertial samples of a recording, which `frame` deals out. depth: depth pictures on disk, one a picture.
+    imu: all inertial samples of a recording, which `frame` deals out. depth: depth pictures on disk, one a picture;
+    depth_camera: theirs, None where they are registered to the pictures.
     """
 
     def __init__(self, name: str, intrinsics: Intrinsics | None = None, mount: Mount | None = None) -> None:
@@ -40,6 +43,8 @@ class CameraBase:
         self.attitudes: AttitudeTrack | None = None
         self.imu: ImuSamples | None = None
         self.depth: Sequence[Path] = ()
+        self.depth_camera: DepthCamera | None = None
+        self._registration: DepthRegistration | None = None
         self.wheel: Path | PoseTrack | None = None
         self.decisions: Decisions | None = None
         self.edits: tuple[str, ...] = ()
@@ -78,6 +83,17 @@ class CameraBase:
         frame = Frame(self._delivered, stamp_s, image, name, samples, depth)
         self._delivered, self._sampled_s = self._delivered + 1, stamp_s
         return frame
+
+    def depth_of(self, number: int) -> NDArray[np.float32] | None:
+        """Depth of the picture of that number, of its pixels; None where there is none that can be read."""
+        depth = readable_depth(self.depth[number]) if self.depth else None
+        if depth is None or self.depth_camera is None:
+            return depth
+        if self._registration is None:
+            if self.intrinsics is None:
+                return None
+            self._registration = DepthRegistration(self.depth_camera, self.intrinsics)
+        return self._registration.registered(depth)
 
     def __enter__(self) -> Self:
         return self

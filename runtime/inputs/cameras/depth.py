@@ -4,6 +4,7 @@ from collections.abc import Iterator
 from types import ModuleType
 from typing import Any
 
+from edgemap.geometry.camera.depth_camera import DepthRegistration
 from edgemap.geometry.camera.intrinsics import Intrinsics
 from edgemap.runtime.frames.errors import CameraError
 from edgemap.runtime.frames.reading import library_path, user_path
@@ -31,7 +32,13 @@ def depth_pictures(spec: str) -> tuple[Intrinsics, Iterator[Depth]] | None:
     if kind not in READERS:
         return None
     drive = open_drive(spec)
-    return (drive.intrinsics, map(read_depth, drive.depth)) if drive.depth and drive.intrinsics else None
+    if not drive.depth or drive.intrinsics is None:
+        return None
+    depths = map(read_depth, drive.depth)
+    if drive.depth_camera is not None:
+        registered = map(DepthRegistration(drive.depth_camera, drive.intrinsics).registered, depths)
+        depths = (depth for depth in registered if depth is not None)
+    return drive.intrinsics, depths
 
 
 def _realsense(rs: ModuleType, config: Any, name: str) -> tuple[Intrinsics, Iterator[Depth]] | None:

@@ -17,7 +17,7 @@ from edgemap.runtime.frames.reading import library_path
 from edgemap.runtime.inputs.cameras.base import CameraBase
 from edgemap.runtime.inputs.drives.camera_yaml import DEFAULT_RATE_HZ, read_setup
 from edgemap.runtime.inputs.drives.drive import Drive
-from edgemap.runtime.inputs.drives.pictures import PIXEL_LIMIT, list_pictures, read_picture, readable_depth
+from edgemap.runtime.inputs.drives.pictures import PIXEL_LIMIT, list_pictures, read_picture
 
 # A header's frame count is an estimate in some containers; a file that lacks more than this was cut off.
 MISSING_FRAMES, MISSING_SHARE = 3, 0.05
@@ -77,7 +77,7 @@ class VideoCamera(CameraBase):
             raise CameraError(f"{self._path}: more frames than the {len(self._stamps_s)} poses beside it")
         image, file_stamp_s = decoded
         self._last_s = self._stamp(file_stamp_s)
-        depth = readable_depth(self.depth[self._delivered]) if self.depth else None
+        depth = self.depth_of(self._delivered)
         return self.frame(image, self._last_s, f"{self._path}#{self._delivered}", depth)
 
     def close(self) -> None:
@@ -157,7 +157,7 @@ class PicturesCamera(CameraBase):
                 FaultKind.SIZE,
                 f"{path}: picture is {width}x{height}, the others are {self.size[0]}x{self.size[1]}, skipped",
             )
-        depth = readable_depth(self.depth[number]) if self.depth else None
+        depth = self.depth_of(number)
         return self.frame(image, float(self._stamps_s[number]), str(path), depth)
 
     def close(self) -> None:
@@ -203,4 +203,5 @@ def drive_camera(
     camera.rate_hz = drive.rate_hz
     camera.truth, camera.attitudes = drive.truth, drive.attitudes
     camera.wheel, camera.imu, camera.depth = drive.wheel, drive.imu, drive.depth
+    camera.depth_camera = drive.depth_camera
     return camera

@@ -34,7 +34,8 @@ def read_c2w(folder: Path) -> Drive:
     """Read pictures with 4x4 camera-to-world lines, optical camera axes, metres; the world is z-up unless said.
 
     `K.txt`, 3x3 in px, is used where no camera.yaml is. `stamps.txt` or `times.txt` in seconds where present. `depth/`:
-    a 16-bit picture of millimetres for each picture, registered to it, 0 where unknown.
+    a 16-bit picture of millimetres for each picture, 0 where unknown, registered to it unless `camera.yaml` says where
+    its camera is.
     Raises CameraError.
     """
     return _read("c2w", folder, ("image", "images"), 16, "z", ("stamps.txt", "times.txt"), "K.txt")
@@ -58,6 +59,7 @@ def _read(
         kind, folder, images, stamps, setup.intrinsics, setup.mount, setup.rate_hz,
         trajectory(path, stamps, planarise_camera(*recorded)), full_poses=upright_camera(*recorded),
         attitudes=camera_attitudes(stamps, poses, setup.world_up) if kind == "c2w" else None, depth=depth,
+        depth_camera=setup.depth,
     )  # fmt: skip
 
 

@@ -11,6 +11,7 @@ import yaml
 from msgspec import Meta
 from numpy.typing import NDArray
 
+from edgemap.geometry.camera.depth_camera import DepthCamera
 from edgemap.geometry.camera.intrinsics import Distortion, Intrinsics
 from edgemap.geometry.camera.mount import Mount
 from edgemap.geometry.errors import GeometryError
@@ -18,12 +19,14 @@ from edgemap.runtime.frames.disk import write_atomically
 from edgemap.runtime.frames.errors import CameraError
 from edgemap.runtime.frames.plain_yaml import read_yaml
 from edgemap.runtime.frames.reading import Coordinate, Name, Side, Strict, convert
-from edgemap.runtime.inputs.drives.pose_files import check_count, read_stamps
+from edgemap.runtime.inputs.drives.pose_files import check_count, poses_of, quaternion_of, read_stamps
 
 UpAxis = Literal["x", "y", "z", "-x", "-y", "-z"]
 Angle = Annotated[float, Meta(gt=-90.0, lt=90.0)]  # degrees
 Arm = Annotated[float, Meta(ge=-100.0, le=100.0)]  # metres
 Focal = Annotated[float, Meta(gt=0.0, le=1e6)]  # px
+Part = Annotated[float, Meta(ge=-1.1, le=1.1)]  # of a unit quaternion
+UNIT = 0.01  # of its length; files round
 DEFAULT_RATE_HZ = 10.0
 
 
@@ -31,13 +34,15 @@ DEFAULT_RATE_HZ = 10.0
 class CameraFile:
     """The contents of a `camera.yaml`. world_up: the axis of the recorded poses that points up, e.g. `-y`;
     None where the file leaves it to the layout's own custom. rate_hz, mount: None where not given. calibration: for
-    each calibrated part, the method and its accuracy, as text."""
+    each calibrated part, the method and its accuracy, as text. depth: the camera of the depth pictures; None where they
+    are registered to the pictures."""
 
     intrinsics: Intrinsics
     mount: Mount | None = None
     rate_hz: float | None = None
     world_up: str | None = None
     calibration: dict[str, Any] = field(default_factory=dict)
+    depth: DepthCamera | None = None
 
 
 class DistortionRecord(Strict):
@@ -73,11 +78,26 @@ class _Mount(Strict):
     left_m: Arm = 0.0
 
 
+class _Depth(LensRecord):
+    position_m: tuple[Arm, Arm, Arm] = (0.0, 0.0, 0.0)
+    quaternion_xyzw: tuple[Part, Part, Part, Part] = (0.0, 0.0, 0.0, 1.0)
+
+    def camera(self) -> DepthCamera:
+        """The depth camera. Raises GeometryError."""
+        quaternion = np.array(self.quaternion_xyzw)
+        length = float(np.linalg.norm(quaternion))
+        if abs(length - 1.0) > UNIT:
+            raise GeometryError(f"depth: quaternion_xyzw has length {length:.4f}, expected 1")
+        (pose,) = poses_of(np.array([self.position_m]), quaternion[None] / length)
+        return DepthCamera(self.intrinsics(), pose[:3, :3], pose[:3, 3])
+
+
 class _CameraYaml(LensRecord):
     fps: Annotated[float, Meta(gt=0.0, le=1e5)] | None = None
     world_up: UpAxis | None = None
     mount: _Mount | None = None
     calibration: dict[str, Any] | None = None
+    depth: _Depth | None = None
 
 
 def read_camera_yaml(path: Path) -> CameraFile:
@@ -90,9 +110,10 @@ def read_camera_yaml(path: Path) -> CameraFile:
     try:
         intrinsics = record.intrinsics()
         mount = record.mount and Mount.from_degrees(**msgspec.structs.asdict(record.mount))
+        depth = record.depth and record.depth.camera()
     except GeometryError as error:
         raise CameraError(f"{path}: {error}") from None
-    return CameraFile(intrinsics, mount, record.fps, record.world_up, record.calibration or {})
+    return CameraFile(intrinsics, mount, record.fps, record.world_up, record.calibration or {}, depth)
 
 
 def write_camera_yaml(
@@ -102,15 +123,13 @@ def write_camera_yaml(
     rate_hz: float | None = None,
     world_up: str = "z",
     calibration: dict[str, Any] | None = None,
+    depth: DepthCamera | None = None,
 ) -> None:
     """Write a `camera.yaml` that `read_camera_yaml` reads back to the same numbers (angles to 1e-9 degrees).
 
     Raises DiskError where the folder does not take it.
     """
-    lens = intrinsics
-    tree: dict[str, Any] = {"width": lens.width, "height": lens.height}
-    tree |= {name: float(getattr(lens, name)) for name in ("fx", "fy", "cx", "cy")}
-    tree["distortion"] = {"model": lens.distortion.model, "coefficients": list(lens.distortion.coefficients)}
+    tree = _lens(intrinsics)
     if rate_hz is not None:
         tree["fps"] = float(rate_hz)
     tree["world_up"] = world_up
@@ -122,9 +141,21 @@ def write_camera_yaml(
             "forward_m": float(mount.forward_m),
             "left_m": float(mount.left_m),
         }
+    if depth is not None:
+        tree["depth"] = _lens(depth.intrinsics) | {
+            "position_m": depth.position_m.tolist(),
+            "quaternion_xyzw": quaternion_of(depth.rotation).tolist(),
+        }
     if calibration:
         tree["calibration"] = calibration
     write_atomically(path, yaml.safe_dump(tree, sort_keys=False, default_flow_style=None))
+
+
+def _lens(lens: Intrinsics) -> dict[str, Any]:
+    tree: dict[str, Any] = {"width": lens.width, "height": lens.height}
+    tree |= {name: float(getattr(lens, name)) for name in ("fx", "fy", "cx", "cy")}
+    tree["distortion"] = {"model": lens.distortion.model, "coefficients": list(lens.distortion.coefficients)}
+    return tree
 
 
 @dataclass(frozen=True, slots=True)
@@ -135,6 +166,7 @@ class Setup:
     mount: Mount | None
     rate_hz: float
     world_up: str
+    depth: DepthCamera | None = None
 
 
 def read_setup(folder: Path, world_up: str, intrinsics: Intrinsics | None = None) -> Setup:
@@ -143,7 +175,8 @@ def read_setup(folder: Path, world_up: str, intrinsics: Intrinsics | None = None
     if not path.is_file():
         return Setup(intrinsics, None, DEFAULT_RATE_HZ, world_up)
     file = read_camera_yaml(path)
-    return Setup(file.intrinsics, file.mount, file.rate_hz or DEFAULT_RATE_HZ, file.world_up or world_up)
+    rate_hz, up = file.rate_hz or DEFAULT_RATE_HZ, file.world_up or world_up
+    return Setup(file.intrinsics, file.mount, rate_hz, up, file.depth)
 
 
 def stamps_for(folder: Path, names: tuple[str, ...], pictures: int, where: Path, rate_hz: float) -> NDArray[np.float64]:

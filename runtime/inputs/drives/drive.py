@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from edgemap.geometry.camera.depth_camera import DepthCamera
 from edgemap.geometry.camera.imu import ImuSamples
 from edgemap.geometry.camera.intrinsics import Intrinsics
 from edgemap.geometry.camera.mount import Mount
@@ -54,7 +55,8 @@ class Drive:
     truth: poses of the base, relative to the first one. boxes: true boxes per picture, empty where unknown.
     objects: records of `objects.json`. wheel: path of a CSV with the wheels' poses (stamp_s, x_m, y_m, yaw_rad).
     attitudes: of the camera, where the recorded poses have six dimensions. imu: samples in the optical frame.
-    depth: depth pictures, one per image, empty where there are none. full_poses: of the lens, (N, 4, 4), one per
+    depth: depth pictures, one per image, empty where there are none. depth_camera: theirs; None where they are
+    registered to the pictures. full_poses: of the lens, (N, 4, 4), one per
     picture, base axes in a z-up frame, where the recorded poses have six dimensions.
     """
 
@@ -71,6 +73,7 @@ class Drive:
     wheel: Path | None = None
     video: Path | None = None
     depth: tuple[Path, ...] = ()
+    depth_camera: DepthCamera | None = None
     full_poses: NDArray[np.float64] | None = None
     attitudes: AttitudeTrack | None = None
     imu: ImuSamples | None = None

@@ -38,7 +38,10 @@ def read_locobot(folder: Path) -> Drive:
         check_count(better, len(matrices), len(images), folder / "rgb")
         truth = trajectory(better, stamps, planarise_base(matrices, setup.world_up))
     lens, mount, rate_hz = setup.intrinsics, setup.mount, setup.rate_hz
-    return Drive("locobot", folder, images, stamps, lens, mount, rate_hz, truth, wheel=wheel_path, depth=depth)
+    return Drive(
+        "locobot", folder, images, stamps, lens, mount, rate_hz, truth, wheel=wheel_path, depth=depth,
+        depth_camera=setup.depth,
+    )  # fmt: skip
 
 
 def write_locobot(

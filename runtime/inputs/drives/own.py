@@ -7,7 +7,8 @@ stamps.txt                 optional; seconds, one per picture
 objects.json, boxes.json   optional; see `write_drive`
 wheel.csv                  optional; stamp_s,x_m,y_m,yaw_rad
 imu.csv                    optional; stamp_s,gx,gy,gz,ax,ay,az: rad/s and m/s^2, the camera's optical frame
-depth/…                    optional; 16-bit pictures, millimetres along the optical axis
+depth/…                    optional; 16-bit pictures, millimetres along the optical axis, registered to the pictures,
+                           or with their camera as `depth` in `camera.yaml`
 """
 
 import json
@@ -75,7 +76,7 @@ def read_own(folder: Path) -> Drive:
     return Drive(
         "drive", folder, images, stamps, camera.intrinsics, camera.mount, camera.rate_hz or _rate(stamps), truth,
         boxes=boxes, wheel=wheel if wheel.is_file() else None, video=video,
-        depth=depth_beside(folder, len(stamps), source), attitudes=attitudes,
+        depth=depth_beside(folder, len(stamps), source), depth_camera=camera.depth, attitudes=attitudes,
     )  # fmt: skip
 
 

@@ -3,6 +3,7 @@
 from pathlib import Path
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 from edgemap.geometry.arrays import Array
 from edgemap.geometry.camera.mount import Mount
@@ -58,6 +59,12 @@ def poses_of(positions_m: Array, quaternions: Array) -> Array:
     poses[:, :3, 2] = np.column_stack([2 * (x * z + y * w), 2 * (y * z - x * w), 1 - 2 * (x * x + y * y)])
     poses[:, :3, 3] = positions_m
     return poses
+
+
+def quaternion_of(rotation: Array) -> Array:
+    """The unit quaternion (4,) in the order x, y, z, w of a rotation (3, 3)."""
+    quaternion = Rotation.from_matrix(rotation).as_quat()
+    return np.asarray(quaternion if quaternion[3] >= 0.0 else -quaternion, dtype=np.float64)
 
 
 def read_stamps(path: Path) -> Array:

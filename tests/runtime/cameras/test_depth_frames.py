@@ -86,3 +86,33 @@ def test_a_drive_brings_its_depth_and_goes_on_past_what_is_damaged(tmp_path):
 def _camera_file(folder: Path) -> None:
     lens = "{width: 640, height: 480, fx: 615.2, fy: 615.4, cx: 321.1, cy: 239.7, fps: 10, world_up: z, "
     (folder / "camera.yaml").write_text(lens + "mount: {height_m: 0.62, pitch_deg: 17}}\n")
+
+
+@pytest.mark.parametrize("kind", ["c2w", "drive"])
+def test_depth_of_a_camera_beside_the_lens_is_registered_to_the_picture(tmp_path, kind):
+    """A wall 2 m ahead whose left half is unknown: 0.1 m beside it is 4 px off, and 10 mm nearer as the lens is ahead;
+    a depth picture of another size is left out."""
+    folder = tmp_path / kind
+    images = folder / ("images" if kind == "drive" else "image")
+    for path in (images, folder / "depth"):
+        path.mkdir(parents=True)
+    wall = np.full((60, 80), 2000, dtype=np.uint16)
+    wall[:, :40] = 0
+    for index, depth in enumerate((wall, wall[:30])):
+        cv2.imwrite(str(images / f"{index}.png"), np.full((60, 80, 3), 90, np.uint8))
+        cv2.imwrite(str(folder / "depth" / f"{index}.png"), depth)
+    lens = "width: 80, height: 60, fx: 80.0, fy: 80.0, cx: 39.5, cy: 29.5"
+    mount = "mount: {height_m: 0.6, pitch_deg: 10.0}"
+    (folder / "camera.yaml").write_text(f"{{{lens}, {mount}, depth: {{{lens}, position_m: [-0.1, 0, -0.01]}}}}")
+    if kind == "drive":
+        (folder / "poses.tum").write_text("0 0 0 0 0 0 0 1\n0.1 0 0 0 0 0 0 1\n")
+    else:
+        level = "0 0 1 0 -1 0 0 0 0 -1 0 0 0 0 0 1\n"
+        (folder / "poses.txt").write_text(2 * level)
+    with open_camera(f"{kind}:{folder}") as camera:
+        first, second = recordings.drain(camera)
+    expected = np.zeros((60, 80), np.float32)
+    expected[:, 36:76] = 1.99
+    assert first.depth is not None
+    np.testing.assert_allclose(first.depth, expected, atol=1e-6)
+    assert second.depth is None

@@ -1,0 +1,58 @@
+"""A depth camera of its own beside the picture's, and its depth registered to the picture."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from edgemap.geometry.arrays import Array
+from edgemap.geometry.camera.depth_points import NEAREST_M
+from edgemap.geometry.camera.intrinsics import Intrinsics
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class DepthCamera:
+    """Intrinsics of a depth camera and its pose in the optical frame of the picture's camera: rotation (3, 3) and
+    position_m (3,) take its points into that frame."""
+
+    intrinsics: Intrinsics
+    rotation: Array = field(default_factory=lambda: np.eye(3))
+    position_m: Array = field(default_factory=lambda: np.zeros(3))
+
+
+class DepthRegistration:
+    """Depth pictures of a depth camera as seen by the picture's lens. Of what one pixel shows the nearest counts, which
+    is what the picture shows too."""
+
+    def __init__(self, camera: DepthCamera, lens: Intrinsics) -> None:
+        self._camera, self._lens, own = camera, lens, camera.intrinsics
+        v, u = np.mgrid[0 : own.height, 0 : own.width]
+        rays = own.rays(np.column_stack([u.ravel(), v.ravel()])) @ camera.rotation.T
+        self._rays = np.ascontiguousarray(rays.T, dtype=np.float32)
+        # A pixel of the depth picture covers as many of the picture's, or these would have holes.
+        self._spans = math.ceil(lens.fx / own.fx - 1e-6), math.ceil(lens.fy / own.fy - 1e-6)
+
+    def registered(self, depth: NDArray[np.float32]) -> NDArray[np.float32] | None:
+        """(H, W) metres along the lens's optical axis, 0 where unknown; None for a depth picture of another size."""
+        own, lens = self._camera.intrinsics, self._lens
+        if depth.shape != (own.height, own.width):
+            return None
+        known = np.flatnonzero(depth > 0.0)
+        x, y, z = self._rays[:, known] * depth.ravel()[known] + self._camera.position_m[:, None].astype(np.float32)
+        ahead = np.flatnonzero(z > NEAREST_M)
+        ideal, z = np.stack([x[ahead], y[ahead]], axis=1) / z[ahead, None], z[ahead]
+        distorted = ideal if lens.distortion.is_identity else lens.distortion.distort(ideal.astype(np.float64))
+        columns, rows = distorted[:, 0] * lens.fx + lens.cx, distorted[:, 1] * lens.fy + lens.cy
+        nearest = np.full(lens.height * lens.width, np.inf, dtype=np.float32)
+        wide, high = self._spans
+        for across in range(wide):
+            for down in range(high):
+                u, v = np.rint(columns + across - (wide - 1) / 2.0), np.rint(rows + down - (high - 1) / 2.0)
+                inside = (u >= 0.0) & (u < lens.width) & (v >= 0.0) & (v < lens.height)
+                at = v[inside].astype(np.intp) * lens.width + u[inside].astype(np.intp)
+                np.minimum.at(nearest, at, z[inside])
+        nearest[np.isinf(nearest)] = 0.0
+        return nearest.reshape(lens.height, lens.width)
