@@ -102,7 +102,6 @@ RETIRED = {
         "first_s",
         "fewest",
         "steady_rad",
-        "moved",
         "turn_rad",
         "turn_s",
         "gravity_s",

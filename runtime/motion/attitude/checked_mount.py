@@ -21,6 +21,7 @@ from edgemap.runtime.motion.attitude.pictures import PicturesAttitude
 from edgemap.runtime.motion.attitude.protocol import AttitudeSource, Moved
 from edgemap.runtime.motion.attitude.segments import line_ends, segments_between
 
+COARSE_PX = (40, 30)  # of the pictures that are compared
 EDGES, GRAVITY, DEPTH = "the room's edges", "gravity", "the floor in depth pictures"
 
 
@@ -32,10 +33,10 @@ class MountRule:
     found one a frame, as all at once take a third of a step. every_s, first_every_s: between two estimates by
     edges, once the mount is confirmed, and before or where the camera is carried; every_s also between two
     judgements. window_s: of estimates that are judged together; judged_s: their minimum, and the span of a turn and
-    of the accelerometer's samples that count as one measurement. wrong_rad: error from which on an angle is wrong;
-    up to there the given one holds. settled_rad: standard deviation at which a mount on wheels is known for good:
-    what is seen while it sways as if carried is left aside then, and before voids all that was seen. road: the
-    profile of a car. tilt: how measurements count.
+    of the accelerometer's samples that count as one measurement. moved: mean grey levels between two pictures that
+    count as two views. wrong_rad: error from which on an angle is wrong; up to there the given one holds. settled_rad:
+    standard deviation at which a mount on wheels is known for good: what is seen while it sways as if carried is left
+    aside then, and before voids all that was seen. road: the profile of a car. tilt: how measurements count.
     """
 
     pixels: int = 27_648
@@ -44,6 +45,7 @@ class MountRule:
     first_every_s: float = 0.35
     window_s: float = 20.0
     judged_s: float = 5.0
+    moved: float = 3.0
     wrong_rad: float = math.radians(0.75)
     settled_rad: float = math.radians(0.45)
     road: bool = False
@@ -88,6 +90,7 @@ class CheckedMount:
         self._sways = False  # at the last picture, as if carried
         self._settled = False  # the mount is known well enough for the whole drive
         self._room: RoomHeading | None = None  # by the edges of the last picture, if just found
+        self._last: MatLike | None = None
         self._first_s, self._started_s = math.inf, -math.inf  # of the first picture, and of the one looked at
         self._strips: list[tuple[int, MatLike]] = []  # of it, not looked at yet, with their first columns
         self._ends: list[Array] = []  # of the edges found in the others
@@ -144,13 +147,16 @@ class CheckedMount:
         return stamp_s - self._started_s >= (self._rule.every_s if settled else self._rule.first_every_s)
 
     def _begin(self, frame: Frame) -> None:
-        """Take a picture for an estimate; a robot at rest is not asked."""
+        """Take a picture for an estimate, if it shows another view than the last one: one view is one measurement."""
         self._started_s = frame.stamp_s
         grey = cv2.cvtColor(frame.image, cv2.COLOR_BGR2GRAY)
         grey = cv2.resize(grey, (self._lens.width, self._lens.height), interpolation=cv2.INTER_AREA)
+        coarse = cv2.resize(grey, COARSE_PX, interpolation=cv2.INTER_AREA)
+        if self._last is not None and float(cv2.absdiff(coarse, self._last).mean()) < self._rule.moved:
+            return
         edges = np.linspace(0, self._lens.width, self._rule.strips + 1).astype(int).tolist()
         self._pictures.begin_edges()
-        self._strips = [(left, grey[:, left:right]) for left, right in pairwise(edges)]
+        self._last, self._strips = coarse, [(left, grey[:, left:right]) for left, right in pairwise(edges)]
 
     def _estimate(self, ends: Array) -> None:
         """Estimate the mount by the edges of one picture, (N, 2, 2) px."""
