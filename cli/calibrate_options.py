@@ -73,8 +73,9 @@ class Calibration:
         existing = camera_yaml.read_camera_yaml(known) if known else camera_yaml.CameraFile(lens)
         calibration = existing.calibration | {part: record}
         try:
+            world_up = existing.world_up or "z"
             camera_yaml.write_camera_yaml(
-                self.out, lens, mount, existing.rate_hz, existing.world_up or "z", calibration
+                self.out, lens, mount, existing.rate_hz, world_up, calibration, existing.depth
             )
         except OSError as error:
             raise CameraError(f"{self.out}: cannot be written ({error.strerror})") from None
