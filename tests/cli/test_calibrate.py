@@ -9,6 +9,7 @@ import yaml
 from support.depth_room import depth_room
 from support.scenes import floor_board, held_board
 
+from edgemap.geometry.camera.depth_camera import DepthCamera
 from edgemap.geometry.camera.floor import FloorCamera
 from edgemap.geometry.camera.intrinsics import Intrinsics
 from edgemap.geometry.camera.mount import Mount
@@ -93,9 +94,10 @@ def test_mount_of_a_drive_with_depth(edgemap, tmp_path):
         millimetres = np.round(1000.0 * depth_room(MOUNT, LENS)).astype(np.uint16)
         cv2.imwrite(str(drive / "depth" / f"{i}.png"), millimetres)
     (drive / "poses.tum").write_text("".join(f"{i / 10} 0 0 0 0 0 0 1\n" for i in range(4)))
-    write_camera_yaml(drive / "camera.yaml", LENS)
+    lens = drive / "camera.yaml"
+    write_camera_yaml(lens, LENS, depth=DepthCamera(LENS))  # of its own, where the lens is
     out = tmp_path / "out.yaml"
-    result = edgemap("calibrate", "mount", "--camera", f"drive:{drive}", "-o", out)
+    result = edgemap("calibrate", "mount", "--camera", f"drive:{drive}", "--camera-file", lens, "-o", out)
     assert result.returncode == 0, result.stderr
     assert "4 of 4 depth pictures show a floor" in result.stdout
     found = read_camera_yaml(out)
@@ -103,6 +105,8 @@ def test_mount_of_a_drive_with_depth(edgemap, tmp_path):
     assert found.mount.height_m == pytest.approx(0.52, abs=0.003)
     assert np.degrees(found.mount.roll_rad) == pytest.approx(1.5, abs=0.1)
     assert found.calibration["mount"]["method"] == "floor in depth pictures"
+    assert found.depth is not None
+    assert found.depth.intrinsics == LENS
 
 
 def test_refusals_are_one_line_and_write_nothing(edgemap, boards, tmp_path):
