@@ -109,7 +109,7 @@ def test_two_robots_one_map_by_commands_alone(start, tmp_path, capsys):
         assert keeper.stdout is not None
         assert keeper.stdout.readline() == f"map of home: {place}/map.json\n"
         for name in ("one", "two"):
-            robot = start("--fleet", f"home@{address}", "--robot", name, "--frames", 200, "--out", tmp_path / name)
+            robot = start("--fleet", f"home@{address}", "--robot", name, "--frames", 300, "--out", tmp_path / name)
             robot.communicate(timeout=120)
             faults = json.loads((tmp_path / name / "run.json").read_text())["faults"]
             assert not [fault for fault in faults if "fleet" in fault]
