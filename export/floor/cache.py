@@ -12,7 +12,7 @@ from edgemap.export.floor.features import Features
 from edgemap.export.floor.head import FINE, STRIDES
 from edgemap.export.floor.pictures import load, targets, varied
 
-FORMAT = "edgemap.floor.views/2"
+FORMAT = "edgemap.floor.views/3"
 STRIDE = STRIDES[1] // FINE
 FULL = 255  # of a share in 8 bits
 Pair = tuple[Path, Path]
@@ -41,9 +41,9 @@ def cached_views(features: Features, pairs: Sequence[Pair], views: int, folder: 
         file.seek(done * kind.itemsize)
         for number in tqdm(range(done, count), unit=" views", disable=None if done < count else True):
             record = np.zeros(1, kind)
-            image, labels = varied(*load(pairs[number % len(pairs)]), np.random.default_rng([7, number]))
+            image, shares = varied(*load(pairs[number % len(pairs)]), np.random.default_rng([7, number]))
             maps, placement, record["computed"] = features(image)
-            truth, labelled = targets(labels, placement, STRIDE, shape)
+            truth, labelled = targets(shares, placement, STRIDE, shape)
             for level, one in enumerate(maps):
                 record[f"s{level}"] = one
             record["truth"], record["known"] = np.rint(truth * FULL), np.rint(labelled * FULL)

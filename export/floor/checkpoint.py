@@ -40,6 +40,7 @@ class _Record(msgspec.Struct):
     rows: Rows
     width: Channels
     detail: Channels
+    deep: Annotated[int, Meta(ge=0, le=64)] = 0
     sources: tuple[Text, ...] = ()
 
 
@@ -48,6 +49,7 @@ def save_floor(checkpoint: FloorCheckpoint, path: Path) -> None:
     head = checkpoint.head
     document = {item.name: getattr(checkpoint, item.name) for item in fields(checkpoint) if item.name != "head"}
     document |= {"channels": head.channels, "rows": head.rows, "width": head.width, "detail": head.detail}
+    document["deep"] = len(head.deep)
     save_whole({"format": FORMAT, **document, "state_dict": head.state_dict()}, path)
 
 
@@ -58,7 +60,8 @@ def load_floor(path: Path) -> FloorCheckpoint:
         raise ExportError(f"{path}: format {one_line(repr(document.get('format')), 60)}, expected {FORMAT!r}")
     record = read_record(document, _Record, path)
     weights = read_weights(document, path)
-    head = fill(lambda: FloorHead(record.channels, record.rows, record.width, record.detail), weights, path)
+    shape = record.channels, record.rows, record.width, record.detail, record.deep
+    head = fill(lambda: FloorHead(*shape), weights, path)
     return FloorCheckpoint(head.eval(), record.backbone, record.taps, record.measured, record.sources)
 
 

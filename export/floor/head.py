@@ -7,6 +7,7 @@ from torch.nn import functional
 LABELS = ("floor", "wall")
 STRIDES = (4, 8, 16, 32)  # of the features that it reads, finest first
 WIDTH, DETAIL = 32, 16  # channels of its maps of stride 8, and of those that it makes of the features of stride 4
+DEEP = 2  # blocks at stride 32, where they cost least and see the room
 COARSE = 3  # blocks at stride 16, where they cost little and see far
 FINE = 2  # rows and columns of output cells in one of stride 8
 
@@ -43,10 +44,16 @@ class FloorHead(nn.Module):
     output: no convolution runs on the fine maps. channels: of the four features. rows: of those of stride 16, whose
     inputs then include the row of the picture and the mean of the coarsest features, as context of the room; 0 for a
     network whose rows are open: such a head needs none of them, so those that a picture does not reach may be left off.
+    deep: blocks at stride 32.
     """
 
     def __init__(
-        self, channels: tuple[int, int, int, int], rows: int, width: int = WIDTH, detail: int = DETAIL
+        self,
+        channels: tuple[int, int, int, int],
+        rows: int,
+        width: int = WIDTH,
+        detail: int = DETAIL,
+        deep: int = DEEP,
     ) -> None:
         super().__init__()
         self.channels, self.rows, self.width, self.detail = channels, rows, width, detail
@@ -56,6 +63,7 @@ class FloorHead(nn.Module):
         if rows:
             self.row = nn.Parameter(torch.zeros(1, width, rows, 1))
             self.scene = nn.Conv2d(s32, width, 1)
+        self.deep = nn.ModuleList(Block(width) for _ in range(deep))
         self.coarse = nn.ModuleList(Block(width) for _ in range(COARSE))
         self.context, self.detailed = Block(width), Unit(width + detail, width)
         self.last = Block(width)
@@ -63,8 +71,12 @@ class FloorHead(nn.Module):
 
     def forward(self, s4: Tensor, s8: Tensor, s16: Tensor, s32: Tensor, computed: Tensor | None = None) -> Tensor:
         """The logits. computed: of the coarsest rows the network computed, (B, H32) of 0 and 1; default: all."""
-        at8, at16 = (1.0, 1.0) if computed is None else (_rows(computed, one.shape[2]) for one in (s8, s16))
-        x = self.from16(s16) + _twice(self.from32(s32))
+        rows = (1.0, 1.0, 1.0) if computed is None else (_rows(computed, one.shape[2]) for one in (s8, s16, s32))
+        at8, at16, at32 = rows
+        x = self.from32(s32)
+        for number, block in enumerate(self.deep):
+            x = block(x if number else functional.relu(x), at32)
+        x = self.from16(s16) + _twice(x)
         if self.rows:
             x = x + self.row + self.scene(s32.mean((2, 3), keepdim=True))
         x = functional.relu(x)

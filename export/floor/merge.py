@@ -17,23 +17,24 @@ from edgemap.export.floor.head import FINE, LABELS, STRIDES, Block, FloorHead, U
 from edgemap.runtime.network.manifest import DetectorSpec, FloorSpec
 
 OUTPUT = "floor"
-# Where the necks of the networks that we know end, by strides 4 to 32: what the detector's own heads read.
-NECKS = (
-    ("batch_norm_3.tmp_4", "hardswish_14.tmp_0", "hardswish_22.tmp_0", "hardswish_30.tmp_0"),  # PicoDet-S
-    ("feature_stride4", "add_7", "add_8", "add_9"),  # edgemap-nano
-    ("input.67", "input.471", "input.531", "input.591"),  # YOLOX-Nano
+# Of the networks that we know, by strides 4 to 32: the ends of the stages before the neck, which hold more of the floor
+# than what the neck keeps for boxes; or those of the neck.
+KNOWN = (
+    ("batch_norm_3.tmp_4", "concat_4.tmp_0", "concat_17.tmp_0", "concat_22.tmp_0"),  # PicoDet-S, stages
+    ("feature_stride4", "add_7", "add_8", "add_9"),  # edgemap-nano, neck
+    ("input.67", "input.471", "input.531", "input.591"),  # YOLOX-Nano, neck
 )
 
 
 def floor_taps(model: ModelProto, detector: DetectorSpec) -> tuple[Tensor4, ...]:
-    """The features that a floor head reads, strides 4 to 32: those of a listed backbone's neck, else the widest of each
+    """The features that a floor head reads, strides 4 to 32: those listed for the backbone, else the widest of each
     stride.
     """
     tensors = static_tensors(model)
     by_name = {tensor.name: tensor for tensor in tensors}
-    for neck in NECKS:
-        if all(name in by_name for name in neck):
-            return tuple(by_name[name] for name in neck)
+    for names in KNOWN:
+        if all(name in by_name for name in names):
+            return tuple(by_name[name] for name in names)
     size = detector.input
     return tuple(find_tap(tensors, stride, size.width, size.height) for stride in STRIDES)
 
@@ -84,7 +85,11 @@ class _Emitter:
 
     def head(self, head: FloorHead, taps: Sequence[str]) -> None:
         s4, s8, s16, s32 = taps
-        x = self._add("Add", [self._unit(head.from16, s16), self._twice(self._unit(head.from32, s32))])
+        x = self._unit(head.from32, s32)
+        for number, block in enumerate(head.deep):
+            assert isinstance(block, Block)
+            x = self._block(block, x if number else self._add("Relu", [x]))
+        x = self._add("Add", [self._unit(head.from16, s16), self._twice(x)])
         if head.rows:
             x = self._add("Add", [x, self._constant(head.row.detach().numpy())])
             x = self._add("Add", [x, self._convolution(head.scene, self._add("GlobalAveragePool", [s32]))])

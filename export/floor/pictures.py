@@ -1,4 +1,7 @@
-"""Labelled pictures as a floor head learns from them: cut, flipped, relit, and with floors of other colours."""
+"""Labelled pictures as a floor head learns from them: cut, flipped, relit, and with floors of other colours.
+
+Labels are shares (H, W, 3) uint8 of other, floor and wall in 255ths; all 0 where unknown.
+"""
 
 from pathlib import Path
 
@@ -6,7 +9,9 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from edgemap.runtime.inputs.drives.pictures import read_picture
+from edgemap.runtime.frames.errors import CameraError
+from edgemap.runtime.frames.reading import read_bytes
+from edgemap.runtime.inputs.drives.pictures import PICTURE_BYTES, decoded, read_picture
 from edgemap.runtime.inputs.drives.truth import FLOOR, OTHER, UNKNOWN, WALL, read_floor_labels
 from edgemap.runtime.network.preprocess import Placement
 
@@ -14,37 +19,58 @@ Image = NDArray[np.uint8]
 Float = NDArray[np.float32]
 SMALLEST = 0.55  # side of a cut, of the picture's
 ASPECT = (0.8, 1.25)
+CLASSES = (OTHER, FLOOR, WALL)  # of the channels of the shares
+SURE = 0.6  # share of a label where one must be named; below it a pixel is unknown
 KEPT_PX = 512  # longer side of a picture in training
 WHOLE = 0.3  # share of pictures that are not cut
 TINTED, SUNLIT, RUGGED, WET, LITTERED = 0.5, 0.2, 0.2, 0.15, 0.2  # shares of those whose floor is changed so
 
 
 def load(pair: tuple[Path, Path]) -> tuple[Image, Image]:
-    """A picture and its labels, at most KEPT_PX long."""
+    """A picture and its shares, at most KEPT_PX long. Raises CameraError."""
     image = read_picture(pair[0])
     height, width = image.shape[:2]
-    labels = read_floor_labels(pair[1], (width, height))
+    shares = read_shares(pair[1], (width, height))
     scale = KEPT_PX / max(width, height)
     if scale >= 1.0:
-        return image, labels
+        return image, shares
     size = max(1, round(width * scale)), max(1, round(height * scale))
     small = np.asarray(cv2.resize(image, size, interpolation=cv2.INTER_AREA), np.uint8)
-    return small, np.asarray(cv2.resize(labels, size, interpolation=cv2.INTER_NEAREST), np.uint8)
+    return small, np.asarray(cv2.resize(shares, size, interpolation=cv2.INTER_NEAREST), np.uint8)
 
 
-def varied(image: Image, labels: Image, rng: np.random.Generator) -> tuple[Image, Image]:
+def read_shares(path: Path, size: tuple[int, int]) -> Image:
+    """Shares of a picture of that size, (width, height), from a file of three channels, any size, or of floor labels.
+
+    Raises CameraError where it is neither.
+    """
+    data = decoded(read_bytes(path, PICTURE_BYTES, CameraError), str(path), cv2.IMREAD_UNCHANGED)
+    if data is not None and data.dtype == np.uint8 and data.ndim == 3 and data.shape[2] == len(CLASSES):
+        return np.asarray(cv2.resize(data, size, interpolation=cv2.INTER_LINEAR), np.uint8)
+    labels = read_floor_labels(path, size)
+    return np.where(labels[..., None] == CLASSES, 255, 0).astype(np.uint8)
+
+
+def named(shares: Image) -> Image:
+    """Floor labels (H, W) of the largest shares; unknown where none reaches SURE."""
+    labels = np.array(CLASSES, np.uint8)[shares.argmax(axis=2)]
+    labels[shares.max(axis=2) < 255 * SURE] = UNKNOWN
+    return labels
+
+
+def varied(image: Image, shares: Image, rng: np.random.Generator) -> tuple[Image, Image]:
     """A random augmentation of a picture: a crop, possibly mirrored, in other light, possibly with another floor."""
     if rng.random() > WHOLE:
-        image, labels = _cut(image, labels, rng)
+        image, shares = _cut(image, shares, rng)
     if rng.random() < 0.5:
-        image, labels = image[:, ::-1], labels[:, ::-1]
-    light, labels = image.astype(np.float32), labels.copy()
-    floor = (labels == FLOOR).astype(np.float32)
+        image, shares = image[:, ::-1], shares[:, ::-1]
+    light, shares = image.astype(np.float32), shares.copy()
+    floor = (named(shares) == FLOOR).astype(np.float32)
     for share, change in ((TINTED, _tinted), (RUGGED, _rugged), (WET, _wet), (SUNLIT, _sunlit)):
         if rng.random() < share:
             light = change(light, floor, rng)
     if rng.random() < LITTERED:
-        _litter(light, labels, rng)
+        _litter(light, shares, floor, rng)
     gain = np.exp(rng.normal(0.0, 0.25) + rng.normal(0.0, 0.06, 3)).astype(np.float32)
     light = light * gain + np.float32(rng.normal(0.0, 10.0))
     if rng.random() < 0.3:
@@ -52,33 +78,33 @@ def varied(image: Image, labels: Image, rng: np.random.Generator) -> tuple[Image
         light = np.asarray(cv2.GaussianBlur(light, (0, 0), sigma), np.float32)
     if rng.random() < 0.3:
         light = light + rng.normal(0.0, rng.uniform(2.0, 10.0), light.shape).astype(np.float32)
-    return np.clip(light, 0, 255).astype(np.uint8), np.ascontiguousarray(labels)
+    return np.clip(light, 0, 255).astype(np.uint8), np.ascontiguousarray(shares)
 
 
-def targets(labels: Image, placement: Placement, stride: int, shape: tuple[int, int]) -> tuple[Float, Float]:
+def targets(shares: Image, placement: Placement, stride: int, shape: tuple[int, int]) -> tuple[Float, Float]:
     """The head's targets for a picture placed in the input: shares of floor and wall (2, rows, columns) in each cell's
     labelled part, and that part's share of the cell (rows, columns), 0 in the padding.
     """
     where = placement
-    labelled = (labels != UNKNOWN).astype(np.float32)
-    planes = np.stack([labelled, (labels == FLOOR).astype(np.float32), (labels == WALL).astype(np.float32)], axis=2)
+    planes = shares.astype(np.float32) / 255.0
+    planes[..., 0] = planes.sum(axis=2)  # what is labelled
     placed = np.zeros((shape[0] * stride, shape[1] * stride, 3), dtype=np.float32)
     small = cv2.resize(planes, (where.width, where.height), interpolation=cv2.INTER_AREA)
     placed[where.top : where.top + where.height, where.left : where.left + where.width] = small
     cells = cv2.resize(placed, (shape[1], shape[0]), interpolation=cv2.INTER_AREA)
-    share = cells[..., 0]
+    share = np.minimum(cells[..., 0], 1.0)
     parts = np.moveaxis(cells[..., 1:] / np.maximum(share, 1e-6)[..., None], 2, 0)
-    return np.asarray(parts, np.float32), np.asarray(share, np.float32)
+    return np.asarray(np.minimum(parts, 1.0), np.float32), np.asarray(share, np.float32)
 
 
-def _cut(image: Image, labels: Image, rng: np.random.Generator) -> tuple[Image, Image]:
-    height, width = labels.shape
+def _cut(image: Image, shares: Image, rng: np.random.Generator) -> tuple[Image, Image]:
+    height, width = shares.shape[:2]
     side, aspect = rng.uniform(SMALLEST, 1.0), np.sqrt(rng.uniform(*ASPECT))
     wide = max(8, round(min(1.0, side * aspect) * width))
     high = max(8, round(min(1.0, side / aspect) * height))
     left, top = rng.integers(0, width - wide + 1), rng.integers(0, height - high + 1)
     window = np.s_[top : top + high, left : left + wide]
-    return image[window], labels[window]
+    return image[window], shares[window]
 
 
 def _tinted(light: Float, floor: Float, rng: np.random.Generator) -> Float:
@@ -119,10 +145,10 @@ def _wet(light: Float, floor: Float, rng: np.random.Generator) -> Float:
     return np.asarray(light + share * (mirrored - light), np.float32)
 
 
-def _litter(light: Float, labels: Image, rng: np.random.Generator) -> None:
+def _litter(light: Float, shares: Image, floor: Float, rng: np.random.Generator) -> None:
     """A few small objects on the floor, of other parts of the picture, in place: no floor."""
-    rows, columns = np.nonzero(labels == FLOOR)
-    height, width = labels.shape
+    rows, columns = np.nonzero(floor)
+    height, width = floor.shape
     for at in rng.integers(0, len(rows), rng.integers(1, 4)) if len(rows) else ():
         wide, high = (max(4, round(side * rng.uniform(0.02, 0.14))) for side in (width, height))
         top, left = max(int(rows[at]) - high, 0), max(min(int(columns[at]) - wide // 2, width - wide), 0)
@@ -132,9 +158,9 @@ def _litter(light: Float, labels: Image, rng: np.random.Generator) -> None:
         shape = np.zeros((high, wide), np.uint8)
         corners = rng.uniform(0.0, 1.0, (int(rng.integers(4, 9)), 2)) * [wide, high]
         cv2.fillPoly(shape, [cv2.convexHull(np.round(corners).astype(np.int32))], (1,))
-        shape = shape[: labels[window].shape[0]]
+        shape = shape[: shares[window].shape[0]]
         light[window][shape > 0] = texture[: len(shape)][shape > 0]
-        labels[window][shape > 0] = OTHER
+        shares[window][shape > 0] = 255, 0, 0
 
 
 def _patch(floor: Float, rng: np.random.Generator) -> Float:

@@ -20,7 +20,7 @@ Teacher = Callable[[NDArray[np.uint8]], NDArray[np.uint8]]
 def labelled(spec: str, teacher: Teacher | None, labels: Path) -> list[Pair]:
     """Pictures and label files of `floor:DIR`, `drive:DIR` with floor/, or a plain folder that the teacher labels.
 
-    labels: folder for its labels; existing ones are kept. Raises ExportError or CameraError.
+    labels: folder for its shares; existing ones are kept. Raises ExportError or CameraError.
     """
     kind, colon, folder = spec.partition(":")
     if colon and kind in ("floor", "drive"):

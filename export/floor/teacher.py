@@ -1,4 +1,4 @@
-"""Floor masks of photographs by a teacher: DeepLabV3+ on MobileNetV2, trained on ADE20K (mlcommons/mobile_models)."""
+"""Floor shares of photographs by a teacher: DeepLabV3+ on MobileNetV2, trained on ADE20K (mlcommons/mobile_models)."""
 
 from collections.abc import Callable
 from pathlib import Path
@@ -9,17 +9,17 @@ from numpy.typing import NDArray
 
 from edgemap.export.errors import ExportError
 from edgemap.runtime.frames.reading import one_line
-from edgemap.runtime.inputs.drives.truth import FLOOR, OTHER, UNKNOWN, WALL
 
 Image = NDArray[np.uint8]
 FLOORS = (4, 29)  # of the teacher's 32 classes: floor, rug
 WALLS = (1, 15)  # wall, door
-SURE = 0.6  # probability of a label; below it a pixel is ignored
 
 
 def open_teacher(path: Path, threads: int = 1) -> Callable[[Image], Image]:
-    """A function from a BGR picture to its mask, (H, W) uint8, from a .tflite file whose output is (1, h, w, 32)
-    logits. Raises ExportError for another network, or without the extra `teacher`.
+    """A function from a BGR picture to its shares of other, floor and wall, (h, w, 3) uint8 in 255ths, the mean of the
+    picture's and its mirror image's, from a .tflite file whose output is (1, h, w, 32) logits.
+
+    Raises ExportError for another network, or without the extra `teacher`.
     """
     try:
         from ai_edge_litert.interpreter import Interpreter  # pyright: ignore[reportMissingImports]  # an extra
@@ -36,18 +36,18 @@ def open_teacher(path: Path, threads: int = 1) -> Callable[[Image], Image]:
     _, rows, columns, _ = picture["shape"].tolist()
     scale, zero = logits["quantization"]
 
-    def label(image: Image) -> Image:
-        small = cv2.resize(image, (columns, rows), interpolation=cv2.INTER_AREA)
+    def shares(small: Image) -> NDArray[np.float32]:
         network.set_tensor(picture["index"], cv2.cvtColor(small, cv2.COLOR_BGR2RGB)[None])
         network.invoke()
         found = (network.get_tensor(logits["index"])[0].astype(np.float32) - zero) * scale
         found = np.exp(found - found.max(axis=2, keepdims=True))
         found /= found.sum(axis=2, keepdims=True)
         floor, wall = (found[..., list(group)].sum(axis=2) for group in (FLOORS, WALLS))
-        shares = np.stack([1.0 - floor - wall, floor, wall], axis=2)
-        shares = cv2.resize(shares, (image.shape[1], image.shape[0]), interpolation=cv2.INTER_LINEAR)
-        mask = np.array([OTHER, FLOOR, WALL], dtype=np.uint8)[shares.argmax(axis=2)]
-        mask[shares.max(axis=2) < SURE] = UNKNOWN
-        return mask
+        return np.stack([1.0 - floor - wall, floor, wall], axis=2)
+
+    def label(image: Image) -> Image:
+        small = np.asarray(cv2.resize(image, (columns, rows), interpolation=cv2.INTER_AREA), np.uint8)
+        both = (shares(small) + shares(small[:, ::-1])[:, ::-1]) / 2.0
+        return np.rint(255.0 * both).astype(np.uint8)
 
     return label

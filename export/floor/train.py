@@ -18,7 +18,7 @@ from edgemap.export.floor.cache import FULL, STRIDE, Pair, Records
 from edgemap.export.floor.checkpoint import FloorCheckpoint, save_floor
 from edgemap.export.floor.features import Features
 from edgemap.export.floor.head import LABELS, STRIDES, FloorHead
-from edgemap.export.floor.pictures import load
+from edgemap.export.floor.pictures import load, named
 from edgemap.export.training import Schedule, Training, average_into
 from edgemap.runtime.frames.reading import one_line
 from edgemap.runtime.network.manifest import FloorSpec
@@ -161,7 +161,7 @@ def channels_of(taps: Sequence[Tensor4]) -> tuple[int, int, int, int]:
 
 def averaged(head: FloorHead, weights: dict[str, Tensor]) -> FloorHead:
     """A head of the same shape with these weights, ready to run."""
-    copy = FloorHead(head.channels, head.rows, head.width, head.detail)
+    copy = FloorHead(head.channels, head.rows, head.width, head.detail, len(head.deep))
     copy.load_state_dict(weights)
     return copy.eval()
 
@@ -190,7 +190,7 @@ def scored(head: FloorHead, features: Features, pairs: Sequence[Pair]) -> dict[s
     """The figures of `eval floor` on labelled pictures."""
     score = FloorScore()
     for pair in pairs:
-        image, labels = load(pair)
+        image, shares = load(pair)
         levels, placement, computed = features(image)
         with torch.no_grad():
             mask = head(*map(torch.from_numpy, [*levels, computed])).sigmoid().numpy()
@@ -198,5 +198,5 @@ def scored(head: FloorHead, features: Features, pairs: Sequence[Pair]) -> dict[s
         spec = FloorSpec(name="floor", shape=shape, stride=STRIDE, labels=LABELS)
         seen = floor_mask({"floor": mask}, placement, spec)
         assert seen is not None
-        score.add(seen, labels)
+        score.add(seen, named(shares))
     return score.row()
