@@ -128,7 +128,11 @@ def test_a_query_that_is_not_ascii_is_refused_whatever_parser_is_installed():
 
     headers = [(b"host", b"127.0.0.1:8090")]
     scope = {"type": "http", "method": "GET", "path": "/nothing", "query_string": b"a=\xff", "headers": headers}
-    asyncio.run(make_app(cast(LivePage, None))(scope, cast(Any, None), send))
+
+    async def ask_page():
+        await make_app(cast(LivePage, None))(scope, cast(Any, None), send)
+
+    asyncio.run(ask_page())
     assert sent[0]["status"] == 400
 
 
