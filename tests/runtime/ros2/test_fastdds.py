@@ -237,7 +237,7 @@ def tick(message) -> int:
 
 def test_a_camera_with_wheels_and_imu_comes_from_topics(program, node, monkeypatch):
     """Padded rows, lens from CameraInfo, mount and the IMU's axes from tf, wheels between their stamps."""
-    for wait in ("camera.PUBLISHER_S", "camera.PICTURE_S", "sources.FIRST_S"):  # whatever else the machine does
+    for wait in ("camera.PUBLISHER_S", "camera.PICTURE_S", "camera.FIRST_S"):  # whatever else the machine does
         monkeypatch.setattr(f"edgemap.runtime.inputs.ros2.{wait}", 30.0)
     wanted = (
         "rt/front/image_raw,Image,reliable,1000",
