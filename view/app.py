@@ -1,4 +1,4 @@
-"""The run's addresses: the page's files, the API that the page itself uses, and its stream."""
+"""The HTTP routes of a run: the files of the page, the API that the page uses, and the WebSocket stream."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ TRY_AGAIN_LATER = 1013
 
 
 def make_app(page: LivePage, token: str = "", cookie: str = "edgemap") -> ASGIApp:
-    """The page as an ASGI application. token: demanded of every request; empty for none."""
+    """The page as an ASGI application. token: required in each request; empty for none."""
     files = {f"/{path.name}": (path.read_bytes(), KINDS[path.suffix]) for path in STATIC.iterdir()}
     files["/"] = files["/index.html"]
     pictures, usage, bell = Pictures(), ProcessUsage(), Bell(page)
@@ -55,7 +55,7 @@ def make_app(page: LivePage, token: str = "", cookie: str = "edgemap") -> ASGIAp
 
 
 async def _refused(request: Request, error: Exception) -> Response:
-    """An address or a method that is not there: of the API as every refusal of it, else as text."""
+    """Response to an error, such as an unknown path or method: JSON for paths below /api/, otherwise text."""
     status, headers = (error.status_code, error.headers) if isinstance(error, HTTPException) else (500, None)
     text = f"{request.method} {request.url.path[:60]!a} is not in this API" if status in (404, 405) else str(error)
     if request.url.path.startswith("/api/"):
@@ -64,13 +64,13 @@ async def _refused(request: Request, error: Exception) -> Response:
 
 
 class _Sealed:
-    """ASGI middleware: every answer, a failure too, carries `_headers`."""
+    """ASGI middleware that adds `_headers` to each response, also to errors."""
 
     def __init__(self, app: ASGIApp) -> None:
         self._app = app
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
-        """Pass on, with the headers."""
+        """Calls the application and adds the headers to its response."""
 
         async def sealed(message: Message) -> None:
             if message["type"] == "http.response.start":
@@ -81,7 +81,7 @@ class _Sealed:
 
 
 def _headers(host: str) -> dict[str, str]:
-    """Nothing from elsewhere, nobody's frame, nothing kept. host: the guard has seen that it is ours."""
+    """Security headers: no content of other origins, no frames of other pages, no cache. host: checked by the guard."""
     policy = f"default-src 'self'; connect-src 'self' ws://{host} wss://{host}; img-src 'self' blob: data:"
     return {
         "Content-Security-Policy": f"{policy}; frame-ancestors 'none'; base-uri 'none'; form-action 'none'",

@@ -1,4 +1,4 @@
-"""The sink behind the live page: keeps the newest result for viewers, and the history for late ones."""
+"""The sink of the live page. It keeps the newest result, and the history for viewers that connect late."""
 
 from __future__ import annotations
 
@@ -27,13 +27,13 @@ from edgemap.view.pause import Pause
 from edgemap.view.tail import Tail
 
 TRAIL_STEP_M = 0.03
-MOVED_M = 0.1  # of loop corrections since the trail was last sent
+MOVED_M = 0.1  # loop corrections after which the trail is sent again
 RATE_OVER = 20  # frames over which the frame rate is averaged
 
 
 @dataclass(frozen=True, slots=True)
 class Fault:
-    """A fault, in one line, and the number of the frame at which it began. reported_s: `time.monotonic`."""
+    """A fault in one line, and the index of the frame at which it began. reported_s: `time.monotonic`."""
 
     frame: int
     text: str
@@ -42,7 +42,7 @@ class Fault:
 
 @dataclass(frozen=True, slots=True)
 class PageSnapshot:
-    """One step as the page keeps it: references, no copies. arrived_s: `time.monotonic`."""
+    """The data of one step that the page keeps: references, no copies. arrived_s: `time.monotonic`."""
 
     result: StepResult
     objects: list[MapObject]
@@ -51,11 +51,11 @@ class PageSnapshot:
 
 
 class LivePage:
-    """A sink that never waits: `write` puts references into a slot and wakes the server's thread if a viewer waits.
+    """A sink that never blocks: `write` stores references and wakes the server's thread if a viewer waits.
 
     about: description of the run for the page (plain JSON values). folder: where `save` writes. pause: None for live
-    cameras. camera_state: running, degraded or lost. crops: the objects' best pictures, collected by the report. edits:
-    receives viewers' edits.
+    cameras. camera_state: running, degraded or lost. crops: the best picture of each object, collected by the report.
+    edits: receives the edits of viewers.
     """
 
     name = "live page"
@@ -73,14 +73,14 @@ class LivePage:
         self.crops = BestCrops() if crops is None else crops
         self.edits = edits or Edits()
         self.edits.listeners.append(self.edited)
-        self.searching: Callable[[], bool] = bool  # whether the robot has yet to be found in a saved map
+        self.searching: Callable[[], bool] = bool  # whether the robot is not yet localised in a saved map
         self.verdict: Callable[[], Verdict | None] = lambda: None  # how far the map can be trusted
-        self.keep_mount: Callable[[float, float], Path] | None = None  # height, m, and pitch, degrees, into camera.yaml
-        self.goals: list[Callable[[SE2], None]] = []  # who drives to a pose
-        self.effort: Callable[[], Effort] = Effort  # what a budget has the run do
+        self.keep_mount: Callable[[float, float], Path] | None = None  # saves height, m, and pitch, degrees
+        self.goals: list[Callable[[SE2], None]] = []  # receivers of a goal pose
+        self.effort: Callable[[], Effort] = Effort  # what the budget allows
         self.newest: PageSnapshot | None = None
         self.revision = 0
-        self.epoch = 0  # counts how often everything sent before has moved
+        self.epoch = 0  # increases when everything sent before has moved
         self.finished = False
         self.trail: Tail[tuple[float, float]] = Tail(20_000)
         self.sightings: Tail[tuple[str, str, float, float]] = Tail(20_000)
@@ -92,12 +92,12 @@ class LivePage:
         self._moved_m = 0.0
         self._arrivals_s: deque[float] = deque(maxlen=RATE_OVER)
         self._last_fault = ""
-        self.last_fault: Fault | None = None  # reported by something else than the step
+        self.last_fault: Fault | None = None  # reported from outside the step
         self._trail_end: tuple[float, float] | None = None
         self._wake: Callable[[], None] | None = None
 
     def write(self, result: StepResult, objects: list[MapObject]) -> None:
-        """Replaces the stored result by this step's."""
+        """Replaces the stored result with the result of this step."""
         now_s = time.monotonic()
         self._arrivals_s.append(now_s)
         self._moved_m += result.correction.moved_m if result.correction else 0.0
@@ -120,7 +120,7 @@ class LivePage:
         self._changed()
 
     def edited(self, objects: list[MapObject], annotations: Annotations) -> None:
-        """The map as a person has just edited it, between two steps."""
+        """Stores the map after a person has edited it between two steps."""
         if self.newest is not None:
             self.newest = replace(self.newest, objects=objects, annotations=annotations)
             self._changed()
@@ -137,11 +137,11 @@ class LivePage:
         self._changed()
 
     def wake_once(self, call: Callable[[], None]) -> None:
-        """Have something called, from the run's thread, at the next change. It must not block."""
+        """Registers a function that the run's thread calls once, at the next change. The function must not block."""
         self._wake = call
 
     def set_paused(self, paused: bool) -> None:
-        """Hold or resume the run, where its camera can wait."""
+        """Pauses or resumes the run, if its camera can wait."""
         if self.pause is not None and not self.finished:
             self.pause.set(paused)
             self._arrivals_s.clear()
@@ -156,7 +156,7 @@ class LivePage:
 
     @property
     def objects(self) -> list[MapObject]:
-        """The map as the newest step left it."""
+        """The objects of the map after the newest step."""
         return self.newest.objects if self.newest else []
 
     @property
@@ -166,18 +166,18 @@ class LivePage:
 
     @property
     def grid(self) -> OccupancyGrid | None:
-        """The floor as a step of the last second showed it."""
+        """The occupancy grid of the newest step. Steps update it once per second of stream time."""
         return self.newest.result.grid if self.newest else None
 
     def rate_hz(self) -> float | None:
-        """Steps per second over the last ones; None before the second."""
+        """Mean rate of the latest steps (at most `RATE_OVER`), in Hz; None before the second step."""
         arrivals = list(self._arrivals_s)
         span_s = arrivals[-1] - arrivals[0] if len(arrivals) > 1 else 0.0
         return (len(arrivals) - 1) / span_s if span_s > 0 else None
 
     @property
     def rate_known(self) -> bool:
-        """Whether `rate_hz` is over enough steps to be judged."""
+        """Whether `rate_hz` is the mean of `RATE_OVER` steps, enough for a decision."""
         return len(self._arrivals_s) == RATE_OVER
 
     def map_text(self) -> str:
@@ -185,13 +185,13 @@ class LivePage:
         return map_text(self.objects, self.annotations)
 
     def save(self) -> Path:
-        """Write the map of this moment into the run folder, beside map.json, where it stays. Raises MapError."""
+        """Writes the current map to a file of its own in the run folder, beside map.json. Raises MapError."""
         path = self.folder / f"map-{self.newest.result.frame.index if self.newest else 0:06d}.json"
         save_map(path, self.objects, self.annotations, self.grid)
         return path
 
     def _send_again(self, trajectory: PoseJournal) -> None:
-        """Trail and sightings sent so far have moved."""
+        """Sends trail and sightings again after the trajectory has moved."""
         self._moved_m = 0.0
         if not self._trail_s:
             return

@@ -12,14 +12,16 @@ from edgemap.geometry.camera.intrinsics import Distortion, Intrinsics
 from edgemap.geometry.camera.mount import Mount, rotation_base_optical
 from edgemap.geometry.errors import GeometryError
 
-FARTHEST_HEIGHTS = 20.0  # of the nearest floor in the picture; at 3 degrees below the horizon boxes give no distance
-LOWEST_M = 0.02  # of a lens above the floor in one frame
+FARTHEST_HEIGHTS = 20.0  # maximum range of the nearest visible floor; 3 degrees below the horizon, boxes give no range
+LOWEST_M = 0.02  # minimum height of the lens above the floor in one frame
 STEEPEST_RAD = math.radians(89.0)  # beyond it a picture has no floor ahead
 
 
 def length_unit_m(nearest_m: float) -> float:
-    """The unit in which an odometry counts lengths, metres, as far as the nearest floor in view is away: a power of
-    two, but 1 up to 2.8 m, as rooms have one size. 8 for KITTI's car."""
+    """Unit of length of an odometry, metres: the distance to the nearest floor in view, rounded to a power of two.
+
+    Up to 2.8 m it is 1, because rooms are of similar size. It is 8 for KITTI's car.
+    """
     unit_m = 2.0 ** round(math.log2(nearest_m))
     return unit_m if unit_m > 2.0 else 1.0
 
@@ -28,8 +30,8 @@ def length_unit_m(nearest_m: float) -> float:
 class FloorCamera:
     """A camera on its mount, looking at the plane z = 0 of the base frame.
 
-    attitude: of one frame, where `mount` is that frame's (see `at`); None for the level robot.
-    Raises GeometryError where no picture row of a level robot sees the floor (a mount that looks at the sky).
+    attitude: attitude of one frame, if `mount` is the mount of that frame (see `at`); None for a level robot.
+    Raises GeometryError if no picture row of a level robot shows the floor (the camera looks at the sky).
     """
 
     intrinsics: Intrinsics
@@ -51,8 +53,8 @@ class FloorCamera:
             )
 
     def at(self, attitude: Attitude) -> "FloorCamera":
-        """The camera of one frame: pitch, roll and, where it is estimated, height are the frame's, the rest the
-        mount's.
+        """The camera of one frame. Pitch, roll and, if estimated, height are those of the frame; all other values are
+        those of the mount.
         """
         mount = replace(
             self.mount,
@@ -64,29 +66,29 @@ class FloorCamera:
 
     @property
     def unit_m(self) -> float:
-        """`length_unit_m` of the nearest floor in the middle of the picture, along the optical axis."""
+        """`length_unit_m` for the nearest floor in the middle column of the picture; depth along the optical axis."""
         fall = -float(self.rays_base([(self.intrinsics.cx, self.intrinsics.height - 1.0)])[0, 2])
         return length_unit_m(self.mount.height_m / fall) if fall > 0.0 else 1.0
 
     def rays_base(self, pixels: ArrayLike) -> Array:
-        """Viewing rays through pixels (N, 2), as directions (N, 3) of the base frame, not normalised."""
+        """Directions (N, 3) of the viewing rays through pixels (N, 2), in the base frame, not normalised."""
         return self.intrinsics.rays(pixels) @ self.mount.rotation_base_optical().T
 
     def below_horizon(self, pixels: ArrayLike) -> NDArray[np.bool_]:
-        """Which pixels (N, 2) lie below the horizon, and so on the floor unless an object occludes it; (N,)."""
+        """Whether each pixel (N, 2) lies below the horizon, (N,). It shows the floor unless it is occluded."""
         return self.rays_base(pixels)[:, 2] < -1e-9
 
     def floor_points(self, pixels: ArrayLike) -> Array:
-        """Intersections of the rays through pixels (N, 2) with the floor: (N, 2) base frame, metres; NaN at or above
+        """Intersections of the rays through pixels (N, 2) with the floor: (N, 2), base frame, metres; NaN at or above
         the horizon.
 
-        Ray-plane intersection; at zero roll and on the optical axis' column it is the paper's equation 3.
+        With zero roll, and in the column of the optical axis, this is the paper's equation 3.
         """
         rotation, lens = self.mount.rotation_base_optical(), self.mount.position_base_m()
         return _on_floor(self.intrinsics.rays(pixels), rotation, lens)
 
     def project(self, points_base_m: ArrayLike) -> Array:
-        """Points (N, 3), or (N, 2) on the floor, of the base frame to pixels (N, 2); NaN behind the camera."""
+        """Projects points (N, 3), or (N, 2) on the floor, base frame, to pixels (N, 2); NaN behind the camera."""
         points = np.asarray(points_base_m, dtype=np.float64)
         if points.shape[-1] == 2:
             points = np.column_stack([points, np.zeros(len(points))])
@@ -96,7 +98,7 @@ class FloorCamera:
     def horizon_row(self, column_px: float | None = None) -> float:
         """The paper's h_t: the row, px, where a picture column (default: the principal point's) meets the horizon.
 
-        Found on the viewing rays, so roll and lens distortion count. May lie outside the picture.
+        It is computed from the viewing rays, so it includes roll and lens distortion. It may lie outside the picture.
         """
         column = self.intrinsics.cx if column_px is None else column_px
         low, high = -4.0 * self.intrinsics.height, 5.0 * self.intrinsics.height
@@ -114,7 +116,7 @@ class FloorCamera:
         return float(rows[first - 1] + (rows[first] - rows[first - 1]) * z[first - 1] / (z[first - 1] - z[first]))
 
     def optical_depth_m(self, points_base_m: ArrayLike) -> Array:
-        """Depth along the optical axis of floor points (N, 2), metres, shape (N,): what sizes scale with (eq. 4)."""
+        """Depth of floor points (N, 2), base frame, along the optical axis, metres, (N,). It scales sizes (eq. 4)."""
         points = np.asarray(points_base_m, dtype=np.float64).reshape(-1, 2)
         offsets = np.column_stack([points, np.zeros(len(points))]) - self.mount.position_base_m()
         return offsets @ self.mount.rotation_base_optical()[:, 2]
@@ -122,7 +124,7 @@ class FloorCamera:
 
 @dataclass(frozen=True, slots=True)
 class FloorNoise:
-    """Standard deviations of the mount. All sightings of a drive share the resulting error."""
+    """Standard deviations of the mount's angles and height. All sightings of a drive share the resulting error."""
 
     pitch_rad: float = math.radians(0.5)
     roll_rad: float = math.radians(0.3)
@@ -132,15 +134,15 @@ class FloorNoise:
 def floor_covariances(
     camera: FloorCamera, pixels: ArrayLike, sigmas_px: ArrayLike, noise: FloorNoise
 ) -> tuple[Array, Array]:
-    """First-order covariances of floor points, base frame, m^2: of one frame (pixels and the frame's attitude), and of
-    the mount, which all observations of a drive share; each (N, 2, 2).
+    """First-order covariances of floor points, base frame, m^2, (N, 2, 2) each.
 
-    pixels, sigmas_px: (N, 2), place and standard deviation across and down. Numeric central differences; NaN at or
-    above the horizon.
+    The first covariance is due to one frame: its pixels and its attitude. The second is due to the mount; all
+    observations of a drive share it. pixels, sigmas_px: (N, 2), position and standard deviation, across and down.
+    Computed with central differences; NaN at or above the horizon.
     """
     pixels, mount = np.asarray(pixels, dtype=np.float64).reshape(-1, 2), camera.mount
     variance_px2 = np.asarray(sigmas_px, dtype=np.float64).reshape(-1, 2, 1, 1) ** 2
-    around = pixels + _HALF_PIXELS[:, None]  # all five in one go, for the lens costs most
+    around = pixels + _HALF_PIXELS[:, None]  # all five in one call: the lens model is the most expensive part
     rays = camera.intrinsics.rays(around.reshape(-1, 2))
     lens = mount.position_base_m()
     points = _on_floor(rays, mount.rotation_base_optical(), lens).reshape(len(_HALF_PIXELS), -1, 2)
@@ -171,7 +173,7 @@ _STEP = 1e-4  # rad
 
 
 def _on_floor(rays_optical: Array, rotation: Array, lens: Array) -> Array:
-    """Where rays (N, 3) from the lens, (3,) base frame, meet the floor, (N, 2); NaN at or above the horizon."""
+    """Intersections (N, 2) of rays (N, 3) from the lens, (3,), with the floor, base frame; NaN if there is none."""
     rays = rays_optical @ rotation.T
     down = np.where(rays[:, 2] < -1e-9, -rays[:, 2], np.nan)
     return lens[:2] + rays[:, :2] * (lens[2] / down)[:, None]

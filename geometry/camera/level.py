@@ -14,7 +14,7 @@ Array = NDArray[np.float64]
 
 
 def up_optical(pitch_rad: float, roll_rad: float) -> Array:
-    """The up direction, (3,), in the optical frame of a camera with these angles."""
+    """Up direction, unit vector (3,), in the optical frame of a camera with this pitch (positive down) and roll."""
     cp = math.cos(pitch_rad)
     return np.array([-cp * math.sin(roll_rad), -cp * math.cos(roll_rad), -math.sin(pitch_rad)])
 
@@ -25,7 +25,7 @@ def angles_text(pitch_deg: float, roll_deg: float) -> str:
 
 
 def seen_text(given: Mount, seen: MountEstimate | None, height: HeightEstimate | None = None) -> str:
-    """A mount's angles and height as configured and as estimated so far, one line."""
+    """One line with the configured and the estimated angles and height of a mount."""
     parts = []
     if seen is not None:
         pitch = given.pitch_rad, seen.mount.pitch_rad, seen.sigma_rad[1]
@@ -38,6 +38,6 @@ def seen_text(given: Mount, seen: MountEstimate | None, height: HeightEstimate |
 
 
 def pitch_roll(up: Array) -> tuple[float, float]:
-    """Pitch (positive down) and roll, rad, of a camera in whose optical frame this direction is up."""
+    """Pitch (positive down) and roll, rad, of a camera, from the up direction (3,) in its optical frame."""
     x, y, z = up / np.linalg.norm(up)
     return math.asin(-z), math.atan2(-x, -y)

@@ -1,4 +1,4 @@
-"""Filter of the camera's tilt without an IMU, from the rotation between pictures and measured up directions."""
+"""Kalman filter of the camera's tilt without an IMU. Inputs: rotations between pictures, and measured up directions."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Tilt:
-    """up: (3,), unit vector of the optical frame. covariance: (3, 3) of it, rad^2, of rank 2."""
+    """up: (3,), up direction, unit vector in the optical frame. covariance: (3, 3), of `up`, rad^2, rank 2."""
 
     up: Array
     covariance: Array
@@ -35,8 +35,8 @@ class Tilt:
         return Tilt(back @ self.up, back @ self.covariance @ rotation.rotation).widened(rotation.sigma_rad)
 
     def corrected(self, up: Array, sigma_rad: float, gate: float = math.inf) -> Tilt:
-        """Kalman update with an observed up direction; beyond `gate` standard deviations its weight falls with the
-        distance.
+        """Kalman update with an observed up direction. Beyond `gate` standard deviations, the weight of the observation
+        decreases with its distance.
         """
         off = _level(self.up) @ (up - self.up)
         innovation = self.covariance + sigma_rad**2 * np.eye(3)
@@ -54,7 +54,7 @@ class Tilt:
         return math.sqrt(float(np.trace(self.covariance)) / 2.0)
 
     def angles_covariance(self) -> Array:
-        """(2, 2) in (roll, pitch), rad^2."""
+        """Covariance (2, 2) of (roll, pitch), rad^2."""
         right, down, forward = self.up
         level = max(math.hypot(right, down), 1e-6)
         by_up = np.array(
@@ -64,5 +64,5 @@ class Tilt:
 
 
 def _level(up: Array) -> Array:
-    """(3, 3), leaves of a vector what is at right angles to up."""
+    """Projection (3, 3) onto the plane perpendicular to `up`."""
     return np.eye(3) - np.outer(up, up)

@@ -1,4 +1,4 @@
-"""An immutable occupancy grid: log-odds per cell, and the cell states that follow from them."""
+"""An immutable occupancy grid: log-odds of each cell, and the cell states derived from them."""
 
 from __future__ import annotations
 
@@ -13,8 +13,8 @@ from edgemap.geometry.arrays import Array
 from edgemap.geometry.grid.rule import GridRule
 
 FREE, OCCUPIED, UNKNOWN = 0, 100, -1  # as in nav_msgs/OccupancyGrid
-BESIDE_M = 0.15
-STEPS = 16  # of a saved log-odds: sixteenths in 8 bits
+BESIDE_M = 0.15  # maximum distance of an occupied cell to a free one
+STEPS = 16  # log-odds are saved in sixteenths, 8 bits
 
 
 @dataclass(frozen=True, eq=False)
@@ -34,8 +34,11 @@ class OccupancyGrid:
 
     @cached_property
     def cells(self) -> NDArray[np.int8]:
-        """(rows, columns) of FREE, OCCUPIED and UNKNOWN. An obstacle is where floor ends: evidence for one that has no
-        free floor beside it comes from a contact that was placed too far behind, and its cell stays unknown."""
+        """State of each cell, (rows, columns): FREE, OCCUPIED or UNKNOWN.
+
+        A cell is OCCUPIED only if a free cell lies within `BESIDE_M`, because the free floor ends at an obstacle.
+        Other cells with occupied log-odds stay UNKNOWN: there, the contact with the floor was placed too far away.
+        """
         cells = np.full(self.log_odds.shape, UNKNOWN, np.int8)
         free = self.log_odds < self.free_below * STEPS
         reach = max(round(BESIDE_M / self.cell_m), 1)
@@ -46,13 +49,13 @@ class OccupancyGrid:
         return cells
 
     def centres_m(self, mask: NDArray[np.bool_]) -> Array:
-        """Middles (N, 2), map frame, of the cells of a mask (rows, columns)."""
+        """Centres (N, 2), map frame, metres, of the cells that a mask (rows, columns) selects."""
         rows, columns = np.nonzero(mask)
         corner = np.array([self.x_m, self.y_m], dtype=np.float64)
         return np.column_stack([columns + 0.5, rows + 0.5]).astype(np.float64) * self.cell_m + corner
 
     def at(self, points_m: ArrayLike) -> NDArray[np.int8]:
-        """FREE, OCCUPIED or UNKNOWN at points (N, 2) of the map, (N,)."""
+        """Cell states (N,) at points (N, 2), map frame, metres; UNKNOWN outside the grid."""
         points = np.asarray(points_m, dtype=np.float64).reshape(-1, 2)
         columns, rows = np.floor((points - [self.x_m, self.y_m]) / self.cell_m).astype(np.intp).T
         inside = (rows >= 0) & (columns >= 0) & (rows < self.cells.shape[0]) & (columns < self.cells.shape[1])
@@ -61,5 +64,5 @@ class OccupancyGrid:
         return found
 
     def area_m2(self, value: int) -> float:
-        """Floor of one kind."""
+        """Total area, m^2, of the cells in one state (FREE, OCCUPIED or UNKNOWN)."""
         return float((self.cells == value).sum()) * self.cell_m**2

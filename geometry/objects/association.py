@@ -1,4 +1,4 @@
-"""When landmarks are one object, and what that one is: its position, covariance and size."""
+"""Associates landmarks to objects, and estimates position, covariance and size of each object."""
 
 import math
 from collections.abc import Sequence
@@ -14,12 +14,13 @@ from edgemap.geometry.slam.landmarks import Landmark, LandmarkRule
 
 @dataclass(frozen=True, slots=True)
 class AssociationRule:
-    """Evidence that landmarks need to become an object. min_count: of what its sightings count (see FloorRule), and
-    pictures of 0.1 s that make a landmark one to close loops with. forget_after: frames after which a landmark that
-    is no object is dropped. directions: round an object; of each the farthest place it was seen from is kept.
-    real_log_odds, real_slope, real_score: that an object is real, after one full sighting with a mean score of 0.5, per
-    e-fold of full sightings, and per unit of the mean score's log-odds, as a box's score is about its precision on
-    photographs (logistic regression on the 199 objects that two detectors map in seven tuning drives).
+    """Evidence that landmarks need to become an object. min_count: minimum total weight of the sightings (see
+    FloorRule), and number of pictures of 0.1 s from which on a landmark is used to close loops. forget_after: frames
+    after which a landmark that is no object is dropped. directions: sectors around an object; in each, the farthest
+    position from which it was observed is kept. real_log_odds, real_slope, real_score: log-odds that an object is real,
+    after one full sighting with a mean score of 0.5; per e-fold of full sightings; and per unit of the mean score's
+    log-odds, because the score of a box is about its precision on photographs. They come from a logistic regression on
+    the 199 objects that two detectors map in seven tuning drives.
     """
 
     min_count: int = 4
@@ -32,10 +33,10 @@ class AssociationRule:
 
 
 class Estimate:
-    """One object of several landmarks: information-weighted mean of their positions, plus what they all share.
+    """One object of several landmarks: the information-weighted mean of their positions, and its covariance.
 
-    position_m: (2,) in the map frame. saved: the earlier map's object that is part of it, which is shown regardless of
-    its evidence.
+    position_m: (2,), map frame. covariance_m2: (2, 2), including the errors that all landmarks share. saved: the object
+    of an earlier map that is part of this object, if any; the object is then shown regardless of its evidence.
     """
 
     def __init__(self, landmarks: Sequence[Landmark], side_m2: float) -> None:
@@ -55,19 +56,19 @@ class Estimate:
         self._landmarks = landmarks
 
     def shows(self, rule: AssociationRule, others: Sequence[SightingSums] = ()) -> bool:
-        """Whether its evidence suffices for the map. others: sightings of it under other labels."""
+        """Whether the evidence suffices for the map. others: sightings of the same object under other labels."""
         weight = self.sums.weight + sum(sums.weight for sums in others)
         return self.saved is not None or weight >= rule.min_count
 
     def as_object(self, identity: str, label: str, rule: AssociationRule) -> MapObject:
-        """The object as a map shows it; its confidence is the probability that such an object is real, and at least
-        that of an earlier map.
+        """Converts the estimate to an object of the map. Its confidence is the probability that such an object is real,
+        and at least its confidence in an earlier map.
         """
         plain = self.sums.as_object(identity, label, self.position_m, self.covariance_m2)
         return replace(plain, confidence=max(self._real(rule), self.saved.confidence if self.saved else 0.0))
 
     def _real(self, rule: AssociationRule) -> float:
-        """Probability that an object with such sightings of this run is real."""
+        """Probability that an object with these sightings, of this run only, is real."""
         sums = SightingSums()
         for landmark in self._landmarks:
             if landmark.saved is None:
@@ -79,11 +80,11 @@ class Estimate:
 
 
 def grouped(landmarks: Sequence[Landmark], roots: Sequence[int], rule: LandmarkRule) -> list[list[Landmark]]:
-    """Landmarks of one label as objects: those that loop closure linked (`roots`) are one, then the closest two join,
-    until none may. Landmarks observed in one frame never join.
+    """Groups the landmarks of one label into objects. Landmarks that loop closure linked (`roots`) form one group. Then
+    the closest two groups are joined until none can be. Landmarks that were observed in one frame are never joined.
     """
     groups: list[list[Landmark]] = []
-    apart: list[set[int]] = []  # landmarks that each group may not have
+    apart: list[set[int]] = []  # landmarks that each group must not contain
     saved = {one.number for one in landmarks if one.saved is not None}
     of_root: dict[int, list[int]] = {}
     for one, root in zip(landmarks, roots, strict=True):
@@ -103,8 +104,8 @@ def grouped(landmarks: Sequence[Landmark], roots: Sequence[int], rule: LandmarkR
 
 
 def _joined(groups: list[list[Landmark]], apart: Sequence[set[int]], rule: LandmarkRule) -> list[list[Landmark]]:
-    """Groups of landmarks, joined where they are within the gate, the closest two first. apart: landmarks that each may
-    not have."""
+    """Joins groups of landmarks that are within the gate, the closest two first. apart: landmarks that each group must
+    not contain."""
     count = len(groups)
     sums = np.array([_sums(group).sum(axis=1) for group in groups]).T
     barred = np.array([[any(one.number in own for one in group) for group in groups] for own in apart])
@@ -128,7 +129,7 @@ def _joined(groups: list[list[Landmark]], apart: Sequence[set[int]], rule: Landm
 
 
 def _sums(landmarks: Sequence[Landmark]) -> Array:
-    """(8, N): information xx, xy, yy; that times position x, y; count; extent and pose variance, each times count."""
+    """(8, N): information xx, xy, yy; information times position, x, y; count; count times extent and pose variance."""
     own = np.array([one.own_m2 for one in landmarks])
     information = np.linalg.inv(own)
     vector = (information @ np.array([one.position_m for one in landmarks])[:, :, None])[:, :, 0]
@@ -151,8 +152,8 @@ def _placed(sums: Array, rule: LandmarkRule) -> Array:
 
 
 def _distances(here: Array, there: Array, rule: LandmarkRule) -> Array:
-    """Squared Mahalanobis distances of M places (6, M) to N, (M, N): under both own covariances and what the pose
-    drifted between the two; infinite beyond the gate and the reach."""
+    """Squared Mahalanobis distances (M, N) from M positions (6, M) to N positions (6, N). The covariance is the sum of
+    both own covariances and of the pose drift between them. Infinite beyond the gate and beyond the reach."""
     here, there = here[:, :, None], there[:, None, :]
     dx, dy = there[0] - here[0], there[1] - here[1]
     drift_m2 = np.abs(there[5] - here[5])

@@ -1,4 +1,4 @@
-"""Corrections of an object by a person: class, position, size, yaw; and objects that a person adds."""
+"""Corrections of an object's class, position, size and yaw by a person, and objects that a person adds."""
 
 import math
 from dataclasses import dataclass, replace
@@ -8,17 +8,18 @@ import numpy as np
 from edgemap.geometry.map_object import MapObject
 from edgemap.geometry.trajectory_correction import TrajectoryCorrection
 
-PLACED_SIGMA_M = 0.05  # of a position that a person sets on a map: a finger's width at the usual zoom
-SMALLEST_M, LARGEST_M = 0.02, 20.0  # of a size that a person sets
+PLACED_SIGMA_M = 0.05  # for a position that a person sets on a map: a finger's width at the usual zoom
+SMALLEST_M, LARGEST_M = 0.02, 20.0  # limits of a size that a person sets
 WORDS = ("label", "position", "size", "yaw")
 
 
 @dataclass(frozen=True, slots=True)
 class Correction:
-    """Values that a person has set in place of the measured ones; None or empty where unset.
+    """Values that a person has set instead of the measured ones; None or empty if not set.
 
-    place_m: (x, y) in the map frame. size_m: width, depth and height. yaw_rad: the way the front faces. anchor_s: stamp
-    of the pose nearest to the place when it was set, with which it moves; None in a map that was loaded.
+    place_m: (x, y), map frame. size_m: width, depth and height. yaw_rad: direction of the front. anchor_s: stamp of the
+    pose that was nearest to the position when the person set it; the position moves with this pose. None in a map that
+    was loaded.
     """
 
     label: str = ""
@@ -29,7 +30,7 @@ class Correction:
 
     @classmethod
     def of(cls, item: MapObject) -> "Correction":
-        """The correction that a saved object holds."""
+        """The correction that is stored in a saved object."""
         said = item.corrected
         return cls(
             item.label if "label" in said else "",
@@ -39,7 +40,7 @@ class Correction:
         )
 
     def updated(self, newer: "Correction") -> "Correction":
-        """This correction with the fields that a newer one sets."""
+        """This correction, with the fields replaced that a newer correction sets."""
         placed = newer if newer.place_m is not None else self
         return Correction(
             newer.label or self.label,
@@ -56,7 +57,7 @@ class Correction:
         return replace(self, place_m=_pair(correction.moved_points(np.array([self.anchor_s]), [self.place_m])[0]))
 
     def apply(self, item: MapObject) -> MapObject:
-        """The object with these values instead of its own."""
+        """The object, with its values replaced by those of the correction."""
         said = {
             "label": bool(self.label),
             "position": self.place_m is not None,
@@ -75,7 +76,7 @@ class Correction:
 
 
 def fault_of(correction: Correction) -> str:
-    """Why a correction cannot be, in one line; empty where it can."""
+    """Why a correction is invalid, in one line; empty if it is valid."""
     size = correction.size_m
     if size is not None and not all(SMALLEST_M <= side <= LARGEST_M for side in size):
         given = " x ".join(f"{side:g}" for side in size)
@@ -85,7 +86,7 @@ def fault_of(correction: Correction) -> str:
 
 
 def added_object(identity: str, correction: Correction, stamp_s: float) -> MapObject:
-    """An object that a person has added to the map: certain to exist, with no sightings."""
+    """Creates an object that a person adds to the map. It has no sightings, and its confidence is 1."""
     item = MapObject(
         identity, correction.label, np.zeros(2), np.eye(2), 0.0, 0.0, 1, 1.0, stamp_s, stamp_s, confirmed=True
     )

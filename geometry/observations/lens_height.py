@@ -1,4 +1,7 @@
-"""The lens's height from objects of usual height on the floor: their boxes determine it at any range."""
+"""Estimates the height of the lens from boxes of objects on the floor whose height is usual for their class.
+
+A box determines the height at any range of the object.
+"""
 
 from __future__ import annotations
 
@@ -13,14 +16,16 @@ from edgemap.geometry.observations.detections import Detections
 from edgemap.geometry.observations.occlusion import carried, covered
 
 BORDER_PX = 3.0  # a box this near the picture's border may be cut
-HIDDEN = 0.1  # share of a lower edge covered by nearer boxes, from which on the foot may be another one's
+HIDDEN = 0.1  # share of a lower edge that nearer boxes cover; from it on, the foot may belong to another object
 LEAST_SCORE = 0.5
-LEAST_FALL, LEAST_RISE = 0.1, 0.05  # slopes of the rays to the foot, and from there to the top; less tells of pitch
+LEAST_FALL, LEAST_RISE = 0.1, 0.05  # minimum slopes: ray to the foot; foot to top. Less measures pitch
 
 
 @dataclass(frozen=True, slots=True)
 class LensHeight:
-    """height_m: of the lens, if this object is as high as usual for its label. fall: slope of the ray to its foot."""
+    """Estimate from one object. height_m: height of the lens if the object has the usual height of its label. fall:
+    slope of the ray to the foot of the object, positive downwards.
+    """
 
     label: str
     height_m: float
@@ -28,11 +33,12 @@ class LensHeight:
 
 
 def lens_heights(detections: Detections, camera: FloorCamera) -> list[LensHeight]:
-    """Estimates of the lens's height, one for each complete box on the floor of a class with a usual height.
+    """Estimates the height of the lens from each complete box on the floor whose class has a usual height.
 
-    f and t are the slopes, below the horizon, of the rays to foot and top. With the lens h above the floor the foot is
-    h / f away, and so is the top of what rises above the lens: H = (f - t) h / f. For an object lower than the lens,
-    the far edge of its top is visible, a usual depth behind.
+    f and t are the slopes, below the horizon, of the rays to the foot and to the top. h is the height of the lens. The
+    range of the foot is h / f. An object that is higher than the lens has its top at the same range, so its height is
+    H = (f - t) h / f. If the object is lower than the lens, the visible top edge is the far one, behind by the usual
+    depth of the class.
     """
     labels, boxes = detections.labels, detections.boxes
     width, height = camera.intrinsics.width - BORDER_PX, camera.intrinsics.height - BORDER_PX
@@ -54,7 +60,7 @@ def lens_heights(detections: Detections, camera: FloorCamera) -> list[LensHeight
 
 
 def _slopes(boxes: NDArray[np.float64], camera: FloorCamera) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Of the rays through the middles of the lower and upper edges of boxes (N, 4), positive downwards, (N,) each."""
+    """Slopes of the rays through the middles of the lower and upper edges of boxes (N, 4): (N,) each, positive down."""
     middle = (boxes[:, 0] + boxes[:, 2]) / 2.0 - 0.5
     rays = camera.rays_base(np.concatenate([np.column_stack([middle, boxes[:, side] - 0.5]) for side in (3, 1)]))
     slopes = -rays[:, 2] / np.maximum(np.linalg.norm(rays[:, :2], axis=1), 1e-9)

@@ -17,16 +17,17 @@ from edgemap.geometry.slam.banded import solve_banded
 
 Rows = NDArray[np.intp]
 
-BAND = 5  # superdiagonals of the poses' own information: each is tied to its neighbour in the chain
-CONVERGED = 0.01  # log-likelihood that a step gains, below which it is the last: loops are decided by whole units
+BAND = 5  # superdiagonals of the information of the poses: each pose is linked to its neighbours in the chain
+CONVERGED = 0.01  # iterations end when a step gains less log-likelihood: loop closure compares whole units
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class OdometryFactors:
-    """K poses one after another. motions (K - 1, 3): from each to the next, (m, m, rad) in the earlier one's frame;
-    information (K - 1, 3, 3) of them. first (3,): prior of the first pose; first_information (3, 3). gains (2,):
-    standard deviations of the share by which all paths, and all rotations, are too long. headings (K,): yaw of each
-    pose by a compass, rad; heading_information (K,): rad^-2, zero where there is none; both may be empty."""
+    """Factors of a chain of K poses. motions (K - 1, 3): motion from each pose to the next, (m, m, rad), in the frame
+    of the earlier pose. information (K - 1, 3, 3): of the motions. first (3,): prior of the first pose.
+    first_information (3, 3): of this prior. gains (2,): standard deviations of two relative scale errors, one of all
+    translations and one of all rotations. headings (K,): compass yaw of each pose, rad. heading_information (K,):
+    rad^-2, zero for a pose without a compass yaw. headings and heading_information may be empty."""
 
     motions: Array
     information: Array
@@ -39,9 +40,10 @@ class OdometryFactors:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ObservationFactors:
-    """N observations of landmarks. pose, landmark (N,): rows of them; position_m (N, 2): in the pose's frame;
-    information (N, 2, 2), in that frame too; bias_m (N, 2): how one standard deviation of the mount's error, which all
-    observations share, moves each; range_m (N, 2): the same of the range error that all of one landmark share."""
+    """N observations of landmarks. pose, landmark (N,): row numbers. position_m (N, 2): in the frame of the pose.
+    information (N, 2, 2): in the same frame. bias_m (N, 2): displacement by one standard deviation of the mount error,
+    which all observations share. range_m (N, 2): displacement by one standard deviation of the range error, which all
+    observations of one landmark share."""
 
     pose: Rows
     landmark: Rows
@@ -53,8 +55,8 @@ class ObservationFactors:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class LandmarkFactors:
-    """Priors of landmarks and links between them. prior_m (L, 2), information (L, 2, 2): zero where there is none.
-    first, second (M,): rows of landmarks that are one object; variance_m2 (M,): of their distance, per axis.
+    """Priors of landmarks, and links between landmarks. prior_m (L, 2), information (L, 2, 2): zero without a prior.
+    first, second (M,): row numbers of landmarks that are one object. variance_m2 (M,): of their difference, per axis.
     """
 
     prior_m: Array
@@ -66,10 +68,10 @@ class LandmarkFactors:
 
 @dataclass(frozen=True, eq=False)
 class Solution:
-    """poses (K, 3): x, y, yaw; landmarks (L, 2); both in the map frame. biases (L + 3,): of each landmark's range, of
-    the odometry's paths and rotations, and of the mount, in standard deviations. chi2 (N,), link_chi2 (M,): squared
-    Mahalanobis length of each observation's and each link's residual. log_evidence: log-likelihood of all that was
-    measured (Laplace), up to a constant of its factors."""
+    """The estimate. poses (K, 3): x, y, yaw, map frame. landmarks (L, 2): map frame. biases (L + 3,): range error of
+    each landmark, scale errors of the translations and rotations, and mount error, in standard deviations. chi2 (N,),
+    link_chi2 (M,): squared Mahalanobis distance of each observation and of each link. log_evidence: log-likelihood of
+    all measurements (Laplace approximation), up to a constant of the factors."""
 
     poses: Array
     landmarks: Array
@@ -82,25 +84,26 @@ class Solution:
 
     @cached_property
     def landmark_covariance(self) -> Array:
-        """Of all landmarks together, (2 L, 2 L)."""
+        """Joint covariance of all landmarks, (2 L, 2 L), m^2."""
         return self._last.landmark_covariance()
 
     @cached_property
     def pose_covariances(self) -> Array:
-        """Of the poses, (K, 3, 3), by the odometry as it states itself: closing adds no covariance."""
+        """Covariances of the poses, (K, 3, 3), from the stated odometry covariances. Loop closure adds none."""
         stated = self._stated()
         stated.step()
         return stated.pose_covariances()
 
     def state_covariances(self) -> None:
-        """Computes `pose_covariances` now: a unit of work."""
+        """Computes `pose_covariances` now, as one unit of work."""
         _ = self.pose_covariances
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Problem:
-    """All factors of a drive. kernel: squared residual at which an observation or a link weighs half (Cauchy).
-    freedom: degrees of freedom of the odometry's errors (Student's t; infinite: Gaussian), to allow for slip."""
+    """All factors of a drive. kernel: squared residual at which the weight of an observation or a link is one half
+    (Cauchy). freedom: degrees of freedom of the odometry errors (Student's t), which allow for slip; infinite for
+    Gaussian errors."""
 
     odometry: OdometryFactors
     observations: ObservationFactors
@@ -112,10 +115,10 @@ class Problem:
 def solve(
     problem: Problem, poses: Array, landmarks: Array, biases: Array, iterations: int = 6
 ) -> Generator[None, None, Solution]:
-    """Gauss-Newton from poses (K, 3) and landmarks (L, 2); yields after every iteration, each of bounded size.
+    """Gauss-Newton iterations that start from poses (K, 3) and landmarks (L, 2). Yields after each iteration.
 
-    Poses are eliminated first: their part is banded, so the time grows with their number, and with its cube only for
-    landmarks.
+    The time of one iteration is bounded. Poses are eliminated first. Their part is banded, so the time is linear in
+    the number of poses, and cubic only in the number of landmarks.
     """
     size, layout = 2 * len(landmarks), _Layout(problem, len(poses), len(landmarks))
     for _ in range(max(iterations, 1)):
@@ -134,8 +137,8 @@ def solve(
 
 
 class _Layout:
-    """Where a problem's factors stand in its normal equations: the same in every iteration. Observations are kept in
-    the order of their poses."""
+    """Positions of the factors in the normal equations; they are the same in each iteration. Observations are sorted by
+    pose."""
 
     def __init__(self, problem: Problem, poses: int, landmarks: int) -> None:
         seen = problem.observations
@@ -195,22 +198,25 @@ class _System:
         return own - self._tied @ steps, steps
 
     def gain(self, step: Array, steps: Array) -> float:
-        """Log-likelihood that a step of the poses and of the corner gains, as far as the problem is linear."""
+        """Gain in log-likelihood by a step of the poses and of the corner, for the linearised problem."""
         return 0.5 * float(self.rhs.ravel() @ step + self.rhs_corner @ steps)
 
     def log_evidence(self) -> float:
-        """Log-likelihood of all factors with every unknown integrated out (Laplace), after `step`."""
+        """Log-likelihood of all factors, with all unknowns marginalised (Laplace approximation). Call `step` first."""
         factors = self._factor[BAND], np.diagonal(self.schur[0])
         return -self.cost - float(sum(np.log(factor).sum() for factor in factors))
 
     def landmark_covariance(self) -> Array:
-        """Of all landmarks together, (2 L, 2 L), after `step`."""
+        """Joint covariance of all landmarks, (2 L, 2 L), m^2. Call `step` first."""
         size = 2 * len(self._landmarks)
         return cho_solve(self.schur, np.eye(self._size), check_finite=False)[:size, :size]
 
     def pose_covariances(self) -> Array:
-        """Marginal covariances of all poses, (K, 3, 3), after `step`: selected inverse of the band, which is block
-        bidiagonal once factorised (Takahashi), and what the corner adds."""
+        """Marginal covariances of all poses, (K, 3, 3). Call `step` first.
+
+        The sum of the selected inverse of the band (Takahashi; its factor is block bidiagonal) and of the part that
+        the corner adds.
+        """
         k, (i, j) = 3 * np.arange(self._count)[:, None, None], np.indices((3, 3))
         diagonal = np.where(j >= i, self._factor[np.minimum(BAND + i - j, BAND), k + j], 0.0)
         after = self._factor[BAND + i - j - 3, k[:-1] + 3 + j]
@@ -224,7 +230,7 @@ class _System:
         return own + (self._tied @ corner).reshape(tied.shape) @ tied.transpose(0, 2, 1)
 
     def _band(self) -> Array:
-        """The poses' part (6, 3 K) as LAPACK keeps it: its upper triangle, diagonal by diagonal."""
+        """The information of the poses in LAPACK's upper band storage, (6, 3 K): one row for each diagonal."""
         band = np.zeros((BAND + 1, self._count, 3))
         i, j = np.triu_indices(3)
         band[BAND + i - j, :, j] = self._diagonal[:, i, j].T
@@ -300,7 +306,7 @@ class _System:
         self.between = csr_array((values, *places), shape=(3 * self._count, self._size))
 
     def _robust(self, chi2: Array, kernel: float) -> Array:
-        """Weights of residuals (Cauchy), whose cost is counted."""
+        """Cauchy weights of residuals. Adds their cost to `cost`."""
         if not math.isfinite(kernel):
             self.cost += 0.5 * float(chi2.sum())
             return np.ones(len(chi2))
@@ -328,7 +334,8 @@ class _System:
 
 
 def _seen_from(poses: Array, points_m: Array) -> tuple[Array, Array, Array, Array]:
-    """Points (N, 2) in the frames of poses (N, 3): x, y, and the derivatives by pose (N, 2, 3) and point (N, 2, 2)."""
+    """Transforms points (N, 2) into the frames of poses (N, 3): x, y, and derivatives by pose (N, 2, 3) and point
+    (N, 2, 2)."""
     c, s = np.cos(poses[:, 2]), np.sin(poses[:, 2])
     dx, dy = (points_m - poses[:, :2]).T
     x, y = c * dx + s * dy, -s * dx + c * dy
@@ -336,7 +343,7 @@ def _seen_from(poses: Array, points_m: Array) -> tuple[Array, Array, Array, Arra
 
 
 def _stack(rows: list[list[Array]]) -> Array:
-    """(N, R, C) of R lists of C arrays (N,)."""
+    """Stacks R lists of C arrays (N,) into matrices (N, R, C)."""
     return np.stack([np.stack(row, axis=-1) for row in rows], axis=-2)
 
 

@@ -1,4 +1,4 @@
-"""Trust in a source, from the comparison of its motions with the camera's."""
+"""Decides whether a motion source is trusted, by comparing its motions with those of the camera."""
 
 from __future__ import annotations
 
@@ -11,15 +11,15 @@ import numpy as np
 from edgemap.geometry.arrays import Array
 from edgemap.geometry.robust import CLEAR_SIGMAS
 
-# Of the source's motion to the camera's. Of 470 windows in which the camera of two bad drives was compared with honest
-# wheels 8 were outside `ratio`, two of them in a row, and none below 0.15: those are the camera's own errors.
+# Ratio of the source's motion to the camera's. On two bad drives, the camera was compared with correct wheels in 470
+# windows. 8 windows were outside `ratio`, two of them in a row, and none was below 0.15: these are camera errors.
 CONTRARY = 0.1
-INNOVATION_S, INNOVATION_SHARE, MOST_SQUARED = 1.0, 0.3, 30.0  # of a window; of the newest one in the mean; of one
+INNOVATION_S, INNOVATION_SHARE, MOST_SQUARED = 1.0, 0.3, 30.0  # window; weight of the newest one; limit
 
 
 class Trust(Enum):
-    """UNPROVEN: not confirmed yet, or not since it reported standstill or reverse while the camera moved. TRUSTED.
-    DISTRUSTED: several windows in a row contradict it.
+    """State of a source. UNPROVEN: not confirmed yet, or not confirmed since it reported standstill or reverse while
+    the camera moved. TRUSTED: confirmed. DISTRUSTED: several consecutive windows contradict it.
     """
 
     UNPROVEN = "unproven"
@@ -29,10 +29,11 @@ class Trust(Enum):
 
 @dataclass(frozen=True, slots=True)
 class TrustRule:
-    """When a source with valid numbers counts as wrong. least: least motion of the reference in a conclusive window:
-    yaw in rad, length in m. longest_s: of a window. ratio: of the source's motion to the reference's, or the other way
-    round, down to which a scale error explains it: of a lens or a wheel's track, and of a height or a wheel's radius.
-    windows: number of consecutive windows that decide, either way; 0 for sources that are always trusted.
+    """Decides when a source with valid numbers is wrong. least: minimum motion of the reference in a conclusive window:
+    yaw in rad, length in m. longest_s: maximum length of a window. ratio: minimum ratio of the source's motion to the
+    reference's, and of the reference's to the source's. Up to it, a scale error explains the difference: for yaw of a
+    lens or a wheel track, for length of a height or a wheel radius. windows: number of consecutive windows that change
+    the state in either direction; 0 for sources that are always trusted.
     """
 
     least: tuple[float, float] = (0.12, 0.2)
@@ -43,9 +44,10 @@ class TrustRule:
 
 @dataclass(frozen=True, slots=True)
 class Agreement:
-    """Agreement of one quantity (yaw or length) of a source with a reference; call `updated` with each step. own,
-    reference, variance, span_s: of the current window. ratio: of the last conclusive window. row: number of consecutive
-    windows in favour of the source, negative for windows against it.
+    """Agreement of one quantity (yaw or length) of a source with a reference. Call `updated` with each step.
+
+    own, reference, variance, span_s: sums over the current window. ratio: of the last conclusive window. row: number of
+    consecutive windows that confirm the source; negative for windows that contradict it.
     """
 
     rule: TrustRule
@@ -59,7 +61,7 @@ class Agreement:
     row: int = 0
 
     def updated(self, own: float, reference: float, variance: float, span_s: float) -> Agreement:
-        """The agreement after one more step. variance: of the difference, as both sources state it."""
+        """The agreement after one more step. variance: of the difference, from the stated variances of both sources."""
         if not self.rule.windows:
             return self
         window = replace(
@@ -74,21 +76,23 @@ class Agreement:
         return window._judged()
 
     def anew(self) -> Agreement:
-        """Starts a new window: there was no reference."""
+        """Starts a new window, because there was no reference."""
         return replace(self, own=0.0, reference=0.0, variance=0.0, span_s=0.0)
 
     def _below(self, ratio: float) -> bool:
-        """Whether the window so far says that the source measures less than this of the reference."""
+        """Whether the ratio of the source to the reference in the current window is significantly below a ratio."""
         off = abs(self.own - self.reference) > CLEAR_SIGMAS * math.sqrt(self.variance)
         return off and self.own / self.reference < ratio
 
     @property
     def doubted(self) -> bool:
-        """Whether it reports standstill or reverse while the reference moves, or was never confirmed."""
+        """Whether the source reports standstill or reverse while the reference moves, or was contradicted while it was
+        unproven.
+        """
         return self._below(CONTRARY) or (self.row < 0 and self.state is Trust.UNPROVEN)
 
     def _judged(self) -> Agreement:
-        """The window that is complete speaks for or against the source."""
+        """Evaluates the completed window: it confirms or contradicts the source."""
         ratio, least = self.own / self.reference, self.rule.ratio
         off = abs(self.own - self.reference) > CLEAR_SIGMAS * math.sqrt(self.variance)
         against = off and not least < ratio < 1.0 / least
@@ -103,9 +107,10 @@ class Agreement:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Innovation:
-    """Consistency of two sources: their difference relative to both stated covariances, which are too small where it is
-    greater. difference (3,), covariance (3, 3), span_s: of the window so far. mean: of the squared Mahalanobis
-    distances of windows, per degree of freedom, the latest ones (innovation-based adaptive estimation: Mehra 1970).
+    """Consistency of two sources: their difference relative to both stated covariances. If it exceeds them, the stated
+    covariances are too small. difference (3,), covariance (3, 3), span_s: sums over the current window. mean: recent
+    mean of the windows' squared Mahalanobis distances per degree of freedom (innovation-based adaptive estimation:
+    Mehra 1970).
     """
 
     difference: Array = field(default_factory=lambda: np.zeros(3))
@@ -115,11 +120,11 @@ class Innovation:
 
     @property
     def scale(self) -> float:
-        """Factor on covariances."""
+        """Factor by which the stated covariances are multiplied, at least 1."""
         return max(self.mean, 1.0)
 
     def updated(self, difference: Array, covariance: Array, span_s: float) -> Innovation:
-        """After one more step. covariance: of the difference of both motions, as the sources state it."""
+        """The state after one more step. covariance: of the difference of both motions, as stated by the sources."""
         summed, together, span_s = self.difference + difference, self.covariance + covariance, self.span_s + span_s
         if span_s < INNOVATION_S:
             return Innovation(summed, together, span_s, self.mean)
@@ -129,7 +134,7 @@ class Innovation:
 
 @dataclass(frozen=True, slots=True)
 class SourceTrust:
-    """Trust in a source of yaw and length, from the agreement of each with the camera."""
+    """Trust in a source of yaw and length. It depends on the agreement of both quantities with the camera."""
 
     name: str
     yaw: Agreement
@@ -150,15 +155,18 @@ class SourceTrust:
 
     @property
     def doubted(self) -> bool:
-        """Whether either speaks against it at the moment."""
+        """Whether yaw or length contradicts the source in the current window."""
         return self.yaw.doubted or self.length.doubted
 
     def anew(self) -> SourceTrust:
-        """Starts new windows: there is nothing to compare with."""
+        """Starts new windows, because there is no reference."""
         return replace(self, yaw=self.yaw.anew(), length=self.length.anew())
 
     def news(self) -> tuple[SourceTrust, str]:
-        """The change of state, one line, reported once."""
+        """Returns the updated trust, and one line if the source has become distrusted or is used again, else "".
+
+        Each change is reported once.
+        """
         bad = [name for name in ("yaw", "length") if getattr(self, name).state is Trust.DISTRUSTED]
         if bool(bad) == self.reported:
             return self, ""

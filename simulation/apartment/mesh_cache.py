@@ -1,4 +1,4 @@
-"""Furniture as read and simplified, kept on disk: to read an OBJ file again takes many times longer."""
+"""Disk cache of simplified furniture meshes. Reading an OBJ file takes many times longer than reading the cache."""
 
 import json
 import zipfile
@@ -18,15 +18,16 @@ from edgemap.runtime.frames.errors import DiskError
 from edgemap.runtime.network.store import cache_folder
 from edgemap.simulation.render.mesh import Array, Material, Mesh, Part, welded
 
-# To be raised whenever `obj.py` or `simplified` make something else of the same file.
+# Increase it whenever `obj.py` or `simplified` give another result for the same file.
 _VERSION = 1
 _ROWS = ("positions", "normals", "uv")
 
 
 def kept(key: str, source: Path, most_triangles: int, make: Callable[[], Mesh]) -> Mesh:
-    """The mesh of `make`, bit for bit, from the cache `$EDGEMAP_CACHE/meshes`. key: of the model, which names its file.
-    source: its library; a change of its size or time, or a damaged file, makes the mesh again. A read-only cache is not
-    updated.
+    """Returns the mesh of `make`, bit for bit, from the cache `$EDGEMAP_CACHE/meshes`.
+
+    key: identifies the model and names its file. source: the library file. `make` is called again if the size or time
+    of the library has changed, or if the cached file is damaged. A read-only cache is not updated.
     """
     about = source.stat()
     stamp = np.array([_VERSION, most_triangles, about.st_size, about.st_mtime_ns])
@@ -40,7 +41,7 @@ def kept(key: str, source: Path, most_triangles: int, make: Callable[[], Mesh]) 
 
 
 def _read(path: Path, stamp: NDArray[np.int64]) -> Mesh | None:
-    """None where the file is missing, incomplete, or of another model."""
+    """The cached mesh; None if the file is missing, damaged, or has another stamp."""
     try:
         with np.load(path, allow_pickle=False) as arrays:
             if not np.array_equal(arrays["stamp"], stamp):
@@ -59,12 +60,12 @@ def _read(path: Path, stamp: NDArray[np.int64]) -> Mesh | None:
 
 
 def _write(path: Path, stamp: NDArray[np.int64], mesh: Mesh) -> None:
-    """Writes the file atomically, also beside other writers. Raises OSError or DiskError."""
+    """Writes the file atomically, so that several processes may write it. Raises OSError or DiskError."""
     arrays: dict[str, NDArray] = {"stamp": stamp}
     for name in _ROWS:
         table, rows = _unique_rows(np.concatenate([getattr(part, name) for part in mesh.parts]))
         arrays |= {f"{name}_table": table, f"{name}_rows": rows}
-    # Parts are drawn together where they share one texture, and not where theirs only look alike.
+    # Parts are drawn together only if they share one texture object, not if their textures are merely equal.
     textures = {id(image): image for part in mesh.parts if (image := part.material.texture) is not None}
     entries = []
     for part in mesh.parts:
@@ -81,7 +82,7 @@ def _write(path: Path, stamp: NDArray[np.int64], mesh: Mesh) -> None:
 
 
 def _unique_rows(corners: Array) -> tuple[Array, NDArray[np.uint32]]:
-    """A table of unlike rows, and (T, 3) which of them stands where, from the rows (T, 3, n) themselves."""
+    """Splits rows (T, 3, n) into a table of distinct rows and the indices (T, 3) into this table."""
     rows = np.ascontiguousarray(corners).reshape(-1, corners.shape[2])
     keep, inverse = welded(rows.view(np.uint8).reshape(len(rows), -1))
     return rows[keep], inverse.astype(np.uint32).reshape(corners.shape[:2])
@@ -97,10 +98,10 @@ _FINEST_M, _COARSEST_M, _GROWTH = 0.002, 0.03, 1.3
 
 
 def simplified(mesh: Mesh, most: int) -> Mesh:
-    """The mesh with about `most` triangles or fewer, cells as fine as that allows (2 mm to 3 cm).
+    """Simplifies a mesh to about `most` triangles or fewer, with the smallest possible cells (2 mm to 3 cm).
 
-    Vertex clustering (Rossignac and Borrel, 1993). A corner keeps its normal and texture coordinates and moves to the
-    mean of its cell; triangles that lose their area, or lie on another one, are dropped.
+    Vertex clustering (Rossignac and Borrel, 1993). A vertex moves to the mean of its cell, and keeps its normal and its
+    texture coordinates. A triangle is dropped if its area becomes zero or if it coincides with another one.
     """
     cell, result = _FINEST_M, mesh
     while sum(len(part.positions) for part in result.parts) > most and cell < _COARSEST_M:
@@ -113,7 +114,7 @@ def _clustered(part: Part, cell_m: float) -> Part:
     points: Array = part.positions.reshape(-1, 3)
     keys = np.round(points / cell_m).astype(np.int64)
     keys -= keys.min(axis=0)
-    # One number per cell: sorting those is many times faster than sorting rows.
+    # One number for each cell: sorting numbers is many times faster than sorting rows.
     _, cluster = np.unique((keys[:, 0] << 40) | (keys[:, 1] << 20) | keys[:, 2], return_inverse=True)
     count = np.bincount(cluster)
     means = np.stack([np.bincount(cluster, weights=points[:, axis]) / count for axis in range(3)], axis=1)

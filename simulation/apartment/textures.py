@@ -11,9 +11,9 @@ Texture = NDArray[np.uint8]
 
 
 def noise(rng: np.random.Generator, rows: int, columns: int, stretch: float = 1.0, slope: float = 1.5) -> Array:
-    """Periodic noise (rows, columns), zero mean and unit variance, power falling as frequency^-2 slope.
+    """Periodic noise (rows, columns) with zero mean and unit variance. Its power falls with frequency^(-2 slope).
 
-    stretch > 1 draws it out along the columns.
+    stretch: a value above 1 elongates the noise along the columns.
     """
     # Cycles per pixel of the longer side, so that noise of a flat strip looks the same along both.
     longest = max(rows, columns)
@@ -26,7 +26,7 @@ def noise(rng: np.random.Generator, rows: int, columns: int, stretch: float = 1.
 
 
 def planks(rng: np.random.Generator, colour: ArrayLike, size_px: int = 1024, count: int = 14) -> Texture:
-    """A wooden floor of `count` planks across, each with its own shade, grain and end joints; boards run along u."""
+    """A wooden floor of `count` planks that run along u. Each has its own shade, grain and end joints."""
     image = np.empty((size_px, size_px, 3))
     edges = np.linspace(0, size_px, count + 1).astype(int)
     base = np.asarray(colour, dtype=np.float64)
@@ -47,7 +47,7 @@ def planks(rng: np.random.Generator, colour: ArrayLike, size_px: int = 1024, cou
 
 
 def paint(rng: np.random.Generator, colour: ArrayLike) -> Texture:
-    """Painted plaster: almost even, with the orange-peel of a roller."""
+    """Painted plaster: almost uniform, with the orange-peel texture of a paint roller."""
     size_px = 256
     bumps = noise(rng, size_px, size_px, slope=0.6)
     clouds = noise(rng, size_px, size_px, slope=1.6)
@@ -55,7 +55,7 @@ def paint(rng: np.random.Generator, colour: ArrayLike) -> Texture:
 
 
 def tiles(rng: np.random.Generator, colour: ArrayLike, count: int = 4) -> Texture:
-    """Stone tiles, `count` along each side, each with its own shade, with pale or dark joints; checked now and then."""
+    """Stone tiles with pale or dark joints, `count` along each side. Each has its own shade; some are chequered."""
     size_px = 512
     row, column = np.divmod(np.arange(size_px) * count, size_px)
     shade = rng.uniform(0.95, 1.05, (count, count))
@@ -69,7 +69,7 @@ def tiles(rng: np.random.Generator, colour: ArrayLike, count: int = 4) -> Textur
 
 
 def parquet(rng: np.random.Generator, colour: ArrayLike) -> Texture:
-    """Squares of short strips laid by turns along u and along v."""
+    """Parquet of squares. The short strips of a square run along u or along v, in alternation."""
     count, size_px = 6, 768
     side = size_px // count
     image = np.empty((side * count, side * count, 3))
@@ -87,7 +87,7 @@ def parquet(rng: np.random.Generator, colour: ArrayLike) -> Texture:
 
 
 def carpet(rng: np.random.Generator, colour: ArrayLike) -> Texture:
-    """Short pile: a fine speckle and faint clouds where feet have been."""
+    """Short-pile carpet: fine speckle, and faint clouds where people have walked."""
     size_px = 384
     pile, wear = noise(rng, size_px, size_px, slope=0.15), noise(rng, size_px, size_px, slope=1.5)
     return _finished(np.asarray(colour, dtype=np.float64) * (1.0 + 0.10 * pile + 0.03 * wear)[..., None])
@@ -163,7 +163,7 @@ def landscape(rng: np.random.Generator) -> Texture:
 
 
 def outdoors(rng: np.random.Generator) -> Texture:
-    """The view through a window at the room's exposure: bright sky over pale, soft greenery."""
+    """The view through a window at the exposure of the room: bright sky above pale, blurred greenery."""
     width_px, height_px = 256, 256
     v = np.linspace(1.0, 0.0, height_px)[:, None]
     leaves = noise(rng, height_px, width_px, slope=1.3)

@@ -1,7 +1,7 @@
-"""Light during a drive, with switched lamps and clouds, and automatic exposure: the gain follows the light with a lag.
+"""Light during a drive, with switched lamps and clouds, and automatic exposure whose gain follows the light with a lag.
 
-The light is that of the air around the robot, baked with the home, so the exposure of a picture needs no other picture,
-and pictures can be rendered in any order."""
+The light level is that of the air around the robot and is baked with the home. The exposure of a picture therefore
+needs no other picture, and pictures can be rendered in any order."""
 
 import math
 from dataclasses import dataclass
@@ -13,7 +13,7 @@ from edgemap.simulation.render.mesh import Array
 from edgemap.simulation.render.scene import Probes
 from edgemap.simulation.robot.motion import SampledDrive
 
-# A lamp's filament and a person's hand on the switch.
+# Time that a lamp takes to switch.
 _SWITCH_S = 0.15
 
 
@@ -21,8 +21,8 @@ _SWITCH_S = 0.15
 class LightScript:
     """Shares of daylight and lamplight over time; 1 is bright noon and all lamps on.
 
-    switches_s: times at which the lamps change between `lamp`, which holds at first, and `switched`. clouds: stops
-    (halvings) of light that the thickest cloud takes. cloud_s: period of the clouds; phase_rad: its phase at the
+    switches_s: times at which the lamps change between `lamp`, the initial share, and `switched`. clouds: stops
+    (halvings) by which the thickest cloud reduces daylight. cloud_s: period of the clouds; phase_rad: its phase at the
     start of the drive.
     """
 
@@ -38,7 +38,7 @@ class LightScript:
         """Day and lamp shares at times (N,) in seconds."""
         time = np.asarray(time_s, dtype=np.float64)
         turn = 2.0 * math.pi * time / self.cloud_s + self.phase_rad
-        # Two waves that never meet again in the same way.
+        # The sum of these two sine waves does not repeat during a drive.
         cover = 0.5 + 0.3 * np.sin(turn) + 0.2 * np.sin(2.39 * turn + 1.0)
         day = self.day * 0.5 ** (self.clouds * cover)
         lamp = np.full(time.shape, self.lamp)
@@ -48,17 +48,17 @@ class LightScript:
         return day, lamp
 
 
-# Light (irradiance / pi) at which a picture comes out right as it is.
+# Light (irradiance / pi) at which a picture is well exposed with a gain of 1.
 _GOOD_LEVEL = 0.25
-# A camera makes up for most of a lack of light, not for all of it, and only so far.
+# A camera compensates for most of a lack of light, but not for all of it, and only within these limits of the gain.
 _SHARE, _LEAST, _MOST = 0.85, 0.4, 12.0
 _STEP_S = 0.02
-# It looks at the room before it.
+# Exposure is measured at this distance ahead of the robot.
 _AHEAD_M = 1.2
 
 
 def light_levels(probes: Probes | None, poses: Array) -> tuple[Array, Array]:
-    """Mean light by full day and by all lamps (irradiance / pi, each (N,)) before poses (N, 3) of the base."""
+    """Mean light in full daylight and with all lamps on, ahead of base poses (N, 3): irradiance / pi, (N,) each."""
     if probes is None:
         return np.full(len(poses), _GOOD_LEVEL), np.full(len(poses), _GOOD_LEVEL)
     ahead = poses[:, :2] + _AHEAD_M * np.stack([np.cos(poses[:, 2]), np.sin(poses[:, 2])], axis=1)
@@ -70,12 +70,15 @@ def light_levels(probes: Probes | None, poses: Array) -> tuple[Array, Array]:
 
 
 def settled_gain(level: Array) -> Array:
-    """Brightening once the camera has settled, 1 in good light. level: irradiance / pi, (N,)."""
+    """Gain (N,) after the exposure has settled; 1 in good light. level: irradiance / pi, (N,)."""
     return np.clip((np.asarray(level) / _GOOD_LEVEL + 1e-4) ** -_SHARE, _LEAST, _MOST)
 
 
 def gains(probes: Probes | None, script: LightScript, motion: SampledDrive, stamps_s: Array, lag_s: float) -> Array:
-    """Brightening (N,) at increasing stamps along a drive; it follows the settled one exponentially."""
+    """Exposure gains (N,) at increasing stamps of a drive. The gain approaches `settled_gain` exponentially.
+
+    lag_s: time constant of the logarithm of the gain, s.
+    """
     time = np.arange(0.0, float(np.max(stamps_s, initial=0.0)) + 2.0 * _STEP_S, _STEP_S)
     day_share, lamp_share = script.at(time)
     day, lamp = light_levels(probes, motion.at(time))

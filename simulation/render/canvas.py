@@ -1,9 +1,10 @@
-"""OpenGL without a screen: GLSL programs per kind of surface, meshes in memory, textures, what a picture draws.
+"""OpenGL without a screen: one GLSL program for each kind of surface, meshes and textures in memory, draw batches.
 
-The GLSL of glsl/ is one source for all kinds of surface: `source` cuts out what a kind does not need. Mesa draws on the
-processor, where every fragment counts: matte, plain surfaces get their colour at the corners, only glossy ones look for
-highlights, only those with holes may discard. Colours are kept as square roots (textures in, pixels out) since gamma
-curves cost more than everything else; `DISPLAY` turns square roots into sRGB afterwards."""
+The GLSL source in glsl/ serves all kinds of surface; `source` leaves out what a kind does not need. Mesa draws on the
+processor, where each fragment is expensive. Matte, plain surfaces therefore get their colour at the vertices. Only
+glossy surfaces compute highlights, and only surfaces with holes may discard fragments. Colours are stored as square
+roots (textures in, pixels out) because gamma curves cost more than everything else. `DISPLAY` converts square roots to
+sRGB afterwards."""
 
 import math
 from dataclasses import dataclass
@@ -20,25 +21,25 @@ from edgemap.simulation.render.mesh import Array
 from edgemap.simulation.render.scene import ROOM_ID
 
 LAMPS = 4
-# Square root of display-linear light to sRGB's gamma, both 0..255.
+# From the square root of display-linear light to sRGB gamma, both 0..255.
 DISPLAY = np.round(255.0 * (np.arange(256) / 255.0) ** (2.0 / 2.2)).astype(np.uint8)
 
 
 def source(kind: SurfaceKind) -> tuple[str, str]:
-    """Vertex and fragment shader of a kind of surface."""
+    """Vertex and fragment shader for a kind of surface."""
     flags = {"LIGHT_MAP": kind.light_map, "IMAGE": kind.image, "HOLES": kind.holes, "GLOSSY": kind.glossy}
     return shader("surface", "".join(f"#define {name}\n" for name, on in flags.items() if on))
 
 
 def shader(name: str, head: str = "") -> tuple[str, str]:
-    """Vertex and fragment shader glsl/NAME. head: put before both."""
+    """Vertex and fragment shader glsl/NAME. head: text inserted before both."""
     folder = Path(__file__).with_name("glsl")
     vertex, fragment = ((folder / f"{name}.{kind}").read_text() for kind in ("vert", "frag"))
     return f"#version 330\n{head}{vertex}", f"#version 330\n{head}{fragment}"
 
 
 class RenderTarget:
-    """One OpenGL context and what lives in it. Raises SimulationError where OpenGL is missing."""
+    """One OpenGL context with its programs and textures. Raises SimulationError if OpenGL is missing."""
 
     def __init__(self) -> None:
         self.gl = require("moderngl")
@@ -55,7 +56,7 @@ class RenderTarget:
         self.white = self._uploaded(np.full((16, 16, 4), 255, dtype=np.uint8))
 
     def program(self, kind: SurfaceKind) -> Any:
-        """The program that draws a kind of surface, compiled when first asked for."""
+        """The program that draws a kind of surface. It is compiled at the first call."""
         if kind not in self._programs:
             made = self._programs[kind] = self.context.program(*source(kind))
             for unit, name in enumerate(("image", "light_map")):
@@ -64,24 +65,24 @@ class RenderTarget:
         return self._programs[kind]
 
     def texture(self, image: NDArray[np.uint8] | None) -> Any:
-        """A texture (H, W, 4) sRGB in memory, sent once; white for none."""
+        """The OpenGL texture of an image (H, W, 4), sRGB. It is uploaded once. White for None."""
         if image is None:
             return self.white
         if id(image) not in self._textures:
-            # The image is kept too, so that its id stays its own.
+            # The image is kept too, so that its id is not reused.
             self._textures[id(image)] = image, self._uploaded(image)
         return self._textures[id(image)][1]
 
     def shadow(self, clip: NDArray[np.float64], place: tuple[float, ...]) -> None:
-        """Darkens the floor under an object. place: middle and half sides (x, y, a, b) in metres of the clip matrix's
-        frame.
+        """Darkens the floor under an object. place: centre and half sides (x, y, a, b), metres, in the frame that
+        `clip` transforms.
         """
         self._shadow["clip_home"].write(clip.T.astype("f4").tobytes())
         self._shadow["place"] = place
         self._square.render(self.gl.TRIANGLE_STRIP)
 
     def target(self, size: tuple[int, int], components: int = 4, depth: bool = True) -> Any:
-        """A framebuffer (width, height) of bytes with a depth buffer."""
+        """A framebuffer (width, height) with 8-bit components and an optional depth buffer."""
         colour = [self.context.renderbuffer(size, components)] if components else []
         return self.context.framebuffer(colour, self.context.depth_renderbuffer(size) if depth else None)
 
@@ -90,8 +91,9 @@ class RenderTarget:
         self.context.release()
 
     def _uploaded(self, image: NDArray[np.uint8]) -> Any:
-        """A texture with mipmaps, its sides powers of two: Mesa compiles every shader again for each KIND of texture.
-        Colours are kept as square roots of linear light."""
+        """A texture with mipmaps. Its sides are powers of two, because Mesa compiles each shader again for each kind of
+        texture. Colours are stored as square roots of linear light.
+        """
         size = tuple(1 << max(4, round(math.log2(side))) for side in image.shape[1::-1])
         if size != image.shape[1::-1]:
             image = cv2.resize(image, size, interpolation=cv2.INTER_AREA)  # type: ignore[assignment]
@@ -104,7 +106,7 @@ class RenderTarget:
 
 
 class Meshes:
-    """Vertices and triangles in OpenGL's memory, drawable by any program."""
+    """Vertices and triangles in OpenGL memory, which any program can draw."""
 
     def __init__(self, canvas: RenderTarget, packed: Packed) -> None:
         self.packed = packed
@@ -123,14 +125,14 @@ class Meshes:
         return self._arrays[program.glo]
 
     def _format(self, used: set[str]) -> str:
-        """moderngl's description of the vertices, with padding for what the program does not read."""
+        """moderngl's format of the vertices, with padding for attributes that the program does not read."""
         dtype = self.packed.vertices.dtype
         sizes = {name: dtype[name].itemsize for name in dtype.names or ()}
         return " ".join(FORMATS[name] if name in used else f"{sizes[name]}x" for name in sizes)
 
 
 def depth_of(target: Any) -> NDArray[np.float32]:
-    """A framebuffer's depth (rows, columns), 0..1, as OpenGL keeps it."""
+    """The depth buffer of a framebuffer, (rows, columns), 0..1, as OpenGL stores it."""
     width, height = target.size
     raw = target.read(components=1, attachment=-1, dtype="f4", alignment=1)
     return np.frombuffer(raw, dtype=np.float32).reshape(height, width)
@@ -159,10 +161,10 @@ _MOST_OBJECTS = 254
 
 @dataclass(frozen=True, slots=True)
 class Draw:
-    """One batch to draw: from which meshes, with which slot in the id byte, and where it stands.
+    """One batch to draw. meshes: contain its vertices. slot: its value in the id byte of a pixel.
 
-    clip: (4, 4) from the batch's frame to the picture; eye: (3,) of the camera in that frame, metres. home: (4, 4) from
-    that frame to the home, for what moves.
+    clip: (4, 4), transform from the frame of the batch to clip coordinates. eye: (3,), position of the camera in the
+    frame of the batch, metres. home: (4, 4), transform from the frame of the batch to the home, for moving objects.
     """
 
     meshes: Meshes
@@ -174,13 +176,13 @@ class Draw:
 
 
 class Slots:
-    """The ids of one picture and the bytes that stand for them; 0 is the room."""
+    """Maps the object ids of one picture to bytes; 0 is the room."""
 
     def __init__(self) -> None:
         self._names, self._slots = [ROOM_ID], {ROOM_ID: 0}
 
     def of(self, id_: int) -> int:
-        """The byte that represents an id in the picture; ids beyond the limit get the room's."""
+        """The byte of an id. Ids beyond the limit get the byte of the room."""
         if id_ not in self._slots:
             if len(self._names) > _MOST_OBJECTS:
                 return 0
@@ -189,5 +191,5 @@ class Slots:
         return self._slots[id_]
 
     def ids(self, slots: NDArray[np.uint8]) -> NDArray[np.int32]:
-        """The ids that bytes stand for."""
+        """Converts bytes back to ids."""
         return np.array(self._names, dtype=np.int32)[slots]

@@ -1,4 +1,4 @@
-"""Rays against triangles with Embree: shadow tests and first hits, and sample patterns for both."""
+"""Ray-triangle intersection with Embree: occlusion tests, first hits, and sample patterns for both."""
 
 import os
 from collections.abc import Callable
@@ -12,12 +12,12 @@ from edgemap.simulation.errors import require
 from edgemap.simulation.render.mesh import Array
 
 _OFFSET_M = 0.003
-# Fixed, so that results do not depend on the number of processors; small, to stay in their caches.
+# It is fixed so that results do not depend on the number of processors, and small so that a piece fits in a cache.
 _PIECE = 16384
 
 
 class Raytracer:
-    """Triangles (T, 3, 3) in metres, ready to be hit by rays."""
+    """A search tree of triangles (T, 3, 3), metres, for ray queries."""
 
     def __init__(self, triangles: Array) -> None:
         self.triangles = triangles
@@ -31,7 +31,11 @@ class Raytracer:
         self.visible(np.zeros((1, 3)), np.zeros((1, 3)), np.ones((1, 3)))
 
     def visible(self, points: NDArray[Any], normals: NDArray[Any], targets: NDArray[Any]) -> NDArray[np.bool_]:
-        """Whether each target (N, 3) is in plain sight of its point (N, 3), a little off both ends."""
+        """Whether no triangle blocks the segment from each point (N, 3) to its target (N, 3); (N,), metres.
+
+        The segment starts 3 mm from the point along its normal (N, 3), and ends 1 % of its length before the target, so
+        that the surfaces at both ends do not block it.
+        """
         origins = points + normals * _OFFSET_M
         reach = (targets - origins) * 0.99
         ones = np.ones(len(points), dtype=np.float32)
@@ -42,7 +46,7 @@ class Raytracer:
     def first_hits(
         self, points: NDArray[Any], normals: NDArray[Any], directions: NDArray[Any]
     ) -> tuple[NDArray[np.int64], Array]:
-        """Index of the triangle each ray (N, 3) meets first, -1 for none, and whether it meets its front side."""
+        """Index of the triangle that each ray (N, 3) hits first (-1: none), and whether it hits the front; (N,)."""
         origins = (points + normals * _OFFSET_M).astype(np.float32)
         result = self._scene.run(origins, directions.astype(np.float32), query="INTERSECT", output=1)
         hit = np.asarray(result["primID"]).astype(np.int64)
@@ -51,21 +55,21 @@ class Raytracer:
 
 
 def in_pieces(function: Callable[[slice], NDArray[Any]], count: int) -> NDArray[Any]:
-    """`function(some)` for consecutive slices of `count` rows, on all processors, joined in order."""
+    """Calls `function` for consecutive slices of `count` rows on all processors, and joins the results in order."""
     slices = [slice(at, min(at + _PIECE, count)) for at in range(0, count, _PIECE)] or [slice(0, 0)]
     with ThreadPoolExecutor(len(os.sched_getaffinity(0))) as pool:
         return np.concatenate(list(pool.map(function, slices)))
 
 
 def r2_sequence(count: int) -> Array:
-    """Low-discrepancy points of the unit square, (count, 2) (Roberts 2018, the R2 sequence)."""
+    """Low-discrepancy points (count, 2) in the unit square: the R2 sequence (Roberts 2018)."""
     plastic = 1.32471795724474602596
     steps = np.arange(1, count + 1, dtype=np.float64)[:, None]
     return np.mod(0.5 + steps * np.array([1.0 / plastic, 1.0 / plastic**2]), 1.0).astype(np.float64)
 
 
 def cosine_directions(normals: NDArray[Any], samples: NDArray[Any]) -> NDArray[Any]:
-    """Directions (N, 3) about normals (N, 3), dense as the cosine, from unit square samples (N, 2)."""
+    """Cosine-weighted directions (N, 3) around normals (N, 3), from samples (N, 2) of the unit square."""
     radius, angle = np.sqrt(samples[:, :1]), 2.0 * np.pi * samples[:, 1:]
     # Orthonormal basis without branches (Duff et al. 2017).
     x, y, z = normals.T

@@ -1,4 +1,4 @@
-"""Inertial samples from a driver's thread or a program, delivered with the frames."""
+"""Buffers IMU samples from a driver's thread or a program, and delivers them with the frames."""
 
 import threading
 from collections.abc import Callable, Sequence
@@ -13,18 +13,18 @@ from edgemap.runtime.inputs.cameras.base import CameraAround
 from edgemap.runtime.inputs.cameras.delivery import clock_jumps
 from edgemap.runtime.inputs.cameras.protocol import Camera
 
-KEPT = 20_000  # samples of each kind that wait for a reader
-OVERLAP_S = 0.1  # of forces that are kept, to interpolate between
+KEPT = 20_000  # maximum number of samples of each kind that wait for a reader
+OVERLAP_S = 0.1  # forces of this time are kept for interpolation
 
 _Row = tuple[float, float, float, float]
 
 
 class ImuBuffer:
-    """Samples on the clock of the frames, in the IMU's axes. Threads may push while another takes.
+    """Buffer of samples in the axes of the IMU, stamped with the clock of the frames. It is thread-safe.
 
-    rotation: (3, 3), takes IMU directions into the camera's optical frame. kept: the most that wait, None for all.
-    clock_s: for samples pushed as they are measured, the host's seconds: where the device's clock jumps or restarts,
-    their stamps go on by these, as those of the pictures do (`StreamClock`).
+    rotation: (3, 3), from the IMU frame to the camera's optical frame. kept: maximum number of samples of each kind;
+    None for no limit. clock_s: host clock, s, for samples that are pushed when they are measured. If the device clock
+    jumps or restarts, the stamps continue with the host clock, as those of the pictures do (`StreamClock`).
     """
 
     def __init__(
@@ -42,20 +42,20 @@ class ImuBuffer:
         self._forces: list[_Row] = []
 
     def push(self, stamp_s: float, gyro_rad_s: Sequence[float], accel_m_s2: Sequence[float]) -> None:
-        """One sample of both: angular rate, and specific force (upwards at rest)."""
+        """Adds one sample of angular rate, rad/s, and specific force, m/s^2 (upwards at rest)."""
         self.push_force(stamp_s, accel_m_s2)
         self.push_rate(stamp_s, gyro_rad_s)
 
     def push_rate(self, stamp_s: float, gyro_rad_s: Sequence[float]) -> None:
-        """One sample of the gyro alone."""
+        """Adds one sample of the gyro only, rad/s."""
         self._append(self._rates, stamp_s, gyro_rad_s)
 
     def push_force(self, stamp_s: float, accel_m_s2: Sequence[float]) -> None:
-        """One sample of the accelerometer alone; between them the force is interpolated."""
+        """Adds one sample of the accelerometer only, m/s^2. The force is interpolated between such samples."""
         self._append(self._forces, stamp_s, accel_m_s2)
 
     def take(self, until_s: float) -> ImuSamples:
-        """All samples up to a stamp at the gyro's stamps, once each; later ones wait."""
+        """Removes and returns all samples up to a stamp, at the stamps of the gyro. Later samples stay."""
         with self._lock:
             rates = [row for row in self._rates if row[0] <= until_s]
             forces = list(self._forces)
@@ -78,7 +78,7 @@ class ImuBuffer:
                 del rows[: -self._kept]
 
     def _shift_s(self, stamp_s: float) -> float:
-        """From the device's clock to the stream's."""
+        """Offset from the device clock to the stream clock, s."""
         if self._clock_s is None:
             return 0.0
         now_s = self._clock_s()
@@ -91,13 +91,13 @@ class ImuBuffer:
 
 
 class ImuCamera(CameraAround):
-    """A camera whose frames bring the samples of a buffer."""
+    """A camera whose frames include the samples of an IMU buffer."""
 
     def __init__(self, camera: Camera, buffer: ImuBuffer) -> None:
         super().__init__(camera)
         self._buffer = buffer
 
     def read(self) -> Frame | None:
-        """The next frame of the camera behind, with the samples up to its stamp."""
+        """The next frame of the wrapped camera, with the samples up to its stamp."""
         frame = super().read()
         return None if frame is None else replace(frame, imu=self._buffer.take(frame.stamp_s))

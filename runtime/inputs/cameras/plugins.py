@@ -1,4 +1,4 @@
-"""Cameras of this machine (RealSense, V4L2) and of other packages: entry points of the group `edgemap.cameras`."""
+"""Lists the cameras of this machine (RealSense, V4L2) and of other packages (entry points `edgemap.cameras`)."""
 
 import os
 import struct
@@ -19,13 +19,13 @@ GROUP = "edgemap.cameras"
 
 
 class CameraKind(Protocol):
-    """Interface of an entry point `KIND = module:object`: a module with these two functions suffices."""
+    """Interface of the object of an entry point `KIND = module:object`. A module with both functions is sufficient."""
 
     def open(self, address: str, intrinsics: Intrinsics | None, mount: Mount | None) -> Driver | Camera:
-        """Open SPEC `KIND:ADDRESS` (`KIND` alone: an empty address). Raises CameraError, one line.
+        """Opens the camera SPEC `KIND:ADDRESS`; for `KIND` alone the address is empty. Raises CameraError, one line.
 
-        A live source returns a Driver, which is then supervised, recovered and read for its newest frame; a finite
-        source returns a Camera. intrinsics, mount: given by the user; they override the source's own.
+        A live source returns a Driver. The supervisor then reads its newest frame and reopens it after a failure. A
+        finite source returns a Camera. intrinsics, mount: given by the user; they override those of the source.
         """
         ...
 
@@ -35,7 +35,7 @@ class CameraKind(Protocol):
 
 
 def plugin_kinds() -> dict[str, EntryPoint]:
-    """Kinds of other packages, by name. Raises CameraError where two packages bring the same one."""
+    """Camera kinds of other packages, by name. Raises CameraError if two packages define the same kind."""
     kinds: dict[str, EntryPoint] = {}
     for point in entry_points(group=GROUP):
         other = kinds.setdefault(point.name, point)
@@ -48,7 +48,7 @@ def plugin_kinds() -> dict[str, EntryPoint]:
 
 
 def load_kind(point: EntryPoint) -> CameraKind:
-    """Loads an entry point. Raises CameraError, naming the package, where the import fails."""
+    """Loads an entry point. Raises CameraError, which names the package, if the import fails."""
     try:
         return point.load()
     except EdgemapError:
@@ -66,16 +66,16 @@ def _package(point: EntryPoint) -> str:
 
 VIDEO_NODES, SYSFS = Path("/dev"), Path("/sys/class/video4linux")
 # linux/videodev2.h: VIDIOC_QUERYCAP and struct v4l2_capability (driver, card, bus_info, version, capabilities,
-# device_caps, reserved); a USB camera has nodes for metadata too, which capture no video.
+# device_caps, reserved). A USB camera also has nodes for metadata, which capture no video.
 QUERYCAP, CAPABILITY = 0x80685600, "16s32s32s3I3I"
 VIDEO_CAPTURE, VIDEO_CAPTURE_MPLANE = 0x1, 0x1000
 
 
 @dataclass(frozen=True, slots=True)
 class ConnectedCamera:
-    """A connected camera. spec: what to type after `--camera`. name: its own. knows_lens: it reports intrinsics.
+    """A connected camera. spec: value for `--camera`. name: reported by the device. knows_lens: it reports intrinsics.
 
-    problem: why it cannot be opened; empty where it can or that is unknown.
+    problem: why it cannot be opened; empty if it can be opened or was not checked.
     """
 
     kind: str
@@ -86,7 +86,7 @@ class ConnectedCamera:
 
 
 def connected_cameras() -> tuple[list[ConnectedCamera], list[str]]:
-    """The cameras found, and one line for each kind that could not be searched (a missing library)."""
+    """The connected cameras, and one line for each kind that could not be searched (for example, a missing library)."""
     cameras: list[ConnectedCamera] = []
     notes: list[str] = []
     try:
@@ -97,7 +97,7 @@ def connected_cameras() -> tuple[list[ConnectedCamera], list[str]]:
         notes.append(str(error))
     seen_by_librealsense = bool(cameras)
     for camera in _video_devices():
-        # A RealSense shows itself as V4L2 devices as well, without its intrinsics.
+        # A RealSense also appears as V4L2 devices, without its intrinsics.
         if not (seen_by_librealsense and "RealSense" in camera.name):
             cameras.append(camera)
     try:
@@ -115,7 +115,7 @@ def connected_cameras() -> tuple[list[ConnectedCamera], list[str]]:
 
 
 def _video_devices() -> list[ConnectedCamera]:
-    """V4L2 nodes that capture video. A node without permission is listed too, as it cannot be queried."""
+    """V4L2 nodes that capture video. A node without permission is listed too, because it cannot be queried."""
     found = []
     for node in sorted(VIDEO_NODES.glob("video[0-9]*"), key=lambda path: int(path.name[5:])):
         try:
@@ -138,7 +138,7 @@ def _captures(node: Path) -> bool:
     try:
         handle = os.open(node, os.O_RDWR | os.O_NONBLOCK | os.O_CLOEXEC)
     except OSError:
-        return True  # busy, for instance: opening it will show
+        return True  # busy, for instance; opening it reports the reason
     try:
         fcntl.ioctl(handle, QUERYCAP, answer)
     except OSError:

@@ -1,4 +1,4 @@
-"""Keeps one live camera going: late frame, retry, open again, hardware reset, back off; and gives up at last."""
+"""Recovers one live camera after faults: reports late frames, retries, reopens, resets, backs off, finally gives up."""
 
 import statistics
 import threading
@@ -21,12 +21,13 @@ BACK_OFF_LIMIT_S, SETTLE_S = 30.0, 2.0
 class RecoveryRule:
     """Timeouts and retries of a live camera's supervisor.
 
-    first_frame_limit_s: silence allowed before the first frame: devices wake slowly. After an opening it is three
-    times the stall limit, doubled with each opening in a row, at most this. stall_limit_s: a frame is late after ten
-    of the camera's own median frame intervals, at least so many seconds. Every second opening is preceded by a
-    hardware reset, where the camera has one. back_off_s: wait before the second opening in a row, doubled each time,
-    at most half a minute. A frame ends the row: the next one begins as far on as there were outages without two
-    seconds of frames between them. restarts: openings that may be spent; refill_s of frames give one back.
+    first_frame_limit_s: maximum time before the first frame, because devices start slowly. After a reopening the limit
+    is three times the stall limit, doubled with each consecutive reopening, and at most first_frame_limit_s.
+    stall_limit_s: a frame is late after ten median frame intervals of the camera, and not before this time. A hardware
+    reset precedes every second reopening, if the camera supports it. back_off_s: wait before the second consecutive
+    reopening, doubled each time, at most half a minute. A frame ends the sequence. The next sequence starts at the
+    number of outages that had less than two seconds of frames between them. restarts: budget of reopenings. refill_s:
+    frames of this duration restore one reopening.
     """
 
     first_frame_limit_s: float = 10.0
@@ -37,12 +38,12 @@ class RecoveryRule:
 
 
 class RecoveryClock:
-    """Keeps the intervals between frames, the restarts that are left, and when the next one is due."""
+    """Tracks the frame intervals, the remaining restarts, and the wait before the next restart."""
 
     def __init__(self, rule: RecoveryRule, now_s: float) -> None:
         self.rule = rule
-        self.restarts = 0  # in a row
-        self._outages = 0  # in a row, each ended by a frame
+        self.restarts = 0  # consecutive
+        self._outages = 0  # consecutive, each ended by a frame
         self.spent = 0.0
         self.heard_s = now_s
         self._intervals_s: deque[float] = deque(maxlen=30)
@@ -51,7 +52,7 @@ class RecoveryClock:
 
     @property
     def stall_limit_s(self) -> float:
-        """Longest allowed silence of the device, s."""
+        """Maximum time without a frame from the device, s."""
         if not self._intervals_s:
             return self.rule.first_frame_limit_s
         running = max(self.rule.stall_limit_s, STALL_INTERVALS * statistics.median(self._intervals_s))
@@ -64,7 +65,7 @@ class RecoveryClock:
         return self.spent > self.rule.restarts - 1
 
     def frame(self, now_s: float) -> None:
-        """A good frame has arrived."""
+        """Records the arrival of a good frame."""
         if self.fresh and self.restarts:
             self._outages += 1
             self.restarts = self._outages
@@ -84,22 +85,22 @@ class RecoveryClock:
         return self.restarts % RESET_EVERY == 0
 
     def back_off_s(self) -> float:
-        """Wait before the next restart, s; 0 before the first in a row."""
+        """Wait before the next restart, s; 0 before the first of a sequence."""
         if self.restarts == 0:
             return 0.0
         return min(BACK_OFF_LIMIT_S, self.rule.back_off_s * 2.0 ** (self.restarts - 1))
 
 
-POLL_S = 0.2  # longest wait of one poll that has no device to wait for
-RETRY_S = 0.05  # between two grabs, the first of which failed
-RETRIES = 3  # failed grabs in a row before the device is opened again
+POLL_S = 0.2  # maximum wait of one poll without an open device
+RETRY_S = 0.05  # wait after a failed grab
+RETRIES = 3  # consecutive failed grabs before the device is reopened
 
 
 class Supervisor:
-    """Grabs from a device that its driver opened, and opens it again where it fails.
+    """Reads frames from a device that its driver has opened, and reopens the device after a failure.
 
-    `poll` belongs to one thread. report: called with every fault. clock_s, wait: seconds that only go forward, and
-    waiting them or until `wake`; tests pass their own.
+    Call `poll` from one thread only. report: called with each fault. clock_s: monotonic clock, s. wait: waits for a
+    number of seconds or until `wake`. Tests pass their own clock_s and wait.
     """
 
     def __init__(
@@ -128,15 +129,15 @@ class Supervisor:
 
     @property
     def stall_limit_s(self) -> float:
-        """Longest silence of the camera before its frame counts as late, s."""
+        """Time without a frame after which the frame counts as late, s."""
         return self._recovery.stall_limit_s
 
     def stream_s(self) -> float | None:
-        """The time now on the stream's clock."""
+        """The current time on the stream clock, s."""
         return self._check.clock.now_s(self._clock_s())
 
     def poll(self) -> Picture | None:
-        """The next good picture at its stamp in the stream, None for none yet.
+        """The next good picture, with its stamp on the stream clock; None if there is none yet.
 
         Blocks no longer than one grab, one opening or `POLL_S`. Raises CameraLostError once the budget is spent.
         """
@@ -161,7 +162,7 @@ class Supervisor:
         return good
 
     def wake(self) -> None:
-        """End a wait that is under way; from any thread."""
+        """Ends a current wait. It may be called from any thread."""
         self._wake.set()
 
     def close(self) -> None:
@@ -183,7 +184,7 @@ class Supervisor:
         self._failures += 1
         if self._failures == 1:
             self._fault(FaultKind.FAILED, f"stopped delivering ({error_line(error)})")
-        # One that was waited for (a network stream's time limit) has had the time that retries would take.
+        # A grab that ran into a time limit (of a network stream) has already taken the time of the retries.
         if self._failures > RETRIES or took_s >= self._recovery.stall_limit_s:
             self._give_up_device()
         else:
@@ -197,7 +198,7 @@ class Supervisor:
         if self._late_s is None:
             self._late_s = now_s
             self._fault(FaultKind.LATE, f"no frame for {silent_s:.1f} s (limit {limit_s:.1f} s)")
-            if not self._recovery.fresh:  # it has as long again: this process may be what stood still
+            if not self._recovery.fresh:  # one more limit: this process itself may have stalled
                 return
         if self._recovery.fresh or now_s - self._late_s >= limit_s:
             self._give_up_device()

@@ -1,7 +1,7 @@
-"""Discovery: ROS 2's environment variables as a configuration of Cyclone DDS.
+"""Converts the discovery variables of ROS 2 to a configuration of Cyclone DDS.
 
-Source: https://docs.ros.org/en/jazzy/Tutorials/Advanced/Improved-Dynamic-Discovery.html. Where none of them is set the
-range is this machine (ROS 2 itself: the subnet), so that a robot publishes beyond itself only when asked to.
+Source: https://docs.ros.org/en/jazzy/Tutorials/Advanced/Improved-Dynamic-Discovery.html. If none of them is set,
+the range is this machine (in ROS 2: the subnet). A robot therefore publishes to other machines only on request.
 """
 
 from collections.abc import Mapping
@@ -9,25 +9,25 @@ from dataclasses import dataclass
 
 from edgemap.runtime.frames.errors import Ros2Error
 
-LAST_DOMAIN = 232  # ports above it do not exist
-PARTICIPANTS = 32  # on one machine, that are looked for by their ports
-LOOK_EVERY = "1s"  # an older ROS 2 announces itself by multicast alone, which the loopback interface lacks
+LAST_DOMAIN = 232  # higher domains would need ports above the maximum
+PARTICIPANTS = 32  # maximum number on one machine; they are discovered by port
+LOOK_EVERY = "1s"  # older ROS 2 versions announce themselves by multicast only, which the loopback interface lacks
 RANGES = ("LOCALHOST", "SUBNET", "OFF", "SYSTEM_DEFAULT")
 
 
 @dataclass(frozen=True, slots=True)
 class Discovery:
-    """domain: ROS_DOMAIN_ID. range: one of RANGES. peers: further addresses to search."""
+    """Discovery settings. domain: ROS_DOMAIN_ID. range: one of RANGES. peers: additional addresses to contact."""
 
     domain: int = 0
     range: str = "LOCALHOST"
     peers: tuple[str, ...] = ()
 
     def cyclone_config(self, before: str = "", loopback: bool = True) -> str:
-        """Configuration for `cyclonedds.domain.Domain`; before: the user's own CYCLONEDDS_URI, whose words win.
+        """Configuration for `cyclonedds.domain.Domain`. before: the user's CYCLONEDDS_URI, which has priority.
 
-        loopback: within this machine, listen on its loopback interface only; without it, as ROS 2 does, on all of them
-        and contact no other host.
+        loopback: for the range of this machine, listen on the loopback interface only. Otherwise listen on all
+        interfaces, as ROS 2 does, and contact no other host.
         """
         if self.range == "SYSTEM_DEFAULT":
             return before

@@ -14,11 +14,11 @@ from edgemap.runtime.frames.messages.definitions import DAMAGE, Message, decoder
 from edgemap.runtime.inputs.ros2.discovery import Discovery, discovery_from
 from edgemap.runtime.inputs.ros2.types import HASHES, dds_topic, dds_type, ros_kind, sample_type
 
-BLOCK_MS = 5  # a reliable writer whose readers do not keep up waits so long, then drops the message
+BLOCK_MS = 5  # a reliable writer waits this long for slow readers, then drops the message
 
 
 class Reliability(StrEnum):
-    """reliable: lost samples are sent again. best_effort: not. latched: reliable, and kept for late readers."""
+    """reliable: missing samples are sent again. best_effort: they are not. latched: reliable, kept for late readers."""
 
     RELIABLE = "reliable"
     BEST_EFFORT = "best_effort"
@@ -26,7 +26,7 @@ class Reliability(StrEnum):
 
 
 class Publisher:
-    """Publishes one topic. `dropped` counts messages that slow readers cost."""
+    """Publishes one topic. `dropped`: number of messages dropped because readers were too slow."""
 
     def __init__(self, participant: Any, topic: str, kind: str, reliability: Reliability, depth: int) -> None:
         from cyclonedds.core import Listener
@@ -38,7 +38,7 @@ class Publisher:
         self._encode = encoder(kind)
         self._sample = sample_type(kind)
         self._readers = readers = [0]
-        # Called from a thread of Cyclone's. It must not know this object, which would then never be freed.
+        # A thread of Cyclone DDS calls it. It must not refer to this object, which would then never be freed.
         listener = Listener(on_publication_matched=lambda _, status: readers.__setitem__(0, status.current_count))
         self._writer: Any = DataWriter(
             participant, _topic(participant, topic, kind), _qos(kind, reliability, depth), listener
@@ -46,11 +46,11 @@ class Publisher:
 
     @property
     def wanted(self) -> bool:
-        """Whether it has a reader, or keeps messages for later ones."""
+        """Whether the topic has a reader, or is latched for later readers."""
         return self.latched or self._readers[0] > 0
 
     def write(self, message: Message) -> None:
-        """Publish a message. Raises Ros2Error; a message that slow readers cannot accept is dropped and counted."""
+        """Publishes a message. A message that slow readers cannot accept is dropped and counted. Raises Ros2Error."""
         from cyclonedds.core import DDSException
 
         try:
@@ -77,7 +77,7 @@ class Subscription:
         self._waits.attach(self._any)
 
     def wait(self, timeout_s: float) -> bool:
-        """Whether a message is there, or comes within the time."""
+        """Waits for a message. Returns False if none arrives within the time."""
         return self._waits.wait(max(0, round(timeout_s * 1e9))) > 0
 
     def take(self) -> Iterator[Any]:
@@ -89,7 +89,7 @@ class Subscription:
                 continue
 
     def newest(self) -> Any | None:
-        """The newest received message; older ones are not decoded. Raises Ros2Error where it is damaged."""
+        """The newest received message, if any; older ones are not decoded. Raises Ros2Error if it is damaged."""
         samples = self._samples()
         if not samples:
             return None
@@ -108,7 +108,7 @@ class Subscription:
 
 
 class Node:
-    """A participant in the domain that the environment names. Raises Ros2Error where there can be none."""
+    """A DDS participant in one domain. Raises Ros2Error if Cyclone DDS cannot create it."""
 
     def __init__(self, domain: int, config: str) -> None:
         from cyclonedds.builtin import BuiltinDataReader, BuiltinTopicDcpsPublication
@@ -131,20 +131,20 @@ class Node:
     def subscription(
         self, topic: str, kind: str, reliability: Reliability = Reliability.BEST_EFFORT, depth: int = 10
     ) -> Subscription:
-        """A subscription to a topic; best effort reads every publisher. depth: messages that wait to be taken."""
+        """A subscription to a topic. Best effort matches every publisher. depth: maximum number of unread messages."""
         return Subscription(self._participant, topic, kind, reliability, depth)
 
     def published(self) -> dict[str, str]:
-        """Topics that are published now, to their types."""
+        """The topics that have a publisher now, each with its type."""
         found = self._publications.read(1000)
         return {
             sample.topic_name.removeprefix("rt"): ros_kind(sample.type_name)
             for sample in found
-            if (getattr(sample, "topic_name", None) or "").startswith("rt/")  # None: who published it has left
+            if (getattr(sample, "topic_name", None) or "").startswith("rt/")  # None: its publisher has left
         }
 
     def kind_of(self, topic: str, timeout_s: float) -> str | None:
-        """The type of a topic, once it is published; None where it is not within the time."""
+        """Waits until a topic is published and returns its type; None if it is not published within the time."""
         until_s = time.monotonic() + timeout_s
         while (kind := self.published().get(topic)) is None and time.monotonic() < until_s:
             time.sleep(0.02)
@@ -153,14 +153,14 @@ class Node:
 
 @cache
 def shared_node() -> Node:
-    """This process's node, configured by the environment. Raises Ros2Error, and MissingExtraError without the extra."""
+    """This process's node, configured by the environment. Raises Ros2Error, or MissingExtraError without the extra."""
     need("ros2", "ROS 2", ("cyclonedds", "mcap_ros2"))
     return node_for(discovery_from(os.environ), os.environ.get("CYCLONEDDS_URI", ""))
 
 
 def node_for(discovery: Discovery, before: str = "") -> Node:
-    """A node of its own. before: further configuration of Cyclone DDS. Raises Ros2Error."""
-    # Versions before 0.11 find no program there that listens on another interface of this machine.
+    """Creates a separate node. before: additional configuration of Cyclone DDS. Raises Ros2Error."""
+    # On the loopback interface, versions before 0.11 do not discover programs that listen on another interface.
     loopback = not version("cyclonedds").startswith(("0.9", "0.10"))
     return Node(discovery.domain, discovery.cyclone_config(before, loopback))
 
@@ -186,6 +186,6 @@ def _qos(kind: str, reliability: Reliability, depth: int) -> Any:
         Policy.History.KeepLast(depth),
         Policy.DataRepresentation(use_cdrv0_representation=True, use_xcdrv2_representation=False),
     ]
-    if kind in HASHES:  # ROS 2 from Iron on distinguishes types by it, and warns where it is missing
+    if kind in HASHES:  # ROS 2 since Iron identifies types by it, and warns if it is missing
         policies.append(Policy.Userdata(f"typehash=RIHS01_{HASHES[kind]};".encode()))
     return Qos(*policies)

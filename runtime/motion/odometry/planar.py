@@ -1,4 +1,4 @@
-"""Odometry without learning: corners are tracked from frame to frame and kept as landmarks."""
+"""Odometry without a neural network: it tracks corners from frame to frame and keeps them as landmarks."""
 
 from __future__ import annotations
 
@@ -50,36 +50,38 @@ from edgemap.runtime.network.network import Tensors
 Array = NDArray[np.float64]
 Pixels = NDArray[np.float32]
 
-LEVELS = 3  # of the tracker's pyramid; with two it loses a robot that starts to spin at once
-SHIFT_PX = 4  # the picture's shift is estimated on every so many pixels
-RESPONSE_PX = 3  # about a corner; that far its response reads the picture
-MASK_PX = 8  # the floor mask is computed on every so many pixels
-SHORTEST_S = 1e-3  # between two pictures
-FEW = 5  # a fifth of the corners: fewer missing ones are not replaced, fewer of a keyframe tell no direction, and fewer
-# of known depth keep no scale: what is seen below the horizon counts as floor at once then
+LEVELS = 3  # levels of the tracker's pyramid; with two, tracking fails when a robot starts to spin suddenly
+SHIFT_PX = 4  # the picture's shift is estimated on every n-th pixel
+RESPONSE_PX = 3  # radius around a corner in which its response reads the picture
+MASK_PX = 8  # the floor mask is computed on every n-th pixel
+SHORTEST_S = 1e-3  # minimum time between two pictures
+FEW = 5  # a fifth of the corners: fewer missing ones are not replaced, and fewer of a keyframe give no direction. Fewer
+# with an estimated depth do not keep the scale; then corners below the horizon count as floor immediately
 MINIMUM_COVARIANCE = np.diag([1e-4, 1e-4, 1e-4]) ** 2
 
 
 @dataclass(frozen=True, slots=True)
 class PlanarRule:
-    """How planar odometry tracks corners and weighs them. Its metres are those of robots at home: `FloorCamera.unit_m`.
+    """How planar odometry tracks and weights corners. Lengths are in `FloorCamera.unit_m`, one metre for home robots.
 
-    working_width_px: wider pictures are scaled down to it. window_px: of the tracker; corners are half of it apart.
-    corners: how many. floor_share: of the corners, looked for where the floor is within reach. shift_response: of the
-    phase correlation, from which on the picture's shift tells what lies beyond the tracker's own reach. reach_heights:
-    range, in camera heights, beyond which no corner counts as floor. max_age: lifetime of a landmark, frames.
-    track_sigma_px, drift_sigma_px: of one tracked corner at the working width, and its drift in one frame. levelling:
-    share of the tilt that is taken for the landmarks' and not for the camera's. trusted_share: of the tracks that must
-    agree, or a fresh start is tried, but on wheels: it doubles the scale there as often as it mends it. agrees_more:
-    times as many must agree on the fresh start, which has looser landmarks. least_weight: tracks that must agree at
-    all. scale_drift_per_s: relative, of the scale that landmarks keep while no floor is in view. carried: when the
-    camera counts as carried, and as one on wheels. What is carried rises and sinks as well: by rise_per_rad of the
-    mount's height for each radian beyond `carried.level_rad`. lateral_share: as of `Rolling`, for robots on wheels; one
-    that slides in most steps in which much floor is in view moves sideways by itself. travelled_rad: the direction of
-    motion is measured when the corners have moved so far, median, beside the rotation. carried_gate: share of the usual
-    gates within which a track of a carried camera fits. gyro_rad, gyro_share: standard deviation of the rotation that a
-    gyro measures between two pictures of a carried camera, and relative to it, as samples and pictures are not quite in
-    step. What the attitude learns of an IMU's tilt rotates the landmarks and is no motion.
+    working_width_px: wider pictures are scaled down to this width. window_px: size of the tracker's window; corners are
+    at least half of it apart. corners: number of corners. floor_share: share of the corners that are sought where the
+    floor is within reach. shift_response: minimum response of the phase correlation; the picture's shift is then used
+    for motions beyond the reach of the tracker. reach_heights: range, in camera heights, beyond which no corner counts
+    as floor. max_age: lifetime of a landmark, frames. track_sigma_px, drift_sigma_px: standard deviation of one tracked
+    corner at the working width, and of its drift in one frame. levelling: share of a tilt that is attributed to the
+    landmarks instead of the camera. trusted_share: share of the tracks that must agree. If fewer agree, a new set of
+    landmarks is tried, except on wheels, where the new set doubles the scale as often as it corrects it. agrees_more:
+    factor by which more tracks must agree with the new set, because its landmarks are less certain. least_weight:
+    minimum total weight of the tracks that agree. scale_drift_per_s: relative drift of the scale that the landmarks
+    keep while no floor is in view. carried: rule for a carried camera, and for one on wheels. rise_per_rad: a carried
+    camera also rises and sinks, by this share of the mount's height for each radian beyond `carried.level_rad`.
+    lateral_share: as in `Rolling`, for robots on wheels. A robot that slides in most of the steps with much floor in
+    view counts as able to drive sideways. travelled_rad: median motion of the corners, without the rotation, at which
+    the direction of motion is measured. carried_gate: factor on the usual gates for tracks of a carried camera.
+    gyro_rad, gyro_share: standard deviation of the rotation that a gyro measures between two pictures of a carried
+    camera: a constant part, and a part relative to the rotation, because samples and pictures are not exactly
+    synchronous. A tilt correction from an IMU rotates the landmarks and does not count as motion.
     """
 
     working_width_px: int = 320
@@ -106,14 +108,14 @@ class PlanarRule:
 
     @property
     def apart_px(self) -> int:
-        """Least distance of two corners."""
+        """Minimum distance between two corners, px."""
         return (self.window_px + 1) // 2
 
 
 class PlanarOdometry:
-    """KLT corners (Lucas and Kanade 1981, Shi and Tomasi 1994) as landmarks, and the pose among them (`locate`).
+    """KLT corners (Lucas and Kanade 1981, Shi and Tomasi 1994) as landmarks, and the pose relative to them (`locate`).
 
-    A step that finds no motion is blind: `Coasting` guesses.
+    If a step measures no motion, `Coasting` predicts it.
     """
 
     name, needs_features = "planar", False
@@ -140,25 +142,25 @@ class PlanarOdometry:
         self._reached = self._within_reach(self._level)
         self._mask = self._mask_before = self._reached
         self._sees_floor = False  # the bundle has a floor head
-        self._window: MatLike | None = None  # against the edges of the phase correlation
+        self._window: MatLike | None = None  # suppresses edge effects of the phase correlation
         self._attitude: Attitude | None = None
-        self._mount = camera.mount  # that attitudes are about
+        self._mount = camera.mount  # the mount that attitudes refer to
         self._carried = Carried(rule.carried)
         known = camera.mount.forward_m != 0.0 or camera.mount.left_m != 0.0
-        axle_m = 0.0 if known else self._level.mount.height_m  # nobody measured it: as far off as the lens is high
+        axle_m = 0.0 if known else self._level.mount.height_m  # not measured: assumed equal to the height of the lens
         self._rolling = Rolling(rule.lateral_share, 0.0, axle_m)
-        self._spacing_px = math.sqrt(size[0] * size[1] / max(rule.corners, 1))  # of corners, on the mean
-        self._slides = 0.0  # share of the steps in which the floor contradicts rolling, the latest ones
+        self._spacing_px = math.sqrt(size[0] * size[1] / max(rule.corners, 1))  # mean distance of corners
+        self._slides = 0.0  # share of recent steps in which the floor contradicts rolling
         self._seed, coasting = seed, coasting or CoastingRule()
         self._coasting, self._unseen_m_s = Coasting(coasting), coasting.speed_sigma_m_s
         self.reset("start")
 
     def step(self, frame: Frame, features: Tensors, prior: FramePrior = NO_PRIOR) -> Motion:  # noqa: ARG002
-        """Follow the corners of the last frame into this one."""
+        """Tracks the corners of the previous frame into this frame and estimates the motion between both."""
         return self._metric(self._followed(frame, prior))
 
     def _metric(self, motion: Motion) -> Motion:
-        """A motion in the camera's unit of length, in metres."""
+        """Converts a motion from the camera's unit of length to metres."""
         if self._unit_m == 1.0:
             return motion
         units = np.array([self._unit_m, self._unit_m, 1.0])
@@ -166,7 +168,7 @@ class PlanarOdometry:
         return replace(motion, motion=metric, covariance=motion.covariance * np.outer(units, units))
 
     def _followed(self, frame: Frame, prior: FramePrior) -> Motion:
-        """The motion in units."""
+        """The motion in the camera's unit of length."""
         grey = cv2.cvtColor(frame.image, cv2.COLOR_BGR2GRAY)
         if (grey.shape[1], grey.shape[0]) != self._size:
             grey = cv2.resize(grey, self._size, interpolation=cv2.INTER_AREA)
@@ -194,14 +196,14 @@ class PlanarOdometry:
         rotation = np.eye(3)
         rotation[:2, :2] = motion.rotation()
         now = found.covariance[:3, :3]
-        inflation = (len(found.weights) / found.weights.sum()) ** 2  # new tracks fit any motion
+        inflation = (len(found.weights) / found.weights.sum()) ** 2  # new tracks agree with any motion
         covariance = inflation * (self._covariance + rotation @ now @ rotation.T) + MINIMUM_COVARIANCE
         covariance += self._since_covariance
         scale2 = self._scale_variance(found, frame.stamp_s)
         covariance[:2, :2] += scale2 * np.outer(*[motion.vector()[:2]] * 2)
         if self._carried.on_wheels:  # a scale that has collapsed makes every motion small
             covariance[0, 0] += scale2 * (self._unseen_m_s * dt_s) ** 2
-        if self._rotation_known and self._carried.beyond_rad > 0.0:  # tilt errs too: a better yaw tells no translation
+        if self._rotation_known and self._carried.beyond_rad > 0.0:  # tilt errors remain in translation
             covariance[:2, 2] = covariance[2, :2] = 0.0
         self._since, self._since_covariance = SE2(), np.zeros((3, 3))
         self._learn_nodding(found.view, motion, dt_s)
@@ -222,18 +224,20 @@ class PlanarOdometry:
         return Motion(motion, covariance, rotation=replace(seen, travelled=direction))
 
     def step_blind(self, stamp_s: float, reason: str, attitude: Attitude | None = None) -> Motion:  # noqa: ARG002
-        """A guess; the landmarks stay for the next picture, which measures the motion since the last one."""
+        """Predicts the motion without a picture. The landmarks are kept; the next picture measures the motion since the
+        previous picture.
+        """
         guess, self._skipped = self._coasting.guess(stamp_s, reason), True
         self._since, self._since_covariance = self._since @ guess.motion, self._since_covariance + guess.covariance
         self._motion, self._trusted = guess.motion, False
         return self._metric(guess)
 
     def still(self, stamp_s: float, attitude: Attitude | None) -> bool | None:  # noqa: ARG002
-        """It lives by pictures."""
+        """None: this odometry cannot detect a standstill without pictures."""
         return None
 
     def rest(self, stamp_s: float) -> Motion:
-        """The last picture and its corners are as of this stamp."""
+        """Moves the stamp of the last picture and of its corners to this stamp, while the robot stands still."""
         if self._grey is not None:
             self._floor_s, self._seen_s = self._floor_s + stamp_s - self._seen_s, stamp_s
         self._motion = SE2()
@@ -252,14 +256,14 @@ class PlanarOdometry:
         self._since, self._since_covariance = SE2(), np.zeros((3, 3))
         self._corners = self._before = np.zeros((0, 2), dtype=np.float32)
         self._landmarks = Landmarks.none()
-        self._keyframe = self._view, self._camera, np.zeros((0, 3))  # and rays then of the corners, NaN for later ones
+        self._keyframe = self._view, self._camera, np.zeros((0, 3))  # rays then; NaN for later corners
         self._motion, self._trusted, self._tilt, self._skipped = SE2(), False, self._view.tilt, False
         self._rotation_known = self._predicted = False
-        self._levelled_rad = math.inf  # what the landmarks have of the tilt that an IMU measures
+        self._levelled_rad = math.inf  # sigma of the IMU tilt that the landmarks already include
         self._floor_s = self._seen_s
 
     def _scale_variance(self, found: Located, stamp_s: float) -> float:
-        """Relative, of the motion's length; it grows while no floor is in view."""
+        """Relative variance of the length of the motion. It grows while no floor is in view."""
         of_scale = self._landmarks.floor
         if float(found.weights[of_scale].sum()) >= self._rule.least_weight:
             self._floor_s = stamp_s
@@ -267,7 +271,7 @@ class PlanarOdometry:
         return drifted**2 + (self._noise.tilt_rad**2 if self._rotation_known else 0.0)
 
     def _attend(self, attitude: Attitude | None) -> None:
-        """The camera of this frame, the uncertainty of its attitude, and the rotation by a gyro."""
+        """Updates the camera of this frame, the uncertainty of its attitude, and the rotation from a gyro."""
         self._camera_before = self._camera
         self._scatters(attitude)
         if attitude is not None and attitude is not self._attitude:
@@ -279,8 +283,8 @@ class PlanarOdometry:
         ahead = attitude is not None and attitude.predicted and attitude.source != "mount"
         mount, share = self._mount, self._rule.levelling
         if attitude is not None and attitude.mount is not None and attitude.mount.used != mount:
-            self._mount, share = attitude.mount.used, 1.0  # the landmarks were placed by a mount that is wrong
-        # This camera is the last one as its rotation, or its mount, was corrected: what is left is wrong.
+            self._mount, share = attitude.mount.used, 1.0  # the landmarks were placed with an incorrect mount
+        # The rotation or the mount of the previous camera was corrected; what remains of the tilt is an error.
         if ahead or self._predicted or self._mount != mount:
             _, tilt = rotated(self._view.tilt, self._camera_before, np.eye(3), self._camera)
             view = Viewpoint(self._view.pose, tilt, self._view.rise_m)
@@ -302,7 +306,9 @@ class PlanarOdometry:
         self._tilt, self._levelling = tilt, 0.0
 
     def _retilt(self, rotation: GyroRotation) -> None:
-        """The last picture's camera as known now; the landmarks follow by the share of the tilt's variance gone."""
+        """Updates the attitude of the previous picture's camera. The landmarks rotate with it by the share by which the
+        variance of the tilt has decreased.
+        """
         mount, sigma_rad = self._camera.mount, self._noise.tilt_rad
         up = rotation.rotation @ up_optical(mount.pitch_rad, mount.roll_rad)
         known = Attitude.of_up(up, np.eye(2) * sigma_rad**2, "imu")
@@ -316,8 +322,9 @@ class PlanarOdometry:
         self._camera_before = before
 
     def _mark_floor(self, seen: FloorMask | None) -> None:
-        """Where corners may lie on the floor: within reach, and where the floor mask, if any, has floor. Floor heads
-        are trained on rooms: on a road the mask is not used."""
+        """Marks where corners may lie on the floor: within reach, and on the floor of the floor mask, if there is one.
+        Floor heads are trained on rooms, so the mask is not used on a road.
+        """
         seen = seen if self._unit_m == 1.0 else None
         self._mask_before, self._mask, self._sees_floor = self._mask, self._reached, seen is not None
         if seen is not None:
@@ -325,20 +332,20 @@ class PlanarOdometry:
             self._mask = np.where(floor >= 0.5, self._reached, 0).astype(np.uint8)
 
     def _on_floor(self, mask: NDArray[np.uint8], corners: Pixels) -> NDArray[np.bool_]:
-        """Which corners (N, 2) may count as floor at once, (N,)."""
+        """Whether each corner (N, 2) may count as floor immediately, (N,)."""
         columns, rows = corners.astype(np.intp).T
         trusted = mask[rows, columns] > 0 if self._sees_floor else np.asarray(self._trusting())
         return np.asarray(trusted & ~self._doubtful(corners))
 
     def _within_reach(self, camera: FloorCamera) -> NDArray[np.uint8]:
-        """255 where the floor is within reach, 0 elsewhere; judged on every few pixels."""
+        """Mask: 255 where the floor is within reach, 0 elsewhere; computed on every `MASK_PX`-th pixel."""
         down = camera.mount.rotation_base_optical()[2]
         falls = -(self._coarse @ down[:2] + down[2]) / np.sqrt((self._coarse**2).sum(axis=2) + 1.0)
         reaches = (falls * self._reach_m > camera.mount.height_m).astype(np.uint8) * 255
         return np.asarray(cv2.resize(reaches, self._size, interpolation=cv2.INTER_NEAREST))
 
     def _mark_movers(self, boxes: NDArray[np.float64]) -> None:
-        """Where people and animals are: boxes (N, 4), px at the working width; 0 in `_still`, 255 elsewhere."""
+        """Marks people and animals in `_still` with 0, all else with 255. boxes: (N, 4), px at the working width."""
         self._movers = boxes.astype(np.intp)
         self._still = np.full(self._size[::-1], 255, dtype=np.uint8)
         margin = self._rule.apart_px
@@ -346,12 +353,12 @@ class PlanarOdometry:
             self._still[max(y0 - margin, 0) : y1 + margin, max(x0 - margin, 0) : x1 + margin] = 0
 
     def _doubtful(self, corners: Pixels) -> NDArray[np.bool_]:
-        """Which corners (N, 2) lie on people and animals, (N,)."""
+        """Whether each corner (N, 2) lies on a person or an animal, (N,)."""
         columns, rows = corners.astype(np.intp).T
         return self._still[rows, columns] == 0
 
     def _locate(self, index: int) -> Located:
-        """The view that the landmarks agree on; where few agree, and more of a fresh set do, that of the fresh set."""
+        """The view with which the landmarks agree. If few agree, and more of a new set do, the view of the new set."""
         seen, noise = self._bearings(self._corners), self._noise_now()
         start = self._ahead(self._since @ self._motion)
         given = self._doubtful(self._corners), self._rolls()
@@ -381,28 +388,29 @@ class PlanarOdometry:
         return other
 
     def _rolls(self) -> tuple[SE2, Rolling] | None:
-        """The pose that the robot rolled on from, and how, where it is on wheels and that pose was measured."""
+        """The previous pose and the rolling model, if the robot is on wheels and that pose was measured."""
         rolls = self._carried.on_wheels and self._slides < 0.5 and self._since == SE2()
         return (self._view.pose, self._rolling) if rolls else None
 
     def _learn_rolling(self, found: Located, motion: SE2) -> None:
-        """Where the axle lies, and whether the robot moves sideways by itself."""
+        """Estimates the position of the axle, and whether the robot can drive sideways."""
         if found.lateral is not None:
             self._slides += (found.slid - self._slides) / self._rule.max_age
             self._rolling = self._rolling.learnt(*found.lateral, motion.yaw_rad)
 
     def _ahead(self, motion: SE2) -> Viewpoint:
-        """The view after a motion, tilted and as high as before."""
+        """The view after a motion, with the current tilt and the previous height."""
         return Viewpoint(self._view.pose @ motion, self._tilt, self._view.rise_m)
 
     def _seen_rotation(self, found: Located) -> TrackedRotation:
-        """Of the camera since the last picture, among the landmarks."""
+        """Rotation of the camera since the previous picture, relative to the landmarks."""
         rotation = rotation_between(self._view, self._camera_before, found.view, self._camera)
         return TrackedRotation(rotation, math.sqrt(float(np.trace(found.covariance[3:5, 3:5]))), self._carried)
 
     def _travelled(self) -> TrackedDirection | None:
-        """In which direction the lens moved since the keyframe, once the corners have moved enough; then a new keyframe
-        begins. No landmark's depth is used, as those of the floor are the mount's."""
+        """Direction in which the lens moved since the keyframe, after the corners have moved enough. Then a new
+        keyframe begins. It uses no landmark depth, because the depth of floor landmarks depends on the mount.
+        """
         view, camera, rays = self._keyframe
         now = _rays(self._bearings(np.asarray(self._corners, dtype=np.float32)))
         both = np.isfinite(rays[:, 0])
@@ -422,7 +430,7 @@ class PlanarOdometry:
         return found
 
     def _learn_nodding(self, found: Viewpoint, motion: SE2, dt_s: float) -> None:
-        """Estimate how much the camera nods between pictures: one that nods is carried, and its height varies."""
+        """Updates the nodding between pictures. A camera that nods is carried by a person, and its height varies."""
         before, now = self._camera_before.mount, self._camera.mount
         pitch_rad = now.pitch_rad + found.tilt.pitch_rad - before.pitch_rad - self._view.tilt.pitch_rad
         roll_rad = now.roll_rad + found.tilt.roll_rad - before.roll_rad - self._view.tilt.roll_rad
@@ -430,31 +438,34 @@ class PlanarOdometry:
         self.sways((pitch_rad**2 + roll_rad**2) / 2.0, metric, dt_s, self._rotation_known)
 
     def sways(self, nod2: float, motion: SE2, span_s: float, gyro: bool, attitude: Attitude | None = None) -> Carried:
-        """Whether the camera is carried, after one more picture. nod2: mean square of the change of roll and pitch.
-        motion: since the last one, span_s ago. gyro: whether one measured the rotation."""
+        """Updates and returns the estimate of whether the camera is carried. Call it once for each picture.
+
+        nod2: mean square of the changes of roll and pitch since the previous picture, rad^2. motion: since the
+        previous picture, metres. span_s: time since the previous picture. gyro: whether a gyro measured the rotation.
+        """
         self._scatters(attitude)
         path_m = math.hypot(motion.x_m, motion.y_m) + TURN_M * abs(motion.yaw_rad)
         self._carried = self._carried.updated(nod2, max(span_s, SHORTEST_S), path_m, gyro=gyro)
         return self._carried
 
     def _scatters(self, attitude: Attitude | None) -> None:
-        """What the room's edges say of it."""
+        """Takes over the estimate from the edges of the room."""
         if attitude is not None and attitude.carried != self._carried.scattered:
             self._carried = replace(self._carried, scattered=attitude.carried)
 
     def _noise_now(self) -> Noise:
-        """What is unknown of this picture's tilt and height, and the gate of its tracks."""
+        """Uncertainty of this picture's tilt and height, and the gate of its tracks."""
         known_height = self._attitude is not None and self._attitude.height_m is not None
         carried_rad = 0.0 if known_height else self._carried.beyond_rad
         rise_m = max(self._rule.rise_per_rad * carried_rad * self._camera.mount.height_m, self._noise.rise_m)
         return replace(self._noise, rise_m=rise_m, gate=self._gate())
 
     def _gate(self) -> float:
-        """Share of the usual gates within which a track fits."""
+        """Factor on the usual gates of the tracks."""
         return 1.0 - (1.0 - self._rule.carried_gate) * self._carried.share
 
     def _guess(self, grey: MatLike, frame: Frame) -> Motion:
-        """Tracking failed: begin with new corners where a guess puts the view."""
+        """Handles a tracking failure: starts with new corners at the predicted view."""
         guess = self._coasting.guess(
             frame.stamp_s, f"planar odometry: no motion agrees among {len(self._corners)} floor corners"
         )
@@ -466,7 +477,7 @@ class PlanarOdometry:
         return guess
 
     def _follow(self, last: MatLike, grey: MatLike) -> None:
-        """Move the corners to where they are now; those that are lost or leave the picture go, with their landmarks."""
+        """Tracks the corners. Those that fail or leave the picture are dropped with their landmarks."""
         if len(self._corners) == 0:
             return
         projection = project(self._landmarks, self._camera, self._ahead(self._since @ self._motion))
@@ -488,7 +499,7 @@ class PlanarOdometry:
         self._keep(good)
 
     def _surprise(self, last: MatLike, grey: MatLike, expected: Pixels) -> Pixels:
-        """By how much the picture moved other than expected, (2,) px, where that is more than the tracker reaches."""
+        """Unexpected shift of the picture, (2,) px; zero unless it is more than the tracker can follow."""
         width, height = self._size[0] // SHIFT_PX, self._size[1] // SHIFT_PX
         if self._window is None:
             self._window = cv2.createHanningWindow((width, height), cv2.CV_32F)
@@ -506,7 +517,7 @@ class PlanarOdometry:
         self._keyframe = *self._keyframe[:2], self._keyframe[2][which]
 
     def _seek(self, grey: MatLike) -> None:
-        """Make up for lost corners, on the floor and elsewhere apart: a wall's contrast must not hide the floor."""
+        """Replaces missing corners separately on the floor and elsewhere: a wall's contrast must not hide the floor."""
         missing = self._rule.corners - len(self._corners)
         if missing < self._rule.corners // FEW:
             return
@@ -543,13 +554,13 @@ class PlanarOdometry:
             self._keyframe = *self._keyframe[:2], rays
 
     def _trusting(self) -> bool:
-        """Whether what is seen below the horizon counts as floor at once."""
+        """Whether corners below the horizon count as floor immediately."""
         kept, lost_s = self._landmarks, self._seen_s - self._floor_s
         known = int((kept.floor | (kept.variance < (KNOWN_DEPTH * kept.inverse_m) ** 2)).sum())
         return known < self._rule.corners // FEW or (self._carried.on_wheels and lost_s > LONGEST_DT_S)
 
     def _bearings(self, pixels: Pixels) -> Array:
-        """Normalised image points (N, 2) without the lens' distortion, read off a table between its pixels."""
+        """Normalised image points (N, 2) without lens distortion, interpolated in a table of all pixels."""
         corner = np.clip(pixels.astype(np.intp), 0, [self._size[0] - 2, self._size[1] - 2])
         part = pixels - corner
         u, v = corner.T
@@ -561,7 +572,7 @@ class PlanarOdometry:
 
 
 def _in_units(mount: Mount, unit_m: float) -> Mount:
-    """A mount with its lengths in a unit."""
+    """A mount with its lengths in units of `unit_m`."""
     return replace(
         mount, height_m=mount.height_m / unit_m, forward_m=mount.forward_m / unit_m, left_m=mount.left_m / unit_m
     )

@@ -1,4 +1,4 @@
-"""What robots have sent and the keeper has not read yet: bounded, and fair to a robot that comes late."""
+"""Bounded buffer of robot messages that the keeper has not read yet. A robot that connects late gets a fair chance."""
 
 import threading
 from collections.abc import Iterable, Sequence
@@ -6,7 +6,7 @@ from random import Random
 
 from edgemap.runtime.outputs.fleet.access import MAXIMUM_ROBOTS
 
-ON_TRIAL = 10  # rooms besides: in a full place too a new robot's map is looked at
+ON_TRIAL = 10  # additional slots, so that the map of a new robot is evaluated even if the place is full
 
 
 class Inbox:
@@ -16,13 +16,13 @@ class Inbox:
     """
 
     def __init__(self, names: Iterable[str]) -> None:
-        self._names, self._lock = dict.fromkeys(names, True), threading.Lock()  # whether it ever brought a map
+        self._names, self._lock = dict.fromkeys(names, True), threading.Lock()  # whether it ever sent a map
         self._newest: dict[tuple[str, str], bytes] = {}
         self._yielding, self._judged = list[str](), frozenset[str]()
         self._turned_away, self._random = 0, Random()
 
     def put(self, kind: str, name: str, message: bytes) -> None:
-        """Keep it in place of the one before, where there is room for the robot."""
+        """Stores a message and replaces the previous one, if the robot has or gets a slot."""
         with self._lock:
             if name not in self._names and len(self._names) >= MAXIMUM_ROBOTS + ON_TRIAL:
                 leaving = self._leaving() if kind == "map" else None
@@ -33,21 +33,23 @@ class Inbox:
             self._newest[kind, name] = message
 
     def take(self) -> dict[tuple[str, str], bytes]:
-        """All that has come, by kind (`here`, `map`, `pose`) and robot."""
+        """Removes and returns all stored messages, by kind (`here`, `map`, `pose`) and robot."""
         with self._lock:
             taken, self._newest, self._turned_away = self._newest, {}, 0
             return taken
 
     def put_back(self, kind: str, name: str, message: bytes) -> None:
-        """Returns a message that was not processed in this turn; a newer one replaces it, and it is dropped if its
-        sender lost its slot.
+        """Stores a message again that was not processed in this turn. It is dropped if a newer one has arrived, or if
+        its sender no longer has a slot.
         """
         with self._lock:
             if name in self._names:
                 self._newest.setdefault((kind, name), message)
 
     def settle(self, stays: Iterable[str], give_way: Sequence[str]) -> None:
-        """The keeper has looked at these robots' maps. give_way: those whose room another may have, in this order."""
+        """Records that the keeper has evaluated the maps of these robots. stays: robots in the merged map. give_way:
+        robots whose slots a new robot may take, in this order.
+        """
         with self._lock:
             self._judged, self._yielding = frozenset({*stays, *give_way}), list(give_way)
 
@@ -57,12 +59,12 @@ class Inbox:
             self._forget(name)
 
     def knows(self, name: str) -> bool:
-        """Whether the robot still has room here."""
+        """Whether the robot still has a slot."""
         with self._lock:
             return name in self._names
 
     def _leaving(self) -> str | None:
-        """Who leaves for a new name that brings a map; None where the new one is turned away."""
+        """The robot that loses its slot to a new robot with a map; None if the new robot is rejected."""
         if empty := next((name for name, mapped in self._names.items() if not mapped), None):
             return empty
         while self._yielding:

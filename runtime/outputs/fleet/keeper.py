@@ -1,4 +1,4 @@
-"""`edgemap fleet serve`: keeps the merged map of a place from the latest map of each robot."""
+"""`edgemap fleet serve`: maintains the merged map of a place from the latest map of each robot."""
 
 import hashlib
 import json
@@ -39,16 +39,16 @@ from edgemap.runtime.outputs.fleet.network import (
 )
 from edgemap.runtime.step.map_file import load_annotated_map, map_document, read_map, save_map
 
-LARGEST_M, MAXIMUM_COUNTED = 1000.0, 1 << 20  # so that what is merged stays within what a map may hold: a day at 10 Hz
+LARGEST_M, MAXIMUM_COUNTED = 1000.0, 1 << 20  # so that the merged map stays within the limits of a map: a day at 10 Hz
 MAXIMUM_VIEWS, MAXIMUM_LABELS = 100, 10  # of an object of one robot; the merged one may have 10,000 and 1,000
 LONGEST_LABEL = 80  # letters
-ROUTER_S = 10.0  # for which a router is waited for
+ROUTER_S = 10.0  # maximum wait for a router
 MAXIMUM_BYTES = {"map": MESSAGE_BYTES, "pose": 1000}
-TURN_OBJECTS = 3000  # taken in before a merge: the robots that have cost least lately come first
-PASSES = 3  # of one update, where a robot costs so much that others wait for it: then it joins last
-EXPIRES_S = {"apart": 86_400.0, "merged": 30 * 86_400.0}  # away for so long, a robot's map goes
-SILENT_S = 120.0  # without a word: away; a robot sends its pose every second and its map every minute
-STRANGERS = 20  # messages of nobody that are remembered, for one line each
+TURN_OBJECTS = 3000  # read before a merge; robots with the smallest recent cost come first
+PASSES = 3  # of one update. A robot whose cost makes others wait joins last
+EXPIRES_S = {"apart": 86_400.0, "merged": 30 * 86_400.0}  # absence after which the map of a robot is deleted
+SILENT_S = 120.0  # absent after this silence; a robot sends its pose every second and its map every minute
+STRANGERS = 20  # maximum number of reports about messages with an invalid key
 
 
 class _PoseMessage(msgspec.Struct):
@@ -59,9 +59,9 @@ class _PoseMessage(msgspec.Struct):
 
 @dataclass(slots=True)
 class Robot:
-    """The state of one robot. restarted: since its latest map, which is kept while it holds more than the new one.
-    came_s: clock at its last map; heard_s: at its last message. refused: why its last message was rejected; culprit:
-    key of its map that made the merged map invalid.
+    """The state of one robot. restarted: it restarted after its latest map. This map is kept while it has more objects
+    than the new one. came_s: clock at its last map. heard_s: clock at its last message. refused: why its last message
+    was rejected. culprit: key of the map of this robot that made the merged map invalid.
     """
 
     here: bool = False
@@ -75,14 +75,14 @@ class Robot:
 
 
 class PlaceKeeper:
-    """Takes each robot's latest map, and merges when `update` is called; `folder/map.json` is the place's.
+    """Receives the latest map of each robot and merges them in `update`. `folder/map.json` is the map of the place.
 
-    Robots' maps are kept in `folder/robots/NAME.json`, so that an absent robot stays in the map, also after a restart,
-    for a month (a day where its map cannot be aligned). A damaged or too large message is rejected with the reason, and
-    the previous map stays. The cost of each robot is bounded by reading messages in turn and by a `MergeBudget`; a
-    robot whose map makes the merged one invalid is excluded by name. passwords: of all robots by name; each then sends
-    under its own name alone, and otherwise names are not proved. Raises PublishError, MissingExtraError,
-    MapError for an invalid map in the folder, or DiskError.
+    Robot maps are stored in `folder/robots/NAME.json`. An absent robot therefore stays in the map for a month, also
+    after a restart (for a day if its map cannot be aligned). A message that is damaged or too large is rejected with
+    the reason, and the previous map stays. Reading messages in turn and a `MergeBudget` bound the cost of each robot. A
+    robot whose map makes the merged map invalid is excluded by name. passwords: of all robots, by name. Each robot can
+    then send under its own name only; without passwords, names are not verified. Raises PublishError,
+    MissingExtraError, MapError for an invalid map in the folder, or DiskError.
     """
 
     def __init__(
@@ -96,9 +96,9 @@ class PlaceKeeper:
         self._alignments: Alignments = {}
         self._stale = True
         self._budget, self._arrivals, self._began_s = MergeBudget(), 0, time.monotonic()
-        self._cost: Counter[str] = Counter()  # bytes that each robot sent lately, halved at every update
-        self._good: frozenset[str] = frozenset()  # robots of the last map that was one
-        self.strangers: list[str] = []  # what came with keys of no robot
+        self._cost: Counter[str] = Counter()  # recent bytes of each robot, halved at each update
+        self._good: frozenset[str] = frozenset()  # robots in the last valid merged map
+        self.strangers: list[str] = []  # reports about messages with an invalid key
         try:
             (folder / "robots").mkdir(parents=True, exist_ok=True)
         except OSError as error:
@@ -121,9 +121,9 @@ class PlaceKeeper:
         self._publisher = self._session.declare_publisher(self._key)
 
     def update(self, stopped: Callable[[], bool] = lambda: False) -> bool:
-        """Processes received messages; merges, saves and publishes where they change the map. Returns whether it
+        """Processes received messages. If they change the map, merges, saves and publishes it. Returns whether it
         changed. stopped: polled during the merge; when it returns true, the map stays unchanged until the next update.
-        Raises DiskError, or MapError where no merged map is valid; the file then stays unchanged.
+        Raises DiskError, or MapError if no merged map is valid; the file then stays unchanged.
         """
         self._take_in(stopped)
         if stopped():
@@ -144,7 +144,7 @@ class PlaceKeeper:
         return changed
 
     def _take_in(self, stopped: Callable[[], bool]) -> None:
-        """Messages, those of robots that cost least lately first, as many as a turn has room for."""
+        """Reads as many messages as one turn allows. Robots with the smallest recent cost come first."""
         room, now_s = TURN_OBJECTS, time.monotonic()
         taken = self._inbox.take()
         order = sorted(taken, key=lambda key: (key[0] == "map", self._cost[key[1]], len(taken[key])))
@@ -165,7 +165,7 @@ class PlaceKeeper:
         self._cost = Counter({name: cost // 2 for name, cost in self._cost.items() if cost > 1})
 
     def _expire(self) -> None:
-        """Robots that are away for too long, and those whose room another has taken."""
+        """Removes robots that are absent for too long, and robots whose slot another robot has taken."""
         now_s = time.monotonic()
         for name, robot in list(self.robots.items()):
             away_s = now_s - max(robot.heard_s, self._began_s)
@@ -183,9 +183,12 @@ class PlaceKeeper:
         return member is not None and member.pose_place_map is not None
 
     def _settle(self) -> None:
-        """Who gives way to a new robot with a map: who sent none that is one, then whose map fits nowhere, the first
-        that came first; then who is in the place beyond `MAXIMUM_ROBOTS`, the last that came first. Silent ones before
-        all others of their kind. A robot whose map has not been merged yet is in neither list."""
+        """Determines the order in which robots lose their slots to a new robot with a map.
+
+        First, robots without a valid map; second, robots whose map cannot be aligned; the earliest come first in both.
+        Third, the robots in the place beyond `MAXIMUM_ROBOTS`; the latest come first. In each group, silent robots
+        come first. A robot whose map has not been merged yet is in neither list.
+        """
         now_s, came = time.monotonic(), {name: number for number, name in enumerate(self.robots)}
         present = {name: now_s - max(robot.heard_s, self._began_s) < SILENT_S for name, robot in self.robots.items()}
         judged = [name for name, robot in self.robots.items() if name in self.merged.members or robot.refused]
@@ -195,7 +198,7 @@ class PlaceKeeper:
         self._inbox.settle(stays, apart + stays[: max(0, len(stays) - MAXIMUM_ROBOTS)])
 
     def _merge(self, stopped: Callable[[], bool]) -> tuple[PlaceMap, str]:
-        """The merged map and its text; robots with which it is none are left out, each with the reason."""
+        """The merged map and its text. Robots that make it invalid are left out, each with the reason."""
         latest = {
             name: robot.latest
             for name, robot in self.robots.items()
@@ -210,7 +213,7 @@ class PlaceKeeper:
         good: dict[str, RobotMap] = {}
         done: tuple[PlaceMap, str] | None = None
         order = sorted(latest, key=lambda name: (name not in self._good, self._budget.arrived.get(name, 0), name))
-        for name in order:  # those of the last good map first, then as they came
+        for name in order:  # robots of the last valid map first, then by arrival
             try:
                 done = self._merged(good | {name: latest[name]}, stopped)
             except MergeStopped:
@@ -225,19 +228,19 @@ class PlaceKeeper:
         return done
 
     def _merged(self, latest: dict[str, RobotMap], stopped: Callable[[], bool]) -> tuple[PlaceMap, str]:
-        """Raises MapError where the merged map holds what no map may hold, or MergeStopped."""
+        """Merges maps. Raises MapError if the merged map is not a valid map, or MergeStopped."""
         self._budget.stopped = stopped
-        for _ in range(PASSES):  # who costs much joins last from the second on, and the others no longer wait
+        for _ in range(PASSES):  # from the second pass on, an expensive robot joins last and others do not wait
             merged = merge_place(latest, self._reference, self._alignments, self._budget)
             if not self._budget.waiting:
                 break
         text = json.dumps(self._document_of(merged), indent=1) + "\n"
-        read_map(text.encode(), f"map of {self.place}")  # robots may send any numbers; what is saved can be read
+        read_map(text.encode(), f"map of {self.place}")  # robots may send any numbers; a saved map must be readable
         self._stale, self._good = self._budget.unfinished, frozenset(latest)
         return merged, text
 
     def document(self) -> dict[str, Any]:
-        """The place's map as `map.json` holds it, with `fleet`: the state of each robot's map."""
+        """The map of the place in the format of `map.json`, with `fleet`: the state of each robot's map."""
         return self._document_of(self.merged)
 
     def _document_of(self, merged: PlaceMap) -> dict[str, Any]:
@@ -246,7 +249,7 @@ class PlaceKeeper:
         return document | {"fleet": {"place": self.place, "robots": robots}}
 
     def close(self) -> None:
-        """Leave; the folder stays."""
+        """Closes the network session. The folder and its files are kept."""
         self._session.close()
 
     def _robot_document(self, name: str, robot: Robot, merged: PlaceMap) -> dict[str, Any]:
@@ -266,8 +269,9 @@ class PlaceKeeper:
         return document | ({"refused": robot.refused} if robot.refused else {})
 
     def _take(self, kind: str, name: str, robot: Robot, message: bytes) -> int:
-        """Take in one message; how many objects it brought. Raises MapError where it is none of ours, DiskError where
-        it cannot be kept."""
+        """Processes one message. Returns its number of objects. Raises MapError if it is invalid, DiskError if it
+        cannot be saved.
+        """
         source = f"{kind} of {name}"
         if kind == "here":
             robot.restarted |= bool(message) and not robot.here
@@ -312,7 +316,7 @@ class PlaceKeeper:
             save_map(self.folder / "robots" / f"{name}.json", objects, annotations)
         return len(objects)
 
-    # On zenoh's threads.
+    # Called on threads of zenoh.
 
     def _on_message(self, sample: Any) -> None:
         key = str(sample.key_expr)
@@ -340,5 +344,5 @@ def _robot_map(objects: list[Any], annotations: Any) -> RobotMap:
 
 
 def _some(views: tuple[tuple[float, float], ...]) -> tuple[tuple[float, float], ...]:
-    """At most `MAXIMUM_VIEWS` of the places, evenly."""
+    """Selects at most `MAXIMUM_VIEWS` positions evenly."""
     return views if len(views) <= MAXIMUM_VIEWS else views[:: -(-len(views) // MAXIMUM_VIEWS)]

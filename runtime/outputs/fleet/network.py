@@ -21,15 +21,15 @@ from edgemap.runtime.outputs.fleet.access import NAME, own_names_only, password_
 from edgemap.runtime.step.map_file import read_map
 
 ROOT, PORT = "edgemap/fleet", 7447
-MESSAGE_BYTES, MAP_BYTES = 512 << 10, 16 << 20  # as sent, and once inflated
-ROBOT_BYTES, MAXIMUM_OBJECTS = 4 << 20, 1000  # of one robot's map: inflated, and objects
-ACCEPT_PENDING, ACCEPT_MS = 1000, 2000  # connections that do not finish their handshake make no other wait for long
+MESSAGE_BYTES, MAP_BYTES = 512 << 10, 16 << 20  # maximum size: compressed, and decompressed
+ROBOT_BYTES, MAXIMUM_OBJECTS = 4 << 20, 1000  # of the map of one robot: decompressed size, and objects
+ACCEPT_PENDING, ACCEPT_MS = 1000, 2000  # bounds the wait behind connections with an incomplete handshake
 PATIENCE_S, ASK_S = 5.0, 1.0
 Pose = tuple[Coordinate, Coordinate, Coordinate]
 
 
 def name_of(text: str, what: str) -> str:
-    """A robot's or a place's name: one part of a key, and of a file's name. Raises PublishError."""
+    """Checks the name of a robot or a place, which is part of a key and of a file name. Raises PublishError."""
     if not NAME.fullmatch(text):
         said = "a name has 1 to 64 of A-Z a-z 0-9 _ . - and begins with a letter or digit"
         raise PublishError(f"{what} {text[:70]!r}: {said}")
@@ -37,12 +37,16 @@ def name_of(text: str, what: str) -> str:
 
 
 def place_key(place: str) -> str:
-    """`PLACE/map` is the merged map, `PLACE/keeper` who keeps it, and `PLACE/robots/NAME/map` and `/pose` a robot's."""
+    """The key of a place, PLACE.
+
+    `PLACE/map`: the merged map. `PLACE/keeper`: the process that maintains it. `PLACE/robots/NAME/map` and
+    `PLACE/robots/NAME/pose`: map and pose of one robot.
+    """
     return f"{ROOT}/{place}"
 
 
 def robot_of(key: str) -> str | None:
-    """The robot that a key `…/robots/NAME` or `…/robots/NAME/map` is about."""
+    """The name of the robot in a key such as `…/robots/NAME` or `…/robots/NAME/map`; None if there is no valid name."""
     name = key.partition("/robots/")[2].partition("/")[0]
     return name if NAME.fullmatch(name) else None
 
@@ -54,10 +58,10 @@ def open_session(
     """A zenoh session: a router that listens on an address (`127.0.0.1:7447`), or a peer that connects to one.
 
     A peer connects in the background and retries until it succeeds. wait_s: connect as a client, which other clients
-    and peers reach through a router, and give up after this time. passwords: of the robots of a place, each of which
-    may send under its own name alone. Where ZENOH_CONFIG names a file, it sets all of this, and encryption and access
-    control too. Otherwise EDGEMAP_FLEET_SECRET, where set, is this side's password: zenoh's challenge and response does
-    not send it, and messages are not encrypted. Raises PublishError, or MissingExtraError.
+    and peers reach through a router, and give up after this time. passwords: of the robots of a place; each may send
+    under its own name only. If ZENOH_CONFIG names a file, the file sets all of this, and also encryption and access
+    control. Otherwise EDGEMAP_FLEET_SECRET, if set, is the password of this side. The challenge and response of zenoh
+    does not send the password, and messages are not encrypted. Raises PublishError, or MissingExtraError.
     """
     need("fleet", "--fleet", ("zenoh",))
     import zenoh
@@ -90,17 +94,17 @@ def open_session(
 
 
 def rounded(pose: SE2) -> list[float]:
-    """x, y and yaw as in messages: to a millimetre and a tenth of a milliradian."""
+    """x, y and yaw for messages, rounded to 1 mm and 0.1 mrad."""
     return [round(pose.x_m, 3), round(pose.y_m, 3), round(pose.yaw_rad, 4)]
 
 
 def packed(document: dict[str, Any]) -> bytes:
-    """A document as a message: compact JSON, deflated."""
+    """Encodes a document as a message: compact JSON, compressed with zlib."""
     return zlib.compress(json.dumps(document, separators=(",", ":")).encode(), 6)
 
 
 def unpacked(message: bytes, source: str, limit: int = MAP_BYTES) -> bytes:
-    """The JSON text of a message. Raises MapError where it is too large, or damaged."""
+    """Decompresses the JSON text of a message. Raises MapError if it is too large or damaged."""
     if len(message) > MESSAGE_BYTES:
         raise MapError(f"{source}: a message of {len(message):,} bytes, at most {MESSAGE_BYTES:,} are read")
     inflate = zlib.decompressobj()
@@ -141,9 +145,9 @@ class _Document(msgspec.Struct):
 
 
 def place_document(place: str, address: str) -> tuple[dict[str, Any], bytes]:
-    """`map.json` of a place as it is now, checked, and its text.
+    """Requests the current `map.json` of a place. Returns the checked document and its text.
 
-    Raises PublishError where no keeper answers within five seconds, MapError for an invalid answer, or
+    Raises PublishError if no keeper answers within five seconds, MapError for an invalid answer, or
     MissingExtraError.
     """
     session = open_session(connect=address, wait_s=PATIENCE_S)

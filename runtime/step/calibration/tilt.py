@@ -1,4 +1,4 @@
-"""Pitch and roll without a pattern: rooms are built of verticals and of two level directions at right angles."""
+"""Calibrates pitch and roll without a pattern, from the vertical and the two orthogonal level directions of a room."""
 
 import math
 from dataclasses import dataclass
@@ -13,17 +13,18 @@ from edgemap.geometry.camera.room_edges import NEAR_RAD, level_axes, most_uprigh
 from edgemap.runtime.frames.errors import CalibrationError
 from edgemap.runtime.motion.attitude.segments import Segments
 
-STEEPEST_RAD, REACH_RAD = math.radians(50.0), math.radians(12.0)  # of the search for up: at first, and about that
-ROUNDS, GROUPS = 4, 10  # of the refinement; of pictures, one of which is left out at a time
+STEEPEST_RAD, REACH_RAD = math.radians(50.0), math.radians(12.0)  # search for up: first, then refined
+ROUNDS, GROUPS = 4, 10  # rounds of refinement; groups of pictures for the jackknife
 FEWEST_VERTICAL, FEWEST_LEVEL, FEWEST_PICTURES = 20, 20, 3
-MINIMUM_SHARE = 0.35  # of all edges' length that the three directions explain
+MINIMUM_SHARE = 0.35  # minimum share of the edges' total length that the three directions explain
 MAXIMUM_NODDING_RAD = math.radians(1.0)
 WORST_TILT_RAD = math.radians(1.0)  # one standard deviation
 
 
 @dataclass(frozen=True, slots=True)
 class TiltFit:
-    """The fitted tilt. sigma: one standard deviation of pitch_rad and roll_rad, by leaving out pictures (jackknife)."""
+    """The fitted tilt. sigma: standard deviations of pitch_rad and roll_rad, rad, from a jackknife over groups of
+    pictures."""
 
     pitch_rad: float
     roll_rad: float
@@ -49,10 +50,11 @@ class TiltFit:
 
 
 def fit_tilt(pictures: list[Segments]) -> TiltFit:
-    """Pitch and roll of a camera that keeps them over all pictures (it is mounted on a robot on a flat floor).
+    """Fits pitch and roll of a camera. Both must be constant over all pictures: a robot on a flat floor carries it.
 
-    `room_axes` of the edges of all pictures together, each turned about up to one heading in the room. Raises
-    CalibrationError with the numbers where edges are too few, do not agree, or leave the tilt open.
+    The edges of each picture are rotated about up to a common heading. `room_axes` is then applied to the edges of all
+    pictures. Raises CalibrationError, with the numbers, if edges are too few, do not agree, or do not determine the
+    tilt.
     """
     used = [edges for edges in pictures if len(edges)]
     if len(used) < FEWEST_PICTURES:
@@ -60,7 +62,7 @@ def fit_tilt(pictures: list[Segments]) -> TiltFit:
     lengths = np.concatenate([edges.lengths for edges in used])
     normals = np.concatenate([edges.normals for edges in used])
     up = most_upright(normals, lengths, np.array([0.0, -1.0, 0.0]), STEEPEST_RAD)
-    for _ in range(ROUNDS):  # by what is near to upright alone
+    for _ in range(ROUNDS):  # only with edges that are almost vertical
         upright = (normals * lengths[:, None])[near := np.abs(normals @ up) < math.sin(NEAR_RAD)]
         found = np.linalg.eigh(upright.T @ normals[near])[1][:, 0]
         up = found * np.sign(found @ up)
@@ -85,7 +87,7 @@ def fit_tilt(pictures: list[Segments]) -> TiltFit:
         )
     groups = min(len(used), GROUPS)
     left_out = [[edges for at, edges in enumerate(used) if at % groups != group] for group in range(groups)]
-    found = [pitch_roll(_refined(rest, up, 1)) for rest in left_out]  # errors of one picture's edges are correlated
+    found = [pitch_roll(_refined(rest, up, 1)) for rest in left_out]  # edges of one picture have correlated errors
     pitch_sigma, roll_sigma = np.sqrt((groups - 1) * np.var(np.array(found), axis=0)).tolist()
     if not max(pitch_sigma, roll_sigma) <= WORST_TILT_RAD:
         raise CalibrationError(
@@ -97,7 +99,7 @@ def fit_tilt(pictures: list[Segments]) -> TiltFit:
 
 
 def _refined(pictures: list[Segments], up: Array, rounds: int) -> Array:
-    """Up, (3,), from a first guess; that where the edges of all pictures show no room."""
+    """Refines up, (3,). Returns the first guess if the edges of all pictures show no room."""
     lengths = np.concatenate([edges.lengths for edges in pictures])
     for _ in range(rounds):
         room = room_axes(_aligned(pictures, up), lengths, up, REACH_RAD)
@@ -106,8 +108,10 @@ def _refined(pictures: list[Segments], up: Array, rounds: int) -> Array:
 
 
 def _aligned(pictures: list[Segments], up: Array) -> Array:
-    """Normals of all edges, (N, 3), each turned about up, by half a right angle at most, so that the room lies
-    along `level_axes`: a wrong up then stays wrong by the same."""
+    """Normals of all edges, (N, 3), rotated about up so that the room is aligned with `level_axes`.
+
+    The rotation is at most 45 degrees, so it does not change the error of up.
+    """
     turned = []
     for edges in pictures:
         heading = (room_heading(edges.normals, edges.lengths, up) + math.pi / 4.0) % (math.pi / 2.0) - math.pi / 4.0

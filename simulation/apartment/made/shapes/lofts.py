@@ -1,4 +1,4 @@
-"""Smooth surfaces through grids and rings: outlines, lofts, plates, padding, turned bodies, sheets."""
+"""Smooth surfaces through grids and rings: outlines, lofts, plates, padding, bodies of revolution, sheets."""
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -9,7 +9,7 @@ from edgemap.simulation.render.mesh import Array, Material, Mesh, Part
 def grid(points: Array, normals: Array, material: Material) -> Part:
     """A smooth surface through a grid of points (R, C, 3) with normals of any length (R, C, 3).
 
-    It faces outwards where columns go round it counter-clockwise, seen from the end that rows go to.
+    It faces outwards if its columns run counter-clockwise, viewed from the last row.
     """
     length = np.linalg.norm(normals, axis=2, keepdims=True)
     normals = normals / np.maximum(length, 1e-9)
@@ -21,14 +21,16 @@ def grid(points: Array, normals: Array, material: Material) -> Part:
 
 
 def surface(points: Array, material: Material, round_: bool = False, looped: bool = False) -> Part:
-    """A grid of points (R, C, 3) that faces as columns x rows, its normals as `normals_of` has them."""
+    """A smooth surface through a grid of points (R, C, 3). It faces in the direction of the cross product of columns
+    and rows. `normals_of` computes its normals and explains round_ and looped."""
     return grid(points, normals_of(points, round_, looped), material)
 
 
 def normals_of(points: Array, round_: bool = False, looped: bool = False) -> Array:
-    """Unit normals (R, C, 3) of a grid, along columns x rows: from the cells about each point, by their size.
+    """Unit normals (R, C, 3) of a grid, in the direction of the cross product of columns and rows.
 
-    round_: the last column is the first one again. looped: the last row is.
+    A normal is the mean of the normals of the adjacent cells, weighted by area. round_: the last column repeats the
+    first one. looped: the last row repeats the first one.
     """
     wrapped = points
     if looped:
@@ -42,21 +44,21 @@ def normals_of(points: Array, round_: bool = False, looped: bool = False) -> Arr
             total[rows, columns] += cells
     total = total[1:-1] if looped else total
     total = total[:, 1:-1] if round_ else total
-    # Where folds leave a corner without a direction it takes the whole's.
+    # If folds leave a point without a direction, it takes the direction of the complete surface.
     length = np.linalg.norm(total, axis=2, keepdims=True)
     total = np.where(length > 1e-14, total / np.maximum(length, 1e-14), total.sum(axis=(0, 1)))
     return total / np.maximum(np.linalg.norm(total, axis=2, keepdims=True), 1e-12)
 
 
 def _triangles(values: Array) -> Array:
-    """Two triangles of every cell of a grid (R, C, D), counter-clockwise, (2 cells, 3, D)."""
+    """Splits each cell of a grid (R, C, D) into two counter-clockwise triangles: (2 * cells, 3, D)."""
     sides = (values[:-1, :-1], values[:-1, 1:], values[1:, 1:], values[1:, :-1])
     a, b, c, d = (part.reshape(-1, values.shape[2]) for part in sides)
     return np.concatenate([np.stack([a, b, c], axis=1), np.stack([a, c, d], axis=1)])
 
 
 def rectangle(depth: float, width: float, radius: float | None = None, steps: int = 4) -> Array:
-    """A rectangle (N, 2) about 0: four sharp corners, or round ones of a radius."""
+    """Closed outline (N, 2) of a rectangle centred at the origin. radius: of its corners; None for sharp corners."""
     corners = np.array([[1, -1], [1, 1], [-1, 1], [-1, -1]])
     if radius is None:
         return _closed(corners * [depth / 2.0, width / 2.0])
@@ -78,9 +80,10 @@ def oval(
     width_behind: float | None = None,
     points: int = 32,
 ) -> Array:
-    """A superellipse (points + 1, 2) about 0: squareness 2 is an ellipse, 20 a rectangle with soft corners.
+    """Closed superellipse (points + 1, 2) centred at the origin.
 
-    behind: squareness of its half of low x, width_behind: its width there, where they are others.
+    squareness: 2 gives an ellipse, 20 a rectangle with soft corners. behind: squareness of the half with negative x, if
+    it differs. width_behind: width at the end with negative x, if it differs.
     """
     turn = np.arange(points) * 2.0 * np.pi / points
     c, s = np.cos(turn), np.sin(turn)
@@ -91,7 +94,7 @@ def oval(
 
 
 def raised(outline: Array, x: float, y: float, z: float, scale: float = 1.0) -> Array:
-    """An outline (N, 2) as a level ring (N, 3) about a point."""
+    """Scales an outline (N, 2) and moves it to (x, y, z), as a level ring (N, 3)."""
     return np.concatenate([outline * scale + [x, y], np.full((len(outline), 1), z)], axis=1)
 
 
@@ -121,14 +124,14 @@ def _closed(outline: Array) -> Array:
     return np.concatenate([outline, outline[:1]])
 
 
-# An outline of fewer points has corners, which stay sharp.
+# An outline with at most this number of points has corners, which stay sharp.
 _CORNERS = 12
 
 
 def loft(rings: ArrayLike, material: Material, low: bool = True, high: bool = True) -> Mesh:
-    """A surface through closed rings (R, N, 3), smooth all over, with flat ends or without.
+    """A smooth surface through closed rings (R, N, 3). low, high: whether a flat face closes the first and last ring.
 
-    It faces outwards where the rings go round counter-clockwise, seen from the end that they go to.
+    It faces outwards if the rings run counter-clockwise, viewed from the last ring.
     """
     rings = np.asarray(rings, dtype=np.float64)
     parts = [surface(rings, material, round_=True)]
@@ -140,7 +143,7 @@ def loft(rings: ArrayLike, material: Material, low: bool = True, high: bool = Tr
 
 
 def cap(ring: Array, material: Material) -> Part:
-    """A flat face within a closed star-shaped ring (N, 3), facing where it goes round counter-clockwise.
+    """A flat face that fills a closed, star-shaped ring (N, 3). It faces the side where the ring is counter-clockwise.
 
     Its texture repeats every metre.
     """
@@ -155,7 +158,7 @@ def cap(ring: Array, material: Material) -> Part:
 
 
 def plate(outline: Array, low: float, high: float, material: Material, taper: float = 1.0) -> Mesh:
-    """A level plate of a star-shaped outline (N, 2) between two heights; taper: how much smaller its lower face is."""
+    """A level plate with a star-shaped outline (N, 2) between two heights. taper: scale of the lower face."""
     middle = (outline.min(axis=0) + outline.max(axis=0)) / 2.0
     rings = np.stack([raised(outline - middle, middle[0], middle[1], low, taper), raised(outline, 0.0, 0.0, high)])
     if len(outline) > _CORNERS:
@@ -165,7 +168,8 @@ def plate(outline: Array, low: float, high: float, material: Material, taper: fl
 
 
 def pad(outline: Array, low: float, high: float, material: Material, crown: float = 0.015) -> Mesh:
-    """A seat's padding of an outline (N, 2) about 0 between two heights, its edges round, its top domed by a crown."""
+    """The padding of a seat between two heights, with round edges. outline: (N, 2), centred at the origin. crown:
+    height by which the middle of the top rises above `high`, m."""
     edge = min(0.4 * (high - low), 0.03) / float(np.abs(outline).max())
     soft = [(1.0 - edge, low), (1.0, low * 0.7 + high * 0.3), (1.0, low * 0.3 + high * 0.7), (1.0 - 0.4 * edge, high)]
     top = [(1.0 - 1.5 * edge, high + 0.35 * crown), (0.6, high + 0.85 * crown), (0.0, high + crown)]
@@ -173,7 +177,7 @@ def pad(outline: Array, low: float, high: float, material: Material, crown: floa
 
 
 def lathe(radii: Array, heights: Array, material: Material, sides: int = 28) -> Part:
-    """A surface of revolution from a profile (N,), smooth all round; it faces outwards where the profile rises."""
+    """A smooth surface of revolution. radii, heights: profile, (N,) each. It faces outwards where heights increase."""
     turn = np.linspace(0.0, 2.0 * np.pi, sides + 1)
     around = np.stack([np.cos(turn), np.sin(turn)], axis=1)
     points = np.concatenate(
@@ -188,9 +192,9 @@ def lathe(radii: Array, heights: Array, material: Material, sides: int = 28) -> 
 
 
 def sheet(middle: Array, thickness: float | Array, material: Material, behind: Material | None = None) -> Mesh:
-    """A bent sheet about a surface (R, C, 3), whose front has rows to its left-hand way of columns (columns x rows).
+    """A bent sheet with a middle surface (R, C, 3). Its front faces the cross product of columns and rows.
 
-    thickness: one, or one at every point (R, C), for padding. behind: material of the back, where it is another.
+    thickness: one value, or (R, C), one for each point, for padding. behind: material of the back, if it differs.
     """
     half = np.broadcast_to(np.asarray(thickness, dtype=np.float64), middle.shape[:2])[..., None] / 2.0
     facing = normals_of(middle)

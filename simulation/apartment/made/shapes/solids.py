@@ -1,4 +1,4 @@
-"""Bars, blocks, boxes with round edges, cushions, upholstered blocks and balls."""
+"""Solid shapes: bars, blocks, boxes with round edges, cushions, upholstered blocks and balls."""
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -6,18 +6,18 @@ from numpy.typing import ArrayLike
 from edgemap.simulation.apartment.made.shapes.lofts import grid, lathe, loft, normals_of, rectangle, surface
 from edgemap.simulation.render.mesh import Array, Material, Mesh, Part, box, quad
 
-# Columns of a ring's plane for a body that goes along x, y or z, so that it goes round counter-clockwise.
+# The two axes of a ring and the axis of the body, for bodies along x, y and z. The ring runs counter-clockwise.
 _PLANES = ((1, 2, 0), (2, 0, 1), (0, 1, 2))
 
 
 def block(x: float, y: float, z: float, depth: float, width: float, height: float, material: Material) -> Mesh:
-    """A box of a size whose lower face has its middle at (x, y, z)."""
+    """A box with the given depth, width and height, m. The centre of its lower face is at (x, y, z)."""
     low = np.array([x - depth / 2.0, y - width / 2.0, z])
     return box(low, low + [depth, width, height], material)
 
 
 def rounded(low: ArrayLike, high: ArrayLike, material: Material, radius: float, edge: float, axis: int = 2) -> Mesh:
-    """A box between two corners: edges along an axis are round by a radius, those of the two ends by `edge`."""
+    """A box between two corners (3,). radius: of the edges along `axis`. edge: radius of the edges of both ends."""
     low, high = np.asarray(low, dtype=np.float64), np.asarray(high, dtype=np.float64)
     size, middle = high - low, (low + high) / 2.0
     first, second, along = _PLANES[axis]
@@ -39,8 +39,8 @@ def rounded(low: ArrayLike, high: ArrayLike, material: Material, radius: float, 
 
 
 def cushion(middle: ArrayLike, size: ArrayLike, material: Material, squareness: float = 4.0) -> Mesh:
-    """A padded body (superellipsoid) about a middle (3,) with outer sizes (3,); squareness 2 is an ellipsoid, 8 a
-    box with soft edges."""
+    """A padded body (superellipsoid) with a centre (3,) and outer sizes (3,). squareness: 2 gives an ellipsoid, 8 a box
+    with soft edges."""
     exponent = 2.0 / squareness
     along, up = np.linspace(-np.pi, np.pi, 25), np.linspace(-np.pi / 2.0, np.pi / 2.0, 13)
 
@@ -62,8 +62,8 @@ def cushion(middle: ArrayLike, size: ArrayLike, material: Material, squareness: 
 
 
 def padded(middle: ArrayLike, size: ArrayLike, material: Material, radius: float = 0.05, swell: float = 0.1) -> Mesh:
-    """An upholstered block about a middle (3,) with sides (3,): edges rounded by a radius, its faces swelling by this
-    share of their distance from the middle."""
+    """An upholstered block with a centre (3,) and side lengths (3,). radius: of the edges. swell: the faces bulge by
+    this share of their distance from the centre."""
     half = np.asarray(size, dtype=np.float64) / 2.0
     radius = min(radius, 0.9 * float(half.min()))
     inner = half - radius
@@ -101,7 +101,7 @@ def padded(middle: ArrayLike, size: ArrayLike, material: Material, radius: float
 
 
 def ball(middle: ArrayLike, size: float, material: Material) -> Mesh:
-    """A small round knob of a diameter about a middle (3,), cut coarsely."""
+    """A small round knob with few facets. middle: centre (3,). size: diameter, m."""
     up = np.linspace(-np.pi / 2.0, np.pi / 2.0, 7)
     x, y, z = (float(value) for value in np.asarray(middle))
     knob = lathe(np.cos(up) * size / 2.0, np.sin(up) * size / 2.0, material, 10)
@@ -119,8 +119,8 @@ def beam(
 ) -> Mesh:
     """A square-edged bar between two points (3,).
 
-    size: along `across`, and square to that and to the bar. taper: of the end's section against the start's. level:
-    the ends of a slanting bar are cut level.
+    size: width along `across`, and width perpendicular to `across` and to the bar. taper: size of the section at the
+    end relative to the start. level: the ends of a slanted bar are cut horizontally.
     """
     start, end = np.asarray(start, dtype=np.float64), np.asarray(end, dtype=np.float64)
     axis = _unit(end - start)
@@ -136,7 +136,7 @@ def beam(
 
 
 def _facet(corners: Array, size: tuple[float, float], material: Material) -> Part:
-    """A flat four-cornered face (4, 3), counter-clockwise; wood's grain runs along its second edge."""
+    """A flat face with four corners (4, 3), counter-clockwise. The grain of wood runs along its second edge."""
     u, v = size
     face = quad(corners[0], corners[1] - corners[0], corners[3] - corners[0], material)
     order = np.array([[0, 1, 2], [0, 2, 3]])
@@ -145,7 +145,7 @@ def _facet(corners: Array, size: tuple[float, float], material: Material) -> Par
 
 
 def tube(start: ArrayLike, end: ArrayLike, radius: float, material: Material, end_radius: float | None = None) -> Mesh:
-    """A straight round bar between two points (3,), closed; end_radius: where it tapers."""
+    """A straight, closed round bar between two points (3,). end_radius: radius at the end, if the bar tapers."""
     path = np.array([start, end], dtype=np.float64)
     axis = _unit(path[1] - path[0])
     across = np.cross(axis, [1.0, 0.0, 0.0] if abs(axis[0]) < 0.7 else [0.0, 1.0, 0.0])
@@ -153,7 +153,8 @@ def tube(start: ArrayLike, end: ArrayLike, radius: float, material: Material, en
 
 
 def bar(start: ArrayLike, end: ArrayLike, radius: float, material: Material, hidden_m: float) -> Mesh:
-    """A straight round bar whose ends are let into other parts: light is kept at corners, so it has some outside."""
+    """A straight round bar. Both ends, `hidden_m` long, are inside other parts. Light is stored at vertices, so the bar
+    also has vertices where it leaves these parts."""
     start, end = np.asarray(start, dtype=np.float64), np.asarray(end, dtype=np.float64)
     share = min(hidden_m / float(np.linalg.norm(end - start)), 0.45)
     at = np.array([0.0, share, 1.0 - share, 1.0])[:, None]
@@ -170,11 +171,11 @@ def rod(
     closed: bool = False,
     ends: bool = True,
 ) -> Mesh:
-    """A round bar along a path (N, 3), bent or turned: one radius, or one for every point.
+    """A round bar along a path (N, 3). radius: one value, or one for each point.
 
-    flat: of its section's height against its width, for ovals and straps. across (3,): where the width lies, as nearly
-    as the path lets it; otherwise it turns as little as can be. closed: the path ends where it starts. ends: whether
-    they are shut.
+    flat: ratio of the height of the section to its width, for ovals and straps. across: (3,), direction of the width,
+    as far as the path allows; by default the section rotates as little as possible. closed: the path ends where it
+    starts. ends: whether both ends are closed.
     """
     path = np.asarray(path, dtype=np.float64)
     ahead = np.concatenate([path[-2:-1], path, path[1:2]]) if closed else path
