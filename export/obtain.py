@@ -1,4 +1,4 @@
-"""Downloads the file of a published model. It tries one source after another, and verifies the checksum first."""
+"""Downloads the file of a published model. Sources are tried in order; the checksum is verified before parsing."""
 
 import hashlib
 import os

@@ -75,7 +75,8 @@ class LivePage:
         self.edits.listeners.append(self.edited)
         self.searching: Callable[[], bool] = bool  # whether the robot is not yet localised in a saved map
         self.verdict: Callable[[], Verdict | None] = lambda: None  # how far the map can be trusted
-        self.keep_mount: Callable[[float, float], Path] | None = None  # saves height, m, and pitch, degrees
+        # Saves height, m, and pitch, degrees, to camera.yaml.
+        self.keep_mount: Callable[[float, float], Path] | None = None
         self.goals: list[Callable[[SE2], None]] = []  # receivers of a goal pose
         self.effort: Callable[[], Effort] = Effort  # what the budget allows
         self.newest: PageSnapshot | None = None

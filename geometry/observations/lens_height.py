@@ -18,7 +18,7 @@ from edgemap.geometry.observations.occlusion import carried, covered
 BORDER_PX = 3.0  # a box this near the picture's border may be cut
 HIDDEN = 0.1  # share of a lower edge that nearer boxes cover; from it on, the foot may belong to another object
 LEAST_SCORE = 0.5
-LEAST_FALL, LEAST_RISE = 0.1, 0.05  # minimum slopes: ray to the foot; foot to top. Less measures pitch
+LEAST_FALL, LEAST_RISE = 0.1, 0.05  # minimum slopes: to the foot; foot to top. Less shows pitch
 
 
 @dataclass(frozen=True, slots=True)

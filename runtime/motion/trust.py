@@ -14,7 +14,8 @@ from edgemap.geometry.robust import CLEAR_SIGMAS
 # Ratio of the source's motion to the camera's. On two bad drives, the camera was compared with correct wheels in 470
 # windows. 8 windows were outside `ratio`, two of them in a row, and none was below 0.15: these are camera errors.
 CONTRARY = 0.1
-INNOVATION_S, INNOVATION_SHARE, MOST_SQUARED = 1.0, 0.3, 30.0  # window; weight of the newest one; limit
+# Length of a window, s; weight of the newest window in the mean; maximum squared distance of one window.
+INNOVATION_S, INNOVATION_SHARE, MOST_SQUARED = 1.0, 0.3, 30.0
 
 
 class Trust(Enum):

@@ -203,7 +203,8 @@ class PlanarOdometry:
         covariance[:2, :2] += scale2 * np.outer(*[motion.vector()[:2]] * 2)
         if self._carried.on_wheels:  # a scale that has collapsed makes every motion small
             covariance[0, 0] += scale2 * (self._unseen_m_s * dt_s) ** 2
-        if self._rotation_known and self._carried.beyond_rad > 0.0:  # tilt errors remain in translation
+        # The tilt has errors too, so a better yaw does not improve the translation.
+        if self._rotation_known and self._carried.beyond_rad > 0.0:
             covariance[:2, 2] = covariance[2, :2] = 0.0
         self._since, self._since_covariance = SE2(), np.zeros((3, 3))
         self._learn_nodding(found.view, motion, dt_s)

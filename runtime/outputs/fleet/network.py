@@ -61,7 +61,7 @@ def open_session(
     and peers reach through a router, and give up after this time. passwords: of the robots of a place; each may send
     under its own name only. If ZENOH_CONFIG names a file, the file sets all of this, and also encryption and access
     control. Otherwise EDGEMAP_FLEET_SECRET, if set, is the password of this side. The challenge and response of zenoh
-    does not send the password, and messages are not encrypted. Raises PublishError, or MissingExtraError.
+    do not send the password, and messages are not encrypted. Raises PublishError, or MissingExtraError.
     """
     need("fleet", "--fleet", ("zenoh",))
     import zenoh
