@@ -14,6 +14,7 @@ from edgemap.geometry.robust import CLEAR_SIGMAS
 # Ratio of the source's motion to the camera's. On two bad drives, the camera was compared with correct wheels in 470
 # windows. 8 windows were outside `ratio`, two of them in a row, and none was below 0.15: these are camera errors.
 CONTRARY = 0.1
+BEGUN = 4.0  # the reference must reach this part of a window's minimum before the window judges anything
 # Length of a window, s; weight of the newest window in the mean; maximum squared distance of one window.
 INNOVATION_S, INNOVATION_SHARE, MOST_SQUARED = 1.0, 0.3, 30.0
 
@@ -82,6 +83,8 @@ class Agreement:
 
     def _below(self, ratio: float) -> bool:
         """Whether the ratio of the source to the reference in the current window is significantly below a ratio."""
+        if abs(self.reference) <= self.least / BEGUN:
+            return False
         off = abs(self.own - self.reference) > CLEAR_SIGMAS * math.sqrt(self.variance)
         return off and self.own / self.reference < ratio
 

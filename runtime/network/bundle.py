@@ -193,15 +193,15 @@ def _opener(
         raise BundleError(f"{where}: {size:,} bytes, at most {MODEL_BYTES:,} are read")
 
     def opened(compute: Compute, rows: int | None) -> Network:
+        onnxruntime = compute.engine == "onnxruntime"
         try:
             network = open_network(path, compute, rows)
+            reference = network if onnxruntime else open_network(path, Compute(), rows)
         except MissingExtraError:
             raise
         except Exception as error:  # the engines' exceptions share no public base
             why = one_line(str(error).removeprefix("[ONNXRuntimeError] : "), 160)
             raise BundleError(f"{where} is not a model that {compute.engine} loads ({why})") from None
-        onnxruntime = compute.engine == "onnxruntime"
-        reference = network if onnxruntime else open_network(path, Compute(), rows)
         _check_contract(reference.metadata, where, record, folder)
         cut = _cut(inputs, network.inputs)
         _compare(where, "input", cut(inputs), network.inputs)

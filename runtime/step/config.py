@@ -37,8 +37,8 @@ RENAMED = {
         "prior_looks": "prior_observations",
     },
 }
-# Numbers of earlier files that nothing uses any more, passed over.
 SCALED = ("flow", "planar", "gyro", "outside_flow", "outside_planar")  # members of the hybrid
+# Numbers of earlier files that nothing uses any more, passed over.
 RETIRED = {
     "camera": ("stall_intervals", "retries", "reset_every", "back_off_limit_s", "settle_s"),
     "attitude": (
@@ -164,7 +164,7 @@ RETIRED = {
         "wheels_covariance_scale",
         "wheels_doubt",
     ),
-    "trust": ("yaw", "held", "yaw_between", "length_between", "sigmas"),
+    "trust": ("yaw", "yaw_between", "length_between", "sigmas"),
     "pictures": ("alone", "reach_sigmas", "lasting_rad", "reach_rad"),
     "planar": (
         "corners_apart_px",

@@ -295,7 +295,7 @@ def test_a_head_in_motion_from_the_start_is_levelled_and_its_covariance_says_how
     assert math.degrees(np.sqrt(np.mean(np.square(late)))) < 2.0
 
 
-@pytest.mark.parametrize("rate_rad_s", [0.5, 5.0])
+@pytest.mark.parametrize("rate_rad_s", [0.5, 1.4])  # faster ones that repeat are full scale
 def test_the_rotation_is_known_from_the_first_frame_on_whose_samples_reach_back_to_the_one_before(rate_rad_s):
     stamps, mount = np.arange(0.01, 1.0, 0.01), Mount.from_degrees(0.5, 10.0)
     up = mount.rotation_base_optical().T @ [0.0, 0.0, 1.0]

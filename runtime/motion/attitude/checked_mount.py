@@ -21,6 +21,7 @@ from edgemap.runtime.motion.attitude.pictures import PicturesAttitude
 from edgemap.runtime.motion.attitude.protocol import AttitudeSource, Moved
 from edgemap.runtime.motion.attitude.segments import line_ends, segments_between
 
+FEWEST = 4  # estimates; the median deviation of fewer says nothing
 COARSE_PX = (40, 30)  # of the pictures that are compared
 EDGES, GRAVITY, DEPTH = "the room's edges", "gravity", "the floor in depth pictures"
 
@@ -177,7 +178,7 @@ class CheckedMount:
             return
         if not (self._settled and self._sways):
             self._tilt = self._tilt.by_up(EDGES, error_rad)
-        if estimates[-1, 0] - estimates[0, 0] < rule.judged_s:
+        if len(estimates) < FEWEST or estimates[-1, 0] - estimates[0, 0] < rule.judged_s:
             return
         self._steady = bool(median_and_scatter(estimates[:, 1:])[1].max() < 2.0 * rule.tilt.nod)
         self._carried, self._confirmed = not self._steady, self._steady

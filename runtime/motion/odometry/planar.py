@@ -213,7 +213,7 @@ class PlanarOdometry:
         self._view, self._motion, self._covariance, self._trusted = found.view, motion, now, True
         self._landmarks, keep = refined(self._landmarks, found, replace(self._noise, gate=self._gate()))
         self._keep(keep & (self._landmarks.age < self._rule.max_age))
-        held = self._sees_floor or int(self._landmarks.floor.sum()) >= BELOW_COUNT
+        held = self._unit_m == 1.0 or int(self._landmarks.floor.sum()) >= BELOW_COUNT
         factor = excess_scale(self._landmarks, held)
         if factor != 1.0:
             self._landmarks = rescaled(self._landmarks, self._camera, self._view, factor, self._noise)

@@ -40,8 +40,8 @@ class DriftRate:
     def covariance(self, motion: SE2) -> NDArray[np.float64]:
         """Covariance of one motion, (3, 3)."""
         rolled_m = math.hypot(motion.x_m, motion.y_m) + self.half_track_m * abs(motion.yaw_rad)
-        slip2 = self.roughness_m**2 * rolled_m
-        return np.diag([slip2 + ROUNDED_M**2] * 2 + [slip2 / self.half_track_m**2 + ROUNDED_RAD**2])
+        slip2, half_track_m = self.roughness_m**2 * rolled_m, max(self.half_track_m, ROUNDED_M)
+        return np.diag([slip2 + ROUNDED_M**2] * 2 + [slip2 / half_track_m**2 + ROUNDED_RAD**2])
 
 
 ROUNDED_M, ROUNDED_RAD = 1e-4, 1e-5  # of what files hold

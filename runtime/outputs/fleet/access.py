@@ -23,8 +23,9 @@ _FORM = "8 to 200 printable ASCII characters without spaces and colons"
 
 
 def secret_of_environment() -> tuple[str, str]:
-    """User and password of `EDGEMAP_FLEET_SECRET`, both empty where it is not set. Raises PublishError."""
-    text = os.environ.get(SECRET, "")
+    """User and password of `EDGEMAP_FLEET_SECRET`; both empty where it is not set, or ZENOH_CONFIG takes its place.
+    Raises PublishError."""
+    text = "" if os.environ.get("ZENOH_CONFIG") else os.environ.get(SECRET, "")
     user, colon, password = text.rpartition(":")
     if text and (not _PASSWORD.fullmatch(password) or (colon and not NAME.fullmatch(user))):
         raise PublishError(f"{SECRET} must be {_FORM}, or a robot's NAME:PASSWORD")
