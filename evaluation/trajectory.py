@@ -45,10 +45,10 @@ def segment_errors(true: Sequence[SE2], estimated: Sequence[SE2], length_m: floa
     first frame whose true path from there exceeds the length; no alignment beyond the common start.
     """
     _same_length(true, estimated)
-    way_m = path_m(true)
+    travelled_m = path_m(true)
     errors = []
     for start in range(0, len(true), step):
-        end = int(np.searchsorted(way_m, way_m[start] + length_m, side="right"))
+        end = int(np.searchsorted(travelled_m, travelled_m[start] + length_m, side="right"))
         if end >= len(true):
             break
         wanted, estimate = true[start].inverse() @ true[end], estimated[start].inverse() @ estimated[end]
@@ -151,13 +151,13 @@ def planar_fit(poses: Array, lengths_m: Sequence[float]) -> dict[str, float | No
     selected = [above[0] @ pose for pose in integrated(moved)]
     places, heights_m = poses[:, :2, 3], np.abs(poses[:, 2, 3] - poses[0, 2, 3])
     apart_m = np.linalg.norm(places - [(pose.x_m, pose.y_m) for pose in selected], axis=1)
-    way_m = float(np.linalg.norm(np.diff(poses[:, :3, 3], axis=0), axis=1).sum())
+    travelled_m = float(np.linalg.norm(np.diff(poses[:, :3, 3], axis=0), axis=1).sum())
     relative = np.vstack([segment_errors(above, selected, length) / length for length in lengths_m])
     shift, turn = relative.mean(axis=0) if len(relative) else (None, None)
     return {
         "mean_m": float(apart_m.mean()),
         "max_m": float(apart_m.max()),
-        "mean_percent": 100.0 * float(apart_m.mean()) / way_m if way_m else 0.0,
+        "mean_percent": 100.0 * float(apart_m.mean()) / travelled_m if travelled_m else 0.0,
         "t_rel_percent": None if shift is None else 100.0 * float(shift),
         "r_rel_deg_per_m": None if turn is None else math.degrees(turn),
         "height_mean_m": float(heights_m.mean()),

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from edgemap.geometry.arrays import Array
 from edgemap.geometry.se2 import SE2
+from edgemap.geometry.trajectory_correction import composed
 
 UNIT = 100.0  # steps of log-odds per 1
 Steps = NDArray[np.int16]
@@ -51,17 +52,13 @@ class Patch:
 
 def moved_m(patches: Sequence[Patch], cell_m: float) -> float:
     """Greatest distance along an axis that a corner of any patch moved since it was drawn, m."""
-    corners_m = np.array([patch.corners for patch in patches]).reshape(-1, 4, 2) * cell_m
-    now, then = (
-        np.array([pose.vector() for pose in poses]).reshape(-1, 1, 3)
+    points = np.zeros((4 * len(patches), 3))
+    points[:, :2] = np.array([patch.corners for patch in patches]).reshape(-1, 2) * cell_m
+    now, drawn = (
+        composed(np.repeat(np.array([pose.vector() for pose in poses]).reshape(-1, 3), 4, axis=0), points)[:, :2]
         for poses in ([patch.move for patch in patches], [patch.drawn for patch in patches])
     )
-    x, y = corners_m[:, :, 0], corners_m[:, :, 1]
-    placed_m = []
-    for pose in (now, then):
-        c, s = np.cos(pose[:, :, 2]), np.sin(pose[:, :, 2])
-        placed_m.append(np.stack([pose[:, :, 0] + c * x - s * y, pose[:, :, 1] + s * x + c * y]))
-    return float(np.abs(placed_m[0] - placed_m[1]).max(initial=0.0))
+    return float(np.abs(now - drawn).max(initial=0.0))
 
 
 def placed(cells: Cells, move: SE2, cell_m: float) -> Cells:

@@ -108,7 +108,10 @@ def _joined(groups: list[list[Landmark]], apart: Sequence[set[int]], rule: Landm
     not contain."""
     count = len(groups)
     sums = np.array([_sums(group).sum(axis=1) for group in groups]).T
-    barred = np.array([[any(one.number in own for one in group) for group in groups] for own in apart])
+    group_of = {one.number: row for row, group in enumerate(groups) for one in group}
+    barred = np.zeros((count, count), dtype=np.bool_)
+    for row, own in enumerate(apart):
+        barred[row, [group_of[number] for number in own if number in group_of]] = True
     barred |= barred.T | np.eye(count, dtype=bool)
     place = _placed(sums, rule)
     distance = np.where(barred, np.inf, _distances(place, place, rule))
