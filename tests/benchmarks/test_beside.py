@@ -1,6 +1,11 @@
+from pathlib import Path
+
 import pytest
 
-from edgemap.benchmarks.beside import _figures
+from edgemap.benchmarks.beside import FRAMES, _block, _figures, _worker, without_floor_head
+from edgemap.runtime import load_bundle
+
+REPOSITORY = Path(__file__).parents[2]
 
 
 def test_figures_of_blocks_are_of_all_their_frames():
@@ -9,3 +14,27 @@ def test_figures_of_blocks_are_of_all_their_frames():
     assert found["cpu_ms_per_frame"] == pytest.approx(20.0)
     assert found["cpu_percent"] == pytest.approx(40.0)
     assert found["fps"] == 50.0
+
+
+def test_a_build_runs_from_its_own_tree():
+    worker = _worker(REPOSITORY, "1", "edgemap-nano", "onnxruntime")
+    times_ms, spent_s, wall_s = _block(worker, 0.0)
+    assert len(times_ms) == FRAMES
+    assert spent_s > 0.0
+    assert wall_s >= sum(times_ms) / 1e3
+    worker.communicate()
+
+
+def test_a_tree_without_the_step_is_not_completed_by_an_installed_package(tmp_path):
+    for room in ("geometry", "models"):
+        (tmp_path / room).symlink_to(REPOSITORY / room)
+    worker = _worker(tmp_path, "1", "edgemap-nano", "onnxruntime")
+    worker.communicate()
+    assert worker.returncode == 1
+
+
+def test_a_bundle_loses_its_floor_head(tmp_path):
+    pytest.importorskip("onnx")
+    bare = load_bundle(without_floor_head("edgemap-nano", tmp_path / "b"), 1)
+    assert bare.manifest.detector.floor is None
+    assert bare.manifest.odometry["flow"].trained
