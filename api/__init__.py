@@ -4,8 +4,6 @@
 `edgemap.runtime` has its parts.
 """
 
-from __future__ import annotations
-
 import os
 from typing import TYPE_CHECKING, Any
 

@@ -5,8 +5,6 @@ mapped again. The backbone runs once per picture for all of them. Before, the sa
 far the figures of one run spread by chance: a change within it is none.
 """
 
-from __future__ import annotations
-
 import json
 import zlib
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -90,11 +88,11 @@ def changes(before: Sequence[Figures], after: Sequence[Figures]) -> dict[str, fl
     return found
 
 
-def remembering(bundle: Bundle) -> Bundle:
+def remembering(bundle: "Bundle") -> "Bundle":
     """The bundle with a backbone that keeps its outputs, and looks them up for a picture that it had before."""
     opened: dict[int, Network] = {}
 
-    def reopen(rows: int) -> Network:
+    def reopen(rows: int) -> "Network":
         if rows not in opened:
             opened[rows] = _remembering(bundle.reopen(rows))
         return opened[rows]
@@ -102,10 +100,10 @@ def remembering(bundle: Bundle) -> Bundle:
     return replace(bundle, backbone=_remembering(bundle.backbone), reopen=reopen)
 
 
-def _remembering(network: Network) -> Network:
+def _remembering(network: "Network") -> "Network":
     known: dict[int, list[Any]] = {}
 
-    def infer(tensors: Tensors) -> Sequence[Any]:
+    def infer(tensors: "Tensors") -> Sequence[Any]:
         key = zlib.crc32(b"".join(value.tobytes() for value in tensors.values()))
         if key not in known:
             known[key] = [value.copy() for value in network.infer(tensors)]
@@ -133,7 +131,7 @@ def main(options: SensitivityOptions) -> None:
     bundle = remembering(load_bundle(bundle_folder(options.bundle)))
     rules = WalksOptions(options.data, frames=options.frames, without_wheels=alone, without_imu=alone)
 
-    def score(config: Config) -> list[dict[str, float | None]]:
+    def score(config: "Config") -> list[dict[str, float | None]]:
         return [walk(drive, bundle, config, rules) for drive in drives]
 
     before = score(Config())

@@ -4,8 +4,6 @@ Every drive is followed and mapped once for each number of corners, which random
 that start at every frame, as such drives are short. Figures are means over the runs and the worst one.
 """
 
-from __future__ import annotations
-
 import json
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -75,7 +73,7 @@ def main(options: WalksOptions) -> None:
         print(json.dumps(document, indent=1))
 
 
-def with_corners(count: int) -> Config:
+def with_corners(count: int) -> "Config":
     """The tree with this number of corners for planar odometry, and the same change for depth odometry."""
     from edgemap.runtime.step.config import Config
 
@@ -85,7 +83,7 @@ def with_corners(count: int) -> Config:
     return replace(tree, odometry=replace(tree.odometry, planar=planar, depth=depth))
 
 
-def walk(drive: Drive, bundle: Bundle, config: Config, options: WalksOptions) -> dict[str, float | None]:
+def walk(drive: "Drive", bundle: "Bundle", config: "Config", options: WalksOptions) -> dict[str, float | None]:
     """The figures of one run over one drive."""
     from edgemap.benchmarks.map_variants import Replay, Variant, observed_by, true_objects
 

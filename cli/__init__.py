@@ -1,7 +1,5 @@
 """The command line: selects the command, parses its arguments, and imports its modules only then."""
 
-from __future__ import annotations
-
 import os
 import sys
 from importlib import import_module

@@ -1,7 +1,5 @@
 """Descriptions of options in the help."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import tyro

@@ -1,7 +1,5 @@
 """`edgemap run --cpu SHARE`: doing less where the robot's other programs need the processor."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -36,7 +34,7 @@ def read_share(text: str | None) -> float | None:
     return share
 
 
-def budgeted(camera: Camera, share: float | None, config: Path | None) -> BudgetedCamera:
+def budgeted(camera: "Camera", share: float | None, config: Path | None) -> "BudgetedCamera":
     """The camera under a budget, or under the budget's decisions recorded in a run.json. Raises ConfigError."""
     from edgemap.runtime.inputs.budget import Budget
     from edgemap.runtime.inputs.cameras.base import BudgetedCamera

@@ -1,7 +1,5 @@
 """`edgemap calibrate intrinsics`: the lens from pictures of a chessboard."""
 
-from __future__ import annotations
-
 from typing import Annotated
 
 from edgemap.cli.arguments import arg

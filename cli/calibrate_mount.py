@@ -1,7 +1,5 @@
 """`edgemap calibrate mount`: height, pitch and roll, with a chessboard on the floor or without any pattern."""
 
-from __future__ import annotations
-
 import math
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -48,7 +46,7 @@ def command(
     calibration.write(lens, mount, "mount", record)
 
 
-def _by_board(calibration: MountCalibration, square: float, board: str, thickness: float) -> tuple[Intrinsics, Fit]:
+def _by_board(calibration: MountCalibration, square: float, board: str, thickness: float) -> "tuple[Intrinsics, Fit]":
     from edgemap.runtime.step.calibration.floor_board import fit_mount
 
     chessboard = read_board(board, square)
@@ -61,7 +59,7 @@ def _by_board(calibration: MountCalibration, square: float, board: str, thicknes
     return lens, (_with_lever_arm(fit.mount, prior), fit.record())
 
 
-def _by_room(calibration: MountCalibration, height: float | None) -> tuple[Intrinsics, Fit]:
+def _by_room(calibration: MountCalibration, height: float | None) -> "tuple[Intrinsics, Fit]":
     from itertools import islice
 
     from edgemap.geometry.camera.imu import ImuSamples
@@ -91,7 +89,7 @@ def _by_room(calibration: MountCalibration, height: float | None) -> tuple[Intri
 
 
 def _by_edges(
-    calibration: MountCalibration, lens: Intrinsics, prior: Mount | None, height: float | None, wheel: Path | None,
+    calibration: MountCalibration, lens: "Intrinsics", prior: "Mount | None", height: float | None, wheel: Path | None,
     up: Any,
 ) -> Fit:  # fmt: skip
     from dataclasses import replace
@@ -132,20 +130,20 @@ def _by_edges(
     return tilted, record
 
 
-def _with_lever_arm(mount: Mount, prior: Mount | None) -> Mount:
+def _with_lever_arm(mount: "Mount", prior: "Mount | None") -> "Mount":
     from dataclasses import replace
 
     return mount if prior is None else replace(mount, forward_m=prior.forward_m, left_m=prior.left_m)
 
 
-def _print_result(mount: Mount, height_m: float, pitch_rad: float, roll_rad: float) -> None:
+def _print_result(mount: "Mount", height_m: float, pitch_rad: float, roll_rad: float) -> None:
     given = f"+- {height_m:.4f} m" if height_m else "m as given"
     print(f"  height {mount.height_m:7.4f} {given}")
     print(f"  pitch  {math.degrees(mount.pitch_rad):7.3f} +- {math.degrees(pitch_rad):.3f} deg (positive down)")
     print(f"  roll   {math.degrees(mount.roll_rad):7.3f} +- {math.degrees(roll_rad):.3f} deg")
 
 
-def _compare_gravity(mount: Mount, up: Any) -> None:
+def _compare_gravity(mount: "Mount", up: Any) -> None:
     """What the accelerometer says beside the result. Raises CalibrationError where no offset explains it."""
     from edgemap.geometry.camera.inertial import OFFSET_RAD
     from edgemap.geometry.camera.level import pitch_roll

@@ -1,7 +1,5 @@
 """Common parts of the calibrate commands: the board's options, and writing camera.yaml."""
 
-from __future__ import annotations
-
 import math
 import re
 from dataclasses import dataclass
@@ -46,11 +44,11 @@ class Calibration:
         if out.exists() and (known is None or out.resolve() != known.resolve()):
             raise OptionError(f"{out} exists already; choose another --out, or complete it: --camera-file {out}")
 
-    def open(self) -> Camera:
+    def open(self) -> "Camera":
         """The camera, described by the camera file where there is one."""
         return open_described(self.camera, self.camera_file)
 
-    def views(self, source: Camera, board: Board) -> list[BoardView]:
+    def views(self, source: "Camera", board: "Board") -> "list[BoardView]":
         """Different views of the board, printed one by one; Ctrl-C ends the search with the views so far."""
         from edgemap.runtime.step.calibration.board import board_views
         from edgemap.runtime.step.loop import stop_on_signals
@@ -63,7 +61,7 @@ class Calibration:
                     print(f"view {len(views)} of the board; Ctrl-C when it has been everywhere", flush=True)
         return views
 
-    def write(self, lens: Intrinsics, mount: Mount | None, part: str, record: dict[str, Any]) -> None:
+    def write(self, lens: "Intrinsics", mount: "Mount | None", part: str, record: dict[str, Any]) -> None:
         """Writes the new calibration and keeps the camera file's rate, axis and other calibrations. Raises
         CameraError."""
         from edgemap.runtime.frames.errors import CameraError
@@ -88,11 +86,11 @@ class MountCalibration(Calibration):
 
     intrinsics: IntrinsicsText = None
 
-    def lens(self, source: Camera) -> Intrinsics:
+    def lens(self, source: "Camera") -> "Intrinsics":
         """By flag, camera file or source. Raises OptionError."""
         return known_lens(source, self.intrinsics)
 
-    def tilt(self, source: Camera, lens: Intrinsics) -> TiltFit:
+    def tilt(self, source: "Camera", lens: "Intrinsics") -> "TiltFit":
         """Pitch and roll by the edges in at most 40 pictures spread over the source; prints how well they agree. Raises
         CalibrationError."""
         from edgemap.runtime.motion.attitude.segments import find_segments
@@ -111,7 +109,7 @@ class MountCalibration(Calibration):
         return fit
 
 
-def read_board(text: str, square_m: float = 1.0) -> Board:
+def read_board(text: str, square_m: float = 1.0) -> "Board":
     """`--board 9x6`. Raises OptionError."""
     from edgemap.runtime.step.calibration.board import Board
 

@@ -1,7 +1,5 @@
 """`edgemap calibrate tilt`: pitch and roll from the straight edges of a room, without any pattern."""
 
-from __future__ import annotations
-
 import math
 from typing import Annotated
 

@@ -1,7 +1,5 @@
 """Options that name a camera, its lens and its mount, and how their text is read. No heavy imports here."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -50,7 +48,7 @@ CameraFile = Annotated[
 ]
 
 
-def read_mount(text: str | None, prior: Mount | None = None) -> Mount | None:
+def read_mount(text: str | None, prior: "Mount | None" = None) -> "Mount | None":
     """Applies `--mount HEIGHT_M,PITCH_DEG` to a prior mount: its roll and lever arm stay."""
     from dataclasses import replace
 
@@ -75,7 +73,7 @@ def read_numbers_of_lens(text: str | None) -> list[float] | None:
     return None if text is None else numbers(text, "--intrinsics", "FX,FY,CX,CY")
 
 
-def read_intrinsics(text: str | None, width: int, height: int) -> Intrinsics | None:
+def read_intrinsics(text: str | None, width: int, height: int) -> "Intrinsics | None":
     """`--intrinsics FX,FY,CX,CY` of pictures of this size."""
     from edgemap.geometry.camera.intrinsics import Intrinsics
     from edgemap.geometry.errors import GeometryError
@@ -106,12 +104,12 @@ class Opening:
 
     realtime: bool = False
     frames: int | None = None
-    recovery: RecoveryRule | None = None
-    topics: SensorTopics | None = None
+    recovery: "RecoveryRule | None" = None
+    topics: "SensorTopics | None" = None
     depth: bool = True
 
 
-def open_described(spec: str, camera_file: Path | None, how: Opening = Opening()) -> Camera:
+def open_described(spec: str, camera_file: Path | None, how: Opening = Opening()) -> "Camera":
     """Open a camera; a camera file's lens and mount go before its own, and a webcam is asked for the lens's size."""
     from edgemap.runtime.inputs.drives.camera_yaml import read_camera_yaml
     from edgemap.runtime.inputs.open import open_camera
@@ -128,7 +126,7 @@ def open_described(spec: str, camera_file: Path | None, how: Opening = Opening()
     )  # fmt: skip
 
 
-def known_lens(camera: Camera, intrinsics: str | None) -> Intrinsics:
+def known_lens(camera: "Camera", intrinsics: str | None) -> "Intrinsics":
     """The lens by flag, camera file or source, in this order. Raises OptionError for none, or one of another size."""
     lens = read_intrinsics(intrinsics, *camera.size) or camera.intrinsics
     if lens is None:
@@ -141,7 +139,7 @@ def known_lens(camera: Camera, intrinsics: str | None) -> Intrinsics:
     return lens
 
 
-def lens_and_mount(camera: Camera, intrinsics: str | None, mount: str | None) -> tuple[Intrinsics, Mount]:
+def lens_and_mount(camera: "Camera", intrinsics: str | None, mount: str | None) -> "tuple[Intrinsics, Mount]":
     """Intrinsics and mount of a run: flags override the camera file, which overrides the source. Raises OptionError."""
     lens, camera_mount = known_lens(camera, intrinsics), read_mount(mount, camera.mount)
     if camera_mount is None:

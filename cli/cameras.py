@@ -1,7 +1,5 @@
 """`edgemap cameras`: which cameras are here, and what to type for each."""
 
-from __future__ import annotations
-
 from typing import TYPE_CHECKING
 
 from edgemap.cli.options import Json, print_json
@@ -31,7 +29,7 @@ def command(json: Json = False) -> None:
     print("network cameras are not searched for:  --camera rtsp://ADDRESS or http://ADDRESS")
 
 
-def command_line(camera: ConnectedCamera) -> str:
+def command_line(camera: "ConnectedCamera") -> str:
     """The command that runs with this camera; words in capitals are placeholders."""
     lens = "" if camera.knows_lens else " --intrinsics FX,FY,CX,CY"
     return f"edgemap run --camera {camera.spec} --mount HEIGHT_M,PITCH_DEG{lens}"

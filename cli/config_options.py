@@ -1,7 +1,5 @@
 """`--config FILE --config-options`: the options of a file as flags of `edgemap run`, each printed, and only then."""
 
-from __future__ import annotations
-
 import inspect
 from collections.abc import Callable
 from dataclasses import is_dataclass

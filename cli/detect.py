@@ -1,7 +1,5 @@
 """`edgemap detect`: single pictures."""
 
-from __future__ import annotations
-
 from math import inf
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -85,10 +83,10 @@ def command(
 
 def _plot(
     path: Path,
-    picture: NDArray[np.uint8],
-    detections: Detections,
-    sightings: list[Sighting],
-    camera: FloorCamera | None,
+    picture: "NDArray[np.uint8]",
+    detections: "Detections",
+    sightings: "list[Sighting]",
+    camera: "FloorCamera | None",
 ) -> Path:
     """Draw into a file; its path."""
     if camera is not None:
@@ -105,7 +103,7 @@ def _plot(
     return path
 
 
-def _every_floor_box() -> FloorRule:
+def _every_floor_box() -> "FloorRule":
     """People and pets too, and however far: only maps are choosy."""
     from edgemap.geometry.observations.sighting import FloorRule
 
@@ -113,7 +111,7 @@ def _every_floor_box() -> FloorRule:
 
 
 def _found(
-    detections: Detections, sightings: list[Sighting], camera: FloorCamera | None, guessed: bool
+    detections: "Detections", sightings: "list[Sighting]", camera: "FloorCamera | None", guessed: bool
 ) -> dict[str, Any]:
     """The boxes of one picture as JSON, with places where a mount is known. sigma_m: one standard deviation."""
     document: dict[str, Any] = {"detections": []}
@@ -139,7 +137,7 @@ def _found(
     return document
 
 
-def _floor_camera(width: int, height: int, optics: Optics) -> tuple[FloorCamera | None, bool]:
+def _floor_camera(width: int, height: int, optics: Optics) -> "tuple[FloorCamera | None, bool]":
     """The picture's FloorCamera where a mount is known, and whether its lens is a guess."""
     from edgemap.geometry.camera.floor import FloorCamera
     from edgemap.geometry.camera.intrinsics import Intrinsics

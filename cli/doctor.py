@@ -1,7 +1,5 @@
 """`edgemap doctor`: what works here, what is missing, what to type."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from contextlib import suppress
 from dataclasses import dataclass

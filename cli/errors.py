@@ -1,7 +1,5 @@
 """Errors of the command line itself."""
 
-from __future__ import annotations
-
 from edgemap.geometry.errors import EdgemapError
 
 

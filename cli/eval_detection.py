@@ -1,7 +1,5 @@
 """`edgemap eval detection`: how good the boxes are."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Annotated, Any
 

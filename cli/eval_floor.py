@@ -1,7 +1,5 @@
 """`edgemap eval floor`: how good the floor mask is."""
 
-from __future__ import annotations
-
 from typing import TYPE_CHECKING, Annotated, Any
 
 from edgemap.cli.arguments import arg
@@ -78,7 +76,7 @@ def _text(value: float | None, form: str) -> str:
     return "–" if value is None else format(value, form)
 
 
-def _camera(folder: Path) -> FloorCamera | None:
+def _camera(folder: "Path") -> "FloorCamera | None":
     """The lens and mount of camera.yaml beside the pictures, where there is one with both."""
     from edgemap.geometry.camera.floor import FloorCamera
     from edgemap.runtime.inputs.drives.camera_yaml import read_camera_yaml

@@ -1,7 +1,5 @@
 """`edgemap eval map`: how true the map is, with true poses and with estimated ones."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Annotated, Any
 

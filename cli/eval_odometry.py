@@ -1,7 +1,5 @@
 """`edgemap eval odometry`: how far the robot's own motion drifts, against true poses."""
 
-from __future__ import annotations
-
 from math import degrees
 from pathlib import Path
 from typing import Annotated, Any

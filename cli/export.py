@@ -1,7 +1,5 @@
 """`edgemap export`: trained weights to a bundle."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Annotated, Any
 

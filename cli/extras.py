@@ -1,7 +1,5 @@
 """Checks that the extras of a command are installed, before it starts."""
 
-from __future__ import annotations
-
 from edgemap.runtime.frames.extras import need
 
 

@@ -1,7 +1,5 @@
 """`edgemap fleet serve` and `edgemap fleet show`, and the fleet's options of `edgemap run`."""
 
-from __future__ import annotations
-
 from typing import TYPE_CHECKING
 
 from edgemap.cli.errors import OptionError
@@ -29,7 +27,7 @@ def address(text: str, option: str, port: int) -> str:
     return f"[{host}]:{number}" if ":" in host else f"{host}:{number}"
 
 
-def fleet_sink(fleet: str, robot: str | None, saved: Path | None) -> FleetSink:
+def fleet_sink(fleet: str, robot: str | None, saved: "Path | None") -> "FleetSink":
     """The sink of `--fleet`. Raises OptionError, PublishError or MissingExtraError."""
     import socket
 
@@ -48,7 +46,7 @@ def fleet_sink(fleet: str, robot: str | None, saved: Path | None) -> FleetSink:
     return FleetSink(place, named or robot or socket.gethostname(), where)
 
 
-def _of_a_fleet(saved: Path) -> bool:
+def _of_a_fleet(saved: "Path") -> bool:
     from edgemap.runtime.frames.reading import read_bytes
     from edgemap.runtime.step.map_file import MAP_BYTES
 

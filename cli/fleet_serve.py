@@ -1,7 +1,5 @@
 """`edgemap fleet serve`: keeps the merged map of a place."""
 
-from __future__ import annotations
-
 import os
 import time
 from math import degrees

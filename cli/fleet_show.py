@@ -1,7 +1,5 @@
 """`edgemap fleet show`: the merged map of a place, and its robots, as they are now."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Annotated
 

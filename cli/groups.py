@@ -2,8 +2,6 @@
 options name. No heavy imports here.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Annotated, Literal
 
@@ -56,7 +54,7 @@ class Optics:
         read_mount(self.mount)
         read_numbers_of_lens(self.intrinsics)
 
-    def floor_camera(self, source: Camera) -> FloorCamera:
+    def floor_camera(self, source: "Camera") -> "FloorCamera":
         """Intrinsics and mount: flags before the camera file, that before the source's own. Raises OptionError."""
         from edgemap.geometry.camera.floor import FloorCamera
         from edgemap.geometry.errors import GeometryError
@@ -79,7 +77,7 @@ class _Spec:
 class Source(Optics, _Spec):
     """Source of the frames."""
 
-    def open(self, how: Opening = Opening()) -> Camera:  # noqa: B008
+    def open(self, how: Opening = Opening()) -> "Camera":  # noqa: B008
         """The camera, described by the camera file where there is one."""
         return open_described(self.camera, self.camera_file, how)
 
@@ -93,7 +91,7 @@ class NetworkOptions:
     precision: PrecisionName = "default"
     engine: EngineName = "default"
 
-    def load(self, *specs: str, pace: Pace = "files", recorded: Decisions | None = None) -> Bundle:
+    def load(self, *specs: str, pace: "Pace" = "files", recorded: "Decisions | None" = None) -> "Bundle":
         """The bundle for these sources; see `find_bundle`."""
         return find_bundle(
             self.bundle, self.threads, self.precision, *specs, pace=pace, engine=self.engine, recorded=recorded

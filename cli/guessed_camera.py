@@ -1,7 +1,5 @@
 """`edgemap run` with an uncalibrated camera: intrinsics and mount are estimated from its first pictures."""
 
-from __future__ import annotations
-
 import math
 from typing import TYPE_CHECKING
 
@@ -21,7 +19,7 @@ PICTURES, REACH = 40, 400  # pictures that are looked at, of so many first ones 
 LIVE_S, LIVE_EVERY_S = 8.0, 0.2  # of a live camera, and between two pictures
 
 
-def floor_camera_of(camera: Source, source: Camera, bundle: Bundle) -> tuple[FloorCamera, CameraGuess | None]:
+def floor_camera_of(camera: "Source", source: "Camera", bundle: "Bundle") -> "tuple[FloorCamera, CameraGuess | None]":
     """Intrinsics and mount as given, or guessed where either is missing; a guess is printed with its uncertainty.
 
     Raises OptionError, or CalibrationError where the pictures show no floor or an impossible mount.
@@ -49,10 +47,10 @@ def floor_camera_of(camera: Source, source: Camera, bundle: Bundle) -> tuple[Flo
 class CameraKeeper:
     """A run's camera.yaml: the mount set on the live page, else the guess, with angles estimated during the drive."""
 
-    def __init__(self, folder: Path, floor: FloorCamera, guess: CameraGuess | None) -> None:
+    def __init__(self, folder: "Path", floor: "FloorCamera", guess: "CameraGuess | None") -> None:
         self._path, self._floor, self._guess, self._by_hand = folder / "camera.yaml", floor, guess, False
 
-    def set_mount(self, height_m: float, pitch_deg: float) -> Path:
+    def set_mount(self, height_m: float, pitch_deg: float) -> "Path":
         """Saves a mount that a person has set; roll and lever arm stay. Raises GeometryError, CameraError."""
         from dataclasses import replace
 
@@ -64,7 +62,7 @@ class CameraKeeper:
         self._by_hand = True
         return self._path
 
-    def at_end(self, observed: MountEstimate | None) -> str | None:
+    def at_end(self, observed: "MountEstimate | None") -> str | None:
         """Saves the guess, unless a person has set the mount. Returns the line to print."""
         from dataclasses import replace
 
@@ -86,7 +84,7 @@ class CameraKeeper:
         write_camera_yaml(self._path, self._floor.intrinsics, self._floor.mount, calibration=calibration)
 
 
-def _looked_at(camera: Source, source: Camera) -> Iterator[Frame]:
+def _looked_at(camera: "Source", source: "Camera") -> "Iterator[Frame]":
     """Pictures spread over a live camera's first seconds, or over the first part of a file, which is opened again."""
     import time
 
@@ -107,7 +105,7 @@ def _looked_at(camera: Source, source: Camera) -> Iterator[Frame]:
                 yield frame
 
 
-def _stated(spec: str, source: Camera) -> Focal | None:
+def _stated(spec: str, source: "Camera") -> "Focal | None":
     """The focal length that the source's own file states."""
     from edgemap.runtime.frames.reading import user_path
     from edgemap.runtime.inputs.cameras.stated_focal import stated_focal_px

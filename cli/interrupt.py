@@ -1,7 +1,5 @@
 """Delays Ctrl-C during imports, since some libraries swallow it or turn it into another error."""
 
-from __future__ import annotations
-
 import signal
 import threading
 from collections.abc import Iterator

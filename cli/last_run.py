@@ -1,7 +1,5 @@
 """The run that a command means when it names none."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 from edgemap.cli.errors import OptionError

@@ -1,7 +1,5 @@
 """`edgemap run --view`: opens the live page of a run, or a null object without the flag."""
 
-from __future__ import annotations
-
 import math
 import time
 from collections.abc import Callable, Iterator, Sequence
@@ -52,30 +50,30 @@ class PageOptions:
 class NoPage:
     """Null object for a run without a live page."""
 
-    sinks: Sequence[Sink] = ()
+    sinks: "Sequence[Sink]" = ()
 
-    def camera(self, source: Camera, stop: Event) -> Camera:  # noqa: ARG002
+    def camera(self, source: "Camera", stop: Event) -> "Camera":  # noqa: ARG002
         """The camera as it is."""
         return source
 
-    def judged_by(self, verdict: Callable[[], Verdict]) -> None:
+    def judged_by(self, verdict: "Callable[[], Verdict]") -> None:
         """Ignored."""
 
     def stay(self, stop: Event, meanwhile: Callable[[], object]) -> None:
         """Returns at once."""
 
-    def drives(self, goals: Sequence[Callable[[SE2], None]]) -> None:
+    def drives(self, goals: "Sequence[Callable[[SE2], None]]") -> None:
         """Ignored."""
 
 
 class OpenPage(NoPage):
     """A run with a page. A file source is paced by its stamps and can be paused; a live camera runs on."""
 
-    def __init__(self, page: LivePage, url: str) -> None:
+    def __init__(self, page: "LivePage", url: str) -> None:
         self.sinks = (page,)
         self._page, self._pause, self._url = page, page.pause, url
 
-    def camera(self, source: Camera, stop: Event) -> Camera:
+    def camera(self, source: "Camera", stop: Event) -> "Camera":
         """The camera that the run reads from."""
         from edgemap.runtime.inputs.cameras.base import BudgetedCamera, PacedCamera
         from edgemap.view.pause import PausableCamera
@@ -86,11 +84,11 @@ class OpenPage(NoPage):
             return source
         return PausableCamera(PacedCamera(source, self._pause.running_s), self._pause, stop.is_set)
 
-    def judged_by(self, verdict: Callable[[], Verdict]) -> None:
+    def judged_by(self, verdict: "Callable[[], Verdict]") -> None:
         """Sets the function that gives the map's verdict."""
         self._page.verdict = verdict
 
-    def drives(self, goals: Sequence[Callable[[SE2], None]]) -> None:
+    def drives(self, goals: "Sequence[Callable[[SE2], None]]") -> None:
         """Adds receivers of goal poses."""
         self._page.goals += goals
 
@@ -110,13 +108,13 @@ class OpenPage(NoPage):
 @contextmanager
 def live_page(
     options: PageOptions,
-    source: Camera,
-    bundle: Bundle,
-    floor: FloorCamera,
+    source: "Camera",
+    bundle: "Bundle",
+    floor: "FloorCamera",
     odometry: str,
     folder: Path,
-    crops: BestCrops,
-    edits: Edits,
+    crops: "BestCrops",
+    edits: "Edits",
     keep_mount: Callable[[float, float], Path],
     searching: Callable[[], bool] = bool,
 ) -> Iterator[NoPage]:
@@ -144,7 +142,7 @@ def live_page(
         server.close()
 
 
-def about_run(source: Camera, bundle: Bundle, floor: FloorCamera, odometry: str, folder: Path) -> dict[str, Any]:
+def about_run(source: "Camera", bundle: "Bundle", floor: "FloorCamera", odometry: str, folder: Path) -> dict[str, Any]:
     """Description of the run for the page, with the camera's calibration for drawing."""
     from edgemap.geometry.map_object import CHI2_95
     from edgemap.runtime.frames.colours import SHAPES, label_mark

@@ -1,7 +1,5 @@
 """`edgemap map approach`: where a robot goes to reach an object of a map."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -68,7 +66,7 @@ def command(
     )
 
 
-def _chosen(objects: list[MapObject], wanted: str | None, label: str | None, near_m: list[float]) -> MapObject:
+def _chosen(objects: "list[MapObject]", wanted: str | None, label: str | None, near_m: list[float]) -> "MapObject":
     """The object that is meant. Raises OptionError."""
     from edgemap.cli.options import known_names
     from edgemap.geometry.objects.queries import nearest
@@ -88,7 +86,7 @@ def _chosen(objects: list[MapObject], wanted: str | None, label: str | None, nea
     return found[0][1]
 
 
-def publish_goal(pose: SE2) -> None:
+def publish_goal(pose: "SE2") -> None:
     """Publishes a goal for a navigation stack. Raises Ros2Error where no subscriber appears in time."""
     import time
 

@@ -1,7 +1,5 @@
 """`edgemap map export`: a map in another program's format."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Annotated, Literal
 

@@ -1,7 +1,5 @@
 """`edgemap map merge`: several maps of one place become one."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -60,7 +58,7 @@ def command(
     print(f"map of {len(merged)} objects saved in {path}")
 
 
-def alignment_text(alignment: Alignment) -> str:
+def alignment_text(alignment: "Alignment") -> str:
     """An alignment in one line."""
     from math import degrees
 

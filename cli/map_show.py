@@ -1,7 +1,5 @@
 """`edgemap map show`: look at a map."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -87,7 +85,7 @@ class _Question:
     since_s: float | None
 
     @classmethod
-    def read(cls, label: str | None, near: str | None, inside: str | None, since_s: float | None) -> _Question:
+    def read(cls, label: str | None, near: str | None, inside: str | None, since_s: float | None) -> "_Question":
         """The question that the options ask. Raises OptionError."""
         labels = None if label is None else tuple(name.strip() for name in label.split(",") if name.strip())
         if labels == ():
@@ -105,7 +103,7 @@ class _Question:
         """Whether anything is asked."""
         return self != _Question(None, None, None, None)
 
-    def answer(self, objects: list[MapObject]) -> Answers:
+    def answer(self, objects: "list[MapObject]") -> Answers:
         """The objects asked for, with their distance in metres where a point is given."""
         from edgemap.geometry.objects import queries
 
@@ -144,7 +142,7 @@ def _print_json(path: Path, answers: Answers) -> None:
 
 
 def _draw(
-    path: Path, objects: list[MapObject], zones: tuple[Zone, ...], out: Path | None, with_sightings: bool
+    path: Path, objects: "list[MapObject]", zones: "tuple[Zone, ...]", out: Path | None, with_sightings: bool
 ) -> Path:
     """The picture's path. Without matplotlib (extra plot) it is an .svg of the centres, as the report draws them."""
     from importlib.util import find_spec
@@ -168,7 +166,7 @@ def _draw(
     return plot_map(out or stem.with_suffix(".png"), objects, seen, trajectory, zones=zones, grid=grid)
 
 
-def _trajectory(folder: Path) -> Trajectory | None:
+def _trajectory(folder: Path) -> "Trajectory | None":
     """The run's trajectory; None where it is missing or empty, and where it is damaged, with a message."""
     from edgemap.runtime.frames.errors import OdometryError
     from edgemap.runtime.frames.reading import print_message
@@ -181,7 +179,7 @@ def _trajectory(folder: Path) -> Trajectory | None:
         return None
 
 
-def _read_sightings(folder: Path) -> list[SeenAt]:
+def _read_sightings(folder: Path) -> "list[SeenAt]":
     from edgemap.plots.floor_map import SeenAt
     from edgemap.runtime.outputs.sightings_file import read_sightings
 

@@ -1,7 +1,5 @@
 """Options that several commands share: what they mean, and how their text is read. No heavy imports here."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterable
 from pathlib import Path
@@ -126,7 +124,7 @@ def in_unit(**values: float | None) -> None:
             raise OptionError(f"--{name} {value}: must be above 0 and at most 1")
 
 
-def minimum_score(confidence: float | None, bundle: Bundle) -> float:
+def minimum_score(confidence: float | None, bundle: "Bundle") -> float:
     """The asked for confidence, else the bundle's own. Raises OptionError outside 0..1."""
     in_unit(confidence=confidence)
     return bundle.manifest.confidence if confidence is None else confidence
@@ -147,12 +145,12 @@ def check_odometry(spec: str) -> None:
 def find_bundle(
     name: str | None,
     threads: int | None,
-    precision: Precision | Literal["default"] = "default",
+    precision: "Precision | Literal['default']" = "default",
     *specs: str,
-    pace: Pace = "files",
-    engine: EngineChoice | Literal["default"] = "default",
-    recorded: Decisions | None = None,
-) -> Bundle:
+    pace: "Pace" = "files",
+    engine: "EngineChoice | Literal['default']" = "default",
+    recorded: "Decisions | None" = None,
+) -> "Bundle":
     """Load a bundle by folder or name; a listed name that is not in the cache is pulled first. specs: the sources of
     the run, which select the default bundle; standard error then names it with the reason. recorded: engine and
     precision of the run that made a recording, taken where none is asked for.
@@ -193,14 +191,14 @@ def find_bundle(
     )
 
 
-def chosen_precision(asked: Precision | Literal["default"], recorded: Decisions | None = None) -> Precision:
+def chosen_precision(asked: "Precision | Literal['default']", recorded: "Decisions | None" = None) -> "Precision":
     """The requested precision, else the recorded one, else float32."""
     if asked != "default":
         return asked
     return recorded.precision if recorded else "float32"
 
 
-def chosen_engine(asked: EngineChoice | Literal["default"], recorded: Decisions | None = None) -> EngineChoice:
+def chosen_engine(asked: "EngineChoice | Literal['default']", recorded: "Decisions | None" = None) -> "EngineChoice":
     """The requested engine, else the recorded one if it is installed, else onnxruntime."""
     from importlib.util import find_spec
 
@@ -214,7 +212,7 @@ def chosen_engine(asked: EngineChoice | Literal["default"], recorded: Decisions 
     return recorded.engine if recorded else "onnxruntime"
 
 
-def choose_classes(text: str | None, bundle: Bundle) -> frozenset[str]:
+def choose_classes(text: str | None, bundle: "Bundle") -> frozenset[str]:
     """`--classes chair,couch`: the bundle's classes to map, instead of the household classes. Raises OptionError."""
     if text is None:
         return bundle.mapped

@@ -1,7 +1,5 @@
 """`edgemap run`'s live outputs to other programs: their options, and the sinks that they open."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -39,7 +37,7 @@ class Viewers:
         float, arg(metavar="HZ", help="With --rerun: pictures and their boxes so often at most; they cost most of it.")
     ] = 1.0
 
-    def viewer_sinks(self, floor: FloorCamera) -> list[Sink]:
+    def viewer_sinks(self, floor: "FloorCamera") -> "list[Sink]":
         """The sinks that were asked for. Raises MissingExtraError, or PublishError where one cannot be opened."""
         from edgemap.runtime.outputs.messages.stream import MessageStream
 
@@ -91,7 +89,7 @@ class NamedOutputs:
         ),
     ] = None
 
-    def named_sinks(self, saved: Path | None) -> list[Sink]:
+    def named_sinks(self, saved: Path | None) -> "list[Sink]":
         """The sinks that were asked for. saved: the map that the run continues. Raises OptionError, PublishError or
         MissingExtraError.
         """

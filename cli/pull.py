@@ -1,7 +1,5 @@
 """`edgemap pull`: known models and finished bundles, into the cache."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Annotated
 

@@ -1,7 +1,5 @@
 """`edgemap record`: a camera's pictures into one MCAP file, to be looked at, replayed, and read by ROS 2."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -94,7 +92,7 @@ def check_name(path: Path | None) -> None:
         raise OptionError(f"{path} exists already; choose another file")
 
 
-def wheel_track(spec: str | Path | None) -> Trajectory | None:
+def wheel_track(spec: str | Path | None) -> "Trajectory | None":
     """Wheel odometry of a CSV or a recording. Raises CameraError."""
     from edgemap.runtime.motion.odometry import wheel_trajectory
 
@@ -102,8 +100,8 @@ def wheel_track(spec: str | Path | None) -> Trajectory | None:
 
 
 def recording_sinks(
-    path: Path | None, lossless: bool, source: Camera, floor: FloorCamera, odometry: str, decisions: Decisions
-) -> list[RecordingSink]:
+    path: Path | None, lossless: bool, source: "Camera", floor: "FloorCamera", odometry: str, decisions: "Decisions"
+) -> "list[RecordingSink]":
     """Sinks of `edgemap run --record`: with the run's intrinsics, mount, decisions and wheels (or the source's)."""
     from edgemap.runtime.inputs.recordings.facts import Facts
     from edgemap.runtime.outputs.recording.recorder import Recorder, RecordingSink

@@ -1,7 +1,5 @@
 """`edgemap run --ros2`: the flags for publishing, and the sink that publishes."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Annotated
 
@@ -69,7 +67,7 @@ class Ros2Outputs:
         ),
     ] = True
 
-    def ros2_sinks(self, source: Camera, floor: FloorCamera, edits: Edits) -> list[Ros2Sink]:
+    def ros2_sinks(self, source: "Camera", floor: "FloorCamera", edits: "Edits") -> "list[Ros2Sink]":
         """The sink that publishes, where it is asked for. Raises OptionError, Ros2Error or MissingExtraError."""
         if not self.ros2:
             return []

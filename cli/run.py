@@ -1,7 +1,5 @@
 """`edgemap run`: the main job."""
 
-from __future__ import annotations
-
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -69,7 +67,7 @@ def command(
         _Drive(options, source, loaded, floor, tuned, guess).run()
 
 
-def _load(options: RunOptions, source: Camera) -> Bundle:
+def _load(options: RunOptions, source: "Camera") -> "Bundle":
     """The bundle, with as many threads as pay where frames come at a camera's pace."""
     paced = source.live or options.watch.view or options.pace_files
     return options.advanced.load(options.camera.camera, pace="camera" if paced else "files", recorded=source.decisions)
@@ -81,11 +79,11 @@ class _Drive:
     def __init__(
         self,
         options: RunOptions,
-        source: Camera,
-        loaded: Bundle,
-        floor: FloorCamera,
-        tuned: Config,
-        guess: CameraGuess | None,
+        source: "Camera",
+        loaded: "Bundle",
+        floor: "FloorCamera",
+        tuned: "Config",
+        guess: "CameraGuess | None",
     ) -> None:
         from edgemap.cli.guessed_camera import CameraKeeper
         from edgemap.cli.options import choose_classes, minimum_score
@@ -137,14 +135,14 @@ class _Drive:
         ):  # fmt: skip
             self._drive(page, stop, edits, kept)
 
-    def _edits(self) -> Edits:
+    def _edits(self) -> "Edits":
         from edgemap.runtime.step.edits import Edits, load_edits, read_edits
 
         given, spec = self.options.map.edited, self.options.camera.camera
         found = load_edits(given) if given else read_edits(self.source.edits, f"{spec}: edits")
         return Edits(self.folder / "edits.jsonl", found)
 
-    def _drive(self, page: NoPage, stop: Event, edits: Edits, kept: list[LivingMap]) -> None:
+    def _drive(self, page: "NoPage", stop: "Event", edits: "Edits", kept: "list[LivingMap]") -> None:
         from edgemap.cli.budget import budgeted, read_share
         from edgemap.cli.saved_map import where_it_was
         from edgemap.cli.summary import RunSummary, with_map_so_far
@@ -191,7 +189,7 @@ class _Drive:
         page.stay(stop, lambda: edits.apply(self.slam.mapper, done))
         edits.settle(self.slam.mapper)
 
-    def _publishers(self, edits: Edits) -> list[Sink]:
+    def _publishers(self, edits: "Edits") -> "list[Sink]":
         """Recording and other programs."""
         from edgemap.cli.record import recording_sinks
         from edgemap.runtime.frames.decisions import Decisions

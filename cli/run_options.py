@@ -1,7 +1,5 @@
 """The options of `edgemap run`, in the groups of its help."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -121,7 +119,7 @@ class RunOptions:
         return self.camera.realtime or self.watch.foxglove is not None or self.outputs.ros2 or self.budgeted
 
     @property
-    def topics(self) -> SensorTopics:
+    def topics(self) -> "SensorTopics":
         """Further sensors among ROS 2 topics."""
         from edgemap.runtime.inputs.cameras.protocol import SensorTopics
 

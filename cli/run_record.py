@@ -1,7 +1,5 @@
 """The entries of run.json that are fixed before the first frame."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import asdict
 from datetime import UTC, datetime
@@ -16,13 +14,13 @@ if TYPE_CHECKING:
 
 
 def run_record(
-    options: RunOptions,
-    source: Camera,
-    loaded: Bundle,
-    floor: FloorCamera,
+    options: "RunOptions",
+    source: "Camera",
+    loaded: "Bundle",
+    floor: "FloorCamera",
     confidence: float,
     mapped: frozenset[str],
-    tuned: Config,
+    tuned: "Config",
 ) -> dict[str, Any]:
     """Source, camera, bundle, options and the resolved configuration. confidence: minimum score of a box."""
     import platform
@@ -66,7 +64,7 @@ def run_record(
     return record | {"cpu": options.advanced.cpu}
 
 
-def _decided(options: RunOptions, loaded: Bundle) -> dict[str, Any]:
+def _decided(options: "RunOptions", loaded: "Bundle") -> dict[str, Any]:
     """Engine and precision that a trial decided, where they were asked for or are not the usual ones."""
     from edgemap.runtime.frames.decisions import Decisions
 

@@ -1,7 +1,5 @@
 """`edgemap run --map MAP [--start X,Y,YAW_DEG|dock|last]`: continuing a saved map, or one that lives over runs."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -65,14 +63,14 @@ class SavedMapOptions:
             raise OptionError("--forget on: the paper's clustering keeps every sighting for good")
         return self.forget == "on" or (self.forget == "auto" and self.saved is not None)
 
-    def place(self) -> MapPlace | None:
+    def place(self) -> "MapPlace | None":
         """The place of `--map`; None without it."""
         from edgemap.runtime.step.map_store import find_map
 
         return None if self.saved is None else find_map(self.saved)
 
 
-def enter_saved_map(mapper: Mapper, place: MapPlace | None, start: str | None, clustering: str) -> None:
+def enter_saved_map(mapper: "Mapper", place: "MapPlace | None", start: str | None, clustering: str) -> None:
     """Have the mapper continue a map, where one is given. Raises OptionError or MapError."""
     from edgemap.geometry.se2 import SE2
     from edgemap.runtime.step.grid_file import load_grid
@@ -100,7 +98,7 @@ def enter_saved_map(mapper: Mapper, place: MapPlace | None, start: str | None, c
         mapper.start_in(objects, last or annotations.dock or SE2(), annotations=annotations, grid=grid)
 
 
-def _start_pose(start: str, annotations: Annotations, last: SE2 | None) -> SE2:
+def _start_pose(start: str, annotations: "Annotations", last: "SE2 | None") -> "SE2":
     """The pose that `--start` means. Raises OptionError."""
     from math import radians
 
@@ -118,7 +116,7 @@ def _start_pose(start: str, annotations: Annotations, last: SE2 | None) -> SE2:
 
 
 @contextmanager
-def living_map(place: MapPlace | None, mapper: Mapper) -> Iterator[list[LivingMap]]:
+def living_map(place: "MapPlace | None", mapper: "Mapper") -> "Iterator[list[LivingMap]]":
     """The sink that saves a map that lives back, while the block lasts. Raises DiskError or RunFolderError."""
     if place is None or not place.lives:
         yield []
@@ -132,7 +130,7 @@ def living_map(place: MapPlace | None, mapper: Mapper) -> Iterator[list[LivingMa
         sink.release()
 
 
-def where_it_was(mapper: Mapper, saved: Path | None) -> str | None:
+def where_it_was(mapper: "Mapper", saved: Path | None) -> str | None:
     """Result of the relocalisation in the saved map, in one line; None where there was none."""
     from math import degrees
 

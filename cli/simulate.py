@@ -1,7 +1,5 @@
 """`edgemap simulate`: drives through rendered homes, with their truth."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
 
@@ -143,7 +141,7 @@ def _choices(
     moved: int,
     nodding: bool,
     imu: bool,
-) -> Choices:
+) -> "Choices":
     from dataclasses import replace
 
     from edgemap.simulation.camera.film import CameraSetup

@@ -1,7 +1,5 @@
 """`sim:SEED` as a camera and as data: only the command line imports both runtime and simulation."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import TYPE_CHECKING
@@ -18,8 +16,8 @@ SEED_DIGITS = 18
 
 
 def open_simulated(
-    spec: str, frames: int | None = None, realtime: bool = False, described: CameraFile | None = None
-) -> Camera:
+    spec: str, frames: int | None = None, realtime: bool = False, described: "CameraFile | None" = None
+) -> "Camera":
     """The camera of `sim:SEED` for a run. A camera file's lens and mount go before its own."""
     camera = simulated(spec, frames)
     if described is not None:
@@ -31,7 +29,7 @@ def open_simulated(
     return PacedCamera(camera)
 
 
-def simulated(spec: str, frames: int | None = None) -> SimCamera:
+def simulated(spec: str, frames: int | None = None) -> "SimCamera":
     """The world of `sim:SEED` as a camera; 450 frames unless --frames is given.
 
     Raises OptionError for a seed that is no number, and MissingExtraError where the extra is missing.

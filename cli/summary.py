@@ -1,7 +1,5 @@
 """The summary that `edgemap run` prints at its end."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -22,7 +20,7 @@ class RunSummary:
 
     name = "summary"
 
-    def __init__(self, mount: Mount) -> None:
+    def __init__(self, mount: "Mount") -> None:
         self.result: StepResult | None = None
         self.objects: list[MapObject] = []
         self.height: HeightEstimate | None = None  # of the lens, as last shown
@@ -30,7 +28,7 @@ class RunSummary:
         self.faults: dict[str, str] = {}  # by kind, the first text
         self._mount = mount
 
-    def write(self, result: StepResult, objects: list[MapObject]) -> None:
+    def write(self, result: "StepResult", objects: "list[MapObject]") -> None:
         """Stores the result."""
         self.result, self.objects = result, objects
         self.height = result.observed.height_estimate or self.height
@@ -48,7 +46,7 @@ class RunSummary:
         """Nothing to close."""
 
     def print(
-        self, folder: Path, done: int, stopped: bool, verdict: Verdict, evaluation_rows: list[EvaluationRow]
+        self, folder: Path, done: int, stopped: bool, verdict: "Verdict", evaluation_rows: "list[EvaluationRow]"
     ) -> None:
         """The map, the drive, how far it can be trusted, the mount as observed, the faults, and the objects."""
         from edgemap.cli.truth import object_lines

@@ -1,7 +1,5 @@
 """`edgemap train detector`: pictures with boxes to a small detector."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Annotated
 

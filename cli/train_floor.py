@@ -1,7 +1,5 @@
 """`edgemap train floor`: pictures with floor labels to a floor head."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Annotated
 

@@ -1,7 +1,5 @@
 """`edgemap train odometry`: drives with true poses to an odometry head for one backbone."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Annotated, Literal
 

@@ -1,7 +1,5 @@
 """Options that every `edgemap train` command has, and their checks. No heavy imports here."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Annotated, Literal

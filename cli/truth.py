@@ -1,7 +1,5 @@
 """The true objects of a source, and the evaluation of a map against them."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Collection, Sequence
 from typing import TYPE_CHECKING
 
@@ -12,7 +10,7 @@ if TYPE_CHECKING:
     from edgemap.runtime.inputs.cameras.protocol import Camera
 
 
-def _shown(camera: Camera) -> list[TrueObject]:
+def _shown(camera: "Camera") -> "list[TrueObject]":
     """What sim:SEED knows, which is more with every picture that it renders."""
     from edgemap.benchmarks.map_variants import true_object
 
@@ -20,8 +18,8 @@ def _shown(camera: Camera) -> list[TrueObject]:
 
 
 def judge_of(
-    spec: str, camera: Camera, labels: Collection[str] | None
-) -> Callable[[list[MapObject], int], list[EvaluationRow]] | None:
+    spec: str, camera: "Camera", labels: Collection[str] | None
+) -> "Callable[[list[MapObject], int], list[EvaluationRow]] | None":
     """A function from a map and the number of frames driven to verdicts; None where the source knows no objects.
 
     labels: those that were to be mapped, None for all; others are not asked for.
@@ -36,14 +34,14 @@ def judge_of(
     if camera.object_records() is None and (drive is None or not drive.objects or camera.truth is None):
         return None
 
-    def judge(objects: list[MapObject], frames: int) -> list[EvaluationRow]:
+    def judge(objects: "list[MapObject]", frames: int) -> "list[EvaluationRow]":
         truth = true_objects(drive, frames) if drive else _shown(camera)
         return evaluation_rows(objects, [item for item in truth if labels is None or item.label in labels])
 
     return judge
 
 
-def object_lines(objects: Sequence[MapObject], evaluation_rows: Sequence[EvaluationRow]) -> list[str]:
+def object_lines(objects: "Sequence[MapObject]", evaluation_rows: "Sequence[EvaluationRow]") -> list[str]:
     """The map for a terminal, one line per object, with its evaluation and the missed objects where there is truth."""
     import numpy as np
 

@@ -1,7 +1,5 @@
 """Wrong usage in one line: what tyro draws as a box, in its own words."""
 
-from __future__ import annotations
-
 import inspect
 import io
 import re

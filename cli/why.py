@@ -1,7 +1,5 @@
 """`edgemap why RUN`: how far a run's map can be trusted, and what to do about it."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Annotated
 

@@ -1,7 +1,5 @@
 """The objects of the map (position, size, identity), and the interface that clusters sightings into objects."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -96,7 +94,7 @@ class SightingSums:
         self.first_seen_s, self.last_seen_s = math.inf, -math.inf
 
     @classmethod
-    def of_saved(cls, item: MapObject) -> SightingSums:
+    def of_saved(cls, item: MapObject) -> "SightingSums":
         """The sums of an object that was loaded from an earlier map."""
         sums = cls()
         sums.count, sums.pictures, sums.weight = item.count, float(item.count), float(item.count)
@@ -118,7 +116,7 @@ class SightingSums:
         self.first_seen_s = min(self.first_seen_s, sighting.stamp_s)
         self.last_seen_s = max(self.last_seen_s, sighting.stamp_s)
 
-    def join(self, other: SightingSums) -> None:
+    def join(self, other: "SightingSums") -> None:
         """Adds another object's sums."""
         self.count += other.count
         self.pictures += other.pictures

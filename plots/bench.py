@@ -1,7 +1,5 @@
 """`edgemap bench --plot`: where the step's time goes, and what of a core a paced camera takes."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Any
 

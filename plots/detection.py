@@ -1,7 +1,5 @@
 """The worst false boxes and the largest misses of a detector, each cut out of its picture."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from pathlib import Path
 

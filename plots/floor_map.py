@@ -1,7 +1,5 @@
 """The paper's Fig. 5: all sightings, the clusters they form, and the clusters' centres, with the robot's trajectory."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path

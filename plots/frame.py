@@ -1,7 +1,5 @@
 """The paper's Fig. 4: one picture, the distances found in it, and the same on a 2-D map; plus the mount's grid."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import cv2

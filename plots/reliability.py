@@ -1,7 +1,5 @@
 """`edgemap eval map --plot`: confidences of mapped objects against the share of them that is real."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Any
 

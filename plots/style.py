@@ -1,7 +1,5 @@
 """Style of the figures: colours by label; floor plans with forward up and left on the left."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Sequence
 from io import BytesIO
 from pathlib import Path

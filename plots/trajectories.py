@@ -1,7 +1,5 @@
 """The paper's Fig. 7: an odometry's trajectory over the true one."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 

@@ -8,8 +8,6 @@ line are run, quickest first, until one fails. No file is changed. `.mutants/` k
 goes on.
 """
 
-from __future__ import annotations
-
 import argparse
 import ast
 import copy

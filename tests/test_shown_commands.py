@@ -1,7 +1,5 @@
 """Every command of the pages is run here as it stands, but for those that `ELSEWHERE` names with their reason."""
 
-from __future__ import annotations
-
 import json
 import re
 import shlex

@@ -1,7 +1,5 @@
 """State of a run as plain JSON values, the same for the page's socket and for the API."""
 
-from __future__ import annotations
-
 import math
 import time
 from typing import Any

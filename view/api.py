@@ -1,7 +1,5 @@
 """The HTTP API of a run: its map and its state, for any program. docs/http-api.md documents it."""
 
-from __future__ import annotations
-
 import asyncio
 from collections.abc import Callable
 from pathlib import Path

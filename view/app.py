@@ -1,7 +1,5 @@
 """The HTTP routes of a run: the files of the page, the API that the page uses, and the WebSocket stream."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 from starlette.applications import Starlette

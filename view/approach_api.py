@@ -1,7 +1,5 @@
 """The HTTP API's goal poses: poses from which objects can be approached."""
 
-from __future__ import annotations
-
 from typing import Any
 
 from starlette.requests import Request

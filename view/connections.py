@@ -1,7 +1,5 @@
 """Limits the number of idle connections: a new one closes the oldest."""
 
-from __future__ import annotations
-
 import asyncio
 from typing import Any
 

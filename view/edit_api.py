@@ -1,7 +1,5 @@
 """The part of the HTTP API that edits: objects, zones, the dock and the robot's pose."""
 
-from __future__ import annotations
-
 import math
 from typing import Annotated
 

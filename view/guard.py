@@ -1,7 +1,5 @@
 """Access control: every request's Host, Origin and token are checked before it is handled."""
 
-from __future__ import annotations
-
 import ipaddress
 import re
 import secrets

@@ -1,7 +1,5 @@
 """The sink of the live page. It keeps the newest result, and the history for viewers that connect late."""
 
-from __future__ import annotations
-
 import time
 from collections import deque
 from collections.abc import Callable

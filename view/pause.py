@@ -1,7 +1,5 @@
 """Pauses the run of a file source: frames wait, and the clock that paces them stops."""
 
-from __future__ import annotations
-
 import time
 from collections.abc import Callable
 

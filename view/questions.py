@@ -1,7 +1,5 @@
 """Common parts of the API's handlers: JSON bodies, errors, and the page that they query."""
 
-from __future__ import annotations
-
 import asyncio
 from collections.abc import Awaitable, Callable
 from typing import TypeVar

@@ -1,7 +1,5 @@
 """The page's web server: bound at once, served from a thread of its own, and never the end of the run."""
 
-from __future__ import annotations
-
 import ipaddress
 import secrets
 import socket

@@ -1,7 +1,5 @@
 """State of the run in words: the problems that need attention, most severe first."""
 
-from __future__ import annotations
-
 import math
 import time
 from dataclasses import dataclass

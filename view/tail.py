@@ -1,7 +1,5 @@
 """A bounded history that one thread writes and readers follow, each from where it stopped."""
 
-from __future__ import annotations
-
 import threading
 from collections import deque
 from collections.abc import Callable

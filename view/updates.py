@@ -1,7 +1,5 @@
 """The socket's messages: one binary message per update, JSON followed by the picture's JPEG."""
 
-from __future__ import annotations
-
 import math
 import os
 import struct

@@ -1,7 +1,5 @@
 """One browser's connection, with flow control: a slow browser skips updates."""
 
-from __future__ import annotations
-
 import asyncio
 import time
 from contextlib import suppress

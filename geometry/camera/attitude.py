@@ -1,7 +1,5 @@
 """The camera's attitude against gravity in one frame, and its rotation since the previous one."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 
@@ -114,12 +112,12 @@ class Attitude:
     mount: MountEstimate | None = None
 
     @classmethod
-    def of_mount(cls, mount: Mount, sigma_rad: float = 0.0) -> Attitude:
+    def of_mount(cls, mount: Mount, sigma_rad: float = 0.0) -> "Attitude":
         """The mount's own angles, each with this standard deviation."""
         return cls(mount.roll_rad, mount.pitch_rad, np.eye(2) * sigma_rad**2)
 
     @classmethod
-    def of_up(cls, up_optical: Array, covariance_rad2: Array, source: str) -> Attitude:
+    def of_up(cls, up_optical: Array, covariance_rad2: Array, source: str) -> "Attitude":
         """From a vector that points up, (3,) in the optical frame, of any length."""
         right, down, forward = (float(value) for value in up_optical)
         roll_rad = math.atan2(-right, -down)

@@ -1,7 +1,5 @@
 """Decides whether a camera is carried or rides on wheels, from how much it swings and from a room's edges."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass, field, replace
 
@@ -43,7 +41,7 @@ class Carried:
     steady_m: float = 0.0
     scattered: bool = False
 
-    def updated(self, nod2: float, span_s: float, path_m: float, gyro: bool = False) -> Carried:
+    def updated(self, nod2: float, span_s: float, path_m: float, gyro: bool = False) -> "Carried":
         """The estimate after one more picture. nod2: mean square of the change of roll and pitch since the last one,
         span_s ago. gyro: whether a gyro measured the rotation, so that the first pictures count fully.
         """

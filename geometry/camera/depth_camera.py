@@ -1,7 +1,5 @@
 """A depth camera of its own beside the picture's, and its depth registered to the picture."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass, field
 

@@ -1,7 +1,5 @@
 """Inertial samples: angular rate and specific force in the camera's optical frame."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np
@@ -31,12 +29,12 @@ class ImuSamples:
                 raise GeometryError(f"IMU samples: {name} has shape {getattr(self, name).shape}, expected {shape}")
 
     @classmethod
-    def none(cls) -> ImuSamples:
+    def none(cls) -> "ImuSamples":
         """No sample."""
         return _NONE
 
     @classmethod
-    def joined(cls, parts: list[ImuSamples]) -> ImuSamples:
+    def joined(cls, parts: "list[ImuSamples]") -> "ImuSamples":
         """All samples of the parts, in their order."""
         if not parts:
             return cls.none()
@@ -49,12 +47,12 @@ class ImuSamples:
     def __len__(self) -> int:
         return len(self.stamps_s)
 
-    def between(self, after_s: float, until_s: float) -> ImuSamples:
+    def between(self, after_s: float, until_s: float) -> "ImuSamples":
         """The samples in (after_s, until_s]."""
         first, end = np.searchsorted(self.stamps_s, [after_s, until_s], side="right")
         return ImuSamples(self.stamps_s[first:end], self.gyro_rad_s[first:end], self.accel_m_s2[first:end])
 
-    def rotated(self, rotation: Array) -> ImuSamples:
+    def rotated(self, rotation: Array) -> "ImuSamples":
         """The samples in another frame: `rotation` (3, 3) takes directions of this frame into it."""
         return ImuSamples(self.stamps_s, self.gyro_rad_s @ rotation.T, self.accel_m_s2 @ rotation.T)
 

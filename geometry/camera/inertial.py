@@ -8,8 +8,6 @@ robot nods, makes the accelerometer's offset observable. States: attitude error 
 velocity (3), accelerometer offset (3).
 """
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass, replace
 
@@ -83,7 +81,7 @@ class InertialState:
     stamp_s: float
     recent: ImuSamples
     rest_s: float = 0.0
-    before: InertialState | None = None
+    before: "InertialState | None" = None
     calm: bool | None = None
 
     @property

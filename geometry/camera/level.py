@@ -1,7 +1,5 @@
 """Converts between pitch and roll and the up direction in the optical frame."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Roll and pitch of a mount against the floor from all measurements: a Kalman filter of two constants."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass, field, replace
 
@@ -39,11 +37,11 @@ class MountTilt:
     measurements: dict[str, int] = field(default_factory=dict)
 
     @classmethod
-    def given(cls, rule: MountTiltRule) -> MountTilt:
+    def given(cls, rule: MountTiltRule) -> "MountTilt":
         """The prior: the configured mount without measurements."""
         return cls(rule, np.zeros(2), np.eye(2) * rule.given**2)
 
-    def by_direction(self, direction: Array, covariance: Array) -> MountTilt:
+    def by_direction(self, direction: Array, covariance: Array) -> "MountTilt":
         """Update with a direction of motion: a robot on wheels moves parallel to the floor. direction: (3,), unit, of
         the lens's motion, base axes by the mount as given; covariance: (3, 3) of it.
         """
@@ -54,7 +52,7 @@ class MountTilt:
             "the direction of motion", slope, direction[2:] / max(across, 1e-6), np.array([[variance]])
         )
 
-    def by_turn(self, turned_rad: Array) -> MountTilt:
+    def by_turn(self, turned_rad: Array) -> "MountTilt":
         """Update with a rotation: a robot on wheels turns about the floor's normal. turned_rad: (3,), rotation vector,
         base axes by the mount as given.
         """
@@ -66,7 +64,7 @@ class MountTilt:
         off = np.array([turned_rad[1], -turned_rad[0]])
         return self._updated("turns", np.eye(2) * float(turned_rad[2]), off, np.eye(2) * variance / share**2)
 
-    def by_up(self, name: str, error_rad: Array) -> MountTilt:
+    def by_up(self, name: str, error_rad: Array) -> "MountTilt":
         """Update with a measured up direction: roll and pitch (2,) relative to the configured mount."""
         return self._updated(name, np.eye(2), error_rad, np.eye(2) * self.rule.seen**2)
 
@@ -74,7 +72,7 @@ class MountTilt:
         """Standard deviations of roll and pitch, (2,), the error common to a drive included."""
         return np.sqrt(np.diag(self.covariance) + self.rule.lasting**2)
 
-    def _updated(self, name: str, slope: Array, residual: Array, variance: Array) -> MountTilt:
+    def _updated(self, name: str, slope: Array, residual: Array, variance: Array) -> "MountTilt":
         off = residual - slope @ self.error_rad
         expected = slope @ self.covariance @ slope.T + variance
         excess = float(off @ np.linalg.solve(expected, off)) / len(off) / HUBER**2

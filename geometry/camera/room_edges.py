@@ -1,7 +1,5 @@
 """Up direction and room heading from straight edges: verticals and two level directions at right angles."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 

@@ -1,7 +1,5 @@
 """Kalman filter of the camera's tilt without an IMU. Inputs: rotations between pictures, and measured up directions."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass, replace
 
@@ -21,20 +19,20 @@ class Tilt:
     covariance: Array
 
     @classmethod
-    def about(cls, up: Array, sigma_rad: float) -> Tilt:
+    def about(cls, up: Array, sigma_rad: float) -> "Tilt":
         """A tilt with the same standard deviation about each level axis."""
         return cls(up, sigma_rad**2 * _level(up))
 
-    def widened(self, sigma_rad: float) -> Tilt:
+    def widened(self, sigma_rad: float) -> "Tilt":
         """The tilt after an unknown rotation of this standard deviation about each level axis."""
         return replace(self, covariance=self.covariance + sigma_rad**2 * _level(self.up))
 
-    def rotated(self, rotation: TrackedRotation) -> Tilt:
+    def rotated(self, rotation: TrackedRotation) -> "Tilt":
         """The tilt after a rotation of the camera."""
         back = rotation.rotation.T
         return Tilt(back @ self.up, back @ self.covariance @ rotation.rotation).widened(rotation.sigma_rad)
 
-    def corrected(self, up: Array, sigma_rad: float, gate: float = math.inf) -> Tilt:
+    def corrected(self, up: Array, sigma_rad: float, gate: float = math.inf) -> "Tilt":
         """Kalman update with an observed up direction. Beyond `gate` standard deviations, the weight of the observation
         decreases with its distance.
         """

@@ -1,7 +1,5 @@
 """Cells of the map in arrays that grow with it."""
 
-from __future__ import annotations
-
 import numpy as np
 from numpy.typing import NDArray
 

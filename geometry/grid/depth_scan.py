@@ -1,7 +1,5 @@
 """Evidence of one depth picture: free floor, and obstacles at the robot's height."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np
@@ -21,7 +19,7 @@ class DepthScan:
     obstacles_base_m: Array
 
     @classmethod
-    def of(cls, depth: SparseDepth, camera: FloorCamera, movers_px: Array, rule: GridRule) -> DepthScan:
+    def of(cls, depth: SparseDepth, camera: FloorCamera, movers_px: Array, rule: GridRule) -> "DepthScan":
         """Classifies points by their height above the floor, whose error grows with range through the attitude. Points
         above the robot are no evidence. movers_px: boxes (M, 4) of people and animals.
         """

@@ -1,7 +1,5 @@
 """One picture's evidence, cell by cell: of several measurements of one kind in a cell the strongest counts."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from edgemap.geometry.arrays import Array

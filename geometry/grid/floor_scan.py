@@ -1,7 +1,5 @@
 """One picture's floor mask as evidence on the floor: where it is free, and where it first meets something."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from functools import lru_cache
 
@@ -45,7 +43,7 @@ class FloorScan:
     @classmethod
     def of(
         cls, mask: FloorMask, camera: FloorCamera, movers_px: Array, rule: GridRule, detected_px: Array = NOTHING
-    ) -> FloorScan:
+    ) -> "FloorScan":
         """mask: of a picture by this camera, with that frame's attitude. movers_px: boxes (M, 4) of people and animals,
         which make no obstacle. detected_px: boxes (N, 4) of all detections."""
         floor = mask.floor

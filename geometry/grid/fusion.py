@@ -1,7 +1,5 @@
 """The occupancy grid of a drive: fused picture by picture, corrected with the trajectory, bounded in size."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterator
 

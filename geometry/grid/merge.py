@@ -1,7 +1,5 @@
 """Saved grids as evidence, evidence as a grid, and two grids of one place as one."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

@@ -1,7 +1,5 @@
 """An immutable occupancy grid: log-odds of each cell, and the cell states derived from them."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from functools import cached_property
 

@@ -1,7 +1,5 @@
 """Floor evidence of one piece of the drive: sequences of bounded additions, and their current place in the map."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 

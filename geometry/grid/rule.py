@@ -1,7 +1,5 @@
 """The numbers of the occupancy grid."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 

@@ -1,7 +1,5 @@
 """Walls: straight segments that the occupied cells of a grid lie on, found by a Hough transform."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 from functools import lru_cache

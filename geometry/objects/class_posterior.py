@@ -1,7 +1,5 @@
 """Class posterior of an object: overlapping estimates are one object, even if the detected label changes."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
@@ -80,7 +78,7 @@ class Overlaps:
         """The id of the object that a candidate is part of."""
         return self._best.get(identity, identity)
 
-    def set(self, candidate: Candidate) -> None:
+    def update(self, candidate: Candidate) -> None:
         """Add a candidate, or change it."""
         self.remove(candidate.id)
         side_m = _side_m(candidate)

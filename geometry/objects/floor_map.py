@@ -302,7 +302,7 @@ class FloorMap:
             else:
                 own = self._estimate(item)
                 width_m, evidence = own.sums.width_m / own.sums.count, own.sums.weight * own.sums.confidence
-                self._overlaps.set(Candidate(identity, item.label, own.position_m, width_m, evidence))
+                self._overlaps.update(Candidate(identity, item.label, own.position_m, width_m, evidence))
         self._changed = {}
         for identity in self._overlaps.settle():
             members = self._overlaps.members.get(identity)

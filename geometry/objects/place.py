@@ -1,7 +1,5 @@
 """The maps of several robots become one map of the place they share; a map that fits nowhere stays apart."""
 
-from __future__ import annotations
-
 from collections import Counter
 from collections.abc import Callable, Collection, Mapping, MutableMapping, Sequence
 from contextlib import suppress
@@ -179,7 +177,7 @@ def merge_place(
     )
 
 
-def _outside(maps: Mapping[str, RobotMap], groups: list[_Group]) -> list[str]:
+def _outside(maps: Mapping[str, RobotMap], groups: "list[_Group]") -> list[str]:
     return [name for name in maps if not any(name in group.members for group in groups)]
 
 
@@ -195,12 +193,12 @@ class _Group:
     parts: dict[str, tuple[MapObject, ...]]
 
     @classmethod
-    def of(cls, name: str, single: RobotMap) -> _Group:
+    def of(cls, name: str, single: RobotMap) -> "_Group":
         annotations = NO_ANNOTATIONS.with_zones(single.zones, Alignment.exact(SE2()))
         parts = {item.id: (item,) for item in single.objects}
         return cls((single.key,), list(single.objects), annotations, {name: MergedRobot(SE2())}, parts)
 
-    def joined(self, name: str, single: RobotMap, alignment: Alignment) -> _Group:
+    def joined(self, name: str, single: RobotMap, alignment: Alignment) -> "_Group":
         objects, became = merge_maps(self.objects, single.objects, alignment)
         parts = dict(self.parts)
         for item in single.objects:

@@ -1,7 +1,5 @@
 """Usual dimensions of a class: footprint, apparent width, and distance from the lower edge to the centre."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 WIDEST_UNKNOWN_M = 1.0

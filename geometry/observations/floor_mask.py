@@ -1,7 +1,5 @@
 """The floor mask of one picture, as the network's floor head predicts it."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

@@ -3,8 +3,6 @@
 A box determines the height at any range of the object.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

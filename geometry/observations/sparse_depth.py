@@ -1,7 +1,5 @@
 """A subsampled depth picture, the form in which the back end gets depth."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from functools import lru_cache
 
@@ -23,7 +21,7 @@ class SparseDepth:
     depth_m: NDArray[np.float32]
 
     @classmethod
-    def of(cls, depth_m: NDArray[np.float32] | None) -> SparseDepth | None:
+    def of(cls, depth_m: NDArray[np.float32] | None) -> "SparseDepth | None":
         """Subsamples a depth picture (H, W) of the camera's own pixels; None for None."""
         if depth_m is None:
             return None

@@ -1,7 +1,5 @@
 """Landmarks of tracked points (bearing, inverse depth, variance), and the camera's pose among them."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass, field, fields, replace
 from typing import Any
@@ -103,7 +101,7 @@ class Landmarks:
     age: NDArray[np.int64]
 
     @classmethod
-    def none(cls) -> Landmarks:
+    def none(cls) -> "Landmarks":
         """No landmark."""
         none, vectors = np.zeros(0), np.zeros((0, 3))
         empty = np.zeros(0, bool)
@@ -112,11 +110,11 @@ class Landmarks:
     def __len__(self) -> int:
         return len(self.inverse_m)
 
-    def chosen(self, which: NDArray[np.bool_]) -> Landmarks:
+    def chosen(self, which: NDArray[np.bool_]) -> "Landmarks":
         """The landmarks at which the mask (N,) is set."""
         return Landmarks(*(getattr(self, f.name)[which] for f in fields(self)))
 
-    def joined(self, other: Landmarks) -> Landmarks:
+    def joined(self, other: "Landmarks") -> "Landmarks":
         """These and then the others."""
         return Landmarks(*(np.concatenate([getattr(self, f.name), getattr(other, f.name)]) for f in fields(self)))
 

@@ -1,7 +1,5 @@
 """Planar motion from tracked floor points: RANSAC over SE(2)."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

@@ -1,7 +1,5 @@
 """A camera's pose in six dimensions among points of known depth: spatial resection (perspective-n-point), refined."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np
@@ -23,15 +21,15 @@ class LensPose:
     position_m: Array
 
     @classmethod
-    def origin(cls) -> LensPose:
+    def origin(cls) -> "LensPose":
         """The pose of the first picture."""
         return cls(np.eye(3), np.zeros(3))
 
-    def inverse(self) -> LensPose:
+    def inverse(self) -> "LensPose":
         """Pose of the fixed frame in this lens's frame."""
         return LensPose(self.rotation.T, -self.rotation.T @ self.position_m)
 
-    def __matmul__(self, other: LensPose) -> LensPose:
+    def __matmul__(self, other: "LensPose") -> "LensPose":
         return LensPose(self.rotation @ other.rotation, self.apply(other.position_m))
 
     def apply(self, points_m: Array) -> Array:
@@ -50,17 +48,17 @@ class DepthLandmarks:
     sigma_m: Array
 
     @classmethod
-    def observed(cls, pose: LensPose, rays: Array, depth_m: Array, sigma_m: Array) -> DepthLandmarks:
+    def observed(cls, pose: LensPose, rays: Array, depth_m: Array, sigma_m: Array) -> "DepthLandmarks":
         """Points observed from a pose along rays (N, 3) with z = 1, at depths (N,) along the optical axis."""
         along = rays @ pose.rotation.T
         return cls(pose.position_m + along * depth_m[:, None], along, sigma_m)
 
-    def chosen(self, which: NDArray[np.intp] | NDArray[np.bool_]) -> DepthLandmarks:
+    def chosen(self, which: NDArray[np.intp] | NDArray[np.bool_]) -> "DepthLandmarks":
         """The landmarks at indices, or where a mask is set."""
         return DepthLandmarks(self.points_m[which], self.along[which], self.sigma_m[which])
 
     @classmethod
-    def joined(cls, parts: list[DepthLandmarks]) -> DepthLandmarks:
+    def joined(cls, parts: "list[DepthLandmarks]") -> "DepthLandmarks":
         """The landmarks of all parts, concatenated."""
         return cls(*(np.concatenate([getattr(p, n) for p in parts]) for n in ("points_m", "along", "sigma_m")))
 

@@ -4,8 +4,6 @@ A robust smoother over the latest views of the room estimates the odometry's hea
 direction; single views may be far off (rotated furniture).
 """
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass, field, replace
 
@@ -110,7 +108,7 @@ class RoomCompass:
         since_rad2 = self.past[-1].variance_rad2 - self.views[-1].at.variance_rad2
         return self.unseen_rad2 + self.error_rad2 + since_rad2 + (self.error_rad + self.paid_rad) ** 2
 
-    def moved(self, stamp_s: float, motion: SE2, variance_rad2: float) -> RoomCompass:
+    def moved(self, stamp_s: float, motion: SE2, variance_rad2: float) -> "RoomCompass":
         """The compass after a step of the odometry up to a stamp, whose yaw has this variance."""
         rule = self.rule
         drift_rad2 = min(rule.drift * variance_rad2, max(variance_rad2, rule.drift_rad**2))
@@ -123,7 +121,7 @@ class RoomCompass:
         )
         return replace(self, past=(*self.past[1 - rule.views :], now))
 
-    def saw(self, room: RoomHeading) -> RoomCompass:
+    def saw(self, room: RoomHeading) -> "RoomCompass":
         """The compass after a view of the room in one of the latest steps."""
         rule = self.rule
         at = next((item for item in reversed(self.past) if item.stamp_s <= room.stamp_s), None)
@@ -154,12 +152,12 @@ class RoomCompass:
             return known
         return known._solved((*self.views[:-1], replace(view, drift_rad2=last.drift_rad2 + drift_rad2)))
 
-    def paid(self, span_s: float) -> tuple[RoomCompass, float]:
+    def paid(self, span_s: float) -> "tuple[RoomCompass, float]":
         """The yaw correction, rad, of a motion over this time, and the compass after it."""
         part = (-self.error_rad - self.paid_rad) * (1.0 - math.exp(-span_s / self.rule.settle_s))
         return replace(self, paid_rad=self.paid_rad + part), part
 
-    def _puzzled(self, off_rad: float) -> RoomCompass:
+    def _puzzled(self, off_rad: float) -> "RoomCompass":
         """After a view of none of the known directions, so far off the first one."""
         strange = (*self.strange_rad, off_rad)[-self.rule.alike :]
         apart = [_wrapped(item - off_rad) for item in strange]
@@ -168,7 +166,7 @@ class RoomCompass:
         wing_rad = _wrapped(off_rad + sum(apart) / len(apart))
         return replace(self, others_rad=(*self.others_rad, wing_rad)[-WINGS:], strange_rad=())
 
-    def _solved(self, views: tuple[RoomView, ...]) -> RoomCompass:
+    def _solved(self, views: tuple[RoomView, ...]) -> "RoomCompass":
         """The drift at each view and the room's direction, by reweighted least squares (Geman and McClure)."""
         count, shown = len(views), np.array([view.shown_rad for view in views])
         variance = np.array([view.variance_rad2 for view in views])
@@ -198,7 +196,7 @@ class RoomCompass:
         )
         return solved._shortened(float(weight[0])) if count > self.rule.views else solved
 
-    def _shortened(self, weight: float) -> RoomCompass:
+    def _shortened(self, weight: float) -> "RoomCompass":
         """Without the first view, which counted with this weight, rad^-2: the prior takes what it told."""
         first, second = self.views[:2]
         covariance = np.linalg.inv(self.prior[0] + weight)

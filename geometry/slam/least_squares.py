@@ -1,7 +1,5 @@
 """Trajectory and landmarks as one sparse least-squares problem: banded poses, landmarks by Schur complement."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Generator
 from dataclasses import dataclass, field, fields, replace
@@ -79,8 +77,8 @@ class Solution:
     chi2: Array
     link_chi2: Array
     log_evidence: float
-    _last: _System
-    _stated: Callable[[], _System]
+    _last: "_System"
+    _stated: "Callable[[], _System]"
 
     @cached_property
     def landmark_covariance(self) -> Array:

@@ -1,7 +1,5 @@
 """`Detections` to those of the package supervision, and back: its trackers, zones and annotators over our boxes."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
@@ -15,7 +13,7 @@ if TYPE_CHECKING:
     import supervision
 
 
-def to_supervision(detections: Detections) -> supervision.Detections:
+def to_supervision(detections: Detections) -> "supervision.Detections":
     """The same boxes, scores and class numbers; the names are in `data["class_name"]`.
 
     Raises MissingExtraError where supervision is not installed.

@@ -1,7 +1,5 @@
 """Checks the lens's height against depth pictures, objects on the floor, and wheels."""
 
-from __future__ import annotations
-
 import math
 from collections import defaultdict, deque
 from dataclasses import dataclass

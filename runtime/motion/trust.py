@@ -1,7 +1,5 @@
 """Decides whether a motion source is trusted, by comparing its motions with those of the camera."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass, field, replace
 from enum import Enum
@@ -62,7 +60,7 @@ class Agreement:
     ratio: float = 1.0
     row: int = 0
 
-    def updated(self, own: float, reference: float, variance: float, span_s: float) -> Agreement:
+    def updated(self, own: float, reference: float, variance: float, span_s: float) -> "Agreement":
         """The agreement after one more step. variance: of the difference, from the stated variances of both sources."""
         if not self.rule.windows:
             return self
@@ -77,7 +75,7 @@ class Agreement:
             return window if window.span_s < self.rule.longest_s else window.anew()
         return window._judged()
 
-    def anew(self) -> Agreement:
+    def anew(self) -> "Agreement":
         """Starts a new window, because there was no reference."""
         return replace(self, own=0.0, reference=0.0, variance=0.0, span_s=0.0)
 
@@ -95,7 +93,7 @@ class Agreement:
         """
         return self._below(CONTRARY) or (self.row < 0 and self.state is Trust.UNPROVEN)
 
-    def _judged(self) -> Agreement:
+    def _judged(self) -> "Agreement":
         """Evaluates the completed window: it confirms or contradicts the source."""
         ratio, least = self.own / self.reference, self.rule.ratio
         off = abs(self.own - self.reference) > CLEAR_SIGMAS * math.sqrt(self.variance)
@@ -127,7 +125,7 @@ class Innovation:
         """Factor by which the stated covariances are multiplied, at least 1."""
         return max(self.mean, 1.0)
 
-    def updated(self, difference: Array, covariance: Array, span_s: float) -> Innovation:
+    def updated(self, difference: Array, covariance: Array, span_s: float) -> "Innovation":
         """The state after one more step. covariance: of the difference of both motions, as stated by the sources."""
         summed, together, span_s = self.difference + difference, self.covariance + covariance, self.span_s + span_s
         if span_s < INNOVATION_S:
@@ -146,7 +144,7 @@ class SourceTrust:
     reported: bool = False
 
     @classmethod
-    def of(cls, name: str, rule: TrustRule) -> SourceTrust:
+    def of(cls, name: str, rule: TrustRule) -> "SourceTrust":
         """The initial state: no evidence."""
         state = Trust.UNPROVEN if rule.windows else Trust.TRUSTED
         yaw = Agreement(rule, rule.least[0], state)
@@ -162,11 +160,11 @@ class SourceTrust:
         """Whether yaw or length contradicts the source in the current window."""
         return self.yaw.doubted or self.length.doubted
 
-    def anew(self) -> SourceTrust:
+    def anew(self) -> "SourceTrust":
         """Starts new windows, because there is no reference."""
         return replace(self, yaw=self.yaw.anew(), length=self.length.anew())
 
-    def news(self) -> tuple[SourceTrust, str]:
+    def news(self) -> "tuple[SourceTrust, str]":
         """Returns the updated trust, and one line if the source has become distrusted or is used again, else "".
 
         Each change is reported once.

@@ -19,7 +19,7 @@ def without_overlaps(candidates, order=None):
     """The best candidate of each object, in the order given."""
     overlaps = Overlaps()
     for row in order or range(len(candidates)):
-        overlaps.set(candidates[row])
+        overlaps.update(candidates[row])
         overlaps.settle()
     assert {item.id for members in overlaps.members.values() for item in members} == {c.id for c in candidates}
     return [item for item in candidates if item.id in overlaps.members]
@@ -75,7 +75,7 @@ def test_what_changed_and_came_back_is_as_if_it_had_never_changed(rows, seed):
     random, overlaps, fresh = np.random.default_rng(seed), Overlaps(), Overlaps()
     for item in [item for item in objects for _ in range(3)]:
         place = item.position_m + random.normal(0.0, 0.3, 2)
-        overlaps.set(replace(item, position_m=place, evidence=float(random.integers(1, 99))))
+        overlaps.update(replace(item, position_m=place, evidence=float(random.integers(1, 99))))
         if random.random() < 0.3:
             overlaps.settle()
             overlaps.remove(item.id)
@@ -83,7 +83,7 @@ def test_what_changed_and_came_back_is_as_if_it_had_never_changed(rows, seed):
             overlaps.settle()
     for found in (overlaps, fresh):
         for item in objects:
-            found.set(item)
+            found.update(item)
         found.settle()
         assert {found.best(item.id) for item in objects} == set(found.members)
     assert overlaps.members == fresh.members

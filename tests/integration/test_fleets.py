@@ -1,7 +1,5 @@
 """`make integration`: keepers and robots as processes of their own, and one hostile among them."""
 
-from __future__ import annotations
-
 import json
 import os
 import signal

@@ -1,7 +1,5 @@
 """`PYTHONPATH=tests python -m reliability [PART...]`: what must hold on a robot that runs for weeks."""
 
-from __future__ import annotations
-
 import json
 import os
 import sys

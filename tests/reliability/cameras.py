@@ -1,7 +1,5 @@
 """Runs of the demo with ten random camera faults each, through the real camera classes on an injected clock."""
 
-from __future__ import annotations
-
 import json
 import math
 import traceback

@@ -1,7 +1,5 @@
 """Hostile clocks: stamps that jump, stand, go back or are none; the stream's own only goes on."""
 
-from __future__ import annotations
-
 import math
 from pathlib import Path
 from random import Random

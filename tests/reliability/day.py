@@ -1,7 +1,5 @@
 """A day of driving round and round a room, a step for each second of stream: does anything grow, is the map true?"""
 
-from __future__ import annotations
-
 import gc
 import math
 import time

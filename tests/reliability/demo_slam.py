@@ -1,7 +1,5 @@
 """The demo drive, again and again: every picture goes through the backbone once, whatever runs see of it."""
 
-from __future__ import annotations
-
 import zlib
 from dataclasses import replace
 

@@ -1,7 +1,5 @@
 """Documents, tables and whole drive folders: valid ones, mutated; what is accepted is used as the commands use it."""
 
-from __future__ import annotations
-
 import json
 import math
 import shutil

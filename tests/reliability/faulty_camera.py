@@ -1,7 +1,5 @@
 """A camera on a clock of its own, with the faults that cameras have, behind the real camera classes."""
 
-from __future__ import annotations
-
 import math
 import threading
 from collections.abc import Callable, Sequence

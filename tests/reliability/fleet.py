@@ -1,7 +1,5 @@
 """Hostile robots: messages of any numbers to a keeper, and one liar among honest robots in every merge."""
 
-from __future__ import annotations
-
 import json
 import zlib
 from collections import Counter

@@ -4,8 +4,6 @@ Half of the hour is new; then the robot drives the same way back and forth, whic
 rendered and searched once: `out` keeps both, and a rendering that was stopped goes on.
 """
 
-from __future__ import annotations
-
 import pickle
 import subprocess
 import sys

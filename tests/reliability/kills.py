@@ -1,7 +1,5 @@
 """Runs of the demo into a run folder, killed with -9 at a random moment: what is on disk then."""
 
-from __future__ import annotations
-
 import os
 import signal
 import struct

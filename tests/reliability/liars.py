@@ -1,7 +1,5 @@
 """Sensors that lie: wheels, gyro and accelerometer whose numbers are well formed and wrong, on the demo's drive."""
 
-from __future__ import annotations
-
 import os
 from dataclasses import dataclass, replace
 from pathlib import Path

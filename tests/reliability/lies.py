@@ -1,7 +1,5 @@
 """What lying sensors say: wheel poses and inertial samples, well formed and wrong from a stamp on."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace

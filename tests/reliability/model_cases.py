@@ -1,7 +1,5 @@
 """Models in every form that export and the robot read, mutated: bundles, ONNX files, Darknet networks, checkpoints."""
 
-from __future__ import annotations
-
 import json
 from io import BytesIO
 from pathlib import Path

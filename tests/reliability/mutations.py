@@ -1,7 +1,5 @@
 """Seeded mutations of valid documents: values, structure and bytes, so that most of them get past the first parse."""
 
-from __future__ import annotations
-
 import json
 import struct
 from contextlib import suppress

@@ -1,7 +1,5 @@
 """Hostile names: any bytes and letters as file names, labels, ids and zones, through every text that is written."""
 
-from __future__ import annotations
-
 import csv
 import json
 import os

@@ -1,8 +1,6 @@
 """What comes over a network or is typed: requests to the live page, its viewers' messages, the answers of a server that
 `pull URL` asks, and the texts of options; valid ones, mutated."""
 
-from __future__ import annotations
-
 import asyncio
 import json
 import os

@@ -1,7 +1,5 @@
 """What a part of `make reliability` is: a module with `run`, callable alone, bounded and seeded."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Protocol

@@ -1,7 +1,5 @@
 """Hostile files and requests: every reader on valid inputs with values, structure and bytes mutated."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import cv2

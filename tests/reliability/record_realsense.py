@@ -1,7 +1,5 @@
 """Records pictures, depth and motion as a RealSense would, through librealsense's own software device and recorder."""
 
-from __future__ import annotations
-
 import time
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager

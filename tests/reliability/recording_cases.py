@@ -1,7 +1,5 @@
 """Pictures and recordings: valid files, mutated."""
 
-from __future__ import annotations
-
 import json
 from io import BytesIO
 from pathlib import Path

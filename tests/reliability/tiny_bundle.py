@@ -1,7 +1,5 @@
 """A bundle of a few hundred bytes that loads: where fuzzing of ONNX files starts from."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

@@ -5,8 +5,6 @@ of several lines or of more than LINE_LENGTH characters, more than MEMORY_BYTES 
 the end of the process.
 """
 
-from __future__ import annotations
-
 import json
 import multiprocessing
 import os

@@ -1,7 +1,5 @@
 """Rows of the input that a camera's pictures do not reach are not computed, and nothing else changes."""
 
-from __future__ import annotations
-
 import msgspec
 import numpy as np
 import pytest

@@ -1,7 +1,5 @@
 """What made furniture is put together from: sizes, closed bodies, sides that look outwards."""
 
-from __future__ import annotations
-
 from collections import Counter
 
 import numpy as np

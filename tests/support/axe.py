@@ -1,7 +1,5 @@
 """axe-core in a tab: what of a page keeps people with other eyes and hands out."""
 
-from __future__ import annotations
-
 import os
 from importlib.util import find_spec
 from pathlib import Path

@@ -1,7 +1,5 @@
 """A room of upright boxes as a camera's floor mask has it: rays against boxes, nothing of the grid's own code."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 import numpy as np

@@ -1,7 +1,5 @@
 """A real MQTT broker (mosquitto) on this machine, and its own client to read what is published."""
 
-from __future__ import annotations
-
 import shutil
 import socket
 import subprocess

@@ -1,7 +1,5 @@
 """Debian's chromium without a window, driven by the Chrome DevTools Protocol over one WebSocket."""
 
-from __future__ import annotations
-
 import base64
 import itertools
 import json
@@ -56,7 +54,7 @@ class Browser:
                 return answer["result"]
             self.events.append(answer)
 
-    def open(self, url: str, width: int = 1440, height: int = 900, *, new_window: bool = True, **media: str) -> Page:
+    def open(self, url: str, width: int = 1440, height: int = 900, *, new_window: bool = True, **media: str) -> "Page":
         target = self.call("Target.createTarget", url="about:blank", newWindow=new_window)["targetId"]
         session = self.call("Target.attachToTarget", targetId=target, flatten=True)["sessionId"]
         page = Page(self, target, session)

@@ -1,7 +1,5 @@
 """Depth pictures of a floor, a wall and a table by ray casting, and a RealSense recording of them."""
 
-from __future__ import annotations
-
 import time
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """How long a process takes to end when it is asked to, whatever else the machine does meanwhile."""
 
-from __future__ import annotations
-
 import signal
 import subprocess
 import time

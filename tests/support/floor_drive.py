@@ -1,7 +1,5 @@
 """A textured floor seen on an arc, as features of a backbone that nobody trained."""
 
-from __future__ import annotations
-
 import cv2
 import numpy as np
 import torch

@@ -1,7 +1,5 @@
 """The command line in processes forked from one that has imported its libraries: each saves a second of imports."""
 
-from __future__ import annotations
-
 import atexit
 import contextlib
 import importlib

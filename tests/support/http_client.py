@@ -1,7 +1,5 @@
 """Requests to a server of this machine, as any program makes them."""
 
-from __future__ import annotations
-
 import http.client
 import json
 from typing import Any

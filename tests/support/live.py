@@ -1,7 +1,5 @@
 """A viewer of the live page that is no browser: it says only what a test has it say."""
 
-from __future__ import annotations
-
 import json
 import struct
 from contextlib import contextmanager, suppress

@@ -1,7 +1,5 @@
 """Cameras that a test drives on a clock of its own: what a device does is a script, what time it is a number."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

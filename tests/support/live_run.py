@@ -1,7 +1,5 @@
 """`edgemap run` with its live page, in a process of its own."""
 
-from __future__ import annotations
-
 import subprocess
 import sys
 

@@ -1,7 +1,5 @@
 """A camera whose pictures a test makes."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 
 import numpy as np

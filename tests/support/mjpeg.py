@@ -1,7 +1,5 @@
 """A network camera on this machine: MJPEG over HTTP, which can be stalled, cut, and taken off the network."""
 
-from __future__ import annotations
-
 import threading
 import time
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer

@@ -1,7 +1,5 @@
 """Bundles whose detector sees what a test paints: real ONNX files for onnxruntime, outputs fixed in advance."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Any, Literal
 

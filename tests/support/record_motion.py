@@ -1,7 +1,5 @@
 """Records pictures, gyro and accelerometer as a RealSense with an IMU would."""
 
-from __future__ import annotations
-
 import time
 from pathlib import Path
 from typing import Any

@@ -1,7 +1,5 @@
 """Small recordings for tests: pictures of noise, a lens and a mount with no number that is nought."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Results of steps as sinks get them, made by hand: one box at the feet of a chair, and that chair on the map."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 
 import numpy as np

@@ -1,7 +1,5 @@
 """A network camera on this machine: RTSP (RFC 2326) with JPEG over RTP (RFC 2435) in the same TCP connection."""
 
-from __future__ import annotations
-
 import socketserver
 import struct
 import threading

@@ -1,7 +1,5 @@
 """Pictures of chessboards and of boxes in a room, drawn from exact geometry: each pixel is asked what it looks at."""
 
-from __future__ import annotations
-
 from functools import cache
 
 import cv2

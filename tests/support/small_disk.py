@@ -1,7 +1,5 @@
 """A disk that is full."""
 
-from __future__ import annotations
-
 from contextlib import suppress
 from pathlib import Path
 

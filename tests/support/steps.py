@@ -1,7 +1,5 @@
 """Steps of a made-up drive, one by one, from the real dataclasses and the real map."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import replace
 

@@ -3,8 +3,6 @@
 The program writes JPEG pictures one after the other to its standard output; this reads them, stamped as they arrive.
 """
 
-from __future__ import annotations
-
 import re
 import select
 import subprocess

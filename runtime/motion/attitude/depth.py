@@ -1,7 +1,5 @@
 """Attitude and height of each frame from the floor in its depth picture."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
 

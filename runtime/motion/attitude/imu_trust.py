@@ -1,7 +1,5 @@
 """Whether gyro and accelerometer are believed: samples at full scale, ones that cannot be, and yaw by the odometry."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 

@@ -1,7 +1,5 @@
 """Attitude of each frame from the camera's IMU, where its samples come with the frames."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass, field, replace
 

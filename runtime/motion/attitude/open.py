@@ -1,7 +1,5 @@
 """The best source of a camera's attitude."""
 
-from __future__ import annotations
-
 from edgemap.geometry.camera.floor import FloorCamera
 from edgemap.runtime.inputs.cameras.protocol import Camera
 from edgemap.runtime.motion.attitude.checked_mount import CheckedMount

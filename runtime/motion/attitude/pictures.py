@@ -1,7 +1,5 @@
 """Attitude of each frame from the pictures alone: the rotation that tracked corners show, and a room's edges."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass, replace
 

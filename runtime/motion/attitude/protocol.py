@@ -1,7 +1,5 @@
 """Sources of the camera's tilt in each step."""
 
-from __future__ import annotations
-
 from typing import Protocol
 
 from edgemap.geometry.arrays import Array

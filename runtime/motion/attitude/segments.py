@@ -1,7 +1,5 @@
 """Straight edges of a picture, as planes through the lens."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import cv2

@@ -1,7 +1,5 @@
 """Attitudes that need no measurement: recorded ones, and the mount's own."""
 
-from __future__ import annotations
-
 import math
 
 from edgemap.geometry.camera.attitude import Attitude, TrackedRotation

@@ -1,7 +1,5 @@
 """Motion without any measurement: the last velocity for a moment, then rest, with a covariance to match."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass, replace
 
@@ -27,7 +25,7 @@ class CoastingRule:
     yaw_rate_sigma_rad_s: float = 0.5
     acceleration_m_s2: tuple[float, float] = (2.0, 20.0)
 
-    def of_unit(self, unit_m: float) -> CoastingRule:
+    def of_unit(self, unit_m: float) -> "CoastingRule":
         """The same rule in metres, for a camera that counts lengths in this unit."""
         robot, carried = self.acceleration_m_s2
         accelerations = unit_m * robot, unit_m * carried

@@ -1,7 +1,5 @@
 """Odometry of pictures with depth, among keyframes of measured points; planar odometry follows the others."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
 

@@ -1,7 +1,5 @@
 """Pictures with depth among keyframes: corners matched by descriptor and refined, and the pose they agree on."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 from typing import Any

@@ -1,7 +1,5 @@
 """Several odometries fused into one: a network, tracked corners, wheels and gyro fail in different ways."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from concurrent.futures import Future, ThreadPoolExecutor

@@ -1,7 +1,5 @@
 """Odometry without a neural network: it tracks corners from frame to frame and keeps them as landmarks."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass, field, replace
 

@@ -1,7 +1,5 @@
 """Rooms: parts of the observed floor that walls and doors enclose unambiguously."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 from functools import lru_cache

@@ -1,7 +1,5 @@
 """The flow head: its state, what it learns on a textured floor, its file, and the clips it learns from."""
 
-from __future__ import annotations
-
 from collections import Counter
 from dataclasses import fields, replace
 

@@ -1,7 +1,5 @@
 """The geometry under the flow head: an independent camera model agrees, and least squares gets the motion back."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

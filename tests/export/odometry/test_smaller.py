@@ -1,7 +1,5 @@
 """A smaller flow head that is fitted, not trained: it moves as the larger one does, in half the time."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

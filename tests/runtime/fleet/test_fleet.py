@@ -1,7 +1,5 @@
 """Robots, a keeper and late joiners over zenoh on this machine, as separate sessions."""
 
-from __future__ import annotations
-
 import json
 import socket
 import time

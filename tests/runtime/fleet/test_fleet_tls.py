@@ -1,7 +1,5 @@
 """The settings that docs/fleet.md shows: TLS with certificates on both sides; a robot writes below its own name."""
 
-from __future__ import annotations
-
 import json
 import re
 import shutil

@@ -1,7 +1,5 @@
 """One robot among others lies, floods, or breaks the map: the others' map stays, and is served in time."""
 
-from __future__ import annotations
-
 import json
 import os
 import socket

@@ -1,7 +1,5 @@
 """Programs that are not edgemap read its recordings: mcap with its ROS 2 decoder, and rosbags, which shares no code."""
 
-from __future__ import annotations
-
 import math
 import re
 import shutil

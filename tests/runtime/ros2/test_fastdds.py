@@ -5,8 +5,6 @@ Debian's Fast DDS stands for ROS 2: names, types and QoS as rmw_fastrtps has the
 
 # pyright: reportOptionalMemberAccess=false, reportOptionalSubscript=false
 
-from __future__ import annotations
-
 import json
 import math
 import os
@@ -91,7 +89,7 @@ class Peer:
             found.setdefault(message["topic"], []).append(message)
         return found
 
-    def __enter__(self) -> Peer:
+    def __enter__(self) -> "Peer":
         return self
 
     def __exit__(self, *_) -> None:

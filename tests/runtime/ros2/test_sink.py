@@ -1,7 +1,5 @@
 """What `--ros2` publishes, through Cyclone DDS within one process."""
 
-from __future__ import annotations
-
 import math
 import os
 import time
