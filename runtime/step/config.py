@@ -14,7 +14,7 @@ from edgemap.geometry.observations.sighting import FloorRule
 from edgemap.geometry.registration.alignment import AlignmentRule
 from edgemap.geometry.slam.pose_graph import GraphRule
 from edgemap.runtime.frames.plain_yaml import read_yaml
-from edgemap.runtime.frames.reading import Strict, convert, decode_json, one_line, read_bytes
+from edgemap.runtime.frames.reading import Strict, convert, decode_json, one_line, print_message, read_bytes
 from edgemap.runtime.inputs.budget import Effort
 from edgemap.runtime.inputs.cameras.supervisor import RecoveryRule
 from edgemap.runtime.motion.attitude.inertial import AttitudeRule
@@ -25,172 +25,6 @@ from edgemap.runtime.motion.rest import RestRule
 
 MAX_BYTES = 16 << 20  # of a configuration file: a run.json may carry a long list of faults
 DERIVED = {"floor": ("mapped", "full_weight_score")}  # of the bundle and of --classes, never tuned
-# Names that files of before 2026-11-22 use, by part of the tree: their values are taken under today's.
-RENAMED = {
-    "rest": {"told_s": "confirmed_s", "seen_s": "pictures_s"},
-    "forgetting": {
-        "surest": "highest",
-        "gone": "lowest",
-        "look_m": "same_m",
-        "look_rad": "same_rad",
-        "look_frames": "same_frames",
-        "prior_looks": "prior_observations",
-    },
-}
-SCALED = ("flow", "planar", "gyro", "outside_flow", "outside_planar")  # members of the hybrid
-# Numbers of earlier files that nothing uses any more, passed over.
-RETIRED = {
-    "camera": ("stall_intervals", "retries", "reset_every", "back_off_limit_s", "settle_s"),
-    "attitude": (
-        "offset_rad",
-        "judged_s",
-        "steady_rad",
-        "wrong_rad",
-        "farthest_rad",
-        "nodding_s",
-        "swings_rad_s",
-    ),
-    "association": (
-        "gate",
-        "max_distance_m",
-        "correlated",
-        "systematic_m",
-        "systematic_extent_share",
-        "maximum_pools",
-        "budget",
-        "still_m",
-        "grown",
-        "min_confidence",
-    ),
-    "overlap": ("rare_label", "rare", "correlated"),
-    "loop_closure": (
-        "residual",
-        "view_m",
-        "merged_m",
-        "repeated",
-        "track",
-        "views",
-        "doubt",
-        "kernel",
-        "minimum",
-        "nearest",
-        "gate",
-    ),
-    "keyframes": (
-        "stated_inflation_yaw",
-        "stated_per_radian",
-        "keyframe_rad",
-        "inflation",
-        "per_metre",
-        "per_radian",
-        "still_m",
-        "still_rad",
-        "path_gain",
-        "yaw_gain",
-        "exact_m",
-        "exact_rad",
-    ),
-    "landmarks": ("gate", "side_m"),
-    "grid": ("coarsest_row_m", "scan_rad", "patch_rad"),
-    "hypotheses": ("gate", "maximum_now", "maximum_hypotheses", "nodes"),
-    "odometry": ("scale",),
-    "check": (
-        "road_rad",
-        "strip_s",
-        "steady_s",
-        "gravity_rad",
-        "first_s",
-        "fewest",
-        "steady_rad",
-        "turn_rad",
-        "turn_s",
-        "gravity_s",
-        "sigmas",
-        "sure_rad",
-        "used_rad",
-        "follow_rad",
-        "judge_every_s",
-        "told_s",
-    ),
-    "tilt": ("edges", "drift", "gravity", "depth", "gate"),
-    "carried": ("calm_s",),
-    "coasting": ("carried_s",),
-    "flow": ("keyframe_s",),
-    "height": ("every_s", "loose", "sigmas", "wrong_depth_share"),
-    "rest": ("frames", "sigmas", "offset", "changed"),
-    "wheels": ("per_metre", "per_radian", "still_m", "still_rad", "roughness_rad"),
-    "noise": (
-        "start_accel",
-        "speed_s",
-        "rest_speed",
-        "rest_yaw",
-        "rest_accel",
-        "start_speed",
-        "rest_bias",
-        "risen",
-        "gap",
-        "lost_s",
-    ),
-    "compass": ("alike_rad", "lost_rad", "kept_s", "settle_gyro_s", "fastest_m_s"),
-    "depth": (
-        "refined_px",
-        "corners_apart_px",
-        "valid",
-        "lost",
-    ),
-    "health": (
-        "repeated_s",
-        "blown",
-        "frozen_s",
-        "part_every_s",
-        "part_s",
-        "part_still",
-        "part_lasts_s",
-        "part_sudden",
-    ),
-    "hybrid": (
-        *(f"{name}_covariance_scale" for name in SCALED),
-        *(f"{name}_doubt" for name in SCALED),
-        "lasting_covariance_scale",
-        "flow_reach_rad",
-        "flow_movers_scale",
-        "movers_share",
-        "covered_share",
-        "flow_alone_s",
-        "gate",
-        "known_sigma",
-        "repeated_s",
-        "gyro_gate",
-        "wheels_covariance_scale",
-        "wheels_doubt",
-    ),
-    "trust": ("yaw", "yaw_between", "length_between", "sigmas"),
-    "pictures": ("alone", "reach_sigmas", "lasting_rad", "reach_rad"),
-    "planar": (
-        "corners_apart_px",
-        "scaled",
-        "lateral_m",
-        "slides_share",
-        "slides_weight",
-        "neighbour_px",
-        "axle_sigma_m",
-        "nodding_sigmas",
-        "shift_least_px",
-        "floor_probability",
-        "max_scale_drift",
-        "longest_gap_s",
-        "mover_margin_px",
-        "unknown_axle_m",
-        "unseen_speed_m_s",
-        "travelled_fewest",
-        "gyro_tilt",
-        "gyro_upright_rad",
-        "gyro_levelling",
-        "gyro_floor",
-        "scale_kept_s",
-        "floor_lost_s",
-    ),
-}
 
 
 class ConfigError(EdgemapError):
@@ -234,7 +68,8 @@ def load_config(path: Path) -> tuple[Config, dict[str, Any]]:
     """The tree and the command line's options that a YAML file or a run.json gives.
 
     A YAML file has two sections, both optional: `options` (the flags of `edgemap run` without dashes) and `config` (any
-    part of the tree). Raises ConfigError in one line that names the value.
+    part of the tree). Numbers of a run.json that this version does not have are passed over and printed, as another
+    version wrote them. Raises ConfigError in one line that names the value.
     """
     path = _file(path)
     document = _run_json(path) if path.suffix == ".json" else read_yaml(path, ConfigError)
@@ -243,7 +78,14 @@ def load_config(path: Path) -> tuple[Config, dict[str, Any]]:
     options = document.get("options") or {}
     if not isinstance(options, dict):
         raise ConfigError(f"{path}: options is a {type(options).__name__}, not a mapping of flags")
-    return _merged(Config(), document.get("config") or {}, f"{path}: config"), options
+    unknown: list[tuple[str, str]] = []
+    config = _merged(Config(), document.get("config") or {}, f"{path}: config", unknown)
+    if unknown and path.suffix != ".json":
+        raise ConfigError("{} is unknown (known: {})".format(*unknown[0]))
+    if unknown:
+        names = ", ".join(where.removeprefix(f"{path}: config.") for where, _ in unknown)
+        print_message(f"{path}: {len(unknown)} numbers of another version passed over: {one_line(names)}")
+    return config, options
 
 
 def load_efforts(path: Path) -> list[Effort]:
@@ -270,24 +112,21 @@ class _Effort(Strict):
     take_every: Annotated[int, msgspec.Meta(ge=1, le=1000)]
 
 
-def _merged(default: Any, given: Any, where: str) -> Any:
-    """A dataclass with the values that a document gives, checked field by field."""
+def _merged(default: Any, given: Any, where: str, unknown: list[tuple[str, str]]) -> Any:
+    """A dataclass with the values that a document gives, checked field by field. unknown: gets each name that the class
+    has not, with those that it has.
+    """
     if not isinstance(given, dict):
         raise ConfigError(f"{where} is {_shown(given)}, not a mapping")
-    known = {item.name for item in fields(default)}
-    part = where.rpartition(".")[2]
-    derived, renamed = DERIVED.get(part, ()), RENAMED.get(part, {})
+    names = {item.name for item in fields(default)} - set(DERIVED.get(where.rpartition(".")[2], ()))
     changed: dict[str, Any] = {}
     for key, value in given.items():
-        if key in RETIRED.get(part, ()):
+        here = f"{where}.{one_line(key, 40)}"
+        if key not in names:
+            unknown.append((here, ", ".join(sorted(names))))
             continue
-        here, name = f"{where}.{one_line(key, 40)}", renamed.get(key, key)
-        if name in changed:
-            raise ConfigError(f"{here}: {name} is given twice, by this name and by its old one")
-        if name not in known or name in derived:
-            raise ConfigError(f"{here} is unknown (known: {', '.join(sorted(known - set(derived)))})")
-        before = getattr(default, name)
-        changed[name] = _merged(before, value, here) if is_dataclass(before) else _number(before, value, here)
+        before = getattr(default, key)
+        changed[key] = _merged(before, value, here, unknown) if is_dataclass(before) else _number(before, value, here)
     return replace(default, **changed)
 
 

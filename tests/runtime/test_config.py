@@ -11,7 +11,7 @@ from support import painted
 
 import edgemap
 from edgemap.runtime.inputs.open import open_camera
-from edgemap.runtime.step.config import RENAMED, RETIRED, Config, ConfigError, config_document, load_config
+from edgemap.runtime.step.config import Config, ConfigError, config_document, load_config
 
 
 def written(folder, document, name="c.yaml"):
@@ -37,34 +37,14 @@ def test_the_resolved_tree_gives_itself_back(tmp_path):
     assert again == config
 
 
-def test_a_run_from_before_its_keys_were_renamed_is_read(tmp_path):
-    document = {"forgetting": {"surest": 3.5, "look_frames": 9}, "rest": {"told_s": 0.7}}
+def test_numbers_of_another_version_s_run_are_passed_over_and_printed(tmp_path, capsys):
+    document = {"odometry": {"planar": {"gyro_upright_rad": [0.02, 0.04], "corners": 99}}, "weather": {"rain": 1}}
     config, _ = load_config(written(tmp_path, {"config": document}, "run.json"))
-    assert (config.forgetting.highest, config.forgetting.same_frames) == (3.5, 9)
-    assert config.rest.confirmed_s == 0.7
-    both = written(tmp_path, {"config": {"forgetting": {"surest": 3.5, "highest": 3.0}}})
-    with pytest.raises(ConfigError, match=r"config\.forgetting\.\w+: highest is given twice"):
-        load_config(both)
-
-
-def test_numbers_that_nothing_uses_any_more_are_passed_over(tmp_path):
-    document = {"odometry": {"planar": {"gyro_upright_rad": [0.02, 0.04], "corners": 99}, "hybrid": {"gate": 9.0}}}
-    document |= {"attitude": {"trust": {"yaw": {"windows": 3, "least": [0.1, 0.2]}, "repeats": 7}}}
-    config, _ = load_config(written(tmp_path, {"config": document}, "run.json"))
-    assert (config.odometry.planar.corners, config.attitude.trust.repeats) == (99, 7)
-    tree = config_document(Config())
-    odometry, attitude = tree["odometry"], tree["attitude"]
-    rules = {**tree, **odometry, **odometry["hybrid"], **attitude, **attitude["check"]}
-    for part, names in RETIRED.items():
-        assert not set(names) & set(rules.get(part, {}))
-
-
-def test_every_old_name_stands_for_a_name_of_today():
-    tree = config_document(Config())
-    for part, names in RENAMED.items():
-        rule = {**tree, **tree["odometry"], **tree["attitude"]}[part]
-        assert set(names.values()) <= set(rule)
-        assert not set(names) & set(rule)
+    assert config.odometry.planar.corners == 99
+    printed = capsys.readouterr().err
+    assert "2 numbers of another version passed over: odometry.planar.gyro_upright_rad, weather" in printed
+    with pytest.raises(ConfigError, match=r"planar\.gyro_upright_rad is unknown"):  # a person wrote it
+        load_config(written(tmp_path, {"config": document}))
 
 
 @pytest.mark.parametrize(
