@@ -73,12 +73,12 @@ class SideBySide:
         return False if False in answers else None if None in answers else True
 
     def rest(self, stamp_s: float) -> Motion:
-        """All of them."""
+        """Passes the call to every odometry."""
         self.motions = {key: odometry.rest(stamp_s) for key, odometry in self.odometries.items()}
         return next(iter(self.motions.values()))
 
     def reset(self, reason: str) -> None:
-        """All of them."""
+        """Passes the call to every odometry."""
         for odometry in self.odometries.values():
             odometry.reset(reason)
 

@@ -2,6 +2,7 @@
 
 import functools
 import os
+import pkgutil
 import re
 import shlex
 import shutil
@@ -81,6 +82,15 @@ def test_shown_python_runs(block, tmp_path):
     )  # fmt: skip
     assert result.returncode == 0, result.stderr
     assert "chair-1" in result.stdout
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: f"{page.parent.name}/{page.name}")
+def test_named_modules_classes_and_folders_exist(page):
+    rooms = "geometry|runtime|evaluation|simulation|export|benchmarks|plots|view|cli"
+    for name in re.findall(rf"`(?:edgemap\.)?((?:{rooms})(?:\.\w+)+)`", page.read_text()):
+        assert pkgutil.resolve_name(f"edgemap.{name}"), name
+    for path in re.findall(rf"`((?:{rooms})/[\w/.]+)`(?! of commit| \S+ of commit)", page.read_text()):
+        assert (ROOT / path).exists(), path
 
 
 def shown_targets():

@@ -28,7 +28,7 @@ class Pause:
         return self._since_s is not None
 
     def set(self, paused: bool) -> None:
-        """Hold or resume."""
+        """Holds the run, or resumes it."""
         now_s = self._clock_s()
         if paused and self._since_s is None:
             self._since_s = now_s

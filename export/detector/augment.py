@@ -50,7 +50,7 @@ def plain(example: Example, size: int, stretched: bool = True) -> Example:
 
 
 def flip(example: Example) -> Example:
-    """Left for right."""
+    """Mirrors a picture and its boxes about the vertical axis."""
     boxes = example.boxes.copy()
     boxes[:, [0, 2]] = example.image.shape[1] - example.boxes[:, [2, 0]]
     return replace(example, image=np.ascontiguousarray(example.image[:, ::-1]), boxes=boxes)

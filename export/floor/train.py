@@ -78,7 +78,7 @@ class FloorTrainer(Training):
         return self._schedule.progress(self.trained_s, epoch)
 
     def take_steps(self) -> Iterator[None]:
-        """One batch each."""
+        """Takes this many training steps, of one batch each."""
         while (progress := self.progress()) < 1.0:
             for group in self._optimiser.param_groups:
                 group["lr"] = self._settings.rate * self._schedule.rate(progress)

@@ -70,7 +70,7 @@ class ClipDraws:
         self._shares = weights / weights.sum()
 
     def draw(self, rng: np.random.Generator) -> Chosen:
-        """One clip."""
+        """A random clip of a random drive."""
         rule = self.rule
         while True:
             drive, skip = self._choices[int(rng.choice(len(self._choices), p=self._shares))]

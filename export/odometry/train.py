@@ -119,7 +119,7 @@ class HeadTraining(Training):
         write_curves(self.rows, self.folder, ("steps", "steps of training"), PANELS)
 
     def state(self) -> dict[str, Any]:
-        """Head, average, optimiser."""
+        """State of head, average and optimiser, for a checkpoint."""
         return {
             "kind": self.start.kind,
             "backbone": self.start.backbone,

@@ -23,7 +23,7 @@ class Wall:
 
     @property
     def length_m(self) -> float:
-        """From end to end."""
+        """Length, m."""
         return math.dist(self.from_m, self.to_m)
 
 

@@ -37,14 +37,14 @@ class Motions:
         return np.stack([c * x - s * y, s * x + c * y], axis=-1) + self.middle_a_m[:, None]
 
     def rows(self, chosen: NDArray[np.integer] | slice) -> "Motions":
-        """Some of the motions."""
+        """The motions at these indices."""
         return Motions(
             self.yaw_rad[chosen], self.middle_a_m[chosen], self.middle_b_m[chosen], self.place_m2[chosen],
             self.yaw_variance_rad2[chosen],
         )  # fmt: skip
 
     def pose(self, row: int) -> SE2:
-        """One of them as a pose of the second map in the first."""
+        """Pose of the second map in the first, of the motion at an index."""
         rotation = SE2(0.0, 0.0, float(self.yaw_rad[row]))
         x_m, y_m = self.middle_a_m[row] - rotation.apply(self.middle_b_m[row])
         return SE2(x_m, y_m, rotation.yaw_rad)

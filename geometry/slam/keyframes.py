@@ -61,7 +61,7 @@ class KeyframeTrajectory:
 
     @property
     def covariance(self) -> Array:
-        """Of that pose."""
+        """Covariance of that pose."""
         return compose_covariance(self.poses[-1], self.covariances[-1], self.since, self._since_covariance)
 
     def begin(self, pose: SE2, covariance: Array, stamp_s: float) -> None:

@@ -87,7 +87,7 @@ class Landmark:
 
     @property
     def last(self) -> int:
-        """The last one."""
+        """The newest keyframe that observed it; -1 for an earlier map's."""
         return self.keyframes[-1] if self.keyframes else -1
 
     def is_apart(self, other: "Landmark") -> bool:

@@ -15,7 +15,7 @@ STATM = Path("/proc/self/statm")  # its first number: pages of address space
 
 @contextmanager
 def quietly() -> Iterator[None]:
-    """While the block lasts."""
+    """Keeps the log of OpenCV and FFmpeg silent while the block runs."""
     os.environ.setdefault("OPENCV_FFMPEG_LOGLEVEL", "-8")
     logging: Any = getattr(cv2.utils, "logging", cv2)  # OpenCV before 4.10 keeps both functions at its top
     level = logging.getLogLevel()

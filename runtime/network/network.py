@@ -41,7 +41,7 @@ class Network:
         return dict(zip(self.outputs, self.infer(tensors), strict=True))
 
     def zeros(self) -> Tensors:
-        """Inputs to time it with."""
+        """Input tensors of zeros, to time the network with."""
         return {name: np.zeros(shape, dtype=np.float32) for name, shape in self.inputs.items()}
 
     def error(self, reference: "Network", largest: float = 255.0) -> float:

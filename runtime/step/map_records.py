@@ -64,7 +64,7 @@ class PoseRecord(msgspec.Struct):
 
     @property
     def pose(self) -> SE2:
-        """As geometry has it."""
+        """The pose as an SE2."""
         return SE2(self.x_m, self.y_m, self.yaw_rad)
 
 

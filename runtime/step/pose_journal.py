@@ -56,7 +56,7 @@ class PoseJournal:
             self._settle()
 
     def transform(self, pose_map_start: SE2) -> None:
-        """Everything so far is in another frame, whose view of the old one is `pose_map_start`."""
+        """Moves all poses into another frame; `pose_map_start` is the pose of the old frame in it."""
         self._settle()
         rows = self._rows[: self._count]
         rows[:, 1:] = composed(pose_map_start.vector()[None], rows[:, 1:])

@@ -25,7 +25,7 @@ _PICTURE_DEPTH_M, _RUG_M = 0.022, 0.006
 
 
 def hsv(hue: float, saturation: float, value: float) -> Colour:
-    """sRGB 0..255."""
+    """A colour by hue, saturation and value (0..1) as sRGB, 0..255."""
     red, green, blue = colorsys.hsv_to_rgb(hue % 1.0, saturation, value)
     return 255.0 * red, 255.0 * green, 255.0 * blue
 

@@ -231,7 +231,7 @@ class Layout:
         return None
 
     def uniform(self, low: float, high: float) -> float:
-        """A number in between."""
+        """A random number between two bounds, uniformly."""
         return float(self.rng.uniform(low, high))
 
     def chance(self, probability: float) -> bool:

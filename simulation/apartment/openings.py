@@ -109,7 +109,7 @@ class WallFrame:
         return box(ends.min(axis=0), ends.max(axis=0), material)
 
     def curtain(self, a0: float, a1: float, z0: float, z1: float, material: Material, rng: np.random.Generator) -> Mesh:
-        """Cloth in pleats."""
+        """A curtain of pleated cloth."""
         count = 8
         out = 0.075 + 0.03 * np.where(np.arange(count + 1) % 2, 1.0, -0.6) * rng.uniform(0.7, 1.0, count + 1)
         at = np.linspace(a0, a1, count + 1)

@@ -119,7 +119,7 @@ class CheckedMount:
         return replace(other, carried=self._carried, mount=self._estimated) if self._answer.predicted else self._answer
 
     def correct_mount(self, mount: Mount) -> None:
-        """The other source's."""
+        """Passes the mount to the source that is checked."""
         self._other.correct_mount(mount)
 
     def reset(self, reason: str) -> None:

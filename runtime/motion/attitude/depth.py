@@ -64,7 +64,7 @@ class DepthAttitude:
         return other
 
     def correct_mount(self, mount: Mount) -> None:
-        """The other source's."""
+        """Passes the mount to the source that is corrected."""
         self._other.correct_mount(mount)
 
     def reset(self, reason: str) -> None:

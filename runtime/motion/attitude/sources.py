@@ -21,11 +21,11 @@ class MountAttitude:
         self.correct_mount(mount)
 
     def predict(self, frame: Frame, moved: Moved | None = None) -> Attitude:  # noqa: ARG002
-        """The same in every frame."""
+        """The mount's attitude, the same in every frame."""
         return self._attitude
 
     def update(self, rotation: TrackedRotation | None) -> Attitude:  # noqa: ARG002
-        """The same."""
+        """The mount's attitude, whatever was tracked."""
         return self._attitude
 
     def correct_mount(self, mount: Mount) -> None:
@@ -33,7 +33,7 @@ class MountAttitude:
         self._attitude = Attitude.of_mount(mount, self._sigma_rad)
 
     def reset(self, reason: str) -> None:
-        """Nothing to forget."""
+        """Does nothing: there is no state."""
 
 
 class RecordedAttitude:
@@ -57,4 +57,4 @@ class RecordedAttitude:
         """Ignored: recorded poses take precedence."""
 
     def reset(self, reason: str) -> None:
-        """Nothing to forget."""
+        """Does nothing: there is no state."""

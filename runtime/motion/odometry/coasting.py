@@ -70,7 +70,7 @@ class Coasting:
         return motion, covariance
 
     def begin(self, stamp_s: float) -> None:
-        """The pose at a stamp was measured."""
+        """Coasting starts at this stamp, up to which the motion was measured."""
         self._last_s = self._blind_from_s = stamp_s
 
     def guess(self, stamp_s: float, fault: str) -> Motion:

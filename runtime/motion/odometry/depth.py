@@ -98,7 +98,7 @@ class DepthOdometry:
         return guess
 
     def still(self, stamp_s: float, attitude: Attitude | None) -> bool | None:
-        """It lives by pictures."""
+        """None: only pictures show whether the robot stands."""
         return self._planar.still(stamp_s, attitude)
 
     def rest(self, stamp_s: float) -> Motion:

@@ -129,11 +129,11 @@ class LearnedOdometry:
         return guess
 
     def still(self, stamp_s: float, attitude: Attitude | None) -> bool | None:  # noqa: ARG002
-        """It lives by pictures."""
+        """None: only pictures show whether the robot stands."""
         return None
 
     def rest(self, stamp_s: float) -> Motion:
-        """The last features are as of this stamp, and the next keyframe's."""
+        """The robot stood until this stamp: the next motion is measured from a keyframe at it."""
         self._last_s = stamp_s
         self._next_keyframe(stamp_s)
         self._coasting.saw(SE2(), stamp_s)

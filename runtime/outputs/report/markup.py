@@ -27,7 +27,7 @@ def el(name: str, /, *children: Child, **attributes: object) -> Markup:
 
 
 def joined(*children: Child) -> Markup:
-    """Concatenated children."""
+    """Children as one text; what is not Markup is escaped."""
     parts: list[str] = []
     for child in children:
         if child is None:

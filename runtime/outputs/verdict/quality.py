@@ -29,7 +29,7 @@ class QualityCounter:
         self._sigma_m = self._heading_rad = self._largest_m = self._largest_rad = self._travelled_m = 0.0
 
     def add(self, result: StepResult) -> None:
-        """One frame more."""
+        """Counts one step."""
         observed, health = result.observed, result.health
         stamp_s = result.frame.stamp_s
         if self._counts["frames"] and len(self._steps_s) < 10_000:

@@ -1,0 +1,74 @@
+"""Time of Darknet networks in each number format: `python -m edgemap.benchmarks.networks [NAME...]`.
+
+Each is exported with random weights, which speed does not depend on, and its variants run in turn on one machine. An
+int8 variant is calibrated on pictures of the demo. Bundles are kept in runs/networks/.
+"""
+
+import time
+from itertools import islice
+from pathlib import Path
+from statistics import median
+
+import cv2
+import tyro
+
+from edgemap.runtime.frames.reading import print_message
+from edgemap.runtime.network.bundle import load_bundle
+from edgemap.runtime.network.compute import processor_name
+
+FOLDER = Path("runs/networks")
+PICTURES = 4
+# Engine and precision; openvino-bf16 computes with 16 bits where the processor has them.
+VARIANTS = (
+    ("onnxruntime", "float32"), ("openvino", "float32"), ("openvino-bf16", "float32"),
+    ("onnxruntime", "int8"), ("openvino", "int8"),
+)  # fmt: skip
+
+
+def random_bundle(name: str) -> Path:
+    """The bundle of a network with random weights and an int8 variant; exported where it is not there yet."""
+    from edgemap.export.exporter import export_backbone
+    from edgemap.runtime.inputs.open import open_camera
+
+    pictures, bundle = FOLDER / "pictures", FOLDER / name
+    pictures.mkdir(parents=True, exist_ok=True)
+    with open_camera("demo") as camera:
+        for number, frame in enumerate(islice(iter(camera.read, None), 0, 60 * PICTURES, 60)):
+            cv2.imwrite(str(pictures / f"{number}.png"), frame.image)
+    if not bundle.exists():
+        export_backbone(name, bundle, random_seed=0, calibrate=pictures)
+    return bundle
+
+
+def measure(bundle: Path, threads: int, rounds: int) -> list[tuple[str, float, float]]:
+    """Variant, median wall time and median processor time of all threads of one picture, ms."""
+    networks = {
+        f"{precision}, {engine}": load_bundle(bundle, threads, precision, engine=engine).backbone
+        for engine, precision in VARIANTS
+    }
+    times: dict[str, list[tuple[float, float]]] = {name: [] for name in networks}
+    for number in range(rounds + 2):
+        for name, network in networks.items():
+            tensors = network.zeros()
+            wall, cpu = time.perf_counter(), time.process_time()
+            network.run(tensors)
+            if number >= 2:
+                times[name].append((1e3 * (time.perf_counter() - wall), 1e3 * (time.process_time() - cpu)))
+    return [(name, *(median(part) for part in zip(*own, strict=True))) for name, own in times.items()]
+
+
+def main(
+    names: tyro.conf.Positional[tuple[str, ...]] = ("yolov3", "yolov3-tiny"), threads: int = 2, rounds: int = 15
+) -> None:
+    """names: of networks that `edgemap export --backbone` has. threads: of each network."""
+    print_message(f"{processor_name()}, {threads} threads, median of {rounds} in turn")
+    for name in names:
+        for variant, wall_ms, cpu_ms in measure(random_bundle(name), threads, rounds):
+            print(
+                f"{name}, {variant}: {wall_ms:.1f} ms, {1e3 / wall_ms:.1f}/s, processor time {cpu_ms:.1f} ms",
+                flush=True,
+            )
+
+
+if __name__ == "__main__":
+    tyro.cli(main, description=__doc__)
