@@ -78,13 +78,14 @@ class Batches:
         return collate(self._pick(epoch, index))
 
     def _pick(self, epoch: int, index: int) -> list[Example]:
-        order = self._order(epoch)
+        order = self.order(epoch)
         first = (index * self._ranks + self._rank) * self._batch
         steps = np.random.default_rng([self._seed, epoch, index, 1]).integers(self._size // (4 * GRID) + 1)
         size = self._size - GRID * int(steps)
         return [self._one(epoch, at, order, size) for at in range(first, first + self._batch)]
 
-    def _order(self, epoch: int) -> NDArray[np.int64]:
+    def order(self, epoch: int) -> NDArray[np.int64]:
+        """Indices of the pictures in the order in which an epoch shows them."""
         generator = np.random.default_rng([self._seed, epoch])
         if not self._mix:
             return generator.permutation(len(self._examples))

@@ -99,7 +99,7 @@ class Trainer(Training):
                 self.settings.mix, self.ranks.rank, self.ranks.count, self._workers(),
             )  # fmt: skip
             for images, targets in loader.epoch(self.epoch, self.index):
-                self._step(images, targets)
+                self.train_batch(images, targets)
                 self.index += 1
                 yield
                 if self.progress() >= 1.0 or (mosaic > 0.0 and self.progress() >= NO_MOSAIC):
@@ -139,7 +139,8 @@ class Trainer(Training):
     def _batches(self) -> int:
         return max(1, len(self.train) // (self.settings.batch * self.ranks.count))
 
-    def _step(self, images: torch.Tensor, targets: Targets) -> None:
+    def train_batch(self, images: torch.Tensor, targets: Targets) -> None:
+        """One step of the optimiser on a batch."""
         factor = self.schedule.rate(self.progress())
         for group in self.optimizer.param_groups:
             group["lr"] = self.settings.rate * factor

@@ -2,6 +2,7 @@ import numpy as np
 import pytest
 from support.made_camera import MadeCamera
 from support.noise import noise
+from support.odometry import MadeOdometry
 
 from edgemap.benchmarks.odometry import follow
 from edgemap.geometry.camera.floor import FloorCamera
@@ -26,10 +27,10 @@ def straight(truth=True):
     return MadeCamera(COUNT, lambda index: noise(index, (48, 64, 3)), name="straight", truth=way)
 
 
-class Reader:
+class Reader(MadeOdometry):
     """Says 0.2 m ahead each time, and remembers what it was fed."""
 
-    name, needs_features = "reader", False
+    name = "reader"
 
     def __init__(self, fault_at=None):
         self.seen, self.fault_at = [], fault_at
@@ -39,12 +40,6 @@ class Reader:
         self.seen.append((frame.index, frame.stamp_s))
         state = MotionState.BLIND if frame.index == self.fault_at else MotionState.MEASURED
         return Motion(SE2(0.2, 0, 0), np.eye(3) * len(self.seen), state=state)
-
-    def step_blind(self, stamp_s, reason, attitude=None):
-        raise AssertionError(reason)
-
-    def still(self, stamp_s, attitude):
-        return None
 
     def rest(self, stamp_s):
         raise AssertionError(stamp_s)

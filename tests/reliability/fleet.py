@@ -76,7 +76,7 @@ def _use_message(folder: Path, data: bytes) -> None:
     """As the keeper takes it, without a network."""
     keeper = PlaceKeeper.__new__(PlaceKeeper)
     keeper.folder, keeper._stale, keeper._arrivals = folder, False, 0
-    keeper._budget, keeper._cost, keeper.merged = MergeBudget(), Counter(), PlaceMap()
+    keeper.budget, keeper._cost, keeper.merged = MergeBudget(), Counter(), PlaceMap()
     (folder / "robots").mkdir(exist_ok=True)
     keeper._take("map", "robot", Robot(), data)
 

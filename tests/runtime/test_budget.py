@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from support.made_camera import MadeCamera
 from support.noise import noise
+from support.odometry import MadeOdometry
 from support.recordings import FACTS, drain, record
 
 from edgemap.cli.budget import read_share
@@ -19,7 +20,7 @@ from edgemap.runtime.inputs.budget import LADDER, Budget, Effort
 from edgemap.runtime.inputs.cameras.base import BudgetedCamera
 from edgemap.runtime.inputs.open import open_camera
 from edgemap.runtime.motion.odometry.hybrid import HybridOdometry, Member
-from edgemap.runtime.motion.odometry.protocol import Motion, no_motion
+from edgemap.runtime.motion.odometry.protocol import Motion
 from edgemap.runtime.step.config import ConfigError, load_efforts
 
 
@@ -137,29 +138,17 @@ def test_decisions_come_back_from_a_run_json_and_from_a_recording(tmp_path):
     assert [(frame.index, frame.search) for frame in played] == [(frame.index, frame.search) for frame in frames]
 
 
-class Ahead:
+class Ahead(MadeOdometry):
     """Says 0.1 m a frame, and remembers at which frames it was asked, and after how many resets."""
 
     def __init__(self, needs_features, sigma_m):
-        self.name, self.needs_features, self.resets, self.asked = "ahead", needs_features, 0, []
+        self.needs_features, self.asked = needs_features, []
         self._variance = sigma_m**2
 
     def step(self, frame, features, prior=None):
         assert features or not self.needs_features
         self.asked.append((frame.index, self.resets))
         return Motion(SE2(0.1), np.eye(3) * self._variance)
-
-    def step_blind(self, stamp_s, reason, attitude=None):
-        raise AssertionError(reason)
-
-    def still(self, stamp_s, attitude):
-        return None
-
-    def rest(self, stamp_s):
-        return no_motion()
-
-    def reset(self, reason):
-        self.resets += 1
 
 
 def test_who_needs_features_sleeps_until_two_frames_in_a_row_have_some():

@@ -3,6 +3,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from support.odometry import MadeOdometry
 
 from edgemap.geometry.camera.attitude import Attitude, GyroRotation, RoomHeading
 from edgemap.geometry.se2 import SE2
@@ -10,7 +11,7 @@ from edgemap.runtime.frames.frame import Frame
 from edgemap.runtime.motion.odometry.coasting import CoastingRule
 from edgemap.runtime.motion.odometry.gyro import GyroOdometry
 from edgemap.runtime.motion.odometry.hybrid import HybridOdometry, HybridRule, Member
-from edgemap.runtime.motion.odometry.protocol import FramePrior, Motion, MotionState, blind_motion, no_motion
+from edgemap.runtime.motion.odometry.protocol import FramePrior, Motion, MotionState, blind_motion
 from edgemap.runtime.motion.trust import TrustRule
 
 FRAME = Frame(0, 0.0, np.zeros((4, 4, 3), np.uint8))
@@ -33,26 +34,17 @@ def steps_of(hybrid, count, hz=10.0):
     return [hybrid.step(at(index / hz), {}) for index in range(count)]
 
 
-class Scripted:
-    name, needs_features = "scripted", False
+class Scripted(MadeOdometry):
+    name = "scripted"
 
     def __init__(self, *motions):
-        self.motions, self.resets = list(motions), 0
+        self.motions = list(motions)
 
     def step(self, frame, features, prior=None):
         return self.motions.pop(0)
 
     def step_blind(self, stamp_s, reason, attitude=None):
         return blind_motion(reason)
-
-    def still(self, stamp_s, attitude):
-        return None
-
-    def rest(self, stamp_s):
-        return no_motion()
-
-    def reset(self, reason):
-        self.resets += 1
 
 
 def motion(x_m, sigma_m, yaw_rad=0.0, fault=""):

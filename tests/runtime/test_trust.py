@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from support.odometry import MadeOdometry
 
 from edgemap.geometry.camera.imu import ImuSamples
 from edgemap.geometry.camera.mount import Mount
@@ -33,10 +34,8 @@ LIES = {
 }
 
 
-class Noisy:
+class Noisy(MadeOdometry):
     """Measures the motions given, with the noise that it states."""
-
-    needs_features = False
 
     def __init__(self, name, source, motions, seed=0):
         random = np.random.default_rng(seed)
@@ -50,17 +49,8 @@ class Noisy:
         first, self._first = self._first, False
         return first_motion() if first else motion
 
-    def step_blind(self, stamp_s, reason, attitude=None):
-        raise AssertionError(reason)
-
-    def still(self, stamp_s, attitude):
-        return None
-
     def rest(self, stamp_s):
         raise AssertionError(stamp_s)
-
-    def reset(self, reason):
-        pass
 
 
 def winding(count):

@@ -408,7 +408,7 @@ def test_closing_frees_the_port_even_with_viewers(serve):
         served.step()
         viewer.update()
         served.server.close()
-        assert not served.server._thread.is_alive()
+        assert "live page" not in {thread.name for thread in threading.enumerate()}
         again = serve(port=served.port)
         assert again.port == served.port
         with pytest.raises(ConnectionClosed):

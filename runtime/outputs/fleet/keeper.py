@@ -80,8 +80,9 @@ class PlaceKeeper:
     Robot maps are stored in `folder/robots/NAME.json`. An absent robot therefore stays in the map for a month, also
     after a restart (for a day if its map cannot be aligned). A message that is damaged or too large is rejected with
     the reason, and the previous map stays. Reading messages in turn and a `MergeBudget` bound the cost of each robot. A
-    robot whose map makes the merged map invalid is excluded by name. passwords: of all robots, by name. Each robot can
-    then send under its own name only; without passwords, names are not verified. Raises PublishError,
+    robot whose map makes the merged map invalid is excluded by name. inbox: messages that `update` reads next. budget:
+    of the merges. began_s: clock at the start, before which nobody is absent. passwords: of robots, by name. Each robot
+    can then send under its own name only; without passwords, names are not verified. Raises PublishError,
     MissingExtraError, MapError for an invalid map in the folder, or DiskError.
     """
 
@@ -95,7 +96,7 @@ class PlaceKeeper:
         self._reference = _robot_map(*load_annotated_map(reference)) if reference else None
         self._alignments: Alignments = {}
         self._stale = True
-        self._budget, self._arrivals, self._began_s = MergeBudget(), 0, time.monotonic()
+        self.budget, self._arrivals, self.began_s = MergeBudget(), 0, time.monotonic()
         self._cost: Counter[str] = Counter()  # recent bytes of each robot, halved at each update
         self._good: frozenset[str] = frozenset()  # robots in the last valid merged map
         self.strangers: list[str] = []  # reports about messages with an invalid key
@@ -106,7 +107,7 @@ class PlaceKeeper:
         kept = {path.stem: path for path in sorted((folder / "robots").glob("*.json")) if NAME.fullmatch(path.stem)}
         for name in [name for name in kept if not passwords or name in passwords][:MAXIMUM_ROBOTS]:
             self.robots[name] = Robot(latest=_robot_map(*load_annotated_map(kept[name])))
-        self._inbox = Inbox(self.robots)
+        self.inbox = Inbox(self.robots)
         self._session: Any = open_session(connect, listen, None if listen else ROUTER_S, passwords, place)
         root = place_key(place)
         self._key, self._document = f"{root}/map", packed(self.document())
@@ -146,12 +147,12 @@ class PlaceKeeper:
     def _take_in(self, stopped: Callable[[], bool]) -> None:
         """Reads as many messages as one turn allows. Robots with the smallest recent cost come first."""
         room, now_s = TURN_OBJECTS, time.monotonic()
-        taken = self._inbox.take()
+        taken = self.inbox.take()
         order = sorted(taken, key=lambda key: (key[0] == "map", self._cost[key[1]], len(taken[key])))
         for kind, name in order:
             message = taken[kind, name]
             if room <= 0 or stopped():
-                self._inbox.put_back(kind, name, message)
+                self.inbox.put_back(kind, name, message)
                 continue
             robot = self.robots.setdefault(name, Robot())
             robot.heard_s = now_s
@@ -168,11 +169,11 @@ class PlaceKeeper:
         """Removes robots that are absent for too long, and robots whose slot another robot has taken."""
         now_s = time.monotonic()
         for name, robot in list(self.robots.items()):
-            away_s = now_s - max(robot.heard_s, self._began_s)
-            if self._inbox.knows(name):
+            away_s = now_s - max(robot.heard_s, self.began_s)
+            if self.inbox.knows(name):
                 if robot.here or away_s <= EXPIRES_S["merged" if self._in_place(name) else "apart"]:
                     continue
-                self._inbox.forget(name)
+                self.inbox.forget(name)
             del self.robots[name]
             if robot.latest is not None:
                 (self.folder / "robots" / f"{name}.json").unlink(missing_ok=True)
@@ -190,12 +191,12 @@ class PlaceKeeper:
         come first. A robot whose map has not been merged yet is in neither list.
         """
         now_s, came = time.monotonic(), {name: number for number, name in enumerate(self.robots)}
-        present = {name: now_s - max(robot.heard_s, self._began_s) < SILENT_S for name, robot in self.robots.items()}
+        present = {name: now_s - max(robot.heard_s, self.began_s) < SILENT_S for name, robot in self.robots.items()}
         judged = [name for name, robot in self.robots.items() if name in self.merged.members or robot.refused]
         stays = sorted(filter(self._in_place, judged), key=lambda name: (present[name], -came[name]))
-        apart = [name for name in judged if not self._in_place(name) and name not in self._budget.waiting]
+        apart = [name for name in judged if not self._in_place(name) and name not in self.budget.waiting]
         apart.sort(key=lambda name: (self.robots[name].latest is not None, present[name], came[name]))
-        self._inbox.settle(stays, apart + stays[: max(0, len(stays) - MAXIMUM_ROBOTS)])
+        self.inbox.settle(stays, apart + stays[: max(0, len(stays) - MAXIMUM_ROBOTS)])
 
     def _merge(self, stopped: Callable[[], bool]) -> tuple[PlaceMap, str]:
         """The merged map and its text. Robots that make it invalid are left out, each with the reason."""
@@ -212,7 +213,7 @@ class PlaceKeeper:
             reason = error
         good: dict[str, RobotMap] = {}
         done: tuple[PlaceMap, str] | None = None
-        order = sorted(latest, key=lambda name: (name not in self._good, self._budget.arrived.get(name, 0), name))
+        order = sorted(latest, key=lambda name: (name not in self._good, self.budget.arrived.get(name, 0), name))
         for name in order:  # robots of the last valid map first, then by arrival
             try:
                 done = self._merged(good | {name: latest[name]}, stopped)
@@ -229,14 +230,14 @@ class PlaceKeeper:
 
     def _merged(self, latest: dict[str, RobotMap], stopped: Callable[[], bool]) -> tuple[PlaceMap, str]:
         """Merges maps. Raises MapError if the merged map is not a valid map, or MergeStopped."""
-        self._budget.stopped = stopped
+        self.budget.stopped = stopped
         for _ in range(PASSES):  # from the second pass on, an expensive robot joins last and others do not wait
-            merged = merge_place(latest, self._reference, self._alignments, self._budget)
-            if not self._budget.waiting:
+            merged = merge_place(latest, self._reference, self._alignments, self.budget)
+            if not self.budget.waiting:
                 break
         text = json.dumps(self._document_of(merged), indent=1) + "\n"
         read_map(text.encode(), f"map of {self.place}")  # robots may send any numbers; a saved map must be readable
-        self._stale, self._good = self._budget.unfinished, frozenset(latest)
+        self._stale, self._good = self.budget.unfinished, frozenset(latest)
         return merged, text
 
     def document(self) -> dict[str, Any]:
@@ -312,7 +313,7 @@ class PlaceKeeper:
         robot.restarted = False
         if robot.latest is None or robot.latest.key != latest.key:
             robot.latest, self._stale = latest, True
-            self._budget.arrived[name] = self._arrivals = self._arrivals + 1
+            self.budget.arrived[name] = self._arrivals = self._arrivals + 1
             save_map(self.folder / "robots" / f"{name}.json", objects, annotations)
         return len(objects)
 
@@ -322,7 +323,7 @@ class PlaceKeeper:
         key = str(sample.key_expr)
         kind = key.rpartition("/")[2]
         if (name := robot_of(key)) and len(sample.payload) <= MAXIMUM_BYTES.get(kind, -1):
-            self._inbox.put(kind, name, sample.payload.to_bytes())
+            self.inbox.put(kind, name, sample.payload.to_bytes())
         elif len(self.strangers) < STRANGERS:
             size = f"{len(sample.payload):,} bytes"
             self.strangers.append(f"a message of {size} with the key {one_line(key, 80)} is no robot's: ignored")
@@ -332,7 +333,7 @@ class PlaceKeeper:
 
         key, here = str(sample.key_expr), sample.kind == zenoh.SampleKind.PUT
         if name := robot_of(key):
-            self._inbox.put("here", name, b"1" if here else b"")
+            self.inbox.put("here", name, b"1" if here else b"")
 
     def _on_question(self, query: Any) -> None:
         query.reply(self._key, self._document)

@@ -57,7 +57,7 @@ class FoxgloveServer:
             for topic in SENT
             for kind in (topics.KINDS[topic],)
         }
-        self._annotations = ImageAnnotationsChannel(ANNOTATIONS, context=context)
+        self.annotations = ImageAnnotationsChannel(ANNOTATIONS, context=context)
 
     def write(self, result: StepResult, objects: list[MapObject]) -> None:
         """Sends the step to subscribed clients. The server's time is that of the frame."""
@@ -66,8 +66,8 @@ class FoxgloveServer:
             channel = self._channels[outgoing.topic]
             if channel.has_sinks():
                 channel.log(encoder(outgoing.kind)(outgoing.make()), log_time=outgoing.stamp_ns)
-        if self._annotations.has_sinks():
-            self._annotations.log(image_annotations(stamp_ns, result), log_time=stamp_ns)
+        if self.annotations.has_sinks():
+            self.annotations.log(image_annotations(stamp_ns, result), log_time=stamp_ns)
         self._server.broadcast_time(stamp_ns)
 
     def fault(self, text: str) -> None:

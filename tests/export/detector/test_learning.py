@@ -263,14 +263,14 @@ def test_a_resumed_run_ends_where_an_unbroken_one_does(start, drawn, tmp_path):
     whole = trainer("whole")
     whole.run()
     broken = trainer("broken")
-    step, steps = broken._step, []
+    step, steps = broken.train_batch, []
 
     def stop_after_four(images, targets):
         if len(steps) == 4:
             raise KeyboardInterrupt
         steps.append(step(images, targets))
 
-    broken._step = stop_after_four
+    broken.train_batch = stop_after_four
     with pytest.raises(KeyboardInterrupt):
         broken.run()
     resumed = trainer("broken")

@@ -85,7 +85,7 @@ def test_a_mix_shows_each_source_by_its_share():
         for at in range(10)
     ]  # fmt: skip
     for epoch in range(4):
-        order = Batches(examples, 8, 2, 0, 0.0, mix=(0.75, 0.25))._order(epoch)
+        order = Batches(examples, 8, 2, 0, 0.0, mix=(0.75, 0.25)).order(epoch)
         counts = np.bincount(order, minlength=10)
         assert counts[:2].tolist() == [4, 4]
         assert counts[2:].sum() == 2

@@ -53,7 +53,7 @@ def home(robots, seed=3, count=14):
 
 
 def tell(keeper, name, objects, annotations=None, kind="map"):
-    keeper._inbox.put(kind, name, packed(map_document(objects, annotations or Annotations())))
+    keeper.inbox.put(kind, name, packed(map_document(objects, annotations or Annotations())))
 
 
 def robots(keeper):
@@ -248,7 +248,7 @@ def looked_at_within(keeper, turns):
     """Whether every map that came has been tried against the place's after so many updates."""
     for _ in range(turns):
         keeper.update()
-        if not keeper._budget.waiting:
+        if not keeper.budget.waiting:
             return True
     return False
 
@@ -265,7 +265,7 @@ def test_in_a_full_place_a_robot_that_fits_takes_the_room_of_one_that_is_away(ke
     assert looked_at_within(keeper, 3)
     assert sorted(robots(keeper)) == ["one", "three", "two"]
     keeper.robots["two"].heard_s -= 1000.0
-    keeper._began_s -= 1000.0
+    keeper.began_s -= 1000.0
     keeper.update()
     tell(keeper, "four", four)
     assert looked_at_within(keeper, 3)
@@ -279,7 +279,7 @@ def test_robots_that_are_away_for_long_go(keeper, tmp_path, monkeypatch):
     tell(keeper, "two", two)
     tell(keeper, "alone", two[:2])
     assert keeper.update()
-    keeper._inbox.put("here", "one", b"1")
+    keeper.inbox.put("here", "one", b"1")
     monkeypatch.setattr(keepers, "EXPIRES_S", {"apart": 0.0, "merged": 1e9})
     keeper.update()
     assert sorted(robots(keeper)) == ["one", "two"]

@@ -158,7 +158,7 @@ def test_a_client_that_stops_reading_holds_up_neither_the_run_nor_its_end():
     channels = [item["id"] for item in json.loads(socket.recv())["channels"]]
     wish = [{"id": channel, "channelId": channel} for channel in channels]
     socket.send(json.dumps({"op": "subscribe", "subscriptions": wish}))
-    while not server._annotations.has_sinks():
+    while not server.annotations.has_sinks():
         time.sleep(0.01)
     steps = Steps(640, 480)  # noise: 0.4 MB a picture, more than the system's buffers hold of them
     steps.into(server, 60)
