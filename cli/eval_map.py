@@ -39,8 +39,9 @@ def command(
     seen in fewer than 10 frames (30 % visible, 24 px) do not count; a mapped object that is not on the floor is wrong.
     covered95 is the share of true positions inside the mapped 95 % ellipse; ANEES (1 is consistent) and the mean area
     of that ellipse are over all mapped objects with a true one of their class within 1.5 m. ECE is the mean difference
-    of confidence and share of real objects. Where the drive has a floor_plan.json, `grid` judges free and occupied
-    cells and seen walls, also without alignment.
+    of confidence and share of real objects. `shape` is F1 once more after alignments by the objects themselves: a map
+    with a good shape and a poor F1 has its origin, heading or scale wrong. Where the drive has a floor_plan.json,
+    `grid` judges free and occupied cells and seen walls, without alignment.
     """
     from dataclasses import replace
     from itertools import pairwise
@@ -49,6 +50,7 @@ def command(
     from edgemap.benchmarks.map_variants import Replay, Variant, mappers_of, true_floor, true_objects
     from edgemap.cli.simulated import as_data
     from edgemap.evaluation.grid import score_grid
+    from edgemap.evaluation.map_alignment import aligned_figures
     from edgemap.evaluation.objects import score_map, scored
     from edgemap.runtime.frames.errors import CameraError
     from edgemap.runtime.inputs.drives import open_drive
@@ -94,7 +96,7 @@ def command(
         replay = Replay(drive, loaded, count, mapping.confidence, tuned, not motion.without_imu)
         for name, mapper in mappers_of(replay, variants).items():
             objects, grid = mapper.objects(), mapper.grid.grid()
-            document[name] = score_map(objects, truth)
+            document[name] = score_map(objects, truth) | aligned_figures(objects, truth)
             if plan is not None:
                 document[name]["grid"] = score_grid(grid, plan)
             if plot:
@@ -115,6 +117,7 @@ def command(
         if figures.get("grid"):
             print(f"  {poses:<14} {_grid_line(figures['grid'])}")
         print(f"  {poses:<14} {_line(figures)}  ECE {_number(figures['reliability']['ece'])}")
+        print(f"  {poses:<14} {_shape_line(figures)}")
         for label, own in figures["per_class"].items():
             print(f"    {label:<14} {_line(own)}")
 
@@ -125,6 +128,13 @@ def _line(figures: dict[str, Any]) -> str:
         f"median error {_number(figures['median_error_m'], ' m')}  p90 {_number(figures['p90_error_m'], ' m')}  "
         f"covered95 {_number(figures['covered95'])}  ANEES {_number(figures['anees'])}  "
         f"ellipse {_number(figures['ellipse_m2'], ' m2')}"
+    )
+
+
+def _shape_line(figures: dict[str, Any]) -> str:
+    return (
+        f"shape: F1 {_number(figures['f1_aligned'])} after the best rigid alignment, {_number(figures['f1_scaled'])} "
+        f"after one that scales too; map {_number(figures['scale'])} times its true size"
     )
 
 

@@ -1,0 +1,157 @@
+"""The best alignment of a map with the true objects: what is left of its errors when its origin, heading or scale is
+not counted."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from edgemap.evaluation.objects import FOUND_M, TrueObject, pairs_within, score_map, scored
+from edgemap.geometry.map_object import MapObject
+
+SHORTEST_M = 0.7  # two objects that are nearer to each other constrain the heading too little
+LARGEST_SCALE = 2.0  # and its inverse: of a map with a usable guess of the height
+REFINED = 30  # hypotheses that are refined, the best ones
+ROUNDS = 10  # of pairing and fitting
+LEAST_PAIRS = 5  # two pairs determine a similarity: fewer than three more say nothing about the scale
+MAXIMUM_CORRESPONDENCES = 400  # of which every two are tried; more are left out, those of the commonest labels first
+CHUNK = 2_000_000  # distances that are computed at once
+
+Places = NDArray[np.complex128]  # x + iy, m
+
+
+@dataclass(frozen=True, slots=True)
+class Similarity:
+    """Takes a point x + iy of the map to factor * (x + iy) + shift, m. A factor of length one is a rigid motion."""
+
+    factor: complex = 1.0
+    shift: complex = 0.0
+
+    def apply(self, objects: Sequence[MapObject]) -> list[MapObject]:
+        """The objects at their new places, with their covariances as they were."""
+        return [replace(item, position_m=_points(self.factor * _place(item) + self.shift)) for item in objects]
+
+    @property
+    def map_scale(self) -> float:
+        """Size of the map over the true size."""
+        return 1.0 / abs(self.factor)
+
+
+def aligned_figures(objects: Sequence[MapObject], truth: Sequence[TrueObject]) -> dict[str, Any]:
+    """How good the shape of a map is: as `score_map`, after an alignment by the objects themselves.
+
+    f1_aligned: F1 after the best rigid motion, which forgives the map's origin and heading. f1_scaled: after the best
+    similarity, which forgives its scale too. scale: size of the map over the true size by that similarity, null where
+    fewer than five pairs determine it. An alignment that is fitted to the objects flatters: a map with few objects,
+    or a wrong one, gains by it.
+    """
+    rigid, _ = best_alignment(objects, truth, scales=False)
+    similar, count = best_alignment(objects, truth, scales=True)
+    return {
+        "f1_aligned": score_map(rigid.apply(objects), truth)["f1"],
+        "f1_scaled": score_map(similar.apply(objects), truth)["f1"],
+        "scale": round(similar.map_scale, 4) if count >= LEAST_PAIRS else None,
+    }
+
+
+def best_alignment(objects: Sequence[MapObject], truth: Sequence[TrueObject], scales: bool) -> tuple[Similarity, int]:
+    """The alignment under which most objects are found, and how many. scales: whether it may scale the map.
+
+    Every two pairs of objects of one label give a hypothesis; the best are refined by least squares over the pairs
+    within 0.5 m. The identity is one of them, so the result is never worse than no alignment. Of equal numbers the
+    smallest squared error decides.
+    """
+    mapped, wanted = list(objects), scored(truth)
+    best, rank = Similarity(), _rank(_pairs(mapped, wanted), mapped, wanted)
+    for start in [best, *_hypotheses(mapped, wanted, scales)]:
+        found = start
+        for _ in range(ROUNDS):
+            pairs = _pairs(found.apply(mapped), wanted)
+            now = _rank(pairs, found.apply(mapped), wanted)
+            if now > rank:
+                best, rank = found, now
+            if len(pairs) < 2 or (fitted := _fitted(pairs, mapped, wanted, scales)) == found:
+                break
+            found = fitted
+    return best, rank[0]
+
+
+def _pairs(mapped: list[MapObject], wanted: list[TrueObject]) -> list[tuple[int, int]]:
+    """Rows (mapped, true) of the pairs within 0.5 m, class by class."""
+    found = []
+    for label in sorted({item.label for item in mapped} & {item.label for item in wanted}):
+        rows = [row for row, item in enumerate(mapped) if item.label == label]
+        columns = [column for column, item in enumerate(wanted) if item.label == label]
+        pairs = pairs_within([mapped[row] for row in rows], [wanted[column] for column in columns], FOUND_M)
+        found += [(rows[i], columns[j]) for i, j in pairs]
+    return found
+
+
+def _rank(pairs: list[tuple[int, int]], mapped: list[MapObject], wanted: list[TrueObject]) -> tuple[int, float]:
+    """Number of pairs, then less squared error, m2."""
+    return len(pairs), -sum(abs(_place(mapped[i]) - _place(wanted[j])) ** 2 for i, j in pairs)
+
+
+def _fitted(
+    pairs: list[tuple[int, int]], mapped: list[MapObject], wanted: list[TrueObject], scales: bool
+) -> Similarity:
+    """Least squares over the pairs, closed form (Umeyama 1991, in the plane)."""
+    from_m, to_m = _places([mapped[i] for i, _ in pairs]), _places([wanted[j] for _, j in pairs])
+    centred = from_m - from_m.mean()
+    product, extent = complex(np.vdot(centred, to_m)), float(np.vdot(centred, centred).real)
+    if abs(product) == 0.0:
+        return Similarity()
+    factor = product / (extent if scales else abs(product))
+    length = abs(factor)
+    factor *= min(max(length, 1.0 / LARGEST_SCALE), LARGEST_SCALE) / length
+    return Similarity(factor, complex(to_m.mean() - factor * from_m.mean()))
+
+
+def _hypotheses(mapped: list[MapObject], wanted: list[TrueObject], scales: bool) -> list[Similarity]:
+    """The alignments by every two pairs of one label that lay most objects near one of their label."""
+    a, b = _places(mapped), _places(wanted)
+    same = np.array([[item.label == real.label for real in wanted] for item in mapped]).reshape(len(a), len(b))
+    i, j = _correspondences(same)
+    p, q = np.triu_indices(len(i), 1)
+    along_a, along_b = a[i[q]] - a[i[p]], b[j[q]] - b[j[p]]
+    length_a, length_b = np.abs(along_a), np.abs(along_b)
+    fits = (i[p] != i[q]) & (j[p] != j[q]) & (np.minimum(length_a, length_b) >= SHORTEST_M)
+    if scales:
+        fits &= np.maximum(length_a, length_b) <= LARGEST_SCALE * np.minimum(length_a, length_b)
+    else:
+        fits &= np.abs(length_a - length_b) <= 2.0 * FOUND_M
+    p, q = p[fits], q[fits]
+    factors = along_b[fits] / along_a[fits]
+    factors = factors if scales else factors / np.abs(factors)
+    shifts = 0.5 * (b[j[p]] + b[j[q]] - factors * (a[i[p]] + a[i[q]]))
+    scores = np.zeros(len(factors))
+    size = max(CHUNK // max(same.size, 1), 1)
+    for start in range(0, len(factors), size):
+        part = slice(start, start + size)
+        placed = factors[part, None] * a[None] + shifts[part, None]
+        near = np.maximum(1.0 - (np.abs(placed[:, :, None] - b[None, None]) / FOUND_M) ** 2, 0.0) * same[None]
+        scores[part] = np.minimum(near.max(axis=2).sum(axis=1), near.max(axis=1).sum(axis=1))
+    order = np.argsort(-scores, kind="stable")[:REFINED]
+    return [Similarity(complex(factors[row]), complex(shifts[row])) for row in order]
+
+
+def _correspondences(same: NDArray[np.bool_]) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+    """Rows (mapped, true) of one label; the rarest labels where there are too many."""
+    i, j = np.nonzero(same)
+    alike = same.sum(axis=1)[i] * same.sum(axis=0)[j]
+    kept = np.argsort(alike, kind="stable")[:MAXIMUM_CORRESPONDENCES]
+    return i[kept], j[kept]
+
+
+def _place(item: MapObject | TrueObject) -> complex:
+    return complex(*(item.position_m if isinstance(item, MapObject) else (item.x_m, item.y_m)))
+
+
+def _places(items: Sequence[MapObject] | Sequence[TrueObject]) -> Places:
+    return np.array([_place(item) for item in items], dtype=np.complex128)
+
+
+def _points(place: complex) -> NDArray[np.float64]:
+    return np.array([place.real, place.imag])
