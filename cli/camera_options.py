@@ -29,9 +29,10 @@ CameraSpec = Annotated[
 MountText = Annotated[
     str | None,
     arg(
-        metavar="HEIGHT_M,PITCH_DEG",
+        metavar="HEIGHT_M[,PITCH_DEG]",
         help="How the camera sits: height of the lens above the floor in metres, and pitch in degrees, positive "
-        "looking DOWN. Overrides the camera file; roll and lever arm stay as they are.",
+        "looking DOWN. Overrides the camera file; roll and lever arm stay as they are, and the pitch where it is left "
+        "out. `run` guesses a pitch that nothing gives.",
     ),
 ]
 IntrinsicsText = Annotated[
@@ -48,24 +49,47 @@ CameraFile = Annotated[
 ]
 
 
+def read_mount_numbers(text: str | None) -> tuple[float, float | None] | None:
+    """Height in metres and pitch in degrees of `--mount`, None for a pitch that is left out. Raises OptionError."""
+    if text is None:
+        return None
+    try:
+        height_m, pitch_deg = float(text), None
+    except ValueError:
+        height_m, pitch_deg = numbers(text, "--mount", "HEIGHT_M,PITCH_DEG")
+    _checked_mount(text, height_m, pitch_deg or 0.0)
+    return height_m, pitch_deg
+
+
 def read_mount(text: str | None, prior: "Mount | None" = None) -> "Mount | None":
-    """Applies `--mount HEIGHT_M,PITCH_DEG` to a prior mount: its roll and lever arm stay."""
+    """Applies `--mount HEIGHT_M[,PITCH_DEG]` to a prior mount: what it does not name stays. Raises OptionError."""
     from dataclasses import replace
 
+    found = read_mount_numbers(text)
+    if text is None or found is None:
+        return prior
+    height_m, pitch_deg = found
+    if pitch_deg is not None:
+        given = _checked_mount(text, height_m, pitch_deg)
+        return given if prior is None else replace(prior, height_m=height_m, pitch_rad=given.pitch_rad)
+    if prior is None:
+        raise OptionError(f"--mount {text!r}: the pitch is missing: pass HEIGHT_M,PITCH_DEG, or a camera file with it")
+    return replace(prior, height_m=height_m)
+
+
+def _checked_mount(text: str, height_m: float, pitch_deg: float) -> "Mount":
     from edgemap.geometry.camera.mount import Mount
     from edgemap.geometry.errors import GeometryError
 
-    if text is None:
-        return prior
     try:
-        given = Mount.from_degrees(*numbers(text, "--mount", "HEIGHT_M,PITCH_DEG"))
+        given = Mount.from_degrees(height_m, pitch_deg)
     except GeometryError as error:
         raise OptionError(f"--mount {text!r}: {error}") from None
     if not LOWEST_M <= given.height_m <= HIGHEST_M:
         raise OptionError(
             f"--mount {text!r}: a lens {given.height_m:g} m above the floor, expected {LOWEST_M:g} to {HIGHEST_M:g} m"
         )
-    return given if prior is None else replace(prior, height_m=given.height_m, pitch_rad=given.pitch_rad)
+    return given
 
 
 def read_numbers_of_lens(text: str | None) -> list[float] | None:

@@ -14,7 +14,7 @@ from edgemap.cli.camera_options import (
     Opening,
     lens_and_mount,
     open_described,
-    read_mount,
+    read_mount_numbers,
     read_numbers_of_lens,
 )
 from edgemap.cli.errors import OptionError
@@ -51,7 +51,7 @@ class Optics:
 
     def check(self) -> None:
         """Read the texts, before anything is opened. Raises OptionError."""
-        read_mount(self.mount)
+        read_mount_numbers(self.mount)
         read_numbers_of_lens(self.intrinsics)
 
     def floor_camera(self, source: "Camera") -> "FloorCamera":

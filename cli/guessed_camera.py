@@ -1,11 +1,13 @@
 """`edgemap run` with an uncalibrated camera: intrinsics and mount are estimated from its first pictures."""
 
 import math
+import shlex
+from dataclasses import replace
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
-    from pathlib import Path
 
     from edgemap.cli.groups import Source
     from edgemap.geometry.camera.attitude import MountEstimate
@@ -20,40 +22,65 @@ LIVE_S, LIVE_EVERY_S = 8.0, 0.2  # of a live camera, and between two pictures
 
 
 def floor_camera_of(camera: "Source", source: "Camera", bundle: "Bundle") -> "tuple[FloorCamera, CameraGuess | None]":
-    """Intrinsics and mount as given, or guessed where either is missing; a guess is printed with its uncertainty.
+    """Intrinsics and mount as given, or guessed where either is missing; a guess is printed with its uncertainty. The
+    guess of an earlier run, in the camera file, is one still.
 
     Raises OptionError, or CalibrationError where the pictures show no floor or an impossible mount.
     """
-    from edgemap.cli.camera_options import read_intrinsics, read_mount
+    from edgemap.cli.camera_options import read_intrinsics, read_mount, read_mount_numbers
     from edgemap.geometry.camera.floor import FloorCamera
     from edgemap.runtime.network.decode import Decoder, Detector
     from edgemap.runtime.step.calibration.guess import guess_camera
 
     lens = read_intrinsics(camera.intrinsics, *source.size) or source.intrinsics
-    mount = read_mount(camera.mount, source.mount)
+    height_m, pitch_deg = read_mount_numbers(camera.mount) or (None, None)
+    given = camera.mount if pitch_deg is not None or source.mount is not None else None
+    mount = read_mount(given, source.mount)
     if lens is not None and mount is not None:
-        return camera.floor_camera(source), None
+        return (floor := camera.floor_camera(source)), _earlier_guess(camera, floor)
     manifest = bundle.manifest
     detector = Detector(bundle, Decoder(manifest.detector, manifest.confidence, one_name=True))
     pictures = [frame.image for frame in _looked_at(camera, source)]
-    guess = guess_camera(pictures, detector, lens, mount, _stated(camera.camera, source))
-    lacking = " and ".join(name for name, known in (("lens", lens), ("mount", mount)) if known is None)
+    guess = guess_camera(pictures, detector, lens, mount, _stated(camera.camera, source), height_m)
+    tilt = "mount" if height_m is None else "pitch"
+    lacking = " and ".join(name for name, known in (("lens", lens), (tilt, mount)) if known is None)
     print(f"{source.name} does not say its {lacking}: guessed from {len(pictures)} pictures")
     print("\n".join(f"  {line}" for line in guess.lines()))
-    print("  positions err with it: edgemap calibrate measures both, --intrinsics and --mount give them", flush=True)
+    if guess.height_sigma and not guess.sway_rad:
+        print("  distances err as the height does: measure it with a tape, and pass it as --mount HEIGHT_M")
+    print("  edgemap calibrate measures all of it without guessing", flush=True)
     return FloorCamera(guess.lens, guess.mount), guess
 
 
+def _earlier_guess(camera: "Source", floor: "FloorCamera") -> "CameraGuess | None":
+    """What lens and mount of a camera file were guessed in an earlier run, without what options give now."""
+    from edgemap.cli.camera_options import read_mount_numbers
+    from edgemap.runtime.frames.reading import user_path
+    from edgemap.runtime.inputs.drives.camera_yaml import read_camera_yaml
+    from edgemap.runtime.step.calibration.guess import CameraGuess
+
+    folder = user_path(camera.camera.partition(":")[2] or camera.camera)
+    path = camera.camera_file or folder / "camera.yaml"
+    if not path.is_file():
+        return None
+    calibration = dict(read_camera_yaml(path).calibration)
+    if camera.intrinsics is not None:
+        calibration["intrinsics"] = "as given"
+    if found := read_mount_numbers(camera.mount):
+        calibration |= {"height_sigma_share": 0.0} if found[1] is None else {"mount": "as given"}
+    return CameraGuess.of_record(calibration, floor.intrinsics, floor.mount, str(path))
+
+
 class CameraKeeper:
-    """A run's camera.yaml: the mount set on the live page, else the guess, with angles estimated during the drive."""
+    """A run's camera.yaml: the mount set on the live page, else the guess, with angles estimated during the drive.
+    spec: the camera, for the command that it suggests."""
 
-    def __init__(self, folder: "Path", floor: "FloorCamera", guess: "CameraGuess | None") -> None:
+    def __init__(self, folder: Path, floor: "FloorCamera", guess: "CameraGuess | None", spec: str = "demo") -> None:
         self._path, self._floor, self._guess, self._by_hand = folder / "camera.yaml", floor, guess, False
+        self._spec = spec
 
-    def set_mount(self, height_m: float, pitch_deg: float) -> "Path":
+    def set_mount(self, height_m: float, pitch_deg: float) -> Path:
         """Saves a mount that a person has set; roll and lever arm stay. Raises GeometryError, CameraError."""
-        from dataclasses import replace
-
         from edgemap.geometry.camera.floor import FloorCamera
 
         mount = replace(self._floor.mount, height_m=height_m, pitch_rad=math.radians(pitch_deg))
@@ -63,9 +90,8 @@ class CameraKeeper:
         return self._path
 
     def at_end(self, observed: "MountEstimate | None") -> str | None:
-        """Saves the guess, unless a person has set the mount. Returns the line to print."""
-        from dataclasses import replace
-
+        """Saves the guess, unless a person has set the mount. Returns the lines to print: where it is, and where the
+        height is guessed the command that takes one by tape measure."""
         from edgemap.geometry.camera.floor import FloorCamera
 
         if self._guess is not None and not self._by_hand:
@@ -76,7 +102,17 @@ class CameraKeeper:
             self._write(self._guess.record())
         elif not self._by_hand:
             return None
-        return f"lens and mount as known by now: {self._path}  (the next run: --camera-file {self._path})"
+        line = f"lens and mount so far: {self._path}  (the next run: --camera-file {self._path})"
+        guess = self._guess
+        if guess is None or self._by_hand or not guess.height_sigma or guess.sway_rad:
+            return line
+        height = f"{self._floor.mount.height_m:.2f}"
+        again = shlex.join(["edgemap", "run", "--camera", self._spec, "--camera-file", str(self._path)])
+        return (
+            f"{line}\nthe height of the lens, {height} m, is a guess to {100 * guess.height_sigma:.0f} %, and so is "
+            f"the map's scale. Measure it with a tape, from floor to lens, and run again with it instead of {height}:"
+            f"\n  {again} --mount {height}"
+        )
 
     def _write(self, calibration: dict[str, object]) -> None:
         from edgemap.runtime.inputs.drives.camera_yaml import write_camera_yaml

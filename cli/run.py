@@ -111,10 +111,11 @@ class _Drive:
         self.place = chosen.place()
         enter_saved_map(self.slam.mapper, self.place, chosen.start, chosen.clustering)
         self.folder = options.outputs.out or Path("runs") / datetime.now(UTC).strftime("%Y%m%dT%H%M%SZ")
-        self.kept_camera = CameraKeeper(self.folder, floor, guess)
+        self.kept_camera = CameraKeeper(self.folder, floor, guess, options.camera.camera)
         self.record = run_record(options, source, loaded, floor, threshold, self.mapped, tuned)
         self.record |= {"loop_closure": self.slam.mapper.loop_closer.closes_loops}
         self.record |= {"camera_guess": guess.record()} if guess else {}
+        self.mount_source = "guessed" if guess and (guess.height_sigma or guess.pitch_sigma_rad) else "given"
         self.crops = BestCrops()
 
     def run(self) -> None:
@@ -154,7 +155,7 @@ class _Drive:
         from edgemap.runtime.step.loop import run
 
         camera, advanced, saved = self.options.camera, self.options.advanced, self.options.map.saved
-        notifier, summary = ServiceNotifier(), RunSummary(self.floor.mount)
+        notifier, summary = ServiceNotifier(), RunSummary(self.floor.mount, self.mount_source)
         trusted = advanced.config if advanced.config_options else None
         source = budgeted(self.source, read_share(advanced.cpu), trusted)
         publishers = self._publishers(edits)

@@ -22,16 +22,18 @@ def angles_text(pitch_deg: float, roll_deg: float) -> str:
     return f"pitch {pitch_deg:.1f} and roll {roll_deg:.1f} deg"
 
 
-def seen_text(given: Mount, seen: MountEstimate | None, height: HeightEstimate | None = None) -> str:
-    """One line with the configured and the estimated angles and height of a mount."""
+def seen_text(
+    given: Mount, seen: MountEstimate | None, height: HeightEstimate | None = None, source: str = "given"
+) -> str:
+    """One line with the configured and the estimated angles and height of a mount. source: of the configured ones."""
     parts = []
     if seen is not None:
         pitch = given.pitch_rad, seen.mount.pitch_rad, seen.sigma_rad[1]
         roll = given.roll_rad, seen.mount.roll_rad, seen.sigma_rad[0]
         for name, angle in (("pitch", pitch), ("roll", roll)):
-            parts.append(name + " {:.1f} deg given, {:.1f} +- {:.1f} deg seen".format(*np.degrees(angle)))
+            parts.append(name + f" {{:.1f}} deg {source}, {{:.1f}} +- {{:.1f}} deg seen".format(*np.degrees(angle)))
     if height is not None:
-        parts.append(f"height {given.height_m:.2f} m given, {height.height_m:.2f} +- {height.sigma_m:.2f} m seen")
+        parts.append(f"height {given.height_m:.2f} m {source}, {height.height_m:.2f} +- {height.sigma_m:.2f} m seen")
     return f"mount: {'; '.join(parts)}"
 
 

@@ -1,8 +1,16 @@
 """`run` with pictures that nobody has calibrated, as a new user types it."""
 
 import json
+import math
+import shlex
 
+import pytest
+
+from edgemap.geometry.camera.intrinsics import Intrinsics
+from edgemap.geometry.camera.mount import Mount
+from edgemap.runtime.frames.errors import CameraError
 from edgemap.runtime.inputs.drives.camera_yaml import read_camera_yaml
+from edgemap.runtime.step.calibration.guess import CameraGuess
 
 
 def test_pictures_without_camera_yaml_are_mapped_by_a_guess(edgemap, painted_bundle, pictures, tmp_path):
@@ -24,7 +32,65 @@ def test_pictures_without_camera_yaml_are_mapped_by_a_guess(edgemap, painted_bun
         tmp_path / "again",
     )  # fmt: skip
     assert again.returncode == 0, again.stderr
-    assert "guessed" not in again.stdout
+    assert "guessed from" not in again.stdout  # not once more, and still a guess:
+    assert "map: good" not in again.stdout
+    assert json.loads((tmp_path / "again" / "run.json").read_text())["camera_guess"]["height_sigma_share"] > 0.0
+
+
+def test_a_run_by_a_guess_asks_for_the_height_alone(edgemap, painted_bundle, pictures, tmp_path):
+    """The command that it prints runs as it stands, with that height: nothing of it is a guess any more but the lens
+    and the pitch, and the map is never called good by it."""
+    (pictures / "camera.yaml").unlink()
+    first = edgemap("run", "--camera", pictures, "--bundle", painted_bundle, "--out", tmp_path / "run")
+    assert first.returncode == 0, first.stderr
+    (line,) = (line for line in first.stdout.splitlines() if line.startswith("  edgemap run "))
+    *command, height = shlex.split(line)[1:]
+    assert command[-1] == "--mount"
+    second = edgemap(*command, "0.83", "--bundle", painted_bundle, "--out", tmp_path / "again")
+    assert second.returncode == 0, second.stderr
+    assert "  edgemap run " not in second.stdout
+    before, after = (json.loads((tmp_path / name / "run.json").read_text()) for name in ("run", "again"))
+    assert f"{before['mount']['height_m']:.2f}" == height
+    assert after["mount"]["height_m"] == 0.83
+    assert after["camera_guess"]["height_sigma_share"] == 0.0
+    assert after["camera_guess"]["focal_sigma_share"] == before["camera_guess"]["focal_sigma_share"]
+    assert after["verdict"]["level"] != "good"
+    kept = read_camera_yaml(tmp_path / "again" / "camera.yaml").mount
+    assert kept is not None
+    assert kept.height_m == 0.83
+
+
+def test_a_height_without_a_pitch_leaves_the_pitch_to_be_guessed(edgemap, painted_bundle, pictures, tmp_path):
+    (pictures / "camera.yaml").unlink()
+    run = ("run", "--camera", pictures, "--bundle", painted_bundle, "--intrinsics", "50,50,31.5,31.5")
+    done = edgemap(*run, "--mount", "0.83", "--out", tmp_path / "run")
+    assert done.returncode == 0, done.stderr
+    assert "does not say its pitch: guessed from 12 pictures" in done.stdout
+    assert "lens 0.83 m above the floor (as given)" in done.stdout
+    record = json.loads((tmp_path / "run" / "run.json").read_text())
+    assert record["mount"]["height_m"] == 0.83
+    assert record["camera_guess"]["focal_sigma_share"] == record["camera_guess"]["height_sigma_share"] == 0.0
+    assert any("the mount is guessed (pitch to" in reason for reason in record["verdict"]["reasons"])
+    refused = edgemap("doctor", "--camera", pictures, "--intrinsics", "50,50,31.5,31.5", "--mount", "0.83")
+    assert "the pitch is missing" in refused.stdout + refused.stderr
+
+
+def test_what_was_calibrated_since_is_no_guess():
+    lens, mount = Intrinsics(640, 480, 587.0, 587.0, 319.5, 239.5), Mount(0.6, 0.2)
+    guess = {"method": "guessed", "focal_sigma_share": 0.02, "height_sigma_share": 0.09, "sigma_pitch_deg": 0.5}
+
+    def read(**more):
+        found = CameraGuess.of_record(guess | more, lens, mount, "camera.yaml")
+        return found and (found.focal_sigma, found.height_sigma, round(math.degrees(found.pitch_sigma_rad), 9))
+
+    assert read() == (0.02, 0.09, 0.5)
+    assert read(intrinsics={}) == (0.0, 0.09, 0.5)
+    assert read(mount="by hand") == (0.02, 0.0, 0.0)
+    assert read(tilt={}) == (0.02, 0.09, 0.0)
+    assert read(intrinsics={}, mount={}) is None
+    assert CameraGuess.of_record({"method": "chessboard"}, lens, mount, "camera.yaml") is None
+    with pytest.raises(CameraError, match=r"camera.yaml: calibration"):
+        read(height_sigma_share="high")
 
 
 def test_what_is_given_is_not_guessed(edgemap, painted_bundle, pictures, tmp_path):

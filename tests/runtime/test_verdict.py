@@ -42,6 +42,7 @@ def test_a_calm_drive_is_good():
 
 
 PITCH = {"pitch_deg": 16.4, "roll_deg": 0.0, "sigma_pitch_deg": 0.4, "sigma_roll_deg": 0.4}
+GUESS = {"focal_sigma_share": 0.18, "height_sigma_share": 0.08}
 UP = {"height_m": 0.6, "roll_deg": 0.0}
 HEIGHT = [
     "frame 90: mount: height 0.60 m given, the usual height of chair would make it 0.38 m, to 9 %: measure it again"
@@ -68,8 +69,11 @@ HEIGHT = [
         ({"quality": {"guessed_frames": 200}}, "unreliable", "drift", "33 % of the frames is a guess"),
         ({"quality": {"rate_hz": 2.0}}, "care", "rate", "2.0 pictures per second"),
         ({"quality": {"carried_frames": 200}}, "care", "carried", "sways"),
-        ({"camera_guess": {"focal_sigma_share": 0.18, "height_sigma_share": 0.08}}, "care", "guess", "to 18 %"),
-        ({"camera_guess": {"focal_sigma_share": 0.1, "height_sigma_share": 0.2}}, "unreliable", "guess", "to 20 %"),
+        ({"camera_guess": GUESS}, "care", "height_guess", "lens and mount are guessed (focal length to 18 %, height"),
+        ({"camera_guess": GUESS | {"height_sigma_share": 0.2}}, "unreliable", "height_guess", "to 20 %"),
+        ({"camera_guess": GUESS | {"height_sigma_share": 0.0}}, "care", "guess", "the lens is guessed (focal length"),
+        ({"camera_guess": GUESS | {"focal_sigma_share": 0.0, "height_sigma_share": 0.0, "sigma_pitch_deg": 0.7}},
+         "care", "guess", "the mount is guessed (pitch to 0.7 deg)"),
         ({"camera_guess": {"focal_sigma_share": 0.1, "height_sigma_share": 0.1, "sway_deg": 9.0},
           "mount_seen": {"pitch_deg": 55.8, "sigma_pitch_deg": 4.3}}, "unreliable", "carried", "sways by 9 deg"),
         ({"envelope": "flow odometry: the camera is outside"}, "care", "camera", "the camera is outside"),

@@ -88,10 +88,14 @@ def _mount(record: Mapping[str, Any], quality: Mapping[str, Any], objects: Seque
             text = f"the camera sways by {sway_deg:.0f} deg, as in a hand or on a head, and its mount is a guess"
             yield Finding("unreliable", CAUSES["carried"], text)
             carried = True
-        focal, height = (100 * guess[f"{name}_sigma_share"] for name in ("focal", "height"))
-        shares = f"focal length to {focal:.0f} %, height to {height:.0f} %"
-        level = _level(SEEN_M * guess["height_sigma_share"], WRONG_M)
-        yield Finding(level, CAUSES["guess"], f"lens and mount are guessed ({shares})")
+        focal, height, pitch = guess["focal_sigma_share"], guess["height_sigma_share"], guess.get("sigma_pitch_deg", 0)
+        parts = [f"focal length to {100 * focal:.0f} %"] if focal else []
+        parts += [f"height to {100 * height:.0f} %"] if height else []
+        parts += [f"pitch to {pitch:.1f} deg"] if pitch else []
+        guessed = [name for name, some in (("lens", focal), ("mount", height or pitch)) if some]
+        what = " and ".join(guessed) + " are" if len(guessed) > 1 else f"the {(*guessed, 'camera')[0]} is"
+        cause = CAUSES["height_guess" if height and not carried else "guess"]
+        yield Finding(_level(SEEN_M * height, WRONG_M), cause, f"{what} guessed ({', '.join(parts)})")
     given, seen = record.get("mount", {}), record.get("mount_seen", {})
     for angle in ("pitch", "roll"):
         if f"{angle}_deg" not in seen or carried:

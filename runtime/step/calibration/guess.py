@@ -3,8 +3,10 @@
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from typing import Annotated, Any
 
 import cv2
+import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
@@ -13,7 +15,8 @@ from edgemap.geometry.camera.intrinsics import Intrinsics
 from edgemap.geometry.camera.level import pitch_roll
 from edgemap.geometry.camera.mount import Mount
 from edgemap.geometry.observations.detections import Detections
-from edgemap.runtime.frames.errors import CalibrationError
+from edgemap.runtime.frames.errors import CalibrationError, CameraError
+from edgemap.runtime.frames.reading import convert
 from edgemap.runtime.motion.attitude.segments import line_ends
 from edgemap.runtime.step.calibration.guess_focal import (
     FEWEST_ROOMS,
@@ -31,6 +34,7 @@ from edgemap.runtime.step.calibration.guess_sizes import (
     pitch_by_sizes,
 )
 
+RULER = 0.02  # a height by tape measure: its standard deviation as a share
 SURE_RAD = math.radians(0.5)  # of a pitch by edges with the right focal length
 LOWEST_M, HIGHEST_M = 0.05, 3.0
 LEAST_FLOOR = 0.1  # share of the picture below the horizon
@@ -39,10 +43,20 @@ Picture = NDArray[np.uint8]
 Detector = Callable[[Picture], Detections]
 
 
+class _Record(msgspec.Struct):
+    """A guess as `calibration` of a camera.yaml holds it; of an older edgemap, or written by hand, with less."""
+
+    focal_sigma_share: Annotated[float, msgspec.Meta(ge=0.0, le=10.0)] = 0.0
+    height_sigma_share: Annotated[float, msgspec.Meta(ge=0.0, le=10.0)] = 0.0
+    sigma_pitch_deg: Annotated[float, msgspec.Meta(ge=0.0, le=180.0)] = 0.0
+    sway_deg: Annotated[float, msgspec.Meta(ge=0.0, le=180.0)] = 0.0
+
+
 @dataclass(frozen=True, slots=True)
 class CameraGuess:
-    """lens, mount: the guess. focal_sigma, height_sigma: one standard deviation as a share; pitch_sigma_rad. how: what
-    each came from, in words. sway_rad: standard deviation of the pitch of a camera that is carried, else 0."""
+    """lens, mount: the guess. focal_sigma, height_sigma: one standard deviation as a share; pitch_sigma_rad; 0 for what
+    is no guess. how: what each came from, in words. sway_rad: standard deviation of the pitch of a camera that is
+    carried, else 0."""
 
     lens: Intrinsics
     mount: Mount
@@ -56,11 +70,12 @@ class CameraGuess:
         """The guess with its uncertainty, for display."""
         lens, mount = self.lens, self.mount
         focal, height, pitch = self.how
+        above = f" +- {100 * self.height_sigma:.0f} %" if self.height_sigma else ""
         pitch_deg, roll_deg = math.degrees(mount.pitch_rad), math.degrees(mount.roll_rad)
         sway = f"the camera sways by {math.degrees(self.sway_rad):.0f} deg from picture to picture: it is carried"
         return [
             f"focal length {lens.fx:.0f} +- {100 * self.focal_sigma:.0f} % px ({focal})",
-            f"lens {mount.height_m:.2f} m +- {100 * self.height_sigma:.0f} % above the floor ({height})",
+            f"lens {mount.height_m:.2f} m{above} above the floor ({height})",
             f"pitch {pitch_deg:.1f} +- {math.degrees(self.pitch_sigma_rad):.1f} deg, roll {roll_deg:.1f} deg ({pitch})",
             *([f"{sway}; pitch and height are not constant"] if self.sway_rad else []),
         ]
@@ -75,6 +90,24 @@ class CameraGuess:
             "from": list(self.how),
         }
         return record | ({"sway_deg": round(math.degrees(self.sway_rad), 1)} if self.sway_rad else {})
+
+    @classmethod
+    def of_record(cls, calibration: dict[str, Any], lens: Intrinsics, mount: Mount, where: str) -> "CameraGuess | None":
+        """The guess that a camera.yaml holds, by its `calibration`: what was calibrated since, or set by hand, is no
+        guess. None where nothing is. where: for messages. Raises CameraError.
+        """
+        if calibration.get("method") != "guessed":
+            return None
+        record = convert(calibration, _Record, f"{where}: calibration", CameraError, strict=False)
+        focal = 0.0 if "intrinsics" in calibration else record.focal_sigma_share
+        height, pitch, sway = record.height_sigma_share, record.sigma_pitch_deg, record.sway_deg
+        if "mount" in calibration:
+            height = pitch = sway = 0.0
+        pitch = 0.0 if "tilt" in calibration else pitch
+        if not focal and not height and not pitch:
+            return None
+        how = (f"as in {where}",) * 3
+        return cls(lens, mount, focal, height, math.radians(pitch), how, math.radians(sway))
 
 
 @dataclass(frozen=True, slots=True)
@@ -92,12 +125,13 @@ def guess_camera(
     lens: Intrinsics | None = None,
     mount: Mount | None = None,
     stated: Focal | None = None,
+    height_m: float | None = None,
 ) -> CameraGuess:
     """Lens and mount of the camera that took these pictures.
 
     Focal length: as stated by the files, else from the usual field of view and the room's edges (three directions
     become orthogonal at the correct one). Pitch and roll: from the room's edges, else the angles at which objects of
-    usual heights agree. Height: objects of usual heights. lens, mount: given ones, which are kept. Raises
+    usual heights agree. Height: objects of usual heights. lens, mount, height_m: given ones, which are kept. Raises
     CalibrationError, with the numbers, for pictures that show no floor and a lens outside 0.05 to 3 m above it.
     """
     if not pictures:
@@ -121,7 +155,9 @@ def guess_camera(
         scatter, roll_scatter = (1.48 * np.median(np.abs(angles - [by_edges, roll]), axis=0)).tolist()
         if roll_scatter > SWAYING_RAD:
             sway_rad, usual = scatter, (CARRIED_HEIGHT_M, CARRIED_SIGMA)
-    pitch, pitch_sigma, count = pitch_by_sizes(boxes, lens, usual if sway_rad else None)
+    if height_m is not None:
+        usual = (height_m, RULER)
+    pitch, pitch_sigma, count = pitch_by_sizes(boxes, lens, usual if sway_rad or height_m is not None else None)
     pitch_how = f"{count} objects of usual sizes" if count else "usual for a robot"
     if by_edges is not None:
         # A focal length that is wrong turns the horizon's row into another pitch.
@@ -137,6 +173,9 @@ def guess_camera(
             f"{100 * floor_share:.0f} % of the picture lies below the horizon (pitch {math.degrees(pitch):.1f} deg up "
             f"to {math.degrees(pitch_sigma):.1f}): no floor is seen; tilt the camera down, or pass --mount"
         )
+    if height_m is not None:
+        how = (focal_how, "as given", pitch_how)
+        return CameraGuess(lens, Mount(height_m, pitch, roll), focal_sigma, 0.0, pitch_sigma, how, sway_rad)
     height_m, height_sigma, count = height_by_sizes(boxes, lens, tilted, pitch_sigma, usual)
     if not LOWEST_M <= height_m <= HIGHEST_M:
         raise CalibrationError(
