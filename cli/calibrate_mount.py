@@ -133,7 +133,11 @@ def _by_edges(
 def _with_lever_arm(mount: "Mount", prior: "Mount | None") -> "Mount":
     from dataclasses import replace
 
-    return mount if prior is None else replace(mount, forward_m=prior.forward_m, left_m=prior.left_m)
+    return (
+        mount
+        if prior is None
+        else replace(mount, forward_m=prior.forward_m, left_m=prior.left_m, platform=prior.platform)
+    )
 
 
 def _print_result(mount: "Mount", height_m: float, pitch_rad: float, roll_rad: float) -> None:

@@ -42,6 +42,7 @@ def run_record(
             "roll_deg": round(math.degrees(camera_mount.roll_rad), 6),
             "forward_m": camera_mount.forward_m,
             "left_m": camera_mount.left_m,
+            "platform": camera_mount.platform,
         },
         "bundle": {"name": loaded.manifest.name, "folder": str(loaded.folder), "sha256": loaded.manifest.sha256},
         "odometry": options.robot.odometry,

@@ -1,5 +1,6 @@
 """Initial weights of a head: seeded random ones with standardised features, or an earlier head."""
 
+import math
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -17,7 +18,6 @@ from edgemap.export.odometry.flow import SMALL, FlowHead, FlowSizes
 from edgemap.export.odometry.paper import PaperHead, random_head
 from edgemap.export.odometry.smaller import fit_smaller
 from edgemap.export.ranks import Ranks
-from edgemap.geometry.camera.floor import length_unit_m
 
 FIT_DRIVES = 24  # that a smaller head is fitted on: evenly chosen
 SAMPLES = 64  # frames that mean and deviation are taken from
@@ -68,10 +68,12 @@ def begin(
 
 
 def unit_of(drives: Sequence[FeatureDrive]) -> float:
-    """The unit in which a flow head counts lengths, metres: `length_unit_m` of these cameras' nearest floor, the median
-    of them; where no floor is in view, 1."""
+    """The unit in which a flow head counts lengths, metres: the distance to the nearest floor that these cameras see,
+    the median of them, as a power of two. Up to 2.8 m it is 1, because rooms are of similar size, and 1 where no floor
+    is in view; KITTI's is 8."""
     nearest = [1.0 / most for drive in drives if (most := float(drive.cells[:, 6].max())) > 0.0]
-    return length_unit_m(float(np.median(nearest))) if nearest else 1.0
+    unit_m = 2.0 ** round(math.log2(np.median(nearest))) if nearest else 1.0
+    return unit_m if unit_m > 2.0 else 1.0
 
 
 def _fit(head: FlowHead, larger: Path, store: FeatureStore, drives: Sequence[FeatureDrive], device: str) -> None:

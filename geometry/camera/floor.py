@@ -17,15 +17,6 @@ LOWEST_M = 0.02  # minimum height of the lens above the floor in one frame
 STEEPEST_RAD = math.radians(89.0)  # beyond it a picture has no floor ahead
 
 
-def length_unit_m(nearest_m: float) -> float:
-    """Unit of length of an odometry, metres: the distance to the nearest floor in view, rounded to a power of two.
-
-    Up to 2.8 m it is 1, because rooms are of similar size. It is 8 for KITTI's car.
-    """
-    unit_m = 2.0 ** round(math.log2(nearest_m))
-    return unit_m if unit_m > 2.0 else 1.0
-
-
 @dataclass(frozen=True, slots=True)
 class FloorCamera:
     """A camera on its mount, looking at the plane z = 0 of the base frame.
@@ -63,12 +54,6 @@ class FloorCamera:
             height_m=self.mount.height_m if attitude.height_m is None else max(attitude.height_m, LOWEST_M),
         )
         return replace(self, mount=mount, attitude=attitude)
-
-    @property
-    def unit_m(self) -> float:
-        """`length_unit_m` for the nearest floor in the middle column of the picture; depth along the optical axis."""
-        fall = -float(self.rays_base([(self.intrinsics.cx, self.intrinsics.height - 1.0)])[0, 2])
-        return length_unit_m(self.mount.height_m / fall) if fall > 0.0 else 1.0
 
     def rays_base(self, pixels: ArrayLike) -> Array:
         """Directions (N, 3) of the viewing rays through pixels (N, 2), in the base frame, not normalised."""

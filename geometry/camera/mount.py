@@ -7,6 +7,7 @@ from functools import lru_cache
 import numpy as np
 
 from edgemap.geometry.arrays import Array
+from edgemap.geometry.camera.platform import Platform
 from edgemap.geometry.errors import GeometryError
 
 # Columns are the optical axes (right, down, forward) in base axes (forward, left, up).
@@ -18,7 +19,8 @@ class Mount:
     """Pose of the camera on the robot, constant over a drive.
 
     height_m: lens above the floor. pitch_rad: positive looking DOWN. roll_rad: positive leaning right
-    (the picture's right side sinks). forward_m, left_m: lens ahead of and left of the turn axis.
+    (the picture's right side sinks). forward_m, left_m: lens ahead of and left of the turn axis. platform: what it
+    rides on.
     Frames as in REP-103. Raises GeometryError for values that are not finite, a height that is not
     positive, or an angle of 90 degrees or more.
     """
@@ -28,6 +30,7 @@ class Mount:
     roll_rad: float = 0.0
     forward_m: float = 0.0
     left_m: float = 0.0
+    platform: Platform = Platform.ROBOT
 
     def __post_init__(self) -> None:
         for name in ("height_m", "pitch_rad", "roll_rad", "forward_m", "left_m"):
@@ -42,10 +45,16 @@ class Mount:
 
     @classmethod
     def from_degrees(
-        cls, height_m: float, pitch_deg: float, roll_deg: float = 0.0, forward_m: float = 0.0, left_m: float = 0.0
+        cls,
+        height_m: float,
+        pitch_deg: float,
+        roll_deg: float = 0.0,
+        forward_m: float = 0.0,
+        left_m: float = 0.0,
+        platform: Platform = Platform.ROBOT,
     ) -> "Mount":
         """A mount with its angles in degrees, as people and camera.yaml write them."""
-        return cls(height_m, math.radians(pitch_deg), math.radians(roll_deg), forward_m, left_m)
+        return cls(height_m, math.radians(pitch_deg), math.radians(roll_deg), forward_m, left_m, platform)
 
     def rotation_base_optical(self) -> Array:
         """3x3 rotation that takes directions of the optical frame into the base frame."""

@@ -61,7 +61,8 @@ class Pipeline:
         )
         fitted = bundle.for_pictures(camera.intrinsics.width, camera.intrinsics.height, odometry.needs_features)
         self._backbone = fitted.backbone
-        self._input_name, self._floor_output = fitted.detector.input.name, fitted.detector.floor
+        self._input_name = fitted.detector.input.name
+        self._floor_output = fitted.detector.floor if camera.mount.platform.in_room else None
         self._preprocess = Preprocessor(fitted.detector.input)
         min_score = bundle.manifest.confidence if confidence is None else confidence
         self._decode = Decoder(fitted.detector, min_score, one_name=True)

@@ -14,6 +14,8 @@ from edgemap.geometry.camera.attitude import TrackedRotation
 from edgemap.geometry.camera.carried import Carried
 from edgemap.geometry.camera.floor import FloorCamera
 from edgemap.geometry.camera.level import pitch_roll, up_optical
+from edgemap.geometry.camera.mount import Mount
+from edgemap.geometry.camera.platform import Platform
 from edgemap.geometry.camera.room_edges import room_axes
 from edgemap.runtime.frames.errors import EdgemapError
 from edgemap.runtime.inputs.open import open_camera
@@ -109,11 +111,17 @@ def test_a_known_mount_stays_known_while_the_robot_sways():
     assert attitude.mount.used == camera.mount
 
 
-@pytest.mark.parametrize(("times_as_high", "carried"), [(1.0, True), (4.0, False)])
-def test_edges_that_scatter_show_a_carried_camera_in_rooms_and_nothing_on_a_road(times_as_high, carried):
-    """The lens four times as high is a car's: its mount stays as given whatever the edges show."""
+@pytest.mark.parametrize(
+    ("height_m", "pitch_deg", "platform", "carried"),
+    [(0.6, 11.5, "robot", True), (1.25, 0.0, "robot", True), (2.4, 11.5, "car", False)],
+)
+def test_edges_that_scatter_show_a_carried_camera_in_rooms_and_nothing_on_a_road(
+    height_m, pitch_deg, platform, carried
+):
+    """A level lens on a pole is in a room; a car's mount stays as given whatever the edges show."""
     with open_camera("demo") as camera:
-        lens, mount = camera.intrinsics, replace(camera.mount, height_m=times_as_high * camera.mount.height_m)
+        lens = camera.intrinsics
+        mount = Mount.from_degrees(height_m, pitch_deg, platform=Platform(platform))
         matrix = np.array([[lens.fx, 0.0, lens.cx], [0.0, lens.fy, lens.cy], [0.0, 0.0, 1.0]])
         pictures = PicturesAttitude(mount)
         source = CheckedMount(FloorCamera(lens, mount), pictures, pictures)

@@ -17,6 +17,7 @@ from edgemap.geometry.camera.attitude import Attitude, GyroRotation
 from edgemap.geometry.camera.carried import CarriedRule
 from edgemap.geometry.camera.floor import FloorCamera
 from edgemap.geometry.camera.mount import Mount
+from edgemap.geometry.camera.platform import Platform
 from edgemap.geometry.observations.floor_mask import FloorMask
 from edgemap.geometry.se2 import SE2
 from edgemap.runtime.frames.errors import OdometryError
@@ -146,20 +147,20 @@ def test_what_an_imu_learns_of_its_tilt_is_no_motion(pitch_rad, roll_rad):
     assert abs(error.yaw_rad) < 0.03
 
 
-def test_planar_counts_lengths_in_a_unit_after_the_nearest_floor():
-    """The same pictures four times as high above a floor four times as large: the same motions in units of 4 m, also
-    where a floor head trained on rooms detects no floor in them. On wheels from the first motion on: the path without
-    nodding that shows it is counted in metres of the road, so the larger one shows it four times as soon."""
-    mount = replace(CAMERA.mount, height_m=4.0 * CAMERA.mount.height_m, forward_m=4.0 * CAMERA.mount.forward_m)
-    high = FloorCamera(CAMERA.intrinsics, mount)
-    assert (CAMERA.unit_m, high.unit_m) == (1.0, 4.0)
+def test_planar_counts_lengths_in_the_unit_of_its_platform():
+    """The same pictures eight times as high above a floor eight times as large, on a car: the same motions in units of
+    8 m. On wheels from the first motion on: the path without nodding that shows it is counted in metres of the road, so
+    the larger one shows it eight times as soon."""
+    height_m, forward_m = 8.0 * CAMERA.mount.height_m, 8.0 * CAMERA.mount.forward_m
+    high = FloorCamera(
+        CAMERA.intrinsics, replace(CAMERA.mount, height_m=height_m, forward_m=forward_m, platform=Platform.CAR)
+    )
     rule = PlanarRule(carried=CarriedRule(steady_m=(0.0, 0.0)))
     small, large = PlanarOdometry(CAMERA, rule), PlanarOdometry(high, rule)
-    no_floor = FloorMask(np.zeros((12, 16), dtype=np.float32), CAMERA.intrinsics.width, CAMERA.intrinsics.height)
     for frame in drive(MOTIONS["left arc"])[0]:
-        found, larger = small.step(frame, {}), large.step(frame, {}, FramePrior(floor=no_floor))
-        np.testing.assert_allclose(larger.motion.vector(), found.motion.vector() * [4.0, 4.0, 1.0])
-        np.testing.assert_allclose(larger.covariance, found.covariance * np.outer([4, 4, 1], [4, 4, 1]))
+        found, larger = small.step(frame, {}), large.step(frame, {})
+        np.testing.assert_allclose(larger.motion.vector(), found.motion.vector() * [8.0, 8.0, 1.0])
+        np.testing.assert_allclose(larger.covariance, found.covariance * np.outer([8, 8, 1], [8, 8, 1]))
 
 
 @pytest.mark.parametrize("first", [300, 400])

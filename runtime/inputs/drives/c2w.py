@@ -1,8 +1,10 @@
 """Pictures with camera-to-world poses in `poses.txt`: KIND `c2w`, a 4x4 a line, and KITTI odometry, a 3x4 a line."""
 
+from dataclasses import replace
 from pathlib import Path
 
 from edgemap.geometry.camera.intrinsics import Intrinsics
+from edgemap.geometry.camera.platform import Platform
 from edgemap.geometry.errors import GeometryError
 from edgemap.runtime.frames.errors import CameraError
 from edgemap.runtime.frames.reading import read_text
@@ -25,7 +27,7 @@ K_BYTES = 4096
 def read_kitti(folder: Path) -> Drive:
     """Read a KITTI sequence. The world is the first camera's: its y points down, so up is `-y` unless said otherwise.
 
-    `times.txt`, one stamp in seconds per line, is used where present. Raises CameraError.
+    Its mount is a car's. `times.txt`, one stamp in seconds per line, is used where present. Raises CameraError.
     """
     return _read("kitti", folder, ("image", "image_2", "images"), 12, "-y", ("times.txt",))
 
@@ -49,6 +51,8 @@ def _read(
     images = list_pictures(pictures_folder)
     known = k and (folder / k).is_file() and not (folder / "camera.yaml").is_file()
     setup = read_setup(folder, world_up, _read_k(folder / k, images[0]) if known else None)
+    if kind == "kitti" and setup.mount is not None:
+        setup = replace(setup, mount=replace(setup.mount, platform=Platform.CAR))
     path = folder / "poses.txt"
     poses = read_matrices(path, columns)
     check_count(path, len(poses), len(images), pictures_folder)

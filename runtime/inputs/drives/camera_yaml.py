@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from edgemap.geometry.camera.depth_camera import DepthCamera
 from edgemap.geometry.camera.intrinsics import Distortion, Intrinsics
 from edgemap.geometry.camera.mount import Mount
+from edgemap.geometry.camera.platform import Platform
 from edgemap.geometry.errors import GeometryError
 from edgemap.runtime.frames.disk import write_atomically
 from edgemap.runtime.frames.errors import CameraError
@@ -76,6 +77,7 @@ class _Mount(Strict):
     roll_deg: Angle = 0.0
     forward_m: Arm = 0.0
     left_m: Arm = 0.0
+    platform: Platform = Platform.ROBOT
 
 
 class _Depth(LensRecord):
@@ -134,13 +136,16 @@ def write_camera_yaml(
         tree["fps"] = float(rate_hz)
     tree["world_up"] = world_up
     if mount is not None:
-        tree["mount"] = {
+        mounted: dict[str, Any] = {
             "height_m": float(mount.height_m),
             "pitch_deg": round(math.degrees(mount.pitch_rad), 9),
             "roll_deg": round(math.degrees(mount.roll_rad), 9),
             "forward_m": float(mount.forward_m),
             "left_m": float(mount.left_m),
         }
+        if mount.platform is not Platform.ROBOT:
+            mounted["platform"] = str(mount.platform)
+        tree["mount"] = mounted
     if depth is not None:
         tree["depth"] = _lens(depth.intrinsics) | {
             "position_m": depth.position_m.tolist(),

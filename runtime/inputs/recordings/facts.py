@@ -14,6 +14,7 @@ from msgspec import Meta
 
 from edgemap.geometry.camera.intrinsics import Intrinsics
 from edgemap.geometry.camera.mount import Mount
+from edgemap.geometry.camera.platform import Platform
 from edgemap.geometry.errors import GeometryError
 from edgemap.geometry.se2 import SE2
 from edgemap.runtime.frames.decisions import Decisions
@@ -58,6 +59,7 @@ class _RecordedMount(Strict):
     roll_rad: Coordinate
     forward_m: Coordinate
     left_m: Coordinate
+    platform: Platform = Platform.ROBOT
 
 
 _DECISIONS: Any = Decisions | None

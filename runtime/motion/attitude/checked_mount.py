@@ -37,7 +37,7 @@ class MountRule:
     of the accelerometer's samples that count as one measurement. moved: mean grey levels between two pictures that
     count as two views. wrong_rad: error from which on an angle is wrong; up to there the given one holds. settled_rad:
     standard deviation at which a mount on wheels is known for good: what is seen while it sways as if carried is left
-    aside then, and before voids all that was seen. road: the profile of a car. tilt: how measurements count.
+    aside then, and before voids all that was seen. tilt: how measurements count.
     """
 
     pixels: int = 27_648
@@ -49,14 +49,7 @@ class MountRule:
     moved: float = 3.0
     wrong_rad: float = math.radians(0.75)
     settled_rad: float = math.radians(0.45)
-    road: bool = False
     tilt: MountTiltRule = field(default_factory=MountTiltRule)
-
-    def on_road(self) -> "MountRule":
-        """The profile of a car. A road's edges are not a room's, a car leans in turns and its road rises: neither
-        counts. Its floor is far: 0.3 degrees are 2 % of all distances and more, so small errors are corrected too
-        (KITTI 00: planar over 100 m 5.9 and 3.5 %)."""
-        return replace(self, road=True)
 
 
 class CheckedMount:
@@ -71,9 +64,9 @@ class CheckedMount:
         self, camera: FloorCamera, other: AttitudeSource, pictures: PicturesAttitude, rule: MountRule | None = None
     ) -> None:
         self.name = other.name
-        rule = rule or MountRule()
-        self._other, self._pictures, self._rule = other, pictures, rule if camera.unit_m == 1.0 else rule.on_road()
+        self._other, self._pictures, self._rule = other, pictures, rule or MountRule()
         mount, lens = camera.mount, camera.intrinsics
+        self._in_room = mount.platform.in_room
         self._mount, self._given = mount, np.array([mount.roll_rad, mount.pitch_rad])
         self._to_base = mount.rotation_base_optical()
         share = min(1.0, math.sqrt(self._rule.pixels / (lens.width * lens.height)))
@@ -142,7 +135,9 @@ class CheckedMount:
             self._ends.append(line_ends(strip, 1.0) + [left, 0.0])
 
     def _due(self, stamp_s: float) -> bool:
-        """Whether it is time for the next picture."""
+        """Whether it is time for the next picture. On a road none is due: its edges are not a room's."""
+        if not self._in_room:
+            return False
         self._first_s = min(self._first_s, stamp_s)
         settled = self._confirmed and not self._carried
         return stamp_s - self._started_s >= (self._rule.every_s if settled else self._rule.first_every_s)
@@ -174,8 +169,6 @@ class CheckedMount:
         while self._estimates[0][0] < self._started_s - rule.window_s:
             self._estimates.popleft()
         estimates = np.array(self._estimates)
-        if rule.road:
-            return
         if not (self._settled and self._sways):
             self._tilt = self._tilt.by_up(EDGES, error_rad)
         if len(estimates) < FEWEST or estimates[-1, 0] - estimates[0, 0] < rule.judged_s:
@@ -198,7 +191,7 @@ class CheckedMount:
             self._tilt = self._tilt.by_direction(self._to_base @ rotation.travelled.direction, covariance)
         self._turned = self._turned @ rotation.rotation
         if self._now_s - self._turned_s > rule.judged_s:
-            if not rule.road:
+            if self._in_room:  # a car leans in turns, and its road rises
                 self._tilt = self._tilt.by_turn(self._to_base @ cv2.Rodrigues(self._turned)[0].ravel())
             self._turned, self._turned_s = np.eye(3), self._now_s
 
@@ -236,7 +229,8 @@ class CheckedMount:
         wrong = (not waits) & (np.abs(tilt.error_rad) > np.maximum(rule.wrong_rad, CLEAR_SIGMAS * sigma))
         self._settled |= self._on_wheels and bool(sigma.max() < rule.settled_rad)
         self._wrong = known | wrong
-        used = self._wrong | (rule.road & (sigma < rule.settled_rad))
+        # A small error counts on a road: 0.3 degrees are 2 % of all distances (KITTI 00).
+        used = self._wrong if self._in_room else self._wrong | (sigma < rule.settled_rad)
         error_rad = np.where(used, tilt.error_rad, 0.0)
         if np.abs(error_rad - self._corrected).max() > rule.tilt.lasting / 2.0:
             self._corrected, self._correct = error_rad, self._with(error_rad)

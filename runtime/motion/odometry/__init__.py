@@ -52,16 +52,16 @@ def open_odometry(
     Raises OdometryError for one that is unknown or not to be had here.
     """
     rules = rules or OdometryRules()
+    coasting = rules.coasting.of_unit(floor.mount.platform.unit_m)
     if spec == "hybrid":
         members, warning = _members(bundle, camera, floor, wheels, rules)
-        in_room = floor.unit_m == 1.0
-        return HybridOdometry(members, rules.hybrid, rules.coasting.of_unit(floor.unit_m), in_room, warning)
+        return HybridOdometry(members, rules.hybrid, coasting, warning)
     if spec == "gyro":
         return GyroOdometry()
     if spec == "planar":
         return _tracked(floor, rules)
     if spec in ("flow", "paper"):
-        return LearnedOdometry(bundle, spec, floor, allow_untrained, rules.coasting.of_unit(floor.unit_m), rules.flow)
+        return LearnedOdometry(bundle, spec, floor, allow_untrained, coasting, rules.flow)
     if spec == "truth":
         if camera.truth is None:
             raise OdometryError(f"odometry truth: {camera.name} brings no poses of its own")
@@ -97,7 +97,8 @@ def _members(
     rule, scale = rules.hybrid, rules.hybrid.covariance_scale
     head, flow = bundle.manifest.odometry.get("flow"), None
     if head is not None and head.trained:
-        flow = LearnedOdometry(bundle, "flow", floor, coasting=rules.coasting.of_unit(floor.unit_m), rule=rules.flow)
+        coasting = rules.coasting.of_unit(floor.mount.platform.unit_m)
+        flow = LearnedOdometry(bundle, "flow", floor, coasting=coasting, rule=rules.flow)
     warning = flow.warning if flow else ""
     # A camera outside the head's envelope is carried, and nods.
     members = [Member(_tracked(floor, rules), CAMERA, scale**2 if warning else scale)]

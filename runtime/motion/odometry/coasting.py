@@ -18,7 +18,7 @@ SHORTEST_DT_S, LONGEST_DT_S = 0.01, 1.0
 class CoastingRule:
     """speed_sigma_m_s, yaw_rate_sigma_rad_s: of a small robot whose motion is unknown; the last velocity adds to them.
     acceleration_m_s2: standard deviation of a robot's acceleration, and of a certainly carried camera's. Metres are
-    those of robots at home, as of `FloorCamera.unit_m`.
+    those of robots at home, as of `Platform.unit_m`.
     """
 
     speed_sigma_m_s: float = 0.35

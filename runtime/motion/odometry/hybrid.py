@@ -95,8 +95,7 @@ class HybridOdometry:
 
     A member that is blind, reports a fault or is not finite is left out until it measures again, and the fault names
     it; where no member measures, the motion is a guess (`Coasting`).
-    members: the most trusted first. in_room: whether edges tell a heading; on a street, which bends, they do not.
-    warning: reported with the first motion. Raises ValueError for no members.
+    members: the most trusted first. warning: reported with the first motion. Raises ValueError for no members.
     """
 
     name = "hybrid"
@@ -106,7 +105,6 @@ class HybridOdometry:
         members: Sequence[Member],
         rule: HybridRule | None = None,
         coasting: CoastingRule | None = None,
-        in_room: bool = True,
         warning: str = "",
     ) -> None:
         if not members:
@@ -114,7 +112,7 @@ class HybridOdometry:
         self._members = tuple(members)
         self._needy = {index for index, member in enumerate(members) if member.odometry.needs_features}
         self.needs_features = len(self._needy) == len(members)
-        self._rule, self._coasting, self._in_room = rule or HybridRule(), Coasting(coasting), in_room
+        self._rule, self._coasting = rule or HybridRule(), Coasting(coasting)
         self._warning = warning
         # The others compute in Python while a network runs: 6.3 instead of 8.7 ms a step, paced, two cores.
         self._beside = ThreadPoolExecutor(1, "odometry")
@@ -301,7 +299,7 @@ class HybridOdometry:
             return motion
         span_s = stamp_s - self._compass.past[-1].stamp_s
         compass = self._compass.moved(stamp_s, motion.motion, float(motion.covariance[2, 2]))
-        if self._in_room and attitude is not None and attitude.room is not None:
+        if attitude is not None and attitude.room is not None:
             compass = compass.saw(attitude.room)
         self._compass, turned_rad = compass.paid(span_s)
         x_m, y_m, yaw_rad = motion.motion.vector()

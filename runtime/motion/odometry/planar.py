@@ -60,7 +60,7 @@ MINIMUM_COVARIANCE = np.diag([1e-4, 1e-4, 1e-4]) ** 2
 
 @dataclass(frozen=True, slots=True)
 class PlanarRule:
-    """How planar odometry tracks and weights corners. Lengths are in `FloorCamera.unit_m`, one metre for home robots.
+    """How planar odometry tracks and weights corners. Lengths are in `Platform.unit_m`, one metre for home robots.
 
     working_width_px: wider pictures are scaled down to this width. window_px: size of the tracker's window; corners are
     at least half of it apart. corners: number of corners. floor_share: share of the corners that are sought where the
@@ -129,7 +129,8 @@ class PlanarOdometry:
         scale = min(1.0, rule.working_width_px / camera.intrinsics.width)
         size = round(camera.intrinsics.width * scale), round(camera.intrinsics.height * scale)
         self._size = size
-        self._unit_m = unit_m = camera.unit_m
+        self._unit_m = unit_m = camera.mount.platform.unit_m
+        self._in_room = camera.mount.platform.in_room
         self._level = self._camera = FloorCamera(camera.intrinsics.scaled(*size), _in_units(camera.mount, unit_m))
         focal = self._level.intrinsics.fx
         noise = Noise(rule.track_sigma_px / focal, rule.drift_sigma_px / focal)
@@ -159,8 +160,6 @@ class PlanarOdometry:
 
     def _metric(self, motion: Motion) -> Motion:
         """Converts a motion from the camera's unit of length to metres."""
-        if self._unit_m == 1.0:
-            return motion
         units = np.array([self._unit_m, self._unit_m, 1.0])
         metric = SE2(*(units * motion.motion.vector()))
         return replace(motion, motion=metric, covariance=motion.covariance * np.outer(units, units))
@@ -211,7 +210,7 @@ class PlanarOdometry:
         self._view, self._motion, self._covariance, self._trusted = found.view, motion, now, True
         self._landmarks, keep = refined(self._landmarks, found, replace(self._noise, gate=self._gate()))
         self._keep(keep & (self._landmarks.age < self._rule.max_age))
-        held = self._unit_m == 1.0 or int(self._landmarks.floor.sum()) >= BELOW_COUNT
+        held = self._in_room or int(self._landmarks.floor.sum()) >= BELOW_COUNT
         factor = excess_scale(self._landmarks, held)
         if factor != 1.0:
             self._landmarks = rescaled(self._landmarks, self._camera, self._view, factor, self._noise)
@@ -321,10 +320,7 @@ class PlanarOdometry:
         self._camera_before = before
 
     def _mark_floor(self, seen: FloorMask | None) -> None:
-        """Marks where corners may lie on the floor: within reach, and on the floor of the floor mask, if there is one.
-        Floor heads are trained on rooms, so the mask is not used on a road.
-        """
-        seen = seen if self._unit_m == 1.0 else None
+        """Marks where corners may lie on the floor: within reach and, with a floor mask, on its floor."""
         self._mask_before, self._mask, self._sees_floor = self._mask, self._reached, seen is not None
         if seen is not None:
             floor = cv2.resize(seen.floor, self._size, interpolation=cv2.INTER_LINEAR)

@@ -9,6 +9,7 @@ import pytest
 
 from edgemap.geometry.camera.intrinsics import Distortion, Intrinsics
 from edgemap.geometry.camera.mount import Mount
+from edgemap.geometry.camera.platform import Platform
 from edgemap.runtime.frames.errors import CameraError
 from edgemap.runtime.inputs.drives.camera_yaml import read_camera_yaml, write_camera_yaml
 
@@ -30,12 +31,12 @@ def test_the_documented_file_is_read(tmp_path):
 
 def test_what_is_written_is_read_back(tmp_path):
     lens = Intrinsics(640, 480, 615.2, 615.4, 321.1, 239.7, Distortion("brown_conrady", (0.1, -0.2, 1e-5, -2e-3, 0.03)))
-    mount = Mount.from_degrees(0.42, 17.3, -1.5, 0.1, -0.03)
+    mount = Mount.from_degrees(0.42, 17.3, -1.5, 0.1, -0.03, Platform.CAR)
     write_camera_yaml(tmp_path / "camera.yaml", lens, mount, 29.97, "-y")
     file = read_camera_yaml(tmp_path / "camera.yaml")
     assert file.intrinsics == lens
     assert (file.mount.pitch_rad, file.mount.roll_rad) == pytest.approx((mount.pitch_rad, mount.roll_rad), abs=1e-12)
-    assert (file.rate_hz, file.world_up) == (29.97, "-y")
+    assert (file.rate_hz, file.world_up, file.mount.platform) == (29.97, "-y", Platform.CAR)
 
 
 def test_a_depth_camera_of_its_own_is_read_back(tmp_path):

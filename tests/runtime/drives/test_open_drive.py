@@ -11,6 +11,7 @@ import pytest
 
 from edgemap.geometry.camera.intrinsics import Intrinsics
 from edgemap.geometry.camera.mount import Mount
+from edgemap.geometry.camera.platform import Platform
 from edgemap.geometry.se2 import SE2
 from edgemap.runtime.frames.errors import CameraError
 from edgemap.runtime.frames.trajectory import Trajectory
@@ -51,6 +52,14 @@ def test_kitti_without_a_camera_file(tmp_path):
     drive = open_drive(kitti(tmp_path / "k"))
     assert (drive.intrinsics, drive.mount) == (None, None)
     np.testing.assert_allclose(drive.stamps_s, [0.0, 0.1, 0.2])
+
+
+def test_the_mount_of_kitti_is_a_cars(tmp_path):
+    spec = kitti(tmp_path / "k")
+    (tmp_path / "k" / "camera.yaml").write_text(
+        "{width: 8, height: 6, fx: 5.0, fy: 5.0, cx: 3.5, cy: 2.5, mount: {height_m: 1.65, pitch_deg: 0.0}}"
+    )
+    assert open_drive(spec).mount == Mount(1.65, platform=Platform.CAR)
 
 
 def test_kitti_times_are_used(tmp_path):
