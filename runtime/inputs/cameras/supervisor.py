@@ -14,7 +14,7 @@ from edgemap.runtime.inputs.cameras.protocol import Device, Driver, Picture
 from edgemap.runtime.inputs.cameras.returned import size_of
 
 STALL_INTERVALS, RESET_EVERY = 10, 2
-BACK_OFF_LIMIT_S, SETTLE_S = 30.0, 2.0
+BACK_OFF_S, BACK_OFF_LIMIT_S, SETTLE_S, REFILL_S = 0.5, 30.0, 2.0, 30.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -24,17 +24,15 @@ class RecoveryRule:
     first_frame_limit_s: maximum time before the first frame, because devices start slowly. After a reopening the limit
     is three times the stall limit, doubled with each consecutive reopening, and at most first_frame_limit_s.
     stall_limit_s: a frame is late after ten median frame intervals of the camera, and not before this time. A hardware
-    reset precedes every second reopening, if the camera supports it. back_off_s: wait before the second consecutive
-    reopening, doubled each time, at most half a minute. A frame ends the sequence. The next sequence starts at the
-    number of outages that had less than two seconds of frames between them. restarts: budget of reopenings. refill_s:
-    frames of this duration restore one reopening.
+    reset precedes every second reopening, if the camera supports it. The wait before the second consecutive reopening
+    is half a second, doubled each time, at most half a minute. A frame ends the sequence. The next sequence starts at
+    the number of outages that had less than two seconds of frames between them. restarts: budget of reopenings; half a
+    minute of frames restores one.
     """
 
     first_frame_limit_s: float = 10.0
     stall_limit_s: float = 1.0
-    back_off_s: float = 0.5
     restarts: int = 20
-    refill_s: float = 30.0
 
 
 class RecoveryClock:
@@ -71,7 +69,7 @@ class RecoveryClock:
             self.restarts = self._outages
         if not self.fresh:
             self._intervals_s.append(now_s - self.heard_s)
-            self.spent = max(0.0, self.spent - (now_s - self.heard_s) / self.rule.refill_s)
+            self.spent = max(0.0, self.spent - (now_s - self.heard_s) / REFILL_S)
         self.heard_s, self.fresh = now_s, False
         if now_s - self._restarted_s >= SETTLE_S:
             self.restarts = self._outages = 0
@@ -88,7 +86,7 @@ class RecoveryClock:
         """Wait before the next restart, s; 0 before the first of a sequence."""
         if self.restarts == 0:
             return 0.0
-        return min(BACK_OFF_LIMIT_S, self.rule.back_off_s * 2.0 ** (self.restarts - 1))
+        return min(BACK_OFF_LIMIT_S, BACK_OFF_S * 2.0 ** (self.restarts - 1))
 
 
 POLL_S = 0.2  # maximum wait of one poll without an open device

@@ -16,7 +16,7 @@ from edgemap.runtime.inputs.cameras.supervisor import RecoveryRule
 def test_a_stream_that_ends_is_late_and_then_opened_again(realsense_recording):
     path, pictures, _ = realsense_recording
     driver, told = Playback(path), []
-    with LiveCamera(driver, rule=RecoveryRule(stall_limit_s=0.4, back_off_s=0.1)) as camera:
+    with LiveCamera(driver, rule=RecoveryRule(stall_limit_s=0.4)) as camera:
         assert (camera.live, camera.size, camera.rate_hz) == (True, (640, 480), 30.0)
         assert camera.intrinsics is not None
         assert camera.intrinsics.fx == 615.2

@@ -152,10 +152,10 @@ def test_a_device_that_delivers_one_frame_each_time_backs_off_too():
 
 
 def test_the_budget_grows_again_while_frames_come():
-    rule = RecoveryRule(restarts=3, refill_s=10.0)
-    errors = {start + n: RuntimeError("dead") for start in range(0, 3000, 300) for n in range(4)}
+    rule = RecoveryRule(restarts=3)
+    errors = {start + n: RuntimeError("dead") for start in range(0, 9000, 900) for n in range(4)}
     camera, driver, _ = scripted(errors, rule)
-    assert len(drain(camera, 2900)) == 2900
+    assert len(drain(camera, 8700)) == 8700
     assert driver.calls.count("open") == 11
 
 
