@@ -2,7 +2,7 @@
 """Mutation tests of the code that places objects: `python scripts/mutants.py --help`, or `make mutants`.
 
 Packages map to top-level folders (edgemap.geometry is geometry/), which mutmut and cosmic-ray do not follow; so this
-driver does what is needed here. One run of the tests under coverage tells which test runs which line and how long it
+driver does what is needed here. One run of the tests under coverage records which test runs which line and how long it
 takes. Then each mutant of a seeded sample is compiled in memory, in a process of its own, and the tests that run its
 line are run, quickest first, until one fails. No file is changed. `.mutants/` keeps coverage and results; a stopped run
 goes on.

@@ -130,7 +130,7 @@ class Cursor:
         return struct.pack("<I", len(head)) + head + jpeg
 
     def _object_changes(self, objects: list[MapObject]) -> dict[str, Any]:
-        """The map makes a new MapObject when something of it changes, so identity tells what is new."""
+        """The map makes a new MapObject when something of it changes, so identity shows what is new."""
         now = {item.id: item for item in objects}
         changed = [item for key, item in now.items() if self._objects.get(key) is not item]
         gone = [key for key in self._objects if key not in now]

@@ -236,7 +236,7 @@ def _turned_rad(before: Array, after: Array) -> float:
 
 def _held(state: InertialState, span_s: float, noise: InertialNoise) -> InertialState:
     """Velocities that no odometry measures stay bounded; at rest there is none, and the mean rate is the bias: about
-    the vertical only where no odometry tells a slow turn from rest."""
+    the vertical only where no odometry distinguishes a slow turn from rest."""
     selected = _selected(_VELOCITY)
     if state.calm is None:
         variance = noise.speed**2 * max(1.0 / span_s, 1.0) * np.eye(3)

@@ -59,7 +59,7 @@ class MountTilt:
         angle = abs(float(turned_rad[2]))
         share = abs(math.sin(angle / 2.0)) / (angle / 2.0) if angle > 0.0 else 1.0  # of the arc, its chord
         variance, least = 2.0 * self.rule.nod**2, (angle * share * self.rule.given) ** 2
-        if variance >= least:  # it tells no more than the configured mount
+        if variance >= least:  # not more precise than the configured mount
             return self
         off = np.array([turned_rad[1], -turned_rad[0]])
         return self._updated("turns", np.eye(2) * float(turned_rad[2]), off, np.eye(2) * variance / share**2)

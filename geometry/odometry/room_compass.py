@@ -197,7 +197,7 @@ class RoomCompass:
         return solved._shortened(float(weight[0])) if count > self.rule.views else solved
 
     def _shortened(self, weight: float) -> "RoomCompass":
-        """Without the first view, which counted with this weight, rad^-2: the prior takes what it told."""
+        """Without the first view, which counted with this weight, rad^-2: the prior takes its information."""
         first, second = self.views[:2]
         covariance = np.linalg.inv(self.prior[0] + weight)
         mean = covariance @ (self.prior[1] + weight * first.shown_rad)

@@ -284,7 +284,7 @@ class Mapper:
             self.map.retilt(tilt_rad)
 
     def _close_loops(self, observed: FrameObservations) -> LoopCorrection | None:
-        """Where landmarks observed again tell how far the pose has drifted, pose, trajectory and map move."""
+        """Where landmarks observed again show how far the pose has drifted, pose, trajectory and map move."""
         if not isinstance(self.map, FloorMap):
             return None
         graph = self.map.graph

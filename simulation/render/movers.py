@@ -23,7 +23,7 @@ class Mover:
     """A mesh at a pose for one picture. id: its value in the id picture, distinct from the furniture's.
 
     mesh: in the mover's frame (x ahead, y left, z up from the floor, metres); keep one object per shape, since a new
-    mesh is sent to the graphics system anew. label: what boxes call it.
+    mesh is sent to the graphics system again. label: of its boxes.
     """
 
     id: int

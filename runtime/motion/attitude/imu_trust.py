@@ -1,4 +1,4 @@
-"""Whether gyro and accelerometer are believed: samples at full scale, ones that cannot be, and yaw by the odometry."""
+"""Whether gyro and accelerometer are used: samples at full scale, ones that cannot be, and yaw by the odometry."""
 
 import math
 from dataclasses import dataclass

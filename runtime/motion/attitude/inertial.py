@@ -25,7 +25,7 @@ from edgemap.runtime.motion.attitude.imu_trust import ImuTrust, ImuTrustRule
 from edgemap.runtime.motion.attitude.pictures import LONGEST_S, PicturesRule
 from edgemap.runtime.motion.attitude.protocol import AttitudeSource, Moved
 
-LIKELY = 2.0  # standard deviations of nodding, at which the mount tells half as much of the tilt
+LIKELY = 2.0  # standard deviations of nodding, at which the mount has half the weight for the tilt
 NOD_S = 1.0 / math.tau  # swing of a nod against its rate, at 1 Hz
 START_S = 0.1  # of samples, whose mean force is the first guess of where up is
 

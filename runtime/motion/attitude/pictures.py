@@ -131,7 +131,7 @@ class PicturesAttitude:
         self._tilt = Tilt.about(self._mounted, self._rule.nodding_rad)
 
     def _known(self) -> bool:
-        """Whether this tells more than the mount's angles."""
+        """Whether this is more precise than the mount's angles."""
         return self._tilt.sigma_rad() < self._rule.known_rad
 
     def _unseen(self) -> Tilt:

@@ -13,7 +13,7 @@ Level = Literal["good", "care", "unreliable"]
 LEVELS: tuple[Level, ...] = ("good", "care", "unreliable")
 TITLES: dict[Level, str] = {"good": "good", "care": "use with care", "unreliable": "not reliable"}
 
-# Half a metre is what tells one chair from the next, and what `eval map` counts as the same place; at 3 m, from where
+# Half a metre separates one chair from the next, and what `eval map` counts as the same place; at 3 m, from where
 # most objects are seen, 10 degrees are half a metre. Half of either is the end of "good".
 WRONG_M, WRONG_DEG = 0.5, 10.0
 # A quarter of a drive without a measurement is what no loop closure brings back; a twentieth is a corner or two.
