@@ -240,7 +240,7 @@ def locate(
     tight = noise.tilt_rad**-2
     prior = np.array([0.0, 0.0, noise.yaw_rad**-2, tight, tight, noise.rise_m**-2, noise.scale**-2])
     damped = np.diag(prior + [1e-2, 1e-2, 1e-2, 0.0, 0.0, 0.0, 0.0])
-    across_m, variance_m2, conflict, worst = 0.0, 0.0, 1.0, 1.0  # of landmarks alone; worst: conflict before they lose weight
+    across_m, variance_m2, conflict, worst = 0.0, 0.0, 1.0, 1.0  # of landmarks alone; worst: before reweighting
     before, how = rolling or (SE2(), None)
     for scale in ANNEALING:
         scaled = replace(landmarks, inverse_m=landmarks.inverse_m + log_scale * off_floor)
@@ -332,8 +332,8 @@ def scaled_by_floor(
 ) -> tuple[Landmarks, Located]:
     """Landmarks and view after the floor has been asked: where its landmarks agree with each other and not with the
     view found, the others have lost the scale (before a wall they may come to agree on no motion at all). Their depth
-    is unknown then, and the view is solved again. enough: share and number of the floor's landmarks that agree. The rest
-    is as of `locate`.
+    is unknown then, and the view is solved again. enough: share and number of the floor's landmarks that agree. The
+    rest is as of `locate`.
     """
     floor, (share, number) = landmarks.floor, enough
     least = max(share * float(floor.sum()), number)
