@@ -86,6 +86,20 @@ def test_lying_wheels_are_named_within_20_s_and_the_pose_stays_the_cameras(lie):
     assert abs(off[2]) < abs(alone[2]) + 0.05
 
 
+@pytest.mark.parametrize("lie", LIES)
+def test_wheels_that_are_left_out_leave_no_doubt_about_the_camera(lie):
+    """Their difference from the camera widens its covariance only until they are named."""
+    true, sigmas = winding(300), {}
+    for told in (true * LIES[lie], None):
+        members = [Member(Noisy("planar", "camera", true), "camera")]
+        if told is not None:
+            members.append(Member(Noisy("wheel", "wheels", told), "wheels"))
+        hybrid = HybridOdometry(members)
+        motions = [hybrid.step(Frame(index, index / 10.0, BLANK), {}) for index in range(len(true))]
+        sigmas[told is None] = np.sqrt(np.diag(motions[-1].covariance))
+    np.testing.assert_allclose(sigmas[False], sigmas[True], rtol=1e-6)
+
+
 @pytest.mark.parametrize("lie", ["mirrored yaw", "frozen", "backwards"])
 def test_wheels_that_recover_are_used_again(lie):
     true = winding(400)

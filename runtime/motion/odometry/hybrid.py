@@ -257,7 +257,9 @@ class HybridOdometry:
         yaw = trust.yaw.updated(yaw_rad, camera_rad, float(variance[2]), dt_s)
         length = trust.length.updated(x_m, camera_m, float(variance[0]), dt_s)
         self._trust, fault = replace(trust, yaw=yaw, length=length).news()
-        if not self._trust.distrusted:
+        if self._trust.distrusted:
+            self._innovation = Innovation()  # what a source that errs differs by is no error of the others
+        else:
             apart, covariance = difference(camera, wheels), np.asarray(camera.covariance + wheels.covariance)
             self._innovation = self._innovation.updated(apart, covariance, dt_s)
         return fault
