@@ -54,6 +54,8 @@ def command(
     by their objects, as `map merge` does; one that fits nowhere with certainty stays apart, with the reason, until it
     does. A robot that is away stays in the map; when it is back its new map takes the place of its old one.
     """
+    import resource
+
     from edgemap.geometry.errors import MapError
     from edgemap.runtime.frames.errors import DiskError
     from edgemap.runtime.outputs.fleet.access import access_is_limited, read_passwords
@@ -69,6 +71,9 @@ def command(
         raise OptionError("--robots: who may send is decided by the router, or by the file of ZENOH_CONFIG")
     folder = out or Path(name)
     own = "" if through_router else address(listen, "--listen", PORT)
+    # Each connection is an open file: beyond the usual soft limit of 1024 no map could be written.
+    hard = resource.getrlimit(resource.RLIMIT_NOFILE)[1]
+    resource.setrlimit(resource.RLIMIT_NOFILE, (hard, hard))
     with stop_on_signals() as stop:
         passwords = read_passwords(robots) if robots else None
         keeper = PlaceKeeper(name, folder, router if through_router else "", own, reference, passwords)

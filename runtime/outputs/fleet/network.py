@@ -77,6 +77,7 @@ def open_session(
             "connect/endpoints": [f"tcp/{connect}"] if connect else [],
             "connect/timeout_ms": -1 if wait_s is None else round(1e3 * wait_s),
             "connect/exit_on_failure": wait_s is not None,
+            "transport/shared_memory/enabled": False,  # its counters end at 351 connections
             "transport/link/rx/max_message_size": MESSAGE_BYTES + 4096,
             "transport/unicast/accept_pending": ACCEPT_PENDING,
             "transport/unicast/accept_timeout": ACCEPT_MS,
