@@ -40,7 +40,8 @@ class InertialNoise:
     a measurement of every second. rest_gyro: at rest samples scatter less, rad/s, and odometry measures less than
     that and `moved`. rest_window_s: over which rest is judged. moved: of a velocity by odometry, m/s. turned,
     turned_share: of a yaw by odometry, rad a step and as a share of it, beyond its own covariance: its errors last
-    longer than a step. gap_s: between samples; what rotates in a longer hole is not measured.
+    longer than a step. gap_s: between samples; what rotates in a longer hole is not measured. hole: change of the rate
+    in it, rad/s.
     """
 
     gyro: float = 5e-4
@@ -57,6 +58,7 @@ class InertialNoise:
     turned: float = 0.0003
     turned_share: float = 0.05
     gap_s: float = 0.05
+    hole: float = 1.0
 
     @property
     def start_speed(self) -> float:
@@ -196,15 +198,16 @@ def inertial_step(
     state's stamp.
     """
     span_s = until_s - state.stamp_s
-    rotated, gained, gap_s, unseen2 = _integrated(state, samples, until_s, noise)
+    rotated, gained, holes_s = _integrated(state, samples, until_s, noise)
     before, force = state.rotation, state.rotation @ gained
     x, y, z = force.tolist()
     transition = _IDENTITY.copy()
     transition[_TILT, _BIAS] = transition[_VELOCITY, _OFFSET] = -span_s * before
     # The heading moves no velocity that a heading-free frame could know.
     transition[_VELOCITY, _TILT] = [[0.0, z, 0.0], [-z, 0.0, 0.0], [y, -x, 0.0]]
-    angle2 = noise.gyro**2 * span_s + noise.gyro_share**2 * rotation_angle(rotated) + unseen2
-    gained2 = noise.accel**2 * span_s + (GRAVITY_M_S2 / 2.0 * gap_s) ** 2
+    angle2 = noise.gyro**2 * span_s + noise.gyro_share**2 * rotation_angle(rotated)
+    angle2 += noise.hole**2 * float((holes_s**3).sum()) / 12.0  # a Brownian bridge between the rates at its ends
+    gained2 = noise.accel**2 * span_s + (GRAVITY_M_S2 / 2.0 * float(holes_s.sum())) ** 2
     covariance = transition @ state.covariance @ transition.T
     covariance[_DIAGONAL] += [angle2] * 3 + [noise.bias_walk**2 * span_s] * 3 + [gained2] * 3 + [0.0] * 3
     recent = ImuSamples.joined([state.recent, samples]).between(until_s - noise.rest_window_s, until_s)
@@ -303,9 +306,8 @@ def small_rotation(x: float, y: float, z: float) -> Array:
 
 def _integrated(
     state: InertialState, samples: ImuSamples, until_s: float, noise: InertialNoise
-) -> tuple[Array, Array, float, float]:
-    """Rotation (3, 3) and velocity (3,) gained in the optical frame of the state's stamp; the time in holes and the
-    squared angle, rad^2, by the rates beside them.
+) -> tuple[Array, Array, Array]:
+    """Rotation (3, 3) and velocity (3,) gained in the optical frame of the state's stamp; the lengths of holes (H,), s.
 
     Trapezoids between samples; the last rate and force are held up to `until_s`.
     """
@@ -323,9 +325,7 @@ def _integrated(
     beside = gains.copy()  # of the spans before and after each rotation
     beside[:-1] += gains[1:]
     gained = (gains[0] + np.einsum("nij,nj->i", rotations, beside)) / 2.0
-    holes = spans > noise.gap_s
-    unseen = (rates[holes] * spans[holes, None]).sum(axis=0)
-    return rotations[-1], gained, float(spans[holes].sum()), float(unseen @ unseen)
+    return rotations[-1], gained, spans[spans > noise.gap_s]
 
 
 def _at_rest(state: InertialState, recent: ImuSamples, noise: InertialNoise) -> bool:

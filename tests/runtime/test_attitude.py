@@ -295,6 +295,42 @@ def test_a_head_in_motion_from_the_start_is_levelled_and_its_covariance_says_how
     assert math.degrees(np.sqrt(np.mean(np.square(late)))) < 2.0
 
 
+def turning(rate_rad_s, mount, lost):
+    """A level robot that turns about the vertical at a rate (N,), 100 samples a second; lost: from where to where."""
+    stamps, up = np.arange(1, len(rate_rad_s) + 1) / 100.0, mount.rotation_base_optical().T @ [0.0, 0.0, 1.0]
+    kept = (stamps <= lost[0]) | (stamps > lost[1])
+    return ImuSamples(stamps[kept], (rate_rad_s[:, None] * up)[kept], np.tile(9.81 * up, (kept.sum(), 1)))
+
+
+@pytest.mark.parametrize("hole_s", [0.2, 0.5, 0.8])
+def test_a_turn_that_no_sample_shows_is_within_what_the_gyro_states(hole_s):
+    """From rest and back to rest within a hole between two frames, at 3 rad/s2: the rates beside it show nothing."""
+    mount, stamps = Mount.from_degrees(0.5, 10.0), np.arange(1, 201) / 100.0
+    rate, turned_rad = 3.0 * np.maximum(hole_s / 2.0 - np.abs(stamps - 1.5), 0.0), 3.0 * (hole_s / 2.0) ** 2
+    samples = turning(rate, mount, (1.5 - hole_s / 2.0, 1.5 + hole_s / 2.0))
+    source = InertialAttitude(mount, MountAttitude(mount))
+    found = [source.predict(Frame(k, float(k), BLANK, imu=samples.between(k - 1.0, k))).rotation for k in (0, 1, 2)]
+    whole, rotation = found[1:]
+    assert whole is not None
+    assert rotation is not None
+    assert whole.sigma_rad < 0.02
+    missed_rad = abs(turned_rad - rotation.yaw_rad)
+    assert 0.9 * turned_rad < missed_rad < 3.0 * rotation.sigma_rad < 1.0
+
+
+def test_after_frames_without_samples_no_rotation_is_counted_twice():
+    """The camera measured the turn in those frames; the gyro's next rotation would be of all of them."""
+    mount = Mount.from_degrees(0.5, 10.0)
+    samples = turning(np.full(200, 1.0), mount, (1.0, 1.45))
+    source = InertialAttitude(mount, MountAttitude(mount))
+    found = [
+        source.predict(Frame(k, k / 10.0, BLANK, imu=samples.between((k - 1) / 10.0, k / 10.0))).rotation
+        for k in range(20)
+    ]
+    assert [k for k, rotation in enumerate(found) if rotation is None] == [0, 11, 12, 13, 14, 15]
+    assert all(rotation.yaw_rad == pytest.approx(0.1, abs=0.01) for rotation in found if rotation is not None)
+
+
 @pytest.mark.parametrize("rate_rad_s", [0.5, 1.4])  # faster ones that repeat are full scale
 def test_the_rotation_is_known_from_the_first_frame_on_whose_samples_reach_back_to_the_one_before(rate_rad_s):
     stamps, mount = np.arange(0.01, 1.0, 0.01), Mount.from_degrees(0.5, 10.0)

@@ -92,7 +92,10 @@ class InertialAttitude:
             if moved is not None:
                 state = inertial_moved(state, *moved, self._arm, self._noise)
             self._nodded(state, samples, span_s)
+            since_s = state.stamp_s
             state, rotation = inertial_step(state, samples, frame.stamp_s, self._noise)
+            if since_s != before_s:  # no samples came with the frame before: the odometry's motions are of other times
+                state, rotation = replace(state, before=None), None
             self._loose_s += span_s
             if self._loose_s >= self._rule.held_every_s:
                 state = self._mounted(state, self._loose_s)
