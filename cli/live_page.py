@@ -124,7 +124,7 @@ def live_page(
         return
     from edgemap.runtime.frames.extras import need
 
-    need("view", "--view", ("starlette", "uvicorn", "websockets"))
+    need("view", "--view")
     from edgemap.view.page import LivePage
     from edgemap.view.pause import Pause
     from edgemap.view.server import PageServer

@@ -96,9 +96,11 @@ class RunOptions:
     advanced: AdvancedGroup
 
     def check(self) -> None:
-        """Read every text that needs nothing else, before anything is opened. Raises OptionError."""
+        """Read every text that needs nothing else, before anything is opened. Raises OptionError, and
+        MissingExtraError where an output was asked for whose libraries are not installed."""
         from edgemap.cli.budget import read_share
         from edgemap.cli.record import check_name
+        from edgemap.runtime.frames.extras import need
 
         self.camera.check()
         self.robot.check()
@@ -107,6 +109,12 @@ class RunOptions:
         frame_names(self.outputs.ros2_frames)
         check_name(self.outputs.recording)
         read_share(self.advanced.cpu)
+        watch, out = self.watch, self.outputs
+        asked = {"view": watch.view, "foxglove": watch.foxglove, "rerun": watch.rerun, "record": out.recording}
+        asked |= {"mqtt": out.mqtt, "fleet": out.fleet, "ros2": out.ros2}
+        for extra, value in asked.items():
+            if value:
+                need(extra, f"--{extra}")
 
     @property
     def budgeted(self) -> bool:

@@ -11,6 +11,15 @@ from urllib.parse import unquote, urlparse
 from edgemap.runtime.frames.errors import MissingExtraError
 
 DISTRIBUTION = "edgemap-robot"
+OUTPUTS = {  # extra of each output of a run, with the modules that it takes
+    "view": ("starlette", "uvicorn", "websockets"),
+    "record": ("mcap", "mcap_ros2"),
+    "foxglove": ("foxglove", "mcap_ros2"),
+    "rerun": ("rerun",),
+    "mqtt": ("paho",),
+    "fleet": ("zenoh",),
+    "ros2": ("cyclonedds", "mcap_ros2"),
+}
 
 
 def install_hint(extra: str) -> str:
@@ -39,11 +48,12 @@ def pip() -> str:
 
 def need_mcap() -> None:
     """Raise MissingExtraError where mcap or its ROS 2 part cannot be imported."""
-    need("record", "a recording", ("mcap", "mcap_ros2"))
+    need("record", "a recording")
 
 
-def need(extra: str, purpose: str, modules: tuple[str, ...]) -> None:
-    """Raise MissingExtraError where a module of an extra cannot be imported. purpose: what asks for it."""
-    missing = [name for name in modules if find_spec(name) is None]
+def need(extra: str, purpose: str, modules: tuple[str, ...] = ()) -> None:
+    """Raise MissingExtraError where a module of an extra cannot be imported. purpose: what asks for it. modules: those
+    of `OUTPUTS` where none are given."""
+    missing = [name for name in modules or OUTPUTS[extra] if find_spec(name) is None]
     if missing:
         raise MissingExtraError(f"{purpose} needs {', '.join(missing)}: {install_hint(extra)}")

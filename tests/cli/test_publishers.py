@@ -84,14 +84,19 @@ def test_addresses_that_are_none(text):
 
 @pytest.mark.parametrize(
     ("option", "package"),
-    [("--foxglove", "foxglove"), ("--rerun=a.rrd", "rerun"), ("--mqtt=127.0.0.1", "paho"), ("--fleet=home", "zenoh")],
-)
-def test_without_the_extra_one_line_names_it(tmp_path, painted_bundle, option, package, monkeypatch, capsys):
+    [
+        ("--foxglove", "foxglove"), ("--rerun=a.rrd", "rerun"), ("--mqtt=127.0.0.1", "paho"), ("--fleet=home", "zenoh"),
+        ("--view", "uvicorn"), ("--record=a.mcap", "mcap"), ("--ros2", "cyclonedds"),
+    ],
+)  # fmt: skip
+def test_without_the_extra_one_line_names_it_at_once(tmp_path, painted_bundle, option, package, monkeypatch, capsys):
     monkeypatch.setattr(extras, "find_spec", lambda name: None if name == package else find_spec(name))
     with pytest.raises(SystemExit) as ended:
         main(["run", "--bundle", str(painted_bundle), "--out", str(tmp_path / "run"), option])
     assert ended.value.code == 1
-    (line,) = capsys.readouterr().err.splitlines()
+    shown = capsys.readouterr()
+    assert shown.out == ""
+    (line,) = shown.err.splitlines()
     assert f"{option.partition('=')[0]} needs {package}" in line
     assert "pip install" in line
     assert not (tmp_path / "run").exists()

@@ -154,7 +154,7 @@ class Node:
 @cache
 def shared_node() -> Node:
     """This process's node, configured by the environment. Raises Ros2Error, or MissingExtraError without the extra."""
-    need("ros2", "ROS 2", ("cyclonedds", "mcap_ros2"))
+    need("ros2", "ROS 2")
     return node_for(discovery_from(os.environ), os.environ.get("CYCLONEDDS_URI", ""))
 
 

@@ -63,7 +63,7 @@ def open_session(
     control. Otherwise EDGEMAP_FLEET_SECRET, if set, is the password of this side. The challenge and response of zenoh
     do not send the password, and messages are not encrypted. Raises PublishError, or MissingExtraError.
     """
-    need("fleet", "--fleet", ("zenoh",))
+    need("fleet", "--fleet")
     import zenoh
 
     given = os.environ.get("ZENOH_CONFIG")

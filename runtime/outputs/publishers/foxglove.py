@@ -31,7 +31,7 @@ class FoxgloveServer:
     """
 
     def __init__(self, host: str, port: int, stream: MessageStream) -> None:
-        need("foxglove", "--foxglove", ("foxglove", "mcap_ros2"))
+        need("foxglove", "--foxglove")
         import foxglove
         from foxglove.channels import ImageAnnotationsChannel
 

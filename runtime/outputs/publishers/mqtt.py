@@ -37,7 +37,7 @@ class MqttPublisher:
     def __init__(
         self, host: str, port: int, robot: str, user: str | None = None, password: str | None = None, version: str = ""
     ) -> None:
-        need("mqtt", "--mqtt", ("paho",))
+        need("mqtt", "--mqtt")
         from paho.mqtt.client import Client
         from paho.mqtt.enums import CallbackAPIVersion
 

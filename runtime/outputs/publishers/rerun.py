@@ -43,7 +43,7 @@ class RerunStream:
     """
 
     def __init__(self, target: Path | tuple[str, int], stream: MessageStream, pictures_hz: float = PICTURES_HZ) -> None:
-        need("rerun", "--rerun", ("rerun",))
+        need("rerun", "--rerun")
         os.environ.setdefault("RUST_LOG", "off")  # what fails is said in our own line
         rr, rrb = (import_module(name) for name in ("rerun", "rerun.blueprint"))
 
