@@ -4,16 +4,23 @@ from collections.abc import Iterator
 from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import TYPE_CHECKING, Annotated, Literal
 
 from edgemap.cli.arguments import arg
-from edgemap.cli.camera_options import HOW_TO_MEASURE
+from edgemap.cli.camera_options import read_intrinsics, read_mount_numbers
 from edgemap.cli.groups import Source
 from edgemap.cli.options import BundleName, Json, print_json
 from edgemap.geometry.errors import EdgemapError
 from edgemap.runtime.frames.extras import install_hint, pip
 
+if TYPE_CHECKING:
+    from edgemap.runtime.inputs.cameras.protocol import Camera
+
 WAIT_S = 20.0  # for the first frame of a camera
+TAPE = (
+    "measure the height of the lens above the floor with a tape and pass it to run, in metres: --mount HEIGHT_M; "
+    "edgemap calibrate measures the rest"
+)
 
 # Extra to what it is for, and its modules with the packages that they come in.
 EXTRAS: dict[str, tuple[str, dict[str, str]]] = {
@@ -185,6 +192,15 @@ def _bundle(name: str | None, camera: str) -> Diagnosis:
     )
 
 
+def _guessed(described: Source, source: "Camera") -> str:
+    """What a run would guess of the camera, in words; empty where it is given."""
+    lens = read_intrinsics(described.intrinsics, *source.size) or source.intrinsics
+    given = read_mount_numbers(described.mount)
+    mount = source.mount is not None or (given is not None and given[1] is not None)
+    names = {"lens": lens is not None, "mount" if given is None else "pitch": mount}
+    return " and ".join(name for name, known in names.items() if not known)
+
+
 def _camera(described: Source, plot: Path | None) -> Iterator[Diagnosis]:
     from math import degrees
     from time import monotonic
@@ -206,11 +222,14 @@ def _camera(described: Source, plot: Path | None) -> Iterator[Diagnosis]:
             rate = f"{source.rate_hz:.1f} Hz" if source.rate_hz else "rate unknown"
             width, height = source.size
             yield Diagnosis("camera", "ok", f"{spec}: {width}x{height}, {rate}")
+            if lacking := _guessed(described, source):
+                text = f"{spec} does not say its {lacking}: run guesses from the pictures"
+                yield Diagnosis("mount", "missing", text, TAPE)
+                return
             try:
                 floor = described.floor_camera(source)
             except EdgemapError as error:
-                remedy = "" if HOW_TO_MEASURE in str(error) else HOW_TO_MEASURE
-                yield Diagnosis("mount", "broken", str(error), remedy)
+                yield Diagnosis("mount", "broken", str(error))
                 return
     except EdgemapError as error:
         yield Diagnosis("camera", "broken", str(error))

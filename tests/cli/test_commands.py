@@ -373,11 +373,27 @@ def test_doctor_says_what_works_and_what_to_type(edgemap, painted_bundle, pictur
     for topic in ("processor", "libraries", "cameras", "bundle", "camera", "mount"):
         assert topic in result.stdout
     assert cv2.imread(str(grid)) is not None
-    (pictures / "camera.yaml").unlink()
-    result = edgemap("doctor", "--camera", pictures, "--bundle", painted_bundle, "--json")
+    doctor = ("doctor", "--camera", pictures, "--bundle", painted_bundle, "--json")
+    result = edgemap(*doctor, "--mount", "0.6,-60")
     assert result.returncode == 1
     broken = [finding for finding in json.loads(result.stdout) if finding["state"] == "broken"]
     assert [finding["topic"] for finding in broken] == ["mount"]
+
+
+def test_doctor_says_what_a_run_would_guess_and_that_a_tape_helps(edgemap, painted_bundle, pictures):
+    """Exit code 0: that run starts."""
+    (pictures / "camera.yaml").unlink()
+    doctor, lens = ("doctor", "--camera", pictures, "--bundle", painted_bundle, "--json"), "50,50,31.5,31.5"
+    for given, lacking in (
+        ((), "lens and mount"), (("--mount", "0.6"), "lens and pitch"), (("--mount", "0.6,5"), "lens"),
+        (("--intrinsics", lens), "mount"), (("--intrinsics", lens, "--mount", "0.6"), "pitch"),
+    ):  # fmt: skip
+        result = edgemap(*doctor, *given)
+        assert result.returncode == 0, result.stdout
+        (mount,) = (finding for finding in json.loads(result.stdout) if finding["topic"] == "mount")
+        assert mount["state"] == "missing"
+        assert f"does not say its {lacking}: run guesses" in mount["text"]
+        assert "--mount HEIGHT_M" in mount["remedy"]
 
 
 def test_no_realsense_is_one_line_and_exit_1(edgemap, painted_bundle):

@@ -71,7 +71,7 @@ def test_a_height_without_a_pitch_leaves_the_pitch_to_be_guessed(edgemap, painte
     assert record["mount"]["height_m"] == 0.83
     assert record["camera_guess"]["focal_sigma_share"] == record["camera_guess"]["height_sigma_share"] == 0.0
     assert any("the mount is guessed (pitch to" in reason for reason in record["verdict"]["reasons"])
-    refused = edgemap("doctor", "--camera", pictures, "--intrinsics", "50,50,31.5,31.5", "--mount", "0.83")
+    refused = edgemap("bench", "--camera", pictures, "--intrinsics", "50,50,31.5,31.5", "--mount", "0.83")
     assert "the pitch is missing" in refused.stdout + refused.stderr
 
 
