@@ -27,6 +27,7 @@ COMMANDS: dict[str, tuple[str, str]] = {
     "map show": ("map_show", "draw a map: all sightings, clusters, centres"),
     "map export": ("map_export", "a map for other programs: GeoJSON, Nav2, CSV, picture"),
     "map approach": ("map_approach", "where a robot goes to reach an object: a free pose that faces it"),
+    "map scale": ("map_scale", "a map of a camera alone, scaled by one measured length"),
     "map merge": ("map_merge", "maps of one place become one, aligned by their objects"),
     "fleet serve": ("fleet_serve", "keep one map of a place from the maps of many robots"),
     "fleet show": ("fleet_show", "a fleet's merged map, its robots and where they are"),

@@ -44,6 +44,9 @@ def desk(tmp_path_factory):
         main(["run", "--frames", "150", "--out", "runs/20260101T000000Z", "--record", "drive.mcap"])
     for name in ("first", "runs/kitchen", "home", "monday", "tuesday"):
         shutil.copytree(folder / "runs" / "20260101T000000Z", folder / name)
+    alone = json.loads((folder / "first" / "run.json").read_text())
+    alone["quality"]["wheel_frames"] = 0  # as of a phone's video
+    (folder / "first" / "run.json").write_text(json.dumps(alone))
     square = [[0, 0], [1, 0], [1, 1], [0, 1]]
     drawn = json.loads((folder / "home" / "map.json").read_text())
     drawn["zones"] = [

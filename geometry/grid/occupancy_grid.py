@@ -1,6 +1,6 @@
 """An immutable occupancy grid: log-odds of each cell, and the cell states derived from them."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -60,6 +60,20 @@ class OccupancyGrid:
         found = np.full(len(points), UNKNOWN, np.int8)
         found[inside] = self.cells[rows[inside], columns[inside]]
         return found
+
+    def scaled(self, factor: float) -> "OccupancyGrid":
+        """The grid times `factor` about the map's origin, in cells of the same size: each takes the nearest old one."""
+        shape = self.log_odds.shape[1], self.log_odds.shape[0]
+        low = np.array([self.x_m, self.y_m])
+        ends = np.array([low, low + np.array(shape) * self.cell_m]) * (factor / self.cell_m)
+        first, last = np.floor(ends[0] + 1e-6).astype(int), np.ceil(ends[1] - 1e-6).astype(int)
+        old = [
+            ((np.arange(first[axis], last[axis]) + 0.5) * self.cell_m / factor - low[axis]) / self.cell_m
+            for axis in range(2)
+        ]
+        columns, rows = (np.clip(np.floor(old[axis] + 1e-9).astype(int), 0, shape[axis] - 1) for axis in range(2))
+        x_m, y_m = (first * self.cell_m).tolist()
+        return replace(self, log_odds=self.log_odds[np.ix_(rows, columns)], x_m=x_m, y_m=y_m)
 
     def area_m2(self, value: int) -> float:
         """Total area, m^2, of the cells in one state (FREE, OCCUPIED or UNKNOWN)."""

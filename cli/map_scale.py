@@ -1,0 +1,109 @@
+"""`edgemap map scale`: a map of a camera alone gets its true size from one measured length."""
+
+import math
+from pathlib import Path
+from typing import Annotated, Any
+
+import tyro
+
+from edgemap.cli.arguments import arg
+from edgemap.cli.errors import OptionError
+
+LARGEST = 3.0  # factor, and its inverse: beyond it a length was mistyped
+
+
+def command(
+    map: Annotated[tyro.conf.Positional[Path], arg(metavar="MAP", help="A run folder, or with --between a map.json.")],
+    *,
+    out: Annotated[Path, arg(aliases=["-o"], metavar="DIR", help="Folder that gets map.json, grid and trajectory.")],
+    height: Annotated[
+        float | None,
+        arg(metavar="HEIGHT_M", help="Measured height of the lens above the floor, where the run had another one."),
+    ] = None,
+    between: Annotated[
+        str | None,
+        arg(metavar="ID,ID,M", help="Measured distance between the centres of two objects: chair-1,couch-2,2.35."),
+    ] = None,
+) -> None:
+    """Scale a map that a camera alone measured, by one length that a tape measured.
+
+    Without wheels and depth all lengths of a map are in proportion to the height of the lens. Objects, floor, zones,
+    dock and trajectory are scaled about the map's origin. A run with the right height (run --mount HEIGHT_M) is better
+    where it can be repeated.
+    """
+    from edgemap.geometry.objects.scale import scaled_annotations, scaled_objects, scaled_pose
+    from edgemap.runtime.frames.disk import write_atomically
+    from edgemap.runtime.frames.trajectory import trajectory_of, tum_line
+    from edgemap.runtime.step.grid_file import load_grid
+    from edgemap.runtime.step.map_file import load_annotated_map, save_map
+    from edgemap.runtime.step.map_store import find_map
+
+    if (height is None) == (between is None):
+        raise OptionError("give one length: --height HEIGHT_M or --between ID,ID,M")
+    path = find_map(map).path
+    objects, annotations = load_annotated_map(path)
+    factor = _by_height(path, height) if height is not None else _by_distance(objects, str(between))
+    if not 1.0 / LARGEST <= factor <= LARGEST:
+        raise OptionError(f"the map would become {factor:.3g} times as large, at most {LARGEST:g}: check the length")
+    trajectory, grid = trajectory_of(path), load_grid(path)
+    if (out / "run.json").exists() or out.suffix == ".json":
+        raise OptionError(f"{out}: --out takes a folder of its own")
+    try:
+        out.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise OptionError(f"{out}: cannot be made ({error.strerror})") from None
+    if trajectory is not None:
+        poses = zip(trajectory.stamps_s, trajectory.poses, strict=True)
+        lines = (tum_line(stamp_s, scaled_pose(pose, factor)) for stamp_s, pose in poses)
+        write_atomically(out / "trajectory.tum", "".join(lines))
+    scaled = scaled_objects(objects, factor)
+    save_map(out / "map.json", scaled, scaled_annotations(annotations, factor), grid and grid.scaled(factor))
+    print(f"map of {len(scaled)} objects, {factor:.3f} times as large, saved in {out / 'map.json'}")
+
+
+def _by_height(path: Path, height_m: float) -> float:
+    """Measured height over that of the run. Raises OptionError where the height is not the scale of the run."""
+    from edgemap.runtime.frames.errors import RunFolderError
+    from edgemap.runtime.frames.reading import decode_json, read_bytes
+    from edgemap.runtime.outputs.verdict.explain import RUN_BYTES
+
+    run = path / "run.json" if path.is_dir() else path.with_name("run.json")
+    if not run.is_file():
+        raise OptionError(f"{path}: --height needs the run's run.json beside the map; else --between ID,ID,M")
+    record: dict[str, Any] = decode_json(read_bytes(run, RUN_BYTES, RunFolderError), dict, run, RunFolderError)
+    try:
+        before_m = float(record["mount"]["height_m"])
+        wheels = int(record.get("quality", {}).get("wheel_frames", 0))
+        depth = int(record.get("attitude_sources", {}).get("depth", 0))
+        odometry = str(record.get("odometry", ""))
+    except (KeyError, TypeError, ValueError, AttributeError):
+        raise RunFolderError(f"{run}: it has no mount") from None
+    measured = "wheels" if wheels else "depth" if depth else odometry if _given(odometry) else ""
+    if measured:
+        raise OptionError(f"{path}: {measured} measured this run's path, so its scale is not that of the height")
+    if not (0.05 <= height_m <= 3.0 and 0.0 < before_m < math.inf):
+        raise OptionError(f"--height {height_m:g}: expected 0.05 to 3 m (the run had {before_m:g} m)")
+    return height_m / before_m
+
+
+def _given(odometry: str) -> bool:
+    return odometry not in ("hybrid", "flow", "planar")
+
+
+def _by_distance(objects: list[Any], text: str) -> float:
+    """Measured over mapped distance of two objects. Raises OptionError."""
+    first, second, length = (part.strip() for part in text.split(",")) if text.count(",") == 2 else ("", "", "")
+    by_id = {item.id: item for item in objects}
+    try:
+        length_m = float(length)
+    except ValueError:
+        length_m = math.nan
+    if not 0.0 < length_m < math.inf:
+        raise OptionError(f"--between {text!r}: expected ID,ID,METRES, like chair-1,couch-2,2.35")
+    for identity in (first, second):
+        if identity not in by_id:
+            raise OptionError(f"--between {text!r}: the map has no {identity!r}; edgemap map show lists its objects")
+    mapped_m = math.dist(by_id[first].position_m, by_id[second].position_m)
+    if mapped_m < 0.5:
+        raise OptionError(f"--between {text!r}: they are {mapped_m:.2f} m apart on the map, need 0.5 m or more")
+    return length_m / mapped_m
