@@ -44,14 +44,16 @@ def aligned_figures(objects: Sequence[MapObject], truth: Sequence[TrueObject]) -
 
     f1_aligned: F1 after the best rigid motion, which forgives the map's origin and heading. f1_scaled: after the best
     similarity, which forgives its scale too. scale: size of the map over the true size by that similarity, null where
-    fewer than five pairs determine it. An alignment that is fitted to the objects flatters: a map with few objects,
+    fewer than five pairs determine it. None is below F1 without alignment. An alignment that is fitted to the objects flatters: a map with few objects,
     or a wrong one, gains by it.
     """
     rigid, _ = best_alignment(objects, truth, scales=False)
     similar, count = best_alignment(objects, truth, scales=True)
+    # As many pairs may be a smaller F1: objects near one that is not scored count as errors elsewhere.
+    scores = [score_map(by.apply(objects), truth)["f1"] for by in (Similarity(), rigid, similar)]
     return {
-        "f1_aligned": score_map(rigid.apply(objects), truth)["f1"],
-        "f1_scaled": score_map(similar.apply(objects), truth)["f1"],
+        "f1_aligned": max((one for one in scores[:2] if one is not None), default=None),
+        "f1_scaled": max((one for one in scores if one is not None), default=None),
         "scale": round(similar.map_scale, 4) if count >= LEAST_PAIRS else None,
     }
 

@@ -87,3 +87,6 @@ def test_no_alignment_makes_a_map_worse(room, data):
     plain = score_map(objects, wanted)["objects_found"]
     assert best_alignment(objects, wanted, scales=False)[1] >= plain
     assert best_alignment(objects, wanted, scales=True)[1] >= plain
+    figures = aligned_figures(objects, [*wanted, TrueObject("bed", 0.0, 0.0, True, 3)])
+    least = score_map(objects, [*wanted, TrueObject("bed", 0.0, 0.0, True, 3)])["f1"]
+    assert figures["f1_aligned"] is None or figures["f1_scaled"] >= figures["f1_aligned"] >= (least or 0.0)
