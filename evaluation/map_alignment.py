@@ -43,9 +43,9 @@ def aligned_figures(objects: Sequence[MapObject], truth: Sequence[TrueObject]) -
     """How good the shape of a map is: as `score_map`, after an alignment by the objects themselves.
 
     f1_aligned: F1 after the best rigid motion, which forgives the map's origin and heading. f1_scaled: after the best
-    similarity, which forgives its scale too. scale: size of the map over the true size by that similarity, null where
-    fewer than five pairs determine it. None is below F1 without alignment. An alignment that is fitted to the objects flatters: a map with few objects,
-    or a wrong one, gains by it.
+    similarity, which forgives its scale too; neither is below F1 without alignment. scale: size of the map over the
+    true size by that similarity, null where fewer than five pairs determine it. An alignment that is fitted to the
+    objects flatters: a map with few objects, or a wrong one, gains by it.
     """
     rigid, _ = best_alignment(objects, truth, scales=False)
     similar, count = best_alignment(objects, truth, scales=True)
