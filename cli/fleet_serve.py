@@ -115,12 +115,12 @@ def lines(robots: dict) -> dict[str, str]:
     found = {}
     for name, robot in robots.items():
         here = "" if robot["here"] else ", away"
-        if "apart" in robot:
+        if robot.get("apart"):
             state = f"apart: {robot['apart']}"
         else:
             x_m, y_m, yaw_rad = robot["pose_place_map"]
-            matched = f"{robot['pairs']} of {robot['shared']} matched" if robot["pairs"] else "first"
+            matched = f"{robot['pairs']} of {robot.get('shared', 0)} matched" if robot.get("pairs") else "first"
             state = f"{matched}, its frame at x {x_m:.2f} m, y {y_m:.2f} m, yaw {degrees(yaw_rad):.0f} deg"
-        refused = f"; refused: {robot['refused']}" if "refused" in robot else ""
+        refused = f"; refused: {robot['refused']}" if robot.get("refused") else ""
         found[name] = f"{name:<16} {robot['objects']:4d} objects{here}; {state}{refused}"
     return found

@@ -35,6 +35,6 @@ def command(
         return
     robots = document["fleet"]["robots"]
     for identity, line in lines(robots).items():
-        x_m, y_m, _ = robots[identity].get("pose_place_base", (None, None, None))
+        x_m, y_m, _ = robots[identity].get("pose_place_base") or (None, None, None)
         print(printable(line) + ("" if x_m is None else f"; robot at x {x_m:.2f} m, y {y_m:.2f} m"))
     print(f"{len(document['objects'])} objects in {name}" + (f", saved in {out}" if out else ""))

@@ -11,6 +11,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from edgemap.geometry.map_object import MapObject
+from edgemap.runtime.frames.errors import RunFolderError
 from edgemap.runtime.outputs.verdict.causes import CAUSES, cause_of_fault
 from edgemap.runtime.outputs.verdict.explain import explain
 from edgemap.runtime.outputs.verdict.verdict import LEVELS, is_doubtful, verdict_of
@@ -152,3 +153,11 @@ def test_a_fault_leads_to_its_cause(fault, cause):
 
 def test_a_record_of_an_older_run_is_used_with_care():
     assert verdict_of({"faults": []}, [CHAIR]).level == "care"
+
+
+@pytest.mark.parametrize("changed", [{"sigma_m": 3}, {"frames": "many"}, {"blind_frames": None}, {"sigma_m": {}}])
+def test_a_damaged_run_json_is_one_line(changed):
+    with pytest.raises(RunFolderError, match=r"^run\.json: damaged, or of another version \(.+\)$"):
+        explain(record(changed), [CHAIR])
+    with pytest.raises(RunFolderError):
+        explain(record(faults=3), [CHAIR])

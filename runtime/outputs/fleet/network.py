@@ -134,6 +134,10 @@ class _Robot(msgspec.Struct):
     apart: Annotated[str, Meta(max_length=1000)] | None = None
     refused: Annotated[str, Meta(max_length=1000)] | None = None
 
+    def __post_init__(self) -> None:
+        if not self.apart and self.pose_place_map is None:
+            raise ValueError("a robot has a pose in the place, or is apart")
+
 
 class _Fleet(msgspec.Struct):
     place: Name

@@ -8,7 +8,7 @@ from typing import Any
 from edgemap.geometry.errors import EdgemapError
 from edgemap.geometry.map_object import MapObject
 from edgemap.runtime.frames.errors import RunFolderError
-from edgemap.runtime.frames.reading import decode_json, printable, read_bytes
+from edgemap.runtime.frames.reading import decode_json, error_line, printable, read_bytes
 from edgemap.runtime.outputs.verdict.causes import Cause, cause_of_fault
 from edgemap.runtime.outputs.verdict.verdict import Verdict, verdict_of
 from edgemap.runtime.step.map_file import load_map
@@ -27,7 +27,16 @@ class Step:
 
 
 def explain(record: Mapping[str, Any], objects: Sequence[MapObject]) -> tuple[Verdict, list[Step]]:
-    """The verdict and its causes in order; faults of causes that the verdict does not name come last."""
+    """The verdict and its causes in order; faults of causes that the verdict does not name come last. Raises
+    RunFolderError where fields of the record are of other kinds.
+    """
+    try:
+        return _explained(record, objects)
+    except (LookupError, TypeError, ValueError, AttributeError, ArithmeticError) as error:
+        raise RunFolderError(f"run.json: damaged, or of another version ({error_line(error)})") from None
+
+
+def _explained(record: Mapping[str, Any], objects: Sequence[MapObject]) -> tuple[Verdict, list[Step]]:
     verdict = verdict_of(record, objects)
     found: dict[Cause, list[str]] = {}
     for finding in verdict.findings:
@@ -53,6 +62,6 @@ def read_run(folder: Path) -> tuple[dict[str, Any], list[MapObject]]:
 def verdict_or_none(record: Mapping[str, Any], objects: Sequence[MapObject]) -> Verdict | None:
     """The verdict of a record that may be of an older edgemap, or damaged; None where it cannot be judged."""
     try:
-        return verdict_of(record, objects)
-    except (KeyError, TypeError, ValueError, AttributeError, EdgemapError):
+        return explain(record, objects)[0]
+    except EdgemapError:
         return None

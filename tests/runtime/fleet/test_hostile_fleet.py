@@ -25,7 +25,9 @@ from edgemap.runtime.step.map_file import load_map, map_document, read_map
 
 pytest.importorskip("zenoh", reason="zenoh is not installed (extra 'fleet')")
 
+from edgemap.cli.fleet_serve import lines
 from edgemap.runtime.outputs.fleet import keeper as keepers
+from edgemap.runtime.outputs.fleet import network
 from edgemap.runtime.outputs.fleet.access import SECRET, read_passwords
 from edgemap.runtime.outputs.fleet.inbox import MAXIMUM_ROBOTS, ON_TRIAL, Inbox
 from edgemap.runtime.outputs.fleet.keeper import PlaceKeeper
@@ -381,3 +383,37 @@ def test_a_keeper_has_no_robots_password(tmp_path, address, monkeypatch):
     monkeypatch.setenv(SECRET, "vacuum:first-password")
     with pytest.raises(PublishError, match="is that of the robot vacuum"):
         PlaceKeeper("home", tmp_path, listen=address, passwords={"vacuum": "first-password"})
+
+
+@pytest.mark.parametrize(
+    ("robot", "shown"),
+    [
+        ({}, None),
+        ({"apart": None, "pose_place_map": None}, None),
+        ({"pose_place_map": [1.0, 2.0, 0.5]}, "first, its frame at x 1.00 m"),
+        ({"pose_place_map": [1.0, 2.0, 0.5], "pairs": 3, "refused": None}, "3 of 0 matched"),
+        ({"apart": "too few"}, "apart: too few"),
+    ],
+)
+def test_a_keepers_answer_is_shown_or_refused_in_one_line(robot, shown, monkeypatch):
+    document = map_document(mapped([("chair", 0.0, 0.0)]))
+    document["fleet"] = {"place": "home", "robots": {"a": {"here": True, "objects": 1, **robot}}}
+
+    class Session:
+        ok = payload = property(lambda self: self)
+
+        def to_bytes(self):
+            return packed(document)
+
+        def get(self, key, timeout):
+            return [self]
+
+        def close(self):
+            pass
+
+    monkeypatch.setattr(network, "open_session", lambda **_: Session())
+    if shown is None:
+        with pytest.raises(MapError, match="a robot has a pose in the place, or is apart"):
+            network.place_document("home", "127.0.0.1:1")
+    else:
+        assert shown in lines(network.place_document("home", "127.0.0.1:1")[0]["fleet"]["robots"])["a"]
