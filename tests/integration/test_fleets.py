@@ -7,6 +7,7 @@ import socket
 import subprocess
 import sys
 import time
+from pathlib import Path
 
 import pytest
 
@@ -98,7 +99,6 @@ def test_two_places_their_robots_and_a_hostile_one(tmp_path):
 
 HOSTILE = """
 import os, socket, sys, time
-import numpy as np
 from edgemap.runtime.outputs.fleet.access import SECRET
 from edgemap.runtime.outputs.fleet.network import open_session, packed
 from edgemap.runtime.step.map_file import map_document
@@ -139,7 +139,11 @@ def test_an_honest_map_is_in_the_place_in_time_whatever_one_robot_sends(tmp_path
         sessions = [send("a"), send("b")]
         until(lambda: members(tmp_path / "home") == {"a", "b"}, "the first two robots")
         monkeypatch.setenv(SECRET, "bad:password-bad")
-        processes.append(subprocess.Popen([sys.executable, "-c", HOSTILE, address]))
+        tests = str(Path(__file__).parents[1])
+        path = os.pathsep.join([tests, *filter(None, [os.environ.get("PYTHONPATH")])])
+        processes.append(
+            subprocess.Popen([sys.executable, "-c", HOSTILE, address], env=os.environ | {"PYTHONPATH": path})
+        )
         time.sleep(12.0)
         began_s = time.monotonic()
         sessions.append(send("c"))
