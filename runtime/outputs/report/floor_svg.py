@@ -15,6 +15,7 @@ from edgemap.runtime.outputs.report.floor_picture import Sheet, seen_floor
 from edgemap.runtime.outputs.report.labels import place_labels
 from edgemap.runtime.outputs.report.markup import Markup, el, joined, polyline
 from edgemap.runtime.outputs.report.tables import mark_shape
+from edgemap.runtime.outputs.verdict.verdict import is_doubtful
 
 WIDEST_PX, TALLEST_PX, MARGIN_M = 960.0, 720.0, 0.5
 LONGEST_AXIS_M = 3.0  # an ellipse larger than this does not stretch the drawing
@@ -103,7 +104,7 @@ def _object(sheet: Sheet, item: MapObject) -> Markup:
         el("title", title),
         el("circle", cx=x, cy=y, r=radius_m(item) * scale, class_="size"),
         el("ellipse", rx=long * scale, ry=short * scale, class_="bound", transform=rotated),
-        class_="object",
+        class_="object doubtful" if is_doubtful(item) else "object",
         style=f"color:{colour}",
     )  # fmt: skip
 
@@ -124,10 +125,11 @@ def _zone(sheet: Sheet, zone: Zone) -> Markup:
 def _name(item: MapObject, spot: tuple[float, float, str]) -> Markup:
     """The name beside its object; of an id on a narrow screen the number alone, its mark shows the label."""
     x, y, anchor = spot
+    kind = "name doubtful" if is_doubtful(item) else "name"
     if item.name:
-        return el("text", item.name, x=x, y=y, text_anchor=anchor, class_="name")
+        return el("text", item.name, x=x, y=y, text_anchor=anchor, class_=kind)
     word, dash, number = item.id.rpartition("-")
-    return el("text", el("tspan", word + dash, class_="word"), number, x=x, y=y, text_anchor=anchor, class_="name")
+    return el("text", el("tspan", word + dash, class_="word"), number, x=x, y=y, text_anchor=anchor, class_=kind)
 
 
 def _truth(sheet: Sheet, evaluation_row: EvaluationRow, objects: Sequence[MapObject]) -> Markup | None:

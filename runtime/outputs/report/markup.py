@@ -41,6 +41,11 @@ def joined(*children: Child) -> Markup:
     return Markup("".join(parts))
 
 
+def prose(text: str) -> Markup:
+    """A sentence whose words in backticks are code."""
+    return joined(el("code", part) if place % 2 else part for place, part in enumerate(text.split("`")))
+
+
 def polyline(points: Iterable[Iterable[float]]) -> str:
     """Points for `points=` of a polyline or polygon."""
     return " ".join(",".join(_value(float(v)) for v in point) for point in points)

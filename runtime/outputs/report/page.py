@@ -19,9 +19,9 @@ from edgemap.runtime.outputs.report import charts, tables
 from edgemap.runtime.outputs.report.crops import Crop
 from edgemap.runtime.outputs.report.floor_svg import floor_svg
 from edgemap.runtime.outputs.report.history import History, PoseSample
-from edgemap.runtime.outputs.report.markup import Markup, data_uri, el, joined
+from edgemap.runtime.outputs.report.markup import Markup, data_uri, el, joined, prose
 from edgemap.runtime.outputs.verdict.explain import verdict_or_none
-from edgemap.runtime.outputs.verdict.verdict import TITLES
+from edgemap.runtime.outputs.verdict.verdict import TITLES, is_doubtful
 
 # The browser itself refuses whatever the page might ask for.
 MAXIMUM_DRAWN = 1000  # objects: a page of two megabytes
@@ -135,7 +135,7 @@ def _verdict(content: ReportContent) -> Markup | None:
     verdict = verdict_or_none(content.record, content.objects)
     if verdict is None:
         return None
-    reasons = [el("li", finding.text, ". ", el("span", finding.cause.remedy)) for finding in verdict.findings]
+    reasons = [el("li", finding.text, ". ", el("span", prose(finding.cause.remedy))) for finding in verdict.findings]
     return el(
         "div",
         el("p", el("b", f"Map: {TITLES[verdict.level]}.")),
@@ -174,6 +174,7 @@ def _floor(content: ReportContent, trajectory: list[PoseSample], true_trajectory
     shown = {
         "disc": ("floor it takes, as a circle", True),
         "ellipse": ("95 % ellipse", True),
+        "ellipse faint": ("of a doubtful object", any(is_doubtful(item) for item in content.drawn)),
         "trajectory": ("trajectory", True),
         "start": ("start", True),
         "robot": ("end, and where it faces", True),

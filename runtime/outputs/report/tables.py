@@ -10,7 +10,7 @@ from edgemap.geometry.objects.evaluation_row import EvaluationRow
 from edgemap.runtime.frames.colours import SHAPES, label_colour, label_mark
 from edgemap.runtime.outputs.report.charts import STAGE_COLOURS, duration
 from edgemap.runtime.outputs.report.crops import Crop
-from edgemap.runtime.outputs.report.markup import Markup, data_uri, el, joined, polyline
+from edgemap.runtime.outputs.report.markup import Markup, data_uri, el, joined, polyline, prose
 from edgemap.runtime.outputs.verdict.causes import cause_of_fault
 
 MAXIMUM_FAULTS = 60
@@ -130,7 +130,7 @@ def fault_list(record: Mapping[str, Any]) -> Markup:
 def _fault(text: str) -> Markup:
     """A fault, and its remedy where there is one."""
     cause = cause_of_fault(text)
-    return el("li", text, el("small", f"{cause.remedy} ({cause.link})") if cause else None)
+    return el("li", text, el("small", prose(f"{cause.remedy} ({cause.link})")) if cause else None)
 
 
 def settings_table(record: Mapping[str, Any]) -> Markup:

@@ -17,6 +17,7 @@ from edgemap.runtime.outputs.report.crops import MAXIMUM_CROPS, SIDE_PX, BestCro
 from edgemap.runtime.outputs.report.floor_svg import floor_svg
 from edgemap.runtime.outputs.report.history import MAX_POSES, MAX_WINDOWS, History
 from edgemap.runtime.outputs.report.labels import place_labels
+from edgemap.runtime.outputs.report.markup import prose
 from edgemap.runtime.step.pose_journal import PoseJournal
 
 NOISE = np.random.default_rng(1).integers(0, 255, (480, 640, 3), dtype=np.uint8)
@@ -145,6 +146,18 @@ def test_forward_is_up_and_left_is_left():
     assert left_y == pytest.approx(start[1], abs=0.2)
     assert start[1] - ahead_y == pytest.approx(start[0] - left_x, abs=0.2)
     assert start[1] - ahead_y > 50
+
+
+def test_doubtful_objects_are_drawn_in_outline():
+    sure, vague = item("chair-1", 2, 0, np.eye(2) * 0.01), item("chair-2", 0, 2, np.eye(2))
+    svg = floor_svg([sure, vague], [])
+    assert svg.count('class="object"') == svg.count('class="object doubtful"') == 1
+    assert svg.count('class="name doubtful"') == 1
+
+
+def test_commands_in_a_sentence_are_code():
+    assert prose("Run `a < b`, or `c`.") == "Run <code>a &lt; b</code>, or <code>c</code>."
+    assert prose("none") == "none"
 
 
 def test_the_ellipse_lies_along_its_uncertainty():
