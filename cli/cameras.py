@@ -22,6 +22,8 @@ def command(json: Json = False) -> None:
     for camera in cameras:
         print(f"{camera.spec:<24} {camera.name}" + (f"; {camera.problem}" if camera.problem else ""))
         print(f"{'':<24} -> {command_line(camera)}")
+        if not camera.knows_lens:
+            print(f"{'':<24} -> edgemap run --camera {camera.spec} --mount HEIGHT_M      (lens and pitch are guessed)")
     if not cameras:
         print("no camera found; without one:  edgemap run  (the demo)")
     for note in notes:

@@ -101,6 +101,7 @@ def test_the_example_lists_its_cameras(raspberry_pi):
     shown = subprocess.run(command, env=environment, capture_output=True, text=True, check=True).stdout
     assert "rpicam:1 " in shown
     assert "edgemap run --camera rpicam:0 --mount HEIGHT_M,PITCH_DEG --intrinsics FX,FY,CX,CY" in shown
+    assert "edgemap run --camera rpicam:0 --mount HEIGHT_M      (lens and pitch are guessed)" in shown
     told = json.loads(subprocess.run([*command, "--json"], env=environment, capture_output=True, check=True).stdout)
     cameras = [camera for camera in told["cameras"] if camera["kind"] == "rpicam"]
     assert [(camera["spec"], camera["name"]) for camera in cameras] == [("rpicam:0", "imx708"), ("rpicam:1", "ov5647")]
