@@ -6,21 +6,21 @@ from hypothesis import strategies as st
 
 from edgemap.geometry.objects.cells import Cells
 
-PLACES = st.lists(st.tuples(st.integers(0, 9), st.floats(-8, 8), st.floats(-8, 8), st.booleans()), max_size=40)
 
-
-@given(PLACES, st.floats(-8, 8), st.floats(-8, 8), st.floats(0, 6))
-def test_whatever_moved_and_left_those_within_reach_are_found(changes, x, y, reach_m):
+@given(st.integers(0, 2**32 - 1), st.floats(0, 4))
+def test_whatever_moved_and_left_those_within_reach_are_found(seed, reach_m):
+    random = np.random.default_rng(seed)
     cells, places = Cells[int](), {}
-    for key, *place, leaves in changes:
-        if leaves and key in places:
+    for key in random.integers(0, 99, 200).tolist():
+        if key in places and random.random() < 0.3:
             cells.remove(key)
             del places[key]
         else:
-            cells.set(key, np.array(place))
-            places[key] = np.array(place)
-    far_m = {key: np.linalg.norm(place - [x, y]) for key, place in places.items()}
-    found = cells.within(np.array([x, y]), reach_m)
+            places[key] = random.uniform(-5.0, 5.0, 2)
+            cells.set(key, places[key])
+    at = random.uniform(-2.0, 2.0, 2)
+    far_m = {key: np.linalg.norm(place - at) for key, place in places.items()}
+    found = cells.within(at, reach_m)
     assert len(cells) == len(places)
     assert len(found) == len(set(found))
     assert {key for key, m in far_m.items() if m < reach_m - 1e-9} <= set(found)

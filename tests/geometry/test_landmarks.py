@@ -148,6 +148,8 @@ def test_far_points_alone_tell_the_turn_but_not_the_way():
     points = scene(1)[80:]
     found = locate(landmarks_of(points), seen_from(points, Viewpoint(SE2(0, 0, 0.05))), CAMERA, Viewpoint(), NOISE)
     assert found.view.pose.yaw_rad == pytest.approx(0.05, abs=2e-3)
+    assert found.covariance.shape == (6, 6)
+    assert (np.linalg.eigvalsh(found.covariance) > 0.0).all()
     assert math.sqrt(found.covariance[2, 2]) < 0.02
     assert math.sqrt(found.covariance[1, 1]) > 0.03
 

@@ -44,3 +44,8 @@ def test_the_axle_is_learnt_from_turns():
 
 def test_a_straight_way_teaches_no_axle():
     assert ROLLING.learnt(0.05, 1e-6, 0.0) == ROLLING
+
+
+def test_an_axle_that_is_given_exactly_stays():
+    exact = Rolling(share=0.01, axle_m=0.1, axle_sigma_m=0.0)
+    assert exact.learnt(0.05, 1e-6, 0.1) == exact
