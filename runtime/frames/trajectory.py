@@ -52,6 +52,9 @@ class Trajectory:
         if not np.all(np.isfinite(self.stamps_s)) or np.any(np.diff(self.stamps_s) <= 0):
             raise OdometryError("trajectory: stamps must be finite and strictly increasing")
 
+    def __str__(self) -> str:
+        return f"{len(self.poses)} poses"
+
     def at(self, stamp_s: float, tolerance_s: float = 0.15) -> SE2:
         """The pose at a stamp, interpolated. Raises OdometryError where it lies further than the tolerance outside."""
         first, last = self.stamps_s[0], self.stamps_s[-1]
@@ -135,6 +138,9 @@ class GrowingTrack:
         self._stamps: list[float] = []
         self._poses: list[SE2] = []
         self._restarted = False
+
+    def __str__(self) -> str:
+        return "given poses"
 
     @property
     def _newest_s(self) -> float:

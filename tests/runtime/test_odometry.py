@@ -1,5 +1,6 @@
 import itertools
 import math
+import re
 from dataclasses import replace
 from types import SimpleNamespace
 from typing import cast
@@ -22,7 +23,7 @@ from edgemap.geometry.observations.floor_mask import FloorMask
 from edgemap.geometry.se2 import SE2
 from edgemap.runtime.frames.errors import OdometryError
 from edgemap.runtime.frames.frame import Frame
-from edgemap.runtime.frames.trajectory import Trajectory, read_tum, tum_line
+from edgemap.runtime.frames.trajectory import GrowingTrack, Trajectory, read_tum, tum_line
 from edgemap.runtime.inputs.cameras.protocol import Camera
 from edgemap.runtime.inputs.open import open_camera
 from edgemap.runtime.motion.odometry import OdometryRules, _members, open_odometry
@@ -435,6 +436,11 @@ def test_where_a_recording_says_nothing_no_pose_is_made_up(stamps, poses, frames
     for before, now, step in zip(frames, frames[1:], steps[1:], strict=False):
         if not step.blind:
             assert step.motion.x_m == pytest.approx(now - before)
+
+
+@pytest.mark.parametrize("poses", [Trajectory(np.arange(300) / 10.0, (SE2(),) * 300), GrowingTrack()])
+def test_wheels_that_a_program_gives_have_a_short_name_in_faults(poses):
+    assert re.fullmatch("(300|given) poses", str(poses))
 
 
 def test_tum_lines_come_back(tmp_path):
