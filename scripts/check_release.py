@@ -16,6 +16,7 @@ import tarfile
 import tempfile
 import tomllib
 import venv
+from functools import cache
 from pathlib import Path
 
 ROOT = Path(__file__).parents[1]
@@ -23,18 +24,28 @@ WHEEL_BYTES = 20_000_000  # bundles 12.0, demo 2.1, heads for export 2.0, furnit
 LEFT_OUT = ("export", "all", "dev")  # torch: gigabytes, and another build of it for every processor
 
 
+@cache
+def last_commit() -> tuple[str, str]:
+    """Hash and time of the last commit; one that comes while this runs is not built."""
+    line = subprocess.run(
+        ["git", "log", "-1", "--format=%H %ct"], cwd=ROOT, capture_output=True, text=True, check=True
+    ).stdout
+    name, stamp_s = line.split()
+    return name, stamp_s
+
+
 def built(folder: Path) -> dict[str, str]:
     """Builds both archives of the last commit: SHA-256 by name. Members have the commit's time and no owner."""
     folder.mkdir(parents=True, exist_ok=True)
-    stamp = subprocess.run(["git", "log", "-1", "--format=%ct"], cwd=ROOT, capture_output=True, text=True, check=True)
-    environment = os.environ | {"SOURCE_DATE_EPOCH": stamp.stdout.strip(), "PYTHONHASHSEED": "0"}
+    commit, stamp_s = last_commit()
+    environment = os.environ | {"SOURCE_DATE_EPOCH": stamp_s, "PYTHONHASHSEED": "0"}
     with tempfile.TemporaryDirectory(prefix="edgemap-source-") as source:
-        tree = subprocess.run(["git", "archive", "HEAD"], cwd=ROOT, capture_output=True, check=True).stdout
+        tree = subprocess.run(["git", "archive", commit], cwd=ROOT, capture_output=True, check=True).stdout
         subprocess.run(["tar", "-x", "-C", source], input=tree, check=True)
         command = [sys.executable, "-m", "build", "--no-isolation", "--outdir", str(folder), source]
         subprocess.run(command, env=environment, capture_output=True, check=True)
     for archive in folder.glob("*.tar.gz"):
-        _normalise(archive, int(stamp.stdout))
+        _normalise(archive, int(stamp_s))
     return {path.name: hashlib.sha256(path.read_bytes()).hexdigest() for path in sorted(folder.iterdir())}
 
 
