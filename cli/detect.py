@@ -107,7 +107,7 @@ def _every_floor_box() -> "FloorRule":
     """People and pets too, and however far: only maps are choosy."""
     from edgemap.geometry.observations.sighting import FloorRule
 
-    return FloorRule(max_sigma_m=inf, max_distance_m=inf)
+    return FloorRule(max_sigma_m=inf)
 
 
 def _found(

@@ -39,7 +39,7 @@ class Estimate:
     of an earlier map that is part of this object, if any; the object is then shown regardless of its evidence.
     """
 
-    def __init__(self, landmarks: Sequence[Landmark], side_m2: float) -> None:
+    def __init__(self, landmarks: Sequence[Landmark], centre_m2: float) -> None:
         self.sums = SightingSums()
         for landmark in landmarks:
             self.sums.join(landmark.sums)
@@ -52,7 +52,7 @@ class Estimate:
             shared = shared + one.shared_m2 * (one.sums.count / self.sums.count)
         fused_m2 = np.linalg.inv(information)
         self.position_m: Array = fused_m2 @ vector
-        self.covariance_m2: Array = fused_m2 + np.eye(2) * side_m2 + shared + first.first_m2
+        self.covariance_m2: Array = fused_m2 + np.eye(2) * centre_m2 + shared + first.first_m2
         self._landmarks = landmarks
 
     def shows(self, rule: AssociationRule, others: Sequence[SightingSums] = ()) -> bool:

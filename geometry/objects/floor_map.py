@@ -288,7 +288,7 @@ class FloorMap:
         if item.estimate is None:
             extent_m = sum(one.extent_m * one.sums.count for one in item.landmarks)
             extent_m /= sum(one.sums.count for one in item.landmarks)
-            item.estimate = Estimate(item.landmarks, self.graph.rule.landmarks.side_m2(extent_m))
+            item.estimate = Estimate(item.landmarks, self.graph.rule.landmarks.centre_m2(extent_m))
         return item.estimate
 
     def _refresh(self) -> None:

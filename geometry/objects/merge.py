@@ -96,7 +96,7 @@ def fused(ours: MapObject, theirs: MapObject, rule: LandmarkRule) -> MapObject:
     chi2 = float(difference @ np.linalg.solve(ours.covariance_m2 + theirs.covariance_m2, difference))
     if chi2 > CHI2_997:
         ours, theirs = (replace(item, covariance_m2=item.covariance_m2 * chi2 / 2.0) for item in (ours, theirs))
-    floor_m2 = np.eye(2) * rule.side_m2(extent_m(ours.label, ours.width_m))
+    floor_m2 = np.eye(2) * rule.centre_m2(extent_m(ours.label, ours.width_m))
     a, b = (np.linalg.inv(positive(item.covariance_m2 - floor_m2, least=1e-4)) for item in (ours, theirs))
     own_m2 = np.linalg.inv(a + b)
     smallest = min(np.trace(ours.covariance_m2), np.trace(theirs.covariance_m2))

@@ -32,14 +32,11 @@ class Shape:
     """Apparent shape of a class for a camera near the floor, all in metres.
 
     reach, reach_per_width: the middle of the footprint lies `reach + reach_per_width * apparent width` behind the
-    middle of the box's lower edge. along, across: standard deviations of that, along the line of sight and across it.
-    width, width_sigma: usual apparent width (eq. 4), over all sides.
+    middle of the box's lower edge. width, width_sigma: usual apparent width (eq. 4), over all sides.
     """
 
     reach: float
     reach_per_width: float
-    along: float
-    across: float
     width: float
     width_sigma: float
 
@@ -53,17 +50,17 @@ class Shape:
 # rendered homes, seeds 8000-8021, training furniture. Some classes had few: bed 13, toilet 6, refrigerator 26; those
 # are rounded by judgement.
 MEASURED = {
-    "backpack": Shape(0.06, 0.00, 0.04, 0.03, 0.30, 0.06),
-    "bed": Shape(1.18, -0.20, 0.20, 0.25, 1.05, 0.36),
-    "chair": Shape(0.13, 0.23, 0.07, 0.06, 0.58, 0.14),
-    "couch": Shape(0.87, -0.15, 0.19, 0.14, 1.61, 0.35),
-    "dining table": Shape(0.08, 0.36, 0.18, 0.11, 0.95, 0.32),
-    "oven": Shape(0.33, 0.00, 0.05, 0.08, 0.57, 0.14),
-    "potted plant": Shape(0.12, 0.00, 0.10, 0.05, 0.48, 0.21),
-    "refrigerator": Shape(0.31, 0.00, 0.12, 0.09, 0.79, 0.14),
-    "suitcase": Shape(0.12, 0.25, 0.13, 0.05, 0.49, 0.18),
-    "toilet": Shape(0.15, 0.00, 0.12, 0.05, 0.50, 0.15),
-    "vase": Shape(0.06, 0.00, 0.04, 0.04, 0.28, 0.06),
+    "backpack": Shape(0.06, 0.00, 0.30, 0.06),
+    "bed": Shape(1.18, -0.20, 1.05, 0.36),
+    "chair": Shape(0.13, 0.23, 0.58, 0.14),
+    "couch": Shape(0.87, -0.15, 1.61, 0.35),
+    "dining table": Shape(0.08, 0.36, 0.95, 0.32),
+    "oven": Shape(0.33, 0.00, 0.57, 0.14),
+    "potted plant": Shape(0.12, 0.00, 0.48, 0.21),
+    "refrigerator": Shape(0.31, 0.00, 0.79, 0.14),
+    "suitcase": Shape(0.12, 0.25, 0.49, 0.18),
+    "toilet": Shape(0.15, 0.00, 0.50, 0.15),
+    "vase": Shape(0.06, 0.00, 0.28, 0.06),
 }
 
 
@@ -88,4 +85,4 @@ def shape_of(label: str, width_m: float) -> Shape:
     if label in MEASURED:
         return MEASURED[label]
     wide, deep = footprint_m(label, width_m)
-    return Shape(deep / 2.0, 0.0, 0.25 * deep, 0.1 * max(wide, deep), (wide + deep) / 2.0, 0.3 * wide)
+    return Shape(deep / 2.0, 0.0, (wide + deep) / 2.0, 0.3 * wide)

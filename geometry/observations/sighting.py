@@ -113,14 +113,13 @@ class BoxNoise:
 class FloorRule:
     """When a box counts as an object on the floor, and its weight. border_px: a lower edge within this distance of the
     picture's lower border is cut off. max_sigma_m: sightings less certain than this (largest standard deviation, pixel
-    and mount together) are dropped. max_distance_m: sightings farther away are dropped. mapped: labels that may be
+    and mount together) are dropped. mapped: labels that may be
     mapped; None means all. full_weight_score: at which a sighting counts half towards making an object; fully from 0.1
     above it on, not at all from 0.1 below.
     """
 
     border_px: float = 3.0
     max_sigma_m: float = 0.75
-    max_distance_m: float = 15.0
     noise: FloorNoise = field(default_factory=FloorNoise)
     box: BoxNoise = field(default_factory=BoxNoise)
     mapped: Collection[str] | None = None
@@ -177,14 +176,12 @@ def sightings_of(
         if box.is_out_of_sight or box.has_depth:
             nearer = float(box.direction @ (foot.position_m - box.lens_m)) / box.reach_m
             width_m, height_m = width_m * nearer, height_m * nearer + camera.mount.height_m * (1.0 - nearer)
-        along = np.outer(box.direction, box.direction)
-        guessed = along * box.shape.along**2 + (np.eye(2) - along) * box.shape.across**2  # the footprint is not seen
         middle_m = box.shape.reach_m(width_m)
         if box.cut:  # and with it, often, its nearest corner
             middle_m = max(middle_m - CUT_SHARE * extent_m(label, width_m), 0.0)
         sightings.append(
             Sighting(
-                label, score, foot.position_m + box.direction * middle_m, foot.covariance_m2 + guessed, shared_m2,
+                label, score, foot.position_m + box.direction * middle_m, foot.covariance_m2, shared_m2,
                 width_m, height_m, box.extent_m, box.reach_m, row, frame, stamp_s,
                 rule.weight(score) * (PART_COUNTS if box.is_hidden or box.cut else 1.0),
             )
@@ -229,7 +226,7 @@ def _on_floor(
         bearing = near[at] - lens
         reach_m = float(np.linalg.norm(bearing))
         sigma_m = _largest_sigma(own[at] + shared[at])
-        if sigma_m > rule.max_sigma_m * (1.0 + cover[at]) or reach_m > rule.max_distance_m:
+        if sigma_m > rule.max_sigma_m * (1.0 + cover[at]):
             continue
         if width_m * (1.0 - 2.0 * sigma_m / reach_m) > WIDEST_M.get(labels[row], math.inf):  # it is something else
             continue

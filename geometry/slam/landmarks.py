@@ -30,11 +30,12 @@ IMPOSSIBLE = 1e6  # cost of a pair that may not be
 @dataclass(frozen=True, slots=True)
 class LandmarkRule:
     """gap_m: path length without a sighting after which a visit ends. reach_m: greatest distance of two positions of
-    one object. side_share: standard deviation of an object's centre when observed from another side, as a share of the
-    object's longer side; more sightings do not reduce it. per_metre: standard deviation that odometry adds per
-    metre since the last sighting. view_m: standard deviation per keyframe that the view itself
-    adds to its sightings' own. repeated: share of a range's variance that all observations of a landmark have in
-    common: a box that ends too low does so from frame to frame (0.5 to 0.8 over 20,000 sightings of six homes).
+    one object. side_share: standard deviation of the distance of an object's centres as observed from two sides, as a
+    share of the object's longer side, since no box shows the footprint; more sightings do not reduce it. per_metre:
+    standard deviation that odometry adds per metre since the last sighting. view_m: standard deviation per keyframe
+    that the view itself adds to its sightings' own. repeated: share of a range's variance that all observations of a
+    landmark have in common: a box that ends too low does so from frame to frame (0.5 to 0.8 over 20,000 sightings of
+    six homes).
     """
 
     gap_m: float = 3.0
@@ -45,8 +46,12 @@ class LandmarkRule:
     repeated: float = 0.65
 
     def side_m2(self, extent_m: float) -> float:
-        """Variance of an object's centre when observed from another side, m^2."""
+        """Variance of the distance of an object's centres as observed from two sides, per axis, m^2."""
         return (self.side_share * extent_m) ** 2
+
+    def centre_m2(self, extent_m: float) -> float:
+        """Variance of an object's centre as observed from one of them, per axis, m^2."""
+        return self.side_m2(extent_m) / 2.0
 
 
 @dataclass(slots=True, eq=False)

@@ -91,8 +91,8 @@ class PoseGraph:
         landmark = self.landmarks.begin(item.label, item.width_m, -math.inf, item)
         landmark.sums = SightingSums.of_saved(item)
         landmark.position_m = item.position_m
-        side_m2 = self.rule.landmarks.side_m2(max(footprint_m(item.label, item.width_m)))
-        landmark.own_m2 = positive(item.covariance_m2 - np.eye(2) * side_m2, least=1e-4)
+        centre_m2 = self.rule.landmarks.centre_m2(max(footprint_m(item.label, item.width_m)))
+        landmark.own_m2 = positive(item.covariance_m2 - np.eye(2) * centre_m2, least=1e-4)
         return landmark
 
     def advance(self, motion: SE2, covariance: Array, stamp_s: float, heading_rad2: float = math.inf) -> bool:

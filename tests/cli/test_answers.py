@@ -131,8 +131,8 @@ def test_a_configuration_of_strange_keys_and_values_is_one_short_line(capsys, tm
     for config in (
         {"config": {"a\n\x1b[31m": 1}},
         {"config": ["a" * 100_000]},
-        {"config": {"floor": {"max_distance_m": ["b" * 100_000]}}},
-        {"config": {"floor": {"max_distance_m": "c" * 100_000}}},
+        {"config": {"floor": {"max_sigma_m": ["b" * 100_000]}}},
+        {"config": {"floor": {"max_sigma_m": "c" * 100_000}}},
     ):
         path = tmp_path / "run.json"
         path.write_text(json.dumps(config))

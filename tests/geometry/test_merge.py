@@ -1,3 +1,4 @@
+import math
 from dataclasses import replace
 
 import numpy as np
@@ -12,7 +13,7 @@ from edgemap.geometry.se2 import SE2
 from edgemap.geometry.slam.landmarks import LandmarkRule
 
 SURE = LandmarkRule(side_share=0.0)
-SYSTEMATIC = LandmarkRule(side_share=0.16)  # of a chair's 0.5 m
+SYSTEMATIC = LandmarkRule(side_share=0.16 * math.sqrt(2.0))  # 0.08 m from one side of a chair of 0.5 m
 
 
 def laid(pose, pairs, covariance=None):

@@ -16,7 +16,7 @@ from edgemap.geometry.se2 import SE2
 
 NAMES = ("chair", "person", "vase", "dining table", "tv", "refrigerator", "suitcase", "couch")
 CAMERA = FloorCamera(Intrinsics(640, 480, 500.0, 500.0, 319.5, 239.5), Mount(1.0, 0.0, 0.0, 0.2, 0.0))
-EVERY = FloorRule(max_sigma_m=math.inf, max_distance_m=math.inf)
+EVERY = FloorRule(max_sigma_m=math.inf)
 
 
 def seen(*boxes):
@@ -145,9 +145,7 @@ def test_feet_below_the_picture_are_between_the_robot_and_the_nearest_floor_seen
     assert chair.position_base_m == pytest.approx([0.2 + 1.0233 + 0.2665, 0.0], abs=1e-3)
     assert chair.width_m == pytest.approx(0.5935, abs=1e-3)
     assert chair.height_m == pytest.approx(1.0 - 0.2 * 1.0233, abs=1e-3)
-    assert chair.covariance_m2[0, 0] == pytest.approx(
-        0.5437**2 * 0.2414**2 / (0.5437**2 + 0.2414**2) + 0.07**2, rel=0.01
-    )
+    assert chair.covariance_m2[0, 0] == pytest.approx(0.5437**2 * 0.2414**2 / (0.5437**2 + 0.2414**2), rel=0.01)
     assert chair.weight == pytest.approx(0.5)  # a part of it is seen, which counts half
     (whole,) = sightings_of(seen(("chair", 175, 340, 465, 470)), CAMERA, FloorRule(full_weight_score=0.8))
     assert whole.weight == pytest.approx(1.0)
@@ -191,7 +189,7 @@ def test_a_foot_behind_what_is_no_floor_is_between_that_and_the_lower_edge():
     (standing,) = sightings_of(box, CAMERA, FloorRule(full_weight_score=0.8), floor=FloorMask(floor, 640, 480))
     assert standing.position_base_m[0] == pytest.approx(0.2 + 3.333 + 0.13 + 0.23 * 0.533, abs=2e-3)
     assert hidden.position_base_m[0] == pytest.approx(0.2 + 2.966 + 0.13 + 0.23 * 0.475, abs=2e-3)
-    assert hidden.covariance_m2[0, 0] == pytest.approx(1.0 / (1.0 / 0.2406**2 + 1.0 / 0.875**2) + 0.07**2, rel=0.02)
+    assert hidden.covariance_m2[0, 0] == pytest.approx(1.0 / (1.0 / 0.2406**2 + 1.0 / 0.875**2), rel=0.02)
     assert (hidden.weight, standing.weight) == (pytest.approx(0.5), pytest.approx(1.0))
 
 
@@ -199,7 +197,7 @@ def test_a_foot_that_could_be_anywhere_is_no_place():
     """No floor down to the picture's lower border: between 2.08 m and 12.5 m."""
     box, nowhere = seen(("chair", 310, 200, 330, 280)), FloorMask(np.zeros((96, 64), dtype=np.float32), 640, 480)
     assert sightings_of(box, CAMERA, EVERY, floor=nowhere)
-    assert not sightings_of(box, CAMERA, FloorRule(max_distance_m=20.0), floor=nowhere)
+    assert not sightings_of(box, CAMERA, FloorRule(), floor=nowhere)
 
 
 @given(st.lists(st.tuples(*[st.floats(0, 640)] * 4), min_size=1, max_size=6))

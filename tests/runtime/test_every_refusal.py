@@ -94,7 +94,7 @@ def test_more_rows_than_are_read(tmp_path, monkeypatch):
 
 
 def test_a_tuned_number_beyond_all_sense(tmp_path):
-    (tmp_path / "run.json").write_text(json.dumps({"config": {"floor": {"max_distance_m": 1e15}}}))
+    (tmp_path / "run.json").write_text(json.dumps({"config": {"floor": {"max_sigma_m": 1e15}}}))
     with pytest.raises(config.ConfigError, match="not a finite number"):
         config.load_config(tmp_path / "run.json")
 
@@ -124,7 +124,7 @@ def test_the_parts_of_a_recording_that_cannot_be(monkeypatch):
 
 def test_half_a_character_in_yaml(tmp_path):
     """Python's strings hold it, no file does, and what checks the values cannot encode it."""
-    for text in ('{"config": {"floor": {"max_distance_m": "\\ud800"}}}', '"\\udfff": 1'):
+    for text in ('{"config": {"floor": {"max_sigma_m": "\\ud800"}}}', '"\\udfff": 1'):
         (tmp_path / "a.yaml").write_text(text)
         with pytest.raises(config.ConfigError, match="half a character"):
             config.load_config(tmp_path / "a.yaml")
