@@ -1,17 +1,18 @@
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from edgemap.geometry.camera.floor import FloorCamera
+from edgemap.geometry.camera.floor import FloorCamera, FloorNoise, floor_covariances
 from edgemap.geometry.camera.intrinsics import Intrinsics
 from edgemap.geometry.camera.mount import Mount
 from edgemap.geometry.observations.detections import Detections
 from edgemap.geometry.observations.floor_mask import FloorMask
 from edgemap.geometry.observations.occlusion import covered
-from edgemap.geometry.observations.sighting import FloorRule, sightings_of
+from edgemap.geometry.observations.sighting import BoxNoise, FloorRule, sightings_of
 from edgemap.geometry.se2 import SE2
 
 NAMES = ("chair", "person", "vase", "dining table", "tv", "refrigerator", "suitcase", "couch")
@@ -210,3 +211,16 @@ def test_a_covered_share_is_the_share_of_columns_behind_nearer_boxes(corners):
         if bottom > y1 + 3 and top < y1:
             behind |= (columns >= left) & (columns <= right)
     assert covered(boxes, 0) == pytest.approx(behind.mean(), abs=1e-3)
+
+
+@given(st.floats(50, 500), st.floats(260, 420))
+def test_a_sighting_is_dropped_by_the_longer_axis_of_its_covariance(x0, y1):
+    """With one pixel noise for all edges, that axis is the largest eigenvalue's."""
+    box, pixel = seen(("chair", x0, y1 - 60, x0 + 40, y1)), BoxNoise(0.004, 0.0, 0.0, 0.0)
+    own, shared = floor_covariances(CAMERA, [(x0 + 19.5, y1 - 0.5)], [(2.56, 2.56)], FloorNoise())
+    longer_m = math.sqrt(np.linalg.eigvalsh(own[0] + shared[0])[1])
+    kept = [
+        len(sightings_of(box, CAMERA, replace(EVERY, box=pixel, max_sigma_m=longer_m * share)))
+        for share in (1.001, 0.999)
+    ]
+    assert kept == [1, 0]
