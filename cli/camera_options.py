@@ -56,6 +56,8 @@ def read_mount_numbers(text: str | None) -> tuple[float, float | None] | None:
     try:
         height_m, pitch_deg = float(text), None
     except ValueError:
+        if "," not in text:
+            raise OptionError(f"--mount {text!r}: expected HEIGHT_M or HEIGHT_M,PITCH_DEG (m, degrees)") from None
         height_m, pitch_deg = numbers(text, "--mount", "HEIGHT_M,PITCH_DEG")
     _checked_mount(text, height_m, pitch_deg or 0.0)
     return height_m, pitch_deg
