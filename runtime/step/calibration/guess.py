@@ -34,7 +34,6 @@ from edgemap.runtime.step.calibration.guess_sizes import (
     pitch_by_sizes,
 )
 
-RULER = 0.02  # a height by tape measure: its standard deviation as a share
 SURE_RAD = math.radians(0.5)  # of a pitch by edges with the right focal length
 LOWEST_M, HIGHEST_M = 0.05, 3.0
 LEAST_FLOOR = 0.1  # share of the picture below the horizon
@@ -155,9 +154,7 @@ def guess_camera(
         scatter, roll_scatter = (1.48 * np.median(np.abs(angles - [by_edges, roll]), axis=0)).tolist()
         if roll_scatter > SWAYING_RAD:
             sway_rad, usual = scatter, (CARRIED_HEIGHT_M, CARRIED_SIGMA)
-    if height_m is not None:
-        usual = (height_m, RULER)
-    pitch, pitch_sigma, count = pitch_by_sizes(boxes, lens, usual if sway_rad or height_m is not None else None)
+    pitch, pitch_sigma, count = pitch_by_sizes(boxes, lens, usual if sway_rad else None)
     pitch_how = f"{count} objects of usual sizes" if count else "usual for a robot"
     if by_edges is not None:
         # A focal length that is wrong turns the horizon's row into another pitch.

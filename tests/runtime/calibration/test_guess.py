@@ -56,6 +56,19 @@ def test_furniture_of_usual_size_shows_height_and_pitch(height_m, pitch_deg, sha
     assert math.degrees(guess.mount.pitch_rad) == pytest.approx(pitch_deg, abs=3.0)
 
 
+@pytest.mark.parametrize(("height_m", "pitch_deg"), [(0.6, 12.0), (1.1, 20.0), (0.4, 6.0)])
+def test_a_given_height_stays_and_leaves_the_pitch_to_be_guessed(height_m, pitch_deg):
+    random, mount = np.random.default_rng(3), Mount.from_degrees(height_m, pitch_deg)
+    places = [(int(random.integers(3)), random.uniform(1.5, 5.0), random.uniform(-1.5, 1.5)) for _ in range(120)]
+    scenes = [scene for scene in (boxes_of(mount, [place]) for place in places) if len(scene.boxes)][:40]
+    rest = iter(scenes)
+    guess = guess_camera([GREY] * len(scenes), lambda _: next(rest), LENS, height_m=height_m)
+    assert (guess.mount.height_m, guess.height_sigma) == (height_m, 0.0)
+    assert math.degrees(guess.mount.pitch_rad) == pytest.approx(pitch_deg, abs=3.0)
+    assert guess.record()["height_sigma_share"] == 0.0
+    assert "as given" in guess.lines()[1]
+
+
 @pytest.mark.parametrize("walk", ["lounge", "hololens"])
 def test_a_camera_on_a_head_is_reported_as_carried_with_a_height_that_covers_the_truth(walk, shared_data):
     """The lens is 1.64 m above the floor and looks down by 21 and 23 degrees on average."""
