@@ -76,7 +76,7 @@ def _by_height(path: Path, height_m: float) -> float:
         wheels = int(record.get("quality", {}).get("wheel_frames", 0))
         depth = int(record.get("attitude_sources", {}).get("depth", 0))
         odometry = str(record.get("odometry", ""))
-    except (KeyError, TypeError, ValueError, AttributeError):
+    except (KeyError, TypeError, ValueError, AttributeError, OverflowError):
         raise RunFolderError(f"{run}: it has no mount") from None
     measured = "wheels" if wheels else "depth" if depth else odometry if _given(odometry) else ""
     if measured:

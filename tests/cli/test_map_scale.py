@@ -104,6 +104,16 @@ def test_the_run_itself_is_not_overwritten(edgemap, run_folder):
     assert edgemap("map", "scale", run_folder.parent, "--height", "0.6", "-o", "x").returncode != 0
 
 
+@pytest.mark.parametrize("height", ["1" + "0" * 400, "[]", "null", '"x"'])
+def test_a_damaged_run_json_is_one_line(edgemap, run_folder, tmp_path, height):
+    record = run_folder / "run.json"
+    record.write_text(record.read_text().replace("0.75", height))
+    done = edgemap("map", "scale", run_folder, "--height", "0.6", "-o", tmp_path / "scaled")
+    assert done.returncode == 1
+    assert "run.json: it has no mount" in done.stderr
+    assert len(done.stderr.splitlines()) == 1
+
+
 @pytest.mark.parametrize("factor", [0.5, 0.77, 1.0, 1.3, 2.0])
 def test_a_grid_of_any_origin_keeps_its_places(factor):
     """Each state of the scaled grid is that of the old one at the point that lands there."""
