@@ -85,12 +85,23 @@ def command(
         print_json([asdict(finding) for finding in findings])
     else:
         signs = {"ok": "ok     ", "missing": "missing", "broken": "BROKEN "}
-        for finding in findings:
+        for finding in _gathered(findings):
             print(f"{signs[finding.state]}  {finding.topic:<12} {finding.text}")
             if finding.remedy:
                 print(f"{'':<22} -> {finding.remedy}")
     if any(finding.state == "broken" for finding in findings):
         raise SystemExit(1)
+
+
+def _gathered(findings: list[Diagnosis]) -> list[Diagnosis]:
+    """For reading: the extras that are not installed, of which most users need none, as one."""
+    extras = [one for one in findings if one.topic == "extra" and one.state == "missing"]
+    if len(extras) < 2:
+        return findings
+    uses = "; ".join(one.text.partition(" lacks ")[0].removeprefix("extra ") for one in extras)
+    together = Diagnosis("extras", "missing", f"not installed, each for one use: {uses}", install_hint("NAME"))
+    first = findings.index(extras[0])
+    return [*findings[:first], together, *(one for one in findings[first:] if one not in extras)]
 
 
 def _examine(camera: Source, bundle: str | None, plot: Path | None) -> Iterator[Diagnosis]:

@@ -152,6 +152,20 @@ def test_doctor_knows_every_extra_and_every_package_of_it():
     assert {extra: set(modules.values()) for extra, (_, modules) in EXTRAS.items()} == extras
 
 
+def test_doctor_prints_extras_that_are_not_installed_as_one(monkeypatch, capsys):
+    """What a run needs stands alone; --json keeps one finding for each."""
+    monkeypatch.setattr("importlib.util.find_spec", lambda name, *_: None)
+    main(["doctor"])
+    lines = capsys.readouterr().out.splitlines()
+    (line,) = (line for line in lines if line.startswith("missing  extra"))
+    assert "view (run --view)" in line
+    assert "plot (map show, detect --plot)" in line
+    assert "[NAME]'" in lines[lines.index(line) + 1]
+    main(["doctor", "--json"])
+    found = [finding for finding in json.loads(capsys.readouterr().out) if finding["topic"] == "extra"]
+    assert len(found) == len(EXTRAS)
+
+
 def test_a_strangers_map_is_drawn_whatever_its_names_and_links_say(tmp_path):
     """Dollar signs are no formulas, and map.png beside the map is replaced where it links to a file of the user's."""
     pytest.importorskip("matplotlib")
