@@ -89,9 +89,10 @@ class CameraKeeper:
         self._by_hand = True
         return self._path
 
-    def at_end(self, observed: "MountEstimate | None") -> str | None:
+    def at_end(self, observed: "MountEstimate | None", alone: bool = True) -> str | None:
         """Saves the guess, unless a person has set the mount. Returns the lines to print: where it is, and where the
-        height is guessed the command that takes one by tape measure."""
+        height is guessed the commands that take one by tape measure. alone: whether no wheels and no depth measured the
+        path."""
         from edgemap.geometry.camera.floor import FloorCamera
 
         if self._guess is not None and not self._by_hand:
@@ -108,11 +109,17 @@ class CameraKeeper:
             return line
         height = f"{self._floor.mount.height_m:.2f}"
         again = shlex.join(["edgemap", "run", "--camera", self._spec, "--camera-file", str(self._path)])
-        return (
-            f"{line}\nthe height of the lens, {height} m, is a guess to {100 * guess.height_sigma:.0f} %, and so is "
-            f"the map's scale. Measure it with a tape, from floor to lens, and run again with it instead of {height}:"
-            f"\n  {again} --mount {height}"
-        )
+        folder = self._path.parent
+        scale = shlex.join(["edgemap", "map", "scale", str(folder), "--height", height, "-o", f"{folder}-scaled"])
+        what = "the scale of the map" if alone else "the distance of each object"
+        lines = [
+            line,
+            f"the height of the lens, {height} m, is a guess to {100 * guess.height_sigma:.0f} %, and {what} with it;",
+            f"measure it with a tape, from floor to lens, and run again with it instead of {height}:",
+            f"  {again} --mount {height}",
+            *(["or scale this map by it:", f"  {scale}"] if alone else []),
+        ]
+        return "\n".join(lines)
 
     def _write(self, calibration: dict[str, object]) -> None:
         from edgemap.runtime.inputs.drives.camera_yaml import write_camera_yaml

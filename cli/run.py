@@ -115,7 +115,9 @@ class _Drive:
         self.record = run_record(options, source, loaded, floor, threshold, self.mapped, tuned)
         self.record |= {"loop_closure": self.slam.mapper.loop_closer.closes_loops}
         self.record |= {"camera_guess": guess.record()} if guess else {}
-        self.mount_source = "guessed" if guess and (guess.height_sigma or guess.pitch_sigma_rad) else "given"
+        guessed = (guess.pitch_sigma_rad, guess.height_sigma) if guess else (0.0, 0.0)
+        angles, height = ("guessed" if sigma else "given" for sigma in guessed)
+        self.mount_sources = angles, height
         self.crops = BestCrops()
 
     def run(self) -> None:
@@ -155,7 +157,7 @@ class _Drive:
         from edgemap.runtime.step.loop import run
 
         camera, advanced, saved = self.options.camera, self.options.advanced, self.options.map.saved
-        notifier, summary = ServiceNotifier(), RunSummary(self.floor.mount, self.mount_source)
+        notifier, summary = ServiceNotifier(), RunSummary(self.floor.mount, self.mount_sources)
         trusted = advanced.config if advanced.config_options else None
         source = budgeted(self.source, read_share(advanced.cpu), trusted)
         publishers = self._publishers(edits)
@@ -184,8 +186,11 @@ class _Drive:
         summary.print(self.folder, done, stop.is_set(), files.verdict, report.evaluation_rows)
         if line := where_it_was(self.slam.mapper, saved):
             print(line)
-        if summary.result and (line := self.kept_camera.at_end(summary.result.observed.mount_estimate)):
-            print(line)
+        if result := summary.result:
+            alone = not any(name.startswith("wheel") for name in result.motion.members)
+            alone = alone and result.observed.attitude_source != "depth"
+            if line := self.kept_camera.at_end(result.observed.mount_estimate, alone):
+                print(line)
         print(report.failure or f"see it:  {report.path}")
         page.stay(stop, lambda: edits.apply(self.slam.mapper, done))
         edits.settle(self.slam.mapper)

@@ -20,13 +20,13 @@ class RunSummary:
 
     name = "summary"
 
-    def __init__(self, mount: "Mount", mount_source: str = "given") -> None:
+    def __init__(self, mount: "Mount", mount_sources: tuple[str, str] = ("given", "given")) -> None:
         self.result: StepResult | None = None
         self.objects: list[MapObject] = []
         self.height: HeightEstimate | None = None  # of the lens, as last shown
         self.fault_count = 0
         self.faults: dict[str, str] = {}  # by kind, the first text
-        self._mount, self._mount_source = mount, mount_source
+        self._mount, self._mount_sources = mount, mount_sources
 
     def write(self, result: "StepResult", objects: "list[MapObject]") -> None:
         """Stores the result."""
@@ -60,7 +60,7 @@ class RunSummary:
             f"map of {len(self.objects)} objects saved in {folder}/",
             f"{'stopped' if stopped else 'done'} after {done} frames, {travelled_m:.1f} m travelled",
             printable(verdict.line) + ("" if verdict.level == "good" else f"; see edgemap why {folder}/"),
-            *([seen_text(self._mount, observed, self.height, self._mount_source)] if shown else []),
+            *([seen_text(self._mount, observed, self.height, self._mount_sources)] if shown else []),
             *([self.fault_line(folder)] if self.faults else []),
             *object_lines(self.objects, evaluation_rows),
         ]

@@ -23,17 +23,23 @@ def angles_text(pitch_deg: float, roll_deg: float) -> str:
 
 
 def seen_text(
-    given: Mount, seen: MountEstimate | None, height: HeightEstimate | None = None, source: str = "given"
+    given: Mount,
+    seen: MountEstimate | None,
+    height: HeightEstimate | None = None,
+    sources: tuple[str, str] = ("given", "given"),
 ) -> str:
-    """One line with the configured and the estimated angles and height of a mount. source: of the configured ones."""
+    """One line with the configured and the estimated angles and height of a mount. sources: of the configured angles,
+    and of the height."""
     parts = []
     if seen is not None:
         pitch = given.pitch_rad, seen.mount.pitch_rad, seen.sigma_rad[1]
         roll = given.roll_rad, seen.mount.roll_rad, seen.sigma_rad[0]
         for name, angle in (("pitch", pitch), ("roll", roll)):
-            parts.append(name + f" {{:.1f}} deg {source}, {{:.1f}} +- {{:.1f}} deg seen".format(*np.degrees(angle)))
+            parts.append(name + f" {{:.1f}} deg {sources[0]}, {{:.1f}} +- {{:.1f}} deg seen".format(*np.degrees(angle)))
     if height is not None:
-        parts.append(f"height {given.height_m:.2f} m {source}, {height.height_m:.2f} +- {height.sigma_m:.2f} m seen")
+        parts.append(
+            f"height {given.height_m:.2f} m {sources[1]}, {height.height_m:.2f} +- {height.sigma_m:.2f} m seen"
+        )
     return f"mount: {'; '.join(parts)}"
 
 

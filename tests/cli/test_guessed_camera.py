@@ -38,17 +38,22 @@ def test_pictures_without_camera_yaml_are_mapped_by_a_guess(edgemap, painted_bun
 
 
 def test_a_run_by_a_guess_asks_for_the_height_alone(edgemap, painted_bundle, pictures, tmp_path):
-    """The command that it prints runs as it stands, with that height: nothing of it is a guess any more but the lens
-    and the pitch, and the map is never called good by it."""
+    """The commands that it prints run as they stand, with another height too. Lens and pitch remain guesses, so the
+    map is not called good."""
     (pictures / "camera.yaml").unlink()
     first = edgemap("run", "--camera", pictures, "--bundle", painted_bundle, "--out", tmp_path / "run")
     assert first.returncode == 0, first.stderr
+    (scale,) = (line for line in first.stdout.splitlines() if line.startswith("  edgemap map scale "))
+    scaled = edgemap(*shlex.split(scale)[1:])
+    assert scaled.returncode == 0, scaled.stderr
+    assert (tmp_path / "run-scaled" / "map.json").is_file()
     (line,) = (line for line in first.stdout.splitlines() if line.startswith("  edgemap run "))
     *command, height = shlex.split(line)[1:]
     assert command[-1] == "--mount"
     second = edgemap(*command, "0.83", "--bundle", painted_bundle, "--out", tmp_path / "again")
     assert second.returncode == 0, second.stderr
     assert "  edgemap run " not in second.stdout
+    assert "height 0.83 m guessed" not in second.stdout
     before, after = (json.loads((tmp_path / name / "run.json").read_text()) for name in ("run", "again"))
     assert f"{before['mount']['height_m']:.2f}" == height
     assert after["mount"]["height_m"] == 0.83
