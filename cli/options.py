@@ -29,7 +29,8 @@ OdometrySpec = Annotated[
     arg(
         metavar="SPEC",
         help="Where the robot's motion comes from: hybrid (flow, planar, and gyro and wheels where the source brings "
-        "them); flow (a network on the backbone's features); planar (floor corners); gyro; truth (the drive's own "
+        "them); flow (a network on the backbone's features); planar (floor corners); window (the same, "
+        "keyframes of a carried camera optimised together); gyro; truth (the drive's own "
         "poses); paper (the bundle's ConvLSTM head); wheel:FILE.csv (stamp_s,x_m,y_m,yaw_rad) or wheel:FILE.mcap; "
         "FILE.tum (poses of the base).",
     ),

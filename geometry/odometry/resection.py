@@ -140,6 +140,12 @@ def _level(forward: Array, up: Array) -> tuple[Array, Array]:
     return ahead, np.cross(up, ahead)
 
 
+def rotation_vector(rotation: Array) -> Array:
+    """Axis times angle (3,) of a small rotation (3, 3), rad."""
+    skew = rotation - rotation.T
+    return np.array([skew[2, 1], skew[0, 2], skew[1, 0]]) / 2.0
+
+
 def _small(step: Array) -> LensPose:
     """A small displacement and rotation vector (6,) as a pose (Rodrigues)."""
     angle = float(np.linalg.norm(step[3:]))

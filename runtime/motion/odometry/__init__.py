@@ -4,6 +4,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from edgemap.geometry.camera.floor import FloorCamera
+from edgemap.geometry.odometry.keyframe_window import WindowRule
 from edgemap.runtime.frames.errors import OdometryError
 from edgemap.runtime.frames.trajectory import Trajectory, read_tum
 from edgemap.runtime.inputs.cameras.protocol import Camera
@@ -18,6 +19,7 @@ from edgemap.runtime.motion.odometry.learned import FlowRule, LearnedOdometry
 from edgemap.runtime.motion.odometry.planar import PlanarOdometry, PlanarRule
 from edgemap.runtime.motion.odometry.protocol import Motion, Odometry
 from edgemap.runtime.motion.odometry.recorded import WHEEL, DriftRate, RecordedOdometry
+from edgemap.runtime.motion.odometry.window import WindowOdometry
 from edgemap.runtime.network.bundle import Bundle
 
 __all__ = ["Motion", "Odometry", "OdometryRules", "open_odometry", "wheel_trajectory"]
@@ -25,11 +27,12 @@ __all__ = ["Motion", "Odometry", "OdometryRules", "open_odometry", "wheel_trajec
 
 @dataclass(frozen=True, slots=True)
 class OdometryRules:
-    """Tuned parameters of the odometries: planar landmarks, keyframes with depth, the flow head's keyframes, wheels,
-    the hybrid of all, and the guess while blind.
+    """Tuned parameters of the odometries: planar landmarks, the window of keyframes, keyframes with depth, the flow
+    head's keyframes, wheels, the hybrid of all, and the guess while blind.
     """
 
     planar: PlanarRule = field(default_factory=PlanarRule)
+    window: WindowRule = field(default_factory=WindowRule)
     depth: DepthRule = field(default_factory=DepthRule)
     flow: FlowRule = field(default_factory=FlowRule)
     wheels: DriftRate = WHEEL
@@ -46,7 +49,8 @@ def open_odometry(
     wheels: bool = True,
     rules: OdometryRules | None = None,
 ) -> Odometry:
-    """The odometry that a SPEC names: hybrid, flow, planar, gyro, paper, truth, wheel:FILE.csv|.mcap or FILE.tum.
+    """The odometry that a SPEC names: hybrid, flow, planar, window, gyro, paper, truth, wheel:FILE.csv|.mcap or
+    FILE.tum.
 
     wheels: whether the hybrid listens to the source's wheels, where it brings any.
     Raises OdometryError for one that is unknown or not to be had here.
@@ -58,6 +62,8 @@ def open_odometry(
         return HybridOdometry(members, rules.hybrid, coasting, warning)
     if spec == "gyro":
         return GyroOdometry()
+    if spec == "window":
+        return _tracked(floor, rules, window=True)
     if spec == "planar":
         return _tracked(floor, rules)
     if spec in ("flow", "paper"):
@@ -71,7 +77,7 @@ def open_odometry(
     if spec.endswith(".tum"):
         return RecordedOdometry(read_tum(Path(spec)), spec, edge_s=POSES_EDGE_S)
     raise OdometryError(
-        f"odometry {spec!r} is not hybrid, flow, planar, gyro, paper, truth, wheel:FILE.csv|.mcap or FILE.tum"
+        f"odometry {spec!r} is not hybrid, flow, planar, window, gyro, paper, truth, wheel:FILE.csv|.mcap or FILE.tum"
     )
 
 
@@ -80,10 +86,11 @@ def wheel_trajectory(path: str | Path) -> Trajectory:
     return read_wheel(str(path)) if is_recording(str(path)) else Trajectory(*read_wheel_csv(Path(path)))
 
 
-def _tracked(floor: FloorCamera, rules: OdometryRules) -> DepthOdometry:
-    """Corners by their depth, where frames bring any, and on the floor where not."""
-    planar = PlanarOdometry(floor, rules.planar, rules.coasting)
-    return DepthOdometry(floor, planar, rules.depth)
+def _tracked(floor: FloorCamera, rules: OdometryRules, window: bool = False) -> DepthOdometry:
+    """Corners by their depth, where frames bring any, and on the floor where not. window: optimise keyframes."""
+    if window:
+        return DepthOdometry(floor, WindowOdometry(floor, rules.planar, rules.coasting, rules.window), rules.depth)
+    return DepthOdometry(floor, PlanarOdometry(floor, rules.planar, rules.coasting), rules.depth)
 
 
 POSES_EDGE_S = 0.15  # poses that are taken as they are may end a frame early
@@ -100,8 +107,9 @@ def _members(
         coasting = rules.coasting.of_unit(floor.mount.platform.unit_m)
         flow = LearnedOdometry(bundle, "flow", floor, coasting=coasting, rule=rules.flow)
     warning = flow.warning if flow else ""
-    # A camera outside the head's envelope is carried, and nods.
-    members = [Member(_tracked(floor, rules), CAMERA, scale**2 if warning else scale)]
+    # A camera outside the head's envelope is carried, and nods, unless it rides on wheels or on a road.
+    carried = bool(warning) and camera.wheel is None and floor.mount.platform.in_room
+    members = [Member(_tracked(floor, rules, carried), CAMERA, scale**2 if warning else scale)]
     if flow is not None and not warning:
         reach_rad = 2.0 * rules.flow.keyframe_rad
         members.append(Member(flow, CAMERA, scale**4, reach_rad=reach_rad, seconds=rule.flow_variance_share))

@@ -166,9 +166,7 @@ class PlanarOdometry:
 
     def _followed(self, frame: Frame, prior: FramePrior) -> Motion:
         """The motion in the camera's unit of length."""
-        grey = cv2.cvtColor(frame.image, cv2.COLOR_BGR2GRAY)
-        if (grey.shape[1], grey.shape[0]) != self._size:
-            grey = cv2.resize(grey, self._size, interpolation=cv2.INTER_AREA)
+        grey = self._grey_of(frame)
         if self._grey is not None and frame.stamp_s - self._seen_s > LONGEST_DT_S:
             self._start_again()
         last, self._grey, dt_s = self._grey, grey, frame.stamp_s - self._seen_s
@@ -220,6 +218,13 @@ class PlanarOdometry:
         direction = self._travelled()
         self._seek(grey)
         return Motion(motion, covariance, rotation=replace(seen, travelled=direction))
+
+    def _grey_of(self, frame: Frame) -> MatLike:
+        """The picture in grey at the working width."""
+        grey = cv2.cvtColor(frame.image, cv2.COLOR_BGR2GRAY)
+        if (grey.shape[1], grey.shape[0]) != self._size:
+            grey = cv2.resize(grey, self._size, interpolation=cv2.INTER_AREA)
+        return grey
 
     def step_blind(self, stamp_s: float, reason: str, attitude: Attitude | None = None) -> Motion:  # noqa: ARG002
         """Predicts the motion without a picture. The landmarks are kept; the next picture measures the motion since the
@@ -475,11 +480,7 @@ class PlanarOdometry:
         """Tracks the corners. Those that fail or leave the picture are dropped with their landmarks."""
         if len(self._corners) == 0:
             return
-        projection = project(self._landmarks, self._camera, self._ahead(self._since @ self._motion))
-        expected = self._camera.intrinsics.project(
-            np.column_stack([projection.predicted, np.where(projection.ahead, 1.0, np.nan)])
-        )
-        expected = np.where(np.isfinite(expected), expected, self._corners).astype(np.float32)
+        expected = self._expected()
         if not self._rotation_known:
             expected += self._surprise(last, grey, expected)
         moved, status, _ = cv2.calcOpticalFlowPyrLK(
@@ -492,6 +493,14 @@ class PlanarOdometry:
         good = (status.reshape(-1) == 1) & inside
         self._before = self._before[good]
         self._keep(good)
+
+    def _expected(self) -> Pixels:
+        """Where the corners are expected in this picture, (N, 2) px."""
+        projection = project(self._landmarks, self._camera, self._ahead(self._since @ self._motion))
+        expected = self._camera.intrinsics.project(
+            np.column_stack([projection.predicted, np.where(projection.ahead, 1.0, np.nan)])
+        )
+        return np.where(np.isfinite(expected), expected, self._corners).astype(np.float32)
 
     def _surprise(self, last: MatLike, grey: MatLike, expected: Pixels) -> Pixels:
         """Unexpected shift of the picture, (2,) px; zero unless it is more than the tracker can follow."""
@@ -519,7 +528,7 @@ class PlanarOdometry:
         free = np.full(grey.shape, 255, dtype=np.uint8)
         for corner in self._corners.astype(np.intp).tolist():
             cv2.circle(free, corner, self._rule.apart_px, 0, -1)
-        floors = int(self._landmarks.floor.sum())
+        floors = self._floor_count()
         for mask, have, share in (
             (free & self._mask, floors, self._rule.floor_share),
             (free & ~self._mask, len(self._corners) - floors, 1.0 - self._rule.floor_share),
@@ -537,16 +546,24 @@ class PlanarOdometry:
             if found is None:
                 continue
             fresh = np.asarray(found.reshape(-1, 2) + [0.0, top], dtype=np.float32)
-            rays = _rays(self._bearings(fresh))
-            trusting = self._on_floor(self._mask, fresh)
-            new = new_landmarks(rays, self._camera, self._view, self._noise, self._reach_m, trusting)
-            if self._carried.on_wheels:
-                apart2 = ((fresh[:, None] - self._corners) ** 2).sum(axis=2)
-                near = np.exp(-apart2 / (2.0 * self._spacing_px**2))
-                new = with_neighbours_depth(new, near, self._landmarks, self._camera, self._view, self._noise)
-            self._corners, self._landmarks = np.concatenate([self._corners, fresh]), self._landmarks.joined(new)
-            rays = np.concatenate([self._keyframe[2], np.full((len(fresh), 3), np.nan)])
-            self._keyframe = *self._keyframe[:2], rays
+            self._begin(fresh)
+
+    def _floor_count(self) -> int:
+        """Number of corners on the floor."""
+        return int(self._landmarks.floor.sum())
+
+    def _begin(self, fresh: Pixels) -> None:
+        """Landmarks of new corners (N, 2)."""
+        rays = _rays(self._bearings(fresh))
+        trusting = self._on_floor(self._mask, fresh)
+        new = new_landmarks(rays, self._camera, self._view, self._noise, self._reach_m, trusting)
+        if self._carried.on_wheels:
+            apart2 = ((fresh[:, None] - self._corners) ** 2).sum(axis=2)
+            near = np.exp(-apart2 / (2.0 * self._spacing_px**2))
+            new = with_neighbours_depth(new, near, self._landmarks, self._camera, self._view, self._noise)
+        self._corners, self._landmarks = np.concatenate([self._corners, fresh]), self._landmarks.joined(new)
+        rays = np.concatenate([self._keyframe[2], np.full((len(fresh), 3), np.nan)])
+        self._keyframe = *self._keyframe[:2], rays
 
     def _trusting(self) -> bool:
         """Whether corners below the horizon count as floor immediately."""

@@ -1,0 +1,432 @@
+"""A sliding window of keyframes and points, optimised together: bundle adjustment with a floor, gravity and a gyro.
+
+Optical axes are those of a camera (z ahead); the world has the floor at z = 0 and z up. A pose is perturbed by a
+rotation from the left and a displacement, both in world axes: six numbers. A point lies on a ray of its host, the first
+keyframe that observed it, at an inverse depth. Poses that leave the window are marginalised (Schur complement).
+"""
+
+from dataclasses import dataclass, fields, replace
+from typing import Self
+
+import numpy as np
+from numpy.typing import NDArray
+
+from edgemap.geometry.arrays import Array
+from edgemap.geometry.camera.inertial import small_rotation
+from edgemap.geometry.odometry.resection import TUKEY, DepthLandmarks, LensPose, resect, rotation_vector
+
+Mask = NDArray[np.bool_]
+Indices = NDArray[np.intp]
+
+ROUNDS = 4  # of Gauss and Newton for each picture
+SMALLEST_STEP = 1e-5  # m and rad, at which the rounds end
+NEAREST, FARTHEST = 20.0, 1e-4  # inverse depths, 1/m
+ORIGIN = np.array([1e-6, 1e-6, 1e6, 1e8, 1e8, 1e-6])  # information that fixes heading and place of the first pose
+ANY = 0.3, 0.4  # mean inverse depth of a new point off the floor and its standard deviation, 1/m
+HORIZON_HEIGHTS = 12.0  # range, in heights of the lens, beyond which no point counts as floor
+
+
+@dataclass(frozen=True, slots=True)
+class WindowRule:
+    """Size and weights of the window.
+
+    keyframes: in the window. track_px: standard deviation of a track at the working width; it is larger than a track's
+    error in one picture, because such errors last. gate: standard deviations beyond which a track or a point of the
+    floor has no weight. parallax_px, shared: a picture becomes a keyframe where the tracks have moved by this much
+    since the last one, the rotation aside, or where fewer of its tracks are left. roughness: of the floor, share of the
+    lens's height. height_share, rise_share: standard deviation of that height about the mount's, and of its change
+    from picture to picture. attitude_pictures: number of pictures for which an error of the given attitude lasts.
+    covariance_scale: factor on the covariance of a motion, whose errors last as well.
+    """
+
+    keyframes: int = 8
+    track_px: float = 1.0
+    gate: float = 2.5
+    parallax_px: float = 15.0
+    shared: float = 0.6
+    roughness: float = 0.009
+    height_share: float = 0.025
+    rise_share: float = 0.012
+    attitude_pictures: float = 10.0
+    covariance_scale: float = 4.0
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class PoseFactors:
+    """up (3,): direction of gravity's opposite in optical axes; up_rad: its standard deviation. gyro (3, 3): rotation
+    since the pose before, takes this one's optical directions into the earlier one's; gyro_rad: its standard deviation
+    about each axis, infinite without a gyro. pictures: since the pose before.
+    """
+
+    up: Array
+    up_rad: float
+    gyro: Array
+    gyro_rad: float = np.inf
+    pictures: int = 1
+
+    def after(self, other: Self) -> Self:
+        """These factors, with the pose before removed, whose own were `other`."""
+        sigma_rad = float(np.hypot(self.gyro_rad, other.gyro_rad))
+        pictures = self.pictures + other.pictures
+        return replace(self, gyro=other.gyro @ self.gyro, gyro_rad=sigma_rad, pictures=pictures)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class WindowPoints:
+    """N points. ids (N,): of their tracks. host (N,): index of the first pose that observed each. ray (N, 3): there,
+    with z = 1. inverse_m (N,): inverse depth along the optical axis; variance (N,): of it. floor (N,), views (N,): sum
+    of the floor mask's probability and its number of pictures. at (N, S, 2): normalised image points by pose; observed
+    (N, S): where there is one.
+    """
+
+    ids: NDArray[np.int64]
+    host: Indices
+    ray: Array
+    inverse_m: Array
+    variance: Array
+    floor: Array
+    views: Array
+    at: Array
+    observed: Mask
+
+    def __len__(self) -> int:
+        return len(self.ids)
+
+    def chosen(self, which: Mask) -> Self:
+        """The points at which the mask (N,) is set."""
+        return type(self)(*(getattr(self, f.name)[which] for f in fields(self)))
+
+    def joined(self, other: Self) -> Self:
+        """These and then the others."""
+        return type(self)(*(np.concatenate([getattr(self, f.name), getattr(other, f.name)]) for f in fields(self)))
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class System:
+    """Normal equations: of the poses (6 S, 6 S) and (6 S,), of the inverse depths (N,), and between both (N, 6 S)."""
+
+    poses: Array
+    right: Array
+    depths: Array
+    depths_right: Array
+    between: Array
+
+    def reduced(self) -> tuple[Array, Array]:
+        """The equations of the poses alone, with the inverse depths eliminated."""
+        part = self.between / self.depths[:, None]
+        return self.poses - part.T @ self.between, self.right - part.T @ self.depths_right
+
+
+class KeyframeWindow:
+    """The window's state. The last pose is the newest picture; those before it are keyframes.
+
+    focal_px: of the pictures in which tracks are. height_m: of the lens on its mount.
+    """
+
+    def __init__(self, rule: WindowRule, focal_px: float, height_m: float) -> None:
+        self._rule, self._height_m = rule, height_m
+        self._sigma = rule.track_px / focal_px
+        self._parallax = rule.parallax_px / focal_px
+        self._slots = rule.keyframes + 1
+        self.poses: list[LensPose] = []
+        self._factors: list[PoseFactors] = []
+        self._prior: tuple[Array, Array, list[LensPose]] = np.zeros((0, 0)), np.zeros(0), []
+        self._covariance = np.zeros((0, 0))
+        none, pair = np.zeros(0), np.zeros((0, self._slots, 2))
+        number, index = np.zeros(0, dtype=np.int64), np.zeros(0, dtype=np.intp)
+        self.points = WindowPoints(
+            number, index, np.zeros((0, 3)), none, none, none, none, pair, pair[..., 0].astype(bool)
+        )
+
+    def step(self, start: LensPose, factors: PoseFactors, ids: NDArray[np.int64], points: Array, floor: Array) -> float:
+        """Adds a picture with its tracks and optimises the window. Returns the weight of the tracks that agree.
+
+        start: expected pose. ids (N,), points (N, 2), floor (N,): tracks, their normalised image points, and the
+        probability that each lies on the floor.
+        """
+        first = not self.poses
+        if first:
+            self._prior = np.diag(ORIGIN), np.zeros(6), [start]
+        else:
+            self._make_room()
+        self.poses, self._factors = [*self.poses, start], [*self._factors, factors]
+        place = {int(one): row for row, one in enumerate(ids)}
+        rows = np.array([place.get(int(one), -1) for one in self.points.ids], dtype=np.intp)
+        hit, last = rows >= 0, len(self.poses) - 1
+        self.points.observed[:, last] = hit
+        self.points.at[hit, last] = points[rows[hit]]
+        self.points.floor[hit] += floor[rows[hit]]
+        self.points.views[hit] += 1.0
+        weight = 0.0 if first else self._resected(hit)
+        if not first:
+            self._solve()
+        new = np.setdiff1d(np.arange(len(ids)), rows[hit])
+        self._add(ids[new], points[new], floor[new])
+        return weight
+
+    def covariance(self) -> Array:
+        """(12, 12) of the poses before the last one and of the last one, as of the last solution."""
+        return self._rule.covariance_scale * self._covariance[-12:, -12:]
+
+    def local(self, ids: NDArray[np.int64], pose: LensPose) -> Array:
+        """Points of these tracks in a lens's optical axes, (N, 3); NaN for those that are not in the window."""
+        place = {int(one): row for row, one in enumerate(self.points.ids)}
+        rows = np.array([place.get(int(one), -1) for one in ids], dtype=np.intp)
+        found = np.full((len(ids), 3), np.nan)
+        if len(self.points):
+            local = (self._world(self.points)[0] - pose.position_m) @ pose.rotation
+            found[rows >= 0] = local[rows[rows >= 0]]
+        return found
+
+    def _resected(self, hit: Mask) -> float:
+        """Moves the last pose to where the tracks agree with the points as they are; the weight of those that do."""
+        kept, start = self.points.chosen(hit), self.poses[-1]
+        if not len(kept):
+            return 0.0
+        world, along = self._world(kept)
+        local = (world - start.position_m) @ start.rotation
+        ahead = local[:, 2] > 0.05
+        seen = kept.at[:, len(self.poses) - 1]
+        if ahead.any():
+            off = np.median(seen[ahead] - local[ahead, :2] / local[ahead, 2:], axis=0)
+            turn = small_rotation(float(off[1]), float(-off[0]), 0.0)
+            start = LensPose(start.rotation @ turn, start.position_m)
+        sigma_m = np.sqrt(kept.variance) / kept.inverse_m**2
+        landmarks = DepthLandmarks(world, along, np.minimum(sigma_m, 2.0 / kept.inverse_m))
+        sigma = self._sigma * self._rule.gate / TUKEY
+        found = resect(landmarks, seen, resect(landmarks, seen, start, 2.0 * sigma).pose, sigma)
+        self.poses[-1] = found.pose
+        return float(found.weights.sum())
+
+    def _world(self, points: WindowPoints) -> tuple[Array, Array]:
+        """Points (N, 3) in the world, and their derivative by the depth."""
+        rotation = np.array([pose.rotation for pose in self.poses])[points.host]
+        position = np.array([pose.position_m for pose in self.poses])[points.host]
+        along = np.einsum("nij,nj->ni", rotation, points.ray)
+        return position + along / points.inverse_m[:, None], along
+
+    def _add(self, ids: NDArray[np.int64], points: Array, floor: Array) -> None:
+        """New points, hosted by the last pose."""
+        count, last, pose = len(ids), len(self.poses) - 1, self.poses[-1]
+        ray = np.column_stack([points, np.ones(count)])
+        on_floor = -(ray @ pose.rotation[2]) / pose.position_m[2]
+        is_floor = (floor >= 0.5) & (on_floor * pose.position_m[2] > 1.0 / HORIZON_HEIGHTS)
+        inverse = np.where(is_floor, on_floor, np.maximum(ANY[0], on_floor))
+        variance = np.where(is_floor, 0.05 * on_floor, np.maximum(ANY[1], 0.5 * on_floor)) ** 2
+        at, observed = np.zeros((count, self._slots, 2)), np.zeros((count, self._slots), dtype=bool)
+        at[:, last], observed[:, last] = points, True
+        new = WindowPoints(ids, np.full(count, last), ray, inverse, variance, floor + 0.0, np.ones(count), at, observed)
+        self.points = self.points.joined(new)
+
+    def _solve(self) -> None:
+        """Gauss-Newton over all poses and points."""
+        for round_ in range(ROUNDS):
+            system = self._system(self.points, 1.5 if round_ == 0 else 1.0)
+            count = len(self.poses)
+            information, right = system.reduced()
+            for index in range(count):
+                self._pose_factors(information, right, index)
+                if index:
+                    self._gap_factors(information, right, index)
+            self._prior_factor(information, right)
+            self._covariance = np.asarray(np.linalg.inv(information + 1e-9 * np.eye(6 * count)), dtype=np.float64)
+            step = self._covariance @ right
+            depth = (system.depths_right - system.between @ step) / system.depths
+            self.poses = [_moved(pose, step[6 * i : 6 * i + 6]) for i, pose in enumerate(self.poses)]
+            inverse = np.clip(self.points.inverse_m + depth, FARTHEST, NEAREST)
+            self.points = replace(self.points, inverse_m=inverse, variance=1.0 / system.depths)
+            if np.abs(step).max() < SMALLEST_STEP:
+                break
+
+    def _system(self, points: WindowPoints, scale: float) -> System:
+        """Normal equations of the tracks and of the points on the floor. scale: factor on the gates."""
+        rule, count, number = self._rule, len(self.poses), len(points)
+        rotation = np.array([pose.rotation for pose in self.poses])
+        position = np.array([pose.position_m for pose in self.poses])
+        host, inverse = points.host, points.inverse_m
+        everyone = np.arange(number)
+        ray = np.einsum("nij,nj->ni", rotation[host], points.ray)
+        base = position[host][:, None] - position
+        away = ray[:, None] + inverse[:, None, None] * base
+        local = np.einsum("sji,nsj->nsi", rotation, away)
+        counts = points.observed[:, :count] & (local[..., 2] > 0.05)
+        counts[everyone, host] = False
+        depth = np.where(counts, local[..., 2], 1.0)
+        predicted = local[..., :2] / depth[..., None]
+        residual = (points.at[:, :count] - predicted) / self._sigma
+        distance2 = (residual**2).sum(axis=-1)
+        weight = np.where(counts, np.clip(1.0 - distance2 / (rule.gate * scale) ** 2, 0.0, 1.0) ** 2, 0.0)
+        root = (np.sqrt(weight) / (depth * self._sigma))[..., None, None]
+        # Derivative of the image point by the direction in world axes.
+        axes = rotation.transpose(0, 2, 1)
+        by_away = (axes[None, :, :2] - predicted[..., None] * axes[None, :, 2:]) * root
+        residual = residual * np.sqrt(weight)[..., None]
+        shifted = inverse[:, None, None, None] * by_away
+        by_pose = np.concatenate([_cross(by_away, away[:, :, None]), -shifted], axis=-1)
+        by_host = np.concatenate([-_cross(by_away, ray[:, None, None]), shifted], axis=-1)
+        by_depth = np.einsum("nsak,nsk->nsa", by_away, base)
+        between = np.einsum("nsa,nsax->nsx", by_depth, by_pose)
+        between[everyone, host] += np.einsum("nsa,nsax->nx", by_depth, by_host)
+        depths, depths_right = (by_depth**2).sum(axis=(1, 2)), (by_depth * residual).sum(axis=(1, 2))
+        poses, right = np.zeros((count, 6, count, 6)), np.zeros((count, 6))
+        by_slot = by_pose.transpose(1, 0, 2, 3)
+        for slot in range(count):
+            rows, mine = by_slot[slot].reshape(-1, 6), host == slot
+            poses[slot, :, slot] += rows.T @ rows
+            right[slot] += rows.T @ residual[:, slot].ravel()
+            if mine.any():
+                hosted = by_host[mine]
+                cross = np.einsum("nsax,nsay->sxy", hosted, by_pose[mine])
+                poses[slot] += cross.transpose(1, 0, 2)
+                poses[:, :, slot] += cross.transpose(0, 2, 1)
+                rows = hosted.reshape(-1, 6)
+                poses[slot, :, slot] += rows.T @ rows
+                right[slot] += rows.T @ residual[mine].ravel()
+        # A point on the floor has height zero: lens height times inverse depth, plus the ray's slope.
+        height = position[host, 2]
+        above, on_floor = -(inverse * height + ray[:, 2]), np.maximum(-ray[:, 2] / height, 1e-3)
+        sigma = rule.roughness * height * on_floor
+        distance2 = (above / sigma) ** 2
+        is_floor = (points.floor >= 0.5 * points.views) & (ray[:, 2] < 0.0)
+        weight = np.where(is_floor, np.clip(1.0 - distance2 / (rule.gate * scale) ** 2, 0.0, 1.0) ** 2, 0.0)
+        # Nothing lies below the floor.
+        below = (above > 0.0) & (weight == 0.0) & (on_floor * height > 1.0 / HORIZON_HEIGHTS)
+        weight += np.where(below, 1.0 / (9.0 * np.sqrt(1.0 + distance2 / 9.0)), 0.0)
+        weight /= sigma**2
+        slope = np.column_stack([ray[:, 1], -ray[:, 0], np.zeros((number, 3)), inverse])
+        depths += weight * height**2
+        depths_right += weight * height * above
+        between[everyone, host] += (weight * height)[:, None] * slope
+        for slot in range(count):
+            mine = host == slot
+            poses[slot, :, slot] += (slope[mine] * weight[mine, None]).T @ slope[mine]
+            right[slot] += slope[mine].T @ (weight * above)[mine]
+        loose = np.maximum(ANY[1], 0.5 * on_floor) ** -2
+        depths += loose
+        depths_right += loose * (np.maximum(ANY[0], on_floor) - inverse)
+        size = 6 * count
+        return System(
+            poses.reshape(size, size), right.ravel(), depths, depths_right, between.reshape(number, size)
+        )  # fmt: skip
+
+    def _pose_factors(self, information: Array, right: Array, index: int) -> None:
+        """Adds gravity and the lens's height of one pose."""
+        rule, pose, factors = self._rule, self.poses[index], self._factors[index]
+        here = slice(6 * index, 6 * index + 6)
+        up = pose.rotation @ factors.up
+        by = np.zeros((2, 6))
+        by[0, 1:3], by[1, 0], by[1, 2] = (up[2], -up[1]), -up[2], up[0]
+        weight = factors.up_rad**-2.0
+        information[here, here] += weight * by.T @ by
+        right[here] -= weight * by.T @ up[:2]
+        high = 6 * index + 5
+        weight = (rule.height_share * self._height_m) ** -2
+        information[high, high] += weight
+        right[high] += weight * (self._height_m - pose.position_m[2])
+
+    def _gap_factors(self, information: Array, right: Array, index: int) -> None:
+        """Adds gyro and rise from the pose before to this one."""
+        pose, before, factors = self.poses[index], self.poses[index - 1], self._factors[index]
+        now, then = slice(6 * index, 6 * index + 6), slice(6 * index - 6, 6 * index)
+        rise = (self._rule.rise_share * self._height_m) ** -2 / factors.pictures
+        weight = np.array([*[factors.gyro_rad**-2.0] * 3, 0.0, 0.0, rise])
+        apart = np.zeros(6)
+        apart[:3] = rotation_vector(before.rotation @ factors.gyro @ pose.rotation.T)
+        apart[5] = before.position_m[2] - pose.position_m[2]
+        block = np.diag(weight)
+        information[now, now] += block
+        information[then, then] += block
+        information[now, then] -= block
+        information[then, now] -= block
+        right[now] += weight * apart
+        right[then] -= weight * apart
+
+    def _prior_factor(self, information: Array, right: Array) -> None:
+        """Adds what the marginalised poses tell of the first ones in the window."""
+        prior, gradient, then = self._prior
+        moved = [
+            np.concatenate([rotation_vector(now.rotation @ old.rotation.T), now.position_m - old.position_m])
+            for now, old in zip(self.poses, then, strict=False)
+        ]
+        size = len(gradient)
+        information[:size, :size] += prior
+        right[:size] += gradient - prior @ np.concatenate(moved)
+
+    def _make_room(self) -> None:
+        """Before a new picture: the newest one becomes a keyframe or leaves, and so does the oldest keyframe."""
+        last = len(self.poses) - 1
+        used = self.points.observed.sum(axis=1) > 1
+        self.points = self.points.chosen(used | self.points.observed[:, last])
+        if last >= 2 and not self._is_keyframe(last - 1):
+            self._rehost(last - 1, last)
+            self._factors[last] = self._factors[last].after(self._factors[last - 1])
+            prior, gradient, then = self._prior
+            if last - 1 < len(then):
+                self._prior = *_without(prior, gradient, last - 1), then[: last - 1] + then[last:]
+            self._remove(last - 1)
+        elif len(self.poses) == self._slots:
+            self._marginalise()
+
+    def _is_keyframe(self, index: int) -> bool:
+        """Whether the pose before the newest must stay, by the tracks that the one before it shares with the newest."""
+        first, last = self.poses[index - 1], self.poses[-1]
+        before, now = self.points.observed[:, index - 1], self.points.observed[:, len(self.poses) - 1]
+        both = before & now
+        if both.sum() <= self._rule.shared * before.sum():
+            return True
+        rays = np.column_stack([self.points.at[both, index - 1], np.ones(both.sum())])
+        turned = rays @ first.rotation.T @ last.rotation
+        apart = turned[:, :2] / turned[:, 2:] - self.points.at[both, len(self.poses) - 1]
+        return float(np.median(np.hypot(*apart.T))) > self._parallax
+
+    def _rehost(self, old: int, new: int) -> None:
+        """Points hosted by one pose begin again at another, without what was known of their depth; others end."""
+        points, mine = self.points, self.points.host == old
+        here = mine & points.observed[:, new]
+        world, _ = self._world(points.chosen(here))
+        depth = ((world - self.poses[new].position_m) @ self.poses[new].rotation)[:, 2]
+        points.inverse_m[here] = np.clip(1.0 / np.maximum(depth, 0.05), FARTHEST, NEAREST)
+        points.ray[here] = np.column_stack([points.at[here, new], np.ones(here.sum())])
+        points.host[here], points.observed[here, :new] = new, False
+        self.points = points.chosen(~mine | here)
+
+    def _marginalise(self) -> None:
+        """The oldest keyframe, and the points that it hosts, become a prior on the other poses."""
+        information, right = self._system(self.points.chosen(self.points.host == 0), 1.0).reduced()
+        self._pose_factors(information, right, 0)
+        self._gap_factors(information, right, 1)
+        self._prior_factor(information, right)
+        self._prior = *_without(information, right, 0), self.poses[1:]
+        self._rehost(0, len(self.poses) - 1)
+        self._remove(0)
+
+    def _remove(self, index: int) -> None:
+        """Takes one pose out of all arrays."""
+        del self.poses[index], self._factors[index]
+        for name in ("at", "observed"):
+            array = getattr(self.points, name)
+            array[:, index:-1] = array[:, index + 1 :].copy()
+        self.points.observed[:, -1] = False
+        host = self.points.host
+        host[host > index] -= 1
+
+
+def _without(information: Array, right: Array, index: int) -> tuple[Array, Array]:
+    """Equations with one pose eliminated."""
+    mine = np.zeros(len(right), dtype=bool)
+    mine[6 * index : 6 * index + 6] = True
+    block = information[np.ix_(~mine, mine)]
+    gain = np.linalg.solve(information[np.ix_(mine, mine)] + 1e-6 * np.eye(6), block.T).T
+    left = information[np.ix_(~mine, ~mine)] - gain @ block.T
+    return (left + left.T) / 2.0, right[~mine] - gain @ right[mine]
+
+
+def _moved(pose: LensPose, step: Array) -> LensPose:
+    return LensPose(small_rotation(*step[:3].tolist()) @ pose.rotation, pose.position_m + step[3:])
+
+
+def _cross(a: Array, b: Array) -> Array:
+    """Cross product along the last axis, several times faster than `np.cross`."""
+    x, y, z = np.moveaxis(a, -1, 0)
+    u, v, w = np.moveaxis(b, -1, 0)
+    return np.stack([y * w - z * v, z * u - x * w, x * v - y * u], axis=-1)

@@ -1,0 +1,103 @@
+"""A window of keyframes, against points and poses that are projected by hand."""
+
+import math
+
+import numpy as np
+import pytest
+
+from edgemap.geometry.camera.inertial import small_rotation
+from edgemap.geometry.camera.level import up_optical
+from edgemap.geometry.camera.mount import Mount
+from edgemap.geometry.odometry.keyframe_window import KeyframeWindow, PoseFactors, WindowRule, _without
+from edgemap.geometry.odometry.resection import LensPose
+
+FOCAL_PX, HEIGHT_M = 250.0, 1.5
+LEVEL = Mount.from_degrees(HEIGHT_M, 20.0)
+
+
+def scene(rng, count=400):
+    """Points (N, 3) on a floor and on two walls, and whether each lies on the floor."""
+    floor = np.column_stack([rng.uniform(0.5, 9.0, count), rng.uniform(-3.0, 3.0, count), np.zeros(count)])
+    wall = np.column_stack([rng.uniform(0.5, 9.0, count), rng.choice([-3.0, 3.0], count), rng.uniform(0.0, 2.5, count)])
+    end = np.column_stack([np.full(count, 9.0), rng.uniform(-3.0, 3.0, count), rng.uniform(0.0, 2.5, count)])
+    points = np.concatenate([floor, wall, end])
+    return points, points[:, 2] == 0.0
+
+
+def walk(pictures, nod_deg=3.0):
+    """Poses of a lens that moves ahead and nods, and the given attitude's up, which does not nod."""
+    poses = []
+    for index in range(pictures):
+        mount = Mount.from_degrees(HEIGHT_M, 20.0 + nod_deg * math.sin(0.5 * index), 1.0)
+        turn = small_rotation(0.0, 0.0, 0.01 * index)
+        poses.append(LensPose(turn @ mount.rotation_base_optical(), np.array([0.06 * index, 0.0, HEIGHT_M])))
+    return poses
+
+
+def followed(poses, rng, noise_px=0.3, wrong=0.0, gyro_rad=math.inf, rule=None, up_deg=10.0):
+    """A window after these poses. wrong: share of the points off the floor that the mask takes for floor."""
+    points, on_floor = scene(rng)
+    floor = np.where(on_floor | (rng.uniform(size=len(points)) < wrong), 0.9, 0.1)
+    window, up = KeyframeWindow(rule or WindowRule(), FOCAL_PX, HEIGHT_M), up_optical(LEVEL.pitch_rad, 0.0)
+    for index, pose in enumerate(poses):
+        local = (points - pose.position_m) @ pose.rotation
+        image = local[:, :2] / np.maximum(local[:, 2:], 0.1)
+        seen = (local[:, 2] > 0.3) & (np.abs(image) < [0.64, 0.48]).all(axis=1)
+        seen &= np.arange(len(points)) % 3 == 0
+        image = image + rng.normal(0.0, noise_px / FOCAL_PX, image.shape)
+        gyro = np.eye(3) if index == 0 else poses[index - 1].rotation.T @ pose.rotation
+        start = window.poses[-1] if index else LensPose(LEVEL.rotation_base_optical(), np.array([0.0, 0.0, HEIGHT_M]))
+        factors = PoseFactors(up, math.radians(up_deg), gyro, gyro_rad)
+        weight = window.step(start, factors, np.flatnonzero(seen), image[seen], floor[seen])
+        assert index == 0 or weight > 20.0
+    return window
+
+
+def test_motion_pitch_and_roll_are_found_from_a_mount_that_is_two_degrees_off():
+    poses = walk(30)
+    window = followed(poses, np.random.default_rng(0))
+    assert len(window.poses) <= WindowRule().keyframes + 1
+    moved, true = window.poses[-2].inverse() @ window.poses[-1], poses[-2].inverse() @ poses[-1]
+    np.testing.assert_allclose(moved.position_m, true.position_m, atol=0.004)
+    np.testing.assert_allclose(window.poses[-1].rotation[2], poses[-1].rotation[2], atol=math.radians(0.5))
+    off = window.poses[-1].position_m - poses[-1].position_m
+    assert np.linalg.norm(off) < 0.06  # of 1.74 m
+
+
+def test_a_quarter_of_walls_taken_for_floor_leaves_the_length_of_a_step():
+    window = followed(walk(30), np.random.default_rng(1), wrong=0.25)
+    assert window.poses[-1].position_m[0] == pytest.approx(0.06 * 29, rel=0.05)
+
+
+def test_a_gyro_holds_the_rotation_where_the_tracks_are_bad():
+    poses, apart = walk(12), []
+    for gyro_rad in (math.inf, math.radians(0.02)):
+        window = followed(poses, np.random.default_rng(2), noise_px=1.5, gyro_rad=gyro_rad)
+        moved, true = window.poses[-2].rotation.T @ window.poses[-1].rotation, poses[-2].rotation.T @ poses[-1].rotation
+        apart.append(np.abs(moved - true).max())
+    assert apart[1] < 0.3 * apart[0]
+
+
+def test_the_covariance_is_that_of_the_errors():
+    """Three on average where both agree; errors of the tilt last, so that single motions err by more."""
+    scaled = []
+    for seed in range(12):
+        poses = walk(12)
+        window = followed(poses, np.random.default_rng(seed), noise_px=0.9)
+        by = np.zeros((3, 12))
+        by[:, 3:6], by[:, 9:] = -np.eye(3), np.eye(3)
+        covariance = by @ window.covariance() @ by.T
+        error = window.poses[-1].position_m - window.poses[-2].position_m
+        error -= poses[-1].position_m - poses[-2].position_m
+        scaled.append(error @ np.linalg.solve(covariance, error))
+    assert 1.0 < np.mean(scaled) < 6.0
+
+
+def test_an_eliminated_pose_leaves_the_solution_of_the_others():
+    rng = np.random.default_rng(3)
+    root = rng.normal(size=(40, 18))
+    information, right = root.T @ root, rng.normal(size=18)
+    solution = np.linalg.solve(information, right)
+    np.testing.assert_allclose(
+        np.linalg.solve(*_without(information, right, 1)), np.delete(solution, range(6, 12)), rtol=1e-4
+    )

@@ -1,0 +1,122 @@
+"""Odometry of a carried camera, over a textured floor that it sees at other angles than its mount's."""
+
+# pyright: reportOptionalMemberAccess=false, reportOptionalOperand=false, reportArgumentType=false
+# pyright: reportAttributeAccessIssue=false
+
+import math
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from support.textured_floor import CAMERA, seen_by
+
+from edgemap.geometry.camera.attitude import Attitude, TrackedRotation
+from edgemap.geometry.camera.floor import FloorCamera
+from edgemap.geometry.camera.intrinsics import Intrinsics
+from edgemap.geometry.camera.level import up_optical
+from edgemap.geometry.camera.mount import Mount
+from edgemap.geometry.camera.platform import Platform
+from edgemap.geometry.se2 import SE2
+from edgemap.runtime.frames.frame import Frame
+from edgemap.runtime.motion.attitude.pictures import PicturesAttitude
+from edgemap.runtime.motion.odometry import OdometryRules, _members
+from edgemap.runtime.motion.odometry.protocol import FramePrior
+from edgemap.runtime.motion.odometry.window import WindowOdometry
+from edgemap.runtime.network.bundle import load_bundle
+from edgemap.runtime.network.store import bundle_folder
+
+HEAD = FloorCamera(CAMERA.intrinsics, Mount.from_degrees(1.5, 25.0))
+BLANK = np.full((240, 320, 3), 90, np.uint8)
+
+
+def total(motions):
+    pose = SE2()
+    for motion in motions:
+        pose = pose @ motion.motion
+    return pose
+
+
+def walked(steps, tilt=lambda index: 0.0):
+    """Pictures by a lens at head height, true poses, and the lens's angles. tilt: pitch beyond the mount's, degrees."""
+    pose, frames, poses, attitudes = SE2(), [], [], []
+    for index, motion in enumerate([SE2(), *steps]):
+        pose = pose @ motion
+        pitch_rad = HEAD.mount.pitch_rad + math.radians(tilt(index))
+        attitudes.append(Attitude(0.0, pitch_rad, np.eye(2) * math.radians(0.1) ** 2, source="imu"))
+        poses.append(pose)
+        frames.append(Frame(index, index / 10, seen_by(HEAD.at(attitudes[-1]), pose)))
+    return frames, poses, attitudes
+
+
+MOTIONS = {"straight": SE2(0.08), "arc": SE2(0.06, 0.0, 0.03), "back": SE2(-0.06, 0.0, 0.01), "aside": SE2(0.05, 0.05)}
+
+
+@pytest.mark.parametrize("name", MOTIONS)
+def test_window_follows_a_textured_floor(name):
+    frames, poses, attitudes = walked([MOTIONS[name]] * 20)
+    odometry = WindowOdometry(HEAD)
+    steps = zip(frames, attitudes, strict=True)
+    off = total(odometry.step(frame, {}, FramePrior(attitude)) for frame, attitude in steps).inverse() @ poses[-1]
+    assert math.hypot(off.x_m, off.y_m) < 0.05  # of 1.2 to 1.6 m
+    assert abs(off.yaw_rad) < 0.01
+
+
+def test_window_finds_the_tilt_of_a_camera_that_is_not_at_its_mounts_angles():
+    frames, poses, attitudes = walked([SE2(0.08)] * 20, lambda index: 5.0 + 3.0 * math.sin(0.6 * index))
+    odometry = WindowOdometry(HEAD)
+    motions = [odometry.step(frame, {}) for frame in frames]
+    off = total(motions).inverse() @ poses[-1]
+    assert math.hypot(off.x_m, off.y_m) < 0.12  # of 1.6 m
+    up = motions[-1].rotation.up
+    true = up_optical(attitudes[-1].pitch_rad, 0.0)
+    assert math.degrees(math.acos(min(float(up @ true), 1.0))) < 1.5
+    assert motions[-1].rotation.carried.nodding_rad > math.radians(0.3)
+
+
+def test_pictures_attitude_takes_the_windows_tilt_and_keeps_its_own():
+    """Its own is what the window takes as a prior: what the window says must not come back to it."""
+    source = PicturesAttitude(CAMERA.mount)
+    source.predict(Frame(0, 0.0, BLANK))
+    up = up_optical(CAMERA.mount.pitch_rad + 0.1, 0.05)
+    found = source.update(TrackedRotation(np.eye(3), 0.001, up=up, up_rad=0.01))
+    assert (found.pitch_rad, found.roll_rad) == pytest.approx((CAMERA.mount.pitch_rad + 0.1, 0.05), abs=1e-6)
+    after = source.predict(Frame(1, 0.1, BLANK))
+    assert after.pitch_rad == pytest.approx(CAMERA.mount.pitch_rad, abs=1e-3)
+    unsure = source.update(TrackedRotation(np.eye(3), 0.001, up=up, up_rad=0.2))
+    assert unsure.pitch_rad == pytest.approx(CAMERA.mount.pitch_rad, abs=1e-3)
+
+
+def test_a_picture_without_corners_is_a_guess_and_the_next_ones_measure_again():
+    frames, _, attitudes = walked([SE2(0.08)] * 20)
+    frames[10] = Frame(10, 1.0, BLANK)
+    odometry = WindowOdometry(HEAD)
+    motions = [odometry.step(frame, {}, FramePrior(seen)) for frame, seen in zip(frames, attitudes, strict=True)]
+    assert "no motion agrees" in motions[10].fault
+    assert [motion.motion.x_m for motion in motions[-5:]] == pytest.approx([0.08] * 5, abs=0.01)
+
+
+def test_steps_without_pictures_are_not_counted_twice():
+    frames, poses, attitudes = walked([SE2(0.08)] * 20)
+    odometry = WindowOdometry(HEAD)
+    motions = [
+        odometry.step(frame, {}, FramePrior(attitudes[index]))
+        if index not in (8, 9)
+        else odometry.step_blind(frame.stamp_s, "dark")
+        for index, frame in enumerate(frames)
+    ]
+    assert total(motions).x_m == pytest.approx(poses[-1].x_m, abs=0.08)
+
+
+def test_hybrid_uses_the_window_for_a_camera_at_head_height_without_wheels():
+    bundle = load_bundle(bundle_folder("edgemap-pico"))
+    lens = Intrinsics(320, 240, 250.0, 250.0, 159.5, 119.5)
+
+    def member(mount, wheel=None):
+        members, _ = _members(bundle, SimpleNamespace(wheel=wheel), FloorCamera(lens, mount), False, OdometryRules())
+        return isinstance(members[0].odometry._planar, WindowOdometry)
+
+    assert member(Mount.from_degrees(1.64, 20.0))
+    assert not member(Mount.from_degrees(0.5, 15.0))
+    assert not member(Mount.from_degrees(1.64, 20.0), wheel="wheel.csv")
+    car = Mount(1.64, math.radians(5.0), platform=Platform.CAR)
+    assert not member(car)
