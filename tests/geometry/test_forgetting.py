@@ -1,4 +1,5 @@
 import math
+from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
@@ -9,8 +10,16 @@ from support.seen import CAMERA, box_of, look
 
 from edgemap.geometry.objects.floor_map import FloorMap
 from edgemap.geometry.objects.forgetting import Forgetter, NoForgetting
-from edgemap.geometry.objects.visibility import ViewRule, covered_share, expected_boxes, in_plain_view, iou
+from edgemap.geometry.objects.visibility import (
+    ViewRule,
+    covered_share,
+    expected_boxes,
+    floor_in_place,
+    in_plain_view,
+    iou,
+)
 from edgemap.geometry.observations.detections import Detections
+from edgemap.geometry.observations.floor_mask import FloorMask
 from edgemap.geometry.observations.sighting import FloorRule, sightings_of
 from edgemap.geometry.se2 import SE2
 
@@ -38,6 +47,28 @@ def chair_map(distance_m=2.0, frames=20):
     """A chair straight ahead of a standing robot, and the map that knows it."""
     random = np.random.default_rng(0)
     return drive([("chair", distance_m, 0.0)], [SE2()] * frames, random, rate=1.0)[0]
+
+
+def test_floor_is_in_place_where_it_shows_all_round_the_ellipse():
+    """The ellipse lies along (1, 0.5): floor that is missing at its end counts, at the mirrored place it does not."""
+    (chair,) = chair_map(3.0).objects()
+    chair = replace(chair, position_m=np.array([3.0, 0.0]), covariance_m2=np.array([[0.2, 0.1], [0.1, 0.06]]))
+    pose, lens = SE2(-0.5, 0.1, 0.05), CAMERA.intrinsics
+    end = np.linalg.cholesky(chair.covariance_m2) @ [1.0, 0.0]
+
+    def shown(item, *missing):
+        cells = np.ones((lens.height // 8, lens.width // 8), np.float32)
+        for place in missing:
+            ((x, y),) = CAMERA.project(np.array([[*pose.inverse().apply(place), 0.0]]))
+            cells[int(y // 8) - 1 : int(y // 8) + 2, int(x // 8) - 1 : int(x // 8) + 2] = 0.0
+        return floor_in_place([item], CAMERA, pose, FloorMask(cells, lens.width, lens.height)).tolist()
+
+    assert shown(chair) == [True]
+    for missing in (chair.position_m, chair.position_m + end, chair.position_m - end):
+        assert shown(chair, missing) == [False]
+    assert shown(chair, chair.position_m + 1.5 * end * [1.0, -1.0]) == [True]
+    assert shown(replace(chair, covariance_m2=np.eye(2) * 1e-6)) == [False]  # less than a cell of the mask
+    assert floor_in_place([], CAMERA, pose, FloorMask(np.ones((2, 2), np.float32), 640, 480)).tolist() == []
 
 
 def test_the_expected_box_is_the_projected_cylinder():
