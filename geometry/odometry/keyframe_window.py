@@ -243,45 +243,31 @@ class KeyframeWindow:
         rule, count, number = self._rule, len(self.poses), len(points)
         rotation = np.array([pose.rotation for pose in self.poses])
         position = np.array([pose.position_m for pose in self.poses])
-        host, inverse = points.host, points.inverse_m
-        everyone = np.arange(number)
+        host, inverse, everyone = points.host, points.inverse_m, np.arange(number)
         ray = np.einsum("nij,nj->ni", rotation[host], points.ray)
-        base = position[host][:, None] - position
-        away = ray[:, None] + inverse[:, None, None] * base
-        local = np.einsum("sji,nsj->nsi", rotation, away)
-        counts = points.observed[:, :count] & (local[..., 2] > 0.05)
-        counts[everyone, host] = False
-        depth = np.where(counts, local[..., 2], 1.0)
-        predicted = local[..., :2] / depth[..., None]
-        residual = (points.at[:, :count] - predicted) / self._sigma
-        distance2 = (residual**2).sum(axis=-1)
-        weight = np.where(counts, np.clip(1.0 - distance2 / (rule.gate * scale) ** 2, 0.0, 1.0) ** 2, 0.0)
-        root = (np.sqrt(weight) / (depth * self._sigma))[..., None, None]
+        tracked = points.observed[:, :count].copy()
+        tracked[everyone, host] = False
+        point, slot = np.nonzero(tracked)
+        base = position[host[point]] - position[slot]
+        away = ray[point] + inverse[point, None] * base
+        axes = rotation.transpose(0, 2, 1)[slot]
+        local = (axes @ away[:, :, None])[..., 0]
+        ahead = local[:, 2] > 0.05
+        depth = np.where(ahead, local[:, 2], 1.0)
+        predicted = local[:, :2] / depth[:, None]
+        residual = (points.at[point, slot] - predicted) / self._sigma
+        distance2 = (residual**2).sum(axis=1)
+        root = np.where(ahead, np.clip(1.0 - distance2 / (rule.gate * scale) ** 2, 0.0, 1.0), 0.0)
+        residual *= root[:, None]
         # Derivative of the image point by the direction in world axes.
-        axes = rotation.transpose(0, 2, 1)
-        by_away = (axes[None, :, :2] - predicted[..., None] * axes[None, :, 2:]) * root
-        residual = residual * np.sqrt(weight)[..., None]
-        shifted = inverse[:, None, None, None] * by_away
-        by_pose = np.concatenate([_cross(by_away, away[:, :, None]), -shifted], axis=-1)
-        by_host = np.concatenate([-_cross(by_away, ray[:, None, None]), shifted], axis=-1)
-        by_depth = np.einsum("nsak,nsk->nsa", by_away, base)
-        between = np.einsum("nsa,nsax->nsx", by_depth, by_pose)
-        between[everyone, host] += np.einsum("nsa,nsax->nx", by_depth, by_host)
-        depths, depths_right = (by_depth**2).sum(axis=(1, 2)), (by_depth * residual).sum(axis=(1, 2))
-        poses, right = np.zeros((count, 6, count, 6)), np.zeros((count, 6))
-        by_slot = by_pose.transpose(1, 0, 2, 3)
-        for slot in range(count):
-            rows, mine = by_slot[slot].reshape(-1, 6), host == slot
-            poses[slot, :, slot] += rows.T @ rows
-            right[slot] += rows.T @ residual[:, slot].ravel()
-            if mine.any():
-                hosted = by_host[mine]
-                cross = np.einsum("nsax,nsay->sxy", hosted, by_pose[mine])
-                poses[slot] += cross.transpose(1, 0, 2)
-                poses[:, :, slot] += cross.transpose(0, 2, 1)
-                rows = hosted.reshape(-1, 6)
-                poses[slot, :, slot] += rows.T @ rows
-                right[slot] += rows.T @ residual[mine].ravel()
+        by_away = (axes[:, :2] - predicted[..., None] * axes[:, 2:]) * (root / (depth * self._sigma))[:, None, None]
+        shifted = inverse[point, None, None] * by_away
+        by_depth = (by_away @ base[:, :, None])[..., 0]
+        # One row for each coordinate of a track, and one for each point's height: six columns for each pose.
+        pair = np.arange(len(point))
+        rows = np.zeros((len(point), 2, count, 6))
+        rows[pair, :, slot] = np.concatenate([_cross(by_away, away[:, None]), -shifted], axis=-1)
+        rows[pair, :, host[point]] = np.concatenate([-_cross(by_away, ray[point, None]), shifted], axis=-1)
         # A point on the floor has height zero: lens height times inverse depth, plus the ray's slope.
         height = position[host, 2]
         above, on_floor = -(inverse * height + ray[:, 2]), np.maximum(-ray[:, 2] / height, 1e-3)
@@ -291,23 +277,24 @@ class KeyframeWindow:
         weight = np.where(is_floor, np.clip(1.0 - distance2 / (rule.gate * scale) ** 2, 0.0, 1.0) ** 2, 0.0)
         # Nothing lies below the floor.
         below = (above > 0.0) & (weight == 0.0) & (on_floor * height > 1.0 / HORIZON_HEIGHTS)
-        weight += np.where(below, 1.0 / (9.0 * np.sqrt(1.0 + distance2 / 9.0)), 0.0)
-        weight /= sigma**2
-        slope = np.column_stack([ray[:, 1], -ray[:, 0], np.zeros((number, 3)), inverse])
-        depths += weight * height**2
-        depths_right += weight * height * above
-        between[everyone, host] += (weight * height)[:, None] * slope
-        for slot in range(count):
-            mine = host == slot
-            poses[slot, :, slot] += (slope[mine] * weight[mine, None]).T @ slope[mine]
-            right[slot] += slope[mine].T @ (weight * above)[mine]
-        loose = np.maximum(ANY[1], 0.5 * on_floor) ** -2
-        depths += loose
-        depths_right += loose * (np.maximum(ANY[0], on_floor) - inverse)
+        root = np.sqrt(weight + np.where(below, 1.0 / (9.0 * np.sqrt(1.0 + distance2 / 9.0)), 0.0)) / sigma
+        slopes = np.zeros((number, count, 6))
+        slopes[everyone, host] = (
+            np.column_stack([ray[:, 1], -ray[:, 0], np.zeros((number, 3)), inverse]) * root[:, None]
+        )
+        height, above = height * root, above * root
         size = 6 * count
-        return System(
-            poses.reshape(size, size), right.ravel(), depths, depths_right, between.reshape(number, size)
-        )  # fmt: skip
+        slopes, rows = slopes.reshape(number, size), rows.reshape(-1, 2, size)
+        between = slopes * height[:, None]
+        owners, first = np.unique(point, return_index=True)
+        if len(owners):
+            between[owners] += np.add.reduceat((by_depth[:, None] @ rows)[:, 0], first, axis=0)
+        both = np.concatenate([rows.reshape(-1, size), slopes])
+        loose = np.maximum(ANY[1], 0.5 * on_floor) ** -2
+        depths = height**2 + loose + np.bincount(point, (by_depth**2).sum(axis=1), number)
+        depths_right = height * above + loose * (np.maximum(ANY[0], on_floor) - inverse)
+        depths_right += np.bincount(point, (by_depth * residual).sum(axis=1), number)
+        return System(both.T @ both, both.T @ np.concatenate([residual.ravel(), above]), depths, depths_right, between)
 
     def _pose_factors(self, information: Array, right: Array, index: int) -> None:
         """Adds gravity and the lens's height of one pose."""

@@ -117,6 +117,7 @@ def test_hybrid_uses_the_window_for_a_camera_at_head_height_without_wheels():
 
     assert member(Mount.from_degrees(1.64, 20.0))
     assert not member(Mount.from_degrees(0.5, 15.0))
+    assert not member(Mount.from_degrees(0.5, 35.0))  # outside its envelope too, but a robot's
     assert not member(Mount.from_degrees(1.64, 20.0), wheel="wheel.csv")
     car = Mount(1.64, math.radians(5.0), platform=Platform.CAR)
     assert not member(car)

@@ -1,5 +1,6 @@
 """Odometries; `open_odometry` makes one from its name on the command line."""
 
+import math
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -107,8 +108,9 @@ def _members(
         coasting = rules.coasting.of_unit(floor.mount.platform.unit_m)
         flow = LearnedOdometry(bundle, "flow", floor, coasting=coasting, rule=rules.flow)
     warning = flow.warning if flow else ""
-    # A camera outside the head's envelope is carried, and nods, unless it rides on wheels or on a road.
-    carried = bool(warning) and camera.wheel is None and floor.mount.platform.in_room
+    # A lens above those of the head's robots is carried at head height, unless it rides on wheels or on a road.
+    carried = bool(warning) and floor.mount.height_m > bundle.manifest.envelope.get("height_m", (0.0, math.inf))[1]
+    carried = carried and camera.wheel is None and floor.mount.platform.in_room
     members = [Member(_tracked(floor, rules, carried), CAMERA, scale**2 if warning else scale)]
     if flow is not None and not warning:
         reach_rad = 2.0 * rules.flow.keyframe_rad
