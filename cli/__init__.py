@@ -52,6 +52,7 @@ def overview() -> str:
     lines = [USAGE, "", "A 2-D map of the objects on the floor from one camera, on a CPU.", ""]
     lines += [f"  {words:<22}{text}" for words, (_, text) in COMMANDS.items()]
     lines += ["", "First steps:  edgemap run                  the demo drive, ends with a map in runs/"]
+    lines += ["              edgemap run --camera 0 --mount 0.60    a webcam 0.60 m above the floor"]
     lines += ["              edgemap doctor               checks camera, libraries, bundle and mount"]
     return "\n".join(lines)
 

@@ -44,10 +44,11 @@ def command(
     map.json, trajectory.tum, sightings.jsonl, run.json, mount.jpg (the first picture with horizon and metre grid, by
     which to check the mount) and report.html. Where the source knows what stands there, the map is judged by it.
 
-    Three examples:
+    Four examples:
 
       edgemap run                                                  the demo drive
       edgemap run --camera realsense --mount 0.60,11.5 --view      a camera 0.60 m up, 11.5 degrees down; live page
+      edgemap run --camera 0 --mount 0.60                          a webcam 0.60 m up; lens and pitch are guessed
       edgemap run --camera drive.mp4 --camera-file camera.yaml -o kitchen/      a video, into a folder of its own
     """
     options = RunOptions(camera, robot, map, watch, outputs, advanced)

@@ -193,7 +193,7 @@ def test_help_of_a_run_is_grouped_and_begins_with_examples(edgemap):
     groups = [shown.index(f"─ {name} options ─") for name in ("Camera", "Robot", "Map", "Watch", "Outputs", "Advanced")]
     assert groups == sorted(groups)
     examples = [line for line in shown[: groups[0]].splitlines() if line.startswith("  edgemap run")]
-    assert len(examples) == 3
+    assert len(examples) == 4
 
 
 def test_a_picture_that_is_none_is_skipped_counted_and_said_at_once(edgemap, painted_bundle, pictures, tmp_path):
@@ -439,7 +439,8 @@ def test_mount_flag_keeps_roll_and_lever_arm(edgemap, painted_bundle, pictures, 
     run = ("run", "--camera", pictures, "--bundle", painted_bundle, "--mount", "0.9,3", "--out", tmp_path / "run")
     assert edgemap(*run).returncode == 0
     mount = json.loads((tmp_path / "run" / "run.json").read_text())["mount"]
-    assert mount == {"height_m": 0.9, "pitch_deg": 3.0, "roll_deg": 1.5, "forward_m": 0.15, "left_m": 0.0}
+    angles = {"pitch_deg": 3.0, "roll_deg": 1.5}
+    assert mount == {"height_m": 0.9, **angles, "forward_m": 0.15, "left_m": 0.0, "platform": "robot"}
 
 
 def test_ctrl_c_before_the_first_frame_is_no_traceback(painted_bundle, tmp_path):
