@@ -48,8 +48,9 @@ class HeightCheck:
     """Estimates the lens's height, and reports once if it is higher or lower than the mount's.
 
     Objects of a class are alike within a home, so each class is one measurement with the scatter of its heights. Wheels
-    measure the camera's scale; where they alone contradict the others, the wheels are wrong and not the height. A
-    height from recorded poses, and a carried camera, are not checked. estimate: None before the first measurement.
+    measure the camera's scale; where the others are nearer to the mount's height than to the wheels', the wheels are
+    wrong. A height from recorded poses, and a carried camera, are not checked. estimate: None before the first
+    measurement.
     """
 
     def __init__(self, mount: Mount, rule: HeightRule | None = None) -> None:
@@ -121,23 +122,23 @@ class HeightCheck:
 
     def _judge(self, stamp_s: float) -> str:
         rule, self._judged_s = self._rule, stamp_s
+        wrong = math.log1p(rule.wrong_share)
         measurements = self._by_sizes()
         labels = ", ".join(one.name for one in measurements)
         sources = [f"the usual height of {labels}"] if labels else []
         depth = self._by("the floor in depth pictures", self._depths, rule.depth_sigma)
         wheels = self._by("the wheels", self._ratios, rule.wheels_sigma)
         for more in filter(None, (depth, wheels)):
-            off, sigma = _agreed(measurements)
-            if more is wheels and abs(more.log_share - off) >= CLEAR_SIGMAS * math.hypot(more.sigma, sigma):
-                continue  # wheels that all others contradict are wrong themselves
+            share, (off, _) = more.log_share, _agreed(measurements)
+            if more is wheels and measurements and abs(share) > wrong and abs(share - off) > abs(off):
+                continue  # the others are nearer to the mount's height than to the wheels': the wheels are wrong
             measurements.append(more)
             sources.append(more.name)
         if not measurements:
             return ""
         off, sigma = _agreed(measurements)
         self.estimate = HeightEstimate(self._given_m * math.exp(off), self._given_m * math.exp(off) * sigma)
-        wrong = 0.0 if depth else math.log1p(rule.wrong_share)
-        if self._reported or abs(off) < max(wrong, CLEAR_SIGMAS * sigma):
+        if self._reported or abs(off) < max(0.0 if depth else wrong, CLEAR_SIGMAS * sigma):
             return ""
         self._reported = True
         return (

@@ -93,3 +93,12 @@ def test_wheels_that_agree_or_scatter_or_slip_for_a_moment_say_nothing_of_the_he
     assert not by_wheels(1.0, slip=12)
     assert not by_wheels(1.15, sigma_m=0.01)
     assert not by_wheels(-1.0)
+
+
+@pytest.mark.parametrize(("true", "height"), [(1.1, None), (1.4, "0.9[0-9]")])
+def test_wheels_are_wrong_where_objects_are_nearer_to_the_given_height(true, height):
+    """Wheels that would make the lens 1.6 times as high, and chairs as a lens `true` times as high sees them."""
+    found = by_wheels(1.0 / 1.6, boxes=chair(FloorCamera(LENS, Mount(0.6 * true, 0.1)), 2.5))
+    assert len(found) == (height is not None)
+    if height is not None:
+        assert re.search(f"usual height of chair and the wheels would make it {height} m", found[0][1])
