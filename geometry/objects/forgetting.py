@@ -22,9 +22,9 @@ NEAR_M = 20.0  # nothing farther is sighted
 class ForgetRule:
     """How soon an object counts as removed.
 
-    highest, lowest: upper bound of an object's log-odds, and the value below which it is removed. same_m, same_rad,
-    same_frames: frames with the robot moved or turned less than this, or fewer, are one observation, since their misses
-    are correlated; it is a miss where the object is detected in none of them. weight: of one observation's log-odds, as
+    highest, lowest: upper bound of an object's log-odds, and the value below which it is removed. same_m, same_frames:
+    frames with the robot moved or turned less than this (a radian as a metre), or fewer, are one observation, since
+    their misses are correlated; it is a miss where the object is detected in none of them. weight: of one observation's log-odds, as
     observations are not quite independent either. false_rate: rate of detections where there is no object. prior_hits,
     prior_observations: beta prior of a class's detection rate. same_iou: a box of its label that overlaps the expected
     one this much counts as an observation of it, whichever object it went to. trusted_rate: upper bound of the
@@ -34,7 +34,6 @@ class ForgetRule:
     highest: float = 2.5
     lowest: float = -2.0
     same_m: float = 0.12
-    same_rad: float = 0.15
     same_frames: int = 15
     weight: float = 0.6
     false_rate: float = 0.05
@@ -165,7 +164,7 @@ class Forgetter:
         rule, observation = self.rule, self._open.get(item.id)
         if observation is not None:
             moved = observation.pose_map_base.inverse() @ pose_map_base
-            same = math.hypot(moved.x_m, moved.y_m) < rule.same_m and abs(moved.yaw_rad) < rule.same_rad
+            same = math.hypot(moved.x_m, moved.y_m) < rule.same_m and abs(moved.yaw_rad) < rule.same_m
             if same and self._frame - observation.frame < rule.same_frames:
                 return observation
             if observation.seen is not None:

@@ -21,14 +21,11 @@ AROUND = 8  # points of a footprint's circle that are projected
 class ViewRule:
     """When an object is in plain view.
 
-    margin_share: of the picture's sides, kept free round its box. nearest_m, farthest_m: from the base. range_share: no
-    farther than this share of the greatest distance at which it was detected, since detectors miss small objects.
-    near_view_m: it was observed before from within this distance of the robot (the map may lack walls, but none hides
+    farthest_m: from the base. range_share: no farther than this share of the greatest distance at which it was
+    detected, since detectors miss small objects. near_view_m: it was observed before from within this distance of the robot (the map may lack walls, but none hides
     what was observed from here). covered_share: of its box, at most, behind nearer boxes or nearer objects of the map.
     """
 
-    margin_share: float = 0.03
-    nearest_m: float = 0.6
     farthest_m: float = 5.0
     range_share: float = 0.9
     near_view_m: float = 0.75
@@ -63,13 +60,12 @@ def in_plain_view(
     """Which objects should be detected, given their expected boxes: fully in the picture, near, observed before from
     near here, and not occluded; (N,).
     """
-    width, height = camera.intrinsics.width, camera.intrinsics.height
-    margin = rule.margin_share * np.array([width, height])
-    inside = (boxes[:, :2] >= margin).all(axis=1) & (boxes[:, 2:] <= [width, height] - margin).all(axis=1)
+    size = camera.intrinsics.width, camera.intrinsics.height
+    inside = (boxes[:, :2] >= 0.0).all(axis=1) & (boxes[:, 2:] <= size).all(axis=1)
     here = np.array([pose_map_base.x_m, pose_map_base.y_m])
     clear = np.zeros(len(objects), dtype=bool)
     reach = np.array([np.linalg.norm(item.position_m - here) for item in objects])
-    for row in np.flatnonzero(inside & (reach >= rule.nearest_m) & (reach <= rule.farthest_m)).tolist():
+    for row in np.flatnonzero(inside & (reach <= rule.farthest_m)).tolist():
         views = np.array(objects[row].seen_from_m).reshape(-1, 2)
         if len(views) == 0 or _off_lines_m(here, views, objects[row].position_m) > rule.near_view_m:
             continue
