@@ -24,11 +24,12 @@ class ForgetRule:
 
     highest, lowest: upper bound of an object's log-odds, and the value below which it is removed. same_m, same_frames:
     frames with the robot moved or turned less than this (a radian as a metre), or fewer, are one observation, since
-    their misses are correlated; it is a miss where the object is detected in none of them. weight: of one observation's log-odds, as
-    observations are not quite independent either. false_rate: rate of detections where there is no object. prior_hits,
-    prior_observations: beta prior of a class's detection rate. same_iou: a box of its label that overlaps the expected
-    one this much counts as an observation of it, whichever object it went to. trusted_rate: upper bound of the
-    detection rate in a miss's weight: even an object that was always detected may be missed for a while from one side.
+    their misses are correlated; it is a miss where the object is detected in none of them. weight: of one observation's
+    log-odds, as observations are not quite independent either. false_rate: rate of detections where there is no object.
+    prior_hits, prior_observations: beta prior of a class's detection rate. same_iou: a box of its label that overlaps
+    the expected one this much counts as an observation of it, whichever object it went to. trusted_rate: upper bound of
+    the detection rate in a miss's weight: even an object that was always detected may be missed for a while from one
+    side.
     """
 
     highest: float = 2.5

@@ -22,8 +22,9 @@ class ViewRule:
     """When an object is in plain view.
 
     farthest_m: from the base. range_share: no farther than this share of the greatest distance at which it was
-    detected, since detectors miss small objects. near_view_m: it was observed before from within this distance of the robot (the map may lack walls, but none hides
-    what was observed from here). covered_share: of its box, at most, behind nearer boxes or nearer objects of the map.
+    detected, since detectors miss small objects. near_view_m: it was observed before from within this distance of the
+    robot (the map may lack walls, but none hides what was observed from here). covered_share: of its box, at most,
+    behind nearer boxes or nearer objects of the map.
     """
 
     farthest_m: float = 5.0
