@@ -37,7 +37,7 @@ def floor_camera_of(camera: "Source", source: "Camera", bundle: "Bundle") -> "tu
     given = camera.mount if pitch_deg is not None or source.mount is not None else None
     mount = read_mount(given, source.mount)
     if lens is not None and mount is not None:
-        return (floor := camera.floor_camera(source)), _earlier_guess(camera, floor)
+        return (floor := camera.floor_camera(source)), _earlier_guess(camera, source, floor)
     manifest = bundle.manifest
     detector = Detector(bundle, Decoder(manifest.detector, manifest.confidence, one_name=True))
     pictures = [frame.image for frame in _looked_at(camera, source)]
@@ -52,8 +52,9 @@ def floor_camera_of(camera: "Source", source: "Camera", bundle: "Bundle") -> "tu
     return FloorCamera(guess.lens, guess.mount), guess
 
 
-def _earlier_guess(camera: "Source", floor: "FloorCamera") -> "CameraGuess | None":
-    """What lens and mount of a camera file were guessed in an earlier run, without what options give now."""
+def _earlier_guess(camera: "Source", source: "Camera", floor: "FloorCamera") -> "CameraGuess | None":
+    """What lens and mount of a camera file or a recording were guessed in an earlier run, without what options give
+    now."""
     from edgemap.cli.camera_options import read_mount_numbers
     from edgemap.runtime.frames.reading import user_path
     from edgemap.runtime.inputs.drives.camera_yaml import read_camera_yaml
@@ -61,14 +62,15 @@ def _earlier_guess(camera: "Source", floor: "FloorCamera") -> "CameraGuess | Non
 
     folder = user_path(camera.camera.partition(":")[2] or camera.camera)
     path = camera.camera_file or folder / "camera.yaml"
-    if not path.is_file():
+    recorded = {} if camera.camera_file else getattr(source, "calibration", {})
+    if not recorded and not path.is_file():
         return None
-    calibration = dict(read_camera_yaml(path).calibration)
+    calibration = dict(recorded or read_camera_yaml(path).calibration)
     if camera.intrinsics is not None:
         calibration["intrinsics"] = "as given"
     if found := read_mount_numbers(camera.mount):
         calibration |= {"height_sigma_share": 0.0} if found[1] is None else {"mount": "as given"}
-    return CameraGuess.of_record(calibration, floor.intrinsics, floor.mount, str(path))
+    return CameraGuess.of_record(calibration, floor.intrinsics, floor.mount, camera.camera if recorded else str(path))
 
 
 class CameraKeeper:

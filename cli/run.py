@@ -205,7 +205,8 @@ class _Drive:
         decided = Decisions(self.loaded.engine, self.loaded.precision)
         viewers = self.options.watch.viewer_sinks(self.floor)
         named = out.named_sinks(self.place.path if self.place and self.place.exists else None)
-        tape = recording_sinks(out.recording, out.lossless, self.source, self.floor, odometry, decided)
+        guess = self.record.get("camera_guess")
+        tape = recording_sinks(out.recording, out.lossless, self.source, self.floor, odometry, decided, guess)
         live = out.ros2_sinks(self.source, self.floor, edits)
         edits.recorders += [sink.edit for sink in tape]
         return [*tape, *viewers, *named, *live]

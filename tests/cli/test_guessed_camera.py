@@ -65,6 +65,21 @@ def test_a_run_by_a_guess_asks_for_the_height_alone(edgemap, painted_bundle, pic
     assert kept.height_m == 0.83
 
 
+def test_a_recording_of_a_run_by_a_guess_is_one_still(edgemap, painted_bundle, pictures, tmp_path):
+    pytest.importorskip("mcap_ros2", reason="no mcap here (extra record)")
+    (pictures / "camera.yaml").unlink()
+    run = ("run", "--bundle", painted_bundle)
+    first = edgemap(*run, "--camera", pictures, "--record", tmp_path / "a.mcap", "--out", tmp_path / "run")
+    assert first.returncode == 0, first.stderr
+    for name, given in (("replay", ()), ("again", ("--realtime",)), ("tape", ("--mount", "0.83"))):
+        done = edgemap(*run, "--camera", tmp_path / "a.mcap", *given, "--out", tmp_path / name)
+        assert done.returncode == 0, done.stderr
+        record = json.loads((tmp_path / name / "run.json").read_text())
+        assert record["verdict"]["level"] != "good"
+        assert (record["camera_guess"]["height_sigma_share"] == 0.0) == (name == "tape")
+        assert record["camera_guess"]["focal_sigma_share"] > 0.0
+
+
 def test_a_height_without_a_pitch_leaves_the_pitch_to_be_guessed(edgemap, painted_bundle, pictures, tmp_path):
     (pictures / "camera.yaml").unlink()
     run = ("run", "--camera", pictures, "--bundle", painted_bundle, "--intrinsics", "50,50,31.5,31.5")

@@ -48,6 +48,7 @@ class CameraBase:
         self.wheel: Path | PoseTrack | None = None
         self.decisions: Decisions | None = None
         self.edits: tuple[str, ...] = ()
+        self.calibration: dict[str, Any] = {}  # of a recording: how lens and mount came to be, as in camera.yaml
         self._delivered, self._sampled_s = 0, -math.inf
 
     @property
@@ -114,6 +115,7 @@ class CameraAround(CameraBase):
         self.rate_hz, self.frame_count = camera.rate_hz, camera.frame_count
         self.truth, self.attitudes, self.wheel = camera.truth, camera.attitudes, camera.wheel
         self.decisions, self.edits = camera.decisions, camera.edits
+        self.calibration = getattr(camera, "calibration", {})
         self._camera = camera
 
     @property

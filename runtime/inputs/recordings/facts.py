@@ -31,13 +31,15 @@ WHEEL_FILE, TRUTH_FILE = "wheel.json", "truth.json"  # names of MCAP attachments
 
 @dataclass(frozen=True, slots=True)
 class Facts:
-    """A camera's metadata at the time of recording. decisions: of the recording run, where there was one."""
+    """A camera's metadata at the time of recording. decisions: of the recording run, where there was one. calibration:
+    as of a `camera.yaml`, where lens or mount were guessed."""
 
     camera: str
     intrinsics: Intrinsics | None = None
     mount: Mount | None = None
     rate_hz: float | None = None
     decisions: Decisions | None = None
+    calibration: dict[str, Any] | None = None
 
 
 def facts_record(facts: Facts) -> dict[str, str]:
@@ -50,6 +52,7 @@ def facts_record(facts: Facts) -> dict[str, str]:
         "intrinsics": json.dumps(asdict(lens) if lens else None),
         "mount": json.dumps(asdict(mount) if mount else None),
         "decisions": json.dumps(asdict(facts.decisions) if facts.decisions else None),
+        "calibration": json.dumps(facts.calibration),
     }
 
 
@@ -65,6 +68,7 @@ class _RecordedMount(Strict):
 _DECISIONS: Any = Decisions | None
 _LENS: Any = LensRecord | None
 _MOUNT: Any = _RecordedMount | None
+_CALIBRATION: Any = dict[str, Any] | None
 _RATE: Any = Optional[Annotated[float, Meta(gt=0.0, le=1e5)]]  # noqa: UP045
 
 
@@ -86,6 +90,7 @@ def read_facts(record: dict[str, str], where: str) -> Facts:
             mount and Mount(**msgspec.structs.asdict(mount)),
             rate_hz,
             decode_json(record.get("decisions", "null"), _DECISIONS, f"{where}: decisions", CameraError),
+            decode_json(record.get("calibration", "null"), _CALIBRATION, f"{where}: calibration", CameraError),
         )
     except GeometryError as error:
         raise CameraError(f"{where}: {error}") from None
