@@ -1,0 +1,81 @@
+"""The lens's height from a box: rays of its own camera model, an object of its class's usual height."""
+
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from scipy.optimize import brentq
+
+from edgemap.geometry.camera.floor import FloorCamera
+from edgemap.geometry.camera.intrinsics import Intrinsics
+from edgemap.geometry.camera.mount import Mount
+from edgemap.geometry.observations.class_extents import HEIGHT_M, footprint_m
+from edgemap.geometry.observations.detections import Detections
+from edgemap.geometry.observations.lens_height import lens_heights
+
+NAMES = ("chair", "refrigerator", "vase")
+CAMERA = FloorCamera(Intrinsics(640, 480, 400.0, 400.0, 319.5, 239.5), Mount(0.5, 0.1, 0.02))
+
+
+def fall(column, row):
+    """Slope of the ray through a pixel's place, positive down."""
+    ((x, y, z),) = CAMERA.rays_base([(column - 0.5, row - 0.5)])
+    return -z / math.hypot(x, y)
+
+
+def box_of(label, column, foot, height_m):
+    """The box of an object before a lens at this height; None where its top is above the picture."""
+    f, (usual_m, _) = fall(column, foot), HEIGHT_M[label]
+    depth_m = min(footprint_m(label, 0.0))
+    # Higher than the lens its top is at the foot's range; lower, the far upper edge is seen.
+    top = (
+        f * (1.0 - usual_m / height_m)
+        if usual_m > height_m
+        else (f - f * usual_m / height_m) / (1.0 + f * depth_m / height_m)
+    )
+    rows = fall(column, 5.0), top, f
+    return (
+        [column - 30, brentq(lambda row: fall(column, row) - top, 5.0, foot), column + 30, foot]
+        if rows[0] < top
+        else None
+    )
+
+
+def detections(*boxes, label="chair", score=0.9):
+    return Detections(
+        np.array(boxes, dtype=float).reshape(-1, 4), np.full(len(boxes), score),
+        np.full(len(boxes), NAMES.index(label), np.int64), NAMES,
+    )  # fmt: skip
+
+
+@given(st.sampled_from(["chair", "refrigerator"]), st.floats(40, 600), st.floats(300, 460), st.floats(0.2, 1.2))
+def test_the_height_is_that_with_which_the_object_has_its_usual_height(label, column, foot, height_m):
+    box = box_of(label, column, foot, height_m)
+    if box is not None and foot - box[1] > 30.0:
+        (found,) = lens_heights(detections(box, label=label), CAMERA)
+        assert found.label == label
+        assert found.height_m == pytest.approx(height_m, rel=1e-6)
+        assert found.fall == pytest.approx(fall(column, foot))
+
+
+WHOLE = [300.0, 120.0, 360.0, 400.0]
+
+
+@pytest.mark.parametrize(
+    ("boxes", "options", "count"),
+    [
+        ([WHOLE], {}, 1),
+        ([WHOLE], {"score": 0.4}, 0),
+        ([WHOLE], {"label": "vase"}, 0),  # of no usual height
+        ([[2.0, 120.0, 60.0, 400.0]], {}, 0),  # the picture cuts it, on each side
+        ([[580.0, 120.0, 638.0, 400.0]], {}, 0),
+        ([[300.0, 2.0, 360.0, 400.0]], {}, 0),
+        ([[300.0, 120.0, 360.0, 478.0]], {}, 0),
+        ([WHOLE, [330.0, 300.0, 420.0, 440.0]], {}, 1),  # the nearer one hides the other's foot
+        ([[300.0, 200.0, 360.0, 222.0]], {}, 0),  # its foot is too near the horizon
+    ],
+)
+def test_only_complete_boxes_whose_foot_shows_count(boxes, options, count):
+    assert len(lens_heights(detections(*boxes, **options), CAMERA)) == count
