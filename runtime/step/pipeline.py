@@ -3,6 +3,8 @@
 import math
 from dataclasses import replace
 
+import numpy as np
+
 from edgemap.geometry.camera.attitude import Attitude
 from edgemap.geometry.camera.floor import FloorCamera
 from edgemap.geometry.observations.detections import Detections
@@ -145,9 +147,18 @@ class Pipeline:
         return motion
 
     def _camera_after(self, attitude: Attitude, motion: Motion) -> FloorCamera:
-        """The camera of this frame; where its attitude was only predicted, it is updated by the odometry's rotation."""
-        updated = self.attitude.update(motion.rotation)
-        return self.camera.at(replace(updated, fault=attitude.fault) if attitude.predicted else attitude)
+        """The camera of this frame. An attitude that was only predicted is updated by the odometry's rotation; any other
+        is replaced by the odometry's tilt, if that has the smaller covariance.
+        """
+        rotation, updated = motion.rotation, self.attitude.update(motion.rotation)
+        if attitude.predicted:
+            return self.camera.at(replace(updated, fault=attitude.fault))
+        if rotation is not None and rotation.up is not None:
+            own = Attitude.of_up(rotation.up, np.eye(2) * rotation.up_rad**2, attitude.source)
+            if np.trace(own.covariance_rad2) < np.trace(attitude.covariance_rad2):
+                angles = {name: getattr(own, name) for name in ("roll_rad", "pitch_rad", "covariance_rad2")}
+                return self.camera.at(replace(attitude, **angles))
+        return self.camera.at(attitude)
 
     def _searches(self, frame: Frame, health: PictureHealth) -> bool:
         """Whether the backbone runs: not on a blind picture, but for a repeated one of the same view, and not where the

@@ -20,10 +20,11 @@ from edgemap.geometry.se2 import SE2
 from edgemap.runtime.frames.frame import Frame
 from edgemap.runtime.motion.attitude.pictures import PicturesAttitude
 from edgemap.runtime.motion.odometry import OdometryRules, _members
-from edgemap.runtime.motion.odometry.protocol import FramePrior
+from edgemap.runtime.motion.odometry.protocol import FramePrior, Motion
 from edgemap.runtime.motion.odometry.window import WindowOdometry
 from edgemap.runtime.network.bundle import load_bundle
 from edgemap.runtime.network.store import bundle_folder
+from edgemap.runtime.step.pipeline import Pipeline
 
 HEAD = FloorCamera(CAMERA.intrinsics, Mount.from_degrees(1.5, 25.0))
 BLANK = np.full((240, 320, 3), 90, np.uint8)
@@ -121,3 +122,15 @@ def test_hybrid_uses_the_window_for_a_camera_at_head_height_without_wheels():
     assert not member(Mount.from_degrees(1.64, 20.0), wheel="wheel.csv")
     car = Mount(1.64, math.radians(5.0), platform=Platform.CAR)
     assert not member(car)
+
+
+def test_an_imus_tilt_gives_way_to_one_that_the_window_knows_better():
+    """It is not given back to the IMU's filter, whose attitude the window takes as a prior."""
+    given = Attitude(0.1, HEAD.mount.pitch_rad + 0.1, np.eye(2) * 0.03**2, source="imu")
+    pipeline = SimpleNamespace(attitude=SimpleNamespace(update=lambda rotation: given), camera=HEAD)
+    up = up_optical(HEAD.mount.pitch_rad, 0.0)
+    for up_rad, pitch_rad in ((0.01, HEAD.mount.pitch_rad), (0.05, given.pitch_rad)):
+        motion = Motion(rotation=TrackedRotation(np.eye(3), 0.001, up=up, up_rad=up_rad))
+        camera = Pipeline._camera_after(pipeline, given, motion)
+        assert camera.mount.pitch_rad == pytest.approx(pitch_rad)
+        assert camera.attitude.source == "imu"
