@@ -147,8 +147,8 @@ class Pipeline:
         return motion
 
     def _camera_after(self, attitude: Attitude, motion: Motion) -> FloorCamera:
-        """The camera of this frame. An attitude that was only predicted is updated by the odometry's rotation; any other
-        is replaced by the odometry's tilt, if that has the smaller covariance.
+        """The camera of this frame. An attitude that was only predicted is updated by the odometry's rotation; others
+        are replaced by the odometry's tilt, if that has the smaller covariance.
         """
         rotation, updated = motion.rotation, self.attitude.update(motion.rotation)
         if attitude.predicted:
