@@ -12,6 +12,7 @@ from statistics import median
 import cv2
 import tyro
 
+from edgemap.runtime.frames.decisions import Engine, Precision
 from edgemap.runtime.frames.reading import print_message
 from edgemap.runtime.network.bundle import load_bundle
 from edgemap.runtime.network.compute import processor_name
@@ -19,7 +20,7 @@ from edgemap.runtime.network.compute import processor_name
 FOLDER = Path("runs/networks")
 PICTURES = 4
 # Engine and precision; openvino-bf16 computes with 16 bits where the processor has them.
-VARIANTS = (
+VARIANTS: tuple[tuple[Engine, Precision], ...] = (
     ("onnxruntime", "float32"), ("openvino", "float32"), ("openvino-bf16", "float32"),
     ("onnxruntime", "int8"), ("openvino", "int8"),
 )  # fmt: skip
@@ -54,7 +55,7 @@ def measure(bundle: Path, threads: int, rounds: int) -> list[tuple[str, float, f
             network.run(tensors)
             if number >= 2:
                 times[name].append((1e3 * (time.perf_counter() - wall), 1e3 * (time.process_time() - cpu)))
-    return [(name, *(median(part) for part in zip(*own, strict=True))) for name, own in times.items()]
+    return [(name, median(wall for wall, _ in own), median(cpu for _, cpu in own)) for name, own in times.items()]
 
 
 def main(

@@ -31,7 +31,7 @@ def trajectory_of(poses, covariances):
 def test_the_pose_moves_a_landmark_by_its_lever(placed_, seed):
     """One sighting each from two keyframes: the covariance that a pose adds is its derivative's, by differences."""
     random = np.random.default_rng(seed)
-    poses = [SE2(*random.uniform(-3, 3, 2), random.uniform(-3, 3)) for _ in range(2)]
+    poses = [SE2(*row) for row in random.uniform(-3, 3, (2, 3)).tolist()]
     roots = random.normal(0.0, 0.1, (2, 3, 3))
     covariances = [root @ root.T for root in roots]
     at = random.uniform(0.5, 4.0, 2)
