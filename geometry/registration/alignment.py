@@ -13,7 +13,7 @@ import numpy as np
 from scipy.optimize import linear_sum_assignment
 from scipy.special import bdtrc
 
-from edgemap.geometry.arrays import Array
+from edgemap.geometry.arrays import CHI2_997, Array
 from edgemap.geometry.errors import MapError
 from edgemap.geometry.map_object import MapObject
 from edgemap.geometry.registration.hypotheses import best_modes, hypotheses
@@ -34,15 +34,13 @@ class AlignmentError(MapError):
 class AlignmentRule:
     """Acceptance criteria for two maps of one place.
 
-    gate: squared Mahalanobis distance of a pair of objects, 9.21 holds 99 % of true pairs. reach_m: greatest distance
-    of a pair. least_pairs: minimum number of pairs. chance: greatest expected number of alignments as good as this one
-    between unrelated maps. guess_chance: the same where the start was guessed beforehand (last pose, dock): a robot is
-    rarely moved while it is switched off, and is then relocalised by its objects as usual. rival_share, rival_margin: a
-    clearly different alignment may explain at most this share of the best one's objects, and at least this many fewer.
-    rounds: of refinement.
+    reach_m: greatest distance of a pair of objects. least_pairs: minimum number of pairs. chance: greatest expected
+    number of alignments as good as this one between unrelated maps. guess_chance: the same where the start was guessed
+    beforehand (last pose, dock): a robot is rarely moved while it is switched off, and is then relocalised by its
+    objects as usual. rival_share, rival_margin: a clearly different alignment may explain at most this share of the
+    best one's objects, and at least this many fewer. rounds: of refinement.
     """
 
-    gate: float = 9.21
     reach_m: float = 1.0
     least_pairs: int = 4
     chance: float = 0.001
@@ -105,9 +103,9 @@ def aligning(
             f"the maps ({len(first)} and {len(second)} objects) share {shared} objects by label, "
             f"at least {rule.least_pairs} are needed"
         )
-    tried = hypotheses(first, second, rule.gate)
+    tried = hypotheses(first, second)
     yield
-    modes, fits = (yield from best_modes(tried, first, second, rule.gate, rule.reach_m)), list[_Fit]()
+    modes, fits = (yield from best_modes(tried, first, second, rule.reach_m)), list[_Fit]()
     for mode in modes:
         yield
         if fit := _refined(mode, first, second, rule):
@@ -118,7 +116,7 @@ def aligning(
     best = max(fits, key=lambda fit: (len(fit.pairs), -fit.chi2))
     rivals = [fit for fit in fits if 2 * len(set(fit.pairs) & set(best.pairs)) < len(fit.pairs)]
     rival = max(rivals, key=lambda fit: len(fit.pairs), default=None)
-    chance = _chance(best, first, second, shared, len(tried.yaw_rad), rule)
+    chance = _chance(best, first, second, shared, len(tried.yaw_rad))
     found = f"the best alignment explains {len(best.pairs)} of {shared} objects with a common label"
     if len(best.pairs) < rule.least_pairs:
         raise AlignmentError(f"{found}, at least {rule.least_pairs} are needed")
@@ -185,7 +183,7 @@ def _probability(theirs: MapObject, pose: SE2, first: Sequence[MapObject], rule:
     for ours in first:
         if ours.label == theirs.label:
             covariance = ours.covariance_m2 + rotation @ theirs.covariance_m2 @ rotation.T
-            area_m2 += math.pi * min(rule.reach_m**2, rule.gate * math.sqrt(float(np.linalg.det(covariance))))
+            area_m2 += math.pi * min(rule.reach_m**2, CHI2_997 * math.sqrt(float(np.linalg.det(covariance))))
     return min(1.0, area_m2 / float(np.prod(span)))
 
 
@@ -233,7 +231,7 @@ def _paired(pose: SE2, first: Sequence[MapObject], second: Sequence[MapObject], 
     for i, ours in enumerate(first):
         near = np.flatnonzero(((places - ours.position_m) ** 2).sum(axis=1) <= rule.reach_m**2)
         for j in near.tolist():
-            if second[j].label == ours.label and (distance2 := _distance2(pose, ours, second[j])) <= rule.gate:
+            if second[j].label == ours.label and (distance2 := _distance2(pose, ours, second[j])) <= CHI2_997:
                 cost[i, j] = distance2
     rows, columns = linear_sum_assignment(cost)
     return tuple((int(i), int(j)) for i, j in zip(rows, columns, strict=True) if cost[i, j] < far)
@@ -276,9 +274,7 @@ def jacobian(pose_a_b: SE2, point_b_m: Array) -> Array:
     return np.array([[1.0, 0.0, -rotated[1]], [0.0, 1.0, rotated[0]]])
 
 
-def _chance(
-    fit: _Fit, first: Sequence[MapObject], second: Sequence[MapObject], shared: int, tried: int, rule: AlignmentRule
-) -> float:
+def _chance(fit: _Fit, first: Sequence[MapObject], second: Sequence[MapObject], shared: int, tried: int) -> float:
     """Expected number of motions between unrelated maps that explain as many objects as closely: the least over how
     many of the pairs, nearest first, are asked to be as near."""
     span = np.ptp([item.position_m for item in first], axis=0) + 1.0
@@ -288,14 +284,14 @@ def _chance(
     for theirs in second:
         alike = covariances[labels == theirs.label] + rotation @ theirs.covariance_m2 @ rotation.T
         if len(alike):
-            area_m2 = math.pi * rule.gate * float(np.sqrt(np.linalg.det(alike)).sum())
+            area_m2 = math.pi * CHI2_997 * float(np.sqrt(np.linalg.det(alike)).sum())
             probabilities.append(min(1.0, area_m2 / float(np.prod(span))))
     probability = float(np.mean(probabilities))
     minimum = math.inf
     others = shared - 2
     for rank, distance2 in enumerate(np.sort(fit.distances2), start=1):
         if rank > 2:
-            near = min(1.0, probability * float(distance2) / rule.gate)
+            near = min(1.0, probability * float(distance2) / CHI2_997)
             minimum = min(minimum, others * max(tried, 1) * float(bdtrc(rank - 3, others, near)))
     return minimum
 

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from edgemap.geometry.arrays import Array
+from edgemap.geometry.arrays import CHI2_997, Array
 from edgemap.geometry.map_object import MapObject
 from edgemap.geometry.se2 import SE2
 
@@ -50,7 +50,7 @@ class Motions:
         return SE2(x_m, y_m, rotation.yaw_rad)
 
 
-def hypotheses(first: Sequence[MapObject], second: Sequence[MapObject], gate: float) -> Motions:
+def hypotheses(first: Sequence[MapObject], second: Sequence[MapObject]) -> Motions:
     """All motions by two label-consistent correspondences whose lengths agree within the gate; never a mirror image."""
     i, j = _correspondences(first, second)
     a, b = _positions(first), _positions(second)
@@ -59,7 +59,7 @@ def hypotheses(first: Sequence[MapObject], second: Sequence[MapObject], gate: fl
     along_a, along_b = a[i[q]] - a[i[p]], b[j[q]] - b[j[p]]
     length_a, length_b = np.linalg.norm(along_a, axis=1), np.linalg.norm(along_b, axis=1)
     ends_m2 = var_a[i[p]] + var_a[i[q]] + var_b[j[p]] + var_b[j[q]]
-    fits = (length_a - length_b) ** 2 <= gate * ends_m2
+    fits = (length_a - length_b) ** 2 <= CHI2_997 * ends_m2
     fits &= (i[p] != i[q]) & (j[p] != j[q]) & (np.minimum(length_a, length_b) >= SHORTEST_M)
     p, q, along_a, along_b, ends_m2 = p[fits], q[fits], along_a[fits], along_b[fits], ends_m2[fits]
     cross = along_b[:, 0] * along_a[:, 1] - along_b[:, 1] * along_a[:, 0]
@@ -74,11 +74,11 @@ def hypotheses(first: Sequence[MapObject], second: Sequence[MapObject], gate: fl
 
 
 def best_modes(
-    motions: Motions, first: Sequence[MapObject], second: Sequence[MapObject], gate: float, reach_m: float
+    motions: Motions, first: Sequence[MapObject], second: Sequence[MapObject], reach_m: float
 ) -> Generator[None, None, list[SE2]]:
     """The motions that lay the most objects onto their like, best first, clearly different from each other; yields
     after every unit of work."""
-    scores = yield from _scores(motions, first, second, gate, reach_m)
+    scores = yield from _scores(motions, first, second, reach_m)
     centre = motions.apply(_positions(second).mean(axis=0)[None])[:, 0]
     alive, modes = np.ones(len(scores), dtype=bool), []
     while alive.any() and len(modes) < MAXIMUM_MODES:
@@ -90,7 +90,7 @@ def best_modes(
 
 
 def _scores(
-    motions: Motions, first: Sequence[MapObject], second: Sequence[MapObject], gate: float, reach_m: float
+    motions: Motions, first: Sequence[MapObject], second: Sequence[MapObject], reach_m: float
 ) -> Generator[None, None, Array]:
     """For each motion how many objects it explains, near ones in full and those at the gate not at all, (N,)."""
     a, b = _positions(first), _positions(second)
@@ -105,7 +105,7 @@ def _scores(
         lever2 = ((b[None] - chunk.middle_b_m[:, None]) ** 2).sum(axis=-1)
         vague_m2 = chunk.place_m2[:, None] + chunk.yaw_variance_rad2[:, None] * lever2
         variance_m2 = pair_m2[None] + vague_m2[:, None]
-        near = 1.0 - apart2 / (gate * variance_m2)
+        near = 1.0 - apart2 / (CHI2_997 * variance_m2)
         near *= pair_m2[None] / variance_m2  # a vague motion explains much, and says little by it
         near[(apart2 > reach_m**2) | ~same[None]] = 0.0
         near = np.maximum(near, 0.0)

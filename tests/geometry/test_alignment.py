@@ -181,7 +181,7 @@ def test_the_work_comes_in_units_of_bounded_size_and_finds_the_same(monkeypatch)
 @settings(max_examples=20, deadline=None)
 def test_each_two_correspondences_that_are_right_propose_the_motion(motion):
     """Of seven objects, 21; their yaw is as uncertain as their ends over their distance."""
-    found = hypotheses(mapped(CROOKED), mapped(CROOKED, motion), 9.0)
+    found = hypotheses(mapped(CROOKED), mapped(CROOKED, motion))
     right = [row for row in range(len(found.yaw_rad)) if off_by_m(found.pose(row), motion) < 1e-6]
     apart2 = 4.0 * found.place_m2[right] / found.yaw_variance_rad2[right]
     places = [np.array(place) for _, *place in CROOKED]
