@@ -35,16 +35,14 @@ class AlignmentRule:
     """Acceptance criteria for two maps of one place.
 
     reach_m: greatest distance of a pair of objects. least_pairs: minimum number of pairs. chance: greatest expected
-    number of alignments as good as this one between unrelated maps. guess_chance: the same where the start was guessed
-    beforehand (last pose, dock): a robot is rarely moved while it is switched off, and is then relocalised by its
-    objects as usual. rival_share, rival_margin: a clearly different alignment may explain at most this share of the
-    best one's objects, and at least this many fewer. rounds: of refinement.
+    number of alignments as good as this one between unrelated maps. rival_share, rival_margin: a clearly different
+    alignment may explain at most this share of the best one's objects, and at least this many fewer. rounds: of
+    refinement.
     """
 
     reach_m: float = 1.0
     least_pairs: int = 4
     chance: float = 0.001
-    guess_chance: float = 0.01
     rival_share: float = 0.8
     rival_margin: int = 2
     rounds: int = 10
@@ -170,9 +168,9 @@ def aligned_near(
         rms_m = math.sqrt(float(np.mean(np.square(pairs))))
         found.append(Alignment(fit.pose, fit.covariance, fit.pairs, _shared(first, second), 0, chance, rms_m))
     best = min(found, key=lambda one: one.chance, default=None)
-    if best is None or best.chance > rule.guess_chance:
+    if best is None or best.chance > rule.chance:
         reason = f"by chance {best.chance:.2g} times" if best else "no two objects agree"
-        raise AlignmentError(f"no guessed start fits ({reason}; at most {rule.guess_chance:g} is accepted)")
+        raise AlignmentError(f"no guessed start fits ({reason}; at most {rule.chance:g} is accepted)")
     return best
 
 
