@@ -128,13 +128,13 @@ def test_paths_that_the_system_refuses_are_one_line(capsys, arguments, code, wor
 
 
 def test_a_configuration_of_strange_keys_and_values_is_one_short_line(capsys, tmp_path):
-    for config in (
-        {"config": {"a\n\x1b[31m": 1}},
-        {"config": ["a" * 100_000]},
-        {"config": {"floor": {"max_sigma_m": ["b" * 100_000]}}},
-        {"config": {"floor": {"max_sigma_m": "c" * 100_000}}},
+    for name, config in (
+        ("config.yaml", {"config": {"a\n\x1b[31m": 1}}),  # a run.json's unknown names are passed over
+        ("run.json", {"config": ["a" * 100_000]}),
+        ("run.json", {"config": {"floor": {"max_sigma_m": ["b" * 100_000]}}}),
+        ("run.json", {"config": {"floor": {"max_sigma_m": "c" * 100_000}}}),
     ):
-        path = tmp_path / "run.json"
+        path = tmp_path / name
         path.write_text(json.dumps(config))
         code, line = answer(capsys, "run", "--config", path)
         assert code == 1
