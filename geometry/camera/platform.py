@@ -17,6 +17,6 @@ class Platform(StrEnum):
 
     @property
     def in_room(self) -> bool:
-        """Whether straight edges are those of a room, upright or along two directions, and a floor head, which is
-        trained on rooms, knows the floor."""
+        """Whether straight edges are those of a room, upright or along two directions, a floor head (trained on rooms)
+        knows the floor, and corners are refined by detail."""
         return self is Platform.ROBOT

@@ -29,7 +29,7 @@ from edgemap.runtime.inputs.open import open_camera
 from edgemap.runtime.motion.odometry import OdometryRules, _members, open_odometry
 from edgemap.runtime.motion.odometry.coasting import CoastingRule
 from edgemap.runtime.motion.odometry.learned import LearnedOdometry, outside_envelope
-from edgemap.runtime.motion.odometry.planar import PlanarOdometry, PlanarRule
+from edgemap.runtime.motion.odometry.planar import LEVELS, PlanarOdometry, PlanarRule, _detail
 from edgemap.runtime.motion.odometry.protocol import NO_PRIOR, FramePrior, Motion
 from edgemap.runtime.motion.odometry.recorded import WHEEL, RecordedOdometry
 from edgemap.runtime.network.bundle import load_bundle
@@ -148,10 +148,16 @@ def test_what_an_imu_learns_of_its_tilt_is_no_motion(pitch_rad, roll_rad):
     assert abs(error.yaw_rad) < 0.03
 
 
-def test_planar_counts_lengths_in_the_unit_of_its_platform():
+def test_planar_counts_lengths_in_the_unit_of_its_platform(monkeypatch):
     """The same pictures eight times as high above a floor eight times as large, on a car: the same motions in units of
     8 m. On wheels from the first motion on: the path without nodding that shows it is counted in metres of the road, so
     the larger one shows it eight times as soon."""
+    tracked = PlanarOdometry._tracked  # a car's corners are not refined by detail
+    monkeypatch.setattr(
+        PlanarOdometry,
+        "_moved",
+        lambda odometry, last, grey, expected: tracked(odometry, last, grey, odometry._corners, expected, LEVELS),
+    )
     height_m, forward_m = 8.0 * CAMERA.mount.height_m, 8.0 * CAMERA.mount.forward_m
     high = FloorCamera(
         CAMERA.intrinsics, replace(CAMERA.mount, height_m=height_m, forward_m=forward_m, platform=Platform.CAR)
@@ -465,6 +471,16 @@ def test_a_damaged_tum_file_is_one_line(tmp_path, text, message):
     (tmp_path / "a.tum").write_text(text)
     with pytest.raises(OdometryError, match=message):
         read_tum(tmp_path / "a.tum")
+
+
+def test_corners_are_refined_where_large_structures_count_half():
+    """A step of 100 grey levels keeps half of its height; a dot of 40 keeps it above what is around it."""
+    picture = np.full((240, 320), 60, np.uint8)
+    picture[:, 160:] = 160
+    picture[100, 60] += 40
+    found = _detail(picture).astype(int)
+    assert found[50, 260] - found[50, 60] == 50
+    assert found[100, 60] - found[100, 70] == 40
 
 
 def over_a_table(frames, poses, columns=264):

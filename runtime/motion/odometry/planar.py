@@ -49,6 +49,7 @@ Array = NDArray[np.float64]
 Pixels = NDArray[np.float32]
 
 LEVELS = 3  # levels of the tracker's pyramid; with two, tracking fails when a robot starts to spin suddenly
+LARGE_PX = 31  # a structure that is larger counts half when a corner is refined
 SHIFT_PX = 4  # the picture's shift is estimated on every n-th pixel
 RESPONSE_PX = 3  # radius around a corner in which its response reads the picture
 MASK_PX = 8  # the floor mask is computed on every n-th pixel
@@ -483,14 +484,10 @@ class PlanarOdometry:
         expected = self._expected()
         if not self._rotation_known:
             expected += self._surprise(last, grey, expected)
-        moved, status, _ = cv2.calcOpticalFlowPyrLK(
-            last, grey, self._corners[:, None], expected[:, None].copy(), winSize=[self._rule.window_px] * 2,
-            maxLevel=LEVELS, criteria=(cv2.TERM_CRITERIA_COUNT | cv2.TERM_CRITERIA_EPS, 15, 0.02),
-            flags=cv2.OPTFLOW_USE_INITIAL_FLOW, minEigThreshold=1e-4,
-        )  # fmt: skip
-        self._before, self._corners = self._corners, moved.reshape(-1, 2)
+        moved, good = self._moved(last, grey, expected)
+        self._before, self._corners = self._corners, moved
         inside = ((self._corners >= 0) & (self._corners <= [self._size[0] - 1.0, self._size[1] - 1.0])).all(axis=1)
-        good = (status.reshape(-1) == 1) & inside
+        good &= inside
         self._before = self._before[good]
         self._keep(good)
 
@@ -501,6 +498,26 @@ class PlanarOdometry:
             np.column_stack([projection.predicted, np.where(projection.ahead, 1.0, np.nan)])
         )
         return np.where(np.isfinite(expected), expected, self._corners).astype(np.float32)
+
+    def _moved(self, last: MatLike, grey: MatLike, expected: Pixels) -> tuple[Pixels, NDArray[np.bool_]]:
+        """The corners in this picture (N, 2), by halves of the pictures and then by their detail; which were found."""
+        if not self._in_room:  # KITTI from frame 500: 5.6 %, with detail 7.9
+            return self._tracked(last, grey, self._corners, expected, LEVELS)
+        halves = cv2.pyrDown(last), cv2.pyrDown(grey)
+        coarse, near = self._tracked(*halves, self._corners / 2.0, expected / 2.0, LEVELS - 1)
+        moved, good = self._tracked(_detail(last), _detail(grey), self._corners, 2.0 * coarse, 0)
+        return moved, near & good
+
+    def _tracked(
+        self, last: MatLike, grey: MatLike, corners: Pixels, expected: Pixels, levels: int
+    ) -> tuple[Pixels, NDArray[np.bool_]]:
+        """Corners (N, 2) of one picture tracked into another from where they are expected, and whether they were."""
+        moved, status, _ = cv2.calcOpticalFlowPyrLK(
+            last, grey, corners[:, None], expected[:, None].copy(), winSize=[self._rule.window_px] * 2,
+            maxLevel=levels, criteria=(cv2.TERM_CRITERIA_COUNT | cv2.TERM_CRITERIA_EPS, 15, 0.02),
+            flags=cv2.OPTFLOW_USE_INITIAL_FLOW, minEigThreshold=1e-4,
+        )  # fmt: skip
+        return np.asarray(moved.reshape(-1, 2), dtype=np.float32), status.reshape(-1) == 1
 
     def _surprise(self, last: MatLike, grey: MatLike, expected: Pixels) -> Pixels:
         """Unexpected shift of the picture, (2,) px; zero unless it is more than the tracker can follow."""
@@ -588,6 +605,12 @@ def _in_units(mount: Mount, unit_m: float) -> Mount:
     return replace(
         mount, height_m=mount.height_m / unit_m, forward_m=mount.forward_m / unit_m, left_m=mount.left_m / unit_m
     )
+
+
+def _detail(grey: MatLike) -> MatLike:
+    """A picture in which large structures have half their contrast: they pull corners of weakly textured floors along,
+    which makes a robot appear slower (home 9001: by 16 % before a wall)."""
+    return cv2.addWeighted(grey, 1.0, cv2.blur(grey, (LARGE_PX, LARGE_PX)), -0.5, 64.0)
 
 
 def _rays(bearings: Array) -> Array:

@@ -16,7 +16,7 @@ from edgemap.geometry.odometry.resection import LensPose
 from edgemap.geometry.se2 import SE2
 from edgemap.runtime.frames.frame import Frame
 from edgemap.runtime.motion.odometry.coasting import LONGEST_DT_S, CoastingRule
-from edgemap.runtime.motion.odometry.planar import MINIMUM_COVARIANCE, Pixels, PlanarOdometry, PlanarRule
+from edgemap.runtime.motion.odometry.planar import LEVELS, MINIMUM_COVARIANCE, Pixels, PlanarOdometry, PlanarRule
 from edgemap.runtime.motion.odometry.protocol import FramePrior, Motion, first_motion
 
 CARRIED_RAD = math.radians(10.0)  # standard deviation of a carried camera's tilt about the mount's
@@ -162,6 +162,9 @@ class WindowOdometry(PlanarOdometry):
         )  # fmt: skip
         same = np.abs(back.reshape(-1, 2) - self._before).max(axis=1) < BACK_PX
         self._keep((status.reshape(-1) == 1) & same)
+
+    def _moved(self, last: MatLike, grey: MatLike, expected: Pixels) -> tuple[Pixels, NDArray[np.bool_]]:
+        return self._tracked(last, grey, self._corners, expected, LEVELS)
 
     def _expected(self) -> Pixels:
         local = self._graph.local(self._ids, self._ahead_pose)
