@@ -170,4 +170,10 @@ def lens_and_mount(camera: "Camera", intrinsics: str | None, mount: str | None) 
     lens, camera_mount = known_lens(camera, intrinsics), read_mount(mount, camera.mount)
     if camera_mount is None:
         raise OptionError(f"{camera.name} does not know how it is mounted: {HOW_TO_MEASURE}")
+    if camera.name.startswith("kitti:") and camera_mount.platform.in_room:
+        from dataclasses import replace
+
+        from edgemap.geometry.camera.platform import Platform
+
+        camera_mount = replace(camera_mount, platform=Platform.CAR)
     return lens, camera_mount

@@ -1,5 +1,6 @@
 """`edgemap fleet serve`: keeps the merged map of a place."""
 
+import contextlib
 import os
 import time
 from math import degrees
@@ -73,7 +74,8 @@ def command(
     own = "" if through_router else address(listen, "--listen", PORT)
     # Each connection is an open file: beyond the usual soft limit of 1024 no map could be written.
     hard = resource.getrlimit(resource.RLIMIT_NOFILE)[1]
-    resource.setrlimit(resource.RLIMIT_NOFILE, (hard, hard))
+    with contextlib.suppress(ValueError, OSError):  # the kernel allows fewer
+        resource.setrlimit(resource.RLIMIT_NOFILE, (hard, hard))
     with stop_on_signals() as stop:
         passwords = read_passwords(robots) if robots else None
         keeper = PlaceKeeper(name, folder, router if through_router else "", own, reference, passwords)

@@ -1,6 +1,7 @@
 """`edgemap run` with an uncalibrated camera: intrinsics and mount are estimated from its first pictures."""
 
 import math
+import re
 import shlex
 from dataclasses import replace
 from pathlib import Path
@@ -79,7 +80,7 @@ class CameraKeeper:
 
     def __init__(self, folder: Path, floor: "FloorCamera", guess: "CameraGuess | None", spec: str = "demo") -> None:
         self._path, self._floor, self._guess, self._by_hand = folder / "camera.yaml", floor, guess, False
-        self._spec = spec
+        self._spec = re.sub("(//[^/@:]*):[^/@]*@", r"\1:PASSWORD@", spec)  # a stream's password is never printed
 
     def set_mount(self, height_m: float, pitch_deg: float) -> Path:
         """Saves a mount that a person has set; roll and lever arm stay. Raises GeometryError, CameraError."""

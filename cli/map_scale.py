@@ -46,7 +46,7 @@ def command(
     if not 1.0 / LARGEST <= factor <= LARGEST:
         raise OptionError(f"the map would become {factor:.3g} times as large, at most {LARGEST:g}: check the length")
     trajectory, grid = trajectory_of(path), load_grid(path)
-    if (out / "run.json").exists() or out.suffix == ".json":
+    if (out / "run.json").exists() or (out / "map.json").exists() or out.suffix == ".json":
         raise OptionError(f"{out}: --out takes a folder of its own")
     try:
         out.mkdir(parents=True, exist_ok=True)
@@ -63,6 +63,7 @@ def command(
 
 def _by_height(path: Path, height_m: float) -> float:
     """Measured height over that of the run. Raises OptionError where the height is not the scale of the run."""
+    from edgemap.cli.run_record import scale_source
     from edgemap.runtime.frames.errors import RunFolderError
     from edgemap.runtime.frames.reading import decode_json, read_bytes
     from edgemap.runtime.outputs.verdict.explain import RUN_BYTES
@@ -73,21 +74,14 @@ def _by_height(path: Path, height_m: float) -> float:
     record: dict[str, Any] = decode_json(read_bytes(run, RUN_BYTES, RunFolderError), dict, run, RunFolderError)
     try:
         before_m = float(record["mount"]["height_m"])
-        wheels = int(record.get("quality", {}).get("wheel_frames", 0))
-        depth = int(record.get("attitude_sources", {}).get("depth", 0))
-        odometry = str(record.get("odometry", ""))
+        measured = scale_source(record)
     except (KeyError, TypeError, ValueError, AttributeError, OverflowError):
         raise RunFolderError(f"{run}: it has no mount") from None
-    measured = "wheels" if wheels else "depth" if depth else odometry if _given(odometry) else ""
     if measured:
         raise OptionError(f"{path}: {measured} measured this run's path, so its scale is not that of the height")
     if not (0.05 <= height_m <= 3.0 and 0.0 < before_m < math.inf):
         raise OptionError(f"--height {height_m:g}: expected 0.05 to 3 m (the run had {before_m:g} m)")
     return height_m / before_m
-
-
-def _given(odometry: str) -> bool:
-    return odometry not in ("hybrid", "flow", "planar")
 
 
 def _by_distance(objects: list[Any], text: str) -> float:

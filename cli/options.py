@@ -13,7 +13,8 @@ if TYPE_CHECKING:
     from edgemap.runtime.network.bundle import Bundle
     from edgemap.runtime.network.compute import EngineChoice, Pace
 
-ODOMETRIES = ("hybrid", "flow", "planar", "gyro", "paper", "truth")
+PICTURE_ODOMETRIES = ("hybrid", "flow", "planar", "window")  # lengths are in proportion to the height of the lens
+ODOMETRIES = (*PICTURE_ODOMETRIES, "gyro", "paper", "truth")
 MAXIMUM_THREADS = 64
 
 BundleName = Annotated[

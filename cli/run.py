@@ -148,6 +148,7 @@ class _Drive:
 
     def _drive(self, page: "NoPage", stop: "Event", edits: "Edits", kept: "list[LivingMap]") -> None:
         from edgemap.cli.budget import budgeted, read_share
+        from edgemap.cli.run_record import scale_source
         from edgemap.cli.saved_map import where_it_was
         from edgemap.cli.summary import RunSummary, with_map_so_far
         from edgemap.cli.truth import judge_of
@@ -188,8 +189,7 @@ class _Drive:
         if line := where_it_was(self.slam.mapper, saved):
             print(line)
         if result := summary.result:
-            alone = not any(name.startswith("wheel") for name in result.motion.members)
-            alone = alone and result.observed.attitude_source != "depth"
+            alone = not scale_source(files.document)
             if line := self.kept_camera.at_end(result.observed.mount_estimate, alone):
                 print(line)
         print(report.failure or f"see it:  {report.path}")

@@ -5,6 +5,8 @@ from dataclasses import asdict
 from datetime import UTC, datetime
 from typing import TYPE_CHECKING, Any
 
+from edgemap.cli.options import PICTURE_ODOMETRIES
+
 if TYPE_CHECKING:
     from edgemap.cli.run_options import RunOptions
     from edgemap.geometry.camera.floor import FloorCamera
@@ -71,3 +73,17 @@ def _decided(options: "RunOptions", loaded: "Bundle") -> dict[str, Any]:
 
     decided, usual = asdict(Decisions(loaded.engine, loaded.precision)), asdict(Decisions())
     return {name: one for name, one in decided.items() if name in options.inputs() or one != usual[name]}
+
+
+def scale_source(record: dict[str, Any]) -> str:
+    """What gave a run its scale, from the record of its run.json; empty: the height of the lens. Raises TypeError,
+    ValueError, AttributeError and OverflowError where the record is damaged.
+    """
+    if record.get("map"):
+        return "a saved map, and the runs before it,"
+    if int(record.get("quality", {}).get("wheel_frames", 0)):
+        return "wheels"
+    if int(record.get("attitude_sources", {}).get("depth", 0)):
+        return "depth"
+    odometry = str(record.get("odometry", ""))
+    return "" if odometry in PICTURE_ODOMETRIES else odometry

@@ -68,8 +68,8 @@ def load_config(path: Path) -> tuple[Config, dict[str, Any]]:
     """The tree and the command line's options that a YAML file or a run.json gives.
 
     A YAML file has two sections, both optional: `options` (the flags of `edgemap run` without dashes) and `config` (any
-    part of the tree). Numbers of a run.json that this version does not have are passed over and printed, as another
-    version wrote them. Raises ConfigError in one line that names the value.
+    part of the tree). Numbers of a run's run.json that this version does not have are passed over and
+    printed, as another version wrote them. Raises ConfigError in one line that names the value.
     """
     path = _file(path)
     document = _run_json(path) if path.suffix == ".json" else read_yaml(path, ConfigError)
@@ -80,7 +80,7 @@ def load_config(path: Path) -> tuple[Config, dict[str, Any]]:
         raise ConfigError(f"{path}: options is a {type(options).__name__}, not a mapping of flags")
     unknown: list[tuple[str, str]] = []
     config = _merged(Config(), document.get("config") or {}, f"{path}: config", unknown)
-    if unknown and path.suffix != ".json":
+    if unknown and not str(document.get("format", "")).startswith("edgemap.run/"):
         raise ConfigError("{} is unknown (known: {})".format(*unknown[0]))
     if unknown:
         names = ", ".join(where.removeprefix(f"{path}: config.") for where, _ in unknown)

@@ -6,6 +6,8 @@ import shlex
 
 import pytest
 
+from edgemap.cli.guessed_camera import CameraKeeper
+from edgemap.geometry.camera.floor import FloorCamera
 from edgemap.geometry.camera.intrinsics import Intrinsics
 from edgemap.geometry.camera.mount import Mount
 from edgemap.runtime.frames.errors import CameraError
@@ -111,6 +113,17 @@ def test_what_was_calibrated_since_is_no_guess():
     assert CameraGuess.of_record({"method": "chessboard"}, lens, mount, "camera.yaml") is None
     with pytest.raises(CameraError, match=r"camera.yaml: calibration"):
         read(height_sigma_share="high")
+
+
+def test_the_command_to_copy_holds_no_password(tmp_path):
+    floor = FloorCamera(Intrinsics(640, 480, 587.0, 587.0, 319.5, 239.5), Mount(0.6, 0.2))
+    guess = CameraGuess.of_record(
+        {"method": "guessed", "height_sigma_share": 0.09}, floor.intrinsics, floor.mount, "camera.yaml"
+    )
+    text = CameraKeeper(tmp_path, floor, guess, "rtsp://user:s3cret@10.0.0.2/live").at_end(None)
+    assert text is not None
+    assert "rtsp://user:PASSWORD@10.0.0.2/live" in text
+    assert "s3cret" not in text
 
 
 def test_what_is_given_is_not_guessed(edgemap, painted_bundle, pictures, tmp_path):

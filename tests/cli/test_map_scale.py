@@ -81,6 +81,8 @@ def test_a_distance_between_two_objects_scales_it_too(edgemap, run_folder, tmp_p
         (("--height", "0.6"), {"quality": {"wheel_frames": 30}}, "wheels measured this run's path"),
         (("--height", "0.6"), {"attitude_sources": {"depth": 9}}, "depth measured this run's path"),
         (("--height", "0.6"), {"odometry": "truth"}, "truth measured this run's path"),
+        (("--height", "0.6"), {"map": "kitchen", "start": None}, "a saved map, and the runs before it, measured this"),
+        (("--height", "2.4"), {"odometry": "window"}, "3.2 times as large"),
         (("--between", "chair-1,bed-1,2"), {}, "the map has no 'bed-1'"),
         (("--between", "chair-1,2"), {}, "expected ID,ID,METRES"),
         (("--between", "chair-1,couch-1,-2"), {}, "expected ID,ID,METRES"),
@@ -99,6 +101,10 @@ def test_what_is_no_scale_is_one_line(edgemap, run_folder, tmp_path, arguments, 
 
 def test_the_run_itself_is_not_overwritten(edgemap, run_folder):
     done = edgemap("map", "scale", run_folder, "--height", "0.6", "-o", run_folder)
+    assert done.returncode == 2
+    assert "a folder of its own" in done.stderr
+    (run_folder / "run.json").unlink()
+    done = edgemap("map", "scale", run_folder, "--between", "chair-1,couch-1,3", "-o", run_folder)
     assert done.returncode == 2
     assert "a folder of its own" in done.stderr
     assert edgemap("map", "scale", run_folder.parent, "--height", "0.6", "-o", "x").returncode != 0

@@ -39,12 +39,14 @@ def test_the_resolved_tree_gives_itself_back(tmp_path):
 
 def test_numbers_of_another_version_s_run_are_passed_over_and_printed(tmp_path, capsys):
     document = {"odometry": {"planar": {"gyro_upright_rad": [0.02, 0.04], "corners": 99}}, "weather": {"rain": 1}}
-    config, _ = load_config(written(tmp_path, {"config": document}, "run.json"))
+    config, _ = load_config(written(tmp_path, {"format": "edgemap.run/1", "config": document}, "run.json"))
     assert config.odometry.planar.corners == 99
     printed = capsys.readouterr().err
     assert "2 numbers of another version passed over: odometry.planar.gyro_upright_rad, weather" in printed
     with pytest.raises(ConfigError, match=r"planar\.gyro_upright_rad is unknown"):  # a person wrote it
         load_config(written(tmp_path, {"config": document}))
+    with pytest.raises(ConfigError, match=r"planar\.gyro_upright_rad is unknown"):
+        load_config(written(tmp_path, {"config": document}, "tuned.json"))
 
 
 @pytest.mark.parametrize(

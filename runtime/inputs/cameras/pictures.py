@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 
 import cv2
@@ -10,6 +11,7 @@ from numpy.typing import NDArray
 
 from edgemap.geometry.camera.intrinsics import Intrinsics
 from edgemap.geometry.camera.mount import Mount
+from edgemap.geometry.camera.platform import Platform
 from edgemap.runtime.frames.errors import CameraError, CameraFault, FaultKind
 from edgemap.runtime.frames.frame import Frame
 from edgemap.runtime.frames.quiet import bounded_memory, quietly
@@ -196,6 +198,8 @@ def drive_camera(
     A mount that was given does not move the truth: that was taken to the turn axis by the drive's own lever arm.
     """
     intrinsics, mount = intrinsics or drive.intrinsics, mount or drive.mount
+    if mount is not None and drive.kind == "kitti":
+        mount = replace(mount, platform=Platform.CAR)
     if drive.video is not None:
         camera = VideoCamera(name, drive.video, intrinsics, mount, [float(stamp) for stamp in drive.stamps_s])
     else:

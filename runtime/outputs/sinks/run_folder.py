@@ -65,6 +65,7 @@ class RunFolder:
         self._fault_kinds: Counter[str] = Counter()
         self._quality = QualityCounter()
         self.verdict = Verdict("care")  # of the newest save
+        self.document: dict[str, Any] = {}  # run.json of the newest save
         self._mount_seen: dict[str, float] = {}  # as the drive has shown it so far
         self._attitudes: Counter[str] = Counter()  # frames by where roll and pitch came from
         self._journal: PoseJournal | None = None
@@ -230,6 +231,7 @@ class RunFolder:
         }
         self.verdict = verdict_of(record, self._objects)
         record["verdict"] = self.verdict.document()
+        self.document = record
         write_atomically(self.folder / "run.json", json.dumps(record, indent=1, allow_nan=False) + "\n")
 
 

@@ -9,6 +9,7 @@ import cv2
 import numpy as np
 import pytest
 
+from edgemap.cli.camera_options import lens_and_mount
 from edgemap.geometry.camera.intrinsics import Intrinsics
 from edgemap.geometry.camera.mount import Mount
 from edgemap.geometry.camera.platform import Platform
@@ -17,6 +18,7 @@ from edgemap.runtime.frames.errors import CameraError
 from edgemap.runtime.frames.trajectory import Trajectory
 from edgemap.runtime.inputs.cameras.pictures import drive_camera
 from edgemap.runtime.inputs.drives import open_drive, write_drive, write_locobot
+from edgemap.runtime.inputs.open import open_camera
 
 LENS, MOUNT = Intrinsics(64, 48, 58.0, 58.0, 31.5, 23.5), Mount.from_degrees(0.6, 11.5)
 IDENTITY_12 = "1 0 0 0 0 1 0 0 0 0 1 0"
@@ -60,6 +62,14 @@ def test_the_mount_of_kitti_is_a_cars(tmp_path):
         "{width: 8, height: 6, fx: 5.0, fy: 5.0, cx: 3.5, cy: 2.5, mount: {height_m: 1.65, pitch_deg: 0.0}}"
     )
     assert open_drive(spec).mount == Mount(1.65, platform=Platform.CAR)
+
+
+def test_a_mount_that_is_given_for_kitti_is_a_cars_too(tmp_path):
+    spec, lens = kitti(tmp_path / "k"), Intrinsics(64, 48, 50.0, 50.0, 31.5, 23.5)
+    with open_camera(spec, intrinsics=lens) as camera:
+        assert lens_and_mount(camera, None, "1.65,0") == (lens, Mount(1.65, platform=Platform.CAR))
+    with open_camera(spec, intrinsics=lens, mount=Mount(1.5)) as camera:
+        assert camera.mount == Mount(1.5, platform=Platform.CAR)
 
 
 def test_kitti_times_are_used(tmp_path):
