@@ -107,7 +107,8 @@ def _joined(groups: list[list[Landmark]], apart: Sequence[set[int]], rule: Landm
     """Joins groups of landmarks that are within the gate, the closest two first. apart: landmarks that each group must
     not contain."""
     count = len(groups)
-    sums = np.array([_sums(group).sum(axis=1) for group in groups]).T
+    starts = np.cumsum([0, *map(len, groups[:-1])])
+    sums = np.add.reduceat(_sums([one for group in groups for one in group]), starts, axis=1)
     group_of = {one.number: row for row, group in enumerate(groups) for one in group}
     barred = np.zeros((count, count), dtype=np.bool_)
     for row, own in enumerate(apart):
