@@ -158,7 +158,7 @@ class GridFusion:
         rule, own = self.rule, self._patches
         while self._drawing is None and len(own) > 8:
             sizes = [len(patch) for patch in own]
-            if sum(sizes) <= rule.patch_cells:
+            if len(own) <= rule.patches and sum(sizes) <= rule.patch_cells:
                 return
             last = max(len(own) // 2, 2)
             firsts = [k for k in range(last) if own[k].stamp_s > -math.inf]
