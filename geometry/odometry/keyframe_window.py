@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from edgemap.geometry.arrays import Array
 from edgemap.geometry.camera.inertial import small_rotation
+from edgemap.geometry.errors import GeometryError
 from edgemap.geometry.odometry.resection import TUKEY, DepthLandmarks, LensPose, resect, rotation_vector
 
 Mask = NDArray[np.bool_]
@@ -50,16 +51,23 @@ class WindowRule:
     attitude_pictures: float = 10.0
     covariance_scale: float = 4.0
 
+    def __post_init__(self) -> None:
+        """Raises GeometryError for a number that is not positive."""
+        if small := [item.name for item in fields(self) if not getattr(self, item.name) > 0]:
+            raise GeometryError(f"{small[0]} is {getattr(self, small[0])}, must be above 0")
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class PoseFactors:
-    """up (3,): direction of gravity's opposite in optical axes; up_rad: its standard deviation. gyro (3, 3): rotation
-    since the pose before, takes this one's optical directions into the earlier one's; gyro_rad: its standard deviation
-    about each axis, infinite without a gyro. pictures: since the pose before.
+    """up (3,): direction of gravity's opposite in optical axes; up_rad: its standard deviation. height_m: of the lens
+    above the floor, as it is given or measured. gyro (3, 3): rotation since the pose before, takes this one's optical
+    directions into the earlier one's; gyro_rad: its standard deviation about each axis, infinite without a gyro.
+    pictures: since the pose before.
     """
 
     up: Array
     up_rad: float
+    height_m: float
     gyro: Array
     gyro_rad: float = np.inf
     pictures: int = 1
@@ -120,11 +128,11 @@ class System:
 class KeyframeWindow:
     """The window's state. The last pose is the newest picture; those before it are keyframes.
 
-    focal_px: of the pictures in which tracks are. height_m: of the lens on its mount.
+    focal_px: of the pictures in which tracks are.
     """
 
-    def __init__(self, rule: WindowRule, focal_px: float, height_m: float) -> None:
-        self._rule, self._height_m = rule, height_m
+    def __init__(self, rule: WindowRule, focal_px: float) -> None:
+        self._rule = rule
         self._sigma = rule.track_px / focal_px
         self._parallax = rule.parallax_px / focal_px
         self._slots = rule.keyframes + 1
@@ -307,15 +315,15 @@ class KeyframeWindow:
         information[here, here] += weight * by.T @ by
         right[here] -= weight * by.T @ up[:2]
         high = 6 * index + 5
-        weight = (rule.height_share * self._height_m) ** -2
+        weight = (rule.height_share * factors.height_m) ** -2
         information[high, high] += weight
-        right[high] += weight * (self._height_m - pose.position_m[2])
+        right[high] += weight * (factors.height_m - pose.position_m[2])
 
     def _gap_factors(self, information: Array, right: Array, index: int) -> None:
         """Adds gyro and rise from the pose before to this one."""
         pose, before, factors = self.poses[index], self.poses[index - 1], self._factors[index]
         now, then = slice(6 * index, 6 * index + 6), slice(6 * index - 6, 6 * index)
-        rise = (self._rule.rise_share * self._height_m) ** -2 / factors.pictures
+        rise = (self._rule.rise_share * factors.height_m) ** -2 / factors.pictures
         weight = np.array([*[factors.gyro_rad**-2.0] * 3, 0.0, 0.0, rise])
         apart = np.zeros(6)
         apart[:3] = rotation_vector(before.rotation @ factors.gyro @ pose.rotation.T)

@@ -6,7 +6,7 @@ from typing import Annotated, Any
 
 import msgspec
 
-from edgemap.geometry.errors import EdgemapError
+from edgemap.geometry.errors import EdgemapError, GeometryError
 from edgemap.geometry.grid.rule import GridRule
 from edgemap.geometry.objects.association import AssociationRule
 from edgemap.geometry.objects.forgetting import ForgetRule
@@ -127,7 +127,10 @@ def _merged(default: Any, given: Any, where: str, unknown: list[tuple[str, str]]
             continue
         before = getattr(default, key)
         changed[key] = _merged(before, value, here, unknown) if is_dataclass(before) else _number(before, value, here)
-    return replace(default, **changed)
+    try:
+        return replace(default, **changed)
+    except GeometryError as error:
+        raise ConfigError(f"{where}: {error}") from None
 
 
 def _number(before: Any, value: Any, where: str) -> Any:

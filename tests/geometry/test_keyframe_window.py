@@ -38,7 +38,7 @@ def followed(poses, rng, noise_px=0.3, wrong=0.0, gyro_rad=math.inf, rule=None, 
     """A window after these poses. wrong: share of the points off the floor that the mask takes for floor."""
     points, on_floor = scene(rng)
     floor = np.where(on_floor | (rng.uniform(size=len(points)) < wrong), 0.9, 0.1)
-    window, up = KeyframeWindow(rule or WindowRule(), FOCAL_PX, HEIGHT_M), up_optical(LEVEL.pitch_rad, 0.0)
+    window, up = KeyframeWindow(rule or WindowRule(), FOCAL_PX), up_optical(LEVEL.pitch_rad, 0.0)
     for index, pose in enumerate(poses):
         local = (points - pose.position_m) @ pose.rotation
         image = local[:, :2] / np.maximum(local[:, 2:], 0.1)
@@ -47,7 +47,7 @@ def followed(poses, rng, noise_px=0.3, wrong=0.0, gyro_rad=math.inf, rule=None, 
         image = image + rng.normal(0.0, noise_px / FOCAL_PX, image.shape)
         gyro = np.eye(3) if index == 0 else poses[index - 1].rotation.T @ pose.rotation
         start = window.poses[-1] if index else LensPose(LEVEL.rotation_base_optical(), np.array([0.0, 0.0, HEIGHT_M]))
-        factors = PoseFactors(up, math.radians(up_deg), gyro, gyro_rad)
+        factors = PoseFactors(up, math.radians(up_deg), HEIGHT_M, gyro, gyro_rad)
         weight = window.step(start, factors, np.flatnonzero(seen), image[seen], floor[seen])
         assert index == 0 or weight > 20.0
     return window

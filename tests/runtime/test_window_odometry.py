@@ -4,6 +4,7 @@
 # pyright: reportAttributeAccessIssue=false
 
 import math
+from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
@@ -60,6 +61,16 @@ def test_window_follows_a_textured_floor(name):
     off = total(odometry.step(frame, {}, FramePrior(attitude)) for frame, attitude in steps).inverse() @ poses[-1]
     assert math.hypot(off.x_m, off.y_m) < 0.05  # of 1.2 to 1.6 m
     assert abs(off.yaw_rad) < 0.01
+
+
+@pytest.mark.parametrize("platform", Platform)
+def test_a_measured_height_takes_the_mounts_place(platform):
+    frames, poses, attitudes = walked([SE2(0.08)] * 20)
+    wrong = FloorCamera(HEAD.intrinsics, replace(HEAD.mount, height_m=1.25 * HEAD.mount.height_m, platform=platform))
+    odometry = WindowOdometry(wrong)
+    measured = [replace(seen, height_m=HEAD.mount.height_m) for seen in attitudes]
+    motions = [odometry.step(frame, {}, FramePrior(seen)) for frame, seen in zip(frames, measured, strict=True)]
+    assert total(motions).x_m == pytest.approx(poses[-1].x_m, rel=0.03)
 
 
 def test_window_finds_the_tilt_of_a_camera_that_is_not_at_its_mounts_angles():

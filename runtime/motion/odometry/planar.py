@@ -279,8 +279,7 @@ class PlanarOdometry:
         self._camera_before = self._camera
         self._scatters(attitude)
         if attitude is not None and attitude is not self._attitude:
-            height_m = None if attitude.height_m is None else attitude.height_m / self._unit_m
-            self._attitude, self._camera = attitude, self._level.at(replace(attitude, height_m=height_m))
+            self._attitude, self._camera = attitude, self._level.at(self._in_units(attitude))
             sigma = max(math.sqrt(float(np.trace(attitude.covariance_rad2)) / 2.0), self._level_noise.floor_tilt_rad)
             self._noise = replace(self._level_noise, tilt_rad=sigma)
             self._reached = self._within_reach(self._camera)
@@ -448,6 +447,10 @@ class PlanarOdometry:
         path_m = math.hypot(motion.x_m, motion.y_m) + TURN_M * abs(motion.yaw_rad)
         self._carried = self._carried.updated(nod2, max(span_s, SHORTEST_S), path_m, gyro=gyro)
         return self._carried
+
+    def _in_units(self, attitude: Attitude) -> Attitude:
+        """An attitude whose height is in the camera's unit of length."""
+        return attitude if attitude.height_m is None else replace(attitude, height_m=attitude.height_m / self._unit_m)
 
     def _scatters(self, attitude: Attitude | None) -> None:
         """Takes over the estimate from the edges of the room."""

@@ -20,6 +20,7 @@ from edgemap.runtime.motion.odometry.planar import LEVELS, MINIMUM_COVARIANCE, P
 from edgemap.runtime.motion.odometry.protocol import FramePrior, Motion, first_motion
 
 CARRIED_RAD = math.radians(10.0)  # standard deviation of a carried camera's tilt about the mount's
+SUREST_RAD = 1e-4  # least standard deviation of a given tilt
 BACK_PX = 0.7  # largest difference of a corner that is tracked forward and back again
 
 
@@ -46,7 +47,7 @@ class WindowOdometry(PlanarOdometry):
         self._graph, self._base = self._new_graph(), SE2()
 
     def _new_graph(self) -> KeyframeWindow:
-        return KeyframeWindow(self._window_rule, self._level.intrinsics.fx, self._level.mount.height_m)
+        return KeyframeWindow(self._window_rule, self._level.intrinsics.fx)
 
     def _followed(self, frame: Frame, prior: FramePrior) -> Motion:
         grey = self._grey_of(frame)
@@ -55,7 +56,7 @@ class WindowOdometry(PlanarOdometry):
         last, self._grey, dt_s = self._grey, grey, frame.stamp_s - self._seen_s
         self._mark_movers(prior.movers * (self._size[0] / frame.image.shape[1]))
         self._scatters(prior.attitude)
-        self._camera = self._level if prior.attitude is None else self._level.at(prior.attitude)
+        self._camera = self._level if prior.attitude is None else self._level.at(self._in_units(prior.attitude))
         self._reached = self._within_reach(self._camera)
         self._mark_floor(prior.floor)
         self._probability = np.where(self._mask > 0, 1.0, 0.0)
@@ -97,7 +98,8 @@ class WindowOdometry(PlanarOdometry):
         self._base, self._motion = base, motion
         rotation = before.rotation.T @ pose.rotation
         nod = pose.rotation[2] - before.rotation[2]
-        carried = self.sways(float(nod @ nod) / 2.0, motion, dt_s, self._rotation_known)
+        metric = SE2(self._unit_m * motion.x_m, self._unit_m * motion.y_m, motion.yaw_rad)
+        carried = self.sways(float(nod @ nod) / 2.0, metric, dt_s, self._rotation_known)
         turned = covariance[:3, :3] + covariance[6:9, 6:9] - covariance[:3, 6:9] - covariance[6:9, :3]
         sigma_rad = math.sqrt(max(float(np.trace(turned)) / 3.0, 0.0))
         up_rad = math.sqrt(max(float(np.trace(covariance[6:8, 6:8])) / 2.0, 0.0))
@@ -122,12 +124,12 @@ class WindowOdometry(PlanarOdometry):
         unknown = attitude is None or attitude.source == "mount"  # a person does not hold the camera at those angles
         up, up_rad = (
             up_optical(mount.pitch_rad, mount.roll_rad),
-            CARRIED_RAD if unknown else math.sqrt(lasting * variance),
+            CARRIED_RAD if unknown else max(math.sqrt(lasting * variance), SUREST_RAD),
         )
         if gyro is None:
-            return PoseFactors(up, up_rad, np.eye(3))
+            return PoseFactors(up, up_rad, mount.height_m, np.eye(3))
         sigma_rad = math.hypot(self._rule.gyro_rad + self._rule.gyro_share * gyro.angle_rad, gyro.sigma_rad)
-        return PoseFactors(up, up_rad, gyro.rotation, sigma_rad)
+        return PoseFactors(up, up_rad, mount.height_m, gyro.rotation, sigma_rad)
 
     def _start(self, gyro: GyroRotation | None) -> LensPose:
         """The expected pose: the last motion again, with the gyro's rotation."""
