@@ -69,8 +69,7 @@ class Noise:
     as its template is renewed; tilt_rad: of pitch and roll in one picture; floor_tilt_rad: of the tilt once it is
     estimated; scale: relative, of the common scale per picture of points off the floor; unknown: of the inverse depth,
     1/m, of a new point, about unknown_mean; rise_m: of the lens's height, from one picture to the next; yaw_rad: of the
-    rotation since the last picture where a gyro measures it; gate: share
-    of the usual gates, squared, within which a track fits."""
+    rotation since the last picture where a gyro measures it."""
 
     track_rad: float
     drift_rad: float
@@ -81,7 +80,6 @@ class Noise:
     unknown: float = 0.3
     rise_m: float = 1e-4
     yaw_rad: float = math.inf
-    gate: float = 1.0
 
 
 @dataclass(slots=True, eq=False)
@@ -249,7 +247,7 @@ def locate(
         white, jacobian = _whitened(projection, residual, off_floor, landmarks.variance, sigma2)
         distance2 = (white**2).sum(axis=0)
         counts = projection.ahead & (sure | (scale <= 1.0))
-        weights = np.where(counts, np.clip(1.0 - distance2 / (TUKEY * noise.gate * scale**2), 0.0, 1.0) ** 2, 0.0)
+        weights = np.where(counts, np.clip(1.0 - distance2 / (TUKEY * scale**2), 0.0, 1.0) ** 2, 0.0)
         weighted = jacobian * weights
         information = (weighted @ jacobian.transpose(0, 2, 1)).sum(axis=0) + damped
         gradient = (weighted @ white[:, :, None]).sum(axis=(0, 2))
@@ -361,7 +359,6 @@ def refined(
     A scalar Kalman update of each inverse depth. A floor landmark that fits only as a point off the floor becomes one,
     also below it, as the scale may be wrong; a landmark that fits neither is dropped.
     """
-    gate *= noise.gate
     sigma2 = noise.track_rad**2 + noise.drift_rad**2 * landmarks.age
     kept = landmarks.floor
     landmarks = replace(landmarks, inverse_m=landmarks.inverse_m * np.where(kept, 1.0, 1.0 + found.scale))

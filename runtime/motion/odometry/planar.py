@@ -77,10 +77,10 @@ class PlanarRule:
     camera also rises and sinks, by this share of the mount's height for each radian beyond `carried.level_rad`.
     lateral_share: as in `Rolling`, for robots on wheels. A robot that slides in most of the steps with much floor in
     view counts as able to drive sideways. travelled_rad: median motion of the corners, without the rotation, at which
-    the direction of motion is measured. carried_gate: factor on the usual gates for tracks of a carried camera.
-    gyro_rad, gyro_share: standard deviation of the rotation that a gyro measures between two pictures of a carried
-    camera: a constant part, and a part relative to the rotation, because samples and pictures are not exactly
-    synchronous. A tilt correction from an IMU rotates the landmarks and does not count as motion.
+    the direction of motion is measured. gyro_rad, gyro_share: standard deviation of the rotation that a gyro measures
+    between two pictures of a carried camera: a constant part, and a part relative to the rotation, because samples and
+    pictures are not exactly synchronous. A tilt correction from an IMU rotates the landmarks and does not count as
+    motion.
     """
 
     working_width_px: int = 320
@@ -101,7 +101,6 @@ class PlanarRule:
     lateral_share: float = 0.01
     travelled_rad: float = 0.035
     rise_per_rad: float = 0.5
-    carried_gate: float = 0.6
     gyro_rad: float = math.radians(0.05)
     gyro_share: float = 0.03
 
@@ -207,7 +206,7 @@ class PlanarOdometry:
         self._learn_rolling(found, motion)
         seen = self._seen_rotation(found)
         self._view, self._motion, self._covariance, self._trusted = found.view, motion, now, True
-        self._landmarks, keep = refined(self._landmarks, found, replace(self._noise, gate=self._gate()))
+        self._landmarks, keep = refined(self._landmarks, found, self._noise)
         self._keep(keep & (self._landmarks.age < self._rule.max_age))
         held = self._in_room or int(self._landmarks.floor.sum()) >= BELOW_COUNT
         factor = excess_scale(self._landmarks, held)
@@ -458,15 +457,11 @@ class PlanarOdometry:
             self._carried = replace(self._carried, scattered=attitude.carried)
 
     def _noise_now(self) -> Noise:
-        """Uncertainty of this picture's tilt and height, and the gate of its tracks."""
+        """Uncertainty of this picture's tilt and height."""
         known_height = self._attitude is not None and self._attitude.height_m is not None
         carried_rad = 0.0 if known_height else self._carried.beyond_rad
         rise_m = max(self._rule.rise_per_rad * carried_rad * self._camera.mount.height_m, self._noise.rise_m)
-        return replace(self._noise, rise_m=rise_m, gate=self._gate())
-
-    def _gate(self) -> float:
-        """Factor on the usual gates of the tracks."""
-        return 1.0 - (1.0 - self._rule.carried_gate) * self._carried.share
+        return replace(self._noise, rise_m=rise_m)
 
     def _guess(self, grey: MatLike, frame: Frame) -> Motion:
         """Handles a tracking failure: starts with new corners at the predicted view."""
