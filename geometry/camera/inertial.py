@@ -198,7 +198,7 @@ def inertial_step(
     state's stamp.
     """
     span_s = until_s - state.stamp_s
-    rotated, gained, holes_s = _integrated(state, samples, until_s, noise)
+    rotated, gained, holes_s, unseen_s3 = _integrated(state, samples, until_s, noise)
     before, force = state.rotation, state.rotation @ gained
     x, y, z = force.tolist()
     transition = _IDENTITY.copy()
@@ -206,7 +206,7 @@ def inertial_step(
     # The heading moves no velocity that a heading-free frame could know.
     transition[_VELOCITY, _TILT] = [[0.0, z, 0.0], [-z, 0.0, 0.0], [y, -x, 0.0]]
     angle2 = noise.gyro**2 * span_s + noise.gyro_share**2 * rotation_angle(rotated)
-    angle2 += noise.hole**2 * float((holes_s**3).sum()) / 12.0  # a Brownian bridge between the rates at its ends
+    angle2 += noise.hole**2 * unseen_s3
     gained2 = noise.accel**2 * span_s + (GRAVITY_M_S2 / 2.0 * float(holes_s.sum())) ** 2
     covariance = transition @ state.covariance @ transition.T
     covariance[_DIAGONAL] += [angle2] * 3 + [noise.bias_walk**2 * span_s] * 3 + [gained2] * 3 + [0.0] * 3
@@ -306,8 +306,9 @@ def small_rotation(x: float, y: float, z: float) -> Array:
 
 def _integrated(
     state: InertialState, samples: ImuSamples, until_s: float, noise: InertialNoise
-) -> tuple[Array, Array, Array]:
-    """Rotation (3, 3) and velocity (3,) gained in the optical frame of the state's stamp; the lengths of holes (H,), s.
+) -> tuple[Array, Array, Array, float]:
+    """Rotation (3, 3) and velocity (3,) gained in the optical frame of the state's stamp; the lengths of holes (H,), s;
+    the variance of the angle in them for rates that walk by 1 rad/s in a root of a second, s^3.
 
     Trapezoids between samples; the last rate and force are held up to `until_s`.
     """
@@ -325,7 +326,13 @@ def _integrated(
     beside = gains.copy()  # of the spans before and after each rotation
     beside[:-1] += gains[1:]
     gained = (gains[0] + np.einsum("nij,nj->i", rotations, beside)) / 2.0
-    return rotations[-1], gained, spans[spans > noise.gap_s]
+    held_s = max(state.stamp_s - float(before.stamps_s[last]), 0.0) if len(state.recent) else 0.0
+    holes = spans > noise.gap_s
+    holes[0] |= held_s + spans[0] > noise.gap_s
+    unseen_s3 = spans**3 / 12.0  # a Brownian bridge between the rates at both ends
+    unseen_s3[0] += held_s * spans[0] ** 2 / 4.0  # the rate before the state's stamp stands for the one there
+    unseen_s3[-1] = spans[-1] ** 3 / 3.0  # no rate is known at this end
+    return rotations[-1], gained, spans[holes], float(unseen_s3[holes].sum())
 
 
 def _at_rest(state: InertialState, recent: ImuSamples, noise: InertialNoise) -> bool:

@@ -2,6 +2,7 @@
 
 import math
 import re
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -316,6 +317,27 @@ def test_a_turn_that_no_sample_shows_is_within_what_the_gyro_states(hole_s):
     assert whole.sigma_rad < 0.02
     missed_rad = abs(turned_rad - rotation.yaw_rad)
     assert 0.9 * turned_rad < missed_rad < 3.0 * rotation.sigma_rad < 1.0
+
+
+def test_a_hole_across_a_frame_is_stated_in_both_steps():
+    """Rates that walk as the filter assumes: errors of both rotations are as large as stated, in the mean of 60."""
+    mount, border_s = Mount.from_degrees(0.5, 10.0), 1.5
+    ratios = []
+    for seed in range(60):
+        rate = np.cumsum(np.random.default_rng(seed).normal(0.0, 0.1, 200))
+        samples = turning(rate, mount, (1.25, 1.75))
+        source = InertialAttitude(mount, MountAttitude(mount))
+        stamps = [0.0, 1.0, border_s, 2.0]
+        found = [
+            source.predict(
+                Frame(k, stamp_s, BLANK, imu=samples.between(stamps[k - 1] if k else -1.0, stamp_s))
+            ).rotation
+            for k, stamp_s in enumerate(stamps)
+        ]
+        true = [rate[int(100 * a) : int(100 * b)].sum() / 100.0 for a, b in pairwise(stamps[1:])]
+        assert None not in found[2:]
+        ratios.append([(seen.yaw_rad - turned) / seen.sigma_rad for seen, turned in zip(found[2:], true, strict=True)])
+    assert np.sqrt(np.mean(np.square(ratios), axis=0)) == pytest.approx([1.0, 1.0], abs=0.35)
 
 
 def test_after_frames_without_samples_no_rotation_is_counted_twice():

@@ -85,9 +85,10 @@ def fit_floor_depth(
         )
     rms_m = float(np.median([plane.rms_m for plane in planes]))
     share = float(np.median([plane.share for plane in planes]))
-    mount = Mount(*(float(value) for value in middle))
-    height_m, pitch_rad, roll_rad = sigma.tolist()
-    return FloorDepthFit(mount, (height_m, pitch_rad, roll_rad), rms_m, share, len(planes), examined)
+    height_m, pitch_rad, roll_rad = middle.tolist()
+    return FloorDepthFit(
+        Mount(height_m, pitch_rad, roll_rad), tuple(sigma.tolist()), rms_m, share, len(planes), examined
+    )
 
 
 def _points(depth: NDArray[np.float32], lens: Intrinsics, cloud: DepthPoints) -> Array:
