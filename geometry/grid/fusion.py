@@ -180,9 +180,12 @@ class GridFusion:
         """Draws all patches, some in each step, then gives the canvas. What is seen meanwhile is drawn last."""
         canvas, done = self._new_canvas(), 0
         while done < len(self._patches):
-            for patch in self._patches[done : done + self.rule.redraw_patches]:
+            cells = 0
+            while done < len(self._patches) and cells < self.rule.redraw_cells:
+                patch = self._patches[done]
                 canvas.draw(patch, self.rule.cell_m)
                 patch.drawn = patch.move
+                cells += len(patch)
                 done += 1
             if done < len(self._patches):
                 yield None

@@ -19,7 +19,7 @@ class GridRule:
     boxes. scan_m, scan_s: path or time after which a picture is fused: what is seen twice from one place has the same
     error twice. patch_m: path after which evidence begins a patch of its own, that moves with the trajectory. A radian
     of rotation counts as a metre of path. patches, patch_cells: most that are kept; then neighbours in time become one.
-    redraw_patches: drawn per step, so that a loop closure costs a bounded part of each of some steps. obstacle_m:
+    redraw_cells: drawn per step at least, so that a closure costs a bounded part of each of some steps. obstacle_m:
     height above the floor from which a depth measurement is an obstacle; obstacle_per_m: added to it per metre of
     distance (1.1 degrees of attitude). robot_height_m: up to which it is, or up to the lens where that is higher.
     depth_points: on one cell, at least, in one picture, of an obstacle. depth_weight: of depth's evidence against the
@@ -44,7 +44,7 @@ class GridRule:
     patch_m: float = 0.75
     patches: int = 96
     patch_cells: int = 400_000
-    redraw_patches: int = 8
+    redraw_cells: int = 16_000
     obstacle_m: float = 0.06
     obstacle_per_m: float = 0.02
     robot_height_m: float = 0.5

@@ -170,7 +170,7 @@ def test_a_correction_moves_what_was_seen_with_the_poses_it_was_seen_from():
 
 
 def test_a_correction_that_is_being_drawn_loses_nothing_seen_meanwhile():
-    fusion = GridFusion(GridRule(redraw_patches=1))
+    fusion = GridFusion(GridRule(redraw_cells=1))
     poses = turn()
     stamp_s = drive(fusion, ROOM, poses)
     correction = TrajectoryCorrection(np.zeros(1), np.array([[0.2, 0.0, 0.0]]), np.zeros((1, 3)), np.zeros((1, 3, 3)))
