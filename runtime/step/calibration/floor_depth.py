@@ -86,9 +86,8 @@ def fit_floor_depth(
     rms_m = float(np.median([plane.rms_m for plane in planes]))
     share = float(np.median([plane.share for plane in planes]))
     height_m, pitch_rad, roll_rad = middle.tolist()
-    return FloorDepthFit(
-        Mount(height_m, pitch_rad, roll_rad), tuple(sigma.tolist()), rms_m, share, len(planes), examined
-    )
+    mount, sigmas = Mount(height_m, pitch_rad, roll_rad), tuple(sigma.tolist())
+    return FloorDepthFit(mount, sigmas, rms_m, share, len(planes), examined)
 
 
 def _points(depth: NDArray[np.float32], lens: Intrinsics, cloud: DepthPoints) -> Array:
