@@ -14,7 +14,7 @@ import pytest
         (("simulate", "--pictures", "4", "--seeds", "9:2", "-o", "x"), "--seeds '9:2': expected A:B"),
         (("simulate", "--seeds", "0:9", "--shard", "0/3", "-o", "x"), "--shard '0/3': expected I/N"),
         (("simulate", "--seeds", "0:2", "--shard", "3/3", "-o", "x"), "--shard 3/3: no home of 0:2 is left"),
-        (("simulate", "--mount", "0.5", "-o", "x"), "--mount '0.5': expected 2 numbers"),
+        (("simulate", "--mount", "high", "-o", "x"), "--mount 'high': expected HEIGHT_M or HEIGHT_M,PITCH_DEG"),
         (("bench", "--camera", "sim:kitchen", "--bundle", "BUNDLE"), "camera 'sim:kitchen': expected sim:SEED"),
         (("eval", "map", "--camera", "sim:-1", "--bundle", "BUNDLE"), "camera 'sim:-1': expected sim:SEED"),
     ],
