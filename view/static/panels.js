@@ -47,8 +47,9 @@ export class Panels {
     trust.hidden = !verdict || state === "finished"; // the headline of a finished run says it
     if (verdict) {
       trust.dataset.level = verdict.level;
-      setText(trust, `map so far: ${TRUST[verdict.level]}${verdict.reasons.length ? ` (${verdict.reasons[0]})` : ""}`);
-      trust.title = verdict.reasons.join("; ");
+      const reasons = verdict.reasons.map((reason) => reason.replaceAll("`", ""));
+      setText(trust, `map so far: ${TRUST[verdict.level]}${reasons.length ? ` (${reasons[0]})` : ""}`);
+      trust.title = reasons.join("; ");
     }
     const rest = problems.slice(1).map(({ text }) => text), list = byId("problems"), key = rest.join("\n");
     list.hidden = !rest.length;
