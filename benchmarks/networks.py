@@ -32,12 +32,13 @@ def random_bundle(name: str) -> Path:
     from edgemap.runtime.inputs.open import open_camera
 
     pictures, bundle = FOLDER / "pictures", FOLDER / name
+    if bundle.exists():
+        return bundle
     pictures.mkdir(parents=True, exist_ok=True)
     with open_camera("demo") as camera:
         for number, frame in enumerate(islice(iter(camera.read, None), 0, 60 * PICTURES, 60)):
             cv2.imwrite(str(pictures / f"{number}.png"), frame.image)
-    if not bundle.exists():
-        export_backbone(name, bundle, random_seed=0, calibrate=pictures)
+    export_backbone(name, bundle, random_seed=0, calibrate=pictures)
     return bundle
 
 

@@ -167,13 +167,10 @@ def known_lens(camera: "Camera", intrinsics: str | None) -> "Intrinsics":
 
 def lens_and_mount(camera: "Camera", intrinsics: str | None, mount: str | None) -> "tuple[Intrinsics, Mount]":
     """Intrinsics and mount of a run: flags override the camera file, which overrides the source. Raises OptionError."""
-    lens, camera_mount = known_lens(camera, intrinsics), read_mount(mount, camera.mount)
+    from edgemap.runtime.inputs.drives.drive import ridden
+
+    lens = known_lens(camera, intrinsics)
+    camera_mount = ridden(camera.name.partition(":")[0], read_mount(mount, camera.mount))
     if camera_mount is None:
         raise OptionError(f"{camera.name} does not know how it is mounted: {HOW_TO_MEASURE}")
-    if camera.name.startswith("kitti:") and camera_mount.platform.in_room:
-        from dataclasses import replace
-
-        from edgemap.geometry.camera.platform import Platform
-
-        camera_mount = replace(camera_mount, platform=Platform.CAR)
     return lens, camera_mount

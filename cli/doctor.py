@@ -7,14 +7,14 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
 
 from edgemap.cli.arguments import arg
-from edgemap.cli.camera_options import read_intrinsics, read_mount_numbers
 from edgemap.cli.groups import Source
+from edgemap.cli.guessed_camera import what_is_given
 from edgemap.cli.options import BundleName, Json, print_json
 from edgemap.geometry.errors import EdgemapError
 from edgemap.runtime.frames.extras import install_hint, pip
 
 if TYPE_CHECKING:
-    from edgemap.runtime.inputs.cameras.protocol import Camera
+    pass
 
 WAIT_S = 20.0  # for the first frame of a camera
 TAPE = (
@@ -203,15 +203,6 @@ def _bundle(name: str | None, camera: str) -> Diagnosis:
     )
 
 
-def _guessed(described: Source, source: "Camera") -> str:
-    """What a run would guess of the camera, in words; empty where it is given."""
-    lens = read_intrinsics(described.intrinsics, *source.size) or source.intrinsics
-    given = read_mount_numbers(described.mount)
-    mount = source.mount is not None or (given is not None and given[1] is not None)
-    names = {"lens": lens is not None, "mount" if given is None else "pitch": mount}
-    return " and ".join(name for name, known in names.items() if not known)
-
-
 def _camera(described: Source, plot: Path | None) -> Iterator[Diagnosis]:
     from math import degrees
     from time import monotonic
@@ -233,7 +224,7 @@ def _camera(described: Source, plot: Path | None) -> Iterator[Diagnosis]:
             rate = f"{source.rate_hz:.1f} Hz" if source.rate_hz else "rate unknown"
             width, height = source.size
             yield Diagnosis("camera", "ok", f"{spec}: {width}x{height}, {rate}")
-            if lacking := _guessed(described, source):
+            if lacking := what_is_given(described, source)[3]:
                 text = f"{spec} does not say its {lacking}: run guesses from the pictures"
                 yield Diagnosis("mount", "missing", text, TAPE)
                 return

@@ -13,6 +13,8 @@ if TYPE_CHECKING:
     from edgemap.cli.groups import Source
     from edgemap.geometry.camera.attitude import MountEstimate
     from edgemap.geometry.camera.floor import FloorCamera
+    from edgemap.geometry.camera.intrinsics import Intrinsics
+    from edgemap.geometry.camera.mount import Mount
     from edgemap.runtime.frames.frame import Frame
     from edgemap.runtime.inputs.cameras.protocol import Camera
     from edgemap.runtime.network.bundle import Bundle
@@ -28,29 +30,37 @@ def floor_camera_of(camera: "Source", source: "Camera", bundle: "Bundle") -> "tu
 
     Raises OptionError, or CalibrationError where the pictures show no floor or an impossible mount.
     """
-    from edgemap.cli.camera_options import read_intrinsics, read_mount, read_mount_numbers
     from edgemap.geometry.camera.floor import FloorCamera
     from edgemap.runtime.network.decode import Decoder, Detector
     from edgemap.runtime.step.calibration.guess import guess_camera
 
-    lens = read_intrinsics(camera.intrinsics, *source.size) or source.intrinsics
-    height_m, pitch_deg = read_mount_numbers(camera.mount) or (None, None)
-    given = camera.mount if pitch_deg is not None or source.mount is not None else None
-    mount = read_mount(given, source.mount)
-    if lens is not None and mount is not None:
+    lens, mount, height_m, lacking = what_is_given(camera, source)
+    if not lacking:
         return (floor := camera.floor_camera(source)), _earlier_guess(camera, source, floor)
     manifest = bundle.manifest
     detector = Detector(bundle, Decoder(manifest.detector, manifest.confidence, one_name=True))
     pictures = [frame.image for frame in _looked_at(camera, source)]
     guess = guess_camera(pictures, detector, lens, mount, _stated(camera.camera, source), height_m)
-    tilt = "mount" if height_m is None else "pitch"
-    lacking = " and ".join(name for name, known in (("lens", lens), (tilt, mount)) if known is None)
     print(f"{source.name} does not say its {lacking}: guessed from {len(pictures)} pictures")
     print("\n".join(f"  {line}" for line in guess.lines()))
     if guess.height_sigma and not guess.sway_rad:
         print("  distances err as the height does: measure it with a tape, and pass it as --mount HEIGHT_M")
     print("  edgemap calibrate measures all of it without guessing", flush=True)
     return FloorCamera(guess.lens, guess.mount), guess
+
+
+def what_is_given(camera: "Source", source: "Camera") -> "tuple[Intrinsics | None, Mount | None, float | None, str]":
+    """Lens and mount as given, None for what a run guesses; the height, where it alone is given; and in words what is
+    guessed, empty where nothing is. Raises OptionError."""
+    from edgemap.cli.camera_options import read_intrinsics, read_mount, read_mount_numbers
+
+    lens = read_intrinsics(camera.intrinsics, *source.size) or source.intrinsics
+    height_m, pitch_deg = read_mount_numbers(camera.mount) or (None, None)
+    given = camera.mount if pitch_deg is not None or source.mount is not None else None
+    mount = read_mount(given, source.mount)
+    tilt = "mount" if height_m is None else "pitch"
+    lacking = " and ".join(name for name, known in (("lens", lens), (tilt, mount)) if known is None)
+    return lens, mount, height_m, lacking
 
 
 def _earlier_guess(camera: "Source", source: "Camera", floor: "FloorCamera") -> "CameraGuess | None":

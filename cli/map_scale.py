@@ -65,13 +65,12 @@ def _by_height(path: Path, height_m: float) -> float:
     """Measured height over that of the run. Raises OptionError where the height is not the scale of the run."""
     from edgemap.cli.run_record import scale_source
     from edgemap.runtime.frames.errors import RunFolderError
-    from edgemap.runtime.frames.reading import decode_json, read_bytes
-    from edgemap.runtime.outputs.verdict.explain import RUN_BYTES
+    from edgemap.runtime.outputs.verdict.explain import read_record
 
     run = path / "run.json" if path.is_dir() else path.with_name("run.json")
     if not run.is_file():
         raise OptionError(f"{path}: --height needs the run's run.json beside the map; else --between ID,ID,M")
-    record: dict[str, Any] = decode_json(read_bytes(run, RUN_BYTES, RunFolderError), dict, run, RunFolderError)
+    record = read_record(run)
     try:
         before_m = float(record["mount"]["height_m"])
         measured = scale_source(record)

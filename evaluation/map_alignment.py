@@ -70,8 +70,9 @@ def best_alignment(objects: Sequence[MapObject], truth: Sequence[TrueObject], sc
     for start in [best, *_hypotheses(mapped, wanted, scales)]:
         found = start
         for _ in range(ROUNDS):
-            pairs = _pairs(found.apply(mapped), wanted)
-            now = _rank(pairs, found.apply(mapped), wanted)
+            placed = found.apply(mapped)
+            pairs = _pairs(placed, wanted)
+            now = _rank(pairs, placed, wanted)
             if now > rank:
                 best, rank = found, now
             if len(pairs) < 2 or (fitted := _fitted(pairs, mapped, wanted, scales)) == found:

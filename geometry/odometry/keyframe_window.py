@@ -158,8 +158,7 @@ class KeyframeWindow:
         else:
             self._make_room()
         self.poses, self._factors = [*self.poses, start], [*self._factors, factors]
-        place = {int(one): row for row, one in enumerate(ids)}
-        rows = np.array([place.get(int(one), -1) for one in self.points.ids], dtype=np.intp)
+        rows = _rows_of(self.points.ids, ids)
         hit, last = rows >= 0, len(self.poses) - 1
         self.points.observed[:, last] = hit
         self.points.at[hit, last] = points[rows[hit]]
@@ -178,8 +177,7 @@ class KeyframeWindow:
 
     def local(self, ids: NDArray[np.int64], pose: LensPose) -> Array:
         """Points of these tracks in a lens's optical axes, (N, 3); NaN for those that are not in the window."""
-        place = {int(one): row for row, one in enumerate(self.points.ids)}
-        rows = np.array([place.get(int(one), -1) for one in ids], dtype=np.intp)
+        rows = _rows_of(ids, self.points.ids)
         found = np.full((len(ids), 3), np.nan)
         if len(self.points):
             local = (self._world(self.points)[0] - pose.position_m) @ pose.rotation
@@ -337,7 +335,7 @@ class KeyframeWindow:
         right[then] -= weight * apart
 
     def _prior_factor(self, information: Array, right: Array) -> None:
-        """Adds what the marginalised poses tell of the first ones in the window."""
+        """Adds the prior of the first poses in the window, from the marginalised ones."""
         prior, gradient, then = self._prior
         moved = [
             np.concatenate([rotation_vector(now.rotation @ old.rotation.T), now.position_m - old.position_m])
@@ -404,6 +402,12 @@ class KeyframeWindow:
         self.points.observed[:, -1] = False
         host = self.points.host
         host[host > index] -= 1
+
+
+def _rows_of(ids: NDArray[np.int64], among: NDArray[np.int64]) -> Indices:
+    """Row of each id among others, -1 where it is not there."""
+    place = {one: row for row, one in enumerate(among.tolist())}
+    return np.array([place.get(one, -1) for one in ids.tolist()], dtype=np.intp)
 
 
 def _without(information: Array, right: Array, index: int) -> tuple[Array, Array]:

@@ -72,10 +72,10 @@ class Agreement:
             span_s=self.span_s + span_s,
         )
         if abs(window.reference) < max(self.least, CLEAR_SIGMAS * math.sqrt(window.variance)):
-            return window if window.span_s < self.rule.longest_s else window.anew()
+            return window if window.span_s < self.rule.longest_s else window.restarted()
         return window._judged()
 
-    def anew(self) -> "Agreement":
+    def restarted(self) -> "Agreement":
         """Starts a new window, because there was no reference."""
         return replace(self, own=0.0, reference=0.0, variance=0.0, span_s=0.0)
 
@@ -104,7 +104,7 @@ class Agreement:
             state = Trust.DISTRUSTED if row < 0 else Trust.TRUSTED
         elif row > 0 and state is Trust.UNPROVEN:
             state = Trust.TRUSTED
-        return replace(self.anew(), ratio=ratio, row=row, state=state)
+        return replace(self.restarted(), ratio=ratio, row=row, state=state)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -160,9 +160,9 @@ class SourceTrust:
         """Whether yaw or length contradicts the source in the current window."""
         return self.yaw.doubted or self.length.doubted
 
-    def anew(self) -> "SourceTrust":
+    def restarted(self) -> "SourceTrust":
         """Starts new windows, because there is no reference."""
-        return replace(self, yaw=self.yaw.anew(), length=self.length.anew())
+        return replace(self, yaw=self.yaw.restarted(), length=self.length.restarted())
 
     def news(self) -> "tuple[SourceTrust, str]":
         """Returns the updated trust, and one line if the source has become distrusted or is used again, else "".

@@ -2,7 +2,6 @@
 
 import math
 from collections.abc import Sequence
-from dataclasses import replace
 from pathlib import Path
 
 import cv2
@@ -11,14 +10,13 @@ from numpy.typing import NDArray
 
 from edgemap.geometry.camera.intrinsics import Intrinsics
 from edgemap.geometry.camera.mount import Mount
-from edgemap.geometry.camera.platform import Platform
 from edgemap.runtime.frames.errors import CameraError, CameraFault, FaultKind
 from edgemap.runtime.frames.frame import Frame
 from edgemap.runtime.frames.quiet import bounded_memory, quietly
 from edgemap.runtime.frames.reading import library_path
 from edgemap.runtime.inputs.cameras.base import CameraBase
 from edgemap.runtime.inputs.drives.camera_yaml import DEFAULT_RATE_HZ, read_setup
-from edgemap.runtime.inputs.drives.drive import Drive
+from edgemap.runtime.inputs.drives.drive import Drive, ridden
 from edgemap.runtime.inputs.drives.pictures import PIXEL_LIMIT, list_pictures, read_picture
 
 # A header's frame count is an estimate in some containers; a file that lacks more than this was cut off.
@@ -197,9 +195,7 @@ def drive_camera(
 
     A mount that was given does not move the truth: that was taken to the turn axis by the drive's own lever arm.
     """
-    intrinsics, mount = intrinsics or drive.intrinsics, mount or drive.mount
-    if mount is not None and drive.kind == "kitti":
-        mount = replace(mount, platform=Platform.CAR)
+    intrinsics, mount = intrinsics or drive.intrinsics, ridden(drive.kind, mount or drive.mount)
     if drive.video is not None:
         camera = VideoCamera(name, drive.video, intrinsics, mount, [float(stamp) for stamp in drive.stamps_s])
     else:

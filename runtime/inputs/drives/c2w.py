@@ -4,12 +4,11 @@ from dataclasses import replace
 from pathlib import Path
 
 from edgemap.geometry.camera.intrinsics import Intrinsics
-from edgemap.geometry.camera.platform import Platform
 from edgemap.geometry.errors import GeometryError
 from edgemap.runtime.frames.errors import CameraError
 from edgemap.runtime.frames.reading import read_text
 from edgemap.runtime.inputs.drives.camera_yaml import read_setup, stamps_for
-from edgemap.runtime.inputs.drives.drive import Drive
+from edgemap.runtime.inputs.drives.drive import Drive, ridden
 from edgemap.runtime.inputs.drives.pictures import first_folder, list_pictures, read_picture
 from edgemap.runtime.inputs.drives.pose_files import (
     camera_attitudes,
@@ -51,8 +50,7 @@ def _read(
     images = list_pictures(pictures_folder)
     known = k and (folder / k).is_file() and not (folder / "camera.yaml").is_file()
     setup = read_setup(folder, world_up, _read_k(folder / k, images[0]) if known else None)
-    if kind == "kitti" and setup.mount is not None:
-        setup = replace(setup, mount=replace(setup.mount, platform=Platform.CAR))
+    setup = replace(setup, mount=ridden(kind, setup.mount))
     path = folder / "poses.txt"
     poses = read_matrices(path, columns)
     check_count(path, len(poses), len(images), pictures_folder)

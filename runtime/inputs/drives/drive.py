@@ -1,6 +1,6 @@
 """A recorded drive in memory: paths of its pictures, calibration and truth, independent of the layout on disk."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -11,6 +11,7 @@ from edgemap.geometry.camera.depth_camera import DepthCamera
 from edgemap.geometry.camera.imu import ImuSamples
 from edgemap.geometry.camera.intrinsics import Intrinsics
 from edgemap.geometry.camera.mount import Mount
+from edgemap.geometry.camera.platform import Platform
 from edgemap.runtime.frames.trajectory import AttitudeTrack, Trajectory
 
 # An object counts as visible in a picture from this visible share and this length of its box's longer side on.
@@ -77,3 +78,8 @@ class Drive:
     full_poses: NDArray[np.float64] | None = None
     attitudes: AttitudeTrack | None = None
     imu: ImuSamples | None = None
+
+
+def ridden(kind: str, mount: Mount | None) -> Mount | None:
+    """The mount on what the drives of a kind were recorded with: those of KITTI with a car."""
+    return mount if mount is None or kind != "kitti" else replace(mount, platform=Platform.CAR)

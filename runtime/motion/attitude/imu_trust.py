@@ -113,7 +113,7 @@ class ImuTrust:
     def _compare(self, moved: tuple[SE2, Array] | None) -> None:
         """The last step's yaw with the odometry's."""
         if moved is None or self._span_s == 0.0:
-            self._yaw = self._yaw.anew()
+            self._yaw = self._yaw.restarted()
             return
         yaw_rad, variance = moved[0].yaw_rad, float(moved[1][2, 2]) + (0.01 * self._span_s) ** 2
         self._yaw = self._yaw.updated(self._turned_rad, yaw_rad, variance, self._span_s)

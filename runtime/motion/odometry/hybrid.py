@@ -250,7 +250,7 @@ class HybridOdometry:
         """Compare the wheels with the camera; the fault, where it is news that they are believed or not."""
         trust = self._trust
         if wheels is None or camera is None:
-            self._trust = trust.anew()
+            self._trust = trust.restarted()
             return ""
         (x_m, _, yaw_rad), (camera_m, _, camera_rad) = wheels.motion.tolist(), camera.motion.tolist()
         variance = np.diag(wheels.covariance + camera.covariance)

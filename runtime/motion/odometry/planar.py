@@ -161,16 +161,15 @@ class PlanarOdometry:
     def _metric(self, motion: Motion) -> Motion:
         """Converts a motion from the camera's unit of length to metres."""
         units = np.array([self._unit_m, self._unit_m, 1.0])
-        metric = SE2(*(units * motion.motion.vector()))
-        return replace(motion, motion=metric, covariance=motion.covariance * np.outer(units, units))
+        covariance = motion.covariance * np.outer(units, units)
+        return replace(motion, motion=self._metres(motion.motion), covariance=covariance)
+
+    def _metres(self, motion: SE2) -> SE2:
+        return SE2(self._unit_m * motion.x_m, self._unit_m * motion.y_m, motion.yaw_rad)
 
     def _followed(self, frame: Frame, prior: FramePrior) -> Motion:
         """The motion in the camera's unit of length."""
-        grey = self._grey_of(frame)
-        if self._grey is not None and frame.stamp_s - self._seen_s > LONGEST_DT_S:
-            self._start_again()
-        last, self._grey, dt_s = self._grey, grey, frame.stamp_s - self._seen_s
-        self._mark_movers(prior.movers * (self._size[0] / frame.image.shape[1]))
+        last, grey, dt_s = self._taken(frame, prior)
         self._attend(prior.attitude)
         self._mark_floor(prior.floor)
         first, self._first, self._seen_s = self._first, False, frame.stamp_s
@@ -218,6 +217,15 @@ class PlanarOdometry:
         direction = self._travelled()
         self._seek(grey)
         return Motion(motion, covariance, rotation=replace(seen, travelled=direction))
+
+    def _taken(self, frame: Frame, prior: FramePrior) -> tuple[MatLike | None, MatLike, float]:
+        """The previous picture, None at a start, this one, and the time between both, s. Marks what moves."""
+        grey = self._grey_of(frame)
+        if self._grey is not None and frame.stamp_s - self._seen_s > LONGEST_DT_S:
+            self._start_again()
+        last, self._grey = self._grey, grey
+        self._mark_movers(prior.movers * (self._size[0] / frame.image.shape[1]))
+        return last, grey, frame.stamp_s - self._seen_s
 
     def _grey_of(self, frame: Frame) -> MatLike:
         """The picture in grey at the working width."""
@@ -433,8 +441,7 @@ class PlanarOdometry:
         before, now = self._camera_before.mount, self._camera.mount
         pitch_rad = now.pitch_rad + found.tilt.pitch_rad - before.pitch_rad - self._view.tilt.pitch_rad
         roll_rad = now.roll_rad + found.tilt.roll_rad - before.roll_rad - self._view.tilt.roll_rad
-        metric = SE2(self._unit_m * motion.x_m, self._unit_m * motion.y_m, motion.yaw_rad)
-        self.sways((pitch_rad**2 + roll_rad**2) / 2.0, metric, dt_s, self._rotation_known)
+        self.sways((pitch_rad**2 + roll_rad**2) / 2.0, self._metres(motion), dt_s, self._rotation_known)
 
     def sways(self, nod2: float, motion: SE2, span_s: float, gyro: bool, attitude: Attitude | None = None) -> Carried:
         """Updates and returns the estimate of whether the camera is carried. Call it once for each picture.

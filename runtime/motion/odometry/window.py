@@ -15,12 +15,12 @@ from edgemap.geometry.odometry.keyframe_window import KeyframeWindow, PoseFactor
 from edgemap.geometry.odometry.resection import LensPose
 from edgemap.geometry.se2 import SE2
 from edgemap.runtime.frames.frame import Frame
-from edgemap.runtime.motion.odometry.coasting import LONGEST_DT_S, CoastingRule
+from edgemap.runtime.motion.odometry.coasting import CoastingRule
 from edgemap.runtime.motion.odometry.planar import LEVELS, MINIMUM_COVARIANCE, Pixels, PlanarOdometry, PlanarRule
 from edgemap.runtime.motion.odometry.protocol import FramePrior, Motion, first_motion
 
 CARRIED_RAD = math.radians(10.0)  # standard deviation of a carried camera's tilt about the mount's
-SUREST_RAD = 1e-4  # least standard deviation of a given tilt
+SMALLEST_SIGMA_RAD = 1e-4  # of a given tilt
 BACK_PX = 0.7  # largest difference of a corner that is tracked forward and back again
 
 
@@ -50,11 +50,7 @@ class WindowOdometry(PlanarOdometry):
         return KeyframeWindow(self._window_rule, self._level.intrinsics.fx)
 
     def _followed(self, frame: Frame, prior: FramePrior) -> Motion:
-        grey = self._grey_of(frame)
-        if self._grey is not None and frame.stamp_s - self._seen_s > LONGEST_DT_S:
-            self._start_again()
-        last, self._grey, dt_s = self._grey, grey, frame.stamp_s - self._seen_s
-        self._mark_movers(prior.movers * (self._size[0] / frame.image.shape[1]))
+        last, grey, dt_s = self._taken(frame, prior)
         self._scatters(prior.attitude)
         self._camera = self._level if prior.attitude is None else self._level.at(self._in_units(prior.attitude))
         self._reached = self._within_reach(self._camera)
@@ -98,8 +94,7 @@ class WindowOdometry(PlanarOdometry):
         self._base, self._motion = base, motion
         rotation = before.rotation.T @ pose.rotation
         nod = pose.rotation[2] - before.rotation[2]
-        metric = SE2(self._unit_m * motion.x_m, self._unit_m * motion.y_m, motion.yaw_rad)
-        carried = self.sways(float(nod @ nod) / 2.0, metric, dt_s, self._rotation_known)
+        carried = self.sways(float(nod @ nod) / 2.0, self._metres(motion), dt_s, self._rotation_known)
         turned = covariance[:3, :3] + covariance[6:9, 6:9] - covariance[:3, 6:9] - covariance[6:9, :3]
         sigma_rad = math.sqrt(max(float(np.trace(turned)) / 3.0, 0.0))
         up_rad = math.sqrt(max(float(np.trace(covariance[6:8, 6:8])) / 2.0, 0.0))
@@ -122,10 +117,8 @@ class WindowOdometry(PlanarOdometry):
         variance = 0.0 if attitude is None else float(np.trace(attitude.covariance_rad2)) / 2.0
         lasting = self._window_rule.attitude_pictures
         unknown = attitude is None or attitude.source == "mount"  # a person does not hold the camera at those angles
-        up, up_rad = (
-            up_optical(mount.pitch_rad, mount.roll_rad),
-            CARRIED_RAD if unknown else max(math.sqrt(lasting * variance), SUREST_RAD),
-        )
+        up = up_optical(mount.pitch_rad, mount.roll_rad)
+        up_rad = CARRIED_RAD if unknown else max(math.sqrt(lasting * variance), SMALLEST_SIGMA_RAD)
         if gyro is None:
             return PoseFactors(up, up_rad, mount.height_m, np.eye(3))
         sigma_rad = math.hypot(self._rule.gyro_rad + self._rule.gyro_share * gyro.angle_rad, gyro.sigma_rad)

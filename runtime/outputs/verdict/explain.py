@@ -53,10 +53,14 @@ def _explained(record: Mapping[str, Any], objects: Sequence[MapObject]) -> tuple
     return verdict, [Step(cause, tuple(dict.fromkeys(evidence)), cause in counted) for cause, evidence in found.items()]
 
 
+def read_record(path: Path) -> dict[str, Any]:
+    """A run.json. Raises RunFolderError."""
+    return decode_json(read_bytes(path, RUN_BYTES, RunFolderError), dict, path, RunFolderError)
+
+
 def read_run(folder: Path) -> tuple[dict[str, Any], list[MapObject]]:
     """run.json and the objects of map.json. Raises RunFolderError or MapError."""
-    record = decode_json(read_bytes(folder / "run.json", RUN_BYTES, RunFolderError), dict, folder, RunFolderError)
-    return record, load_map(folder)
+    return read_record(folder / "run.json"), load_map(folder)
 
 
 def verdict_or_none(record: Mapping[str, Any], objects: Sequence[MapObject]) -> Verdict | None:
