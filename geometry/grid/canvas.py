@@ -4,6 +4,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from edgemap.geometry.grid.patch import Cells, Patch, Steps, after
+from edgemap.geometry.se2 import SE2
 
 MARGIN = 64  # cells by which it grows, at least
 LONGEST = 8192  # cells of a side: 400 m; what lies farther off is not kept
@@ -38,14 +39,14 @@ class Canvas:
         for array, values in zip(own, after([array[at] for array in own], later), strict=True):
             array[at] = values
 
-    def take_patch(self, stamp_s: float) -> Patch:
-        """Returns the evidence added since the last call as a patch."""
+    def take_patch(self, stamp_s: float, began: SE2) -> Patch:
+        """Returns the evidence added since the last call as a patch, with the stamp and pose at which it began."""
         at = np.flatnonzero((self._low > self.low) | (self._high < self.high))
         rows, columns = np.unravel_index(at, self.odds.shape) if len(at) else (at, at)
         cells = np.column_stack([columns, rows]).astype(np.int32) + self.first
         own = [array.ravel() for array in (self._shift, self._low, self._high)]
         shift, low, high = (array[at] for array in own)
-        patch = Patch(stamp_s, cells, shift, low, high)
+        patch = Patch(stamp_s, began, cells, shift, low, high)
         for array, value in zip(own, (0, self.low, self.high), strict=True):
             array[at] = value
         return patch

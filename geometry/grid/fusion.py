@@ -18,6 +18,7 @@ from edgemap.geometry.grid.rule import GridRule
 from edgemap.geometry.observations.floor_mask import FloorMask
 from edgemap.geometry.observations.sparse_depth import SparseDepth
 from edgemap.geometry.se2 import SE2
+from edgemap.geometry.thinning import nearest_earlier
 from edgemap.geometry.trajectory_correction import TrajectoryCorrection
 
 
@@ -54,7 +55,10 @@ class GridFusion:
         there is any. movers_px: boxes (M, 4) of people and animals. detected_px: boxes (N, 4) of all detections.
         """
         self.scan = None
-        self._draw_some()
+        if self._drawing is None:
+            self._bound()
+        else:
+            self._draw_some(self._drawing)
         if not self._is_due(pose_map_base, stamp_s):
             return
         if self._begins_patch(pose_map_base):
@@ -148,37 +152,35 @@ class GridFusion:
 
     def _close_patch(self) -> None:
         """What the newest patch holds is kept, and another one begins."""
-        if self._began is not None and len(patch := self._canvas.take_patch(self._began[1])):
+        if self._began is not None and len(patch := self._canvas.take_patch(self._began[1], self._began[0])):
             self._patches.append(patch)
-            self._bound()
         self._began = None
 
     def _bound(self) -> None:
-        """Of too many patches the two neighbours in time become one that hold least together; the newest stay."""
-        rule, own = self.rule, self._patches
-        while self._drawing is None and len(own) > 8:
-            sizes = [len(patch) for patch in own]
-            if len(own) <= rule.patches and sum(sizes) <= rule.patch_cells:
-                return
-            last = max(len(own) // 2, 2)
-            firsts = [k for k in range(last) if own[k].stamp_s > -math.inf]
-            at = min(firsts, key=lambda k: sizes[k] + sizes[k + 1])
-            own[at : at + 2] = [joined(own[at], own[at + 1], rule.cell_m)]
+        """Of too many patches, the one nearest to an earlier one becomes one with it: there are as many as places,
+        however long the drive. Its evidence is as new as the later one's."""
+        saved = sum(patch.stamp_s == -math.inf for patch in self._patches)
+        if len(self._patches) - saved > self.rule.patches:
+            poses = np.array([patch.pose.vector() for patch in self._patches[saved : -self.rule.patches // 2]])
+            ((gone, kept),) = nearest_earlier(poses, 1).items()
+            first, second = self._patches[saved + kept], self._patches[saved + gone]
+            self._patches[saved + gone] = joined(first, second, self.rule.cell_m)
+            del self._patches[saved + kept]
 
     def _moved_patches(self) -> None:
         """Draw the grid again where a patch no longer lies where it was drawn."""
         if moved_m(self._patches, self.rule.cell_m) > self.rule.cell_m / 2.0:
             self._drawing = self._drawn()
 
-    def _draw_some(self) -> None:
-        if self._drawing is None or (canvas := next(self._drawing)) is None:
-            return
-        self._drawing, self._canvas = None, canvas
-        self._revision += 1
+    def _draw_some(self, drawing: Iterator[Canvas | None]) -> None:
+        if (canvas := next(drawing)) is not None:
+            self._drawing, self._canvas = None, canvas
+            self._revision += 1
 
     def _drawn(self) -> Iterator[Canvas | None]:
         """Draws all patches, some in each step, then gives the canvas. What is seen meanwhile is drawn last."""
         canvas, done = self._new_canvas(), 0
+        yield None  # the step of a correction has enough to do
         while done < len(self._patches):
             cells = 0
             while done < len(self._patches) and cells < self.rule.redraw_cells:
@@ -189,7 +191,7 @@ class GridFusion:
                 done += 1
             if done < len(self._patches):
                 yield None
-        newest = self._canvas.take_patch(0.0)
+        newest = self._canvas.take_patch(0.0, SE2())
         canvas.draw(newest, self.rule.cell_m, newest=True)
         yield canvas
 

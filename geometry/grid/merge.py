@@ -48,4 +48,4 @@ def saved_patch(saved: OccupancyGrid, rule: GridRule) -> Patch:
     steps = np.rint(saved.log_odds[known] * (UNIT / STEPS)).astype(np.int16)
     _, one = np.unique(cells, axis=0, return_index=True)  # where its cells are smaller than these
     low, high = (np.full(len(one), bound, np.int16) for bound in step_bounds(rule))
-    return Patch(-math.inf, cells[one], np.clip(steps[one], low, high), low, high)
+    return Patch(-math.inf, SE2(), cells[one], np.clip(steps[one], low, high), low, high)

@@ -17,7 +17,8 @@ Cells = NDArray[np.int32]
 
 @dataclass(slots=True, eq=False)
 class Patch:
-    """Evidence of a piece of the drive that began at stamp_s (-inf: of a saved map, that no correction moves).
+    """Evidence of a piece of the drive that began at stamp_s (-inf: of a saved map, that no correction moves) with the
+    robot at `began` in the map as it was then.
 
     cells: (N, 2), column and row in the map as it was then. Each cell's evidence is the function
     `x -> clip(x + shift, low, high)` of its previous log-odds, all (N,). A sequence of additions, each clipped to the
@@ -26,6 +27,7 @@ class Patch:
     """
 
     stamp_s: float
+    began: SE2
     cells: Cells
     shift: Steps
     low: Steps
@@ -42,6 +44,11 @@ class Patch:
 
     def __len__(self) -> int:
         return len(self.cells)
+
+    @property
+    def pose(self) -> SE2:
+        """Where it began, in the current map."""
+        return self.move @ self.began
 
     def placed(self, cell_m: float) -> Cells:
         """Its cells (N, 2) in the current map; duplicates are possible."""
@@ -81,7 +88,7 @@ def joined(first: Patch, second: Patch, cell_m: float) -> Patch:
     shift[at], low[at], high[at] = after((shift[at], low[at], high[at]), later)
     columns = (keys + (1 << 31)) % (1 << 32) - (1 << 31)
     cells = np.column_stack([columns, (keys - columns) >> 32]).astype(np.int32)
-    return Patch(first.stamp_s, cells, shift, low, high, first.move, first.drawn)
+    return Patch(first.stamp_s, first.began, cells, shift, low, high, first.move, first.drawn)
 
 
 def after(before: Sequence[Steps], later: Sequence[Steps]) -> tuple[Steps, Steps, Steps]:

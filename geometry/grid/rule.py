@@ -18,7 +18,7 @@ class GridRule:
     round the base that the robot itself keeps free. mover_px: people and animals make no obstacle this far round their
     boxes. scan_m, scan_s: path or time after which a picture is fused: what is seen twice from one place has the same
     error twice. patch_m: path after which evidence begins a patch of its own, that moves with the trajectory. A radian
-    of rotation counts as a metre of path. patches, patch_cells: most that are kept; then neighbours in time become one.
+    of rotation counts as a metre of path. patches: most that are kept; then those of one place become one.
     redraw_cells: drawn per step at least, so that a closure costs a bounded part of each of some steps. obstacle_m:
     height above the floor from which a depth measurement is an obstacle; obstacle_per_m: added to it per metre of
     distance (1.1 degrees of attitude). robot_height_m: up to which it is, or up to the lens where that is higher.
@@ -43,7 +43,6 @@ class GridRule:
     scan_s: float = 0.4
     patch_m: float = 0.75
     patches: int = 96
-    patch_cells: int = 400_000
     redraw_cells: int = 16_000
     obstacle_m: float = 0.06
     obstacle_per_m: float = 0.02

@@ -22,7 +22,7 @@ from edgemap.geometry.objects.association import AssociationRule, Estimate, grou
 from edgemap.geometry.objects.cells import Cells
 from edgemap.geometry.objects.class_posterior import Candidate, Overlaps, label_posterior
 from edgemap.geometry.observations.sighting import PlacedSighting
-from edgemap.geometry.slam.landmarks import Landmark
+from edgemap.geometry.slam.landmarks import VIEW, Landmark
 from edgemap.geometry.slam.pose_graph import GraphRule, PoseGraph
 from edgemap.geometry.slam.pruning import drop_keyframes
 from edgemap.geometry.trajectory_correction import composed
@@ -341,9 +341,10 @@ class FloorMap:
     def _views(self, landmarks: Sequence[Landmark]) -> Array:
         """Positions (N, 2) that landmarks were seen from, those of an earlier map first."""
         saved = [view for one in landmarks if one.saved for view in one.saved.seen_from_m]
-        views = np.array([(at, *view) for one in landmarks for at, view in one.views.items()]).reshape(-1, 3)
-        poses = self.graph.trajectory.vectors()[views[:, 0].astype(np.intp)] if len(views) else np.zeros((0, 3))
-        local = np.column_stack([views[:, 1:], np.zeros(len(views))])
+        keyframes = np.array([keyframe for one in landmarks for keyframe in one.keyframes], dtype=np.intp)
+        rows = np.concatenate([one.rows for one in landmarks])
+        local = np.column_stack([rows[:, VIEW], np.zeros(len(rows))])
+        poses = self.graph.trajectory.vectors()[keyframes].reshape(-1, 3)
         return np.concatenate([np.array(saved).reshape(-1, 2), composed(poses, local)[:, :2]])
 
 

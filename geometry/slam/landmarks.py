@@ -19,11 +19,11 @@ from edgemap.geometry.se2 import SE2
 from edgemap.geometry.slam.keyframes import KeyframeTrajectory
 
 # Columns of an observation's sums: sightings, information xx xy yy, information times position, bias, range, derivative
-# by the mount's tilt, that times the tilt it was placed by.
-COUNT, INFORMATION, VECTOR, BIAS, RANGE, BY_TILT, TILTED = (
-    slice(0, 1), slice(1, 4), slice(4, 6), slice(6, 8), slice(8, 10), slice(10, 14), slice(14, 16),
+# by the mount's tilt, that times the tilt it was placed by; the base's position at the first.
+COUNT, INFORMATION, VECTOR, BIAS, RANGE, BY_TILT, TILTED, VIEW = (
+    slice(0, 1), slice(1, 4), slice(4, 6), slice(6, 8), slice(8, 10), slice(10, 14), slice(14, 16), slice(16, 18),
 )  # fmt: skip
-COLUMNS = 16
+COLUMNS = 18
 IMPOSSIBLE = 1e6  # cost of a pair that may not be
 
 
@@ -58,10 +58,8 @@ class LandmarkRule:
 class Landmark:
     """One object in one visit. keyframes (N,): rows of the trajectory that observed it; rows (N, COLUMNS): sums of the
     sightings of each. seen_at_m: the odometer at the last sighting. sums: evidence. beside: landmarks of its label
-    observed in the same frame, which are therefore other objects. views: by keyframe, (x, y) in its frame from which it
-    was observed. saved: the object of an earlier map, which has no observations here. updated: number of the last
-    frame.
-    gone: marked for removal.
+    observed in the same frame, which are therefore other objects. saved: the object of an earlier map, which has no
+    observations here. updated: number of the last frame. gone: marked for removal.
 
     position_m (2,), own_m2 (2, 2): given the keyframes' poses. first_m2 (2, 2), variance_m2: what the pose of the first
     observation, and of all in the mean, adds. shared_m2 (2, 2): what the mount adds.
@@ -76,7 +74,6 @@ class Landmark:
     rows: Array = field(default_factory=lambda: np.zeros((0, COLUMNS)))
     sums: SightingSums = field(default_factory=SightingSums)
     beside: set[int] = field(default_factory=set)
-    views: dict[int, tuple[float, float]] = field(default_factory=dict)
     updated: int = 0
     gone: bool = False
     position_m: Array = field(default_factory=lambda: np.zeros(2))
@@ -99,45 +96,39 @@ class Landmark:
         """Whether the two are certainly distinct: observed in one frame, or separate in an earlier map."""
         return other.number in self.beside or (self.saved is not None and other.saved is not None)
 
-    def add(self, keyframe: int, row: Array, view: tuple[float, float]) -> None:
+    def add(self, keyframe: int, row: Array) -> None:
         """One more sighting, in a keyframe's frame."""
         if not self.keyframes or self.keyframes[-1] != keyframe:
             self.keyframes.append(keyframe)
             self.rows = np.concatenate([self.rows, row[None]])
-            self.views[keyframe] = view
         else:
-            self.rows[-1] += row
+            self.rows[-1] = _both(self.rows[-1], row)
 
     def join(self, other: "Landmark") -> None:
         """Adds the observations of another visit to the same object."""
         rows = dict(zip(self.keyframes, self.rows, strict=True))
         for keyframe, row in zip(other.keyframes, other.rows, strict=True):
-            rows[keyframe] = rows[keyframe] + row if keyframe in rows else row
+            rows[keyframe] = _both(rows[keyframe], row) if keyframe in rows else row
         self.keyframes = sorted(rows)
         self.rows = np.array([rows[keyframe] for keyframe in self.keyframes]).reshape(-1, COLUMNS)
-        self.views = other.views | self.views
         self.sums.join(other.sums)
         self.beside |= other.beside
         self.seen_at_m, self.updated = max(self.seen_at_m, other.seen_at_m), max(self.updated, other.updated)
 
-    def rebase(self, onto: Mapping[int, tuple[int, SE2 | None]]) -> None:
+    def rebase(self, onto: Mapping[int, tuple[int, SE2 | None]]) -> bool:
         """Keyframes change: each observation moves to another one's frame. onto: by old row, the new row and the old
-        keyframe's pose in that one's frame, None where it stays."""
-        if not self.keyframes:
-            return
+        keyframe's pose in that one's frame, None where it stays. Returns whether any observation moved."""
+        moves = [onto[keyframe] for keyframe in self.keyframes]
+        if all(pose is None for _, pose in moves):
+            self.keyframes = [new for new, _ in moves]
+            return False
         moved: dict[int, Array] = {}
-        for keyframe, row in zip(self.keyframes, self.rows, strict=True):
-            new, pose = onto[keyframe]
+        for (new, pose), row in zip(moves, self.rows, strict=True):
             row = row if pose is None else _rebased(row, pose)
-            moved[new] = moved[new] + row if new in moved else row
+            moved[new] = _both(moved[new], row) if new in moved else row
         self.keyframes = sorted(moved)
         self.rows = np.array([moved[keyframe] for keyframe in self.keyframes])
-        views: dict[int, tuple[float, float]] = {}
-        for keyframe, place in self.views.items():
-            new, pose = onto[keyframe]
-            x_m, y_m = place if pose is None else pose.apply(place).tolist()
-            views.setdefault(new, (x_m, y_m))
-        self.views = views
+        return True
 
 
 def observed(placed: PlacedSighting, since: SE2, tilt_rad: Array, repeated: float) -> Array:
@@ -158,7 +149,7 @@ def observed(placed: PlacedSighting, since: SE2, tilt_rad: Array, repeated: floa
     x_m, y_m = since.apply(place_m)
     row = np.zeros(COLUMNS)
     row[:6] = 1.0, xx, xy, yy, xx * x_m + xy * y_m, xy * x_m + yy * y_m
-    row[BIAS], row[RANGE] = rotation @ bias_m, rotation @ range_m
+    row[BIAS], row[RANGE], row[VIEW] = rotation @ bias_m, rotation @ range_m, (since.x_m, since.y_m)
     if placed.mount is not None:
         by_tilt = rotation @ placed.mount.floor_by_tilt(place_m)
         row[BY_TILT], row[TILTED] = by_tilt.ravel(), by_tilt @ tilt_rad
@@ -301,6 +292,13 @@ def _rotations(yaw_rad: Array) -> Array:
     return np.stack([c, -s, s, c], axis=-1).reshape(-1, 2, 2)
 
 
+def _both(first: Array, second: Array) -> Array:
+    """Two observations' sums as one, seen from where the first was."""
+    row = first + second
+    row[VIEW] = first[VIEW]
+    return row
+
+
 def _rebased(row: NDArray[np.float64], pose: SE2) -> Array:
     """An observation's sums in the frame in which its own has this pose."""
     rotation, moved = pose.rotation(), row.copy()
@@ -310,5 +308,6 @@ def _rebased(row: NDArray[np.float64], pose: SE2) -> Array:
     moved[VECTOR] = rotation @ row[VECTOR] + information @ [pose.x_m, pose.y_m]
     for part in (BIAS, RANGE, TILTED):
         moved[part] = rotation @ row[part]
+    moved[VIEW] = pose.apply(row[VIEW])
     moved[BY_TILT] = (rotation @ row[BY_TILT].reshape(2, 2)).ravel()
     return moved

@@ -118,7 +118,7 @@ class PoseGraph:
         for landmark, placed in zip(landmarks, sightings, strict=True):
             since = to_keyframe @ placed.pose_map_base
             row = observed(placed, since, self.tilt_rad, rule.repeated)
-            landmark.add(keyframe, row, (since.x_m, since.y_m))
+            landmark.add(keyframe, row)
             landmark.updated = frame
             landmark.beside |= {
                 other.number for other in landmarks if other.label == landmark.label and other is not landmark

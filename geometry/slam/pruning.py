@@ -1,8 +1,8 @@
 """Bounds the graph's size: old keyframes are dropped, and their observations move to nearby ones."""
 
-import numpy as np
-
+from edgemap.geometry.se2 import SE2
 from edgemap.geometry.slam.pose_graph import PoseGraph
+from edgemap.geometry.thinning import nearest_earlier
 
 
 def drop_keyframes(graph: PoseGraph) -> None:
@@ -14,23 +14,12 @@ def drop_keyframes(graph: PoseGraph) -> None:
     excess, half = len(trajectory) - graph.rule.keyframes.maximum, len(trajectory) // 2
     if excess <= 0:
         return
-    poses = trajectory.vectors()[:half]
-    apart = poses[:, None] - poses[None]
-    apart[..., 2] = np.angle(np.exp(1j * apart[..., 2]))
-    distance = np.linalg.norm(apart, axis=2)
-    distance[np.triu_indices(half)] = np.inf  # to earlier ones only
-    into = {row: row for row in range(len(trajectory))}
-    for _ in range(excess):
-        gone, kept = divmod(int(distance.argmin()), half)
-        distance[gone] = distance[:, gone] = np.inf
-        into[gone] = kept
-    dropped, onto = {row for row, kept in into.items() if kept != row}, {}
-    for row, kept in into.items():
-        while into[kept] != kept:
+    into = nearest_earlier(trajectory.vectors()[:half], excess)
+    left = [row for row in range(len(trajectory)) if row not in into]
+    onto: dict[int, tuple[int, SE2 | None]] = {row: (new, None) for new, row in enumerate(left)}
+    for gone, kept in into.items():
+        while kept in into:
             kept = into[kept]
-        relative = trajectory.poses[kept].inverse() @ trajectory.poses[row]
-        onto[row] = kept - sum(other < kept for other in dropped), relative if row != kept else None
-    trajectory.drop(dropped)
-    for landmark in graph.landmarks.all.values():
-        landmark.rebase(onto)
-    graph.place(list(graph.landmarks.all.values()))
+        onto[gone] = onto[kept][0], trajectory.poses[kept].inverse() @ trajectory.poses[gone]
+    trajectory.drop(into.keys())
+    graph.place([landmark for landmark in graph.landmarks.all.values() if landmark.rebase(onto)])

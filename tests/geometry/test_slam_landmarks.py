@@ -16,7 +16,7 @@ def landmark_of(sightings, number=1):
     """Sightings (keyframe, place in the map, pose) of one chair."""
     landmark = Landmark(number, "chair", 0.5, 0.0)
     for keyframe, sighting in sightings:
-        landmark.add(keyframe, observed(sighting, SE2(), LEVEL, 0.65), (0.0, 0.0))
+        landmark.add(keyframe, observed(sighting, SE2(), LEVEL, 0.65))
     return landmark
 
 
