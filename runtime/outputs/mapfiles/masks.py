@@ -9,8 +9,8 @@ from numpy.typing import NDArray
 
 from edgemap.geometry.errors import MapError
 from edgemap.geometry.objects.edits import Zone
-from edgemap.runtime.frames.disk import write_atomically
 from edgemap.runtime.outputs.mapfiles.grid import MAXIMUM_CELLS
+from edgemap.runtime.outputs.mapfiles.nav2 import write_picture
 
 KEEP_OUT = 100  # of the mask; 0 elsewhere
 MARGIN_M = 1.0  # of empty mask around the zones
@@ -58,16 +58,6 @@ def _write(path: Path, kind: str, values: Sequence[tuple[Zone, int]], resolution
         # fillPoly counts from the middle of a pixel.
         places = np.rint((np.array(zone.corners_m) - low) / resolution_m - 0.5).astype(np.int32)
         cv2.fillPoly(mask, [places], value)
-    described, picture = path.with_suffix(f".{kind}.yaml"), path.with_suffix(f".{kind}.pgm")
-    write_atomically(picture, f"P5\n{columns} {rows}\n255\n".encode() + mask[::-1].tobytes())
-    lines = [
-        f"image: {picture.name}",
-        "mode: raw",
-        f"resolution: {resolution_m:.6f}",
-        f"origin: [{low[0]:.6f}, {low[1]:.6f}, 0.0]",
-        "negate: 0",
-        "occupied_thresh: 0.65",
-        "free_thresh: 0.196",
-    ]
-    write_atomically(described, "\n".join(lines) + "\n")
+    described = path.with_suffix(f".{kind}.yaml")
+    write_picture(described, mask, "raw", resolution_m, low)
     return described

@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 import yaml
+from numpy.typing import NDArray
 
 from edgemap.geometry.errors import MapError
 from edgemap.geometry.map_object import MapObject, radius_m
@@ -30,24 +31,33 @@ def write_nav2(path: Path, grid: FloorCells) -> tuple[Path, Path]:
     frame, columns run along x. Source: https://docs.nav2.org/configuration/packages/configuring-map-server.html and
     nav2_map_server's map_io.cpp (cell (x, height - y - 1) is pixel (x, y)).
     """
-    picture = path.with_suffix(".pgm")
     levels = np.zeros(256, np.uint8)
     for value, level in VALUES.items():
         levels[np.uint8(value % 256)] = level
-    rows, columns = grid.cells.shape
-    header = f"P5\n# edgemap: {grid.resolution_m:g} m per pixel\n{columns} {rows}\n255\n"
-    write_atomically(picture, header.encode() + levels[grid.cells[::-1].view(np.uint8)].tobytes())
+    pixels = levels[grid.cells.view(np.uint8)]
+    note = f"# edgemap: {grid.resolution_m:g} m per pixel\n"
+    return path, write_picture(path, pixels, "trinary", grid.resolution_m, (grid.x_m, grid.y_m), note)
+
+
+def write_picture(
+    path: Path, pixels: NDArray[np.uint8], mode: str, resolution_m: float, corner_m: Sequence[float], note: str = ""
+) -> Path:
+    """Writes a picture for the map_server, PGM, and `path`, the YAML that describes it; the picture's path. pixels:
+    (rows, columns), row 0 with the smallest y. corner_m: of the first pixel. note: comment lines of the PGM."""
+    picture = path.with_suffix(".pgm")
+    rows, columns = pixels.shape
+    write_atomically(picture, f"P5\n{note}{columns} {rows}\n255\n".encode() + pixels[::-1].tobytes())
     lines = [
         f"image: {picture.name}",
-        "mode: trinary",
-        f"resolution: {grid.resolution_m:.6f}",
-        f"origin: [{grid.x_m:.6f}, {grid.y_m:.6f}, 0.0]",
+        f"mode: {mode}",
+        f"resolution: {resolution_m:.6f}",
+        f"origin: [{corner_m[0]:.6f}, {corner_m[1]:.6f}, 0.0]",
         "negate: 0",
         f"occupied_thresh: {OCCUPIED_THRESH}",
         f"free_thresh: {FREE_THRESH}",
     ]
     write_atomically(path, "\n".join(lines) + "\n")
-    return path, picture
+    return picture
 
 
 def vector_text(
