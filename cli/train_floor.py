@@ -73,7 +73,10 @@ def command(
     from edgemap.export.floor.train import FloorSettings, FloorTrainer
     from edgemap.runtime.network.store import cache_folder
 
-    settings = FloorSettings(batch, rate, minutes, epochs, mix, validate_minutes, threads, seed)
+    settings = FloorSettings(
+        batch=batch, rate=rate, minutes=minutes, epochs=epochs, mix=mix, validate_minutes=validate_minutes,
+        threads=threads, seed=seed,
+    )  # fmt: skip
     first = None if start is None else load_floor(start)
     features = Features(backbone, threads)
     if first is not None and first.taps != tuple(tap.name for tap in features.taps):

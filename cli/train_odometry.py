@@ -123,7 +123,10 @@ def command(
         recipe = flow_recipe(rate or 1e-3, length or 8, FewDrives() if views else None)
     else:
         recipe = paper_recipe(length or 10, (rate or 5e-3) / 5e-3)
-    settings = OdometrySettings(minutes, steps, batch, seed, validate_minutes, patience, threads, bfloat16, device)
+    settings = OdometrySettings(
+        minutes=minutes, steps=steps, batch=batch, seed=seed, validate_minutes=validate_minutes, patience=patience,
+        threads=threads, bfloat16=bfloat16, device=device,
+    )  # fmt: skip
     trainer = HeadTraining(begun, recipe, train, held_back, output, settings)
     if resume:
         trainer.resume()

@@ -1,13 +1,14 @@
 """Common parts of all trainings: a budget, validations that select `best.pt`, a `last.pt` to resume from, curves."""
 
+import copy
 import csv
 import math
 import time
 from abc import ABC, abstractmethod
-from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, Generic, TypeVar
 
 import torch
 from torch import Tensor, nn
@@ -23,27 +24,57 @@ SAVE_EVERY_S = 120.0
 LOOK_EVERY = 20  # steps of a GPU, which would have to wait for each look
 WARM_UP = 0.03  # of the budget
 LAST_RATE = 0.03  # of the highest
+N = TypeVar("N", bound=nn.Module)
+S = TypeVar("S", bound="Settings")
 
 
-class Training(ABC):
-    """One run in a folder. Rows hold the figures of each validation; sums those of the losses since the last one."""
+@dataclass(frozen=True, kw_only=True)
+class Settings:
+    """Settings of every training. minutes: of training, the budget; None: as many steps or epochs as each kind names.
+    validate_minutes: between two validations. device: cpu or cuda.
+    """
+
+    minutes: float | None = None
+    batch: int = 16
+    seed: int = 0
+    validate_minutes: float | None = None
+    threads: int = 2
+    device: str = "cpu"
+
+
+class Training(ABC, Generic[N, S]):
+    """One run in a folder: trains `network`, whose moving average is validated and saved. Rows hold the figures of each
+    validation; sums those of the losses since the last one. budget: steps or epochs, where there are no minutes.
+    """
 
     resume_format: str
+    score = "score"  # column of the figure by which the best row is chosen
+    highest = True  # whether the best one is the highest
+    average_steps = 600  # the moving average looks back about so far, less at the start
+    over = ("steps", "steps of training")  # abscissa of the curves, and its name
+    panels: Sequence["Panel"] = ()  # of the curves
 
-    def __init__(self, folder: Path, validate_minutes: float | None, threads: int, device: str = "cpu") -> None:
-        torch.set_num_threads(threads)
-        self.ranks = Ranks(device)
+    def __init__(
+        self,
+        folder: Path,
+        settings: S,
+        network: N,
+        optimizer: Callable[[nn.Module], torch.optim.Optimizer],
+        budget: int,
+    ) -> None:
+        torch.set_num_threads(settings.threads)
+        self.ranks = Ranks(settings.device)
         self.device = self.ranks.device
-        self.folder, self._every_s = folder, math.inf if validate_minutes is None else 60.0 * validate_minutes
+        self.folder, self.settings, self.schedule = folder, settings, Schedule(settings.minutes, budget)
+        self.network = network.to(self.device).train()
+        self.learning = [parameter for parameter in network.parameters() if parameter.requires_grad]
+        self.average = {name: tensor.detach().clone() for name, tensor in network.state_dict().items()}
+        self.optimizer = optimizer(network)
         self.steps, self.trained_s = 0, 0.0
         self.rows: list[dict[str, Any]] = []
         self.sums: dict[str, float | Tensor] = {}
         self.count = 0
         folder.mkdir(parents=True, exist_ok=True)
-
-    @abstractmethod
-    def progress(self) -> float:
-        """Share of the budget that is spent, 0..1."""
 
     @abstractmethod
     def take_steps(self) -> Iterator[None]:
@@ -53,26 +84,65 @@ class Training(ABC):
     def validate(self) -> None:
         """Add a row, and write `best.pt` where it is the best one."""
 
-    @abstractmethod
+    def spent(self) -> float:
+        """Steps or epochs done."""
+        return self.steps
+
     def state(self) -> dict[str, Any]:
         """Further state that a resume needs."""
+        return {}
 
-    @abstractmethod
     def restore(self, state: dict[str, Any], path: Path) -> None:
         """Restores the values of `state`. Raises ExportError where they belong to another run."""
-
-    @abstractmethod
-    def best(self) -> dict[str, Any]:
-        """The best row."""
 
     def ended(self) -> bool:
         """Whether to stop before the budget is spent; asked after a validation."""
         return False
 
+    def progress(self) -> float:
+        """Share of the budget that is spent, 0..1."""
+        return self.schedule.progress(self.trained_s, self.spent())
+
+    def decay(self) -> float:
+        """Share of the moving average that a step keeps."""
+        return 1.0 - 1.0 / min(self.average_steps, 10 + self.steps / 4)
+
+    def best(self) -> dict[str, Any]:
+        """The best row."""
+        return (max if self.highest else min)(self.rows, key=lambda row: row[self.score])
+
+    def learn(self, loss: Tensor, parts: Mapping[str, Tensor], rate: float, clip_norm: float = math.inf) -> None:
+        """One step of the optimiser and of the moving average. parts: of the loss, for the curves."""
+        self.add({name: part.detach() for name, part in parts.items()})
+        for group in self.optimizer.param_groups:
+            group["lr"] = rate
+        self.optimizer.zero_grad(set_to_none=True)
+        loss.backward()
+        if clip_norm < math.inf:
+            nn.utils.clip_grad_norm_(self.learning, clip_norm)
+        self.optimizer.step()
+        average_into(self.average, self.network, self.decay())
+
+    def averaged(self) -> N:
+        """A copy of the network with its averaged weights."""
+        network = copy.deepcopy(self.network)
+        network.load_state_dict(self.average)
+        return network.eval()
+
+    def enter(self, row: dict[str, Any]) -> bool:
+        """Adds a validation's row, prints it and draws the curves. Returns whether it is the best one."""
+        self.rows.append({"minutes": round(self.trained_s / 60.0, 2), **row})
+        tqdm.write("  ".join(f"{key} {value:.6g}" for key, value in self.rows[-1].items() if value is not None))
+        if self.panels:
+            write_curves(self.rows, self.folder, self.over, self.panels)
+        return self.best() is self.rows[-1]
+
     def run(self) -> dict[str, Any]:
         """Train until the budget is spent; gives the best validation's figures. An interrupt saves `last.pt` first."""
         began, before_s = time.perf_counter(), self.trained_s
         validated = saved = before_s
+        minutes = self.settings.validate_minutes
+        every_s = math.inf if minutes is None else 60.0 * minutes
         bar = tqdm(
             total=100,
             disable=not self.ranks.first,
@@ -84,7 +154,7 @@ class Training(ABC):
             for _ in self.take_steps():
                 self.trained_s = self.ranks.broadcast(before_s + time.perf_counter() - began)
                 self._show(bar)
-                if self.trained_s - validated >= self._every_s:
+                if self.trained_s - validated >= every_s:
                     validated = self.trained_s
                     self.validate()
                     if self.ended():
@@ -106,6 +176,12 @@ class Training(ABC):
         if state.get("format") != self.resume_format:
             raise ExportError(f"{path}: format {one_line(repr(state.get('format')))}, expected {self.resume_format!r}")
         self.restore(state, path)
+        ours, theirs = self.network.state_dict(), state["network"]
+        if ours.keys() != theirs.keys() or any(ours[name].shape != theirs[name].shape for name in ours):
+            raise ExportError(f"{path}: holds {len(theirs)} weights of another network than this run's {len(ours)}")
+        self.network.load_state_dict(theirs)
+        self.average = {name: tensor.to(self.device) for name, tensor in state["average"].items()}
+        self.optimizer.load_state_dict(state["optimizer"])
         self.steps, self.trained_s, self.rows = state["steps"], state["trained_s"], state["rows"]
         self.sums, self.count = state["sums"], state["count"]
 
@@ -114,7 +190,9 @@ class Training(ABC):
         sums = {name: float(value) for name, value in self.sums.items()}
         if not self.ranks.first or not all(map(math.isfinite, sums.values())):
             return
-        kept = {name: getattr(self, name) for name in ("steps", "trained_s", "rows", "count")} | {"sums": sums}
+        kept = {name: getattr(self, name) for name in ("average", "steps", "trained_s", "rows", "count")}
+        kept |= {"settings": asdict(self.settings), "sums": sums}
+        kept |= {"network": self.network.state_dict(), "optimizer": self.optimizer.state_dict()}
         save_whole({"format": self.resume_format, **self.state(), **kept}, self.folder / "last.pt")
 
     def add(self, parts: Mapping[str, float | Tensor]) -> None:

@@ -8,7 +8,6 @@ from typing import Any
 
 import torch
 from torch import nn
-from tqdm import tqdm
 
 from edgemap.export.detector.boxes import Rows
 from edgemap.export.detector.loader import Batches
@@ -16,10 +15,8 @@ from edgemap.export.detector.loss import Assignment, Targets, detection_loss, di
 from edgemap.export.detector.network import TorchNetwork
 from edgemap.export.detector.store import Example
 from edgemap.export.detector.validate import validate
-from edgemap.export.errors import ExportError
-from edgemap.export.training import Panel, Schedule, Training, average_into, write_curves
+from edgemap.export.training import Panel, Settings, Training
 
-AVERAGE_STEPS = 600  # the moving average looks back about so far, less at the start
 CLIP_NORM = 20.0
 NO_MOSAIC = 0.85  # of the budget after which pictures stay single
 PARTS = ("total", "scores", "box", "bins", "kept")
@@ -29,35 +26,33 @@ PANELS = (
 )
 
 
-@dataclass(frozen=True)
-class DetectorSettings:
+@dataclass(frozen=True, kw_only=True)
+class DetectorSettings(Settings):
     """How to train. rate: highest learning rate.
 
     size: side of the square pictures, px; None for the bundle's. keep: weight of the distance to the reference network
     where there are no labels: for classes that they do not name, and for unlabelled pictures. mix: share of pictures of
     each source; empty for every picture once an epoch.
-    validate_minutes: between two validations; None: after every epoch.
+    validate_minutes: None: after every epoch.
     bfloat16: convolutions in half the width, weights and losses in full: 1.7 times as fast on a processor with
     AVX512-BF16.
     """
 
     size: int | None = None
-    batch: int = 16
-    seed: int = 0
-    minutes: float | None = None
     epochs: int = 10
     rate: float = 5e-4
     mosaic: float = 0.5
     keep: float = 1.0
     mix: tuple[float, ...] = ()
-    validate_minutes: float | None = None
-    threads: int = 2
     bfloat16: bool = False
-    device: str = "cpu"
 
 
-class Trainer(Training):
-    """One run in a folder: `best.pt`, `last.pt`, `curves.csv`, `curves.png`.
+def _adam(network: nn.Module) -> torch.optim.Optimizer:
+    return torch.optim.AdamW([one for one in network.parameters() if one.requires_grad], weight_decay=0.0)
+
+
+class Trainer(Training[TorchNetwork, DetectorSettings]):
+    """Gives `best.pt`, `last.pt`, `curves.csv`, `curves.png` in a folder.
 
     start: the network to train. reference: the reference network to stay close to without labels; the start by default.
     train: examples as `load_examples` gives. validation: sets of them by name; the network with the highest mean of
@@ -65,6 +60,8 @@ class Trainer(Training):
     """
 
     resume_format = "edgemap.detector-run/2"
+    score = "ap50"
+    over, panels = ("minutes", "minutes of training"), PANELS
 
     def __init__(
         self,
@@ -75,20 +72,15 @@ class Trainer(Training):
         settings: DetectorSettings,
         reference: TorchNetwork | None = None,
     ) -> None:
-        super().__init__(folder, settings.validate_minutes, settings.threads, settings.device)
-        self.settings, self.train, self.validation = settings, train, validation
-        self.network = start.copy().to(self.device)
+        super().__init__(folder, settings, start.copy(), _adam, settings.epochs)
+        self.train, self.validation = train, validation
         self.reference = (reference or start).copy().to(self.device).requires_grad_(False)
-        self.learning = [parameter for parameter in self.network.parameters() if parameter.requires_grad]
         self.forward = self.ranks.wrap(self.network)
-        self.average = {name: tensor.detach().clone() for name, tensor in self.network.state_dict().items()}
-        self.optimizer = torch.optim.AdamW(self.learning, lr=settings.rate, weight_decay=0.0)
-        self.schedule = Schedule(settings.minutes, settings.epochs)
         self.epoch, self.index = 0, 0
 
-    def progress(self) -> float:
-        """Share of the budget that is spent, by the clock or by epochs."""
-        return self.schedule.progress(self.trained_s, self.epoch + self.index / self._batches())
+    def spent(self) -> float:
+        """Epochs done."""
+        return self.epoch + self.index / self._batches()
 
     def take_steps(self) -> Iterator[None]:
         """Epoch by epoch; without --validate-minutes validated after each. Mosaics stop before the end."""
@@ -109,30 +101,12 @@ class Trainer(Training):
                 if self.settings.validate_minutes is None:
                     self.validate()
 
-    def best(self) -> dict[str, Any]:
-        """The row of the highest AP50."""
-        return max(self.rows, key=lambda row: row["ap50"])
-
     def state(self) -> dict[str, Any]:
-        """Network, average, optimiser, where in which epoch."""
-        return {
-            "settings": asdict(self.settings),
-            "network": self.network.state_dict(),
-            "average": self.average,
-            "optimizer": self.optimizer.state_dict(),
-            "epoch": self.epoch,
-            "index": self.index,
-            "random": torch.get_rng_state(),
-        }
+        """Where in which epoch, and the random numbers."""
+        return {"epoch": self.epoch, "index": self.index, "random": torch.get_rng_state()}
 
-    def restore(self, state: dict[str, Any], path: Path) -> None:
-        """Raises ExportError where it is of another network."""
-        ours, theirs = self.network.state_dict(), state["network"]
-        if ours.keys() != theirs.keys() or any(ours[name].shape != theirs[name].shape for name in ours):
-            raise ExportError(f"{path}: holds {len(theirs)} weights of another network than this run's {len(ours)}")
-        self.network.load_state_dict(state["network"])
-        self.average = {name: tensor.to(self.device) for name, tensor in state["average"].items()}
-        self.optimizer.load_state_dict(state["optimizer"])
+    def restore(self, state: dict[str, Any], path: Path) -> None:  # noqa: ARG002
+        """Go on at the next batch."""
         self.epoch, self.index = state["epoch"], state["index"]
         torch.set_rng_state(state["random"])
 
@@ -141,21 +115,14 @@ class Trainer(Training):
 
     def train_batch(self, images: torch.Tensor, targets: Targets) -> None:
         """One step of the optimiser on a batch."""
-        factor = self.schedule.rate(self.progress())
-        for group in self.optimizer.param_groups:
-            group["lr"] = self.settings.rate * factor
+        rate = self.settings.rate * self.schedule.rate(self.progress())
         images, targets = images.to(self.device, non_blocking=True), targets.to(self.device)
         with self._narrow():
             rows = self.network.read(self.forward(images), images)
         losses, found = detection_loss(rows, targets, self.ranks.mean, 1.0 / self.ranks.count)
         losses["kept"] = self._distance(images, rows, targets, found)
         losses["total"] = losses["total"] + self.settings.keep * losses["kept"]
-        self.add({part: losses[part].detach() for part in PARTS})
-        self.optimizer.zero_grad(set_to_none=True)
-        losses["total"].backward()
-        nn.utils.clip_grad_norm_(self.learning, CLIP_NORM)
-        self.optimizer.step()
-        average_into(self.average, self.network, 1.0 - 1.0 / min(AVERAGE_STEPS, 10 + self.steps / 4))
+        self.learn(losses["total"], {part: losses[part] for part in PARTS}, rate, CLIP_NORM)
 
     def _distance(self, images: torch.Tensor, rows: Rows, targets: Targets, found: Assignment) -> torch.Tensor:
         """From the reference network's predictions where there are no labels, per cell with a box."""
@@ -173,12 +140,6 @@ class Trainer(Training):
         """Processes that make pictures: two beside a processor's network; a GPU wants all that there are."""
         return 2 if self.device.type == "cpu" else max(2, (os.cpu_count() or 2) // self.ranks.count - 1)
 
-    def averaged(self) -> TorchNetwork:
-        """The network with its averaged weights."""
-        network = self.network.copy()
-        network.load_state_dict(self.average)
-        return network
-
     def validate(self) -> None:
         """Validates the averaged weights on every validation set, in the first process."""
         means = self.means(4)
@@ -191,18 +152,14 @@ class Trainer(Training):
         sets = {name: validate(network, examples) for name, examples in self.validation.items()}
         apart = {f"ap50_{name}": figures["ap50"] for name, figures in sets.items()} if len(sets) > 1 else {}
         row = {
-            "minutes": round(self.trained_s / 60.0, 2),
-            "epoch": round(self.epoch + self.index / self._batches(), 2),
+            "epoch": round(self.spent(), 2),
             "pictures": self.steps * self.settings.batch * self.ranks.count,
             **means,
             "ap": round(sum(figures["ap"] for figures in sets.values()) / len(sets), 6),
             "ap50": round(sum(figures["ap50"] for figures in sets.values()) / len(sets), 6),
             **apart,
         }
-        self.rows.append(row)
-        tqdm.write("  ".join(f"{key} {value}" for key, value in row.items()))
-        if self.best() is row:
-            training = {"pictures": len(self.train), "settings": asdict(self.settings), **row}
+        if self.enter(row):
+            training = {"pictures": len(self.train), "settings": asdict(self.settings), **self.rows[-1]}
             network.save(self.folder / "best.pt", {"training": training, "validation": sets})
-        write_curves(self.rows, self.folder, ("minutes", "minutes of training"), PANELS)
-        return row
+        return self.rows[-1]

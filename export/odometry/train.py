@@ -1,6 +1,5 @@
 """Trains an odometry head on cached features: clips, loss, validation on whole drives, files to resume from."""
 
-import copy
 from collections.abc import Iterator, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
@@ -8,18 +7,15 @@ from typing import Any
 
 import numpy as np
 import torch
-from torch import nn
-from tqdm import tqdm
 
 from edgemap.export.errors import ExportError
 from edgemap.export.odometry.checkpoint import HeadCheckpoint, save_head
 from edgemap.export.odometry.clips import ClipDraws, Shelf, make_batch
 from edgemap.export.odometry.data import FeatureDrive
 from edgemap.export.odometry.recipe import Recipe, validate
-from edgemap.export.training import Panel, Schedule, Training, average_into, write_curves
+from edgemap.export.training import Panel, Settings, Training
 
 CLIP_NORM = 1.0
-AVERAGE_STEPS = 300
 PANELS = (  # the first is the paper's figure 6
     Panel("loss", {"loss": "loss", "motion": "motion", "coarse": "coarse"}, from_zero=False),
     Panel(
@@ -29,30 +25,29 @@ PANELS = (  # the first is the paper's figure 6
 )
 
 
-@dataclass(frozen=True)
-class OdometrySettings:
-    """How to train. minutes: the budget, or steps where that is None. patience: validations without a better one after
-    which training stops early; None never. bfloat16: convolutions and correlations in half the width: 1.6 times as fast
-    where the processor has AVX512-BF16; the gradient's direction stays (cosine 0.985)."""
+@dataclass(frozen=True, kw_only=True)
+class OdometrySettings(Settings):
+    """How to train. steps: the budget without minutes. patience: validations without a better one after which training
+    stops early; None never. bfloat16: convolutions and correlations in half the width: 1.6 times as fast where the
+    processor has AVX512-BF16; the gradient's direction stays (cosine 0.985)."""
 
-    minutes: float | None = None
     steps: int = 2000
     batch: int = 6
-    seed: int = 0
-    validate_minutes: float = 5.0
+    validate_minutes: float | None = 5.0
     patience: int | None = None
-    threads: int = 2
     bfloat16: bool = False
-    device: str = "cpu"
 
 
-class HeadTraining(Training):
+class HeadTraining(Training[Any, OdometrySettings]):
     """Gives `best.pt`, `last.pt`, `curves.csv`, `curves.png` in a folder.
 
     start: the head as it starts. recipe: its loss and optimiser. train, validation: drives with features.
     """
 
-    resume_format = "edgemap.head-run/1"
+    resume_format = "edgemap.head-run/2"
+    highest = False  # the least drift
+    average_steps = 300
+    panels = PANELS
 
     def __init__(
         self,
@@ -63,37 +58,22 @@ class HeadTraining(Training):
         folder: Path,
         settings: OdometrySettings,
     ) -> None:
-        super().__init__(folder, settings.validate_minutes, settings.threads, settings.device)
-        self.start, self.recipe, self.settings = start, recipe, settings
+        super().__init__(folder, settings, start.head, recipe.optimizer, settings.steps)
+        self.start, self.recipe = start, recipe
         self.train, self.validation = train, validation
-        self.head = start.head.to(self.device)
         self.draws, self.shelf = ClipDraws(recipe.clips, train), Shelf(train, self.device)
-        self.average = {name: tensor.detach().clone() for name, tensor in self.head.state_dict().items()}
-        self.optimizer = recipe.optimizer(self.head)
-        self.schedule = Schedule(settings.minutes, settings.steps)
-
-    def progress(self) -> float:
-        """Share of the budget that is spent, by the clock or by steps."""
-        return self.schedule.progress(self.trained_s, self.steps)
 
     def take_steps(self) -> Iterator[None]:
         """Clips, loss, gradient, one after the other; which clips follows from the seed and the step."""
         while self.progress() < 1.0:
             rng = np.random.default_rng((self.settings.seed, self.steps))
             clips = [self.draws.draw(rng) for _ in range(self.settings.batch)]
-            factor = self.recipe.rate(self.progress(), self.steps)
-            for group in self.optimizer.param_groups:
-                group["lr"] = self.recipe.highest_rate * factor
-            self.head.train()
-            batch = self.recipe.vary(self.head, make_batch(clips, self.shelf, rng), rng)
+            rate = self.recipe.highest_rate * self.recipe.rate(self.progress(), self.steps)
+            batch = self.recipe.vary(self.network, make_batch(clips, self.shelf, rng), rng)
             with torch.autocast(self.device.type, torch.bfloat16, enabled=self.settings.bfloat16):
-                loss, parts = self.recipe.loss(self.head, batch, self.progress())
-            self.add({name: part.detach().double() for name, part in {"loss": loss, **parts}.items()})
-            self.optimizer.zero_grad(set_to_none=True)
-            loss.backward()
-            nn.utils.clip_grad_norm_(self.head.parameters(), CLIP_NORM)
-            self.optimizer.step()
-            average_into(self.average, self.head, 1.0 - 1.0 / min(AVERAGE_STEPS, 10 + self.steps / 4))
+                loss, parts = self.recipe.loss(self.network, batch, self.progress())
+            found = {name: part.double() for name, part in {"loss": loss.detach(), **parts}.items()}
+            self.learn(loss, found, rate, CLIP_NORM)
             yield
 
     def ended(self) -> bool:
@@ -101,47 +81,26 @@ class HeadTraining(Training):
         since_best = len(self.rows) - 1 - self.rows.index(self.best())
         return self.settings.patience is not None and since_best >= self.settings.patience
 
-    def best(self) -> dict[str, Any]:
-        """The row of least drift."""
-        return min(self.rows, key=lambda row: row["score"])
-
     def validate(self) -> None:
         """Validates the averaged weights on whole drives."""
-        head = copy.deepcopy(self.head)
-        head.load_state_dict(self.average)
-        figures = validate(head.eval(), self.recipe.unroll, self.validation, self.recipe.window)
+        head = self.averaged()
+        figures = validate(head, self.recipe.unroll, self.validation, self.recipe.window)
         measured = {name: value for name, value in figures.items() if isinstance(value, float)}
-        row = {"minutes": round(self.trained_s / 60.0, 2), "steps": self.steps, **self.means(), **measured}
-        self.rows.append(row)
-        tqdm.write("  ".join(f"{key} {value:.4g}" for key, value in row.items()))
-        if self.best() is row:
-            save_head(self._checkpoint(head.cpu(), row, figures), self.folder / "best.pt")
-        write_curves(self.rows, self.folder, ("steps", "steps of training"), PANELS)
+        if self.enter({"steps": self.steps, **self.means(), **measured}):
+            save_head(self._checkpoint(head.cpu(), figures), self.folder / "best.pt")
 
     def state(self) -> dict[str, Any]:
-        """State of head, average and optimiser, for a checkpoint."""
-        return {
-            "kind": self.start.kind,
-            "backbone": self.start.backbone,
-            "settings": asdict(self.settings),
-            "head": self.head.state_dict(),
-            "average": self.average,
-            "optimizer": self.optimizer.state_dict(),
-        }
+        """Whose head it is."""
+        return {"kind": self.start.kind, "backbone": self.start.backbone}
 
     def restore(self, state: dict[str, Any], path: Path) -> None:
         """Raises ExportError for another kind of head or another backbone."""
         if (state["kind"], state["backbone"]) != (self.start.kind, self.start.backbone):
             raise ExportError(f"{path}: a {state['kind']} head for {state['backbone']}, not this run's")
-        self.head.load_state_dict(state["head"])
-        self.average = {name: tensor.to(self.device) for name, tensor in state["average"].items()}
-        self.optimizer.load_state_dict(state["optimizer"])
 
-    def _checkpoint(self, head: Any, row: dict[str, Any], figures: dict[str, Any]) -> HeadCheckpoint:
-        measured = {
-            "training": {"drives": len({drive.name for drive in self.train}), "settings": asdict(self.settings), **row},
-            "validation": figures,
-        }
+    def _checkpoint(self, head: Any, figures: dict[str, Any]) -> HeadCheckpoint:
+        drives = len({drive.name for drive in self.train})
+        training = {"drives": drives, "settings": asdict(self.settings), **self.rows[-1]}
         return HeadCheckpoint(
             head,
             self.start.backbone,
@@ -150,6 +109,6 @@ class HeadTraining(Training):
             True,
             (figures["rmse_forward_m"], figures["rmse_left_m"], figures["rmse_yaw_rad"]),
             self.recipe.envelope(self.train),
-            measured,
+            {"training": training, "validation": figures},
             self.recipe.window,
         )
