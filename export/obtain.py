@@ -11,7 +11,7 @@ from html.parser import HTMLParser
 from pathlib import Path
 from urllib.parse import urldefrag, urljoin
 
-from edgemap.export.sources import KnownModel, SourceArchive, Web
+from edgemap.export.sources import KnownModel, SourceArchive
 from edgemap.geometry.errors import EdgemapError
 from edgemap.runtime.frames.reading import user_path
 from edgemap.runtime.network.download import DownloadError, download
@@ -37,10 +37,10 @@ def obtain(model: KnownModel, given: str | None = None, progress: bool = True) -
     if given is None and target.is_file() and sha256_file(target) in model.sums:
         return target, (f"{model.file} from the cache, sha256 {_sum(target)}",)
     failures = []
-    for source in (Web(given),) if given is not None else model.sources:
+    for source in (given,) if given is not None else model.sources:
         try:
-            if isinstance(source, Web):
-                download(source.url, target, sums=model.sums, maximum_bytes=model.bytes, progress=progress)
+            if isinstance(source, str):
+                download(source, target, sums=model.sums, maximum_bytes=model.bytes, progress=progress)
             else:
                 fetch_member(source, target, sums=model.sums, progress=progress)
         except EdgemapError as error:

