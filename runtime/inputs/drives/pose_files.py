@@ -52,11 +52,8 @@ def read_tum_3d(path: Path) -> tuple[Array, Array]:
 
 def poses_of(positions_m: Array, quaternions: Array) -> Array:
     """Poses (N, 4, 4) from positions (N, 3) and unit quaternions (N, 4) in the order x, y, z, w."""
-    x, y, z, w = quaternions.T
     poses = np.tile(np.eye(4), (len(quaternions), 1, 1))
-    poses[:, :3, 0] = np.column_stack([1 - 2 * (y * y + z * z), 2 * (x * y + z * w), 2 * (x * z - y * w)])
-    poses[:, :3, 1] = np.column_stack([2 * (x * y - z * w), 1 - 2 * (x * x + z * z), 2 * (y * z + x * w)])
-    poses[:, :3, 2] = np.column_stack([2 * (x * z + y * w), 2 * (y * z - x * w), 1 - 2 * (x * x + y * y)])
+    poses[:, :3, :3] = Rotation.from_quat(quaternions).as_matrix()
     poses[:, :3, 3] = positions_m
     return poses
 
