@@ -20,7 +20,7 @@ from edgemap.benchmarks.rooms import rendered
 from edgemap.evaluation.detection import Counts, ScoredPicture, count_detections
 from edgemap.geometry.errors import EdgemapError
 from edgemap.runtime.inputs.drives import READERS, open_drive
-from edgemap.runtime.inputs.drives.labelled import LabelledPictures
+from edgemap.runtime.inputs.drives.open import LabelledPictures
 from edgemap.runtime.inputs.open import DEMO
 from edgemap.runtime.network.bundle import Bundle, load_bundle
 from edgemap.runtime.network.decode import Decoder, Detector

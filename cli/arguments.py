@@ -1,8 +1,10 @@
-"""Descriptions of options in the help."""
+"""Descriptions of options in the help, and the error for a wrong one."""
 
 from typing import Any
 
 import tyro
+
+from edgemap.geometry.errors import EdgemapError
 
 
 def arg(**options: Any) -> Any:
@@ -29,3 +31,9 @@ def may_be_left_out(metavar: str, value: str) -> Any:
 
 def _default(value: str) -> str:
     return "" if value in ("", "None", "True", "False") else f"(default: {value})"
+
+
+class OptionError(EdgemapError):
+    """An option's value that cannot be used: wrong usage, which no repetition mends."""
+
+    exit_code = 2

@@ -3,8 +3,7 @@
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
-from edgemap.cli.arguments import arg
-from edgemap.cli.errors import OptionError
+from edgemap.cli.arguments import OptionError, arg
 from edgemap.cli.groups import NetworkOptions, Source
 from edgemap.cli.options import Json, print_json
 
@@ -123,7 +122,7 @@ def command(
     if at_rest:
         document["at_rest"] = measure_at_rest(lambda: open_drive(at_rest=True), seconds, rate[0])
     if plot is not None:
-        from edgemap.plots.bench import plot_bench
+        from edgemap.plots.charts import plot_bench
         from edgemap.runtime.frames.reading import print_message
 
         print_message(f"see it:  {plot_bench(plot / 'bench.png', document)}")

@@ -4,9 +4,8 @@ import math
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
-from edgemap.cli.arguments import arg
+from edgemap.cli.arguments import OptionError, arg
 from edgemap.cli.calibrate_options import BoardText, MountCalibration, read_board
-from edgemap.cli.errors import OptionError
 
 if TYPE_CHECKING:
     from edgemap.geometry.camera.intrinsics import Intrinsics

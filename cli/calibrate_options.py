@@ -6,9 +6,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
-from edgemap.cli.arguments import arg
+from edgemap.cli.arguments import OptionError, arg
 from edgemap.cli.camera_options import CameraFile, CameraSpec, IntrinsicsText, known_lens, open_described
-from edgemap.cli.errors import OptionError
 from edgemap.cli.options import at_least
 
 if TYPE_CHECKING:

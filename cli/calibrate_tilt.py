@@ -3,9 +3,8 @@
 import math
 from typing import Annotated
 
-from edgemap.cli.arguments import arg
+from edgemap.cli.arguments import OptionError, arg
 from edgemap.cli.calibrate_options import MountCalibration
-from edgemap.cli.errors import OptionError
 
 
 def command(

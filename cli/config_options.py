@@ -5,7 +5,7 @@ from collections.abc import Callable
 from dataclasses import is_dataclass
 from typing import Any, get_type_hints
 
-from edgemap.cli.errors import OptionError
+from edgemap.cli.arguments import OptionError
 
 OWN = ("config", "config-options")
 

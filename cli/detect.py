@@ -44,7 +44,7 @@ def command(
     them when it stands on the floor by the rule of `run`, whose maps leave out people, pets and what is far. Without
     --intrinsics or a camera file a lens of 60 degrees across is assumed, and the output states it.
     """
-    from edgemap.cli.errors import OptionError
+    from edgemap.cli.arguments import OptionError
     from edgemap.geometry.observations.sighting import sightings_of
     from edgemap.runtime.inputs.drives.pictures import list_pictures, read_picture
     from edgemap.runtime.network.decode import Decoder, Detector
@@ -156,7 +156,7 @@ def _floor_camera(width: int, height: int, optics: Optics) -> "tuple[FloorCamera
         focal = width / 2.0 * 3.0**0.5
         lens = Intrinsics(width, height, focal, focal, (width - 1) / 2.0, (height - 1) / 2.0)
     if (lens.width, lens.height) != (width, height):
-        from edgemap.cli.errors import OptionError
+        from edgemap.cli.arguments import OptionError
 
         raise OptionError(f"the picture is {width}x{height} px, the camera file says {lens.width}x{lens.height}")
     return FloorCamera(lens, camera_mount), guessed

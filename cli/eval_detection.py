@@ -3,8 +3,7 @@
 from pathlib import Path
 from typing import Annotated, Any
 
-from edgemap.cli.arguments import arg
-from edgemap.cli.errors import OptionError
+from edgemap.cli.arguments import OptionError, arg
 from edgemap.cli.groups import NetworkOptions
 from edgemap.cli.options import Json, at_least, in_unit, print_json
 
@@ -44,7 +43,7 @@ def command(
 
     from edgemap.cli.simulated import as_data
     from edgemap.evaluation.detection import ScoredPicture, average_precision, operating_point
-    from edgemap.runtime.inputs.drives.labelled import labelled_pictures
+    from edgemap.runtime.inputs.drives.open import labelled_pictures
     from edgemap.runtime.network.decode import Decoder, Detector
 
     at_least(1, frames=frames)

@@ -2,8 +2,7 @@
 
 from typing import TYPE_CHECKING, Annotated, Any
 
-from edgemap.cli.arguments import arg
-from edgemap.cli.errors import OptionError
+from edgemap.cli.arguments import OptionError, arg
 from edgemap.cli.groups import NetworkOptions
 from edgemap.cli.options import Json, at_least, print_json
 

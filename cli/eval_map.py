@@ -100,8 +100,8 @@ def command(
             if plan is not None:
                 document[name]["grid"] = score_grid(grid, plan)
             if plot:
+                from edgemap.plots.charts import plot_reliability
                 from edgemap.plots.floor_map import plot_map
-                from edgemap.plots.reliability import plot_reliability
 
                 plot_reliability(plot / f"{name}-confidence.png", document[name]["reliability"])
                 places = [(item.label, item.x_m, item.y_m) for item in wanted]

@@ -6,9 +6,8 @@ from typing import Annotated, Any
 
 import tyro
 
-from edgemap.cli.arguments import arg
+from edgemap.cli.arguments import OptionError, arg
 from edgemap.cli.camera_options import MountText, read_mount
-from edgemap.cli.errors import OptionError
 from edgemap.cli.groups import NetworkOptions
 from edgemap.cli.options import ConfigFile, Json, WithoutDepth, WithoutImu, at_least, print_json
 

@@ -5,8 +5,7 @@ from typing import Annotated, Any
 
 import tyro
 
-from edgemap.cli.arguments import arg
-from edgemap.cli.errors import OptionError
+from edgemap.cli.arguments import OptionError, arg
 
 
 def command(
@@ -69,7 +68,7 @@ def command(
     Random pictures and random states run through the source and through onnxruntime, a chain of steps; the largest
     difference goes into bundle.json. A bundle that fails is not left behind.
     """
-    from edgemap.cli.extras import need_export
+    from edgemap.cli.options import need_export
 
     need_export()
     from edgemap.export.detector.network import is_detector

@@ -9,9 +9,8 @@ from typing import Annotated
 
 import tyro
 
-from edgemap.cli.arguments import arg
-from edgemap.cli.errors import OptionError
-from edgemap.cli.fleet import address, place_and_address
+from edgemap.cli.arguments import OptionError, arg
+from edgemap.cli.publishers import address, place_and_address
 
 LAST_S = 1.0  # for the merge after the signal to end; the robots' own maps are kept in any case
 

@@ -6,8 +6,8 @@ from typing import Annotated
 import tyro
 
 from edgemap.cli.arguments import arg
-from edgemap.cli.fleet import place_and_address
 from edgemap.cli.options import Json
+from edgemap.cli.publishers import place_and_address
 
 
 def command(

@@ -5,7 +5,7 @@ options name. No heavy imports here.
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Annotated, Literal
 
-from edgemap.cli.arguments import arg
+from edgemap.cli.arguments import OptionError, arg
 from edgemap.cli.camera_options import (
     CameraFile,
     CameraSpec,
@@ -17,7 +17,6 @@ from edgemap.cli.camera_options import (
     read_mount_numbers,
     read_numbers_of_lens,
 )
-from edgemap.cli.errors import OptionError
 from edgemap.cli.options import (
     BundleName,
     Confidence,

@@ -5,8 +5,7 @@ from typing import Annotated, Literal
 
 import tyro
 
-from edgemap.cli.arguments import arg
-from edgemap.cli.errors import OptionError
+from edgemap.cli.arguments import OptionError, arg
 
 NAMES = {
     "geojson": "map.geojson", "nav2": "map.yaml", "nav2-vector": "vector_objects.yaml", "csv": "map.csv",
@@ -81,7 +80,7 @@ def command(
             grid = seen_cells(floor, found if objects else ())
         written = list(write_nav2(path, grid))
     elif format == "nav2-masks":
-        from edgemap.runtime.outputs.mapfiles.masks import write_masks
+        from edgemap.runtime.outputs.mapfiles.nav2 import write_masks
 
         if keep_out is None and speed is None:
             raise OptionError("--format nav2-masks needs --keep-out ZONE,… or --speed ZONE=PERCENT,…")

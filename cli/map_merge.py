@@ -5,8 +5,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import tyro
 
-from edgemap.cli.arguments import arg
-from edgemap.cli.errors import OptionError
+from edgemap.cli.arguments import OptionError, arg
 
 if TYPE_CHECKING:
     from edgemap.geometry.registration.alignment import Alignment

@@ -6,8 +6,7 @@ from typing import Annotated, Any
 
 import tyro
 
-from edgemap.cli.arguments import arg
-from edgemap.cli.errors import OptionError
+from edgemap.cli.arguments import OptionError, arg
 
 LARGEST = 3.0  # factor, and its inverse: beyond it a length was mistyped
 

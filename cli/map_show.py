@@ -6,10 +6,8 @@ from typing import TYPE_CHECKING, Annotated
 
 import tyro
 
-from edgemap.cli.arguments import arg
-from edgemap.cli.errors import OptionError
-from edgemap.cli.last_run import last_run
-from edgemap.cli.options import Json, known_names, numbers, print_json
+from edgemap.cli.arguments import OptionError, arg
+from edgemap.cli.options import Json, known_names, last_run, numbers, print_json
 
 if TYPE_CHECKING:
     from edgemap.geometry.map_object import MapObject

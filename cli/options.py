@@ -5,13 +5,14 @@ from collections.abc import Iterable
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
 
-from edgemap.cli.arguments import arg
-from edgemap.cli.errors import OptionError
+from edgemap.cli.arguments import OptionError, arg
 
 if TYPE_CHECKING:
     from edgemap.runtime.frames.decisions import Decisions, Precision
     from edgemap.runtime.network.bundle import Bundle
     from edgemap.runtime.network.compute import EngineChoice, Pace
+
+from edgemap.runtime.frames.extras import need
 
 PICTURE_ODOMETRIES = ("hybrid", "flow", "planar", "window")  # lengths are in proportion to the height of the lens
 ODOMETRIES = (*PICTURE_ODOMETRIES, "gyro", "paper", "truth")
@@ -234,3 +235,26 @@ def known_names(unknown: Iterable[str], known: Iterable[str], whose: str) -> str
     lower = {name.casefold(): name for name in names}
     meant = [lower[close[0]] for name in unknown if (close := get_close_matches(name.casefold(), lower, 1, 0.75))]
     return f"did you mean {', '.join(meant)}?" if meant else f"{whose} {', '.join(names) or 'none'}"
+
+
+def need_export(command: str = "edgemap export") -> None:
+    """Raise MissingExtraError where torch, onnx or onnxscript cannot be imported."""
+    need("export", command, ("torch", "onnx", "onnxscript"))
+
+
+def need_training(command: str) -> None:
+    """Raises MissingExtraError where torch or onnx, which training needs, cannot be imported."""
+    need("export", command, ("torch", "onnx"))
+
+
+def need_simulation(command: str = "edgemap simulate") -> None:
+    """Raise MissingExtraError where the renderer, the light baker or the picture reader cannot be imported."""
+    need("simulation", command, ("moderngl", "embreex", "PIL"))
+
+
+def last_run() -> Path:
+    """The newest run folder in `runs/`, by the time of its run.json. Raises OptionError where there is none."""
+    found = [path for path in Path("runs").glob("*/run.json") if path.is_file()]
+    if not found:
+        raise OptionError("no run in runs/: give a map.json or a run folder, or make one with `edgemap run`")
+    return max(found, key=lambda path: path.stat().st_mtime).parent

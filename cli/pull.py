@@ -57,7 +57,7 @@ def pull_known(name: str, given: str | None = None) -> Path:
     given: a file or URL instead of the listed sources. Raises BundleError for an unknown name, MissingExtraError,
     DownloadError or ExportError.
     """
-    from edgemap.cli.extras import need_export
+    from edgemap.cli.options import need_export
     from edgemap.runtime.frames.errors import BundleError
     from edgemap.runtime.network.manifest_file import read_manifest, verified_file
     from edgemap.runtime.network.store import cache_folder, shipped_heads

@@ -84,7 +84,7 @@ def check_name(path: Path | None) -> None:
 
     Raises OptionError.
     """
-    from edgemap.cli.errors import OptionError
+    from edgemap.cli.arguments import OptionError
 
     if path is not None and path.suffix != ".mcap":
         raise OptionError(f"{path}: a recording's name must end in .mcap")

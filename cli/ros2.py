@@ -3,8 +3,7 @@
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Annotated
 
-from edgemap.cli.arguments import arg
-from edgemap.cli.errors import OptionError
+from edgemap.cli.arguments import OptionError, arg
 
 if TYPE_CHECKING:
     from edgemap.geometry.camera.floor import FloorCamera

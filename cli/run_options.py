@@ -1,20 +1,30 @@
-"""The options of `edgemap run`, in the groups of its help."""
+"""The options of `edgemap run`, in the groups of its help, and the camera under `--cpu`."""
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Literal
 
-from edgemap.cli.arguments import arg
-from edgemap.cli.budget import CpuShare
+from edgemap.cli.arguments import OptionError, arg
 from edgemap.cli.groups import MappingOptions, MotionOptions, NetworkOptions, Source
 from edgemap.cli.live_page import PageOptions
 from edgemap.cli.options import ConfigFile, ConfigOptions, WithoutDepth, at_least
 from edgemap.cli.publishers import NamedOutputs, Viewers
 from edgemap.cli.ros2 import DepthTopicName, ImuTopic, Ros2Outputs, WheelTopic, frame_names
-from edgemap.cli.saved_map import SavedMapOptions
 
 if TYPE_CHECKING:
-    from edgemap.runtime.inputs.cameras.protocol import SensorTopics
+    from edgemap.runtime.inputs.cameras.base import BudgetedCamera
+    from edgemap.runtime.inputs.cameras.protocol import Camera, SensorTopics
+    from edgemap.runtime.step.map_store import MapPlace
+
+CpuShare = Annotated[
+    str | None,
+    arg(
+        metavar="SHARE",
+        help="Processor time to stay within, of one core: 30% or 0.3. Objects are searched for in fewer frames first, "
+        "then fewer frames are taken; every frame taken gives a motion. Files are then paced by their stamps. What is "
+        "decided stands in run.json and in recordings, and a replay takes it from there.",
+    ),
+]
 
 
 @dataclass(frozen=True)
@@ -33,6 +43,58 @@ class RobotGroup(MotionOptions):
 
     wheel_topic: WheelTopic = None
     imu_topic: ImuTopic = None
+
+
+@dataclass(frozen=True)
+class SavedMapOptions:
+    """A saved map to continue."""
+
+    saved: Annotated[
+        Path | None,
+        arg(
+            name="map",
+            metavar="MAP",
+            help="Continue a map. A name (home) or a folder opens it or makes a new one, and saves back into it; a "
+            "map.json or a run folder is only read. Objects keep their ids. The run starts at the last pose or the "
+            "dock where the objects agree, else the robot's place is found by its objects; --start sets it.",
+        ),
+    ] = None
+    start: Annotated[
+        str | None,
+        arg(
+            metavar="X,Y,YAW_DEG|dock|last",
+            help="Where the robot starts in the map, to about 0.1 m and 3 degrees: metres forward and left, degrees "
+            "counter-clockwise; dock: at the map's dock; last: where the last run ended.",
+        ),
+    ] = None
+    forget: Annotated[
+        Literal["auto", "on", "off"],
+        arg(
+            help="Whether an object that is in plain view and not detected, repeatedly, leaves the map; auto: on with "
+            "--map, where furniture may have been moved since."
+        ),
+    ] = "auto"
+    edited: Annotated[
+        Path | None,
+        arg(
+            name="edits",
+            metavar="FILE",
+            help="Edits of an earlier run over the same source, taken at the same frames again: its edits.jsonl. A "
+            "recording brings those of the run that recorded it.",
+        ),
+    ] = None
+
+    def forgets(self, clustering: str) -> bool:
+        """Whether the run weighs negative evidence. Raises OptionError for a map that cannot forget."""
+        if self.forget == "on" and clustering == "paper":
+            raise OptionError("--forget on: the paper's clustering keeps every sighting for good")
+        return self.forget == "on" or (self.forget == "auto" and self.saved is not None)
+
+    def place(self) -> "MapPlace | None":
+        """The place of `--map`; None without it."""
+        from edgemap.runtime.step.map_store import find_map
+
+        return None if self.saved is None else find_map(self.saved)
 
 
 @dataclass(frozen=True)
@@ -98,7 +160,6 @@ class RunOptions:
     def check(self) -> None:
         """Read every text that needs nothing else, before anything is opened. Raises OptionError, and
         MissingExtraError where an output was asked for whose libraries are not installed."""
-        from edgemap.cli.budget import read_share
         from edgemap.cli.record import check_name
         from edgemap.runtime.frames.extras import need
 
@@ -149,3 +210,27 @@ class RunOptions:
 
 _NO_INPUTS = frozenset({"config", "config_options", "realtime", "cpu"})
 _FLAGS = {"saved": "map", "edited": "edits"}
+
+
+def read_share(text: str | None) -> float | None:
+    """`30%` or `0.3` as a share of one core. Raises OptionError."""
+    if text is None:
+        return None
+    try:
+        share = float(text.removesuffix("%")) / (100.0 if text.endswith("%") else 1.0)
+    except ValueError:
+        share = -1.0
+    if not 0.01 <= share <= 64.0 or (share >= 10.0 and not text.endswith("%")):
+        raise OptionError(f"--cpu {text}: expected a share of one core, 30% or 0.3")
+    return share
+
+
+def budgeted(camera: "Camera", share: float | None, config: Path | None) -> "BudgetedCamera":
+    """The camera under a budget, or under the budget's decisions recorded in a run.json. Raises ConfigError."""
+    from edgemap.runtime.inputs.budget import Budget
+    from edgemap.runtime.inputs.cameras.base import BudgetedCamera
+    from edgemap.runtime.step.config import load_efforts
+
+    if share is not None:
+        return BudgetedCamera(camera, Budget(share))
+    return BudgetedCamera(camera, replayed=load_efforts(config) if config else ())

@@ -1,37 +1,33 @@
 """The entries of run.json that are fixed before the first frame."""
 
 import math
+import platform
 from dataclasses import asdict
 from datetime import UTC, datetime
-from typing import TYPE_CHECKING, Any
+from importlib.metadata import version
+from typing import Any
 
+from edgemap import __version__
 from edgemap.cli.options import PICTURE_ODOMETRIES
-
-if TYPE_CHECKING:
-    from edgemap.cli.run_options import RunOptions
-    from edgemap.geometry.camera.floor import FloorCamera
-    from edgemap.runtime.inputs.cameras.protocol import Camera
-    from edgemap.runtime.network.bundle import Bundle
-    from edgemap.runtime.step.config import Config
+from edgemap.cli.run_options import RunOptions
+from edgemap.geometry.camera.floor import FloorCamera
+from edgemap.runtime.frames.decisions import Decisions
+from edgemap.runtime.inputs.cameras.protocol import Camera
+from edgemap.runtime.motion.odometry.learned import outside_envelope
+from edgemap.runtime.network.bundle import Bundle
+from edgemap.runtime.step.config import Config, config_document
 
 
 def run_record(
-    options: "RunOptions",
-    source: "Camera",
-    loaded: "Bundle",
-    floor: "FloorCamera",
+    options: RunOptions,
+    source: Camera,
+    loaded: Bundle,
+    floor: FloorCamera,
     confidence: float,
     mapped: frozenset[str],
-    tuned: "Config",
+    tuned: Config,
 ) -> dict[str, Any]:
     """Source, camera, bundle, options and the resolved configuration. confidence: minimum score of a box."""
-    import platform
-    from importlib.metadata import version
-
-    from edgemap import __version__
-    from edgemap.runtime.motion.odometry.learned import outside_envelope
-    from edgemap.runtime.step.config import config_document
-
     camera_mount = floor.mount
     record: dict[str, Any] = {
         "format": "edgemap.run/1",
@@ -67,10 +63,8 @@ def run_record(
     return record | {"cpu": options.advanced.cpu}
 
 
-def _decided(options: "RunOptions", loaded: "Bundle") -> dict[str, Any]:
+def _decided(options: RunOptions, loaded: Bundle) -> dict[str, Any]:
     """Engine and precision that a trial decided, where they were asked for or are not the usual ones."""
-    from edgemap.runtime.frames.decisions import Decisions
-
     decided, usual = asdict(Decisions(loaded.engine, loaded.precision)), asdict(Decisions())
     return {name: one for name, one in decided.items() if name in options.inputs() or one != usual[name]}
 

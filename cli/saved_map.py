@@ -2,80 +2,22 @@
 
 from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass
+from math import degrees, radians
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Literal
 
-from edgemap.cli.arguments import arg
-from edgemap.cli.errors import OptionError
+from edgemap.cli.arguments import OptionError
 from edgemap.cli.options import numbers
-
-if TYPE_CHECKING:
-    from edgemap.geometry.objects.edits import Annotations
-    from edgemap.geometry.se2 import SE2
-    from edgemap.runtime.outputs.sinks.living_map import LivingMap
-    from edgemap.runtime.step.map_store import MapPlace
-    from edgemap.runtime.step.mapper import Mapper
-
-
-@dataclass(frozen=True)
-class SavedMapOptions:
-    """A saved map to continue."""
-
-    saved: Annotated[
-        Path | None,
-        arg(
-            name="map",
-            metavar="MAP",
-            help="Continue a map. A name (home) or a folder opens it or makes a new one, and saves back into it; a "
-            "map.json or a run folder is only read. Objects keep their ids. The run starts at the last pose or the "
-            "dock where the objects agree, else the robot's place is found by its objects; --start sets it.",
-        ),
-    ] = None
-    start: Annotated[
-        str | None,
-        arg(
-            metavar="X,Y,YAW_DEG|dock|last",
-            help="Where the robot starts in the map, to about 0.1 m and 3 degrees: metres forward and left, degrees "
-            "counter-clockwise; dock: at the map's dock; last: where the last run ended.",
-        ),
-    ] = None
-    forget: Annotated[
-        Literal["auto", "on", "off"],
-        arg(
-            help="Whether an object that is in plain view and not detected, repeatedly, leaves the map; auto: on with "
-            "--map, where furniture may have been moved since."
-        ),
-    ] = "auto"
-    edited: Annotated[
-        Path | None,
-        arg(
-            name="edits",
-            metavar="FILE",
-            help="Edits of an earlier run over the same source, taken at the same frames again: its edits.jsonl. A "
-            "recording brings those of the run that recorded it.",
-        ),
-    ] = None
-
-    def forgets(self, clustering: str) -> bool:
-        """Whether the run weighs negative evidence. Raises OptionError for a map that cannot forget."""
-        if self.forget == "on" and clustering == "paper":
-            raise OptionError("--forget on: the paper's clustering keeps every sighting for good")
-        return self.forget == "on" or (self.forget == "auto" and self.saved is not None)
-
-    def place(self) -> "MapPlace | None":
-        """The place of `--map`; None without it."""
-        from edgemap.runtime.step.map_store import find_map
-
-        return None if self.saved is None else find_map(self.saved)
+from edgemap.geometry.objects.edits import Annotations
+from edgemap.geometry.se2 import SE2
+from edgemap.runtime.outputs.sinks.living_map import LivingMap
+from edgemap.runtime.step.grid_file import load_grid
+from edgemap.runtime.step.map_file import load_annotated_map, load_last_pose
+from edgemap.runtime.step.map_store import MapPlace
+from edgemap.runtime.step.mapper import Mapper
 
 
-def enter_saved_map(mapper: "Mapper", place: "MapPlace | None", start: str | None, clustering: str) -> None:
+def enter_saved_map(mapper: Mapper, place: MapPlace | None, start: str | None, clustering: str) -> None:
     """Have the mapper continue a map, where one is given. Raises OptionError or MapError."""
-    from edgemap.geometry.se2 import SE2
-    from edgemap.runtime.step.grid_file import load_grid
-    from edgemap.runtime.step.map_file import load_annotated_map, load_last_pose
-
     if place is None:
         if start is not None:
             raise OptionError(f"--start {start}: a start pose is one in a saved map, give that with --map")
@@ -98,12 +40,8 @@ def enter_saved_map(mapper: "Mapper", place: "MapPlace | None", start: str | Non
         mapper.start_in(objects, last or annotations.dock or SE2(), annotations=annotations, grid=grid)
 
 
-def _start_pose(start: str, annotations: "Annotations", last: "SE2 | None") -> "SE2":
+def _start_pose(start: str, annotations: Annotations, last: SE2 | None) -> SE2:
     """The pose that `--start` means. Raises OptionError."""
-    from math import radians
-
-    from edgemap.geometry.se2 import SE2
-
     starts = {"dock": annotations.dock, "last": last}
     if start not in starts:
         x_m, y_m, yaw_deg = numbers(start, "--start", "X,Y,YAW_DEG")
@@ -116,12 +54,11 @@ def _start_pose(start: str, annotations: "Annotations", last: "SE2 | None") -> "
 
 
 @contextmanager
-def living_map(place: "MapPlace | None", mapper: "Mapper") -> "Iterator[list[LivingMap]]":
+def living_map(place: MapPlace | None, mapper: Mapper) -> Iterator[list[LivingMap]]:
     """The sink that saves a map that lives back, while the block lasts. Raises DiskError or RunFolderError."""
     if place is None or not place.lives:
         yield []
         return
-    from edgemap.runtime.outputs.sinks.living_map import LivingMap
 
     sink = LivingMap(place.path, lambda: mapper.relocaliser.searching)
     try:
@@ -130,10 +67,8 @@ def living_map(place: "MapPlace | None", mapper: "Mapper") -> "Iterator[list[Liv
         sink.release()
 
 
-def where_it_was(mapper: "Mapper", saved: Path | None) -> str | None:
+def where_it_was(mapper: Mapper, saved: Path | None) -> str | None:
     """Result of the relocalisation in the saved map, in one line; None where there was none."""
-    from math import degrees
-
     search = mapper.relocaliser
     if not search.saved:
         return None

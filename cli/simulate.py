@@ -1,22 +1,65 @@
 """`edgemap simulate`: drives through rendered homes, with their truth."""
 
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
 
-from edgemap.cli.arguments import arg
+from edgemap.cli.arguments import OptionError, arg
 from edgemap.cli.camera_options import MountText, read_mount
-from edgemap.cli.errors import OptionError
 from edgemap.cli.options import at_least
 
 if TYPE_CHECKING:
     from edgemap.simulation.world import Choices
 
 
+@dataclass(frozen=True)
+class DriveOptions:
+    """Home, camera and robot of a drive."""
+
+    rate: Annotated[float, arg(metavar="HZ", help="Pictures per second.")] = 10.0
+    mount: MountText = None
+    light: Annotated[
+        Literal["day", "lamp", "mixed", "dim", "changing"] | None, arg(help="Drawn from the seed by default.")
+    ] = None
+    people: Annotated[int | None, arg(metavar="N", help="People walking about; drawn by default.")] = None
+    moved: Annotated[
+        int,
+        arg(
+            metavar="K",
+            help="Another drive through the same home after K of its pieces were removed and K put elsewhere: "
+            "moved.json says which, and where in the first drive's map the new one starts.",
+        ),
+    ] = 0
+    nodding: Annotated[
+        bool, arg(help="The robot nods as it speeds up and brakes, and over thresholds and carpets; poses have 6 DoF.")
+    ] = False
+    imu: Annotated[bool, arg(help="Samples of an IMU too, 200 a second, with the errors of a BMI055: imu.csv.")] = False
+    plain: Annotated[
+        bool,
+        arg(
+            help="The demo's camera: a lens without distortion, 0.60 m up and 11.5 deg down, a sharp picture without "
+            "noise, by day, nobody about."
+        ),
+    ] = False
+
+    def choices(self) -> "Choices":
+        """What is not drawn from the seed. Raises OptionError."""
+        from dataclasses import replace
+
+        from edgemap.simulation.camera.film import CameraSetup
+        from edgemap.simulation.world import PLAIN, Choices
+
+        given = {"mount": read_mount(self.mount, CameraSetup().mount)} if self.mount is not None else {}
+        given |= {name: value for name in ("light", "people") if (value := getattr(self, name)) is not None}
+        own = {"moved": self.moved, "rate_hz": self.rate, "nodding": self.nodding, "imu": self.imu}
+        return replace(PLAIN if self.plain else Choices(), **own, **given)
+
+
 def command(
+    drive: Annotated[DriveOptions, arg(name="Drive")],
     out: Annotated[Path, arg(aliases=["-o"], metavar="DIR", help="The folder; one that was stopped goes on.")],
     seed: Annotated[int, arg(metavar="N", help="Of the home, the drive, the camera and the light.")] = 0,
     frames: Annotated[int, arg(metavar="N", help="Pictures, at --rate.")] = 450,
-    rate: Annotated[float, arg(metavar="HZ", help="Pictures per second.")] = 10.0,
     video: Annotated[bool, arg(help="One compact video.mp4, not pictures.")] = False,
     depth: Annotated[bool, arg(help="Depth pictures too: 16 bits, millimetres.")] = False,
     floor_labels: Annotated[
@@ -27,32 +70,6 @@ def command(
             "them; also beside a drive that was rendered without.",
         ),
     ] = None,
-    mount: MountText = None,
-    light: Annotated[
-        Literal["day", "lamp", "mixed", "dim", "changing"] | None, arg(help="Drawn from the seed by default.")
-    ] = None,
-    people: Annotated[int | None, arg(metavar="N", help="People walking about; drawn by default.")] = None,
-    moved: Annotated[
-        int,
-        arg(
-            metavar="K",
-            help="Another drive through the same home after K of its pieces were removed and K put elsewhere: "
-            "moved.json says which, and where in the first drive's map the new one starts.",
-        ),
-    ] = 0,
-    nodding: Annotated[
-        bool, arg(help="The robot nods as it speeds up and brakes, and over thresholds and carpets; poses have 6 DoF.")
-    ] = False,
-    imu: Annotated[
-        bool, arg(help="Samples of an IMU too, 200 a second, with the errors of a BMI055: imu.csv.")
-    ] = False,
-    plain: Annotated[
-        bool,
-        arg(
-            help="The demo's camera: a lens without distortion, 0.60 m up and 11.5 deg down, a sharp picture without "
-            "noise, by day, nobody about."
-        ),
-    ] = False,
     locobot: Annotated[
         bool, arg(help="The LoCoBot data set instead: 5,000 training pictures and four drives of 2,000.")
     ] = False,
@@ -88,7 +105,7 @@ def command(
 
     from tqdm import tqdm
 
-    from edgemap.cli.extras import need_simulation
+    from edgemap.cli.options import need_simulation
 
     need_simulation()
     at_least(1, frames=frames, pictures=pictures, floor_labels=floor_labels)
@@ -96,9 +113,9 @@ def command(
         raise OptionError("--floor-labels is for drives of single pictures; --pictures has them always")
     if not 0.0 <= close <= 1.0 or (close and pictures is None):
         raise OptionError(f"--close {close:g}: expected 0 to 1, a share of --pictures")
-    at_least(0, people=people, seed=seed, moved=moved)
-    if not 1.0 <= rate <= 120.0:
-        raise OptionError(f"--rate {rate:g}: expected 1 to 120 pictures per second")
+    at_least(0, people=drive.people, seed=seed, moved=drive.moved)
+    if not 1.0 <= drive.rate <= 120.0:
+        raise OptionError(f"--rate {drive.rate:g}: expected 1 to 120 pictures per second")
     typed = "edgemap simulate " + shlex.join(sys.argv[2:])
     with tqdm(unit=" pictures", disable=None) as bar:
 
@@ -118,7 +135,7 @@ def command(
             from edgemap.simulation.record import label_drive, record
             from edgemap.simulation.world import draw_world
 
-            chosen = _choices(plain, mount, rate, light, people, moved, nodding, imu)
+            chosen = drive.choices()
             for home in [seed] if seeds is None else _homes(seeds, shard):
                 world = draw_world(home, frames, chosen)
                 folder = out if seeds is None else out / str(home)
@@ -130,30 +147,6 @@ def command(
         return
     kind = "yolo" if pictures is not None else "drive"
     print(f"{out}: done" if locobot else f"{out}: done; use it as --data {kind}:{out}")
-
-
-def _choices(
-    plain: bool,
-    mount: str | None,
-    rate_hz: float,
-    light: str | None,
-    people: int | None,
-    moved: int,
-    nodding: bool,
-    imu: bool,
-) -> "Choices":
-    from dataclasses import replace
-
-    from edgemap.simulation.camera.film import CameraSetup
-    from edgemap.simulation.world import PLAIN, Choices
-
-    choices = replace(PLAIN if plain else Choices(), moved=moved, rate_hz=rate_hz, nodding=nodding, imu=imu)
-    if mount is not None:
-        camera_mount = read_mount(mount, CameraSetup().mount)
-        choices = replace(choices, mount=camera_mount)
-    if light is not None:
-        choices = replace(choices, light=light)
-    return choices if people is None else replace(choices, people=people)
 
 
 def _homes(text: str | None, shard: str | None) -> range:

@@ -4,7 +4,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import TYPE_CHECKING
 
-from edgemap.cli.errors import OptionError
+from edgemap.cli.arguments import OptionError
 
 if TYPE_CHECKING:
     from edgemap.runtime.inputs.cameras.protocol import Camera
@@ -34,7 +34,7 @@ def simulated(spec: str, frames: int | None = None) -> "SimCamera":
 
     Raises OptionError for a seed that is no number, and MissingExtraError where the extra is missing.
     """
-    from edgemap.cli.extras import need_simulation
+    from edgemap.cli.options import need_simulation
 
     seed = spec.removeprefix(PREFIX)
     if not seed.isdecimal() or len(seed) > SEED_DIGITS:

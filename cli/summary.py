@@ -1,16 +1,26 @@
-"""The summary that `edgemap run` prints at its end."""
+"""The summary that `edgemap run` prints at its end, with the evaluation of the map where the source knows the truth."""
 
-from collections.abc import Iterator
+from collections.abc import Callable, Collection, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING
 
-if TYPE_CHECKING:
-    from edgemap.geometry.camera.mount import HeightEstimate, Mount
-    from edgemap.geometry.map_object import MapObject
-    from edgemap.geometry.objects.evaluation_row import EvaluationRow
-    from edgemap.runtime.outputs.verdict.verdict import Verdict
-    from edgemap.runtime.step.slam import StepResult
+import numpy as np
+
+from edgemap.benchmarks.map_variants import true_object, true_objects
+from edgemap.evaluation.objects import TrueObject, evaluation_rows
+from edgemap.geometry.camera.level import seen_text
+from edgemap.geometry.camera.mount import HeightEstimate, Mount
+from edgemap.geometry.errors import EdgemapError, MapError
+from edgemap.geometry.map_object import MapObject
+from edgemap.geometry.objects.evaluation_row import EvaluationRow, tally
+from edgemap.runtime.frames.errors import RunFolderError
+from edgemap.runtime.frames.reading import printable
+from edgemap.runtime.inputs.cameras.protocol import Camera
+from edgemap.runtime.inputs.drives import READERS, open_drive
+from edgemap.runtime.inputs.open import DEMO
+from edgemap.runtime.outputs.sinks.progress import fault_kind
+from edgemap.runtime.outputs.verdict.verdict import Verdict
+from edgemap.runtime.step.slam import StepResult
 
 SHOWN_FAULTS = 3  # kinds of them, the first ones: the rest stands in run.json and the report
 
@@ -20,7 +30,7 @@ class RunSummary:
 
     name = "summary"
 
-    def __init__(self, mount: "Mount", mount_sources: tuple[str, str] = ("given", "given")) -> None:
+    def __init__(self, mount: Mount, mount_sources: tuple[str, str] = ("given", "given")) -> None:
         self.result: StepResult | None = None
         self.objects: list[MapObject] = []
         self.height: HeightEstimate | None = None  # of the lens, as last shown
@@ -28,7 +38,7 @@ class RunSummary:
         self.faults: dict[str, str] = {}  # by kind, the first text
         self._mount, self._mount_sources = mount, mount_sources
 
-    def write(self, result: "StepResult", objects: "list[MapObject]") -> None:
+    def write(self, result: StepResult, objects: list[MapObject]) -> None:
         """Stores the result."""
         self.result, self.objects = result, objects
         self.height = result.observed.height_estimate or self.height
@@ -37,8 +47,6 @@ class RunSummary:
 
     def fault(self, text: str) -> None:
         """Count it."""
-        from edgemap.runtime.outputs.sinks.progress import fault_kind
-
         self.fault_count += 1
         self.faults.setdefault(fault_kind(text), text)
 
@@ -46,13 +54,9 @@ class RunSummary:
         """Nothing to close."""
 
     def print(
-        self, folder: Path, done: int, stopped: bool, verdict: "Verdict", evaluation_rows: "list[EvaluationRow]"
+        self, folder: Path, done: int, stopped: bool, verdict: Verdict, evaluation_rows: list[EvaluationRow]
     ) -> None:
         """The map, the drive, how far it can be trusted, the mount as observed, the faults, and the objects."""
-        from edgemap.cli.truth import object_lines
-        from edgemap.geometry.camera.level import seen_text
-        from edgemap.runtime.frames.reading import printable
-
         travelled_m = self.result.travelled_m if self.result else 0.0
         observed = self.result.observed.mount_estimate if self.result else None
         shown = observed or self.height
@@ -68,8 +72,6 @@ class RunSummary:
 
     def fault_line(self, folder: Path) -> str:
         """Number of faults, and the first ones."""
-        from edgemap.runtime.frames.reading import printable
-
         count, shown = self.fault_count, "; ".join(list(self.faults.values())[:SHOWN_FAULTS])
         rest = f"; all in {folder}/run.json" if len(self.faults) > SHOWN_FAULTS else ""
         return printable(f"{count} fault{'s' if count > 1 else ''}: {shown}{rest}")
@@ -78,12 +80,54 @@ class RunSummary:
 @contextmanager
 def with_map_so_far(summary: RunSummary, folder: Path) -> Iterator[None]:
     """Adds the location of the map so far to the message of an EdgemapError in the block."""
-    from edgemap.geometry.errors import EdgemapError, MapError
-    from edgemap.runtime.frames.errors import RunFolderError
-
     try:
         yield
     except EdgemapError as error:
         if summary.result is not None and not isinstance(error, (MapError, RunFolderError)):
             error.args = (f"{error}; the map so far ({len(summary.objects)} objects) is in {folder}/",)
         raise
+
+
+def _shown(camera: Camera) -> list[TrueObject]:
+    """What sim:SEED knows, which is more with every picture that it renders."""
+    return [true_object(record) for record in camera.object_records() or []]
+
+
+def judge_of(
+    spec: str, camera: Camera, labels: Collection[str] | None
+) -> Callable[[list[MapObject], int], list[EvaluationRow]] | None:
+    """A function from a map and the number of frames driven to verdicts; None where the source knows no objects.
+
+    labels: those that were to be mapped, None for all; others are not asked for.
+    """
+    spec = f"drive:{DEMO}" if spec == "demo" else spec
+    drive = open_drive(spec) if spec.partition(":")[0] in READERS else None
+    if camera.object_records() is None and (drive is None or not drive.objects or camera.truth is None):
+        return None
+
+    def judge(objects: list[MapObject], frames: int) -> list[EvaluationRow]:
+        truth = true_objects(drive, frames) if drive else _shown(camera)
+        return evaluation_rows(objects, [item for item in truth if labels is None or item.label in labels])
+
+    return judge
+
+
+def object_lines(objects: Sequence[MapObject], evaluation_rows: Sequence[EvaluationRow]) -> list[str]:
+    """The map for a terminal, one line per object, with its evaluation and the missed objects where there is truth."""
+    row_of = {row.object_id: row for row in evaluation_rows if row.object_id}
+    lines = []
+    for item in objects:
+        x_m, y_m = item.position_m
+        row = row_of.get(item.id)
+        state = f"  {row.state}" if row else ""
+        state += f", {row.error_m:.2f} m off" if row and row.error_m is not None else ""
+        seen = f"seen {item.count:4d} times  conf {item.confidence:.2f}"
+        lines.append(f"  {item.id:<20} x {x_m:6.2f} m  y {y_m:6.2f} m  {seen}{state}")
+    for row in evaluation_rows:
+        if row.state == "missed" and row.true_m:
+            lines.append(f"  {row.label:<20} x {row.true_m[0]:6.2f} m  y {row.true_m[1]:6.2f} m  {'':<26}missed")
+    if evaluation_rows:
+        errors = [row.error_m for row in evaluation_rows if row.state == "found" and row.error_m is not None]
+        median = f"; median error {np.median(errors):.2f} m" if errors else ""
+        lines.append(f"against the truth: {tally(list(evaluation_rows))}{median}")
+    return lines

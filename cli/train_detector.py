@@ -1,13 +1,16 @@
 """`edgemap train detector`: pictures with boxes to a small detector."""
 
+from dataclasses import replace
 from pathlib import Path
 from typing import Annotated
 
-from edgemap.cli.arguments import arg
-from edgemap.cli.training import Bfloat16, Device, Minutes, Mix, Resume, Seed, Threads, check_training
+from edgemap.cli.arguments import OptionError, arg
+from edgemap.cli.training import Resume, check_training
+from edgemap.export.settings import DetectorSettings
 
 
 def command(
+    settings: Annotated[DetectorSettings, arg(name="Training")],
     data: Annotated[
         tuple[str, ...],
         arg(
@@ -42,22 +45,7 @@ def command(
             help="A best.pt to go on from, with a schedule of its own; --keep and --blend-loss still look to --bundle.",
         ),
     ] = None,
-    minutes: Minutes = None,
-    epochs: Annotated[int, arg(metavar="N", help="Budget in passes over the pictures.")] = 10,
     resume: Resume = False,
-    input: Annotated[
-        int | None,
-        arg(
-            metavar="PX",
-            help="Largest side of the square training pictures, a multiple of 32; by default the bundle's.",
-        ),
-    ] = None,
-    batch: Annotated[int, arg(metavar="N", help="Pictures per step.")] = 16,
-    rate: Annotated[
-        float,
-        arg(metavar="RATE", help="Highest learning rate."),
-    ] = 0.0003,
-    mix: Mix = (),
     teacher: Annotated[
         tuple[str, ...],
         arg(
@@ -74,7 +62,6 @@ def command(
             "classes that no label of a --data names. By default --bundle's.",
         ),
     ] = None,
-    keep_weight: Annotated[float, arg(metavar="W", help="How hard to hold on to them.")] = 1.0,
     all_layers: Annotated[
         bool,
         arg(help="Train what lies before the odometry head's features, too: the bundle then needs a head of its own."),
@@ -87,14 +74,6 @@ def command(
             "validation AP50; it knows best what training did not show.",
         ),
     ] = 0.03,
-    bfloat16: Bfloat16 = False,
-    threads: Threads = 2,
-    device: Device = "cpu",
-    seed: Seed = 0,
-    validate_minutes: Annotated[
-        float | None,
-        arg(metavar="M", help="Training time between validations; by default one after every epoch."),
-    ] = None,
     validate_pictures: Annotated[
         int, arg(metavar="N", help="Validation pictures of each folder, evenly chosen.")
     ] = 300,
@@ -104,34 +83,20 @@ def command(
     Interrupted runs go on with --resume: with a budget in epochs exactly as if nothing had happened. `edgemap export
     DIR/best.pt --head HEAD -o BUNDLE` makes a bundle.
     """
-    from edgemap.cli.errors import OptionError
-    from edgemap.cli.extras import need_training
-    from edgemap.cli.options import at_least, find_bundle
+    from edgemap.cli.options import at_least, find_bundle, need_training
 
     need_training("edgemap train detector")
-    at_least(1, epochs=epochs, batch=batch, threads=threads, validate_pictures=validate_pictures)
-    check_training(minutes, rate, validate_minutes, mix, len(data))
-    if input is not None and (input < 64 or input % 32):
-        raise OptionError(f"--input {input}: must be a multiple of 32 from 64 on")
+    at_least(1, validate_pictures=validate_pictures)
+    check_training(settings, len(data))
+    if settings.size is not None and (settings.size < 64 or settings.size % 32):
+        raise OptionError(f"--input {settings.size}: must be a multiple of 32 from 64 on")
+
     from edgemap.export.detector.network import load_network
     from edgemap.export.detector.store import load_examples, teacher_of
-    from edgemap.export.detector.train import DetectorSettings, Trainer
+    from edgemap.export.detector.train import Trainer
     from edgemap.export.detector.validate import choose_blend
 
-    settings = DetectorSettings(
-        size=input,
-        batch=batch,
-        seed=seed,
-        minutes=minutes,
-        epochs=epochs,
-        rate=rate,
-        keep=0.0 if keep == "none" else keep_weight,
-        mix=mix,
-        validate_minutes=validate_minutes,
-        bfloat16=bfloat16,
-        threads=threads,
-        device=device,
-    )
+    settings = replace(settings, keep=0.0) if keep == "none" else settings
     start = load_network(bundle, all_layers)
     network = start if weights is None else load_network(str(weights), all_layers)
     reference = start if keep in (None, "none") else load_network(str(keep))
@@ -139,7 +104,7 @@ def command(
         if other.names != start.names:
             raise OptionError(f"{path}: knows {len(other.names)} other classes than {bundle} with {len(start.names)}")
     print(f"reading {', '.join(data)} …", flush=True)
-    teach = teacher_of([find_bundle(name, threads) for name in teacher]) if teacher else None
+    teach = teacher_of([find_bundle(name, settings.threads) for name in teacher]) if teacher else None
     examples = load_examples(data, network.names, network.side, teach=teach)
     held_back = {
         spec: load_examples([spec], network.names, network.side, validate_pictures, teach) for spec in validation

@@ -3,11 +3,13 @@
 from pathlib import Path
 from typing import Annotated
 
-from edgemap.cli.arguments import arg
-from edgemap.cli.training import FeatureCache, Minutes, Mix, Resume, Seed, Threads, check_training
+from edgemap.cli.arguments import OptionError, arg
+from edgemap.cli.training import FeatureCache, Resume, check_training
+from edgemap.export.settings import FloorSettings
 
 
 def command(
+    settings: Annotated[FloorSettings, arg(name="Training")],
     data: Annotated[
         tuple[str, ...],
         arg(
@@ -35,21 +37,11 @@ def command(
     source: Annotated[
         tuple[str, ...], arg(metavar="TEXT...", help="Where the labels come from, for the bundle's manifest.")
     ] = (),
-    minutes: Minutes = None,
-    epochs: Annotated[int, arg(metavar="N", help="Budget in passes over the views.")] = 10,
     resume: Resume = False,
-    batch: Annotated[int, arg(metavar="N", help="Views per step.")] = 16,
-    rate: Annotated[float, arg(metavar="RATE", help="Highest learning rate.")] = 0.003,
-    mix: Mix = (),
     views: Annotated[
         int, arg(metavar="N", help="Of each picture: cut, mirrored, relit, on another floor. 1.7 MB of disk each.")
     ] = 4,
     cache: FeatureCache = None,
-    threads: Threads = 1,
-    seed: Seed = 0,
-    validate_minutes: Annotated[
-        float | None, arg(metavar="M", help="Training time between validations; by default one at the end.")
-    ] = None,
 ) -> None:
     """Train a floor head on a detector's frozen features, which are computed once and kept.
 
@@ -58,34 +50,29 @@ def command(
     `edgemap export --backbone NAME --head ODOMETRY_HEAD DIR/best.pt -o BUNDLE` joins it to its network, whose other
     outputs stay bit for bit the same.
     """
-    from edgemap.cli.errors import OptionError
-    from edgemap.cli.extras import need_training
-    from edgemap.cli.options import at_least
+    from edgemap.cli.options import at_least, need_training
 
     need_training("edgemap train floor")
-    at_least(1, epochs=epochs, threads=threads, views=views)
-    at_least(4, batch=batch)
-    check_training(minutes, rate, validate_minutes, mix, len(data))
+    at_least(1, views=views)
+    at_least(4, batch=settings.batch)
+    check_training(settings, len(data))
+
     from edgemap.export.floor.cache import cached_views
     from edgemap.export.floor.checkpoint import load_floor
     from edgemap.export.floor.features import Features
-    from edgemap.export.floor.sources import labelled
-    from edgemap.export.floor.train import FloorSettings, FloorTrainer
+    from edgemap.export.floor.labels import labelled
+    from edgemap.export.floor.train import FloorTrainer
     from edgemap.runtime.network.store import cache_folder
 
-    settings = FloorSettings(
-        batch=batch, rate=rate, minutes=minutes, epochs=epochs, mix=mix, validate_minutes=validate_minutes,
-        threads=threads, seed=seed,
-    )  # fmt: skip
     first = None if start is None else load_floor(start)
-    features = Features(backbone, threads)
+    features = Features(backbone, settings.threads)
     if first is not None and first.taps != tuple(tap.name for tap in features.taps):
         raise OptionError(f"--start {start}: reads {', '.join(first.taps)}, features of {first.backbone}")
     teach = None
     if teacher is not None:
-        from edgemap.export.floor.teacher import open_teacher
+        from edgemap.export.floor.labels import open_teacher
 
-        teach = open_teacher(teacher, threads)
+        teach = open_teacher(teacher, settings.threads)
     sources = [labelled(spec, teach, output / "labels" / Path(spec).name) for spec in data]
     held_back = {spec: labelled(spec, teach, output / "labels" / Path(spec).name) for spec in validation}
     print(

@@ -3,11 +3,13 @@
 from pathlib import Path
 from typing import Annotated, Literal
 
-from edgemap.cli.arguments import arg
-from edgemap.cli.training import Bfloat16, Device, FeatureCache, Minutes, Resume, Seed, Threads, check_training
+from edgemap.cli.arguments import OptionError, arg
+from edgemap.cli.training import FeatureCache, Resume, check_training
+from edgemap.export.settings import OdometrySettings
 
 
 def command(
+    settings: Annotated[OdometrySettings, arg(name="Training")],
     data: Annotated[
         tuple[str, ...],
         arg(metavar="KIND:DIR...", help="Drives with true poses and a mount: drive, locobot, kitti, tum, c2w."),
@@ -39,14 +41,8 @@ def command(
         Path | None,
         arg(metavar="FILE", help="A flow head to begin a smaller one with, fitted to it; --steps 0 gives just that."),
     ] = None,
-    minutes: Minutes = None,
-    steps: Annotated[int, arg(metavar="N", help="Budget in batches.")] = 4000,
     resume: Resume = False,
-    batch: Annotated[int, arg(metavar="N", help="Clips per step.")] = 6,
     length: Annotated[int | None, arg(metavar="T", help="Frames per clip; by default 8, paper 10.")] = None,
-    rate: Annotated[
-        float | None, arg(metavar="RATE", help="Highest learning rate; by default 0.001, paper 0.005.")
-    ] = None,
     kernel: Annotated[Literal[3, 5], arg(help="Side of the paper head's kernels.")] = 3,
     relu: Annotated[bool, arg(help="The paper head with ReLU, not leaky ReLU.")] = False,
     first: Annotated[int, arg(metavar="N", help="Leave out the first N frames of each drive.")] = 0,
@@ -61,36 +57,20 @@ def command(
     ] = None,
     validation_first: Annotated[int, arg(metavar="N", help="The same for validation drives.")] = 0,
     validation_frames: Annotated[int | None, arg(metavar="N", help="The same for validation drives.")] = None,
-    patience: Annotated[int | None, arg(metavar="N", help="Stop after N validations without a better one.")] = None,
-    validate_minutes: Annotated[float, arg(metavar="M", help="Training time between validations.")] = 5.0,
-    threads: Threads = 2,
-    bfloat16: Bfloat16 = False,
-    device: Device = "cpu",
     workers: Annotated[int, arg(metavar="N", help="Processes that compute features, each a drive.")] = 1,
-    seed: Seed = 0,
     cache: FeatureCache = None,
 ) -> None:
     """Train an odometry head on features of a frozen backbone, which are computed once and kept.
 
     Interrupted runs go on with --resume. `edgemap export DIR/best.pt -o BUNDLE` makes a bundle of backbone and head.
     """
-    from edgemap.cli.errors import OptionError
-    from edgemap.cli.extras import need_training
-    from edgemap.cli.options import at_least
+    from edgemap.cli.options import at_least, need_training
 
     need_training("edgemap train odometry")
-    at_least(
-        1,
-        batch=batch,
-        threads=threads,
-        workers=workers,
-        patience=patience,
-        frames=frames,
-        validation_frames=validation_frames,
-    )
+    at_least(1, workers=workers, frames=frames, validation_frames=validation_frames)
     at_least(2, length=length)
-    at_least(0, steps=steps, first=first, views=views, validation_first=validation_first)
-    check_training(minutes, rate, validate_minutes)
+    at_least(0, steps=settings.steps, first=first, views=views, validation_first=validation_first)
+    check_training(settings, len(data))
     if views and (head != "flow" or larger is not None):
         raise OptionError("--views: for a flow head, which knows how its camera is mounted, and without --larger")
     from edgemap.export.exporter import is_onnx, open_backbone
@@ -98,7 +78,7 @@ def command(
     from edgemap.export.odometry.flow import FlowHead
     from edgemap.export.odometry.recipe import FewDrives, flow_recipe, paper_recipe
     from edgemap.export.odometry.start import begin
-    from edgemap.export.odometry.train import HeadTraining, OdometrySettings
+    from edgemap.export.odometry.train import HeadTraining
     from edgemap.runtime.network.store import cache_folder
 
     feature = feature or {"flow": "stride4", "paper": "head"}[head]
@@ -114,19 +94,15 @@ def command(
     seen = f"{len(data)} drives" + (f" and {views} views of each" if views else "")
     print(f"{sum(map(len, train))} frames of {seen} to train on, {sum(map(len, held_back))} to validate on")
     begun = begin(
-        head, store, train, backbone, feature, seed=seed, start=start, larger=larger, device=device,
+        head, store, train, backbone, feature, seed=settings.seed, start=start, larger=larger, device=settings.device,
         kernel=kernel, slope=0.0 if relu else 0.1,
     )  # fmt: skip
     print(f"{head} head: {begun.head.parameters_count:,} parameters", flush=True)
     if isinstance(begun.head, FlowHead):
         print(f"lengths in units of {begun.head.unit_m:g} m, after the nearest floor in view", flush=True)
-        recipe = flow_recipe(rate or 1e-3, length or 8, FewDrives() if views else None)
+        recipe = flow_recipe(settings.rate or 1e-3, length or 8, FewDrives() if views else None)
     else:
-        recipe = paper_recipe(length or 10, (rate or 5e-3) / 5e-3)
-    settings = OdometrySettings(
-        minutes=minutes, steps=steps, batch=batch, seed=seed, validate_minutes=validate_minutes, patience=patience,
-        threads=threads, bfloat16=bfloat16, device=device,
-    )  # fmt: skip
+        recipe = paper_recipe(length or 10, (settings.rate or 5e-3) / 5e-3)
     trainer = HeadTraining(begun, recipe, train, held_back, output, settings)
     if resume:
         trainer.resume()

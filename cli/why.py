@@ -5,10 +5,8 @@ from typing import Annotated
 
 import tyro
 
-from edgemap.cli.arguments import arg
-from edgemap.cli.errors import OptionError
-from edgemap.cli.last_run import last_run
-from edgemap.cli.options import Json, print_json
+from edgemap.cli.arguments import OptionError, arg
+from edgemap.cli.options import Json, last_run, print_json
 
 
 def command(

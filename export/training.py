@@ -17,6 +17,7 @@ from tqdm import tqdm
 
 from edgemap.export.errors import ExportError
 from edgemap.export.ranks import Ranks
+from edgemap.export.settings import Settings
 from edgemap.export.torch_files import read_torch, save_whole
 from edgemap.runtime.frames.reading import one_line
 
@@ -25,21 +26,7 @@ LOOK_EVERY = 20  # steps of a GPU, which would have to wait for each look
 WARM_UP = 0.03  # of the budget
 LAST_RATE = 0.03  # of the highest
 N = TypeVar("N", bound=nn.Module)
-S = TypeVar("S", bound="Settings")
-
-
-@dataclass(frozen=True, kw_only=True)
-class Settings:
-    """Settings of every training. minutes: of training, the budget; None: as many steps or epochs as each kind names.
-    validate_minutes: between two validations. device: cpu or cuda.
-    """
-
-    minutes: float | None = None
-    batch: int = 16
-    seed: int = 0
-    validate_minutes: float | None = None
-    threads: int = 2
-    device: str = "cpu"
+S = TypeVar("S", bound=Settings)
 
 
 class Training(ABC, Generic[N, S]):

@@ -3,21 +3,24 @@
 import asyncio
 from collections.abc import Callable
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import msgspec
 from starlette.requests import Request
 from starlette.responses import Response
 from starlette.routing import Route
 
-from edgemap.geometry.errors import GeometryError
+from edgemap.geometry.errors import GeometryError, MapError
+from edgemap.geometry.objects.approach import Approach, ApproachRule, approach
+from edgemap.runtime.step.map_file import pose_record
 from edgemap.view import answers
-from edgemap.view.approach_api import ApproachApi
 from edgemap.view.edit_api import EditApi
 from edgemap.view.page import LivePage
 from edgemap.view.questions import Answer, Nothing, Questions, Refused, as_json, body_of, guarded
 from edgemap.view.updates import Pictures, ProcessUsage
 
+USUAL = ApproachRule()  # for goal poses
+FARTHEST_M = 10.0  # of a standoff or a robot's radius
 OPENAPI = Path(__file__).parent / "openapi.yaml"
 
 
@@ -50,12 +53,14 @@ class Api:
             ("GET", "/api/rooms", self.rooms),
             ("GET", "/api/objects/{id}", self.object),
             ("GET", "/api/objects/{id}/picture", self.object_picture),
+            ("GET", "/api/objects/{id}/approach", self.approach),
+            ("POST", "/api/objects/{id}/go", self.go),
             ("POST", "/api/pause", self.pause),
             ("POST", "/api/save", self.save),
             ("PUT", "/api/mount", self.put_mount),
             ("GET", "/api/openapi.yaml", self.openapi),
         ]
-        routes += [*self._editing.routes(), *ApproachApi(self._ask).routes()]
+        routes += self._editing.routes()
         return [Route(path, guarded(answer), methods=[method]) for method, path, answer in routes]
 
     def _states(self) -> dict[str, Callable[[], object]]:
@@ -130,6 +135,40 @@ class Api:
         """This API as OpenAPI text."""
         return Response(OPENAPI.read_bytes(), media_type="application/yaml")
 
+    async def approach(self, request: Request) -> Response:
+        """The goal pose for an object."""
+        return as_json(self._goal(request, self._found(request)))
+
+    async def go(self, request: Request) -> Response:
+        """Send the robot there: publishes the pose as a goal."""
+        await body_of(request, Nothing)
+        page = self._ask.page
+        goal = self._found(request)
+        if not page.goals:
+            raise Refused(409, "nobody takes goals: run with --ros2, where Nav2 reads /goal_pose")
+        if page.state != "running":
+            raise Refused(409, f"the run is {page.state}: goals are published with its steps")
+        for send in page.goals:
+            send(goal.pose)
+        return as_json(self._goal(request, goal))
+
+    def _found(self, request: Request) -> Approach:
+        identity, snapshot = self._ask.object(request)["id"], self._ask.snapshot()
+        rule = ApproachRule(
+            _metres(request, "standoff_m", USUAL.standoff_m),
+            _metres(request, "robot_radius_m", USUAL.robot_radius_m),
+        )
+        pose = snapshot.result.pose_map_base
+        item = next(item for item in snapshot.objects if item.id == identity)
+        try:
+            return approach(item, snapshot.objects, self._ask.page.grid, (pose.x_m, pose.y_m), rule)
+        except MapError as error:
+            raise Refused(409, str(error)) from None
+
+    def _goal(self, request: Request, goal: Approach) -> dict[str, Any]:
+        own = {"object": request.path_params["id"], "standoff_m": round(goal.standoff_m, 3), "floor": goal.floor}
+        return own | pose_record(goal.pose)
+
 
 def _reading(state: Callable[[], object]) -> Answer:
     """Answers with a state as JSON."""
@@ -138,3 +177,17 @@ def _reading(state: Callable[[], object]) -> Answer:
         return as_json(state())
 
     return answer
+
+
+def _metres(request: Request, name: str, usual: float) -> float:
+    """A length from the address. Raises Refused."""
+    text = request.query_params.get(name)
+    if text is None:
+        return usual
+    try:
+        value = float(text)
+    except ValueError:
+        value = -1.0
+    if not 0.0 < value <= FARTHEST_M:
+        raise Refused(400, f"{name}: above 0 and at most {FARTHEST_M:g} m")
+    return value

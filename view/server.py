@@ -1,18 +1,21 @@
-"""The page's web server: bound at once, served from a thread of its own, and never the end of the run."""
+"""The page's web server: bound at once, served from a thread of its own, and never the end of the run. The number of
+idle connections is limited: a new one closes the oldest."""
 
+import asyncio
 import ipaddress
 import secrets
 import socket
 import threading
 import time
 from collections.abc import Callable
+from typing import Any
 
 import uvicorn
+from uvicorn.protocols.http.h11_impl import H11Protocol
 
 from edgemap.geometry.errors import EdgemapError
 from edgemap.runtime.frames.reading import print_message
 from edgemap.view.app import make_app
-from edgemap.view.connections import WaitingLimited
 from edgemap.view.page import LivePage
 
 START_LIMIT_S = 10.0
@@ -101,3 +104,29 @@ def reachable(address: str) -> str:
             return probe.getsockname()[0]
         except OSError:
             return socket.gethostname()
+
+
+WAITING_LIMIT = 32
+
+_Base: Any = H11Protocol  # uvicorn's other one, taken where httptools is installed, bounds no headers
+
+
+class WaitingLimited(_Base):
+    """uvicorn's HTTP protocol. A connection is idle while none of its requests is being answered, also while its
+    headers arrive slowly. A client that sends its request at once is answered, no matter how many idle connections
+    there are.
+    """
+
+    def connection_made(self, transport: asyncio.Transport) -> None:
+        """As in the base class; closes the oldest idle connection beyond the limit."""
+        super().connection_made(transport)
+        self.made_s = asyncio.get_running_loop().time()
+        waiting = [one for one in self.connections if isinstance(one, WaitingLimited) and one.waits]
+        for one in sorted(waiting, key=lambda one: one.made_s)[:-WAITING_LIMIT]:
+            one.transport.abort()
+            self.connections.discard(one)
+
+    @property
+    def waits(self) -> bool:
+        """Whether no request is being answered."""
+        return self.cycle is None or self.cycle.response_complete

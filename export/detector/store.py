@@ -14,8 +14,7 @@ from numpy.typing import NDArray
 from edgemap.export.errors import ExportError
 from edgemap.geometry.observations.detections import Detections
 from edgemap.runtime.inputs.drives.drive import SEEN_SHARE, LabelledBoxes
-from edgemap.runtime.inputs.drives.labelled import LabelledPictures
-from edgemap.runtime.inputs.drives.open import READERS, open_drive
+from edgemap.runtime.inputs.drives.open import READERS, LabelledPictures, open_drive
 from edgemap.runtime.inputs.drives.pictures import list_pictures, read_picture
 from edgemap.runtime.inputs.drives.yolo import DOUBT_SCORE, predicted_boxes
 from edgemap.runtime.network.bundle import Bundle

@@ -2,7 +2,7 @@
 
 import os
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
@@ -15,7 +15,8 @@ from edgemap.export.detector.loss import Assignment, Targets, detection_loss, di
 from edgemap.export.detector.network import TorchNetwork
 from edgemap.export.detector.store import Example
 from edgemap.export.detector.validate import validate
-from edgemap.export.training import Panel, Settings, Training
+from edgemap.export.settings import DetectorSettings
+from edgemap.export.training import Panel, Training
 
 CLIP_NORM = 20.0
 NO_MOSAIC = 0.85  # of the budget after which pictures stay single
@@ -24,27 +25,6 @@ PANELS = (
     Panel("loss", {"scores": "scores", "box": "box (1 - GIoU)", "bins": "sides' bins", "kept": "distance kept"}),
     Panel("validation", {"ap50": "AP50", "ap": "AP 0.50:0.95"}, top=1.0),
 )
-
-
-@dataclass(frozen=True, kw_only=True)
-class DetectorSettings(Settings):
-    """How to train. rate: highest learning rate.
-
-    size: side of the square pictures, px; None for the bundle's. keep: weight of the distance to the reference network
-    where there are no labels: for classes that they do not name, and for unlabelled pictures. mix: share of pictures of
-    each source; empty for every picture once an epoch.
-    validate_minutes: None: after every epoch.
-    bfloat16: convolutions in half the width, weights and losses in full: 1.7 times as fast on a processor with
-    AVX512-BF16.
-    """
-
-    size: int | None = None
-    epochs: int = 10
-    rate: float = 5e-4
-    mosaic: float = 0.5
-    keep: float = 1.0
-    mix: tuple[float, ...] = ()
-    bfloat16: bool = False
 
 
 def _adam(network: nn.Module) -> torch.optim.Optimizer:

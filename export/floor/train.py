@@ -1,7 +1,7 @@
 """Trains a floor head on the features of a frozen detector."""
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
@@ -18,7 +18,8 @@ from edgemap.export.floor.checkpoint import FloorCheckpoint, save_floor
 from edgemap.export.floor.features import Features
 from edgemap.export.floor.head import LABELS, STRIDES, FloorHead
 from edgemap.export.floor.pictures import load, named
-from edgemap.export.training import Settings, Training
+from edgemap.export.settings import FloorSettings
+from edgemap.export.training import Training
 from edgemap.runtime.network.manifest import FloorSpec
 from edgemap.runtime.network.preprocess import floor_mask
 
@@ -26,16 +27,6 @@ EDGE, EDGE_WEIGHT = 5, 2.0  # cells about the floor's edge, which count so much 
 DICE = 0.3  # weight of the overlap beside the cross-entropy
 DECAY = 0.99  # of the moving average of the weights, which is what is kept
 NOISE = 0.05  # of the features' channels, each multiplied by 1 + so much
-
-
-@dataclass(frozen=True, kw_only=True)
-class FloorSettings(Settings):
-    """How to train. rate: highest learning rate. mix: shares of each source."""
-
-    rate: float = 3e-3
-    epochs: int = 10
-    mix: tuple[float, ...] = ()
-    threads: int = 1
 
 
 class FloorTrainer(Training[FloorHead, FloorSettings]):

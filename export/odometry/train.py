@@ -1,7 +1,7 @@
 """Trains an odometry head on cached features: clips, loss, validation on whole drives, files to resume from."""
 
 from collections.abc import Iterator, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
@@ -13,7 +13,8 @@ from edgemap.export.odometry.checkpoint import HeadCheckpoint, save_head
 from edgemap.export.odometry.clips import ClipDraws, Shelf, make_batch
 from edgemap.export.odometry.data import FeatureDrive
 from edgemap.export.odometry.recipe import Recipe, validate
-from edgemap.export.training import Panel, Settings, Training
+from edgemap.export.settings import OdometrySettings
+from edgemap.export.training import Panel, Training
 
 CLIP_NORM = 1.0
 PANELS = (  # the first is the paper's figure 6
@@ -23,19 +24,6 @@ PANELS = (  # the first is the paper's figure 6
         {f"t{length}_percent": f"over {length} m" for length in (100, 40, 16, 8, 5, 2, 1)},
     ),
 )
-
-
-@dataclass(frozen=True, kw_only=True)
-class OdometrySettings(Settings):
-    """How to train. steps: the budget without minutes. patience: validations without a better one after which training
-    stops early; None never. bfloat16: convolutions and correlations in half the width: 1.6 times as fast where the
-    processor has AVX512-BF16; the gradient's direction stays (cosine 0.985)."""
-
-    steps: int = 2000
-    batch: int = 6
-    validate_minutes: float | None = 5.0
-    patience: int | None = None
-    bfloat16: bool = False
 
 
 class HeadTraining(Training[Any, OdometrySettings]):

@@ -11,8 +11,8 @@ from pathlib import Path
 import pytest
 
 from edgemap.cli import main
+from edgemap.cli.arguments import OptionError
 from edgemap.cli.doctor import EXTRAS
-from edgemap.cli.errors import OptionError
 from edgemap.cli.publishers import host_and_port
 
 CHAIR = {

@@ -6,8 +6,8 @@ import pytest
 import yaml
 
 from edgemap.cli import main
+from edgemap.cli.arguments import OptionError
 from edgemap.cli.config_options import config_arguments
-from edgemap.cli.errors import OptionError
 from edgemap.cli.run import command
 
 

@@ -10,7 +10,7 @@ import pytest
 from support.broker import MISSING, Broker
 
 from edgemap.cli import main
-from edgemap.cli.errors import OptionError
+from edgemap.cli.arguments import OptionError
 from edgemap.cli.publishers import host_and_port
 from edgemap.runtime.frames import extras
 from edgemap.runtime.step.map_file import load_map

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from edgemap.cli.truth import judge_of, object_lines
+from edgemap.cli.summary import judge_of, object_lines
 from edgemap.geometry.map_object import MapObject
 from edgemap.runtime.inputs.cameras.base import CameraBase, PacedCamera
 

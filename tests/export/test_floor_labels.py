@@ -7,8 +7,8 @@ import cv2
 import numpy as np
 import pytest
 
+from edgemap.export.floor.labels import open_teacher
 from edgemap.export.floor.pictures import named, read_shares, targets, varied
-from edgemap.export.floor.teacher import open_teacher
 from edgemap.runtime.frames.errors import CameraError
 from edgemap.runtime.network.preprocess import Placement
 

@@ -16,8 +16,8 @@ from edgemap.runtime.step.overlay import draw_detections
 
 pytest.importorskip("matplotlib", reason="figures need the extra 'plot'")
 from edgemap.plots import floor_map
+from edgemap.plots.charts import plot_reliability
 from edgemap.plots.floor_map import SeenAt, plot_map
-from edgemap.plots.reliability import plot_reliability
 
 PLACES = [(0.0, 0.0), (0.15, 0.1), (-0.1, 0.2), (0.1, -0.25), (3.0, 1.0), (3.1, 1.3)]
 LABELS = ["chair", "dining table", "potted plant", "chair", "refrigerator", "vase"]

@@ -10,8 +10,8 @@ from support.noise import noise
 from support.odometry import MadeOdometry
 from support.recordings import FACTS, drain, record
 
-from edgemap.cli.budget import read_share
-from edgemap.cli.errors import OptionError
+from edgemap.cli.arguments import OptionError
+from edgemap.cli.run_options import read_share
 from edgemap.geometry.camera.imu import ImuSamples
 from edgemap.geometry.se2 import SE2
 from edgemap.runtime.frames.errors import CameraFault, FaultKind

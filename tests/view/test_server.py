@@ -19,10 +19,9 @@ from websockets.exceptions import ConnectionClosed, InvalidStatus
 from edgemap.geometry.objects.edits import Edit
 from edgemap.geometry.se2 import SE2
 from edgemap.view.app import make_app
-from edgemap.view.connections import WaitingLimited
 from edgemap.view.guard import _cookie
 from edgemap.view.page import LivePage
-from edgemap.view.server import PageServer, ViewError
+from edgemap.view.server import PageServer, ViewError, WaitingLimited
 from edgemap.view.viewer import IN_FLIGHT
 
 

@@ -11,7 +11,7 @@ from edgemap.geometry.camera.mount import Mount
 from edgemap.geometry.errors import EdgemapError
 from edgemap.runtime.frames.errors import CameraError, CameraFault, FaultKind
 from edgemap.runtime.frames.frame import Frame
-from edgemap.runtime.frames.messages.stamps import ns_of, to_s
+from edgemap.runtime.frames.messages.definitions import ns_of, to_s
 from edgemap.runtime.frames.messages.topics import DEPTH, EDITS, SEARCHED, STAMPS
 from edgemap.runtime.frames.number_rows import ROW_LIMIT
 from edgemap.runtime.frames.reading import user_path

@@ -11,7 +11,7 @@ from edgemap.geometry.camera.mount import Mount
 from edgemap.geometry.errors import GeometryError
 from edgemap.geometry.se2 import SE2
 from edgemap.runtime.frames.errors import CameraError, OdometryError
-from edgemap.runtime.frames.messages.stamps import ns_of, to_s
+from edgemap.runtime.frames.messages.definitions import ns_of, to_s
 from edgemap.runtime.frames.messages.tf_tree import TfTree, planar_pose
 from edgemap.runtime.frames.messages.topics import IMU, ODOMETRY, TF, TF_STATIC, TRUTH
 from edgemap.runtime.frames.number_rows import ROW_LIMIT

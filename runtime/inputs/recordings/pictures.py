@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from edgemap.runtime.frames.errors import CameraError
-from edgemap.runtime.frames.messages.stamps import ns_of
+from edgemap.runtime.frames.messages.definitions import ns_of
 from edgemap.runtime.frames.reading import one_line
 from edgemap.runtime.inputs.drives.pictures import PIXEL_LIMIT, SIDE_LIMIT, Depth, decode_picture, decoded
 from edgemap.runtime.inputs.recordings.reader import McapReading

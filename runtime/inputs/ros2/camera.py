@@ -14,7 +14,7 @@ from edgemap.geometry.camera.intrinsics import Intrinsics
 from edgemap.geometry.camera.mount import Mount
 from edgemap.runtime.frames.errors import CameraError
 from edgemap.runtime.frames.frame import Frame
-from edgemap.runtime.frames.messages.stamps import ns_of, ros_offset_s, to_s
+from edgemap.runtime.frames.messages.definitions import ns_of, ros_offset_s, to_s
 from edgemap.runtime.frames.messages.topics import IMU, INFO, KINDS
 from edgemap.runtime.frames.trajectory import PoseTrack
 from edgemap.runtime.inputs.cameras.base import CameraAround

@@ -7,7 +7,7 @@ from typing import Any
 
 from edgemap.geometry.camera.intrinsics import Intrinsics
 from edgemap.runtime.frames.errors import CameraError
-from edgemap.runtime.frames.messages.stamps import ns_of, to_s
+from edgemap.runtime.frames.messages.definitions import ns_of, to_s
 from edgemap.runtime.frames.messages.topics import INFO, KINDS
 from edgemap.runtime.inputs.drives.pictures import Depth
 from edgemap.runtime.inputs.recordings.foreign import info_topics, lens_of

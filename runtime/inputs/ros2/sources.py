@@ -7,7 +7,7 @@ from typing import TypeVar
 
 from edgemap.geometry.se2 import SE2
 from edgemap.runtime.frames.errors import CameraError, OdometryError
-from edgemap.runtime.frames.messages.stamps import ns_of, to_s
+from edgemap.runtime.frames.messages.definitions import ns_of, to_s
 from edgemap.runtime.frames.messages.tf_tree import TfTree, planar, planar_pose
 from edgemap.runtime.frames.messages.topics import KINDS, TF, TF_STATIC, WHEEL, FrameIds
 from edgemap.runtime.frames.trajectory import GrowingTrack

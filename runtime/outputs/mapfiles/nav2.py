@@ -1,11 +1,13 @@
-"""A map for Nav2: an occupancy picture with its YAML for the map_server, and circles for the Vector Object server."""
+"""A map for Nav2: an occupancy picture with its YAML for the map_server, circles for the Vector Object server, and
+zones as masks for the costmap filters: where a robot must not go, and how fast it may be."""
 
 import re
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+import cv2
 import numpy as np
 import yaml
 from numpy.typing import NDArray
@@ -14,12 +16,14 @@ from edgemap.geometry.errors import MapError
 from edgemap.geometry.map_object import MapObject, radius_m
 from edgemap.geometry.objects.edits import Zone
 from edgemap.runtime.frames.disk import write_atomically
-from edgemap.runtime.outputs.mapfiles.grid import FREE, OCCUPIED, UNKNOWN, FloorCells
+from edgemap.runtime.outputs.mapfiles.grid import FREE, MAXIMUM_CELLS, OCCUPIED, UNKNOWN, FloorCells
 from edgemap.runtime.step.map_file import DEFAULT_MAP_ID, object_uuid
 
 # What map_saver writes: darkness is occupancy, (255 - value) / 255; unknown lies between both thresholds.
 VALUES = {FREE: 254, OCCUPIED: 0, UNKNOWN: 205}
 FREE_THRESH, OCCUPIED_THRESH = 0.196, 0.65
+KEEP_OUT = 100  # of the mask; 0 elsewhere
+MARGIN_M = 1.0  # of empty mask around the zones
 FRAME_ID = "map"
 MAXIMUM_SHAPES = 5000  # yaml writes some thousand lines a second
 
@@ -121,3 +125,50 @@ def _unused(name: str, taken: dict[str, Any], tried: Counter[str]) -> str:
         tried[name] += 1
         unused = f"{name}_{tried[name] + 1}"
     return unused
+
+
+def write_masks(
+    path: Path,
+    zones: Sequence[Zone],
+    keep_out: Sequence[str] = (),
+    speed_percent: Mapping[str, int] | None = None,
+    resolution_m: float = 0.05,
+) -> list[Path]:
+    """Masks of zones by name, beside `path`: NAME.keepout.yaml and .pgm, NAME.speed.yaml and .pgm; the YAML files.
+
+    speed_percent: of the robot's highest speed, 1 to 100, in each zone; the lowest counts where zones overlap. Pixels
+    are the mask's values as they are (mode raw): 100 for keep-out with a filter of type 0, the percentage with a filter
+    of type 1, base 0.0 and multiplier 1.0, whose 0 is no limit. Raises MapError for a zone that is not there.
+    Source: https://docs.nav2.org/configuration/packages/map_server/configuring-costmap-filter-info-server.html and
+    https://docs.nav2.org/configuration/packages/costmap-plugins/speed_filter.html
+    """
+    speeds = dict(speed_percent or {})
+    for name in (*keep_out, *speeds):
+        if not any(zone.name == name or zone.id == name for zone in zones):
+            known = ", ".join(zone.name for zone in zones) or "none"
+            raise MapError(f"no zone {name!r} on the map; it has {known}")
+    written = []
+    if keep_out:
+        values = [(zone, KEEP_OUT) for zone in zones if zone.name in keep_out or zone.id in keep_out]
+        written.append(_write(path, "keepout", values, resolution_m))
+    if speeds:
+        limits = [(zone, speeds.get(zone.name, speeds.get(zone.id, 0))) for zone in zones]
+        slowest_last = sorted((pair for pair in limits if pair[1]), key=lambda pair: -pair[1])
+        written.append(_write(path, "speed", slowest_last, resolution_m))
+    return written
+
+
+def _write(path: Path, kind: str, values: Sequence[tuple[Zone, int]], resolution_m: float) -> Path:
+    corners = np.array([corner for zone, _ in values for corner in zone.corners_m])
+    low = np.floor((corners.min(axis=0) - MARGIN_M) / resolution_m) * resolution_m
+    columns, rows = np.ceil((corners.max(axis=0) + MARGIN_M - low) / resolution_m).astype(int).tolist()
+    if rows * columns > MAXIMUM_CELLS:
+        raise MapError(f"{columns} x {rows} cells of {resolution_m:g} m: more than {MAXIMUM_CELLS}")
+    mask: NDArray[np.uint8] = np.zeros((rows, columns), np.uint8)
+    for zone, value in values:
+        # fillPoly counts from the middle of a pixel.
+        places = np.rint((np.array(zone.corners_m) - low) / resolution_m - 0.5).astype(np.int32)
+        cv2.fillPoly(mask, [places], value)
+    described = path.with_suffix(f".{kind}.yaml")
+    write_picture(described, mask, "raw", resolution_m, low)
+    return described

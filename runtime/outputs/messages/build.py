@@ -14,8 +14,7 @@ from scipy.spatial.transform import Rotation
 from edgemap.geometry.camera.intrinsics import Intrinsics
 from edgemap.geometry.camera.mount import Mount
 from edgemap.geometry.se2 import SE2
-from edgemap.runtime.frames.messages.definitions import Message
-from edgemap.runtime.frames.messages.stamps import ros_time
+from edgemap.runtime.frames.messages.definitions import Message, ros_time
 from edgemap.runtime.frames.messages.topics import IDS, FrameIds
 from edgemap.runtime.step.slam import StepResult
 

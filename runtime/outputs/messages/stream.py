@@ -14,8 +14,7 @@ from edgemap.geometry.se2 import SE2
 from edgemap.runtime.frames.errors import RecordingError
 from edgemap.runtime.frames.frame import Frame
 from edgemap.runtime.frames.messages import topics
-from edgemap.runtime.frames.messages.definitions import Message
-from edgemap.runtime.frames.messages.stamps import to_ns
+from edgemap.runtime.frames.messages.definitions import Message, to_ns
 from edgemap.runtime.frames.messages.topics import FrameIds
 from edgemap.runtime.outputs.messages import build
 from edgemap.runtime.outputs.messages.map_messages import (

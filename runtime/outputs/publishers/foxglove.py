@@ -7,8 +7,7 @@ from edgemap.runtime.frames.colours import label_rgb
 from edgemap.runtime.frames.errors import PublishError
 from edgemap.runtime.frames.extras import need
 from edgemap.runtime.frames.messages import topics
-from edgemap.runtime.frames.messages.definitions import definition, encoder
-from edgemap.runtime.frames.messages.stamps import to_ns
+from edgemap.runtime.frames.messages.definitions import definition, encoder, to_ns
 from edgemap.runtime.outputs.messages.stream import MessageStream
 from edgemap.runtime.step.slam import StepResult
 

@@ -14,8 +14,7 @@ from edgemap.geometry.map_object import MapObject
 from edgemap.runtime.frames.errors import PublishError
 from edgemap.runtime.frames.extras import need
 from edgemap.runtime.frames.messages import topics
-from edgemap.runtime.frames.messages.definitions import Message
-from edgemap.runtime.frames.messages.stamps import to_ns
+from edgemap.runtime.frames.messages.definitions import Message, to_ns
 from edgemap.runtime.outputs.messages.map_messages import CUBE, CYLINDER, TEXT
 from edgemap.runtime.outputs.messages.stream import MessageStream
 from edgemap.runtime.step.slam import StepResult

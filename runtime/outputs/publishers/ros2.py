@@ -14,7 +14,7 @@ from edgemap.geometry.objects.edits import Edit
 from edgemap.geometry.se2 import SE2
 from edgemap.runtime.frames.errors import Ros2Error
 from edgemap.runtime.frames.messages import topics
-from edgemap.runtime.frames.messages.stamps import ros_offset_s, to_ns
+from edgemap.runtime.frames.messages.definitions import ros_offset_s, to_ns
 from edgemap.runtime.frames.messages.topics import FrameIds
 from edgemap.runtime.inputs.ros2.node import Node, Publisher, Reliability
 from edgemap.runtime.inputs.ros2.sources import RobotOdom

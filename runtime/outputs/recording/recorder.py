@@ -8,7 +8,7 @@ from edgemap.geometry.map_object import MapObject
 from edgemap.geometry.se2 import SE2
 from edgemap.runtime.frames.errors import DiskError, RecordingError
 from edgemap.runtime.frames.frame import Frame
-from edgemap.runtime.frames.messages.stamps import to_ns, to_s
+from edgemap.runtime.frames.messages.definitions import to_ns, to_s
 from edgemap.runtime.frames.messages.topics import (
     DEPTH,
     EDITS,

@@ -14,9 +14,10 @@ from edgemap.export.detector.boxes import generalised_iou, overlap, read_heads  
 from edgemap.export.detector.loader import Batches, collate, rarity  # noqa: E402
 from edgemap.export.detector.loss import Targets, assign, detection_loss, distance_loss  # noqa: E402
 from edgemap.export.detector.store import Example, load_examples  # noqa: E402
-from edgemap.export.detector.train import DetectorSettings, Trainer  # noqa: E402
+from edgemap.export.detector.train import Trainer  # noqa: E402
 from edgemap.export.detector.validate import blend, choose_blend  # noqa: E402
 from edgemap.export.errors import ExportError  # noqa: E402
+from edgemap.export.settings import DetectorSettings  # noqa: E402
 from edgemap.runtime.inputs.drives.yolo import COCO_NAMES  # noqa: E402
 
 CLASSES = ("chair", "couch")

@@ -15,7 +15,8 @@ torch = pytest.importorskip("torch")
 from edgemap import models  # noqa: E402
 from edgemap.export.detector.network import TorchNetwork, load_network  # noqa: E402
 from edgemap.export.detector.store import Example  # noqa: E402
-from edgemap.export.detector.train import DetectorSettings, Trainer  # noqa: E402
+from edgemap.export.detector.train import Trainer  # noqa: E402
+from edgemap.export.settings import DetectorSettings  # noqa: E402
 
 PICO = Path(models.__file__).parent / "edgemap-pico"
 

@@ -20,8 +20,7 @@ from edgemap.runtime.outputs.mapfiles.grid import (
     grid_of,
     live_grid,
 )
-from edgemap.runtime.outputs.mapfiles.masks import write_masks
-from edgemap.runtime.outputs.mapfiles.nav2 import vector_text, write_nav2
+from edgemap.runtime.outputs.mapfiles.nav2 import vector_text, write_masks, write_nav2
 
 # An L: three chairs along x, one to the left (+y) of the first. No mirror image or transpose of it is itself.
 CROOKED = [("chair", 1.0, 0.0), ("chair", 3.0, 0.0), ("chair", 6.0, 0.0), ("chair", 1.0, 2.0)]

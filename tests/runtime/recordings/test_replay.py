@@ -22,7 +22,7 @@ from edgemap.geometry.se2 import SE2
 from edgemap.runtime.frames.decisions import Decisions
 from edgemap.runtime.frames.errors import CameraError, RecordingError
 from edgemap.runtime.frames.frame import Frame
-from edgemap.runtime.frames.messages.stamps import to_ns, to_s
+from edgemap.runtime.frames.messages.definitions import to_ns, to_s
 from edgemap.runtime.frames.trajectory import Trajectory
 from edgemap.runtime.inputs.cameras.protocol import Camera
 from edgemap.runtime.inputs.open import open_camera

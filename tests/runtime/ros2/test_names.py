@@ -4,11 +4,10 @@ from typing import Any
 
 import pytest
 
-from edgemap.cli.errors import OptionError
+from edgemap.cli.arguments import OptionError
 from edgemap.cli.ros2 import frame_names
 from edgemap.runtime.frames.errors import Ros2Error
-from edgemap.runtime.frames.messages.definitions import definition
-from edgemap.runtime.frames.messages.stamps import ros_offset_s
+from edgemap.runtime.frames.messages.definitions import definition, ros_offset_s
 from edgemap.runtime.frames.messages.topics import KINDS
 from edgemap.runtime.inputs.ros2.discovery import Discovery, discovery_from
 from edgemap.runtime.inputs.ros2.types import HASHES, dds_topic, dds_type, in_namespace, ros_kind

@@ -1,4 +1,5 @@
-"""Floor shares of photographs by a teacher: DeepLabV3+ on MobileNetV2, trained on ADE20K (mlcommons/mobile_models)."""
+"""Training data of a floor head: labelled folders, and photographs that a teacher labels first, DeepLabV3+ on
+MobileNetV2, trained on ADE20K (mlcommons/mobile_models)."""
 
 from collections.abc import Callable
 from pathlib import Path
@@ -6,16 +7,21 @@ from pathlib import Path
 import cv2
 import numpy as np
 from numpy.typing import NDArray
+from tqdm import tqdm
 
 from edgemap.export.errors import ExportError
-from edgemap.runtime.frames.reading import one_line
+from edgemap.runtime.frames.reading import library_path, one_line, user_path
+from edgemap.runtime.inputs.drives.pictures import list_pictures, read_picture
+from edgemap.runtime.inputs.drives.truth import floor_pairs, paired
 
 Image = NDArray[np.uint8]
+Pair = tuple[Path, Path]
+Teacher = Callable[[Image], Image]
 FLOORS = (4, 29)  # of the teacher's 32 classes: floor, rug
 WALLS = (1, 15)  # wall, door
 
 
-def open_teacher(path: Path, threads: int = 1) -> Callable[[Image], Image]:
+def open_teacher(path: Path, threads: int = 1) -> Teacher:
     """A function from a BGR picture to its shares of other, floor and wall, (h, w, 3) uint8 in 255ths, the mean of the
     picture's and its mirror image's, from a .tflite file whose output is (1, h, w, 32) logits.
 
@@ -51,3 +57,26 @@ def open_teacher(path: Path, threads: int = 1) -> Callable[[Image], Image]:
         return np.rint(255.0 * both).astype(np.uint8)
 
     return label
+
+
+def labelled(spec: str, teacher: Teacher | None, labels: Path) -> list[Pair]:
+    """Pictures and label files of `floor:DIR`, `drive:DIR` with floor/, or a plain folder that the teacher labels.
+
+    labels: folder for its shares; existing ones are kept. Raises ExportError or CameraError.
+    """
+    kind, colon, folder = spec.partition(":")
+    if colon and kind in ("floor", "drive"):
+        return floor_pairs(user_path(folder))
+    source = user_path(spec)
+    if not source.is_dir():
+        raise ExportError(f"{spec}: expected floor:DIR, drive:DIR with floor/, or a folder of pictures")
+    if teacher is None:
+        raise ExportError(f"{spec}: pictures without floor labels need a --teacher")
+    images = list_pictures(source)
+    labels.mkdir(parents=True, exist_ok=True)
+    missing = [path for path in images if not (labels / f"{path.stem}.png").is_file()]
+    for path in tqdm(missing, unit=" labels", disable=None):
+        part = labels / f".{path.stem}.part.png"
+        cv2.imwrite(library_path(part), teacher(read_picture(path)))
+        part.replace(labels / f"{path.stem}.png")
+    return paired(images, labels)

@@ -1,0 +1,141 @@
+"""One drive of `edgemap run`: the step, the sinks that it feeds, and what is printed of it."""
+
+from datetime import UTC, datetime
+from pathlib import Path
+from threading import Event
+
+from edgemap.cli.guessed_camera import CameraKeeper
+from edgemap.cli.live_page import NoPage, live_page
+from edgemap.cli.options import choose_classes, minimum_score
+from edgemap.cli.record import recording_sinks
+from edgemap.cli.run_options import RunOptions, budgeted, read_share
+from edgemap.cli.run_record import run_record, scale_source
+from edgemap.cli.saved_map import enter_saved_map, living_map, where_it_was
+from edgemap.cli.summary import RunSummary, judge_of, with_map_so_far
+from edgemap.geometry.camera.floor import FloorCamera
+from edgemap.runtime.frames.decisions import Decisions
+from edgemap.runtime.inputs.cameras.protocol import Camera
+from edgemap.runtime.network.bundle import Bundle
+from edgemap.runtime.outputs.report.crops import BestCrops
+from edgemap.runtime.outputs.report.sink import ReportFile
+from edgemap.runtime.outputs.service import ServiceNotifier
+from edgemap.runtime.outputs.sinks.living_map import LivingMap
+from edgemap.runtime.outputs.sinks.progress import progress
+from edgemap.runtime.outputs.sinks.run_folder import RunFolder
+from edgemap.runtime.step.calibration.guess import CameraGuess
+from edgemap.runtime.step.config import Config
+from edgemap.runtime.step.edits import Edits, load_edits, read_edits
+from edgemap.runtime.step.loop import run, stop_on_signals
+from edgemap.runtime.step.sinks import Sink
+from edgemap.runtime.step.slam import SlamOptions, build_slam
+
+
+class Drive:
+    """One run."""
+
+    def __init__(
+        self,
+        options: RunOptions,
+        source: Camera,
+        loaded: Bundle,
+        floor: FloorCamera,
+        tuned: Config,
+        guess: CameraGuess | None,
+    ) -> None:
+        robot, chosen = options.robot, options.map
+        self.options, self.source, self.loaded, self.floor = options, source, loaded, floor
+        threshold = minimum_score(chosen.confidence, loaded)
+        self.mapped = choose_classes(chosen.classes, loaded)
+        slam_options = SlamOptions(
+            robot.odometry,
+            not robot.without_wheels,
+            not robot.without_imu,
+            chosen.clustering,
+            chosen.loop_closure,
+            chosen.forgets(chosen.clustering),
+            options.advanced.allow_untrained,
+            self.mapped,
+            threshold,
+        )
+        self.slam = build_slam(source, loaded, floor, slam_options, tuned)
+        self.place = chosen.place()
+        enter_saved_map(self.slam.mapper, self.place, chosen.start, chosen.clustering)
+        self.folder = options.outputs.out or Path("runs") / datetime.now(UTC).strftime("%Y%m%dT%H%M%SZ")
+        self.kept_camera = CameraKeeper(self.folder, floor, guess, options.camera.camera)
+        self.record = run_record(options, source, loaded, floor, threshold, self.mapped, tuned)
+        self.record |= {"loop_closure": self.slam.mapper.loop_closer.closes_loops}
+        self.record |= {"camera_guess": guess.record()} if guess else {}
+        guessed = (guess.pitch_sigma_rad, guess.height_sigma) if guess else (0.0, 0.0)
+        angles, height = ("guessed" if sigma else "given" for sigma in guessed)
+        self.mount_sources = angles, height
+        self.crops = BestCrops()
+
+    def run(self) -> None:
+        """Drive to the end of the source, `--frames` or a signal; then print what came of it."""
+        options = self.options
+        edits = self._edits()
+        with (
+            stop_on_signals() as stop,  # from here on there is something to save
+            living_map(self.place, self.slam.mapper) as kept,
+            live_page(
+                options.watch, self.source, self.loaded, self.floor, options.robot.odometry, self.folder, self.crops,
+                edits, self.kept_camera.set_mount, lambda: self.slam.mapper.relocaliser.searching,
+            ) as page,
+        ):  # fmt: skip
+            self._drive(page, stop, edits, kept)
+
+    def _edits(self) -> Edits:
+        given, spec = self.options.map.edited, self.options.camera.camera
+        found = load_edits(given) if given else read_edits(self.source.edits, f"{spec}: edits")
+        return Edits(self.folder / "edits.jsonl", found)
+
+    def _drive(self, page: NoPage, stop: Event, edits: Edits, kept: list[LivingMap]) -> None:
+        camera, advanced, saved = self.options.camera, self.options.advanced, self.options.map.saved
+        notifier, summary = ServiceNotifier(), RunSummary(self.floor.mount, self.mount_sources)
+        trusted = advanced.config if advanced.config_options else None
+        source = budgeted(self.source, read_share(advanced.cpu), trusted)
+        publishers = self._publishers(edits)
+        page.drives([send for one in publishers if (send := getattr(one, "send_goal", None))])
+        files = RunFolder(self.folder, self.floor, self.record | {"efforts": source.efforts})
+        judge = (
+            None if saved else judge_of(camera.camera, self.source, self.mapped if self.options.map.classes else None)
+        )
+        report = ReportFile(self.folder, None if saved else self.source.truth, judge, self.crops)
+        page.judged_by(lambda: files.verdict)
+        edits.savers += [files.edited, report.edited, *(one.edited for one in kept)]
+
+        def beat(text: str) -> None:
+            notifier.beat(text + source.status)
+
+        # The folder last but for the report, which reads it: what goes wrong with the others stands in run.json.
+        shown = progress(camera.frames or self.source.frame_count)
+        sinks: list[Sink] = [shown, summary, *publishers, *kept, *page.sinks, files, report]
+        try:
+            with with_map_so_far(summary, self.folder):
+                done = run(
+                    page.camera(source, stop), self.slam, sinks, camera.frames, stop, advanced.strict, beat, edits
+                )
+        finally:
+            notifier.stopping()
+        summary.print(self.folder, done, stop.is_set(), files.verdict, report.evaluation_rows)
+        if line := where_it_was(self.slam.mapper, saved):
+            print(line)
+        if result := summary.result:
+            alone = not scale_source(files.document)
+            if line := self.kept_camera.at_end(result.observed.mount_estimate, alone):
+                print(line)
+        print(report.failure or f"see it:  {report.path}")
+        page.stay(stop, lambda: edits.apply(self.slam.mapper, done))
+        edits.settle(self.slam.mapper)
+
+    def _publishers(self, edits: Edits) -> list[Sink]:
+        """Recording and other programs."""
+        out, odometry = self.options.outputs, self.options.robot.odometry
+        decided = Decisions(self.loaded.engine, self.loaded.precision)
+        viewers = self.options.watch.viewer_sinks(self.floor)
+        named = out.named_sinks(self.place.path if self.place and self.place.exists else None)
+        guess = self.record.get("camera_guess")
+        tape = recording_sinks(out.recording, out.lossless, self.source, self.floor, odometry, decided, guess)
+        live = out.ros2_sinks(self.source, self.floor, edits)
+        edits.recorders += [sink.edit for sink in tape]
+        return [*tape, *viewers, *named, *live]
