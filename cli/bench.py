@@ -4,7 +4,8 @@ from pathlib import Path
 from typing import Annotated, Any, Literal
 
 from edgemap.cli.arguments import OptionError, arg
-from edgemap.cli.groups import NetworkOptions, Source
+from edgemap.cli.groups import Source
+from edgemap.cli.network_options import NetworkOptions
 from edgemap.cli.options import Json, print_json
 
 

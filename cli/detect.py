@@ -8,7 +8,8 @@ import tyro
 
 from edgemap.cli.arguments import arg
 from edgemap.cli.camera_options import read_intrinsics, read_mount
-from edgemap.cli.groups import NetworkOptions, Optics
+from edgemap.cli.groups import Optics
+from edgemap.cli.network_options import NetworkOptions
 from edgemap.cli.options import Confidence, Json, minimum_score, print_json
 
 if TYPE_CHECKING:

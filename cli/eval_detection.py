@@ -4,7 +4,7 @@ from pathlib import Path
 from typing import Annotated, Any
 
 from edgemap.cli.arguments import OptionError, arg
-from edgemap.cli.groups import NetworkOptions
+from edgemap.cli.network_options import NetworkOptions
 from edgemap.cli.options import Json, at_least, in_unit, print_json
 
 

@@ -3,7 +3,7 @@
 from typing import TYPE_CHECKING, Annotated, Any
 
 from edgemap.cli.arguments import OptionError, arg
-from edgemap.cli.groups import NetworkOptions
+from edgemap.cli.network_options import NetworkOptions
 from edgemap.cli.options import Json, at_least, print_json
 
 if TYPE_CHECKING:

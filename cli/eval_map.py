@@ -4,7 +4,8 @@ from pathlib import Path
 from typing import Annotated, Any
 
 from edgemap.cli.arguments import arg
-from edgemap.cli.groups import MappingOptions, MotionOptions, NetworkOptions
+from edgemap.cli.groups import MappingOptions, MotionOptions
+from edgemap.cli.network_options import NetworkOptions
 from edgemap.cli.options import ConfigFile, Json, WithoutDepth, at_least, print_json
 
 

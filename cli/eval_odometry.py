@@ -8,7 +8,7 @@ import tyro
 
 from edgemap.cli.arguments import OptionError, arg
 from edgemap.cli.camera_options import MountText, read_mount
-from edgemap.cli.groups import NetworkOptions
+from edgemap.cli.network_options import NetworkOptions
 from edgemap.cli.options import ConfigFile, Json, WithoutDepth, WithoutImu, at_least, print_json
 
 Repeated = tyro.conf.UseAppendAction[tuple[tuple[str, ...], ...]]

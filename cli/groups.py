@@ -17,27 +17,13 @@ from edgemap.cli.camera_options import (
     read_mount_numbers,
     read_numbers_of_lens,
 )
-from edgemap.cli.options import (
-    BundleName,
-    Confidence,
-    EngineName,
-    LoopClosure,
-    OdometrySpec,
-    PrecisionName,
-    Threads,
-    WithoutImu,
-    WithoutWheels,
-    check_odometry,
-    find_bundle,
-    in_unit,
-)
+from edgemap.cli.options import PICTURE_ODOMETRIES, Confidence, WithoutImu, in_unit
 
 if TYPE_CHECKING:
     from edgemap.geometry.camera.floor import FloorCamera
-    from edgemap.runtime.frames.decisions import Decisions
     from edgemap.runtime.inputs.cameras.protocol import Camera
-    from edgemap.runtime.network.bundle import Bundle
-    from edgemap.runtime.network.compute import Pace
+
+ODOMETRIES = (*PICTURE_ODOMETRIES, "gyro", "paper", "truth")
 
 
 @dataclass(frozen=True)
@@ -82,32 +68,34 @@ class Source(Optics, _Spec):
 
 
 @dataclass(frozen=True)
-class NetworkOptions:
-    """The network and what runs it."""
-
-    bundle: BundleName = None
-    threads: Threads = None
-    precision: PrecisionName = "default"
-    engine: EngineName = "default"
-
-    def load(self, *specs: str, pace: "Pace" = "files", recorded: "Decisions | None" = None) -> "Bundle":
-        """The bundle for these sources; see `find_bundle`."""
-        return find_bundle(
-            self.bundle, self.threads, self.precision, *specs, pace=pace, engine=self.engine, recorded=recorded
-        )
-
-
-@dataclass(frozen=True)
 class MotionOptions:
     """Source of the robot's motion."""
 
-    odometry: OdometrySpec = "hybrid"
-    without_wheels: WithoutWheels = False
+    odometry: Annotated[
+        str,
+        arg(
+            metavar="SPEC",
+            help="Where the robot's motion comes from: hybrid (flow, planar, and gyro and wheels where the source "
+            "brings them); flow (a network on the backbone's features); planar (floor corners); window (the same, "
+            "keyframes of a carried camera optimised together); gyro; truth (the drive's own "
+            "poses); paper (the bundle's ConvLSTM head); wheel:FILE.csv (stamp_s,x_m,y_m,yaw_rad) or wheel:FILE.mcap; "
+            "FILE.tum (poses of the base).",
+        ),
+    ] = "hybrid"
+    without_wheels: Annotated[bool, arg(help="Ignore the wheel odometry of the source.")] = False
     without_imu: WithoutImu = False
 
     def check(self) -> None:
-        """Read the SPEC, before anything is opened. Raises OptionError."""
-        check_odometry(self.odometry)
+        """Refuse a SPEC that names no odometry. Raises OptionError with the one that is meant."""
+        if self.odometry in ODOMETRIES or self.odometry.startswith("wheel:") or self.odometry.endswith(".tum"):
+            return
+        from difflib import get_close_matches
+
+        close = get_close_matches(self.odometry.casefold(), [*ODOMETRIES, "wheel"], 1, 0.6)
+        meant = "wheel:FILE.csv" if close == ["wheel"] else next(iter(close), None)
+        hint = f"did you mean {meant}? Known are" if meant else "expected"
+        known = f"{', '.join(ODOMETRIES)}, wheel:FILE.csv|.mcap or FILE.tum"
+        raise OptionError(f"--odometry {self.odometry!r}: {hint} {known}")
 
 
 @dataclass(frozen=True)
@@ -119,7 +107,13 @@ class MappingOptions:
         Literal["default", "paper"],
         arg(help="default: association under both covariances; paper: single linkage per label at 1 m."),
     ] = "default"
-    loop_closure: LoopClosure = True
+    loop_closure: Annotated[
+        bool,
+        arg(
+            help="Leave the pose to odometry when objects are observed again. Always so where poses are given (truth, "
+            "FILE.tum) and with --clustering paper."
+        ),
+    ] = True
 
     def check(self) -> None:
         """Raises OptionError for a score that none can have."""

@@ -3,20 +3,16 @@
 import math
 from collections.abc import Iterable
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Literal
+from typing import TYPE_CHECKING, Annotated
 
 from edgemap.cli.arguments import OptionError, arg
 
 if TYPE_CHECKING:
-    from edgemap.runtime.frames.decisions import Decisions, Precision
     from edgemap.runtime.network.bundle import Bundle
-    from edgemap.runtime.network.compute import EngineChoice, Pace
 
 from edgemap.runtime.frames.extras import need
 
 PICTURE_ODOMETRIES = ("hybrid", "flow", "planar", "window")  # lengths are in proportion to the height of the lens
-ODOMETRIES = (*PICTURE_ODOMETRIES, "gyro", "paper", "truth")
-MAXIMUM_THREADS = 64
 
 BundleName = Annotated[
     str | None,
@@ -26,18 +22,6 @@ BundleName = Annotated[
         "default edgemap-nano for rendered pictures (demo, sim:, drive:), edgemap-pico for those of a real camera.",
     ),
 ]
-OdometrySpec = Annotated[
-    str,
-    arg(
-        metavar="SPEC",
-        help="Where the robot's motion comes from: hybrid (flow, planar, and gyro and wheels where the source brings "
-        "them); flow (a network on the backbone's features); planar (floor corners); window (the same, "
-        "keyframes of a carried camera optimised together); gyro; truth (the drive's own "
-        "poses); paper (the bundle's ConvLSTM head); wheel:FILE.csv (stamp_s,x_m,y_m,yaw_rad) or wheel:FILE.mcap; "
-        "FILE.tum (poses of the base).",
-    ),
-]
-WithoutWheels = Annotated[bool, arg(help="Ignore the wheel odometry of the source.")]
 WithoutImu = Annotated[
     bool, arg(help="Ignore the inertial samples of the source: roll and pitch come from pictures, yaw without a gyro.")
 ]
@@ -46,33 +30,6 @@ Confidence = Annotated[
     float | None,
     arg(
         metavar="0..1", help="Minimum score of a box (objectness times class probability); by default the bundle's own."
-    ),
-]
-Threads = Annotated[
-    int | None,
-    arg(metavar="N", help="Threads of the backbone; by default one or two, whichever a short trial finds faster."),
-]
-PrecisionName = Annotated[
-    Literal["default", "float32", "int8", "auto"],
-    arg(
-        help="Numbers that the backbone computes with. default: what a recording was made with, else float32; int8: "
-        "the bundle's variant of 8-bit numbers, where it has one; auto: that one where its report loses at most 0.01 "
-        "AP50 and a short trial finds it faster on this processor.",
-    ),
-]
-EngineName = Annotated[
-    Literal["default", "onnxruntime", "openvino", "openvino-bf16", "auto"],
-    arg(
-        help="What runs the backbone. default: what a recording was made with, else onnxruntime; openvino (extra "
-        "openvino) computes with 32 bits as well, openvino-bf16 with 16 where the processor has them; auto: the "
-        "one of these that a trial finds clearly fastest, remembered."
-    ),
-]
-LoopClosure = Annotated[
-    bool,
-    arg(
-        help="Leave the pose to odometry when objects are observed again. Always so where poses are given (truth, "
-        "FILE.tum) and with --clustering paper."
     ),
 ]
 ConfigFile = Annotated[
@@ -131,88 +88,6 @@ def minimum_score(confidence: float | None, bundle: "Bundle") -> float:
     """The asked for confidence, else the bundle's own. Raises OptionError outside 0..1."""
     in_unit(confidence=confidence)
     return bundle.manifest.confidence if confidence is None else confidence
-
-
-def check_odometry(spec: str) -> None:
-    """Refuse a SPEC that names no odometry. Raises OptionError with the one that is meant."""
-    if spec in ODOMETRIES or spec.startswith("wheel:") or spec.endswith(".tum"):
-        return
-    from difflib import get_close_matches
-
-    close = get_close_matches(spec.casefold(), [*ODOMETRIES, "wheel"], 1, 0.6)
-    meant = "wheel:FILE.csv" if close == ["wheel"] else next(iter(close), None)
-    hint = f"did you mean {meant}? Known are" if meant else "expected"
-    raise OptionError(f"--odometry {spec!r}: {hint} {', '.join(ODOMETRIES)}, wheel:FILE.csv|.mcap or FILE.tum")
-
-
-def find_bundle(
-    name: str | None,
-    threads: int | None,
-    precision: "Precision | Literal['default']" = "default",
-    *specs: str,
-    pace: "Pace" = "files",
-    engine: "EngineChoice | Literal['default']" = "default",
-    recorded: "Decisions | None" = None,
-) -> "Bundle":
-    """Load a bundle by folder or name; a listed name that is not in the cache is pulled first. specs: the sources of
-    the run, which select the default bundle; standard error then names it with the reason. recorded: engine and
-    precision of the run that made a recording, taken where none is asked for.
-    """
-    at_least(1, threads=threads)
-    if threads is not None and threads > MAXIMUM_THREADS:
-        raise OptionError(f"--threads {threads}: at most {MAXIMUM_THREADS}")
-    from edgemap.runtime.frames.reading import print_message
-    from edgemap.runtime.network.bundle import load_bundle
-    from edgemap.runtime.network.store import bundle_folder, default_bundle, passed_over, shipped_bundles
-
-    if name is None:
-        name, reason = default_bundle(*specs)
-        print_message(f"bundle {name}: {reason}")
-    folder = bundle_folder(name)
-    if (other := passed_over(name)) is not None:
-        print_message(f"bundle {name}: the one that comes with edgemap, not another of its name (--bundle {other})")
-    if folder.suffix == ".onnx" or folder.is_file():
-        made = folder.stem
-        raise OptionError(
-            f"--bundle {name}: a bundle is a folder with a contract; make one of this file with "
-            f"edgemap export --backbone {name} -o {made}, then pass --bundle {made}"
-        )
-    if not (folder / "bundle.json").is_file() and not Path(name).exists():
-        from edgemap.cli.pull import KNOWN, pull_known
-
-        if name not in KNOWN:
-            shipped = shipped_bundles()
-            hint = known_names([name], [*shipped, *KNOWN], "")
-            hint = hint if hint.startswith("did") else "no such bundle."
-            raise OptionError(
-                f"--bundle {name}: {hint} The package has {', '.join(shipped)}; edgemap pull fetches "
-                f"{', '.join(sorted(set(KNOWN) - set(shipped)))}; or give a bundle's folder"
-            )
-        folder = pull_known(name)
-    return load_bundle(
-        folder, threads, chosen_precision(precision, recorded), pace=pace, engine=chosen_engine(engine, recorded)
-    )
-
-
-def chosen_precision(asked: "Precision | Literal['default']", recorded: "Decisions | None" = None) -> "Precision":
-    """The requested precision, else the recorded one, else float32."""
-    if asked != "default":
-        return asked
-    return recorded.precision if recorded else "float32"
-
-
-def chosen_engine(asked: "EngineChoice | Literal['default']", recorded: "Decisions | None" = None) -> "EngineChoice":
-    """The requested engine, else the recorded one if it is installed, else onnxruntime."""
-    from importlib.util import find_spec
-
-    from edgemap.runtime.frames.reading import print_message
-
-    if asked != "default":
-        return asked
-    if recorded and recorded.engine != "onnxruntime" and find_spec("openvino") is None:
-        print_message(f"recorded with {recorded.engine}, which is not installed: the map may differ slightly")
-        return "onnxruntime"
-    return recorded.engine if recorded else "onnxruntime"
 
 
 def choose_classes(text: str | None, bundle: "Bundle") -> frozenset[str]:

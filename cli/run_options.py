@@ -5,8 +5,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
 
 from edgemap.cli.arguments import OptionError, arg
-from edgemap.cli.groups import MappingOptions, MotionOptions, NetworkOptions, Source
+from edgemap.cli.groups import MappingOptions, MotionOptions, Source
 from edgemap.cli.live_page import PageOptions
+from edgemap.cli.network_options import NetworkOptions
 from edgemap.cli.options import ConfigFile, ConfigOptions, WithoutDepth, at_least
 from edgemap.cli.publishers import NamedOutputs, Viewers
 from edgemap.cli.ros2 import DepthTopicName, ImuTopic, Ros2Outputs, WheelTopic, frame_names

@@ -5,6 +5,7 @@ from pathlib import Path
 from typing import Annotated
 
 from edgemap.cli.arguments import OptionError, arg
+from edgemap.cli.network_options import NetworkOptions
 from edgemap.cli.training import Resume, check_training
 from edgemap.export.settings import DetectorSettings
 
@@ -83,7 +84,7 @@ def command(
     Interrupted runs go on with --resume: with a budget in epochs exactly as if nothing had happened. `edgemap export
     DIR/best.pt --head HEAD -o BUNDLE` makes a bundle.
     """
-    from edgemap.cli.options import at_least, find_bundle, need_training
+    from edgemap.cli.options import at_least, need_training
 
     need_training("edgemap train detector")
     at_least(1, validate_pictures=validate_pictures)
@@ -104,7 +105,7 @@ def command(
         if other.names != start.names:
             raise OptionError(f"{path}: knows {len(other.names)} other classes than {bundle} with {len(start.names)}")
     print(f"reading {', '.join(data)} …", flush=True)
-    teach = teacher_of([find_bundle(name, settings.threads) for name in teacher]) if teacher else None
+    teach = teacher_of([NetworkOptions(name, settings.threads).load() for name in teacher]) if teacher else None
     examples = load_examples(data, network.names, network.side, teach=teach)
     held_back = {
         spec: load_examples([spec], network.names, network.side, validate_pictures, teach) for spec in validation

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from edgemap.cli.options import chosen_engine, chosen_precision
+from edgemap.cli.network_options import chosen_engine, chosen_precision
 from edgemap.geometry.camera.floor import FloorCamera
 from edgemap.runtime.frames.decisions import Decisions
 from edgemap.runtime.frames.errors import BundleError
