@@ -3,11 +3,12 @@
 from datetime import UTC, datetime
 from pathlib import Path
 from threading import Event
+from typing import TYPE_CHECKING
 
 from edgemap.cli.guessed_camera import CameraKeeper
 from edgemap.cli.live_page import NoPage, live_page
 from edgemap.cli.options import choose_classes, minimum_score
-from edgemap.cli.record import recording_sinks
+from edgemap.cli.record import wheel_track
 from edgemap.cli.run_options import RunOptions, budgeted, read_share
 from edgemap.cli.run_record import run_record, scale_source
 from edgemap.cli.saved_map import enter_saved_map, living_map, where_it_was
@@ -28,6 +29,9 @@ from edgemap.runtime.step.edits import Edits, load_edits, read_edits
 from edgemap.runtime.step.loop import run, stop_on_signals
 from edgemap.runtime.step.sinks import Sink
 from edgemap.runtime.step.slam import SlamOptions, build_slam
+
+if TYPE_CHECKING:
+    from edgemap.runtime.outputs.recording.recorder import RecordingSink
 
 
 class Drive:
@@ -130,12 +134,25 @@ class Drive:
 
     def _publishers(self, edits: Edits) -> list[Sink]:
         """Recording and other programs."""
-        out, odometry = self.options.outputs, self.options.robot.odometry
-        decided = Decisions(self.loaded.engine, self.loaded.precision)
+        out = self.options.outputs
         viewers = self.options.watch.viewer_sinks(self.floor)
         named = out.named_sinks(self.place.path if self.place and self.place.exists else None)
-        guess = self.record.get("camera_guess")
-        tape = recording_sinks(out.recording, out.lossless, self.source, self.floor, odometry, decided, guess)
+        tape = self._recording()
         live = out.ros2_sinks(self.source, self.floor, edits)
         edits.recorders += [sink.edit for sink in tape]
         return [*tape, *viewers, *named, *live]
+
+    def _recording(self) -> "list[RecordingSink]":
+        """The sink of `--record`: with the run's lens, mount, decisions, guess and wheels (or the source's)."""
+        path, source, odometry = self.options.outputs.recording, self.source, self.options.robot.odometry
+        if path is None:
+            return []
+        from edgemap.runtime.inputs.recordings.facts import Facts
+        from edgemap.runtime.outputs.recording.recorder import Recorder, RecordingSink
+
+        wheel = odometry.removeprefix("wheel:") if odometry.startswith("wheel:") else source.wheel
+        decided, lossless = Decisions(self.loaded.engine, self.loaded.precision), self.options.outputs.lossless
+        lens, mount, guess = self.floor.intrinsics, self.floor.mount, self.record.get("camera_guess")
+        facts = Facts(source.name, lens, mount, source.rate_hz, decided, guess)
+        track = wheel_track(wheel) if isinstance(wheel, str | Path) else None  # poses that come live are not recorded
+        return [RecordingSink(lambda: Recorder(path, facts, lossless=lossless, wheel=track, truth=source.truth))]

@@ -4,65 +4,48 @@ import math
 import time
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import asdict, dataclass
+from dataclasses import asdict
 from pathlib import Path
 from threading import Event
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Any
 
-from edgemap.cli.arguments import arg
+from edgemap.cli.run_options import PageOptions
+from edgemap.geometry.camera.floor import FloorCamera
+from edgemap.geometry.map_object import CHI2_95
+from edgemap.geometry.se2 import SE2
+from edgemap.runtime.frames.colours import SHAPES, label_mark
+from edgemap.runtime.frames.reading import printable
+from edgemap.runtime.inputs.cameras.base import BudgetedCamera, PacedCamera
+from edgemap.runtime.inputs.cameras.protocol import Camera
+from edgemap.runtime.network.bundle import Bundle
+from edgemap.runtime.outputs.report.crops import BestCrops
+from edgemap.runtime.outputs.verdict.verdict import Verdict
+from edgemap.runtime.step.edits import Edits
+from edgemap.runtime.step.loop import stop_on_signals
+from edgemap.runtime.step.sinks import Sink
 
 if TYPE_CHECKING:
-    from edgemap.geometry.camera.floor import FloorCamera
-    from edgemap.geometry.se2 import SE2
-    from edgemap.runtime.inputs.cameras.protocol import Camera
-    from edgemap.runtime.network.bundle import Bundle
-    from edgemap.runtime.outputs.report.crops import BestCrops
-    from edgemap.runtime.outputs.verdict.verdict import Verdict
-    from edgemap.runtime.step.edits import Edits
-    from edgemap.runtime.step.sinks import Sink
     from edgemap.view.page import LivePage
 
 LOOK_EVERY_S = 0.1
 
 
-@dataclass(frozen=True)
-class PageOptions:
-    """The live page."""
-
-    view: Annotated[
-        bool,
-        arg(
-            help="Serve a live page for browsers. Files are then paced by their stamps, as --realtime does, and the "
-            "page stays after the last frame until Ctrl-C."
-        ),
-    ] = False
-    view_host: Annotated[
-        str,
-        arg(
-            metavar="ADDRESS",
-            help="Address to serve it on; 0.0.0.0 for every network. Beyond this machine viewers need the token that "
-            "is printed with the page's address.",
-        ),
-    ] = "127.0.0.1"
-    view_port: Annotated[int, arg(metavar="PORT", help="Port to serve it on; 0 for any free one.")] = 8090
-
-
 class NoPage:
     """Null object for a run without a live page."""
 
-    sinks: "Sequence[Sink]" = ()
+    sinks: Sequence[Sink] = ()
 
-    def camera(self, source: "Camera", stop: Event) -> "Camera":  # noqa: ARG002
+    def camera(self, source: Camera, stop: Event) -> Camera:  # noqa: ARG002
         """The camera as it is."""
         return source
 
-    def judged_by(self, verdict: "Callable[[], Verdict]") -> None:
+    def judged_by(self, verdict: Callable[[], Verdict]) -> None:
         """Ignored."""
 
     def stay(self, stop: Event, meanwhile: Callable[[], object]) -> None:
         """Returns at once."""
 
-    def drives(self, goals: "Sequence[Callable[[SE2], None]]") -> None:
+    def drives(self, goals: Sequence[Callable[[SE2], None]]) -> None:
         """Ignored."""
 
 
@@ -73,9 +56,8 @@ class OpenPage(NoPage):
         self.sinks = (page,)
         self._page, self._pause, self._url = page, page.pause, url
 
-    def camera(self, source: "Camera", stop: Event) -> "Camera":
+    def camera(self, source: Camera, stop: Event) -> Camera:
         """The camera that the run reads from."""
-        from edgemap.runtime.inputs.cameras.base import BudgetedCamera, PacedCamera
         from edgemap.view.pause import PausableCamera
 
         if isinstance(source, BudgetedCamera):
@@ -84,18 +66,16 @@ class OpenPage(NoPage):
             return source
         return PausableCamera(PacedCamera(source, self._pause.running_s), self._pause, stop.is_set)
 
-    def judged_by(self, verdict: "Callable[[], Verdict]") -> None:
+    def judged_by(self, verdict: Callable[[], Verdict]) -> None:
         """Sets the function that gives the map's verdict."""
         self._page.verdict = verdict
 
-    def drives(self, goals: "Sequence[Callable[[SE2], None]]") -> None:
+    def drives(self, goals: Sequence[Callable[[SE2], None]]) -> None:
         """Adds receivers of goal poses."""
         self._page.goals += goals
 
     def stay(self, stop: Event, meanwhile: Callable[[], object]) -> None:
         """Keeps serving after the end of a run, until Ctrl-C. meanwhile: called repeatedly."""
-        from edgemap.runtime.step.loop import stop_on_signals
-
         if stop.is_set():
             return
         print(f"the page stays at {self._url}  (Ctrl-C ends it)", flush=True)
@@ -108,13 +88,13 @@ class OpenPage(NoPage):
 @contextmanager
 def live_page(
     options: PageOptions,
-    source: "Camera",
-    bundle: "Bundle",
-    floor: "FloorCamera",
+    source: Camera,
+    bundle: Bundle,
+    floor: FloorCamera,
     odometry: str,
     folder: Path,
-    crops: "BestCrops",
-    edits: "Edits",
+    crops: BestCrops,
+    edits: Edits,
     keep_mount: Callable[[float, float], Path],
     searching: Callable[[], bool] = bool,
 ) -> Iterator[NoPage]:
@@ -142,12 +122,8 @@ def live_page(
         server.close()
 
 
-def about_run(source: "Camera", bundle: "Bundle", floor: "FloorCamera", odometry: str, folder: Path) -> dict[str, Any]:
+def about_run(source: Camera, bundle: Bundle, floor: FloorCamera, odometry: str, folder: Path) -> dict[str, Any]:
     """Description of the run for the page, with the camera's calibration for drawing."""
-    from edgemap.geometry.map_object import CHI2_95
-    from edgemap.runtime.frames.colours import SHAPES, label_mark
-    from edgemap.runtime.frames.reading import printable
-
     lens, mount = floor.intrinsics, floor.mount
     return {
         "camera": source.name,

@@ -10,11 +10,7 @@ from edgemap.cli.options import WithoutDepth, at_least
 from edgemap.cli.ros2 import DepthTopicName
 
 if TYPE_CHECKING:
-    from edgemap.geometry.camera.floor import FloorCamera
-    from edgemap.runtime.frames.decisions import Decisions
     from edgemap.runtime.frames.trajectory import Trajectory
-    from edgemap.runtime.inputs.cameras.protocol import Camera
-    from edgemap.runtime.outputs.recording.recorder import RecordingSink
 
 
 def command(
@@ -97,25 +93,3 @@ def wheel_track(spec: str | Path | None) -> "Trajectory | None":
     from edgemap.runtime.motion.odometry import wheel_trajectory
 
     return None if spec is None else wheel_trajectory(spec)
-
-
-def recording_sinks(
-    path: Path | None,
-    lossless: bool,
-    source: "Camera",
-    floor: "FloorCamera",
-    odometry: str,
-    decisions: "Decisions",
-    calibration: "dict[str, object] | None" = None,
-) -> "list[RecordingSink]":
-    """Sinks of `edgemap run --record`: with the run's intrinsics, mount, decisions and wheels (or the source's).
-    calibration: of a lens or mount that were guessed."""
-    from edgemap.runtime.inputs.recordings.facts import Facts
-    from edgemap.runtime.outputs.recording.recorder import Recorder, RecordingSink
-
-    if path is None:
-        return []
-    wheel = odometry.removeprefix("wheel:") if odometry.startswith("wheel:") else source.wheel
-    facts = Facts(source.name, floor.intrinsics, floor.mount, source.rate_hz, decisions, calibration)
-    track = wheel_track(wheel) if isinstance(wheel, str | Path) else None  # poses that come live are not recorded
-    return [RecordingSink(lambda: Recorder(path, facts, lossless=lossless, wheel=track, truth=source.truth))]

@@ -6,7 +6,6 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 from edgemap.cli.arguments import OptionError, arg
 from edgemap.cli.groups import MappingOptions, MotionOptions, Source
-from edgemap.cli.live_page import PageOptions
 from edgemap.cli.network_options import NetworkOptions
 from edgemap.cli.options import ConfigFile, ConfigOptions, WithoutDepth, at_least
 from edgemap.cli.publishers import NamedOutputs, Viewers
@@ -106,6 +105,28 @@ class MapGroup(MappingOptions, SavedMapOptions):
         str | None,
         arg(metavar="A,B,…", help="Classes that go on the map, any that the bundle knows; by default those of homes."),
     ] = None
+
+
+@dataclass(frozen=True)
+class PageOptions:
+    """The live page."""
+
+    view: Annotated[
+        bool,
+        arg(
+            help="Serve a live page for browsers. Files are then paced by their stamps, as --realtime does, and the "
+            "page stays after the last frame until Ctrl-C."
+        ),
+    ] = False
+    view_host: Annotated[
+        str,
+        arg(
+            metavar="ADDRESS",
+            help="Address to serve it on; 0.0.0.0 for every network. Beyond this machine viewers need the token that "
+            "is printed with the page's address.",
+        ),
+    ] = "127.0.0.1"
+    view_port: Annotated[int, arg(metavar="PORT", help="Port to serve it on; 0 for any free one.")] = 8090
 
 
 @dataclass(frozen=True)
