@@ -1,24 +1,21 @@
 """Batches for training, made ahead in processes; every picture's changes are seeded by epoch and position."""
 
-import multiprocessing
-import signal
 from collections import Counter
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
-from multiprocessing.process import BaseProcess
-from multiprocessing.queues import Queue
-from queue import Empty
 
 import cv2
 import numpy as np
 import torch
 from numpy.typing import NDArray
 from torch import Tensor
+from torch.utils.data import DataLoader, Dataset
 
 from edgemap.export.detector.augment import flip, mosaic, plain, recolour, single
 from edgemap.export.detector.loss import Targets
 from edgemap.export.detector.store import Example
 from edgemap.export.errors import ExportError
+from edgemap.runtime.frames.reading import one_line
 
 GRID = 32  # px that a size is a multiple of
 AHEAD = 3  # batches of each process
@@ -56,22 +53,14 @@ class Batches:
 
         The processes are forked, so that they share the pictures in memory. Raises ExportError where one dies.
         """
-        context = multiprocessing.get_context("fork")
-        queues = [context.Queue(AHEAD) for _ in range(self._workers)]
-        workers = [
-            context.Process(target=self._fill, args=(queue, number, first + at), daemon=True)
-            for at, queue in enumerate(queues)
-        ]
-        for worker in workers:
-            worker.start()
+        loader = DataLoader(
+            _Epoch(self, number), batch_size=None, sampler=range(first, len(self)), num_workers=self._workers,
+            multiprocessing_context="fork", prefetch_factor=AHEAD, worker_init_fn=lambda _: cv2.setNumThreads(0),
+        )  # fmt: skip
         try:
-            for index in range(first, len(self)):
-                at = (index - first) % self._workers
-                yield _next(queues[at], workers[at])
-        finally:
-            for worker in workers:
-                worker.kill()
-                worker.join()
+            yield from loader
+        except RuntimeError as error:
+            raise ExportError(f"a process that makes training pictures died ({one_line(error, 100)})") from None
 
     def make(self, epoch: int, index: int) -> tuple[Tensor, Targets]:
         """One batch of an epoch."""
@@ -113,22 +102,15 @@ class Batches:
             made = flip(made)
         return replace(made, image=recolour(made.image, generator), complete=example.complete, kept=example.kept)
 
-    def _fill(self, queue: Queue, epoch: int, first: int) -> None:
-        """What one process does: every so many batches one, handed over in shared memory."""
-        cv2.setNumThreads(0)
-        torch.set_num_threads(1)  # threads of OpenMP do not survive a fork
-        for index in range(first, len(self), self._workers):
-            queue.put(self.make(epoch, index))
-        signal.pause()  # until killed: who takes a batch asks its maker for the memory
 
+class _Epoch(Dataset[tuple[Tensor, Targets]]):
+    """The batches of one epoch by their index."""
 
-def _next(queue: Queue, worker: BaseProcess) -> tuple[Tensor, Targets]:
-    while True:
-        try:
-            return queue.get(timeout=1.0)
-        except Empty:
-            if not worker.is_alive():
-                raise ExportError(f"a process that makes training pictures died (code {worker.exitcode})") from None
+    def __init__(self, batches: Batches, number: int) -> None:
+        self._batches, self._number = batches, number
+
+    def __getitem__(self, index: int) -> tuple[Tensor, Targets]:
+        return self._batches.make(self._number, index)
 
 
 def rarity(examples: Sequence[Example]) -> NDArray[np.float64]:
