@@ -20,12 +20,13 @@ from edgemap.runtime.inputs.drives import READERS, open_drive
 from edgemap.runtime.inputs.open import DEMO
 from edgemap.runtime.outputs.sinks.progress import fault_kind
 from edgemap.runtime.outputs.verdict.verdict import Verdict
+from edgemap.runtime.step.sinks import Sink
 from edgemap.runtime.step.slam import StepResult
 
 SHOWN_FAULTS = 3  # kinds of them, the first ones: the rest stands in run.json and the report
 
 
-class RunSummary:
+class RunSummary(Sink):
     """A sink that keeps the last result and counts faults."""
 
     name = "summary"
@@ -49,9 +50,6 @@ class RunSummary:
         """Count it."""
         self.fault_count += 1
         self.faults.setdefault(fault_kind(text), text)
-
-    def close(self) -> None:
-        """Nothing to close."""
 
     def print(
         self, folder: Path, done: int, stopped: bool, verdict: Verdict, evaluation_rows: list[EvaluationRow]

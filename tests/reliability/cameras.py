@@ -14,6 +14,7 @@ from edgemap.geometry.errors import EdgemapError
 from edgemap.geometry.map_object import MapObject
 from edgemap.runtime.inputs.cameras.live import LiveCamera
 from edgemap.runtime.step.loop import run as drive
+from edgemap.runtime.step.sinks import Sink
 from edgemap.runtime.step.slam import StepResult
 from reliability.demo_slam import DemoDrive
 from reliability.faulty_camera import (
@@ -34,7 +35,7 @@ GAP_S = 0.15  # between two frames at 10 Hz: one is missing
 LOST_S = 2.0
 
 
-class _Watch:
+class _Watch(Sink):
     """A sink that notes when frames came, what faults were told, and objects that a fault or a missing frame cost.
 
     An object is lost where it was on the map before, and for `LOST_S` after it neither it, nor what it became part of,
@@ -69,12 +70,6 @@ class _Watch:
         self.unsound += not (np.linalg.eigvalsh(result.pose_covariance) > -1e-12).all()
         self._before = objects
         self.frames_s.append(self._world.now_s)
-
-    def fault(self, text: str) -> None:
-        """Faults come with results."""
-
-    def close(self) -> None:
-        """Nothing to close."""
 
 
 def _like(item: MapObject, other: MapObject) -> bool:

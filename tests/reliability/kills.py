@@ -16,6 +16,7 @@ from edgemap.runtime.inputs.open import open_camera
 from edgemap.runtime.outputs.sinks.run_folder import RunFolder
 from edgemap.runtime.step.loop import run as drive
 from edgemap.runtime.step.map_file import load_map
+from edgemap.runtime.step.sinks import Sink
 from edgemap.runtime.step.slam import StepResult
 from reliability.demo_slam import DemoDrive
 from reliability.parts import PartReport
@@ -25,7 +26,7 @@ MAX_LOST_S = 1.0
 FILES = {"map.json", "trajectory.tum", "sightings.jsonl", "run.json", "mount.jpg", "grid.npz"}
 
 
-class _Teller:
+class _Teller(Sink):
     """A sink that tells the stamp of every step, before the run folder hears of it."""
 
     name = "teller"
@@ -36,12 +37,6 @@ class _Teller:
     def write(self, result: StepResult, objects: list[MapObject]) -> None:
         """Tell the stamp."""
         os.write(self._pipe, struct.pack("<d", result.frame.stamp_s))
-
-    def fault(self, text: str) -> None:
-        """Faults are not what this is about."""
-
-    def close(self) -> None:
-        """The pipe ends with the process."""
 
 
 def run(seed: int, share: float, out: Path) -> PartReport:
