@@ -147,7 +147,7 @@ def _print(own: dict[str, Any]) -> None:
     )
     windows = [f"{length} s {value:.2f}" for length, value in own["window_nees"].items() if value is not None]
     if windows:
-        print(f"  NEES of   {'   '.join(windows)}, summed over such a time")
+        print(f"  NEES of   {'   '.join(windows)}, summed over such a time (3 is consistent)")
     still = own["still"]
     if still["frames"]:
         cm, deg = still["cm_per_frame"], still["deg_per_frame"]

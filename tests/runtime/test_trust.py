@@ -1,6 +1,7 @@
 """Sensors whose numbers are well formed and wrong: who is named, left out, and used again."""
 
 import math
+import re
 from pathlib import Path
 
 import numpy as np
@@ -148,6 +149,25 @@ def imu(change=lambda gyro, accel, lies: None):
         source.predict(Frame(row, end_s, BLANK, imu=samples.between(end_s - 0.1, end_s)))
         for row, end_s in enumerate(ends.tolist())
     ]
+
+
+@pytest.mark.parametrize(("rate_hz", "faults"), [(4.0, 1), (4.5, 1), (5.5, 0), (20.0, 0)])
+def test_an_imu_slower_than_half_the_frames_is_named_once_and_left_out(rate_hz, faults):
+    stamps, mount = np.arange(0.0, 30.0, 1.0 / rate_hz), Mount.from_degrees(0.5, 10.0)
+    up = mount.rotation_base_optical().T @ [0.0, 0.0, 9.81]
+    gyro = np.random.default_rng(0).normal(0.0, 0.004, (len(stamps), 3))
+    samples = ImuSamples(stamps, gyro, np.tile(up, (len(stamps), 1)))
+    source, found = InertialAttitude(mount, MountAttitude(mount)), []
+    for row, end_s in enumerate((np.arange(1, 300) / 10.0).tolist()):
+        hole = 15.0 < end_s < 16.0
+        part = samples.between(100.0, 101.0) if hole else samples.between(end_s - 0.1, end_s)
+        found.append(source.predict(Frame(row, end_s, BLANK, imu=part)))
+    lines = [one.fault for one in found if one.fault]
+    assert len(lines) == faults
+    if faults:
+        assert re.fullmatch(r"IMU: one sample in 2\.[0-9] frames, .* needed: the IMU is left out", lines[0])
+        assert next(end for end, one in enumerate(found) if one.fault) < 40
+        assert {one.source for one in found[40:]} == {"mount"}
 
 
 def saturated(gyro, accel, lies):

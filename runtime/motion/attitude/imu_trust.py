@@ -1,6 +1,7 @@
-"""Whether gyro and accelerometer are used: samples at full scale, ones that cannot be, and yaw by the odometry."""
+"""Whether gyro and accelerometer are used: full scale, impossible values, too few samples, and yaw by the odometry."""
 
 import math
+from collections import deque
 from dataclasses import dataclass
 
 import numpy as np
@@ -13,6 +14,7 @@ from edgemap.runtime.motion.trust import Agreement, Trust, TrustRule
 Array = NDArray[np.float64]
 
 LIVELY = 50  # samples by which a sensor is known to have noise
+SINGLE = 10  # samples, each alone in its frame, by which the rate is known
 
 
 @dataclass(frozen=True, slots=True)
@@ -78,6 +80,8 @@ class ImuTrust:
         self._yaw = Agreement(yaw, yaw.least[0])
         self._turned_rad = self._span_s = 0.0  # over the last step, by the gyro
         self._seen_s, self._reason = math.nan, ""
+        self._frames, self._per_sample = 0, deque[int](maxlen=SINGLE)  # since the last sample; of the last samples
+        self._slow = False
 
     @property
     def proved(self) -> bool:
@@ -95,6 +99,7 @@ class ImuTrust:
         """The valid samples, and one line where a sensor is excluded from now on, or used again. moved: motion of the
         step before, by the odometry without the gyro. up: (3,), optical frame. bias: (3,), the gyro's estimated bias.
         """
+        self._count(len(samples))
         if not len(samples):
             return samples, ""
         span_s = stamp_s - self._seen_s if math.isfinite(self._seen_s) else 0.0
@@ -110,6 +115,15 @@ class ImuTrust:
             return samples, f"{self._reason}: the IMU is left out"
         return samples, "the IMU (gyro and accelerometer) is used again" if before and not self._reason else ""
 
+    def _count(self, samples: int) -> None:
+        """The frames of each sample, where none brings two: several at once are a driver's packet, not a low rate."""
+        self._frames += 1
+        if samples > 1:
+            self._per_sample.clear()
+        elif samples:
+            self._per_sample.append(self._frames)
+        self._frames *= not samples
+
     def _compare(self, moved: tuple[SE2, Array] | None) -> None:
         """The last step's yaw with the odometry's."""
         if moved is None or self._span_s == 0.0:
@@ -123,6 +137,10 @@ class ImuTrust:
         for sensor in (self._gyro, self._accel):
             if sensor.bad:
                 return sensor.reason
+        frames = (sum(self._per_sample) - max(self._per_sample, default=0)) / (SINGLE - 1)  # one may be a hole
+        self._slow = len(self._per_sample) == SINGLE and frames > (1.5 if self._slow else 2.0)
+        if self._slow:
+            return f"IMU: one sample in {frames:.1f} frames, at least one in two is needed"
         if self._yaw.state is Trust.DISTRUSTED:
             return f"gyro: its yaw is {100.0 * self._yaw.ratio:.0f} % of what the camera measures"
         return ""
