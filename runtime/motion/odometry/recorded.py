@@ -45,8 +45,8 @@ class DriftRate:
 
 
 ROUNDED_M, ROUNDED_RAD = 1e-4, 1e-5  # of what files hold
-# A small robot with two driven wheels on hard floors. 5 mm are the slips of the simulator's wheels; their radius errs by
-# 1 % and their distance by 2 %, for the whole drive (24 homes: NEES over 5 s 1.36 (0.3 to 3.7) with 5 mm, 1.06 (0.4 to
+# A small robot with two driven wheels on hard floors. 5 mm are the slips of the simulator's wheels; for the whole drive
+# their radius errs by 1 % and their distance by 2 % (24 homes: NEES over 5 s 1.36 (0.3 to 3.7) with 5 mm, 1.06 (0.4 to
 # 2.9) with 6.5; drift over 5 m 0.97 and 0.87 %).
 WHEEL = DriftRate(0.0065, fastest_m_s=10.0, fastest_rad_s=2.0 * math.pi)
 
