@@ -3,6 +3,9 @@
 A box determines the height at any range of the object.
 """
 
+import math
+from collections import defaultdict, deque
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -12,11 +15,14 @@ from edgemap.geometry.camera.floor import FloorCamera
 from edgemap.geometry.observations.class_extents import HEIGHT_M, footprint_m
 from edgemap.geometry.observations.detections import Detections
 from edgemap.geometry.observations.occlusion import carried, covered
+from edgemap.geometry.robust import median_and_scatter
 
 BORDER_PX = 3.0  # a box this near the picture's border may be cut
 HIDDEN = 0.1  # share of a lower edge that nearer boxes cover; from it on, the foot may belong to another object
 LEAST_SCORE = 0.5
-LEAST_FALL, LEAST_RISE = 0.1, 0.05  # minimum slopes: to the foot; foot to top. Less shows pitch
+LEAST_FALL, LEAST_RISE = 0.05, 0.05  # minimum slopes: to the foot; foot to top. Less shows pitch
+WORST_SHARE = 0.3  # beds and refrigerators scatter more, and many a door is called a refrigerator
+BOX_SHARE = 0.1  # standard deviation of one box's height, as a share
 
 
 @dataclass(frozen=True, slots=True)
@@ -28,6 +34,52 @@ class LensHeight:
     label: str
     height_m: float
     fall: float
+
+
+@dataclass(frozen=True, slots=True)
+class HeightMeasurement:
+    """The lens's height by one witness. log_m: logarithm of it in metres. sigma: standard deviation of that."""
+
+    name: str
+    log_m: float
+    sigma: float
+
+
+class HeightBySizes:
+    """Collects what boxes show of the lens's height, of at most `kept` pictures. Objects of a class are alike within a
+    home, so each class is one measurement: the median over its boxes. count: of all boxes."""
+
+    def __init__(self, kept: int) -> None:
+        self._heights: dict[str, deque[tuple[float, float]]] = defaultdict(lambda: deque(maxlen=kept))
+
+    @property
+    def count(self) -> int:
+        """Boxes that are kept."""
+        return sum(map(len, self._heights.values()))
+
+    def add(self, boxes: Detections, camera: FloorCamera) -> None:
+        """The boxes of one picture; pictures are so far apart that each is another view."""
+        for found in lens_heights(boxes, camera):
+            self._heights[found.label].append((math.log(found.height_m), found.fall))
+
+    def measurements(self, pitch_rad: float, fewest: int = 1) -> list[HeightMeasurement]:
+        """One for each class of so many boxes or more. pitch_rad: standard deviation of the pitch, which they share."""
+        found = list[HeightMeasurement]()
+        for label, heights in self._heights.items():
+            if len(heights) >= fewest:
+                (middle, fall), (scatter, _) = median_and_scatter(np.array(heights))
+                own = math.hypot(scatter, BOX_SHARE) / math.sqrt(len(heights))
+                sigma = math.hypot(HEIGHT_M[label][1], pitch_rad / float(fall), own)
+                found.append(HeightMeasurement(label, float(middle), sigma))
+        return found
+
+
+def agreed_height(measurements: Sequence[HeightMeasurement]) -> tuple[float, float]:
+    """Weighted mean of the logarithms, and its standard deviation; more where they disagree (Birge 1932)."""
+    logs, weights = np.array([one.log_m for one in measurements]), np.array([one.sigma**-2 for one in measurements])
+    mean = float(np.average(logs, weights=weights))
+    scatter2 = float((logs - mean) ** 2 @ weights) / max(len(logs) - 1, 1)
+    return mean, math.sqrt(max(scatter2, 1.0) / float(weights.sum()))
 
 
 def lens_heights(detections: Detections, camera: FloorCamera) -> list[LensHeight]:
@@ -42,7 +94,8 @@ def lens_heights(detections: Detections, camera: FloorCamera) -> list[LensHeight
     width, height = camera.intrinsics.width - BORDER_PX, camera.intrinsics.height - BORDER_PX
     inside = (boxes[:, :2] > BORDER_PX).all(axis=1) & (boxes[:, 2] < width) & (boxes[:, 3] < height)
     likely = inside & (detections.scores >= LEAST_SCORE)
-    rows = [row for row in np.flatnonzero(likely).tolist() if labels[row] in HEIGHT_M]
+    usual = [row for row in np.flatnonzero(likely).tolist() if labels[row] in HEIGHT_M]
+    rows = [row for row in usual if HEIGHT_M[labels[row]][1] <= WORST_SHARE]
     if not rows:
         return []
     held = carried(detections)

@@ -1,7 +1,7 @@
-"""Checks the lens's height against depth pictures, objects on the floor, and wheels."""
+"""Estimates the height of the lens by depth, objects on the floor and wheels: checks a given one, corrects a guess."""
 
 import math
-from collections import defaultdict, deque
+from collections import deque
 from dataclasses import dataclass
 
 import numpy as np
@@ -9,23 +9,26 @@ import numpy as np
 from edgemap.geometry.camera.attitude import Attitude
 from edgemap.geometry.camera.floor import FloorCamera, FloorNoise
 from edgemap.geometry.camera.mount import HeightEstimate, Mount
-from edgemap.geometry.observations.class_extents import HEIGHT_M
 from edgemap.geometry.observations.detections import Detections
-from edgemap.geometry.observations.lens_height import lens_heights
+from edgemap.geometry.observations.lens_height import HeightBySizes, HeightMeasurement, agreed_height
 from edgemap.geometry.robust import CLEAR_SIGMAS, median_and_scatter
 from edgemap.runtime.motion.odometry.protocol import Motion
+
+EVERY_S = 1.0  # of stream, between two pictures whose boxes count, and between two estimates
 
 
 @dataclass(frozen=True, slots=True)
 class HeightRule:
-    """When a mount's height counts as wrong.
+    """When a given height counts as wrong, and a guessed one as another.
 
-    fewest, kept: measurements of one kind: boxes of a class, depth pictures with a floor, stretches of window_m over
-    which wheels and camera are compared. wheels_sigma: of the wheels' radius; depth_sigma: of a depth camera's scale.
-    judged_s: stream time before the first report. wrong_share: least relative error of a wrong height without depth,
-    and scatter of a class's boxes above which they do not count: the camera is carried.
+    fewest_boxes: of a class, a second apart. fewest, kept: depth pictures with a floor, windows of window_m over which
+    wheels and camera are compared; kept also boxes of a class. wheels_sigma: of the wheels' radius; depth_sigma: of a
+    depth camera's scale. judged_s: stream time before the first report. wrong_share: least relative error of a wrong
+    height without depth. guess_sigma: of a guess, at least, beside what the run itself measures: most of it was guessed
+    by the same objects. moved_share: by which an estimate differs from the height in use before it takes its place.
     """
 
+    fewest_boxes: int = 3
     fewest: int = 10
     kept: int = 100
     window_m: float = 0.5
@@ -33,37 +36,31 @@ class HeightRule:
     depth_sigma: float = 0.02
     judged_s: float = 10.0
     wrong_share: float = 0.25
-
-
-@dataclass(frozen=True, slots=True)
-class _Measurement:
-    """log_share: logarithm of its height over the mount's. sigma: standard deviation of that."""
-
-    name: str
-    log_share: float
-    sigma: float
+    guess_sigma: float = 0.3
+    moved_share: float = 0.02
 
 
 class HeightCheck:
-    """Estimates the lens's height, and reports once if it is higher or lower than the mount's.
+    """Estimates the lens's height. A given one that is clearly another is reported once; a guessed one is corrected.
 
-    Objects of a class are alike within a home, so each class is one measurement with the scatter of its heights. Wheels
-    measure the camera's scale; where the others are nearer to the mount's height than to the wheels', the wheels are
-    wrong. A height from recorded poses, and a carried camera, are not checked. estimate: None before the first
-    measurement.
+    Wheels measure the camera's scale; where the others are nearer to a given height than to the wheels', the wheels are
+    wrong. A height from recorded poses, and a carried camera, are not checked. guessed: standard deviation of a guessed
+    height, as a share; 0 for a given one. estimate: None before the first measurement. scale: what all lengths by the
+    mount's height are to be multiplied by; 1 for a given height, and where wheels or depth measure lengths.
     """
 
-    def __init__(self, mount: Mount, rule: HeightRule | None = None) -> None:
-        self._rule, self._given_m = rule or HeightRule(), mount.height_m
+    def __init__(self, mount: Mount, rule: HeightRule | None = None, guessed: float = 0.0) -> None:
+        self._rule, self._given_m, self._guessed = rule or HeightRule(), mount.height_m, guessed
         self.estimate: HeightEstimate | None = None
+        self.scale = 1.0
         self._reported, self._used = False, mount
-        self._judged_s = -math.inf
+        self._judged_s = self._added_s = -math.inf
         self.reset()
 
     def reset(self) -> None:
         """Discards all measurements, after the camera's attitude was corrected."""
         rule = self._rule
-        self._sizes: dict[str, deque[tuple[float, float]]] = defaultdict(lambda: deque(maxlen=rule.kept))
+        self._sizes = HeightBySizes(rule.kept)
         self._ratios: deque[float] = deque(maxlen=rule.kept)  # logarithms of wheels over camera
         self._depths: deque[float] = deque(maxlen=rule.kept)  # logarithms of depth's height over the mount's
         self._camera_m = self._rolled_m = 0.0  # in the window so far
@@ -78,16 +75,13 @@ class HeightCheck:
         self._began_s = min(self._began_s, stamp_s)
         if attitude.height_m is None:
             self._compare(motion)
-            self._measure(camera, boxes)
+            if not 0.0 <= stamp_s - self._added_s < EVERY_S:
+                self._added_s = stamp_s
+                self._sizes.add(boxes, camera)
         elif attitude.source == "depth":
             self._depths.append(math.log(attitude.height_m / self._given_m))
-        due = stamp_s - max(self._judged_s + 1.0, self._began_s + self._rule.judged_s) >= 0.0
+        due = stamp_s - max(self._judged_s + EVERY_S, self._began_s + self._rule.judged_s) >= 0.0
         return self._judge(stamp_s) if due else ""
-
-    def _measure(self, camera: FloorCamera, boxes: Detections) -> None:
-        """What stands on the floor."""
-        for found in lens_heights(boxes, camera):
-            self._sizes[found.label].append((math.log(found.height_m / self._given_m), found.fall))
 
     def _compare(self, motion: Motion) -> None:
         """What the wheels rolled with what the camera measured of it."""
@@ -101,60 +95,43 @@ class HeightCheck:
             self._ratios.append(math.log(ratio) if ratio > 0.0 else math.nan)
             self._camera_m = self._rolled_m = 0.0
 
-    def _by_sizes(self) -> list[_Measurement]:
-        """One for each class with enough observations."""
-        rule, found = self._rule, list[_Measurement]()
-        for label, heights in self._sizes.items():
-            if len(heights) < rule.fewest:
-                continue
-            (middle, fall), (scatter, _) = median_and_scatter(np.array(heights))
-            if scatter <= rule.wrong_share:
-                variance = HEIGHT_M[label][1] ** 2 + (FloorNoise().pitch_rad / fall) ** 2 + scatter**2 / rule.fewest
-                found.append(_Measurement(label, float(middle), math.sqrt(variance)))
-        return found
-
-    def _by(self, name: str, values: deque[float], least_sigma: float) -> _Measurement | None:
-        """Logarithms as a measurement; None for too few, or where one has no meaning."""
+    def _by(self, name: str, values: deque[float], least_sigma: float) -> HeightMeasurement | None:
+        """Logarithms over the mount's height as a measurement; None for too few, or where one has no meaning."""
         if len(values) < self._rule.fewest or not np.isfinite(values).all():
             return None
         middle, scatter = map(float, median_and_scatter(np.array(values)))
-        return _Measurement(name, middle, math.hypot(scatter / math.sqrt(len(values)), least_sigma))
+        sigma = math.hypot(scatter / math.sqrt(len(values)), least_sigma)
+        return HeightMeasurement(name, math.log(self._given_m) + middle, sigma)
 
     def _judge(self, stamp_s: float) -> str:
-        rule, self._judged_s = self._rule, stamp_s
+        rule, self._judged_s, given = self._rule, stamp_s, math.log(self._given_m)
         wrong = math.log1p(rule.wrong_share)
-        measurements = self._by_sizes()
+        measurements = self._sizes.measurements(FloorNoise().pitch_rad, rule.fewest_boxes)
         labels = ", ".join(one.name for one in measurements)
         sources = [f"the usual height of {labels}"] if labels else []
         depth = self._by("the floor in depth pictures", self._depths, rule.depth_sigma)
         wheels = self._by("the wheels", self._ratios, rule.wheels_sigma)
         for more in filter(None, (depth, wheels)):
-            share, (off, _) = more.log_share, _agreed(measurements)
-            if more is wheels and measurements and abs(share) > wrong and abs(share - off) > abs(off):
-                continue  # the others are nearer to the mount's height than to the wheels': the wheels are wrong
+            if more is wheels and measurements and abs(more.log_m - given) > wrong and not self._guessed:
+                by_others = agreed_height(measurements)[0]
+                if abs(more.log_m - by_others) > abs(given - by_others):
+                    continue  # the others are nearer to the given height than to the wheels': the wheels are wrong
             measurements.append(more)
             sources.append(more.name)
         if not measurements:
             return ""
-        off, sigma = _agreed(measurements)
-        self.estimate = HeightEstimate(self._given_m * math.exp(off), self._given_m * math.exp(off) * sigma)
-        if self._reported or abs(off) < max(0.0 if depth else wrong, CLEAR_SIGMAS * sigma):
+        if self._guessed:
+            measurements.append(HeightMeasurement("the guess", given, max(self._guessed, rule.guess_sigma)))
+        found, sigma = agreed_height(measurements)
+        self.estimate = HeightEstimate(math.exp(found), math.exp(found) * sigma)
+        if self._guessed:
+            if not (self._depths or self._ratios) and abs(found - given - math.log(self.scale)) > rule.moved_share:
+                self.scale = self.estimate.height_m / self._given_m
+            return ""
+        if self._reported or abs(found - given) < max(0.0 if depth else wrong, CLEAR_SIGMAS * sigma):
             return ""
         self._reported = True
         return (
             f"mount: height {self._given_m:.2f} m given, {' and '.join(sources)} would make it "
             f"{self.estimate.height_m:.2f} m, to {100.0 * sigma:.0f} %: measure it again"
         )
-
-
-def _agreed(measurements: list[_Measurement]) -> tuple[float, float]:
-    """Weighted mean of the measurements, and its standard deviation; more where they disagree (Birge 1932)."""
-    if not measurements:
-        return 0.0, math.inf
-    shares, weights = (
-        np.array([one.log_share for one in measurements]),
-        np.array([one.sigma**-2 for one in measurements]),
-    )
-    off = float(np.average(shares, weights=weights))
-    scatter2 = float((shares - off) ** 2 @ weights) / max(len(shares) - 1, 1)
-    return off, math.sqrt(max(scatter2, 1.0) / float(weights.sum()))

@@ -15,7 +15,7 @@ from edgemap.geometry.observations.class_extents import HEIGHT_M, footprint_m
 from edgemap.geometry.observations.detections import Detections
 from edgemap.geometry.observations.lens_height import lens_heights
 
-NAMES = ("chair", "refrigerator", "vase")
+NAMES = ("chair", "person", "tv")
 CAMERA = FloorCamera(Intrinsics(640, 480, 400.0, 400.0, 319.5, 239.5), Mount(0.5, 0.1, 0.02))
 
 
@@ -50,7 +50,7 @@ def detections(*boxes, label="chair", score=0.9):
     )  # fmt: skip
 
 
-@given(st.sampled_from(["chair", "refrigerator"]), st.floats(40, 600), st.floats(300, 460), st.floats(0.2, 1.2))
+@given(st.sampled_from(["chair", "person"]), st.floats(40, 600), st.floats(300, 460), st.floats(0.2, 1.2))
 def test_the_height_is_that_with_which_the_object_has_its_usual_height(label, column, foot, height_m):
     box = box_of(label, column, foot, height_m)
     if box is not None and foot - box[1] > 30.0:
@@ -68,13 +68,13 @@ WHOLE = [300.0, 120.0, 360.0, 400.0]
     [
         ([WHOLE], {}, 1),
         ([WHOLE], {"score": 0.4}, 0),
-        ([WHOLE], {"label": "vase"}, 0),  # of no usual height
+        ([WHOLE], {"label": "tv"}, 0),  # of no usual height
         ([[2.0, 120.0, 60.0, 400.0]], {}, 0),  # the picture cuts it, on each side
         ([[580.0, 120.0, 638.0, 400.0]], {}, 0),
         ([[300.0, 2.0, 360.0, 400.0]], {}, 0),
         ([[300.0, 120.0, 360.0, 478.0]], {}, 0),
         ([WHOLE, [330.0, 300.0, 420.0, 440.0]], {}, 1),  # the nearer one hides the other's foot
-        ([[300.0, 200.0, 360.0, 222.0]], {}, 0),  # its foot is too near the horizon
+        ([[300.0, 200.0, 360.0, 212.0]], {}, 0),  # its foot is too near the horizon
     ],
 )
 def test_only_complete_boxes_whose_foot_shows_count(boxes, options, count):

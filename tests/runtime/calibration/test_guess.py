@@ -21,7 +21,7 @@ from edgemap.runtime.step.calibration.board import frames_of
 from edgemap.runtime.step.calibration.guess import Focal, guess_camera
 
 LENS = Intrinsics(640, 480, 500.0, 500.0, 319.5, 239.5)
-NAMES = ("chair", "couch", "refrigerator")
+NAMES = ("chair", "couch", "oven")
 GREY = np.full((480, 640, 3), 128, np.uint8)  # without edges
 
 
