@@ -60,6 +60,7 @@ class Drive:
             options.advanced.allow_untrained,
             self.mapped,
             threshold,
+            guess.height_sigma if guess and not guess.sway_rad else 0.0,
         )
         self.slam = build_slam(source, loaded, floor, slam_options, tuned)
         self.place = chosen.place()
@@ -126,7 +127,7 @@ class Drive:
             print(line)
         if result := summary.result:
             alone = not scale_source(files.document)
-            if line := self.kept_camera.at_end(result.observed.mount_estimate, alone):
+            if line := self.kept_camera.at_end(result.observed, summary.height, alone):
                 print(line)
         print(report.failure or f"see it:  {report.path}")
         page.stay(stop, lambda: edits.apply(self.slam.mapper, done))

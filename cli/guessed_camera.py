@@ -11,14 +11,14 @@ if TYPE_CHECKING:
     from collections.abc import Iterator
 
     from edgemap.cli.groups import Source
-    from edgemap.geometry.camera.attitude import MountEstimate
     from edgemap.geometry.camera.floor import FloorCamera
     from edgemap.geometry.camera.intrinsics import Intrinsics
-    from edgemap.geometry.camera.mount import Mount
+    from edgemap.geometry.camera.mount import HeightEstimate, Mount
     from edgemap.runtime.frames.frame import Frame
     from edgemap.runtime.inputs.cameras.protocol import Camera
     from edgemap.runtime.network.bundle import Bundle
     from edgemap.runtime.step.calibration.guess import CameraGuess, Focal
+    from edgemap.runtime.step.frame_observations import FrameObservations
 
 PICTURES, REACH = 40, 400  # pictures that are looked at, of so many first ones of a file
 LIVE_S, LIVE_EVERY_S = 8.0, 0.2  # of a live camera, and between two pictures
@@ -102,37 +102,45 @@ class CameraKeeper:
         self._by_hand = True
         return self._path
 
-    def at_end(self, observed: "MountEstimate | None", alone: bool = True) -> str | None:
+    def at_end(
+        self, observed: "FrameObservations | None" = None, seen: "HeightEstimate | None" = None, alone: bool = True
+    ) -> str | None:
         """Saves the guess, unless a person has set the mount. Returns the lines to print: where it is, and where the
-        height is guessed the commands that take one by tape measure. alone: whether no wheels and no depth measured the
-        path."""
+        height is guessed the commands that take one by tape measure. observed: of the last frame; seen: the height.
+        alone: whether no wheels and no depth measured the path."""
         from edgemap.geometry.camera.floor import FloorCamera
 
-        if self._guess is not None and not self._by_hand:
-            mount = self._floor.mount
-            if observed is not None and not self._guess.sway_rad:  # a carried camera's last angles are no mount
-                mount = replace(mount, pitch_rad=observed.mount.pitch_rad, roll_rad=observed.mount.roll_rad)
-            self._floor = FloorCamera(self._floor.intrinsics, mount)
-            self._write(self._guess.record())
-        elif not self._by_hand:
-            return None
-        line = f"lens and mount so far: {self._path}  (the next run: --camera-file {self._path})"
         guess = self._guess
-        if guess is None or self._by_hand or not guess.height_sigma or guess.sway_rad:
-            return line
-        height = f"{self._floor.mount.height_m:.2f}"
+        if guess is None or self._by_hand:
+            return self._line if self._by_hand else None
+        mount, estimate = self._floor.mount, observed and observed.mount_estimate
+        if estimate is not None and not guess.sway_rad:  # a carried camera's last angles are no mount
+            mount = replace(mount, pitch_rad=estimate.mount.pitch_rad, roll_rad=estimate.mount.roll_rad)
+        if seen is not None and guess.height_sigma and not guess.sway_rad:
+            mount = replace(mount, height_m=seen.height_m)
+            guess = self._guess = replace(guess, height_sigma=seen.sigma_m / seen.height_m)
+        self._floor = FloorCamera(self._floor.intrinsics, mount)
+        self._write(guess.record())
+        if not guess.height_sigma or guess.sway_rad:
+            return self._line
+        height = f"{mount.height_m:.2f}"
         again = shlex.join(["edgemap", "run", "--camera", self._spec, "--camera-file", str(self._path)])
         folder = self._path.parent
         scale = shlex.join(["edgemap", "map", "scale", str(folder), "--height", height, "-o", f"{folder}-scaled"])
         what = "the scale of the map" if alone else "the distance of each object"
+        sure = f"{100 * guess.height_sigma:.0f} %"
         lines = [
-            line,
-            f"the height of the lens, {height} m, is a guess to {100 * guess.height_sigma:.0f} %, and {what} with it;",
-            f"measure it with a tape, from floor to lens, and run again with it instead of {height}:",
+            self._line,
+            f"nobody measured the height of the lens: by the sizes of objects it is {height} m, to {sure}, and {what}",
+            f"with it; measure it with a tape, from floor to lens, and run again with it instead of {height}:",
             f"  {again} --mount {height}",
             *(["or scale this map by it:", f"  {scale}"] if alone else []),
         ]
         return "\n".join(lines)
+
+    @property
+    def _line(self) -> str:
+        return f"lens and mount so far: {self._path}  (the next run: --camera-file {self._path})"
 
     def _write(self, calibration: dict[str, object]) -> None:
         from edgemap.runtime.inputs.drives.camera_yaml import write_camera_yaml

@@ -30,7 +30,7 @@ def command(
     dock and trajectory are scaled about the map's origin. A run with the right height (run --mount HEIGHT_M) is better
     where it can be repeated.
     """
-    from edgemap.geometry.objects.scale import scaled_annotations, scaled_objects, scaled_pose
+    from edgemap.geometry.objects.scale import scaled_annotations, scaled_objects
     from edgemap.runtime.frames.disk import write_atomically
     from edgemap.runtime.frames.trajectory import trajectory_of, tum_line
     from edgemap.runtime.step.grid_file import load_grid
@@ -53,7 +53,7 @@ def command(
         raise OptionError(f"{out}: cannot be made ({error.strerror})") from None
     if trajectory is not None:
         poses = zip(trajectory.stamps_s, trajectory.poses, strict=True)
-        lines = (tum_line(stamp_s, scaled_pose(pose, factor)) for stamp_s, pose in poses)
+        lines = (tum_line(stamp_s, pose.scaled(factor)) for stamp_s, pose in poses)
         write_atomically(out / "trajectory.tum", "".join(lines))
     scaled = scaled_objects(objects, factor)
     save_map(out / "map.json", scaled, scaled_annotations(annotations, factor), grid and grid.scaled(factor))
@@ -71,7 +71,7 @@ def _by_height(path: Path, height_m: float) -> float:
         raise OptionError(f"{path}: --height needs the run's run.json beside the map; else --between ID,ID,M")
     record = read_record(run)
     try:
-        before_m = float(record["mount"]["height_m"])
+        before_m = float(record.get("mount_seen", {}).get("used_height_m", record["mount"]["height_m"]))
         measured = scale_source(record)
     except (KeyError, TypeError, ValueError, AttributeError, OverflowError):
         raise RunFolderError(f"{run}: it has no mount") from None

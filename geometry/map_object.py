@@ -80,6 +80,9 @@ class ObjectMap(Protocol):
         fixed.
         """
 
+    def scale(self, factor: float) -> None:
+        """Multiplies all lengths by a factor, about the map's origin. Raises MapError if the map is fixed."""
+
     def drop(self, identity: str) -> None:
         """Removes an object; its id is not used again. Raises MapError if the map is fixed."""
 

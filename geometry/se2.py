@@ -65,6 +65,10 @@ class SE2:
         """(x_m, y_m, yaw_rad), shape (3,)."""
         return np.array([self.x_m, self.y_m, self.yaw_rad])
 
+    def scaled(self, factor: float) -> "SE2":
+        """The same heading, with the position times `factor`."""
+        return SE2(factor * self.x_m, factor * self.y_m, self.yaw_rad)
+
     def interpolate(self, other: "SE2", share: float) -> "SE2":
         """The pose `share` of the way (0..1) to `other`, along a straight line and the shorter turn."""
         turn = wrap_angle(other.yaw_rad - self.yaw_rad)

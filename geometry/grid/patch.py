@@ -1,5 +1,6 @@
 """Floor evidence of one piece of the drive: sequences of bounded additions, and their current place in the map."""
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 
@@ -50,6 +51,18 @@ class Patch:
         """Where it began, in the current map."""
         return self.move @ self.began
 
+    def scaled(self, factor: float) -> "Patch":
+        """All lengths times `factor`, about the map's origin: each cell takes the evidence of the old one there."""
+        (left, low), (right, high) = self.cells.min(axis=0) * factor, (self.cells.max(axis=0) + 1) * factor
+        columns, rows = np.arange(math.floor(left), math.ceil(right)), np.arange(math.floor(low), math.ceil(high))
+        cells = np.stack(np.meshgrid(columns, rows), axis=-1).reshape(-1, 2)
+        known, wanted = _packed(self.cells), _packed(np.floor((cells + 0.5) / factor))
+        order = np.argsort(known)
+        at = order[np.minimum(np.searchsorted(known, wanted, sorter=order), len(order) - 1)]
+        cells, at = cells[known[at] == wanted].astype(np.int32), at[known[at] == wanted]
+        began, *poses = (pose.scaled(factor) for pose in (self.began, self.move, self.drawn))
+        return Patch(self.stamp_s, began, cells, self.shift[at], self.low[at], self.high[at], *poses)
+
     def placed(self, cell_m: float) -> Cells:
         """Its cells (N, 2) in the current map; duplicates are possible."""
         return placed(self.cells, self.move, cell_m)
@@ -76,7 +89,7 @@ def placed(cells: Cells, move: SE2, cell_m: float) -> Cells:
 def joined(first: Patch, second: Patch, cell_m: float) -> Patch:
     """Two patches as one: at the place of the first, with the evidence of both in sequence."""
     other = placed(second.cells, first.move.inverse() @ second.move, cell_m)
-    packed = np.concatenate([first.cells, other]).astype(np.int64) @ [1, 1 << 32]
+    packed = _packed(np.concatenate([first.cells, other]))
     keys, place = np.unique(packed, return_inverse=True)
     own, theirs = place[: len(first)], place[len(first) :]
     limits = np.iinfo(np.int16)
@@ -89,6 +102,11 @@ def joined(first: Patch, second: Patch, cell_m: float) -> Patch:
     columns = (keys + (1 << 31)) % (1 << 32) - (1 << 31)
     cells = np.column_stack([columns, (keys - columns) >> 32]).astype(np.int32)
     return Patch(first.stamp_s, first.began, cells, shift, low, high, first.move, first.drawn)
+
+
+def _packed(cells: NDArray[np.integer | np.floating]) -> NDArray[np.int64]:
+    """One number (N,) for each cell (N, 2)."""
+    return cells.astype(np.int64) @ np.array([1, 1 << 32])
 
 
 def after(before: Sequence[Steps], later: Sequence[Steps]) -> tuple[Steps, Steps, Steps]:

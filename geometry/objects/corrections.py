@@ -56,6 +56,10 @@ class Correction:
             return self
         return replace(self, place_m=_pair(correction.moved_points(np.array([self.anchor_s]), [self.place_m])[0]))
 
+    def scaled(self, factor: float) -> "Correction":
+        """The correction in a map that became `factor` times as large."""
+        return self if self.place_m is None else replace(self, place_m=_pair(factor * np.array(self.place_m)))
+
     def apply(self, item: MapObject) -> MapObject:
         """The object, with its values replaced by those of the correction."""
         said = {

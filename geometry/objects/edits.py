@@ -248,6 +248,14 @@ class MapEdits:
             self.dock = SE2(*correction.moved_poses(anchor_s, pose)[0].tolist())
         self._version += 1
 
+    def scale(self, factor: float) -> None:
+        """All places times `factor`, about the map's origin. Sizes that a person has set stay."""
+        for drawn in self._zones.values():
+            drawn.zone = replace(drawn.zone, corners_m=_corners(factor * np.array(drawn.zone.corners_m)))
+        self.corrections = {one: said.scaled(factor) for one, said in self.corrections.items()}
+        self.dock = self.dock and self.dock.scaled(factor)
+        self._version += 1
+
     def enter(self, zones: Sequence[Zone], alignment: Alignment) -> None:
         """This run's zones, corrections and dock move into a saved map's frame, and that map's zones come first."""
         own = self._zones

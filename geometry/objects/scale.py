@@ -5,7 +5,6 @@ from dataclasses import replace
 
 from edgemap.geometry.map_object import MapObject
 from edgemap.geometry.objects.edits import Annotations, Zone
-from edgemap.geometry.se2 import SE2
 
 
 def scaled_objects(objects: Sequence[MapObject], factor: float) -> list[MapObject]:
@@ -32,10 +31,5 @@ def scaled_annotations(annotations: Annotations, factor: float) -> Annotations:
             for zone in annotations.zones
         ),
         tuple(scaled_objects(annotations.deleted, factor)),
-        None if annotations.dock is None else scaled_pose(annotations.dock, factor),
+        None if annotations.dock is None else annotations.dock.scaled(factor),
     )
-
-
-def scaled_pose(pose: SE2, factor: float) -> SE2:
-    """A pose of the map frame, its position times `factor`."""
-    return SE2(factor * pose.x_m, factor * pose.y_m, pose.yaw_rad)

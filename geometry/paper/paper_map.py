@@ -72,6 +72,10 @@ class PaperMap:
         """Raises MapError: see `drop`."""
         self.drop("all")
 
+    def scale(self, factor: float) -> None:  # noqa: ARG002
+        """Raises MapError: see `drop`."""
+        self.drop("all")
+
     def drop(self, identity: str) -> None:
         """Raises MapError: sightings are never removed."""
         raise MapError(f"{identity}: the paper's clustering keeps every sighting for good")

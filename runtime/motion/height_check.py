@@ -37,7 +37,7 @@ class HeightRule:
     judged_s: float = 10.0
     wrong_share: float = 0.25
     guess_sigma: float = 0.3
-    moved_share: float = 0.02
+    moved_share: float = 0.01
 
 
 class HeightCheck:

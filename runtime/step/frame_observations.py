@@ -1,6 +1,6 @@
 """The front end's result of one frame: the only input of the back end."""
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 from edgemap.geometry.camera.attitude import MountEstimate
 from edgemap.geometry.camera.floor import FloorCamera
@@ -24,7 +24,8 @@ class FrameObservations:
     mount_fault: one line, reported once, where sizes, wheels or depth contradict the mount's height. height_estimate:
     estimate of the lens's height so far; None without one. floor: the floor mask of this picture; None where it was not
     searched or the bundle has no floor head. depth: every few pixels of the depth picture, where there is one and it
-    was searched.
+    was searched. scale: by which the lengths of the front end are to be multiplied, as a guessed height of the lens is
+    another by now; after `Mapper.in_scale`, by which they were.
     """
 
     index: int
@@ -41,6 +42,15 @@ class FrameObservations:
     height_estimate: HeightEstimate | None = None
     floor: FloorMask | None = None
     depth: SparseDepth | None = None
+    scale: float = 1.0
+
+    def scaled(self, factor: float) -> "FrameObservations":
+        """The observations of a lens that is `factor` times as high, where no depth measures lengths."""
+        camera = self.camera and replace(
+            self.camera, mount=replace(self.camera.mount, height_m=factor * self.camera.mount.height_m)
+        )
+        sightings = [sighting.scaled(factor) for sighting in self.sightings]
+        return replace(self, motion=self.motion.scaled(factor), sightings=sightings, camera=camera, scale=factor)
 
     @property
     def faults(self) -> tuple[str, ...]:

@@ -96,9 +96,11 @@ class Mapper:
         self.pose_map_base, self.pose_covariance = SE2(), np.zeros((3, 3))
         self.pose_odom_base, self.odom_covariance = SE2(), np.zeros((3, 3))
         self.travelled_m = 0.0
+        self.scale = 1.0  # of what is mapped, over the lengths that the front end measures by a guessed height
         self._placed_by: Mount | None = None  # the mount that what is mapped was placed by
         self._relocated: SE2 | None = None  # by a person's pose, since the last step
         self._searched_s = -math.inf  # stamp of the last picture that was searched
+        self._scalable = True  # no saved map has given its scale
         self._started = False
         self._due = False  # loops to be searched
         self._blind: Motion | None = None  # since the last step
@@ -113,6 +115,7 @@ class Mapper:
         grid: OccupancyGrid | None = None,
     ) -> None:
         """Continues a saved map from a given pose. sigmas: of the start pose, m, m, rad. grid: the saved map's."""
+        self._scalable = False
         if grid is not None:
             self.grid.continue_from(grid)
         self.edits = MapEdits.of(saved, annotations)
@@ -132,13 +135,32 @@ class Mapper:
         numbered after the saved ones, so ids stay unique; `merged` maps new objects to matching saved ones. grid: the
         saved map's.
         """
-        self._saved_grid = grid
+        self._scalable, self._saved_grid = False, grid
         self.edits = MapEdits.of(saved, annotations)
         self._saved_zones = self.edits.take_zones()
         saved = annotations.measured(saved)
         config = self.config
         self.relocaliser = Relocaliser(saved, config.association, config.registration, guesses, config.loop_closure)
         self.map = self.relocaliser.own
+
+    def in_scale(self, observed: FrameObservations) -> FrameObservations:
+        """The observations in the map's lengths. Where the guess of the lens's height has become another, the map takes
+        its scale first: all that is mapped, and the trajectory. A saved map keeps its own."""
+        if observed.scale != self.scale and self._scalable and self.map.movable and not self.loop_closer.busy:
+            self._rescale(observed.scale / self.scale)
+            self.scale = observed.scale
+        return observed if observed.scale == self.scale == 1.0 else observed.scaled(self.scale)
+
+    def _rescale(self, factor: float) -> None:
+        """All lengths times a factor, about the map's origin; the pose by odometry alone goes on where it is."""
+        units = np.array([factor, factor, 1.0])
+        self.map.scale(factor)
+        self.grid.scale(factor)
+        self.edits.scale(factor)
+        self.trajectory.scale(factor)
+        self.pose_map_base = self.pose_map_base.scaled(factor)
+        self.pose_covariance = self.pose_covariance * np.outer(units, units)
+        self.travelled_m *= factor
 
     def step(self, observed: FrameObservations) -> MapUpdate:
         """Processes one frame's observations: advance, close loops, associate, forget, relocalise."""

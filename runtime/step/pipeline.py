@@ -36,7 +36,8 @@ class Pipeline:
     """Health, prediction, backbone, decoding, motion, observations: one camera's frames, in order.
 
     It depends on the frames and their stamps only, never on wall time. rule: its mapped classes are the bundle's where
-    it names none; the score of full weight is the bundle's, or confidence.
+    it names none; the score of full weight is the bundle's, or confidence. guessed_height: standard deviation of the
+    mount's height as a share, where it is a guess; 0 where it was given.
     """
 
     def __init__(
@@ -51,6 +52,7 @@ class Pipeline:
         health: HealthRule | None = None,
         rest: RestRule | None = None,
         height: HeightRule | None = None,
+        guessed_height: float = 0.0,
     ) -> None:
         self.camera, self.odometry = camera, odometry
         self._begin_odometry = odometry.begin if isinstance(odometry, StartsAhead) else lambda *_: None
@@ -72,7 +74,7 @@ class Pipeline:
         self._detections = Detections.none(bundle.names)  # of the last picture that was searched
         self._floor: FloorMask | None = None  # of that picture
         self._health, self._rest = HealthMonitor(health), RestMonitor(rest, health)
-        self._height = HeightCheck(camera.mount, height)
+        self._height = HeightCheck(camera.mount, height, guessed_height)
         self._since_view = SE2()  # motion since the last picture with information
         self._moved: Moved | None = None  # in the step before
         self._watch = Stopwatch()
@@ -110,7 +112,7 @@ class Pipeline:
             boxes = self._detections if at_rest else Detections.none(self._names)
             return FrameObservations(
                 frame.index, frame.stamp_s, boxes, [], motion, self._watch.stages_ms, health, camera, searched=False,
-                at_rest=at_rest,
+                at_rest=at_rest, scale=self._height.scale,
             )  # fmt: skip
         boxes = self._detections
         sightings = sightings_of(boxes, camera, self.rule, frame.index, frame.stamp_s, frame.depth, self._floor)
@@ -120,7 +122,7 @@ class Pipeline:
         return FrameObservations(
             frame.index, frame.stamp_s, boxes, sightings, motion, self._watch.stages_ms, health, camera,
             mount_fault=fault, height_estimate=self._height.estimate, floor=self._floor,
-            depth=SparseDepth.of(frame.depth),
+            depth=SparseDepth.of(frame.depth), scale=self._height.scale,
         )  # fmt: skip
 
     def _motion_without_picture(

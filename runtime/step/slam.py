@@ -108,12 +108,13 @@ class SemanticSlam:
 
     def step(self, frame: Frame, faults: Sequence[CameraFault] = ()) -> StepResult:
         """One frame in: its observations, the robot's motion, and the update of the map."""
-        observed = self.pipeline.step(frame)
+        observed = self.mapper.in_scale(self.pipeline.step(frame))
         return StepResult(frame, observed, self.mapper.step(observed), tuple(faults))
 
     def step_blind(self, stamp_s: float, reason: str) -> tuple[SE2, NDArray[np.float64]]:
         """A step without a frame: pose and covariance from sources that need no picture. The map stays unchanged."""
-        return self.mapper.step_blind(self.pipeline.odometry.step_blind(stamp_s, reason))
+        motion = self.pipeline.odometry.step_blind(stamp_s, reason)
+        return self.mapper.step_blind(motion.scaled(self.mapper.scale))
 
     def objects(self) -> list[MapObject]:
         """The objects of the map."""
@@ -126,6 +127,7 @@ class SlamOptions:
 
     odometry: a SPEC. wheels, imu: whether the source's own are used. clustering: default or paper. forgets: whether
     objects that have disappeared are removed from the map. mapped, confidence: the bundle's own where None.
+    guessed_height: standard deviation of the mount's height as a share, where it is a guess, which the run corrects.
     """
 
     odometry: str = "hybrid"
@@ -137,6 +139,7 @@ class SlamOptions:
     allow_untrained: bool = False
     mapped: Collection[str] | None = None
     confidence: float | None = None
+    guessed_height: float = 0.0
 
 
 def build_slam(
@@ -157,6 +160,7 @@ def build_slam(
         health=config.health,
         rest=config.rest,
         height=config.height,
+        guessed_height=options.guessed_height,
     )
     forgets = floor if options.forgets else None
     mapper = new_mapper(config, options.clustering, options.odometry, options.loop_closure, forgets)

@@ -1,4 +1,4 @@
-"""Rewrites a run folder's trajectory and sightings after loop closures and relocalisation."""
+"""Rewrites a run folder's trajectory and sightings after loop closures, relocalisation and a correction of scale."""
 
 import json
 from collections.abc import Iterator
@@ -33,8 +33,9 @@ def rewrite(trajectory: Path, sightings: Path, journal: PoseJournal) -> None:
     def sighting_blocks() -> Iterator[bytes]:
         for lines in _blocks(sightings):
             records = [json.loads(line) for line in lines]
-            rows = np.searchsorted(stamps_s, [record["stamp_s"] for record in records], side="right") - 1
-            base = np.array([[*record["base_m"], 0.0] for record in records])
+            stamps = [record["stamp_s"] for record in records]
+            rows = np.searchsorted(stamps_s, stamps, side="right") - 1
+            base = np.array([[*record["base_m"], 0.0] for record in records]) * journal.scale_since(stamps)[:, None]
             for record, (x_m, y_m, _) in zip(records, composed(poses[np.maximum(rows, 0)], base), strict=True):
                 record["map_m"] = [round(float(x_m), 4), round(float(y_m), 4)]
             yield "".join(json.dumps(record) + "\n" for record in records).encode()

@@ -88,7 +88,10 @@ def _mount(record: Mapping[str, Any], quality: Mapping[str, Any], objects: Seque
             text = f"the camera sways by {sway_deg:.0f} deg, as in a hand or on a head, and its mount is a guess"
             yield Finding("unreliable", CAUSES["carried"], text)
             carried = True
+        seen = record.get("mount_seen", {})
         focal, height, pitch = guess["focal_sigma_share"], guess["height_sigma_share"], guess.get("sigma_pitch_deg", 0)
+        if height and not carried and seen.get("height_m"):
+            height = seen["sigma_height_m"] / seen["height_m"]
         parts = [f"focal length to {100 * focal:.0f} %"] if focal else []
         parts += [f"height to {100 * height:.0f} %"] if height else []
         parts += [f"pitch to {pitch:.1f} deg"] if pitch else []
