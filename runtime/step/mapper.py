@@ -14,6 +14,7 @@ from edgemap.geometry.grid.floor_scan import FloorScan
 from edgemap.geometry.grid.fusion import GridFusion
 from edgemap.geometry.grid.occupancy_grid import OccupancyGrid
 from edgemap.geometry.map_object import MapObject, ObjectMap
+from edgemap.geometry.objects.crossed import is_crossed
 from edgemap.geometry.objects.edits import NO_ANNOTATIONS, Annotations, Edit, EditError, MapEdits, Zone
 from edgemap.geometry.objects.floor_map import FloorMap
 from edgemap.geometry.objects.forgetting import Forgetter, NoForgetting
@@ -97,6 +98,7 @@ class Mapper:
         self.pose_odom_base, self.odom_covariance = SE2(), np.zeros((3, 3))
         self.travelled_m = 0.0
         self.scale = 1.0  # of what is mapped, over the lengths that the front end measures by a guessed height
+        self._lens_m = 0.0  # height of the lens
         self._placed_by: Mount | None = None  # the mount that what is mapped was placed by
         self._relocated: SE2 | None = None  # by a person's pose, since the last step
         self._searched_s = -math.inf  # stamp of the last picture that was searched
@@ -168,6 +170,7 @@ class Mapper:
         stage = self._watch.stage
         observed, self._blind = self._timed(_after(self._blind, _sound(observed))), None
         self._advance(observed.motion)
+        self._lens_m = observed.camera.mount.height_m if observed.camera else self._lens_m
         self._retilt(observed.mount_estimate)
         correction = self._close_loops(observed)
         stage("closure")
@@ -223,8 +226,13 @@ class Mapper:
         return self.edits.take(edit, self.map, self.trajectory.stamps_near)
 
     def objects(self) -> list[MapObject]:
-        """The current map with edits applied."""
-        return self.edits.shown(self.map)
+        """The current map with edits applied, without furniture that the path of the base crosses."""
+        shown = self.edits.shown(self.map)
+        if not isinstance(self.map, FloorMap):
+            return shown
+        path_m = self.map.graph.trajectory.vectors()[:, :2]
+        crossed = {item.id for item in shown if is_crossed(item, path_m, self._lens_m * self.scale)}
+        return [item for item in shown if item.id not in crossed] if crossed else shown
 
     def annotations(self) -> Annotations:
         """Zones and deleted objects as they stand."""

@@ -105,6 +105,27 @@ def test_a_pose_unsure_to_one_side_makes_objects_unsure_to_that_side():
         assert xy == pytest.approx(0.0, abs=1e-9)
 
 
+@pytest.mark.parametrize(
+    ("label", "lens_m", "aside_m", "shown"),
+    [
+        ("bed", 1.6, 0.3, False),  # walked through: it is a carpet
+        ("bed", 1.6, 1.0, True),  # 1.6 m wide, passed by
+        ("bed", 0.2, 0.3, True),  # a low robot may have been under it
+        ("suitcase", 1.6, 0.1, True),  # may have come after the robot
+    ],
+)
+@pytest.mark.parametrize("first", [0, 20])  # seen before the base is there, and after
+def test_furniture_on_the_path_of_a_lens_that_is_higher_is_none(label, lens_m, aside_m, shown, first):
+    mapper, camera = Mapper(), replace(CAMERA, mount=replace(CAMERA.mount, height_m=lens_m))
+    for index in range(30):
+        in_view = [sight(label, 2.0 - 0.2 * index, aside_m, index=index)] if first <= index < first + 8 else []
+        motion = Motion(SE2(0.2 if index else 0.0, 0.0, 0.0), np.eye(3) * 1e-6)
+        mapper.step(replace(observed(index, in_view, motion), camera=camera))
+        if first == 0 and index == 5:
+            assert [item.label for item in mapper.objects()] == [label]
+    assert [item.label for item in mapper.objects()] == [label] * shown
+
+
 def test_objects_move_with_a_closure(closed):
     """In the step that corrects, objects come nearer to where they stand, as those that see them do."""
     largest = max((result for result, _ in closed if result.correction), key=lambda r: r.correction.moved_m)
