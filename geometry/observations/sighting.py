@@ -184,12 +184,14 @@ def sightings_of(
         if box.is_out_of_sight or box.has_depth:
             nearer = float(box.direction @ (foot.position_m - box.lens_m)) / box.reach_m
             width_m, height_m = width_m * nearer, height_m * nearer + camera.mount.height_m * (1.0 - nearer)
-        middle_m = box.shape.reach_m(width_m)
+        middle_m, covariance_m2 = box.shape.reach_m(width_m), foot.covariance_m2
         if box.cut:  # and with it, often, its nearest corner
             middle_m = max(middle_m - CUT_SHARE * extent_m(label, width_m), 0.0)
+            along_m = box.direction * box.shape.cut_sigma_m(box.width_m)
+            covariance_m2 = covariance_m2 + np.outer(along_m, along_m)
         sightings.append(
             Sighting(
-                label, score, foot.position_m + box.direction * middle_m, foot.covariance_m2, shared_m2,
+                label, score, foot.position_m + box.direction * middle_m, covariance_m2, shared_m2,
                 width_m, height_m, box.extent_m, box.reach_m, row, frame, stamp_s,
                 rule.weight(score) * (PART_COUNTS if box.is_hidden or box.cut else 1.0),
             )
@@ -271,14 +273,15 @@ def _edges(
     longer = max(camera.intrinsics.width, camera.intrinsics.height)
     sizes = boxes[:, 2:] - boxes[:, :2]
     left, right = boxes[:, 0] <= rule.border_px, boxes[:, 2] >= camera.intrinsics.width - rule.border_px
-    missing_px = np.maximum(np.array([shape.width for shape in shapes]) * px_per_m - sizes[:, 0], 0.0)
+    widths_m = (sizes[:, 0] / px_per_m).tolist()
+    missing_px = np.array([shape.missing_m(width) for shape, width in zip(shapes, widths_m, strict=True)]) * px_per_m
     across_px = np.where(left == right, 0.0, np.where(right, 0.5, -0.5) * missing_px)
-    unsure_px = np.array([shape.width_sigma for shape in shapes]) * px_per_m
+    cut_px = np.array([shape.cut_sigma_m(width) for shape, width in zip(shapes, widths_m, strict=True)]) * px_per_m
     shares = np.column_stack(
         [np.full(len(boxes), rule.box.across_share), np.hypot(rule.box.down_share, rule.box.hidden_share * cover)]
     )
     sigmas_px = np.hypot(rule.box.picture_share * longer, shares * sizes)
-    sigmas_px[:, 0] = np.hypot(sigmas_px[:, 0], np.where(left | right, 0.5 * unsure_px + 0.25 * missing_px, 0.0))
+    sigmas_px[:, 0] = np.hypot(sigmas_px[:, 0], np.where(left | right, cut_px, 0.0))
     return left | right, across_px, sigmas_px
 
 

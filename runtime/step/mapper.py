@@ -231,7 +231,7 @@ class Mapper:
         if not isinstance(self.map, FloorMap):
             return shown
         path_m = self.map.graph.trajectory.vectors()[:, :2]
-        crossed = {item.id for item in shown if is_crossed(item, path_m, self._lens_m * self.scale)}
+        crossed = {item.id for item in shown if is_crossed(item, path_m, self._lens_m)}
         return [item for item in shown if item.id not in crossed] if crossed else shown
 
     def annotations(self) -> Annotations:

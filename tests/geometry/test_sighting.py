@@ -137,6 +137,14 @@ def test_a_box_cut_by_the_pictures_side_has_its_middle_where_the_class_is_usuall
     assert chair.covariance_m2[1, 1] > 2.0 * whole.covariance_m2[1, 1]
 
 
+def test_the_middle_of_what_the_picture_cuts_is_as_uncertain_along_the_ray_as_across():
+    """A couch looks 1.61 m wide, with a standard deviation of 0.35 m. Cut on both sides it is 4 m wide and more, so
+    nothing of its usual width is missing: half of 0.35 m remains."""
+    (whole,) = sightings_of(seen(("couch", 4, 100, 636, 400)), CAMERA, FloorRule())
+    (cut,) = sightings_of(seen(("couch", 0, 100, 640, 400)), CAMERA, FloorRule())
+    assert cut.covariance_m2[0, 0] - whole.covariance_m2[0, 0] == pytest.approx(0.175**2, rel=1e-3)
+
+
 def test_feet_below_the_picture_are_between_the_robot_and_the_nearest_floor_seen():
     """The last row shows the floor 500 / 240 = 2.083 m ahead: the lower edge is 1.142 +- 0.544 m away, anywhere between
     that and 0.2 m. 290 px would be 1.208 m there, a chair looks 0.58 +- 0.14 m wide: 1.0 +- 0.241 m. Together 1.0233 m,
