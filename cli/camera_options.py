@@ -88,7 +88,8 @@ def _checked_mount(text: str, height_m: float, pitch_deg: float) -> "Mount":
         raise OptionError(f"--mount {text!r}: {error}") from None
     if not LOWEST_M <= given.height_m <= HIGHEST_M:
         raise OptionError(
-            f"--mount {text!r}: a lens {given.height_m:g} m above the floor, expected {LOWEST_M:g} to {HIGHEST_M:g} m"
+            f"--mount {text!r}: a lens {given.height_m:g} m above the floor, expected {LOWEST_M:g} to {HIGHEST_M:g} m "
+            "(HEIGHT_M,PITCH_DEG: metres first)"
         )
     return given
 
@@ -108,9 +109,15 @@ def read_intrinsics(text: str | None, width: int, height: int) -> "Intrinsics | 
         return None
     fx, fy, cx, cy = found
     try:
-        return Intrinsics(width, height, fx, fy, cx, cy)
+        given = Intrinsics(width, height, fx, fy, cx, cy)
     except GeometryError as error:
         raise OptionError(f"--intrinsics {text!r}: {error}") from None
+    if not (-0.5 <= cx <= width - 0.5 and -0.5 <= cy <= height - 0.5):
+        raise OptionError(
+            f"--intrinsics {text!r}: the principal point {cx:g},{cy:g} is outside the picture of {width}x{height} px "
+            "(FX,FY,CX,CY: focal lengths first)"
+        )
+    return given
 
 
 HOW_TO_MEASURE = (
@@ -157,6 +164,7 @@ def known_lens(camera: "Camera", intrinsics: str | None) -> "Intrinsics":
     if lens is None:
         raise OptionError(
             f"{camera.name} does not know its lens: pass --intrinsics FX,FY,CX,CY (pixels) or --camera-file camera.yaml"
+            " (edgemap run writes one with a guessed lens into its folder)"
         )
     if (lens.width, lens.height) != tuple(camera.size):
         size = f"{camera.size[0]}x{camera.size[1]}"

@@ -29,7 +29,7 @@ EXTRAS: dict[str, tuple[str, dict[str, str]]] = {
         "pull by name, export, train",
         {"torch": "torch", "onnx": "onnx", "onnxscript": "onnxscript"},
     ),
-    "plot": ("map show, detect --plot", {"matplotlib": "matplotlib"}),
+    "plot": ("map show as PNG, detect --plot", {"matplotlib": "matplotlib"}),
     "evaluation": ("eval detection", {"faster_coco_eval": "faster-coco-eval"}),
     "simulation": (
         "rendered rooms",

@@ -58,11 +58,13 @@ def command(
 
     from edgemap.geometry.errors import MapError
     from edgemap.runtime.frames.errors import DiskError
+    from edgemap.runtime.frames.extras import need
     from edgemap.runtime.outputs.fleet.access import access_is_limited, read_passwords
     from edgemap.runtime.outputs.fleet.keeper import PlaceKeeper
     from edgemap.runtime.outputs.fleet.network import PORT
     from edgemap.runtime.step.loop import stop_on_signals
 
+    need("fleet", "edgemap fleet serve")  # before the folder is made
     if not 0.1 <= every <= 3600.0:
         raise OptionError(f"--every {every:g}: 0.1 to 3600 s")
     name, router = place_and_address(place, "PLACE")

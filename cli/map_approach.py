@@ -41,12 +41,12 @@ def command(
     from edgemap.geometry.objects.approach import ApproachRule, approach
     from edgemap.runtime.step.grid_file import load_grid
     from edgemap.runtime.step.map_file import load_annotated_map, pose_record
-    from edgemap.runtime.step.map_store import find_map
+    from edgemap.runtime.step.map_store import saved_map
 
     for name, value in (("standoff", standoff), ("robot-radius", robot_radius)):
         if not 0.0 < value <= 10.0:
             raise OptionError(f"--{name} {value:g}: must be above 0 and at most 10 m")
-    path = find_map(map).path
+    path = saved_map(map)
     (objects, _), grid = load_annotated_map(path), load_grid(path)
     robot_m = numbers(near, "--near", "X,Y") if near else None
     item = _chosen(objects, object, label, robot_m or [0.0, 0.0])

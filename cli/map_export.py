@@ -61,12 +61,12 @@ def command(
     from edgemap.runtime.frames.trajectory import trajectory_of
     from edgemap.runtime.step.grid_file import load_grid
     from edgemap.runtime.step.map_file import load_annotated_map
-    from edgemap.runtime.step.map_store import find_map
+    from edgemap.runtime.step.map_store import saved_map
 
     for name, value in (("resolution", resolution), ("robot-width", robot_width)):
         if not 0.0 < value < 100.0:
             raise OptionError(f"--{name} {value}: must be above 0 and below 100 m")
-    map = find_map(map).path
+    map = saved_map(map)
     (found, annotations), trajectory, floor = load_annotated_map(map), trajectory_of(map), load_grid(map)
     path = _target(map, format, out)
     written = [path]

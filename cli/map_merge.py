@@ -31,12 +31,12 @@ def command(
     from edgemap.geometry.registration.alignment import AlignmentError, align
     from edgemap.runtime.step.grid_file import load_grid
     from edgemap.runtime.step.map_file import load_annotated_map, save_map
-    from edgemap.runtime.step.map_store import find_map
+    from edgemap.runtime.step.map_store import saved_map
 
     if len(maps) < 2:
         raise OptionError(f"{len(maps)} map given: merging needs two or more")
     path = out if out.suffix == ".json" else out / "map.json"
-    maps = tuple(find_map(one).path for one in maps)
+    maps = tuple(saved_map(one) for one in maps)
     (merged, annotations), grid = load_annotated_map(maps[0]), load_grid(maps[0])
     print(f"{maps[0]}: {len(merged)} objects")
     for other in maps[1:]:

@@ -35,11 +35,11 @@ def command(
     from edgemap.runtime.frames.trajectory import trajectory_of, tum_line
     from edgemap.runtime.step.grid_file import load_grid
     from edgemap.runtime.step.map_file import load_annotated_map, save_map
-    from edgemap.runtime.step.map_store import find_map
+    from edgemap.runtime.step.map_store import saved_map
 
     if (height is None) == (between is None):
         raise OptionError("give one length: --height HEIGHT_M or --between ID,ID,M")
-    path = find_map(map).path
+    path = saved_map(map)
     objects, annotations = load_annotated_map(path)
     factor = _by_height(path, height) if height is not None else _by_distance(objects, str(between))
     if not 1.0 / LARGEST <= factor <= LARGEST:

@@ -45,13 +45,13 @@ def command(
     given: the centres of the objects asked for.
     """
     from edgemap.runtime.step.map_file import load_annotated_map
-    from edgemap.runtime.step.map_store import find_map
+    from edgemap.runtime.step.map_store import saved_map
 
     maps = maps or (last_run(),)
     if len(maps) > 1 and (out is not None or json):
         raise OptionError(f"{'--json' if json else '--out'} takes one map, several are drawn and listed one by one")
     question = _Question.read(label, near, inside, since)
-    for path in (find_map(one).path for one in maps):
+    for path in (saved_map(one) for one in maps):
         objects, annotations = load_annotated_map(path)
         answers = question.answer(objects)
         if json:

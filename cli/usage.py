@@ -13,6 +13,7 @@ from typing import Annotated, Any, Union, get_args, get_origin, get_type_hints
 NOT_OF_TYPE = re.compile(
     r"Error parsing (\S+): (?:no )?type matching (?:\{None\}\|)?(\S+) could be instantiated from \[(.*)\]"
 )
+STRAY_SOURCE = re.compile(r"Unrecognized options: ((?!-)\S*[./:]\S*|\d+)")  # a file, folder, address or number
 FRAME = re.compile(r"^[│╭╰─╮╯ ]?|[│╮╯]\s*$")
 
 
@@ -59,13 +60,18 @@ def usage_line(box: str) -> str:
     kept: list[str] = []
     meant = [line.split()[0] for line in lines if line.startswith(" " * 5) and line.strip().startswith("--")]
     for line in lines:
-        if set(line.strip()) == {"─"} or line.strip() == "Got errors:":
+        rule = set(line.strip()) in ({"─"}, {"-"})  # "-" where the output takes no box drawing: a Latin-1 terminal
+        if rule and not kept:
+            continue
+        if rule or line.strip() == "Got errors:":
             break
         if kept and line.startswith(" " * 9):  # what an option means, under its name
             continue
         kept.append(line)
     sentence = " ".join(" ".join(kept).split()).rstrip(".")
     sentence = NOT_OF_TYPE.sub(r"\1: expected \2, not \3", sentence)
+    if stray := STRAY_SOURCE.fullmatch(sentence):
+        return f"{stray[1]}: no option; did you mean --camera {stray[1]}?"
     if not sentence.startswith("Unrecognized") or not meant:
         return sentence
     wrong = re.search(r"--[\w-]+", sentence)

@@ -12,6 +12,7 @@ from edgemap.geometry.camera.floor import FloorCamera
 from edgemap.geometry.camera.imu import ImuSamples
 from edgemap.geometry.se2 import SE2
 from edgemap.runtime.frames.errors import BundleError, CameraError
+from edgemap.runtime.frames.reading import user_path
 from edgemap.runtime.inputs.cameras.checked import CheckedCamera
 from edgemap.runtime.inputs.cameras.given import (
     FramesCamera,
@@ -22,6 +23,7 @@ from edgemap.runtime.inputs.cameras.given import (
     as_mount,
 )
 from edgemap.runtime.inputs.cameras.protocol import Camera
+from edgemap.runtime.inputs.drives.camera_yaml import read_camera_yaml
 from edgemap.runtime.inputs.open import open_camera
 from edgemap.runtime.network.bundle import load_bundle
 from edgemap.runtime.network.store import bundle_folder, default_bundle
@@ -137,6 +139,7 @@ def open_session(
     frames: Iterable[NDArray[np.uint8] | tuple[float, NDArray[np.uint8]]] | None = None,
     intrinsics: IntrinsicsLike | None = None,
     mount: MountLike | None = None,
+    camera_file: str | Path | None = None,
     map: str | Path | None = None,
     classes: Collection[str] | None = None,
     odometry: str = "hybrid",
@@ -151,10 +154,16 @@ def open_session(
     camera: a SPEC, the number of a webcam, a path, or a Camera. frames: any iterable of BGR pictures, uint8 (height,
     width, 3), 10 a second, or of (stamp_s, picture). With neither, intrinsics and mount make a session for
     `Session.push`; without those it is the demo. intrinsics: (fx, fy, cx, cy) in pixels, where the source brings none.
-    mount: (height_m, pitch_deg), positive looking down. map: a saved map to continue, as `run --map`. classes: those
-    that go on the map. bundle: by default the one for this kind of pictures. config: a tree, or a file of one. sinks,
-    strict: see `Session`. Raises CameraError, BundleError, MapError, OdometryError or ConfigError in one line.
+    mount: (height_m, pitch_deg), positive looking down. camera_file: a camera.yaml with both, as `run --camera-file`;
+    `run` writes one into its folder where it guesses them, a session does not guess. map: a saved map to continue, as
+    `run --map`. classes: those that go on the map. bundle: by default the one for this kind of pictures. config: a
+    tree, or a file of one. sinks, strict: see `Session`. Raises CameraError, BundleError, MapError, OdometryError or
+    ConfigError in one line.
     """
+    if camera_file is not None:
+        described = read_camera_yaml(user_path(camera_file))
+        intrinsics = described.intrinsics if intrinsics is None else intrinsics
+        mount = described.mount if mount is None else mount
     tuned = config if isinstance(config, Config) else load_config(Path(config))[0] if config else Config()
     if camera is not None and frames is not None:
         raise CameraError("give camera= or frames=, not both")
@@ -198,7 +207,7 @@ def _slam_of(
     lens, mount = source.intrinsics, source.mount
     if lens is None or mount is None:
         lacks = "intrinsics=(fx, fy, cx, cy)" if lens is None else "mount=(height_m, pitch_deg)"
-        raise CameraError(f"{source.name} brings no {lacks.partition('=')[0]}: pass {lacks}, or give its camera.yaml")
+        raise CameraError(f"{source.name} brings no {lacks.partition('=')[0]}: pass {lacks} or camera_file=")
     name = str(bundle) if bundle else default_bundle(spec or source.name)[0]
     loaded = load_bundle(bundle_folder(name), pace="camera" if source.live else "files")
     if classes is not None:

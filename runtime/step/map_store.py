@@ -7,7 +7,8 @@ from pathlib import Path
 
 import platformdirs
 
-from edgemap.runtime.frames.reading import user_path
+from edgemap.geometry.errors import MapError
+from edgemap.runtime.frames.reading import one_line, user_path
 
 NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9._-]{0,99}")
 
@@ -43,3 +44,11 @@ def find_map(text: str | Path) -> MapPlace:
     if NAME.fullmatch(str(text)) and not (path / "map.json").is_file():
         return MapPlace(maps_folder() / str(text), lives=True)
     return MapPlace(path, lives=True)
+
+
+def saved_map(text: str | Path) -> Path:
+    """The map.json or folder of a map to read. Raises MapError for a name that neither a folder nor a map has."""
+    place = find_map(text)
+    if not place.exists and place.path.parent == maps_folder():
+        raise MapError(f"{one_line(text)}: no run folder or map.json here, and no map of that name in {maps_folder()}")
+    return place.path

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass, replace
+from math import degrees
 from typing import Generic, TypeVar
 
 import numpy as np
@@ -37,7 +38,7 @@ class _OfUpdate(Generic[T]):
         return self._get(result.update)
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@dataclass(frozen=True, slots=True, eq=False, repr=False)
 class StepResult:
     """Result of one step: the frame, the front end's observations, and the back end's update. faults: of delivery,
     since the previous result. Attributes of `update` are available on the result too.
@@ -67,6 +68,14 @@ class StepResult:
     def stages_ms(self) -> dict[str, float]:
         """Time of every stage of the step, in order."""
         return self.observed.stages_ms | self.update.stages_ms
+
+    def __repr__(self) -> str:
+        """One line; the fields hold whole pictures."""
+        pose, boxes = self.pose_map_base, f"{len(self.detections.boxes)} boxes, {len(self.sightings)} on the floor"
+        return (
+            f"<StepResult of frame {self.frame.index} at {self.frame.stamp_s:.2f} s: x {pose.x_m:.2f} m, "
+            f"y {pose.y_m:.2f} m, yaw {degrees(pose.yaw_rad):.1f} deg; {boxes}>"
+        )
 
     def _repr_png_(self) -> bytes:
         """In a notebook: the picture with all boxes, those on the floor with their distance."""

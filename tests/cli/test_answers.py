@@ -34,8 +34,11 @@ def answer(capsys, *arguments):
     [
         ("run --frames many", "--frames"),
         ("run --frames", "Missing value for argument '--frames'"),
-        ("run --no-such-flag", "Unrecognized options: --no-such-flag"),
+        ("run --no-such-flag", "run: Unrecognized options: --no-such-flag ("),
         ("run extra", "Unrecognized options: extra"),
+        ("run drive.mp4", "drive.mp4: no option; did you mean --camera drive.mp4?"),
+        ("run 0", "0: no option; did you mean --camera 0?"),
+        ("doctor pictures/", "did you mean --camera pictures/?"),
         ("run --precision int4", "Expected one of ('default', 'float32', 'int8', 'auto')"),
         ("run --confidence high", "--confidence"),
         ("map export x", "--format {geojson,nav2,nav2-vector,nav2-masks,csv,png,svg}"),
@@ -54,6 +57,7 @@ def test_wrong_usage_is_one_line_that_names_the_help(capsys, arguments, words):
     assert words in line
     assert line.endswith(f"(edgemap {command} --help)")
     assert "│" not in line
+    assert "---" not in line
 
 
 def test_an_onnx_file_is_told_to_become_a_bundle(capsys, tmp_path):
@@ -159,7 +163,7 @@ def test_doctor_prints_extras_that_are_not_installed_as_one(monkeypatch, capsys)
     lines = capsys.readouterr().out.splitlines()
     (line,) = (line for line in lines if line.startswith("missing  extra"))
     assert "view (run --view)" in line
-    assert "plot (map show, detect --plot)" in line
+    assert "plot (map show as PNG, detect --plot)" in line
     assert "[NAME]'" in lines[lines.index(line) + 1]
     main(["doctor", "--json"])
     found = [finding for finding in json.loads(capsys.readouterr().out) if finding["topic"] == "extra"]

@@ -141,6 +141,8 @@ def test_classes_choose_what_is_mapped(edgemap, painted_bundle, pictures, tmp_pa
         (("--mount", "high"), "expected HEIGHT_M or HEIGHT_M,PITCH_DEG (m, degrees)"),
         (("--mount", "0.6,11,5"), "expected 2 numbers, HEIGHT_M,PITCH_DEG"),
         (("--mount", "60"), "a lens 60 m above the floor, expected 0.05 to 3 m"),
+        (("--mount", "11.5,0.6"), "expected 0.05 to 3 m (HEIGHT_M,PITCH_DEG: metres first)"),
+        (("--intrinsics", "32,32,500,500"), "the principal point 500,500 is outside the picture of "),
         (("--mount", "nan"), "must be a finite number"),
         (("--frames", "0"), "--frames 0: must be 1 or more"),
         (("--threads", "0"), "--threads 0: must be 1 or more"),
@@ -206,6 +208,16 @@ def test_a_picture_that_is_none_is_skipped_counted_and_said_at_once(edgemap, pai
     count = record["fault_count"]
     assert f"{count} fault{'s' if count > 1 else ''}: " in result.stdout
     assert sum("8.png: not a picture that OpenCV reads (13 bytes), skipped" in fault for fault in record["faults"]) == 1
+
+
+def test_a_fault_is_printed_with_the_frame_of_the_record(edgemap, painted_bundle, pictures, tmp_path):
+    dark = np.zeros_like(cv2.imread(str(pictures / "4.png")))
+    cv2.imwrite(str(pictures / "4.png"), dark)  # the fifth
+    result = edgemap("run", "--camera", pictures, "--bundle", painted_bundle, "--out", tmp_path / "run")
+    assert result.returncode == 0, result.stderr
+    printed = [line for line in result.stderr.splitlines() if "picture dark" in line]
+    assert printed[0].startswith("frame 5: blind: ")
+    assert printed[0] in json.loads((tmp_path / "run" / "run.json").read_text())["faults"]
 
 
 def test_a_run_without_standard_error_leaves_its_files_alone(painted_bundle, pictures, tmp_path):

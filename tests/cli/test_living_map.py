@@ -10,12 +10,13 @@ from pathlib import Path
 import pytest
 from support.rooms import mapped
 
+from edgemap.geometry.errors import MapError
 from edgemap.geometry.objects.edits import Annotations
 from edgemap.geometry.se2 import SE2
 from edgemap.runtime.frames.errors import RunFolderError
 from edgemap.runtime.outputs.sinks.living_map import LivingMap
 from edgemap.runtime.step.map_file import load_annotated_map, load_last_pose, save_map
-from edgemap.runtime.step.map_store import find_map
+from edgemap.runtime.step.map_store import find_map, saved_map
 
 MAIN = "import sys; from edgemap.cli import main; sys.exit(main())"
 
@@ -92,6 +93,19 @@ def test_a_run_folder_and_a_file_are_only_read(tmp_path, monkeypatch):
     assert find_map(tmp_path / "flat").path == tmp_path / "flat"
     assert find_map("home").lives
     assert find_map(tmp_path / "flat").lives
+
+
+def test_a_name_that_no_map_has(tmp_path, monkeypatch):
+    monkeypatch.setenv("EDGEMAP_DATA", str(tmp_path))
+    monkeypatch.chdir(tmp_path)
+    with pytest.raises(
+        MapError, match=f"home: no run folder or map.json here, and no map of that name in {tmp_path}/maps"
+    ):
+        saved_map("home")
+    (tmp_path / "maps" / "home").mkdir(parents=True)
+    (tmp_path / "maps" / "home" / "map.json").write_text("{}")
+    assert saved_map("home") == tmp_path / "maps" / "home"
+    assert saved_map("elsewhere/map.json") == Path("elsewhere/map.json")
 
 
 def test_one_run_at_a_time(tmp_path):

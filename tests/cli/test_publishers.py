@@ -148,3 +148,14 @@ def test_two_robots_one_map_by_commands_alone(start, tmp_path, capsys):
         keeper.communicate(timeout=30)
     assert keeper.returncode == 0
     assert [item.id for item in load_map(place)] == [item.id for item in late]
+
+
+def test_a_fleet_without_its_extra_makes_no_folder(tmp_path, monkeypatch, capsys):
+    """A folder with robots/ would be taken for the map of that name."""
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(extras, "find_spec", lambda name: None if name == "zenoh" else find_spec(name))
+    with pytest.raises(SystemExit) as ended:
+        main(["fleet", "serve", "home"])
+    assert ended.value.code == 1
+    assert "edgemap fleet serve needs zenoh: " in capsys.readouterr().err
+    assert not (tmp_path / "home").exists()

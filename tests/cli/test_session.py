@@ -15,6 +15,7 @@ from edgemap.runtime.frames import extras
 from edgemap.runtime.frames.errors import CameraError, CameraFault, CameraLostError, MissingExtraError
 from edgemap.runtime.inputs.cameras.live import LiveCamera
 from edgemap.runtime.inputs.cameras.supervisor import RecoveryRule
+from edgemap.runtime.inputs.drives.camera_yaml import read_camera_yaml
 from edgemap.runtime.outputs.sinks.run_folder import RunFolder
 from edgemap.runtime.step.map_file import load_map
 
@@ -109,6 +110,19 @@ def test_a_source_without_a_mount_is_named(painted_bundle, pictures, tmp_path):
     (bare / "0.png").write_bytes((pictures / "0.png").read_bytes())
     with pytest.raises(CameraError, match="brings no intrinsics: pass intrinsics="):
         edgemap_api.open(camera=f"{bare}", bundle=painted_bundle)
+
+
+def test_a_camera_file_brings_lens_and_mount(painted_bundle, pictures, tmp_path):
+    bare = tmp_path / "bare"
+    bare.mkdir()
+    (bare / "0.png").write_bytes((pictures / "0.png").read_bytes())
+    with edgemap_api.open(camera=f"{bare}", bundle=painted_bundle, camera_file=pictures / "camera.yaml") as session:
+        assert session.camera.intrinsics == read_camera_yaml(pictures / "camera.yaml").intrinsics
+        shown = repr(next(session))
+    assert shown.startswith("<StepResult of frame 0 at 0.00 s: x 0.00 m, y 0.00 m, yaw 0.0 deg; ")
+    assert len(shown) < 150
+    with pytest.raises(CameraError, match=r"nowhere\.yaml: cannot be read"):
+        edgemap_api.open(camera=f"{bare}", bundle=painted_bundle, camera_file=tmp_path / "nowhere.yaml")
 
 
 def test_only_what_is_there_can_be_asked_for():

@@ -102,6 +102,12 @@ def test_faults_alone_come_last_and_change_nothing():
     assert [(step.cause, step.counted) for step in steps] == [(CAUSES["light"], False), (CAUSES["output"], False)]
 
 
+def test_a_fault_that_is_a_finding_stands_there_once():
+    finding = verdict_of(record(faults=HEIGHT), [CHAIR]).findings[0].text
+    assert HEIGHT[0].endswith(finding)
+    assert explain(record(faults=HEIGHT), [CHAIR])[1][0].evidence == tuple(HEIGHT)
+
+
 def test_what_the_map_holds_counts_too():
     weak = replace(CHAIR, id="chair-2", confidence=0.3)
     assert is_doubtful(weak)

@@ -47,7 +47,9 @@ class VideoCamera(CameraBase):
         self._capture: cv2.VideoCapture | None = _open_quietly(path)
         if not self._capture.isOpened():
             self.close()
-            raise CameraError(f"{path}: not a video that OpenCV reads ({path.stat().st_size} bytes)")
+            raise CameraError(
+                f"{path}: not a video that OpenCV reads ({path.stat().st_size} bytes): cut off, or another format"
+            )
         wide, high = (int(self._capture.get(what)) for what in (cv2.CAP_PROP_FRAME_WIDTH, cv2.CAP_PROP_FRAME_HEIGHT))
         if wide * high > PIXEL_LIMIT:
             self.close()

@@ -59,9 +59,9 @@ class ProgressLines(Sink):
 
     def write(self, result: StepResult, objects: list[MapObject]) -> None:
         """One frame more; print the line when it is due."""
+        self._frames += 1
         for text in result.observed.faults:
             self.fault(text)
-        self._frames += 1
         if monotonic() - self._line_s >= LINE_EVERY_S:
             self._line_s = monotonic()
             of = f" of {self._total}" if self._total else ""

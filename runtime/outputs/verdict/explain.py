@@ -48,7 +48,10 @@ def _explained(record: Mapping[str, Any], objects: Sequence[MapObject]) -> tuple
             continue
         faults[cause] = faults.get(cause, 0) + 1
         if faults[cause] <= SHOWN_FAULTS:
-            found.setdefault(cause, []).append(printable(text))
+            evidence, shown = found.setdefault(cause, []), printable(text)
+            if (finding := shown.partition(": ")[2]) in evidence:  # the same, without its frame
+                evidence.remove(finding)
+            evidence.append(shown)
     counted = {finding.cause for finding in verdict.findings}
     return verdict, [Step(cause, tuple(dict.fromkeys(evidence)), cause in counted) for cause, evidence in found.items()]
 

@@ -83,7 +83,10 @@ except Exception as error:
     print(type(error).__name__, error)
 """
     run = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True)
-    assert run.stdout == f"CameraError {path}: not a video that OpenCV reads ({len(content)} bytes)\n"
+    assert (
+        run.stdout
+        == f"CameraError {path}: not a video that OpenCV reads ({len(content)} bytes): cut off, or another format\n"
+    )
     assert run.stderr == ""  # neither OpenCV nor FFmpeg adds lines of its own
 
 
