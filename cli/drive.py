@@ -127,7 +127,7 @@ class Drive:
             print(line)
         if result := summary.result:
             alone = not scale_source(files.document)
-            if line := self.kept_camera.at_end(result.observed, summary.height, alone):
+            if line := self.kept_camera.at_end(result.observed, summary.height, summary.rolling, alone):
                 print(line)
         print(report.failure or f"see it:  {report.path}")
         page.stay(stop, lambda: edits.apply(self.slam.mapper, done))

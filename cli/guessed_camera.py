@@ -14,6 +14,7 @@ if TYPE_CHECKING:
     from edgemap.geometry.camera.floor import FloorCamera
     from edgemap.geometry.camera.intrinsics import Intrinsics
     from edgemap.geometry.camera.mount import HeightEstimate, Mount
+    from edgemap.geometry.odometry.rolling import Rolling
     from edgemap.runtime.frames.frame import Frame
     from edgemap.runtime.inputs.cameras.protocol import Camera
     from edgemap.runtime.network.bundle import Bundle
@@ -21,6 +22,7 @@ if TYPE_CHECKING:
     from edgemap.runtime.step.frame_observations import FrameObservations
 
 PICTURES, REACH = 40, 400  # pictures that are looked at, of so many first ones of a file
+SURE_AXLE_M = 0.03  # standard deviation; it is below after half a turn
 LIVE_S, LIVE_EVERY_S = 8.0, 0.2  # of a live camera, and between two pictures
 
 
@@ -90,6 +92,7 @@ class CameraKeeper:
 
     def __init__(self, folder: Path, floor: "FloorCamera", guess: "CameraGuess | None", spec: str = "demo") -> None:
         self._path, self._floor, self._guess, self._by_hand = folder / "camera.yaml", floor, guess, False
+        self._line = f"lens and mount so far: {self._path}  (the next run: --camera-file {self._path})"
         self._spec = re.sub("(//[^/@:]*):[^/@]*@", r"\1:PASSWORD@", spec)  # a stream's password is never printed
 
     def set_mount(self, height_m: float, pitch_deg: float) -> Path:
@@ -103,11 +106,15 @@ class CameraKeeper:
         return self._path
 
     def at_end(
-        self, observed: "FrameObservations | None" = None, seen: "HeightEstimate | None" = None, alone: bool = True
+        self,
+        observed: "FrameObservations | None" = None,
+        seen: "HeightEstimate | None" = None,
+        axle: "Rolling | None" = None,
+        alone: bool = True,
     ) -> str | None:
         """Saves the guess, unless a person has set the mount. Returns the lines to print: where it is, and where the
-        height is guessed the commands that take one by tape measure. observed: of the last frame; seen: the height.
-        alone: whether no wheels and no depth measured the path."""
+        height is guessed the commands that take one by tape measure. observed: of the last frame; seen: the height;
+        axle: by the turns. alone: whether no wheels and no depth measured the path."""
         from edgemap.geometry.camera.floor import FloorCamera
 
         guess = self._guess
@@ -119,6 +126,11 @@ class CameraKeeper:
         if seen is not None and guess.height_sigma and not guess.sway_rad:
             mount = replace(mount, height_m=seen.height_m)
             guess = self._guess = replace(guess, height_sigma=seen.sigma_m / seen.height_m)
+        no_arm = mount.forward_m == mount.left_m == 0.0 and guess.pitch_sigma_rad and not guess.sway_rad
+        if no_arm and alone and axle is not None and axle.axle_sigma_m < SURE_AXLE_M:
+            mount = replace(mount, forward_m=axle.axle_m)
+            ahead = f"{mount.forward_m:.2f} +- {axle.axle_sigma_m:.2f} m before the turn axis"
+            self._line += f"\nthe lens is {ahead}, by its turns: the next run has that axis for its origin"
         self._floor = FloorCamera(self._floor.intrinsics, mount)
         self._write(guess.record())
         if not guess.height_sigma or guess.sway_rad:
@@ -137,10 +149,6 @@ class CameraKeeper:
             *(["or scale this map by it:", f"  {scale}"] if alone else []),
         ]
         return "\n".join(lines)
-
-    @property
-    def _line(self) -> str:
-        return f"lens and mount so far: {self._path}  (the next run: --camera-file {self._path})"
 
     def _write(self, calibration: dict[str, object]) -> None:
         from edgemap.runtime.inputs.drives.camera_yaml import write_camera_yaml

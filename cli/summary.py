@@ -13,6 +13,7 @@ from edgemap.geometry.camera.mount import HeightEstimate, Mount
 from edgemap.geometry.errors import EdgemapError, MapError
 from edgemap.geometry.map_object import MapObject
 from edgemap.geometry.objects.evaluation_row import EvaluationRow, tally
+from edgemap.geometry.odometry.rolling import Rolling
 from edgemap.runtime.frames.errors import RunFolderError
 from edgemap.runtime.frames.reading import printable
 from edgemap.runtime.inputs.cameras.protocol import Camera
@@ -35,6 +36,7 @@ class RunSummary(Sink):
         self.result: StepResult | None = None
         self.objects: list[MapObject] = []
         self.height: HeightEstimate | None = None  # of the lens, as last shown
+        self.rolling = Rolling.unmeasured()  # for a mount without a lever arm
         self.fault_count = 0
         self.faults: dict[str, str] = {}  # by kind, the first text
         self._mount, self._mount_sources = mount, mount_sources
@@ -43,6 +45,8 @@ class RunSummary(Sink):
         """Stores the result."""
         self.result, self.objects = result, objects
         self.height = result.observed.height_estimate or self.height
+        if result.motion.measured:
+            self.rolling = self.rolling.seen(result.motion.motion, result.motion.covariance)
         for text in result.observed.faults:
             self.fault(text)
 

@@ -10,6 +10,8 @@ from edgemap.geometry.se2 import SE2
 
 ROLLED_M = 1e-3  # of a lateral motion that is none, as of any motion
 MEASURED_M = 0.005  # errs a lateral motion seen in a turn, whatever it states
+UNKNOWN_M = 0.3  # standard deviation of an axle that no one measured
+SLIP_SHARE = 0.01  # of lateral slip, per metre and radian
 FOLLOWED_M = 0.005  # least standard deviation of a learnt axle, so that it goes on being learnt
 
 
@@ -44,6 +46,15 @@ class Rolling:
         variance = slides**2 + (self.axle_sigma_m * moved.yaw_rad) ** 2
         gradient = np.array([s, c, -along / 2.0 - self.axle_m], dtype=np.float64)
         return Lateral(across - self.axle_m * moved.yaw_rad, gradient, variance)
+
+    @classmethod
+    def unmeasured(cls) -> "Rolling":
+        """The constraint with an axle that is to be learnt from motions alone."""
+        return cls(SLIP_SHARE, 0.0, UNKNOWN_M)
+
+    def seen(self, moved: SE2, covariance: Array) -> "Rolling":
+        """The axle after one more motion of the lens with its covariance (3, 3)."""
+        return self.learnt(self.lateral(moved).residual_m, float(covariance[1, 1]), moved.yaw_rad)
 
     def learnt(self, lateral_m: float, variance_m2: float, yaw_rad: float) -> "Rolling":
         """Kalman update of the axle with one motion whose lateral residual was measured without this constraint."""

@@ -3,13 +3,15 @@
 import json
 import math
 import shlex
+from dataclasses import replace
 
 import pytest
 
 from edgemap.cli.guessed_camera import CameraKeeper
 from edgemap.geometry.camera.floor import FloorCamera
 from edgemap.geometry.camera.intrinsics import Intrinsics
-from edgemap.geometry.camera.mount import Mount
+from edgemap.geometry.camera.mount import HeightEstimate, Mount
+from edgemap.geometry.odometry.rolling import Rolling
 from edgemap.runtime.frames.errors import CameraError
 from edgemap.runtime.inputs.drives.camera_yaml import read_camera_yaml
 from edgemap.runtime.step.calibration.guess import CameraGuess
@@ -145,3 +147,25 @@ def test_a_lens_alone_leaves_the_mount_to_be_guessed(edgemap, painted_bundle, pi
     assert "does not say its mount: guessed from 12 pictures" in done.stdout
     kept = read_camera_yaml(tmp_path / "run" / "camera.yaml")
     assert (kept.intrinsics.fx, kept.intrinsics.cy) == (50.0, 31.5)
+
+
+def test_the_camera_file_of_a_guess_holds_what_the_drive_has_shown(tmp_path):
+    """Height by sizes with its standard deviation, the lens before the turn axis; a known lever arm stays."""
+    lens, mount = Intrinsics(640, 480, 587.0, 587.0, 319.5, 239.5), Mount(0.6, 0.2)
+    record = {"method": "guessed", "focal_sigma_share": 0.02, "height_sigma_share": 0.3, "sigma_pitch_deg": 0.5}
+    seen, turned = HeightEstimate(0.5, 0.04), Rolling(0.01, 0.23, 0.01)
+    for arm_m, forward_m in ((0.0, 0.23), (0.1, 0.1)):
+        floor, folder = FloorCamera(lens, replace(mount, forward_m=arm_m)), tmp_path / str(arm_m)
+        folder.mkdir()
+        guess = CameraGuess.of_record(record, lens, floor.mount, "camera.yaml")
+        text = CameraKeeper(folder, floor, guess).at_end(None, seen, turned)
+        kept = read_camera_yaml(folder / "camera.yaml")
+        assert kept.mount is not None
+        assert (kept.mount.height_m, kept.mount.forward_m) == (0.5, forward_m)
+        assert kept.calibration["height_sigma_share"] == 0.08
+        assert text is not None
+        assert "by the sizes of objects it is 0.50 m, to 8 %, and the scale of the map" in text
+        assert ("0.23 +- 0.01 m before the turn axis" in text) == (arm_m == 0.0)
+    with_wheels = CameraKeeper(tmp_path, FloorCamera(lens, mount), guess).at_end(None, seen, turned, alone=False)
+    assert with_wheels is not None
+    assert "turn axis" not in with_wheels
