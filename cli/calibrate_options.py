@@ -4,6 +4,7 @@ import math
 import re
 from dataclasses import dataclass
 from pathlib import Path
+from time import monotonic
 from typing import TYPE_CHECKING, Annotated, Any
 
 from edgemap.cli.arguments import OptionError, arg
@@ -17,6 +18,7 @@ if TYPE_CHECKING:
     from edgemap.runtime.step.calibration.board import Board, BoardView
     from edgemap.runtime.step.calibration.tilt import TiltFit
 
+SEARCH_LINE_S = 10.0  # a line so often while pictures are searched for the board
 EDGES = 40  # pictures that edges are looked for in
 
 BoardText = Annotated[
@@ -49,12 +51,22 @@ class Calibration:
 
     def views(self, source: "Camera", board: "Board") -> "list[BoardView]":
         """Different views of the board, printed one by one; Ctrl-C ends the search with the views so far."""
+        from edgemap.runtime.frames.reading import print_message
         from edgemap.runtime.step.calibration.board import board_views
         from edgemap.runtime.step.loop import stop_on_signals
 
         views: list[BoardView] = []
+        said_s = monotonic()
+
+        def stopped() -> bool:
+            nonlocal said_s
+            if monotonic() - said_s >= SEARCH_LINE_S:
+                said_s = monotonic()
+                print_message(f"{len(views)} different views of the board so far; Ctrl-C ends the search")
+            return stop.is_set()
+
         with stop_on_signals() as stop:
-            for view in board_views(source, board, self.frames, stop.is_set):
+            for view in board_views(source, board, self.frames, stopped):
                 views.append(view)
                 if source.live:
                     print(f"view {len(views)} of the board; Ctrl-C when it has been everywhere", flush=True)

@@ -1,6 +1,7 @@
 """Options that name a camera, its lens and its mount, and how their text is read. No heavy imports here."""
 
 from dataclasses import dataclass
+from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -13,6 +14,7 @@ if TYPE_CHECKING:
     from edgemap.runtime.inputs.cameras.protocol import Camera, SensorTopics
     from edgemap.runtime.inputs.cameras.supervisor import RecoveryRule
 
+OFF_MIDDLE = 0.2  # of the picture's width or height: lenses are a tenth off at most, half the size is a quarter
 LOWEST_M, HIGHEST_M = 0.05, 3.0  # of a lens above the floor; higher ones stand in a camera file
 CameraSpec = Annotated[
     str,
@@ -117,7 +119,20 @@ def read_intrinsics(text: str | None, width: int, height: int) -> "Intrinsics | 
             f"--intrinsics {text!r}: the principal point {cx:g},{cy:g} is outside the picture of {width}x{height} px "
             "(FX,FY,CX,CY: focal lengths first)"
         )
+    if abs(cx - width / 2) > OFF_MIDDLE * width or abs(cy - height / 2) > OFF_MIDDLE * height:
+        _warn(
+            f"--intrinsics {text!r}: the principal point {cx:g},{cy:g} is far from the middle of {width}x{height} px: "
+            "are these numbers for pictures of another size?"
+        )
     return given
+
+
+@cache
+def _warn(text: str) -> None:
+    """Prints a line once: a command reads its options more than once."""
+    from edgemap.runtime.frames.reading import print_message
+
+    print_message(text)
 
 
 HOW_TO_MEASURE = (

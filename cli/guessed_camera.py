@@ -92,7 +92,7 @@ class CameraKeeper:
 
     def __init__(self, folder: Path, floor: "FloorCamera", guess: "CameraGuess | None", spec: str = "demo") -> None:
         self._path, self._floor, self._guess, self._by_hand = folder / "camera.yaml", floor, guess, False
-        self._line = f"lens and mount so far: {self._path}  (the next run: --camera-file {self._path})"
+        self._line = f"lens and mount are kept in {self._path}  (the next run: --camera-file {self._path})"
         self._spec = re.sub("(//[^/@:]*):[^/@]*@", r"\1:PASSWORD@", spec)  # a stream's password is never printed
 
     def set_mount(self, height_m: float, pitch_deg: float) -> Path:

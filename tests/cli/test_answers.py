@@ -12,6 +12,7 @@ import pytest
 
 from edgemap.cli import main
 from edgemap.cli.arguments import OptionError
+from edgemap.cli.camera_options import read_intrinsics
 from edgemap.cli.doctor import EXTRAS
 from edgemap.cli.publishers import host_and_port
 
@@ -58,6 +59,17 @@ def test_wrong_usage_is_one_line_that_names_the_help(capsys, arguments, words):
     assert line.endswith(f"(edgemap {command} --help)")
     assert "│" not in line
     assert "---" not in line
+
+
+def test_intrinsics_of_pictures_of_another_size_are_doubted_once(capsys):
+    for _ in range(2):
+        read_intrinsics("251,251,160,120", 640, 480)
+    (line,) = capsys.readouterr().err.splitlines()
+    assert line.endswith(
+        "160,120 is far from the middle of 640x480 px: are these numbers for pictures of another size?"
+    )
+    read_intrinsics("503,503,330,220", 640, 480)
+    assert capsys.readouterr().err == ""
 
 
 def test_an_onnx_file_is_told_to_become_a_bundle(capsys, tmp_path):

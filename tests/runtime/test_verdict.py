@@ -95,6 +95,13 @@ def test_a_cause_comes_before_what_follows_from_it():
     assert [step.cause for step in steps] == [CAUSES["mount"], CAUSES["wheels"]]
 
 
+def test_wheels_beside_a_wrong_height_are_not_missing():
+    verdict, (step, *_) = explain(record({"wheel_frames": 30}, faults=HEIGHT), [CHAIR])
+    assert step.cause is CAUSES["scale"]
+    assert step.evidence[-2:] == ("95 % of the frames in motion have no wheel odometry", *HEIGHT)
+    assert {finding.cause for finding in verdict.findings} == {CAUSES["scale"]}
+
+
 def test_faults_alone_come_last_and_change_nothing():
     faults = ["frame 3: blind: picture blurred (sharpness 0.2)", "frame 9: a.mcap: No space left; the run goes on"]
     verdict, steps = explain(record(faults=faults), [CHAIR])

@@ -205,7 +205,7 @@ def _grid(sheet: Sheet) -> Markup:
         lines.append(el("line", x1=x, y1=0, x2=x, y2=sheet.height_px, class_="axis" if n == 0 else None))
         if 24 < x < sheet.width_px - 14:
             texts.append(el("text", f"{n * step:g}", x=x + 4, y=sheet.height_px - 6))
-    texts.append(el("text", "x forward, m", x=5, y=6, class_="unit"))
+    texts.append(el("text", "x forward (up), y left, m", x=5, y=6, class_="unit"))
     return joined(el("g", lines, class_="grid"), el("g", texts, class_="ticks"))
 
 

@@ -137,6 +137,8 @@ def _motion(record: Mapping[str, Any], quality: Mapping[str, Any], objects: Sequ
     moving = frames - quality.get("still_frames", 0) - 1
     if (alone or quality.get("wheels", wheels > 0)) and wheels < (1.0 - SOME_SHARE) * moving:
         cause, share = CAUSES["wheels"], 1.0 - wheels / moving
+        if any(cause_of_fault(str(fault)) is CAUSES["scale"] for fault in record.get("faults", [])):
+            cause = CAUSES["scale"]  # beside a camera of the wrong height, wheels that are right are left out
         yield Finding("care", cause, f"{100 * share:.0f} % of the frames in motion have no wheel odometry")
     guessed = quality["guessed_frames"] / frames
     if guessed > SOME_SHARE:
