@@ -7,8 +7,6 @@ from typing import TYPE_CHECKING, Annotated
 from edgemap.cli.arguments import OptionError, arg, may_be_left_out
 
 if TYPE_CHECKING:
-    from pathlib import Path
-
     from edgemap.geometry.camera.floor import FloorCamera
     from edgemap.runtime.outputs.fleet.sink import FleetSink
     from edgemap.runtime.step.sinks import Sink

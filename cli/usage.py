@@ -4,9 +4,9 @@ import inspect
 import io
 import re
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from contextlib import redirect_stderr
-from dataclasses import is_dataclass
+from dataclasses import fields, is_dataclass
 from types import UnionType
 from typing import Annotated, Any, Union, get_args, get_origin, get_type_hints
 
@@ -38,8 +38,15 @@ def parse_and_call(command: Callable[..., Any], words: str, rest: list[str]) -> 
         if error.code == 2 and said.getvalue():
             from edgemap.runtime.frames.reading import print_message
 
-            print_message(f"edgemap {words}: {usage_line(said.getvalue())} (edgemap {words} --help)")
+            line = usage_line(said.getvalue(), _takes_camera(hints.values()))
+            print_message(f"edgemap {words}: {line} (edgemap {words} --help)")
         raise
+
+
+def _takes_camera(hints: Iterable[Any]) -> bool:
+    """Whether one of the command's groups of options has --camera."""
+    groups = (hint.__origin__ if get_origin(hint) is Annotated else hint for hint in hints)
+    return any(field.name == "camera" for group in groups if is_dataclass(group) for field in fields(group))
 
 
 def _spelt_out(hint: Any) -> Any:
@@ -54,8 +61,9 @@ def _spelt_out(hint: Any) -> Any:
     return Union[get_args(hint)] if get_origin(hint) is UnionType else hint  # noqa: UP007
 
 
-def usage_line(box: str) -> str:
-    """The sentence in tyro's box, without the help text that it repeats."""
+def usage_line(box: str, takes_camera: bool) -> str:
+    """The sentence in tyro's box, without the help text that it repeats. takes_camera: whether there is --camera, for
+    which a file or an address without an option was meant."""
     lines = [FRAME.sub("", line).rstrip() for line in box.splitlines()[1:]]
     kept: list[str] = []
     meant = [line.split()[0] for line in lines if line.startswith(" " * 5) and line.strip().startswith("--")]
@@ -70,7 +78,7 @@ def usage_line(box: str) -> str:
         kept.append(line)
     sentence = " ".join(" ".join(kept).split()).rstrip(".")
     sentence = NOT_OF_TYPE.sub(r"\1: expected \2, not \3", sentence)
-    if stray := STRAY_SOURCE.fullmatch(sentence):
+    if takes_camera and (stray := STRAY_SOURCE.fullmatch(sentence)):
         return f"{stray[1]}: no option; did you mean --camera {stray[1]}?"
     if not sentence.startswith("Unrecognized") or not meant:
         return sentence

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from edgemap.geometry.camera.floor import FloorCamera
 from edgemap.geometry.camera.imu import ImuSamples
+from edgemap.geometry.camera.intrinsics import Intrinsics
 from edgemap.geometry.se2 import SE2
 from edgemap.runtime.frames.errors import BundleError, CameraError
 from edgemap.runtime.frames.reading import user_path
@@ -181,7 +182,10 @@ def open_session(
         source: Camera = FramesCamera(frames, intrinsics, mount)
     elif camera is None or spec is not None:
         spec = spec or "demo"
-        source = open_camera(spec, recovery=tuned.camera, mount=None if mount is None else as_mount(mount))
+        lens = intrinsics if isinstance(intrinsics, Intrinsics) else None  # a webcam is asked for its size
+        source = open_camera(
+            spec, intrinsics=lens, recovery=tuned.camera, mount=None if mount is None else as_mount(mount)
+        )
     else:
         source = camera  # type: ignore[assignment]
     try:

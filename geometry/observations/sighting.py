@@ -29,7 +29,7 @@ PART_COUNTS = 0.5  # of a whole box: one that the picture or a nearer box cuts, 
 class Sighting:
     """One object on the floor, seen in one frame.
 
-    position_base_m: (2,) centre of the footprint, base frame. covariance_m2: (2, 2) of it from pixel noise;
+    position_base_m: (2,) centre of the footprint, base frame. covariance_m2: (2, 2) of it from the box alone;
     shared_m2: (2, 2) from the mount, common to a whole drive. width_m, height_m: apparent size (eq. 4). extent_m: the
     longer side of its class's usual footprint.
     distance_m: horizontal, from the lens. detection: index into the frame's Detections. weight: 0..1, its evidence for

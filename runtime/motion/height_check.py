@@ -46,13 +46,14 @@ class HeightCheck:
     Wheels measure the camera's scale; where the others are nearer to a given height than to the wheels', the wheels are
     wrong. A height from recorded poses, and a carried camera, are not checked. guessed: standard deviation of a guessed
     height, as a share; 0 for a given one. estimate: None before the first measurement. scale: what all lengths by the
-    mount's height are to be multiplied by; 1 for a given height, and where wheels or depth measure lengths.
+    mount's height are to be multiplied by; 1 for a given height, and from the first frame on in which wheels or depth
+    measure lengths.
     """
 
     def __init__(self, mount: Mount, rule: HeightRule | None = None, guessed: float = 0.0) -> None:
         self._rule, self._given_m, self._guessed = rule or HeightRule(), mount.height_m, guessed
         self.estimate: HeightEstimate | None = None
-        self.scale = 1.0
+        self.scale, self._measured = 1.0, False  # whether lengths are measured, not in proportion to the height
         self._reported, self._used = False, mount
         self._judged_s = self._added_s = -math.inf
         self.reset()
@@ -66,13 +67,24 @@ class HeightCheck:
         self._camera_m = self._rolled_m = 0.0  # in the window so far
         self._began_s = math.inf
 
-    def judge(self, stamp_s: float, camera: FloorCamera, attitude: Attitude, boxes: Detections, motion: Motion) -> str:
-        """The fault after one more frame with a good picture; empty where there is none or it was reported before."""
+    def judge(
+        self,
+        stamp_s: float,
+        camera: FloorCamera,
+        attitude: Attitude,
+        boxes: Detections,
+        motion: Motion,
+        depth: bool = False,
+    ) -> str:
+        """The fault after one more frame with a good picture; empty where there is none or it was reported before.
+        depth: whether the frame brings any."""
         used = attitude.mount.used if attitude.mount else self._used
         if used != self._used or attitude.carried:
             self.reset()
         self._used = used
         self._began_s = min(self._began_s, stamp_s)
+        if depth or motion.lengths is not None:
+            self.scale, self._measured = 1.0, True
         if attitude.height_m is None:
             self._compare(motion)
             if not 0.0 <= stamp_s - self._added_s < EVERY_S:
@@ -125,7 +137,7 @@ class HeightCheck:
         found, sigma = agreed_height(measurements)
         self.estimate = HeightEstimate(math.exp(found), math.exp(found) * sigma)
         if self._guessed:
-            if not (self._depths or self._ratios) and abs(found - given - math.log(self.scale)) > rule.moved_share:
+            if not self._measured and abs(found - given - math.log(self.scale)) > rule.moved_share:
                 self.scale = self.estimate.height_m / self._given_m
             return ""
         if self._reported or abs(found - given) < max(0.0 if depth else wrong, CLEAR_SIGMAS * sigma):

@@ -46,9 +46,7 @@ class FrameObservations:
 
     def scaled(self, factor: float) -> "FrameObservations":
         """The observations of a lens that is `factor` times as high, where no depth measures lengths."""
-        camera = self.camera and replace(
-            self.camera, mount=replace(self.camera.mount, height_m=factor * self.camera.mount.height_m)
-        )
+        camera = self.camera and replace(self.camera, mount=self.camera.mount.scaled(factor))
         sightings = [sighting.scaled(factor) for sighting in self.sightings]
         return replace(self, motion=self.motion.scaled(factor), sightings=sightings, camera=camera, scale=factor)
 

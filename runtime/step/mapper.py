@@ -102,7 +102,7 @@ class Mapper:
         self._placed_by: Mount | None = None  # the mount that what is mapped was placed by
         self._relocated: SE2 | None = None  # by a person's pose, since the last step
         self._searched_s = -math.inf  # stamp of the last picture that was searched
-        self._scalable = True  # no saved map has given its scale
+        self._scalable = True  # neither a saved map nor a person's pose has given the scale
         self._started = False
         self._due = False  # loops to be searched
         self._blind: Motion | None = None  # since the last step
@@ -163,6 +163,7 @@ class Mapper:
         self.pose_map_base = self.pose_map_base.scaled(factor)
         self.pose_covariance = self.pose_covariance * np.outer(units, units)
         self.travelled_m *= factor
+        self._blind = self._blind and self._blind.scaled(factor)
 
     def step(self, observed: FrameObservations) -> MapUpdate:
         """Processes one frame's observations: advance, close loops, associate, forget, relocalise."""
@@ -269,6 +270,7 @@ class Mapper:
             measured = self.map.objects()
             self.map = FloorMap.continued(measured, self.config.association, self.config.loop_closure, before=self.map)
             self.grid.transform(SE2())  # what it is fusing belongs to the pose before
+            self._scalable = False  # the objects so far are as those of a saved map now
         self.pose_map_base, self.pose_covariance = pose, covariance
         return "pose"
 

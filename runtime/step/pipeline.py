@@ -117,7 +117,7 @@ class Pipeline:
         boxes = self._detections
         sightings = sightings_of(boxes, camera, self.rule, frame.index, frame.stamp_s, frame.depth, self._floor)
         stage("floor")
-        fault = self._height.judge(frame.stamp_s, camera, attitude, boxes, motion)
+        fault = self._height.judge(frame.stamp_s, camera, attitude, boxes, motion, frame.depth is not None)
         stage("height")
         return FrameObservations(
             frame.index, frame.stamp_s, boxes, sightings, motion, self._watch.stages_ms, health, camera,

@@ -136,7 +136,8 @@ class SlamOptions:
 
     odometry: a SPEC. wheels, imu: whether the source's own are used. clustering: default or paper. forgets: whether
     objects that have disappeared are removed from the map. mapped, confidence: the bundle's own where None.
-    guessed_height: standard deviation of the mount's height as a share, where it is a guess, which the run corrects.
+    guessed_height: standard deviation of the mount's height as a share, where it is a guess, which the run corrects
+    with all lengths; 0 where it was given, or the odometry's lengths do not depend on it.
     """
 
     odometry: str = "hybrid"

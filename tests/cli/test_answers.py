@@ -40,6 +40,7 @@ def answer(capsys, *arguments):
         ("run drive.mp4", "drive.mp4: no option; did you mean --camera drive.mp4?"),
         ("run 0", "0: no option; did you mean --camera 0?"),
         ("doctor pictures/", "did you mean --camera pictures/?"),
+        ("pull yolov3 a/b", "pull: Unrecognized options: a/b ("),
         ("run --precision int4", "Expected one of ('default', 'float32', 'int8', 'auto')"),
         ("run --confidence high", "--confidence"),
         ("map export x", "--format {geojson,nav2,nav2-vector,nav2-masks,csv,png,svg}"),

@@ -7,6 +7,7 @@ from dataclasses import replace
 
 import pytest
 
+from edgemap.cli import main
 from edgemap.cli.guessed_camera import CameraKeeper
 from edgemap.geometry.camera.floor import FloorCamera
 from edgemap.geometry.camera.intrinsics import Intrinsics
@@ -82,6 +83,24 @@ def test_a_recording_of_a_run_by_a_guess_is_one_still(edgemap, painted_bundle, p
         assert record["verdict"]["level"] != "good"
         assert (record["camera_guess"]["height_sigma_share"] == 0.0) == (name == "tape")
         assert record["camera_guess"]["focal_sigma_share"] > 0.0
+
+
+@pytest.mark.parametrize(("odometry", "corrected"), [("planar", True), ("wheel:wheels.csv", False), ("truth", False)])
+def test_lengths_that_poses_measure_are_not_corrected(
+    painted_bundle, pictures, tmp_path, monkeypatch, capsys, odometry, corrected
+):
+    """With wheels or poses alone nothing of a motion is in proportion to a guessed height."""
+    (pictures / "camera.yaml").unlink()
+
+    def built(*arguments):
+        raise CameraError(f"guessed to {arguments[3].guessed_height:.3f}")
+
+    monkeypatch.setattr("edgemap.cli.drive.build_slam", built)
+    words = ("run", "--camera", pictures, "--bundle", painted_bundle, "--odometry", odometry, "--out", tmp_path / "run")
+    with pytest.raises(SystemExit):
+        main([str(word) for word in words])
+    (line,) = (line for line in capsys.readouterr().err.splitlines() if "guessed to" in line)
+    assert line.endswith("guessed to 0.000") != corrected
 
 
 def test_a_height_without_a_pitch_leaves_the_pitch_to_be_guessed(edgemap, painted_bundle, pictures, tmp_path):

@@ -125,6 +125,16 @@ def test_a_camera_file_brings_lens_and_mount(painted_bundle, pictures, tmp_path)
         edgemap_api.open(camera=f"{bare}", bundle=painted_bundle, camera_file=tmp_path / "nowhere.yaml")
 
 
+def test_a_webcam_is_asked_for_the_size_of_its_lens(pictures, monkeypatch):
+    def opened(_, **options):
+        raise CameraError(f"asked for {options['intrinsics'].width} px")
+
+    monkeypatch.setattr("edgemap.runtime.session.open_camera", opened)
+    width = read_camera_yaml(pictures / "camera.yaml").intrinsics.width
+    with pytest.raises(CameraError, match=f"asked for {width} px"):
+        edgemap_api.open(camera=0, camera_file=pictures / "camera.yaml")
+
+
 def test_only_what_is_there_can_be_asked_for():
     with pytest.raises(AttributeError, match="no attribute 'run'"):
         _ = edgemap_api.run

@@ -84,6 +84,36 @@ def test_edits_keep_their_place_among_the_objects():
     assert (chair.width_m, chair.height_m) == (0.4, 0.9)  # which a person has measured
 
 
+def test_after_a_pose_by_a_person_the_scale_stays():
+    """The objects so far are as those of a saved map then, with a scale of their own."""
+    mapper, (first, second, third, *_) = Mapper(), frames()
+    mapper.step(mapper.in_scale(first))
+    mapper.step(mapper.in_scale(replace(second, scale=FACTOR)))
+    before = [item.position_m.tolist() for item in mapper.objects()]
+    mapper.edit(Edit("pose", pose=(0.5, 0.0, 0.0)))
+    seen = mapper.in_scale(replace(third, scale=2.0 * FACTOR))
+    assert seen.motion.motion == third.motion.motion.scaled(FACTOR)
+    assert mapper.scale == FACTOR
+    assert [item.position_m.tolist() for item in mapper.objects()] == before
+
+
+def test_a_motion_without_pictures_takes_the_new_scale_too():
+    mapper, (first, second, *_) = Mapper(), frames()
+    mapper.step(mapper.in_scale(first))
+    mapper.step_blind(Motion(SE2(0.4, 0.1, 0.2), np.eye(3) * 1e-4))
+    update = mapper.step(mapper.in_scale(replace(second, sightings=[], motion=Motion(SE2()), scale=FACTOR)))
+    assert update.pose_map_base.vector() == pytest.approx([0.4 * FACTOR, 0.1 * FACTOR, 0.2])
+
+
+def test_the_camera_at_another_scale_sees_the_floor_where_its_objects_are():
+    """With its lever arm, as positions are scaled about the base."""
+    camera, pixels = FloorCamera(LENS, Mount(0.6, 0.2, 0.05, forward_m=0.2, left_m=-0.1)), [(100.0, 300.0), (500, 400)]
+    (seen, *_) = frames()
+    scaled = replace(seen, camera=camera).scaled(FACTOR).camera
+    assert scaled is not None
+    assert scaled.floor_points(pixels) == pytest.approx(FACTOR * camera.floor_points(pixels))
+
+
 def test_a_saved_map_and_the_papers_keep_their_scale():
     saved = [MapObject("chair-1", "chair", np.array([2.0, 1.0]), np.eye(2) * 0.01, 0.5, 0.9, 9, 0.9, 0.0, 1.0)]
     continued, paper = Mapper(), Mapper(PaperMap())
@@ -140,3 +170,17 @@ def test_wheels_measure_the_path_so_its_scale_stays():
     assert check.scale == 1.0
     assert check.estimate is not None
     assert check.estimate.height_m == pytest.approx(0.6, abs=0.02)
+
+
+@pytest.mark.parametrize("measures", [{"depth": True}, {"motion": Motion(lengths=(0.0, 0.0))}])
+@pytest.mark.parametrize("begins", [0, 150])
+def test_a_robot_that_turns_in_place_has_wheels_or_depth_all_the_same(measures, begins):
+    """The path is measured from then on, whatever the sizes have shown: 50 cm rolled are not waited for."""
+    mount, boxes = Mount(0.72, 0.1), chairs(Mount(0.6, 0.1))
+    check, usual = HeightCheck(mount, HeightRule(), 0.3), {"motion": Motion()}
+    for index in range(200):
+        given = usual | measures if index >= begins else usual
+        check.judge(index / 10, FloorCamera(LENS, mount), Attitude.of_mount(mount), boxes, **given)
+        assert (check.scale == 1.0) == (index < 100 or index >= begins)
+    assert check.estimate is not None
+    assert check.estimate.height_m == pytest.approx(0.6, abs=0.03)

@@ -178,6 +178,7 @@ def guess_camera(
             f"{count} objects of usual sizes put the lens {height_m:.2f} m above the floor, expected {LOWEST_M:g} to "
             f"{HIGHEST_M:g} m: pass --mount HEIGHT_M,PITCH_DEG"
         )
+    height_sigma = round(height_sigma, 3)  # as files hold it: a replay weighs the guess alike
     how = f"{count} objects of usual sizes" if count else "usual for a robot; no object of a known size was seen"
     how = (focal_how, how, pitch_how)
     return CameraGuess(lens, Mount(height_m, pitch, roll), focal_sigma, height_sigma, pitch_sigma, how, sway_rad)

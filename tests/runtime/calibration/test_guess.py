@@ -54,6 +54,7 @@ def test_furniture_of_usual_size_shows_height_and_pitch(height_m, pitch_deg, sha
     assert guess.lens is LENS
     assert guess.mount.height_m == pytest.approx(height_m, rel=share)
     assert math.degrees(guess.mount.pitch_rad) == pytest.approx(pitch_deg, abs=3.0)
+    assert guess.record()["height_sigma_share"] == guess.height_sigma  # as a replay weighs it
 
 
 @pytest.mark.parametrize(("height_m", "pitch_deg"), [(0.6, 12.0), (1.1, 20.0), (0.4, 6.0)])
