@@ -38,9 +38,9 @@ class InertialNoise:
     radian. accel: of the integrated velocity, m/s, shaking included. offset: of the accelerometer, as a tilt, rad.
     bias_walk: rad/s. start_bias: rad/s, of a gyro that was never at rest. start_tilt: rad. speed: velocity, m/s, as
     a measurement of every second. rest_gyro: at rest samples scatter less, rad/s, and odometry measures less than
-    that and `moved`. rest_window_s: over which rest is judged. moved: of a velocity by odometry, m/s. turned,
-    turned_share: of a yaw by odometry, rad a step and as a share of it, beyond its own covariance: its errors last
-    longer than a step. gap_s: between samples; what rotates in a longer hole is not measured. hole: change of the rate
+    that and `moved`. rest_window_s: over which rest is judged. moved: of a velocity by odometry, m/s.
+    turned_share: of a yaw by odometry, as a share of it, beyond its own covariance: its errors last longer than a step.
+    gap_s: between samples; what rotates in a longer hole is not measured. hole: change of the rate
     in it, rad/s.
     """
 
@@ -55,7 +55,6 @@ class InertialNoise:
     rest_gyro: float = 0.03
     rest_window_s: float = 0.5
     moved: float = 0.05
-    turned: float = 0.0003
     turned_share: float = 0.05
     gap_s: float = 0.05
     hole: float = 1.0
@@ -160,8 +159,6 @@ def inertial_moved(
     residual = displaced / span_s + axes @ [motion.x_m, motion.y_m] - (state.velocity + before.velocity) / 2.0
     moved = _corrected(state, _selected(_VELOCITY), residual, variance, learns_vertical_bias=False, robust=True)
     own = float(covariance[2, 2]) + noise.gyro**2 * span_s + (noise.turned_share * motion.yaw_rad) ** 2
-    if motion != SE2():  # at rest nothing turns at all
-        own += noise.turned**2
     about = np.zeros((1, STATES))
     about[0, _BIAS] = moved.up_optical
     turned_rad = _turned_rad(before.rotation, state.rotation)

@@ -11,7 +11,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from edgemap.geometry.camera.attitude import RoomHeading
-from edgemap.geometry.se2 import SE2
 
 Array = NDArray[np.float64]
 Prior = tuple[Array, Array]  # of two values, as an information matrix (2, 2), rad^-2, and its product with them
@@ -36,10 +35,9 @@ class CompassRule:
     standard deviation, as larger errors are stated as they are. view_rad: standard deviation of a view's own error, in
     addition to that of its edges. outlier: of its standard deviations, at which a view counts a quarter. gate: of those
     of a view and of the drift since the last one, beyond which it belongs to a rotated object or another wing of the
-    building: `alike` of them in a row, within the gate of a view's own error, become another room direction. apart_rad,
-    apart_m: rotation or path length after which a view counts as new. views: number of views kept, and of the latest
-    steps, one of which a view is of. settle_s: over which a correction is spread, as the steps of one second are used
-    together.
+    building: `alike` of them in a row, within the gate of a view's own error, become another room direction. views:
+    number of views kept, and of the latest steps, one of which a view is of. settle_s: over which a correction is
+    spread, as the steps of one second are used together.
     """
 
     drift: float = 8.0
@@ -48,20 +46,17 @@ class CompassRule:
     outlier: float = 2.0
     gate: float = 4.5
     alike: int = 5
-    apart_rad: float = math.radians(5.0)
-    apart_m: float = 0.2
     views: int = 40
     settle_s: float = 1.0
 
 
 @dataclass(frozen=True, slots=True)
 class Heading:
-    """Integrated odometry at a stamp: yaw since the start, its variance, path length."""
+    """Integrated odometry at a stamp: yaw since the start, and its variance."""
 
     stamp_s: float
     yaw_rad: float = 0.0
     variance_rad2: float = 0.0
-    path_m: float = 0.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -108,17 +103,12 @@ class RoomCompass:
         since_rad2 = self.past[-1].variance_rad2 - self.views[-1].at.variance_rad2
         return self.unseen_rad2 + self.error_rad2 + since_rad2 + (self.error_rad + self.paid_rad) ** 2
 
-    def moved(self, stamp_s: float, motion: SE2, variance_rad2: float) -> "RoomCompass":
-        """The compass after a step of the odometry up to a stamp, whose yaw has this variance."""
+    def moved(self, stamp_s: float, yaw_rad: float, variance_rad2: float) -> "RoomCompass":
+        """The compass after a step of the odometry up to a stamp, of this yaw and its variance."""
         rule = self.rule
         drift_rad2 = min(rule.drift * variance_rad2, max(variance_rad2, rule.drift_rad**2))
         last = self.past[-1] if self.past else Heading(stamp_s)
-        now = Heading(
-            stamp_s,
-            last.yaw_rad + motion.yaw_rad,
-            last.variance_rad2 + drift_rad2,
-            last.path_m + math.hypot(motion.x_m, motion.y_m),
-        )
+        now = Heading(stamp_s, last.yaw_rad + yaw_rad, last.variance_rad2 + drift_rad2)
         return replace(self, past=(*self.past[1 - rule.views :], now))
 
     def saw(self, room: RoomHeading) -> "RoomCompass":
@@ -144,13 +134,7 @@ class RoomCompass:
         if abs(off_rad) > rule.gate * math.sqrt(2.0 * variance_rad2 + drift_rad2):
             return self._puzzled(_wrapped(shown_rad - expected_rad))
         view = RoomView(at, expected_rad + off_rad, variance_rad2, drift_rad2)
-        near = abs(at.yaw_rad - last.at.yaw_rad) < rule.apart_rad and at.path_m - last.at.path_m < rule.apart_m
-        known = replace(self, strange_rad=())
-        if not near:
-            return known._solved((*self.views, view))
-        if variance_rad2 > last.variance_rad2:
-            return known
-        return known._solved((*self.views[:-1], replace(view, drift_rad2=last.drift_rad2 + drift_rad2)))
+        return replace(self, strange_rad=())._solved((*self.views, view))
 
     def paid(self, span_s: float) -> "tuple[RoomCompass, float]":
         """The yaw correction, rad, of a motion over this time, and the compass after it."""

@@ -30,14 +30,13 @@ class Trust(Enum):
 @dataclass(frozen=True, slots=True)
 class TrustRule:
     """Decides when a source with valid numbers is wrong. least: minimum motion of the reference in a conclusive window:
-    yaw in rad, length in m. longest_s: maximum length of a window. ratio: minimum ratio of the source's motion to the
+    yaw in rad, length in m. ratio: minimum ratio of the source's motion to the
     reference's, and of the reference's to the source's. Up to it, a scale error explains the difference: for yaw of a
     lens or a wheel track, for length of a height or a wheel radius. windows: number of consecutive windows that change
     the state in either direction; 0 for sources that are always trusted.
     """
 
     least: tuple[float, float] = (0.12, 0.2)
-    longest_s: float = 3.0
     ratio: float = 0.75
     windows: int = 3
 
@@ -46,7 +45,7 @@ class TrustRule:
 class Agreement:
     """Agreement of one quantity (yaw or length) of a source with a reference. Call `updated` with each step.
 
-    own, reference, variance, span_s: sums over the current window. ratio: of the last conclusive window. row: number of
+    own, reference, variance: sums over the current window. ratio: of the last conclusive window. row: number of
     consecutive windows that confirm the source; negative for windows that contradict it.
     """
 
@@ -56,28 +55,22 @@ class Agreement:
     own: float = 0.0
     reference: float = 0.0
     variance: float = 0.0
-    span_s: float = 0.0
     ratio: float = 1.0
     row: int = 0
 
-    def updated(self, own: float, reference: float, variance: float, span_s: float) -> "Agreement":
+    def updated(self, own: float, reference: float, variance: float) -> "Agreement":
         """The agreement after one more step. variance: of the difference, from the stated variances of both sources."""
         if not self.rule.windows:
             return self
-        window = replace(
-            self,
-            own=self.own + own,
-            reference=self.reference + reference,
-            variance=self.variance + variance,
-            span_s=self.span_s + span_s,
-        )
+        sums = self.own + own, self.reference + reference, self.variance + variance
+        window = replace(self, own=sums[0], reference=sums[1], variance=sums[2])
         if abs(window.reference) < max(self.least, CLEAR_SIGMAS * math.sqrt(window.variance)):
-            return window if window.span_s < self.rule.longest_s else window.restarted()
+            return window
         return window._judged()
 
     def restarted(self) -> "Agreement":
         """Starts a new window, because there was no reference."""
-        return replace(self, own=0.0, reference=0.0, variance=0.0, span_s=0.0)
+        return replace(self, own=0.0, reference=0.0, variance=0.0)
 
     def _below(self, ratio: float) -> bool:
         """Whether the ratio of the source to the reference in the current window is significantly below a ratio."""

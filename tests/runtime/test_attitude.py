@@ -15,6 +15,7 @@ from edgemap.geometry.camera.imu import ImuSamples
 from edgemap.geometry.camera.inertial import InertialNoise, inertial_start, inertial_step
 from edgemap.geometry.camera.intrinsics import Intrinsics
 from edgemap.geometry.camera.mount import Mount
+from edgemap.geometry.camera.mount_tilt import MountTiltRule
 from edgemap.geometry.se2 import SE2
 from edgemap.runtime.frames.errors import CameraError
 from edgemap.runtime.frames.frame import Frame
@@ -22,7 +23,7 @@ from edgemap.runtime.inputs.drives import open_drive
 from edgemap.runtime.inputs.drives.drive import Drive
 from edgemap.runtime.inputs.drives.pose_files import base_attitudes
 from edgemap.runtime.inputs.drives.sensor_csv import read_imu_csv, write_imu_csv
-from edgemap.runtime.motion.attitude.checked_mount import CheckedMount
+from edgemap.runtime.motion.attitude.checked_mount import CheckedMount, MountRule
 from edgemap.runtime.motion.attitude.inertial import AttitudeRule, InertialAttitude
 from edgemap.runtime.motion.attitude.pictures import PicturesAttitude
 from edgemap.runtime.motion.attitude.sources import MountAttitude, RecordedAttitude
@@ -215,7 +216,8 @@ def test_the_robots_own_acceleration_is_no_tilt():
     place = np.cumsum(speed) * 0.005
     base = np.column_stack([accel, np.zeros(len(stamps)), np.full(len(stamps), 9.81)])
     samples = ImuSamples(stamps, np.zeros((len(stamps), 3)), base @ mount.rotation_base_optical())
-    rule = AttitudeRule(nodding_rad=math.radians(20.0), noise=InertialNoise(offset=1e-4))
+    loose = MountRule(tilt=MountTiltRule(nod=math.radians(20.0)))
+    rule = AttitudeRule(check=loose, noise=InertialNoise(offset=1e-4))
     source, deaf = (InertialAttitude(mount, MountAttitude(mount), rule) for _ in range(2))
     found, _ = driving(source, samples, lambda a, b: SE2(float(np.diff(np.interp([a, b], stamps, place))[0]), 0.0, 0.0))
     alone = [deaf.predict(frame) for frame in frames_of(samples, 10.0)]

@@ -302,6 +302,6 @@ def test_what_a_mirrored_gyro_turns_is_not_what_the_odometry_turns():
 
 def test_a_reference_that_stands_still_says_nothing_of_a_source():
     """A robot at rest: the odometry's turn is exactly 0, and a gyro's offset is no turn against it."""
-    judged = SourceTrust.of("wheels", TrustRule()).yaw.updated(0.05, 0.0, 1e-6, 3.0)
+    judged = SourceTrust.of("wheels", TrustRule()).yaw.updated(0.05, 0.0, 1e-6)
     assert not judged.doubted
-    assert not judged.updated(0.05, -0.001, 1e-6, 0.1).doubted
+    assert not judged.updated(0.05, -0.001, 1e-6).doubted

@@ -20,6 +20,7 @@ from edgemap.runtime.frames.frame import Frame
 from edgemap.runtime.motion.attitude.pictures import PicturesAttitude
 from edgemap.runtime.motion.attitude.protocol import AttitudeSource, Moved
 from edgemap.runtime.motion.attitude.segments import line_ends, segments_between
+from edgemap.runtime.motion.health import HealthRule
 
 FEWEST = 4  # estimates; the median deviation of fewer says nothing
 COARSE_PX = (40, 30)  # of the pictures that are compared
@@ -46,8 +47,6 @@ class MountRule:
     first_every_s: float = 0.35
     window_s: float = 20.0
     judged_s: float = 5.0
-    moved: float = 3.0
-    wrong_rad: float = math.radians(0.75)
     settled_rad: float = math.radians(0.45)
     tilt: MountTiltRule = field(default_factory=MountTiltRule)
 
@@ -148,7 +147,7 @@ class CheckedMount:
         grey = cv2.cvtColor(frame.image, cv2.COLOR_BGR2GRAY)
         grey = cv2.resize(grey, (self._lens.width, self._lens.height), interpolation=cv2.INTER_AREA)
         coarse = cv2.resize(grey, COARSE_PX, interpolation=cv2.INTER_AREA)
-        if self._last is not None and float(cv2.absdiff(coarse, self._last).mean()) < self._rule.moved:
+        if self._last is not None and float(cv2.absdiff(coarse, self._last).mean()) < HealthRule().moved:
             return
         edges = np.linspace(0, self._lens.width, self._rule.strips + 1).astype(int).tolist()
         self._pictures.begin_edges()
@@ -226,7 +225,7 @@ class CheckedMount:
             return ""
         sigma, known = tilt.sigma_rad(), self._wrong
         waits = EDGES in tilt.measurements and not (self._steady or self._on_wheels)
-        wrong = (not waits) & (np.abs(tilt.error_rad) > np.maximum(rule.wrong_rad, CLEAR_SIGMAS * sigma))
+        wrong = (not waits) & (np.abs(tilt.error_rad) > CLEAR_SIGMAS * sigma)
         self._settled |= self._on_wheels and bool(sigma.max() < rule.settled_rad)
         self._wrong = known | wrong
         # A small error counts on a road: 0.3 degrees are 2 % of all distances (KITTI 00).

@@ -130,7 +130,7 @@ class ImuTrust:
             self._yaw = self._yaw.restarted()
             return
         yaw_rad, variance = moved[0].yaw_rad, float(moved[1][2, 2]) + (0.01 * self._span_s) ** 2
-        self._yaw = self._yaw.updated(self._turned_rad, yaw_rad, variance, self._span_s)
+        self._yaw = self._yaw.updated(self._turned_rad, yaw_rad, variance)
 
     def _guilty(self) -> str:
         """Why a sensor is left out; empty where none is."""

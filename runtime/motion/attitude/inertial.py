@@ -35,12 +35,11 @@ class AttitudeRule:
     """Weights of gravity and mount, which differ by a constant tilt: the accelerometer's offset (BMI055: 70 mg, 4 deg)
     and the mount's error.
 
-    nodding_rad: of a level robot about its mount, as a measurement of every second. held_every_s: interval between the
-    mount's updates of the filter, as neighbouring ones are redundant. noise: of the sensor and the filter. trust: in
-    its samples. pictures: where no samples come. check: of the mount, by the pictures.
+    held_every_s: interval between the mount's updates of the filter, as neighbouring ones are redundant. noise: of the
+    sensor and the filter. trust: in its samples. pictures: where no samples come. check: of the mount, by the pictures;
+    its `tilt.nod` is how far a robot nods about the mount, as a measurement of every second.
     """
 
-    nodding_rad: float = math.radians(0.5)
     held_every_s: float = 0.15
     noise: InertialNoise = field(default_factory=InertialNoise)
     trust: ImuTrustRule = field(default_factory=ImuTrustRule)
@@ -149,7 +148,7 @@ class InertialAttitude:
 
     def _nods(self, off_rad: np.ndarray) -> np.ndarray:
         """Standard deviation of the tilt about the mount (2,) of a camera that is so far off and swings as it does."""
-        nodding = self._rule.nodding_rad
+        nodding = self._rule.check.tilt.nod
         return nodding * (1.0 + (off_rad**2 + self._rate2 * NOD_S**2) / (LIKELY * nodding) ** 2)
 
     def _nodded(self, state: InertialState, samples: ImuSamples, span_s: float) -> None:

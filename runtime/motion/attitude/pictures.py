@@ -10,8 +10,10 @@ from edgemap.geometry.camera.attitude import Attitude, TrackedRotation, rotation
 from edgemap.geometry.camera.carried import Carried
 from edgemap.geometry.camera.level import up_optical
 from edgemap.geometry.camera.mount import Mount
+from edgemap.geometry.camera.mount_tilt import MountTiltRule
 from edgemap.geometry.camera.room_edges import RoomAxes, room_axes
 from edgemap.geometry.camera.tilt import Tilt
+from edgemap.geometry.robust import CLEAR_SIGMAS
 from edgemap.runtime.frames.frame import Frame
 from edgemap.runtime.motion.attitude.protocol import Moved
 from edgemap.runtime.motion.attitude.sources import NODDING_RAD
@@ -19,32 +21,32 @@ from edgemap.runtime.motion.attitude.sources import NODDING_RAD
 Array = NDArray[np.float64]
 
 LONGEST_S = 1.0  # between two frames of one drive
+CARRIED_RAD = MountTiltRule().given  # within which a carried camera is about the mount's angles
+SEARCH_RAD = CLEAR_SIGMAS * CARRIED_RAD
 
 
 @dataclass(frozen=True, slots=True)
 class PicturesRule:
     """Weights of the rotation between pictures, the room's edges and the mount. nodding_rad, nodding_s: of a level
     robot about its mount, and for how long it stays so. likely: standard deviations of nodding, at which the mount's
-    weight is halved. carried_rad: within which a carried camera is about the mount's angles. rotation_rad,
+    weight is halved. rotation_rad,
     rotation_share: standard deviation of the rotation between two pictures beside what the corners say, and relative to
     it. edges_rad: of up by the edges of many pictures (one picture: median error 0.3 degrees in rendered homes, 0.8 in
     two real rooms, 1.7 in a kitchen, 1.2 on a street); those of one alone count twice that, as they may agree on a
     wrong direction. edges_gate: standard deviations from which on they have less weight: one in ten is off by 3 degrees
     and more. pictures: whose edges are put together. known_rad: standard deviation beyond which the mount's angles are
-    used, until the edges have been measured. search_rad: of the search for up.
+    used, until the edges have been measured.
     """
 
     nodding_rad: float = NODDING_RAD
     nodding_s: float = 0.1
     likely: float = 10.0
-    carried_rad: float = math.radians(10.0)
     rotation_rad: float = math.radians(0.05)
     rotation_share: float = 0.1
     edges_rad: float = math.radians(0.4)
     edges_gate: float = 2.0
     pictures: int = 2
     known_rad: float = math.radians(2.5)
-    search_rad: float = math.radians(30.0)
 
 
 class PicturesAttitude:
@@ -77,7 +79,7 @@ class PicturesAttitude:
         tilt = self._unseen() if rotation is None else self._turned(rotation)
         self._carry_edges(rotation)
         share = self._carried.share
-        carried_rad = share * self._rule.carried_rad
+        carried_rad = share * CARRIED_RAD
         if carried_rad > self._assumed_rad:  # the mount's tilt so far was too much
             tilt = tilt.widened(math.sqrt(carried_rad**2 - self._assumed_rad**2))
             self._assumed_rad = carried_rad
@@ -111,10 +113,10 @@ class PicturesAttitude:
         expected = self._tilt.up if since is None else since @ self._tilt.up
         self._edges = [*self._edges[len(self._edges) + 1 - rule.pictures :], (normals, lengths)]
         all_normals, all_lengths = (np.concatenate([edges[part] for edges in self._edges]) for part in (0, 1))
-        room = room_axes(all_normals, all_lengths, expected, rule.search_rad)
+        room = room_axes(all_normals, all_lengths, expected, SEARCH_RAD)
         if room is None and len(self._edges) > 1:
             self._edges = [(normals, lengths)]
-            room = room_axes(normals, lengths, expected, rule.search_rad)
+            room = room_axes(normals, lengths, expected, SEARCH_RAD)
         if since is None:
             self._edges = []
         elif room is not None:

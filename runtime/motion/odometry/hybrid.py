@@ -254,8 +254,8 @@ class HybridOdometry:
             return ""
         (x_m, _, yaw_rad), (camera_m, _, camera_rad) = wheels.motion.tolist(), camera.motion.tolist()
         variance = np.diag(wheels.covariance + camera.covariance)
-        yaw = trust.yaw.updated(yaw_rad, camera_rad, float(variance[2]), dt_s)
-        length = trust.length.updated(x_m, camera_m, float(variance[0]), dt_s)
+        yaw = trust.yaw.updated(yaw_rad, camera_rad, float(variance[2]))
+        length = trust.length.updated(x_m, camera_m, float(variance[0]))
         self._trust, fault = replace(trust, yaw=yaw, length=length).news()
         if self._trust.distrusted:
             self._innovation = Innovation()  # what a source that errs differs by is no error of the others
@@ -297,10 +297,10 @@ class HybridOdometry:
     def _headed(self, stamp_s: float, motion: Motion, attitude: Attitude | None) -> Motion:
         """The motion, its heading held to the room's edges."""
         if not self._compass.past:
-            self._compass = self._compass.moved(stamp_s, SE2(), 0.0)
+            self._compass = self._compass.moved(stamp_s, 0.0, 0.0)
             return motion
         span_s = stamp_s - self._compass.past[-1].stamp_s
-        compass = self._compass.moved(stamp_s, motion.motion, float(motion.covariance[2, 2]))
+        compass = self._compass.moved(stamp_s, motion.motion.yaw_rad, float(motion.covariance[2, 2]))
         if attitude is not None and attitude.room is not None:
             compass = compass.saw(attitude.room)
         self._compass, turned_rad = compass.paid(span_s)
