@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from edgemap.geometry.camera.attitude import GyroRotation, rotation_angle
 from edgemap.geometry.camera.imu import ImuSamples
+from edgemap.geometry.camera.mount_tilt import MountTiltRule
 from edgemap.geometry.robust import CLEAR_SIGMAS
 from edgemap.geometry.se2 import SE2, wrap_angle
 
@@ -23,6 +24,7 @@ Array = NDArray[np.float64]
 
 GRAVITY_M_S2 = 9.81
 OFFSET_RAD = math.radians(2.5)  # tilt that an uncalibrated accelerometer's offset shows (BMI055: 70 mg, 4 deg at most)
+START_RAD = MountTiltRule().given  # of the tilt by the first samples: no more than a mount may be wrong
 _TILT, _BIAS, _VELOCITY, _OFFSET = slice(0, 3), slice(3, 6), slice(6, 9), slice(9, 12)
 STATES = 12
 _IDENTITY, _DIAGONAL, _AXES = np.eye(STATES), np.diag_indices(STATES), np.diag_indices(3)
@@ -36,12 +38,11 @@ class InertialNoise:
 
     gyro: of the integrated angle, rad. gyro_share: of an angle, by scale and misalignment, per square root of a
     radian. accel: of the integrated velocity, m/s, shaking included. offset: of the accelerometer, as a tilt, rad.
-    bias_walk: rad/s. start_bias: rad/s, of a gyro that was never at rest. start_tilt: rad. speed: velocity, m/s, as
-    a measurement of every second. rest_gyro: at rest samples scatter less, rad/s, and odometry measures less than
-    that and `moved`. rest_window_s: over which rest is judged. moved: of a velocity by odometry, m/s.
-    turned_share: of a yaw by odometry, as a share of it, beyond its own covariance: its errors last longer than a step.
-    gap_s: between samples; what rotates in a longer hole is not measured. hole: change of the rate
-    in it, rad/s.
+    bias_walk: rad/s. start_bias: rad/s, of a gyro that was never at rest. speed: velocity, m/s, as a measurement of
+    every second. resting: at rest samples scatter less, rad/s, and odometry measures less, rad/s and m/s; and of a
+    velocity by odometry. rest_window_s: over which rest is judged. turned_share: of a yaw by odometry, as a share of
+    it, beyond its own covariance: its errors last longer than a step. gap_s: between samples; what rotates in a longer
+    hole is not measured. hole: change of the rate in it, rad/s.
     """
 
     gyro: float = 5e-4
@@ -50,11 +51,9 @@ class InertialNoise:
     offset: float = OFFSET_RAD
     bias_walk: float = 1e-5
     start_bias: float = 0.0175
-    start_tilt: float = math.radians(8.0)
     speed: float = 0.5
-    rest_gyro: float = 0.03
+    resting: float = 0.05
     rest_window_s: float = 0.5
-    moved: float = 0.05
     turned_share: float = 0.05
     gap_s: float = 0.05
     hole: float = 1.0
@@ -121,7 +120,7 @@ def inertial_start(
     mean_m_s2 = float(np.linalg.norm(force))
     if up_optical is None:
         up, speed = force / max(mean_m_s2, 1e-9), noise.start_speed
-        tilt = noise.start_tilt + 0.5 * abs(mean_m_s2 / GRAVITY_M_S2 - 1.0)  # a camera that is pushed shows no gravity
+        tilt = START_RAD + 0.5 * abs(mean_m_s2 / GRAVITY_M_S2 - 1.0)  # a camera that is pushed shows no gravity
     else:
         up, speed, tilt = up_optical, noise.speed, sigma_rad
     side = np.cross(up, [0.0, 0.0, 1.0] if abs(up[2]) < 0.9 else [1.0, 0.0, 0.0])
@@ -153,9 +152,9 @@ def inertial_moved(
     x, y = before.heading.tolist()
     axes = np.array([[x, -y], [y, x], [0.0, 0.0]]) / span_s  # forward and left of the base, in the world
     swung, displaced = ((state.rotation - before.rotation) @ arm_optical_m.T).T
-    loose = noise.moved**2 + float(swung @ swung) / span_s**2
+    loose = noise.resting**2 + float(swung @ swung) / span_s**2
     variance = axes @ covariance[:2, :2] @ axes.T
-    variance[_AXES] += [loose, loose, noise.moved**2]
+    variance[_AXES] += [loose, loose, noise.resting**2]
     residual = displaced / span_s + axes @ [motion.x_m, motion.y_m] - (state.velocity + before.velocity) / 2.0
     moved = _corrected(state, _selected(_VELOCITY), residual, variance, learns_vertical_bias=False, robust=True)
     own = float(covariance[2, 2]) + noise.gyro**2 * span_s + (noise.turned_share * motion.yaw_rad) ** 2
@@ -164,8 +163,8 @@ def inertial_moved(
     turned_rad = _turned_rad(before.rotation, state.rotation)
     off = np.array([wrap_angle(turned_rad - motion.yaw_rad) / span_s])
     moved = _corrected(moved, about, off, np.array([[own / span_s**2]]), learns_vertical_bias=True, robust=True)
-    slow = math.hypot(motion.x_m, motion.y_m) < noise.moved * span_s
-    return replace(moved, calm=slow and abs(motion.yaw_rad) < noise.rest_gyro * span_s)
+    slow = math.hypot(motion.x_m, motion.y_m) < noise.resting * span_s
+    return replace(moved, calm=slow and abs(motion.yaw_rad) < noise.resting * span_s)
 
 
 def inertial_mounted(state: InertialState, up_optical: Array, sigmas_rad: Array) -> InertialState:
@@ -243,10 +242,10 @@ def _held(state: InertialState, span_s: float, noise: InertialNoise) -> Inertial
         state = _corrected(state, selected, -state.velocity, variance, learns_vertical_bias=False)
     if state.rest_s < noise.rest_window_s:
         return state
-    state = _corrected(state, selected, -state.velocity, noise.moved**2 * np.eye(3), learns_vertical_bias=False)
+    state = _corrected(state, selected, -state.velocity, noise.resting**2 * np.eye(3), learns_vertical_bias=False)
     rate = state.recent.gyro_rad_s.mean(axis=0)
     # The window's mean is nearly the same one frame later: each counts for its own share of a second.
-    variance = noise.rest_gyro**2 / len(state.recent) / span_s * np.eye(3)
+    variance = noise.resting**2 / len(state.recent) / span_s * np.eye(3)
     vertical = state.calm is None
     return _corrected(state, _selected(_BIAS), rate - state.bias, variance, learns_vertical_bias=vertical)
 
@@ -339,7 +338,7 @@ def _at_rest(state: InertialState, recent: ImuSamples, noise: InertialNoise) -> 
     unlike = np.abs(recent.gyro_rad_s.mean(axis=0) - state.bias)
     # An IMU may be poorer than a BMI055: EuRoC's gyro has 4.5 deg/s of bias before it rests.
     likely = 5.0 * np.sqrt(np.diag(state.covariance)[_BIAS]) + 0.003
-    return bool(recent.gyro_rad_s.std(axis=0).max() < noise.rest_gyro and (unlike < likely).all())
+    return bool(recent.gyro_rad_s.std(axis=0).max() < noise.resting and (unlike < likely).all())
 
 
 def rotation_of(vectors: Array) -> Array:

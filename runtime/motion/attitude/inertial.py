@@ -9,6 +9,7 @@ from edgemap.geometry.camera.attitude import Attitude, GyroRotation, TrackedRota
 from edgemap.geometry.camera.carried import CarriedRule
 from edgemap.geometry.camera.imu import ImuSamples
 from edgemap.geometry.camera.inertial import (
+    START_RAD,
     InertialNoise,
     InertialState,
     inertial_mounted,
@@ -35,12 +36,11 @@ class AttitudeRule:
     """Weights of gravity and mount, which differ by a constant tilt: the accelerometer's offset (BMI055: 70 mg, 4 deg)
     and the mount's error.
 
-    held_every_s: interval between the mount's updates of the filter, as neighbouring ones are redundant. noise: of the
-    sensor and the filter. trust: in its samples. pictures: where no samples come. check: of the mount, by the pictures;
-    its `tilt.nod` is how far a robot nods about the mount, as a measurement of every second.
+    noise: of the sensor and the filter. trust: in its samples. pictures: where no samples come; the mount updates the
+    filter every `nodding_s` of them, as neighbouring updates are redundant. check: of the mount, by the pictures; its
+    `tilt.nod` is how far a robot nods about the mount, as a measurement of every second.
     """
 
-    held_every_s: float = 0.15
     noise: InertialNoise = field(default_factory=InertialNoise)
     trust: ImuTrustRule = field(default_factory=ImuTrustRule)
     pictures: PicturesRule = field(default_factory=PicturesRule)
@@ -96,7 +96,7 @@ class InertialAttitude:
             if since_s != before_s:  # no samples came with the frame before: the odometry's motions are of other times
                 state, rotation = replace(state, before=None), None
             self._loose_s += span_s
-            if self._loose_s >= self._rule.held_every_s:
+            if self._loose_s >= self._rule.pictures.nodding_s:
                 state = self._mounted(state, self._loose_s)
                 self._loose_s = 0.0
         self._state = state
@@ -133,7 +133,7 @@ class InertialAttitude:
         state, rotation = inertial_start(first, edges[0], noise), None
         self._rate2, self._judged_s = 0.0, 0.0
         self._nodded(state, first, START_S)
-        if float(state.up_optical @ self._up) > math.cos(noise.start_tilt):
+        if float(state.up_optical @ self._up) > math.cos(START_RAD):
             state = inertial_start(first, edges[0], noise, self._up, float(self._nods(np.zeros(2))[0]))
         for edge_s in edges[1:]:
             part = samples.between(state.stamp_s, edge_s)

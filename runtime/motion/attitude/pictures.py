@@ -29,22 +29,16 @@ SEARCH_RAD = CLEAR_SIGMAS * CARRIED_RAD
 class PicturesRule:
     """Weights of the rotation between pictures, the room's edges and the mount. nodding_rad, nodding_s: of a level
     robot about its mount, and for how long it stays so. likely: standard deviations of nodding, at which the mount's
-    weight is halved. rotation_rad,
-    rotation_share: standard deviation of the rotation between two pictures beside what the corners say, and relative to
-    it. edges_rad: of up by the edges of many pictures (one picture: median error 0.3 degrees in rendered homes, 0.8 in
-    two real rooms, 1.7 in a kitchen, 1.2 on a street); those of one alone count twice that, as they may agree on a
-    wrong direction. edges_gate: standard deviations from which on they have less weight: one in ten is off by 3 degrees
-    and more. pictures: whose edges are put together. known_rad: standard deviation beyond which the mount's angles are
-    used, until the edges have been measured.
+    weight is halved. rotation_rad, rotation_share: standard deviation of the rotation between two pictures beside what
+    the corners say, and relative to it. pictures: whose edges are put together. known_rad: standard deviation beyond
+    which the mount's angles are used, until the edges have been measured.
     """
 
     nodding_rad: float = NODDING_RAD
-    nodding_s: float = 0.1
+    nodding_s: float = 0.15
     likely: float = 10.0
     rotation_rad: float = math.radians(0.05)
     rotation_share: float = 0.1
-    edges_rad: float = math.radians(0.4)
-    edges_gate: float = 2.0
     pictures: int = 2
     known_rad: float = math.radians(2.5)
 
@@ -120,8 +114,8 @@ class PicturesAttitude:
         if since is None:
             self._edges = []
         elif room is not None:
-            sigma_rad = rule.edges_rad * (1.0 + 1.0 / len(self._edges))
-            self._tilt = self._tilt.corrected(since.T @ room.up, sigma_rad, rule.edges_gate)
+            sigma_rad = room.up_sigma_rad * (1.0 + 1.0 / len(self._edges))  # one may agree on a wrong direction
+            self._tilt = self._tilt.corrected(since.T @ room.up, sigma_rad, CLEAR_SIGMAS)
         return room
 
     def see_up(self, up: Array, sigma_rad: float) -> None:

@@ -20,7 +20,7 @@ from edgemap.geometry.odometry.room_compass import CompassRule, RoomCompass
 from edgemap.geometry.se2 import SE2
 from edgemap.runtime.frames.frame import Frame
 from edgemap.runtime.motion.health import REPEATED_S
-from edgemap.runtime.motion.odometry.coasting import Coasting, CoastingRule
+from edgemap.runtime.motion.odometry.coasting import LONGEST_DT_S, SHORTEST_DT_S, Coasting, CoastingRule
 from edgemap.runtime.motion.odometry.protocol import (
     NO_PRIOR,
     FramePrior,
@@ -43,8 +43,7 @@ CAMERA, WHEELS = "camera", "wheels"  # the sources whose lengths are compared
 
 @dataclass(frozen=True, slots=True)
 class HybridRule:
-    """Weights of the hybrid's members. lasting_conflict: number of consecutive steps of disagreement that make a
-    fault; wheel slip is shorter. covariance_scale: factor on covariances, so that errors and covariance agree: on
+    """Weights of the hybrid's members. covariance_scale: factor on covariances, so that errors and covariance agree: on
     that of corners and gyro, of a carried camera's corners once more, of the flow head, whose errors last longest,
     three times more, and on the fused one: errors of landmarks, of scale and of a wheel's radius last for seconds,
     so that sums over 1 to 10 s vary more than independent steps would (NEES over 3 without it: by the camera alone
@@ -58,7 +57,6 @@ class HybridRule:
     trust: in the wheels. compass: of the room's edges, which keep the heading.
     """
 
-    lasting_conflict: int = 10
     covariance_scale: float = 2.0
     flow_variance_share: float = 0.25
     hidden_share: float = 0.4
@@ -185,7 +183,8 @@ class HybridOdometry:
         self._woken = set[int]()
         self._begun: dict[int, Future[Motion]] = {}  # what is computed of the last frame
         self._begun_with: int | None = None  # index of that frame
-        self._conflicts, self._first = 0, True
+        self._first = True
+        self._agreed_s = self._fused_s = -math.inf  # of the last step in which the sources agreed, and of the last one
         self._movers = 0.0  # share of the picture that people and animals cover
         self._compass = RoomCompass(self._rule.compass, unseen_rad2=0.0 if reason == "start" else math.inf)
         self._trust, self._innovation = SourceTrust.of("wheels", self._rule.trust), Innovation()
@@ -199,7 +198,7 @@ class HybridOdometry:
         all_faults = "; ".join(dict.fromkeys(motion.fault for _, motion in named if motion.fault))
         faults = self._repeated_faults(stamp_s, named)
         if self._first:
-            self._first = False
+            self._first, self._agreed_s, self._fused_s = False, stamp_s, stamp_s
             self._coasting.begin(stamp_s)
             return first_motion("; ".join(filter(None, (all_faults, self._warning))))
         alive = [
@@ -223,11 +222,13 @@ class HybridOdometry:
             guess = guess if not alive else _with_gyro_yaw(guess, alive[0])
             return replace(guess, members=self._answers(alive, alive))
         found = consensus(self._held_to_gyro(alive))
-        self._conflicts = self._conflicts + 1 if found.conflict else 0
+        before_s, conflict_s = self._fused_s - self._agreed_s, stamp_s - self._agreed_s
+        self._fused_s, self._agreed_s = stamp_s, self._agreed_s if found.conflict else stamp_s
         # Who is wrong goes on being wrong: errors add up, not their squares, as in `Coasting`.
-        lasting = 2.0 * self._conflicts - 1.0 if found.conflict else self._rule.covariance_scale
+        longer = (before_s + conflict_s) / max(conflict_s - before_s, SHORTEST_DT_S)
+        lasting = longer if found.conflict else self._rule.covariance_scale
         found = replace(found, covariance=lasting * np.asarray(found.covariance))
-        if self._conflicts == self._rule.lasting_conflict:
+        if found.conflict and before_s < LONGEST_DT_S - SHORTEST_DT_S <= conflict_s:  # wheels slip for less
             faults = "; ".join(filter(None, (faults, f"hybrid odometry: {found.conflict}: they disagree")))
         rotation = next((motion.rotation for motion in checked if motion.rotation is not None), None)
         carried = rotation.carried.share if rotation is not None and rotation.carried is not None else 0.0
