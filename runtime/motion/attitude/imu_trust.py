@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from edgemap.geometry.camera.imu import ImuSamples
+from edgemap.geometry.camera.inertial import InertialNoise
 from edgemap.geometry.se2 import SE2
 from edgemap.runtime.motion.trust import Agreement, Trust, TrustRule
 
@@ -22,15 +23,14 @@ class ImuTrustRule:
     """When samples are invalid. gyro_rad_s, accel_m_s2: from which on a value that repeats bit by bit is full scale
     (the smallest ranges are 125 deg/s and 2 g), and beyond which none can be (2000 deg/s, 16 g). repeats: of one value;
     drivers deliver a sample up to four times. held: repeats of all three axes, by which a gyro that has noise is
-    frozen. share_s, share: of bad samples, lately, by which a sensor is left out; it is used again below a tenth of
-    that.
+    frozen. share: of bad samples, over `noise.rest_window_s`, by which a sensor is left out; it is used again below a
+    tenth of that.
     """
 
     gyro_rad_s: tuple[float, float] = (1.5, 35.0)
     accel_m_s2: tuple[float, float] = (15.0, 160.0)
     repeats: int = 5
     held: int = 12
-    share_s: float = 0.5
     share: float = 0.3
 
 
@@ -63,7 +63,7 @@ class _Sensor:
             elif not (size <= self._most).all():
                 good[row], self.reason = False, f"{self.name} at {size.max():.1f} {self._unit}: none can be"
         share = 1.0 - float(good.mean())
-        taken = 1.0 if self._share < 0.0 else min(span_s / self._rule.share_s, 1.0)
+        taken = 1.0 if self._share < 0.0 else min(span_s / InertialNoise().rest_window_s, 1.0)
         self._share = max(self._share, 0.0) + taken * (share - max(self._share, 0.0))
         self.bad = max(self._share, share / 2.0) > self._rule.share * (0.1 if self.bad else 1.0)
         return good

@@ -19,7 +19,7 @@ from edgemap.geometry.odometry.covariance_intersection import (
 from edgemap.geometry.odometry.room_compass import CompassRule, RoomCompass
 from edgemap.geometry.se2 import SE2
 from edgemap.runtime.frames.frame import Frame
-from edgemap.runtime.motion.health import REPEATED_S
+from edgemap.runtime.motion.health import REPEATED_S, HealthRule
 from edgemap.runtime.motion.odometry.coasting import LONGEST_DT_S, SHORTEST_DT_S, Coasting, CoastingRule
 from edgemap.runtime.motion.odometry.protocol import (
     NO_PRIOR,
@@ -39,6 +39,7 @@ UNKNOWN = np.diag(unknown_covariance())  # variances of a motion that tells less
 UNPROVEN = np.array([100.0, 100.0, 10.0])  # variances of what a source has not proved yet
 GYRO = "gyro"  # the source that measures rotation only
 CAMERA, WHEELS = "camera", "wheels"  # the sources whose lengths are compared
+HIDDEN_SHARE = HealthRule().part_share  # of a picture, from which on the camera is in doubt
 
 
 @dataclass(frozen=True, slots=True)
@@ -51,23 +52,22 @@ class HybridRule:
     corners' variance, which the flow head's is at least: it remembers, and goes on as before where a picture shows
     nothing. Its error of a step is 0.5 cm where corners state 2 mm, 1.7 where they state 2 cm, 3.3 where 10 cm, 5
     where more, while it states 0.6 cm (sixteen rendered homes).
-    hidden_share: of a picture that shows nothing while the rest moves, from which on the camera is in doubt: a cover
-    and its edge stand still as the robot moves; or that people and animals cover, from which on the camera judges
-    nobody. covered_covariance_scale: one more factor for the camera there, and its power with what is covered beyond.
+    covered_covariance_scale: one more factor for the camera where so much of a picture as makes a fault
+    (`health.part_share`) shows nothing while the rest moves, as a cover and its edge stand still; and its power with
+    what is covered beyond. Where people and animals cover as much, the camera judges nobody.
     trust: in the wheels. compass: of the room's edges, which keep the heading.
     """
 
     covariance_scale: float = 2.0
     flow_variance_share: float = 0.25
-    hidden_share: float = 0.4
     covered_covariance_scale: float = 30.0
     trust: TrustRule = field(default_factory=TrustRule)
     compass: CompassRule = field(default_factory=CompassRule)
 
     def doubt(self, source: str, covered: float) -> float:
         """Factor on the covariance of a source where so much of the picture is covered."""
-        counts = source == CAMERA and covered >= self.hidden_share
-        return self.covered_covariance_scale ** (covered / self.hidden_share) if counts else 1.0
+        counts = source == CAMERA and covered >= HIDDEN_SHARE
+        return self.covered_covariance_scale ** (covered / HIDDEN_SHARE) if counts else 1.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -214,7 +214,7 @@ class HybridOdometry:
         alive = [item for item in alive if item.source == GYRO or (np.diag(item.covariance) < UNKNOWN).all()]
         alive = self._seconded(alive)
         wheels, camera = self._of(WHEELS, alive), self._of(CAMERA, alive)
-        judges = camera is not None and max(covered, self._movers) < self._rule.hidden_share
+        judges = camera is not None and max(covered, self._movers) < HIDDEN_SHARE
         faults = "; ".join(filter(None, (self._judge(wheels, camera if judges else None, dt_s), faults)))
         alive = self._believed(alive, camera is not None)
         if all(item.source == GYRO for item in alive):
