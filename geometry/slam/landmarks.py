@@ -17,6 +17,7 @@ from edgemap.geometry.map_object import MapObject, SightingSums
 from edgemap.geometry.observations.sighting import PlacedSighting
 from edgemap.geometry.se2 import SE2
 from edgemap.geometry.slam.keyframes import KeyframeTrajectory
+from edgemap.geometry.slam.least_squares import ObservationFactors, inverse
 
 # Columns of an observation's sums: sightings, information xx xy yy, information times position, bias, range, derivative
 # by the mount's tilt, that times the tilt it was placed by; the base's position at the first.
@@ -195,7 +196,7 @@ def place(landmarks: Sequence[Landmark], trajectory: KeyframeTrajectory, tilt_ra
     local, information, bias, ranges = factors(rows, tilt_rad, view_m)
     pose = trajectory.vectors()[at]
     covariances = np.array([trajectory.covariances[keyframe] for keyframe in at.tolist()])
-    rotation = _rotations(pose[:, 2])
+    rotation = rotations(pose[:, 2])
     lever = (rotation @ local[:, :, None])[:, :, 0]
     information = rotation @ information @ rotation.transpose(0, 2, 1)
     design = np.concatenate([np.broadcast_to(np.eye(2), (len(at), 2, 2)), rotation @ ranges[:, :, None]], axis=2)
@@ -217,6 +218,19 @@ def place(landmarks: Sequence[Landmark], trajectory: KeyframeTrajectory, tilt_ra
     for row, landmark in enumerate(landmarks):
         landmark.position_m, landmark.own_m2 = positions[row], inverse[row, :2, :2]
         landmark.first_m2, landmark.shared_m2, landmark.variance_m2 = from_pose[starts[row]], shared[row], variance[row]
+
+
+def observations(landmarks: Sequence[Landmark], tilt_rad: Array, rule: LandmarkRule) -> ObservationFactors:
+    """What each keyframe observed of each of these landmarks. That it was observed from one side of the object, and
+    its range, are part of each observation's error."""
+    rows = np.concatenate([np.zeros((0, COLUMNS)), *(one.rows for one in landmarks)])
+    position_m, information, bias_m, range_m = factors(rows, tilt_rad, rule.view_m)
+    sizes = [len(one.keyframes) for one in landmarks]
+    side_m2 = np.repeat([rule.side_m2(one.extent_m) for one in landmarks], sizes)
+    covariance = inverse(information) + range_m[:, :, None] * range_m[:, None] + side_m2[:, None, None] * np.eye(2)
+    pose = np.array([keyframe for one in landmarks for keyframe in one.keyframes], dtype=np.intp)
+    landmark = np.repeat(np.arange(len(landmarks)), sizes)
+    return ObservationFactors(pose, landmark, position_m, inverse(covariance), bias_m)
 
 
 class Landmarks:
@@ -294,7 +308,7 @@ class Landmarks:
         return distance2 if distance2 <= CHI2_997 else IMPOSSIBLE
 
 
-def _rotations(yaw_rad: Array) -> Array:
+def rotations(yaw_rad: Array) -> Array:
     """Rotation matrices (N, 2, 2)."""
     c, s = np.cos(yaw_rad), np.sin(yaw_rad)
     return np.stack([c, -s, s, c], axis=-1).reshape(-1, 2, 2)

@@ -40,42 +40,34 @@ class OdometryFactors:
 class ObservationFactors:
     """N observations of landmarks. pose, landmark (N,): row numbers. position_m (N, 2): in the frame of the pose.
     information (N, 2, 2): in the same frame. bias_m (N, 2): displacement by one standard deviation of the mount error,
-    which all observations share. range_m (N, 2): displacement by one standard deviation of the range error, which all
-    observations of one landmark share."""
+    which all observations share."""
 
     pose: Rows
     landmark: Rows
     position_m: Array
     information: Array
     bias_m: Array
-    range_m: Array
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class LandmarkFactors:
-    """Priors of landmarks, and links between landmarks. prior_m (L, 2), information (L, 2, 2): zero without a prior.
-    first, second (M,): row numbers of landmarks that are one object. variance_m2 (M,): of their difference, per axis.
-    """
+    """Priors of landmarks. prior_m (L, 2), information (L, 2, 2): zero without a prior."""
 
     prior_m: Array
     information: Array
-    first: Rows
-    second: Rows
-    variance_m2: Array
 
 
 @dataclass(frozen=True, eq=False)
 class Solution:
-    """The estimate. poses (K, 3): x, y, yaw, map frame. landmarks (L, 2): map frame. biases (L + 3,): range error of
-    each landmark, scale errors of the translations and rotations, and mount error, in standard deviations. chi2 (N,),
-    link_chi2 (M,): squared Mahalanobis distance of each observation and of each link. log_evidence: log-likelihood of
-    all measurements (Laplace approximation), up to a constant of the factors."""
+    """The estimate. poses (K, 3): x, y, yaw, map frame. landmarks (L, 2): map frame. biases (3,): scale errors of the
+    translations and rotations, and mount error, in standard deviations. chi2 (N,): squared Mahalanobis distance of each
+    observation. log_evidence: log-likelihood of all measurements (Laplace approximation), up to a constant of the
+    odometry."""
 
     poses: Array
     landmarks: Array
     biases: Array
     chi2: Array
-    link_chi2: Array
     log_evidence: float
     _last: "_System"
     _stated: "Callable[[], _System]"
@@ -99,9 +91,9 @@ class Solution:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Problem:
-    """All factors of a drive. kernel: squared residual at which the weight of an observation or a link is one half
-    (Cauchy). freedom: degrees of freedom of the odometry errors (Student's t), which allow for slip; infinite for
-    Gaussian errors."""
+    """All factors of a drive. kernel: squared residual at which the weight of an observation is one half (Cauchy).
+    freedom: degrees of freedom of the odometry errors (Student's t), which allow for slip; infinite for Gaussian ones.
+    """
 
     odometry: OdometryFactors
     observations: ObservationFactors
@@ -131,7 +123,7 @@ def solve(
     odometry = replace(problem.odometry, gains=(0.0, 0.0))
     gaussian = replace(problem, odometry=odometry, freedom=math.inf)
     stated = partial(_System, gaussian, layout, poses, landmarks, biases)
-    return Solution(poses, landmarks, biases, system.chi2, system.link_chi2, system.log_evidence(), system, stated)
+    return Solution(poses, landmarks, biases, system.chi2, system.log_evidence(), system, stated)
 
 
 class _Layout:
@@ -140,15 +132,15 @@ class _Layout:
 
     def __init__(self, problem: Problem, poses: int, landmarks: int) -> None:
         seen = problem.observations
-        self.size = 3 * landmarks + 3
+        self.size = 2 * landmarks + 3
         self.order = np.argsort(seen.pose, kind="stable")
         self.seen = ObservationFactors(*(getattr(seen, item.name)[self.order] for item in fields(seen)))
         self.by_landmark = np.argsort(self.seen.landmark, kind="stable")
         self.poses, self.pose_starts = np.unique(self.seen.pose, return_index=True)
         self.landmarks, self.landmark_starts = np.unique(self.seen.landmark[self.by_landmark], return_index=True)
         self.columns = _columns(self.landmarks, landmarks)
-        rows = np.broadcast_to((3 * self.seen.pose[:, None] + np.arange(3))[:, :, None], (len(seen.pose), 3, 4))
-        columns = np.broadcast_to(_columns(self.seen.landmark, landmarks)[:, None], (len(seen.pose), 3, 4))
+        rows = np.broadcast_to((3 * self.seen.pose[:, None] + np.arange(3))[:, :, None], (len(seen.pose), 3, 3))
+        columns = np.broadcast_to(_columns(self.seen.landmark, landmarks)[:, None], (len(seen.pose), 3, 3))
         rows = np.concatenate([rows.ravel(), np.repeat(np.arange(3 * poses), 2)])
         columns = np.concatenate([columns.ravel(), np.tile([self.size - 3, self.size - 2], 3 * poses)])
         self.between_order = np.argsort(rows, kind="stable")
@@ -157,14 +149,13 @@ class _Layout:
 
 
 def _columns(landmark: Rows, landmarks: int) -> Rows:
-    """Columns of the corner that an observation of a landmark has: position, range error, the mount's error, (N, 4)."""
-    mount = np.full_like(landmark, 3 * landmarks + 2)
-    return np.column_stack([2 * landmark, 2 * landmark + 1, 2 * landmarks + landmark, mount])
+    """Columns of the corner that an observation of a landmark has: position and the mount's error, (N, 3)."""
+    return np.column_stack([2 * landmark, 2 * landmark + 1, np.full_like(landmark, 2 * landmarks + 2)])
 
 
 class _System:
     """Normal equations: poses' band (6, 3 K), what lies between poses and corner (sparse), and the corner, dense: all
-    landmarks, each one's range error, the odometry's gains, the mount's."""
+    landmarks, the odometry's gains, the mount's."""
 
     def __init__(self, problem: Problem, layout: _Layout, poses: Array, landmarks: Array, biases: Array) -> None:
         self._poses, self._landmarks, self._biases = poses, landmarks, biases
@@ -176,7 +167,7 @@ class _System:
         self.cost = 0.5 * float(biases @ biases)
         self._add_odometry(problem.odometry, problem.freedom)
         self._add_observations(layout.seen, problem.kernel)
-        self._add_landmarks(problem.landmarks, problem.kernel)
+        self._add_landmarks(problem.landmarks)
 
     @property
     def chi2(self) -> Array:
@@ -280,26 +271,26 @@ class _System:
 
     def _add_observations(self, seen: ObservationFactors, kernel: float) -> None:
         x, y, by_pose, by_landmark = _seen_from(self._poses[seen.pose], self._landmarks[seen.landmark])
-        shared = self._biases[-1] * seen.bias_m + self._biases[seen.landmark][:, None] * seen.range_m
-        residual = np.column_stack([x, y]) + shared - seen.position_m
+        residual = np.column_stack([x, y]) + self._biases[-1] * seen.bias_m - seen.position_m
         self._chi2 = np.einsum("ni,nij,nj->n", residual, seen.information, residual)
         information = seen.information * self._robust(self._chi2, kernel)[:, None, None]
-        by_corner = np.concatenate([by_landmark, seen.range_m[:, :, None], seen.bias_m[:, :, None]], axis=2)
+        self.cost += _normalisation(seen.information)
+        by_corner = np.concatenate([by_landmark, seen.bias_m[:, :, None]], axis=2)
         weighted = information @ np.concatenate([by_corner, by_pose, residual[:, :, None]], axis=2)
         from_pose, from_corner = by_pose.transpose(0, 2, 1) @ weighted, by_corner.transpose(0, 2, 1) @ weighted
         layout = self._layout
         if len(x):
-            poses = np.add.reduceat(from_pose[:, :, 4:], layout.pose_starts)
+            poses = np.add.reduceat(from_pose[:, :, 3:], layout.pose_starts)
             self._diagonal[layout.poses] += poses[:, :, :3]
             self.rhs[layout.poses] -= poses[:, :, 3]
             own = np.add.reduceat(from_corner[layout.by_landmark], layout.landmark_starts)
-            rows, mount = layout.columns[:, :3], self._size - 1
-            self.corner[rows[:, :, None], layout.columns[:, None]] += own[:, :3, :4]
-            self.corner[mount, rows] += own[:, 3, :3]
-            self.corner[mount, mount] += own[:, 3, 3].sum()
-            self.rhs_corner[rows] -= own[:, :3, 7]
-            self.rhs_corner[mount] -= own[:, 3, 7].sum()
-        values = np.concatenate([from_pose[:, :, :4].ravel(), self._by_gain.ravel()])[layout.between_order]
+            rows, mount = layout.columns[:, :2], self._size - 1
+            self.corner[rows[:, :, None], layout.columns[:, None]] += own[:, :2, :3]
+            self.corner[mount, rows] += own[:, 2, :2]
+            self.corner[mount, mount] += own[:, 2, 2].sum()
+            self.rhs_corner[rows] -= own[:, :2, 6]
+            self.rhs_corner[mount] -= own[:, 2, 6].sum()
+        values = np.concatenate([from_pose[:, :, :3].ravel(), self._by_gain.ravel()])[layout.between_order]
         places = layout.between_columns, layout.between_starts
         self.between = csr_array((values, *places), shape=(3 * self._count, self._size))
 
@@ -311,24 +302,19 @@ class _System:
         self.cost += 0.5 * kernel * float(np.log1p(chi2 / kernel).sum())
         return 1.0 / (1.0 + chi2 / kernel)
 
-    def _add_landmarks(self, factors: LandmarkFactors, kernel: float) -> None:
-        count = len(self._landmarks)
-        corner, rhs = np.zeros((count, 2, count, 2)), np.zeros((count, 2))
-        rows, residual = np.arange(count), self._landmarks - factors.prior_m
-        corner[rows, :, rows] += factors.information
-        rhs -= (factors.information @ residual[:, :, None])[:, :, 0]
+    def _add_landmarks(self, factors: LandmarkFactors) -> None:
+        count, residual = len(self._landmarks), self._landmarks - factors.prior_m
+        own = 2 * np.arange(count)[:, None] + np.arange(2)
+        self.corner[own[:, :, None], own[:, None]] += factors.information
+        self.rhs_corner[: 2 * count] -= (factors.information @ residual[:, :, None]).ravel()
         self.cost += 0.5 * float(np.einsum("ni,nij,nj->", residual, factors.information, residual))
-        residual = self._landmarks[factors.first] - self._landmarks[factors.second]
-        self.link_chi2 = (residual**2).sum(axis=1) / factors.variance_m2
-        self.cost += float(np.log(2.0 * np.pi * factors.variance_m2).sum())
-        weight = self._robust(self.link_chi2, kernel) / factors.variance_m2
-        axis = np.arange(2)[None]
-        for a, b, sign in ((factors.first, factors.second, 1.0), (factors.second, factors.first, -1.0)):
-            np.add.at(corner, (a[:, None], axis, a[:, None], axis), weight[:, None])
-            np.subtract.at(corner, (a[:, None], axis, b[:, None], axis), weight[:, None])
-            np.subtract.at(rhs, a, sign * weight[:, None] * residual)
-        self.corner[: 2 * count, : 2 * count] += corner.reshape(2 * count, 2 * count)
-        self.rhs_corner[: 2 * count] += rhs.ravel()
+        self.cost += _normalisation(factors.information[factors.information.any(axis=(1, 2))])
+        self.cost -= count * math.log(2.0 * math.pi)  # of the integral over its position
+
+
+def _normalisation(information: Array) -> float:
+    """Negative logarithm of the product of the normal densities' largest values, given their information (N, 2, 2)."""
+    return float(np.log(2.0 * np.pi / np.sqrt(np.linalg.det(information))).sum())
 
 
 def _seen_from(poses: Array, points_m: Array) -> tuple[Array, Array, Array, Array]:

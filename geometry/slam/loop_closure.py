@@ -11,7 +11,7 @@ from edgemap.geometry.slam.least_squares import Solution
 from edgemap.geometry.slam.loop_hypotheses import Pairing, certain_pairings
 from edgemap.geometry.slam.pose_graph import PoseGraph, Snapshot
 
-Closure = Generator[None, None, "tuple[Snapshot, Solution, bool] | None"]
+Closure = Generator[None, None, "tuple[Solution, bool] | None"]
 
 Evidence = frozenset[tuple[int, int, int]]  # of a hypothesis: its links, and how often each later landmark was observed
 
@@ -46,7 +46,7 @@ class LoopSearch:
             new = {}
         if not graph.links and not new:
             return None
-        after = yield from graph.solved(at, graph.links, PLAIN)
+        after = yield from at.solved(graph.links, PLAIN)
         if new:
             closed = yield from self._weighed(at, new, after)
             if closed is not None:
@@ -59,12 +59,12 @@ class LoopSearch:
         while unfit := self._unfit(at, after, new):
             self._take_back(unfit)
             new = {number: first for number, first in new.items() if number in graph.links}
-            after = yield from graph.solved(at, graph.links, PLAIN)
+            after = yield from at.solved(graph.links, PLAIN)
         self.found += len(graph.links) - len(before)
         yield
         after.state_covariances()
         yield
-        return at, after, graph.links != before
+        return after, graph.links != before
 
     def _hypothesis(
         self,
@@ -75,17 +75,14 @@ class LoopSearch:
     ) -> Generator[None, None, dict[int, int]]:
         """The links that are certain among all pairings, with room for a slip of the odometry."""
         graph = self.graph
-        before = yield from graph.solved(at, graph.links, SEARCH, loose=True)
-        pairings = [
-            Pairing(at.row[one.number], at.row[root], graph.apart_m2(one.number, root))
-            for one, root in candidates
-            if one.number in at.row and root in at.row
-        ]
+        before = yield from at.solved(graph.links, SEARCH, loose=True)
+        row, _ = at.objects(graph.links)
+        pairings = [Pairing(row[one.number], row[root]) for one, root in candidates if {one.number, root} <= row.keys()]
         supported = sum(len(groups[graph.root(number)]) > 1 for number in in_view)
         certain = yield from certain_pairings(
             pairings, before.landmarks, before.landmark_covariance, graph.rule.hypotheses, supported
         )
-        name = list(at.row)
+        name = list(row)
         return witnessed(graph, {name[pairing.now]: name[pairing.before] for pairing in certain})
 
     def _weighed(
@@ -95,7 +92,7 @@ class LoopSearch:
         its own covariance, observations with the errors that they share, and that an object stands there by chance."""
         graph = self.graph
         links = graph.links | dict(new)
-        closed = yield from graph.solved(at, links, REFINE, start=without)
+        closed = yield from at.solved(links, REFINE, start=without)
         by_chance = len(at.ties(new)) * math.log(graph.rule.hypotheses.spacing_m2)
         ratio = closed.log_evidence - without.log_evidence + by_chance
         return closed if ratio > graph.rule.margin else None
@@ -107,8 +104,7 @@ class LoopSearch:
 
     def _unfit(self, at: Snapshot, after: Solution, new: Mapping[int, int]) -> list[int]:
         """Links to take back: all new ones if one of these does not fit, else the worst of the others."""
-        ties = at.ties(self.graph.links)
-        bad = {later: chi2 for (later, _), chi2 in zip(ties, after.link_chi2.tolist(), strict=True) if chi2 > CHI2_997}
+        bad = {later: chi2 for later, chi2 in at.link_chi2(self.graph.links, after).items() if chi2 > CHI2_997}
         if any(number in bad for number in new):
             return list(new)
         return [max(bad, key=lambda number: bad[number])] if bad else []

@@ -27,13 +27,10 @@ class LoopHypothesisRule:
 
 @dataclass(frozen=True, slots=True)
 class Pairing:
-    """A landmark in view (row) that may be an earlier one. extra_m2: variance of their distance, per axis, in addition
-    to the landmarks' covariance: an object's centre appears elsewhere from another side.
-    """
+    """A landmark in view (row) that may be an earlier one."""
 
     now: int
     before: int
-    extra_m2: float
 
 
 def certain_pairings(
@@ -92,7 +89,6 @@ def _compatible(pairings: Sequence[Pairing], landmarks: Array, covariance: Array
     )
     blocks = covariance.reshape(len(landmarks), 2, len(landmarks), 2)
     own = blocks[now, :, now] + blocks[before, :, before] - blocks[now, :, before] - blocks[before, :, now]
-    own = own + np.array([pairing.extra_m2 for pairing in pairings])[:, None, None] * np.eye(2)
     difference = (landmarks[now] - landmarks[before])[:, :, None]
     distances2 = (difference * np.linalg.solve(own, difference)).sum(axis=(1, 2))
     return [pairing for pairing, distance2 in zip(pairings, distances2, strict=True) if distance2 <= CHI2_997]
@@ -105,8 +101,7 @@ def _differences(pairings: Sequence[Pairing], landmarks: Array, covariance: Arra
     rows = [(2 * end[:, None] + np.arange(2)).ravel() for end in (now, before)]
     a, b = rows
     apart = covariance[np.ix_(a, a)] + covariance[np.ix_(b, b)] - covariance[np.ix_(a, b)] - covariance[np.ix_(b, a)]
-    extra = np.repeat([pairing.extra_m2 for pairing in pairings], 2)
-    return difference, apart + np.diag(extra)
+    return difference, apart
 
 
 class _Tree:

@@ -12,7 +12,7 @@ from edgemap.geometry.observations.class_extents import footprint_m
 from edgemap.geometry.observations.sighting import PlacedSighting
 from edgemap.geometry.se2 import SE2
 from edgemap.geometry.slam.keyframes import KeyframeRule, KeyframeTrajectory
-from edgemap.geometry.slam.landmarks import COLUMNS, Landmark, LandmarkRule, Landmarks, factors, observed, place
+from edgemap.geometry.slam.landmarks import Landmark, LandmarkRule, Landmarks, observations, observed, place, rotations
 from edgemap.geometry.slam.least_squares import (
     LandmarkFactors,
     ObservationFactors,
@@ -24,7 +24,7 @@ from edgemap.geometry.slam.least_squares import (
     solve,
 )
 from edgemap.geometry.slam.loop_hypotheses import LoopHypothesisRule
-from edgemap.geometry.trajectory_correction import TrajectoryCorrection
+from edgemap.geometry.trajectory_correction import TrajectoryCorrection, composed
 
 Links = Mapping[int, int]  # of a later landmark to the first one of its object
 
@@ -51,24 +51,79 @@ class GraphRule:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Snapshot:
-    """All factors except links at one time, so that all hypotheses are tested on the same data. row: of each landmark,
-    by number. loose: the odometry that loops are searched with. poses (K, 3), biases (L + 3,): to start from.
+    """All factors at one time, so that all hypotheses are tested on the same data. rows: of each of L landmarks, by
+    number. observations: of these. positions_m (L, 2), priors (L, 2, 2): theirs in the map; information, zero but for
+    those of an earlier map. loose: the odometry that loops are searched with. poses (K, 3), biases (3,): to start from.
     """
 
-    row: dict[int, int]
-    problem: Problem
+    rows: dict[int, int]
+    observations: ObservationFactors
+    positions_m: Array
+    priors: Array
+    odometry: OdometryFactors
     loose: OdometryFactors
     poses: Array
     biases: Array
+    freedom: float
 
-    def ties(self, links: Links) -> list[tuple[int, int]]:
-        """Links between two landmarks, by number."""
-        return [(later, first) for later, first in links.items() if later in self.row and first in self.row]
+    def ties(self, links: Links) -> dict[int, int]:
+        """Links between two of these landmarks."""
+        return {later: first for later, first in links.items() if later in self.rows and first in self.rows}
+
+    def objects(self, links: Links) -> tuple[dict[int, int], Rows]:
+        """What these links make one object: the row of each object, by the number of its first landmark; and the row of
+        each landmark's object, (L,)."""
+        ties, first = self.ties(links), list[int]()
+        for number in self.rows:
+            while number in ties:
+                number = ties[number]
+            first.append(number)
+        row = {number: at for at, number in enumerate(dict.fromkeys(first))}
+        return row, _rows([row[number] for number in first])
+
+    def solved(
+        self, links: Links, iterations: int, *, loose: bool = False, start: Solution | None = None
+    ) -> Generator[None, None, Solution]:
+        """Least squares with these links. loose: with the odometry that loops are searched with, and no robust kernel.
+        start: initial values instead of the current ones."""
+        row, owner = self.objects(links)
+        places_m, priors = np.zeros((len(row), 2)), np.zeros((len(row), 2, 2))
+        has_prior = self.priors.any(axis=(1, 2))
+        for some in (~has_prior, has_prior):
+            places_m[owner[some]], priors[owner[some]] = self.positions_m[some], self.priors[some]
+        landmarks, seen = LandmarkFactors(places_m, priors), self.observations
+        seen = replace(seen, landmark=owner[seen.landmark])
+        if loose:
+            problem = Problem(self.loose, seen, landmarks, math.inf)
+        else:
+            problem = Problem(self.odometry, seen, landmarks, CHI2_997, self.freedom)
+        poses, biases = (self.poses, self.biases) if start is None else (start.poses, start.biases)
+        return (yield from solve(problem, poses, places_m, biases, iterations))
+
+    def link_chi2(self, links: Links, solution: Solution) -> dict[int, float]:
+        """Squared Mahalanobis distance of each linked landmark, by number, from where all others of its object are."""
+        _, owner = self.objects(links)
+        seen = self.observations
+        poses, local = solution.poses[seen.pose], seen.position_m - solution.biases[-1] * seen.bias_m
+        places = composed(poses, np.column_stack([local, np.zeros(len(local))]))[:, :2, None]
+        rotation = rotations(poses[:, 2])
+        observed = rotation @ seen.information @ rotation.transpose(0, 2, 1)
+        information, vector = self.priors.copy(), self.priors @ self.positions_m[:, :, None]
+        np.add.at(information, seen.landmark, observed)
+        np.add.at(vector, seen.landmark, observed @ places)
+        found: dict[int, float] = {}
+        for number in self.ties(links):
+            own = self.rows[number]
+            others = (owner == owner[own]) & (np.arange(len(owner)) != own)
+            covariances = inverse(np.stack([information[own], information[others].sum(axis=0)]))
+            here, there = covariances @ np.stack([vector[own], vector[others].sum(axis=0)])
+            found[number] = float(((here - there).T @ np.linalg.solve(covariances.sum(axis=0), here - there)).item())
+        return found
 
 
 class PoseGraph:
-    """Takes every frame's motion and sightings. Every visit to an object is a landmark of its own; a link constrains
-    two to one object, within the variance between two sides.
+    """Takes every frame's motion and sightings. Every visit to an object is a landmark of its own; a link makes two
+    landmarks observations of one object, each from one side.
 
     links: the landmark that each later one is linked to. refused: revoked links. tilt_rad: roll and pitch (2,) by which
     the mount's angles changed since it placed the first sighting. least_pictures: of 0.1 s that make a landmark one to
@@ -81,7 +136,7 @@ class PoseGraph:
         self.links: dict[int, int] = {}
         self.refused: set[tuple[int, int]] = set()
         self.tilt_rad = np.zeros(2)
-        self._shared, self._ranges = [0.0, 0.0, 0.0], dict[int, float]()
+        self._biases = np.zeros(3)
 
     def add_saved(self, item: MapObject) -> Landmark:
         """Adds an object of an earlier map, in the trajectory's frame; observed again, it corrects the pose. A map does
@@ -180,13 +235,6 @@ class PoseGraph:
         self.remove({gone.number})
         self.place([kept])
 
-    def apart_m2(self, later: int, first: int) -> float:
-        """Variance of the distance of two landmarks of one object, per axis: each is observed from one side, but an
-        earlier map's object from many.
-        """
-        sides = 2.0 if self.landmarks.all[first].saved is None else 1.0
-        return sides * self.rule.landmarks.side_m2(self.landmarks.all[later].extent_m)
-
     @property
     def is_full(self) -> bool:
         """Whether keyframes have to go."""
@@ -197,7 +245,7 @@ class PoseGraph:
         return not landmark.gone and (landmark.saved is not None or landmark.sums.pictures >= self.least_pictures)
 
     def snapshot(self, wanted: Set[int] = frozenset()) -> Snapshot:
-        """All current factors except links. wanted: earlier objects to include beyond the usual landmarks."""
+        """All current factors. wanted: earlier objects to include beyond the usual landmarks."""
         tied = {*self.links, *self.links.values(), *wanted}
         likely = [
             landmark
@@ -207,51 +255,25 @@ class PoseGraph:
         near = set(self.landmarks.in_view(self.trajectory.odometer_m))
         likely.sort(key=lambda one: (one in near or one.number in wanted, one.number in tied, one.sums.pictures))
         chosen = sorted(likely[-self.rule.maximum :], key=lambda landmark: landmark.number)
-        row = {landmark.number: at for at, landmark in enumerate(chosen)}
-        prior_m = np.array([landmark.position_m for landmark in chosen]).reshape(-1, 2)
-        information = np.array(
-            [np.zeros((2, 2)) if one.saved is None else inverse(one.saved.covariance_m2) for one in chosen]
-        ).reshape(-1, 2, 2)
-        none = _rows([])
-        landmarks = LandmarkFactors(prior_m, information, none, none, np.zeros(0))
-        rule, rows = self.rule, np.concatenate([np.zeros((0, COLUMNS)), *(one.rows for one in chosen)])
-        observations = ObservationFactors(
-            _rows([keyframe for landmark in chosen for keyframe in landmark.keyframes]),
-            _rows([at for at, landmark in enumerate(chosen) for _ in landmark.keyframes]),
-            *factors(rows, self.tilt_rad, rule.landmarks.view_m),
-        )
+        positions_m = np.array([landmark.position_m for landmark in chosen]).reshape(-1, 2)
+        priors = np.zeros((len(chosen), 2, 2))
+        for at, one in enumerate(chosen):
+            if one.saved is not None:
+                priors[at] = inverse(one.saved.covariance_m2)
         trajectory = self.trajectory
-        problem = Problem(trajectory.factors(), observations, landmarks, CHI2_997, rule.freedom)
-        biases = np.array([*(self._ranges.get(number, 0.0) for number in row), *self._shared])
-        return Snapshot(row, problem, trajectory.factors(loose=True), trajectory.vectors(), biases)
-
-    def solved(
-        self,
-        at: Snapshot,
-        links: Links,
-        iterations: int,
-        *,
-        loose: bool = False,
-        start: Solution | None = None,
-    ) -> Generator[None, None, Solution]:
-        """Least squares with these links. loose: with the odometry that loops are searched with, and no robust kernel.
-        start: initial values instead of the current ones."""
-        ties = at.ties(links)
-        landmarks = replace(
-            at.problem.landmarks,
-            first=_rows([at.row[later] for later, _ in ties]),
-            second=_rows([at.row[first] for _, first in ties]),
-            variance_m2=np.array([self.apart_m2(later, first) for later, first in ties]),
+        return Snapshot(
+            {landmark.number: at for at, landmark in enumerate(chosen)},
+            observations(chosen, self.tilt_rad, self.rule.landmarks),
+            positions_m,
+            priors,
+            trajectory.factors(),
+            trajectory.factors(loose=True),
+            trajectory.vectors(),
+            self._biases,
+            self.rule.freedom,
         )
-        problem = replace(at.problem, landmarks=landmarks)
-        if loose:
-            problem = replace(problem, odometry=at.loose, kernel=math.inf, freedom=math.inf)
-        begin = (at.poses, landmarks.prior_m, at.biases)
-        if start is not None:
-            begin = (start.poses, start.landmarks, start.biases)
-        return (yield from solve(problem, *begin, iterations))
 
-    def correct(self, at: Snapshot, solution: Solution, relinked: bool, now_s: float) -> TrajectoryCorrection | None:
+    def correct(self, solution: Solution, relinked: bool, now_s: float) -> TrajectoryCorrection | None:
         """Poses stand where the solution has them, and landmarks with them; None where it moves no pose by `still_m`,
         and only covariances change. relinked: whether links changed, so that it moves them anyway. now_s: stamp of the
         frame whose motion came last."""
@@ -260,8 +282,7 @@ class PoseGraph:
         if not relinked and np.abs(poses - before).max() < self.rule.still_m:
             self.trajectory.set_poses(before, solution.pose_covariances, now_s)
             return None
-        *ranges, path, yaw, mount = solution.biases.tolist()
-        self._ranges, self._shared = dict(zip(at.row, ranges, strict=True)), [path, yaw, mount]
+        self._biases = solution.biases
         correction = self.trajectory.set_poses(poses, solution.pose_covariances, now_s)
         self.place(list(self.landmarks.all.values()))
         return correction

@@ -61,8 +61,8 @@ class NoLoopClosure:
             before = graph.trajectory.pose
             past = None
             if end.value is not None:
-                at, solution, relinked = end.value
-                past = graph.correct(at, solution, relinked, now_s)
+                solution, relinked = end.value
+                past = graph.correct(solution, relinked, now_s)
             if past is not None:
                 pose = graph.trajectory.pose
                 moved_m = math.hypot(pose.x_m - before.x_m, pose.y_m - before.y_m)

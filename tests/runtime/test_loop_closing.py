@@ -193,30 +193,47 @@ def test_what_is_one_landmark_is_one_object_however_the_pose_drifts():
 
 
 def test_a_wrong_closure_is_taken_back(monkeypatch):
-    """An object is taken for another one a metre away, and nothing contradicts yet: pose and objects move by it, and
-    go back when others are found again."""
-    way, wrong, real = round_trip(300, turns=3.0), [], loop_closure.witnessed
+    """An object is taken for another one beside it, and nothing contradicts yet: pose and objects move by it, and go
+    back when others are found again."""
+    way, wrong, real, misled, right = round_trip(300, turns=3.0), [], loop_closure.witnessed, [], []
 
-    def certain(pairings, landmarks, *others):
-        if misled:
-            graph.rule = GraphRule()
-            return (yield from certain_pairings(pairings, landmarks, *others))
-        apart_m = [float(np.linalg.norm(landmarks[pair.now] - landmarks[pair.before])) for pair in pairings]
-        return [pair for pair, far_m in zip(pairings, apart_m, strict=True) if 0.9 < far_m < 1.3][:1]
+    def seen(number):
+        """What a landmark is in truth."""
+        one, trajectory = graph.landmarks.all[number], graph.trajectory
+        pose, true = (poses[at] for poses, at in ((trajectory.poses, one.first), (way, stamp(trajectory, one.first))))
+        place = true.apply(pose.inverse().apply(one.position_m))
+        far_m = [math.dist(place, (x, y)) if label == one.label else math.inf for label, x, y in ROOM]
+        return int(np.argmin(far_m))
+
+    def stamp(trajectory, row):
+        return round(10.0 * trajectory.stamps_s[row])
+
+    def certain(pairings, *others):
+        if not wrong:
+            return pairings  # none is weighed until a wrong one is taken
+        graph.rule = GraphRule()
+        return (yield from certain_pairings(pairings, *others))
 
     def witnessed(graph, found):
-        if not misled:
-            wrong[:] = found.items()
-            return dict(found)
-        return real(graph, found)
+        if wrong:
+            return real(graph, found)
+        landmarks = graph.landmarks.all
+        others = [(later, first) for later in found for first in landmarks if first < min(found)]
+        wrong[:] = [
+            (later, first)
+            for later, first in others
+            if landmarks[later].label == landmarks[first].label
+            and seen(later) != seen(first)
+            and math.dist(landmarks[later].position_m, landmarks[first].position_m) < 1.5
+        ][:1]
+        return dict(wrong)
 
     monkeypatch.setattr(loop_closure, "certain_pairings", certain)
     monkeypatch.setattr(loop_closure, "witnessed", witnessed)
-    rule, misled, right = GraphRule(margin=-math.inf), [], []  # wrong ones are taken unweighed until one is applied
-    mapper = Mapper(config=Config(loop_closure=rule), loop_closer=LoopCloser())
+    mapper = Mapper(config=Config(loop_closure=GraphRule(margin=-math.inf)), loop_closer=LoopCloser())
     assert isinstance(mapper.map, FloorMap)
     graph = mapper.map.graph
-    unsure = [replace(motion, covariance=16.0 * motion.covariance) for motion in drifting(way)]
+    unsure = [replace(motion, covariance=3.0 * motion.covariance) for motion in drifting(way)]
     for result, objects in drive(mapper, ROOM, way, unsure, 0):
         if result.correction and wrong:
             ((later, first),) = wrong
