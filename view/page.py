@@ -88,7 +88,7 @@ class LivePage:
         self._zone_watch = ZoneWatch()
         self._trail_s: deque[float] = deque(maxlen=20_000)
         self._sightings_base: deque[tuple[float, float, float]] = deque(maxlen=20_000)  # stamp_s, x_m, y_m
-        self._moved_m = 0.0
+        self._moved_m, self._scale = 0.0, 1.0  # since everything was sent, and of what was sent
         self._arrivals_s: deque[float] = deque(maxlen=RATE_OVER)
         self._last_fault = ""
         self.last_fault: Fault | None = None  # reported from outside the step
@@ -100,7 +100,8 @@ class LivePage:
         now_s = time.monotonic()
         self._arrivals_s.append(now_s)
         self._moved_m += result.correction.moved_m if result.correction else 0.0
-        if result.relocated is not None or self._moved_m > MOVED_M:
+        before, self._scale = self._scale, result.observed.scale
+        if result.relocated is not None or self._moved_m > MOVED_M or self._scale != before:
             self._send_again(result.trajectory)
         self._extend_trail(result)
         for placed, identity in zip(result.sightings, result.object_ids, strict=True):
@@ -190,15 +191,16 @@ class LivePage:
         return path
 
     def _send_again(self, trajectory: PoseJournal) -> None:
-        """Sends trail and sightings again after the trajectory has moved."""
+        """Sends trail and sightings again after the trajectory has moved or taken another scale."""
         self._moved_m = 0.0
         if not self._trail_s:
             return
         trail = iter(trajectory.at(list(self._trail_s))[:, :2].tolist())
         self.trail.replace(lambda _: _pair(next(trail)))
         if self._sightings_base:
-            rows = np.array(self._sightings_base)
-            seen_at = iter(trajectory.points(rows[:, 0], rows[:, 1:]).tolist())
+            stamps_s, *base_m = np.array(self._sightings_base).T
+            scaled_m = np.column_stack(base_m) * trajectory.scale_since(stamps_s)[:, None]
+            seen_at = iter(trajectory.points(stamps_s, scaled_m).tolist())
             self.sightings.replace(lambda items: (*items[:2], *_pair(next(seen_at))))
         self.epoch += 1
 

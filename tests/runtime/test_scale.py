@@ -1,5 +1,7 @@
 """A guessed height of the lens becomes another: map, trajectory, grid and edits take its scale."""
 
+# pyright: reportOptionalMemberAccess=false, reportArgumentType=false, reportAttributeAccessIssue=false
+
 from dataclasses import replace
 
 import numpy as np

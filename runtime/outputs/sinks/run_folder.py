@@ -124,8 +124,8 @@ class RunFolder:
             self._mount_seen |= mount_record(seen)
         if (height := result.observed.height_estimate) is not None:
             self._mount_seen |= {"height_m": round(height.height_m, 3), "sigma_height_m": round(height.sigma_m, 3)}
-        if (scale := result.observed.scale) != 1.0:
-            self._mount_seen |= {"used_height_m": round(scale * self._record["mount"]["height_m"], 4)}
+        if (scale := result.observed.scale) != 1.0 or "used_height_m" in self._mount_seen:
+            self._mount_seen |= {"used_height_m": round(scale * self._camera.mount.height_m, 4)}
         if self._mount_seen:
             self._record = self._record | {"mount_seen": dict(self._mount_seen)}
         for fault in result.observed.faults:
