@@ -16,6 +16,7 @@ from edgemap.geometry.se2 import SE2, compose_covariance, wrap_angle
 from edgemap.runtime.frames.frame import Frame
 from edgemap.runtime.frames.trajectory import Trajectory
 from edgemap.runtime.inputs.open import DEMO
+from edgemap.runtime.motion.attitude.imu_trust import ImuTrust
 from edgemap.runtime.motion.attitude.inertial import InertialAttitude
 from edgemap.runtime.motion.attitude.sources import MountAttitude
 from edgemap.runtime.motion.odometry.hybrid import HybridOdometry, Member
@@ -305,3 +306,18 @@ def test_a_reference_that_stands_still_says_nothing_of_a_source():
     judged = SourceTrust.of("wheels", TrustRule()).yaw.updated(0.05, 0.0, 1e-6)
     assert not judged.doubted
     assert not judged.updated(0.05, -0.001, 1e-6).doubted
+
+
+def test_a_gyro_that_lies_is_found_after_a_long_rest_too():
+    """3,000 s without a turn, then turns of a quarter radian to and fro, of which the gyro shows twice as much."""
+    trust, up, still, faults = ImuTrust(), np.array([0.0, -1.0, 0.0]), (SE2(), np.eye(3) * 1e-10), []
+    moved = still
+    for step in range(3020):
+        turned = 0.0 if step < 3000 else 0.25 * (1 if step % 4 < 2 else -1)
+        rates = np.random.default_rng(step).normal(0.0, 0.001, (4, 3)) + 2.0 * turned * up
+        samples = ImuSamples(step + np.arange(4) / 4.0, rates, np.tile(9.81 * up, (4, 1)))
+        faults.append(trust.judge(samples, float(step + 1), moved, up, np.zeros(3))[1])
+        moved = (SE2(0.0, 0.0, turned), np.eye(3) * 1e-6) if turned else still
+    (fault,) = filter(None, faults)
+    assert re.match(r"gyro: its yaw is \d+ % of what the camera measures: the IMU is left out", fault)
+    assert faults.index(fault) < 3006

@@ -35,10 +35,9 @@ class MountRule:
     found one a frame, as all at once take a third of a step. every_s, first_every_s: between two estimates by
     edges, once the mount is confirmed, and before or where the camera is carried; every_s also between two
     judgements. window_s: of estimates that are judged together; judged_s: their minimum, and the span of a turn and
-    of the accelerometer's samples that count as one measurement. moved: mean grey levels between two pictures that
-    count as two views. wrong_rad: error from which on an angle is wrong; up to there the given one holds. settled_rad:
-    standard deviation at which a mount on wheels is known for good: what is seen while it sways as if carried is left
-    aside then, and before voids all that was seen. tilt: how measurements count.
+    of the accelerometer's samples that count as one measurement. settled_rad: standard deviation at which a mount on
+    wheels is known for good: what is seen while it sways as if carried is left aside then, and before voids all that
+    was seen. tilt: how measurements count.
     """
 
     pixels: int = 27_648

@@ -125,8 +125,9 @@ class ImuTrust:
         self._frames *= not samples
 
     def _compare(self, moved: tuple[SE2, Array] | None) -> None:
-        """The last step's yaw with the odometry's."""
-        if moved is None or self._span_s == 0.0:
+        """The last step's yaw with the odometry's; at rest there is no turn to compare, and a night's uncertainty would
+        be that of the window."""
+        if moved is None or self._span_s == 0.0 or moved[0] == SE2():
             self._yaw = self._yaw.restarted()
             return
         yaw_rad, variance = moved[0].yaw_rad, float(moved[1][2, 2]) + (0.01 * self._span_s) ** 2
