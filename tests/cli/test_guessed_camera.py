@@ -185,6 +185,9 @@ def test_the_camera_file_of_a_guess_holds_what_the_drive_has_shown(tmp_path):
         assert text is not None
         assert "by the sizes of objects it is 0.50 m, to 8 %, and the scale of the map" in text
         assert ("0.23 +- 0.01 m before the turn axis" in text) == (arm_m == 0.0)
+    behind = CameraKeeper(tmp_path, FloorCamera(lens, mount), guess).at_end(None, seen, Rolling(0.01, -0.08, 0.01))
+    assert behind is not None
+    assert "the lens is 0.08 +- 0.01 m behind the turn axis" in behind
     with_wheels = CameraKeeper(tmp_path, FloorCamera(lens, mount), guess).at_end(None, seen, turned, alone=False)
     assert with_wheels is not None
     assert "turn axis" not in with_wheels
