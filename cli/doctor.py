@@ -11,7 +11,7 @@ from edgemap.cli.groups import Source
 from edgemap.cli.guessed_camera import what_is_given
 from edgemap.cli.options import BundleName, Json, print_json
 from edgemap.geometry.errors import EdgemapError
-from edgemap.runtime.frames.extras import install_hint, pip
+from edgemap.runtime.frames.extras import EXTRAS, install_hint, pip
 
 if TYPE_CHECKING:
     pass
@@ -21,35 +21,6 @@ TAPE = (
     "measure the height of the lens above the floor with a tape and pass it to run, in metres: --mount HEIGHT_M; "
     "edgemap calibrate measures the rest"
 )
-
-# Extra to what it is for, and its modules with the packages that they come in.
-EXTRAS: dict[str, tuple[str, dict[str, str]]] = {
-    "teacher": ("train floor --teacher", {"ai_edge_litert": "ai-edge-litert"}),
-    "export": (
-        "pull by name, export, train",
-        {"torch": "torch", "onnx": "onnx", "onnxscript": "onnxscript"},
-    ),
-    "plot": ("map show as PNG, detect --plot", {"matplotlib": "matplotlib"}),
-    "evaluation": ("eval detection", {"faster_coco_eval": "faster-coco-eval"}),
-    "simulation": (
-        "rendered rooms",
-        {"moderngl": "moderngl", "av": "av", "PIL": "pillow", "embreex": "embreex"},
-    ),
-    "openvino": ("bench --against openvino", {"openvino": "openvino"}),
-    "view": ("run --view", {"starlette": "starlette", "uvicorn": "uvicorn", "websockets": "websockets"}),
-    "record": (
-        "record, run --record, recordings as cameras",
-        {"mcap": "mcap", "mcap_ros2": "mcap-ros2-support"},
-    ),
-    "foxglove": ("run --foxglove", {"foxglove": "foxglove-sdk", "mcap_ros2": "mcap-ros2-support"}),
-    "mqtt": ("run --mqtt", {"paho": "paho-mqtt"}),
-    "fleet": ("run --fleet, fleet serve", {"zenoh": "eclipse-zenoh"}),
-    "ros2": (
-        "run --ros2, cameras and sensors on ROS 2 topics",
-        {"cyclonedds": "cyclonedds", "mcap_ros2": "mcap-ros2-support"},
-    ),
-    "rerun": ("run --rerun, recordings in Rerun", {"rerun": "rerun-sdk"}),
-}
 
 
 @dataclass(frozen=True, slots=True)

@@ -68,9 +68,9 @@ def command(
     Random pictures and random states run through the source and through onnxruntime, a chain of steps; the largest
     difference goes into bundle.json. A bundle that fails is not left behind.
     """
-    from edgemap.cli.options import need_export
+    from edgemap.runtime.frames.extras import need
 
-    need_export()
+    need("export", "edgemap export")
     from edgemap.export.detector.network import is_detector
     from edgemap.export.exporter import export_backbone
     from edgemap.export.floor.checkpoint import is_floor, load_floor

@@ -10,7 +10,6 @@ from edgemap.cli.arguments import OptionError, arg
 if TYPE_CHECKING:
     from edgemap.runtime.network.bundle import Bundle
 
-from edgemap.runtime.frames.extras import need
 
 PICTURE_ODOMETRIES = ("hybrid", "flow", "planar", "window")  # lengths are in proportion to the height of the lens
 
@@ -110,21 +109,6 @@ def known_names(unknown: Iterable[str], known: Iterable[str], whose: str) -> str
     lower = {name.casefold(): name for name in names}
     meant = [lower[close[0]] for name in unknown if (close := get_close_matches(name.casefold(), lower, 1, 0.75))]
     return f"did you mean {', '.join(meant)}?" if meant else f"{whose} {', '.join(names) or 'none'}"
-
-
-def need_export(command: str = "edgemap export") -> None:
-    """Raise MissingExtraError where torch, onnx or onnxscript cannot be imported."""
-    need("export", command, ("torch", "onnx", "onnxscript"))
-
-
-def need_training(command: str) -> None:
-    """Raises MissingExtraError where torch or onnx, which training needs, cannot be imported."""
-    need("export", command, ("torch", "onnx"))
-
-
-def need_simulation(command: str = "edgemap simulate") -> None:
-    """Raise MissingExtraError where the renderer, the light baker or the picture reader cannot be imported."""
-    need("simulation", command, ("moderngl", "embreex", "PIL"))
 
 
 def last_run() -> Path:

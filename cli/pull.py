@@ -57,8 +57,8 @@ def pull_known(name: str, given: str | None = None) -> Path:
     given: a file or URL instead of the listed sources. Raises BundleError for an unknown name, MissingExtraError,
     DownloadError or ExportError.
     """
-    from edgemap.cli.options import need_export
     from edgemap.runtime.frames.errors import BundleError
+    from edgemap.runtime.frames.extras import need
     from edgemap.runtime.network.manifest_file import read_manifest, verified_file
     from edgemap.runtime.network.store import cache_folder, shipped_heads
 
@@ -74,7 +74,7 @@ def pull_known(name: str, given: str | None = None) -> Path:
             pass  # damaged or of an older format: made again
         else:
             return folder
-    need_export(f"edgemap pull {name}")
+    need("export", f"edgemap pull {name}")
     from edgemap.export.exporter import export_backbone
     from edgemap.export.obtain import obtain
 

@@ -105,9 +105,10 @@ def command(
 
     from tqdm import tqdm
 
-    from edgemap.cli.options import need_simulation
+    from edgemap.cli.simulated import RENDERERS
+    from edgemap.runtime.frames.extras import need
 
-    need_simulation()
+    need("simulation", "edgemap simulate", RENDERERS)
     at_least(1, frames=frames, pictures=pictures, floor_labels=floor_labels)
     if floor_labels is not None and (video or locobot or pictures is not None):
         raise OptionError("--floor-labels is for drives of single pictures; --pictures has them always")

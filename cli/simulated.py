@@ -12,6 +12,7 @@ if TYPE_CHECKING:
     from edgemap.simulation.live import SimCamera
 
 PREFIX = "sim:"
+RENDERERS = ("moderngl", "embreex", "PIL")  # what rendering needs of the extra `simulation`
 SEED_DIGITS = 18
 
 
@@ -34,12 +35,12 @@ def simulated(spec: str, frames: int | None = None) -> "SimCamera":
 
     Raises OptionError for a seed that is no number, and MissingExtraError where the extra is missing.
     """
-    from edgemap.cli.options import need_simulation
+    from edgemap.runtime.frames.extras import need
 
     seed = spec.removeprefix(PREFIX)
     if not seed.isdecimal() or len(seed) > SEED_DIGITS:
         raise OptionError(f"camera {spec!r}: expected sim:SEED with a whole number, 0 or more")
-    need_simulation(spec)
+    need("simulation", spec, RENDERERS)
     from edgemap.simulation.live import open_sim
 
     return open_sim(int(seed), frames, spec)

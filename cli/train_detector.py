@@ -6,7 +6,7 @@ from typing import Annotated
 
 from edgemap.cli.arguments import OptionError, arg
 from edgemap.cli.network_options import NetworkOptions
-from edgemap.cli.training import Resume, check_training
+from edgemap.cli.training import TORCH, Resume, check_training
 from edgemap.export.settings import DetectorSettings
 
 
@@ -84,9 +84,10 @@ def command(
     Interrupted runs go on with --resume: with a budget in epochs exactly as if nothing had happened. `edgemap export
     DIR/best.pt --head HEAD -o BUNDLE` makes a bundle.
     """
-    from edgemap.cli.options import at_least, need_training
+    from edgemap.cli.options import at_least
+    from edgemap.runtime.frames.extras import need
 
-    need_training("edgemap train detector")
+    need("export", "edgemap train detector", TORCH)
     at_least(1, validate_pictures=validate_pictures)
     check_training(settings, len(data))
     if settings.size is not None and (settings.size < 64 or settings.size % 32):

@@ -4,7 +4,7 @@ from pathlib import Path
 from typing import Annotated
 
 from edgemap.cli.arguments import OptionError, arg
-from edgemap.cli.training import FeatureCache, Resume, check_training
+from edgemap.cli.training import TORCH, FeatureCache, Resume, check_training
 from edgemap.export.settings import FloorSettings
 
 
@@ -50,9 +50,10 @@ def command(
     `edgemap export --backbone NAME --head ODOMETRY_HEAD DIR/best.pt -o BUNDLE` joins it to its network, whose other
     outputs stay bit for bit the same.
     """
-    from edgemap.cli.options import at_least, need_training
+    from edgemap.cli.options import at_least
+    from edgemap.runtime.frames.extras import need
 
-    need_training("edgemap train floor")
+    need("export", "edgemap train floor", TORCH)
     at_least(1, views=views)
     at_least(4, batch=settings.batch)
     check_training(settings, len(data))

@@ -4,7 +4,7 @@ from pathlib import Path
 from typing import Annotated, Literal
 
 from edgemap.cli.arguments import OptionError, arg
-from edgemap.cli.training import FeatureCache, Resume, check_training
+from edgemap.cli.training import TORCH, FeatureCache, Resume, check_training
 from edgemap.export.settings import OdometrySettings
 
 
@@ -64,9 +64,10 @@ def command(
 
     Interrupted runs go on with --resume. `edgemap export DIR/best.pt -o BUNDLE` makes a bundle of backbone and head.
     """
-    from edgemap.cli.options import at_least, need_training
+    from edgemap.cli.options import at_least
+    from edgemap.runtime.frames.extras import need
 
-    need_training("edgemap train odometry")
+    need("export", "edgemap train odometry", TORCH)
     at_least(1, workers=workers, frames=frames, validation_frames=validation_frames)
     at_least(2, length=length)
     at_least(0, steps=settings.steps, first=first, views=views, validation_first=validation_first)

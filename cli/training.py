@@ -7,6 +7,7 @@ from edgemap.cli.arguments import OptionError, arg
 from edgemap.cli.options import at_least
 from edgemap.export.settings import Settings
 
+TORCH = ("torch", "onnx")  # what training needs of the extra `export`
 Resume = Annotated[bool, arg(help="Go on from DIR/last.pt, with the same options as before.")]
 FeatureCache = Annotated[
     Path | None, arg(metavar="DIR", help="Where features are kept; by default in the user's cache.")

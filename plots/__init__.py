@@ -1,3 +1,3 @@
 from edgemap.runtime.frames.extras import need
 
-need("plot", "drawing", ("matplotlib",))
+need("plot", "drawing")

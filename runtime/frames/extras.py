@@ -11,14 +11,24 @@ from urllib.parse import unquote, urlparse
 from edgemap.runtime.frames.errors import MissingExtraError
 
 DISTRIBUTION = "edgemap-robot"
-OUTPUTS = {  # extra of each output of a run, with the modules that it takes
-    "view": ("starlette", "uvicorn", "websockets"),
-    "record": ("mcap", "mcap_ros2"),
-    "foxglove": ("foxglove", "mcap_ros2"),
-    "rerun": ("rerun",),
-    "mqtt": ("paho",),
-    "fleet": ("zenoh",),
-    "ros2": ("cyclonedds", "mcap_ros2"),
+# Extra to what it is for, and its modules with the packages that they come in.
+EXTRAS: dict[str, tuple[str, dict[str, str]]] = {
+    "teacher": ("train floor --teacher", {"ai_edge_litert": "ai-edge-litert"}),
+    "export": ("pull by name, export, train", {"torch": "torch", "onnx": "onnx", "onnxscript": "onnxscript"}),
+    "plot": ("map show as PNG, detect --plot", {"matplotlib": "matplotlib"}),
+    "evaluation": ("eval detection", {"faster_coco_eval": "faster-coco-eval"}),
+    "simulation": ("rendered rooms", {"moderngl": "moderngl", "av": "av", "PIL": "pillow", "embreex": "embreex"}),
+    "openvino": ("bench --against openvino", {"openvino": "openvino"}),
+    "view": ("run --view", {"starlette": "starlette", "uvicorn": "uvicorn", "websockets": "websockets"}),
+    "record": ("record, run --record, recordings as cameras", {"mcap": "mcap", "mcap_ros2": "mcap-ros2-support"}),
+    "foxglove": ("run --foxglove", {"foxglove": "foxglove-sdk", "mcap_ros2": "mcap-ros2-support"}),
+    "mqtt": ("run --mqtt", {"paho": "paho-mqtt"}),
+    "fleet": ("run --fleet, fleet serve", {"zenoh": "eclipse-zenoh"}),
+    "ros2": (
+        "run --ros2, cameras and sensors on ROS 2 topics",
+        {"cyclonedds": "cyclonedds", "mcap_ros2": "mcap-ros2-support"},
+    ),
+    "rerun": ("run --rerun, recordings in Rerun", {"rerun": "rerun-sdk"}),
 }
 
 
@@ -46,14 +56,9 @@ def pip() -> str:
     return f"{python} -m pip"
 
 
-def need_mcap() -> None:
-    """Raise MissingExtraError where mcap or its ROS 2 part cannot be imported."""
-    need("record", "a recording")
-
-
 def need(extra: str, purpose: str, modules: tuple[str, ...] = ()) -> None:
     """Raise MissingExtraError where a module of an extra cannot be imported. purpose: what asks for it. modules: those
-    of `OUTPUTS` where none are given."""
-    missing = [name for name in modules or OUTPUTS[extra] if find_spec(name) is None]
+    that it needs; all of the extra where none are given."""
+    missing = [name for name in modules or EXTRAS[extra][1] if find_spec(name) is None]
     if missing:
         raise MissingExtraError(f"{purpose} needs {', '.join(missing)}: {install_hint(extra)}")

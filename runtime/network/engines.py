@@ -64,7 +64,7 @@ def open_onnxruntime(source: Path | bytes, compute: Compute, rows: int | None = 
 def open_openvino(path: Path, compute: Compute, rows: int | None = None) -> Network:
     """Compile an ONNX file for latency. rows: of the input, where the file leaves them open. Raises what OpenVINO
     raises."""
-    need("openvino", "--engine openvino", ("openvino",))
+    need("openvino", "--engine openvino")
     import openvino as ov
 
     core = ov.Core()

@@ -13,8 +13,8 @@ import pytest
 from edgemap.cli import main
 from edgemap.cli.arguments import OptionError
 from edgemap.cli.camera_options import read_intrinsics
-from edgemap.cli.doctor import EXTRAS
 from edgemap.cli.publishers import host_and_port
+from edgemap.runtime.frames.extras import EXTRAS
 
 CHAIR = {
     "id": "chair-1", "label": "chair", "x_m": 1.0, "y_m": 2.0, "covariance_m2": [[0.01, 0.0], [0.0, 0.02]],

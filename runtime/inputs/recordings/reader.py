@@ -8,7 +8,7 @@ from typing import Any
 from zlib import crc32
 
 from edgemap.runtime.frames.errors import CameraError
-from edgemap.runtime.frames.extras import need_mcap
+from edgemap.runtime.frames.extras import need
 from edgemap.runtime.frames.messages.definitions import FIELDS, decoder
 from edgemap.runtime.frames.reading import one_line
 from edgemap.runtime.inputs.recordings.chunks import (
@@ -45,7 +45,7 @@ class McapReading:
     """
 
     def __init__(self, path: Path) -> None:
-        need_mcap()
+        need("record", "a recording")
         self.path = path
         try:
             if not path.is_file():  # a pipe would block

@@ -5,7 +5,7 @@ from typing import Any
 
 from edgemap.runtime.frames.disk import append
 from edgemap.runtime.frames.errors import DiskError, RecordingError
-from edgemap.runtime.frames.extras import need_mcap
+from edgemap.runtime.frames.extras import need
 from edgemap.runtime.frames.messages.definitions import Message, definition, encoder
 from edgemap.runtime.frames.version import VERSION
 
@@ -22,7 +22,7 @@ class McapFile:
     """
 
     def __init__(self, path: Path) -> None:
-        need_mcap()
+        need("record", "a recording")
         from mcap.writer import CompressionType, Writer
 
         self.path = path
