@@ -17,6 +17,7 @@ from edgemap.runtime.frames.colours import SHAPES, label_mark
 from edgemap.runtime.frames.reading import printable
 from edgemap.runtime.inputs.cameras.base import BudgetedCamera, PacedCamera
 from edgemap.runtime.inputs.cameras.protocol import Camera
+from edgemap.runtime.inputs.drives.camera_yaml import mount_fields
 from edgemap.runtime.network.bundle import Bundle
 from edgemap.runtime.outputs.report.crops import BestCrops
 from edgemap.runtime.outputs.verdict.verdict import Verdict
@@ -137,13 +138,7 @@ def about_run(source: Camera, bundle: Bundle, floor: FloorCamera, odometry: str,
         "view_rad": 2.0 * math.atan2(lens.width / 2.0, lens.fx),
         "lens": {name: getattr(lens, name) for name in ("fx", "fy", "cx", "cy")}
         | {"distortion": asdict(lens.distortion)},
-        "mount": {
-            "height_m": mount.height_m,
-            "pitch_deg": math.degrees(mount.pitch_rad),
-            "roll_deg": math.degrees(mount.roll_rad),
-            "forward_m": mount.forward_m,
-            "left_m": mount.left_m,
-        },
+        "mount": mount_fields(mount),
         "marks": {name: asdict(label_mark(name)) for name in bundle.names},
         "shapes": SHAPES,
         "chi2_95": CHI2_95,

@@ -121,11 +121,12 @@ class _Question:
 
 
 def _print_lines(answers: Answers) -> None:
+    from edgemap.runtime.outputs.verdict.verdict import sigma_of
+
     for item, distance_m in answers:
-        sigma_m = float(item.covariance_m2.trace() / 2) ** 0.5
         x_m, y_m = item.position_m
         away = "" if distance_m is None else f"  {distance_m:6.2f} m away"
-        print(f"{item.id:<20} x {x_m:7.2f} m  y {y_m:7.2f} m  +- {sigma_m:.2f} m  seen {item.count} times{away}")
+        print(f"{item.id:<20} x {x_m:7.2f} m  y {y_m:7.2f} m  +- {sigma_of(item):.2f} m  seen {item.count} times{away}")
 
 
 def _print_json(path: Path, answers: Answers) -> None:

@@ -1,6 +1,5 @@
 """The entries of run.json that are fixed before the first frame."""
 
-import math
 import platform
 from dataclasses import asdict
 from datetime import UTC, datetime
@@ -13,6 +12,7 @@ from edgemap.cli.run_options import RunOptions
 from edgemap.geometry.camera.floor import FloorCamera
 from edgemap.runtime.frames.decisions import Decisions
 from edgemap.runtime.inputs.cameras.protocol import Camera
+from edgemap.runtime.inputs.drives.camera_yaml import mount_fields
 from edgemap.runtime.motion.odometry.learned import outside_envelope
 from edgemap.runtime.network.bundle import Bundle
 from edgemap.runtime.step.config import Config, config_document
@@ -34,14 +34,7 @@ def run_record(
         "started_utc": datetime.now(UTC).isoformat(timespec="seconds"),
         "camera": source.name,
         "intrinsics": asdict(floor.intrinsics),
-        "mount": {
-            "height_m": camera_mount.height_m,
-            "pitch_deg": round(math.degrees(camera_mount.pitch_rad), 6),
-            "roll_deg": round(math.degrees(camera_mount.roll_rad), 6),
-            "forward_m": camera_mount.forward_m,
-            "left_m": camera_mount.left_m,
-            "platform": camera_mount.platform,
-        },
+        "mount": mount_fields(camera_mount, 6) | {"platform": camera_mount.platform},
         "bundle": {"name": loaded.manifest.name, "folder": str(loaded.folder), "sha256": loaded.manifest.sha256},
         "odometry": options.robot.odometry,
         "clustering": options.map.clustering,

@@ -136,13 +136,7 @@ def write_camera_yaml(
         tree["fps"] = float(rate_hz)
     tree["world_up"] = world_up
     if mount is not None:
-        mounted: dict[str, Any] = {
-            "height_m": float(mount.height_m),
-            "pitch_deg": round(math.degrees(mount.pitch_rad), 9),
-            "roll_deg": round(math.degrees(mount.roll_rad), 9),
-            "forward_m": float(mount.forward_m),
-            "left_m": float(mount.left_m),
-        }
+        mounted: dict[str, Any] = mount_fields(mount)
         if mount.platform is not Platform.ROBOT:
             mounted["platform"] = str(mount.platform)
         tree["mount"] = mounted
@@ -154,6 +148,14 @@ def write_camera_yaml(
     if calibration:
         tree["calibration"] = calibration
     write_atomically(path, yaml.safe_dump(tree, sort_keys=False, default_flow_style=None))
+
+
+def mount_fields(mount: Mount, digits: int = 9) -> dict[str, float]:
+    """Height and lever arm, metres, and angles, degrees to so many digits, by their names in files."""
+    angles = {"pitch_deg": mount.pitch_rad, "roll_deg": mount.roll_rad}
+    lengths = {"forward_m": float(mount.forward_m), "left_m": float(mount.left_m)}
+    degrees = {name: round(math.degrees(angle), digits) for name, angle in angles.items()}
+    return {"height_m": float(mount.height_m), **degrees, **lengths}
 
 
 def _lens(lens: Intrinsics) -> dict[str, Any]:

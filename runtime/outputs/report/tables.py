@@ -3,8 +3,6 @@
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-import numpy as np
-
 from edgemap.geometry.map_object import MapObject
 from edgemap.geometry.objects.evaluation_row import EvaluationRow
 from edgemap.runtime.frames.colours import SHAPES, label_colour, label_mark
@@ -12,6 +10,7 @@ from edgemap.runtime.outputs.report.charts import STAGE_COLOURS, duration
 from edgemap.runtime.outputs.report.crops import Crop
 from edgemap.runtime.outputs.report.markup import Markup, data_uri, el, joined, polyline, prose
 from edgemap.runtime.outputs.verdict.causes import cause_of_fault
+from edgemap.runtime.outputs.verdict.verdict import sigma_of
 
 MAXIMUM_FAULTS = 60
 
@@ -52,7 +51,6 @@ def objects_table(
 def _object_row(
     item: MapObject, crop: Crop | None, evaluation_row: EvaluationRow | None, judged: bool, start_s: float
 ) -> Markup:
-    sigma_m = float(np.sqrt(max(np.trace(item.covariance_m2) / 2.0, 0.0)))
     shown = (
         el("img", src=data_uri(crop.jpeg), alt=f"{item.id} in frame {crop.frame}", loading="lazy")
         if crop
@@ -67,7 +65,7 @@ def _object_row(
            pill(evaluation_row.state) if evaluation_row else None,
            el("small", ", ".join(filter(None, said))) if any(said) else None, class_="who"),
         _cell("x, y", f"{item.position_m[0]:.2f}, {item.position_m[1]:.2f} m"),
-        _cell("±", f"{sigma_m:.2f} m"),
+        _cell("±", f"{sigma_of(item):.2f} m"),
         *(_truth_cells(evaluation_row) if judged else ()),
         _cell("size", f"{item.width_m:.2f} × {item.height_m:.2f} m"),
         _cell("seen", f"{item.count}×"),
