@@ -1,5 +1,6 @@
-"""Stage times of a step."""
+"""Stage times of a step, and what is done every so many seconds of stream."""
 
+import math
 from collections.abc import Sequence
 from time import perf_counter, thread_time
 from typing import ClassVar
@@ -41,3 +42,24 @@ def percentiles(values_ms: Sequence[float]) -> dict[str, float]:
     quantiles = (50, 95, 99)
     found = np.percentile(np.asarray(values_ms), quantiles).tolist() if len(values_ms) else []
     return {f"p{q}": round(value, 3) for q, value in zip(quantiles, found, strict=False)}
+
+
+class StreamTimer:
+    """When something is due again by the stream's stamps: at first, after `every_s`, and where stamps went back."""
+
+    def __init__(self, every_s: float) -> None:
+        self._every_s, self._done_s = every_s, -math.inf
+
+    def is_due(self, stamp_s: float) -> bool:
+        """Whether it is due."""
+        return not 0.0 <= stamp_s - self._done_s < self._every_s
+
+    def done(self, stamp_s: float = -math.inf) -> None:
+        """It was done at this stamp; without one it is due at once."""
+        self._done_s = stamp_s
+
+    def due(self, stamp_s: float) -> bool:
+        """Whether it is due; if so, it counts as done."""
+        due = self.is_due(stamp_s)
+        self._done_s = stamp_s if due else self._done_s
+        return due

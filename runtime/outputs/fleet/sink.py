@@ -1,13 +1,13 @@
 """`--fleet`: sends a robot's map and pose to the keeper of its place."""
 
 import json
-import math
 import threading
 from typing import Any
 
 from edgemap.geometry.map_object import MapObject
 from edgemap.geometry.objects.edits import NO_ANNOTATIONS, Annotations
 from edgemap.runtime.frames.errors import PublishError
+from edgemap.runtime.frames.timing import StreamTimer
 from edgemap.runtime.outputs.fleet.network import name_of, open_session, packed, place_key, rounded
 from edgemap.runtime.step.map_file import map_document
 from edgemap.runtime.step.sinks import Sink
@@ -35,7 +35,8 @@ class FleetSink(Sink):
         self._session: Any = open_session(connect=address)
         self._message, self._sending = b"", threading.Lock()
         self._objects, self._annotations = list[MapObject](), NO_ANNOTATIONS
-        self._pose_s = self._map_s = self._sent_s = -math.inf
+        intervals_s = POSE_EVERY_S, MAP_EVERY_S, UNCHANGED_EVERY_S
+        self._pose_timer, self._map_timer, self._sent_timer = map(StreamTimer, intervals_s)
         self._kept = threading.Event()
         self._map, self._pose = (self._session.declare_publisher(f"{key}/{what}") for what in ("map", "pose"))
         alive = self._session.liveliness()
@@ -48,14 +49,10 @@ class FleetSink(Sink):
     def write(self, result: StepResult, objects: list[MapObject]) -> None:
         """Sends what is due."""
         stamp_s, annotations = result.frame.stamp_s, result.annotations
-        if not 0.0 <= stamp_s - self._map_s < MAP_EVERY_S:
-            self._map_s = stamp_s
-            due = not 0.0 <= stamp_s - self._sent_s < UNCHANGED_EVERY_S
-            if self._send_map(objects, annotations, due):
-                self._sent_s = stamp_s
+        if self._map_timer.due(stamp_s) and self._send_map(objects, annotations, self._sent_timer.is_due(stamp_s)):
+            self._sent_timer.done(stamp_s)
         self._objects, self._annotations = objects, annotations
-        if not 0.0 <= stamp_s - self._pose_s < POSE_EVERY_S:
-            self._pose_s = stamp_s
+        if self._pose_timer.due(stamp_s):
             pose = zip(("x_m", "y_m", "yaw_rad"), rounded(result.pose_map_base), strict=True)
             self._pose.put(json.dumps(dict(pose)))
         if not self._kept.is_set():

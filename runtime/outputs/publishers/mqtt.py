@@ -11,6 +11,7 @@ from edgemap.geometry.map_object import MapObject
 from edgemap.geometry.objects.zone_watch import ZoneWatch
 from edgemap.runtime.frames.errors import PublishError
 from edgemap.runtime.frames.extras import need
+from edgemap.runtime.frames.timing import StreamTimer
 from edgemap.runtime.step.map_file import object_record
 from edgemap.runtime.step.slam import StepResult
 
@@ -45,7 +46,7 @@ class MqttPublisher:
         self._address, self._robot, self._version = f"{host}:{port}", robot, version
         self._published: dict[str, MapObject] = {}
         self._zones = ZoneWatch()
-        self._fault, self._faults, self._state_s = "", 0, -math.inf
+        self._fault, self._faults, self._state_timer = "", 0, StreamTimer(STATE_EVERY_S)
         self._connected, self._refused = threading.Event(), "no answer"
         self._new_connection = False
         self._objects = threading.Lock()  # of `_published` and the retained objects, which say the same
@@ -85,8 +86,7 @@ class MqttPublisher:
         stamp_s = result.frame.stamp_s
         for event in self._zones.update(objects, result.annotations.zones, stamp_s):
             self._publish("events", json.dumps(event.record()))
-        if not 0.0 <= stamp_s - self._state_s < STATE_EVERY_S:
-            self._state_s = stamp_s
+        if self._state_timer.due(stamp_s):
             self._publish_state(result, objects)
 
     def fault(self, text: str) -> None:
@@ -109,7 +109,7 @@ class MqttPublisher:
         for item in self._published.values():
             self._publish_object(item)
         self._client.subscribe(f"{self.root}/objects/+", qos=1)
-        self._state_s = -math.inf
+        self._state_timer.done()
 
     def _event(self, kind: str, item: MapObject, **more: Any) -> None:
         with self._objects:

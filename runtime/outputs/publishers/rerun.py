@@ -15,6 +15,7 @@ from edgemap.runtime.frames.errors import PublishError
 from edgemap.runtime.frames.extras import need
 from edgemap.runtime.frames.messages import topics
 from edgemap.runtime.frames.messages.definitions import Message, to_ns
+from edgemap.runtime.frames.timing import StreamTimer
 from edgemap.runtime.outputs.messages.map_messages import CUBE, CYLINDER, TEXT
 from edgemap.runtime.outputs.messages.stream import MessageStream
 from edgemap.runtime.step.slam import StepResult
@@ -47,7 +48,7 @@ class RerunStream:
         rr, rrb = (import_module(name) for name in ("rerun", "rerun.blueprint"))
 
         self.name, self._stream, self._rr = "Rerun", stream, rr
-        self._every_s, self._picture_s = 1.0 / pictures_hz - SLACK_S, -math.inf
+        self._picture_timer = StreamTimer(1.0 / pictures_hz - SLACK_S)
         self._known: dict[str, Any] = {}
         ids = stream.frames
         self._paths = {ids.map: "map", ids.odom: f"map/{ids.odom}", ids.base: f"map/{ids.odom}/{ids.base}"}
@@ -92,8 +93,7 @@ class RerunStream:
             raise PublishError(self._away)
         stamp_s = result.frame.stamp_s
         self._set_time(stamp_s)
-        pictured = not 0.0 <= stamp_s - self._picture_s < self._every_s
-        self._picture_s = stamp_s if pictured else self._picture_s
+        pictured = self._picture_timer.due(stamp_s)
         for outgoing in (*self._stream.picture(result.frame), *self._stream.results(result, objects)):
             if outgoing.topic in self._log and (pictured or outgoing.topic not in PICTURED):
                 self._log[outgoing.topic](outgoing.make())

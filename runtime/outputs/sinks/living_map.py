@@ -1,6 +1,5 @@
 """A map that lives on over runs: saved back while the robot drives, with the pose from which the next run starts."""
 
-import math
 import os
 from collections.abc import Callable
 from contextlib import suppress
@@ -12,6 +11,7 @@ from edgemap.geometry.objects.edits import Annotations
 from edgemap.geometry.se2 import SE2
 from edgemap.runtime.frames.disk import lock_folder, write_atomically
 from edgemap.runtime.frames.errors import DiskError
+from edgemap.runtime.frames.timing import StreamTimer
 from edgemap.runtime.step.grid_file import grid_name, save_grid
 from edgemap.runtime.step.map_file import map_text
 from edgemap.runtime.step.sinks import Sink
@@ -35,7 +35,7 @@ class LivingMap(Sink):
         self._state: tuple[list[MapObject], Annotations, SE2, OccupancyGrid | None] | None = None
         self._saved_grid: OccupancyGrid | None = None
         self._written = ""
-        self._saved_s = -math.inf
+        self._save_timer = StreamTimer(SAVE_EVERY_S)
         try:
             folder.mkdir(parents=True, exist_ok=True)
             self._lock: int | None = lock_folder(folder, "another run uses this map")
@@ -45,9 +45,7 @@ class LivingMap(Sink):
     def write(self, result: StepResult, objects: list[MapObject]) -> None:
         """Save by the stream's time. Raises DiskError."""
         self._state = (objects, result.annotations, result.pose_map_base, result.grid)
-        stamp_s = result.frame.stamp_s
-        if not 0.0 <= stamp_s - self._saved_s < SAVE_EVERY_S:
-            self._saved_s = stamp_s
+        if self._save_timer.due(result.frame.stamp_s):
             self._save()
 
     def edited(self, objects: list[MapObject], annotations: Annotations) -> None:

@@ -19,7 +19,7 @@ from edgemap.geometry.map_object import MapObject
 from edgemap.geometry.objects.edits import NO_ANNOTATIONS, Annotations
 from edgemap.runtime.frames.disk import LineFile, lock_folder, write_atomically
 from edgemap.runtime.frames.errors import DiskError, RunFolderError
-from edgemap.runtime.frames.timing import percentiles
+from edgemap.runtime.frames.timing import StreamTimer, percentiles
 from edgemap.runtime.frames.trajectory import tum_line
 from edgemap.runtime.outputs.sinks.rewriting import rewrite
 from edgemap.runtime.outputs.verdict.quality import QualityCounter
@@ -71,7 +71,7 @@ class RunFolder:
         self._journal: PoseJournal | None = None
         self._rewritten_at = 0  # revision of the journal that the files show
         self._fault_count = self._frames = 0
-        self._saved_s = -math.inf
+        self._save_timer = StreamTimer(SAVE_EVERY_S)
         self._failure: EdgemapError | None = None  # of the newest save
         self._stamp_s = 0.0
         self._started = self._saved_at = perf_counter()
@@ -131,7 +131,7 @@ class RunFolder:
         for fault in result.observed.faults:
             self.fault(fault)
         self._fault_kinds.update(fault.kind.value for fault in result.faults if fault.counted)
-        if result.relocated is not None or not 0.0 <= stamp_s - self._saved_s < SAVE_EVERY_S:
+        if result.relocated is not None or self._save_timer.is_due(stamp_s):
             self._save(rewrite=result.relocated is not None)
         if self._failure is not None:
             raise self._failure
@@ -161,7 +161,8 @@ class RunFolder:
             os.close(self._lock)
 
     def _save(self, rewrite: bool) -> None:
-        self._saved_s, self._saved_at, self._failure = self._stamp_s, perf_counter(), None
+        self._save_timer.done(self._stamp_s)
+        self._saved_at, self._failure = perf_counter(), None
         try:
             self._write_all(rewrite)
         except EdgemapError as error:
