@@ -94,13 +94,12 @@ def _plot(
         from edgemap.plots.frame import plot_frame
 
         return plot_frame(path, picture, detections, sightings, camera)
-    import cv2
-
     from edgemap.runtime.frames.disk import write_atomically
+    from edgemap.runtime.frames.frame import png
     from edgemap.runtime.step.overlay import draw_detections
 
     path.parent.mkdir(parents=True, exist_ok=True)
-    write_atomically(path, cv2.imencode(".png", draw_detections(picture, detections, None))[1].tobytes())
+    write_atomically(path, png(draw_detections(picture, detections, None)))
     return path
 
 

@@ -9,9 +9,9 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-import cv2
 import numpy as np
 
+from edgemap.runtime.frames.frame import png
 from edgemap.runtime.inputs.drives.yolo import COCO_NAMES, write_yolo_labels
 from edgemap.simulation.apartment import furniture
 from edgemap.simulation.apartment.apartment import furnish
@@ -94,7 +94,7 @@ def _render_home(task: tuple[Path, int, int, float]) -> int:
         name = f"{home:06d}_{number:0{digits}d}"
         _write(folder, name, encoded(picture, shown.effects.jpeg_quality), boxes, lens)
         labels = floor_labels(frame, view, lens, apartment.plan.height_m)
-        write_bytes(folder / "floor" / f"{name}.png", cv2.imencode(".png", labels)[1].tobytes())
+        write_bytes(folder / "floor" / f"{name}.png", png(labels))
         frames.append(boxes)
     renderer.close()
     models = {item.model.key for item in apartment.furniture} | {key for shown in views for key in shown.passers}

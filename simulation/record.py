@@ -8,11 +8,11 @@ from fractions import Fraction
 from pathlib import Path
 from typing import Any
 
-import cv2
 import numpy as np
 from numpy.typing import NDArray
 
 from edgemap.geometry.se2 import SE2
+from edgemap.runtime.frames.frame import png
 from edgemap.runtime.frames.reading import library_path
 from edgemap.runtime.frames.trajectory import Trajectory
 from edgemap.runtime.inputs.drives.locobot import write_locobot
@@ -67,7 +67,7 @@ def label_drive(world: World, folder: Path, every: int) -> int:
         studio = Studio(world, lit_home(world, BakeSettings.draft()))
         try:
             for index, file in missing:
-                write_bytes(file, cv2.imencode(".png", studio.floor_labels(index))[1].tobytes())
+                write_bytes(file, png(studio.floor_labels(index)))
         finally:
             studio.close()
     return len(files)

@@ -6,9 +6,9 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-import cv2
 import numpy as np
 
+from edgemap.runtime.frames.frame import png
 from edgemap.simulation.errors import SimulationError
 from edgemap.simulation.studio import Shot
 
@@ -82,7 +82,7 @@ class FrameStore(PartStore):
         write_bytes(self._pictures / (name + shot.suffix), shot.picture)
         if self._depth:
             millimetres = np.clip(shot.depth_m * 1000.0 + 0.5, 0, _MOST_DEPTH_MM).astype(np.uint16)
-            write_bytes(self.folder / "depth" / f"{name}.png", cv2.imencode(".png", millimetres)[1].tobytes())
+            write_bytes(self.folder / "depth" / f"{name}.png", png(millimetres))
         write_text(self.part_of(self.folder, shot.index), json.dumps(shot.boxes))
 
     def picture_paths(self) -> Sequence[Path]:

@@ -12,7 +12,7 @@ import psutil
 from edgemap.geometry.grid.occupancy_grid import OccupancyGrid
 from edgemap.geometry.map_object import MapObject
 from edgemap.geometry.se2 import SE2
-from edgemap.runtime.frames.frame import Frame
+from edgemap.runtime.frames.frame import Frame, jpeg
 from edgemap.runtime.step.slam import StepResult
 from edgemap.view.answers import (
     event_answer,
@@ -46,8 +46,7 @@ class Pictures:
             if width > WIDEST_PX:
                 size = (WIDEST_PX, max(1, round(height * WIDEST_PX / width)))
                 image = cv2.resize(image, size, interpolation=cv2.INTER_AREA)
-            _, encoded = cv2.imencode(".jpg", image, [cv2.IMWRITE_JPEG_QUALITY, JPEG_QUALITY])
-            self._frame, self._jpeg = frame, encoded.tobytes()
+            self._frame, self._jpeg = frame, jpeg(image, JPEG_QUALITY)
         return self._jpeg
 
 

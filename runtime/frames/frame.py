@@ -1,6 +1,7 @@
 """One picture with its stamp: the output of every camera and the input of the step."""
 
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -40,8 +41,15 @@ class Frame:
             raise ValueError(f"frame depth is {self.depth.shape}, the image {self.image.shape[:2]}")
 
 
-def png(picture: NDArray[np.uint8]) -> bytes:
-    """A BGR picture (H, W, 3), or one with transparency (H, W, 4), as a PNG file."""
+def png(picture: NDArray[Any]) -> bytes:
+    """A picture as a PNG file: BGR (H, W, 3), with transparency (H, W, 4), or of one channel, 8 or 16 bits."""
     import cv2
 
     return cv2.imencode(".png", picture)[1].tobytes()
+
+
+def jpeg(picture: NDArray[Any], quality: int = 95) -> bytes:
+    """A BGR picture as a JPEG file. quality: 0 to 100."""
+    import cv2
+
+    return cv2.imencode(".jpg", picture, [cv2.IMWRITE_JPEG_QUALITY, quality])[1].tobytes()

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from edgemap.geometry.camera.intrinsics import Intrinsics
 from edgemap.geometry.camera.mount import Mount
+from edgemap.runtime.frames.frame import jpeg, png
 from edgemap.simulation.camera.shutter import exposed, optical_twist
 from edgemap.simulation.render.mesh import Array
 
@@ -76,8 +77,8 @@ def encoded(picture: NDArray[np.uint8], jpeg_quality: int | None) -> tuple[bytes
     """The picture as a file's bytes, and the file's suffix: PNG where no quality is given."""
     if jpeg_quality is None:
         # OpenCV's own choice of filter and runs: smaller files of noisy pictures than a stated level, in half the time.
-        return cv2.imencode(".png", picture)[1].tobytes(), ".png"
-    return cv2.imencode(".jpg", picture, [cv2.IMWRITE_JPEG_QUALITY, jpeg_quality])[1].tobytes(), ".jpg"
+        return png(picture), ".png"
+    return jpeg(picture, jpeg_quality), ".jpg"
 
 
 def noise_levels(shot: float, read: float, gain: float) -> NDArray[np.float32]:

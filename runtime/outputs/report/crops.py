@@ -8,6 +8,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from edgemap.runtime.frames.frame import jpeg
 from edgemap.runtime.step.slam import StepResult
 
 SIDE_PX = 200  # longer side of a kept picture
@@ -52,9 +53,7 @@ class BestCrops:
                 continue
             quality = worth * _sharpness(picture)
             if quality > limit:
-                good, jpeg = cv2.imencode(".jpg", _small(picture), [cv2.IMWRITE_JPEG_QUALITY, 78])
-                if good:
-                    self._best[identity] = Crop(quality, jpeg.tobytes(), result.frame.index)
+                self._best[identity] = Crop(quality, jpeg(_small(picture), 78), result.frame.index)
 
     def keep(self, identities: Collection[str], merged: dict[str, str]) -> None:
         """Hand pictures of merged objects to those that they became part of; past `MAXIMUM_CROPS`, drop those of

@@ -11,6 +11,7 @@ from edgemap.geometry.objects.edits import Annotations
 from edgemap.geometry.objects.evaluation_row import EvaluationRow
 from edgemap.runtime.frames.disk import write_atomically
 from edgemap.runtime.frames.errors import CameraError
+from edgemap.runtime.frames.frame import jpeg
 from edgemap.runtime.frames.trajectory import Trajectory
 from edgemap.runtime.inputs.drives.pictures import read_picture
 from edgemap.runtime.outputs.report.crops import BestCrops
@@ -97,5 +98,4 @@ class ReportFile(Sink):
         share = _MOUNT_WIDTH_PX / picture.shape[1]
         if share < 1.0:
             picture = cv2.resize(picture, None, fx=share, fy=share, interpolation=cv2.INTER_AREA)
-        good, jpeg = cv2.imencode(".jpg", picture, [cv2.IMWRITE_JPEG_QUALITY, 72])
-        return jpeg.tobytes() if good else None
+        return jpeg(picture, 72)

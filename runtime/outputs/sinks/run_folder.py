@@ -19,6 +19,7 @@ from edgemap.geometry.map_object import MapObject
 from edgemap.geometry.objects.edits import NO_ANNOTATIONS, Annotations
 from edgemap.runtime.frames.disk import LineFile, lock_folder, write_atomically
 from edgemap.runtime.frames.errors import DiskError, RunFolderError
+from edgemap.runtime.frames.frame import jpeg
 from edgemap.runtime.frames.timing import StreamTimer, percentiles
 from edgemap.runtime.frames.trajectory import tum_line
 from edgemap.runtime.outputs.sinks.rewriting import rewrite
@@ -102,7 +103,7 @@ class RunFolder:
         if self._frames == 0:
             picture = draw_floor_grid(result.frame.image, self._camera)
             with suppress(cv2.error, DiskError):
-                write_atomically(self.folder / "mount.jpg", cv2.imencode(".jpg", picture)[1].tobytes())
+                write_atomically(self.folder / "mount.jpg", jpeg(picture))
         self._frames += 1
         self._stamp_s = stamp_s = result.frame.stamp_s
         self._objects, self._merged, self._annotations = objects, result.merged, result.annotations
