@@ -152,11 +152,10 @@ def guess_camera(
         return CameraGuess(lens, mount, focal_sigma, 0.0, 0.0, (focal_how, "as given", "as given"))
     edges = _tilt_by_edges(ends, lens, focal_sigma)
     roll, sway_rad = (edges.roll_rad, edges.sway_rad) if edges else (0.0, 0.0)
-    usual = (CARRIED_HEIGHT_M, CARRIED_SIGMA) if sway_rad else (USUAL_HEIGHT_M, HEIGHT_SIGMA)
     if edges and not sway_rad:
         pitch, pitch_sigma, pitch_how = edges.pitch_rad, edges.sigma_rad, edges.how
     else:
-        pitch, pitch_sigma, count = pitch_by_sizes(boxes, lens, usual if sway_rad else None)
+        pitch, pitch_sigma, count = pitch_by_sizes(boxes, lens, (CARRIED_HEIGHT_M, CARRIED_SIGMA) if sway_rad else None)
         pitch_how = f"{count} objects of usual sizes" if count else "usual for a robot"
     if edges and sway_rad:  # a person who walks looks up and down: edges show the level pictures
         weights = np.array([pitch_sigma, math.hypot(edges.sigma_rad, sway_rad)]) ** -2
@@ -172,7 +171,11 @@ def guess_camera(
     if height_m is not None:
         how = (focal_how, "as given", pitch_how)
         return CameraGuess(lens, Mount(height_m, pitch, roll), focal_sigma, 0.0, pitch_sigma, how, sway_rad)
-    height_m, height_sigma, count = height_by_sizes(boxes, lens, tilted, pitch_sigma, usual)
+    if sway_rad:  # the tilt of each picture is not known well enough for sizes
+        how = (focal_how, "as a person carries it", pitch_how)
+        mount = Mount(CARRIED_HEIGHT_M, pitch, roll)
+        return CameraGuess(lens, mount, focal_sigma, CARRIED_SIGMA, pitch_sigma, how, sway_rad)
+    height_m, height_sigma, count = height_by_sizes(boxes, lens, tilted, pitch_sigma, (USUAL_HEIGHT_M, HEIGHT_SIGMA))
     if not LOWEST_M <= height_m <= HIGHEST_M:
         raise CalibrationError(
             f"{count} objects of usual sizes put the lens {height_m:.2f} m above the floor, expected {LOWEST_M:g} to "
@@ -181,7 +184,7 @@ def guess_camera(
     height_sigma = round(height_sigma, 3)  # as files hold it: a replay weighs the guess alike
     how = f"{count} objects of usual sizes" if count else "usual for a robot; no object of a known size was seen"
     how = (focal_how, how, pitch_how)
-    return CameraGuess(lens, Mount(height_m, pitch, roll), focal_sigma, height_sigma, pitch_sigma, how, sway_rad)
+    return CameraGuess(lens, Mount(height_m, pitch, roll), focal_sigma, height_sigma, pitch_sigma, how)
 
 
 @dataclass(frozen=True, slots=True)
