@@ -46,7 +46,7 @@ def floor_camera_of(camera: "Source", source: "Camera", bundle: "Bundle") -> "tu
     print(f"{source.name} does not say its {lacking}: guessed from {len(pictures)} pictures")
     print("\n".join(f"  {line}" for line in guess.lines()))
     if guess.height_sigma and not guess.sway_rad:
-        print("  distances err as the height does: measure it with a tape, and pass it as --mount HEIGHT_M")
+        print("  the drive corrects the height by sizes of objects; a tape, floor to lens, is exact: --mount HEIGHT_M")
     print("  edgemap calibrate measures all of it without guessing", flush=True)
     return FloorCamera(guess.lens, guess.mount), guess
 
