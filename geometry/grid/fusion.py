@@ -118,7 +118,8 @@ class GridFusion:
     @property
     def size_bytes(self) -> int:
         """Memory of all evidence and of the grid that is drawn."""
-        own = sum(len(patch) * 14 for patch in self._patches)
+        kept = [*self._patches, *(patch.unscaled[0] for patch in self._patches if patch.unscaled)]
+        own = sum(len(patch) * 14 for patch in kept)
         return own + 4 * self._canvas.odds.nbytes
 
     def _is_due(self, pose: SE2, stamp_s: float) -> bool:

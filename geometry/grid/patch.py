@@ -24,7 +24,8 @@ class Patch:
     cells: (N, 2), column and row in the map as it was then. Each cell's evidence is the function
     `x -> clip(x + shift, low, high)` of its previous log-odds, all (N,). A sequence of additions, each clipped to the
     bounds, has this form, so a moved patch replays its evidence exactly. move: pose of the map frame at that time in
-    the current map frame. drawn: the same at the last drawing. corners: (4, 2), of the rectangle round its cells.
+    the current map frame. drawn: the same at the last drawing. unscaled: the patch whose cells these are at another
+    scale, and by which factor; None where they are its own. corners: (4, 2), of the rectangle round its cells.
     """
 
     stamp_s: float
@@ -35,6 +36,7 @@ class Patch:
     high: Steps
     move: SE2 = field(default_factory=SE2)
     drawn: SE2 = field(default_factory=SE2)
+    unscaled: "tuple[Patch, float] | None" = None
     corners: Cells = field(init=False)
 
     def __post_init__(self) -> None:
@@ -52,16 +54,20 @@ class Patch:
         return self.move @ self.began
 
     def scaled(self, factor: float) -> "Patch":
-        """All lengths times `factor`, about the map's origin: each cell takes the evidence of the old one there."""
-        (left, low), (right, high) = self.cells.min(axis=0) * factor, (self.cells.max(axis=0) + 1) * factor
+        """All lengths times `factor`, about the map's origin: each cell takes the evidence of the first scale's cell
+        there, so that many small changes round no more than one."""
+        own, total = self.unscaled or (self, 1.0)
+        total *= factor
+        (left, low), (right, high) = own.cells.min(axis=0) * total, (own.cells.max(axis=0) + 1) * total
         columns, rows = np.arange(math.floor(left), math.ceil(right)), np.arange(math.floor(low), math.ceil(high))
         cells = np.stack(np.meshgrid(columns, rows), axis=-1).reshape(-1, 2)
-        known, wanted = _packed(self.cells), _packed(np.floor((cells + 0.5) / factor))
+        known, wanted = _packed(own.cells), _packed(np.floor((cells + 0.5) / total))
         order = np.argsort(known)
         at = order[np.minimum(np.searchsorted(known, wanted, sorter=order), len(order) - 1)]
         cells, at = cells[known[at] == wanted].astype(np.int32), at[known[at] == wanted]
         began, *poses = (pose.scaled(factor) for pose in (self.began, self.move, self.drawn))
-        return Patch(self.stamp_s, began, cells, self.shift[at], self.low[at], self.high[at], *poses)
+        values = own.shift[at], own.low[at], own.high[at]
+        return Patch(self.stamp_s, began, cells, *values, *poses, unscaled=(own, total))
 
     def placed(self, cell_m: float) -> Cells:
         """Its cells (N, 2) in the current map; duplicates are possible."""

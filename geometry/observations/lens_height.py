@@ -46,8 +46,8 @@ class HeightMeasurement:
 
 
 class HeightBySizes:
-    """Collects what boxes show of the lens's height, of at most `kept` pictures. Objects of a class are alike within a
-    home, so each class is one measurement: the median over its boxes. count: of all boxes."""
+    """Collects what boxes show of the lens's height, the last `kept` of each class. Objects of a class are alike within
+    a home, so each class is one measurement: the median over its boxes. count: of all boxes."""
 
     def __init__(self, kept: int) -> None:
         self._heights: dict[str, deque[tuple[float, float]]] = defaultdict(lambda: deque(maxlen=kept))

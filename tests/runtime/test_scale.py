@@ -137,6 +137,20 @@ def test_evidence_of_the_grid_has_no_holes_at_another_scale(factor):
         assert at[tuple(np.floor((np.array(cell) + 0.5) / factor).astype(int).tolist())] == value
 
 
+def test_many_changes_of_scale_round_the_grid_no_more_than_one():
+    """A wall five metres away, after twenty estimates of the height that end at the first one."""
+    cells = np.stack(np.meshgrid(np.arange(90, 110), np.arange(-9, 9)), axis=-1).reshape(-1, 2).astype(np.int32)
+    values = np.where(cells[:, 0] == 100, 500, -300).astype(np.int16)
+    first = patch = Patch(1.0, SE2(), cells, values, values, values, SE2(1.0, 0.0, 0.0))
+    scale = 1.0
+    for after in (*np.random.default_rng(2).uniform(0.9, 1.1, 20).tolist(), 1.0):
+        patch, scale = patch.scaled(after / scale), after
+    for found, expected in ((patch.cells, cells), (patch.shift[:, None], values[:, None])):
+        order, own = np.lexsort(patch.cells.T), np.lexsort(first.cells.T)
+        assert (found[order] == expected[own]).all()
+    assert patch.move.vector() == pytest.approx(first.move.vector())
+
+
 LENS = Intrinsics(640, 480, 500.0, 500.0, 319.5, 239.5)
 
 
