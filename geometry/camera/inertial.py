@@ -36,13 +36,13 @@ SKEW = np.array([[0, 0, 0, 0, 0, -1, 0, 1, 0], [0, 0, 1, 0, 0, 0, -1, 0, 0], [0,
 class InertialNoise:
     """Standard deviations of an inexpensive sensor on a small robot; densities are per square root of a second.
 
-    gyro: of the integrated angle, rad. gyro_share: of an angle, by scale and misalignment (BMI055: 0.5 %, 0.3
-    degrees), per square root of a radian. accel: of the integrated velocity, m/s, shaking included. offset: of the accelerometer, as a tilt, rad.
-    bias_walk: rad/s. start_bias: rad/s, of a gyro that was never at rest. speed: velocity, m/s, as a measurement of
-    every second. resting: at rest samples scatter less, rad/s, and odometry measures less, rad/s and m/s; and of a
-    velocity by odometry. rest_window_s: over which rest is judged. turned_share: of a yaw by odometry, as a share of
-    it, beyond its own covariance: its errors last longer than a step. gap_s: between samples; what rotates in a longer
-    hole is not measured. hole: change of the rate in it, rad/s.
+    gyro: of the integrated angle, rad. gyro_share: of an angle, by scale and misalignment (BMI055: 0.5 %, 0.3 degrees),
+    per square root of a radian. accel: of the integrated velocity, m/s, shaking included. offset: of the accelerometer,
+    as a tilt, rad. bias_walk: rad/s. start_bias: rad/s, of a gyro that was never at rest. speed: velocity, m/s, as a
+    measurement of every second. resting: at rest samples scatter less, rad/s, and odometry measures less, rad/s and
+    m/s; and of a velocity by odometry. rest_window_s: over which rest is judged. turned_share: of a yaw by odometry, as
+    a share of it, beyond its own covariance: its errors last longer than a step. gap_s: between samples; what rotates
+    in a longer hole is not measured. hole: change of the rate in it, rad/s.
     """
 
     gyro: float = 5e-4
