@@ -1,4 +1,4 @@
-"""One drive of `edgemap run`: the step, the sinks that it feeds, and what is printed of it."""
+"""One run of the command: the step, the sinks that it feeds, and what is printed of it."""
 
 from datetime import UTC, datetime
 from pathlib import Path
@@ -34,8 +34,8 @@ if TYPE_CHECKING:
     from edgemap.runtime.outputs.recording.recorder import RecordingSink
 
 
-class Drive:
-    """One run."""
+class Run:
+    """Its parts, from the options, and the drive through them."""
 
     def __init__(
         self,
@@ -75,7 +75,7 @@ class Drive:
         self.mount_sources = angles, height
         self.crops = BestCrops()
 
-    def run(self) -> None:
+    def drive(self) -> None:
         """Drive to the end of the source, `--frames` or a signal; then print what came of it."""
         options = self.options
         edits = self._edits()
@@ -87,14 +87,14 @@ class Drive:
                 edits, self.kept_camera.set_mount, lambda: self.slam.mapper.relocaliser.searching,
             ) as page,
         ):  # fmt: skip
-            self._drive(page, stop, edits, kept)
+            self._drive_with(page, stop, edits, kept)
 
     def _edits(self) -> Edits:
         given, spec = self.options.map.edited, self.options.camera.camera
         found = load_edits(given) if given else read_edits(self.source.edits, f"{spec}: edits")
         return Edits(self.folder / "edits.jsonl", found)
 
-    def _drive(self, page: NoPage, stop: Event, edits: Edits, kept: list[LivingMap]) -> None:
+    def _drive_with(self, page: NoPage, stop: Event, edits: Edits, kept: list[LivingMap]) -> None:
         camera, advanced, saved = self.options.camera, self.options.advanced, self.options.map.saved
         notifier, summary = ServiceNotifier(), RunSummary(self.floor.mount, self.mount_sources)
         trusted = advanced.config if advanced.config_options else None

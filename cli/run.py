@@ -42,7 +42,7 @@ def command(
     """
     options = RunOptions(camera, robot, map, watch, outputs, advanced)
     options.check()
-    from edgemap.cli.drive import Drive
+    from edgemap.cli.drive import Run
     from edgemap.cli.guessed_camera import floor_camera_of
     from edgemap.runtime.step.config import Config, load_config
 
@@ -55,7 +55,7 @@ def command(
         lens = floor.intrinsics
         # The network for whole inputs may go now.
         loaded = loaded.for_pictures(lens.width, lens.height, robot.odometry == "paper")
-        Drive(options, source, loaded, floor, tuned, guess).run()
+        Run(options, source, loaded, floor, tuned, guess).drive()
 
 
 def _load(options: RunOptions, source: "Camera") -> "Bundle":
