@@ -13,6 +13,7 @@ from edgemap.geometry.camera.floor import FloorCamera
 from edgemap.runtime.frames.decisions import Decisions
 from edgemap.runtime.inputs.cameras.protocol import Camera
 from edgemap.runtime.inputs.drives.camera_yaml import mount_fields
+from edgemap.runtime.motion.odometry import at_head_height
 from edgemap.runtime.motion.odometry.learned import outside_envelope
 from edgemap.runtime.network.bundle import Bundle
 from edgemap.runtime.step.config import Config, config_document
@@ -29,6 +30,7 @@ def run_record(
 ) -> dict[str, Any]:
     """Source, camera, bundle, options and the resolved configuration. confidence: minimum score of a box."""
     camera_mount = floor.mount
+    outside = "" if at_head_height(loaded.manifest, source, floor) else outside_envelope(loaded.manifest, floor)
     record: dict[str, Any] = {
         "format": "edgemap.run/1",
         "started_utc": datetime.now(UTC).isoformat(timespec="seconds"),
@@ -48,7 +50,7 @@ def run_record(
         | {name: version(name) for name in ("onnxruntime", "numpy", "opencv-python-headless")},
         "machine": {"system": platform.platform(), "python": platform.python_version()},
         "trajectory": "as known at the end",
-        "envelope": outside_envelope(loaded.manifest, floor),
+        "envelope": outside,
     }
     if options.map.saved:
         record |= {"map": str(options.map.saved), "start": options.map.start}

@@ -10,8 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from edgemap.geometry.camera.attitude import Attitude
-from edgemap.geometry.odometry.planar import fit_se2
-from edgemap.geometry.se2 import SE2, compose_covariance, wrap_angle
+from edgemap.geometry.se2 import SE2, compose_covariance, fit_se2, wrap_angle
 
 Array = NDArray[np.float64]
 

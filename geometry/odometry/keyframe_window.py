@@ -5,16 +5,20 @@ rotation from the left and a displacement, both in world axes: six numbers. A po
 keyframe that observed it, at an inverse depth. Poses that leave the window are marginalised (Schur complement).
 """
 
+import math
 from dataclasses import dataclass, fields, replace
-from typing import Self
+from typing import Any, Self
 
 import numpy as np
 from numpy.typing import NDArray
 
 from edgemap.geometry.arrays import Array
 from edgemap.geometry.camera.inertial import small_rotation
+from edgemap.geometry.camera.mount import Mount
 from edgemap.geometry.errors import GeometryError
 from edgemap.geometry.odometry.resection import TUKEY, DepthLandmarks, LensPose, resect, rotation_vector
+from edgemap.geometry.odometry.window_factors import NO_STEP, FactorRows, PoseFactors
+from edgemap.geometry.se2 import SE2
 
 Mask = NDArray[np.bool_]
 Indices = NDArray[np.intp]
@@ -23,60 +27,63 @@ ROUNDS = 4  # of Gauss and Newton for each picture
 SMALLEST_STEP = 1e-5  # m and rad, at which the rounds end
 NEAREST, FARTHEST = 20.0, 1e-4  # inverse depths, 1/m
 ORIGIN = np.array([1e-6, 1e-6, 1e6, 1e8, 1e8, 1e-6])  # information that fixes heading and place of the first pose
+UNHELD_RAD = np.radians(2.0)  # standard deviation of a tilt that was given by other angles
 ANY = 0.3, 0.4  # mean inverse depth of a new point off the floor and its standard deviation, 1/m
 HORIZON_HEIGHTS = 12.0  # range, in heights of the lens, beyond which no point counts as floor
+
+
+def _positive(rule: Any) -> None:
+    values = {item.name: getattr(rule, item.name) for item in fields(rule)}
+    if small := [name for name, value in values.items() if isinstance(value, int | float) and not value > 0]:
+        raise GeometryError(f"{small[0]} is {values[small[0]]}, must be above 0")
+
+
+@dataclass(frozen=True, slots=True)
+class Hold:
+    """How tightly a camera is held. track_px: standard deviation of a track at the working width; it is larger than a
+    track's error in one picture, because such errors last. parallax_px: a picture becomes a keyframe where the tracks
+    have moved by this much since the last one, the rotation aside. height_share, rise_share: standard deviation of the
+    lens's height about the mount's, and of its change from picture to picture, as shares of it. attitude_pictures:
+    number of pictures for which an error of the given attitude lasts.
+    """
+
+    track_px: float
+    parallax_px: float
+    height_share: float
+    rise_share: float
+    attitude_pictures: float
+
+    def __post_init__(self) -> None:
+        """Raises GeometryError for a number that is not positive."""
+        _positive(self)
 
 
 @dataclass(frozen=True, slots=True)
 class WindowRule:
     """Size and weights of the window.
 
-    keyframes: in the window. track_px: standard deviation of a track at the working width; it is larger than a track's
-    error in one picture, because such errors last. gate: standard deviations beyond which a track or a point of the
-    floor has no weight. parallax_px, shared: a picture becomes a keyframe where the tracks have moved by this much
-    since the last one, the rotation aside, or where fewer of its tracks are left. roughness: of the floor, share of the
-    lens's height. height_share, rise_share: standard deviation of that height about the mount's, and of its change
-    from picture to picture. attitude_pictures: number of pictures for which an error of the given attitude lasts.
-    covariance_scale: factor on the covariance of a motion, whose errors last as well.
+    keyframes: in the window. gate_px: distance beyond which a track has no weight. shared: a picture becomes a keyframe
+    where fewer of the last one's tracks are left. roughness: of the floor, share of the lens's height; floor_gate:
+    standard deviations beyond which a point of the floor has no weight. covariance_scale: factor on the covariance of a
+    motion, whose errors last. gyro_rad, gyro_share: standard deviation of the rotation that a gyro measures between two
+    pictures: a constant part, and a part relative to the rotation, because samples and pictures are not exactly
+    synchronous. on_wheels, carried: how tightly the camera of a robot is held, and one that sways.
     """
 
     keyframes: int = 8
-    track_px: float = 1.0
-    gate: float = 2.5
-    parallax_px: float = 15.0
+    gate_px: float = 2.5
     shared: float = 0.6
     roughness: float = 0.009
-    height_share: float = 0.025
-    rise_share: float = 0.012
-    attitude_pictures: float = 10.0
+    floor_gate: float = 5.0
     covariance_scale: float = 4.0
+    gyro_rad: float = math.radians(0.05)
+    gyro_share: float = 0.03
+    on_wheels: Hold = Hold(0.5, 8.0, 0.004, 0.002, 1.0)
+    carried: Hold = Hold(1.0, 15.0, 0.025, 0.012, 10.0)
 
     def __post_init__(self) -> None:
         """Raises GeometryError for a number that is not positive."""
-        if small := [item.name for item in fields(self) if not getattr(self, item.name) > 0]:
-            raise GeometryError(f"{small[0]} is {getattr(self, small[0])}, must be above 0")
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class PoseFactors:
-    """up (3,): direction of gravity's opposite in optical axes; up_rad: its standard deviation. height_m: of the lens
-    above the floor, as it is given or measured. gyro (3, 3): rotation since the pose before, takes this one's optical
-    directions into the earlier one's; gyro_rad: its standard deviation about each axis, infinite without a gyro.
-    pictures: since the pose before.
-    """
-
-    up: Array
-    up_rad: float
-    height_m: float
-    gyro: Array
-    gyro_rad: float = np.inf
-    pictures: int = 1
-
-    def after(self, other: Self) -> Self:
-        """These factors, with the pose before removed, whose own were `other`."""
-        sigma_rad = float(np.hypot(self.gyro_rad, other.gyro_rad))
-        pictures = self.pictures + other.pictures
-        return replace(self, gyro=other.gyro @ self.gyro, gyro_rad=sigma_rad, pictures=pictures)
+        _positive(self)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -109,6 +116,18 @@ class WindowPoints:
         return type(self)(*(np.concatenate([getattr(self, f.name), getattr(other, f.name)]) for f in fields(self)))
 
 
+class Tracks:
+    """The observations of points from other poses than their hosts, sorted by points."""
+
+    def __init__(self, points: WindowPoints, count: int) -> None:
+        tracked = points.observed[:, :count].copy()
+        tracked[np.arange(len(points)), points.host] = False
+        self.point, self.slot = np.nonzero(tracked)
+        self.host, self.at = points.host[self.point], points.at[self.point, self.slot]
+        self.first = np.flatnonzero(np.diff(self.point, prepend=-1))
+        self.owners = self.point[self.first]
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class System:
     """Normal equations: of the poses (6 S, 6 S) and (6 S,), of the inverse depths (N,), and between both (N, 6 S)."""
@@ -121,8 +140,9 @@ class System:
 
     def reduced(self) -> tuple[Array, Array]:
         """The equations of the poses alone, with the inverse depths eliminated."""
-        part = self.between / self.depths[:, None]
-        return self.poses - part.T @ self.between, self.right - part.T @ self.depths_right
+        root = np.sqrt(self.depths)
+        part = self.between / root[:, None]
+        return self.poses - part.T @ part, self.right - part.T @ (self.depths_right / root)
 
 
 class KeyframeWindow:
@@ -131,10 +151,10 @@ class KeyframeWindow:
     focal_px: of the pictures in which tracks are.
     """
 
-    def __init__(self, rule: WindowRule, focal_px: float) -> None:
-        self._rule = rule
-        self._sigma = rule.track_px / focal_px
-        self._parallax = rule.parallax_px / focal_px
+    def __init__(self, rule: WindowRule, focal_px: float, mount: Mount, hold: Hold) -> None:
+        self._rule, self._hold, self._focal_px = rule, hold, focal_px
+        self._mount = mount
+        self._reverse = SE2(-mount.forward_m, -mount.left_m, 0.0)
         self._slots = rule.keyframes + 1
         self.poses: list[LensPose] = []
         self._factors: list[PoseFactors] = []
@@ -171,6 +191,23 @@ class KeyframeWindow:
         self._add(ids[new], points[new], floor[new])
         return weight
 
+    def loosen(self, hold: Hold, up: Array) -> None:
+        """All poses in the window were held too tightly, or to other angles than those of up (3,), optical axes.
+
+        What was marginalised is discarded.
+        """
+        self._hold = hold
+        if self.poses:
+            heights = [factors.height_m for factors in self._factors]
+            self._factors = [
+                replace(
+                    factors, up=up, up_rad=max(factors.up_rad, UNHELD_RAD), height_sigma_m=hold.height_share * height_m,
+                    rise_m=hold.rise_share * height_m, base=NO_STEP,
+                )
+                for factors, height_m in zip(self._factors, heights, strict=True)
+            ]  # fmt: skip
+            self._prior = np.diag(ORIGIN), np.zeros(6), self.poses[:1]
+
     def covariance(self) -> Array:
         """(12, 12) of the poses before the last one and of the last one, as of the last solution."""
         return self._rule.covariance_scale * self._covariance[-12:, -12:]
@@ -199,7 +236,7 @@ class KeyframeWindow:
             start = LensPose(start.rotation @ turn, start.position_m)
         sigma_m = np.sqrt(kept.variance) / kept.inverse_m**2
         landmarks = DepthLandmarks(world, along, np.minimum(sigma_m, 2.0 / kept.inverse_m))
-        sigma = self._sigma * self._rule.gate / TUKEY
+        sigma = self._rule.gate_px / self._focal_px / TUKEY
         found = resect(landmarks, seen, resect(landmarks, seen, start, 2.0 * sigma).pose, sigma)
         self.poses[-1] = found.pose
         return float(found.weights.sum())
@@ -226,113 +263,98 @@ class KeyframeWindow:
 
     def _solve(self) -> None:
         """Gauss-Newton over all poses and points."""
+        count, everyone = len(self.poses), np.arange(len(self.poses))
+        factors = FactorRows(self._factors, self._mount)
+        tracks = Tracks(self.points, count)
         for round_ in range(ROUNDS):
-            system = self._system(self.points, 1.5 if round_ == 0 else 1.0)
-            count = len(self.poses)
+            rotation, position = self._arrays()
+            system = self._system(tracks, self.points, rotation, position, 1.5 if round_ == 0 else 1.0)
             information, right = system.reduced()
-            for index in range(count):
-                self._pose_factors(information, right, index)
-                if index:
-                    self._gap_factors(information, right, index)
+            rows, off = factors.rows(rotation, position, everyone, everyone[1:])
+            information += rows.T @ rows
+            right += rows.T @ off
             self._prior_factor(information, right)
-            self._covariance = np.asarray(np.linalg.inv(information + 1e-9 * np.eye(6 * count)), dtype=np.float64)
-            step = self._covariance @ right
+            information[np.diag_indices(6 * count)] += 1e-9
+            last = round_ == ROUNDS - 1
+            step = np.asarray(np.linalg.solve(information, right), dtype=np.float64)
             depth = (system.depths_right - system.between @ step) / system.depths
             self.poses = [_moved(pose, step[6 * i : 6 * i + 6]) for i, pose in enumerate(self.poses)]
             inverse = np.clip(self.points.inverse_m + depth, FARTHEST, NEAREST)
             self.points = replace(self.points, inverse_m=inverse, variance=1.0 / system.depths)
-            if np.abs(step).max() < SMALLEST_STEP:
+            if last or np.abs(step).max() < SMALLEST_STEP:
                 break
+        unit = np.eye(6 * count)[:, -12:]
+        self._covariance = np.asarray(np.linalg.solve(information, unit)[-12:], dtype=np.float64)
 
-    def _system(self, points: WindowPoints, scale: float) -> System:
+    def _arrays(self) -> tuple[Array, Array]:
+        return np.array([pose.rotation for pose in self.poses]), np.array([pose.position_m for pose in self.poses])
+
+    def base(self, pose: LensPose) -> SE2:
+        """The base below a lens."""
+        ahead = pose.rotation[:, 2]
+        lens = SE2(pose.position_m[0], pose.position_m[1], math.atan2(ahead[1], ahead[0]))
+        return lens @ self._reverse
+
+    def _system(self, tracks: "Tracks", points: WindowPoints, rotation: Array, position: Array, scale: float) -> System:
         """Normal equations of the tracks and of the points on the floor. scale: factor on the gates."""
-        rule, count, number = self._rule, len(self.poses), len(points)
-        rotation = np.array([pose.rotation for pose in self.poses])
-        position = np.array([pose.position_m for pose in self.poses])
+        rule, count, number = self._rule, len(rotation), len(points)
+        track, gate = self._hold.track_px / self._focal_px, scale * rule.gate_px / self._hold.track_px
         host, inverse, everyone = points.host, points.inverse_m, np.arange(number)
-        ray = np.einsum("nij,nj->ni", rotation[host], points.ray)
-        tracked = points.observed[:, :count].copy()
-        tracked[everyone, host] = False
-        point, slot = np.nonzero(tracked)
-        base = position[host[point]] - position[slot]
-        away = ray[point] + inverse[point, None] * base
+        point, slot = tracks.point, tracks.slot
+        size = 6 * count
+        ray = (rotation[host] @ points.ray[:, :, None])[..., 0]
+        base = position[tracks.host] - position[slot]
+        apart, ray_of = inverse[point, None] * base, ray[point]
+        away = ray_of + apart
         axes = rotation.transpose(0, 2, 1)[slot]
         local = (axes @ away[:, :, None])[..., 0]
         ahead = local[:, 2] > 0.05
         depth = np.where(ahead, local[:, 2], 1.0)
         predicted = local[:, :2] / depth[:, None]
-        residual = (points.at[point, slot] - predicted) / self._sigma
+        residual = (tracks.at - predicted) / track
         distance2 = (residual**2).sum(axis=1)
-        root = np.where(ahead, np.clip(1.0 - distance2 / (rule.gate * scale) ** 2, 0.0, 1.0), 0.0)
+        root = np.where(ahead, np.maximum(1.0 - distance2 / gate**2, 0.0), 0.0)
         residual *= root[:, None]
         # Derivative of the image point by the direction in world axes.
-        by_away = (axes[:, :2] - predicted[..., None] * axes[:, 2:]) * (root / (depth * self._sigma))[:, None, None]
+        by_away = (axes[:, :2] - predicted[..., None] * axes[:, 2:]) * (root / (depth * track))[:, None, None]
         shifted = inverse[point, None, None] * by_away
         by_depth = (by_away @ base[:, :, None])[..., 0]
         # One row for each coordinate of a track, and one for each point's height: six columns for each pose.
-        pair = np.arange(len(point))
-        rows = np.zeros((len(point), 2, count, 6))
-        rows[pair, :, slot] = np.concatenate([_cross(by_away, away[:, None]), -shifted], axis=-1)
-        rows[pair, :, host[point]] = np.concatenate([-_cross(by_away, ray[point, None]), shifted], axis=-1)
+        many = 2 * len(point)
+        rows = np.zeros((many + number, count, 6))
+        pair = rows[:many].reshape(-1, 2, count, 6)
+        own = np.arange(len(point))
+        by = np.empty((len(point), 2, 6))
+        by[..., :3], by[..., 3:] = _cross(by_away, away[:, None]), -shifted
+        pair[own, :, slot] = by
+        by[..., :3], by[..., 3:] = -_cross(by_away, ray_of[:, None]), shifted
+        pair[own, :, tracks.host] = by
         # A point on the floor has height zero: lens height times inverse depth, plus the ray's slope.
         height = position[host, 2]
         above, on_floor = -(inverse * height + ray[:, 2]), np.maximum(-ray[:, 2] / height, 1e-3)
         sigma = rule.roughness * height * on_floor
         distance2 = (above / sigma) ** 2
         is_floor = (points.floor >= 0.5 * points.views) & (ray[:, 2] < 0.0)
-        weight = np.where(is_floor, np.clip(1.0 - distance2 / (rule.gate * scale) ** 2, 0.0, 1.0) ** 2, 0.0)
+        weight = np.where(is_floor, np.maximum(1.0 - distance2 / (rule.floor_gate * scale) ** 2, 0.0) ** 2, 0.0)
         # Nothing lies below the floor.
         below = (above > 0.0) & (weight == 0.0) & (on_floor * height > 1.0 / HORIZON_HEIGHTS)
         root = np.sqrt(weight + np.where(below, 1.0 / (9.0 * np.sqrt(1.0 + distance2 / 9.0)), 0.0)) / sigma
-        slopes = np.zeros((number, count, 6))
-        slopes[everyone, host] = (
-            np.column_stack([ray[:, 1], -ray[:, 0], np.zeros((number, 3)), inverse]) * root[:, None]
-        )
+        slopes = np.zeros((number, 6))
+        slopes[:, 0], slopes[:, 1], slopes[:, 5] = ray[:, 1] * root, -ray[:, 0] * root, inverse * root
+        rows[many + everyone, host] = slopes
         height, above = height * root, above * root
-        size = 6 * count
-        slopes, rows = slopes.reshape(number, size), rows.reshape(-1, 2, size)
-        between = slopes * height[:, None]
-        owners, first = np.unique(point, return_index=True)
-        if len(owners):
-            between[owners] += np.add.reduceat((by_depth[:, None] @ rows)[:, 0], first, axis=0)
-        both = np.concatenate([rows.reshape(-1, size), slopes])
+        between = np.zeros((number, count, 6))
+        between[everyone, host] = slopes * height[:, None]
+        between = between.reshape(number, size)
+        rows = rows.reshape(-1, size)
+        if many:
+            products = by_depth[:, :1] * rows[:many:2] + by_depth[:, 1:] * rows[1:many:2]
+            between[tracks.owners] += np.add.reduceat(products, tracks.first, axis=0)
         loose = np.maximum(ANY[1], 0.5 * on_floor) ** -2
         depths = height**2 + loose + np.bincount(point, (by_depth**2).sum(axis=1), number)
         depths_right = height * above + loose * (np.maximum(ANY[0], on_floor) - inverse)
         depths_right += np.bincount(point, (by_depth * residual).sum(axis=1), number)
-        return System(both.T @ both, both.T @ np.concatenate([residual.ravel(), above]), depths, depths_right, between)
-
-    def _pose_factors(self, information: Array, right: Array, index: int) -> None:
-        """Adds gravity and the lens's height of one pose."""
-        rule, pose, factors = self._rule, self.poses[index], self._factors[index]
-        here = slice(6 * index, 6 * index + 6)
-        up = pose.rotation @ factors.up
-        by = np.zeros((2, 6))
-        by[0, 1:3], by[1, 0], by[1, 2] = (up[2], -up[1]), -up[2], up[0]
-        weight = factors.up_rad**-2.0
-        information[here, here] += weight * by.T @ by
-        right[here] -= weight * by.T @ up[:2]
-        high = 6 * index + 5
-        weight = (rule.height_share * factors.height_m) ** -2
-        information[high, high] += weight
-        right[high] += weight * (factors.height_m - pose.position_m[2])
-
-    def _gap_factors(self, information: Array, right: Array, index: int) -> None:
-        """Adds gyro and rise from the pose before to this one."""
-        pose, before, factors = self.poses[index], self.poses[index - 1], self._factors[index]
-        now, then = slice(6 * index, 6 * index + 6), slice(6 * index - 6, 6 * index)
-        rise = (self._rule.rise_share * factors.height_m) ** -2 / factors.pictures
-        weight = np.array([*[factors.gyro_rad**-2.0] * 3, 0.0, 0.0, rise])
-        apart = np.zeros(6)
-        apart[:3] = rotation_vector(before.rotation @ factors.gyro @ pose.rotation.T)
-        apart[5] = before.position_m[2] - pose.position_m[2]
-        block = np.diag(weight)
-        information[now, now] += block
-        information[then, then] += block
-        information[now, then] -= block
-        information[then, now] -= block
-        right[now] += weight * apart
-        right[then] -= weight * apart
+        return System(rows.T @ rows, rows.T @ np.concatenate([residual.ravel(), above]), depths, depths_right, between)
 
     def _prior_factor(self, information: Array, right: Array) -> None:
         """Adds the prior of the first poses in the window, from the marginalised ones."""
@@ -370,7 +392,7 @@ class KeyframeWindow:
         rays = np.column_stack([self.points.at[both, index - 1], np.ones(both.sum())])
         turned = rays @ first.rotation.T @ last.rotation
         apart = turned[:, :2] / turned[:, 2:] - self.points.at[both, len(self.poses) - 1]
-        return float(np.median(np.hypot(*apart.T))) > self._parallax
+        return float(np.median(np.hypot(*apart.T))) > self._hold.parallax_px / self._focal_px
 
     def _rehost(self, old: int, new: int) -> None:
         """Points hosted by one pose begin again at another, without what was known of their depth; others end."""
@@ -385,9 +407,11 @@ class KeyframeWindow:
 
     def _marginalise(self) -> None:
         """The oldest keyframe, and the points that it hosts, become a prior on the other poses."""
-        information, right = self._system(self.points.chosen(self.points.host == 0), 1.0).reduced()
-        self._pose_factors(information, right, 0)
-        self._gap_factors(information, right, 1)
+        points, (rotation, position) = self.points.chosen(self.points.host == 0), self._arrays()
+        information, right = self._system(Tracks(points, len(rotation)), points, rotation, position, 1.0).reduced()
+        rows, off = FactorRows(self._factors, self._mount).rows(rotation, position, np.array([0]), np.array([1]))
+        information += rows.T @ rows
+        right += rows.T @ off
         self._prior_factor(information, right)
         self._prior = *_without(information, right, 0), self.poses[1:]
         self._rehost(0, len(self.poses) - 1)

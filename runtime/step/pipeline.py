@@ -16,6 +16,7 @@ from edgemap.geometry.se2 import SE2
 from edgemap.runtime.frames.errors import CameraError
 from edgemap.runtime.frames.frame import Frame
 from edgemap.runtime.frames.timing import Stopwatch
+from edgemap.runtime.motion.attitude.pictures import PicturesAttitude
 from edgemap.runtime.motion.attitude.protocol import AttitudeSource, Moved
 from edgemap.runtime.motion.attitude.sources import MountAttitude
 from edgemap.runtime.motion.health import HealthMonitor, HealthRule, PictureHealth
@@ -29,6 +30,7 @@ from edgemap.runtime.network.preprocess import Preprocessor, floor_mask
 from edgemap.runtime.step.frame_observations import FrameObservations
 
 # A repeated picture is still searched while the robot has moved by less since it was new.
+PREDICTED_RAD = math.radians(2.5)  # standard deviation of an odometry's tilt, up to which it is used beside edges
 SAME_VIEW_M, SAME_VIEW_RAD = 0.02, math.radians(0.5)
 
 
@@ -149,17 +151,19 @@ class Pipeline:
         return motion
 
     def _camera_after(self, attitude: Attitude, motion: Motion) -> FloorCamera:
-        """The camera of this frame. An attitude that was only predicted is updated by the odometry's rotation; others
-        are replaced by the odometry's tilt, if that has the smaller covariance.
+        """The camera of this frame. An attitude that was only predicted is updated by the odometry's rotation. The tilt
+        that an odometry estimates takes its place where it is known to PREDICTED_RAD, as errors of the room's edges
+        last longer than their covariance states, and a measured one's place where it has the smaller covariance.
         """
         rotation, updated = motion.rotation, self.attitude.update(motion.rotation)
+        source, limit_rad = attitude.source, math.sqrt(float(np.trace(attitude.covariance_rad2)) / 2.0)
         if attitude.predicted:
-            return self.camera.at(replace(updated, fault=attitude.fault))
-        if rotation is not None and rotation.up is not None:
-            own = Attitude.of_up(rotation.up, np.eye(2) * rotation.up_rad**2, attitude.source)
-            if np.trace(own.covariance_rad2) < np.trace(attitude.covariance_rad2):
-                angles = {name: getattr(own, name) for name in ("roll_rad", "pitch_rad", "covariance_rad2")}
-                return self.camera.at(replace(attitude, **angles))
+            source, limit_rad = PicturesAttitude.name, PREDICTED_RAD
+            attitude = replace(updated, fault=attitude.fault)
+        if rotation is not None and rotation.up is not None and rotation.up_rad < limit_rad:
+            own = Attitude.of_up(rotation.up, np.eye(2) * rotation.up_rad**2, source)
+            angles = {name: getattr(own, name) for name in ("roll_rad", "pitch_rad", "covariance_rad2", "source")}
+            attitude = replace(attitude, **angles)
         return self.camera.at(attitude)
 
     def _searches(self, frame: Frame, health: PictureHealth) -> bool:

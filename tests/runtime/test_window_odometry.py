@@ -54,7 +54,7 @@ MOTIONS = {"straight": SE2(0.08), "arc": SE2(0.06, 0.0, 0.03), "back": SE2(-0.06
 
 
 @pytest.mark.parametrize("name", MOTIONS)
-def test_window_follows_a_textured_floor(name):
+def test_a_carried_camera_follows_a_textured_floor(name):
     frames, poses, attitudes = walked([MOTIONS[name]] * 20)
     odometry = WindowOdometry(HEAD)
     steps = zip(frames, attitudes, strict=True)
@@ -85,17 +85,16 @@ def test_window_finds_the_tilt_of_a_camera_that_is_not_at_its_mounts_angles():
     assert motions[-1].rotation.carried.nodding_rad > math.radians(0.3)
 
 
-def test_pictures_attitude_takes_the_windows_tilt_and_keeps_its_own():
-    """Its own is what the window takes as a prior: what the window says must not come back to it."""
+def test_the_windows_tilt_takes_the_place_of_the_pictures_tilt_and_they_keep_their_own():
+    """Theirs is what the window takes as a prior: the window's must not come back to it."""
     source = PicturesAttitude(CAMERA.mount)
-    source.predict(Frame(0, 0.0, BLANK))
-    up = up_optical(CAMERA.mount.pitch_rad + 0.1, 0.05)
-    found = source.update(TrackedRotation(np.eye(3), 0.001, up=up, up_rad=0.01))
-    assert (found.pitch_rad, found.roll_rad) == pytest.approx((CAMERA.mount.pitch_rad + 0.1, 0.05), abs=1e-6)
-    after = source.predict(Frame(1, 0.1, BLANK))
-    assert after.pitch_rad == pytest.approx(CAMERA.mount.pitch_rad, abs=1e-3)
-    unsure = source.update(TrackedRotation(np.eye(3), 0.001, up=up, up_rad=0.2))
-    assert unsure.pitch_rad == pytest.approx(CAMERA.mount.pitch_rad, abs=1e-3)
+    pipeline, up = SimpleNamespace(attitude=source, camera=CAMERA), up_optical(CAMERA.mount.pitch_rad + 0.1, 0.05)
+    for index, (up_rad, angles) in enumerate([(0.01, (0.1, 0.05)), (0.2, (0.0, 0.0))]):
+        given = source.predict(Frame(index, 0.1 * index, BLANK))
+        assert given.pitch_rad == pytest.approx(CAMERA.mount.pitch_rad, abs=1e-3)
+        motion = Motion(rotation=TrackedRotation(np.eye(3), 0.001, up=up, up_rad=up_rad))
+        mount = Pipeline._camera_after(pipeline, given, motion).mount
+        assert (mount.pitch_rad - CAMERA.mount.pitch_rad, mount.roll_rad) == pytest.approx(angles, abs=1e-3)
 
 
 def test_a_picture_without_corners_is_a_guess_and_the_next_ones_measure_again():
@@ -119,13 +118,13 @@ def test_steps_without_pictures_are_not_counted_twice():
     assert total(motions).x_m == pytest.approx(poses[-1].x_m, abs=0.08)
 
 
-def test_hybrid_uses_the_window_for_a_camera_at_head_height_without_wheels():
+def test_a_camera_at_head_height_without_wheels_begins_as_a_carried_one():
     bundle = load_bundle(bundle_folder("edgemap-pico"))
     lens = Intrinsics(320, 240, 250.0, 250.0, 159.5, 119.5)
 
     def member(mount, wheel=None):
         members, _ = _members(bundle, SimpleNamespace(wheel=wheel), FloorCamera(lens, mount), False, OdometryRules())
-        return isinstance(members[0].odometry._planar, WindowOdometry)
+        return members[0].odometry._tracked.carried
 
     assert member(Mount.from_degrees(1.64, 20.0))
     assert not member(Mount.from_degrees(0.5, 15.0))

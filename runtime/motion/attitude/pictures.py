@@ -82,8 +82,6 @@ class PicturesAttitude:
             sigma_rad = (self._nodding_rad(tilt) + carried_rad) * math.sqrt(frames) / (1.0 - share)
             tilt = tilt.corrected(self._mounted, sigma_rad)
         self._tilt = tilt
-        if rotation is not None and rotation.up is not None and rotation.up_rad < self._rule.known_rad:
-            return Attitude.of_up(rotation.up, np.eye(2) * rotation.up_rad**2, self.name)
         if not self._known():
             return replace(self._given, predicted=False)
         return Attitude.of_up(tilt.up, tilt.angles_covariance(), self.name)

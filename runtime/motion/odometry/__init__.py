@@ -20,10 +20,12 @@ from edgemap.runtime.motion.odometry.learned import FlowRule, LearnedOdometry
 from edgemap.runtime.motion.odometry.planar import PlanarOdometry, PlanarRule
 from edgemap.runtime.motion.odometry.protocol import Motion, Odometry
 from edgemap.runtime.motion.odometry.recorded import WHEEL, DriftRate, RecordedOdometry
+from edgemap.runtime.motion.odometry.tracked import TrackedOdometry
 from edgemap.runtime.motion.odometry.window import WindowOdometry
 from edgemap.runtime.network.bundle import Bundle
+from edgemap.runtime.network.manifest import Manifest
 
-__all__ = ["Motion", "Odometry", "OdometryRules", "open_odometry", "wheel_trajectory"]
+__all__ = ["Motion", "Odometry", "OdometryRules", "at_head_height", "open_odometry", "wheel_trajectory"]
 
 
 @dataclass(frozen=True, slots=True)
@@ -64,7 +66,7 @@ def open_odometry(
     if spec == "gyro":
         return GyroOdometry()
     if spec == "window":
-        return _tracked(floor, rules, window=True)
+        return DepthOdometry(floor, WindowOdometry(floor, rules.planar, rules.coasting, rules.window), rules.depth)
     if spec == "planar":
         return _tracked(floor, rules)
     if spec in ("flow", "paper"):
@@ -87,11 +89,11 @@ def wheel_trajectory(path: str | Path) -> Trajectory:
     return read_wheel(str(path)) if is_recording(str(path)) else Trajectory(*read_wheel_csv(Path(path)))
 
 
-def _tracked(floor: FloorCamera, rules: OdometryRules, window: bool = False) -> DepthOdometry:
-    """Corners by their depth, where frames bring any, and on the floor where not. window: optimise keyframes."""
-    if window:
-        return DepthOdometry(floor, WindowOdometry(floor, rules.planar, rules.coasting, rules.window), rules.depth)
-    return DepthOdometry(floor, PlanarOdometry(floor, rules.planar, rules.coasting), rules.depth)
+def _tracked(floor: FloorCamera, rules: OdometryRules, carried: bool = False) -> DepthOdometry:
+    """Corners by their depth, where frames bring any, and without it where not. carried: from the start."""
+    planar = PlanarOdometry(floor, rules.planar, rules.coasting)
+    window = WindowOdometry(floor, rules.planar, rules.coasting, rules.window)
+    return DepthOdometry(floor, TrackedOdometry(planar, window, carried), rules.depth)
 
 
 POSES_EDGE_S = 0.15  # poses that are taken as they are may end a frame early
@@ -101,16 +103,14 @@ def _members(
     bundle: Bundle, camera: Camera, floor: FloorCamera, wheels: bool, rules: OdometryRules
 ) -> tuple[list[Member], str]:
     """Corners on the floor, the bundle's flow head where one is trained for such a camera, wheels and gyro where there
-    are any; and why there is no flow head, if so."""
+    are any; and why there is no flow head beside a robot's corners, if so."""
     rule, scale = rules.hybrid, rules.hybrid.covariance_scale
     head, flow = bundle.manifest.odometry.get("flow"), None
     if head is not None and head.trained:
         coasting = rules.coasting.of_unit(floor.mount.platform.unit_m)
         flow = LearnedOdometry(bundle, "flow", floor, coasting=coasting, rule=rules.flow)
     warning = flow.warning if flow else ""
-    # A lens above those of the head's robots is carried at head height, unless it rides on wheels or on a road.
-    carried = bool(warning) and floor.mount.height_m > bundle.manifest.envelope.get("height_m", (0.0, math.inf))[1]
-    carried = carried and camera.wheel is None and floor.mount.platform.in_room
+    carried = bool(warning) and at_head_height(bundle.manifest, camera, floor)
     members = [Member(_tracked(floor, rules, carried), CAMERA, scale**2 if warning else scale)]
     if flow is not None and not warning:
         reach_rad = 2.0 * rules.flow.keyframe_rad
@@ -121,4 +121,11 @@ def _members(
         recorded = RecordedOdometry(track, f"wheel:{given}", rules.wheels)
         members.append(Member(recorded, WHEELS))
     members.append(Member(GyroOdometry(), GYRO, scale, optional=True))
-    return members, warning
+    return members, "" if carried else warning
+
+
+def at_head_height(manifest: Manifest, camera: Camera, floor: FloorCamera) -> bool:
+    """Whether the lens is above those of the robots that the flow head was trained on: such a camera is carried, unless
+    it rides on wheels or on a road."""
+    highest_m = manifest.envelope.get("height_m", (0.0, math.inf))[1]
+    return floor.mount.height_m > highest_m and camera.wheel is None and floor.mount.platform.in_room

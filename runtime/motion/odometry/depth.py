@@ -15,6 +15,8 @@ from edgemap.runtime.frames.frame import Frame
 from edgemap.runtime.motion.odometry.depth_keyframes import DepthKeyframes, DepthRule
 from edgemap.runtime.motion.odometry.planar import MINIMUM_COVARIANCE, PlanarOdometry
 from edgemap.runtime.motion.odometry.protocol import NO_PRIOR, FramePrior, Motion, MotionState, no_motion
+from edgemap.runtime.motion.odometry.tracked import TrackedOdometry
+from edgemap.runtime.motion.odometry.window import WindowOdometry
 from edgemap.runtime.network.network import Tensors
 
 
@@ -26,10 +28,10 @@ class DepthOdometry:
     def __init__(
         self,
         camera: FloorCamera,
-        planar: PlanarOdometry,
+        tracked: TrackedOdometry | PlanarOdometry | WindowOdometry,
         rule: DepthRule | None = None,
     ) -> None:
-        self._mount, self._planar, self._rule = camera.mount, planar, rule or DepthRule()
+        self._mount, self._tracked, self._rule = camera.mount, tracked, rule or DepthRule()
         self._keyframes = DepthKeyframes(camera.intrinsics, self._rule)
         self.reset("start")
 
@@ -54,10 +56,10 @@ class DepthOdometry:
     ) -> Motion:
         """Planar odometry, begun with the picture before."""
         if not self._follows and last is not None:
-            self._planar.reset("begun")
-            self._planar.step(last, {}, last_prior)
+            self._tracked.reset("begun")
+            self._tracked.step(last, {}, last_prior)
         self._follows = True
-        motion = self._planar.step(frame, features, prior)
+        motion = self._tracked.step(frame, features, prior)
         if self.keyframes:
             rotation = np.eye(3) if motion.rotation is None else motion.rotation.rotation
             up = self._up_before(prior.attitude, rotation)
@@ -75,7 +77,7 @@ class DepthOdometry:
         covariance = self._rule.covariance_scale * covariance + MINIMUM_COVARIANCE + self._since_covariance
         self._since, self._since_covariance = SE2(), np.zeros((3, 3))
         nod, gyro = rotation.T @ up - up, attitude is not None and attitude.rotation is not None
-        carried = self._planar.sways(float(nod @ nod) / 2.0, total, span_s, gyro, attitude)
+        carried = self._tracked.sways(float(nod @ nod) / 2.0, total, span_s, gyro, attitude)
         sigma_rad = math.sqrt(float(np.trace(found.covariance[3:, 3:])) / 3.0)
         return Motion(motion, covariance, rotation=TrackedRotation(rotation, sigma_rad, carried))
 
@@ -93,24 +95,24 @@ class DepthOdometry:
 
     def step_blind(self, stamp_s: float, reason: str, attitude: Attitude | None = None) -> Motion:
         """Planar odometry's guess; the next picture measures the motion since the last one."""
-        guess = self._planar.step_blind(stamp_s, reason, attitude)
+        guess = self._tracked.step_blind(stamp_s, reason, attitude)
         self._since, self._since_covariance = self._since @ guess.motion, self._since_covariance + guess.covariance
         return guess
 
     def still(self, stamp_s: float, attitude: Attitude | None) -> bool | None:
         """None: only pictures show whether the robot stands."""
-        return self._planar.still(stamp_s, attitude)
+        return self._tracked.still(stamp_s, attitude)
 
     def rest(self, stamp_s: float) -> Motion:
         """The last picture is as of this stamp; the keyframes stay."""
         if self._last is not None:
             self._last = replace(self._last, stamp_s=stamp_s)
-        self._planar.rest(stamp_s)
+        self._tracked.rest(stamp_s)
         return no_motion()
 
     def reset(self, reason: str) -> None:
         """Start again at the next frame."""
-        self._planar.reset(reason)
+        self._tracked.reset(reason)
         self._keyframes.reset()
         self._last: Frame | None = None
         self._prior = NO_PRIOR

@@ -1,35 +1,50 @@
 """Odometry of a carried camera: tracked corners in a sliding window of keyframes that are optimised together."""
 
 import math
+from dataclasses import replace
 
-import cv2
 import numpy as np
-from cv2.typing import MatLike
-from numpy.typing import NDArray
 
 from edgemap.geometry.arrays import Array
 from edgemap.geometry.camera.attitude import Attitude, GyroRotation, TrackedRotation
+from edgemap.geometry.camera.carried import Carried
 from edgemap.geometry.camera.floor import FloorCamera
 from edgemap.geometry.camera.level import up_optical
-from edgemap.geometry.odometry.keyframe_window import KeyframeWindow, PoseFactors, WindowRule
+from edgemap.geometry.odometry.keyframe_window import Hold, KeyframeWindow, WindowRule
+from edgemap.geometry.odometry.landmarks import TURN_M
 from edgemap.geometry.odometry.resection import LensPose
+from edgemap.geometry.odometry.rolling import Rolling
+from edgemap.geometry.odometry.window_factors import NO_STEP, BaseStep, PoseFactors
 from edgemap.geometry.se2 import SE2
 from edgemap.runtime.frames.frame import Frame
-from edgemap.runtime.motion.odometry.coasting import CoastingRule
-from edgemap.runtime.motion.odometry.planar import LEVELS, MINIMUM_COVARIANCE, Pixels, PlanarOdometry, PlanarRule
-from edgemap.runtime.motion.odometry.protocol import FramePrior, Motion, first_motion
+from edgemap.runtime.motion.odometry.coasting import LONGEST_DT_S, Coasting, CoastingRule
+from edgemap.runtime.motion.odometry.corners import CornerTracker, Pixels
+from edgemap.runtime.motion.odometry.planar import (
+    MINIMUM_COVARIANCE,
+    SHORTEST_S,
+    PlanarRule,
+    axle_sigma_m,
+    in_units,
+)
+from edgemap.runtime.motion.odometry.protocol import NO_PRIOR, FramePrior, Motion, first_motion, no_motion
+from edgemap.runtime.network.network import Tensors
 
 CARRIED_RAD = math.radians(10.0)  # standard deviation of a carried camera's tilt about the mount's
+LEVEL_RAD = math.radians(0.2)  # of a robot's about its mount, where no attitude is given
 SMALLEST_SIGMA_RAD = 1e-4  # of a given tilt
-BACK_PX = 0.7  # largest difference of a corner that is tracked forward and back again
+SLID = 3.0  # standard deviations of lateral motion, from which on a robot slides
+SLIDES_SHARE = 1.0 / 30.0  # weight of the newest picture in the share of those in which it slides
 
 
-class WindowOdometry(PlanarOdometry):
-    """Corners as of planar odometry; their motion is that of a `KeyframeWindow`.
+class WindowOdometry:
+    """Corners (`CornerTracker`) and the lens's poses in a `KeyframeWindow`; the base's motion is planar.
 
     Pitch, roll and height of each keyframe are estimated together with the motion, so an error of the given attitude
-    hardly changes the length of a step. No assumption is made that the base rolls: it is for carried cameras.
+    hardly changes the length of a step. A camera that proves to be on wheels is held to its mount's angles and height,
+    and its base rolls. If a step measures no motion, `Coasting` predicts it.
     """
+
+    name, needs_features = "planar", False
 
     def __init__(
         self,
@@ -38,50 +53,71 @@ class WindowOdometry(PlanarOdometry):
         coasting: CoastingRule | None = None,
         window: WindowRule | None = None,
     ) -> None:
+        self._rule = rule = rule or PlanarRule()
         self._window_rule = window or WindowRule()
-        super().__init__(camera, rule, coasting)
+        self._unit_m = camera.mount.platform.unit_m
+        # Not refined by detail: what is carried turns fast, and large turns need large structures.
+        self._tracker = CornerTracker(camera, rule, detail=False, returning=True)
+        self._level = self._camera = FloorCamera(self._tracker.intrinsics, in_units(camera.mount, self._unit_m))
+        self._mount = camera.mount  # the mount that attitudes refer to
+        self.judged = Carried(rule.carried)
+        self._rolling = Rolling(rule.lateral_share, 0.0, axle_sigma_m(self._level.mount))
+        self._slides = 0.0  # share of recent pictures in which the tracks contradict rolling
+        self._coasting_rule = coasting or CoastingRule()
+        self._coasting = Coasting(self._coasting_rule)
+        self.reset("start")
 
-    def _start_again(self) -> None:
-        super()._start_again()
-        self._ids, self._next_id, self._ahead_pose = np.zeros(0, dtype=np.int64), 0, LensPose.origin()
-        self._graph, self._base = self._new_graph(), SE2()
-
-    def _new_graph(self) -> KeyframeWindow:
-        return KeyframeWindow(self._window_rule, self._level.intrinsics.fx)
+    def step(self, frame: Frame, features: Tensors, prior: FramePrior = NO_PRIOR) -> Motion:  # noqa: ARG002
+        """Tracks the corners of the previous frame into this frame and estimates the motion between both."""
+        return self._metric(self._followed(frame, prior))
 
     def _followed(self, frame: Frame, prior: FramePrior) -> Motion:
-        last, grey, dt_s = self._taken(frame, prior)
-        self._scatters(prior.attitude)
-        self._camera = self._level if prior.attitude is None else self._level.at(self._in_units(prior.attitude))
-        self._reached = self._within_reach(self._camera)
-        self._mark_floor(prior.floor)
-        self._probability = np.where(self._mask > 0, 1.0, 0.0)
-        if prior.floor is not None:
-            self._probability = cv2.resize(prior.floor.floor, self._size, interpolation=cv2.INTER_LINEAR)
+        """The motion in the camera's unit of length."""
+        if self._tracker.started and frame.stamp_s - self._seen_s > LONGEST_DT_S:
+            self._start_again()
+        dt_s = frame.stamp_s - self._seen_s
+        self._tracker.take(frame, prior.movers)
+        gyro = self._attend(prior.attitude)
+        self._tracker.mark_floor(self._camera, prior.floor)
         first, self._first, self._seen_s = self._first, False, frame.stamp_s
-        gyro = None if prior.attitude is None or self._skipped else prior.attitude.rotation
-        self._rotation_known, self._skipped = gyro is not None, False
-        factors = self._factors(prior.attitude, gyro)
-        if last is None:
-            self._seek(grey)
-            mount = self._camera.mount
-            self._graph.step(LensPose(mount.rotation_base_optical(), mount.position_base_m()), factors, *self._tracks())
+        if not self._tracker.follows:
+            self._seek()
+            self._begin(self._camera_pose(), self._factors(prior.attitude, gyro))
             if first:
                 self._coasting.begin(frame.stamp_s)
                 return first_motion()
             return self._coasting.guess(frame.stamp_s, f"planar odometry: started again at {frame.stamp_s:.3f} s")
-        start = self._ahead_pose = self._start(gyro)
-        self._follow(last, grey)
-        self._seek(grey)
-        weight = self._graph.step(start, factors, *self._tracks())
+        factors = self._factors(prior.attitude, gyro, dt_s)
+        start = self._expected_pose(gyro)
+        self._tracker.follow(self._expected(start), gyro is None)
+        self._seek()
+        weight = self._graph.step(start, factors, *self._tracker.tracks())
         if weight < self._rule.least_weight:
             return self._started_again(frame, start, factors)
-        return self._measured(frame, dt_s)
+        return self._measured(frame.stamp_s, dt_s, factors.base, gyro is not None)
 
-    def _measured(self, frame: Frame, dt_s: float) -> Motion:
+    def _seek(self) -> None:
+        for _ in self._tracker.seek():
+            pass
+
+    def _attend(self, attitude: Attitude | None) -> GyroRotation | None:
+        """Updates the camera of this frame; returns the rotation since the last picture by a gyro."""
+        self._scatters(attitude)
+        self._camera = self._level if attitude is None else self._level.at(self._in_units(attitude))
+        gyro = None if attitude is None or self._skipped else attitude.rotation
+        self._skipped = False
+        used = self._mount if attitude is None or attitude.mount is None else attitude.mount.used
+        corrected, self._mount = used != self._mount, used
+        carried = self._is_carried()
+        if corrected or carried != self._was_carried:  # all poses were held to other angles, or too tightly
+            self._was_carried = carried
+            self._graph.loosen(self._hold(), self._up())
+        return gyro
+
+    def _measured(self, stamp_s: float, dt_s: float, expected: BaseStep, gyro: bool) -> Motion:
         """The motion since the last picture, by the window's last two poses."""
         before, pose = self._graph.poses[-2:]
-        base = self._base_of(pose)
+        base = self._graph.base(pose)
         motion = (self._base @ self._since).inverse() @ base
         covariance = self._graph.covariance()
         by = np.zeros((3, 12))
@@ -89,42 +125,76 @@ class WindowOdometry(PlanarOdometry):
         by[:2, 3:5], by[:2, 9:11], by[2, 2], by[2, 8] = -level, level, -1.0, 1.0
         by[0, 2], by[1, 2] = motion.y_m, -motion.x_m
         total = by @ covariance @ by.T + MINIMUM_COVARIANCE + self._since_covariance
-        self._coasting.saw(motion, frame.stamp_s)
+        self._coasting.saw(motion, stamp_s)
+        self._learn_sliding(self._graph.base(before).inverse() @ base, expected.across_m)
         self._since, self._since_covariance = SE2(), np.zeros((3, 3))
         self._base, self._motion = base, motion
-        rotation = before.rotation.T @ pose.rotation
         nod = pose.rotation[2] - before.rotation[2]
-        carried = self.sways(float(nod @ nod) / 2.0, self._metres(motion), dt_s, self._rotation_known)
+        carried = self.sways(float(nod @ nod) / 2.0, self._metres(motion), dt_s, gyro)
         turned = covariance[:3, :3] + covariance[6:9, 6:9] - covariance[:3, 6:9] - covariance[6:9, :3]
         sigma_rad = math.sqrt(max(float(np.trace(turned)) / 3.0, 0.0))
         up_rad = math.sqrt(max(float(np.trace(covariance[6:8, 6:8])) / 2.0, 0.0))
-        seen = TrackedRotation(rotation, sigma_rad, carried, up=pose.rotation[2], up_rad=up_rad)
+        up = pose.rotation[2] if self._was_carried else None  # a robot's is the mount's
+        rotation = before.rotation.T @ pose.rotation
+        seen = TrackedRotation(rotation, sigma_rad, carried, up=up, up_rad=up_rad)
         return Motion(motion, total, rotation=seen)
 
     def _started_again(self, frame: Frame, start: LensPose, factors: PoseFactors) -> Motion:
         """A new window, from the expected pose, after a picture that agrees with no motion."""
-        fault = f"planar odometry: no motion agrees among {len(self._corners)} corners"
+        fault = f"planar odometry: no motion agrees among {len(self._tracker.corners)} corners"
         guess = self._coasting.guess(frame.stamp_s, fault)
-        self._graph, self._motion = self._new_graph(), guess.motion
-        self._since, self._since_covariance = SE2(), np.zeros((3, 3))
-        self._graph.step(start, factors, *self._tracks())
-        self._base = self._base_of(start)
+        self._motion = guess.motion
+        self._begin(start, factors)
         return guess
 
-    def _factors(self, attitude: Attitude | None, gyro: GyroRotation | None) -> PoseFactors:
-        """What else is known of this picture's pose."""
-        mount = self._camera.mount
-        variance = 0.0 if attitude is None else float(np.trace(attitude.covariance_rad2)) / 2.0
-        lasting = self._window_rule.attitude_pictures
-        unknown = attitude is None or attitude.source == "mount"  # a person does not hold the camera at those angles
-        up = up_optical(mount.pitch_rad, mount.roll_rad)
-        up_rad = CARRIED_RAD if unknown else max(math.sqrt(lasting * variance), SMALLEST_SIGMA_RAD)
-        if gyro is None:
-            return PoseFactors(up, up_rad, mount.height_m, np.eye(3))
-        sigma_rad = math.hypot(self._rule.gyro_rad + self._rule.gyro_share * gyro.angle_rad, gyro.sigma_rad)
-        return PoseFactors(up, up_rad, mount.height_m, gyro.rotation, sigma_rad)
+    def _begin(self, start: LensPose, factors: PoseFactors) -> None:
+        """A new window at this pose."""
+        self._graph = KeyframeWindow(self._window_rule, self._level.intrinsics.fx, self._level.mount, self._hold())
+        self._graph.step(start, replace(factors, base=NO_STEP), *self._tracker.tracks())
+        self._base = self._graph.base(start)
+        self._since, self._since_covariance = SE2(), np.zeros((3, 3))
 
-    def _start(self, gyro: GyroRotation | None) -> LensPose:
+    def _is_carried(self) -> bool:
+        """Whether the camera counts as carried, which it does until it proves to be on wheels."""
+        return self.judged.share > 0.5 or not self.judged.on_wheels
+
+    def _hold(self) -> Hold:
+        return self._window_rule.carried if self._is_carried() else self._window_rule.on_wheels
+
+    def _up(self) -> Array:
+        return up_optical(self._camera.mount.pitch_rad, self._camera.mount.roll_rad)
+
+    def _factors(self, attitude: Attitude | None, gyro: GyroRotation | None, dt_s: float = 0.0) -> PoseFactors:
+        """What else is known of this picture's pose. dt_s: since the last picture, 0 for the first one."""
+        hold, height_m, carried = self._hold(), self._camera.mount.height_m, self._is_carried()
+        variance = 0.0 if attitude is None else float(np.trace(attitude.covariance_rad2)) / 2.0
+        # A person does not hold the camera at the mount's angles.
+        unknown = carried and (attitude is None or attitude.source == "mount")
+        up_rad = CARRIED_RAD if unknown else max(math.sqrt(hold.attitude_pictures * variance), SMALLEST_SIGMA_RAD)
+        if attitude is None and not carried:
+            up_rad = LEVEL_RAD
+        gyro_rad = math.inf
+        if gyro is not None:
+            gyro_rad = math.hypot(
+                self._window_rule.gyro_rad + self._window_rule.gyro_share * gyro.angle_rad, gyro.sigma_rad
+            )
+        base = NO_STEP
+        if dt_s > 0.0 and not carried:
+            moved, rule = self._since @ self._motion, self._coasting_rule
+            across_m = math.sqrt(self._rolling.lateral(moved).variance_m2) if self._slides < 0.5 else math.inf
+            sigma_m, sigma_rad = rule.acceleration_m_s2[0] * dt_s**2, rule.yaw_rate_sigma_rad_s * dt_s
+            base = BaseStep(moved, sigma_m, sigma_rad, across_m)
+        return PoseFactors(
+            self._up(), up_rad, height_m, hold.height_share * height_m, hold.rise_share * height_m,
+            np.eye(3) if gyro is None else gyro.rotation, gyro_rad, gyro_rad if carried else math.inf, base,
+        )  # fmt: skip
+
+    def _camera_pose(self) -> LensPose:
+        """The pose of the camera on its mount, above the origin."""
+        mount = self._camera.mount
+        return LensPose(mount.rotation_base_optical(), mount.position_base_m())
+
+    def _expected_pose(self, gyro: GyroRotation | None) -> LensPose:
         """The expected pose: the last motion again, with the gyro's rotation."""
         last = self._graph.poses[-1]
         moved = self._base @ self._since @ self._motion @ self._base.inverse()
@@ -133,47 +203,77 @@ class WindowOdometry(PlanarOdometry):
         rotation = turn @ last.rotation if gyro is None else last.rotation @ gyro.rotation
         return LensPose(rotation, turn @ last.position_m + [moved.x_m, moved.y_m, 0.0])
 
-    def _base_of(self, pose: LensPose) -> SE2:
-        """The base below a lens."""
-        mount, ahead = self._level.mount, pose.rotation[:, 2]
-        lens = SE2(pose.position_m[0], pose.position_m[1], math.atan2(ahead[1], ahead[0]))
-        return lens @ SE2(-mount.forward_m, -mount.left_m, 0.0)
+    def _expected(self, pose: LensPose) -> Pixels:
+        """Where the corners are expected from this pose, (N, 2) px."""
+        local = self._graph.local(self._tracker.ids, pose)
+        expected = self._tracker.intrinsics.project(np.where(local[:, 2:] > 0.1, local, np.nan))
+        return np.where(np.isfinite(expected), expected, self._tracker.corners).astype(np.float32)
 
-    def _tracks(self) -> tuple[NDArray[np.int64], Array, Array]:
-        """Ids, normalised image points and probability of floor of the corners that do not lie on people."""
-        corners = np.asarray(self._corners, dtype=np.float32)
-        still = ~self._doubtful(corners)
-        corners = corners[still]
-        columns, rows = corners.astype(np.intp).T
-        return self._ids[still], self._bearings(corners), self._probability[rows, columns].astype(np.float64)
+    def _learn_sliding(self, moved: SE2, across_m: float) -> None:
+        """Estimates whether the robot can drive sideways."""
+        if math.isfinite(across_m):
+            slid = abs(self._rolling.lateral(moved).residual_m) > SLID * across_m
+            self._slides += SLIDES_SHARE * (slid - self._slides)
 
-    def _follow(self, last: MatLike, grey: MatLike) -> None:
-        super()._follow(last, grey)
-        if not len(self._corners):
-            return
-        back, status, _ = cv2.calcOpticalFlowPyrLK(
-            grey, last, self._corners[:, None], self._before[:, None].copy(), winSize=[self._rule.window_px] * 2,
-            maxLevel=1, flags=cv2.OPTFLOW_USE_INITIAL_FLOW,
-        )  # fmt: skip
-        same = np.abs(back.reshape(-1, 2) - self._before).max(axis=1) < BACK_PX
-        self._keep((status.reshape(-1) == 1) & same)
+    def sways(self, nod2: float, motion: SE2, span_s: float, gyro: bool, attitude: Attitude | None = None) -> Carried:
+        """Updates and returns the estimate of whether the camera is carried. Call it once for each picture.
 
-    def _moved(self, last: MatLike, grey: MatLike, expected: Pixels) -> tuple[Pixels, NDArray[np.bool_]]:
-        return self._tracked(last, grey, self._corners, expected, LEVELS)
+        nod2: mean square of the changes of roll and pitch since the previous picture, rad^2. motion: since the
+        previous picture, metres. span_s: time since the previous picture. gyro: whether a gyro measured the rotation.
+        """
+        self._scatters(attitude)
+        path_m = math.hypot(motion.x_m, motion.y_m) + TURN_M * abs(motion.yaw_rad)
+        self.judged = self.judged.updated(nod2, max(span_s, SHORTEST_S), path_m, gyro=gyro)
+        return self.judged
 
-    def _expected(self) -> Pixels:
-        local = self._graph.local(self._ids, self._ahead_pose)
-        expected = self._camera.intrinsics.project(np.where(local[:, 2:] > 0.1, local, np.nan))
-        return np.where(np.isfinite(expected), expected, self._corners).astype(np.float32)
+    def _scatters(self, attitude: Attitude | None) -> None:
+        """Takes over the estimate from the edges of the room."""
+        if attitude is not None and attitude.carried != self.judged.scattered:
+            self.judged = replace(self.judged, scattered=attitude.carried)
 
-    def _keep(self, which: NDArray[np.bool_]) -> None:
-        self._corners, self._ids = self._corners[which], self._ids[which]
+    def _metric(self, motion: Motion) -> Motion:
+        """Converts a motion from the camera's unit of length to metres."""
+        units = np.array([self._unit_m, self._unit_m, 1.0])
+        covariance = motion.covariance * np.outer(units, units)
+        return replace(motion, motion=self._metres(motion.motion), covariance=covariance)
 
-    def _floor_count(self) -> int:
-        columns, rows = self._corners.astype(np.intp).T
-        return int((self._mask[rows, columns] > 0).sum())
+    def _metres(self, motion: SE2) -> SE2:
+        return SE2(self._unit_m * motion.x_m, self._unit_m * motion.y_m, motion.yaw_rad)
 
-    def _begin(self, fresh: Pixels) -> None:
-        self._ids = np.concatenate([self._ids, self._next_id + np.arange(len(fresh))])
-        self._next_id += len(fresh)
-        self._corners = np.concatenate([self._corners, fresh])
+    def _in_units(self, attitude: Attitude) -> Attitude:
+        """An attitude whose height is in the camera's unit of length."""
+        return attitude if attitude.height_m is None else replace(attitude, height_m=attitude.height_m / self._unit_m)
+
+    def step_blind(self, stamp_s: float, reason: str, attitude: Attitude | None = None) -> Motion:  # noqa: ARG002
+        """Predicts the motion without a picture. The window is kept; the next picture measures the motion since the
+        previous picture.
+        """
+        guess, self._skipped = self._coasting.guess(stamp_s, reason), True
+        self._since, self._since_covariance = self._since @ guess.motion, self._since_covariance + guess.covariance
+        self._motion = guess.motion
+        return self._metric(guess)
+
+    def still(self, stamp_s: float, attitude: Attitude | None) -> bool | None:  # noqa: ARG002
+        """None: this odometry cannot detect a standstill without pictures."""
+        return None
+
+    def rest(self, stamp_s: float) -> Motion:
+        """Moves the stamp of the last picture and of its corners to this stamp, while the robot stands still."""
+        if self._tracker.started:
+            self._seen_s = stamp_s
+        self._motion = SE2()
+        self._coasting.saw(SE2(), stamp_s)
+        return no_motion()
+
+    def reset(self, reason: str) -> None:  # noqa: ARG002
+        """Start again at the next frame."""
+        self._first, self._seen_s = True, -math.inf
+        self._coasting.reset()
+        self._start_again()
+
+    def _start_again(self) -> None:
+        self._tracker.restart()
+        self._was_carried = self._is_carried()
+        self._motion, self._skipped = SE2(), False
+        self._graph = KeyframeWindow(self._window_rule, self._level.intrinsics.fx, self._level.mount, self._hold())
+        self._base, self._since, self._since_covariance = SE2(), SE2(), np.zeros((3, 3))

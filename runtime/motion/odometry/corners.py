@@ -1,0 +1,260 @@
+"""Corners that are tracked from picture to picture (Lucas and Kanade 1981, Shi and Tomasi 1994)."""
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass
+from functools import cached_property
+
+import cv2
+import numpy as np
+from cv2.typing import MatLike
+from numpy.typing import NDArray
+
+from edgemap.geometry.arrays import Array
+from edgemap.geometry.camera.floor import FloorCamera
+from edgemap.geometry.observations.floor_mask import FloorMask
+from edgemap.geometry.odometry.landmarks import medians
+from edgemap.runtime.frames.frame import Frame
+
+Pixels = NDArray[np.float32]
+Mask = NDArray[np.bool_]
+
+LEVELS = 3  # levels of the tracker's pyramid; with two, tracking fails when a robot starts to spin suddenly
+LARGE_PX = 31  # a structure that is larger counts half when a corner is refined
+BACK_PX = 0.7  # largest difference of a corner that is tracked forward and back again
+SHIFT_PX = 4  # the picture's shift is estimated on every n-th pixel
+RESPONSE_PX = 3  # radius around a corner in which its response reads the picture
+MASK_PX = 8  # the reach of the floor is computed on every n-th pixel
+FEW = 5  # a fifth of the corners: fewer missing ones are not replaced
+
+
+@dataclass(frozen=True, slots=True)
+class CornersRule:
+    """How corners are tracked.
+
+    working_width_px: wider pictures are scaled down to this width. window_px: size of the tracker's window; corners are
+    at least half of it apart. corners: number of corners. floor_share: share of the corners that are sought where the
+    floor is within reach. shift_response: minimum response of the phase correlation; the picture's shift is then used
+    for motions beyond the reach of the tracker. reach_heights: range, in camera heights, beyond which no corner counts
+    as floor.
+    """
+
+    working_width_px: int = 320
+    window_px: int = 11
+    corners: int = 160
+    floor_share: float = 0.6
+    shift_response: float = 0.15
+    reach_heights: float = 12.0
+
+    @property
+    def apart_px(self) -> int:
+        """Minimum distance between two corners, px."""
+        return (self.window_px + 1) // 2
+
+
+class Picture:
+    """A grey picture at the working width, and what the tracker makes of it, once."""
+
+    def __init__(self, grey: MatLike) -> None:
+        self.grey = grey
+
+    @cached_property
+    def half(self) -> MatLike:
+        """Half as wide."""
+        return cv2.pyrDown(self.grey)
+
+    @cached_property
+    def detail(self) -> MatLike:
+        """Large structures have half their contrast: they pull corners of weakly textured floors along, which makes a
+        robot appear slower (home 9001: by 16 % before a wall)."""
+        return cv2.addWeighted(self.grey, 1.0, cv2.blur(self.grey, (LARGE_PX, LARGE_PX)), -0.5, 64.0)
+
+
+class CornerTracker:
+    """Up to `CornersRule.corners` corners, and where they may lie on the floor.
+
+    corners (N, 2), px at the working width; ids (N,). detail: refine corners where large structures count half.
+    returning: drop corners that do not return to where they were when they are tracked back.
+    """
+
+    def __init__(self, camera: FloorCamera, rule: CornersRule, detail: bool, returning: bool = False) -> None:
+        scale = min(1.0, rule.working_width_px / camera.intrinsics.width)
+        self._size = round(camera.intrinsics.width * scale), round(camera.intrinsics.height * scale)
+        self.intrinsics = camera.intrinsics.scaled(*self._size)
+        self._rule, self._detail, self._returning = rule, detail, returning
+        self.spacing_px = math.sqrt(self._size[0] * self._size[1] / max(rule.corners, 1))  # mean distance of corners
+        self._rays = _ray_table(FloorCamera(self.intrinsics, camera.mount))
+        self._coarse = self._rays[MASK_PX // 2 :: MASK_PX, MASK_PX // 2 :: MASK_PX]
+        self._window: MatLike | None = None  # suppresses edge effects of the phase correlation
+        self._next_id = 0
+        self._reached_by: FloorCamera | None = None
+        self.restart()
+
+    def restart(self) -> None:
+        """Discards the picture and its corners."""
+        self._last: Picture | None = None
+        self._picture: Picture | None = None
+        self.corners = np.zeros((0, 2), dtype=np.float32)
+        self.ids = np.zeros(0, dtype=np.int64)
+
+    @property
+    def started(self) -> bool:
+        """Whether there is a picture."""
+        return self._picture is not None
+
+    @property
+    def follows(self) -> bool:
+        """Whether there is a picture before the last one."""
+        return self._last is not None
+
+    def take(self, frame: Frame, movers: Array) -> None:
+        """A new picture. movers: (N, 4) boxes of people and animals, px of the frame."""
+        grey = cv2.cvtColor(frame.image, cv2.COLOR_BGR2GRAY)
+        if (grey.shape[1], grey.shape[0]) != self._size:
+            grey = cv2.resize(grey, self._size, interpolation=cv2.INTER_AREA)
+        self._last, self._picture = self._picture, Picture(grey)
+        self._movers = (movers * (self._size[0] / frame.image.shape[1])).astype(np.intp)
+        self._still = np.full(self._size[::-1], 255, dtype=np.uint8)
+        margin = self._rule.apart_px
+        for x0, y0, x1, y1 in self._movers.tolist():
+            self._still[max(y0 - margin, 0) : y1 + margin, max(x0 - margin, 0) : x1 + margin] = 0
+
+    def mark_floor(self, camera: FloorCamera, seen: FloorMask | None) -> None:
+        """Marks where corners may lie on the floor: within this camera's reach and, with a mask, on its floor."""
+        if camera is not self._reached_by:
+            self._reached_by, self._reached = camera, self._within_reach(camera)
+        self._floor, self._mask = None, self._reached
+        if seen is not None:
+            self._floor = cv2.resize(seen.floor, self._size, interpolation=cv2.INTER_LINEAR)
+            self._mask = np.where(self._floor >= 0.5, self._reached, 0).astype(np.uint8)
+
+    def follow(self, expected: Pixels, shifted: bool) -> Mask:
+        """Tracks the corners into the new picture, from where they are expected (N, 2). Returns which are left: those
+        that fail or leave the picture are dropped. shifted: the picture may have moved farther than expected."""
+        if self._last is None or self._picture is None or len(self.corners) == 0:
+            return np.ones(len(self.corners), dtype=bool)
+        if shifted:
+            expected = expected + self._surprise(self._last, self._picture, expected)
+        moved, good = self._moved(self._last, self._picture, expected)
+        good &= ((moved >= 0) & (moved <= [self._size[0] - 1.0, self._size[1] - 1.0])).all(axis=1)
+        self.corners = moved
+        self.keep(good)
+        return good
+
+    def keep(self, which: Mask) -> None:
+        """Drops the other corners."""
+        self.corners, self.ids = self.corners[which], self.ids[which]
+
+    def seek(self, floors: int | None = None) -> Iterator[Pixels]:
+        """Replaces missing corners separately on the floor and elsewhere: a wall's contrast must not hide the floor.
+        Yields the new ones (N, 2), after they have joined the others. floors: number of corners on the floor, by
+        default of those in its mask."""
+        missing = self._rule.corners - len(self.corners)
+        if self._picture is None or missing < self._rule.corners // FEW:
+            return
+        grey = self._picture.grey
+        free = np.full(grey.shape, 255, dtype=np.uint8)
+        for corner in self.corners.astype(np.intp).tolist():
+            cv2.circle(free, corner, self._rule.apart_px, 0, -1)
+        floors = int(self.on_floor(self.corners).sum()) if floors is None else floors
+        for mask, have, share in (
+            (free & self._mask, floors, self._rule.floor_share),
+            (free & ~self._mask, len(self.corners) - floors, 1.0 - self._rule.floor_share),
+        ):
+            wanted = round(share * self._rule.corners) - have
+            lines = np.flatnonzero(mask.any(axis=1))
+            if wanted <= 0 or not len(lines):
+                continue
+            top, bottom = max(lines[0] - RESPONSE_PX, 0), lines[-1] + 1 + RESPONSE_PX
+            found = cv2.goodFeaturesToTrack(
+                grey[top:bottom], wanted, 0.005, self._rule.apart_px, mask=mask[top:bottom], blockSize=3
+            )
+            if found is None:
+                continue
+            fresh = np.asarray(found.reshape(-1, 2) + [0.0, top], dtype=np.float32)
+            self.ids = np.concatenate([self.ids, self._next_id + np.arange(len(fresh))])
+            self._next_id += len(fresh)
+            self.corners = np.concatenate([self.corners, fresh])
+            yield fresh
+
+    def on_floor(self, pixels: Pixels) -> Mask:
+        """Whether each pixel (N, 2) may lie on the floor, (N,)."""
+        columns, rows = pixels.astype(np.intp).T
+        return self._mask[rows, columns] > 0
+
+    def doubtful(self, pixels: Pixels) -> Mask:
+        """Whether each pixel (N, 2) lies on a person or an animal, (N,)."""
+        columns, rows = pixels.astype(np.intp).T
+        return self._still[rows, columns] == 0
+
+    def tracks(self) -> tuple[NDArray[np.int64], Array, Array]:
+        """Ids, normalised image points and probability of floor of the corners that do not lie on people."""
+        still = ~self.doubtful(self.corners)
+        corners = self.corners[still]
+        columns, rows = corners.astype(np.intp).T
+        floor = self._mask > 0 if self._floor is None else self._floor
+        return self.ids[still], self.bearings(corners), floor[rows, columns].astype(np.float64)
+
+    def bearings(self, pixels: Pixels) -> Array:
+        """Normalised image points (N, 2) without lens distortion, interpolated in a table of all pixels."""
+        corner = np.clip(pixels.astype(np.intp), 0, [self._size[0] - 2, self._size[1] - 2])
+        part = pixels - corner
+        u, v = corner.T
+        a, b = part[:, :1], part[:, 1:]
+        table = self._rays
+        return (1 - b) * ((1 - a) * table[v, u] + a * table[v, u + 1]) + b * (
+            (1 - a) * table[v + 1, u] + a * table[v + 1, u + 1]
+        )
+
+    def _within_reach(self, camera: FloorCamera) -> NDArray[np.uint8]:
+        """Mask: 255 where the floor is within reach, 0 elsewhere; computed on every `MASK_PX`-th pixel."""
+        down = camera.mount.rotation_base_optical()[2]
+        falls = -(self._coarse @ down[:2] + down[2]) / np.sqrt((self._coarse**2).sum(axis=2) + 1.0)
+        reaches = (falls * self._rule.reach_heights > 1.0).astype(np.uint8) * 255
+        return np.asarray(cv2.resize(reaches, self._size, interpolation=cv2.INTER_NEAREST))
+
+    def _moved(self, last: Picture, now: Picture, expected: Pixels) -> tuple[Pixels, Mask]:
+        """The corners in the new picture (N, 2), and which were found."""
+        if self._detail:
+            coarse, near = self._tracked(last.half, now.half, self.corners / 2.0, expected / 2.0, LEVELS - 1)
+            moved, good = self._tracked(last.detail, now.detail, self.corners, 2.0 * coarse, 0)
+            good &= near
+        else:  # KITTI from frame 500: 5.6 %, with detail 7.9
+            moved, good = self._tracked(last.grey, now.grey, self.corners, expected, LEVELS)
+        if self._returning:
+            back, returned = self._tracked(now.grey, last.grey, moved, self.corners, 1)
+            good &= returned & (np.abs(back - self.corners).max(axis=1) < BACK_PX)
+        return moved, good
+
+    def _tracked(
+        self, last: MatLike, grey: MatLike, corners: Pixels, expected: Pixels, levels: int
+    ) -> tuple[Pixels, Mask]:
+        """Corners (N, 2) of one picture tracked into another from where they are expected, and whether they were."""
+        moved, status, _ = cv2.calcOpticalFlowPyrLK(
+            last, grey, corners[:, None], expected[:, None].copy(), winSize=[self._rule.window_px] * 2,
+            maxLevel=levels, criteria=(cv2.TERM_CRITERIA_COUNT | cv2.TERM_CRITERIA_EPS, 15, 0.02),
+            flags=cv2.OPTFLOW_USE_INITIAL_FLOW, minEigThreshold=1e-4,
+        )  # fmt: skip
+        return np.asarray(moved.reshape(-1, 2), dtype=np.float32), status.reshape(-1) == 1
+
+    def _surprise(self, last: Picture, now: Picture, expected: Pixels) -> Pixels:
+        """Unexpected shift of the picture, (2,) px; zero unless it is more than the tracker can follow."""
+        width, height = self._size[0] // SHIFT_PX, self._size[1] // SHIFT_PX
+        if self._window is None:
+            self._window = cv2.createHanningWindow((width, height), cv2.CV_32F)
+        pictures = last.grey, now.grey
+        small = [cv2.resize(p, (width, height), interpolation=cv2.INTER_AREA).astype(np.float32) for p in pictures]
+        if len(self._movers):
+            still = cv2.resize(self._still, (width, height), interpolation=cv2.INTER_NEAREST)
+            small = [np.where(still, p - cv2.mean(p, still)[0], 0.0).astype(np.float32) for p in small]
+        shift, response = cv2.phaseCorrelate(small[0], small[1], self._window)
+        surprise = SHIFT_PX * np.array(shift) - medians(expected - self.corners)
+        clear = response > self._rule.shift_response and np.hypot(*surprise) > self._rule.window_px / 2 * 2**LEVELS
+        return surprise.astype(np.float32) if clear else np.zeros(2, dtype=np.float32)
+
+
+def _ray_table(camera: FloorCamera) -> Array:
+    """Normalised image points of all pixels, (height, width, 2)."""
+    height, width = camera.intrinsics.height, camera.intrinsics.width
+    v, u = np.mgrid[0:height, 0:width]
+    return camera.intrinsics.rays(np.column_stack([u.ravel(), v.ravel()]))[:, :2].reshape(height, width, 2)

@@ -1,0 +1,62 @@
+"""Tracked corners as a member of the hybrid: landmarks of a robot, the window of keyframes of a carried camera."""
+
+from edgemap.geometry.camera.attitude import Attitude
+from edgemap.geometry.camera.carried import Carried
+from edgemap.geometry.se2 import SE2
+from edgemap.runtime.frames.frame import Frame
+from edgemap.runtime.motion.odometry.planar import PlanarOdometry
+from edgemap.runtime.motion.odometry.protocol import NO_PRIOR, FramePrior, Motion
+from edgemap.runtime.motion.odometry.window import WindowOdometry
+from edgemap.runtime.network.network import Tensors
+
+CARRIED_SHARE = 0.5  # of `Carried.share`, beyond which a camera counts as carried
+
+
+class TrackedOdometry:
+    """Planar odometry until the camera counts as carried, then the window until it proves to be on wheels.
+
+    carried: whether it counts as carried from the start.
+    """
+
+    name, needs_features = "planar", False
+
+    def __init__(self, planar: PlanarOdometry, window: WindowOdometry, carried: bool = False) -> None:
+        self._planar, self._window = planar, window
+        self._now = window if carried else planar
+
+    @property
+    def carried(self) -> bool:
+        """Whether the window is in use."""
+        return self._now is self._window
+
+    def step(self, frame: Frame, features: Tensors, prior: FramePrior = NO_PRIOR) -> Motion:
+        """The motion since the last frame, by the one that is in use. The other one may start with this frame."""
+        motion = self._now.step(frame, features, prior)
+        judged = self._now.judged
+        carried = judged.share > CARRIED_SHARE or (self.carried and not judged.on_wheels)
+        if carried != self.carried:
+            self._now = self._window if carried else self._planar
+            self._now.judged = judged
+            self._now.reset("begun")
+            self._now.step(frame, features, prior)
+        return motion
+
+    def sways(self, nod2: float, motion: SE2, span_s: float, gyro: bool, attitude: Attitude | None = None) -> Carried:
+        """As of the one that is in use."""
+        return self._now.sways(nod2, motion, span_s, gyro, attitude)
+
+    def step_blind(self, stamp_s: float, reason: str, attitude: Attitude | None = None) -> Motion:
+        """As of the one that is in use."""
+        return self._now.step_blind(stamp_s, reason, attitude)
+
+    def still(self, stamp_s: float, attitude: Attitude | None) -> bool | None:
+        """None: pictures alone show whether the robot stands."""
+        return self._now.still(stamp_s, attitude)
+
+    def rest(self, stamp_s: float) -> Motion:
+        """As of the one that is in use."""
+        return self._now.rest(stamp_s)
+
+    def reset(self, reason: str) -> None:
+        """Start again at the next frame."""
+        self._now.reset(reason)
