@@ -58,13 +58,15 @@ class Patch:
         there, so that many small changes round no more than one."""
         own, total = self.unscaled or (self, 1.0)
         total *= factor
-        (left, low), (right, high) = own.cells.min(axis=0) * total, (own.cells.max(axis=0) + 1) * total
-        columns, rows = np.arange(math.floor(left), math.ceil(right)), np.arange(math.floor(low), math.ceil(high))
-        cells = np.stack(np.meshgrid(columns, rows), axis=-1).reshape(-1, 2)
-        known, wanted = _packed(own.cells), _packed(np.floor((cells + 0.5) / total))
-        order = np.argsort(known)
-        at = order[np.minimum(np.searchsorted(known, wanted, sorter=order), len(order) - 1)]
-        cells, at = cells[known[at] == wanted].astype(np.int32), at[known[at] == wanted]
+        first, size = own.cells.min(axis=0), np.ptp(own.cells, axis=0) + 1
+        index = np.full(size, -1)
+        index[tuple((own.cells - first).T)] = np.arange(len(own))
+        (columns, old_columns), (rows, old_rows) = (
+            _rescaled(low, count, total) for low, count in zip(first.tolist(), size.tolist(), strict=True)
+        )
+        found = index[np.ix_(old_columns, old_rows)]
+        column, row = np.nonzero(found >= 0)
+        cells, at = np.column_stack([columns[column], rows[row]]).astype(np.int32), found[column, row]
         began, *poses = (pose.scaled(factor) for pose in (self.began, self.move, self.drawn))
         values = own.shift[at], own.low[at], own.high[at]
         return Patch(self.stamp_s, began, cells, *values, *poses, unscaled=(own, total))
@@ -72,6 +74,14 @@ class Patch:
     def placed(self, cell_m: float) -> Cells:
         """Its cells (N, 2) in the current map; duplicates are possible."""
         return placed(self.cells, self.move, cell_m)
+
+
+def _rescaled(low: int, count: int, factor: float) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+    """Along an axis, the cells (N,) that `count` cells from `low` on become, and which of those each is of."""
+    cells = np.arange(math.floor(low * factor), math.ceil((low + count) * factor))
+    old = np.floor((cells + 0.5) / factor).astype(np.intp) - low
+    inside = (old >= 0) & (old < count)
+    return cells[inside], old[inside]
 
 
 def moved_m(patches: Sequence[Patch], cell_m: float) -> float:
@@ -110,7 +120,7 @@ def joined(first: Patch, second: Patch, cell_m: float) -> Patch:
     return Patch(first.stamp_s, first.began, cells, shift, low, high, first.move, first.drawn)
 
 
-def _packed(cells: NDArray[np.integer | np.floating]) -> NDArray[np.int64]:
+def _packed(cells: Cells) -> NDArray[np.int64]:
     """One number (N,) for each cell (N, 2)."""
     return cells.astype(np.int64) @ np.array([1, 1 << 32])
 
