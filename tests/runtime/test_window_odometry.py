@@ -21,7 +21,9 @@ from edgemap.geometry.se2 import SE2
 from edgemap.runtime.frames.frame import Frame
 from edgemap.runtime.motion.attitude.pictures import PicturesAttitude
 from edgemap.runtime.motion.odometry import OdometryRules, _members
+from edgemap.runtime.motion.odometry.planar import PlanarOdometry
 from edgemap.runtime.motion.odometry.protocol import FramePrior, Motion
+from edgemap.runtime.motion.odometry.tracked import TrackedOdometry
 from edgemap.runtime.motion.odometry.window import WindowOdometry
 from edgemap.runtime.network.bundle import load_bundle
 from edgemap.runtime.network.store import bundle_folder
@@ -144,3 +146,18 @@ def test_an_imus_tilt_gives_way_to_one_that_the_window_knows_better():
         camera = Pipeline._camera_after(pipeline, given, motion)
         assert camera.mount.pitch_rad == pytest.approx(pitch_rad)
         assert camera.attitude.source == "imu"
+
+
+def test_the_window_takes_over_where_the_camera_begins_to_sway():
+    """It nods by 1.5 degrees a picture, 15 a second; no motion is counted twice or left out."""
+    frames, poses, attitudes = walked([SE2(0.06)] * 24, lambda index: 2.5 * math.sin(0.7 * index))
+    tracked = TrackedOdometry(PlanarOdometry(HEAD), WindowOdometry(HEAD))
+    used, motions = [], []
+    for frame, seen in zip(frames, attitudes, strict=True):
+        used.append(tracked.carried)
+        motions.append(tracked.step(frame, {}, FramePrior(seen)))
+    assert not used[0]
+    assert used[-1]
+    assert sorted(used) == used
+    assert not any(motion.blind for motion in motions)
+    assert total(motions).x_m == pytest.approx(poses[-1].x_m, abs=0.08)
