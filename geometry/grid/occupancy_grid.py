@@ -1,5 +1,6 @@
 """An immutable occupancy grid: log-odds of each cell, and the cell states derived from them."""
 
+import math
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -8,9 +9,9 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.ndimage import binary_dilation
 
 from edgemap.geometry.arrays import Array
-from edgemap.geometry.grid.rule import GridRule
 
 FREE, OCCUPIED, UNKNOWN = 0, 100, -1  # as in nav_msgs/OccupancyGrid
+FREE_BELOW, OCCUPIED_ABOVE = math.log(0.25 / 0.75), math.log(0.65 / 0.35)  # log-odds of those of Nav2's map_saver
 BESIDE_M = 0.15  # maximum distance of an occupied cell to a free one
 STEPS = 16  # log-odds are saved in sixteenths, 8 bits
 
@@ -26,8 +27,8 @@ class OccupancyGrid:
     x_m: float
     y_m: float
     cell_m: float
-    free_below: float = GridRule().free_below
-    occupied_above: float = GridRule().occupied_above
+    free_below: float = FREE_BELOW
+    occupied_above: float = OCCUPIED_ABOVE
     revision: int = 0
 
     @cached_property

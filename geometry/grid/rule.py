@@ -1,6 +1,5 @@
 """The numbers of the occupancy grid."""
 
-import math
 from dataclasses import dataclass
 
 
@@ -12,18 +11,16 @@ class GridRule:
     mask covers too much floor. row_m: metres of floor per row of the mask up to which evidence counts fully; farther
     off its weight falls with their inverse. floor: probability from which a cell of the mask is floor. run: rows of
     floor below a contact, at least: thinner ones are reflections and gaps between legs. free, occupied: log-odds of one
-    picture near by. lowest, highest: bounds of a cell's log-odds, so that an occupied cell becomes free after
-    (highest - free_below) / free pictures. free_below, occupied_above: log-odds of a free and of an occupied cell
-    (probabilities 0.25 and 0.65, those of Nav2's map_saver). robot_m: radius
-    round the base that the robot itself keeps free. mover_px: people and animals make no obstacle this far round their
-    boxes. scan_m, scan_s: path or time after which a picture is fused: what is seen twice from one place has the same
-    error twice. patch_m: path after which evidence begins a patch of its own, that moves with the trajectory. A radian
-    of rotation counts as a metre of path. patches: most that are kept; then those of one place become one.
-    redraw_cells: drawn per step at least, so that a closure costs a bounded part of each of some steps. obstacle_m:
-    height above the floor from which a depth measurement is an obstacle; obstacle_per_m: added to it per metre of
-    distance (1.1 degrees of attitude). robot_height_m: up to which it is, or up to the lens where that is higher.
-    depth_points: on one cell, at least, in one picture, of an obstacle. depth_weight: of depth's evidence against the
-    mask's.
+    picture near by. lowest, highest: bounds of a cell's log-odds, so that an occupied cell becomes free after (highest
+    + 1.1) / free pictures. robot_m: radius round the base that the robot itself keeps free. mover_px: people and
+    animals make no obstacle this far round their boxes. scan_m, scan_s: path or time after which a picture is fused:
+    what is seen twice from one place has the same error twice. patch_m: path after which evidence begins a patch of its
+    own, that moves with the trajectory. A radian of rotation counts as a metre of path. patches: most that are kept;
+    then those of one place become one. redraw_cells: drawn per step at least, so that a closure costs a bounded part of
+    each of some steps. obstacle_m: height above the floor from which a depth measurement is an obstacle;
+    obstacle_per_m: added to it per metre of distance (1.1 degrees of attitude). robot_height_m: up to which it is, or
+    up to the lens where that is higher. depth_points: on one cell, at least, in one picture, of an obstacle.
+    depth_weight: of depth's evidence against the mask's.
     """
 
     cell_m: float = 0.05
@@ -35,8 +32,6 @@ class GridRule:
     occupied: float = 1.05
     lowest: float = -5.0
     highest: float = 2.5
-    free_below: float = math.log(0.25 / 0.75)
-    occupied_above: float = math.log(0.65 / 0.35)
     robot_m: float = 0.18
     mover_px: float = 12.0
     scan_m: float = 0.10

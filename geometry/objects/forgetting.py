@@ -26,10 +26,10 @@ class ForgetRule:
     frames with the robot moved or turned less than this (a radian as a metre), or fewer, are one observation, since
     their misses are correlated; it is a miss where the object is detected in none of them. weight: of one observation's
     log-odds, as observations are not quite independent either. false_rate: rate of detections where there is no object.
-    prior_hits, prior_observations: beta prior of a class's detection rate. same_iou: a box of its label that overlaps
-    the expected one this much counts as an observation of it, whichever object it went to. trusted_rate: upper bound of
-    the detection rate in a miss's weight: even an object that was always detected may be missed for a while from one
-    side.
+    prior_observations: of a class's detection rate, which is `trusted_rate` before any. same_iou: a box of its label
+    that overlaps the expected one this much counts as an observation of it, whichever object it went to. trusted_rate:
+    usual detection rate, and its upper bound in a miss's weight: even an object that was always detected may be missed
+    for a while from one side.
     """
 
     highest: float = 2.5
@@ -38,7 +38,6 @@ class ForgetRule:
     same_frames: int = 15
     weight: float = 0.6
     false_rate: float = 0.05
-    prior_hits: float = 6.4
     prior_observations: float = 8.0
     same_iou: float = 0.3
     trusted_rate: float = 0.8
@@ -145,7 +144,9 @@ class Forgetter:
     def detection_rate(self, item: MapObject) -> float:
         """Detection rate of this object in plain view, from its own observations, its class's and the prior."""
         rule, own, kind = self.rule, self._own[item.id], self._class[item.label]
-        usual = (kind.hits + rule.prior_hits) / (kind.observations + rule.prior_observations)
+        usual = (kind.hits + rule.trusted_rate * rule.prior_observations) / (
+            kind.observations + rule.prior_observations
+        )
         rate = (own.hits + usual * rule.prior_observations) / (own.observations + rule.prior_observations)
         return min(max(rate, 2.0 * rule.false_rate), 0.95)
 

@@ -20,6 +20,7 @@ from edgemap.geometry.registration.hypotheses import best_modes, hypotheses
 from edgemap.geometry.se2 import SE2, wrap_angle
 
 GUESS_TURN_RAD = math.radians(20.0)  # between a guessed start and what its objects show
+ROUNDS = 10  # of refinement, at most: it ends where the pairs stay
 Pairs = tuple[tuple[int, int], ...]
 
 UNITS_OF_WORK = 5000  # of one alignment that somebody waits for: some ten seconds
@@ -36,8 +37,7 @@ class AlignmentRule:
 
     reach_m: greatest distance of a pair of objects. least_pairs: minimum number of pairs. chance: greatest expected
     number of alignments as good as this one between unrelated maps. rival_share, rival_margin: a clearly different
-    alignment may explain at most this share of the best one's objects, and at least this many fewer. rounds: of
-    refinement.
+    alignment may explain at most this share of the best one's objects, and at least this many fewer.
     """
 
     reach_m: float = 1.0
@@ -45,7 +45,6 @@ class AlignmentRule:
     chance: float = 0.001
     rival_share: float = 0.8
     rival_margin: int = 2
-    rounds: int = 10
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -207,7 +206,7 @@ def _shared(first: Sequence[MapObject], second: Sequence[MapObject]) -> int:
 def _refined(pose: SE2, first: Sequence[MapObject], second: Sequence[MapObject], rule: AlignmentRule) -> _Fit | None:
     """Pair one to one and fit in turns until the pairs stay; None where fewer than two are left."""
     pairs, covariance = _paired(pose, first, second, rule), np.zeros((3, 3))
-    for _ in range(rule.rounds):
+    for _ in range(ROUNDS):
         if len(pairs) < 2:
             return None
         pose, covariance = _fitted(pose, pairs, first, second)

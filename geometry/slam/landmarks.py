@@ -32,17 +32,15 @@ IMPOSSIBLE = 1e6  # cost of a pair that may not be
 class LandmarkRule:
     """gap_m: path length without a sighting after which a visit ends. reach_m: greatest distance of two positions of
     one object. side_share: standard deviation of the distance of an object's centres as observed from two sides, as a
-    share of the object's longer side, since no box shows the footprint; more sightings do not reduce it. per_metre:
-    standard deviation that odometry adds per metre since the last sighting. view_m: standard deviation per keyframe
-    that the view itself adds to its sightings' own. repeated: share of a range's variance that all observations of a
-    landmark have in common: a box that ends too low does so from frame to frame (0.5 to 0.8 over 20,000 sightings of
-    six homes).
+    share of the object's longer side, since no box shows the footprint; more sightings do not reduce it. view_m:
+    standard deviation per keyframe that the view itself adds to its sightings' own. repeated: share of a range's
+    variance that all observations of a landmark have in common: a box that ends too low does so from frame to frame
+    (0.5 to 0.8 over 20,000 sightings of six homes).
     """
 
     gap_m: float = 3.0
     reach_m: float = 1.0
     side_share: float = 0.2
-    per_metre: float = 0.05
     view_m: float = 0.15
     repeated: float = 0.65
 
@@ -234,10 +232,11 @@ def observations(landmarks: Sequence[Landmark], tilt_rad: Array, rule: LandmarkR
 
 
 class Landmarks:
-    """All landmarks by number, in order of appearance, and which of them are in view."""
+    """All landmarks by number, in order of appearance, and which of them are in view. slip: standard deviation that
+    odometry adds per metre since the last sighting."""
 
-    def __init__(self, rule: LandmarkRule | None = None) -> None:
-        self.rule = rule or LandmarkRule()
+    def __init__(self, rule: LandmarkRule, slip: float) -> None:
+        self.rule, self.slip = rule, slip
         self.all: dict[int, Landmark] = {}
         self._issued = 0
         self._in_view: list[Landmark] = []
@@ -301,7 +300,7 @@ class Landmarks:
         x_m, y_m = (placed.position_map_m - landmark.position_m).tolist()
         if x_m * x_m + y_m * y_m > self.rule.reach_m**2:
             return IMPOSSIBLE
-        added = self.rule.side_m2(landmark.extent_m) + (self.rule.per_metre * (odometer_m - landmark.seen_at_m)) ** 2
+        added = self.rule.side_m2(landmark.extent_m) + (self.slip * (odometer_m - landmark.seen_at_m)) ** 2
         (a, b), (_, d) = placed.covariance_m2.tolist()
         a, d = a + added, d + added
         distance2 = (d * x_m * x_m - 2.0 * b * x_m * y_m + a * y_m * y_m) / (a * d - b * b)

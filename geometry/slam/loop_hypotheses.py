@@ -9,20 +9,20 @@ import numpy as np
 
 from edgemap.geometry.arrays import CHI2_997, Array
 
+HYPOTHESES = 400  # at most; with more, half of the landmarks are weighed, those with fewest candidates
+
 
 @dataclass(frozen=True, slots=True)
 class LoopHypothesisRule:
     """When two landmarks are one object. spacing_m2: floor area per object of a label; its inverse is the density of
     new objects. certain: least posterior probability of a pairing; pairings with landmarks nearer together than same_m
-    count as one. minimum: pairings that must agree. maximum: hypotheses; with more, half of the landmarks are weighed,
-    those with fewest candidates.
+    count as one. minimum: pairings that must agree.
     """
 
     spacing_m2: float = 50.0
     certain: float = 0.9
     same_m: float = 0.3
     minimum: int = 2
-    maximum: int = 400
 
 
 @dataclass(frozen=True, slots=True)
@@ -128,9 +128,9 @@ class _Tree:
         self, depth: int, chosen: tuple[int, ...], score: float, difference: Array, covariance: Array
     ) -> Generator[None, None, bool]:
         self._nodes += 1
-        if self._nodes % (self._rule.maximum // 10 or 1) == 0:
+        if self._nodes % (HYPOTHESES // 10) == 0:
             yield
-        if len(self.scores) >= self._rule.maximum:
+        if len(self.scores) >= HYPOTHESES:
             return False
         if depth == len(self._branches):
             self.hypotheses.append(chosen)

@@ -132,7 +132,8 @@ class PoseGraph:
 
     def __init__(self, rule: GraphRule | None = None, least_pictures: float = 4.0) -> None:
         self.rule, self.least_pictures = rule or GraphRule(), least_pictures
-        self.trajectory, self.landmarks = KeyframeTrajectory(self.rule.keyframes), Landmarks(self.rule.landmarks)
+        self.trajectory = KeyframeTrajectory(self.rule.keyframes)
+        self.landmarks = Landmarks(self.rule.landmarks, self.rule.keyframes.slip)
         self.links: dict[int, int] = {}
         self.refused: set[tuple[int, int]] = set()
         self.tilt_rad = np.zeros(2)
