@@ -30,7 +30,7 @@ def run_record(
 ) -> dict[str, Any]:
     """Source, camera, bundle, options and the resolved configuration. confidence: minimum score of a box."""
     camera_mount = floor.mount
-    outside = "" if at_head_height(loaded.manifest, source, floor) else outside_envelope(loaded.manifest, floor)
+    by_window = options.robot.odometry in ("hybrid", "window") and at_head_height(loaded.manifest, source, floor)
     record: dict[str, Any] = {
         "format": "edgemap.run/1",
         "started_utc": datetime.now(UTC).isoformat(timespec="seconds"),
@@ -50,7 +50,7 @@ def run_record(
         | {name: version(name) for name in ("onnxruntime", "numpy", "opencv-python-headless")},
         "machine": {"system": platform.platform(), "python": platform.python_version()},
         "trajectory": "as known at the end",
-        "envelope": outside,
+        "envelope": "" if by_window else outside_envelope(loaded.manifest, floor),
     }
     if options.map.saved:
         record |= {"map": str(options.map.saved), "start": options.map.start}

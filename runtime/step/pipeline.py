@@ -29,8 +29,8 @@ from edgemap.runtime.network.network import Tensors
 from edgemap.runtime.network.preprocess import Preprocessor, floor_mask
 from edgemap.runtime.step.frame_observations import FrameObservations
 
-# A repeated picture is still searched while the robot has moved by less since it was new.
 PREDICTED_RAD = math.radians(2.5)  # standard deviation of an odometry's tilt, up to which it is used beside edges
+# A repeated picture is still searched while the robot has moved by less since it was new.
 SAME_VIEW_M, SAME_VIEW_RAD = 0.02, math.radians(0.5)
 
 
