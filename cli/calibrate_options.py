@@ -56,12 +56,12 @@ class Calibration:
         from edgemap.runtime.step.loop import stop_on_signals
 
         views: list[BoardView] = []
-        said_s = monotonic()
+        printed_s = monotonic()
 
         def stopped() -> bool:
-            nonlocal said_s
-            if monotonic() - said_s >= SEARCH_LINE_S:
-                said_s = monotonic()
+            nonlocal printed_s
+            if monotonic() - printed_s >= SEARCH_LINE_S:
+                printed_s = monotonic()
                 print_message(f"{len(views)} different views of the board so far; Ctrl-C ends the search")
             return stop.is_set()
 

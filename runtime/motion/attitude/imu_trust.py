@@ -23,8 +23,8 @@ class ImuTrustRule:
     """When samples are invalid. gyro_rad_s, accel_m_s2: from which on a value that repeats bit by bit is full scale
     (the smallest ranges are 125 deg/s and 2 g), and beyond which none can be (2000 deg/s, 16 g). repeats: of one value;
     drivers deliver a sample up to four times. held: repeats of all three axes, by which a gyro that has noise is
-    frozen. share: of bad samples, over `noise.rest_window_s`, by which a sensor is left out; it is used again below a
-    tenth of that.
+    frozen. share: of bad samples, over the default of `noise.rest_window_s`, by which a sensor is left out; it is used
+    again below a tenth of that.
     """
 
     gyro_rad_s: tuple[float, float] = (1.5, 35.0)

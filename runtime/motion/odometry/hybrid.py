@@ -52,8 +52,8 @@ class HybridRule:
     corners' variance, which the flow head's is at least: it remembers, and goes on as before where a picture shows
     nothing. Its error of a step is 0.5 cm where corners state 2 mm, 1.7 where they state 2 cm, 3.3 where 10 cm, 5
     where more, while it states 0.6 cm (sixteen rendered homes).
-    covered_covariance_scale: one more factor for the camera where so much of a picture as makes a fault
-    (`health.part_share`) shows nothing while the rest moves, as a cover and its edge stand still; and its power with
+    covered_covariance_scale: one more factor for the camera where so much of a picture as makes a fault (the default of
+    `health.part_share`) shows nothing while the rest moves, as a cover and its edge stand still; and its power with
     what is covered beyond. Where people and animals cover as much, the camera judges nobody.
     trust: in the wheels. compass: of the room's edges, which keep the heading.
     """
