@@ -17,7 +17,7 @@ from support.painted import write_painted
 from edgemap.cli import COMMANDS
 
 ROOT = Path(__file__).parents[1]
-PAGES = [ROOT / "README.md", ROOT / "models" / "README.md", *sorted((ROOT / "docs").glob("*.md"))]
+PAGES = [ROOT / "README.md", ROOT / "models" / "README.md", ROOT / "models" / "TRAINING.md", *sorted((ROOT / "docs").glob("*.md"))]
 
 
 def shown_commands():
