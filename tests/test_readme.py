@@ -17,7 +17,8 @@ from support.painted import write_painted
 from edgemap.cli import COMMANDS
 
 ROOT = Path(__file__).parents[1]
-PAGES = [ROOT / "README.md", ROOT / "models" / "README.md", ROOT / "models" / "TRAINING.md", *sorted((ROOT / "docs").glob("*.md"))]
+MODELS = [ROOT / "models" / name for name in ("README.md", "TRAINING.md")]
+PAGES = [ROOT / "README.md", *MODELS, *sorted((ROOT / "docs").glob("*.md"))]
 
 
 def shown_commands():
