@@ -16,7 +16,6 @@ from numpy.typing import NDArray
 
 from edgemap.geometry.camera.attitude import GyroRotation, rotation_angle
 from edgemap.geometry.camera.imu import ImuSamples
-from edgemap.geometry.camera.mount_tilt import MountTiltRule
 from edgemap.geometry.robust import CLEAR_SIGMAS
 from edgemap.geometry.se2 import SE2, wrap_angle
 
@@ -24,7 +23,6 @@ Array = NDArray[np.float64]
 
 GRAVITY_M_S2 = 9.81
 OFFSET_RAD = math.radians(2.5)  # tilt that an uncalibrated accelerometer's offset shows (BMI055: 70 mg, 4 deg at most)
-START_RAD = MountTiltRule().given  # of the tilt by the first samples: no more than a mount may be wrong
 _TILT, _BIAS, _VELOCITY, _OFFSET = slice(0, 3), slice(3, 6), slice(6, 9), slice(9, 12)
 STATES = 12
 _IDENTITY, _DIAGONAL, _AXES = np.eye(STATES), np.diag_indices(STATES), np.diag_indices(3)
@@ -109,18 +107,18 @@ class InertialState:
 
 
 def inertial_start(
-    samples: ImuSamples, stamp_s: float, noise: InertialNoise, up_optical: Array | None = None, sigma_rad: float = 0.0
+    samples: ImuSamples, stamp_s: float, noise: InertialNoise, sigma_rad: float, up_optical: Array | None = None
 ) -> InertialState:
     """The attitude from the mean specific force of the first samples (one or more); the gyro's bias is unknown.
 
-    up_optical: (3,), the mount's up direction with this standard deviation; it makes the accelerometer's offset
-    observable.
+    sigma_rad: standard deviation of the tilt. up_optical: (3,), the mount's up direction, which is taken instead of the
+    force's; it makes the accelerometer's offset observable.
     """
     force = samples.accel_m_s2.mean(axis=0)
     mean_m_s2 = float(np.linalg.norm(force))
     if up_optical is None:
         up, speed = force / max(mean_m_s2, 1e-9), noise.start_speed
-        tilt = START_RAD + 0.5 * abs(mean_m_s2 / GRAVITY_M_S2 - 1.0)  # a camera that is pushed shows no gravity
+        tilt = sigma_rad + 0.5 * abs(mean_m_s2 / GRAVITY_M_S2 - 1.0)  # a camera that is pushed shows no gravity
     else:
         up, speed, tilt = up_optical, noise.speed, sigma_rad
     side = np.cross(up, [0.0, 0.0, 1.0] if abs(up[2]) < 0.9 else [1.0, 0.0, 0.0])

@@ -135,11 +135,15 @@ def test_a_real_flight_is_levelled_within_a_degree_and_keeps_its_heading_to_a_de
     assert drive.imu is not None
     assert drive.attitudes is not None
     assert drive.truth is not None
-    noise, state, last_s = InertialNoise(), None, -math.inf
+    noise, given_rad, state, last_s = InertialNoise(), MountTiltRule().given, None, -math.inf
     found, true, turned_rad, rate_hz = [], [], [], 20.0
     for end_s in np.arange(0.05, drive.imu.stamps_s[-1], 1.0 / rate_hz):
         part, last_s = drive.imu.between(last_s, end_s), end_s
-        state = inertial_start(part, end_s, noise) if state is None else inertial_step(state, part, end_s, noise)[0]
+        state = (
+            inertial_start(part, end_s, noise, given_rad)
+            if state is None
+            else inertial_step(state, part, end_s, noise)[0]
+        )
         if drive.attitudes.stamps_s[0] < end_s < drive.attitudes.stamps_s[-1]:
             truth = drive.attitudes.at(end_s, 1.0)
             true.append(Mount(1.0, truth.pitch_rad, truth.roll_rad).rotation_base_optical()[2])
@@ -206,6 +210,18 @@ def test_a_slow_steady_turn_is_no_rest_that_teaches_the_bias():
     found, ends = driving(source, samples, lambda a, b: SE2(0.1 * (b - a), 0.0, math.radians(3.0) * (b - a)))
     late = [attitude.rotation.yaw_rad for attitude, end_s in zip(found, ends, strict=True) if end_s > 10.0]
     assert math.degrees(sum(late)) / (len(late) / 10.0) == pytest.approx(3.0, abs=0.1)
+
+
+@pytest.mark.parametrize(("given_deg", "begins_deg"), [(10.0, 25.0), (20.0, 10.0)])
+def test_first_samples_are_held_against_the_mount_as_far_as_it_may_be_wrong(given_deg, begins_deg):
+    """Gravity says 25 degrees, the mount 10: a mount that may be 20 degrees wrong is taken, one of 10 is not."""
+    mount, looks = Mount.from_degrees(0.5, 10.0), Mount.from_degrees(0.5, 25.0)
+    stamps, up = np.arange(0.0, 0.5, 0.005), looks.rotation_base_optical().T @ [0.0, 0.0, 9.81]
+    samples = ImuSamples(stamps, np.zeros((len(stamps), 3)), np.tile(up, (len(stamps), 1)))
+    rule = AttitudeRule(check=MountRule(tilt=MountTiltRule(given=math.radians(given_deg))))
+    source = InertialAttitude(mount, MountAttitude(mount), rule)
+    found = source.predict(next(iter(frames_of(samples, 10.0))))
+    assert math.degrees(found.pitch_rad) == pytest.approx(begins_deg, abs=2.0)
 
 
 def test_the_robots_own_acceleration_is_no_tilt():

@@ -23,8 +23,8 @@ class ImuTrustRule:
     """When samples are invalid. gyro_rad_s, accel_m_s2: from which on a value that repeats bit by bit is full scale
     (the smallest ranges are 125 deg/s and 2 g), and beyond which none can be (2000 deg/s, 16 g). repeats: of one value;
     drivers deliver a sample up to four times. held: repeats of all three axes, by which a gyro that has noise is
-    frozen. share: of bad samples, over the default of `noise.rest_window_s`, by which a sensor is left out; it is used
-    again below a tenth of that.
+    frozen. share: of bad samples, over `noise.rest_window_s`, by which a sensor is left out; it is used again below a
+    tenth of that.
     """
 
     gyro_rad_s: tuple[float, float] = (1.5, 35.0)
@@ -38,9 +38,15 @@ class _Sensor:
     """One sensor's samples, judged by themselves."""
 
     def __init__(
-        self, name: str, unit: str, bounds: tuple[float, float], rule: ImuTrustRule, freezes: bool = False
+        self,
+        name: str,
+        unit: str,
+        bounds: tuple[float, float],
+        rule: ImuTrustRule,
+        window_s: float,
+        freezes: bool = False,
     ) -> None:
-        self.name, self._unit, self._rule, self._freezes = name, unit, rule, freezes
+        self.name, self._unit, self._rule, self._window_s, self._freezes = name, unit, rule, window_s, freezes
         self._least, self._most = bounds
         self._last, self._runs = np.full(3, math.nan), np.zeros(3, dtype=np.intp)
         self._share, self.bad, self.reason = -1.0, False, ""
@@ -63,7 +69,7 @@ class _Sensor:
             elif not (size <= self._most).all():
                 good[row], self.reason = False, f"{self.name} at {size.max():.1f} {self._unit}: none can be"
         share = 1.0 - float(good.mean())
-        taken = 1.0 if self._share < 0.0 else min(span_s / InertialNoise().rest_window_s, 1.0)
+        taken = 1.0 if self._share < 0.0 else min(span_s / self._window_s, 1.0)
         self._share = max(self._share, 0.0) + taken * (share - max(self._share, 0.0))
         self.bad = max(self._share, share / 2.0) > self._rule.share * (0.1 if self.bad else 1.0)
         return good
@@ -72,10 +78,11 @@ class _Sensor:
 class ImuTrust:
     """Selects valid samples, and decides which sensor is excluded."""
 
-    def __init__(self, rule: ImuTrustRule | None = None) -> None:
+    def __init__(self, rule: ImuTrustRule | None = None, noise: InertialNoise | None = None) -> None:
         self._rule = rule = rule or ImuTrustRule()
-        self._gyro = _Sensor("gyro", "rad/s", rule.gyro_rad_s, rule, freezes=True)
-        self._accel = _Sensor("accelerometer", "m/s2", rule.accel_m_s2, rule)
+        window_s = (noise or InertialNoise()).rest_window_s
+        self._gyro = _Sensor("gyro", "rad/s", rule.gyro_rad_s, rule, window_s, freezes=True)
+        self._accel = _Sensor("accelerometer", "m/s2", rule.accel_m_s2, rule, window_s)
         yaw = TrustRule()
         self._yaw = Agreement(yaw, yaw.least[0])
         self._turned_rad = self._span_s = 0.0  # over the last step, by the gyro

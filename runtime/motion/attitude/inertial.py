@@ -9,7 +9,6 @@ from edgemap.geometry.camera.attitude import Attitude, GyroRotation, TrackedRota
 from edgemap.geometry.camera.carried import CarriedRule
 from edgemap.geometry.camera.imu import ImuSamples
 from edgemap.geometry.camera.inertial import (
-    START_RAD,
     InertialNoise,
     InertialState,
     inertial_mounted,
@@ -61,7 +60,7 @@ class InertialAttitude:
         self._arm = np.array(arms) @ mount.rotation_base_optical()
         self._other, self._noise = other, rule.noise
         self._state: InertialState | None = None
-        self._trust = ImuTrust(rule.trust)
+        self._trust = ImuTrust(rule.trust, rule.noise)
         self._seen_s = -math.inf
         self._rate2, self._judged_s = 0.0, 0.0  # mean square of the tilt's rate, and over how long
         self._loose_s = 0.0  # since the mount was last taken in
@@ -130,11 +129,12 @@ class InertialAttitude:
         edges = [*np.arange(first_s + START_S, stamp_s - 1e-6, START_S).tolist(), stamp_s]
         first = samples.between(-math.inf, edges[0])
         edges = [before_s, stamp_s] if reaches else edges
-        state, rotation = inertial_start(first, edges[0], noise), None
+        given_rad = self._rule.check.tilt.given  # the first samples err by no more than a mount
+        state, rotation = inertial_start(first, edges[0], noise, given_rad), None
         self._rate2, self._judged_s = 0.0, 0.0
         self._nodded(state, first, START_S)
-        if float(state.up_optical @ self._up) > math.cos(START_RAD):
-            state = inertial_start(first, edges[0], noise, self._up, float(self._nods(np.zeros(2))[0]))
+        if float(state.up_optical @ self._up) > math.cos(given_rad):
+            state = inertial_start(first, edges[0], noise, float(self._nods(np.zeros(2))[0]), self._up)
         for edge_s in edges[1:]:
             part = samples.between(state.stamp_s, edge_s)
             if len(part):

@@ -19,6 +19,6 @@ def open_attitude(
     if odometry == "truth" and camera.attitudes is not None:
         return RecordedAttitude(camera.attitudes, floor.mount)
     rule = rule or AttitudeRule()
-    pictures = PicturesAttitude(floor.mount, rule.pictures)
+    pictures = PicturesAttitude(floor.mount, rule.pictures, rule.check.tilt)
     known = InertialAttitude(floor.mount, pictures, rule) if imu else pictures
     return CheckedMount(floor, DepthAttitude(floor, known, pictures), pictures, rule.check)

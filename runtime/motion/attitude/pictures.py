@@ -21,8 +21,6 @@ from edgemap.runtime.motion.attitude.sources import NODDING_RAD
 Array = NDArray[np.float64]
 
 LONGEST_S = 1.0  # between two frames of one drive
-CARRIED_RAD = MountTiltRule().given  # within which a carried camera is about the mount's angles
-SEARCH_RAD = CLEAR_SIGMAS * CARRIED_RAD
 
 
 @dataclass(frozen=True, slots=True)
@@ -48,12 +46,13 @@ class PicturesAttitude:
 
     The weight of the mount falls with the camera's rate of nodding and its distance from the mount's angles. For a
     mounted camera `predict` gives the mount's angles: the odometry estimates its nods itself, starting from those.
+    tilt: a carried camera is about the mount's angles to `tilt.given`.
     """
 
     name = "pictures"
 
-    def __init__(self, mount: Mount, rule: PicturesRule | None = None) -> None:
-        self._rule = rule or PicturesRule()
+    def __init__(self, mount: Mount, rule: PicturesRule | None = None, tilt: MountTiltRule | None = None) -> None:
+        self._rule, self._carried_rad = rule or PicturesRule(), (tilt or MountTiltRule()).given
         self.correct_mount(mount)
         self.reset("start")
 
@@ -73,7 +72,7 @@ class PicturesAttitude:
         tilt = self._unseen() if rotation is None else self._turned(rotation)
         self._carry_edges(rotation)
         share = self._carried.share
-        carried_rad = share * CARRIED_RAD
+        carried_rad = share * self._carried_rad
         if carried_rad > self._assumed_rad:  # the mount's tilt so far was too much
             tilt = tilt.widened(math.sqrt(carried_rad**2 - self._assumed_rad**2))
             self._assumed_rad = carried_rad
@@ -105,10 +104,11 @@ class PicturesAttitude:
         expected = self._tilt.up if since is None else since @ self._tilt.up
         self._edges = [*self._edges[len(self._edges) + 1 - rule.pictures :], (normals, lengths)]
         all_normals, all_lengths = (np.concatenate([edges[part] for edges in self._edges]) for part in (0, 1))
-        room = room_axes(all_normals, all_lengths, expected, SEARCH_RAD)
+        reach_rad = CLEAR_SIGMAS * self._carried_rad
+        room = room_axes(all_normals, all_lengths, expected, reach_rad)
         if room is None and len(self._edges) > 1:
             self._edges = [(normals, lengths)]
-            room = room_axes(normals, lengths, expected, SEARCH_RAD)
+            room = room_axes(normals, lengths, expected, reach_rad)
         if since is None:
             self._edges = []
         elif room is not None:
