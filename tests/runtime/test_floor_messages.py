@@ -1,11 +1,14 @@
 """The floor as ROS 2 messages, encoded and decoded: places by hand, in a room of boxes."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 from support.boxed_room import walls
-from support.recordings import FACTS
+from support.recordings import FACTS, MOUNT
+from support.seen import CAMERA
 from support.steps import Steps
 
 pytest.importorskip("mcap_ros2", reason="no mcap-ros2-support here (extra record)")
@@ -13,6 +16,7 @@ pytest.importorskip("mcap_ros2", reason="no mcap-ros2-support here (extra record
 from mcap.reader import make_reader
 from mcap_ros2.decoder import DecoderFactory
 
+from edgemap.geometry.camera.attitude import Attitude, MountEstimate
 from edgemap.runtime.frames.messages import topics
 from edgemap.runtime.frames.messages.definitions import decoder, encoder
 from edgemap.runtime.outputs.messages.stream import MessageStream
@@ -84,3 +88,26 @@ def test_a_bundle_without_a_floor_head_sends_neither():
     topics_sent = {outgoing.topic for _ in range(12) for outgoing in stream.results(*steps.next())}
     assert topics.OBJECTS in topics_sent
     assert not {topics.MAP, topics.FLOOR_SCAN} & topics_sent
+
+
+@pytest.mark.parametrize("static", [False, True])
+def test_the_lens_is_where_the_mount_in_use_has_it(static):
+    """The step's scale and corrected pitch hold from the next picture on; on /tf_static they are sent once."""
+    steps, stream, sent = Steps(boxes=ROOM), MessageStream(mount=MOUNT, static_mount=static), []
+    corrected = replace(MOUNT, pitch_rad=MOUNT.pitch_rad + 0.1)
+    for index in range(6):
+        result, objects = steps.next()
+        sent.append([outgoing for outgoing in stream.picture(result.frame) if outgoing.topic.startswith("/tf")])
+        observed, attitude = result.observed, Attitude.of_mount(MOUNT)
+        if index >= 3:
+            attitude = replace(attitude, mount=MountEstimate(corrected, np.full(2, 0.01), corrected, MOUNT))
+        camera = replace(CAMERA, mount=MOUNT).at(attitude)
+        changed = replace(observed, camera=camera, scale=1.25 if index >= 1 else 1.0)
+        list(stream.results(replace(result, observed=changed), objects))
+    assert [len(some) for some in sent] == ([1, 0, 1, 0, 1, 0] if static else [1] * 6)
+    (first,), (scaled,), (turned,) = (outgoing.make()["transforms"] for (outgoing,) in sent[::2])
+    place, now = (np.array([*one["transform"]["translation"].values()]) for one in (first, scaled))
+    assert now == pytest.approx(1.25 * place)
+    assert turned["transform"]["translation"]["z"] == pytest.approx(1.25 * MOUNT.height_m)
+    before, after = (Rotation.from_quat([*one["transform"]["rotation"].values()]) for one in (scaled, turned))
+    assert (after * before.inv()).magnitude() == pytest.approx(0.1)

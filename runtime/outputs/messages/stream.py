@@ -48,9 +48,10 @@ class Outgoing:
 class MessageStream:
     """The messages of a run in the order in which they are sent. lossless: pictures as PNG instead of JPEG.
 
-    static_mount: the mount once on /tf_static, not with every picture on /tf (a recording, which may be played in
-    part). robot_odom: where the robot publishes odom -> base itself, its pose there at a stamp of the stream, s; only
-    map -> odom is sent then, and nothing where it gives None.
+    mount: as given; the one in use is sent, with the angles and the scale of the step before. static_mount: it is sent
+    on /tf_static, with the first picture and where it changes, not with every picture on /tf (a recording, which may be
+    played in part). robot_odom: where the robot publishes odom -> base itself, its pose there at a stamp of the stream,
+    s; only map -> odom is sent then, and nothing where it gives None.
     """
 
     intrinsics: Intrinsics | None = None
@@ -59,7 +60,9 @@ class MessageStream:
     lossless: bool = False
     static_mount: bool = False
     robot_odom: Callable[[float], SE2 | None] | None = None
-    _pictures: int = 0
+    _angled: Mount | None = None  # the given mount with the angles that the newest step used
+    _scale: float = 1.0  # of the newest step's lengths
+    _sent: Mount | None = None  # the newest that was sent
     _steps: int = 0
     _last_stamp_s: float | None = None
     _grid: OccupancyGrid | None = None  # the newest that was sent
@@ -70,10 +73,11 @@ class MessageStream:
         ids, lens, mount = self.frames, self.intrinsics, self.mount
         if lens is not None:
             yield Outgoing(topics.INFO, stamp_ns, lambda: build.camera_info(stamp_ns, lens, ids))
-        self._pictures += 1
-        if mount is not None and (not self.static_mount or self._pictures == 1):
-            topic = topics.TF_STATIC if self.static_mount else topics.TF
-            yield Outgoing(topic, stamp_ns, lambda: build.tf(build.mount_transform(stamp_ns, mount, ids)))
+        if mount is not None:
+            used = (self._angled or mount).scaled(self._scale)
+            if not self.static_mount or used != self._sent:
+                topic, self._sent = topics.TF_STATIC if self.static_mount else topics.TF, used
+                yield Outgoing(topic, stamp_ns, lambda: build.tf(build.mount_transform(stamp_ns, used, ids)))
         encoding = "png" if self.lossless else "jpeg"
         yield Outgoing(
             topics.PICTURES,
@@ -86,6 +90,9 @@ class MessageStream:
         `MAP_EVERY`th step the map."""
         stamp_ns, ids = to_ns(result.frame.stamp_s) if stamp_ns is None else stamp_ns, self.frames
         before_s, self._last_stamp_s = self._last_stamp_s, result.frame.stamp_s
+        if (estimate := result.observed.mount_estimate) is not None:
+            self._angled = estimate.used
+        self._scale = result.observed.scale
         dt_s = 0.0 if before_s is None else result.frame.stamp_s - before_s
         yield Outgoing(topics.POSE, stamp_ns, lambda: build.pose(stamp_ns, result, ids))
         yield Outgoing(topics.ODOMETRY, stamp_ns, lambda: build.step_odometry(stamp_ns, result, dt_s, ids))
