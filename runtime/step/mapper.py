@@ -93,6 +93,7 @@ class Mapper:
         self._saved_grid: OccupancyGrid | None = None  # of a map in which the robot has yet to find itself
         self.edits = MapEdits()
         self._saved_zones: tuple[Zone, ...] = ()  # of a map in which the robot has yet to find itself
+        self._saved_ids: frozenset[str] = frozenset()  # of the saved map's objects
         self.trajectory = PoseJournal()
         self.pose_map_base, self.pose_covariance = SE2(), np.zeros((3, 3))
         self.pose_odom_base, self.odom_covariance = SE2(), np.zeros((3, 3))
@@ -122,6 +123,7 @@ class Mapper:
             self.grid.continue_from(grid)
         self.edits = MapEdits.of(saved, annotations)
         saved = annotations.measured(saved)
+        self._saved_ids = frozenset(item.id for item in saved)
         self.map = FloorMap.continued(saved, self.config.association, self.config.loop_closure)
         self.pose_map_base, self.pose_covariance = start, np.diag(np.square(sigmas))
 
@@ -141,6 +143,7 @@ class Mapper:
         self.edits = MapEdits.of(saved, annotations)
         self._saved_zones = self.edits.take_zones()
         saved = annotations.measured(saved)
+        self._saved_ids = frozenset(item.id for item in saved)
         config = self.config
         self.relocaliser = Relocaliser(saved, config.association, config.registration, guesses, config.loop_closure)
         self.map = self.relocaliser.own
@@ -227,12 +230,13 @@ class Mapper:
         return self.edits.take(edit, self.map, self.trajectory.stamps_near)
 
     def objects(self) -> list[MapObject]:
-        """The current map with edits applied, without furniture that the path of the base crosses."""
+        """The current map with edits applied, without furniture that the path of the base crosses. A saved map's
+        objects stay, as the path may be wrong for a while: they leave by forgetting only."""
         shown = self.edits.shown(self.map)
         if not isinstance(self.map, FloorMap):
             return shown
-        path_m = self.map.graph.trajectory.vectors()[:, :2]
-        crossed = {item.id for item in shown if is_crossed(item, path_m, self._lens_m)}
+        path, own = self.map.graph.trajectory, [item for item in shown if item.id not in self._saved_ids]
+        crossed = {item.id for item in own if is_crossed(item, path, self._lens_m)}
         return [item for item in shown if item.id not in crossed] if crossed else shown
 
     def annotations(self) -> Annotations:

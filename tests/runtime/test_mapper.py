@@ -10,12 +10,14 @@ from support.drives import drive, exact, observed, round_trip
 from support.rooms import furnished, mapped
 from support.seen import CAMERA, look
 
+from edgemap.geometry.objects.crossed import is_crossed
 from edgemap.geometry.objects.floor_map import FloorMap
 from edgemap.geometry.objects.forgetting import Forgetter
 from edgemap.geometry.observations.detections import Detections
 from edgemap.geometry.observations.floor_mask import FloorMask
 from edgemap.geometry.observations.sighting import FloorRule, Sighting, sightings_of
 from edgemap.geometry.se2 import SE2
+from edgemap.geometry.slam.keyframes import KeyframeTrajectory
 from edgemap.runtime.motion.odometry.protocol import Motion
 from edgemap.runtime.step.frame_observations import FrameObservations
 from edgemap.runtime.step.loop_closing import LoopCloser
@@ -124,6 +126,41 @@ def test_furniture_on_the_path_of_a_lens_that_is_higher_is_none(label, lens_m, a
         if first == 0 and index == 5:
             assert [item.label for item in mapper.objects()] == [label]
     assert [item.label for item in mapper.objects()] == [label] * shown
+
+
+@pytest.mark.parametrize(
+    ("own_sigma_m", "pose_sigma_m", "shown"),
+    [
+        (0.4, 0.001, False),  # the base is 0.6 m within the bed
+        (0.8, 0.001, True),
+        (0.4, 0.4, False),  # 0.57 m together
+        (0.4, 0.6, True),  # 0.72 m
+        (0.001, 0.8, True),
+    ],
+)
+def test_furniture_stays_where_its_own_place_or_the_path_is_unsure_by_more_than_the_crossing(
+    own_sigma_m, pose_sigma_m, shown
+):
+    bed = replace(mapped([("bed", 1.0, 0.2)])[0], covariance_m2=np.eye(2) * own_sigma_m**2, width_m=1.6)
+    path = KeyframeTrajectory()
+    path.begin(SE2(), np.diag([0.01, 0.01, 0.01]), 0.0)
+    path.is_due(SE2(1.0, 0.0, 0.0), np.zeros((3, 3)))
+    path.keep(1.0)
+    path.covariances = [np.diag([pose_sigma_m**2, pose_sigma_m**2, 0.01])] * 2
+    assert is_crossed(bed, path, 1.6) is not shown
+
+
+def test_a_saved_map_keeps_the_furniture_that_the_path_crosses():
+    """The path may be wrong: the bed of the file stays with its id, the one that only this run observes does not."""
+    (bed,) = mapped([("bed", 1.0, 0.2)])
+    mapper, camera = Mapper(), replace(CAMERA, mount=replace(CAMERA.mount, height_m=1.6))
+    mapper.start_in([bed], SE2(), (0.01, 0.01, 0.01))
+    for index in range(40):
+        in_view = [sight("bed", 4.0 - 0.2 * index, 0.2, index=index)] if index < 8 else []
+        motion = Motion(SE2(0.2 if index else 0.0, 0.0, 0.0), np.eye(3) * 1e-6)
+        mapper.step(replace(observed(index, in_view, motion), camera=camera))
+    assert [item.id for item in mapper.map.objects()] == [bed.id, "bed-2"]
+    assert [item.id for item in mapper.objects()] == [bed.id]
 
 
 def test_objects_move_with_a_closure(closed):
