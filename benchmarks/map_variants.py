@@ -140,12 +140,15 @@ def observed_by(replay: Replay, variants: Mapping[str, Variant]) -> Iterator[dic
         sources = sorted(sources, key=lambda source: source[0] == "truth")  # the first one's motion gives the attitude
         odometry = SideBySide(
             {
-                (spec, wheels): open_odometry(spec, bundle, camera, floor, wheels=wheels, rules=config.odometry)
+                (spec, wheels): open_odometry(
+                    spec, bundle, camera, floor, wheels=wheels, rules=config.odometry, health=config.health
+                )
                 for spec, wheels in sources
             }
         )
         estimated, given = (
-            open_attitude(spec, camera, floor, replay.imu, config.attitude) for spec in ("estimated", "truth")
+            open_attitude(spec, camera, floor, replay.imu, config.attitude, config.health)
+            for spec in ("estimated", "truth")
         )
         pipeline = Pipeline(
             bundle,

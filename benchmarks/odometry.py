@@ -169,8 +169,10 @@ def score_drive(
                 raise OdometryError(f"{spec}: no wheel odometry comes with it")
             odometry = f"wheel:{camera.wheel}"
         floor, tuned = FloorCamera(camera.intrinsics, mount), selection.config
-        motion = open_odometry(odometry, bundle, camera, floor, wheels=selection.wheels, rules=tuned.odometry)
-        attitude = open_attitude(odometry, camera, floor, selection.imu, tuned.attitude)
+        motion = open_odometry(
+            odometry, bundle, camera, floor, wheels=selection.wheels, rules=tuned.odometry, health=tuned.health
+        )
+        attitude = open_attitude(odometry, camera, floor, selection.imu, tuned.attitude, tuned.health)
         step = Pipeline(bundle, floor, motion, rule=tuned.floor, attitude=attitude, health=tuned.health, rest=NO_REST)
         followed = follow(
             camera, step, first=selection.first, every=selection.every, frames=selection.frames, progress=progress

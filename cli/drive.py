@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 from edgemap.cli.guessed_camera import CameraKeeper
 from edgemap.cli.live_page import NoPage, live_page
-from edgemap.cli.options import PICTURE_ODOMETRIES, choose_classes, minimum_score
+from edgemap.cli.options import choose_classes, minimum_score
 from edgemap.cli.record import wheel_track
 from edgemap.cli.run_options import RunOptions, budgeted, read_share
 from edgemap.cli.run_record import run_record, scale_source
@@ -60,7 +60,7 @@ class Run:
             options.advanced.allow_untrained,
             self.mapped,
             threshold,
-            guess.height_sigma if guess and not guess.sway_rad and robot.odometry in PICTURE_ODOMETRIES else 0.0,
+            guess.scale_sigma(robot.odometry) if guess else 0.0,
         )
         self.slam = build_slam(source, loaded, floor, slam_options, tuned)
         self.place = chosen.place()

@@ -17,7 +17,8 @@ from edgemap.cli.camera_options import (
     read_mount_numbers,
     read_numbers_of_lens,
 )
-from edgemap.cli.options import PICTURE_ODOMETRIES, Confidence, WithoutImu, in_unit
+from edgemap.cli.options import Confidence, WithoutImu, in_unit
+from edgemap.runtime.motion.odometry_names import PICTURE_ODOMETRIES
 
 if TYPE_CHECKING:
     from edgemap.geometry.camera.floor import FloorCamera

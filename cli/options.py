@@ -11,8 +11,6 @@ if TYPE_CHECKING:
     from edgemap.runtime.network.bundle import Bundle
 
 
-PICTURE_ODOMETRIES = ("hybrid", "flow", "planar", "window")  # lengths are in proportion to the height of the lens
-
 BundleName = Annotated[
     str | None,
     arg(

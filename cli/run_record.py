@@ -7,7 +7,6 @@ from importlib.metadata import version
 from typing import Any
 
 from edgemap import __version__
-from edgemap.cli.options import PICTURE_ODOMETRIES
 from edgemap.cli.run_options import RunOptions
 from edgemap.geometry.camera.floor import FloorCamera
 from edgemap.runtime.frames.decisions import Decisions
@@ -15,6 +14,7 @@ from edgemap.runtime.inputs.cameras.protocol import Camera
 from edgemap.runtime.inputs.drives.camera_yaml import mount_fields
 from edgemap.runtime.motion.odometry import at_head_height
 from edgemap.runtime.motion.odometry.learned import outside_envelope
+from edgemap.runtime.motion.odometry_names import PICTURE_ODOMETRIES
 from edgemap.runtime.network.bundle import Bundle
 from edgemap.runtime.step.config import Config, config_document
 

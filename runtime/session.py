@@ -24,11 +24,13 @@ from edgemap.runtime.inputs.cameras.given import (
     as_mount,
 )
 from edgemap.runtime.inputs.cameras.protocol import Camera
-from edgemap.runtime.inputs.drives.camera_yaml import read_camera_yaml
+from edgemap.runtime.inputs.drives.camera_yaml import CameraFile, read_camera_yaml
 from edgemap.runtime.inputs.open import open_camera
 from edgemap.runtime.network.bundle import load_bundle
 from edgemap.runtime.network.store import bundle_folder, default_bundle
 from edgemap.runtime.outputs.notebook import MapObjects
+from edgemap.runtime.outputs.sinks.run_folder import RunFolder
+from edgemap.runtime.step.calibration.guess import CameraGuess
 from edgemap.runtime.step.config import Config, load_config
 from edgemap.runtime.step.grid_file import load_grid
 from edgemap.runtime.step.loop import steps
@@ -156,23 +158,32 @@ def open_session(
     width, 3), 10 a second, or of (stamp_s, picture). With neither, intrinsics and mount make a session for
     `Session.push`; without those it is the demo. intrinsics: (fx, fy, cx, cy) in pixels, where the source brings none.
     mount: (height_m, pitch_deg), positive looking down. camera_file: a camera.yaml with both, as `run --camera-file`;
-    `run` writes one into its folder where it guesses them, a session does not guess. map: a saved map to continue, as
+    `run` writes one into its folder where it guesses them, a session does not guess: a guessed height is corrected as
+    in a run, and the verdict of a `RunFolder` among the sinks contains the guess. map: a saved map to continue, as
     `run --map`. classes: those that go on the map. bundle: by default the one for this kind of pictures. config: a
     tree, or a file of one. sinks, strict: see `Session`. Raises CameraError, BundleError, MapError, OdometryError or
     ConfigError in one line.
     """
+    guess: CameraGuess | None = None
     if camera_file is not None:
         described = read_camera_yaml(user_path(camera_file))
+        guess = _guess_of(described, str(camera_file), intrinsics, mount)
         intrinsics = described.intrinsics if intrinsics is None else intrinsics
         mount = described.mount if mount is None else mount
     tuned = config if isinstance(config, Config) else load_config(Path(config))[0] if config else Config()
     if camera is not None and frames is not None:
         raise CameraError("give camera= or frames=, not both")
 
+    guessed_height = guess.scale_sigma(odometry) if guess else 0.0
+
     def build(source: Camera) -> SemanticSlam:
         return _slam_of(source, spec, bundle, classes, SlamOptions(odometry, clustering=clustering,
-                        loop_closure=loop_closure, forgets=map is not None), tuned, map)  # fmt: skip
+                        loop_closure=loop_closure, forgets=map is not None, guessed_height=guessed_height),
+                        tuned, map)  # fmt: skip
 
+    if guess:
+        for folder in (sink for sink in sinks if isinstance(sink, RunFolder)):
+            folder.add_record({"camera_guess": guess.record()})
     spec = str(camera) if isinstance(camera, str | int | Path) else None
     if camera is None and frames is None and intrinsics is not None:
         if mount is None:
@@ -197,6 +208,18 @@ def open_session(
     except BaseException:
         source.close()
         raise
+
+
+def _guess_of(
+    described: CameraFile, where: str, intrinsics: IntrinsicsLike | None, mount: MountLike | None
+) -> CameraGuess | None:
+    """What a run guessed of the lens and the mount in its camera.yaml, without what is given beside it."""
+    calibration, known = dict(described.calibration), described.mount if mount is None else as_mount(mount)
+    if intrinsics is not None:
+        calibration["intrinsics"] = "as given"
+    if mount is not None:
+        calibration["mount"] = "as given"
+    return known and CameraGuess.of_record(calibration, described.intrinsics, known, where)
 
 
 def _slam_of(

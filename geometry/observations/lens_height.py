@@ -6,7 +6,7 @@ A box determines the height at any range of the object.
 import math
 from collections import defaultdict, deque
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
@@ -28,21 +28,25 @@ BOX_SHARE = 0.1  # standard deviation of one box's height, as a share
 @dataclass(frozen=True, slots=True)
 class LensHeight:
     """Estimate from one object. height_m: height of the lens if the object has the usual height of its label. fall:
-    slope of the ray to the foot of the object, positive downwards.
+    slope of the ray to the foot of the object, positive downwards. rays: to foot and top, base frame, (2, 3).
     """
 
     label: str
     height_m: float
     fall: float
+    rays: NDArray[np.float64] = field(repr=False, compare=False)
 
 
 @dataclass(frozen=True, slots=True)
 class HeightMeasurement:
-    """The lens's height by one witness. log_m: logarithm of it in metres. sigma: standard deviation of that."""
+    """The lens's height by one witness. log_m: logarithm of it in metres. sigma: standard deviation of that. shared:
+    the part of it by the pitch's error, which has one sign in all measurements.
+    """
 
     name: str
     log_m: float
     sigma: float
+    shared: float = 0.0
 
 
 class HeightBySizes:
@@ -50,7 +54,8 @@ class HeightBySizes:
     a home, so each class is one measurement: the median over its boxes. count: of all boxes."""
 
     def __init__(self, kept: int) -> None:
-        self._heights: dict[str, deque[tuple[float, float]]] = defaultdict(lambda: deque(maxlen=kept))
+        self._kept = kept
+        self._heights: dict[str, deque[LensHeight]] = defaultdict(lambda: deque(maxlen=kept))
 
     @property
     def count(self) -> int:
@@ -60,26 +65,42 @@ class HeightBySizes:
     def add(self, boxes: Detections, camera: FloorCamera) -> None:
         """The boxes of one picture; pictures are so far apart that each is another view."""
         for found in lens_heights(boxes, camera):
-            self._heights[found.label].append((math.log(found.height_m), found.fall))
+            self._heights[found.label].append(found)
+
+    def turned(self, rotation: NDArray[np.float64]) -> "HeightBySizes":
+        """The same boxes by another mount. rotation: (3, 3), from the base frame by the old mount to the new one's."""
+        found = HeightBySizes(self._kept)
+        for label, heights in self._heights.items():
+            rays = np.array([one.rays for one in heights]).reshape(-1, 2, 3) @ rotation.T
+            found._heights[label].extend(_by_rays([label] * len(rays), rays))
+        return found
 
     def measurements(self, pitch_rad: float, fewest: int = 1) -> list[HeightMeasurement]:
         """One for each class of so many boxes or more. pitch_rad: standard deviation of the pitch, which they share."""
         found = list[HeightMeasurement]()
         for label, heights in self._heights.items():
             if len(heights) >= fewest:
-                (middle, fall), (scatter, _) = median_and_scatter(np.array(heights))
+                (middle, fall), (scatter, _) = median_and_scatter(
+                    np.array([(math.log(one.height_m), one.fall) for one in heights])
+                )
                 own = math.hypot(scatter, BOX_SHARE) / math.sqrt(len(heights))
-                sigma = math.hypot(HEIGHT_M[label][1], pitch_rad / float(fall), own)
-                found.append(HeightMeasurement(label, float(middle), sigma))
+                shared = pitch_rad / float(fall)
+                sigma = math.hypot(HEIGHT_M[label][1], shared, own)
+                found.append(HeightMeasurement(label, float(middle), sigma, shared))
         return found
 
 
 def agreed_height(measurements: Sequence[HeightMeasurement]) -> tuple[float, float]:
-    """Weighted mean of the logarithms, and its standard deviation; more where they disagree (Birge 1932)."""
+    """Weighted mean of the logarithms, and its standard deviation; more where they disagree (Birge 1932). What the
+    measurements share is as large in the mean as in each of them: it is added as it is.
+    """
     logs, weights = np.array([one.log_m for one in measurements]), np.array([one.sigma**-2 for one in measurements])
     mean = float(np.average(logs, weights=weights))
     scatter2 = float((logs - mean) ** 2 @ weights) / max(len(logs) - 1, 1)
-    return mean, math.sqrt(max(scatter2, 1.0) / float(weights.sum()))
+    shared = np.array([one.shared for one in measurements])
+    own2 = 1.0 / weights - shared**2
+    variance = (float(own2 @ weights**2) + float(shared @ weights) ** 2) / float(weights.sum()) ** 2
+    return mean, math.sqrt(max(scatter2, 1.0) * variance)
 
 
 def lens_heights(detections: Detections, camera: FloorCamera) -> list[LensHeight]:
@@ -100,19 +121,23 @@ def lens_heights(detections: Detections, camera: FloorCamera) -> list[LensHeight
         return []
     held = carried(detections)
     rows = [row for row in rows if not held[row] and covered(boxes, row) < HIDDEN]
-    falls, tops = _slopes(boxes[rows], camera)
+    return _by_rays([labels[row] for row in rows], _rays(boxes[rows], camera))
+
+
+def _by_rays(labels: Sequence[str], rays: NDArray[np.float64]) -> list[LensHeight]:
+    """Estimates from the rays to foot and top of objects, base frame, (N, 2, 3); none by slopes that are too small."""
+    slopes = -rays[..., 2] / np.maximum(np.linalg.norm(rays[..., :2], axis=-1), 1e-9)
     found = []
-    for row, fall, top in zip(rows, falls.tolist(), tops.tolist(), strict=True):
+    for label, (fall, top), both in zip(labels, slopes.tolist(), rays, strict=True):
         if fall < LEAST_FALL or fall - top < LEAST_RISE:
             continue
-        usual_m, depth_m = HEIGHT_M[labels[row]][0], min(footprint_m(labels[row], 0.0))
-        found.append(LensHeight(labels[row], fall * (usual_m + max(top, 0.0) * depth_m) / (fall - top), fall))
+        usual_m, depth_m = HEIGHT_M[label][0], min(footprint_m(label, 0.0))
+        found.append(LensHeight(label, fall * (usual_m + max(top, 0.0) * depth_m) / (fall - top), fall, both))
     return found
 
 
-def _slopes(boxes: NDArray[np.float64], camera: FloorCamera) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Slopes of the rays through the middles of the lower and upper edges of boxes (N, 4): (N,) each, positive down."""
+def _rays(boxes: NDArray[np.float64], camera: FloorCamera) -> NDArray[np.float64]:
+    """The rays through the middles of the lower and upper edges of boxes (N, 4), base frame: (N, 2, 3)."""
     middle = (boxes[:, 0] + boxes[:, 2]) / 2.0 - 0.5
     rays = camera.rays_base(np.concatenate([np.column_stack([middle, boxes[:, side] - 0.5]) for side in (3, 1)]))
-    slopes = -rays[:, 2] / np.maximum(np.linalg.norm(rays[:, :2], axis=1), 1e-9)
-    return slopes[: len(boxes)], slopes[len(boxes) :]
+    return np.stack([rays[: len(boxes)], rays[len(boxes) :]], axis=1)

@@ -59,7 +59,7 @@ class HeightCheck:
         self.reset()
 
     def reset(self) -> None:
-        """Discards all measurements, after the camera's attitude was corrected."""
+        """Discards all measurements, as after a correction of the camera's attitude; `judge` keeps a guess's sizes."""
         rule = self._rule
         self._sizes = HeightBySizes(rule.kept)
         self._ratios: deque[float] = deque(maxlen=rule.kept)  # logarithms of wheels over camera
@@ -80,7 +80,11 @@ class HeightCheck:
         depth: whether the frame brings any."""
         used = attitude.mount.used if attitude.mount else self._used
         if used != self._used or attitude.carried:
+            sizes = self._sizes
             self.reset()
+            if self._guessed and not attitude.carried:  # the scale is by sizes: without them it returns to the guess
+                turned = used.rotation_base_optical() @ self._used.rotation_base_optical().T
+                self._sizes = sizes.turned(turned)
         self._used = used
         self._began_s = min(self._began_s, stamp_s)
         if depth or motion.lengths is not None:

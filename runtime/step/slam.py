@@ -157,15 +157,14 @@ def build_slam(
 ) -> SemanticSlam:
     """An empty map and all that fills it. floor: the camera's lens and mount. Raises OdometryError."""
     options, config = options or SlamOptions(), config or Config()
-    odometry = open_odometry(
-        options.odometry, bundle, camera, floor, options.allow_untrained, options.wheels, config.odometry
-    )
+    spec, untrained = options.odometry, options.allow_untrained
+    odometry = open_odometry(spec, bundle, camera, floor, untrained, options.wheels, config.odometry, config.health)
     pipeline = Pipeline(
         bundle,
         floor,
         odometry,
         rule=replace(config.floor, mapped=options.mapped),
-        attitude=open_attitude(options.odometry, camera, floor, options.imu, config.attitude),
+        attitude=open_attitude(spec, camera, floor, options.imu, config.attitude, config.health),
         confidence=options.confidence,
         health=config.health,
         rest=config.rest,

@@ -15,8 +15,10 @@ from edgemap.runtime.frames import extras
 from edgemap.runtime.frames.errors import CameraError, CameraFault, CameraLostError, MissingExtraError
 from edgemap.runtime.inputs.cameras.live import LiveCamera
 from edgemap.runtime.inputs.cameras.supervisor import RecoveryRule
-from edgemap.runtime.inputs.drives.camera_yaml import read_camera_yaml
+from edgemap.runtime.inputs.drives.camera_yaml import read_camera_yaml, write_camera_yaml
+from edgemap.runtime.motion.height_check import HeightRule
 from edgemap.runtime.outputs.sinks.run_folder import RunFolder
+from edgemap.runtime.step.config import Config
 from edgemap.runtime.step.map_file import load_map
 
 
@@ -123,6 +125,23 @@ def test_a_camera_file_brings_lens_and_mount(painted_bundle, pictures, tmp_path)
     assert len(shown) < 150
     with pytest.raises(CameraError, match=r"nowhere\.yaml: cannot be read"):
         edgemap_api.open(camera=f"{bare}", bundle=painted_bundle, camera_file=tmp_path / "nowhere.yaml")
+
+
+def test_the_camera_file_of_a_guess_stays_a_guess(painted_bundle, pictures, tmp_path):
+    """As in a run: lengths are corrected with the height, and the verdict contains the guess; a mount that is given is
+    none."""
+    described, file = read_camera_yaml(pictures / "camera.yaml"), tmp_path / "guess.yaml"
+    guess = {"method": "guessed", "focal_sigma_share": 0.0, "height_sigma_share": 0.2, "sigma_pitch_deg": 0.0}
+    write_camera_yaml(file, described.intrinsics, described.mount, calibration=guess)
+    soon = Config(height=HeightRule(judged_s=0.0, fewest_boxes=1))
+    for name, more, guessed in (("guess", {}, True), ("given", {"mount": (1.0, 0.0)}, False)):
+        folder = RunFolder(tmp_path / name, FloorCamera(described.intrinsics, Mount(1.0, 0.0)), {})
+        options: dict[str, Any] = {"camera_file": file, "sinks": [folder], "config": soon} | more
+        with edgemap_api.open(camera=f"{pictures}", bundle=painted_bundle, **options) as session:
+            assert (list(session)[-1].observed.scale != 1.0) is guessed
+        record = json.loads((tmp_path / name / "run.json").read_text())
+        assert ("camera_guess" in record) is guessed
+        assert any("the mount is guessed (height to" in reason for reason in record["verdict"]["reasons"]) is guessed
 
 
 def test_a_webcam_is_asked_for_the_size_of_its_lens(pictures, monkeypatch):

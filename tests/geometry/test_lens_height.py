@@ -13,7 +13,7 @@ from edgemap.geometry.camera.intrinsics import Intrinsics
 from edgemap.geometry.camera.mount import Mount
 from edgemap.geometry.observations.class_extents import HEIGHT_M, footprint_m
 from edgemap.geometry.observations.detections import Detections
-from edgemap.geometry.observations.lens_height import lens_heights
+from edgemap.geometry.observations.lens_height import HeightBySizes, HeightMeasurement, agreed_height, lens_heights
 
 NAMES = ("chair", "person", "tv")
 CAMERA = FloorCamera(Intrinsics(640, 480, 400.0, 400.0, 319.5, 239.5), Mount(0.5, 0.1, 0.02))
@@ -79,3 +79,28 @@ WHOLE = [300.0, 120.0, 360.0, 400.0]
 )
 def test_only_complete_boxes_whose_foot_shows_count(boxes, options, count):
     assert len(lens_heights(detections(*boxes, **options), CAMERA)) == count
+
+
+def test_the_error_of_the_pitch_that_classes_share_does_not_average_out():
+    """Weights 4 : 1, variances without the pitch 0.01 and 0.07, and 0.1 of each by the pitch."""
+    one = HeightMeasurement("chair", 0.0, math.sqrt(0.02), 0.1)
+    other = HeightMeasurement("person", 0.0, math.sqrt(0.08), 0.1)
+    mean, sigma = agreed_height([one, other])
+    assert mean == 0.0
+    assert sigma**2 == pytest.approx(0.8**2 * 0.01 + 0.2**2 * 0.07 + 0.1**2)
+    many = [HeightMeasurement(str(count), 0.0, math.hypot(0.2, 0.1), 0.1) for count in range(400)]
+    assert agreed_height(many)[1] == pytest.approx(math.hypot(0.2 / 20.0, 0.1))
+    assert agreed_height([one])[1] == pytest.approx(one.sigma)
+
+
+@pytest.mark.parametrize(("roll", "pitch"), [(0.02, 0.16), (-0.05, 0.06)])
+def test_boxes_kept_over_a_correction_are_those_of_the_new_mount(roll, pitch):
+    boxes = detections(WHOLE, [100.0, 200.0, 160.0, 380.0], [480.0, 150.0, 560.0, 420.0])
+    other = FloorCamera(CAMERA.intrinsics, Mount(0.5, pitch, roll))
+    kept, expected = HeightBySizes(10), HeightBySizes(10)
+    kept.add(boxes, CAMERA)
+    expected.add(boxes, other)
+    turned = kept.turned(other.mount.rotation_base_optical() @ CAMERA.mount.rotation_base_optical().T)
+    (found,), (right,), (before,) = (sizes.measurements(0.01) for sizes in (turned, expected, kept))
+    assert (found.log_m, found.sigma, found.shared) == pytest.approx((right.log_m, right.sigma, right.shared))
+    assert abs(found.log_m - before.log_m) > 0.05

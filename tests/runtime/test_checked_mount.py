@@ -21,6 +21,11 @@ from edgemap.runtime.frames.errors import EdgemapError
 from edgemap.runtime.inputs.open import open_camera
 from edgemap.runtime.motion.attitude.checked_mount import CheckedMount
 from edgemap.runtime.motion.attitude.pictures import PicturesAttitude
+from edgemap.runtime.motion.health import HealthRule
+from edgemap.runtime.network.bundle import load_bundle
+from edgemap.runtime.network.store import bundle_folder
+from edgemap.runtime.step.config import Config
+from edgemap.runtime.step.slam import build_slam
 
 
 @pytest.mark.parametrize(("pitch", "roll"), [(11.5, 0.0), (3.0, -2.0), (17.5, 4.0), (21.0, -1.0)])
@@ -151,3 +156,13 @@ def test_a_mount_that_never_sees_the_floor_is_refused_with_its_numbers():
             ):
                 FloorCamera(camera.intrinsics, mount)
         FloorCamera(camera.intrinsics, replace(camera.mount, pitch_rad=math.radians(-18.0)))
+
+
+@pytest.mark.parametrize(("moved", "measured"), [(4.0, True), (300.0, False)])
+def test_the_configured_change_of_a_picture_makes_another_view(moved, measured):
+    """No picture differs from another by 300 grey levels: only the first view counts then."""
+    with open_camera("demo") as camera:
+        floor, config = FloorCamera(camera.intrinsics, camera.mount), Config(health=HealthRule(moved=moved))
+        pipeline = build_slam(camera, load_bundle(bundle_folder("edgemap-nano")), floor, config=config).pipeline
+        views = sum(pipeline.attitude.predict(camera.read()).room is not None for _ in range(60))
+    assert (views > 1) is measured

@@ -6,13 +6,17 @@ import pytest
 from support.odometry import MadeOdometry
 
 from edgemap.geometry.camera.attitude import Attitude, GyroRotation, RoomHeading
+from edgemap.geometry.camera.floor import FloorCamera
 from edgemap.geometry.se2 import SE2
 from edgemap.runtime.frames.frame import Frame
+from edgemap.runtime.motion.health import HealthRule
 from edgemap.runtime.motion.odometry.coasting import CoastingRule
 from edgemap.runtime.motion.odometry.gyro import GyroOdometry
 from edgemap.runtime.motion.odometry.hybrid import HybridOdometry, HybridRule, Member
 from edgemap.runtime.motion.odometry.protocol import FramePrior, Motion, MotionState, blind_motion
 from edgemap.runtime.motion.trust import TrustRule
+from edgemap.runtime.step.config import Config
+from edgemap.runtime.step.slam import build_slam
 
 FRAME = Frame(0, 0.0, np.zeros((4, 4, 3), np.uint8))
 LASTING = HybridRule().covariance_scale
@@ -324,3 +328,22 @@ def test_after_a_reset_no_view_of_the_room_bounds_the_heading_since_the_start():
         found = hybrid.step(at(index / 10.0), {}, FramePrior(attitude))
         assert (found.heading_rad2 < math.radians(10.0) ** 2) == (1 <= index < 11)
         assert math.isinf(found.heading_rad2) == (not 1 <= index < 11)
+
+
+def test_the_configured_share_decides_where_a_camera_is_in_doubt():
+    """Half a picture covered is too much by default (0.3), and none where the configuration allows 0.6."""
+    motions, moved = {"camera": motion(0.02, 0.005), "wheels": motion(0.07, 0.002)}, []
+    for health in (None, HealthRule(part_share=0.6)):
+        members = [Member(Scripted(found, found), source) for source, found in motions.items()]
+        hybrid = fusing(members, health=health)
+        moved.append([hybrid.step(at(index / 10), {}, FramePrior(covered=0.5)).motion.x_m for index in range(2)][1])
+    assert moved[0] == pytest.approx(0.07, abs=0.001)
+    assert moved[1] == pytest.approx(0.045, abs=0.003)  # between both
+
+
+def test_a_run_gets_the_configured_share(demo):
+    config = Config(health=HealthRule(part_share=0.6))
+    floor = FloorCamera(demo.camera.intrinsics, demo.camera.mount)
+    odometry = build_slam(demo.camera, demo.bundle, floor, config=config).pipeline.odometry
+    assert isinstance(odometry, HybridOdometry)
+    assert odometry._hidden == 0.6

@@ -2,6 +2,7 @@
 
 # pyright: reportOptionalMemberAccess=false, reportArgumentType=false, reportAttributeAccessIssue=false
 
+import math
 from dataclasses import replace
 
 import numpy as np
@@ -9,7 +10,7 @@ import pytest
 from support.drives import exact, observed, round_trip, sighted
 from support.rooms import furnished
 
-from edgemap.geometry.camera.attitude import Attitude
+from edgemap.geometry.camera.attitude import Attitude, MountEstimate
 from edgemap.geometry.camera.floor import FloorCamera
 from edgemap.geometry.camera.intrinsics import Intrinsics
 from edgemap.geometry.camera.mount import Mount
@@ -200,3 +201,27 @@ def test_a_robot_that_turns_in_place_has_wheels_or_depth_all_the_same(measures, 
         assert (check.scale == 1.0) == (index < 100 or index >= begins)
     assert check.estimate is not None
     assert check.estimate.height_m == pytest.approx(0.6, abs=0.03)
+
+
+def test_a_correction_of_the_mount_keeps_the_sizes_of_a_guess():
+    """Pitch 3 degrees too steep for 20 s, then right, and no box more: the boxes so far give the scale by the right
+    pitch. A given height is judged by boxes after the correction alone."""
+    mount, boxes = Mount(0.72, 0.1 + math.radians(3.0)), chairs(Mount(0.6, 0.1))
+    right = replace(mount, pitch_rad=0.1)
+    told = MountEstimate(right, np.full(2, 0.005), right, mount)
+    corrected = replace(Attitude.of_mount(right), mount=told)
+    for guessed in (0.3, 0.0):
+        check = HeightCheck(mount, guessed=guessed)
+        for index in range(200):
+            check.judge(index / 10, FloorCamera(LENS, mount), Attitude.of_mount(mount), boxes, Motion())
+        wrong = check.estimate
+        assert wrong is not None
+        assert wrong.height_m > 0.66
+        for index in range(200, 400):
+            check.judge(index / 10, FloorCamera(LENS, right), corrected, Detections.none(("chair",)), Motion())
+        if guessed:
+            assert check.scale == pytest.approx(0.6 / 0.72, abs=0.04)
+            assert check.estimate is not None
+            assert check.estimate.height_m == pytest.approx(0.6, abs=0.03)
+        else:
+            assert check.estimate is wrong

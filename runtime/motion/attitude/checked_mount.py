@@ -55,14 +55,20 @@ class CheckedMount:
 
     Where they clearly contradict the mount, a fault is reported once, and their estimate is used from then on. A
     carried camera has no mount and is not checked. Edge measurements of single frames are passed to `pictures`, which
-    may be the wrapped source or one behind it.
+    may be the wrapped source or one behind it. health: by which a picture shows another view (`moved`).
     """
 
     def __init__(
-        self, camera: FloorCamera, other: AttitudeSource, pictures: PicturesAttitude, rule: MountRule | None = None
+        self,
+        camera: FloorCamera,
+        other: AttitudeSource,
+        pictures: PicturesAttitude,
+        rule: MountRule | None = None,
+        health: HealthRule | None = None,
     ) -> None:
         self.name = other.name
         self._other, self._pictures, self._rule = other, pictures, rule or MountRule()
+        self._moved = (health or HealthRule()).moved  # grey levels
         mount, lens = camera.mount, camera.intrinsics
         self._in_room = mount.platform.in_room
         self._mount, self._given = mount, np.array([mount.roll_rad, mount.pitch_rad])
@@ -146,7 +152,7 @@ class CheckedMount:
         grey = cv2.cvtColor(frame.image, cv2.COLOR_BGR2GRAY)
         grey = cv2.resize(grey, (self._lens.width, self._lens.height), interpolation=cv2.INTER_AREA)
         coarse = cv2.resize(grey, COARSE_PX, interpolation=cv2.INTER_AREA)
-        if self._last is not None and float(cv2.absdiff(coarse, self._last).mean()) < HealthRule().moved:
+        if self._last is not None and float(cv2.absdiff(coarse, self._last).mean()) < self._moved:
             return
         edges = np.linspace(0, self._lens.width, self._rule.strips + 1).astype(int).tolist()
         self._pictures.begin_edges()

@@ -8,17 +8,23 @@ from edgemap.runtime.motion.attitude.inertial import AttitudeRule, InertialAttit
 from edgemap.runtime.motion.attitude.pictures import PicturesAttitude
 from edgemap.runtime.motion.attitude.protocol import AttitudeSource
 from edgemap.runtime.motion.attitude.sources import RecordedAttitude
+from edgemap.runtime.motion.health import HealthRule
 
 
 def open_attitude(
-    odometry: str, camera: Camera, floor: FloorCamera, imu: bool = True, rule: AttitudeRule | None = None
+    odometry: str,
+    camera: Camera,
+    floor: FloorCamera,
+    imu: bool = True,
+    rule: AttitudeRule | None = None,
+    health: HealthRule | None = None,
 ) -> AttitudeSource:
     """The best source for this camera: recorded 6-DoF poses with `--odometry truth`, else the IMU's samples where
     frames bring any and `imu` allows it, else the pictures; either about a mount that the room's edges check. Where a
-    frame brings depth, the floor in it gives attitude and height."""
+    frame brings depth, the floor in it gives attitude and height. health: by which a picture shows another view."""
     if odometry == "truth" and camera.attitudes is not None:
         return RecordedAttitude(camera.attitudes, floor.mount)
     rule = rule or AttitudeRule()
     pictures = PicturesAttitude(floor.mount, rule.pictures, rule.check.tilt)
     known = InertialAttitude(floor.mount, pictures, rule) if imu else pictures
-    return CheckedMount(floor, DepthAttitude(floor, known, pictures), pictures, rule.check)
+    return CheckedMount(floor, DepthAttitude(floor, known, pictures), pictures, rule.check, health)

@@ -11,6 +11,7 @@ from edgemap.runtime.frames.trajectory import Trajectory, read_tum
 from edgemap.runtime.inputs.cameras.protocol import Camera
 from edgemap.runtime.inputs.drives.sensor_csv import read_wheel_csv
 from edgemap.runtime.inputs.recordings.foreign import is_recording, read_wheel
+from edgemap.runtime.motion.health import HealthRule
 from edgemap.runtime.motion.odometry.coasting import CoastingRule
 from edgemap.runtime.motion.odometry.depth import DepthOdometry
 from edgemap.runtime.motion.odometry.depth_keyframes import DepthRule
@@ -51,18 +52,19 @@ def open_odometry(
     allow_untrained: bool = False,
     wheels: bool = True,
     rules: OdometryRules | None = None,
+    health: HealthRule | None = None,
 ) -> Odometry:
     """The odometry that a SPEC names: hybrid, flow, planar, window, gyro, paper, truth, wheel:FILE.csv|.mcap or
     FILE.tum.
 
-    wheels: whether the hybrid listens to the source's wheels, where it brings any.
+    wheels: whether the hybrid listens to the source's wheels, where it brings any. health: as of its pictures.
     Raises OdometryError for one that is unknown or not to be had here.
     """
     rules = rules or OdometryRules()
     coasting = rules.coasting.of_unit(floor.mount.platform.unit_m)
     if spec == "hybrid":
         members, warning = _members(bundle, camera, floor, wheels, rules)
-        return HybridOdometry(members, rules.hybrid, coasting, warning)
+        return HybridOdometry(members, rules.hybrid, coasting, warning, health)
     if spec == "gyro":
         return GyroOdometry()
     if spec == "window":

@@ -39,7 +39,6 @@ UNKNOWN = np.diag(unknown_covariance())  # variances of a motion that tells less
 UNPROVEN = np.array([100.0, 100.0, 10.0])  # variances of what a source has not proved yet
 GYRO = "gyro"  # the source that measures rotation only
 CAMERA, WHEELS = "camera", "wheels"  # the sources whose lengths are compared
-HIDDEN_SHARE = HealthRule().part_share  # of a picture, from which on the camera is in doubt
 
 
 @dataclass(frozen=True, slots=True)
@@ -52,8 +51,8 @@ class HybridRule:
     corners' variance, which the flow head's is at least: it remembers, and goes on as before where a picture shows
     nothing. Its error of a step is 0.5 cm where corners state 2 mm, 1.7 where they state 2 cm, 3.3 where 10 cm, 5
     where more, while it states 0.6 cm (sixteen rendered homes).
-    covered_covariance_scale: one more factor for the camera where so much of a picture as makes a fault (the default of
-    `health.part_share`) shows nothing while the rest moves, as a cover and its edge stand still; and its power with
+    covered_covariance_scale: one more factor for the camera where so much of a picture as makes a fault
+    (`health.part_share`) shows nothing while the rest moves, as a cover and its edge stand still; and its power with
     what is covered beyond. Where people and animals cover as much, the camera judges nobody.
     trust: in the wheels. compass: of the room's edges, which keep the heading.
     """
@@ -64,10 +63,10 @@ class HybridRule:
     trust: TrustRule = field(default_factory=TrustRule)
     compass: CompassRule = field(default_factory=CompassRule)
 
-    def doubt(self, source: str, covered: float) -> float:
-        """Factor on the covariance of a source where so much of the picture is covered."""
-        counts = source == CAMERA and covered >= HIDDEN_SHARE
-        return self.covered_covariance_scale ** (covered / HIDDEN_SHARE) if counts else 1.0
+    def doubt(self, source: str, covered: float, hidden: float) -> float:
+        """Factor on the covariance of a source where so much of the picture is covered. hidden: `health.part_share`."""
+        counts = source == CAMERA and covered >= hidden
+        return self.covered_covariance_scale ** (covered / hidden) if counts else 1.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -93,7 +92,8 @@ class HybridOdometry:
 
     A member that is blind, reports a fault or is not finite is left out until it measures again, and the fault names
     it; where no member measures, the motion is a guess (`Coasting`).
-    members: the most trusted first. warning: reported with the first motion. Raises ValueError for no members.
+    members: the most trusted first. warning: reported with the first motion. health: from which covered share of a
+    picture on the camera is in doubt. Raises ValueError for no members.
     """
 
     name = "hybrid"
@@ -104,6 +104,7 @@ class HybridOdometry:
         rule: HybridRule | None = None,
         coasting: CoastingRule | None = None,
         warning: str = "",
+        health: HealthRule | None = None,
     ) -> None:
         if not members:
             raise ValueError("a hybrid odometry needs members")
@@ -111,7 +112,7 @@ class HybridOdometry:
         self._needy = {index for index, member in enumerate(members) if member.odometry.needs_features}
         self.needs_features = len(self._needy) == len(members)
         self._rule, self._coasting = rule or HybridRule(), Coasting(coasting)
-        self._warning = warning
+        self._warning, self._hidden = warning, (health or HealthRule()).part_share
         # The others compute in Python while a network runs: 6.3 instead of 8.7 ms a step, paced, two cores.
         self._beside = ThreadPoolExecutor(1, "odometry")
         self.reset("start")
@@ -214,7 +215,7 @@ class HybridOdometry:
         alive = [item for item in alive if item.source == GYRO or (np.diag(item.covariance) < UNKNOWN).all()]
         alive = self._seconded(alive)
         wheels, camera = self._of(WHEELS, alive), self._of(CAMERA, alive)
-        judges = camera is not None and max(covered, self._movers) < HIDDEN_SHARE
+        judges = camera is not None and max(covered, self._movers) < self._hidden
         faults = "; ".join(filter(None, (self._judge(wheels, camera if judges else None, dt_s), faults)))
         alive = self._believed(alive, camera is not None)
         if all(item.source == GYRO for item in alive):
@@ -279,7 +280,7 @@ class HybridOdometry:
 
     def _scale_of(self, member: Member, covered: float) -> float:
         """Factor on a member's covariance in this picture."""
-        return member.covariance_scale * self._rule.doubt(member.source, covered)
+        return member.covariance_scale * self._rule.doubt(member.source, covered, self._hidden)
 
     def _seconded(self, alive: Sequence[MotionEstimate]) -> list[MotionEstimate]:
         """The estimates; those that second another of their source are absent without it, and not much surer."""

@@ -94,6 +94,10 @@ class RunFolder:
             os.close(self._lock)
             raise
 
+    def add_record(self, entries: dict[str, Any]) -> None:
+        """More entries of run.json, from the next save on."""
+        self._record = self._record | entries
+
     def write(self, result: StepResult, objects: list[MapObject]) -> None:
         """Append pose and sightings; save everything by the stream's time.
 

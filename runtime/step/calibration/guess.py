@@ -20,6 +20,7 @@ from edgemap.geometry.robust import median_and_scatter
 from edgemap.runtime.frames.errors import CalibrationError, CameraError
 from edgemap.runtime.frames.reading import convert
 from edgemap.runtime.motion.attitude.segments import line_ends
+from edgemap.runtime.motion.odometry_names import PICTURE_ODOMETRIES
 from edgemap.runtime.step.calibration.guess_focal import (
     FEWEST_ROOMS,
     SWAYING_RAD,
@@ -82,6 +83,11 @@ class CameraGuess:
             f"pitch {pitch_deg:.1f} +- {math.degrees(self.pitch_sigma_rad):.1f} deg, roll {roll_deg:.1f} deg ({pitch})",
             *([f"{sway}; pitch and height are not constant"] if self.sway_rad else []),
         ]
+
+    def scale_sigma(self, odometry: str) -> float:
+        """Standard deviation, as a share, of a height that a run corrects with all lengths. 0 for one that is given or
+        a carried camera's, and where the lengths of this odometry do not depend on it."""
+        return self.height_sigma if not self.sway_rad and odometry in PICTURE_ODOMETRIES else 0.0
 
     def record(self) -> dict[str, object]:
         """For run.json, and for camera.yaml's `calibration`."""
