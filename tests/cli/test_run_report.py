@@ -22,15 +22,14 @@ def test_classes_that_were_not_asked_for_are_not_missed(edgemap, painted_bundle,
 
 
 def test_a_run_keeps_no_network_for_rows_that_its_pictures_do_not_reach(tmp_path, monkeypatch):
-    from edgemap.cli import main
+    from edgemap.cli import drive, main
     from edgemap.runtime.network.network import Network
-    from edgemap.runtime.step import loop
 
     def whole_networks():
         gc.collect()
         return sum(isinstance(one, Network) and one.inputs.get("image", (0,) * 4)[2] == 416 for one in gc.get_objects())
 
-    before, during, run = whole_networks(), [], loop.run
-    monkeypatch.setattr(loop, "run", lambda *given: during.append(whole_networks()) or run(*given))
+    before, during, run = whole_networks(), [], drive.run
+    monkeypatch.setattr(drive, "run", lambda *given: during.append(whole_networks()) or run(*given))
     main(["run", "--frames", "1", "--threads", "1", "-o", str(tmp_path / "run")])
     assert during == [before]
