@@ -64,11 +64,6 @@ class Carried:
         return math.sqrt(self.nodding2)
 
     @property
-    def beyond_rad(self) -> float:
-        """Nodding between pictures in excess of a camera on wheels, rad; 0 for a camera on wheels."""
-        return max(self.nodding_rad - self.rule.level_rad, 0.0)
-
-    @property
     def on_wheels(self) -> bool:
         """Whether it has moved `steady_m` without nodding like a carried camera."""
         needed_m = self.rule.steady_m[0 if self.nodding_rad < self.rule.level_rad / 3.0 else 1]
@@ -79,3 +74,8 @@ class Carried:
         """From 0, of a camera on a robot, to 1, of one that is carried."""
         level, carried = self.rule.rate_rad_s
         return 1.0 if self.scattered else min(max((math.sqrt(self.rate2) - level) / (carried - level), 0.0), 1.0)
+
+    @property
+    def carried(self) -> bool:
+        """Whether it counts as carried rather than as on a robot."""
+        return self.share > 0.5

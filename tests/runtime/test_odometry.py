@@ -29,9 +29,10 @@ from edgemap.runtime.inputs.cameras.protocol import Camera
 from edgemap.runtime.inputs.open import open_camera
 from edgemap.runtime.motion.odometry import OdometryRules, _members, open_odometry
 from edgemap.runtime.motion.odometry.coasting import CoastingRule
+from edgemap.runtime.motion.odometry.corner_odometry import PlanarRule
 from edgemap.runtime.motion.odometry.corners import CornerTracker, Picture
 from edgemap.runtime.motion.odometry.learned import LearnedOdometry, outside_envelope
-from edgemap.runtime.motion.odometry.planar import PlanarOdometry, PlanarRule
+from edgemap.runtime.motion.odometry.planar import PlanarOdometry
 from edgemap.runtime.motion.odometry.protocol import NO_PRIOR, FramePrior, Motion
 from edgemap.runtime.motion.odometry.recorded import WHEEL, RecordedOdometry
 from edgemap.runtime.motion.odometry.window import WindowOdometry
@@ -156,7 +157,9 @@ def test_planar_counts_lengths_in_the_unit_of_its_platform(monkeypatch):
     8 m. On wheels from the first motion on: the path without nodding that shows it is counted in metres of the road, so
     the larger one shows it eight times as soon."""
     made = CornerTracker.__init__  # a car's corners are not refined by detail
-    monkeypatch.setattr(CornerTracker, "__init__", lambda self, camera, rule, detail: made(self, camera, rule, False))
+    monkeypatch.setattr(
+        CornerTracker, "__init__", lambda self, camera, rule, _, returning: made(self, camera, rule, False)
+    )
     height_m, forward_m = 8.0 * CAMERA.mount.height_m, 8.0 * CAMERA.mount.forward_m
     high = FloorCamera(
         CAMERA.intrinsics, replace(CAMERA.mount, height_m=height_m, forward_m=forward_m, platform=Platform.CAR)

@@ -13,12 +13,13 @@ from edgemap.runtime.inputs.drives.sensor_csv import read_wheel_csv
 from edgemap.runtime.inputs.recordings.foreign import is_recording, read_wheel
 from edgemap.runtime.motion.health import HealthRule
 from edgemap.runtime.motion.odometry.coasting import CoastingRule
+from edgemap.runtime.motion.odometry.corner_odometry import PlanarRule
 from edgemap.runtime.motion.odometry.depth import DepthOdometry
 from edgemap.runtime.motion.odometry.depth_keyframes import DepthRule
 from edgemap.runtime.motion.odometry.gyro import GyroOdometry
 from edgemap.runtime.motion.odometry.hybrid import CAMERA, GYRO, WHEELS, HybridOdometry, HybridRule, Member
 from edgemap.runtime.motion.odometry.learned import FlowRule, LearnedOdometry
-from edgemap.runtime.motion.odometry.planar import PlanarOdometry, PlanarRule
+from edgemap.runtime.motion.odometry.planar import PlanarOdometry
 from edgemap.runtime.motion.odometry.protocol import Motion, Odometry
 from edgemap.runtime.motion.odometry.recorded import WHEEL, DriftRate, RecordedOdometry
 from edgemap.runtime.motion.odometry.tracked import TrackedOdometry

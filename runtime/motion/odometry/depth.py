@@ -12,8 +12,9 @@ from edgemap.geometry.camera.level import up_optical
 from edgemap.geometry.odometry.resection import LensPose, Resected, planar_step
 from edgemap.geometry.se2 import SE2
 from edgemap.runtime.frames.frame import Frame
+from edgemap.runtime.motion.odometry.corner_odometry import MINIMUM_COVARIANCE
 from edgemap.runtime.motion.odometry.depth_keyframes import DepthKeyframes, DepthRule
-from edgemap.runtime.motion.odometry.planar import MINIMUM_COVARIANCE, PlanarOdometry
+from edgemap.runtime.motion.odometry.planar import PlanarOdometry
 from edgemap.runtime.motion.odometry.protocol import NO_PRIOR, FramePrior, Motion, MotionState, no_motion
 from edgemap.runtime.motion.odometry.tracked import TrackedOdometry
 from edgemap.runtime.motion.odometry.window import WindowOdometry

@@ -1,20 +1,17 @@
 """Odometry without a neural network: it tracks corners from frame to frame and keeps them as landmarks."""
 
 import math
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from edgemap.geometry.camera.attitude import Attitude, GyroRotation, TrackedDirection, TrackedRotation
-from edgemap.geometry.camera.carried import Carried, CarriedRule
 from edgemap.geometry.camera.floor import FloorCamera
 from edgemap.geometry.camera.level import up_optical
-from edgemap.geometry.camera.mount import Mount
 from edgemap.geometry.odometry.landmarks import (
     BELOW_COUNT,
     KNOWN_DEPTH,
-    TURN_M,
     Landmarks,
     Located,
     Noise,
@@ -36,52 +33,16 @@ from edgemap.geometry.odometry.rolling import Rolling
 from edgemap.geometry.odometry.two_view import travelled
 from edgemap.geometry.se2 import SE2
 from edgemap.runtime.frames.frame import Frame
-from edgemap.runtime.motion.odometry.coasting import LONGEST_DT_S, Coasting, CoastingRule
-from edgemap.runtime.motion.odometry.corners import FEW, CornersRule, CornerTracker, Pixels
-from edgemap.runtime.motion.odometry.protocol import NO_PRIOR, FramePrior, Motion, first_motion, no_motion
-from edgemap.runtime.network.network import Tensors
+from edgemap.runtime.motion.odometry.coasting import LONGEST_DT_S, CoastingRule
+from edgemap.runtime.motion.odometry.corner_odometry import MINIMUM_COVARIANCE, CornerOdometry, PlanarRule
+from edgemap.runtime.motion.odometry.corners import FEW, Pixels
+from edgemap.runtime.motion.odometry.protocol import FramePrior, Motion, first_motion
 
 Array = NDArray[np.float64]
 
-SHORTEST_S = 1e-3  # minimum time between two pictures
-MINIMUM_COVARIANCE = np.diag([1e-4, 1e-4, 1e-4]) ** 2
 
-
-@dataclass(frozen=True, slots=True)
-class PlanarRule(CornersRule):
-    """How planar odometry tracks (`CornersRule`) and weights corners. Lengths are in `Platform.unit_m`, one metre for
-    home robots.
-
-    reach_heights: range, in camera heights, beyond which no corner counts as floor. max_age: lifetime of a landmark,
-    frames. track_sigma_px, drift_sigma_px: standard deviation of one tracked corner at the working width, and of its
-    drift in one frame. levelling: share of a tilt that is attributed to the landmarks instead of the camera.
-    trusted_share: share of the landmarks on the floor that must agree. least_weight: minimum total weight of the tracks
-    that agree. scale_drift_per_s: relative drift of the scale that the landmarks keep while no floor is in view.
-    carried: rule for a carried camera, and for one on wheels. lateral_share: as in `Rolling`, for robots on wheels. A
-    robot that slides in most of the steps with much floor in view counts as able to drive sideways. travelled_rad:
-    median motion of the corners, without the rotation, at which the direction of motion is measured. A tilt correction
-    from an IMU rotates the landmarks and does not count as motion.
-    """
-
-    max_age: int = 30
-    track_sigma_px: float = 0.3
-    drift_sigma_px: float = 0.1
-    levelling: float = 0.25
-    trusted_share: float = 0.4
-    least_weight: float = 8.0
-    scale_drift_per_s: float = 0.1
-    carried: CarriedRule = field(default_factory=CarriedRule)
-    lateral_share: float = 0.01
-    travelled_rad: float = 0.035
-
-
-class PlanarOdometry:
-    """KLT corners (Lucas and Kanade 1981, Shi and Tomasi 1994) as landmarks, and the pose relative to them (`locate`).
-
-    If a step measures no motion, `Coasting` predicts it.
-    """
-
-    name, needs_features = "planar", False
+class PlanarOdometry(CornerOdometry):
+    """Corners as landmarks, and the pose relative to them (`locate`)."""
 
     def __init__(
         self,
@@ -89,45 +50,22 @@ class PlanarOdometry:
         rule: PlanarRule | None = None,
         coasting: CoastingRule | None = None,
     ) -> None:
-        self._rule = rule = rule or PlanarRule()
-        self._unit_m = unit_m = camera.mount.platform.unit_m
         self._in_room = camera.mount.platform.in_room
-        self._tracker = CornerTracker(camera, rule, detail=self._in_room)
-        self._level = self._camera = FloorCamera(self._tracker.intrinsics, in_units(camera.mount, unit_m))
+        super().__init__(camera, rule, coasting, detail=self._in_room)
+        rule = self._rule
         focal = self._level.intrinsics.fx
         noise = Noise(rule.track_sigma_px / focal, rule.drift_sigma_px / focal)
         self._level_noise = self._noise = noise
         self._reach_m = rule.reach_heights * self._level.mount.height_m
         self._sees_floor = False  # the bundle has a floor head
         self._attitude: Attitude | None = None
-        self._mount = camera.mount  # the mount that attitudes refer to
-        self.judged = Carried(rule.carried)
-        self._rolling = Rolling(rule.lateral_share, 0.0, axle_sigma_m(self._level.mount))
         self._spacing_px = self._tracker.spacing_px
-        self._slides = 0.0  # share of recent steps in which the floor contradicts rolling
-        coasting = coasting or CoastingRule()
-        self._coasting, self._unseen_m_s = Coasting(coasting), coasting.speed_sigma_m_s
+        self._unseen_m_s = self._coasting_rule.speed_sigma_m_s
         self.reset("start")
-
-    def step(self, frame: Frame, features: Tensors, prior: FramePrior = NO_PRIOR) -> Motion:  # noqa: ARG002
-        """Tracks the corners of the previous frame into this frame and estimates the motion between both."""
-        return self._metric(self._followed(frame, prior))
-
-    def _metric(self, motion: Motion) -> Motion:
-        """Converts a motion from the camera's unit of length to metres."""
-        units = np.array([self._unit_m, self._unit_m, 1.0])
-        covariance = motion.covariance * np.outer(units, units)
-        return replace(motion, motion=self._metres(motion.motion), covariance=covariance)
-
-    def _metres(self, motion: SE2) -> SE2:
-        return SE2(self._unit_m * motion.x_m, self._unit_m * motion.y_m, motion.yaw_rad)
 
     def _followed(self, frame: Frame, prior: FramePrior) -> Motion:
         """The motion in the camera's unit of length."""
-        if self._tracker.started and frame.stamp_s - self._seen_s > LONGEST_DT_S:
-            self._start_again()
-        dt_s = frame.stamp_s - self._seen_s
-        self._tracker.take(frame, prior.movers)
+        dt_s = self._take(frame, prior)
         self._attend(prior.attitude)
         self._sees_floor = prior.floor is not None
         self._tracker.mark_floor(self._camera, prior.floor)
@@ -174,40 +112,18 @@ class PlanarOdometry:
         self._seek()
         return Motion(motion, covariance, rotation=replace(seen, travelled=direction))
 
-    def step_blind(self, stamp_s: float, reason: str, attitude: Attitude | None = None) -> Motion:  # noqa: ARG002
-        """Predicts the motion without a picture. The landmarks are kept; the next picture measures the motion since the
-        previous picture.
-        """
-        guess, self._skipped = self._coasting.guess(stamp_s, reason), True
-        self._since, self._since_covariance = self._since @ guess.motion, self._since_covariance + guess.covariance
-        self._motion = guess.motion
-        return self._metric(guess)
-
-    def still(self, stamp_s: float, attitude: Attitude | None) -> bool | None:  # noqa: ARG002
-        """None: this odometry cannot detect a standstill without pictures."""
-        return None
-
     def rest(self, stamp_s: float) -> Motion:
-        """Moves the stamp of the last picture and of its corners to this stamp, while the robot stands still."""
+        """As of all; no time passes without floor in view either."""
         if self._tracker.started:
-            self._floor_s, self._seen_s = self._floor_s + stamp_s - self._seen_s, stamp_s
-        self._motion = SE2()
-        self._coasting.saw(SE2(), stamp_s)
-        return no_motion()
-
-    def reset(self, reason: str) -> None:  # noqa: ARG002
-        """Start again at the next frame."""
-        self._first, self._seen_s = True, -math.inf
-        self._coasting.reset()
-        self._start_again()
+            self._floor_s += stamp_s - self._seen_s
+        return super().rest(stamp_s)
 
     def _start_again(self) -> None:
-        self._tracker.restart()
+        super()._start_again()
         self._view, self._covariance = Viewpoint(), np.zeros((3, 3))
-        self._since, self._since_covariance = SE2(), np.zeros((3, 3))
         self._landmarks = Landmarks.none()
         self._keyframe = self._view, self._camera, np.zeros((0, 3))  # rays then; NaN for later corners
-        self._motion, self._tilt, self._skipped = SE2(), self._view.tilt, False
+        self._tilt = self._view.tilt
         self._rotation_known = self._predicted = False
         self._levelled_rad = math.inf  # sigma of the IMU tilt that the landmarks already include
         self._floor_s = self._seen_s
@@ -334,26 +250,6 @@ class PlanarOdometry:
         roll_rad = now.roll_rad + found.tilt.roll_rad - before.roll_rad - self._view.tilt.roll_rad
         self.sways((pitch_rad**2 + roll_rad**2) / 2.0, self._metres(motion), dt_s, self._rotation_known)
 
-    def sways(self, nod2: float, motion: SE2, span_s: float, gyro: bool, attitude: Attitude | None = None) -> Carried:
-        """Updates and returns the estimate of whether the camera is carried. Call it once for each picture.
-
-        nod2: mean square of the changes of roll and pitch since the previous picture, rad^2. motion: since the
-        previous picture, metres. span_s: time since the previous picture. gyro: whether a gyro measured the rotation.
-        """
-        self._scatters(attitude)
-        path_m = math.hypot(motion.x_m, motion.y_m) + TURN_M * abs(motion.yaw_rad)
-        self.judged = self.judged.updated(nod2, max(span_s, SHORTEST_S), path_m, gyro=gyro)
-        return self.judged
-
-    def _in_units(self, attitude: Attitude) -> Attitude:
-        """An attitude whose height is in the camera's unit of length."""
-        return attitude if attitude.height_m is None else replace(attitude, height_m=attitude.height_m / self._unit_m)
-
-    def _scatters(self, attitude: Attitude | None) -> None:
-        """Takes over the estimate from the edges of the room."""
-        if attitude is not None and attitude.carried != self.judged.scattered:
-            self.judged = replace(self.judged, scattered=attitude.carried)
-
     def _guess(self, frame: Frame) -> Motion:
         """Handles a tracking failure: starts with new corners at the predicted view."""
         guess = self._coasting.guess(
@@ -401,18 +297,6 @@ class PlanarOdometry:
         kept, lost_s = self._landmarks, self._seen_s - self._floor_s
         known = int((kept.floor | (kept.variance < (KNOWN_DEPTH * kept.inverse_m) ** 2)).sum())
         return known < self._rule.corners // FEW or (self.judged.on_wheels and lost_s > LONGEST_DT_S)
-
-
-def in_units(mount: Mount, unit_m: float) -> Mount:
-    """A mount with its lengths in units of `unit_m`."""
-    return replace(
-        mount, height_m=mount.height_m / unit_m, forward_m=mount.forward_m / unit_m, left_m=mount.left_m / unit_m
-    )
-
-
-def axle_sigma_m(mount: Mount) -> float:
-    """Standard deviation of the axle's place: a lever arm that was not measured may be as long as the lens is high."""
-    return 0.0 if mount.forward_m != 0.0 or mount.left_m != 0.0 else mount.height_m
 
 
 def unit_depth(bearings: Array) -> Array:

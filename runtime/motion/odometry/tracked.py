@@ -9,8 +9,6 @@ from edgemap.runtime.motion.odometry.protocol import NO_PRIOR, FramePrior, Motio
 from edgemap.runtime.motion.odometry.window import WindowOdometry
 from edgemap.runtime.network.network import Tensors
 
-CARRIED_SHARE = 0.5  # of `Carried.share`, beyond which a camera counts as carried
-
 
 class TrackedOdometry:
     """Planar odometry until the camera counts as carried, then the window until it proves to be on wheels.
@@ -33,7 +31,7 @@ class TrackedOdometry:
         """The motion since the last frame, by the one that is in use. The other one may start with this frame."""
         motion = self._now.step(frame, features, prior)
         judged = self._now.judged
-        carried = judged.share > CARRIED_SHARE or (self.carried and not judged.on_wheels)
+        carried = judged.carried or (self.carried and not judged.on_wheels)
         if carried != self.carried:
             self._now = self._window if carried else self._planar
             self._now.judged = judged

@@ -7,27 +7,17 @@ import numpy as np
 
 from edgemap.geometry.arrays import Array
 from edgemap.geometry.camera.attitude import Attitude, GyroRotation, TrackedRotation
-from edgemap.geometry.camera.carried import Carried
 from edgemap.geometry.camera.floor import FloorCamera
 from edgemap.geometry.camera.level import up_optical
 from edgemap.geometry.odometry.keyframe_window import Hold, KeyframeWindow, WindowRule
-from edgemap.geometry.odometry.landmarks import TURN_M
 from edgemap.geometry.odometry.resection import LensPose
-from edgemap.geometry.odometry.rolling import Rolling
 from edgemap.geometry.odometry.window_factors import NO_STEP, BaseStep, PoseFactors
 from edgemap.geometry.se2 import SE2
 from edgemap.runtime.frames.frame import Frame
-from edgemap.runtime.motion.odometry.coasting import LONGEST_DT_S, Coasting, CoastingRule
-from edgemap.runtime.motion.odometry.corners import CornerTracker, Pixels
-from edgemap.runtime.motion.odometry.planar import (
-    MINIMUM_COVARIANCE,
-    SHORTEST_S,
-    PlanarRule,
-    axle_sigma_m,
-    in_units,
-)
-from edgemap.runtime.motion.odometry.protocol import NO_PRIOR, FramePrior, Motion, first_motion, no_motion
-from edgemap.runtime.network.network import Tensors
+from edgemap.runtime.motion.odometry.coasting import CoastingRule
+from edgemap.runtime.motion.odometry.corner_odometry import MINIMUM_COVARIANCE, CornerOdometry, PlanarRule
+from edgemap.runtime.motion.odometry.corners import Pixels
+from edgemap.runtime.motion.odometry.protocol import FramePrior, Motion, first_motion
 
 CARRIED_RAD = math.radians(10.0)  # standard deviation of a carried camera's tilt about the mount's
 LEVEL_RAD = math.radians(0.2)  # of a robot's about its mount, where no attitude is given
@@ -36,15 +26,13 @@ SLID = 3.0  # standard deviations of lateral motion, from which on a robot slide
 SLIDES_SHARE = 1.0 / 30.0  # weight of the newest picture in the share of those in which it slides
 
 
-class WindowOdometry:
+class WindowOdometry(CornerOdometry):
     """Corners (`CornerTracker`) and the lens's poses in a `KeyframeWindow`; the base's motion is planar.
 
     Pitch, roll and height of each keyframe are estimated together with the motion, so an error of the given attitude
     hardly changes the length of a step. A camera that proves to be on wheels is held to its mount's angles and height,
-    and its base rolls. If a step measures no motion, `Coasting` predicts it.
+    and its base rolls.
     """
-
-    name, needs_features = "planar", False
 
     def __init__(
         self,
@@ -53,30 +41,14 @@ class WindowOdometry:
         coasting: CoastingRule | None = None,
         window: WindowRule | None = None,
     ) -> None:
-        self._rule = rule = rule or PlanarRule()
         self._window_rule = window or WindowRule()
-        self._unit_m = camera.mount.platform.unit_m
         # Not refined by detail: what is carried turns fast, and large turns need large structures.
-        self._tracker = CornerTracker(camera, rule, detail=False, returning=True)
-        self._level = self._camera = FloorCamera(self._tracker.intrinsics, in_units(camera.mount, self._unit_m))
-        self._mount = camera.mount  # the mount that attitudes refer to
-        self.judged = Carried(rule.carried)
-        self._rolling = Rolling(rule.lateral_share, 0.0, axle_sigma_m(self._level.mount))
-        self._slides = 0.0  # share of recent pictures in which the tracks contradict rolling
-        self._coasting_rule = coasting or CoastingRule()
-        self._coasting = Coasting(self._coasting_rule)
+        super().__init__(camera, rule, coasting, detail=False, returning=True)
         self.reset("start")
-
-    def step(self, frame: Frame, features: Tensors, prior: FramePrior = NO_PRIOR) -> Motion:  # noqa: ARG002
-        """Tracks the corners of the previous frame into this frame and estimates the motion between both."""
-        return self._metric(self._followed(frame, prior))
 
     def _followed(self, frame: Frame, prior: FramePrior) -> Motion:
         """The motion in the camera's unit of length."""
-        if self._tracker.started and frame.stamp_s - self._seen_s > LONGEST_DT_S:
-            self._start_again()
-        dt_s = frame.stamp_s - self._seen_s
-        self._tracker.take(frame, prior.movers)
+        dt_s = self._take(frame, prior)
         gyro = self._attend(prior.attitude)
         self._tracker.mark_floor(self._camera, prior.floor)
         first, self._first, self._seen_s = self._first, False, frame.stamp_s
@@ -156,7 +128,7 @@ class WindowOdometry:
 
     def _is_carried(self) -> bool:
         """Whether the camera counts as carried, which it does until it proves to be on wheels."""
-        return self.judged.share > 0.5 or not self.judged.on_wheels
+        return self.judged.carried or not self.judged.on_wheels
 
     def _hold(self) -> Hold:
         return self._window_rule.carried if self._is_carried() else self._window_rule.on_wheels
@@ -215,65 +187,8 @@ class WindowOdometry:
             slid = abs(self._rolling.lateral(moved).residual_m) > SLID * across_m
             self._slides += SLIDES_SHARE * (slid - self._slides)
 
-    def sways(self, nod2: float, motion: SE2, span_s: float, gyro: bool, attitude: Attitude | None = None) -> Carried:
-        """Updates and returns the estimate of whether the camera is carried. Call it once for each picture.
-
-        nod2: mean square of the changes of roll and pitch since the previous picture, rad^2. motion: since the
-        previous picture, metres. span_s: time since the previous picture. gyro: whether a gyro measured the rotation.
-        """
-        self._scatters(attitude)
-        path_m = math.hypot(motion.x_m, motion.y_m) + TURN_M * abs(motion.yaw_rad)
-        self.judged = self.judged.updated(nod2, max(span_s, SHORTEST_S), path_m, gyro=gyro)
-        return self.judged
-
-    def _scatters(self, attitude: Attitude | None) -> None:
-        """Takes over the estimate from the edges of the room."""
-        if attitude is not None and attitude.carried != self.judged.scattered:
-            self.judged = replace(self.judged, scattered=attitude.carried)
-
-    def _metric(self, motion: Motion) -> Motion:
-        """Converts a motion from the camera's unit of length to metres."""
-        units = np.array([self._unit_m, self._unit_m, 1.0])
-        covariance = motion.covariance * np.outer(units, units)
-        return replace(motion, motion=self._metres(motion.motion), covariance=covariance)
-
-    def _metres(self, motion: SE2) -> SE2:
-        return SE2(self._unit_m * motion.x_m, self._unit_m * motion.y_m, motion.yaw_rad)
-
-    def _in_units(self, attitude: Attitude) -> Attitude:
-        """An attitude whose height is in the camera's unit of length."""
-        return attitude if attitude.height_m is None else replace(attitude, height_m=attitude.height_m / self._unit_m)
-
-    def step_blind(self, stamp_s: float, reason: str, attitude: Attitude | None = None) -> Motion:  # noqa: ARG002
-        """Predicts the motion without a picture. The window is kept; the next picture measures the motion since the
-        previous picture.
-        """
-        guess, self._skipped = self._coasting.guess(stamp_s, reason), True
-        self._since, self._since_covariance = self._since @ guess.motion, self._since_covariance + guess.covariance
-        self._motion = guess.motion
-        return self._metric(guess)
-
-    def still(self, stamp_s: float, attitude: Attitude | None) -> bool | None:  # noqa: ARG002
-        """None: this odometry cannot detect a standstill without pictures."""
-        return None
-
-    def rest(self, stamp_s: float) -> Motion:
-        """Moves the stamp of the last picture and of its corners to this stamp, while the robot stands still."""
-        if self._tracker.started:
-            self._seen_s = stamp_s
-        self._motion = SE2()
-        self._coasting.saw(SE2(), stamp_s)
-        return no_motion()
-
-    def reset(self, reason: str) -> None:  # noqa: ARG002
-        """Start again at the next frame."""
-        self._first, self._seen_s = True, -math.inf
-        self._coasting.reset()
-        self._start_again()
-
     def _start_again(self) -> None:
-        self._tracker.restart()
+        super()._start_again()
         self._was_carried = self._is_carried()
-        self._motion, self._skipped = SE2(), False
         self._graph = KeyframeWindow(self._window_rule, self._level.intrinsics.fx, self._level.mount, self._hold())
-        self._base, self._since, self._since_covariance = SE2(), SE2(), np.zeros((3, 3))
+        self._base = SE2()
