@@ -122,7 +122,7 @@ class Landmark:
         self.sums.width_m *= factor
         self.sums.height_m *= factor
 
-    def rebase(self, onto: Mapping[int, tuple[int, SE2 | None]]) -> bool:
+    def move_to(self, onto: Mapping[int, tuple[int, SE2 | None]]) -> bool:
         """Keyframes change: each observation moves to another one's frame. onto: by old row, the new row and the old
         keyframe's pose in that one's frame, None where it stays. Returns whether any observation moved."""
         moves = [onto[keyframe] for keyframe in self.keyframes]
@@ -131,7 +131,7 @@ class Landmark:
             return False
         moved: dict[int, Array] = {}
         for (new, pose), row in zip(moves, self.rows, strict=True):
-            row = row if pose is None else _rebased(row, pose)
+            row = row if pose is None else _in_frame(row, pose)
             moved[new] = _both(moved[new], row) if new in moved else row
         self.keyframes = sorted(moved)
         self.rows = np.array([moved[keyframe] for keyframe in self.keyframes])
@@ -320,7 +320,7 @@ def _both(first: Array, second: Array) -> Array:
     return row
 
 
-def _rebased(row: NDArray[np.float64], pose: SE2) -> Array:
+def _in_frame(row: NDArray[np.float64], pose: SE2) -> Array:
     """An observation's sums in the frame in which its own has this pose."""
     rotation, moved = pose.rotation(), row.copy()
     xx, xy, yy = row[INFORMATION]

@@ -22,4 +22,4 @@ def drop_keyframes(graph: PoseGraph) -> None:
             kept = into[kept]
         onto[gone] = onto[kept][0], trajectory.poses[kept].inverse() @ trajectory.poses[gone]
     trajectory.drop(into.keys())
-    graph.place([landmark for landmark in graph.landmarks.all.values() if landmark.rebase(onto)])
+    graph.place([landmark for landmark in graph.landmarks.all.values() if landmark.move_to(onto)])

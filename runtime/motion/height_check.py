@@ -12,6 +12,7 @@ from edgemap.geometry.camera.mount import HeightEstimate, Mount
 from edgemap.geometry.observations.detections import Detections
 from edgemap.geometry.observations.lens_height import HeightBySizes, HeightMeasurement, agreed_height
 from edgemap.geometry.robust import CLEAR_SIGMAS, median_and_scatter
+from edgemap.runtime.frames.timing import StreamTimer
 from edgemap.runtime.motion.odometry.protocol import Motion
 
 EVERY_S = 1.0  # of stream, between two pictures whose boxes count, and between two estimates
@@ -55,7 +56,7 @@ class HeightCheck:
         self.estimate: HeightEstimate | None = None
         self.scale, self._measured = 1.0, False  # whether lengths are measured, not in proportion to the height
         self._reported, self._used = False, mount
-        self._judged_s = self._added_s = -math.inf
+        self._judged_s, self._sizes_timer = -math.inf, StreamTimer(EVERY_S)
         self.reset()
 
     def reset(self) -> None:
@@ -91,8 +92,7 @@ class HeightCheck:
             self.scale, self._measured = 1.0, True
         if attitude.height_m is None:
             self._compare(motion)
-            if not 0.0 <= stamp_s - self._added_s < EVERY_S:
-                self._added_s = stamp_s
+            if self._sizes_timer.due(stamp_s):
                 self._sizes.add(boxes, camera)
         elif attitude.source == "depth":
             self._depths.append(math.log(attitude.height_m / self._given_m))

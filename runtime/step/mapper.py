@@ -24,7 +24,7 @@ from edgemap.geometry.observations.sighting import PlacedSighting, Sighting
 from edgemap.geometry.paper.paper_map import PaperMap
 from edgemap.geometry.registration.alignment import Alignment
 from edgemap.geometry.se2 import SE2, compose_covariance
-from edgemap.runtime.frames.timing import Stopwatch
+from edgemap.runtime.frames.timing import Stopwatch, StreamTimer
 from edgemap.runtime.motion.odometry.protocol import FARTHEST_M, Motion, is_covariance
 from edgemap.runtime.step.config import Config
 from edgemap.runtime.step.frame_observations import FrameObservations
@@ -89,7 +89,7 @@ class Mapper:
         self.relocaliser: Relocaliser | NoRelocalisation = NoRelocalisation()
         self.grid = GridFusion(self.config.grid)
         self._shown_grid: OccupancyGrid | None = None
-        self._shown_s = -math.inf  # stamp of it
+        self._shown_timer = StreamTimer(GRID_EVERY_S)
         self._saved_grid: OccupancyGrid | None = None  # of a map in which the robot has yet to find itself
         self.edits = MapEdits()
         self._saved_zones: tuple[Zone, ...] = ()  # of a map in which the robot has yet to find itself
@@ -250,8 +250,8 @@ class Mapper:
         movers, detected = mover_boxes(observed.detections), observed.detections.boxes
         camera, floor, depth = observed.camera, observed.floor, observed.depth
         self.grid.observe(self.pose_map_base, observed.stamp_s, camera, floor, movers, depth, detected)
-        if not 0.0 <= observed.stamp_s - self._shown_s < GRID_EVERY_S:
-            self._shown_grid, self._shown_s = self.grid.grid(), observed.stamp_s
+        if self._shown_timer.due(observed.stamp_s):
+            self._shown_grid = self.grid.grid()
 
     def _set_pose(self, edit: Edit) -> str:
         """The robot is where a person says, in a map that stays as it is; a search for it is over. Raises EditError."""

@@ -4,7 +4,7 @@ from edgemap.geometry.slam import loop_hypotheses
 from edgemap.geometry.slam.loop_hypotheses import LoopHypothesisRule, Pairing
 
 RULE = LoopHypothesisRule()
-OWN = 0.02**2 + 0.1**2 / 2.0  # m^2, of each thing's place by itself, seen from one side
+OWN = 0.02**2 + 0.1**2 / 2.0  # m^2, of each object's position by itself, seen from one side
 
 
 def certain_pairings(*arguments, **options):

@@ -208,8 +208,8 @@ def test_a_correction_of_the_mount_keeps_the_sizes_of_a_guess():
     pitch. A given height is judged by boxes after the correction alone."""
     mount, boxes = Mount(0.72, 0.1 + math.radians(3.0)), chairs(Mount(0.6, 0.1))
     right = replace(mount, pitch_rad=0.1)
-    told = MountEstimate(right, np.full(2, 0.005), right, mount)
-    corrected = replace(Attitude.of_mount(right), mount=told)
+    estimate = MountEstimate(right, np.full(2, 0.005), right, mount)
+    corrected = replace(Attitude.of_mount(right), mount=estimate)
     for guessed in (0.3, 0.0):
         check = HeightCheck(mount, guessed=guessed)
         for index in range(200):
