@@ -17,6 +17,7 @@ from edgemap.benchmarks.bench import OpenDrive, drive_chunks
 from edgemap.runtime.frames.errors import MissingExtraError
 from edgemap.runtime.frames.extras import install_hint
 from edgemap.runtime.frames.reading import library_path
+from edgemap.runtime.network.engines import openvino_core
 from edgemap.runtime.network.manifest import DetectorSpec
 
 Infer = Callable[[NDArray[np.float32]], Sequence[NDArray[np.float32]]]
@@ -29,10 +30,9 @@ def openvino_network(path: Path, detector: DetectorSpec, threads: int) -> tuple[
     Raises MissingExtraError without the extra `openvino`.
     """
     try:
-        import openvino as ov
+        core = openvino_core()
     except ImportError:
         raise MissingExtraError(f"--against openvino needs OpenVINO: {install_hint('openvino')}") from None
-    core = ov.Core()
     model = core.read_model(library_path(path))
     names = [output.get_any_name() for output in model.outputs]
     heads = [names.index(head.name) for head in detector.heads]

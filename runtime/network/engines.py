@@ -1,5 +1,6 @@
 """Engines: what runs a bundle's networks; every one gives a `Network`."""
 
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -61,13 +62,24 @@ def open_onnxruntime(source: Path | bytes, compute: Compute, rows: int | None = 
     return Network(inputs, outputs, run, session.get_modelmeta().custom_metadata_map)
 
 
+@cache
+def openvino_core() -> Any:
+    """The one `openvino.Core` of this process; it is never released.
+
+    Every core gives its thread a signal stack of its own, and puts back the one that it found as it is released. With
+    two, the one released last puts back the stack of the first, which is unmapped by then: the next signal (Ctrl-C)
+    ends the process (SIGSEGV).
+    """
+    import openvino as ov
+
+    return ov.Core()
+
+
 def open_openvino(path: Path, compute: Compute, rows: int | None = None) -> Network:
     """Compile an ONNX file for latency. rows: of the input, where the file leaves them open. Raises what OpenVINO
     raises."""
     need("openvino", "--engine openvino")
-    import openvino as ov
-
-    core = ov.Core()
+    core = openvino_core()
     model = core.read_model(library_path(path))
     if model.is_dynamic():
         (port,) = model.inputs

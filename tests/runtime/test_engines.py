@@ -2,6 +2,8 @@
 
 import importlib.util
 import json
+import subprocess
+import sys
 from dataclasses import replace
 
 import numpy as np
@@ -33,6 +35,30 @@ def test_openvino_gives_onnxruntimes_outputs_and_keeps_them():
     theirs.backbone.run({"image": picture * 0})
     for name, value in expected.items():
         np.testing.assert_allclose(found[name], value, atol=2e-4 * np.abs(value).max())
+
+
+INTERRUPTED = """
+import gc, os, signal
+from pathlib import Path
+from edgemap.runtime.network.bundle import load_bundle
+
+signal.signal(signal.SIGINT, lambda *told: print("handled", flush=True))
+first, second = (load_bundle(Path({folder!r}), 1, engine="openvino") for _ in range(2))
+del first
+gc.collect()
+del second
+gc.collect()
+os.kill(os.getpid(), signal.SIGINT)
+"""
+
+
+@pytest.mark.parametrize("options", [[], ["-X", "faulthandler"]], ids=["plain", "faulthandler"])
+def test_ctrl_c_after_a_released_openvino_network_is_handled(options):
+    """Two of its cores leave a signal stack that is unmapped once both are released."""
+    pytest.importorskip("openvino")
+    command = [sys.executable, *options, "-c", INTERRUPTED.format(folder=str(NANO))]
+    ended = subprocess.run(command, capture_output=True, text=True, check=False)
+    assert (ended.returncode, ended.stdout) == (0, "handled\n"), ended.stderr
 
 
 def test_a_replay_takes_the_recorded_engine_unless_another_is_asked_for(monkeypatch, capsys):
