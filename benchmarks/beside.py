@@ -89,7 +89,7 @@ def beside(there: Path, bundle: str, engine: str, blocks: int, own_bundle: str =
     own_bundle: of this build; by default the one of that name, as the other build uses its own."""
     workers = {
         "other": _worker(there, "2", bundle, "onnxruntime"),
-        "this": _worker(Path(__file__).parents[1], "1", own_bundle or bundle, engine),
+        "this": _worker(Path(__file__).resolve().parents[1], "1", own_bundle or bundle, engine),
     }
     document: dict[str, Any] = {"bundle": bundle, "engine": engine, "frames": blocks * FRAMES}
     for leg, rate in LEGS.items():
@@ -177,7 +177,7 @@ def main() -> None:
     parser.add_argument("--blocks", type=int, default=10, help=f"of {FRAMES} frames, for each build and rate")
     parser.add_argument("--without-floor-head", action="store_true", help="of this build's bundle")
     given = parser.parse_args()
-    repository = Path(__file__).parents[1]
+    repository = Path(__file__).resolve().parents[1]
     with tempfile.TemporaryDirectory() as folder:
         there, own = Path(folder) / "other", ""
         if given.without_floor_head:
