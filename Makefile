@@ -63,9 +63,10 @@ view: $(call installed,$(VIEW))
 
 # The live page's tests drive a real browser, MQTT's a real broker, those of ROS 2 a program built against Fast DDS; without
 # one they are skipped and say so.
+# A worker that crashes ends the suite: with another in its place, pytest-xdist ran its tests again and again, or hung.
 test: setup
 	@scripts/system-packages chromium mosquitto mosquitto-clients g++ libfastrtps-dev libfastcdr-dev
-	$(BIN)/python -m pytest -n 2 --dist loadfile --no-loadscope-reorder
+	$(BIN)/python -m pytest -n 2 --dist loadfile --no-loadscope-reorder --max-worker-restart=0
 
 # Two minutes on two idle cores, after an edit: lint beside the tests of the geometry, the metrics, the step and the pages.
 QUICK := tests/geometry tests/evaluation tests/runtime/test_pipeline.py tests/runtime/test_mapper.py \

@@ -276,5 +276,6 @@ def write_curves(rows: Sequence[dict[str, Any]], folder: Path, over: tuple[str, 
         if panel.from_zero:
             axes.set_ylim(0.0, panel.top)
         axes.grid(alpha=0.3)
-        axes.legend(frameon=False)
+        if axes.lines:
+            axes.legend(frameon=False)
     figure.savefig(folder / "curves.png", dpi=110)
