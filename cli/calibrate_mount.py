@@ -31,11 +31,10 @@ def command(
 ) -> None:
     """Measure how the camera sits: height, pitch and roll.
 
-    Without a pattern: from the floor in depth pictures where the source has them (a RealSense, live or recorded; a
-    drive with depth/). Else pitch and roll from the room's edges, or from gravity where no edges are, and the height
-    from wheel odometry that comes with the source, or as given. With --square: from a chessboard that lies on the
-    floor, in 3 or more places. The lens must be known. The lever arm (forward_m, left_m) stays as the camera file has
-    it: measure it with a ruler from the turn axis.
+    Without a pattern: from the floor in depth pictures where the source has them. Else pitch and roll from the room's
+    edges, or from gravity where no edges are, and the height from wheel odometry that comes with the source, or as
+    given. With --square: from a chessboard that lies on the floor, in 3 or more places. The lens must be known. The
+    lever arm (forward_m, left_m) stays as the camera file has it: measure it with a ruler from the turn axis.
     """
     calibration.check()
     if square is not None:
@@ -59,23 +58,20 @@ def _by_board(calibration: MountCalibration, square: float, board: str, thicknes
 
 
 def _by_room(calibration: MountCalibration, height: float | None) -> "tuple[Intrinsics, Fit]":
-    from itertools import islice
-
     from edgemap.geometry.camera.imu import ImuSamples
-    from edgemap.runtime.inputs.cameras.depth import depth_pictures
     from edgemap.runtime.step.calibration.board import frames_of
     from edgemap.runtime.step.calibration.gravity import gravity
     from edgemap.runtime.step.loop import stop_on_signals
 
-    count = calibration.frames or PICTURES
     with calibration.open() as source, stop_on_signals() as stop:
         lens, prior, wheel = calibration.lens(source), source.mount, source.wheel
-        up = gravity(ImuSamples.joined([frame.imu for frame in frames_of(source, count, stop.is_set)]))
-    depth = depth_pictures(calibration.camera)
-    if depth is not None:
+        frames = frames_of(source, calibration.frames or PICTURES, stop.is_set)
+        measured = [(frame.imu, frame.depth) for frame in frames]
+    up = gravity(ImuSamples.joined([samples for samples, _ in measured]))
+    if depths := [depth for _, depth in measured if depth is not None]:
         from edgemap.runtime.step.calibration.floor_depth import fit_floor_depth
 
-        fit = fit_floor_depth(islice(depth[1], count), depth[0], up)
+        fit = fit_floor_depth(depths, lens, up)
         print(
             f"{fit.pictures} of {fit.examined} depth pictures show a floor, {100 * fit.share:.0f} % of the points lie "
             f"on it, {1000 * fit.rms_m:.1f} mm off (root mean square)"

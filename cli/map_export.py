@@ -140,8 +140,5 @@ def _target(source: Path, kind: str, out: Path | None) -> Path:
         path = path.with_suffix(".yml" if path.suffix == ".yml" else ".yaml")
     if path.resolve() == (folder / "map.json").resolve() or path.resolve() == source.resolve():
         raise OptionError(f"--out {path} is the map itself")
-    try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise OptionError(f"{path.parent}: cannot be made ({error.strerror})") from None
+    path.parent.mkdir(parents=True, exist_ok=True)
     return path

@@ -49,10 +49,7 @@ def command(
         annotations = annotations.with_zones(more.zones, alignment)
         grid = merged_grid(grid, load_grid(other), alignment.pose_a_b)
         print(f"{other}: {len(objects)} objects, {alignment_text(alignment)}")
-    try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise OptionError(f"{path.parent}: cannot be made ({error.strerror})") from None
+    path.parent.mkdir(parents=True, exist_ok=True)
     save_map(path, merged, annotations, grid)
     print(f"map of {len(merged)} objects saved in {path}")
 

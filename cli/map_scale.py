@@ -47,10 +47,7 @@ def command(
     trajectory, grid = trajectory_of(path), load_grid(path)
     if (out / "run.json").exists() or (out / "map.json").exists() or out.suffix == ".json":
         raise OptionError(f"{out}: --out takes a folder of its own")
-    try:
-        out.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise OptionError(f"{out}: cannot be made ({error.strerror})") from None
+    out.mkdir(parents=True, exist_ok=True)
     if trajectory is not None:
         poses = zip(trajectory.stamps_s, trajectory.poses, strict=True)
         lines = (tum_line(stamp_s, pose.scaled(factor)) for stamp_s, pose in poses)

@@ -95,7 +95,8 @@ class Device(Protocol):
 
 
 class Driver(Protocol):
-    """Opens one camera, repeatedly. name: the SPEC."""
+    """Opens one camera, repeatedly. name: the SPEC. A class that inherits it has neither a reset nor a watch, for
+    cameras whose reads fail when they are gone."""
 
     name: str
 
@@ -105,7 +106,7 @@ class Driver(Protocol):
 
     def reset(self) -> bool:
         """Reset the hardware of a closed camera; False where it cannot be reset."""
-        ...
+        return False
 
     def watch(self, changed: Callable[[bool], None]) -> None:
         """Have `changed(present)` called, from any thread, when the device is plugged in (True) or removed (False)."""

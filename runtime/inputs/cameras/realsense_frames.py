@@ -61,31 +61,24 @@ class DepthBeside:
 
 def depth_beside(rs: ModuleType, path: Path) -> DepthBeside | None:
     """The depth of a recording; None where it has none."""
-    config = rs.config()
+    pipeline, config = rs.pipeline(), rs.config()
     config.enable_device_from_file(library_path(path), repeat_playback=False)
-    playing = start_aligned(rs, config)
-    return None if playing is None else DepthBeside(aligned_pictures(rs, *playing))
-
-
-def start_aligned(rs: ModuleType, config: Any) -> tuple[Any, Any] | None:
-    """A pipeline of colour and depth, and its playback (False of a device); None where there is no depth stream."""
     for stream in (rs.stream.color, rs.stream.depth):
         config.enable_stream(stream)
-    pipeline = rs.pipeline()
     try:
         playback = as_fast_as_read(rs, pipeline, config)
         started(rs, pipeline, config)
     except RuntimeError:  # no depth stream; the camera itself says what else is wrong
         return None
-    return pipeline, playback
+    return DepthBeside(_aligned_pictures(rs, pipeline, playback))
 
 
-def aligned_pictures(rs: ModuleType, pipeline: Any, playback: Any) -> Iterator[tuple[float, Depth]]:
-    """Stamps and depth pictures of a running pipeline until it ends or is silent; then it is stopped."""
+def _aligned_pictures(rs: ModuleType, pipeline: Any, playback: Any) -> Iterator[tuple[float, Depth]]:
+    """Stamps and depth pictures of a playback until it ends or is silent; then it is stopped."""
     align, last, silent = Aligned(rs), -1, 0
     try:
         while silent < SILENT_POLLS:
-            stopped = bool(playback) and playback.current_status() == rs.playback_status.stopped
+            stopped = playback.current_status() == rs.playback_status.stopped
             there, frames = pipeline.try_wait_for_frames(POLL_MS)
             if stopped and not there:
                 return
@@ -103,10 +96,9 @@ def aligned_pictures(rs: ModuleType, pipeline: Any, playback: Any) -> Iterator[t
 
 def as_fast_as_read(rs: ModuleType, pipeline: Any, config: Any) -> Any:
     """The playback of a recording, out of real time; call it before the start: in real time, playback drops the
-    pictures that come before the pipeline waits for them. False where the configuration names a device."""
+    pictures that come before the pipeline waits for them."""
     playback = config.resolve(rs.pipeline_wrapper(pipeline)).get_device().as_playback()
-    if playback:
-        playback.set_real_time(False)
+    playback.set_real_time(False)
     return playback
 
 

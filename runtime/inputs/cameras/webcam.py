@@ -14,7 +14,7 @@ from edgemap.geometry.camera.intrinsics import Intrinsics
 from edgemap.runtime.frames.errors import CameraError
 from edgemap.runtime.frames.quiet import quietly
 from edgemap.runtime.frames.reading import library_path
-from edgemap.runtime.inputs.cameras.protocol import Picture
+from edgemap.runtime.inputs.cameras.protocol import Driver, Picture
 
 OPEN_LIMIT_MS, READ_LIMIT_MS = 5000, 2000  # FFmpeg's own would be 30 s each
 
@@ -47,7 +47,7 @@ class CaptureDevice:
         self._capture.release()
 
 
-class WebcamDriver:
+class WebcamDriver(Driver):
     """`/dev/videoN`, at the intrinsics' size where they are given, else at the driver's default."""
 
     def __init__(self, device: Path, name: str, intrinsics: Intrinsics | None = None) -> None:
@@ -72,13 +72,6 @@ class WebcamDriver:
         capture.set(cv2.CAP_PROP_BUFFERSIZE, 1)
         return CaptureDevice(capture, str(device))
 
-    def reset(self) -> bool:
-        """V4L2 has no reset."""
-        return False
-
-    def watch(self, changed: Callable[[bool], None]) -> None:
-        """Nothing to watch: reads fail when the camera is unplugged."""
-
 
 class StreamDevice(CaptureDevice):
     """A stream connection; a stall is reported in edgemap's own message instead of FFmpeg's."""
@@ -89,7 +82,7 @@ class StreamDevice(CaptureDevice):
             return super().grab()
 
 
-class StreamDriver:
+class StreamDriver(Driver):
     """Opens the address. Its password, where it has one, stays out of every message."""
 
     def __init__(self, url: str) -> None:
@@ -109,10 +102,3 @@ class StreamDriver:
             capture.release()
             raise CameraError(f"{self.name}: no stream that FFmpeg reads (is the address right, and the camera on?)")
         return StreamDevice(capture, self.name)
-
-    def reset(self) -> bool:
-        """Nothing to reset."""
-        return False
-
-    def watch(self, changed: Callable[[bool], None]) -> None:
-        """Nothing to watch: reads fail when the stream ends."""

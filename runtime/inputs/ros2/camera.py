@@ -20,7 +20,7 @@ from edgemap.runtime.frames.trajectory import PoseTrack
 from edgemap.runtime.inputs.cameras.base import CameraAround
 from edgemap.runtime.inputs.cameras.imu_buffer import ImuBuffer
 from edgemap.runtime.inputs.cameras.live import LiveCamera
-from edgemap.runtime.inputs.cameras.protocol import Camera, Picture, SensorTopics
+from edgemap.runtime.inputs.cameras.protocol import Camera, Driver, Picture, SensorTopics
 from edgemap.runtime.inputs.cameras.supervisor import RecoveryRule
 from edgemap.runtime.inputs.recordings.foreign import info_topics, lens_of, mount_of, push_message
 from edgemap.runtime.inputs.recordings.pictures import compressed_picture, raw_picture
@@ -84,7 +84,7 @@ class Ros2Device:
         return stamp_s, self._decode(message, self._name), message.header.frame_id
 
 
-class Ros2Driver:
+class Ros2Driver(Driver):
     """Opens the topic of a SPEC `ros2:/topic`."""
 
     def __init__(self, node: Node, topic: str, depth: DepthTopic | None = None) -> None:
@@ -98,13 +98,6 @@ class Ros2Driver:
         device = Ros2Device(self._node, self._topic, self.name, self._depth)
         self.frame_id = device.frame_id
         return device
-
-    def reset(self) -> bool:
-        """Nothing to reset: a topic has no hardware."""
-        return False
-
-    def watch(self, changed: Callable[[bool], None]) -> None:
-        """Nothing to watch: DDS does not report that a publisher has left."""
 
     def mount(self) -> Mount | None:
         """Mount of the pictures' frame; None where tf does not connect it to base_footprint. Raises CameraError."""

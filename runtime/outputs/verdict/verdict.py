@@ -1,10 +1,10 @@
 """The verdict on a map, with reasons: a pure function of run.json and map.json."""
 
 import math
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from statistics import median
-from typing import Any, Literal
+from typing import Any, Literal, NamedTuple
 
 from edgemap.geometry.map_object import MapObject
 from edgemap.runtime.outputs.verdict.causes import CAUSES, Cause, cause_of_fault
@@ -61,27 +61,34 @@ def verdict_of(record: Mapping[str, Any], objects: Sequence[MapObject]) -> Verdi
     quality = record.get("quality")
     if not isinstance(quality, Mapping) or not quality.get("frames"):
         return Verdict("care", (Finding("care", CAUSES["other"], "the run counted no frames"),))
-    found: list[Finding] = []
+    run, found = _Run(record, quality, objects), list[Finding]()
     for checks in CHECKS:
-        some = [finding for check in checks for finding in check(record, quality, objects)]
+        some = [finding for check in checks for finding in check(run)]
         found += sorted(some, key=lambda finding: -LEVELS.index(finding.level))
     levels = [LEVELS.index(finding.level) for finding in found]
     return Verdict(LEVELS[max(levels, default=0)], tuple(found))
 
 
-Check = Callable[[Mapping[str, Any], Mapping[str, Any], Sequence[MapObject]], Iterator[Finding]]
+class _Run(NamedTuple):
+    """A run.json, its `quality` and the map's objects."""
+
+    record: Mapping[str, Any]
+    quality: Mapping[str, Any]
+    objects: Sequence[MapObject]
 
 
-def _pictures(record: Mapping[str, Any], quality: Mapping[str, Any], objects: Sequence[MapObject]) -> Iterator[Finding]:  # noqa: ARG001
+def _pictures(run: _Run) -> Iterator[Finding]:
     """Pictures without information."""
+    quality = run.quality
     share = quality["blind_frames"] / quality["frames"]
     if share > SOME_SHARE:
         kinds = ", ".join(sorted(quality.get("blind", {}), key=lambda kind: -quality["blind"][kind]))
         yield Finding(_level(share, LOST_SHARE), CAUSES["light"], f"{100 * share:.0f} % of the pictures are {kinds}")
 
 
-def _mount(record: Mapping[str, Any], quality: Mapping[str, Any], objects: Sequence[MapObject]) -> Iterator[Finding]:  # noqa: ARG001
+def _mount(run: _Run) -> Iterator[Finding]:
     """The mount as given against the mount as observed, angles and height; and whether it was given at all."""
+    record, quality = run.record, run.quality
     carried = quality.get("carried_frames", 0) > SOME_SHARE * quality["frames"]
     if guess := record.get("camera_guess"):
         if sway_deg := guess.get("sway_deg"):
@@ -115,8 +122,9 @@ def _mount(record: Mapping[str, Any], quality: Mapping[str, Any], objects: Seque
         yield Finding("unreliable", CAUSES["scale"], _bare(heights[0]))
 
 
-def _floor(record: Mapping[str, Any], quality: Mapping[str, Any], objects: Sequence[MapObject]) -> Iterator[Finding]:  # noqa: ARG001
+def _floor(run: _Run) -> Iterator[Finding]:
     """Whether the camera can see where things stand."""
+    record, objects = run.record, run.objects
     lens, mount = record.get("intrinsics", {}), record.get("mount", {})
     if "fy" in lens and "height_m" in mount:
         below = math.atan((lens["height"] - 1.0 - lens["cy"]) / lens["fy"]) + math.radians(mount["pitch_deg"])
@@ -128,8 +136,9 @@ def _floor(record: Mapping[str, Any], quality: Mapping[str, Any], objects: Seque
         yield Finding("unreliable", CAUSES["floor"], "nothing was mapped")
 
 
-def _motion(record: Mapping[str, Any], quality: Mapping[str, Any], objects: Sequence[MapObject]) -> Iterator[Finding]:  # noqa: ARG001
+def _motion(run: _Run) -> Iterator[Finding]:
     """The uncertainty of the pose, and its causes."""
+    record, quality = run.record, run.quality
     frames, wheels = quality["frames"], quality.get("wheel_frames", 0)
     alone = str(record.get("odometry", "")).startswith("wheel:")
     wheels = frames - quality["guessed_frames"] if alone else wheels
@@ -152,8 +161,9 @@ def _motion(record: Mapping[str, Any], quality: Mapping[str, Any], objects: Sequ
         yield Finding(level, cause, f"the pose is known to {sigma_m:.2f} m and {known}")
 
 
-def _camera(record: Mapping[str, Any], quality: Mapping[str, Any], objects: Sequence[MapObject]) -> Iterator[Finding]:  # noqa: ARG001
+def _camera(run: _Run) -> Iterator[Finding]:
     """A camera unlike those that the network was trained and the map was tested with."""
+    record, quality = run.record, run.quality
     if record.get("envelope"):
         yield Finding("care", CAUSES["camera"], _bare(str(record["envelope"]).removeprefix("flow odometry: ")))
     if quality.get("carried_frames", 0) > SOME_SHARE * quality["frames"]:
@@ -163,8 +173,9 @@ def _camera(record: Mapping[str, Any], quality: Mapping[str, Any], objects: Sequ
         yield Finding("care", CAUSES["rate"], f"{rate:.1f} pictures per second")
 
 
-def _objects(record: Mapping[str, Any], quality: Mapping[str, Any], objects: Sequence[MapObject]) -> Iterator[Finding]:  # noqa: ARG001
+def _objects(run: _Run) -> Iterator[Finding]:
     """How sure the map is of its own objects."""
+    record, objects = run.record, run.objects
     if not objects:
         return
     doubtful = sum(is_doubtful(item) for item in objects) / len(objects)
@@ -178,19 +189,16 @@ def _objects(record: Mapping[str, Any], quality: Mapping[str, Any], objects: Seq
         yield Finding(_level(typical_m, WRONG_M), CAUSES["low" if low else "other"], text + low)
 
 
-def _camera_faults(
-    record: Mapping[str, Any],
-    quality: Mapping[str, Any],  # noqa: ARG001
-    objects: Sequence[MapObject],  # noqa: ARG001
-) -> Iterator[Finding]:
+def _camera_faults(run: _Run) -> Iterator[Finding]:
     """Reasons from a camera that was away for a time."""
+    record = run.record
     lost = [text for text in record.get("faults", []) if cause_of_fault(text) is CAUSES["device"]]
     if lost:
         yield Finding("care", CAUSES["device"], _bare(lost[0]))
 
 
 # Causes before what follows from them: what the camera shows and how it sits, then the motion, then the map.
-CHECKS: tuple[tuple[Check, ...], ...] = ((_pictures, _mount, _floor, _camera_faults), (_motion, _camera), (_objects,))
+CHECKS = ((_pictures, _mount, _floor, _camera_faults), (_motion, _camera), (_objects,))
 
 
 def is_doubtful(item: MapObject) -> bool:
