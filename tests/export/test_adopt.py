@@ -1,10 +1,13 @@
 """Adopting ONNX detectors: recognised by their outputs, tapped by name or by shape, otherwise refused in one line."""
 
+from functools import partial
+
 import numpy as np
 import onnx
 import onnxruntime as ort
 import pytest
 from onnx import TensorProto, helper, numpy_helper
+from support.refusal import refused
 
 from edgemap.export.adopt import adopt, find_tap, static_tensors
 from edgemap.export.errors import ExportError
@@ -51,11 +54,7 @@ def little_yolox(path, classes=3, size=64, opset=11, rows=None, batch=1):
     return path
 
 
-def refusal(path, *arguments) -> str:
-    with pytest.raises(ExportError) as caught:
-        adopt(path, *arguments)
-    assert "\n" not in str(caught.value)
-    return str(caught.value)
+refusal = partial(refused, ExportError, adopt)
 
 
 def test_tap_by_name_and_by_stride(tmp_path):

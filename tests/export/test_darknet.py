@@ -1,8 +1,11 @@
 """The Darknet reader: counts by hand, the layer rules by independent arithmetic, and every way a file can be wrong."""
 
+from functools import partial
+
 import numpy as np
 import pytest
 import torch
+from support.refusal import refused
 
 from edgemap.export.darknet import Darknet, fold_batch_norm
 from edgemap.export.darknet_cfg import parse_cfg, read_cfg, yolov3, yolov3_tiny
@@ -12,11 +15,7 @@ from edgemap.export.errors import ExportError
 SMALL_VALUES = 124 + 296 + 176 + 63  # see conftest.py
 
 
-def refusal(function, *arguments) -> str:
-    with pytest.raises(ExportError) as caught:
-        function(*arguments)
-    assert "\n" not in str(caught.value)
-    return str(caught.value)
+refusal = partial(refused, ExportError)
 
 
 def test_value_counts_of_the_public_networks():

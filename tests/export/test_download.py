@@ -6,9 +6,11 @@ import shutil
 import subprocess
 import sys
 import tarfile
+from functools import partial
 from hashlib import sha256
 
 import pytest
+from support.refusal import refused
 
 from edgemap.export import obtain as obtaining
 from edgemap.export.obtain import obtain
@@ -23,10 +25,7 @@ DATA = bytes(range(256)) * 1000
 SUM = sha256(DATA).hexdigest()
 
 
-def refusal(function, *arguments, **options) -> str:
-    with pytest.raises((DownloadError, BundleError)) as caught:
-        function(*arguments, **options)
-    return str(caught.value)
+refusal = partial(refused, (DownloadError, BundleError))
 
 
 def get(server, target, path="/f", **options):

@@ -7,6 +7,7 @@ from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from types import SimpleNamespace
 
 import pytest
+from support.refusal import refused
 
 from edgemap.runtime.network import web as module
 from edgemap.runtime.network.download import DownloadError, download
@@ -73,11 +74,9 @@ def address():
 
 
 def refusal(url, path, **limits) -> str:
-    with pytest.raises(DownloadError) as caught:
-        download(url, path, progress=False, **limits)
+    text = refused(DownloadError, download, url, path, progress=False, **limits)
     assert not path.exists()
-    assert "\n" not in str(caught.value)
-    return str(caught.value)
+    return text
 
 
 @pytest.mark.parametrize(("path", "words"), [("/file", "is not allowed"), ("/ftp", "only http and https are followed")])

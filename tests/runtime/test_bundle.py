@@ -1,9 +1,11 @@
 import re
+from functools import partial
 
 import msgspec
 import numpy as np
 import pytest
 from support import painted
+from support.refusal import refused
 
 from edgemap.runtime.frames.errors import BundleError, OdometryError
 from edgemap.runtime.network import bundle
@@ -18,11 +20,7 @@ def change(folder, **fields):
     write_manifest(folder, msgspec.structs.replace(manifest, **fields))
 
 
-def refusal(folder) -> str:
-    with pytest.raises(BundleError) as caught:
-        load_bundle(folder)
-    assert "\n" not in str(caught.value)
-    return str(caught.value)
+refusal = partial(refused, BundleError, load_bundle)
 
 
 def test_a_good_bundle_loads_and_runs(tmp_path):

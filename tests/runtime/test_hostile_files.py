@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 from support import painted
 from support.recordings import FACTS, noise, record
+from support.refusal import refused
 
 from edgemap.geometry.errors import MapError
 from edgemap.geometry.se2 import SE2
@@ -35,15 +36,6 @@ OBJECT = {
     "id": "chair-1", "label": "chair", "x_m": 1.0, "y_m": 2.0, "covariance_m2": [[0.01, 0.0], [0.0, 0.02]],
     "width_m": 0.5, "height_m": 0.9, "count": 7, "confidence": 0.9, "first_seen_s": 0.0, "last_seen_s": 3.0,
 }  # fmt: skip
-
-
-def refusal(error, read, *arguments) -> str:
-    with pytest.raises(error) as caught:
-        read(*arguments)
-    text = str(caught.value)
-    assert text.splitlines() == [text]
-    assert len(text) < 900
-    return text
 
 
 def write_map(path, text="", **changes):
@@ -74,7 +66,7 @@ def write_map(path, text="", **changes):
     ],
 )
 def test_an_object_that_cannot_be_is_named_with_its_number(tmp_path, changes, words):
-    assert words in refusal(MapError, load_map, write_map(tmp_path / "map.json", **changes))
+    assert words in refused(MapError, load_map, write_map(tmp_path / "map.json", **changes))
 
 
 def test_maps_that_are_none(tmp_path):
@@ -89,11 +81,11 @@ def test_maps_that_are_none(tmp_path):
         ("[]", "not an edgemap.map/1 document"),
         ("\0", "not JSON"),
     ):
-        assert words in refusal(MapError, load_map, write_map(path, text))
+        assert words in refused(MapError, load_map, write_map(path, text))
     path.write_bytes(
         json.dumps({"format": "edgemap.map/1", "objects": [OBJECT]}).encode().replace(b"chair", b"cha\xffr")
     )
-    assert "not JSON" in refusal(MapError, load_map, path)
+    assert "not JSON" in refused(MapError, load_map, path)
 
 
 def test_a_map_with_fields_of_a_later_edgemap_and_a_rounded_covariance_is_read(tmp_path):
@@ -136,7 +128,7 @@ LENS = "{width: 640, height: 480, fx: 587.0, fy: 587.0, cx: 319.5, cy: 239.5"
 )
 def test_camera_files(tmp_path, text, words):
     (tmp_path / "camera.yaml").write_text(text)
-    assert words in refusal(CameraError, read_camera_yaml, tmp_path / "camera.yaml")
+    assert words in refused(CameraError, read_camera_yaml, tmp_path / "camera.yaml")
 
 
 @pytest.mark.parametrize(
@@ -158,7 +150,7 @@ def test_manifests(tmp_path, old, new, words):
     compact = json.dumps(json.loads(text))
     assert old in compact
     (folder / "bundle.json").write_text(compact.replace(old, new, 1))
-    assert words in refusal(BundleError, read_manifest, folder)
+    assert words in refused(BundleError, read_manifest, folder)
 
 
 EMPTY = "e3b0c44298fc1c149afbf4c8996fb92427ae41e4649b934ca495991b7852b855"  # of no bytes at all
@@ -175,13 +167,13 @@ def with_sums(folder, sums):
 
 @pytest.mark.parametrize("digest", ["/home/u/evil", "../../evil", "A" * 64, "0" * 63, "0" * 64 + "\n", ""])
 def test_a_sum_that_is_a_path_never_becomes_one(tmp_path, digest):
-    assert "sha256" in refusal(BundleError, read_manifest, with_sums(tmp_path / "b", {"extra.bin": digest}))
+    assert "sha256" in refused(BundleError, read_manifest, with_sums(tmp_path / "b", {"extra.bin": digest}))
 
 
 @pytest.mark.parametrize("name", ["bundle.json", "a/bundle.json", "../x", "/x", "a\\b", "x\x00", "\u202ex", "."])
 def test_a_name_that_leaves_the_folder_is_never_copied(tmp_path, monkeypatch, name):
     monkeypatch.setenv("EDGEMAP_CACHE", str(tmp_path / "cache"))
-    refusal(BundleError, install_folder, with_sums(tmp_path / "b", {name: EMPTY}))
+    refused(BundleError, install_folder, with_sums(tmp_path / "b", {name: EMPTY}))
     assert not (tmp_path / "cache").exists()
 
 
@@ -189,7 +181,7 @@ def test_a_file_that_would_be_a_folder_too_is_one_line(tmp_path, monkeypatch):
     monkeypatch.setenv("EDGEMAP_CACHE", str(tmp_path / "cache"))
     folder = with_sums(tmp_path / "b", {"x": EMPTY, "x/y": EMPTY})
     (folder / "x").write_bytes(b"")
-    refusal(BundleError, install_folder, folder)
+    refused(BundleError, install_folder, folder)
 
 
 def test_metadata_that_is_no_utf8_is_one_line(tmp_path):
@@ -197,7 +189,7 @@ def test_metadata_that_is_no_utf8_is_one_line(tmp_path):
     path = folder / "backbone.onnx"
     path.write_bytes(path.read_bytes().replace(b"edgemap.contract", b"edgemap.contrac\xff"))
     painted.resum(folder)
-    assert "backbone.onnx" in refusal(BundleError, load_bundle, folder)
+    assert "backbone.onnx" in refused(BundleError, load_bundle, folder)
 
 
 def test_wheel_tables(tmp_path):
@@ -212,17 +204,17 @@ def test_wheel_tables(tmp_path):
         ("", "no rows"),
     ):
         path.write_text("stamp_s,x_m,y_m,yaw_rad\n" + rows)
-        assert words in refusal(CameraError, read_wheel_csv, path)
+        assert words in refused(CameraError, read_wheel_csv, path)
     path.write_bytes(b"stamp_s,x_m,y_m,yaw_rad\n\xff,0,0,0\n")
-    assert "cannot be read" in refusal(CameraError, read_wheel_csv, path)
+    assert "cannot be read" in refused(CameraError, read_wheel_csv, path)
     (tmp_path / "wheel{0}.csv").write_text("stamp_s,x_m,y_m,yaw_rad\n0,0,0,0\n1,999,0,0\n")
-    assert "jumps 999.0 m" in refusal(CameraError, read_wheel_csv, tmp_path / "wheel{0}.csv")
+    assert "jumps 999.0 m" in refused(CameraError, read_wheel_csv, tmp_path / "wheel{0}.csv")
 
 
 @pytest.mark.parametrize("quaternion", ["0 0 0 0", "0 0 0 5", "0 0 0 1e300", "nan 0 0 1"])
 def test_quaternions_that_are_none(tmp_path, quaternion):
     (tmp_path / "a.tum").write_text(f"0 0 0 0 0 0 0 1\n1 0 0 0 {quaternion}\n")
-    assert "a.tum:2: " in refusal(OdometryError, read_tum, tmp_path / "a.tum")
+    assert "a.tum:2: " in refused(OdometryError, read_tum, tmp_path / "a.tum")
 
 
 def test_sightings_of_a_run(tmp_path):
@@ -234,7 +226,7 @@ def test_sightings_of_a_run(tmp_path):
     assert [record.object for record in read_sightings(tmp_path)] == ["chair-1"]
     for line in ("[" * 100_000, "{}", json.dumps(good | {"map_m": [1.0]}), json.dumps(good | {"label": None}), "\0"):
         (tmp_path / "sightings.jsonl").write_text(json.dumps(good) + "\n" + line + "\n")
-        assert "sightings.jsonl:2: damaged line" in refusal(MapError, read_sightings, tmp_path)
+        assert "sightings.jsonl:2: damaged line" in refused(MapError, read_sightings, tmp_path)
 
 
 def test_truth_files(tmp_path):
@@ -242,11 +234,11 @@ def test_truth_files(tmp_path):
     path = tmp_path / "x.json"
     for objects in ([record, record], [record | {"x_m": "1"}], [record | {"visible_frames": -1}], [[]], 3):
         path.write_text(json.dumps({"objects": objects}))
-        refusal(CameraError, read_objects, path)
+        refused(CameraError, read_objects, path)
     box = {"id": 1, "label": "chair", "box": [1, 2, 30, 40]}
     for frames in ([[box | {"box": [30, 2, 1, 40]}]], [[box | {"box": [1, 2, 3]}]], [[box | {"visible": 2}]], [box]):
         path.write_text(json.dumps({"frames": frames}))
-        refusal(CameraError, read_boxes, path)
+        refused(CameraError, read_boxes, path)
 
 
 def picture_of(width: int, height: int) -> bytes:
@@ -262,10 +254,10 @@ def picture_of(width: int, height: int) -> bytes:
 
 def test_a_small_file_of_a_huge_picture_is_refused_before_it_is_decoded(tmp_path):
     (tmp_path / "a.png").write_bytes(picture_of(20_000, 20_000))
-    words = refusal(CameraError, read_picture, tmp_path / "a.png")
+    words = refused(CameraError, read_picture, tmp_path / "a.png")
     assert f"20000x20000 px, at most {PIXEL_LIMIT:,} px" in words
     (tmp_path / "a.png").write_bytes(picture_of(1, 1 << 20))
-    assert "1x1048576 px" in refusal(CameraError, read_picture, tmp_path / "a.png")
+    assert "1x1048576 px" in refused(CameraError, read_picture, tmp_path / "a.png")
 
 
 @pytest.mark.parametrize("suffix", [".png", ".jpg", ".bmp", ".ppm", ".pgm", ".tif", ".webp"])
@@ -281,9 +273,9 @@ def test_sizes_are_read_as_opencv_reads_them(suffix):
 def test_a_pipe_a_folder_and_a_nul_are_no_files(tmp_path):
     os.mkfifo(tmp_path / "pipe")
     for path in (tmp_path / "pipe", tmp_path, tmp_path / "none", Path("a\0b")):
-        assert "cannot be read" in refusal(MapError, read_bytes, path, 100, MapError)
+        assert "cannot be read" in refused(MapError, read_bytes, path, 100, MapError)
     (tmp_path / "large").write_bytes(bytes(101))
-    assert "101 bytes, at most 100" in refusal(MapError, read_bytes, tmp_path / "large", 100, MapError)
+    assert "101 bytes, at most 100" in refused(MapError, read_bytes, tmp_path / "large", 100, MapError)
 
 
 def test_messages_stay_one_line():
@@ -297,17 +289,17 @@ def test_attachments_are_checked(tmp_path):
     data = path.read_bytes()
     at = data.index(b"[[0.0")
     path.write_bytes(data[:at] + b"[{0.0" + data[at + 5 :])
-    assert "another sum" in refusal(CameraError, RecordingCamera, str(path))
-    assert "another sum" in refusal(CameraError, read_wheel, str(path))
+    assert "another sum" in refused(CameraError, RecordingCamera, str(path))
+    assert "another sum" in refused(CameraError, read_wheel, str(path))
 
 
 @pytest.mark.parametrize(
     "text", ["[", "{}", "[[0,0,0]]", "[[0,0,0,1e7]]", "[[1,0,0,0],[1,0,0,0]]", "[]", "[" * 100_000, '[["0",0,0,0]]']
 )
 def test_trajectories_in_recordings(text):
-    refusal(CameraError, read_trajectory_file, text.encode(), "a.mcap: wheel.json")
+    refused(CameraError, read_trajectory_file, text.encode(), "a.mcap: wheel.json")
 
 
 def test_a_trajectory_of_too_many_rows_is_refused_before_it_is_read():
     data = b"[" + b"[],".join(b"" for _ in range(2)) + b"[" * (ROW_LIMIT + 2)
-    assert "more than 2,000,000 rows" in refusal(CameraError, read_trajectory_file, data, "a.mcap")
+    assert "more than 2,000,000 rows" in refused(CameraError, read_trajectory_file, data, "a.mcap")

@@ -1,9 +1,12 @@
 """The paper's head against an independent step in numpy, its size, and its checkpoints."""
 
+from functools import partial
+
 import numpy as np
 import pytest
 import torch
 from scipy.ndimage import correlate
+from support.refusal import refused
 
 from edgemap.export.errors import ExportError
 from edgemap.export.odometry.checkpoint import HeadCheckpoint, load_head, save_head
@@ -115,13 +118,7 @@ def test_checkpoint_comes_back_whole(tmp_path):
 
 def test_bad_checkpoints_are_one_line(tmp_path):
     path = tmp_path / "x.pt"
-
-    def refusal() -> str:
-        with pytest.raises(ExportError) as caught:
-            load_head(path)
-        assert "\n" not in str(caught.value)
-        return str(caught.value)
-
+    refusal = partial(refused, ExportError, load_head, path)
     assert "no such checkpoint" in refusal()
     path.write_bytes(b"junk")
     assert "not a torch checkpoint" in refusal()

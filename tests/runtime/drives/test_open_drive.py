@@ -4,10 +4,12 @@
 
 import json
 import math
+from functools import partial
 
 import cv2
 import numpy as np
 import pytest
+from support.refusal import refused
 
 from edgemap.cli.camera_options import lens_and_mount
 from edgemap.geometry.camera.intrinsics import Intrinsics
@@ -43,11 +45,7 @@ def own(folder, count=3, **extra):
     return f"drive:{folder}"
 
 
-def refusal(spec):
-    with pytest.raises(CameraError) as caught:
-        open_drive(spec)
-    assert "\n" not in str(caught.value)
-    return str(caught.value)
+refusal = partial(refused, CameraError, open_drive)
 
 
 def test_kitti_without_a_camera_file(tmp_path):
