@@ -80,3 +80,18 @@ def look(browser):
     for tab in tabs:
         assert tab.said("Runtime.exceptionThrown") == []
         tab.close()
+
+
+@pytest.fixture
+def watched(serve, look):
+    """watched(steps, …) -> a run of so many steps and a tab that shows the last one; options are those of `look`."""
+
+    def opened(steps, **options):
+        served = serve()
+        served.step(steps)
+        tab = look(served, **options)
+        shown = f"edgemap.map.objects.size === {len(served.page.objects)} && !edgemap.map.asked"
+        tab.until(f"edgemap.frame === {steps - 1} && {shown}")
+        return served, tab
+
+    return opened

@@ -26,11 +26,8 @@ COLOUR = """(canvas, left, top) => { const ratio = canvas.width / canvas.clientW
   return [0, 4, 8, 12, 16].map(i => [...data.slice(i, i + 4)]).sort((a, b) => b[3] - a[3])[0]; }"""
 
 
-def test_it_shows_what_the_robot_sees_and_asks_nobody_else(serve, look):
-    served = serve()
-    served.step(5)
-    tab = look(served)
-    tab.until("edgemap.frame === 4")
+def test_it_shows_what_the_robot_sees_and_asks_nobody_else(watched):
+    served, tab = watched(5)
     tab.until("document.querySelectorAll('#objects li').length === 2")
     assert tab.value("[...document.querySelectorAll('#objects li')].map(li => li.dataset.id)") == ["chair-1", "couch-1"]
     assert (
@@ -50,12 +47,9 @@ def test_it_shows_what_the_robot_sees_and_asks_nobody_else(serve, look):
     assert tab.said("Runtime.exceptionThrown", "Log.entryAdded", "Runtime.consoleAPICalled") == []
 
 
-def test_on_the_map_forward_is_up_and_left_is_left(serve, look):
+def test_on_the_map_forward_is_up_and_left_is_left(watched):
     """The chair stands at x 3 m ahead, y 1 m to the left; the couch at x 4 m, y 1.5 m to the right."""
-    served = serve()
-    served.step(5)
-    tab = look(served)
-    tab.until("edgemap.map.objects.size === 2 && !edgemap.map.asked")
+    _, tab = watched(5)
     left, top = tab.value("edgemap.map.view.toScreen(...edgemap.map.pose)")
     metre = tab.value("edgemap.map.view.now.scale")
     place = "(({{x_m, y_m}}) => edgemap.map.view.toScreen(x_m, y_m))(edgemap.map.objects.get('{}'))".format
@@ -146,11 +140,8 @@ def test_of_a_live_camera_pause_holds_the_page_only(serve, look):
     tab.until("edgemap.frame === 5 && edgemap.state === 'running'")
 
 
-def test_the_download_is_map_json_and_saving_keeps_a_copy(serve, look, tmp_path):
-    served = serve()
-    served.step(12)
-    tab = look(served)
-    tab.until("edgemap.frame === 11")
+def test_the_download_is_map_json_and_saving_keeps_a_copy(watched, tmp_path):
+    served, tab = watched(12)
     save_map(tmp_path / "map.json", served.page.objects)
     assert tab.value("document.getElementById('download').download") == "map.json"
     got = tab.value("fetch(document.getElementById('download').href).then((answer) => answer.text())")
@@ -160,10 +151,8 @@ def test_the_download_is_map_json_and_saving_keeps_a_copy(serve, look, tmp_path)
     assert (tmp_path / "map-000011.json").read_text() == got
 
 
-def test_sightings_come_and_go_and_faults_appear(serve, look):
-    served = serve()
-    served.step(6)
-    tab = look(served)
+def test_sightings_come_and_go_and_faults_appear(watched):
+    served, tab = watched(6)
     for _ in range(2):
         tab.click("sightings")
         tab.until("edgemap.map.sightings.length === 12")
@@ -178,11 +167,8 @@ def test_sightings_come_and_go_and_faults_appear(serve, look):
     assert tab.value("document.getElementById('pause').disabled")
 
 
-def test_on_a_phone_all_fits_and_two_fingers_zoom(serve, look):
-    served = serve()
-    served.step(5)
-    tab = look(served, width=390, height=844)
-    tab.until("edgemap.frame === 4 && !edgemap.map.asked")
+def test_on_a_phone_all_fits_and_two_fingers_zoom(watched):
+    _, tab = watched(5, width=390, height=844)
     assert tab.value("document.documentElement.scrollWidth") <= 390
     tall = "[...document.querySelectorAll('button, .button')].filter(b => b.checkVisibility()).map(b => b.offsetHeight)"
     assert tab.value(f"Math.min(...{tall})") >= 34
@@ -208,11 +194,9 @@ def test_on_a_phone_all_fits_and_two_fingers_zoom(serve, look):
 @pytest.mark.parametrize(
     ("width", "height", "scale"), [(844, 390, 1.0), (640, 400, 2.0), (390, 844, 1.0), (1280, 800, 1.0)]
 )
-def test_nothing_is_cut_or_lies_over_another_on_small_and_enlarged_screens(serve, look, width, height, scale):
+def test_nothing_is_cut_or_lies_over_another_on_small_and_enlarged_screens(watched, width, height, scale):
     """A phone held sideways, a laptop at 200 %, a phone, and a laptop."""
-    served = serve()
-    served.step(5)
-    tab = look(served)
+    _, tab = watched(5)
     tab.resize(width, height, scale)
     tab.until("edgemap.frame === 4")
     tab.value("document.getElementById('diagnostics').open = true")
@@ -231,11 +215,8 @@ def test_nothing_is_cut_or_lies_over_another_on_small_and_enlarged_screens(serve
     assert tab.value(over) == 0
 
 
-def test_the_mouse_drags_the_floor_and_the_wheel_zooms_about_the_pointer(serve, look):
-    served = serve()
-    served.step(5)
-    tab = look(served)
-    tab.until("edgemap.frame === 4 && !edgemap.map.asked")
+def test_the_mouse_drags_the_floor_and_the_wheel_zooms_about_the_pointer(watched):
+    _, tab = watched(5)
     box = tab.value("(({left, top}) => [left, top])(document.getElementById('map').getBoundingClientRect())")
     under = "edgemap.map.view.toFloor({}, {})".format
 
@@ -269,11 +250,9 @@ def test_a_browser_is_let_in_by_the_token_and_keeps_it_to_itself(serve, look, br
     assert tab.value("document.cookie") == ""  # scripts cannot read it
 
 
-def test_what_is_wrong_stands_first_in_words(serve, look):
+def test_what_is_wrong_stands_first_in_words(watched):
     """The worst as the headline, the rest below it, above everything else on the page."""
-    served = serve()
-    served.step(3)
-    tab = look(served)
+    served, tab = watched(3)
     headline = "document.getElementById('headline').textContent"
     tab.until(f"{headline}.startsWith('Running')")
     assert tab.value("document.getElementById('status').dataset.level") == "ok"
@@ -317,10 +296,8 @@ def test_an_object_is_picked_on_the_map_and_in_the_list(serve, look):
     tab.until("document.getElementById('detail').hidden")
 
 
-def test_the_list_is_by_distance_from_the_robot(serve, look):
-    served = serve()
-    served.step(12)
-    tab = look(served)
+def test_the_list_is_by_distance_from_the_robot(watched):
+    served, tab = watched(12)
     texts = "li.querySelector('.who').textContent + li.querySelector('.far').textContent"
     rows = f"[...document.querySelectorAll('#objects li')].map(li => {texts})"
     tab.until(f"{rows}.join() === 'chair-12.6 m,couch-13.8 m'")
@@ -355,12 +332,9 @@ def test_fit_shows_all_of_a_large_map(serve, look, width, height):
 
 
 @pytest.mark.parametrize(("width", "height"), [(844, 390), (720, 450)])
-def test_sideways_and_at_200_percent_picture_and_map_are_seen_at_once(serve, look, width, height):
+def test_sideways_and_at_200_percent_picture_and_map_are_seen_at_once(watched, width, height):
     """720x450 is a window of 1440x900 at 200 %."""
-    served = serve()
-    served.step(5)
-    tab = look(served, width=width, height=height)
-    tab.until("edgemap.frame === 4 && !edgemap.map.asked")
+    _, tab = watched(5, width=width, height=height)
     for name in ("document.querySelector('.picture')", "document.querySelector('.map')"):
         box = tab.value(f"(b => [b.top, b.bottom, b.width, b.height])({name}.getBoundingClientRect())")
         assert box[0] >= 0
@@ -415,10 +389,8 @@ def test_an_object_is_named_confirmed_merged_and_deleted_and_all_is_taken_back(s
     assert saved == {"chair-1": (hostile, True), "couch-1": ("", False)}
 
 
-def test_what_the_robot_refuses_is_told_in_its_words(serve, look):
-    served = serve()
-    served.step(12)
-    tab = look(served)
+def test_what_the_robot_refuses_is_told_in_its_words(watched):
+    _, tab = watched(12)
     pick(tab, "chair-1")
     tab.value("document.querySelector('#detail input').value = 'a\\u202eb'")
     press(tab, "Rename")
@@ -426,11 +398,8 @@ def test_what_the_robot_refuses_is_told_in_its_words(serve, look):
     assert "name" in tab.value("document.getElementById('notice').textContent")
 
 
-def test_a_zone_is_drawn_with_taps_named_and_deleted(serve, look):
-    served = serve()
-    served.step(12)
-    tab = look(served)
-    tab.until("edgemap.map.objects.size === 2 && !edgemap.map.asked")
+def test_a_zone_is_drawn_with_taps_named_and_deleted(watched):
+    served, tab = watched(12)
     tab.click("draw")
     for x, y in ((2.2, 2.0), (2.2, 0.2), (3.8, 0.2), (3.8, 2.0)):
         tap(tab, *tab.value(f"{MAP_CLICK}(edgemap.map.view.toScreen({x}, {y}))"))

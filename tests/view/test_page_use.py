@@ -46,26 +46,12 @@ def tab_to(tab, identity):
     raise AssertionError(f"{identity} is not reached with Tab")
 
 
-@pytest.fixture
-def mapped(serve, look):
-    """mapped(…) -> a run of twelve steps and a tab that shows its two objects; options are those of `look`."""
-
-    def opened(**options):
-        served = serve()
-        served.step(12)
-        tab = look(served, **options)
-        tab.until("edgemap.map.objects.size === 2 && !edgemap.map.asked")
-        return served, tab
-
-    return opened
-
-
 def type_text(tab, text):
     tab.call("Input.insertText", text=text)
 
 
-def test_on_a_phone_the_map_comes_first_and_the_rest_in_a_sheet(mapped):
-    _, tab = mapped(**PHONE)
+def test_on_a_phone_the_map_comes_first_and_the_rest_in_a_sheet(watched):
+    _, tab = watched(12, **PHONE)
     _, top, right, bottom = box(tab, "#map")
     assert top < 140
     assert right == 390
@@ -87,8 +73,8 @@ def test_on_a_phone_the_map_comes_first_and_the_rest_in_a_sheet(mapped):
     assert heights[1] < 60 < heights[2] < heights[0]
 
 
-def test_on_a_phone_a_tap_on_an_object_shows_its_card(mapped):
-    _, tab = mapped(**PHONE)
+def test_on_a_phone_a_tap_on_an_object_shows_its_card(watched):
+    _, tab = watched(12, **PHONE)
     tab.value("edgemap.sheet.show('peek')")
     tab.until("document.getAnimations().length === 0")
     tab.value("edgemap.map.tap(...edgemap.map.view.toScreen(4, -1.5))")
@@ -111,11 +97,8 @@ def test_an_empty_map_says_what_to_do(serve, look):
     tab.until(f"edgemap.map.objects.size === 2 && {guide}.hidden")
 
 
-def test_engineering_figures_are_folded_away_and_faults_open_them(serve, look):
-    served = serve()
-    served.step(3)
-    tab = look(served)
-    tab.until("edgemap.frame === 2")
+def test_engineering_figures_are_folded_away_and_faults_open_them(watched):
+    served, tab = watched(3)
     assert tab.value("document.getElementById('stages').checkVisibility()") is False
     served.page.write(*served.steps.next("planar odometry: 3 corners on the floor"))
     tab.until("!document.getElementById('faults-link').hidden")
@@ -142,10 +125,8 @@ def test_the_undo_line_lies_on_no_button_and_not_on_the_legend(serve, look):
         tab.until("edgemap.map.objects.size === 2")
 
 
-def test_with_the_keyboard_alone_an_object_is_picked_corrected_and_merged(serve, look):
-    served = serve()
-    served.step(12)
-    tab = look(served)
+def test_with_the_keyboard_alone_an_object_is_picked_corrected_and_merged(watched):
+    served, tab = watched(12)
     tab.until("document.querySelectorAll('#objects li').length === 2")
     tab_to(tab, "map")
     tab.value("document.querySelector('#objects button').focus()")  # the list follows in the tab order
@@ -170,9 +151,9 @@ def test_with_the_keyboard_alone_an_object_is_picked_corrected_and_merged(serve,
     tab.until("edgemap.map.objects.size === 1")
 
 
-def test_with_the_keyboard_alone_a_zone_is_drawn(mapped):
+def test_with_the_keyboard_alone_a_zone_is_drawn(watched):
     """The cross in the middle of the map sets the corners; arrow keys move the floor below it."""
-    served, tab = mapped()
+    served, tab = watched(12)
     tab.value("document.querySelector('#edit summary').focus()")
     key(tab, "Enter")
     tab.until("document.getElementById('edit').open")
@@ -224,8 +205,8 @@ def test_a_tap_inside_a_room_offers_its_outline_as_a_zone(serve, look):
     assert np.ptp(zone.corners_m, axis=0) == pytest.approx([3.0, 4.0], abs=0.25)
 
 
-def test_the_robots_pose_and_the_dock_are_set_on_the_map(mapped):
-    served, tab = mapped()
+def test_the_robots_pose_and_the_dock_are_set_on_the_map(watched):
+    served, tab = watched(12)
     press = "[...document.querySelectorAll('#drawing button')].find(b => b.textContent === '{}').click()".format
     tab.click("set-dock")
     tab.value(
@@ -246,8 +227,8 @@ def test_the_robots_pose_and_the_dock_are_set_on_the_map(mapped):
     assert (pose["x_m"], pose["y_m"]) == (pytest.approx(-1.05, abs=0.1), pytest.approx(0.5, abs=0.1))
 
 
-def test_an_object_is_added_on_the_map_and_drawn_in_its_shape(mapped):
-    served, tab = mapped()
+def test_an_object_is_added_on_the_map_and_drawn_in_its_shape(watched):
+    served, tab = watched(12)
     tab.click("add")
     tab.value("document.querySelector('#drawing select').value = 'couch'")
     tab.value("edgemap.map.tap(...edgemap.map.view.toScreen(2, 2))")
