@@ -3,10 +3,10 @@
 from typing import Annotated
 
 from edgemap.cli.arguments import arg
-from edgemap.cli.calibrate_options import BoardText, Calibration, read_board
+from edgemap.cli.calibrate_options import BoardText, CalibrationOptions, read_board
 
 
-def command(calibration: Annotated[Calibration, arg(name="Camera")], board: BoardText = "9x6") -> None:
+def command(calibration: Annotated[CalibrationOptions, arg(name="Camera")], board: BoardText = "9x6") -> None:
     """Measure focal lengths, principal point and distortion with a printed chessboard.
 
     Show the complete board in 10 to 40 sharp pictures: near and far, in all corners of the picture, tilted to all

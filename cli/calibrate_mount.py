@@ -5,7 +5,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 from edgemap.cli.arguments import OptionError, arg
-from edgemap.cli.calibrate_options import BoardText, MountCalibration, read_board
+from edgemap.cli.calibrate_options import BoardText, MountCalibrationOptions, read_board
 
 if TYPE_CHECKING:
     from edgemap.geometry.camera.intrinsics import Intrinsics
@@ -17,7 +17,7 @@ Fit = tuple["Mount", dict[str, Any]]
 
 
 def command(
-    calibration: Annotated[MountCalibration, arg(name="Camera")],
+    calibration: Annotated[MountCalibrationOptions, arg(name="Camera")],
     square: Annotated[
         float | None,
         arg(metavar="METRES", help="Side of one square of a board on the floor; without it no board is looked for."),
@@ -44,7 +44,9 @@ def command(
     calibration.write(lens, mount, "mount", record)
 
 
-def _by_board(calibration: MountCalibration, square: float, board: str, thickness: float) -> "tuple[Intrinsics, Fit]":
+def _by_board(
+    calibration: MountCalibrationOptions, square: float, board: str, thickness: float
+) -> "tuple[Intrinsics, Fit]":
     from edgemap.runtime.step.calibration.floor_board import fit_mount
 
     chessboard = read_board(board, square)
@@ -57,7 +59,7 @@ def _by_board(calibration: MountCalibration, square: float, board: str, thicknes
     return lens, (_with_lever_arm(fit.mount, prior), fit.record())
 
 
-def _by_room(calibration: MountCalibration, height: float | None) -> "tuple[Intrinsics, Fit]":
+def _by_room(calibration: MountCalibrationOptions, height: float | None) -> "tuple[Intrinsics, Fit]":
     from edgemap.geometry.camera.imu import ImuSamples
     from edgemap.runtime.step.calibration.board import frames_of
     from edgemap.runtime.step.calibration.gravity import gravity
@@ -84,8 +86,8 @@ def _by_room(calibration: MountCalibration, height: float | None) -> "tuple[Intr
 
 
 def _by_edges(
-    calibration: MountCalibration, lens: "Intrinsics", prior: "Mount | None", height: float | None, wheel: Path | None,
-    up: Any,
+    calibration: MountCalibrationOptions, lens: "Intrinsics", prior: "Mount | None", height: float | None,
+    wheel: Path | None, up: Any,
 ) -> Fit:  # fmt: skip
     from dataclasses import replace
 

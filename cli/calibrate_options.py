@@ -27,7 +27,7 @@ BoardText = Annotated[
 
 
 @dataclass(frozen=True)
-class Calibration:
+class CalibrationOptions:
     """The camera, and the camera.yaml that describes it afterwards."""
 
     camera: CameraSpec
@@ -74,25 +74,19 @@ class Calibration:
 
     def write(self, lens: "Intrinsics", mount: "Mount | None", part: str, record: dict[str, Any]) -> None:
         """Writes the new calibration and keeps the camera file's rate, axis and other calibrations. Raises
-        CameraError."""
-        from edgemap.runtime.frames.errors import CameraError
+        CameraError, DiskError."""
         from edgemap.runtime.inputs.drives import camera_yaml
 
         known = self.camera_file
         existing = camera_yaml.read_camera_yaml(known) if known else camera_yaml.CameraFile(lens)
         calibration = existing.calibration | {part: record}
-        try:
-            world_up = existing.world_up or "z"
-            camera_yaml.write_camera_yaml(
-                self.out, lens, mount, existing.rate_hz, world_up, calibration, existing.depth
-            )
-        except OSError as error:
-            raise CameraError(f"{self.out}: cannot be written ({error.strerror})") from None
+        world_up = existing.world_up or "z"
+        camera_yaml.write_camera_yaml(self.out, lens, mount, existing.rate_hz, world_up, calibration, existing.depth)
         print(f"written to {self.out}")
 
 
 @dataclass(frozen=True)
-class MountCalibration(Calibration):
+class MountCalibrationOptions(CalibrationOptions):
     """The camera, whose lens must be known, and the camera.yaml that describes it afterwards."""
 
     intrinsics: IntrinsicsText = None

@@ -4,11 +4,11 @@ import math
 from typing import Annotated
 
 from edgemap.cli.arguments import OptionError, arg
-from edgemap.cli.calibrate_options import MountCalibration
+from edgemap.cli.calibrate_options import MountCalibrationOptions
 
 
 def command(
-    calibration: Annotated[MountCalibration, arg(name="Camera")],
+    calibration: Annotated[MountCalibrationOptions, arg(name="Camera")],
     height: Annotated[
         float | None, arg(metavar="METRES", help="Lens above the floor, by ruler; else the known mount's.")
     ] = None,

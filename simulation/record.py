@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from edgemap.geometry.se2 import SE2
+from edgemap.runtime.frames.disk import write_atomically
 from edgemap.runtime.frames.frame import png
 from edgemap.runtime.frames.reading import library_path
 from edgemap.runtime.frames.trajectory import Trajectory
@@ -30,7 +31,7 @@ from edgemap.simulation.render.light import BakeSettings
 from edgemap.simulation.render.mesh import Array
 from edgemap.simulation.robot.imu import imu_samples, wheel_odometry
 from edgemap.simulation.shots import shots
-from edgemap.simulation.store import FrameStore, write_bytes, write_text
+from edgemap.simulation.store import FrameStore
 from edgemap.simulation.studio import Studio, lit_home
 from edgemap.simulation.truth import object_records
 from edgemap.simulation.world import World
@@ -67,7 +68,7 @@ def label_drive(world: World, folder: Path, every: int) -> int:
         studio = Studio(world, lit_home(world, BakeSettings.draft()))
         try:
             for index, file in missing:
-                write_bytes(file, png(studio.floor_labels(index)))
+                write_atomically(file, png(studio.floor_labels(index)))
         finally:
             studio.close()
     return len(files)
@@ -105,9 +106,9 @@ def floor_plan_record(apartment: Apartment, pose_home_map: SE2) -> dict[str, Any
 
 
 def write_floor_plan(world: World, store: FrameStore) -> None:
-    """Write it beside the other truth files. Raises SimulationError."""
+    """Write it beside the other truth files. Raises DiskError."""
     record = floor_plan_record(world.apartment, world.poses()[0])
-    write_text(store.folder / PLAN_NAME, json.dumps(record, indent=None) + "\n")
+    write_atomically(store.folder / PLAN_NAME, json.dumps(record, indent=None) + "\n")
 
 
 Progress = Callable[[int, int], None]
@@ -132,7 +133,7 @@ def record(
 ) -> None:
     """Renders a world's drive to a folder; an interrupted one is resumed, with identical bytes. layout: `drive`
     (images/ or video.mp4; depth/ if asked) or `locobot` (rgb/, depth/). depth: 16 bits, millimetres along the optical
-    axis. progress: called with the pictures done and all. Raises SimulationError and MissingExtraError, one line each.
+    axis. progress: called with the pictures done and all. Raises SimulationError, DiskError and MissingExtraError.
     """
     locobot = layout == "locobot"
     settings = _settings(world, layout, video, depth)
@@ -166,8 +167,8 @@ def record(
             samples = imu_samples(world.motion, world.tilts, camera.mount, float(world.stamps_s[-1]) + 0.1, rng)
             write_imu_csv(folder / "imu.csv", samples)
     if moved := moved_record(world):
-        write_text(folder / "moved.json", json.dumps(moved, indent=1))
-    write_text(folder / "README.md", credits_text(world.models(), command))
+        write_atomically(folder / "moved.json", json.dumps(moved, indent=1))
+    write_atomically(folder / "README.md", credits_text(world.models(), command))
     store.finish()
 
 

@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from edgemap.runtime.frames.disk import make_folder, write_atomically
 from edgemap.runtime.frames.frame import png
 from edgemap.simulation.errors import SimulationError
 from edgemap.simulation.studio import Shot
@@ -42,12 +43,9 @@ class PartStore:
             raise SimulationError(f"{folder} is not empty and holds no rendering to go on with: choose another folder")
         if self.complete:
             return
-        try:
-            for path in (self.parts, *(folder / name for name in folders)):
-                path.mkdir(parents=True, exist_ok=True)
-        except OSError as error:
-            raise SimulationError(f"{folder}: cannot be written ({error.strerror})") from None
-        write_text(record, json.dumps(settings, indent=1))
+        for path in (self.parts, *(folder / name for name in folders)):
+            make_folder(path)
+        write_atomically(record, json.dumps(settings, indent=1))
 
     @staticmethod
     def part_of(folder: Path, number: int) -> Path:
@@ -64,7 +62,7 @@ class PartStore:
 
     def finish(self) -> None:
         """Everything is written: forget the parts."""
-        write_text(self.folder / RECORD_NAME, json.dumps({**self._settings, "complete": True}, indent=1))
+        write_atomically(self.folder / RECORD_NAME, json.dumps({**self._settings, "complete": True}, indent=1))
         shutil.rmtree(self.parts)
 
 
@@ -79,27 +77,12 @@ class FrameStore(PartStore):
     def save(self, shot: Shot) -> None:
         """Saves a picture; its truth is written last and marks the picture as complete."""
         name = f"{shot.index:06d}"
-        write_bytes(self._pictures / (name + shot.suffix), shot.picture)
+        write_atomically(self._pictures / (name + shot.suffix), shot.picture)
         if self._depth:
             millimetres = np.clip(shot.depth_m * 1000.0 + 0.5, 0, _MOST_DEPTH_MM).astype(np.uint16)
-            write_bytes(self.folder / "depth" / f"{name}.png", png(millimetres))
-        write_text(self.part_of(self.folder, shot.index), json.dumps(shot.boxes))
+            write_atomically(self.folder / "depth" / f"{name}.png", png(millimetres))
+        write_atomically(self.part_of(self.folder, shot.index), json.dumps(shot.boxes))
 
     def picture_paths(self) -> Sequence[Path]:
         """The pictures in order."""
         return sorted(path for path in self._pictures.iterdir() if path.suffix in (".png", ".jpg"))
-
-
-def write_text(path: Path, text: str) -> None:
-    """Write a file whole or not at all."""
-    write_bytes(path, text.encode())
-
-
-def write_bytes(path: Path, data: bytes) -> None:
-    """Write a file whole or not at all. Raises SimulationError where that cannot be done."""
-    unfinished = path.with_name(f".{path.name}.unfinished")
-    try:
-        unfinished.write_bytes(data)
-        unfinished.replace(path)
-    except OSError as error:
-        raise SimulationError(f"{path}: cannot be written ({error.strerror})") from None

@@ -10,7 +10,9 @@ from numpy.typing import NDArray
 from tqdm import tqdm
 
 from edgemap.export.errors import ExportError
-from edgemap.runtime.frames.reading import library_path, one_line, user_path
+from edgemap.runtime.frames.disk import write_atomically
+from edgemap.runtime.frames.frame import png
+from edgemap.runtime.frames.reading import one_line, user_path
 from edgemap.runtime.inputs.drives.pictures import list_pictures, read_picture
 from edgemap.runtime.inputs.drives.truth import floor_pairs, paired
 
@@ -76,7 +78,5 @@ def labelled(spec: str, teacher: Teacher | None, labels: Path) -> list[Pair]:
     labels.mkdir(parents=True, exist_ok=True)
     missing = [path for path in images if not (labels / f"{path.stem}.png").is_file()]
     for path in tqdm(missing, unit=" labels", disable=None):
-        part = labels / f".{path.stem}.part.png"
-        cv2.imwrite(library_path(part), teacher(read_picture(path)))
-        part.replace(labels / f"{path.stem}.png")
+        write_atomically(labels / f"{path.stem}.png", png(teacher(read_picture(path))))
     return paired(images, labels)

@@ -85,14 +85,30 @@ def _write(handle: int, blocks: Iterable[bytes]) -> int:
     return handle
 
 
-def lock_folder(folder: Path, held: str) -> int:
-    """An open handle of the folder that no other run holds. Raises RunFolderError (held: its words), or OSError."""
-    handle = os.open(folder, os.O_RDONLY | os.O_DIRECTORY | os.O_CLOEXEC)
+def make_folder(folder: Path, parents: bool = True) -> Path:
+    """Makes a folder where it is missing, and its parents if asked for; the folder. Raises DiskError."""
     try:
-        fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
-    except BlockingIOError:
-        os.close(handle)
-        raise RunFolderError(f"{folder}: {held}") from None
+        folder.mkdir(parents=parents, exist_ok=parents)
+    except OSError as error:
+        raise DiskError(f"{folder}: {'cannot be written' if parents else 'is gone'} ({error.strerror})") from None
+    return folder
+
+
+def lock_folder(folder: Path, held: str, parents: bool = True) -> int:
+    """An open handle of a folder, made as by `make_folder`, that no other run holds.
+
+    Raises RunFolderError (held: its words), or DiskError.
+    """
+    make_folder(folder, parents)
+    try:
+        handle = os.open(folder, os.O_RDONLY | os.O_DIRECTORY | os.O_CLOEXEC)
+        try:
+            fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError:
+            os.close(handle)
+            raise RunFolderError(f"{folder}: {held}") from None
+    except OSError as error:
+        raise DiskError(f"{folder}: cannot be locked ({error.strerror})") from None
     return handle
 
 

@@ -75,11 +75,11 @@ def test_a_recording_that_was_killed_goes_on_and_ends_the_same(recorded, drawn, 
     with pytest.raises(Killed):
         record(drawn, folder, depth=True, workers=1, progress=kill)
     assert not (folder / "poses.tum").exists()
-    (folder / "images" / ".000002.jpg.unfinished").write_bytes(b"half a pict")
+    (folder / "images" / ".000002.jpg.4711").write_bytes(b"half a pict")
     counts = []
     record(drawn, folder, depth=True, workers=1, progress=lambda done, _: counts.append(done))
     assert counts[0] == 2
-    (folder / "images" / ".000002.jpg.unfinished").unlink(missing_ok=True)
+    (folder / "images" / ".000002.jpg.4711").unlink(missing_ok=True)
     assert contents(folder) == contents(recorded)
 
 

@@ -22,7 +22,7 @@ from edgemap.geometry.objects.place import (
     merge_place,
 )
 from edgemap.geometry.se2 import SE2
-from edgemap.runtime.frames.disk import write_atomically
+from edgemap.runtime.frames.disk import make_folder, write_atomically
 from edgemap.runtime.frames.errors import DiskError
 from edgemap.runtime.frames.reading import Coordinate, decode_json, one_line
 from edgemap.runtime.outputs.fleet.access import MAXIMUM_ROBOTS, NAME
@@ -100,10 +100,7 @@ class PlaceKeeper:
         self._cost: Counter[str] = Counter()  # recent bytes of each robot, halved at each update
         self._good: frozenset[str] = frozenset()  # robots in the last valid merged map
         self.strangers: list[str] = []  # reports about messages with an invalid key
-        try:
-            (folder / "robots").mkdir(parents=True, exist_ok=True)
-        except OSError as error:
-            raise DiskError(f"{folder}/robots: cannot be made ({error.strerror})") from None
+        make_folder(folder / "robots")
         kept = {path.stem: path for path in sorted((folder / "robots").glob("*.json")) if NAME.fullmatch(path.stem)}
         for name in [name for name in kept if not passwords or name in passwords][:MAXIMUM_ROBOTS]:
             self.robots[name] = Robot(latest=_robot_map(*load_annotated_map(kept[name])))

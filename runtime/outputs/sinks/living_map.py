@@ -36,11 +36,7 @@ class LivingMap(Sink):
         self._saved_grid: OccupancyGrid | None = None
         self._written = ""
         self._save_timer = StreamTimer(SAVE_EVERY_S)
-        try:
-            folder.mkdir(parents=True, exist_ok=True)
-            self._lock: int | None = lock_folder(folder, "another run uses this map")
-        except OSError as error:
-            raise DiskError(f"{folder}: cannot be written ({error.strerror})") from None
+        self._lock: int | None = lock_folder(folder, "another run uses this map")
 
     def write(self, result: StepResult, objects: list[MapObject]) -> None:
         """Save by the stream's time. Raises DiskError."""

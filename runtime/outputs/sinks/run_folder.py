@@ -77,11 +77,7 @@ class RunFolder:
         self._stamp_s = 0.0
         self._started = self._saved_at = perf_counter()
         self._closed = False
-        try:
-            folder.mkdir(parents=True, exist_ok=True)
-            self._lock = lock_folder(folder, IN_USE)
-        except OSError as error:
-            raise DiskError(f"{folder}: cannot be written ({error.strerror})") from None
+        self._lock = lock_folder(folder, IN_USE)
         if any(
             (folder / name).is_symlink() or (folder / name).exists()
             for name in ("run.json", "trajectory.tum", "sightings.jsonl")
@@ -175,8 +171,10 @@ class RunFolder:
 
     def _write_all(self, rewrite: bool = False) -> None:
         """The map first: it is what the run is for. Raises DiskError."""
-        if not self.folder.exists():
-            self._make_again()
+        if not self.folder.exists():  # it vanished; made again where what it lay in is still there
+            lock = lock_folder(self.folder, IN_USE, parents=False)
+            os.close(self._lock)
+            self._lock, self._saved_grid = lock, None
         self._save_map()
         self._trajectory.flush()
         self._sightings.flush()
@@ -189,16 +187,6 @@ class RunFolder:
         grid, path = self._grid, self.folder / "map.json"
         save_map(path, self._objects, self._annotations, grid, grid_saved=grid is self._saved_grid)
         self._saved_grid = grid
-
-    def _make_again(self) -> None:
-        """A folder that vanished, where what it lay in is still there."""
-        try:
-            self.folder.mkdir()
-            lock = lock_folder(self.folder, IN_USE)
-        except OSError as error:
-            raise DiskError(f"{self.folder}: is gone ({error.strerror})") from None
-        os.close(self._lock)
-        self._lock, self._saved_grid = lock, None
 
     def _note_correction(self, correction: LoopCorrection) -> None:
         """Count a loop closure in run.json."""
