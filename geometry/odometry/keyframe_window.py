@@ -7,7 +7,7 @@ keyframe that observed it, at an inverse depth. Poses that leave the window are 
 
 import math
 from dataclasses import dataclass, fields, replace
-from typing import Any, Self
+from typing import Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,7 +17,7 @@ from edgemap.geometry.camera.inertial import small_rotation
 from edgemap.geometry.camera.mount import Mount
 from edgemap.geometry.errors import GeometryError
 from edgemap.geometry.odometry.resection import TUKEY, DepthLandmarks, LensPose, resect, rotation_vector
-from edgemap.geometry.odometry.window_factors import NO_STEP, FactorRows, PoseFactors
+from edgemap.geometry.odometry.window_factors import FactorRows, PoseFactors
 from edgemap.geometry.se2 import SE2
 
 Mask = NDArray[np.bool_]
@@ -29,33 +29,6 @@ NEAREST, FARTHEST = 20.0, 1e-4  # inverse depths, 1/m
 ORIGIN = np.array([1e-6, 1e-6, 1e6, 1e8, 1e8, 1e-6])  # information that fixes heading and place of the first pose
 UNHELD_RAD = np.radians(2.0)  # standard deviation of a tilt that was given by other angles
 ANY = 0.3, 0.4  # mean inverse depth of a new point off the floor and its standard deviation, 1/m
-HORIZON_HEIGHTS = 12.0  # range, in heights of the lens, beyond which no point counts as floor
-
-
-def _positive(rule: Any) -> None:
-    values = {item.name: getattr(rule, item.name) for item in fields(rule)}
-    if small := [name for name, value in values.items() if isinstance(value, int | float) and not value > 0]:
-        raise GeometryError(f"{small[0]} is {values[small[0]]}, must be above 0")
-
-
-@dataclass(frozen=True, slots=True)
-class Hold:
-    """How tightly a camera is held. track_px: standard deviation of a track at the working width; it is larger than a
-    track's error in one picture, because such errors last. parallax_px: a picture becomes a keyframe where the tracks
-    have moved by this much since the last one, the rotation aside. height_share, rise_share: standard deviation of the
-    lens's height about the mount's, and of its change from picture to picture, as shares of it. attitude_pictures:
-    number of pictures for which an error of the given attitude lasts.
-    """
-
-    track_px: float
-    parallax_px: float
-    height_share: float
-    rise_share: float
-    attitude_pictures: float
-
-    def __post_init__(self) -> None:
-        """Raises GeometryError for a number that is not positive."""
-        _positive(self)
 
 
 @dataclass(frozen=True, slots=True)
@@ -67,7 +40,11 @@ class WindowRule:
     standard deviations beyond which a point of the floor has no weight. covariance_scale: factor on the covariance of a
     motion, whose errors last. gyro_rad, gyro_share: standard deviation of the rotation that a gyro measures between two
     pictures: a constant part, and a part relative to the rotation, because samples and pictures are not exactly
-    synchronous. on_wheels, carried: how tightly the camera of a robot is held, and one that sways.
+    synchronous. track_px: standard deviation of a track at the working width; it is larger than a track's error in one
+    picture, because such errors last. parallax_px: a picture becomes a keyframe where the tracks have moved by this
+    much since the last one, the rotation aside. height_share, rise_share: standard deviation of the lens's height about
+    the mount's, and of its change from picture to picture, as shares of it. attitude_pictures: number of pictures for
+    which an error of the given attitude lasts.
     """
 
     keyframes: int = 8
@@ -78,12 +55,17 @@ class WindowRule:
     covariance_scale: float = 4.0
     gyro_rad: float = math.radians(0.05)
     gyro_share: float = 0.03
-    on_wheels: Hold = Hold(0.5, 8.0, 0.004, 0.002, 1.0)
-    carried: Hold = Hold(1.0, 15.0, 0.025, 0.012, 10.0)
+    track_px: float = 1.0
+    parallax_px: float = 15.0
+    height_share: float = 0.025
+    rise_share: float = 0.012
+    attitude_pictures: float = 10.0
 
     def __post_init__(self) -> None:
         """Raises GeometryError for a number that is not positive."""
-        _positive(self)
+        values = {item.name: getattr(self, item.name) for item in fields(self)}
+        if small := [name for name, value in values.items() if not value > 0]:
+            raise GeometryError(f"{small[0]} is {values[small[0]]}, must be above 0")
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -148,12 +130,12 @@ class System:
 class KeyframeWindow:
     """The window's state. The last pose is the newest picture; those before it are keyframes.
 
-    focal_px: of the pictures in which tracks are.
+    focal_px: of the pictures in which tracks are. reach_heights: range, in heights of the lens, beyond which no point
+    counts as floor.
     """
 
-    def __init__(self, rule: WindowRule, focal_px: float, mount: Mount, hold: Hold) -> None:
-        self._rule, self._hold, self._focal_px = rule, hold, focal_px
-        self._mount = mount
+    def __init__(self, rule: WindowRule, focal_px: float, mount: Mount, reach_heights: float) -> None:
+        self._rule, self._focal_px, self._reach_heights = rule, focal_px, reach_heights
         self._reverse = SE2(-mount.forward_m, -mount.left_m, 0.0)
         self._slots = rule.keyframes + 1
         self.poses: list[LensPose] = []
@@ -191,21 +173,13 @@ class KeyframeWindow:
         self._add(ids[new], points[new], floor[new])
         return weight
 
-    def loosen(self, hold: Hold, up: Array) -> None:
-        """All poses in the window were held too tightly, or to other angles than those of up (3,), optical axes.
+    def loosen(self, up: Array) -> None:
+        """All poses in the window were held to other angles than those of up (3,), optical axes.
 
         What was marginalised is discarded.
         """
-        self._hold = hold
         if self.poses:
-            heights = [factors.height_m for factors in self._factors]
-            self._factors = [
-                replace(
-                    factors, up=up, up_rad=max(factors.up_rad, UNHELD_RAD), height_sigma_m=hold.height_share * height_m,
-                    rise_m=hold.rise_share * height_m, base=NO_STEP,
-                )
-                for factors, height_m in zip(self._factors, heights, strict=True)
-            ]  # fmt: skip
+            self._factors = [replace(one, up=up, up_rad=max(one.up_rad, UNHELD_RAD)) for one in self._factors]
             self._prior = np.diag(ORIGIN), np.zeros(6), self.poses[:1]
 
     def covariance(self) -> Array:
@@ -253,7 +227,7 @@ class KeyframeWindow:
         count, last, pose = len(ids), len(self.poses) - 1, self.poses[-1]
         ray = np.column_stack([points, np.ones(count)])
         on_floor = -(ray @ pose.rotation[2]) / pose.position_m[2]
-        is_floor = (floor >= 0.5) & (on_floor * pose.position_m[2] > 1.0 / HORIZON_HEIGHTS)
+        is_floor = (floor >= 0.5) & (on_floor * pose.position_m[2] > 1.0 / self._reach_heights)
         inverse = np.where(is_floor, on_floor, np.maximum(ANY[0], on_floor))
         variance = np.where(is_floor, 0.05 * on_floor, np.maximum(ANY[1], 0.5 * on_floor)) ** 2
         at, observed = np.zeros((count, self._slots, 2)), np.zeros((count, self._slots), dtype=bool)
@@ -264,7 +238,7 @@ class KeyframeWindow:
     def _solve(self) -> None:
         """Gauss-Newton over all poses and points."""
         count, everyone = len(self.poses), np.arange(len(self.poses))
-        factors = FactorRows(self._factors, self._mount)
+        factors = FactorRows(self._factors)
         tracks = Tracks(self.points, count)
         for round_ in range(ROUNDS):
             rotation, position = self._arrays()
@@ -298,7 +272,7 @@ class KeyframeWindow:
     def _system(self, tracks: "Tracks", points: WindowPoints, rotation: Array, position: Array, scale: float) -> System:
         """Normal equations of the tracks and of the points on the floor. scale: factor on the gates."""
         rule, count, number = self._rule, len(rotation), len(points)
-        track, gate = self._hold.track_px / self._focal_px, scale * rule.gate_px / self._hold.track_px
+        track, gate = rule.track_px / self._focal_px, scale * rule.gate_px / rule.track_px
         host, inverse, everyone = points.host, points.inverse_m, np.arange(number)
         point, slot = tracks.point, tracks.slot
         size = 6 * count
@@ -337,7 +311,7 @@ class KeyframeWindow:
         is_floor = (points.floor >= 0.5 * points.views) & (ray[:, 2] < 0.0)
         weight = np.where(is_floor, np.maximum(1.0 - distance2 / (rule.floor_gate * scale) ** 2, 0.0) ** 2, 0.0)
         # Nothing lies below the floor.
-        below = (above > 0.0) & (weight == 0.0) & (on_floor * height > 1.0 / HORIZON_HEIGHTS)
+        below = (above > 0.0) & (weight == 0.0) & (on_floor * height > 1.0 / self._reach_heights)
         root = np.sqrt(weight + np.where(below, 1.0 / (9.0 * np.sqrt(1.0 + distance2 / 9.0)), 0.0)) / sigma
         slopes = np.zeros((number, 6))
         slopes[:, 0], slopes[:, 1], slopes[:, 5] = ray[:, 1] * root, -ray[:, 0] * root, inverse * root
@@ -392,7 +366,7 @@ class KeyframeWindow:
         rays = np.column_stack([self.points.at[both, index - 1], np.ones(both.sum())])
         turned = rays @ first.rotation.T @ last.rotation
         apart = turned[:, :2] / turned[:, 2:] - self.points.at[both, len(self.poses) - 1]
-        return float(np.median(np.hypot(*apart.T))) > self._hold.parallax_px / self._focal_px
+        return float(np.median(np.hypot(*apart.T))) > self._rule.parallax_px / self._focal_px
 
     def _rehost(self, old: int, new: int) -> None:
         """Points hosted by one pose begin again at another, without what was known of their depth; others end."""
@@ -409,7 +383,7 @@ class KeyframeWindow:
         """The oldest keyframe, and the points that it hosts, become a prior on the other poses."""
         points, (rotation, position) = self.points.chosen(self.points.host == 0), self._arrays()
         information, right = self._system(Tracks(points, len(rotation)), points, rotation, position, 1.0).reduced()
-        rows, off = FactorRows(self._factors, self._mount).rows(rotation, position, np.array([0]), np.array([1]))
+        rows, off = FactorRows(self._factors).rows(rotation, position, np.array([0]), np.array([1]))
         information += rows.T @ rows
         right += rows.T @ off
         self._prior_factor(information, right)

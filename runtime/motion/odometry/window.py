@@ -1,7 +1,6 @@
 """Odometry of a carried camera: tracked corners in a sliding window of keyframes that are optimised together."""
 
 import math
-from dataclasses import replace
 
 import numpy as np
 
@@ -9,9 +8,9 @@ from edgemap.geometry.arrays import Array
 from edgemap.geometry.camera.attitude import Attitude, GyroRotation, TrackedRotation
 from edgemap.geometry.camera.floor import FloorCamera
 from edgemap.geometry.camera.level import up_optical
-from edgemap.geometry.odometry.keyframe_window import Hold, KeyframeWindow, WindowRule
+from edgemap.geometry.odometry.keyframe_window import KeyframeWindow, WindowRule
 from edgemap.geometry.odometry.resection import LensPose
-from edgemap.geometry.odometry.window_factors import NO_STEP, BaseStep, PoseFactors
+from edgemap.geometry.odometry.window_factors import PoseFactors
 from edgemap.geometry.se2 import SE2
 from edgemap.runtime.frames.frame import Frame
 from edgemap.runtime.motion.odometry.coasting import CoastingRule
@@ -20,18 +19,14 @@ from edgemap.runtime.motion.odometry.corners import Pixels
 from edgemap.runtime.motion.odometry.protocol import FramePrior, Motion, first_motion
 
 CARRIED_RAD = math.radians(10.0)  # standard deviation of a carried camera's tilt about the mount's
-LEVEL_RAD = math.radians(0.2)  # of a robot's about its mount, where no attitude is given
 SMALLEST_SIGMA_RAD = 1e-4  # of a given tilt
-SLID = 3.0  # standard deviations of lateral motion, from which on a robot slides
-SLIDES_SHARE = 1.0 / 30.0  # weight of the newest picture in the share of those in which it slides
 
 
 class WindowOdometry(CornerOdometry):
     """Corners (`CornerTracker`) and the lens's poses in a `KeyframeWindow`; the base's motion is planar.
 
     Pitch, roll and height of each keyframe are estimated together with the motion, so an error of the given attitude
-    hardly changes the length of a step. A camera that proves to be on wheels is held to its mount's angles and height,
-    and its base rolls.
+    hardly changes the length of a step.
     """
 
     def __init__(
@@ -59,14 +54,14 @@ class WindowOdometry(CornerOdometry):
                 self._coasting.begin(frame.stamp_s)
                 return first_motion()
             return self._coasting.guess(frame.stamp_s, f"planar odometry: started again at {frame.stamp_s:.3f} s")
-        factors = self._factors(prior.attitude, gyro, dt_s)
+        factors = self._factors(prior.attitude, gyro)
         start = self._expected_pose(gyro)
         self._tracker.follow(self._expected(start), gyro is None)
         self._seek()
         weight = self._graph.step(start, factors, *self._tracker.tracks())
         if weight < self._rule.least_weight:
             return self._started_again(frame, start, factors)
-        return self._measured(frame.stamp_s, dt_s, factors.base, gyro is not None)
+        return self._measured(frame.stamp_s, dt_s, gyro is not None)
 
     def _seek(self) -> None:
         for _ in self._tracker.seek():
@@ -80,13 +75,11 @@ class WindowOdometry(CornerOdometry):
         self._skipped = False
         used = self._mount if attitude is None or attitude.mount is None else attitude.mount.used
         corrected, self._mount = used != self._mount, used
-        carried = self._is_carried()
-        if corrected or carried != self._was_carried:  # all poses were held to other angles, or too tightly
-            self._was_carried = carried
-            self._graph.loosen(self._hold(), self._up())
+        if corrected:
+            self._graph.loosen(self._up())
         return gyro
 
-    def _measured(self, stamp_s: float, dt_s: float, expected: BaseStep, gyro: bool) -> Motion:
+    def _measured(self, stamp_s: float, dt_s: float, gyro: bool) -> Motion:
         """The motion since the last picture, by the window's last two poses."""
         before, pose = self._graph.poses[-2:]
         base = self._graph.base(pose)
@@ -98,7 +91,6 @@ class WindowOdometry(CornerOdometry):
         by[0, 2], by[1, 2] = motion.y_m, -motion.x_m
         total = by @ covariance @ by.T + MINIMUM_COVARIANCE + self._since_covariance
         self._coasting.saw(motion, stamp_s)
-        self._learn_sliding(self._graph.base(before).inverse() @ base, expected.across_m)
         self._since, self._since_covariance = SE2(), np.zeros((3, 3))
         self._base, self._motion = base, motion
         nod = pose.rotation[2] - before.rotation[2]
@@ -106,9 +98,8 @@ class WindowOdometry(CornerOdometry):
         turned = covariance[:3, :3] + covariance[6:9, 6:9] - covariance[:3, 6:9] - covariance[6:9, :3]
         sigma_rad = math.sqrt(max(float(np.trace(turned)) / 3.0, 0.0))
         up_rad = math.sqrt(max(float(np.trace(covariance[6:8, 6:8])) / 2.0, 0.0))
-        up = pose.rotation[2] if self._was_carried else None  # a robot's is the mount's
         rotation = before.rotation.T @ pose.rotation
-        seen = TrackedRotation(rotation, sigma_rad, carried, up=up, up_rad=up_rad)
+        seen = TrackedRotation(rotation, sigma_rad, carried, up=pose.rotation[2], up_rad=up_rad)
         return Motion(motion, total, rotation=seen)
 
     def _started_again(self, frame: Frame, start: LensPose, factors: PoseFactors) -> Motion:
@@ -121,44 +112,31 @@ class WindowOdometry(CornerOdometry):
 
     def _begin(self, start: LensPose, factors: PoseFactors) -> None:
         """A new window at this pose."""
-        self._graph = KeyframeWindow(self._window_rule, self._level.intrinsics.fx, self._level.mount, self._hold())
-        self._graph.step(start, replace(factors, base=NO_STEP), *self._tracker.tracks())
+        self._graph = self._empty()
+        self._graph.step(start, factors, *self._tracker.tracks())
         self._base = self._graph.base(start)
         self._since, self._since_covariance = SE2(), np.zeros((3, 3))
 
-    def _is_carried(self) -> bool:
-        """Whether the camera counts as carried, which it does until it proves to be on wheels."""
-        return self.judged.carried or not self.judged.on_wheels
-
-    def _hold(self) -> Hold:
-        return self._window_rule.carried if self._is_carried() else self._window_rule.on_wheels
+    def _empty(self) -> KeyframeWindow:
+        lens, mount = self._level.intrinsics, self._level.mount
+        return KeyframeWindow(self._window_rule, lens.fx, mount, self._rule.reach_heights)
 
     def _up(self) -> Array:
         return up_optical(self._camera.mount.pitch_rad, self._camera.mount.roll_rad)
 
-    def _factors(self, attitude: Attitude | None, gyro: GyroRotation | None, dt_s: float = 0.0) -> PoseFactors:
-        """What else is known of this picture's pose. dt_s: since the last picture, 0 for the first one."""
-        hold, height_m, carried = self._hold(), self._camera.mount.height_m, self._is_carried()
+    def _factors(self, attitude: Attitude | None, gyro: GyroRotation | None) -> PoseFactors:
+        """What else is known of this picture's pose."""
+        rule, height_m = self._window_rule, self._camera.mount.height_m
         variance = 0.0 if attitude is None else float(np.trace(attitude.covariance_rad2)) / 2.0
         # A person does not hold the camera at the mount's angles.
-        unknown = carried and (attitude is None or attitude.source == "mount")
-        up_rad = CARRIED_RAD if unknown else max(math.sqrt(hold.attitude_pictures * variance), SMALLEST_SIGMA_RAD)
-        if attitude is None and not carried:
-            up_rad = LEVEL_RAD
+        unknown = attitude is None or attitude.source == "mount"
+        up_rad = CARRIED_RAD if unknown else max(math.sqrt(rule.attitude_pictures * variance), SMALLEST_SIGMA_RAD)
         gyro_rad = math.inf
         if gyro is not None:
-            gyro_rad = math.hypot(
-                self._window_rule.gyro_rad + self._window_rule.gyro_share * gyro.angle_rad, gyro.sigma_rad
-            )
-        base = NO_STEP
-        if dt_s > 0.0 and not carried:
-            moved, rule = self._since @ self._motion, self._coasting_rule
-            across_m = math.sqrt(self._rolling.lateral(moved).variance_m2) if self._slides < 0.5 else math.inf
-            sigma_m, sigma_rad = rule.acceleration_m_s2[0] * dt_s**2, rule.yaw_rate_sigma_rad_s * dt_s
-            base = BaseStep(moved, sigma_m, sigma_rad, across_m)
+            gyro_rad = math.hypot(rule.gyro_rad + rule.gyro_share * gyro.angle_rad, gyro.sigma_rad)
         return PoseFactors(
-            self._up(), up_rad, height_m, hold.height_share * height_m, hold.rise_share * height_m,
-            np.eye(3) if gyro is None else gyro.rotation, gyro_rad, gyro_rad if carried else math.inf, base,
+            self._up(), up_rad, height_m, rule.height_share * height_m, rule.rise_share * height_m,
+            np.eye(3) if gyro is None else gyro.rotation, gyro_rad,
         )  # fmt: skip
 
     def _camera_pose(self) -> LensPose:
@@ -181,14 +159,7 @@ class WindowOdometry(CornerOdometry):
         expected = self._tracker.intrinsics.project(np.where(local[:, 2:] > 0.1, local, np.nan))
         return np.where(np.isfinite(expected), expected, self._tracker.corners).astype(np.float32)
 
-    def _learn_sliding(self, moved: SE2, across_m: float) -> None:
-        """Estimates whether the robot can drive sideways."""
-        if math.isfinite(across_m):
-            slid = abs(self._rolling.lateral(moved).residual_m) > SLID * across_m
-            self._slides += SLIDES_SHARE * (slid - self._slides)
-
     def _start_again(self) -> None:
         super()._start_again()
-        self._was_carried = self._is_carried()
-        self._graph = KeyframeWindow(self._window_rule, self._level.intrinsics.fx, self._level.mount, self._hold())
+        self._graph = self._empty()
         self._base = SE2()
