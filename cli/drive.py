@@ -116,7 +116,7 @@ class Run:
         shown = progress(camera.frames or self.source.frame_count)
         sinks: list[Sink] = [shown, summary, *publishers, *kept, *page.sinks, files, report]
         try:
-            with with_map_so_far(summary, self.folder):
+            with with_map_so_far(summary, files):
                 done = run(
                     page.camera(source, stop), self.slam, sinks, camera.frames, stop, advanced.strict, beat, edits
                 )

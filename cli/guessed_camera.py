@@ -92,7 +92,8 @@ class CameraKeeper:
 
     def __init__(self, folder: Path, floor: "FloorCamera", guess: "CameraGuess | None", spec: str = "demo") -> None:
         self._path, self._floor, self._guess, self._by_hand = folder / "camera.yaml", floor, guess, False
-        self._line = f"lens and mount are kept in {self._path}  (the next run: --camera-file {self._path})"
+        again = shlex.join(["--camera-file", str(self._path)])
+        self._line = f"lens and mount are kept in {self._path}  (the next run: {again})"
         self._spec = re.sub("(//[^/@:]*):[^/@]*@", r"\1:PASSWORD@", spec)  # a stream's password is never printed
 
     def set_mount(self, height_m: float, pitch_deg: float) -> Path:
@@ -116,6 +117,7 @@ class CameraKeeper:
         height is guessed the commands that take one by tape measure. observed: of the last frame; seen: the height;
         axle: by the turns. alone: whether no wheels and no depth measured the path."""
         from edgemap.geometry.camera.floor import FloorCamera
+        from edgemap.runtime.step.calibration.guess_sizes import HEIGHT_SIGMA
 
         guess = self._guess
         if guess is None or self._by_hand:
@@ -141,10 +143,12 @@ class CameraKeeper:
         folder = self._path.parent
         scale = shlex.join(["edgemap", "map", "scale", str(folder), "--height", height, "-o", f"{folder}-scaled"])
         what = "the scale of the map" if alone else "the distance of each object"
-        sure = f"{100 * guess.height_sigma:.0f} %"
+        height_by = f"by the sizes of objects it is {height} m, to {100 * guess.height_sigma:.0f} %"
+        if guess.height_sigma >= HEIGHT_SIGMA:
+            height_by = f"no object of a usual size was seen; {height} m is usual for a robot"
         lines = [
             self._line,
-            f"nobody measured the height of the lens: by the sizes of objects it is {height} m, to {sure}, and {what}",
+            f"nobody measured the height of the lens: {height_by}, and {what}",
             f"with it; measure it with a tape, from floor to lens, and run again with it instead of {height}:",
             f"  {again} --mount {height}",
             *(["or scale this map by it:", f"  {scale}"] if alone else []),

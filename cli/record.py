@@ -1,5 +1,6 @@
 """`edgemap record`: a camera's pictures into one MCAP file, to be looked at, replayed, and read by ROS 2."""
 
+import shlex
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -72,7 +73,7 @@ def command(
     print(f"{recorder.frames} pictures, {out.stat().st_size / 1e6:.1f} MB in {out}")
     if unknown:
         print(f"(its {' and '.join(unknown)} not known: give them when it is replayed, or record with --camera-file)")
-    print(f"see it:  edgemap run --camera {out}")
+    print(f"see it:  edgemap run --camera {shlex.quote(str(out))}")
 
 
 def check_name(path: Path | None) -> None:

@@ -1,5 +1,6 @@
 """The summary that `edgemap run` prints at its end, with the evaluation of the map where the source knows the truth."""
 
+import shlex
 from collections.abc import Callable, Collection, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
@@ -10,16 +11,16 @@ from edgemap.benchmarks.map_variants import true_object, true_objects
 from edgemap.evaluation.objects import TrueObject, evaluation_rows
 from edgemap.geometry.camera.level import seen_text
 from edgemap.geometry.camera.mount import HeightEstimate, Mount
-from edgemap.geometry.errors import EdgemapError, MapError
+from edgemap.geometry.errors import EdgemapError
 from edgemap.geometry.map_object import MapObject
 from edgemap.geometry.objects.evaluation_row import EvaluationRow, tally
 from edgemap.geometry.odometry.rolling import Rolling
-from edgemap.runtime.frames.errors import RunFolderError
 from edgemap.runtime.frames.reading import printable
 from edgemap.runtime.inputs.cameras.protocol import Camera
 from edgemap.runtime.inputs.drives import READERS, open_drive
 from edgemap.runtime.inputs.open import DEMO
 from edgemap.runtime.outputs.sinks.progress import fault_kind
+from edgemap.runtime.outputs.sinks.run_folder import RunFolder
 from edgemap.runtime.outputs.verdict.verdict import Verdict
 from edgemap.runtime.step.sinks import Sink
 from edgemap.runtime.step.slam import StepResult
@@ -61,11 +62,11 @@ class RunSummary(Sink):
         """The map, the drive, how far it can be trusted, the mount as observed, the faults, and the objects."""
         travelled_m = self.result.travelled_m if self.result else 0.0
         observed = self.result.observed.mount_estimate if self.result else None
-        shown = observed or self.height
+        shown, why = observed or self.height, shlex.quote(f"{folder}/")
         lines = [
             f"map of {len(self.objects)} objects saved in {folder}/",
             f"{'stopped' if stopped else 'done'} after {done} frames, {travelled_m:.1f} m travelled",
-            printable(verdict.line) + ("" if verdict.level == "good" else f"; see edgemap why {folder}/"),
+            printable(verdict.line) + ("" if verdict.level == "good" else f"; see edgemap why {why}"),
             *([seen_text(self._mount, observed, self.height, self._mount_sources)] if shown else []),
             *([self.fault_line(folder)] if self.faults else []),
             *object_lines(self.objects, evaluation_rows),
@@ -80,13 +81,13 @@ class RunSummary(Sink):
 
 
 @contextmanager
-def with_map_so_far(summary: RunSummary, folder: Path) -> Iterator[None]:
-    """Adds the location of the map so far to the message of an EdgemapError in the block."""
+def with_map_so_far(summary: RunSummary, files: RunFolder) -> Iterator[None]:
+    """Adds the location of the map so far, where it is saved, to the message of an EdgemapError in the block."""
     try:
         yield
     except EdgemapError as error:
-        if summary.result is not None and not isinstance(error, (MapError, RunFolderError)):
-            error.args = (f"{error}; the map so far ({len(summary.objects)} objects) is in {folder}/",)
+        if summary.result is not None and files.document.get("finished"):
+            error.args = (f"{error}; the map so far ({len(summary.objects)} objects) is in {files.folder}/",)
         raise
 
 

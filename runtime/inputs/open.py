@@ -107,6 +107,7 @@ def _open(spec: str, asked: _Asked) -> Camera:
     if kind in kinds:
         return _open_plugin(kinds[kind], rest, spec, asked)
     path = user_path(spec)
+    _refuse_bag(path)
     if path.is_dir():
         from edgemap.runtime.inputs.cameras.pictures import open_folder
 
@@ -119,6 +120,18 @@ def _open(spec: str, asked: _Asked) -> Camera:
     if path.suffix or "/" in spec:
         raise CameraError(f"camera {spec!r}: no such file or folder; understood: {understood}")
     raise CameraError(f"camera {spec!r} is not understood; understood: {understood}")
+
+
+def _refuse_bag(path: Path) -> None:
+    """Raises CameraError for what ROS 2 calls a bag where that is no recording that is read."""
+    inside = sorted(path.glob("*.mcap")) if (path / "metadata.yaml").is_file() else []
+    if inside:
+        raise CameraError(f"{path}: the folder of a ROS 2 bag; pass the recording in it, {inside[0]}")
+    if path.suffix == ".db3" or ((path / "metadata.yaml").is_file() and any(path.glob("*.db3"))):
+        raise CameraError(
+            f"{path}: SQLite. A ROS 2 bag converts to MCAP with `ros2 bag convert`; a librealsense recording is "
+            f"realsense:{path}"
+        )
 
 
 def _open_drive(spec: str, name: str, asked: _Asked) -> Camera:

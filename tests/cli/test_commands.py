@@ -14,6 +14,8 @@ import numpy as np
 import pytest
 from support.pictures import write_scene
 
+from edgemap.cli import main
+from edgemap.runtime.frames.errors import DiskError
 from edgemap.runtime.step.map_file import load_map
 
 DEMO = Path(__file__).parents[2] / "runtime" / "inputs" / "demo"
@@ -299,6 +301,25 @@ def test_a_picture_that_is_none_ends_a_strict_run_with_map_and_report(edgemap, p
     assert f"the map so far (1 objects) is in {tmp_path / 'run'}" in line
     assert load_map(tmp_path / "run")[0].count == 8
     assert "8.png: not a picture" in (tmp_path / "run" / "report.html").read_text()
+
+
+def test_a_recording_that_cannot_be_ended_leaves_the_map_and_names_its_folder(
+    edgemap, painted_bundle, pictures, tmp_path, monkeypatch, capsys
+):
+    pytest.importorskip("mcap_ros2", reason="no mcap here (extra record)")
+    from edgemap.runtime.outputs.recording.recorder import RecordingSink
+
+    def full(sink):
+        raise DiskError("a.mcap: cannot be written (No space left on device)")
+
+    monkeypatch.setattr(RecordingSink, "close", full)
+    out = tmp_path / "run"
+    flags = ("--bundle", str(painted_bundle), "--record", str(tmp_path / "a.mcap"), "--out", str(out))
+    with pytest.raises(SystemExit) as ended:
+        main(["run", "--camera", str(pictures), *flags])
+    assert ended.value.code == 4
+    assert f"(No space left on device); the map so far (1 objects) is in {out}/" in capsys.readouterr().err
+    assert load_map(out)[0].count > 0
 
 
 def test_an_empty_folder_is_one_line(edgemap, painted_bundle, tmp_path):

@@ -191,3 +191,26 @@ def test_the_camera_file_of_a_guess_holds_what_the_drive_has_shown(tmp_path):
     with_wheels = CameraKeeper(tmp_path, FloorCamera(lens, mount), guess).at_end(None, seen, turned, alone=False)
     assert with_wheels is not None
     assert "turn axis" not in with_wheels
+
+
+def test_a_height_that_no_object_has_shown_is_not_called_one_by_sizes(tmp_path):
+    lens, mount = Intrinsics(640, 480, 587.0, 587.0, 319.5, 239.5), Mount(0.6, 0.2)
+    record = {"method": "guessed", "focal_sigma_share": 0.22, "height_sigma_share": 1.0, "sigma_pitch_deg": 9.3}
+    guess = CameraGuess.of_record(record, lens, mount, "camera.yaml")
+    text = CameraKeeper(tmp_path, FloorCamera(lens, mount), guess).at_end()
+    assert text is not None
+    assert "no object of a usual size was seen; 0.60 m is usual for a robot, and the scale of the map" in text
+    assert "by the sizes" not in text
+
+
+def test_what_a_run_suggests_runs_in_a_folder_with_spaces(edgemap, painted_bundle, pictures, tmp_path):
+    (pictures / "camera.yaml").unlink()
+    out = tmp_path / "first floor"
+    done = edgemap("run", "--camera", pictures, "--bundle", painted_bundle, "--out", out)
+    assert done.returncode == 0, done.stderr
+    (why,) = (line.partition("see ")[2] for line in done.stdout.splitlines() if "see edgemap why" in line)
+    assert edgemap(*shlex.split(why)[1:]).returncode == 0
+    (kept,) = (
+        line.partition("the next run: ")[2][:-1] for line in done.stdout.splitlines() if "the next run: -" in line
+    )
+    assert shlex.split(kept) == ["--camera-file", str(out / "camera.yaml")]

@@ -227,8 +227,8 @@ class RunFolder:
         }
         self.verdict = verdict_of(record, self._objects)
         record["verdict"] = self.verdict.document()
-        self.document = record
         write_atomically(self.folder / "run.json", json.dumps(record, indent=1, allow_nan=False) + "\n")
+        self.document = record
 
 
 def mount_record(seen: MountEstimate) -> dict[str, float]:

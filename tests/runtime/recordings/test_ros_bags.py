@@ -320,3 +320,15 @@ def test_depth_of_a_named_topic_comes_compressed(tmp_path, form):
 def test_a_topic_of_depth_beside_a_camera_of_another_kind_is_one_line():
     with pytest.raises(CameraError, match="a topic of depth goes with pictures of a ROS 2 topic or a recording only"):
         open_camera("demo", topics=SensorTopics(depth="/cam/depth"))
+
+
+def test_a_bag_that_is_no_recording_is_refused_with_what_to_do(tmp_path):
+    """The folder that `ros2 bag record` writes, and bags in SQLite."""
+    (tmp_path / "metadata.yaml").write_text("rosbag2_bagfile_information: {}")
+    (tmp_path / "bag_0.mcap").write_bytes(b"")
+    with pytest.raises(CameraError, match=r"the folder of a ROS 2 bag; pass the recording in it, .*bag_0\.mcap$"):
+        open_camera(str(tmp_path))
+    (tmp_path / "bag_0.mcap").rename(tmp_path / "bag_0.db3")
+    for spec in (tmp_path, tmp_path / "bag_0.db3"):
+        with pytest.raises(CameraError, match="converts to MCAP with `ros2 bag convert`"):
+            open_camera(str(spec))
