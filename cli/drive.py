@@ -74,6 +74,8 @@ class Run:
         angles, height = ("guessed" if sigma else "given" for sigma in guessed)
         self.mount_sources = angles, height
         self.crops = BestCrops()
+        counts = (options.camera.frames, source.frame_count)
+        self._frames = min((count for count in counts if count is not None), default=None)
 
     def drive(self) -> None:
         """Drive to the end of the source, `--frames` or a signal; then print what came of it."""
@@ -83,8 +85,8 @@ class Run:
             stop_on_signals() as stop,  # from here on there is something to save
             living_map(self.place, self.slam.mapper) as kept,
             live_page(
-                options.watch, self.source, self.loaded, self.floor, options.robot.odometry, self.folder, self.crops,
-                edits, self.kept_camera.set_mount, lambda: self.slam.mapper.relocaliser.searching,
+                options.watch, self.source, self.loaded, self.floor, options.robot.odometry, self.folder, self._frames,
+                self.crops, edits, self.kept_camera.set_mount, lambda: self.slam.mapper.relocaliser.searching,
             ) as page,
         ):  # fmt: skip
             self._drive_with(page, stop, edits, kept)
@@ -113,7 +115,7 @@ class Run:
             notifier.beat(text + source.status)
 
         # The folder last but for the report, which reads it: what goes wrong with the others stands in run.json.
-        shown = progress(camera.frames or self.source.frame_count)
+        shown = progress(self._frames)
         sinks: list[Sink] = [shown, summary, *publishers, *kept, *page.sinks, files, report]
         try:
             with with_map_so_far(summary, files):

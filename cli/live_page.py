@@ -94,12 +94,16 @@ def live_page(
     floor: FloorCamera,
     odometry: str,
     folder: Path,
+    frames: int | None,
     crops: BestCrops,
     edits: Edits,
     keep_mount: Callable[[float, float], Path],
     searching: Callable[[], bool] = bool,
 ) -> Iterator[NoPage]:
-    """The page of a run while the block lasts. Raises MissingExtraError, or ViewError where the address is taken."""
+    """The page of a run while the block lasts. frames: how many the run takes at most, None where nobody knows.
+
+    Raises MissingExtraError, or ViewError where the address is taken.
+    """
     if not options.view:
         yield NoPage()
         return
@@ -112,7 +116,7 @@ def live_page(
 
     pause = None if source.live else Pause()
     page = LivePage(
-        about_run(source, bundle, floor, odometry, folder), folder, pause, lambda: source.state, crops, edits
+        about_run(source, bundle, floor, odometry, folder, frames), folder, pause, lambda: source.state, crops, edits
     )
     page.searching, page.keep_mount = searching, keep_mount
     server = PageServer(page, options.view_host, options.view_port)
@@ -123,13 +127,15 @@ def live_page(
         server.close()
 
 
-def about_run(source: Camera, bundle: Bundle, floor: FloorCamera, odometry: str, folder: Path) -> dict[str, Any]:
+def about_run(
+    source: Camera, bundle: Bundle, floor: FloorCamera, odometry: str, folder: Path, frames: int | None
+) -> dict[str, Any]:
     """Description of the run for the page, with the camera's calibration for drawing."""
     lens, mount = floor.intrinsics, floor.mount
     return {
         "camera": source.name,
         "live": source.live,
-        "frames": source.frame_count,
+        "frames": frames,
         "rate_hz": source.rate_hz,
         "bundle": bundle.manifest.name,
         "odometry": odometry,

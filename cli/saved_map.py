@@ -33,11 +33,8 @@ def enter_saved_map(mapper: Mapper, place: MapPlace | None, start: str | None, c
     last = load_last_pose(place.path)
     if start is not None:
         mapper.start_in(objects, _start_pose(start, annotations, last), annotations=annotations, grid=grid)
-    elif objects:
-        guesses = [pose for pose in (last, annotations.dock or SE2()) if pose is not None]
-        mapper.relocalise_in(objects, annotations, grid, guesses)
-    else:  # nothing to be found by
-        mapper.start_in(objects, last or annotations.dock or SE2(), annotations=annotations, grid=grid)
+    else:
+        mapper.continue_map(objects, annotations, grid, last)
 
 
 def _start_pose(start: str, annotations: Annotations, last: SE2 | None) -> SE2:

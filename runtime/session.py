@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from edgemap.geometry.camera.floor import FloorCamera
 from edgemap.geometry.camera.imu import ImuSamples
 from edgemap.geometry.camera.intrinsics import Intrinsics
+from edgemap.geometry.errors import MapError
 from edgemap.geometry.se2 import SE2
 from edgemap.runtime.frames.errors import BundleError, CameraError
 from edgemap.runtime.frames.reading import user_path
@@ -80,7 +81,7 @@ class Session:
 
         imu: samples since the picture before: (N, 7) stamp_s, gyro x y z (rad/s), accelerometer x y z (m/s^2) in the
         camera's optical axes. wheels: pose of the wheel odometry at the stamp, (x_m, y_m, yaw_rad), with every picture
-        or with none. Raises CameraError for an invalid picture, and for a session that reads a camera.
+        or with none. Raises CameraError for an invalid picture, and for a session that is closed or reads a camera.
         """
         if not isinstance(self.camera, PushedCamera):
             raise CameraError(
@@ -89,7 +90,10 @@ class Session:
         self.camera.give(image, stamp_s, imu, wheels)
         if not isinstance(self._slam, SemanticSlam):
             self._slam = self._slam(self.camera)
-        return next(self._running())
+        try:
+            return next(self._running())
+        except StopIteration:
+            raise CameraError("this session is closed: open another one to push pictures") from None
 
     def _running(self) -> Generator[StepResult, None, None]:
         """The loop, begun with the first step."""
@@ -244,8 +248,9 @@ def _slam_of(
         options = replace(options, mapped=chosen)
     slam = build_slam(source, loaded, FloorCamera(lens, mount), options, tuned)
     place = None if saved is None else find_map(saved)
+    if place is not None and options.clustering == "paper":
+        raise MapError("map= goes on by association: the paper's clustering needs every sighting, not their map")
     if place is not None and (place.exists or not place.lives):
         objects, annotations = load_annotated_map(place.path)
-        guesses = [pose for pose in (load_last_pose(place.path), annotations.dock or SE2()) if pose is not None]
-        slam.mapper.relocalise_in(objects, annotations, load_grid(place.path), guesses)
+        slam.mapper.continue_map(objects, annotations, load_grid(place.path), load_last_pose(place.path))
     return slam

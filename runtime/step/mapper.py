@@ -127,6 +127,21 @@ class Mapper:
         self.map = FloorMap.continued(saved, self.config.association, self.config.loop_closure)
         self.pose_map_base, self.pose_covariance = start, np.diag(np.square(sigmas))
 
+    def continue_map(
+        self,
+        saved: Sequence[MapObject],
+        annotations: Annotations,
+        grid: OccupancyGrid | None,
+        last: SE2 | None,
+    ) -> None:
+        """Continues a saved map from an unknown pose: relocalises by its objects, from its last pose and its dock (the
+        origin without one) first. Where it has no object, the robot is taken to stand at the first of these."""
+        dock = annotations.dock or SE2()
+        if saved:
+            self.relocalise_in(saved, annotations, grid, [dock] if last is None else [last, dock])
+        else:
+            self.start_in(saved, last or dock, annotations=annotations, grid=grid)
+
     def relocalise_in(
         self,
         saved: Sequence[MapObject],

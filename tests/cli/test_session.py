@@ -11,6 +11,8 @@ from edgemap.geometry.camera.floor import FloorCamera
 from edgemap.geometry.camera.intrinsics import Intrinsics
 from edgemap.geometry.camera.mount import Mount
 from edgemap.geometry.errors import EdgemapError
+from edgemap.geometry.objects.edits import Annotations, Zone
+from edgemap.geometry.se2 import SE2
 from edgemap.runtime.frames import extras
 from edgemap.runtime.frames.errors import CameraError, CameraFault, CameraLostError, MissingExtraError
 from edgemap.runtime.inputs.cameras.live import LiveCamera
@@ -19,7 +21,7 @@ from edgemap.runtime.inputs.drives.camera_yaml import read_camera_yaml, write_ca
 from edgemap.runtime.motion.height_check import HeightRule
 from edgemap.runtime.outputs.sinks.run_folder import RunFolder
 from edgemap.runtime.step.config import Config
-from edgemap.runtime.step.map_file import load_map
+from edgemap.runtime.step.map_file import load_annotated_map, load_map, save_map
 
 
 def test_three_lines_make_a_map(painted_bundle, pictures, tmp_path):
@@ -256,6 +258,10 @@ def test_only_the_classes_asked_for_are_mapped(painted_bundle):
         ({"frames": [], "intrinsics": LENS, "mount": MOUNT}, "frames= has no picture"),
         ({"frames": [np.zeros((8, 8))], "intrinsics": LENS, "mount": MOUNT}, r"is float64 \(8, 8\), expected a BGR"),
         ({"frames": noise(2), "camera": "demo"}, "camera= or frames=, not both"),
+        (
+            {"frames": noise(2), "intrinsics": LENS, "mount": MOUNT, "map": "home", "clustering": "paper"},
+            "map= goes on by association",
+        ),
     ],
 )
 def test_errors_name_a_parameter_that_exists(painted_bundle, options, words):
@@ -284,3 +290,22 @@ def test_a_saved_map_goes_on(painted_bundle, tmp_path):
     with edgemap_api.open(frames=noise(1), map=tmp_path / "map.json", **options) as later:
         next(later)
         assert later.slam.mapper.relocaliser.saved
+
+
+def test_a_saved_map_without_objects_keeps_its_zones(painted_bundle, tmp_path):
+    """There is nothing to relocalise by, so the session continues it at once, as the command does."""
+    hall = Zone("zone-1", "hall", ((0.0, 0.0), (4.0, 0.0), (4.0, 3.0)))
+    save_map(tmp_path / "map.json", [], Annotations(zones=(hall,), dock=SE2(1.0, 2.0, 0.0)))
+    options = {"intrinsics": LENS, "mount": MOUNT, "bundle": painted_bundle}
+    with edgemap_api.open(map=tmp_path / "map.json", **options) as session:
+        first = session.push(noise(1)[0], 0.0)
+    assert (first.pose_map_base.x_m, first.pose_map_base.y_m) == (1.0, 2.0)
+    session.save(tmp_path / "later.json")
+    assert load_annotated_map(tmp_path / "later.json")[1].zones == (hall,)
+
+
+def test_a_picture_for_a_closed_session_is_refused(painted_bundle):
+    with edgemap_api.open(intrinsics=LENS, mount=MOUNT, bundle=painted_bundle) as session:
+        session.push(noise(1)[0], 0.0)
+    with pytest.raises(CameraError, match="this session is closed"):
+        session.push(noise(2)[1], 0.1)

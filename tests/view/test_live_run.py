@@ -60,6 +60,7 @@ def test_the_page_stays_after_the_last_frame_until_ctrl_c(start, tmp_path):
     read_until(process, f"the page stays at http://127.0.0.1:{port}/")
     with raw_viewer(port) as viewer:
         assert viewer.hello["camera"] == "demo"
+        assert viewer.hello["frames"] == 3  # of 600
         viewer.say("stream")
         update = viewer.update()
         assert (update["frame"], update["state"]) == (2, "finished")
