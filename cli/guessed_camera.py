@@ -39,11 +39,12 @@ def floor_camera_of(camera: "Source", source: "Camera", bundle: "Bundle") -> "tu
     lens, mount, height_m, lacking = what_is_given(camera, source)
     if not lacking:
         return (floor := camera.floor_camera(source)), _earlier_guess(camera, source, floor)
+    print(f"{source.name} does not say its {lacking}: guessing from its first pictures", flush=True)
     manifest = bundle.manifest
     detector = Detector(bundle, Decoder(manifest.detector, manifest.confidence, one_name=True))
     pictures = [frame.image for frame in _looked_at(camera, source)]
     guess = guess_camera(pictures, detector, lens, mount, _stated(camera.camera, source), height_m)
-    print(f"{source.name} does not say its {lacking}: guessed from {len(pictures)} pictures")
+    print(f"guessed from {len(pictures)} pictures:")
     print("\n".join(f"  {line}" for line in guess.lines()))
     if guess.height_sigma and not guess.sway_rad:
         print("  the drive corrects the height by sizes of objects; a tape, floor to lens, is exact: --mount HEIGHT_M")

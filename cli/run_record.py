@@ -53,7 +53,9 @@ def run_record(
         "envelope": "" if by_window else outside_envelope(loaded.manifest, floor),
     }
     if options.map.saved:
-        record |= {"map": str(options.map.saved), "start": options.map.start}
+        place = options.map.place()
+        continued = place is not None and place.exists  # the first run by a name makes the map
+        record |= {"map": str(options.map.saved), "start": options.map.start, "map_continued": continued}
     record |= {"options": options.inputs() | _decided(options, loaded), "config": config_document(tuned)}
     return record | {"cpu": options.advanced.cpu}
 
@@ -68,7 +70,7 @@ def scale_source(record: dict[str, Any]) -> str:
     """What gave a run its scale, from the record of its run.json; empty: the height of the lens. Raises TypeError,
     ValueError, AttributeError and OverflowError where the record is damaged.
     """
-    if record.get("map"):
+    if record.get("map") and record.get("map_continued", True):
         return "a saved map, and the runs before it,"
     if int(record.get("quality", {}).get("wheel_frames", 0)):
         return "wheels"

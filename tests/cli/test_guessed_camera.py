@@ -23,7 +23,9 @@ def test_pictures_without_camera_yaml_are_mapped_by_a_guess(edgemap, painted_bun
     out = tmp_path / "run"
     done = edgemap("run", "--camera", pictures, "--bundle", painted_bundle, "--out", out)
     assert done.returncode == 0, done.stderr
-    assert "does not say its lens and mount: guessed from 12 pictures" in done.stdout
+    assert (
+        "does not say its lens and mount: guessing from its first pictures\nguessed from 12 pictures:\n" in done.stdout
+    )
     assert "focal length 51 +- 22 % px (usual field of view)" in done.stdout  # 0.8 of 64 px
     assert "map: good" not in done.stdout  # never of a guess
     record = json.loads((out / "run.json").read_text())
@@ -108,7 +110,7 @@ def test_a_height_without_a_pitch_leaves_the_pitch_to_be_guessed(edgemap, painte
     run = ("run", "--camera", pictures, "--bundle", painted_bundle, "--intrinsics", "50,50,31.5,31.5")
     done = edgemap(*run, "--mount", "0.83", "--out", tmp_path / "run")
     assert done.returncode == 0, done.stderr
-    assert "does not say its pitch: guessed from 12 pictures" in done.stdout
+    assert "does not say its pitch: guessing from its first pictures\nguessed from 12 pictures:\n" in done.stdout
     assert "lens 0.83 m above the floor (as given)" in done.stdout
     record = json.loads((tmp_path / "run" / "run.json").read_text())
     assert record["mount"]["height_m"] == 0.83
@@ -163,7 +165,7 @@ def test_a_lens_alone_leaves_the_mount_to_be_guessed(edgemap, painted_bundle, pi
     run = ("run", "--camera", pictures, "--bundle", painted_bundle, "--out", tmp_path / "run")
     done = edgemap(*run, "--intrinsics", "50,50,31.5,31.5")
     assert done.returncode == 0, done.stderr
-    assert "does not say its mount: guessed from 12 pictures" in done.stdout
+    assert "does not say its mount: guessing from its first pictures\nguessed from 12 pictures:\n" in done.stdout
     kept = read_camera_yaml(tmp_path / "run" / "camera.yaml")
     assert (kept.intrinsics.fx, kept.intrinsics.cy) == (50.0, 31.5)
 

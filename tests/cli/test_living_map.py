@@ -10,6 +10,7 @@ from pathlib import Path
 import pytest
 from support.rooms import mapped
 
+from edgemap.cli.run_record import scale_source
 from edgemap.geometry.errors import MapError
 from edgemap.geometry.objects.edits import Annotations
 from edgemap.geometry.se2 import SE2
@@ -129,3 +130,10 @@ def test_dock_and_last_pose_survive_the_file(tmp_path):
     (tmp_path / "map.json").write_text(json.dumps(document))
     with pytest.raises(Exception, match="damaged map"):
         load_annotated_map(Path(tmp_path / "map.json"))
+
+
+def test_the_first_run_by_a_name_has_the_scale_of_its_own_camera(boot):
+    """So its map may be scaled by a measured height; that of a run that continues one may not."""
+    runs = [boot("home")[2] for _ in range(2)]
+    first, second = (scale_source(json.loads((run / "run.json").read_text())) for run in runs)
+    assert (first, second) == ("", "a saved map, and the runs before it,")
