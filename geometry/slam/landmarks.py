@@ -231,7 +231,7 @@ def observations(landmarks: Sequence[Landmark], tilt_rad: Array, rule: LandmarkR
     return ObservationFactors(pose, landmark, position_m, inverse(covariance), bias_m)
 
 
-class Landmarks:
+class LandmarkSet:
     """All landmarks by number, in order of appearance, and which of them are in view. slip: standard deviation that
     odometry adds per metre since the last sighting."""
 

@@ -12,7 +12,15 @@ from edgemap.geometry.observations.class_extents import footprint_m
 from edgemap.geometry.observations.sighting import PlacedSighting
 from edgemap.geometry.se2 import SE2
 from edgemap.geometry.slam.keyframes import KeyframeRule, KeyframeTrajectory
-from edgemap.geometry.slam.landmarks import Landmark, LandmarkRule, Landmarks, observations, observed, place, rotations
+from edgemap.geometry.slam.landmarks import (
+    Landmark,
+    LandmarkRule,
+    LandmarkSet,
+    observations,
+    observed,
+    place,
+    rotations,
+)
 from edgemap.geometry.slam.least_squares import (
     LandmarkFactors,
     ObservationFactors,
@@ -133,7 +141,7 @@ class PoseGraph:
     def __init__(self, rule: GraphRule | None = None, least_pictures: float = 4.0) -> None:
         self.rule, self.least_pictures = rule or GraphRule(), least_pictures
         self.trajectory = KeyframeTrajectory(self.rule.keyframes)
-        self.landmarks = Landmarks(self.rule.landmarks, self.rule.keyframes.slip)
+        self.landmarks = LandmarkSet(self.rule.landmarks, self.rule.keyframes.slip)
         self.links: dict[int, int] = {}
         self.refused: set[tuple[int, int]] = set()
         self.tilt_rad = np.zeros(2)
