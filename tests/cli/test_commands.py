@@ -13,6 +13,7 @@ import cv2
 import numpy as np
 import pytest
 from support.pictures import write_scene
+from support.waiting import wait_for
 
 from edgemap.cli import main
 from edgemap.runtime.frames.errors import DiskError
@@ -352,9 +353,7 @@ def test_ctrl_c_ends_cleanly_with_map_and_report(painted_bundle, pictures, tmp_p
     process = subprocess.Popen(
         [*command, "--out", str(out), "--realtime"], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
     )
-    deadline = time.monotonic() + 60
-    while time.monotonic() < deadline and not (out / "mount.jpg").exists():
-        time.sleep(0.05)
+    wait_for((out / "mount.jpg").exists, "the first picture")
     time.sleep(1.6)
     process.send_signal(signal.SIGINT)
     stdout, stderr = process.communicate(timeout=30)
@@ -479,9 +478,8 @@ def test_mount_flag_keeps_roll_and_lever_arm(edgemap, painted_bundle, pictures, 
 def test_ctrl_c_before_the_first_frame_is_no_traceback(painted_bundle, tmp_path):
     command = [sys.executable, "-m", "edgemap.cli", "bench", "--bundle", str(painted_bundle), "--seconds", "60"]
     process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, cwd=tmp_path)
-    deadline = time.monotonic() + 60
-    while time.monotonic() < deadline and "onnxruntime" not in Path(f"/proc/{process.pid}/maps").read_text():
-        time.sleep(0.001)  # in the middle of its import, or soon after
+    maps = Path(f"/proc/{process.pid}/maps")  # in the middle of its import, or soon after
+    wait_for(lambda: "onnxruntime" in maps.read_text(), "the import", pause_s=0.001)
     process.send_signal(signal.SIGINT)
     _, stderr = process.communicate(timeout=60)
     assert (process.returncode, stderr) == (130, "edgemap bench: interrupted\n")

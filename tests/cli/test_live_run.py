@@ -9,12 +9,16 @@ import subprocess
 import sys
 import time
 from contextlib import suppress
+from functools import partial
 
 import pytest
+from support import waiting
 from support.ending import ended_by_sigterm
 from support.mjpeg import MjpegServer
 
 from edgemap.runtime.inputs.open import open_camera
+
+wait_for = partial(waiting.wait_for, limit_s=120.0)
 
 
 @pytest.fixture(scope="module")
@@ -30,13 +34,6 @@ def begin(camera, out, *words, **environment):
     command += ["--out", out, "--mount", "0.6,11.5", "--intrinsics", "587,587,319.5,239.5"]
     pipes = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE, "text": True}
     return subprocess.Popen([str(word) for word in command], env=os.environ | environment, **pipes)
-
-
-def wait_for(condition, limit_s=120.0):
-    until = time.monotonic() + limit_s
-    while not condition():
-        assert time.monotonic() < until
-        time.sleep(0.05)
 
 
 def frames_done(out):

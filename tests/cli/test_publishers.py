@@ -1,13 +1,13 @@
 """Live outputs as a user starts them: a process, and a client beside it."""
 
 import json
-import socket
 import subprocess
 import sys
 from importlib.util import find_spec
 
 import pytest
 from support.broker import MISSING, Broker
+from support.waiting import free_port
 
 from edgemap.cli import main
 from edgemap.cli.arguments import OptionError
@@ -105,8 +105,7 @@ def test_without_the_extra_one_line_names_it_at_once(tmp_path, painted_bundle, o
 def test_two_robots_one_map_by_commands_alone(start, tmp_path, capsys):
     """A keeper and two robots that see the same, as processes of their own, and somebody who asks late."""
     pytest.importorskip("zenoh", reason="zenoh is not installed (extra 'fleet')")
-    with socket.create_server(("127.0.0.1", 0)) as probe:
-        address = f"127.0.0.1:{probe.getsockname()[1]}"
+    address = f"127.0.0.1:{free_port()}"
     place = tmp_path / "home"
     command = [sys.executable, "-u", "-m", "edgemap.cli", "fleet", "serve", "home", "-o", place, "--listen", address]
     keeper = subprocess.Popen([*map(str, command), "--every", "0.2"], stdout=subprocess.PIPE, text=True)

@@ -3,13 +3,13 @@
 import json
 import os
 import signal
-import socket
 import subprocess
 import sys
 import time
 from pathlib import Path
 
 import pytest
+from support.waiting import free_port, wait_for
 
 pytest.importorskip("zenoh", reason="zenoh is not installed (extra 'fleet')")
 if not os.environ.get("EDGEMAP_INTEGRATION"):
@@ -26,11 +26,6 @@ PATIENCE_S = 240.0
 STOP_CPU_S = 2.0
 
 
-def free_port():
-    with socket.create_server(("127.0.0.1", 0)) as probe:
-        return probe.getsockname()[1]
-
-
 def edgemap(folder, *words):
     log = (folder / f"{'-'.join(words[:3])}.log".replace("/", "_")).open("w")
     command = [sys.executable, "-m", "edgemap.cli", *words]
@@ -38,12 +33,7 @@ def edgemap(folder, *words):
 
 
 def until(true, what):
-    end_s = time.monotonic() + PATIENCE_S
-    while time.monotonic() < end_s:
-        if true():
-            return
-        time.sleep(0.5)
-    raise AssertionError(what)
+    wait_for(true, what, PATIENCE_S, 0.5)
 
 
 def members(folder):

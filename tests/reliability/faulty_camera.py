@@ -11,9 +11,10 @@ from typing import Any
 import cv2
 import numpy as np
 from numpy.typing import NDArray
+from support.realsense_playback import Playback
 
 from edgemap.runtime.inputs.cameras.protocol import Device, Driver, Picture
-from edgemap.runtime.inputs.cameras.realsense import RealSenseDevice, RealSenseDriver
+from edgemap.runtime.inputs.cameras.realsense import RealSenseDevice
 from edgemap.runtime.inputs.cameras.webcam import CaptureDevice
 
 # Kinds that end by themselves at `end_s`, or after `count` grabs; kinds that end when the supervisor acts.
@@ -235,7 +236,7 @@ class _Capture:
         """Nothing to let go of."""
 
 
-class CaptureDriver:
+class CaptureDriver(Driver):
     """Webcams' own device class over the world."""
 
     name = "/dev/video0"
@@ -247,13 +248,6 @@ class CaptureDriver:
         """A capture at the world's present."""
         capture: Any = _Capture(self._world)
         return CaptureDevice(capture, self.name, self._world.clock_s)
-
-    def reset(self) -> bool:
-        """There is none."""
-        return False
-
-    def watch(self, changed: Callable[[bool], None]) -> None:
-        """Nothing changes by itself."""
 
 
 PLAYBACK_POLLS = 25  # of 0.2 s in real time, which is not the world's: a busy machine plays slowly
@@ -281,18 +275,12 @@ class _PlaybackDevice:
         self._inner.close()
 
 
-class PlaybackDriver(RealSenseDriver):
+class PlaybackDriver(Playback):
     """RealSense's own driver class over a recording: what is real of it is librealsense, not the device."""
 
     def __init__(self, world: FaultyWorld, path: Path) -> None:
-        super().__init__(f"realsense:{path.name}")
-        self._world, self._path = world, path
-
-    def config(self) -> Any:
-        """A configuration that plays the file."""
-        config = self._rs.config()
-        config.enable_device_from_file(str(self._path), repeat_playback=False)
-        return config
+        super().__init__(path)
+        self._world = world
 
     def open(self) -> Any:
         """Play on from the world's present."""

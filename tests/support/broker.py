@@ -6,6 +6,8 @@ import subprocess
 import time
 from typing import Any
 
+from support.waiting import answers, wait_for
+
 PATH = "/usr/sbin:/usr/bin:/usr/local/bin"  # Debian keeps the broker where only root's shell looks
 READY = "ready"  # a retained topic of the tests' own
 MISSING = [name for name in ("mosquitto", "mosquitto_pub", "mosquitto_sub") if shutil.which(name, path=PATH) is None]
@@ -27,14 +29,7 @@ class Broker:
         program = shutil.which("mosquitto", path=PATH)
         assert program is not None
         self._process = subprocess.Popen([program, "-c", str(self._config)], stderr=subprocess.DEVNULL)
-        until_s = time.monotonic() + 60
-        while True:
-            with socket.socket() as probe:
-                if probe.connect_ex(("127.0.0.1", self.port)) == 0:
-                    break
-            if time.monotonic() > until_s:
-                raise RuntimeError("mosquitto does not start")
-            time.sleep(0.02)
+        wait_for(lambda: answers(self.port), "mosquitto")
         address = ["-h", "127.0.0.1", "-p", str(self.port)]
         subprocess.run(["mosquitto_pub", *address, "-t", READY, "-m", "yes", "-r"], check=True)
 

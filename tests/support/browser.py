@@ -5,10 +5,10 @@ import itertools
 import json
 import shutil
 import subprocess
-import time
 from contextlib import ExitStack, suppress
 from pathlib import Path
 
+from support.waiting import wait_for
 from websockets.sync.client import connect
 
 LIMIT_S = 20.0
@@ -119,12 +119,3 @@ class Page:
 
     def close(self) -> None:
         self.browser.call("Target.closeTarget", targetId=self.target)
-
-
-def wait_for(condition, what: str):
-    """Ask again until true; a limit only so that a failure ends."""
-    until_s = time.monotonic() + LIMIT_S
-    while not (value := condition()):
-        assert time.monotonic() < until_s, f"waited {LIMIT_S:.0f} s for: {what}"
-        time.sleep(0.02)
-    return value

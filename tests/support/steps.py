@@ -1,6 +1,7 @@
 """Steps of a made-up drive, one by one, from the real dataclasses and the real map."""
 
 from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import replace
 
 import numpy as np
@@ -10,6 +11,7 @@ from edgemap.geometry.map_object import MapObject
 from edgemap.geometry.observations.detections import Detections
 from edgemap.geometry.observations.sighting import Sighting
 from edgemap.geometry.se2 import SE2
+from edgemap.runtime.frames.errors import PublishError
 from edgemap.runtime.frames.frame import Frame
 from edgemap.runtime.motion.odometry.protocol import Motion
 from edgemap.runtime.step.frame_observations import FrameObservations
@@ -55,3 +57,10 @@ class Steps:
         """Write so many steps."""
         for _ in range(count):
             sink.write(*self.next())
+
+    def taken_by(self, sink: Sink) -> bool:
+        """Whether the sink takes the next step."""
+        with suppress(PublishError):
+            self.into(sink)
+            return True
+        return False

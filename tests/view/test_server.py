@@ -13,6 +13,7 @@ from typing import Any, cast
 import pytest
 from support.http_client import Api
 from support.live import raw_viewer
+from support.waiting import wait_for
 from uvicorn.protocols.http.h11_impl import H11Protocol
 from websockets.exceptions import ConnectionClosed, InvalidStatus
 
@@ -393,9 +394,7 @@ def test_a_server_that_dies_says_so_in_one_line(serve, monkeypatch):
 
     monkeypatch.setattr(uvicorn.Server, "run", die)
     served = serve()
-    until_s = time.monotonic() + 10.0
-    while not served.items and time.monotonic() < until_s:
-        time.sleep(0.01)
+    wait_for(lambda: served.items, "the server's end")
     assert served.items == ["the live page is gone (OSError: too many open files); the run goes on"]
     served.step(2)
 

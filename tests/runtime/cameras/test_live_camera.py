@@ -11,10 +11,11 @@ import pytest
 from edgemap.geometry.camera.intrinsics import Intrinsics
 from edgemap.runtime.frames.errors import CameraError, CameraFault, FaultKind, FrameTimeout
 from edgemap.runtime.inputs.cameras.live import LiveCamera
+from edgemap.runtime.inputs.cameras.protocol import Driver
 from edgemap.runtime.inputs.cameras.supervisor import RecoveryRule
 
 
-class Source:
+class Source(Driver):
     """A driver and its device: gives what a test puts in; an exception put in is raised."""
 
     name, size, rate_hz, intrinsics = "fake", (6, 4), None, None
@@ -25,12 +26,6 @@ class Source:
 
     def open(self):
         return self
-
-    def reset(self):
-        return False
-
-    def watch(self, changed):
-        pass
 
     def grab(self):
         self.asked = self.taken  # what was taken before has been dealt with

@@ -1,9 +1,8 @@
 """Robots, a keeper and late joiners over zenoh on this machine, as separate sessions."""
 
 import json
-import socket
-import time
 import zlib
+from contextlib import suppress
 from dataclasses import replace
 
 import numpy as np
@@ -11,6 +10,7 @@ import pytest
 from support.recordings import LENS
 from support.results import POSES, results
 from support.rooms import furnished, mapped, somewhere
+from support.waiting import free_port, wait_for
 
 from edgemap.geometry.errors import MapError
 from edgemap.geometry.se2 import SE2
@@ -38,8 +38,7 @@ PATIENCE_S = 30.0
 
 @pytest.fixture
 def address():
-    with socket.create_server(("127.0.0.1", 0)) as probe:
-        return f"127.0.0.1:{probe.getsockname()[1]}"
+    return f"127.0.0.1:{free_port()}"
 
 
 @pytest.fixture
@@ -71,16 +70,23 @@ def drive(sink, objects, stamp_s=0.0):
     sink.write(result, objects)
 
 
+def drives(sink, objects):
+    """Whether the sink takes a step: it has found its keeper."""
+    with suppress(PublishError):
+        drive(sink, objects, stamp_s=1.0)
+        return True
+    return False
+
+
 def until(keeper, true, patience_s=PATIENCE_S):
     """Updates until a place's robots are as wanted; they."""
-    end_s = time.monotonic() + patience_s
-    while time.monotonic() < end_s:
+
+    def updated():
         keeper.update()
         robots = keeper.document()["fleet"]["robots"]
-        if true(robots):
-            return robots
-        time.sleep(0.05)
-    raise AssertionError(keeper.document()["fleet"])
+        return robots if true(robots) else None
+
+    return wait_for(updated, lambda: keeper.document()["fleet"], patience_s)
 
 
 def together(*names):
@@ -136,15 +142,7 @@ def test_robots_that_come_first_and_a_keeper_that_begins_again(tmp_path, address
         drive(sink, maps[0])
     first = opened(PlaceKeeper("home", tmp_path / "a", listen=address))
     until(first, together("early"))
-    end_s = time.monotonic() + PATIENCE_S
-    while time.monotonic() < end_s:
-        try:
-            drive(sink, maps[0], stamp_s=1.0)
-            break
-        except PublishError:  # it has not found the keeper yet
-            time.sleep(0.05)
-    else:
-        raise AssertionError("the robot never found its keeper")
+    wait_for(lambda: drives(sink, maps[0]), "the robot's keeper", PATIENCE_S)
     first.close()
     save_map(tmp_path / "a" / "robots" / "gone.json", maps[1])  # of a robot that will not be back
     second = opened(PlaceKeeper("home", tmp_path / "a", listen=address))

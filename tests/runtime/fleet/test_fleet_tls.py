@@ -3,13 +3,13 @@
 import json
 import re
 import shutil
-import socket
 import subprocess
 import time
 from pathlib import Path
 
 import pytest
 from support.rooms import mapped
+from support.waiting import free_port
 
 from edgemap.runtime.frames.errors import PublishError
 from edgemap.runtime.step.map_file import map_document
@@ -60,8 +60,7 @@ def client(port, folder, name):
 
 def test_only_certificates_of_the_authority_and_only_their_own_name(tmp_path, monkeypatch):
     certificates(tmp_path)
-    with socket.create_server(("127.0.0.1", 0)) as probe:
-        port = probe.getsockname()[1]
+    port = free_port()
     shown = re.search(r"```json5\n(.*?)```", DOCUMENTED.read_text(), re.S)
     assert shown
     text = shown[1].replace("0.0.0.0:7447", f"127.0.0.1:{port}")

@@ -2,7 +2,6 @@
 
 import math
 import signal
-import socket
 import subprocess
 import time
 from contextlib import closing, contextmanager
@@ -14,6 +13,7 @@ import pytest
 from support.boxed_room import walls
 from support.recordings import LENS, MOUNT
 from support.steps import Steps
+from support.waiting import answers, free_port, wait_for
 
 from edgemap.runtime.frames.errors import PublishError
 from edgemap.runtime.outputs.messages.stream import MessageStream
@@ -109,12 +109,6 @@ def test_a_file_that_is_there_is_not_written_over(tmp_path):
         RerunStream(tmp_path / "no" / "such" / "a.rrd", MessageStream())
 
 
-def free_port():
-    with socket.socket() as probe:
-        probe.bind(("127.0.0.1", 0))
-        return probe.getsockname()[1]
-
-
 def test_no_viewer_is_one_line():
     port = free_port()
     with pytest.raises(PublishError, match=rf"no viewer at 127\.0\.0\.1:{port} .*start one there: rerun"):
@@ -126,27 +120,12 @@ def viewer(port, path):
     """Rerun's program in the viewer's place: what arrives over gRPC it writes into a file."""
     process = subprocess.Popen([program(), "--port", str(port), "--save", path], stderr=subprocess.DEVNULL)
     try:
-        until(lambda: socket.socket().connect_ex(("127.0.0.1", port)) == 0)
+        wait_for(lambda: answers(port), "the viewer")
         yield process
     finally:
         process.send_signal(signal.SIGCONT)
         process.kill()
         process.wait()
-
-
-def until(condition):
-    """Wait for what must come; pytest's timeout ends a wait for what does not."""
-    while not condition():
-        time.sleep(0.02)
-
-
-def takes(sink, steps):
-    """Whether the sink takes the next step."""
-    try:
-        steps.into(sink)
-    except PublishError:
-        return False
-    return True
 
 
 @pytest.mark.timeout(60)
@@ -155,14 +134,14 @@ def test_a_viewer_is_told_live_and_again_when_it_comes_back(tmp_path):
     with viewer(port, first):
         sink = RerunStream(("127.0.0.1", port), MessageStream(LENS, MOUNT), pictures_hz=100.0)
         steps.into(sink, 4)
-        until(lambda: first.stat().st_size > 100_000)
-    until(lambda: not takes(sink, steps))
+        wait_for(lambda: first.stat().st_size > 100_000)
+    wait_for(lambda: not steps.taken_by(sink))
     with pytest.raises(PublishError, match=rf"^no viewer at 127\.0\.0\.1:{port}$"):
         steps.into(sink)
     with viewer(port, second), closing(sink):
-        until(lambda: takes(sink, steps))
+        wait_for(lambda: steps.taken_by(sink))
         steps.into(sink, 12)
-        until(lambda: second.stat().st_size > 200_000)
+        wait_for(lambda: second.stat().st_size > 200_000)
     for path in (first, second):
         assert {"/map/objects", f"{CAMERA}/picture"} <= read_back(path).keys()
 
@@ -178,14 +157,14 @@ def test_a_viewer_that_hangs_holds_up_neither_the_run_nor_its_end(tmp_path, monk
 
         def refused():
             time.sleep(0.05)
-            return not takes(sink, steps)
+            return not steps.taken_by(sink)
 
-        until(refused)
+        wait_for(refused)
         with pytest.raises(PublishError, match="has taken nothing for 1 s"):
             steps.into(sink)
         process.send_signal(signal.SIGCONT)
-        until(lambda: takes(sink, steps))
+        wait_for(lambda: steps.taken_by(sink))
         process.send_signal(signal.SIGSTOP)
-        until(refused)
+        wait_for(refused)
         sink.close()
         sink.close()
