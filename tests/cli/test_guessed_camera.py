@@ -155,7 +155,7 @@ def test_what_is_given_is_not_guessed(edgemap, painted_bundle, pictures, tmp_pat
         "run", "--camera", pictures, "--bundle", painted_bundle, "--out", tmp_path / "run", "--mount", "1.0,0"
     )
     assert done.returncode == 0, done.stderr
-    assert "does not say its lens: guessed" in done.stdout
+    assert "does not say its lens: guessing from its first pictures\nguessed from 12 pictures:" in done.stdout
     mount = json.loads((tmp_path / "run" / "run.json").read_text())["mount"]
     assert (mount["height_m"], mount["pitch_deg"]) == (1.0, 0.0)
 
