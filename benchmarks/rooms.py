@@ -3,7 +3,7 @@
 Every home is rendered once by `edgemap simulate` (kept, and resumed, in the folder), or `--data` names drives that
 exist already. Each is mapped from true poses, from the hybrid with and without wheels, both without loop closure too,
 and with the paper's clustering. Figures are means over the homes, and those of the worst home. `--frozen` takes the
-homes that decide nothing, 9280-9289 with 600 pictures, and refuses any whose truth is not the one that was committed.
+homes that decide nothing, 9290-9299 with 600 pictures, and refuses any whose truth is not the one that was committed.
 """
 
 import hashlib
@@ -32,7 +32,7 @@ VARIANTS = {
     "paper, with wheels": (None, True, False, "paper"),
 }
 CLOSURES = (("with wheels", "with wheels, no closure"), ("without wheels", "without wheels, no closure"))
-FROZEN_SEEDS, FROZEN_FRAMES = "9280:9290", 600
+FROZEN_SEEDS, FROZEN_FRAMES = "9290:9300", 600
 SUMS = Path(__file__).with_name("frozen.json")
 
 
