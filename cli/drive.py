@@ -72,7 +72,7 @@ class Run:
         self.record |= {"camera_guess": guess.record()} if guess else {}
         guessed = (guess.pitch_sigma_rad, guess.height_sigma) if guess else (0.0, 0.0)
         angles, height = ("guessed" if sigma else "given" for sigma in guessed)
-        self.mount_sources = angles, height
+        self.mount_sources, self.carried = (angles, height), bool(guess and guess.sway_rad)
         self.crops = BestCrops()
         counts = (options.camera.frames, source.frame_count)
         self._frames = min((count for count in counts if count is not None), default=None)
@@ -98,7 +98,7 @@ class Run:
 
     def _drive_with(self, page: NoPage, stop: Event, edits: Edits, kept: list[LivingMap]) -> None:
         camera, advanced, saved = self.options.camera, self.options.advanced, self.options.map.saved
-        notifier, summary = ServiceNotifier(), RunSummary(self.floor.mount, self.mount_sources)
+        notifier, summary = ServiceNotifier(), RunSummary(self.floor.mount, self.mount_sources, self.carried)
         trusted = advanced.config if advanced.config_options else None
         source = budgeted(self.source, read_share(advanced.cpu), trusted)
         publishers = self._publishers(edits)

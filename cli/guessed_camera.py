@@ -46,7 +46,9 @@ def floor_camera_of(camera: "Source", source: "Camera", bundle: "Bundle") -> "tu
     guess = guess_camera(pictures, detector, lens, mount, _stated(camera.camera, source), height_m)
     print(f"guessed from {len(pictures)} pictures:")
     print("\n".join(f"  {line}" for line in guess.lines()))
-    if guess.height_sigma and not guess.sway_rad:
+    if guess.height_sigma and guess.sway_rad:
+        print("  the height is the scale of the map; a tape, from floor to lens as you carry it: --mount HEIGHT_M")
+    elif guess.height_sigma:
         print("  the drive corrects the height by sizes of objects; a tape, floor to lens, is exact: --mount HEIGHT_M")
     print("  edgemap calibrate measures all of it without guessing", flush=True)
     return FloorCamera(guess.lens, guess.mount), guess
@@ -137,20 +139,23 @@ class CameraKeeper:
             self._line += f"\nthe lens is {ahead}, by its turns: the next run has that axis for its origin"
         self._floor = FloorCamera(self._floor.intrinsics, mount)
         self._write(guess.record())
-        if not guess.height_sigma or guess.sway_rad:
+        if not guess.height_sigma:
             return self._line
         height = f"{mount.height_m:.2f}"
         again = shlex.join(["edgemap", "run", "--camera", self._spec, "--camera-file", str(self._path)])
         folder = self._path.parent
         scale = shlex.join(["edgemap", "map", "scale", str(folder), "--height", height, "-o", f"{folder}-scaled"])
         what = "the scale of the map" if alone else "the distance of each object"
-        height_by = f"by the sizes of objects it is {height} m, to {100 * guess.height_sigma:.0f} %"
-        if guess.height_sigma >= HEIGHT_SIGMA:
+        height_by, lens = f"by the sizes of objects it is {height} m, to {100 * guess.height_sigma:.0f} %", "lens"
+        if guess.sway_rad:
+            height_by = f"as people carry a camera it is {height} m, to {100 * guess.height_sigma:.0f} %"
+            lens = "lens as you carry it"
+        elif guess.height_sigma >= HEIGHT_SIGMA:
             height_by = f"no object of a usual size was seen; {height} m is usual for a robot"
         lines = [
             self._line,
             f"nobody measured the height of the lens: {height_by}, and {what}",
-            f"with it; measure it with a tape, from floor to lens, and run again with it instead of {height}:",
+            f"with it; measure it with a tape, from floor to {lens}, and run again with it instead of {height}:",
             f"  {again} --mount {height}",
             *(["or scale this map by it:", f"  {scale}"] if alone else []),
         ]
@@ -162,25 +167,35 @@ class CameraKeeper:
         write_camera_yaml(self._path, self._floor.intrinsics, self._floor.mount, calibration=calibration)
 
 
-def _looked_at(camera: "Source", source: "Camera") -> "Iterator[Frame]":
-    """Pictures spread over a live camera's first seconds, or over the first part of a file, which is opened again."""
+def _looked_at(camera: "Source", source: "Camera") -> "list[Frame]":
+    """Pictures spread over a live camera's first seconds, or over the first part of a file, which is opened again: of
+    each view one, where that leaves enough, as a camera at rest shows nothing of how it is carried."""
     import time
 
+    from edgemap.runtime.motion.attitude.checked_mount import views_of
     from edgemap.runtime.step.calibration.board import frames_of
+    from edgemap.runtime.step.calibration.guess_focal import FEWEST_ROOMS
 
     if source.live:
+        found = list["Frame"]()
         until_s, next_s = time.monotonic() + LIVE_S, -math.inf
         for frame in frames_of(source, None, lambda: time.monotonic() > until_s):
             if time.monotonic() >= next_s:
                 next_s = time.monotonic() + LIVE_EVERY_S
-                yield frame
-        return
-    with camera.open() as again:
-        count = min(again.frame_count or REACH, REACH)
-        every = max(1, math.ceil(count / PICTURES))
-        for frame in frames_of(again, count):
-            if frame.index % every == 0:
-                yield frame
+                found.append(frame)
+        return found
+
+    def sampled(every: int) -> "Iterator[Frame]":
+        with camera.open() as again:
+            yield from (frame for frame in frames_of(again, count) if frame.index % every == 0)
+
+    count = min(source.frame_count or REACH, REACH)
+    every = max(1, math.ceil(count / PICTURES))
+    found = list(sampled(every))
+    views = list(views_of(found))
+    if FEWEST_ROOMS <= len(views) < len(found):  # as many again from what is not at rest
+        return list(views_of(sampled(max(1, every * len(views) // len(found)))))[: 2 * PICTURES]
+    return found
 
 
 def _stated(spec: str, source: "Camera") -> "Focal | None":

@@ -29,18 +29,21 @@ SHOWN_FAULTS = 3  # kinds of them, the first ones: the rest stands in run.json a
 
 
 class RunSummary(Sink):
-    """A sink that keeps the last result and counts faults."""
+    """A sink that keeps the last result and counts faults. carried: the camera has no mount whose angles could be
+    compared."""
 
     name = "summary"
 
-    def __init__(self, mount: Mount, mount_sources: tuple[str, str] = ("given", "given")) -> None:
+    def __init__(
+        self, mount: Mount, mount_sources: tuple[str, str] = ("given", "given"), carried: bool = False
+    ) -> None:
         self.result: StepResult | None = None
         self.objects: list[MapObject] = []
         self.height: HeightEstimate | None = None  # of the lens, as last shown
         self.rolling = Rolling.unmeasured()  # for a mount without a lever arm
         self.fault_count = 0
         self.faults: dict[str, str] = {}  # by kind, the first text
-        self._mount, self._mount_sources = mount, mount_sources
+        self._mount, self._mount_sources, self._carried = mount, mount_sources, carried
 
     def write(self, result: StepResult, objects: list[MapObject]) -> None:
         """Stores the result."""
@@ -62,7 +65,7 @@ class RunSummary(Sink):
         """The map, the drive, how far it can be trusted, the mount as observed, the faults, and the objects."""
         travelled_m = self.result.travelled_m if self.result else 0.0
         observed = self.result.observed.mount_estimate if self.result else None
-        shown, why = observed or self.height, shlex.quote(f"{folder}/")
+        shown, why = (observed or self.height) and not self._carried, shlex.quote(f"{folder}/")
         lines = [
             f"map of {len(self.objects)} objects saved in {folder}/",
             f"{'stopped' if stopped else 'done'} after {done} frames, {travelled_m:.1f} m travelled",

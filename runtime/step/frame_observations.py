@@ -25,7 +25,8 @@ class FrameObservations:
     estimate of the lens's height so far; None without one. floor: the floor mask of this picture; None where it was not
     searched or the bundle has no floor head. depth: every few pixels of the depth picture, where there is one and it
     was searched. scale: by which the lengths of the front end are to be multiplied, as a guessed height of the lens is
-    another by now; after `Mapper.in_scale`, by which they were.
+    another by now; after `Mapper.in_scale`, by which they were. worktop: something
+    that people put on furniture stands on what the mask takes for floor.
     """
 
     index: int
@@ -43,6 +44,7 @@ class FrameObservations:
     floor: FloorMask | None = None
     depth: SparseDepth | None = None
     scale: float = 1.0
+    worktop: bool = False
 
     def scaled(self, factor: float) -> "FrameObservations":
         """The observations of a lens that is `factor` times as high, where no depth measures lengths."""

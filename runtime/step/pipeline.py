@@ -12,6 +12,7 @@ from edgemap.geometry.observations.floor_mask import FloorMask
 from edgemap.geometry.observations.movers import mover_boxes
 from edgemap.geometry.observations.sighting import FloorRule, sightings_of
 from edgemap.geometry.observations.sparse_depth import SparseDepth
+from edgemap.geometry.observations.worktop import is_worktop
 from edgemap.geometry.se2 import SE2
 from edgemap.runtime.frames.errors import CameraError
 from edgemap.runtime.frames.frame import Frame
@@ -124,7 +125,7 @@ class Pipeline:
         return FrameObservations(
             frame.index, frame.stamp_s, boxes, sightings, motion, self._watch.stages_ms, health, camera,
             mount_fault=fault, height_estimate=self._height.estimate, floor=self._floor,
-            depth=SparseDepth.of(frame.depth), scale=self._height.scale,
+            depth=SparseDepth.of(frame.depth), scale=self._height.scale, worktop=is_worktop(self._floor, boxes),
         )  # fmt: skip
 
     def _motion_without_picture(

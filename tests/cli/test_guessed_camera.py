@@ -5,10 +5,13 @@ import math
 import shlex
 from dataclasses import replace
 
+import cv2
+import numpy as np
 import pytest
 
 from edgemap.cli import main
-from edgemap.cli.guessed_camera import CameraKeeper
+from edgemap.cli.groups import Source
+from edgemap.cli.guessed_camera import CameraKeeper, _looked_at
 from edgemap.geometry.camera.floor import FloorCamera
 from edgemap.geometry.camera.intrinsics import Intrinsics
 from edgemap.geometry.camera.mount import HeightEstimate, Mount
@@ -147,6 +150,28 @@ def test_the_command_to_copy_holds_no_password(tmp_path):
     assert text is not None
     assert "rtsp://user:PASSWORD@10.0.0.2/live" in text
     assert "s3cret" not in text
+
+
+def test_who_carries_the_camera_is_asked_for_its_height(tmp_path):
+    floor = FloorCamera(Intrinsics(540, 360, 511.0, 511.0, 269.5, 179.5), Mount(1.5, 0.33))
+    record = {"method": "guessed", "height_sigma_share": 0.15, "sigma_pitch_deg": 5.5, "sway_deg": 5.0}
+    guess = CameraGuess.of_record(record, floor.intrinsics, floor.mount, "camera.yaml")
+    text = CameraKeeper(tmp_path, floor, guess, "walk.mp4").at_end(None, HeightEstimate(0.5, 0.04))
+    assert text is not None
+    assert "as people carry a camera it is 1.50 m, to 15 %, and the scale of the map" in text
+    assert "from floor to lens as you carry it" in text
+    assert f"--camera walk.mp4 --camera-file {tmp_path / 'camera.yaml'} --mount 1.50" in text
+
+
+def test_a_folder_that_begins_at_rest_is_guessed_from_its_views(tmp_path):
+    """70 pictures at rest and 10 others: every second of the latter by an even choice, all of them by views."""
+    rng = np.random.default_rng(0)
+    views = [cv2.resize(rng.integers(0, 255, (12, 16, 3), dtype=np.uint8), (320, 240)) for _ in range(11)]
+    for index, view in enumerate([views[0]] * 70 + views[1:]):
+        cv2.imwrite(str(tmp_path / f"{index:03d}.png"), view)
+    camera = Source(camera=str(tmp_path))
+    with camera.open() as source:
+        assert [frame.index for frame in _looked_at(camera, source)] == [0, *range(70, 80)]
 
 
 def test_what_is_given_is_not_guessed(edgemap, painted_bundle, pictures, tmp_path):

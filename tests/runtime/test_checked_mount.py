@@ -18,8 +18,9 @@ from edgemap.geometry.camera.mount import Mount
 from edgemap.geometry.camera.platform import Platform
 from edgemap.geometry.camera.room_edges import room_axes
 from edgemap.runtime.frames.errors import EdgemapError
+from edgemap.runtime.frames.frame import Frame
 from edgemap.runtime.inputs.open import open_camera
-from edgemap.runtime.motion.attitude.checked_mount import CheckedMount
+from edgemap.runtime.motion.attitude.checked_mount import CheckedMount, views_of
 from edgemap.runtime.motion.attitude.pictures import PicturesAttitude
 from edgemap.runtime.motion.health import HealthRule
 from edgemap.runtime.network.bundle import load_bundle
@@ -145,6 +146,14 @@ def test_edges_that_scatter_show_a_carried_camera_in_rooms_and_nothing_on_a_road
 
 def test_one_picture_of_a_robot_at_rest_is_one_view():
     assert told(5.5, still=True)[0] == []
+
+
+def test_pictures_of_a_camera_at_rest_are_one_view_in_spite_of_noise():
+    rng = np.random.default_rng(0)
+    first, second = (cv2.resize(rng.integers(0, 255, (12, 16, 3), dtype=np.uint8), (320, 240)) for _ in range(2))
+    noisy = [np.clip(first + rng.normal(0.0, 3.0, first.shape), 0.0, 255.0).astype(np.uint8) for _ in range(5)]
+    frames = [Frame(index, 0.1 * index, image) for index, image in enumerate([*noisy, second, second, first])]
+    assert [frame.index for frame in views_of(frames)] == [0, 5, 7]
 
 
 def test_a_mount_that_never_sees_the_floor_is_refused_with_its_numbers():

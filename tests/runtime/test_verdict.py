@@ -42,6 +42,19 @@ def test_a_calm_drive_is_good():
     assert verdict.line == "map: good"
 
 
+@pytest.mark.parametrize("measured", [{}, {"attitude_sources": {"depth": 400}}, {"odometry": "poses.tum"}])
+def test_a_worktop_taken_for_floor_matters_only_where_the_floor_gives_lengths(measured):
+    wheels = 0 if measured else 599
+    assert verdict_of(record({"worktop_frames": 300, "wheel_frames": wheels}, **measured), [CHAIR]).findings == ()
+
+
+def test_a_carried_camera_of_a_guessed_height_is_advised_to_measure_it():
+    guess = {"focal_sigma_share": 0.04, "height_sigma_share": 0.15, "sigma_pitch_deg": 5.5, "sway_deg": 5.0}
+    verdict = verdict_of(record({"wheel_frames": 0}, camera_guess=guess), [CHAIR])
+    assert verdict.level == "unreliable"
+    assert CAUSES["height_guess"] in [finding.cause for finding in verdict.findings]
+
+
 PITCH = {"pitch_deg": 16.4, "roll_deg": 0.0, "sigma_pitch_deg": 0.4, "sigma_roll_deg": 0.4}
 GUESS = {"focal_sigma_share": 0.18, "height_sigma_share": 0.08}
 UP = {"height_m": 0.6, "roll_deg": 0.0}
@@ -55,6 +68,9 @@ HEIGHT = [
     [
         ({"quality": {"blind_frames": 240, "blind": {"dark": 240}}}, "unreliable", "light", "40 % of the pictures"),
         ({"quality": {"blind_frames": 60, "blind": {"dark": 60}}}, "care", "light", "10 % of the pictures"),
+        ({"quality": {"worktop_frames": 60, "wheel_frames": 0}}, "care", "worktop", "in 10 % of the pictures cups"),
+        ({"quality": {"worktop_frames": 210, "wheel_frames": 0}}, "unreliable", "worktop", "lengths may be twice"),
+        ({"quality": {"sigma_m": {"end": 0.3}, "wheel_frames": 0, "carried_frames": 300}}, "care", "carried", "0.30 m"),
         ({"mount_seen": PITCH}, "unreliable", "mount", "pitch is 16.4 deg, not 11.5 deg"),
         ({"mount_seen": PITCH | {"used_pitch_deg": 16.3}}, "care", "mount", "corrected on the way"),
         ({"faults": HEIGHT}, "unreliable", "scale", "would make it 0.38 m"),

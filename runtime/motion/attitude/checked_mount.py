@@ -2,6 +2,7 @@
 
 import math
 from collections import deque
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field, replace
 from itertools import pairwise
 
@@ -152,7 +153,7 @@ class CheckedMount:
         grey = cv2.cvtColor(frame.image, cv2.COLOR_BGR2GRAY)
         grey = cv2.resize(grey, (self._lens.width, self._lens.height), interpolation=cv2.INTER_AREA)
         coarse = cv2.resize(grey, COARSE_PX, interpolation=cv2.INTER_AREA)
-        if self._last is not None and float(cv2.absdiff(coarse, self._last).mean()) < self._moved:
+        if self._last is not None and not _is_another(coarse, self._last, self._moved):
             return
         edges = np.linspace(0, self._lens.width, self._rule.strips + 1).astype(int).tolist()
         self._pictures.begin_edges()
@@ -253,3 +254,19 @@ class CheckedMount:
         """The mount with other angles."""
         roll, pitch = (self._given + error_rad).tolist()
         return replace(self._mount, roll_rad=roll, pitch_rad=pitch)
+
+
+def views_of(frames: Iterable[Frame]) -> Iterator[Frame]:
+    """Those that show another view than the one before of these, the first one included."""
+    last: MatLike | None = None
+    for frame in frames:
+        grey = cv2.cvtColor(frame.image, cv2.COLOR_BGR2GRAY)
+        coarse = cv2.resize(grey, COARSE_PX, interpolation=cv2.INTER_AREA)
+        if last is None or _is_another(coarse, last, HealthRule().moved):
+            last = coarse
+            yield frame
+
+
+def _is_another(coarse: MatLike, last: MatLike, moved: float) -> bool:
+    """Whether coarse pictures show two views. moved: grey levels."""
+    return float(cv2.absdiff(coarse, last).mean()) >= moved

@@ -16,8 +16,9 @@ class QualityCounter:
     rests does not count. guessed_frames: nothing measured the motion. still_frames: the robot at rest. wheels: whether
     the source or an option declares wheel odometry, with data or without. wheel_frames, gyro_frames: that member of the
     odometry was used. object_frames: with an object on the floor. carried_frames: the camera sways as in a hand or on a
-    head. mount_frames: roll and pitch were the mount's, unmeasured. travelled_m. sigma_m, heading_sigma_deg: standard
-    deviation of the pose, at the end and the largest along the way. duration_s: of stream. rate_hz: median.
+    head. mount_frames: roll and pitch were the mount's, unmeasured. worktop_frames: cups, books or the like stood on
+    the floor mask. travelled_m. sigma_m, heading_sigma_deg: standard deviation of the pose, at the end and the largest
+    along the way. duration_s: of stream. rate_hz: median.
     """
 
     def __init__(self) -> None:
@@ -50,6 +51,7 @@ class QualityCounter:
         self._counts["gyro_frames"] += _used(members, "gyro")
         self._counts["object_frames"] += bool(result.sightings)
         self._counts["carried_frames"] += bool(attitude and attitude.carried)
+        self._counts["worktop_frames"] += observed.worktop
         self._counts["mount_frames"] += observed.attitude_source == "mount"
         self._travelled_m = result.travelled_m
         covariance = result.pose_covariance
@@ -62,7 +64,7 @@ class QualityCounter:
 
     def document(self) -> dict[str, Any]:
         """The counts so far."""
-        names = ("guessed", "still", "wheel", "gyro", "object", "carried", "mount")
+        names = ("guessed", "still", "wheel", "gyro", "object", "carried", "mount", "worktop")
         step_s = float(np.median(self._steps_s)) if self._steps_s else 0.0
         return {
             "frames": self._counts["frames"],

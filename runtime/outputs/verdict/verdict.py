@@ -7,6 +7,7 @@ from statistics import median
 from typing import Any, Literal, NamedTuple
 
 from edgemap.geometry.map_object import MapObject
+from edgemap.runtime.motion.odometry_names import PICTURE_ODOMETRIES
 from edgemap.runtime.outputs.verdict.causes import CAUSES, Cause, cause_of_fault
 
 Level = Literal["good", "care", "unreliable"]
@@ -104,7 +105,7 @@ def _mount(run: _Run) -> Iterator[Finding]:
         parts += [f"pitch to {pitch:.1f} deg"] if pitch else []
         guessed = [name for name, some in (("lens", focal), ("mount", height or pitch)) if some]
         what = " and ".join(guessed) + " are" if len(guessed) > 1 else f"the {(*guessed, 'camera')[0]} is"
-        cause = CAUSES["height_guess" if height and not carried else "guess"]
+        cause = CAUSES["height_guess" if height else "guess"]
         yield Finding(_level(SEEN_M * height, WRONG_M), cause, f"{what} guessed ({', '.join(parts)})")
     given, seen = record.get("mount", {}), record.get("mount_seen", {})
     for angle in ("pitch", "roll"):
@@ -132,8 +133,28 @@ def _floor(run: _Run) -> Iterator[Finding]:
         if nearest_m > FAR_FLOOR_M and mount["height_m"] < FAR_FLOOR_M:
             text = f"the nearest floor in view is {nearest_m:.1f} m away" if below > 0.0 else "no floor is in view"
             yield Finding(_level(nearest_m, 2.0 * FAR_FLOOR_M), CAUSES["floor"], text)
+    share = run.quality.get("worktop_frames", 0) / run.quality["frames"]
+    if share > SOME_SHARE and _measures_by_floor(run):
+        text = (
+            f"in {100 * share:.0f} % of the pictures cups, books or the like stand on what is taken for floor: it is a "
+            "worktop, and lengths may be twice too long"
+        )
+        yield Finding(_level(share, LOST_SHARE), CAUSES["worktop"], text)
     if not objects:
         yield Finding("unreliable", CAUSES["floor"], "nothing was mapped")
+
+
+def _measures_by_floor(run: _Run) -> bool:
+    """Whether the floor in the pictures is what gives lengths: neither wheels nor depth nor given poses do."""
+    depth = run.record.get("attitude_sources", {}).get("depth", 0)
+    measured = depth or run.quality.get("wheel_frames", 0)
+    return not measured and run.record.get("odometry", "hybrid") in PICTURE_ODOMETRIES
+
+
+def _is_carried(run: _Run) -> bool:
+    """Whether a person carries the camera, by the guess of it or by its tilt on the way."""
+    guess = run.record.get("camera_guess") or {}
+    return bool(guess.get("sway_deg")) or run.quality.get("carried_frames", 0) > SOME_SHARE * run.quality["frames"]
 
 
 def _motion(run: _Run) -> Iterator[Finding]:
@@ -142,7 +163,7 @@ def _motion(run: _Run) -> Iterator[Finding]:
     frames, wheels = quality["frames"], quality.get("wheel_frames", 0)
     alone = str(record.get("odometry", "")).startswith("wheel:")
     wheels = frames - quality["guessed_frames"] if alone else wheels
-    cause = CAUSES["drift"] if wheels > 0.5 * frames else CAUSES["wheels"]
+    cause = CAUSES["drift"] if wheels > 0.5 * frames else CAUSES["carried" if _is_carried(run) else "wheels"]
     moving = frames - quality.get("still_frames", 0) - 1
     if (alone or quality.get("wheels", wheels > 0)) and wheels < (1.0 - SOME_SHARE) * moving:
         cause, share = CAUSES["wheels"], 1.0 - wheels / moving
