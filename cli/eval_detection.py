@@ -5,7 +5,7 @@ from typing import Annotated, Any
 
 from edgemap.cli.arguments import OptionError, arg
 from edgemap.cli.network_options import NetworkOptions
-from edgemap.cli.options import Json, at_least, in_unit, print_json
+from edgemap.cli.options import Json, at_least, figure, in_unit, print_json
 
 
 def command(
@@ -89,18 +89,15 @@ def command(
         return
     print(f"{document['bundle']} on {data}: {document['pictures']} pictures, {document['boxes_true']} true boxes")
     print(f"  AP {document['ap']:.3f}   AP50 {document['ap50']:.3f}")
-    text = f"precision {_share(document['precision'])}   recall {_share(document['recall'])}"
+    text = f"precision {figure(document['precision'], '.3f')}   recall {figure(document['recall'], '.3f')}"
     print(f"  at the bundle's threshold, {document['threshold']:g}: {text}")
     for name, figures in sorted(document["per_class"].items(), key=lambda item: -item[1]["ap50"]):
         line = f"AP {figures['ap']:.3f}   AP50 {figures['ap50']:.3f}"
-        print(f"  {name:<16} {line}   precision {_share(figures['precision'])}   recall {_share(figures['recall'])}")
+        point = "   ".join(f"{key} {figure(figures[key], '.3f')}" for key in ("precision", "recall"))
+        print(f"  {name:<16} {line}   {point}")
     for path in drawn:
         print(f"  {path}")
     if unknown:
         print(f"  ({unknown} true boxes of classes that are not scored were left out)")
     if document["boxes_ignored"]:
         print(f"  ({document['boxes_ignored']} true boxes that are seen too little were ignored)")
-
-
-def _share(value: float | None) -> str:
-    return "    –" if value is None else f"{value:.3f}"

@@ -4,7 +4,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 from edgemap.cli.arguments import OptionError, arg
 from edgemap.cli.network_options import NetworkOptions
-from edgemap.cli.options import Json, at_least, print_json
+from edgemap.cli.options import Json, at_least, figure, print_json
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -66,13 +66,9 @@ def command(
         print_json(document)
         return
     print(f"{document['bundle']} on {data}: {document['pictures']} pictures")
-    print(f"  IoU {_text(document['iou'], '.3f')}   floor ends {_text(document['boundary_px'], '.1f')} px off")
+    print(f"  IoU {figure(document['iou'], '.3f')}   floor ends {figure(document['boundary_px'], '.1f')} px off")
     if camera is not None:
-        print(f"  contacts within 3 m: {_text(document['contact_m'], '.3f')} m off (median)")
-
-
-def _text(value: float | None, form: str) -> str:
-    return "–" if value is None else format(value, form)
+        print(f"  contacts within 3 m: {figure(document['contact_m'], '.3f')} m off (median)")
 
 
 def _camera(folder: "Path") -> "FloorCamera | None":

@@ -6,7 +6,7 @@ from typing import Annotated, Any
 from edgemap.cli.arguments import arg
 from edgemap.cli.groups import MappingOptions, MotionOptions
 from edgemap.cli.network_options import NetworkOptions
-from edgemap.cli.options import ConfigFile, Json, WithoutDepth, at_least, print_json
+from edgemap.cli.options import ConfigFile, Json, WithoutDepth, at_least, figure, print_json
 
 
 def command(
@@ -117,7 +117,7 @@ def command(
         poses = {"true": "true poses", "estimated": f"{motion.odometry} poses"}.get(name, "without wheels")
         if figures.get("grid"):
             print(f"  {poses:<14} {_grid_line(figures['grid'])}")
-        print(f"  {poses:<14} {_line(figures)}  ECE {_number(figures['reliability']['ece'])}")
+        print(f"  {poses:<14} {_line(figures)}  ECE {figure(figures['reliability']['ece'])}")
         print(f"  {poses:<14} {_shape_line(figures)}")
         for label, own in figures["per_class"].items():
             print(f"    {label:<14} {_line(own)}")
@@ -125,28 +125,25 @@ def command(
 
 def _line(figures: dict[str, Any]) -> str:
     return (
-        f"F1 {_number(figures['f1'])}  precision {_number(figures['precision'])}  recall {_number(figures['recall'])}  "
-        f"median error {_number(figures['median_error_m'], ' m')}  p90 {_number(figures['p90_error_m'], ' m')}  "
-        f"covered95 {_number(figures['covered95'])}  ANEES {_number(figures['anees'])}  "
-        f"ellipse {_number(figures['ellipse_m2'], ' m2')}"
+        f"F1 {figure(figures['f1'])}  precision {figure(figures['precision'])}  recall {figure(figures['recall'])}  "
+        f"median error {figure(figures['median_error_m'], unit=' m')}  "
+        f"p90 {figure(figures['p90_error_m'], unit=' m')}  "
+        f"covered95 {figure(figures['covered95'])}  ANEES {figure(figures['anees'])}  "
+        f"ellipse {figure(figures['ellipse_m2'], unit=' m2')}"
     )
 
 
 def _shape_line(figures: dict[str, Any]) -> str:
     return (
-        f"shape: F1 {_number(figures['f1_aligned'])} after the best rigid alignment, {_number(figures['f1_scaled'])} "
-        f"after one that scales too; map {_number(figures['scale'])} times its true size"
+        f"shape: F1 {figure(figures['f1_aligned'])} after the best rigid alignment, {figure(figures['f1_scaled'])} "
+        f"after one that scales too; map {figure(figures['scale'])} times its true size"
     )
 
 
 def _grid_line(grid: dict[str, Any]) -> str:
     free, occupied, walls = grid["free"], grid["occupied"], grid["walls"]
     return (
-        f"floor: free cells right {_number(free['precision'])}, within 10 cm {_number(free['precision_10cm'])}, "
-        f"of all {_number(free['recall'])}; occupied within 10 cm {_number(occupied['precision_10cm'])}; "
-        f"walls seen {_number(walls['recall'])}"
+        f"floor: free cells right {figure(free['precision'])}, within 10 cm {figure(free['precision_10cm'])}, "
+        f"of all {figure(free['recall'])}; occupied within 10 cm {figure(occupied['precision_10cm'])}; "
+        f"walls seen {figure(walls['recall'])}"
     )
-
-
-def _number(value: float | None, unit: str = "") -> str:
-    return "   –" if value is None else f"{value:.2f}{unit}"

@@ -54,6 +54,11 @@ def print_json(document: object, allow_nan: bool = True) -> None:
     print(json.dumps(document, indent=1, allow_nan=allow_nan))
 
 
+def figure(value: float | None, form: str = ".2f", unit: str = "") -> str:
+    """A number for a table, or a dash as wide where there is none."""
+    return f"{'–':>{len(format(0.0, form))}}" if value is None else f"{value:{form}}{unit}"
+
+
 def numbers(text: str, option: str, names: str) -> list[float]:
     """Comma-separated finite numbers, as many as there are names. Raises OptionError."""
     try:
