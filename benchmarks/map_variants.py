@@ -138,11 +138,10 @@ def observed_by(replay: Replay, variants: Mapping[str, Variant]) -> Iterator[dic
         floor = FloorCamera(camera.intrinsics, camera.mount)
         sources = dict.fromkeys((variant.odometry, variant.wheels) for variant in variants.values())
         sources = sorted(sources, key=lambda source: source[0] == "truth")  # the first one's motion gives the attitude
+        rules = config.odometry, config.health, config.attitude.check.tilt
         odometry = SideBySide(
             {
-                (spec, wheels): open_odometry(
-                    spec, bundle, camera, floor, wheels=wheels, rules=config.odometry, health=config.health
-                )
+                (spec, wheels): open_odometry(spec, bundle, camera, floor, False, wheels, *rules)
                 for spec, wheels in sources
             }
         )

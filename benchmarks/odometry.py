@@ -169,9 +169,8 @@ def score_drive(
                 raise OdometryError(f"{spec}: no wheel odometry comes with it")
             odometry = f"wheel:{camera.wheel}"
         floor, tuned = FloorCamera(camera.intrinsics, mount), selection.config
-        motion = open_odometry(
-            odometry, bundle, camera, floor, wheels=selection.wheels, rules=tuned.odometry, health=tuned.health
-        )
+        rules = tuned.odometry, tuned.health, tuned.attitude.check.tilt
+        motion = open_odometry(odometry, bundle, camera, floor, False, selection.wheels, *rules)
         attitude = open_attitude(odometry, camera, floor, selection.imu, tuned.attitude, tuned.health)
         step = Pipeline(bundle, floor, motion, rule=tuned.floor, attitude=attitude, health=tuned.health, rest=NO_REST)
         followed = follow(

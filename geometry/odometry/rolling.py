@@ -11,7 +11,6 @@ from edgemap.geometry.se2 import SE2
 ROLLED_M = 1e-3  # of a lateral motion that is none, as of any motion
 MEASURED_M = 0.005  # errs a lateral motion seen in a turn, whatever it states
 UNKNOWN_M = 0.3  # standard deviation of an axle that no one measured
-SLIP_SHARE = 0.01  # of lateral slip, per metre and radian
 FOLLOWED_M = 0.005  # least standard deviation of a learnt axle, so that it goes on being learnt
 
 
@@ -29,14 +28,14 @@ class Lateral:
 class Rolling:
     """The nonholonomic constraint of a robot on wheels: it moves along an arc, tangential to its heading at the axle.
 
-    share: standard deviation of lateral slip, per metre and radian of motion. axle_m: distance
-    of the wheels' axle behind the base's origin, 0 where the mount's lever arm is right; axle_sigma_m: its standard
-    deviation, 0 for a fixed axle.
+    share: standard deviation of lateral slip, per metre and radian of motion. axle_m: distance of the wheels' axle
+    behind the base's origin, 0 where the mount's lever arm is right; axle_sigma_m: its standard deviation, 0 for a
+    fixed axle, by default that of one that is to be learnt from motions alone.
     """
 
     share: float
-    axle_m: float
-    axle_sigma_m: float
+    axle_m: float = 0.0
+    axle_sigma_m: float = UNKNOWN_M
 
     def lateral(self, moved: SE2) -> Lateral:
         """The lateral residual of a motion since the last picture."""
@@ -46,11 +45,6 @@ class Rolling:
         variance = slides**2 + (self.axle_sigma_m * moved.yaw_rad) ** 2
         gradient = np.array([s, c, -along / 2.0 - self.axle_m], dtype=np.float64)
         return Lateral(across - self.axle_m * moved.yaw_rad, gradient, variance)
-
-    @classmethod
-    def unmeasured(cls) -> "Rolling":
-        """The constraint with an axle that is to be learnt from motions alone."""
-        return cls(SLIP_SHARE, 0.0, UNKNOWN_M)
 
     def seen(self, moved: SE2, covariance: Array) -> "Rolling":
         """The axle after one more motion of the lens with its covariance (3, 3)."""

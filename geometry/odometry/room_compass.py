@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from edgemap.geometry.camera.attitude import RoomHeading
+from edgemap.geometry.robust import CLEAR_SIGMAS
 
 Array = NDArray[np.float64]
 Prior = tuple[Array, Array]  # of two values, as an information matrix (2, 2), rad^-2, and its product with them
@@ -33,9 +34,9 @@ class CompassRule:
 
     drift: factor on the variance of the odometry's yaw, whose errors last longer than a step; up to drift_rad of
     standard deviation, as larger errors are stated as they are. view_rad: standard deviation of a view's own error, in
-    addition to that of its edges. outlier: of its standard deviations, at which a view counts a quarter. gate: of those
-    of a view and of the drift since the last one, beyond which it belongs to a rotated object or another wing of the
-    building: `alike` of them in a row, within the gate of a view's own error, become another room direction. views:
+    addition to that of its edges. outlier: of its standard deviations, at which a
+    view counts a quarter. A view that is clearly another than that and the drift since the last one explain belongs to
+    a rotated object or another wing of the building: `alike` of them in a row become another room direction. views:
     number of views kept, and of the latest steps, one of which a view is of. settle_s: over which a correction is
     spread, as the steps of one second are used together.
     """
@@ -44,7 +45,6 @@ class CompassRule:
     drift_rad: float = math.radians(1.5)
     view_rad: float = math.radians(1.0)
     outlier: float = 2.0
-    gate: float = 4.5
     alike: int = 5
     views: int = 40
     settle_s: float = 1.0
@@ -131,7 +131,7 @@ class RoomCompass:
             return begun._solved((RoomView(at, shown_rad, variance_rad2, 0.0),))
         expected_rad = self.room_rad + self.error_rad
         off_rad = min((_wrapped(shown_rad - expected_rad - wing) for wing in (0.0, *self.others_rad)), key=abs)
-        if abs(off_rad) > rule.gate * math.sqrt(2.0 * variance_rad2 + drift_rad2):
+        if abs(off_rad) > CLEAR_SIGMAS * math.sqrt(2.0 * variance_rad2 + drift_rad2):
             return self._puzzled(_wrapped(shown_rad - expected_rad))
         view = RoomView(at, expected_rad + off_rad, variance_rad2, drift_rad2)
         return replace(self, strange_rad=())._solved((*self.views, view))
@@ -145,7 +145,7 @@ class RoomCompass:
         """After a view of none of the known directions, so far off the first one."""
         strange = (*self.strange_rad, off_rad)[-self.rule.alike :]
         apart = [_wrapped(item - off_rad) for item in strange]
-        if len(strange) < self.rule.alike or max(apart) - min(apart) > self.rule.gate * self.rule.view_rad:
+        if len(strange) < self.rule.alike or max(apart) - min(apart) > CLEAR_SIGMAS * self.rule.view_rad:
             return replace(self, strange_rad=strange)
         wing_rad = _wrapped(off_rad + sum(apart) / len(apart))
         return replace(self, others_rad=(*self.others_rad, wing_rad)[-WINGS:], strange_rad=())

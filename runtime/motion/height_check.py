@@ -22,15 +22,14 @@ EVERY_S = 1.0  # of stream, between two pictures whose boxes count, and between 
 class HeightRule:
     """When a given height counts as wrong, and a guessed one as another.
 
-    fewest_boxes: of a class, a second apart. fewest, kept: depth pictures with a floor, windows of window_m over which
-    wheels and camera are compared; kept also boxes of a class. wheels_sigma: of the wheels' radius; depth_sigma: of a
+    fewest, kept: boxes of a class, a second apart, depth pictures with a floor, windows of window_m over which wheels
+    and camera are compared. wheels_sigma: of the wheels' radius; depth_sigma: of a
     depth camera's scale. judged_s: stream time before the first report. wrong_share: least relative error of a wrong
     height without depth. guess_sigma: of a guess, at least, beside what the run itself measures: most of it was guessed
-    by the same objects. moved_share: by which an estimate differs from the height in use before it takes its place.
+    by the same objects.
     """
 
-    fewest_boxes: int = 3
-    fewest: int = 10
+    fewest: int = 3
     kept: int = 100
     window_m: float = 0.5
     wheels_sigma: float = 0.05
@@ -38,7 +37,6 @@ class HeightRule:
     judged_s: float = 10.0
     wrong_share: float = 0.25
     guess_sigma: float = 0.3
-    moved_share: float = 0.01
 
 
 class HeightCheck:
@@ -122,7 +120,7 @@ class HeightCheck:
     def _judge(self, stamp_s: float) -> str:
         rule, self._judged_s, given = self._rule, stamp_s, math.log(self._given_m)
         wrong = math.log1p(rule.wrong_share)
-        measurements = self._sizes.measurements(FloorNoise().pitch_rad, rule.fewest_boxes)
+        measurements = self._sizes.measurements(FloorNoise().pitch_rad, rule.fewest)
         labels = ", ".join(one.name for one in measurements)
         sources = [f"the usual height of {labels}"] if labels else []
         depth = self._by("the floor in depth pictures", self._depths, rule.depth_sigma)
@@ -141,7 +139,7 @@ class HeightCheck:
         found, sigma = agreed_height(measurements)
         self.estimate = HeightEstimate(math.exp(found), math.exp(found) * sigma)
         if self._guessed:
-            if not self._measured and abs(found - given - math.log(self.scale)) > rule.moved_share:
+            if not self._measured:
                 self.scale = self.estimate.height_m / self._given_m
             return ""
         if self._reported or abs(found - given) < max(0.0 if depth else wrong, CLEAR_SIGMAS * sigma):

@@ -13,6 +13,7 @@ from edgemap.geometry.robust import CLEAR_SIGMAS
 from edgemap.runtime.frames.frame import Frame
 from edgemap.runtime.motion.attitude.protocol import Moved
 from edgemap.runtime.motion.health import REPEATED_S, HealthRule, PictureHealth
+from edgemap.runtime.motion.odometry.protocol import STILL_RAD
 
 Array = NDArray[np.float32]
 
@@ -30,9 +31,9 @@ class RestRule:
     alone; 1e9 for never. shifted_px: of a large tile (0.06 are 0.6 px of a picture 640 px wide), beyond what noise
     explains. exposure: largest change of gain, and of brightness as a share of middle grey, attributed to the
     camera's exposure. texture, textured: squared grey levels per px, and how many large tiles must have that for a
-    decision by pictures alone. braking_m_s2: no small robot brakes harder (the limit of common controllers: 2.5);
-    turned_rad: rotation by a gyro that changes any picture. A picture that stays unchanged in spite of either is
-    frozen, even if a sensor's noise changes it.
+    decision by pictures alone. braking_m_s2: no small robot brakes harder (the limit of common controllers: 2.5). A
+    picture that stays unchanged in spite of that, or of a turn beyond the gyro's covariance, is frozen, even if a
+    sensor's noise changes it.
     """
 
     confirmed_s: float = 0.3
@@ -42,7 +43,6 @@ class RestRule:
     texture: float = 9.0
     textured: int = 4
     braking_m_s2: float = 3.0
-    turned_rad: float = 0.05
 
 
 @dataclass(frozen=True, eq=False)
@@ -126,7 +126,8 @@ class RestMonitor:
         reference, picture = self._reference, _averaged(frame.image)
         if reference is None or health.blind or _moved(reference, picture, self.rule, self._health.moved):
             self._reference = _Reference.of(picture, frame.stamp_s)
-            self._step_s, self._turned_rad, self.frozen_since_s = frame.stamp_s - self._before_s, 0.0, None
+            self._step_s, self.frozen_since_s = frame.stamp_s - self._before_s, None
+            self._turned_rad = self._turned_sigma_rad = 0.0
             self._since_s = frame.stamp_s
             return False
         if (
@@ -149,7 +150,8 @@ class RestMonitor:
         """Whether an unchanged picture cannot be a robot's that stands: by the gyro, or as it stopped too soon."""
         if turned is not None:
             self._turned_rad += turned.yaw_rad
-        must = abs(self._turned_rad) > self.rule.turned_rad
+            self._turned_sigma_rad += turned.sigma_rad  # its bias errs in every step alike
+        must = abs(self._turned_rad) > STILL_RAD + CLEAR_SIGMAS * self._turned_sigma_rad
         if moved is not None and reference.stamp_s == self._before_s:
             (x_m, y_m, _), sigma_m = moved[0].vector(), math.sqrt(float(np.trace(moved[1][:2, :2])))
             speed_m_s = (math.hypot(x_m, y_m) - sigma_m) / self._step_s
@@ -162,7 +164,7 @@ class RestMonitor:
         self._before_s = self._last_s = -math.inf  # of the last frames
         self._step_s = math.inf  # that ended at the reference
         self._reported_s = -math.inf  # of the last fault of a frozen picture
-        self._turned_rad = 0.0  # by the gyro, since the reference
+        self._turned_rad = self._turned_sigma_rad = 0.0  # by the gyro, since the reference
         self.frozen_since_s: float | None = None
         self._since_s = -math.inf
 

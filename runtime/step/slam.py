@@ -158,7 +158,8 @@ def build_slam(
     """An empty map and all that fills it. floor: the camera's lens and mount. Raises OdometryError."""
     options, config = options or SlamOptions(), config or Config()
     spec, untrained = options.odometry, options.allow_untrained
-    odometry = open_odometry(spec, bundle, camera, floor, untrained, options.wheels, config.odometry, config.health)
+    wheels, rules, health, tilt = options.wheels, config.odometry, config.health, config.attitude.check.tilt
+    odometry = open_odometry(spec, bundle, camera, floor, untrained, wheels, rules, health, tilt)
     pipeline = Pipeline(
         bundle,
         floor,

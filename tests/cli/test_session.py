@@ -135,7 +135,7 @@ def test_the_camera_file_of_a_guess_stays_a_guess(painted_bundle, pictures, tmp_
     described, file = read_camera_yaml(pictures / "camera.yaml"), tmp_path / "guess.yaml"
     guess = {"method": "guessed", "focal_sigma_share": 0.0, "height_sigma_share": 0.2, "sigma_pitch_deg": 0.0}
     write_camera_yaml(file, described.intrinsics, described.mount, calibration=guess)
-    soon = Config(height=HeightRule(judged_s=0.0, fewest_boxes=1))
+    soon = Config(height=HeightRule(judged_s=0.0, fewest=1))
     for name, more, guessed in (("guess", {}, True), ("given", {"mount": (1.0, 0.0)}, False)):
         folder = RunFolder(tmp_path / name, FloorCamera(described.intrinsics, Mount(1.0, 0.0)), {})
         options: dict[str, Any] = {"camera_file": file, "sinks": [folder], "config": soon} | more

@@ -231,7 +231,7 @@ def test_a_network_with_a_memory_is_no_surer_than_the_corners_beside_it(sigma_m)
     corners = Scripted(step, step, motion(0.1, sigma_m) if sigma_m else blind_motion("lost"))
     memory = Scripted(step, step, step if sigma_m == 0.001 else off)
     memory.name = "flow"
-    members = [Member(corners, "camera"), Member(memory, "camera", seconds=1.0)]
+    members = [Member(corners, "camera"), Member(memory, "camera", seconds=True)]
     hybrid = fusing(members, coasting=CoastingRule(acceleration_m_s2=(1e6, 1e6)))
     found = [hybrid.step(at(stamp_s), {}) for stamp_s in (0.0, 0.1, 0.2)][-1]
     assert found.motion.x_m == pytest.approx(0.1, abs=0.02)

@@ -22,15 +22,13 @@ SINGLE = 10  # samples, each alone in its frame, by which the rate is known
 class ImuTrustRule:
     """When samples are invalid. gyro_rad_s, accel_m_s2: from which on a value that repeats bit by bit is full scale
     (the smallest ranges are 125 deg/s and 2 g), and beyond which none can be (2000 deg/s, 16 g). repeats: of one value;
-    drivers deliver a sample up to four times. held: repeats of all three axes, by which a gyro that has noise is
-    frozen. share: of bad samples, over `noise.rest_window_s`, by which a sensor is left out; it is used again below a
-    tenth of that.
+    drivers deliver a sample up to four times. As many of all three axes, and a gyro that has noise is frozen. share: of
+    bad samples, over `noise.rest_window_s`, by which a sensor is left out; it is used again below a tenth of that.
     """
 
     gyro_rad_s: tuple[float, float] = (1.5, 35.0)
     accel_m_s2: tuple[float, float] = (15.0, 160.0)
     repeats: int = 5
-    held: int = 12
     share: float = 0.3
 
 
@@ -60,7 +58,7 @@ class _Sensor:
             self._runs, self._lively = np.where(same, self._runs + 1, 0), self._lively + (not same.any())
             self._last, size = value, np.abs(value)
             clipped = (self._runs >= self._rule.repeats) & (size >= self._least)
-            held = self._freezes and self._lively >= LIVELY and self._runs.min() >= self._rule.held
+            held = self._freezes and self._lively >= LIVELY and self._runs.min() >= self._rule.repeats
             if clipped.any() or held:
                 good[max(row - int(self._runs.min() if held else self._runs[clipped].max()), 0) : row + 1] = False
                 self.reason = (

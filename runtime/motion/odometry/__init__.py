@@ -5,6 +5,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from edgemap.geometry.camera.floor import FloorCamera
+from edgemap.geometry.camera.mount_tilt import MountTiltRule
 from edgemap.geometry.odometry.keyframe_window import WindowRule
 from edgemap.runtime.frames.errors import OdometryError
 from edgemap.runtime.frames.trajectory import Trajectory, read_tum
@@ -54,24 +55,27 @@ def open_odometry(
     wheels: bool = True,
     rules: OdometryRules | None = None,
     health: HealthRule | None = None,
+    tilt: MountTiltRule | None = None,
 ) -> Odometry:
     """The odometry that a SPEC names: hybrid, flow, planar, window, gyro, paper, truth, wheel:FILE.csv|.mcap or
     FILE.tum.
 
-    wheels: whether the hybrid listens to the source's wheels, where it brings any. health: as of its pictures.
+    wheels: whether the hybrid listens to the source's wheels, where it brings any. health: as of its pictures. tilt: of
+    a camera about its mount.
     Raises OdometryError for one that is unknown or not to be had here.
     """
     rules = rules or OdometryRules()
     coasting = rules.coasting.of_unit(floor.mount.platform.unit_m)
     if spec == "hybrid":
-        members, warning = _members(bundle, camera, floor, wheels, rules)
+        members, warning = _members(bundle, camera, floor, wheels, rules, tilt)
         return HybridOdometry(members, rules.hybrid, coasting, warning, health)
     if spec == "gyro":
         return GyroOdometry()
     if spec == "window":
-        return DepthOdometry(floor, WindowOdometry(floor, rules.planar, rules.coasting, rules.window), rules.depth)
+        window = WindowOdometry(floor, rules.planar, rules.coasting, rules.window, tilt)
+        return DepthOdometry(floor, window, rules.depth)
     if spec == "planar":
-        return _tracked(floor, rules)
+        return _tracked(floor, rules, tilt)
     if spec in ("flow", "paper"):
         return LearnedOdometry(bundle, spec, floor, allow_untrained, coasting, rules.flow)
     if spec == "truth":
@@ -92,10 +96,12 @@ def wheel_trajectory(path: str | Path) -> Trajectory:
     return read_wheel(str(path)) if is_recording(str(path)) else Trajectory(*read_wheel_csv(Path(path)))
 
 
-def _tracked(floor: FloorCamera, rules: OdometryRules, carried: bool = False) -> DepthOdometry:
+def _tracked(
+    floor: FloorCamera, rules: OdometryRules, tilt: MountTiltRule | None, carried: bool = False
+) -> DepthOdometry:
     """Corners by their depth, where frames bring any, and without it where not. carried: from the start."""
     planar = PlanarOdometry(floor, rules.planar, rules.coasting)
-    window = WindowOdometry(floor, rules.planar, rules.coasting, rules.window)
+    window = WindowOdometry(floor, rules.planar, rules.coasting, rules.window, tilt)
     return DepthOdometry(floor, TrackedOdometry(planar, window, carried), rules.depth)
 
 
@@ -103,21 +109,26 @@ POSES_EDGE_S = 0.15  # poses that are taken as they are may end a frame early
 
 
 def _members(
-    bundle: Bundle, camera: Camera, floor: FloorCamera, wheels: bool, rules: OdometryRules
+    bundle: Bundle,
+    camera: Camera,
+    floor: FloorCamera,
+    wheels: bool,
+    rules: OdometryRules,
+    tilt: MountTiltRule | None = None,
 ) -> tuple[list[Member], str]:
     """Corners on the floor, the bundle's flow head where one is trained for such a camera, wheels and gyro where there
     are any; and why there is no flow head beside a robot's corners, if so."""
-    rule, scale = rules.hybrid, rules.hybrid.covariance_scale
+    scale = rules.hybrid.covariance_scale
     head, flow = bundle.manifest.odometry.get("flow"), None
     if head is not None and head.trained:
         coasting = rules.coasting.of_unit(floor.mount.platform.unit_m)
         flow = LearnedOdometry(bundle, "flow", floor, coasting=coasting, rule=rules.flow)
     warning = flow.warning if flow else ""
     carried = bool(warning) and at_head_height(bundle.manifest, camera, floor)
-    members = [Member(_tracked(floor, rules, carried), CAMERA, scale**2 if warning else scale)]
+    members = [Member(_tracked(floor, rules, tilt, carried), CAMERA, scale**2 if warning else scale)]
     if flow is not None and not warning:
         reach_rad = 2.0 * rules.flow.keyframe_rad
-        members.append(Member(flow, CAMERA, scale**4, reach_rad=reach_rad, seconds=rule.flow_variance_share))
+        members.append(Member(flow, CAMERA, scale**4, reach_rad=reach_rad, seconds=True))
     if wheels and camera.wheel is not None:
         given = camera.wheel
         track = wheel_trajectory(given) if isinstance(given, Path) else given

@@ -13,7 +13,8 @@ from edgemap.geometry.arrays import Array
 from edgemap.geometry.camera.attitude import rotation_angle
 from edgemap.geometry.camera.depth_points import FARTHEST_M, NEAREST_M
 from edgemap.geometry.camera.intrinsics import Intrinsics
-from edgemap.geometry.odometry.resection import DepthLandmarks, LensPose, Resected, resect
+from edgemap.geometry.odometry.resection import TUKEY, DepthLandmarks, LensPose, Resected, resect
+from edgemap.runtime.motion.odometry.corners import FEW
 
 Pixels = NDArray[np.float32]
 Indices = NDArray[np.intp]
@@ -27,15 +28,15 @@ class DepthRule:
 
     working_width_px: wider pictures are scaled down to it. corners: how many. ratio: of the best to the second best
     descriptor distance (Lowe 2004), below which a match counts. matched: keyframes that a picture is matched to,
-    and pictures in a row that are not located, before all are given up. kept: keyframes. apart_m, apart_rad: of the
-    newest keyframe, beyond which a picture becomes one; fewest: so does one that fewer points fit. inliers: that
-    must fit at all. trials, trial_px: of RANSAC; by so much the refinement moves a corner at most. sigma_px: of a
-    refined corner. patch_px: half the side of the patch whose depths are one point's; flat: share of the depth by
-    which the middle 80 % of them differ at most, else it lies on an edge. depth_sigma_m, depth_sigma_per_m2:
-    standard deviation of a depth: constant, and with its square; slope: share of a patch's own spread that adds to
-    it, as the middle of the known depths is not the corner's where the patch is cut. fastest_m_s: of a camera that
-    is carried. covariance_scale: errors of depth last over steps (NEES over 1 s of two real walks 17 and 12 with
-    1).
+    and pictures in a row that are not located, before all are given up. kept: keyframes. apart: from the newest
+    keyframe, m and rad, beyond which a picture becomes one; so does one that fewer points fit than a fifth of the
+    corners. inliers: that must fit at all. trials: of RANSAC. sigma_px: of a refined corner; RANSAC's matches and the
+    refinement lie within the reach of Tukey's weights (`resection.TUKEY`). patch_px: half the side of the patch whose
+    depths are one point's; flat: share of the depth by which the middle 80 % of them differ at most, else it lies on an
+    edge. depth_sigma_m, depth_sigma_per_m2: standard deviation of a depth: constant, and with its square; slope: share
+    of a patch's own spread that adds to it, as the middle of the known depths is not the corner's where the patch is
+    cut. fastest_m_s: of a camera that is carried. covariance_scale: errors of depth last over steps (NEES over 1 s of
+    two real walks 17 and 12 with 1).
     """
 
     working_width_px: int = 540
@@ -43,12 +44,9 @@ class DepthRule:
     ratio: float = 0.8
     matched: int = 3
     kept: int = 8
-    apart_m: float = 0.15
-    apart_rad: float = 0.12
-    fewest: int = 80
+    apart: float = 0.15
     inliers: int = 12
     trials: int = 200
-    trial_px: float = 2.5
     sigma_px: float = 0.5
     patch_px: int = 3
     flat: float = 0.06
@@ -105,7 +103,7 @@ class DepthKeyframes:
             self._keyframes = []
         if found is not None or not self._keyframes:
             self._last = self._seen(grey, corners, descriptors, depth)
-            few = found is not None and float(found.weights.sum()) < self._rule.fewest
+            few = found is not None and float(found.weights.sum()) < self._rule.corners / FEW
             if few or not self._keyframes or self._distance(self._keyframes[-1].pose, self._pose, limit=True) > 1.0:
                 self._keep(self._last)
         return None if found is None or moved is None else Resected(moved, found.covariance, found.weights)
@@ -144,10 +142,10 @@ class DepthKeyframes:
             return None
         landmarks = DepthLandmarks.joined([keyframe.landmarks.chosen(ours) for keyframe, ours, _ in pairs])
         pixels = np.concatenate([corners[theirs] for _, _, theirs in pairs])
-        focal, seen = self._lens.fx, self._lens.rays(pixels)[:, :2]
+        sigma, seen = rule.sigma_px / self._lens.fx, self._lens.rays(pixels)[:, :2]
         found, turned, shift, inliers = cv2.solvePnPRansac(
             landmarks.points_m, seen, np.eye(3), None, iterationsCount=rule.trials, flags=cv2.SOLVEPNP_P3P,
-            reprojectionError=rule.trial_px / focal, confidence=0.999,
+            reprojectionError=TUKEY * sigma, confidence=0.999,
         )  # fmt: skip
         if not found or inliers is None or len(inliers) < rule.inliers:
             return None
@@ -156,7 +154,7 @@ class DepthKeyframes:
         pixels = self._refined(grey, pairs, pixels, agree)
         rotation = np.asarray(cv2.Rodrigues(turned)[0], dtype=np.float64).T
         start = LensPose(rotation, -rotation @ np.asarray(shift, dtype=np.float64).ravel())
-        located = resect(landmarks.chosen(agree), self._lens.rays(pixels[agree])[:, :2], start, rule.sigma_px / focal)
+        located = resect(landmarks.chosen(agree), self._lens.rays(pixels[agree])[:, :2], start, sigma)
         return located if float(located.weights.sum()) >= rule.inliers / 2.0 else None
 
     def _refined(
@@ -176,7 +174,7 @@ class DepthKeyframes:
                 flags=cv2.OPTFLOW_USE_INITIAL_FLOW,
             )  # fmt: skip
             moved = moved.reshape(-1, 2)
-            near = np.hypot(*(moved - pixels[which]).T) < self._rule.trial_px
+            near = np.hypot(*(moved - pixels[which]).T) < TUKEY * self._rule.sigma_px
             good = (status.ravel() == 1) & near
             refined[which[good]] = moved[good]
         return refined
@@ -201,9 +199,8 @@ class DepthKeyframes:
     def _distance(self, a: LensPose, b: LensPose, limit: bool = False) -> float:
         """Of two views, in units of what makes a keyframe."""
         between = a.inverse() @ b
-        shift = float(np.linalg.norm(between.position_m)) / self._rule.apart_m
-        turn = rotation_angle(between.rotation) / self._rule.apart_rad
-        return max(shift, turn) if limit else shift + turn
+        shift, turn = float(np.linalg.norm(between.position_m)), rotation_angle(between.rotation)
+        return (max(shift, turn) if limit else shift + turn) / self._rule.apart
 
 
 def patch_depths(

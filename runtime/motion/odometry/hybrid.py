@@ -47,10 +47,7 @@ class HybridRule:
     that of corners and gyro, of a carried camera's corners once more, of the flow head, whose errors last longest,
     three times more, and on the fused one: errors of landmarks, of scale and of a wheel's radius last for seconds,
     so that sums over 1 to 10 s vary more than independent steps would (NEES over 3 without it: by the camera alone
-    1.9 to 3.7, with wheels 1.2 to 2.9, camera and gyro 1.3 to 2.5; homes 8301-8310). flow_variance_share: of the
-    corners' variance, which the flow head's is at least: it remembers, and goes on as before where a picture shows
-    nothing. Its error of a step is 0.5 cm where corners state 2 mm, 1.7 where they state 2 cm, 3.3 where 10 cm, 5
-    where more, while it states 0.6 cm (sixteen rendered homes).
+    1.9 to 3.7, with wheels 1.2 to 2.9, camera and gyro 1.3 to 2.5; homes 8301-8310).
     covered_covariance_scale: one more factor for the camera where so much of a picture as makes a fault
     (`health.part_share`) shows nothing while the rest moves, as a cover and its edge stand still; and its power with
     what is covered beyond. Where people and animals cover as much, the camera judges nobody.
@@ -58,7 +55,6 @@ class HybridRule:
     """
 
     covariance_scale: float = 2.0
-    flow_variance_share: float = 0.25
     covered_covariance_scale: float = 30.0
     trust: TrustRule = field(default_factory=TrustRule)
     compass: CompassRule = field(default_factory=CompassRule)
@@ -75,8 +71,9 @@ class Member:
 
     covariance_scale: factor on its covariance, fitted on validation drives so that errors and covariance agree.
     optional: it is missed only after it has measured once. reach_rad: largest turn of one step that it can measure.
-    seconds: above 0 it counts only beside another member of its source that measures,
-    with at least this share of that one's variances.
+    seconds: it counts only beside another member of its source that measures, with at least that one's variances. Such
+    is the flow head, which remembers, and goes on as before where a picture shows nothing: its error of a step is 0.5
+    cm where corners state 2 mm, 1.7 where they state 2 cm, 3.3 where 10 cm, while it states 0.6 (sixteen homes).
     """
 
     odometry: Odometry
@@ -84,7 +81,7 @@ class Member:
     covariance_scale: float = 1.0
     optional: bool = False
     reach_rad: float = math.inf
-    seconds: float = 0.0
+    seconds: bool = False
 
 
 class HybridOdometry:
@@ -283,17 +280,16 @@ class HybridOdometry:
         return member.covariance_scale * self._rule.doubt(member.source, covered, self._hidden)
 
     def _seconded(self, alive: Sequence[MotionEstimate]) -> list[MotionEstimate]:
-        """The estimates; those that second another of their source are absent without it, and not much surer."""
-        shares = {_short(member): member.seconds for member in self._members if member.seconds}
-        firsts = {item.source: np.diag(item.covariance) for item in alive if not item.members & shares.keys()}
+        """The estimates; those that second another of their source are absent without it, and no surer."""
+        seconds = {_short(member) for member in self._members if member.seconds}
+        firsts = {item.source: np.diag(item.covariance) for item in alive if not item.members & seconds}
         found = []
         for item in alive:
-            share = max((shares.get(name, 0.0) for name in item.members), default=0.0)
-            if share and item.source in firsts:
-                looser = max(1.0, share * float((firsts[item.source] / np.diag(item.covariance)).max()))
-                found.append(replace(item, covariance=looser * item.covariance))
-            elif not share:
+            if not item.members & seconds:
                 found.append(item)
+            elif item.source in firsts:
+                looser = max(1.0, float((firsts[item.source] / np.diag(item.covariance)).max()))
+                found.append(replace(item, covariance=looser * item.covariance))
         return found
 
     def _headed(self, stamp_s: float, motion: Motion, attitude: Attitude | None) -> Motion:

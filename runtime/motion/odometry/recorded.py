@@ -28,14 +28,13 @@ from edgemap.runtime.network.network import Tensors
 class DriftRate:
     """Errors of a recorded motion. roughness_m: standard deviation of the place per square root of a metre that wheels
     roll: small slips add up like a random walk (Chong and Kleeman 1997). half_track_m: what a wheel rolls per radian of
-    rotation, which makes a slip a turn. fastest_m_s, fastest_rad_s: between two samples; a faster change is a jump, not
-    a motion.
+    rotation, which makes a slip a turn. fastest: m/s and rad/s between two samples; a faster change is a jump, not a
+    motion.
     """
 
     roughness_m: float = 0.0
     half_track_m: float = 0.15
-    fastest_m_s: float = 1e6
-    fastest_rad_s: float = 1e6
+    fastest: float = 1e6
 
     def covariance(self, motion: SE2) -> NDArray[np.float64]:
         """Covariance of one motion, (3, 3)."""
@@ -48,7 +47,7 @@ ROUNDED_M, ROUNDED_RAD = 1e-4, 1e-5  # of what files hold
 # A small robot with two driven wheels on hard floors. 5 mm are the slips of the simulator's wheels; for the whole drive
 # their radius errs by 1 % and their distance by 2 % (24 homes: NEES over 5 s 1.36 (0.3 to 3.7) with 5 mm, 1.06 (0.4 to
 # 2.9) with 6.5; drift over 5 m 0.97 and 0.87 %).
-WHEEL = DriftRate(0.0065, fastest_m_s=10.0, fastest_rad_s=2.0 * math.pi)
+WHEEL = DriftRate(0.0065, fastest=10.0)
 
 
 EDGE_S = 0.01  # outside the recording that still count as its end: stamps are rounded
@@ -135,7 +134,7 @@ class RecordedOdometry:
         for at in range(first, last):
             span_s, moved = float(stamps[at + 1] - stamps[at]), poses[at].inverse() @ poses[at + 1]
             far_m = math.hypot(moved.x_m, moved.y_m)
-            if far_m > rule.fastest_m_s * span_s or abs(moved.yaw_rad) > rule.fastest_rad_s * span_s:
+            if max(far_m, abs(moved.yaw_rad)) > rule.fastest * span_s:
                 return f"jumps by {far_m:.2f} m and {moved.yaw_rad:.2f} rad in {span_s:.3f} s: left out"
         return ""
 

@@ -8,6 +8,7 @@ from edgemap.geometry.arrays import Array
 from edgemap.geometry.camera.attitude import Attitude, GyroRotation, TrackedRotation
 from edgemap.geometry.camera.floor import FloorCamera
 from edgemap.geometry.camera.level import up_optical
+from edgemap.geometry.camera.mount_tilt import MountTiltRule
 from edgemap.geometry.odometry.keyframe_window import KeyframeWindow, WindowRule
 from edgemap.geometry.odometry.resection import LensPose
 from edgemap.geometry.odometry.window_factors import PoseFactors
@@ -18,7 +19,6 @@ from edgemap.runtime.motion.odometry.corner_odometry import MINIMUM_COVARIANCE, 
 from edgemap.runtime.motion.odometry.corners import Pixels
 from edgemap.runtime.motion.odometry.protocol import FramePrior, Motion, first_motion
 
-CARRIED_RAD = math.radians(10.0)  # standard deviation of a carried camera's tilt about the mount's
 SMALLEST_SIGMA_RAD = 1e-4  # of a given tilt
 
 
@@ -26,7 +26,7 @@ class WindowOdometry(CornerOdometry):
     """Corners (`CornerTracker`) and the lens's poses in a `KeyframeWindow`; the base's motion is planar.
 
     Pitch, roll and height of each keyframe are estimated together with the motion, so an error of the given attitude
-    hardly changes the length of a step.
+    hardly changes the length of a step. tilt: a carried camera is about the mount's angles to `tilt.given`.
     """
 
     def __init__(
@@ -35,8 +35,9 @@ class WindowOdometry(CornerOdometry):
         rule: PlanarRule | None = None,
         coasting: CoastingRule | None = None,
         window: WindowRule | None = None,
+        tilt: MountTiltRule | None = None,
     ) -> None:
-        self._window_rule = window or WindowRule()
+        self._window_rule, self._carried_rad = window or WindowRule(), (tilt or MountTiltRule()).given
         # Not refined by detail: what is carried turns fast, and large turns need large structures.
         super().__init__(camera, rule, coasting, detail=False, returning=True)
         self.reset("start")
@@ -130,7 +131,7 @@ class WindowOdometry(CornerOdometry):
         variance = 0.0 if attitude is None else float(np.trace(attitude.covariance_rad2)) / 2.0
         # A person does not hold the camera at the mount's angles.
         unknown = attitude is None or attitude.source == "mount"
-        up_rad = CARRIED_RAD if unknown else max(math.sqrt(rule.attitude_pictures * variance), SMALLEST_SIGMA_RAD)
+        up_rad = self._carried_rad if unknown else max(math.sqrt(rule.attitude_pictures * variance), SMALLEST_SIGMA_RAD)
         gyro_rad = math.inf
         if gyro is not None:
             gyro_rad = math.hypot(rule.gyro_rad + rule.gyro_share * gyro.angle_rad, gyro.sigma_rad)
