@@ -27,7 +27,7 @@ from edgemap.runtime.network.bundle import Bundle, load_bundle
 from edgemap.runtime.network.manifest import DetectorSpec, GeometrySpec, Manifest, OdometryHead, Parity, StateSpec
 from edgemap.runtime.network.manifest_file import FORMAT, sha256_file, write_manifest
 from edgemap.runtime.network.network import Tensors
-from edgemap.runtime.network.store import check_place, staged
+from edgemap.runtime.network.store import BUNDLE_NAME, check_place, staged
 
 OWN = "edgemap-nano", "edgemap-pico"  # detectors that were trained here and come with the package
 
@@ -46,8 +46,8 @@ def export_backbone(
 ) -> Path:
     """Export a backbone with its odometry heads and floor head as a bundle folder; gives `out`.
 
-    backbone: yolov3, yolov3-tiny, yolox-nano, a Darknet .cfg, an .onnx file, or the best.pt of a detector that was
-    trained here, whose bundle is named after its folder. weights: its .weights (for yolox-nano its .onnx) file;
+    backbone: yolov3, yolov3-tiny, yolox-nano; or a Darknet .cfg, an .onnx file, or the best.pt of a detector that was
+    trained here, whose bundles are named after their folder. weights: its .weights (for yolox-nano its .onnx) file;
     without one a known name's is fetched. heads: checkpoints of trained heads; without any, an untrained paper head
     on `feature` (default `head`, the raw coarse map; for ONNX files `stride32`) is created and marked as untrained,
     except for a detector trained here without `feature`. size: (width, height) in px of a Darknet input. random_seed:
@@ -83,7 +83,7 @@ def export_backbone(
     models[part.detector.file] = seal(free_rows(part.model, part.detector), part.detector)
     manifest = Manifest(
         format=FORMAT,
-        name=part.name,
+        name=_bundle_name(backbone, out) or part.name,
         version=__version__,
         detector=part.detector,
         sha256={},
@@ -101,6 +101,13 @@ def export_backbone(
         return parity.prove(bundle, part.reference, trunks, part.exact)
 
     return write_bundle(out, manifest, models, proof, calibration)
+
+
+def _bundle_name(backbone: str, out: Path) -> str:
+    """That of its folder for a backbone of the user's own: `pull` copies it to a robot by this name, and `--bundle`
+    takes it there. Empty for a name that `pull` has, and for a folder whose name is no bundle's."""
+    own = backbone.endswith((".cfg", ".onnx")) and BUNDLE_NAME.fullmatch(out.resolve().name)
+    return out.resolve().name if own else ""
 
 
 def _loaded(heads: Sequence[Path], feature: str | None) -> tuple[list[FloorCheckpoint], list[HeadCheckpoint]]:

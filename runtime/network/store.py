@@ -19,7 +19,7 @@ from edgemap.runtime.network.download import download
 from edgemap.runtime.network.manifest_file import MANIFEST_BYTES, MANIFEST_NAME, read_manifest, verified_file
 
 BUNDLE_BYTES = 1 << 30  # of all files of a bundle together
-_NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9._-]{0,99}")
+BUNDLE_NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9._-]{0,99}")
 RENDERED, LENS = "edgemap-nano", "edgemap-pico"
 RENDERED_KINDS = ("sim", "drive")
 RECORDED_DEPTH = 3
@@ -43,7 +43,7 @@ def bundle_folder(name: str) -> Path:
     name may belong to an earlier version (`passed_over`).
     """
     path = user_path(name)
-    if (path / MANIFEST_NAME).is_file() or not _NAME.fullmatch(name):
+    if (path / MANIFEST_NAME).is_file() or not BUNDLE_NAME.fullmatch(name):
         return path
     shipped = _shipped_folder() / name
     return shipped if (shipped / MANIFEST_NAME).is_file() else cache_folder() / "bundles" / name
@@ -54,7 +54,7 @@ def passed_over(name: str) -> Path | None:
 
     Raises BundleError where either has no manifest that can be read.
     """
-    if not _NAME.fullmatch(name):
+    if not BUNDLE_NAME.fullmatch(name):
         return None
     cached, shipped = cache_folder() / "bundles" / name, _shipped_folder() / name
     if not all((folder / MANIFEST_NAME).is_file() for folder in (cached, shipped)):
@@ -167,7 +167,7 @@ def shipped_heads(name: str) -> list[Path]:
 
 
 def _place(name: str, source: str) -> Path:
-    if not _NAME.fullmatch(name):
+    if not BUNDLE_NAME.fullmatch(name):
         raise BundleError(f"bundle {source}: its name {name!r} is no file name")
     return cache_folder() / "bundles" / name
 

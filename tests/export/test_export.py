@@ -20,6 +20,7 @@ from edgemap.runtime.frames.errors import BundleError
 from edgemap.runtime.network.bundle import load_bundle
 from edgemap.runtime.network.manifest import METADATA_KEY
 from edgemap.runtime.network.manifest_file import read_manifest, sha256_file, write_manifest
+from edgemap.runtime.network.store import bundle_folder, install_folder
 
 
 def test_manifest_of_a_small_network(small):
@@ -245,3 +246,15 @@ def test_full_yolov3_from_a_synthetic_file(tmp_path, brief):
     assert manifest.measured["weights"]["float32_values"] == 62_001_757
     assert manifest.parity["backbone.onnx"].max_abs_difference <= manifest.parity["backbone.onnx"].tolerance
     assert sorted(path.name for path in out.iterdir()) == ["backbone.onnx", "bundle.json", "odometry.paper.onnx"]
+
+
+def test_a_bundle_of_an_own_network_has_the_name_of_its_folder_on_the_robot_too(
+    tmp_path, small_cfg, small_weights, monkeypatch
+):
+    monkeypatch.setenv("EDGEMAP_CACHE", str(tmp_path / "cache"))
+    made = export_backbone(str(small_cfg), tmp_path / "my-bundle", weights=small_weights)
+    installed = install_folder(made)
+    assert installed == bundle_folder("my-bundle")
+    assert read_manifest(installed).name == "my-bundle"
+    odd = export_backbone(str(small_cfg), tmp_path / "mein Bündel", weights=small_weights)
+    assert read_manifest(odd).name == "small"
