@@ -35,6 +35,7 @@ def floor_camera_of(camera: "Source", source: "Camera", bundle: "Bundle") -> "tu
     from edgemap.geometry.camera.floor import FloorCamera
     from edgemap.runtime.network.decode import Decoder, Detector
     from edgemap.runtime.step.calibration.guess import guess_camera
+    from edgemap.runtime.step.calibration.guess_upright import quarter_turns
 
     lens, mount, height_m, lacking = what_is_given(camera, source)
     if not lacking:
@@ -44,6 +45,7 @@ def floor_camera_of(camera: "Source", source: "Camera", bundle: "Bundle") -> "tu
     detector = Detector(bundle, Decoder(manifest.detector, manifest.confidence, one_name=True))
     pictures = [frame.image for frame in _looked_at(camera, source)]
     guess = guess_camera(pictures, detector, lens, mount, _stated(camera.camera, source), height_m)
+    guess = replace(guess, quarter_turns=quarter_turns(pictures, detector))
     print(f"guessed from {len(pictures)} pictures:")
     print("\n".join(f"  {line}" for line in guess.lines()))
     if guess.height_sigma and guess.sway_rad:

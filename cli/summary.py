@@ -66,7 +66,9 @@ class RunSummary(Sink):
         """The map, the drive, how far it can be trusted, the mount as observed, the faults, and the objects."""
         travelled_m = self.result.travelled_m if self.result else 0.0
         observed = self.result.observed.mount_estimate if self.result else None
-        shown, why = (observed or self.height) and not self._carried, shlex.quote(f"{folder}/")
+        camera = self.result.observed.camera if self.result else None
+        carried = self._carried or bool(camera and camera.attitude and camera.attitude.carried)
+        shown, why = (observed or self.height) and not carried, shlex.quote(f"{folder}/")
         lines = [
             f"map of {len(self.objects)} objects saved in {folder}/",
             f"{'stopped' if stopped else 'done'} after {done} frames, {travelled_m:.1f} m travelled",

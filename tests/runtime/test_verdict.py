@@ -48,6 +48,14 @@ def test_a_worktop_taken_for_floor_matters_only_where_the_floor_gives_lengths(me
     assert verdict_of(record({"worktop_frames": 300, "wheel_frames": wheels}, **measured), [CHAIR]).findings == ()
 
 
+def test_pictures_on_their_side_are_the_first_thing_to_mend():
+    guess = GUESS | {"turned_by": "90 degrees clockwise", "sway_deg": 17.0}
+    verdict = verdict_of(record(camera_guess=guess), [CHAIR])
+    assert verdict.level == "unreliable"
+    assert verdict.findings[0].cause is CAUSES["turned"]
+    assert "turn them by 90 degrees clockwise" in verdict.line
+
+
 def test_a_carried_camera_of_a_guessed_height_is_advised_to_measure_it():
     guess = {"focal_sigma_share": 0.04, "height_sigma_share": 0.15, "sigma_pitch_deg": 5.5, "sway_deg": 5.0}
     verdict = verdict_of(record({"wheel_frames": 0}, camera_guess=guess), [CHAIR])

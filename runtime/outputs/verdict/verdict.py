@@ -92,6 +92,8 @@ def _mount(run: _Run) -> Iterator[Finding]:
     record, quality = run.record, run.quality
     carried = quality.get("carried_frames", 0) > SOME_SHARE * quality["frames"]
     if guess := record.get("camera_guess"):
+        if turned_by := guess.get("turned_by"):
+            yield Finding("unreliable", CAUSES["turned"], f"the pictures are not upright: turn them by {turned_by}")
         if sway_deg := guess.get("sway_deg"):
             text = f"the camera sways by {sway_deg:.0f} deg, as in a hand or on a head, and its mount is a guess"
             yield Finding("unreliable", CAUSES["carried"], text)

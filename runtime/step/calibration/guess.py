@@ -41,6 +41,7 @@ from edgemap.runtime.step.calibration.guess_sizes import (
 # errs by 3 degrees.
 SURE_RAD = math.radians(0.35)
 LOWEST_M, HIGHEST_M = 0.05, 3.0
+TURNS = ("", "90 degrees counterclockwise", "180 degrees", "90 degrees clockwise")  # by quarter turns
 LEAST_FLOOR = 0.1  # share of the picture below the horizon
 
 Picture = NDArray[np.uint8]
@@ -60,7 +61,7 @@ class _Record(msgspec.Struct):
 class CameraGuess:
     """lens, mount: the guess. focal_sigma, height_sigma: one standard deviation as a share; pitch_sigma_rad; 0 for what
     is no guess. how: what each came from, in words. sway_rad: standard deviation of the pitch of a camera that is
-    carried, else 0."""
+    carried, else 0. quarter_turns: counterclockwise, that would make the pictures upright."""
 
     lens: Intrinsics
     mount: Mount
@@ -69,6 +70,7 @@ class CameraGuess:
     pitch_sigma_rad: float
     how: tuple[str, ...]
     sway_rad: float = 0.0
+    quarter_turns: int = 0
 
     def lines(self) -> list[str]:
         """The guess with its uncertainty, for display."""
@@ -82,6 +84,11 @@ class CameraGuess:
             f"lens {mount.height_m:.2f} m{above} above the floor ({height})",
             f"pitch {pitch_deg:.1f} +- {math.degrees(self.pitch_sigma_rad):.1f} deg, roll {roll_deg:.1f} deg ({pitch})",
             *([f"{sway}; pitch and height are not constant"] if self.sway_rad else []),
+            *(
+                [f"the pictures are not upright: turn them by {TURNS[self.quarter_turns]}"]
+                if self.quarter_turns
+                else []
+            ),
         ]
 
     def scale_sigma(self, odometry: str) -> float:
@@ -98,7 +105,8 @@ class CameraGuess:
             "sigma_pitch_deg": round(math.degrees(self.pitch_sigma_rad), 2),
             "from": list(self.how),
         }
-        return record | ({"sway_deg": round(math.degrees(self.sway_rad), 1)} if self.sway_rad else {})
+        record |= {"sway_deg": round(math.degrees(self.sway_rad), 1)} if self.sway_rad else {}
+        return record | ({"turned_by": TURNS[self.quarter_turns]} if self.quarter_turns else {})
 
     @classmethod
     def of_record(cls, calibration: dict[str, Any], lens: Intrinsics, mount: Mount, where: str) -> "CameraGuess | None":
