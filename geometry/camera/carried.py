@@ -3,22 +3,23 @@
 import math
 from dataclasses import dataclass, field, replace
 
+from edgemap.geometry.camera.mount_tilt import MountTiltRule
+
 
 @dataclass(frozen=True, slots=True)
 class CarriedRule:
     """When a camera counts as carried.
 
     share: weight of the newest picture in the running mean square of the tilt's change between pictures (rendered
-    robots 0.2 to 0.3 degrees, two head cameras 1.6 to 1.8). level_rad: a camera whose tilt changes more than this is
-    carried. steady_m: path lengths without nodding after which a camera counts as one on wheels: the first where it
-    nods by less than a third of level_rad, the second otherwise (level robots 0.05 to 0.2 degrees; a walker begins with
-    0.4 to 0.5, for 1.5 m). rate_rad_s: highest rate of a camera on a robot, and lowest of one that is certainly carried
-    (rendered robots 1 to 4 degrees a second, a hand-held camera 6, two head cameras 16 to 18). rate_s: averaging window
-    of the rate, before the first picture of which a camera counts as calm for two.
+    robots 0.2 to 0.3 degrees, two head cameras 1.6 to 1.8). steady_m: path lengths without nodding after which a camera
+    counts as one on wheels: the first where it nods by less than a third of a robot's nodding, the second otherwise
+    (level robots 0.05 to 0.2 degrees; a walker begins with 0.4 to 0.5, for 1.5 m). rate_rad_s: highest rate of a camera
+    on a robot, and lowest of one that is certainly carried (rendered robots 1 to 4 degrees a second, a hand-held camera
+    6, two head cameras 16 to 18). rate_s: averaging window of the rate, before the first picture of which a camera
+    counts as calm for two.
     """
 
     share: float = 0.1
-    level_rad: float = math.radians(0.6)
     steady_m: tuple[float, float] = (0.5, 2.0)
     rate_rad_s: tuple[float, float] = (math.radians(5.0), math.radians(8.0))
     rate_s: float = 5.0
@@ -28,12 +29,14 @@ class CarriedRule:
 class Carried:
     """The estimate so far; call `updated` once per picture.
 
-    nodding2: mean square of the tilt's change from picture to picture, rad^2. rate2: of its rate, rad^2/s^2, over
-    judged_s. steady_m: path length since its nodding last exceeded level_rad. scattered: whether the tilt from a room's
+    nod_rad: nodding of a robot (`MountTiltRule.nod`); a camera whose tilt changes more is carried. nodding2: mean
+    square of the tilt's change from picture to picture, rad^2. rate2: of its rate, rad^2/s^2, over
+    judged_s. steady_m: path length since its nodding last exceeded nod_rad. scattered: whether the tilt from a room's
     edges keeps changing, even where the camera swings slowly.
     """
 
     rule: CarriedRule = field(default_factory=CarriedRule)
+    nod_rad: float = MountTiltRule().nod
     pictures: int = 0
     nodding2: float = 0.0
     rate2: float = 0.0
@@ -55,7 +58,7 @@ class Carried:
             nodding2=nodding2,
             rate2=self.rate2 + rate_share * (nod2 / span_s**2 - self.rate2),
             judged_s=judged_s,
-            steady_m=0.0 if math.sqrt(nodding2) > rule.level_rad else self.steady_m + path_m,
+            steady_m=0.0 if math.sqrt(nodding2) > self.nod_rad else self.steady_m + path_m,
         )
 
     @property
@@ -66,7 +69,7 @@ class Carried:
     @property
     def on_wheels(self) -> bool:
         """Whether it has moved `steady_m` without nodding like a carried camera."""
-        needed_m = self.rule.steady_m[0 if self.nodding_rad < self.rule.level_rad / 3.0 else 1]
+        needed_m = self.rule.steady_m[0 if self.nodding_rad < self.nod_rad / 3.0 else 1]
         return self.steady_m > needed_m and not self.scattered
 
     @property

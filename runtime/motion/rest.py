@@ -30,9 +30,9 @@ class RestRule:
     confirmed_s, pictures_s: required span of unchanged pictures where wheels or gyro confirm it, and for pictures
     alone; 1e9 for never. shifted_px: of a large tile (0.06 are 0.6 px of a picture 640 px wide), beyond what noise
     explains. exposure: largest change of gain, and of brightness as a share of middle grey, attributed to the
-    camera's exposure. texture, textured: squared grey levels per px, and how many large tiles must have that for a
-    decision by pictures alone. braking_m_s2: no small robot brakes harder (the limit of common controllers: 2.5). A
-    picture that stays unchanged in spite of that, or of a turn beyond the gyro's covariance, is frozen, even if a
+    camera's exposure. texture: squared grey levels per px, which a part of the picture (`health.part_share`) must have
+    for a decision by pictures alone. braking_m_s2: no small robot brakes harder (the limit of common controllers: 2.5).
+    A picture that stays unchanged in spite of that, or of a turn beyond the gyro's covariance, is frozen, even if a
     sensor's noise changes it.
     """
 
@@ -41,7 +41,6 @@ class RestRule:
     shifted_px: float = 0.06
     exposure: float = 0.1
     texture: float = 9.0
-    textured: int = 4
     braking_m_s2: float = 3.0
 
 
@@ -70,9 +69,9 @@ class _Reference:
         """Mean squares of the gradients, (2, tiles)."""
         return np.stack([_tiles(slope**2, LARGE_PX) for slope in self.slopes])
 
-    def textured(self, texture: float) -> int:
-        """How many tiles show a shift."""
-        return int((self.energy.min(axis=0) > texture).sum())
+    def textured(self, texture: float) -> float:
+        """Share of the tiles that show a shift."""
+        return float((self.energy.min(axis=0) > texture).mean())
 
 
 class RestMonitor:
@@ -140,7 +139,7 @@ class RestMonitor:
             self._since_s = frame.stamp_s
             return False
         rested_s = frame.stamp_s - self._since_s
-        if still is None and reference.textured(self.rule.texture) < self.rule.textured:
+        if still is None and not self._textured(reference):
             return False
         return rested_s >= (self.rule.confirmed_s if still else self.rule.pictures_s)
 
@@ -156,7 +155,11 @@ class RestMonitor:
             (x_m, y_m, _), sigma_m = moved[0].vector(), math.sqrt(float(np.trace(moved[1][:2, :2])))
             speed_m_s = (math.hypot(x_m, y_m) - sigma_m) / self._step_s
             must |= speed_m_s > self.rule.braking_m_s2 * (stamp_s - reference.stamp_s)
-        return must and reference.textured(self.rule.texture) >= self.rule.textured
+        return must and self._textured(reference)
+
+    def _textured(self, reference: _Reference) -> bool:
+        """Whether enough of the picture shows a shift."""
+        return reference.textured(self.rule.texture) >= self._health.part_share
 
     def reset(self) -> None:
         """Discards the last picture."""

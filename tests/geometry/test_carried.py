@@ -22,7 +22,7 @@ def test_a_robot_that_nods_a_little_is_on_wheels_soon_and_one_that_nods_more_aft
     robot = after([nod_deg] * (steps + 1))
     assert robot.on_wheels
     assert robot.share == 0.0
-    assert robot.nodding_rad <= robot.rule.level_rad
+    assert robot.nodding_rad <= robot.nod_rad
     assert not replace(robot, scattered=True).on_wheels
     assert replace(robot, scattered=True).share == 1.0
 
@@ -30,7 +30,7 @@ def test_a_robot_that_nods_a_little_is_on_wheels_soon_and_one_that_nods_more_aft
 def test_a_head_that_swings_is_carried_and_one_swing_ends_a_steady_way():
     head = after([1.7] * 60)
     assert head.share == 1.0
-    assert head.nodding_rad - head.rule.level_rad == pytest.approx(math.radians(1.1), rel=0.01)
+    assert head.nodding_rad - head.nod_rad == pytest.approx(math.radians(1.1), rel=0.01)
     assert not head.on_wheels
     assert not after([0.25] * 60 + [3.0]).on_wheels
 

@@ -117,7 +117,7 @@ def test_rest_takes_its_part_of_the_tree(tmp_path):
     given = {"frames": standing, "intrinsics": (lens.fx, lens.fy, lens.cx, lens.cy), "mount": (0.6, 11.5)}
     bundle = painted.write_painted(tmp_path / "b", [])
     rested = []
-    for rest in ({}, {"pictures_s": 1e9}, {"textured": 1000}):
+    for rest in ({}, {"pictures_s": 1e9}, {"texture": 1e9}):
         config, _ = load_config(written(tmp_path, {"config": {"rest": rest}}))
         with edgemap.open(**given, bundle=bundle, odometry="planar", config=config) as session:
             rested.append(any(result.observed.at_rest for result in session))

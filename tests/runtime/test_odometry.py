@@ -126,9 +126,6 @@ def with_gyro(poses, bias_rad, sigma_rad):
     return [FramePrior(replace(level, rotation=gyro_rotation(yaw_rad + bias_rad, sigma_rad))) for yaw_rad in turns]
 
 
-CARRIED = PlanarRule(carried=CarriedRule(level_rad=-1e-6))  # takes no camera for one on wheels
-
-
 @settings(max_examples=5, deadline=None, derandomize=True)
 @given(st.floats(-0.12, 0.12), st.floats(-0.12, 0.12))
 def test_what_an_imu_learns_of_its_tilt_is_no_motion(pitch_rad, roll_rad):
@@ -141,7 +138,7 @@ def test_what_an_imu_learns_of_its_tilt_is_no_motion(pitch_rad, roll_rad):
         tilted = (attitude.roll_rad + wrong * roll_rad, attitude.pitch_rad + wrong * pitch_rad)
         known = replace(attitude, roll_rad=tilted[0], pitch_rad=tilted[1], source="imu")
         told.append((frame, FramePrior(replace(known, rotation=GyroRotation(np.eye(3), 0.0, 0.001)))))
-    odometry = WindowOdometry(CAMERA, CARRIED)
+    odometry = WindowOdometry(CAMERA)
     motions = [odometry.step(frame, {}, prior) for frame, prior in told]
     assert not any(motion.fault for motion in motions)
     late = SE2()
@@ -191,7 +188,7 @@ def test_planar_starts_in_a_car_that_drives(shared_data, first):
     assert math.hypot(pose.x_m - true.x_m, pose.y_m - true.y_m) < 0.25 * math.hypot(true.x_m, true.y_m)
 
 
-@pytest.mark.parametrize("odometry", [PlanarOdometry(CAMERA), WindowOdometry(CAMERA, CARRIED)])
+@pytest.mark.parametrize("odometry", [PlanarOdometry(CAMERA), WindowOdometry(CAMERA)])
 def test_a_gyro_whose_bias_was_learnt_in_motion_is_denied(odometry):
     frames, poses = drive(MOTIONS["straight"])
     off = off_after(frames, poses, odometry=odometry, priors=with_gyro(poses, 0.03, 0.0003))
@@ -202,7 +199,7 @@ def test_a_gyro_tells_a_carried_cameras_yaw_while_its_tilt_is_unknown():
     frames, poses = drive(MOTIONS["left arc"])
     sigmas, rule = [], WindowRule(gyro_rad=1e-9, gyro_share=1e-9)
     for sigma_rad in (0.0001, 0.1):
-        odometry, motion = WindowOdometry(CAMERA, CARRIED, window=rule), Motion()
+        odometry, motion = WindowOdometry(CAMERA, window=rule), Motion()
         for frame, prior in zip(frames, with_gyro(poses, 0.0, sigma_rad), strict=True):
             assert prior.attitude is not None
             tilted = replace(prior.attitude, covariance_rad2=np.eye(2) * math.radians(8.0) ** 2)

@@ -100,7 +100,7 @@ def _tracked(
     floor: FloorCamera, rules: OdometryRules, tilt: MountTiltRule | None, carried: bool = False
 ) -> DepthOdometry:
     """Corners by their depth, where frames bring any, and without it where not. carried: from the start."""
-    planar = PlanarOdometry(floor, rules.planar, rules.coasting)
+    planar = PlanarOdometry(floor, rules.planar, rules.coasting, tilt)
     window = WindowOdometry(floor, rules.planar, rules.coasting, rules.window, tilt)
     return DepthOdometry(floor, TrackedOdometry(planar, window, carried), rules.depth)
 

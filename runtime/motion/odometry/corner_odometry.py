@@ -10,6 +10,7 @@ from edgemap.geometry.camera.attitude import Attitude
 from edgemap.geometry.camera.carried import Carried, CarriedRule
 from edgemap.geometry.camera.floor import FloorCamera
 from edgemap.geometry.camera.mount import Mount
+from edgemap.geometry.camera.mount_tilt import MountTiltRule
 from edgemap.geometry.odometry.landmarks import TURN_M
 from edgemap.geometry.odometry.rolling import Rolling
 from edgemap.geometry.se2 import SE2
@@ -54,8 +55,8 @@ class PlanarRule(CornersRule):
 class CornerOdometry(ABC):
     """Corners (`CornerTracker`) and the planar motion of the base that explains how they move.
 
-    Lengths inside are in the platform's unit. If a step measures no motion, `Coasting` predicts it. detail, returning:
-    as of the tracker.
+    Lengths inside are in the platform's unit. If a step measures no motion, `Coasting` predicts it. tilt: a camera
+    that nods by more than `tilt.nod` is carried. detail, returning: as of the tracker.
     """
 
     name, needs_features = "planar", False
@@ -65,6 +66,7 @@ class CornerOdometry(ABC):
         camera: FloorCamera,
         rule: PlanarRule | None,
         coasting: CoastingRule | None,
+        tilt: MountTiltRule | None,
         *,
         detail: bool,
         returning: bool = False,
@@ -74,7 +76,7 @@ class CornerOdometry(ABC):
         self._tracker = CornerTracker(camera, rule, detail, returning)
         self._level = self._camera = FloorCamera(self._tracker.intrinsics, _in_units(camera.mount, self._unit_m))
         self._mount = camera.mount  # the mount that attitudes refer to
-        self.judged = Carried(rule.carried)
+        self.judged = Carried(rule.carried, (tilt or MountTiltRule()).nod)
         self._rolling = Rolling(rule.lateral_share, 0.0, _axle_sigma_m(self._level.mount))
         self._slides = 0.0  # share of recent pictures that contradict rolling
         self._coasting_rule = coasting or CoastingRule()

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 from edgemap.geometry.camera.attitude import Attitude, GyroRotation, TrackedDirection, TrackedRotation
 from edgemap.geometry.camera.floor import FloorCamera
 from edgemap.geometry.camera.level import up_optical
+from edgemap.geometry.camera.mount_tilt import MountTiltRule
 from edgemap.geometry.odometry.landmarks import (
     BELOW_COUNT,
     KNOWN_DEPTH,
@@ -49,9 +50,10 @@ class PlanarOdometry(CornerOdometry):
         camera: FloorCamera,
         rule: PlanarRule | None = None,
         coasting: CoastingRule | None = None,
+        tilt: MountTiltRule | None = None,
     ) -> None:
         self._in_room = camera.mount.platform.in_room
-        super().__init__(camera, rule, coasting, detail=self._in_room)
+        super().__init__(camera, rule, coasting, tilt, detail=self._in_room)
         rule = self._rule
         focal = self._level.intrinsics.fx
         noise = Noise(rule.track_sigma_px / focal, rule.drift_sigma_px / focal)

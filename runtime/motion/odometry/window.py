@@ -39,7 +39,7 @@ class WindowOdometry(CornerOdometry):
     ) -> None:
         self._window_rule, self._carried_rad = window or WindowRule(), (tilt or MountTiltRule()).given
         # Not refined by detail: what is carried turns fast, and large turns need large structures.
-        super().__init__(camera, rule, coasting, detail=False, returning=True)
+        super().__init__(camera, rule, coasting, tilt, detail=False, returning=True)
         self.reset("start")
 
     def _followed(self, frame: Frame, prior: FramePrior) -> Motion:
