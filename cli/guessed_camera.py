@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from edgemap.runtime.step.calibration.guess import CameraGuess, Focal
     from edgemap.runtime.step.frame_observations import FrameObservations
 
-PICTURES, REACH = 40, 400  # pictures that are looked at, of so many first ones of a file
+PICTURES, REACH = 40, 400  # pictures that are looked at, or more, of so many first ones of a file
 SURE_AXLE_M = 0.03  # standard deviation; it is below after half a turn
 LIVE_S, LIVE_EVERY_S = 8.0, 0.2  # of a live camera, and between two pictures
 
@@ -192,7 +192,7 @@ def _looked_at(camera: "Source", source: "Camera") -> "list[Frame]":
             yield from (frame for frame in frames_of(again, count) if frame.index % every == 0)
 
     count = min(source.frame_count or REACH, REACH)
-    every = max(1, math.ceil(count / PICTURES))
+    every = max(1, count // PICTURES)
     found = list(sampled(every))
     views = list(views_of(found))
     if FEWEST_ROOMS <= len(views) < len(found):  # as many again from what is not at rest
