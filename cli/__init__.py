@@ -148,7 +148,7 @@ def _command(words: str, rest: list[str]) -> None:
 
     try:
         command = import_module(f"edgemap.cli.{COMMANDS[words][0]}").command
-        if words == "run" and any(word.partition("=")[0] == "--config" for word in rest):
+        if words == "run" and any(word.partition("=")[0] in ("--config", "--config-options") for word in rest):
             from edgemap.cli.config_options import config_arguments
 
             rest = config_arguments(rest, command)

@@ -14,10 +14,13 @@ def config_arguments(argv: list[str], command: Callable[..., Any]) -> list[str]:
     """An argument list with the options of its `--config FILE` before the typed ones, which take precedence.
 
     Without `--config-options` a file sets tuned parameters only, and its options are reported as unused. command: whose
-    flags they are. Raises OptionError for an option that the command does not have, ConfigError for the file.
+    flags they are. Raises OptionError for an option that the command does not have and for `--config-options` alone,
+    ConfigError for the file.
     """
     path = _value_of("--config", argv)
     if path is None:
+        if "--config-options" in argv:
+            raise OptionError("--config-options: whose? Give the file, or a run's folder, with --config FILE")
         return argv
     from edgemap.runtime.frames.reading import print_message, user_path
     from edgemap.runtime.step.config import load_config

@@ -7,13 +7,15 @@ import sys
 from collections.abc import Callable, Iterable
 from contextlib import redirect_stderr
 from dataclasses import fields, is_dataclass
+from pathlib import Path
 from types import UnionType
 from typing import Annotated, Any, Union, get_args, get_origin, get_type_hints
 
 NOT_OF_TYPE = re.compile(
     r"Error parsing (\S+): (?:no )?type matching (?:\{None\}\|)?(\S+) could be instantiated from \[(.*)\]"
 )
-STRAY_SOURCE = re.compile(r"Unrecognized options: ((?!-)\S*[./:]\S*|\d+)")  # a file, folder, address or number
+SOURCE = re.compile(r"\S*[./:]\S*|\d+")  # a file, folder, address or number
+STRAY_WORD = re.compile(r"Unrecognized options: ((?!-)\S+)")
 FRAME = re.compile(r"^[│╭╰─╮╯ ]?|[│╮╯]\s*$")
 
 
@@ -21,6 +23,7 @@ def parse_and_call(command: Callable[..., Any], words: str, rest: list[str]) -> 
     """Calls a command with the arguments `rest`. Wrong usage prints one line to standard error; exit code 2."""
     import tyro
 
+    rest = [_from_home(word) for word in rest]
     said, real = io.StringIO(), sys.stderr
 
     def begun(*arguments: Any, **options: Any) -> Any:
@@ -41,6 +44,14 @@ def parse_and_call(command: Callable[..., Any], words: str, rest: list[str]) -> 
             line = usage_line(said.getvalue(), _takes_camera(hints.values()))
             print_message(f"edgemap {words}: {line} (edgemap {words} --help)")
         raise
+
+
+def _from_home(word: str) -> str:
+    """`~/x` and `--option=~/x` with the home folder, which a shell leaves out in the latter, a service in both."""
+    from edgemap.runtime.frames.reading import user_path
+
+    option, equals, value = word.partition("=") if word.startswith("--") else ("", "", word)
+    return option + equals + str(user_path(value)) if value.startswith("~/") else word
 
 
 def _takes_camera(hints: Iterable[Any]) -> bool:
@@ -78,7 +89,8 @@ def usage_line(box: str, takes_camera: bool) -> str:
         kept.append(line)
     sentence = " ".join(" ".join(kept).split()).rstrip(".")
     sentence = NOT_OF_TYPE.sub(r"\1: expected \2, not \3", sentence)
-    if takes_camera and (stray := STRAY_SOURCE.fullmatch(sentence)):
+    stray = STRAY_WORD.fullmatch(sentence)
+    if takes_camera and stray and (SOURCE.fullmatch(stray[1]) or Path(stray[1]).exists()):
         return f"{stray[1]}: no option; did you mean --camera {stray[1]}?"
     if not sentence.startswith("Unrecognized") or not meant:
         return sentence

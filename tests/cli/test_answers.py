@@ -14,6 +14,7 @@ from edgemap.cli import main
 from edgemap.cli.arguments import OptionError
 from edgemap.cli.camera_options import read_intrinsics
 from edgemap.cli.publishers import host_and_port
+from edgemap.cli.usage import parse_and_call
 from edgemap.runtime.frames.extras import EXTRAS
 
 CHAIR = {
@@ -209,3 +210,23 @@ def test_too_little_address_space_is_one_line(limit_kb, tmp_path):
     ended = subprocess.run(["bash", "-c", limited], capture_output=True, text=True, timeout=60)
     assert (ended.returncode, ended.stderr.count("\n")) == (1, 1)
     assert "MiB (ulimit -v); 768 MiB are needed" in ended.stderr
+
+
+def test_a_folder_that_was_typed_alone_was_meant_as_the_camera(capsys, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "kitchen").mkdir()
+    code, line = answer(capsys, "run", "kitchen")
+    assert (code, "did you mean --camera kitchen?" in line) == (2, True)
+
+
+def test_a_path_below_the_home_folder_is_no_folder_named_tilde(tmp_path, monkeypatch):
+    """`--out=~/x` reaches the program as it stands: the shell expands a word's own first letter only."""
+    monkeypatch.setenv("HOME", str(tmp_path))
+    taken = []
+
+    def command(out: Path) -> None:
+        taken.append(out)
+
+    parse_and_call(command, "x", ["--out=~/drawn"])
+    parse_and_call(command, "x", ["--out", "~/drawn"])
+    assert taken == [tmp_path / "drawn"] * 2

@@ -72,6 +72,13 @@ def test_options_come_before_what_is_typed_and_are_printed(tmp_path, capsys):
     assert config_arguments(["--frames", "3"], command) == ["--frames", "3"]
 
 
+def test_options_of_no_file_are_refused(capsys):
+    with pytest.raises(SystemExit) as end:
+        main(["run", "--config-options", "--frames", "3"])
+    assert end.value.code == 2
+    assert "--config-options: whose? Give the file, or a run's folder, with --config FILE" in capsys.readouterr().err
+
+
 def test_every_switch_may_be_false_and_true(tmp_path, capsys):
     for options in ({"view": False, "ros2": False, "loop-closure": False}, {"loop-closure": True, "lossless": True}):
         path = written(tmp_path, options)
