@@ -33,10 +33,10 @@ class DepthRule:
     corners. inliers: that must fit at all. trials: of RANSAC. sigma_px: of a refined corner; RANSAC's matches and the
     refinement lie within the reach of Tukey's weights (`resection.TUKEY`). patch_px: half the side of the patch whose
     depths are one point's; flat: share of the depth by which the middle 80 % of them differ at most, else it lies on an
-    edge. depth_sigma_m, depth_sigma_per_m2: standard deviation of a depth: constant, and with its square; slope: share
-    of a patch's own spread that adds to it, as the middle of the known depths is not the corner's where the patch is
-    cut. fastest_m_s: of a camera that is carried. covariance_scale: errors of depth last over steps (NEES over 1 s of
-    two real walks 17 and 12 with 1).
+    edge. depth_sigma_per_m2: standard deviation of a depth, with its square; slope: share of a patch's own spread that
+    adds to it, as the middle of the known depths is not the corner's where the patch is cut. fastest_m_s: of a camera
+    that is carried. covariance_scale: errors of depth last over steps (NEES over 1 s of two real walks 17 and 12 with
+    1).
     """
 
     working_width_px: int = 540
@@ -50,7 +50,6 @@ class DepthRule:
     sigma_px: float = 0.5
     patch_px: int = 3
     flat: float = 0.06
-    depth_sigma_m: float = 0.005
     depth_sigma_per_m2: float = 0.0035
     slope: float = 0.25
     fastest_m_s: float = 5.0
@@ -186,7 +185,7 @@ class DepthKeyframes:
         depth_m, spread_m = patch_depths(depth, in_depth, rule.patch_px, rule.flat)
         known = np.isfinite(depth_m)
         rays, depth_m = self._lens.rays(corners[known]), depth_m[known]
-        sigma_m = np.hypot(rule.depth_sigma_m + rule.depth_sigma_per_m2 * depth_m**2, rule.slope * spread_m[known])
+        sigma_m = np.hypot(rule.depth_sigma_per_m2 * depth_m**2, rule.slope * spread_m[known])
         landmarks = DepthLandmarks.observed(self._pose, rays, depth_m, sigma_m)
         return _Keyframe(self._pose, grey, corners[known], descriptors[known], landmarks)
 
