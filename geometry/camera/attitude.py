@@ -19,13 +19,14 @@ class GyroRotation:
     rotation: (3, 3), takes directions of this frame's optical axes into the previous frame's. yaw_rad: of it as the
     change of the optical axis's heading, counter-clockwise. sigma_rad: standard deviation of yaw_rad. proved: whether
     an odometry has confirmed its sign and scale; also true for a swinging camera, whose rotation only a gyro measures
-    well.
+    well. displaced: as of `inertial_displaced`, by the accelerometer; None where it integrated nothing.
     """
 
     rotation: Array
     yaw_rad: float
     sigma_rad: float
     proved: bool = True
+    displaced: tuple[Array, Array] | None = None
 
     @property
     def angle_rad(self) -> float:

@@ -165,6 +165,21 @@ def inertial_moved(
     return replace(moved, calm=slow and abs(motion.yaw_rad) < noise.resting * span_s)
 
 
+def inertial_displaced(state: InertialState, arm_optical_m: Array) -> tuple[Array, Array]:
+    """Displacement (2,), m, of the base over the last step, forward and left of where it was, and its covariance
+    (2, 2): the velocity that odometry measured before, and what the accelerometer added. arm_optical_m: as of
+    `inertial_moved`.
+    """
+    before = state.before or state
+    span_s = state.stamp_s - before.stamp_s
+    x, y = before.heading.tolist()
+    axes = np.array([[x, y, 0.0], [-y, x, 0.0]])
+    arm = (state.rotation - before.rotation) @ arm_optical_m[1]
+    covariance = (before.covariance + state.covariance)[_VELOCITY, _VELOCITY] / 2.0
+    moved = axes @ ((state.velocity + before.velocity) / 2.0 * span_s - arm)
+    return moved, axes @ covariance @ axes.T * span_s**2
+
+
 def inertial_mounted(state: InertialState, up_optical: Array, sigmas_rad: Array) -> InertialState:
     """Update with the constraint that the camera nods about its mount.
 

@@ -11,6 +11,7 @@ from edgemap.geometry.camera.imu import ImuSamples
 from edgemap.geometry.camera.inertial import (
     InertialNoise,
     InertialState,
+    inertial_displaced,
     inertial_mounted,
     inertial_moved,
     inertial_remounted,
@@ -92,6 +93,7 @@ class InertialAttitude:
             self._nodded(state, samples, span_s)
             since_s = state.stamp_s
             state, rotation = inertial_step(state, samples, frame.stamp_s, self._noise)
+            rotation = replace(rotation, displaced=inertial_displaced(state, self._arm))
             if since_s != before_s:  # no samples came with the frame before: the odometry's motions are of other times
                 state, rotation = replace(state, before=None), None
             self._loose_s += span_s
@@ -99,7 +101,7 @@ class InertialAttitude:
                 state = self._mounted(state, self._loose_s)
                 self._loose_s = 0.0
         self._state = state
-        if rotation is not None and math.sqrt(self._rate2) < CarriedRule().rate_rad_s[0]:
+        if rotation is not None and self._calm():
             rotation = replace(rotation, proved=self._trust.proved)
         found = Attitude.of_up(state.up_optical, state.tilt_covariance(), self.name)
         return replace(found, fault=fault, rotation=rotation, force_rad=_angles(state.force_optical))
@@ -133,7 +135,7 @@ class InertialAttitude:
         state, rotation = inertial_start(first, edges[0], noise, given_rad), None
         self._rate2, self._judged_s = 0.0, 0.0
         self._nodded(state, first, START_S)
-        if float(state.up_optical @ self._up) > math.cos(given_rad):
+        if self._calm() and float(state.up_optical @ self._up) > math.cos(given_rad):
             state = inertial_start(first, edges[0], noise, float(self._nods(np.zeros(2))[0]), self._up)
         for edge_s in edges[1:]:
             part = samples.between(state.stamp_s, edge_s)
@@ -145,6 +147,10 @@ class InertialAttitude:
         """Held to the mount, the less the farther off it is: what is carried is not mounted."""
         nods = self._nods((state.rotation @ self._up)[1::-1])
         return inertial_mounted(state, self._up, nods * math.sqrt(max(1.0 / span_s, 1.0)))
+
+    def _calm(self) -> bool:
+        """Whether the camera swings no faster than one on a robot."""
+        return math.sqrt(self._rate2) < CarriedRule().rate_rad_s[0]
 
     def _nods(self, off_rad: np.ndarray) -> np.ndarray:
         """Standard deviation of the tilt about the mount (2,) of a camera that is so far off and swings as it does."""

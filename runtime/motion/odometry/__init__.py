@@ -134,7 +134,7 @@ def _members(
         track = wheel_trajectory(given) if isinstance(given, Path) else given
         recorded = RecordedOdometry(track, f"wheel:{given}", rules.wheels)
         members.append(Member(recorded, WHEELS))
-    members.append(Member(GyroOdometry(), GYRO, scale, optional=True))
+    members.append(Member(GyroOdometry(displaced=True), GYRO, scale**2, optional=True))
     return members, "" if carried else warning
 
 

@@ -1,4 +1,6 @@
-"""Yaw from the gyro alone: translation is a guess, so in the hybrid it contributes to rotation only."""
+"""Yaw from the gyro alone, and in the hybrid the accelerometer's displacement; translation is a guess otherwise."""
+
+from dataclasses import replace
 
 import numpy as np
 
@@ -20,11 +22,15 @@ UNKNOWN_M = 10.0  # standard deviation of a step's translation
 
 
 class GyroOdometry:
-    """The rotation of the frame's attitude, whose bias is learnt at rest; a step without one is blind."""
+    """The rotation of the frame's attitude, whose bias is learnt at rest; a step without one is blind.
+
+    displaced: whether the displacement by the accelerometer counts, which needs another odometry for its velocity.
+    """
 
     name, needs_features = "gyro", False
 
-    def __init__(self) -> None:
+    def __init__(self, displaced: bool = False) -> None:
+        self._displaced = displaced
         self.reset("start")
 
     def step(self, frame: Frame, features: Tensors, prior: FramePrior = NO_PRIOR) -> Motion:  # noqa: ARG002
@@ -38,7 +44,12 @@ class GyroOdometry:
             return first_motion()
         if attitude is None or attitude.rotation is None:
             return blind_motion(f"gyro odometry: no samples up to {stamp_s:.3f} s")
-        return yaw_motion(attitude.rotation)
+        motion, displaced = yaw_motion(attitude.rotation), attitude.rotation.displaced
+        if not self._displaced or displaced is None:
+            return motion
+        moved, covariance = motion.motion, motion.covariance.copy()
+        (x_m, y_m), covariance[:2, :2] = displaced
+        return replace(motion, motion=SE2(x_m, y_m, moved.yaw_rad), covariance=covariance)
 
     def still(self, stamp_s: float, attitude: Attitude | None) -> bool | None:  # noqa: ARG002
         """Whether the yaw is no more than the gyro's own noise."""

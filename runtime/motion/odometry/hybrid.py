@@ -37,7 +37,7 @@ from edgemap.runtime.network.network import Tensors
 
 UNKNOWN = np.diag(unknown_covariance())  # variances of a motion that tells less than a guess
 UNPROVEN = np.array([100.0, 100.0, 10.0])  # variances of what a source has not proved yet
-GYRO = "gyro"  # the source that measures rotation only
+GYRO = "gyro"  # the source whose translation, if any, hangs on the others
 CAMERA, WHEELS = "camera", "wheels"  # the sources whose lengths are compared
 
 
@@ -217,7 +217,7 @@ class HybridOdometry:
         alive = self._believed(alive, camera is not None)
         if all(item.source == GYRO for item in alive):
             guess = self._coasting.guess(stamp_s, faults)
-            guess = guess if not alive else _with_gyro_yaw(guess, alive[0])
+            guess = guess if not alive else _with_gyro(guess, alive[0])
             return replace(guess, members=self._answers(alive, alive))
         found = consensus(self._held_to_gyro(alive))
         before_s, conflict_s = self._fused_s - self._agreed_s, stamp_s - self._agreed_s
@@ -314,7 +314,8 @@ class HybridOdometry:
         gyro = next((item for item in alive if item.source == GYRO), None)
         if gyro is None:
             return list(alive)
-        excess = [max(distance(item, gyro), 1.0) for item in alive]
+        yaw = replace(gyro, covariance=gyro.covariance + np.diag([*UNPROVEN[:2], 0.0]))
+        excess = [max(distance(item, yaw), 1.0) for item in alive]
         return [replace(item, covariance=item.covariance * share) for item, share in zip(alive, excess, strict=True)]
 
     def _answers(self, alive: Sequence[MotionEstimate], used: Sequence[MotionEstimate]) -> dict[str, str]:
@@ -363,7 +364,7 @@ def _short(member: Member) -> str:
     return member.odometry.name.partition(":")[0]
 
 
-def _with_gyro_yaw(guess: Motion, gyro: MotionEstimate) -> Motion:
-    """A guess with the gyro's yaw."""
+def _with_gyro(guess: Motion, gyro: MotionEstimate) -> Motion:
+    """A guess, fused with what gyro and accelerometer measure."""
     found = fused(MotionEstimate(guess.motion.vector(), guess.covariance, "guess"), gyro)
     return replace(guess, motion=SE2(*found.motion), covariance=np.asarray(found.covariance))
