@@ -78,6 +78,7 @@ HEIGHT = [
         ({"quality": {"blind_frames": 60, "blind": {"dark": 60}}}, "care", "light", "10 % of the pictures"),
         ({"quality": {"worktop_frames": 60, "wheel_frames": 0}}, "care", "worktop", "in 10 % of the pictures cups"),
         ({"quality": {"worktop_frames": 210, "wheel_frames": 0}}, "unreliable", "worktop", "lengths may be twice"),
+        ({"quality": {"worktop_frames": 60, "still_frames": 400, "wheel_frames": 0}}, "unreliable", "worktop", "30 %"),
         ({"quality": {"sigma_m": {"end": 0.3}, "wheel_frames": 0, "carried_frames": 300}}, "care", "carried", "0.30 m"),
         ({"mount_seen": PITCH}, "unreliable", "mount", "pitch is 16.4 deg, not 11.5 deg"),
         ({"mount_seen": PITCH | {"used_pitch_deg": 16.3}}, "care", "mount", "corrected on the way"),

@@ -135,7 +135,8 @@ def _floor(run: _Run) -> Iterator[Finding]:
         if nearest_m > FAR_FLOOR_M and mount["height_m"] < FAR_FLOOR_M:
             text = f"the nearest floor in view is {nearest_m:.1f} m away" if below > 0.0 else "no floor is in view"
             yield Finding(_level(nearest_m, 2.0 * FAR_FLOOR_M), CAUSES["floor"], text)
-    share = run.quality.get("worktop_frames", 0) / run.quality["frames"]
+    moving = run.quality["frames"] - run.quality.get("still_frames", 0)  # at rest no length is measured
+    share = run.quality.get("worktop_frames", 0) / max(moving, 1)
     if share > SOME_SHARE and _measures_by_floor(run):
         text = (
             f"in {100 * share:.0f} % of the pictures cups, books or the like stand on what is taken for floor: it is a "
