@@ -14,7 +14,6 @@ if TYPE_CHECKING:
     from edgemap.runtime.inputs.cameras.protocol import Camera, SensorTopics
     from edgemap.runtime.inputs.cameras.supervisor import RecoveryRule
 
-OFF_MIDDLE = 0.2  # of the picture's width or height: lenses are a tenth off at most, half the size is a quarter
 LOWEST_M, HIGHEST_M = 0.05, 3.0  # of a lens above the floor; higher ones stand in a camera file
 CameraSpec = Annotated[
     str,
@@ -119,7 +118,7 @@ def read_intrinsics(text: str | None, width: int, height: int) -> "Intrinsics | 
             f"--intrinsics {text!r}: the principal point {cx:g},{cy:g} is outside the picture of {width}x{height} px "
             "(FX,FY,CX,CY: focal lengths first)"
         )
-    if abs(cx - width / 2) > OFF_MIDDLE * width or abs(cy - height / 2) > OFF_MIDDLE * height:
+    if given.off_middle:
         _warn(
             f"--intrinsics {text!r}: the principal point {cx:g},{cy:g} is far from the middle of {width}x{height} px: "
             "are these numbers for pictures of another size?"

@@ -10,6 +10,7 @@ from numpy.typing import ArrayLike
 from edgemap.geometry.arrays import Array
 from edgemap.geometry.errors import GeometryError
 
+OFF_MIDDLE = 0.2  # of the picture's width or height: lenses are a tenth off at most, half the size is a quarter
 DISTORTION_MODELS = ("none", "brown_conrady", "inverse_brown_conrady", "modified_brown_conrady")
 
 
@@ -119,6 +120,12 @@ class Intrinsics:
         for name in ("cx", "cy"):
             if not math.isfinite(getattr(self, name)):
                 raise GeometryError(f"intrinsics: {name} is {getattr(self, name)}, must be a finite number of pixels")
+
+    @property
+    def off_middle(self) -> bool:
+        """Whether the principal point is so far from the picture's middle that the numbers may be of another size."""
+        off_x, off_y = abs(self.cx - self.width / 2) / self.width, abs(self.cy - self.height / 2) / self.height
+        return max(off_x, off_y) > OFF_MIDDLE
 
     def rays(self, pixels: ArrayLike) -> Array:
         """Viewing rays through pixels, (N, 2) in px to (N, 3) in the optical frame with z = 1."""

@@ -255,6 +255,10 @@ def test_only_the_classes_asked_for_are_mapped(painted_bundle):
         ({"intrinsics": LENS}, r"pass mount=\(height_m, pitch_deg\)"),
         ({"frames": noise(2), "intrinsics": LENS, "mount": (1.0,)}, r"mount=\(1.0,\): expected two numbers"),
         ({"frames": noise(2), "intrinsics": (50.0, 50.0), "mount": MOUNT}, "expected four numbers"),
+        (
+            {"frames": noise(2), "intrinsics": (31.5, 31.5, 500.0, 500.0), "mount": MOUNT},
+            "500,500 is outside the picture",
+        ),
         ({"frames": [], "intrinsics": LENS, "mount": MOUNT}, "frames= has no picture"),
         ({"frames": [np.zeros((8, 8))], "intrinsics": LENS, "mount": MOUNT}, r"is float64 \(8, 8\), expected a BGR"),
         ({"frames": noise(2), "camera": "demo"}, "camera= or frames=, not both"),
@@ -309,3 +313,9 @@ def test_a_picture_for_a_closed_session_is_refused(painted_bundle):
         session.push(noise(1)[0], 0.0)
     with pytest.raises(CameraError, match="this session is closed"):
         session.push(noise(2)[1], 0.1)
+
+
+def test_intrinsics_of_pictures_of_another_size_are_warned_of(painted_bundle):
+    half = [picture[:32, :32] for picture in noise(1)]
+    with pytest.warns(UserWarning, match="31.5,31.5 is far from the middle of 32x32 px"):
+        edgemap_api.open(frames=half, intrinsics=(50.0, 50.0, 31.5, 31.5), mount=(1.0, 40.0), bundle=painted_bundle)

@@ -347,3 +347,16 @@ def test_a_run_gets_the_configured_share(demo):
     odometry = build_slam(demo.camera, demo.bundle, floor, config=config).pipeline.odometry
     assert isinstance(odometry, HybridOdometry)
     assert odometry._hidden == 0.6
+
+
+@pytest.mark.parametrize(
+    ("far_m", "sigma_m", "fault"),
+    [
+        (250.0, 0.1, "x odometry: 250, 0 m in one step"),
+        (0.0, 250.0, "x odometry: nothing measured how far one step is"),
+    ],
+)
+def test_a_step_that_cannot_be_names_what_is_wrong_with_it(far_m, sigma_m, fault):
+    found = Motion(SE2(far_m), np.diag(np.square([sigma_m, sigma_m, 0.01]))).checked("x")
+    assert not found.measured
+    assert found.fault.startswith(fault)

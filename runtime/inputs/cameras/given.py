@@ -1,6 +1,7 @@
 """Cameras of a program: pictures from any iterable, and pictures that are pushed one by one."""
 
 import math
+import warnings
 from collections.abc import Iterable, Iterator
 from itertools import chain
 from pathlib import Path
@@ -32,7 +33,19 @@ def as_intrinsics(given: IntrinsicsLike, width: int, height: int) -> Intrinsics:
         fx, fy, cx, cy = (float(value) for value in given)
     except (TypeError, ValueError):
         raise CameraError(f"intrinsics={given!r}: expected four numbers, (fx, fy, cx, cy) in pixels") from None
-    return Intrinsics(width, height, fx, fy, cx, cy)
+    if not (-0.5 <= cx <= width - 0.5 and -0.5 <= cy <= height - 0.5):
+        raise CameraError(
+            f"intrinsics={given!r}: the principal point {cx:g},{cy:g} is outside the picture of {width}x{height} px "
+            "(fx, fy, cx, cy: focal lengths first)"
+        )
+    lens = Intrinsics(width, height, fx, fy, cx, cy)
+    if lens.off_middle:
+        warnings.warn(
+            f"intrinsics={given!r}: the principal point {cx:g},{cy:g} is far from the middle of {width}x{height} px: "
+            "are these numbers for pictures of another size?",
+            stacklevel=2,
+        )
+    return lens
 
 
 def as_mount(given: MountLike) -> Mount:

@@ -99,12 +99,15 @@ class Motion:
 
     def checked(self, name: str) -> "Motion":
         """This motion, or where it cannot be a blind one with a fault that names the odometry: a motion or covariance
-        that is not finite, farther than FARTHEST_M in one step, a covariance that is not symmetric and positive."""
+        that is not finite, farther or more uncertain than FARTHEST_M in one step, a covariance that is not symmetric
+        and positive."""
         values, covariance = self.motion.vector(), self.covariance
         if not (np.isfinite(values).all() and np.isfinite(covariance).all()):
             return blind_motion(f"{name} odometry: motion not finite")
-        if np.abs(values).max() > FARTHEST_M or np.abs(covariance).max() > FARTHEST_M**2:
+        if np.abs(values).max() > FARTHEST_M:
             return blind_motion(f"{name} odometry: {values[0]:.3g}, {values[1]:.3g} m in one step")
+        if np.abs(covariance).max() > FARTHEST_M**2:
+            return blind_motion(f"{name} odometry: nothing measured how far one step is (do the stamps jump?)")
         if not is_covariance(covariance):
             return blind_motion(f"{name} odometry: its covariance is not positive")
         return self
