@@ -109,10 +109,10 @@ class FloorCamera:
 
 @dataclass(frozen=True, slots=True)
 class FloorNoise:
-    """Standard deviations of the mount's angles and height. All sightings of a drive share the resulting error."""
+    """Standard deviations of the mount: tilt_rad of its roll and of its pitch, and its height. All sightings of a drive
+    share the resulting error."""
 
-    pitch_rad: float = math.radians(0.5)
-    roll_rad: float = math.radians(0.3)
+    tilt_rad: float = math.radians(0.5)
     height_m: float = 0.01
 
 
@@ -142,11 +142,7 @@ def floor_covariances(
     wrt_roll = (moved(0.0, _STEP) - moved(0.0, -_STEP)) / (2.0 * _STEP)
     wrt_pitch = (moved(_STEP, 0.0) - moved(-_STEP, 0.0)) / (2.0 * _STEP)
     wrt_height = (here - lens[:2]) / mount.height_m
-    from_mount = (
-        noise.roll_rad**2 * _outer(wrt_roll)
-        + noise.pitch_rad**2 * _outer(wrt_pitch)
-        + noise.height_m**2 * _outer(wrt_height)
-    )
+    from_mount = noise.tilt_rad**2 * (_outer(wrt_roll) + _outer(wrt_pitch)) + noise.height_m**2 * _outer(wrt_height)
     if camera.attitude is not None:
         wrt_attitude = np.stack([wrt_roll, wrt_pitch], axis=-1)
         from_pixels = from_pixels + wrt_attitude @ camera.attitude.covariance_rad2 @ wrt_attitude.transpose(0, 2, 1)

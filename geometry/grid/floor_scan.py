@@ -45,7 +45,7 @@ class FloorScan:
         cls, mask: FloorMask, camera: FloorCamera, movers_px: Array, rule: GridRule, detected_px: Array = NOTHING
     ) -> "FloorScan":
         """mask: of a picture by this camera, with that frame's attitude. movers_px: boxes (M, 4) of people and animals,
-        which make no obstacle. detected_px: boxes (N, 4) of all detections."""
+        which make no obstacle within a cell of the mask. detected_px: boxes (N, 4) of all detections."""
         floor = mask.floor
         seen = _lowest_run(_runs(floor > EDGE, rule.run), floor > EDGE)
         solid = seen & _runs(floor > rule.floor, rule.run)
@@ -54,7 +54,7 @@ class FloorScan:
             lattice[row, column] + share[:, None] * (lattice[row - 1, column] - lattice[row, column])
             for lattice in _middles(camera.intrinsics, *floor.shape)
         )
-        still = ~inside_boxes(pixels, movers_px, rule.mover_px)
+        still = ~inside_boxes(pixels, movers_px, mask.width / floor.shape[1])
         points = _on_floor(rays[still], camera)
         away_m2 = np.square(points - camera.mount.position_base_m()[:2]).sum(axis=1)
         weights = row_weights(away_m2, camera, mask.height / len(floor), rule)

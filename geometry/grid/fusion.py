@@ -72,7 +72,7 @@ class GridFusion:
             self._add_floor(evidence, pose_map_base, self.scan)
         if depth is not None:
             self._add_depth(evidence, pose_map_base, DepthScan.of(depth, camera, movers_px, self.rule))
-        evidence.free(self._driven(pose_map_base), self.rule.highest - self.rule.lowest)
+        evidence.free(self._driven(pose_map_base), 2.0 * self.rule.highest)
         self._canvas.add(*evidence.steps())
         self._revision += 1
 
@@ -149,8 +149,8 @@ class GridFusion:
         rule = self.rule
         both = scan.floor_base_m, scan.obstacles_base_m
         floor, hits = (columns_rows(pose.apply(points_m), rule.cell_m) for points_m in both)
-        evidence.free(floor, rule.depth_weight * rule.free)
-        evidence.occupied(repeated(hits, rule.depth_points), rule.depth_weight * rule.occupied)
+        evidence.free(floor, rule.free)
+        evidence.occupied(repeated(hits, rule.depth_points), rule.occupied)
 
     def _driven(self, pose: SE2) -> Cells:
         """The floor below the robot."""

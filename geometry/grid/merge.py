@@ -27,7 +27,7 @@ def merged_grid(
 
 def step_bounds(rule: GridRule) -> tuple[int, int]:
     """The bounds of log-odds, in steps."""
-    return round(rule.lowest * UNIT), round(rule.highest * UNIT)
+    return round(-rule.highest * UNIT), round(rule.highest * UNIT)
 
 
 def grid_of(canvas: Canvas, rule: GridRule, revision: int = 0) -> OccupancyGrid | None:

@@ -15,16 +15,15 @@ class GridRule:
     mask covers too much floor. row_m: metres of floor per row of the mask up to which evidence counts fully; farther
     off its weight falls with their inverse. floor: probability from which a cell of the mask is floor. run: rows of
     floor below a contact, at least: thinner ones are reflections and gaps between legs. free, occupied: log-odds of one
-    picture near by. lowest, highest: bounds of a cell's log-odds, so that an occupied cell becomes free after (highest
-    + 1.1) / free pictures. robot_m: radius round the base that the robot itself keeps free. mover_px: people and
-    animals make no obstacle this far round their boxes. scan_m, scan_s: path or time after which a picture is fused:
-    what is seen twice from one place has the same error twice. patch_m: path after which evidence begins a patch of its
-    own, that moves with the trajectory. A radian of rotation counts as a metre of path. patches: most that are kept, at
-    least two; then those of one place become one. redraw_cells: drawn per step at least, so that a closure costs a
-    bounded part of each of some steps. obstacle_m: height above the floor from which a depth measurement is an
-    obstacle; obstacle_per_m: added to it per metre of distance (1.1 degrees of attitude). robot_height_m: up to which
-    it is, or up to the lens where that is higher. depth_points: on one cell, at least, in one picture, of an obstacle.
-    depth_weight: of depth's evidence against the mask's.
+    picture near by. highest: bound of a cell's log-odds, for and against, so that an occupied cell becomes free after
+    (highest + 1.1) / free pictures. robot_m: radius round the base that the robot itself keeps free. scan_m, scan_s:
+    path or time after which a picture is fused: what is seen twice from one place has the same error twice. patch_m:
+    path after which evidence begins a patch of its own, that moves with the trajectory. A radian of rotation counts as
+    a metre of path. patches: most that are kept, at least two; then those of one place become one. redraw_cells: drawn
+    per step at least, so that a closure costs a bounded part of each of some steps. obstacle_m: height above the floor
+    from which a depth measurement is an obstacle; obstacle_per_m: added to it per metre of distance (1.1 degrees of
+    attitude). robot_height_m: up to which it is, or up to the lens where that is higher. depth_points: on one cell, at
+    least, in one picture, of an obstacle.
     """
 
     cell_m: float = 0.05
@@ -34,10 +33,8 @@ class GridRule:
     run: int = 3
     free: float = 0.3
     occupied: float = 1.05
-    lowest: float = -5.0
     highest: float = 2.5
     robot_m: float = 0.18
-    mover_px: float = 12.0
     scan_m: float = 0.10
     scan_s: float = 0.4
     patch_m: float = 0.75
@@ -47,7 +44,6 @@ class GridRule:
     obstacle_per_m: float = 0.02
     robot_height_m: float = 0.5
     depth_points: int = 2
-    depth_weight: float = 2.0
 
     def __post_init__(self) -> None:
         """Raises GeometryError for fewer patches than two."""

@@ -15,19 +15,16 @@ from edgemap.geometry.slam.landmarks import Landmark, LandmarkRule
 @dataclass(frozen=True, slots=True)
 class AssociationRule:
     """Evidence that landmarks need to become an object. min_count: minimum total weight of the sightings (see
-    FloorRule), and number of pictures of 0.1 s from which on a landmark is used to close loops. forget_after: frames
-    after which a landmark that is no object is dropped. directions: sectors around an object; in each, the farthest
-    position from which it was observed is kept. real_log_odds, real_slope, real_score: log-odds that an object is real,
-    after one full sighting with a mean score of 0.5; per e-fold of full sightings; and per unit of the mean score's
-    log-odds, because the score of a box is about its precision on photographs. They come from a logistic regression on
-    the 199 objects that two detectors map in seven tuning drives.
+    FloorRule), and number of pictures of 0.1 s from which on a landmark is used to close loops. directions: sectors
+    around an object; in each, the farthest position from which it was observed is kept. real_log_odds, real_score:
+    log-odds that an object is real, after one full sighting with a mean score of 0.5, as the odds grow with the number
+    of full sightings; and per unit of the mean score's log-odds, because the score of a box is about its precision on
+    photographs. They come from a logistic regression on the 199 objects that two detectors map in seven tuning drives.
     """
 
     min_count: int = 4
-    forget_after: int = 3000
     directions: int = 24
     real_log_odds: float = -3.05
-    real_slope: float = 0.98
     real_score: float = 1.5
     overlap: OverlapRule = field(default_factory=OverlapRule)
 
@@ -75,7 +72,7 @@ class Estimate:
                 sums.join(landmark.sums)
         if sums.count == 0:
             return 0.0
-        log_odds = rule.real_log_odds + rule.real_slope * math.log(max(sums.weight, 1.0))
+        log_odds = rule.real_log_odds + math.log(max(sums.weight, 1.0))
         return 1.0 / (1.0 + math.exp(-log_odds - rule.real_score * sums.score_log_odds))
 
 

@@ -127,15 +127,14 @@ class FloorMap:
         return [self._owner[one.number].id for one in landmarks]
 
     def bound(self) -> None:
-        """Bounds the map's size on a drive of any length: removes landmarks that never became objects and were not
-        observed for long, and merges visits to one object. Not during a loop closure.
+        """Bounds the map's size on a drive of any length: of what never became an object, as many are kept as a
+        closure solves for, those observed last, and merges visits to one object. Not during a loop closure.
         """
-        since = self._frames - self.rule.forget_after
         self._refresh()
-        for item in list(self._objects.values()):
-            unseen = max(one.updated for one in item.landmarks) <= since
-            if unseen and self._overlaps.best(item.id) not in self._shown:
-                self._remove(item.id)
+        weak = [item for item in self._objects.values() if self._overlaps.best(item.id) not in self._shown]
+        weak.sort(key=lambda item: -max(one.updated for one in item.landmarks))
+        for item in weak[self.graph.rule.maximum :]:
+            self._remove(item.id)
         in_view = set(self.graph.landmarks.in_view(self.graph.trajectory.odometer_m))
         for item in self._objects.values():
             own = [one for one in item.landmarks if one.saved is None]

@@ -22,9 +22,9 @@ NEAR_M = 20.0  # nothing farther is sighted
 class ForgetRule:
     """How soon an object counts as removed.
 
-    highest, lowest: upper bound of an object's log-odds, and the value below which it is removed. same_m, same_frames:
-    frames with the robot moved or turned less than this (a radian as a metre), or fewer, are one observation, since
-    their misses are correlated; it is a miss where the object is detected in none of them. weight: of one observation's
+    highest: upper bound of an object's log-odds; below its negative the object is removed. same_m, same_frames: frames
+    with the robot moved or turned less than this (a radian as a metre), or fewer, are one observation, since their
+    misses are correlated; it is a miss where the object is detected in none of them. weight: of one observation's
     log-odds, as observations are not quite independent either. false_rate: rate of detections where there is no object.
     prior_observations: of a class's detection rate, which is `trusted_rate` before any. same_iou: a box of its label
     that overlaps the expected one this much counts as an observation of it, whichever object it went to. trusted_rate:
@@ -32,8 +32,7 @@ class ForgetRule:
     for a while from one side.
     """
 
-    highest: float = 2.5
-    lowest: float = -2.0
+    highest: float = 2.0
     same_m: float = 0.12
     same_frames: int = 15
     weight: float = 0.6
@@ -121,7 +120,7 @@ class Forgetter:
             else:
                 continue
             log_odds = self._log_odds.get(item.id, self.rule.highest)
-            if log_odds < self.rule.lowest and item.id not in sighted:
+            if log_odds < -self.rule.highest and item.id not in sighted:
                 floor_map.drop(item.id)
                 gone.append(item.id)
                 for known in (self._log_odds, self._open, self._own):
@@ -138,8 +137,8 @@ class Forgetter:
         if not objects:
             return []
         positions = pose_map_base.inverse().apply(np.array([item.position_m for item in objects]))
-        near = (positions[:, 0] > 0.0) & (np.linalg.norm(positions, axis=1) <= self.rule.view.farthest_m)
-        return [item for item, close in zip(objects, near, strict=True) if close or item.id in sighted]
+        ahead = positions[:, 0] > 0.0
+        return [item for item, close in zip(objects, ahead, strict=True) if close or item.id in sighted]
 
     def detection_rate(self, item: MapObject) -> float:
         """Detection rate of this object in plain view, from its own observations, its class's and the prior."""

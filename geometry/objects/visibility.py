@@ -21,14 +21,12 @@ AROUND = 8  # points of a footprint's circle that are projected
 class ViewRule:
     """When an object is in plain view.
 
-    farthest_m: from the base. range_share: no farther than this share of the greatest distance at which it was
-    detected, since detectors miss small objects. near_view_m: it was observed before from within this distance of the
+    It is no farther than the greatest distance at which it was detected, since detectors miss small objects.
+    near_view_m: it was observed before from within this distance of the
     robot (the map may lack walls, but none hides what was observed from here). covered_share: of its box, at most,
     behind nearer boxes or nearer objects of the map.
     """
 
-    farthest_m: float = 5.0
-    range_share: float = 0.9
     near_view_m: float = 0.75
     covered_share: float = 0.2
 
@@ -66,12 +64,12 @@ def in_plain_view(
     here = np.array([pose_map_base.x_m, pose_map_base.y_m])
     clear = np.zeros(len(objects), dtype=bool)
     reach = np.array([np.linalg.norm(item.position_m - here) for item in objects])
-    for row in np.flatnonzero(inside & (reach <= rule.farthest_m)).tolist():
+    for row in np.flatnonzero(inside).tolist():
         views = np.array(objects[row].seen_from_m).reshape(-1, 2)
         if len(views) == 0 or _off_lines_m(here, views, objects[row].position_m) > rule.near_view_m:
             continue
         seen_m = np.linalg.norm(views - objects[row].position_m, axis=1).max()
-        if reach[row] > rule.range_share * seen_m:
+        if reach[row] > seen_m:
             continue
         nearer = np.concatenate(
             [detections.boxes[detections.boxes[:, 3] > boxes[row, 3]], boxes[(reach < reach[row]) & (boxes[:, 2] > 0)]]

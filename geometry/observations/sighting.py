@@ -106,27 +106,24 @@ class PlacedSighting:
 class BoxNoise:
     """Standard deviations of a box's edges.
 
-    picture_share: of every edge, as a share of the picture's longer side (detectors see it at their own size).
-    across_share, down_share: of the lower edge's middle across, and of the lower edge down, as a share of the box's
-    width and height. hidden_share: down, of the height, where nearer boxes cover the whole lower edge.
+    picture_share: of every edge, as a share of the picture's longer side (detectors see it at their own size); an edge
+    nearer than that to the picture's border is cut off. down_share: of the lower edge down, as a share of the box's
+    height; hidden_share: where nearer boxes cover all of it.
     """
 
     picture_share: float = 0.004
-    across_share: float = 0.06
     down_share: float = 0.02
     hidden_share: float = 0.12
 
 
 @dataclass(frozen=True, slots=True)
 class FloorRule:
-    """When a box counts as an object on the floor, and its weight. border_px: a lower edge within this distance of the
-    picture's lower border is cut off. max_sigma_m: sightings less certain than this (largest standard deviation, pixel
-    and mount together) are dropped. mapped: labels that may be
-    mapped; None means all. full_weight_score: at which a sighting counts half towards making an object; fully from 0.1
-    above it on, not at all from 0.1 below.
+    """When a box counts as an object on the floor, and its weight. max_sigma_m: sightings less certain than this
+    (largest standard deviation, pixel and mount together) are dropped. mapped: labels that may be mapped; None means
+    all. full_weight_score: at which a sighting counts half towards making an object; fully from 0.1 above it on, not at
+    all from 0.1 below.
     """
 
-    border_px: float = 3.0
     max_sigma_m: float = 0.75
     noise: FloorNoise = field(default_factory=FloorNoise)
     box: BoxNoise = field(default_factory=BoxNoise)
@@ -146,7 +143,12 @@ def _allowed(detections: Detections, rule: FloorRule) -> NDArray[np.bool_]:
 
 def _feet_cut(boxes: Array, camera: FloorCamera, rule: FloorRule) -> NDArray[np.bool_]:
     """Which boxes the picture's lower border cuts, (N,)."""
-    return boxes[:, 3] >= camera.intrinsics.height - 1 - rule.border_px
+    return boxes[:, 3] >= camera.intrinsics.height - 1 - _edge_px(camera, rule)
+
+
+def _edge_px(camera: FloorCamera, rule: FloorRule) -> float:
+    """Standard deviation of a box's edge by the size of the picture, px."""
+    return rule.box.picture_share * max(camera.intrinsics.width, camera.intrinsics.height)
 
 
 def feet_px(detections: Detections) -> Array:
@@ -270,17 +272,15 @@ def _edges(
 ) -> tuple[NDArray[np.bool_], Array, Array]:
     """Which boxes the picture's sides cut (N,), how far across the true middle then is (N,), and the standard
     deviations (N, 2) of the lower edges' middles, across and down; px."""
-    longer = max(camera.intrinsics.width, camera.intrinsics.height)
+    edge_px = _edge_px(camera, rule)
     sizes = boxes[:, 2:] - boxes[:, :2]
-    left, right = boxes[:, 0] <= rule.border_px, boxes[:, 2] >= camera.intrinsics.width - rule.border_px
+    left, right = boxes[:, 0] <= edge_px, boxes[:, 2] >= camera.intrinsics.width - edge_px
     widths_m = (sizes[:, 0] / px_per_m).tolist()
     missing_px = np.array([shape.missing_m(width) for shape, width in zip(shapes, widths_m, strict=True)]) * px_per_m
     across_px = np.where(left == right, 0.0, np.where(right, 0.5, -0.5) * missing_px)
     cut_px = np.array([shape.cut_sigma_m(width) for shape, width in zip(shapes, widths_m, strict=True)]) * px_per_m
-    shares = np.column_stack(
-        [np.full(len(boxes), rule.box.across_share), np.hypot(rule.box.down_share, rule.box.hidden_share * cover)]
-    )
-    sigmas_px = np.hypot(rule.box.picture_share * longer, shares * sizes)
+    down_px = np.hypot(rule.box.down_share, rule.box.hidden_share * cover) * sizes[:, 1]
+    sigmas_px = np.hypot(edge_px, np.column_stack([np.zeros(len(boxes)), down_px]))
     sigmas_px[:, 0] = np.hypot(sigmas_px[:, 0], np.where(left | right, cut_px, 0.0))
     return left | right, across_px, sigmas_px
 

@@ -36,15 +36,14 @@ class AlignmentRule:
     """Acceptance criteria for two maps of one place.
 
     reach_m: greatest distance of a pair of objects. least_pairs: minimum number of pairs. chance: greatest expected
-    number of alignments as good as this one between unrelated maps. rival_share, rival_margin: a clearly different
-    alignment may explain at most this share of the best one's objects, and at least this many fewer.
+    number of alignments as good as this one between unrelated maps. rival_share: a clearly different alignment may
+    explain at most this share of the best one's objects; of maps that have changed since, more must still match.
     """
 
     reach_m: float = 1.0
     least_pairs: int = 4
     chance: float = 0.001
     rival_share: float = 0.8
-    rival_margin: int = 2
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -122,7 +121,7 @@ def aligning(
             f"{found}, which maps of unrelated places would do {chance:.2g} times (at most {rule.chance:g} is accepted)"
         )
     count = len(rival.pairs) if rival else 0
-    if rival and count > min(len(best.pairs) - rule.rival_margin, rule.rival_share * len(best.pairs)):
+    if rival and count > rule.rival_share * len(best.pairs):
         raise AlignmentError(
             f"ambiguous: {found} ({_words(best.pose)}), and a clearly different one {count} ({_words(rival.pose)})"
         )
@@ -138,7 +137,7 @@ def realigned(
     still match."""
     rule = rule or AlignmentRule()
     fit = _refined(alignment.pose_a_b, first, second, rule)
-    if fit is None or len(fit.pairs) < max(rule.least_pairs, len(alignment.pairs) - rule.rival_margin):
+    if fit is None or len(fit.pairs) < max(rule.least_pairs, rule.rival_share * len(alignment.pairs)):
         raise AlignmentError(f"{len(alignment.pairs)} objects matched, and no longer do")
     return replace(alignment, pose_a_b=fit.pose, covariance=fit.covariance, pairs=fit.pairs)
 

@@ -30,15 +30,14 @@ IMPOSSIBLE = 1e6  # cost of a pair that may not be
 
 @dataclass(frozen=True, slots=True)
 class LandmarkRule:
-    """gap_m: path length without a sighting after which a visit ends. reach_m: greatest distance of two positions of
-    one object. side_share: standard deviation of the distance of an object's centres as observed from two sides, as a
-    share of the object's longer side, since no box shows the footprint; more sightings do not reduce it. view_m:
-    standard deviation per keyframe that the view itself adds to its sightings' own. repeated: share of a range's
-    variance that all observations of a landmark have in common: a box that ends too low does so from frame to frame
-    (0.5 to 0.8 over 20,000 sightings of six homes).
+    """reach_m: greatest distance of two positions of one object. side_share: standard deviation of the distance of an
+    object's centres as observed from two sides, as a share of the object's longer side, since no box shows the
+    footprint; more sightings do not reduce it. view_m: standard deviation per keyframe that the view itself adds to its
+    sightings' own; a visit ends where odometry may have slipped by as much since the last sighting. repeated: share of
+    a range's variance that all observations of a landmark have in common: a box that ends too low does so from frame to
+    frame (0.5 to 0.8 over 20,000 sightings of six homes).
     """
 
-    gap_m: float = 3.0
     reach_m: float = 1.0
     side_share: float = 0.2
     view_m: float = 0.15
@@ -104,13 +103,17 @@ class Landmark:
             self.rows[-1] = _both(self.rows[-1], row)
 
     def join(self, other: "Landmark") -> None:
-        """Adds the observations of another visit to the same object."""
+        """Adds the observations of another visit to the same object. Both are evidence of it as the better one is: who
+        comes by again and again sees what was mistaken for an object each time.
+        """
         rows = dict(zip(self.keyframes, self.rows, strict=True))
         for keyframe, row in zip(other.keyframes, other.rows, strict=True):
             rows[keyframe] = _both(rows[keyframe], row) if keyframe in rows else row
         self.keyframes = sorted(rows)
         self.rows = np.array([rows[keyframe] for keyframe in self.keyframes]).reshape(-1, COLUMNS)
+        weight = max(self.sums.weight, other.sums.weight)
         self.sums.join(other.sums)
+        self.sums.weight = weight
         self.beside |= other.beside
         self.seen_at_m, self.updated = max(self.seen_at_m, other.seen_at_m), max(self.updated, other.updated)
 
@@ -242,11 +245,12 @@ class LandmarkSet:
         self._in_view: list[Landmark] = []
 
     def in_view(self, odometer_m: float) -> list[Landmark]:
-        """The landmarks observed within the last `gap_m` of path."""
+        """The landmarks whose visit has not ended: odometry has slipped by no more than a view adds since the last
+        sighting."""
         self._in_view = [
             landmark
             for landmark in self._in_view
-            if odometer_m - landmark.seen_at_m <= self.rule.gap_m and not landmark.gone
+            if self.slip * (odometer_m - landmark.seen_at_m) <= self.rule.view_m and not landmark.gone
         ]
         return self._in_view
 

@@ -95,7 +95,7 @@ class LoopSearch:
         closed = yield from at.solved(links, REFINE, start=without)
         by_chance = len(at.ties(new)) * math.log(graph.rule.hypotheses.spacing_m2)
         ratio = closed.log_evidence - without.log_evidence + by_chance
-        return closed if ratio > graph.rule.margin else None
+        return closed if ratio > 0.0 else None
 
     def _take_back(self, links: Sequence[int]) -> None:
         for number in links:

@@ -40,18 +40,14 @@ Links = Mapping[int, int]  # of a later landmark to the first one of its object
 @dataclass(frozen=True, slots=True)
 class GraphRule:
     """Parameters of the pose graph. freedom: degrees of freedom of the odometry's errors (Student's t): most motions
-    agree with their covariance, a few slip. margin: log-likelihood ratio by which a loop must make the complete graph
-    more likely; 5 is 150 to 1. maximum: landmarks solved for. visits: to one object, kept apart, so that a wrong link
-    can be revoked; older ones become one. every: keyframes between two closures. still_m: a closure that changes no
-    link and moves no pose by more than this changes covariances only.
+    agree with their covariance, a few slip. maximum: landmarks solved for. visits: to one object, kept apart, so that a
+    wrong link can be revoked; older ones become one. every: keyframes between two closures.
     """
 
     freedom: float = 4.0
-    margin: float = 5.0
     maximum: int = 80
     visits: int = 3
     every: int = 4
-    still_m: float = 0.01
     keyframes: KeyframeRule = field(default_factory=KeyframeRule)
     landmarks: LandmarkRule = field(default_factory=LandmarkRule)
     hypotheses: LoopHypothesisRule = field(default_factory=LoopHypothesisRule)
@@ -283,12 +279,14 @@ class PoseGraph:
         )
 
     def correct(self, solution: Solution, relinked: bool, now_s: float) -> TrajectoryCorrection | None:
-        """Poses stand where the solution has them, and landmarks with them; None where it moves no pose by `still_m`,
-        and only covariances change. relinked: whether links changed, so that it moves them anyway. now_s: stamp of the
+        """Poses stand where the solution has them, and landmarks with them; None where links are as before and no pose
+        moves by more than its standard deviation: only covariances change then. relinked: whether links changed, so
+        that it moves them anyway. now_s: stamp of the
         frame whose motion came last."""
         poses = solution.poses
         before = self.trajectory.vectors()[: len(poses)]
-        if not relinked and np.abs(poses - before).max() < self.rule.still_m:
+        sigmas = np.sqrt(np.diagonal(solution.pose_covariances, axis1=1, axis2=2))
+        if not relinked and (np.abs(poses - before) <= sigmas).all():
             self.trajectory.set_poses(before, solution.pose_covariances, now_s)
             return None
         self._biases = solution.biases

@@ -120,7 +120,7 @@ class HeightCheck:
     def _judge(self, stamp_s: float) -> str:
         rule, self._judged_s, given = self._rule, stamp_s, math.log(self._given_m)
         wrong = math.log1p(rule.wrong_share)
-        measurements = self._sizes.measurements(FloorNoise().pitch_rad, rule.fewest)
+        measurements = self._sizes.measurements(FloorNoise().tilt_rad, rule.fewest)
         labels = ", ".join(one.name for one in measurements)
         sources = [f"the usual height of {labels}"] if labels else []
         depth = self._by("the floor in depth pictures", self._depths, rule.depth_sigma)

@@ -47,7 +47,7 @@ def test_the_attitudes_covariance_reaches_the_floor():
     # d = h / tan(a) with tan(a) = 0.1 gives 3 m; its slope is -(d^2 + h^2) / h = -30.3 m per radian.
     sigma = math.radians(0.5)
     camera = FloorCamera(PLAIN, mount).at(Attitude(0.0, 0.0, np.diag([0.0, sigma**2])))
-    own, shared = floor_covariances(camera, pixel, [[0.0, 0.0]], FloorNoise(0.0, 0.0, 0.0))
+    own, shared = floor_covariances(camera, pixel, [[0.0, 0.0]], FloorNoise(0.0, 0.0))
     assert math.sqrt(own[0, 0, 0]) == pytest.approx(30.3 * sigma, rel=1e-3)
     assert np.abs(shared).max() == 0.0
 
@@ -57,7 +57,7 @@ def test_the_attitudes_covariance_reaches_the_floor_beside_the_axis_as_sampling_
     mount, pixel, rng = Mount.from_degrees(0.5, 10.0), [[500.0, 400.0]], np.random.default_rng(0)
     covariance = np.array([[4.0, 1.5], [1.5, 1.0]]) * math.radians(0.5) ** 2
     camera = FloorCamera(PLAIN, mount).at(Attitude(0.0, mount.pitch_rad, covariance))
-    own, _ = floor_covariances(camera, pixel, [[0.0, 0.0]], FloorNoise(0.0, 0.0, 0.0))
+    own, _ = floor_covariances(camera, pixel, [[0.0, 0.0]], FloorNoise(0.0, 0.0))
     places = [
         camera.at(Attitude(roll, mount.pitch_rad + pitch, EXACT)).floor_points(pixel)[0]
         for roll, pitch in rng.multivariate_normal([0.0, 0.0], covariance, 4000)

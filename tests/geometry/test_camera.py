@@ -172,11 +172,11 @@ def test_a_horizon_outside_a_distorted_picture_is_where_a_plain_lens_has_it():
     assert distorted.horizon_row() == pytest.approx(plain.horizon_row())
 
 
-@pytest.mark.parametrize(("pitch_deg", "roll_deg", "height_m"), [(0.4, 0.2, 0.01), (0.0, 1.0, 0.0), (0.0, 0.0, 0.02)])
-def test_floor_covariance_matches_sampling(pitch_deg, roll_deg, height_m):
+@pytest.mark.parametrize(("tilt_deg", "height_m"), [(0.4, 0.01), (1.0, 0.0), (0.0, 0.02)])
+def test_floor_covariance_matches_sampling(tilt_deg, height_m):
     rng = np.random.default_rng(2)
     mount = Mount.from_degrees(0.6, 11.5)
-    noise = FloorNoise(math.radians(pitch_deg), math.radians(roll_deg), height_m)
+    noise = FloorNoise(math.radians(tilt_deg), height_m)
     pixel = np.array([420.0, 330.0])
     own, shared = floor_covariances(FloorCamera(PLAIN, mount), [pixel], [(2.0, 1.5)], noise)
     by_pixel = FloorCamera(PLAIN, mount).floor_points(pixel + rng.normal(0, (2.0, 1.5), (20000, 2)))
@@ -184,7 +184,7 @@ def test_floor_covariance_matches_sampling(pitch_deg, roll_deg, height_m):
     by_mount = np.array(
         [
             FloorCamera(PLAIN, Mount(0.6 + h, mount.pitch_rad + p, r)).floor_points([pixel])[0]
-            for p, r, h in rng.normal(0, [noise.pitch_rad, noise.roll_rad, noise.height_m], (4000, 3))
+            for p, r, h in rng.normal(0, [noise.tilt_rad, noise.tilt_rad, noise.height_m], (4000, 3))
         ]
     )
     np.testing.assert_allclose(shared[0], np.cov(by_mount.T), rtol=0.12, atol=2e-5)

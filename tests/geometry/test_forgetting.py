@@ -99,7 +99,7 @@ def test_the_expected_box_is_the_projected_cylinder():
 def test_plain_view_is_whole_near_and_known_from_here(pose, plain):
     objects = chair_map(2.2).objects()
     boxes = expected_boxes(objects, CAMERA, pose)
-    rule = ViewRule(range_share=1.1)
+    rule = ViewRule()
     assert in_plain_view(objects, boxes, CAMERA, pose, NOTHING, rule).tolist() == [plain]
 
 
@@ -110,7 +110,7 @@ def test_what_stands_nearer_hides_and_what_stands_behind_does_not():
 
     def plain(box):
         seen = Detections(np.array([box]), np.array([0.9]), np.array([0]), ("person",))
-        return bool(in_plain_view(objects, boxes, CAMERA, SE2(), seen, ViewRule(range_share=1.1))[0])
+        return bool(in_plain_view(objects, boxes, CAMERA, SE2(), seen, ViewRule())[0])
 
     middle = (x0 + x1) / 2
     assert not plain([middle, y0, x1 + 50, y1 + 20])
@@ -141,8 +141,8 @@ def test_confidence_falls_look_by_look_until_the_object_leaves_and_its_id_is_not
     assert 4 < len(confidences) <= 10  # one miss is no reason
     assert confidences[0] == pytest.approx(real)
     assert all(after < before for before, after in pairwise(confidences))
-    # A look misses what is detected in 0.8 of them with 0.2, what is gone with 0.95; each counts 0.6, from 2.5 on.
-    log_odds = 2.5 + 0.6 * math.log(0.2 / 0.95) * np.arange(1, len(confidences))
+    # A look misses what is detected in 0.8 of them with 0.2, what is gone with 0.95; each counts 0.6, from 2 on.
+    log_odds = 2.0 + 0.6 * math.log(0.2 / 0.95) * np.arange(1, len(confidences))
     assert np.array(confidences[1:]) / real == pytest.approx(1.0 / (1.0 + np.exp(-log_odds)), rel=1e-3)
     assert forgetter.observations["chair-1"] == len(confidences)
     found = sightings_of(look([("chair", 2.0, 0.0)], SE2(), np.random.default_rng(2), 1.0)[0], CAMERA, FloorRule())

@@ -224,7 +224,7 @@ def test_a_covered_share_is_the_share_of_columns_behind_nearer_boxes(corners):
 @given(st.floats(50, 500), st.floats(260, 420))
 def test_a_sighting_is_dropped_by_the_longer_axis_of_its_covariance(x0, y1):
     """With one pixel noise for all edges, that axis is the largest eigenvalue's."""
-    box, pixel = seen(("chair", x0, y1 - 60, x0 + 40, y1)), BoxNoise(0.004, 0.0, 0.0, 0.0)
+    box, pixel = seen(("chair", x0, y1 - 60, x0 + 40, y1)), BoxNoise(0.004, 0.0, 0.0)
     own, shared = floor_covariances(CAMERA, [(x0 + 19.5, y1 - 0.5)], [(2.56, 2.56)], FloorNoise())
     longer_m = math.sqrt(np.linalg.eigvalsh(own[0] + shared[0])[1])
     kept = [

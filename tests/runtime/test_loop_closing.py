@@ -13,7 +13,7 @@ from edgemap.geometry.objects.floor_map import FloorMap
 from edgemap.geometry.se2 import SE2
 from edgemap.geometry.slam import loop_closure
 from edgemap.geometry.slam.keyframes import KeyframeRule
-from edgemap.geometry.slam.loop_hypotheses import certain_pairings
+from edgemap.geometry.slam.loop_hypotheses import LoopHypothesisRule, certain_pairings
 from edgemap.geometry.slam.pose_graph import GraphRule
 from edgemap.geometry.trajectory_correction import TrajectoryCorrection
 from edgemap.runtime.frames.trajectory import read_tum
@@ -230,7 +230,8 @@ def test_a_wrong_closure_is_taken_back(monkeypatch):
 
     monkeypatch.setattr(loop_closure, "certain_pairings", certain)
     monkeypatch.setattr(loop_closure, "witnessed", witnessed)
-    mapper = Mapper(config=Config(loop_closure=GraphRule(margin=-math.inf)), loop_closer=LoopCloser())
+    unweighed = LoopHypothesisRule(spacing_m2=1e12)  # no second object of a label is likely anywhere
+    mapper = Mapper(config=Config(loop_closure=GraphRule(hypotheses=unweighed)), loop_closer=LoopCloser())
     assert isinstance(mapper.map, FloorMap)
     graph = mapper.map.graph
     unsure = [replace(motion, covariance=3.0 * motion.covariance) for motion in drifting(way)]

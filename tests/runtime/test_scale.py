@@ -2,6 +2,7 @@
 
 # pyright: reportOptionalMemberAccess=false, reportArgumentType=false, reportAttributeAccessIssue=false
 
+import json
 import math
 from dataclasses import replace
 
@@ -20,8 +21,10 @@ from edgemap.geometry.objects.edits import Edit
 from edgemap.geometry.observations.detections import Detections
 from edgemap.geometry.paper.paper_map import PaperMap
 from edgemap.geometry.se2 import SE2
+from edgemap.runtime.frames.trajectory import tum_line
 from edgemap.runtime.motion.height_check import HeightCheck, HeightRule
 from edgemap.runtime.motion.odometry.protocol import Motion
+from edgemap.runtime.outputs.sinks.rewriting import rewrite
 from edgemap.runtime.step.loop_closing import LoopCloser
 from edgemap.runtime.step.mapper import Mapper
 
@@ -69,6 +72,26 @@ def test_the_map_is_that_of_the_right_height_whenever_it_is_found(changes_at):
 def test_sightings_of_before_are_written_again_at_the_new_scale():
     update, _ = mapped(Mapper(), 120)
     assert update.trajectory.scale_since([0.0, 11.9, 12.0]) == pytest.approx([FACTOR, FACTOR, 1.0])
+
+
+def test_a_run_folders_sightings_state_the_scale_they_took_however_often_they_are_written(tmp_path):
+    update, _ = mapped(Mapper(), 120)
+    trajectory, sightings = tmp_path / "trajectory.tum", tmp_path / "sightings.jsonl"
+    stamps = [11.9, 12.0]
+    trajectory.write_text("".join(tum_line(at, SE2(*update.trajectory.at([at])[0])) for at in stamps))
+    lengths = {"base_m": [2.0, 1.0], "map_m": [0.0, 0.0], "distance_m": 2.2, "width_m": 0.4, "height_m": 0.8}
+    sightings.write_text("".join(json.dumps({"stamp_s": at} | lengths) + "\n" for at in stamps))
+    for _ in range(2):
+        rewrite(trajectory, sightings, update.trajectory)
+        before, after = map(json.loads, sightings.read_text().splitlines())
+        assert (before["base_m"], before["scale"]) == ([2.5, 1.25], FACTOR)
+        assert (before["distance_m"], before["width_m"], before["height_m"]) == (2.75, 0.5, 1.0)
+        place = SE2(*update.trajectory.at([11.9])[0]).apply(np.array([2.5, 1.25]))
+        assert before["map_m"] == pytest.approx(place.tolist(), abs=1e-3)
+        assert {name: after[name] for name in lengths if name != "map_m"} == {
+            name: value for name, value in lengths.items() if name != "map_m"
+        }
+        assert "scale" not in after
 
 
 def test_edits_keep_their_place_among_the_objects():

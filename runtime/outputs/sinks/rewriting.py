@@ -4,6 +4,7 @@ import json
 from collections.abc import Iterator
 from itertools import islice
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -15,11 +16,14 @@ from edgemap.runtime.frames.errors import DiskError
 from edgemap.runtime.frames.trajectory import tum_line
 from edgemap.runtime.step.pose_journal import PoseJournal
 
+LENGTHS = "distance_m", "width_m", "height_m"  # of a sighting, beside its position
 BLOCK = 4096  # lines in memory at once: the files of a day are larger than a robot's memory
 
 
 def rewrite(trajectory: Path, sightings: Path, journal: PoseJournal) -> None:
-    """Replace both files, each atomically. The same journal leaves them as they are. Raises DiskError."""
+    """Replace both files, each atomically. The same journal leaves them as they are. A sighting from before a
+    correction of scale gets its lengths in the new one, and `scale`, by which they were multiplied. Raises DiskError.
+    """
     stamps_s, poses = _read(trajectory)
     poses = journal.moved_poses(stamps_s, poses)
     if not len(poses):
@@ -35,13 +39,26 @@ def rewrite(trajectory: Path, sightings: Path, journal: PoseJournal) -> None:
             records = [json.loads(line) for line in lines]
             stamps = [record["stamp_s"] for record in records]
             rows = np.searchsorted(stamps_s, stamps, side="right") - 1
-            base = np.array([[*record["base_m"], 0.0] for record in records]) * journal.scale_since(stamps)[:, None]
+            for record, scale in zip(records, journal.scale_since(stamps).tolist(), strict=True):
+                _rescale(record, scale)
+            base = np.array([[*record["base_m"], 0.0] for record in records])
             for record, (x_m, y_m, _) in zip(records, composed(poses[np.maximum(rows, 0)], base), strict=True):
                 record["map_m"] = [round(float(x_m), 4), round(float(y_m), 4)]
             yield "".join(json.dumps(record) + "\n" for record in records).encode()
 
     write_atomically(trajectory, tum_blocks)
     write_atomically(sightings, sighting_blocks)
+
+
+def _rescale(record: dict[str, Any], scale: float) -> None:
+    """Gives a sighting's lengths the scale that they have by now."""
+    factor = scale / record.get("scale", 1.0)
+    if factor == 1.0:
+        return
+    record["base_m"] = [round(factor * length_m, 4) for length_m in record["base_m"]]
+    for name in LENGTHS:
+        record[name] = round(factor * record[name], 4)
+    record["scale"] = scale
 
 
 def _read(trajectory: Path) -> tuple[Array, Array]:
