@@ -26,9 +26,11 @@ def command(
     folder = run or last_run()
     if not folder.is_dir():
         raise OptionError(f"{folder}: not a run folder")
-    verdict, steps = explain(*read_run(folder))
+    record, objects = read_run(folder)
+    verdict, steps = explain(record, objects)
+    ended = bool(record.get("finished", True))
     if json:
-        document = {"run": str(folder), "verdict": verdict.document()}
+        document = {"run": str(folder), "ended": ended, "verdict": verdict.document()}
         causes = [
             {
                 "cause": step.cause.title,
@@ -42,6 +44,8 @@ def command(
         print_json(document | {"causes": causes})
         return
     print(f"{folder}: map: {TITLES[verdict.level]}")
+    if not ended:
+        print("The run has not ended: it goes on, or it was killed and the map is that of its last save.")
     if verdict.level == "good":
         print("Nothing that was counted speaks against it.")
     for number, step in enumerate(steps, 1):

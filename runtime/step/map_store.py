@@ -10,7 +10,7 @@ import platformdirs
 from edgemap.geometry.errors import MapError
 from edgemap.runtime.frames.reading import one_line, user_path
 
-NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9._-]{0,99}")
+NAME = re.compile(r"[^\W_][\w .-]{0,62}")  # 63 letters of any script fit a file name of 255 bytes
 
 
 @dataclass(frozen=True, slots=True)
@@ -35,7 +35,7 @@ def maps_folder() -> Path:
 def find_map(text: str | Path) -> MapPlace:
     """The map that a text names: a map.json or a run folder is only read; a name or another folder is saved back to.
 
-    A name has no slash, and no map of that name is in the current folder.
+    A name begins with a letter or digit of any script, has no slash, and no map of that name is in the current folder.
     """
     path = user_path(str(text))
     is_file = path.is_file() or path.suffix == ".json"

@@ -263,6 +263,15 @@ def test_why_names_first_the_wheels_that_bring_nothing_or_stop(edgemap, tmp_path
     assert first["evidence"][0] == f"{share} % of the frames in motion have no wheel odometry"
 
 
+def test_why_says_that_a_run_has_not_ended(edgemap, run_folder):
+    """As after a kill: run.json is of the last save."""
+    for ended in (True, False):
+        record = json.loads((run_folder / "run.json").read_text()) | {"finished": ended}
+        (run_folder / "run.json").write_text(json.dumps(record))
+        assert ("The run has not ended" in edgemap("why", run_folder).stdout) is not ended
+        assert json.loads(edgemap("why", run_folder, "--json").stdout)["ended"] is ended
+
+
 def test_why_of_no_run_is_wrong_usage(edgemap, tmp_path):
     assert "no run in runs/" in one_line(edgemap("why", cwd=tmp_path), 2)
     assert "not a run folder" in one_line(edgemap("why", tmp_path / "none"), 2)

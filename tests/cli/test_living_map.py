@@ -93,6 +93,10 @@ def test_a_run_folder_and_a_file_are_only_read(tmp_path, monkeypatch):
     assert find_map("home").path == tmp_path / "data" / "maps" / "home"
     assert find_map(tmp_path / "flat").path == tmp_path / "flat"
     assert find_map("home").lives
+    for name in ("Küche", "living room", "二階", "K" * 63):
+        assert find_map(name).path == tmp_path / "data" / "maps" / name
+    for folder in ("./home", "..", ".hidden", "_x", "K" * 64):
+        assert find_map(folder).path == Path(folder)
     assert find_map(tmp_path / "flat").lives
 
 
