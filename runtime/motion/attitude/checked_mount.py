@@ -163,8 +163,7 @@ class CheckedMount:
         """Estimate the mount by the edges of one picture, (N, 2, 2) px."""
         rule = self._rule
         edges = segments_between(ends, self._lens)
-        known_rad = float(self._tilt.sigma_rad().max()) if self._settled else math.inf
-        found = self._pictures.see_edges(edges.normals, edges.lengths, known_rad)
+        found = self._pictures.see_edges(edges.normals, edges.lengths)
         if found is None:
             return
         if found.level_rad is not None:
