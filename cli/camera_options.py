@@ -113,7 +113,7 @@ def read_intrinsics(text: str | None, width: int, height: int) -> "Intrinsics | 
         given = Intrinsics(width, height, fx, fy, cx, cy)
     except GeometryError as error:
         raise OptionError(f"--intrinsics {text!r}: {error}") from None
-    if not (-0.5 <= cx <= width - 0.5 and -0.5 <= cy <= height - 0.5):
+    if given.off_picture:
         raise OptionError(
             f"--intrinsics {text!r}: the principal point {cx:g},{cy:g} is outside the picture of {width}x{height} px "
             "(FX,FY,CX,CY: focal lengths first)"

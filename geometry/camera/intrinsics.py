@@ -122,6 +122,11 @@ class Intrinsics:
                 raise GeometryError(f"intrinsics: {name} is {getattr(self, name)}, must be a finite number of pixels")
 
     @property
+    def off_picture(self) -> bool:
+        """Whether the principal point lies outside the picture."""
+        return not (-0.5 <= self.cx <= self.width - 0.5 and -0.5 <= self.cy <= self.height - 0.5)
+
+    @property
     def off_middle(self) -> bool:
         """Whether the principal point is so far from the picture's middle that the numbers may be of another size."""
         off_x, off_y = abs(self.cx - self.width / 2) / self.width, abs(self.cy - self.height / 2) / self.height

@@ -42,7 +42,7 @@ import gc, os, signal
 from pathlib import Path
 from edgemap.runtime.network.bundle import load_bundle
 
-signal.signal(signal.SIGINT, lambda *told: print("handled", flush=True))
+signal.signal(signal.SIGINT, lambda *_: print("handled", flush=True))
 first, second = (load_bundle(Path({folder!r}), 1, engine="openvino") for _ in range(2))
 del first
 gc.collect()

@@ -33,12 +33,12 @@ def as_intrinsics(given: IntrinsicsLike, width: int, height: int) -> Intrinsics:
         fx, fy, cx, cy = (float(value) for value in given)
     except (TypeError, ValueError):
         raise CameraError(f"intrinsics={given!r}: expected four numbers, (fx, fy, cx, cy) in pixels") from None
-    if not (-0.5 <= cx <= width - 0.5 and -0.5 <= cy <= height - 0.5):
+    lens = Intrinsics(width, height, fx, fy, cx, cy)
+    if lens.off_picture:
         raise CameraError(
             f"intrinsics={given!r}: the principal point {cx:g},{cy:g} is outside the picture of {width}x{height} px "
             "(fx, fy, cx, cy: focal lengths first)"
         )
-    lens = Intrinsics(width, height, fx, fy, cx, cy)
     if lens.off_middle:
         warnings.warn(
             f"intrinsics={given!r}: the principal point {cx:g},{cy:g} is far from the middle of {width}x{height} px: "

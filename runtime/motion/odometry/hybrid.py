@@ -280,7 +280,8 @@ class HybridOdometry:
         return member.covariance_scale * self._rule.doubt(member.source, covered, self._hidden)
 
     def _seconded(self, alive: Sequence[MotionEstimate]) -> list[MotionEstimate]:
-        """The estimates; those that second another of their source are absent without it, and no surer."""
+        """The estimates. One that seconds another of its source is left out without it, and its variances are at least
+        that one's."""
         seconds = {_short(member) for member in self._members if member.seconds}
         firsts = {item.source: np.diag(item.covariance) for item in alive if not item.members & seconds}
         found = []

@@ -89,15 +89,13 @@ def _pictures(run: _Run) -> Iterator[Finding]:
 
 def _mount(run: _Run) -> Iterator[Finding]:
     """The mount as given against the mount as observed, angles and height; and whether it was given at all."""
-    record, quality = run.record, run.quality
-    carried = quality.get("carried_frames", 0) > SOME_SHARE * quality["frames"]
+    record, carried = run.record, _is_carried(run)
     if guess := record.get("camera_guess"):
         if turned_by := guess.get("turned_by"):
             yield Finding("unreliable", CAUSES["turned"], f"the pictures are not upright: turn them by {turned_by}")
         if sway_deg := guess.get("sway_deg"):
             text = f"the camera sways by {sway_deg:.0f} deg, as in a hand or on a head, and its mount is a guess"
             yield Finding("unreliable", CAUSES["carried"], text)
-            carried = True
         seen = record.get("mount_seen", {})
         focal, height, pitch = guess["focal_sigma_share"], guess["height_sigma_share"], guess.get("sigma_pitch_deg", 0)
         if height and not carried and seen.get("height_m"):
