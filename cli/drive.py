@@ -59,7 +59,7 @@ class Run:
             chosen.forgets(chosen.clustering),
             options.advanced.allow_untrained,
             self.mapped,
-            threshold,
+            chosen.confidence,
             guess.scale_sigma(robot.odometry) if guess else 0.0,
         )
         self.slam = build_slam(source, loaded, floor, slam_options, tuned)

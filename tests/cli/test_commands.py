@@ -7,6 +7,7 @@ import signal
 import subprocess
 import sys
 import time
+from itertools import islice
 from pathlib import Path
 
 import cv2
@@ -16,8 +17,13 @@ from support.pictures import write_scene
 from support.waiting import wait_for
 
 from edgemap.cli import main
+from edgemap.geometry.camera.floor import FloorCamera
 from edgemap.runtime.frames.errors import DiskError
+from edgemap.runtime.inputs.open import open_camera
+from edgemap.runtime.network.bundle import load_bundle
+from edgemap.runtime.network.store import bundle_folder
 from edgemap.runtime.step.map_file import load_map
+from edgemap.runtime.step.slam import build_slam
 
 DEMO = Path(__file__).parents[2] / "runtime" / "inputs" / "demo"
 
@@ -232,6 +238,22 @@ def test_a_run_without_standard_error_leaves_its_files_alone(painted_bundle, pic
     assert result.returncode == 0
     assert "\nframe 8:" not in result.stdout  # faults went to standard error, which is none
     assert len(load_map(tmp_path / "run")) == 1
+
+
+def test_a_run_maps_what_evaluation_maps(edgemap, tmp_path):
+    """A false chair of the demo's first 25 s has twelve boxes, which count little by the bundle's own rule."""
+    with open_camera("demo") as camera:
+        assert camera.intrinsics
+        assert camera.mount
+        floor = FloorCamera(camera.intrinsics, camera.mount)
+        slam = build_slam(camera, load_bundle(bundle_folder("edgemap-nano"), 1), floor)
+        for frame in islice(iter(camera.read, None), 250):
+            slam.step(frame)
+    run = edgemap("run", "--frames", "250", "--out", tmp_path / "run")
+    assert run.returncode == 0, run.stderr
+    assert [(item.id, item.count) for item in load_map(tmp_path / "run")] == [
+        (item.id, item.count) for item in slam.objects()
+    ]
 
 
 def test_why_names_black_pictures_first(edgemap, painted_bundle, pictures, tmp_path):
