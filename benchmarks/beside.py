@@ -88,8 +88,8 @@ def beside(there: Path, bundle: str, engine: str, blocks: int, own_bundle: str =
     """Ratios this / other of the step's median and processor time a frame, for each leg; and both builds' figures.
     own_bundle: of this build; by default the one of that name, as the other build uses its own."""
     workers = {
-        "other": _worker(there, "2", bundle, "onnxruntime"),
-        "this": _worker(Path(__file__).resolve().parents[1], "1", own_bundle or bundle, engine),
+        "other": start_worker(there, "2", bundle, "onnxruntime"),
+        "this": start_worker(Path(__file__).resolve().parents[1], "1", own_bundle or bundle, engine),
     }
     document: dict[str, Any] = {"bundle": bundle, "engine": engine, "frames": blocks * FRAMES}
     for leg, rate in LEGS.items():
@@ -97,10 +97,10 @@ def beside(there: Path, bundle: str, engine: str, blocks: int, own_bundle: str =
         for block in range(blocks + 1):
             order = list(workers) if block % 2 else list(workers)[::-1]
             for name in order:
-                row = _block(workers[name], rate)
+                row = timed_block(workers[name], rate)
                 if block:  # the first one warms up
                     rows[name].append(row)
-        figures = {name: _figures(found) for name, found in rows.items()}
+        figures = {name: block_figures(found) for name, found in rows.items()}
         ratios = {
             f"{key}_ratio": round(figures["this"][key] / figures["other"][key], 3)
             for key in ("p50_ms", "cpu_ms_per_frame", "fps")
@@ -112,7 +112,8 @@ def beside(there: Path, bundle: str, engine: str, blocks: int, own_bundle: str =
     return document
 
 
-def _figures(rows: list[tuple[list[float], float, float]]) -> dict[str, float]:
+def block_figures(rows: list[tuple[list[float], float, float]]) -> dict[str, float]:
+    """Figures of blocks, each (step times in ms, processor seconds, wall seconds), over all their frames."""
     times = np.concatenate([row[0] for row in rows])
     cpu_s, wall_s = sum(row[1] for row in rows), sum(row[2] for row in rows)
     return {
@@ -124,7 +125,8 @@ def _figures(rows: list[tuple[list[float], float, float]]) -> dict[str, float]:
     }
 
 
-def _worker(root: Path, blas: str, bundle: str, engine: str) -> subprocess.Popen[str]:
+def start_worker(root: Path, blas: str, bundle: str, engine: str) -> subprocess.Popen[str]:
+    """A process that runs the build of this tree, and nothing of an installed edgemap. blas: threads of BLAS."""
     package = Path(tempfile.mkdtemp()) / "edgemap"
     package.mkdir()
     for room in ROOMS:
@@ -137,7 +139,8 @@ def _worker(root: Path, blas: str, bundle: str, engine: str) -> subprocess.Popen
     return subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True, env=environment)
 
 
-def _block(worker: subprocess.Popen[str], rate: float) -> tuple[list[float], float, float]:
+def timed_block(worker: subprocess.Popen[str], rate: float) -> tuple[list[float], float, float]:
+    """Step times in ms, processor seconds and wall seconds of one block. rate: frames a second; 0 for no pauses."""
     assert worker.stdin is not None
     assert worker.stdout is not None
     worker.stdin.write(f"{rate} {FRAMES}\n")

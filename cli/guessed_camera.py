@@ -43,7 +43,7 @@ def floor_camera_of(camera: "Source", source: "Camera", bundle: "Bundle") -> "tu
     print(f"{source.name} does not say its {lacking}: guessing from its first pictures", flush=True)
     manifest = bundle.manifest
     detector = Detector(bundle, Decoder(manifest.detector, manifest.confidence, one_name=True))
-    pictures = [frame.image for frame in _looked_at(camera, source)]
+    pictures = [frame.image for frame in guessing_frames(camera, source)]
     guess = guess_camera(pictures, detector, lens, mount, _stated(camera.camera, source), height_m)
     guess = replace(guess, quarter_turns=quarter_turns(pictures, detector))
     print(f"guessed from {len(pictures)} pictures:")
@@ -169,7 +169,7 @@ class CameraKeeper:
         write_camera_yaml(self._path, self._floor.intrinsics, self._floor.mount, calibration=calibration)
 
 
-def _looked_at(camera: "Source", source: "Camera") -> "list[Frame]":
+def guessing_frames(camera: "Source", source: "Camera") -> "list[Frame]":
     """Pictures spread over a live camera's first seconds, or over the first part of a file, which is opened again: of
     each view one, where that leaves enough, as a camera at rest shows nothing of how it is carried."""
     import time

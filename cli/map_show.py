@@ -50,7 +50,7 @@ def command(
     maps = maps or (last_run(),)
     if len(maps) > 1 and (out is not None or json):
         raise OptionError(f"{'--json' if json else '--out'} takes one map, several are drawn and listed one by one")
-    question = _Question.read(label, near, inside, since)
+    question = Question.read(label, near, inside, since)
     for path in (saved_map(one) for one in maps):
         objects, annotations = load_annotated_map(path)
         answers = question.answer(objects)
@@ -74,7 +74,7 @@ Answers = list[tuple["MapObject", "float | None"]]
 
 
 @dataclass(frozen=True, slots=True)
-class _Question:
+class Question:
     """What is asked of a map; None asks nothing."""
 
     labels: tuple[str, ...] | None
@@ -83,7 +83,7 @@ class _Question:
     since_s: float | None
 
     @classmethod
-    def read(cls, label: str | None, near: str | None, inside: str | None, since_s: float | None) -> "_Question":
+    def read(cls, label: str | None, near: str | None, inside: str | None, since_s: float | None) -> "Question":
         """The question that the options ask. Raises OptionError."""
         labels = None if label is None else tuple(name.strip() for name in label.split(",") if name.strip())
         if labels == ():
@@ -99,7 +99,7 @@ class _Question:
     @property
     def asked(self) -> bool:
         """Whether anything is asked."""
-        return self != _Question(None, None, None, None)
+        return self != Question(None, None, None, None)
 
     def answer(self, objects: "list[MapObject]") -> Answers:
         """The objects asked for, with their distance in metres where a point is given."""

@@ -127,7 +127,7 @@ def command(
         if pictures is not None:
             from edgemap.simulation.pictures import render_pictures
 
-            render_pictures(out, pictures, _homes(seeds, shard), progress, command=typed, close=close)
+            render_pictures(out, pictures, homes_of(seeds, shard), progress, command=typed, close=close)
         elif locobot:
             from edgemap.simulation.locobot import record_locobot
 
@@ -137,7 +137,7 @@ def command(
             from edgemap.simulation.world import draw_world
 
             chosen = drive.choices()
-            for home in [seed] if seeds is None else _homes(seeds, shard):
+            for home in [seed] if seeds is None else homes_of(seeds, shard):
                 world = draw_world(home, frames, chosen)
                 folder = out if seeds is None else out / str(home)
                 record(world, folder, video=video, depth=depth, progress=progress, command=typed)
@@ -150,7 +150,8 @@ def command(
     print(f"{out}: done" if locobot else f"{out}: done; use it as --data {kind}:{out}")
 
 
-def _homes(text: str | None, shard: str | None) -> range:
+def homes_of(text: str | None, shard: str | None) -> range:
+    """The homes of `--seeds A:B` that `--shard I/N` takes. Raises OptionError."""
     first, colon, last = (text or "").partition(":")
     if not (colon and first.isdecimal() and last.isdecimal() and int(first) < int(last)):
         raise OptionError(f"--seeds {text!r}: expected A:B, homes from A up to, not including, B")

@@ -35,7 +35,7 @@ _HOMES = {
     "runtime.step.slam": ("SemanticSlam", "StepResult"),
     "runtime.network.store": ("bundle_folder",),
 }
-_HOME = {name: f"edgemap.{module}" for module, names in _HOMES.items() for name in names}
+EXPORTS = {name: f"edgemap.{module}" for module, names in _HOMES.items() for name in names}
 
 __all__ = [
     "Bundle", "Camera", "FloorCamera", "FloorMap", "Frame", "LoopCloser", "Mapper", "Pipeline", "SemanticSlam",
@@ -45,15 +45,15 @@ __all__ = [
 
 def __getattr__(name: str) -> Any:
     """Import what is asked for, the first time (PEP 562)."""
-    if name not in _HOME:
+    if name not in EXPORTS:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    value = getattr(import_module(_HOME[name]), name)
+    value = getattr(import_module(EXPORTS[name]), name)
     globals()[name] = value
     return value
 
 
 # Modules that plugins and programs import by documented names of before the rooms.
-_FORMER = {
+FORMER_MODULES = {
     "edgemap.runtime.cameras": "inputs.cameras",
     "edgemap.runtime.cameras.imu_buffer": "inputs.cameras.imu_buffer",
     "edgemap.runtime.cameras.protocol": "inputs.cameras.protocol",
@@ -70,13 +70,13 @@ class _FormerNames(MetaPathFinder, Loader):
     """Imports a module by a former name: the same module object, so its classes are the same."""
 
     def find_spec(self, fullname: str, _path: object = None, _target: object = None) -> ModuleSpec | None:
-        return ModuleSpec(fullname, self) if fullname in _FORMER else None
+        return ModuleSpec(fullname, self) if fullname in FORMER_MODULES else None
 
     def create_module(self, spec: ModuleSpec) -> ModuleType:
         return ModuleType(spec.name)
 
     def exec_module(self, module: ModuleType) -> None:
-        sys.modules[module.__name__] = import_module(f"edgemap.runtime.{_FORMER[module.__name__]}")
+        sys.modules[module.__name__] = import_module(f"edgemap.runtime.{FORMER_MODULES[module.__name__]}")
 
 
 sys.meta_path.insert(0, _FormerNames())

@@ -60,7 +60,7 @@ class Guard:
             response.set_cookie(self._cookie, asked, httponly=True, samesite="lax", path="/")
             return response
         bearer = headers.get("authorization", "").removeprefix("Bearer ")
-        if any(self._matches(given) for given in (asked, bearer, _cookie(headers, self._cookie))):
+        if any(self._matches(given) for given in (asked, bearer, cookie_value(headers, self._cookie))):
             return None
         return PlainTextResponse(NO_TOKEN + "\n", 401)
 
@@ -92,7 +92,7 @@ def own_names() -> frozenset[str]:
     return frozenset({"localhost", machine, f"{machine.split('.')[0]}.local", f"{machine.split('.')[0]}.lan"})
 
 
-def _cookie(headers: dict[str, str], name: str) -> str:
+def cookie_value(headers: dict[str, str], name: str) -> str:
     """The cookie's value, which is never quoted: Python's own reader of quoted ones takes quadratic time."""
     pairs = (pair.strip().partition("=") for pair in headers.get("cookie", "").split(";"))
     return next((value for key, _, value in pairs if key == name), "")

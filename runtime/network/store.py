@@ -45,7 +45,7 @@ def bundle_folder(name: str) -> Path:
     path = user_path(name)
     if (path / MANIFEST_NAME).is_file() or not BUNDLE_NAME.fullmatch(name):
         return path
-    shipped = _shipped_folder() / name
+    shipped = shipped_folder() / name
     return shipped if (shipped / MANIFEST_NAME).is_file() else cache_folder() / "bundles" / name
 
 
@@ -56,7 +56,7 @@ def passed_over(name: str) -> Path | None:
     """
     if not BUNDLE_NAME.fullmatch(name):
         return None
-    cached, shipped = cache_folder() / "bundles" / name, _shipped_folder() / name
+    cached, shipped = cache_folder() / "bundles" / name, shipped_folder() / name
     if not all((folder / MANIFEST_NAME).is_file() for folder in (cached, shipped)):
         return None
     return None if read_manifest(cached).sha256 == read_manifest(shipped).sha256 else cached
@@ -151,19 +151,20 @@ def staged(target: Path) -> Iterator[Path]:
         shutil.rmtree(old, ignore_errors=True)
 
 
-def _shipped_folder() -> Path:
+def shipped_folder() -> Path:
+    """The folder of the bundles that come with the package."""
     return Path(str(files("edgemap.models")))
 
 
 def shipped_bundles() -> list[str]:
     """Names of the bundles that come with the package, the default ones first."""
-    found = (path.parent.name for path in _shipped_folder().glob(f"*/{MANIFEST_NAME}"))
+    found = (path.parent.name for path in shipped_folder().glob(f"*/{MANIFEST_NAME}"))
     return sorted(found, key=lambda name: (name not in (LENS, RENDERED), name))
 
 
 def shipped_heads(name: str) -> list[Path]:
     """Trained odometry heads for a backbone that come with the package: `models/heads/NAME.KIND.pt`."""
-    return sorted((_shipped_folder() / "heads").glob(f"{name}.*.pt"))
+    return sorted((shipped_folder() / "heads").glob(f"{name}.*.pt"))
 
 
 def _place(name: str, source: str) -> Path:

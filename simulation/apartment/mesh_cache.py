@@ -19,7 +19,7 @@ from edgemap.runtime.network.store import cache_folder
 from edgemap.simulation.render.mesh import Array, Material, Mesh, Part, welded
 
 # Increase it whenever `obj.py` or `simplified` give another result for the same file.
-_VERSION = 1
+VERSION = 1
 _ROWS = ("positions", "normals", "uv")
 
 
@@ -30,7 +30,7 @@ def kept(key: str, source: Path, most_triangles: int, make: Callable[[], Mesh]) 
     of the library has changed, or if the cached file is damaged. A read-only cache is not updated.
     """
     about = source.stat()
-    stamp = np.array([_VERSION, most_triangles, about.st_size, about.st_mtime_ns])
+    stamp = np.array([VERSION, most_triangles, about.st_size, about.st_mtime_ns])
     path = cache_folder() / "meshes" / f"{key.replace('/', '-')}.npz"
     mesh = _read(path, stamp)
     if mesh is None:

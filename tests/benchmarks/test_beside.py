@@ -2,14 +2,14 @@ from pathlib import Path
 
 import pytest
 
-from edgemap.benchmarks.beside import FRAMES, _block, _figures, _worker, without_floor_head
+from edgemap.benchmarks.beside import FRAMES, block_figures, start_worker, timed_block, without_floor_head
 from edgemap.runtime import load_bundle
 
 REPOSITORY = Path(__file__).parents[2]
 
 
 def test_figures_of_blocks_are_of_all_their_frames():
-    found = _figures([([10.0, 20.0], 0.030, 0.1), ([30.0, 20.0], 0.050, 0.1)])
+    found = block_figures([([10.0, 20.0], 0.030, 0.1), ([30.0, 20.0], 0.050, 0.1)])
     assert found["p50_ms"] == 20.0
     assert found["cpu_ms_per_frame"] == pytest.approx(20.0)
     assert found["cpu_percent"] == pytest.approx(40.0)
@@ -17,8 +17,8 @@ def test_figures_of_blocks_are_of_all_their_frames():
 
 
 def test_a_build_runs_from_its_own_tree():
-    worker = _worker(REPOSITORY, "1", "edgemap-nano", "onnxruntime")
-    times_ms, spent_s, wall_s = _block(worker, 0.0)
+    worker = start_worker(REPOSITORY, "1", "edgemap-nano", "onnxruntime")
+    times_ms, spent_s, wall_s = timed_block(worker, 0.0)
     assert len(times_ms) == FRAMES
     assert spent_s > 0.0
     assert wall_s >= sum(times_ms) / 1e3
@@ -28,7 +28,7 @@ def test_a_build_runs_from_its_own_tree():
 def test_a_tree_without_the_step_is_not_completed_by_an_installed_package(tmp_path):
     for room in ("geometry", "models"):
         (tmp_path / room).symlink_to(REPOSITORY / room)
-    worker = _worker(tmp_path, "1", "edgemap-nano", "onnxruntime")
+    worker = start_worker(tmp_path, "1", "edgemap-nano", "onnxruntime")
     worker.communicate()
     assert worker.returncode == 1
 

@@ -11,7 +11,7 @@ import pytest
 
 from edgemap.cli import main
 from edgemap.cli.groups import Source
-from edgemap.cli.guessed_camera import CameraKeeper, _looked_at
+from edgemap.cli.guessed_camera import CameraKeeper, guessing_frames
 from edgemap.geometry.camera.floor import FloorCamera
 from edgemap.geometry.camera.intrinsics import Intrinsics
 from edgemap.geometry.camera.mount import HeightEstimate, Mount
@@ -171,7 +171,7 @@ def test_a_folder_that_begins_at_rest_is_guessed_from_its_views(tmp_path):
         cv2.imwrite(str(tmp_path / f"{index:03d}.png"), view)
     camera = Source(camera=str(tmp_path))
     with camera.open() as source:
-        assert [frame.index for frame in _looked_at(camera, source)] == [0, *range(70, 80)]
+        assert [frame.index for frame in guessing_frames(camera, source)] == [0, *range(70, 80)]
 
 
 def test_what_is_given_is_not_guessed(edgemap, painted_bundle, pictures, tmp_path):

@@ -29,11 +29,11 @@ def test_what_goes_wrong_is_one_line(edgemap, painted_bundle, tmp_path, argument
 
 
 def test_shards_share_the_homes():
-    from edgemap.cli.simulate import _homes
+    from edgemap.cli.simulate import homes_of
 
-    parts = [_homes("3:14", f"{part}/4") for part in range(1, 5)]
+    parts = [homes_of("3:14", f"{part}/4") for part in range(1, 5)]
     assert list(parts[1]) == [4, 8, 12]
-    assert sorted(home for part in parts for home in part) == list(_homes("3:14", None)) == list(range(3, 14))
+    assert sorted(home for part in parts for home in part) == list(homes_of("3:14", None)) == list(range(3, 14))
 
 
 def test_without_the_extra_one_line_names_it(monkeypatch):

@@ -169,7 +169,7 @@ def test_index_pages(monkeypatch):
     monkeypatch.setenv("PIP_INDEX_URL", "https://user:secret@index.example/simple")
     assert obtaining.index_url() == "https://user:secret@index.example/simple"
     monkeypatch.delenv("PIP_INDEX_URL")
-    monkeypatch.setattr(obtaining, "_ask", lambda *arguments: "")
+    monkeypatch.setattr(sys, "executable", "/nonexistent/python")
     assert refusal(obtaining.index_url) == "package index: pip names none"
 
 
@@ -245,7 +245,7 @@ def test_where_a_bundle_is_looked_for(cache, small, tmp_path, monkeypatch):
 def test_bundles_that_come_with_the_package_are_found_before_the_cache(cache, small, monkeypatch):
     assert store.install_folder(small) == cache / "bundles" / "small"
     assert store.bundle_folder("small") == cache / "bundles" / "small"
-    monkeypatch.setattr(store, "_shipped_folder", lambda: small.parent)
+    monkeypatch.setattr(store, "shipped_folder", lambda: small.parent)
     assert store.bundle_folder("small") == small
 
 

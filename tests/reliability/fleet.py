@@ -2,7 +2,6 @@
 
 import json
 import zlib
-from collections import Counter
 from dataclasses import replace
 from pathlib import Path
 from random import Random
@@ -10,11 +9,11 @@ from random import Random
 import numpy as np
 
 from edgemap.geometry.map_object import MapObject
-from edgemap.geometry.objects.place import MergeBudget, PlaceMap, RobotMap, merge_place
+from edgemap.geometry.objects.place import MergeBudget, RobotMap, merge_place
 from edgemap.geometry.se2 import SE2
-from edgemap.runtime.outputs.fleet.keeper import PlaceKeeper, Robot
+from edgemap.runtime.outputs.fleet.keeper import received_map
 from edgemap.runtime.outputs.fleet.network import packed
-from edgemap.runtime.step.map_file import map_document, read_map
+from edgemap.runtime.step.map_file import map_document, read_map, save_map
 from reliability.names import text
 from reliability.parts import PartReport
 from reliability.workers import INPUTS, ReaderCase, examine
@@ -74,11 +73,8 @@ def _message(random: Random) -> bytes:
 
 def _use_message(folder: Path, data: bytes) -> None:
     """As the keeper takes it, without a network."""
-    keeper = PlaceKeeper.__new__(PlaceKeeper)
-    keeper.folder, keeper._stale, keeper._arrivals = folder, False, 0
-    keeper.budget, keeper._cost, keeper.merged = MergeBudget(), Counter(), PlaceMap()
-    (folder / "robots").mkdir(exist_ok=True)
-    keeper._take("map", "robot", Robot(), data)
+    objects, annotations = received_map(data, "map of robot")
+    save_map(folder / "robot.json", objects, annotations)
 
 
 def _merge(random: Random) -> tuple[list[list[MapObject]], list[MapObject], str]:

@@ -336,7 +336,7 @@ def _use_text(option: str, text: str) -> None:
     # By name: no room imports the command line.
     options, camera_options = (import_module(f"edgemap.cli.{name}") for name in ("options", "camera_options"))
     read_board = import_module("edgemap.cli.calibrate_options").read_board
-    question = import_module("edgemap.cli.map_show")._Question
+    question = import_module("edgemap.cli.map_show").Question
 
     match option:
         case "--mount":

@@ -26,7 +26,7 @@ def test_every_name_is_there_under_its_own_name(name):
 
 
 def test_the_lists_of_names_agree():
-    assert sorted(edgemap.runtime.__all__) == sorted(edgemap.runtime._HOME)
+    assert sorted(edgemap.runtime.__all__) == sorted(edgemap.runtime.EXPORTS)
 
 
 def test_other_names_are_missing_as_usual():
@@ -55,7 +55,7 @@ def test_documented_modules_keep_their_former_names():
     assert result.returncode == 0, result.stderr
 
 
-@pytest.mark.parametrize("name", sorted(edgemap.runtime._FORMER))
+@pytest.mark.parametrize("name", sorted(edgemap.runtime.FORMER_MODULES))
 def test_a_former_module_is_the_one_of_today(name):
     module = importlib.import_module(name)
-    assert module is importlib.import_module(f"edgemap.runtime.{edgemap.runtime._FORMER[name]}")
+    assert module is importlib.import_module(f"edgemap.runtime.{edgemap.runtime.FORMER_MODULES[name]}")

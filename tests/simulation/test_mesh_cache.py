@@ -75,7 +75,7 @@ def test_a_mesh_of_something_else_is_made_anew(place, monkeypatch, change):
     if change == "time":
         os.utime(library, ns=(about.st_atime_ns, about.st_mtime_ns + 1))
     if change == "version":
-        monkeypatch.setattr("edgemap.simulation.apartment.mesh_cache._VERSION", 99)
+        monkeypatch.setattr("edgemap.simulation.apartment.mesh_cache.VERSION", 99)
     most, other = 8000 if change == "triangles" else 9000, chair()
     assert kept("Library/chair", library, most, lambda: other) is other
     assert_alike(kept("Library/chair", library, most, made_never), other)

@@ -20,7 +20,7 @@ from websockets.exceptions import ConnectionClosed, InvalidStatus
 from edgemap.geometry.objects.edits import Edit
 from edgemap.geometry.se2 import SE2
 from edgemap.view.app import make_app
-from edgemap.view.guard import _cookie
+from edgemap.view.guard import cookie_value
 from edgemap.view.page import LivePage
 from edgemap.view.server import PageServer, ViewError, WaitingLimited
 from edgemap.view.viewer import IN_FLIGHT
@@ -174,7 +174,7 @@ def test_the_token_lets_in_and_leaves_the_address_bar(serve):
 
 def test_a_long_cookie_of_quoted_backslashes_costs_nothing(serve):
     """http.cookies takes four seconds of processor for it, and the run waits meanwhile."""
-    assert _cookie({"cookie": 'x=1; edgemap="' + "\\" * 60_000}, "edgemap") == '"' + "\\" * 60_000
+    assert cookie_value({"cookie": 'x=1; edgemap="' + "\\" * 60_000}, "edgemap") == '"' + "\\" * 60_000
     served = serve(host="0.0.0.0")
     assert ask(served.port, Cookie=f'edgemap-{served.port}="' + "\\" * 60_000 + '"')[0] == 401
 
@@ -290,7 +290,7 @@ def test_an_answer_that_is_three_pictures_late_costs_no_picture(serve):
                 viewer.say("shown")
 
 
-def test_nothing_is_sent_or_encoded_while_nobody_looks(serve):
+def test_nothing_is_sent_or_encoded_while_nobody_looks(serve, monkeypatch):
     served = serve()
     with raw_viewer(served.port) as viewer:
         viewer.say("stream")
@@ -298,8 +298,10 @@ def test_nothing_is_sent_or_encoded_while_nobody_looks(serve):
         viewer.say("shown")
         viewer.say("stream", on=False)
         viewer.drain(1.3)  # what was under way; longer than a sign of life takes
+        asked = []
+        monkeypatch.setattr(served.page, "wake_once", asked.append)
         served.step(5)
-        assert served.page._wake is None  # no call into the server's thread from here on
+        assert not asked  # no call into the server's thread from here on
         with pytest.raises(TimeoutError):
             viewer.update(limit_s=0.2)
         viewer.say("stream")

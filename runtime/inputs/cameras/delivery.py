@@ -124,7 +124,7 @@ class StreamClock:
             stamp_s = device_s if good else host_s
         else:
             by_host_s = self.last_s + max(SMALLEST_STEP_S, host_s - self.arrived_s)
-            if good and not restarted and self._jumps(device_s, host_s):
+            if good and not restarted and clock_jumps(device_s - self._device_s, host_s - self._device_host_s):
                 wrong = FaultKind.CLOCK
             if good and (wrong or restarted or math.isnan(self._device_s)):
                 self._offset_s = by_host_s - device_s
@@ -133,7 +133,3 @@ class StreamClock:
             self._device_s, self._device_host_s = device_s, host_s
         self.last_s, self.arrived_s = stamp_s, host_s
         return stamp_s, wrong
-
-    def _jumps(self, device_s: float, host_s: float) -> bool:
-        """Against the newest good stamp; never where there is none."""
-        return clock_jumps(device_s - self._device_s, host_s - self._device_host_s)

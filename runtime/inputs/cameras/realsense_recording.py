@@ -79,7 +79,7 @@ class RealSenseRecording(CameraBase):
             if not self._running:
                 return None
             # Asked first: what was queued when playback stopped is still there to be waited for.
-            stopped = self._playback.current_status() == self._rs.playback_status.stopped
+            stopped = self.stopped
             there, frames = self._pipeline.try_wait_for_frames(POLL_MS)
             colour = frames.get_color_frame() if there else None
             if colour:
@@ -87,6 +87,11 @@ class RealSenseRecording(CameraBase):
             if stopped and not there:
                 return None
         raise CameraError(f"{self._path}: no frame for {SILENT_POLLS * POLL_MS / 1000:.0f} s and no end either")
+
+    @property
+    def stopped(self) -> bool:
+        """Whether librealsense has read the recording to its end, or playback was stopped."""
+        return self._playback.current_status() == self._rs.playback_status.stopped
 
     def close(self) -> None:
         """Stop playback."""

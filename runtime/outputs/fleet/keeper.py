@@ -12,6 +12,8 @@ from typing import Any
 import msgspec
 
 from edgemap.geometry.errors import MapError
+from edgemap.geometry.map_object import MapObject
+from edgemap.geometry.objects.edits import Annotations
 from edgemap.geometry.objects.place import (
     Alignments,
     MergeBudget,
@@ -279,27 +281,7 @@ class PlaceKeeper:
             pose = decode_json(message, _PoseMessage, source, MapError)
             robot.pose = SE2(pose.x_m, pose.y_m, pose.yaw_rad)
             return 0
-        objects, annotations = unpacked_map(message, source)
-        for item in objects:
-            if (
-                max(*abs(item.position_m), *item.covariance_m2.diagonal() ** 0.5) > LARGEST_M
-                or item.count > MAXIMUM_COUNTED
-                or max(len(item.label), len(item.id)) > LONGEST_LABEL
-            ):
-                raise MapError(
-                    f"{source}: {item.id[:LONGEST_LABEL]} lies, or is unsure by, more than {LARGEST_M:g} m, is seen "
-                    "too often, or has too long a name"
-                )
-        objects = [
-            replace(
-                item,
-                seen_from_m=_some(item.seen_from_m),
-                labels=dict(sorted(item.labels.items(), key=lambda pair: -pair[1])[:MAXIMUM_LABELS]),
-            )
-            if len(item.labels) > MAXIMUM_LABELS or len(item.seen_from_m) > MAXIMUM_VIEWS
-            else item
-            for item in objects
-        ]
+        objects, annotations = received_map(message, source)
         robot.refused, robot.came_s, latest = "", time.monotonic(), _robot_map(objects, annotations)
         before = 0 if robot.latest is None else len(robot.latest.objects)
         if robot.restarted and len(objects) < before:
@@ -334,6 +316,34 @@ class PlaceKeeper:
 
     def _on_question(self, query: Any) -> None:
         query.reply(self._key, self._document)
+
+
+def received_map(message: bytes, source: str) -> tuple[list[MapObject], Annotations]:
+    """Objects and annotations of a robot's message, with at most `MAXIMUM_VIEWS` views and `MAXIMUM_LABELS` labels
+    each. Raises MapError where the message is no map, or an object exceeds the limits of a merged map.
+    """
+    objects, annotations = unpacked_map(message, source)
+    for item in objects:
+        if (
+            max(*abs(item.position_m), *item.covariance_m2.diagonal() ** 0.5) > LARGEST_M
+            or item.count > MAXIMUM_COUNTED
+            or max(len(item.label), len(item.id)) > LONGEST_LABEL
+        ):
+            raise MapError(
+                f"{source}: {item.id[:LONGEST_LABEL]} lies, or is unsure by, more than {LARGEST_M:g} m, is seen "
+                "too often, or has too long a name"
+            )
+    bounded = [
+        replace(
+            item,
+            seen_from_m=_some(item.seen_from_m),
+            labels=dict(sorted(item.labels.items(), key=lambda pair: -pair[1])[:MAXIMUM_LABELS]),
+        )
+        if len(item.labels) > MAXIMUM_LABELS or len(item.seen_from_m) > MAXIMUM_VIEWS
+        else item
+        for item in objects
+    ]
+    return bounded, annotations
 
 
 def _robot_map(objects: list[Any], annotations: Any) -> RobotMap:

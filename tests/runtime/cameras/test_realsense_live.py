@@ -41,7 +41,7 @@ def test_librealsenses_device_change_callback_says_what_came(realsense_recording
         changed.set()
 
     driver.watch(tell)
-    driver._context.load_device(str(path))
+    driver.plug_in()
     assert changed.wait(5.0)
     assert told == [True]
 

@@ -14,6 +14,7 @@ from support.recordings import drain
 from support.refusal import refused
 
 from edgemap.runtime.frames.errors import CameraError
+from edgemap.runtime.inputs.cameras.realsense_recording import RealSenseRecording
 from edgemap.runtime.inputs.open import open_camera
 
 rs: Any = pytest.importorskip("pyrealsense2")
@@ -136,12 +137,12 @@ def test_the_thread_that_reads_a_recording_is_done_when_it_is_closed(realsense_r
     """Else it would go on with a playback that is let go of, which ends the process."""
     for _ in range(times):
         camera = open_camera(f"realsense:{realsense_recording[0]}")
-        playback: Any = camera._playback  # pyright: ignore[reportAttributeAccessIssue]
-        assert playback.current_status() != rs.playback_status.stopped  # begun, not yet at its end
+        assert isinstance(camera, RealSenseRecording)
+        assert not camera.stopped  # begun, not yet at its end
         for _ in range(reads):
             camera.read()
         camera.close()
-        assert playback.current_status() == rs.playback_status.stopped
+        assert camera.stopped
 
 
 @pytest.mark.parametrize("room", ["recorded_motion", "depth_beside"])
