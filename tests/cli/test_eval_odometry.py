@@ -168,7 +168,7 @@ def test_the_demo_by_default(evaluate):
     own = found["sequences"]["demo"]
     assert own["mount"] == {"height_m": 0.6, "pitch_deg": 11.5}
     assert own["paper_rmse"] < 0.1 * own["path_m"]
-    assert own["nees"] > 0
+    assert 0.2 < own["nees"] < 3.0  # 0.37: the demo is the easiest home
     assert own["availability"] == {"planar": {"used": 1.0, "blind": 0.0, "left_out": 0.0}}
 
 

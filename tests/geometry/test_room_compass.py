@@ -96,7 +96,8 @@ def test_its_variance_covers_its_errors_and_stays_as_it_is_while_old_views_are_d
             scaled.append((heading - (YAWS[index] - YAWS[0])) ** 2 / compass.heading_rad2 if index > 100 else None)
             stated.append(compass.heading_rad2)
     found = [value for value in scaled if value is not None]
-    assert np.mean(found) < 1.0
+    # 0.10: the odometry's drift counts eight times, as real errors last longer than those made here.
+    assert 0.05 < np.mean(found) < 1.0
     variances = np.reshape(stated, (6, -1))
     assert np.degrees(np.sqrt(variances[:, 20:].max())) < 5.0  # and states no more than 4.0 degrees
     assert variances[:, 300:].mean() == pytest.approx(variances[:, 20:60].mean(), rel=0.05)

@@ -123,6 +123,7 @@ def test_the_mount_comes_out(lying):
     errors = np.array([fit.mount.height_m, fit.mount.pitch_rad, fit.mount.roll_rad])
     errors -= [MOUNT.height_m, MOUNT.pitch_rad, MOUNT.roll_rad]
     assert (np.abs(errors) < 5 * np.array(fit.sigma)).all()
+    assert (np.array(fit.sigma) < [5e-4, 5e-4, 5e-4]).all()  # metres and radians: it errs by 0.7 mm and 0.4 mrad
     assert fit.rms_px < 0.25
     assert fit_mount(lying, TILE, LENS, thickness_m=0.01).mount.height_m == pytest.approx(fit.mount.height_m + 0.01)
 
