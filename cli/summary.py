@@ -51,7 +51,7 @@ class RunSummary(Sink):
         self.result, self.objects = result, objects
         self.height = result.observed.height_estimate or self.height
         if result.motion.measured:
-            self.rolling = self.rolling.seen(result.motion.motion, result.motion.covariance)
+            self.rolling = self.rolling.observe(result.motion.motion, result.motion.covariance)
         for text in result.observed.faults:
             self.fault(text)
 

@@ -8,16 +8,16 @@ import numpy as np
 from edgemap.geometry.arrays import Array
 from edgemap.geometry.se2 import SE2
 
-ROLLED_M = 1e-3  # of a lateral motion that is none, as of any motion
-MEASURED_M = 0.005  # errs a lateral motion seen in a turn, whatever it states
-UNKNOWN_M = 0.3  # standard deviation of an axle that no one measured
-FOLLOWED_M = 0.005  # least standard deviation of a learnt axle, so that it goes on being learnt
+ROLLED_M = 1e-3  # least standard deviation of lateral slip
+MEASURED_M = 0.005  # standard deviation of a lateral motion measured in a turn, beside the one that it states
+UNKNOWN_M = 0.3  # standard deviation of an axle before any measurement
+FOLLOWED_M = 0.005  # least standard deviation of an estimated axle, so that updates continue
 
 
 @dataclass(frozen=True, slots=True)
 class Lateral:
-    """A motion's part across its chord, beyond what the axle explains. residual_m; by_motion (3,): its derivative by a
-    further motion of the base, per m, m, rad; variance_m2: expected of a robot that rolls."""
+    """The part of a motion across its chord that the axle does not explain: residual_m. by_motion: (3,), its derivative
+    by a further motion of the base (per m, m, rad). variance_m2: variance of a rolling robot's residual."""
 
     residual_m: float
     by_motion: Array
@@ -30,7 +30,7 @@ class Rolling:
 
     share: standard deviation of lateral slip, per metre and radian of motion. axle_m: distance of the wheels' axle
     behind the base's origin, 0 where the mount's lever arm is right; axle_sigma_m: its standard deviation, 0 for a
-    fixed axle, by default that of one that is to be learnt from motions alone.
+    fixed axle, by default that of an unmeasured one.
     """
 
     share: float
@@ -46,8 +46,8 @@ class Rolling:
         gradient = np.array([s, c, -along / 2.0 - self.axle_m], dtype=np.float64)
         return Lateral(across - self.axle_m * moved.yaw_rad, gradient, variance)
 
-    def seen(self, moved: SE2, covariance: Array) -> "Rolling":
-        """The axle after one more motion of the lens with its covariance (3, 3)."""
+    def observe(self, moved: SE2, covariance: Array) -> "Rolling":
+        """Update the axle with a motion of the lens and its covariance (3, 3)."""
         return self.learnt(self.lateral(moved).residual_m, float(covariance[1, 1]), moved.yaw_rad)
 
     def learnt(self, lateral_m: float, variance_m2: float, yaw_rad: float) -> "Rolling":

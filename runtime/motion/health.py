@@ -95,15 +95,15 @@ class HealthMonitor:
             detail = f"has not changed since {self._changed_s:.3f} s"
         elif not kind and last is not None and last.shape == grid.shape:
             kind, detail = _torn(grid, last, self._rule)
-        found = self._found(kind, detail, frame.stamp_s)
+        found = self._reported(kind, detail, frame.stamp_s)
         return found if found.blind else self._covered_in_part(found, small, structure, frame.stamp_s)
 
     def reset(self) -> None:
         """Discards the last picture."""
-        self._seen: deque[tuple[float, MatLike, NDArray[np.uint8]]] = deque()
+        self._history: deque[tuple[float, MatLike, NDArray[np.uint8]]] = deque()
         self._covered, self._part_due_s = 0.0, math.inf
-        self._plain: NDArray[np.bool_] | None = None  # which tiles of the last picture show nothing
-        self._cover = np.zeros(TILES[::-1], dtype=np.bool_)  # what suddenly showed nothing, until lasts_s tells
+        self._plain: NDArray[np.bool_] | None = None  # which tiles of the last picture are plain
+        self._cover = np.zeros(TILES[::-1], dtype=np.bool_)  # what suddenly became plain, until lasts_s has passed
         self._last: NDArray[np.uint8] | None = None
         self._changed_s = self._reported_s = -math.inf
         self._kind = self._reason = ""
@@ -111,22 +111,22 @@ class HealthMonitor:
     def _covered_in_part(
         self, health: PictureHealth, small: MatLike, structure: MatLike, stamp_s: float
     ) -> PictureHealth:
-        """A good picture's health with the share that a cover takes, by what the last second showed."""
-        rule, seen, maxima = self._rule, self._seen, _tile_maxima(structure)
+        """Health of a usable picture with the share that a cover hides, from the pictures of the last second."""
+        rule, history, maxima = self._rule, self._history, _tile_maxima(structure)
         plain = maxima < rule.covered
         suddenly = self._plain is not None and float((plain & ~self._plain).mean()) >= rule.part_share
         self._plain = plain
         if suddenly:
             self._cover = plain
-            seen.clear()  # what was seen before the cover tells nothing of it
-        seen.append((stamp_s, small, maxima))
-        while len(seen) > 1 and stamp_s - seen[1][0] >= rule.lasts_s:
-            seen.popleft()
-        if stamp_s - seen[0][0] >= rule.lasts_s:
-            changes = cv2.resize(cv2.absdiff(small, seen[0][1]), TILES, interpolation=cv2.INTER_AREA)
-            lasting = np.max([maxima for _, _, maxima in seen], axis=0) < rule.covered
+            history.clear()  # pictures from before the cover do not show it
+        history.append((stamp_s, small, maxima))
+        while len(history) > 1 and stamp_s - history[1][0] >= rule.lasts_s:
+            history.popleft()
+        if stamp_s - history[0][0] >= rule.lasts_s:
+            changes = cv2.resize(cv2.absdiff(small, history[0][1]), TILES, interpolation=cv2.INTER_AREA)
+            lasting = np.max([maxima for _, _, maxima in history], axis=0) < rule.covered
             self._cover = np.zeros_like(plain)
-            if (changes >= rule.moved).any():  # at rest nothing tells a cover
+            if (changes >= rule.moved).any():  # at rest a cover cannot be detected
                 self._covered = float((lasting & (changes < rule.moved)).mean())
         covered = max(self._covered, float((self._cover & plain).mean()))
         if covered < rule.part_share:
@@ -139,7 +139,7 @@ class HealthMonitor:
         fault = f"picture covered in part ({100 * covered:.0f} % of it stays plain while the rest moves)"
         return replace(health, covered=covered, fault=fault)
 
-    def _found(self, kind: str, detail: str, stamp_s: float) -> PictureHealth:
+    def _reported(self, kind: str, detail: str, stamp_s: float) -> PictureHealth:
         if not kind:
             self._kind = ""
             return PictureHealth()
@@ -166,7 +166,8 @@ def _tile_maxima(values: MatLike) -> NDArray[np.uint8]:
 
 
 def _content(grey: MatLike, fine: MatLike, structure: MatLike, rule: HealthRule) -> tuple[str, str]:
-    """What one picture's own content says, and the number. fine, structure: without the finest and the coarsest."""
+    """Kind and detail by one picture's own content, empty where usable. fine, structure: without the finest and the
+    coarsest."""
     shares = np.cumsum(cv2.calcHist([grey], [0], None, [256], [0, 256]).ravel()) / grey.size
     bright = int(np.searchsorted(shares, 0.98))
     if bright < rule.dark:

@@ -57,6 +57,6 @@ def test_turns_show_how_far_the_lens_is_ahead_of_an_axle_that_no_one_measured(ah
     for index in range(150):
         lens = arc(0.05, 0.06 * math.sin(index / 9.0), ahead_m)
         noisy = SE2(lens.x_m, lens.y_m + random.normal(0.0, 0.003), lens.yaw_rad)
-        rolling = rolling.seen(noisy, np.eye(3) * 0.003**2)
+        rolling = rolling.observe(noisy, np.eye(3) * 0.003**2)
     assert rolling.axle_m == pytest.approx(ahead_m, abs=0.02)
     assert 0.004 < rolling.axle_sigma_m < 0.03

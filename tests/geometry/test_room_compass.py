@@ -17,15 +17,15 @@ STEP_SIGMA = math.radians(0.05)
 def driven(errors_rad, seen_rad, sigma_rad=STEP_SIGMA, rule=None):
     """Errors of the heading (N,), rad: odometry errs by `errors_rad` (N,) at each step; every fifth step a room
     that lies at 0.3 rad is seen, off by `seen_rad` (N,)."""
-    compass, heading = RoomCompass(rule or CompassRule()).moved(0.0, 0.0, 0.0), 0.0
+    compass, heading = RoomCompass(rule or CompassRule()).predict(0.0, 0.0, 0.0), 0.0
     found = [0.0]
     for index in range(1, SPAN):
         stamp_s, yaw = index * STEP_S, wrap_angle(YAWS[index] - YAWS[index - 1]) + errors_rad[index]
-        compass = compass.moved(stamp_s, yaw, sigma_rad**2)
+        compass = compass.predict(stamp_s, yaw, sigma_rad**2)
         if index % 5 == 0:
             level_rad = 0.3 - (YAWS[index - 1] - YAWS[0]) + seen_rad[index]  # of the step before, modulo a right angle
-            compass = compass.saw(RoomHeading(stamp_s - STEP_S, level_rad % (math.pi / 2.0), math.radians(0.6)))
-        compass, turned = compass.paid(STEP_S)
+            compass = compass.observe(RoomHeading(stamp_s - STEP_S, level_rad % (math.pi / 2.0), math.radians(0.6)))
+        compass, turned = compass.correct(STEP_S)
         heading += yaw + turned
         found.append(heading - (YAWS[index] - YAWS[0]))
     return np.array(found)
@@ -67,13 +67,13 @@ def test_another_wing_of_the_building_turns_no_map(askew_deg):
 def test_what_it_states_of_the_heading_is_bounded_while_the_room_is_seen(unseen, afterwards_deg):
     """The odometry's own would be 16 degrees after 100 steps; no later view reduces what exceeds a quarter of a right
     angle."""
-    compass, step = RoomCompass(CompassRule()).moved(0.0, 0.0, 0.0), math.radians(0.5)
+    compass, step = RoomCompass(CompassRule()).predict(0.0, 0.0, 0.0), math.radians(0.5)
     assert compass.heading_rad2 == math.inf
     stated = []
     for index in range(1, SPAN):
-        compass = compass.moved(index * STEP_S, 0.0, step**2)
+        compass = compass.predict(index * STEP_S, 0.0, step**2)
         if index % 5 == 0 and not 200 <= index < 200 + unseen:
-            compass = compass.saw(RoomHeading(index * STEP_S, 0.3, math.radians(0.6)))
+            compass = compass.observe(RoomHeading(index * STEP_S, 0.3, math.radians(0.6)))
         stated.append(math.degrees(math.sqrt(compass.heading_rad2)))
     assert max(stated[20:199]) < 5.0
     assert stated[198 + unseen] > math.degrees(step) * math.sqrt(unseen)
@@ -84,14 +84,14 @@ def test_its_variance_covers_its_errors_and_stays_as_it_is_while_old_views_are_d
     scaled, stated = [], []
     for seed in range(6):
         rng, step = np.random.default_rng(seed), math.radians(0.3)
-        compass, heading = RoomCompass(CompassRule()).moved(0.0, 0.0, 0.0), 0.0
+        compass, heading = RoomCompass(CompassRule()).predict(0.0, 0.0, 0.0), 0.0
         for index in range(1, 400):
             yaw = YAWS[index] - YAWS[index - 1] + rng.normal(0.0, step)
-            compass = compass.moved(index * STEP_S, yaw, step**2)
+            compass = compass.predict(index * STEP_S, yaw, step**2)
             if index % 5 == 0:
                 level_rad = 0.3 - (YAWS[index] - YAWS[0]) + rng.normal(0.0, math.radians(0.6))
-                compass = compass.saw(RoomHeading(index * STEP_S, level_rad % (math.pi / 2.0), math.radians(0.6)))
-            compass, turned = compass.paid(STEP_S)
+                compass = compass.observe(RoomHeading(index * STEP_S, level_rad % (math.pi / 2.0), math.radians(0.6)))
+            compass, turned = compass.correct(STEP_S)
             heading += yaw + turned
             scaled.append((heading - (YAWS[index] - YAWS[0])) ** 2 / compass.heading_rad2 if index > 100 else None)
             stated.append(compass.heading_rad2)
@@ -114,23 +114,23 @@ def test_steps_are_corrected_smoothly():
 
 def test_a_heading_that_is_lost_is_not_taken_for_another_right_angle():
     """After 60 unseen degrees, said to be 40 by standard deviation, the room is learnt again where it seems to be."""
-    compass = RoomCompass(CompassRule()).moved(0.0, 0.0, 0.0).saw(RoomHeading(0.0, 0.3, 0.01))
-    compass = compass.moved(1.0, math.radians(60.0), math.radians(40.0) ** 2)
-    compass = compass.saw(RoomHeading(1.0, 0.3, 0.01))
-    assert compass.paid(10.0)[1] == pytest.approx(0.0, abs=1e-6)
+    compass = RoomCompass(CompassRule()).predict(0.0, 0.0, 0.0).observe(RoomHeading(0.0, 0.3, 0.01))
+    compass = compass.predict(1.0, math.radians(60.0), math.radians(40.0) ** 2)
+    compass = compass.observe(RoomHeading(1.0, 0.3, 0.01))
+    assert compass.correct(10.0)[1] == pytest.approx(0.0, abs=1e-6)
     assert len(compass.views) == 1
 
 
 def test_a_correction_is_spread():
-    compass = RoomCompass(CompassRule()).moved(0.0, 0.0, 0.0).saw(RoomHeading(0.0, 0.3, 0.01))
-    compass = compass.moved(1.0, 0.2, 0.05**2).saw(RoomHeading(1.0, 0.2, 0.01))
-    assert 0.0 < abs(compass.paid(0.1)[1]) < 0.1 * 0.1
+    compass = RoomCompass(CompassRule()).predict(0.0, 0.0, 0.0).observe(RoomHeading(0.0, 0.3, 0.01))
+    compass = compass.predict(1.0, 0.2, 0.05**2).observe(RoomHeading(1.0, 0.2, 0.01))
+    assert 0.0 < abs(compass.correct(0.1)[1]) < 0.1 * 0.1
 
 
 def test_its_cost_has_a_bound():
     compass = RoomCompass(CompassRule())
     for index in range(300):
-        compass = compass.moved(index * STEP_S, 0.2, STEP_SIGMA**2)
-        compass = compass.saw(RoomHeading(index * STEP_S, -0.2 * index, 0.01))
+        compass = compass.predict(index * STEP_S, 0.2, STEP_SIGMA**2)
+        compass = compass.observe(RoomHeading(index * STEP_S, -0.2 * index, 0.01))
     assert len(compass.views) == CompassRule().views
     assert len(compass.past) <= CompassRule().views

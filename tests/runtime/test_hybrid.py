@@ -9,6 +9,7 @@ from edgemap.geometry.camera.attitude import Attitude, GyroRotation, RoomHeading
 from edgemap.geometry.camera.floor import FloorCamera
 from edgemap.geometry.se2 import SE2
 from edgemap.runtime.frames.frame import Frame
+from edgemap.runtime.motion import odometry as odometries
 from edgemap.runtime.motion.health import HealthRule
 from edgemap.runtime.motion.odometry.coasting import CoastingRule
 from edgemap.runtime.motion.odometry.gyro import GyroOdometry
@@ -231,7 +232,7 @@ def test_a_network_with_a_memory_is_no_surer_than_the_corners_beside_it(sigma_m)
     corners = Scripted(step, step, motion(0.1, sigma_m) if sigma_m else blind_motion("lost"))
     memory = Scripted(step, step, step if sigma_m == 0.001 else off)
     memory.name = "flow"
-    members = [Member(corners, "camera"), Member(memory, "camera", seconds=True)]
+    members = [Member(corners, "camera"), Member(memory, "camera", auxiliary=True)]
     hybrid = fusing(members, coasting=CoastingRule(acceleration_m_s2=(1e6, 1e6)))
     found = [hybrid.step(at(stamp_s), {}) for stamp_s in (0.0, 0.1, 0.2)][-1]
     assert found.motion.x_m == pytest.approx(0.1, abs=0.02)
@@ -341,12 +342,13 @@ def test_the_configured_share_decides_where_a_camera_is_in_doubt():
     assert moved[1] == pytest.approx(0.045, abs=0.003)  # between both
 
 
-def test_a_run_gets_the_configured_share(demo):
-    config = Config(health=HealthRule(part_share=0.6))
+def test_a_run_gets_the_configured_share(demo, monkeypatch):
+    made = []
+    monkeypatch.setattr(odometries, "HybridOdometry", lambda *parts: made.append(parts) or HybridOdometry(*parts))
+    rule = HealthRule(part_share=0.6)
     floor = FloorCamera(demo.camera.intrinsics, demo.camera.mount)
-    odometry = build_slam(demo.camera, demo.bundle, floor, config=config).pipeline.odometry
-    assert isinstance(odometry, HybridOdometry)
-    assert odometry._hidden == 0.6
+    build_slam(demo.camera, demo.bundle, floor, config=Config(health=rule))
+    assert made[0][-1] == rule
 
 
 @pytest.mark.parametrize(

@@ -128,7 +128,7 @@ def _members(
     members = [Member(_tracked(floor, rules, tilt, carried), CAMERA, scale**2 if warning else scale)]
     if flow is not None and not warning:
         reach_rad = 2.0 * rules.flow.keyframe_rad
-        members.append(Member(flow, CAMERA, scale**4, reach_rad=reach_rad, seconds=True))
+        members.append(Member(flow, CAMERA, scale**4, reach_rad=reach_rad, auxiliary=True))
     if wheels and camera.wheel is not None:
         given = camera.wheel
         track = wheel_trajectory(given) if isinstance(given, Path) else given

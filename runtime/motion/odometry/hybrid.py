@@ -35,23 +35,25 @@ from edgemap.runtime.motion.odometry.protocol import (
 from edgemap.runtime.motion.trust import Innovation, SourceTrust, Trust, TrustRule
 from edgemap.runtime.network.network import Tensors
 
-UNKNOWN = np.diag(unknown_covariance())  # variances of a motion that tells less than a guess
-UNPROVEN = np.array([100.0, 100.0, 10.0])  # variances of what a source has not proved yet
-GYRO = "gyro"  # the source whose translation, if any, hangs on the others
+UNKNOWN = np.diag(unknown_covariance())  # variances from which a motion is worth less than a guess
+UNPROVEN = np.array([100.0, 100.0, 10.0])  # variances added to quantities that a source has not confirmed yet
+GYRO = "gyro"  # the source whose translation, if any, depends on the others
 CAMERA, WHEELS = "camera", "wheels"  # the sources whose lengths are compared
 
 
 @dataclass(frozen=True, slots=True)
 class HybridRule:
-    """Weights of the hybrid's members. covariance_scale: factor on covariances, so that errors and covariance agree: on
-    that of corners and gyro, of a carried camera's corners once more, of the flow head, whose errors last longest,
-    three times more, and on the fused one: errors of landmarks, of scale and of a wheel's radius last for seconds,
-    so that sums over 1 to 10 s vary more than independent steps would (NEES over 3 without it: by the camera alone
-    1.9 to 3.7, with wheels 1.2 to 2.9, camera and gyro 1.3 to 2.5; homes 8301-8310).
-    covered_covariance_scale: one more factor for the camera where so much of a picture as makes a fault
-    (`health.part_share`) shows nothing while the rest moves, as a cover and its edge stand still; and its power with
-    what is covered beyond. Where people and animals cover as much, the camera judges nobody.
-    trust: in the wheels. compass: of the room's edges, which keep the heading.
+    """Weights of the hybrid's members.
+
+    covariance_scale: factor on covariances, so that they agree with the errors: on those of corners and gyro; once more
+    on those of a carried camera's corners; three times more on those of the flow head, whose errors last longest; and
+    on the fused one, as errors of landmarks, of scale and of a wheel's radius last for seconds, so that sums over 1 to
+    10 s vary more than independent steps would (NEES over 3 without it: camera alone 1.9 to 3.7, with wheels 1.2 to
+    2.9, camera and gyro 1.3 to 2.5; homes 8301-8310). covered_covariance_scale: a further factor for the camera where
+    the share of the picture that stays plain while the rest moves reaches `health.part_share`, as a cover and its edge
+    do not move; raised to the power of covered share over that limit. While people and animals cover that much, the
+    camera is not compared with the wheels. trust: in the wheels. compass: of the room's edges, which correct the
+    heading.
     """
 
     covariance_scale: float = 2.0
@@ -59,10 +61,10 @@ class HybridRule:
     trust: TrustRule = field(default_factory=TrustRule)
     compass: CompassRule = field(default_factory=CompassRule)
 
-    def doubt(self, source: str, covered: float, hidden: float) -> float:
-        """Factor on the covariance of a source where so much of the picture is covered. hidden: `health.part_share`."""
-        counts = source == CAMERA and covered >= hidden
-        return self.covered_covariance_scale ** (covered / hidden) if counts else 1.0
+    def covariance_factor(self, source: str, covered: float, limit: float) -> float:
+        """Factor on a source's covariance where this share of the picture is covered. limit: `health.part_share`."""
+        counts = source == CAMERA and covered >= limit
+        return self.covered_covariance_scale ** (covered / limit) if counts else 1.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -70,10 +72,10 @@ class Member:
     """An odometry within the hybrid. source: those of one source share their errors: `camera`, `wheels`, `gyro`.
 
     covariance_scale: factor on its covariance, fitted on validation drives so that errors and covariance agree.
-    optional: it is missed only after it has measured once. reach_rad: largest turn of one step that it can measure.
-    seconds: it counts only beside another member of its source that measures, with at least that one's variances. Such
-    is the flow head, which remembers, and goes on as before where a picture shows nothing: its error of a step is 0.5
-    cm where corners state 2 mm, 1.7 where they state 2 cm, 3.3 where 10 cm, while it states 0.6 (sixteen homes).
+    optional: its absence is a fault only after it has measured once. reach_rad: largest turn of one step that it can
+    measure. auxiliary: it is used only beside another member of its source, with variances no smaller than that one's.
+    The flow head is one: its recurrent state repeats the last motion where a picture shows nothing. The error of its
+    step is 0.5 cm where corners state 2 mm, 1.7 where they state 2 cm, 3.3 where 10 cm; it states 0.6 (sixteen homes).
     """
 
     odometry: Odometry
@@ -81,7 +83,7 @@ class Member:
     covariance_scale: float = 1.0
     optional: bool = False
     reach_rad: float = math.inf
-    seconds: bool = False
+    auxiliary: bool = False
 
 
 class HybridOdometry:
@@ -106,10 +108,10 @@ class HybridOdometry:
         if not members:
             raise ValueError("a hybrid odometry needs members")
         self._members = tuple(members)
-        self._needy = {index for index, member in enumerate(members) if member.odometry.needs_features}
-        self.needs_features = len(self._needy) == len(members)
+        self._networks = {index for index, member in enumerate(members) if member.odometry.needs_features}
+        self.needs_features = len(self._networks) == len(members)
         self._rule, self._coasting = rule or HybridRule(), Coasting(coasting)
-        self._warning, self._hidden = warning, (health or HealthRule()).part_share
+        self._warning, self._covered_limit = warning, (health or HealthRule()).part_share
         # The others compute in Python while a network runs: 6.3 instead of 8.7 ms a step, paced, two cores.
         self._beside = ThreadPoolExecutor(1, "odometry")
         self.reset("start")
@@ -120,12 +122,12 @@ class HybridOdometry:
         Without features the members that need them sleep until two frames in a row have some: a network that was
         trained on neighbouring frames errs over longer intervals, and its covariance does not show it in time.
         """
-        asleep = set() if features and self._fed else self._needy
+        asleep = set() if features and self._fed else self._networks
         self._fed = bool(features)
         self._woken, self._slept = self._slept - asleep, asleep
         for index in self._woken:
             self._members[index].odometry.reset("slept")
-        beside = set() if self.needs_features else self._needy - asleep
+        beside = set() if self.needs_features else self._networks - asleep
         self._begun = {
             index: self._beside.submit(self._members[index].odometry.step, frame, features, prior) for index in beside
         }
@@ -145,14 +147,14 @@ class HybridOdometry:
             motions[index] = blind_motion("")
         height, width = frame.image.shape[:2]
         self._movers = share_covered(prior.movers, width, height)
-        motion = self._headed(frame.stamp_s, self._fused(frame.stamp_s, motions, prior.covered), prior.attitude)
+        motion = self._corrected(frame.stamp_s, self._fused(frame.stamp_s, motions, prior.covered), prior.attitude)
         self._last_s, self._blind_rad = frame.stamp_s, 0.0
         return motion
 
     def step_blind(self, stamp_s: float, reason: str, attitude: Attitude | None = None) -> Motion:
         """The motion of those that need no picture."""
         motions = [member.odometry.step_blind(stamp_s, reason, attitude) for member in self._members]
-        motion = self._headed(stamp_s, self._fused(stamp_s, motions), attitude)
+        motion = self._corrected(stamp_s, self._fused(stamp_s, motions), attitude)
         self._blind_rad += motion.motion.yaw_rad
         return motion
 
@@ -184,7 +186,7 @@ class HybridOdometry:
         self._first = True
         self._agreed_s = self._fused_s = -math.inf  # of the last step in which the sources agreed, and of the last one
         self._movers = 0.0  # share of the picture that people and animals cover
-        self._compass = RoomCompass(self._rule.compass, unseen_rad2=0.0 if reason == "start" else math.inf)
+        self._compass = RoomCompass(self._rule.compass, unobserved_rad2=0.0 if reason == "start" else math.inf)
         self._trust, self._innovation = SourceTrust.of("wheels", self._rule.trust), Innovation()
         self._last_s, self._blind_rad = math.inf, 0.0  # of the last step with a picture; yaw since then
 
@@ -210,16 +212,16 @@ class HybridOdometry:
             if motion.measured
         ]
         alive = [item for item in alive if item.source == GYRO or (np.diag(item.covariance) < UNKNOWN).all()]
-        alive = self._seconded(alive)
+        alive = self._with_auxiliary(alive)
         wheels, camera = self._of(WHEELS, alive), self._of(CAMERA, alive)
-        judges = camera is not None and max(covered, self._movers) < self._hidden
+        judges = camera is not None and max(covered, self._movers) < self._covered_limit
         faults = "; ".join(filter(None, (self._judge(wheels, camera if judges else None, dt_s), faults)))
-        alive = self._believed(alive, camera is not None)
+        alive = self._trusted(alive, camera is not None)
         if all(item.source == GYRO for item in alive):
             guess = self._coasting.guess(stamp_s, faults)
             guess = guess if not alive else _with_gyro(guess, alive[0])
             return replace(guess, members=self._answers(alive, alive))
-        found = consensus(self._held_to_gyro(alive))
+        found = consensus(self._reweighted_by_gyro(alive))
         before_s, conflict_s = self._fused_s - self._agreed_s, stamp_s - self._agreed_s
         self._fused_s, self._agreed_s = stamp_s, self._agreed_s if found.conflict else stamp_s
         # Who is wrong goes on being wrong: errors add up, not their squares, as in `Coasting`.
@@ -246,7 +248,7 @@ class HybridOdometry:
         )  # fmt: skip
 
     def _judge(self, wheels: MotionEstimate | None, camera: MotionEstimate | None, dt_s: float) -> str:
-        """Compare the wheels with the camera; the fault, where it is news that they are believed or not."""
+        """Compare the wheels with the camera; a fault in the step in which the trust in them changes."""
         trust = self._trust
         if wheels is None or camera is None:
             self._trust = trust.restarted()
@@ -257,15 +259,15 @@ class HybridOdometry:
         length = trust.length.updated(x_m, camera_m, float(variance[0]))
         self._trust, fault = replace(trust, yaw=yaw, length=length).news()
         if self._trust.distrusted:
-            self._innovation = Innovation()  # what a source that errs differs by is no error of the others
+            self._innovation = Innovation()  # the difference from a faulty source is no error of the others
         else:
             apart, covariance = difference(camera, wheels), np.asarray(camera.covariance + wheels.covariance)
             self._innovation = self._innovation.updated(apart, covariance, dt_s)
         return fault
 
-    def _believed(self, alive: Sequence[MotionEstimate], camera: bool) -> list[MotionEstimate]:
-        """The estimates without wheels that are not believed; what they have not proved yet counts for nothing beside
-        the camera."""
+    def _trusted(self, alive: Sequence[MotionEstimate], camera: bool) -> list[MotionEstimate]:
+        """The estimates without distrusted wheels. Beside the camera, quantities of the wheels that have not been
+        confirmed yet have no weight."""
         trust = self._trust
         if trust.distrusted:
             return [item for item in alive if item.source != WHEELS]
@@ -277,41 +279,39 @@ class HybridOdometry:
 
     def _scale_of(self, member: Member, covered: float) -> float:
         """Factor on a member's covariance in this picture."""
-        return member.covariance_scale * self._rule.doubt(member.source, covered, self._hidden)
+        return member.covariance_scale * self._rule.covariance_factor(member.source, covered, self._covered_limit)
 
-    def _seconded(self, alive: Sequence[MotionEstimate]) -> list[MotionEstimate]:
-        """The estimates. One that seconds another of its source is left out without it, and its variances are at least
-        that one's."""
-        seconds = {_short(member) for member in self._members if member.seconds}
-        firsts = {item.source: np.diag(item.covariance) for item in alive if not item.members & seconds}
+    def _with_auxiliary(self, alive: Sequence[MotionEstimate]) -> list[MotionEstimate]:
+        """The estimates; an auxiliary one is left out without another of its source, and has at least its variances."""
+        auxiliary = {_short(member) for member in self._members if member.auxiliary}
+        firsts = {item.source: np.diag(item.covariance) for item in alive if not item.members & auxiliary}
         found = []
         for item in alive:
-            if not item.members & seconds:
+            if not item.members & auxiliary:
                 found.append(item)
             elif item.source in firsts:
                 looser = max(1.0, float((firsts[item.source] / np.diag(item.covariance)).max()))
                 found.append(replace(item, covariance=looser * item.covariance))
         return found
 
-    def _headed(self, stamp_s: float, motion: Motion, attitude: Attitude | None) -> Motion:
-        """The motion, its heading held to the room's edges."""
+    def _corrected(self, stamp_s: float, motion: Motion, attitude: Attitude | None) -> Motion:
+        """The motion with its heading corrected by the room's edges."""
         if not self._compass.past:
-            self._compass = self._compass.moved(stamp_s, 0.0, 0.0)
+            self._compass = self._compass.predict(stamp_s, 0.0, 0.0)
             return motion
         span_s = stamp_s - self._compass.past[-1].stamp_s
-        compass = self._compass.moved(stamp_s, motion.motion.yaw_rad, float(motion.covariance[2, 2]))
+        compass = self._compass.predict(stamp_s, motion.motion.yaw_rad, float(motion.covariance[2, 2]))
         if attitude is not None and attitude.room is not None:
-            compass = compass.saw(attitude.room)
-        self._compass, turned_rad = compass.paid(span_s)
+            compass = compass.observe(attitude.room)
+        self._compass, turned_rad = compass.correct(span_s)
         x_m, y_m, yaw_rad = motion.motion.vector()
         covariance = motion.covariance + np.diag([0.0, 0.0, turned_rad**2])
         heading = SE2(x_m, y_m, yaw_rad + turned_rad)
         return replace(motion, motion=heading, covariance=covariance, heading_rad2=self._compass.heading_rad2)
 
-    def _held_to_gyro(self, alive: Sequence[MotionEstimate]) -> list[MotionEstimate]:
-        """The estimates; one whose yaw disagrees with the gyro's counts as much less as makes it agree: a gyro errs by
-        its bias and scale, which its covariance holds, and pictures by what moves and wheels by slips, which theirs do
-        not."""
+    def _reweighted_by_gyro(self, alive: Sequence[MotionEstimate]) -> list[MotionEstimate]:
+        """The estimates; the covariance of one whose yaw disagrees with the gyro's is inflated until it agrees. A gyro's
+        bias and scale are in its covariance; moving objects and slipping wheels are not in those of the others."""
         gyro = next((item for item in alive if item.source == GYRO), None)
         if gyro is None:
             return list(alive)

@@ -73,7 +73,7 @@ class LearnedOdometry:
         self._camera, self._input, self._mount = camera, bundle.manifest.detector.input, camera.mount
         self._warning = ""  # how the camera lies outside what the head was trained on
         if self._head.geometry is not None:
-            self._look_from(camera.mount)
+            self._set_mount(camera.mount)
             self._warning = outside_envelope(bundle.manifest, camera)
         self.reset("start")
 
@@ -82,8 +82,8 @@ class LearnedOdometry:
         """How the camera lies outside the head's training envelope; empty where it does not."""
         return self._warning
 
-    def _look_from(self, mount: Mount) -> None:
-        """The cells' geometry for a mount with these angles."""
+    def _set_mount(self, mount: Mount) -> None:
+        """Compute the cells' geometry for a mount with these angles."""
         spec, lens = self._head.geometry, self._camera.intrinsics
         if spec is None:
             return
@@ -95,7 +95,7 @@ class LearnedOdometry:
         """Feed this frame's features; the first ones after a reset give identity."""
         seen = prior.attitude and prior.attitude.mount
         if seen and seen.used != self._mount:
-            self._look_from(seen.used)
+            self._set_mount(seen.used)
         dt_s, step_s, self._last_s = frame.stamp_s - self._keyframe_s, frame.stamp_s - self._last_s, frame.stamp_s
         if not self._fresh and self._geometry and not (step_s >= SHORTEST_DT_S and dt_s <= LONGEST_DT_S):
             self._start_again()
