@@ -310,8 +310,8 @@ class HybridOdometry:
         return replace(motion, motion=heading, covariance=covariance, heading_rad2=self._compass.heading_rad2)
 
     def _reweighted_by_gyro(self, alive: Sequence[MotionEstimate]) -> list[MotionEstimate]:
-        """The estimates; the covariance of one whose yaw disagrees with the gyro's is inflated until it agrees. A gyro's
-        bias and scale are in its covariance; moving objects and slipping wheels are not in those of the others."""
+        """The estimates; the covariance of one whose yaw disagrees with the gyro's is inflated until they agree. A
+        gyro's bias and scale are in its covariance; moving objects and slipping wheels are in nobody's."""
         gyro = next((item for item in alive if item.source == GYRO), None)
         if gyro is None:
             return list(alive)
