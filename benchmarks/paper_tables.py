@@ -17,7 +17,7 @@ import tyro
 from edgemap.benchmarks.odometry import OWN_WHEELS, ScoredDrive, Selection, score_drive, sequence_names, together
 from edgemap.benchmarks.paper_page import page
 from edgemap.benchmarks.rooms import rendered
-from edgemap.evaluation.detection import Counts, ScoredPicture, count_detections
+from edgemap.evaluation.detection import Counts, ScoredPicture, counts_by_class
 from edgemap.geometry.errors import EdgemapError
 from edgemap.runtime.inputs.drives import READERS, open_drive
 from edgemap.runtime.inputs.drives.open import LabelledPictures
@@ -127,7 +127,8 @@ def _detections(spec: str, bundle: Bundle, frames: int | None) -> dict[str, Any]
             continue
         size, ignored = (image.shape[1], image.shape[0]), truth.ignorable()
         pictures.append(ScoredPicture.compare(size, truth.boxes, truth.labels, ignored, detector(image), number))
-    by_class = {name: count_detections(pictures, number[name]) for name in sorted(bundle.mapped)}
+    counted = counts_by_class(pictures)
+    by_class = {name: counted.get(number[name], Counts()) for name in sorted(bundle.mapped)}
     counts = {"chair": by_class.get("chair"), "mapped": sum(by_class.values(), Counts())}
     return {
         "frames": len(pictures),

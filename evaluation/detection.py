@@ -2,7 +2,6 @@
 
 import contextlib
 import io
-from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -11,7 +10,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from edgemap.geometry.errors import EdgemapError
-from edgemap.geometry.objects.visibility import iou
 from edgemap.geometry.observations.detections import Detections
 
 IOU = 0.5  # of a detection that matches
@@ -36,6 +34,11 @@ class ScoredPicture:
     labels: NDArray[np.int64]
     scores: NDArray[np.float64]
     ignored: NDArray[np.bool_] | None = None
+
+    @property
+    def scored(self) -> NDArray[np.bool_]:
+        """True boxes that are scored, (N,)."""
+        return np.ones(len(self.true_boxes), bool) if self.ignored is None else ~self.ignored
 
     @classmethod
     def compare(
@@ -76,8 +79,7 @@ def average_precision(pictures: Sequence[ScoredPicture], names: Sequence[str]) -
         raise EvaluationError("detection figures need faster-coco-eval (extra evaluation)") from None
     truth, results = [], []
     for number, picture in enumerate(pictures, start=1):
-        ignored = np.zeros(len(picture.true_boxes), bool) if picture.ignored is None else picture.ignored
-        for box, label, crowd in zip(picture.true_boxes, picture.true_labels, ignored, strict=True):
+        for box, label, crowd in zip(picture.true_boxes, picture.true_labels, ~picture.scored, strict=True):
             record = _record(number, box, label)
             about = {"id": len(truth) + 1, "iscrowd": int(crowd), "area": record["bbox"][2] * record["bbox"][3]}
             truth.append(record | about)
@@ -140,41 +142,17 @@ class Matches:
 
 def match_boxes(picture: ScoredPicture) -> Matches:
     """Matches each detection, best score first, to the free true box of its class with the greatest overlap."""
-    ignored = np.zeros(len(picture.true_boxes), bool) if picture.ignored is None else picture.ignored
     hit, free = (np.zeros(len(picture.boxes), bool) for _ in range(2))
     found = np.zeros(len(picture.true_boxes), bool)
     for row in np.argsort(-picture.scores, kind="stable"):
         box, same = picture.boxes[row], picture.true_labels == picture.labels[row]
         iou, inside = _overlaps(box, picture.true_boxes)
-        open_ = same & ~ignored & ~found & (iou >= IOU)
+        open_ = same & picture.scored & ~found & (iou >= IOU)
         if open_.any():
             found[np.flatnonzero(open_)[iou[open_].argmax()]] = hit[row] = True
         else:
-            free[row] = (same & ignored & (inside >= IOU)).any()
+            free[row] = (same & ~picture.scored & (inside >= IOU)).any()
     return Matches(hit, free, found)
-
-
-def operating_point(pictures: Sequence[ScoredPicture], names: Sequence[str]) -> dict[str, Any]:
-    """Precision and recall of these detections at IoU 0.5, over all classes and of each; None where undefined."""
-    false: Counter[int] = Counter()
-    hits: Counter[int] = Counter()
-    asked: Counter[int] = Counter()
-    for picture in pictures:
-        matches = match_boxes(picture)
-        ignored = np.zeros(len(picture.true_boxes), bool) if picture.ignored is None else picture.ignored
-        hits.update(picture.labels[matches.hit].tolist())
-        false.update(picture.labels[~matches.hit & ~matches.free].tolist())
-        asked.update(picture.true_labels[~ignored].tolist())
-    used = sorted(asked.keys() | hits.keys() | false.keys())
-    per_class = {names[n]: _point(hits[n], false[n], asked[n]) for n in used}
-    return {**_point(hits.total(), false.total(), asked.total()), "per_class": per_class}
-
-
-def _point(hits: int, false: int, asked: int) -> dict[str, float | None]:
-    return {
-        "precision": round(hits / (hits + false), 6) if hits + false else None,
-        "recall": round(hits / asked, 6) if asked else None,
-    }
 
 
 def _overlaps(box: NDArray[np.float64], others: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
@@ -183,10 +161,6 @@ def _overlaps(box: NDArray[np.float64], others: NDArray[np.float64]) -> tuple[ND
     common, own = np.maximum(sides, 0.0).prod(axis=1), float((box[2:] - box[:2]).prod())
     union = own + (others[:, 2:] - others[:, :2]).prod(axis=1) - common
     return common / np.maximum(union, 1e-9), common / max(own, 1e-9)
-
-
-SAME_IOU = 0.5
-INSIDE_SHARE = 0.5  # of a detection, within a true box that is not scored
 
 
 @dataclass(frozen=True, slots=True)
@@ -206,31 +180,29 @@ class Counts:
         return Counts(self.true + other.true, self.found + other.found, self.false + other.false)
 
 
-def count_detections(pictures: Iterable[ScoredPicture], label: int) -> Counts:
-    """Match the detections of one class picture by picture, best score first, one to one, at IoU 0.5 or more.
-
-    A detection of an ignored true box, or one that lies in it by more than half, is ignored.
-    """
-    return sum((_count(picture, label) for picture in pictures), Counts())
-
-
-def _count(picture: ScoredPicture, label: int) -> Counts:
-    ignored = np.zeros(len(picture.true_boxes), dtype=bool) if picture.ignored is None else picture.ignored
-    mine = picture.true_labels == label
-    asked, others = picture.true_boxes[mine & ~ignored], picture.true_boxes[mine & ignored]
-    free = np.ones(len(asked), dtype=bool)
-    false = 0
-    detected = picture.boxes[picture.labels == label]
-    for box in detected[np.argsort(-picture.scores[picture.labels == label], kind="stable")]:
-        overlaps = np.where(free, iou(box, asked), 0.0)
-        if len(asked) and overlaps.max() >= SAME_IOU:
-            free[overlaps.argmax()] = False
-        elif not _excused(box, others):
-            false += 1
-    return Counts(len(asked), int((~free).sum()), false)
+def counts_by_class(pictures: Iterable[ScoredPicture]) -> dict[int, Counts]:
+    """Counts at IoU 0.5 of each class that is labelled or detected. A detection in an ignored box is not scored."""
+    totals: dict[int, Counts] = {}
+    for picture in pictures:
+        matches = match_boxes(picture)
+        for label in np.unique([*picture.true_labels[picture.scored], *picture.labels[~matches.free]]).tolist():
+            own, mine = picture.true_labels == label, picture.labels == label
+            true, found = int((own & picture.scored).sum()), int((own & matches.found).sum())
+            false = int((mine & ~matches.hit & ~matches.free).sum())
+            totals[int(label)] = totals.get(int(label), Counts()) + Counts(true, found, false)
+    return totals
 
 
-def _excused(box: NDArray[np.float64], others: NDArray[np.float64]) -> bool:
-    sides = np.minimum(box[2:], others[:, 2:]) - np.maximum(box[:2], others[:, :2])
-    inside = np.prod(np.maximum(sides, 0.0), axis=1) / max(float(np.prod(box[2:] - box[:2])), 1e-9)
-    return bool((inside > INSIDE_SHARE).any() or (iou(box, others) >= SAME_IOU).any())
+def operating_point(pictures: Sequence[ScoredPicture], names: Sequence[str]) -> dict[str, Any]:
+    """Precision and recall of these detections at IoU 0.5, over all classes and of each; None where undefined."""
+    counts = counts_by_class(pictures)
+    per_class = {names[label]: _point(counts[label]) for label in sorted(counts)}
+    return {**_point(sum(counts.values(), Counts())), "per_class": per_class}
+
+
+def _point(counts: Counts) -> dict[str, float | None]:
+    detected = counts.found + counts.false
+    return {
+        "precision": round(counts.found / detected, 6) if detected else None,
+        "recall": round(counts.found / counts.true, 6) if counts.true else None,
+    }
