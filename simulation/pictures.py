@@ -92,7 +92,7 @@ def _render_home(task: tuple[Path, int, int, float]) -> int:
         view, lens = View.of_base(shown.pose_home_base, mount), shown.camera.intrinsics
         renderer.use_lens(lens)
         frame = renderer.frame(view, mix, EXPOSURE * gain, shown.movers)
-        boxes = picture_boxes(renderer, view, apartment, shown.movers)
+        boxes = picture_boxes(renderer, frame, view, apartment, shown.movers)
         picture = sensed(frame.picture, frame.depth_m, lens, mount, shown.velocity, shown.effects, gain, rng)
         name = f"{home:06d}_{number:0{digits}d}"
         _write(folder, name, encoded(picture, shown.effects.jpeg_quality), boxes, lens)

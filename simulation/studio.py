@@ -62,7 +62,7 @@ class Studio:
 
     def __init__(self, world: World, lit: LitScene) -> None:
         self._world = world
-        self._renderer = Renderer(lit, world.camera.intrinsics, EXPOSURE)
+        self._renderer = Renderer(lit, world.camera.intrinsics)
         self._gains = gains(lit.probes, world.light, world.motion, world.stamps_s, world.effects.lag_s)
         # The renderer identifies a mesh by object identity.
         self._people = [furniture.piece(walker.model) for walker in world.walkers]
@@ -75,7 +75,7 @@ class Studio:
         view, mount, velocity = self._view(stamp_s, rng)
         gain, movers = float(self._gains[index]), self._movers(stamp_s)
         frame = self._renderer.frame(view, light_mix(world.light, stamp_s), EXPOSURE * gain, movers)
-        boxes = picture_boxes(self._renderer, view, world.apartment, movers)
+        boxes = picture_boxes(self._renderer, frame, view, world.apartment, movers)
         lens = world.camera.intrinsics
         picture = sensed(frame.picture, frame.depth_m, lens, mount, velocity, effects, gain, rng)
         return Shot(index, *encoded(picture, effects.jpeg_quality), boxes, frame.depth_m)

@@ -22,16 +22,15 @@ _SMALLEST_PX = 40
 
 
 def picture_boxes(
-    renderer: Renderer, view: View, apartment: Apartment, movers: Sequence[Mover] = ()
+    renderer: Renderer, frame: RenderedFrame, view: View, apartment: Apartment, movers: Sequence[Mover] = ()
 ) -> list[dict[str, Any]]:
-    """Labelled objects and movers in view: `id`, `label`, `box` round the visible pixels, `full_box` round the whole
+    """Labelled objects and movers in a frame: `id`, `label`, `box` round the visible pixels, `full_box` round the whole
     object as if nothing hid it, `visible` share 0..1.
 
     Boxes are (x0, y0, x1, y1) with pixel k covering k to k + 1, cut by the picture's border. The share is of the
-    object's whole silhouette, so both what hides it and the border lower it. Ask for it right after the picture of
-    the same view and movers, and nothing is drawn twice.
+    object's whole silhouette, so both what hides it and the border lower it.
     """
-    ids, _ = renderer.ids_and_depth(view, movers)
+    ids = frame.ids
     labels = {item.id: item.label for item in apartment.furniture if item.label}
     labels |= {mover.id: mover.label for mover in movers if mover.label}
     counts = np.bincount(ids.ravel())

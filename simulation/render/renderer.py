@@ -39,15 +39,11 @@ class RenderedFrame:
 class Renderer:
     """Draws one lit scene through one camera, bent lens or not. Raises SimulationError where OpenGL is missing or a
     lens cannot be drawn.
-
-    exposure: factor on light before the display curve.
     """
 
-    def __init__(self, scene: LitScene, intrinsics: Intrinsics, exposure: float = 1.0) -> None:
-        self.exposure = exposure
+    def __init__(self, scene: LitScene, intrinsics: Intrinsics) -> None:
         self._canvas = RenderTarget()
         self._fine: Any = None
-        self._last: tuple[Any, RenderedFrame] | None = None
         # Several contexts may live side by side: every public method makes its own one current.
         with self._canvas.context:
             self._still = Still(self._canvas, scene)
@@ -59,7 +55,7 @@ class Renderer:
     def use_lens(self, intrinsics: Intrinsics) -> None:
         """Change the camera; the scene stays as it is. Raises SimulationError for a lens that cannot be drawn."""
         lens = Lens(intrinsics)
-        self.intrinsics, self._lens, self._last = intrinsics, lens, None
+        self.intrinsics, self._lens = intrinsics, lens
         self._pinhole = oversampled(lens.pinhole, _TIMES)
         size = (self._pinhole.width, self._pinhole.height)
         if self._fine is None or self._fine.size != size:
@@ -72,41 +68,18 @@ class Renderer:
         self,
         view: View,
         light: LightMix = LightMix(),  # noqa: B008 (frozen)
-        exposure: float | None = None,
+        exposure: float = 1.0,
         movers: Iterable[Mover] = (),
     ) -> RenderedFrame:
-        """Picture, ids and depth in one go; the latest frame is kept, asking for it again costs nothing."""
+        """Anti-aliased picture, ids and depth in one go. exposure: factor on light before the display curve."""
         movers = tuple(movers)
-        exposure = self.exposure if exposure is None else exposure
-        key = (view, light, exposure, movers)
-        if self._last is None or self._last[0] != key:
-            with self._canvas.context:
-                self._last = key, self._drawn(view, light, exposure, movers)
-        return self._last[1]
-
-    def picture(
-        self,
-        view: View,
-        light: LightMix = LightMix(),  # noqa: B008 (frozen)
-        exposure: float | None = None,
-        movers: Iterable[Mover] = (),
-    ) -> NDArray[np.uint8]:
-        """The picture, (H, W, 3) uint8 BGR, anti-aliased."""
-        return self.frame(view, light, exposure, movers).picture
-
-    def ids_and_depth(
-        self, view: View, movers: Iterable[Mover] | None = None
-    ) -> tuple[NDArray[np.int32], NDArray[np.float32]]:
-        """Object ids (H, W), ROOM_ID for the room, and optical depth (H, W) in metres, both at pixel centres.
-
-        movers: None takes those of the latest picture of this same view, if that was the latest.
-        """
-        if self._last is not None and self._last[0][0] is view:
-            last_view, light, exposure, before = self._last[0]
-            frame = self.frame(last_view, light, exposure, before if movers is None else movers)
-        else:
-            frame = self.frame(view, movers=movers or ())
-        return frame.ids, frame.depth_m
+        with self._canvas.context:
+            clip = clip_matrix(view, self._pinhole)
+            slots = Slots()
+            draws = self._visible(view, clip, movers, slots)
+            self._still.light(light)
+            self._painter.paint(self._fine, draws, self._moving.shadows(clip, movers), light, exposure)
+            return self._read(slots)
 
     def whole(
         self, view: View, ids: Sequence[int], movers: Iterable[Mover] = ()
@@ -125,14 +98,6 @@ class Renderer:
     def close(self) -> None:
         """Releases the OpenGL context."""
         self._canvas.close()
-
-    def _drawn(self, view: View, light: LightMix, exposure: float, movers: tuple[Mover, ...]) -> RenderedFrame:
-        clip = clip_matrix(view, self._pinhole)
-        slots = Slots()
-        draws = self._visible(view, clip, movers, slots)
-        self._still.light(light)
-        self._painter.paint(self._fine, draws, self._moving.shadows(clip, movers), light, exposure)
-        return self._read(slots)
 
     def _visible(self, view: View, clip: Array, movers: tuple[Mover, ...], slots: Slots) -> list[Draw]:
         """What to draw: movers, then near batches first."""

@@ -20,28 +20,14 @@ _REACH = 2.0
 _MANY = 500
 
 
-class Outlines:
-    """The points of each object that can be at the border of its picture."""
-
-    def __init__(self, points_home_m: dict[int, Array]) -> None:
-        self._points = points_home_m
-        self._hulls: dict[int, Array] = {}
-
-    def of(self, id_: int) -> Array:
-        """Corners (N, 3) of the object's convex hull."""
-        if id_ not in self._hulls:
-            points = self._points[id_]
-            if len(points) > _MANY:
-                # Of what is flat all points will do.
-                with suppress(QhullError):
-                    points = points[ConvexHull(points).vertices]
-            self._hulls[id_] = points
-        return self._hulls[id_]
-
-    def copy_of(self, id_: int, points: Array) -> None:
-        """Take the points (N, 3) of an object that may have moved."""
-        self._points[id_] = points
-        self._hulls.pop(id_, None)
+def outline(points: Array) -> Array:
+    """The points (N, 3) that can be at the border of an object's picture: corners of their convex hull."""
+    if len(points) <= _MANY:
+        return points
+    # Of what is flat all points will do.
+    with suppress(QhullError):
+        return points[ConvexHull(points).vertices]
+    return points
 
 
 def ideal_points(points_optical_m: Array) -> Array:
@@ -93,7 +79,7 @@ class Wholes:
     def __init__(self, canvas: RenderTarget, still: Still, moving: Moving) -> None:
         self._canvas, self._still, self._moving = canvas, still, moving
         self._sheet = canvas.target((TILE_PX * COLUMNS, TILE_PX * ROWS), 1, depth=False)
-        self._outlines = Outlines(still.points())
+        self._points, self._outlines = still.points(), dict[int, Array]()
 
     def of(
         self, view: View, lens: Lens, ids: list[int], movers: dict[int, Mover]
@@ -123,8 +109,12 @@ class Wholes:
     def _outline(self, id_: int, view: View, movers: dict[int, Mover]) -> Array:
         """An object's outermost points at unit depth of the optical frame; the axis itself where it is behind."""
         if id_ in movers:
-            self._outlines.copy_of(id_, self._moving.points_home_m(movers[id_]))
-        ideal = ideal_points(view.to_optical(self._outlines.of(id_)))
+            points = outline(self._moving.points_home_m(movers[id_]))
+        else:
+            if id_ not in self._outlines:
+                self._outlines[id_] = outline(self._points[id_])
+            points = self._outlines[id_]
+        ideal = ideal_points(view.to_optical(points))
         return ideal if len(ideal) else np.zeros((1, 2))
 
     def _alone(self, clip: Array, id_: int, movers: dict[int, Mover]) -> None:

@@ -53,7 +53,7 @@ def renderer(lit):
     from edgemap.simulation.world import CameraSetup
 
     try:
-        made = Renderer(lit, CameraSetup().intrinsics, exposure=1.9)
+        made = Renderer(lit, CameraSetup().intrinsics)
     except EdgemapError as error:
         pytest.skip(str(error))
     yield made

@@ -70,7 +70,8 @@ def boxes(renderer, view, labels, movers=()):
 
     items = tuple(SimpleNamespace(id=id_, label=label) for id_, label in labels.items())
     apartment: Any = SimpleNamespace(furniture=items)
-    return {r["id"]: r for r in picture_boxes(renderer, view, apartment, movers)}
+    records = picture_boxes(renderer, renderer.frame(view, movers=movers), view, apartment, movers)
+    return {record["id"]: record for record in records}
 
 
 def test_hidden_half_shows_in_the_box_and_the_share(draw, view):
@@ -103,17 +104,17 @@ def test_things_behind_walls_are_left_out_and_nothing_else(draw, view):
     """Culling must not change a picture: what is left out is what the wall hides."""
     hidden, beside = sheet(3.0, -0.3, 0.3, 0.7, 1.3), sheet(3.0, 1.1, 1.5, 0.7, 1.3)
     renderer = draw([*lit(1, hidden), *lit(2, beside)], [wall(2.0, 0.7)])
-    ids, depth = renderer.ids_and_depth(view)
-    assert set(np.unique(ids)) == {0, 2}
-    assert depth[120, 160] == pytest.approx(2.0, abs=1e-3)
-    assert (ids == 2).sum() == pytest.approx(200 / 3 * 0.4 * 200 / 3 * 0.6, rel=0.05)
+    frame = renderer.frame(view)
+    assert set(np.unique(frame.ids)) == {0, 2}
+    assert frame.depth_m[120, 160] == pytest.approx(2.0, abs=1e-3)
+    assert (frame.ids == 2).sum() == pytest.approx(200 / 3 * 0.4 * 200 / 3 * 0.6, rel=0.05)
 
 
 @pytest.mark.parametrize("mix", [LightMix(1.0, 1.0), LightMix(0.5, 0.0), LightMix(0.0, 0.25)])
 def test_groups_of_light_add_up(draw, view, mix):
     """A matte grey at light L shows ACES(0.5 L), on corners and on light maps alike."""
     renderer = draw(lit(1, sheet(1.5, -0.3, 0.0, 0.8, 1.2), 0.6, 0.2), [wall(2.0, 1.5, 0.6, 0.2)])
-    picture = renderer.picture(view, mix)
+    picture = renderer.frame(view, mix).picture
     x = 0.5 * (0.6 * mix.lamp + 0.2 * mix.day)
     shown = 255 * (x * (2.51 * x + 0.03) / (x * (2.43 * x + 0.59) + 0.14)) ** (1 / 2.2)
     assert np.abs(picture[120, 180].astype(float) - shown).max() < 2.5
@@ -122,8 +123,8 @@ def test_groups_of_light_add_up(draw, view, mix):
 
 def test_exposure_is_a_factor_on_light(draw, view):
     renderer = draw(lit(1, sheet(1.5, -0.3, 0.3, 0.8, 1.2)))
-    dim = renderer.picture(view, LightMix(1.0, 0.5), 2.0)
-    np.testing.assert_array_equal(dim, renderer.picture(view, LightMix(1.0, 1.0), 1.0))
+    dim = renderer.frame(view, LightMix(1.0, 0.5), 2.0).picture
+    np.testing.assert_array_equal(dim, renderer.frame(view, LightMix(1.0, 1.0), 1.0).picture)
 
 
 def test_glass_shows_what_is_behind_but_is_an_object(draw, view):
@@ -210,7 +211,7 @@ def test_movers_darken_the_floor_under_them(draw, view):
     light = np.ones((4, 4, 3), dtype=np.float32)
     renderer = draw([], [LitSurface(ground, light, light)])
     mover = Mover(9, box((-0.1, -0.1, 0.0), (0.1, 0.1, 0.3), GREY), SE2(3.0, 0.0, 0.0))
-    before, after = renderer.picture(view).astype(int), renderer.frame(view, movers=(mover,))
+    before, after = renderer.frame(view).picture.astype(int), renderer.frame(view, movers=(mover,))
     # Just before its feet (2.88 m ahead), and well aside.
     row = round(119.5 + 200 / 2.87)
     assert after.picture[row, 160, 0] < before[row, 160, 0] - 5
@@ -223,4 +224,5 @@ def test_one_renderer_looks_through_many_cameras(draw, view):
     parts = lit(1, sheet(2.0, -0.2, 0.2, 0.8, 1.2))
     renderer, wide = draw(parts), replace(BENT, width=400, fx=230.0)
     renderer.use_lens(wide)
-    np.testing.assert_array_equal(renderer.picture(view), draw(parts, intrinsics=wide).picture(view))
+    expected = draw(parts, intrinsics=wide).frame(view).picture
+    np.testing.assert_array_equal(renderer.frame(view).picture, expected)

@@ -49,14 +49,14 @@ def test_ids_stand_where_geometry_projects_them(markers):
     from edgemap.simulation.render.view import View
 
     middles, renderer = markers
-    ids, depth = renderer.ids_and_depth(View.of_base(POSE, MOUNT))
+    frame = renderer.frame(View.of_base(POSE, MOUNT))
     expected = optical(middles)
     pixels = INTRINSICS.project(expected)
     for id_, (pixel, point) in enumerate(zip(pixels, expected, strict=True), start=1):
-        rows, columns = np.nonzero(ids == id_)
+        rows, columns = np.nonzero(frame.ids == id_)
         assert len(rows) > 3, f"marker {id_} is not in the picture"
         assert np.hypot(columns.mean() - pixel[0], rows.mean() - pixel[1]) < 1.0
-        assert abs(np.median(depth[rows, columns]) - point[2]) < 0.02
+        assert abs(np.median(frame.depth_m[rows, columns]) - point[2]) < 0.02
 
 
 def test_picture_and_ids_agree(markers):
@@ -64,8 +64,8 @@ def test_picture_and_ids_agree(markers):
 
     _, renderer = markers
     view = View.of_base(POSE, MOUNT)
-    ids, _ = renderer.ids_and_depth(view)
-    bright = renderer.picture(view).max(axis=2) > 128
+    frame = renderer.frame(view)
+    ids, bright = frame.ids, frame.picture.max(axis=2) > 128
     assert (bright & (ids > 0)).sum() > 0.7 * (ids > 0).sum()
     assert not (bright & (ids == 0)).sum() > 0.3 * (ids > 0).sum()
 
@@ -75,7 +75,7 @@ def test_silhouette_counts_what_the_picture_shows(markers):
 
     middles, renderer = markers
     view = View.of_base(POSE, MOUNT)
-    ids, _ = renderer.ids_and_depth(view)
+    ids = renderer.frame(view).ids
     nearest = int(np.argmin(np.linalg.norm(optical(middles), axis=1))) + 1
     assert renderer.whole(view, [nearest])[1][0] == pytest.approx((ids == nearest).sum(), rel=0.25)
 
@@ -88,14 +88,14 @@ def test_floor_depth_is_that_of_the_ray(drawn, renderer):
     setup = CameraSetup()
     x_m, y_m = drawn.apartment.plan.rooms[0].centre
     pose = SE2(x_m, y_m, 0.7)
-    ids, depth = renderer.ids_and_depth(View.of_base(pose, setup.mount))
+    frame = renderer.frame(View.of_base(pose, setup.mount))
     rows, columns = np.mgrid[0:480:7, 0:640:7]
     rays = setup.intrinsics.rays(np.stack([columns.ravel(), rows.ravel()], axis=1))
     down = -(rays @ setup.mount.rotation_base_optical().T)[:, 2]
     below = down > 0.25
     expected = np.full(len(rays), np.nan)
     expected[below] = setup.mount.height_m / down[below]
-    found, what = depth[rows.ravel(), columns.ravel()], ids[rows.ravel(), columns.ravel()]
+    found, what = (values[rows.ravel(), columns.ravel()] for values in (frame.depth_m, frame.ids))
     # Where the ray meets the floor inside the room and no furniture is before it, it shows the floor (or the rug,
     # 6 mm higher).
     on_floor = pose.apply((rays * expected[:, None]) @ setup.mount.rotation_base_optical().T[:, :2] + [0.15, 0.0])
@@ -115,8 +115,8 @@ def test_same_seed_same_picture(drawn, light_coarsely, renderer):
     again = draw_world(drawn.seed, drawn.frames, Choices(people=1, contract=False))
     assert again.apartment == drawn.apartment
     setup = CameraSetup()
-    other = Renderer(light_coarsely(again), setup.intrinsics, exposure=1.9)
+    other = Renderer(light_coarsely(again), setup.intrinsics)
     view = View.of_base(drawn.poses()[0], setup.mount)
-    sums = [hashlib.sha256(made.picture(view).tobytes()).hexdigest() for made in (renderer, other)]
+    sums = [hashlib.sha256(made.frame(view).picture.tobytes()).hexdigest() for made in (renderer, other)]
     other.close()
     assert sums[0] == sums[1]
