@@ -1,4 +1,4 @@
-"""One run of the command: the step, the sinks that it feeds, and what is printed of it."""
+"""One run of the command: the step, its sinks, and what is printed."""
 
 from datetime import UTC, datetime
 from pathlib import Path
@@ -35,7 +35,7 @@ if TYPE_CHECKING:
 
 
 class Run:
-    """Its parts, from the options, and the drive through them."""
+    """One run: makes pipeline, mapper and sinks from the options, and drives the source through them."""
 
     def __init__(
         self,
@@ -78,7 +78,7 @@ class Run:
         self._frames = min((count for count in counts if count is not None), default=None)
 
     def drive(self) -> None:
-        """Drive to the end of the source, `--frames` or a signal; then print what came of it."""
+        """Drive until the source ends, `--frames` is reached or a signal arrives; then print the result."""
         options = self.options
         edits = self._edits()
         with (
@@ -136,7 +136,7 @@ class Run:
         edits.settle(self.slam.mapper)
 
     def _publishers(self, edits: Edits) -> list[Sink]:
-        """Recording and other programs."""
+        """Sinks of the recording and of live outputs."""
         out = self.options.outputs
         viewers = self.options.watch.viewer_sinks(self.floor)
         named = out.named_sinks(self.place.path if self.place and self.place.exists else None)
@@ -146,7 +146,8 @@ class Run:
         return [*tape, *viewers, *named, *live]
 
     def _recording(self) -> "list[RecordingSink]":
-        """The sink of `--record`: with the run's lens, mount, decisions, guess and wheels (or the source's)."""
+        """The sink of `--record`, with intrinsics, mount, decisions and guess of the run, and its wheels or the
+        source's."""
         path, source, odometry = self.options.outputs.recording, self.source, self.options.robot.odometry
         if path is None:
             return []

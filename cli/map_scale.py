@@ -1,4 +1,4 @@
-"""`edgemap map scale`: a map of a camera alone gets its true size from one measured length."""
+"""`edgemap map scale`: scales the map of a camera alone by one measured length."""
 
 import math
 from pathlib import Path
@@ -8,7 +8,7 @@ import tyro
 
 from edgemap.cli.arguments import OptionError, arg
 
-LARGEST = 3.0  # factor, and its inverse: beyond it a length was mistyped
+LARGEST = 3.0  # factor, and its inverse; beyond them a length was probably mistyped
 
 
 def command(
@@ -24,11 +24,11 @@ def command(
         arg(metavar="ID,ID,M", help="Measured distance between the centres of two objects: chair-1,couch-2,2.35."),
     ] = None,
 ) -> None:
-    """Scale a map that a camera alone measured, by one length that a tape measured.
+    """Scale the map of a camera alone by one length measured with a tape.
 
-    Without wheels and depth all lengths of a map are in proportion to the height of the lens. Objects, floor, zones,
-    dock and trajectory are scaled about the map's origin. A run with the right height (run --mount HEIGHT_M) is better
-    where it can be repeated.
+    Without wheels and depth all lengths of a map are proportional to the height of the lens. Objects, floor, zones,
+    dock and trajectory are scaled about the map's origin. Where the run can be repeated, a run with the right height
+    (run --mount HEIGHT_M) gives a better map.
     """
     from edgemap.geometry.objects.scale import scaled_annotations, scaled_objects
     from edgemap.runtime.frames.disk import make_folder, write_atomically

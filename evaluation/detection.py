@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from edgemap.geometry.errors import EdgemapError
 from edgemap.geometry.observations.detections import Detections
 
-IOU = 0.5  # of a detection that matches
+IOU = 0.5  # least overlap of a match
 
 
 class EvaluationError(EdgemapError):
@@ -69,9 +69,9 @@ class ScoredPicture:
 def average_precision(pictures: Sequence[ScoredPicture], names: Sequence[str]) -> dict[str, Any]:
     """AP (IoU 0.50:0.95) and AP50 over all classes with truth, and of each: `ap`, `ap50`, `per_class`.
 
-    At most 100 detections a picture, as COCO counts. An ignored box is neither hit nor miss: like COCO's crowds, it
-    takes every box of its class that lies in it to more than the threshold and belongs to no other. Raises
-    EvaluationError for no truth at all or without the extra `evaluation`.
+    At most 100 detections of a picture count, as in COCO. An ignored box is neither hit nor miss: like a crowd of COCO,
+    it absorbs every unmatched detection of its class whose share inside it exceeds the IoU threshold. Raises
+    EvaluationError where there is no truth, or without the extra `evaluation`.
     """
     try:
         from faster_coco_eval import COCO, COCOeval_faster
@@ -141,7 +141,7 @@ class Matches:
 
 
 def match_boxes(picture: ScoredPicture) -> Matches:
-    """Matches each detection, best score first, to the free true box of its class with the greatest overlap."""
+    """Matches each detection, best score first, to the unmatched true box of its class with the greatest overlap."""
     hit, free = (np.zeros(len(picture.boxes), bool) for _ in range(2))
     found = np.zeros(len(picture.true_boxes), bool)
     for row in np.argsort(-picture.scores, kind="stable"):
@@ -173,7 +173,7 @@ class Counts:
 
     @property
     def missed(self) -> int:
-        """True boxes that no detection belongs to."""
+        """True boxes without a detection."""
         return self.true - self.found
 
     def __add__(self, other: "Counts") -> "Counts":

@@ -1,4 +1,5 @@
-"""Torch networks as lean ONNX files: one file, the contract in the metadata, rows of the input open where possible."""
+"""Torch networks as ONNX: one file each, with the contract in its metadata and a variable input height where
+possible."""
 
 import copy
 import logging
@@ -26,9 +27,9 @@ PROTOBUF_LIMIT = 2_000_000_000  # bytes
 
 
 def backbone_to_onnx(network: Darknet, detector: DetectorSpec) -> ModelProto:
-    """A Darknet network for raw 0..255 pictures: batch normalisation and the factor 1/255 go into the weights.
+    """A Darknet network for raw 0..255 pictures; batch normalisation and the factor 1/255 are folded into the weights.
 
-    The outputs are named by the detector's heads and features in `network.outputs` order. The network is left as it is.
+    The outputs are named by the detector's heads and features in `network.outputs` order. `network` is not changed.
     """
     folded = copy.deepcopy(network).eval()
     fold_batch_norm(folded)
@@ -39,7 +40,7 @@ def backbone_to_onnx(network: Darknet, detector: DetectorSpec) -> ModelProto:
 
 
 def head_to_onnx(head: PaperHead | FlowHead, record: OdometryHead) -> ModelProto:
-    """A head as one step: feature, geometry where it wants any, and states in; motion and states out."""
+    """One step of a head. Inputs: feature, geometry where the head has any, and states; outputs: motion and states."""
     shapes = [head.shape, *(state.shape for state in record.states)]
     inputs = [record.feature_input, *(state.input for state in record.states)]
     outputs = [record.motion, *(state.output for state in record.states)]
@@ -123,7 +124,7 @@ def _fold_input_scale(network: Darknet, factor: float) -> None:
 
 
 def _forget_tracing(model: ModelProto) -> None:
-    """Drop what the tracer noted for debugging: stack traces name the build machine's folders."""
+    """Drop the tracer's debug records: their stack traces name folders of the build machine."""
     model.doc_string = model.graph.doc_string = ""
     del model.graph.metadata_props[:]
     for node in model.graph.node:
@@ -135,7 +136,7 @@ def _forget_tracing(model: ModelProto) -> None:
 
 
 def _fuse_pool_padding(model: ModelProto) -> None:
-    """Pad with -inf then MaxPool is MaxPool with pads: one node less, and no infinities for a quantiser to see."""
+    """Pad with -inf then MaxPool is MaxPool with pads: one node less, and no infinities that disturb a quantiser."""
     graph = model.graph
     makers = {node.output[0]: node for node in graph.node}
     constants = {item.name: item for item in graph.initializer}
@@ -157,9 +158,9 @@ def _fuse_pool_padding(model: ModelProto) -> None:
 
 
 def free_rows(model: ModelProto, detector: DetectorSpec) -> ModelProto:
-    """The model with its rows left open, where pictures are letterboxed and all outputs are maps.
+    """The model with a variable input height, where pictures are letterboxed and all outputs are maps.
 
-    The same model where they are not, or where something in it is of a fixed size (YOLOX's list of boxes).
+    Otherwise, or where the model has a fixed size inside (YOLOX's list of boxes), the model is returned unchanged.
     """
     height = detector.input.height
     shapes = detector.outputs()
@@ -177,7 +178,7 @@ def free_rows(model: ModelProto, detector: DetectorSpec) -> ModelProto:
 
 
 def _fits(model: ModelProto, rows: int, shapes: dict[str, tuple[int, ...]], height: int | None = None) -> bool:
-    """Whether the outputs have the shapes that so many input rows ask for. shapes: of `height` rows."""
+    """Whether the outputs have the shapes of that many input rows. shapes: those of `height` rows."""
     options = session_options(Compute(), rows)
     try:
         onnx.checker.check_model(model, full_check=True)

@@ -1,4 +1,4 @@
-"""Settings of the trainings: the options of `edgemap train`, as the trainers read them. No heavy imports here."""
+"""Settings of the trainings: the options of `edgemap train` as the trainers receive them. No heavy imports."""
 
 from dataclasses import dataclass
 from typing import Annotated, Any, Literal
@@ -11,7 +11,7 @@ def _default(value: str) -> str:
 
 
 def _arg(**options: Any) -> Any:
-    """As `edgemap.cli.arguments.arg`, which stands above this package."""
+    """As `edgemap.cli.arguments.arg`, which this package may not import."""
     return tyro.conf.arg(help_behavior_hint=_default, **options)
 
 

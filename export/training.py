@@ -1,4 +1,4 @@
-"""Common parts of all trainings: a budget, validations that select `best.pt`, a `last.pt` to resume from, curves."""
+"""Parts common to all trainings: budget, validations that select `best.pt`, `last.pt` for resuming, curves."""
 
 import copy
 import csv
@@ -22,7 +22,7 @@ from edgemap.export.torch_files import read_torch, save_whole
 from edgemap.runtime.frames.reading import one_line
 
 SAVE_EVERY_S = 120.0
-LOOK_EVERY = 20  # steps of a GPU, which would have to wait for each look
+LOOK_EVERY = 20  # steps of a GPU between two reads of its losses, as each read waits for it
 WARM_UP = 0.03  # of the budget
 LAST_RATE = 0.03  # of the highest
 N = TypeVar("N", bound=nn.Module)
@@ -30,14 +30,14 @@ S = TypeVar("S", bound=Settings)
 
 
 class Training(ABC, Generic[N, S]):
-    """One run in a folder: trains `network`, whose moving average is validated and saved. Rows hold the figures of each
-    validation; sums those of the losses since the last one. budget: steps or epochs, where there are no minutes.
-    """
+    """One training in a folder: it trains `network`, and validates and saves the moving average of its weights. rows:
+    the figures of each validation. sums: losses since the last validation. budget: steps or epochs, where no minutes
+    are set."""
 
     resume_format: str
     score = "score"  # column of the figure by which the best row is chosen
     highest = True  # whether the best one is the highest
-    average_steps = 600  # the moving average looks back about so far, less at the start
+    average_steps = 600  # time constant of the moving average, shorter at the start
     over = ("steps", "steps of training")  # abscissa of the curves, and its name
     panels: Sequence["Panel"] = ()  # of the curves
 
@@ -65,7 +65,7 @@ class Training(ABC, Generic[N, S]):
 
     @abstractmethod
     def take_steps(self) -> Iterator[None]:
-        """Train; yields after every step, and ends when the budget is spent."""
+        """Train: yields after each step, and ends when the budget is spent."""
 
     @abstractmethod
     def validate(self) -> None:
@@ -125,7 +125,8 @@ class Training(ABC, Generic[N, S]):
         return self.best() is self.rows[-1]
 
     def run(self) -> dict[str, Any]:
-        """Train until the budget is spent; gives the best validation's figures. An interrupt saves `last.pt` first."""
+        """Train until the budget is spent. Returns the figures of the best validation. An interrupt saves `last.pt`
+        first."""
         began, before_s = time.perf_counter(), self.trained_s
         validated = saved = before_s
         minutes = self.settings.validate_minutes
@@ -157,7 +158,7 @@ class Training(ABC, Generic[N, S]):
         return self.best()
 
     def resume(self) -> None:
-        """Go on from `last.pt`. Raises ExportError where it belongs to another run."""
+        """Continue from `last.pt`. Raises ExportError where it belongs to another run."""
         path = self.folder / "last.pt"
         state = read_torch(path)
         if state.get("format") != self.resume_format:
@@ -173,7 +174,7 @@ class Training(ABC, Generic[N, S]):
         self.sums, self.count = state["sums"], state["count"]
 
     def save(self) -> None:
-        """Write `last.pt`, in the first process, but not once training has diverged."""
+        """Write `last.pt`, in the first process only; nothing once training has diverged."""
         sums = {name: float(value) for name, value in self.sums.items()}
         if not self.ranks.first or not all(map(math.isfinite, sums.values())):
             return
@@ -232,7 +233,7 @@ class Schedule:
 
     @staticmethod
     def rate(progress: float) -> float:
-        """Factor on the learning rate: a short rise, then a cosine down."""
+        """Factor on the learning rate: linear warm-up, then cosine decay."""
         if progress < WARM_UP:
             return max(0.01, progress / WARM_UP)
         fall = (progress - WARM_UP) / (1.0 - WARM_UP)
@@ -243,7 +244,7 @@ class Schedule:
 class Panel:
     """One pair of axes. lines: columns of the table to their names in the legend; a column without values is left out.
 
-    top: upper end of the ordinate, which begins at 0; None draws what there is.
+    top: upper limit of the ordinate, which begins at 0; None fits the data.
     """
 
     title: str

@@ -1,4 +1,4 @@
-"""Raw heads of every decode rule to scores and boxes inside torch, with gradients; overlap of boxes."""
+"""Scores and boxes from the raw outputs of each decode rule, in torch with gradients; overlap of boxes."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -9,7 +9,7 @@ from torch import Tensor
 from edgemap.runtime.network.decode import DFL_BINS
 from edgemap.runtime.network.manifest import DetectorSpec, HeadSpec
 
-RADIUS = 2.5  # cells between a cell's centre and that of a box it may answer for, per axis
+RADIUS = 2.5  # greatest distance of a box's centre from the cell's, in cells per axis
 
 
 @dataclass(frozen=True)
@@ -18,7 +18,8 @@ class Rows:
 
     scores: (B, N, C) logits of the score by which the runtime ranks: objectness times class probability where there is
     an objectness. boxes: (B, N, 4) xyxy, px of the input. bins: (B, N, 4, 8) logits of the sides, of `dfl` heads alone.
-    centres (N, 2) and strides (N,) of the cells, px; reach (N,): how far off its centre a cell can answer, cells.
+    centres (N, 2) and strides (N,) of the cells, px; reach (N,): greatest distance of a box's
+    centre from the cell's, in cells.
     """
 
     scores: Tensor
@@ -30,7 +31,7 @@ class Rows:
 
 
 def read_heads(outputs: Sequence[Tensor], detector: DetectorSpec, size: tuple[int, int]) -> Rows:
-    """Outputs of a batch by the contract's decode rule. size: (height, width) of its pictures, px."""
+    """Rows of a batch by the contract's decode rule. size: (height, width) of its pictures, px."""
     read = {"yolov3": _yolov3, "yolox": _yolox, "dfl": _dfl}[detector.decode]
     parts = [read(output.float(), head, size) for output, head in zip(outputs, detector.heads, strict=True)]
     scores, boxes = (torch.cat([getattr(part, name) for part in parts], dim=1) for name in ("scores", "boxes"))

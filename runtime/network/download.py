@@ -1,4 +1,4 @@
-"""Downloads one file: resumable, with a progress bar, its sum checked before anyone opens it."""
+"""Downloads one file: resumable, with a progress bar, verified by its SHA-256 before use."""
 
 import http.client
 import json
@@ -21,13 +21,13 @@ from edgemap.runtime.network.web import TransferClock, WatchedHandler, WebOnly, 
 
 TIMEOUT_S = 10.0  # to connect, and between two pieces
 PIECE = 1 << 16  # bytes
-LONGEST_S, SLOWEST_BYTES_S = 60.0, 20_000.0  # a transfer may take the former, and a second for so many bytes besides
+LONGEST_S, SLOWEST_BYTES_S = 60.0, 20_000.0  # one second more for each of the latter
 LARGEST_BYTES = 1 << 30  # of a file of unknown size
 NOTES_BYTES = 4096
 
 
 class DownloadError(EdgemapError):
-    """A file that could not be fetched, or is not the one that was promised."""
+    """A file that could not be fetched, or whose SHA-256 is another than expected."""
 
 
 def download(
@@ -43,9 +43,9 @@ def download(
 ) -> Path:
     """Fetch `url` into `target`; an interrupted transfer leaves `target.part`, and the next call resumes it.
 
-    sums: SHA-256 values, one of which the file must have; empty takes any. label: what messages call the source
-    (the URL by default). maximum_bytes, longest_s: limits of size and time; every SLOWEST_BYTES_S bytes that come in
-    give it one second more. Only http and https are followed, redirects included, and https never to http.
+    sums: SHA-256 values, one of which the file must have; empty accepts any file. label: name of the source in messages
+    (the URL by default). maximum_bytes, longest_s: limits of size and time; each SLOWEST_BYTES_S bytes received extend
+    the time by one second. Only http and https are allowed, also in redirects, and no redirect from https to http.
     Raises DownloadError, one line; `target` appears only when it is complete and verified.
     """
     label = label or url
@@ -100,13 +100,13 @@ def _delete(*paths: Path) -> None:
 
 
 def _resume_point(part: Path, notes: Path, url: str, checked: bool) -> tuple[int, str]:
-    """Bytes that are there and may be kept, and the server's mark of the version that they belong to."""
+    """Number of bytes that can be kept, and the server's tag of the version that they belong to."""
     try:
         noted = decode_json(read_bytes(notes, NOTES_BYTES, DownloadError), _Notes, notes, DownloadError)
         same, validator = noted.url == url, noted.validator
     except DownloadError:
         same, validator = False, ""
-    # Without the server's mark only a sum at the end shows whether both halves belong together.
+    # Without the server's tag only the SHA-256 at the end shows whether both parts belong together.
     if not part.is_file() or not same or not (validator or checked):
         return 0, ""
     return part.stat().st_size, validator

@@ -1,6 +1,6 @@
-"""The simulated camera: lens, mount, and its sensor's effects on a rendered picture: vibration, shutter, noise, code.
+"""The simulated camera: lens, mount and effects of its sensor on a rendered picture: vibration, shutter, noise, JPEG.
 
-Shot noise grows with the root of the light, read noise is always there; both grow with the gain."""
+Shot noise grows with the square root of the light, read noise is constant; both grow with the gain."""
 
 from dataclasses import dataclass, replace
 
@@ -20,7 +20,7 @@ _MOUNT = Mount.from_degrees(0.60, 11.5, forward_m=0.15)
 
 @dataclass(frozen=True, slots=True)
 class CameraSetup:
-    """The camera and how it is mounted; the default is the demo's."""
+    """Intrinsics and mount; the default is the demo's."""
 
     intrinsics: Intrinsics = _INTRINSICS
     mount: Mount = _MOUNT
@@ -32,8 +32,8 @@ class Effects:
     """Effects of a real camera; all zero leaves the rendered picture unchanged.
 
     exposure_s: shutter time in good light. readout_s: from the first row to the last. shake_rad: standard deviation of
-    pitch and roll per picture while driving. shot, read: standard deviations of the noise, in parts of full scale at
-    full scale and in the dark, at gain 1. lag_s: of the automatic exposure. jpeg_quality: 0..100; None for none.
+    pitch and roll per picture while driving. shot, read: standard deviations of the noise at gain 1, as a share of full
+    scale: at full scale, and in the dark. lag_s: of the automatic exposure. jpeg_quality: 0..100; None for none.
     """
 
     exposure_s: float = 0.0
@@ -46,7 +46,7 @@ class Effects:
 
 
 _GAMMA = 2.2
-# Speeds at which a robot shakes as much as `shake_rad` says; standing still it does not.
+# Speeds from which a robot shakes by `shake_rad`; at rest it does not.
 _SPEED_M_S, _YAW_RATE_RAD_S = 0.4, 0.8
 
 
@@ -74,9 +74,9 @@ def sensed(
 
 
 def encoded(picture: NDArray[np.uint8], jpeg_quality: int | None) -> tuple[bytes, str]:
-    """The picture as a file's bytes, and the file's suffix: PNG where no quality is given."""
+    """The encoded picture and the suffix of its file: JPEG, or PNG where jpeg_quality is None."""
     if jpeg_quality is None:
-        # OpenCV's own choice of filter and runs: smaller files of noisy pictures than a stated level, in half the time.
+        # OpenCV's default compression: for noisy pictures smaller files than a set level, in half the time.
         return png(picture), ".png"
     return jpeg(picture, jpeg_quality), ".jpg"
 
@@ -84,7 +84,8 @@ def encoded(picture: NDArray[np.uint8], jpeg_quality: int | None) -> tuple[bytes
 def noise_levels(shot: float, read: float, gain: float) -> NDArray[np.float32]:
     """Standard deviation in grey levels for each of the 256 levels of a gamma-coded picture.
 
-    Light is level^2.2; its variance, shot^2 gain light + (read gain)^2, comes back through the slope of the root.
+    Light is level^2.2. Its variance, shot^2 gain light + (read gain)^2, is converted to levels by the derivative of the
+    inverse, level = light^(1/2.2).
     """
     level = np.maximum(np.arange(256) / 255.0, 0.02)
     sigma = np.sqrt(shot**2 * gain * level**_GAMMA + (read * gain) ** 2)

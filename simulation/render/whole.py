@@ -1,4 +1,4 @@
-"""Unoccluded objects: boxes in the picture, and areas from each one's silhouette drawn alone."""
+"""Objects without occlusion: their boxes in the picture, and their areas from silhouettes drawn one by one."""
 
 from contextlib import suppress
 from typing import Any
@@ -21,10 +21,10 @@ _MANY = 500
 
 
 def outline(points: Array) -> Array:
-    """The points (N, 3) that can be at the border of an object's picture: corners of their convex hull."""
+    """The points (N, 3) that can lie on the outline of an object: corners of their convex hull."""
     if len(points) <= _MANY:
         return points
-    # Of what is flat all points will do.
+    # A flat object has no hull: all its points are used.
     with suppress(QhullError):
         return points[ConvexHull(points).vertices]
     return points
@@ -43,13 +43,13 @@ def ideal_points(points_optical_m: Array) -> Array:
 
 
 def pixel_box(ideal: Array, intrinsics: Intrinsics) -> NDArray[np.float64]:
-    """(x0, y0, x1, y1) px round points at unit depth, pixel k covering k to k + 1; lens and all."""
+    """(x0, y0, x1, y1) px round points at unit depth, pixel k covering k to k + 1, with the lens's distortion."""
     at = intrinsics.distortion.distort(ideal) * [intrinsics.fx, intrinsics.fy] + [intrinsics.cx, intrinsics.cy] + 0.5
     return np.concatenate([at.min(axis=0), at.max(axis=0)])
 
 
 def window(box: NDArray[np.float64], pinhole: Intrinsics) -> NDArray[np.float64]:
-    """The part of a whole box that an object's area is counted in: at most twice the picture, about its middle."""
+    """The part of an object's box in which its area is counted: at most twice the picture's size, about its centre."""
     size = np.array([pinhole.width, pinhole.height], dtype=np.float64)
     low, high = size / 2.0 - _REACH * size / 2.0, size / 2.0 + _REACH * size / 2.0
     first, last = np.clip(box[:2], low, high), np.clip(box[2:], low, high)
@@ -68,13 +68,13 @@ def zoomed(clip_home: Array, box: NDArray[np.float64], pinhole: Intrinsics) -> A
 
 
 def filled(raw: Any, count: int) -> NDArray[np.float64]:
-    """Share of each of the first `count` tiles that is covered, from the sheet's bytes."""
+    """Covered share of each of the first `count` tiles of the sheet. raw: the sheet's bytes."""
     sheet = np.frombuffer(raw, dtype=np.uint8).reshape(ROWS, TILE_PX, COLUMNS, TILE_PX)
     return (sheet > 127).mean(axis=(1, 3)).reshape(-1)[:count]
 
 
 class Wholes:
-    """Draws silhouettes side by side on one sheet."""
+    """Draws silhouettes as tiles of one sheet."""
 
     def __init__(self, canvas: RenderTarget, still: Still, moving: Moving) -> None:
         self._canvas, self._still, self._moving = canvas, still, moving
@@ -107,7 +107,8 @@ class Wholes:
         return boxes, areas
 
     def _outline(self, id_: int, view: View, movers: dict[int, Mover]) -> Array:
-        """An object's outermost points at unit depth of the optical frame; the axis itself where it is behind."""
+        """An object's outermost points at unit depth of the optical frame; the axis itself where the object is behind
+        the lens."""
         if id_ in movers:
             points = outline(self._moving.points_home_m(movers[id_]))
         else:
@@ -135,8 +136,8 @@ class Wholes:
 
 
 def _cut(ideal: Array, lens: Lens) -> NDArray[np.float64]:
-    """The box of points at unit depth in the picture; points beside it are moved to where the lens is still known,
-    which is outside of it."""
+    """The box of points at unit depth in the picture; points far outside are moved to where the distortion is still
+    defined, which is outside the picture as well."""
     intrinsics, pinhole = lens.intrinsics, lens.pinhole
     focal, centre = np.array([pinhole.fx, pinhole.fy]), np.array([pinhole.cx, pinhole.cy])
     low, high = (np.zeros(2) - centre) / focal, (np.array([pinhole.width, pinhole.height]) - centre) / focal

@@ -1,4 +1,4 @@
-"""Intel RealSense: colour and depth of a device, with its own lens and sensor time."""
+"""Intel RealSense: colour and depth of a device, with its own intrinsics and stamps."""
 
 import time
 from collections.abc import Callable
@@ -38,8 +38,8 @@ def import_realsense() -> ModuleType:
 
 @cache
 def _kept_context() -> Any:
-    """A context that is kept to the end of the process: the threads that watch the bus are those of all contexts, and
-    are never begun and ended again while there is one."""
+    """A context that lives until the process ends: all contexts share the threads that watch the bus, which therefore
+    never stop and start again."""
     import pyrealsense2
 
     rs: Any = pyrealsense2
@@ -117,8 +117,8 @@ class RealSenseDevice:
 
 
 class RealSenseDriver:
-    """The RealSense with this serial number, or the first one: colour, 640x480 at 30 Hz or its nearest mode, and depth
-    where it has any and `depth` is set.
+    """The RealSense with this serial number, or the first one: colour, 640x480 at 30 Hz or the nearest mode, and depth
+    where the device has it and `depth` is set.
 
     imu: filled by the device's gyro and accelerometer, where it has them.
     """
@@ -148,13 +148,13 @@ class RealSenseDriver:
                 failure = " ".join(str(error).split())
                 continue
             if with_depth and not pipeline.try_wait_for_frames(DEPTH_LIMIT_MS)[0]:
-                stop(pipeline)  # depth that never comes would keep the pictures back
+                stop(pipeline)  # without depth no pictures would be delivered either
                 continue
             self._opened = pipeline.get_active_profile().get_device()
             try:
                 motion = start_motion(rs, self._context, str(self._serial), profile, self.imu)
                 return RealSenseDevice(rs, pipeline, profile, self.name, motion, Aligned(rs) if with_depth else None)
-            except Exception:  # whatever it is, the device must be free for the next attempt
+            except Exception:  # whatever the error, the device must be free for the next attempt
                 stop(pipeline)
                 raise
         raise CameraError(f"{self.name} does not start its colour stream ({failure})")
@@ -168,13 +168,13 @@ class RealSenseDriver:
             )
         if self._serial is not None and self._serial not in serials:
             raise CameraError(f"no RealSense device with serial {self._serial} found; connected: {', '.join(serials)}")
-        self._serial = self._serial or serials[0]  # the same one when it is opened again
+        self._serial = self._serial or serials[0]  # the same device when it is opened again
         config = self._rs.config()
         config.enable_device(self._serial)
         return config
 
     def reset(self) -> bool:
-        """librealsense's hardware reset: the device leaves the bus and comes back. False where it is not there."""
+        """Hardware reset by librealsense: the device leaves the bus and returns. False where it is not connected."""
         for device in self._context.query_devices():
             if device.get_info(self._rs.camera_info.serial_number) == self._serial:
                 device.hardware_reset()
@@ -182,7 +182,7 @@ class RealSenseDriver:
         return False
 
     def watch(self, changed: Callable[[bool], None]) -> None:
-        """librealsense's device-change callback, for any device that comes and for this one where it goes."""
+        """Call `changed(True)` where any device is connected, `changed(False)` where this one is disconnected."""
 
         def on_change(event: Any) -> None:
             if self._opened is not None and event.was_removed(self._opened):

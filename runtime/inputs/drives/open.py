@@ -53,7 +53,7 @@ def open_drive(spec: str) -> Drive:
 
 
 def _with_views(record: ObjectRecord, boxes: Sequence[LabelledBoxes]) -> dict[str, Any]:
-    """With the pictures that show it counted, where the file does not say how many and the boxes do."""
+    """The object with the number of pictures that show it, counted from the boxes where the file does not state it."""
     if record.visible_frames is None and boxes:
         record.visible_frames = sum(str(record.id) in frame.visible_ids() for frame in boxes)
     return msgspec.structs.asdict(record)
@@ -67,11 +67,11 @@ class LabelledPictures:
         self._boxes = drive.boxes[:limit]
 
     def __len__(self) -> int:
-        """How many pictures there are."""
+        """Number of pictures."""
         return len(self._boxes)
 
     def __iter__(self) -> Iterator[tuple[NDArray[np.uint8], LabelledBoxes]]:
-        """In order, each picture read when it is due. Raises CameraError for a damaged one."""
+        """In order; each picture is read when it is requested. Raises CameraError for a damaged one."""
         pictures = map(read_picture, self._drive.images) if self._drive.images else self._decoded()
         yield from zip(pictures, self._boxes, strict=False)
 
@@ -85,7 +85,7 @@ class LabelledPictures:
 
 
 def labelled_pictures(spec: str, limit: int | None = None) -> LabelledPictures:
-    """The labelled pictures of `KIND:DIR`. Raises CameraError where that holds no true boxes."""
+    """The labelled pictures of `KIND:DIR`. Raises CameraError where it has no true boxes."""
     drive = open_drive(spec)
     if not drive.boxes:
         raise CameraError(f"{spec}: no true boxes in it (yolo labels, or boxes.json beside a drive)")

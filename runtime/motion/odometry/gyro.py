@@ -1,4 +1,4 @@
-"""Yaw from the gyro alone, and in the hybrid the accelerometer's displacement; translation is a guess otherwise."""
+"""Yaw from the gyro, and within the hybrid the accelerometer's displacement; without it the translation is unknown."""
 
 from dataclasses import replace
 
@@ -22,9 +22,9 @@ UNKNOWN_M = 10.0  # standard deviation of a step's translation
 
 
 class GyroOdometry:
-    """The rotation of the frame's attitude, whose bias is learnt at rest; a step without one is blind.
+    """The gyro's rotation as of the frame's attitude, which estimates the bias at rest; a step without one is blind.
 
-    displaced: whether the displacement by the accelerometer counts, which needs another odometry for its velocity.
+    displaced: whether to use the accelerometer's displacement, whose velocity needs another odometry.
     """
 
     name, needs_features = "gyro", False
@@ -38,7 +38,7 @@ class GyroOdometry:
         return self.step_blind(frame.stamp_s, "", prior.attitude)
 
     def step_blind(self, stamp_s: float, reason: str, attitude: Attitude | None = None) -> Motion:  # noqa: ARG002
-        """The same: it needs no picture."""
+        """The yaw since the last frame; a gyro needs no picture."""
         first, self._first = self._first, False
         if first:
             return first_motion()
@@ -52,13 +52,13 @@ class GyroOdometry:
         return replace(motion, motion=SE2(x_m, y_m, moved.yaw_rad), covariance=covariance)
 
     def still(self, stamp_s: float, attitude: Attitude | None) -> bool | None:  # noqa: ARG002
-        """Whether the yaw is no more than the gyro's own noise."""
+        """Whether the yaw is within the gyro's noise."""
         if attitude is None or attitude.rotation is None:
             return None
         return abs(attitude.rotation.yaw_rad) < STILL_RAD + attitude.rotation.sigma_rad
 
     def rest(self, stamp_s: float) -> Motion:  # noqa: ARG002
-        """No motion; the next one is measured from there anyway."""
+        """No motion. Nothing to store: the next rotation begins at this stamp in any case."""
         return no_motion()
 
     def reset(self, reason: str) -> None:  # noqa: ARG002
@@ -68,6 +68,6 @@ class GyroOdometry:
 
 def yaw_motion(rotation: GyroRotation) -> Motion:
     """A gyro's rotation as a motion of unknown translation."""
-    unproved_rad = 0.0 if rotation.proved else rotation.yaw_rad  # its sign and scale are not known yet
+    unproved_rad = 0.0 if rotation.proved else rotation.yaw_rad  # its sign and scale are not confirmed yet
     variances = UNKNOWN_M**2, UNKNOWN_M**2, rotation.sigma_rad**2 + unproved_rad**2
     return Motion(SE2(0.0, 0.0, rotation.yaw_rad), np.diag(variances))

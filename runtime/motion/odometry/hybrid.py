@@ -311,7 +311,7 @@ class HybridOdometry:
 
     def _reweighted_by_gyro(self, alive: Sequence[MotionEstimate]) -> list[MotionEstimate]:
         """The estimates; the covariance of one whose yaw disagrees with the gyro's is inflated until they agree. A
-        gyro's bias and scale are in its covariance; moving objects and slipping wheels are in nobody's."""
+        gyro's bias and scale are in its covariance; moving objects and slipping wheels are in no covariance."""
         gyro = next((item for item in alive if item.source == GYRO), None)
         if gyro is None:
             return list(alive)

@@ -49,7 +49,7 @@ Detector = Callable[[Picture], Detections]
 
 
 class _Record(msgspec.Struct):
-    """A guess as `calibration` of a camera.yaml holds it; of an older edgemap, or written by hand, with less."""
+    """A guess as in `calibration` of a camera.yaml; files of an older edgemap or written by hand have fewer fields."""
 
     focal_sigma_share: Annotated[float, msgspec.Meta(ge=0.0, le=10.0)] = 0.0
     height_sigma_share: Annotated[float, msgspec.Meta(ge=0.0, le=10.0)] = 0.0
@@ -59,9 +59,9 @@ class _Record(msgspec.Struct):
 
 @dataclass(frozen=True, slots=True)
 class CameraGuess:
-    """lens, mount: the guess. focal_sigma, height_sigma: one standard deviation as a share; pitch_sigma_rad; 0 for what
-    is no guess. how: what each came from, in words. sway_rad: standard deviation of the pitch of a camera that is
-    carried, else 0. quarter_turns: counterclockwise, that would make the pictures upright."""
+    """Guessed lens and mount. focal_sigma, height_sigma: standard deviations as a share; pitch_sigma_rad: of the pitch;
+    0 for a value that was not guessed. how: the source of each value, in words. sway_rad: standard deviation of the
+    pitch of a carried camera, else 0. quarter_turns: counterclockwise turns that make the pictures upright."""
 
     lens: Intrinsics
     mount: Mount
@@ -92,12 +92,12 @@ class CameraGuess:
         ]
 
     def scale_sigma(self, odometry: str) -> float:
-        """Standard deviation, as a share, of a height that a run corrects with all lengths. 0 for one that is given or
-        a carried camera's, and where the lengths of this odometry do not depend on it."""
+        """Standard deviation, as a share, of a height that a run corrects together with all lengths. 0 for a configured
+        height, for a carried camera, and where the odometry's lengths do not depend on the height."""
         return self.height_sigma if not self.sway_rad and odometry in PICTURE_ODOMETRIES else 0.0
 
     def record(self) -> dict[str, object]:
-        """For run.json, and for camera.yaml's `calibration`."""
+        """The guess as in run.json, and in `calibration` of a camera.yaml."""
         record: dict[str, object] = {
             "method": "guessed",
             "focal_sigma_share": round(self.focal_sigma, 3),
@@ -110,8 +110,8 @@ class CameraGuess:
 
     @classmethod
     def of_record(cls, calibration: dict[str, Any], lens: Intrinsics, mount: Mount, where: str) -> "CameraGuess | None":
-        """The guess that a camera.yaml holds, by its `calibration`: what was calibrated since, or set by hand, is no
-        guess. None where nothing is. where: for messages. Raises CameraError.
+        """The guess in `calibration` of a camera.yaml, without values that were calibrated or edited since; None where
+        none is left. where: the file's name for messages. Raises CameraError.
         """
         if calibration.get("method") != "guessed":
             return None
@@ -148,8 +148,8 @@ def guess_camera(
 
     Focal length: as stated by the files, else from the usual field of view and the room's edges (three directions
     become orthogonal at the correct one). Pitch and roll: from the room's edges, else the angles at which objects of
-    usual heights agree. Height: objects of usual heights. lens, mount, height_m: given ones, which are kept. Raises
-    CalibrationError, with the numbers, for pictures that show no floor and a lens outside 0.05 to 3 m above it.
+    usual heights agree. Height: objects of usual heights. lens, mount, height_m: configured values, which stay. Raises
+    CalibrationError, with the numbers, for pictures without floor, or a lens outside 0.05 to 3 m above it.
     """
     if not pictures:
         raise CalibrationError("no picture came to guess the camera from")
@@ -185,7 +185,7 @@ def guess_camera(
     if height_m is not None:
         how = (focal_how, "as given", pitch_how)
         return CameraGuess(lens, Mount(height_m, pitch, roll), focal_sigma, 0.0, pitch_sigma, how, sway_rad)
-    if sway_rad:  # the tilt of each picture is not known well enough for sizes
+    if sway_rad:  # the tilt of single pictures is too uncertain for sizes
         how = (focal_how, "as a person carries it", pitch_how)
         mount = Mount(CARRIED_HEIGHT_M, pitch, roll)
         return CameraGuess(lens, mount, focal_sigma, CARRIED_SIGMA, pitch_sigma, how, sway_rad)
@@ -195,7 +195,7 @@ def guess_camera(
             f"{count} objects of usual sizes put the lens {height_m:.2f} m above the floor, expected {LOWEST_M:g} to "
             f"{HIGHEST_M:g} m: pass --mount HEIGHT_M,PITCH_DEG"
         )
-    height_sigma = round(height_sigma, 3)  # as files hold it: a replay weighs the guess alike
+    height_sigma = round(height_sigma, 3)  # as files store it, so that a replay weights the guess alike
     how = f"{count} objects of usual sizes" if count else "usual for a robot; no object of a known size was seen"
     how = (focal_how, how, pitch_how)
     return CameraGuess(lens, Mount(height_m, pitch, roll), focal_sigma, height_sigma, pitch_sigma, how)
@@ -218,7 +218,7 @@ def _tilt_by_edges(ends: list[Array], lens: Intrinsics, focal_sigma: float) -> _
     if len(angles) < FEWEST_ROOMS:
         return None
     (pitch, roll), (scatter, roll_scatter) = (found.tolist() for found in median_and_scatter(angles))
-    # A focal length that is wrong turns the horizon's row into another pitch.
+    # With a wrong focal length the horizon's row gives another pitch.
     sigma = math.hypot(abs(pitch) * focal_sigma, SURE_RAD)
     return _EdgesTilt(
         pitch, roll, sigma, scatter if roll_scatter > SWAYING_RAD else 0.0, f"the edges of {len(angles)} pictures"

@@ -20,7 +20,7 @@ BENDS = (0.0, -0.04, -0.08, -0.12)
 PEAK_SIGMA, PEAK_SHARE, EDGES_SIGMA, SHOWN_SHARE = 0.05, 0.6, 0.02, 0.5
 EDGE_SIGMA_RAD, EDGE_LIMIT, STEEPEST_RAD = math.radians(0.7), 6.0, math.radians(40.0)
 FEWEST_ROOMS = 4  # pictures whose edges show the room
-# Scatter of the roll from picture to picture (1.48 times the median deviation) of a camera that is no robot's: 2.5 to
+# Scatter of the roll from picture to picture (1.48 times the median deviation) of a carried camera: 2.5 to
 # 3.6 degrees on the lounge, hololens and redkitchen walks, 0.2 to 0.7 on tuning homes 9000-9005.
 SWAYING_RAD = math.radians(1.5)
 
@@ -33,8 +33,9 @@ def plain_lens(width: int, height: int, share: float, bend: float = 0.0) -> Intr
 
 
 def focal_by_edges(ends: list[Array], width: int, height: int) -> tuple[float, float, float, str]:
-    """Focal length as a share of the longer side, its sigma, the bend, and how: by the usual field of view, and by the
-    room's edges where enough pictures show them, whose three directions are at right angles under the right lens."""
+    """Focal length as a share of the longer side, its standard deviation, the bend, and the method in words: the usual
+    field of view, or edges of the room where enough pictures show them, whose three directions are orthogonal under the
+    right focal length."""
     usual = USUAL_FOCAL, FOCAL_SIGMA, 0.0, "usual field of view"
     agreed = []
     for bend in BENDS:
@@ -44,7 +45,7 @@ def focal_by_edges(ends: list[Array], width: int, height: int) -> tuple[float, f
     peaks = _peaks(ends, width, height, bend)
     if len(peaks) < FEWEST_ROOMS:
         return usual
-    # A picture's best focal length is near the right one, or anywhere.
+    # A picture's focal length with the greatest agreement is near the right one, or anywhere.
     logs = np.linspace(math.log(FOCALS[0]), math.log(FOCALS[-1]), 500)
     near = np.exp(-0.5 * ((peaks[:, :1] - logs) / PEAK_SIGMA) ** 2) / (PEAK_SIGMA * math.sqrt(2.0 * math.pi))
     cost = 0.5 * ((logs - math.log(USUAL_FOCAL)) / FOCAL_SIGMA) ** 2
@@ -57,8 +58,8 @@ def focal_by_edges(ends: list[Array], width: int, height: int) -> tuple[float, f
 
 
 def _peaks(ends: list[Array], width: int, height: int, bend: float) -> Array:
-    """Of each picture whose edges show the room: logarithm of the focal length (share) at which they agree best; how
-    well they do; (N, 2)."""
+    """For each picture whose edges show the room: logarithm of the focal length (share) with the greatest agreement,
+    and that agreement; (N, 2)."""
     lenses, found = [plain_lens(width, height, share, bend) for share in FOCALS], []
     for lines in ends:
         fits = np.array([_explained(lines, lens) for lens in lenses])
@@ -68,7 +69,8 @@ def _peaks(ends: list[Array], width: int, height: int, bend: float) -> Array:
 
 
 def _vertex(places: Array, values: Array, best: int) -> tuple[float, float]:
-    """Place and value of the maximum of evenly spaced values, by a parabola through the best and its neighbours."""
+    """Position and value of the maximum of evenly spaced values, by a parabola through the greatest and its
+    neighbours."""
     around = values[max(best - 1, 0) : best + 2]
     if len(around) < 3 or not np.isfinite(around).all():
         return float(places[best]), float(values[best])
@@ -78,9 +80,9 @@ def _vertex(places: Array, values: Array, best: int) -> tuple[float, float]:
 
 
 def _explained(lines: Array, lens: Intrinsics) -> float:
-    """How well three directions at right angles explain a picture's edges, per edge; NaN where they show no room.
+    """How well three orthogonal directions explain a picture's edges, per edge; NaN where they show no room.
 
-    Per edge, as a short focal length, under which all edges are longer, would otherwise always explain more.
+    Per edge: under a short focal length all edges are longer, so a sum would always prefer it.
     """
     edges = segments_between(lines, lens)
     room = room_axes(edges.normals, edges.lengths, np.array([0.0, -1.0, 0.0]), STEEPEST_RAD) if len(edges) else None
@@ -96,7 +98,7 @@ def _explained(lines: Array, lens: Intrinsics) -> float:
 
 
 def ups_by_edges(ends: list[Array], lens: Intrinsics) -> list[Array]:
-    """Up in each picture whose edges show the room, (3,) of the optical frame."""
+    """Up directions in the optical frame, (3,) each, of the pictures whose edges show the room."""
     level, found = np.array([0.0, -1.0, 0.0]), []
     for lines in ends:
         edges = segments_between(lines, lens)
