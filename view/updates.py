@@ -61,10 +61,10 @@ class ProcessUsage:
         self._last: dict[str, float | None] = {"cpu_percent": None, "memory_mb": None}
 
     def now(self) -> dict[str, float | None]:
-        """cpu_percent: of all cores together, 0..100. memory_mb: resident."""
+        """cpu_percent: share of all cores together, 0..100. memory_mb: resident memory."""
         now_s = time.monotonic()
         if now_s - self._looked_s >= 1.0:
-            first = self._looked_s == -math.inf  # its share is over no time yet
+            first = self._looked_s == -math.inf  # there is no interval yet
             share = self._process.cpu_percent() / self._cores
             memory_mb = self._process.memory_info().rss / 1e6
             self._last = {"cpu_percent": None if first else round(share, 1), "memory_mb": round(memory_mb, 1)}
@@ -84,14 +84,14 @@ class Cursor:
         self._grid: OccupancyGrid | None = None  # as sent
         self._objects: dict[str, MapObject] = {}
         self._trail = self._sightings = self._faults = self._epoch = 0
-        self._events = -1  # none before the first update: they are over
+        self._events = -1  # none of those before the first update
 
     def want_sightings(self, wanted: bool) -> None:
-        """Send every sighting from the first on, or none."""
+        """Whether to send all sightings from the first one, or none."""
         self._with_sightings, self._sightings, self.revision = wanted, 0, -1
 
     def update(self, page: LivePage, pictures: Pictures, usage: ProcessUsage, number: int) -> bytes:
-        """The next message: all that changed since the one before."""
+        """The next message: all changes since the previous one."""
         self.revision = page.revision
         moved, self._epoch = self._epoch != page.epoch, page.epoch
         if moved:
@@ -129,7 +129,7 @@ class Cursor:
         return struct.pack("<I", len(head)) + head + jpeg
 
     def _object_changes(self, objects: list[MapObject]) -> dict[str, Any]:
-        """The map makes a new MapObject when something of it changes, so identity shows what is new."""
+        """The map makes a new MapObject for each change, so identity shows which objects changed."""
         now = {item.id: item for item in objects}
         changed = [item for key, item in now.items() if self._objects.get(key) is not item]
         gone = [key for key in self._objects if key not in now]

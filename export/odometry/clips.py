@@ -1,4 +1,5 @@
-"""Clips cut from drives at random: other frame rates by skipping, backwards, standing still; all free on features."""
+"""Random clips of drives: other frame rates by skipped pictures, reversed order, rest; features need no
+recomputation."""
 
 import math
 from collections import Counter
@@ -15,17 +16,17 @@ from edgemap.export.odometry.flow import COARSE_ROWS
 from edgemap.export.odometry.flow_loss import ClipBatch
 
 LONGEST_DT_S = 0.25
-FASTEST_YAW_RAD = 0.30  # of one step that skips pictures; what the search can follow
-KNOWN_ATTITUDE = 0.75  # of the clips of a robot that nods; the others know the mount alone
+FASTEST_YAW_RAD = 0.30  # of one step that skips pictures; limit of the search
+KNOWN_ATTITUDE = 0.75  # share of a nodding robot's clips with each frame's attitude; the others have the mount only
 ATTITUDE_SIGMA_DEG = (0.2, 0.5)  # standard deviation of a clip's attitudes, as a filter's
-ATTITUDE_LASTS_S = 2.0  # how long its errors last (Gauss and Markov, first order)
+ATTITUDE_LASTS_S = 2.0  # correlation time of its errors (Gauss-Markov, first order)
 
 Chosen = tuple[FeatureDrive, NDArray[np.intp]]  # a drive and the frames of a clip
 
 
 @dataclass(frozen=True, slots=True)
 class Clips:
-    """How clips are cut. length: frames. skips: chosen among these, as far as `LONGEST_DT_S` allows."""
+    """How clips are drawn. length: frames. skips: numbers of skipped pictures, as far as `LONGEST_DT_S` allows."""
 
     length: int = 8
     skips: tuple[int, ...] = (1, 2, 3, 4, 5, 6)
@@ -34,9 +35,8 @@ class Clips:
 
 
 def reach_m(drive: FeatureDrive) -> float:
-    """Longest motion of the base in a step that skips pictures: the nearest floor in view then moves down the picture
-    by as many cells as the search reaches. 0.2 m for robots at home, 3 m for KITTI's car; no bound without floor.
-    """
+    """Longest motion of the base in a step that skips pictures: with it the nearest floor in view moves in the picture
+    by the range of the search. 0.2 m for robots at home, 3 m for KITTI's car; no bound without floor."""
     floor, down = drive.cells[0, 6], np.abs(drive.cells[0, 5])
     nearest = np.unravel_index(int(floor.argmax()), floor.shape)
     if floor[nearest] <= 0.0:
@@ -46,8 +46,8 @@ def reach_m(drive: FeatureDrive) -> float:
 
 
 class ClipDraws:
-    """Clips of some drives. All frame rates that drives and skips give come equally often, within one rate drives by
-    their length. Raises ExportError for a drive too short."""
+    """Draws clips of some drives. All frame rates of drives and skips are equally frequent; within a rate, drives in
+    proportion to their length. Raises ExportError for a drive that is too short."""
 
     def __init__(self, rule: Clips, drives: Sequence[FeatureDrive]) -> None:
         self.rule = rule
@@ -87,7 +87,7 @@ class ClipDraws:
 
 
 class Shelf:
-    """Features of drives in the memory of a device: a GPU holds all of them, a processor loads those of each clip."""
+    """Features of drives for a device: all of them in the memory of a GPU, those of each clip on a processor."""
 
     def __init__(self, drives: Sequence[FeatureDrive], device: torch.device) -> None:
         self.device = device
@@ -111,7 +111,7 @@ class Shelf:
         return self.place(np.stack(clips))
 
     def place(self, values: NDArray[np.generic]) -> torch.Tensor:
-        """Values on the device, without waiting for it."""
+        """Values on the device; the copy is asynchronous."""
         tensor = torch.from_numpy(values)
         return tensor if self.device.type == "cpu" else tensor.pin_memory().to(self.device, non_blocking=True)
 
@@ -119,7 +119,7 @@ class Shelf:
 def make_batch(
     chosen: Sequence[Chosen], shelf: Shelf | None = None, rng: np.random.Generator | None = None
 ) -> ClipBatch:
-    """Clips as one batch, on the shelf's device. rng: of errors of the attitudes; None for the true ones."""
+    """Clips as one batch on the shelf's device. rng: draws errors of the attitudes; None for the true attitudes."""
     shelf = shelf or Shelf((), torch.device("cpu"))
     dt_s, motions, mounts = [], [], []
     for drive, indices in chosen:
@@ -161,7 +161,7 @@ def _mounts(
 
 
 def _with_mounts(cells: torch.Tensor, mount: torch.Tensor) -> torch.Tensor:
-    """Cells (B, T, 8, h, w) with the floor as it lies before each frame's mount, (B, T, 12); see `flow_cells`."""
+    """Cells (B, T, 8, h, w) with the floor seen from each frame's mount, (B, T, 12); see `flow_cells`."""
     x, y, shown = cells[:, :, 0], cells[:, :, 1], cells[:, :, 7]
     right, down, ahead, height_m = (mount[:, :, place, None, None] for place in (6, 7, 8, 11))
     floor = -(right * x + down * y + ahead * shown).clamp_max(0.0) / height_m

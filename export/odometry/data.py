@@ -1,4 +1,4 @@
-"""Drives as training data: features of the frozen backbone, computed once and kept, with the true motion."""
+"""Drives as training data: cached features of the frozen backbone, with the true motion."""
 
 import copy
 import hashlib
@@ -31,16 +31,16 @@ from edgemap.runtime.network.network import Compute
 from edgemap.runtime.network.preprocess import Preprocessor, cell_grid
 
 FORMAT = "edgemap.features/1"
-PLAIN = AugmentedView()  # the pictures as they are
-FEW_DRIVES, USUAL_VIEWS = 3, 8  # that many drives, a flow head learns by heart: so many views of each besides
+PLAIN = AugmentedView()  # the unchanged pictures
+FEW_DRIVES, USUAL_VIEWS = 3, 8  # a flow head overfits so few drives: additional views of each
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class FeatureDrive:
     """One drive, ready for training. features: (N, C, H, W) float16, on disk. stamps_s: (N,). poses: (N, 3) of the
-    base. cells, mount: as `flow_cells` gives them. angles: (N, 3) roll and pitch of the camera in rad and the lens's
-    height in metres, in the angles of `Mount`, where the base does not stay level. rotated: (3, 3), of the camera
-    against its mount (`AugmentedView`)."""
+    base. cells, mount: as of `flow_cells`. angles: (N, 3), roll and pitch of the camera in rad, as in `Mount`, and the
+    height of the lens in metres, where the base is not level. rotated: (3, 3), rotation of the camera from its mount
+    (`AugmentedView`)."""
 
     name: str
     features: NDArray[np.float16]
@@ -90,9 +90,9 @@ class FeatureStore:
     def load(
         self, specs: Sequence[str], first: int = 0, frames: int | None = None, workers: int = 1, views: int = 0
     ) -> list[FeatureDrive]:
-        """All drives `KIND:DIR`, computing what is missing. Raises ExportError or CameraError.
+        """All drives `KIND:DIR`; missing features are computed. Raises ExportError or CameraError.
 
-        workers: processes that compute, each a drive on one thread. views: of each drive, besides its own.
+        workers: processes, each of which computes a drive on one thread. views: additional views of each drive.
         """
         seen = [PLAIN, *(AugmentedView.drawn(1 + index) for index in range(views))]
         if workers > 1:
@@ -176,7 +176,7 @@ def usual_views(specs: Sequence[str]) -> int:
 
 
 def _compute(store: FeatureStore, spec: str, first: int, frames: int | None, view: AugmentedView) -> None:
-    """In a process of its own, which keeps its session from drive to drive."""
+    """In a process of its own, which uses one session for all its drives."""
     shared = _STORES.setdefault(str(store.folder), store)
     shared.drive(spec, first, frames, view)
 
@@ -185,7 +185,7 @@ _STORES: dict[str, FeatureStore] = {}
 
 
 def _content(drive: Drive) -> str:
-    """A sum that changes with the pictures: of the video, or of each file's size and time."""
+    """Checksum of the pictures: of the video, or of each file's size and time."""
     if drive.video is not None:
         with drive.video.open("rb") as file:
             return hashlib.file_digest(file, "sha256").hexdigest()

@@ -1,4 +1,4 @@
-"""Trains an odometry head on cached features: clips, loss, validation on whole drives, files to resume from."""
+"""Trains an odometry head on cached features: clips, loss, validation on complete drives, resuming."""
 
 from collections.abc import Iterator, Sequence
 from dataclasses import asdict
@@ -27,13 +27,13 @@ PANELS = (  # the first is the paper's figure 6
 
 
 class HeadTraining(Training[Any, OdometrySettings]):
-    """Gives `best.pt`, `last.pt`, `curves.csv`, `curves.png` in a folder.
+    """One training of a head; writes `best.pt`, `last.pt`, `curves.csv` and `curves.png` to its folder.
 
-    start: the head as it starts. recipe: its loss and optimiser. train, validation: drives with features.
+    start: the initial head. recipe: its loss and optimiser. train, validation: drives with features.
     """
 
     resume_format = "edgemap.head-run/2"
-    highest = False  # the least drift
+    highest = False  # the least drift is the best
     average_steps = 300
     panels = PANELS
 
@@ -52,7 +52,7 @@ class HeadTraining(Training[Any, OdometrySettings]):
         self.draws, self.shelf = ClipDraws(recipe.clips, train), Shelf(train, self.device)
 
     def take_steps(self) -> Iterator[None]:
-        """Clips, loss, gradient, one after the other; which clips follows from the seed and the step."""
+        """Train step by step: draw clips, compute the loss, descend. Seed and step number determine the clips."""
         while self.progress() < 1.0:
             rng = np.random.default_rng((self.settings.seed, self.steps))
             clips = [self.draws.draw(rng) for _ in range(self.settings.batch)]
@@ -70,7 +70,7 @@ class HeadTraining(Training[Any, OdometrySettings]):
         return self.settings.patience is not None and since_best >= self.settings.patience
 
     def validate(self) -> None:
-        """Validates the averaged weights on whole drives."""
+        """Validate the averaged weights on complete drives."""
         head = self.averaged()
         figures = validate(head, self.recipe.unroll, self.validation, self.recipe.window)
         measured = {name: value for name, value in figures.items() if isinstance(value, float)}
@@ -78,7 +78,7 @@ class HeadTraining(Training[Any, OdometrySettings]):
             save_head(self._checkpoint(head.cpu(), figures), self.folder / "best.pt")
 
     def state(self) -> dict[str, Any]:
-        """Whose head it is."""
+        """Kind of the head and its backbone."""
         return {"kind": self.start.kind, "backbone": self.start.backbone}
 
     def restore(self, state: dict[str, Any], path: Path) -> None:

@@ -17,9 +17,8 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True, slots=True)
 class AugmentationRule:
-    """Uniform ranges of random views. yaw_rad, pitch_rad, roll_rad: of the camera against its mount, so far that a
-    car's road stays in view. zoom, gain, gamma: natural logarithms, of the focal length and of brightness.
-    """
+    """Uniform ranges of random views. yaw_rad, pitch_rad, roll_rad: of the camera from its mount, small enough that a
+    car's road stays in view. zoom, gain, gamma: natural logarithms, of the focal length and of brightness."""
 
     yaw_rad: tuple[float, float] = (-math.radians(10.0), math.radians(10.0))
     pitch_rad: tuple[float, float] = (-math.radians(2.5), math.radians(4.0))
@@ -31,8 +30,8 @@ class AugmentationRule:
 
 @dataclass(frozen=True, slots=True)
 class AugmentedView:
-    """Transformation of the pictures in a view: mirrored first, then rotated (about the optical axes down, right and
-    ahead), zoomed, and its brightness changed.
+    """Transformation of a drive's pictures: they are mirrored, rotated (about the optical axes down, right and ahead),
+    zoomed and changed in brightness, in this order.
     """
 
     yaw_rad: float = 0.0
@@ -45,14 +44,14 @@ class AugmentedView:
 
     @staticmethod
     def drawn(index: int, rule: AugmentationRule | None = None) -> "AugmentedView":
-        """The view of a number, from 1 on: always the same. Every second one is mirrored."""
+        """The view of a number, from 1: the same in each call. Every second one is mirrored."""
         rule, rng = rule or AugmentationRule(), np.random.default_rng((77, index))
         angles = [float(rng.uniform(*span)) for span in (rule.yaw_rad, rule.pitch_rad, rule.roll_rad)]
         factors = [math.exp(rng.uniform(*span)) for span in (rule.zoom, rule.gain, rule.gamma)]
         return AugmentedView(*angles, *factors, mirrored=index % 2 == 1)
 
     def rotation(self) -> Array:
-        """(3, 3), takes the view's optical directions into the camera's."""
+        """Rotation matrix (3, 3) from the view's optical frame to the camera's."""
         yaw, pitch, roll = (
             cv2.Rodrigues(np.array(axis))[0]
             for axis in ([0.0, self.yaw_rad, 0.0], [self.pitch_rad, 0.0, 0.0], [0.0, 0.0, self.roll_rad])
@@ -60,7 +59,7 @@ class AugmentedView:
         return np.asarray(yaw @ pitch @ roll, dtype=np.float64)
 
     def camera(self, camera: FloorCamera) -> FloorCamera:
-        """The view's camera before it was rotated. Raises ExportError for a lens that distorts."""
+        """The view's camera before its rotation. Raises ExportError for a lens with distortion."""
         lens, mount = camera.intrinsics, camera.mount
         if lens.distortion.model != "none":
             raise ExportError("views of a lens that distorts are not homographies: undistort the pictures first")
@@ -79,7 +78,7 @@ class AugmentedView:
         return np.asarray(seen, dtype=np.uint8)
 
     def shows(self, grid: CellGrid, lens: Intrinsics) -> NDArray[np.bool_]:
-        """Which cells' middles lie in the camera's picture, (rows, columns)."""
+        """Whether the centre of each cell lies in the camera's picture, bool (rows, columns)."""
         here = np.column_stack([grid.to_picture(grid.centres_px()), np.ones(grid.rows * grid.columns)])
         there = here @ np.linalg.inv(self._homography(lens)).T
         u, v = (there[:, :2] / there[:, 2:]).T
@@ -87,7 +86,7 @@ class AugmentedView:
         return np.asarray(inside.reshape(grid.rows, grid.columns))
 
     def _homography(self, lens: Intrinsics) -> Array:
-        """(3, 3), from the picture, mirrored where the view is, to the view's."""
+        """Homography (3, 3) from the picture, mirrored where the view is mirrored, to the view's picture."""
         cx = lens.width - 1.0 - lens.cx if self.mirrored else lens.cx
         matrix = np.array([[lens.fx, 0.0, cx], [0.0, lens.fy, lens.cy], [0.0, 0.0, 1.0]])
         return matrix @ np.diag([self.zoom, self.zoom, 1.0]) @ self.rotation().T @ np.linalg.inv(matrix)

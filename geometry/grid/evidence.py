@@ -1,4 +1,4 @@
-"""One picture's evidence, cell by cell: of several measurements of one kind in a cell the strongest counts."""
+"""Evidence of one picture by cell: of several measurements of one kind in a cell, the strongest counts."""
 
 import numpy as np
 
@@ -7,7 +7,7 @@ from edgemap.geometry.grid.patch import UNIT, Cells, Steps
 
 
 class Evidence:
-    """Gathers log-odds for and against obstacles in cells of the map, and adds both up."""
+    """Log-odds for and against obstacles in cells of the map, collected from one picture and summed."""
 
     def __init__(self, cell_m: float) -> None:
         self.cell_m = cell_m

@@ -41,16 +41,16 @@ class Shape:
     width_sigma: float
 
     def reach_m(self, width_m: float) -> float:
-        """From the lower edge to the footprint's middle, for an apparent width."""
+        """Distance from the box's lower edge to the centre of the footprint, for an apparent width."""
         widest = self.width + 2.0 * self.width_sigma
         return max(self.reach + self.reach_per_width * min(width_m, widest), 0.0)
 
     def missing_m(self, width_m: float) -> float:
-        """Of its usual width, what an apparent width leaves out."""
+        """Part of the usual width that an apparent width lacks."""
         return max(self.width - width_m, 0.0)
 
     def cut_sigma_m(self, width_m: float) -> float:
-        """Standard deviation of the middle of an object that the picture's side cuts."""
+        """Standard deviation of the centre of an object that the picture's border cuts."""
         return 0.5 * self.width_sigma + 0.25 * self.missing_m(width_m)
 
 

@@ -222,8 +222,8 @@ def place(landmarks: Sequence[Landmark], trajectory: KeyframeTrajectory, tilt_ra
 
 
 def observations(landmarks: Sequence[Landmark], tilt_rad: Array, rule: LandmarkRule) -> ObservationFactors:
-    """What each keyframe observed of each of these landmarks. That it was observed from one side of the object, and
-    its range, are part of each observation's error."""
+    """Factors of these landmarks, one for each keyframe that observed one. The error of each contains that of the range
+    and of the side from which the object was observed."""
     rows = np.concatenate([np.zeros((0, COLUMNS)), *(one.rows for one in landmarks)])
     position_m, information, bias_m, range_m = factors(rows, tilt_rad, rule.view_m)
     sizes = [len(one.keyframes) for one in landmarks]

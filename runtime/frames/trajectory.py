@@ -1,4 +1,4 @@
-"""Poses over time: recorded or growing, planar or with attitudes; and the TUM text format they are kept in."""
+"""Poses over time, recorded or growing, planar or with attitudes, and the TUM text format."""
 
 import math
 from bisect import bisect_right
@@ -17,12 +17,12 @@ from edgemap.runtime.frames.number_rows import STAMP, TABLE_BYTES, NumberTable, 
 from edgemap.runtime.frames.reading import read_bytes
 
 TUM = NumberTable((STAMP, *columns("x_m y_m z_m qx qy qz qw")))
-FASTEST_M_S = 60.0  # a car of KITTI's; a pose that jumps was set again, or is damaged
+FASTEST_M_S = 60.0  # a car of KITTI; a faster pose was reset or is damaged
 QUATERNION_TOLERANCE = 0.02  # of its length: files keep few digits
 
 
 class PoseTrack(Protocol):
-    """Poses over time that can be looked up: a Trajectory, or one that still grows."""
+    """Poses by stamp: a `Trajectory`, or a `GrowingTrack`."""
 
     @property
     def stamps_s(self) -> NDArray[np.float64]:
@@ -56,7 +56,7 @@ class Trajectory:
         return f"{len(self.poses)} poses"
 
     def at(self, stamp_s: float, tolerance_s: float = 0.15) -> SE2:
-        """The pose at a stamp, interpolated. Raises OdometryError where it lies further than the tolerance outside."""
+        """The pose at a stamp, interpolated. Raises OdometryError for a stamp outside by more than the tolerance."""
         first, last = self.stamps_s[0], self.stamps_s[-1]
         if not first - tolerance_s <= stamp_s <= last + tolerance_s:
             raise OdometryError(f"no pose at {stamp_s:.3f} s: the trajectory covers {first:.3f} to {last:.3f} s")
@@ -125,14 +125,14 @@ def trajectory_of(path: Path) -> Trajectory | None:
 
 KEPT = 500
 AHEAD_S = 0.2  # beyond the newest pose, at the latest speed
-SPEED_OVER_S = 0.02  # at least, two poses apart
-JUMP_M = 0.5  # shorter ones are none; longer ones are where they are faster than wheels
-SET_BACK_S = 1.0  # a pose that is older than the newest by less came late
+SPEED_OVER_S = 0.02  # least interval between the two poses of a speed
+JUMP_M = 0.5  # least length of a jump; a longer step is a jump where it is faster than wheels
+SET_BACK_S = 1.0  # a pose that is older than the newest by less is only late
 
 
 class GrowingTrack:
-    """The newest poses, by stamps that go forward. It restarts where a robot's odometry does: at a pose that wheels
-    do not reach in the time, or after a clock was set back."""
+    """The newest poses by increasing stamps. It restarts where a robot's odometry restarts: at a pose that wheels
+    cannot reach in that time, or after a clock was set back."""
 
     def __init__(self) -> None:
         self._stamps: list[float] = []
@@ -148,12 +148,12 @@ class GrowingTrack:
 
     @property
     def stamps_s(self) -> NDArray[np.float64]:
-        """Stamps of the poses that are kept."""
+        """Stamps of the stored poses."""
         return np.array(self._stamps)
 
     @property
     def poses(self) -> tuple[SE2, ...]:
-        """The poses that are kept."""
+        """The stored poses."""
         return tuple(self._poses)
 
     def push(self, stamp_s: float, pose: SE2) -> None:
@@ -175,8 +175,8 @@ class GrowingTrack:
             del self._stamps[:-KEPT], self._poses[:-KEPT]
 
     def at(self, stamp_s: float, tolerance_s: float = 0.0) -> SE2:
-        """The pose at a stamp, interpolated, and beyond the newest one for `AHEAD_S` extrapolated. Raises
-        OdometryError, also once where it restarted. tolerance_s: before the oldest one."""
+        """The pose at a stamp, interpolated, or extrapolated up to `AHEAD_S` after the newest one. Raises OdometryError
+        outside, and once after a restart. tolerance_s: allowed time before the oldest pose."""
         if self._restarted:
             self._restarted = False
             raise OdometryError(f"poses began again at {self._stamps[0]:.3f} s")
@@ -198,13 +198,13 @@ class GrowingTrack:
 
 Array = NDArray[np.float64]
 
-SIGMA_RAD = math.radians(0.2)  # of a recorded pose in its own frame, picture and pose not quite in step
+SIGMA_RAD = math.radians(0.2)  # of a recorded pose: stamps of pictures and poses differ slightly
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class AttitudeTrack:
-    """Roll and pitch of the camera in the angles of `Mount`, (N,) each, and how far the lens rose since the first
-    pose, metres (N,), at increasing stamps (N,) in seconds."""
+    """Roll and pitch of the camera as in `Mount`, (N,) each, and height of the lens above that at the first pose,
+    metres (N,), at increasing stamps (N,) in seconds."""
 
     stamps_s: Array
     roll_rad: Array
@@ -213,13 +213,13 @@ class AttitudeTrack:
 
     @classmethod
     def of_up(cls, stamps_s: Array, up_optical: Array, heights_m: Array) -> "AttitudeTrack":
-        """From the direction that points up in the optical frame, (N, 3), and heights of the lens, (N,)."""
+        """From up directions in the optical frame, (N, 3), and heights of the lens in metres, (N,)."""
         angles = [Attitude.of_up(up, np.zeros((2, 2)), "truth") for up in up_optical]
         roll, pitch = np.array([(a.roll_rad, a.pitch_rad) for a in angles]).T
         return cls(stamps_s, np.unwrap(roll), np.unwrap(pitch), heights_m - heights_m[0])
 
     def at(self, stamp_s: float, height_m: float) -> Attitude:
-        """The attitude at a stamp, interpolated; held beyond both ends. height_m: the lens's at the first pose."""
+        """The attitude at a stamp, interpolated; constant beyond both ends. height_m: of the lens at the first pose."""
         roll, pitch, risen = (
             float(np.interp(stamp_s, self.stamps_s, values)) for values in (self.roll_rad, self.pitch_rad, self.risen_m)
         )

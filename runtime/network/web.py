@@ -1,4 +1,4 @@
-"""Opens http and https alone, redirects included, and ends a transfer that takes too long."""
+"""Opens http and https only, also in redirects, and ends transfers that take too long."""
 
 import http.client
 import socket
@@ -26,7 +26,7 @@ def is_url(text: str) -> bool:
 
 
 class TransferClock:
-    """Ends a transfer that takes longer than it may, wherever it waits: also in headers that come drop by drop."""
+    """Ends a transfer at a time limit, wherever it waits: also in headers that arrive byte by byte."""
 
     def __init__(self, longest_s: float) -> None:
         self.until_s = time.monotonic() + longest_s
@@ -35,7 +35,8 @@ class TransferClock:
         self._done = threading.Event()
 
     def connect(self, kind: type[http.client.HTTPConnection], *arguments: Any, **options: Any) -> Any:
-        """A connection whose sockets end with the time. As `http.client`'s classes."""
+        """A connection of this class, whose sockets are closed at the time limit. arguments, options: as for the
+        class."""
         clock = self
 
         class Watched(kind):
@@ -62,7 +63,7 @@ class TransferClock:
 
 
 class WatchedHandler(urllib.request.HTTPSHandler, urllib.request.HTTPHandler):
-    """Opens http and https, watched by a clock."""
+    """Opens http and https with the time limit of a `TransferClock`."""
 
     def __init__(self, clock: TransferClock) -> None:
         super().__init__(context=trusted_certificates())
@@ -80,15 +81,15 @@ class WatchedHandler(urllib.request.HTTPSHandler, urllib.request.HTTPHandler):
 
 @cache
 def trusted_certificates() -> ssl.SSLContext:
-    """The system's certificates: they take 20 ms to read, so they are read once."""
+    """The system's certificates, read once, as reading takes 20 ms."""
     return ssl.create_default_context()
 
 
 class WebOnly(urllib.request.HTTPRedirectHandler):
-    """Follows redirects to http and https only, and never from https to http; their own bodies are not read."""
+    """Follows redirects to http and https only, never from https to http; bodies of redirects are not read."""
 
     def http_error_302(self, req: Any, fp: Any, code: int, msg: str, headers: Any) -> Any:
-        """As the base class, which would take a redirect's whole body into memory, whatever its length."""
+        """As the base class, without reading the redirect's body into memory."""
         fp.read = bytes
         return super().http_error_302(req, fp, code, msg, headers)
 

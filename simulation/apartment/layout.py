@@ -1,4 +1,4 @@
-"""Furniture in place: against walls, in corners, beside and on top of pieces; what does not fit is left out."""
+"""Places furniture: against walls, in corners, beside and on top of other pieces; what does not fit is omitted."""
 
 import math
 from collections.abc import Iterable
@@ -14,13 +14,13 @@ from edgemap.simulation.apartment.space import Boxes, Floor, rectangle_corners
 from edgemap.simulation.apartment.tint import Tint, draw_tint
 from edgemap.simulation.render.mesh import Array
 
-# What walks away: detected, but never mapped, and nothing that a home must offer.
+# Classes that move by themselves: detected, but never mapped, and not required in a home.
 ALIVE = frozenset({"person", "cat", "dog"})
 
 
 @dataclass(frozen=True, slots=True)
 class Placed:
-    """A piece of furniture in place. id: from 1, unique in the home. label: a COCO class, or "" for mere decoration.
+    """A piece of furniture in place. id: from 1, unique in the home. label: a COCO class, or "" for decoration.
 
     model: at this piece's own size. pose_home_object: origin at the footprint's centre, x out of the front. z_m: height
     above the floor. kind: its name in models.toml.
@@ -53,8 +53,8 @@ _GROWS = {"potted plant", "cat", "dog", "person"}
 
 
 class Layout:
-    """Furniture of one home in the making. Every method that places something returns it, or None where it fits
-    nowhere; drawn from one generator, so that a seed always furnishes alike."""
+    """The furniture of one home, placed piece by piece. Each method that places a piece returns it, or None where it
+    does not fit. One generator draws everything, so a seed determines the furniture."""
 
     def __init__(self, plan: ApartmentPlan, purpose: Purpose, rng: np.random.Generator) -> None:
         self.plan, self.rng = plan, rng
@@ -80,7 +80,8 @@ class Layout:
             self.boxes.add(rectangle_corners(keep), window.sill_m + 0.02, window.top_m, 0)
 
     def model(self, kind: str, usual: bool = False) -> Model:
-        """A model of a kind in its own size. usual: the one this home has many of, such as the chairs of a table."""
+        """A model of a kind in a size of its own. usual: the model that this home has several of, such as a table's
+        chairs."""
         if usual and kind in self._usual:
             return self._usual[kind]
         pool = furniture.kinds()[kind]
@@ -104,8 +105,8 @@ class Layout:
         like: Placed | None = None,
         spare_m: tuple[float, float] = (0.0, 0.0),
     ) -> Placed | None:
-        """Places a model unless it would leave the room, collide (except with `ignore`) or block a path. like: piece
-        whose tint it shares. spare_m: margin that must be free around and above it.
+        """Places a model unless it would leave the room, collide (except with `ignore`) or block a path. like: a
+        piece with the same tint. spare_m: margin that must be free around and above it.
         """
         label = furniture.kinds()[kind].label
         tint = like.tint if like else draw_tint(self.rng, 0.12 if label in _GROWS else 1.0)
@@ -132,7 +133,7 @@ class Layout:
     def against_wall(
         self, kind: str, room: RoomArea, sides: Iterable[str] = SIDES, z_m: float = 0.0, above_m: float = 0.0
     ) -> Placed | None:
-        """Back to one of the walls, anywhere along it, with so much free above it."""
+        """Places a model with its back to a wall, anywhere along it, with that much free space above it."""
         sides = list(sides)
         for _ in range(_TRIES):
             model, side = self.model(kind), sides[int(self.rng.integers(len(sides)))]
@@ -156,7 +157,7 @@ class Layout:
         return SE2(x, y, math.radians(_YAWS[side]))
 
     def in_corner(self, kind: str, room: RoomArea, turned: bool = True) -> Placed | None:
-        """Places a piece in a corner, at a random yaw or facing the room."""
+        """Places a model in a corner, at a random yaw or facing the room."""
         for _ in range(_TRIES):
             model = self.model(kind)
             reach = math.hypot(model.width_m, model.depth_m) / 2.0 if turned else model.width_m / 2.0
@@ -183,7 +184,7 @@ class Layout:
         return None
 
     def anywhere(self, kind: str, room: RoomArea) -> Placed | None:
-        """Somewhere on the open floor."""
+        """Places a model anywhere on the open floor."""
         for _ in range(_TRIES):
             x, y = self.uniform(room.x0 + 0.2, room.x1 - 0.2), self.uniform(room.y0 + 0.2, room.y1 - 0.2)
             item = self.put(kind, self.model(kind), room, SE2(x, y, self.uniform(-math.pi, math.pi)))

@@ -1,4 +1,4 @@
-"""Base of all cameras of files, and wrappers of a camera, which change how frames are read and keep everything else."""
+"""Base class of cameras that read files, and wrappers that change how frames of another camera are read."""
 
 import math
 import time
@@ -27,8 +27,8 @@ from edgemap.runtime.inputs.drives.pictures import readable_depth
 class CameraBase:
     """The protocol's fields, all unknown, and `frame` to wrap a picture. Subclasses set `size`, add `read`.
 
-    imu: all inertial samples of a recording, which `frame` deals out. depth: depth pictures on disk, one a picture;
-    depth_camera: theirs, None where they are registered to the pictures.
+    imu: all inertial samples of a recording; `frame` gives each frame its part. depth: depth pictures on disk, one for
+    each picture. depth_camera: their camera, None where they are registered to the pictures.
     """
 
     def __init__(self, name: str, intrinsics: Intrinsics | None = None, mount: Mount | None = None) -> None:
@@ -48,7 +48,7 @@ class CameraBase:
         self.wheel: Path | PoseTrack | None = None
         self.decisions: Decisions | None = None
         self.edits: tuple[str, ...] = ()
-        self.calibration: dict[str, Any] = {}  # of a recording: how lens and mount came to be, as in camera.yaml
+        self.calibration: dict[str, Any] = {}  # of a recording: source of intrinsics and mount, as in camera.yaml
         self._delivered, self._sampled_s = 0, -math.inf
 
     @property
@@ -70,9 +70,9 @@ class CameraBase:
     def frame(
         self, image: NDArray[np.uint8], stamp_s: float, name: str, depth: NDArray[np.float32] | None = None
     ) -> Frame:
-        """The picture as the next delivered frame. Raises CameraError where its size is not the lens's.
+        """The picture as the next delivered frame. Raises CameraError where the intrinsics are for another size.
 
-        depth: of its pixels; of another size, it is left out.
+        depth: in metres, one value per pixel; ignored where its size differs from the picture's.
         """
         height, width = image.shape[:2]
         lens = self.intrinsics
@@ -86,7 +86,7 @@ class CameraBase:
         return frame
 
     def depth_of(self, number: int) -> NDArray[np.float32] | None:
-        """Depth of the picture of that number, of its pixels; None where there is none that can be read."""
+        """Depth of the picture with that number, one value per pixel; None where it is missing or unreadable."""
         depth = readable_depth(self.depth[number]) if self.depth else None
         if depth is None or self.depth_camera is None:
             return depth
@@ -137,9 +137,9 @@ class CameraAround(CameraBase):
 
 
 class PacedCamera(CameraAround):
-    """Delivers every frame of a file camera at its stamp, never earlier; a slow reader gets them late.
+    """Delivers every frame of a file camera at its stamp, never earlier; a slow reader receives them late.
 
-    clock_s, sleep: seconds that only go forward, and waiting them; tests pass their own.
+    clock_s, sleep: a monotonic clock in seconds, and how to wait; tests pass their own.
     """
 
     def __init__(
@@ -154,7 +154,7 @@ class PacedCamera(CameraAround):
         self._ahead: Frame | None = None
 
     def read(self) -> Frame | None:
-        """The next frame at its stamp; None at the end. Raises FrameTimeout where that takes longer."""
+        """The next frame at its stamp; None at the end. Raises FrameTimeout after TICK_S without one."""
         frame, self._ahead = self._ahead or super().read(), None
         if frame is None:
             return None
@@ -163,16 +163,16 @@ class PacedCamera(CameraAround):
         wait_s = self._start_s + frame.stamp_s - self._clock_s()
         if wait_s > 0:
             self._sleep(min(wait_s, TICK_S))
-        if wait_s > TICK_S:  # the reader must see a stop meanwhile
+        if wait_s > TICK_S:  # so that a stop is noticed
             self._ahead = frame
             raise FrameTimeout(f"{self.name}: the next frame is {wait_s:.1f} s ahead", None, self.state)
         return frame
 
 
 class BudgetedCamera(CameraAround):
-    """Frames are taken and marked as a budget decides; a change is reported as a `CameraFault` that is not counted.
+    """Takes and marks frames as a budget decides. A change is reported as a `CameraFault` that does not count as fault.
 
-    replayed: what another run's budget decided, which is then kept to. efforts: all decisions so far, as plain values.
+    replayed: decisions of another run's budget, which are repeated. efforts: all decisions so far, as plain values.
     """
 
     def __init__(self, camera: Camera, budget: Budget | None = None, replayed: Sequence[Effort] = ()) -> None:
@@ -194,7 +194,7 @@ class BudgetedCamera(CameraAround):
         return "" if self.effort.full else f", {self.effort}"
 
     def read(self) -> Frame | None:
-        """The next frame that is taken, with the inertial samples of those that were not."""
+        """The next frame that is taken, with the inertial samples of the skipped ones."""
         if self._budget is not None and (decided := self._budget.decide()) is not None:
             effort, why = decided
             self._begin(replace(effort, since=self._next))
@@ -205,7 +205,7 @@ class BudgetedCamera(CameraAround):
                 self._begin(self._replayed.pop(0))
             effort = self._effort
             if effort is None and self._budget is None and not self._replayed:
-                return frame  # nothing is decided: a recording's own marks stand
+                return frame  # no decision: a recording's own marks stay
             effort = effort or Effort()
             self._skipped.append(frame.imu)
             if effort.takes(frame.index):

@@ -1,4 +1,4 @@
-"""The focal length that a picture's or a video's own file states, as phones and cameras write it."""
+"""The focal length in the metadata of a picture or a video, as phones and cameras write it."""
 
 import math
 from importlib.util import find_spec
@@ -14,10 +14,10 @@ LEAST_MM, MOST_MM = 8.0, 400.0
 
 
 def stated_focal_px(path: Path, width: int, height: int) -> tuple[float, str] | None:
-    """Focal length, px, of pictures of this size, and the file that states it; None where no file does.
+    """Focal length in px for pictures of this size, and the file that states it; None where no file does.
 
-    path: a picture, a folder of them, or a video. By the diagonal of a 35 mm film (CIPA DCG-001). Of a video it is
-    somewhat short, as filming crops the sensor.
+    path: a picture, a folder of them, or a video. Computed from the 35 mm equivalent by the diagonal
+    (CIPA DCG-001). For a video it is somewhat short, as filming crops the sensor.
     """
     film_mm, source = None, ""
     if path.is_dir():
@@ -37,7 +37,7 @@ def _of_picture(path: Path) -> float | None:
     try:
         with Image.open(path) as picture:
             return _number(picture.getexif().get_ifd(EXIF).get(FOCAL_35MM))
-    except (OSError, ValueError, SyntaxError, KeyError):  # what Pillow raises at damaged files
+    except (OSError, ValueError, SyntaxError, KeyError):  # Pillow's errors for damaged files
         return None
 
 
