@@ -118,11 +118,8 @@ def read_intrinsics(text: str | None, width: int, height: int) -> "Intrinsics | 
             f"--intrinsics {text!r}: the principal point {cx:g},{cy:g} is outside the picture of {width}x{height} px "
             "(FX,FY,CX,CY: focal lengths first)"
         )
-    if given.off_middle:
-        _warn(
-            f"--intrinsics {text!r}: the principal point {cx:g},{cy:g} is far from the middle of {width}x{height} px: "
-            "are these numbers for pictures of another size?"
-        )
+    if given.doubt:
+        _warn(f"--intrinsics {text!r}: {given.doubt}")
     return given
 
 
@@ -183,6 +180,8 @@ def known_lens(camera: "Camera", intrinsics: str | None) -> "Intrinsics":
     if (lens.width, lens.height) != tuple(camera.size):
         size = f"{camera.size[0]}x{camera.size[1]}"
         raise OptionError(f"{camera.name} delivers {size} px, the lens given is for {lens.width}x{lens.height} px")
+    if intrinsics is None and lens.doubt:
+        _warn(f"the lens of {camera.name}: {lens.doubt}")
     return lens
 
 

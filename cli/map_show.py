@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 def command(
     maps: Annotated[
         tyro.conf.Positional[tuple[Path, ...]],
-        arg(metavar="[MAP...]", help="map.json files or run folders; the newest run in runs/ by default."),
+        arg(metavar="[MAP...]", help="map.json files or run folders; the newest run in runs/ or here by default."),
     ] = (),
     out: Annotated[
         Path | None,

@@ -115,8 +115,8 @@ def known_names(unknown: Iterable[str], known: Iterable[str], whose: str) -> str
 
 
 def last_run() -> Path:
-    """The newest run folder in `runs/`, by the time of its run.json. Raises OptionError where there is none."""
-    found = [path for path in Path("runs").glob("*/run.json") if path.is_file()]
+    """The newest run folder in `runs/` or here, by the time of its run.json. Raises OptionError where there is none."""
+    found = [path for pattern in ("runs/*/run.json", "*/run.json") for path in Path().glob(pattern) if path.is_file()]
     if not found:
-        raise OptionError("no run in runs/: give a map.json or a run folder, or make one with `edgemap run`")
+        raise OptionError("no run in runs/ or here: give a map.json or a run folder, or make one with `edgemap run`")
     return max(found, key=lambda path: path.stat().st_mtime).parent

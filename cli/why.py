@@ -12,7 +12,7 @@ from edgemap.cli.options import Json, last_run, print_json
 def command(
     run: Annotated[
         tyro.conf.Positional[Path | None],
-        arg(metavar="[RUN]", help="A run folder; the newest run in runs/ by default."),
+        arg(metavar="[RUN]", help="A run folder; the newest run in runs/ or here by default."),
     ] = None,
     json: Json = False,
 ) -> None:

@@ -10,7 +10,10 @@ from numpy.typing import ArrayLike
 from edgemap.geometry.arrays import Array
 from edgemap.geometry.errors import GeometryError
 
-OFF_MIDDLE = 0.2  # of the picture's width or height: lenses are a tenth off at most, half the size is a quarter
+# Of the picture's width or height: lenses are a tenth off at most, exchanged numbers a sixth, those of half the size a
+# quarter.
+OFF_MIDDLE = 0.15
+UNEQUAL = 0.15  # logarithm of fx / fy: pixels are square to some per cent
 DISTORTION_MODELS = ("none", "brown_conrady", "inverse_brown_conrady", "modified_brown_conrady")
 
 
@@ -127,10 +130,17 @@ class Intrinsics:
         return not (-0.5 <= self.cx <= self.width - 0.5 and -0.5 <= self.cy <= self.height - 0.5)
 
     @property
-    def off_middle(self) -> bool:
-        """Whether the principal point is so far from the picture's middle that the numbers may be of another size."""
+    def doubt(self) -> str | None:
+        """Why the numbers may be those of another picture size or in another order; None where nothing shows it."""
         off_x, off_y = abs(self.cx - self.width / 2) / self.width, abs(self.cy - self.height / 2) / self.height
-        return max(off_x, off_y) > OFF_MIDDLE
+        if max(off_x, off_y) > OFF_MIDDLE:
+            return (
+                f"the principal point {self.cx:g},{self.cy:g} is far from the middle of {self.width}x{self.height} px: "
+                "are these numbers for pictures of another size?"
+            )
+        if abs(math.log(self.fx / self.fy)) > UNEQUAL:
+            return f"the focal lengths {self.fx:g} and {self.fy:g} px are not alike: is the order fx, fy, cx, cy?"
+        return None
 
     def rays(self, pixels: ArrayLike) -> Array:
         """Viewing rays through pixels, (N, 2) in px to (N, 3) in the optical frame with z = 1."""

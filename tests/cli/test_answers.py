@@ -8,11 +8,13 @@ import tomllib
 import xml.etree.ElementTree as ElementTree
 from pathlib import Path
 
+import cv2
+import numpy as np
 import pytest
 
 from edgemap.cli import main
 from edgemap.cli.arguments import OptionError
-from edgemap.cli.camera_options import read_intrinsics
+from edgemap.cli.camera_options import known_lens, open_described, read_intrinsics
 from edgemap.cli.publishers import host_and_port
 from edgemap.cli.usage import parse_and_call
 from edgemap.runtime.frames.extras import EXTRAS
@@ -71,6 +73,30 @@ def test_intrinsics_of_pictures_of_another_size_are_doubted_once(capsys):
         "160,120 is far from the middle of 640x480 px: are these numbers for pictures of another size?"
     )
     read_intrinsics("503,503,330,220", 640, 480)
+    assert capsys.readouterr().err == ""
+
+
+def test_intrinsics_in_another_order_are_doubted(capsys):
+    read_intrinsics("503,503,240,320", 640, 480)
+    assert "240,320 is far from the middle of 640x480 px" in capsys.readouterr().err
+    read_intrinsics("503,320,503,240", 640, 480)
+    assert "the principal point 503,240 is far from the middle" in capsys.readouterr().err
+    read_intrinsics("400,503,320,240", 640, 480)
+    assert (
+        capsys.readouterr()
+        .err.strip()
+        .endswith("the focal lengths 400 and 503 px are not alike: is the order fx, fy, cx, cy?")
+    )
+
+
+def test_the_lens_of_a_camera_file_is_doubted_as_a_given_one(capsys, tmp_path):
+    cv2.imwrite(str(tmp_path / "0.jpg"), np.full((48, 64, 3), 90, np.uint8))
+    (tmp_path / "camera.yaml").write_text("{width: 64, height: 48, fx: 60.0, fy: 60.0, cx: 16.0, cy: 12.0}")
+    with open_described(str(tmp_path), None) as camera:
+        known_lens(camera, None)
+    assert "the principal point 16,12 is far from the middle of 64x48 px" in capsys.readouterr().err
+    with open_described(str(tmp_path), None) as camera:
+        known_lens(camera, "60,60,32,24")
     assert capsys.readouterr().err == ""
 
 

@@ -299,11 +299,15 @@ def test_why_of_no_run_is_wrong_usage(edgemap, tmp_path):
     assert "not a run folder" in one_line(edgemap("why", tmp_path / "none"), 2)
 
 
-def test_map_show_takes_the_last_run(edgemap, run_folder, tmp_path):
-    assert "no run in runs/" in one_line(edgemap("map", "show", cwd=tmp_path), 2)
+def test_map_show_and_why_take_the_last_run(edgemap, run_folder, tmp_path):
+    place = tmp_path / "place"
+    place.mkdir()
+    assert "no run in runs/" in one_line(edgemap("map", "show", cwd=place), 2)
     for name in ("20260101T000000Z", "20260102T000000Z"):
-        shutil.copytree(run_folder, tmp_path / "runs" / name)
-    assert "20260102T000000Z/map.png" in edgemap("map", "show", cwd=tmp_path).stdout
+        shutil.copytree(run_folder, place / "runs" / name)
+    assert "20260102T000000Z/map.png" in edgemap("map", "show", cwd=place).stdout
+    shutil.copytree(run_folder, place / "kitchen", copy_function=shutil.copy)  # as by `run --out kitchen`
+    assert edgemap("why", cwd=place).stdout.startswith("kitchen: map:")
 
 
 def test_detect_draws_boxes_without_a_mount(edgemap, painted_bundle, pictures, tmp_path):
@@ -356,6 +360,10 @@ def test_a_recording_that_cannot_be_ended_leaves_the_map_and_names_its_folder(
 
 def test_an_empty_folder_is_one_line(edgemap, painted_bundle, tmp_path):
     assert "no pictures in it" in one_line(edgemap("run", "--camera", tmp_path, "--bundle", painted_bundle))
+    (tmp_path / "images").mkdir()
+    (tmp_path / "images" / "0.jpg").touch()
+    line = one_line(edgemap("run", "--camera", tmp_path, "--bundle", painted_bundle))
+    assert line.endswith(f"no pictures in it, but in {tmp_path / 'images'}")
 
 
 def write_video(path, count=40):

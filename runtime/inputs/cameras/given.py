@@ -39,12 +39,8 @@ def as_intrinsics(given: IntrinsicsLike, width: int, height: int) -> Intrinsics:
             f"intrinsics={given!r}: the principal point {cx:g},{cy:g} is outside the picture of {width}x{height} px "
             "(fx, fy, cx, cy: focal lengths first)"
         )
-    if lens.off_middle:
-        warnings.warn(
-            f"intrinsics={given!r}: the principal point {cx:g},{cy:g} is far from the middle of {width}x{height} px: "
-            "are these numbers for pictures of another size?",
-            stacklevel=2,
-        )
+    if lens.doubt:
+        warnings.warn(f"intrinsics={given!r}: {lens.doubt}", stacklevel=2)
     return lens
 
 

@@ -72,7 +72,7 @@ class LensRecord(Strict):
 
 
 class _Mount(Strict):
-    height_m: Annotated[float, Meta(gt=0.0, le=100.0)]
+    height_m: Annotated[float, Meta(gt=0.0, le=10.0)]  # 60 is in cm
     pitch_deg: Angle
     roll_deg: Angle = 0.0
     forward_m: Arm = 0.0
