@@ -109,7 +109,7 @@ class Pipeline:
             self._floor = floor_mask(outputs, placement, self._floor_output)
             stage("floor_mask")
         motion = motion or self._motion_by_picture(frame, outputs, prior)
-        camera = self._camera_after(attitude, motion)
+        camera = self.camera.at(attitude_after(self.attitude, attitude, motion))
         stage("attitude")
         if not searched:
             boxes = self._detections if at_rest else Detections.none(self._names)
@@ -151,22 +151,6 @@ class Pipeline:
         self._watch.stage("odometry")
         return motion
 
-    def _camera_after(self, attitude: Attitude, motion: Motion) -> FloorCamera:
-        """The camera of this frame. An attitude that was only predicted is updated by the odometry's rotation. The tilt
-        that an odometry estimates takes its place where it is known to PREDICTED_RAD, as errors of the room's edges
-        last longer than their covariance states, and a measured one's place where it has the smaller covariance.
-        """
-        rotation, updated = motion.rotation, self.attitude.update(motion.rotation)
-        source, limit_rad = attitude.source, math.sqrt(float(np.trace(attitude.covariance_rad2)) / 2.0)
-        if attitude.predicted:
-            source, limit_rad = PicturesAttitude.name, PREDICTED_RAD
-            attitude = replace(updated, fault=attitude.fault)
-        if rotation is not None and rotation.up is not None and rotation.up_rad < limit_rad:
-            own = Attitude.of_up(rotation.up, np.eye(2) * rotation.up_rad**2, source)
-            angles = {name: getattr(own, name) for name in ("roll_rad", "pitch_rad", "covariance_rad2", "source")}
-            attitude = replace(attitude, **angles)
-        return self.camera.at(attitude)
-
     def _searches(self, frame: Frame, health: PictureHealth) -> bool:
         """Whether the backbone runs: not on a blind picture, but for a repeated one of the same view, and not where the
         budget forbids it and the odometry can do without."""
@@ -183,3 +167,21 @@ class Pipeline:
                 f"frame {frame.index} {frame.name} is {width}x{height} px, "
                 f"the intrinsics are for {expected.width}x{expected.height}"
             )
+
+
+def attitude_after(source: AttitudeSource, attitude: Attitude, motion: Motion) -> Attitude:
+    """The attitude of a frame after its motion. An attitude that was only predicted is updated by the odometry's
+    rotation. An odometry's own tilt replaces a predicted one where its standard deviation is below PREDICTED_RAD, as
+    errors of the room's edges last longer than their covariance states, and a measured one where its covariance is
+    smaller. source: of `attitude`; it keeps its own estimate.
+    """
+    rotation, updated = motion.rotation, source.update(motion.rotation)
+    name, limit_rad = attitude.source, math.sqrt(float(np.trace(attitude.covariance_rad2)) / 2.0)
+    if attitude.predicted:
+        name, limit_rad = PicturesAttitude.name, PREDICTED_RAD
+        attitude = replace(updated, fault=attitude.fault)
+    if rotation is not None and rotation.up is not None and rotation.up_rad < limit_rad:
+        own = Attitude.of_up(rotation.up, np.eye(2) * rotation.up_rad**2, name)
+        angles = {field: getattr(own, field) for field in ("roll_rad", "pitch_rad", "covariance_rad2", "source")}
+        attitude = replace(attitude, **angles)
+    return attitude

@@ -27,7 +27,7 @@ from edgemap.runtime.frames.frame import Frame
 from edgemap.runtime.frames.trajectory import GrowingTrack, Trajectory, read_tum, tum_line
 from edgemap.runtime.inputs.cameras.protocol import Camera
 from edgemap.runtime.inputs.open import open_camera
-from edgemap.runtime.motion.odometry import OdometryRules, _members, open_odometry
+from edgemap.runtime.motion.odometry import OdometryRules, hybrid_members, open_odometry
 from edgemap.runtime.motion.odometry.coasting import CoastingRule
 from edgemap.runtime.motion.odometry.corner_odometry import PlanarRule
 from edgemap.runtime.motion.odometry.corners import CornerTracker, Picture
@@ -382,7 +382,7 @@ def test_a_room_s_head_is_left_out_on_a_road_and_on_a_head(height_m, pitch_deg, 
     bundle = load_bundle(bundle_folder("edgemap-nano"), 1)
     floor = FloorCamera(CAMERA.intrinsics, Mount.from_degrees(height_m, pitch_deg, 0.0, platform=platform))
     source = cast(Camera, SimpleNamespace(wheel=None))
-    members, warning = _members(bundle, source, floor, True, OdometryRules())
+    members, warning = hybrid_members(bundle, source, floor, True, OdometryRules())
     names = [member.odometry.name for member in members]
     assert names.count("flow") == heads
     assert names[0] == "planar"

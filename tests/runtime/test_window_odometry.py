@@ -19,15 +19,16 @@ from edgemap.geometry.camera.mount import Mount
 from edgemap.geometry.camera.platform import Platform
 from edgemap.geometry.se2 import SE2
 from edgemap.runtime.frames.frame import Frame
+from edgemap.runtime.motion import odometry as odometries
 from edgemap.runtime.motion.attitude.pictures import PicturesAttitude
-from edgemap.runtime.motion.odometry import OdometryRules, _members
+from edgemap.runtime.motion.odometry import open_odometry
 from edgemap.runtime.motion.odometry.planar import PlanarOdometry
 from edgemap.runtime.motion.odometry.protocol import FramePrior, Motion
 from edgemap.runtime.motion.odometry.tracked import TrackedOdometry
 from edgemap.runtime.motion.odometry.window import WindowOdometry
 from edgemap.runtime.network.bundle import load_bundle
 from edgemap.runtime.network.store import bundle_folder
-from edgemap.runtime.step.pipeline import Pipeline
+from edgemap.runtime.step.pipeline import attitude_after
 
 HEAD = FloorCamera(CAMERA.intrinsics, Mount.from_degrees(1.5, 25.0))
 BLANK = np.full((240, 320, 3), 90, np.uint8)
@@ -89,13 +90,12 @@ def test_window_finds_the_tilt_of_a_camera_that_is_not_at_its_mounts_angles():
 
 def test_the_windows_tilt_takes_the_place_of_the_pictures_tilt_and_they_keep_their_own():
     """Theirs is what the window takes as a prior: the window's must not come back to it."""
-    source = PicturesAttitude(CAMERA.mount)
-    pipeline, up = SimpleNamespace(attitude=source, camera=CAMERA), up_optical(CAMERA.mount.pitch_rad + 0.1, 0.05)
+    source, up = PicturesAttitude(CAMERA.mount), up_optical(CAMERA.mount.pitch_rad + 0.1, 0.05)
     for index, (up_rad, angles) in enumerate([(0.01, (0.1, 0.05)), (0.2, (0.0, 0.0))]):
         given = source.predict(Frame(index, 0.1 * index, BLANK))
         assert given.pitch_rad == pytest.approx(CAMERA.mount.pitch_rad, abs=1e-3)
         motion = Motion(rotation=TrackedRotation(np.eye(3), 0.001, up=up, up_rad=up_rad))
-        mount = Pipeline._camera_after(pipeline, given, motion).mount
+        mount = CAMERA.at(attitude_after(source, given, motion)).mount
         assert (mount.pitch_rad - CAMERA.mount.pitch_rad, mount.roll_rad) == pytest.approx(angles, abs=1e-3)
 
 
@@ -120,13 +120,16 @@ def test_steps_without_pictures_are_not_counted_twice():
     assert total(motions).x_m == pytest.approx(poses[-1].x_m, abs=0.08)
 
 
-def test_a_camera_at_head_height_without_wheels_begins_as_a_carried_one():
+def test_a_camera_at_head_height_without_wheels_begins_as_a_carried_one(monkeypatch):
     bundle = load_bundle(bundle_folder("edgemap-pico"))
     lens = Intrinsics(320, 240, 250.0, 250.0, 159.5, 119.5)
 
+    made = []
+    monkeypatch.setattr(odometries, "TrackedOdometry", lambda *parts: made.append(parts[-1]) or TrackedOdometry(*parts))
+
     def member(mount, wheel=None):
-        members, _ = _members(bundle, SimpleNamespace(wheel=wheel), FloorCamera(lens, mount), False, OdometryRules())
-        return members[0].odometry._tracked.carried
+        open_odometry("hybrid", bundle, SimpleNamespace(wheel=wheel), FloorCamera(lens, mount), wheels=False)
+        return made[-1]
 
     assert member(Mount.from_degrees(1.64, 20.0))
     assert not member(Mount.from_degrees(0.5, 15.0))
@@ -139,11 +142,11 @@ def test_a_camera_at_head_height_without_wheels_begins_as_a_carried_one():
 def test_an_imus_tilt_gives_way_to_one_that_the_window_knows_better():
     """It is not given back to the IMU's filter, whose attitude the window takes as a prior."""
     given = Attitude(0.1, HEAD.mount.pitch_rad + 0.1, np.eye(2) * 0.03**2, source="imu")
-    pipeline = SimpleNamespace(attitude=SimpleNamespace(update=lambda rotation: given), camera=HEAD)
+    source = SimpleNamespace(update=lambda rotation: given)
     up = up_optical(HEAD.mount.pitch_rad, 0.0)
     for up_rad, pitch_rad in ((0.01, HEAD.mount.pitch_rad), (0.05, given.pitch_rad)):
         motion = Motion(rotation=TrackedRotation(np.eye(3), 0.001, up=up, up_rad=up_rad))
-        camera = Pipeline._camera_after(pipeline, given, motion)
+        camera = HEAD.at(attitude_after(source, given, motion))
         assert camera.mount.pitch_rad == pytest.approx(pitch_rad)
         assert camera.attitude.source == "imu"
 

@@ -67,7 +67,7 @@ def open_odometry(
     rules = rules or OdometryRules()
     coasting = rules.coasting.of_unit(floor.mount.platform.unit_m)
     if spec == "hybrid":
-        members, warning = _members(bundle, camera, floor, wheels, rules, tilt)
+        members, warning = hybrid_members(bundle, camera, floor, wheels, rules, tilt)
         return HybridOdometry(members, rules.hybrid, coasting, warning, health)
     if spec == "gyro":
         return GyroOdometry()
@@ -108,7 +108,7 @@ def _tracked(
 POSES_EDGE_S = 0.15  # poses that are taken as they are may end a frame early
 
 
-def _members(
+def hybrid_members(
     bundle: Bundle,
     camera: Camera,
     floor: FloorCamera,
@@ -116,8 +116,8 @@ def _members(
     rules: OdometryRules,
     tilt: MountTiltRule | None = None,
 ) -> tuple[list[Member], str]:
-    """Corners on the floor, the bundle's flow head where one is trained for such a camera, wheels and gyro where there
-    are any; and why there is no flow head beside a robot's corners, if so."""
+    """The hybrid's members: corners on the floor, the bundle's flow head where it is trained for such a camera, wheels
+    where the source has them, and the gyro. Also returns why a robot's camera has no flow head; empty otherwise."""
     scale = rules.hybrid.covariance_scale
     head, flow = bundle.manifest.odometry.get("flow"), None
     if head is not None and head.trained:
