@@ -28,6 +28,14 @@ def command(
         float | None,
         arg(metavar="METRES", help="Lens above the floor, by ruler, for sources with neither depth nor wheels."),
     ] = None,
+    wheel_topic: Annotated[
+        str | None,
+        arg(
+            metavar="/TOPIC",
+            help="Wheel odometry (nav_msgs/Odometry) that measures the height: a topic of the recording, or a live "
+            "ROS 2 one.",
+        ),
+    ] = None,
 ) -> None:
     """Measure how the camera sits: height, pitch and roll.
 
@@ -40,7 +48,7 @@ def command(
     if square is not None:
         lens, (mount, record) = _by_board(calibration, square, board, thickness)
     else:
-        lens, (mount, record) = _by_room(calibration, height)
+        lens, (mount, record) = _by_room(calibration, height, wheel_topic)
     calibration.write(lens, mount, "mount", record)
 
 
@@ -59,14 +67,16 @@ def _by_board(
     return lens, (_with_lever_arm(fit.mount, prior), fit.record())
 
 
-def _by_room(calibration: MountCalibrationOptions, height: float | None) -> "tuple[Intrinsics, Fit]":
+def _by_room(
+    calibration: MountCalibrationOptions, height: float | None, wheel_topic: str | None
+) -> "tuple[Intrinsics, Fit]":
     from edgemap.geometry.camera.imu import ImuSamples
     from edgemap.runtime.step.calibration.board import frames_of
     from edgemap.runtime.step.calibration.gravity import gravity
     from edgemap.runtime.step.loop import stop_on_signals
 
-    with calibration.open() as source, stop_on_signals() as stop:
-        lens, prior, wheel = calibration.lens(source), source.mount, source.wheel
+    with calibration.open(wheel_topic) as source, stop_on_signals() as stop:
+        lens, prior, rolls = calibration.lens(source), source.mount, source.wheel is not None
         frames = frames_of(source, calibration.frames or PICTURES, stop.is_set)
         measured = [(frame.imu, frame.depth) for frame in frames]
     up = gravity(ImuSamples.joined([samples for samples, _ in measured]))
@@ -81,13 +91,16 @@ def _by_room(calibration: MountCalibrationOptions, height: float | None) -> "tup
         _print_result(fit.mount, *fit.sigma)
         _compare_gravity(fit.mount, up)
         return lens, (_with_lever_arm(fit.mount, prior), fit.record())
-    recorded = wheel if isinstance(wheel, Path) else None
-    return lens, _by_edges(calibration, lens, prior, height, recorded, up)
+    if height is None and not rolls:
+        raise OptionError(
+            f"{calibration.camera} has neither depth nor wheels to measure the height: pass --height METRES"
+        )
+    return lens, _by_edges(calibration, lens, prior, height, wheel_topic, up)
 
 
 def _by_edges(
     calibration: MountCalibrationOptions, lens: "Intrinsics", prior: "Mount | None", height: float | None,
-    wheel: Path | None, up: Any,
+    wheel_topic: str | None, up: Any,
 ) -> Fit:  # fmt: skip
     from dataclasses import replace
 
@@ -98,11 +111,8 @@ def _by_edges(
     from edgemap.runtime.motion.odometry import wheel_trajectory
     from edgemap.runtime.step.calibration.board import frames_of
     from edgemap.runtime.step.calibration.wheel_height import fit_wheel_height
+    from edgemap.runtime.step.loop import stop_on_signals
 
-    if height is None and wheel is None:
-        raise OptionError(
-            f"{calibration.camera} has neither depth nor wheels to measure the height: pass --height METRES"
-        )
     try:
         with calibration.open() as source:
             fit = calibration.tilt(source, lens)
@@ -116,9 +126,14 @@ def _by_edges(
         record = {"method": "gravity", "sigma_pitch_deg": offset_deg, "sigma_roll_deg": offset_deg}
     tilted = _with_lever_arm(Mount(height or 1.0, *angles), prior)
     sigma_m = 0.0
-    if height is None and wheel is not None:
-        with calibration.open() as source:
-            rolled = fit_wheel_height(frames_of(source, calibration.frames), wheel_trajectory(wheel), lens, tilted)
+    if height is None:
+        with calibration.open(wheel_topic) as source, stop_on_signals() as stop:
+            wheels: Any = source.wheel
+            if isinstance(wheels, Path):
+                wheels = wheel_trajectory(wheels)
+            elif calibration.frames is None:
+                print("drive straight on over free floor; Ctrl-C ends it", flush=True)
+            rolled = fit_wheel_height(frames_of(source, calibration.frames, stop.is_set), wheels, lens, tilted)
         tilted, sigma_m = replace(tilted, height_m=rolled.height_m), rolled.sigma_m
         print(f"height by {rolled.windows} windows of wheel travel, {rolled.travelled_m:.1f} m in all")
         record |= {"height": "wheels and floor", "sigma_height_m": round(sigma_m, 5)}

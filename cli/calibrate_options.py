@@ -8,7 +8,7 @@ from time import monotonic
 from typing import TYPE_CHECKING, Annotated, Any
 
 from edgemap.cli.arguments import OptionError, arg
-from edgemap.cli.camera_options import CameraFile, CameraSpec, IntrinsicsText, known_lens, open_described
+from edgemap.cli.camera_options import CameraFile, CameraSpec, IntrinsicsText, Opening, known_lens, open_described
 from edgemap.cli.options import at_least
 
 if TYPE_CHECKING:
@@ -45,9 +45,11 @@ class CalibrationOptions:
         if out.exists() and (known is None or out.resolve() != known.resolve()):
             raise OptionError(f"{out} exists already; choose another --out, or complete it: --camera-file {out}")
 
-    def open(self) -> "Camera":
-        """The camera, described by the camera file where there is one."""
-        return open_described(self.camera, self.camera_file)
+    def open(self, wheel_topic: str | None = None) -> "Camera":
+        """The camera, described by the camera file where there is one. wheel_topic: of wheel odometry beside it."""
+        from edgemap.runtime.inputs.cameras.protocol import SensorTopics
+
+        return open_described(self.camera, self.camera_file, Opening(topics=SensorTopics(wheels=wheel_topic)))
 
     def views(self, source: "Camera", board: "Board") -> "list[BoardView]":
         """Different views of the board, printed one by one; Ctrl-C ends the search with the views so far."""

@@ -15,7 +15,7 @@ from edgemap.geometry.errors import EdgemapError
 from edgemap.geometry.map_object import MapObject
 from edgemap.geometry.objects.evaluation_row import EvaluationRow, tally
 from edgemap.geometry.odometry.rolling import Rolling
-from edgemap.runtime.frames.reading import printable
+from edgemap.runtime.frames.reading import print_message, printable
 from edgemap.runtime.inputs.cameras.protocol import Camera
 from edgemap.runtime.inputs.drives import READERS, open_drive
 from edgemap.runtime.inputs.open import DEMO
@@ -88,9 +88,14 @@ class RunSummary(Sink):
 
 @contextmanager
 def with_map_so_far(summary: RunSummary, files: RunFolder) -> Iterator[None]:
-    """Adds the location of the map so far, where it is saved, to the message of an EdgemapError in the block."""
+    """Adds the location of the map so far, where it is saved, to the message of an EdgemapError in the block; prints it
+    where a second Ctrl-C ends the block at once."""
     try:
         yield
+    except KeyboardInterrupt:
+        if summary.result is not None:
+            print_message(f"the map so far is in {files.folder}/")
+        raise
     except EdgemapError as error:
         if summary.result is not None and files.document.get("finished"):
             error.args = (f"{error}; the map so far ({len(summary.objects)} objects) is in {files.folder}/",)

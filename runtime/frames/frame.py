@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from edgemap.geometry.camera.imu import ImuSamples
+from edgemap.runtime.frames.errors import RecordingError
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -41,15 +42,25 @@ class Frame:
             raise ValueError(f"frame depth is {self.depth.shape}, the image {self.image.shape[:2]}")
 
 
-def png(picture: NDArray[Any]) -> bytes:
-    """A picture as a PNG file: BGR (H, W, 3), with transparency (H, W, 4), or of one channel, 8 or 16 bits."""
+def png(picture: NDArray[Any], quickly: bool = False) -> bytes:
+    """A picture as a PNG file: BGR (H, W, 3), with transparency (H, W, 4), or of one channel, 8 or 16 bits. quickly:
+    with the least compression. Raises RecordingError where it cannot be."""
     import cv2
 
-    return cv2.imencode(".png", picture)[1].tobytes()
+    return _encoded(".png", picture, [cv2.IMWRITE_PNG_COMPRESSION, 1] if quickly else [])
 
 
 def jpeg(picture: NDArray[Any], quality: int = 95) -> bytes:
-    """A BGR picture as a JPEG file. quality: 0 to 100."""
+    """A BGR picture as a JPEG file. quality: 0 to 100. Raises RecordingError where it cannot be."""
     import cv2
 
-    return cv2.imencode(".jpg", picture, [cv2.IMWRITE_JPEG_QUALITY, quality])[1].tobytes()
+    return _encoded(".jpg", picture, [cv2.IMWRITE_JPEG_QUALITY, quality])
+
+
+def _encoded(suffix: str, picture: NDArray[Any], options: list[int]) -> bytes:
+    import cv2
+
+    good, data = cv2.imencode(suffix, picture, options)
+    if not good:
+        raise RecordingError(f"OpenCV does not encode a picture of {picture.shape} as {suffix}")
+    return data.tobytes()

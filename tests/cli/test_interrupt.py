@@ -4,10 +4,14 @@ import importlib
 import signal
 import sys
 import time
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
 
 import pytest
 
 from edgemap.cli.interrupt import interrupts_after_imports
+from edgemap.cli.summary import with_map_so_far
 
 LOADING = """import os, signal, time
 for _ in range({times}):
@@ -60,3 +64,12 @@ def test_who_gave_ctrl_c_another_meaning_keeps_it():
     finally:
         signal.signal(signal.SIGINT, before)
     assert calls == [1]
+
+
+@pytest.mark.parametrize(("result", "said"), [(object(), "the map so far is in runs/a/\n"), (None, "")])
+def test_a_second_one_in_a_run_names_the_folder_of_its_map(capsys, result, said):
+    summary: Any = SimpleNamespace(result=result)
+    files: Any = SimpleNamespace(folder=Path("runs/a"))
+    with pytest.raises(KeyboardInterrupt), with_map_so_far(summary, files):
+        raise KeyboardInterrupt
+    assert capsys.readouterr().err == said

@@ -18,7 +18,7 @@ from edgemap.runtime.frames.reading import error_line, one_line, printable
 from edgemap.runtime.frames.trajectory import AttitudeTrack, Trajectory
 from edgemap.runtime.inputs.cameras.base import CameraBase
 from edgemap.runtime.inputs.cameras.protocol import Camera
-from edgemap.runtime.inputs.cameras.returned import depth_of, image_of, picture_fault, rate_of, size_of, stamp_of
+from edgemap.runtime.inputs.cameras.returned import PictureCheck, rate_of, size_of, stamp_of
 
 FALLBACK_STEP_S = 0.1  # between two pictures whose stamps say nothing, of a camera that names no rate
 FAILURES = 100  # reads in a row without a frame, after which the camera is at its end
@@ -48,8 +48,8 @@ class CheckedCamera(CameraBase):
         edits = self._get("edits")
         self.edits = edits if isinstance(edits, tuple) and all(isinstance(line, str) for line in edits) else ()
         self._ahead: Frame | None = None
-        self._wrong: set[FaultKind] = set()  # at the last read
         self._new: list[CameraFault] = []
+        self._check = PictureCheck(self.name, self.size, self._new.append)
         self._failures, self._last_s, self._offset_s = 0, -math.inf, 0.0
 
     @property
@@ -57,7 +57,7 @@ class CheckedCamera(CameraBase):
         """The camera's state, where it is a valid one."""
         try:
             return CameraState(self._camera.state)
-        except Exception:  # as in `read`
+        except Exception:  # as in `_read`
             return CameraState.RUNNING
 
     def read(self) -> Frame | None:
@@ -69,18 +69,15 @@ class CheckedCamera(CameraBase):
         if self._ahead is not None:
             frame, self._ahead = self._ahead, None
             return frame
-        now: set[FaultKind] = set()
+        given, frame = self._read(), None
+        if given is None:
+            return None
+        self._check.begin()
         try:
-            given = self._camera.read()
-            if given is None:
-                return None
-            frame = self._checked(given, now)
-        except EdgemapError:
-            raise
-        except Exception as error:  # another package's code may raise anything
-            self._note(now, FaultKind.FAILED, f"read raised {error_line(error)}")
-            frame = None
-        self._wrong, self._failures = now, 0 if frame is not None else self._failures + 1
+            frame = self._checked(given)
+        except Exception as error:  # as in `_read`
+            self._check.note(FaultKind.FAILED, f"read raised {error_line(error)}")
+        self._failures = 0 if frame is not None else self._failures + 1
         if self._failures > FAILURES:
             raise CameraError(f"camera {self.name}: {FAILURES} reads in a row gave no picture")
         self._ahead = frame
@@ -94,7 +91,7 @@ class CheckedCamera(CameraBase):
             records = self._camera.object_records()
         except EdgemapError:
             raise
-        except Exception:  # as in `read`
+        except Exception:  # as in `_read`
             return None
         known = isinstance(records, Sequence) and all(isinstance(record, dict) for record in records)
         return list(records) if known and records is not None else None
@@ -103,47 +100,49 @@ class CheckedCamera(CameraBase):
         """Close it; errors of its own code are ignored."""
         try:
             self._camera.close()
-        except Exception as error:  # as in `read`
+        except Exception as error:  # as in `_read`
             self._new.append(CameraFault(FaultKind.FAILED, f"camera {self.name}: does not close: {error_line(error)}"))
 
-    def _checked(self, given: Any, now: set[FaultKind]) -> Frame | None:
-        """A frame made of what was returned; None where it has no picture of this camera."""
+    def _read(self) -> Any:
+        """What the camera returned, or the error that it raised."""
+        try:
+            return self._camera.read()
+        except EdgemapError:
+            raise
+        except Exception as error:  # another package's code may raise anything
+            return error
+
+    def _checked(self, given: Any) -> Frame | None:
+        """A frame made of what was returned; None where it has no picture of this camera. Raises a returned error."""
+        if isinstance(given, Exception):
+            raise given
         if not isinstance(given, Frame):
-            self._note(now, FaultKind.FORMAT, f"read gave a {type(given).__name__}, not a Frame")
+            self._check.note(FaultKind.FORMAT, f"read gave a {type(given).__name__}, not a Frame")
             return None
-        try:
-            image = image_of(given.image)
-        except CameraError as error:
-            self._note(now, FaultKind.FORMAT, str(error))
+        checked = self._check.picture(given.image, given.depth)
+        if checked is None:
             return None
-        if (fault := picture_fault(image, self.size)) is not None:
-            self._note(now, *fault)
-            return None
-        depth = None
-        try:
-            depth = depth_of(given.depth, (image.shape[0], image.shape[1]))
-        except CameraError as error:
-            self._note(now, FaultKind.FORMAT, f"{error}; left out")
+        image, depth = checked
         imu = given.imu if isinstance(given.imu, ImuSamples) else ImuSamples.none()
         if imu is not given.imu or not self._sound(imu):
-            self._note(now, FaultKind.FORMAT, "inertial samples are none, or not finite in order of time; left out")
+            self._check.note(FaultKind.FORMAT, "inertial samples are none, or not finite in order of time; left out")
             imu = ImuSamples.none()
-        stamp_s = self._stamp(given.stamp_s, now)
+        stamp_s = self._stamp(given.stamp_s)
         name = printable(given.name) if isinstance(given.name, str) else f"{self.name}#{self._delivered}"
         frame = Frame(self._delivered, stamp_s, image, name, imu, depth, search=given.search is not False)
         self._delivered += 1
         return frame
 
-    def _stamp(self, given: Any, now: set[FaultKind]) -> float:
+    def _stamp(self, given: Any) -> float:
         step_s = 1.0 / self.rate_hz if self.rate_hz else FALLBACK_STEP_S
         stamp_s = stamp_of(given)
         next_s = self._last_s + step_s if math.isfinite(self._last_s) else 0.0
         if math.isnan(stamp_s):
-            self._note(now, FaultKind.STAMP, f"stamp {one_line(repr(given), 40)} is no time; one frame interval taken")
+            self._check.note(FaultKind.STAMP, f"stamp {one_line(repr(given), 40)} is no time; one frame interval taken")
             stamp_s = next_s
         elif stamp_s + self._offset_s <= self._last_s:
             text = f"stamp {stamp_s:.6g} s is not after {self._last_s - self._offset_s:.6g} s; one interval taken"
-            self._note(now, FaultKind.CLOCK, text)
+            self._check.note(FaultKind.CLOCK, text)
             self._offset_s = next_s - stamp_s
             stamp_s = next_s
         else:
@@ -155,15 +154,10 @@ class CheckedCamera(CameraBase):
         arrays = (imu.stamps_s, imu.gyro_rad_s, imu.accel_m_s2)
         return all(np.isfinite(values).all() for values in arrays) and bool((np.diff(imu.stamps_s) > 0.0).all())
 
-    def _note(self, now: set[FaultKind], kind: FaultKind, text: str) -> None:
-        now.add(kind)
-        if kind not in self._wrong and not any(fault.kind is kind for fault in self._new):
-            self._new.append(CameraFault(kind, f"camera {self.name}: {text}"))
-
     def _get(self, attribute: str) -> Any:
         try:
             return getattr(self._camera, attribute, None)
-        except Exception as error:  # as in `read`
+        except Exception as error:  # as in `_read`
             raise CameraError(f"camera {self.name}: its {attribute} raises {error_line(error)}") from None
 
     def _typed(self, attribute: str, kind: type) -> Any:

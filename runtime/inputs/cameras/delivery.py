@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from edgemap.runtime.frames.errors import CameraError, CameraFault, FaultKind
 from edgemap.runtime.inputs.cameras.protocol import Picture
-from edgemap.runtime.inputs.cameras.returned import depth_of, image_of, picture_fault, picture_of, stamp_of
+from edgemap.runtime.inputs.cameras.returned import PictureCheck, picture_of, stamp_of
 
 SAMPLE_STEP = 8  # px between the pixels that are compared
 DARKEST, BRIGHTEST = 8.0, 247.0  # mean levels beyond which a colour picture may well have no colour
@@ -19,75 +19,44 @@ BACKWARD_LIMIT_S = 0.05  # a clock that is being disciplined steps back a little
 
 
 class DeliveryCheck:
-    """Turns a device's pictures into those of one stream. size: (width, height) in px that every one must have.
-
-    report: called with each fault. A fault that lasts several frames is reported once, when it begins.
-    """
+    """Turns a device's pictures into those of one stream. size, report: as of `PictureCheck`."""
 
     def __init__(self, name: str, size: tuple[int, int], report: Callable[[CameraFault], None]) -> None:
         self.clock = StreamClock()
-        self._name, self._size, self._report = name, size, report
+        self._check = PictureCheck(name, size, report)
         self._stamp_s: float | None = None
         self._sample: NDArray[np.uint8] | None = None
         self._coloured = False
-        self._wrong: set[FaultKind] = set()
 
     def __call__(self, grabbed: Any, arrived_s: float) -> Picture | None:
         """The picture at its stamp in the stream; None where it is not a new picture of this camera. grabbed: what a
         driver returned."""
-        now: set[FaultKind] = set()
-        picture, stamp_s, depth, bgr = None, math.nan, None, None
+        self._check.begin()
         try:
             given = picture_of(grabbed)
-            stamp_s, bgr = stamp_of(given.stamp_s), self._shaped(image_of(given.image), now)
-            depth = None if bgr is None else self._depth(given.depth, bgr, now)
         except CameraError as error:
-            self._note(now, FaultKind.FORMAT, str(error))
-        if bgr is not None:
-            same = self._same(bgr, now)
-            if same and stamp_s == self._stamp_s:
-                bgr = None
-            else:
-                stream_s, wrong = self.clock.stamp(stamp_s, arrived_s)
-                if wrong is not None:
-                    self._note(now, wrong, f"stamp {stamp_s:.6g} s after {self._stamp_s or 0.0:.6g} s, host's taken")
-                picture, self._stamp_s = Picture(stream_s, bgr, depth), stamp_s
-        self._wrong = now
-        return None if bgr is None else picture
-
-    def _depth(self, depth: Any, image: NDArray[np.uint8], now: set[FaultKind]) -> NDArray[np.float32] | None:
-        """Left out, with a fault, where it is none of this picture's."""
-        try:
-            return depth_of(depth, (image.shape[0], image.shape[1]))
-        except CameraError as error:
-            self._note(now, FaultKind.FORMAT, f"{error}; left out")
+            self._check.note(FaultKind.FORMAT, str(error))
             return None
-
-    def _shaped(self, image: NDArray[Any], now: set[FaultKind]) -> NDArray[np.uint8] | None:
-        if image.dtype == np.uint8 and (image.ndim == 2 or (image.ndim == 3 and image.shape[2] == 1)):
-            self._note(now, FaultKind.GREY, "picture has one channel")
-            image = np.repeat(image.reshape(*image.shape[:2], 1), 3, axis=2)
-        if (fault := picture_fault(image, self._size)) is not None:
-            self._note(now, *fault)
+        stamp_s, checked = stamp_of(given.stamp_s), self._check.picture(given.image, given.depth, grey=True)
+        if checked is None or (self._same(checked[0]) and stamp_s == self._stamp_s):
             return None
-        return image
+        stream_s, wrong = self.clock.stamp(stamp_s, arrived_s)
+        if wrong is not None:
+            self._check.note(wrong, f"stamp {stamp_s:.6g} s after {self._stamp_s or 0.0:.6g} s, host's taken")
+        self._stamp_s = stamp_s
+        return Picture(stream_s, *checked)
 
-    def _same(self, image: NDArray[np.uint8], now: set[FaultKind]) -> bool:
+    def _same(self, image: NDArray[np.uint8]) -> bool:
         sample = image[::SAMPLE_STEP, ::SAMPLE_STEP].copy()
         same = self._sample is not None and np.array_equal(sample, self._sample)
         self._sample = sample
         if same:
-            self._note(now, FaultKind.STALE, "the same picture again")
+            self._check.note(FaultKind.STALE, "the same picture again")
         grey = bool((sample[..., :1] == sample).all())
         if grey and self._coloured and DARKEST < sample.mean() < BRIGHTEST:
-            self._note(now, FaultKind.GREY, "pictures have lost their colour")
+            self._check.note(FaultKind.GREY, "pictures have lost their colour")
         self._coloured |= not grey
         return same
-
-    def _note(self, now: set[FaultKind], kind: FaultKind, text: str) -> None:
-        now.add(kind)
-        if kind not in self._wrong:
-            self._report(CameraFault(kind, f"camera {self._name}: {text}"))
 
 
 def clock_jumps(step_s: float, passed_s: float) -> bool:

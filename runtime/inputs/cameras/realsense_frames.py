@@ -1,7 +1,7 @@
 """Frames and motion samples of librealsense's pipelines: colour as BGR with depth, gyro and accelerometer."""
 
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Generator
 from pathlib import Path
 from types import ModuleType
 from typing import Any
@@ -15,7 +15,7 @@ from edgemap.geometry.camera.imu import ImuSamples
 from edgemap.runtime.frames.errors import CameraError
 from edgemap.runtime.frames.reading import library_path
 from edgemap.runtime.inputs.cameras.imu_buffer import ImuBuffer
-from edgemap.runtime.inputs.drives.pictures import Depth
+from edgemap.runtime.inputs.drives.pictures import ENCODINGS, Depth, DepthBeside, bgr_of
 
 LATE_S = 0.02  # between a picture and the depth that belongs to it
 POLL_MS = 200  # of one wait for a frame
@@ -38,27 +38,6 @@ class Aligned:
         return np.asanyarray(aligned.get_data()).astype(np.float32) / np.float32(round(1.0 / aligned.get_units()))
 
 
-class DepthBeside:
-    """Depth pictures of a recording, asked for by stamps that increase."""
-
-    def __init__(self, pictures: Iterator[tuple[float, Depth]]) -> None:
-        self._pictures = pictures
-        self._ahead = next(pictures, None)
-
-    def at(self, stamp_s: float) -> Depth | None:
-        """The depth picture of this stamp; None where there is none."""
-        while self._ahead is not None and self._ahead[0] < stamp_s - LATE_S:
-            self._ahead = next(self._pictures, None)
-        if self._ahead is None or self._ahead[0] > stamp_s + LATE_S:
-            return None
-        return self._ahead[1]
-
-    def close(self) -> None:
-        """Stop the playback."""
-        self._pictures.close()  # type: ignore[attr-defined]
-        self._ahead = None
-
-
 def depth_beside(rs: ModuleType, path: Path) -> DepthBeside | None:
     """The depth of a recording; None where it has none."""
     pipeline, config = rs.pipeline(), rs.config()
@@ -70,10 +49,12 @@ def depth_beside(rs: ModuleType, path: Path) -> DepthBeside | None:
         started(rs, pipeline, config)
     except RuntimeError:  # no depth stream; the camera itself says what else is wrong
         return None
-    return DepthBeside(_aligned_pictures(rs, pipeline, playback))
+    return DepthBeside(_aligned_pictures(rs, pipeline, playback), LATE_S)
 
 
-def _aligned_pictures(rs: ModuleType, pipeline: Any, playback: Any) -> Iterator[tuple[float, Depth]]:
+def _aligned_pictures(
+    rs: ModuleType, pipeline: Any, playback: Any
+) -> Generator[tuple[float, Callable[[], Depth]], None, None]:
     """Stamps and depth pictures of a playback until it ends or is silent; then it is stopped."""
     align, last, silent = Aligned(rs), -1, 0
     try:
@@ -89,7 +70,7 @@ def _aligned_pictures(rs: ModuleType, pipeline: Any, playback: Any) -> Iterator[
             depth = align(frames)
             if depth is not None:
                 last = measured.get_frame_number()
-                yield measured.get_timestamp() / 1000.0, depth
+                yield measured.get_timestamp() / 1000.0, lambda depth=depth: depth
     finally:
         stop(pipeline)
 
@@ -141,27 +122,16 @@ def caught_up(playback: Any) -> None:
 def to_bgr(rs: ModuleType, frame: Any, name: str) -> NDArray[np.uint8]:
     """The frame's picture as BGR, (H, W, 3) uint8, its own copy. Raises CameraError for an unknown format."""
     pixel_format = frame.get_profile().format()
-    height, width = frame.get_height(), frame.get_width()
     data = np.frombuffer(memoryview(np.asanyarray(frame.get_data())).cast("B"), np.uint8)
-    if pixel_format == rs.format.bgr8:
-        return data.reshape(height, width, 3).copy()
-    conversions = {
-        rs.format.rgb8: (3, cv2.COLOR_RGB2BGR),
-        rs.format.rgba8: (4, cv2.COLOR_RGBA2BGR),
-        rs.format.bgra8: (4, cv2.COLOR_BGRA2BGR),
-        rs.format.yuyv: (2, cv2.COLOR_YUV2BGR_YUYV),
-        rs.format.uyvy: (2, cv2.COLOR_YUV2BGR_UYVY),
-        rs.format.y8: (1, cv2.COLOR_GRAY2BGR),
-    }
     if pixel_format == rs.format.mjpeg:
         image = cv2.imdecode(data, cv2.IMREAD_COLOR)
         if image is None:
             raise CameraError(f"{name}: a damaged MJPEG frame of {data.size} bytes")
         return np.asarray(image, dtype=np.uint8)
-    if pixel_format not in conversions:
+    encoding = "mono8" if pixel_format == rs.format.y8 else pixel_format.name
+    if encoding not in ENCODINGS:
         raise CameraError(f"{name}: colour format {pixel_format.name} is not supported")
-    channels, code = conversions[pixel_format]
-    return np.asarray(cv2.cvtColor(data.reshape(height, width, channels), code), dtype=np.uint8)
+    return bgr_of(data.reshape(frame.get_height(), -1), encoding)
 
 
 PLAYBACK_LIMIT_S = 120.0  # for reading all samples of a recording

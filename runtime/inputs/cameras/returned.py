@@ -1,13 +1,14 @@
 """Validation of the values that third-party cameras and drivers return."""
 
 import math
+from collections.abc import Callable
 from numbers import Real
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from edgemap.runtime.frames.errors import CameraError, FaultKind
+from edgemap.runtime.frames.errors import CameraError, CameraFault, FaultKind
 from edgemap.runtime.frames.reading import one_line
 from edgemap.runtime.inputs.cameras.protocol import Picture
 
@@ -36,24 +37,6 @@ def picture_of(given: Any) -> Picture:
     if not isinstance(given, tuple | list) or len(given) not in (2, 3):
         raise CameraError(f"a grab gave a {type(given).__name__}, not (stamp_s, image) or a Picture")
     return Picture(*given)
-
-
-def image_of(given: Any) -> NDArray[Any]:
-    """A picture's array, shape and type unchecked. Raises CameraError where it is not an array."""
-    try:
-        return np.asarray(given)
-    except Exception as error:  # a ragged list, or whatever an object's own conversion raises
-        raise CameraError(f"picture is a {type(given).__name__} that is no array ({one_line(error, 60)})") from None
-
-
-def picture_fault(image: NDArray[Any], size: tuple[int, int]) -> tuple[FaultKind, str] | None:
-    """Why an array is not a BGR picture of this size, (width, height); None where it is one."""
-    if image.dtype != np.uint8 or image.ndim != 3 or image.shape[2] != 3:
-        return FaultKind.FORMAT, f"picture is {image.dtype} {image.shape}, not uint8 (H, W, 3)"
-    height, width = image.shape[:2]
-    if (width, height) != size:
-        return FaultKind.SIZE, f"picture is {width}x{height}, not {size[0]}x{size[1]} px"
-    return None
 
 
 def depth_of(given: Any, shape: tuple[int, int]) -> NDArray[np.float32] | None:
@@ -87,3 +70,51 @@ def rate_of(given: Any) -> float | None:
     """A nominal frame rate in Hz; None where the value is invalid."""
     rate = stamp_of(given)
     return rate if 0.0 < rate <= LARGEST_RATE_HZ else None
+
+
+class PictureCheck:
+    """Checks the pictures of one camera. A fault that lasts several pictures is reported once, when it begins.
+
+    size: (width, height) in px that every picture must have. report: called with each fault.
+    """
+
+    def __init__(self, name: str, size: tuple[int, int], report: Callable[[CameraFault], None]) -> None:
+        self._name, self._size, self._report = name, size, report
+        self._before: set[FaultKind] = set()
+        self._now: set[FaultKind] = set()
+
+    def begin(self) -> None:
+        """The faults from now on are of the next picture."""
+        self._before, self._now = self._now, set()
+
+    def note(self, kind: FaultKind, text: str) -> None:
+        """A fault of this picture."""
+        if kind not in self._before | self._now:
+            self._report(CameraFault(kind, f"camera {self._name}: {text}"))
+        self._now.add(kind)
+
+    def picture(
+        self, given: Any, depth: Any, grey: bool = False
+    ) -> tuple[NDArray[np.uint8], NDArray[np.float32] | None] | None:
+        """The picture as BGR, (H, W, 3), and its depth, without one where it is invalid; None for an invalid picture.
+        grey: whether one of a single channel is taken, with a fault."""
+        try:
+            image = np.asarray(given)
+        except Exception as error:  # a ragged list, or whatever an object's own conversion raises
+            self.note(FaultKind.FORMAT, f"picture is a {type(given).__name__} that is no array ({one_line(error, 60)})")
+            return None
+        if grey and image.dtype == np.uint8 and (image.ndim == 2 or (image.ndim == 3 and image.shape[2] == 1)):
+            self.note(FaultKind.GREY, "picture has one channel")
+            image = np.repeat(image.reshape(*image.shape[:2], 1), 3, axis=2)
+        if image.dtype != np.uint8 or image.ndim != 3 or image.shape[2] != 3:
+            self.note(FaultKind.FORMAT, f"picture is {image.dtype} {image.shape}, not uint8 (H, W, 3)")
+            return None
+        height, width = image.shape[:2]
+        if (width, height) != self._size:
+            self.note(FaultKind.SIZE, f"picture is {width}x{height}, not {self._size[0]}x{self._size[1]} px")
+            return None
+        try:
+            return image, depth_of(depth, (height, width))
+        except CameraError as error:
+            self.note(FaultKind.FORMAT, f"{error}; left out")
+            return image, None

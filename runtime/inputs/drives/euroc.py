@@ -30,6 +30,7 @@ from edgemap.runtime.inputs.drives.pose_files import (
     check_increasing,
     planarise_camera,
     poses_of,
+    rate_of_stamps,
     trajectory,
 )
 from edgemap.runtime.inputs.drives.sensor_csv import RATES
@@ -111,7 +112,7 @@ def read_euroc(folder: Path) -> Drive:
         first, last = truth_stamps[0], truth_stamps[-1]
         raise CameraError(f"{layout.truth}: covers {first:.3f} to {last:.3f} s, no picture lies in it")
     setup = read_setup(folder, world_up="z", intrinsics=_lens(layout.camera, camera))
-    rate_hz = float(1.0 / np.median(np.diff(taken))) if len(taken) > 1 else setup.rate_hz
+    rate_hz = rate_of_stamps(taken, setup.rate_hz)
     return Drive(
         "euroc", folder, tuple(image for image, there in zip(images, known, strict=True) if there), taken[known],
         setup.intrinsics, setup.mount, rate_hz,

@@ -13,12 +13,12 @@ depth/…                    optional; 16-bit pictures, millimetres along the op
 
 import json
 from collections.abc import Iterable, Sequence
-from math import cos, sin
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
 
 from edgemap.geometry.camera.intrinsics import Intrinsics
 from edgemap.geometry.camera.mount import Mount
@@ -34,6 +34,7 @@ from edgemap.runtime.inputs.drives.pose_files import (
     check_increasing,
     depth_beside,
     planarise_base,
+    rate_of_stamps,
     read_stamps,
     read_tum_3d,
     trajectory,
@@ -72,9 +73,9 @@ def read_own(folder: Path) -> Drive:
     if (folder / "boxes.json").is_file():
         boxes = read_boxes(folder / "boxes.json")
         check_count(folder / "boxes.json", len(boxes), len(stamps), source)
-    wheel = folder / "wheel.csv"
+    wheel, rate_hz = folder / "wheel.csv", camera.rate_hz or rate_of_stamps(stamps, DEFAULT_RATE_HZ)
     return Drive(
-        "drive", folder, images, stamps, camera.intrinsics, camera.mount, camera.rate_hz or _rate(stamps), truth,
+        "drive", folder, images, stamps, camera.intrinsics, camera.mount, rate_hz, truth,
         boxes=boxes, wheel=wheel if wheel.is_file() else None, video=video,
         depth=depth_beside(folder, len(stamps), source), depth_camera=camera.depth, attitudes=attitudes,
     )  # fmt: skip
@@ -86,10 +87,6 @@ def _pictures(folder: Path) -> tuple[tuple[Path, ...], Path | None]:
     if (folder / VIDEO_NAME).is_file():
         return (), folder / VIDEO_NAME
     raise CameraError(f"{folder}: neither images/ nor {VIDEO_NAME} in it")
-
-
-def _rate(stamps: np.ndarray) -> float:
-    return float(1.0 / np.median(np.diff(stamps))) if len(stamps) > 1 else DEFAULT_RATE_HZ
 
 
 def write_drive(
@@ -130,9 +127,5 @@ def write_drive(
 
 def _tilted_line(stamp_s: float, pose: SE2, tilt: NDArray[np.float64]) -> str:
     """A line of a TUM file: yaw, then pitch, then roll about the base's axes."""
-    (cr, cp, cy), (sr, sp, sy) = ([f(angle / 2.0) for angle in (tilt[0], tilt[1], pose.yaw_rad)] for f in (cos, sin))
-    quaternion = (
-        sr * cp * cy - cr * sp * sy, cr * sp * cy + sr * cp * sy,
-        cr * cp * sy - sr * sp * cy, cr * cp * cy + sr * sp * sy,
-    )  # fmt: skip
+    quaternion = Rotation.from_euler("ZYX", [pose.yaw_rad, tilt[1], tilt[0]]).as_quat()
     return " ".join(f"{value:.9f}" for value in (stamp_s, pose.x_m, pose.y_m, tilt[2], *quaternion)) + "\n"

@@ -1,8 +1,12 @@
-"""Pictures on disk, colour and depth: which ones a folder holds, and reading one with its size and damage noticed."""
+"""Pictures, colour and depth: those that a folder holds, files with their size and damage noticed, raw pixels, and
+depth in order of time."""
 
+import math
 import re
 import struct
+from collections.abc import Callable, Generator
 from pathlib import Path
+from typing import Any
 
 import cv2
 import numpy as np
@@ -177,3 +181,58 @@ def readable_depth(path: Path | None) -> Depth | None:
         return None if path is None else read_depth(path)
     except CameraError:
         return None
+
+
+# Names of pixel formats, of sensor_msgs/image_encodings and librealsense: channels, and how OpenCV makes BGR of them
+# (None: it is BGR).
+ENCODINGS: dict[str, tuple[int, int | None]] = {
+    "bgr8": (3, None),
+    "8UC3": (3, None),
+    "rgb8": (3, cv2.COLOR_RGB2BGR),
+    "bgra8": (4, cv2.COLOR_BGRA2BGR),
+    "rgba8": (4, cv2.COLOR_RGBA2BGR),
+    "mono8": (1, cv2.COLOR_GRAY2BGR),
+    "8UC1": (1, cv2.COLOR_GRAY2BGR),
+    "yuv422": (2, cv2.COLOR_YUV2BGR_UYVY),
+    "uyvy": (2, cv2.COLOR_YUV2BGR_UYVY),
+    "yuv422_yuy2": (2, cv2.COLOR_YUV2BGR_YUYV),
+    "yuyv": (2, cv2.COLOR_YUV2BGR_YUYV),
+}
+
+
+def bgr_of(pixels: NDArray[np.uint8], encoding: str) -> NDArray[np.uint8]:
+    """Pixels (H, W * channels) of one of `ENCODINGS` as BGR, (H, W, 3), their own copy."""
+    channels, conversion = ENCODINGS[encoding]
+    image = pixels.reshape(len(pixels), -1, channels)
+    if conversion is None:
+        return image.copy()
+    return np.asarray(cv2.cvtColor(np.ascontiguousarray(image), conversion), dtype=np.uint8)
+
+
+class DepthBeside:
+    """Depth pictures beside pictures, asked for by stamps that increase; damaged ones are skipped, since depth is
+    optional.
+
+    pictures: stamp, and what decodes it (CameraError for a damaged one), in order of time. apart: greatest distance of
+    a stamp from its picture's, in the stamps' unit.
+    """
+
+    def __init__(self, pictures: Generator[tuple[float, Callable[[], Any]], None, None], apart: float) -> None:
+        self._pictures, self._apart = pictures, apart
+        self._ahead: tuple[float, Any] | None = (-math.inf, None)
+
+    def at(self, stamp: float) -> Depth | None:
+        """The depth picture of this stamp, (H, W) metres; None where there is none."""
+        while self._ahead is not None and self._ahead[0] < stamp - self._apart:
+            self._ahead = next(self._pictures, None)
+        if self._ahead is None or self._ahead[0] > stamp + self._apart:
+            return None
+        try:
+            return self._ahead[1]()
+        except CameraError:
+            return None
+
+    def close(self) -> None:
+        """Read nothing more."""
+        self._pictures.close()
+        self._ahead = None

@@ -81,6 +81,11 @@ def check_increasing(path: Path, stamps_s: Array) -> None:
         )
 
 
+def rate_of_stamps(stamps_s: Array, default_hz: float) -> float:
+    """Pictures per second by the median step; the default for a single one."""
+    return float(1.0 / np.median(np.diff(stamps_s))) if len(stamps_s) > 1 else default_hz
+
+
 def check_count(path: Path, count: int, pictures: int, where: Path) -> None:
     """Raises CameraError, with both numbers, where a file does not have one line per picture."""
     if count != pictures:

@@ -19,6 +19,7 @@ from edgemap.runtime.inputs.drives.pose_files import (
     check_count,
     check_increasing,
     planarise_camera,
+    rate_of_stamps,
     read_tum_3d,
     trajectory,
 )
@@ -76,7 +77,7 @@ def _drive(
     truth: Trajectory | None,
     attitudes: AttitudeTrack | None = None,
 ) -> Drive:
-    rate_hz = float(1.0 / np.median(np.diff(stamps))) if len(stamps) > 1 else setup.rate_hz
+    rate_hz = rate_of_stamps(stamps, setup.rate_hz)
     return Drive("tum", folder, images, stamps, setup.intrinsics, setup.mount, rate_hz, truth, attitudes=attitudes)
 
 

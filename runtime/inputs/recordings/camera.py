@@ -20,7 +20,7 @@ from edgemap.runtime.inputs.cameras.base import CameraBase
 from edgemap.runtime.inputs.cameras.protocol import SensorTopics
 from edgemap.runtime.inputs.recordings.facts import RECORD, TRUTH_FILE, WHEEL_FILE, read_facts, read_trajectory_file
 from edgemap.runtime.inputs.recordings.foreign import imu_of, info_topics, lens_of, mount_of, recorded_imu, tf_of
-from edgemap.runtime.inputs.recordings.pictures import ALIGNED, RecordedDepth, compressed_picture, depth_of, raw_picture
+from edgemap.runtime.inputs.recordings.pictures import ALIGNED, compressed_picture, depth_of, own_depth_of, raw_picture
 from edgemap.runtime.inputs.recordings.reader import McapReading
 
 PICTURE_KINDS = {"sensor_msgs/Image": raw_picture, "sensor_msgs/CompressedImage": compressed_picture}
@@ -60,7 +60,7 @@ class RecordingCamera(CameraBase):
             self.topic = self._choose(topic, wanted)
             self._picture = PICTURE_KINDS[recording.topics[self.topic].kind]
             own = wanted is None and DEPTH in recording.topics and RECORD in recording.metadata
-            self._depth = (RecordedDepth(recording, DEPTH) if own else depth_of(recording, wanted)) if depth else None
+            self._depth = (own_depth_of(recording) if own else depth_of(recording, wanted)) if depth else None
             self._exact, self._unsearched = _exact_stamps(recording), _unsearched(recording)
             self.frame_count: int | None = recording.topics[self.topic].count
             self._messages = recording.messages(self.topic)

@@ -5,9 +5,9 @@ hold every value, as ROS has it (REP 118: `16UC1`, millimetres) or in the finer 
 four bytes of each float32.
 """
 
-import itertools
 import struct
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Generator, Mapping
+from functools import partial
 from typing import Any
 
 import cv2
@@ -15,25 +15,22 @@ import numpy as np
 from numpy.typing import NDArray
 
 from edgemap.runtime.frames.errors import CameraError
+from edgemap.runtime.frames.frame import png
 from edgemap.runtime.frames.messages.definitions import ns_of
+from edgemap.runtime.frames.messages.topics import DEPTH
 from edgemap.runtime.frames.reading import one_line
-from edgemap.runtime.inputs.drives.pictures import PIXEL_LIMIT, SIDE_LIMIT, Depth, decode_picture, decoded
+from edgemap.runtime.inputs.drives.pictures import (
+    ENCODINGS,
+    PIXEL_LIMIT,
+    SIDE_LIMIT,
+    Depth,
+    DepthBeside,
+    bgr_of,
+    decode_picture,
+    decoded,
+)
 from edgemap.runtime.inputs.recordings.reader import McapReading
 
-# sensor_msgs/image_encodings: channels, and how OpenCV makes BGR of them (None: it is BGR).
-ENCODINGS: dict[str, tuple[int, int | None]] = {
-    "bgr8": (3, None),
-    "8UC3": (3, None),
-    "rgb8": (3, cv2.COLOR_RGB2BGR),
-    "bgra8": (4, cv2.COLOR_BGRA2BGR),
-    "rgba8": (4, cv2.COLOR_RGBA2BGR),
-    "mono8": (1, cv2.COLOR_GRAY2BGR),
-    "8UC1": (1, cv2.COLOR_GRAY2BGR),
-    "yuv422": (2, cv2.COLOR_YUV2BGR_UYVY),
-    "uyvy": (2, cv2.COLOR_YUV2BGR_UYVY),
-    "yuv422_yuy2": (2, cv2.COLOR_YUV2BGR_YUYV),
-    "yuyv": (2, cv2.COLOR_YUV2BGR_YUYV),
-}
 COMPRESSED = ("jpeg", "jpg", "png", "webp", "tiff", "bmp")
 
 
@@ -44,7 +41,7 @@ def raw_picture(message: Any, name: str) -> NDArray[np.uint8]:
             f"{name}: Image encoding {one_line(message.encoding, 40)!r} is not supported "
             f"(understood: {', '.join(ENCODINGS)})"
         )
-    channels, conversion = ENCODINGS[message.encoding]
+    channels, _ = ENCODINGS[message.encoding]
     height, width, step = int(message.height), int(message.width), int(message.step)
     if (
         height * width > PIXEL_LIMIT
@@ -59,10 +56,7 @@ def raw_picture(message: Any, name: str) -> NDArray[np.uint8]:
             f"{name}: Image of {width}x{height} px {message.encoding} with {len(message.data)} bytes in rows of {step}"
         )
     rows = np.frombuffer(message.data, np.uint8, height * step).reshape(height, step)
-    image = rows[:, : width * channels].reshape(height, width, channels)
-    if conversion is None:
-        return image.copy()
-    return np.asarray(cv2.cvtColor(np.ascontiguousarray(image), conversion), dtype=np.uint8)
+    return bgr_of(rows[:, : width * channels], message.encoding)
 
 
 def compressed_picture(message: Any, name: str) -> NDArray[np.uint8]:
@@ -95,8 +89,8 @@ def encoded_depth(depth: Depth) -> tuple[bytes, str]:
         with np.errstate(invalid="ignore"):
             raw = np.rint(depth * steps).astype(np.uint16)
         if np.array_equal(raw.astype(np.float32) / np.float32(steps), depth):
-            return _png(raw), f"16UC1; {steps} a metre; png"
-    return _png(np.ascontiguousarray(depth, dtype="<f4").view(np.uint8).reshape(*depth.shape, 4)), FLOATS
+            return png(raw, quickly=True), f"16UC1; {steps} a metre; png"
+    return png(np.ascontiguousarray(depth, dtype="<f4").view(np.uint8).reshape(*depth.shape, 4), quickly=True), FLOATS
 
 
 def own_depth(message: Any, name: str) -> Depth:
@@ -148,43 +142,19 @@ READERS: dict[str, Callable[[Any, str], Depth]] = {
 }
 
 
-class RecordedDepth:
-    """The depth pictures of a recording's topic in order of time; damaged ones are skipped, since depth is optional.
-    apart_s: greatest distance from its picture's stamp.
-    """
-
-    def __init__(
-        self, recording: McapReading, topic: str, read: Callable[[Any, str], Depth] = own_depth, apart_s: float = 0.0
-    ) -> None:
-        self._topic, self._read, self._apart_ns = topic, read, round(apart_s * 1e9)
-        self._messages = (_stamped(*found) for found in recording.messages(topic))
-        self._ahead: tuple[int, Any] | None = None
-
-    def at(self, stamp_ns: int) -> Depth | None:
-        """The depth picture of a stamp, later than the last request; None where there is none."""
-        waiting = [] if self._ahead is None else [self._ahead]
-        self._ahead = None
-        for found in itertools.chain(waiting, self._messages):
-            if found[0] < stamp_ns - self._apart_ns:
-                continue
-            if found[0] > stamp_ns + self._apart_ns:
-                self._ahead = found
-                return None
-            try:
-                return self._read(found[1], self._topic)
-            except CameraError:
-                return None
-        return None
+def own_depth_of(recording: McapReading) -> DepthBeside:
+    """The depth that edgemap recorded, by stamps in ns."""
+    return DepthBeside(_stamped(recording, DEPTH, own_depth), 0)
 
 
-def depth_of(recording: McapReading, topic: str | None = None) -> RecordedDepth | None:
-    """The depth of a foreign recording: of a topic, by default of the first that Intel's driver has aligned to
-    the colour picture. Raises CameraError where there is no such topic, or it is not depth."""
+def depth_of(recording: McapReading, topic: str | None = None) -> DepthBeside | None:
+    """The depth of a foreign recording, by stamps in ns: of a topic, by default of the first that Intel's driver has
+    aligned to the colour picture. Raises CameraError where there is no such topic, or it is not depth."""
     found = {name: known.kind for name, known in recording.topics.items() if known.kind in READERS and known.count}
     if topic is not None and topic not in found:
         raise CameraError(f"{recording.path}: no topic {topic} of sensor_msgs Image or CompressedImage, for depth")
     chosen = topic or aligned(found)
-    return RecordedDepth(recording, chosen, READERS[found[chosen]], APART_S) if chosen else None
+    return DepthBeside(_stamped(recording, chosen, READERS[found[chosen]]), round(APART_S * 1e9)) if chosen else None
 
 
 def aligned(kinds: Mapping[str, str]) -> str | None:
@@ -192,13 +162,9 @@ def aligned(kinds: Mapping[str, str]) -> str | None:
     return next((name for name, kind in kinds.items() if ALIGNED in name and kind == "sensor_msgs/Image"), None)
 
 
-def _stamped(log_ns: int, decode: Callable[[], Any]) -> tuple[int, Any]:
-    message = decode()
-    return ns_of(message.header.stamp) or log_ns, message
-
-
-def _png(picture: NDArray[Any]) -> bytes:
-    done, data = cv2.imencode(".png", picture, [cv2.IMWRITE_PNG_COMPRESSION, 1])
-    if not done:
-        raise CameraError(f"a depth picture of {picture.shape[1]}x{picture.shape[0]} px cannot be written as PNG")
-    return data.tobytes()
+def _stamped(
+    recording: McapReading, topic: str, read: Callable[[Any, str], Depth]
+) -> Generator[tuple[int, Callable[[], Depth]], None, None]:
+    for log_ns, decode in recording.messages(topic):
+        message = decode()
+        yield ns_of(message.header.stamp) or log_ns, partial(read, message, topic)

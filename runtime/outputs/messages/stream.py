@@ -4,15 +4,12 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 from functools import lru_cache
 
-import cv2
-
 from edgemap.geometry.camera.intrinsics import Intrinsics
 from edgemap.geometry.camera.mount import Mount
 from edgemap.geometry.grid.occupancy_grid import OccupancyGrid
 from edgemap.geometry.map_object import MapObject
 from edgemap.geometry.se2 import SE2
-from edgemap.runtime.frames.errors import RecordingError
-from edgemap.runtime.frames.frame import Frame
+from edgemap.runtime.frames.frame import Frame, jpeg, png
 from edgemap.runtime.frames.messages import topics
 from edgemap.runtime.frames.messages.definitions import Message, to_ns
 from edgemap.runtime.frames.messages.topics import FrameIds
@@ -85,6 +82,11 @@ class MessageStream:
             lambda: build.compressed_image(stamp_ns, encoded(frame, self.lossless), encoding, ids),
         )
 
+    def step(self, result: StepResult, objects: list[MapObject], stamp_ns: int | None = None) -> Iterator[Outgoing]:
+        """All messages of one step: its picture's and its results'."""
+        yield from self.picture(result.frame, stamp_ns)
+        yield from self.results(result, objects, stamp_ns)
+
     def results(self, result: StepResult, objects: list[MapObject], stamp_ns: int | None = None) -> Iterator[Outgoing]:
         """The messages of one step: poses, tf, boxes, the floor where it is new, and with the first and every
         `MAP_EVERY`th step the map."""
@@ -120,11 +122,5 @@ class MessageStream:
 
 @lru_cache(maxsize=2)
 def encoded(frame: Frame, lossless: bool = False) -> bytes:
-    """A frame's picture as JPEG or PNG, encoded once for all that send it. Raises RecordingError where that fails."""
-    suffix, options = ".jpg", [cv2.IMWRITE_JPEG_QUALITY, JPEG_QUALITY]
-    if lossless:
-        suffix, options = ".png", [cv2.IMWRITE_PNG_COMPRESSION, 1]  # the quickest that still compresses
-    good, data = cv2.imencode(suffix, frame.image, options)
-    if not good:
-        raise RecordingError(f"{frame.name}: OpenCV does not encode it as {suffix}")
-    return data.tobytes()
+    """A frame's picture as JPEG or PNG, encoded once for all that send it. Raises RecordingError."""
+    return png(frame.image, quickly=True) if lossless else jpeg(frame.image, JPEG_QUALITY)

@@ -61,7 +61,7 @@ class FoxgloveServer:
     def write(self, result: StepResult, objects: list[MapObject]) -> None:
         """Sends the step to subscribed clients. The server's time is that of the frame."""
         stamp_ns = to_ns(result.frame.stamp_s)
-        for outgoing in (*self._stream.picture(result.frame), *self._stream.results(result, objects)):
+        for outgoing in self._stream.step(result, objects):
             channel = self._channels[outgoing.topic]
             if channel.has_sinks():
                 channel.log(encoder(outgoing.kind)(outgoing.make()), log_time=outgoing.stamp_ns)

@@ -94,7 +94,7 @@ class RerunStream:
         stamp_s = result.frame.stamp_s
         self._set_time(stamp_s)
         pictured = self._picture_timer.due(stamp_s)
-        for outgoing in (*self._stream.picture(result.frame), *self._stream.results(result, objects)):
+        for outgoing in self._stream.step(result, objects):
             if outgoing.topic in self._log and (pictured or outgoing.topic not in PICTURED):
                 self._log[outgoing.topic](outgoing.make())
 

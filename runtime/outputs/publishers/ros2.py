@@ -20,7 +20,7 @@ from edgemap.runtime.inputs.ros2.node import Node, Publisher, Reliability
 from edgemap.runtime.inputs.ros2.sources import RobotOdom
 from edgemap.runtime.inputs.ros2.types import in_namespace
 from edgemap.runtime.outputs.messages import build
-from edgemap.runtime.outputs.messages.stream import MessageStream, Outgoing
+from edgemap.runtime.outputs.messages.stream import MessageStream
 from edgemap.runtime.step.sinks import Sink
 from edgemap.runtime.step.slam import StepResult
 
@@ -99,10 +99,10 @@ class Ros2Sink(Sink):
             if self._robot_odom is not None:
                 self._robot_odom.offset_s = self._offset_s
         stamp_ns = to_ns(result.frame.stamp_s + self._offset_s)
-        for outgoing in self._stream.picture(result.frame, stamp_ns):
-            self._send(outgoing)
-        for outgoing in self._stream.results(result, objects, stamp_ns):
-            self._send(outgoing)
+        for outgoing in self._stream.step(result, objects, stamp_ns):
+            publisher = self._publishers.get(outgoing.topic)
+            if publisher is not None and publisher.wanted:
+                publisher.write(outgoing.make())
 
     def send_goal(self, pose_map_base: SE2) -> None:
         """Publish a goal for the robot's base with the next step; from any thread."""
@@ -119,11 +119,6 @@ class Ros2Sink(Sink):
     def close(self) -> None:
         """Unpublish; may be called twice."""
         self._publishers.clear()
-
-    def _send(self, outgoing: Outgoing) -> None:
-        publisher = self._publishers.get(outgoing.topic)
-        if publisher is not None and publisher.wanted:
-            publisher.write(outgoing.make())
 
     def _publisher(self, node: Node, topic: str) -> Publisher:
         shared = (*GLOBAL, topics.MAP) if self._options.namespace.strip("/") == NAMESPACE else GLOBAL

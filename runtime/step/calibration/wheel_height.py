@@ -11,7 +11,7 @@ from edgemap.geometry.robust import median_and_scatter
 from edgemap.geometry.se2 import SE2
 from edgemap.runtime.frames.errors import CalibrationError, OdometryError
 from edgemap.runtime.frames.frame import Frame
-from edgemap.runtime.frames.trajectory import Trajectory
+from edgemap.runtime.frames.trajectory import PoseTrack
 from edgemap.runtime.motion.odometry.planar import PlanarOdometry
 
 ASSUMED_M = 0.6  # a height for the odometry to begin with; its motion scales with it
@@ -30,7 +30,7 @@ class WheelHeight:
     travelled_m: float
 
 
-def fit_wheel_height(frames: Iterable[Frame], wheels: Trajectory, lens: Intrinsics, mount: Mount) -> WheelHeight:
+def fit_wheel_height(frames: Iterable[Frame], wheels: PoseTrack, lens: Intrinsics, mount: Mount) -> WheelHeight:
     """The height at which planar odometry travels as far as the wheels did. mount: its angles and lever arm count.
 
     Raises CalibrationError with the numbers where too little was travelled, or the ratio scatters.
