@@ -1,6 +1,6 @@
 """Commands behind the figures of README and models/README: `python -m edgemap.benchmarks.figures [NAME...] [--show]`.
 
-Runs each command of figures.txt whose data is on this machine, and writes what it prints to runs/figures/NAME.txt. Real
+Runs each command of figures.txt whose data is on this machine, and writes its output to runs/figures/NAME.txt. Real
 data is in $EDGEMAP_SHARED/data (default ../shared), rendered homes in $EDGEMAP_HOMES (default runs/homes). Commands
 whose data is absent are printed.
 """
@@ -36,10 +36,11 @@ def main(
     if unknown := set(names) - set(every):
         sys.exit(f"figures: {', '.join(sorted(unknown))}: expected some of {', '.join(every)}")
     OUT.mkdir(parents=True, exist_ok=True)
-    failed, env = [], os.environ | {"PYTHONPATH": "tests"}  # where `reliability` lies
+    paths = ["tests", *filter(None, [os.environ.get("PYTHONPATH")])]  # `reliability` is in tests/
+    failed, env = [], os.environ | {"PYTHONPATH": os.pathsep.join(paths)}
     for name in names or every:
-        paths = [Path(word.partition(":")[2] or word) for word in every[name] if "/" in word]
-        absent = next((path for path in paths if path != OUT and not path.exists()), None)
+        inputs = [Path(word.partition(":")[2] or word) for word in every[name] if "/" in word]
+        absent = next((path for path in inputs if path != OUT and not path.exists()), None)
         print(f"{name}: python -m {' '.join(every[name])}{f'  ({absent} is absent)' if absent else ''}", flush=True)
         if not absent and not show:
             with (OUT / f"{name}.txt").open("w") as file:
