@@ -14,10 +14,10 @@ from edgemap.geometry.errors import GeometryError, MapError
 from edgemap.geometry.objects.approach import Approach, ApproachRule, approach
 from edgemap.runtime.step.map_file import pose_record
 from edgemap.view import answers
-from edgemap.view.edit_api import EditApi
+from edgemap.view import edit_api as edits
 from edgemap.view.page import LivePage
-from edgemap.view.questions import Answer, Nothing, Questions, Refused, as_json, body_of, guarded
-from edgemap.view.updates import Pictures, ProcessUsage
+from edgemap.view.questions import Answer, Nothing, Refused, as_json, body_of, guarded, named, newest_of
+from edgemap.view.updates import ProcessUsage, shown_jpeg
 
 USUAL = ApproachRule()  # for goal poses
 FARTHEST_M = 10.0  # of a standoff or a robot's radius
@@ -37,143 +37,130 @@ class MountRequest(msgspec.Struct, forbid_unknown_fields=True):
     pitch_deg: Annotated[float, msgspec.Meta(ge=-45.0, le=85.0)]
 
 
-class Api:
-    """Answers for one page. Every failure is JSON with one line: `{"error": "…"}`."""
+def api_routes(page: LivePage, usage: ProcessUsage) -> list[Route]:
+    """All addresses under /api, for one page. Every failure is JSON with one line: `{"error": "…"}`."""
+    states: dict[str, Callable[[], object]] = {  # what a GET without parameters reads
+        "run": lambda: page.about | {"state": page.state},
+        "health": lambda: answers.health_answer(page, usage.now()),
+        "faults": lambda: [answers.fault_answer(fault) for fault in page.faults.all()],
+        "events": lambda: [answers.event_answer(event) for event in page.events.all()],
+        "pose": lambda: answers.pose_answer(newest_of(page).result),
+        "frame": lambda: answers.frame_answer(newest_of(page).result),
+        "floor": lambda: answers.floor_answer(newest_of(page).result.grid),
+        "objects": lambda: answers.objects_answer(page.newest),
+        "zones": lambda: answers.zones_answer(page),
+    }
+    routes = [Route(f"/api/{name}", guarded(page, _reading(state)), methods=["GET"]) for name, state in states.items()]
+    return routes + [Route(path, guarded(page, answer), methods=[method]) for method, path, answer in ANSWERS]
 
-    def __init__(self, page: LivePage, pictures: Pictures, usage: ProcessUsage) -> None:
-        self._ask, self._pictures, self._usage = Questions(page), pictures, usage
-        self._editing = EditApi(self._ask)
 
-    def routes(self) -> list[Route]:
-        """All addresses under /api."""
-        routes: list[tuple[str, str, Answer]] = [
-            *(("GET", f"/api/{name}", _reading(state)) for name, state in self._states().items()),
-            ("GET", "/api/picture", self.picture),
-            ("GET", "/api/map", self.map),
-            ("GET", "/api/rooms", self.rooms),
-            ("GET", "/api/objects/{id}", self.object),
-            ("GET", "/api/objects/{id}/picture", self.object_picture),
-            ("GET", "/api/objects/{id}/approach", self.approach),
-            ("POST", "/api/objects/{id}/go", self.go),
-            ("POST", "/api/pause", self.pause),
-            ("POST", "/api/save", self.save),
-            ("PUT", "/api/mount", self.put_mount),
-            ("GET", "/api/openapi.yaml", self.openapi),
-        ]
-        routes += self._editing.routes()
-        return [Route(path, guarded(answer), methods=[method]) for method, path, answer in routes]
+async def picture(page: LivePage, request: Request) -> Response:  # noqa: ARG001
+    """The newest picture."""
+    frame = newest_of(page).result.frame
+    return Response(shown_jpeg(frame), media_type="image/jpeg", headers={"X-Frame": str(frame.index)})
 
-    def _states(self) -> dict[str, Callable[[], object]]:
-        """What a GET without parameters reads, by its name under /api."""
-        ask, page = self._ask, self._ask.page
-        return {
-            "run": lambda: page.about | {"state": page.state},
-            "health": lambda: answers.health_answer(page, self._usage.now()),
-            "faults": lambda: [answers.fault_answer(fault) for fault in page.faults.all()],
-            "events": lambda: [answers.event_answer(event) for event in page.events.all()],
-            "pose": lambda: answers.pose_answer(ask.snapshot().result),
-            "frame": lambda: answers.frame_answer(ask.snapshot().result),
-            "floor": lambda: answers.floor_answer(ask.snapshot().result.grid),
-            "objects": lambda: answers.objects_answer(page.newest),
-            "zones": lambda: answers.zones_answer(page),
-        }
 
-    async def picture(self, request: Request) -> Response:  # noqa: ARG002
-        """The newest picture."""
-        frame = self._ask.snapshot().result.frame
-        return Response(self._pictures.jpeg(frame), media_type="image/jpeg", headers={"X-Frame": str(frame.index)})
+async def saved_map(page: LivePage, request: Request) -> Response:  # noqa: ARG001
+    """The map as the run folder's map.json."""
+    headers = {"Content-Disposition": 'attachment; filename="map.json"'}
+    return Response(page.map_text(), media_type="application/json", headers=headers)
 
-    async def map(self, request: Request) -> Response:  # noqa: ARG002
-        """The map as the run folder's map.json."""
-        headers = {"Content-Disposition": 'attachment; filename="map.json"'}
-        return Response(self._ask.page.map_text(), media_type="application/json", headers=headers)
 
-    async def rooms(self, request: Request) -> Response:  # noqa: ARG002
-        """The rooms that walls and doors close, the largest first; POST /api/zones names one."""
-        return as_json(await asyncio.to_thread(answers.rooms_answer, self._ask.snapshot().result.grid))
+async def rooms(page: LivePage, request: Request) -> Response:  # noqa: ARG001
+    """The rooms that walls and doors close, the largest first; POST /api/zones names one."""
+    return as_json(await asyncio.to_thread(answers.rooms_answer, newest_of(page).result.grid))
 
-    async def object(self, request: Request) -> Response:
-        """One object."""
-        return as_json(self._ask.object(request))
 
-    async def object_picture(self, request: Request) -> Response:
-        """The best picture of an object that this run has."""
-        identity = self._ask.object(request)["id"]
-        crop = self._ask.page.crops.of([identity]).get(identity)
-        if crop is None:
-            raise Refused(404, f"no picture of {identity} yet: it was not seen by this run")
-        return Response(crop.jpeg, media_type="image/jpeg", headers={"X-Frame": str(crop.frame)})
+async def one_object(page: LivePage, request: Request) -> Response:
+    """One object."""
+    return as_json(named(page, request))
 
-    async def pause(self, request: Request) -> Response:
-        """Hold or resume a run of files."""
-        body = await body_of(request, PauseRequest)
-        if self._ask.page.pause is None:
-            raise Refused(409, "the camera is live: it cannot be paused")
-        if self._ask.page.state == "finished":
-            raise Refused(409, "the run is over")
-        self._ask.page.set_paused(body.paused)
-        return as_json({"state": self._ask.page.state})
 
-    async def save(self, request: Request) -> Response:
-        """Saves a copy of the map in the run folder."""
-        await body_of(request, Nothing)
-        return as_json({"path": str(await asyncio.to_thread(self._ask.page.save))})
+async def object_picture(page: LivePage, request: Request) -> Response:
+    """The best picture of an object that this run has."""
+    identity = named(page, request)["id"]
+    crop = page.crops.of([identity]).get(identity)
+    if crop is None:
+        raise Refused(404, f"no picture of {identity} yet: it was not seen by this run")
+    return Response(crop.jpeg, media_type="image/jpeg", headers={"X-Frame": str(crop.frame)})
 
-    async def put_mount(self, request: Request) -> Response:
-        """Saves a mount in the run's camera.yaml, for the next run."""
-        body, page = await body_of(request, MountRequest), self._ask.page
-        if page.keep_mount is None:
-            raise Refused(409, "this run keeps no camera.yaml")
-        try:
-            path = await asyncio.to_thread(page.keep_mount, body.height_m, body.pitch_deg)
-        except GeometryError as error:
-            raise Refused(400, str(error)) from None
-        page.about["mount"] |= {"height_m": body.height_m, "pitch_deg": body.pitch_deg}
-        return as_json({"path": str(path)})
 
-    async def openapi(self, request: Request) -> Response:  # noqa: ARG002
-        """This API as OpenAPI text."""
-        return Response(OPENAPI.read_bytes(), media_type="application/yaml")
+async def pause(page: LivePage, request: Request) -> Response:
+    """Hold or resume a run of files."""
+    body = await body_of(request, PauseRequest)
+    if page.pause is None:
+        raise Refused(409, "the camera is live: it cannot be paused")
+    if page.state == "finished":
+        raise Refused(409, "the run is over")
+    page.set_paused(body.paused)
+    return as_json({"state": page.state})
 
-    async def approach(self, request: Request) -> Response:
-        """The goal pose for an object."""
-        return as_json(self._goal(request, self._found(request)))
 
-    async def go(self, request: Request) -> Response:
-        """Send the robot there: publishes the pose as a goal."""
-        await body_of(request, Nothing)
-        page = self._ask.page
-        goal = self._found(request)
-        if not page.goals:
-            raise Refused(409, "nobody takes goals: run with --ros2, where Nav2 reads /goal_pose")
-        if page.state != "running":
-            raise Refused(409, f"the run is {page.state}: goals are published with its steps")
-        for send in page.goals:
-            send(goal.pose)
-        return as_json(self._goal(request, goal))
+async def save(page: LivePage, request: Request) -> Response:
+    """Saves a copy of the map in the run folder."""
+    await body_of(request, Nothing)
+    return as_json({"path": str(await asyncio.to_thread(page.save))})
 
-    def _found(self, request: Request) -> Approach:
-        identity, snapshot = self._ask.object(request)["id"], self._ask.snapshot()
-        rule = ApproachRule(
-            _metres(request, "standoff_m", USUAL.standoff_m),
-            _metres(request, "robot_radius_m", USUAL.robot_radius_m),
-        )
-        pose = snapshot.result.pose_map_base
-        item = next(item for item in snapshot.objects if item.id == identity)
-        try:
-            return approach(item, snapshot.objects, self._ask.page.grid, (pose.x_m, pose.y_m), rule)
-        except MapError as error:
-            raise Refused(409, str(error)) from None
 
-    def _goal(self, request: Request, goal: Approach) -> dict[str, Any]:
-        own = {"object": request.path_params["id"], "standoff_m": round(goal.standoff_m, 3), "floor": goal.floor}
-        return own | pose_record(goal.pose)
+async def put_mount(page: LivePage, request: Request) -> Response:
+    """Saves a mount in the run's camera.yaml, for the next run."""
+    body = await body_of(request, MountRequest)
+    if page.keep_mount is None:
+        raise Refused(409, "this run keeps no camera.yaml")
+    try:
+        path = await asyncio.to_thread(page.keep_mount, body.height_m, body.pitch_deg)
+    except GeometryError as error:
+        raise Refused(400, str(error)) from None
+    page.about["mount"] |= {"height_m": body.height_m, "pitch_deg": body.pitch_deg}
+    return as_json({"path": str(path)})
+
+
+async def openapi(page: LivePage, request: Request) -> Response:  # noqa: ARG001
+    """This API as OpenAPI text."""
+    return Response(OPENAPI.read_bytes(), media_type="application/yaml")
+
+
+async def goal_pose(page: LivePage, request: Request) -> Response:
+    """The goal pose for an object."""
+    return as_json(_goal(request, _found(page, request)))
+
+
+async def go(page: LivePage, request: Request) -> Response:
+    """Send the robot there: publishes the pose as a goal."""
+    await body_of(request, Nothing)
+    goal = _found(page, request)
+    if not page.goals:
+        raise Refused(409, "nobody takes goals: run with --ros2, where Nav2 reads /goal_pose")
+    if page.state != "running":
+        raise Refused(409, f"the run is {page.state}: goals are published with its steps")
+    for send in page.goals:
+        send(goal.pose)
+    return as_json(_goal(request, goal))
+
+
+def _found(page: LivePage, request: Request) -> Approach:
+    identity, snapshot = named(page, request)["id"], newest_of(page)
+    rule = ApproachRule(
+        _metres(request, "standoff_m", USUAL.standoff_m),
+        _metres(request, "robot_radius_m", USUAL.robot_radius_m),
+    )
+    pose = snapshot.result.pose_map_base
+    item = next(item for item in snapshot.objects if item.id == identity)
+    try:
+        return approach(item, snapshot.objects, page.grid, (pose.x_m, pose.y_m), rule)
+    except MapError as error:
+        raise Refused(409, str(error)) from None
+
+
+def _goal(request: Request, goal: Approach) -> dict[str, Any]:
+    own = {"object": request.path_params["id"], "standoff_m": round(goal.standoff_m, 3), "floor": goal.floor}
+    return own | pose_record(goal.pose)
 
 
 def _reading(state: Callable[[], object]) -> Answer:
     """Answers with a state as JSON."""
 
-    async def answer(request: Request) -> Response:  # noqa: ARG001
+    async def answer(page: LivePage, request: Request) -> Response:  # noqa: ARG001
         return as_json(state())
 
     return answer
@@ -191,3 +178,31 @@ def _metres(request: Request, name: str, usual: float) -> float:
     if not 0.0 < value <= FARTHEST_M:
         raise Refused(400, f"{name}: above 0 and at most {FARTHEST_M:g} m")
     return value
+
+
+ANSWERS: list[tuple[str, str, Answer]] = [  # method, address and what answers
+    ("GET", "/api/picture", picture),
+    ("GET", "/api/map", saved_map),
+    ("GET", "/api/rooms", rooms),
+    ("GET", "/api/objects/{id}", one_object),
+    ("GET", "/api/objects/{id}/picture", object_picture),
+    ("GET", "/api/objects/{id}/approach", goal_pose),
+    ("POST", "/api/objects/{id}/go", go),
+    ("POST", "/api/pause", pause),
+    ("POST", "/api/save", save),
+    ("PUT", "/api/mount", put_mount),
+    ("GET", "/api/openapi.yaml", openapi),
+    ("POST", "/api/objects", edits.add_object),
+    ("PATCH", "/api/objects/{id}", edits.change_object),
+    ("DELETE", "/api/objects/{id}", edits.delete_object),
+    ("GET", "/api/objects/{id}/merge", edits.preview_merge),
+    ("POST", "/api/objects/{id}/merge", edits.merge_object),
+    ("POST", "/api/objects/{id}/restore", edits.restore_object),
+    ("POST", "/api/zones", edits.put_zone),
+    ("PUT", "/api/zones/{id}", edits.put_zone),
+    ("DELETE", "/api/zones/{id}", edits.delete_zone),
+    ("PUT", "/api/pose", edits.put_pose),
+    ("GET", "/api/dock", edits.dock),
+    ("PUT", "/api/dock", edits.put_dock),
+    ("DELETE", "/api/dock", edits.delete_dock),
+]

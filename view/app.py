@@ -12,10 +12,10 @@ from starlette.types import ASGIApp, Message, Receive, Scope, Send
 from starlette.websockets import WebSocket
 
 from edgemap.view import answers
-from edgemap.view.api import Api
+from edgemap.view.api import api_routes
 from edgemap.view.guard import Guard
 from edgemap.view.page import LivePage
-from edgemap.view.updates import Pictures, ProcessUsage
+from edgemap.view.updates import ProcessUsage
 from edgemap.view.viewer import Bell, Viewer
 
 STATIC = Path(__file__).parent / "static"
@@ -28,7 +28,7 @@ def make_app(page: LivePage, token: str = "", cookie: str = "edgemap") -> ASGIAp
     """The page as an ASGI application. token: required in each request; empty for none."""
     files = {f"/{path.name}": (path.read_bytes(), KINDS[path.suffix]) for path in STATIC.iterdir()}
     files["/"] = files["/index.html"]
-    pictures, usage, bell = Pictures(), ProcessUsage(), Bell(page)
+    usage, bell = ProcessUsage(), Bell(page)
     viewers: set[Viewer] = set()
 
     async def file(request: Request) -> Response:
@@ -40,7 +40,7 @@ def make_app(page: LivePage, token: str = "", cookie: str = "edgemap") -> ASGIAp
             await websocket.accept()
             await websocket.close(TRY_AGAIN_LATER, f"{MAXIMUM_VIEWERS} viewers are looking already")
             return
-        viewer = Viewer(websocket, page, bell, pictures, usage)
+        viewer = Viewer(websocket, page, bell, usage)
         viewers.add(viewer)
         try:
             await viewer.serve()
@@ -48,7 +48,7 @@ def make_app(page: LivePage, token: str = "", cookie: str = "edgemap") -> ASGIAp
             viewers.discard(viewer)
 
     routes = [Route(path, file) for path in files]
-    routes += [*Api(page, pictures, usage).routes(), WebSocketRoute("/api/stream", socket)]
+    routes += [*api_routes(page, usage), WebSocketRoute("/api/stream", socket)]
     return Guard(_Sealed(Starlette(routes=routes, exception_handlers={HTTPException: _refused})), token, cookie)
 
 

@@ -14,7 +14,8 @@ from edgemap.runtime.frames.reading import Coordinate
 from edgemap.runtime.step.map_file import pose_record
 from edgemap.runtime.step.map_records import GivenName, Yaw
 from edgemap.view import answers
-from edgemap.view.questions import Answer, Nothing, Questions, Refused, as_json, body_of
+from edgemap.view.page import LivePage
+from edgemap.view.questions import Nothing, Refused, as_json, body_of, find, named, newest_of, take
 
 Side = Annotated[float, Meta(ge=SMALLEST_M, le=LARGEST_M)]
 Label = Annotated[str, Meta(min_length=1, max_length=LONGEST_NAME)]
@@ -79,127 +80,112 @@ class DockRequest(msgspec.Struct, forbid_unknown_fields=True):
     yaw_rad: Yaw | None = None
 
 
-class EditApi:
-    """Answers that edit, for one page."""
+async def add_object(page: LivePage, request: Request) -> Response:
+    """Adds an object that was not detected."""
+    body = await body_of(request, NewObjectRequest)
+    usual = (body.width_m, body.depth_m, body.height_m)
+    if any(usual) and not all(usual):
+        raise Refused(400, "a size is width_m, depth_m and height_m together")
+    size_m = (body.width_m, body.depth_m, body.height_m) if body.width_m and body.depth_m and body.height_m else None
+    edit = Edit("add", label=body.label, place_m=(body.x_m, body.y_m), size_m=size_m, yaw_rad=body.yaw_rad)
+    identity = await take(page, edit)
+    if body.name:
+        await take(page, Edit("rename", identity, name=body.name))
+    return as_json(find(page, identity), 201)
 
-    def __init__(self, ask: Questions) -> None:
-        self._ask = ask
 
-    def routes(self) -> list[tuple[str, str, Answer]]:
-        """Methods and addresses under /api, with what answers them."""
-        return [
-            ("POST", "/api/objects", self.add_object),
-            ("PATCH", "/api/objects/{id}", self.change_object),
-            ("DELETE", "/api/objects/{id}", self.delete_object),
-            ("GET", "/api/objects/{id}/merge", self.preview_merge),
-            ("POST", "/api/objects/{id}/merge", self.merge_object),
-            ("POST", "/api/objects/{id}/restore", self.restore_object),
-            ("POST", "/api/zones", self.put_zone),
-            ("PUT", "/api/zones/{id}", self.put_zone),
-            ("DELETE", "/api/zones/{id}", self.delete_zone),
-            ("PUT", "/api/pose", self.put_pose),
-            ("GET", "/api/dock", self.dock),
-            ("PUT", "/api/dock", self.put_dock),
-            ("DELETE", "/api/dock", self.delete_dock),
-        ]
+async def change_object(page: LivePage, request: Request) -> Response:
+    """Name an object, confirm it, or correct its class, position, size or facing."""
+    body, item = await body_of(request, ObjectRequest), named(page, request)
+    correction = _correction(body, item)
+    if correction is not None:
+        await take(page, correction)
+    if body.name is not None:
+        await take(page, Edit("rename", item["id"], name=body.name))
+    if body.confirmed is not None:
+        await take(page, Edit("confirm", item["id"], on=body.confirmed))
+    return as_json(named(page, request))
 
-    async def add_object(self, request: Request) -> Response:
-        """Adds an object that was not detected."""
-        body = await body_of(request, NewObjectRequest)
-        usual = (body.width_m, body.depth_m, body.height_m)
-        if any(usual) and not all(usual):
-            raise Refused(400, "a size is width_m, depth_m and height_m together")
-        size_m = (
-            (body.width_m, body.depth_m, body.height_m) if body.width_m and body.depth_m and body.height_m else None
-        )
-        edit = Edit("add", label=body.label, place_m=(body.x_m, body.y_m), size_m=size_m, yaw_rad=body.yaw_rad)
-        identity = await self._ask.edit(edit)
-        if body.name:
-            await self._ask.edit(Edit("rename", identity, name=body.name))
-        return as_json(self._ask.find(identity), 201)
 
-    async def change_object(self, request: Request) -> Response:
-        """Name an object, confirm it, or correct its class, position, size or facing."""
-        body, item = await body_of(request, ObjectRequest), self._ask.object(request)
-        correction = _correction(body, item)
-        if correction is not None:
-            await self._ask.edit(correction)
-        if body.name is not None:
-            await self._ask.edit(Edit("rename", item["id"], name=body.name))
-        if body.confirmed is not None:
-            await self._ask.edit(Edit("confirm", item["id"], on=body.confirmed))
-        return as_json(self._ask.object(request))
+async def preview_merge(page: LivePage, request: Request) -> Response:
+    """Preview of a merge of two objects, without changing the map."""
+    item, into = named(page, request)["id"], request.query_params.get("into", "")
+    if find(page, into)["id"] == item:
+        raise Refused(409, f"{item!r} cannot be merged with itself")
+    by_id = {one.id: one for one in page.objects}
+    return as_json(answers.object_answer(joined([by_id[into], by_id[item]]), newest_of(page)))
 
-    async def preview_merge(self, request: Request) -> Response:
-        """Preview of a merge of two objects, without changing the map."""
-        item, into = self._ask.object(request)["id"], request.query_params.get("into", "")
-        if self._ask.find(into)["id"] == item:
-            raise Refused(409, f"{item!r} cannot be merged with itself")
-        by_id = {one.id: one for one in self._ask.page.objects}
-        return as_json(answers.object_answer(joined([by_id[into], by_id[item]]), self._ask.snapshot()))
 
-    async def delete_object(self, request: Request) -> Response:
-        """Deletes an object permanently."""
-        return as_json({"id": await self._ask.edit(Edit("delete", self._ask.object(request)["id"]))})
+async def delete_object(page: LivePage, request: Request) -> Response:
+    """Deletes an object permanently."""
+    return as_json({"id": await take(page, Edit("delete", named(page, request)["id"]))})
 
-    async def merge_object(self, request: Request) -> Response:
-        """Merges two objects."""
-        body = await body_of(request, MergeRequest)
-        self._ask.find(body.into)
-        await self._ask.edit(Edit("merge", self._ask.object(request)["id"], into=body.into))
-        return as_json(self._ask.find(body.into))
 
-    async def restore_object(self, request: Request) -> Response:
-        """Reverts the deletion or merge of an object."""
-        await body_of(request, Nothing)
-        return as_json({"id": await self._ask.edit(Edit("restore", request.path_params["id"]))})
+async def merge_object(page: LivePage, request: Request) -> Response:
+    """Merges two objects."""
+    body = await body_of(request, MergeRequest)
+    find(page, body.into)
+    await take(page, Edit("merge", named(page, request)["id"], into=body.into))
+    return as_json(find(page, body.into))
 
-    async def put_zone(self, request: Request) -> Response:
-        """Draw a zone, or change one."""
-        body, identity = await body_of(request, ZoneRequest), request.path_params.get("id", "")
-        if identity and identity not in {zone.id for zone in self._ask.page.annotations.zones}:
-            raise Refused(404, f"no zone {identity[:60]!r}")
-        made = await self._ask.edit(Edit("zone", identity, name=body.name, corners_m=tuple(body.corners_m)))
-        zone = next(zone for zone in answers.zones_answer(self._ask.page) if zone["id"] == made)
-        return as_json(zone, 200 if identity else 201)
 
-    async def delete_zone(self, request: Request) -> Response:
-        """Deletes a zone."""
-        identity = request.path_params["id"]
-        if identity not in {zone.id for zone in self._ask.page.annotations.zones}:
-            raise Refused(404, f"no zone {identity[:60]!r}")
-        return as_json({"id": await self._ask.edit(Edit("drop_zone", identity))})
+async def restore_object(page: LivePage, request: Request) -> Response:
+    """Reverts the deletion or merge of an object."""
+    await body_of(request, Nothing)
+    return as_json({"id": await take(page, Edit("restore", request.path_params["id"]))})
 
-    async def put_pose(self, request: Request) -> Response:
-        """Sets the robot's pose."""
-        body = await body_of(request, PoseRequest)
-        sigmas = (body.sigma_m, body.sigma_m, body.sigma_yaw_rad)
-        await self._ask.edit(Edit("pose", pose=(body.x_m, body.y_m, body.yaw_rad), sigmas=sigmas))
-        return as_json({"x_m": body.x_m, "y_m": body.y_m, "yaw_rad": body.yaw_rad})
 
-    async def dock(self, request: Request) -> Response:  # noqa: ARG002
-        """Pose of the dock."""
-        dock = self._ask.page.annotations.dock
-        if dock is None:
-            raise Refused(404, "the map has no dock")
-        return as_json(pose_record(dock))
+async def put_zone(page: LivePage, request: Request) -> Response:
+    """Draw a zone, or change one."""
+    body, identity = await body_of(request, ZoneRequest), request.path_params.get("id", "")
+    if identity and identity not in {zone.id for zone in page.annotations.zones}:
+        raise Refused(404, f"no zone {identity[:60]!r}")
+    made = await take(page, Edit("zone", identity, name=body.name, corners_m=tuple(body.corners_m)))
+    zone = next(zone for zone in answers.zones_answer(page) if zone["id"] == made)
+    return as_json(zone, 200 if identity else 201)
 
-    async def put_dock(self, request: Request) -> Response:
-        """Set the dock to a pose, or to where the robot is now."""
-        body = await body_of(request, DockRequest)
-        here = self._ask.snapshot().result.pose_map_base
-        pose = (float(here.x_m), float(here.y_m), float(here.yaw_rad))
-        if body.x_m is not None and body.y_m is not None and body.yaw_rad is not None:
-            pose = (body.x_m, body.y_m, body.yaw_rad)
-        elif body != DockRequest():
-            raise Refused(400, "a dock is x_m, y_m and yaw_rad together, or {} for the robot's pose now")
-        await self._ask.edit(Edit("dock", pose=pose))
-        return await self.dock(request)
 
-    async def delete_dock(self, request: Request) -> Response:
-        """Deletes the dock."""
-        await self.dock(request)
-        return as_json({"id": await self._ask.edit(Edit("drop_dock"))})
+async def delete_zone(page: LivePage, request: Request) -> Response:
+    """Deletes a zone."""
+    identity = request.path_params["id"]
+    if identity not in {zone.id for zone in page.annotations.zones}:
+        raise Refused(404, f"no zone {identity[:60]!r}")
+    return as_json({"id": await take(page, Edit("drop_zone", identity))})
+
+
+async def put_pose(page: LivePage, request: Request) -> Response:
+    """Sets the robot's pose."""
+    body = await body_of(request, PoseRequest)
+    sigmas = (body.sigma_m, body.sigma_m, body.sigma_yaw_rad)
+    await take(page, Edit("pose", pose=(body.x_m, body.y_m, body.yaw_rad), sigmas=sigmas))
+    return as_json({"x_m": body.x_m, "y_m": body.y_m, "yaw_rad": body.yaw_rad})
+
+
+async def dock(page: LivePage, request: Request) -> Response:  # noqa: ARG001
+    """Pose of the dock."""
+    dock = page.annotations.dock
+    if dock is None:
+        raise Refused(404, "the map has no dock")
+    return as_json(pose_record(dock))
+
+
+async def put_dock(page: LivePage, request: Request) -> Response:
+    """Set the dock to a pose, or to where the robot is now."""
+    body = await body_of(request, DockRequest)
+    here = newest_of(page).result.pose_map_base
+    pose = (float(here.x_m), float(here.y_m), float(here.yaw_rad))
+    if body.x_m is not None and body.y_m is not None and body.yaw_rad is not None:
+        pose = (body.x_m, body.y_m, body.yaw_rad)
+    elif body != DockRequest():
+        raise Refused(400, "a dock is x_m, y_m and yaw_rad together, or {} for the robot's pose now")
+    await take(page, Edit("dock", pose=pose))
+    return await dock(page, request)
+
+
+async def delete_dock(page: LivePage, request: Request) -> Response:
+    """Deletes the dock."""
+    await dock(page, request)
+    return as_json({"id": await take(page, Edit("drop_dock"))})
 
 
 def _correction(body: ObjectRequest, item: dict) -> Edit | None:

@@ -18,7 +18,7 @@ BODY_LIMIT_S = 5.0  # for a body to come: one that never does holds a connection
 EDIT_LIMIT_S = 5.0
 
 T = TypeVar("T")
-Answer = Callable[[Request], Awaitable[Response]]
+Answer = Callable[[LivePage, Request], Awaitable[Response]]
 
 
 class Refused(Exception):
@@ -33,40 +33,37 @@ class Nothing(msgspec.Struct, forbid_unknown_fields=True):
     """An empty body: `{}`."""
 
 
-class Questions:
-    """Queries on one page. Every failure is a `Refused`."""
+def newest_of(page: LivePage) -> PageSnapshot:
+    """The newest step. Raises Refused before the first."""
+    if page.newest is None:
+        raise Refused(503, "no picture yet")
+    return page.newest
 
-    def __init__(self, page: LivePage) -> None:
-        self.page = page
 
-    def snapshot(self) -> PageSnapshot:
-        """The newest step."""
-        if self.page.newest is None:
-            raise Refused(503, "no picture yet")
-        return self.page.newest
+def named(page: LivePage, request: Request) -> dict:
+    """The object that the address names. Raises Refused."""
+    return find(page, request.path_params["id"])
 
-    def object(self, request: Request) -> dict:
-        """The object that the address names."""
-        return self.find(request.path_params["id"])
 
-    def find(self, identity: str) -> dict:
-        """An object by its id."""
-        snapshot = self.snapshot()
-        for item in snapshot.objects:
-            if item.id == identity:
-                return answers.object_answer(item, snapshot)
-        raise Refused(404, f"no object {identity[:60]!r} on the map")
+def find(page: LivePage, identity: str) -> dict:
+    """An object by its id. Raises Refused."""
+    snapshot = newest_of(page)
+    for item in snapshot.objects:
+        if item.id == identity:
+            return answers.object_answer(item, snapshot)
+    raise Refused(404, f"no object {identity[:60]!r} on the map")
 
-    async def edit(self, edit: Edit) -> str:
-        """Have the run take an edit between two steps; the id of its object or zone."""
-        self.snapshot()
-        future = asyncio.wrap_future(self.page.edits.submit(edit))
-        try:
-            return await asyncio.wait_for(future, EDIT_LIMIT_S)
-        except EditError as error:
-            raise Refused(409, str(error)) from None
-        except TimeoutError:
-            raise Refused(503, f"the run took no edit for {EDIT_LIMIT_S:.0f} s; this one is withdrawn") from None
+
+async def take(page: LivePage, edit: Edit) -> str:
+    """Have the run take an edit between two steps; the id of its object or zone. Raises Refused."""
+    newest_of(page)
+    future = asyncio.wrap_future(page.edits.submit(edit))
+    try:
+        return await asyncio.wait_for(future, EDIT_LIMIT_S)
+    except EditError as error:
+        raise Refused(409, str(error)) from None
+    except TimeoutError:
+        raise Refused(503, f"the run took no edit for {EDIT_LIMIT_S:.0f} s; this one is withdrawn") from None
 
 
 def as_json(value: object, status: int = 200) -> Response:
@@ -74,12 +71,12 @@ def as_json(value: object, status: int = 200) -> Response:
     return Response(answers.plain(value), status, media_type="application/json")
 
 
-def guarded(answer: Answer) -> Answer:
-    """The answer, or its failure as JSON."""
+def guarded(page: LivePage, answer: Answer) -> Callable[[Request], Awaitable[Response]]:
+    """The answer for one page, or its failure as JSON."""
 
     async def answered(request: Request) -> Response:
         try:
-            return await answer(request)
+            return await answer(page, request)
         except Refused as refused:
             return as_json({"error": str(refused)}, refused.status)
         except EdgemapError as error:

@@ -4,6 +4,7 @@ import math
 import os
 import struct
 import time
+from functools import lru_cache
 from typing import Any
 
 import cv2
@@ -31,23 +32,15 @@ WIDEST_PX = 960
 MAXIMUM_ITEMS = 4000  # of a history in one update; the rest follows in the next ones
 
 
-class Pictures:
-    """JPEGs of frames; each frame is encoded once for all viewers."""
-
-    def __init__(self) -> None:
-        self._frame: Frame | None = None
-        self._jpeg = b""
-
-    def jpeg(self, frame: Frame) -> bytes:
-        """The frame's picture, at most `WIDEST_PX` wide."""
-        if frame is not self._frame:
-            image = frame.image
-            height, width = image.shape[:2]
-            if width > WIDEST_PX:
-                size = (WIDEST_PX, max(1, round(height * WIDEST_PX / width)))
-                image = cv2.resize(image, size, interpolation=cv2.INTER_AREA)
-            self._frame, self._jpeg = frame, jpeg(image, JPEG_QUALITY)
-        return self._jpeg
+@lru_cache(maxsize=1)  # each frame is encoded once for all viewers
+def shown_jpeg(frame: Frame) -> bytes:
+    """The frame's picture as JPEG, at most `WIDEST_PX` wide."""
+    image = frame.image
+    height, width = image.shape[:2]
+    if width > WIDEST_PX:
+        size = (WIDEST_PX, max(1, round(height * WIDEST_PX / width)))
+        image = cv2.resize(image, size, interpolation=cv2.INTER_AREA)
+    return jpeg(image, JPEG_QUALITY)
 
 
 class ProcessUsage:
@@ -90,7 +83,7 @@ class Cursor:
         """Whether to send all sightings from the first one, or none."""
         self._with_sightings, self._sightings, self.revision = wanted, 0, -1
 
-    def update(self, page: LivePage, pictures: Pictures, usage: ProcessUsage, number: int) -> bytes:
+    def update(self, page: LivePage, usage: ProcessUsage, number: int) -> bytes:
         """The next message: all changes since the previous one."""
         self.revision = page.revision
         moved, self._epoch = self._epoch != page.epoch, page.epoch
@@ -110,7 +103,7 @@ class Cursor:
         }  # fmt: skip
         if self._with_sightings:
             document["sightings"], self._sightings = page.sightings.since(self._sightings, MAXIMUM_ITEMS)
-        jpeg = b""
+        picture = b""
         if snapshot is not None:
             zones = zones_answer(page)
             if zones != self._zones:
@@ -124,9 +117,9 @@ class Cursor:
             document |= {"rate_hz": page.rate_hz(), "age_s": time.monotonic() - snapshot.arrived_s}
             if snapshot.result.frame is not self._frame:
                 self._frame = snapshot.result.frame
-                jpeg = pictures.jpeg(self._frame)
+                picture = shown_jpeg(self._frame)
         head = plain(document)
-        return struct.pack("<I", len(head)) + head + jpeg
+        return struct.pack("<I", len(head)) + head + picture
 
     def _object_changes(self, objects: list[MapObject]) -> dict[str, Any]:
         """The map makes a new MapObject for each change, so identity shows which objects changed."""

@@ -9,7 +9,7 @@ import msgspec
 from starlette.websockets import WebSocket, WebSocketDisconnect
 
 from edgemap.view.page import LivePage
-from edgemap.view.updates import Cursor, Pictures, ProcessUsage
+from edgemap.view.updates import Cursor, ProcessUsage
 
 HIGHEST_RATE_HZ = 20.0
 IN_FLIGHT = 4  # updates sent and not yet shown: a picture every 100 ms over a link that takes 300 ms, there and back
@@ -48,9 +48,8 @@ class Bell:
 class Viewer:
     """One WebSocket. It gets the newest state whenever it has room for one; nothing queues, a slow one skips frames."""
 
-    def __init__(self, socket: WebSocket, page: LivePage, bell: Bell, pictures: Pictures, usage: ProcessUsage) -> None:
-        self._socket, self._page, self._bell = socket, page, bell
-        self._pictures, self._usage = pictures, usage
+    def __init__(self, socket: WebSocket, page: LivePage, bell: Bell, usage: ProcessUsage) -> None:
+        self._socket, self._page, self._bell, self._usage = socket, page, bell, usage
         self._cursor = Cursor()
         self._streams = False
         self._in_flight = 0
@@ -79,7 +78,7 @@ class Viewer:
             if not self._room.is_set():
                 continue
             began_s = time.monotonic()
-            message = self._cursor.update(self._page, self._pictures, self._usage, number)
+            message = self._cursor.update(self._page, self._usage, number)
             self._in_flight += 1
             self._make_room()
             await self._socket.send_bytes(message)

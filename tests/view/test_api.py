@@ -17,10 +17,9 @@ from support.live import raw_viewer
 
 from edgemap.geometry.grid.occupancy_grid import OccupancyGrid
 from edgemap.runtime.step.map_file import save_map
-from edgemap.view.api import OPENAPI
-from edgemap.view.api import Api as Served
+from edgemap.view.api import OPENAPI, api_routes
 from edgemap.view.questions import BODY_BYTES
-from edgemap.view.updates import Pictures, ProcessUsage
+from edgemap.view.updates import ProcessUsage
 
 DOCS = Path(__file__).parents[2] / "docs" / "http-api.md"
 SPEC = yaml.safe_load(OPENAPI.read_text())
@@ -48,7 +47,7 @@ def test_the_openapi_text_names_every_address_and_no_other(robot):
     served, api = robot
     routes = {
         (route.path, method)
-        for route in Served(served.page, Pictures(), ProcessUsage()).routes()
+        for route in api_routes(served.page, ProcessUsage())
         for method in route.methods or ()
         if method != "HEAD"
     }

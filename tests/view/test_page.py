@@ -20,7 +20,7 @@ from edgemap.runtime.step.map_file import load_map, save_map
 from edgemap.view.page import LivePage
 from edgemap.view.pause import PausableCamera, Pause
 from edgemap.view.tail import Tail
-from edgemap.view.updates import WIDEST_PX, Pictures
+from edgemap.view.updates import WIDEST_PX, shown_jpeg
 
 
 @given(st.integers(1, 6), st.lists(st.tuples(st.booleans(), st.integers(1, 4)), max_size=40))
@@ -196,12 +196,11 @@ def test_a_camera_that_can_be_held_knows_all_that_the_one_behind_it_knows():
 
 
 def test_a_frame_is_encoded_once_and_shrunk_to_the_screen():
-    pictures = Pictures()
     image = np.zeros((600, 2 * WIDEST_PX, 3), np.uint8)
     image[:, WIDEST_PX:] = (0, 0, 255)  # the right half is red
     frame = Frame(0, 0.0, image)
-    jpeg = pictures.jpeg(frame)
-    assert pictures.jpeg(frame) is jpeg
+    jpeg = shown_jpeg(frame)
+    assert shown_jpeg(frame) is jpeg
     shown = cv2.imdecode(np.frombuffer(jpeg, np.uint8), cv2.IMREAD_COLOR)
     assert shown is not None
     assert shown.shape == (300, WIDEST_PX, 3)
