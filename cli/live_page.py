@@ -9,7 +9,7 @@ from pathlib import Path
 from threading import Event
 from typing import TYPE_CHECKING, Any
 
-from edgemap.cli.run_options import PageOptions
+from edgemap.cli.publishers import WatchGroup
 from edgemap.geometry.camera.floor import FloorCamera
 from edgemap.geometry.map_object import CHI2_95
 from edgemap.geometry.se2 import SE2
@@ -88,7 +88,7 @@ class OpenPage(NoPage):
 
 @contextmanager
 def live_page(
-    options: PageOptions,
+    options: WatchGroup,
     source: Camera,
     bundle: Bundle,
     floor: FloorCamera,

@@ -23,6 +23,30 @@ WithoutImu = Annotated[
     bool, arg(help="Ignore the inertial samples of the source: roll and pitch come from pictures, yaw without a gyro.")
 ]
 WithoutDepth = Annotated[bool, arg(help="Ignore the depth pictures of the source.")]
+WheelTopic = Annotated[
+    str | None,
+    arg(
+        metavar="/TOPIC",
+        help="Wheel odometry (nav_msgs/Odometry) for --odometry hybrid: a topic of the recording, or a live ROS 2 one.",
+    ),
+]
+ImuTopic = Annotated[
+    str | None,
+    arg(
+        metavar="/TOPIC",
+        help="Inertial samples (sensor_msgs/Imu): a topic of the recording, or a live ROS 2 one. tf must join its "
+        "frame to the camera's.",
+    ),
+]
+DepthTopicName = Annotated[
+    str | None,
+    arg(
+        name="depth-topic",
+        metavar="/TOPIC",
+        help="Depth of the pictures' own pixels (sensor_msgs/Image 16UC1 or 32FC1, or compressedDepth), of ros2: or a "
+        "recording; by default a topic .../aligned_depth_to_color/... is taken.",
+    ),
+]
 Confidence = Annotated[
     float | None,
     arg(

@@ -1,4 +1,4 @@
-"""Live outputs of `edgemap run` to other programs: their options and sinks; addresses, also of a fleet."""
+"""What a run shows and writes: the options, and the sinks of other programs; addresses, also of a fleet."""
 
 from dataclasses import dataclass
 from pathlib import Path
@@ -8,17 +8,37 @@ from edgemap.cli.arguments import OptionError, arg, may_be_left_out
 
 if TYPE_CHECKING:
     from edgemap.geometry.camera.floor import FloorCamera
+    from edgemap.runtime.inputs.cameras.protocol import Camera
     from edgemap.runtime.outputs.fleet.sink import FleetSink
+    from edgemap.runtime.outputs.publishers.ros2 import Ros2Sink
+    from edgemap.runtime.step.edits import Edits
     from edgemap.runtime.step.sinks import Sink
 
 
 LOCAL = "127.0.0.1"
+FRAMES = "map,odom,base_link,camera_optical_frame"
 
 
 @dataclass(frozen=True)
-class Viewers:
-    """Programs that show a run while it lasts."""
+class WatchGroup:
+    """See the run while it lasts."""
 
+    view: Annotated[
+        bool,
+        arg(
+            help="Serve a live page for browsers. Files are then paced by their stamps, as --realtime does, and the "
+            "page stays after the last frame until Ctrl-C."
+        ),
+    ] = False
+    view_host: Annotated[
+        str,
+        arg(
+            metavar="ADDRESS",
+            help="Address to serve it on; 0.0.0.0 for every network. Beyond this machine viewers need the token that "
+            "is printed with the page's address.",
+        ),
+    ] = "127.0.0.1"
+    view_port: Annotated[int, arg(metavar="PORT", help="Port to serve it on; 0 for any free one.")] = 8090
     foxglove: Annotated[
         str | None,
         may_be_left_out("HOST:PORT", "127.0.0.1:8765"),
@@ -64,9 +84,17 @@ class Viewers:
 
 
 @dataclass(frozen=True)
-class NamedOutputs:
-    """Programs that know the robot by its name."""
+class OutputGroup:
+    """Files, and other programs that get the results."""
 
+    out: Annotated[
+        Path | None, arg(aliases=["-o"], metavar="DIR", help="The run folder; runs/<UTC stamp>/ by default.")
+    ] = None
+    recording: Annotated[
+        Path | None,
+        arg(name="record", metavar="FILE.mcap", help="Record pictures and results, to be replayed."),
+    ] = None
+    lossless: Annotated[bool, arg(help="Record PNG, not JPEG: a replay gives the very same map.")] = False
     mqtt: Annotated[
         str | None,
         arg(
@@ -91,6 +119,29 @@ class NamedOutputs:
             help="The robot's name, with --mqtt (topics edgemap/NAME/…) and --fleet; by default the machine's.",
         ),
     ] = None
+    ros2: Annotated[
+        bool,
+        arg(
+            help="Publish results live as ROS 2 topics (docs/ros2.md). Files are then paced by their stamps, as "
+            "--realtime does. ROS_DOMAIN_ID and the other variables of ROS 2 say who may find them: programs on this "
+            "machine where none is set."
+        ),
+    ] = False
+    ros2_pictures: Annotated[bool, arg(help="With --ros2: publish the pictures too (JPEG).")] = False
+    ros2_best_effort: Annotated[
+        bool, arg(help="With --ros2: boxes and pictures best effort, for lossy radio; reliable otherwise.")
+    ] = False
+    ros2_namespace: Annotated[str, arg(metavar="NAME", help="With --ros2: before every topic but tf.")] = "edgemap"
+    ros2_frames: Annotated[
+        str,
+        arg(metavar="MAP,ODOM,BASE,CAMERA", help="With --ros2: names of the frames; the base is on the floor."),
+    ] = FRAMES
+    odom_tf: Annotated[
+        bool,
+        arg(
+            help="With --ros2: --no-odom-tf where the robot itself publishes odom -> base; map -> odom builds on that."
+        ),
+    ] = True
 
     def named_sinks(self, saved: Path | None) -> "list[Sink]":
         """The sinks that were asked for. saved: the map that the run continues. Raises OptionError, PublishError or
@@ -110,6 +161,28 @@ class NamedOutputs:
         if self.fleet is not None:
             sinks.append(fleet_sink(self.fleet, self.robot, saved))
         return sinks
+
+    def ros2_sinks(self, source: "Camera", floor: "FloorCamera", edits: "Edits") -> "list[Ros2Sink]":
+        """The sink that publishes, where it is asked for. Raises OptionError, Ros2Error or MissingExtraError."""
+        if not self.ros2:
+            return []
+        from edgemap.runtime.frames.messages.topics import FrameIds
+        from edgemap.runtime.inputs.ros2.node import shared_node
+        from edgemap.runtime.outputs.publishers.ros2 import Ros2Options, Ros2Sink
+
+        options = Ros2Options(
+            self.ros2_namespace, FrameIds(*frame_names(self.ros2_frames)), self.ros2_pictures, self.ros2_best_effort,
+            self.odom_tf,
+        )  # fmt: skip
+        return [Ros2Sink(shared_node(), floor, options, ros_time=source.name.startswith("ros2:"), edit=edits.submit)]
+
+
+def frame_names(frames: str) -> list[str]:
+    """The four frame names in the text of `--ros2-frames`. Raises OptionError."""
+    names = [name.strip() for name in frames.split(",")]
+    if len(names) != 4 or not all(names) or len(set(names)) != 4:
+        raise OptionError(f"--ros2-frames {frames}: four different names, as in {FRAMES}")
+    return names
 
 
 def host_and_port(text: str, option: str, port: int) -> tuple[str, int]:

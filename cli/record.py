@@ -7,8 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 from edgemap.cli.arguments import arg
 from edgemap.cli.camera_options import Opening, read_intrinsics, read_mount
 from edgemap.cli.groups import Source
-from edgemap.cli.options import WithoutDepth, at_least
-from edgemap.cli.ros2 import DepthTopicName
+from edgemap.cli.options import DepthTopicName, WithoutDepth, at_least
 
 if TYPE_CHECKING:
     from edgemap.runtime.frames.trajectory import Trajectory

@@ -7,9 +7,16 @@ from typing import TYPE_CHECKING, Annotated, Literal
 from edgemap.cli.arguments import OptionError, arg
 from edgemap.cli.groups import MappingOptions, MotionOptions, Source
 from edgemap.cli.network_options import NetworkOptions
-from edgemap.cli.options import ConfigFile, ConfigOptions, WithoutDepth, at_least
-from edgemap.cli.publishers import NamedOutputs, Viewers
-from edgemap.cli.ros2 import DepthTopicName, ImuTopic, Ros2Outputs, WheelTopic, frame_names
+from edgemap.cli.options import (
+    ConfigFile,
+    ConfigOptions,
+    DepthTopicName,
+    ImuTopic,
+    WheelTopic,
+    WithoutDepth,
+    at_least,
+)
+from edgemap.cli.publishers import OutputGroup, WatchGroup, frame_names
 
 if TYPE_CHECKING:
     from edgemap.runtime.inputs.cameras.base import BudgetedCamera
@@ -105,52 +112,6 @@ class MapGroup(MappingOptions, SavedMapOptions):
         str | None,
         arg(metavar="A,B,…", help="Classes that go on the map, any that the bundle knows; by default those of homes."),
     ] = None
-
-
-@dataclass(frozen=True)
-class PageOptions:
-    """The live page."""
-
-    view: Annotated[
-        bool,
-        arg(
-            help="Serve a live page for browsers. Files are then paced by their stamps, as --realtime does, and the "
-            "page stays after the last frame until Ctrl-C."
-        ),
-    ] = False
-    view_host: Annotated[
-        str,
-        arg(
-            metavar="ADDRESS",
-            help="Address to serve it on; 0.0.0.0 for every network. Beyond this machine viewers need the token that "
-            "is printed with the page's address.",
-        ),
-    ] = "127.0.0.1"
-    view_port: Annotated[int, arg(metavar="PORT", help="Port to serve it on; 0 for any free one.")] = 8090
-
-
-@dataclass(frozen=True)
-class WatchGroup(Viewers, PageOptions):
-    """See the run while it lasts."""
-
-
-@dataclass(frozen=True)
-class Files:
-    """Files that a run writes."""
-
-    out: Annotated[
-        Path | None, arg(aliases=["-o"], metavar="DIR", help="The run folder; runs/<UTC stamp>/ by default.")
-    ] = None
-    recording: Annotated[
-        Path | None,
-        arg(name="record", metavar="FILE.mcap", help="Record pictures and results, to be replayed."),
-    ] = None
-    lossless: Annotated[bool, arg(help="Record PNG, not JPEG: a replay gives the very same map.")] = False
-
-
-@dataclass(frozen=True)
-class OutputGroup(Ros2Outputs, NamedOutputs, Files):
-    """Files, and other programs that get the results."""
 
 
 @dataclass(frozen=True)

@@ -5,7 +5,7 @@ from typing import Any
 import pytest
 
 from edgemap.cli.arguments import OptionError
-from edgemap.cli.ros2 import frame_names
+from edgemap.cli.publishers import frame_names
 from edgemap.runtime.frames.errors import Ros2Error
 from edgemap.runtime.frames.messages.definitions import definition, ros_offset_s
 from edgemap.runtime.frames.messages.topics import KINDS
