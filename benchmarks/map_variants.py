@@ -1,7 +1,8 @@
 """Maps of one drive made in several ways at once: its pictures are read and the backbone runs once for all of them."""
 
+import zlib
 from collections import Counter
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any
 
@@ -10,105 +11,74 @@ from numpy.typing import NDArray
 
 from edgemap.evaluation.grid import FLAT_M, OVERHEAD_M, TrueFloor
 from edgemap.evaluation.objects import TrueObject
-from edgemap.geometry.camera.attitude import Attitude
 from edgemap.geometry.camera.floor import FloorCamera
-from edgemap.geometry.map_object import MapObject
-from edgemap.geometry.observations.sighting import FloorRule, sightings_of
 from edgemap.runtime.frames.errors import CameraError
-from edgemap.runtime.frames.frame import Frame
 from edgemap.runtime.inputs.cameras.pictures import drive_camera
 from edgemap.runtime.inputs.drives import Drive
 from edgemap.runtime.inputs.drives.truth import read_floor_plan
-from edgemap.runtime.motion.attitude.open import open_attitude
-from edgemap.runtime.motion.odometry import Motion, Odometry, open_odometry
-from edgemap.runtime.motion.odometry.protocol import NO_PRIOR, FramePrior
 from edgemap.runtime.network.bundle import Bundle
-from edgemap.runtime.network.network import Tensors
+from edgemap.runtime.network.network import Network, Tensors
 from edgemap.runtime.step.config import Config
-from edgemap.runtime.step.frame_observations import FrameObservations
-from edgemap.runtime.step.mapper import Mapper, new_mapper
-from edgemap.runtime.step.pipeline import Pipeline
+from edgemap.runtime.step.slam import SemanticSlam, SlamOptions, StepResult, build_slam
 
 
-@dataclass(frozen=True, slots=True)
-class Variant:
-    """odometry: as of `open_odometry`; wheels: whether hybrid may use the drive's. clustering: default or paper."""
+def remembering(bundle: Bundle, most: int | None = None) -> Bundle:
+    """The bundle with a backbone that keeps its outputs and looks them up for a picture that it had before. most: how
+    many pictures are kept, the latest ones; None for all."""
+    opened: dict[int, Network] = {}
 
-    odometry: str = "hybrid"
-    wheels: bool = True
-    loop_closure: bool = True
-    clustering: str = "default"
+    def reopen(rows: int) -> Network:
+        if rows not in opened:
+            opened[rows] = _remembering(bundle.reopen(rows), most)
+        return opened[rows]
 
-    def mapper(self, config: Config) -> Mapper:
-        """An empty back end."""
-        return new_mapper(config, self.clustering, self.odometry, self.loop_closure)
+    return replace(bundle, backbone=_remembering(bundle.backbone, most), reopen=reopen)
 
 
-class SideBySide:
-    """Several odometries on the same frames; `motions` holds what each made of the last one."""
+def _remembering(network: Network, most: int | None) -> Network:
+    known: dict[int, list[NDArray[np.float32]]] = {}
 
-    name = "several"
+    def infer(tensors: Tensors) -> Sequence[NDArray[np.float32]]:
+        key = zlib.crc32(b"".join(value.tobytes() for value in tensors.values()))
+        if key not in known:
+            if most is not None and len(known) >= most:
+                del known[next(iter(known))]
+            known[key] = [value.copy() for value in network.infer(tensors)]
+        return known[key]
 
-    def __init__(self, odometries: Mapping[Any, Odometry]) -> None:
-        self.odometries, self.motions = dict(odometries), dict[Any, Motion]()
-        self.needs_features = any(odometry.needs_features for odometry in self.odometries.values())
-
-    def step(self, frame: Frame, features: Tensors, prior: FramePrior = NO_PRIOR) -> Motion:
-        """Steps all odometries. Returns the first one's motion."""
-        self.motions = {
-            key: odometry.step(frame, features, prior).checked(odometry.name)
-            for key, odometry in self.odometries.items()
-        }
-        return next(iter(self.motions.values()))
-
-    def step_blind(self, stamp_s: float, reason: str, attitude: Attitude | None = None) -> Motion:
-        """Steps all odometries without a picture. Returns the first one's motion."""
-        blind = {key: odometry.step_blind(stamp_s, reason, attitude) for key, odometry in self.odometries.items()}
-        self.motions = blind
-        return next(iter(blind.values()))
-
-    def still(self, stamp_s: float, attitude: Attitude | None) -> bool | None:
-        """True where all sources report rest, False where one does not."""
-        answers = [odometry.still(stamp_s, attitude) for odometry in self.odometries.values()]
-        return False if False in answers else None if None in answers else True
-
-    def rest(self, stamp_s: float) -> Motion:
-        """Passes the call to every odometry."""
-        self.motions = {key: odometry.rest(stamp_s) for key, odometry in self.odometries.items()}
-        return next(iter(self.motions.values()))
-
-    def reset(self, reason: str) -> None:
-        """Passes the call to every odometry."""
-        for odometry in self.odometries.values():
-            odometry.reset(reason)
+    return replace(network, infer=infer)
 
 
 @dataclass(frozen=True, slots=True)
 class Replay:
-    """A drive, its bundle, and the data that all variants share. frames: the first ones, None for all. confidence: the
-    bundle's own where None. imu: whether the drive's may be used.
-    """
+    """A drive, its bundle, and what all variants share. frames: the first ones, None for all."""
 
     drive: Drive
     bundle: Bundle
     frames: int | None = None
-    confidence: float | None = None
     config: Config = field(default_factory=Config)
-    imu: bool = True
 
 
-def map_drive(replay: Replay, variants: Mapping[str, Variant]) -> dict[str, list[MapObject]]:
-    """The map that each variant makes of the drive's first frames, as `run` would. Raises what `observed_by` raises."""
-    return {name: mapper.objects() for name, mapper in mappers_of(replay, variants).items()}
+def replayed(
+    replay: Replay,
+    variants: Mapping[str, SlamOptions],
+    seen: Callable[[str, StepResult], object] = lambda _name, _result: None,
+) -> dict[str, SemanticSlam]:
+    """Each variant's front and back end, as `run` makes them, after the drive's first frames. seen: called with every
+    result.
 
-
-def mappers_of(replay: Replay, variants: Mapping[str, Variant]) -> dict[str, Mapper]:
-    """Each variant's back end after the drive's first frames: its objects and its floor."""
-    mappers = {name: variant.mapper(replay.config) for name, variant in variants.items()}
-    for observed in observed_by(replay, variants):
-        for name, mapper in mappers.items():
-            mapper.step(observed[name])
-    return mappers
+    Raises CameraError for a drive without intrinsics or mount, OdometryError for an odometry that cannot be had.
+    """
+    drive, bundle = replay.drive, remembering(replay.bundle, 1)
+    with drive_camera(drive, str(drive.folder)) as camera:
+        if camera.intrinsics is None or camera.mount is None:
+            raise CameraError(f"{drive.folder}: neither intrinsics nor mount known")
+        floor = FloorCamera(camera.intrinsics, camera.mount)
+        slams = {name: build_slam(camera, bundle, floor, how, replay.config) for name, how in variants.items()}
+        while (frame := camera.read()) is not None and (replay.frames is None or frame.index < replay.frames):
+            for name, slam in slams.items():
+                seen(name, slam.step(frame))
+    return slams
 
 
 def true_floor(drive: Drive) -> TrueFloor | None:
@@ -122,67 +92,6 @@ def true_floor(drive: Drive) -> TrueFloor | None:
         [np.array(area.corners_m) for area in areas] for areas in ([*plan.rooms, *plan.doorways], plan.walls, standing)
     )
     return TrueFloor(floor, walls, footprints)
-
-
-def observed_by(replay: Replay, variants: Mapping[str, Variant]) -> Iterator[dict[str, FrameObservations]]:
-    """The front end's observations of each of the drive's first frames, for each variant.
-
-    Poses that are given bring their attitudes, or leave them at the mount's; other variants see the floor by the IMU's,
-    where `imu` and the drive allow it, or by the pictures'.
-    Raises CameraError for a drive without intrinsics or mount, OdometryError for an odometry that cannot be had.
-    """
-    drive, bundle, config, frames = replay.drive, replay.bundle, replay.config, replay.frames
-    with drive_camera(drive, str(drive.folder)) as camera:
-        if camera.intrinsics is None or camera.mount is None:
-            raise CameraError(f"{drive.folder}: neither intrinsics nor mount known")
-        floor = FloorCamera(camera.intrinsics, camera.mount)
-        sources = dict.fromkeys((variant.odometry, variant.wheels) for variant in variants.values())
-        sources = sorted(sources, key=lambda source: source[0] == "truth")  # the first one's motion gives the attitude
-        rules = config.odometry, config.health, config.attitude.check.tilt
-        odometry = SideBySide(
-            {
-                (spec, wheels): open_odometry(spec, bundle, camera, floor, False, wheels, *rules)
-                for spec, wheels in sources
-            }
-        )
-        estimated, given = (
-            open_attitude(spec, camera, floor, replay.imu, config.attitude, config.health)
-            for spec in ("estimated", "truth")
-        )
-        pipeline = Pipeline(
-            bundle,
-            floor,
-            odometry,
-            rule=config.floor,
-            attitude=estimated,
-            confidence=replay.confidence,
-            health=config.health,
-            rest=config.rest,
-            height=config.height,
-        )
-        while (frame := camera.read()) is not None and (frames is None or frame.index < frames):
-            observed = pipeline.step(frame)
-            motions, attitude = odometry.motions, given.predict(frame)
-            if attitude.predicted:  # poses track no corners
-                attitude = given.update(next((m.rotation for (spec, _), m in motions.items() if spec == "truth"), None))
-            true = at_attitude(observed, floor.at(attitude), pipeline.rule, frame.depth)
-            yield {
-                name: replace(
-                    true if variant.odometry == "truth" and attitude.source != "imu" else observed,
-                    motion=motions[variant.odometry, variant.wheels],
-                )
-                for name, variant in variants.items()
-            }
-
-
-def at_attitude(
-    observed: FrameObservations, camera: FloorCamera, rule: FloorRule, depth: NDArray[np.float32] | None = None
-) -> FrameObservations:
-    """The same boxes on the floor as another attitude has it; none where the picture was not searched."""
-    if not observed.searched:
-        return replace(observed, camera=camera)
-    sightings = sightings_of(observed.detections, camera, rule, observed.index, observed.stamp_s, depth, observed.floor)
-    return replace(observed, sightings=sightings, camera=camera)
 
 
 def true_objects(drive: Drive, frames: int | None = None) -> list[TrueObject]:

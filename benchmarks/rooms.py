@@ -19,8 +19,9 @@ from typing import Annotated, Any, Literal
 
 import tyro
 
+from edgemap.benchmarks.walks import summary
+
 FIGURES = ("f1", "precision", "recall", "median_error_m", "covered95", "anees", "ellipse_m2")
-LOW_IS_WORSE = ("f1", "precision", "recall", "covered95")
 # Name, odometry (None: the one asked for), wheels, loop closure, clustering.
 VARIANTS = {
     "true poses": ("truth", True, False, "default"),
@@ -56,16 +57,19 @@ class RoomsOptions:
 
 def main(options: RoomsOptions) -> None:
     """Render where needed, map, score, and print one table."""
-    from edgemap.benchmarks.map_variants import Variant
     from edgemap.runtime.network.bundle import load_bundle
     from edgemap.runtime.network.store import bundle_folder
+    from edgemap.runtime.step.slam import SlamOptions
 
     if options.frozen:
         options = replace(options, seeds=FROZEN_SEEDS, frames=FROZEN_FRAMES, light=None)
     if unknown := sorted(set(options.only) - set(VARIANTS)):
         sys.exit(f"--only {', '.join(unknown)}: expected some of {', '.join(VARIANTS)}")
     chosen = {name: rule for name, rule in VARIANTS.items() if name in (options.only or VARIANTS)}
-    variants = {name: Variant(odometry or options.odometry, *rest) for name, (odometry, *rest) in chosen.items()}
+    variants = {
+        name: SlamOptions(odometry or options.odometry, wheels, loop_closure=closes, clustering=clustering)
+        for name, (odometry, wheels, closes, clustering) in chosen.items()
+    }
     bundle = load_bundle(bundle_folder(options.bundle))
     rows: list[dict[str, Any]] = []
     homes = rendered(options.seeds, options.frames, options.out, options.light)
@@ -77,8 +81,8 @@ def main(options: RoomsOptions) -> None:
             print(_home(rows[-1]), flush=True)
     if options.json:
         document = {"bundle": options.bundle, "frames": options.frames, "light": options.light, "homes": rows}
-        for name, over in (("mean", mean), ("worst", worst)):
-            document[name] = {variant: over(rows, variant) for variant in variants}
+        for kind in ("mean", "worst"):
+            document[kind] = {variant: over_homes(rows, variant)[kind] for variant in variants}
         document["closure_f1"] = {closed: gains(rows, closed, none) for closed, none in CLOSURES if none in variants}
         print(json.dumps(document, indent=1))
         return
@@ -115,10 +119,9 @@ def table(rows: list[dict[str, Any]]) -> list[str]:
     """Means and worst homes of every variant, a line each, and what loop closure gave at worst."""
     lines = [f"{'':<28} {'':<5} " + " ".join(f"{key:>14}" for key in FIGURES)]
     for variant in rows[0]["maps"]:
-        for row_name, over in (("mean", mean), ("worst", worst)):
-            figures = over(rows, variant)
-            name = variant if row_name == "mean" else ""
-            lines.append(f"{name:<28} {row_name:<5} " + " ".join(f"{_number(figures[key]):>14}" for key in FIGURES))
+        for kind, figures in over_homes(rows, variant).items():
+            name = variant if kind == "mean" else ""
+            lines.append(f"{name:<28} {kind:<5} " + " ".join(f"{_number(figures[key]):>14}" for key in FIGURES))
     for closed, none in CLOSURES:
         if found := gains(rows, closed, none):
             home = min(found, key=lambda name: found[name])
@@ -126,15 +129,9 @@ def table(rows: list[dict[str, Any]]) -> list[str]:
     return lines
 
 
-def mean(rows: list[dict[str, Any]], variant: str) -> dict[str, float | None]:
-    """Means over the homes of one variant; null figures are left out."""
-    return {key: fmean(own) if (own := _known(rows, variant, key)) else None for key in FIGURES}
-
-
-def worst(rows: list[dict[str, Any]], variant: str) -> dict[str, float | None]:
-    """Every figure's worst home: the least share, the largest error; null figures are left out."""
-    extreme = {key: min if key in LOW_IS_WORSE else max for key in FIGURES}
-    return {key: extreme[key](_known(rows, variant, key), default=None) for key in FIGURES}
+def over_homes(rows: list[dict[str, Any]], variant: str) -> dict[str, dict[str, float | None]]:
+    """Means over the homes of one variant, and every figure's worst home."""
+    return summary([row["maps"][variant] for row in rows], FIGURES)
 
 
 def gains(rows: list[dict[str, Any]], closed: str, none: str) -> dict[str, float]:
@@ -147,21 +144,17 @@ def gains(rows: list[dict[str, Any]], closed: str, none: str) -> dict[str, float
     }
 
 
-def _known(rows: list[dict[str, Any]], variant: str, key: str) -> list[float]:
-    return [row["maps"][variant][key] for row in rows if row["maps"][variant][key] is not None]
-
-
 def _scored(folder: Path, bundle: Any, variants: dict[str, Any], frames: int) -> dict[str, Any]:
-    from edgemap.benchmarks.map_variants import Replay, map_drive, true_objects
+    from edgemap.benchmarks.map_variants import Replay, replayed, true_objects
     from edgemap.evaluation.objects import score_map, scored
     from edgemap.runtime.inputs.drives import open_drive
 
     drive = open_drive(f"drive:{folder}")
     truth = true_objects(drive, frames)
-    maps = map_drive(Replay(drive, bundle, frames), variants)
+    slams = replayed(Replay(drive, bundle, frames), variants)
     mount = drive.mount and {"height_m": drive.mount.height_m, "pitch_deg": round(degrees(drive.mount.pitch_rad), 3)}
     facts = {"home": folder.name, "objects_true": len(scored(truth)), "mount": mount}
-    return {**facts, "maps": {name: score_map(objects, truth) for name, objects in maps.items()}}
+    return {**facts, "maps": {name: score_map(slam.objects(), truth) for name, slam in slams.items()}}
 
 
 def rendered(seeds: str, frames: int, out: Path, light: str | None = None) -> Iterator[Path]:

@@ -6,7 +6,6 @@ far the figures of one run spread by chance: a change within it is none.
 """
 
 import json
-import zlib
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, fields, is_dataclass, replace
 from typing import TYPE_CHECKING, Annotated, Any, TypeVar
@@ -14,8 +13,6 @@ from typing import TYPE_CHECKING, Annotated, Any, TypeVar
 import tyro
 
 if TYPE_CHECKING:
-    from edgemap.runtime.network.bundle import Bundle
-    from edgemap.runtime.network.network import Network, Tensors
     from edgemap.runtime.step.config import Config
 
 SHOWN = ("t_rel_1", "t_rel_5", "nees_5", "tilt", "f1")
@@ -88,30 +85,6 @@ def changes(before: Sequence[Figures], after: Sequence[Figures]) -> dict[str, fl
     return found
 
 
-def remembering(bundle: "Bundle") -> "Bundle":
-    """The bundle with a backbone that keeps its outputs, and looks them up for a picture that it had before."""
-    opened: dict[int, Network] = {}
-
-    def reopen(rows: int) -> "Network":
-        if rows not in opened:
-            opened[rows] = _remembering(bundle.reopen(rows))
-        return opened[rows]
-
-    return replace(bundle, backbone=_remembering(bundle.backbone), reopen=reopen)
-
-
-def _remembering(network: "Network") -> "Network":
-    known: dict[int, list[Any]] = {}
-
-    def infer(tensors: "Tensors") -> Sequence[Any]:
-        key = zlib.crc32(b"".join(value.tobytes() for value in tensors.values()))
-        if key not in known:
-            known[key] = [value.copy() for value in network.infer(tensors)]
-        return known[key]
-
-    return replace(network, infer=infer)
-
-
 def line(row: Sensitivity) -> str:
     """One row of the table: percent, NEES, degrees, F1."""
     return f"{row.field:<44} x{row.factor:<5g} " + "  ".join(f"{k} {v:+.3f}" for k, v in row.changes.items())
@@ -119,6 +92,7 @@ def line(row: Sensitivity) -> str:
 
 def main(options: SensitivityOptions) -> None:
     """Print the spread by chance, then a line for each number and factor."""
+    from edgemap.benchmarks.map_variants import remembering
     from edgemap.benchmarks.walks import WalksOptions, walk, with_corners
     from edgemap.runtime.inputs.drives import open_drive
     from edgemap.runtime.network.bundle import load_bundle

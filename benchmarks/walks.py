@@ -35,6 +35,7 @@ LENGTHS_M = (1.0, 2.0, 5.0)
 WINDOWS_S = (1.0, 5.0)
 LOST = "blind"  # as of `Motion.members`
 FIGURES = ("t_rel_1", "t_rel_2", "t_rel_5", "r_rel_5", "scale", "lost", "tilt", "tilt_max", "nees_1", "nees_5", "f1")
+LOW_IS_WORSE = ("f1", "precision", "recall", "covered95")
 
 
 @dataclass(frozen=True)
@@ -85,22 +86,24 @@ def with_corners(count: int) -> "Config":
 
 def walk(drive: "Drive", bundle: "Bundle", config: "Config", options: WalksOptions) -> dict[str, float | None]:
     """The figures of one run over one drive."""
-    from edgemap.benchmarks.map_variants import Replay, Variant, observed_by, true_objects
+    from edgemap.benchmarks.map_variants import Replay, replayed, true_objects
+    from edgemap.runtime.step.slam import SlamOptions, StepResult
 
     if drive.truth is None or drive.mount is None:
         raise SystemExit(f"{drive.folder}: no true poses, or no mount")
-    variant = Variant(options.odometry, not options.without_wheels)
-    replay = Replay(drive, bundle, options.frames, config=config, imu=not options.without_imu)
-    mapper = variant.mapper(config)
     stamps, steps, covariances, tilts, lost = list[float](), list[SE2](), [], list[Attitude | None](), 0
-    for seen in observed_by(replay, {"own": variant}):
-        mapper.step(seen["own"])
-        motion = seen["own"].motion
-        stamps.append(seen["own"].stamp_s)
+
+    def seen(_name: str, result: StepResult) -> None:
+        nonlocal lost
+        motion, camera = result.motion, result.observed.camera
+        stamps.append(result.observed.stamp_s)
         steps.append(motion.motion)
         covariances.append(motion.covariance)
-        tilts.append(seen["own"].camera.attitude if seen["own"].camera else None)
+        tilts.append(camera.attitude if camera else None)
         lost += bool(steps[1:]) and motion.members.get("planar", LOST if motion.blind or motion.fault else "") == LOST
+
+    how = SlamOptions(options.odometry, not options.without_wheels, not options.without_imu)
+    slam = replayed(Replay(drive, bundle, options.frames, config), {"own": how}, seen)["own"]
     level = None
     if drive.attitudes is not None:
         level = [drive.attitudes.at(stamp_s, drive.mount.height_m) for stamp_s in stamps]
@@ -112,7 +115,7 @@ def walk(drive: "Drive", bundle: "Bundle", config: "Config", options: WalksOptio
         "lost": lost,
         "tilt": float(np.hypot(tilt["pitch_rms_deg"], tilt["roll_rms_deg"])) if known else None,
         "tilt_max": tilt["max_deg"],
-        "f1": score_map(mapper.objects(), truth)["f1"] if truth else None,
+        "f1": score_map(slam.objects(), truth)["f1"] if truth else None,
     }
 
 
@@ -132,9 +135,12 @@ def walk_errors(
     return figures | {"end_m": float(np.hypot(last[0], last[1])), "end_deg": abs(degrees(last[2]))}
 
 
-def summary(rows: Sequence[dict[str, float | None]]) -> dict[str, dict[str, float | None]]:
-    """Means over runs, and the worst of each figure: the lowest F1, the scale farthest from 1, else the largest."""
-    known = {key: [row[key] for row in rows if row[key] is not None] for key in FIGURES}
+def summary(
+    rows: Sequence[dict[str, float | None]], names: Sequence[str] = FIGURES
+) -> dict[str, dict[str, float | None]]:
+    """Means over runs or homes, and the worst of each figure: the lowest share, the scale farthest from 1, else the
+    largest. Null figures are left out."""
+    known = {key: [row[key] for row in rows if row[key] is not None] for key in names}
     values = {key: np.array(found, dtype=float) for key, found in known.items()}
     means = {key: _mean(found) for key, found in values.items()}
     worst = {key: _worst(key, found) for key, found in values.items()}
@@ -155,7 +161,7 @@ def _worst(key: str, values: np.ndarray) -> float | None:
         return None
     if key == "scale":
         return float(values[np.abs(np.log(values)).argmax()])
-    return float(values.min() if key == "f1" else values.max())
+    return float(values.min() if key in LOW_IS_WORSE else values.max())
 
 
 def _mean(values: np.ndarray) -> float | None:

@@ -48,7 +48,7 @@ def command(
     from itertools import pairwise
     from math import degrees
 
-    from edgemap.benchmarks.map_variants import Replay, Variant, mappers_of, true_floor, true_objects
+    from edgemap.benchmarks.map_variants import Replay, replayed, true_floor, true_objects
     from edgemap.cli.simulated import as_data
     from edgemap.evaluation.grid import score_grid
     from edgemap.evaluation.map_alignment import aligned_figures
@@ -56,6 +56,7 @@ def command(
     from edgemap.runtime.frames.errors import CameraError
     from edgemap.runtime.inputs.drives import open_drive
     from edgemap.runtime.step.config import Config, load_config
+    from edgemap.runtime.step.slam import SlamOptions
 
     at_least(1, frames=frames)
     tuned = load_config(config)[0] if config else Config()
@@ -88,15 +89,19 @@ def command(
             "objects_true": len(wanted),
             "mount": {"height_m": drive.mount.height_m, "pitch_deg": round(degrees(drive.mount.pitch_rad), 3)},
         }
-        variants = {"true": Variant("truth", clustering=mapping.clustering)}
-        variants["estimated"] = Variant(
-            motion.odometry, not motion.without_wheels, mapping.loop_closure, mapping.clustering
+        own = SlamOptions(
+            motion.odometry,
+            not motion.without_wheels,
+            not motion.without_imu,
+            mapping.clustering,
+            mapping.loop_closure,
+            confidence=mapping.confidence,
         )
+        variants = {"true": replace(own, odometry="truth", wheels=True), "estimated": own}
         if motion.odometry == "hybrid" and document["wheels"]:
-            variants["without_wheels"] = replace(variants["estimated"], wheels=False)
-        replay = Replay(drive, loaded, count, mapping.confidence, tuned, not motion.without_imu)
-        for name, mapper in mappers_of(replay, variants).items():
-            objects, grid = mapper.objects(), mapper.grid.grid()
+            variants["without_wheels"] = replace(own, wheels=False)
+        for name, slam in replayed(Replay(drive, loaded, count, tuned), variants).items():
+            objects, grid = slam.objects(), slam.mapper.grid.grid()
             document[name] = score_map(objects, truth) | aligned_figures(objects, truth)
             if plan is not None:
                 document[name]["grid"] = score_grid(grid, plan)

@@ -2,9 +2,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from edgemap.benchmarks.sensitivity import changes, numbers_of, remembering, scaled, sweep
-from edgemap.runtime.network.bundle import load_bundle
-from edgemap.runtime.network.store import bundle_folder
+from edgemap.benchmarks.sensitivity import changes, numbers_of, scaled, sweep
 
 
 @dataclass(frozen=True)
@@ -48,13 +46,3 @@ def test_a_figure_that_a_drive_lacks_does_not_count():
     assert changes([{"f1": None, "tilt": 1.0}, {"f1": 0.5}], [{"f1": 0.4, "tilt": None}, {"f1": 0.7}]) == {
         "f1": 0.7 - 0.5
     }
-
-
-def test_a_remembered_picture_has_the_outputs_of_the_network():
-    bundle = load_bundle(bundle_folder("edgemap-nano"))
-    kept = remembering(bundle).backbone
-    tensors = kept.zeros()
-    first, again, plain = kept.run(tensors), kept.run(tensors), bundle.backbone.run(tensors)
-    for name, values in plain.items():
-        np.testing.assert_array_equal(first[name], values)
-        assert again[name] is first[name]

@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from edgemap.benchmarks.map_variants import Replay, Variant, observed_by, true_objects
+from edgemap.benchmarks.map_variants import Replay, replayed, true_objects
 from edgemap.evaluation.objects import score_map
 from edgemap.geometry.map_object import MapObject
 from edgemap.runtime.inputs.drives import Drive, open_drive
@@ -24,6 +24,7 @@ from edgemap.runtime.network.store import bundle_folder
 from edgemap.runtime.step.config import Config
 from edgemap.runtime.step.frame_observations import FrameObservations
 from edgemap.runtime.step.mapper import new_mapper
+from edgemap.runtime.step.slam import SlamOptions
 from reliability.day import GROWTH_MB, drive_through
 from reliability.parts import PartReport
 
@@ -90,7 +91,10 @@ def _observed(drive: Drive, frames: int, path: Path) -> list[FrameObservations]:
     """What the front end makes of the drive's pictures; recorded beside them."""
     if not path.is_file():
         bundle = load_bundle(bundle_folder("edgemap-nano"), 1)
-        observed = [seen["own"] for seen in observed_by(Replay(drive, bundle, frames), {"own": Variant()})]
+        observed: list[FrameObservations] = []
+        replayed(
+            Replay(drive, bundle, frames), {"own": SlamOptions()}, lambda _, result: observed.append(result.observed)
+        )
         unfinished = path.with_suffix(".part")
         unfinished.write_bytes(pickle.dumps(observed))
         unfinished.replace(path)
