@@ -13,9 +13,7 @@ import numpy as np
 import pytest
 
 from edgemap.cli import main
-from edgemap.cli.arguments import OptionError
 from edgemap.cli.camera_options import known_lens, open_described, read_intrinsics
-from edgemap.cli.publishers import host_and_port
 from edgemap.cli.usage import parse_and_call
 from edgemap.runtime.frames.extras import EXTRAS
 
@@ -222,12 +220,6 @@ def test_a_strangers_map_is_drawn_whatever_its_names_and_links_say(tmp_path):
     assert kept.read_text() == "mine"
     assert (tmp_path / "map.png").read_bytes().startswith(b"\x89PNG")
     assert not (tmp_path / "map.png").is_symlink()
-
-
-@pytest.mark.parametrize("text", ["x:" + "9" * 5000, "x:²", "x:65536", ":1", ""])
-def test_an_address_with_no_port_that_can_be(text):
-    with pytest.raises(OptionError, match="expected HOST or HOST:PORT"):
-        host_and_port(text, "--mqtt", 1883)
 
 
 @pytest.mark.parametrize("limit_kb", [150_000, 400_000, 700_000])

@@ -14,6 +14,7 @@ import cv2
 import numpy as np
 import pytest
 from support.pictures import write_scene
+from support.refusal import one_line
 from support.waiting import wait_for
 
 from edgemap.cli import main
@@ -26,14 +27,6 @@ from edgemap.runtime.step.map_file import load_map
 from edgemap.runtime.step.slam import build_slam
 
 DEMO = Path(__file__).parents[2] / "runtime" / "inputs" / "demo"
-
-
-def one_line(result, code=1):
-    """The single line that a known failure prints, after the faults of the frames before it; no traceback."""
-    assert result.returncode == code, result.stderr
-    lines = [line for line in result.stderr.splitlines() if not line.startswith("frame ")]
-    assert len(lines) == 1, result.stderr
-    return lines[0]
 
 
 def test_help_is_quick_and_names_every_command(edgemap):

@@ -7,6 +7,7 @@ import cv2
 import numpy as np
 import pytest
 from support.noise import noise
+from support.refusal import one_line
 
 from edgemap.geometry.camera.intrinsics import Intrinsics
 from edgemap.geometry.camera.mount import Mount
@@ -89,12 +90,6 @@ def evaluate(edgemap, painted_bundle):
 def document(result):
     assert result.returncode == 0, result.stderr
     return json.loads(result.stdout)
-
-
-def refusal(result, code=1):
-    assert result.returncode == code, result.stdout
-    assert len(result.stderr.strip().splitlines()) == 1, result.stderr
-    return result.stderr
 
 
 def test_wheels_that_go_too_far_are_found_out(evaluate, tmp_path):
@@ -185,8 +180,8 @@ def test_a_mount_can_be_given_where_the_data_have_none_or_another(evaluate, tmp_
     assert document(evaluate(*flags))["sequences"]["k"]["mount"] == {"height_m": 0.7, "pitch_deg": 4.0}
     (tmp_path / "k" / "camera.yaml").write_text(LEVEL_YAML.replace(", mount: {height_m: 1.5, pitch_deg: 0}", ""))
     assert document(evaluate(*flags))["sequences"]["k"]["mount"] == {"height_m": 0.7, "pitch_deg": 4.0}
-    assert "or give --mount" in refusal(evaluate("--data", spec))
-    assert "60 m above" in refusal(evaluate("--data", spec, "--mount", "60,11"), 2)
+    assert "or give --mount" in one_line(evaluate("--data", spec))
+    assert "60 m above" in one_line(evaluate("--data", spec, "--mount", "60,11"), 2)
 
 
 def test_the_share_of_frames_of_each_member_is_told(evaluate, tmp_path):
@@ -203,12 +198,12 @@ def test_the_share_of_frames_of_each_member_is_told(evaluate, tmp_path):
 
 def test_what_cannot_be_done_is_one_line(evaluate, tmp_path):
     spec = drive(tmp_path / "a")
-    assert "expected lengths in metres" in refusal(evaluate("--data", spec, "--segments", "1,-2"), 2)
-    assert "--from -1" in refusal(evaluate("--data", spec, "--from", "-1"), 2)
-    assert "given twice" in refusal(evaluate("--data", spec, "--data", spec), 2)
-    assert "a motion needs two" in refusal(evaluate("--data", spec, "--from", "60"))
-    assert "no wheel odometry" in refusal(evaluate("--data", kitti(tmp_path / "k"), "--odometry", "wheel"))
+    assert "expected lengths in metres" in one_line(evaluate("--data", spec, "--segments", "1,-2"), 2)
+    assert "--from -1" in one_line(evaluate("--data", spec, "--from", "-1"), 2)
+    assert "given twice" in one_line(evaluate("--data", spec, "--data", spec), 2)
+    assert "a motion needs two" in one_line(evaluate("--data", spec, "--from", "60"))
+    assert "no wheel odometry" in one_line(evaluate("--data", kitti(tmp_path / "k"), "--odometry", "wheel"))
     (tmp_path / "k" / "camera.yaml").unlink()
-    assert "lens unknown: write it into its camera.yaml" in refusal(evaluate("--data", f"kitti:{tmp_path / 'k'}"))
+    assert "lens unknown: write it into its camera.yaml" in one_line(evaluate("--data", f"kitti:{tmp_path / 'k'}"))
     pictures(tmp_path / "p")
-    assert "brings no true poses" in refusal(evaluate("--camera", tmp_path / "p", "--odometry", "planar"))
+    assert "brings no true poses" in one_line(evaluate("--camera", tmp_path / "p", "--odometry", "planar"))

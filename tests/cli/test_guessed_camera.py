@@ -108,21 +108,6 @@ def test_lengths_that_poses_measure_are_not_corrected(
     assert line.endswith("guessed to 0.000") != corrected
 
 
-def test_a_height_without_a_pitch_leaves_the_pitch_to_be_guessed(edgemap, painted_bundle, pictures, tmp_path):
-    (pictures / "camera.yaml").unlink()
-    run = ("run", "--camera", pictures, "--bundle", painted_bundle, "--intrinsics", "50,50,31.5,31.5")
-    done = edgemap(*run, "--mount", "0.83", "--out", tmp_path / "run")
-    assert done.returncode == 0, done.stderr
-    assert "does not say its pitch: guessing from its first pictures\nguessed from 12 pictures:\n" in done.stdout
-    assert "lens 0.83 m above the floor (as given)" in done.stdout
-    record = json.loads((tmp_path / "run" / "run.json").read_text())
-    assert record["mount"]["height_m"] == 0.83
-    assert record["camera_guess"]["focal_sigma_share"] == record["camera_guess"]["height_sigma_share"] == 0.0
-    assert any("the mount is guessed (pitch to" in reason for reason in record["verdict"]["reasons"])
-    refused = edgemap("bench", "--camera", pictures, "--intrinsics", "50,50,31.5,31.5", "--mount", "0.83")
-    assert "the pitch is missing" in refused.stdout + refused.stderr
-
-
 def test_what_was_calibrated_since_is_no_guess():
     lens, mount = Intrinsics(640, 480, 587.0, 587.0, 319.5, 239.5), Mount(0.6, 0.2)
     guess = {"method": "guessed", "focal_sigma_share": 0.02, "height_sigma_share": 0.09, "sigma_pitch_deg": 0.5}
@@ -174,25 +159,27 @@ def test_a_folder_that_begins_at_rest_is_guessed_from_its_views(tmp_path):
         assert [frame.index for frame in guessing_frames(camera, source)] == [0, *range(70, 80)]
 
 
-def test_what_is_given_is_not_guessed(edgemap, painted_bundle, pictures, tmp_path):
+@pytest.mark.parametrize(
+    ("given", "lacking", "expected"),
+    [
+        (("--mount", "1.0,0"), "lens", {"height_m": 1.0, "pitch_deg": 0.0}),
+        (("--intrinsics", "50,50,31.5,31.5"), "mount", {"fx": 50.0, "cy": 31.5}),
+        (("--intrinsics", "50,50,31.5,31.5", "--mount", "0.83"), "pitch", {"fx": 50.0, "height_m": 0.83}),
+    ],
+)
+def test_what_is_given_is_not_guessed(edgemap, painted_bundle, pictures, tmp_path, given, lacking, expected):
     (pictures / "camera.yaml").unlink()
-    done = edgemap(
-        "run", "--camera", pictures, "--bundle", painted_bundle, "--out", tmp_path / "run", "--mount", "1.0,0"
-    )
+    done = edgemap("run", "--camera", pictures, "--bundle", painted_bundle, "--out", tmp_path / "run", *given)
     assert done.returncode == 0, done.stderr
-    assert "does not say its lens: guessing from its first pictures\nguessed from 12 pictures:" in done.stdout
-    mount = json.loads((tmp_path / "run" / "run.json").read_text())["mount"]
-    assert (mount["height_m"], mount["pitch_deg"]) == (1.0, 0.0)
-
-
-def test_a_lens_alone_leaves_the_mount_to_be_guessed(edgemap, painted_bundle, pictures, tmp_path):
-    (pictures / "camera.yaml").unlink()
-    run = ("run", "--camera", pictures, "--bundle", painted_bundle, "--out", tmp_path / "run")
-    done = edgemap(*run, "--intrinsics", "50,50,31.5,31.5")
-    assert done.returncode == 0, done.stderr
-    assert "does not say its mount: guessing from its first pictures\nguessed from 12 pictures:\n" in done.stdout
-    kept = read_camera_yaml(tmp_path / "run" / "camera.yaml")
-    assert (kept.intrinsics.fx, kept.intrinsics.cy) == (50.0, 31.5)
+    assert f"does not say its {lacking}: guessing from its first pictures\nguessed from 12 pictures:\n" in done.stdout
+    record = json.loads((tmp_path / "run" / "run.json").read_text())
+    known = record["mount"] | record["intrinsics"]
+    assert {name: known[name] for name in expected} == expected
+    if lacking == "pitch":
+        assert "lens 0.83 m above the floor (as given)" in done.stdout
+        assert record["camera_guess"]["focal_sigma_share"] == record["camera_guess"]["height_sigma_share"] == 0.0
+        assert any("the mount is guessed (pitch to" in reason for reason in record["verdict"]["reasons"])
+        assert "the pitch is missing" in edgemap("bench", "--camera", pictures, *given).stderr
 
 
 def test_the_camera_file_of_a_guess_holds_what_the_drive_has_shown(tmp_path):

@@ -76,7 +76,7 @@ def test_addresses(text, address):
     assert host_and_port(text, "--x", 9) == address
 
 
-@pytest.mark.parametrize("text", ["", ":80", "robot:", "robot:http", "robot:65536", "robot:-1"])
+@pytest.mark.parametrize("text", ["", ":80", "x:", "x:http", "x:65536", "x:-1", "x:²", "x:" + "9" * 5000])
 def test_addresses_that_are_none(text):
     with pytest.raises(OptionError, match=r"--x .* expected HOST or HOST:PORT"):
         host_and_port(text, "--x", 9)

@@ -3,6 +3,7 @@
 import sys
 
 import pytest
+from support.refusal import one_line
 
 
 @pytest.mark.parametrize(
@@ -21,10 +22,7 @@ import pytest
 )
 def test_what_goes_wrong_is_one_line(edgemap, painted_bundle, tmp_path, arguments, words):
     places = {"x": tmp_path / "x", "BUNDLE": painted_bundle}
-    done = edgemap(*(places.get(word, word) for word in arguments))
-    assert done.returncode == 2
-    assert words in done.stderr
-    assert len(done.stderr.strip().splitlines()) == 1
+    assert words in one_line(edgemap(*(places.get(word, word) for word in arguments)), 2)
     assert not (tmp_path / "x").exists()
 
 

@@ -11,6 +11,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 import pytest
+from support.refusal import one_line
 
 pytest.importorskip("torch")
 
@@ -18,13 +19,6 @@ from edgemap.cli import main
 from edgemap.export import parity
 
 ROOT = Path(__file__).parents[2]
-
-
-def one_line(result, code):
-    """The single line of a known failure."""
-    assert result.returncode == code, result.stderr
-    (line,) = [line for line in result.stderr.splitlines() if line.strip()]
-    return line
 
 
 @pytest.fixture(scope="module")

@@ -24,27 +24,15 @@ def drawn(furniture_catalogue):
 
 
 @pytest.fixture(scope="session")
-def light_coarsely():
-    """light_coarsely(world) -> its lit home, in a second or two."""
+def lit(drawn):
+    """The home of `drawn` with its light, coarsely: in a second or two."""
     for module in ("moderngl", "embreex", "PIL"):
         pytest.importorskip(module)
-    from edgemap.simulation import studio
-    from edgemap.simulation.render.light import BakeSettings, bake
+    from edgemap.simulation.render.light import BakeSettings
+    from edgemap.simulation.studio import lit_home
 
     coarse = BakeSettings(texel_m=0.3, vertex_spacing_m=1.0, lamp_samples=1, hemisphere_samples=2, bounces=1)
-
-    def light(world):
-        with pytest.MonkeyPatch.context() as patch:
-            patch.setattr(studio, "bake", lambda scene, seed, _: bake(scene, seed, coarse))
-            return studio.lit_home(world)
-
-    return light
-
-
-@pytest.fixture(scope="session")
-def lit(drawn, light_coarsely):
-    """The home of `drawn` with its light."""
-    return light_coarsely(drawn)
+    return lit_home(drawn, coarse)
 
 
 @pytest.fixture(scope="session")

@@ -1,7 +1,5 @@
 """The paper's head against an independent step in numpy, its size, and its checkpoints."""
 
-from functools import partial
-
 import numpy as np
 import pytest
 import torch
@@ -117,22 +115,14 @@ def test_checkpoint_comes_back_whole(tmp_path):
 
 
 def test_bad_checkpoints_are_one_line(tmp_path):
+    """Others: test_hostile_models."""
     path = tmp_path / "x.pt"
-    refusal = partial(refused, ExportError, load_head, path)
-    assert "no such checkpoint" in refusal()
-    path.write_bytes(b"junk")
-    assert "not a torch checkpoint" in refusal()
     torch.save({"format": "other"}, path)
-    assert "format 'other', expected 'edgemap.head/1'" in refusal()
+    assert "format 'other', expected 'edgemap.head/1'" in refused(ExportError, load_head, path)
     save_head(HeadCheckpoint(random_head((1, 8, 6, 6)), "yolov3-tiny", "head"), path)
     document = torch.load(path, weights_only=True)
     torch.save({key: value for key, value in document.items() if key != "sigma"}, path)
-    assert "missing required field `sigma`" in refusal()
-    torch.save(document | {"shape": [1, 9, 6, 6]}, path)
-    assert "weights do not fit" in refusal()
-    document["state_dict"]["out.bias"][1] = float("nan")
-    torch.save(document, path)
-    assert "not finite" in refusal()
+    assert "missing required field `sigma`" in refused(ExportError, load_head, path)
     large = PaperHead((1, 8, 6, 6), hidden=(64, 64), dense=1200)
     save_head(HeadCheckpoint(large, "yolov3-tiny", "head"), path)
-    assert "the paper allows 2,509,555" in refusal()
+    assert "the paper allows 2,509,555" in refused(ExportError, load_head, path)
