@@ -20,8 +20,8 @@ from edgemap.runtime.frames.errors import CameraError
 from edgemap.runtime.frames.frame import Frame
 from edgemap.runtime.frames.timing import Stopwatch, percentiles
 from edgemap.runtime.frames.trajectory import PoseTrack
-from edgemap.runtime.inputs.cameras.base import CameraAround
 from edgemap.runtime.inputs.cameras.protocol import Camera, next_frame
+from edgemap.runtime.inputs.cameras.wrappers import CameraAround
 from edgemap.runtime.inputs.drives.pictures import decode_picture
 from edgemap.runtime.network.bundle import Bundle
 from edgemap.runtime.network.engines import PROVIDERS, session_options

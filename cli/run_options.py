@@ -19,8 +19,8 @@ from edgemap.cli.options import (
 from edgemap.cli.publishers import OutputGroup, WatchGroup, frame_names
 
 if TYPE_CHECKING:
-    from edgemap.runtime.inputs.cameras.base import BudgetedCamera
     from edgemap.runtime.inputs.cameras.protocol import Camera, SensorTopics
+    from edgemap.runtime.inputs.cameras.wrappers import BudgetedCamera
     from edgemap.runtime.step.map_store import MapPlace
 
 CpuShare = Annotated[
@@ -211,7 +211,7 @@ def read_share(text: str | None) -> float | None:
 def budgeted(camera: "Camera", share: float | None, config: Path | None) -> "BudgetedCamera":
     """The camera under a budget, or under the budget's decisions recorded in a run.json. Raises ConfigError."""
     from edgemap.runtime.inputs.budget import Budget
-    from edgemap.runtime.inputs.cameras.base import BudgetedCamera
+    from edgemap.runtime.inputs.cameras.wrappers import BudgetedCamera
     from edgemap.runtime.step.config import load_efforts
 
     if share is not None:

@@ -25,7 +25,7 @@ def open_simulated(
         camera.intrinsics, camera.mount = described.intrinsics, described.mount or camera.mount
     if not realtime:
         return camera
-    from edgemap.runtime.inputs.cameras.base import PacedCamera
+    from edgemap.runtime.inputs.cameras.wrappers import PacedCamera
 
     return PacedCamera(camera)
 

@@ -5,7 +5,7 @@ from typing import Any
 
 from edgemap.runtime.frames.frame import Frame
 from edgemap.runtime.frames.trajectory import Trajectory
-from edgemap.runtime.inputs.cameras.base import CameraBase
+from edgemap.runtime.inputs.cameras.protocol import Camera
 from edgemap.simulation.record import truth_of
 from edgemap.simulation.shots import shots
 from edgemap.simulation.studio import Shot
@@ -13,7 +13,7 @@ from edgemap.simulation.truth import object_records
 from edgemap.simulation.world import CONTRACT_STAMPS_S, World, draw_world
 
 
-class SimCamera(CameraBase):
+class SimCamera(Camera):
     """Renders a world's drive while it is read, a few pictures ahead. world: with all of its truth.
 
     Raises SimulationError and MissingExtraError, one line each.

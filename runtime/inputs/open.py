@@ -68,7 +68,7 @@ def open_camera(
             camera.close()
             raise
     if realtime and not camera.live:
-        from edgemap.runtime.inputs.cameras.base import PacedCamera
+        from edgemap.runtime.inputs.cameras.wrappers import PacedCamera
 
         return PacedCamera(camera)
     return camera

@@ -4,12 +4,13 @@ import numpy as np
 
 from edgemap.cli.summary import judge_of, object_lines
 from edgemap.geometry.map_object import MapObject
-from edgemap.runtime.inputs.cameras.base import CameraBase, PacedCamera
+from edgemap.runtime.inputs.cameras.protocol import Camera
+from edgemap.runtime.inputs.cameras.wrappers import PacedCamera
 
 CHAIR = MapObject("chair-1", "chair", np.array([2.0, 0.3]), np.eye(2) * 0.01, 0.5, 0.9, 9, 1.0, 0.0, 1.0)
 
 
-class World(CameraBase):
+class World(Camera):
     """A camera that knows its world, as sim:SEED does."""
 
     def __init__(self, *records):
@@ -47,7 +48,7 @@ def test_the_demo_is_judged_and_a_webcam_is_not():
         assert judge is not None
         assert {row.state for row in judge([], 10_000)} == {"missed"}
         assert judge([], 0) == []  # nothing was seen yet, nothing is asked for
-    assert judge_of("0", CameraBase("0"), None) is None
+    assert judge_of("0", Camera("0"), None) is None
 
 
 def test_lines_tell_each_object_what_is_missing_and_the_sum():

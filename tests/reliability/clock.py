@@ -9,10 +9,9 @@ import numpy as np
 
 from edgemap.runtime.frames.errors import CameraFault, CameraState, FrameTimeout
 from edgemap.runtime.frames.frame import Frame
-from edgemap.runtime.inputs.cameras.base import CameraBase
 from edgemap.runtime.inputs.cameras.checked import CheckedCamera
 from edgemap.runtime.inputs.cameras.delivery import DeliveryCheck, clock_jumps
-from edgemap.runtime.inputs.cameras.protocol import Picture
+from edgemap.runtime.inputs.cameras.protocol import Camera, Picture
 from reliability.parts import PartReport
 from reliability.workers import INPUTS, ReaderCase, examine
 
@@ -64,7 +63,7 @@ def _use_device(folder: Path, data: list[tuple[Any, float]]) -> None:
     assert not any(clock_jumps(step_s - 1e-6, passed_s) for step_s, passed_s in steps), "the stream's clock jumps"
 
 
-class _Theirs(CameraBase):
+class _Theirs(Camera):
     def __init__(self, stamps: list[Any]) -> None:
         super().__init__("theirs")
         self.size, self._stamps = (16, 16), list(enumerate(stamps))

@@ -17,7 +17,7 @@ from edgemap.geometry.se2 import SE2
 from edgemap.runtime.frames.errors import CameraFault, FaultKind
 from edgemap.runtime.frames.frame import Frame
 from edgemap.runtime.inputs.budget import LADDER, Budget, Effort
-from edgemap.runtime.inputs.cameras.base import BudgetedCamera
+from edgemap.runtime.inputs.cameras.wrappers import BudgetedCamera
 from edgemap.runtime.inputs.open import open_camera
 from edgemap.runtime.motion.odometry.hybrid import HybridOdometry, Member
 from edgemap.runtime.motion.odometry.protocol import Motion

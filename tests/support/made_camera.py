@@ -5,10 +5,10 @@ from collections.abc import Callable
 import numpy as np
 
 from edgemap.runtime.frames.frame import Frame
-from edgemap.runtime.inputs.cameras.base import CameraBase
+from edgemap.runtime.inputs.cameras.protocol import Camera
 
 
-class MadeCamera(CameraBase):
+class MadeCamera(Camera):
     """So many frames at a steady rate: picture_of(index). before: called with the index of each; may raise."""
 
     def __init__(self, count: float, picture_of: Callable[[int], np.ndarray], rate_hz=10.0, start_s=0.0, before=None,

@@ -16,7 +16,6 @@ from edgemap.runtime.frames.errors import CameraError, CameraFault, CameraState,
 from edgemap.runtime.frames.frame import Frame
 from edgemap.runtime.frames.reading import error_line, one_line, printable
 from edgemap.runtime.frames.trajectory import AttitudeTrack, Trajectory
-from edgemap.runtime.inputs.cameras.base import CameraBase
 from edgemap.runtime.inputs.cameras.protocol import Camera
 from edgemap.runtime.inputs.cameras.returned import PictureCheck, rate_of, size_of, stamp_of
 
@@ -24,7 +23,7 @@ FALLBACK_STEP_S = 0.1  # between two pictures whose stamps say nothing, of a cam
 FAILURES = 100  # reads in a row without a frame, after which the camera is at its end
 
 
-class CheckedCamera(CameraBase):
+class CheckedCamera(Camera):
     """A validated `Camera` of third-party code. Each error is reported once, as a fault, when it begins. A stamp that
     is not finite, or runs backwards, is replaced by the previous one plus a frame interval; invalid pictures and depths
     are dropped. After `FAILURES` reads in a row without a frame the camera is at its end.

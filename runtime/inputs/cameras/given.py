@@ -17,7 +17,7 @@ from edgemap.geometry.se2 import SE2
 from edgemap.runtime.frames.errors import CameraError
 from edgemap.runtime.frames.frame import Frame
 from edgemap.runtime.frames.trajectory import GrowingTrack, PoseTrack
-from edgemap.runtime.inputs.cameras.base import CameraBase
+from edgemap.runtime.inputs.cameras.protocol import Camera
 from edgemap.runtime.inputs.drives.camera_yaml import DEFAULT_RATE_HZ
 
 Picture = NDArray[np.uint8]
@@ -63,7 +63,7 @@ def as_picture(given: Any, name: str) -> Picture:
     return given
 
 
-class FramesCamera(CameraBase):
+class FramesCamera(Camera):
     """The pictures of an iterable, in order: BGR arrays, or (stamp_s, BGR array) pairs.
 
     Those without stamps come ten a second. Raises CameraError where there is no picture, or the first is not an image.
@@ -107,7 +107,7 @@ class FramesCamera(CameraBase):
         return number / DEFAULT_RATE_HZ, as_picture(given, f"frames[{number}]")
 
 
-class PushedCamera(CameraBase):
+class PushedCamera(Camera):
     """One picture at a time from a program that has its own loop; without one it is at its end.
 
     size and sensors are known from the first picture on.

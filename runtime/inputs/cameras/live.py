@@ -9,8 +9,7 @@ from edgemap.geometry.camera.intrinsics import Intrinsics
 from edgemap.geometry.camera.mount import Mount
 from edgemap.runtime.frames.errors import CameraFault, CameraLostError, CameraState, FrameTimeout
 from edgemap.runtime.frames.frame import Frame
-from edgemap.runtime.inputs.cameras.base import CameraBase
-from edgemap.runtime.inputs.cameras.protocol import Driver, Picture
+from edgemap.runtime.inputs.cameras.protocol import Camera, Driver, Picture
 from edgemap.runtime.inputs.cameras.returned import rate_of, size_of
 from edgemap.runtime.inputs.cameras.supervisor import RecoveryRule, Supervisor
 
@@ -20,7 +19,7 @@ CLOSE_LIMIT_S = 1.0
 MAX_FAULTS = 1000  # kept for a reader that does not read
 
 
-class LiveCamera(CameraBase):
+class LiveCamera(Camera):
     """The newest frame of a device, with recovery from its failures: see `Supervisor`.
 
     The thread overwrites the slot, so a slow reader skips frames and never sees an old one or one twice. The device is

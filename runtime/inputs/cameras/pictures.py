@@ -8,16 +8,17 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from edgemap.geometry.camera.depth_camera import DepthCamera, DepthRegistration
 from edgemap.geometry.camera.intrinsics import Intrinsics
 from edgemap.geometry.camera.mount import Mount
 from edgemap.runtime.frames.errors import CameraError, CameraFault, FaultKind
 from edgemap.runtime.frames.frame import Frame
 from edgemap.runtime.frames.quiet import bounded_memory, quietly
 from edgemap.runtime.frames.reading import library_path
-from edgemap.runtime.inputs.cameras.base import CameraBase
+from edgemap.runtime.inputs.cameras.protocol import Camera
 from edgemap.runtime.inputs.drives.camera_yaml import DEFAULT_RATE_HZ, read_setup
 from edgemap.runtime.inputs.drives.drive import Drive, ridden
-from edgemap.runtime.inputs.drives.pictures import PIXEL_LIMIT, list_pictures, read_picture
+from edgemap.runtime.inputs.drives.pictures import PIXEL_LIMIT, Depth, list_pictures, read_picture, readable_depth
 
 # A header's frame count is an estimate in some containers; a file that lacks more than this was cut off.
 MISSING_FRAMES, MISSING_SHARE = 3, 0.05
@@ -25,7 +26,27 @@ FALLBACK_RATE_HZ = 30.0
 MEMORY_BYTES = 1 << 30  # that opening, or a single frame, may take beyond what the process has
 
 
-class VideoCamera(CameraBase):
+class FileCamera(Camera):
+    """Pictures with depth pictures on disk beside them, where there are any, one a picture. depth_camera: theirs, None
+    where they are registered to the pictures."""
+
+    depth: Sequence[Path] = ()
+    depth_camera: DepthCamera | None = None
+    _registration: DepthRegistration | None = None
+
+    def depth_of(self, number: int) -> Depth | None:
+        """Depth of the picture of that number, of its pixels; None where there is none that can be read."""
+        depth = readable_depth(self.depth[number]) if self.depth else None
+        if depth is None or self.depth_camera is None:
+            return depth
+        if self._registration is None:
+            if self.intrinsics is None:
+                return None
+            self._registration = DepthRegistration(self.depth_camera, self.intrinsics)
+        return self._registration.registered(depth)
+
+
+class VideoCamera(FileCamera):
     """A video that OpenCV decodes. stamps_s: where given, the video must have exactly one frame for each.
 
     Else stamps are the file's, or last + 1 / fps where those do not increase. Memory is bounded, independent of the
@@ -124,7 +145,7 @@ def _open_quietly(path: Path) -> cv2.VideoCapture:
         return cv2.VideoCapture(library_path(path), cv2.CAP_FFMPEG if cv2.CAP_FFMPEG in known else cv2.CAP_ANY)
 
 
-class PicturesCamera(CameraBase):
+class PicturesCamera(FileCamera):
     """Pictures on disk at stamps in seconds, one each. Raises CameraError where none can be read."""
 
     def __init__(

@@ -1,24 +1,27 @@
-"""The camera protocol: a source of frames with its intrinsics; and the protocols of live devices and their drivers."""
+"""The camera: a source of frames with its intrinsics; and the protocols of live devices and their drivers."""
 
-from collections.abc import Callable
+import math
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, NamedTuple, Protocol, Self, runtime_checkable
+from types import MappingProxyType
+from typing import Any, NamedTuple, Protocol, Self
 
 import numpy as np
 from numpy.typing import NDArray
 
+from edgemap.geometry.camera.imu import ImuSamples
 from edgemap.geometry.camera.intrinsics import Intrinsics
 from edgemap.geometry.camera.mount import Mount
 from edgemap.runtime.frames.decisions import Decisions
-from edgemap.runtime.frames.errors import CameraFault, CameraState, FrameTimeout
+from edgemap.runtime.frames.errors import CameraError, CameraFault, CameraState, FrameTimeout
 from edgemap.runtime.frames.frame import Frame
+from edgemap.runtime.frames.reading import printable
 from edgemap.runtime.frames.trajectory import AttitudeTrack, PoseTrack, Trajectory
 
 
-@runtime_checkable
-class Camera(Protocol):
-    """A source of frames, open from construction until `close`; a context manager.
+class Camera:
+    """A source of frames, open from construction until `close`; a context manager. Subclasses set `size`, add `read`.
 
     name: the SPEC it was opened from. live: true for devices that produce frames independently of `read`.
     intrinsics, mount: None where unknown. rate_hz: nominal frame rate, None if unknown.
@@ -26,26 +29,34 @@ class Camera(Protocol):
     truth: the drive's own poses from its start, None where unknown. attitudes: those of the lens with them, None where
     the poses are planar. wheel: wheel odometry that came with the pictures,
     a CSV, a recording or poses that come live, None where there is none. decisions: of the run that made this
-    recording, None where there are none. edits: of that run, as lines of edits.jsonl.
+    recording, None where there are none. edits: of that run, as lines of edits.jsonl. calibration: of a recording, how
+    intrinsics and mount were determined, as in camera.yaml. imu: all inertial samples of a recording, which `frame`
+    deals out.
     """
 
     name: str
-    live: bool
-    size: tuple[int, int]
-    intrinsics: Intrinsics | None
-    mount: Mount | None
-    rate_hz: float | None
-    frame_count: int | None
-    truth: Trajectory | None
-    attitudes: AttitudeTrack | None
-    wheel: Path | PoseTrack | None
-    decisions: Decisions | None
-    edits: tuple[str, ...]
+    live: bool = False
+    size: tuple[int, int] = (0, 0)
+    intrinsics: Intrinsics | None = None
+    mount: Mount | None = None
+    rate_hz: float | None = None
+    frame_count: int | None = None
+    truth: Trajectory | None = None
+    attitudes: AttitudeTrack | None = None
+    wheel: Path | PoseTrack | None = None
+    decisions: Decisions | None = None
+    edits: tuple[str, ...] = ()
+    calibration: Mapping[str, Any] = MappingProxyType({})
+
+    def __init__(self, name: str, intrinsics: Intrinsics | None = None, mount: Mount | None = None) -> None:
+        self.name, self.intrinsics, self.mount = printable(name), intrinsics, mount
+        self.imu: ImuSamples | None = None
+        self._delivered, self._sampled_s = 0, -math.inf
 
     @property
     def state(self) -> CameraState:
-        """running, degraded (no frames, being recovered) or lost."""
-        ...
+        """running, degraded (no frames, being recovered) or lost. Files are always running."""
+        return CameraState.RUNNING
 
     def read(self) -> Frame | None:
         """The next frame; None at the end. Files: every frame, in order. Live: the newest frame not yet delivered.
@@ -53,18 +64,38 @@ class Camera(Protocol):
         Raises CameraFault for a fault of the delivery, and FrameTimeout where a live or paced camera has no frame yet;
         reading may continue after both. Any other CameraError ends the source.
         """
-        ...
+        raise NotImplementedError
 
     def object_records(self) -> list[dict[str, Any]] | None:
         """The true objects, as in objects.json, visible in the frames delivered so far; None where unknown."""
-        ...
+        return None
 
     def close(self) -> None:
         """Release the device or file; may be called twice."""
 
-    def __enter__(self) -> Self: ...
+    def frame(
+        self, image: NDArray[np.uint8], stamp_s: float, name: str, depth: NDArray[np.float32] | None = None
+    ) -> Frame:
+        """The picture as the next delivered frame. Raises CameraError where its size is not the lens's.
 
-    def __exit__(self, *exception: object) -> None: ...
+        depth: of its pixels; of another size, it is left out.
+        """
+        height, width = image.shape[:2]
+        lens = self.intrinsics
+        if lens is not None and (width, height) != (lens.width, lens.height):
+            raise CameraError(f"{name}: picture is {width}x{height}, the intrinsics are for {lens.width}x{lens.height}")
+        samples = ImuSamples.none() if self.imu is None else self.imu.between(self._sampled_s, stamp_s)
+        if depth is not None and depth.shape != (height, width):
+            depth = None
+        frame = Frame(self._delivered, stamp_s, image, name, samples, depth)
+        self._delivered, self._sampled_s = self._delivered + 1, stamp_s
+        return frame
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *exception: object) -> None:
+        self.close()
 
 
 class Picture(NamedTuple):

@@ -11,7 +11,7 @@ from edgemap.geometry.errors import EdgemapError
 from edgemap.runtime.frames.errors import CameraError, CameraFault, FaultKind
 from edgemap.runtime.frames.frame import Frame
 from edgemap.runtime.frames.reading import library_path, one_line
-from edgemap.runtime.inputs.cameras.base import CameraBase
+from edgemap.runtime.inputs.cameras.protocol import Camera
 from edgemap.runtime.inputs.cameras.realsense import import_realsense, lens_of, picture_size
 from edgemap.runtime.inputs.cameras.realsense_frames import (
     POLL_MS,
@@ -25,7 +25,7 @@ from edgemap.runtime.inputs.cameras.realsense_frames import (
 )
 
 
-class RealSenseRecording(CameraBase):
+class RealSenseRecording(Camera):
     """A `.db3` or `.bag` recorded by librealsense: every colour frame, in order, as fast as it is read.
 
     depth: whether those of its depth stream come with them, aligned by librealsense in a playback of its own, so that

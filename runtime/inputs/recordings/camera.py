@@ -16,8 +16,7 @@ from edgemap.runtime.frames.messages.topics import DEPTH, EDITS, SEARCHED, STAMP
 from edgemap.runtime.frames.number_rows import ROW_LIMIT
 from edgemap.runtime.frames.reading import user_path
 from edgemap.runtime.frames.trajectory import PoseTrack, Trajectory
-from edgemap.runtime.inputs.cameras.base import CameraBase
-from edgemap.runtime.inputs.cameras.protocol import SensorTopics
+from edgemap.runtime.inputs.cameras.protocol import Camera, SensorTopics
 from edgemap.runtime.inputs.recordings.facts import RECORD, TRUTH_FILE, WHEEL_FILE, read_facts, read_trajectory_file
 from edgemap.runtime.inputs.recordings.foreign import imu_of, info_topics, lens_of, mount_of, recorded_imu, tf_of
 from edgemap.runtime.inputs.recordings.pictures import ALIGNED, compressed_picture, depth_of, own_depth_of, raw_picture
@@ -30,7 +29,7 @@ MAXIMUM_DAMAGED = 1000  # pictures before the first complete one
 STAMP_TOLERANCE_S = 1e-6  # between a stamp and its whole nanoseconds
 
 
-class RecordingCamera(CameraBase):
+class RecordingCamera(Camera):
     """`FILE.mcap` or `FILE.mcap#/topic`: ours, or a ROS 2 bag; without a topic its first one with pictures.
 
     topics: of the file, for wheel odometry, inertial samples and depth, in place of those that it would take. depth:

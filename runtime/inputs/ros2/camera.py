@@ -17,11 +17,11 @@ from edgemap.runtime.frames.frame import Frame
 from edgemap.runtime.frames.messages.definitions import ns_of, ros_offset_s, to_s
 from edgemap.runtime.frames.messages.topics import IMU, INFO, KINDS
 from edgemap.runtime.frames.trajectory import PoseTrack
-from edgemap.runtime.inputs.cameras.base import CameraAround
 from edgemap.runtime.inputs.cameras.imu_buffer import ImuBuffer
 from edgemap.runtime.inputs.cameras.live import LiveCamera
 from edgemap.runtime.inputs.cameras.protocol import Camera, Driver, Picture, SensorTopics
 from edgemap.runtime.inputs.cameras.supervisor import RecoveryRule
+from edgemap.runtime.inputs.cameras.wrappers import CameraAround
 from edgemap.runtime.inputs.recordings.foreign import info_topics, lens_of, mount_of, push_message
 from edgemap.runtime.inputs.recordings.pictures import compressed_picture, raw_picture
 from edgemap.runtime.inputs.ros2.depth import DepthTopic

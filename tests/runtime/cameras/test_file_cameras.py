@@ -18,8 +18,8 @@ from edgemap.geometry.camera.mount import Mount
 from edgemap.geometry.se2 import SE2
 from edgemap.runtime.frames.errors import CameraError, FrameTimeout
 from edgemap.runtime.frames.trajectory import Trajectory
-from edgemap.runtime.inputs.cameras.base import CameraBase, PacedCamera
-from edgemap.runtime.inputs.cameras.protocol import Camera
+from edgemap.runtime.inputs.cameras.protocol import Camera, next_frame
+from edgemap.runtime.inputs.cameras.wrappers import PacedCamera
 from edgemap.runtime.inputs.drives import write_drive
 from edgemap.runtime.inputs.open import open_camera
 
@@ -194,7 +194,7 @@ def test_a_gap_in_the_stamps_keeps_nobody_waiting_for_long():
 
 
 def test_a_paced_camera_knows_all_that_the_camera_behind_it_knows():
-    class Knowing(CameraBase):
+    class Knowing(Camera):
         def object_records(self):
             return [{"id": "chair-1"}]
 
@@ -233,7 +233,6 @@ def test_opening_a_folder_imports_no_realsense(tmp_path):
 
 
 def test_reading_goes_on_past_a_damaged_picture_and_one_of_another_size(tmp_path):
-    from edgemap.runtime.inputs.cameras.protocol import next_frame
 
     write_pictures(tmp_path / "p", 5)
     (tmp_path / "p" / "0.png").write_bytes(b"broken")

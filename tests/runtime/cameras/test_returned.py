@@ -18,9 +18,8 @@ from edgemap.geometry.camera.mount import Mount
 from edgemap.runtime.frames.errors import CameraError, CameraFault, CameraState, FrameTimeout
 from edgemap.runtime.frames.frame import Frame
 from edgemap.runtime.inputs.cameras import plugins
-from edgemap.runtime.inputs.cameras.base import CameraBase
 from edgemap.runtime.inputs.cameras.checked import FAILURES, CheckedCamera
-from edgemap.runtime.inputs.cameras.protocol import Picture
+from edgemap.runtime.inputs.cameras.protocol import Camera, Picture
 from edgemap.runtime.inputs.open import open_camera
 
 GREY = picture(50)
@@ -245,4 +244,4 @@ def test_a_run_over_a_plugins_camera_goes_on_past_every_fault(monkeypatch):
     ]
     camera = open_plugin(monkeypatch, lambda: Theirs(frames, size=(128, 96), intrinsics=lens))
     assert isinstance(camera, CheckedCamera)
-    assert isinstance(camera, CameraBase)
+    assert isinstance(camera, Camera)
