@@ -104,6 +104,7 @@ class Run:
         publishers = self._publishers(edits)
         page.drives([send for one in publishers if (send := getattr(one, "send_goal", None))])
         files = RunFolder(self.folder, self.floor, self.record | {"efforts": source.efforts})
+        self.kept_camera.begin()
         judge = (
             None if saved else judge_of(camera.camera, self.source, self.mapped if self.options.map.classes else None)
         )

@@ -101,6 +101,11 @@ class CameraKeeper:
         self._line = f"lens and mount are kept in {self._path}  (the next run: {again})"
         self._spec = re.sub("(//[^/@:]*):[^/@]*@", r"\1:PASSWORD@", spec)  # a stream's password is never printed
 
+    def begin(self) -> None:
+        """Saves the guess as it is, for a run that is killed or whose camera is lost. Raises DiskError."""
+        if self._guess is not None:
+            self._write(self._guess.record())
+
     def set_mount(self, height_m: float, pitch_deg: float) -> Path:
         """Saves a mount that a person has set; roll and lever arm stay. Raises GeometryError, CameraError."""
         from edgemap.geometry.camera.floor import FloorCamera

@@ -138,8 +138,13 @@ async def restore_object(page: LivePage, request: Request) -> Response:
 async def put_zone(page: LivePage, request: Request) -> Response:
     """Draw a zone, or change one."""
     body, identity = await body_of(request, ZoneRequest), request.path_params.get("id", "")
-    if identity and identity not in {zone.id for zone in page.annotations.zones}:
+    zones = page.annotations.zones
+    if identity and identity not in {zone.id for zone in zones}:
         raise Refused(404, f"no zone {identity[:60]!r}")
+    # To a person, and in what names them: keep-out, speed, automations.
+    taken = {zone.name.strip().casefold(): zone for zone in zones if zone.id != identity}
+    if other := taken.get(body.name.strip().casefold()):
+        raise Refused(409, f"{other.id} is called {other.name!r} already: give this zone another name")
     made = await take(page, Edit("zone", identity, name=body.name, corners_m=tuple(body.corners_m)))
     zone = next(zone for zone in answers.zones_answer(page) if zone["id"] == made)
     return as_json(zone, 200 if identity else 201)

@@ -90,6 +90,7 @@ class LivePage:
         self._sightings_base: deque[tuple[float, float, float]] = deque(maxlen=20_000)  # stamp_s, x_m, y_m
         self._moved_m, self._scale = 0.0, 1.0  # since everything was sent, and of what was sent
         self._arrivals_s: deque[float] = deque(maxlen=RATE_OVER)
+        self._step_ms: deque[float] = deque(maxlen=RATE_OVER)
         self._last_fault = ""
         self.last_fault: Fault | None = None  # reported from outside the step
         self._trail_end: tuple[float, float] | None = None
@@ -99,6 +100,7 @@ class LivePage:
         """Replaces the stored result with the result of this step."""
         now_s = time.monotonic()
         self._arrivals_s.append(now_s)
+        self._step_ms.append(sum(result.stages_ms.values()))
         self._moved_m += result.correction.moved_m if result.correction else 0.0
         before, self._scale = self._scale, result.observed.scale
         if result.relocated is not None or self._moved_m > MOVED_M or self._scale != before:
@@ -174,6 +176,10 @@ class LivePage:
         arrivals = list(self._arrivals_s)
         span_s = arrivals[-1] - arrivals[0] if len(arrivals) > 1 else 0.0
         return (len(arrivals) - 1) / span_s if span_s > 0 else None
+
+    def step_ms(self) -> float:
+        """Mean time of the latest steps (at most `RATE_OVER`); 0 before the first."""
+        return sum(self._step_ms) / max(len(self._step_ms), 1)
 
     @property
     def rate_known(self) -> bool:

@@ -12,6 +12,7 @@ from edgemap.view.page import LivePage
 
 SILENT_S = 2.0  # without a step
 SLOW_SHARE = 0.85  # of the camera's rate; below it pictures are dropped or come late
+BUSY_SHARE = 0.5  # of the time in steps; below it the camera is slower than it states, as in dim light
 NEWS_S = 15.0  # a reported fault stays among the problems this long
 UNSURE_M, UNSURE_RAD = 0.5, math.radians(15.0)  # one sigma of the pose at which the map cannot be trusted
 
@@ -92,8 +93,10 @@ def _of_step(page: LivePage, result: StepResult) -> list[Alert]:
     if not effort.full:
         alerts.append(Alert("degraded", "speed", f"Less is done, to stay within the run's budget: {effort}."))
     wanted_hz = (page.about.get("rate_hz") or 0.0) / effort.take_every
-    if rate_hz and page.rate_known and rate_hz < SLOW_SHARE * wanted_hz:
-        text = f"Overloaded: {rate_hz:.1f} of {wanted_hz:.0f} pictures a second, {step_ms(result):.0f} ms each."
+    mean_ms = page.step_ms()
+    busy = rate_hz is not None and rate_hz * mean_ms > 1000.0 * BUSY_SHARE
+    if busy and rate_hz and page.rate_known and rate_hz < SLOW_SHARE * wanted_hz:
+        text = f"Overloaded: {rate_hz:.1f} of {wanted_hz:.0f} pictures a second, {mean_ms:.0f} ms each."
         alerts.append(Alert("degraded", "speed", text))
     away_m, turned_rad = pose_sigma(result)
     if away_m > UNSURE_M or turned_rad > UNSURE_RAD:

@@ -47,6 +47,19 @@ def test_pictures_without_camera_yaml_are_mapped_by_a_guess(edgemap, painted_bun
     assert json.loads((tmp_path / "again" / "run.json").read_text())["camera_guess"]["height_sigma_share"] > 0.0
 
 
+def test_a_run_that_does_not_reach_its_end_keeps_its_guess(edgemap, painted_bundle, pictures, tmp_path):
+    """As after a kill, a second Ctrl-C, or a camera that is lost for good."""
+    (pictures / "camera.yaml").unlink()
+    (pictures / "7.png").write_bytes(b"no picture")
+    done = edgemap("run", "--camera", pictures, "--bundle", painted_bundle, "--strict", "--out", tmp_path / "run")
+    assert done.returncode == 1
+    record = json.loads((tmp_path / "run" / "run.json").read_text())
+    assert 0 < record["frames"] < 12
+    kept = read_camera_yaml(tmp_path / "run" / "camera.yaml")
+    assert kept.mount is not None
+    assert abs(kept.mount.height_m - record["mount"]["height_m"]) < 1e-6
+
+
 def test_a_run_by_a_guess_asks_for_the_height_alone(edgemap, painted_bundle, pictures, tmp_path):
     """The commands that it prints run as they stand, with another height too. Lens and pitch remain guesses, so the
     map is not called good."""

@@ -421,11 +421,13 @@ def test_a_zone_is_drawn_with_taps_named_and_deleted(watched):
 
 def test_how_far_the_map_can_be_trusted_stands_on_the_page_while_it_grows(serve, look):
     served = serve()
-    served.page.verdict = lambda: Verdict("unreliable", (Finding("unreliable", CAUSES["light"], "33 % dark"),))
+    guess = Finding("care", CAUSES["guess"], "the lens is guessed")
+    verdict = Verdict("unreliable", (guess, Finding("unreliable", CAUSES["light"], "33 % dark")))
+    served.page.verdict = lambda: verdict
     served.step(3)
     tab = look(served)
     trust = "document.getElementById('trust')"
-    tab.until(f"{trust}.textContent === 'map so far: not reliable (33 % dark)'")
+    tab.until(f"{trust}.textContent === 'map so far: not reliable (the lens is guessed; 33 % dark)'")
     served.page.verdict = lambda: Verdict("good")
     served.step()
     tab.until(f"{trust}.textContent === 'map so far: good' && !{trust}.hidden")

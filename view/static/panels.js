@@ -48,7 +48,7 @@ export class Panels {
     if (verdict) {
       trust.dataset.level = verdict.level;
       const reasons = verdict.reasons.map((reason) => reason.replaceAll("`", ""));
-      setText(trust, `map so far: ${TRUST[verdict.level]}${reasons.length ? ` (${reasons[0]})` : ""}`);
+      setText(trust, `map so far: ${TRUST[verdict.level]}${reasons.length ? ` (${reasons.slice(0, 3).join("; ")})` : ""}`);
       trust.title = reasons.join("; ");
     }
     const rest = problems.slice(1).map(({ text }) => text), list = byId("problems"), key = rest.join("\n");
