@@ -4,7 +4,6 @@ import math
 from bisect import bisect_right
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,24 +18,6 @@ from edgemap.runtime.frames.reading import read_bytes
 TUM = NumberTable((STAMP, *columns("x_m y_m z_m qx qy qz qw")))
 FASTEST_M_S = 60.0  # a car of KITTI; a faster pose was reset or is damaged
 QUATERNION_TOLERANCE = 0.02  # of its length: files keep few digits
-
-
-class PoseTrack(Protocol):
-    """Poses by stamp: a `Trajectory`, or a `GrowingTrack`."""
-
-    @property
-    def stamps_s(self) -> NDArray[np.float64]:
-        """Stamps of the poses, s, strictly increasing."""
-        ...
-
-    @property
-    def poses(self) -> tuple[SE2, ...]:
-        """The poses, one per stamp."""
-        ...
-
-    def at(self, stamp_s: float, tolerance_s: float = ...) -> SE2:
-        """The pose at a stamp. Raises OdometryError where there is none."""
-        ...
 
 
 @dataclass(frozen=True, slots=True)
@@ -196,6 +177,7 @@ class GrowingTrack:
         return self._poses[-1] @ SE2(*((stamp_s - last) / (last - self._stamps[before]) * step.vector()))
 
 
+PoseTrack = Trajectory | GrowingTrack
 Array = NDArray[np.float64]
 
 SIGMA_RAD = math.radians(0.2)  # of a recorded pose: stamps of pictures and poses differ slightly

@@ -2,14 +2,13 @@
 
 import json
 import os
-import struct
-import zlib
 from pathlib import Path
 
 import cv2
 import numpy as np
 import pytest
 from support import painted
+from support.huge_png import png
 from support.recordings import FACTS, noise, record
 from support.refusal import refused
 
@@ -241,22 +240,11 @@ def test_truth_files(tmp_path):
         refused(CameraError, read_boxes, path)
 
 
-def picture_of(width: int, height: int) -> bytes:
-    """A PNG whose header says so; its rows are there, all of one byte."""
-
-    def chunk(kind: bytes, data: bytes) -> bytes:
-        return struct.pack(">I", len(data)) + kind + data + struct.pack(">I", zlib.crc32(kind + data))
-
-    header = struct.pack(">IIBBBBB", width, height, 8, 2, 0, 0, 0)
-    rows = zlib.compress(bytes(min((1 + 3 * width) * height, 1 << 20)))
-    return b"\x89PNG\r\n\x1a\n" + chunk(b"IHDR", header) + chunk(b"IDAT", rows) + chunk(b"IEND", b"")
-
-
 def test_a_small_file_of_a_huge_picture_is_refused_before_it_is_decoded(tmp_path):
-    (tmp_path / "a.png").write_bytes(picture_of(20_000, 20_000))
+    (tmp_path / "a.png").write_bytes(png(20_000, 20_000))
     words = refused(CameraError, read_picture, tmp_path / "a.png")
     assert f"20000x20000 px, at most {PIXEL_LIMIT:,} px" in words
-    (tmp_path / "a.png").write_bytes(picture_of(1, 1 << 20))
+    (tmp_path / "a.png").write_bytes(png(1, 1 << 20))
     assert "1x1048576 px" in refused(CameraError, read_picture, tmp_path / "a.png")
 
 

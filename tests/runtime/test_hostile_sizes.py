@@ -1,17 +1,16 @@
 """Small files that would take gigabytes or an endless while once read: refused, or read in bounded memory."""
 
-import functools
 import os
 import struct
 import subprocess
 import sys
-import zlib
 from io import BytesIO
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
+from support.huge_png import png
 from support.recordings import FACTS, noise, record
 
 from edgemap.runtime.frames.errors import CameraError
@@ -213,21 +212,6 @@ def test_a_first_picture_that_is_damaged_is_told(tmp_path):
     path = bag(tmp_path / "a.mcap", [("/image", "sensor_msgs/Image", 1, picture(encoding="yuyv", width=3, step=6))])
     with pytest.raises(CameraError, match=r"/image has no complete picture, 1 damaged: .* Image of 3x4 px yuyv"):
         RecordingCamera(str(path))
-
-
-@functools.cache
-def png(width, height):
-    """A black picture, small as a file."""
-
-    def chunk(kind, data):
-        return struct.pack(">I", len(data)) + kind + data + struct.pack(">I", zlib.crc32(kind + data))
-
-    packer = zlib.compressobj(9, wbits=-zlib.MAX_WBITS)
-    row = packer.compress(bytes(1 + 3 * width)) + packer.flush(zlib.Z_FULL_FLUSH)  # the same bytes for each row
-    sum_of_zeros = struct.pack(">HH", height * (1 + 3 * width) % 65521, 1)  # Adler-32
-    rows = b"\x78\xda" + row * height + zlib.compressobj(wbits=-zlib.MAX_WBITS).flush() + sum_of_zeros
-    head = struct.pack(">IIBBBBB", width, height, 8, 2, 0, 0, 0)
-    return b"\x89PNG\r\n\x1a\n" + chunk(b"IHDR", head) + chunk(b"IDAT", rows) + chunk(b"IEND", b"")
 
 
 def avi(path, pictures, width, height):

@@ -8,7 +8,7 @@ from support import painted
 from edgemap.runtime.frames.errors import BundleError
 from edgemap.runtime.network import bundle as session
 from edgemap.runtime.network.bundle import load_bundle
-from edgemap.runtime.network.compute import PAIRED_ROUNDS, WARM_UP, multiplies_int8, report_allows_int8, time_ratio
+from edgemap.runtime.network.compute import PAIRED_ROUNDS, WARM_UP, multiplies_int8, time_ratio
 from edgemap.runtime.network.manifest import BundleVariant
 from edgemap.runtime.network.manifest_file import read_manifest, write_manifest
 
@@ -45,12 +45,6 @@ def test_a_variant_with_another_contract_is_refused(tmp_path):
     painted.resum(folder)
     with pytest.raises(BundleError, match=r"backbone\.int8\.onnx: the contract in its metadata differs"):
         load_bundle(folder, precision="int8")
-
-
-@pytest.mark.parametrize(("measured", "allowed"), [({}, False), (GOOD, True), (BAD, False)])
-def test_the_report_decides_first(tmp_path, measured, allowed):
-    folder = painted.with_int8(painted.write_painted(tmp_path / "b", [CHAIR]), [COUCH], measured)
-    assert report_allows_int8(read_manifest(folder)) is allowed
 
 
 @pytest.mark.parametrize(

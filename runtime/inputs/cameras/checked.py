@@ -22,6 +22,10 @@ from edgemap.runtime.inputs.cameras.returned import PictureCheck, rate_of, size_
 FALLBACK_STEP_S = 0.1  # between two pictures whose stamps say nothing, of a camera that names no rate
 FAILURES = 100  # reads in a row without a frame, after which the camera is at its end
 
+TYPED: dict[str, type] = {
+    "intrinsics": Intrinsics, "mount": Mount, "truth": Trajectory, "attitudes": AttitudeTrack, "decisions": Decisions
+}  # fmt: skip
+
 
 class CheckedCamera(Camera):
     """A validated `Camera` of third-party code. Each error is reported once, as a fault, when it begins. A stamp that
@@ -35,15 +39,13 @@ class CheckedCamera(Camera):
         self._camera = camera
         self.size = size_of(self._get("size"), self.name)
         self.live = self._get("live") is True
-        self.intrinsics = self._typed("intrinsics", Intrinsics)
-        self.mount = self._typed("mount", Mount)
+        for attribute, kind in TYPED.items():
+            setattr(self, attribute, self._typed(attribute, kind))
         self.rate_hz = rate_of(self._get("rate_hz"))
         count = self._get("frame_count")
         self.frame_count = count if isinstance(count, int) and not isinstance(count, bool) and count > 0 else None
-        self.truth, self.attitudes = self._typed("truth", Trajectory), self._typed("attitudes", AttitudeTrack)
         wheel = self._get("wheel")
         self.wheel = wheel if isinstance(wheel, Path) or hasattr(wheel, "stamps_s") else None
-        self.decisions = self._typed("decisions", Decisions)
         edits = self._get("edits")
         self.edits = edits if isinstance(edits, tuple) and all(isinstance(line, str) for line in edits) else ()
         self._ahead: Frame | None = None
