@@ -86,6 +86,22 @@ def test_on_a_phone_a_tap_on_an_object_shows_its_card(watched):
     assert 400 < top < bottom <= 844
 
 
+def test_on_a_phone_the_numbers_of_the_dock_can_be_read(watched):
+    """The angle had room for one digit."""
+    _, tab = watched(12, **PHONE)
+    tab.click("set-dock")
+    inputs = "[...document.querySelectorAll('#drawing input')]"
+    tab.value(f"{inputs}.forEach((input, k) => {{ input.value = [-12.34, -12.34, -135][k]; }})")
+    hidden = f"{inputs}.map(input => input.scrollWidth - input.clientWidth)"
+    assert tab.value(hidden) == [0, 0, 0]
+    assert tab.value("document.documentElement.scrollWidth") <= 390
+    left, _, right, _ = box(tab, "#drawing")
+    assert all(
+        left <= a < b <= right
+        for a, b in tab.value(f"{inputs}.map(input => input.getBoundingClientRect()).map(r => [r.left, r.right])")
+    )
+
+
 def test_an_empty_map_says_what_to_do(serve, look):
     served = serve()
     tab = look(served)
