@@ -152,8 +152,19 @@ def _fuse_pool_padding(model: ModelProto) -> None:
         attribute.ints[:] = [amounts[2], amounts[3], amounts[6], amounts[7]]
         pool.input[0] = pad.input[0]
         graph.node.remove(pad)
-    used = {name for node in graph.node for name in node.input}
-    for item in [item for item in graph.initializer if item.name not in used]:
+    drop_unused(model)
+
+
+def drop_unused(model: ModelProto) -> None:
+    """Drops the nodes and constants that no output needs."""
+    graph = model.graph
+    wanted = {value.name for value in graph.output}
+    for node in [*reversed(graph.node)]:
+        if wanted & set(node.output):
+            wanted |= set(node.input)
+        else:
+            graph.node.remove(node)
+    for item in [item for item in graph.initializer if item.name not in wanted]:
         graph.initializer.remove(item)
 
 

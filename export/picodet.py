@@ -3,6 +3,7 @@
 import onnx
 from onnx import ModelProto, NodeProto, helper, numpy_helper, version_converter
 
+from edgemap.export.onnx_export import drop_unused
 from edgemap.runtime.network.decode import DFL_BINS
 from edgemap.runtime.network.manifest import HeadSpec, InputSpec
 
@@ -34,7 +35,7 @@ def trim(model: ModelProto) -> ModelProto:
     graph.output.extend(
         helper.make_tensor_value_info(node.output[0], onnx.TensorProto.FLOAT, shapes[node.output[0]]) for node in heads
     )
-    _drop_unused(model)
+    drop_unused(model)
     return model
 
 
@@ -82,20 +83,6 @@ def _convolution_before(name: str, makers: dict[str, NodeProto]) -> NodeProto:
     while node.op_type != "Conv":
         node = makers[node.input[0]]
     return node
-
-
-def _drop_unused(model: ModelProto) -> None:
-    graph = model.graph
-    wanted = {value.name for value in graph.output}
-    kept = []
-    for node in reversed(graph.node):
-        if wanted & set(node.output):
-            wanted |= set(node.input)
-            kept.append(node)
-    nodes, constants = kept[::-1], [item for item in graph.initializer if item.name in wanted]
-    del graph.node[:], graph.initializer[:]
-    graph.node.extend(nodes)
-    graph.initializer.extend(constants)
 
 
 def _shape(value: onnx.ValueInfoProto) -> list[int]:

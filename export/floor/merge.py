@@ -14,6 +14,7 @@ from torch import nn
 from edgemap.export.adopt import Tensor4, find_tap, static_tensors
 from edgemap.export.errors import ExportError
 from edgemap.export.floor.head import FINE, LABELS, STRIDES, Block, FloorHead, Unit
+from edgemap.export.onnx_export import drop_unused
 from edgemap.runtime.network.manifest import DetectorSpec, FloorSpec
 
 OUTPUT = "floor"
@@ -68,11 +69,7 @@ def without_floor(model: ModelProto, detector: DetectorSpec) -> tuple[ModelProto
     bare = copy.deepcopy(model)
     for value in [value for value in bare.graph.output if value.name == detector.floor.name]:
         bare.graph.output.remove(value)
-    own = [node for node in bare.graph.node if node.output[0].startswith(f"{OUTPUT}.") or node.output[0] == OUTPUT]
-    for node in own:
-        bare.graph.node.remove(node)
-    for item in [item for item in bare.graph.initializer if item.name.startswith(f"{OUTPUT}.")]:
-        bare.graph.initializer.remove(item)
+    drop_unused(bare)
     return bare, msgspec.structs.replace(detector, floor=None)
 
 
