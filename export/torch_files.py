@@ -37,15 +37,17 @@ def read_torch(path: Path) -> dict[str, Any]:
     return document
 
 
-def read_record(document: dict[str, Any], kind: type[T], path: Path) -> T:
-    """The plain values of a checkpoint, checked; others are left out. Raises ExportError."""
+def read_checkpoint(path: Path, form: str, kind: type[T]) -> tuple[T, dict[str, Tensor]]:
+    """The plain values of a checkpoint, checked, others left out; and its `state_dict`: dense tensors by name.
+
+    Raises ExportError where it is invalid, or of another format than `form`.
+    """
+    document = read_torch(path)
+    if document.get("format") != form:
+        raise ExportError(f"{path}: format {one_line(repr(document.get('format')), 60)}, expected {form!r}")
     names = {field.encode_name for field in msgspec.structs.fields(kind)}  # type: ignore[arg-type]
     fields = {key: value for key, value in document.items() if key in names}
-    return convert(fields, kind, f"{path}: checkpoint", ExportError)
-
-
-def read_weights(document: dict[str, Any], path: Path) -> dict[str, Tensor]:
-    """The `state_dict` of a checkpoint: dense tensors of finite numbers by name. Raises ExportError."""
+    record = convert(fields, kind, f"{path}: checkpoint", ExportError)
     weights = document.get("state_dict")
     if not isinstance(weights, dict) or not all(isinstance(name, str) for name in weights):
         raise ExportError(f"{path}: its state_dict is no weights by name")
@@ -53,7 +55,7 @@ def read_weights(document: dict[str, Any], path: Path) -> dict[str, Tensor]:
         dense = isinstance(tensor, Tensor) and tensor.layout == torch.strided and tensor.device.type == "cpu"
         if not dense or tensor.is_quantized or tensor.nbytes > tensor.untyped_storage().nbytes():
             raise ExportError(f"{path}: {one_line(name, 60)!r} in its state_dict is no dense tensor")
-    return dict(weights)
+    return record, dict(weights)
 
 
 def fill(build: Callable[[], Network], weights: dict[str, Tensor], path: Path) -> Network:

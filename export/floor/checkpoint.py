@@ -7,10 +7,9 @@ from typing import Annotated, Any
 import msgspec
 from msgspec import Meta
 
-from edgemap.export.errors import ExportError
 from edgemap.export.floor.head import FloorHead
-from edgemap.export.torch_files import fill, read_record, read_torch, read_weights, save_whole
-from edgemap.runtime.frames.reading import Name, one_line
+from edgemap.export.torch_files import fill, read_checkpoint, read_torch, save_whole
+from edgemap.runtime.frames.reading import Name
 from edgemap.runtime.network.manifest import Text
 
 FORMAT = "edgemap.floor/2"
@@ -55,11 +54,7 @@ def save_floor(checkpoint: FloorCheckpoint, path: Path) -> None:
 
 def load_floor(path: Path) -> FloorCheckpoint:
     """Reads a checkpoint. Raises ExportError where it is invalid or damaged."""
-    document = read_torch(path)
-    if document.get("format") != FORMAT:
-        raise ExportError(f"{path}: format {one_line(repr(document.get('format')), 60)}, expected {FORMAT!r}")
-    record = read_record(document, _Record, path)
-    weights = read_weights(document, path)
+    record, weights = read_checkpoint(path, FORMAT, _Record)
     shape = record.channels, record.rows, record.width, record.detail, record.deep
     head = fill(lambda: FloorHead(*shape), weights, path)
     return FloorCheckpoint(head.eval(), record.backbone, record.taps, record.measured, record.sources)

@@ -10,8 +10,8 @@ from msgspec import Meta
 from edgemap.export.errors import ExportError
 from edgemap.export.odometry.flow import FlowHead, FlowSizes
 from edgemap.export.odometry.paper import PARAMETER_LIMIT, PaperHead
-from edgemap.export.torch_files import fill, read_record, read_torch, read_weights, save_whole
-from edgemap.runtime.frames.reading import Name, Share, one_line
+from edgemap.export.torch_files import fill, read_checkpoint, save_whole
+from edgemap.runtime.frames.reading import Name, Share
 from edgemap.runtime.network.manifest import Deviation, Span
 
 FORMAT = "edgemap.head/1"
@@ -80,10 +80,7 @@ def save_head(checkpoint: HeadCheckpoint, path: Path) -> None:
 
 def load_head(path: Path) -> HeadCheckpoint:
     """Reads a checkpoint. Raises ExportError where it is invalid, damaged, or exceeds the paper's parameter count."""
-    document = read_torch(path)
-    if document.get("format") != FORMAT:
-        raise ExportError(f"{path}: format {one_line(repr(document.get('format')), 60)}, expected {FORMAT!r}")
-    record, weights = read_record(document, _OdometryRecord, path), read_weights(document, path)
+    record, weights = read_checkpoint(path, FORMAT, _OdometryRecord)
     head = fill(lambda: _head(record, path), weights, path)
     if isinstance(head, PaperHead) and head.parameters_count > PARAMETER_LIMIT:
         raise ExportError(f"{path}: {head.parameters_count:,} parameters, the paper allows {PARAMETER_LIMIT:,}")
