@@ -1,6 +1,7 @@
 """The command line as a user meets it: real processes, exit codes, one line per known failure."""
 
 import json
+import os
 import shlex
 import shutil
 import signal
@@ -177,6 +178,29 @@ def test_an_odometry_that_is_not_to_be_had_is_one_line(edgemap, painted_bundle, 
     assert text in one_line(edgemap(*run))
 
 
+@pytest.mark.parametrize(("camera", "words"), [("realsense", "no RealSense device"), ("no/such/thing", "realsense")])
+def test_a_camera_that_is_not_to_be_had_is_one_line(edgemap, painted_bundle, camera, words):
+    """An unknown one lists what is understood."""
+    assert words in one_line(edgemap("run", "--camera", camera, "--bundle", painted_bundle))
+
+
+def test_an_empty_folder_is_one_line(edgemap, painted_bundle, tmp_path):
+    assert "no pictures in it" in one_line(edgemap("run", "--camera", tmp_path, "--bundle", painted_bundle))
+    (tmp_path / "images").mkdir()
+    (tmp_path / "images" / "0.jpg").touch()
+    line = one_line(edgemap("run", "--camera", tmp_path, "--bundle", painted_bundle))
+    assert line.endswith(f"no pictures in it, but in {tmp_path / 'images'}")
+
+
+def test_a_bundle_that_is_not_to_be_had_is_one_line_and_a_finding_of_doctor(edgemap, pictures, tmp_path):
+    line = one_line(edgemap("run", "--bundle", "nonsense", env=os.environ | {"EDGEMAP_CACHE": str(tmp_path)}), 2)
+    assert "nonsense" in line
+    assert "edgemap-nano, edgemap-pico" in line
+    result = edgemap("doctor", "--camera", pictures, "--bundle", "nope")
+    assert result.returncode == 1
+    assert "neither a bundle folder nor a known model" in result.stdout
+
+
 @pytest.mark.parametrize(
     ("typed", "meant"), [("rnu", "run"), ("map shw", "map show"), ("mapp", "map"), ("eval odometri", "eval odometry")]
 )
@@ -351,14 +375,6 @@ def test_a_recording_that_cannot_be_ended_leaves_the_map_and_names_its_folder(
     assert load_map(out)[0].count > 0
 
 
-def test_an_empty_folder_is_one_line(edgemap, painted_bundle, tmp_path):
-    assert "no pictures in it" in one_line(edgemap("run", "--camera", tmp_path, "--bundle", painted_bundle))
-    (tmp_path / "images").mkdir()
-    (tmp_path / "images" / "0.jpg").touch()
-    line = one_line(edgemap("run", "--camera", tmp_path, "--bundle", painted_bundle))
-    assert line.endswith(f"no pictures in it, but in {tmp_path / 'images'}")
-
-
 def write_video(path, count=40):
     writer = cv2.VideoWriter(str(path), cv2.VideoWriter.fourcc(*"mp4v"), 10.0, (64, 64))
     scene = np.random.default_rng(0).integers(0, 255, (64, 64, 3), dtype=np.uint8)
@@ -463,23 +479,6 @@ def test_doctor_says_what_a_run_would_guess_and_that_a_tape_helps(edgemap, paint
         assert "--mount HEIGHT_M" in mount["remedy"]
 
 
-def test_no_realsense_is_one_line_and_exit_1(edgemap, painted_bundle):
-    assert "no RealSense device" in one_line(edgemap("run", "--camera", "realsense", "--bundle", painted_bundle))
-
-
-def test_an_unknown_camera_lists_what_is_understood(edgemap, painted_bundle):
-    line = one_line(edgemap("run", "--camera", "no/such/thing", "--bundle", painted_bundle))
-    assert "realsense" in line
-
-
-def test_an_unknown_bundle_is_one_line(edgemap, tmp_path):
-    import os
-
-    line = one_line(edgemap("run", "--bundle", "nonsense", env={**os.environ, "EDGEMAP_CACHE": str(tmp_path)}), 2)
-    assert "nonsense" in line
-    assert "edgemap-nano, edgemap-pico" in line
-
-
 def test_eval_map_scores_a_drive_with_truth(edgemap, painted_bundle, known_drive):
     """The painted chair stands where geometry puts it: found; a couch that nobody sees is missed."""
     flags = ("--bundle", painted_bundle, "--json")
@@ -531,12 +530,6 @@ def test_a_picture_that_cannot_be_written_is_one_line(edgemap, run_folder, tmp_p
     (tmp_path / "file").write_text("in the way")
     for name, text in (("map.foo", ".png or .svg"), ("file/map.png", "cannot be written")):
         assert text in one_line(edgemap("map", "show", run_folder, "--out", tmp_path / name))
-
-
-def test_doctor_knows_that_an_unknown_bundle_will_not_run(edgemap, pictures):
-    result = edgemap("doctor", "--camera", pictures, "--bundle", "nope")
-    assert result.returncode == 1
-    assert "neither a bundle folder nor a known model" in result.stdout
 
 
 def test_detect_places_exactly_what_it_calls_on_the_floor(edgemap, painted_bundle, pictures):

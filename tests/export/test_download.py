@@ -44,26 +44,23 @@ def test_a_broken_transfer_goes_on_where_it_stopped(server, tmp_path):
     assert sorted(path.name for path in tmp_path.iterdir()) == ["f"]
 
 
-def test_a_file_that_changed_meanwhile_starts_anew(server, tmp_path):
+@pytest.mark.parametrize(
+    ("before", "after", "sums"),
+    [
+        ({}, {"files": {"/f": DATA[::-1]}, "tag": '"v2"'}, ()),  # the file has changed meanwhile
+        ({}, {"ranges": False}, (SUM,)),
+        ({"tag": ""}, {}, ()),  # neither a mark nor a sum
+    ],
+    ids=["another file", "no ranges", "no mark"],
+)
+def test_what_cannot_be_continued_starts_anew(server, tmp_path, before, after, sums):
     server.files["/f"], server.cut = DATA, 100_000
-    refusal(get, server, tmp_path / "f")
-    server.files["/f"], server.tag, server.cut = DATA[::-1], '"v2"', None
-    assert get(server, tmp_path / "f").read_bytes() == DATA[::-1]
-
-
-def test_a_server_without_ranges_starts_anew(server, tmp_path):
-    server.files["/f"], server.cut = DATA, 100_000
-    refusal(get, server, tmp_path / "f", sums=(SUM,))
-    server.ranges, server.cut = False, None
-    assert get(server, tmp_path / "f", sums=(SUM,)).read_bytes() == DATA
-
-
-def test_without_mark_and_sum_nothing_is_continued(server, tmp_path):
-    server.files["/f"], server.cut, server.tag = DATA, 100_000, ""
-    refusal(get, server, tmp_path / "f")
+    vars(server).update(before)
+    refusal(get, server, tmp_path / "f", sums=sums)
     server.cut = None
-    assert get(server, tmp_path / "f").read_bytes() == DATA
-    assert server.asked[-1][1] is None
+    vars(server).update(after)
+    assert get(server, tmp_path / "f", sums=sums).read_bytes() == server.files["/f"]
+    assert (server.asked[-1][1] is None) == (server.tag == "")
 
 
 def test_a_part_longer_than_the_file_is_dropped(server, tmp_path):
