@@ -32,9 +32,10 @@ class Sighting:
     position_base_m: (2,) centre of the footprint, base frame. covariance_m2: (2, 2) of it from the box alone;
     shared_m2: (2, 2) from the mount, common to a whole drive. width_m, height_m: apparent size (eq. 4). extent_m: the
     longer side of its class's usual footprint.
-    distance_m: horizontal, from the lens. detection: index into the frame's Detections. weight: 0..1, its evidence for
-    a new object; low-confidence ones only update existing objects, as in ByteTrack (Zhang et al. 2022). pictures:
-    number of 0.1 s intervals that it represents, so that evidence grows with time in view and not with the frame rate.
+    distance_m: horizontal, from the lens to the foot. detection: index into the frame's Detections. weight: 0..1, its
+    evidence for a new object; low-confidence ones only update existing objects, as in ByteTrack (Zhang et al. 2022).
+    pictures: number of 0.1 s intervals that it represents, so that evidence grows with time in view and not with the
+    frame rate.
     """
 
     label: str
@@ -183,6 +184,7 @@ def sightings_of(
         if box.is_out_of_sight and not box.low and _largest_sigma(foot.covariance_m2 + shared_m2) > rule.max_sigma_m:
             continue
         width_m, height_m = box.width_m, box.height_m
+        distance_m = float(np.linalg.norm(foot.position_m - box.lens_m))
         if box.is_out_of_sight or box.has_depth:
             nearer = float(box.direction @ (foot.position_m - box.lens_m)) / box.reach_m
             width_m, height_m = width_m * nearer, height_m * nearer + camera.mount.height_m * (1.0 - nearer)
@@ -194,7 +196,7 @@ def sightings_of(
         sightings.append(
             Sighting(
                 label, score, foot.position_m + box.direction * middle_m, covariance_m2, shared_m2,
-                width_m, height_m, box.extent_m, box.reach_m, row, frame, stamp_s,
+                width_m, height_m, box.extent_m, distance_m, row, frame, stamp_s,
                 rule.weight(score) * (PART_COUNTS if box.is_hidden or box.cut else 1.0),
             )
         )  # fmt: skip

@@ -186,8 +186,9 @@ def test_a_camera_that_is_not_to_be_had_is_one_line(edgemap, painted_bundle, cam
 
 def test_an_empty_folder_is_one_line(edgemap, painted_bundle, tmp_path):
     assert "no pictures in it" in one_line(edgemap("run", "--camera", tmp_path, "--bundle", painted_bundle))
-    (tmp_path / "images").mkdir()
-    (tmp_path / "images" / "0.jpg").touch()
+    for name in ("depth", "images"):
+        (tmp_path / name).mkdir()
+        (tmp_path / name / "0.png").touch()
     line = one_line(edgemap("run", "--camera", tmp_path, "--bundle", painted_bundle))
     assert line.endswith(f"no pictures in it, but in {tmp_path / 'images'}")
 

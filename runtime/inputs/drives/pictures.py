@@ -47,7 +47,7 @@ def list_pictures(folder: Path) -> tuple[Path, ...]:
     if odd := next((path.name for path in pictures if not path.name.isprintable()), None):
         raise CameraError(f"{printable(folder)}: a picture's name has characters that do not print: {odd!a}")
     if not pictures:
-        inner = next((path for path in sorted(folder.iterdir()) if has_pictures(path)), None)
+        inner = next((path for path in sorted(folder.iterdir()) if has_pictures(path) and path.name != "depth"), None)
         hint = f", but in {printable(inner)}" if inner else f" (looked for {', '.join(sorted(SUFFIXES))})"
         raise CameraError(f"{printable(folder)}: no pictures in it{hint}")
     return tuple(sorted(pictures, key=natural_key))
