@@ -4,6 +4,7 @@ import math
 from array import array
 from collections.abc import Iterator
 from dataclasses import dataclass
+from io import BytesIO
 from pathlib import Path
 
 import numpy as np
@@ -63,18 +64,13 @@ class NumberTable:
 
     def _lines(self, data: bytes, path: str, error: type[EdgemapError]) -> Iterator[tuple[int, str]]:
         names = (self.separator or " ").join(column.name for column in self.columns)
-        begin, number = 0, 0
-        while begin < len(data):
-            end = data.find(b"\n", begin)
-            end = len(data) if end < 0 else end
-            number += 1
-            if end - begin > LINE_LENGTH:
-                raise error(f"{path}:{number}: a line of {end - begin:,} bytes, at most {LINE_LENGTH:,} are read")
+        for number, raw in enumerate(BytesIO(data), start=1):
+            if len(raw) > LINE_LENGTH:
+                raise error(f"{path}:{number}: a line of {len(raw):,} bytes, at most {LINE_LENGTH:,} are read")
             try:
-                line = data[begin:end].decode("utf-8").strip()
+                line = raw.decode("utf-8").strip()
             except UnicodeDecodeError as why:
                 raise error(f"{path}:{number}: cannot be read ({one_line(why)})") from None
-            begin = end + 1
             if number == 1 and self.header:
                 if [word.strip() for word in line.split(self.separator)] != [column.name for column in self.columns]:
                     raise error(f"{path}: first line must be {names}")

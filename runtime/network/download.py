@@ -17,7 +17,7 @@ from edgemap.geometry.errors import EdgemapError
 from edgemap.runtime.frames.reading import Strict, decode_json, one_line, read_bytes
 from edgemap.runtime.frames.version import VERSION
 from edgemap.runtime.network.manifest_file import sha256_file
-from edgemap.runtime.network.web import TransferClock, WatchedHandler, WebOnly, is_url
+from edgemap.runtime.network.web import TimedHandler, WebOnly, is_url
 
 TIMEOUT_S = 10.0  # to connect, and between two pieces
 PIECE = 1 << 16  # bytes
@@ -51,7 +51,7 @@ def download(
     label = label or url
     part, notes = target.with_name(f"{target.name}.part"), target.with_name(f"{target.name}.part.json")
     try:
-        with TransferClock(longest_s) as clock:
+        with TimedHandler(longest_s) as clock:
             if target.is_file() and (not sums or sha256_file(target) in sums):
                 return target
             target.parent.mkdir(parents=True, exist_ok=True)
@@ -114,7 +114,7 @@ def _resume_point(part: Path, notes: Path, url: str, checked: bool) -> tuple[int
 
 @contextmanager
 def _open(
-    url: str, have: int, validator: str, timeout_s: float, clock: TransferClock
+    url: str, have: int, validator: str, timeout_s: float, clock: TimedHandler
 ) -> Iterator[http.client.HTTPResponse]:
     if not is_url(url):
         raise ValueError("not an http or https URL")
@@ -123,7 +123,7 @@ def _open(
         headers["Range"] = f"bytes={have}-"
         if validator:
             headers["If-Range"] = validator
-    opener = urllib.request.build_opener(WebOnly, WatchedHandler(clock))
+    opener = urllib.request.build_opener(WebOnly, clock)
     with opener.open(urllib.request.Request(url, headers=headers), timeout=timeout_s) as reply:
         yield reply
 
@@ -148,7 +148,7 @@ def _receive(
     have: int,
     total: int | None,
     maximum_bytes: int,
-    clock: TransferClock,
+    clock: TimedHandler,
     title: str | None,
     label: str,
 ) -> int:

@@ -8,7 +8,7 @@ import time
 import urllib.error
 import urllib.request
 from contextlib import suppress
-from functools import cache, partial
+from functools import cache
 from typing import Any
 from urllib.parse import urlsplit
 
@@ -25,28 +25,37 @@ def is_url(text: str) -> bool:
         return False
 
 
-class TransferClock:
-    """Ends a transfer at a time limit, wherever it waits: also in headers that arrive byte by byte."""
+class TimedHandler(urllib.request.HTTPSHandler, urllib.request.HTTPHandler):
+    """Opens http and https and ends a transfer at a time limit, wherever it waits: also in headers that arrive byte by
+    byte. It does so while it is entered as a context manager. until_s: the limit, by the monotonic clock.
+    """
 
     def __init__(self, longest_s: float) -> None:
+        super().__init__(context=trusted_certificates())
         self.until_s = time.monotonic() + longest_s
         self.over = False
         self._sockets: list[socket.socket] = []
         self._done = threading.Event()
 
-    def connect(self, kind: type[http.client.HTTPConnection], *arguments: Any, **options: Any) -> Any:
-        """A connection of this class, whose sockets are closed at the time limit. arguments, options: as for the
-        class."""
-        clock = self
+    def http_open(self, req: Any) -> Any:
+        """As the base class."""
+        return self._open(http.client.HTTPConnection, req)
+
+    def https_open(self, req: Any) -> Any:
+        """As the base class."""
+        return self._open(http.client.HTTPSConnection, req, context=trusted_certificates())
+
+    def _open(self, kind: type[http.client.HTTPConnection], req: Any, **options: Any) -> Any:
+        sockets = self._sockets
 
         class Watched(kind):
             def connect(self) -> None:
                 super().connect()
-                clock._sockets.append(self.sock)
+                sockets.append(self.sock)
 
-        return Watched(*arguments, **options)
+        return self.do_open(Watched, req, **options)  # type: ignore[arg-type]
 
-    def __enter__(self) -> "TransferClock":
+    def __enter__(self) -> "TimedHandler":
         threading.Thread(target=self._watch, daemon=True).start()
         return self
 
@@ -60,23 +69,6 @@ class TransferClock:
                 for one in self._sockets:
                     with suppress(OSError):
                         one.shutdown(socket.SHUT_RDWR)
-
-
-class WatchedHandler(urllib.request.HTTPSHandler, urllib.request.HTTPHandler):
-    """Opens http and https with the time limit of a `TransferClock`."""
-
-    def __init__(self, clock: TransferClock) -> None:
-        super().__init__(context=trusted_certificates())
-        self._clock = clock
-
-    def http_open(self, req: Any) -> Any:
-        """As the base class."""
-        return self.do_open(partial(self._clock.connect, http.client.HTTPConnection), req)  # type: ignore[arg-type]
-
-    def https_open(self, req: Any) -> Any:
-        """As the base class."""
-        open_watched: Any = partial(self._clock.connect, http.client.HTTPSConnection)
-        return self.do_open(open_watched, req, context=trusted_certificates())
 
 
 @cache

@@ -1,6 +1,6 @@
 """The sightings of a run folder: `sightings.jsonl`, and the merged ids of `run.json`."""
 
-from collections.abc import Iterator
+from io import BytesIO
 from pathlib import Path
 
 import msgspec
@@ -36,19 +36,12 @@ def read_sightings(folder: Path) -> list[SeenRecord]:
     except MapError:
         merged = {}
     found = []
-    for number, line in enumerate(complete_lines(path), start=1):
+    for number, line in enumerate(BytesIO(read_bytes(path, SIGHTINGS_BYTES, MapError)), start=1):
+        if not line.endswith(b"\n"):
+            break
         if number > SIGHTINGS_LIMIT:
             raise MapError(f"{path}: more than {SIGHTINGS_LIMIT:,} sightings")
         record = decode_json(line, SeenRecord, f"{path}:{number}: damaged line", MapError)
         record.object = merged.get(record.object, record.object)
         found.append(record)
     return found
-
-
-def complete_lines(path: Path) -> Iterator[bytes]:
-    """A file's complete lines: what a power cut left of the last one does not count. Raises MapError."""
-    data = read_bytes(path, SIGHTINGS_BYTES, MapError)
-    begin = 0
-    while (end := data.find(b"\n", begin)) >= 0:
-        yield data[begin : end + 1]
-        begin = end + 1
