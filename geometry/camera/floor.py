@@ -1,7 +1,7 @@
 """The floor in a mounted camera's picture: horizon, ray-floor intersection, and error propagation to the floor."""
 
 import math
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -27,7 +27,7 @@ class FloorCamera:
 
     intrinsics: Intrinsics
     mount: Mount
-    attitude: Attitude | None = field(default=None, compare=False)
+    attitude: Attitude | None = None
 
     def __post_init__(self) -> None:
         if self.attitude is not None:

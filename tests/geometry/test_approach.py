@@ -57,6 +57,14 @@ def test_a_front_that_is_taken_costs_a_small_turn_rather_than_a_long_standoff():
     assert 30.0 < abs(math.degrees(math.atan2(found.pose.y_m, found.pose.x_m))) < 45.0
 
 
+def test_a_circle_that_touches_one_occupied_cell_is_taken():
+    (chair,) = mapped([("chair", 0.0, 0.0)])
+    posts = floor()
+    posts.log_odds[::6, ::6] = WALL_ODDS  # 0.3 m apart: one lies in every circle of 0.25 m
+    with pytest.raises(MapError, match="no place to approach"):
+        approach(chair, [chair], posts)
+
+
 def test_walls_other_objects_and_unknown_floor_are_avoided():
     chair, table = mapped([("chair", 2.0, 0.0), ("dining table", 1.0, 0.0)])
     grid = walled(floor(), 2.5, 2.6, -4.0, 4.0)

@@ -77,6 +77,17 @@ def test_a_tilted_lens_on_an_arm_tells_how_the_base_moved(pitch_deg):
     assert covariance[1, 1] == pytest.approx(1e-6 * (1.0 + 0.3**2))
 
 
+def test_the_covariance_of_a_step_is_that_of_the_later_axes():
+    """A lens that nods down by 20 degrees while it rests, least certain along its optical axis afterwards."""
+    before, after = (Mount.from_degrees(1.0, pitch_deg, 0.0) for pitch_deg in (10.0, 30.0))
+    moved = LensPose(before.rotation_base_optical().T @ after.rotation_base_optical(), np.zeros(3))
+    stated = np.diag([1.0, 1.0, 9.0, 1.0, 1.0, 1.0]) * 1e-6
+    step, covariance = planar_step(moved, stated, up_optical(before.pitch_rad, 0.0), before)
+    assert step.vector() == pytest.approx([0.0, 0.0, 0.0], abs=1e-9)
+    c, s = math.cos(after.pitch_rad), math.sin(after.pitch_rad)
+    assert np.diag(covariance) == pytest.approx([1e-6 * (9.0 * c**2 + s**2), 1e-6, 1e-6])
+
+
 def test_poses_compose_and_invert():
     a, b = LensPose(turned(0.3, -0.1), np.array([1.0, 2.0, 3.0])), LensPose(turned(-0.2), np.array([0.1, 0.0, 0.4]))
     point = np.array([0.5, -0.3, 2.0])
