@@ -4,7 +4,7 @@ from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import accumulate
-from math import degrees
+from math import degrees, inf
 from operator import matmul
 from pathlib import Path
 from typing import Any
@@ -40,7 +40,7 @@ from edgemap.runtime.step.config import Config
 from edgemap.runtime.step.frame_observations import FrameObservations
 from edgemap.runtime.step.pipeline import Pipeline
 
-NO_REST = RestRule(confirmed_s=1e9, pictures_s=1e9)  # what an odometry says of a robot that stands is judged as well
+NO_REST = RestRule(shifted_px=-inf)  # what an odometry says of a robot that stands is judged as well
 OWN_WHEELS = "wheel"  # as an odometry: the wheels that come with the data
 
 
@@ -171,7 +171,7 @@ def score_drive(
         floor, tuned = FloorCamera(camera.intrinsics, mount), selection.config
         rules = tuned.odometry, tuned.health, tuned.attitude.check.tilt
         motion = open_odometry(odometry, bundle, camera, floor, False, selection.wheels, *rules)
-        attitude = open_attitude(odometry, camera, floor, selection.imu, tuned.attitude, tuned.health)
+        attitude = open_attitude(odometry, camera, floor, selection.imu, tuned.attitude, tuned.health, tuned.odometry)
         step = Pipeline(bundle, floor, motion, rule=tuned.floor, attitude=attitude, health=tuned.health, rest=NO_REST)
         followed = follow(
             camera, step, first=selection.first, every=selection.every, frames=selection.frames, progress=progress

@@ -179,7 +179,7 @@ def guessing_frames(camera: "Source", source: "Camera") -> "list[Frame]":
     each view one, where that leaves enough, as a camera at rest shows nothing of how it is carried."""
     import time
 
-    from edgemap.runtime.motion.attitude.checked_mount import views_of
+    from edgemap.runtime.motion.views import views_of
     from edgemap.runtime.step.calibration.board import frames_of
     from edgemap.runtime.step.calibration.guess_focal import FEWEST_ROOMS
 

@@ -4,6 +4,7 @@ import math
 from dataclasses import dataclass, field, replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from edgemap.geometry.arrays import Array
 from edgemap.geometry.robust import HUBER
@@ -14,9 +15,10 @@ class MountTiltRule:
     """Standard deviations, in radians, of the measurements of a mount's angles.
 
     given: of the configured mount; wide, so that measurements can override it. nod: of the tilt in one picture, and of
-    the lens's path, against the floor; a turn has one at each end. seen: of one view of the room's edges or of the
-    floor in depth, whose neighbours repeat each other, and of an accelerometer's offset (BMI055: 70 mg, 4 degrees at
-    most). lasting: common error of all measurements over a drive (homes 8301-8310: 0.2 degrees of pitch).
+    the lens's path, against the floor; a turn has one at each end. It is twice the standard deviation of a robot that
+    nods about its mount: what changes by more between pictures is carried. seen: of one view of the room's edges or of
+    the floor in depth, whose neighbours repeat each other, and of an accelerometer's offset (BMI055: 70 mg, 4 degrees
+    at most). lasting: common error of all measurements over a drive (homes 8301-8310: 0.2 degrees of pitch).
     """
 
     given: float = math.radians(10.0)
@@ -71,6 +73,10 @@ class MountTilt:
     def sigma_rad(self) -> Array:
         """Standard deviations of roll and pitch, (2,), the error common to a drive included."""
         return np.sqrt(np.diag(self.covariance) + self.rule.lasting**2)
+
+    def known(self) -> NDArray[np.bool_]:
+        """Whether roll and pitch are known for good, (2,): to twice the error that is common to a drive."""
+        return np.diag(self.covariance) < (2.0 * self.rule.lasting) ** 2
 
     def _updated(self, name: str, slope: Array, residual: Array, variance: Array) -> "MountTilt":
         off = residual - slope @ self.error_rad

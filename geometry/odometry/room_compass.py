@@ -22,6 +22,7 @@ AMBIGUOUS_RAD = RIGHT_ANGLE / 4.0
 ROUNDS = 6  # of reweighting
 CERTAIN_RAD2 = 1e-9  # variance of an exact prior
 WINGS = 4  # kept beside the first direction
+VIEWS = 40  # that are kept, and latest steps that a view can refer to: a bound on time and memory
 
 
 def _wrapped(angle_rad: float) -> float:
@@ -34,20 +35,15 @@ class CompassRule:
     """Weights of the room's direction and of the odometry's yaw.
 
     drift: factor on the variance of the odometry's yaw, as its errors last longer than a step; up to a standard
-    deviation of drift_rad, as larger errors are stated correctly. view_rad: standard deviation of a view's own error,
-    beside that of its edges. outlier: residual, in standard deviations, at which the weight of a view falls to a
-    quarter. A view that neither its error nor the drift since the last one explains shows a rotated object or another
-    wing of the building: `alike` of them in a row become another room direction. views: number of views kept, and of
-    latest steps that a view can refer to. settle_s: time constant of a correction, as the steps of one second are used
+    deviation of drift_rad, as larger errors are stated correctly. A view that neither its error nor the drift since the
+    last one explains shows a rotated object or another wing of the building: `alike` of them in a row become another
+    room direction. settle_s: time constant of a correction, as the steps of one second are used
     together.
     """
 
     drift: float = 8.0
     drift_rad: float = math.radians(1.5)
-    view_rad: float = math.radians(1.0)
-    outlier: float = 2.0
     alike: int = 5
-    views: int = 40
     settle_s: float = 1.0
 
 
@@ -114,15 +110,14 @@ class RoomCompass:
         drift_rad2 = min(rule.drift * variance_rad2, max(variance_rad2, rule.drift_rad**2))
         last = self.past[-1] if self.past else Heading(stamp_s)
         now = Heading(stamp_s, last.yaw_rad + yaw_rad, last.variance_rad2 + drift_rad2)
-        return replace(self, past=(*self.past[1 - rule.views :], now))
+        return replace(self, past=(*self.past[1 - VIEWS :], now))
 
     def observe(self, room: RoomHeading) -> "RoomCompass":
         """Update with a view of the room in one of the latest steps."""
-        rule = self.rule
         at = next((item for item in reversed(self.past) if item.stamp_s <= room.stamp_s), None)
         if at is None:
             return self
-        direction_rad, variance_rad2 = at.yaw_rad + room.level_rad, room.sigma_rad**2 + rule.view_rad**2
+        direction_rad, variance_rad2 = at.yaw_rad + room.level_rad, room.sigma_rad**2
         if not self.views:
             begun = replace(self, unobserved_rad2=self.unobserved_rad2 + at.variance_rad2)
             return begun._smoothed((RoomView(at, direction_rad, variance_rad2, 0.0),))
@@ -141,7 +136,7 @@ class RoomCompass:
         expected_rad = self.room_rad + self.error_rad
         off_rad = min((_wrapped(direction_rad - expected_rad - wing) for wing in (0.0, *self.wings_rad)), key=abs)
         if abs(off_rad) > CLEAR_SIGMAS * math.sqrt(2.0 * variance_rad2 + drift_rad2):
-            return self._unexplained(_wrapped(direction_rad - expected_rad))
+            return self._unexplained(_wrapped(direction_rad - expected_rad), room.sigma_rad)
         view = RoomView(at, expected_rad + off_rad, variance_rad2, drift_rad2)
         return replace(self, unexplained_rad=())._smoothed((*self.views, view))
 
@@ -150,11 +145,11 @@ class RoomCompass:
         part = (-self.error_rad - self.corrected_rad) * (1.0 - math.exp(-span_s / self.rule.settle_s))
         return replace(self, corrected_rad=self.corrected_rad + part), part
 
-    def _unexplained(self, off_rad: float) -> "RoomCompass":
-        """After a view that fits no direction of the room. off_rad: from the first direction."""
+    def _unexplained(self, off_rad: float, sigma_rad: float) -> "RoomCompass":
+        """After a view that fits no direction of the room. off_rad: from the first direction, to sigma_rad."""
         outliers = (*self.unexplained_rad, off_rad)[-self.rule.alike :]
         apart = [_wrapped(item - off_rad) for item in outliers]
-        if len(outliers) < self.rule.alike or max(apart) - min(apart) > CLEAR_SIGMAS * self.rule.view_rad:
+        if len(outliers) < self.rule.alike or max(apart) - min(apart) > CLEAR_SIGMAS * sigma_rad:
             return replace(self, unexplained_rad=outliers)
         wing_rad = _wrapped(off_rad + sum(apart) / len(apart))
         return replace(self, wings_rad=(*self.wings_rad, wing_rad)[-WINGS:], unexplained_rad=())
@@ -182,7 +177,7 @@ class RoomCompass:
             rhs[count] += weight @ directions
             solution = np.linalg.solve(normal, rhs)
             residual2 = (directions - solution[:count] - solution[count]) ** 2 / variance
-            weight = 1.0 / (variance * (1.0 + residual2 / self.rule.outlier**2) ** 2)
+            weight = 1.0 / (variance * (1.0 + residual2 / CLEAR_SIGMAS**2) ** 2)
         error_rad2 = float(np.linalg.inv(normal)[count - 1, count - 1])
         solved = replace(
             self,
@@ -191,7 +186,7 @@ class RoomCompass:
             room_rad=float(solution[count]),
             error_rad2=error_rad2,
         )
-        return solved._marginalised(float(weight[0])) if count > self.rule.views else solved
+        return solved._marginalised(float(weight[0])) if count > VIEWS else solved
 
     def _marginalised(self, weight: float) -> "RoomCompass":
         """Marginalises the first view, which had this weight, rad^-2, into the prior."""

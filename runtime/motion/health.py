@@ -10,38 +10,37 @@ from cv2.typing import MatLike
 from numpy.typing import NDArray
 
 from edgemap.runtime.frames.frame import Frame
+from edgemap.runtime.frames.timing import StreamTimer
 
 WORKING_WIDTH = 160  # px; pictures are averaged down to about this width, which takes the noise out
 FINE_PX, COARSE_PX = 5, 15  # boxes at the working width; structure between them, and below the first
 PERCENTILE = 0.99  # of the absolute structure
 REPEATED_S = 10.0  # of stream, between two faults that report one lasting condition
 DECODER_GREY = 128  # what decoders leave where data is missing
-TILES = 16, 12  # across and down, of a picture that may be covered in part
+TILES = 16, 12  # across and down, of a picture that may be covered in part; a torn one lacks a row of them
+BLACK = 16  # grey level of black in video (ITU-R BT.601)
 
 
 @dataclass(frozen=True, slots=True)
 class HealthRule:
-    """When a picture counts as unusable. dark: grey level; a picture whose 98th percentile is below is dark (demo:
-    52 at its darkest, photographs 151). covered: grey levels of coarse structure; a covered lens or a plain wall
-    close by has less (photographs: 23), and what is as near to the greatest level counts as saturated. blown_share:
-    of saturated pixels, that is too much (photographs: 0.65). sharp: fine over coarse structure; Gaussian blur of 6
-    px at 640 has 0.36, moving cameras 0.63, photographs 0.77. lasts_s: for which pictures do not change at all:
-    frozen, and not one delivered twice; over which pictures are compared for what covers a part of the lens, and
-    for how long that lasts until it is a fault. moved: mean grey levels by which what shows the scene changes as
-    the robot moves, or something before it; a sensor's noise of 5 a pixel leaves 1.4. torn_share: of the rows, at
-    the top or the bottom, that are the last picture's while the others moved. part_share: of the tiles that stay as
-    plain as `covered` and do not change while others do (half a picture covered has 0.35 to 0.40; walls that
-    rendered robots pass have up to 0.35 for a moment, HoloLens, lounge, RedKitchen, EuRoC, KITTI at most 0.04);
-    also of those that become plain from one picture to the next as something covers them.
+    """When a picture counts as unusable.
+
+    covered: grey levels of coarse structure; a covered lens, a dark room or a plain wall close by has less
+    (photographs: 23). A pixel so near to the greatest level counts as saturated. sharp: fine over coarse structure;
+    Gaussian blur of 6 px at 640 has 0.36, moving cameras 0.63, photographs 0.77. lasts_s: time without any change after
+    which a picture is frozen, not one delivered twice; over which pictures are compared for what covers a part of the
+    lens; after which such a cover is a fault, and a robot at rest by pictures alone. moved: mean grey levels by which
+    the scene changes as the robot moves, or something before it; a sensor's noise of 5 a pixel leaves 1.4. part_share:
+    of the tiles that stay as plain as `covered` and do not change while others do, or that become plain from one
+    picture to the next (half a picture covered has 0.35 to 0.40; walls that rendered robots pass have up to 0.35 for a
+    moment, HoloLens, lounge, RedKitchen, EuRoC, KITTI at most 0.04); and of the pixels that must not be saturated
+    (photographs: 0.35).
     """
 
-    dark: int = 24
     covered: int = 5
-    blown_share: float = 0.75
     sharp: float = 0.40
     lasts_s: float = 1.0
     moved: float = 4.0
-    torn_share: float = 0.15
     part_share: float = 0.3
 
 
@@ -101,11 +100,12 @@ class HealthMonitor:
     def reset(self) -> None:
         """Discards the last picture."""
         self._history: deque[tuple[float, MatLike, NDArray[np.uint8]]] = deque()
-        self._covered, self._part_due_s = 0.0, math.inf
+        self._covered, self._part_since_s = 0.0, math.inf  # share that is covered, and since when it is too much
         self._plain: NDArray[np.bool_] | None = None  # which tiles of the last picture are plain
         self._cover = np.zeros(TILES[::-1], dtype=np.bool_)  # what suddenly became plain, until lasts_s has passed
         self._last: NDArray[np.uint8] | None = None
-        self._changed_s = self._reported_s = -math.inf
+        self._changed_s = -math.inf
+        self._news, self._part_news = StreamTimer(REPEATED_S), StreamTimer(REPEATED_S)
         self._kind = self._reason = ""
 
     def _covered_in_part(
@@ -129,13 +129,13 @@ class HealthMonitor:
             if (changes >= rule.moved).any():  # at rest a cover cannot be detected
                 self._covered = float((lasting & (changes < rule.moved)).mean())
         covered = max(self._covered, float((self._cover & plain).mean()))
-        if covered < rule.part_share:
-            self._part_due_s = math.inf
-        elif self._part_due_s == math.inf:
-            self._part_due_s = stamp_s + rule.lasts_s
-        if stamp_s < self._part_due_s:
+        if covered >= rule.part_share:
+            self._part_since_s = min(self._part_since_s, stamp_s)
+        else:
+            self._part_since_s = math.inf
+            self._part_news.done()
+        if stamp_s - self._part_since_s < rule.lasts_s or not self._part_news.due(stamp_s):
             return replace(health, covered=covered)
-        self._part_due_s = stamp_s + REPEATED_S
         fault = f"picture covered in part ({100 * covered:.0f} % of it stays plain while the rest moves)"
         return replace(health, covered=covered, fault=fault)
 
@@ -144,10 +144,9 @@ class HealthMonitor:
             self._kind = ""
             return PictureHealth()
         if kind != self._kind:
-            self._kind, self._reason, self._reported_s = kind, f"blind: picture {kind} ({detail})", -math.inf
-        news = kind != "repeated" and stamp_s - self._reported_s >= REPEATED_S
-        if news:
-            self._reported_s = stamp_s
+            self._kind, self._reason = kind, f"blind: picture {kind} ({detail})"
+            self._news.done()
+        news = kind != "repeated" and self._news.due(stamp_s)
         return PictureHealth(kind, self._reason, self._reason if news else "")
 
 
@@ -169,13 +168,12 @@ def _content(grey: MatLike, fine: MatLike, structure: MatLike, rule: HealthRule)
     """Kind and detail by one picture's own content, empty where usable. fine, structure: without the finest and the
     coarsest."""
     shares = np.cumsum(cv2.calcHist([grey], [0], None, [256], [0, 256]).ravel()) / grey.size
-    bright = int(np.searchsorted(shares, 0.98))
-    if bright < rule.dark:
+    left = float(shares[-1 - rule.covered - 1])
+    if left < rule.part_share:
+        return "blown", f"{100 * (1.0 - left):.0f} % of it saturated"
+    coarse, bright = _percentile(structure), int(np.searchsorted(shares, 0.98))
+    if coarse < rule.covered and bright < BLACK + rule.covered:
         return "dark", f"98 % of it at grey level {bright} or below"
-    blown = 1.0 - float(shares[-1 - rule.covered - 1])
-    if blown > rule.blown_share:
-        return "blown", f"{100 * blown:.0f} % of it saturated"
-    coarse = _percentile(structure)
     if coarse < rule.covered:
         return "covered", f"contrast {coarse} grey levels: a covered lens, or a plain surface"
     sharpness = _percentile(cv2.absdiff(grey, fine)) / coarse
@@ -189,14 +187,14 @@ def _torn(grid: NDArray[np.uint8], last: NDArray[np.uint8], rule: HealthRule) ->
     rows = len(grid)
     if (grid[-1] == DECODER_GREY).all():
         missing = _run((grid == DECODER_GREY).all(axis=1)[::-1])
-        if missing > rule.torn_share * rows:
+        if missing > rows / TILES[1]:
             return "torn", f"{missing} of {rows} rows are missing"
     if (grid[0] == last[0]).all() or (grid[-1] == last[-1]).all():
         same = (grid == last).all(axis=1) & (np.ptp(grid, axis=1) > 0)  # bars and borders of one colour are no old rows
         top, bottom = _run(same), _run(same[::-1])
         old = max(top, bottom)
         moved = float(cv2.absdiff(grid[~same], last[~same]).mean())
-        if old > rule.torn_share * rows and moved > rule.moved:
+        if old > rows / TILES[1] and moved > rule.moved:
             return "torn", f"{old} of {rows} rows at the {'top' if top >= bottom else 'bottom'} are the last picture's"
     return "", ""
 

@@ -16,24 +16,21 @@ from edgemap.runtime.frames.timing import StreamTimer
 from edgemap.runtime.motion.odometry.protocol import Motion
 
 EVERY_S = 1.0  # of stream, between two pictures whose boxes count, and between two estimates
+FEWEST = 3  # measurements of one kind: the median deviation of fewer says nothing
+KEPT = 100  # of each kind, a bound on memory
+DEPTH_SIGMA = 0.02  # of a depth camera's scale, by its datasheet (RealSense D435: 2 % at 2 m)
 
 
 @dataclass(frozen=True, slots=True)
 class HeightRule:
     """When a given height counts as wrong, and a guessed one as another.
 
-    fewest, kept: boxes of a class, a second apart, depth pictures with a floor, windows of window_m over which wheels
-    and camera are compared. wheels_sigma: of the wheels' radius; depth_sigma: of a
-    depth camera's scale. judged_s: stream time before the first report. wrong_share: least relative error of a wrong
-    height without depth. guess_sigma: of a guess, at least, beside what the run itself measures: most of it was guessed
-    by the same objects.
+    wheels_sigma: of the wheels' radius, relative. judged_s: stream time before the first report. wrong_share: least
+    relative error of a wrong height without depth. guess_sigma: of a guess, at least, beside what the run itself
+    measures: most of it was guessed by the same objects.
     """
 
-    fewest: int = 3
-    kept: int = 100
-    window_m: float = 0.5
     wheels_sigma: float = 0.05
-    depth_sigma: float = 0.02
     judged_s: float = 10.0
     wrong_share: float = 0.25
     guess_sigma: float = 0.3
@@ -54,15 +51,14 @@ class HeightCheck:
         self.estimate: HeightEstimate | None = None
         self.scale, self._measured = 1.0, False  # whether lengths are measured, not in proportion to the height
         self._reported, self._used = False, mount
-        self._judged_s, self._sizes_timer = -math.inf, StreamTimer(EVERY_S)
+        self._timer, self._sizes_timer = StreamTimer(EVERY_S), StreamTimer(EVERY_S)
         self.reset()
 
     def reset(self) -> None:
         """Discards all measurements, as after a correction of the camera's attitude; `judge` keeps a guess's sizes."""
-        rule = self._rule
-        self._sizes = HeightBySizes(rule.kept)
-        self._ratios: deque[float] = deque(maxlen=rule.kept)  # logarithms of wheels over camera
-        self._depths: deque[float] = deque(maxlen=rule.kept)  # logarithms of depth's height over the mount's
+        self._sizes = HeightBySizes(KEPT)
+        self._ratios: deque[float] = deque(maxlen=KEPT)  # logarithms of wheels over camera
+        self._depths: deque[float] = deque(maxlen=KEPT)  # logarithms of depth's height over the mount's
         self._camera_m = self._rolled_m = 0.0  # in the window so far
         self._began_s = math.inf
 
@@ -94,36 +90,36 @@ class HeightCheck:
                 self._sizes.add(boxes, camera)
         elif attitude.source == "depth":
             self._depths.append(math.log(attitude.height_m / self._given_m))
-        due = stamp_s - max(self._judged_s + EVERY_S, self._began_s + self._rule.judged_s) >= 0.0
-        return self._judge(stamp_s) if due else ""
+        due = stamp_s >= self._began_s + self._rule.judged_s and self._timer.due(stamp_s)
+        return self._judge() if due else ""
 
     def _compare(self, motion: Motion) -> None:
-        """What the wheels rolled with what the camera measured of it."""
+        """What the wheels rolled with what the camera measured of it, over windows as long as the lens is high."""
         if motion.lengths is None:
             self._camera_m = self._rolled_m = 0.0
             return
         camera_m, rolled_m = motion.lengths
         self._camera_m, self._rolled_m = self._camera_m + camera_m, self._rolled_m + rolled_m
-        if abs(self._rolled_m) >= self._rule.window_m:
+        if abs(self._rolled_m) >= self._given_m:
             ratio = self._rolled_m / (self._camera_m or 1e-3)
             self._ratios.append(math.log(ratio) if ratio > 0.0 else math.nan)
             self._camera_m = self._rolled_m = 0.0
 
     def _by(self, name: str, values: deque[float], least_sigma: float) -> HeightMeasurement | None:
         """Logarithms over the mount's height as a measurement; None for too few, or where one has no meaning."""
-        if len(values) < self._rule.fewest or not np.isfinite(values).all():
+        if len(values) < FEWEST or not np.isfinite(values).all():
             return None
         middle, scatter = map(float, median_and_scatter(np.array(values)))
         sigma = math.hypot(scatter / math.sqrt(len(values)), least_sigma)
         return HeightMeasurement(name, math.log(self._given_m) + middle, sigma)
 
-    def _judge(self, stamp_s: float) -> str:
-        rule, self._judged_s, given = self._rule, stamp_s, math.log(self._given_m)
+    def _judge(self) -> str:
+        rule, given = self._rule, math.log(self._given_m)
         wrong = math.log1p(rule.wrong_share)
-        measurements = self._sizes.measurements(FloorNoise().tilt_rad, rule.fewest)
+        measurements = self._sizes.measurements(FloorNoise().tilt_rad, FEWEST)
         labels = ", ".join(one.name for one in measurements)
         sources = [f"the usual height of {labels}"] if labels else []
-        depth = self._by("the floor in depth pictures", self._depths, rule.depth_sigma)
+        depth = self._by("the floor in depth pictures", self._depths, DEPTH_SIGMA)
         wheels = self._by("the wheels", self._ratios, rule.wheels_sigma)
         for more in filter(None, (depth, wheels)):
             if more is wheels and measurements and abs(more.log_m - given) > wrong and not self._guessed:

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from edgemap.geometry.camera.attitude import GyroRotation
 from edgemap.geometry.robust import CLEAR_SIGMAS
 from edgemap.runtime.frames.frame import Frame
+from edgemap.runtime.frames.timing import StreamTimer
 from edgemap.runtime.motion.attitude.protocol import Moved
 from edgemap.runtime.motion.health import REPEATED_S, HealthRule, PictureHealth
 from edgemap.runtime.motion.odometry.protocol import STILL_RAD
@@ -27,17 +28,16 @@ VARIANCE = 100.0  # squared grey levels; a picture of less is too plain to estim
 class RestRule:
     """When a robot counts as standing.
 
-    confirmed_s, pictures_s: required span of unchanged pictures where wheels or gyro confirm it, and for pictures
-    alone; 1e9 for never. shifted_px: of a large tile (0.06 are 0.6 px of a picture 640 px wide), beyond what noise
-    explains. exposure: largest change of gain, and of brightness as a share of middle grey, attributed to the
+    By wheels or gyro and an unchanged picture at once, by pictures alone once they have not changed for a while
+    (`health.lasts_s`).
+    shifted_px: of a large tile (0.06 are 0.6 px of a picture 640 px wide), beyond what noise explains; -inf for a robot
+    that never stands. exposure: largest change of gain, and of brightness as a share of middle grey, attributed to the
     camera's exposure. texture: squared grey levels per px, which a part of the picture (`health.part_share`) must have
     for a decision by pictures alone. braking_m_s2: no small robot brakes harder (the limit of common controllers: 2.5).
     A picture that stays unchanged in spite of that, or of a turn beyond the gyro's covariance, is frozen, even if a
     sensor's noise changes it.
     """
 
-    confirmed_s: float = 0.3
-    pictures_s: float = 2.0
     shifted_px: float = 0.06
     exposure: float = 0.1
     texture: float = 9.0
@@ -106,9 +106,7 @@ class RestMonitor:
         """That of a good picture that has shown the same since a stamp, but for noise, though the robot must move."""
         lasts = stamp_s - since_s >= self._health.lasts_s
         reason = f"blind: picture frozen (shows the same since {since_s:.3f} s, but for noise, as the robot moves)"
-        news = lasts and stamp_s - self._reported_s >= REPEATED_S
-        if news:
-            self._reported_s = stamp_s
+        news = lasts and self._news.due(stamp_s)
         return PictureHealth("frozen" if lasts else "repeated", reason, reason if news else "")
 
     def _rests(
@@ -141,7 +139,7 @@ class RestMonitor:
         rested_s = frame.stamp_s - self._since_s
         if still is None and not self._textured(reference):
             return False
-        return rested_s >= (self.rule.confirmed_s if still else self.rule.pictures_s)
+        return still is True or rested_s >= self._health.lasts_s
 
     def _must_move(
         self, stamp_s: float, reference: _Reference, moved: Moved | None, turned: GyroRotation | None
@@ -166,7 +164,7 @@ class RestMonitor:
         self._reference: _Reference | None = None
         self._before_s = self._last_s = -math.inf  # of the last frames
         self._step_s = math.inf  # that ended at the reference
-        self._reported_s = -math.inf  # of the last fault of a frozen picture
+        self._news = StreamTimer(REPEATED_S)  # of a frozen picture
         self._turned_rad = self._turned_sigma_rad = 0.0  # by the gyro, since the reference
         self.frozen_since_s: float | None = None
         self._since_s = -math.inf

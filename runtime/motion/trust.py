@@ -12,7 +12,6 @@ from edgemap.geometry.robust import CLEAR_SIGMAS
 # Ratio of the source's motion to the camera's. On two bad drives, the camera was compared with correct wheels in 470
 # windows. 8 windows were outside `ratio`, two of them in a row, and none was below 0.15: these are camera errors.
 CONTRARY = 0.1
-BEGUN = 4.0  # the reference must reach this part of a window's minimum before the window judges anything
 # Length of a window, s; weight of the newest window in the mean; maximum squared distance of one window.
 INNOVATION_S, INNOVATION_SHARE, MOST_SQUARED = 1.0, 0.3, 30.0
 
@@ -64,7 +63,7 @@ class Agreement:
             return self
         sums = self.own + own, self.reference + reference, self.variance + variance
         window = replace(self, own=sums[0], reference=sums[1], variance=sums[2])
-        if abs(window.reference) < max(self.least, CLEAR_SIGMAS * math.sqrt(window.variance)):
+        if abs(window.reference) < max(self.least, window._clear):
             return window
         return window._judged()
 
@@ -72,25 +71,24 @@ class Agreement:
         """Starts a new window, because there was no reference."""
         return replace(self, own=0.0, reference=0.0, variance=0.0)
 
-    def _below(self, ratio: float) -> bool:
-        """Whether the ratio of the source to the reference in the current window is significantly below a ratio."""
-        if abs(self.reference) <= self.least / BEGUN:
-            return False
-        off = abs(self.own - self.reference) > CLEAR_SIGMAS * math.sqrt(self.variance)
-        return off and self.own / self.reference < ratio
+    @property
+    def _clear(self) -> float:
+        """Motion beyond which the window's sums are clearly more than their errors."""
+        return CLEAR_SIGMAS * math.sqrt(self.variance)
 
     @property
     def doubted(self) -> bool:
         """Whether the source reports standstill or reverse while the reference moves, or was contradicted while it was
         unproven.
         """
-        return self._below(CONTRARY) or (self.row < 0 and self.state is Trust.UNPROVEN)
+        moves = min(abs(self.reference), abs(self.own - self.reference)) > self._clear
+        stands = moves and self.own / self.reference < CONTRARY
+        return stands or (self.row < 0 and self.state is Trust.UNPROVEN)
 
     def _judged(self) -> "Agreement":
         """Evaluates the completed window: it confirms or contradicts the source."""
         ratio, least = self.own / self.reference, self.rule.ratio
-        off = abs(self.own - self.reference) > CLEAR_SIGMAS * math.sqrt(self.variance)
-        against = off and not least < ratio < 1.0 / least
+        against = abs(self.own - self.reference) > self._clear and not least < ratio < 1.0 / least
         row = min(self.row, 0) - 1 if against else max(self.row, 0) + 1
         state = Trust.UNPROVEN if against and ratio < CONTRARY and self.state is Trust.TRUSTED else self.state
         if abs(row) >= self.rule.windows:

@@ -165,7 +165,7 @@ def build_slam(
         floor,
         odometry,
         rule=replace(config.floor, mapped=options.mapped),
-        attitude=open_attitude(spec, camera, floor, options.imu, config.attitude, config.health),
+        attitude=open_attitude(spec, camera, floor, options.imu, config.attitude, health, rules),
         confidence=options.confidence,
         health=config.health,
         rest=config.rest,

@@ -18,6 +18,7 @@ from edgemap.runtime.frames.errors import CameraError, CameraFault, CameraLostEr
 from edgemap.runtime.inputs.cameras.live import LiveCamera
 from edgemap.runtime.inputs.cameras.supervisor import RecoveryRule
 from edgemap.runtime.inputs.drives.camera_yaml import read_camera_yaml, write_camera_yaml
+from edgemap.runtime.motion import height_check
 from edgemap.runtime.motion.height_check import HeightRule
 from edgemap.runtime.outputs.sinks.run_folder import RunFolder
 from edgemap.runtime.step.config import Config
@@ -129,13 +130,14 @@ def test_a_camera_file_brings_lens_and_mount(painted_bundle, pictures, tmp_path)
         edgemap_api.open(camera=f"{bare}", bundle=painted_bundle, camera_file=tmp_path / "nowhere.yaml")
 
 
-def test_the_camera_file_of_a_guess_stays_a_guess(painted_bundle, pictures, tmp_path):
+def test_the_camera_file_of_a_guess_stays_a_guess(painted_bundle, pictures, tmp_path, monkeypatch):
     """As in a run: lengths are corrected with the height, and the verdict contains the guess; a mount that is given is
     none."""
     described, file = read_camera_yaml(pictures / "camera.yaml"), tmp_path / "guess.yaml"
     guess = {"method": "guessed", "focal_sigma_share": 0.0, "height_sigma_share": 0.2, "sigma_pitch_deg": 0.0}
     write_camera_yaml(file, described.intrinsics, described.mount, calibration=guess)
-    soon = Config(height=HeightRule(judged_s=0.0, fewest=1))
+    monkeypatch.setattr(height_check, "FEWEST", 1)  # the source has three pictures
+    soon = Config(height=HeightRule(judged_s=0.0))
     for name, more, guessed in (("guess", {}, True), ("given", {"mount": (1.0, 0.0)}, False)):
         folder = RunFolder(tmp_path / name, FloorCamera(described.intrinsics, Mount(1.0, 0.0)), {})
         options: dict[str, Any] = {"camera_file": file, "sinks": [folder], "config": soon} | more

@@ -20,9 +20,10 @@ from edgemap.geometry.camera.room_edges import room_axes
 from edgemap.runtime.frames.errors import EdgemapError
 from edgemap.runtime.frames.frame import Frame
 from edgemap.runtime.inputs.open import open_camera
-from edgemap.runtime.motion.attitude.checked_mount import CheckedMount, views_of
+from edgemap.runtime.motion.attitude.checked_mount import CheckedMount
 from edgemap.runtime.motion.attitude.pictures import PicturesAttitude
 from edgemap.runtime.motion.health import HealthRule
+from edgemap.runtime.motion.views import views_of
 from edgemap.runtime.network.bundle import load_bundle
 from edgemap.runtime.network.store import bundle_folder
 from edgemap.runtime.step.config import Config

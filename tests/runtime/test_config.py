@@ -91,12 +91,12 @@ def test_every_number_survives_the_file(tmp_path_factory, slope, frames):
 @pytest.mark.parametrize(
     ("tree", "told"),
     [
-        ({"health": {"dark": 256}}, "picture dark"),
+        ({"health": {"sharp": 9.0}}, "picture blurred"),
         ({"odometry": {"planar": {"corners": 0}}}, "among 0 floor corners"),
     ],
 )
 def test_the_stages_take_their_parts_of_the_tree(tmp_path, tree, told):
-    config, _ = load_config(written(tmp_path, {"config": {"attitude": {"pictures": {"nodding_rad": 1e-4}}, **tree}}))
+    config, _ = load_config(written(tmp_path, {"config": {"attitude": {"check": {"tilt": {"nod": 2e-4}}}, **tree}}))
     with edgemap.open("demo", odometry="planar", config=config) as session:
         _, second = itertools.islice(session, 2)
     assert told in second.motion.fault
@@ -106,7 +106,7 @@ def test_the_stages_take_their_parts_of_the_tree(tmp_path, tree, told):
 
 
 def test_rest_takes_its_part_of_the_tree(tmp_path):
-    """A picture that stays but for the sensor's noise is a robot at rest after two seconds, unless the tree forbids."""
+    """A picture that stays but for the sensor's noise is a robot at rest after a second, unless the tree forbids."""
     with open_camera("demo") as camera:
         frame, lens = camera.read(), camera.intrinsics
     assert frame is not None
@@ -117,7 +117,7 @@ def test_rest_takes_its_part_of_the_tree(tmp_path):
     given = {"frames": standing, "intrinsics": (lens.fx, lens.fy, lens.cx, lens.cy), "mount": (0.6, 11.5)}
     bundle = painted.write_painted(tmp_path / "b", [])
     rested = []
-    for rest in ({}, {"pictures_s": 1e9}, {"texture": 1e9}):
+    for rest in ({}, {"shifted_px": -1e9}, {"texture": 1e9}):
         config, _ = load_config(written(tmp_path, {"config": {"rest": rest}}))
         with edgemap.open(**given, bundle=bundle, odometry="planar", config=config) as session:
             rested.append(any(result.observed.at_rest for result in session))

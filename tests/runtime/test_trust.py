@@ -310,7 +310,7 @@ def test_a_reference_that_stands_still_says_nothing_of_a_source():
 
 def test_a_gyro_that_lies_is_found_after_a_long_rest_too():
     """3,000 s without a turn, then turns of a quarter radian to and fro, of which the gyro shows twice as much."""
-    trust, up, still, faults = ImuTrust(), np.array([0.0, -1.0, 0.0]), (SE2(), np.eye(3) * 1e-10), []
+    trust, up, still, faults = ImuTrust(0.5, TrustRule()), np.array([0.0, -1.0, 0.0]), (SE2(), np.eye(3) * 1e-10), []
     moved = still
     for step in range(3020):
         turned = 0.0 if step < 3000 else 0.25 * (1 if step % 4 < 2 else -1)

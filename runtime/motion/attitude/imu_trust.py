@@ -2,49 +2,30 @@
 
 import math
 from collections import deque
-from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from edgemap.geometry.camera.imu import ImuSamples
-from edgemap.geometry.camera.inertial import InertialNoise
 from edgemap.geometry.se2 import SE2
 from edgemap.runtime.motion.trust import Agreement, Trust, TrustRule
 
 Array = NDArray[np.float64]
 
+# By datasheets: the smallest full scale (125 deg/s, 2 g), from which on a value that repeats bit by bit is saturated,
+# and the largest (2000 deg/s, 16 g).
+GYRO_RAD_S, ACCEL_M_S2 = (1.5, 35.0), (15.0, 160.0)
+REPEATS = 5  # of one value: a driver delivers a sample up to four times; as many of all three axes are a frozen gyro's
 LIVELY = 50  # samples by which a sensor is known to have noise
 SINGLE = 10  # samples, each alone in its frame, by which the rate is known
 
 
-@dataclass(frozen=True, slots=True)
-class ImuTrustRule:
-    """When samples are invalid. gyro_rad_s, accel_m_s2: from which on a value that repeats bit by bit is full scale
-    (the smallest ranges are 125 deg/s and 2 g), and beyond which none can be (2000 deg/s, 16 g). repeats: of one value;
-    drivers deliver a sample up to four times. As many of all three axes, and a gyro that has noise is frozen. share: of
-    bad samples, over `noise.rest_window_s`, by which a sensor is left out; it is used again below a tenth of that.
-    """
-
-    gyro_rad_s: tuple[float, float] = (1.5, 35.0)
-    accel_m_s2: tuple[float, float] = (15.0, 160.0)
-    repeats: int = 5
-    share: float = 0.3
-
-
 class _Sensor:
-    """One sensor's samples, judged by themselves."""
+    """One sensor's samples, judged by themselves. It is bad where half of the samples over a window, or all of a
+    frame's, are; until less than a tenth of that are."""
 
-    def __init__(
-        self,
-        name: str,
-        unit: str,
-        bounds: tuple[float, float],
-        rule: ImuTrustRule,
-        window_s: float,
-        freezes: bool = False,
-    ) -> None:
-        self.name, self._unit, self._rule, self._window_s, self._freezes = name, unit, rule, window_s, freezes
+    def __init__(self, name: str, unit: str, bounds: tuple[float, float], window_s: float, freezes: bool) -> None:
+        self.name, self._unit, self._window_s, self._freezes = name, unit, window_s, freezes
         self._least, self._most = bounds
         self._last, self._runs = np.full(3, math.nan), np.zeros(3, dtype=np.intp)
         self._share, self.bad, self.reason = -1.0, False, ""
@@ -57,8 +38,8 @@ class _Sensor:
             same = value == self._last
             self._runs, self._lively = np.where(same, self._runs + 1, 0), self._lively + (not same.any())
             self._last, size = value, np.abs(value)
-            clipped = (self._runs >= self._rule.repeats) & (size >= self._least)
-            held = self._freezes and self._lively >= LIVELY and self._runs.min() >= self._rule.repeats
+            clipped = (self._runs >= REPEATS) & (size >= self._least)
+            held = self._freezes and self._lively >= LIVELY and self._runs.min() >= REPEATS
             if clipped.any() or held:
                 good[max(row - int(self._runs.min() if held else self._runs[clipped].max()), 0) : row + 1] = False
                 self.reason = (
@@ -69,20 +50,18 @@ class _Sensor:
         share = 1.0 - float(good.mean())
         taken = 1.0 if self._share < 0.0 else min(span_s / self._window_s, 1.0)
         self._share = max(self._share, 0.0) + taken * (share - max(self._share, 0.0))
-        self.bad = max(self._share, share / 2.0) > self._rule.share * (0.1 if self.bad else 1.0)
+        self.bad = max(self._share, share / 2.0) >= (0.05 if self.bad else 0.5)
         return good
 
 
 class ImuTrust:
     """Selects valid samples, and decides which sensor is excluded."""
 
-    def __init__(self, rule: ImuTrustRule | None = None, noise: InertialNoise | None = None) -> None:
-        self._rule = rule = rule or ImuTrustRule()
-        window_s = (noise or InertialNoise()).rest_window_s
-        self._gyro = _Sensor("gyro", "rad/s", rule.gyro_rad_s, rule, window_s, freezes=True)
-        self._accel = _Sensor("accelerometer", "m/s2", rule.accel_m_s2, rule, window_s)
-        yaw = TrustRule()
-        self._yaw = Agreement(yaw, yaw.least[0])
+    def __init__(self, window_s: float, trust: TrustRule) -> None:
+        """window_s: over which samples are judged. trust: how the gyro's yaw is held against the odometry's."""
+        self._gyro = _Sensor("gyro", "rad/s", GYRO_RAD_S, window_s, freezes=True)
+        self._accel = _Sensor("accelerometer", "m/s2", ACCEL_M_S2, window_s, freezes=False)
+        self._yaw = Agreement(trust, trust.least[0])
         self._turned_rad = self._span_s = 0.0  # over the last step, by the gyro
         self._seen_s, self._reason = math.nan, ""
         self._frames, self._per_sample = 0, deque[int](maxlen=SINGLE)  # since the last sample; of the last samples

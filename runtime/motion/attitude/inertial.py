@@ -22,12 +22,12 @@ from edgemap.geometry.camera.level import pitch_roll, up_optical
 from edgemap.geometry.camera.mount import Mount
 from edgemap.runtime.frames.frame import Frame
 from edgemap.runtime.motion.attitude.checked_mount import MountRule
-from edgemap.runtime.motion.attitude.imu_trust import ImuTrust, ImuTrustRule
-from edgemap.runtime.motion.attitude.pictures import LONGEST_S, PicturesRule
+from edgemap.runtime.motion.attitude.imu_trust import ImuTrust
+from edgemap.runtime.motion.attitude.pictures import LONGEST_S, NOD_S
 from edgemap.runtime.motion.attitude.protocol import AttitudeSource, Moved
+from edgemap.runtime.motion.trust import TrustRule
 
 LIKELY = 2.0  # standard deviations of nodding, at which the mount has half the weight for the tilt
-NOD_S = 1.0 / math.tau  # swing of a nod against its rate, at 1 Hz
 START_S = 0.1  # of samples, whose mean force is the first guess of where up is
 
 
@@ -36,14 +36,13 @@ class AttitudeRule:
     """Weights of gravity and mount, which differ by a constant tilt: the accelerometer's offset (BMI055: 70 mg, 4 deg)
     and the mount's error.
 
-    noise: of the sensor and the filter. trust: in its samples. pictures: where no samples come; the mount updates the
-    filter every `nodding_s` of them, as neighbouring updates are redundant. check: of the mount, by the pictures; its
-    `tilt.nod` is how far a robot nods about the mount, as a measurement of every second.
+    noise: of the sensor and the filter. rotation_share: standard deviation of the rotation between two pictures,
+    relative to it, beside what the corners state. check: of the mount; its `tilt.nod` is how far a robot nods about the
+    mount, as a measurement of every second.
     """
 
     noise: InertialNoise = field(default_factory=InertialNoise)
-    trust: ImuTrustRule = field(default_factory=ImuTrustRule)
-    pictures: PicturesRule = field(default_factory=PicturesRule)
+    rotation_share: float = 0.1
     check: MountRule = field(default_factory=MountRule)
 
 
@@ -54,52 +53,37 @@ class InertialAttitude:
 
     name = "imu"
 
-    def __init__(self, mount: Mount, other: AttitudeSource, rule: AttitudeRule | None = None) -> None:
-        self._rule = rule = rule or AttitudeRule()
+    def __init__(
+        self,
+        mount: Mount,
+        other: AttitudeSource,
+        rule: AttitudeRule | None = None,
+        carried: CarriedRule | None = None,
+        trust: TrustRule | None = None,
+    ) -> None:
+        self._rule, self._carried = rule or AttitudeRule(), carried or CarriedRule()
         self._up = up_optical(mount.pitch_rad, mount.roll_rad)
         arms = [(0.0, 0.0, mount.height_m), (mount.forward_m, mount.left_m, 0.0)]
         self._arm = np.array(arms) @ mount.rotation_base_optical()
-        self._other, self._noise = other, rule.noise
+        self._other, self._noise = other, self._rule.noise
         self._state: InertialState | None = None
-        self._trust = ImuTrust(rule.trust, rule.noise)
+        self._trust = ImuTrust(self._noise.rest_window_s, trust or TrustRule())
         self._seen_s = -math.inf
         self._rate2, self._judged_s = 0.0, 0.0  # mean square of the tilt's rate, and over how long
-        self._loose_s = 0.0  # since the mount was last taken in
 
     def predict(self, frame: Frame, moved: Moved | None = None) -> Attitude:
         """The attitude at the frame's stamp."""
         other = self._other.predict(frame, moved)
         bias = np.zeros(3) if self._state is None else self._state.bias
         samples, fault = self._trust.judge(frame.imu, frame.stamp_s, moved, self._up, bias)
-        other = replace(other, fault=fault) if fault else other
-        if self._trust.left_out:
-            self._state, self._seen_s = None, frame.stamp_s
-            return other
-        state, rotation = self._state, None
         before_s, self._seen_s = self._seen_s, frame.stamp_s
-        if not len(samples):
-            if state is not None and frame.stamp_s - state.stamp_s > LONGEST_S:
-                self._state = None
-            elif state is not None:
-                self._state = replace(state, before=None)  # the odometry's next motion is of another time
-            return other
-        if state is None or not 0.0 < frame.stamp_s - state.stamp_s <= LONGEST_S:
+        if self._trust.left_out or not len(samples):
+            self._state = None if self._trust.left_out else self._waiting(frame.stamp_s)
+            return replace(other, fault=fault) if fault else other
+        if self._state is None or not 0.0 < frame.stamp_s - self._state.stamp_s <= LONGEST_S:
             state, rotation = self._begun(samples, frame.stamp_s, before_s)
         else:
-            span_s = frame.stamp_s - state.stamp_s
-            state = replace(state, calm=None)
-            if moved is not None:
-                state = inertial_moved(state, *moved, self._arm, self._noise)
-            self._nodded(state, samples, span_s)
-            since_s = state.stamp_s
-            state, rotation = inertial_step(state, samples, frame.stamp_s, self._noise)
-            rotation = replace(rotation, displaced=inertial_displaced(state, self._arm))
-            if since_s != before_s:  # no samples came with the frame before: the odometry's motions are of other times
-                state, rotation = replace(state, before=None), None
-            self._loose_s += span_s
-            if self._loose_s >= self._rule.pictures.nodding_s:
-                state = self._mounted(state, self._loose_s)
-                self._loose_s = 0.0
+            state, rotation = self._continued(self._state, samples, frame.stamp_s, before_s, moved)
         self._state = state
         if rotation is not None and self._calm():
             rotation = replace(rotation, proved=self._trust.proved)
@@ -143,6 +127,28 @@ class InertialAttitude:
                 state, rotation = inertial_step(state, part, edge_s, noise)
         return state, rotation if reaches else None
 
+    def _continued(
+        self, state: InertialState, samples: ImuSamples, stamp_s: float, before_s: float, moved: Moved | None
+    ) -> tuple[InertialState, GyroRotation | None]:
+        """The state at a frame, and the rotation since the frame before, where samples came with that."""
+        span_s = stamp_s - state.stamp_s
+        before = replace(state, calm=None)
+        if moved is not None:
+            before = inertial_moved(before, *moved, self._arm, self._noise)
+        self._nodded(before, samples, span_s)
+        after, rotation = inertial_step(before, samples, stamp_s, self._noise)
+        rotation = replace(rotation, displaced=inertial_displaced(after, self._arm))
+        after = self._mounted(after, span_s)
+        if state.stamp_s != before_s:  # the odometry's motions are of other times
+            return replace(after, before=None), None
+        return after, rotation
+
+    def _waiting(self, stamp_s: float) -> InertialState | None:
+        """The state at a frame without samples, where the hole is not too long; the odometry's next motion is of
+        another time."""
+        state = self._state
+        return None if state is None or stamp_s - state.stamp_s > LONGEST_S else replace(state, before=None)
+
     def _mounted(self, state: InertialState, span_s: float) -> InertialState:
         """Held to the mount, the less the farther off it is: what is carried is not mounted."""
         nods = self._nods((state.rotation @ self._up)[1::-1])
@@ -150,7 +156,7 @@ class InertialAttitude:
 
     def _calm(self) -> bool:
         """Whether the camera swings no faster than one on a robot."""
-        return math.sqrt(self._rate2) < CarriedRule().rate_rad_s[0]
+        return math.sqrt(self._rate2) < self._carried.rate_rad_s[0]
 
     def _nods(self, off_rad: np.ndarray) -> np.ndarray:
         """Standard deviation of the tilt about the mount (2,) of a camera that is so far off and swings as it does."""
@@ -162,7 +168,7 @@ class InertialAttitude:
         rate = samples.gyro_rad_s.mean(axis=0) - state.bias
         rate -= (rate @ state.up_optical) * state.up_optical
         self._judged_s += span_s
-        self._rate2 += min(span_s / min(self._judged_s, CarriedRule().rate_s), 1.0) * (float(rate @ rate) - self._rate2)
+        self._rate2 += min(span_s / min(self._judged_s, self._carried.rate_s), 1.0) * (float(rate @ rate) - self._rate2)
 
 
 def _angles(up: np.ndarray) -> np.ndarray:

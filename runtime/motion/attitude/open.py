@@ -9,6 +9,7 @@ from edgemap.runtime.motion.attitude.pictures import PicturesAttitude
 from edgemap.runtime.motion.attitude.protocol import AttitudeSource
 from edgemap.runtime.motion.attitude.sources import RecordedAttitude
 from edgemap.runtime.motion.health import HealthRule
+from edgemap.runtime.motion.odometry import OdometryRules
 
 
 def open_attitude(
@@ -18,13 +19,16 @@ def open_attitude(
     imu: bool = True,
     rule: AttitudeRule | None = None,
     health: HealthRule | None = None,
+    rules: OdometryRules | None = None,
 ) -> AttitudeSource:
     """The best source for this camera: recorded 6-DoF poses with `--odometry truth`, else the IMU's samples where
     frames bring any and `imu` allows it, else the pictures; either about a mount that the room's edges check. Where a
-    frame brings depth, the floor in it gives attitude and height. health: by which a picture shows another view."""
+    frame brings depth, the floor in it gives attitude and height. health: by which a picture shows another view. rules:
+    by which a camera counts as carried, and a source's yaw as wrong."""
     if odometry == "truth" and camera.attitudes is not None:
         return RecordedAttitude(camera.attitudes, floor.mount)
-    rule = rule or AttitudeRule()
-    pictures = PicturesAttitude(floor.mount, rule.pictures, rule.check.tilt)
-    known = InertialAttitude(floor.mount, pictures, rule) if imu else pictures
+    rule, rules = rule or AttitudeRule(), rules or OdometryRules()
+    pictures = PicturesAttitude(floor.mount, rule.check.tilt, rule.rotation_share)
+    inertial = InertialAttitude(floor.mount, pictures, rule, rules.planar.carried, rules.hybrid.trust)
+    known = inertial if imu else pictures
     return CheckedMount(floor, DepthAttitude(floor, known, pictures), pictures, rule.check, health)

@@ -1,7 +1,7 @@
 """Attitude of each frame from the pictures alone: the rotation that tracked corners show, and a room's edges."""
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,44 +16,29 @@ from edgemap.geometry.camera.tilt import Tilt
 from edgemap.geometry.robust import CLEAR_SIGMAS
 from edgemap.runtime.frames.frame import Frame
 from edgemap.runtime.motion.attitude.protocol import Moved
-from edgemap.runtime.motion.attitude.sources import NODDING_RAD
 
 Array = NDArray[np.float64]
 
 LONGEST_S = 1.0  # between two frames of one drive
+NOD_S = 1.0 / math.tau  # swing of a nod against its rate, at 1 Hz
 REACH_SIGMAS = 3.0  # of a carried camera, within which up is searched: at 3.29 home 9280 errs by 0.45, not 0.05 m
-
-
-@dataclass(frozen=True, slots=True)
-class PicturesRule:
-    """Weights of the rotation between pictures, the room's edges and the mount. nodding_rad, nodding_s: of a level
-    robot about its mount, and for how long it stays so. likely: standard deviations of nodding, at which the mount's
-    weight is halved. rotation_rad, rotation_share: standard deviation of the rotation between two pictures beside what
-    the corners say, and relative to it. pictures: whose edges are put together. known_rad: standard deviation beyond
-    which the mount's angles are used, until the edges have been measured.
-    """
-
-    nodding_rad: float = NODDING_RAD
-    nodding_s: float = 0.15
-    likely: float = 10.0
-    rotation_rad: float = math.radians(0.05)
-    rotation_share: float = 0.1
-    pictures: int = 2
-    known_rad: float = math.radians(2.5)
 
 
 class PicturesAttitude:
     """Roll and pitch by the camera's rotation from picture to picture and a room's edges, about the mount.
 
-    The weight of the mount falls with the camera's rate of nodding and its distance from the mount's angles. For a
-    mounted camera `predict` gives the mount's angles: the odometry estimates its nods itself, starting from those.
-    tilt: a carried camera is about the mount's angles to `tilt.given`.
+    The weight of the mount falls with the camera's rate of nodding. For a mounted camera `predict` gives the mount's
+    angles: the odometry estimates its nods itself, starting from those. A carried camera has them too, until edges or
+    depth show its tilt so well that the mount's error is clear.
+    tilt: a carried camera is about the mount's angles to `tilt.given`, a robot's to half of `tilt.nod`. rotation_share:
+    as of `AttitudeRule`.
     """
 
     name = "pictures"
 
-    def __init__(self, mount: Mount, rule: PicturesRule | None = None, tilt: MountTiltRule | None = None) -> None:
-        self._rule, self._carried_rad = rule or PicturesRule(), (tilt or MountTiltRule()).given
+    def __init__(self, mount: Mount, tilt: MountTiltRule | None = None, rotation_share: float = 0.1) -> None:
+        tilt = tilt or MountTiltRule()
+        self._carried_rad, self._nodding_rad, self._rotation_share = tilt.given, tilt.nod / 2.0, rotation_share
         self.correct_mount(mount)
         self.reset("start")
 
@@ -78,8 +63,8 @@ class PicturesAttitude:
             tilt = tilt.widened(math.sqrt(carried_rad**2 - self._assumed_rad**2))
             self._assumed_rad = carried_rad
         if share < 1.0:  # what is carried keeps its tilt about the mount, which gave it once
-            frames = max(2.0 * self._rule.nodding_s / self._span_s, 1.0)  # that tell the same
-            sigma_rad = (self._nodding_rad(tilt) + carried_rad) * math.sqrt(frames) / (1.0 - share)
+            frames = max(2.0 * NOD_S / self._span_s, 1.0)  # whose nods are alike
+            sigma_rad = (self._nodding_rad + carried_rad) * math.sqrt(frames) / (1.0 - share)
             tilt = tilt.corrected(self._mounted, sigma_rad)
         self._tilt = tilt
         if not self._known():
@@ -88,11 +73,11 @@ class PicturesAttitude:
 
     def reset(self, reason: str) -> None:  # noqa: ARG002
         """Start again at the mount."""
-        self._tilt = Tilt.about(self._mounted, self._rule.nodding_rad)
+        self._tilt = Tilt.about(self._mounted, self._nodding_rad)
         self._seen_s, self._span_s = -math.inf, LONGEST_S
         self._assumed_rad, self._begun, self._carried = 0.0, False, Carried()
         self._since: Array | None = None  # rotation since the picture whose edges are looked for
-        self._edges: list[tuple[Array, Array]] = []  # normals and lengths, in the axes of that picture
+        self._before: tuple[Array, Array] | None = None  # the last edges, normals and lengths, in its axes
 
     def begin_edges(self) -> None:
         """Starts the edge detection on this frame's picture."""
@@ -101,19 +86,19 @@ class PicturesAttitude:
     def see_edges(self, normals: Array, lengths: Array) -> RoomAxes | None:
         """The room in the picture that was begun, by its edges (as of `room_axes`) and those of the pictures before it;
         None where too few agree."""
-        rule, since = self._rule, None if self._begun else self._since  # begun still: no rotation was measured since
+        since = None if self._begun else self._since  # begun still: no rotation was measured since
         expected = self._tilt.up if since is None else since @ self._tilt.up
-        self._edges = [*self._edges[len(self._edges) + 1 - rule.pictures :], (normals, lengths)]
-        all_normals, all_lengths = (np.concatenate([edges[part] for edges in self._edges]) for part in (0, 1))
-        reach_rad = REACH_SIGMAS * self._carried_rad
-        room = room_axes(all_normals, all_lengths, expected, reach_rad)
-        if room is None and len(self._edges) > 1:
-            self._edges = [(normals, lengths)]
+        reach_rad, before = REACH_SIGMAS * self._carried_rad, self._before
+        self._before = None if since is None else (normals, lengths)
+        room = None
+        if before is not None:
+            both = np.concatenate([before[0], normals]), np.concatenate([before[1], lengths])
+            room = room_axes(*both, expected, reach_rad)
+        pictures = 1 if room is None else 2
+        if room is None:
             room = room_axes(normals, lengths, expected, reach_rad)
-        if since is None:
-            self._edges = []
-        elif room is not None:
-            sigma_rad = room.up_sigma_rad * (1.0 + 1.0 / len(self._edges))  # one may agree on a wrong direction
+        if room is not None and since is not None:
+            sigma_rad = room.up_sigma_rad * (1.0 + 1.0 / pictures)  # one may agree on a wrong direction
             self._tilt = self._tilt.corrected(since.T @ room.up, sigma_rad, CLEAR_SIGMAS)
         return room
 
@@ -124,12 +109,12 @@ class PicturesAttitude:
     def correct_mount(self, mount: Mount) -> None:
         """The mount has these angles."""
         self._mounted = up_optical(mount.pitch_rad, mount.roll_rad)
-        self._given = replace(Attitude.of_mount(mount, self._rule.nodding_rad), predicted=True)
-        self._tilt = Tilt.about(self._mounted, self._rule.nodding_rad)
+        self._given = replace(Attitude.of_mount(mount, self._nodding_rad), predicted=True)
+        self._tilt = Tilt.about(self._mounted, self._nodding_rad)
 
     def _known(self) -> bool:
-        """Whether this is more precise than the mount's angles."""
-        return self._tilt.sigma_rad() < self._rule.known_rad
+        """Whether this tilt would clearly show an error of the mount of `tilt.given`."""
+        return CLEAR_SIGMAS * self._tilt.sigma_rad() < self._carried_rad
 
     def _unseen(self) -> Tilt:
         """The tilt before the rotation of this frame is seen."""
@@ -137,23 +122,17 @@ class PicturesAttitude:
 
     def _turned(self, rotation: TrackedRotation) -> Tilt:
         """The tilt after a rotation."""
-        rule = self._rule
-        sigma_rad = rule.rotation_rad + rule.rotation_share * rotation_angle(rotation.rotation)
+        sigma_rad = self._rotation_share * rotation_angle(rotation.rotation)
         self._carried = rotation.carried or self._carried
         return self._tilt.rotated(replace(rotation, sigma_rad=math.hypot(rotation.sigma_rad, sigma_rad)))
 
     def _carry_edges(self, rotation: TrackedRotation | None) -> None:
         """Take the edges that are kept on to the picture that was begun."""
         if rotation is None:
-            self._since, self._edges = None, []
+            self._since = self._before = None
         elif self._since is not None:
             self._since = self._since @ rotation.rotation
         if self._begun:
-            since = np.eye(3) if self._since is None else self._since
-            self._edges = [(normals @ since, lengths) for normals, lengths in self._edges]
+            if self._before is not None and self._since is not None:
+                self._before = self._before[0] @ self._since, self._before[1]
             self._since, self._begun = np.eye(3), False
-
-    def _nodding_rad(self, tilt: Tilt) -> float:
-        """Standard deviation of the tilt about the mount of a robot whose camera is so far off."""
-        rule, off = self._rule, tilt.up - self._mounted
-        return rule.nodding_rad * (1.0 + float(off @ off) / 2.0 / (rule.likely * rule.nodding_rad) ** 2)

@@ -1,14 +1,13 @@
 """Attitudes that need no measurement: recorded ones, and the mount's own."""
 
-import math
-
 from edgemap.geometry.camera.attitude import Attitude, TrackedRotation
 from edgemap.geometry.camera.mount import Mount
+from edgemap.geometry.camera.mount_tilt import MountTiltRule
 from edgemap.runtime.frames.frame import Frame
 from edgemap.runtime.frames.trajectory import AttitudeTrack
 from edgemap.runtime.motion.attitude.protocol import Moved
 
-NODDING_RAD = math.radians(0.3)  # of a robot on wheels that brakes and rolls over hard floors
+NODDING_RAD = MountTiltRule().nod / 2.0  # of a robot on wheels that brakes and rolls over hard floors
 
 
 class MountAttitude:

@@ -1,7 +1,7 @@
 """Several odometries fused into one: a network, tracked corners, wheels and gyro fail in different ways."""
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass, field, replace
 
@@ -12,13 +12,13 @@ from edgemap.geometry.observations.movers import share_covered
 from edgemap.geometry.odometry.covariance_intersection import (
     MotionEstimate,
     consensus,
-    difference,
     distance,
     fused,
 )
 from edgemap.geometry.odometry.room_compass import CompassRule, RoomCompass
 from edgemap.geometry.se2 import SE2
 from edgemap.runtime.frames.frame import Frame
+from edgemap.runtime.frames.timing import StreamTimer
 from edgemap.runtime.motion.health import REPEATED_S, HealthRule
 from edgemap.runtime.motion.odometry.coasting import LONGEST_DT_S, SHORTEST_DT_S, Coasting, CoastingRule
 from edgemap.runtime.motion.odometry.protocol import (
@@ -32,13 +32,13 @@ from edgemap.runtime.motion.odometry.protocol import (
     no_motion,
     unknown_covariance,
 )
-from edgemap.runtime.motion.trust import Innovation, SourceTrust, Trust, TrustRule
+from edgemap.runtime.motion.odometry.wheel_trust import UNPROVEN, WHEELS, WheelTrust
+from edgemap.runtime.motion.trust import TrustRule
 from edgemap.runtime.network.network import Tensors
 
 UNKNOWN = np.diag(unknown_covariance())  # variances from which a motion is worth less than a guess
-UNPROVEN = np.array([100.0, 100.0, 10.0])  # variances added to quantities that a source has not confirmed yet
 GYRO = "gyro"  # the source whose translation, if any, depends on the others
-CAMERA, WHEELS = "camera", "wheels"  # the sources whose lengths are compared
+CAMERA = "camera"  # the source that judges the wheels
 
 
 @dataclass(frozen=True, slots=True)
@@ -178,7 +178,7 @@ class HybridOdometry:
             member.odometry.reset(reason)
         self._coasting.reset()
         self._measured: set[int] = set()
-        self._reported_s: dict[int, float] = {}
+        self._news = [StreamTimer(REPEATED_S) for _ in self._members]  # of their faults
         self._fed, self._slept = True, set[int]()  # whether the last frame had features, and who slept through it
         self._woken = set[int]()
         self._begun: dict[int, Future[Motion]] = {}  # what is computed of the last frame
@@ -187,95 +187,75 @@ class HybridOdometry:
         self._agreed_s = self._fused_s = -math.inf  # of the last step in which the sources agreed, and of the last one
         self._movers = 0.0  # share of the picture that people and animals cover
         self._compass = RoomCompass(self._rule.compass, unobserved_rad2=0.0 if reason == "start" else math.inf)
-        self._trust, self._innovation = SourceTrust.of("wheels", self._rule.trust), Innovation()
+        self._wheels = WheelTrust(self._rule.trust)
         self._last_s, self._blind_rad = math.inf, 0.0  # of the last step with a picture; yaw since then
 
     def _fused(self, stamp_s: float, motions: Sequence[Motion], covered: float = 0.0) -> Motion:
-        checked = [self._checked(index, motion) for index, motion in enumerate(motions)]
-        dt_s = stamp_s - self._last_s
-        checked = [self._within_reach(index, checked) for index in range(len(checked))]
-        named = list(zip(self._members, checked, strict=True))
-        all_faults = "; ".join(dict.fromkeys(motion.fault for _, motion in named if motion.fault))
-        faults = self._repeated_faults(stamp_s, named)
+        """The motion of a step by those of the members. covered: as of `FramePrior`."""
+        motions = [self._checked(index, motion) for index, motion in enumerate(motions)]
+        motions = [self._within_reach(index, motions) for index in range(len(motions))]
+        news = self._repeated_faults(stamp_s, motions)
         if self._first:
             self._first, self._agreed_s, self._fused_s = False, stamp_s, stamp_s
             self._coasting.begin(stamp_s)
-            return first_motion("; ".join(filter(None, (all_faults, self._warning))))
-        alive = [
+            return first_motion(_joined([*(motion.fault for motion in motions), self._warning]))
+        alive = self._with_auxiliary(self._estimates(motions, covered))
+        wheels, camera = _of(WHEELS, alive), _of(CAMERA, alive)
+        judges = max(covered, self._movers) < self._covered_limit
+        faults = [self._wheels.judge(wheels, camera if judges else None, stamp_s - self._last_s), *news]
+        alive = self._wheels.trusted(alive, camera is not None)
+        others = [item for item in alive if item.source != GYRO]
+        if not others:
+            guess = self._coasting.guess(stamp_s, _joined(faults))
+            guess = guess if not alive else _with_gyro(guess, alive[0])
+            return replace(guess, members=self._answers(alive, alive))
+        found = consensus(self._reweighted_by_gyro(alive))
+        lasting, conflict = self._lasting(found.conflict, stamp_s)
+        moved, covariance = found.motion, lasting * np.asarray(found.covariance)
+        rotation = next((motion.rotation for motion in motions if motion.rotation is not None), None)
+        if found.conflict:
+            self._coasting.saw(SE2(*moved), stamp_s)
+        else:
+            carried = rotation.carried.share if rotation is not None and rotation.carried is not None else 0.0
+            moved, covariance = self._coasting.held(moved, covariance, stamp_s, carried)
+            covariance = covariance * self._wheels.scale
+        visual = None if len(others) == len(alive) else consensus(others)
+        return Motion(
+            SE2(*moved),
+            covariance,
+            _joined([*faults, conflict]),
+            members=self._answers(alive, [found]),
+            without_gyro=visual and (SE2(*visual.motion), np.asarray(visual.covariance)),
+            rotation=rotation,
+            lengths=(float(camera.motion[0]), float(wheels.motion[0])) if camera and wheels else None,
+        )
+
+    def _estimates(self, motions: Sequence[Motion], covered: float) -> list[MotionEstimate]:
+        """What the members measured, with their factors on the covariance; without what is worth less than a guess."""
+        found = [
             MotionEstimate(
                 motion.motion.vector(),
                 self._scale_of(member, covered) * motion.covariance,
                 member.source,
                 members=frozenset([_short(member)]),
             )
-            for member, motion in named
+            for member, motion in zip(self._members, motions, strict=True)
             if motion.measured
         ]
-        alive = [item for item in alive if item.source == GYRO or (np.diag(item.covariance) < UNKNOWN).all()]
-        alive = self._with_auxiliary(alive)
-        wheels, camera = self._of(WHEELS, alive), self._of(CAMERA, alive)
-        judges = camera is not None and max(covered, self._movers) < self._covered_limit
-        faults = "; ".join(filter(None, (self._judge(wheels, camera if judges else None, dt_s), faults)))
-        alive = self._trusted(alive, camera is not None)
-        if all(item.source == GYRO for item in alive):
-            guess = self._coasting.guess(stamp_s, faults)
-            guess = guess if not alive else _with_gyro(guess, alive[0])
-            return replace(guess, members=self._answers(alive, alive))
-        found = consensus(self._reweighted_by_gyro(alive))
+        return [item for item in found if item.source == GYRO or (np.diag(item.covariance) < UNKNOWN).all()]
+
+    def _lasting(self, conflict: str, stamp_s: float) -> tuple[float, str]:
+        """Factor on the covariance of a step for errors that last longer, and the fault, where sources have disagreed
+        for a while."""
         before_s, conflict_s = self._fused_s - self._agreed_s, stamp_s - self._agreed_s
-        self._fused_s, self._agreed_s = stamp_s, self._agreed_s if found.conflict else stamp_s
+        self._fused_s = stamp_s
+        if not conflict:
+            self._agreed_s = stamp_s
+            return self._rule.covariance_scale, ""
         # Who is wrong goes on being wrong: errors add up, not their squares, as in `Coasting`.
-        longer = (before_s + conflict_s) / max(conflict_s - before_s, SHORTEST_DT_S)
-        lasting = longer if found.conflict else self._rule.covariance_scale
-        found = replace(found, covariance=lasting * np.asarray(found.covariance))
-        if found.conflict and before_s < LONGEST_DT_S - SHORTEST_DT_S <= conflict_s:  # wheels slip for less
-            faults = "; ".join(filter(None, (faults, f"hybrid odometry: {found.conflict}: they disagree")))
-        rotation = next((motion.rotation for motion in checked if motion.rotation is not None), None)
-        carried = rotation.carried.share if rotation is not None and rotation.carried is not None else 0.0
-        moved, covariance = found.motion, np.asarray(found.covariance)
-        if found.conflict:
-            self._coasting.saw(SE2(*moved), stamp_s)
-        else:
-            moved, covariance = self._coasting.held(moved, covariance, stamp_s, carried)
-        others = [item for item in alive if item.source != GYRO]
-        visual = None if len(others) == len(alive) else consensus(others)
-        without_gyro = None if visual is None else (SE2(*visual.motion), np.asarray(visual.covariance))
-        members = self._answers(alive, [found])
-        lengths = (float(camera.motion[0]), float(wheels.motion[0])) if camera and wheels else None
-        return Motion(
-            SE2(*moved), covariance * (1.0 if found.conflict else self._innovation.scale), faults,
-            members=members, without_gyro=without_gyro, rotation=rotation, lengths=lengths,
-        )  # fmt: skip
-
-    def _judge(self, wheels: MotionEstimate | None, camera: MotionEstimate | None, dt_s: float) -> str:
-        """Compare the wheels with the camera; a fault in the step in which the trust in them changes."""
-        trust = self._trust
-        if wheels is None or camera is None:
-            self._trust = trust.restarted()
-            return ""
-        (x_m, _, yaw_rad), (camera_m, _, camera_rad) = wheels.motion.tolist(), camera.motion.tolist()
-        variance = np.diag(wheels.covariance + camera.covariance)
-        yaw = trust.yaw.updated(yaw_rad, camera_rad, float(variance[2]))
-        length = trust.length.updated(x_m, camera_m, float(variance[0]))
-        self._trust, fault = replace(trust, yaw=yaw, length=length).news()
-        if self._trust.distrusted:
-            self._innovation = Innovation()  # the difference from a faulty source is no error of the others
-        else:
-            apart, covariance = difference(camera, wheels), np.asarray(camera.covariance + wheels.covariance)
-            self._innovation = self._innovation.updated(apart, covariance, dt_s)
-        return fault
-
-    def _trusted(self, alive: Sequence[MotionEstimate], camera: bool) -> list[MotionEstimate]:
-        """The estimates without distrusted wheels. Beside the camera, quantities of the wheels that have not been
-        confirmed yet have no weight."""
-        trust = self._trust
-        if trust.distrusted:
-            return [item for item in alive if item.source != WHEELS]
-        proved = [part.state is Trust.TRUSTED and not trust.doubted for part in (trust.length, trust.yaw)]
-        if not camera or all(proved):
-            return list(alive)
-        loose = np.diag(np.where([proved[0], proved[0], proved[1]], 0.0, UNPROVEN))
-        return [replace(item, covariance=item.covariance + loose) if item.source == WHEELS else item for item in alive]
+        factor = (before_s + conflict_s) / max(conflict_s - before_s, SHORTEST_DT_S)
+        new = before_s < LONGEST_DT_S - SHORTEST_DT_S <= conflict_s  # wheels slip for less
+        return factor, f"hybrid odometry: {conflict}: they disagree" if new else ""
 
     def _scale_of(self, member: Member, covered: float) -> float:
         """Factor on a member's covariance in this picture."""
@@ -325,11 +305,6 @@ class HybridOdometry:
         names = [_short(member) for member in self._members]
         return {n: "used" if n in taken else "left_out" if n in measured else "blind" for n in names}
 
-    def _of(self, source: str, alive: Sequence[MotionEstimate]) -> MotionEstimate | None:
-        """The fused measurements of one source."""
-        own = [item for item in alive if item.source == source]
-        return consensus(own) if own else None
-
     def _checked(self, index: int, motion: Motion) -> Motion:
         member = self._members[index]
         found = motion.checked(member.odometry.name)
@@ -348,16 +323,24 @@ class HybridOdometry:
         far = any(abs(self._blind_rad + other.motion.yaw_rad) > member.reach_rad for other in others)
         return replace(motion, state=MotionState.BLIND) if far else motion
 
-    def _repeated_faults(self, stamp_s: float, named: Sequence[tuple[Member, Motion]]) -> str:
+    def _repeated_faults(self, stamp_s: float, motions: Sequence[Motion]) -> list[str]:
         """Faults that are new, or were last reported a while ago."""
-        texts = []
-        for index, (_, motion) in enumerate(named):
+        for timer, motion in zip(self._news, motions, strict=True):
             if not motion.fault:
-                self._reported_s.pop(index, None)
-            elif stamp_s - self._reported_s.get(index, -math.inf) >= REPEATED_S:
-                self._reported_s[index] = stamp_s
-                texts.append(motion.fault)
-        return "; ".join(dict.fromkeys(texts))
+                timer.done()
+        named = zip(self._news, motions, strict=True)
+        return [motion.fault for timer, motion in named if motion.fault and timer.due(stamp_s)]
+
+
+def _joined(faults: Iterable[str]) -> str:
+    """All faults as one, each once."""
+    return "; ".join(dict.fromkeys(filter(None, faults)))
+
+
+def _of(source: str, estimates: Sequence[MotionEstimate]) -> MotionEstimate | None:
+    """The fused measurements of one source."""
+    own = [item for item in estimates if item.source == source]
+    return consensus(own) if own else None
 
 
 def _short(member: Member) -> str:

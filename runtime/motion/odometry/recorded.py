@@ -27,19 +27,20 @@ from edgemap.runtime.network.network import Tensors
 @dataclass(frozen=True, slots=True)
 class DriftRate:
     """Errors of a recorded motion. roughness_m: standard deviation of the place per square root of a metre that wheels
-    roll: small slips add up like a random walk (Chong and Kleeman 1997). half_track_m: what a wheel rolls per radian of
-    rotation, which makes a slip a turn. fastest: m/s and rad/s between two samples; a faster change is a jump, not a
-    motion.
+    roll: small slips add up like a random walk (Chong and Kleeman 1997); 0 for poses that are taken as they are.
+    half_track_m: what a wheel rolls per radian of rotation, which makes a slip a turn.
     """
 
     roughness_m: float = 0.0
     half_track_m: float = 0.15
-    fastest: float = 1e6
+
+    def rolled_m(self, motion: SE2) -> float:
+        """What the faster wheel rolls in one motion."""
+        return math.hypot(motion.x_m, motion.y_m) + self.half_track_m * abs(motion.yaw_rad)
 
     def covariance(self, motion: SE2) -> NDArray[np.float64]:
         """Covariance of one motion, (3, 3)."""
-        rolled_m = math.hypot(motion.x_m, motion.y_m) + self.half_track_m * abs(motion.yaw_rad)
-        slip2, half_track_m = self.roughness_m**2 * rolled_m, max(self.half_track_m, ROUNDED_M)
+        slip2, half_track_m = self.roughness_m**2 * self.rolled_m(motion), max(self.half_track_m, ROUNDED_M)
         return np.diag([slip2 + ROUNDED_M**2] * 2 + [slip2 / half_track_m**2 + ROUNDED_RAD**2])
 
 
@@ -47,9 +48,8 @@ ROUNDED_M, ROUNDED_RAD = 1e-4, 1e-5  # of what files hold
 # A small robot with two driven wheels on hard floors. 5 mm are the slips of the simulator's wheels; for the whole drive
 # their radius errs by 1 % and their distance by 2 % (24 homes: NEES over 5 s 1.36 (0.3 to 3.7) with 5 mm, 1.06 (0.4 to
 # 2.9) with 6.5; drift over 5 m 0.97 and 0.87 %).
-WHEEL = DriftRate(0.0065, fastest=10.0)
-
-
+WHEEL = DriftRate(0.0065)
+FASTEST_M_S = 3.0  # that a small robot's wheel rolls; a faster change between two samples is a jump, not a motion
 EDGE_S = 0.01  # outside the recording that still count as its end: stamps are rounded
 LONGEST_GAP_S, LONGEST_GAP_PERIODS = 0.5, 5.0  # between two samples; a longer one is a hole, not a straight line
 
@@ -126,15 +126,15 @@ class RecordedOdometry:
 
     def _jump(self, stamp_s: float) -> str:
         """Why the samples of a step to a stamp are no motion; empty where they are."""
-        rule, stamps, poses = self._drift, self._trajectory.stamps_s, self._trajectory.poses
-        if not self._started:
+        stamps, poses = self._trajectory.stamps_s, self._trajectory.poses
+        if not self._started or not self._drift.roughness_m:
             return ""
         first = max(int(np.searchsorted(stamps, self._last_s, side="right")) - 1, 0)
         last = min(int(np.searchsorted(stamps, stamp_s)), len(stamps) - 1)
         for at in range(first, last):
             span_s, moved = float(stamps[at + 1] - stamps[at]), poses[at].inverse() @ poses[at + 1]
-            far_m = math.hypot(moved.x_m, moved.y_m)
-            if max(far_m, abs(moved.yaw_rad)) > rule.fastest * span_s:
+            if self._drift.rolled_m(moved) > FASTEST_M_S * span_s:
+                far_m = math.hypot(moved.x_m, moved.y_m)
                 return f"jumps by {far_m:.2f} m and {moved.yaw_rad:.2f} rad in {span_s:.3f} s: left out"
         return ""
 
