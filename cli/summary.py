@@ -9,7 +9,7 @@ import numpy as np
 
 from edgemap.benchmarks.map_variants import true_object, true_objects
 from edgemap.evaluation.objects import TrueObject, evaluation_rows
-from edgemap.geometry.camera.level import seen_text
+from edgemap.geometry.camera.level import mount_text
 from edgemap.geometry.camera.mount import HeightEstimate, Mount
 from edgemap.geometry.errors import EdgemapError
 from edgemap.geometry.map_object import MapObject
@@ -73,7 +73,7 @@ class RunSummary(Sink):
             f"map of {len(self.objects)} objects saved in {folder}/",
             f"{'stopped' if stopped else 'done'} after {done} frames, {travelled_m:.1f} m travelled",
             printable(verdict.line) + ("" if verdict.level == "good" else f"; see edgemap why {why}"),
-            *([seen_text(self._mount, observed, self.height, self._mount_sources)] if shown else []),
+            *([mount_text(self._mount, observed, self.height, self._mount_sources)] if shown else []),
             *([self.fault_line(folder)] if self.faults else []),
             *object_lines(self.objects, evaluation_rows),
         ]

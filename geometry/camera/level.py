@@ -22,24 +22,24 @@ def angles_text(pitch_deg: float, roll_deg: float) -> str:
     return f"pitch {pitch_deg:.1f} and roll {roll_deg:.1f} deg"
 
 
-def seen_text(
-    given: Mount,
-    seen: MountEstimate | None,
+def mount_text(
+    configured: Mount,
+    estimate: MountEstimate | None,
     height: HeightEstimate | None = None,
     sources: tuple[str, str] = ("given", "given"),
 ) -> str:
     """One line with the configured and the estimated angles and height of a mount. sources: of the configured angles,
     and of the height."""
     parts = []
-    if seen is not None:
-        pitch = given.pitch_rad, seen.mount.pitch_rad, seen.sigma_rad[1]
-        roll = given.roll_rad, seen.mount.roll_rad, seen.sigma_rad[0]
-        for name, angle in (("pitch", pitch), ("roll", roll)):
-            parts.append(name + f" {{:.1f}} deg {sources[0]}, {{:.1f}} +- {{:.1f}} deg seen".format(*np.degrees(angle)))
+    if estimate is not None:
+        found = np.degrees([[mount.pitch_rad, mount.roll_rad] for mount in (configured, estimate.mount)])
+        for name, before, after, sigma in zip(
+            ("pitch", "roll"), *found, np.degrees(estimate.sigma_rad[::-1]), strict=True
+        ):
+            parts.append(f"{name} {before:.1f} deg {sources[0]}, {after:.1f} +- {sigma:.1f} deg estimated")
     if height is not None:
-        parts.append(
-            f"height {given.height_m:.2f} m {sources[1]}, {height.height_m:.2f} +- {height.sigma_m:.2f} m seen"
-        )
+        estimated = f"{height.height_m:.2f} +- {height.sigma_m:.2f} m estimated"
+        parts.append(f"height {configured.height_m:.2f} m {sources[1]}, {estimated}")
     return f"mount: {'; '.join(parts)}"
 
 

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from edgemap.geometry.camera.floor import FloorCamera
-from edgemap.geometry.camera.level import seen_text
+from edgemap.geometry.camera.level import mount_text
 from edgemap.runtime.frames.frame import Frame
 from edgemap.runtime.motion.attitude.checked_mount import MountRule
 from edgemap.runtime.motion.attitude.inertial import AttitudeRule
@@ -58,8 +58,8 @@ def test_two_degrees_are_told_once_and_every_frame_is_levelled_by_what_was_seen(
     seen = observed.mount_estimate
     assert abs(math.degrees(seen.mount.pitch_rad) - TRUE_DEG) < 2.5 * math.degrees(seen.sigma_rad[1])
     assert re.fullmatch(
-        rf"mount: pitch {TRUE_DEG + OFF_DEG:.1f} deg given, 1[12]\.\d \+- 0\.\d deg seen; roll .*",
-        seen_text(mount, seen),
+        rf"mount: pitch {TRUE_DEG + OFF_DEG:.1f} deg given, 1[12]\.\d \+- 0\.\d deg estimated; roll .*",
+        mount_text(mount, seen),
     )
 
 
