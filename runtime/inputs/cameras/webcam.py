@@ -33,8 +33,9 @@ class CaptureDevice:
         self._device_clock: bool | None = None
 
     def grab(self) -> Picture:
-        """The next picture. Raises CameraError where none comes."""
-        good, image = self._capture.read()
+        """The next picture. Raises CameraError where none comes; from a stream, within `READ_LIMIT_MS`."""
+        with quietly():  # a stall is reported in edgemap's own message
+            good, image = self._capture.read()
         if not good or image is None:
             raise CameraError(f"{self._name} gives no picture (unplugged?)")
         stamp_s = self._capture.get(cv2.CAP_PROP_POS_MSEC) / 1000.0
@@ -73,15 +74,6 @@ class WebcamDriver(Driver):
         return CaptureDevice(capture, str(device))
 
 
-class StreamDevice(CaptureDevice):
-    """A stream connection; a stall is reported in edgemap's own message instead of FFmpeg's."""
-
-    def grab(self) -> Picture:
-        """The next picture. Raises CameraError where none comes within `READ_LIMIT_MS`."""
-        with quietly():
-            return super().grab()
-
-
 class StreamDriver(Driver):
     """Opens the address. Its password, where it has one, stays out of every message."""
 
@@ -93,7 +85,7 @@ class StreamDriver(Driver):
         self.name = url.replace(f"{host.username}:{host.password}@", "") if host.password else url
         self._url = url
 
-    def open(self) -> StreamDevice:
+    def open(self) -> CaptureDevice:
         """Connect, within 5 s, and decode the header. Raises CameraError."""
         limits = [cv2.CAP_PROP_OPEN_TIMEOUT_MSEC, OPEN_LIMIT_MS, cv2.CAP_PROP_READ_TIMEOUT_MSEC, READ_LIMIT_MS]
         with quietly():
@@ -101,4 +93,4 @@ class StreamDriver(Driver):
         if not capture.isOpened():
             capture.release()
             raise CameraError(f"{self.name}: no stream that FFmpeg reads (is the address right, and the camera on?)")
-        return StreamDevice(capture, self.name)
+        return CaptureDevice(capture, self.name)

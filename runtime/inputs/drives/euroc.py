@@ -6,7 +6,6 @@
 A picture's name is its stamp in nanoseconds. IMU samples are turned into the camera's optical frame by both `T_BS`.
 """
 
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, TypeVar
 
@@ -45,6 +44,13 @@ BODY = NumberTable(
 )
 CAMERA = NumberTable((STAMP_NS, *columns("x y z"), *columns("qx qy qz qw", -1.01, 1.01)))
 
+# Pictures, camera, IMU samples, IMU, truth.
+PUBLISHED = (
+    "mav0/cam0/data", "mav0/cam0/sensor.yaml", "mav0/imu0/data.csv", "mav0/imu0/sensor.yaml",
+    "mav0/state_groundtruth_estimate0/data.csv",
+)  # fmt: skip
+FLAT = ("image", "cam0.yaml", "imu.csv", "imu.yaml", "truth.txt")
+
 
 class _Pose(msgspec.Struct):
     data: Annotated[list[Coordinate], Meta(min_length=16, max_length=16)]
@@ -64,69 +70,46 @@ class _Camera(_Sensor):
     distortion_coefficients: list[Coordinate] = []
 
 
-@dataclass(frozen=True, slots=True)
-class _Layout:
-    """Where a flight keeps its files."""
-
-    pictures: Path
-    camera: Path
-    imu: Path
-    imu_yaml: Path
-    truth: Path
-    poses: NumberTable
-
-
-def _layout(folder: Path) -> _Layout:
-    root = folder / "mav0"
-    if root.is_dir():
-        cam, imu, truth = root / "cam0", root / "imu0", root / "state_groundtruth_estimate0"
-        return _Layout(
-            cam / "data", cam / "sensor.yaml", imu / "data.csv", imu / "sensor.yaml", truth / "data.csv", BODY
-        )
-    pictures, camera, imu, imu_yaml, truth = (
-        folder / name for name in ("image", "cam0.yaml", "imu.csv", "imu.yaml", "truth.txt")
-    )
-    return _Layout(pictures, camera, imu, imu_yaml, truth, CAMERA)
-
-
 def read_euroc(folder: Path) -> Drive:
     """Read a flight; stamps are seconds since its first IMU sample. A `camera.yaml` may add a mount.
 
     The published truth is of the body; its rotation is taken to the camera's, its lever arm of a few centimetres is
     not. Pictures that the truth does not cover are left out. Raises CameraError.
     """
-    layout = _layout(folder)
-    images = list_pictures(layout.pictures)
-    camera = _sensor(layout.camera, _Camera)
-    imu_body = _sensor(layout.imu_yaml, _Sensor).T_BS.rotation if layout.imu_yaml.is_file() else np.eye(3)
-    _, rows = SAMPLES.read(layout.imu, CameraError)
+    published = (folder / "mav0").is_dir()
+    pictures, camera_yaml, imu, imu_yaml, truth = (folder / name for name in (PUBLISHED if published else FLAT))
+    images = list_pictures(pictures)
+    camera = _sensor(camera_yaml, _Camera)
+    imu_body = _sensor(imu_yaml, _Sensor).T_BS.rotation if imu_yaml.is_file() else np.eye(3)
+    _, rows = SAMPLES.read(imu, CameraError)
     start_ns = rows[0, 0]
     stamps = (rows[:, 0] - start_ns) * 1e-9
-    check_increasing(layout.imu, stamps)
+    check_increasing(imu, stamps)
     samples = ImuSamples(stamps, rows[:, 1:4], rows[:, 4:7]).rotated(camera.T_BS.rotation.T @ imu_body)
-    truth_stamps, poses = _poses(layout, start_ns, camera.T_BS.rotation)
+    truth_stamps, poses = _poses(truth, start_ns, camera.T_BS.rotation if published else None)
     taken = np.array([(_stamp_ns(path) - start_ns) * 1e-9 for path in images])
-    check_increasing(layout.pictures, taken)
+    check_increasing(pictures, taken)
     known = (taken >= truth_stamps[0] - 0.01) & (taken <= truth_stamps[-1] + 0.01)
     if not known.any():
         first, last = truth_stamps[0], truth_stamps[-1]
-        raise CameraError(f"{layout.truth}: covers {first:.3f} to {last:.3f} s, no picture lies in it")
-    setup = read_setup(folder, world_up="z", intrinsics=_lens(layout.camera, camera))
+        raise CameraError(f"{truth}: covers {first:.3f} to {last:.3f} s, no picture lies in it")
+    setup = read_setup(folder, world_up="z", intrinsics=_lens(camera_yaml, camera))
     rate_hz = rate_of_stamps(taken, setup.rate_hz)
     return Drive(
         "euroc", folder, tuple(image for image, there in zip(images, known, strict=True) if there), taken[known],
         setup.intrinsics, setup.mount, rate_hz,
-        trajectory(layout.truth, truth_stamps, planarise_camera(poses, setup.world_up, setup.mount)),
+        trajectory(truth, truth_stamps, planarise_camera(poses, setup.world_up, setup.mount)),
         attitudes=camera_attitudes(truth_stamps, poses, setup.world_up), imu=samples,
     )  # fmt: skip
 
 
-def _poses(layout: _Layout, start_ns: float, camera_body: Array) -> tuple[Array, Array]:
-    """Stamps (N,) in seconds and poses (N, 4, 4) with the camera's rotation."""
-    _, rows = layout.poses.read(layout.truth, CameraError)
+def _poses(path: Path, start_ns: float, camera_body: Array | None) -> tuple[Array, Array]:
+    """Stamps (N,) in seconds and poses (N, 4, 4) with the camera's rotation. camera_body: that of the camera on the
+    body, for poses of the body."""
+    _, rows = (CAMERA if camera_body is None else BODY).read(path, CameraError)
     stamps = (rows[:, 0] - start_ns) * 1e-9
-    check_increasing(layout.truth, stamps)
-    if layout.poses is CAMERA:
+    check_increasing(path, stamps)
+    if camera_body is None:
         return stamps, poses_of(rows[:, 1:4], rows[:, 4:8])
     poses = poses_of(rows[:, 1:4], rows[:, [5, 6, 7, 4]])
     poses[:, :3, :3] = poses[:, :3, :3] @ camera_body

@@ -1,6 +1,5 @@
 """Wheels and IMU of a drive as CSV: `stamp_s,x_m,y_m,yaw_rad`, and `stamp_s,gx,gy,gz,ax,ay,az` in the optical frame."""
 
-import csv
 from collections.abc import Iterable, Sequence
 from pathlib import Path
 
@@ -48,10 +47,8 @@ def check_speed(where: str, stamps_s: NDArray[np.float64], positions_m: NDArray[
 
 def write_wheel_csv(path: Path, rows: Iterable[Sequence[float]]) -> None:
     """Write rows (stamp_s, x_m, y_m, yaw_rad), micrometres and microradians kept."""
-    with path.open("w", newline="") as file:
-        writer = csv.writer(file)
-        writer.writerow(COLUMNS)
-        writer.writerows([f"{value:.6f}" for value in row] for row in rows)
+    values = np.array([*rows], dtype=np.float64).reshape(-1, len(COLUMNS))
+    np.savetxt(path, values, "%.6f", ",", "\r\n", ",".join(COLUMNS), comments="")
 
 
 def read_imu_csv(path: Path) -> ImuSamples:
@@ -63,7 +60,6 @@ def read_imu_csv(path: Path) -> ImuSamples:
 
 def write_imu_csv(path: Path, samples: ImuSamples) -> None:
     """Write samples that `read_imu_csv` reads back; stamps in microseconds, values to seven digits."""
-    with path.open("w") as file:
-        file.write(",".join(column.name for column in IMU.columns) + "\n")
-        for stamp_s, rate, force in zip(samples.stamps_s, samples.gyro_rad_s, samples.accel_m_s2, strict=True):
-            file.write(f"{stamp_s:.6f}," + ",".join(f"{value:.7g}" for value in (*rate, *force)) + "\n")
+    rows = np.column_stack([samples.stamps_s, samples.gyro_rad_s, samples.accel_m_s2])
+    header = ",".join(column.name for column in IMU.columns)
+    np.savetxt(path, rows, ["%.6f"] + ["%.7g"] * 6, ",", header=header, comments="")

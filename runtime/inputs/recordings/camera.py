@@ -1,6 +1,7 @@
 """An MCAP recording as a camera: every picture of one topic, in order, with the calibration in the file."""
 
 import math
+from collections.abc import Iterator
 from dataclasses import replace
 from itertools import islice
 from pathlib import Path
@@ -54,13 +55,15 @@ class RecordingCamera(Camera):
         self._path, self._open = path, True
         self._recording = recording = McapReading(path)
         self._last_ns = self._last_s = -math.inf
+        self._exact, self._unsearched = dict[int, float](), frozenset[int]()
         try:
             wanted = topics.depth if topics else None
             self.topic = self._choose(topic, wanted)
             self._picture = PICTURE_KINDS[recording.topics[self.topic].kind]
             own = wanted is None and DEPTH in recording.topics and RECORD in recording.metadata
             self._depth = (own_depth_of(recording) if own else depth_of(recording, wanted)) if depth else None
-            self._exact, self._unsearched = _exact_stamps(recording), _unsearched(recording)
+            if RECORD in recording.metadata:
+                self._exact, self._unsearched = _exact_stamps(recording), _unsearched(recording)
             self.frame_count: int | None = recording.topics[self.topic].count
             self._messages = recording.messages(self.topic)
             self._ahead = self._first_complete()
@@ -160,7 +163,7 @@ class RecordingCamera(Camera):
                 self.imu = imu_of(recording, tf_of(recording), frame_id, topics.imu)
             if topics.wheels is None and WHEEL_FILE in recording.attachments:
                 self.wheel = self._path
-            self.edits = _edits(recording)
+            self.edits = tuple(str(line) for _, line in _values(recording, EDITS, MAXIMUM_EDITS))
             if TRUTH_FILE in recording.attachments:
                 self.truth: Trajectory | None = read_trajectory_file(
                     recording.attachments[TRUTH_FILE], f"{self._path}: {TRUTH_FILE}"
@@ -190,26 +193,20 @@ class RecordingCamera(Camera):
         return (len(times) - 1) / span_s if len(times) > 1 and math.isfinite(span_s) and span_s > 0 else None
 
 
+def _values(recording: McapReading, topic: str, limit: int = ROW_LIMIT) -> Iterator[tuple[int, Any]]:
+    """Log time in ns and value of each std_msgs message of a topic; none where there is no such topic."""
+    messages = recording.messages(topic) if topic in recording.topics else ()
+    return ((log_ns, decode().data) for log_ns, decode in islice(messages, limit))
+
+
 def _unsearched(recording: McapReading) -> frozenset[int]:
     """Stamps of the pictures that a budget did not have searched, ns."""
-    if RECORD not in recording.metadata or SEARCHED not in recording.topics:
-        return frozenset()
-    searched = islice(recording.messages(SEARCHED), ROW_LIMIT)
-    return frozenset(log_ns for log_ns, decode in searched if float(decode().data) == 0.0)
-
-
-def _edits(recording: McapReading) -> tuple[str, ...]:
-    """What people did to the map in the run that recorded it, as lines of edits.jsonl."""
-    if EDITS not in recording.topics:
-        return ()
-    return tuple(str(decode().data) for _, decode in islice(recording.messages(EDITS), MAXIMUM_EDITS))
+    return frozenset(log_ns for log_ns, searched in _values(recording, SEARCHED) if float(searched) == 0.0)
 
 
 def _exact_stamps(recording: McapReading) -> dict[int, float]:
     """Stamps that are finer than a nanosecond, by their nearest one."""
-    if RECORD not in recording.metadata or STAMPS not in recording.topics:
-        return {}
-    stamps = {log_ns: float(decode().data) for log_ns, decode in islice(recording.messages(STAMPS), ROW_LIMIT)}
+    stamps = {log_ns: float(stamp_s) for log_ns, stamp_s in _values(recording, STAMPS)}
     if wrong := [ns for ns, stamp_s in stamps.items() if not abs(stamp_s - to_s(ns)) < STAMP_TOLERANCE_S]:
         raise CameraError(f"{recording.path}: {STAMPS} says {stamps[wrong[0]]} s at {to_s(wrong[0]):.9f} s")
     return stamps
