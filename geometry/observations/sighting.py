@@ -119,15 +119,22 @@ class BoxNoise:
 
 @dataclass(frozen=True, slots=True)
 class FloorRule:
-    """When a box counts as an object on the floor, and its weight. max_sigma_m: sightings less certain than this
-    (largest standard deviation, pixel and mount together) are dropped. mapped: labels that may be mapped; None means
-    all. full_weight_score: at which a sighting counts half towards making an object; fully from 0.1 above it on, not at
-    all from 0.1 below.
+    """When a box counts as an object on the floor. max_sigma_m: sightings less certain than this (largest standard
+    deviation, pixel and mount together) are dropped.
     """
 
     max_sigma_m: float = 0.75
     noise: FloorNoise = field(default_factory=FloorNoise)
     box: BoxNoise = field(default_factory=BoxNoise)
+
+
+@dataclass(frozen=True, slots=True)
+class BoxEvidence:
+    """Which boxes are evidence of an object, as the bundle and `--classes` state. mapped: labels that may be mapped;
+    None means all. full_weight_score: at which a sighting counts half towards making an object; fully from 0.1 above it
+    on, not at all from 0.1 below.
+    """
+
     mapped: Collection[str] | None = None
     full_weight_score: float = 0.0
 
@@ -135,11 +142,13 @@ class FloorRule:
         """Weight, 0..1, of a sighting of this score as evidence for an object."""
         return min(1.0, max(0.0, 0.5 + (score - self.full_weight_score) / WEIGHT_SPAN))
 
+    def allowed(self, detections: Detections) -> NDArray[np.bool_]:
+        """Which boxes may be mapped at all, (N,)."""
+        mapped = np.array([self.mapped is None or label in self.mapped for label in detections.labels], dtype=bool)
+        return mapped & ~carried(detections)
 
-def _allowed(detections: Detections, rule: FloorRule) -> NDArray[np.bool_]:
-    """Which boxes may be mapped at all, (N,)."""
-    mapped = np.array([rule.mapped is None or label in rule.mapped for label in detections.labels], dtype=bool)
-    return mapped & ~carried(detections)
+
+EVERY_BOX = BoxEvidence()
 
 
 def _feet_cut(boxes: Array, camera: FloorCamera, rule: FloorRule) -> NDArray[np.bool_]:
@@ -166,6 +175,7 @@ def sightings_of(
     stamp_s: float = 0.0,
     depth: NDArray[np.float32] | None = None,
     floor: FloorMask | None = None,
+    evidence: BoxEvidence = EVERY_BOX,
 ) -> list[Sighting]:
     """Every box that stands on the floor, projected there: footprint centre, covariance and size. The one floor rule.
 
@@ -179,7 +189,8 @@ def sightings_of(
     position. floor: the picture's floor mask, where the network predicts one.
     """
     sightings = []
-    for row, box, shared_m2 in _on_floor(detections, camera, rule, depth, floor):
+    allowed = evidence.allowed(detections)
+    for row, box, shared_m2 in _on_floor(detections, allowed, camera, rule, depth, floor):
         label, score, foot = detections.labels[row], float(detections.scores[row]), box.foot()
         if box.is_out_of_sight and not box.low and _largest_sigma(foot.covariance_m2 + shared_m2) > rule.max_sigma_m:
             continue
@@ -197,7 +208,7 @@ def sightings_of(
             Sighting(
                 label, score, foot.position_m + box.direction * middle_m, covariance_m2, shared_m2,
                 width_m, height_m, box.extent_m, distance_m, row, frame, stamp_s,
-                rule.weight(score) * (PART_COUNTS if box.is_hidden or box.cut else 1.0),
+                evidence.weight(score) * (PART_COUNTS if box.is_hidden or box.cut else 1.0),
             )
         )  # fmt: skip
     return _without_doubles(sightings, detections.boxes)
@@ -205,15 +216,17 @@ def sightings_of(
 
 def _on_floor(
     detections: Detections,
+    allowed: NDArray[np.bool_],
     camera: FloorCamera,
     rule: FloorRule,
     depth: NDArray[np.float32] | None,
     floor: FloorMask | None,
 ) -> Iterator[tuple[int, BoxOnFloor, Array]]:
-    """Boxes whose lower edge is on the floor, near enough to be sure of and not too wide for their class: row of each,
-    the box, and the covariance of the edge by the mount (2, 2)."""
+    """Boxes of those that are allowed (N,) whose lower edge is on the floor, near enough to be sure of and not too wide
+    for their class: row of each, the box, and the covariance of the edge by the mount (2, 2).
+    """
     feet = feet_px(detections)
-    rows = np.flatnonzero(camera.below_horizon(feet) & _allowed(detections, rule))
+    rows = np.flatnonzero(camera.below_horizon(feet) & allowed)
     if len(rows) == 0:
         return
     boxes, feet = detections.boxes[rows], feet[rows]

@@ -24,7 +24,6 @@ from edgemap.runtime.motion.odometry import OdometryRules
 from edgemap.runtime.motion.rest import RestRule
 
 MAX_BYTES = 16 << 20  # of a configuration file: a run.json may carry a long list of faults
-DERIVED = {"floor": ("mapped", "full_weight_score")}  # of the bundle and of --classes, never tuned
 
 
 class ConfigError(EdgemapError):
@@ -56,12 +55,8 @@ class Config:
 
 
 def config_document(config: Config) -> dict[str, Any]:
-    """The resolved tree as plain values, without the bundle's own settings."""
-    document = msgspec.to_builtins(config)
-    for part, names in DERIVED.items():
-        for name in names:
-            del document[part][name]
-    return document
+    """The resolved tree as plain values."""
+    return msgspec.to_builtins(config)
 
 
 def load_config(path: Path) -> tuple[Config, dict[str, Any]]:
@@ -118,7 +113,7 @@ def _merged(default: Any, given: Any, where: str, unknown: list[tuple[str, str]]
     """
     if not isinstance(given, dict):
         raise ConfigError(f"{where} is {_shown(given)}, not a mapping")
-    names = {item.name for item in fields(default)} - set(DERIVED.get(where.rpartition(".")[2], ()))
+    names = {item.name for item in fields(default)}
     changed: dict[str, Any] = {}
     for key, value in given.items():
         here = f"{where}.{one_line(key, 40)}"

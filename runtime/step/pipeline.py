@@ -1,6 +1,7 @@
 """The front end in one method: `Pipeline.step` takes a frame and returns its observations and the robot's motion."""
 
 import math
+from collections.abc import Collection
 from dataclasses import replace
 
 import numpy as np
@@ -10,7 +11,7 @@ from edgemap.geometry.camera.floor import FloorCamera
 from edgemap.geometry.observations.detections import Detections
 from edgemap.geometry.observations.floor_mask import FloorMask
 from edgemap.geometry.observations.movers import mover_boxes
-from edgemap.geometry.observations.sighting import FloorRule, sightings_of
+from edgemap.geometry.observations.sighting import BoxEvidence, FloorRule, sightings_of
 from edgemap.geometry.observations.sparse_depth import SparseDepth
 from edgemap.geometry.observations.worktop import is_worktop
 from edgemap.geometry.se2 import SE2
@@ -38,9 +39,9 @@ SAME_VIEW_M, SAME_VIEW_RAD = 0.02, math.radians(0.5)
 class Pipeline:
     """Health, prediction, backbone, decoding, motion, observations: one camera's frames, in order.
 
-    It depends on the frames and their stamps only, never on wall time. rule: its mapped classes are the bundle's where
-    it names none; the score of full weight is the bundle's, or confidence. guessed_height: standard deviation of the
-    mount's height as a share, where it is a guess; 0 where it was given.
+    It depends on the frames and their stamps only, never on wall time. mapped: labels, the bundle's where None.
+    confidence: lowest score, the bundle's where None; the score of full weight follows it. guessed_height: standard
+    deviation of the mount's height as a share, where it is a guess; 0 where it was given.
     """
 
     def __init__(
@@ -50,6 +51,7 @@ class Pipeline:
         odometry: Odometry,
         *,
         rule: FloorRule | None = None,
+        mapped: Collection[str] | None = None,
         attitude: AttitudeSource | None = None,
         confidence: float | None = None,
         health: HealthRule | None = None,
@@ -60,12 +62,8 @@ class Pipeline:
         self.camera, self.odometry = camera, odometry
         self._begin_odometry = odometry.begin if isinstance(odometry, StartsAhead) else lambda *_: None
         self.attitude = attitude or MountAttitude(camera.mount)
-        rule = rule or FloorRule()
-        self.rule = replace(
-            rule,
-            mapped=bundle.mapped if rule.mapped is None else rule.mapped,
-            full_weight_score=bundle.full_weight_score(confidence),
-        )
+        self.rule = rule or FloorRule()
+        self.evidence = BoxEvidence(bundle.mapped if mapped is None else mapped, bundle.full_weight_score(confidence))
         fitted = bundle.for_pictures(camera.intrinsics.width, camera.intrinsics.height, odometry.needs_features)
         self._backbone = fitted.backbone
         self._input_name = fitted.detector.input.name
@@ -118,7 +116,9 @@ class Pipeline:
                 at_rest=at_rest, scale=self._height.scale,
             )  # fmt: skip
         boxes = self._detections
-        sightings = sightings_of(boxes, camera, self.rule, frame.index, frame.stamp_s, frame.depth, self._floor)
+        sightings = sightings_of(
+            boxes, camera, self.rule, frame.index, frame.stamp_s, frame.depth, self._floor, self.evidence
+        )
         stage("floor")
         fault = self._height.judge(frame.stamp_s, camera, attitude, boxes, motion, frame.depth is not None)
         stage("height")

@@ -1,7 +1,7 @@
 """The step as one object: front end and back end, from parts or from a camera, a bundle and options."""
 
 from collections.abc import Callable, Collection, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from math import degrees
 from typing import Generic, TypeVar
 
@@ -164,7 +164,8 @@ def build_slam(
         bundle,
         floor,
         odometry,
-        rule=replace(config.floor, mapped=options.mapped),
+        rule=config.floor,
+        mapped=options.mapped,
         attitude=open_attitude(spec, camera, floor, options.imu, config.attitude, health, rules),
         confidence=options.confidence,
         health=config.health,

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from edgemap.geometry.map_object import id_order
 from edgemap.geometry.objects.floor_map import FloorMap
-from edgemap.geometry.observations.sighting import FloorRule
+from edgemap.geometry.observations.sighting import BoxEvidence
 from edgemap.geometry.se2 import SE2
 
 
@@ -183,5 +183,5 @@ def test_sightings_that_are_half_sure_make_an_object_in_twice_as_many(placed):
 
 @pytest.mark.parametrize(("score", "weight"), [(0.65, 0.0), (0.75, 0.25), (0.8, 0.5), (0.85, 0.75), (0.95, 1.0)])
 def test_how_much_a_score_counts(score, weight):
-    assert FloorRule(full_weight_score=0.8).weight(score) == pytest.approx(weight)
-    assert FloorRule().weight(score) == 1.0
+    assert BoxEvidence(full_weight_score=0.8).weight(score) == pytest.approx(weight)
+    assert BoxEvidence().weight(score) == 1.0
