@@ -21,6 +21,9 @@ from edgemap.geometry.se2 import SE2
 from edgemap.geometry.thinning import nearest_earlier
 from edgemap.geometry.trajectory_correction import TrajectoryCorrection
 
+PATCHES = 96  # at most: with more, those of one place become one, so that a drive of hours takes no more memory
+REDRAW_CELLS = 16_000  # drawn per step at least, so that a closure costs a bounded part of each of some steps
+
 
 class GridFusion:
     """Free, occupied and unknown floor; deterministic in its inputs and their order.
@@ -170,8 +173,8 @@ class GridFusion:
         """Of too many patches, the one nearest to an earlier one becomes one with it: there are as many as places,
         however long the drive. Its evidence is as new as the later one's."""
         saved = sum(patch.stamp_s == -math.inf for patch in self._patches)
-        if len(self._patches) - saved > self.rule.patches:
-            poses = np.array([patch.pose.vector() for patch in self._patches[saved : -self.rule.patches // 2]])
+        if len(self._patches) - saved > PATCHES:
+            poses = np.array([patch.pose.vector() for patch in self._patches[saved : -PATCHES // 2]])
             ((gone, kept),) = nearest_earlier(poses, 1).items()
             first, second = self._patches[saved + kept], self._patches[saved + gone]
             self._patches[saved + gone] = joined(first, second, self.rule.cell_m)
@@ -193,7 +196,7 @@ class GridFusion:
         yield None  # the step of a correction has enough to do
         while done < len(self._patches):
             cells = 0
-            while done < len(self._patches) and cells < self.rule.redraw_cells:
+            while done < len(self._patches) and cells < REDRAW_CELLS:
                 patch = self._patches[done]
                 canvas.draw(patch, self.rule.cell_m)
                 patch.drawn = patch.move

@@ -2,10 +2,6 @@
 
 from dataclasses import dataclass
 
-from edgemap.geometry.errors import GeometryError
-
-FEWEST_PATCHES = 2  # of which one can become part of another
-
 
 @dataclass(frozen=True, slots=True)
 class GridRule:
@@ -19,8 +15,7 @@ class GridRule:
     (highest + 1.1) / free pictures. robot_m: radius round the base that the robot itself keeps free. scan_m, scan_s:
     path or time after which a picture is fused: what is seen twice from one place has the same error twice. patch_m:
     path after which evidence begins a patch of its own, that moves with the trajectory. A radian of rotation counts as
-    a metre of path. patches: most that are kept, at least two; then those of one place become one. redraw_cells: drawn
-    per step at least, so that a closure costs a bounded part of each of some steps. obstacle_m: height above the floor
+    a metre of path. obstacle_m: height above the floor
     from which a depth measurement is an obstacle; obstacle_per_m: added to it per metre of distance (1.1 degrees of
     attitude). robot_height_m: up to which it is, or up to the lens where that is higher. depth_points: on one cell, at
     least, in one picture, of an obstacle.
@@ -38,14 +33,7 @@ class GridRule:
     scan_m: float = 0.10
     scan_s: float = 0.4
     patch_m: float = 0.75
-    patches: int = 96
-    redraw_cells: int = 16_000
     obstacle_m: float = 0.06
     obstacle_per_m: float = 0.02
     robot_height_m: float = 0.5
     depth_points: int = 2
-
-    def __post_init__(self) -> None:
-        """Raises GeometryError for fewer patches than two."""
-        if self.patches < FEWEST_PATCHES:
-            raise GeometryError(f"patches is {self.patches}, must be at least {FEWEST_PATCHES}")

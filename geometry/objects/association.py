@@ -7,7 +7,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from edgemap.geometry.arrays import CHI2_997, Array
-from edgemap.geometry.map_object import MapObject, SightingSums
+from edgemap.geometry.map_object import REPEATED, MapObject, SightingSums
 from edgemap.geometry.objects.class_posterior import OverlapRule
 from edgemap.geometry.slam.landmarks import Landmark, LandmarkRule
 
@@ -15,17 +15,10 @@ from edgemap.geometry.slam.landmarks import Landmark, LandmarkRule
 @dataclass(frozen=True, slots=True)
 class AssociationRule:
     """Evidence that landmarks need to become an object. min_count: minimum total weight of the sightings (see
-    FloorRule), and number of pictures of 0.1 s from which on a landmark is used to close loops. directions: sectors
-    around an object; in each, the farthest position from which it was observed is kept. real_log_odds, real_score:
-    log-odds that an object is real, after one full sighting with a mean score of 0.5, as the odds grow with the number
-    of full sightings; and per unit of the mean score's log-odds, because the score of a box is about its precision on
-    photographs. They come from a logistic regression on the 199 objects that two detectors map in seven tuning drives.
+    BoxEvidence), and number of pictures of 0.1 s from which on a landmark is used to close loops.
     """
 
     min_count: int = 4
-    directions: int = 24
-    real_log_odds: float = -3.05
-    real_score: float = 1.5
     overlap: OverlapRule = field(default_factory=OverlapRule)
 
 
@@ -65,15 +58,17 @@ class Estimate:
         return replace(plain, confidence=max(self._real(rule), self.saved.confidence if self.saved else 0.0))
 
     def _real(self, rule: AssociationRule) -> float:
-        """Probability that an object with these sightings, of this run only, is real."""
+        """Probability that an object with these sightings, of this run only, is real: the odds of their mean score, as
+        many times as they have the evidence that an object needs, where consecutive pictures count as one.
+        """
         sums = SightingSums()
         for landmark in self._landmarks:
             if landmark.saved is None:
                 sums.join(landmark.sums)
         if sums.count == 0:
             return 0.0
-        log_odds = rule.real_log_odds + math.log(max(sums.weight, 1.0))
-        return 1.0 / (1.0 + math.exp(-log_odds - rule.real_score * sums.score_log_odds))
+        odds = sums.weight / REPEATED / rule.min_count * math.exp(sums.score_log_odds)
+        return odds / (1.0 + odds)
 
 
 def grouped(landmarks: Sequence[Landmark], roots: Sequence[int], rule: LandmarkRule) -> list[list[Landmark]]:

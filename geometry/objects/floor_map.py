@@ -28,6 +28,7 @@ from edgemap.geometry.slam.pruning import drop_keyframes
 from edgemap.geometry.trajectory_correction import composed
 
 MERGED_IDS = 4096  # merged ids that are reported; older ones are dropped
+DIRECTIONS = 24  # about an object; in each the farthest position from which it was observed is kept
 
 
 @dataclass(slots=True, eq=False)
@@ -340,7 +341,7 @@ class FloorMap:
             confidence = estimate.saved.confidence * best.presence
             return replace(estimate.saved, confidence=confidence, labels=estimate.saved.labels or labels)
         plain = estimate.as_object(best.id, best.label, self.rule)
-        places = outermost(self._views(best.landmarks), plain.position_m, self.rule.directions)
+        places = outermost(self._views(best.landmarks), plain.position_m)
         return replace(plain, confidence=plain.confidence * best.presence, seen_from_m=places, labels=labels)
 
     def _views(self, landmarks: Sequence[Landmark]) -> Array:
@@ -353,12 +354,12 @@ class FloorMap:
         return np.concatenate([np.array(saved).reshape(-1, 2), composed(poses, local)[:, :2]])
 
 
-def outermost(places_m: Array, position_m: Array, directions: int) -> tuple[tuple[float, float], ...]:
+def outermost(places_m: Array, position_m: Array) -> tuple[tuple[float, float], ...]:
     """Of the positions (N, 2) from which an object at (2,) was observed, the farthest in each direction, in the order
     given: the lines of sight from nearer ones cover the same floor.
     """
     away_m = places_m - position_m
-    sector = np.floor((np.arctan2(away_m[:, 1], away_m[:, 0]) / math.tau + 0.5) * directions) % directions
+    sector = np.floor((np.arctan2(away_m[:, 1], away_m[:, 0]) / math.tau + 0.5) * DIRECTIONS) % DIRECTIONS
     farthest_first = np.argsort(-np.square(away_m).sum(axis=1), kind="stable")
     rows = np.sort(farthest_first[np.unique(sector[farthest_first], return_index=True)[1]])
     return tuple((x_m, y_m) for x_m, y_m in places_m[rows].tolist())

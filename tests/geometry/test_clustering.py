@@ -180,10 +180,9 @@ def test_what_became_part_of_what_became_part_is_the_paper_maps_first(placed):
 
 
 def test_confidence_is_the_probability_that_such_an_object_is_real(placed):
-    """Log-odds -3.05 after one full sighting of a mean score of 0.5, one more with every e-fold of them and 1.5 for
-    each of the mean score's own log-odds: a chair of 0.9 has 0.84 after 4 frames and 0.97 after 30, one of 0.5 0.16 and
-    0.59."""
-    for score, after_4, after_30 in ((0.9, 0.8365, 0.9746), (0.5, 0.1593, 0.5869)):
+    """The odds of the mean score after 4 full sightings of 4 pictures each, and in proportion to them: those of a chair
+    of 0.9 are 9 / 4 after 4 frames and 9 * 30 / 16 after 30, those of one of 0.5 are 1 / 4 and 30 / 16."""
+    for score, after_4, after_30 in ((0.9, 9.0 / 13.0, 270.0 / 286.0), (0.5, 1.0 / 5.0, 30.0 / 46.0)):
         chairs, told = FloorMap(), {}
         for frame in range(30):
             chairs.update([placed("chair", 2.0, 0.0, frame, score=score)])

@@ -23,10 +23,10 @@ def written(folder, document, name="c.yaml"):
 def test_a_part_of_the_tree_changes_that_part_alone(tmp_path):
     path = written(
         tmp_path,
-        {"config": {"association": {"real_score": 0.5}, "loop_closure": {"keyframes": {"keyframe_m": 0.5}}}},
+        {"config": {"forgetting": {"highest": 0.5}, "loop_closure": {"keyframes": {"keyframe_m": 0.5}}}},
     )
     config, options = load_config(path)
-    assert (config.association.real_score, config.loop_closure.keyframes.keyframe_m, options) == (0.5, 0.5, {})
+    assert (config.forgetting.highest, config.loop_closure.keyframes.keyframe_m, options) == (0.5, 0.5, {})
     assert config.association.min_count == Config().association.min_count
     assert config.floor == Config().floor
 
@@ -54,14 +54,12 @@ def test_numbers_of_another_version_s_run_are_passed_over_and_printed(tmp_path, 
     [
         ({"config": {"asociation": {}}}, r"config\.asociation is unknown \(known: association, "),
         (
-            {"config": {"association": {"real_score": "wide"}}},
-            r"association\.real_score is 'wide', not a float",
+            {"config": {"forgetting": {"highest": "wide"}}},
+            r"forgetting\.highest is 'wide', not a float",
         ),
-        ({"config": {"association": {"real_score": float("inf")}}}, "not a finite number"),
+        ({"config": {"forgetting": {"highest": float("inf")}}}, "not a finite number"),
         ({"config": {"association": 3}}, "association is 3, not a mapping"),
         ({"config": {"odometry": {"window": {"keyframes": 0}}}}, r"odometry\.window: keyframes is 0, must be above 0"),
-        ({"config": {"grid": {"patches": 0}}}, r"config\.grid: patches is 0, must be at least 2"),
-        ({"config": {"grid": {"patches": 1}}}, r"config\.grid: patches is 1, must be at least 2"),
         ({"config": {"floor": {"mapped": ["chair"]}}}, r"floor\.mapped is unknown"),
         ({"options": ["frames"]}, "options is a list, not a mapping"),
         ({"other": 1}, "neither a section"),
@@ -84,8 +82,8 @@ def test_what_is_no_file_or_no_document_is_told_in_one_line(tmp_path):
 @given(st.floats(0.1, 100.0), st.integers(1, 1000))
 def test_every_number_survives_the_file(tmp_path_factory, slope, frames):
     folder = tmp_path_factory.mktemp("c")
-    config, _ = load_config(written(folder, {"config": {"association": {"real_score": slope, "directions": frames}}}))
-    assert (config.association.real_score, config.association.directions) == (slope, frames)
+    config, _ = load_config(written(folder, {"config": {"forgetting": {"highest": slope, "same_frames": frames}}}))
+    assert (config.forgetting.highest, config.forgetting.same_frames) == (slope, frames)
 
 
 @pytest.mark.parametrize(

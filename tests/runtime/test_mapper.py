@@ -340,7 +340,7 @@ def test_of_objects_told_with_0_9_nine_in_ten_are_real():
     places = [(1.0 + 2.0 * row, 2.0 * column) for row in range(10) for column in range(6)]
     is_real = [number % 2 == 0 for number in range(60)]
     means = [random.uniform(0.5, 0.95) if real else random.uniform(0.3, 0.6) for real in is_real]
-    for index in range(40):
+    for index in range(80):
         seen = [
             replace(sight("chair", *place, index=index), score=float(np.clip(mean + random.normal(0, 0.05), 0.3, 0.98)))
             for place, real, mean in zip(places, is_real, means, strict=True)

@@ -12,7 +12,6 @@ from edgemap.geometry.grid.fusion import GridFusion
 from edgemap.geometry.grid.merge import merged_grid
 from edgemap.geometry.grid.occupancy_grid import FREE, OCCUPIED, UNKNOWN
 from edgemap.geometry.grid.patch import after
-from edgemap.geometry.grid.rule import GridRule
 from edgemap.geometry.observations.sparse_depth import SparseDepth
 from edgemap.geometry.se2 import SE2
 from edgemap.geometry.trajectory_correction import TrajectoryCorrection
@@ -169,8 +168,9 @@ def test_a_correction_moves_what_was_seen_with_the_poses_it_was_seen_from():
     assert after_it.area_m2(OCCUPIED) == pytest.approx(true.area_m2(OCCUPIED), rel=0.15)
 
 
-def test_a_correction_that_is_being_drawn_loses_nothing_seen_meanwhile():
-    fusion = GridFusion(GridRule(redraw_cells=1))
+def test_a_correction_that_is_being_drawn_loses_nothing_seen_meanwhile(monkeypatch):
+    monkeypatch.setattr("edgemap.geometry.grid.fusion.REDRAW_CELLS", 1)
+    fusion = GridFusion()
     poses = turn()
     stamp_s = drive(fusion, ROOM, poses)
     correction = TrajectoryCorrection(np.zeros(1), np.array([[0.2, 0.0, 0.0]]), np.zeros((1, 3)), np.zeros((1, 3, 3)))
@@ -225,9 +225,9 @@ def test_two_saved_grids_become_one_by_their_alignment():
     assert (alone.cells == shown(first).cells).all()
 
 
-def test_a_long_drive_in_one_room_takes_no_more_room_than_a_short_one():
-    rule = GridRule(patches=24)
-    fusion, sizes, stamp_s = GridFusion(rule), [], 0.0
+def test_a_long_drive_in_one_room_takes_no_more_room_than_a_short_one(monkeypatch):
+    monkeypatch.setattr("edgemap.geometry.grid.fusion.PATCHES", 24)
+    fusion, sizes, stamp_s = GridFusion(), [], 0.0
     lap = [SE2(math.cos(a), math.sin(a), a + math.pi / 2) for a in np.linspace(0.0, math.tau, 40)]
     masks = [floor_mask([*ROOM, CHAIR], pose) for pose in lap]
     for _ in range(12):
