@@ -6,7 +6,6 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from edgemap.geometry.map_object import MapObject
-from edgemap.geometry.trajectory_correction import TrajectoryCorrection
 
 PLACED_SIGMA_M = 0.05  # for a position that a person sets on a map: a finger's width at the usual zoom
 SMALLEST_M, LARGEST_M = 0.02, 20.0  # limits of a size that a person sets
@@ -49,16 +48,6 @@ class Correction:
             self.yaw_rad if newer.yaw_rad is None else newer.yaw_rad,
             placed.anchor_s,
         )
-
-    def moved(self, correction: TrajectoryCorrection) -> "Correction":
-        """The correction after a loop closure: its position moves with the nearest pose."""
-        if self.place_m is None or self.anchor_s is None:
-            return self
-        return replace(self, place_m=_pair(correction.moved_points(np.array([self.anchor_s]), [self.place_m])[0]))
-
-    def scaled(self, factor: float) -> "Correction":
-        """The correction in a map that became `factor` times as large."""
-        return self if self.place_m is None else replace(self, place_m=_pair(factor * np.array(self.place_m)))
 
     def apply(self, item: MapObject) -> MapObject:
         """The object, with its values replaced by those of the correction."""

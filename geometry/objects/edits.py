@@ -132,7 +132,6 @@ class MapEdits:
     corrections: dict[str, Correction] = field(default_factory=dict)
     added: dict[str, MapObject] = field(default_factory=dict)
     dock: SE2 | None = None
-    _saved_dock: SE2 | None = None  # of a map in which the robot has yet to find itself
     _dock_anchor_s: float | None = None  # stamp of the pose nearest to the dock, where it was set in this run
     _zones: dict[str, _DrawnZone] = field(default_factory=dict)
     _issued: int = 0
@@ -144,8 +143,10 @@ class MapEdits:
     _made: dict[str, tuple[tuple, MapObject, list[MapObject]]] = field(default_factory=dict)
 
     @classmethod
-    def of(cls, saved: Iterable[MapObject], annotations: Annotations) -> "MapEdits":
-        """The edits that a saved map holds."""
+    def of(cls, saved: Iterable[MapObject], annotations: Annotations, placed: bool = True) -> "MapEdits":
+        """The edits that a saved map holds. placed: whether its zones and its dock have a position yet; without one
+        they come with `enter`.
+        """
         edits = cls()
         for item in saved:
             if item.name:
@@ -155,8 +156,9 @@ class MapEdits:
             if item.corrected:
                 edits.corrections[item.id] = Correction.of(item)
         edits.deleted = {item.id: _labels(item) for item in annotations.deleted}
-        edits._zones = {zone.id: _DrawnZone(zone) for zone in annotations.zones}
-        edits.dock = annotations.dock
+        if placed:
+            edits._zones = {zone.id: _DrawnZone(zone) for zone in annotations.zones}
+            edits.dock = annotations.dock
         edits._issued = max((id_order(zone.id)[1] for zone in annotations.zones), default=0)
         return edits
 
@@ -237,49 +239,41 @@ class MapEdits:
         return {one: self._root(one, measured) for one in self.joined} if self.joined else {}
 
     def moved(self, correction: TrajectoryCorrection) -> None:
-        """A loop closure moves each corner of a zone drawn in this run with the pose nearest to it."""
-        for drawn in self._zones.values():
-            if drawn.anchors_s is not None:
-                places = correction.moved_points(drawn.anchors_s, drawn.zone.corners_m)
-                drawn.zone = replace(drawn.zone, corners_m=_corners(places))
-        self.corrections = {one: said.moved(correction) for one, said in self.corrections.items()}
+        """A loop closure moves each place that was set in this run with the pose nearest to it."""
+        self._move(correction.moved_points)
         if self.dock is not None and self._dock_anchor_s is not None:
             anchor_s, pose = np.array([self._dock_anchor_s]), self.dock.vector()[None]
             self.dock = SE2(*correction.moved_poses(anchor_s, pose)[0].tolist())
-        self._version += 1
 
     def scale(self, factor: float) -> None:
         """All places times `factor`, about the map's origin. Sizes that a person has set stay."""
-        for drawn in self._zones.values():
-            drawn.zone = replace(drawn.zone, corners_m=_corners(factor * np.array(drawn.zone.corners_m)))
-        self.corrections = {one: said.scaled(factor) for one, said in self.corrections.items()}
+        self._move(lambda _, points_m: factor * points_m)
         self.dock = self.dock and self.dock.scaled(factor)
-        self._version += 1
 
-    def enter(self, zones: Sequence[Zone], alignment: Alignment) -> None:
-        """This run's zones, corrections and dock move into a saved map's frame, and that map's zones come first."""
-        own = self._zones
-        self._zones = {zone.id: _DrawnZone(zone) for zone in zones}
-        for identity, drawn in own.items():
-            places = alignment.pose_a_b.apply(np.array(drawn.zone.corners_m))
-            self._zones[identity] = _DrawnZone(replace(drawn.zone, corners_m=_corners(places)), drawn.anchors_s)
-        for identity, said in self.corrections.items():
-            if said.anchor_s is not None and said.place_m is not None:
-                x_m, y_m = alignment.pose_a_b.apply(np.array(said.place_m)).tolist()
-                self.corrections[identity] = replace(said, place_m=(x_m, y_m))
-        if self.dock is None or self._dock_anchor_s is None:
-            self.dock = self._saved_dock
-        else:
-            self.dock = alignment.pose_a_b @ self.dock
-        self._version += 1
-
-    def take_zones(self) -> tuple[Zone, ...]:
-        """Removes and returns the zones, and the dock with them: they have no position until the robot is relocalised
-        in their map.
+    def enter(self, annotations: Annotations, pose_saved_own: SE2) -> None:
+        """This run's zones, corrections and dock move into a saved map's frame, and that map's zones come first.
+        annotations: of the saved map. pose_saved_own: pose of this run's map in it.
         """
-        zones, self._zones = self.zones, {}
-        self._saved_dock, self.dock = self.dock, None
-        return zones
+        self._move(lambda _, points_m: pose_saved_own.apply(points_m))
+        self._zones = {zone.id: _DrawnZone(zone) for zone in annotations.zones} | self._zones
+        if self.dock is None or self._dock_anchor_s is None:
+            self.dock = annotations.dock
+        else:
+            self.dock = pose_saved_own @ self.dock
+
+    def _move(self, move: Callable[[np.ndarray, np.ndarray], np.ndarray]) -> None:
+        """Moves the zones and corrections that were set in this run. move: takes the stamps (N,) that places were
+        anchored to, and the places (N, 2), to the places that they have now.
+        """
+        for drawn in self._zones.values():
+            if drawn.anchors_s is not None:
+                places = move(drawn.anchors_s, np.array(drawn.zone.corners_m))
+                drawn.zone = replace(drawn.zone, corners_m=_corners(places))
+        for identity, said in self.corrections.items():
+            if said.place_m is not None and said.anchor_s is not None:
+                (place,) = _corners(move(np.array([said.anchor_s]), np.array([said.place_m])))
+                self.corrections[identity] = replace(said, place_m=place)
+        self._version += 1
 
     def _rename(self, identity: str, name: str, measured: ObjectMap) -> None:
         if len(name) > LONGEST_NAME or not (name.isprintable() and name == name.strip()):

@@ -15,7 +15,7 @@ from edgemap.geometry.grid.fusion import GridFusion
 from edgemap.geometry.grid.occupancy_grid import OccupancyGrid
 from edgemap.geometry.map_object import MapObject, ObjectMap
 from edgemap.geometry.objects.crossed import is_crossed
-from edgemap.geometry.objects.edits import NO_ANNOTATIONS, Annotations, Edit, EditError, MapEdits, Zone
+from edgemap.geometry.objects.edits import NO_ANNOTATIONS, Annotations, Edit, EditError, MapEdits
 from edgemap.geometry.objects.floor_map import FloorMap
 from edgemap.geometry.objects.forgetting import Forgetter, NoForgetting
 from edgemap.geometry.objects.merge import merge_maps
@@ -90,9 +90,7 @@ class Mapper:
         self.grid = GridFusion(self.config.grid)
         self._shown_grid: OccupancyGrid | None = None
         self._shown_timer = StreamTimer(GRID_EVERY_S)
-        self._saved_grid: OccupancyGrid | None = None  # of a map in which the robot has yet to find itself
         self.edits = MapEdits()
-        self._saved_zones: tuple[Zone, ...] = ()  # of a map in which the robot has yet to find itself
         self._saved_ids: frozenset[str] = frozenset()  # of the saved map's objects
         self.trajectory = PoseJournal()
         self.pose_map_base, self.pose_covariance = SE2(), np.zeros((3, 3))
@@ -101,7 +99,7 @@ class Mapper:
         self.scale = 1.0  # of what is mapped, over the lengths that the front end measures by a guessed height
         self._lens_m = 0.0  # height of the lens
         self._placed_by: Mount | None = None  # the mount that what is mapped was placed by
-        self._relocated: SE2 | None = None  # by a person's pose, since the last step
+        self._relocated: SE2 | None = None  # since the last step: the view that the saved map has of the frame before
         self._searched_s = -math.inf  # stamp of the last picture that was searched
         self._scalable = True  # neither a saved map nor a person's pose has given the scale
         self._started = False
@@ -154,13 +152,11 @@ class Mapper:
         numbered after the saved ones, so ids stay unique; `merged` maps new objects to matching saved ones. grid: the
         saved map's.
         """
-        self._scalable, self._saved_grid = False, grid
-        self.edits = MapEdits.of(saved, annotations)
-        self._saved_zones = self.edits.take_zones()
+        self._scalable = False
+        self.edits = MapEdits.of(saved, annotations, placed=False)
         saved = annotations.measured(saved)
         self._saved_ids = frozenset(item.id for item in saved)
-        config = self.config
-        self.relocaliser = Relocaliser(saved, config.association, config.registration, guesses, config.loop_closure)
+        self.relocaliser = Relocaliser(saved, self.config, guesses, annotations, grid)
         self.map = self.relocaliser.own
 
     def in_scale(self, observed: FrameObservations) -> FrameObservations:
@@ -187,43 +183,32 @@ class Mapper:
         """Processes one frame's observations: advance, close loops, associate, forget, relocalise."""
         self._watch.start()
         stage = self._watch.stage
-        observed, self._blind = self._timed(_after(self._blind, _sound(observed))), None
+        observed = self._with_blind(self._timed(_sound(observed)))
         self._advance(observed.motion)
-        self._lens_m = observed.camera.mount.height_m if observed.camera else self._lens_m
         self._retilt(observed.mount_estimate)
         correction = self._close_loops(observed)
         stage("closure")
-        sightings = [
-            sighting.placed(self.pose_map_base, self.pose_covariance, observed.placed_by)
-            for sighting in observed.sightings
-        ]
+        sightings = self._placed(observed.sightings, observed.placed_by)
         object_ids = self.map.update(sightings)
-        if observed.searched:
-            self.forgetter.observe(
-                self.map,
-                observed.detections,
-                self.pose_map_base,
-                object_ids,
-                observed.camera,
-                self.edits.kept(self.map),
-                observed.floor,
-            )
+        self._forget(observed, object_ids)
         stage("map")
         self._fuse_floor(observed)
         stage("grid")
-        update = MapUpdate(
-            sightings, object_ids, self.map.merged, self.pose_map_base, self.pose_covariance, self.trajectory,
-            self.travelled_m, {}, self.pose_odom_base, self.odom_covariance, correction,
-            grid=self._shown_grid, floor_scan=self.grid.scan,
-        )  # fmt: skip
-        alignment = self.relocaliser.align()
-        if alignment is not None:
-            update = self._enter_saved_map(update, alignment)
-        elif self._relocated is not None:
-            update, self._relocated = replace(update, relocated=self._relocated), None
+        became = self._relocalise()
+        if became is not None:
+            sightings = self._placed(observed.sightings)
+            object_ids = [became.get(identity, identity) for identity in object_ids]
+        relocated, self._relocated = self._relocated, None
         self.trajectory.append(observed.stamp_s, self.pose_map_base)
         stage("relocalisation")
-        return replace(self._as_edited(update), stages_ms=self._watch.stages_ms)
+        merges = self.edits.merges(self.map)
+        if merges:
+            object_ids = [merges.get(self.map.shown_as(identity), identity) for identity in object_ids]
+        return MapUpdate(
+            sightings, object_ids, self.map.merged | merges, self.pose_map_base, self.pose_covariance,
+            self.trajectory, self.travelled_m, self._watch.stages_ms, self.pose_odom_base, self.odom_covariance,
+            correction, relocated, self.annotations(), self._shown_grid, self.grid.scan,
+        )  # fmt: skip
 
     def step_blind(self, motion: Motion) -> tuple[SE2, Array]:
         """A motion without observations: pose and its covariance (3, 3) after it. The next step takes it in."""
@@ -262,6 +247,7 @@ class Mapper:
         """The picture's floor becomes part of the grid; what is shown of it is renewed now and then."""
         if observed.camera is None:
             return
+        self._lens_m = observed.camera.mount.height_m
         movers, detected = mover_boxes(observed.detections), observed.detections.boxes
         camera, floor, depth = observed.camera, observed.floor, observed.depth
         self.grid.observe(self.pose_map_base, observed.stamp_s, camera, floor, movers, depth, detected)
@@ -284,7 +270,7 @@ class Mapper:
             self._join_saved_map(
                 replace(place, covariance=compose_covariance(pose, covariance, back, np.zeros((3, 3))))
             )
-            self.relocaliser.alignment, self._relocated = place, place.pose_a_b
+            self.relocaliser.alignment = place
         elif isinstance(self.map, FloorMap):
             measured = self.map.objects()
             self.map = FloorMap.continued(measured, self.config.association, self.config.loop_closure, before=self.map)
@@ -293,13 +279,10 @@ class Mapper:
         self.pose_map_base, self.pose_covariance = pose, covariance
         return "pose"
 
-    def _as_edited(self, update: MapUpdate) -> MapUpdate:
-        """Ids as people have merged them, and what they have added."""
-        merges = self.edits.merges(self.map)
-        if merges:
-            ids = [merges.get(self.map.shown_as(identity), identity) for identity in update.object_ids]
-            update = replace(update, object_ids=ids, merged=update.merged | merges)
-        return replace(update, annotations=self.annotations())
+    def _with_blind(self, observed: FrameObservations) -> FrameObservations:
+        """The observations with the motion since the last step, that of the time without pictures included."""
+        blind, self._blind = self._blind, None
+        return observed if blind is None else replace(observed, motion=_composed(blind, observed.motion))
 
     def _timed(self, observed: FrameObservations) -> FrameObservations:
         """Each sighting stands for the time since the last picture that was searched: at any rate the same evidence."""
@@ -358,22 +341,25 @@ class Mapper:
             self.edits.moved(correction.past)
         return correction
 
-    def _enter_saved_map(self, update: MapUpdate, alignment: Alignment) -> MapUpdate:
-        """Both maps become one, and the robot and this frame's sightings move into the saved one's frame."""
-        became = self._join_saved_map(alignment)
-        pose, covariance = self.pose_map_base, self.pose_covariance
-        return replace(
-            update,
-            sightings=[placed.sighting.placed(pose, covariance) for placed in update.sightings],
-            object_ids=[became.get(identity, identity) for identity in update.object_ids],
-            merged=self.map.merged,
-            pose_map_base=pose,
-            pose_covariance=covariance,
-            relocated=alignment.pose_a_b,
-        )
+    def _placed(self, sightings: Sequence[Sighting], mount: Mount | None = None) -> list[PlacedSighting]:
+        """Sightings of this frame in the map. mount: see `Sighting.placed`."""
+        return [one.placed(self.pose_map_base, self.pose_covariance, mount) for one in sightings]
+
+    def _forget(self, observed: FrameObservations, object_ids: Sequence[str]) -> None:
+        """What this picture should show and does not is less likely to be there. object_ids: objects sighted."""
+        if observed.searched:
+            kept, pose, camera = self.edits.kept(self.map), self.pose_map_base, observed.camera
+            self.forgetter.observe(self.map, observed.detections, pose, object_ids, camera, kept, observed.floor)
+
+    def _relocalise(self) -> dict[str, str] | None:
+        """The robot is found in the saved map, where that is certain by now: what the ids of its own map became; None
+        as long as it is not, or was found before."""
+        alignment = self.relocaliser.align()
+        return None if alignment is None else self._join_saved_map(alignment)
 
     def _join_saved_map(self, alignment: Alignment) -> dict[str, str]:
-        """The saved map and the run's own become one, in the saved one's frame; what the own ids became."""
+        """The saved map and the run's own become one, in the saved one's frame, into which the robot moves; what the
+        own ids became."""
         merged, became = merge_maps(
             self.relocaliser.saved, self.map.objects(), alignment, self.config.loop_closure.landmarks
         )
@@ -386,9 +372,10 @@ class Mapper:
         self.pose_map_base = alignment.pose_a_b @ self.pose_map_base
         self.trajectory.transform(alignment.pose_a_b)
         self.grid.transform(alignment.pose_a_b)
-        if self._saved_grid is not None:
-            self.grid.continue_from(self._saved_grid)
-        self.edits.enter(self._saved_zones, alignment)
+        if self.relocaliser.grid is not None:
+            self.grid.continue_from(self.relocaliser.grid)
+        self.edits.enter(self.relocaliser.annotations, alignment.pose_a_b)
+        self._relocated = alignment.pose_a_b
         return became
 
 
@@ -436,7 +423,3 @@ def _is_sound(sighting: Sighting) -> bool:
         and xx + yy + shared_xx + shared_yy < FARTHEST_M**2
         and math.hypot(*place_m) < FARTHEST_M
     )
-
-
-def _after(blind: Motion | None, observed: FrameObservations) -> FrameObservations:
-    return observed if blind is None else replace(observed, motion=_composed(blind, observed.motion))

@@ -2,19 +2,19 @@
 
 from collections.abc import Generator, Sequence
 
+from edgemap.geometry.grid.occupancy_grid import OccupancyGrid
 from edgemap.geometry.map_object import MapObject
-from edgemap.geometry.objects.association import AssociationRule
+from edgemap.geometry.objects.edits import NO_ANNOTATIONS, Annotations
 from edgemap.geometry.objects.floor_map import FloorMap
 from edgemap.geometry.registration.alignment import (
     Alignment,
     AlignmentError,
-    AlignmentRule,
     aligned_near,
     aligning,
     realigned,
 )
 from edgemap.geometry.se2 import SE2
-from edgemap.geometry.slam.pose_graph import GraphRule
+from edgemap.runtime.step.config import Config
 
 RETRY_AFTER = 50  # frames after which the same number of objects is worth another try
 
@@ -24,6 +24,8 @@ class NoRelocalisation:
 
     own: FloorMap | None = None
     saved: Sequence[MapObject] = ()
+    annotations: Annotations = NO_ANNOTATIONS
+    grid: OccupancyGrid | None = None
     alignment: Alignment | None = None
     reason = "no saved map"
 
@@ -40,7 +42,8 @@ class NoRelocalisation:
 class Relocaliser(NoRelocalisation):
     """Tries to align the run's own map with a saved one whenever it has grown, a bounded unit of work in each frame.
 
-    own: the map to build until then; its ids go on after the saved ones. alignment: None until then. reason: why not.
+    own: the map to build until then; its ids go on after the saved ones. annotations, grid: of the saved map, which
+    have no place in this run until then. alignment: None until then. reason: why not.
     guesses: poses in the saved map from which the run may have started (last pose, dock); tried first, and proved by
     fewer objects.
     """
@@ -48,14 +51,14 @@ class Relocaliser(NoRelocalisation):
     def __init__(
         self,
         saved: Sequence[MapObject],
-        association: AssociationRule,
-        registration: AlignmentRule,
+        config: Config,
         guesses: Sequence[SE2] = (),
-        graph: GraphRule | None = None,
+        annotations: Annotations = NO_ANNOTATIONS,
+        grid: OccupancyGrid | None = None,
     ) -> None:
-        self.saved = list(saved)
-        self.own: FloorMap = FloorMap.after(saved, association, graph)
-        self._registration, self._guesses = registration, tuple(guesses)
+        self.saved, self.annotations, self.grid = list(saved), annotations, grid
+        self.own: FloorMap = FloorMap.after(saved, config.association, config.loop_closure)
+        self._registration, self._guesses = config.registration, tuple(guesses)
         self.alignment: Alignment | None = None
         self.reason = "no object seen yet"
         self._count = self._frames = 0
