@@ -24,18 +24,16 @@ class ForgetRule:
 
     highest: upper bound of an object's log-odds; below its negative the object is removed. same_m, same_frames: frames
     with the robot moved or turned less than this (a radian as a metre), or fewer, are one observation, since their
-    misses are correlated; it is a miss where the object is detected in none of them. weight: of one observation's
-    log-odds, as observations are not quite independent either. false_rate: rate of detections where there is no object.
-    prior_observations: of a class's detection rate, which is `trusted_rate` before any. same_iou: a box of its label
-    that overlaps the expected one this much counts as an observation of it, whichever object it went to. trusted_rate:
-    usual detection rate, and its upper bound in a miss's weight: even an object that was always detected may be missed
-    for a while from one side.
+    misses are correlated; it is a miss where the object is detected in none of them. false_rate: rate of detections
+    where there is no object. prior_observations: of a class's detection rate, which is `trusted_rate` before any.
+    same_iou: a box of its label that overlaps the expected one this much counts as an observation of it, whichever
+    object it went to. trusted_rate: usual detection rate, and its upper bound in a miss's weight: even an object that
+    was always detected may be missed for a while from one side.
     """
 
-    highest: float = 2.0
+    highest: float = 3.3
     same_m: float = 0.12
     same_frames: int = 15
-    weight: float = 0.6
     false_rate: float = 0.05
     prior_observations: float = 8.0
     same_iou: float = 0.3
@@ -186,5 +184,5 @@ class Forgetter:
             self._weigh(item, missed / (1.0 - self.rule.false_rate))
 
     def _weigh(self, item: MapObject, ratio: float) -> None:
-        now = self._log_odds.get(item.id, self.rule.highest) + self.rule.weight * math.log(ratio)
+        now = self._log_odds.get(item.id, self.rule.highest) + math.log(ratio)
         self._log_odds[item.id] = min(now, self.rule.highest)

@@ -141,8 +141,8 @@ def test_confidence_falls_look_by_look_until_the_object_leaves_and_its_id_is_not
     assert 4 < len(confidences) <= 10  # one miss is no reason
     assert confidences[0] == pytest.approx(real)
     assert all(after < before for before, after in pairwise(confidences))
-    # A look misses what is detected in 0.8 of them with 0.2, what is gone with 0.95; each counts 0.6, from 2 on.
-    log_odds = 2.0 + 0.6 * math.log(0.2 / 0.95) * np.arange(1, len(confidences))
+    # A look misses what is detected in 0.8 of them with 0.2, what is gone with 0.95, from log-odds of 3.3 on.
+    log_odds = 3.3 + math.log(0.2 / 0.95) * np.arange(1, len(confidences))
     assert np.array(confidences[1:]) / real == pytest.approx(1.0 / (1.0 + np.exp(-log_odds)), rel=1e-3)
     assert forgetter.observations["chair-1"] == len(confidences)
     found = sightings_of(look([("chair", 2.0, 0.0)], SE2(), np.random.default_rng(2), 1.0)[0], CAMERA, FloorRule())
