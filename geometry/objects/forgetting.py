@@ -22,34 +22,16 @@ NEAR_M = 20.0  # nothing farther is sighted
 class ForgetRule:
     """How soon an object counts as removed.
 
-    highest: upper bound of an object's log-odds; below its negative the object is removed. same_m, same_frames: frames
-    with the robot moved or turned less than this (a radian as a metre), or fewer, are one observation, since their
-    misses are correlated; it is a miss where the object is detected in none of them. false_rate: rate of detections
-    where there is no object. prior_observations: of a class's detection rate, which is `trusted_rate` before any.
-    same_iou: a box of its label that overlaps the expected one this much counts as an observation of it, whichever
-    object it went to. trusted_rate: usual detection rate, and its upper bound in a miss's weight: even an object that
-    was always detected may be missed for a while from one side.
+    misses: observations in a row that miss it. same_m: frames with the robot moved or turned less than this (a radian
+    as a metre) are one observation, since their misses are correlated; it is a miss where the object is detected in
+    none of them. same_iou: a box of its label that overlaps the expected one this much counts as an observation of it,
+    whichever object it went to.
     """
 
-    highest: float = 3.3
+    misses: int = 5
     same_m: float = 0.12
-    same_frames: int = 15
-    false_rate: float = 0.05
-    prior_observations: float = 8.0
     same_iou: float = 0.3
-    trusted_rate: float = 0.8
     view: ViewRule = field(default_factory=ViewRule)
-
-
-class _Rate:
-    """How often an observation of what is in plain view shows it. pending: misses since the last hit, which may mean
-    that it left."""
-
-    def __init__(self) -> None:
-        self.hits = self.observations = self.pending = 0
-
-    def add(self, hits: int, observations: int) -> None:
-        self.hits, self.observations = self.hits + hits, self.observations + observations
 
 
 @dataclass(slots=True)
@@ -58,7 +40,6 @@ class _Visit:
     in its place."""
 
     pose_map_base: SE2
-    frame: int
     seen: bool | None = False
 
 
@@ -71,16 +52,14 @@ class NoForgetting:
 
 
 class Forgetter:
-    """Keeps the log-odds that each object of the map is still there. observations: clear observations so far, by id."""
+    """Counts how often each object of the map was missed since it was last detected. observations: clear observations
+    so far, by id."""
 
     def __init__(self, camera: FloorCamera, rule: ForgetRule | None = None) -> None:
         self.camera, self.rule = camera, rule or ForgetRule()
         self.observations: dict[str, int] = defaultdict(int)
-        self._frame = 0
         self._open: dict[str, _Visit] = {}
-        self._log_odds: dict[str, float] = {}
-        self._own: dict[str, _Rate] = defaultdict(_Rate)
-        self._class: dict[str, _Rate] = defaultdict(_Rate)
+        self._missed: dict[str, int] = defaultdict(int)
 
     def observe(
         self,
@@ -98,7 +77,6 @@ class Forgetter:
         never leave. floor: where the picture shows floor; None where that is not known.
         """
         camera = camera or self.camera
-        self._frame += 1
         sighted, gone = {floor_map.shown_as(identity) for identity in object_ids}, []
         objects = self._concerned(floor_map, pose_map_base, sighted)
         boxes = expected_boxes(objects, camera, pose_map_base)
@@ -117,15 +95,14 @@ class Forgetter:
                 self._miss(item, pose_map_base, bool((iou(boxes[row], like) >= self.rule.same_iou).any()))
             else:
                 continue
-            log_odds = self._log_odds.get(item.id, self.rule.highest)
-            if log_odds < -self.rule.highest and item.id not in sighted:
+            missed = self._missed[item.id]
+            if missed >= self.rule.misses:
                 floor_map.drop(item.id)
                 gone.append(item.id)
-                for known in (self._log_odds, self._open, self._own):
+                for known in (self._missed, self._open):
                     known.pop(item.id, None)
             else:
-                presence = 1.0 / (1.0 + math.exp(-log_odds)) if log_odds < self.rule.highest else 1.0
-                floor_map.set_presence(item.id, presence)
+                floor_map.set_presence(item.id, 1.0 - missed / self.rule.misses)
         return gone
 
     def _concerned(self, floor_map: ObjectMap, pose_map_base: SE2, sighted: set[str]) -> list[MapObject]:
@@ -138,20 +115,11 @@ class Forgetter:
         ahead = positions[:, 0] > 0.0
         return [item for item, close in zip(objects, ahead, strict=True) if close or item.id in sighted]
 
-    def detection_rate(self, item: MapObject) -> float:
-        """Detection rate of this object in plain view, from its own observations, its class's and the prior."""
-        rule, own, kind = self.rule, self._own[item.id], self._class[item.label]
-        usual = (kind.hits + rule.trusted_rate * rule.prior_observations) / (
-            kind.observations + rule.prior_observations
-        )
-        rate = (own.hits + usual * rule.prior_observations) / (own.observations + rule.prior_observations)
-        return min(max(rate, 2.0 * rule.false_rate), 0.95)
-
     def _hit(self, item: MapObject, pose_map_base: SE2, clear: bool) -> None:
-        """It is there: that weighs at once, and whatever is missed in the same observation does not."""
-        self._weigh(item, self.detection_rate(item) / self.rule.false_rate)
+        """It is there, whatever was missed before and in the same observation."""
         if clear:
             self._observation_at(item, pose_map_base).seen = True
+        self._missed[item.id] = 0
 
     def _miss(self, item: MapObject, pose_map_base: SE2, like_it: bool) -> None:
         observation = self._observation_at(item, pose_map_base)
@@ -159,30 +127,13 @@ class Forgetter:
             observation.seen = None
 
     def _observation_at(self, item: MapObject, pose_map_base: SE2) -> _Visit:
-        """The observation that this frame belongs to; an observation that ends by it is counted and weighed."""
-        rule, observation = self.rule, self._open.get(item.id)
+        """The observation that this frame belongs to; an observation that ends by it is counted."""
+        observation, same_m = self._open.get(item.id), self.rule.same_m
         if observation is not None:
             moved = observation.pose_map_base.inverse() @ pose_map_base
-            same = math.hypot(moved.x_m, moved.y_m) < rule.same_m and abs(moved.yaw_rad) < rule.same_m
-            if same and self._frame - observation.frame < rule.same_frames:
+            if math.hypot(moved.x_m, moved.y_m) < same_m and abs(moved.yaw_rad) < same_m:
                 return observation
-            if observation.seen is not None:
-                self._count(item, observation.seen)
-        self._open[item.id] = _Visit(pose_map_base, self._frame)
+            self.observations[item.id] += observation.seen is not None
+            self._missed[item.id] += observation.seen is False
+        self._open[item.id] = _Visit(pose_map_base)
         return self._open[item.id]
-
-    def _count(self, item: MapObject, seen: bool) -> None:
-        own = self._own[item.id]
-        self.observations[item.id] += 1
-        own.pending += 1
-        if seen:  # so it was there all the while
-            for rates in (own, self._class[item.label]):
-                rates.add(1, own.pending)
-            own.pending = 0
-        else:
-            missed = 1.0 - min(self.detection_rate(item), self.rule.trusted_rate)
-            self._weigh(item, missed / (1.0 - self.rule.false_rate))
-
-    def _weigh(self, item: MapObject, ratio: float) -> None:
-        now = self._log_odds.get(item.id, self.rule.highest) + math.log(ratio)
-        self._log_odds[item.id] = min(now, self.rule.highest)

@@ -23,10 +23,10 @@ def written(folder, document, name="c.yaml"):
 def test_a_part_of_the_tree_changes_that_part_alone(tmp_path):
     path = written(
         tmp_path,
-        {"config": {"forgetting": {"highest": 0.5}, "loop_closure": {"keyframes": {"keyframe_m": 0.5}}}},
+        {"config": {"forgetting": {"same_m": 0.5}, "loop_closure": {"keyframes": {"keyframe_m": 0.5}}}},
     )
     config, options = load_config(path)
-    assert (config.forgetting.highest, config.loop_closure.keyframes.keyframe_m, options) == (0.5, 0.5, {})
+    assert (config.forgetting.same_m, config.loop_closure.keyframes.keyframe_m, options) == (0.5, 0.5, {})
     assert config.association.min_count == Config().association.min_count
     assert config.floor == Config().floor
 
@@ -54,10 +54,10 @@ def test_numbers_of_another_version_s_run_are_passed_over_and_printed(tmp_path, 
     [
         ({"config": {"asociation": {}}}, r"config\.asociation is unknown \(known: association, "),
         (
-            {"config": {"forgetting": {"highest": "wide"}}},
-            r"forgetting\.highest is 'wide', not a float",
+            {"config": {"forgetting": {"same_m": "wide"}}},
+            r"forgetting\.same_m is 'wide', not a float",
         ),
-        ({"config": {"forgetting": {"highest": float("inf")}}}, "not a finite number"),
+        ({"config": {"forgetting": {"same_m": float("inf")}}}, "not a finite number"),
         ({"config": {"association": 3}}, "association is 3, not a mapping"),
         ({"config": {"odometry": {"window": {"keyframes": 0}}}}, r"odometry\.window: keyframes is 0, must be above 0"),
         ({"config": {"floor": {"mapped": ["chair"]}}}, r"floor\.mapped is unknown"),
@@ -82,8 +82,8 @@ def test_what_is_no_file_or_no_document_is_told_in_one_line(tmp_path):
 @given(st.floats(0.1, 100.0), st.integers(1, 1000))
 def test_every_number_survives_the_file(tmp_path_factory, slope, frames):
     folder = tmp_path_factory.mktemp("c")
-    config, _ = load_config(written(folder, {"config": {"forgetting": {"highest": slope, "same_frames": frames}}}))
-    assert (config.forgetting.highest, config.forgetting.same_frames) == (slope, frames)
+    config, _ = load_config(written(folder, {"config": {"forgetting": {"same_m": slope, "misses": frames}}}))
+    assert (config.forgetting.same_m, config.forgetting.misses) == (slope, frames)
 
 
 @pytest.mark.parametrize(

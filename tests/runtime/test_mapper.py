@@ -208,19 +208,18 @@ def test_a_landmark_is_found_again_after_a_detour_that_odometry_drifts_on():
 
 
 def test_what_was_always_seen_may_be_missed_for_a_while_before_it_is_gone():
-    """After 12 looks that show it, a miss weighs 0.6 ln(0.2 / 0.95) = -0.93: from 2.5 it takes five to come below -2.
-    By the rate alone it would weigh -1.77, and three be enough. A look of a standing robot is 15 frames."""
+    """Twelve looks show it, each from 0.15 m beside the one before; of those that miss it five are needed."""
     random, chair = np.random.default_rng(0), [("chair", 2.0, 0.0)]
-    mapper, left, look_frames = Mapper(forgetter=Forgetter(CAMERA)), {}, 15
-    for frame in range(-13 * look_frames, 8 * look_frames + 1):
-        pose = SE2() if frame < -12 * look_frames else SE2(0.3, 0.0, 0.0)  # nearer, so in plain view
+    mapper, left, before = Mapper(forgetter=Forgetter(CAMERA)), {}, SE2()
+    for frame in range(-20, 9):
+        nearer = SE2(0.3 + 0.15 * (frame % 2), 0.0, 0.0)  # so in plain view
+        pose = SE2() if frame < -12 else nearer
         boxes = look(chair, pose, random, 1.0)[0] if frame < 0 else Detections.none(("chair",))
         sightings = sightings_of(boxes, CAMERA, FloorRule(), frame, frame / 10)
-        motion = Motion(pose if frame == -12 * look_frames else SE2(), np.zeros((3, 3)))
+        motion, before = Motion(before.inverse() @ pose, np.zeros((3, 3))), pose
         mapper.step(FrameObservations(frame, frame / 10, boxes, sightings, motion))
-        left[frame / look_frames] = len(mapper.objects())
-    assert left[4.0] == 1
-    assert left[8.0] == 0
+        left[frame] = len(mapper.objects())
+    assert [left[frame] for frame in (-1, 4, 5)] == [1, 1, 0]
 
 
 @pytest.mark.parametrize(("floor", "stays"), [(1.0, False), (0.0, True)])
