@@ -7,7 +7,7 @@ import numpy as np
 from edgemap.simulation.apartment import textures
 from edgemap.simulation.apartment.apartment import Apartment
 from edgemap.simulation.apartment.openings import WallFrame, joined
-from edgemap.simulation.apartment.plan import RoomArea, Window
+from edgemap.simulation.apartment.plan import RoomArea
 from edgemap.simulation.apartment.space import Boxes, rectangle_corners
 from edgemap.simulation.render.mesh import Material, Mesh, box, quad
 from edgemap.simulation.render.scene import AreaLight, Surface
@@ -101,17 +101,16 @@ def pictures(apartment: Apartment, rng: np.random.Generator) -> list[Mesh]:
     for leaf in plan.leaves:
         taken.add(rectangle_corners(leaf), 0.0, plan.height_m, 0)
     for window in plan.windows:
-        _take(
-            taken, WallFrame(window, plan.rooms[window.room]), window.high_m - window.low_m, window.sill_m, window.top_m
-        )
+        wall = WallFrame(plan.rooms[window.room], window.side, window.low_m, window.high_m)
+        _take(taken, wall, window.high_m - window.low_m, window.sill_m, window.top_m)
     meshes = []
-    for index, room in enumerate(plan.rooms):
+    for room in plan.rooms:
         for _ in range(int(rng.integers(1, 5))):
             side = str(rng.choice(["near", "far", "left", "right"]))
-            low, high = (room.x0, room.x1) if side in {"near", "far"} else (room.y0, room.y1)
+            low, high, _ = room.wall(side)
             width, height = float(rng.uniform(0.25, 0.95)), float(rng.uniform(0.25, 0.75))
             start, bottom = float(rng.uniform(low + 0.15, high - 0.15 - width)), float(rng.uniform(1.25, 1.55))
-            wall = WallFrame(Window(index, side, start, start + width, bottom, bottom + height), room)
+            wall = WallFrame(room, side, start, start + width)
             if _take(taken, wall, width, bottom, bottom + height, 0.05):
                 meshes.append(_picture(wall, width, bottom, height, rng))
     return meshes

@@ -168,7 +168,7 @@ def _windows(plan: ApartmentPlan, rng: np.random.Generator) -> tuple[Window, ...
         sides = [side for side, is_outer in _outer_sides(plan, room).items() if is_outer]
         wanted = 1 if room.kind in {"bathroom", "hall", "kitchen"} else int(rng.integers(1, 3))
         for side in rng.permutation(sides)[:wanted]:
-            low, high = (room.y0, room.y1) if side in {"left", "right"} else (room.x0, room.x1)
+            low, high, _ = room.wall(str(side))
             if room.kind == "bathroom":
                 width, sill, top = rng.uniform(0.5, 0.8), rng.uniform(1.2, 1.4), rng.uniform(1.9, 2.1)
             elif room.kind in {"living", "bedroom"} and rng.random() < 0.25:

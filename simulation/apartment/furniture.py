@@ -16,11 +16,10 @@ from typing import Any, Literal
 import numpy as np
 
 from edgemap.simulation.apartment.made import FLAT_TOPS, LIBRARY, made
-from edgemap.simulation.apartment.mesh_cache import kept, simplified
 from edgemap.simulation.apartment.tint import Tint
 from edgemap.simulation.errors import SimulationError
 from edgemap.simulation.render.mesh import Mesh, Part
-from edgemap.simulation.render.obj import read_obj
+from edgemap.simulation.render.obj import read_obj, simplified
 
 LIBRARIES = Path("/usr/share/sweethome3d/furniture")
 LICENCES = {
@@ -192,23 +191,15 @@ def load(key: str) -> Mesh:
         return made(key.partition("/")[2])
     model = model_of(key)
     size = (model.width_m, model.height_m, model.depth_m)
-
-    def read() -> Mesh:
-        return simplified(read_obj(_archive(model.library), model.path, model.rotation, size), _MOST_TRIANGLES)
-
-    return kept(key, _library(model.library), _MOST_TRIANGLES, read)
+    return simplified(read_obj(_archive(model.library), model.path, model.rotation, size), _MOST_TRIANGLES)
 
 
 @lru_cache(maxsize=8)
 def _archive(library: str) -> zipfile.ZipFile:
-    path = _library(library)
+    path = LIBRARIES / f"{library}.sh3f"
     if not path.exists():
         raise SimulationError(f"{path} is missing: apt-get install sweethome3d-furniture")
     return zipfile.ZipFile(path)
-
-
-def _library(library: str) -> Path:
-    return LIBRARIES / f"{library}.sh3f"
 
 
 def _model(library: str, entry: dict[str, str]) -> Model:

@@ -63,18 +63,15 @@ def kitchen(home: Layout, room: RoomArea) -> None:
             home.against_wall(kind, room)
     if room.x1 - room.x0 > 2.6 and home.chance(0.6):
         dining_group(home, room)
-    if home.chance(0.5):
-        home.against_wall("bin", room)
+    home.some(room, home.against_wall, bin=0.5)
     for _ in range(home.count(0, 2)):
         home.by_wall("stool", room)
-    if home.chance(0.5):
-        home.in_corner("potted plant", room)
+    home.some(room, home.in_corner, potted_plant=0.5)
 
 
 def _row_length(home: Layout, room: RoomArea, side: str) -> tuple[float, str]:
     """Length of a wall without its doorways."""
-    low, high = (room.x0, room.x1) if side in {"near", "far"} else (room.y0, room.y1)
-    face = {"near": room.y0, "far": room.y1, "left": room.x0, "right": room.x1}[side]
+    low, high, face = room.wall(side)
     for door in home.plan.doorways:
         spans = (door.y0, door.y1) if side in {"near", "far"} else (door.x0, door.x1)
         if min(abs(face - spans[0]), abs(face - spans[1])) < 0.02:
@@ -83,7 +80,7 @@ def _row_length(home: Layout, room: RoomArea, side: str) -> tuple[float, str]:
 
 
 def _row(home: Layout, room: RoomArea, side: str, kinds: list[str]) -> None:
-    low, high = (room.x0, room.x1) if side in {"near", "far"} else (room.y0, room.y1)
+    low, high, _ = room.wall(side)
     at, cabinet, like = low + 0.02, home.model("lower cabinet"), None
     for kind in kinds:
         model = cabinet if kind == "lower cabinet" else home.model(kind)
@@ -102,7 +99,7 @@ def _row(home: Layout, room: RoomArea, side: str, kinds: list[str]) -> None:
 
 
 def _above(home: Layout, item: Placed, room: RoomArea, side: str) -> None:
-    low, high = (room.x0, room.x1) if side in {"near", "far"} else (room.y0, room.y1)
+    low, high, _ = room.wall(side)
     middle = item.pose_home_object.x_m if side in {"near", "far"} else item.pose_home_object.y_m
     if home.chance(0.5):
         home.on_top("microwave" if home.chance(0.35) else "counter clutter", item, room, spread=0.1)

@@ -1,7 +1,7 @@
 """Places furniture: against walls, in corners, beside and on top of other pieces; what does not fit is omitted."""
 
 import math
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 
 import numpy as np
@@ -69,14 +69,8 @@ class Layout:
             keep = door.x0 - reach_x, door.y0 - reach_y, door.x1 + reach_x, door.y1 + reach_y
             self.boxes.add(rectangle_corners(keep), 0.0, door.height_m, 0)
         for window in plan.windows:
-            room, w = plan.rooms[window.room], _WINDOW_M
             low, high = window.low_m - 0.1, window.high_m + 0.1
-            keep = {
-                "left": (room.x0, low, room.x0 + w, high),
-                "right": (room.x1 - w, low, room.x1, high),
-                "near": (low, room.y0, high, room.y0 + w),
-                "far": (low, room.y1 - w, high, room.y1),
-            }[window.side]
+            keep = plan.rooms[window.room].strip(window.side, low, high, _WINDOW_M)
             self.boxes.add(rectangle_corners(keep), window.sill_m + 0.02, window.top_m, 0)
 
     def model(self, kind: str, usual: bool = False) -> Model:
@@ -155,6 +149,12 @@ class Layout:
             "right": (room.x1 - back, y),
         }[side]
         return SE2(x, y, math.radians(_YAWS[side]))
+
+    def some(self, room: RoomArea, place: Callable[[str, RoomArea], object], **chances: float) -> None:
+        """Places each of these kinds with its probability. An underscore in a name is a space."""
+        for kind, chance in chances.items():
+            if self.chance(chance):
+                place(kind.replace("_", " "), room)
 
     def in_corner(self, kind: str, room: RoomArea, turned: bool = True) -> Placed | None:
         """Places a model in a corner, at a random yaw or facing the room."""

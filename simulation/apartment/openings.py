@@ -64,7 +64,7 @@ def door_leaf(leaf: Rectangle, trim: Material) -> Mesh:
 def window(window: Window, room: RoomArea, trim: Material, rng: np.random.Generator) -> tuple[AreaLight, Mesh]:
     """A bright pane with frame, bars, sill and perhaps curtains; its light comes in as daylight."""
     length, bottom, top = window.high_m - window.low_m, window.sill_m, window.top_m
-    frame = WallFrame(window, room)
+    frame = WallFrame(room, window.side, window.low_m, window.high_m)
     low, u, v = frame.point(0.0, 0.012, bottom), frame.along * length, np.array([0.0, 0.0, top - bottom])
     view = textures.outdoors(rng)
     pane = quad(low, u, v, Material((0.0, 0.0, 0.0), view, emission=_PANE, group="day"), (length, top - bottom))
@@ -88,16 +88,16 @@ def window(window: Window, room: RoomArea, trim: Material, rng: np.random.Genera
 
 
 class WallFrame:
-    """Coordinates of one window or picture: metres along the wall, out of it into the room, and up."""
+    """Coordinates of a stretch of a wall: metres along it, out of it into the room, and up."""
 
-    def __init__(self, place: Window, room: RoomArea) -> None:
+    def __init__(self, room: RoomArea, side: str, low_m: float, high_m: float) -> None:
         # `along` runs so that along x up points into the room.
         self.along, self.out, self.origin = {
-            "near": (np.array([-1.0, 0.0, 0.0]), np.array([0.0, 1.0, 0.0]), np.array([place.high_m, room.y0, 0.0])),
-            "far": (np.array([1.0, 0.0, 0.0]), np.array([0.0, -1.0, 0.0]), np.array([place.low_m, room.y1, 0.0])),
-            "left": (np.array([0.0, 1.0, 0.0]), np.array([1.0, 0.0, 0.0]), np.array([room.x0, place.low_m, 0.0])),
-            "right": (np.array([0.0, -1.0, 0.0]), np.array([-1.0, 0.0, 0.0]), np.array([room.x1, place.high_m, 0.0])),
-        }[place.side]
+            "near": (np.array([-1.0, 0.0, 0.0]), np.array([0.0, 1.0, 0.0]), np.array([high_m, room.y0, 0.0])),
+            "far": (np.array([1.0, 0.0, 0.0]), np.array([0.0, -1.0, 0.0]), np.array([low_m, room.y1, 0.0])),
+            "left": (np.array([0.0, 1.0, 0.0]), np.array([1.0, 0.0, 0.0]), np.array([room.x0, low_m, 0.0])),
+            "right": (np.array([0.0, -1.0, 0.0]), np.array([-1.0, 0.0, 0.0]), np.array([room.x1, high_m, 0.0])),
+        }[side]
 
     def point(self, along_m: float, out_m: float, z_m: float) -> Array:
         """Home coordinates (3,)."""

@@ -30,6 +30,24 @@ class RoomArea:
         """Centre of the room."""
         return (self.x0 + self.x1) / 2.0, (self.y0 + self.y1) / 2.0
 
+    def wall(self, side: str) -> tuple[float, float, float]:
+        """Start and end of a wall along x (near, far) or y (left, right), and its face on the other axis."""
+        return {
+            "near": (self.x0, self.x1, self.y0),
+            "far": (self.x0, self.x1, self.y1),
+            "left": (self.y0, self.y1, self.x0),
+            "right": (self.y0, self.y1, self.x1),
+        }[side]
+
+    def strip(self, side: str, low_m: float, high_m: float, depth_m: float) -> Rectangle:
+        """The floor before a stretch of a wall, `depth_m` into the room."""
+        return {
+            "near": (low_m, self.y0, high_m, self.y0 + depth_m),
+            "far": (low_m, self.y1 - depth_m, high_m, self.y1),
+            "left": (self.x0, low_m, self.x0 + depth_m, high_m),
+            "right": (self.x1 - depth_m, low_m, self.x1, high_m),
+        }[side]
+
 
 @dataclass(frozen=True, slots=True)
 class Doorway:

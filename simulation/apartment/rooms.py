@@ -23,9 +23,7 @@ def _living(home: Layout, room: RoomArea) -> None:
     _seating(home, room)
     if room.x1 - room.x0 > 4.2 and home.chance(0.6):
         dining_group(home, room)
-    for kind, chance in (("bookcase", 0.7), ("drawers", 0.4), ("radiator", 0.5)):
-        if home.chance(chance):
-            home.against_wall(kind, room)
+    home.some(room, home.against_wall, bookcase=0.7, drawers=0.4, radiator=0.5)
     for _ in range(home.count(1, 3)):
         home.in_corner("potted plant", room) if home.chance(0.6) else home.by_wall("potted plant", room)
 
@@ -82,8 +80,7 @@ def _dining(home: Layout, room: RoomArea) -> None:
         drawers = home.against_wall("drawers", room)
         if drawers is not None:
             small_items(home, drawers, room, home.count(1, 3), vases=0.6)
-    if home.chance(0.4):
-        home.against_wall("bookcase", room)
+    home.some(room, home.against_wall, bookcase=0.4)
     for _ in range(home.count(1, 2)):
         home.in_corner("potted plant", room)
     if home.chance(0.4):
@@ -110,22 +107,18 @@ def _bedroom(home: Layout, room: RoomArea) -> None:
     if home.chance(0.4):
         home.in_corner("armchair", room, turned=False)
     home.by_wall("potted plant", room)
-    for kind in ("suitcase", "backpack"):
-        if home.chance(0.6):
-            home.by_wall(kind, room)
+    home.some(room, home.by_wall, suitcase=0.6, backpack=0.6)
 
 
 def _study(home: Layout, room: RoomArea) -> None:
     _workplace(home, room)
-    for kind, chance in (("bookcase", 0.9), ("bookcase", 0.5), ("drawers", 0.3), ("radiator", 0.5)):
-        if home.chance(chance):
-            home.against_wall(kind, room)
+    home.some(room, home.against_wall, bookcase=0.9)
+    home.some(room, home.against_wall, bookcase=0.5, drawers=0.3, radiator=0.5)
     if home.chance(0.5):
         home.in_corner("armchair", room, turned=False)
     elif home.chance(0.6):
         home.against_wall("couch", room)
-    if home.chance(0.5):
-        home.by_wall("backpack", room)
+    home.some(room, home.by_wall, backpack=0.5)
     for _ in range(home.count(1, 2)):
         home.in_corner("potted plant", room)
 
@@ -142,8 +135,7 @@ def _workplace(home: Layout, room: RoomArea) -> None:
 
 
 def _bathroom(home: Layout, room: RoomArea) -> None:
-    if home.chance(0.7):
-        home.against_wall("bath", room)
+    home.some(room, home.against_wall, bath=0.7)
     home.against_wall("toilet", room)
     kind = "basin" if home.chance(0.75) else "vanity"
     for _ in range(12):
@@ -151,33 +143,21 @@ def _bathroom(home: Layout, room: RoomArea) -> None:
         side, along = SIDES[home.count(0, 3)], home.uniform(0.0, 1.0)
         if home.put(kind, model, room, home.wall_pose(model, room, side, along), model.elevation_m):
             break
-    for kind, chance in (("washing machine", 0.6), ("bin", 0.6), ("radiator", 0.4)):
-        if home.chance(chance):
-            home.against_wall(kind, room)
-    if home.chance(0.5):
-        home.in_corner("potted plant", room)
+    home.some(room, home.against_wall, washing_machine=0.6, bin=0.6, radiator=0.4)
+    home.some(room, home.in_corner, potted_plant=0.5)
 
 
 def _hall(home: Layout, room: RoomArea) -> None:
-    for kind, chance in (("wardrobe", 0.6), ("drawers", 0.6), ("chair", 0.7), ("bookcase", 0.3)):
-        if home.chance(chance):
-            home.against_wall(kind, room)
-    for kind, chance in (("suitcase", 0.8), ("backpack", 0.7), ("potted plant", 0.8), ("vase", 0.4)):
-        if home.chance(chance):
-            home.by_wall(kind, room)
+    home.some(room, home.against_wall, wardrobe=0.6, drawers=0.6, chair=0.7, bookcase=0.3)
+    home.some(room, home.by_wall, suitcase=0.8, backpack=0.7, potted_plant=0.8, vase=0.4)
 
 
 def _extras(home: Layout, room: RoomArea, clutter: float) -> None:
     """What stands about in any room."""
-    if home.chance(0.35):
-        home.by_wall("vase", room)
-    for kind, chance in (("suitcase", 0.2), ("backpack", 0.2), ("floor clutter", 0.6), ("bin", 0.2)):
-        if home.chance(chance * (0.4 + clutter)):
-            home.by_wall(kind, room)
-    if home.chance(0.12):
-        home.anywhere("cat", room)
-    if home.chance(0.10):
-        home.anywhere("dog", room)
+    home.some(room, home.by_wall, vase=0.35)
+    more = 0.4 + clutter
+    home.some(room, home.by_wall, suitcase=0.2 * more, backpack=0.2 * more, floor_clutter=0.6 * more, bin=0.2 * more)
+    home.some(room, home.anywhere, cat=0.12, dog=0.10)
 
 
 _RECIPES: dict[str, Callable[[Layout, RoomArea], None]] = {

@@ -37,9 +37,12 @@ def build_shell(apartment: Apartment, rng: np.random.Generator) -> ShellParts:
         for side in ("near", "far", "left", "right"):
             for low, high, bottom in wall_pieces(plan, room, side):
                 material, tile = walls[side]
-                surfaces.append(upright(room, side, low, high, bottom, plan.height_m, material, tile))
+                frame, up = openings.WallFrame(room, side, low, high), np.array([0.0, 0.0, plan.height_m - bottom])
+                corner, along = frame.point(0.0, 0.0, bottom), frame.along * (high - low)
+                surfaces.append(Surface(corner, along, up, material, (tile, tile)))
                 if bottom == 0.0:
-                    meshes.append(_skirting(room, side, low, high, skirting, trim))
+                    x0, y0, x1, y1 = room.strip(side, low, high, _SKIRTING_DEPTH_M)
+                    meshes.append(box((x0, y0, 0.0), (x1, y1, skirting), trim))
         light, lamp = decor.ceiling_lamp(room, plan.height_m, rng)
         lights.append(light)
         meshes.append(lamp)
@@ -62,7 +65,7 @@ def build_shell(apartment: Apartment, rng: np.random.Generator) -> ShellParts:
 
 def wall_pieces(plan: ApartmentPlan, room: RoomArea, side: str) -> list[tuple[float, float, float]]:
     """Stretches of one wall of a room: low, high along it and the height they start at (0, or above a doorway)."""
-    low, high, face = wall_span(room, side)
+    low, high, face = room.wall(side)
     along_x = side in {"near", "far"}
     pieces, at = [], low
     doors = []
@@ -79,30 +82,6 @@ def wall_pieces(plan: ApartmentPlan, room: RoomArea, side: str) -> list[tuple[fl
     return [*pieces, (at, high, 0.0)]
 
 
-def wall_span(room: RoomArea, side: str) -> tuple[float, float, float]:
-    """Start and end of a wall along x or y, and the position of its face on the other axis."""
-    return {
-        "near": (room.x0, room.x1, room.y0),
-        "far": (room.x0, room.x1, room.y1),
-        "left": (room.y0, room.y1, room.x0),
-        "right": (room.y0, room.y1, room.x1),
-    }[side]
-
-
-def upright(
-    room: RoomArea, side: str, low: float, high: float, bottom: float, top: float, material: Material, tile: float
-) -> Surface:
-    """A piece of a room's wall, facing the room."""
-    face, length, up = wall_span(room, side)[2], high - low, np.array([0.0, 0.0, top - bottom])
-    corner, u = {
-        "near": ((high, face), (-length, 0.0)),
-        "far": ((low, face), (length, 0.0)),
-        "left": ((face, low), (0.0, length)),
-        "right": ((face, high), (0.0, -length)),
-    }[side]
-    return Surface(np.array([*corner, bottom]), np.array([*u, 0.0]), up, material, (tile, tile))
-
-
 def _lying(rectangle: Rectangle, z_m: float, material: Material, tile: float) -> Surface:
     x0, y0, x1, y1 = rectangle
     corner: Array = np.array([x0, y0, z_m])
@@ -113,14 +92,3 @@ def _hanging(rectangle: Rectangle, z_m: float) -> Surface:
     x0, y0, x1, y1 = rectangle
     corner = np.array([x0, y0, z_m])
     return Surface(corner, np.array([0.0, y1 - y0, 0.0]), np.array([x1 - x0, 0.0, 0.0]), _CEILING)
-
-
-def _skirting(room: RoomArea, side: str, low: float, high: float, top: float, material: Material) -> Mesh:
-    face, thick = wall_span(room, side)[2], _SKIRTING_DEPTH_M
-    x0, y0, x1, y1 = {
-        "near": (low, face, high, face + thick),
-        "far": (low, face - thick, high, face),
-        "left": (face, low, face + thick, high),
-        "right": (face - thick, low, face, high),
-    }[side]
-    return box((x0, y0, 0.0), (x1, y1, top), material)

@@ -1,9 +1,10 @@
-"""Wavefront OBJ and MTL files out of a zip archive, as far as furniture models use them."""
+"""Wavefront OBJ and MTL files out of a zip archive, as far as furniture models use them; and simpler meshes of them."""
 
 import io
 import posixpath
 import zipfile
 from collections.abc import Sequence
+from itertools import pairwise
 
 import numpy as np
 
@@ -43,7 +44,8 @@ def _parse(
 ) -> tuple[Array, Array, Array, dict[str, np.ndarray], dict[str, Material]]:
     """Vertices, texture coordinates, normals, faces per material (T, 3, 3) of indices (-1 absent), materials."""
     rows: dict[str, list[list[float]]] = {"v": [], "vt": [], "vn": []}
-    faces: dict[str, list[list[tuple[int, int, int]]]] = {}
+    faces: dict[str, list[int]] = {}  # corners of triangles, numbered
+    corners, numbers = list[tuple[int, ...]](), dict[str, int]()
     materials: dict[str, Material] = {}
     current = ""
     for line in archive.read(path).decode("latin1").splitlines():
@@ -57,23 +59,26 @@ def _parse(
         elif words[0] == "mtllib":
             materials |= _read_mtl(archive, posixpath.join(posixpath.dirname(path), " ".join(words[1:])))
         elif words[0] == "f":
-            corners = [_corner(word, rows) for word in words[1:]]
+            for word in words[1:]:
+                if word not in numbers or "-" in word:
+                    numbers[word] = len(corners)
+                    corners.append(_corner(word, rows))
+            first, *rest = (numbers[word] for word in words[1:])
             fan = faces.setdefault(current, [])
-            fan.extend([corners[0], corners[i], corners[i + 1]] for i in range(1, len(corners) - 1))
+            for pair in pairwise(rest):
+                fan += (first, *pair)
     coordinates = np.array([row[:2] for row in rows["vt"]] or [[0.0, 0.0]])
     normals = np.array(rows["vn"] or [[0.0, 1.0, 0.0]])
-    indices = {name: np.array(face, dtype=np.int64).reshape(-1, 3, 3) for name, face in faces.items() if face}
+    table = np.array(corners, dtype=np.int64)
+    indices = {name: table[np.reshape(numbered, (-1, 3))] for name, numbered in faces.items() if numbered}
     return np.array(rows["v"]), coordinates, normals, indices, materials
 
 
-def _corner(word: str, rows: dict[str, list[list[float]]]) -> tuple[int, int, int]:
+def _corner(word: str, rows: dict[str, list[list[float]]]) -> tuple[int, ...]:
     """`v/vt/vn` as zero-based indices, -1 where absent; negative numbers count from the end, as the format allows."""
-    fields = (word.split("/") + ["", ""])[:3]
-    found = []
-    for text, kind in zip(fields, ("v", "vt", "vn"), strict=True):
-        number = int(text) if text else 0
-        found.append(number - 1 if number >= 0 else len(rows[kind]) + number)
-    return found[0], found[1], found[2]
+    numbers = [int(text) for text in word.replace("//", "/0/").split("/")]
+    padded = (*numbers, 0, 0)[:3]
+    return tuple(n - 1 if n >= 0 else len(given) + n for n, given in zip(padded, rows.values(), strict=True))
 
 
 def _part(vertices: Array, coordinates: Array, normals: Array, face: np.ndarray, material: Material) -> Part | None:
@@ -139,3 +144,38 @@ def _texture(archive: zipfile.ZipFile, path: str) -> np.ndarray | None:
     image = require("PIL.Image").open(io.BytesIO(archive.read(found))).convert("RGBA")
     image.thumbnail((_LARGEST_TEXTURE_PX, _LARGEST_TEXTURE_PX))
     return np.asarray(image, dtype=np.uint8)
+
+
+_FINEST_M, _COARSEST_M, _GROWTH = 0.002, 0.03, 1.3
+
+
+def simplified(mesh: Mesh, most: int) -> Mesh:
+    """Simplifies a mesh to about `most` triangles or fewer, with the smallest possible cells (2 mm to 3 cm).
+
+    Vertex clustering (Rossignac and Borrel, 1993). A vertex moves to the mean of its cell, and keeps its normal and its
+    texture coordinates. A triangle is dropped if its area becomes zero or if it coincides with another one.
+    """
+    cell, result = _FINEST_M, mesh
+    while sum(len(part.positions) for part in result.parts) > most and cell < _COARSEST_M:
+        result = Mesh(tuple(_clustered(part, cell) for part in mesh.parts))
+        cell *= _GROWTH
+    return result
+
+
+def _clustered(part: Part, cell_m: float) -> Part:
+    points: Array = part.positions.reshape(-1, 3)
+    keys = np.round(points / cell_m).astype(np.int64)
+    keys -= keys.min(axis=0)
+    # One number for each cell: sorting numbers is many times faster than sorting rows.
+    _, cluster = np.unique((keys[:, 0] << 40) | (keys[:, 1] << 20) | keys[:, 2], return_inverse=True)
+    count = np.bincount(cluster)
+    means = np.stack([np.bincount(cluster, weights=points[:, axis]) / count for axis in range(3)], axis=1)
+    corners = cluster.reshape(-1, 3)
+    a, b, c = corners.T
+    solid = np.flatnonzero((a != b) & (b != c) & (a != c))
+    low, middle, high = np.sort(corners[solid], axis=1).T
+    _, first = np.unique((low << 42) | (middle << 21) | high, return_index=True)
+    keep = solid[np.sort(first)]
+    if not len(keep):
+        return part
+    return Part(part.material, means[corners[keep]], part.normals[keep], part.uv[keep])
