@@ -148,10 +148,9 @@ def observed(placed: PlacedSighting, since: SE2, tilt_rad: Array, repeated: floa
     place_m = sighting.position_base_m
     values, vectors = np.linalg.eigh(sighting.shared_m2)
     bias_m = vectors[:, 1] * (math.sqrt(max(values[1], 0.0)) * (np.sign(vectors[:, 1] @ place_m) or 1.0))
-    outwards = place_m / max(math.hypot(*place_m), 1e-9)
-    along = sighting.covariance_m2 @ outwards
-    # Nothing is outwards of a sighting at the base itself.
-    range_m = along * math.sqrt(repeated / max(float(outwards @ along), 1e-12))
+    along = sighting.covariance_m2 @ place_m
+    # A sighting at the base itself has no direction.
+    range_m = along * math.sqrt(repeated / max(float(place_m @ along), 1e-12))
     own = sighting.covariance_m2 + sighting.shared_m2 - np.outer(bias_m, bias_m) - np.outer(range_m, range_m)
     (a, b), (_, d) = rotation @ own @ rotation.T
     determinant = a * d - b * b

@@ -4,10 +4,12 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from scipy.spatial.transform import Rotation
 
 from edgemap.geometry.camera.attitude import Attitude
 from edgemap.geometry.camera.floor import FloorCamera, FloorNoise, floor_covariances
 from edgemap.geometry.camera.imu import ImuSamples
+from edgemap.geometry.camera.inertial import small_rotation
 from edgemap.geometry.camera.intrinsics import Intrinsics
 from edgemap.geometry.camera.mount import Mount
 from edgemap.geometry.errors import GeometryError
@@ -73,3 +75,8 @@ def test_imu_samples_between_two_stamps():
     np.testing.assert_allclose(samples.rotated(turn).gyro_rad_s[1], [5.0, -3.0, -4.0])
     with pytest.raises(GeometryError, match=r"gyro_rad_s has shape \(4, 3\)"):
         ImuSamples(np.arange(5.0), np.zeros((4, 3)), np.zeros((5, 3)))
+
+
+@given(st.lists(st.floats(-3.0, 3.0), min_size=3, max_size=3))
+def test_a_rotation_vectors_matrix_is_scipys(vector):
+    np.testing.assert_allclose(small_rotation(*vector), Rotation.from_rotvec(vector).as_matrix(), atol=1e-12)

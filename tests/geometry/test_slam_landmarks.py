@@ -57,3 +57,13 @@ def test_two_visits_that_join_are_one_landmark_of_all_their_sightings(placed):
     joined.join(landmark_of([(1, near), (2, far)], number=2))
     assert joined.keyframes == both.keyframes
     np.testing.assert_allclose(joined.rows, both.rows)
+
+
+@given(st.floats(-3, 3), st.floats(-3, 3), st.floats(-3, 3))
+def test_an_observation_moved_to_another_keyframe_is_as_if_made_from_there(placed_, x_m, y_m, yaw_rad):
+    sighting, pose = placed_("chair", 2.0, 0.5, 0), SE2(x_m, y_m, yaw_rad)
+    moved, there = landmark_of([(0, sighting)]), Landmark(1, "chair", 0.5, 0.0)
+    there.add(3, observed(sighting, pose, LEVEL, 0.65))
+    assert moved.move_to({0: (3, pose)})
+    assert moved.keyframes == there.keyframes == [3]
+    np.testing.assert_allclose(moved.rows, there.rows, rtol=1e-9, atol=1e-9)
