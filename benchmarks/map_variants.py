@@ -67,7 +67,7 @@ def replayed(
     """Each variant's front and back end, as `run` makes them, after the drive's first frames. seen: called with every
     result.
 
-    Raises CameraError for a drive without intrinsics or mount, OdometryError for an odometry that cannot be had.
+    Raises CameraError for a drive without intrinsics or mount, OdometryError for an odometry that is not available.
     """
     drive, bundle = replay.drive, remembering(replay.bundle, 1)
     with drive_camera(drive, str(drive.folder)) as camera:

@@ -152,7 +152,7 @@ def score_drive(
 ) -> ScoredDrive:
     """Follow `KIND:DIR`, a recording, or `demo`, with the odometry of that SPEC.
 
-    Raises CameraError for data, OdometryError for an odometry that cannot be had, or data without truth or mount.
+    Raises CameraError for data, OdometryError for an odometry that is not available, or data without truth or mount.
     """
     camera, full = _open(spec, selection.depth)
     with camera:

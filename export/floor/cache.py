@@ -20,12 +20,12 @@ Records = NDArray[np.void]
 
 
 def cached_views(features: Features, pairs: Sequence[Pair], views: int, folder: Path) -> Records:
-    """Varied views of each labelled picture, (len(pairs) * views,), memory-mapped; missing ones are computed: s0 to s3,
-    the features (C, H, W) float16, finest first; truth (2, H, W) and known (H, W), shares of cells in 255ths; computed
-    (H32,), of the coarsest rows.
+    """Augmented views of each labelled picture, (len(pairs) * views,), memory-mapped; missing ones are computed. s0 to
+    s3: the features (C, H, W) float16, finest first. truth (2, H, W), known (H, W): shares of cells in 255ths.
+    computed: (H32,), rows of the coarsest feature that are done.
 
-    A view depends on its number and its picture's only, so more views keep those that are there. Raises ExportError,
-    CameraError or OSError.
+    A view depends only on its number and its picture's, so existing views stay where more are requested. Raises
+    ExportError, CameraError or OSError.
     """
     about = [FORMAT, features.key, *(f"{path} {path.stat().st_size} {path.stat().st_mtime_ns}" for path, _ in pairs)]
     path = folder / f"{hashlib.sha256(repr(about).encode()).hexdigest()[:16]}.views"

@@ -101,7 +101,7 @@ class FloorTrainer(Training[FloorHead, FloorSettings]):
             save_floor(checkpoint, self.folder / "best.pt")
 
     def state(self) -> dict[str, Any]:
-        """Random numbers."""
+        """State of the random generator."""
         return {"random": self._rng.bit_generator.state}
 
     def restore(self, state: dict[str, Any], path: Path) -> None:  # noqa: ARG002

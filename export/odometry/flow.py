@@ -164,7 +164,7 @@ class FlowHead(nn.Module):
         return solution.motion * units, solution.covariance * (units[:, None] * units)
 
     def units(self, like: Tensor) -> Tensor:
-        """Metres and radians of a motion of 1, (3,)."""
+        """Units of the motion, (3,): metres, metres, radians for a value of 1."""
         return functional.pad(like.new_full((2,), self.unit_m), (0, 1), value=1.0)
 
     def match(

@@ -58,8 +58,8 @@ class InertialNoise:
 
     @property
     def start_speed(self) -> float:
-        """Of a camera that is not near its mount's angles, m/s: a walk mistaken for rest at the start would look like
-        an acceleration."""
+        """Standard deviation of the initial velocity of a camera that is not near its mount's angles, m/s: a walk
+        mistaken for rest at the start would appear as an acceleration."""
         return CLEAR_SIGMAS * self.speed
 
 

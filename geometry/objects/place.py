@@ -85,7 +85,7 @@ class MergeBudget:
     _owed: Counter[str] = field(default_factory=Counter)  # `lately` as this merge began
 
     def begin(self) -> None:
-        """Another merge."""
+        """Start the next merge."""
         self.lately = Counter({name: units // 2 for name, units in self.lately.items() if units > 1})
         self._owed = Counter(self.lately)
         self._units = 0

@@ -49,9 +49,9 @@ def open_camera(
     """Opens the camera that SPEC names. Intrinsics and mount given here override the source's own.
 
     realtime: pace a file source by its stamps; live devices need no pacing. recovery: of live devices. topics: further
-    sensors, on ROS 2 topics. depth: whether frames bring their depth, where the source has any.
+    sensors, on ROS 2 topics. depth: whether frames include their depth, where the source has any.
 
-    Raises CameraError, one line, for a SPEC that is not understood or cannot be opened.
+    Raises CameraError, one line, for an invalid SPEC or a source that cannot be opened.
     """
     topics = topics or SensorTopics()
     recorded, by_ros = spec.partition("#")[0].endswith(".mcap"), spec.startswith("ros2:")

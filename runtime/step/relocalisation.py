@@ -42,10 +42,10 @@ class NoRelocalisation:
 class Relocaliser(NoRelocalisation):
     """Tries to align the run's own map with a saved one whenever it has grown, a bounded unit of work in each frame.
 
-    own: the map to build until then; its ids go on after the saved ones. annotations, grid: of the saved map, which
-    have no place in this run until then. alignment: None until then. reason: why not.
-    guesses: poses in the saved map from which the run may have started (last pose, dock); tried first, and proved by
-    fewer objects.
+    own: the map to build until then; its ids continue after the saved ones. annotations, grid: of the saved map, which
+    have no pose in this run until then. alignment: None until then. reason: why there is none yet.
+    guesses: poses in the saved map at which the run may have started (last pose, dock); they are tried first, and fewer
+    objects confirm them.
     """
 
     def __init__(

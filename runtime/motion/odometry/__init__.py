@@ -60,9 +60,8 @@ def open_odometry(
     """The odometry that a SPEC names: hybrid, flow, planar, window, gyro, paper, truth, wheel:FILE.csv|.mcap or
     FILE.tum.
 
-    wheels: whether the hybrid listens to the source's wheels, where it brings any. health: as of its pictures. tilt: of
-    a camera about its mount.
-    Raises OdometryError for one that is unknown or not to be had here.
+    wheels: whether the hybrid uses the source's wheels, where it has any. health: rule of its pictures. tilt: rule of
+    the camera's tilt about its mount. Raises OdometryError for one that is unknown or not available here.
     """
     rules = rules or OdometryRules()
     coasting = rules.coasting.of_unit(floor.mount.platform.unit_m)
