@@ -1,7 +1,6 @@
 """Pictures, colour and depth: those that a folder holds, files with their size and damage noticed, raw pixels, and
 depth in order of time."""
 
-import math
 import re
 import struct
 from collections.abc import Callable, Generator
@@ -219,7 +218,7 @@ class DepthBeside:
 
     def __init__(self, pictures: Generator[tuple[float, Callable[[], Any]], None, None], apart: float) -> None:
         self._pictures, self._apart = pictures, apart
-        self._ahead: tuple[float, Any] | None = (-math.inf, None)
+        self._ahead = next(pictures, None)
 
     def at(self, stamp: float) -> Depth | None:
         """The depth picture of this stamp, (H, W) metres; None where there is none."""

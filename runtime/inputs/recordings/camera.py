@@ -102,9 +102,10 @@ class RecordingCamera(Camera):
         self._recording.close()
 
     def _choose(self, topic: str, depth: str | None) -> str:
-        topics = self._recording.topics
-        shown = {name: found for name, found in topics.items() if name not in (DEPTH, depth) and ALIGNED not in name}
-        pictures = [name for name, found in shown.items() if found.kind in PICTURE_KINDS and found.count]
+        topics, beside = self._recording.topics, (DEPTH, depth)
+        pictures = [
+            name for name in self._recording.topics_of(*PICTURE_KINDS) if name not in beside and ALIGNED not in name
+        ]
         if topic in pictures:
             return topic
         has = ", ".join(pictures) or "none"
@@ -179,7 +180,7 @@ class RecordingCamera(Camera):
 
     def _info(self) -> Any:
         """The CameraInfo beside the pictures (image_transport's custom), or the only one in the file; else None."""
-        infos = [name for name, found in self._recording.topics.items() if found.kind == INFO_KIND and found.count]
+        infos = self._recording.topics_of(INFO_KIND)
         beside = [name for name in info_topics(self.topic) if name in infos]
         chosen = beside or (infos if len(infos) == 1 else [])
         found = next(self._recording.messages(chosen[0]), None) if chosen else None

@@ -114,7 +114,7 @@ def imu_of(recording: McapReading, tree: TfTree, optical: str, topic: str | None
     None where there is none. optical: the pictures' frame. Raises CameraError, also for a named topic that cannot be
     used.
     """
-    found = [name for name, known in recording.topics.items() if known.kind == IMU_KIND and known.count]
+    found = recording.topics_of(IMU_KIND)
     if topic is not None and topic not in found:
         raise CameraError(f"{recording.path}: no {IMU_KIND} topic {topic} (there are: {', '.join(found) or 'none'})")
     for name in found if topic is None else [topic]:
@@ -161,11 +161,7 @@ def read_wheel(spec: str) -> Trajectory:
     try:
         if not topic and WHEEL_FILE in recording.attachments:
             return read_trajectory_file(recording.attachments[WHEEL_FILE], f"{file}: {WHEEL_FILE}")
-        found = [
-            name
-            for name, known in recording.topics.items()
-            if known.kind == WHEEL_KIND and name not in (TRUTH, ODOMETRY)
-        ]
+        found = [name for name in recording.topics_of(WHEEL_KIND) if name not in (TRUTH, ODOMETRY)]
         if not found or (topic and topic not in found):
             there = ", ".join(found) or "none"
             raise CameraError(f"{file}: no {WHEEL_KIND} topic {topic or 'of wheels'} (there are: {there})")

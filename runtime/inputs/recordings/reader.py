@@ -29,10 +29,9 @@ MESSAGE_BYTES = 256 << 10  # of other kinds, whose many small values take many t
 
 @dataclass(slots=True)
 class Topic:
-    """One topic: ROS 2 type in its short form (`sensor_msgs/Image`), its encoding, messages read or announced."""
+    """One topic: ROS 2 type in its short form (`sensor_msgs/Image`), and messages read or announced."""
 
     kind: str
-    encoding: str
     count: int = 0
 
 
@@ -72,6 +71,10 @@ class McapReading:
         except CameraError:
             self.close()
             raise
+
+    def topics_of(self, *kinds: str) -> list[str]:
+        """The topics of these kinds that have messages, in the file's order."""
+        return [name for name, topic in self.topics.items() if topic.kind in kinds and topic.count]
 
     def messages(self, topic: str) -> Iterator[tuple[int, Callable[[], Any]]]:
         """(log time in ns, decode) for each message of a topic, in order; `decode()` gives its fields as attributes.
@@ -139,19 +142,21 @@ class McapReading:
 
     def _topic(self, channel: Any, schema: Any) -> Topic:
         if channel.topic not in self.topics:
-            self.topics[channel.topic] = Topic(_short(schema.name) if schema else "", channel.message_encoding)
+            self.topics[channel.topic] = Topic(_short(schema.name) if schema else "")
         return self.topics[channel.topic]
 
     def _sequential(self) -> Iterator[tuple[Any, Any, Any]]:
         """Messages in the file's own order; metadata and attachments on the way are kept."""
+        with self.path.open("rb") as stream:  # of its own: pictures and depth are read in turn
+            stream.seek(len(MAGIC))
+            yield from self._messages_of(records(stream, crc32(MAGIC)))
+
+    def _messages_of(self, found: Iterator[Any]) -> Iterator[tuple[Any, Any, Any]]:
         from mcap.records import Chunk, Message
 
         known = Definitions()
-        self._stream.seek(len(MAGIC))
         all_records = (
-            inner
-            for record in records(self._stream, crc32(MAGIC))
-            for inner in (unpacked(record) if isinstance(record, Chunk) else [record])
+            inner for record in found for inner in (unpacked(record) if isinstance(record, Chunk) else [record])
         )
         for record in all_records if self.complete else self._up_to_the_cut(all_records):
             if isinstance(record, Message):

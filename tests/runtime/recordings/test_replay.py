@@ -193,6 +193,20 @@ def test_cut_anywhere_it_gives_the_whole_pictures_or_one_line(whole, tmp_path_fa
     assert read * 9000 > share * len(whole) - 3 * 2**19
 
 
+def test_a_recording_cut_off_gives_every_picture_with_its_depth(tmp_path):
+    """Both are read in turn from a file without an index, of several chunks."""
+    depth = np.random.default_rng(1).integers(0, 60_000, (48, 64)).astype(np.float32) / np.float32(1000)
+    frames = [replace(frame, depth=depth) for frame in noise(150)]
+    path = record(tmp_path / "a.mcap", FACTS, frames, lossless=True)
+    path.write_bytes(path.read_bytes()[:-8])
+    with open_camera(str(path)) as camera:
+        played = [camera.read() for _ in frames]
+        with pytest.raises(CameraError, match="cut off, the 150 complete pictures"):
+            camera.read()
+    assert [frame.stamp_s for frame in played] == [frame.stamp_s for frame in frames]
+    assert all(np.array_equal(frame.depth, depth) for frame in played)
+
+
 def test_a_flipped_bit_is_noticed(whole, tmp_path):
     data = bytearray(whole)
     data[len(data) // 2] ^= 1
