@@ -22,7 +22,7 @@ from edgemap.runtime.motion.attitude.sources import MountAttitude
 from edgemap.runtime.motion.odometry.hybrid import HybridOdometry, Member
 from edgemap.runtime.motion.odometry.protocol import Motion, first_motion
 from edgemap.runtime.motion.odometry.recorded import WHEEL, RecordedOdometry
-from edgemap.runtime.motion.trust import SourceTrust, TrustRule
+from edgemap.runtime.motion.trust import Agreement, TrustRule
 
 WHEELS = Path(DEMO) / "wheel.csv"
 BLANK = np.zeros((4, 4, 3), np.uint8)
@@ -303,7 +303,7 @@ def test_what_a_mirrored_gyro_turns_is_not_what_the_odometry_turns():
 
 def test_a_reference_that_stands_still_says_nothing_of_a_source():
     """A robot at rest: the odometry's turn is exactly 0, and a gyro's offset is no turn against it."""
-    judged = SourceTrust.of("wheels", TrustRule()).yaw.updated(0.05, 0.0, 1e-6)
+    judged = Agreement(TrustRule(), 0.12).updated(0.05, 0.0, 1e-6)
     assert not judged.doubted
     assert not judged.updated(0.05, -0.001, 1e-6).doubted
 

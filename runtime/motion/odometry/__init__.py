@@ -19,7 +19,7 @@ from edgemap.runtime.motion.odometry.depth import DepthOdometry
 from edgemap.runtime.motion.odometry.depth_keyframes import DepthRule
 from edgemap.runtime.motion.odometry.gyro import GyroOdometry
 from edgemap.runtime.motion.odometry.hybrid import CAMERA, GYRO, WHEELS, HybridOdometry, HybridRule, Member
-from edgemap.runtime.motion.odometry.learned import FlowRule, LearnedOdometry
+from edgemap.runtime.motion.odometry.learned import LearnedOdometry
 from edgemap.runtime.motion.odometry.planar import PlanarOdometry
 from edgemap.runtime.motion.odometry.protocol import Motion, Odometry
 from edgemap.runtime.motion.odometry.recorded import WHEEL, DriftRate, RecordedOdometry
@@ -33,14 +33,13 @@ __all__ = ["Motion", "Odometry", "OdometryRules", "at_head_height", "open_odomet
 
 @dataclass(frozen=True, slots=True)
 class OdometryRules:
-    """Tuned parameters of the odometries: planar landmarks, the window of keyframes, keyframes with depth, the flow
-    head's keyframes, wheels, the hybrid of all, and the guess while blind.
+    """Tuned parameters of the odometries: planar landmarks, the window of keyframes, keyframes with depth, wheels, the
+    hybrid of all, and the guess while blind.
     """
 
     planar: PlanarRule = field(default_factory=PlanarRule)
     window: WindowRule = field(default_factory=WindowRule)
     depth: DepthRule = field(default_factory=DepthRule)
-    flow: FlowRule = field(default_factory=FlowRule)
     wheels: DriftRate = WHEEL
     hybrid: HybridRule = field(default_factory=HybridRule)
     coasting: CoastingRule = field(default_factory=CoastingRule)
@@ -76,7 +75,7 @@ def open_odometry(
     if spec == "planar":
         return _tracked(floor, rules, tilt)
     if spec in ("flow", "paper"):
-        return LearnedOdometry(bundle, spec, floor, allow_untrained, coasting, rules.flow)
+        return LearnedOdometry(bundle, spec, floor, allow_untrained, coasting)
     if spec == "truth":
         if camera.truth is None:
             raise OdometryError(f"odometry truth: {camera.name} brings no poses of its own")
@@ -121,13 +120,12 @@ def hybrid_members(
     head, flow = bundle.manifest.odometry.get("flow"), None
     if head is not None and head.trained:
         coasting = rules.coasting.of_unit(floor.mount.platform.unit_m)
-        flow = LearnedOdometry(bundle, "flow", floor, coasting=coasting, rule=rules.flow)
+        flow = LearnedOdometry(bundle, "flow", floor, coasting=coasting)
     warning = flow.warning if flow else ""
     carried = bool(warning) and at_head_height(bundle.manifest, camera, floor)
     members = [Member(_tracked(floor, rules, tilt, carried), CAMERA, scale**2 if warning else scale)]
     if flow is not None and not warning:
-        reach_rad = 2.0 * rules.flow.keyframe_rad
-        members.append(Member(flow, CAMERA, scale**4, reach_rad=reach_rad, auxiliary=True))
+        members.append(Member(flow, CAMERA, scale**4, reach_rad=flow.reach_rad, auxiliary=True))
     if wheels and camera.wheel is not None:
         given = camera.wheel
         track = wheel_trajectory(given) if isinstance(given, Path) else given

@@ -1,7 +1,7 @@
 """Learned odometry: a network run step by step, with its recurrent state as input and output."""
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
@@ -21,19 +21,9 @@ from edgemap.runtime.network.preprocess import cell_grid
 
 SHORTEST_DT_S = 1e-3  # from keyframe to frame; after a gap of LONGEST_DT_S the head starts again
 NOMINAL_DT_S = 0.1  # between the frames of its training; for a first frame
+SEARCH_CELLS = 7  # by which the flow head searches a cell to either side
 MARGIN = 0.05  # share of a span of the envelope, or of its upper end, that a camera may lie outside without a word
 ROUNDING = 0.01  # of the envelope's numbers
-
-
-@dataclass(frozen=True, slots=True)
-class FlowRule:
-    """When the flow head's keyframe is replaced by a newer frame: nearest to the time between the frames that it was
-    trained on, since its errors hardly shrink with the time between pictures, so that at 30 Hz motions from picture to
-    picture drift up to nine times as much as those from every third. keyframe_rad: rotation since; its search reaches
-    twice as far.
-    """
-
-    keyframe_rad: float = 0.1
 
 
 def initial_states(head: OdometryHead) -> Tensors:
@@ -45,7 +35,10 @@ class LearnedOdometry:
     """A head of the bundle: `paper`, or `flow`, which also reads the camera's geometry and the time between frames.
 
     flow measures from a keyframe, whose features its state holds, to each frame; it returns the increments, which
-    compose to the measured motion. Its state advances where the frame becomes the next keyframe. Raises OdometryError
+    compose to the measured motion. Its state advances where the frame becomes the next keyframe: nearest to the time
+    between the frames that it was trained on, since its errors hardly shrink with the time between pictures (at 30 Hz
+    motions from picture to picture drift up to nine times as much as those from every third), or where half of
+    `reach_rad` is reached. Raises OdometryError
     where the bundle has none, or an untrained one and not `allow_untrained`.
     """
 
@@ -58,9 +51,8 @@ class LearnedOdometry:
         camera: FloorCamera,
         allow_untrained: bool = False,
         coasting: CoastingRule | None = None,
-        rule: FlowRule | None = None,
     ) -> None:
-        self.name, self._coasting_rule, self._rule = kind, coasting, rule or FlowRule()
+        self.name, self._coasting_rule = kind, coasting
         self._head, self._network = bundle.odometry_head(kind)
         if not self._head.trained and not allow_untrained:
             raise OdometryError(
@@ -71,6 +63,7 @@ class LearnedOdometry:
         self._covariance = np.diag(np.square(sigmas))
         self._geometry: Tensors = {}
         self._camera, self._input, self._mount = camera, bundle.manifest.detector.input, camera.mount
+        self._reach_rad = math.inf
         self._warning = ""  # how the camera lies outside what the head was trained on
         if self._head.geometry is not None:
             self._set_mount(camera.mount)
@@ -82,6 +75,12 @@ class LearnedOdometry:
         """How the camera lies outside the head's training envelope; empty where it does not."""
         return self._warning
 
+    @property
+    def reach_rad(self) -> float:
+        """Largest rotation since a keyframe that the head can measure, as far as it searches to either side; infinite
+        for `paper`."""
+        return self._reach_rad
+
     def _set_mount(self, mount: Mount) -> None:
         """Compute the cells' geometry for a mount with these angles."""
         spec, lens = self._head.geometry, self._camera.intrinsics
@@ -90,6 +89,7 @@ class LearnedOdometry:
         grid = cell_grid(self._input, lens.width, lens.height, spec.stride)
         cells, pose = flow_cells(replace(self._camera, mount=mount), grid)
         self._geometry, self._mount = {spec.cells: cells, spec.mount: pose}, mount
+        self._reach_rad = math.atan(SEARCH_CELLS * spec.stride / (grid.scale[0] * lens.fx))
 
     def step(self, frame: Frame, features: Tensors, prior: FramePrior = NO_PRIOR) -> Motion:
         """Feed this frame's features; the first ones after a reset give identity."""
@@ -107,7 +107,7 @@ class LearnedOdometry:
         motion, covariance = self._feed(features, NOMINAL_DT_S if fresh else dt_s)
         since, blind = self._since, self._blind_covariance
         self._since, self._blind_covariance = motion, np.zeros((3, 3))
-        old = dt_s + step_s / 2.0 >= NOMINAL_DT_S or abs(motion.yaw_rad) >= self._rule.keyframe_rad
+        old = dt_s + step_s / 2.0 >= NOMINAL_DT_S or abs(motion.yaw_rad) >= self._reach_rad / 2.0
         if fresh or old or not self._geometry:
             self._next_keyframe(frame.stamp_s)
         if fresh and math.isfinite(step_s):

@@ -84,8 +84,8 @@ class RecordedOdometry:
 
     def still(self, stamp_s: float, attitude: Attitude | None) -> bool | None:  # noqa: ARG002
         """Whether the recorded motion since the last step is zero."""
-        pose, lost = self._pose(stamp_s)
-        if self._last is None or pose is None or lost or self._hole(stamp_s):
+        pose, fault = self._pose(stamp_s)
+        if self._last is None or pose is None or fault or self._broken(stamp_s):
             return None
         motion = self._last.inverse() @ pose
         return math.hypot(motion.x_m, motion.y_m) < STILL_M and abs(motion.yaw_rad) < STILL_RAD
@@ -98,16 +98,16 @@ class RecordedOdometry:
     def reset(self, reason: str) -> None:  # noqa: ARG002
         """Start again at the next frame."""
         self._last: SE2 | None = None
-        self._last_s, self._started, self._lost = -math.inf, False, ""
+        self._last_s = -math.inf
 
     def _to(self, stamp_s: float) -> Motion:
-        pose, self._lost = self._pose(stamp_s)
-        lost = self._lost or self._hole(stamp_s) or self._jump(stamp_s)
-        last, self._last, started = self._last, pose, self._started
-        self._last_s, self._started = stamp_s, True
-        if lost:
-            return blind_motion(f"odometry {self.name}: {lost}")
-        if not started:
+        pose, fault = self._pose(stamp_s)
+        fault = fault or self._broken(stamp_s)
+        last, self._last, first = self._last, pose, not math.isfinite(self._last_s)
+        self._last_s = stamp_s
+        if fault:
+            return blind_motion(f"odometry {self.name}: {fault}")
+        if first:
             return first_motion()
         if last is None or pose is None:
             return blind_motion(f"odometry {self.name}: known again from {stamp_s:.3f} s on")
@@ -124,29 +124,18 @@ class RecordedOdometry:
             return None, f"pose at {stamp_s:.3f} s is not finite"
         return pose, ""
 
-    def _jump(self, stamp_s: float) -> str:
-        """Why the samples of a step to a stamp are no motion; empty where they are."""
+    def _broken(self, stamp_s: float) -> str:
+        """Why the samples of a step to a stamp are no motion, a hole or a jump; empty where they are."""
         stamps, poses = self._trajectory.stamps_s, self._trajectory.poses
-        if not self._started or not self._drift.roughness_m:
+        if not math.isfinite(self._last_s):
             return ""
         first = max(int(np.searchsorted(stamps, self._last_s, side="right")) - 1, 0)
         last = min(int(np.searchsorted(stamps, stamp_s)), len(stamps) - 1)
         for at in range(first, last):
             span_s, moved = float(stamps[at + 1] - stamps[at]), poses[at].inverse() @ poses[at + 1]
-            if self._drift.rolled_m(moved) > FASTEST_M_S * span_s:
+            if span_s > self._longest_gap_s:
+                return f"no sample from {stamps[at]:.3f} to {stamps[at + 1]:.3f} s"
+            if self._drift.roughness_m and self._drift.rolled_m(moved) > FASTEST_M_S * span_s:
                 far_m = math.hypot(moved.x_m, moved.y_m)
                 return f"jumps by {far_m:.2f} m and {moved.yaw_rad:.2f} rad in {span_s:.3f} s: left out"
         return ""
-
-    def _hole(self, stamp_s: float) -> str:
-        """Why a step to a stamp is not covered by samples; empty where it is."""
-        stamps = self._trajectory.stamps_s
-        first = max(int(np.searchsorted(stamps, max(self._last_s, stamps[0]), side="right")) - 1, 0)
-        last = min(int(np.searchsorted(stamps, stamp_s)), len(stamps) - 1)
-        if last <= first:
-            return ""
-        longest = first + int(np.diff(stamps[first : last + 1]).argmax())
-        gap_s = float(stamps[longest + 1] - stamps[longest])
-        if gap_s <= self._longest_gap_s:
-            return ""
-        return f"no sample from {stamps[longest]:.3f} to {stamps[longest + 1]:.3f} s"

@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 
 from edgemap.geometry.odometry.covariance_intersection import MotionEstimate, difference
-from edgemap.runtime.motion.trust import Innovation, SourceTrust, Trust, TrustRule
+from edgemap.runtime.motion.trust import Agreement, Innovation, Trust, TrustRule
 
 WHEELS = "wheels"  # the source
 UNPROVEN = np.array([100.0, 100.0, 10.0])  # variances added to quantities that a source has not confirmed yet
@@ -16,7 +16,9 @@ class WheelTrust:
     """Judges wheels by yaw and length, and by how far they and the camera differ beyond what both state."""
 
     def __init__(self, rule: TrustRule) -> None:
-        self._trust, self._innovation = SourceTrust.of(WHEELS, rule), Innovation()
+        state = Trust.UNPROVEN if rule.windows else Trust.TRUSTED
+        self._yaw, self._length = (Agreement(rule, least, state) for least in rule.least)
+        self._innovation, self._excluded = Innovation(), False
 
     @property
     def scale(self) -> float:
@@ -24,32 +26,42 @@ class WheelTrust:
         return self._innovation.scale
 
     def judge(self, wheels: MotionEstimate | None, camera: MotionEstimate | None, dt_s: float) -> str:
-        """Compare one step; a fault in the step in which the trust in the wheels changes."""
-        trust = self._trust
+        """Compare one step; a fault in the step from which on the wheels are excluded, or used again."""
         if wheels is None or camera is None:
-            self._trust = trust.restarted()
+            self._yaw, self._length = self._yaw.restarted(), self._length.restarted()
             return ""
         (x_m, _, yaw_rad), (camera_m, _, camera_rad) = wheels.motion.tolist(), camera.motion.tolist()
         together = np.asarray(camera.covariance + wheels.covariance)
-        yaw = trust.yaw.updated(yaw_rad, camera_rad, float(together[2, 2]))
-        length = trust.length.updated(x_m, camera_m, float(together[0, 0]))
-        self._trust, fault = replace(trust, yaw=yaw, length=length).news()
-        if self._trust.distrusted:
+        self._yaw = self._yaw.updated(yaw_rad, camera_rad, float(together[2, 2]))
+        self._length = self._length.updated(x_m, camera_m, float(together[0, 0]))
+        wrong = [(name, part) for name, part in self._parts if part.state is Trust.DISTRUSTED]
+        news, self._excluded = bool(wrong) != self._excluded, bool(wrong)
+        if wrong:
             self._innovation = Innovation()  # the difference from a faulty source is no error of the others
         else:
             self._innovation = self._innovation.updated(difference(camera, wheels), together, dt_s)
-        return fault
+        if not news:
+            return ""
+        if not wrong:
+            return f"{WHEELS}: agrees with the camera again: used again"
+        name, part = wrong[0]
+        return f"{WHEELS}: its {name} is {100.0 * part.ratio:.0f} % of what the camera measures: left out"
 
     def trusted(self, estimates: Sequence[MotionEstimate], camera: bool) -> list[MotionEstimate]:
         """The estimates without distrusted wheels. Beside the camera, quantities of the wheels that have not been
         confirmed yet have no weight."""
-        trust = self._trust
-        if trust.distrusted:
+        if self._excluded:
             return [item for item in estimates if item.source != WHEELS]
-        proved = [part.state is Trust.TRUSTED and not trust.doubted for part in (trust.length, trust.yaw)]
-        if not camera or all(proved):
+        doubted = self._yaw.doubted or self._length.doubted
+        yaw, length = (part.state is Trust.TRUSTED and not doubted for _, part in self._parts)
+        if not camera or (yaw and length):
             return list(estimates)
-        loose = np.diag(np.where([proved[0], proved[0], proved[1]], 0.0, UNPROVEN))
+        loose = np.diag(np.where([length, length, yaw], 0.0, UNPROVEN))
         return [
             replace(item, covariance=item.covariance + loose) if item.source == WHEELS else item for item in estimates
         ]
+
+    @property
+    def _parts(self) -> tuple[tuple[str, Agreement], tuple[str, Agreement]]:
+        """What is compared, by name."""
+        return ("yaw", self._yaw), ("length", self._length)
