@@ -71,13 +71,13 @@ def command(
     path = _target(map, format, out)
     written = [path]
     if format == "nav2":
-        from edgemap.runtime.outputs.mapfiles.grid import CellsRule, grid_of, seen_cells
+        from edgemap.runtime.outputs.mapfiles.grid import CellsRule, grid_of, observed_cells
         from edgemap.runtime.outputs.mapfiles.nav2 import write_nav2
 
         if floor is None:
             grid = grid_of(found, trajectory, CellsRule(resolution, robot_width))
         else:
-            grid = seen_cells(floor, found if objects else ())
+            grid = observed_cells(floor, found if objects else ())
         written = list(write_nav2(path, grid))
     elif format == "nav2-masks":
         from edgemap.runtime.outputs.mapfiles.nav2 import write_masks

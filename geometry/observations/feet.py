@@ -33,8 +33,8 @@ class BoxOnFloor:
     to the other. width_m, height_m: apparent, there (the paper's eq. 4). extent_m: the longer side of its class's usual
     footprint. cut: by the picture's left or right border; low: by its lower one. cover: share of the lower edge that
     nearer boxes cover. nearest_m: the nearest range at which its foot may be: `reach_m` where floor begins below the
-    edge, less where something stands before it or the picture ends. seen_m, seen_sigma_m: range of what the box shows
-    by depth; NaN where there is none.
+    edge, less where something stands before it or the picture ends. measured_m, measured_sigma_m: range of what the box
+    shows by depth; NaN where there is none.
     """
 
     shape: Shape
@@ -50,8 +50,8 @@ class BoxOnFloor:
     low: bool
     cover: float
     nearest_m: float
-    seen_m: float
-    seen_sigma_m: float
+    measured_m: float
+    measured_sigma_m: float
 
     @property
     def is_out_of_sight(self) -> bool:
@@ -66,7 +66,7 @@ class BoxOnFloor:
     @property
     def has_depth(self) -> bool:
         """Whether depth shows the object."""
-        return bool(np.isfinite(self.seen_m))
+        return bool(np.isfinite(self.measured_m))
 
     def foot(self) -> Foot:
         """The foot by all models that apply."""
@@ -102,8 +102,8 @@ def by_usual_width(box: BoxOnFloor, foot: Foot) -> Foot:
 def by_depth(box: BoxOnFloor, foot: Foot) -> Foot:
     """Depth shows a surface some way behind the foot."""
     behind_m = box.shape.reach_m(box.width_m) * SURFACE_SHARE
-    error_m = box.seen_m - behind_m - float(box.direction @ (foot.position_m - box.lens_m))
-    sigma_m = math.hypot(box.seen_sigma_m, SURFACE_SIGMA * box.shape.reach_m(box.width_m))
+    error_m = box.measured_m - behind_m - float(box.direction @ (foot.position_m - box.lens_m))
+    sigma_m = math.hypot(box.measured_sigma_m, SURFACE_SIGMA * box.shape.reach_m(box.width_m))
     return _ranged(foot, box.direction, error_m, sigma_m)
 
 

@@ -55,7 +55,7 @@ class LandmarkRule:
 @dataclass(slots=True, eq=False)
 class Landmark:
     """One object in one visit. keyframes (N,): rows of the trajectory that observed it; rows (N, COLUMNS): sums of the
-    sightings of each. seen_at_m: the odometer at the last sighting. sums: evidence. beside: landmarks of its label
+    sightings of each. observed_at_m: the odometer at the last sighting. sums: evidence. beside: landmarks of its label
     observed in the same frame, which are therefore other objects. saved: the object of an earlier map, which has no
     observations here. updated: number of the last frame. gone: marked for removal.
 
@@ -66,7 +66,7 @@ class Landmark:
     number: int
     label: str
     extent_m: float
-    seen_at_m: float
+    observed_at_m: float
     saved: MapObject | None = None
     keyframes: list[int] = field(default_factory=list)
     rows: Array = field(default_factory=lambda: np.zeros((0, COLUMNS)))
@@ -115,7 +115,8 @@ class Landmark:
         self.sums.join(other.sums)
         self.sums.weight = weight
         self.beside |= other.beside
-        self.seen_at_m, self.updated = max(self.seen_at_m, other.seen_at_m), max(self.updated, other.updated)
+        self.observed_at_m = max(self.observed_at_m, other.observed_at_m)
+        self.updated = max(self.updated, other.updated)
 
     def scale(self, factor: float) -> None:
         """All lengths times `factor`, in the frames of the keyframes."""
@@ -249,7 +250,7 @@ class LandmarkSet:
         self._in_view = [
             landmark
             for landmark in self._in_view
-            if self.slip * (odometer_m - landmark.seen_at_m) <= self.rule.view_m and not landmark.gone
+            if self.slip * (odometer_m - landmark.observed_at_m) <= self.rule.view_m and not landmark.gone
         ]
         return self._in_view
 
@@ -282,7 +283,7 @@ class LandmarkSet:
         ]
         for landmark, placed in zip(landmarks, sightings, strict=True):
             landmark.sums.add(placed)
-            landmark.seen_at_m = odometer_m
+            landmark.observed_at_m = odometer_m
         return landmarks
 
     def _matched(
@@ -303,7 +304,7 @@ class LandmarkSet:
         x_m, y_m = (placed.position_map_m - landmark.position_m).tolist()
         if x_m * x_m + y_m * y_m > self.rule.reach_m**2:
             return IMPOSSIBLE
-        added = self.rule.side_m2(landmark.extent_m) + (self.slip * (odometer_m - landmark.seen_at_m)) ** 2
+        added = self.rule.side_m2(landmark.extent_m) + (self.slip * (odometer_m - landmark.observed_at_m)) ** 2
         (a, b), (_, d) = placed.covariance_m2.tolist()
         a, d = a + added, d + added
         distance2 = (d * x_m * x_m - 2.0 * b * x_m * y_m + a * y_m * y_m) / (a * d - b * b)

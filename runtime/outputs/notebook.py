@@ -59,6 +59,6 @@ def map_svg(
 
     # Without its rules for narrow screens, where numbers stand for names: there is no legend here.
     style = (Path(__file__).parent / "report" / "report.css").read_text().partition("@media screen and (max-width")[0]
-    head, _, rest = floor_svg(objects, poses, zones=zones, seen=grid).partition(">")
+    head, _, rest = floor_svg(objects, poses, zones=zones, grid=grid).partition(">")
     head = head.replace("<svg", '<svg xmlns="http://www.w3.org/2000/svg"', 1)
     return f"{head}><style>{style}</style>{rest}"

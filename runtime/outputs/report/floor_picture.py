@@ -31,7 +31,7 @@ class Sheet:
         return np.stack([self.left_y_m - points[..., 1], self.top_x_m - points[..., 0]], axis=-1) * self.px_per_m
 
 
-def seen_floor(sheet: Sheet, grid: OccupancyGrid) -> Markup:
+def observed_floor(sheet: Sheet, grid: OccupancyGrid) -> Markup:
     """Draws the grid's free floor, obstacles and walls as SVG elements; unknown cells stay white."""
     rows, columns = grid.cells.shape
     picture = np.zeros((columns, rows, 4), np.uint8)

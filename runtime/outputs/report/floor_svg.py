@@ -11,7 +11,7 @@ from edgemap.geometry.objects.edits import Zone
 from edgemap.geometry.objects.evaluation_row import EvaluationRow
 from edgemap.geometry.se2 import SE2
 from edgemap.runtime.frames.colours import label_colour
-from edgemap.runtime.outputs.report.floor_picture import Sheet, seen_floor
+from edgemap.runtime.outputs.report.floor_picture import Sheet, observed_floor
 from edgemap.runtime.outputs.report.labels import place_labels
 from edgemap.runtime.outputs.report.markup import Markup, el, joined, polyline
 from edgemap.runtime.outputs.report.tables import mark_shape
@@ -28,12 +28,12 @@ def floor_svg(
     true_trajectory: Sequence[SE2] = (),
     evaluation_rows: Sequence[EvaluationRow] = (),
     zones: Sequence[Zone] = (),
-    seen: OccupancyGrid | None = None,
+    grid: OccupancyGrid | None = None,
 ) -> Markup:
     """Draws the map from above as SVG: objects with size, 95 % ellipse and name, the trajectory with start and end,
     true objects, zones, grid lines and scale, with the observed floor as background.
     """
-    sheet = _sheet(objects, trajectory, true_trajectory, evaluation_rows, zones, seen)
+    sheet = _sheet(objects, trajectory, true_trajectory, evaluation_rows, zones, grid)
     marks = [_object(sheet, item) for item in sorted(objects, key=radius_m, reverse=True)]  # small ones on top
     spots = [sheet.at(item.position_m) for item in objects]
     marked = [(item.name or item.id, float(spot[0]), float(spot[1])) for item, spot in zip(objects, spots, strict=True)]
@@ -41,7 +41,7 @@ def floor_svg(
     texts = [_name(item, spot) for item, spot in zip(objects, names, strict=True)]
     return el(
         "svg",
-        seen_floor(sheet, seen) if seen is not None else None,
+        observed_floor(sheet, grid) if grid is not None else None,
         _grid(sheet),
         [_zone(sheet, zone) for zone in zones],
         [_truth(sheet, evaluation_row, objects) for evaluation_row in evaluation_rows],
@@ -65,12 +65,12 @@ def _sheet(
     true_trajectory: Sequence[SE2],
     evaluation_rows: Sequence[EvaluationRow],
     zones: Sequence[Zone],
-    seen: OccupancyGrid | None,
+    grid: OccupancyGrid | None,
 ) -> Sheet:
     points = [np.zeros((1, 2)), *(np.array(zone.corners_m) for zone in zones)]
     points += [np.array([[pose.x_m, pose.y_m] for pose in poses]) for poses in (trajectory, true_trajectory) if poses]
-    if seen is not None and (seen.cells != UNKNOWN).any():
-        points.append(seen.centres_m(seen.cells != UNKNOWN))
+    if grid is not None and (grid.cells != UNKNOWN).any():
+        points.append(grid.centres_m(grid.cells != UNKNOWN))
     for item in objects:
         reach = max(radius_m(item), min(ellipse_95(item.covariance_m2)[0], LONGEST_AXIS_M))
         points.append(item.position_m + reach * np.array([[1, 1], [-1, -1]]))
