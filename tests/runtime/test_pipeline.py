@@ -16,10 +16,12 @@ from edgemap.geometry.se2 import SE2
 from edgemap.runtime.frames.errors import CameraError, RunFolderError
 from edgemap.runtime.frames.frame import Frame
 from edgemap.runtime.frames.trajectory import Trajectory, read_tum
+from edgemap.runtime.motion.height_check import HeightCheck
 from edgemap.runtime.motion.odometry.protocol import NO_PRIOR
 from edgemap.runtime.motion.odometry.recorded import RecordedOdometry
 from edgemap.runtime.network.bundle import load_bundle
 from edgemap.runtime.outputs.sinks.run_folder import RunFolder
+from edgemap.runtime.step import pipeline as pipelines
 from edgemap.runtime.step.loop import run
 from edgemap.runtime.step.loop_closing import LoopCloser
 from edgemap.runtime.step.map_file import load_map
@@ -60,6 +62,23 @@ def test_odometry_is_told_where_people_are(bundle):
     odometry = Told(Trajectory(np.arange(3) / 10, (SE2(),) * 3), "test")
     Pipeline(bundle, FLOOR, odometry).step(Frame(0, 0.0, noise(0)))
     np.testing.assert_allclose(odometry.movers, [[6.0, 30.0, 14.0, 50.0]], atol=0.5)
+
+
+def test_the_height_is_judged_with_the_knowledge_of_depth(bundle, monkeypatch):
+    """Depth measures lengths: the scale of a guessed height stays."""
+    seen = []
+
+    class Judge(HeightCheck):
+        def judge(self, *arguments):
+            seen.append(arguments[-1])
+            return super().judge(*arguments)
+
+    monkeypatch.setattr(pipelines, "HeightCheck", Judge)
+    still = RecordedOdometry(Trajectory(np.arange(3) / 10, (SE2(),) * 3), "test")
+    front = Pipeline(bundle, FLOOR, still, guessed_height=0.1)
+    for index, depth in enumerate((None, np.ones((64, 64), np.float32))):
+        front.step(Frame(index, index / 10, noise(index), depth=depth))
+    assert seen == [False, True]
 
 
 @pytest.mark.parametrize("kind", [FloorMap, PaperMap])

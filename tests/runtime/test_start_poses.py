@@ -52,6 +52,17 @@ def test_a_robot_that_was_carried_off_is_not_where_it_was_left():
     assert np.hypot(at.x_m - truth.x_m, at.y_m - truth.y_m) < 0.3
 
 
+@pytest.mark.parametrize("at_last", [False, True])
+def test_a_map_is_continued_at_its_last_pose_or_its_dock_whichever_is_right(at_last):
+    saved, start, there = saved_map(), round_trip(80)[0], round_trip(80, start_rad=2.0)[0]
+    guess = start.inverse() @ there
+    docked, found = Mapper(), Mapper()
+    dock, last = (SE2(30.0, 0.0, 0.0), guess) if at_last else (guess, None)
+    docked.continue_map(saved, Annotations(dock=dock), None, last)
+    found.relocalise_in(saved, guesses=[guess])
+    assert first_found(driven(docked, 2.0)) == first_found(driven(found, 2.0))
+
+
 @pytest.mark.parametrize("seed", range(5))
 def test_chance_proves_no_guess(seed):
     """Rooms with nothing in common but their classes."""
