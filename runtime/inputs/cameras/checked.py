@@ -51,7 +51,7 @@ class CheckedCamera(Camera):
         self._ahead: Frame | None = None
         self._new: list[CameraFault] = []
         self._check = PictureCheck(self.name, self.size, self._new.append)
-        self._failures, self._last_s, self._offset_s = 0, -math.inf, 0.0
+        self._failures, self._offset_s = 0, 0.0
 
     @property
     def state(self) -> CameraState:

@@ -63,6 +63,17 @@ def as_picture(given: Any, name: str) -> Picture:
     return given
 
 
+def as_stamp(given: Any, last_s: float, name: str) -> float:
+    """A stamp in seconds after the last one. Raises CameraError."""
+    try:
+        stamp_s = float(given)
+    except (TypeError, ValueError):
+        stamp_s = math.nan
+    if not math.isfinite(stamp_s) or stamp_s <= last_s:
+        raise CameraError(f"{name}={given!r}: expected seconds after the picture before, {last_s}")
+    return stamp_s
+
+
 class FramesCamera(Camera):
     """The pictures of an iterable, in order: BGR arrays, or (stamp_s, BGR array) pairs.
 
@@ -76,11 +87,11 @@ class FramesCamera(Camera):
         mount: MountLike | None = None,
     ) -> None:
         pictures: Iterator[Any] = iter(frames)
-        first = next(pictures, None)
-        if first is None:
-            raise CameraError("frames= has no picture")
-        image = self._parts(first, 0)[1]
-        height, width = image.shape[:2]
+        try:
+            first = next(pictures)
+        except StopIteration:
+            raise CameraError("frames= has no picture") from None
+        height, width = _timed(first, 0)[1].shape[:2]
         lens = None if intrinsics is None else as_intrinsics(intrinsics, width, height)
         super().__init__("frames", lens, None if mount is None else as_mount(mount))
         self.size = (width, height)
@@ -90,21 +101,22 @@ class FramesCamera(Camera):
 
     def read(self) -> Frame | None:
         """The next picture; None after the last. Raises CameraError for an invalid picture."""
-        given = next(self._pictures, None)
-        if given is None:
-            return None
-        stamp_s, image = self._parts(given, self._delivered)
-        return self.frame(image, stamp_s, f"frames[{self._delivered}]")
+        for given in self._pictures:
+            stamp_s, image = _timed(given, self._delivered)
+            stamp_s = as_stamp(stamp_s, self._last_s, f"frames[{self._delivered}][0]")
+            return self.frame(image, stamp_s, f"frames[{self._delivered}]")
+        return None
 
     def close(self) -> None:
         """Deliver nothing more."""
         self._pictures = iter(())
 
-    @staticmethod
-    def _parts(given: Any, number: int) -> tuple[float, Picture]:
-        if isinstance(given, tuple) and len(given) == 2:
-            return float(given[0]), as_picture(given[1], f"frames[{number}][1]")
-        return number / DEFAULT_RATE_HZ, as_picture(given, f"frames[{number}]")
+
+def _timed(given: Any, number: int) -> tuple[Any, Picture]:
+    """The stamp, unchecked, and the picture of an item. Raises CameraError."""
+    if isinstance(given, tuple) and len(given) == 2:
+        return given[0], as_picture(given[1], f"frames[{number}][1]")
+    return number / DEFAULT_RATE_HZ, as_picture(given, f"frames[{number}]")
 
 
 class PushedCamera(Camera):
@@ -118,14 +130,13 @@ class PushedCamera(Camera):
         self._given = intrinsics
         self._pending: Frame | None = None
         self._track: GrowingTrack | None = None
-        self._last_s = -math.inf
 
     def give(self, image: Any, stamp_s: float, imu: Any = None, wheels: Any = None) -> None:
         """Sets the picture that `read` returns next; see `Session.push`. Raises CameraError for an invalid one."""
         picture = as_picture(image, "image")
         height, width = picture.shape[:2]
-        if not math.isfinite(stamp_s) or stamp_s <= self._last_s:
-            raise CameraError(f"stamp_s={stamp_s}: expected seconds after the picture before, {self._last_s}")
+        stamp_s = as_stamp(stamp_s, self._last_s, "stamp_s")
+        samples, pose = _samples(imu), None if wheels is None else _pose(wheels)
         if self.size == (0, 0):
             self.intrinsics: Intrinsics | None = as_intrinsics(self._given, width, height)
             self.size = (width, height)
@@ -134,13 +145,12 @@ class PushedCamera(Camera):
                 self.wheel: Path | PoseTrack | None = self._track
         elif (width, height) != self.size:
             raise CameraError(f"image is {width}x{height}, the pictures before were {self.size[0]}x{self.size[1]}")
-        samples, pose = _samples(imu), None if wheels is None else _pose(wheels)
         if pose is not None:
             if self._track is None:
                 raise CameraError("wheels= was not given with the first picture: give it with every one, or with none")
-            self._track.push(float(stamp_s), pose)
+            self._track.push(stamp_s, pose)
         self.imu: ImuSamples | None = samples
-        self._pending, self._last_s = self.frame(picture, float(stamp_s), "pushed picture"), float(stamp_s)
+        self._pending = self.frame(picture, stamp_s, "pushed picture")
 
     def read(self) -> Frame | None:
         """The pushed picture; None where there is none."""

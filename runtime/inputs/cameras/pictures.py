@@ -80,7 +80,6 @@ class VideoCamera(FileCamera):
         announced = int(self._capture.get(cv2.CAP_PROP_FRAME_COUNT))
         self._announced = announced if 0 < announced < 1 << 31 else None
         self.frame_count = len(stamps_s) if stamps_s is not None else self._announced
-        self._last_s = -math.inf
         self._ahead = self._decode()  # what the header says of the size may be turned by the rotation tag
         if self._ahead is None:
             self.close()
@@ -99,9 +98,8 @@ class VideoCamera(FileCamera):
         if self._stamps_s is not None and self._delivered >= len(self._stamps_s):
             raise CameraError(f"{self._path}: more frames than the {len(self._stamps_s)} poses beside it")
         image, file_stamp_s = decoded
-        self._last_s = self._stamp(file_stamp_s)
         depth = self.depth_of(self._delivered)
-        return self.frame(image, self._last_s, f"{self._path}#{self._delivered}", depth)
+        return self.frame(image, self._stamp(file_stamp_s), f"{self._path}#{self._delivered}", depth)
 
     def close(self) -> None:
         """Close the file."""
@@ -126,7 +124,7 @@ class VideoCamera(FileCamera):
             return float(self._stamps_s[self._delivered])
         if math.isfinite(file_stamp_s) and file_stamp_s > self._last_s:
             return file_stamp_s
-        return self._last_s + 1.0 / (self.rate_hz or FALLBACK_RATE_HZ)
+        return self._last_s + 1.0 / (self.rate_hz or FALLBACK_RATE_HZ) if self._delivered else 0.0
 
     def _check_end(self) -> None:
         if self._stamps_s is not None and self._delivered < len(self._stamps_s):

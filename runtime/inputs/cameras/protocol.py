@@ -51,7 +51,7 @@ class Camera:
     def __init__(self, name: str, intrinsics: Intrinsics | None = None, mount: Mount | None = None) -> None:
         self.name, self.intrinsics, self.mount = printable(name), intrinsics, mount
         self.imu: ImuSamples | None = None
-        self._delivered, self._sampled_s = 0, -math.inf
+        self._delivered, self._last_s = 0, -math.inf  # frames so far, and the stamp of the last
 
     @property
     def state(self) -> CameraState:
@@ -84,11 +84,11 @@ class Camera:
         lens = self.intrinsics
         if lens is not None and (width, height) != (lens.width, lens.height):
             raise CameraError(f"{name}: picture is {width}x{height}, the intrinsics are for {lens.width}x{lens.height}")
-        samples = ImuSamples.none() if self.imu is None else self.imu.between(self._sampled_s, stamp_s)
+        samples = ImuSamples.none() if self.imu is None else self.imu.between(self._last_s, stamp_s)
         if depth is not None and depth.shape != (height, width):
             depth = None
         frame = Frame(self._delivered, stamp_s, image, name, samples, depth)
-        self._delivered, self._sampled_s = self._delivered + 1, stamp_s
+        self._delivered, self._last_s = self._delivered + 1, stamp_s
         return frame
 
     def __enter__(self) -> Self:

@@ -3,8 +3,6 @@
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
 from edgemap.geometry.camera.intrinsics import Intrinsics
 from edgemap.geometry.camera.mount import Mount
 from edgemap.geometry.errors import EdgemapError
@@ -45,7 +43,7 @@ class RealSenseRecording(Camera):
             raise CameraError(f"{path}: no such file")
         self._rs = rs = import_realsense()
         self._path = path
-        self._last_s, self._depth = -np.inf, None
+        self._depth = None
         self._pipeline = rs.pipeline()
         self._running = False
         config = rs.config()
@@ -107,7 +105,6 @@ class RealSenseRecording(Camera):
             raise CameraFault(
                 FaultKind.CLOCK, f"{self._path}: a frame at {stamp_s:.4f} s does not come after {self._last_s:.4f} s"
             )
-        self._last_s = stamp_s
         image = to_bgr(self._rs, colour, str(self._path))
         depth = None if self._depth is None else self._depth.at(stamp_s)
         return self.frame(image, stamp_s, f"{self._path}#{self._delivered}", depth)

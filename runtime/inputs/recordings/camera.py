@@ -54,7 +54,7 @@ class RecordingCamera(Camera):
             raise CameraError(f"{path}: no such file")
         self._path, self._open = path, True
         self._recording = recording = McapReading(path)
-        self._last_ns = self._last_s = -math.inf
+        self._last_ns: float = -math.inf
         self._exact, self._unsearched = dict[int, float](), frozenset[int]()
         try:
             wanted = topics.depth if topics else None
@@ -92,7 +92,7 @@ class RecordingCamera(Camera):
         stamp_s = self._exact.get(stamp_ns, to_s(stamp_ns))
         if stamp_ns <= self._last_ns or stamp_s < self._last_s:  # a float may be the same for two nanoseconds
             raise CameraFault(FaultKind.CLOCK, f"{name}: at {stamp_s:.6f} s, not after {self._last_s:.6f} s, skipped")
-        self._last_ns, self._last_s = stamp_ns, stamp_s
+        self._last_ns = stamp_ns
         depth = None if self._depth is None else self._depth.at(stamp_ns)
         return replace(self.frame(image, stamp_s, name, depth), search=stamp_ns not in self._unsearched)
 

@@ -3,6 +3,7 @@
 # pyright: reportOptionalMemberAccess=false
 
 import math
+import re
 import subprocess
 import sys
 from pathlib import Path
@@ -18,6 +19,7 @@ from edgemap.geometry.camera.mount import Mount
 from edgemap.geometry.se2 import SE2
 from edgemap.runtime.frames.errors import CameraError, FrameTimeout
 from edgemap.runtime.frames.trajectory import Trajectory
+from edgemap.runtime.inputs.cameras.given import FramesCamera, PushedCamera
 from edgemap.runtime.inputs.cameras.protocol import Camera, next_frame
 from edgemap.runtime.inputs.cameras.wrappers import PacedCamera
 from edgemap.runtime.inputs.drives import write_drive
@@ -247,3 +249,32 @@ def test_reading_goes_on_past_a_damaged_picture_and_one_of_another_size(tmp_path
             frames.append(frame)
     assert [fault.kind.value for fault in faults] == ["damaged", "damaged", "size"]
     assert [(frame.index, frame.stamp_s) for frame in frames] == [(0, 0.3)]  # stamps stay where the files are
+
+
+GREY = np.full((48, 64, 3), 128, np.uint8)
+
+
+@pytest.mark.parametrize(
+    ("item", "text"),
+    [
+        ((1.0, GREY), "frames[1][0]=1.0: expected seconds after the picture before, 1.0"),
+        ((math.nan, GREY), "frames[1][0]=nan: expected seconds"),
+        (("soon", GREY), "frames[1][0]='soon': expected seconds"),
+        (None, "frames[1] is NoneType, expected a BGR picture"),
+        ((1.1, None), "frames[1][1] is NoneType, expected a BGR picture"),
+    ],
+)
+def test_an_item_of_a_programs_frames_that_cannot_be_is_named(item, text):
+    camera = FramesCamera([(1.0, GREY), item])
+    assert camera.read().stamp_s == 1.0
+    with pytest.raises(CameraError, match=re.escape(text)):
+        camera.read()
+
+
+def test_a_first_pushed_picture_that_is_refused_leaves_nothing_behind():
+    camera = PushedCamera(LENS, MOUNT)
+    with pytest.raises(CameraError, match="expected three numbers"):
+        camera.give(GREY, 0.0, wheels=(1.0, 2.0))
+    assert (camera.size, camera.wheel) == ((0, 0), None)
+    camera.give(GREY, 0.0)
+    assert camera.read().stamp_s == 0.0
