@@ -47,7 +47,6 @@ class RenderTarget:
         self._programs: dict[SurfaceKind, Any] = {}
         self._textures: dict[int, tuple[NDArray[np.uint8], Any]] = {}
         self.silhouette = self.context.program(*shader("silhouette"))
-        self.walls = self.context.program(*shader("walls"))
         self._shadow = self.context.program(*shader("shadow"))
         square = np.array([[-1, -1], [1, -1], [-1, 1], [1, 1]], dtype="f4")
         self._square = self.context.vertex_array(
@@ -83,7 +82,7 @@ class RenderTarget:
 
     def target(self, size: tuple[int, int], components: int = 4, depth: bool = True) -> Any:
         """A framebuffer (width, height) with 8-bit components and an optional depth buffer."""
-        colour = [self.context.renderbuffer(size, components)] if components else []
+        colour = self.context.renderbuffer(size, components)
         return self.context.framebuffer(colour, self.context.depth_renderbuffer(size) if depth else None)
 
     def close(self) -> None:

@@ -1,4 +1,4 @@
-"""A lit home in OpenGL's memory: its batches, its light maps, and its bare walls, which hide what is behind them."""
+"""A lit home in OpenGL's memory: its batches and its light maps."""
 
 from collections.abc import Sequence
 
@@ -6,12 +6,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from edgemap.simulation.render.batches import Batch, pack_parts, pack_surfaces
-from edgemap.simulation.render.canvas import Meshes, RenderTarget, depth_of
+from edgemap.simulation.render.canvas import Meshes, RenderTarget
 from edgemap.simulation.render.mesh import Array
 from edgemap.simulation.render.scene import ROOM_ID, LightMix, LitScene, LitSurface
-from edgemap.simulation.render.view import NEAR_M, metres
+from edgemap.simulation.render.view import NEAR_M
 
-_WALLS_PX = (80, 60)
 _WIDTH = 1024  # of the atlas
 
 
@@ -19,17 +18,15 @@ class Still:
     """All of a lit scene that never moves. parts: the meshes of its solids, None where there are none."""
 
     def __init__(self, canvas: RenderTarget, scene: LitScene) -> None:
-        self._canvas = canvas
         self._light: LightMix | None = None
         self._atlas = Atlas(scene.surfaces)
         self._light_map = canvas.context.texture(self._atlas.size, 4, dtype="f2")
         self._light_map.repeat_x = self._light_map.repeat_y = False
         self.parts = Meshes(canvas, pack_parts(scene.parts)) if scene.parts else None
-        self._walls = Meshes(canvas, pack_surfaces(scene.surfaces, self._atlas.places)) if scene.surfaces else None
-        some = [meshes for meshes in (self.parts, self._walls) if meshes is not None]
+        walls = Meshes(canvas, pack_surfaces(scene.surfaces, self._atlas.places)) if scene.surfaces else None
+        some = [meshes for meshes in (self.parts, walls) if meshes is not None]
         self._all = [(meshes, batch) for meshes in some for batch in meshes.packed.batches]
         self._corners = np.array([batch.corners for _, batch in self._all]).reshape(-1, 8, 3)
-        self._small = canvas.target(_WALLS_PX, 0)
         self._batches_of: dict[int, list[Batch]] = {}
         for batch in self.parts.packed.batches if self.parts else ():
             self._batches_of.setdefault(batch.id, []).append(batch)
@@ -49,9 +46,14 @@ class Still:
         return {id_: np.concatenate(some) for id_, some in points.items() if id_ != ROOM_ID}
 
     def in_view(self, clip: Array) -> list[tuple[Meshes, Batch]]:
-        """The batches that may be seen, near ones first."""
-        seen, depth = in_view(self._corners, clip, self._walls_m(clip))
-        return [self._all[index] for index in seen[np.argsort(depth[seen], kind="stable")]]
+        """The batches whose boxes reach into the view, near ones first."""
+        corners = self._corners @ clip[:, :3].T + clip[:, 3]
+        sides, depth = corners[..., :2], corners[..., 3]
+        outside = np.all(sides < -depth[..., None], axis=1).any(axis=-1)
+        outside |= np.all(sides > depth[..., None], axis=1).any(axis=-1)
+        outside |= np.all(depth < NEAR_M, axis=1)
+        seen, away = np.flatnonzero(~outside), np.maximum(depth, 0.0).mean(axis=1)
+        return [self._all[index] for index in seen[np.argsort(away[seen], kind="stable")]]
 
     def light(self, light: LightMix) -> None:
         """Have the light maps shine in a mix of light."""
@@ -59,18 +61,6 @@ class Still:
             self._light_map.write(self._atlas.mixed(light).tobytes())
             self._light = light
         self._light_map.use(1)
-
-    def _walls_m(self, clip: Array) -> NDArray[np.float32] | None:
-        """Optical depth of the bare walls in a small picture; None where there are no walls."""
-        if self._walls is None:
-            return None
-        program = self._canvas.walls
-        program["clip_home"].write(clip.T.astype("f4").tobytes())
-        self._small.use()
-        self._small.clear(depth=1.0)
-        self._canvas.context.enable_only(self._canvas.gl.DEPTH_TEST)
-        self._walls.array(program).render()
-        return metres(depth_of(self._small))
 
 
 class Atlas:
@@ -111,28 +101,3 @@ def _shelves(shapes: Sequence[tuple[int, int]]) -> list[tuple[int, int]]:
         at[number] = row, column
         column, shelf = column + width, max(shelf, height)
     return at
-
-
-def in_view(corners: Array, clip_home: Array, walls_m: NDArray[np.float32] | None) -> tuple[NDArray[np.intp], Array]:
-    """Indices of the boxes (N, 8, 3) that may be seen, and all boxes' mean optical depth (N,) in metres.
-
-    walls_m: (rows, columns) optical depth of the bare walls in a small picture of the same view, first row on top;
-    a box that lies behind them everywhere is left out.
-    """
-    clip = corners @ clip_home[:, :3].T + clip_home[:, 3]
-    sides, depth = clip[..., :2], clip[..., 3]
-    outside = np.all(sides < -depth[..., None], axis=1).any(axis=-1)
-    outside |= np.all(sides > depth[..., None], axis=1).any(axis=-1)
-    outside |= np.all(depth < NEAR_M, axis=1)
-    if walls_m is not None:
-        near = depth.min(axis=1)
-        unsure = np.flatnonzero(~outside & (near > NEAR_M))
-        flat = sides[unsure] / depth[unsure, :, None]
-        size = np.array(walls_m.shape[::-1])
-        # The picture's y points down here, as in `projection`, turned over.
-        at = (flat + 1.0) / 2.0 * size
-        low = np.clip(np.floor(at.min(axis=1)) - 1, 0, size - 1).astype(int)
-        high = np.clip(np.ceil(at.max(axis=1)) + 1, 1, size).astype(int)
-        for index, (c0, r0), (c1, r1) in zip(unsure, low, high, strict=True):
-            outside[index] = walls_m[r0:r1, c0:c1].max() < near[index]
-    return np.flatnonzero(~outside), np.maximum(depth, 0.0).mean(axis=1)
