@@ -108,7 +108,7 @@ def _open(spec: str, asked: _Asked) -> Camera:
         return _open_plugin(kinds[kind], rest, spec, asked)
     path = user_path(spec)
     _refuse_bag(path)
-    if path.is_dir():
+    if spec and path.is_dir():  # an empty SPEC (an unset variable) is not the current folder
         from edgemap.runtime.inputs.cameras.pictures import open_folder
 
         return open_folder(path, spec, asked.intrinsics, asked.mount)

@@ -4,6 +4,8 @@ from collections.abc import Callable
 from contextlib import suppress
 from pathlib import Path
 
+import numpy as np
+
 from edgemap.geometry.map_object import MapObject
 from edgemap.geometry.se2 import SE2
 from edgemap.runtime.frames.errors import DiskError, RecordingError
@@ -122,7 +124,7 @@ class _Track:
 
     def __init__(self, topic: str, file: str, trajectory: Trajectory, ids: FrameIds) -> None:
         self.topic, self.file, self.trajectory, self._ids = topic, file, trajectory, ids
-        self._next = 0
+        self._next = int(np.searchsorted(trajectory.stamps_s, 0.0))  # before a stream that starts at zero: no ROS time
 
     def write_until(self, file: McapFile, stamp_ns: int) -> None:
         """The poses up to this stamp that are not written yet."""

@@ -213,7 +213,7 @@ def test_a_paced_camera_knows_all_that_the_camera_behind_it_knows():
     assert PacedCamera(Knowing("sim")).object_records() == [{"id": "chair-1"}]
 
 
-@pytest.mark.parametrize("spec", ["nonsense", "realsens", "kity:/tmp"])
+@pytest.mark.parametrize("spec", ["", "nonsense", "realsens", "kity:/tmp"])
 def test_an_unknown_spec_lists_what_is_understood(spec):
     with pytest.raises(CameraError, match=r"understood.*demo.*realsense.*video file.*KIND:DIR") as caught:
         open_camera(spec)

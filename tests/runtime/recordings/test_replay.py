@@ -122,6 +122,14 @@ def test_wheels_and_truth_come_back_bit_for_bit(tmp_path):
         np.testing.assert_allclose([got.x_m, got.y_m, got.yaw_rad], [was.x_m, was.y_m, was.yaw_rad], atol=1e-12)
 
 
+def test_wheels_that_rolled_before_a_stream_that_starts_at_zero_are_recorded(tmp_path):
+    frames = [replace(frame, stamp_s=frame.index / 10) for frame in noise(3)]
+    way = Trajectory(np.array([-0.2, -0.1, 0.0, 0.1, 0.2]), tuple(SE2(0.1 * index) for index in range(5)))
+    path = record(tmp_path / "a.mcap", FACTS, frames, wheel=way)
+    assert read_wheel(str(path)).poses == way.poses
+    assert len(read_wheel(f"{path}#/wheel/odometry").poses) == 3  # ROS time has none below zero
+
+
 def test_given_lens_and_mount_go_first_and_another_size_is_refused(tmp_path):
     from dataclasses import replace
 
