@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from edgemap.geometry.se2 import SE2
+from edgemap.geometry.se2 import SE2, compose_covariance
 from edgemap.geometry.slam.keyframes import KeyframeRule, KeyframeTrajectory
 from edgemap.geometry.trajectory_correction import TrajectoryCorrection
 
@@ -74,13 +74,17 @@ def test_the_past_moves_and_what_comes_after_the_solution_follows_it():
     assert len(before) == 4
     turned = [(SE2(0, 0, 0.5) @ SE2(*pose)).vector() for pose in before]
     solved = np.array(turned[:3])  # the fourth keyframe was made while the solver was at work
-    correction = trajectory.set_poses(solved, np.tile(covariance, (3, 1, 1)), 1.1)
+    covariances = np.array([0.2, 0.5, 1.0])[:, None, None] * covariance
+    correction = trajectory.set_poses(solved, covariances, 1.1)
     np.testing.assert_allclose(correction.moved_poses([0.0, 0.3, 0.6, 0.9, 1.0], [*before, before[-1]])[:4], turned)
     assert trajectory.pose.vector() == pytest.approx((SE2(0, 0, 0.5) @ SE2(*before[-1]) @ trajectory.since).vector())
     now = trajectory.pose.vector()
     assert correction.moved_poses([1.1], [now])[0] == pytest.approx(now)  # this frame's pose is told as it is
     assert correction.poses[-1] == pytest.approx(now)
     assert np.trace(correction.covariances[-1]) > np.trace(correction.covariances[-2]) > np.trace(covariance)
+    step, own = SE2(*before[2]).inverse() @ SE2(*before[3]), np.linalg.inv(trajectory.factors().information[2])
+    following = compose_covariance(SE2(*solved[2]), covariance, step, own)
+    np.testing.assert_allclose(correction.covariances[3], following, rtol=1e-6)
 
 
 def test_what_is_dropped_leaves_the_others_where_they_are():
