@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from edgemap.geometry.errors import EdgemapError
+from edgemap.geometry.objects.visibility import iou, shares_inside
 from edgemap.geometry.observations.detections import Detections
 
 IOU = 0.5  # least overlap of a match
@@ -146,21 +147,13 @@ def match_boxes(picture: ScoredPicture) -> Matches:
     found = np.zeros(len(picture.true_boxes), bool)
     for row in np.argsort(-picture.scores, kind="stable"):
         box, same = picture.boxes[row], picture.true_labels == picture.labels[row]
-        iou, inside = _overlaps(box, picture.true_boxes)
-        open_ = same & picture.scored & ~found & (iou >= IOU)
+        overlap = iou(box, picture.true_boxes)
+        open_ = same & picture.scored & ~found & (overlap >= IOU)
         if open_.any():
-            found[np.flatnonzero(open_)[iou[open_].argmax()]] = hit[row] = True
+            found[np.flatnonzero(open_)[overlap[open_].argmax()]] = hit[row] = True
         else:
-            free[row] = (same & ~picture.scored & (inside >= IOU)).any()
+            free[row] = (same & ~picture.scored & (shares_inside(box, picture.true_boxes) >= IOU)).any()
     return Matches(hit, free, found)
-
-
-def _overlaps(box: NDArray[np.float64], others: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """IoU of a box with each other (N,), and the share of the box that lies in each."""
-    sides = np.minimum(box[2:], others[:, 2:]) - np.maximum(box[:2], others[:, :2])
-    common, own = np.maximum(sides, 0.0).prod(axis=1), float((box[2:] - box[:2]).prod())
-    union = own + (others[:, 2:] - others[:, :2]).prod(axis=1) - common
-    return common / np.maximum(union, 1e-9), common / max(own, 1e-9)
 
 
 @dataclass(frozen=True, slots=True)

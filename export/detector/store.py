@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from edgemap.export.errors import ExportError
+from edgemap.geometry.objects.visibility import iou
 from edgemap.geometry.observations.detections import Detections
 from edgemap.runtime.inputs.drives.drive import SEEN_SHARE, LabelledBoxes
 from edgemap.runtime.inputs.drives.open import READERS, LabelledPictures, open_drive
@@ -50,7 +51,7 @@ def averaged(found: Sequence[Detections]) -> tuple[NDArray[np.float64], list[str
     groups: list[tuple[str, list[float], list[NDArray[np.float64]]]] = []
     for score, label, box in rows:
         for name, scores, boxes in groups:
-            if name == label and len(scores) < len(found) and _overlap(box, _mean(scores, boxes)) > SAME_OVERLAP:
+            if name == label and len(scores) < len(found) and iou(box, _mean(scores, boxes)[None])[0] > SAME_OVERLAP:
                 scores.append(float(score))
                 boxes.append(box)
                 break
@@ -64,17 +65,16 @@ def averaged(found: Sequence[Detections]) -> tuple[NDArray[np.float64], list[str
 def taught_pictures(folder: Path, teach: Teacher, limit: int | None = None) -> list[tuple[Path, LabelledBoxes]]:
     """The pictures of a folder, evenly chosen up to `limit`, each with its teachers' boxes. Raises CameraError."""
     paths = list_pictures(folder)
-    chosen = np.unique(np.linspace(0, len(paths) - 1, min(limit or len(paths), len(paths))).astype(int))
-    return [(paths[at], teach(read_picture(paths[at]))) for at in chosen]
+    return [(paths[at], teach(read_picture(paths[at]))) for at in _evenly(len(paths), limit)]
+
+
+def _evenly(count: int, limit: int | None) -> list[int]:
+    """Indices of at most so many of `count`, evenly apart."""
+    return np.unique(np.linspace(0, count - 1, min(limit or count, count)).astype(int)).tolist() if count else []
 
 
 def _mean(scores: Sequence[float], boxes: Sequence[NDArray[np.float64]]) -> NDArray[np.float64]:
     return np.average(np.array(boxes), axis=0, weights=scores)
-
-
-def _overlap(a: NDArray[np.float64], b: NDArray[np.float64]) -> float:
-    common = np.clip(np.minimum(a[2:], b[2:]) - np.maximum(a[:2], b[:2]), 0.0, None).prod()
-    return float(common / ((a[2:] - a[:2]).prod() + (b[2:] - b[:2]).prod() - common))
 
 
 KEPT_SIZE = 1.15  # longer side of a kept picture, of the network's input: stretched to it, the shorter one is drawn out
@@ -148,7 +148,7 @@ def _load(spec: str, number: dict[str, int], size: int, limit: int | None, teach
             yield _example(image, boxes, number, size)
         return
     count = min(len(drive.images), len(drive.boxes))
-    chosen = np.unique(np.linspace(0, count - 1, min(limit or count, count)).astype(int)) if count else []
+    chosen = _evenly(count, limit)
     with ThreadPoolExecutor(2) as pool:
         yield from pool.map(lambda at: _example(read_picture(drive.images[at]), drive.boxes[at], number, size), chosen)
 

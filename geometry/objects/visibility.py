@@ -106,9 +106,13 @@ def _off_lines_m(here: Array, views: Array, position_m: Array) -> float:
 
 def covered_share(box: Array, others: Array) -> float:
     """Share of a box behind the one of the others that hides most of it; boxes with NaN hide nothing."""
+    return float(np.nan_to_num(shares_inside(box, others)).max(initial=0.0))
+
+
+def shares_inside(box: Array, others: Array) -> Array:
+    """Share of a box that lies in each of the others, (N,)."""
     sides = np.minimum(box[2:], others[:, 2:]) - np.maximum(box[:2], others[:, :2])
-    overlap = np.nan_to_num(np.prod(np.maximum(sides, 0.0), axis=1))
-    return float(overlap.max(initial=0.0) / max(float(np.prod(box[2:] - box[:2])), 1e-9))
+    return np.prod(np.maximum(sides, 0.0), axis=1) / max(float(np.prod(box[2:] - box[:2])), 1e-9)
 
 
 def iou(box: Array, others: Array) -> Array:
