@@ -38,8 +38,7 @@ class Mistakes:
             score = float(picture.scores[row])
             text = f"{self._names[picture.labels[row]]} {score:.2f}"
             self._false.append(Mistake(score, text, _tile(image, picture.boxes[row], FALSE)))
-        ignored = np.zeros(len(picture.true_boxes), bool) if picture.ignored is None else picture.ignored
-        for row in np.flatnonzero(~matches.found & ~ignored):
+        for row in np.flatnonzero(~matches.found & picture.scored):
             box = picture.true_boxes[row]
             share = float((box[2:] - box[:2]).prod()) / (image.shape[0] * image.shape[1])
             self._missed.append(Mistake(share, self._names[picture.true_labels[row]], _tile(image, box, MISSED)))

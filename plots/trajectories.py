@@ -1,6 +1,7 @@
 """The paper's Fig. 7: an odometry's trajectory over the true one."""
 
 from collections.abc import Mapping, Sequence
+from itertools import cycle
 from pathlib import Path
 
 import numpy as np
@@ -28,7 +29,7 @@ def plot_ways(path: Path, title: str, true: Sequence[SE2], estimated: Mapping[st
     )
     gone_m = path_m(true)
     floor.plot(wanted[:, 1], wanted[:, 0], color=TRUTH, linewidth=3.5, label="true trajectory", solid_capstyle="round")
-    for (name, places), colour in zip(ways.items(), _colours(len(ways)), strict=True):
+    for (name, places), colour in zip(ways.items(), cycle(COLOURS), strict=False):
         floor.plot(places[:, 1], places[:, 0], color=colour, linewidth=1.5, label=name)
         floor.plot(places[-1, 1], places[-1, 0], "s", color=colour, markersize=6)
         apart.plot(gone_m, np.linalg.norm(places - wanted, axis=1), color=colour, linewidth=1.5)
@@ -43,10 +44,6 @@ def plot_ways(path: Path, title: str, true: Sequence[SE2], estimated: Mapping[st
 
 def _places(poses: Sequence[SE2]) -> NDArray[np.float64]:
     return np.array([(pose.x_m, pose.y_m) for pose in poses])
-
-
-def _colours(count: int) -> list[str]:
-    return [COLOURS[index % len(COLOURS)] for index in range(count)]
 
 
 def _size(places: NDArray[np.float64]) -> tuple[float, float]:

@@ -57,27 +57,6 @@ def test_ids_stand_where_geometry_projects_them(markers):
         assert abs(np.median(frame.depth_m[rows, columns]) - point[2]) < 0.02
 
 
-def test_picture_and_ids_agree(markers):
-    from edgemap.simulation.render.view import View
-
-    _, renderer = markers
-    view = View.of_base(POSE, MOUNT)
-    frame = renderer.frame(view)
-    ids, bright = frame.ids, frame.picture.max(axis=2) > 128
-    assert (bright & (ids > 0)).sum() > 0.7 * (ids > 0).sum()
-    assert not (bright & (ids == 0)).sum() > 0.3 * (ids > 0).sum()
-
-
-def test_silhouette_counts_what_the_picture_shows(markers):
-    from edgemap.simulation.render.view import View
-
-    middles, renderer = markers
-    view = View.of_base(POSE, MOUNT)
-    ids = renderer.frame(view).ids
-    nearest = int(np.argmin(np.linalg.norm(optical(middles), axis=1))) + 1
-    assert renderer.whole(view, [nearest])[1][0] == pytest.approx((ids == nearest).sum(), rel=0.25)
-
-
 def test_floor_depth_is_that_of_the_ray(drawn, renderer):
     """Every floor pixel's depth is where its viewing ray meets z = 0, to the centimetre."""
     from edgemap.simulation.render.view import View
