@@ -7,7 +7,7 @@ robot, whose picture is decoded as a USB camera's.
 import json
 import tempfile
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -112,6 +112,26 @@ def measure(
         "cpu_percent": round(100.0 * cpu_s / wall_s, 1),
         "other_cpu_percent": round(max(0.0, 100.0 * other_s / wall_s), 1),
     }
+
+
+def in_turn(
+    rounds: Iterable[Mapping[str, Callable[[], object]]], rest_s: float = 0.0
+) -> dict[str, tuple[float, float]]:
+    """Median wall time, and processor time of all threads, ms, of calls that run in turn, every second round
+    backwards; the first two rounds do not count. rest_s: after each call, so that its spinning threads do not slow the
+    next one; their use of it is counted."""
+    wall: dict[str, list[float]] = {}
+    cpu: dict[str, list[float]] = {}
+    for number, calls in enumerate(rounds):
+        for name, call in list(calls.items())[:: 1 if number % 2 else -1]:
+            spent, before = time.process_time(), time.perf_counter()
+            call()
+            took = time.perf_counter() - before
+            time.sleep(rest_s)
+            if number >= 2:
+                wall.setdefault(name, []).append(1e3 * took)
+                cpu.setdefault(name, []).append(1e3 * (time.process_time() - spent))
+    return {name: (float(np.median(laps)), float(np.median(cpu[name]))) for name, laps in wall.items()}
 
 
 def soak(open_drive: OpenDrive, minutes: float, rate_hz: float) -> dict[str, Any]:

@@ -4,14 +4,14 @@ Each is exported with random weights, which speed does not depend on, and its va
 int8 variant is calibrated on pictures of the demo. Bundles are kept in runs/networks/.
 """
 
-import time
-from itertools import islice
+from functools import partial
+from itertools import islice, repeat
 from pathlib import Path
-from statistics import median
 
 import cv2
 import tyro
 
+from edgemap.benchmarks.bench import in_turn
 from edgemap.runtime.frames.decisions import Engine, Precision
 from edgemap.runtime.frames.reading import print_message
 from edgemap.runtime.network.bundle import load_bundle
@@ -48,15 +48,9 @@ def measure(bundle: Path, threads: int, rounds: int) -> list[tuple[str, float, f
         f"{precision}, {engine}": load_bundle(bundle, threads, precision, engine=engine).backbone
         for engine, precision in VARIANTS
     }
-    times: dict[str, list[tuple[float, float]]] = {name: [] for name in networks}
-    for number in range(rounds + 2):
-        for name, network in networks.items():
-            tensors = network.zeros()
-            wall, cpu = time.perf_counter(), time.process_time()
-            network.run(tensors)
-            if number >= 2:
-                times[name].append((1e3 * (time.perf_counter() - wall), 1e3 * (time.process_time() - cpu)))
-    return [(name, median(wall for wall, _ in own), median(cpu for _, cpu in own)) for name, own in times.items()]
+    calls = {name: partial(network.run, network.zeros()) for name, network in networks.items()}
+    found = in_turn(repeat(calls, rounds + 2))
+    return [(name, *found[name]) for name in calls]
 
 
 def main(

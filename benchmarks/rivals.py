@@ -4,16 +4,17 @@ None of our code is in their loop. Both run in turn over the same frames.
 """
 
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
+from functools import partial
+from itertools import repeat
 from pathlib import Path
-from time import perf_counter
 
 import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from edgemap.benchmarks.bench import OpenDrive, drive_chunks
+from edgemap.benchmarks.bench import OpenDrive, drive_chunks, in_turn
 from edgemap.runtime.frames.errors import MissingExtraError
 from edgemap.runtime.frames.extras import install_hint
 from edgemap.runtime.frames.reading import library_path
@@ -37,7 +38,7 @@ def openvino_network(path: Path, detector: DetectorSpec, threads: int) -> tuple[
     names = [output.get_any_name() for output in model.outputs]
     heads = [names.index(head.name) for head in detector.heads]
     probe = np.random.default_rng(0).uniform(0, 255, (1, 3, detector.input.height, detector.input.width))
-    candidates = []
+    candidates: dict[str, Infer] = {}
     for precision, extra in (("f32", {"INFERENCE_PRECISION_HINT": "f32"}), ("default", {})):
         config = {"PERFORMANCE_HINT": "LATENCY", "INFERENCE_NUM_THREADS": threads} | extra
         request = core.compile_model(model, "CPU", config).create_infer_request()
@@ -46,9 +47,11 @@ def openvino_network(path: Path, detector: DetectorSpec, threads: int) -> tuple[
             request.infer([tensor], share_inputs=True)
             return [request.get_output_tensor(index).data for index in heads]
 
-        candidates.append((_median_ms(infer, probe.astype(np.float32)), precision, infer))
-    _, precision, best = min(candidates, key=lambda candidate: candidate[0])
-    return best, precision
+        candidates[precision] = infer
+    calls = {precision: partial(infer, probe.astype(np.float32)) for precision, infer in candidates.items()}
+    found = in_turn(repeat(calls, 15))
+    best = min(found, key=lambda precision: found[precision][0])
+    return candidates[best], best
 
 
 def opencv_network(path: Path, detector: DetectorSpec, threads: int) -> tuple[Infer, str]:
@@ -148,17 +151,8 @@ def _sigmoid(x: NDArray) -> NDArray:
     return 1 / (1 + np.exp(-x))
 
 
-def _median_ms(infer: Infer, probe: NDArray[np.float32]) -> float:
-    laps = []
-    for _ in range(15):
-        before = perf_counter()
-        infer(probe)
-        laps.append(perf_counter() - before)
-    return float(np.median(laps[3:]) * 1e3)
-
-
-REST_S = 0.02  # after each call, so that its spinning threads do not slow the next; their use of it is counted
-WARM_UP, MINIMUM_ROUNDS = 2, 5
+REST_S = 0.02  # after each call
+MINIMUM_ROUNDS = 5
 
 Boxes = Callable[[NDArray[np.uint8]], object]
 
@@ -177,31 +171,9 @@ def compare(contest: Contest, open_drive: OpenDrive, seconds: float) -> dict[str
 
     full_ratio: our whole step, with odometry and map, against their picture to boxes.
     """
+    found = in_turn(_rounds(contest, open_drive, seconds), REST_S)
     names = ("ours_end_to_end", "theirs_end_to_end", "ours_full", "ours_network", "theirs_network")
-    wall: dict[str, list[float]] = {name: [] for name in names}
-    cpu: dict[str, list[float]] = {name: [] for name in names}
-    start = time.perf_counter()
-    steps = ((slam, frame) for slam, frames in drive_chunks(open_drive) for frame in frames)
-    for rounds, (slam, frame) in enumerate(steps):
-        calls = (
-            lambda frame=frame: contest.ours(frame.image),
-            lambda frame=frame: contest.theirs(frame.image),
-            lambda slam=slam, frame=frame: slam.step(frame),
-            *contest.networks,
-        )
-        order = range(len(calls)) if rounds % 2 else reversed(range(len(calls)))
-        for turn in order:
-            spent, before = time.process_time(), time.perf_counter()
-            calls[turn]()
-            took = time.perf_counter() - before
-            time.sleep(REST_S)
-            if rounds >= WARM_UP:
-                wall[names[turn]].append(1e3 * took)
-                cpu[names[turn]].append(1e3 * (time.process_time() - spent))
-        if time.perf_counter() - start >= seconds and rounds + 1 >= MINIMUM_ROUNDS:
-            break
-    ms = {name: float(np.median(values)) for name, values in wall.items()}
-    cpu_ms = {name: float(np.median(values)) for name, values in cpu.items()}
+    ms, cpu_ms = ({name: found[name][kind] for name in names} for kind in (0, 1))
     return {
         "network_ratio": round(ms["ours_network"] / ms["theirs_network"], 3),
         "end_to_end_ratio": round(ms["ours_end_to_end"] / ms["theirs_end_to_end"], 3),
@@ -210,3 +182,19 @@ def compare(contest: Contest, open_drive: OpenDrive, seconds: float) -> dict[str
         **{f"{name}_ms": round(value, 3) for name, value in ms.items()},
         **{f"{name}_cpu_ms": round(value, 3) for name, value in cpu_ms.items()},
     }
+
+
+def _rounds(contest: Contest, open_drive: OpenDrive, seconds: float) -> Iterator[dict[str, Callable[[], object]]]:
+    """The candidates on one frame after another, for some seconds."""
+    start = time.perf_counter()
+    steps = ((slam, frame) for slam, frames in drive_chunks(open_drive) for frame in frames)
+    for number, (slam, frame) in enumerate(steps, start=1):
+        yield {
+            "ours_end_to_end": partial(contest.ours, frame.image),
+            "theirs_end_to_end": partial(contest.theirs, frame.image),
+            "ours_full": partial(slam.step, frame),
+            "ours_network": contest.networks[0],
+            "theirs_network": contest.networks[1],
+        }
+        if time.perf_counter() - start >= seconds and number >= MINIMUM_ROUNDS:
+            return
