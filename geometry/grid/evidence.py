@@ -3,7 +3,7 @@
 import numpy as np
 
 from edgemap.geometry.arrays import Array
-from edgemap.geometry.grid.patch import UNIT, Cells, Steps
+from edgemap.geometry.grid.patch import UNIT, Cells, Steps, packed
 
 
 class Evidence:
@@ -41,11 +41,7 @@ class Evidence:
         return np.column_stack([at % columns, at // columns]).astype(np.int32) + low, steps[at]
 
 
-def repeated(cells: Cells, least: int) -> Cells:
-    """The distinct cells among (N, 2) that occur at least that often."""
-    if not len(cells):
-        return cells
-    packed, counts = np.unique(cells.astype(np.int64) @ [1 << 32, 1], return_counts=True)
-    packed = packed[counts >= least]
-    rows = (packed + (1 << 31)) % (1 << 32) - (1 << 31)
-    return np.column_stack([(packed - rows) >> 32, rows]).astype(np.int32)
+def repeated(cells: Cells) -> Cells:
+    """The distinct cells among (N, 2) that occur more than once."""
+    _, first, counts = np.unique(packed(cells), return_index=True, return_counts=True)
+    return cells[first[counts > 1]]

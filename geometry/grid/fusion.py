@@ -148,12 +148,14 @@ class GridFusion:
         evidence.occupied(columns_rows(pose.apply(scan.contacts_base_m), rule.cell_m), rule.occupied * scan.weights)
 
     def _add_depth(self, evidence: Evidence, pose: SE2, scan: DepthScan) -> None:
-        """Evidence of a depth picture for the map's cells."""
+        """Evidence of a depth picture for the map's cells. One point alone is no obstacle: it may lie between an edge
+        and what is behind it.
+        """
         rule = self.rule
         both = scan.floor_base_m, scan.obstacles_base_m
         floor, hits = (columns_rows(pose.apply(points_m), rule.cell_m) for points_m in both)
         evidence.free(floor, rule.free)
-        evidence.occupied(repeated(hits, rule.depth_points), rule.occupied)
+        evidence.occupied(repeated(hits), rule.occupied)
 
     def _driven(self, pose: SE2) -> Cells:
         """The floor below the robot."""

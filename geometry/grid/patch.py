@@ -105,8 +105,8 @@ def placed(cells: Cells, move: SE2, cell_m: float) -> Cells:
 def joined(first: Patch, second: Patch, cell_m: float) -> Patch:
     """Two patches as one: at the place of the first, with the evidence of both in sequence."""
     other = placed(second.cells, first.move.inverse() @ second.move, cell_m)
-    packed = _packed(np.concatenate([first.cells, other]))
-    keys, place = np.unique(packed, return_inverse=True)
+    cells = np.concatenate([first.cells, other])
+    keys, one_of, place = np.unique(packed(cells), return_index=True, return_inverse=True)
     own, theirs = place[: len(first)], place[len(first) :]
     limits = np.iinfo(np.int16)
     shift = np.zeros(len(keys), np.int16)
@@ -115,12 +115,10 @@ def joined(first: Patch, second: Patch, cell_m: float) -> Patch:
     _, one = np.unique(theirs, return_index=True)  # two cells of a turned patch may lie on one
     at, later = theirs[one], (second.shift[one], second.low[one], second.high[one])
     shift[at], low[at], high[at] = after((shift[at], low[at], high[at]), later)
-    columns = (keys + (1 << 31)) % (1 << 32) - (1 << 31)
-    cells = np.column_stack([columns, (keys - columns) >> 32]).astype(np.int32)
-    return Patch(first.stamp_s, first.began, cells, shift, low, high, first.move, first.drawn)
+    return Patch(first.stamp_s, first.began, cells[one_of], shift, low, high, first.move, first.drawn)
 
 
-def _packed(cells: Cells) -> NDArray[np.int64]:
+def packed(cells: Cells) -> NDArray[np.int64]:
     """One number (N,) for each cell (N, 2)."""
     return cells.astype(np.int64) @ np.array([1, 1 << 32])
 

@@ -16,8 +16,7 @@ class GridRule:
     path or time after which the next picture is fused, as errors repeat at one place. patch_m: path after which a new
     patch begins; patches move with the trajectory. A radian of rotation counts as a metre of path. obstacle_m: height
     above the floor from which a depth measurement is an obstacle; obstacle_per_m: added to it per metre of distance
-    (1.1 degrees of attitude). robot_height_m: up to which it is, or up to the lens where that is higher. depth_points:
-    on one cell, at least, in one picture, of an obstacle.
+    (1.1 degrees of attitude). robot_height_m: up to which it is, or up to the lens where that is higher.
     """
 
     cell_m: float = 0.05
@@ -35,4 +34,3 @@ class GridRule:
     obstacle_m: float = 0.06
     obstacle_per_m: float = 0.02
     robot_height_m: float = 0.5
-    depth_points: int = 2

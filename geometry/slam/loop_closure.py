@@ -124,18 +124,18 @@ def _unlinked(graph: PoseGraph, groups: Mapping[int, list[Landmark]], in_view: S
 
 
 def witnessed(graph: PoseGraph, found: Mapping[int, int]) -> dict[int, int]:
-    """The links that are supported by links of enough other objects observed at about the same time; one object alone
-    is no evidence, however often it was observed.
+    """The links that are supported by links of other objects observed at about the same time; one object alone is no
+    evidence, however often it was observed.
     """
     landmarks, slack = graph.landmarks.all, graph.rule.every
     linked = {number: graph.root(number) for number in (*graph.links, *graph.links.values())} | dict(found)
 
-    def witnesses(number: int, root: int) -> int:
+    def is_supported(number: int, root: int) -> bool:
         first, last = landmarks[number].first - slack, landmarks[number].last + slack
         near = {at for other, at in linked.items() if landmarks[other].first <= last and landmarks[other].last >= first}
-        return len(near | {root})
+        return len(near - {root}) > 0
 
-    return {number: root for number, root in found.items() if witnesses(number, root) >= graph.rule.hypotheses.minimum}
+    return {number: root for number, root in found.items() if is_supported(number, root)}
 
 
 def _candidates(

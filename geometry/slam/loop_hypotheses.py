@@ -16,13 +16,12 @@ HYPOTHESES = 400  # at most; with more, half of the landmarks are weighed, those
 class LoopHypothesisRule:
     """When two landmarks are one object. spacing_m2: floor area per object of a label; its inverse is the density of
     new objects. certain: least posterior probability of a pairing; pairings with landmarks nearer together than same_m
-    count as one. minimum: pairings that must agree.
+    count as one.
     """
 
     spacing_m2: float = 50.0
     certain: float = 0.9
     same_m: float = 0.3
-    minimum: int = 2
 
 
 @dataclass(frozen=True, slots=True)
@@ -36,8 +35,8 @@ class Pairing:
 def certain_pairings(
     pairings: Sequence[Pairing], landmarks: Array, covariance: Array, rule: LoopHypothesisRule, supported: int = 0
 ) -> Generator[None, None, list[Pairing]]:
-    """The pairings that hold with certainty, none where fewer than `rule.minimum` agree; yields after every unit of
-    work.
+    """The pairings that hold with certainty, none where a single one does: nothing confirms it. Yields after every unit
+    of work.
 
     landmarks: (L, 2) m; covariance: (2 L, 2 L) of all of them together, so that common errors (the robot's drift since)
     are separated from individual ones. supported: earlier pairings of landmarks now in view. Joint compatibility (Neira
@@ -57,7 +56,7 @@ def certain_pairings(
     for weight, chosen in zip(weights / weights.sum(), tree.hypotheses, strict=True):
         shares[list(chosen)] += weight
     found = _held(pairings, shares, landmarks, rule)
-    return found if len(found) + supported >= rule.minimum else []
+    return found if len(found) + supported > 1 else []
 
 
 def _held(pairings: Sequence[Pairing], shares: Array, landmarks: Array, rule: LoopHypothesisRule) -> list[Pairing]:
