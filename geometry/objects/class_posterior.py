@@ -9,27 +9,25 @@ from edgemap.geometry.map_object import REPEATED, MapObject
 from edgemap.geometry.objects.cells import Cells
 from edgemap.geometry.observations.class_extents import extent_m, footprint_m, shares_floor
 
-SAME_LABEL = 0.8  # smallest distance of two objects of one label, as a share of the smaller one's extent
+APART = 0.8  # smallest distance of two objects: share of the smaller one's extent, or shorter side where labels differ
 
 
 def least_spacing_m(a: MapObject, b: MapObject) -> float:
     """Least distance between the centres of two objects of one label."""
-    return SAME_LABEL * min(extent_m(item.label, item.width_m) for item in (a, b))
+    return APART * min(extent_m(item.label, item.width_m) for item in (a, b))
 
 
 @dataclass(frozen=True, slots=True)
 class OverlapRule:
-    """Smallest distance of two objects' centres. same_label: as a share of the smaller one's extent, and only where one
-    has less than `far_less` of the other's evidence, as two chairs pushed together are seen about as often.
-    other_label: of two labels, as a share of half the sum of both shorter sides, below which they would stand in one
-    another; under_table: the same of a table and a seat, which is pushed under it (in a real lounge every second chair
-    was taken for its table). correct: how often a detection has the right label (95 of 105 household boxes on
-    photographs that overlap a true one by 0.6: yolox-nano 46 of 53, picodet-s 49 of 52)."""
+    """Smallest distance of two objects' centres. apart: of one label, as a share of the smaller one's extent, and only
+    where one has less than `far_less` of the other's evidence, as two chairs pushed together are seen about as often;
+    of two labels, as a share of the smaller one's shorter side, below which they would stand in one another. A table
+    and a seat may be in one place, as the seat is pushed under it. correct: how often a detection has the right label
+    (95 of 105 household boxes on photographs that overlap a true one by 0.6: yolox-nano 46 of 53, picodet-s 49 of 52).
+    """
 
-    same_label: float = SAME_LABEL
+    apart: float = APART
     far_less: float = 0.5
-    other_label: float = 0.6
-    under_table: float = 0.15
     correct: float = 0.9
 
 
@@ -72,7 +70,6 @@ class Overlaps:
         self._cells = Cells[str]()
         self._best: dict[str, str] = {}
         self._changed: set[str] = set()
-        self._largest_m = 0.0
 
     def best(self, identity: str) -> str:
         """The id of the object that a candidate is part of."""
@@ -81,11 +78,7 @@ class Overlaps:
     def update(self, candidate: Candidate) -> None:
         """Add a candidate, or change it."""
         self.remove(candidate.id)
-        side_m = _side_m(candidate)
-        self._largest_m = max(self._largest_m, side_m)
-        reach_m = max(
-            self.rule.same_label * _extent_m(candidate), self.rule.other_label * (side_m + self._largest_m) / 2.0
-        )
+        reach_m = self.rule.apart * _extent_m(candidate)
         near = {other.id for other in self.within(candidate.position_m, reach_m) if self._overlap(candidate, other)}
         for other in near:
             self._near[other].add(candidate.id)
@@ -136,12 +129,15 @@ class Overlaps:
         return found
 
     def _overlap(self, a: Candidate, b: Candidate) -> bool:
-        less, more = sorted((a.evidence, b.evidence))
         if a.label == b.label:
-            near_m = self.rule.same_label * min(_extent_m(a), _extent_m(b)) if less < self.rule.far_less * more else 0.0
+            less, more = sorted((a.evidence, b.evidence))
+            if less >= self.rule.far_less * more:
+                return False
+            near_m = self.rule.apart * min(_extent_m(a), _extent_m(b))
+        elif shares_floor(a.label, b.label):
+            return False
         else:
-            share = self.rule.under_table if shares_floor(a.label, b.label) else self.rule.other_label
-            near_m = share * (_side_m(a) + _side_m(b)) / 2.0
+            near_m = self.rule.apart * min(_side_m(a), _side_m(b))
         x_m, y_m = a.position_m - b.position_m
         return x_m * x_m + y_m * y_m < near_m * near_m
 

@@ -8,7 +8,7 @@ import numpy as np
 
 from edgemap.geometry.arrays import CHI2_997, Array, positive
 from edgemap.geometry.map_object import MapObject, id_order
-from edgemap.geometry.objects.class_posterior import SAME_LABEL
+from edgemap.geometry.objects.class_posterior import APART
 from edgemap.geometry.observations.class_extents import extent_m
 from edgemap.geometry.registration.alignment import Alignment, Pairs, jacobian
 from edgemap.geometry.slam.landmarks import LandmarkRule
@@ -69,7 +69,7 @@ def _overlapping(first: Sequence[MapObject], second: Sequence[MapObject], pairs:
             _standing([items[row] for row in rows]) for items, rows in ((first, ours), (second, theirs))
         )
         distances_m = np.linalg.norm(a[:, None] - b[None], axis=-1)
-        spacing_m = SAME_LABEL * np.minimum(extents_a[:, None], extents_b[None])
+        spacing_m = APART * np.minimum(extents_a[:, None], extents_b[None])
         near += [(float(distances_m[i, j]), ours[i], theirs[j]) for i, j in np.argwhere(distances_m < spacing_m)]
     found: dict[int, int] = {}
     taken: set[int] = set()
