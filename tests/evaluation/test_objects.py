@@ -46,6 +46,7 @@ def test_too_far_or_another_class_is_no_match():
 def test_what_was_hardly_seen_is_neither_hit_nor_miss():
     figures = score_map([mapped("chair", 0, 0)], [true("chair", 0, 0, frames=9), true("chair", 5, 5, frames=3)])
     assert (figures["objects_mapped"], figures["objects_true"], figures["f1"]) == (0, 0, None)
+    assert score_map([], [true("chair", 0, 0, frames=10)])["objects_true"] == 1
 
 
 def test_what_is_not_on_the_floor_is_a_false_positive():

@@ -64,6 +64,13 @@ def test_odometry_is_told_where_people_are(bundle):
     np.testing.assert_allclose(odometry.movers, [[6.0, 30.0, 14.0, 50.0]], atol=0.5)
 
 
+def test_a_picture_that_is_not_searched_shows_no_worktop(bundle):
+    front = Pipeline(bundle, FLOOR, RecordedOdometry(Trajectory(np.arange(3) / 10, (SE2(),) * 3), "test"))
+    front.step(Frame(0, 0.0, noise(0)))
+    dark = front.step(Frame(1, 0.1, np.zeros((64, 64, 3), np.uint8)))
+    assert (dark.searched, dark.worktop) == (False, False)
+
+
 def test_the_height_is_judged_with_the_knowledge_of_depth(bundle, monkeypatch):
     """Depth measures lengths: the scale of a guessed height stays."""
     seen = []
