@@ -113,6 +113,9 @@ def test_jacobians_are_the_slopes_of_what_is_seen():
         np.testing.assert_allclose((moved - projection.predicted) / step, projection.by_view[:, :, column], atol=1e-4)
     pitched = project(known, CAMERA, Viewpoint(pose, AttitudeError(tilt.pitch_rad + step, 0.0))).predicted
     np.testing.assert_allclose((pitched - projection.predicted) / step, projection.by_view[:, :, 3], atol=1e-4)
+    level = project(known, CAMERA, Viewpoint(pose))
+    rolled = project(known, CAMERA, Viewpoint(pose, AttitudeError(0.0, step))).predicted
+    np.testing.assert_allclose((rolled - level.predicted) / step, level.by_view[:, :, 4], atol=1e-4)
     risen = project(known, CAMERA, Viewpoint(pose, tilt, step)).predicted
     np.testing.assert_allclose((risen - projection.predicted) / step, projection.by_view[:, :, 5], atol=1e-4)
     nearer = replace(known, inverse_m=known.inverse_m + step)
