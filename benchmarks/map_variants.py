@@ -3,7 +3,7 @@
 import zlib
 from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -49,33 +49,26 @@ def _remembering(network: Network, most: int | None) -> Network:
     return replace(network, infer=infer)
 
 
-@dataclass(frozen=True, slots=True)
-class Replay:
-    """A drive, its bundle, and what all variants share. frames: the first ones, None for all."""
-
-    drive: Drive
-    bundle: Bundle
-    frames: int | None = None
-    config: Config = field(default_factory=Config)
-
-
 def replayed(
-    replay: Replay,
+    drive: Drive,
+    bundle: Bundle,
     variants: Mapping[str, SlamOptions],
+    frames: int | None = None,
+    config: Config = Config(),  # noqa: B008 (frozen)
     seen: Callable[[str, StepResult], object] = lambda _name, _result: None,
 ) -> dict[str, SemanticSlam]:
-    """Each variant's front and back end, as `run` makes them, after the drive's first frames. seen: called with every
-    result.
+    """Each variant's front and back end, as `run` makes them, after the drive's first frames; all for None. seen:
+    called with every result.
 
     Raises CameraError for a drive without intrinsics or mount, OdometryError for an odometry that is not available.
     """
-    drive, bundle = replay.drive, remembering(replay.bundle, 1)
+    bundle = remembering(bundle, 1)
     with drive_camera(drive, str(drive.folder)) as camera:
         if camera.intrinsics is None or camera.mount is None:
             raise CameraError(f"{drive.folder}: neither intrinsics nor mount known")
         floor = FloorCamera(camera.intrinsics, camera.mount)
-        slams = {name: build_slam(camera, bundle, floor, how, replay.config) for name, how in variants.items()}
-        while (frame := camera.read()) is not None and (replay.frames is None or frame.index < replay.frames):
+        slams = {name: build_slam(camera, bundle, floor, how, config) for name, how in variants.items()}
+        while (frame := camera.read()) is not None and (frames is None or frame.index < frames):
             for name, slam in slams.items():
                 seen(name, slam.step(frame))
     return slams

@@ -145,13 +145,13 @@ def gains(rows: list[dict[str, Any]], closed: str, none: str) -> dict[str, float
 
 
 def _scored(folder: Path, bundle: Any, variants: dict[str, Any], frames: int) -> dict[str, Any]:
-    from edgemap.benchmarks.map_variants import Replay, replayed, true_objects
+    from edgemap.benchmarks.map_variants import replayed, true_objects
     from edgemap.evaluation.objects import score_map, scored
     from edgemap.runtime.inputs.drives import open_drive
 
     drive = open_drive(f"drive:{folder}")
     truth = true_objects(drive, frames)
-    slams = replayed(Replay(drive, bundle, frames), variants)
+    slams = replayed(drive, bundle, variants, frames)
     mount = drive.mount and {"height_m": drive.mount.height_m, "pitch_deg": round(degrees(drive.mount.pitch_rad), 3)}
     facts = {"home": folder.name, "objects_true": len(scored(truth)), "mount": mount}
     return {**facts, "maps": {name: score_map(slam.objects(), truth) for name, slam in slams.items()}}

@@ -86,7 +86,7 @@ def with_corners(count: int) -> "Config":
 
 def walk(drive: "Drive", bundle: "Bundle", config: "Config", options: WalksOptions) -> dict[str, float | None]:
     """The figures of one run over one drive."""
-    from edgemap.benchmarks.map_variants import Replay, replayed, true_objects
+    from edgemap.benchmarks.map_variants import replayed, true_objects
     from edgemap.runtime.step.slam import SlamOptions, StepResult
 
     if drive.truth is None or drive.mount is None:
@@ -103,7 +103,7 @@ def walk(drive: "Drive", bundle: "Bundle", config: "Config", options: WalksOptio
         lost += bool(steps[1:]) and motion.members.get("planar", LOST if motion.blind or motion.fault else "") == LOST
 
     how = SlamOptions(options.odometry, not options.without_wheels, not options.without_imu)
-    slam = replayed(Replay(drive, bundle, options.frames, config), {"own": how}, seen)["own"]
+    slam = replayed(drive, bundle, {"own": how}, options.frames, config, seen)["own"]
     level = None
     if drive.attitudes is not None:
         level = [drive.attitudes.at(stamp_s, drive.mount.height_m) for stamp_s in stamps]

@@ -48,7 +48,7 @@ def command(
     from itertools import pairwise
     from math import degrees
 
-    from edgemap.benchmarks.map_variants import Replay, replayed, true_floor, true_objects
+    from edgemap.benchmarks.map_variants import replayed, true_floor, true_objects
     from edgemap.cli.simulated import as_data
     from edgemap.evaluation.grid import score_grid
     from edgemap.evaluation.map_alignment import aligned_figures
@@ -100,7 +100,7 @@ def command(
         variants = {"true": replace(own, odometry="truth", wheels=True), "estimated": own}
         if motion.odometry == "hybrid" and document["wheels"]:
             variants["without_wheels"] = replace(own, wheels=False)
-        for name, slam in replayed(Replay(drive, loaded, count, tuned), variants).items():
+        for name, slam in replayed(drive, loaded, variants, count, tuned).items():
             objects, grid = slam.objects(), slam.mapper.grid.grid()
             document[name] = score_map(objects, truth) | aligned_figures(objects, truth)
             if plan is not None:

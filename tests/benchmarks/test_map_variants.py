@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from edgemap.benchmarks.map_variants import Replay, remembering, replayed
+from edgemap.benchmarks.map_variants import remembering, replayed
 from edgemap.runtime.inputs.drives import open_drive
 from edgemap.runtime.inputs.open import DEMO
 from edgemap.runtime.network.bundle import load_bundle
@@ -27,10 +27,10 @@ def test_side_by_side_is_the_same_as_alone(demo):
     """Each has an attitude, a tracker and a map of its own; they share the pictures and the backbone's outputs."""
     drive, bundle = demo
     variants = {"wheels": SlamOptions(), "none": SlamOptions(wheels=False), "true": SlamOptions("truth")}
-    together = replayed(Replay(drive, bundle, 28), variants)
+    together = replayed(drive, bundle, variants, 28)
     assert places(together["wheels"]) != places(together["none"]) != places(together["true"])
     for name, variant in variants.items():
-        assert places(replayed(Replay(drive, bundle, 28), {name: variant})[name]) == places(together[name])
+        assert places(replayed(drive, bundle, {name: variant}, 28)[name]) == places(together[name])
 
 
 @pytest.mark.parametrize("most", [None, 1])

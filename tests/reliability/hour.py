@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from edgemap.benchmarks.map_variants import Replay, replayed, true_objects
+from edgemap.benchmarks.map_variants import replayed, true_objects
 from edgemap.evaluation.objects import score_map
 from edgemap.geometry.map_object import MapObject
 from edgemap.runtime.inputs.drives import Drive, open_drive
@@ -92,9 +92,7 @@ def _observed(drive: Drive, frames: int, path: Path) -> list[FrameObservations]:
     if not path.is_file():
         bundle = load_bundle(bundle_folder("edgemap-nano"), 1)
         observed: list[FrameObservations] = []
-        replayed(
-            Replay(drive, bundle, frames), {"own": SlamOptions()}, lambda _, result: observed.append(result.observed)
-        )
+        replayed(drive, bundle, {"own": SlamOptions()}, frames, seen=lambda _, result: observed.append(result.observed))
         unfinished = path.with_suffix(".part")
         unfinished.write_bytes(pickle.dumps(observed))
         unfinished.replace(path)
