@@ -5,7 +5,6 @@ None of our code is in their loop. Both run in turn over the same frames.
 
 import time
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
 from functools import partial
 from itertools import repeat
 from pathlib import Path
@@ -157,22 +156,27 @@ MINIMUM_ROUNDS = 5
 Boxes = Callable[[NDArray[np.uint8]], object]
 
 
-@dataclass(frozen=True, slots=True)
-class Contest:
-    """The interleaved candidates. ours, theirs: a picture to boxes. networks: the network alone, ours and theirs."""
-
-    ours: Boxes
-    theirs: Boxes
-    networks: tuple[Callable[[], object], Callable[[], object]]
-
-
-def compare(contest: Contest, open_drive: OpenDrive, seconds: float) -> dict[str, float]:
+def compare(
+    boxes: tuple[Boxes, Boxes], networks: tuple[Callable[[], object], ...], open_drive: OpenDrive, seconds: float
+) -> dict[str, float]:
     """Ratios of medians, ours / theirs, and the medians: latency, ms, and processor time, cpu_ms.
 
-    full_ratio: our whole step, with odometry and map, against their picture to boxes.
+    boxes: from a picture, ours and theirs. networks: alone, ours and theirs. full_ratio: our whole step, with odometry
+    and map, against their picture to boxes.
     """
-    found = in_turn(_rounds(contest, open_drive, seconds), REST_S)
+
+    def rounds() -> Iterator[dict[str, Callable[[], object]]]:
+        """All on one frame after another."""
+        start = time.perf_counter()
+        steps = ((slam, frame) for slam, frames in drive_chunks(open_drive) for frame in frames)
+        for number, (slam, frame) in enumerate(steps, start=1):
+            ours, theirs = (partial(find, frame.image) for find in boxes)
+            yield dict(zip(names, (ours, theirs, partial(slam.step, frame), *networks), strict=True))
+            if time.perf_counter() - start >= seconds and number >= MINIMUM_ROUNDS:
+                return
+
     names = ("ours_end_to_end", "theirs_end_to_end", "ours_full", "ours_network", "theirs_network")
+    found = in_turn(rounds(), REST_S)
     ms, cpu_ms = ({name: found[name][kind] for name in names} for kind in (0, 1))
     return {
         "network_ratio": round(ms["ours_network"] / ms["theirs_network"], 3),
@@ -182,19 +186,3 @@ def compare(contest: Contest, open_drive: OpenDrive, seconds: float) -> dict[str
         **{f"{name}_ms": round(value, 3) for name, value in ms.items()},
         **{f"{name}_cpu_ms": round(value, 3) for name, value in cpu_ms.items()},
     }
-
-
-def _rounds(contest: Contest, open_drive: OpenDrive, seconds: float) -> Iterator[dict[str, Callable[[], object]]]:
-    """The candidates on one frame after another, for some seconds."""
-    start = time.perf_counter()
-    steps = ((slam, frame) for slam, frames in drive_chunks(open_drive) for frame in frames)
-    for number, (slam, frame) in enumerate(steps, start=1):
-        yield {
-            "ours_end_to_end": partial(contest.ours, frame.image),
-            "theirs_end_to_end": partial(contest.theirs, frame.image),
-            "ours_full": partial(slam.step, frame),
-            "ours_network": contest.networks[0],
-            "theirs_network": contest.networks[1],
-        }
-        if time.perf_counter() - start >= seconds and number >= MINIMUM_ROUNDS:
-            return

@@ -104,7 +104,7 @@ def command(
         "processor": processor_name(),
     }
     if against:
-        from edgemap.benchmarks.rivals import Contest, compare, opencv_network, openvino_network, picture_to_boxes
+        from edgemap.benchmarks.rivals import compare, opencv_network, openvino_network, picture_to_boxes
         from edgemap.runtime.network.decode import Detector
 
         spec = files.manifest.detector
@@ -115,8 +115,8 @@ def command(
         networks = (lambda: files.backbone.run(probe), lambda: infer(tensor))
         height, width = first.image.shape[:2]
         fitted = files.for_pictures(width, height)  # as `run` has it
-        contest = Contest(Detector(fitted), picture_to_boxes(spec, infer, files.manifest.confidence), networks)
-        ratios = compare(contest, lambda: open_drive(files), seconds)
+        boxes = Detector(fitted), picture_to_boxes(spec, infer, files.manifest.confidence)
+        ratios = compare(boxes, networks, lambda: open_drive(files), seconds)
         document["against"] = {against: ratios | {"precision": their_precision}}
     if soak is not None:
         document["soak"] = bench.soak(open_drive, soak, rate[0])

@@ -15,17 +15,10 @@ from edgemap.geometry.odometry.flow_cells import CellGrid
 Array = NDArray[np.float64]
 
 
-@dataclass(frozen=True, slots=True)
-class AugmentationRule:
-    """Uniform ranges of random views. yaw_rad, pitch_rad, roll_rad: of the camera from its mount, small enough that a
-    car's road stays in view. zoom, gain, gamma: natural logarithms, of the focal length and of brightness."""
-
-    yaw_rad: tuple[float, float] = (-math.radians(10.0), math.radians(10.0))
-    pitch_rad: tuple[float, float] = (-math.radians(2.5), math.radians(4.0))
-    roll_rad: tuple[float, float] = (-math.radians(3.0), math.radians(3.0))
-    zoom: tuple[float, float] = (-0.15, 0.25)
-    gain: tuple[float, float] = (-0.4, 0.4)
-    gamma: tuple[float, float] = (-0.25, 0.25)
+# Uniform ranges of random views. Degrees of the camera from its mount: yaw, pitch and roll, small enough that a car's
+# road stays in view. Natural logarithms: of the focal length (zoom), and of brightness (gain and gamma).
+ANGLES_DEG = ((-10.0, 10.0), (-2.5, 4.0), (-3.0, 3.0))
+LOG_FACTORS = ((-0.15, 0.25), (-0.4, 0.4), (-0.25, 0.25))
 
 
 @dataclass(frozen=True, slots=True)
@@ -43,11 +36,11 @@ class AugmentedView:
     mirrored: bool = False
 
     @staticmethod
-    def drawn(index: int, rule: AugmentationRule | None = None) -> "AugmentedView":
+    def drawn(index: int) -> "AugmentedView":
         """The view of a number, from 1: the same in each call. Every second one is mirrored."""
-        rule, rng = rule or AugmentationRule(), np.random.default_rng((77, index))
-        angles = [float(rng.uniform(*span)) for span in (rule.yaw_rad, rule.pitch_rad, rule.roll_rad)]
-        factors = [math.exp(rng.uniform(*span)) for span in (rule.zoom, rule.gain, rule.gamma)]
+        rng = np.random.default_rng((77, index))
+        angles = [float(rng.uniform(math.radians(low), math.radians(high))) for low, high in ANGLES_DEG]
+        factors = [math.exp(rng.uniform(*span)) for span in LOG_FACTORS]
         return AugmentedView(*angles, *factors, mirrored=index % 2 == 1)
 
     def rotation(self) -> Array:

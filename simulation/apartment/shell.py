@@ -1,29 +1,18 @@
 """The bare home: floors, walls, ceilings, trim, doors, windows, lamps, rugs and pictures, with the light they give."""
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from edgemap.simulation.apartment import decor, openings
 from edgemap.simulation.apartment.apartment import Apartment
 from edgemap.simulation.apartment.plan import ApartmentPlan, Rectangle, RoomArea
 from edgemap.simulation.render.mesh import Array, Material, Mesh, box
-from edgemap.simulation.render.scene import ROOM_ID, AreaLight, Solid, Surface
+from edgemap.simulation.render.scene import ROOM_ID, AreaLight, Scene, Solid, Surface
 
 _CEILING = Material((0.84, 0.84, 0.82))
 _SKIRTING_DEPTH_M = 0.014
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class ShellParts:
-    """Parts of a scene that belong to the shell."""
-
-    surfaces: tuple[Surface, ...]
-    solids: tuple[Solid, ...]
-    lights: tuple[AreaLight, ...]
-
-
-def build_shell(apartment: Apartment, rng: np.random.Generator) -> ShellParts:
+def build_shell(apartment: Apartment, rng: np.random.Generator) -> Scene:
     """Surfaces, trim and lights of a home; its furniture determines where pictures fit."""
     plan, trim = apartment.plan, decor.trim(rng)
     surfaces: list[Surface] = []
@@ -60,7 +49,7 @@ def build_shell(apartment: Apartment, rng: np.random.Generator) -> ShellParts:
         lights.append(light)
         meshes.append(mesh)
     meshes.extend(decor.pictures(apartment, rng))
-    return ShellParts(tuple(surfaces), tuple(Solid(ROOM_ID, mesh) for mesh in meshes), tuple(lights))
+    return Scene(tuple(surfaces), tuple(Solid(ROOM_ID, mesh) for mesh in meshes), tuple(lights))
 
 
 def wall_pieces(plan: ApartmentPlan, room: RoomArea, side: str) -> list[tuple[float, float, float]]:

@@ -84,9 +84,8 @@ def test_ratios_are_ours_over_theirs(monkeypatch):
     monkeypatch.setattr(contest.time, "process_time", lambda: burnt[0])
     monkeypatch.setattr(contest.time, "sleep", lambda _: None)
     ratios = contest.compare(
-        contest.Contest(
-            lambda image: spend(0.01, 2), lambda image: spend(0.02, 3), (lambda: spend(0.004), lambda: spend(0.005))
-        ),
+        (lambda image: spend(0.01, 2), lambda image: spend(0.02, 3)),
+        (lambda: spend(0.004), lambda: spend(0.005)),
         lambda: (counting(5), Slam(lambda frame: spend(0.015))),
         1.0,
     )
