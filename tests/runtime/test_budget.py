@@ -20,7 +20,7 @@ from edgemap.runtime.inputs.budget import LADDER, Budget, Effort
 from edgemap.runtime.inputs.cameras.wrappers import BudgetedCamera
 from edgemap.runtime.inputs.open import open_camera
 from edgemap.runtime.motion.odometry.hybrid import HybridOdometry, Member
-from edgemap.runtime.motion.odometry.protocol import Motion
+from edgemap.runtime.motion.odometry.protocol import Motion, first_motion
 from edgemap.runtime.step.config import ConfigError, load_efforts
 
 
@@ -139,7 +139,8 @@ def test_decisions_come_back_from_a_run_json_and_from_a_recording(tmp_path):
 
 
 class Ahead(MadeOdometry):
-    """Says 0.1 m a frame, and remembers at which frames it was asked, and after how many resets."""
+    """Says 0.1 m a frame but the first after a reset, and remembers at which frames it was asked, and after how many
+    resets."""
 
     def __init__(self, needs_features, sigma_m):
         self.needs_features, self.asked = needs_features, []
@@ -147,8 +148,9 @@ class Ahead(MadeOdometry):
 
     def step(self, frame, features, prior=None):
         assert features or not self.needs_features
+        first = self.resets not in [resets for _, resets in self.asked]
         self.asked.append((frame.index, self.resets))
-        return Motion(SE2(0.1), np.eye(3) * self._variance)
+        return first_motion() if first else Motion(SE2(0.1), np.eye(3) * self._variance)
 
 
 def test_who_needs_features_sleeps_until_two_frames_in_a_row_have_some():

@@ -119,18 +119,15 @@ class HybridOdometry:
     def begin(self, frame: Frame, features: Tensors, prior: FramePrior = NO_PRIOR) -> None:
         """Start the members that are networks, in another thread.
 
-        Without features the members that need them sleep until two frames in a row have some: a network that was
-        trained on neighbouring frames errs over longer intervals, and its covariance does not show it in time.
+        They sleep and begin again where two frames in a row have features: a network that was trained on neighbouring
+        frames errs over longer intervals, and its covariance does not show it in time.
         """
-        asleep = set() if features and self._fed else self._networks
-        self._fed = bool(features)
-        self._woken, self._slept = self._slept - asleep, asleep
-        for index in self._woken:
-            self._members[index].odometry.reset("slept")
-        beside = set() if self.needs_features else self._networks - asleep
-        self._begun = {
-            index: self._beside.submit(self._members[index].odometry.step, frame, features, prior) for index in beside
-        }
+        was_awake, self._awake, self._fed = self._awake, bool(features) and self._fed, bool(features)
+        networks = {index: self._members[index].odometry for index in self._networks}
+        for network in networks.values() if was_awake and not self._awake else ():
+            network.reset("no features")
+        beside = networks.items() if self._awake and not self.needs_features else ()
+        self._begun = {index: self._beside.submit(network.step, frame, features, prior) for index, network in beside}
         self._begun_with = frame.index
 
     def step(self, frame: Frame, features: Tensors, prior: FramePrior = NO_PRIOR) -> Motion:
@@ -139,12 +136,10 @@ class HybridOdometry:
             self.begin(frame, features, prior)
         motions = [blind_motion("")] * len(self._members)
         for index, member in enumerate(self._members):
-            if index not in self._begun and index not in self._slept:
+            if index not in self._begun and (self._awake or index not in self._networks):
                 motions[index] = member.odometry.step(frame, features, prior)
         for index, future in self._begun.items():
             motions[index] = future.result()
-        for index in self._woken:
-            motions[index] = blind_motion("")
         height, width = frame.image.shape[:2]
         self._movers = share_covered(prior.movers, width, height)
         motion = self._corrected(frame.stamp_s, self._fused(frame.stamp_s, motions, prior.covered), prior.attitude)
@@ -179,8 +174,7 @@ class HybridOdometry:
         self._coasting.reset()
         self._measured: set[int] = set()
         self._news = [StreamTimer(REPEATED_S) for _ in self._members]  # of their faults
-        self._fed, self._slept = True, set[int]()  # whether the last frame had features, and who slept through it
-        self._woken = set[int]()
+        self._fed = self._awake = True  # whether the last frame had features, and the one before it as well
         self._begun: dict[int, Future[Motion]] = {}  # what is computed of the last frame
         self._begun_with: int | None = None  # index of that frame
         self._first = True
