@@ -32,7 +32,9 @@ def test_a_chain_of_rotations_about_different_axes_is_their_product():
     base_arm, arm_camera, base_lidar = (matrix(*step) for step in (arm, camera, lidar))
     base_camera = base_arm @ arm_camera
     for parent, expected in (("base", base_camera), ("lidar", np.linalg.inv(base_lidar) @ base_camera)):
-        rotation, position_m = tree.pose(parent, "camera")
+        pose = tree.pose(parent, "camera")
+        assert pose is not None
+        rotation, position_m = pose
         np.testing.assert_allclose(rotation, expected[:3, :3], atol=1e-12)
         np.testing.assert_allclose(position_m, expected[:3, 3], atol=1e-12)
     assert tree.pose("base", "gripper") is None
