@@ -11,8 +11,10 @@ from edgemap.geometry.camera.intrinsics import Intrinsics
 from edgemap.geometry.camera.mount import Mount
 from edgemap.geometry.odometry.landmarks import (
     AttitudeError,
+    Landmarks,
     Located,
     Noise,
+    Projection,
     Viewpoint,
     excess_scale,
     locate,
@@ -124,6 +126,30 @@ def test_jacobians_are_the_slopes_of_what_is_seen():
         projection.by_inverse,
         atol=1e-4,
     )
+
+
+@given(st.integers(0, 2**32 - 1))
+def test_a_point_off_the_floor_is_updated_and_gated_by_its_innovation(seed):
+    """As a Kalman filter of one inverse depth has it; the noise of a track grows with its age."""
+    random = np.random.default_rng(seed)
+    residual, slope = random.normal(0.0, 0.004, (6, 2)), random.normal(0.0, 0.02, (6, 2))
+    age, variance = random.integers(0, 60, 6), random.uniform(0.001, 0.09, 6)
+    zeros = np.zeros(6)
+    points = Landmarks(
+        np.zeros((6, 3)), np.tile([1.0, 0.0, 0.0], (6, 1)), np.full(6, 0.5), variance, zeros > 0, zeros, age
+    )
+    projection = Projection(np.zeros((6, 2)), np.zeros((6, 2, 6)), slope, zeros == 0)
+    found = Located(Viewpoint(), np.eye(6), zeros + 1.0, residual, projection, 0.0)
+    after, kept = refined(points, found, NOISE, gate=9.0)
+    for row in range(6):
+        noise = (NOISE.track_rad**2 + NOISE.drift_rad**2 * age[row]) * np.eye(2)
+        innovation = noise + variance[row] * np.outer(slope[row], slope[row])
+        gain = variance[row] * slope[row] @ np.linalg.inv(innovation)
+        assert after.inverse_m[row] == pytest.approx(0.5 + gain @ residual[row])
+        assert after.variance[row] == pytest.approx(variance[row] * (1.0 - gain @ slope[row]))
+        distance2 = residual[row] @ np.linalg.solve(innovation, residual[row])
+        if abs(distance2 - 9.0) > 1e-6:
+            assert kept[row] == (distance2 < 9.0 and after.inverse_m[row] > -0.05)
 
 
 def test_a_gyros_rotation_is_a_yaw_and_a_tilt():
