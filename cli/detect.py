@@ -94,11 +94,11 @@ def _plot(
         from edgemap.plots.frame import plot_frame
 
         return plot_frame(path, picture, detections, sightings, camera)
-    from edgemap.runtime.frames.disk import write_atomically
+    from edgemap.runtime.frames.disk import make_folder, write_atomically
     from edgemap.runtime.frames.frame import png
     from edgemap.runtime.step.overlay import draw_detections
 
-    path.parent.mkdir(parents=True, exist_ok=True)
+    make_folder(path.parent)
     write_atomically(path, png(draw_detections(picture, detections, None)))
     return path
 

@@ -46,12 +46,12 @@ def export_backbone(
 ) -> Path:
     """Export a backbone with its odometry heads and floor head as a bundle folder; gives `out`.
 
-    backbone: yolov3, yolov3-tiny, yolox-nano; or a Darknet .cfg, an .onnx file, or the best.pt of a detector that was
-    trained here, whose bundles are named after their folder. weights: its .weights (for yolox-nano its .onnx) file;
-    without one a known name's is fetched. heads: checkpoints of trained heads; without any, an untrained paper head
-    on `feature` (default `head`, the raw coarse map; for ONNX files `stride32`) is created and marked as untrained,
-    except for a detector trained here without `feature`. size: (width, height) in px of a Darknet input. random_seed:
-    random weights instead of a file, for timing.
+    The bundle is named after its folder, where that is a bundle's name. backbone: yolov3, yolov3-tiny, yolox-nano; a
+    Darknet .cfg, an .onnx file, or the best.pt of a detector that was trained here. weights: its .weights (for
+    yolox-nano its .onnx) file; without one a known name's is fetched. heads: checkpoints of trained heads; without any,
+    an untrained paper head on `feature` (default `head`, the raw coarse map; for ONNX files `stride32`) is created and
+    marked as untrained, except for a detector trained here without `feature`. size: (width, height) in px of a Darknet
+    input. random_seed: random weights instead of a file, for timing.
     sources: where the weights came from, for the manifest. calibrate: a folder of pictures, for an int8 variant. Raises
     ExportError or another EdgemapError; then nothing is left at `out`.
     """
@@ -83,7 +83,7 @@ def export_backbone(
     models[part.detector.file] = seal(free_rows(part.model, part.detector), part.detector)
     manifest = Manifest(
         format=FORMAT,
-        name=_bundle_name(backbone, out) or part.name,
+        name=place if BUNDLE_NAME.fullmatch(place := out.resolve().name) else part.name,  # by it `pull` copies it
         version=__version__,
         detector=part.detector,
         sha256={},
@@ -101,13 +101,6 @@ def export_backbone(
         return parity.prove(bundle, part.reference, trunks, part.exact)
 
     return write_bundle(out, manifest, models, proof, calibration)
-
-
-def _bundle_name(backbone: str, out: Path) -> str:
-    """That of its folder for a backbone of the user's own: `pull` copies it to a robot by this name, and `--bundle`
-    takes it there. Empty for a name that `pull` has, and for a folder whose name is no bundle's."""
-    own = backbone.endswith((".cfg", ".onnx")) and BUNDLE_NAME.fullmatch(out.resolve().name)
-    return out.resolve().name if own else ""
 
 
 def _loaded(heads: Sequence[Path], feature: str | None) -> tuple[list[FloorCheckpoint], list[HeadCheckpoint]]:

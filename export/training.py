@@ -19,6 +19,7 @@ from edgemap.export.errors import ExportError
 from edgemap.export.ranks import Ranks
 from edgemap.export.settings import Settings
 from edgemap.export.torch_files import read_torch, save_whole
+from edgemap.runtime.frames.disk import make_folder
 from edgemap.runtime.frames.reading import one_line
 
 SAVE_EVERY_S = 120.0
@@ -61,7 +62,7 @@ class Training(ABC, Generic[N, S]):
         self.rows: list[dict[str, Any]] = []
         self.sums: dict[str, float | Tensor] = {}
         self.count = 0
-        folder.mkdir(parents=True, exist_ok=True)
+        make_folder(folder)
 
     @abstractmethod
     def take_steps(self) -> Iterator[None]:

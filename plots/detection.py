@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from edgemap.evaluation.detection import ScoredPicture, match_boxes
+from edgemap.runtime.frames.disk import make_folder
 from edgemap.runtime.frames.reading import library_path
 
 TILE_PX, COLUMNS, TILES = 240, 5, 20
@@ -48,7 +49,7 @@ class Mistakes:
 
     def save(self, folder: Path) -> list[Path]:
         """Writes false_boxes.png and misses.png, each where it has any."""
-        folder.mkdir(parents=True, exist_ok=True)
+        make_folder(folder)
         written = []
         for name, mistakes in (("false_boxes.png", self._false), ("misses.png", self._missed)):
             if mistakes:
