@@ -351,3 +351,14 @@ def test_of_objects_told_with_0_9_nine_in_ten_are_real():
     assert len(sure) >= 10
     assert np.mean(sure) >= 0.9
     assert np.mean([confidence for confidence, real in told if not real]) < 0.5
+
+
+def test_a_motion_without_a_picture_follows_the_pose():
+    """Two of them, after a turn: both are in the frame of the pose before."""
+    mapper, turned, ahead = Mapper(), SE2(1.0, 0.5, 0.8), SE2(0.3, 0.1, 0.2)
+    for index, motion in enumerate(exact([SE2(), turned])):
+        mapper.step(observed(index, [], motion))
+    for count in (1, 2):
+        pose, _ = mapper.step_blind(Motion(ahead))
+        expected = turned @ ahead if count == 1 else turned @ ahead @ ahead
+        assert pose.vector() == pytest.approx(expected.vector())
