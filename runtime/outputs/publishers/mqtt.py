@@ -47,6 +47,7 @@ class MqttPublisher:
         self._published: dict[str, MapObject] = {}
         self._zones = ZoneWatch()
         self._fault, self._faults, self._state_timer = "", 0, StreamTimer(STATE_EVERY_S)
+        self._state: dict[str, Any] = {}  # the newest
         self._connected, self._refused = threading.Event(), "no answer"
         self._new_connection = False
         self._objects = threading.Lock()  # of `_published` and the retained objects, which say the same
@@ -80,6 +81,10 @@ class MqttPublisher:
                 self._event("appeared", item)
             elif math.dist(before.position_m, item.position_m) > MOVED_M:
                 self._event("moved", item, moved_m=round(math.dist(before.position_m, item.position_m), 3))
+            elif _by_people(before) != _by_people(item):
+                with self._objects:
+                    self._published[identity] = item
+                    self._publish_object(item)
         for identity in self._published.keys() - known.keys():
             into = result.merged.get(identity)
             self._event("vanished", self._published[identity], **({"into": into} if into else {}))
@@ -90,8 +95,10 @@ class MqttPublisher:
             self._publish_state(result, objects)
 
     def fault(self, text: str) -> None:
-        """Part of the next state."""
+        """In the state at once: while the camera is away no step brings one."""
         self._fault, self._faults = text, self._faults + 1
+        if self._state and self._connected.is_set():
+            self._send_state()
 
     def close(self) -> None:
         """Publishes that the robot is offline; its state and objects stay retained. May be called twice."""
@@ -127,16 +134,18 @@ class MqttPublisher:
 
     def _publish_state(self, result: StepResult, objects: list[MapObject]) -> None:
         pose = result.pose_map_base
-        state = {
+        self._state = {
             "stamp_s": round(result.frame.stamp_s, 3),
             "frames": result.frame.index + 1,
             "x_m": round(pose.x_m, 3),
             "y_m": round(pose.y_m, 3),
             "yaw_rad": round(pose.yaw_rad, 4),
             "objects": len(objects),
-            "fault_count": self._faults,
-            "fault": self._fault,
         }
+        self._send_state()
+
+    def _send_state(self) -> None:
+        state = self._state | {"fault_count": self._faults, "fault": self._fault}
         self._publish("state", json.dumps(state), retain=True)
 
     def _publish(self, topic: str, payload: str, retain: bool = False):
@@ -164,6 +173,11 @@ class MqttPublisher:
             topics = {f"{self.root}/objects/{topic_level(identity)}" for identity in self._published}
             if message.retain and message.payload and message.topic not in topics:
                 client.publish(message.topic, "", qos=1, retain=True)
+
+
+def _by_people(item: MapObject) -> tuple[object, ...]:
+    """What a person has edited of an object."""
+    return item.label, item.name, item.confirmed, item.corrected
 
 
 def topic_level(name: str) -> str:

@@ -108,6 +108,22 @@ def test_objects_appear_move_and_vanish(broker):
     np.testing.assert_allclose([events[2]["x_m"], events[2]["y_m"]], moved.position_m, atol=1e-6)
 
 
+def test_a_name_a_confirmation_and_a_fault_are_published_at_once(broker):
+    """A name came when the object moved, and a camera that was away was reported when it was back."""
+    result, objects = two_objects()
+    first = objects[0].id
+    topic = f"edgemap/robo/objects/{first}"
+    with publisher(broker) as sink:
+        sink.write(result, objects)
+        named = [replace(item, name="Ecke", confirmed=True) if item.id == first else item for item in objects]
+        sink.write(result, named)
+        sink.fault("camera x: stopped delivering")
+        told = broker.retained(until=lambda told: "stopped" in told.get(STATE, "") and "Ecke" in told.get(topic, ""))
+    state = json.loads(told[STATE])
+    assert (state["fault"], state["fault_count"], state["objects"]) == ("camera x: stopped delivering", 1, 2)
+    assert json.loads(told[topic])["confirmed"]
+
+
 def test_a_broker_that_goes_away_is_a_failure_and_gets_everything_when_it_is_back(broker):
     steps = Steps()
     with publisher(broker) as sink:
