@@ -272,9 +272,9 @@ def _corrected(
     learns_vertical_bias: bool,
     robust: bool = False,
 ) -> InertialState:
-    """Kalman update in Joseph's form. Gravity says nothing of the bias about the vertical, so there its gain is zero:
-    what a wrong velocity assumption would teach is worse than what was learnt at rest. robust: a measurement that errs
-    more than it says counts as much less."""
+    """Kalman update in Joseph's form. Gravity does not measure the bias about the vertical, so its gain there is zero:
+    a wrong assumption of the velocity would make it worse than the estimate at rest. robust: the variance of a
+    measurement with a larger residual than it states is inflated."""
     cross = state.covariance @ selected.T
     expected = selected @ cross + variance
     information = np.linalg.inv(expected)

@@ -75,7 +75,7 @@ class MountTilt:
         return np.sqrt(np.diag(self.covariance) + self.rule.lasting**2)
 
     def known(self) -> NDArray[np.bool_]:
-        """Whether roll and pitch are known for good, (2,): to twice the error that is common to a drive."""
+        """Whether roll and pitch have converged, bool (2,): to twice the error that is common to a drive."""
         return np.diag(self.covariance) < (2.0 * self.rule.lasting) ** 2
 
     def _updated(self, name: str, slope: Array, residual: Array, variance: Array) -> "MountTilt":

@@ -1,4 +1,4 @@
-"""Motions that could lay one map onto another, from every two objects whose labels and mutual distance agree."""
+"""Candidate motions between two maps, from every two objects whose labels and mutual distance agree."""
 
 from collections.abc import Generator, Sequence
 from dataclasses import dataclass
@@ -12,7 +12,7 @@ from edgemap.geometry.se2 import SE2
 
 SHORTEST_M = 0.7  # nearer objects constrain the rotation too little
 MAXIMUM_CORRESPONDENCES = 200  # of which every two are tried; more are drawn from, rarest labels first
-MAXIMUM_MODES = 16  # clearly different motions that are looked at closely
+MAXIMUM_MODES = 16  # clearly different motions that are examined
 SAME_PLACE_M, SAME_TURN_RAD = 0.4, 0.2  # motions that differ by less are one
 CHUNK = 200_000  # distances between objects, of all motions scored in one unit of work
 
@@ -76,7 +76,7 @@ def hypotheses(first: Sequence[MapObject], second: Sequence[MapObject]) -> Motio
 def best_modes(
     motions: Motions, first: Sequence[MapObject], second: Sequence[MapObject], reach_m: float
 ) -> Generator[None, None, list[SE2]]:
-    """The motions that lay the most objects onto their like, best first, clearly different from each other; yields
+    """The motions that match the most objects, best first, clearly different from each other; yields
     after every unit of work."""
     scores = yield from _scores(motions, first, second, reach_m)
     centre = motions.apply(_positions(second).mean(axis=0)[None])[:, 0]

@@ -117,7 +117,7 @@ class KeyframeTrajectory:
         return self._vectors
 
     def set_poses(self, poses: Array, covariances: Array, now_s: float) -> TrajectoryCorrection:
-        """The first keyframes stand at (N, 3) now; later ones follow the last of these as odometry says. Observations
+        """The first keyframes have the poses (N, 3); later ones follow the last of these by odometry. Observations
         from `now_s` on refer to the corrected pose of the base.
         """
         after = [SE2(*pose) for pose in poses]
@@ -141,7 +141,7 @@ class KeyframeTrajectory:
         )
 
     def scale(self, factor: float) -> None:
-        """All lengths times `factor`, about the map's origin; the odometer goes on as it is."""
+        """All lengths times `factor`, about the map's origin; the odometer is unchanged."""
         units = np.array([factor, factor, 1.0])
         both = np.outer(units, units)
         self.poses, self._motions = ([pose.scaled(factor) for pose in some] for some in (self.poses, self._motions))

@@ -103,8 +103,8 @@ class Landmark:
             self.rows[-1] = _both(self.rows[-1], row)
 
     def join(self, other: "Landmark") -> None:
-        """Adds the observations of another visit to the same object. Both are evidence of it as the better one is: who
-        comes by again and again sees what was mistaken for an object each time.
+        """Adds the observations of another visit to the same object. Together they are as much evidence as the better
+        one, as repeated visits repeat a false detection.
         """
         rows = dict(zip(self.keyframes, self.rows, strict=True))
         for keyframe, row in zip(other.keyframes, other.rows, strict=True):

@@ -34,7 +34,7 @@ def to_supervision(detections: Detections) -> "supervision.Detections":
 def from_supervision(boxes: Any, names: Sequence[str] | None = None) -> Detections:
     """A `supervision.Detections` as ours, best score first; masks, tracks and other data are left out.
 
-    names: of all classes; without them the boxes must bring `class_name`. A box without a score gets 1.
+    names: of all classes; without them the boxes must have `class_name`. A box without a score gets 1.
     Raises ValueError where there are no class numbers, or neither names nor `class_name`, or a number has no name.
     """
     count = len(boxes.xyxy)

@@ -200,7 +200,7 @@ def _recorded_from(spec: str) -> str:
 
 
 def _camera_of(spec: str) -> str | None:
-    """What a recording says that it was made with; None for one that is not ours, or broken."""
+    """The camera that a recording names; None for a recording of another program, or a damaged one."""
     from edgemap.runtime.inputs.recordings.facts import RECORD
     from edgemap.runtime.inputs.recordings.reader import McapReading
 

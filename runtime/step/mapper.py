@@ -168,7 +168,7 @@ class Mapper:
         return observed if observed.scale == self.scale == 1.0 else observed.scaled(self.scale)
 
     def _rescale(self, factor: float) -> None:
-        """All lengths times a factor, about the map's origin; the pose by odometry alone goes on where it is."""
+        """All lengths times a factor, about the map's origin; the pose by odometry alone is unchanged."""
         units = np.array([factor, factor, 1.0])
         self.map.scale(factor)
         self.grid.scale(factor)
@@ -255,7 +255,7 @@ class Mapper:
             self._shown_grid = self.grid.grid()
 
     def _set_pose(self, edit: Edit) -> str:
-        """The robot is where a person says, in a map that stays as it is; a search for it is over. Raises EditError."""
+        """Set the robot's pose in the map, which stays as it is, and end a relocalisation. Raises EditError."""
         if edit.pose is None or not np.isfinite(edit.pose).all():
             raise EditError("a pose is x, y and yaw: three finite numbers")
         if not self.map.movable:
@@ -295,7 +295,7 @@ class Mapper:
         return replace(observed, sightings=[replace(seen, pictures=pictures) for seen in observed.sightings])
 
     def _advance(self, motion: Motion) -> None:
-        """Carry the pose on; the first frame's pose is the map's origin, known exactly."""
+        """Advance the pose by the motion; the first frame's pose is the map's origin and exact."""
         if self._started:
             self.pose_covariance = compose_covariance(
                 self.pose_map_base, self.pose_covariance, motion.motion, motion.covariance
@@ -309,7 +309,7 @@ class Mapper:
         self._started = True
 
     def _retilt(self, seen: MountEstimate | None) -> None:
-        """What was placed by the mount follows its angles as they become better known."""
+        """Move what was placed by the mount's angles when their estimate changes."""
         if seen is None or not self.map.movable:
             return
         before, self._placed_by = self._placed_by or seen.given, seen.used

@@ -27,7 +27,8 @@ class Sink(Protocol):
     - keeps references and never changes what it is given.
 
     name: what messages call it, as "run folder" or "recording drive.mcap". A sink with a true attribute `for_caller`
-    writes for whoever started the run, and is not given the failure that ends it: the caller reports that one.
+    writes for the user who started the run; it does not receive the failure that ends the run, which the caller
+    reports.
     """
 
     name: str

@@ -27,7 +27,7 @@ def pitch_by_sizes(
     boxes: list[Detections], lens: Intrinsics, usual: tuple[float, float] | None
 ) -> tuple[float, float, int]:
     """The pitch at which objects of usual heights agree on the lens's height: pitch, its sigma, and how many there are.
-    usual: height of the lens and the sigma of its logarithm, where it is known that well.
+    usual: height of the lens and the sigma of its logarithm, where it is that certain.
 
     Maximum posterior on a grid, with the usual pitch as prior; near and far objects disagree at a wrong one.
     """
