@@ -17,9 +17,8 @@ from edgemap.geometry.arrays import CHI2_997, Array
 from edgemap.geometry.errors import MapError
 from edgemap.geometry.map_object import MapObject
 from edgemap.geometry.registration.hypotheses import best_modes, hypotheses
-from edgemap.geometry.se2 import SE2, wrap_angle
+from edgemap.geometry.se2 import SE2
 
-GUESS_TURN_RAD = math.radians(20.0)  # between a guessed start and what its objects show
 ROUNDS = 10  # of refinement, at most: it ends where the pairs stay
 Pairs = tuple[tuple[int, int], ...]
 
@@ -158,7 +157,7 @@ def aligned_near(
         if fit is None:
             continue
         moved_m = math.hypot(fit.pose.x_m - guess.x_m, fit.pose.y_m - guess.y_m)
-        if moved_m > rule.reach_m or abs(wrap_angle(fit.pose.yaw_rad - guess.yaw_rad)) > GUESS_TURN_RAD:
+        if moved_m > rule.reach_m:
             continue
         near = [_probability(theirs, fit.pose, first, rule) for theirs in second]
         chance = len(guesses) * float(bdtrc(len(fit.pairs) - 1, len(second), float(np.mean(near))))
