@@ -1,6 +1,7 @@
 """`edgemap record`: a camera's pictures into one MCAP file, to be looked at, replayed, and read by ROS 2."""
 
 import shlex
+from contextlib import closing
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -55,16 +56,15 @@ def command(
         with stop_on_signals() as stop:
             recorder = Recorder(out, facts, lossless=lossless, wheel=track, truth=camera.truth)
             try:
-                while (frames is None or recorder.frames < frames) and not stop.is_set():
-                    frame = next_frame(camera, print_message, stop.is_set)
-                    if frame is None:
-                        break
-                    recorder.picture(frame)
-            except EdgemapError as error:
-                error.args = (f"{error}; the {recorder.frames} pictures so far are in {out}",)
+                with closing(recorder):
+                    while (frames is None or recorder.frames < frames) and not stop.is_set():
+                        frame = next_frame(camera, print_message, stop.is_set)
+                        if frame is None:
+                            break
+                        recorder.picture(frame)
+            except EdgemapError as error:  # of a picture, or of the end of the file, as on a full disk
+                error.args = (f"{error}; the pictures so far are in {out}",)
                 raise
-            finally:
-                recorder.close()
     if not recorder.frames:
         out.unlink()
         raise RecordingError(f"{out}: stopped before the first picture, so nothing is recorded")

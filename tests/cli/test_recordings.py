@@ -12,12 +12,14 @@ import numpy as np
 import pytest
 from support.refusal import one_line
 
+from edgemap.cli import main
 from edgemap.cli.groups import Source
 from edgemap.cli.record import command as record
 from edgemap.geometry.se2 import SE2
-from edgemap.runtime.frames.errors import RecordingError
+from edgemap.runtime.frames.errors import DiskError, RecordingError
 from edgemap.runtime.inputs.open import open_camera
 from edgemap.runtime.inputs.recordings.foreign import read_wheel
+from edgemap.runtime.outputs.recording.recorder import Recorder
 from edgemap.runtime.step.map_file import load_map
 
 FRAMES = 25
@@ -124,6 +126,18 @@ def test_a_realsense_recording_is_converted(edgemap, realsense_recording, tmp_pa
             assert frame.stamp_s == was.stamp_s == pytest.approx(stamp, abs=1e-6)
             np.testing.assert_array_equal(frame.image[..., ::-1], picture)
         assert camera.read() is None
+
+
+def test_a_full_disk_names_the_recording_so_far(monkeypatch, capsys, pictures, tmp_path):
+    def full(recorder):
+        raise DiskError("a.mcap: cannot be written (No space left on device)")
+
+    monkeypatch.setattr(Recorder, "close", full)
+    with pytest.raises(SystemExit) as ended:
+        main(["record", "--camera", str(pictures), "-o", str(tmp_path / "a.mcap")])
+    assert ended.value.code == 4
+    line = f"(No space left on device); the pictures so far are in {tmp_path / 'a.mcap'}\n"
+    assert capsys.readouterr().err.endswith(line)
 
 
 def test_ctrl_c_ends_a_recording_properly(tmp_path, pictures):
