@@ -40,8 +40,8 @@ LOW_IS_WORSE = ("f1", "precision", "recall", "covered95")
 
 @dataclass(frozen=True)
 class WalksOptions:
-    """data: drives with true poses and a mount. corners: of planar odometry, one run for each number, with depth in
-    proportion. depth: use the drive's depth pictures. frames: the first ones, all by default."""
+    """data: drives with true poses and a mount. corners: that are tracked, one run for each number. depth: use the
+    drive's depth pictures. frames: the first ones, all by default."""
 
     data: tyro.conf.Positional[tuple[str, ...]]
     corners: tuple[int, ...] = (144, 152, 160, 168, 176)
@@ -75,13 +75,11 @@ def main(options: WalksOptions) -> None:
 
 
 def with_corners(count: int) -> "Config":
-    """The tree with this number of corners for planar odometry, and the same change for depth odometry."""
+    """The tree with this number of corners."""
     from edgemap.runtime.step.config import Config
 
     tree = Config()
-    planar, depth = tree.odometry.planar, tree.odometry.depth
-    planar, depth = replace(planar, corners=count), replace(depth, corners=depth.corners * count // planar.corners)
-    return replace(tree, odometry=replace(tree.odometry, planar=planar, depth=depth))
+    return replace(tree, odometry=replace(tree.odometry, planar=replace(tree.odometry.planar, corners=count)))
 
 
 def walk(drive: "Drive", bundle: "Bundle", config: "Config", options: WalksOptions) -> dict[str, float | None]:

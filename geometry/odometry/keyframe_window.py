@@ -2,7 +2,8 @@
 
 Optical axes are those of a camera (z ahead); the world has the floor at z = 0 and z up. A pose is perturbed by a
 rotation from the left and a displacement, both in world axes: six numbers. A point lies on a ray of its host, the first
-keyframe that observed it, at an inverse depth. Poses that leave the window are marginalised (Schur complement).
+keyframe that observed it, at an inverse depth, which pictures with depth measure at each pose. Poses that leave the
+window are marginalised (Schur complement).
 """
 
 import math
@@ -23,7 +24,7 @@ from edgemap.geometry.se2 import SE2
 Mask = NDArray[np.bool_]
 Indices = NDArray[np.intp]
 
-ROUNDS = 4  # of Gauss and Newton for each picture
+ROUNDS, MEASURED_ROUNDS = 4, 2  # of Gauss and Newton for each picture; where inverse depths are measured
 SMALLEST_STEP = 1e-5  # m and rad, at which the rounds end
 NEAREST, FARTHEST = 20.0, 1e-4  # inverse depths, 1/m
 ORIGIN = np.array([1e-6, 1e-6, 1e6, 1e8, 1e8, 1e-6])  # information that fixes heading and place of the first pose
@@ -44,7 +45,8 @@ class WindowRule:
     picture, because such errors last. parallax_px: a picture becomes a keyframe where the tracks have moved by this
     much since the last one, the rotation aside. height_share, rise_share: standard deviation of the lens's height about
     the mount's, and of its change from picture to picture, as shares of it. attitude_pictures: number of pictures for
-    which an error of the given attitude lasts.
+    which an error of the given attitude lasts. depth_sigma: standard deviation of an inverse depth that a depth camera
+    measures, 1/m; it measures a disparity, whose error is the same at any distance.
     """
 
     keyframes: int = 8
@@ -60,6 +62,7 @@ class WindowRule:
     height_share: float = 0.025
     rise_share: float = 0.012
     attitude_pictures: float = 10.0
+    depth_sigma: float = 0.0035
 
     def __post_init__(self) -> None:
         """Raises GeometryError for a number that is not positive."""
@@ -73,7 +76,7 @@ class WindowPoints:
     """N points. ids (N,): of their tracks. host (N,): index of the first pose that observed each. ray (N, 3): there,
     with z = 1. inverse_m (N,): inverse depth along the optical axis; variance (N,): of it. floor (N,), views (N,): sum
     of the floor mask's probability and its number of pictures. at (N, S, 2): normalised image points by pose; observed
-    (N, S): where there is one.
+    (N, S): where there is one. measured (N, S): inverse depth by pose; NaN where it was not measured.
     """
 
     ids: NDArray[np.int64]
@@ -85,6 +88,7 @@ class WindowPoints:
     views: Array
     at: Array
     observed: Mask
+    measured: Array
 
     def __len__(self) -> int:
         return len(self.ids)
@@ -99,13 +103,24 @@ class WindowPoints:
 
 
 class Tracks:
-    """The observations of points from other poses than their hosts, sorted by points."""
+    """The observations of points from other poses than their hosts, sorted by points.
 
-    def __init__(self, points: WindowPoints, count: int) -> None:
+    at (M, K): normalised image points and, where any is measured, inverse depths (K is 3, else 2). weight (M, K):
+    inverse standard deviations, 0 of a depth that was not measured.
+    """
+
+    def __init__(self, points: WindowPoints, count: int, sigmas: tuple[float, float]) -> None:
         tracked = points.observed[:, :count].copy()
         tracked[np.arange(len(points)), points.host] = False
         self.point, self.slot = np.nonzero(tracked)
-        self.host, self.at = points.host[self.point], points.at[self.point, self.slot]
+        self.host, at = points.host[self.point], points.at[self.point, self.slot]
+        track, depth_sigma = sigmas
+        weight, measured = np.full(at.shape, 1.0 / track), points.measured[self.point, self.slot]
+        known = np.isfinite(measured)
+        if known.any():
+            at = np.column_stack([at, np.where(known, measured, 0.0)])
+            weight = np.column_stack([weight, known / depth_sigma])
+        self.at, self.weight = at, weight
         self.first = np.flatnonzero(np.diff(self.point, prepend=-1))
         self.owners = self.point[self.first]
 
@@ -138,6 +153,7 @@ class KeyframeWindow:
         self._rule, self._focal_px, self._reach_heights = rule, focal_px, reach_heights
         self._reverse = SE2(-mount.forward_m, -mount.left_m, 0.0)
         self._slots = rule.keyframes + 1
+        self._sigmas = rule.track_px / focal_px, rule.depth_sigma
         self.poses: list[LensPose] = []
         self._factors: list[PoseFactors] = []
         self._prior: tuple[Array, Array, list[LensPose]] = np.zeros((0, 0)), np.zeros(0), []
@@ -145,15 +161,24 @@ class KeyframeWindow:
         none, pair = np.zeros(0), np.zeros((0, self._slots, 2))
         number, index = np.zeros(0, dtype=np.int64), np.zeros(0, dtype=np.intp)
         self.points = WindowPoints(
-            number, index, np.zeros((0, 3)), none, none, none, none, pair, pair[..., 0].astype(bool)
+            number, index, np.zeros((0, 3)), none, none, none, none, pair, pair[..., 0].astype(bool), pair[..., 0]
         )
 
-    def step(self, start: LensPose, factors: PoseFactors, ids: NDArray[np.int64], points: Array, floor: Array) -> float:
+    def step(
+        self,
+        start: LensPose,
+        factors: PoseFactors,
+        ids: NDArray[np.int64],
+        points: Array,
+        floor: Array,
+        measured: Array | None = None,
+    ) -> float:
         """Adds a picture with its tracks and optimises the window. Returns the weight of the tracks that agree.
 
         start: expected pose. ids (N,), points (N, 2), floor (N,): tracks, their normalised image points, and the
-        probability that each lies on the floor.
+        probability that each lies on the floor. measured (N,): their inverse depths, NaN where none was measured.
         """
+        measured = np.full(len(ids), np.nan) if measured is None else measured
         first = not self.poses
         if first:
             self._prior = np.diag(ORIGIN), np.zeros(6), [start]
@@ -164,13 +189,14 @@ class KeyframeWindow:
         hit, last = rows >= 0, len(self.poses) - 1
         self.points.observed[:, last] = hit
         self.points.at[hit, last] = points[rows[hit]]
+        self.points.measured[:, last] = np.where(hit, measured[rows], np.nan) if len(ids) else np.nan
         self.points.floor[hit] += floor[rows[hit]]
         self.points.views[hit] += 1.0
         weight = 0.0 if first else self._resected(hit)
         if not first:
             self._solve()
         new = np.setdiff1d(np.arange(len(ids)), rows[hit])
-        self._add(ids[new], points[new], floor[new])
+        self._add(ids[new], points[new], floor[new], measured[new])
         return weight
 
     def loosen(self, up: Array) -> None:
@@ -183,8 +209,13 @@ class KeyframeWindow:
             self._prior = np.diag(ORIGIN), np.zeros(6), self.poses[:1]
 
     def covariance(self) -> Array:
-        """(12, 12) of the poses before the last one and of the last one, as of the last solution."""
-        return self._rule.covariance_scale * self._covariance[-12:, -12:]
+        """(12, 12) of the poses before the last one and of the last one, as of the last solution.
+
+        An error of scale lasts only where depths are not measured.
+        """
+        last = len(self.poses) - 1
+        lasting = np.isnan(self.points.measured[self.points.observed[:, last], last]).mean()
+        return self._rule.covariance_scale**lasting * self._covariance[-12:, -12:]
 
     def local(self, ids: NDArray[np.int64], pose: LensPose) -> Array:
         """Points of these tracks in a lens's optical axes, (N, 3); NaN for those that are not in the window."""
@@ -222,7 +253,7 @@ class KeyframeWindow:
         along = np.einsum("nij,nj->ni", rotation, points.ray)
         return position + along / points.inverse_m[:, None], along
 
-    def _add(self, ids: NDArray[np.int64], points: Array, floor: Array) -> None:
+    def _add(self, ids: NDArray[np.int64], points: Array, floor: Array, measured: Array) -> None:
         """New points, hosted by the last pose."""
         count, last, pose = len(ids), len(self.poses) - 1, self.poses[-1]
         ray = np.column_stack([points, np.ones(count)])
@@ -230,17 +261,23 @@ class KeyframeWindow:
         is_floor = (floor >= 0.5) & (on_floor * pose.position_m[2] > 1.0 / self._reach_heights)
         inverse = np.where(is_floor, on_floor, np.maximum(ANY[0], on_floor))
         variance = np.where(is_floor, 0.05 * on_floor, np.maximum(ANY[1], 0.5 * on_floor)) ** 2
+        known = np.isfinite(measured)
+        inverse = np.where(known, measured, inverse)
+        variance = np.where(known, self._rule.depth_sigma**2, variance)
         at, observed = np.zeros((count, self._slots, 2)), np.zeros((count, self._slots), dtype=bool)
-        at[:, last], observed[:, last] = points, True
-        new = WindowPoints(ids, np.full(count, last), ray, inverse, variance, floor + 0.0, np.ones(count), at, observed)
+        depths = np.full((count, self._slots), np.nan)
+        at[:, last], observed[:, last], depths[:, last] = points, True, measured
+        host, views = np.full(count, last), np.ones(count)
+        new = WindowPoints(ids, host, ray, inverse, variance, floor + 0.0, views, at, observed, depths)
         self.points = self.points.joined(new)
 
     def _solve(self) -> None:
         """Gauss-Newton over all poses and points."""
         count, everyone = len(self.poses), np.arange(len(self.poses))
         factors = FactorRows(self._factors)
-        tracks = Tracks(self.points, count)
-        for round_ in range(ROUNDS):
+        tracks = Tracks(self.points, count, self._sigmas)
+        rounds = MEASURED_ROUNDS if tracks.at.shape[1] == 3 else ROUNDS
+        for round_ in range(rounds):
             rotation, position = self._arrays()
             system = self._system(tracks, self.points, rotation, position, 1.5 if round_ == 0 else 1.0)
             information, right = system.reduced()
@@ -249,7 +286,7 @@ class KeyframeWindow:
             right += rows.T @ off
             self._prior_factor(information, right)
             information[np.diag_indices(6 * count)] += 1e-9
-            last = round_ == ROUNDS - 1
+            last = round_ == rounds - 1
             step = np.asarray(np.linalg.solve(information, right), dtype=np.float64)
             depth = (system.depths_right - system.between @ step) / system.depths
             self.poses = [_moved(pose, step[6 * i : 6 * i + 6]) for i, pose in enumerate(self.poses)]
@@ -270,9 +307,9 @@ class KeyframeWindow:
         return lens @ self._reverse
 
     def _system(self, tracks: "Tracks", points: WindowPoints, rotation: Array, position: Array, scale: float) -> System:
-        """Normal equations of the tracks and of the points on the floor. scale: factor on the gates."""
+        """Normal equations of tracks, measured depths and points on the floor. scale: factor on the gates."""
         rule, count, number = self._rule, len(rotation), len(points)
-        track, gate = rule.track_px / self._focal_px, scale * rule.gate_px / rule.track_px
+        gate, deep = scale * rule.gate_px / rule.track_px, scale * TUKEY
         host, inverse, everyone = points.host, points.inverse_m, np.arange(number)
         point, slot = tracks.point, tracks.slot
         size = 6 * count
@@ -284,21 +321,27 @@ class KeyframeWindow:
         local = (axes @ away[:, :, None])[..., 0]
         ahead = local[:, 2] > 0.05
         depth = np.where(ahead, local[:, 2], 1.0)
-        predicted = local[:, :2] / depth[:, None]
-        residual = (tracks.at - predicted) / track
-        distance2 = (residual**2).sum(axis=1)
-        root = np.where(ahead, np.maximum(1.0 - distance2 / gate**2, 0.0), 0.0)
-        residual *= root[:, None]
-        # Derivative of the image point by the direction in world axes.
-        by_away = (axes[:, :2] - predicted[..., None] * axes[:, 2:]) * (root / (depth * track))[:, None, None]
+        parts = tracks.at.shape[1]
+        predicted = np.column_stack([local[:, :2], inverse[point]])[:, :parts] / depth[:, None]
+        residual = (tracks.at - predicted) * tracks.weight
+        distance2 = (residual[:, :2] ** 2).sum(axis=1)
+        root = np.where(ahead, np.maximum(1.0 - distance2 / gate**2, 0.0), 0.0)[:, None].repeat(parts, axis=1)
+        root[:, 2:] *= np.maximum(1.0 - (residual[:, 2:] / deep) ** 2, 0.0)
+        residual *= root
+        # Derivative of the image point and of the inverse depth by the direction in world axes.
+        root *= tracks.weight / depth[:, None]
+        by_away = -predicted[..., None] * axes[:, 2:]
+        by_away[:, :2] += axes[:, :2]
+        by_away *= root[..., None]
         shifted = inverse[point, None, None] * by_away
         by_depth = (by_away @ base[:, :, None])[..., 0]
+        by_depth[:, 2:] += root[:, 2:]
         # One row for each coordinate of a track, and one for each point's height: six columns for each pose.
-        many = 2 * len(point)
+        many = parts * len(point)
         rows = np.zeros((many + number, count, 6))
-        pair = rows[:many].reshape(-1, 2, count, 6)
+        pair = rows[:many].reshape(-1, parts, count, 6)
         own = np.arange(len(point))
-        by = np.empty((len(point), 2, 6))
+        by = np.empty((len(point), parts, 6))
         by[..., :3], by[..., 3:] = _cross(by_away, away[:, None]), -shifted
         pair[own, :, slot] = by
         by[..., :3], by[..., 3:] = -_cross(by_away, ray_of[:, None]), shifted
@@ -322,11 +365,13 @@ class KeyframeWindow:
         between = between.reshape(number, size)
         rows = rows.reshape(-1, size)
         if many:
-            products = by_depth[:, :1] * rows[:many:2] + by_depth[:, 1:] * rows[1:many:2]
+            products = (by_depth[:, None] @ rows[:many].reshape(-1, parts, size))[:, 0]
             between[tracks.owners] += np.add.reduceat(products, tracks.first, axis=0)
         loose = np.maximum(ANY[1], 0.5 * on_floor) ** -2
-        depths = height**2 + loose + np.bincount(point, (by_depth**2).sum(axis=1), number)
-        depths_right = height * above + loose * (np.maximum(ANY[0], on_floor) - inverse)
+        nearer = (points.measured[everyone, host] - inverse) / rule.depth_sigma
+        held = np.nan_to_num(np.maximum(1.0 - (nearer / deep) ** 2, 0.0) ** 2) / rule.depth_sigma
+        depths = height**2 + loose + held / rule.depth_sigma + np.bincount(point, (by_depth**2).sum(axis=1), number)
+        depths_right = height * above + loose * (np.maximum(ANY[0], on_floor) - inverse) + held * np.nan_to_num(nearer)
         depths_right += np.bincount(point, (by_depth * residual).sum(axis=1), number)
         return System(rows.T @ rows, rows.T @ np.concatenate([residual.ravel(), above]), depths, depths_right, between)
 
@@ -382,7 +427,8 @@ class KeyframeWindow:
     def _marginalise(self) -> None:
         """The oldest keyframe, and the points that it hosts, become a prior on the other poses."""
         points, (rotation, position) = self.points.chosen(self.points.host == 0), self._arrays()
-        information, right = self._system(Tracks(points, len(rotation)), points, rotation, position, 1.0).reduced()
+        tracks = Tracks(points, len(rotation), self._sigmas)
+        information, right = self._system(tracks, points, rotation, position, 1.0).reduced()
         rows, off = FactorRows(self._factors).rows(rotation, position, np.array([0]), np.array([1]))
         information += rows.T @ rows
         right += rows.T @ off
@@ -394,7 +440,7 @@ class KeyframeWindow:
     def _remove(self, index: int) -> None:
         """Takes one pose out of all arrays."""
         del self.poses[index], self._factors[index]
-        for name in ("at", "observed"):
+        for name in ("at", "observed", "measured"):
             array = getattr(self.points, name)
             array[:, index:-1] = array[:, index + 1 :].copy()
         self.points.observed[:, -1] = False

@@ -6,8 +6,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from edgemap.geometry.arrays import Array
-from edgemap.geometry.camera.mount import Mount
-from edgemap.geometry.se2 import SE2
 
 TUKEY = 4.6851  # standard deviations beyond which a residual has no weight (95 % efficiency)
 ANNEALING = (3.0, 2.0, 1.0, 1.0, 1.0)
@@ -19,11 +17,6 @@ class LensPose:
 
     rotation: Array
     position_m: Array
-
-    @classmethod
-    def origin(cls) -> "LensPose":
-        """The pose of the first picture."""
-        return cls(np.eye(3), np.zeros(3))
 
     def inverse(self) -> "LensPose":
         """Pose of the fixed frame in this lens's frame."""
@@ -47,20 +40,9 @@ class DepthLandmarks:
     along: Array
     sigma_m: Array
 
-    @classmethod
-    def observed(cls, pose: LensPose, rays: Array, depth_m: Array, sigma_m: Array) -> "DepthLandmarks":
-        """Points observed from a pose along rays (N, 3) with z = 1, at depths (N,) along the optical axis."""
-        along = rays @ pose.rotation.T
-        return cls(pose.position_m + along * depth_m[:, None], along, sigma_m)
-
     def chosen(self, which: NDArray[np.intp] | NDArray[np.bool_]) -> "DepthLandmarks":
         """The landmarks at indices, or where a mask is set."""
         return DepthLandmarks(self.points_m[which], self.along[which], self.sigma_m[which])
-
-    @classmethod
-    def joined(cls, parts: "list[DepthLandmarks]") -> "DepthLandmarks":
-        """The landmarks of all parts, concatenated."""
-        return cls(*(np.concatenate([getattr(p, n) for p in parts]) for n in ("points_m", "along", "sigma_m")))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -111,33 +93,6 @@ def resect(landmarks: DepthLandmarks, observed: Array, start: LensPose, sigma: f
         pose = pose @ _small(inverse @ weighted.T @ whitened)
         excess = max(1.0, float(weights @ distance2) / max(2.0 * float(weights.sum()) - 6.0, 1.0))
     return Resected(pose, inverse * excess, weights)
-
-
-def planar_step(moved: LensPose, covariance: Array, up: Array, mount: Mount) -> tuple[SE2, Array]:
-    """Motion of the base (3,) and covariance (3, 3) of a lens that moved so in its earlier optical axes, where up (3,)
-    points up. covariance: (6, 6) in its later axes, as of `Resected`."""
-    ahead, left = _level(np.array([0.0, 0.0, 1.0]), up)
-    heading = moved.rotation[:, 2]
-    lens = SE2(
-        float(moved.position_m @ ahead),
-        float(moved.position_m @ left),
-        float(np.arctan2(heading @ left, heading @ ahead)),
-    )
-    lever = SE2(mount.forward_m, mount.left_m, 0.0)
-    later_up = moved.rotation.T @ up
-    ahead, left = _level(np.array([0.0, 0.0, 1.0]), later_up)
-    by = np.zeros((3, 6))
-    by[0, :3], by[1, :3], by[2, 3:] = ahead, left, later_up
-    by[0, 3:] += mount.left_m * later_up
-    by[1, 3:] -= mount.forward_m * later_up
-    return lever @ lens @ lever.inverse(), by @ covariance @ by.T
-
-
-def _level(forward: Array, up: Array) -> tuple[Array, Array]:
-    """Unit vectors ahead and left, level, of a camera that looks forward."""
-    ahead = forward - (forward @ up) * up
-    ahead = ahead / np.linalg.norm(ahead)
-    return ahead, np.cross(up, ahead)
 
 
 def rotation_vector(rotation: Array) -> Array:

@@ -5,6 +5,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from edgemap.geometry.camera.depth_camera import DepthCamera, DepthRegistration
+from edgemap.geometry.camera.depth_points import patch_depths
 from edgemap.geometry.camera.intrinsics import Distortion, Intrinsics
 
 BESIDE = DepthCamera(
@@ -64,3 +65,12 @@ def test_the_nearer_of_two_hides_the_other_and_holes_stay_holes():
 
 def test_a_depth_picture_of_another_size_is_none():
     assert DepthRegistration(BESIDE, BESIDE.intrinsics).registered(np.ones((30, 40), np.float32)) is None
+
+
+def test_depth_of_a_patch_by_hand():
+    depth = np.zeros((20, 20), np.float32)
+    depth[:, :10], depth[:, 10:] = 2.0, 4.0
+    depth[8:10, 2:4] = 2.1
+    depth[:7] = np.nan
+    points = np.array([[4.0, 11.0], [11.0, 12.0], [16.0, 12.0], [16.0, 7.0], [16.0, 6.0]])
+    np.testing.assert_allclose(patch_depths(depth, points), [2.0, 4.0, 4.0, 4.0, np.nan])  # 21 of 49 valid

@@ -35,8 +35,11 @@ def walk(pictures, nod_deg=3.0):
     return poses
 
 
-def followed(poses, rng, noise_px=0.3, wrong=0.0, gyro_rad=math.inf, rule=None, up_deg=10.0):
-    """A window after these poses. wrong: share of the points off the floor that the mask takes for floor."""
+def followed(
+    poses, rng, noise_px=0.3, wrong=0.0, gyro_rad=math.inf, rule=None, up_deg=10.0, height_m=HEIGHT_M, false_depths=None
+):
+    """A window after these poses. wrong: share of the points off the floor that the mask takes for floor. height_m: as
+    given. false_depths: share of the points whose measured depths are wrong; None: no depth is measured."""
     points, on_floor = scene(rng)
     floor = np.where(on_floor | (rng.uniform(size=len(points)) < wrong), 0.9, 0.1)
     rule, up = rule or WindowRule(), up_optical(LEVEL.pitch_rad, 0.0)
@@ -48,10 +51,15 @@ def followed(poses, rng, noise_px=0.3, wrong=0.0, gyro_rad=math.inf, rule=None, 
         seen &= np.arange(len(points)) % 3 == 0
         image = image + rng.normal(0.0, noise_px / FOCAL_PX, image.shape)
         gyro = np.eye(3) if index == 0 else poses[index - 1].rotation.T @ pose.rotation
-        start = window.poses[-1] if index else LensPose(LEVEL.rotation_base_optical(), np.array([0.0, 0.0, HEIGHT_M]))
-        sigmas = rule.height_share * HEIGHT_M, rule.rise_share * HEIGHT_M
-        factors = PoseFactors(up, math.radians(up_deg), HEIGHT_M, *sigmas, gyro, gyro_rad)
-        weight = window.step(start, factors, np.flatnonzero(seen), image[seen], floor[seen])
+        start = window.poses[-1] if index else LensPose(LEVEL.rotation_base_optical(), np.array([0.0, 0.0, height_m]))
+        sigmas = rule.height_share * height_m, rule.rise_share * height_m
+        factors = PoseFactors(up, math.radians(up_deg), height_m, *sigmas, gyro, gyro_rad)
+        measured = np.full(len(points), np.nan)
+        if false_depths is not None:  # up to 6 m
+            measured = 1.0 / np.where((local[:, 2] > 0.3) & (local[:, 2] < 6.0), local[:, 2], np.nan)
+            measured = measured + rng.normal(0.0, rule.depth_sigma, len(points))
+            measured = np.where(rng.uniform(size=len(points)) < false_depths, 1.5 * measured, measured)
+        weight = window.step(start, factors, np.flatnonzero(seen), image[seen], floor[seen], measured[seen])
         assert index == 0 or weight > 20.0
     return window
 
@@ -72,6 +80,17 @@ def test_a_quarter_of_walls_taken_for_floor_leaves_the_length_of_a_step():
     assert window.poses[-1].position_m[0] == pytest.approx(0.06 * 29, rel=0.05)
 
 
+@pytest.mark.parametrize(("false_depths", "share"), [(0.0, 0.005), (0.25, 0.01)])
+def test_measured_depths_keep_the_scale_where_the_height_is_wrong(false_depths, share):
+    """30 % too high: without depth the path is as much too long."""
+    lengths = {}
+    for given in (None, false_depths):
+        window = followed(walk(30), np.random.default_rng(1), height_m=1.3 * HEIGHT_M, false_depths=given)
+        lengths[given is None] = window.poses[-1].position_m[0] / (0.06 * 29)
+    assert lengths[True] == pytest.approx(1.3, abs=0.05)
+    assert lengths[False] == pytest.approx(1.0, abs=share)
+
+
 def test_a_gyro_holds_the_rotation_where_the_tracks_are_bad():
     poses, apart = walk(12), []
     for gyro_rad in (math.inf, math.radians(0.02)):
@@ -81,12 +100,13 @@ def test_a_gyro_holds_the_rotation_where_the_tracks_are_bad():
     assert apart[1] < 0.3 * apart[0]
 
 
-def test_the_covariance_is_that_of_the_errors():
+@pytest.mark.parametrize("false_depths", [None, 0.0])
+def test_the_covariance_is_that_of_the_errors(false_depths):
     """Three on average where both agree; errors of the tilt last, so that single motions err by more."""
     scaled = []
     for seed in range(12):
         poses = walk(12)
-        window = followed(poses, np.random.default_rng(seed), noise_px=0.9)
+        window = followed(poses, np.random.default_rng(seed), noise_px=0.9, false_depths=false_depths)
         by = np.zeros((3, 12))
         by[:, 3:6], by[:, 9:] = -np.eye(3), np.eye(3)
         covariance = by @ window.covariance() @ by.T

@@ -20,9 +20,10 @@ from edgemap.runtime.motion.attitude.depth import DepthAttitude
 from edgemap.runtime.motion.attitude.pictures import PicturesAttitude
 from edgemap.runtime.motion.attitude.sources import MountAttitude
 from edgemap.runtime.motion.height_check import HeightCheck
-from edgemap.runtime.motion.odometry.depth import DepthOdometry
 from edgemap.runtime.motion.odometry.planar import PlanarOdometry
 from edgemap.runtime.motion.odometry.protocol import FramePrior, Motion
+from edgemap.runtime.motion.odometry.tracked import TrackedOdometry
+from edgemap.runtime.motion.odometry.window import WindowOdometry
 
 MOUNT = Mount.from_degrees(0.5, 15.0)
 BLANK = np.zeros((480, 640, 3), np.uint8)
@@ -146,8 +147,9 @@ def test_boxes_of_unknown_depth_stay_where_they_are(value):
     assert (seen.covariance_m2 == plain.covariance_m2).all()
 
 
-def test_planar_keeps_the_scale_by_depth_where_the_height_is_wrong():
-    """A lens at 0.5 m that is believed at 0.65 m: 30 % too far without depth."""
+def test_corners_keep_the_scale_by_depth_where_the_height_is_wrong():
+    """A lens at 0.5 m that is believed at 0.65 m: 30 % too far without depth. By depth the length is that of the right
+    height, 3 % too short on this floor, whose large blobs pull corners (`test_keyframe_window` has exact corners)."""
     frames, poses = drive(MOTIONS["straight"])
     believed = FloorCamera(CAMERA.intrinsics, Mount.from_degrees(0.65, 15.0, 0.0, 0.12))
     v, u = np.mgrid[0:240, 0:320]
@@ -155,12 +157,12 @@ def test_planar_keeps_the_scale_by_depth_where_the_height_is_wrong():
     depth = np.nan_to_num(CAMERA.optical_depth_m(points)).reshape(240, 320).astype(np.float32)
     lengths = {}
     for given in (None, depth):
-        odometry, pose = DepthOdometry(believed, PlanarOdometry(believed)), SE2()
+        odometry, pose = TrackedOdometry(PlanarOdometry(believed), WindowOdometry(believed)), SE2()
         for frame in frames:
             pose = pose @ odometry.step(Frame(frame.index, frame.stamp_s, frame.image, depth=given), {}).motion
         lengths[given is None] = pose.x_m / poses[-1].x_m
     assert lengths[True] == pytest.approx(1.3, abs=0.03)
-    assert lengths[False] == pytest.approx(1.0, abs=0.02)
+    assert lengths[False] == pytest.approx(1.0, abs=0.035)
 
 
 def test_planar_follows_a_camera_that_nods_by_the_floor_in_its_depth():
@@ -168,7 +170,7 @@ def test_planar_follows_a_camera_that_nods_by_the_floor_in_its_depth():
     _, poses = drive(MOTIONS["straight"])
     source, odometry, pose = (
         DepthAttitude(CAMERA, MountAttitude(CAMERA.mount)),
-        DepthOdometry(CAMERA, PlanarOdometry(CAMERA)),
+        TrackedOdometry(PlanarOdometry(CAMERA), WindowOdometry(CAMERA)),
         SE2(),
     )
     v, u = np.mgrid[0:240, 0:320]

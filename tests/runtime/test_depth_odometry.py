@@ -1,4 +1,4 @@
-"""Odometry by keyframes with depth, over a textured floor: holes, turns, what covers the lens, and depth that ends."""
+"""Tracked corners with depth, over a textured floor: holes, turns, what covers the lens, and depth that ends."""
 
 import math
 from dataclasses import replace
@@ -8,9 +8,9 @@ import pytest
 from support.textured_floor import CAMERA, MOTIONS, drive
 
 from edgemap.geometry.se2 import SE2
-from edgemap.runtime.motion.odometry.depth import DepthOdometry
-from edgemap.runtime.motion.odometry.depth_keyframes import DepthRule, patch_depths
 from edgemap.runtime.motion.odometry.planar import PlanarOdometry
+from edgemap.runtime.motion.odometry.tracked import TrackedOdometry
+from edgemap.runtime.motion.odometry.window import WindowOdometry
 
 V, U = np.mgrid[0:240, 0:320]
 DEPTH = np.nan_to_num(CAMERA.optical_depth_m(CAMERA.floor_points(np.column_stack([U.ravel(), V.ravel()]))))
@@ -24,7 +24,7 @@ def with_holes(share, seed=0):
 
 
 def odometry():
-    return DepthOdometry(CAMERA, PlanarOdometry(CAMERA))
+    return TrackedOdometry(PlanarOdometry(CAMERA), WindowOdometry(CAMERA))
 
 
 def followed(frames, source=None):
@@ -72,7 +72,7 @@ def test_depth_that_ends_leaves_planar_odometry():
     assert off(pose, poses[-1])[0] < 0.04
 
 
-def test_a_picture_that_depth_cannot_locate_is_followed_by_planar_odometry():
+def test_depth_pictures_without_any_depth_are_followed_by_planar_odometry():
     frames, poses = drive(MOTIONS["straight"])
     blank = np.zeros_like(DEPTH)
     pose, found = followed([replace(f, depth=DEPTH if f.index < 8 else blank) for f in frames])
@@ -80,22 +80,11 @@ def test_a_picture_that_depth_cannot_locate_is_followed_by_planar_odometry():
     assert off(pose, poses[-1])[0] < 0.04
 
 
-def test_the_number_of_keyframes_is_bounded():
-    frames, _ = drive(MOTIONS["spin right"])
-    source = DepthOdometry(CAMERA, PlanarOdometry(CAMERA), DepthRule(kept=4))
-    followed([replace(f, depth=DEPTH) for f in frames], source)
-    assert len(source.keyframes) == 4
-
-
-def test_depth_of_a_patch_by_hand():
-    depth = np.zeros((20, 20), np.float32)
-    depth[:, :10], depth[:, 10:] = 2.0, 4.0
-    depth[8:10, 2:4] = 2.1
-    depth[:3] = np.nan
-    points = np.array([[4.0, 9.0], [10.0, 9.0], [16.0, 12.0], [10.0, 1.0]])
-    found, spread = patch_depths(depth, points, half_px=2, flat=0.06)
-    assert found[0] == pytest.approx(2.0)
-    assert spread[2] == pytest.approx(0.0)
-    assert math.isnan(found[1])  # an edge between two depths
-    assert found[2] == pytest.approx(4.0)
-    assert math.isnan(found[3])  # too few are known
+def test_depth_of_every_second_picture_keeps_the_window():
+    frames, poses = drive(MOTIONS["left arc"])
+    source, pose, used = odometry(), SE2(), []
+    for frame in frames:
+        pose = pose @ source.step(replace(frame, depth=DEPTH) if frame.index % 2 == 0 else frame, {}).motion
+        used.append(source.windowed)
+    assert all(used)
+    assert off(pose, poses[-1])[0] < 0.035

@@ -15,8 +15,6 @@ from edgemap.runtime.inputs.recordings.foreign import is_recording, read_wheel
 from edgemap.runtime.motion.health import HealthRule
 from edgemap.runtime.motion.odometry.coasting import CoastingRule
 from edgemap.runtime.motion.odometry.corner_odometry import PlanarRule
-from edgemap.runtime.motion.odometry.depth import DepthOdometry
-from edgemap.runtime.motion.odometry.depth_keyframes import DepthRule
 from edgemap.runtime.motion.odometry.gyro import GyroOdometry
 from edgemap.runtime.motion.odometry.hybrid import CAMERA, GYRO, WHEELS, HybridOdometry, HybridRule, Member
 from edgemap.runtime.motion.odometry.learned import LearnedOdometry
@@ -33,13 +31,12 @@ __all__ = ["Motion", "Odometry", "OdometryRules", "at_head_height", "open_odomet
 
 @dataclass(frozen=True, slots=True)
 class OdometryRules:
-    """Tuned parameters of the odometries: planar landmarks, the window of keyframes, keyframes with depth, wheels, the
-    hybrid of all, and the guess while blind.
+    """Tuned parameters of the odometries: planar landmarks, the window of keyframes, wheels, the hybrid of all, and the
+    guess while blind.
     """
 
     planar: PlanarRule = field(default_factory=PlanarRule)
     window: WindowRule = field(default_factory=WindowRule)
-    depth: DepthRule = field(default_factory=DepthRule)
     wheels: DriftRate = WHEEL
     hybrid: HybridRule = field(default_factory=HybridRule)
     coasting: CoastingRule = field(default_factory=CoastingRule)
@@ -70,8 +67,7 @@ def open_odometry(
     if spec == "gyro":
         return GyroOdometry()
     if spec == "window":
-        window = WindowOdometry(floor, rules.planar, rules.coasting, rules.window, tilt)
-        return DepthOdometry(floor, window, rules.depth)
+        return WindowOdometry(floor, rules.planar, rules.coasting, rules.window, tilt)
     if spec == "planar":
         return _tracked(floor, rules, tilt)
     if spec in ("flow", "paper"):
@@ -96,11 +92,11 @@ def wheel_trajectory(path: str | Path) -> Trajectory:
 
 def _tracked(
     floor: FloorCamera, rules: OdometryRules, tilt: MountTiltRule | None, carried: bool = False
-) -> DepthOdometry:
-    """Corners by their depth, where frames bring any, and without it where not. carried: from the start."""
+) -> TrackedOdometry:
+    """Corners on the floor and elsewhere. carried: from the start."""
     planar = PlanarOdometry(floor, rules.planar, rules.coasting, tilt)
     window = WindowOdometry(floor, rules.planar, rules.coasting, rules.window, tilt)
-    return DepthOdometry(floor, TrackedOdometry(planar, window, carried), rules.depth)
+    return TrackedOdometry(planar, window, carried)
 
 
 POSES_EDGE_S = 0.15  # poses that are taken as they are may end a frame early

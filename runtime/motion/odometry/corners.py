@@ -11,6 +11,7 @@ from cv2.typing import MatLike
 from numpy.typing import NDArray
 
 from edgemap.geometry.arrays import Array
+from edgemap.geometry.camera.depth_points import patch_depths
 from edgemap.geometry.camera.floor import FloorCamera
 from edgemap.geometry.observations.floor_mask import FloorMask
 from edgemap.geometry.odometry.landmarks import medians
@@ -187,13 +188,19 @@ class CornerTracker:
         columns, rows = pixels.astype(np.intp).T
         return self._still[rows, columns] == 0
 
-    def tracks(self) -> tuple[NDArray[np.int64], Array, Array]:
-        """Ids, normalised image points and probability of floor of the corners that do not lie on people."""
+    def tracks(self, depth: NDArray[np.float32] | None = None) -> tuple[NDArray[np.int64], Array, Array, Array]:
+        """Ids, normalised image points, probability of floor and depth of the corners that do not lie on people.
+
+        depth: (H, W) metres; the depth of a corner is NaN where it is not known.
+        """
         still = ~self.doubtful(self.corners)
         corners = self.corners[still]
         columns, rows = corners.astype(np.intp).T
         floor = self._mask > 0 if self._floor is None else self._floor
-        return self.ids[still], self.bearings(corners), floor[rows, columns].astype(np.float64)
+        depth_m = np.full(len(corners), np.nan)
+        if depth is not None:
+            depth_m = patch_depths(depth, (corners + 0.5) * np.divide(depth.shape[::-1], self._size))
+        return self.ids[still], self.bearings(corners), floor[rows, columns].astype(np.float64), depth_m
 
     def bearings(self, pixels: Pixels) -> Array:
         """Normalised image points (N, 2) without lens distortion, interpolated in a table of all pixels."""

@@ -1,7 +1,11 @@
-"""Tracked corners as a member of the hybrid: landmarks of a robot, the window of keyframes of a carried camera."""
+"""Tracked corners as a member of the hybrid: landmarks of a robot; the window of keyframes of a carried camera, or with
+depth."""
+
+import numpy as np
 
 from edgemap.geometry.camera.attitude import Attitude
 from edgemap.geometry.camera.carried import Carried
+from edgemap.geometry.camera.depth_points import NEAREST_M
 from edgemap.geometry.se2 import SE2
 from edgemap.runtime.frames.frame import Frame
 from edgemap.runtime.motion.odometry.planar import PlanarOdometry
@@ -11,7 +15,8 @@ from edgemap.runtime.network.network import Tensors
 
 
 class TrackedOdometry:
-    """Planar odometry until the camera counts as carried, then the window until it proves to be on wheels.
+    """The window where this frame or the last one shows depth, and from when the camera counts as carried until it
+    proves to be on wheels; else planar odometry.
 
     carried: whether it counts as carried from the start.
     """
@@ -21,9 +26,10 @@ class TrackedOdometry:
     def __init__(self, planar: PlanarOdometry, window: WindowOdometry, carried: bool = False) -> None:
         self._planar, self._window = planar, window
         self._now = window if carried else planar
+        self.carried, self._deep = carried, False
 
     @property
-    def carried(self) -> bool:
+    def windowed(self) -> bool:
         """Whether the window is in use."""
         return self._now is self._window
 
@@ -31,9 +37,11 @@ class TrackedOdometry:
         """The motion since the last frame, by the one that is in use. The other one may start with this frame."""
         motion = self._now.step(frame, features, prior)
         judged = self._now.judged
-        carried = judged.carried or (self.carried and not judged.on_wheels)
-        if carried != self.carried:
-            self._now = self._window if carried else self._planar
+        self.carried = judged.carried or (self.carried and not judged.on_wheels)
+        was_deep, self._deep = self._deep, frame.depth is not None and bool(np.any(frame.depth > NEAREST_M))
+        wanted = self._window if self.carried or self._deep or was_deep else self._planar
+        if wanted is not self._now:
+            self._now = wanted
             self._now.judged = judged
             self._now.reset("begun")
             self._now.step(frame, features, prior)

@@ -1,8 +1,10 @@
-"""Odometry of a carried camera: tracked corners in a sliding window of keyframes that are optimised together."""
+"""Odometry of a carried camera, or with depth: tracked corners in a sliding window of keyframes, optimised together."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from edgemap.geometry.arrays import Array
 from edgemap.geometry.camera.attitude import Attitude, GyroRotation, TrackedRotation
@@ -26,7 +28,8 @@ class WindowOdometry(CornerOdometry):
     """Corners (`CornerTracker`) and the lens's poses in a `KeyframeWindow`; the base's motion is planar.
 
     Pitch, roll and height of each keyframe are estimated together with the motion, so an error of the given attitude
-    hardly changes the length of a step. tilt: a carried camera is about the mount's angles to `tilt.given`.
+    hardly changes the length of a step. Where a frame has depth, the inverse depths of its corners are measured.
+    tilt: a carried camera is about the mount's angles to `tilt.given`.
     """
 
     def __init__(
@@ -37,7 +40,9 @@ class WindowOdometry(CornerOdometry):
         window: WindowRule | None = None,
         tilt: MountTiltRule | None = None,
     ) -> None:
-        self._window_rule, self._carried_rad = window or WindowRule(), (tilt or MountTiltRule()).given
+        window, unit_m = window or WindowRule(), camera.mount.platform.unit_m
+        self._window_rule = replace(window, depth_sigma=unit_m * window.depth_sigma)
+        self._carried_rad = (tilt or MountTiltRule()).given
         # Not refined by detail: what is carried turns fast, and large turns need large structures.
         super().__init__(camera, rule, coasting, tilt, detail=False, returning=True)
         self.reset("start")
@@ -50,7 +55,7 @@ class WindowOdometry(CornerOdometry):
         first, self._first, self._seen_s = self._first, False, frame.stamp_s
         if not self._tracker.follows:
             self._seek()
-            self._begin(self._camera_pose(), self._factors(prior.attitude, gyro))
+            self._begin(frame, self._camera_pose(), self._factors(prior.attitude, gyro))
             if first:
                 self._coasting.begin(frame.stamp_s)
                 return first_motion()
@@ -59,7 +64,7 @@ class WindowOdometry(CornerOdometry):
         start = self._expected_pose(gyro)
         self._tracker.follow(self._expected(start), gyro is None)
         self._seek()
-        weight = self._graph.step(start, factors, *self._tracker.tracks())
+        weight = self._graph.step(start, factors, *self._tracks(frame))
         if weight < self._rule.least_weight:
             return self._started_again(frame, start, factors)
         return self._measured(frame.stamp_s, dt_s, gyro is not None)
@@ -108,15 +113,20 @@ class WindowOdometry(CornerOdometry):
         fault = f"planar odometry: no motion agrees among {len(self._tracker.corners)} corners"
         guess = self._coasting.guess(frame.stamp_s, fault)
         self._motion = guess.motion
-        self._begin(start, factors)
+        self._begin(frame, start, factors)
         return guess
 
-    def _begin(self, start: LensPose, factors: PoseFactors) -> None:
+    def _begin(self, frame: Frame, start: LensPose, factors: PoseFactors) -> None:
         """A new window at this pose."""
         self._graph = self._empty()
-        self._graph.step(start, factors, *self._tracker.tracks())
+        self._graph.step(start, factors, *self._tracks(frame))
         self._base = self._graph.base(start)
         self._since, self._since_covariance = SE2(), np.zeros((3, 3))
+
+    def _tracks(self, frame: Frame) -> tuple[NDArray[np.int64], Array, Array, Array]:
+        """Ids, normalised image points, probability of floor and measured inverse depth of the corners."""
+        ids, points, floor, depth_m = self._tracker.tracks(frame.depth)
+        return ids, points, floor, self._unit_m / depth_m
 
     def _empty(self) -> KeyframeWindow:
         lens, mount = self._level.intrinsics, self._level.mount
