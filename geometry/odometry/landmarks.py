@@ -38,16 +38,14 @@ class Viewpoint:
     rise_m: float = 0.0
 
 
-def rotated(
-    tilt: AttitudeError, before: FloorCamera, rotation: Array, after: FloorCamera
-) -> tuple[float, AttitudeError]:
-    """Yaw, rad, and the tilt against `after`'s mount, of a camera that was tilted so against `before`'s and rotated.
+def rotated(tilt: AttitudeError, before: FloorCamera, rotation: Array, after: FloorCamera) -> AttitudeError:
+    """Tilt against `after`'s mount of a camera that was tilted so against `before`'s and rotated.
 
     rotation: (3, 3), takes optical directions of now into those of before, as a gyro measures it.
     """
     base = tilt.rotation() @ before.mount.rotation_base_optical() @ rotation @ after.mount.rotation_base_optical().T
     pitch_rad = math.asin(min(max(-float(base[2, 0]), -1.0), 1.0))
-    return math.atan2(base[1, 0], base[0, 0]), AttitudeError(pitch_rad, math.atan2(base[2, 1], base[2, 2]))
+    return AttitudeError(pitch_rad, math.atan2(base[2, 1], base[2, 2]))
 
 
 def rotation_between(before: Viewpoint, camera_before: FloorCamera, after: Viewpoint, camera: FloorCamera) -> Array:
@@ -68,8 +66,7 @@ class Noise:
     """Standard deviations. track_rad: of a track's position in one picture; drift_rad: of a track's drift per picture,
     as its template is renewed; tilt_rad: of pitch and roll in one picture; floor_tilt_rad: of the tilt once it is
     estimated; scale: relative, of the common scale per picture of points off the floor; unknown: of the inverse depth,
-    1/m, of a new point, about unknown_mean; rise_m: of the lens's height, from one picture to the next; yaw_rad: of the
-    rotation since the last picture where a gyro measures it."""
+    1/m, of a new point, about unknown_mean; rise_m: of the lens's height, from one picture to the next."""
 
     track_rad: float
     drift_rad: float
@@ -79,7 +76,6 @@ class Noise:
     unknown_mean: float = 0.2
     unknown: float = 0.3
     rise_m: float = 1e-4
-    yaw_rad: float = math.inf
 
 
 @dataclass(slots=True, eq=False)
@@ -204,7 +200,6 @@ class Located:
 
 
 TUKEY = 16.0  # squared, in units of the expected residual; beyond it a track has no weight
-KNOWN_YAW_RAD = 0.02  # standard deviation below which a gyro's yaw is a better start than the tracks' median
 ANNEALING = (6.0, 3.0, 1.5, 1.0, 1.0)
 
 
@@ -220,7 +215,7 @@ def locate(
     """The view that best fits the observed points, (N, 2) normalised image points: robust Gauss-Newton from a start.
 
     A landmark's uncertain depth widens its expected residual along its epipolar line, so a far or new one constrains
-    the rotation only. `noise` is the prior of yaw, pitch, roll and rise about the start's. Points off the floor keep
+    the rotation only. `noise` is the prior of pitch, roll and rise about the start's. Points off the floor keep
     their shape; their common scale may change within `noise.scale`, so that the floor determines it. Tukey's weights,
     scale annealed. doubtful (N,): points on objects that may move, used only once the others have determined the view.
     rolling: the last picture's pose and how the robot rolled on from it, unless much floor in view shows that it slid.
@@ -229,15 +224,14 @@ def locate(
     """
     projection = project(landmarks, camera, start)
     sure = np.ones(len(observed), dtype=bool) if doubtful is None or doubtful.all() else ~doubtful
-    known_yaw = noise.yaw_rad < KNOWN_YAW_RAD
-    view, log_scale = start if known_yaw else _rotated_to(projection, observed, start, sure), 0.0
+    view, log_scale = _rotated_to(projection, observed, start, sure), 0.0
     weights, distance2 = np.zeros(len(observed)), np.zeros(len(observed))
     residual, inverse = observed, np.eye(7)
     off_floor = np.where(landmarks.floor, 0.0, landmarks.inverse_m)
     sigma2 = np.asarray(noise.track_rad**2 + noise.drift_rad**2 * landmarks.age, dtype=np.float64)
     tight = noise.tilt_rad**-2
-    prior = np.array([0.0, 0.0, noise.yaw_rad**-2, tight, tight, noise.rise_m**-2, noise.scale**-2])
-    damped = np.diag(prior + [1e-2, 1e-2, 1e-2, 0.0, 0.0, 0.0, 0.0])
+    prior = np.array([tight, tight, noise.rise_m**-2, noise.scale**-2])
+    damped = np.diag([1e-2, 1e-2, 1e-2, *prior])
     across_m, variance_m2, conflict, worst = 0.0, 0.0, 1.0, 1.0  # of landmarks alone; worst: before reweighting
     before, how = rolling or (SE2(), None)
     for scale in ANNEALING:
@@ -252,8 +246,7 @@ def locate(
         information = (weighted @ jacobian.transpose(0, 2, 1)).sum(axis=0) + damped
         gradient = (weighted @ white[:, :, None]).sum(axis=(0, 2))
         beyond = view.tilt.pitch_rad - start.tilt.pitch_rad, view.tilt.roll_rad - start.tilt.roll_rad
-        yawed = wrap_angle(view.pose.yaw_rad - start.pose.yaw_rad)
-        gradient[2:] -= prior[2:] * [yawed, *beyond, view.rise_m - start.rise_m, log_scale]
+        gradient[3:] -= prior * [*beyond, view.rise_m - start.rise_m, log_scale]
         inverse = np.asarray(np.linalg.inv(information), dtype=np.float64)
         if how is not None:
             lateral = how.lateral(before.inverse() @ view.pose)

@@ -53,10 +53,10 @@ def test_an_axle_that_is_given_exactly_stays():
 
 @pytest.mark.parametrize("ahead_m", [0.27, -0.06])
 def test_turns_show_how_far_the_lens_is_ahead_of_an_axle_that_no_one_measured(ahead_m):
-    random, rolling = np.random.default_rng(2), Rolling(0.01)
+    random, rolling = np.random.default_rng(2), Rolling(0.01, 0.0, 0.3)
     for index in range(150):
         lens = arc(0.05, 0.06 * math.sin(index / 9.0), ahead_m)
         noisy = SE2(lens.x_m, lens.y_m + random.normal(0.0, 0.003), lens.yaw_rad)
-        rolling = rolling.observe(noisy, np.eye(3) * 0.003**2)
+        rolling = rolling.learnt(rolling.lateral(noisy).residual_m, 0.003**2, noisy.yaw_rad)
     assert rolling.axle_m == pytest.approx(ahead_m, abs=0.02)
     assert 0.004 < rolling.axle_sigma_m < 0.03

@@ -152,7 +152,7 @@ class PlanarOdometry(CornerOdometry):
             self._mount, share = attitude.mount.used, 1.0  # the landmarks were placed with an incorrect mount
         # The rotation or the mount of the previous camera was corrected; what remains of the tilt is an error.
         if ahead or self._predicted or self._mount != mount:
-            _, tilt = rotated(self._view.tilt, self._camera_before, np.eye(3), self._camera)
+            tilt = rotated(self._view.tilt, self._camera_before, np.eye(3), self._camera)
             view = Viewpoint(self._view.pose, tilt, self._view.rise_m)
             self._landmarks, self._view = reduce_tilt(self._landmarks, self._camera, view, share)
             self._camera_before = self._camera
@@ -164,7 +164,7 @@ class PlanarOdometry(CornerOdometry):
             self._levelled_rad = math.inf
             return
         self._retilt(rotation)
-        _, tilt = rotated(self._view.tilt, self._camera_before, rotation.rotation, self._camera)
+        tilt = rotated(self._view.tilt, self._camera_before, rotation.rotation, self._camera)
         self._motion = SE2(self._motion.x_m, self._motion.y_m, rotation.yaw_rad)
         self._noise = replace(self._noise, floor_tilt_rad=self._noise.tilt_rad)
         self._tilt, self._levelling = tilt, 0.0
@@ -177,7 +177,7 @@ class PlanarOdometry(CornerOdometry):
         up = rotation.rotation @ up_optical(mount.pitch_rad, mount.roll_rad)
         known = Attitude.of_up(up, np.eye(2) * sigma_rad**2, "imu")
         before = self._level.at(replace(known, height_m=self._camera_before.mount.height_m))
-        _, tilt = rotated(self._view.tilt, self._camera_before, np.eye(3), before)
+        tilt = rotated(self._view.tilt, self._camera_before, np.eye(3), before)
         share = max(1.0 - (sigma_rad / self._levelled_rad) ** 2, self._rule.levelling)
         drift = self._rule.levelling * max(sigma_rad**2 - self._levelled_rad**2, 0.0)
         self._levelled_rad = min(sigma_rad, math.sqrt(self._levelled_rad**2 + drift))
