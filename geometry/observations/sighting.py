@@ -21,7 +21,6 @@ from edgemap.geometry.se2 import SE2
 NEAREST_M = 0.2  # from the lens to the lower edge of anything: the robot itself is in between
 DOUBLE_OVERLAP = 0.7  # share of the smaller box inside the other
 WEIGHT_SPAN = 0.2  # of scores over which a sighting comes to count fully
-CUT_SHARE = 0.1  # of its extent: how much nearer the middle is of what the picture's side cuts
 PART_COUNTS = 0.5  # of a whole box: one that the picture or a nearer box cuts, when objects are made
 
 
@@ -201,7 +200,6 @@ def sightings_of(
             width_m, height_m = width_m * nearer, height_m * nearer + camera.mount.height_m * (1.0 - nearer)
         middle_m, covariance_m2 = box.shape.reach_m(width_m), foot.covariance_m2
         if box.cut:  # and with it, often, its nearest corner
-            middle_m = max(middle_m - CUT_SHARE * extent_m(label, width_m), 0.0)
             along_m = box.direction * box.shape.cut_sigma_m(box.width_m)
             covariance_m2 = covariance_m2 + np.outer(along_m, along_m)
         sightings.append(
