@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from edgemap.geometry.arrays import Array
-from edgemap.geometry.camera.inertial import small_rotation
+from edgemap.geometry.camera.inertial import rotation_of, small_rotation
 from edgemap.geometry.camera.mount import Mount
 from edgemap.geometry.errors import GeometryError
 from edgemap.geometry.odometry.resection import TUKEY, DepthLandmarks, LensPose, resect, rotation_vector
@@ -272,28 +272,30 @@ class KeyframeWindow:
         self.points = self.points.joined(new)
 
     def _solve(self) -> None:
-        """Gauss-Newton over all poses and points."""
+        """Gauss-Newton over all poses and points. Factors and prior are linearised once."""
         count, everyone = len(self.poses), np.arange(len(self.poses))
-        factors = FactorRows(self._factors)
+        rotation, position = self._arrays()
+        rows, off = FactorRows(self._factors).rows(rotation, position, everyone, everyone[1:])
+        given, given_right = rows.T @ rows, rows.T @ off
+        self._prior_factor(given, given_right)
+        given[np.diag_indices(6 * count)] += 1e-9
+        information = given
         tracks = Tracks(self.points, count, self._sigmas)
         rounds = MEASURED_ROUNDS if tracks.at.shape[1] == 3 else ROUNDS
         for round_ in range(rounds):
-            rotation, position = self._arrays()
             system = self._system(tracks, self.points, rotation, position, 1.5 if round_ == 0 else 1.0)
             information, right = system.reduced()
-            rows, off = factors.rows(rotation, position, everyone, everyone[1:])
-            information += rows.T @ rows
-            right += rows.T @ off
-            self._prior_factor(information, right)
-            information[np.diag_indices(6 * count)] += 1e-9
-            last = round_ == rounds - 1
-            step = np.asarray(np.linalg.solve(information, right), dtype=np.float64)
+            information += given
+            step = np.asarray(np.linalg.solve(information, right + given_right), dtype=np.float64)
+            given_right -= given @ step
             depth = (system.depths_right - system.between @ step) / system.depths
-            self.poses = [_moved(pose, step[6 * i : 6 * i + 6]) for i, pose in enumerate(self.poses)]
+            turns, shifts = np.hsplit(step.reshape(count, 6), 2)
+            rotation, position = rotation_of(turns) @ rotation, position + shifts
             inverse = np.clip(self.points.inverse_m + depth, FARTHEST, NEAREST)
             self.points = replace(self.points, inverse_m=inverse, variance=1.0 / system.depths)
-            if last or np.abs(step).max() < SMALLEST_STEP:
+            if np.abs(step).max() < SMALLEST_STEP:
                 break
+        self.poses = [LensPose(*pose) for pose in zip(rotation, position, strict=True)]
         unit = np.eye(6 * count)[:, -12:]
         self._covariance = np.asarray(np.linalg.solve(information, unit)[-12:], dtype=np.float64)
 
@@ -462,10 +464,6 @@ def _without(information: Array, right: Array, index: int) -> tuple[Array, Array
     gain = np.linalg.solve(information[np.ix_(mine, mine)] + 1e-6 * np.eye(6), block.T).T
     left = information[np.ix_(~mine, ~mine)] - gain @ block.T
     return (left + left.T) / 2.0, right[~mine] - gain @ right[mine]
-
-
-def _moved(pose: LensPose, step: Array) -> LensPose:
-    return LensPose(small_rotation(*step[:3].tolist()) @ pose.rotation, pose.position_m + step[3:])
 
 
 def _cross(a: Array, b: Array) -> Array:
