@@ -10,6 +10,7 @@ from edgemap.geometry.se2 import SE2
 
 ROLLED_M = 1e-3  # least standard deviation of lateral slip
 MEASURED_M = 0.005  # standard deviation of a lateral motion measured in a turn, beside the one that it states
+UNKNOWN_M = 0.3  # standard deviation of an axle before any measurement
 FOLLOWED_M = 0.005  # least standard deviation of an estimated axle, so that updates continue
 
 
@@ -29,12 +30,12 @@ class Rolling:
 
     share: standard deviation of lateral slip, per metre and radian of motion. axle_m: distance of the wheels' axle
     behind the base's origin, 0 where the mount's lever arm is right; axle_sigma_m: its standard deviation, 0 for a
-    fixed axle.
+    fixed axle, by default that of an unmeasured one.
     """
 
     share: float
-    axle_m: float
-    axle_sigma_m: float
+    axle_m: float = 0.0
+    axle_sigma_m: float = UNKNOWN_M
 
     def lateral(self, moved: SE2) -> Lateral:
         """The lateral residual of a motion since the last picture."""
@@ -44,6 +45,10 @@ class Rolling:
         variance = slides**2 + (self.axle_sigma_m * moved.yaw_rad) ** 2
         gradient = np.array([s, c, -along / 2.0 - self.axle_m], dtype=np.float64)
         return Lateral(across - self.axle_m * moved.yaw_rad, gradient, variance)
+
+    def observe(self, moved: SE2, covariance: Array) -> "Rolling":
+        """Update the axle with a motion of the lens and its covariance (3, 3)."""
+        return self.learnt(self.lateral(moved).residual_m, float(covariance[1, 1]), moved.yaw_rad)
 
     def learnt(self, lateral_m: float, variance_m2: float, yaw_rad: float) -> "Rolling":
         """Kalman update of the axle with one motion whose lateral residual was measured without this constraint."""
