@@ -23,9 +23,9 @@ def config_arguments(argv: list[str], command: Callable[..., Any]) -> list[str]:
             raise OptionError("--config-options: whose? Give the file, or a run's folder, with --config FILE")
         return argv
     from edgemap.runtime.frames.reading import print_message, user_path
-    from edgemap.runtime.step.config import load_config
+    from edgemap.runtime.step.config import load_options
 
-    options = load_config(user_path(path))[1]
+    options = load_options(user_path(path))
     if "--config-options" not in argv:
         if options:
             named = ", ".join(str(name) for name in options)

@@ -59,7 +59,7 @@ def command(
     from edgemap.runtime.step.slam import SlamOptions
 
     at_least(1, frames=frames)
-    tuned = load_config(config)[0] if config else Config()
+    tuned = load_config(config) if config else Config()
     motion.check()
     mapping.check()
     loaded = network.load(data)

@@ -74,7 +74,7 @@ def command(
         raise OptionError(f"--from {first}: must be 0 or more")
     selection = Selection(
         first, every, frames, _lengths(segments), not without_wheels, not without_imu, not without_depth,
-        read_mount(mount), load_config(config)[0] if config else Config(),
+        read_mount(mount), load_config(config) if config else Config(),
     )  # fmt: skip
     specs = [spec for several in data or DEFAULT_DATA for spec in several]
     if not specs:

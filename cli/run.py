@@ -46,7 +46,7 @@ def command(
     from edgemap.cli.guessed_camera import floor_camera_of
     from edgemap.runtime.step.config import Config, load_config
 
-    tuned = load_config(advanced.config)[0] if advanced.config else Config()
+    tuned = load_config(advanced.config) if advanced.config else Config()
     pace_files = options.pace_files and not watch.view
     how = Opening(pace_files, camera.frames, tuned.camera, options.topics, not camera.without_depth)
     with camera.open(how) as source:

@@ -174,7 +174,7 @@ def open_session(
         guess = _guess_of(described, str(camera_file), intrinsics, mount)
         intrinsics = described.intrinsics if intrinsics is None else intrinsics
         mount = described.mount if mount is None else mount
-    tuned = config if isinstance(config, Config) else load_config(Path(config))[0] if config else Config()
+    tuned = config if isinstance(config, Config) else load_config(Path(config)) if config else Config()
     if camera is not None and frames is not None:
         raise CameraError("give camera= or frames=, not both")
 

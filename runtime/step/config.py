@@ -59,20 +59,13 @@ def config_document(config: Config) -> dict[str, Any]:
     return msgspec.to_builtins(config)
 
 
-def load_config(path: Path) -> tuple[Config, dict[str, Any]]:
-    """The tree and the command line's options that a YAML file or a run.json gives.
+def load_config(path: Path) -> Config:
+    """The tree that a YAML file or a run.json gives, by its section `config` (any part of the tree).
 
-    A YAML file has two sections, both optional: `options` (the flags of `edgemap run` without dashes) and `config` (any
-    part of the tree). Numbers of a run's run.json that this version does not have are passed over and
-    printed, as another version wrote them. Raises ConfigError in one line that names the value.
+    Numbers of a run's run.json that this version does not have are passed over and printed, as another version wrote
+    them. Raises ConfigError in one line that names the value.
     """
-    path = _file(path)
-    document = _run_json(path) if path.suffix == ".json" else read_yaml(path, ConfigError)
-    if not isinstance(document, dict) or not ({"config", "options"} & document.keys()):
-        raise ConfigError(f"{path}: has neither a section `config` nor `options`")
-    options = document.get("options") or {}
-    if not isinstance(options, dict):
-        raise ConfigError(f"{path}: options is a {type(options).__name__}, not a mapping of flags")
+    path, document = _document(path)
     unknown: list[tuple[str, str]] = []
     config = _merged(Config(), document.get("config") or {}, f"{path}: config", unknown)
     if unknown and not str(document.get("format", "")).startswith("edgemap.run/"):
@@ -80,7 +73,17 @@ def load_config(path: Path) -> tuple[Config, dict[str, Any]]:
     if unknown:
         names = ", ".join(where.removeprefix(f"{path}: config.") for where, _ in unknown)
         print_message(f"{path}: {len(unknown)} numbers of another version passed over: {one_line(names)}")
-    return config, options
+    return config
+
+
+def load_options(path: Path) -> dict[str, Any]:
+    """The command line's options of a YAML file or a run.json, its section `options`: the flags of `edgemap run`
+    without dashes. Raises ConfigError."""
+    path, document = _document(path)
+    options = document.get("options") or {}
+    if not isinstance(options, dict):
+        raise ConfigError(f"{path}: options is a {type(options).__name__}, not a mapping of flags")
+    return options
 
 
 def load_efforts(path: Path) -> list[Effort]:
@@ -90,6 +93,15 @@ def load_efforts(path: Path) -> list[Effort]:
         return []
     rows = convert(_run_json(path).get("efforts", []), list[_Effort], f"{path}: efforts", ConfigError)
     return [Effort(**msgspec.structs.asdict(row)) for row in rows]
+
+
+def _document(path: Path) -> tuple[Path, dict[str, Any]]:
+    """The file, and its content with at least one of its two sections."""
+    path = _file(path)
+    document = _run_json(path) if path.suffix == ".json" else read_yaml(path, ConfigError)
+    if not isinstance(document, dict) or not ({"config", "options"} & document.keys()):
+        raise ConfigError(f"{path}: has neither a section `config` nor `options`")
+    return path, document
 
 
 def _file(path: Path) -> Path:

@@ -150,7 +150,7 @@ def _facts(random: Random) -> dict[str, str]:
 
 
 def _use_config(path: Path) -> None:
-    config_document(load_config(path)[0])
+    config_document(load_config(path))
     load_efforts(path)
 
 

@@ -11,7 +11,7 @@ from support import painted
 
 import edgemap
 from edgemap.runtime.inputs.open import open_camera
-from edgemap.runtime.step.config import Config, ConfigError, config_document, load_config
+from edgemap.runtime.step.config import Config, ConfigError, config_document, load_config, load_options
 
 
 def written(folder, document, name="c.yaml"):
@@ -25,24 +25,26 @@ def test_a_part_of_the_tree_changes_that_part_alone(tmp_path):
         tmp_path,
         {"config": {"forgetting": {"same_m": 0.5}, "loop_closure": {"keyframes": {"keyframe_m": 0.5}}}},
     )
-    config, options = load_config(path)
+    config, options = load_config(path), load_options(path)
     assert (config.forgetting.same_m, config.loop_closure.keyframes.keyframe_m, options) == (0.5, 0.5, {})
     assert config.association.min_count == Config().association.min_count
     assert config.floor == Config().floor
 
 
 def test_the_resolved_tree_gives_itself_back(tmp_path):
-    config, _ = load_config(written(tmp_path, {"config": {"odometry": {"wheels": {"roughness_m": 0.05}}}}))
-    again, _ = load_config(written(tmp_path, {"config": config_document(config)}, "run.json"))
+    config = load_config(written(tmp_path, {"config": {"odometry": {"wheels": {"roughness_m": 0.05}}}}))
+    again = load_config(written(tmp_path, {"config": config_document(config)}, "run.json"))
     assert again == config
 
 
 def test_numbers_of_another_version_s_run_are_passed_over_and_printed(tmp_path, capsys):
     document = {"odometry": {"planar": {"gyro_upright_rad": [0.02, 0.04], "corners": 99}}, "weather": {"rain": 1}}
-    config, _ = load_config(written(tmp_path, {"format": "edgemap.run/1", "config": document}, "run.json"))
+    config = load_config(written(tmp_path, {"format": "edgemap.run/1", "config": document}, "run.json"))
     assert config.odometry.planar.corners == 99
     printed = capsys.readouterr().err
     assert "2 numbers of another version passed over: odometry.planar.gyro_upright_rad, weather" in printed
+    load_options(tmp_path / "run.json")
+    assert capsys.readouterr().err == ""  # printed once for a run, which asks for both
     with pytest.raises(ConfigError, match=r"planar\.gyro_upright_rad is unknown"):  # a person wrote it
         load_config(written(tmp_path, {"config": document}))
     with pytest.raises(ConfigError, match=r"planar\.gyro_upright_rad is unknown"):
@@ -67,8 +69,10 @@ def test_numbers_of_another_version_s_run_are_passed_over_and_printed(tmp_path, 
     ],
 )
 def test_mistakes_are_named(tmp_path, document, told):
+    path = written(tmp_path, document)
     with pytest.raises(ConfigError, match=told):
-        load_config(written(tmp_path, document))
+        for load in (load_config, load_options):
+            load(path)
 
 
 def test_what_is_no_file_or_no_document_is_told_in_one_line(tmp_path):
@@ -82,7 +86,7 @@ def test_what_is_no_file_or_no_document_is_told_in_one_line(tmp_path):
 @given(st.floats(0.1, 100.0), st.integers(1, 1000))
 def test_every_number_survives_the_file(tmp_path_factory, slope, frames):
     folder = tmp_path_factory.mktemp("c")
-    config, _ = load_config(written(folder, {"config": {"forgetting": {"same_m": slope, "misses": frames}}}))
+    config = load_config(written(folder, {"config": {"forgetting": {"same_m": slope, "misses": frames}}}))
     assert (config.forgetting.same_m, config.forgetting.misses) == (slope, frames)
 
 
@@ -94,7 +98,7 @@ def test_every_number_survives_the_file(tmp_path_factory, slope, frames):
     ],
 )
 def test_the_stages_take_their_parts_of_the_tree(tmp_path, tree, told):
-    config, _ = load_config(written(tmp_path, {"config": {"attitude": {"check": {"tilt": {"nod": 2e-4}}}, **tree}}))
+    config = load_config(written(tmp_path, {"config": {"attitude": {"check": {"tilt": {"nod": 2e-4}}}, **tree}}))
     with edgemap.open("demo", odometry="planar", config=config) as session:
         _, second = itertools.islice(session, 2)
     assert told in second.motion.fault
@@ -116,7 +120,7 @@ def test_rest_takes_its_part_of_the_tree(tmp_path):
     bundle = painted.write_painted(tmp_path / "b", [])
     rested = []
     for rest in ({}, {"shifted_px": -1e9}, {"texture": 1e9}):
-        config, _ = load_config(written(tmp_path, {"config": {"rest": rest}}))
+        config = load_config(written(tmp_path, {"config": {"rest": rest}}))
         with edgemap.open(**given, bundle=bundle, odometry="planar", config=config) as session:
             rested.append(any(result.observed.at_rest for result in session))
     assert rested == [True, False, False]
