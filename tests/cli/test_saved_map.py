@@ -3,6 +3,8 @@
 import json
 from dataclasses import replace
 
+import cv2
+import numpy as np
 import pytest
 from support.refusal import one_line
 from support.rooms import mapped
@@ -36,14 +38,18 @@ def test_a_run_goes_on_with_a_saved_map(edgemap, painted_bundle, pictures, saved
 
 @pytest.mark.parametrize(("forget", "stays"), [("auto", False), ("off", True)])
 def test_a_chair_that_is_gone_leaves_the_map(edgemap, painted_bundle, pictures, tmp_path, forget, stays):
-    # Saved 3 m ahead and seen from here before; the detector sees only the chair 5 m ahead. Ten looks, standing still.
-    for index in range(12, 160):
-        (pictures / f"{index}.png").write_bytes((pictures / "0.png").read_bytes())
+    # Saved 3 m ahead and seen from here before; the detector sees only the chair 5 m ahead. Ten looks from two places.
+    scene = cv2.imread(str(pictures / "0.png"))
+    for index in range(160):  # no two alike, as a frozen camera's are
+        cv2.imwrite(str(pictures / f"{index}.png"), np.roll(scene, index // 15 % 2 * 3 + index % 3, axis=1))
+    places = ((index / 10, 0.1 if index // 15 % 2 else -0.1) for index in range(160))
+    (tmp_path / "poses.tum").write_text("".join(f"{stamp:.1f} 0 {y} 0 0 0 0 1\n" for stamp, y in places))
     chair, other = mapped([("chair", 3.0, 0.8), ("chair", 5.25, 0.0)])
     objects = [replace(item, seen_from_m=((0.25, 0.25), (-1.75, 0.25))) for item in (chair, other)]
     save_map(tmp_path / "saved.json", objects)
     saved, out = tmp_path / "saved.json", tmp_path / "run"
-    done = run(edgemap, painted_bundle, pictures, out, "--map", saved, "--start", "0,0,0", "--forget", forget)
+    driven = "--odometry", tmp_path / "poses.tum", "--start", "0,0,0", "--forget", forget
+    done = run(edgemap, painted_bundle, pictures, out, "--map", saved, *driven)
     assert done.returncode == 0, done.stderr
     assert [item.id for item in load_map(out)] == (["chair-1", "chair-2"] if stays else ["chair-2"])
 
