@@ -54,6 +54,14 @@ def test_first_views_of_something_that_stands_askew_turn_no_map():
     assert np.abs(found).max() < 2.0
 
 
+@pytest.mark.parametrize(("sigma_deg", "askew_deg", "steps"), [(0.1, 8.0, 100), (0.2, 12.0, 50)])
+def test_a_rotated_piece_that_fills_the_view_for_seconds_turns_no_map(sigma_deg, askew_deg, steps):
+    seen = views(np.random.default_rng(0))
+    seen[300 : 300 + steps] += math.radians(askew_deg)
+    found = np.degrees(driven(np.zeros(SPAN), seen, sigma_rad=math.radians(sigma_deg)))
+    assert np.abs(found).max() < 3.5  # 8.2 and 13.5 where a view errs by its edges alone and counts up to 3.3 of it
+
+
 @pytest.mark.parametrize("askew_deg", [10.0, 20.0, 45.0])
 def test_another_wing_of_the_building_turns_no_map(askew_deg):
     """After 20 s the robot enters a part that lies otherwise, for 40 s, and drifts there no more than before."""
