@@ -39,7 +39,7 @@ def test_a_run_goes_on_with_a_saved_map(edgemap, painted_bundle, pictures, saved
 @pytest.mark.parametrize(("forget", "stays"), [("auto", False), ("off", True)])
 def test_a_chair_that_is_gone_leaves_the_map(edgemap, painted_bundle, pictures, tmp_path, forget, stays):
     # Saved 3 m ahead and seen from here before; the detector sees only the chair 5 m ahead. Ten looks from two places.
-    scene = cv2.imread(str(pictures / "0.png"))
+    scene = np.asarray(cv2.imread(str(pictures / "0.png")))
     for index in range(160):  # no two alike, as a frozen camera's are
         cv2.imwrite(str(pictures / f"{index}.png"), np.roll(scene, index // 15 % 2 * 3 + index % 3, axis=1))
     places = ((index / 10, 0.1 if index // 15 % 2 else -0.1) for index in range(160))
