@@ -3,7 +3,6 @@
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from edgemap.geometry.arrays import Array
 
@@ -39,10 +38,6 @@ class DepthLandmarks:
     points_m: Array
     along: Array
     sigma_m: Array
-
-    def chosen(self, which: NDArray[np.intp] | NDArray[np.bool_]) -> "DepthLandmarks":
-        """The landmarks at indices, or where a mask is set."""
-        return DepthLandmarks(self.points_m[which], self.along[which], self.sigma_m[which])
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -228,7 +228,7 @@ def test_zones_are_drawn_changed_and_dropped(robot):
     conforms("/api/zones/{id}", "PUT", status, zone)
     conforms("/api/zones", "GET", 200, api.get("/api/zones"))
     assert [zone["name"] for zone in api.get("/api/map")["zones"]] == ["door side"]
-    status, _, answer = api("POST", "/api/zones", square | {"name": " Door side"})  # two of one name nobody tells apart
+    status, _, answer = api("POST", "/api/zones", square | {"name": " Door side"})  # names must differ
     conforms("/api/zones", "POST", status, answer)
     assert (status, answer["error"]) == (409, "zone-1 is called 'door side' already: give this zone another name")
     assert api("DELETE", "/api/zones/zone-1")[2] == {"id": "zone-1"}

@@ -23,7 +23,7 @@ from edgemap.geometry.camera.mount import Mount
 from edgemap.runtime.frames.frame import Frame
 from edgemap.runtime.motion.attitude.checked_mount import MountRule
 from edgemap.runtime.motion.attitude.imu_trust import ImuTrust
-from edgemap.runtime.motion.attitude.pictures import LONGEST_S, NOD_S
+from edgemap.runtime.motion.attitude.pictures import LONGEST_S, NOD_S, ROTATION_SHARE
 from edgemap.runtime.motion.attitude.protocol import AttitudeSource, Moved
 from edgemap.runtime.motion.trust import TrustRule
 
@@ -42,7 +42,7 @@ class AttitudeRule:
     """
 
     noise: InertialNoise = field(default_factory=InertialNoise)
-    rotation_share: float = 0.1
+    rotation_share: float = ROTATION_SHARE
     check: MountRule = field(default_factory=MountRule)
 
 

@@ -20,6 +20,7 @@ from edgemap.runtime.motion.attitude.protocol import Moved
 Array = NDArray[np.float64]
 
 LONGEST_S = 1.0  # between two frames of one drive
+ROTATION_SHARE = 0.1  # the default of `AttitudeRule.rotation_share`
 NOD_S = 1.0 / math.tau  # swing of a nod against its rate, at 1 Hz
 REACH_SIGMAS = 3.0  # of a carried camera, within which up is searched: at 3.29 home 9280 errs by 0.45, not 0.05 m
 
@@ -36,7 +37,7 @@ class PicturesAttitude:
 
     name = "pictures"
 
-    def __init__(self, mount: Mount, tilt: MountTiltRule | None = None, rotation_share: float = 0.1) -> None:
+    def __init__(self, mount: Mount, tilt: MountTiltRule | None = None, rotation_share: float = ROTATION_SHARE) -> None:
         tilt = tilt or MountTiltRule()
         self._carried_rad, self._nodding_rad, self._rotation_share = tilt.given, tilt.nod / 2.0, rotation_share
         self.correct_mount(mount)
