@@ -8,7 +8,7 @@ BASE := $(VENV)/.edgemap-base
 VIEW := $(VENV)/.edgemap-view
 PINS := pyproject.toml constraints.txt
 PIP := $(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt
-ROOMS := geometry runtime evaluation simulation export benchmarks plots view cli
+ROOMS := geometry runtime bridges calibrate evaluation simulation export benchmarks plots view cli
 SYSTEM := libusb-1.0-0 libegl1 libegl-mesa0 libgl1 libgl1-mesa-dri sweethome3d-furniture
 
 .PHONY: setup system run view foxglove test check lint audit mutants docs bench figures reliability paper-tables demo release release-check integration clean

@@ -12,9 +12,9 @@ def command(calibration: Annotated[CalibrationOptions, arg(name="Camera")], boar
     Show the complete board in 10 to 40 sharp pictures: near and far, in all corners of the picture, tilted to all
     sides. Refuses where the boards do not determine the lens well enough. A --camera-file keeps its mount.
     """
+    from edgemap.calibrate.lens import fit_lens
     from edgemap.runtime.inputs.drives.camera_yaml import read_camera_yaml
     from edgemap.runtime.inputs.open import open_camera
-    from edgemap.runtime.step.calibration.lens import fit_lens
 
     chessboard = read_board(board)
     calibration.check()

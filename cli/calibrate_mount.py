@@ -55,7 +55,7 @@ def command(
 def _by_board(
     calibration: MountCalibrationOptions, square: float, board: str, thickness: float
 ) -> "tuple[Intrinsics, Fit]":
-    from edgemap.runtime.step.calibration.floor_board import fit_mount
+    from edgemap.calibrate.floor_board import fit_mount
 
     chessboard = read_board(board, square)
     with calibration.open() as source:
@@ -70,9 +70,9 @@ def _by_board(
 def _by_room(
     calibration: MountCalibrationOptions, height: float | None, wheel_topic: str | None
 ) -> "tuple[Intrinsics, Fit]":
+    from edgemap.calibrate.board import frames_of
+    from edgemap.calibrate.gravity import gravity
     from edgemap.geometry.camera.imu import ImuSamples
-    from edgemap.runtime.step.calibration.board import frames_of
-    from edgemap.runtime.step.calibration.gravity import gravity
     from edgemap.runtime.step.loop import stop_on_signals
 
     with calibration.open(wheel_topic) as source, stop_on_signals() as stop:
@@ -81,7 +81,7 @@ def _by_room(
         measured = [(frame.imu, frame.depth) for frame in frames]
     up = gravity(ImuSamples.joined([samples for samples, _ in measured]))
     if depths := [depth for _, depth in measured if depth is not None]:
-        from edgemap.runtime.step.calibration.floor_depth import fit_floor_depth
+        from edgemap.calibrate.floor_depth import fit_floor_depth
 
         fit = fit_floor_depth(depths, lens, up)
         print(
@@ -104,13 +104,13 @@ def _by_edges(
 ) -> Fit:  # fmt: skip
     from dataclasses import replace
 
+    from edgemap.calibrate.board import frames_of
+    from edgemap.calibrate.wheel_height import fit_wheel_height
     from edgemap.geometry.camera.inertial import OFFSET_RAD
     from edgemap.geometry.camera.level import pitch_roll
     from edgemap.geometry.camera.mount import Mount
     from edgemap.runtime.frames.errors import CalibrationError
     from edgemap.runtime.motion.odometry import wheel_trajectory
-    from edgemap.runtime.step.calibration.board import frames_of
-    from edgemap.runtime.step.calibration.wheel_height import fit_wheel_height
     from edgemap.runtime.step.loop import stop_on_signals
 
     try:

@@ -12,11 +12,11 @@ from edgemap.cli.camera_options import CameraFile, CameraSpec, IntrinsicsText, O
 from edgemap.cli.options import at_least
 
 if TYPE_CHECKING:
+    from edgemap.calibrate.board import Board, BoardView
+    from edgemap.calibrate.tilt import TiltFit
     from edgemap.geometry.camera.intrinsics import Intrinsics
     from edgemap.geometry.camera.mount import Mount
     from edgemap.runtime.inputs.cameras.protocol import Camera
-    from edgemap.runtime.step.calibration.board import Board, BoardView
-    from edgemap.runtime.step.calibration.tilt import TiltFit
 
 SEARCH_LINE_S = 10.0  # a line so often while pictures are searched for the board
 EDGES = 40  # pictures that edges are looked for in
@@ -53,8 +53,8 @@ class CalibrationOptions:
 
     def views(self, source: "Camera", board: "Board") -> "list[BoardView]":
         """Different views of the board, printed one by one; Ctrl-C ends the search with the views so far."""
+        from edgemap.calibrate.board import board_views
         from edgemap.runtime.frames.reading import print_message
-        from edgemap.runtime.step.calibration.board import board_views
         from edgemap.runtime.step.loop import stop_on_signals
 
         views: list[BoardView] = []
@@ -100,9 +100,9 @@ class MountCalibrationOptions(CalibrationOptions):
     def tilt(self, source: "Camera", lens: "Intrinsics") -> "TiltFit":
         """Pitch and roll by the edges in at most 40 pictures spread over the source; prints how well they agree. Raises
         CalibrationError."""
+        from edgemap.calibrate.board import frames_of
+        from edgemap.calibrate.tilt import fit_tilt
         from edgemap.runtime.motion.attitude.segments import find_segments
-        from edgemap.runtime.step.calibration.board import frames_of
-        from edgemap.runtime.step.calibration.tilt import fit_tilt
         from edgemap.runtime.step.loop import stop_on_signals
 
         count = min(self.frames or source.frame_count or 10 * EDGES, source.frame_count or 10 * EDGES)
@@ -118,7 +118,7 @@ class MountCalibrationOptions(CalibrationOptions):
 
 def read_board(text: str, square_m: float = 1.0) -> "Board":
     """`--board 9x6`. Raises OptionError."""
-    from edgemap.runtime.step.calibration.board import Board
+    from edgemap.calibrate.board import Board
 
     found = re.fullmatch(r"(\d{1,4})[x×](\d{1,4})", text.strip())
     if found is None:

@@ -5,6 +5,7 @@ from pathlib import Path
 from threading import Event
 from typing import TYPE_CHECKING
 
+from edgemap.calibrate.guess import CameraGuess
 from edgemap.cli.guessed_camera import CameraKeeper
 from edgemap.cli.live_page import NoPage, live_page
 from edgemap.cli.options import choose_classes, minimum_score
@@ -17,21 +18,20 @@ from edgemap.geometry.camera.floor import FloorCamera
 from edgemap.runtime.frames.decisions import Decisions
 from edgemap.runtime.inputs.cameras.protocol import Camera
 from edgemap.runtime.network.bundle import Bundle
-from edgemap.runtime.outputs.report.crops import BestCrops
-from edgemap.runtime.outputs.report.sink import ReportFile
 from edgemap.runtime.outputs.service import ServiceNotifier
 from edgemap.runtime.outputs.sinks.living_map import LivingMap
 from edgemap.runtime.outputs.sinks.progress import progress
 from edgemap.runtime.outputs.sinks.run_folder import RunFolder
-from edgemap.runtime.step.calibration.guess import CameraGuess
 from edgemap.runtime.step.config import Config
 from edgemap.runtime.step.edits import Edits, load_edits, read_edits
 from edgemap.runtime.step.loop import run, stop_on_signals
 from edgemap.runtime.step.sinks import Sink
 from edgemap.runtime.step.slam import SlamOptions, build_slam
+from edgemap.view.report.crops import BestCrops
+from edgemap.view.report.sink import ReportFile
 
 if TYPE_CHECKING:
-    from edgemap.runtime.outputs.recording.recorder import RecordingSink
+    from edgemap.bridges.ros2.recordings.recorder import RecordingSink
 
 
 class Run:
@@ -152,8 +152,8 @@ class Run:
         path, source, odometry = self.options.outputs.recording, self.source, self.options.robot.odometry
         if path is None:
             return []
-        from edgemap.runtime.inputs.recordings.facts import Facts
-        from edgemap.runtime.outputs.recording.recorder import Recorder, RecordingSink
+        from edgemap.bridges.ros2.recordings.facts import Facts
+        from edgemap.bridges.ros2.recordings.recorder import Recorder, RecordingSink
 
         wheel = odometry.removeprefix("wheel:") if odometry.startswith("wheel:") else source.wheel
         decided, lossless = Decisions(self.loaded.engine, self.loaded.precision), self.options.outputs.lossless

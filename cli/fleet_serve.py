@@ -56,12 +56,12 @@ def command(
     """
     import resource
 
+    from edgemap.bridges.fleet.access import access_is_limited, read_passwords
+    from edgemap.bridges.fleet.keeper import PlaceKeeper
+    from edgemap.bridges.fleet.network import PORT
     from edgemap.geometry.errors import MapError
     from edgemap.runtime.frames.errors import DiskError
     from edgemap.runtime.frames.extras import need
-    from edgemap.runtime.outputs.fleet.access import access_is_limited, read_passwords
-    from edgemap.runtime.outputs.fleet.keeper import PlaceKeeper
-    from edgemap.runtime.outputs.fleet.network import PORT
     from edgemap.runtime.step.loop import stop_on_signals
 
     need("fleet", "edgemap fleet serve")  # before the folder is made

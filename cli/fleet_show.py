@@ -21,10 +21,10 @@ def command(
     json: Json = False,
 ) -> None:
     """Ask who keeps the map of a place for it: which robots are in it, where they are, which stay apart and why."""
+    from edgemap.bridges.fleet.network import place_document
     from edgemap.cli.fleet_serve import lines
     from edgemap.runtime.frames.disk import write_atomically
     from edgemap.runtime.frames.reading import printable
-    from edgemap.runtime.outputs.fleet.network import place_document
 
     name, where = place_and_address(place, "PLACE")
     document, text = place_document(name, where)

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
+    from edgemap.calibrate.guess import CameraGuess, Focal
     from edgemap.cli.groups import Source
     from edgemap.geometry.camera.floor import FloorCamera
     from edgemap.geometry.camera.intrinsics import Intrinsics
@@ -18,7 +19,6 @@ if TYPE_CHECKING:
     from edgemap.runtime.frames.frame import Frame
     from edgemap.runtime.inputs.cameras.protocol import Camera
     from edgemap.runtime.network.bundle import Bundle
-    from edgemap.runtime.step.calibration.guess import CameraGuess, Focal
     from edgemap.runtime.step.frame_observations import FrameObservations
 
 PICTURES, REACH = 40, 400  # pictures that are looked at, or more, of so many first ones of a file
@@ -32,10 +32,10 @@ def floor_camera_of(camera: "Source", source: "Camera", bundle: "Bundle") -> "tu
 
     Raises OptionError, or CalibrationError where the pictures show no floor or an impossible mount.
     """
+    from edgemap.calibrate.guess import guess_camera
+    from edgemap.calibrate.guess_upright import quarter_turns
     from edgemap.geometry.camera.floor import FloorCamera
     from edgemap.runtime.network.decode import Decoder, Detector
-    from edgemap.runtime.step.calibration.guess import guess_camera
-    from edgemap.runtime.step.calibration.guess_upright import quarter_turns
 
     lens, mount, height_m, lacking = what_is_given(camera, source)
     if not lacking:
@@ -73,10 +73,10 @@ def what_is_given(camera: "Source", source: "Camera") -> "tuple[Intrinsics | Non
 def _earlier_guess(camera: "Source", source: "Camera", floor: "FloorCamera") -> "CameraGuess | None":
     """What lens and mount of a camera file or a recording were guessed in an earlier run, without what options give
     now."""
+    from edgemap.calibrate.guess import CameraGuess
     from edgemap.cli.camera_options import read_mount_numbers
     from edgemap.runtime.frames.reading import user_path
     from edgemap.runtime.inputs.drives.camera_yaml import read_camera_yaml
-    from edgemap.runtime.step.calibration.guess import CameraGuess
 
     folder = user_path(camera.camera.partition(":")[2] or camera.camera)
     path = camera.camera_file or folder / "camera.yaml"
@@ -126,8 +126,8 @@ class CameraKeeper:
         """Saves the guess, unless a person has set the mount. Returns the lines to print: where it is, and where the
         height is guessed the commands that take one by tape measure. observed: of the last frame; seen: the height;
         axle: by the turns. alone: whether no wheels and no depth measured the path."""
+        from edgemap.calibrate.guess_sizes import HEIGHT_SIGMA
         from edgemap.geometry.camera.floor import FloorCamera
-        from edgemap.runtime.step.calibration.guess_sizes import HEIGHT_SIGMA
 
         guess = self._guess
         if guess is None or self._by_hand:
@@ -179,9 +179,9 @@ def guessing_frames(camera: "Source", source: "Camera") -> "list[Frame]":
     each view one, where that leaves enough, as a camera at rest shows nothing of how it is carried."""
     import time
 
+    from edgemap.calibrate.board import frames_of
+    from edgemap.calibrate.guess_focal import FEWEST_ROOMS
     from edgemap.runtime.motion.views import views_of
-    from edgemap.runtime.step.calibration.board import frames_of
-    from edgemap.runtime.step.calibration.guess_focal import FEWEST_ROOMS
 
     if source.live:
         found = list["Frame"]()
@@ -207,9 +207,9 @@ def guessing_frames(camera: "Source", source: "Camera") -> "list[Frame]":
 
 def _stated(spec: str, source: "Camera") -> "Focal | None":
     """The focal length that the source's own file states."""
+    from edgemap.calibrate.guess import Focal
     from edgemap.runtime.frames.reading import user_path
     from edgemap.runtime.inputs.cameras.stated_focal import stated_focal_px
-    from edgemap.runtime.step.calibration.guess import Focal
 
     found = None if source.live else stated_focal_px(user_path(spec), *source.size)
     return found and Focal(found[0], 0.05, found[1])

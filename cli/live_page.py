@@ -19,11 +19,11 @@ from edgemap.runtime.inputs.cameras.protocol import Camera
 from edgemap.runtime.inputs.cameras.wrappers import BudgetedCamera, PacedCamera
 from edgemap.runtime.inputs.drives.camera_yaml import mount_fields
 from edgemap.runtime.network.bundle import Bundle
-from edgemap.runtime.outputs.report.crops import BestCrops
 from edgemap.runtime.outputs.verdict.verdict import Verdict
 from edgemap.runtime.step.edits import Edits
 from edgemap.runtime.step.loop import stop_on_signals
 from edgemap.runtime.step.sinks import Sink
+from edgemap.view.report.crops import BestCrops
 
 if TYPE_CHECKING:
     from edgemap.view.page import LivePage

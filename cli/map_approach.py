@@ -89,10 +89,10 @@ def publish_goal(pose: "SE2") -> None:
     """Publishes a goal for a navigation stack. Raises Ros2Error where no subscriber appears in time."""
     import time
 
+    from edgemap.bridges.ros2.dds.node import shared_node
+    from edgemap.bridges.ros2.messages import topics
+    from edgemap.bridges.ros2.messages.build import goal_pose
     from edgemap.runtime.frames.errors import Ros2Error
-    from edgemap.runtime.frames.messages import topics
-    from edgemap.runtime.inputs.ros2.node import shared_node
-    from edgemap.runtime.outputs.messages.build import goal_pose
 
     limit_s = 5.0
     publisher = shared_node().publisher(topics.GOAL, topics.KINDS[topics.GOAL])

@@ -7,10 +7,10 @@ from typing import TYPE_CHECKING, Annotated
 from edgemap.cli.arguments import OptionError, arg, may_be_left_out
 
 if TYPE_CHECKING:
+    from edgemap.bridges.fleet.sink import FleetSink
+    from edgemap.bridges.ros2.sink import Ros2Sink
     from edgemap.geometry.camera.floor import FloorCamera
     from edgemap.runtime.inputs.cameras.protocol import Camera
-    from edgemap.runtime.outputs.fleet.sink import FleetSink
-    from edgemap.runtime.outputs.publishers.ros2 import Ros2Sink
     from edgemap.runtime.step.edits import Edits
     from edgemap.runtime.step.sinks import Sink
 
@@ -48,38 +48,19 @@ class WatchGroup:
             "networks you trust."
         ),
     ] = None
-    rerun: Annotated[
-        str | None,
-        may_be_left_out("FILE.rrd|HOST[:PORT]", "127.0.0.1:9876"),
-        arg(
-            help="Send pictures, boxes, poses and the map to a Rerun viewer (extra rerun), on this machine where HOST "
-            "is left out, or write them into FILE.rrd."
-        ),
-    ] = None
-    rerun_pictures: Annotated[
-        float, arg(metavar="HZ", help="With --rerun: pictures and their boxes so often at most; they cost most of it.")
-    ] = 1.0
 
     def viewer_sinks(self, floor: "FloorCamera") -> "list[Sink]":
         """The sinks that were asked for. Raises MissingExtraError, or PublishError where one cannot be opened."""
-        from edgemap.runtime.outputs.messages.stream import MessageStream
+        from edgemap.bridges.ros2.messages.stream import MessageStream
 
         sinks: list[Sink] = []
         if self.foxglove is not None:
-            from edgemap.runtime.outputs.publishers.foxglove import FoxgloveServer
+            from edgemap.bridges.foxglove.sink import FoxgloveServer
 
             host, port = host_and_port(self.foxglove, "--foxglove", 8765)
             server = FoxgloveServer(host, port, MessageStream(floor.intrinsics, floor.mount))
             print(f"Foxglove:  {server.url}", flush=True)
             sinks.append(server)
-        if self.rerun is not None:
-            from edgemap.runtime.outputs.publishers.rerun import RerunStream
-
-            if not 0.0 < self.rerun_pictures <= 1000.0:
-                raise OptionError(f"--rerun-pictures {self.rerun_pictures:g}: more than 0 and at most 1000 a second")
-            file = self.rerun.endswith(".rrd")
-            target = Path(self.rerun) if file else host_and_port(self.rerun, "--rerun", 9876)
-            sinks.append(RerunStream(target, MessageStream(floor.intrinsics, floor.mount), self.rerun_pictures))
         return sinks
 
 
@@ -153,7 +134,7 @@ class OutputGroup:
         sinks: list[Sink] = []
         if self.mqtt is not None:
             from edgemap import __version__
-            from edgemap.runtime.outputs.publishers.mqtt import MqttPublisher
+            from edgemap.bridges.mqtt.sink import MqttPublisher
 
             user, password = (os.environ.get(f"EDGEMAP_MQTT_{name}") for name in ("USER", "PASSWORD"))
             host, port = host_and_port(self.mqtt, "--mqtt", 1883)
@@ -166,9 +147,9 @@ class OutputGroup:
         """The sink that publishes, where it is asked for. Raises OptionError, Ros2Error or MissingExtraError."""
         if not self.ros2:
             return []
-        from edgemap.runtime.frames.messages.topics import FrameIds
-        from edgemap.runtime.inputs.ros2.node import shared_node
-        from edgemap.runtime.outputs.publishers.ros2 import Ros2Options, Ros2Sink
+        from edgemap.bridges.ros2.dds.node import shared_node
+        from edgemap.bridges.ros2.messages.topics import FrameIds
+        from edgemap.bridges.ros2.sink import Ros2Options, Ros2Sink
 
         options = Ros2Options(
             self.ros2_namespace, FrameIds(*frame_names(self.ros2_frames)), self.ros2_pictures, self.ros2_best_effort,
@@ -202,7 +183,7 @@ def host_and_port(text: str, option: str, port: int) -> tuple[str, int]:
 
 def place_and_address(text: str, option: str) -> tuple[str, str]:
     """`PLACE`, and the address after its `@` for zenoh. Raises OptionError."""
-    from edgemap.runtime.outputs.fleet.network import PORT
+    from edgemap.bridges.fleet.network import PORT
 
     place, at, host = text.partition("@")
     return place, address(host if at else LOCAL, option, PORT)
@@ -218,8 +199,8 @@ def fleet_sink(fleet: str, robot: str | None, saved: "Path | None") -> "FleetSin
     """The sink of `--fleet`. Raises OptionError, PublishError or MissingExtraError."""
     import socket
 
-    from edgemap.runtime.outputs.fleet.access import SECRET, robot_of_environment
-    from edgemap.runtime.outputs.fleet.sink import FleetSink
+    from edgemap.bridges.fleet.access import SECRET, robot_of_environment
+    from edgemap.bridges.fleet.sink import FleetSink
 
     if saved is not None and _of_a_fleet(saved):
         raise OptionError(

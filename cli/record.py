@@ -36,12 +36,12 @@ def command(
     Ctrl-C ends it. `edgemap run --camera FILE.mcap` replays it; Foxglove and ROS 2 tools open it (docs/ros2.md). A
     RealSense recording or another MCAP file as --camera is converted.
     """
+    from edgemap.bridges.ros2.recordings.facts import Facts
+    from edgemap.bridges.ros2.recordings.recorder import Recorder
     from edgemap.geometry.errors import EdgemapError
     from edgemap.runtime.frames.errors import RecordingError
     from edgemap.runtime.frames.reading import print_message
     from edgemap.runtime.inputs.cameras.protocol import SensorTopics, next_frame
-    from edgemap.runtime.inputs.recordings.facts import Facts
-    from edgemap.runtime.outputs.recording.recorder import Recorder
     from edgemap.runtime.step.loop import stop_on_signals
 
     at_least(1, frames=frames)

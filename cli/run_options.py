@@ -154,7 +154,7 @@ class RunOptions:
         check_name(self.outputs.recording)
         read_share(self.advanced.cpu)
         watch, out = self.watch, self.outputs
-        asked = {"view": watch.view, "foxglove": watch.foxglove, "rerun": watch.rerun, "record": out.recording}
+        asked = {"view": watch.view, "foxglove": watch.foxglove, "record": out.recording}
         asked |= {"mqtt": out.mqtt, "fleet": out.fleet, "ros2": out.ros2}
         for extra, value in asked.items():
             if value:

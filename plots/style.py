@@ -19,7 +19,7 @@ from edgemap.geometry.errors import EdgemapError
 from edgemap.runtime.frames.colours import SHAPES, label_colour, label_mark
 from edgemap.runtime.frames.disk import make_folder, write_atomically
 from edgemap.runtime.frames.errors import DiskError
-from edgemap.runtime.outputs.report.labels import TEXT_PX, place_labels
+from edgemap.view.report.labels import TEXT_PX, place_labels
 
 mpl.use("Agg")
 mpl.rcParams["text.parse_math"] = False  # labels and ids come from files: a dollar sign is one

@@ -8,6 +8,7 @@ from types import TracebackType
 import numpy as np
 from numpy.typing import NDArray
 
+from edgemap.calibrate.guess import CameraGuess
 from edgemap.geometry.camera.floor import FloorCamera
 from edgemap.geometry.camera.imu import ImuSamples
 from edgemap.geometry.camera.intrinsics import Intrinsics
@@ -31,7 +32,6 @@ from edgemap.runtime.network.bundle import load_bundle
 from edgemap.runtime.network.store import bundle_folder, default_bundle
 from edgemap.runtime.outputs.notebook import MapObjects
 from edgemap.runtime.outputs.sinks.run_folder import RunFolder
-from edgemap.runtime.step.calibration.guess import CameraGuess
 from edgemap.runtime.step.config import Config, load_config
 from edgemap.runtime.step.grid_file import load_grid
 from edgemap.runtime.step.loop import steps

@@ -5,8 +5,8 @@ from pathlib import Path
 
 import yaml
 
-from edgemap.runtime.frames.messages import topics
-from edgemap.runtime.frames.messages.topics import FrameIds
+from edgemap.bridges.ros2.messages import topics
+from edgemap.bridges.ros2.messages.topics import FrameIds
 
 FOLDER = Path(__file__).parents[1] / "deploy" / "nav2"
 PARAMS = yaml.safe_load((FOLDER / "params.yaml").read_text())

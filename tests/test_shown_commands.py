@@ -17,7 +17,7 @@ DEMO = Path(__file__).parents[1] / "runtime" / "inputs" / "demo"
 FRAMES = 12  # of a run that does not say how many
 ELSEWHERE = {
     r"realsense|/dev/video|camera 0\b|rpicam|camera ros2:": "a device, or a program, that is not here",
-    r"broker\.local|keeper\.local|ROUTER|--rerun laptop|fleet (serve|show)": "others; tests/cli/test_publishers.py",
+    r"broker\.local|keeper\.local|ROUTER|fleet (serve|show)": "others; tests/cli/test_publishers.py",
     r"\b(DIR2?|FILE|NAME|SPEC|DATA|H,P)\b|\b[XBO]\b|…|\|": "words to be filled in",
     r"^edgemap( \w+){1,2}$(?<!run)(?<!cameras)(?<!doctor)": "the name of a command, which needs more",
     r"^edgemap pull|\.onnx|\.cfg|my-bundle|my-flat|\.pt\b": "a model that is not here; tests/export",
@@ -76,8 +76,6 @@ def test_a_shown_command_does_what_it_is_shown_for(line, desk, tmp_path, monkeyp
     shutil.copytree(desk, folder, copy_function=lambda source, to: Path(to).hardlink_to(source))
     monkeypatch.chdir(folder)
     words = shlex.split(line.split(" > ")[0])[1:]
-    if "--rerun" in words:  # half a gigabyte that no other command needs
-        pytest.importorskip("rerun", reason="no rerun-sdk here (extra rerun)")
     if words[0] == "run":
         words += [] if "--frames" in words else ["--frames", str(FRAMES)]
         words += [] if "--out" in words else ["--out", "new"]

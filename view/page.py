@@ -15,13 +15,13 @@ from edgemap.geometry.objects.edits import NO_ANNOTATIONS, Annotations
 from edgemap.geometry.objects.zone_watch import ZoneEvent, ZoneWatch
 from edgemap.geometry.se2 import SE2
 from edgemap.runtime.inputs.budget import Effort
-from edgemap.runtime.outputs.report.crops import BestCrops
 from edgemap.runtime.outputs.verdict.verdict import Verdict
 from edgemap.runtime.step.edits import Edits
 from edgemap.runtime.step.map_file import map_text, save_map
 from edgemap.runtime.step.pose_journal import PoseJournal
 from edgemap.runtime.step.slam import StepResult
 from edgemap.view.pause import Pause
+from edgemap.view.report.crops import BestCrops
 from edgemap.view.tail import Tail
 
 TRAIL_STEP_M = 0.03

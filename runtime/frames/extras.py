@@ -28,7 +28,6 @@ EXTRAS: dict[str, tuple[str, dict[str, str]]] = {
         "run --ros2, cameras and sensors on ROS 2 topics",
         {"cyclonedds": "cyclonedds", "mcap_ros2": "mcap-ros2-support"},
     ),
-    "rerun": ("run --rerun, recordings in Rerun", {"rerun": "rerun-sdk"}),
 }
 
 

@@ -60,8 +60,8 @@ def open_camera(
     camera = _open(spec, _Asked(intrinsics, mount, recovery, topics, depth))
     if not recorded and (topics.wheels or topics.imu):
         try:
-            from edgemap.runtime.inputs.ros2.camera import Ros2SensorsCamera
-            from edgemap.runtime.inputs.ros2.node import shared_node
+            from edgemap.bridges.ros2.dds.camera import Ros2SensorsCamera
+            from edgemap.bridges.ros2.dds.node import shared_node
 
             camera = Ros2SensorsCamera(camera, shared_node(), topics)
         except BaseException:
@@ -92,15 +92,15 @@ def _open(spec: str, asked: _Asked) -> Camera:
 
         return _open_live(StreamDriver(spec), asked)
     if kind == "ros2":
-        from edgemap.runtime.inputs.ros2.camera import Ros2Camera
-        from edgemap.runtime.inputs.ros2.depth import DepthTopic
-        from edgemap.runtime.inputs.ros2.node import shared_node
+        from edgemap.bridges.ros2.dds.camera import Ros2Camera
+        from edgemap.bridges.ros2.dds.depth import DepthTopic
+        from edgemap.bridges.ros2.dds.node import shared_node
 
         node = shared_node()
         depth = DepthTopic(node, asked.topics.depth) if asked.depth else None
         return Ros2Camera(node, rest, asked.intrinsics, asked.mount, asked.recovery, depth)
     if spec.partition("#")[0].endswith(".mcap"):
-        from edgemap.runtime.inputs.recordings.camera import RecordingCamera
+        from edgemap.bridges.ros2.recordings.camera import RecordingCamera
 
         return RecordingCamera(spec, asked.intrinsics, asked.mount, asked.topics, asked.depth)
     kinds = plugin_kinds()

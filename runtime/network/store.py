@@ -201,8 +201,8 @@ def _recorded_from(spec: str) -> str:
 
 def _camera_of(spec: str) -> str | None:
     """The camera that a recording names; None for a recording of another program, or a damaged one."""
-    from edgemap.runtime.inputs.recordings.facts import RECORD
-    from edgemap.runtime.inputs.recordings.reader import McapReading
+    from edgemap.bridges.ros2.recordings.facts import RECORD
+    from edgemap.bridges.ros2.recordings.reader import McapReading
 
     try:
         recording = McapReading(user_path(spec.partition("#")[0]))

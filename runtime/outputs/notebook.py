@@ -27,7 +27,7 @@ class MapObjects(list[MapObject]):
 def map_html(objects: list[MapObject], trajectory: PoseJournal | None = None) -> str:
     """The map as the report draws it, and one row per object. The drawing is a picture of its own, so that its styles
     stay out of the page."""
-    from edgemap.runtime.outputs.report.markup import el, joined
+    from edgemap.view.report.markup import el, joined
 
     poses: list[SE2] = []
     if trajectory is not None and len(trajectory):
@@ -55,7 +55,7 @@ def map_svg(
     grid: OccupancyGrid | None = None,
 ) -> str:
     """The report's drawing of the map as an SVG file of its own."""
-    from edgemap.runtime.outputs.report.floor_svg import floor_svg
+    from edgemap.view.report.floor_svg import floor_svg
 
     # Without its rules for narrow screens, where numbers stand for names: there is no legend here.
     style = (Path(__file__).parent / "report" / "report.css").read_text().partition("@media screen and (max-width")[0]

@@ -361,7 +361,7 @@ def test_a_recording_that_cannot_be_ended_leaves_the_map_and_names_its_folder(
     edgemap, painted_bundle, pictures, tmp_path, monkeypatch, capsys
 ):
     pytest.importorskip("mcap_ros2", reason="no mcap here (extra record)")
-    from edgemap.runtime.outputs.recording.recorder import RecordingSink
+    from edgemap.bridges.ros2.recordings.recorder import RecordingSink
 
     def full(sink):
         raise DiskError("a.mcap: cannot be written (No space left on device)")

@@ -85,7 +85,7 @@ def test_addresses_that_are_none(text):
 @pytest.mark.parametrize(
     ("option", "package"),
     [
-        ("--foxglove", "foxglove"), ("--rerun=a.rrd", "rerun"), ("--mqtt=127.0.0.1", "paho"), ("--fleet=home", "zenoh"),
+        ("--foxglove", "foxglove"), ("--mqtt=127.0.0.1", "paho"), ("--fleet=home", "zenoh"),
         ("--view", "uvicorn"), ("--record=a.mcap", "mcap"), ("--ros2", "cyclonedds"),
     ],
 )  # fmt: skip

@@ -12,14 +12,14 @@ import numpy as np
 import pytest
 from support.refusal import one_line
 
+from edgemap.bridges.ros2.recordings.foreign import read_wheel
+from edgemap.bridges.ros2.recordings.recorder import Recorder
 from edgemap.cli import main
 from edgemap.cli.groups import Source
 from edgemap.cli.record import command as record
 from edgemap.geometry.se2 import SE2
 from edgemap.runtime.frames.errors import DiskError, RecordingError
 from edgemap.runtime.inputs.open import open_camera
-from edgemap.runtime.inputs.recordings.foreign import read_wheel
-from edgemap.runtime.outputs.recording.recorder import Recorder
 from edgemap.runtime.step.map_file import load_map
 
 FRAMES = 25

@@ -18,8 +18,8 @@ if not os.environ.get("EDGEMAP_INTEGRATION"):
 import numpy as np
 from support.rooms import furnished, mapped, somewhere
 
-from edgemap.runtime.outputs.fleet.access import SECRET
-from edgemap.runtime.outputs.fleet.network import open_session, packed
+from edgemap.bridges.fleet.access import SECRET
+from edgemap.bridges.fleet.network import open_session, packed
 from edgemap.runtime.step.map_file import load_map, map_document
 
 PATIENCE_S = 240.0
@@ -89,8 +89,8 @@ def test_two_places_their_robots_and_a_hostile_one(tmp_path):
 
 HOSTILE = """
 import os, socket, sys, time
-from edgemap.runtime.outputs.fleet.access import SECRET
-from edgemap.runtime.outputs.fleet.network import open_session, packed
+from edgemap.bridges.fleet.access import SECRET
+from edgemap.bridges.fleet.network import open_session, packed
 from edgemap.runtime.step.map_file import map_document
 import numpy as np
 from support.rooms import furnished, mapped, somewhere

@@ -13,6 +13,7 @@ import cv2
 import numpy as np
 import yaml
 
+from edgemap.bridges.ros2.recordings.facts import read_facts, read_trajectory_file
 from edgemap.geometry.errors import EdgemapError
 from edgemap.geometry.objects import queries
 from edgemap.geometry.objects.merge import merge_maps
@@ -27,7 +28,6 @@ from edgemap.runtime.inputs.drives.pose_files import read_matrices, read_stamps,
 from edgemap.runtime.inputs.drives.sensor_csv import read_imu_csv, read_wheel_csv
 from edgemap.runtime.inputs.drives.truth import read_boxes, read_objects
 from edgemap.runtime.inputs.drives.yolo import COCO_NAMES, label_table
-from edgemap.runtime.inputs.recordings.facts import read_facts, read_trajectory_file
 from edgemap.runtime.outputs.mapfiles.geojson import geojson_text
 from edgemap.runtime.outputs.mapfiles.grid import grid_of
 from edgemap.runtime.outputs.mapfiles.nav2 import vector_text

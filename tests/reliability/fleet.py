@@ -8,11 +8,11 @@ from random import Random
 
 import numpy as np
 
+from edgemap.bridges.fleet.keeper import received_map
+from edgemap.bridges.fleet.network import packed
 from edgemap.geometry.map_object import MapObject
 from edgemap.geometry.objects.place import MergeBudget, RobotMap, merge_place
 from edgemap.geometry.se2 import SE2
-from edgemap.runtime.outputs.fleet.keeper import received_map
-from edgemap.runtime.outputs.fleet.network import packed
 from edgemap.runtime.step.map_file import map_document, read_map, save_map
 from reliability.names import text
 from reliability.parts import PartReport

@@ -13,20 +13,20 @@ from typing import Any
 import numpy as np
 import yaml
 
+from edgemap.bridges.fleet.network import NAME, name_of, robot_of
+from edgemap.bridges.mqtt.sink import topic_level
 from edgemap.geometry.map_object import MapObject
 from edgemap.geometry.objects.edits import Annotations, Zone
 from edgemap.runtime.frames.errors import PublishError
 from edgemap.runtime.frames.reading import library_path, one_line, printable
 from edgemap.runtime.inputs.cameras.pictures import open_folder
-from edgemap.runtime.outputs.fleet.network import NAME, name_of, robot_of
 from edgemap.runtime.outputs.mapfiles.geojson import geojson_text
 from edgemap.runtime.outputs.mapfiles.nav2 import vector_text
 from edgemap.runtime.outputs.mapfiles.table import csv_text
-from edgemap.runtime.outputs.publishers.mqtt import topic_level
-from edgemap.runtime.outputs.report.floor_svg import floor_svg
-from edgemap.runtime.outputs.report.history import History
-from edgemap.runtime.outputs.report.page import ReportContent, report_page
 from edgemap.runtime.step.map_file import map_document, read_map
+from edgemap.view.report.floor_svg import floor_svg
+from edgemap.view.report.history import History
+from edgemap.view.report.page import ReportContent, report_page
 from reliability.parts import PartReport
 from reliability.workers import INPUTS, ReaderCase, examine
 

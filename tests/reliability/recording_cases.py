@@ -12,16 +12,16 @@ from mcap.writer import CompressionType, IndexType
 from mcap.writer import Writer as McapWriter
 from mcap_ros2.writer import Writer
 
+from edgemap.bridges.ros2.messages import build as messages
+from edgemap.bridges.ros2.messages.definitions import definition
+from edgemap.bridges.ros2.recordings.camera import RecordingCamera
+from edgemap.bridges.ros2.recordings.facts import RECORD, TRUTH_FILE, WHEEL_FILE, Facts, facts_record
+from edgemap.bridges.ros2.recordings.foreign import read_wheel
 from edgemap.geometry.camera.intrinsics import Intrinsics
 from edgemap.geometry.camera.mount import Mount
 from edgemap.geometry.se2 import SE2
-from edgemap.runtime.frames.messages.definitions import definition
 from edgemap.runtime.inputs.cameras.pictures import VideoCamera
 from edgemap.runtime.inputs.drives.pictures import read_picture
-from edgemap.runtime.inputs.recordings.camera import RecordingCamera
-from edgemap.runtime.inputs.recordings.facts import RECORD, TRUTH_FILE, WHEEL_FILE, Facts, facts_record
-from edgemap.runtime.inputs.recordings.foreign import read_wheel
-from edgemap.runtime.outputs.messages import build as messages
 from reliability.document_cases import drained
 from reliability.mutations import json_bytes, mutated_bytes, mutated_tree
 from reliability.workers import ReaderCase, from_file

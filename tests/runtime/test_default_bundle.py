@@ -6,7 +6,7 @@ import shutil
 import pytest
 from support.recordings import noise, record
 
-from edgemap.runtime.inputs.recordings.facts import Facts
+from edgemap.bridges.ros2.recordings.facts import Facts
 from edgemap.runtime.network.bundle import load_bundle
 from edgemap.runtime.network.manifest_file import read_manifest
 from edgemap.runtime.network.store import LENS, RENDERED, bundle_folder, default_bundle, passed_over

@@ -10,14 +10,14 @@ import numpy as np
 import pytest
 from support.refusal import refused
 
+from edgemap.bridges.ros2.recordings import chunks
+from edgemap.bridges.ros2.recordings.camera import RecordingCamera
+from edgemap.bridges.ros2.recordings.reader import McapReading
 from edgemap.runtime.frames import number_rows
 from edgemap.runtime.frames.errors import BundleError, CameraError
 from edgemap.runtime.inputs.cameras.pictures import VideoCamera
 from edgemap.runtime.inputs.drives import open_drive
 from edgemap.runtime.inputs.drives.pose_files import read_stamps
-from edgemap.runtime.inputs.recordings import chunks
-from edgemap.runtime.inputs.recordings.camera import RecordingCamera
-from edgemap.runtime.inputs.recordings.reader import McapReading
 from edgemap.runtime.network.engines import open_onnxruntime
 from edgemap.runtime.network.network import Compute
 from edgemap.runtime.outputs import sightings_file

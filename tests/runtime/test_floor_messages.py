@@ -16,11 +16,11 @@ pytest.importorskip("mcap_ros2", reason="no mcap-ros2-support here (extra record
 from mcap.reader import make_reader
 from mcap_ros2.decoder import DecoderFactory
 
+from edgemap.bridges.ros2.messages import topics
+from edgemap.bridges.ros2.messages.definitions import decoder, encoder
+from edgemap.bridges.ros2.messages.stream import MessageStream
+from edgemap.bridges.ros2.recordings.recorder import Recorder
 from edgemap.geometry.camera.attitude import Attitude, MountEstimate
-from edgemap.runtime.frames.messages import topics
-from edgemap.runtime.frames.messages.definitions import decoder, encoder
-from edgemap.runtime.outputs.messages.stream import MessageStream
-from edgemap.runtime.outputs.recording.recorder import Recorder
 
 ROOM = [*walls(-1.0, -2.0, 4.0, 2.0), (2.0, -0.5, 2.5, 0.5, 0.8)]
 

@@ -12,6 +12,9 @@ from support.huge_png import png
 from support.recordings import FACTS, noise, record
 from support.refusal import refused
 
+from edgemap.bridges.ros2.recordings.camera import RecordingCamera
+from edgemap.bridges.ros2.recordings.facts import read_trajectory_file
+from edgemap.bridges.ros2.recordings.foreign import read_wheel
 from edgemap.geometry.errors import MapError
 from edgemap.geometry.se2 import SE2
 from edgemap.runtime.frames.errors import BundleError, CameraError, OdometryError
@@ -22,9 +25,6 @@ from edgemap.runtime.inputs.drives.camera_yaml import read_camera_yaml
 from edgemap.runtime.inputs.drives.pictures import PIXEL_LIMIT, picture_size, read_picture
 from edgemap.runtime.inputs.drives.sensor_csv import read_wheel_csv
 from edgemap.runtime.inputs.drives.truth import read_boxes, read_objects
-from edgemap.runtime.inputs.recordings.camera import RecordingCamera
-from edgemap.runtime.inputs.recordings.facts import read_trajectory_file
-from edgemap.runtime.inputs.recordings.foreign import read_wheel
 from edgemap.runtime.network.bundle import load_bundle
 from edgemap.runtime.network.manifest_file import read_manifest
 from edgemap.runtime.network.store import install_folder

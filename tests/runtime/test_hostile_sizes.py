@@ -13,15 +13,15 @@ from scipy.spatial.transform import Rotation
 from support.huge_png import png
 from support.recordings import FACTS, noise, record
 
+from edgemap.bridges.ros2.messages.definitions import definition
+from edgemap.bridges.ros2.messages.tf_tree import TfTree
+from edgemap.bridges.ros2.recordings import chunks, foreign
+from edgemap.bridges.ros2.recordings.camera import RecordingCamera
+from edgemap.bridges.ros2.recordings.facts import Facts
+from edgemap.bridges.ros2.recordings.pictures import raw_picture
+from edgemap.bridges.ros2.recordings.reader import McapReading
 from edgemap.runtime.frames.errors import CameraError
-from edgemap.runtime.frames.messages.definitions import definition
-from edgemap.runtime.frames.messages.tf_tree import TfTree
 from edgemap.runtime.inputs.drives.pictures import list_pictures
-from edgemap.runtime.inputs.recordings import chunks, foreign
-from edgemap.runtime.inputs.recordings.camera import RecordingCamera
-from edgemap.runtime.inputs.recordings.facts import Facts
-from edgemap.runtime.inputs.recordings.pictures import raw_picture
-from edgemap.runtime.inputs.recordings.reader import McapReading
 from edgemap.runtime.network.store import LENS, default_bundle
 
 IDENTITY = {"x": 0.0, "y": 0.0, "z": 0.0, "w": 1.0}
@@ -32,7 +32,7 @@ from pathlib import Path
 from edgemap.geometry.errors import EdgemapError
 from edgemap.runtime.step.map_file import load_map
 from edgemap.runtime.inputs.drives.truth import read_boxes
-from edgemap.runtime.inputs.recordings.facts import read_trajectory_file
+from edgemap.bridges.ros2.recordings.facts import read_trajectory_file
 size = int(Path("/proc/self/statm").read_text().split()[0]) * resource.getpagesize()
 resource.setrlimit(resource.RLIMIT_AS, (size + (400 << 20),) * 2)
 path, empties = Path(sys.argv[1]), b"{}," * (5 << 20)

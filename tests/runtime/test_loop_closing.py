@@ -17,7 +17,6 @@ from edgemap.geometry.slam.loop_hypotheses import LoopHypothesisRule, certain_pa
 from edgemap.geometry.slam.pose_graph import GraphRule
 from edgemap.geometry.trajectory_correction import TrajectoryCorrection
 from edgemap.runtime.frames.trajectory import read_tum
-from edgemap.runtime.outputs.report.history import History
 from edgemap.runtime.outputs.sinks.run_folder import RunFolder
 from edgemap.runtime.step.config import Config
 from edgemap.runtime.step.loop_closing import LoopCloser, NoLoopClosure
@@ -25,6 +24,7 @@ from edgemap.runtime.step.map_file import load_map, save_map
 from edgemap.runtime.step.mapper import Mapper
 from edgemap.runtime.step.pose_journal import PoseJournal
 from edgemap.view.page import LivePage
+from edgemap.view.report.history import History
 
 ROOM = furnished(np.random.default_rng(11), 16, apart_m=0.8)
 WAY = round_trip(260, turns=2.4)

@@ -7,9 +7,9 @@ from support.recordings import FACTS, drain
 from support.small_disk import fill
 from support.steps import Steps
 
+from edgemap.bridges.ros2.recordings.recorder import Recorder, RecordingSink
 from edgemap.runtime.frames.errors import DiskError, OdometryError
 from edgemap.runtime.inputs.open import open_camera
-from edgemap.runtime.outputs.recording.recorder import Recorder, RecordingSink
 from edgemap.runtime.step.sinks import SinkGroup
 from edgemap.view.page import LivePage
 

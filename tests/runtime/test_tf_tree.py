@@ -5,7 +5,7 @@ from types import SimpleNamespace
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from edgemap.runtime.frames.messages.tf_tree import TfTree
+from edgemap.bridges.ros2.messages.tf_tree import TfTree
 
 
 def transform(parent, child, rotation, position_m):

@@ -4,6 +4,7 @@ import math
 from dataclasses import dataclass, field
 from pathlib import Path
 
+from edgemap.bridges.ros2.recordings.foreign import is_recording, read_wheel
 from edgemap.geometry.camera.floor import FloorCamera
 from edgemap.geometry.camera.mount_tilt import MountTiltRule
 from edgemap.geometry.odometry.keyframe_window import WindowRule
@@ -11,7 +12,6 @@ from edgemap.runtime.frames.errors import OdometryError
 from edgemap.runtime.frames.trajectory import Trajectory, read_tum
 from edgemap.runtime.inputs.cameras.protocol import Camera
 from edgemap.runtime.inputs.drives.sensor_csv import read_wheel_csv
-from edgemap.runtime.inputs.recordings.foreign import is_recording, read_wheel
 from edgemap.runtime.motion.health import HealthRule
 from edgemap.runtime.motion.odometry.coasting import CoastingRule
 from edgemap.runtime.motion.odometry.corner_odometry import PlanarRule

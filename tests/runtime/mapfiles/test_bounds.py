@@ -19,10 +19,10 @@ from edgemap.runtime.frames.trajectory import Trajectory
 from edgemap.runtime.outputs.mapfiles.geojson import geojson_text
 from edgemap.runtime.outputs.mapfiles.grid import MAXIMUM_CELLS, CellsRule, grid_of
 from edgemap.runtime.outputs.mapfiles.nav2 import MAXIMUM_SHAPES, vector_text
-from edgemap.runtime.outputs.report.history import History
-from edgemap.runtime.outputs.report.labels import place_labels
-from edgemap.runtime.outputs.report.page import MAXIMUM_DRAWN, ReportContent, report_page
 from edgemap.runtime.step.map_file import map_document, read_map
+from edgemap.view.report.history import History
+from edgemap.view.report.labels import place_labels
+from edgemap.view.report.page import MAXIMUM_DRAWN, ReportContent, report_page
 
 
 @pytest.fixture(autouse=True)

@@ -1,0 +1,118 @@
+"""`--foxglove`: a WebSocket server that Foxglove connects to, with the messages of the recordings."""
+
+import threading
+
+from edgemap.bridges.ros2.messages import topics
+from edgemap.bridges.ros2.messages.definitions import definition, encoder, to_ns
+from edgemap.bridges.ros2.messages.stream import MessageStream
+from edgemap.geometry.map_object import MapObject
+from edgemap.runtime.frames.colours import label_rgb
+from edgemap.runtime.frames.errors import PublishError
+from edgemap.runtime.frames.extras import need
+from edgemap.runtime.step.slam import StepResult
+
+ANNOTATIONS = "/detections/annotations"
+SENT = (
+    topics.PICTURES, topics.INFO, topics.TF, topics.POSE, topics.ODOMETRY, topics.BOXES, topics.OBJECTS, topics.MARKERS,
+    topics.GRID, topics.MAP, topics.FLOOR_SCAN,
+)  # fmt: skip
+LETTER_PX, LINE_PX = 14.0, 2.0
+BACKLOG = 128  # messages kept for a client that is slow: a second or two at 10 Hz
+CLOSE_LIMIT_S = 2.0  # for a client that does not answer; the server's own patience is 40 s
+
+
+class FoxgloveServer:
+    """A sink that serves ROS 2 messages (CDR) and image annotations to any number of Foxglove clients.
+
+    A message is built when a client has subscribed to its topic. The server's own threads send it, and drop the oldest
+    for a client that is slow. Clients cannot publish. host: anyone who reaches the address sees the pictures. port: 0
+    for any free one. Raises MissingExtraError, or PublishError where the address cannot be bound.
+    """
+
+    def __init__(self, host: str, port: int, stream: MessageStream) -> None:
+        need("foxglove", "--foxglove")
+        import foxglove
+        from foxglove.channels import ImageAnnotationsChannel
+
+        self.name = "Foxglove"
+        self._stream, self._closed = stream, False
+        self._context = context = foxglove.Context()  # channels and server do not keep it alive
+        foxglove.set_log_level("ERROR")
+        try:
+            self._server = foxglove.start_server(
+                name="edgemap", host=host, port=port, context=context, capabilities=[foxglove.Capability.Time],
+                message_backlog_size=BACKLOG,
+            )  # fmt: skip
+        except (RuntimeError, OverflowError) as error:
+            raise PublishError(f"--foxglove {host}:{port}: {error}") from None
+        self.url = f"ws://{host}:{self._server.port}"
+        self._channels = {
+            topic: foxglove.Channel(
+                topic,
+                schema=foxglove.Schema(name=kind, encoding="ros2msg", data=definition(kind).encode()),
+                message_encoding="cdr",
+                context=context,
+            )
+            for topic in SENT
+            for kind in (topics.KINDS[topic],)
+        }
+        self.annotations = ImageAnnotationsChannel(ANNOTATIONS, context=context)
+
+    def write(self, result: StepResult, objects: list[MapObject]) -> None:
+        """Sends the step to subscribed clients. The server's time is that of the frame."""
+        stamp_ns = to_ns(result.frame.stamp_s)
+        for outgoing in self._stream.step(result, objects):
+            channel = self._channels[outgoing.topic]
+            if channel.has_sinks():
+                channel.log(encoder(outgoing.kind)(outgoing.make()), log_time=outgoing.stamp_ns)
+        if self.annotations.has_sinks():
+            self.annotations.log(image_annotations(stamp_ns, result), log_time=stamp_ns)
+        self._server.broadcast_time(stamp_ns)
+
+    def fault(self, text: str) -> None:
+        """Show it among Foxglove's problems."""
+        from foxglove.websocket import StatusLevel
+
+        self._server.publish_status(text, StatusLevel.Warning)
+
+    def close(self) -> None:
+        """Disconnects the clients; may be called twice."""
+        if not self._closed:
+            self._closed = True
+            farewell = threading.Thread(target=self._server.stop, name="Foxglove farewell", daemon=True)
+            farewell.start()
+            farewell.join(CLOSE_LIMIT_S)
+
+
+def image_annotations(stamp_ns: int, result: StepResult):  # noqa: ANN201  (a type of an extra)
+    """`foxglove.ImageAnnotations`: each box in its label's colour, with label, score and object."""
+    from foxglove import messages
+
+    objects = result.object_of_box
+    stamp = messages.Timestamp(stamp_ns // 10**9, stamp_ns % 10**9)
+    found, white = result.detections, messages.Color(r=1.0, g=1.0, b=1.0, a=1.0)
+    points, texts = [], []
+    for index, (box, score, label) in enumerate(zip(found.boxes.tolist(), found.scores, found.labels, strict=True)):
+        x0, y0, x1, y1 = box
+        red, green, blue = label_rgb(label)
+        colour = messages.Color(r=red, g=green, b=blue, a=1.0)
+        points.append(
+            messages.PointsAnnotation(
+                timestamp=stamp,
+                type=messages.PointsAnnotationType.LineLoop,
+                points=[messages.Point2(x=x, y=y) for x, y in ((x0, y0), (x1, y0), (x1, y1), (x0, y1))],
+                outline_color=colour,
+                thickness=LINE_PX,
+            )
+        )
+        texts.append(
+            messages.TextAnnotation(
+                timestamp=stamp,
+                position=messages.Point2(x=x0, y=y0),
+                text=f"{label} {score:.2f} {objects.get(index, '')}".rstrip(),
+                font_size=LETTER_PX,
+                text_color=white,
+                background_color=colour,
+            )
+        )
+    return messages.ImageAnnotations(points=points, texts=texts)

@@ -1,0 +1,180 @@
+"""`--camera ros2:/topic`: pictures of a ROS 2 camera, with calibration and mount from CameraInfo and tf; and a camera
+with wheels or an IMU on ROS 2 topics."""
+
+import time
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from edgemap.bridges.ros2.dds.depth import DepthTopic
+from edgemap.bridges.ros2.dds.node import Node, Subscription
+from edgemap.bridges.ros2.dds.sources import TfListener, WheelTopic
+from edgemap.bridges.ros2.messages.definitions import ns_of, ros_offset_s, to_s
+from edgemap.bridges.ros2.messages.topics import IMU, INFO, KINDS
+from edgemap.bridges.ros2.recordings.foreign import info_topics, lens_of, mount_of, push_message
+from edgemap.bridges.ros2.recordings.pictures import compressed_picture, raw_picture
+from edgemap.geometry.camera.intrinsics import Intrinsics
+from edgemap.geometry.camera.mount import Mount
+from edgemap.runtime.frames.errors import CameraError
+from edgemap.runtime.frames.frame import Frame
+from edgemap.runtime.frames.trajectory import PoseTrack
+from edgemap.runtime.inputs.cameras.imu_buffer import ImuBuffer
+from edgemap.runtime.inputs.cameras.live import LiveCamera
+from edgemap.runtime.inputs.cameras.protocol import Camera, Driver, Picture, SensorTopics
+from edgemap.runtime.inputs.cameras.supervisor import RecoveryRule
+from edgemap.runtime.inputs.cameras.wrappers import CameraAround
+
+PICTURES: dict[str, Callable[[Any, str], Any]] = {
+    "sensor_msgs/msg/Image": raw_picture,
+    "sensor_msgs/msg/CompressedImage": compressed_picture,
+}
+PUBLISHER_S, PICTURE_S, BESIDE_S, GRAB_S = 5.0, 5.0, 1.0, 0.5  # waits: for each of them
+FIRST_S = 5.0  # wait for the first sample
+
+
+class Ros2Device:
+    """A subscription to a topic with pictures, open since its first picture, and to depth. Stamps are the messages'.
+
+    Raises CameraError where no such topic is published, or no picture arrives.
+    """
+
+    def __init__(self, node: Node, topic: str, name: str, depth: DepthTopic | None = None) -> None:
+        self.rate_hz: float | None = None
+        self._name, self._depth = name, depth
+        kind = node.kind_of(topic, PUBLISHER_S)
+        if kind not in PICTURES:
+            others = ", ".join(name for name, known in sorted(node.published().items()) if known in PICTURES) or "none"
+            what = f"{topic} is {kind}, not pictures" if kind else f"nobody publishes {topic}"
+            raise CameraError(f"camera {name}: {what} within {PUBLISHER_S:.0f} s (topics with pictures: {others})")
+        self._decode = PICTURES[kind]
+        # Asked for before the first picture, so that they come beside it.
+        infos = [node.subscription(info, KINDS[INFO]) for info in info_topics(topic)]
+        self._pictures = node.subscription(topic, kind, depth=2)
+        self._first = self._next(PICTURE_S)
+        if self._first is None:
+            raise CameraError(f"camera {name}: no picture on {topic} within {PICTURE_S:.0f} s")
+        _, image, self.frame_id = self._first
+        self.size = (image.shape[1], image.shape[0])
+        info = _first_of(infos, BESIDE_S)
+        self.intrinsics: Intrinsics | None = lens_of(info, "rect" in topic, name) if info else None
+
+    def grab(self) -> Picture | None:
+        """The newest picture; None where none came. Raises CameraError or Ros2Error for one that is damaged."""
+        found, self._first = self._first or self._next(GRAB_S), None
+        if found is None:
+            return None
+        stamp_s, image, _ = found
+        return Picture(stamp_s, image, None if self._depth is None else self._depth.at(stamp_s, self.intrinsics))
+
+    def close(self) -> None:
+        """Unsubscribe."""
+        self._pictures.close()
+        if self._depth is not None:
+            self._depth.close()
+
+    def _next(self, timeout_s: float) -> tuple[float, Any, str] | None:
+        message = self._pictures.newest() if self._pictures.wait(timeout_s) else None
+        if message is None:
+            return None
+        stamp_s = to_s(ns_of(message.header.stamp)) or time.time()
+        return stamp_s, self._decode(message, self._name), message.header.frame_id
+
+
+class Ros2Driver(Driver):
+    """Opens the topic of a SPEC `ros2:/topic`."""
+
+    def __init__(self, node: Node, topic: str, depth: DepthTopic | None = None) -> None:
+        self.name = f"ros2:{topic}"
+        self.frame_id = ""
+        self._node, self._topic, self._depth = node, topic, depth
+        self._tf = TfListener(node, self.name)
+
+    def open(self) -> Ros2Device:
+        """Subscribe. Raises CameraError as `Ros2Device` does."""
+        device = Ros2Device(self._node, self._topic, self.name, self._depth)
+        self.frame_id = device.frame_id
+        return device
+
+    def mount(self) -> Mount | None:
+        """Mount of the pictures' frame; None where tf does not connect it to base_footprint. Raises CameraError."""
+        return self._tf.ask(lambda tree: mount_of(tree, self.frame_id))
+
+
+class Ros2Camera(LiveCamera):
+    """A topic with pictures as a live camera. optical: the frame that its messages name."""
+
+    def __init__(
+        self,
+        node: Node,
+        topic: str,
+        intrinsics: Intrinsics | None = None,
+        mount: Mount | None = None,
+        rule: RecoveryRule | None = None,
+        depth: DepthTopic | None = None,
+    ) -> None:
+        driver = Ros2Driver(node, topic, depth)
+        super().__init__(driver, intrinsics, mount, rule)
+        self.optical = driver.frame_id
+        self.mount = mount or driver.mount()
+
+
+class Ros2SensorsCamera(CameraAround):
+    """A camera with wheels or an IMU on ROS 2 topics.
+
+    Raises CameraError where the IMU is silent or tf lacks its rotation to the camera.
+    """
+
+    def __init__(self, camera: Camera, node: Node, topics: SensorTopics) -> None:
+        super().__init__(camera)
+        by_ros = isinstance(camera, Ros2Camera)
+        self._offset_s: float | None = 0.0 if by_ros else None
+        self._wheels = WheelTopic(node, topics.wheels) if topics.wheels is not None else None
+        self.wheel: Path | PoseTrack | None = self._wheels or camera.wheel
+        self._buffer = self._samples = None
+        if topics.imu is not None:
+            self._samples = node.subscription(topics.imu, KINDS[IMU], depth=2000)
+            self._buffer = ImuBuffer(
+                _rotation(node, topics.imu, self._samples, camera.optical if by_ros else topics.optical)
+            )
+
+    def read(self) -> Frame | None:
+        """The next frame of the camera behind, with the samples up to its stamp."""
+        frame = super().read()
+        if frame is None:
+            return None
+        if self._offset_s is None:
+            self._offset_s = ros_offset_s(frame.stamp_s, time.time(), time.monotonic())
+            if self._wheels is not None:
+                self._wheels.offset_s = self._offset_s
+        if self._buffer is None or self._samples is None:
+            return frame
+        for message in self._samples.take():
+            push_message(self._buffer, message, to_s(ns_of(message.header.stamp)) - self._offset_s)
+        return replace(frame, imu=self._buffer.take(frame.stamp_s))
+
+
+def _rotation(node: Node, imu: str, samples: Subscription, optical: str) -> NDArray[np.float64]:
+    """From the IMU's axes to the camera's optical ones. Raises CameraError."""
+    listener = TfListener(node, f"ros2:{imu}")
+    first = samples.newest() if samples.wait(FIRST_S) else None
+    if first is None:
+        raise CameraError(f"ros2:{imu}: no sensor_msgs/Imu within {FIRST_S:.0f} s")
+    frame = first.header.frame_id
+    pose = listener.ask(lambda tree: tree.pose(optical, frame))
+    if pose is None:
+        raise CameraError(f"ros2:{imu}: tf does not join its frame ({frame}) to the pictures' ({optical})")
+    return pose[0]
+
+
+def _first_of(readers: list[Subscription], timeout_s: float) -> Any | None:
+    """The first message on any of them."""
+    until_s = time.monotonic() + timeout_s
+    while time.monotonic() < until_s:
+        for reader in readers:
+            if reader.wait(0.01) and (message := reader.newest()) is not None:
+                return message
+    return None

@@ -1,0 +1,93 @@
+"""Depth pictures on a ROS 2 topic, beside the colour pictures of another."""
+
+import time
+from collections import deque
+from contextlib import suppress
+from typing import Any
+
+from edgemap.bridges.ros2.dds.node import Node, Subscription
+from edgemap.bridges.ros2.messages.definitions import ns_of, to_s
+from edgemap.bridges.ros2.messages.topics import INFO, KINDS
+from edgemap.bridges.ros2.recordings.foreign import info_topics, lens_of
+from edgemap.bridges.ros2.recordings.pictures import APART_S, READERS, aligned
+from edgemap.geometry.camera.intrinsics import Intrinsics
+from edgemap.runtime.frames.errors import CameraError
+from edgemap.runtime.inputs.drives.pictures import Depth
+
+WAIT_S = 0.05  # for the depth of a picture, where the picture before had depth
+ASK_S = 1.0  # between two searches for a topic that is not published
+KEPT = 6  # depth pictures that may belong to a picture yet to come
+SAME_SHARE = 0.01  # of the picture's width: focal lengths and centres that differ by less are one lens
+
+
+class DepthTopic:
+    """Depth registered to the colour pictures, looked up by increasing stamps. Errors are ignored, since depth is
+    optional. topic: None for the aligned topic of Intel's driver, once it is published. Late or damaged pictures, and
+    those with other intrinsics in their CameraInfo, are dropped.
+    """
+
+    def __init__(self, node: Node, topic: str | None = None) -> None:
+        self._node, self._topic = node, topic
+        self._messages: Subscription | None = None
+        self._infos: list[Subscription] = []
+        self._waiting: deque[tuple[float, Any]] = deque(maxlen=KEPT)
+        self._lens: Intrinsics | None = None
+        self._came = False  # with the last picture
+        self._asked_s = -ASK_S
+
+    def at(self, stamp_s: float, lens: Intrinsics | None) -> Depth | None:
+        """The depth picture of a colour picture and its lens."""
+        messages = self._messages or self._open()
+        if messages is None:
+            return None
+        until_s = time.monotonic() + (WAIT_S if self._came else 0.0)
+        self._take(messages)
+        while self._newest_s() < stamp_s - APART_S and messages.wait(until_s - time.monotonic()):
+            self._take(messages)
+        while self._waiting and self._waiting[0][0] < stamp_s - APART_S:
+            self._waiting.popleft()
+        self._came = bool(self._waiting) and self._waiting[0][0] <= stamp_s + APART_S
+        if not self._came or not self._of(lens):
+            return None
+        with suppress(CameraError):
+            return READERS[self._kind](self._waiting.popleft()[1], messages.topic)
+        return None
+
+    def close(self) -> None:
+        """Unsubscribe."""
+        for subscription in (*self._infos, self._messages):
+            if subscription is not None:
+                subscription.close()
+        self._messages, self._infos = None, []
+        self._waiting.clear()
+
+    def _open(self) -> Subscription | None:
+        """Subscribe once the topic is published."""
+        if (now_s := time.monotonic()) - self._asked_s < ASK_S:
+            return None
+        self._asked_s = now_s
+        kinds = {name: kind.replace("/msg/", "/") for name, kind in self._node.published().items()}
+        topic = self._topic or aligned(kinds)
+        if topic is None or kinds.get(topic) not in READERS:
+            return None
+        self._kind = kinds[topic]
+        self._infos = [self._node.subscription(info, KINDS[INFO], depth=1) for info in info_topics(topic)]
+        self._messages = self._node.subscription(topic, self._kind.replace("/", "/msg/"), depth=KEPT)
+        return self._messages
+
+    def _take(self, messages: Subscription) -> None:
+        self._waiting.extend((to_s(ns_of(message.header.stamp)), message) for message in messages.take())
+
+    def _newest_s(self) -> float:
+        return self._waiting[-1][0] if self._waiting else -1.0
+
+    def _of(self, lens: Intrinsics | None) -> bool:
+        """Whether depth is of this lens, as far as its CameraInfo says."""
+        for info in self._infos:
+            if self._lens is None and (message := info.newest() if info.wait(0.0) else None) is not None:
+                with suppress(CameraError):
+                    self._lens = lens_of(message, rectified=True, name=info.topic)
+        if self._lens is None or lens is None:
+            return True
+        pairs = ((getattr(one, name) for one in (self._lens, lens)) for name in ("fx", "fy", "cx", "cy"))
+        return all(abs(own - other) < SAME_SHARE * lens.width for own, other in pairs)

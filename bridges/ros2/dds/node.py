@@ -1,0 +1,191 @@
+"""One DDS participant that publishes and subscribes as a ROS 2 node does."""
+
+import os
+import time
+from collections.abc import Iterator
+from enum import StrEnum
+from functools import cache
+from importlib.metadata import version
+from typing import Any
+
+from edgemap.bridges.ros2.dds.discovery import Discovery, discovery_from
+from edgemap.bridges.ros2.dds.types import HASHES, dds_topic, dds_type, ros_kind, sample_type
+from edgemap.bridges.ros2.messages.definitions import DAMAGE, Message, decoder, encoder
+from edgemap.runtime.frames.errors import Ros2Error
+from edgemap.runtime.frames.extras import need
+
+BLOCK_MS = 5  # a reliable writer waits this long for slow readers, then drops the message
+
+
+class Reliability(StrEnum):
+    """reliable: missing samples are sent again. best_effort: they are not. latched: reliable, kept for late readers."""
+
+    RELIABLE = "reliable"
+    BEST_EFFORT = "best_effort"
+    LATCHED = "latched"
+
+
+class Publisher:
+    """Publishes one topic. `dropped`: number of messages dropped because readers were too slow."""
+
+    def __init__(self, participant: Any, topic: str, kind: str, reliability: Reliability, depth: int) -> None:
+        from cyclonedds.core import Listener
+        from cyclonedds.pub import DataWriter
+
+        self.latched = reliability is Reliability.LATCHED
+        self.dropped = 0
+        self._kind = kind
+        self._encode = encoder(kind)
+        self._sample = sample_type(kind)
+        self._readers = readers = [0]
+        # A thread of Cyclone DDS calls it. It must not refer to this object, which would then never be freed.
+        listener = Listener(on_publication_matched=lambda _, status: readers.__setitem__(0, status.current_count))
+        self._writer: Any = DataWriter(
+            participant, _topic(participant, topic, kind), _qos(kind, reliability, depth), listener
+        )
+
+    @property
+    def wanted(self) -> bool:
+        """Whether the topic has a reader, or is latched for later readers."""
+        return self.latched or self._readers[0] > 0
+
+    def write(self, message: Message) -> None:
+        """Publishes a message. A message that slow readers cannot accept is dropped and counted. Raises Ros2Error."""
+        from cyclonedds.core import DDSException
+
+        try:
+            self._writer.write(self._sample(self._encode(message)))
+        except DDSException as error:
+            if error.code != DDSException.DDS_RETCODE_TIMEOUT:
+                raise Ros2Error(f"ROS 2: {self._kind} cannot be published ({error.msg})") from None
+            self.dropped += 1
+
+
+class Subscription:
+    """Reads one topic on demand, without a thread."""
+
+    def __init__(self, participant: Any, topic: str, kind: str, reliability: Reliability, depth: int) -> None:
+        from cyclonedds.core import InstanceState, ReadCondition, SampleState, ViewState, WaitSet
+        from cyclonedds.sub import DataReader
+
+        self.topic = topic
+        self._decode = decoder(kind)
+        self._reader: Any = DataReader(participant, _topic(participant, topic, kind), _qos(kind, reliability, depth))
+        self._depth = depth
+        self._any = ReadCondition(self._reader, SampleState.NotRead | ViewState.Any | InstanceState.Any)
+        self._waits: Any = WaitSet(participant)
+        self._waits.attach(self._any)
+
+    def wait(self, timeout_s: float) -> bool:
+        """Waits for a message. Returns False if none arrives within the time."""
+        return self._waits.wait(max(0, round(timeout_s * 1e9))) > 0
+
+    def take(self) -> Iterator[Any]:
+        """All received messages, decoded, oldest first; undecodable ones are dropped."""
+        for sample in self._samples():
+            try:
+                yield self._decode(sample)
+            except DAMAGE:
+                continue
+
+    def newest(self) -> Any | None:
+        """The newest received message, if any; older ones are not decoded. Raises Ros2Error if it is damaged."""
+        samples = self._samples()
+        if not samples:
+            return None
+        try:
+            return self._decode(samples[-1])
+        except DAMAGE as error:
+            raise Ros2Error(f"{self.topic}: a damaged message ({type(error).__name__} {error})") from None
+
+    def close(self) -> None:
+        """Unsubscribe."""
+        self._waits = self._any = self._reader = None
+
+    def _samples(self) -> list[bytes]:
+        taken = self._reader.take(self._depth)
+        return [bytes(sample.cdr) for sample in taken if sample.sample_info.valid_data]
+
+
+class Node:
+    """A DDS participant in one domain. Raises Ros2Error if Cyclone DDS cannot create it."""
+
+    def __init__(self, domain: int, config: str) -> None:
+        from cyclonedds.builtin import BuiltinDataReader, BuiltinTopicDcpsPublication
+        from cyclonedds.core import DDSException
+        from cyclonedds.domain import Domain, DomainParticipant
+
+        try:
+            self._domain = Domain(domain, config) if config else None
+            self._participant = DomainParticipant(domain)
+        except DDSException as error:
+            raise Ros2Error(f"ROS 2: no DDS participant in domain {domain} ({error.msg})") from None
+        self._publications: Any = BuiltinDataReader(self._participant, BuiltinTopicDcpsPublication)
+
+    def publisher(
+        self, topic: str, kind: str, reliability: Reliability = Reliability.RELIABLE, depth: int = 10
+    ) -> Publisher:
+        """A publisher of a topic (`/tf`) and type (`tf2_msgs/msg/TFMessage`)."""
+        return Publisher(self._participant, topic, kind, reliability, depth)
+
+    def subscription(
+        self, topic: str, kind: str, reliability: Reliability = Reliability.BEST_EFFORT, depth: int = 10
+    ) -> Subscription:
+        """A subscription to a topic. Best effort matches every publisher. depth: maximum number of unread messages."""
+        return Subscription(self._participant, topic, kind, reliability, depth)
+
+    def published(self) -> dict[str, str]:
+        """The topics that have a publisher now, each with its type."""
+        found = self._publications.read(1000)
+        return {
+            sample.topic_name.removeprefix("rt"): ros_kind(sample.type_name)
+            for sample in found
+            if (getattr(sample, "topic_name", None) or "").startswith("rt/")  # None: its publisher has left
+        }
+
+    def kind_of(self, topic: str, timeout_s: float) -> str | None:
+        """Waits until a topic is published and returns its type; None if it is not published within the time."""
+        until_s = time.monotonic() + timeout_s
+        while (kind := self.published().get(topic)) is None and time.monotonic() < until_s:
+            time.sleep(0.02)
+        return kind
+
+
+@cache
+def shared_node() -> Node:
+    """This process's node, configured by the environment. Raises Ros2Error, or MissingExtraError without the extra."""
+    need("ros2", "ROS 2")
+    return node_for(discovery_from(os.environ), os.environ.get("CYCLONEDDS_URI", ""))
+
+
+def node_for(discovery: Discovery, before: str = "") -> Node:
+    """Creates a separate node. before: additional configuration of Cyclone DDS. Raises Ros2Error."""
+    # On the loopback interface, versions before 0.11 do not discover programs that listen on another interface.
+    loopback = not version("cyclonedds").startswith(("0.9", "0.10"))
+    return Node(discovery.domain, discovery.cyclone_config(before, loopback))
+
+
+@cache
+def _topic(participant: Any, topic: str, kind: str) -> Any:
+    from cyclonedds.topic import Topic
+
+    made: Any = Topic(participant, dds_topic(topic), sample_type(kind))
+    assert made.typename == dds_type(kind)
+    return made
+
+
+def _qos(kind: str, reliability: Reliability, depth: int) -> Any:
+    from cyclonedds.core import Policy, Qos
+    from cyclonedds.util import duration
+
+    reliable = Policy.Reliability.Reliable(duration(milliseconds=BLOCK_MS))
+    latched = reliability is Reliability.LATCHED
+    policies = [
+        Policy.Reliability.BestEffort if reliability is Reliability.BEST_EFFORT else reliable,
+        Policy.Durability.TransientLocal if latched else Policy.Durability.Volatile,
+        Policy.History.KeepLast(depth),
+        Policy.DataRepresentation(use_cdrv0_representation=True, use_xcdrv2_representation=False),
+    ]
+    if kind in HASHES:  # ROS 2 since Iron identifies types by it, and warns if it is missing
+        policies.append(Policy.Userdata(f"typehash=RIHS01_{HASHES[kind]};".encode()))
+    return Qos(*policies)

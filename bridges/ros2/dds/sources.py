@@ -1,0 +1,93 @@
+"""Live tf, wheel odometry and inertial samples on ROS 2 topics, beside any camera."""
+
+import time
+from collections.abc import Callable
+from contextlib import suppress
+from typing import TypeVar
+
+from edgemap.bridges.ros2.dds.node import Node, Reliability
+from edgemap.bridges.ros2.messages.definitions import ns_of, to_s
+from edgemap.bridges.ros2.messages.tf_tree import TfTree, planar, planar_pose
+from edgemap.bridges.ros2.messages.topics import KINDS, TF, TF_STATIC, WHEEL, FrameIds
+from edgemap.geometry.se2 import SE2
+from edgemap.runtime.frames.errors import CameraError, OdometryError
+from edgemap.runtime.frames.trajectory import GrowingTrack
+
+WAIT_S = 6.0  # Fast DDS announces latched topics to late readers every 3 s
+Answer = TypeVar("Answer")
+
+
+class TfListener:
+    """Gathers /tf_static and /tf for questions about frames that do not move against each other. where: for
+    messages."""
+
+    def __init__(self, node: Node, where: str) -> None:
+        latched = node.subscription(TF_STATIC, KINDS[TF_STATIC], Reliability.LATCHED, depth=100)
+        self._topics = [latched, node.subscription(TF, KINDS[TF], depth=100)]
+        self._tree = TfTree(where)
+
+    def ask(self, question: Callable[[TfTree], Answer | None], wait_s: float = WAIT_S) -> Answer | None:
+        """Waits for an answer from the tree; None where there is none in time. Raises CameraError for an invalid
+        transform.
+        """
+        until_s = time.monotonic() + wait_s
+        while True:
+            for topic in self._topics:
+                for message in topic.take():
+                    self._tree.add(message)
+            answer = question(self._tree)
+            if answer is not None or time.monotonic() > until_s:
+                return answer
+            time.sleep(0.02)
+
+
+class RobotOdom:
+    """odom -> base as it comes on /tf. Called with a stamp of the stream, s. offset_s: from there to ROS time."""
+
+    def __init__(self, node: Node, frames: FrameIds) -> None:
+        self.offset_s = 0.0
+        self._frames, self._track = frames, GrowingTrack()
+        self._tf = node.subscription(TF, KINDS[TF], Reliability.RELIABLE, depth=500)
+
+    def __call__(self, stamp_s: float) -> SE2 | None:
+        """The pose at a stamp; None where tf has none."""
+        for message in self._tf.take():
+            for step in message.transforms:
+                if (step.header.frame_id, step.child_frame_id) == (self._frames.odom, self._frames.base):
+                    moved = step.transform
+                    with suppress(CameraError):  # invalid transforms are ignored
+                        pose = planar(moved.translation, moved.rotation, TF)
+                        self._track.push(to_s(ns_of(step.header.stamp)), pose)
+        try:
+            return self._track.at(stamp_s + self.offset_s)
+        except OdometryError:
+            return None
+
+
+LATE_S = 0.05  # how long a step waits for the wheels' pose of its own stamp
+
+
+class WheelTopic(GrowingTrack):
+    """nav_msgs/Odometry of the wheels, looked up by stamps of the stream, s. offset_s: from there to ROS time."""
+
+    def __init__(self, node: Node, topic: str) -> None:
+        super().__init__()
+        self._name, self.offset_s = f"ros2:{topic}", 0.0
+        self._messages = node.subscription(topic, KINDS[WHEEL], depth=500)
+
+    def __str__(self) -> str:
+        return self._name
+
+    def at(self, stamp_s: float, tolerance_s: float = 0.0) -> SE2:
+        """The pose as of a GrowingTrack, after waiting up to `LATE_S` for messages."""
+        until_s = time.monotonic() + LATE_S
+        self._take()
+        while self._newest_s < stamp_s and self._messages.wait(until_s - time.monotonic()):
+            self._take()
+        return super().at(stamp_s, tolerance_s)
+
+    def _take(self) -> None:
+        for message in self._messages.take():
+            with suppress(CameraError):  # invalid poses are ignored
+                pose = planar_pose(message.pose.pose, self._name)
+                self.push(to_s(ns_of(message.header.stamp)) - self.offset_s, pose)

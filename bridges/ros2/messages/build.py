@@ -1,0 +1,197 @@
+"""Our frames, lenses, poses, boxes and objects as ROS 2 messages (dictionaries by field name).
+
+Frames as in REP-103 and REP-105: map -> odom (moves when a loop closes) -> base_link (continuous; on the floor, at the
+turn axis) -> camera_optical_frame.
+"""
+
+import math
+from functools import lru_cache
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
+
+from edgemap.bridges.ros2.messages.definitions import Message, ros_time
+from edgemap.bridges.ros2.messages.topics import IDS, FrameIds
+from edgemap.geometry.camera.intrinsics import Intrinsics
+from edgemap.geometry.camera.mount import Mount
+from edgemap.geometry.se2 import SE2
+from edgemap.runtime.step.slam import StepResult
+
+NOT_MOVED = 1e-9  # variance of what a floor-bound robot does not do: z, roll, pitch
+
+
+def header(stamp_ns: int, frame_id: str) -> Message:
+    """`std_msgs/Header`."""
+    return {"stamp": ros_time(stamp_ns), "frame_id": frame_id}
+
+
+def occupancy_grid_message(
+    stamp_ns: int, cells: NDArray[np.int8], corner_m: tuple[float, float], cell_m: float, ids: FrameIds = IDS
+) -> Message:
+    """`nav_msgs/OccupancyGrid` in the map frame. cells (rows, columns): -1 unknown, 0 free to 100 occupied, x along
+    the columns. corner_m: x and y of the first cell's corner."""
+    rows, columns = cells.shape
+    origin = {
+        "position": {"x": corner_m[0], "y": corner_m[1], "z": 0.0},
+        "orientation": {"x": 0.0, "y": 0.0, "z": 0.0, "w": 1.0},
+    }
+    head = header(stamp_ns, ids.map)
+    info = {"map_load_time": head["stamp"], "resolution": cell_m, "width": columns, "height": rows, "origin": origin}
+    return {"header": head, "info": info, "data": cells.tobytes()}
+
+
+def compressed_image(stamp_ns: int, picture: bytes, encoding: str, ids: FrameIds = IDS) -> Message:
+    """`sensor_msgs/CompressedImage`. encoding: jpeg or png."""
+    return {"header": header(stamp_ns, ids.optical), "format": encoding, "data": picture}
+
+
+def camera_info(stamp_ns: int, lens: Intrinsics, ids: FrameIds = IDS) -> Message:
+    """`sensor_msgs/CameraInfo`: K, P and plumb_bob's (k1, k2, p1, p2, k3).
+
+    RealSense's variants of Brown-Conrady are called plumb_bob too, as Intel's ROS driver does; they differ from it by
+    the product of radial and tangential terms.
+    """
+    fx, fy, cx, cy = map(float, (lens.fx, lens.fy, lens.cx, lens.cy))
+    return {
+        "header": header(stamp_ns, ids.optical),
+        "height": lens.height,
+        "width": lens.width,
+        "distortion_model": "plumb_bob",
+        "d": [*lens.distortion.coefficients, 0.0, 0.0, 0.0, 0.0, 0.0][:5],
+        "k": [fx, 0.0, cx, 0.0, fy, cy, 0.0, 0.0, 1.0],
+        "r": [1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0],
+        "p": [fx, 0.0, cx, 0.0, 0.0, fy, cy, 0.0, 0.0, 0.0, 1.0, 0.0],
+    }
+
+
+def imu(stamp_ns: int, gyro_rad_s: list[float], accel_m_s2: list[float]) -> Message:
+    """`sensor_msgs/Imu` in the optical frame. The orientation is unknown: its covariance starts with -1."""
+    gyro, accel = (dict(zip("xyz", values, strict=True)) for values in (gyro_rad_s, accel_m_s2))
+    return {
+        "header": header(stamp_ns, IDS.optical),
+        "orientation_covariance": [-1.0] + [0.0] * 8,
+        "angular_velocity": gyro,
+        "linear_acceleration": accel,
+    }
+
+
+def mount_transform(stamp_ns: int, mount: Mount, ids: FrameIds = IDS) -> Message:
+    """`geometry_msgs/TransformStamped` base_link -> camera_optical_frame."""
+    return _transform(stamp_ns, ids.base, ids.optical, mount.position_base_m().tolist(), _rotation_base_optical(mount))
+
+
+@lru_cache(maxsize=8)
+def _rotation_base_optical(mount: Mount) -> tuple[float, float, float, float]:
+    x, y, z, w = Rotation.from_matrix(mount.rotation_base_optical()).as_quat().tolist()
+    return x, y, z, w
+
+
+def pose_transforms(
+    stamp_ns: int, pose_map_base: SE2, pose_odom_base: SE2, ids: FrameIds = IDS
+) -> tuple[Message, Message]:
+    """`geometry_msgs/TransformStamped` map -> odom, and odom -> base_link, of one step."""
+    return (
+        planar_transform(stamp_ns, ids.map, ids.odom, pose_map_base @ pose_odom_base.inverse()),
+        planar_transform(stamp_ns, ids.odom, ids.base, pose_odom_base),
+    )
+
+
+def planar_transform(stamp_ns: int, parent: str, child: str, pose_parent_child: SE2) -> Message:
+    """`geometry_msgs/TransformStamped` on the floor."""
+    place = [pose_parent_child.x_m, pose_parent_child.y_m, 0.0]
+    return _transform(stamp_ns, parent, child, place, _about_z(pose_parent_child.yaw_rad))
+
+
+def pose(stamp_ns: int, result: StepResult, ids: FrameIds = IDS) -> Message:
+    """`geometry_msgs/PoseWithCovarianceStamped` of the base in map."""
+    place = {"pose": _pose(result.pose_map_base), "covariance": _covariance(result.pose_covariance)}
+    return {"header": header(stamp_ns, ids.map), "pose": place}
+
+
+def goal_pose(pose_map_base: SE2, frame_id: str, stamp_ns: int) -> Message:
+    """`geometry_msgs/PoseStamped` of where the base is to go."""
+    return {"header": header(stamp_ns, frame_id), "pose": _pose(pose_map_base)}
+
+
+def step_odometry(stamp_ns: int, result: StepResult, dt_s: float, ids: FrameIds = IDS) -> Message:
+    """`nav_msgs/Odometry` of the base in odom, after one step. dt_s: since the step before; 0 for the first one, which
+    has no velocity."""
+    message = odometry(stamp_ns, result.pose_odom_base, result.odom_covariance, ids)
+    if dt_s > 0:
+        moved = result.motion.motion
+        message["twist"] = {
+            "twist": {
+                "linear": {"x": moved.x_m / dt_s, "y": moved.y_m / dt_s, "z": 0.0},
+                "angular": {"x": 0.0, "y": 0.0, "z": moved.yaw_rad / dt_s},
+            },
+            "covariance": _covariance(result.motion.covariance / dt_s**2),
+        }
+    return message
+
+
+def odometry(
+    stamp_ns: int, pose_odom_base: SE2, covariance: NDArray[np.float64] | None = None, ids: FrameIds = IDS
+) -> Message:
+    """`nav_msgs/Odometry` of the base in odom, at rest. covariance: (3, 3) of (x, y, yaw) in odom."""
+    zero = {"x": 0.0, "y": 0.0, "z": 0.0}
+    return {
+        "header": header(stamp_ns, ids.odom),
+        "child_frame_id": ids.base,
+        "pose": {"pose": _pose(pose_odom_base), "covariance": _covariance(covariance)},
+        "twist": {"twist": {"linear": zero, "angular": zero}, "covariance": [0.0] * 36},
+    }
+
+
+def detections_2d(stamp_ns: int, result: StepResult, ids: FrameIds = IDS) -> Message:
+    """`vision_msgs/Detection2DArray`: every box, px, with the id of its map object if it has one."""
+    objects = result.object_of_box
+    found, head = [], header(stamp_ns, ids.optical)
+    detections = result.detections
+    boxes = zip(detections.boxes.tolist(), detections.scores.tolist(), detections.labels, strict=True)
+    for index, ((x0, y0, x1, y1), score, label) in enumerate(boxes):
+        centre = {"position": {"x": (x0 + x1) / 2.0, "y": (y0 + y1) / 2.0}, "theta": 0.0}
+        found.append(
+            {
+                "header": head,
+                "results": [{"hypothesis": {"class_id": label, "score": score}}],
+                "bbox": {"center": centre, "size_x": x1 - x0, "size_y": y1 - y0},
+                "id": objects.get(index, ""),
+            }
+        )
+    return {"header": head, "detections": found}
+
+
+def tf(*transforms: Message) -> Message:
+    """`tf2_msgs/TFMessage`."""
+    return {"transforms": list(transforms)}
+
+
+def _pose(pose: SE2) -> Message:
+    x, y, z, w = _about_z(pose.yaw_rad)
+    return {"position": {"x": pose.x_m, "y": pose.y_m, "z": 0.0}, "orientation": {"x": x, "y": y, "z": z, "w": w}}
+
+
+def _about_z(yaw_rad: float) -> tuple[float, float, float, float]:
+    return 0.0, 0.0, math.sin(yaw_rad / 2.0), math.cos(yaw_rad / 2.0)
+
+
+def _covariance(planar: NDArray[np.float64] | None) -> list[float]:
+    """ROS's 6x6 over (x, y, z, roll, pitch, yaw), row by row; all zeros mean unknown."""
+    if planar is None:
+        return [0.0] * 36
+    full = np.eye(6) * NOT_MOVED
+    full[np.ix_([0, 1, 5], [0, 1, 5])] = planar
+    return full.ravel().tolist()
+
+
+def _transform(
+    stamp_ns: int, parent: str, child: str, place_m: list[float], rotation: tuple[float, float, float, float]
+) -> Message:
+    x, y, z = place_m
+    qx, qy, qz, qw = rotation
+    return {
+        "header": header(stamp_ns, parent),
+        "child_frame_id": child,
+        "transform": {"translation": {"x": x, "y": y, "z": z}, "rotation": {"x": qx, "y": qy, "z": qz, "w": qw}},
+    }

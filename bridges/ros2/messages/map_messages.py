@@ -1,0 +1,113 @@
+"""The map as ROS 2 messages: its objects, for programs (Detection3DArray) and for eyes (MarkerArray), and the floor."""
+
+import math
+
+import numpy as np
+
+from edgemap.bridges.ros2.messages.build import header, occupancy_grid_message
+from edgemap.bridges.ros2.messages.definitions import Message
+from edgemap.bridges.ros2.messages.topics import IDS, FrameIds
+from edgemap.geometry.grid.floor_scan import FloorScan
+from edgemap.geometry.grid.occupancy_grid import OccupancyGrid
+from edgemap.geometry.map_object import MapObject, ellipse_95
+from edgemap.geometry.se2 import SE2
+from edgemap.runtime.frames.colours import label_rgb
+from edgemap.runtime.outputs.mapfiles.grid import live_grid
+
+CUBE, CYLINDER, TEXT, DELETE_ALL = 1, 3, 9, 3  # visualization_msgs/Marker: three types, one action
+TALLEST_M, FLAT_M, LETTER_M, THIN_M = 2.5, 0.01, 0.15, 5e-4
+BEAM_RAD, NEAREST_M = math.radians(0.5), 0.05  # of the floor's scan
+
+
+def detections_3d(stamp_ns: int, objects: list[MapObject], ids: FrameIds = IDS) -> Message:
+    """`vision_msgs/Detection3DArray` in the map frame: centre of the footprint raised to half the height, with id,
+    label, confidence and the position's covariance."""
+    head, found = header(stamp_ns, ids.map), []
+    for item in objects:
+        covariance = np.zeros((6, 6))
+        covariance[:2, :2] = item.covariance_m2
+        pose = {"position": _place(item, _height_m(item) / 2.0)}
+        hypothesis = {"class_id": item.label, "score": float(item.confidence)}
+        found.append(
+            {
+                "header": head,
+                "results": [
+                    {"hypothesis": hypothesis, "pose": {"pose": pose, "covariance": covariance.ravel().tolist()}}
+                ],
+                "bbox": {"center": pose, "size": _box(item)},
+                "id": item.id,
+            }
+        )
+    return {"header": head, "detections": found}
+
+
+def markers(stamp_ns: int, objects: list[MapObject], ids: FrameIds = IDS) -> Message:
+    """`visualization_msgs/MarkerArray`: for each object a box, its name, and its 95 % ellipse on the floor.
+
+    Starts with a marker that takes away all older ones, so that objects that merged do not stay.
+    """
+    found: list[Message] = [{"header": header(stamp_ns, ids.map), "action": DELETE_ALL}]
+    for number, item in enumerate(objects):
+        red, green, blue = label_rgb(item.label)
+        tint = {"r": red, "g": green, "b": blue}
+        long_m, short_m, yaw_rad = ellipse_95(item.covariance_m2)
+        rotated = {"x": 0.0, "y": 0.0, "z": float(np.sin(yaw_rad / 2.0)), "w": float(np.cos(yaw_rad / 2.0))}
+        common = {"header": header(stamp_ns, ids.map), "id": number}
+        box = {"pose": {"position": _place(item, _height_m(item) / 2.0)}, "scale": _box(item)}
+        found.append(common | box | {"ns": "objects", "type": CUBE, "color": tint | {"a": 0.5}})
+        name = {"pose": {"position": _place(item, _height_m(item) + LETTER_M)}, "scale": {"z": LETTER_M}}
+        white = {"r": 1.0, "g": 1.0, "b": 1.0, "a": 1.0}
+        found.append(common | name | {"ns": "names", "type": TEXT, "text": item.id, "color": white})
+        ellipse = {
+            "pose": {"position": _place(item, FLAT_M / 2.0), "orientation": rotated},
+            "scale": {"x": max(2.0 * long_m, THIN_M), "y": max(2.0 * short_m, THIN_M), "z": FLAT_M},
+        }
+        found.append(common | ellipse | {"ns": "ellipses", "type": CYLINDER, "color": tint | {"a": 0.8}})
+    return {"markers": found}
+
+
+def occupancy_grid(stamp_ns: int, objects: list[MapObject], pose_map_base: SE2, ids: FrameIds = IDS) -> Message:
+    """`nav_msgs/OccupancyGrid` in the map frame: footprints occupied, the robot's own floor free, the rest unknown."""
+    grid = live_grid(objects, pose_map_base.x_m, pose_map_base.y_m)
+    return occupancy_grid_message(stamp_ns, grid.cells, (grid.x_m, grid.y_m), grid.resolution_m, ids)
+
+
+def _place(item: MapObject, z_m: float) -> dict[str, float]:
+    return {"x": float(item.position_m[0]), "y": float(item.position_m[1]), "z": z_m}
+
+
+def _height_m(item: MapObject) -> float:
+    return min(max(float(item.height_m), FLAT_M), TALLEST_M)
+
+
+def _box(item: MapObject) -> dict[str, float]:
+    side_m = max(float(item.width_m), FLAT_M)  # its depth is not seen: as deep as wide
+    return {"x": side_m, "y": side_m, "z": _height_m(item)}
+
+
+def grid_message(stamp_ns: int, grid: OccupancyGrid, ids: FrameIds = IDS) -> Message:
+    """`nav_msgs/OccupancyGrid` in the map frame: observed floor free, obstacles occupied, the rest unknown."""
+    return occupancy_grid_message(stamp_ns, grid.cells, (grid.x_m, grid.y_m), grid.cell_m, ids)
+
+
+def scan_message(stamp_ns: int, scan: FloorScan, ids: FrameIds = IDS) -> Message:
+    """`sensor_msgs/LaserScan` in the base frame: the nearest contact of each beam of half a degree, NaN where the
+    picture has none (REP-117: no measurement, so no cell is cleared). Intensities: the contacts' weights.
+    """
+    ranges_m = np.hypot(*scan.contacts_base_m.T)
+    beams = np.rint(np.arctan2(scan.contacts_base_m[:, 1], scan.contacts_base_m[:, 0]) / BEAM_RAD).astype(np.intp)
+    first, last = (int(beams.min()), int(beams.max())) if len(beams) else (0, 0)
+    nearest = np.full(last - first + 1, np.nan)
+    weights = np.zeros(last - first + 1)
+    for at in np.argsort(-ranges_m, kind="stable"):  # the nearest of a beam last
+        nearest[beams[at] - first], weights[beams[at] - first] = ranges_m[at], scan.weights[at]
+    return {
+        "header": header(stamp_ns, ids.base),
+        "angle_min": first * BEAM_RAD,
+        "angle_max": last * BEAM_RAD,
+        "angle_increment": BEAM_RAD,
+        "range_min": NEAREST_M,
+        "range_max": scan.rule.reach_m + 1.0,  # from the base, the lens may be ahead of it
+        "ranges": nearest.tolist(),
+        "intensities": weights.tolist(),
+    }

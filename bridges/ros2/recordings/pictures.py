@@ -1,0 +1,170 @@
+"""Pictures and depth in ROS 2 messages: `Image` and `CompressedImage` to BGR, and to metres.
+
+Depth of our own recordings is `sensor_msgs/CompressedImage` at the pictures' stamps, bit for bit: 16 bits where they
+hold every value, as ROS has it (REP 118: `16UC1`, millimetres) or in the finer unit that the format names; else the
+four bytes of each float32.
+"""
+
+import struct
+from collections.abc import Callable, Generator, Mapping
+from functools import partial
+from typing import Any
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from edgemap.bridges.ros2.messages.definitions import ns_of
+from edgemap.bridges.ros2.messages.topics import DEPTH
+from edgemap.bridges.ros2.recordings.reader import McapReading
+from edgemap.runtime.frames.errors import CameraError
+from edgemap.runtime.frames.frame import png
+from edgemap.runtime.frames.reading import one_line
+from edgemap.runtime.inputs.drives.pictures import (
+    ENCODINGS,
+    PIXEL_LIMIT,
+    SIDE_LIMIT,
+    Depth,
+    DepthBeside,
+    bgr_of,
+    decode_picture,
+    decoded,
+)
+
+COMPRESSED = ("jpeg", "jpg", "png", "webp", "tiff", "bmp")
+
+
+def raw_picture(message: Any, name: str) -> NDArray[np.uint8]:
+    """A decoded `sensor_msgs/Image` as BGR, (H, W, 3). Raises CameraError for an encoding or a size that cannot be."""
+    if message.encoding not in ENCODINGS:
+        raise CameraError(
+            f"{name}: Image encoding {one_line(message.encoding, 40)!r} is not supported "
+            f"(understood: {', '.join(ENCODINGS)})"
+        )
+    channels, _ = ENCODINGS[message.encoding]
+    height, width, step = int(message.height), int(message.width), int(message.step)
+    if (
+        height * width > PIXEL_LIMIT
+        or max(height, width) > SIDE_LIMIT
+        or (channels == 2 and width % 2)  # two pixels share their colour
+        or not height
+        or not width
+        or step < width * channels
+        or len(message.data) < height * step
+    ):
+        raise CameraError(
+            f"{name}: Image of {width}x{height} px {message.encoding} with {len(message.data)} bytes in rows of {step}"
+        )
+    rows = np.frombuffer(message.data, np.uint8, height * step).reshape(height, step)
+    return bgr_of(rows[:, : width * channels], message.encoding)
+
+
+def compressed_picture(message: Any, name: str) -> NDArray[np.uint8]:
+    """A decoded `sensor_msgs/CompressedImage` as BGR, (H, W, 3).
+
+    format: `jpeg`, `png`, or image_transport's `rgb8; jpeg compressed bgr8`. Raises CameraError for others (depth,
+    video codecs) and for damaged pictures.
+    """
+    words = message.format.lower().replace(";", " ").split()
+    if "compresseddepth" in words or (words and not set(words) & set(COMPRESSED)):
+        raise CameraError(
+            f"{name}: CompressedImage format {one_line(message.format, 40)!r} is not supported "
+            f"(understood: {', '.join(COMPRESSED)})"
+        )
+    return decode_picture(bytes(message.data), name)
+
+
+PER_METRE = 1000, 10000  # steps of a metre: of nearly every depth camera, and of the near-range ones
+FLOATS = "32FC1 in bytes; png"
+ALIGNED = "aligned_depth_to_color"  # in the topic's name
+APART_S = 0.02  # between the stamps of a picture and its depth
+QUANTISED = struct.Struct(
+    "<iff"
+)  # before the PNG of `compressedDepth`: a format, and A and B of depth = A / (value - B)
+
+
+def encoded_depth(depth: Depth) -> tuple[bytes, str]:
+    """PNG and format of a depth picture (H, W) in metres."""
+    for steps in PER_METRE:
+        with np.errstate(invalid="ignore"):
+            raw = np.rint(depth * steps).astype(np.uint16)
+        if np.array_equal(raw.astype(np.float32) / np.float32(steps), depth):
+            return png(raw, quickly=True), f"16UC1; {steps} a metre; png"
+    return png(np.ascontiguousarray(depth, dtype="<f4").view(np.uint8).reshape(*depth.shape, 4), quickly=True), FLOATS
+
+
+def own_depth(message: Any, name: str) -> Depth:
+    """The depth that edgemap recorded, (H, W) metres. Raises CameraError."""
+    image, form = decoded(bytes(message.data), name, cv2.IMREAD_UNCHANGED), message.format
+    steps = {f"16UC1; {steps} a metre; png": steps for steps in PER_METRE}.get(form)
+    if image is not None and steps and image.dtype == np.uint16 and image.ndim == 2:
+        return image.astype(np.float32) / np.float32(steps)
+    if image is not None and form == FLOATS and image.dtype == np.uint8 and image.shape[2:] == (4,):
+        return np.ascontiguousarray(image).view("<f4").reshape(image.shape[:2]).astype(np.float32, copy=False)
+    raise CameraError(f"{name}: not a depth picture that edgemap recorded")
+
+
+def raw_depth(message: Any, name: str) -> Depth:
+    """A decoded `sensor_msgs/Image` of REP 118: `16UC1`, millimetres, or `32FC1`, metres. Raises CameraError."""
+    kind = {"16UC1": "u2", "mono16": "u2", "32FC1": "f4"}.get(message.encoding)
+    height, width, step = int(message.height), int(message.width), int(message.step)
+    if kind is None or height * width > PIXEL_LIMIT or step < width * int(kind[1]) or len(message.data) < height * step:
+        raise CameraError(f"{name}: depth of {width}x{height} px {one_line(message.encoding, 40)} in rows of {step}")
+    rows = np.frombuffer(message.data, np.uint8, height * step).reshape(height, step)[:, : width * int(kind[1])]
+    values = np.ascontiguousarray(rows).view((">" if message.is_bigendian else "<") + kind).astype(np.float32)
+    return _valid_depth(values) if kind == "f4" else values / np.float32(1000)
+
+
+def compressed_depth(message: Any, name: str) -> Depth:
+    """A decoded `sensor_msgs/CompressedImage` of compressed_depth_image_transport: `16UC1` or `32FC1; compressedDepth`.
+
+    Raises CameraError.
+    """
+    form, data = str(message.format), bytes(message.data)
+    image = decoded(data[QUANTISED.size :], name, cv2.IMREAD_UNCHANGED)
+    if "compressedDepth" not in form or image is None or image.dtype != np.uint16 or image.ndim != 2:
+        raise CameraError(f"{name}: {one_line(form, 40)} is not compressedDepth as PNG")
+    if form.startswith("16UC1"):
+        return image.astype(np.float32) / np.float32(1000)
+    _, share, offset = QUANTISED.unpack_from(data)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        return _valid_depth(np.where(image > 0, np.float32(share) / (image - np.float32(offset)), np.float32(0)))
+
+
+def _valid_depth(depth: NDArray[Any]) -> Depth:
+    """Depth (H, W) as a Frame has it, 0 where unknown."""
+    return np.where(np.isfinite(depth) & (depth > 0.0), depth, 0.0).astype(np.float32)
+
+
+READERS: dict[str, Callable[[Any, str], Depth]] = {
+    "sensor_msgs/Image": raw_depth,
+    "sensor_msgs/CompressedImage": compressed_depth,
+}
+
+
+def own_depth_of(recording: McapReading) -> DepthBeside:
+    """The depth that edgemap recorded, by stamps in ns."""
+    return DepthBeside(_stamped(recording, DEPTH, own_depth), 0)
+
+
+def depth_of(recording: McapReading, topic: str | None = None) -> DepthBeside | None:
+    """The depth of a foreign recording, by stamps in ns: of a topic, by default of the first that Intel's driver has
+    aligned to the colour picture. Raises CameraError where there is no such topic, or it is not depth."""
+    found = {name: known.kind for name, known in recording.topics.items() if known.kind in READERS and known.count}
+    if topic is not None and topic not in found:
+        raise CameraError(f"{recording.path}: no topic {topic} of sensor_msgs Image or CompressedImage, for depth")
+    chosen = topic or aligned(found)
+    return DepthBeside(_stamped(recording, chosen, READERS[found[chosen]]), round(APART_S * 1e9)) if chosen else None
+
+
+def aligned(kinds: Mapping[str, str]) -> str | None:
+    """The first raw picture topic whose name marks depth aligned to the colour picture. kinds: by topic."""
+    return next((name for name, kind in kinds.items() if ALIGNED in name and kind == "sensor_msgs/Image"), None)
+
+
+def _stamped(
+    recording: McapReading, topic: str, read: Callable[[Any, str], Depth]
+) -> Generator[tuple[int, Callable[[], Depth]], None, None]:
+    for log_ns, decode in recording.messages(topic):
+        message = decode()
+        yield ns_of(message.header.stamp) or log_ns, partial(read, message, topic)

@@ -1,0 +1,167 @@
+"""Records pictures with intrinsics, mount, wheel odometry and truth, and, as a sink, a run's results."""
+
+from collections.abc import Callable
+from contextlib import suppress
+from pathlib import Path
+
+import numpy as np
+
+from edgemap.bridges.ros2.messages import build
+from edgemap.bridges.ros2.messages.definitions import to_ns, to_s
+from edgemap.bridges.ros2.messages.stream import MessageStream, Outgoing
+from edgemap.bridges.ros2.messages.topics import (
+    DEPTH,
+    EDITS,
+    FLOOR_SCAN,
+    GRID,
+    IDS,
+    IMU,
+    KINDS,
+    OBJECTS,
+    SEARCHED,
+    STAMPS,
+    TRUTH,
+    WHEEL,
+    FrameIds,
+)
+from edgemap.bridges.ros2.recordings.facts import RECORD, TRUTH_FILE, WHEEL_FILE, Facts, facts_record, trajectory_file
+from edgemap.bridges.ros2.recordings.pictures import encoded_depth
+from edgemap.bridges.ros2.recordings.writer import McapFile
+from edgemap.geometry.map_object import MapObject
+from edgemap.geometry.se2 import SE2
+from edgemap.runtime.frames.errors import DiskError, RecordingError
+from edgemap.runtime.frames.frame import Frame
+from edgemap.runtime.frames.trajectory import Trajectory
+from edgemap.runtime.step.sinks import Sink
+from edgemap.runtime.step.slam import StepResult
+
+TRUTH_IDS = FrameIds(odom=IDS.map)  # true poses start where the map does, and never jump
+
+
+class Recorder:
+    """Frames, and perhaps a run's results, into an MCAP file. lossless: PNG instead of JPEG.
+
+    wheel: the wheels' own integrated poses; truth: the drive's own poses from its start. Raises RecordingError.
+    """
+
+    def __init__(
+        self,
+        path: Path,
+        facts: Facts,
+        *,
+        lossless: bool = False,
+        wheel: Trajectory | None = None,
+        truth: Trajectory | None = None,
+    ) -> None:
+        self.path, self.frames = path, 0
+        self._stream = MessageStream(facts.intrinsics, facts.mount, lossless=lossless)
+        self._tracks = [
+            _Track(topic, name, track, ids)
+            for topic, name, track, ids in ((WHEEL, WHEEL_FILE, wheel, IDS), (TRUTH, TRUTH_FILE, truth, TRUTH_IDS))
+            if track is not None
+        ]
+        self._file = McapFile(path)
+        self._file.metadata(RECORD, facts_record(facts))
+        for track in self._tracks:
+            self._file.attach(track.file, "application/json", trajectory_file(track.trajectory))
+        self._last: tuple[int, list[MapObject], SE2] | None = None
+        self._map_ns: int | None = None  # stamp of the newest map in the file
+
+    def picture(self, frame: Frame) -> int:
+        """Records a frame with intrinsics, mount and the wheel odometry up to it. Returns its stamp in nanoseconds."""
+        stamp_ns = to_ns(frame.stamp_s)
+        for track in self._tracks:
+            track.write_until(self._file, stamp_ns)
+        if to_s(stamp_ns) != frame.stamp_s:  # finer than a nanosecond: the replay shall have it all the same
+            self._file.write(STAMPS, KINDS[STAMPS], stamp_ns, {"data": frame.stamp_s})
+        if not frame.search:
+            self._file.write(SEARCHED, KINDS[SEARCHED], stamp_ns, {"data": 0.0})
+        samples = frame.imu
+        for at_s, gyro, accel in zip(samples.stamps_s, samples.gyro_rad_s, samples.accel_m_s2, strict=True):
+            if at_s < 0.0:
+                continue  # before a stream that starts at zero: no ROS time
+            at_ns = to_ns(float(at_s))
+            self._file.write(IMU, KINDS[IMU], at_ns, build.imu(at_ns, gyro.tolist(), accel.tolist()))
+        if frame.depth is not None:
+            self._file.write(
+                DEPTH, KINDS[DEPTH], stamp_ns, build.compressed_image(stamp_ns, *encoded_depth(frame.depth))
+            )
+        for outgoing in self._stream.picture(frame):
+            self._write(outgoing)
+        self.frames += 1
+        return stamp_ns
+
+    def results(self, stamp_ns: int, result: StepResult, objects: list[MapObject]) -> None:
+        """Record one step: poses, boxes, and every few frames the map."""
+        self._last = (stamp_ns, objects, result.pose_map_base)
+        for outgoing in self._stream.results(result, objects):
+            self._write(outgoing)
+
+    def edit(self, line: str) -> None:
+        """Record an edit, as a line of edits.jsonl, at the picture before it."""
+        stamp_ns = self._last[0] if self._last is not None else 0
+        self._file.write(EDITS, KINDS[EDITS], stamp_ns, {"data": line})
+
+    def close(self) -> None:
+        """The last map, where it is newer than the one recorded, and the file's end; may be called twice."""
+        try:
+            if self._last is not None and self._last[0] != self._map_ns:
+                for outgoing in self._stream.map(*self._last):
+                    self._write(outgoing)
+        finally:
+            self._file.close()
+
+    def _write(self, outgoing: Outgoing) -> None:
+        if outgoing.topic in (GRID, FLOOR_SCAN):  # these follow from the objects and the pictures
+            return
+        if outgoing.topic == OBJECTS:
+            self._map_ns = outgoing.stamp_ns
+        self._file.write(outgoing.topic, outgoing.kind, outgoing.stamp_ns, outgoing.make())
+
+
+class _Track:
+    """A trajectory that is written as it happens, between the pictures."""
+
+    def __init__(self, topic: str, file: str, trajectory: Trajectory, ids: FrameIds) -> None:
+        self.topic, self.file, self.trajectory, self._ids = topic, file, trajectory, ids
+        self._next = int(np.searchsorted(trajectory.stamps_s, 0.0))  # before a stream that starts at zero: no ROS time
+
+    def write_until(self, file: McapFile, stamp_ns: int) -> None:
+        """The poses up to this stamp that are not written yet."""
+        while (
+            self._next < len(self.trajectory.poses)
+            and (now_ns := to_ns(float(self.trajectory.stamps_s[self._next]))) <= stamp_ns
+        ):
+            message = build.odometry(now_ns, self.trajectory.poses[self._next], ids=self._ids)
+            file.write(self.topic, KINDS[self.topic], now_ns, message)
+            self._next += 1
+
+
+class RecordingSink(Sink):
+    """Passes every step to a Recorder. start: creates it, and creates it again where the file vanished with its folder.
+    Raises DiskError where the disk cannot be written: those results are missing from the recording, which continues in
+    the same file once the disk can be written.
+    """
+
+    def __init__(self, start: Callable[[], Recorder]) -> None:
+        self._start, self._recorder = start, start()
+        self.name = f"recording {self._recorder.path.name}"
+
+    def write(self, result: StepResult, objects: list[MapObject]) -> None:
+        """Record the picture and its result."""
+        path = self._recorder.path
+        if path.parent.is_dir() and not path.exists():
+            self._recorder = self._start()
+        self._recorder.results(self._recorder.picture(result.frame), result, objects)
+
+    def edit(self, line: str) -> None:
+        """Record an edit as a line of edits.jsonl; one that the disk does not take, or that comes after the end of the
+        file, is missing in a replay."""
+        with suppress(DiskError, RecordingError):
+            self._recorder.edit(line)
+
+    def close(self) -> None:
+        """Finishes the file. Raises DiskError where its end cannot be written; it is valid up to its last complete
+        chunk.
+        """
+        self._recorder.close()

@@ -1,0 +1,136 @@
+"""A run's results, published live as ROS 2 topics."""
+
+import math
+import time
+from collections import deque
+from collections.abc import Callable
+from contextlib import suppress
+from dataclasses import dataclass, field
+from typing import Any
+
+from edgemap.bridges.ros2.dds.node import Node, Publisher, Reliability
+from edgemap.bridges.ros2.dds.sources import RobotOdom
+from edgemap.bridges.ros2.dds.types import in_namespace
+from edgemap.bridges.ros2.messages import build, topics
+from edgemap.bridges.ros2.messages.definitions import ros_offset_s, to_ns
+from edgemap.bridges.ros2.messages.stream import MessageStream
+from edgemap.bridges.ros2.messages.topics import FrameIds
+from edgemap.geometry.camera.floor import FloorCamera
+from edgemap.geometry.map_object import MapObject
+from edgemap.geometry.objects.edits import Edit
+from edgemap.geometry.se2 import SE2
+from edgemap.runtime.frames.errors import Ros2Error
+from edgemap.runtime.step.sinks import Sink
+from edgemap.runtime.step.slam import StepResult
+
+GLOBAL = (topics.TF, topics.TF_STATIC)  # one tree for all robots' programs: never below a namespace
+PUBLISHED = (
+    *GLOBAL, topics.POSE, topics.ODOMETRY, topics.BOXES, topics.OBJECTS, topics.MARKERS, topics.GRID, topics.MAP,
+    topics.FLOOR_SCAN,
+)  # fmt: skip
+PICTURES = (topics.PICTURES, topics.INFO)
+LATCHED = (topics.TF_STATIC, topics.OBJECTS, topics.MARKERS, topics.GRID, topics.MAP)
+INITIAL_POSE = "/initialpose"  # RViz's 2D Pose Estimate, as AMCL takes it
+SMALLEST_SIGMAS = (0.01, 0.01, 0.005)  # m, m, rad: a covariance of zeros would be a certainty that nobody has
+DEPTHS = {topics.TF: 100, topics.PICTURES: 5, topics.INFO: 5} | dict.fromkeys(LATCHED[1:], 1)
+NAMESPACE = "edgemap"  # a robot of its own name has its own /map
+
+
+@dataclass(frozen=True, slots=True)
+class Ros2Options:
+    """How results are published.
+
+    namespace: prefix of every topic except tf, and except /map if the namespace is the default one. pictures: whether
+    they are published too. best_effort: lost pictures, boxes and floor scans are not sent again; readers that require
+    reliable ones get none. odom_tf: False where the robot publishes odom -> base itself.
+    """
+
+    namespace: str = NAMESPACE
+    frames: FrameIds = field(default_factory=FrameIds)
+    pictures: bool = False
+    best_effort: bool = False
+    odom_tf: bool = True
+
+    def reliability(self, topic: str) -> Reliability:
+        """Reliability of one topic."""
+        if topic in LATCHED:
+            return Reliability.LATCHED
+        if self.best_effort and topic in (*PICTURES, topics.BOXES, topics.FLOOR_SCAN):
+            return Reliability.BEST_EFFORT
+        return Reliability.RELIABLE
+
+
+class Ros2Sink(Sink):
+    """Publishes every step; messages without readers are not built, except latched ones. ros_time: the stamps
+    are ROS time as they are. edit: takes the poses that come on /initialpose, in the map's frame."""
+
+    name = "ROS 2"
+
+    def __init__(
+        self,
+        node: Node,
+        camera: FloorCamera,
+        options: Ros2Options,
+        ros_time: bool = False,
+        edit: Callable[[Edit], object] | None = None,
+    ) -> None:
+        self._options = options
+        self._robot_odom = None if options.odom_tf else RobotOdom(node, options.frames)
+        self._stream = MessageStream(
+            camera.intrinsics, camera.mount, options.frames, static_mount=True, robot_odom=self._robot_odom
+        )
+        self._publishers = {topic: self._publisher(node, topic) for topic in PUBLISHED + PICTURES * options.pictures}
+        self._edit = edit
+        self._goals: deque[SE2] = deque(maxlen=8)
+        self._goal = node.publisher(topics.GOAL, topics.KINDS[topics.GOAL])
+        self._initial_pose = edit and node.subscription(INITIAL_POSE, topics.KINDS[topics.POSE])
+        self._offset_s: float | None = 0.0 if ros_time else None
+
+    def write(self, result: StepResult, objects: list[MapObject]) -> None:
+        """Publish one step, and apply a pose that a person has set. Raises Ros2Error."""
+        self._take_pose()
+        while self._goals:
+            self._goal.write(build.goal_pose(self._goals.popleft(), self._options.frames.map, time.time_ns()))
+        if self._offset_s is None:
+            age_s = sum(result.stages_ms.values()) / 1e3
+            stamp_s = result.frame.stamp_s
+            self._offset_s = ros_offset_s(stamp_s, time.time() - age_s, time.monotonic() - age_s)
+            if self._robot_odom is not None:
+                self._robot_odom.offset_s = self._offset_s
+        stamp_ns = to_ns(result.frame.stamp_s + self._offset_s)
+        for outgoing in self._stream.step(result, objects, stamp_ns):
+            publisher = self._publishers.get(outgoing.topic)
+            if publisher is not None and publisher.wanted:
+                publisher.write(outgoing.make())
+
+    def send_goal(self, pose_map_base: SE2) -> None:
+        """Publish a goal for the robot's base with the next step; from any thread."""
+        self._goals.append(pose_map_base)
+
+    def _take_pose(self) -> None:
+        if self._initial_pose is None or self._edit is None:
+            return
+        with suppress(Ros2Error):  # a damaged message of somebody else's
+            message = self._initial_pose.newest()
+            if message is not None and message.header.frame_id.lstrip("/") == self._options.frames.map:
+                self._edit(pose_edit(message))
+
+    def close(self) -> None:
+        """Unpublish; may be called twice."""
+        self._publishers.clear()
+
+    def _publisher(self, node: Node, topic: str) -> Publisher:
+        shared = (*GLOBAL, topics.MAP) if self._options.namespace.strip("/") == NAMESPACE else GLOBAL
+        name = topic if topic in shared else in_namespace(self._options.namespace, topic)
+        return node.publisher(name, topics.KINDS[topic], self._options.reliability(topic), DEPTHS.get(topic, 10))
+
+
+def pose_edit(message: Any) -> Edit:
+    """The edit that a geometry_msgs/PoseWithCovarianceStamped in the map's frame is: the robot is there."""
+    at, turned, covariance = message.pose.pose.position, message.pose.pose.orientation, message.pose.covariance
+    yaw_rad = math.atan2(2.0 * (turned.w * turned.z + turned.x * turned.y), 1.0 - 2.0 * (turned.y**2 + turned.z**2))
+    variances = (covariance[0], covariance[7], covariance[35])
+    x_sigma, y_sigma, yaw_sigma = (
+        max(math.sqrt(max(value, 0.0)), least) for value, least in zip(variances, SMALLEST_SIGMAS, strict=True)
+    )
+    return Edit("pose", pose=(at.x, at.y, yaw_rad), sigmas=(x_sigma, y_sigma, yaw_sigma))

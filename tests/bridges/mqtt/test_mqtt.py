@@ -1,0 +1,200 @@
+"""What a real broker (mosquitto) and its own client see of a run."""
+
+import json
+import socket
+import subprocess
+import sys
+import threading
+import time
+from contextlib import closing
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from support.broker import MISSING, Broker
+from support.steps import Steps
+from support.waiting import wait_for
+
+from edgemap.runtime.frames.errors import PublishError
+
+pytest.importorskip("paho.mqtt")
+pytestmark = pytest.mark.skipif(
+    bool(MISSING), reason=f"not here: {', '.join(MISSING)} (apt install mosquitto …-clients)"
+)
+
+from edgemap.bridges.mqtt.sink import MqttPublisher, topic_level  # noqa: E402
+
+
+@pytest.fixture
+def broker(tmp_path):
+    server = Broker(tmp_path)
+    yield server
+    server.stop()
+
+
+def two_objects():
+    """A step and the two objects on the map after it."""
+    steps = Steps()
+    return next((result, objects) for result, objects in iter(steps.next, None) if len(objects) == 2)
+
+
+STATE = "edgemap/robo/state"
+
+
+def objects_in(told):
+    """The topics of objects."""
+    return {topic for topic in told if topic.startswith("edgemap/robo/objects/")}
+
+
+def publisher(broker, robot="robo"):
+    return closing(MqttPublisher("127.0.0.1", broker.port, robot, version="1.2.3"))
+
+
+def test_a_newcomer_is_told_state_objects_and_the_device(broker):
+    steps = Steps()
+    with publisher(broker) as sink:
+        sink.fault("wheels: silent for 1.2 s")
+        steps.into(sink, 11)
+        _, objects = steps.next()
+        told = broker.retained(until=lambda told: json.loads(told.get(STATE, '{"frames": 0}'))["frames"] == 11)
+    assert told["edgemap/robo/status"] == "online"
+    state = json.loads(told["edgemap/robo/state"])
+    assert (state["objects"], state["frames"], state["fault"]) == (2, 11, "wheels: silent for 1.2 s")
+    assert state["x_m"] == pytest.approx(0.5)
+    for item in objects:
+        record = json.loads(told[f"edgemap/robo/objects/{item.id}"])
+        assert (record["id"], record["label"]) == (item.id, item.label)
+        assert [record["x_m"], record["y_m"]] == pytest.approx(item.position_m.tolist(), abs=0.25)
+    entities = {topic: json.loads(text) for topic, text in told.items() if topic.startswith("homeassistant/")}
+    assert sorted(entities) == [
+        "homeassistant/event/edgemap-robo/changes/config",
+        *(f"homeassistant/sensor/edgemap-robo/{name}/config" for name in ("fault", "objects", "x", "y")),
+    ]
+    device = {"identifiers": ["edgemap-robo"], "name": "robo", "manufacturer": "edgemap", "sw_version": "1.2.3"}
+    assert all(entity["device"] == device for entity in entities.values())
+    assert all(entity["availability_topic"] == "edgemap/robo/status" for entity in entities.values())
+    topics = {entity["state_topic"] for entity in entities.values()}
+    assert topics == {"edgemap/robo/state", "edgemap/robo/events"}
+    assert len({entity["unique_id"] for entity in entities.values()}) == 5
+    status = "edgemap/robo/status"
+    assert broker.retained(status, lambda told: told[status] == "offline") == {status: "offline"}  # closed by now
+    assert f"edgemap/robo/objects/{objects[0].id}" in broker.retained()  # the map stays known
+
+
+def test_objects_appear_move_and_vanish(broker):
+    result, objects = two_objects()
+    chair, couch = sorted(objects, key=lambda item: item.label)
+    moved = replace(chair, position_m=chair.position_m + [0.3, 0.0])
+    listener = broker.listen("edgemap/robo/events")
+    with publisher(broker) as sink:
+        sink.write(result, [chair, couch])
+        sink.write(result, [replace(chair, position_m=chair.position_m + [0.2, 0.0]), couch])  # noise, not told
+        sink.write(result, [moved, couch])
+        result = replace(result, update=replace(result.update, merged={couch.id: moved.id}))
+        sink.write(result, [moved])
+        sink.write(result, [])
+        events = [json.loads(listener.stdout.readline().split("\t")[1]) for _ in range(5)]
+        assert not objects_in(broker.retained(until=lambda told: not objects_in(told)))
+    listener.kill()
+    listener.communicate()
+    assert [(event.pop("event_type"), event.pop("id"), event.get("into")) for event in events] == [
+        ("appeared", chair.id, None),
+        ("appeared", couch.id, None),
+        ("moved", chair.id, None),
+        ("vanished", couch.id, chair.id),
+        ("vanished", chair.id, None),
+    ]
+    assert events[2]["moved_m"] == 0.3
+    np.testing.assert_allclose([events[2]["x_m"], events[2]["y_m"]], moved.position_m, atol=1e-6)
+
+
+def test_a_name_a_confirmation_and_a_fault_are_published_at_once(broker):
+    """A name came when the object moved, and a camera that was away was reported when it was back."""
+    result, objects = two_objects()
+    first = objects[0].id
+    topic = f"edgemap/robo/objects/{first}"
+    with publisher(broker) as sink:
+        sink.write(result, objects)
+        named = [replace(item, name="Ecke", confirmed=True) if item.id == first else item for item in objects]
+        sink.write(result, named)
+        sink.fault("camera x: stopped delivering")
+        told = broker.retained(until=lambda told: "stopped" in told.get(STATE, "") and "Ecke" in told.get(topic, ""))
+    state = json.loads(told[STATE])
+    assert (state["fault"], state["fault_count"], state["objects"]) == ("camera x: stopped delivering", 1, 2)
+    assert json.loads(told[topic])["confirmed"]
+
+
+def test_a_broker_that_goes_away_is_a_failure_and_gets_everything_when_it_is_back(broker):
+    steps = Steps()
+    with publisher(broker) as sink:
+        steps.into(sink, 3)
+        broker.stop()
+        with pytest.raises(PublishError, match=rf"^no broker at 127\.0\.0\.1:{broker.port} \("):  # noqa: PT012
+            while True:  # until it has noticed
+                steps.into(sink)
+                time.sleep(0.05)
+        broker.start()
+        wait_for(lambda: steps.taken_by(sink), "the broker")
+        told = broker.retained(until=lambda told: told.get("edgemap/robo/status") == "online" and objects_in(told))
+    assert told["edgemap/robo/status"] == "online"
+    assert len(objects_in(told)) == 2
+    assert "homeassistant/event/edgemap-robo/changes/config" in told
+
+
+def test_no_broker_at_all_does_not_keep_a_run_from_starting(broker):
+    broker.stop()
+    with publisher(broker) as sink, pytest.raises(PublishError, match=r"no broker at .* \(cannot be reached\)"):
+        Steps().into(sink)
+
+
+def test_objects_of_an_earlier_run_leave_the_broker(broker):
+    result, objects = two_objects()
+    with publisher(broker) as sink:
+        sink.write(result, [replace(objects[0], id="chair-7"), objects[1]])
+    with publisher(broker) as sink:
+        sink.write(result, objects)
+        wanted = {f"edgemap/robo/objects/{item.id}" for item in objects}
+        told = objects_in(broker.retained(until=lambda told: objects_in(told) == wanted))
+    assert told == wanted
+
+
+def test_a_killed_robot_is_offline(broker):
+    program = (
+        "from edgemap.bridges.mqtt.sink import MqttPublisher; from support.steps import Steps;"
+        f"sink = MqttPublisher('127.0.0.1', {broker.port}, 'robo'); Steps().into(sink, 2);"
+        "import time; time.sleep(600)"
+    )
+    listener = broker.listen("edgemap/robo/status")
+    environment = {"PYTHONPATH": ":".join(path for path in sys.path if path)}
+    with subprocess.Popen([sys.executable, "-c", program], env=environment) as robot:
+        assert listener.stdout.readline().strip().split("\t")[1] == "online"
+        robot.kill()
+    assert listener.stdout.readline().strip().split("\t")[1] == "offline"
+    listener.kill()
+    listener.communicate()
+
+
+def test_names_are_one_level_of_a_topic():
+    assert topic_level("potted plant-1") == "potted plant-1"
+    assert topic_level("a/b+#$c\n") == "a_b___c_"
+
+
+def test_a_broker_that_takes_nothing_does_not_keep_a_run_from_ending(monkeypatch):
+    """It accepts the connection and then never answers: messages wait, and some find the queue full."""
+    monkeypatch.setattr("edgemap.bridges.mqtt.sink.QUEUED", 5)
+    with socket.create_server(("127.0.0.1", 0)) as listening:
+
+        def accept():
+            connection, _ = listening.accept()
+            with connection:
+                connection.recv(4096)
+                connection.sendall(b"\x20\x02\x00\x00")  # accepted
+                while connection.recv(65536):
+                    pass
+
+        answering = threading.Thread(target=accept, daemon=True)
+        answering.start()
+        sink = MqttPublisher("127.0.0.1", listening.getsockname()[1], "robo")
+        Steps().into(sink, 60)
+        sink.close()
+        answering.join(10.0)

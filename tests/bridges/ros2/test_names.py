@@ -1,0 +1,96 @@
+"""Names, types and discovery as ROS 2 has them, against hand-made expectations and rosbags' own types."""
+
+from typing import Any
+
+import pytest
+
+from edgemap.bridges.ros2.dds.discovery import Discovery, discovery_from
+from edgemap.bridges.ros2.dds.types import HASHES, dds_topic, dds_type, in_namespace, ros_kind
+from edgemap.bridges.ros2.messages.definitions import definition, ros_offset_s
+from edgemap.bridges.ros2.messages.topics import KINDS
+from edgemap.cli.arguments import OptionError
+from edgemap.cli.publishers import frame_names
+from edgemap.runtime.frames.errors import Ros2Error
+
+
+def test_topics_and_types_are_mangled_as_ros_2_does():
+    assert dds_topic("/tf") == "rt/tf"
+    assert dds_topic(in_namespace("robot_1/", "/map/objects")) == "rt/robot_1/map/objects"
+    assert in_namespace("", "/odometry") == "/odometry"
+    assert dds_type("sensor_msgs/msg/CompressedImage") == "sensor_msgs::msg::dds_::CompressedImage_"
+    assert ros_kind(dds_type("tf2_msgs/msg/TFMessage")) == "tf2_msgs/msg/TFMessage"
+
+
+@pytest.mark.parametrize("topic", ["tf", "/", "/a//b", "/a b", "/1a", "/a__b", "/a/"])
+def test_what_ros_2_refuses_is_refused(topic):
+    with pytest.raises(Ros2Error, match="is no ROS 2 topic"):
+        dds_topic(topic)
+
+
+@pytest.mark.parametrize("kind", sorted(HASHES))
+def test_type_hashes_are_those_of_rosbags(kind):
+    """From our definitions; and of Jazzy's own type, where rosbags has it (vision_msgs it has not)."""
+    typesys: Any = pytest.importorskip("rosbags.typesys")
+    store = typesys.get_typestore(typesys.Stores.EMPTY)
+    store.register(typesys.get_types_from_msg(definition(kind), kind))
+    assert store.hash_rihs01(kind) == f"RIHS01_{HASHES[kind]}"
+    jazzy = typesys.get_typestore(typesys.Stores.ROS2_JAZZY)
+    if not kind.startswith("vision_msgs/"):
+        assert jazzy.hash_rihs01(kind) == f"RIHS01_{HASHES[kind]}"
+
+
+def test_every_topic_has_a_hash():
+    assert set(KINDS.values()) <= set(HASHES)
+
+
+@pytest.mark.parametrize(
+    ("environment", "expected"),
+    [
+        ({}, Discovery(0, "LOCALHOST")),
+        ({"ROS_DOMAIN_ID": "42"}, Discovery(42, "LOCALHOST")),
+        ({"ROS_AUTOMATIC_DISCOVERY_RANGE": "subnet"}, Discovery(0, "SUBNET")),
+        ({"ROS_AUTOMATIC_DISCOVERY_RANGE": "SUBNET", "ROS_LOCALHOST_ONLY": "1"}, Discovery(0, "LOCALHOST")),
+        ({"ROS_LOCALHOST_ONLY": "0"}, Discovery(0, "SUBNET")),
+        ({"ROS_AUTOMATIC_DISCOVERY_RANGE": "OFF"}, Discovery(0, "OFF")),
+        ({"ROS_STATIC_PEERS": "192.168.1.7;robot.local"}, Discovery(0, "LOCALHOST", ("192.168.1.7", "robot.local"))),
+    ],
+)
+def test_discovery_follows_the_environment(environment, expected):
+    assert discovery_from(environment) == expected
+
+
+@pytest.mark.parametrize(
+    "environment",
+    [
+        {"ROS_DOMAIN_ID": "233"},
+        {"ROS_DOMAIN_ID": "-1"},
+        {"ROS_AUTOMATIC_DISCOVERY_RANGE": "WORLD"},
+        {"ROS_STATIC_PEERS": "<a>"},
+    ],
+)
+def test_settings_that_cannot_be_are_named(environment):
+    with pytest.raises(Ros2Error, match=next(iter(environment))):
+        discovery_from(environment)
+
+
+def test_this_machine_alone_by_default():
+    config = Discovery().cyclone_config()
+    assert '<NetworkInterface address="127.0.0.1"/>' in config
+    assert '<Peer address="localhost"/>' in config
+    assert "127.0.0.1" not in Discovery(range="SUBNET").cyclone_config()
+    assert "localhost" not in Discovery(range="OFF").cyclone_config()
+    assert Discovery(range="SYSTEM_DEFAULT").cyclone_config("<mine/>") == "<mine/>"
+
+
+def test_stamps_become_ros_time():
+    """A camera stamps by the wall clock, by the monotonic one, or by one of its own; a file by its own."""
+    assert ros_offset_s(1.7e9, 1.7e9 + 0.05, 5000.0) == 0.0
+    assert ros_offset_s(4999.9, 1.7e9, 5000.0) == 1.7e9 - 5000.0
+    assert ros_offset_s(3.5, 1.7e9, 5000.0) == 1.7e9 - 3.5
+
+
+@pytest.mark.parametrize("frames", ["map,odom", "map,odom,,lens", "map,odom,map,lens", ""])
+def test_frames_are_four_different_names(frames):
+    with pytest.raises(OptionError, match="four different names"):
+        frame_names(frames)
+    assert frame_names("map, odom,base_footprint,lens") == ["map", "odom", "base_footprint", "lens"]

@@ -1,0 +1,154 @@
+"""What `--ros2` publishes, through Cyclone DDS within one process."""
+
+import math
+import os
+import time
+from typing import Any
+
+import pytest
+from support.boxed_room import walls
+from support.recordings import LENS, MOUNT, noise
+from support.results import CHAIR, POSES, results
+from support.steps import Steps
+
+from edgemap.geometry.camera.floor import FloorCamera
+from edgemap.geometry.se2 import SE2
+
+pytest.importorskip("cyclonedds", reason="cyclonedds is not installed (extra 'ros2')")
+from edgemap.bridges.ros2.dds.discovery import Discovery
+from edgemap.bridges.ros2.dds.node import Node, Reliability, node_for
+from edgemap.bridges.ros2.messages import build
+from edgemap.bridges.ros2.messages.topics import FrameIds
+from edgemap.bridges.ros2.sink import Ros2Options, Ros2Sink
+
+DOMAIN = 1 + os.getpid() % 100
+TF = ("/tf", "tf2_msgs/msg/TFMessage")
+
+
+@pytest.fixture(scope="module")
+def node() -> Node:
+    return node_for(Discovery(DOMAIN, "OFF"))
+
+
+def sink_of(node: Node, *arguments, **options) -> Ros2Sink:
+    return Ros2Sink(node, FloorCamera(LENS, MOUNT), Ros2Options(*arguments, **options), ros_time=True)
+
+
+def taken(reader: Any, count: int) -> list:
+    found: list = []
+    until_s = time.monotonic() + 60.0
+    while len(found) < count and time.monotonic() < until_s:
+        if reader.wait(0.1):
+            found += reader.take()
+    assert len(found) == count
+    return found
+
+
+def links(message: Any) -> dict:
+    return {(step.header.frame_id, step.child_frame_id): step.transform for step in message.transforms}
+
+
+def test_what_nobody_reads_is_not_built(node, monkeypatch):
+    """Boxes and poses cost nothing without a reader; maps are kept for later ones, one in ten steps."""
+    built: list[str] = []
+    monkeypatch.setattr(build, "detections_2d", lambda *_: built.append("boxes"))
+    monkeypatch.setattr(build, "step_odometry", lambda *_: built.append("odometry"))
+    monkeypatch.setattr("edgemap.bridges.ros2.messages.stream.encoded", lambda *_: built.append("picture"))
+    monkeypatch.setattr(
+        "edgemap.bridges.ros2.messages.stream.markers", lambda *_: built.append("map") or {"markers": []}
+    )
+    sink = sink_of(node, "nobody", pictures=True)
+    for result in results(noise(12), POSES):
+        sink.write(result, [CHAIR])
+    assert built == ["map", "map"]
+    sink.close()
+
+
+def test_namespace_and_frames_are_options(node):
+    frames = FrameIds("world", "odom_vision", "base_footprint", "lens")
+    sink = sink_of(node, "/fleet/robot7/", frames=frames)
+    tf, pose = (
+        node.subscription(*TF),
+        node.subscription("/fleet/robot7/pose", "geometry_msgs/msg/PoseWithCovarianceStamped"),
+    )
+    (result,) = results(noise(1), POSES[:1])
+    sink.write(result, [CHAIR])
+    assert set(links(taken(tf, 1)[0])) == {("world", "odom_vision"), ("odom_vision", "base_footprint")}
+    assert taken(pose, 1)[0].header.frame_id == "world"
+    static = node.subscription("/tf_static", TF[1], Reliability.LATCHED)  # comes late
+    assert set(links(taken(static, 1)[0])) == {("base_footprint", "lens")}
+    sink.close()
+
+
+def test_the_floor_is_map_of_the_usual_namespace_and_of_its_own_in_another_one(node):
+    """A planner that starts late gets the grid that was there before it; the scan is for those who listen."""
+    for namespace, topic in (("edgemap", "/map"), ("robot7", "/robot7/map")):
+        sink = sink_of(node, namespace)
+        scans = node.subscription(f"/{namespace}/floor_scan", "sensor_msgs/msg/LaserScan")
+        Steps(boxes=[*walls(-1.0, -2.0, 4.0, 2.0), (2.0, -0.5, 2.5, 0.5, 0.8)]).into(sink, 22)
+        late = node.subscription(topic, "nav_msgs/msg/OccupancyGrid", Reliability.LATCHED)
+        grid = taken(late, 1)[0]
+        assert {0, 100, -1} <= set(grid.data)
+        assert len(grid.data) == grid.info.width * grid.info.height
+        assert scans.wait(60.0)
+        assert next(scans.take()).header.frame_id == "base_link"
+        sink.close()
+
+
+def test_beside_a_robot_that_publishes_its_own_odometry_only_map_to_odom_is_sent(node):
+    """map -> odom (ours) times odom -> base_link (the robot's, between its own stamps) is our pose in the map."""
+    sink, reader, robot = sink_of(node, odom_tf=False), node.subscription(*TF), node.publisher(*TF)
+    frames = noise(2)
+    first, second = results(frames, POSES[:2])
+    sink.write(first, [])  # the robot has said nothing yet
+    for index, x_m in enumerate((7.0, 7.3, 7.6)):
+        stamp_ns = round((frames[0].stamp_s + 0.02 * index) * 1e9)
+        robot.write(build.tf(build.planar_transform(stamp_ns, "odom", "base_link", SE2(x_m, 0.0, 0.5))))
+    sink.write(second, [])  # at 33 ms
+    sent = [message for message in taken(reader, 4) if ("map", "odom") in links(message)]
+    assert [set(links(message)) for message in sent] == [{("map", "odom")}]
+    (step,) = sent[0].transforms
+    at, q = step.transform.translation, step.transform.rotation
+    ours = SE2(at.x, at.y, 2.0 * math.atan2(q.z, q.w))
+    pose = ours @ SE2(7.0 + 0.3 * (frames[1].stamp_s - frames[0].stamp_s) / 0.02, 0.0, 0.5)
+    assert pose.vector() == pytest.approx(POSES[1].vector(), abs=1e-6)
+
+
+def test_a_pose_of_rviz_is_an_edit(node):
+    """2D Pose Estimate: x 1 m, y 2 m, a quarter turn, sigma 0.5 m and 15 degrees; in another frame it is none."""
+    got: list = []
+    sink = Ros2Sink(node, FloorCamera(LENS, MOUNT), Ros2Options("rviz"), ros_time=True, edit=got.append)
+    rviz = node.publisher("/initialpose", "geometry_msgs/msg/PoseWithCovarianceStamped")
+    covariance = [0.0] * 36
+    covariance[0] = covariance[7] = 0.25
+    covariance[35] = math.radians(15.0) ** 2
+    half = math.sqrt(0.5)
+    pose = {"position": {"x": 1.0, "y": 2.0, "z": 0.0}, "orientation": {"x": 0.0, "y": 0.0, "z": half, "w": half}}
+    (result, *_), objects = list(results(noise(1), POSES[:1])), [CHAIR]
+    until_s = time.monotonic() + 60.0
+    for frame in ("odom", "map"):
+        message = {"header": {"frame_id": frame}, "pose": {"pose": pose, "covariance": covariance}}
+        while (frame == "odom" and not rviz.wanted) or (frame == "map" and not got):
+            assert time.monotonic() < until_s
+            rviz.write(message)
+            sink.write(result, objects)
+            time.sleep(0.01)
+    (edit, *_) = got
+    assert edit.do == "pose"
+    assert edit.pose == pytest.approx((1.0, 2.0, math.pi / 2))
+    assert edit.sigmas == pytest.approx((0.5, 0.5, math.radians(15.0)))
+    sink.close()
+
+
+def test_a_goal_is_published_with_the_next_step(node):
+    reader = node.subscription("/goal_pose", "geometry_msgs/msg/PoseStamped", Reliability.RELIABLE)
+    sink = sink_of(node, "goes")
+    (result,) = results(noise(1), POSES[:1])
+    until_s = time.monotonic() + 60.0
+    while not reader.wait(0.01) and time.monotonic() < until_s:  # until each has found the other
+        sink.send_goal(SE2(1.0, -2.0, math.pi / 2))
+        sink.write(result, [CHAIR])
+    goal, *_ = reader.take()
+    assert (goal.header.frame_id, goal.pose.position.x, goal.pose.position.y) == ("map", 1.0, -2.0)
+    assert goal.pose.orientation.z == pytest.approx(math.sqrt(0.5))
+    sink.close()
