@@ -1,16 +1,12 @@
 """Refusals of readers that no other test meets: each is reached, and says the number or name that is wrong."""
 
-import io
 import json
-import struct
-from types import SimpleNamespace
 
 import cv2
 import numpy as np
 import pytest
 from support.refusal import refused
 
-from edgemap.bridges.ros2.recordings import chunks
 from edgemap.bridges.ros2.recordings.camera import RecordingCamera
 from edgemap.bridges.ros2.recordings.reader import McapReading
 from edgemap.runtime.frames import number_rows
@@ -97,29 +93,6 @@ def test_a_tuned_number_beyond_all_sense(tmp_path):
     (tmp_path / "run.json").write_text(json.dumps({"config": {"floor": {"max_sigma_m": 1e15}}}))
     with pytest.raises(config.ConfigError, match="not a finite number"):
         config.load_config(tmp_path / "run.json")
-
-
-def record(opcode, body):
-    return struct.pack("<BQ", opcode, len(body)) + body
-
-
-def test_the_parts_of_a_recording_that_cannot_be(monkeypatch):
-    footer = record(2, struct.pack("<QQI", 500, 0, 0))
-    with pytest.raises(ValueError, match="a summary of"):
-        chunks.read_summary(io.BytesIO(footer + chunks.MAGIC), len(footer + chunks.MAGIC))
-    monkeypatch.setattr(chunks, "FOOTER_BYTES", 13)
-    with pytest.raises(ValueError, match="no footer at its end"):
-        chunks.read_summary(io.BytesIO(record(15, bytes(4)) + chunks.MAGIC), 13 + len(chunks.MAGIC))
-    with pytest.raises(ValueError, match="crc of the data is"):
-        list(chunks.records(io.BytesIO(record(15, struct.pack("<I", 7))), 9))
-    for compression, data, words in (("bz2", b"", "reads lz4, zstd"), ("", bytes(101), "a chunk of more than")):
-        monkeypatch.setattr(chunks, "CHUNK_LIMIT_BYTES", 100)
-        chunk = SimpleNamespace(compression=compression, data=data, uncompressed_crc=0)
-        with pytest.raises(ValueError, match=words):
-            chunks.unpacked(chunk)
-    index = SimpleNamespace(chunk_start_offset=0, message_start_time=0, message_index_offsets={})
-    with pytest.raises(ValueError, match="no chunk where its index says"):
-        list(chunks.messages_by_time(io.BytesIO(footer), [index], {1: None}))
 
 
 def test_half_a_character_in_yaml(tmp_path):

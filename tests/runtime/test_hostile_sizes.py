@@ -4,7 +4,6 @@ import os
 import struct
 import subprocess
 import sys
-from io import BytesIO
 from types import SimpleNamespace
 
 import numpy as np
@@ -15,11 +14,10 @@ from support.recordings import FACTS, noise, record
 
 from edgemap.bridges.ros2.messages.definitions import definition
 from edgemap.bridges.ros2.messages.tf_tree import TfTree
-from edgemap.bridges.ros2.recordings import chunks, foreign
+from edgemap.bridges.ros2.recordings import foreign
 from edgemap.bridges.ros2.recordings.camera import RecordingCamera
 from edgemap.bridges.ros2.recordings.facts import Facts
 from edgemap.bridges.ros2.recordings.pictures import raw_picture
-from edgemap.bridges.ros2.recordings.reader import McapReading
 from edgemap.runtime.frames.errors import CameraError
 from edgemap.runtime.inputs.drives.pictures import list_pictures
 from edgemap.runtime.network.store import LENS, default_bundle
@@ -130,24 +128,6 @@ def as_namespace(value):
     return [as_namespace(item) for item in value] if isinstance(value, list) else value
 
 
-def test_messages_of_many_small_values_are_bounded(tmp_path):
-    crowd = {"transforms": [transform(f"frame-{number}", "base_link") for number in range(3000)]}
-    path = bag(
-        tmp_path / "a.mcap",
-        [("/image", "sensor_msgs/Image", 1, picture()), ("/tf", "tf2_msgs/TFMessage", 1, crowd)],
-    )
-    with pytest.raises(CameraError, match=r"/tf has a message of .* bytes, at most 262,144 are read"):
-        RecordingCamera(str(path))
-
-
-def test_empty_messages_that_all_wait_for_their_turn_count_too(tmp_path, monkeypatch):
-    monkeypatch.setattr(chunks, "HELD_LIMIT_BYTES", 100 * chunks.HELD_MESSAGE_BYTES)
-    messages = [("/image", "sensor_msgs/Image", 1, picture())]
-    path = bag(tmp_path / "a.mcap", messages + [("/image", "sensor_msgs/Image", 2, b"")] * 200)
-    with pytest.raises(CameraError, match="bytes of messages at one time"):
-        RecordingCamera(str(path))
-
-
 def edited(path, old, new):
     data = path.read_bytes()
     assert len(old) == len(new)
@@ -172,34 +152,9 @@ def test_names_of_topics_that_a_terminal_would_act_on_are_refused(tmp_path):
         path = bag(
             tmp_path / "a.mcap", [("/imagexyz", "sensor_msgs/Image", 1, picture())], enable_crcs=False, **index_types
         )
-        with pytest.raises(CameraError, match="a name of 9 characters that is none") as caught:
+        with pytest.raises(CameraError, match="name does not print") as caught:
             RecordingCamera(str(edited(path, b"/imagexyz", b"/\x1b[2Jxyz\n")))
         assert str(caught.value).isprintable()
-
-
-def test_more_topics_than_a_robot_has_are_refused(tmp_path, monkeypatch):
-    monkeypatch.setattr(chunks, "CHANNEL_LIMIT", 3)
-    path = bag(tmp_path / "a.mcap", [(f"/{n}", "sensor_msgs/Image", 1, picture()) for n in range(5)])
-    with pytest.raises(CameraError, match="more than 3 topics"):
-        McapReading(path)
-
-
-def test_a_record_of_small_parts_may_not_be_large():
-    for opcode in (0x03, 0x04, 0x0C, 0x08):
-        with pytest.raises(ValueError, match="at most 1,048,576 are read"):
-            list(chunks.records(BytesIO(bytes([opcode]) + (2 << 20).to_bytes(8, "little"))))
-
-
-def test_an_index_that_names_a_chunk_twice_is_refused(tmp_path):
-    path = record(tmp_path / "a.mcap", FACTS, noise(2))
-    data = path.read_bytes()
-    start = int.from_bytes(data[-28:-20], "little")
-    at = next(at for at in range(start, len(data)) if data[at] == 0x08 and data[at + 1 : at + 9] < b"\xff" and
-              int.from_bytes(data[at + 1 : at + 9], "little") < 500)  # fmt: skip
-    length = 9 + int.from_bytes(data[at + 1 : at + 9], "little")
-    path.write_bytes(data[:at] + data[at : at + length] * 2 + data[at + length :])
-    with pytest.raises(CameraError, match="a chunk stands in its index twice"):
-        McapReading(path)
 
 
 def test_a_recording_that_says_it_was_made_from_itself(tmp_path):

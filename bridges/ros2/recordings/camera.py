@@ -18,14 +18,12 @@ from edgemap.geometry.camera.mount import Mount
 from edgemap.geometry.errors import EdgemapError
 from edgemap.runtime.frames.errors import CameraError, CameraFault, FaultKind
 from edgemap.runtime.frames.frame import Frame
-from edgemap.runtime.frames.number_rows import ROW_LIMIT
 from edgemap.runtime.frames.reading import user_path
 from edgemap.runtime.frames.trajectory import PoseTrack, Trajectory
 from edgemap.runtime.inputs.cameras.protocol import Camera, SensorTopics
 
 PICTURE_KINDS = {"sensor_msgs/Image": raw_picture, "sensor_msgs/CompressedImage": compressed_picture}
 INFO_KIND = "sensor_msgs/CameraInfo"
-MAXIMUM_EDITS = 100_000
 MAXIMUM_DAMAGED = 1000  # pictures before the first complete one
 STAMP_TOLERANCE_S = 1e-6  # between a stamp and its whole nanoseconds
 
@@ -164,7 +162,7 @@ class RecordingCamera(Camera):
                 self.imu = imu_of(recording, tf_of(recording), frame_id, topics.imu)
             if topics.wheels is None and WHEEL_FILE in recording.attachments:
                 self.wheel = self._path
-            self.edits = tuple(str(line) for _, line in _values(recording, EDITS, MAXIMUM_EDITS))
+            self.edits = tuple(str(line) for _, line in _values(recording, EDITS))
             if TRUTH_FILE in recording.attachments:
                 self.truth: Trajectory | None = read_trajectory_file(
                     recording.attachments[TRUTH_FILE], f"{self._path}: {TRUTH_FILE}"
@@ -194,10 +192,10 @@ class RecordingCamera(Camera):
         return (len(times) - 1) / span_s if len(times) > 1 and math.isfinite(span_s) and span_s > 0 else None
 
 
-def _values(recording: McapReading, topic: str, limit: int = ROW_LIMIT) -> Iterator[tuple[int, Any]]:
+def _values(recording: McapReading, topic: str) -> Iterator[tuple[int, Any]]:
     """Log time in ns and value of each std_msgs message of a topic; none where there is no such topic."""
     messages = recording.messages(topic) if topic in recording.topics else ()
-    return ((log_ns, decode().data) for log_ns, decode in islice(messages, limit))
+    return ((log_ns, decode().data) for log_ns, decode in messages)
 
 
 def _unsearched(recording: McapReading) -> frozenset[int]:

@@ -19,7 +19,6 @@ from edgemap.geometry.errors import GeometryError
 from edgemap.geometry.se2 import SE2
 from edgemap.runtime.frames.decisions import Decisions
 from edgemap.runtime.frames.errors import CameraError, OdometryError
-from edgemap.runtime.frames.number_rows import ROW_LIMIT
 from edgemap.runtime.frames.reading import Coordinate, Stamp, Strict, decode_json, one_line
 from edgemap.runtime.frames.trajectory import Trajectory
 from edgemap.runtime.inputs.drives.camera_yaml import LensRecord
@@ -104,8 +103,6 @@ def trajectory_file(trajectory: Trajectory) -> bytes:
 
 def read_trajectory_file(data: bytes, where: str) -> Trajectory:
     """The rows again, bit for bit. where: for messages. Raises CameraError for damaged ones."""
-    if data.count(b"[") > ROW_LIMIT + 1:
-        raise CameraError(f"{where}: more than {ROW_LIMIT:,} rows")
     rows = decode_json(data, list[tuple[Stamp, Coordinate, Coordinate, Coordinate]], where, CameraError)
     try:
         return Trajectory(np.array([row[0] for row in rows], dtype=np.float64), tuple(SE2(*row[1:]) for row in rows))

@@ -16,7 +16,6 @@ from edgemap.geometry.camera.mount import Mount
 from edgemap.geometry.errors import GeometryError
 from edgemap.geometry.se2 import SE2
 from edgemap.runtime.frames.errors import CameraError, OdometryError
-from edgemap.runtime.frames.number_rows import ROW_LIMIT
 from edgemap.runtime.frames.reading import one_line, user_path
 from edgemap.runtime.frames.trajectory import Trajectory
 from edgemap.runtime.inputs.cameras.imu_buffer import ImuBuffer
@@ -137,9 +136,7 @@ def push_message(buffer: ImuBuffer, message: Any, stamp_s: float) -> None:
 
 
 def _read(recording: McapReading, topic: str, buffer: ImuBuffer) -> ImuSamples | None:
-    for number, (log_ns, decode) in enumerate(recording.messages(topic)):
-        if number >= ROW_LIMIT:
-            raise CameraError(f"{recording.path}: {topic}: more than {ROW_LIMIT:,} samples")
+    for log_ns, decode in recording.messages(topic):
         message = decode()
         push_message(buffer, message, to_s(ns_of(message.header.stamp) or log_ns))
     samples = buffer.take(np.inf)
@@ -170,8 +167,6 @@ def read_wheel(spec: str) -> Trajectory:
             message = decode()
             stamp_ns = ns_of(message.header.stamp) or log_ns
             poses[stamp_ns] = planar_pose(message.pose.pose, f"{file}: {topic or found[0]} at {to_s(stamp_ns):.3f} s")
-            if len(poses) > ROW_LIMIT:
-                raise CameraError(f"{file}: {topic or found[0]}: more than {ROW_LIMIT:,} poses")
         stamps = sorted(poses)
         if not stamps:
             raise CameraError(f"{file}: {topic or found[0]} has no message")

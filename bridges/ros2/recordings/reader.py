@@ -1,30 +1,19 @@
-"""Reads any MCAP file of ROS 2 messages, complete or truncated: its topics, and messages in order of time."""
+"""Reads any MCAP file of ROS 2 messages, complete or cut off: its topics, and messages in order of time."""
 
 import struct
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
+from io import SEEK_END
 from pathlib import Path
 from typing import Any
-from zlib import crc32
 
 from edgemap.bridges.ros2.messages.definitions import FIELDS, decoder
-from edgemap.bridges.ros2.recordings.chunks import (
-    MAGIC,
-    Definitions,
-    Summary,
-    messages_by_time,
-    read_summary,
-    records,
-    unpacked,
-)
 from edgemap.bridges.ros2.recordings.facts import RECORD, TRUTH_FILE, WHEEL_FILE
 from edgemap.runtime.frames.errors import CameraError
 from edgemap.runtime.frames.extras import need
 from edgemap.runtime.frames.reading import one_line
 
-OWN_FILES = (WHEEL_FILE, TRUTH_FILE)
-PICTURES = ("sensor_msgs/Image", "sensor_msgs/CompressedImage")
-MESSAGE_BYTES = 256 << 10  # of other kinds, whose many small values take many times their size
+MAGIC = b"\x89MCAP0\r\n"
 
 
 @dataclass(slots=True)
@@ -36,9 +25,9 @@ class Topic:
 
 
 class McapReading:
-    """An open MCAP file. whole: whether the file is complete; a truncated one is readable up to the cut.
+    """An open MCAP file. complete: whether it has its end; a file that was cut off is read to its last complete chunk.
 
-    topics: by name. metadata, attachments: edgemap's own, by name. Messages are decoded by ROS's own definitions of the
+    topics: by name. metadata, attachments: edgemap's, by name. Messages are decoded by ROS's own definitions of the
     kinds that edgemap knows, never by a definition in the file.
     Raises CameraError, one line, for files that are not MCAP, and for damage inside a complete one.
     """
@@ -46,28 +35,26 @@ class McapReading:
     def __init__(self, path: Path) -> None:
         need("record", "a recording")
         self.path = path
-        try:
-            if not path.is_file():  # a pipe would block
-                raise CameraError(f"{path}: no such file")
-            stream = path.open("rb")
-            start, size = stream.read(len(MAGIC)), path.stat().st_size
-            stream.seek(-min(size, len(MAGIC)), 2)
-            end = stream.read(len(MAGIC))
-        except OSError as error:
-            raise CameraError(f"{path}: cannot be read ({error.strerror})") from None
-        self._stream, self._size = stream, size
-        if start != MAGIC:
-            self.close()
-            raise CameraError(f"{path}: not an MCAP recording ({size} bytes)")
-        self.complete = end == MAGIC and size > 2 * len(MAGIC)
         self.topics: dict[str, Topic] = {}
         self.metadata: dict[str, dict[str, str]] = {}
         self.attachments: dict[str, bytes] = {}
-        self._summary: Summary | None = None
         try:
-            self._summary = self._guarded_call(self._indexed) if self.complete else None
-            if self._summary is None:
-                self._scan()
+            if not path.is_file():  # a pipe would block
+                raise CameraError(f"{path}: no such file")
+            self._stream = path.open("rb")
+            start, size = self._stream.read(len(MAGIC)), path.stat().st_size
+            self._stream.seek(-min(size, len(MAGIC)), SEEK_END)
+            end = self._stream.read(len(MAGIC))
+        except OSError as error:
+            raise CameraError(f"{path}: cannot be read ({error.strerror})") from None
+        self.complete = end == MAGIC and size > 2 * len(MAGIC)
+        try:
+            if start != MAGIC:
+                raise CameraError(f"{path}: not an MCAP recording ({size} bytes)")
+            self._index = self._guarded_call(self._read_index) if self.complete else None
+            if self._index is None:
+                for _ in self._guarded(self._scan()):
+                    pass
         except CameraError:
             self.close()
             raise
@@ -82,17 +69,16 @@ class McapReading:
         Raises CameraError at damage, and at a message that is not CDR with a `ros2msg` definition.
         """
         for schema, channel, message in self._guarded(self._raw(topic)):
-            decoder = self._guarded_call(self._decoder, topic, schema, channel)
-            if len(message.data) > MESSAGE_BYTES and _short(schema.name) not in PICTURES:
-                raise CameraError(
-                    f"{self.path}: {topic} has a message of {len(message.data):,} bytes, "
-                    f"at most {MESSAGE_BYTES:,} are read"
-                )
+            decoder = self._decoder(topic, schema, channel)
 
             def decode(decoder: Any = decoder, data: bytes = message.data) -> Any:
                 return self._guarded_call(decoder, data)
 
             yield message.log_time, decode
+
+    def close(self) -> None:
+        """Close the file."""
+        self._stream.close()
 
     def _decoder(self, topic: str, schema: Any, channel: Any) -> Callable[[bytes], Any]:
         if channel.message_encoding != "cdr" or schema is None or schema.encoding != "ros2msg":
@@ -105,82 +91,76 @@ class McapReading:
             raise CameraError(f"{self.path}: {topic} is {self.topics[topic].kind} and {kind}; a topic has one kind")
         return decoder(kind)
 
-    def close(self) -> None:
-        """Close the file."""
-        self._stream.close()
-
     def _raw(self, topic: str) -> Iterator[tuple[Any, Any, Any]]:
-        if self._summary is None:
-            for schema, channel, message in self._sequential():
-                if channel.topic == topic:
-                    yield schema, channel, message
+        from mcap.reader import NonSeekingReader
+
+        if self._index is not None:
+            yield from self._index.iter_messages(topic)
             return
-        schemas, channels = self._summary.definitions.schemas, self._summary.definitions.channels
-        wanted = {number: channel for number, channel in channels.items() if channel.topic == topic}
-        for message in messages_by_time(self._stream, self._summary.chunks, wanted):
-            channel = wanted[message.channel_id]
-            yield schemas.get(channel.schema_id), channel, message
+        with self.path.open("rb") as stream:  # one for each topic: pictures and depth are read in turn
+            reader = NonSeekingReader(stream, validate_crcs=True)
+            yield from self._to_the_cut(reader.iter_messages(topic, log_time_order=False))
 
-    def _indexed(self) -> Summary | None:
-        """The summary where the file has an index of its chunks, topics and counts; else None."""
-        summary = read_summary(self._stream, self._size)
-        if summary is None or not summary.chunks or summary.statistics is None:
+    def _read_index(self) -> Any:
+        """A reader by the file's index, with the topics and their counts read from it; None where it has none."""
+        from mcap.reader import SeekingReader
+
+        self._stream.seek(0)
+        reader = SeekingReader(self._stream, validate_crcs=True)
+        summary = reader.get_summary()
+        if summary is None or not summary.chunk_indexes or summary.statistics is None:
             return None
-        for channel in summary.definitions.channels.values():
-            topic = self._topic(channel, summary.definitions.schemas.get(channel.schema_id))
-            topic.count += summary.statistics.channel_message_counts.get(channel.id, 0)
-        for index in (*summary.metadata, *summary.attachments):
-            if index.name in (RECORD, *OWN_FILES):
-                self._stream.seek(index.offset)
-                self._keep(next(records(self._stream), None))
-        return summary
+        for channel in summary.channels.values():
+            counts = summary.statistics.channel_message_counts
+            self._topic(channel, summary.schemas).count += counts.get(channel.id, 0)
+        for record in (*reader.iter_metadata(), *reader.iter_attachments()):
+            self._keep(record)
+        return reader
 
-    def _scan(self) -> None:
-        """Topics and their counts of a file without index, by reading it through."""
-        for schema, channel, _ in self._guarded(self._sequential()):
-            self._topic(channel, schema).count += 1
+    def _scan(self) -> Iterator[None]:
+        """Reads a file without index through: topics and their counts, metadata, attachments."""
+        from mcap.records import Channel, Message, Schema
+        from mcap.stream_reader import StreamReader
 
-    def _topic(self, channel: Any, schema: Any) -> Topic:
+        schemas: dict[int, Any] = {}
+        channels: dict[int, Any] = {}
+        with self.path.open("rb") as stream:
+            for record in self._to_the_cut(StreamReader(stream, validate_crcs=True).records):
+                if isinstance(record, Schema):
+                    schemas[record.id] = record
+                elif isinstance(record, Channel):
+                    channels[record.id] = record
+                elif isinstance(record, Message):
+                    self._topic(channels[record.channel_id], schemas).count += 1
+                else:
+                    self._keep(record)
+                yield
+
+    def _topic(self, channel: Any, schemas: dict[int, Any]) -> Topic:
+        if not channel.topic.isprintable():
+            raise ValueError(f"a topic's name does not print: {channel.topic[:40]!a}")
         if channel.topic not in self.topics:
-            self.topics[channel.topic] = Topic(_short(schema.name) if schema else "")
+            kind = schemas[channel.schema_id].name if channel.schema_id else ""
+            self.topics[channel.topic] = Topic(one_line(_short(kind)))
         return self.topics[channel.topic]
 
-    def _sequential(self) -> Iterator[tuple[Any, Any, Any]]:
-        """Messages in the file's own order; metadata and attachments on the way are kept."""
-        with self.path.open("rb") as stream:  # of its own: pictures and depth are read in turn
-            stream.seek(len(MAGIC))
-            yield from self._messages_of(records(stream, crc32(MAGIC)))
-
-    def _messages_of(self, found: Iterator[Any]) -> Iterator[tuple[Any, Any, Any]]:
-        from mcap.records import Chunk, Message
-
-        known = Definitions()
-        all_records = (
-            inner for record in found for inner in (unpacked(record) if isinstance(record, Chunk) else [record])
-        )
-        for record in all_records if self.complete else self._up_to_the_cut(all_records):
-            if isinstance(record, Message):
-                channel = known.channels[record.channel_id]
-                yield known.schemas.get(channel.schema_id), channel, record
-            else:
-                known.add(record)
-                self._keep(record)
-
     def _keep(self, record: Any) -> None:
-        """Remember metadata and attachments of edgemap's own."""
+        """Keeps edgemap's metadata and attachments."""
         from mcap.records import Attachment, Metadata
 
         if isinstance(record, Metadata) and record.name == RECORD:
             self.metadata[record.name] = record.metadata
-        elif isinstance(record, Attachment) and record.name in OWN_FILES:
+        elif isinstance(record, Attachment) and record.name in (WHEEL_FILE, TRUTH_FILE):
             self.attachments[record.name] = record.data
 
-    def _up_to_the_cut(self, records: Iterator[Any]) -> Iterator[Any]:
+    def _to_the_cut(self, items: Iterator[Any]) -> Iterator[Any]:
+        """The items; in a file that was cut off they end at the first damage."""
         damage = _damage()  # asked for now: at the interpreter's end nothing can be imported
         try:
-            yield from records
+            yield from items
         except damage:
-            return
+            if self.complete:
+                raise
 
     def _guarded(self, items: Iterator[Any]) -> Iterator[Any]:
         damage = _damage()
@@ -197,20 +177,22 @@ class McapReading:
 
 
 def _damage() -> tuple[type[Exception], ...]:
-    """What mcap, lz4 and zstandard raise at bytes that are not what they should be."""
+    """What mcap, lz4 and zstandard raise at damaged bytes. MemoryError: a length that no file has."""
     from mcap.exceptions import McapError
     from zstandard import ZstdError
 
-    bytes_of_no_message = (
+    return (
+        McapError,
+        ZstdError,
         struct.error,
         ValueError,
         LookupError,
         RuntimeError,
         OverflowError,
-        NotImplementedError,
+        MemoryError,
         EOFError,
+        OSError,
     )
-    return (McapError, ZstdError, *bytes_of_no_message, OSError)
 
 
 def _what(error: Exception) -> str:

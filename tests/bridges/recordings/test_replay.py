@@ -15,9 +15,11 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from mcap.reader import make_reader
 from support.recordings import FACTS, LENS, MOUNT, drain, noise, record
 
 from edgemap.bridges.ros2.messages.definitions import to_ns, to_s
+from edgemap.bridges.ros2.messages.topics import WHEEL
 from edgemap.bridges.ros2.recordings import recorder as recorder_module
 from edgemap.bridges.ros2.recordings.facts import Facts, facts_record, read_facts
 from edgemap.bridges.ros2.recordings.foreign import read_wheel
@@ -201,18 +203,32 @@ def test_cut_anywhere_it_gives_the_whole_pictures_or_one_line(whole, tmp_path_fa
     assert read * 9000 > share * len(whole) - 3 * 2**19
 
 
-def test_a_recording_cut_off_gives_every_picture_with_its_depth(tmp_path):
-    """Both are read in turn from a file without an index, of several chunks."""
+def test_a_recording_cut_off_is_read_to_its_last_complete_chunk(tmp_path):
+    """Colour, depth and wheels are read in turn from a file without an index, of several chunks."""
     depth = np.random.default_rng(1).integers(0, 60_000, (48, 64)).astype(np.float32) / np.float32(1000)
     frames = [replace(frame, depth=depth) for frame in noise(150)]
-    path = record(tmp_path / "a.mcap", FACTS, frames, lossless=True)
-    path.write_bytes(path.read_bytes()[:-8])
-    with open_camera(str(path)) as camera:
-        played = [camera.read() for _ in frames]
-        with pytest.raises(CameraError, match="cut off, the 150 complete pictures"):
-            camera.read()
-    assert [frame.stamp_s for frame in played] == [frame.stamp_s for frame in frames]
-    assert all(np.array_equal(frame.depth, depth) for frame in played)
+    wheel = Trajectory(np.array([frame.stamp_s for frame in frames]), tuple(SE2(i / 30, 0.1, 0.2) for i in range(150)))
+    path = record(tmp_path / "a.mcap", FACTS, frames, lossless=True, wheel=wheel)
+    whole = path.read_bytes()
+    with path.open("rb") as stream:
+        indexes = make_reader(stream).get_summary().chunk_indexes
+    last_ns = [index.message_end_time for index in indexes]
+    end = indexes[-1].chunk_start_offset + indexes[-1].chunk_length
+    for cut, newest_ns in ((len(whole) - 8, last_ns[-1]), (end - 1, last_ns[-2])):
+        path.write_bytes(whole[:cut])
+        expected = [frame for frame in frames if to_ns(frame.stamp_s) <= newest_ns]
+        with open_camera(str(path)) as camera:
+            played = [camera.read() for _ in range(camera.frame_count)]
+            with pytest.raises(CameraError, match=f"cut off, the {len(played)} complete pictures"):
+                camera.read()
+        assert len(expected) - len(played) in (0, 1)  # a chunk may end between a picture and what belongs to it
+        for got, was in zip(played, frames, strict=False):
+            assert got.stamp_s == was.stamp_s
+            np.testing.assert_array_equal(got.image, was.image)
+            np.testing.assert_array_equal(got.depth, depth)
+        rolled = read_wheel(f"{path}#{WHEEL}")
+        assert rolled.poses[-1].x_m == pytest.approx((len(expected) - 1) / 30)
+        assert read_wheel(str(path)).poses == wheel.poses  # the attachment stands before the first chunk
 
 
 def test_a_flipped_bit_is_noticed(whole, tmp_path):
