@@ -1,4 +1,4 @@
-"""This build beside another commit, in turn in one run: `python -m edgemap.benchmarks.beside COMMIT [--engine auto]`.
+"""This build beside another commit, in turn in one run: `python -m edgemap.benchmarks.beside COMMIT`.
 
 Each build is a process of its own that imports its own tree and keeps its bundle and its map; blocks of steps alternate
 between the two, so that what else the machine does meets both. Only the step is timed; its processor time includes

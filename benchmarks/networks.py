@@ -12,17 +12,15 @@ import cv2
 import tyro
 
 from edgemap.benchmarks.bench import in_turn
-from edgemap.runtime.frames.decisions import Engine, Precision
+from edgemap.runtime.frames.inference import Engine, Precision
 from edgemap.runtime.frames.reading import print_message
 from edgemap.runtime.network.bundle import load_bundle
 from edgemap.runtime.network.compute import processor_name
 
 FOLDER = Path("runs/networks")
 PICTURES = 4
-# Engine and precision; openvino-bf16 computes with 16 bits where the processor has them.
 VARIANTS: tuple[tuple[Engine, Precision], ...] = (
-    ("onnxruntime", "float32"), ("openvino", "float32"), ("openvino-bf16", "float32"),
-    ("onnxruntime", "int8"), ("openvino", "int8"),
+    ("onnxruntime", "float32"), ("openvino", "float32"), ("onnxruntime", "int8"), ("openvino", "int8"),
 )  # fmt: skip
 
 

@@ -15,7 +15,7 @@ from edgemap.cli.run_record import run_record, scale_source
 from edgemap.cli.saved_map import enter_saved_map, living_map, where_it_was
 from edgemap.cli.summary import RunSummary, judge_of, with_map_so_far
 from edgemap.geometry.camera.floor import FloorCamera
-from edgemap.runtime.frames.decisions import Decisions
+from edgemap.runtime.frames.inference import Inference
 from edgemap.runtime.inputs.cameras.protocol import Camera
 from edgemap.runtime.network.bundle import Bundle
 from edgemap.runtime.outputs.service import ServiceNotifier
@@ -147,7 +147,7 @@ class Run:
         return [*tape, *viewers, *named, *live]
 
     def _recording(self) -> "list[RecordingSink]":
-        """The sink of `--record`, with intrinsics, mount, decisions and guess of the run, and its wheels or the
+        """The sink of `--record`, with intrinsics, mount, engine, precision and guess of the run, and its wheels or the
         source's."""
         path, source, odometry = self.options.outputs.recording, self.source, self.options.robot.odometry
         if path is None:
@@ -156,7 +156,7 @@ class Run:
         from edgemap.bridges.ros2.recordings.recorder import Recorder, RecordingSink
 
         wheel = odometry.removeprefix("wheel:") if odometry.startswith("wheel:") else source.wheel
-        decided, lossless = Decisions(self.loaded.engine, self.loaded.precision), self.options.outputs.lossless
+        decided, lossless = Inference(self.loaded.engine, self.loaded.precision), self.options.outputs.lossless
         lens, mount, guess = self.floor.intrinsics, self.floor.mount, self.record.get("camera_guess")
         facts = Facts(source.name, lens, mount, source.rate_hz, decided, guess)
         track = wheel_track(wheel) if isinstance(wheel, str | Path) else None  # poses that come live are not recorded

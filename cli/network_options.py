@@ -8,9 +8,9 @@ from edgemap.cli.arguments import OptionError, arg
 from edgemap.cli.options import BundleName, at_least, known_names
 
 if TYPE_CHECKING:
-    from edgemap.runtime.frames.decisions import Decisions, Precision
+    from edgemap.runtime.frames.inference import Inference
     from edgemap.runtime.network.bundle import Bundle
-    from edgemap.runtime.network.compute import EngineChoice, Pace
+    from edgemap.runtime.network.compute import Pace
 
 MAXIMUM_THREADS = 64
 
@@ -22,36 +22,54 @@ class NetworkOptions:
     bundle: BundleName = None
     threads: Annotated[
         int | None,
-        arg(metavar="N", help="Threads of the backbone; by default one or two, whichever a short trial finds faster."),
+        arg(
+            metavar="N",
+            help="Threads of the backbone; by default one at a camera's pace and two where files are read as fast as "
+            "possible. They change no result.",
+        ),
     ] = None
     precision: Annotated[
-        Literal["default", "float32", "int8", "auto"],
+        Literal["float32", "int8"] | None,
         arg(
-            help="Numbers that the backbone computes with. default: what a recording was made with, else float32; "
-            "int8: the bundle's variant of 8-bit numbers, where it has one; auto: that one where its report loses "
-            "at most 0.01 AP50 and a short trial finds it faster on this processor.",
+            help="Numbers that the backbone computes with; by default float32, or what a recording was made with. "
+            "int8: the bundle's variant of 8-bit numbers, where it has one.",
         ),
-    ] = "default"
+    ] = None
     engine: Annotated[
-        Literal["default", "onnxruntime", "openvino", "openvino-bf16", "auto"],
+        Literal["onnxruntime", "openvino"] | None,
         arg(
-            help="What runs the backbone. default: what a recording was made with, else onnxruntime; openvino (extra "
-            "openvino) computes with 32 bits as well, openvino-bf16 with 16 where the processor has them; auto: the "
-            "one of these that a trial finds clearly fastest, remembered."
+            help="What runs the backbone; by default onnxruntime, or what a recording was made with. openvino: extra "
+            "openvino, float32 as well."
         ),
-    ] = "default"
+    ] = None
 
-    def load(self, *specs: str, pace: "Pace" = "files", recorded: "Decisions | None" = None) -> "Bundle":
+    def load(self, *specs: str, pace: "Pace" = "files", recorded: "Inference | None" = None) -> "Bundle":
         """The bundle. specs: the sources of the run, which select the default one; standard error then names it with
-        the reason. recorded: engine and precision of the run that made a recording, taken where none is asked for.
+        the reason. recorded: engine and precision of the run that made a recording, used where none is asked for.
         """
         from edgemap.runtime.network.bundle import load_bundle
 
         at_least(1, threads=self.threads)
         if self.threads is not None and self.threads > MAXIMUM_THREADS:
             raise OptionError(f"--threads {self.threads}: at most {MAXIMUM_THREADS}")
-        precision, engine = chosen_precision(self.precision, recorded), chosen_engine(self.engine, recorded)
-        return load_bundle(bundle_of(self.bundle, *specs), self.threads, precision, pace=pace, engine=engine)
+        chosen = self.inference(recorded)
+        return load_bundle(
+            bundle_of(self.bundle, *specs), self.threads, chosen.precision, pace=pace, engine=chosen.engine
+        )
+
+    def inference(self, recorded: "Inference | None" = None) -> "Inference":
+        """Engine and precision asked for, else the recorded ones, else the defaults. A recorded engine that is not
+        installed is replaced by onnxruntime, with a message."""
+        from importlib.util import find_spec
+
+        from edgemap.runtime.frames.inference import Inference
+        from edgemap.runtime.frames.reading import print_message
+
+        engine, precision = (recorded.engine, recorded.precision) if recorded else ("onnxruntime", "float32")
+        if engine == "openvino" and self.engine is None and find_spec("openvino") is None:
+            print_message("recorded with openvino, which is not installed: the map may differ slightly")
+            engine = "onnxruntime"
+        return Inference(self.engine or engine, self.precision or precision)
 
 
 def bundle_of(name: str | None, *specs: str) -> Path:
@@ -86,24 +104,3 @@ def bundle_of(name: str | None, *specs: str) -> Path:
             )
         folder = pull_known(name)
     return folder
-
-
-def chosen_precision(asked: "Precision | Literal['default']", recorded: "Decisions | None" = None) -> "Precision":
-    """The requested precision, else the recorded one, else float32."""
-    if asked != "default":
-        return asked
-    return recorded.precision if recorded else "float32"
-
-
-def chosen_engine(asked: "EngineChoice | Literal['default']", recorded: "Decisions | None" = None) -> "EngineChoice":
-    """The requested engine, else the recorded one if it is installed, else onnxruntime."""
-    from importlib.util import find_spec
-
-    from edgemap.runtime.frames.reading import print_message
-
-    if asked != "default":
-        return asked
-    if recorded and recorded.engine != "onnxruntime" and find_spec("openvino") is None:
-        print_message(f"recorded with {recorded.engine}, which is not installed: the map may differ slightly")
-        return "onnxruntime"
-    return recorded.engine if recorded else "onnxruntime"

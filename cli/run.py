@@ -61,4 +61,4 @@ def command(
 def _load(options: RunOptions, source: "Camera") -> "Bundle":
     """The bundle, with as many threads as pay where frames come at a camera's pace."""
     paced = source.live or options.watch.view or options.pace_files
-    return options.advanced.load(options.camera.camera, pace="camera" if paced else "files", recorded=source.decisions)
+    return options.advanced.load(options.camera.camera, pace="camera" if paced else "files", recorded=source.inference)

@@ -9,7 +9,7 @@ from typing import Any
 from edgemap import __version__
 from edgemap.cli.run_options import RunOptions
 from edgemap.geometry.camera.floor import FloorCamera
-from edgemap.runtime.frames.decisions import Decisions
+from edgemap.runtime.frames.inference import Inference
 from edgemap.runtime.inputs.cameras.protocol import Camera
 from edgemap.runtime.inputs.drives.camera_yaml import mount_fields
 from edgemap.runtime.motion.odometry import at_head_height
@@ -61,8 +61,8 @@ def run_record(
 
 
 def _decided(options: RunOptions, loaded: Bundle) -> dict[str, Any]:
-    """Engine and precision that a trial decided, where they were asked for or are not the usual ones."""
-    decided, usual = asdict(Decisions(loaded.engine, loaded.precision)), asdict(Decisions())
+    """Engine and precision, where they were asked for or are not the defaults: a recording may bring them."""
+    decided, usual = asdict(Inference(loaded.engine, loaded.precision)), asdict(Inference())
     return {name: one for name, one in decided.items() if name in options.inputs() or one != usual[name]}
 
 

@@ -1,30 +1,16 @@
 """Loads a bundle: every file's sum, contract and graph are checked before a network runs."""
 
 from collections.abc import Callable
-from contextlib import suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
 
 import msgspec
 import numpy as np
 
-from edgemap.runtime.frames.decisions import Engine, Numbers, Precision
 from edgemap.runtime.frames.errors import BundleError, MissingExtraError, OdometryError
+from edgemap.runtime.frames.inference import Engine, Precision
 from edgemap.runtime.frames.reading import one_line
-from edgemap.runtime.network.compute import (
-    FEATURES,
-    INT8_WORTH_IT,
-    PICTURE,
-    EngineChoice,
-    Pace,
-    agrees,
-    multiplies_int8,
-    one_blas_thread,
-    report_allows_int8,
-    settle,
-    stored_engine,
-    time_ratio,
-)
+from edgemap.runtime.network.compute import Pace, compute_at, one_blas_thread
 from edgemap.runtime.network.engines import open_network
 from edgemap.runtime.network.manifest import METADATA_KEY, DetectorSpec, Manifest, OdometryHead, contract_metadata
 from edgemap.runtime.network.manifest_file import read_manifest, verified_file
@@ -32,6 +18,7 @@ from edgemap.runtime.network.network import Compute, Network, Shapes, with_paddi
 from edgemap.runtime.network.preprocess import Preprocessor, rows_of
 
 MODEL_BYTES = 512 << 20
+ENGINE_TOLERANCE: dict[Precision, float] = {"float32": 1e-3, "int8": 0.1}  # of `Network.error`; int8: 0.04, same AP50
 
 
 @dataclass(frozen=True, slots=True)
@@ -44,7 +31,7 @@ class Bundle:
     backbone: Network
     compute: Compute
     reopen: Callable[[int], Network]
-    precision: Numbers = "float32"
+    precision: Precision = "float32"
 
     @property
     def engine(self) -> Engine:
@@ -101,9 +88,8 @@ class Bundle:
     def odometry_head(self, kind: str) -> tuple[OdometryHead, Network]:
         """Load the bundle's learned odometry of a kind. Raises OdometryError where the bundle has none.
 
-        It runs as the backbone does where that computes with 16 bits and its outputs agree, else in onnxruntime, for in
-        float32 OpenVINO takes as long for its many small operators; on one thread: those of two networks would stand
-        in each other's way.
+        It runs in onnxruntime: OpenVINO takes as long for its many small operators; on one thread: those of two
+        networks would delay each other.
         """
         head = self.manifest.odometry.get(kind)
         if head is None:
@@ -115,9 +101,6 @@ class Bundle:
             inputs |= {head.geometry.cells: head.geometry.shape, head.geometry.mount: (1, 12), head.geometry.dt: (1, 1)}
             outputs |= {head.geometry.covariance: (1, 3, 3)}
         opened = _opener(self.folder, self.manifest, head, inputs, outputs)
-        if self.engine == "openvino-bf16":
-            with suppress(BundleError):  # its outputs differ by more than rounding
-                return head, opened(Compute(1, engine=self.engine), None)
         return head, opened(Compute(1), None)
 
     def _feature_shape(self, head: OdometryHead) -> tuple[int, ...]:
@@ -132,23 +115,14 @@ def load_bundle(
     threads: int | None = None,
     precision: Precision = "float32",
     pace: Pace = "camera",
-    engine: EngineChoice = "onnxruntime",
+    engine: Engine = "onnxruntime",
 ) -> Bundle:
     """Check and load a bundle folder. Raises BundleError, one line that names the file and the error.
 
-    threads: of the backbone; None settles it by a short trial for the pace (`settle`). BLAS gets one thread.
-    precision: float32; int8, where the bundle has that variant; auto: int8 where its report allows it, the processor's
-    integer sums are exact and a trial of about a second shows that it is faster, else float32. engine: auto takes the
-    fastest in a trial on this processor, whose result is cached. The outputs of another engine must agree with
-    onnxruntime's.
+    threads: of the backbone; None: those of the pace (`compute_at`). BLAS gets one thread. precision: int8 where the
+    bundle has that variant. engine: the outputs of another than onnxruntime must agree with its own.
     """
     one_blas_thread()
-    if engine == "auto":
-        manifest = read_manifest(folder)
-        key = f"{manifest.sha256[manifest.detector.file]}, {precision}, {pace}, {threads or 'any'} threads"
-        engine = stored_engine(key, lambda one: load_bundle(folder, threads, precision, pace, one).backbone)
-    if precision == "auto":
-        return _load_the_faster(folder, threads, pace, engine)
     manifest = read_manifest(folder)
     detector = manifest.detector
     if precision != "float32":
@@ -158,20 +132,8 @@ def load_bundle(
     inputs = {detector.input.name: _input_shape(detector)}
     outputs = detector.outputs()
     opened, height = _opener(folder, manifest, detector, inputs, outputs), detector.input.height
-    network, compute = settle(lambda chosen: opened(chosen, height), pace, threads, engine)
-    return Bundle(folder, manifest, network, compute, lambda rows: opened(compute, rows), precision)
-
-
-def _load_the_faster(folder: Path, threads: int | None, pace: Pace, engine: Engine) -> Bundle:
-    exact = load_bundle(folder, threads, pace=pace, engine=engine)
-    if not (report_allows_int8(exact.manifest) and multiplies_int8()):
-        return exact
-    small = load_bundle(folder, threads, "int8", pace, engine)
-    spec = exact.manifest.detector
-    picture = np.random.default_rng(0).integers(0, 256, _input_shape(spec)).astype(np.float32)
-    tensors = {spec.input.name: picture * np.float32(spec.input.scale)}
-    ratio = time_ratio(lambda: small.backbone.run(tensors), lambda: exact.backbone.run(tensors))
-    return small if ratio <= INT8_WORTH_IT else exact
+    compute = compute_at(pace, threads, engine)
+    return Bundle(folder, manifest, opened(compute, height), compute, lambda rows: opened(compute, rows), precision)
 
 
 def _input_shape(detector: DetectorSpec) -> tuple[int, ...]:
@@ -206,9 +168,8 @@ def _opener(
         cut = _cut(inputs, network.inputs)
         _compare(where, "input", cut(inputs), network.inputs)
         _compare(where, "output", cut(outputs), network.outputs)
-        odometry = isinstance(record, OdometryHead)
-        rounded, largest = not odometry and record.file != manifest.detector.file, FEATURES if odometry else PICTURE
-        if not (onnxruntime or agrees(network, reference, compute.engine, rounded, largest)):
+        rounded: Precision = "float32" if record.file == manifest.detector.file else "int8"
+        if not onnxruntime and network.error(reference) > ENGINE_TOLERANCE[rounded]:
             raise BundleError(f"{where}: {compute.engine} gives other outputs than onnxruntime")
         return network
 

@@ -1,15 +1,11 @@
 """Engines: what runs a bundle's networks; every one gives a `Network`."""
 
-from functools import cache
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 import onnxruntime as ort
-from numpy.typing import NDArray
 
 from edgemap.runtime.frames.errors import BundleError
-from edgemap.runtime.frames.extras import need
 from edgemap.runtime.frames.reading import library_path, one_line
 from edgemap.runtime.network.network import Compute, Network, Tensors
 
@@ -25,6 +21,8 @@ def open_network(path: Path, compute: Compute, rows: int | None = None) -> Netwo
     """
     if compute.engine == "onnxruntime":
         return open_onnxruntime(path, compute, rows)
+    from edgemap.runtime.network.openvino import open_openvino
+
     return open_openvino(path, compute, rows)
 
 
@@ -42,62 +40,17 @@ def session_options(compute: Compute, rows: int | None = None) -> ort.SessionOpt
 
 
 def open_onnxruntime(source: Path | bytes, compute: Compute, rows: int | None = None) -> Network:
-    """Load an ONNX file, or a model in memory. rows: as in `session_options`.
-
-    Raises what onnxruntime raises, which shares no public base.
-    """
+    """Load an ONNX file, or a model in memory. Raises what onnxruntime raises, which shares no public base."""
     model = source if isinstance(source, bytes) else library_path(source)
     session = ort.InferenceSession(model, session_options(compute, rows), providers=PROVIDERS, enable_fallback=0)
     outputs = {node.name: tuple(node.shape) for node in session.get_outputs()}
-    names = list(outputs)
+    inputs = {node.name: tuple(node.shape) for node in session.get_inputs()}
 
     def run(tensors: Tensors) -> Any:
         try:
-            return session.run(names, tensors)  # pyright: ignore[reportArgumentType]
-        except Exception as error:  # as above
+            return session.run(list(outputs), tensors)  # pyright: ignore[reportArgumentType]
+        except Exception as error:
             name = source if isinstance(source, Path) else "a network"
             raise BundleError(f"{name}: the network fails as it runs ({one_line(error, 160)})") from None
 
-    inputs = {node.name: tuple(node.shape) for node in session.get_inputs()}
     return Network(inputs, outputs, run, session.get_modelmeta().custom_metadata_map)
-
-
-@cache
-def openvino_core() -> Any:
-    """The one `openvino.Core` of this process; it is never released.
-
-    Every core gives its thread a signal stack of its own, and puts back the one that it found as it is released. With
-    two, the one released last puts back the stack of the first, which is unmapped by then: the next signal (Ctrl-C)
-    ends the process (SIGSEGV).
-    """
-    import openvino as ov
-
-    return ov.Core()
-
-
-def open_openvino(path: Path, compute: Compute, rows: int | None = None) -> Network:
-    """Compile an ONNX file for latency. rows: of the input, where the file leaves them open. Raises what OpenVINO
-    raises."""
-    need("openvino", "--engine openvino")
-    core = openvino_core()
-    model = core.read_model(library_path(path))
-    if model.is_dynamic():
-        (port,) = model.inputs
-        channels, columns = (port.get_partial_shape()[axis].get_length() for axis in (1, 3))
-        model.reshape({port.get_any_name(): [1, channels, rows, columns]})
-    precision = "bf16" if compute.engine == "openvino-bf16" else "f32"
-    config = {
-        "PERFORMANCE_HINT": "LATENCY",
-        "INFERENCE_NUM_THREADS": compute.threads,
-        "INFERENCE_PRECISION_HINT": precision,
-        "ENABLE_CPU_PINNING": False,  # the threads of two networks would be held to one core
-    }
-    request = core.compile_model(model, "CPU", config).create_infer_request()
-    outputs = {port.get_any_name(): tuple(port.shape) for port in model.outputs}
-
-    def infer(tensors: Tensors) -> list[NDArray[np.float32]]:
-        request.infer(tensors, share_inputs=True)
-        # Copies: the request writes into the same memory at the next run, and a state must outlive it.
-        return [request.get_output_tensor(index).data.copy() for index in range(len(outputs))]
-
-    return Network({port.get_any_name(): tuple(port.shape) for port in model.inputs}, outputs, infer)

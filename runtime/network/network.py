@@ -6,7 +6,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from edgemap.runtime.frames.decisions import Engine
+from edgemap.runtime.frames.inference import Engine
 
 Tensors = dict[str, NDArray[np.float32]]
 Shapes = dict[str, tuple[int, ...]]
@@ -14,10 +14,7 @@ Shapes = dict[str, tuple[int, ...]]
 
 @dataclass(frozen=True, slots=True)
 class Compute:
-    """How a network computes. spin: idle threads busy-wait, which lowers the latency and loads the cores.
-
-    engine: openvino computes with float32 numbers as onnxruntime does, openvino-bf16 with numbers of 16 bits.
-    """
+    """How a network computes. spin: idle threads busy-wait, which lowers the latency and loads the cores."""
 
     threads: int = 1
     spin: bool = False
@@ -44,15 +41,14 @@ class Network:
         """Input tensors of zeros, to time the network with."""
         return {name: np.zeros(shape, dtype=np.float32) for name, shape in self.inputs.items()}
 
-    def error(self, reference: "Network", largest: float = 255.0) -> float:
-        """Difference of the outputs from another engine's: the worst output's RMS error over its standard deviation.
-
-        Both see the same random inputs from 0 to the largest: a picture's.
+    def error(self, reference: "Network") -> float:
+        """Difference of the outputs from another engine's: the worst output's RMS error over its standard deviation,
+        for the same random picture.
         """
         random = np.random.default_rng(0)
-        tensors = {name: random.uniform(0, largest, shape).astype(np.float32) for name, shape in self.inputs.items()}
-        expected, found = reference.run(tensors), self.run(tensors)
-        return max(float(np.sqrt(np.mean((found[k] - v) ** 2)) / (v.std() + 1e-6)) for k, v in expected.items())
+        tensors = {name: random.uniform(0, 255.0, shape).astype(np.float32) for name, shape in self.inputs.items()}
+        expected, outputs = reference.run(tensors), self.run(tensors)
+        return max(float(np.sqrt(np.mean((outputs[k] - v) ** 2)) / (v.std() + 1e-6)) for k, v in expected.items())
 
 
 def with_padding(cut: Network, padding: Tensors, above: float = 0.0) -> Network:

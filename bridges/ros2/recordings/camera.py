@@ -154,7 +154,7 @@ class RecordingCamera(Camera):
         if RECORD in recording.metadata:
             facts = read_facts(recording.metadata[RECORD], f"{self._path}")
             self.intrinsics, self.mount = intrinsics or facts.intrinsics, mount or facts.mount
-            self.rate_hz, self.decisions = facts.rate_hz, facts.decisions
+            self.rate_hz, self.inference = facts.rate_hz, facts.inference
             self.calibration = facts.calibration or {}
             if topics.imu is None:
                 self.imu = recorded_imu(recording)

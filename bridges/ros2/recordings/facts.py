@@ -17,8 +17,8 @@ from edgemap.geometry.camera.mount import Mount
 from edgemap.geometry.camera.platform import Platform
 from edgemap.geometry.errors import GeometryError
 from edgemap.geometry.se2 import SE2
-from edgemap.runtime.frames.decisions import Decisions
 from edgemap.runtime.frames.errors import CameraError, OdometryError
+from edgemap.runtime.frames.inference import Inference
 from edgemap.runtime.frames.reading import Coordinate, Stamp, Strict, decode_json, one_line
 from edgemap.runtime.frames.trajectory import Trajectory
 from edgemap.runtime.inputs.drives.camera_yaml import LensRecord
@@ -30,14 +30,14 @@ WHEEL_FILE, TRUTH_FILE = "wheel.json", "truth.json"  # names of MCAP attachments
 
 @dataclass(frozen=True, slots=True)
 class Facts:
-    """A camera's metadata at the time of recording. decisions: of the recording run, where there was one. calibration:
+    """A camera's metadata at the time of recording. inference: of the recording run, where there was one. calibration:
     as of a `camera.yaml`, where lens or mount were guessed."""
 
     camera: str
     intrinsics: Intrinsics | None = None
     mount: Mount | None = None
     rate_hz: float | None = None
-    decisions: Decisions | None = None
+    inference: Inference | None = None
     calibration: dict[str, Any] | None = None
 
 
@@ -50,7 +50,7 @@ def facts_record(facts: Facts) -> dict[str, str]:
         "rate_hz": json.dumps(facts.rate_hz),
         "intrinsics": json.dumps(asdict(lens) if lens else None),
         "mount": json.dumps(asdict(mount) if mount else None),
-        "decisions": json.dumps(asdict(facts.decisions) if facts.decisions else None),
+        "inference": json.dumps(asdict(facts.inference) if facts.inference else None),
         "calibration": json.dumps(facts.calibration),
     }
 
@@ -64,7 +64,7 @@ class _RecordedMount(Strict):
     platform: Platform = Platform.ROBOT
 
 
-_DECISIONS: Any = Decisions | None
+_INFERENCE: Any = Inference | None
 _LENS: Any = LensRecord | None
 _MOUNT: Any = _RecordedMount | None
 _CALIBRATION: Any = dict[str, Any] | None
@@ -88,7 +88,7 @@ def read_facts(record: dict[str, str], where: str) -> Facts:
             lens and lens.intrinsics(),
             mount and Mount(**msgspec.structs.asdict(mount)),
             rate_hz,
-            decode_json(record.get("decisions", "null"), _DECISIONS, f"{where}: decisions", CameraError),
+            decode_json(record.get("inference", "null"), _INFERENCE, f"{where}: inference", CameraError),
             decode_json(record.get("calibration", "null"), _CALIBRATION, f"{where}: calibration", CameraError),
         )
     except GeometryError as error:

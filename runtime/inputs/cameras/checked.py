@@ -11,9 +11,9 @@ from edgemap.geometry.camera.imu import ImuSamples
 from edgemap.geometry.camera.intrinsics import Intrinsics
 from edgemap.geometry.camera.mount import Mount
 from edgemap.geometry.errors import EdgemapError
-from edgemap.runtime.frames.decisions import Decisions
 from edgemap.runtime.frames.errors import CameraError, CameraFault, CameraState, FaultKind, FrameTimeout
 from edgemap.runtime.frames.frame import Frame
+from edgemap.runtime.frames.inference import Inference
 from edgemap.runtime.frames.reading import error_line, one_line, printable
 from edgemap.runtime.frames.trajectory import AttitudeTrack, Trajectory
 from edgemap.runtime.inputs.cameras.protocol import Camera
@@ -23,7 +23,7 @@ FALLBACK_STEP_S = 0.1  # between two pictures whose stamps say nothing, of a cam
 FAILURES = 100  # reads in a row without a frame, after which the camera is at its end
 
 TYPED: dict[str, type] = {
-    "intrinsics": Intrinsics, "mount": Mount, "truth": Trajectory, "attitudes": AttitudeTrack, "decisions": Decisions
+    "intrinsics": Intrinsics, "mount": Mount, "truth": Trajectory, "attitudes": AttitudeTrack, "inference": Inference
 }  # fmt: skip
 
 

@@ -13,9 +13,9 @@ from numpy.typing import NDArray
 from edgemap.geometry.camera.imu import ImuSamples
 from edgemap.geometry.camera.intrinsics import Intrinsics
 from edgemap.geometry.camera.mount import Mount
-from edgemap.runtime.frames.decisions import Decisions
 from edgemap.runtime.frames.errors import CameraError, CameraFault, CameraState, FrameTimeout
 from edgemap.runtime.frames.frame import Frame
+from edgemap.runtime.frames.inference import Inference
 from edgemap.runtime.frames.reading import printable
 from edgemap.runtime.frames.trajectory import AttitudeTrack, PoseTrack, Trajectory
 
@@ -28,7 +28,7 @@ class Camera:
     size: (width, height) of its pictures, px. frame_count: None for live sources.
     truth: the drive's own poses from its start, None where unknown. attitudes: those of the lens with them, None where
     the poses are planar. wheel: wheel odometry that came with the pictures,
-    a CSV, a recording or poses that come live, None where there is none. decisions: of the run that made this
+    a CSV, a recording or poses that come live, None where there is none. inference: of the run that made this
     recording, None where there are none. edits: of that run, as lines of edits.jsonl. calibration: of a recording, how
     intrinsics and mount were determined, as in camera.yaml. imu: all inertial samples of a recording, which `frame`
     deals out.
@@ -44,7 +44,7 @@ class Camera:
     truth: Trajectory | None = None
     attitudes: AttitudeTrack | None = None
     wheel: Path | PoseTrack | None = None
-    decisions: Decisions | None = None
+    inference: Inference | None = None
     edits: tuple[str, ...] = ()
     calibration: Mapping[str, Any] = MappingProxyType({})
 

@@ -27,9 +27,9 @@ from edgemap.bridges.ros2.recordings.pictures import encoded_depth
 from edgemap.bridges.ros2.recordings.recorder import Recorder
 from edgemap.geometry.camera.imu import ImuSamples
 from edgemap.geometry.se2 import SE2
-from edgemap.runtime.frames.decisions import Decisions
 from edgemap.runtime.frames.errors import CameraError, RecordingError
 from edgemap.runtime.frames.frame import Frame
+from edgemap.runtime.frames.inference import Inference
 from edgemap.runtime.frames.trajectory import Trajectory
 from edgemap.runtime.inputs.cameras.protocol import Camera
 from edgemap.runtime.inputs.open import open_camera
@@ -52,15 +52,15 @@ def test_lossless_gives_back_every_bit(tmp_path):
 
 
 def test_what_a_run_decided_comes_back_and_an_older_recording_has_none(tmp_path):
-    decided = Decisions("openvino", "int8")
-    for name, facts in (("a.mcap", replace(FACTS, decisions=decided)), ("b.mcap", FACTS)):
+    decided = Inference("openvino", "int8")
+    for name, facts in (("a.mcap", replace(FACTS, inference=decided)), ("b.mcap", FACTS)):
         with open_camera(str(record(tmp_path / name, facts, noise(2)))) as camera:
-            assert camera.decisions == facts.decisions
-    with pytest.raises(CameraError, match=r"decisions: Invalid enum value 'abacus'"):
-        read_facts(facts_record(FACTS) | {"decisions": '{"engine": "abacus", "precision": "int8"}'}, "a.mcap")
+            assert camera.inference == facts.inference
+    with pytest.raises(CameraError, match=r"inference: Invalid enum value 'abacus'"):
+        read_facts(facts_record(FACTS) | {"inference": '{"engine": "abacus", "precision": "int8"}'}, "a.mcap")
     older = facts_record(FACTS)
-    del older["decisions"]
-    assert read_facts(older, "a.mcap").decisions is None
+    del older["inference"]
+    assert read_facts(older, "a.mcap").inference is None
 
 
 def test_jpeg_is_near_and_much_smaller(tmp_path):

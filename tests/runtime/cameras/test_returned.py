@@ -92,7 +92,7 @@ class Theirs:
     """Another package's camera: `frames` are what `read` returns or raises, one by one."""
 
     name, live, size, rate_hz, frame_count = "lab", False, (6, 4), 10.0, None
-    intrinsics = mount = truth = attitudes = wheel = decisions = None
+    intrinsics = mount = truth = attitudes = wheel = inference = None
     edits = ()
     state = CameraState.RUNNING
 
