@@ -107,11 +107,11 @@ def command(
                 document[name]["grid"] = score_grid(grid, plan)
             if plot:
                 from edgemap.plots.charts import plot_reliability
-                from edgemap.plots.floor_map import plot_map
+                from edgemap.runtime.outputs.mapfiles.drawing import DrawnMap, draw_map
 
                 plot_reliability(plot / f"{name}-confidence.png", document[name]["reliability"])
                 places = [(item.label, item.x_m, item.y_m) for item in wanted]
-                plot_map(plot / f"{name}.png", objects, trajectory=drive.truth, truth=places)
+                draw_map(plot / f"{name}.png", DrawnMap(objects, drive.truth.poses, truth=places))
     if json:
         print_json(document)
         return

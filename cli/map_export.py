@@ -88,9 +88,10 @@ def command(
         print(f"masks of zones written to {' and '.join(str(one) for one in written)}")
         return
     elif format in ("png", "svg"):
-        from edgemap.plots.floor_map import plot_map
+        from edgemap.runtime.outputs.mapfiles.drawing import DrawnMap, draw_map
 
-        plot_map(path, found, trajectory=trajectory, zones=annotations.zones, grid=floor)
+        poses = trajectory.poses if trajectory else ()
+        draw_map(path, DrawnMap(found, poses, zones=annotations.zones, grid=floor))
     else:
         from edgemap.geometry.grid.walls import walls_of
         from edgemap.runtime.outputs.mapfiles.geojson import geojson_text

@@ -12,8 +12,7 @@ from edgemap.cli.options import Json, known_names, last_run, numbers, print_json
 if TYPE_CHECKING:
     from edgemap.geometry.map_object import MapObject
     from edgemap.geometry.objects.edits import Zone
-    from edgemap.plots.floor_map import SeenAt
-    from edgemap.runtime.frames.trajectory import Trajectory
+    from edgemap.geometry.se2 import SE2
 
 
 def command(
@@ -143,43 +142,28 @@ def _print_json(path: Path, answers: Answers) -> None:
 def _draw(
     path: Path, objects: "list[MapObject]", zones: "tuple[Zone, ...]", out: Path | None, with_sightings: bool
 ) -> Path:
-    """The picture's path. Without matplotlib (extra plot) it is an .svg of the centres, as the report draws them."""
-    from importlib.util import find_spec
-
+    """Draws the map; the picture's path."""
+    from edgemap.runtime.outputs.mapfiles.drawing import DrawnMap, draw_map
+    from edgemap.runtime.outputs.sightings_file import read_sightings
     from edgemap.runtime.step.grid_file import load_grid
 
     folder = path if path.is_dir() else path.parent
     stem = folder / ("map" if path.is_dir() else path.stem)
     is_run = (folder / "sightings.jsonl").is_file()
-    trajectory, grid = _trajectory(folder) if is_run else None, load_grid(path)
-    if find_spec("matplotlib") is None and (out is None or out.suffix.lower() == ".svg"):
-        from edgemap.runtime.frames.disk import write_atomically
-        from edgemap.runtime.outputs.notebook import map_svg
-
-        drawing = out or stem.with_suffix(".svg")
-        write_atomically(drawing, map_svg(objects, trajectory.poses if trajectory else (), zones, grid))
-        return drawing
-    from edgemap.plots.floor_map import plot_map
-
-    seen = _read_sightings(folder) if is_run and with_sightings else []
-    return plot_map(out or stem.with_suffix(".png"), objects, seen, trajectory, zones=zones, grid=grid)
+    seen = read_sightings(folder) if is_run and with_sightings else []
+    drawn = DrawnMap(objects, _poses(folder) if is_run else (), seen, zones=zones, grid=load_grid(path))
+    return draw_map(out or stem.with_suffix(".png"), drawn)
 
 
-def _trajectory(folder: Path) -> "Trajectory | None":
-    """The run's trajectory; None where it is missing or empty, and where it is damaged, with a message."""
+def _poses(folder: Path) -> "tuple[SE2, ...]":
+    """The run's trajectory; none where it is missing or empty, and where it is damaged, with a message."""
     from edgemap.runtime.frames.errors import OdometryError
     from edgemap.runtime.frames.reading import print_message
     from edgemap.runtime.frames.trajectory import trajectory_of
 
     try:
-        return trajectory_of(folder)
+        trajectory = trajectory_of(folder)
     except OdometryError as error:
         print_message(f"(the trajectory is not drawn: {error})")
-        return None
-
-
-def _read_sightings(folder: Path) -> "list[SeenAt]":
-    from edgemap.plots.floor_map import SeenAt
-    from edgemap.runtime.outputs.sightings_file import read_sightings
-
-    return [SeenAt(record.label, record.object, *record.map_m) for record in read_sightings(folder)]
+        return ()
+    return trajectory.poses if trajectory else ()

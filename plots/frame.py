@@ -4,12 +4,13 @@ from pathlib import Path
 
 import cv2
 import numpy as np
+from matplotlib.patches import Ellipse
 from numpy.typing import NDArray
 
 from edgemap.geometry.camera.floor import FloorCamera
+from edgemap.geometry.map_object import CHI2_95
 from edgemap.geometry.observations.detections import Detections
 from edgemap.geometry.observations.sighting import Sighting
-from edgemap.plots.floor_map import ellipse_ends, ellipse_patch
 from edgemap.plots.style import (
     INK,
     Axes,
@@ -22,6 +23,8 @@ from edgemap.plots.style import (
     write_names,
 )
 from edgemap.runtime.step.overlay import draw_detections, draw_floor_grid
+
+LONGEST_AXIS_M = 3.0  # an ellipse larger than this does not stretch the drawing
 
 
 def plot_frame(
@@ -72,8 +75,20 @@ def _map(axes: Axes, sightings: list[Sighting]) -> None:
     points = [np.array([[-0.3, -1.0], [1.0, 1.0]])]
     for sighting in sightings:
         covariance, colour = sighting.covariance_m2 + sighting.shared_m2, colours[sighting.label]
-        axes.add_patch(ellipse_patch(sighting.position_base_m, covariance, colour))
+        axes.add_patch(_ellipse(sighting.position_base_m, covariance, colour))
         axes.plot(*sighting.position_base_m[::-1], marker=label_marker(sighting.label), markersize=7, color=colour)
-        points.append(ellipse_ends(sighting.position_base_m, covariance))
+        reach = np.minimum(np.sqrt(CHI2_95 * np.diag(covariance)), LONGEST_AXIS_M)
+        points.append(sighting.position_base_m + np.array([reach, -reach]))
     floor_axes(axes, "(c) 2-D map with 95 % ellipses", "base")
     end_where_the_data_ends(axes, np.concatenate(points))
+
+
+def _ellipse(position_m: NDArray[np.float64], covariance_m2: NDArray[np.float64], colour: tuple) -> Ellipse:
+    """The 95 % ellipse, in drawing axes (horizontal y, vertical x)."""
+    values, vectors = np.linalg.eigh(covariance_m2[::-1, ::-1])
+    width, height = 2.0 * np.sqrt(CHI2_95 * np.maximum(values, 0.0))
+    angle_deg = float(np.degrees(np.arctan2(vectors[1, 0], vectors[0, 0])))
+    return Ellipse(
+        (float(position_m[1]), float(position_m[0])), width, height, angle=angle_deg, facecolor=(*colour[:3], 0.18),
+        edgecolor=colour, linewidth=1.0, zorder=2,
+    )  # fmt: skip

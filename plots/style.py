@@ -10,7 +10,6 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.colors import to_rgba
 from matplotlib.figure import Figure
-from matplotlib.lines import Line2D
 from matplotlib.path import Path as MplPath
 from matplotlib.patheffects import withStroke
 from numpy.typing import NDArray
@@ -19,14 +18,14 @@ from edgemap.geometry.errors import EdgemapError
 from edgemap.runtime.frames.colours import SHAPES, label_colour, label_mark
 from edgemap.runtime.frames.disk import make_folder, write_atomically
 from edgemap.runtime.frames.errors import DiskError
-from edgemap.view.report.labels import TEXT_PX, place_labels
+from edgemap.runtime.outputs.mapfiles.labels import TEXT_PX, place_labels
 
 mpl.use("Agg")
 mpl.rcParams["text.parse_math"] = False  # labels and ids come from files: a dollar sign is one
 
 __all__ = [
     "Axes", "Figure", "PlotError", "end_where_the_data_ends", "floor_axes", "label_colours", "label_marker",
-    "legend_marks", "plt", "save", "write_names",
+    "plt", "save", "write_names",
 ]  # fmt: skip
 
 
@@ -50,14 +49,6 @@ def label_marker(label: str) -> str | MplPath:
         return "o"
     points = [(x, -y) for x, y in corners]
     return MplPath([*points, points[0]], closed=True)
-
-
-def legend_marks(labels: Iterable[str]) -> list[Line2D]:
-    """A handle for each label: its mark and its name."""
-    return [
-        Line2D([], [], marker=label_marker(label), linestyle="", markersize=7, color=colour, label=label)
-        for label, colour in label_colours(labels).items()
-    ]
 
 
 def end_where_the_data_ends(axes: Axes, points_m: NDArray[np.float64]) -> None:

@@ -15,7 +15,7 @@ DISTRIBUTION = "edgemap-robot"
 EXTRAS: dict[str, tuple[str, dict[str, str]]] = {
     "teacher": ("train floor --teacher", {"ai_edge_litert": "ai-edge-litert"}),
     "export": ("pull by name, export, train", {"torch": "torch", "onnx": "onnx", "onnxscript": "onnxscript"}),
-    "plot": ("map show as PNG, detect --plot", {"matplotlib": "matplotlib"}),
+    "plot": ("figures of detect, eval and bench --plot", {"matplotlib": "matplotlib"}),
     "evaluation": ("eval detection", {"faster_coco_eval": "faster-coco-eval"}),
     "simulation": ("rendered rooms", {"moderngl": "moderngl", "av": "av", "PIL": "pillow", "embreex": "embreex"}),
     "openvino": ("bench --against openvino", {"openvino": "openvino"}),

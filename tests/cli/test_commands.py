@@ -529,8 +529,8 @@ def test_a_map_is_drawn_from_what_a_power_cut_left(edgemap, run_folder):
 
 def test_a_picture_that_cannot_be_written_is_one_line(edgemap, run_folder, tmp_path):
     (tmp_path / "file").write_text("in the way")
-    for name, text in (("map.foo", ".png or .svg"), ("file/map.png", "cannot be written")):
-        assert text in one_line(edgemap("map", "show", run_folder, "--out", tmp_path / name))
+    for name, code, text in (("map.foo", 1, ".png or .svg"), ("file/map.png", 4, "cannot be written")):
+        assert text in one_line(edgemap("map", "show", run_folder, "--out", tmp_path / name), code)
 
 
 def test_detect_places_exactly_what_it_calls_on_the_floor(edgemap, painted_bundle, pictures):

@@ -20,11 +20,11 @@ from edgemap.geometry.objects.edits import Annotations, Zone
 from edgemap.runtime.frames.errors import PublishError
 from edgemap.runtime.frames.reading import library_path, one_line, printable
 from edgemap.runtime.inputs.cameras.pictures import open_folder
+from edgemap.runtime.outputs.mapfiles.drawing import DrawnMap, map_svg
 from edgemap.runtime.outputs.mapfiles.geojson import geojson_text
 from edgemap.runtime.outputs.mapfiles.nav2 import vector_text
 from edgemap.runtime.outputs.mapfiles.table import csv_text
 from edgemap.runtime.step.map_file import map_document, read_map
-from edgemap.view.report.floor_svg import floor_svg
 from edgemap.view.report.history import History
 from edgemap.view.report.page import ReportContent, report_page
 from reliability.parts import PartReport
@@ -107,7 +107,7 @@ def _use_map(folder: Path, data: bytes) -> None:
     assert len({feature["id"] for feature in features if isinstance(feature["id"], str)}) == len(features)
     shapes: Any = yaml.safe_load(vector_text(objects))["vector_object_server"]["ros__parameters"].get("shapes", [])
     assert len(set(shapes)) == len(objects)
-    drawing = ElementTree.fromstring(str(floor_svg(objects, [], zones=zones)))
+    drawing = ElementTree.fromstring(map_svg(DrawnMap(objects, zones=zones)))
     assert not [part.tag for part in drawing.iter() if part.tag == "script"]
     page = report_page(ReportContent({"camera": text(Random(len(data)))}, objects, History(), zones=zones))
     assert "<script" not in page

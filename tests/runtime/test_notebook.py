@@ -38,7 +38,7 @@ def test_a_map_is_a_drawing_that_stands_alone_over_a_table():
     named = " ".join(drawing.itertext())
     assert all(item.id in named for item in objects)
     assert drawing.find(".//{http://www.w3.org/2000/svg}style") is not None
-    assert [element for element in drawing.iter() if element.get("class") == "trajectory"]
+    assert [element for element in drawing.iter() if element.get("stroke") == "#7f8a97"]  # the trajectory
     cells = []
 
     class Cells(HTMLParser):

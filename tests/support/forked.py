@@ -16,7 +16,7 @@ from functools import cache
 from pathlib import Path
 from typing import NoReturn
 
-LIBRARIES = ("cv2", "onnxruntime", "tyro", "edgemap.runtime.session", "edgemap.cli.drive", "edgemap.plots.floor_map")
+LIBRARIES = ("cv2", "onnxruntime", "tyro", "edgemap.runtime.session", "edgemap.cli.drive")
 HOST_LIBRARIES = ("torch", "onnx")  # of `export` and `train`: imported before the first of them
 TIMEOUT_S = 100.0
 

@@ -11,9 +11,9 @@ from edgemap.geometry.objects.edits import Zone
 from edgemap.geometry.objects.evaluation_row import EvaluationRow
 from edgemap.geometry.se2 import SE2
 from edgemap.runtime.frames.colours import label_colour
+from edgemap.runtime.outputs.mapfiles.labels import place_labels
 from edgemap.runtime.outputs.verdict.verdict import is_doubtful
 from edgemap.view.report.floor_picture import Sheet, observed_floor
-from edgemap.view.report.labels import place_labels
 from edgemap.view.report.markup import Markup, el, joined, polyline
 from edgemap.view.report.tables import mark_shape
 

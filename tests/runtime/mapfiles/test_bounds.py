@@ -13,15 +13,14 @@ from edgemap.geometry.objects.edits import Annotations, Zone
 from edgemap.geometry.objects.merge import merge_maps
 from edgemap.geometry.registration.alignment import Alignment, AlignmentError, align
 from edgemap.geometry.se2 import SE2
-from edgemap.plots.floor_map import plot_map
-from edgemap.plots.style import PlotError
 from edgemap.runtime.frames.trajectory import Trajectory
+from edgemap.runtime.outputs.mapfiles.drawing import DrawnMap, draw_map
 from edgemap.runtime.outputs.mapfiles.geojson import geojson_text
 from edgemap.runtime.outputs.mapfiles.grid import MAXIMUM_CELLS, CellsRule, grid_of
+from edgemap.runtime.outputs.mapfiles.labels import place_labels
 from edgemap.runtime.outputs.mapfiles.nav2 import MAXIMUM_SHAPES, vector_text
 from edgemap.runtime.step.map_file import map_document, read_map
 from edgemap.view.report.history import History
-from edgemap.view.report.labels import place_labels
 from edgemap.view.report.page import MAXIMUM_DRAWN, ReportContent, report_page
 
 
@@ -60,8 +59,8 @@ def test_the_other_exporters_are_bounded_too(tmp_path):
     objects = many(MAXIMUM_SHAPES + 1)
     with pytest.raises(MapError, match=f"at most {MAXIMUM_SHAPES} are shapes"):
         vector_text(objects)
-    with pytest.raises(PlotError, match="5001 objects, at most 5000 are drawn"):
-        plot_map(tmp_path / "map.svg", objects)
+    with pytest.raises(MapError, match="5001 objects, at most 5000 are drawn"):
+        draw_map(tmp_path / "map.svg", DrawnMap(objects))
     assert len(place_labels([("chair", float(k), 0.0) for k in range(20_000)], 900.0, 700.0)) == 20_000
     page = report_page(ReportContent({}, objects, History()))
     assert (page.count('class="bound"'), len(page) < 4 << 20) == (MAXIMUM_DRAWN, True)

@@ -17,7 +17,6 @@ from edgemap.view.report.charts import duration, nice_top
 from edgemap.view.report.crops import MAXIMUM_CROPS, SIDE_PX, BestCrops
 from edgemap.view.report.floor_svg import floor_svg
 from edgemap.view.report.history import MAX_POSES, MAX_WINDOWS, History
-from edgemap.view.report.labels import place_labels
 from edgemap.view.report.markup import prose
 
 NOISE = np.random.default_rng(1).integers(0, 255, (480, 640, 3), dtype=np.uint8)
@@ -169,12 +168,6 @@ def test_the_ellipse_lies_along_its_uncertainty():
     assert rx / ry == pytest.approx(math.sqrt(0.0401 / 0.0001), rel=0.03)
     right, down = math.cos(angle), math.sin(angle)
     assert right * down > 0  # right goes with down
-
-
-def test_labels_keep_off_each_other():
-    marks = [("chair-1", 100.0, 100.0), ("chair-2", 104.0, 103.0), ("chair-3", 98.0, 108.0)]
-    spots = place_labels(marks, 400, 300)
-    assert len({(anchor, round(y / 14)) for _, y, anchor in spots}) == 3
 
 
 @pytest.mark.parametrize(("seconds", "text"), [(0, "0 s"), (19.9, "19.9 s"), (125, "2:05 min"), (7260, "2:01 h")])

@@ -1,0 +1,134 @@
+"""The map from above as SVG and PNG: the same shapes, names that cover nothing, everything within the sheet."""
+
+import math
+import xml.etree.ElementTree as ElementTree
+from itertools import combinations
+from typing import Any
+
+import cv2
+import numpy as np
+import pytest
+
+from edgemap.geometry.errors import MapError
+from edgemap.geometry.grid.occupancy_grid import OccupancyGrid
+from edgemap.geometry.map_object import CHI2_95, MapObject
+from edgemap.geometry.objects.edits import Zone
+from edgemap.geometry.se2 import SE2
+from edgemap.runtime.outputs.mapfiles.drawing import TITLE_PX, DrawnMap, _ellipse, _panels, _sheet, draw_map, map_svg
+from edgemap.runtime.outputs.mapfiles.labels import place_labels
+from edgemap.runtime.outputs.mapfiles.shapes import PNG_SCALE, Raster, Shape, Text, bgr, png_of
+from edgemap.runtime.outputs.sightings_file import SeenRecord
+
+SVG = "{http://www.w3.org/2000/svg}"
+
+
+def item(identity, x, y, covariance: Any = 0.01, name=""):
+    label = identity.rpartition("-")[0]
+    matrix = np.array(covariance) if np.ndim(covariance) else covariance * np.eye(2)
+    return MapObject(identity, label, np.array([x, y], float), matrix, 0.5, 0.9, 9, 0.9, 0.0, 1.0, name=name)
+
+
+FULL = DrawnMap(
+    [item("chair-1", 2, 0), item("bed-1", 0, 2), item("vase-1", 1, 1, 1.0)],
+    (SE2(), SE2(0.5, 0, 0)),
+    [SeenRecord("chair", (2.1, 0.0), "chair-1"), SeenRecord("tv", (1.0, 1.0))],
+    [("bed", 0.0, 2.2)],
+    (Zone("zone-1", "kitchen", ((0.0, 0.0), (1.0, 0.0), (1.0, 1.0))),),
+    OccupancyGrid(np.full((40, 60), -40, np.int8), -1.0, -1.0, 0.05),
+)
+
+
+def texts(drawn):
+    return [part.text or "" for part in ElementTree.fromstring(map_svg(drawn)).iter(f"{SVG}text")]
+
+
+def test_forward_is_up_and_left_is_left_and_the_picture_shows_it_there(tmp_path):
+    """An object 2 m ahead and one 2 m to the left: the first is drawn above the origin, the second left of it."""
+    drawn = DrawnMap(FULL.objects[:2])
+    sheet = _sheet(drawn)
+    origin, ahead, left = (sheet.at(place) for place in ([0, 0], [2, 0], [0, 2]))
+    assert origin - ahead == pytest.approx([0.0, 2.0 * sheet.px_per_m])
+    assert origin - left == pytest.approx([2.0 * sheet.px_per_m, 0.0])
+    picture = cv2.imread(str(draw_map(tmp_path / "made" / "map.png", drawn)))
+    assert picture is not None
+    for at, colour in ((ahead, "#0072b2"), (left, "#c77700")):
+        right, down = (PNG_SCALE * (at + (0.0, TITLE_PX))).round().astype(int)
+        assert tuple(picture[down, right].tolist()) in (bgr(colour), (255, 255, 255)) or picture[down, right].std() > 20
+
+
+def test_a_run_has_three_panels_and_a_map_alone_has_one():
+    assert {"(a) all 2 sightings", "(b) 3 clusters", "(c) 3 objects with 95 % ellipses", "kitchen", "chair-1"} <= set(
+        texts(FULL)
+    )
+    alone = DrawnMap(FULL.objects, FULL.poses)
+    assert not [text for text in texts(alone) if text.startswith("(")]
+    assert _panels(FULL)[1] > 2.8 * _panels(alone)[1]
+    assert "no objects" in texts(DrawnMap([]))
+
+
+@pytest.mark.parametrize("drawn", [FULL, DrawnMap([]), DrawnMap([item("chair-1", 40, -3, 9.0)], FULL.poses)])
+def test_all_that_is_drawn_lies_on_the_sheet(drawn):
+    items, width, height = _panels(drawn)
+    for one in items:
+        if isinstance(one, Shape) and one.closed:
+            assert (one.points >= -1).all()
+            assert (one.points <= (width + 1, height + 1)).all()
+        elif isinstance(one, Text):
+            assert 0 <= one.x <= width
+            assert 0 <= one.y <= height
+
+
+def test_doubtful_objects_are_a_hollow_mark_without_an_ellipse():
+    """The vase's position is known to a metre."""
+    shapes = [one for one in _panels(DrawnMap(FULL.objects))[0] if isinstance(one, Shape)]
+    assert [shape for shape in shapes if len(shape.points) == 48] != []
+    assert len([shape for shape in shapes if len(shape.points) == 48]) == 2  # ellipses
+    assert len([shape for shape in shapes if shape.fill == "#ffffff"]) == 1
+
+
+def test_the_ellipse_lies_along_its_uncertainty():
+    """Long along x + y (ahead and to the left): in the drawing that runs from lower right to upper left."""
+    along = np.array([1.0, 1.0]) / math.sqrt(2)
+    points = _ellipse(item("a-1", 0, 0, 0.04 * np.outer(along, along) + 0.0001 * np.eye(2)))
+    longest = points[np.argmax(np.linalg.norm(points, axis=1))]
+    assert np.linalg.norm(longest) == pytest.approx(math.sqrt(CHI2_95 * 0.0401), rel=0.01)
+    assert longest[0] == pytest.approx(longest[1], rel=0.05)
+
+
+def test_names_of_objects_that_stand_close_do_not_cover_each_other():
+    marks = [("chair-1", 100.0, 100.0), ("dining table-2", 104.0, 103.0), ("chair-3", 98.0, 108.0), ("vase-1", 99, 99)]
+    boxes = []
+    for (text, *_), (x, y, anchor) in zip(marks, place_labels(marks, 400, 300), strict=True):
+        wide = 6.5 * len(text)
+        left = x - {"start": 0.0, "middle": 0.5, "end": 1.0}[anchor] * wide
+        boxes.append((left, y - 9, left + wide, y))
+    assert not [
+        1 for a, b in combinations(boxes, 2)
+        if min(a[2], b[2]) - max(a[0], b[0]) > 1 and min(a[3], b[3]) - max(a[1], b[1]) > 1
+    ]  # fmt: skip
+
+
+def test_names_are_text_whatever_they_hold():
+    hostile = '</text><script>x</script> & "q" \u202e\ud800'
+    drawn = DrawnMap([item("chair-1", 1, 0, name=hostile)])
+    tree = ElementTree.fromstring(map_svg(drawn))
+    assert {part.tag for part in tree.iter()} == {f"{SVG}{tag}" for tag in ("svg", "style", "rect", "path", "text")}
+    assert any('</text><script>x</script> & "q"' in (text or "") for text in texts(drawn))
+
+
+def test_a_picture_is_laid_where_it_belongs_and_cut_at_the_border():
+    pixels = np.zeros((2, 2, 4), np.uint8)
+    pixels[0, 0], pixels[1, 1] = (0, 0, 255, 255), (255, 0, 0, 128)
+    image = cv2.imdecode(np.frombuffer(png_of([Raster(pixels, -4.0, 2.0, 12.0, 8.0)], 10, 10), np.uint8), 1)
+    assert image is not None
+    assert image[5, 1].tolist() == [0, 0, 255]
+    assert image[15, 10].tolist() == [255, 127, 127]
+    assert image[5, 10].tolist() == [255, 255, 255]
+
+
+def test_what_cannot_be_drawn_is_one_line(tmp_path):
+    with pytest.raises(MapError, match=r"pictures are \.png or \.svg"):
+        draw_map(tmp_path / "map.jpg", FULL)
+    (tmp_path / "file").write_text("in the way")
+    with pytest.raises(MapError, match="cannot be"):
+        draw_map(tmp_path / "file" / "map.png", FULL)
