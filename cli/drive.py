@@ -86,7 +86,7 @@ class Run:
             living_map(self.place, self.slam.mapper) as kept,
             live_page(
                 options.watch, self.source, self.loaded, self.floor, options.robot.odometry, self.folder, self._frames,
-                self.crops, edits, self.kept_camera.set_mount, lambda: self.slam.mapper.relocaliser.searching,
+                self.crops, edits, self.kept_camera.set_mount, lambda: self.slam.mapper.searching,
             ) as page,
         ):  # fmt: skip
             self._drive_with(page, stop, edits, kept)

@@ -57,7 +57,7 @@ def living_map(place: MapPlace | None, mapper: Mapper) -> Iterator[list[LivingMa
         yield []
         return
 
-    sink = LivingMap(place.path, lambda: mapper.relocaliser.searching)
+    sink = LivingMap(place.path, lambda: mapper.searching)
     try:
         yield [sink]
     finally:
@@ -67,7 +67,7 @@ def living_map(place: MapPlace | None, mapper: Mapper) -> Iterator[list[LivingMa
 def where_it_was(mapper: Mapper, saved: Path | None) -> str | None:
     """Result of the relocalisation in the saved map, in one line; None where there was none."""
     search = mapper.relocaliser
-    if not search.saved:
+    if search is None:
         return None
     if search.alignment is None:
         return f"not found in {saved}, so this run's map stands alone in its own frame: {search.reason}"

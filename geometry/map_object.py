@@ -1,9 +1,8 @@
-"""The objects of the map (position, size, identity), and the interface that clusters sightings into objects."""
+"""The objects of the map: position, size, identity."""
 
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Protocol
 
 from edgemap.geometry.arrays import Array
 from edgemap.geometry.observations.class_extents import footprint_m
@@ -41,50 +40,6 @@ class MapObject:
     corrected: tuple[str, ...] = ()
     yaw_rad: float | None = None
     depth_m: float | None = None
-
-
-class ObjectMap(Protocol):
-    """Interface of a clustering of sightings into objects, updated frame by frame.
-
-    merged: retired ids, each with the id of the object that replaced it. movable: whether a trajectory correction can
-    move its objects, and whether they can be removed. A map that is not movable is called fixed.
-    """
-
-    movable: bool
-    merged: dict[str, str]
-
-    def update(self, sightings: list[PlacedSighting]) -> list[str]:
-        """Updates the map with all sightings of one frame. Returns the id of the object of each sighting, in order."""
-        ...
-
-    def objects(self) -> list[MapObject]:
-        """The current objects, ordered by id."""
-        ...
-
-    def near(self, point_m: Array, reach_m: float) -> list[MapObject]:
-        """The objects within `reach_m` of a point (2,), map frame. Raises MapError if the map is fixed."""
-        ...
-
-    def shown_as(self, identity: str) -> str:
-        """The id under which the map shows the object that `update` returned as this id."""
-        ...
-
-    def moved(self) -> None:
-        """Moves all objects after the trajectory was corrected. Raises MapError if the map is fixed."""
-
-    def set_presence(self, identity: str, probability: float) -> None:
-        """Sets the probability that an object still exists. It scales the confidence. Raises MapError if fixed."""
-
-    def retilt(self, tilt_rad: Array) -> None:
-        """Moves all objects after the roll and pitch (2,) of the mount have changed, rad. Raises MapError if the map is
-        fixed.
-        """
-
-    def scale(self, factor: float) -> None:
-        """Multiplies all lengths by a factor, about the map's origin. Raises MapError if the map is fixed."""
-
-    def drop(self, identity: str) -> None:
-        """Removes an object; its id is not used again. Raises MapError if the map is fixed."""
 
 
 class SightingSums:

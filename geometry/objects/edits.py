@@ -12,9 +12,10 @@ from typing import Literal
 import numpy as np
 
 from edgemap.geometry.errors import MapError
-from edgemap.geometry.map_object import MapObject, ObjectMap, id_order
+from edgemap.geometry.map_object import MapObject, id_order
 from edgemap.geometry.objects.class_posterior import least_spacing_m
 from edgemap.geometry.objects.corrections import Correction, added_object, fault_of
+from edgemap.geometry.objects.floor_map import FloorMap
 from edgemap.geometry.objects.merge import fused
 from edgemap.geometry.observations.class_extents import HEIGHT_M, footprint_m
 from edgemap.geometry.registration.alignment import Alignment
@@ -167,14 +168,14 @@ class MapEdits:
         """The zones, in the order in which they were drawn."""
         return tuple(drawn.zone for drawn in self._zones.values())
 
-    def take(self, edit: Edit, measured: ObjectMap, anchors: Callable[[Corners], np.ndarray]) -> str:
+    def take(self, edit: Edit, measured: FloorMap, anchors: Callable[[Corners], np.ndarray]) -> str:
         """Do an edit; the id of its object or zone. measured: the map. anchors: stamps (N,) of the poses nearest to
         points (N, 2). Raises EditError, and changes nothing."""
         identity = self._take(edit, measured, anchors)
         self._version += 1
         return identity
 
-    def _take(self, edit: Edit, measured: ObjectMap, anchors: Callable[[Corners], np.ndarray]) -> str:
+    def _take(self, edit: Edit, measured: FloorMap, anchors: Callable[[Corners], np.ndarray]) -> str:
         if edit.do == "zone":
             return self._put_zone(edit, anchors)
         if edit.do == "drop_zone":
@@ -210,7 +211,7 @@ class MapEdits:
             self.joined[edit.id] = edit.into
         return edit.id
 
-    def shown(self, measured: ObjectMap) -> list[MapObject]:
+    def shown(self, measured: FloorMap) -> list[MapObject]:
         """The measured map's objects with the edits applied; the same list where there are none."""
         objects = measured.objects()
         if not (self.names or self.confirmed or self.deleted or self.joined or self.corrections or self.added):
@@ -221,7 +222,7 @@ class MapEdits:
             self._lay_over(objects, measured)
         return self._shown
 
-    def annotations(self, measured: ObjectMap) -> Annotations:
+    def annotations(self, measured: FloorMap) -> Annotations:
         """Zones and deleted objects as they stand; the very same as long as they do."""
         if self.deleted:
             self.shown(measured)
@@ -230,11 +231,11 @@ class MapEdits:
             self._annotations = now
         return self._annotations
 
-    def kept(self, measured: ObjectMap) -> frozenset[str]:
+    def kept(self, measured: FloorMap) -> frozenset[str]:
         """Ids of the measured map that a person has confirmed: they are not forgotten."""
         return frozenset(self._place(identity, measured) for identity in self.confirmed)
 
-    def merges(self, measured: ObjectMap) -> dict[str, str]:
+    def merges(self, measured: FloorMap) -> dict[str, str]:
         """Ids that a person has merged into others, to those."""
         return {one: self._root(one, measured) for one in self.joined} if self.joined else {}
 
@@ -275,14 +276,14 @@ class MapEdits:
                 self.corrections[identity] = replace(said, place_m=place)
         self._version += 1
 
-    def _rename(self, identity: str, name: str, measured: ObjectMap) -> None:
+    def _rename(self, identity: str, name: str, measured: FloorMap) -> None:
         if len(name) > LONGEST_NAME or not (name.isprintable() and name == name.strip()):
             raise EditError(f"a name has at most {LONGEST_NAME} printable characters and no space at its ends")
         self.names = {one: name_of for one, name_of in self.names.items() if self._root(one, measured) != identity}
         if name:
             self.names[identity] = name
 
-    def _correct(self, edit: Edit, measured: ObjectMap, anchors: Callable[[Corners], np.ndarray]) -> None:
+    def _correct(self, edit: Edit, measured: FloorMap, anchors: Callable[[Corners], np.ndarray]) -> None:
         said = _correction(edit, anchors)
         if said == Correction():
             raise EditError(f"nothing of {edit.id!r} is to be corrected: give a label, a position, a size or a yaw")
@@ -333,15 +334,15 @@ class MapEdits:
         self._zones[identity] = _DrawnZone(Zone(identity, edit.name, edit.corners_m), anchors(edit.corners_m))
         return identity
 
-    def _place(self, identity: str, measured: ObjectMap) -> str:
+    def _place(self, identity: str, measured: FloorMap) -> str:
         """The id under which the measured map shows what was once this object."""
         return measured.shown_as(measured.merged.get(identity, identity))
 
-    def _joins(self, measured: ObjectMap) -> dict[str, str]:
+    def _joins(self, measured: FloorMap) -> dict[str, str]:
         """What people have merged, by the ids that the measured map shows."""
         return {self._place(one, measured): self._place(other, measured) for one, other in self.joined.items()}
 
-    def _root(self, identity: str, measured: ObjectMap, joins: Mapping[str, str] | None = None) -> str:
+    def _root(self, identity: str, measured: FloorMap, joins: Mapping[str, str] | None = None) -> str:
         """`_place` after all that people have merged. joins: `_joins`, for whoever asks often."""
         joins = self._joins(measured) if joins is None else joins
         identity, passed = self._place(identity, measured), set[str]()
@@ -364,7 +365,7 @@ class MapEdits:
                     joins[item.id] = ours.id
         return [*objects, *added], joins
 
-    def _lay_over(self, objects: list[MapObject], measured: ObjectMap) -> None:
+    def _lay_over(self, objects: list[MapObject], measured: FloorMap) -> None:
         joins = self._joins(measured)
         out = {self._root(identity, measured, joins): labels for identity, labels in self.deleted.items()}
         objects, joins = self._with_added(objects, joins)

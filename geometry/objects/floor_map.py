@@ -47,8 +47,6 @@ class FloorMap:
     """Objects of landmarks, fed frame by frame; deterministic ids such as `chair-3` in order of appearance. graph: the
     landmarks and the trajectory that observed them."""
 
-    movable = True
-
     def __init__(self, rule: AssociationRule | None = None, graph: GraphRule | None = None) -> None:
         self.rule = rule or AssociationRule()
         self.graph = PoseGraph(graph, self.rule.min_count)

@@ -9,7 +9,8 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from edgemap.geometry.camera.floor import FloorCamera
-from edgemap.geometry.map_object import MapObject, ObjectMap
+from edgemap.geometry.map_object import MapObject
+from edgemap.geometry.objects.floor_map import FloorMap
 from edgemap.geometry.objects.visibility import ViewRule, expected_boxes, floor_in_place, in_plain_view, iou
 from edgemap.geometry.observations.detections import Detections
 from edgemap.geometry.observations.floor_mask import FloorMask
@@ -43,14 +44,6 @@ class _Visit:
     seen: bool | None = False
 
 
-class NoForgetting:
-    """For maps that never remove an object."""
-
-    def observe(self, *_: object) -> list[str]:
-        """Removes nothing."""
-        return []
-
-
 class Forgetter:
     """Counts how often each object of the map was missed since it was last detected. observations: clear observations
     so far, by id."""
@@ -63,7 +56,7 @@ class Forgetter:
 
     def observe(
         self,
-        floor_map: ObjectMap,
+        floor_map: FloorMap,
         detections: Detections,
         pose_map_base: SE2,
         object_ids: Sequence[str],
@@ -105,7 +98,7 @@ class Forgetter:
                 floor_map.set_presence(item.id, 1.0 - missed / self.rule.misses)
         return gone
 
-    def _concerned(self, floor_map: ObjectMap, pose_map_base: SE2, sighted: set[str]) -> list[MapObject]:
+    def _concerned(self, floor_map: FloorMap, pose_map_base: SE2, sighted: set[str]) -> list[MapObject]:
         """Those near enough that are sighted or ahead, for which geometry is worth its time."""
         here = np.array([pose_map_base.x_m, pose_map_base.y_m])
         objects = floor_map.near(here, NEAR_M)

@@ -1,7 +1,6 @@
 """Loop closure: landmarks observed again measure the drift of odometry, and correct trajectory and map."""
 
 import math
-from collections.abc import Generator
 from dataclasses import dataclass
 
 from edgemap.geometry.arrays import Array
@@ -25,16 +24,17 @@ class LoopCorrection:
     links: int
 
 
-class NoLoopClosure:
-    """The pose is odometry's; the map's size stays bounded, a unit of work in each frame.
+class LoopCloser:
+    """Bounds the size of the map and closes loops in its graph every few keyframes, a unit of work in each frame.
 
-    found: number of landmarks matched to earlier ones so far.
+    Counts frames, path and rotation, never time: the same frames give the same corrections. closes_loops: where not,
+    it only bounds the size, and the pose is odometry's. found: number of landmarks matched to earlier ones so far.
     """
 
-    closes_loops = False
-
-    def __init__(self) -> None:
+    def __init__(self, closes_loops: bool = True) -> None:
+        self.closes_loops = closes_loops
         self.found = 0
+        self._search: LoopSearch | None = None
         self._graph: PoseGraph | None = None
         self._work: Closure | None = None
 
@@ -49,54 +49,32 @@ class NoLoopClosure:
 
     def step(self, graph: PoseGraph, now_s: float) -> LoopCorrection | None:
         """One unit of the work under way; the correction that it ends with. now_s: stamp of the latest frame."""
-        if self._work is None:
-            return None
-        if graph is not self._graph:  # of a map that was replaced
+        if self._work is None or graph is not self._graph:  # of a map that was replaced
             self._work = None
             return None
         try:
             next(self._work)
+            return None
         except StopIteration as end:
             self._work = None
-            before = graph.trajectory.pose
-            past = None
-            if end.value is not None:
-                solution, relinked = end.value
-                past = graph.correct(solution, relinked, now_s)
-            if past is not None:
-                pose = graph.trajectory.pose
-                moved_m = math.hypot(pose.x_m - before.x_m, pose.y_m - before.y_m)
-                return LoopCorrection(pose, past.covariances[-1], past, moved_m, self.found)
-        return None
+            solved = end.value
+        before = graph.trajectory.pose
+        past = None if solved is None else graph.correct(*solved, now_s)
+        if past is None:
+            return None
+        pose = graph.trajectory.pose
+        moved_m = math.hypot(pose.x_m - before.x_m, pose.y_m - before.y_m)
+        return LoopCorrection(pose, past.covariances[-1], past, moved_m, self.found)
 
     def _units(self, floor_map: FloorMap) -> Closure:
-        yield from _bounded(floor_map)
-        return None
-
-
-class LoopCloser(NoLoopClosure):
-    """Tries every few keyframes to close loops in the map's graph too.
-
-    Counts frames, path and rotation, never time: the same frames give the same corrections.
-    """
-
-    closes_loops = True
-
-    def __init__(self) -> None:
-        super().__init__()
-        self._search: LoopSearch | None = None
-
-    def _units(self, floor_map: FloorMap) -> Closure:
-        yield from _bounded(floor_map)
+        floor_map.bound()
+        yield
+        floor_map.bound_trajectory()
+        yield
+        if not self.closes_loops:
+            return None
         if self._search is None or self._search.graph is not floor_map.graph:
             self._search = LoopSearch(floor_map.graph)
         solved = yield from self._search.closure()
         self.found = self._search.found
         return solved
-
-
-def _bounded(floor_map: FloorMap) -> Generator[None, None, None]:
-    floor_map.bound()
-    yield
-    floor_map.bound_trajectory()
-    yield

@@ -13,11 +13,11 @@ from edgemap.geometry.camera.mount import Mount
 from edgemap.geometry.grid.floor_scan import FloorScan
 from edgemap.geometry.grid.fusion import GridFusion
 from edgemap.geometry.grid.occupancy_grid import OccupancyGrid
-from edgemap.geometry.map_object import MapObject, ObjectMap
+from edgemap.geometry.map_object import MapObject
 from edgemap.geometry.objects.crossed import is_crossed
 from edgemap.geometry.objects.edits import NO_ANNOTATIONS, Annotations, Edit, EditError, MapEdits
 from edgemap.geometry.objects.floor_map import FloorMap
-from edgemap.geometry.objects.forgetting import Forgetter, NoForgetting
+from edgemap.geometry.objects.forgetting import Forgetter
 from edgemap.geometry.objects.merge import merge_maps
 from edgemap.geometry.observations.movers import mover_boxes
 from edgemap.geometry.observations.sighting import PlacedSighting, Sighting
@@ -28,9 +28,9 @@ from edgemap.runtime.frames.timing import Stopwatch, StreamTimer
 from edgemap.runtime.motion.odometry.protocol import FARTHEST_M, Motion, is_covariance
 from edgemap.runtime.step.config import Config
 from edgemap.runtime.step.frame_observations import FrameObservations
-from edgemap.runtime.step.loop_closing import LoopCloser, LoopCorrection, NoLoopClosure
+from edgemap.runtime.step.loop_closing import LoopCloser, LoopCorrection
 from edgemap.runtime.step.pose_journal import PoseJournal
-from edgemap.runtime.step.relocalisation import NoRelocalisation, Relocaliser
+from edgemap.runtime.step.relocalisation import Relocaliser
 
 MIN_VARIANCE_M2 = 1e-10  # of an observation: no box is that exact, and its inverse stays finite
 GRID_EVERY_S = 1.0  # of stream between two grids that a step shows: planners and people need no more
@@ -71,22 +71,25 @@ class MapUpdate:
 class Mapper:
     """Data association, landmarks, loop closure, relocalisation and forgetting behind one method.
 
-    Depends on what it is given and on nothing else: the same observations make the same map.
+    Depends on its inputs only: the same observations make the same map. paper: the objects by the paper's clustering,
+    which are the map then; its sightings stay where they were placed, so no loops are closed, no object is forgotten,
+    and people edit zones and the dock only. forgetter: None where objects never leave the map. relocaliser: None
+    without a saved map that was entered at an unknown pose.
     """
 
     def __init__(
         self,
-        object_map: ObjectMap | None = None,
         *,
         config: Config | None = None,
-        loop_closer: LoopCloser | NoLoopClosure | None = None,
-        forgetter: Forgetter | NoForgetting | None = None,
+        paper: PaperMap | None = None,
+        closes_loops: bool = False,
+        forgetter: Forgetter | None = None,
     ) -> None:
         self.config = config or Config()
-        self.map: ObjectMap = object_map or FloorMap(self.config.association, self.config.loop_closure)
-        self.loop_closer = loop_closer if loop_closer and self.map.movable else NoLoopClosure()
-        self.forgetter = forgetter if forgetter and self.map.movable else NoForgetting()
-        self.relocaliser: Relocaliser | NoRelocalisation = NoRelocalisation()
+        self.map, self.paper = FloorMap(self.config.association, self.config.loop_closure), paper
+        self.loop_closer = LoopCloser(closes_loops and paper is None)
+        self.forgetter = forgetter if paper is None else None
+        self.relocaliser: Relocaliser | None = None
         self.grid = GridFusion(self.config.grid)
         self._shown_grid: OccupancyGrid | None = None
         self._shown_timer = StreamTimer(GRID_EVERY_S)
@@ -162,7 +165,7 @@ class Mapper:
     def in_scale(self, observed: FrameObservations) -> FrameObservations:
         """The observations in the map's lengths. Where the guess of the lens's height has become another, the map takes
         its scale first: all that is mapped, and the trajectory. A saved map keeps its own."""
-        if observed.scale != self.scale and self._scalable and self.map.movable and not self.loop_closer.busy:
+        if observed.scale != self.scale and self._scalable and self.paper is None and not self.loop_closer.busy:
             self._rescale(observed.scale / self.scale)
             self.scale = observed.scale
         return observed if observed.scale == self.scale == 1.0 else observed.scaled(self.scale)
@@ -204,8 +207,11 @@ class Mapper:
         merges = self.edits.merges(self.map)
         if merges:
             object_ids = [merges.get(self.map.shown_as(identity), identity) for identity in object_ids]
+        merged = self.map.merged | merges
+        if self.paper is not None:
+            object_ids, merged = self.paper.update(sightings), self.paper.merged
         return MapUpdate(
-            sightings, object_ids, self.map.merged | merges, self.pose_map_base, self.pose_covariance,
+            sightings, object_ids, merged, self.pose_map_base, self.pose_covariance,
             self.trajectory, self.travelled_m, self._watch.stages_ms, self.pose_odom_base, self.odom_covariance,
             correction, relocated, self.annotations(), self._shown_grid, self.grid.scan,
         )  # fmt: skip
@@ -225,6 +231,8 @@ class Mapper:
         Edits are inputs as frames are: the same ones after the same frames make the same map. Pose, trajectory and
         measured objects do not depend on them, but on `pose`; a confirmed object is not forgotten.
         """
+        if self.paper is not None and edit.do not in ("zone", "drop_zone", "dock", "drop_dock"):
+            raise EditError(f"{edit.do}: the paper's clustering keeps every sighting as it is")
         if edit.do == "pose":
             return self._set_pose(edit)
         return self.edits.take(edit, self.map, self.trajectory.stamps_near)
@@ -232,12 +240,17 @@ class Mapper:
     def objects(self) -> list[MapObject]:
         """The current map with edits applied, without furniture that the path of the base crosses. A saved map's
         objects stay, as the path may be wrong for a while: they leave by forgetting only."""
+        if self.paper is not None:
+            return self.paper.objects()
         shown = self.edits.shown(self.map)
-        if not isinstance(self.map, FloorMap):
-            return shown
         path, own = self.map.graph.trajectory, [item for item in shown if item.id not in self._saved_ids]
         crossed = {item.id for item in own if is_crossed(item, path, self._lens_m)}
         return [item for item in shown if item.id not in crossed] if crossed else shown
+
+    @property
+    def searching(self) -> bool:
+        """Whether the robot has yet to be relocalised in a saved map."""
+        return self.relocaliser is not None and self.relocaliser.searching
 
     def annotations(self) -> Annotations:
         """Zones and deleted objects as they stand."""
@@ -258,20 +271,17 @@ class Mapper:
         """Set the robot's pose in the map, which stays as it is, and end a relocalisation. Raises EditError."""
         if edit.pose is None or not np.isfinite(edit.pose).all():
             raise EditError("a pose is x, y and yaw: three finite numbers")
-        if not self.map.movable:
-            raise EditError("the paper's clustering keeps every sighting where it is: no pose can be set")
         sigmas = edit.sigmas or START_SIGMAS
         if not (np.isfinite(sigmas).all() and min(sigmas) > 0.0 and max(sigmas) < FARTHEST_M):
             raise EditError(f"standard deviations of a pose are above 0 and below {FARTHEST_M:g}")
         pose, covariance = SE2(*edit.pose), np.diag(np.square(sigmas))
-        if self.relocaliser.searching:
+        if self.relocaliser is not None and self.relocaliser.searching:
             back = self.pose_map_base.inverse()
             place = Alignment.exact(pose @ back)
-            self._join_saved_map(
-                replace(place, covariance=compose_covariance(pose, covariance, back, np.zeros((3, 3))))
-            )
+            covariance_a_b = compose_covariance(pose, covariance, back, np.zeros((3, 3)))
+            self._join_saved_map(self.relocaliser, replace(place, covariance=covariance_a_b))
             self.relocaliser.alignment = place
-        elif isinstance(self.map, FloorMap):
+        else:
             measured = self.map.objects()
             self.map = FloorMap.continued(measured, self.config.association, self.config.loop_closure, before=self.map)
             self.grid.transform(SE2())  # what it is fusing belongs to the pose before
@@ -310,7 +320,7 @@ class Mapper:
 
     def _retilt(self, seen: MountEstimate | None) -> None:
         """Move what was placed by the mount's angles when their estimate changes."""
-        if seen is None or not self.map.movable:
+        if seen is None:
             return
         before, self._placed_by = self._placed_by or seen.given, seen.used
         tilt_rad = np.array([seen.used.roll_rad - before.roll_rad, seen.used.pitch_rad - before.pitch_rad])
@@ -319,8 +329,6 @@ class Mapper:
 
     def _close_loops(self, observed: FrameObservations) -> LoopCorrection | None:
         """Where landmarks observed again show how far the pose has drifted, pose, trajectory and map move."""
-        if not isinstance(self.map, FloorMap):
-            return None
         graph = self.map.graph
         if not graph.trajectory.poses:
             graph.trajectory.begin(self.pose_map_base, self.pose_covariance, observed.stamp_s)
@@ -347,34 +355,33 @@ class Mapper:
 
     def _forget(self, observed: FrameObservations, object_ids: Sequence[str]) -> None:
         """What this picture should show and does not is less likely to be there. object_ids: objects sighted."""
-        if observed.searched:
+        if observed.searched and self.forgetter is not None:
             kept, pose, camera = self.edits.kept(self.map), self.pose_map_base, observed.camera
             self.forgetter.observe(self.map, observed.detections, pose, object_ids, camera, kept, observed.floor)
 
     def _relocalise(self) -> dict[str, str] | None:
         """The robot is found in the saved map, where that is certain by now: what the ids of its own map became; None
         as long as it is not, or was found before."""
-        alignment = self.relocaliser.align()
-        return None if alignment is None else self._join_saved_map(alignment)
+        alignment = self.relocaliser and self.relocaliser.align()
+        return (
+            None if alignment is None or self.relocaliser is None else self._join_saved_map(self.relocaliser, alignment)
+        )
 
-    def _join_saved_map(self, alignment: Alignment) -> dict[str, str]:
+    def _join_saved_map(self, saved: Relocaliser, alignment: Alignment) -> dict[str, str]:
         """The saved map and the run's own become one, in the saved one's frame, into which the robot moves; what the
         own ids became."""
-        merged, became = merge_maps(
-            self.relocaliser.saved, self.map.objects(), alignment, self.config.loop_closure.landmarks
-        )
-        self.map = FloorMap.continued(
-            merged, self.config.association, self.config.loop_closure, self.relocaliser.own, became
-        )
+        association, loop_closure = self.config.association, self.config.loop_closure
+        merged, became = merge_maps(saved.saved, self.map.objects(), alignment, loop_closure.landmarks)
+        self.map = FloorMap.continued(merged, association, loop_closure, saved.own, became)
         self.pose_covariance = compose_covariance(
             alignment.pose_a_b, alignment.covariance, self.pose_map_base, self.pose_covariance
         )
         self.pose_map_base = alignment.pose_a_b @ self.pose_map_base
         self.trajectory.transform(alignment.pose_a_b)
         self.grid.transform(alignment.pose_a_b)
-        if self.relocaliser.grid is not None:
-            self.grid.continue_from(self.relocaliser.grid)
-        self.edits.enter(self.relocaliser.annotations, alignment.pose_a_b)
+        if saved.grid is not None:
+            self.grid.continue_from(saved.grid)
+        self.edits.enter(saved.annotations, alignment.pose_a_b)
         self._relocated = alignment.pose_a_b
         return became
 
@@ -390,9 +397,9 @@ def new_mapper(
     whose view objects that are gone leave the map."""
     given = odometry == "truth" or odometry.endswith(".tum")
     return Mapper(
-        PaperMap() if clustering == "paper" else None,
         config=config,
-        loop_closer=LoopCloser() if loop_closure and not given else None,
+        paper=PaperMap() if clustering == "paper" else None,
+        closes_loops=loop_closure and not given,
         forgetter=Forgetter(forgets, config.forgetting) if forgets else None,
     )
 

@@ -19,27 +19,7 @@ from edgemap.runtime.step.config import Config
 RETRY_AFTER = 50  # frames after which the same number of objects is worth another try
 
 
-class NoRelocalisation:
-    """The map's frame is the run's own, or a saved map's that was entered at a known pose."""
-
-    own: FloorMap | None = None
-    saved: Sequence[MapObject] = ()
-    annotations: Annotations = NO_ANNOTATIONS
-    grid: OccupancyGrid | None = None
-    alignment: Alignment | None = None
-    reason = "no saved map"
-
-    @property
-    def searching(self) -> bool:
-        """Whether the robot has yet to be relocalised in a saved map."""
-        return bool(self.saved) and self.alignment is None
-
-    def align(self) -> Alignment | None:
-        """Never finds another frame."""
-        return None
-
-
-class Relocaliser(NoRelocalisation):
+class Relocaliser:
     """Tries to align the run's own map with a saved one whenever it has grown, a bounded unit of work in each frame.
 
     own: the map to build until then; its ids continue after the saved ones. annotations, grid: of the saved map, which
@@ -63,6 +43,11 @@ class Relocaliser(NoRelocalisation):
         self.reason = "no object seen yet"
         self._count = self._frames = 0
         self._work: Generator[None, None, Alignment] | None = None
+
+    @property
+    def searching(self) -> bool:
+        """Whether the robot has yet to be relocalised in the saved map."""
+        return bool(self.saved) and self.alignment is None
 
     def align(self) -> Alignment | None:
         """The alignment, in the one call that finds it; None before and after."""

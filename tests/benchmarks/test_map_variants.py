@@ -9,7 +9,6 @@ from edgemap.runtime.inputs.open import DEMO
 from edgemap.runtime.network.bundle import load_bundle
 from edgemap.runtime.network.store import bundle_folder
 from edgemap.runtime.step.config import Config
-from edgemap.runtime.step.loop_closing import LoopCloser
 from edgemap.runtime.step.mapper import new_mapper
 from edgemap.runtime.step.slam import SlamOptions
 
@@ -57,4 +56,4 @@ def test_a_remembered_picture_has_the_outputs_of_the_network(demo, most):
     ],
 )
 def test_loops_close_only_where_poses_are_not_given(closes, how):
-    assert isinstance(new_mapper(Config(), **how).loop_closer, LoopCloser) == closes
+    assert new_mapper(Config(), **how).loop_closer.closes_loops == closes

@@ -1,4 +1,3 @@
-import pickle
 from dataclasses import replace
 
 import numpy as np
@@ -9,7 +8,6 @@ from scipy.cluster.hierarchy import fcluster, linkage
 
 from edgemap.geometry.objects.floor_map import FloorMap
 from edgemap.geometry.paper.paper_map import PaperMap
-from edgemap.geometry.paper.single_linkage import SingleLinkage
 from edgemap.geometry.slam.pose_graph import GraphRule
 
 
@@ -19,44 +17,21 @@ def partition(labels):
 
 
 @settings(max_examples=60, deadline=None)
-@given(st.integers(2, 250), st.floats(0.3, 20), st.integers(0, 10**6))
-def test_single_linkage_is_scipys(count, spread, seed):
-    points = np.random.default_rng(seed).uniform(-spread, spread, (count, 2))
-    clusters = SingleLinkage()
-    cells = [clusters.add(x, y) for x, y in points.tolist()]
-    assert partition(map(clusters.cluster_of, cells)) == partition(fcluster(linkage(points, "single"), 1.0, "distance"))
-
-
-@settings(max_examples=40, deadline=None)
-@given(st.integers(2, 200), st.floats(0.3, 8), st.integers(0, 10**6))
-def test_single_linkage_does_not_depend_on_order(count, spread, seed):
-    rng = np.random.default_rng(seed)
-    points = rng.normal(0, spread, (count, 2))
-    order = rng.permutation(count)
-    forward, shuffled = SingleLinkage(), SingleLinkage()
-    for x, y in points:
-        forward.add(x, y)
-    for x, y in points[order]:
-        shuffled.add(x, y)
-    first = sorted((tuple(centre), n) for centre, n in forward.centres().values())
-    second = sorted((tuple(centre), n) for centre, n in shuffled.centres().values())
-    assert first == second  # to the last bit
-
-
-def test_single_linkage_forgets_points_that_cannot_matter():
-    rng = np.random.default_rng(3)
-    clustering = SingleLinkage()
-    for x, y in rng.normal(0, 0.3, (20000, 2)):
-        clustering.add(x, y)
-    assert len(pickle.dumps(clustering)) < 50_000  # all points: 420 kB
-    ((centre, count),) = clustering.centres().values()
-    assert count == 20000
-    assert centre == pytest.approx([0, 0], abs=0.02)
-
-
-def test_threshold_must_be_positive():
-    with pytest.raises(ValueError, match="positive"):
-        SingleLinkage(0.0)
+@given(st.integers(2, 120), st.floats(0.3, 20), st.integers(0, 10**6))
+def test_the_papers_clusters_are_scipys_in_any_order(placed_, count, spread, seed):
+    random = np.random.default_rng(seed)
+    points = random.uniform(-spread, spread, (count, 2))
+    expected = partition(fcluster(linkage(points, "single"), 1.0, "distance"))
+    for order in (np.arange(count), random.permutation(count)):
+        chairs = PaperMap()
+        ids = [chairs.update([placed_("chair", x, y, frame)])[0] for frame, (x, y) in enumerate(points[order])]
+        by_point = np.empty(count, dtype=object)
+        by_point[order] = [chairs.merged.get(identity, identity) for identity in ids]
+        assert partition(by_point) == expected
+        for item in chairs.objects():
+            mine = points[by_point == item.id]
+            assert item.count == len(mine)
+            assert item.position_m == pytest.approx(mine.mean(axis=0))
 
 
 CHAIRS = [(2.0, 0.35), (2.0, -0.35), (2.7, 0.35), (2.7, -0.35)]  # 0.7 m apart, round a table

@@ -7,13 +7,11 @@ from support.drifting import drifting, integrated, worst_m
 from support.drives import observed, round_trip, sighted
 from support.rooms import furnished, mapped
 
-from edgemap.geometry.objects.floor_map import FloorMap
 from edgemap.geometry.se2 import SE2
 from edgemap.geometry.slam.keyframes import KeyframeRule
 from edgemap.geometry.slam.loop_closure import witnessed
 from edgemap.geometry.slam.pose_graph import GraphRule, PoseGraph
 from edgemap.runtime.step.config import Config
-from edgemap.runtime.step.loop_closing import LoopCloser
 from edgemap.runtime.step.mapper import Mapper
 
 ROOM = furnished(np.random.default_rng(11), 16, apart_m=0.8)
@@ -22,8 +20,7 @@ TWO_ROUNDS = round_trip(240, turns=2.2)
 
 def new_mapper(rule=None):
     """A back end that closes loops, and its graph."""
-    mapper = Mapper(config=Config(loop_closure=rule or GraphRule()), loop_closer=LoopCloser())
-    assert isinstance(mapper.map, FloorMap)
+    mapper = Mapper(config=Config(loop_closure=rule or GraphRule()), closes_loops=True)
     return mapper, mapper.map.graph
 
 

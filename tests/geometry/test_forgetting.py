@@ -9,7 +9,7 @@ from support.rooms import furnished
 from support.seen import CAMERA, box_of, look
 
 from edgemap.geometry.objects.floor_map import FloorMap
-from edgemap.geometry.objects.forgetting import Forgetter, NoForgetting
+from edgemap.geometry.objects.forgetting import Forgetter
 from edgemap.geometry.objects.visibility import (
     ViewRule,
     covered_share,
@@ -29,7 +29,6 @@ NOTHING = Detections.none(("chair",))
 def drive(room, way, random, rate=0.8, saved=None, forgetter=None):
     """The map after a drive with true poses, in the frame of its first one; saved objects are gone on with."""
     floor_map = FloorMap() if saved is None else FloorMap.continued(saved)
-    forgetter = forgetter or NoForgetting()
     left = {}
     for number, pose in enumerate(way):
         detections, _ = look(room, pose, random, rate)
@@ -38,8 +37,8 @@ def drive(room, way, random, rate=0.8, saved=None, forgetter=None):
             floor_map.graph.advance(way[number - 1].inverse() @ pose, np.zeros((3, 3)), number / 10)
         found = sightings_of(detections, CAMERA, FloorRule(), number, number / 10)
         ids = floor_map.update([sighting.placed(here, np.zeros((3, 3))) for sighting in found])
-        for identity in forgetter.observe(floor_map, detections, here, ids):
-            left[identity] = forgetter.observations[identity] if isinstance(forgetter, Forgetter) else 0
+        for identity in forgetter.observe(floor_map, detections, here, ids) if forgetter else ():
+            left[identity] = forgetter.observations[identity]
     return floor_map, left
 
 

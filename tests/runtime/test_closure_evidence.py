@@ -15,7 +15,6 @@ from edgemap.geometry.se2 import SE2
 from edgemap.geometry.slam import loop_closure
 from edgemap.geometry.slam.loop_hypotheses import certain_pairings
 from edgemap.runtime.motion.odometry.protocol import Motion
-from edgemap.runtime.step.loop_closing import LoopCloser, NoLoopClosure
 from edgemap.runtime.step.mapper import Mapper
 
 SIGMAS = np.array([0.002, 0.002, 0.002])  # m, m, rad, of one motion: as stated, and as it is
@@ -51,9 +50,9 @@ def low_lens(room, pose, index, random, errors, height_m=0.19):
     return seen
 
 
-def drift_m(way, motions, sightings, closer):
+def drift_m(way, motions, sightings, closes_loops):
     """Greatest distance of the mapper's poses from the true ones; the updates."""
-    mapper, updates, start, far_m = Mapper(loop_closer=closer), [], way[0].inverse(), 0.0
+    mapper, updates, start, far_m = Mapper(closes_loops=closes_loops), [], way[0].inverse(), 0.0
     for index, (motion, seen) in enumerate(zip(motions, sightings, strict=True)):
         updates.append(mapper.step(observed(index, seen, motion)))
         pose, true = updates[-1].pose_map_base, start @ way[index]
@@ -69,8 +68,8 @@ def test_ranges_that_err_together_do_not_bend_a_trajectory_that_is_right(seed):
     room, way = furnished(random, 16, apart_m=0.8), round_trip(260, turns=2.4)
     motions = odometry(way, random)
     sightings = [low_lens(room, pose, index, random, errors) for index, pose in enumerate(way)]
-    alone_m, _ = drift_m(way, motions, sightings, NoLoopClosure())
-    closed_m, updates = drift_m(way, motions, sightings, LoopCloser())
+    alone_m, _ = drift_m(way, motions, sightings, False)
+    closed_m, updates = drift_m(way, motions, sightings, True)
     corrections = [update.correction for update in updates if update.correction]
     assert corrections
     assert corrections[-1].links > 3  # or this drive shows nothing
@@ -100,7 +99,7 @@ def test_false_hypotheses_never_move_the_pose_beyond_what_odometry_leaves_open(s
     sightings = [low_lens(room, pose, index, random, errors, 0.8) for index, pose in enumerate(way)]
     loop_closure.certain_pairings = wrong
     try:
-        _, updates = drift_m(way, motions, sightings, LoopCloser())
+        _, updates = drift_m(way, motions, sightings, True)
     finally:
         loop_closure.certain_pairings = real
     for update in updates:

@@ -19,7 +19,7 @@ from edgemap.geometry.trajectory_correction import TrajectoryCorrection
 from edgemap.runtime.frames.trajectory import read_tum
 from edgemap.runtime.outputs.sinks.run_folder import RunFolder
 from edgemap.runtime.step.config import Config
-from edgemap.runtime.step.loop_closing import LoopCloser, NoLoopClosure
+from edgemap.runtime.step.loop_closing import LoopCloser
 from edgemap.runtime.step.map_file import load_map, save_map
 from edgemap.runtime.step.mapper import Mapper
 from edgemap.runtime.step.pose_journal import PoseJournal
@@ -30,9 +30,9 @@ ROOM = furnished(np.random.default_rng(11), 16, apart_m=0.8)
 WAY = round_trip(260, turns=2.4)
 
 
-def steps(loop_closer, way=WAY, room=ROOM, seed=0, **drift):
+def steps(closes_loops, way=WAY, room=ROOM, seed=0, **drift):
     """Results and maps of a drive."""
-    return drive(Mapper(loop_closer=loop_closer), room, way, drifting(way, seed, **drift), seed)
+    return drive(Mapper(closes_loops=closes_loops), room, way, drifting(way, seed, **drift), seed)
 
 
 def errors_m(objects):
@@ -48,13 +48,13 @@ def errors_m(objects):
 
 @pytest.fixture(scope="module")
 def corrected():
-    return list(steps(LoopCloser()))
+    return list(steps(True))
 
 
 def test_a_loop_leaves_no_double_and_everything_in_its_place(corrected):
-    drifted, doubles = errors_m(list(steps(NoLoopClosure()))[-1][1])
+    drifted, doubles = errors_m(list(steps(False))[-1][1])
     assert doubles > 3  # or this drive shows nothing
-    true_map = list(steps(NoLoopClosure(), yaw_share=0.0, way_share=0.0))[-1][1]
+    true_map = list(steps(False, yaw_share=0.0, way_share=0.0))[-1][1]
     right, left = errors_m(corrected[-1][1])
     assert left == 0
     assert len(right) == len(true_map)
@@ -142,8 +142,8 @@ def test_report_and_page_tell_the_way_as_it_is_known_now(corrected, tmp_path):
 
 
 def test_a_start_told_roughly_is_corrected_by_the_saved_maps_objects():
-    saved = list(steps(NoLoopClosure(), yaw_share=0.0, way_share=0.0))[-1][1]
-    mapper, way = Mapper(loop_closer=LoopCloser()), WAY[:120]
+    saved = list(steps(False, yaw_share=0.0, way_share=0.0))[-1][1]
+    mapper, way = Mapper(closes_loops=True), WAY[:120]
     mapper.start_in(saved, SE2(0.15, -0.1, 0.06))  # the robot stands at the origin
     *_, (result, _) = drive(mapper, ROOM, way, drifting(way, 5, yaw_share=0.01, way_share=0.01), 5)
     off = (WAY[0].inverse() @ WAY[119]).inverse() @ result.pose_map_base
@@ -155,7 +155,7 @@ def test_a_second_visit_the_other_way_round_leaves_no_twins(corrected, tmp_path)
     """Over the saved map, with odometry that drifts and no start pose: nothing twice, and no object's place worse."""
     save_map(tmp_path / "map.json", corrected[-1][1])
     saved = load_map(tmp_path / "map.json")
-    mapper, back = Mapper(loop_closer=LoopCloser()), WAY[::-1]
+    mapper, back = Mapper(closes_loops=True), WAY[::-1]
     mapper.relocalise_in(saved)
     relocated = [result.relocated for result, _ in drive(mapper, ROOM, back, drifting(back, 8), 8)]
     assert sum(pose is not None for pose in relocated) == 1
@@ -184,10 +184,9 @@ def test_a_correction_in_the_step_that_finds_the_saved_map_moves_the_past_before
 def test_what_is_one_landmark_is_one_object_however_the_pose_drifts():
     """Each lap, what comes into view is first placed where odometry has drifted to, about half a metre off."""
     rule = GraphRule(keyframes=KeyframeRule(maximum=120))
-    way, mapper = round_trip(16 * 60, turns=16), Mapper(config=Config(loop_closure=rule), loop_closer=LoopCloser())
+    way, mapper = round_trip(16 * 60, turns=16), Mapper(config=Config(loop_closure=rule), closes_loops=True)
     for index, _ in enumerate(drive(mapper, ROOM, way, drifting(way, yaw_share=0.03), 0)):
         if index % 60 == 59:
-            assert isinstance(mapper.map, FloorMap)
             assert len(mapper.objects()) <= len(ROOM)
             assert len(mapper.map.ids) <= len(ROOM) + 2  # those not shown
 
@@ -231,8 +230,7 @@ def test_a_wrong_closure_is_taken_back(monkeypatch):
     monkeypatch.setattr(loop_closure, "certain_pairings", certain)
     monkeypatch.setattr(loop_closure, "witnessed", witnessed)
     unweighed = LoopHypothesisRule(spacing_m2=1e12)  # no second object of a label is likely anywhere
-    mapper = Mapper(config=Config(loop_closure=GraphRule(hypotheses=unweighed)), loop_closer=LoopCloser())
-    assert isinstance(mapper.map, FloorMap)
+    mapper = Mapper(config=Config(loop_closure=GraphRule(hypotheses=unweighed)), closes_loops=True)
     graph = mapper.map.graph
     unsure = [replace(motion, covariance=3.0 * motion.covariance) for motion in drifting(way)]
     for result, objects in drive(mapper, ROOM, way, unsure, 0):
@@ -250,9 +248,9 @@ def test_a_wrong_closure_is_taken_back(monkeypatch):
     assert np.median(errors) < 0.25
 
 
-@pytest.mark.parametrize("kind", [LoopCloser, NoLoopClosure])
-def test_a_map_that_is_replaced_in_a_closure_does_not_keep_the_next_one_from_beginning(kind):
-    closer, old, new = kind(), FloorMap(), FloorMap()
+@pytest.mark.parametrize("closes_loops", [True, False])
+def test_a_map_that_is_replaced_in_a_closure_does_not_keep_the_next_one_from_beginning(closes_loops):
+    closer, old, new = LoopCloser(closes_loops), FloorMap(), FloorMap()
     for floor_map in (old, new):
         floor_map.graph.trajectory.begin(SE2(), np.zeros((3, 3)), 0.0)
     closer.begin(old)

@@ -11,7 +11,6 @@ from support.rooms import furnished, mapped
 from support.seen import CAMERA, look
 
 from edgemap.geometry.objects.crossed import is_crossed
-from edgemap.geometry.objects.floor_map import FloorMap
 from edgemap.geometry.objects.forgetting import Forgetter
 from edgemap.geometry.observations.detections import Detections
 from edgemap.geometry.observations.floor_mask import FloorMask
@@ -20,7 +19,6 @@ from edgemap.geometry.se2 import SE2
 from edgemap.geometry.slam.keyframes import KeyframeTrajectory
 from edgemap.runtime.motion.odometry.protocol import Motion
 from edgemap.runtime.step.frame_observations import FrameObservations
-from edgemap.runtime.step.loop_closing import LoopCloser
 from edgemap.runtime.step.mapper import Mapper
 
 ROOM = furnished(np.random.default_rng(11), 16, apart_m=0.8)
@@ -37,7 +35,7 @@ def sight(label, x_m, y_m, sigma_m=0.05, index=0):
 @pytest.fixture(scope="module")
 def closed():
     """A drive of two rounds with drifting odometry, loops closed: updates and maps."""
-    return list(drive(Mapper(loop_closer=LoopCloser()), ROOM, POSES, drifting(POSES), 0))
+    return list(drive(Mapper(closes_loops=True), ROOM, POSES, drifting(POSES), 0))
 
 
 def test_the_covariance_of_a_motion_is_turned_by_the_pose_before_it():
@@ -183,7 +181,7 @@ def test_objects_move_with_a_closure(closed):
 def test_the_places_an_object_was_seen_from_move_with_their_poses():
     """Each is a pose of the trajectory as it stands, however often it was corrected."""
     motions = drifting(POSES, yaw_share=0.06, way_share=0.03)
-    *_, (result, objects) = drive(Mapper(loop_closer=LoopCloser()), ROOM, POSES, motions, 0)
+    *_, (result, objects) = drive(Mapper(closes_loops=True), ROOM, POSES, motions, 0)
     poses = result.trajectory.at(np.arange(len(POSES)) / 10)[:, :2]
     off = [float(np.linalg.norm(poses - np.array(view), axis=1).min()) for item in objects for view in item.seen_from_m]
     assert len(off) > 20
@@ -195,14 +193,13 @@ def test_a_landmark_is_found_again_after_a_detour_that_odometry_drifts_on():
     what a standing robot sees."""
     found = {}
     for detour_m in (2.5, 0.0):
-        mapper = Mapper(loop_closer=LoopCloser())
+        mapper = Mapper(closes_loops=True)
         for index in range(17):
             away = 8 <= index < 16
             step_m = detour_m / 8 if index < 12 else -detour_m / 8
             motion = Motion(SE2(step_m if away else 0.0, 0.0, 0.0), np.eye(3) * 1e-6)
             sightings = [] if away else [sight("chair", 2.0, 0.0 if index < 8 else 0.55, 0.03, index)]
             mapper.step(observed(index, sightings, motion))
-        assert isinstance(mapper.map, FloorMap)
         found[detour_m] = len(mapper.map.graph.landmarks.all) == 1
     assert found == {2.5: True, 0.0: False}
 
@@ -295,7 +292,7 @@ def test_a_room_seen_from_a_map_that_is_turned_is_the_same_room(quarters):
     way = round_trip(200, turns=1.8)
     maps = []
     for turn in (SE2(), SE2(0.0, 0.0, quarters * math.pi / 2.0)):
-        mapper = Mapper(loop_closer=LoopCloser())
+        mapper = Mapper(closes_loops=True)
         mapper.start_in([], turn, (1e-4, 1e-4, 1e-4))
         *_, (result, objects) = drive(mapper, ROOM, way, drifting(way), 0)
         assert result.trajectory.revision > 2
@@ -328,7 +325,6 @@ def test_two_sightings_are_one_object_along_the_axis_in_which_they_are_uncertain
             found = sight("chair", *place, index=index)
             found = replace(found, covariance_m2=np.diag(sigmas_m**2), shared_m2=np.zeros((2, 2)))
             mapper.step(observed(index, [found], Motion(SE2(), np.zeros((3, 3)))))
-        assert isinstance(mapper.map, FloorMap)
         assert len(mapper.map.ids) == count
 
 

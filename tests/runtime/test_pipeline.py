@@ -10,7 +10,6 @@ from support.noise import noise
 from edgemap.geometry.camera.floor import FloorCamera
 from edgemap.geometry.camera.intrinsics import Intrinsics
 from edgemap.geometry.camera.mount import Mount
-from edgemap.geometry.objects.floor_map import FloorMap
 from edgemap.geometry.paper.paper_map import PaperMap
 from edgemap.geometry.se2 import SE2
 from edgemap.runtime.frames.errors import CameraError, RunFolderError
@@ -23,7 +22,6 @@ from edgemap.runtime.network.bundle import load_bundle
 from edgemap.runtime.outputs.sinks.run_folder import RunFolder
 from edgemap.runtime.step import pipeline as pipelines
 from edgemap.runtime.step.loop import run
-from edgemap.runtime.step.loop_closing import LoopCloser
 from edgemap.runtime.step.map_file import load_map
 from edgemap.runtime.step.mapper import Mapper
 from edgemap.runtime.step.pipeline import Pipeline
@@ -44,10 +42,10 @@ def bundle(tmp_path_factory):
     return load_bundle(painted.write_painted(tmp_path_factory.mktemp("bundles") / "b", SCENE))
 
 
-def pipeline(bundle, object_map=None, poses=None):
+def pipeline(bundle, paper=None, poses=None):
     poses = poses or [SE2()] * 100
     trajectory = Trajectory(np.arange(len(poses)) / 10, tuple(poses))
-    return SemanticSlam(Pipeline(bundle, FLOOR, RecordedOdometry(trajectory, "test")), Mapper(object_map))
+    return SemanticSlam(Pipeline(bundle, FLOOR, RecordedOdometry(trajectory, "test")), Mapper(paper=paper))
 
 
 class Told(RecordedOdometry):
@@ -88,9 +86,9 @@ def test_the_height_is_judged_with_the_knowledge_of_depth(bundle, monkeypatch):
     assert seen == [False, True]
 
 
-@pytest.mark.parametrize("kind", [FloorMap, PaperMap])
-def test_one_chair_seen_ten_times_is_one_object_where_geometry_says(bundle, kind):
-    pipe = pipeline(bundle, kind())
+@pytest.mark.parametrize("paper", [None, PaperMap()])
+def test_one_chair_seen_ten_times_is_one_object_where_geometry_says(bundle, paper):
+    pipe = pipeline(bundle, paper)
     for index in range(10):
         result = pipe.step(Frame(index, index / 10, noise(index)))
     assert result.detections.labels == ["chair", "person"]
@@ -120,14 +118,6 @@ def test_stages_stand_in_the_order_of_the_step(bundle):
         "relocalisation",
     ]
     assert list(result.stages_ms) == stages
-
-
-@pytest.mark.parametrize(("kind", "corrects"), [(FloorMap, True), (PaperMap, False)])
-def test_only_a_map_that_can_move_is_corrected(bundle, kind, corrects):
-    still = RecordedOdometry(Trajectory(np.arange(2.0), (SE2(), SE2())), "test")
-    slam = SemanticSlam(Pipeline(bundle, FLOOR, still), Mapper(kind(), loop_closer=LoopCloser()))
-    slam.step(Frame(0, 0.0, noise(0)))
-    assert slam.mapper.loop_closer.closes_loops is corrects
 
 
 def test_the_first_pose_is_the_origin_and_motion_adds_up(bundle):

@@ -17,7 +17,6 @@ from edgemap.runtime.frames.trajectory import read_tum
 from edgemap.runtime.outputs.sinks import rewriting
 from edgemap.runtime.outputs.sinks.run_folder import RunFolder
 from edgemap.runtime.step import pose_journal
-from edgemap.runtime.step.loop_closing import LoopCloser
 from edgemap.runtime.step.mapper import Mapper
 from edgemap.runtime.step.pose_journal import PoseJournal
 
@@ -38,7 +37,7 @@ def test_a_long_drive_keeps_few_poses_and_its_files_are_as_known_now(monkeypatch
         poses: list[SE2] = []
         monkeypatch.setattr(pose_journal, "MAXIMUM", maximum)
         monkeypatch.setattr(rewriting, "BLOCK", 4096 if maximum > 256 else 50)
-        mapper, folder = Mapper(loop_closer=LoopCloser()), RunFolder(tmp_path / str(maximum), FLOOR, {})
+        mapper, folder = Mapper(closes_loops=True), RunFolder(tmp_path / str(maximum), FLOOR, {})
         for result, objects in drive(mapper, ROOM, way, drifting(way), 0):
             folder.write(result, objects)
             poses.append(result.pose_map_base)
@@ -58,7 +57,7 @@ def test_a_long_drive_keeps_few_poses_and_its_files_are_as_known_now(monkeypatch
 
 def test_writing_again_changes_nothing(tmp_path):
     way = round_trip(200)
-    mapper, folder = Mapper(loop_closer=LoopCloser()), RunFolder(tmp_path / "run", FLOOR, {})
+    mapper, folder = Mapper(closes_loops=True), RunFolder(tmp_path / "run", FLOOR, {})
     for result, objects in drive(mapper, ROOM, way, drifting(way), 0):
         folder.write(result, objects)
     folder.close()

@@ -25,7 +25,6 @@ from edgemap.runtime.frames.trajectory import tum_line
 from edgemap.runtime.motion.height_check import HeightCheck, HeightRule
 from edgemap.runtime.motion.odometry.protocol import Motion
 from edgemap.runtime.outputs.sinks.rewriting import rewrite
-from edgemap.runtime.step.loop_closing import LoopCloser
 from edgemap.runtime.step.mapper import Mapper
 
 ROOM = furnished(np.random.default_rng(5), 12, apart_m=1.5)
@@ -53,8 +52,8 @@ def mapped(mapper, changes_at=None):
 
 @pytest.mark.parametrize("changes_at", [1, 120, 190])
 def test_the_map_is_that_of_the_right_height_whenever_it_is_found(changes_at):
-    right, expected = mapped(Mapper(loop_closer=LoopCloser()))
-    update, found = mapped(mapper := Mapper(loop_closer=LoopCloser()), changes_at)
+    right, expected = mapped(Mapper(closes_loops=True))
+    update, found = mapped(mapper := Mapper(closes_loops=True), changes_at)
     assert mapper.scale == FACTOR
     assert [item.label for item in found] == [item.label for item in expected]
     for item, like in zip(found, expected, strict=True):
@@ -142,7 +141,7 @@ def test_the_camera_at_another_scale_sees_the_floor_where_its_objects_are():
 
 def test_a_saved_map_and_the_papers_keep_their_scale():
     saved = [MapObject("chair-1", "chair", np.array([2.0, 1.0]), np.eye(2) * 0.01, 0.5, 0.9, 9, 0.9, 0.0, 1.0)]
-    continued, paper = Mapper(), Mapper(PaperMap())
+    continued, paper = Mapper(), Mapper(paper=PaperMap())
     continued.start_in(saved, SE2())
     for mapper in (continued, paper):
         seen = mapper.in_scale(replace(next(frames()), scale=FACTOR))

@@ -11,7 +11,6 @@ from support.drives import observed
 from edgemap.geometry.observations.sighting import Sighting
 from edgemap.geometry.se2 import SE2
 from edgemap.runtime.motion.odometry.protocol import Motion
-from edgemap.runtime.step.loop_closing import LoopCloser
 from edgemap.runtime.step.mapper import Mapper
 
 WILD = st.one_of(
@@ -46,7 +45,7 @@ def sightings(draw):
 @settings(max_examples=25, deadline=None, suppress_health_check=[HealthCheck.too_slow])
 @given(st.lists(st.tuples(motions(), st.lists(sightings(), max_size=4)), min_size=1, max_size=8))
 def test_whatever_comes_pose_and_map_stay_finite_and_covariances_positive(frames):
-    mapper = Mapper(loop_closer=LoopCloser())
+    mapper = Mapper(closes_loops=True)
     for index, (motion, seen) in enumerate(frames):
         update = mapper.step(observed(index, seen, motion))
         assert np.isfinite(update.pose_map_base.vector()).all()

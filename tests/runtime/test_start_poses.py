@@ -77,10 +77,10 @@ def test_a_pose_that_is_set_ends_the_search():
     there = start.inverse() @ round_trip(80, start_rad=2.0)[0]
     mapper = Mapper()
     mapper.relocalise_in(saved, Annotations(dock=SE2(1.0, 1.0, 0.0)))
-    assert mapper.relocaliser.searching
+    assert mapper.searching
     assert mapper.annotations().dock is None  # it is in a frame that the robot has yet to find
     assert mapper.edit(Edit("pose", pose=(there.x_m, there.y_m, there.yaw_rad))) == "pose"
-    assert not mapper.relocaliser.searching
+    assert not mapper.searching
     assert mapper.annotations().dock == SE2(1.0, 1.0, 0.0)
     results = driven(mapper, 2.0)
     assert first_found(results) == 0
