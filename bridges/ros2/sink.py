@@ -12,7 +12,7 @@ from edgemap.bridges.ros2.dds.node import Node, Publisher, Reliability
 from edgemap.bridges.ros2.dds.sources import RobotOdom
 from edgemap.bridges.ros2.dds.types import in_namespace
 from edgemap.bridges.ros2.messages import build, topics
-from edgemap.bridges.ros2.messages.definitions import ros_offset_s, to_ns
+from edgemap.bridges.ros2.messages.definitions import RosClock, to_ns
 from edgemap.bridges.ros2.messages.stream import MessageStream
 from edgemap.bridges.ros2.messages.topics import FrameIds
 from edgemap.geometry.camera.floor import FloorCamera
@@ -84,20 +84,17 @@ class Ros2Sink(Sink):
         self._goals: deque[SE2] = deque(maxlen=8)
         self._goal = node.publisher(topics.GOAL, topics.KINDS[topics.GOAL])
         self._initial_pose = edit and node.subscription(INITIAL_POSE, topics.KINDS[topics.POSE])
-        self._offset_s: float | None = 0.0 if ros_time else None
+        self._clock = RosClock(0.0 if ros_time else None)
 
     def write(self, result: StepResult, objects: list[MapObject]) -> None:
         """Publish one step, and apply a pose that a person has set. Raises Ros2Error."""
         self._take_pose()
         while self._goals:
             self._goal.write(build.goal_pose(self._goals.popleft(), self._options.frames.map, time.time_ns()))
-        if self._offset_s is None:
-            age_s = sum(result.stages_ms.values()) / 1e3
-            stamp_s = result.frame.stamp_s
-            self._offset_s = ros_offset_s(stamp_s, time.time() - age_s, time.monotonic() - age_s)
-            if self._robot_odom is not None:
-                self._robot_odom.offset_s = self._offset_s
-        stamp_ns = to_ns(result.frame.stamp_s + self._offset_s)
+        offset_s = self._clock.offset_s(result.frame.stamp_s, sum(result.stages_ms.values()) / 1e3)
+        if self._robot_odom is not None:
+            self._robot_odom.offset_s = offset_s
+        stamp_ns = to_ns(result.frame.stamp_s + offset_s)
         for outgoing in self._stream.step(result, objects, stamp_ns):
             publisher = self._publishers.get(outgoing.topic)
             if publisher is not None and publisher.wanted:

@@ -279,14 +279,15 @@ class PoseGraph:
         )
 
     def correct(self, solution: Solution, relinked: bool, now_s: float) -> TrajectoryCorrection | None:
-        """Poses stand where the solution has them, and landmarks with them; None where links are as before and no pose
-        moves by more than its standard deviation: only covariances change then. relinked: whether links changed, so
-        that it moves them anyway. now_s: stamp of the
-        frame whose motion came last."""
+        """Moves poses and landmarks to the solution. Where links are as before and no pose moves by more than its
+        standard deviation, only covariances change and the result is None. relinked: whether links changed; poses move
+        then in any case. now_s: stamp of the frame of the last motion, s."""
         poses = solution.poses
         before = self.trajectory.vectors()[: len(poses)]
         sigmas = np.sqrt(np.diagonal(solution.pose_covariances, axis1=1, axis2=2))
-        if not relinked and (np.abs(poses - before) <= sigmas).all():
+        moved = poses - before
+        moved[:, 2] = np.angle(np.exp(1j * moved[:, 2]))
+        if not relinked and (np.abs(moved) <= sigmas).all():
             self.trajectory.set_poses(before, solution.pose_covariances, now_s)
             return None
         self._biases = solution.biases

@@ -35,6 +35,7 @@ from edgemap.runtime.step.relocalisation import Relocaliser
 MIN_VARIANCE_M2 = 1e-10  # of an observation: no box is that exact, and its inverse stays finite
 GRID_EVERY_S = 1.0  # of stream between two grids that a step shows: planners and people need no more
 PICTURE_S = 0.1  # that evidence is counted in: thresholds were chosen at 10 Hz
+LEAST_PICTURES = 0.01  # after however short a step of the clock: evidence is divided by it
 LONGEST_S = 0.3  # that one picture stands for at most: what was in view before it is not known
 START_SIGMAS = (0.10, 0.10, math.radians(3.0))  # m, m, rad: how well a person knows where the robot stands
 
@@ -299,7 +300,9 @@ class Mapper:
         if not observed.searched:
             return observed
         since_s, self._searched_s = observed.stamp_s - self._searched_s, observed.stamp_s
-        pictures = round(min(max(since_s, 0.0), LONGEST_S) / PICTURE_S, 2) if math.isfinite(since_s) else 1.0
+        if not math.isfinite(since_s):
+            return observed
+        pictures = max(round(min(since_s, LONGEST_S) / PICTURE_S, 2), LEAST_PICTURES)
         if pictures == 1.0:
             return observed
         return replace(observed, sightings=[replace(seen, pictures=pictures) for seen in observed.sightings])

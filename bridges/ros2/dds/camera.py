@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from edgemap.bridges.ros2.dds.depth import DepthTopic
 from edgemap.bridges.ros2.dds.node import Node, Subscription
 from edgemap.bridges.ros2.dds.sources import TfListener, WheelTopic
-from edgemap.bridges.ros2.messages.definitions import ns_of, ros_offset_s, to_s
+from edgemap.bridges.ros2.messages.definitions import RosClock, ns_of, to_s
 from edgemap.bridges.ros2.messages.topics import IMU, INFO, KINDS
 from edgemap.bridges.ros2.recordings.foreign import info_topics, lens_of, mount_of, push_message
 from edgemap.bridges.ros2.recordings.pictures import compressed_picture, raw_picture
@@ -131,7 +131,7 @@ class Ros2SensorsCamera(CameraAround):
     def __init__(self, camera: Camera, node: Node, topics: SensorTopics) -> None:
         super().__init__(camera)
         by_ros = isinstance(camera, Ros2Camera)
-        self._offset_s: float | None = 0.0 if by_ros else None
+        self._clock = RosClock(0.0 if by_ros else None)
         self._wheels = WheelTopic(node, topics.wheels) if topics.wheels is not None else None
         self.wheel: Path | PoseTrack | None = self._wheels or camera.wheel
         self._buffer = self._samples = None
@@ -146,14 +146,13 @@ class Ros2SensorsCamera(CameraAround):
         frame = super().read()
         if frame is None:
             return None
-        if self._offset_s is None:
-            self._offset_s = ros_offset_s(frame.stamp_s, time.time(), time.monotonic())
-            if self._wheels is not None:
-                self._wheels.offset_s = self._offset_s
+        offset_s = self._clock.offset_s(frame.stamp_s)
+        if self._wheels is not None:
+            self._wheels.offset_s = offset_s
         if self._buffer is None or self._samples is None:
             return frame
         for message in self._samples.take():
-            push_message(self._buffer, message, to_s(ns_of(message.header.stamp)) - self._offset_s)
+            push_message(self._buffer, message, to_s(ns_of(message.header.stamp)) - offset_s)
         return replace(frame, imu=self._buffer.take(frame.stamp_s))
 
 

@@ -1,7 +1,9 @@
 """ROS 2 message definitions (definitions.txt), the one place that encodes and decodes CDR by them, and their stamps."""
 
+import math
 import re
 import struct
+import time
 from collections.abc import Callable
 from decimal import Decimal
 from functools import cache
@@ -60,6 +62,7 @@ def decoder(kind: str) -> Callable[[bytes], Any]:
 
 LAST_SECOND = 2**31  # builtin_interfaces/Time counts in int32
 NEAR_S = 5.0  # of a clock, for a stamp to be of that clock
+CLOCK_SET_S = 0.1  # change of the wall clock against the monotonic one, from which on somebody has set it
 
 
 def to_ns(stamp_s: float) -> int:
@@ -86,6 +89,30 @@ def ros_time(stamp_ns: int) -> dict[str, int]:
 def ns_of(time: Any) -> int:
     """Nanoseconds of a decoded `builtin_interfaces/Time`."""
     return int(time.sec) * 1_000_000_000 + int(time.nanosec)
+
+
+class RosClock:
+    """ROS time of a stream's stamps: an offset, taken from the first frame, that follows the wall clock when that is
+    set (NTP after a boot without a clock)."""
+
+    def __init__(self, offset_s: float | None = None) -> None:
+        """offset_s: from the stream to ROS time, where it is known and stays."""
+        self._stated, self._offset_s, self._wall_s = offset_s, offset_s or 0.0, math.nan
+
+    def offset_s(self, stamp_s: float, age_s: float = 0.0) -> float:
+        """The offset now. stamp_s: of a frame that arrived `age_s` ago."""
+        if self._stated is not None:
+            return self._stated
+        wall_s, monotonic_s = time.time() - age_s, time.monotonic() - age_s
+        set_s = wall_s - monotonic_s - self._wall_s
+        if math.isnan(set_s):
+            self._offset_s = ros_offset_s(stamp_s, wall_s, monotonic_s)
+        elif abs(set_s) > CLOCK_SET_S:
+            self._offset_s += set_s
+        else:
+            return self._offset_s
+        self._wall_s = wall_s - monotonic_s
+        return self._offset_s
 
 
 def ros_offset_s(stamp_s: float, wall_s: float, monotonic_s: float) -> float:

@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -129,6 +130,8 @@ class CheckedCamera(Camera):
             self._check.note(FaultKind.FORMAT, "inertial samples are none, or not finite in order of time; left out")
             imu = ImuSamples.none()
         stamp_s = self._stamp(given.stamp_s)
+        if self._offset_s:
+            imu = replace(imu, stamps_s=imu.stamps_s + self._offset_s)  # the camera's clock is also theirs
         name = printable(given.name) if isinstance(given.name, str) else f"{self.name}#{self._delivered}"
         frame = Frame(self._delivered, stamp_s, image, name, imu, depth, search=given.search is not False)
         self._delivered += 1

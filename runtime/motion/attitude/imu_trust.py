@@ -1,4 +1,4 @@
-"""Whether gyro and accelerometer are used: full scale, impossible values, too few samples, and yaw by the odometry."""
+"""Whether gyro and accelerometer are used: their clock, full scale, impossible values, too few samples, and yaw."""
 
 import math
 from collections import deque
@@ -18,6 +18,9 @@ GYRO_RAD_S, ACCEL_M_S2 = (1.5, 35.0), (15.0, 160.0)
 REPEATS = 5  # of one value: a driver delivers a sample up to four times; as many of all three axes are a frozen gyro's
 LIVELY = 50  # samples by which a sensor is known to have noise
 SINGLE = 10  # samples, each alone in its frame, by which the rate is known
+APART_S = 1.0  # between a frame and its newest sample, from which on they are of two clocks, or of two sides of a hole
+HISTORY_S = 100.0  # of samples before a frame that are integrated at most
+OTHER_CLOCK = 10  # frames in a row without samples but of another time, from which on it is a fault
 
 
 class _Sensor:
@@ -66,6 +69,8 @@ class ImuTrust:
         self._seen_s, self._reason = math.nan, ""
         self._frames, self._per_sample = 0, deque[int](maxlen=SINGLE)  # since the last sample; of the last samples
         self._slow = False
+        self._apart = 0  # frames since the newest samples, where these are of another time
+        self._apart_s = 0.0
 
     @property
     def proved(self) -> bool:
@@ -83,7 +88,10 @@ class ImuTrust:
         """The valid samples, and one line where a sensor is excluded from now on, or used again. moved: motion of the
         step before, by the odometry without the gyro. up: (3,), optical frame. bias: (3,), the gyro's estimated bias.
         """
+        samples = self._of_frame(samples, stamp_s)
         self._count(len(samples))
+        if self._apart == OTHER_CLOCK:
+            return self._told(samples)
         if not len(samples):
             return samples, ""
         span_s = stamp_s - self._seen_s if math.isfinite(self._seen_s) else 0.0
@@ -94,6 +102,19 @@ class ImuTrust:
         self._turned_rad = float((samples.gyro_rad_s.mean(axis=0) - bias) @ up) * span_s
         if not good.all():
             samples = ImuSamples(samples.stamps_s[good], samples.gyro_rad_s[good], samples.accel_m_s2[good])
+        return self._told(samples)
+
+    def _of_frame(self, samples: ImuSamples, stamp_s: float) -> ImuSamples:
+        """The samples up to the frame; none where the newest is more than APART_S from its stamp."""
+        if not len(samples):
+            self._apart += self._apart > 0
+            return samples
+        self._apart_s = stamp_s - float(samples.stamps_s[-1])
+        self._apart = self._apart + 1 if abs(self._apart_s) > APART_S else 0
+        return ImuSamples.none() if self._apart else samples.between(stamp_s - HISTORY_S, stamp_s)
+
+    def _told(self, samples: ImuSamples) -> tuple[ImuSamples, str]:
+        """The samples, and the news about them."""
         before, self._reason = self._reason, self._guilty()
         if self._reason and not before:
             return samples, f"{self._reason}: the IMU is left out"
@@ -119,6 +140,9 @@ class ImuTrust:
 
     def _guilty(self) -> str:
         """Why a sensor is left out; empty where none is."""
+        if self._apart >= OTHER_CLOCK:
+            where = f"{abs(self._apart_s):.6g} s {'before' if self._apart_s > 0.0 else 'after'} the picture"
+            return f"IMU: its newest sample is {where} (two clocks?)"
         for sensor in (self._gyro, self._accel):
             if sensor.bad:
                 return sensor.reason

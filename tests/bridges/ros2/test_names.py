@@ -6,7 +6,7 @@ import pytest
 
 from edgemap.bridges.ros2.dds.discovery import Discovery, discovery_from
 from edgemap.bridges.ros2.dds.types import HASHES, dds_topic, dds_type, in_namespace, ros_kind
-from edgemap.bridges.ros2.messages.definitions import definition, ros_offset_s
+from edgemap.bridges.ros2.messages.definitions import RosClock, definition, ros_offset_s
 from edgemap.bridges.ros2.messages.topics import KINDS
 from edgemap.cli.arguments import OptionError
 from edgemap.cli.publishers import frame_names
@@ -87,6 +87,19 @@ def test_stamps_become_ros_time():
     assert ros_offset_s(1.7e9, 1.7e9 + 0.05, 5000.0) == 0.0
     assert ros_offset_s(4999.9, 1.7e9, 5000.0) == 1.7e9 - 5000.0
     assert ros_offset_s(3.5, 1.7e9, 5000.0) == 1.7e9 - 3.5
+
+
+@pytest.mark.parametrize("stamp_s", [50.0, 3.5, 1000.0])
+def test_stamps_follow_a_wall_clock_that_is_set(monkeypatch, stamp_s):
+    """A robot without a clock boots in 1970; NTP sets its clock while it drives."""
+    wall_s, monotonic_s, clock = 1000.0, 50.0, RosClock()
+    for elapsed_s in (0.0, 0.5, 10.0, 10.1, 20.0):
+        set_s = 1.76e9 if elapsed_s >= 10.0 else 0.0
+        monkeypatch.setattr("time.time", lambda: wall_s + elapsed_s + set_s)  # noqa: B023
+        monkeypatch.setattr("time.monotonic", lambda: monotonic_s + elapsed_s)  # noqa: B023
+        published_s = stamp_s + elapsed_s + clock.offset_s(stamp_s + elapsed_s)
+        assert published_s == pytest.approx(wall_s + elapsed_s + set_s)
+    assert RosClock(0.0).offset_s(5.0) == 0.0
 
 
 @pytest.mark.parametrize("frames", ["map,odom", "map,odom,,lens", "map,odom,map,lens", ""])

@@ -1,0 +1,145 @@
+"""Random clocks, from the device to the saved map: stamps that jump, repeat, stand, go back, are far off or none."""
+
+import math
+
+import numpy as np
+import pytest
+from hypothesis import HealthCheck, Phase, given, settings
+from hypothesis import strategies as st
+from support.fuzzed_room import FLOOR, PICTURES, SIZE, STEPS, Checked, Room, pose_at, samples, saved_map, slam_of
+from support.live_camera import Clock
+
+from edgemap.geometry.se2 import SE2
+from edgemap.runtime.frames.frame import Frame
+from edgemap.runtime.frames.trajectory import GrowingTrack
+from edgemap.runtime.inputs.cameras.checked import CheckedCamera
+from edgemap.runtime.inputs.cameras.imu_buffer import ImuBuffer, ImuCamera
+from edgemap.runtime.inputs.cameras.live import LiveCamera
+from edgemap.runtime.inputs.cameras.protocol import Camera, Picture
+from edgemap.runtime.step.loop import steps
+
+LENGTH = 40  # steps of one drive
+ODD = (None, math.nan, math.inf, -math.inf, "now", [], 10**400, True, 0.0, -1.0, 1e18, 2**63)
+STEP_S = (0.1, 0.1, 0.1, 0.1, 0.033, 1e-4, 0.0, -0.02, 3.0)
+JUMPS_S = (-3600.0, 3600.0, 0.5, -1e9, 1e9)
+
+step = st.tuples(
+    st.sampled_from(STEP_S) | st.sampled_from(JUMPS_S),
+    st.sampled_from((0.1, 0.1, 0.1, 0.033, 1e-4, 3.0)),  # by the host's clock
+    st.none() | st.none() | st.sampled_from(ODD) | st.floats(),
+)
+drives = st.lists(step, min_size=LENGTH, max_size=LENGTH)
+fuzz = settings(
+    max_examples=max(STEPS // LENGTH // 4, 1),
+    deadline=None,
+    phases=(Phase.explicit, Phase.generate),
+    suppress_health_check=list(HealthCheck),
+    database=None,
+)
+
+
+class Clocks:
+    """A device whose clock goes as drawn, 1.7e9 s or 5 s at first, and its IMU on that clock; the robot drives on with
+    each picture. wheels: where it was, on the clock of the delivered frames."""
+
+    name = "clocks"
+
+    def __init__(self, room, drawn, clock, begin_s, imu):
+        self.size, self.intrinsics, self.rate_hz = (SIZE, SIZE), FLOOR.intrinsics, 10.0
+        self.room, self.clock, self.imu, self._device_s = room, clock, imu, begin_s
+        self._drawn, self.number, self._random = list(drawn), 0, np.random.default_rng(0)
+
+    def open(self):
+        return self
+
+    def next(self):
+        """Stamp and picture of the next frame; None at the end."""
+        if not self._drawn:
+            return None
+        step_s, host_s, odd = self._drawn.pop(0)
+        before_s, self._device_s = self._device_s, self._device_s + step_s
+        self.clock.wait(host_s)
+        self.number += 1
+        turn_rad = (self.room.pose.inverse() @ pose_at(0.05 * self.number)).yaw_rad
+        self.room.pose = pose_at(0.05 * self.number)
+        stamps = np.linspace(before_s, self._device_s, 8)[1:] if 0.0 < step_s < 10.0 else [self._device_s]
+        return (
+            (self._device_s if odd is None else odd),
+            PICTURES[self.number % 16],
+            samples(list(stamps), turn_rad / max(host_s, 0.03), self._random),
+        )
+
+    def grab(self):
+        given = self.next()
+        if given is None:
+            self.clock.wait(0.2)
+            return None
+        stamp_s, image, imu = given
+        if self.imu is not None:
+            for row in range(len(imu)):
+                self.imu.push(float(imu.stamps_s[row]), imu.gyro_rad_s[row], imu.accel_m_s2[row])
+        return Picture(stamp_s, image)
+
+    def reset(self):
+        return False
+
+    def watch(self, changed):
+        pass
+
+    def close(self):
+        pass
+
+
+class Theirs(Camera):
+    """Another package's camera, which delivers the device's stamps as they are."""
+
+    def __init__(self, device, imu):
+        super().__init__("theirs", FLOOR.intrinsics, FLOOR.mount)
+        self.size, self.rate_hz, self._device, self._imu = device.size, device.rate_hz, device, imu
+
+    def read(self):
+        given = self._device.next()
+        if given is None:
+            return None
+        stamp_s, image, imu = given
+        frame = Frame(0, stamp_s, image)
+        return Frame(0, stamp_s, image, imu=imu) if self._imu else frame
+
+
+def drive(drawn, begin_s, imu, live, placed, corners):
+    """One drive with these clocks through the real camera classes, front end and back end."""
+    room, clock = Room(1), Clock()
+    buffer = ImuBuffer(clock_s=clock) if imu and live else None
+    device = Clocks(room, drawn, clock, begin_s, buffer)
+    if live:
+        camera = LiveCamera(device, FLOOR.intrinsics, FLOOR.mount, None, clock, clock.wait)
+        camera = camera if buffer is None else ImuCamera(camera, buffer)
+    else:
+        camera = CheckedCamera(Theirs(device, imu), "theirs")
+    wheels = GrowingTrack()
+    camera.wheel = wheels
+    slam = slam_of(camera, room, imu, corners)
+    saved = saved_map()
+    slam.mapper.start_in(saved, SE2()) if placed else slam.mapper.relocalise_in(saved, guesses=[SE2()])
+    checked = Checked(slam, saved)
+    read = camera.read
+
+    def reading():
+        frame = read()
+        if frame is not None:
+            wheels.push(frame.stamp_s, pose_at(0.05 * device.number))
+        return frame
+
+    camera.read = reading
+    for result in steps(camera, slam, frames=len(drawn)):
+        checked(result)
+    assert checked.steps == len(drawn)
+    checked.end()
+
+
+@pytest.mark.parametrize("imu", [False, True])
+@pytest.mark.parametrize("live", [False, True])
+@fuzz
+@given(drives, st.sampled_from((5.0, 1.7e9, -5.0)), st.booleans(), st.integers(0, 7))
+def test_any_clock_gives_a_map(live, imu, drawn, begin_s, placed, corners):
+    drive(drawn, begin_s, imu, live, placed, corners == 0)

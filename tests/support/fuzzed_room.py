@@ -1,0 +1,180 @@
+"""A room of objects, a robot that drives round in it, and the real front and back end over a network that is scripted:
+a step takes a few milliseconds. What a fuzz draws are stamps, samples and motions; what must hold after each step is
+in `Checked`."""
+
+import math
+import os
+from pathlib import Path
+
+import numpy as np
+from support.noise import noise
+from support.seen import HEIGHT_M, RADIUS_M
+
+from edgemap.geometry.camera.floor import FloorCamera
+from edgemap.geometry.camera.imu import ImuSamples
+from edgemap.geometry.camera.intrinsics import Intrinsics
+from edgemap.geometry.camera.mount import Mount
+from edgemap.geometry.map_object import MapObject
+from edgemap.geometry.se2 import SE2
+from edgemap.runtime.inputs.cameras.protocol import Camera
+from edgemap.runtime.motion.attitude.open import open_attitude
+from edgemap.runtime.motion.odometry import OdometryRules, hybrid_members
+from edgemap.runtime.motion.odometry.hybrid import HybridOdometry
+from edgemap.runtime.motion.odometry.protocol import is_covariance
+from edgemap.runtime.network.bundle import Bundle
+from edgemap.runtime.network.manifest import ClassEntry, DetectorSpec, FeatureSpec, HeadSpec, InputSpec, Manifest
+from edgemap.runtime.network.manifest_file import FORMAT
+from edgemap.runtime.network.network import Compute, Network
+from edgemap.runtime.step.config import Config
+from edgemap.runtime.step.map_file import map_text, read_map
+from edgemap.runtime.step.mapper import new_mapper
+from edgemap.runtime.step.pipeline import Pipeline
+from edgemap.runtime.step.slam import SemanticSlam, SlamOptions, StepResult, build_slam
+
+STEPS = int(os.environ.get("EDGEMAP_FUZZ_STEPS", "400"))  # of each fuzz
+SIZE, STRIDE, ANCHOR = 64, 8, 20.0
+FLOOR = FloorCamera(Intrinsics(SIZE, SIZE, 50.0, 50.0, 31.5, 31.5), Mount.from_degrees(0.6, 12.0))
+# One label: of objects with two names at one place the map shows one, which is none of what is checked here.
+LABEL = "chair"
+ROOM = tuple(
+    (size * 4.5 * math.cos(angle), size * 3.5 * math.sin(angle))
+    for size, angle in zip(3 * (1.0, 0.85, 1.1, 0.95), np.linspace(0.0, math.tau, 12, endpoint=False), strict=True)
+)
+PICTURES = [noise(number, (SIZE, SIZE, 3)) for number in range(16)]
+GRAVITY_M_S2 = 9.81
+
+
+def pose_at(path_m: float) -> SE2:
+    """On an ellipse of 2.5 m by 1.5 m, counter-clockwise, so that the heading passes pi once in a lap."""
+    a = path_m / 2.0
+    return SE2(2.5 * math.cos(a), 1.5 * math.sin(a), math.atan2(1.5 * math.cos(a), -2.5 * math.sin(a)))
+
+
+class Room:
+    """What the network detects from `pose`: the objects before the camera, with half a pixel of noise."""
+
+    def __init__(self, seed: int, pose: SE2 | None = None) -> None:
+        self.pose = pose or pose_at(0.0)
+        self._random = np.random.default_rng(seed)
+
+    def bundle(self) -> Bundle:
+        """A bundle of this network, without files."""
+        cells = SIZE // STRIDE
+        shape = (1, 6, cells, cells)
+        detector = DetectorSpec(
+            file="backbone.onnx",
+            input=InputSpec(name="image", width=SIZE, height=SIZE, resize="stretch", colour="rgb", scale=1 / 255),
+            decode="yolov3",
+            heads=(HeadSpec(name="head", shape=shape, strides=(STRIDE,), anchors=((ANCHOR, ANCHOR),)),),
+            features=(FeatureSpec(name="head", shape=shape, stride=STRIDE),),
+            classes=(ClassEntry(name=LABEL),),
+        )
+        manifest = Manifest(format=FORMAT, name="room", version="1", detector=detector, sha256={})
+        network = Network({"image": (1, 3, SIZE, SIZE)}, {"head": shape}, lambda _: [self._head(shape)])
+        return Bundle(Path("room"), manifest, network, Compute(), lambda _: network)
+
+    def _head(self, shape: tuple[int, ...]) -> np.ndarray:
+        head = np.full(shape, -12.0, dtype=np.float32)
+        for x_m, y_m in ROOM:
+            box = self._box(x_m, y_m)
+            if box is None:
+                continue
+            x, y, width, height = box
+            column, row = int(x // STRIDE), int(y // STRIDE)
+            inside = np.clip([x / STRIDE - column, y / STRIDE - row], 1e-6, 1.0 - 1e-6)
+            head[0, :2, row, column] = np.log(inside / (1.0 - inside))
+            head[0, 2:4, row, column] = math.log(width / ANCHOR), math.log(height / ANCHOR)
+            head[0, 4, row, column], head[0, 5, row, column] = 12.0, 2.0
+        return head
+
+    def _box(self, x_m: float, y_m: float) -> tuple[float, float, float, float] | None:
+        ahead_m, left_m = self.pose.inverse().apply(np.array([x_m, y_m]))
+        if not 0.8 < ahead_m < 5.0:
+            return None
+        radius_m = RADIUS_M[LABEL]
+        rim = np.array([[ahead_m + dx, left_m + dy, z] for z in (0.0, HEIGHT_M)
+                        for dx, dy in ((-radius_m, 0.0), (0.0, radius_m), (0.0, -radius_m))])  # fmt: skip
+        optical = (rim - FLOOR.mount.position_base_m()) @ FLOOR.mount.rotation_base_optical()
+        edges = 50.0 * optical[:, :2] / optical[:, 2:] + 32.0
+        x0, y0, x1, y1 = np.concatenate([edges.min(axis=0), edges.max(axis=0)]) + self._random.normal(0.0, 0.3, 4)
+        if x0 < 0.0 or y0 < 0.0 or x1 > SIZE - 1 or y1 > SIZE - 1 or x1 - x0 < 2.0 or y1 - y0 < 2.0:
+            return None
+        return (x0 + x1) / 2.0, (y0 + y1) / 2.0, x1 - x0, y1 - y0
+
+
+def saved_map(first: SE2 | None = None, start: SE2 | None = None) -> list[MapObject]:
+    """The room as an earlier run mapped it. first: pose in the room that has the pose `start` in that map."""
+    place = (start or SE2()) @ (first or pose_at(0.0)).inverse()
+    places = place.apply(np.array(ROOM))
+    return [
+        MapObject(f"{LABEL}-{number}", LABEL, at, np.eye(2) * 0.01, 0.5, HEIGHT_M, 20, 0.9, 0.0, 10.0)
+        for number, at in enumerate(places, 1)
+    ]
+
+
+def samples(stamps_s: list[float], yaw_rad_s: float, random: np.random.Generator) -> ImuSamples:
+    """Of an IMU on the level robot that turns, at these stamps: gravity, the turn and noise."""
+    up = FLOOR.mount.rotation_base_optical().T @ np.array([0.0, 0.0, 1.0])
+    count = len(stamps_s)
+    gyro, force = random.normal(0.0, 0.002, (count, 3)), random.normal(0.0, 0.05, (count, 3))
+    return ImuSamples(np.array(stamps_s, dtype=np.float64), gyro + yaw_rad_s * up, force + GRAVITY_M_S2 * up)
+
+
+def slam_of(camera: Camera, room: Room, imu: bool, corners: bool) -> SemanticSlam:
+    """The front and back end of a robot with wheels. corners: whether its odometry also follows corners of the
+    pictures, which takes longer than all the rest."""
+    if corners:
+        return build_slam(camera, room.bundle(), FLOOR, SlamOptions(imu=imu))
+    members, _ = hybrid_members(room.bundle(), camera, FLOOR, True, OdometryRules())
+    odometry = HybridOdometry(members[1:])
+    return SemanticSlam(
+        Pipeline(room.bundle(), FLOOR, odometry, attitude=open_attitude("hybrid", camera, FLOOR, imu)),
+        new_mapper(Config()),
+    )
+
+
+class Checked:
+    """What holds after every step, whatever its input was; at the end, that the map reads back."""
+
+    def __init__(self, slam: SemanticSlam, saved: list[MapObject] | None = None) -> None:
+        self._slam, self._saved, self._before = slam, saved or [], list[MapObject]()
+        self.steps, self._stamp_s = 0, -math.inf
+        self.faults: list[str] = []
+
+    def __call__(self, result: StepResult) -> None:
+        """One more step."""
+        objects = self._slam.objects()
+        assert len({item.id for item in objects}) == len(objects)
+        assert result.frame.stamp_s > self._stamp_s
+        assert np.isfinite(result.pose_map_base.vector()).all()
+        for covariance in (result.pose_covariance, *(item.covariance_m2 for item in objects)):
+            assert np.isfinite(covariance).all()
+            assert is_covariance(covariance)
+        for item in objects:
+            assert np.isfinite([*item.position_m, item.width_m, item.height_m]).all()
+            assert 0.0 <= item.confidence <= 1.0
+        if result.correction is not None:
+            assert _missing(self._before, objects, result.merged) == []
+        self._stamp_s, self._before, self.steps = result.frame.stamp_s, objects, self.steps + 1
+        self.faults += result.observed.faults
+
+    def end(self) -> list[MapObject]:
+        """The map, after it was written and read."""
+        objects = self._slam.objects()
+        read, _ = read_map(map_text(objects).encode(), "the map")
+        assert [item.id for item in read] == [item.id for item in objects]
+        if self._slam.mapper.relocaliser.alignment is not None or not self._slam.mapper.relocaliser.saved:
+            assert {item.id for item in self._saved} <= {item.id for item in objects}
+        return read
+
+
+def _missing(before: list[MapObject], after: list[MapObject], merged: dict[str, str]) -> list[str]:
+    """Objects from before a correction that are neither on the map, nor part of an object there."""
+    now = {item.id for item in after}
+    return [item.id for item in before if item.id not in now and _last(merged, item.id) not in now]
+
+
+def _last(merged: dict[str, str], identity: str) -> str:
+    while identity in merged:
+        identity = merged[identity]
+    return identity
