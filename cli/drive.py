@@ -10,13 +10,14 @@ from edgemap.cli.guessed_camera import CameraKeeper
 from edgemap.cli.live_page import NoPage, live_page
 from edgemap.cli.options import choose_classes, minimum_score
 from edgemap.cli.record import wheel_track
-from edgemap.cli.run_options import RunOptions, budgeted, read_share
+from edgemap.cli.run_options import RunOptions
 from edgemap.cli.run_record import run_record, scale_source
 from edgemap.cli.saved_map import enter_saved_map, living_map, where_it_was
 from edgemap.cli.summary import RunSummary, judge_of, with_map_so_far
 from edgemap.geometry.camera.floor import FloorCamera
 from edgemap.runtime.frames.inference import Inference
 from edgemap.runtime.inputs.cameras.protocol import Camera
+from edgemap.runtime.inputs.cameras.wrappers import SearchRate
 from edgemap.runtime.network.bundle import Bundle
 from edgemap.runtime.outputs.service import ServiceNotifier
 from edgemap.runtime.outputs.sinks.living_map import LivingMap
@@ -97,13 +98,12 @@ class Run:
         return Edits(self.folder / "edits.jsonl", found)
 
     def _drive_with(self, page: NoPage, stop: Event, edits: Edits, kept: list[LivingMap]) -> None:
-        camera, advanced, saved = self.options.camera, self.options.advanced, self.options.map.saved
+        camera, saved = self.options.camera, self.options.map.saved
         notifier, summary = ServiceNotifier(), RunSummary(self.floor.mount, self.mount_sources, self.carried)
-        trusted = advanced.config if advanced.config_options else None
-        source = budgeted(self.source, read_share(advanced.cpu), trusted)
+        source = SearchRate(self.source, camera.rate) if camera.rate else self.source
         publishers = self._publishers(edits)
         page.drives([send for one in publishers if (send := getattr(one, "send_goal", None))])
-        files = RunFolder(self.folder, self.floor, self.record | {"efforts": source.efforts})
+        files = RunFolder(self.folder, self.floor, self.record)
         self.kept_camera.begin()
         judge = (
             None if saved else judge_of(camera.camera, self.source, self.mapped if self.options.map.classes else None)
@@ -112,17 +112,13 @@ class Run:
         page.judged_by(lambda: files.verdict)
         edits.savers += [files.edited, report.edited, *(one.edited for one in kept)]
 
-        def beat(text: str) -> None:
-            notifier.beat(text + source.status)
-
         # The folder last but for the report, which reads it: what goes wrong with the others stands in run.json.
         shown = progress(self._frames)
         sinks: list[Sink] = [shown, summary, *publishers, *kept, *page.sinks, files, report]
         try:
             with with_map_so_far(summary, files):
-                done = run(
-                    page.camera(source, stop), self.slam, sinks, camera.frames, stop, advanced.strict, beat, edits
-                )
+                source, strict = page.camera(source, stop), self.options.advanced.strict
+                done = run(source, self.slam, sinks, camera.frames, stop, strict, notifier.beat, edits)
         finally:
             notifier.stopping()
         summary.print(self.folder, done, stop.is_set(), files.verdict, report.evaluation_rows)

@@ -16,7 +16,7 @@ from edgemap.geometry.se2 import SE2
 from edgemap.runtime.frames.colours import SHAPES, label_mark
 from edgemap.runtime.frames.reading import printable
 from edgemap.runtime.inputs.cameras.protocol import Camera
-from edgemap.runtime.inputs.cameras.wrappers import BudgetedCamera, PacedCamera
+from edgemap.runtime.inputs.cameras.wrappers import PacedCamera
 from edgemap.runtime.inputs.drives.camera_yaml import mount_fields
 from edgemap.runtime.network.bundle import Bundle
 from edgemap.runtime.outputs.verdict.verdict import Verdict
@@ -61,8 +61,6 @@ class OpenPage(NoPage):
         """The camera that the run reads from."""
         from edgemap.view.pause import PausableCamera
 
-        if isinstance(source, BudgetedCamera):
-            self._page.effort = lambda: source.effort
         if self._pause is None:
             return source
         return PausableCamera(PacedCamera(source, self._pause.running_s), self._pause, stop.is_set)

@@ -103,6 +103,14 @@ def at_least(minimum: int, **values: int | None) -> None:
             raise OptionError(f"--{name} {value}: must be {minimum} or more")
 
 
+def above_zero(**values: float | None) -> None:
+    """Rejects numbers that are not positive and finite; keywords are option names, None is accepted. Raises
+    OptionError."""
+    for name, value in values.items():
+        if value is not None and not 0.0 < value < math.inf:
+            raise OptionError(f"--{name} {value:g}: must be above 0")
+
+
 def in_unit(**values: float | None) -> None:
     """Rejects numbers outside (0, 1]; keywords are option names, None is accepted. Raises OptionError."""
     for name, value in values.items():

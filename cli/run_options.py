@@ -1,4 +1,4 @@
-"""The options of `edgemap run`, in the groups of its help, and the camera under `--cpu`."""
+"""The options of `edgemap run`, in the groups of its help."""
 
 from dataclasses import dataclass
 from pathlib import Path
@@ -14,24 +14,14 @@ from edgemap.cli.options import (
     ImuTopic,
     WheelTopic,
     WithoutDepth,
+    above_zero,
     at_least,
 )
 from edgemap.cli.publishers import OutputGroup, WatchGroup, frame_names
 
 if TYPE_CHECKING:
-    from edgemap.runtime.inputs.cameras.protocol import Camera, SensorTopics
-    from edgemap.runtime.inputs.cameras.wrappers import BudgetedCamera
+    from edgemap.runtime.inputs.cameras.protocol import SensorTopics
     from edgemap.runtime.step.map_store import MapPlace
-
-CpuShare = Annotated[
-    str | None,
-    arg(
-        metavar="SHARE",
-        help="Processor time to stay within, of one core: 30% or 0.3. Objects are searched for in fewer frames first, "
-        "then fewer frames are taken; every frame taken gives a motion. Files are then paced by their stamps. What is "
-        "decided stands in run.json and in recordings, and a replay takes it from there.",
-    ),
-]
 
 
 @dataclass(frozen=True)
@@ -42,6 +32,14 @@ class CameraGroup(Source):
     depth_topic: DepthTopicName = None
     frames: Annotated[int | None, arg(metavar="N", help="Stop after N frames.")] = None
     realtime: Annotated[bool, arg(help="Pace files by their stamps, not at full speed.")] = False
+    rate: Annotated[
+        float | None,
+        arg(
+            metavar="HZ",
+            help="Pictures a second that are searched for objects and floor, by their stamps; by default all. Every "
+            "picture gives a motion. Saves processor time.",
+        ),
+    ] = None
 
 
 @dataclass(frozen=True)
@@ -116,11 +114,10 @@ class MapGroup(MappingOptions, SavedMapOptions):
 
 @dataclass(frozen=True)
 class AdvancedGroup(NetworkOptions):
-    """The network, tuned numbers and processor time."""
+    """The network and tuned numbers."""
 
     config: ConfigFile = None
     config_options: ConfigOptions = False
-    cpu: CpuShare = None
     strict: Annotated[
         bool, arg(help="End at the first camera fault (a damaged picture, a late frame), not go on past it.")
     ] = False
@@ -152,7 +149,7 @@ class RunOptions:
         self.map.check()
         frame_names(self.outputs.ros2_frames)
         check_name(self.outputs.recording)
-        read_share(self.advanced.cpu)
+        above_zero(rate=self.camera.rate)
         watch, out = self.watch, self.outputs
         asked = {"view": watch.view, "foxglove": watch.foxglove, "record": out.recording}
         asked |= {"mqtt": out.mqtt, "fleet": out.fleet, "ros2": out.ros2}
@@ -161,14 +158,9 @@ class RunOptions:
                 need(extra, f"--{extra}")
 
     @property
-    def budgeted(self) -> bool:
-        """Whether the run stays within a share of the processor."""
-        return self.advanced.cpu is not None
-
-    @property
     def pace_files(self) -> bool:
         """Whether file sources are paced by their stamps: on request, or because a live output follows the run."""
-        return self.camera.realtime or self.watch.foxglove is not None or self.outputs.ros2 or self.budgeted
+        return self.camera.realtime or self.watch.foxglove is not None or self.outputs.ros2
 
     @property
     def topics(self) -> "SensorTopics":
@@ -191,29 +183,5 @@ class RunOptions:
         return found
 
 
-_NO_INPUTS = frozenset({"config", "config_options", "realtime", "cpu"})
+_NO_INPUTS = frozenset({"config", "config_options", "realtime"})
 _FLAGS = {"saved": "map", "edited": "edits"}
-
-
-def read_share(text: str | None) -> float | None:
-    """`30%` or `0.3` as a share of one core. Raises OptionError."""
-    if text is None:
-        return None
-    try:
-        share = float(text.removesuffix("%")) / (100.0 if text.endswith("%") else 1.0)
-    except ValueError:
-        share = -1.0
-    if not 0.01 <= share <= 64.0 or (share >= 10.0 and not text.endswith("%")):
-        raise OptionError(f"--cpu {text}: expected a share of one core, 30% or 0.3")
-    return share
-
-
-def budgeted(camera: "Camera", share: float | None, config: Path | None) -> "BudgetedCamera":
-    """The camera under a budget, or under the budget's decisions recorded in a run.json. Raises ConfigError."""
-    from edgemap.runtime.inputs.budget import Budget
-    from edgemap.runtime.inputs.cameras.wrappers import BudgetedCamera
-    from edgemap.runtime.step.config import load_efforts
-
-    if share is not None:
-        return BudgetedCamera(camera, Budget(share))
-    return BudgetedCamera(camera, replayed=load_efforts(config) if config else ())

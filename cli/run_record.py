@@ -56,8 +56,7 @@ def run_record(
         place = options.map.place()
         continued = place is not None and place.exists  # the first run by a name makes the map
         record |= {"map": str(options.map.saved), "start": options.map.start, "map_continued": continued}
-    record |= {"options": options.inputs() | _decided(options, loaded), "config": config_document(tuned)}
-    return record | {"cpu": options.advanced.cpu}
+    return record | {"options": options.inputs() | _decided(options, loaded), "config": config_document(tuned)}
 
 
 def _decided(options: RunOptions, loaded: Bundle) -> dict[str, Any]:

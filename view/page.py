@@ -14,7 +14,6 @@ from edgemap.geometry.map_object import MapObject
 from edgemap.geometry.objects.edits import NO_ANNOTATIONS, Annotations
 from edgemap.geometry.objects.zone_watch import ZoneEvent, ZoneWatch
 from edgemap.geometry.se2 import SE2
-from edgemap.runtime.inputs.budget import Effort
 from edgemap.runtime.outputs.verdict.verdict import Verdict
 from edgemap.runtime.step.edits import Edits
 from edgemap.runtime.step.map_file import map_text, save_map
@@ -76,7 +75,6 @@ class LivePage:
         # Saves height, m, and pitch, degrees, to camera.yaml.
         self.keep_mount: Callable[[float, float], Path] | None = None
         self.goals: list[Callable[[SE2], None]] = []  # receivers of a goal pose
-        self.effort: Callable[[], Effort] = Effort  # what the budget allows
         self.newest: PageSnapshot | None = None
         self.revision = 0
         self.epoch = 0  # increases when everything sent before has moved

@@ -89,10 +89,7 @@ def _of_step(page: LivePage, result: StepResult) -> list[Alert]:
         alerts.append(Alert(level, "picture", f"The picture has no information: {result.health.reason}."))
     if result.motion.fault:
         alerts.append(Alert("degraded", "odometry", f"Odometry: {result.motion.fault}."))
-    effort, rate_hz = page.effort(), page.rate_hz()
-    if not effort.full:
-        alerts.append(Alert("degraded", "speed", f"Less is done, to stay within the run's budget: {effort}."))
-    wanted_hz = (page.about.get("rate_hz") or 0.0) / effort.take_every
+    rate_hz, wanted_hz = page.rate_hz(), page.about.get("rate_hz") or 0.0
     mean_ms = page.step_ms()
     busy = rate_hz is not None and rate_hz * mean_ms > 1000.0 * BUSY_SHARE
     if busy and rate_hz and page.rate_known and rate_hz < SLOW_SHARE * wanted_hz:

@@ -50,7 +50,7 @@ class CalibrationError(EdgemapError):
 
 
 class FaultKind(StrEnum):
-    """Kind of a fault. `RECOVERED` (end of an outage) and `EFFORT` (a budget's decision) are notices, not faults."""
+    """Kind of a fault. `RECOVERED` (end of an outage) is a notice, not a fault."""
 
     LATE = "late"  # silent beyond the stall limit
     FAILED = "failed"  # the device's driver raised an error
@@ -64,7 +64,6 @@ class FaultKind(StrEnum):
     GREY = "grey"  # a colour camera that turns grey
     DAMAGED = "damaged"  # a picture that cannot be decoded
     RECOVERED = "recovered"
-    EFFORT = "effort"
 
 
 class CameraState(StrEnum):
@@ -87,7 +86,7 @@ class CameraFault(CameraError):
     @property
     def counted(self) -> bool:
         """Whether this is a fault, and not news."""
-        return self.kind not in (FaultKind.RECOVERED, FaultKind.EFFORT)
+        return self.kind is not FaultKind.RECOVERED
 
 
 class FrameTimeout(CameraError):

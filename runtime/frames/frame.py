@@ -19,7 +19,7 @@ class Frame:
     imu: inertial samples since the previous delivered frame, up to this stamp; none where the source has none.
     depth: (H, W) float32, metres along the optical axis of this picture's pixels, 0 where unknown; None without a depth
     camera.
-    search: whether the detector runs on it; the budget decides that, and a recording stores the decision.
+    search: whether the detector runs on it (`run --rate`); a recording stores that.
     Raises ValueError where the image is not (H, W, 3) uint8, or the depth not (H, W).
     """
 

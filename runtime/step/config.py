@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass, field, fields, is_dataclass, replace
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Any
 
 import msgspec
 
@@ -14,8 +14,7 @@ from edgemap.geometry.observations.sighting import FloorRule
 from edgemap.geometry.registration.alignment import AlignmentRule
 from edgemap.geometry.slam.pose_graph import GraphRule
 from edgemap.runtime.frames.plain_yaml import read_yaml
-from edgemap.runtime.frames.reading import Strict, convert, decode_json, one_line, print_message, read_bytes
-from edgemap.runtime.inputs.budget import Effort
+from edgemap.runtime.frames.reading import decode_json, one_line, print_message, read_bytes
 from edgemap.runtime.inputs.cameras.supervisor import RecoveryRule
 from edgemap.runtime.motion.attitude.inertial import AttitudeRule
 from edgemap.runtime.motion.health import HealthRule
@@ -86,15 +85,6 @@ def load_options(path: Path) -> dict[str, Any]:
     return options
 
 
-def load_efforts(path: Path) -> list[Effort]:
-    """The decisions of a budget in the run of a run.json, in order; none for a YAML file. Raises ConfigError."""
-    path = _file(path)
-    if path.suffix != ".json":
-        return []
-    rows = convert(_run_json(path).get("efforts", []), list[_Effort], f"{path}: efforts", ConfigError)
-    return [Effort(**msgspec.structs.asdict(row)) for row in rows]
-
-
 def _document(path: Path) -> tuple[Path, dict[str, Any]]:
     """The file, and its content with at least one of its two sections."""
     path = _file(path)
@@ -111,12 +101,6 @@ def _file(path: Path) -> Path:
 
 def _run_json(path: Path) -> dict[str, Any]:
     return decode_json(read_bytes(path, MAX_BYTES, ConfigError), dict, path, ConfigError)
-
-
-class _Effort(Strict):
-    since: Annotated[int, msgspec.Meta(ge=0, le=1 << 53)]
-    search_every: Annotated[int, msgspec.Meta(ge=1, le=1000)]
-    take_every: Annotated[int, msgspec.Meta(ge=1, le=1000)]
 
 
 def _merged(default: Any, given: Any, where: str, unknown: list[tuple[str, str]]) -> Any:

@@ -152,8 +152,8 @@ class Pipeline:
         return motion
 
     def _searches(self, frame: Frame, health: PictureHealth) -> bool:
-        """Whether the backbone runs: not on a blind picture, but for a repeated one of the same view, and not where the
-        budget forbids it and the odometry can do without."""
+        """Whether the backbone runs: not on a blind picture, but for a repeated one of the same view, and not one
+        that `--rate` leaves out and the odometry can do without."""
         since = self._since_view
         same_view = math.hypot(since.x_m, since.y_m) < SAME_VIEW_M and abs(since.yaw_rad) < SAME_VIEW_RAD
         informative = not health.blind or (health.stale and same_view)

@@ -33,7 +33,7 @@ from edgemap.runtime.outputs.mapfiles.grid import grid_of
 from edgemap.runtime.outputs.mapfiles.nav2 import vector_text
 from edgemap.runtime.outputs.mapfiles.table import csv_text
 from edgemap.runtime.outputs.sightings_file import read_sightings
-from edgemap.runtime.step.config import Config, config_document, load_config, load_efforts
+from edgemap.runtime.step.config import Config, config_document, load_config
 from edgemap.runtime.step.edits import load_edits
 from edgemap.runtime.step.map_file import load_annotated_map, save_map
 from reliability.mutations import json_bytes, mutated_bytes, mutated_rows, mutated_tree
@@ -68,7 +68,6 @@ EDITS = [
 FACTS = {"camera": "test", "rate_hz": 10.0, "intrinsics": None, "format": "edgemap.recording/1"}
 FACTS |= {"mount": {"height_m": 0.6, "pitch_rad": 0.2, "roll_rad": 0.0, "forward_m": 0.1, "left_m": 0.0}}
 RUN: dict[str, Any] = {"options": {"camera": "demo", "frames": 9, "view": True}, "config": config_document(Config())}
-RUN |= {"efforts": [{"since": 3, "search_every": 2, "take_every": 1}]}
 SHORT_RUN = RUN | {"config": {name: RUN["config"][name] for name in ("floor", "rest", "grid")}}
 YAML_TEXTS = (
     "!!python/object:os.system ", "!!int ", "&a ", "*a ", "!!binary ", "<<: ", "? ", "2026-01-01", "- " * 50, "\t",
@@ -151,7 +150,6 @@ def _facts(random: Random) -> dict[str, str]:
 
 def _use_config(path: Path) -> None:
     config_document(load_config(path))
-    load_efforts(path)
 
 
 def _use_map(path: Path) -> None:

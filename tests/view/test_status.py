@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 from support.steps import Steps
 
-from edgemap.runtime.inputs.budget import Effort
 from edgemap.runtime.motion.health import PictureHealth
 from edgemap.view.page import RATE_OVER, LivePage
 from edgemap.view.pause import Pause
@@ -51,13 +50,6 @@ def test_a_camera_slower_than_it_states_is_no_overload(tmp_path, clock):
     page, _ = page_of(tmp_path, clock, rate_hz=6.0)
     assert 10.0 < page.step_ms() < 80.0
     assert status(page) == {"level": "ok", "headline": "Running, 6.0 pictures a second.", "problems": []}
-
-
-def test_a_budget_is_told_and_is_no_overload(tmp_path, clock):
-    page, _ = page_of(tmp_path, clock, rate_hz=5.0)
-    page.effort = lambda: Effort(0, search_every=2, take_every=2)
-    text = "Less is done, to stay within the run's budget: 1 of 2 frames taken, 1 of 2 searched."
-    assert items(page) == [("degraded", "speed", text)]
 
 
 def test_too_few_steps_are_no_overload(tmp_path, clock):

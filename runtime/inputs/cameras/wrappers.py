@@ -1,14 +1,13 @@
 """Cameras around a camera: they change how its frames are read and keep everything else."""
 
+import math
 import time
-from collections.abc import Callable, Sequence
-from dataclasses import asdict, replace
+from collections.abc import Callable
+from dataclasses import replace
 from typing import Any
 
-from edgemap.geometry.camera.imu import ImuSamples
-from edgemap.runtime.frames.errors import CameraFault, CameraState, FaultKind, FrameTimeout
+from edgemap.runtime.frames.errors import CameraState, FrameTimeout
 from edgemap.runtime.frames.frame import Frame
-from edgemap.runtime.inputs.budget import Budget, Effort
 from edgemap.runtime.inputs.cameras.protocol import Camera
 
 TICK_S = 0.5  # longest wait of a read at the pace of the stamps
@@ -73,54 +72,26 @@ class PacedCamera(CameraAround):
         return frame
 
 
-class BudgetedCamera(CameraAround):
-    """Takes and marks frames as a budget decides. A change is reported as a `CameraFault` that does not count as fault.
+class SearchRate(CameraAround):
+    """Marks the pictures that the network searches: those nearest to `rate_hz` a second, by their stamps alone, so that
+    a replay searches the same. Motion is still estimated at every picture. rate_hz: positive."""
 
-    replayed: decisions of another run's budget, which are repeated. efforts: all decisions so far, as plain values.
-    """
-
-    def __init__(self, camera: Camera, budget: Budget | None = None, replayed: Sequence[Effort] = ()) -> None:
+    def __init__(self, camera: Camera, rate_hz: float) -> None:
         super().__init__(camera)
-        self.efforts: list[dict[str, Any]] = []
-        self._budget, self._replayed = budget, list(replayed)
-        self._effort: Effort | None = None
-        self._skipped: list[ImuSamples] = []
-        self._next = 0  # frame index of the camera behind
-
-    @property
-    def effort(self) -> Effort:
-        """The current effort."""
-        return self._effort or Effort()
-
-    @property
-    def status(self) -> str:
-        """The current effort as a status line; empty at full effort."""
-        return "" if self.effort.full else f", {self.effort}"
+        self._period_s = 1.0 / rate_hz
+        self._due_s = self._last_s = -math.inf
 
     def read(self) -> Frame | None:
-        """The next frame that is taken, with the inertial samples of the skipped ones."""
-        if self._budget is not None and (decided := self._budget.decide()) is not None:
-            effort, why = decided
-            self._begin(replace(effort, since=self._next))
-            raise CameraFault(FaultKind.EFFORT, f"budget: {why}: {effort}")
-        while (frame := super().read()) is not None:
-            self._next = frame.index + 1
-            while self._replayed and self._replayed[0].since <= frame.index:
-                self._begin(self._replayed.pop(0))
-            effort = self._effort
-            if effort is None and self._budget is None and not self._replayed:
-                return frame  # no decision: a recording's own marks stay
-            effort = effort or Effort()
-            self._skipped.append(frame.imu)
-            if effort.takes(frame.index):
-                samples, self._skipped = ImuSamples.joined(self._skipped), []
-                search = effort.searches(frame.index)
-                if self._budget is not None:
-                    self._budget.frame(search)
-                self._delivered += 1
-                return replace(frame, index=self._delivered - 1, imu=samples, search=search)
-        return None
+        """The next frame, marked."""
+        frame = super().read()
+        return frame and replace(frame, search=self._is_due(frame.stamp_s))
 
-    def _begin(self, effort: Effort) -> None:
-        self._effort = effort
-        self.efforts.append(asdict(effort))
+    def _is_due(self, stamp_s: float) -> bool:
+        """Whether no later picture is nearer to the stamp that is due. A clock that was set back makes it due."""
+        half_interval_s = 0.5 * (stamp_s - self._last_s) if math.isfinite(self._last_s) else 0.0
+        self._last_s = stamp_s
+        if stamp_s + half_interval_s < self._due_s <= stamp_s + 2.0 * self._period_s:
+            return False
+        next_s = self._due_s + self._period_s
+        self._due_s = next_s if stamp_s < next_s <= stamp_s + 1.5 * self._period_s else stamp_s + self._period_s
+        return True
