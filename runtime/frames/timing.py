@@ -1,7 +1,8 @@
 """Stage times of a step, and what is done every so many seconds of stream."""
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from time import perf_counter, thread_time
 from typing import ClassVar
 
@@ -9,7 +10,8 @@ import numpy as np
 
 
 class Stopwatch:
-    """Stage times of one step: `start`, then `stage(name)` after each. stages_ms: milliseconds by stage, in order.
+    """Stage times of one step: `start`, then a block `with stage(name):` each. stages_ms: milliseconds by stage, in
+    order.
 
     processor_time: whether all stopwatches count that of their thread, which no other program can add to, as `bench`
     has them.
@@ -19,18 +21,17 @@ class Stopwatch:
 
     def __init__(self) -> None:
         self.stages_ms: dict[str, float] = {}
-        self._last = _now_s()
 
     def start(self) -> None:
         """Starts a new step."""
         self.stages_ms = {}
-        self._last = _now_s()
 
-    def stage(self, stage: str) -> None:
-        """Adds the time since the last call to a stage."""
-        now = _now_s()
-        self.stages_ms[stage] = self.stages_ms.get(stage, 0.0) + (now - self._last) * 1e3
-        self._last = now
+    @contextmanager
+    def stage(self, stage: str) -> Iterator[None]:
+        """Adds the time of the block to a stage."""
+        began_s = _now_s()
+        yield
+        self.stages_ms[stage] = self.stages_ms.get(stage, 0.0) + (_now_s() - began_s) * 1e3
 
 
 def _now_s() -> float:

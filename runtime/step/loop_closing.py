@@ -58,8 +58,11 @@ class LoopCloser:
         except StopIteration as end:
             self._work = None
             solved = end.value
+        if solved is None:
+            return None
         before = graph.trajectory.pose
-        past = None if solved is None else graph.correct(*solved, now_s)
+        solution, relinked = solved
+        past = graph.correct(solution, relinked, now_s)
         if past is None:
             return None
         pose = graph.trajectory.pose

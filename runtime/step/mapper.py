@@ -40,7 +40,7 @@ LONGEST_S = 0.3  # that one picture stands for at most: what was in view before 
 START_SIGMAS = (0.10, 0.10, math.radians(3.0))  # m, m, rad: how well a person knows where the robot stands
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@dataclass(frozen=True, eq=False, kw_only=True)
 class MapUpdate:
     """The back end's update by one frame. sightings: the boxes that stand on the floor, in the map. object_ids: one per
     sighting. merged: retired ids of the run so far, each with the id of the object that replaced it. pose_covariance:
@@ -187,35 +187,50 @@ class Mapper:
         """Processes one frame's observations: advance, close loops, associate, forget, relocalise."""
         self._watch.start()
         stage = self._watch.stage
-        observed = self._with_blind(self._timed(_sound(observed)))
-        self._advance(observed.motion)
-        self._retilt(observed.mount_estimate)
-        correction = self._close_loops(observed)
-        stage("closure")
-        sightings = self._placed(observed.sightings, observed.placed_by)
-        object_ids = self.map.update(sightings)
-        self._forget(observed, object_ids)
-        stage("map")
-        self._fuse_floor(observed)
-        stage("grid")
-        became = self._relocalise()
-        if became is not None:
-            sightings = self._placed(observed.sightings)
-            object_ids = [became.get(identity, identity) for identity in object_ids]
-        relocated, self._relocated = self._relocated, None
-        self.trajectory.append(observed.stamp_s, self.pose_map_base)
-        stage("relocalisation")
-        merges = self.edits.merges(self.map)
-        if merges:
-            object_ids = [merges.get(self.map.shown_as(identity), identity) for identity in object_ids]
-        merged = self.map.merged | merges
-        if self.paper is not None:
-            object_ids, merged = self.paper.update(sightings), self.paper.merged
+        with stage("closure"):
+            observed = self._with_blind(self._timed(_sound(observed)))
+            self._advance(observed.motion)
+            self._retilt(observed.mount_estimate)
+            correction = self._close_loops(observed)
+        with stage("map"):
+            sightings = self._placed(observed.sightings, observed.placed_by)
+            object_ids = self.map.update(sightings)
+            self._forget(observed, object_ids)
+        with stage("grid"):
+            self._fuse_floor(observed)
+        with stage("relocalisation"):
+            became = self._relocalise()
+            if became is not None:
+                sightings = self._placed(observed.sightings)
+                object_ids = [became.get(identity, identity) for identity in object_ids]
+            relocated, self._relocated = self._relocated, None
+            self.trajectory.append(observed.stamp_s, self.pose_map_base)
+        object_ids, merged = self._shown_ids(sightings, object_ids)
         return MapUpdate(
-            sightings, object_ids, merged, self.pose_map_base, self.pose_covariance,
-            self.trajectory, self.travelled_m, self._watch.stages_ms, self.pose_odom_base, self.odom_covariance,
-            correction, relocated, self.annotations(), self._shown_grid, self.grid.scan,
-        )  # fmt: skip
+            sightings=sightings,
+            object_ids=object_ids,
+            merged=merged,
+            pose_map_base=self.pose_map_base,
+            pose_covariance=self.pose_covariance,
+            trajectory=self.trajectory,
+            travelled_m=self.travelled_m,
+            stages_ms=self._watch.stages_ms,
+            pose_odom_base=self.pose_odom_base,
+            odom_covariance=self.odom_covariance,
+            correction=correction,
+            relocated=relocated,
+            annotations=self.annotations(),
+            grid=self._shown_grid,
+            floor_scan=self.grid.scan,
+        )
+
+    def _shown_ids(self, sightings: list[PlacedSighting], object_ids: list[str]) -> tuple[list[str], dict[str, str]]:
+        """Ids of the sightings' objects as the map shows them, and all retired ids with those that replaced them."""
+        if self.paper is not None:
+            return self.paper.update(sightings), self.paper.merged
+        if merges := self.edits.merges(self.map):
+            object_ids = [merges.get(self.map.shown_as(identity), identity) for identity in object_ids]
+        return object_ids, self.map.merged | merges
 
     def step_blind(self, motion: Motion) -> tuple[SE2, Array]:
         """A motion without observations: pose and its covariance (3, 3) after it. The next step takes it in."""

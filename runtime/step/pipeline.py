@@ -84,71 +84,85 @@ class Pipeline:
         """One frame in: boxes, positions on the floor, own motion. Raises CameraError for a frame of another size."""
         self._check_size(frame)
         self._watch.start()
-        stage = self._watch.stage
-        health = self._health.judge(frame)
-        stage("health")
-        attitude = self.attitude.predict(frame, self._moved)
-        stage("attitude")
-        still = self.odometry.still(frame.stamp_s, attitude)
-        at_rest, health = self._rest.judge(frame, health, still, self._moved, attitude.rotation)
-        stage("rest")
+        stage, fault, sightings = self._watch.stage, "", []
+        with stage("health"):
+            health = self._health.judge(frame)
+        with stage("attitude"):
+            attitude = self.attitude.predict(frame, self._moved)
+        with stage("rest"):
+            still = self.odometry.still(frame.stamp_s, attitude)
+            at_rest, health = self._rest.judge(frame, health, still, self._moved, attitude.rotation)
         motion = self._motion_without_picture(frame.stamp_s, health, attitude, at_rest)
-        prior, outputs = FramePrior(attitude, health.covered), {}
+        prior = FramePrior(attitude, health.covered)
         searched = not at_rest and self._searches(frame, health)
+        outputs = self._search(frame, prior, motion is None) if searched else {}
+        motion = motion or self._motion_by_picture(frame, outputs, prior)
+        with stage("attitude"):
+            camera = self.camera.at(attitude_after(self.attitude, attitude, motion))
+        boxes = self._detections if searched or at_rest else Detections.none(self._names)
+        floor, depth = (self._floor, SparseDepth.of(frame.depth)) if searched else (None, None)
         if searched:
+            with stage("floor"):
+                sightings = sightings_of(
+                    boxes, camera, self.rule, frame.index, frame.stamp_s, frame.depth, floor, self.evidence
+                )
+            with stage("height"):
+                fault = self._height.judge(frame.stamp_s, camera, attitude, boxes, motion, frame.depth is not None)
+        return FrameObservations(
+            index=frame.index,
+            stamp_s=frame.stamp_s,
+            detections=boxes,
+            sightings=sightings,
+            motion=motion,
+            stages_ms=self._watch.stages_ms,
+            health=health,
+            camera=camera,
+            searched=searched,
+            at_rest=at_rest,
+            mount_fault=fault,
+            height_estimate=self._height.estimate,
+            scale=self._height.scale,
+            floor=floor,
+            depth=depth,
+            worktop=searched and is_worktop(floor, boxes),
+        )
+
+    def _search(self, frame: Frame, prior: FramePrior, measures: bool) -> Tensors:
+        """The backbone's outputs. Keeps boxes and floor mask. measures: whether the picture measures the motion."""
+        stage = self._watch.stage
+        with stage("preprocess"):
             tensor, placement = self._preprocess(frame.image)
-            stage("preprocess")
+        with stage("backbone"):
             outputs = self._backbone.run({self._input_name: tensor})
-            stage("backbone")
-            if motion is None:
+        with stage("decode"):
+            if measures:
                 self._begin_odometry(frame, outputs, prior)  # its network runs while this thread decodes
             self._detections = self._decode(outputs, placement)
-            stage("decode")
+        with stage("floor_mask"):
             self._floor = floor_mask(outputs, placement, self._floor_output)
-            stage("floor_mask")
-        motion = motion or self._motion_by_picture(frame, outputs, prior)
-        camera = self.camera.at(attitude_after(self.attitude, attitude, motion))
-        stage("attitude")
-        if not searched:
-            boxes = self._detections if at_rest else Detections.none(self._names)
-            return FrameObservations(
-                frame.index, frame.stamp_s, boxes, [], motion, self._watch.stages_ms, health, camera, searched=False,
-                at_rest=at_rest, scale=self._height.scale,
-            )  # fmt: skip
-        boxes = self._detections
-        sightings = sightings_of(
-            boxes, camera, self.rule, frame.index, frame.stamp_s, frame.depth, self._floor, self.evidence
-        )
-        stage("floor")
-        fault = self._height.judge(frame.stamp_s, camera, attitude, boxes, motion, frame.depth is not None)
-        stage("height")
-        return FrameObservations(
-            frame.index, frame.stamp_s, boxes, sightings, motion, self._watch.stages_ms, health, camera,
-            mount_fault=fault, height_estimate=self._height.estimate, floor=self._floor,
-            depth=SparseDepth.of(frame.depth), scale=self._height.scale, worktop=is_worktop(self._floor, boxes),
-        )  # fmt: skip
+        return outputs
 
     def _motion_without_picture(
         self, stamp_s: float, health: PictureHealth, attitude: Attitude, at_rest: bool
     ) -> Motion | None:
         """The motion of a robot at rest, or up to a blind picture; None where this picture measures it."""
-        if at_rest:
-            motion = self.odometry.rest(stamp_s)
-        elif health.blind:
-            motion = self.odometry.step_blind(stamp_s, health.reason, attitude).checked(self.odometry.name)
-            self._since_view = self._since_view @ motion.motion
-        else:
+        if not (at_rest or health.blind):
             return None
-        self._moved = motion.moved()
-        self._watch.stage("odometry")
+        with self._watch.stage("odometry"):
+            if at_rest:
+                motion = self.odometry.rest(stamp_s)
+            else:
+                motion = self.odometry.step_blind(stamp_s, health.reason, attitude).checked(self.odometry.name)
+                self._since_view = self._since_view @ motion.motion
+            self._moved = motion.moved()
         return motion
 
     def _motion_by_picture(self, frame: Frame, outputs: Tensors, prior: FramePrior) -> Motion:
         """The odometry's step. outputs: the backbone's, empty where it did not run."""
-        prior = replace(prior, movers=mover_boxes(self._detections), floor=self._floor)
-        motion = self.odometry.step(frame, outputs, prior).checked(self.odometry.name)
-        self._since_view, self._moved = SE2(), motion.moved()
-        self._watch.stage("odometry")
+        with self._watch.stage("odometry"):
+            prior = replace(prior, movers=mover_boxes(self._detections), floor=self._floor)
+            motion = self.odometry.step(frame, outputs, prior).checked(self.odometry.name)
+            self._since_view, self._moved = SE2(), motion.moved()
         return motion
 
     def _searches(self, frame: Frame, health: PictureHealth) -> bool:

@@ -1,9 +1,9 @@
 """The step as one object: front end and back end, from parts or from a camera, a bundle and options."""
 
-from collections.abc import Callable, Collection, Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 from math import degrees
-from typing import Generic, TypeVar
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -25,49 +25,24 @@ from edgemap.runtime.step.frame_observations import FrameObservations
 from edgemap.runtime.step.mapper import Mapper, MapUpdate, new_mapper
 from edgemap.runtime.step.pipeline import Pipeline
 
-T = TypeVar("T")
 
-
-class _OfUpdate(Generic[T]):
-    """A value of a result's `MapUpdate`, under the same name in the result."""
-
-    def __init__(self, get: Callable[[MapUpdate], T]) -> None:
-        self._get = get
-
-    def __get__(self, result: "StepResult", _owner: type) -> T:
-        return self._get(result.update)
-
-
-@dataclass(frozen=True, slots=True, eq=False, repr=False)
-class StepResult:
+@dataclass(frozen=True, eq=False, repr=False, kw_only=True)
+class StepResult(MapUpdate):
     """Result of one step: the frame, the front end's observations, and the back end's update. faults: of delivery,
-    since the previous result. Attributes of `update` are available on the result too.
+    since the previous result. stages_ms: time of every stage of the step, in order.
     """
 
     frame: Frame
     observed: FrameObservations
-    update: MapUpdate
     faults: tuple[CameraFault, ...] = ()
 
-    sightings = _OfUpdate(lambda update: update.sightings)
-    object_ids = _OfUpdate(lambda update: update.object_ids)
-    merged = _OfUpdate(lambda update: update.merged)
-    pose_map_base = _OfUpdate(lambda update: update.pose_map_base)
-    pose_covariance = _OfUpdate(lambda update: update.pose_covariance)
-    trajectory = _OfUpdate(lambda update: update.trajectory)
-    travelled_m = _OfUpdate(lambda update: update.travelled_m)
-    pose_odom_base = _OfUpdate(lambda update: update.pose_odom_base)
-    odom_covariance = _OfUpdate(lambda update: update.odom_covariance)
-    correction = _OfUpdate(lambda update: update.correction)
-    relocated = _OfUpdate(lambda update: update.relocated)
-    annotations = _OfUpdate(lambda update: update.annotations)
-    grid = _OfUpdate(lambda update: update.grid)
-    floor_scan = _OfUpdate(lambda update: update.floor_scan)
-
-    @property
-    def stages_ms(self) -> dict[str, float]:
-        """Time of every stage of the step, in order."""
-        return self.observed.stages_ms | self.update.stages_ms
+    @classmethod
+    def of(
+        cls, frame: Frame, observed: FrameObservations, update: MapUpdate, faults: Sequence[CameraFault] = ()
+    ) -> "StepResult":
+        """The result of a frame's observations and the update by them."""
+        updated: dict[str, Any] = vars(update) | {"stages_ms": observed.stages_ms | update.stages_ms}
+        return cls(frame=frame, observed=observed, faults=tuple(faults), **updated)
 
     def __repr__(self) -> str:
         """One line; the fields hold whole pictures."""
@@ -118,7 +93,7 @@ class SemanticSlam:
     def step(self, frame: Frame, faults: Sequence[CameraFault] = ()) -> StepResult:
         """One frame in: its observations, the robot's motion, and the update of the map."""
         observed = self.mapper.in_scale(self.pipeline.step(frame))
-        return StepResult(frame, observed, self.mapper.step(observed), tuple(faults))
+        return StepResult.of(frame, observed, self.mapper.step(observed), faults)
 
     def step_blind(self, stamp_s: float, reason: str) -> tuple[SE2, NDArray[np.float64]]:
         """A step without a frame: pose and covariance from sources that need no picture. The map stays unchanged."""

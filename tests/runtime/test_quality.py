@@ -48,7 +48,7 @@ def test_a_covariance_that_is_none_is_left_out():
     counter = QualityCounter()
     first, second = made(2)
     counter.add(first)
-    counter.add(replace(second, update=replace(second.update, pose_covariance=np.full((3, 3), np.nan))))
+    counter.add(replace(second, pose_covariance=np.full((3, 3), np.nan)))
     assert json.dumps(counter.document(), allow_nan=False)
     assert counter.document()["sigma_m"]["end"] > 0.1
     assert not counter.document()["wheels"]

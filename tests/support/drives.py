@@ -46,7 +46,7 @@ def drive(mapper: Mapper, room, poses, motions, seed=0, **view):
     for index, (pose, motion) in enumerate(zip(poses, motions, strict=True)):
         seen = observed(index, sighted(room, pose, index, random, **view), motion)
         update = mapper.step(seen)
-        yield StepResult(Frame(index, index / 10, np.zeros((2, 2, 3), np.uint8)), seen, update), mapper.objects()
+        yield StepResult.of(Frame(index, index / 10, np.zeros((2, 2, 3), np.uint8)), seen, update), mapper.objects()
 
 
 def exact(poses):

@@ -13,7 +13,6 @@ from edgemap.geometry.se2 import SE2
 from edgemap.runtime.frames.frame import Frame
 from edgemap.runtime.motion.odometry.protocol import Motion
 from edgemap.runtime.step.frame_observations import FrameObservations
-from edgemap.runtime.step.mapper import MapUpdate
 from edgemap.runtime.step.pose_journal import PoseJournal
 from edgemap.runtime.step.slam import StepResult
 
@@ -35,6 +34,17 @@ def results(frames: list[Frame], poses: list[SE2]) -> Iterator[StepResult]:
         observed = FrameObservations(
             frame.index, frame.stamp_s, detections, seen, Motion(SE2(0.1, 0.0, 0.05), np.eye(3))
         )
-        by_odometry = {"pose_odom_base": OFF @ pose, "odom_covariance": 2.0 * COVARIANCE}
-        update = MapUpdate(placed, ["chair-1"], {}, pose, COVARIANCE, PoseJournal(), 0.0, {}, **by_odometry)
-        yield StepResult(frame, observed, update)
+        yield StepResult(
+            frame=frame,
+            observed=observed,
+            sightings=placed,
+            object_ids=["chair-1"],
+            merged={},
+            pose_map_base=pose,
+            pose_covariance=COVARIANCE,
+            trajectory=PoseJournal(),
+            travelled_m=0.0,
+            stages_ms={},
+            pose_odom_base=OFF @ pose,
+            odom_covariance=2.0 * COVARIANCE,
+        )

@@ -51,7 +51,7 @@ class Steps:
         if self._boxes is not None:
             observed = replace(observed, camera=CAMERA, floor=floor_mask(self._boxes, pose))
         self.index += 1
-        return StepResult(frame, observed, self.mapper.step(observed)), self.mapper.objects()
+        return StepResult.of(frame, observed, self.mapper.step(observed)), self.mapper.objects()
 
     def into(self, sink: Sink, count: int = 1) -> None:
         """Write so many steps."""

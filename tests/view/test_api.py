@@ -243,8 +243,7 @@ def test_a_room_of_the_floor_plan_becomes_a_named_zone(robot):
     odds = np.full((84, 64), 40, np.int8)  # a room of 3 x 4 m whose walls are obstacles
     odds[2:82, 2:62] = -40
     result, objects = served.steps.next()
-    update = replace(result.update, grid=OccupancyGrid(odds, 1.0, -1.0, 0.05))
-    served.page.write(replace(result, update=update), objects)
+    served.page.write(replace(result, grid=OccupancyGrid(odds, 1.0, -1.0, 0.05)), objects)
     (room,) = rooms = api.get("/api/rooms")
     conforms("/api/rooms", "GET", 200, rooms)
     assert room["area_m2"] == pytest.approx(12.0, rel=0.08)

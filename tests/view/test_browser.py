@@ -302,7 +302,7 @@ def test_the_list_is_by_distance_from_the_robot(watched):
     rows = f"[...document.querySelectorAll('#objects li')].map(li => {texts})"
     tab.until(f"{rows}.join() === 'chair-12.6 m,couch-13.8 m'")
     result, objects = served.steps.next()
-    moved = replace(result, update=replace(result.update, pose_map_base=SE2(4.0, -1.0, 0.0)))
+    moved = replace(result, pose_map_base=SE2(4.0, -1.0, 0.0))
     served.page.write(moved, objects)
     tab.until(f"{rows}.join() === 'couch-10.5 m,chair-12.2 m'")
 

@@ -201,8 +201,7 @@ def test_a_tap_inside_a_room_offers_its_outline_as_a_zone(serve, look):
     odds = np.full((84, 64), 40, np.int8)  # a room of 3 x 4 m whose walls are obstacles
     odds[2:82, 2:62] = -40
     result, objects = served.steps.next()
-    update = replace(result.update, grid=OccupancyGrid(odds, 1.0, -1.0, 0.05))
-    served.page.write(replace(result, update=update), objects)
+    served.page.write(replace(result, grid=OccupancyGrid(odds, 1.0, -1.0, 0.05)), objects)
     tab = look(served)
     tab.until("edgemap.map.objects.size === 2 && !edgemap.map.asked")
     tab.click("draw")

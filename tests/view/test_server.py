@@ -246,7 +246,7 @@ def test_after_a_relocation_all_is_sent_anew(serve):
         result, objects = served.steps.next()
         moved = SE2(10.0, 0.0, 0.0)
         result.trajectory.transform(moved)
-        served.page.write(replace(result, update=replace(result.update, relocated=moved)), objects)
+        served.page.write(replace(result, relocated=moved), objects)
         second = viewer.update()
         assert second["moved"]
         assert [place[0] for place in second["trail"][:3]] == pytest.approx([10.0, 10.05, 10.1])

@@ -80,7 +80,7 @@ def test_a_blind_picture_is_a_fault_and_a_repeated_one_is_not(tmp_path, clock):
 def test_an_uncertain_pose_is_told(tmp_path, clock):
     page, steps = page_of(tmp_path, clock)
     result, objects = steps.next()
-    page.write(replace(result, update=replace(result.update, pose_covariance=np.diag([0.64, 0.64, 0.01]))), objects)
+    page.write(replace(result, pose_covariance=np.diag([0.64, 0.64, 0.01])), objects)
     assert items(page) == [("degraded", "pose", "The position is uncertain: ± 0.8 m, ± 6°.")]
 
 

@@ -90,7 +90,7 @@ def test_objects_appear_move_and_vanish(broker):
         sink.write(result, [chair, couch])
         sink.write(result, [replace(chair, position_m=chair.position_m + [0.2, 0.0]), couch])  # noise, not told
         sink.write(result, [moved, couch])
-        result = replace(result, update=replace(result.update, merged={couch.id: moved.id}))
+        result = replace(result, merged={couch.id: moved.id})
         sink.write(result, [moved])
         sink.write(result, [])
         events = [json.loads(listener.stdout.readline().split("\t")[1]) for _ in range(5)]
