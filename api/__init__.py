@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING, Any
 from edgemap.runtime.frames.version import VERSION
 
 if TYPE_CHECKING:
+    from edgemap.runtime.compose import open_session as open
     from edgemap.runtime.session import Session
-    from edgemap.runtime.session import open_session as open
 
 # onnxruntime 1.31 and later send events about sessions to their maker, and keep a device id in the user's cache, unless
 # this stands in the environment before they are imported. Whoever wants that sets it to 0.
@@ -23,12 +23,15 @@ __all__ = ["Session", "__version__", "open"]
 
 def __getattr__(name: str) -> Any:
     """Import what is asked for, the first time (PEP 562)."""
-    names = {"open": "open_session", "Session": "Session"}
-    if name not in names:
-        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    from edgemap.runtime import session
+    if name == "open":
+        from edgemap.runtime.compose import open_session
 
-    return getattr(session, names[name])
+        return open_session
+    if name == "Session":
+        from edgemap.runtime.session import Session
+
+        return Session
+    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
 
 
 def __dir__() -> list[str]:

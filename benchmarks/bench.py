@@ -16,11 +16,11 @@ import numpy as np
 import onnxruntime as ort
 import psutil
 
+from edgemap.runtime.frames.camera import Camera, next_frame
 from edgemap.runtime.frames.errors import CameraError
 from edgemap.runtime.frames.frame import Frame
 from edgemap.runtime.frames.timing import Stopwatch, percentiles
-from edgemap.runtime.frames.trajectory import PoseTrack
-from edgemap.runtime.inputs.cameras.protocol import Camera, next_frame
+from edgemap.runtime.frames.trajectory import PoseTrack, TrackFile
 from edgemap.runtime.inputs.cameras.wrappers import CameraAround
 from edgemap.runtime.inputs.drives.pictures import decode_picture
 from edgemap.runtime.network.bundle import Bundle
@@ -171,7 +171,7 @@ class StandingCamera(CameraAround):
 
     def __init__(self, camera: Camera, rate_hz: float) -> None:
         super().__init__(camera)
-        self.wheel: Path | PoseTrack | None = None
+        self.wheel: TrackFile | PoseTrack | None = None
         first = next_frame(camera, lambda _: None)
         if first is None:
             raise CameraError(f"{camera.name}: no frames")

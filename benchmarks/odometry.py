@@ -27,9 +27,9 @@ from edgemap.geometry.camera.floor import FloorCamera
 from edgemap.geometry.camera.imu import ImuSamples
 from edgemap.geometry.camera.mount import Mount
 from edgemap.geometry.se2 import SE2
+from edgemap.runtime.frames.camera import Camera, CameraOptions
 from edgemap.runtime.frames.errors import OdometryError
 from edgemap.runtime.inputs.cameras.pictures import drive_camera
-from edgemap.runtime.inputs.cameras.protocol import Camera
 from edgemap.runtime.inputs.drives import READERS, open_drive
 from edgemap.runtime.inputs.open import open_camera
 from edgemap.runtime.motion.attitude.open import open_attitude
@@ -164,10 +164,8 @@ def score_drive(
             raise OdometryError(f"{spec}: {missing} unknown: write it into its camera.yaml, or give --mount")
         if selection.mount is not None:
             mount = replace(mount, height_m=selection.mount.height_m, pitch_rad=selection.mount.pitch_rad)
-        if odometry == OWN_WHEELS:
-            if camera.wheel is None or not selection.wheels:
-                raise OdometryError(f"{spec}: no wheel odometry comes with it")
-            odometry = f"wheel:{camera.wheel}"
+        if odometry == OWN_WHEELS and (camera.wheel is None or not selection.wheels):
+            raise OdometryError(f"{spec}: no wheel odometry comes with it")
         floor, tuned = FloorCamera(camera.intrinsics, mount), selection.config
         rules = tuned.odometry, tuned.health, tuned.attitude.check.tilt
         motion = open_odometry(odometry, bundle, camera, floor, False, selection.wheels, *rules)
@@ -203,6 +201,6 @@ def sequence_names(specs: Sequence[str]) -> list[str]:
 
 def _open(spec: str, depth: bool) -> tuple[Camera, NDArray[np.float64] | None]:
     if spec.partition(":")[0] not in READERS:
-        return open_camera(spec, depth=depth), None
+        return open_camera(spec, CameraOptions(depth=depth)), None
     drive = open_drive(spec)
     return drive_camera(drive if depth else replace(drive, depth=()), spec), drive.full_poses

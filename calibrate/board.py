@@ -9,9 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from edgemap.geometry.arrays import Array
+from edgemap.runtime.frames.camera import Camera, next_frame
 from edgemap.runtime.frames.errors import CalibrationError
 from edgemap.runtime.frames.frame import Frame
-from edgemap.runtime.inputs.cameras.protocol import Camera, next_frame
 
 NEW_SHARE = 0.02  # of the picture's width: a board none of whose corners moved more is the same view again
 MAXIMUM_VIEWS = 40

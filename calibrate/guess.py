@@ -3,10 +3,8 @@
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Annotated, Any
 
 import cv2
-import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
@@ -32,99 +30,18 @@ from edgemap.geometry.camera.level import pitch_roll
 from edgemap.geometry.camera.mount import Mount
 from edgemap.geometry.observations.detections import Detections
 from edgemap.geometry.robust import median_and_scatter
-from edgemap.runtime.frames.errors import CalibrationError, CameraError
-from edgemap.runtime.frames.reading import convert
+from edgemap.runtime.frames.errors import CalibrationError
 from edgemap.runtime.motion.attitude.segments import line_ends
-from edgemap.runtime.motion.odometry_names import PICTURE_ODOMETRIES
+from edgemap.runtime.motion.camera_guess import CameraGuess
 
 # Of a pitch by edges with the right focal length: 0.34 degrees RMS on twelve rendered homes, where the pitch by sizes
 # errs by 3 degrees.
 SURE_RAD = math.radians(0.35)
 LOWEST_M, HIGHEST_M = 0.05, 3.0
-TURNS = ("", "90 degrees counterclockwise", "180 degrees", "90 degrees clockwise")  # by quarter turns
 LEAST_FLOOR = 0.1  # share of the picture below the horizon
 
 Picture = NDArray[np.uint8]
 Detector = Callable[[Picture], Detections]
-
-
-class _Record(msgspec.Struct):
-    """A guess as in `calibration` of a camera.yaml; files of an older edgemap or written by hand have fewer fields."""
-
-    focal_sigma_share: Annotated[float, msgspec.Meta(ge=0.0, le=10.0)] = 0.0
-    height_sigma_share: Annotated[float, msgspec.Meta(ge=0.0, le=10.0)] = 0.0
-    sigma_pitch_deg: Annotated[float, msgspec.Meta(ge=0.0, le=180.0)] = 0.0
-    sway_deg: Annotated[float, msgspec.Meta(ge=0.0, le=180.0)] = 0.0
-
-
-@dataclass(frozen=True, slots=True)
-class CameraGuess:
-    """Guessed lens and mount. focal_sigma, height_sigma: standard deviations as a share; pitch_sigma_rad: of the pitch;
-    0 for a value that was not guessed. how: the source of each value, in words. sway_rad: standard deviation of the
-    pitch of a carried camera, else 0. quarter_turns: counterclockwise turns that make the pictures upright."""
-
-    lens: Intrinsics
-    mount: Mount
-    focal_sigma: float
-    height_sigma: float
-    pitch_sigma_rad: float
-    how: tuple[str, ...]
-    sway_rad: float = 0.0
-    quarter_turns: int = 0
-
-    def lines(self) -> list[str]:
-        """The guess with its uncertainty, for display."""
-        lens, mount = self.lens, self.mount
-        focal, height, pitch = self.how
-        above = f" +- {100 * self.height_sigma:.0f} %" if self.height_sigma else ""
-        pitch_deg, roll_deg = math.degrees(mount.pitch_rad), math.degrees(mount.roll_rad)
-        sway = f"the camera sways by {math.degrees(self.sway_rad):.0f} deg from picture to picture: it is carried"
-        return [
-            f"focal length {lens.fx:.0f} +- {100 * self.focal_sigma:.0f} % px ({focal})",
-            f"lens {mount.height_m:.2f} m{above} above the floor ({height})",
-            f"pitch {pitch_deg:.1f} +- {math.degrees(self.pitch_sigma_rad):.1f} deg, roll {roll_deg:.1f} deg ({pitch})",
-            *([f"{sway}; pitch and height are not constant"] if self.sway_rad else []),
-            *(
-                [f"the pictures are not upright: turn them by {TURNS[self.quarter_turns]}"]
-                if self.quarter_turns
-                else []
-            ),
-        ]
-
-    def scale_sigma(self, odometry: str) -> float:
-        """Standard deviation, as a share, of a height that a run corrects together with all lengths. 0 for a configured
-        height, for a carried camera, and where the odometry's lengths do not depend on the height."""
-        return self.height_sigma if not self.sway_rad and odometry in PICTURE_ODOMETRIES else 0.0
-
-    def record(self) -> dict[str, object]:
-        """The guess as in run.json, and in `calibration` of a camera.yaml."""
-        record: dict[str, object] = {
-            "method": "guessed",
-            "focal_sigma_share": round(self.focal_sigma, 3),
-            "height_sigma_share": round(self.height_sigma, 3),
-            "sigma_pitch_deg": round(math.degrees(self.pitch_sigma_rad), 2),
-            "from": list(self.how),
-        }
-        record |= {"sway_deg": round(math.degrees(self.sway_rad), 1)} if self.sway_rad else {}
-        return record | ({"turned_by": TURNS[self.quarter_turns]} if self.quarter_turns else {})
-
-    @classmethod
-    def of_record(cls, calibration: dict[str, Any], lens: Intrinsics, mount: Mount, where: str) -> "CameraGuess | None":
-        """The guess in `calibration` of a camera.yaml, without values that were calibrated or edited since; None where
-        none is left. where: the file's name for messages. Raises CameraError.
-        """
-        if calibration.get("method") != "guessed":
-            return None
-        record = convert(calibration, _Record, f"{where}: calibration", CameraError, strict=False)
-        focal = 0.0 if "intrinsics" in calibration else record.focal_sigma_share
-        height, pitch, sway = record.height_sigma_share, record.sigma_pitch_deg, record.sway_deg
-        if "mount" in calibration:
-            height = pitch = sway = 0.0
-        pitch = 0.0 if "tilt" in calibration else pitch
-        if not focal and not height and not pitch:
-            return None
-        how = (f"as in {where}",) * 3
-        return cls(lens, mount, focal, height, math.radians(pitch), how, math.radians(sway))
 
 
 @dataclass(frozen=True, slots=True)

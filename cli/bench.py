@@ -44,8 +44,8 @@ def command(
 
     from edgemap.benchmarks import bench
     from edgemap.benchmarks.bench import StandingCamera, floor_head_ms, measure_at_rest
+    from edgemap.runtime.frames.camera import Camera, next_frame
     from edgemap.runtime.frames.errors import CameraError
-    from edgemap.runtime.inputs.cameras.protocol import Camera, next_frame
     from edgemap.runtime.network.bundle import Bundle
     from edgemap.runtime.network.compute import processor_name
     from edgemap.runtime.step.slam import SemanticSlam, build_slam

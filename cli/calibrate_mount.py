@@ -1,7 +1,6 @@
 """`edgemap calibrate mount`: height, pitch and roll, with a chessboard on the floor or without any pattern."""
 
 import math
-from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 from edgemap.cli.arguments import OptionError, arg
@@ -110,7 +109,7 @@ def _by_edges(
     from edgemap.geometry.camera.level import pitch_roll
     from edgemap.geometry.camera.mount import Mount
     from edgemap.runtime.frames.errors import CalibrationError
-    from edgemap.runtime.motion.odometry import wheel_trajectory
+    from edgemap.runtime.frames.trajectory import TrackFile
     from edgemap.runtime.step.loop import stop_on_signals
 
     try:
@@ -129,8 +128,8 @@ def _by_edges(
     if height is None:
         with calibration.open(wheel_topic) as source, stop_on_signals() as stop:
             wheels: Any = source.wheel
-            if isinstance(wheels, Path):
-                wheels = wheel_trajectory(wheels)
+            if isinstance(wheels, TrackFile):
+                wheels = wheels.track()
             elif calibration.frames is None:
                 print("drive straight on over free floor; Ctrl-C ends it", flush=True)
             rolled = fit_wheel_height(frames_of(source, calibration.frames, stop.is_set), wheels, lens, tilted)

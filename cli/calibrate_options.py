@@ -8,7 +8,7 @@ from time import monotonic
 from typing import TYPE_CHECKING, Annotated, Any
 
 from edgemap.cli.arguments import OptionError, arg
-from edgemap.cli.camera_options import CameraFile, CameraSpec, IntrinsicsText, Opening, known_lens, open_described
+from edgemap.cli.camera_options import CameraFile, CameraSpec, IntrinsicsText, known_lens, open_described
 from edgemap.cli.options import at_least
 
 if TYPE_CHECKING:
@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from edgemap.calibrate.tilt import TiltFit
     from edgemap.geometry.camera.intrinsics import Intrinsics
     from edgemap.geometry.camera.mount import Mount
-    from edgemap.runtime.inputs.cameras.protocol import Camera
+    from edgemap.runtime.frames.camera import Camera
 
 SEARCH_LINE_S = 10.0  # a line so often while pictures are searched for the board
 EDGES = 40  # pictures that edges are looked for in
@@ -47,9 +47,9 @@ class CalibrationOptions:
 
     def open(self, wheel_topic: str | None = None) -> "Camera":
         """The camera, described by the camera file where there is one. wheel_topic: of wheel odometry beside it."""
-        from edgemap.runtime.inputs.cameras.protocol import SensorTopics
+        from edgemap.runtime.frames.camera import CameraOptions, SensorTopics
 
-        return open_described(self.camera, self.camera_file, Opening(topics=SensorTopics(wheels=wheel_topic)))
+        return open_described(self.camera, self.camera_file, CameraOptions(topics=SensorTopics(wheels=wheel_topic)))
 
     def views(self, source: "Camera", board: "Board") -> "list[BoardView]":
         """Different views of the board, printed one by one; Ctrl-C ends the search with the views so far."""

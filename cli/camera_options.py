@@ -1,6 +1,5 @@
 """Options that name a camera, its lens and its mount, and how their text is read. No heavy imports here."""
 
-from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -11,8 +10,7 @@ from edgemap.cli.options import numbers
 if TYPE_CHECKING:
     from edgemap.geometry.camera.intrinsics import Intrinsics
     from edgemap.geometry.camera.mount import Mount
-    from edgemap.runtime.inputs.cameras.protocol import Camera, SensorTopics
-    from edgemap.runtime.inputs.cameras.supervisor import RecoveryRule
+    from edgemap.runtime.frames.camera import Camera, CameraOptions
 
 LOWEST_M, HIGHEST_M = 0.05, 3.0  # of a lens above the floor; higher ones stand in a camera file
 CameraSpec = Annotated[
@@ -138,35 +136,23 @@ HOW_TO_MEASURE = (
 )
 
 
-@dataclass(frozen=True, slots=True)
-class Opening:
-    """Settings with which a source is opened. realtime: files are paced by their stamps. frames: length of a `sim:SEED`
-    drive; ignored by other sources. recovery: of live devices. topics: further sensors. depth: whether frames hold the
-    source's depth pictures.
-    """
+def open_described(spec: str, camera_file: Path | None, how: "CameraOptions | None" = None) -> "Camera":
+    """Opens a camera, with the sensors on ROS 2 topics that are asked for. The lens and mount of a camera file override
+    the source's own, and a webcam is asked for the lens's size."""
+    from dataclasses import replace
 
-    realtime: bool = False
-    frames: int | None = None
-    recovery: "RecoveryRule | None" = None
-    topics: "SensorTopics | None" = None
-    depth: bool = True
-
-
-def open_described(spec: str, camera_file: Path | None, how: Opening = Opening()) -> "Camera":
-    """Open a camera; a camera file's lens and mount go before its own, and a webcam is asked for the lens's size."""
+    from edgemap.bridges.ros2.cameras import add_sensors
+    from edgemap.runtime.frames.camera import CameraOptions
+    from edgemap.runtime.inputs.cameras.kinds import file_kind
     from edgemap.runtime.inputs.drives.camera_yaml import read_camera_yaml
     from edgemap.runtime.inputs.open import open_camera
 
-    described = camera_file and read_camera_yaml(camera_file)
-    if spec.startswith("sim:"):
-        from edgemap.cli.simulated import open_simulated
-
-        return open_simulated(spec, how.frames, how.realtime, described)
-    lens, camera_mount = (described.intrinsics, described.mount) if described else (None, None)
-    return open_camera(
-        spec, realtime=how.realtime, intrinsics=lens, mount=camera_mount, recovery=how.recovery, topics=how.topics,
-        depth=how.depth,
-    )  # fmt: skip
+    how = how or CameraOptions()
+    if camera_file is not None:
+        described = read_camera_yaml(camera_file)
+        how = replace(how, intrinsics=described.intrinsics, mount=described.mount)
+    camera = open_camera(spec, how)
+    return camera if file_kind(spec) else add_sensors(camera, how.topics)  # a recording has its own topics
 
 
 def known_lens(camera: "Camera", intrinsics: str | None) -> "Intrinsics":

@@ -5,12 +5,12 @@ from typing import TYPE_CHECKING
 from edgemap.cli.options import Json, print_json
 
 if TYPE_CHECKING:
-    from edgemap.runtime.inputs.cameras.plugins import ConnectedCamera
+    from edgemap.runtime.inputs.cameras.connected import ConnectedCamera
 
 
 def command(json: Json = False) -> None:
     """List RealSense devices, V4L2 devices and what installed camera kinds find, each with the command to type."""
-    from edgemap.runtime.inputs.cameras.plugins import connected_cameras
+    from edgemap.runtime.inputs.cameras.connected import connected_cameras
 
     cameras, notes = connected_cameras()
     if json:

@@ -124,7 +124,7 @@ def _libraries() -> Iterator[Diagnosis]:
 
 def _cameras() -> Iterator[Diagnosis]:
     from edgemap.cli.cameras import command_line
-    from edgemap.runtime.inputs.cameras.plugins import connected_cameras
+    from edgemap.runtime.inputs.cameras.connected import connected_cameras
 
     cameras, notes = connected_cameras()
     for note in notes:
@@ -139,12 +139,13 @@ def _cameras() -> Iterator[Diagnosis]:
 
 def _bundle(name: str | None, camera: str) -> Diagnosis:
     from edgemap.cli.export import variant_line
+    from edgemap.runtime.inputs.cameras.kinds import recorded_from
     from edgemap.runtime.network.bundle import load_bundle
     from edgemap.runtime.network.store import bundle_folder, default_bundle
 
     choice = ""
     if name is None:
-        name, reason = default_bundle(camera)
+        name, reason = default_bundle(recorded_from(camera))
         choice = f"; {reason}"
     try:
         folder = bundle_folder(name)
@@ -178,8 +179,8 @@ def _camera(described: Source, plot: Path | None) -> Iterator[Diagnosis]:
     from math import degrees
     from time import monotonic
 
+    from edgemap.runtime.frames.camera import next_frame
     from edgemap.runtime.frames.errors import CameraFault
-    from edgemap.runtime.inputs.cameras.protocol import next_frame
 
     faults: list[CameraFault] = []
     spec = described.camera

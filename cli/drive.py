@@ -5,19 +5,20 @@ from pathlib import Path
 from threading import Event
 from typing import TYPE_CHECKING
 
-from edgemap.calibrate.guess import CameraGuess
 from edgemap.cli.guessed_camera import CameraKeeper
 from edgemap.cli.live_page import NoPage, live_page
 from edgemap.cli.options import choose_classes, minimum_score
-from edgemap.cli.record import wheel_track
 from edgemap.cli.run_options import RunOptions
 from edgemap.cli.run_record import run_record, scale_source
 from edgemap.cli.saved_map import enter_saved_map, living_map, where_it_was
 from edgemap.cli.summary import RunSummary, judge_of, with_map_so_far
 from edgemap.geometry.camera.floor import FloorCamera
+from edgemap.runtime.frames.camera import Camera
 from edgemap.runtime.frames.inference import Inference
-from edgemap.runtime.inputs.cameras.protocol import Camera
+from edgemap.runtime.frames.trajectory import TrackFile
+from edgemap.runtime.inputs.cameras.wheels import replace_wheels
 from edgemap.runtime.inputs.cameras.wrappers import SearchRate
+from edgemap.runtime.motion.camera_guess import CameraGuess
 from edgemap.runtime.network.bundle import Bundle
 from edgemap.runtime.outputs.service import ServiceNotifier
 from edgemap.runtime.outputs.sinks.living_map import LivingMap
@@ -52,7 +53,7 @@ class Run:
         threshold = minimum_score(chosen.confidence, loaded)
         self.mapped = choose_classes(chosen.classes, loaded)
         slam_options = SlamOptions(
-            robot.odometry,
+            replace_wheels(source, robot.odometry),
             not robot.without_wheels,
             not robot.without_imu,
             chosen.clustering,
@@ -143,17 +144,16 @@ class Run:
         return [*tape, *viewers, *named, *live]
 
     def _recording(self) -> "list[RecordingSink]":
-        """The sink of `--record`, with intrinsics, mount, engine, precision and guess of the run, and its wheels or the
-        source's."""
-        path, source, odometry = self.options.outputs.recording, self.source, self.options.robot.odometry
+        """The sink of `--record`, with intrinsics, mount, engine, precision, guess and wheels of the run."""
+        path, source = self.options.outputs.recording, self.source
         if path is None:
             return []
         from edgemap.bridges.ros2.recordings.facts import Facts
         from edgemap.bridges.ros2.recordings.recorder import Recorder, RecordingSink
 
-        wheel = odometry.removeprefix("wheel:") if odometry.startswith("wheel:") else source.wheel
         decided, lossless = Inference(self.loaded.engine, self.loaded.precision), self.options.outputs.lossless
         lens, mount, guess = self.floor.intrinsics, self.floor.mount, self.record.get("camera_guess")
         facts = Facts(source.name, lens, mount, source.rate_hz, decided, guess)
-        track = wheel_track(wheel) if isinstance(wheel, str | Path) else None  # poses that come live are not recorded
+        # Poses that come live are not recorded.
+        track = source.wheel.track() if isinstance(source.wheel, TrackFile) else None
         return [RecordingSink(lambda: Recorder(path, facts, lossless=lossless, wheel=track, truth=source.truth))]

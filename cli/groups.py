@@ -11,7 +11,6 @@ from edgemap.cli.camera_options import (
     CameraSpec,
     IntrinsicsText,
     MountText,
-    Opening,
     lens_and_mount,
     open_described,
     read_mount_numbers,
@@ -22,7 +21,7 @@ from edgemap.runtime.motion.odometry_names import PICTURE_ODOMETRIES
 
 if TYPE_CHECKING:
     from edgemap.geometry.camera.floor import FloorCamera
-    from edgemap.runtime.inputs.cameras.protocol import Camera
+    from edgemap.runtime.frames.camera import Camera, CameraOptions
 
 ODOMETRIES = (*PICTURE_ODOMETRIES, "gyro", "paper", "truth")
 
@@ -63,7 +62,7 @@ class _Spec:
 class Source(Optics, _Spec):
     """Source of the frames."""
 
-    def open(self, how: Opening = Opening()) -> "Camera":  # noqa: B008
+    def open(self, how: "CameraOptions | None" = None) -> "Camera":
         """The camera, described by the camera file where there is one."""
         return open_described(self.camera, self.camera_file, how)
 

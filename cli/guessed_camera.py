@@ -10,14 +10,15 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-    from edgemap.calibrate.guess import CameraGuess, Focal
+    from edgemap.calibrate.guess import Focal
     from edgemap.cli.groups import Source
     from edgemap.geometry.camera.floor import FloorCamera
     from edgemap.geometry.camera.intrinsics import Intrinsics
     from edgemap.geometry.camera.mount import HeightEstimate, Mount
     from edgemap.geometry.odometry.rolling import Rolling
+    from edgemap.runtime.frames.camera import Camera
     from edgemap.runtime.frames.frame import Frame
-    from edgemap.runtime.inputs.cameras.protocol import Camera
+    from edgemap.runtime.motion.camera_guess import CameraGuess
     from edgemap.runtime.network.bundle import Bundle
     from edgemap.runtime.step.frame_observations import FrameObservations
 
@@ -73,10 +74,10 @@ def what_is_given(camera: "Source", source: "Camera") -> "tuple[Intrinsics | Non
 def _earlier_guess(camera: "Source", source: "Camera", floor: "FloorCamera") -> "CameraGuess | None":
     """What lens and mount of a camera file or a recording were guessed in an earlier run, without what options give
     now."""
-    from edgemap.calibrate.guess import CameraGuess
     from edgemap.cli.camera_options import read_mount_numbers
     from edgemap.runtime.frames.reading import user_path
     from edgemap.runtime.inputs.drives.camera_yaml import read_camera_yaml
+    from edgemap.runtime.motion.camera_guess import CameraGuess
 
     folder = user_path(camera.camera.partition(":")[2] or camera.camera)
     path = camera.camera_file or folder / "camera.yaml"

@@ -13,9 +13,9 @@ from edgemap.cli.publishers import WatchGroup
 from edgemap.geometry.camera.floor import FloorCamera
 from edgemap.geometry.map_object import CHI2_95
 from edgemap.geometry.se2 import SE2
+from edgemap.runtime.frames.camera import Camera
 from edgemap.runtime.frames.colours import SHAPES, label_mark
 from edgemap.runtime.frames.reading import printable
-from edgemap.runtime.inputs.cameras.protocol import Camera
 from edgemap.runtime.inputs.cameras.wrappers import PacedCamera
 from edgemap.runtime.inputs.drives.camera_yaml import mount_fields
 from edgemap.runtime.network.bundle import Bundle

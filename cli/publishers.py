@@ -10,7 +10,7 @@ if TYPE_CHECKING:
     from edgemap.bridges.fleet.sink import FleetSink
     from edgemap.bridges.ros2.sink import Ros2Sink
     from edgemap.geometry.camera.floor import FloorCamera
-    from edgemap.runtime.inputs.cameras.protocol import Camera
+    from edgemap.runtime.frames.camera import Camera
     from edgemap.runtime.step.edits import Edits
     from edgemap.runtime.step.sinks import Sink
 

@@ -3,15 +3,12 @@
 import shlex
 from contextlib import closing
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 from edgemap.cli.arguments import arg
-from edgemap.cli.camera_options import Opening, read_intrinsics, read_mount
+from edgemap.cli.camera_options import read_intrinsics, read_mount
 from edgemap.cli.groups import Source
 from edgemap.cli.options import DepthTopicName, WithoutDepth, at_least
-
-if TYPE_CHECKING:
-    from edgemap.runtime.frames.trajectory import Trajectory
 
 
 def command(
@@ -39,18 +36,20 @@ def command(
     from edgemap.bridges.ros2.recordings.facts import Facts
     from edgemap.bridges.ros2.recordings.recorder import Recorder
     from edgemap.geometry.errors import EdgemapError
+    from edgemap.runtime.frames.camera import CameraOptions, SensorTopics, next_frame
     from edgemap.runtime.frames.errors import RecordingError
     from edgemap.runtime.frames.reading import print_message
-    from edgemap.runtime.inputs.cameras.protocol import SensorTopics, next_frame
+    from edgemap.runtime.frames.trajectory import TrackFile
+    from edgemap.runtime.inputs.cameras.wheels import read_wheels
     from edgemap.runtime.step.loop import stop_on_signals
 
     at_least(1, frames=frames)
     check_name(out)
-    track = wheel_track(wheel)
-    how = Opening(realtime, topics=SensorTopics(depth=depth_topic), depth=not without_depth)
+    track = None if wheel is None else read_wheels(wheel)
+    how = CameraOptions(realtime=realtime, topics=SensorTopics(depth=depth_topic), depth=not without_depth)
     with source.open(how) as camera:
-        if track is None and isinstance(camera.wheel, Path):
-            track = wheel_track(camera.wheel)
+        if track is None and isinstance(camera.wheel, TrackFile):
+            track = camera.wheel.track()
         lens = read_intrinsics(source.intrinsics, *camera.size) or camera.intrinsics
         facts = Facts(camera.name, lens, read_mount(source.mount, camera.mount), camera.rate_hz)
         with stop_on_signals() as stop:
@@ -86,10 +85,3 @@ def check_name(path: Path | None) -> None:
         raise OptionError(f"{path}: a recording's name must end in .mcap")
     if path is not None and path.exists():
         raise OptionError(f"{path} exists already; choose another file")
-
-
-def wheel_track(spec: str | Path | None) -> "Trajectory | None":
-    """Wheel odometry of a CSV or a recording. Raises CameraError."""
-    from edgemap.runtime.motion.odometry import wheel_trajectory
-
-    return None if spec is None else wheel_trajectory(spec)

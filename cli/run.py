@@ -3,7 +3,6 @@
 from typing import TYPE_CHECKING, Annotated
 
 from edgemap.cli.arguments import arg
-from edgemap.cli.camera_options import Opening
 from edgemap.cli.run_options import (
     AdvancedGroup,
     CameraGroup,
@@ -15,7 +14,7 @@ from edgemap.cli.run_options import (
 )
 
 if TYPE_CHECKING:
-    from edgemap.runtime.inputs.cameras.protocol import Camera
+    from edgemap.runtime.frames.camera import Camera
     from edgemap.runtime.network.bundle import Bundle
 
 
@@ -44,11 +43,15 @@ def command(
     options.check()
     from edgemap.cli.drive import Run
     from edgemap.cli.guessed_camera import floor_camera_of
+    from edgemap.runtime.frames.camera import CameraOptions
     from edgemap.runtime.step.config import Config, load_config
 
     tuned = load_config(advanced.config) if advanced.config else Config()
     pace_files = options.pace_files and not watch.view
-    how = Opening(pace_files, camera.frames, tuned.camera, options.topics, not camera.without_depth)
+    how = CameraOptions(
+        realtime=pace_files, recovery=tuned.camera, topics=options.topics, depth=not camera.without_depth,
+        frames=camera.frames,
+    )  # fmt: skip
     with camera.open(how) as source:
         loaded = _load(options, source)
         floor, guess = floor_camera_of(camera, source, loaded)

@@ -20,7 +20,7 @@ from edgemap.cli.options import (
 from edgemap.cli.publishers import OutputGroup, WatchGroup, frame_names
 
 if TYPE_CHECKING:
-    from edgemap.runtime.inputs.cameras.protocol import SensorTopics
+    from edgemap.runtime.frames.camera import SensorTopics
     from edgemap.runtime.step.map_store import MapPlace
 
 
@@ -165,7 +165,7 @@ class RunOptions:
     @property
     def topics(self) -> "SensorTopics":
         """Further sensors among ROS 2 topics."""
-        from edgemap.runtime.inputs.cameras.protocol import SensorTopics
+        from edgemap.runtime.frames.camera import SensorTopics
 
         base = frame_names(self.outputs.ros2_frames)[3]
         return SensorTopics(self.robot.wheel_topic, self.robot.imu_topic, self.camera.depth_topic, base)

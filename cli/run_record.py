@@ -9,8 +9,8 @@ from typing import Any
 from edgemap import __version__
 from edgemap.cli.run_options import RunOptions
 from edgemap.geometry.camera.floor import FloorCamera
+from edgemap.runtime.frames.camera import Camera
 from edgemap.runtime.frames.inference import Inference
-from edgemap.runtime.inputs.cameras.protocol import Camera
 from edgemap.runtime.inputs.drives.camera_yaml import mount_fields
 from edgemap.runtime.motion.odometry import at_head_height
 from edgemap.runtime.motion.odometry.learned import outside_envelope

@@ -105,8 +105,8 @@ def command(
 
     from tqdm import tqdm
 
-    from edgemap.cli.simulated import RENDERERS
     from edgemap.runtime.frames.extras import need
+    from edgemap.simulation.live import RENDERERS
 
     need("simulation", "edgemap simulate", RENDERERS)
     at_least(1, frames=frames, pictures=pictures, floor_labels=floor_labels)

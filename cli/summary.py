@@ -15,8 +15,8 @@ from edgemap.geometry.errors import EdgemapError
 from edgemap.geometry.map_object import MapObject
 from edgemap.geometry.objects.evaluation_row import EvaluationRow, tally
 from edgemap.geometry.odometry.rolling import Rolling
+from edgemap.runtime.frames.camera import Camera
 from edgemap.runtime.frames.reading import print_message, printable
-from edgemap.runtime.inputs.cameras.protocol import Camera
 from edgemap.runtime.inputs.drives import READERS, open_drive
 from edgemap.runtime.inputs.open import DEMO
 from edgemap.runtime.motion.odometry.corner_odometry import PlanarRule

@@ -1,17 +1,13 @@
 """From frames to a map on the robot. Exports the names that embedding programs need; each is imported on first use."""
 
-import sys
 from importlib import import_module
-from importlib.abc import Loader, MetaPathFinder
-from importlib.machinery import ModuleSpec
-from types import ModuleType
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from edgemap.geometry.camera.floor import FloorCamera
     from edgemap.geometry.objects.floor_map import FloorMap
+    from edgemap.runtime.frames.camera import Camera
     from edgemap.runtime.frames.frame import Frame
-    from edgemap.runtime.inputs.cameras.protocol import Camera
     from edgemap.runtime.inputs.open import open_camera
     from edgemap.runtime.motion.odometry import open_odometry
     from edgemap.runtime.network.bundle import Bundle, load_bundle
@@ -25,7 +21,7 @@ _HOMES = {
     "geometry.camera.floor": ("FloorCamera",),
     "geometry.objects.floor_map": ("FloorMap",),
     "runtime.network.bundle": ("Bundle", "load_bundle"),
-    "runtime.inputs.cameras.protocol": ("Camera",),
+    "runtime.frames.camera": ("Camera",),
     "runtime.inputs.open": ("open_camera",),
     "runtime.frames.frame": ("Frame",),
     "runtime.step.loop_closing": ("LoopCloser",),
@@ -50,36 +46,6 @@ def __getattr__(name: str) -> Any:
     value = getattr(import_module(EXPORTS[name]), name)
     globals()[name] = value
     return value
-
-
-# Modules that plugins and programs import by documented names of before the rooms.
-FORMER_MODULES = {
-    "edgemap.runtime.cameras": "inputs.cameras",
-    "edgemap.runtime.cameras.imu_buffer": "inputs.cameras.imu_buffer",
-    "edgemap.runtime.cameras.protocol": "inputs.cameras.protocol",
-    "edgemap.runtime.errors": "frames.errors",
-    "edgemap.runtime.frame": "frames.frame",
-    "edgemap.runtime.odometry": "motion.odometry",
-    "edgemap.runtime.odometry.protocol": "motion.odometry.protocol",
-    "edgemap.runtime.step.session": "session",
-    "edgemap.runtime.supervision_boxes": "frames.supervision_boxes",
-}
-
-
-class _FormerNames(MetaPathFinder, Loader):
-    """Imports a module by a former name: the same module object, so its classes are the same."""
-
-    def find_spec(self, fullname: str, _path: object = None, _target: object = None) -> ModuleSpec | None:
-        return ModuleSpec(fullname, self) if fullname in FORMER_MODULES else None
-
-    def create_module(self, spec: ModuleSpec) -> ModuleType:
-        return ModuleType(spec.name)
-
-    def exec_module(self, module: ModuleType) -> None:
-        sys.modules[module.__name__] = import_module(f"edgemap.runtime.{FORMER_MODULES[module.__name__]}")
-
-
-sys.meta_path.insert(0, _FormerNames())
 
 
 def __dir__() -> list[str]:

@@ -3,14 +3,19 @@
 from collections.abc import Iterator
 from typing import Any
 
+from edgemap.runtime.frames.camera import Camera, CameraOptions
+from edgemap.runtime.frames.errors import CameraError
+from edgemap.runtime.frames.extras import need
 from edgemap.runtime.frames.frame import Frame
 from edgemap.runtime.frames.trajectory import Trajectory
-from edgemap.runtime.inputs.cameras.protocol import Camera
 from edgemap.simulation.record import truth_of
 from edgemap.simulation.shots import shots
 from edgemap.simulation.studio import Shot
 from edgemap.simulation.truth import object_records
 from edgemap.simulation.world import CONTRACT_STAMPS_S, World, draw_world
+
+RENDERERS = ("moderngl", "embreex", "PIL")  # what rendering needs of the extra `simulation`
+SEED_DIGITS = 18
 
 
 class SimCamera(Camera):
@@ -50,6 +55,20 @@ class SimCamera(Camera):
         self._shots = iter(())
 
 
-def open_sim(seed: int, frames: int | None = None, name: str | None = None) -> SimCamera:
-    """The camera `sim:SEED`: 450 pictures by default."""
-    return SimCamera(name or f"sim:{seed}", draw_world(seed, frames or len(CONTRACT_STAMPS_S)))
+def open(address: str, how: CameraOptions = CameraOptions()) -> SimCamera:  # noqa: B008
+    """The camera `sim:SEED`, for the entry point of its kind: 450 pictures by default.
+
+    Raises CameraError for a seed that is no number, and MissingExtraError where the extra is missing.
+    """
+    spec = f"sim:{address}"
+    if not address.isdecimal() or len(address) > SEED_DIGITS:
+        raise CameraError(f"camera {spec!r}: expected sim:SEED with a whole number, 0 or more")
+    need("simulation", spec, RENDERERS)
+    camera = SimCamera(spec, draw_world(int(address), how.frames or len(CONTRACT_STAMPS_S)))
+    camera.intrinsics, camera.mount = how.intrinsics or camera.intrinsics, how.mount or camera.mount
+    return camera
+
+
+def found() -> list[tuple[str, str]]:
+    """No device is searched for."""
+    return []

@@ -3,9 +3,9 @@
 import time
 from collections.abc import Callable
 
+from edgemap.runtime.frames.camera import Camera
 from edgemap.runtime.frames.errors import FrameTimeout
 from edgemap.runtime.frames.frame import Frame
-from edgemap.runtime.inputs.cameras.protocol import Camera
 from edgemap.runtime.inputs.cameras.wrappers import CameraAround
 
 LOOK_EVERY_S, HELD_S = 0.05, 0.25  # while held: between two looks, and until the reader may do something else

@@ -76,6 +76,10 @@ class CameraState(StrEnum):
     LOST = "lost"
 
 
+class PluginError(EdgemapError):
+    """A plugin of another package that does not load, or two that have one name."""
+
+
 class CameraFault(CameraError):
     """One fault of delivery, raised by `Camera.read` instead of a frame; reading may continue."""
 

@@ -2,6 +2,7 @@
 
 import math
 from bisect import bisect_right
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -178,6 +179,23 @@ class GrowingTrack:
 
 
 PoseTrack = Trajectory | GrowingTrack
+
+
+@dataclass(frozen=True, slots=True)
+class TrackFile:
+    """Poses in a file, read when they are needed. spec: names the file. read: raises CameraError."""
+
+    spec: str
+    read: Callable[[str], Trajectory]
+
+    def __str__(self) -> str:
+        return self.spec
+
+    def track(self) -> Trajectory:
+        """Reads the file. Raises CameraError."""
+        return self.read(self.spec)
+
+
 Array = NDArray[np.float64]
 
 SIGMA_RAD = math.radians(0.2)  # of a recorded pose: stamps of pictures and poses differ slightly

@@ -12,7 +12,6 @@ from urllib.parse import quote
 
 import platformdirs
 
-from edgemap.geometry.errors import EdgemapError
 from edgemap.runtime.frames.errors import BundleError
 from edgemap.runtime.frames.reading import user_path
 from edgemap.runtime.network.download import download
@@ -22,7 +21,6 @@ BUNDLE_BYTES = 1 << 30  # of all files of a bundle together
 BUNDLE_NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9._-]{0,99}")
 RENDERED, LENS = "edgemap-nano", "edgemap-pico"
 RENDERED_KINDS = ("sim", "drive")
-RECORDED_DEPTH = 3
 SIMULATION_FILE = "simulation.json"  # lies in what `edgemap simulate` writes
 
 
@@ -176,10 +174,10 @@ def _place(name: str, source: str) -> Path:
 def default_bundle(*specs: str) -> tuple[str, str]:
     """The bundle's name for sources `SPEC...`, and why: `edgemap-nano` only where every one of them is rendered.
 
-    `demo`, `sim:SEED` and `drive:DIR` count as rendered, as do a recording of one of them and pictures that
-    `edgemap simulate` wrote.
+    `demo`, `sim:SEED` and `drive:DIR` count as rendered, as do pictures that `edgemap simulate` wrote. A recording
+    counts as what it was recorded from: pass that.
     """
-    real = next((spec for spec in specs if not _is_rendered(_recorded_from(spec))), None)
+    real = next((spec for spec in specs if not _is_rendered(spec)), None)
     if real is None:
         return RENDERED, f"trained for rendered pictures, as those of {', '.join(specs[:3])}"
     return LENS, f"trained for real cameras, as {real} is"
@@ -188,25 +186,3 @@ def default_bundle(*specs: str) -> tuple[str, str]:
 def _is_rendered(spec: str) -> bool:
     kind, _, folder = spec.partition(":")
     return spec == "demo" or kind in RENDERED_KINDS or bool(folder and (Path(folder) / SIMULATION_FILE).is_file())
-
-
-def _recorded_from(spec: str) -> str:
-    """SPEC of the camera that a recording of ours was made with, through recordings of recordings; else as it is."""
-    for _ in range(RECORDED_DEPTH):  # a file may name itself
-        if not spec.partition("#")[0].endswith(".mcap"):
-            break
-        spec = _camera_of(spec) or ""
-    return spec
-
-
-def _camera_of(spec: str) -> str | None:
-    """The camera that a recording names; None for a recording of another program, or a damaged one."""
-    from edgemap.bridges.ros2.recordings.facts import RECORD
-    from edgemap.bridges.ros2.recordings.reader import McapReading
-
-    try:
-        recording = McapReading(user_path(spec.partition("#")[0]))
-    except EdgemapError:  # opening the camera says what is wrong with it
-        return None
-    recording.close()
-    return recording.metadata.get(RECORD, {}).get("camera")

@@ -7,8 +7,8 @@ from contextlib import contextmanager
 from types import FrameType
 
 from edgemap.geometry.errors import EdgemapError
+from edgemap.runtime.frames.camera import Camera
 from edgemap.runtime.frames.errors import CameraFault, CameraState, FrameTimeout
-from edgemap.runtime.inputs.cameras.protocol import Camera
 from edgemap.runtime.step.edits import Edits
 from edgemap.runtime.step.sinks import Sink, SinkGroup
 from edgemap.runtime.step.slam import SemanticSlam, StepResult

@@ -12,9 +12,9 @@ from edgemap.geometry.camera.floor import FloorCamera
 from edgemap.geometry.map_object import MapObject
 from edgemap.geometry.observations.detections import Detections
 from edgemap.geometry.se2 import SE2
+from edgemap.runtime.frames.camera import Camera
 from edgemap.runtime.frames.errors import CameraFault
 from edgemap.runtime.frames.frame import Frame
-from edgemap.runtime.inputs.cameras.protocol import Camera
 from edgemap.runtime.motion.attitude.open import open_attitude
 from edgemap.runtime.motion.health import PictureHealth
 from edgemap.runtime.motion.odometry import open_odometry

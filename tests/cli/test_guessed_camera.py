@@ -9,7 +9,6 @@ import cv2
 import numpy as np
 import pytest
 
-from edgemap.calibrate.guess import CameraGuess
 from edgemap.cli import main
 from edgemap.cli.groups import Source
 from edgemap.cli.guessed_camera import CameraKeeper, guessing_frames
@@ -19,6 +18,7 @@ from edgemap.geometry.camera.mount import HeightEstimate, Mount
 from edgemap.geometry.odometry.rolling import Rolling
 from edgemap.runtime.frames.errors import CameraError
 from edgemap.runtime.inputs.drives.camera_yaml import read_camera_yaml
+from edgemap.runtime.motion.camera_guess import CameraGuess
 
 
 def test_pictures_without_camera_yaml_are_mapped_by_a_guess(edgemap, painted_bundle, pictures, tmp_path):

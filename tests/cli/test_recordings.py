@@ -165,7 +165,7 @@ def test_ctrl_c_ends_a_recording_properly(tmp_path, pictures):
 
 
 def test_ctrl_c_before_the_first_picture_leaves_no_empty_recording(tmp_path, pictures, monkeypatch):
-    monkeypatch.setattr("edgemap.runtime.inputs.cameras.protocol.next_frame", lambda *_: None)
+    monkeypatch.setattr("edgemap.runtime.frames.camera.next_frame", lambda *_: None)
     with pytest.raises(RecordingError, match="before the first picture"):
         record(tmp_path / "a.mcap", Source(camera=str(pictures)))
     assert not (tmp_path / "a.mcap").exists()

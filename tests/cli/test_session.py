@@ -14,9 +14,9 @@ from edgemap.geometry.errors import EdgemapError
 from edgemap.geometry.objects.edits import Annotations, Zone
 from edgemap.geometry.se2 import SE2
 from edgemap.runtime.frames import extras
+from edgemap.runtime.frames.camera import RecoveryRule
 from edgemap.runtime.frames.errors import CameraError, CameraFault, CameraLostError, MissingExtraError
 from edgemap.runtime.inputs.cameras.live import LiveCamera
-from edgemap.runtime.inputs.cameras.supervisor import RecoveryRule
 from edgemap.runtime.inputs.drives.camera_yaml import read_camera_yaml, write_camera_yaml
 from edgemap.runtime.motion import height_check
 from edgemap.runtime.motion.height_check import HeightRule
@@ -149,10 +149,10 @@ def test_the_camera_file_of_a_guess_stays_a_guess(painted_bundle, pictures, tmp_
 
 
 def test_a_webcam_is_asked_for_the_size_of_its_lens(pictures, monkeypatch):
-    def opened(_, **options):
-        raise CameraError(f"asked for {options['intrinsics'].width} px")
+    def opened(_, how):
+        raise CameraError(f"asked for {how.intrinsics.width} px")
 
-    monkeypatch.setattr("edgemap.runtime.session.open_camera", opened)
+    monkeypatch.setattr("edgemap.runtime.compose.open_camera", opened)
     width = read_camera_yaml(pictures / "camera.yaml").intrinsics.width
     with pytest.raises(CameraError, match=f"asked for {width} px"):
         edgemap_api.open(camera=0, camera_file=pictures / "camera.yaml")
@@ -295,6 +295,7 @@ def test_a_saved_map_goes_on(painted_bundle, tmp_path):
     session.save(tmp_path / "map.json")
     with edgemap_api.open(frames=noise(1), map=tmp_path / "map.json", **options) as later:
         next(later)
+        assert later.slam.mapper.relocaliser is not None
         assert later.slam.mapper.relocaliser.saved
 
 

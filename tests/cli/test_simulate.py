@@ -35,9 +35,9 @@ def test_shards_share_the_homes():
 
 
 def test_without_the_extra_one_line_names_it(monkeypatch):
-    from edgemap.cli.simulated import simulated
     from edgemap.runtime.frames.errors import MissingExtraError
+    from edgemap.runtime.inputs.open import open_camera
 
     monkeypatch.setitem(sys.modules, "moderngl", None)
     with pytest.raises(MissingExtraError, match=r"^sim:3 needs moderngl: .*pip install .*\[simulation\]'$"):
-        simulated("sim:3")
+        open_camera("sim:3")

@@ -4,7 +4,7 @@ import numpy as np
 
 from edgemap.cli.summary import judge_of, object_lines
 from edgemap.geometry.map_object import MapObject
-from edgemap.runtime.inputs.cameras.protocol import Camera
+from edgemap.runtime.frames.camera import Camera
 from edgemap.runtime.inputs.cameras.wrappers import PacedCamera
 
 CHAIR = MapObject("chair-1", "chair", np.array([2.0, 0.3]), np.eye(2) * 0.01, 0.5, 0.9, 9, 1.0, 0.0, 1.0)

@@ -10,12 +10,12 @@ from support.fuzzed_room import FLOOR, PICTURES, SIZE, STEPS, Checked, Room, pos
 from support.live_camera import Clock
 
 from edgemap.geometry.se2 import SE2
+from edgemap.runtime.frames.camera import Camera, Picture
 from edgemap.runtime.frames.frame import Frame
 from edgemap.runtime.frames.trajectory import GrowingTrack
 from edgemap.runtime.inputs.cameras.checked import CheckedCamera
 from edgemap.runtime.inputs.cameras.imu_buffer import ImuBuffer, ImuCamera
 from edgemap.runtime.inputs.cameras.live import LiveCamera
-from edgemap.runtime.inputs.cameras.protocol import Camera, Picture
 from edgemap.runtime.step.loop import steps
 
 LENGTH = 40  # steps of one drive

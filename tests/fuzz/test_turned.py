@@ -8,8 +8,8 @@ from hypothesis import strategies as st
 from support.fuzzed_room import FLOOR, PICTURES, SIZE, STEPS, Checked, Room, saved_map, slam_of
 
 from edgemap.geometry.se2 import SE2
+from edgemap.runtime.frames.camera import Camera
 from edgemap.runtime.frames.trajectory import GrowingTrack
-from edgemap.runtime.inputs.cameras.protocol import Camera
 from edgemap.runtime.step.loop import steps
 
 LENGTH = 100

@@ -10,9 +10,9 @@ from support.fuzzed_room import FLOOR, PICTURES, SIZE, STEPS, Checked, Room, pos
 
 from edgemap.geometry.camera.imu import ImuSamples
 from edgemap.geometry.se2 import SE2
+from edgemap.runtime.frames.camera import Camera
 from edgemap.runtime.frames.trajectory import Trajectory
 from edgemap.runtime.inputs.cameras.imu_buffer import ImuBuffer, ImuCamera
-from edgemap.runtime.inputs.cameras.protocol import Camera
 from edgemap.runtime.step.loop import steps
 
 LENGTH = 40

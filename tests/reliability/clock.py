@@ -7,11 +7,11 @@ from typing import Any
 
 import numpy as np
 
+from edgemap.runtime.frames.camera import Camera, Picture
 from edgemap.runtime.frames.errors import CameraFault, CameraState, FrameTimeout
 from edgemap.runtime.frames.frame import Frame
 from edgemap.runtime.inputs.cameras.checked import CheckedCamera
 from edgemap.runtime.inputs.cameras.delivery import DeliveryCheck, clock_jumps
-from edgemap.runtime.inputs.cameras.protocol import Camera, Picture
 from reliability.parts import PartReport
 from reliability.workers import INPUTS, ReaderCase, examine
 

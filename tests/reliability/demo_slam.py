@@ -41,8 +41,7 @@ class DemoDrive:
 
     def slam(self, odometry: str = "hybrid") -> SemanticSlam:
         """As `edgemap run` makes it. odometry `wheel` stands for the demo's own wheels."""
-        spec = f"wheel:{self.camera.wheel}" if odometry == "wheel" else odometry
-        return build_slam(self.camera, self.bundle, self.floor, SlamOptions(spec))
+        return build_slam(self.camera, self.bundle, self.floor, SlamOptions(odometry))
 
     def _once(self, tensors: Tensors) -> list[NDArray[np.float32]]:
         (tensor,) = tensors.values()

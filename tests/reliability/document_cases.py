@@ -18,10 +18,10 @@ from edgemap.geometry.errors import EdgemapError
 from edgemap.geometry.objects import queries
 from edgemap.geometry.objects.merge import merge_maps
 from edgemap.geometry.registration.alignment import align
+from edgemap.runtime.frames.camera import Camera
 from edgemap.runtime.frames.errors import CameraError, CameraFault
 from edgemap.runtime.frames.trajectory import read_tum
 from edgemap.runtime.inputs.cameras.pictures import drive_camera
-from edgemap.runtime.inputs.cameras.protocol import Camera
 from edgemap.runtime.inputs.drives import open_drive
 from edgemap.runtime.inputs.drives.camera_yaml import read_camera_yaml
 from edgemap.runtime.inputs.drives.pose_files import read_matrices, read_stamps, read_tum_3d

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 from support.realsense_playback import Playback
 
-from edgemap.runtime.inputs.cameras.protocol import Device, Driver, Picture
+from edgemap.runtime.frames.camera import Device, Driver, Picture
 from edgemap.runtime.inputs.cameras.realsense import RealSenseDevice
 from edgemap.runtime.inputs.cameras.webcam import CaptureDevice
 

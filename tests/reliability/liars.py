@@ -10,7 +10,7 @@ from edgemap.evaluation.objects import score_map
 from edgemap.geometry.camera.imu import ImuSamples
 from edgemap.runtime.frames.frame import Frame
 from edgemap.runtime.frames.trajectory import Trajectory
-from edgemap.runtime.motion.odometry import wheel_trajectory
+from edgemap.runtime.inputs.cameras.wheels import read_wheels
 from edgemap.runtime.step.slam import build_slam
 from reliability.demo_slam import DemoDrive
 from reliability.lies import GYRO_LIES, WHEEL_LIES, Lie, imu_of
@@ -72,7 +72,7 @@ def run(seed: int, share: float, out: Path | None, spec: str | None = None) -> P
     """Every lie with as many seeds as the share allows, against the camera alone. out: not used."""
     demo = DemoDrive(FRAMES, spec)
     given = demo.camera.wheel
-    wheels = given if isinstance(given, Trajectory) else wheel_trajectory(str(given))
+    wheels = given if isinstance(given, Trajectory) else read_wheels(str(given))
     alone = drive(demo, None, None)
     table = [
         "| sensors | found / extra | F1 | named after | blamed before | used again |",

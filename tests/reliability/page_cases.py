@@ -21,9 +21,9 @@ from edgemap.geometry.errors import EdgemapError
 from edgemap.runtime.frames.frame import Frame
 from edgemap.runtime.frames.reading import printable
 from edgemap.runtime.inputs.cameras.webcam import StreamDriver
+from edgemap.runtime.inputs.cameras.wheels import read_wheels
 from edgemap.runtime.inputs.drives import open_drive
 from edgemap.runtime.inputs.open import open_camera
-from edgemap.runtime.motion.odometry import wheel_trajectory
 from edgemap.runtime.network import store
 from edgemap.runtime.network.download import download
 from edgemap.runtime.network.web import is_url
@@ -366,6 +366,6 @@ def _use_text(option: str, text: str) -> None:
         case "data":
             open_drive(text)
         case "wheel":
-            wheel_trajectory(text)
+            read_wheels(text)
         case _:
             open_camera(text).close()

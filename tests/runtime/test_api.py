@@ -1,6 +1,5 @@
 """What embedding programs import."""
 
-import importlib
 import subprocess
 import sys
 
@@ -32,30 +31,3 @@ def test_the_lists_of_names_agree():
 def test_other_names_are_missing_as_usual():
     with pytest.raises(AttributeError, match="no attribute 'unicorn'"):
         _ = edgemap.runtime.unicorn
-
-
-FORMER = """
-import sys
-from edgemap.runtime.cameras.protocol import Device
-from edgemap.runtime.cameras.imu_buffer import ImuBuffer
-from edgemap.runtime.errors import CameraError
-import edgemap.runtime.odometry.protocol as protocol
-import edgemap.runtime.cameras
-from edgemap.runtime.frames import errors
-from edgemap.runtime.inputs.cameras import imu_buffer, protocol as cameras
-from edgemap.runtime.motion.odometry import protocol as odometry
-assert Device is cameras.Device and ImuBuffer is imu_buffer.ImuBuffer and CameraError is errors.CameraError
-assert protocol is odometry and edgemap.runtime.cameras.open_camera is edgemap.runtime.inputs.cameras.open_camera
-"""
-
-
-def test_documented_modules_keep_their_former_names():
-    """A plugin that was written before the rooms catches and raises the same classes."""
-    result = subprocess.run([sys.executable, "-c", FORMER], capture_output=True, text=True, check=False)
-    assert result.returncode == 0, result.stderr
-
-
-@pytest.mark.parametrize("name", sorted(edgemap.runtime.FORMER_MODULES))
-def test_a_former_module_is_the_one_of_today(name):
-    module = importlib.import_module(name)
-    assert module is importlib.import_module(f"edgemap.runtime.{edgemap.runtime.FORMER_MODULES[name]}")

@@ -22,10 +22,10 @@ from edgemap.geometry.camera.platform import Platform
 from edgemap.geometry.observations.floor_mask import FloorMask
 from edgemap.geometry.odometry.keyframe_window import WindowRule
 from edgemap.geometry.se2 import SE2
+from edgemap.runtime.frames.camera import Camera
 from edgemap.runtime.frames.errors import OdometryError
 from edgemap.runtime.frames.frame import Frame
 from edgemap.runtime.frames.trajectory import GrowingTrack, Trajectory, read_tum, tum_line
-from edgemap.runtime.inputs.cameras.protocol import Camera
 from edgemap.runtime.inputs.open import open_camera
 from edgemap.runtime.motion.odometry import OdometryRules, hybrid_members, open_odometry
 from edgemap.runtime.motion.odometry.coasting import CoastingRule

@@ -225,9 +225,9 @@ def test_through_the_whole_step_mirrored_wheels_cost_the_map_nothing(demo):
     from reliability.liars import drive
     from reliability.lies import WHEEL_LIES
 
-    from edgemap.runtime.motion.odometry import wheel_trajectory
+    from edgemap.runtime.inputs.cameras.wheels import read_wheels
 
-    wheels = wheel_trajectory(str(WHEELS))
+    wheels = read_wheels(str(WHEELS))
     alone = drive(demo, None, None)
     (lie,) = (lie for lie in WHEEL_LIES if lie.name == "yaw sign reversed")
     found = drive(demo, lie.wheels(wheels, np.random.default_rng(0)), None)
@@ -253,10 +253,10 @@ def window_nees(motions, true, steps):
 
 @pytest.mark.parametrize("wheels", [False, True])
 def test_the_demos_motion_errs_by_what_it_states_and_not_by_much_less(demo, wheels):
-    from edgemap.runtime.motion.odometry import wheel_trajectory
+    from edgemap.runtime.inputs.cameras.wheels import read_wheels
     from edgemap.runtime.step.slam import build_slam
 
-    demo.camera.wheel = wheel_trajectory(str(WHEELS)) if wheels else None
+    demo.camera.wheel = read_wheels(str(WHEELS)) if wheels else None
     pipeline = build_slam(demo.camera, demo.bundle, demo.floor).pipeline
     frames = enumerate(zip(demo.images, demo.stamps_s, strict=True))
     motions = [pipeline.step(Frame(index, stamp_s, image)).motion for index, (image, stamp_s) in frames]

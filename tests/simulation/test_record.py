@@ -13,7 +13,7 @@ pytest.importorskip("moderngl")
 pytest.importorskip("embreex")
 
 from edgemap.geometry.errors import EdgemapError
-from edgemap.runtime.inputs.cameras.protocol import Camera
+from edgemap.runtime.frames.camera import Camera
 from edgemap.runtime.inputs.drives import open_drive
 from edgemap.runtime.inputs.drives.truth import FLOOR, WALL, floor_pairs, read_floor_labels
 from edgemap.simulation.errors import SimulationError

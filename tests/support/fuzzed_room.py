@@ -16,7 +16,7 @@ from edgemap.geometry.camera.intrinsics import Intrinsics
 from edgemap.geometry.camera.mount import Mount
 from edgemap.geometry.map_object import MapObject
 from edgemap.geometry.se2 import SE2
-from edgemap.runtime.inputs.cameras.protocol import Camera
+from edgemap.runtime.frames.camera import Camera
 from edgemap.runtime.motion.attitude.open import open_attitude
 from edgemap.runtime.motion.odometry import OdometryRules, hybrid_members
 from edgemap.runtime.motion.odometry.hybrid import HybridOdometry

@@ -4,8 +4,8 @@ from collections.abc import Callable
 
 import numpy as np
 
+from edgemap.runtime.frames.camera import Camera
 from edgemap.runtime.frames.frame import Frame
-from edgemap.runtime.inputs.cameras.protocol import Camera
 
 
 class MadeCamera(Camera):

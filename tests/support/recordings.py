@@ -8,8 +8,8 @@ from edgemap.bridges.ros2.recordings.facts import Facts
 from edgemap.bridges.ros2.recordings.recorder import Recorder
 from edgemap.geometry.camera.intrinsics import Distortion, Intrinsics
 from edgemap.geometry.camera.mount import Mount
+from edgemap.runtime.frames.camera import Camera
 from edgemap.runtime.frames.frame import Frame
-from edgemap.runtime.inputs.cameras.protocol import Camera
 
 LENS = Intrinsics(
     64, 48, 58.25, 58.5, 31.4, 23.6, Distortion("inverse_brown_conrady", (-0.05, 0.06, 0.0009, -0.0006, -0.02))

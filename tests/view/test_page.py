@@ -11,9 +11,9 @@ from support.made_camera import MadeCamera
 from support.steps import Steps
 
 from edgemap.geometry.se2 import SE2
+from edgemap.runtime.frames.camera import Camera
 from edgemap.runtime.frames.errors import FrameTimeout
 from edgemap.runtime.frames.frame import Frame
-from edgemap.runtime.inputs.cameras.protocol import Camera
 from edgemap.runtime.inputs.cameras.wrappers import PacedCamera
 from edgemap.runtime.inputs.open import open_camera
 from edgemap.runtime.step.map_file import load_map, save_map

@@ -4,7 +4,6 @@ with wheels or an IMU on ROS 2 topics."""
 import time
 from collections.abc import Callable
 from dataclasses import replace
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -19,13 +18,12 @@ from edgemap.bridges.ros2.recordings.foreign import info_topics, lens_of, mount_
 from edgemap.bridges.ros2.recordings.pictures import compressed_picture, raw_picture
 from edgemap.geometry.camera.intrinsics import Intrinsics
 from edgemap.geometry.camera.mount import Mount
+from edgemap.runtime.frames.camera import Camera, Driver, Picture, RecoveryRule, SensorTopics
 from edgemap.runtime.frames.errors import CameraError
 from edgemap.runtime.frames.frame import Frame
-from edgemap.runtime.frames.trajectory import PoseTrack
+from edgemap.runtime.frames.trajectory import PoseTrack, TrackFile
 from edgemap.runtime.inputs.cameras.imu_buffer import ImuBuffer
 from edgemap.runtime.inputs.cameras.live import LiveCamera
-from edgemap.runtime.inputs.cameras.protocol import Camera, Driver, Picture, SensorTopics
-from edgemap.runtime.inputs.cameras.supervisor import RecoveryRule
 from edgemap.runtime.inputs.cameras.wrappers import CameraAround
 
 PICTURES: dict[str, Callable[[Any, str], Any]] = {
@@ -133,7 +131,7 @@ class Ros2SensorsCamera(CameraAround):
         by_ros = isinstance(camera, Ros2Camera)
         self._clock = RosClock(0.0 if by_ros else None)
         self._wheels = WheelTopic(node, topics.wheels) if topics.wheels is not None else None
-        self.wheel: Path | PoseTrack | None = self._wheels or camera.wheel
+        self.wheel: TrackFile | PoseTrack | None = self._wheels or camera.wheel
         self._buffer = self._samples = None
         if topics.imu is not None:
             self._samples = node.subscription(topics.imu, KINDS[IMU], depth=2000)

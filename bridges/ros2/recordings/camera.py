@@ -4,23 +4,30 @@ import math
 from collections.abc import Iterator
 from dataclasses import replace
 from itertools import islice
-from pathlib import Path
 from typing import Any
 
 from edgemap.bridges.ros2.messages.definitions import ns_of, to_s
 from edgemap.bridges.ros2.messages.topics import DEPTH, EDITS, SEARCHED, STAMPS
 from edgemap.bridges.ros2.recordings.facts import RECORD, TRUTH_FILE, WHEEL_FILE, read_facts, read_trajectory_file
-from edgemap.bridges.ros2.recordings.foreign import imu_of, info_topics, lens_of, mount_of, recorded_imu, tf_of
+from edgemap.bridges.ros2.recordings.foreign import (
+    imu_of,
+    info_topics,
+    lens_of,
+    mount_of,
+    read_wheel,
+    recorded_imu,
+    tf_of,
+)
 from edgemap.bridges.ros2.recordings.pictures import ALIGNED, compressed_picture, depth_of, own_depth_of, raw_picture
 from edgemap.bridges.ros2.recordings.reader import McapReading
 from edgemap.geometry.camera.intrinsics import Intrinsics
 from edgemap.geometry.camera.mount import Mount
 from edgemap.geometry.errors import EdgemapError
+from edgemap.runtime.frames.camera import Camera, SensorTopics
 from edgemap.runtime.frames.errors import CameraError, CameraFault, FaultKind
 from edgemap.runtime.frames.frame import Frame
 from edgemap.runtime.frames.reading import user_path
-from edgemap.runtime.frames.trajectory import PoseTrack, Trajectory
-from edgemap.runtime.inputs.cameras.protocol import Camera, SensorTopics
+from edgemap.runtime.frames.trajectory import PoseTrack, TrackFile, Trajectory
 
 PICTURE_KINDS = {"sensor_msgs/Image": raw_picture, "sensor_msgs/CompressedImage": compressed_picture}
 INFO_KIND = "sensor_msgs/CameraInfo"
@@ -150,7 +157,9 @@ class RecordingCamera(Camera):
     ) -> None:
         """Lens, mount, rate, truth, wheels and IMU: as edgemap wrote them, else from CameraInfo and tf."""
         recording = self._recording
-        self.wheel: Path | PoseTrack | None = Path(f"{self._path}#{topics.wheels}") if topics.wheels else None
+        self.wheel: TrackFile | PoseTrack | None = None
+        if topics.wheels:
+            self.wheel = TrackFile(f"{self._path}#{topics.wheels}", read_wheel)
         if RECORD in recording.metadata:
             facts = read_facts(recording.metadata[RECORD], f"{self._path}")
             self.intrinsics, self.mount = intrinsics or facts.intrinsics, mount or facts.mount
@@ -161,7 +170,7 @@ class RecordingCamera(Camera):
             else:
                 self.imu = imu_of(recording, tf_of(recording), frame_id, topics.imu)
             if topics.wheels is None and WHEEL_FILE in recording.attachments:
-                self.wheel = self._path
+                self.wheel = TrackFile(str(self._path), read_wheel)
             self.edits = tuple(str(line) for _, line in _values(recording, EDITS))
             if TRUTH_FILE in recording.attachments:
                 self.truth: Trajectory | None = read_trajectory_file(

@@ -143,11 +143,6 @@ def _read(recording: McapReading, topic: str, buffer: ImuBuffer) -> ImuSamples |
     return samples if len(samples) else None
 
 
-def is_recording(spec: str) -> bool:
-    """Whether a wheel SPEC names a recording (`FILE.mcap[#/topic]`) and not a CSV."""
-    return spec.partition("#")[0].endswith(".mcap")
-
-
 def read_wheel(spec: str) -> Trajectory:
     """The wheels' own poses in `FILE.mcap[#/topic]`: what edgemap recorded, or else the first nav_msgs/Odometry topic.
 

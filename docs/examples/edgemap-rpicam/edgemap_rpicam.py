@@ -13,7 +13,7 @@ import cv2
 import numpy as np
 
 from edgemap.geometry.camera.intrinsics import Intrinsics
-from edgemap.geometry.camera.mount import Mount
+from edgemap.runtime.frames.camera import CameraOptions
 from edgemap.runtime.frames.errors import CameraError
 
 WIDTH, HEIGHT, RATE_HZ = 640, 480, 30
@@ -22,7 +22,7 @@ END = b"\xff\xd9"  # of a JPEG; its data never holds these two bytes
 
 
 class RpicamDevice:
-    """A running `rpicam-vid`. Implements `edgemap.runtime.inputs.cameras.protocol.Device`."""
+    """A running `rpicam-vid`. Implements `edgemap.runtime.frames.camera.Device`."""
 
     def __init__(self, number: str, size: tuple[int, int]) -> None:
         self.size, self.rate_hz, self.intrinsics = size, float(RATE_HZ), None
@@ -59,7 +59,7 @@ class RpicamDevice:
 
 
 class RpicamDriver:
-    """Opens one camera, again and again. Implements `edgemap.runtime.inputs.cameras.protocol.Driver`."""
+    """Opens one camera, again and again. Implements `edgemap.runtime.frames.camera.Driver`."""
 
     def __init__(self, number: str, intrinsics: Intrinsics | None) -> None:
         self.name, self._number = f"rpicam:{number}", number
@@ -77,11 +77,11 @@ class RpicamDriver:
         """A camera that is gone ends the program."""
 
 
-def open(address: str, intrinsics: Intrinsics | None, mount: Mount | None) -> RpicamDriver:  # noqa: ARG001
+def open(address: str, how: CameraOptions) -> RpicamDriver:
     """`rpicam` and `rpicam:NUMBER`: what edgemap calls for such a SPEC."""
     if address and not address.isdecimal():
         raise CameraError(f"camera 'rpicam:{address}': NUMBER must be a whole number, as `edgemap cameras` lists them")
-    return RpicamDriver(address or "0", intrinsics)
+    return RpicamDriver(address or "0", how.intrinsics)
 
 
 def found() -> list[tuple[str, str]]:

@@ -3,7 +3,6 @@
 import math
 from collections.abc import Sequence
 from dataclasses import replace
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -12,12 +11,12 @@ from edgemap.geometry.camera.imu import ImuSamples
 from edgemap.geometry.camera.intrinsics import Intrinsics
 from edgemap.geometry.camera.mount import Mount
 from edgemap.geometry.errors import EdgemapError
+from edgemap.runtime.frames.camera import Camera
 from edgemap.runtime.frames.errors import CameraError, CameraFault, CameraState, FaultKind, FrameTimeout
 from edgemap.runtime.frames.frame import Frame
 from edgemap.runtime.frames.inference import Inference
 from edgemap.runtime.frames.reading import error_line, one_line, printable
-from edgemap.runtime.frames.trajectory import AttitudeTrack, Trajectory
-from edgemap.runtime.inputs.cameras.protocol import Camera
+from edgemap.runtime.frames.trajectory import AttitudeTrack, TrackFile, Trajectory
 from edgemap.runtime.inputs.cameras.returned import PictureCheck, rate_of, size_of, stamp_of
 
 FALLBACK_STEP_S = 0.1  # between two pictures whose stamps say nothing, of a camera that names no rate
@@ -26,6 +25,11 @@ FAILURES = 100  # reads in a row without a frame, after which the camera is at i
 TYPED: dict[str, type] = {
     "intrinsics": Intrinsics, "mount": Mount, "truth": Trajectory, "attitudes": AttitudeTrack, "inference": Inference
 }  # fmt: skip
+
+
+def checked(camera: Camera, name: str) -> Camera:
+    """A camera of third-party code is validated; ours is returned as it is."""
+    return camera if type(camera).__module__.startswith("edgemap.") else CheckedCamera(camera, name)
 
 
 class CheckedCamera(Camera):
@@ -46,7 +50,7 @@ class CheckedCamera(Camera):
         count = self._get("frame_count")
         self.frame_count = count if isinstance(count, int) and not isinstance(count, bool) and count > 0 else None
         wheel = self._get("wheel")
-        self.wheel = wheel if isinstance(wheel, Path) or hasattr(wheel, "stamps_s") else None
+        self.wheel = wheel if isinstance(wheel, TrackFile) or hasattr(wheel, "stamps_s") else None
         edits = self._get("edits")
         self.edits = edits if isinstance(edits, tuple) and all(isinstance(line, str) for line in edits) else ()
         self._ahead: Frame | None = None

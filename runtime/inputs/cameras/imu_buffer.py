@@ -8,9 +8,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from edgemap.geometry.camera.imu import ImuSamples
+from edgemap.runtime.frames.camera import Camera
 from edgemap.runtime.frames.frame import Frame
 from edgemap.runtime.inputs.cameras.delivery import clock_jumps
-from edgemap.runtime.inputs.cameras.protocol import Camera
 from edgemap.runtime.inputs.cameras.wrappers import CameraAround
 
 KEPT = 20_000  # maximum number of samples of each kind that wait for a reader

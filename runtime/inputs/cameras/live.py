@@ -7,11 +7,11 @@ from collections.abc import Callable
 
 from edgemap.geometry.camera.intrinsics import Intrinsics
 from edgemap.geometry.camera.mount import Mount
+from edgemap.runtime.frames.camera import Camera, Driver, Picture, RecoveryRule
 from edgemap.runtime.frames.errors import CameraFault, CameraLostError, CameraState, FrameTimeout
 from edgemap.runtime.frames.frame import Frame
-from edgemap.runtime.inputs.cameras.protocol import Camera, Driver, Picture
 from edgemap.runtime.inputs.cameras.returned import rate_of, size_of
-from edgemap.runtime.inputs.cameras.supervisor import RecoveryRule, Supervisor
+from edgemap.runtime.inputs.cameras.supervisor import Supervisor
 
 TICK_S = 0.5  # longest wait of a read
 HANG_LIMIT_S = 60.0  # a poll that lasts longer hangs in the driver, which only a new process gets out of

@@ -11,12 +11,13 @@ from numpy.typing import NDArray
 from edgemap.geometry.camera.depth_camera import DepthCamera, DepthRegistration
 from edgemap.geometry.camera.intrinsics import Intrinsics
 from edgemap.geometry.camera.mount import Mount
+from edgemap.runtime.frames.camera import DEFAULT_RATE_HZ, Camera
 from edgemap.runtime.frames.errors import CameraError, CameraFault, FaultKind
 from edgemap.runtime.frames.frame import Frame
 from edgemap.runtime.frames.quiet import bounded_memory, quietly
 from edgemap.runtime.frames.reading import library_path
-from edgemap.runtime.inputs.cameras.protocol import Camera
-from edgemap.runtime.inputs.drives.camera_yaml import DEFAULT_RATE_HZ, read_setup
+from edgemap.runtime.inputs.cameras.wheels import wheel_file
+from edgemap.runtime.inputs.drives.camera_yaml import read_setup
 from edgemap.runtime.inputs.drives.drive import Drive, ridden
 from edgemap.runtime.inputs.drives.pictures import PIXEL_LIMIT, Depth, list_pictures, read_picture, readable_depth
 
@@ -223,6 +224,7 @@ def drive_camera(
         camera = PicturesCamera(name, drive.images, drive.stamps_s, intrinsics, mount)
     camera.rate_hz = drive.rate_hz
     camera.truth, camera.attitudes = drive.truth, drive.attitudes
-    camera.wheel, camera.imu, camera.depth = drive.wheel, drive.imu, drive.depth
+    camera.wheel = drive.wheel and wheel_file(drive.wheel)
+    camera.imu, camera.depth = drive.imu, drive.depth
     camera.depth_camera = drive.depth_camera
     return camera

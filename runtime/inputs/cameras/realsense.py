@@ -10,10 +10,10 @@ from typing import Any
 import numpy as np
 
 from edgemap.geometry.camera.intrinsics import Distortion, Intrinsics
+from edgemap.runtime.frames.camera import Picture
 from edgemap.runtime.frames.errors import CameraError, MissingExtraError
 from edgemap.runtime.frames.extras import pip
 from edgemap.runtime.inputs.cameras.imu_buffer import ImuBuffer
-from edgemap.runtime.inputs.cameras.protocol import Picture
 from edgemap.runtime.inputs.cameras.realsense_frames import POLL_MS, Aligned, start_motion, started, stop, to_bgr
 
 WIDTH, HEIGHT, RATE_HZ = 640, 480, 30

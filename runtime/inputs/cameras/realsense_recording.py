@@ -6,10 +6,10 @@ from typing import Any
 from edgemap.geometry.camera.intrinsics import Intrinsics
 from edgemap.geometry.camera.mount import Mount
 from edgemap.geometry.errors import EdgemapError
+from edgemap.runtime.frames.camera import Camera
 from edgemap.runtime.frames.errors import CameraError, CameraFault, FaultKind
 from edgemap.runtime.frames.frame import Frame
 from edgemap.runtime.frames.reading import library_path, one_line
-from edgemap.runtime.inputs.cameras.protocol import Camera
 from edgemap.runtime.inputs.cameras.realsense import import_realsense, lens_of, picture_size
 from edgemap.runtime.inputs.cameras.realsense_frames import (
     POLL_MS,

@@ -8,9 +8,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from edgemap.runtime.frames.camera import Picture
 from edgemap.runtime.frames.errors import CameraError, CameraFault, FaultKind
 from edgemap.runtime.frames.reading import one_line
-from edgemap.runtime.inputs.cameras.protocol import Picture
 
 LARGEST_SIDE = 65_536  # px
 LARGEST_RATE_HZ = 1e4

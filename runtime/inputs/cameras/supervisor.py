@@ -5,34 +5,15 @@ import threading
 import time
 from collections import deque
 from collections.abc import Callable
-from dataclasses import dataclass
 
+from edgemap.runtime.frames.camera import Device, Driver, Picture, RecoveryRule
 from edgemap.runtime.frames.errors import CameraFault, CameraLostError, CameraState, FaultKind
 from edgemap.runtime.frames.reading import error_line
 from edgemap.runtime.inputs.cameras.delivery import DeliveryCheck
-from edgemap.runtime.inputs.cameras.protocol import Device, Driver, Picture
 from edgemap.runtime.inputs.cameras.returned import size_of
 
 STALL_INTERVALS, RESET_EVERY = 10, 2
 BACK_OFF_S, BACK_OFF_LIMIT_S, SETTLE_S, REFILL_S = 0.5, 30.0, 2.0, 30.0
-
-
-@dataclass(frozen=True, slots=True)
-class RecoveryRule:
-    """Timeouts and retries of a live camera's supervisor.
-
-    first_frame_limit_s: maximum time before the first frame, because devices start slowly. After a reopening the limit
-    is three times the stall limit, doubled with each consecutive reopening, and at most first_frame_limit_s.
-    stall_limit_s: a frame is late after ten median frame intervals of the camera, and not before this time. A hardware
-    reset precedes every second reopening, if the camera supports it. The wait before the second consecutive reopening
-    is half a second, doubled each time, at most half a minute. A frame ends the sequence. The next sequence starts at
-    the number of outages that had less than two seconds of frames between them. restarts: budget of reopenings; half a
-    minute of frames restores one.
-    """
-
-    first_frame_limit_s: float = 10.0
-    stall_limit_s: float = 1.0
-    restarts: int = 20
 
 
 class RecoveryClock:

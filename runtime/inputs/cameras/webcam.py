@@ -11,10 +11,10 @@ import cv2
 import numpy as np
 
 from edgemap.geometry.camera.intrinsics import Intrinsics
+from edgemap.runtime.frames.camera import Driver, Picture
 from edgemap.runtime.frames.errors import CameraError
 from edgemap.runtime.frames.quiet import quietly
 from edgemap.runtime.frames.reading import library_path
-from edgemap.runtime.inputs.cameras.protocol import Driver, Picture
 
 OPEN_LIMIT_MS, READ_LIMIT_MS = 5000, 2000  # FFmpeg's own would be 30 s each
 

@@ -6,9 +6,9 @@ from collections.abc import Callable
 from dataclasses import replace
 from typing import Any
 
+from edgemap.runtime.frames.camera import Camera
 from edgemap.runtime.frames.errors import CameraState, FrameTimeout
 from edgemap.runtime.frames.frame import Frame
-from edgemap.runtime.inputs.cameras.protocol import Camera
 
 TICK_S = 0.5  # longest wait of a read at the pace of the stamps
 

@@ -16,6 +16,7 @@ from edgemap.geometry.camera.intrinsics import Distortion, Intrinsics
 from edgemap.geometry.camera.mount import Mount
 from edgemap.geometry.camera.platform import Platform
 from edgemap.geometry.errors import GeometryError
+from edgemap.runtime.frames.camera import DEFAULT_RATE_HZ
 from edgemap.runtime.frames.disk import write_atomically
 from edgemap.runtime.frames.errors import CameraError
 from edgemap.runtime.frames.plain_yaml import read_yaml
@@ -28,7 +29,6 @@ Arm = Annotated[float, Meta(ge=-100.0, le=100.0)]  # metres
 Focal = Annotated[float, Meta(gt=0.0, le=1e6)]  # px
 Part = Annotated[float, Meta(ge=-1.1, le=1.1)]  # of a unit quaternion
 UNIT = 0.01  # of its length; files round
-DEFAULT_RATE_HZ = 10.0
 
 
 @dataclass(frozen=True, slots=True)

@@ -23,9 +23,10 @@ from scipy.spatial.transform import Rotation
 from edgemap.geometry.camera.intrinsics import Intrinsics
 from edgemap.geometry.camera.mount import Mount
 from edgemap.geometry.se2 import SE2
+from edgemap.runtime.frames.camera import DEFAULT_RATE_HZ
 from edgemap.runtime.frames.errors import CameraError
 from edgemap.runtime.frames.trajectory import Trajectory, tum_line
-from edgemap.runtime.inputs.drives.camera_yaml import DEFAULT_RATE_HZ, read_camera_yaml, write_camera_yaml
+from edgemap.runtime.inputs.drives.camera_yaml import read_camera_yaml, write_camera_yaml
 from edgemap.runtime.inputs.drives.drive import Drive, LabelledBoxes
 from edgemap.runtime.inputs.drives.pictures import list_pictures
 from edgemap.runtime.inputs.drives.pose_files import (

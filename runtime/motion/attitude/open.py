@@ -1,7 +1,7 @@
 """The best source of a camera's attitude."""
 
 from edgemap.geometry.camera.floor import FloorCamera
-from edgemap.runtime.inputs.cameras.protocol import Camera
+from edgemap.runtime.frames.camera import Camera
 from edgemap.runtime.motion.attitude.checked_mount import CheckedMount
 from edgemap.runtime.motion.attitude.depth import DepthAttitude
 from edgemap.runtime.motion.attitude.inertial import AttitudeRule, InertialAttitude

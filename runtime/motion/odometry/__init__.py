@@ -4,14 +4,12 @@ import math
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from edgemap.bridges.ros2.recordings.foreign import is_recording, read_wheel
 from edgemap.geometry.camera.floor import FloorCamera
 from edgemap.geometry.camera.mount_tilt import MountTiltRule
 from edgemap.geometry.odometry.keyframe_window import WindowRule
+from edgemap.runtime.frames.camera import Camera
 from edgemap.runtime.frames.errors import OdometryError
-from edgemap.runtime.frames.trajectory import Trajectory, read_tum
-from edgemap.runtime.inputs.cameras.protocol import Camera
-from edgemap.runtime.inputs.drives.sensor_csv import read_wheel_csv
+from edgemap.runtime.frames.trajectory import PoseTrack, TrackFile, read_tum
 from edgemap.runtime.motion.health import HealthRule
 from edgemap.runtime.motion.odometry.coasting import CoastingRule
 from edgemap.runtime.motion.odometry.corner_odometry import PlanarRule
@@ -26,7 +24,7 @@ from edgemap.runtime.motion.odometry.window import WindowOdometry
 from edgemap.runtime.network.bundle import Bundle
 from edgemap.runtime.network.manifest import Manifest
 
-__all__ = ["Motion", "Odometry", "OdometryRules", "at_head_height", "open_odometry", "wheel_trajectory"]
+__all__ = ["Motion", "Odometry", "OdometryRules", "at_head_height", "open_odometry"]
 
 
 @dataclass(frozen=True, slots=True)
@@ -53,8 +51,7 @@ def open_odometry(
     health: HealthRule | None = None,
     tilt: MountTiltRule | None = None,
 ) -> Odometry:
-    """The odometry that a SPEC names: hybrid, flow, planar, window, gyro, paper, truth, wheel:FILE.csv|.mcap or
-    FILE.tum.
+    """The odometry that a name stands for: hybrid, flow, planar, window, gyro, paper, truth, wheel or FILE.tum.
 
     wheels: whether the hybrid uses the source's wheels, where it has any. health: rule of its pictures. tilt: rule of
     the camera's tilt about its mount. Raises OdometryError for one that is unknown or not available here.
@@ -76,18 +73,18 @@ def open_odometry(
         if camera.truth is None:
             raise OdometryError(f"odometry truth: {camera.name} brings no poses of its own")
         return RecordedOdometry(camera.truth, "truth", edge_s=POSES_EDGE_S)
-    if spec.startswith("wheel:"):
-        return RecordedOdometry(wheel_trajectory(spec.removeprefix("wheel:")), spec, rules.wheels)
+    if spec == "wheel":
+        if camera.wheel is None:
+            raise OdometryError(f"odometry wheel: {camera.name} brings no wheel odometry")
+        return _wheels(camera.wheel, rules)
     if spec.endswith(".tum"):
         return RecordedOdometry(read_tum(Path(spec)), spec, edge_s=POSES_EDGE_S)
-    raise OdometryError(
-        f"odometry {spec!r} is not hybrid, flow, planar, window, gyro, paper, truth, wheel:FILE.csv|.mcap or FILE.tum"
-    )
+    raise OdometryError(f"odometry {spec!r} is not hybrid, flow, planar, window, gyro, paper, truth, wheel or FILE.tum")
 
 
-def wheel_trajectory(path: str | Path) -> Trajectory:
-    """The wheels' poses in a CSV or a recording. Raises CameraError."""
-    return read_wheel(str(path)) if is_recording(str(path)) else Trajectory(*read_wheel_csv(Path(path)))
+def _wheels(given: TrackFile | PoseTrack, rules: OdometryRules) -> RecordedOdometry:
+    track = given.track() if isinstance(given, TrackFile) else given
+    return RecordedOdometry(track, f"wheel:{given}", rules.wheels)
 
 
 def _tracked(
@@ -123,10 +120,7 @@ def hybrid_members(
     if flow is not None and not warning:
         members.append(Member(flow, CAMERA, scale**4, reach_rad=flow.reach_rad, auxiliary=True))
     if wheels and camera.wheel is not None:
-        given = camera.wheel
-        track = wheel_trajectory(given) if isinstance(given, Path) else given
-        recorded = RecordedOdometry(track, f"wheel:{given}", rules.wheels)
-        members.append(Member(recorded, WHEELS))
+        members.append(Member(_wheels(camera.wheel, rules), WHEELS))
     members.append(Member(GyroOdometry(displaced=True), GYRO, scale**2, optional=True))
     return members, "" if carried else warning
 

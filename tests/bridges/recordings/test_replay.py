@@ -27,11 +27,11 @@ from edgemap.bridges.ros2.recordings.pictures import encoded_depth
 from edgemap.bridges.ros2.recordings.recorder import Recorder
 from edgemap.geometry.camera.imu import ImuSamples
 from edgemap.geometry.se2 import SE2
+from edgemap.runtime.frames.camera import Camera, CameraOptions
 from edgemap.runtime.frames.errors import CameraError, RecordingError
 from edgemap.runtime.frames.frame import Frame
 from edgemap.runtime.frames.inference import Inference
 from edgemap.runtime.frames.trajectory import Trajectory
-from edgemap.runtime.inputs.cameras.protocol import Camera
 from edgemap.runtime.inputs.open import open_camera
 
 TESTS = Path(__file__).parents[2]
@@ -137,10 +137,10 @@ def test_given_lens_and_mount_go_first_and_another_size_is_refused(tmp_path):
 
     path = str(record(tmp_path / "a.mcap", FACTS, noise(2)))
     lens, mount = replace(LENS, fx=70.0), replace(MOUNT, height_m=1.0)
-    with open_camera(path, intrinsics=lens, mount=mount) as camera:
+    with open_camera(path, CameraOptions(intrinsics=lens, mount=mount)) as camera:
         assert (camera.intrinsics, camera.mount) == (lens, mount)
     with (
-        open_camera(path, intrinsics=replace(LENS, width=32)) as camera,
+        open_camera(path, CameraOptions(intrinsics=replace(LENS, width=32))) as camera,
         pytest.raises(CameraError, match="picture is 64x48, the intrinsics are for 32x48"),
     ):
         camera.read()
@@ -321,7 +321,7 @@ def test_depth_is_replayed_bit_for_bit_or_left_out(tmp_path):
         else:
             assert again.depth.dtype == np.float32
             np.testing.assert_array_equal(again.depth.view(np.uint32), frame.depth.view(np.uint32))
-    with open_camera(path, depth=False) as camera:
+    with open_camera(path, CameraOptions(depth=False)) as camera:
         assert all(frame.depth is None for frame in drain(camera))
 
 

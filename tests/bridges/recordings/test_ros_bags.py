@@ -19,8 +19,8 @@ from support.ros_bag import camera_info, compressed, image, imu, odometry, tf, t
 from edgemap.bridges.ros2.recordings.foreign import read_wheel
 from edgemap.geometry.camera.intrinsics import Distortion, Intrinsics
 from edgemap.geometry.se2 import SE2
+from edgemap.runtime.frames.camera import CameraOptions, SensorTopics
 from edgemap.runtime.frames.errors import CameraError, CameraFault
-from edgemap.runtime.inputs.cameras.protocol import SensorTopics
 from edgemap.runtime.inputs.open import open_camera
 
 K = [58.0, 0.0, 31.0, 0.0, 59.0, 23.0, 0.0, 0.0, 1.0]
@@ -115,9 +115,9 @@ def test_an_imu_that_tf_does_not_join_is_left_out_unless_it_was_asked_for(tmp_pa
     path = imu_bag(tmp_path / "bag", linked=False)
     assert not any(len(frame.imu) for frame in play(path))
     with pytest.raises(CameraError, match=r"tf does not join the frame of /imu/data to the pictures' \(cam_optical\)"):
-        open_camera(str(path), topics=SensorTopics(imu="/imu/data"))
+        open_camera(str(path), CameraOptions(topics=SensorTopics(imu="/imu/data")))
     with pytest.raises(CameraError, match=r"no sensor_msgs/Imu topic /imu \(there are: /imu/data\)"):
-        open_camera(str(path), topics=SensorTopics(imu="/imu"))
+        open_camera(str(path), CameraOptions(topics=SensorTopics(imu="/imu")))
 
 
 def test_a_height_over_base_link_alone_is_no_mount(tmp_path):
@@ -202,7 +202,7 @@ def test_a_fisheye_lens_is_refused_unless_another_is_given(tmp_path):
     with pytest.raises(CameraError, match="distortion equidistant with 4 coefficients is not supported; pass --intr"):
         open_camera(path)
     lens = Intrinsics(64, 48, 50.0, 50.0, 32.0, 24.0)
-    with open_camera(path, intrinsics=lens) as camera:
+    with open_camera(path, CameraOptions(intrinsics=lens)) as camera:
         assert camera.intrinsics == lens
 
 
@@ -293,7 +293,7 @@ def test_depth_that_is_aligned_to_the_colour_comes_with_the_pictures(tmp_path, e
     frames = play(path)
     assert [frame.depth is not None for frame in frames] == [True, False, False, True]
     np.testing.assert_allclose(np.asarray(frames[3].depth), raw / 1000.0, rtol=1e-6)
-    with open_camera(str(path), depth=False) as camera:
+    with open_camera(str(path), CameraOptions(depth=False)) as camera:
         assert all(frame.depth is None for frame in drain(camera))
 
 
@@ -308,18 +308,18 @@ def test_depth_of_a_named_topic_comes_compressed(tmp_path, form):
     messages = [("/cam/depth/compressedDepth", T0, compressed(T0, data, form))]
     messages += [("/cam/image_raw", T0, image(T0, BGR, "bgr8"))]
     path = write_bag(tmp_path / "bag", messages)
-    with open_camera(str(path), topics=SensorTopics(depth="/cam/depth/compressedDepth")) as camera:
+    with open_camera(str(path), CameraOptions(topics=SensorTopics(depth="/cam/depth/compressedDepth"))) as camera:
         (frame,) = drain(camera)
     assert frame.depth[3, 5] == 0.0
     known = raw > 0
     np.testing.assert_allclose(frame.depth[known], depth[known], atol=1e-3)
     with pytest.raises(CameraError, match="no topic /nowhere of sensor_msgs"):
-        open_camera(str(path), topics=SensorTopics(depth="/nowhere"))
+        open_camera(str(path), CameraOptions(topics=SensorTopics(depth="/nowhere")))
 
 
 def test_a_topic_of_depth_beside_a_camera_of_another_kind_is_one_line():
     with pytest.raises(CameraError, match="a topic of depth goes with pictures of a ROS 2 topic or a recording only"):
-        open_camera("demo", topics=SensorTopics(depth="/cam/depth"))
+        open_camera("demo", CameraOptions(topics=SensorTopics(depth="/cam/depth")))
 
 
 def test_a_bag_that_is_no_recording_is_refused_with_what_to_do(tmp_path):

@@ -37,8 +37,8 @@ from edgemap.bridges.ros2.dds.sources import WheelTopic
 from edgemap.bridges.ros2.recordings.facts import Facts
 from edgemap.bridges.ros2.recordings.recorder import Recorder
 from edgemap.bridges.ros2.sink import Ros2Options, Ros2Sink
+from edgemap.runtime.frames.camera import SensorTopics, next_frame
 from edgemap.runtime.frames.errors import CameraError
-from edgemap.runtime.inputs.cameras.protocol import SensorTopics, next_frame
 from edgemap.runtime.inputs.open import open_camera
 from edgemap.runtime.motion.odometry.recorded import RecordedOdometry
 

@@ -11,6 +11,7 @@ from support.live_camera import drain
 from support.realsense_playback import Playback
 
 from edgemap.geometry.camera.mount import Mount
+from edgemap.runtime.frames.camera import CameraOptions
 from edgemap.runtime.inputs.cameras.live import LiveCamera
 from edgemap.runtime.inputs.open import open_camera
 
@@ -33,7 +34,7 @@ def test_a_recorded_depth_stream_comes_with_its_pictures(recording):
     path, rooms = recording
     with open_camera(f"realsense:{path}") as camera:
         frames = recordings.drain(camera)
-    with open_camera(f"realsense:{path}", depth=False) as camera:
+    with open_camera(f"realsense:{path}", CameraOptions(depth=False)) as camera:
         plain = recordings.drain(camera)
     assert len(frames) == len(plain) == len(rooms)
     assert [frame.stamp_s for frame in frames] == [frame.stamp_s for frame in plain]
@@ -79,7 +80,7 @@ def test_a_drive_brings_its_depth_and_goes_on_past_what_is_damaged(tmp_path):
     assert [frame.depth is not None for frame in frames] == [True, False, False, True]
     assert frames[3].depth is not None
     assert frames[3].depth[0, 0] == np.float32(1.003)
-    with open_camera(f"drive:{tmp_path}", depth=False) as camera:
+    with open_camera(f"drive:{tmp_path}", CameraOptions(depth=False)) as camera:
         assert [frame.depth for frame in recordings.drain(camera)] == [None] * 4
 
 

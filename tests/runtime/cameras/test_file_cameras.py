@@ -6,7 +6,6 @@ import math
 import re
 import subprocess
 import sys
-from pathlib import Path
 
 import cv2
 import numpy as np
@@ -17,10 +16,10 @@ from support.recordings import drain
 from edgemap.geometry.camera.intrinsics import Intrinsics
 from edgemap.geometry.camera.mount import Mount
 from edgemap.geometry.se2 import SE2
+from edgemap.runtime.frames.camera import Camera, CameraOptions, next_frame
 from edgemap.runtime.frames.errors import CameraError, FrameTimeout
+from edgemap.runtime.frames.program_camera import FramesCamera, PushedCamera
 from edgemap.runtime.frames.trajectory import Trajectory
-from edgemap.runtime.inputs.cameras.given import FramesCamera, PushedCamera
-from edgemap.runtime.inputs.cameras.protocol import Camera, next_frame
 from edgemap.runtime.inputs.cameras.wrappers import PacedCamera
 from edgemap.runtime.inputs.drives import write_drive
 from edgemap.runtime.inputs.open import open_camera
@@ -121,7 +120,7 @@ def test_a_truncated_jpeg_is_noticed(tmp_path):
 def test_a_picture_of_another_size_is_refused_with_both_sizes(tmp_path):
     write_pictures(tmp_path / "p", 1, size=(20, 30))
     complaint = pytest.raises(CameraError, match="picture is 30x20, the intrinsics are for 64x48")
-    with open_camera(str(tmp_path / "p"), intrinsics=LENS) as camera, complaint:
+    with open_camera(str(tmp_path / "p"), CameraOptions(intrinsics=LENS)) as camera, complaint:
         camera.read()
 
 
@@ -154,7 +153,7 @@ def test_given_lens_and_mount_go_before_the_drives_own(tmp_path):
     write_own(tmp_path, 3)
     write_pictures(tmp_path / "images", 3)
     lens, mount = Intrinsics(64, 48, 70.0, 70.0, 31.5, 23.5), Mount(0.4)
-    with open_camera(f"drive:{tmp_path}", intrinsics=lens, mount=mount) as camera:
+    with open_camera(f"drive:{tmp_path}", CameraOptions(intrinsics=lens, mount=mount)) as camera:
         assert (camera.intrinsics, camera.mount) == (lens, mount)
 
 
@@ -200,15 +199,14 @@ def test_a_paced_camera_knows_all_that_the_camera_behind_it_knows():
         def object_records(self):
             return [{"id": "chair-1"}]
 
-    with open_camera("demo") as camera, open_camera("demo", realtime=True) as paced:
+    with open_camera("demo") as camera, open_camera("demo", CameraOptions(realtime=True)) as paced:
         assert isinstance(paced, PacedCamera)
         assert isinstance(paced, Camera)
         for name in Camera.__annotations__:
             if name != "truth":
                 assert getattr(paced, name) == getattr(camera, name), name
         assert paced.truth.poses == camera.truth.poses
-        assert isinstance(paced.wheel, Path)
-        assert paced.wheel.name == "wheel.csv"
+        assert str(paced.wheel).endswith("wheel.csv")
         assert paced.object_records() is None
     assert PacedCamera(Knowing("sim")).object_records() == [{"id": "chair-1"}]
 
@@ -228,7 +226,7 @@ def test_a_camera_that_is_not_there_is_one_line():
 def test_opening_a_folder_imports_no_realsense(tmp_path):
     write_pictures(tmp_path / "p", 1)
     program = (
-        f"import sys; from edgemap.runtime.inputs.cameras import open_camera; open_camera({str(tmp_path / 'p')!r});"
+        f"import sys; from edgemap.runtime.inputs.open import open_camera; open_camera({str(tmp_path / 'p')!r});"
         "print([m for m in ('pyrealsense2', 'torch', 'onnx', 'matplotlib') if m in sys.modules])"
     )
     assert subprocess.run([sys.executable, "-c", program], capture_output=True, text=True).stdout == "[]\n"

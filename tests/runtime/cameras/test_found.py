@@ -13,8 +13,9 @@ import numpy as np
 import pytest
 from support.live_camera import drain
 
-from edgemap.runtime.frames.errors import CameraError
-from edgemap.runtime.inputs.cameras import plugins
+from edgemap.runtime.frames import plugins
+from edgemap.runtime.frames.errors import CameraError, PluginError
+from edgemap.runtime.inputs.cameras import connected
 from edgemap.runtime.inputs.open import open_camera
 
 EXAMPLE = Path(__file__).parents[3] / "docs" / "examples" / "edgemap-rpicam"
@@ -35,11 +36,11 @@ def test_video_devices_are_those_that_capture(tmp_path, monkeypatch):
         answer[:] = struct.pack("16s32s32sIII12x", b"uvcvideo", b"", b"", 0, 0x85200001, capabilities[name])
 
     monkeypatch.setattr("fcntl.ioctl", capability)
-    monkeypatch.setattr(plugins, "VIDEO_NODES", tmp_path)
-    monkeypatch.setattr(plugins, "SYSFS", tmp_path / "sys")
-    monkeypatch.setattr(plugins, "plugin_kinds", dict)
+    monkeypatch.setattr(connected, "VIDEO_NODES", tmp_path)
+    monkeypatch.setattr(connected, "SYSFS", tmp_path / "sys")
+    monkeypatch.setattr(connected, "plugins", lambda group: {})
     monkeypatch.setattr("edgemap.runtime.inputs.cameras.realsense.devices", list)
-    cameras, notes = plugins.connected_cameras()
+    cameras, notes = connected.connected_cameras()
     assert [(camera.spec, camera.name) for camera in cameras] == [
         (f"{tmp_path}/video0", "Camera video0"),
         (f"{tmp_path}/video2", "Camera video2"),
@@ -47,21 +48,21 @@ def test_video_devices_are_those_that_capture(tmp_path, monkeypatch):
     ]
     assert notes == []
     monkeypatch.setattr("edgemap.runtime.inputs.cameras.realsense.devices", lambda: [("123", "Intel RealSense D435")])
-    cameras, _ = plugins.connected_cameras()
+    cameras, _ = connected.connected_cameras()
     assert [camera.spec for camera in cameras] == ["realsense:123", f"{tmp_path}/video0", f"{tmp_path}/video2"]
 
 
 def test_two_packages_with_one_kind_are_refused(monkeypatch):
-    points = [plugins.EntryPoint("lab", "one", plugins.GROUP), plugins.EntryPoint("lab", "other", plugins.GROUP)]
+    points = [plugins.EntryPoint("lab", "one", plugins.CAMERAS), plugins.EntryPoint("lab", "other", plugins.CAMERAS)]
     monkeypatch.setattr(plugins, "entry_points", lambda group: points)
-    with pytest.raises(CameraError, match="'lab' comes from two packages, one and other"):
+    with pytest.raises(PluginError, match="'lab' comes from two packages, one and other"):
         open_camera("lab:1")
 
 
 def test_a_package_that_does_not_import_is_one_line(monkeypatch):
-    point = plugins.EntryPoint("lab", "no_such_module_here", plugins.GROUP)
+    point = plugins.EntryPoint("lab", "no_such_module_here", plugins.CAMERAS)
     monkeypatch.setattr(plugins, "entry_points", lambda group: [point])
-    with pytest.raises(CameraError, match=r"'lab' of no_such_module_here does not load .ModuleNotFoundError"):
+    with pytest.raises(PluginError, match=r"'lab' of no_such_module_here does not load .ModuleNotFoundError"):
         open_camera("lab")
 
 

@@ -9,10 +9,9 @@ import numpy as np
 import pytest
 
 from edgemap.geometry.camera.intrinsics import Intrinsics
+from edgemap.runtime.frames.camera import Driver, RecoveryRule
 from edgemap.runtime.frames.errors import CameraError, CameraFault, FaultKind, FrameTimeout
 from edgemap.runtime.inputs.cameras.live import LiveCamera
-from edgemap.runtime.inputs.cameras.protocol import Driver
-from edgemap.runtime.inputs.cameras.supervisor import RecoveryRule
 
 
 class Source(Driver):

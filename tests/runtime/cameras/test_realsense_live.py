@@ -9,8 +9,8 @@ from support.realsense_playback import Playback
 
 pytest.importorskip("pyrealsense2")
 
+from edgemap.runtime.frames.camera import RecoveryRule
 from edgemap.runtime.inputs.cameras.live import LiveCamera
-from edgemap.runtime.inputs.cameras.supervisor import RecoveryRule
 
 
 def test_a_stream_that_ends_is_late_and_then_opened_again(realsense_recording):

@@ -15,11 +15,11 @@ import edgemap
 from edgemap.geometry.camera.imu import ImuSamples
 from edgemap.geometry.camera.intrinsics import Intrinsics
 from edgemap.geometry.camera.mount import Mount
+from edgemap.runtime.frames import plugins
+from edgemap.runtime.frames.camera import Camera, Picture
 from edgemap.runtime.frames.errors import CameraError, CameraFault, CameraState, FrameTimeout
 from edgemap.runtime.frames.frame import Frame
-from edgemap.runtime.inputs.cameras import plugins
 from edgemap.runtime.inputs.cameras.checked import FAILURES, CheckedCamera
-from edgemap.runtime.inputs.cameras.protocol import Camera, Picture
 from edgemap.runtime.inputs.open import open_camera
 
 GREY = picture(50)
@@ -209,10 +209,10 @@ def test_nothing_that_a_camera_returns_is_a_traceback(returned):
 
 def open_plugin(monkeypatch, given_by):
     class Kind:
-        open = staticmethod(lambda address, intrinsics, mount: given_by())
+        open = staticmethod(lambda address, how: given_by())
         found = staticmethod(list)
 
-    point = EntryPoint("lab", "somewhere:kind", plugins.GROUP)
+    point = EntryPoint("lab", "somewhere:kind", plugins.CAMERAS)
     monkeypatch.setattr(EntryPoint, "load", lambda self: Kind)
     monkeypatch.setattr(plugins, "entry_points", lambda group: [point])
     return open_camera("lab")

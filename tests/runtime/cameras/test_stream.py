@@ -8,9 +8,9 @@ from support.live_camera import drain
 from support.mjpeg import MjpegServer
 from support.rtsp import RtspServer, gradients
 
+from edgemap.runtime.frames.camera import RecoveryRule
 from edgemap.runtime.frames.errors import CameraError, CameraState
 from edgemap.runtime.inputs.cameras.live import LiveCamera
-from edgemap.runtime.inputs.cameras.supervisor import RecoveryRule
 from edgemap.runtime.inputs.cameras.webcam import StreamDriver
 from edgemap.runtime.inputs.open import open_camera
 

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from support.live_camera import drain, picture, scripted
 
+from edgemap.runtime.frames.camera import RecoveryRule
 from edgemap.runtime.frames.errors import (
     CameraError,
     CameraFault,
@@ -15,7 +16,6 @@ from edgemap.runtime.frames.errors import (
     FaultKind,
     FrameTimeout,
 )
-from edgemap.runtime.inputs.cameras.supervisor import RecoveryRule
 
 
 def kinds(faults):

@@ -16,6 +16,7 @@ from edgemap.geometry.camera.intrinsics import Intrinsics
 from edgemap.geometry.camera.mount import Mount
 from edgemap.geometry.camera.platform import Platform
 from edgemap.geometry.se2 import SE2
+from edgemap.runtime.frames.camera import CameraOptions
 from edgemap.runtime.frames.errors import CameraError
 from edgemap.runtime.frames.trajectory import Trajectory
 from edgemap.runtime.inputs.cameras.pictures import drive_camera
@@ -64,9 +65,9 @@ def test_the_mount_of_kitti_is_a_cars(tmp_path):
 
 def test_a_mount_that_is_given_for_kitti_is_a_cars_too(tmp_path):
     spec, lens = kitti(tmp_path / "k"), Intrinsics(64, 48, 50.0, 50.0, 31.5, 23.5)
-    with open_camera(spec, intrinsics=lens) as camera:
+    with open_camera(spec, CameraOptions(intrinsics=lens)) as camera:
         assert lens_and_mount(camera, None, "1.65,0") == (lens, Mount(1.65, platform=Platform.CAR))
-    with open_camera(spec, intrinsics=lens, mount=Mount(1.5)) as camera:
+    with open_camera(spec, CameraOptions(intrinsics=lens, mount=Mount(1.5))) as camera:
         assert camera.mount == Mount(1.5, platform=Platform.CAR)
 
 

@@ -3,7 +3,6 @@
 import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from pathlib import Path
 from types import MappingProxyType
 from typing import Any, NamedTuple, Protocol, Self
 
@@ -17,7 +16,9 @@ from edgemap.runtime.frames.errors import CameraError, CameraFault, CameraState,
 from edgemap.runtime.frames.frame import Frame
 from edgemap.runtime.frames.inference import Inference
 from edgemap.runtime.frames.reading import printable
-from edgemap.runtime.frames.trajectory import AttitudeTrack, PoseTrack, Trajectory
+from edgemap.runtime.frames.trajectory import AttitudeTrack, PoseTrack, TrackFile, Trajectory
+
+DEFAULT_RATE_HZ = 10.0  # of pictures without stamps
 
 
 class Camera:
@@ -28,7 +29,7 @@ class Camera:
     size: (width, height) of its pictures, px. frame_count: None for live sources.
     truth: the drive's own poses from its start, None where unknown. attitudes: those of the lens with them, None where
     the poses are planar. wheel: wheel odometry that came with the pictures,
-    a CSV, a recording or poses that come live, None where there is none. inference: of the run that made this
+    a file or poses that come live, None where there is none. inference: of the run that made this
     recording, None where there are none. edits: of that run, as lines of edits.jsonl. calibration: of a recording, how
     intrinsics and mount were determined, as in camera.yaml. imu: all inertial samples of a recording, which `frame`
     deals out.
@@ -43,7 +44,7 @@ class Camera:
     frame_count: int | None = None
     truth: Trajectory | None = None
     attitudes: AttitudeTrack | None = None
-    wheel: Path | PoseTrack | None = None
+    wheel: TrackFile | PoseTrack | None = None
     inference: Inference | None = None
     edits: tuple[str, ...] = ()
     calibration: Mapping[str, Any] = MappingProxyType({})
@@ -153,6 +154,40 @@ class SensorTopics:
     imu: str | None = None
     depth: str | None = None
     optical: str = "camera_optical_frame"
+
+
+@dataclass(frozen=True, slots=True)
+class RecoveryRule:
+    """Timeouts and retries of a live camera's supervisor.
+
+    first_frame_limit_s: maximum time before the first frame, because devices start slowly. After a reopening the limit
+    is three times the stall limit, doubled with each consecutive reopening, and at most first_frame_limit_s.
+    stall_limit_s: a frame is late after ten median frame intervals of the camera, and not before this time. A hardware
+    reset precedes every second reopening, if the camera supports it. The wait before the second consecutive reopening
+    is half a second, doubled each time, at most half a minute. A frame ends the sequence. The next sequence starts at
+    the number of outages that had less than two seconds of frames between them. restarts: budget of reopenings; half a
+    minute of frames restores one.
+    """
+
+    first_frame_limit_s: float = 10.0
+    stall_limit_s: float = 1.0
+    restarts: int = 20
+
+
+@dataclass(frozen=True, slots=True)
+class CameraOptions:
+    """How a source is opened. intrinsics, mount: stated by the user; they override the source's own. realtime: pace a
+    file source by its stamps. recovery: of live devices. topics: further sensors, on ROS 2 topics. depth: whether
+    frames contain the source's depth. frames: length of a rendered drive.
+    """
+
+    intrinsics: Intrinsics | None = None
+    mount: Mount | None = None
+    realtime: bool = False
+    recovery: RecoveryRule | None = None
+    topics: SensorTopics = SensorTopics()
+    depth: bool = True
+    frames: int | None = None
 
 
 def next_frame(

@@ -2,67 +2,12 @@
 
 import os
 import struct
-from collections.abc import Sequence
 from dataclasses import dataclass
-from importlib.metadata import EntryPoint, entry_points
 from pathlib import Path
-from typing import Protocol
 
-from edgemap.geometry.camera.intrinsics import Intrinsics
-from edgemap.geometry.camera.mount import Mount
 from edgemap.geometry.errors import EdgemapError
-from edgemap.runtime.frames.errors import CameraError
+from edgemap.runtime.frames.plugins import CAMERAS, load_plugin, plugins
 from edgemap.runtime.frames.reading import one_line
-from edgemap.runtime.inputs.cameras.protocol import Camera, Driver
-
-GROUP = "edgemap.cameras"
-
-
-class CameraKind(Protocol):
-    """Interface of the object of an entry point `KIND = module:object`. A module with both functions is sufficient."""
-
-    def open(self, address: str, intrinsics: Intrinsics | None, mount: Mount | None) -> Driver | Camera:
-        """Opens the camera SPEC `KIND:ADDRESS`; for `KIND` alone the address is empty. Raises CameraError, one line.
-
-        A live source returns a Driver. The supervisor then reads its newest frame and reopens it after a failure. A
-        finite source returns a Camera. intrinsics, mount: given by the user; they override those of the source.
-        """
-        ...
-
-    def found(self) -> Sequence[tuple[str, str]]:
-        """(address, display name) of each connected camera, for `edgemap cameras`."""
-        ...
-
-
-def plugin_kinds() -> dict[str, EntryPoint]:
-    """Camera kinds of other packages, by name. Raises CameraError if two packages define the same kind."""
-    kinds: dict[str, EntryPoint] = {}
-    for point in entry_points(group=GROUP):
-        other = kinds.setdefault(point.name, point)
-        if other.value != point.value:
-            raise CameraError(
-                f"camera kind {point.name!r} comes from two packages, {_package(other)} and {_package(point)}: "
-                "uninstall one"
-            )
-    return kinds
-
-
-def load_kind(point: EntryPoint) -> CameraKind:
-    """Loads an entry point. Raises CameraError, which names the package, if the import fails."""
-    try:
-        return point.load()
-    except EdgemapError:
-        raise
-    except Exception as error:  # another package's import may raise anything
-        raise CameraError(
-            f"camera kind {point.name!r} of {_package(point)} does not load ({type(error).__name__}: "
-            f"{one_line(str(error), 200)})"
-        ) from error
-
-
-def _package(point: EntryPoint) -> str:
-    return point.dist.name if point.dist else point.value
-
 
 VIDEO_NODES, SYSFS = Path("/dev"), Path("/sys/class/video4linux")
 # linux/videodev2.h: VIDIOC_QUERYCAP and struct v4l2_capability (driver, card, bus_info, version, capabilities,
@@ -101,9 +46,9 @@ def connected_cameras() -> tuple[list[ConnectedCamera], list[str]]:
         if not (seen_by_librealsense and "RealSense" in camera.name):
             cameras.append(camera)
     try:
-        for kind, point in sorted(plugin_kinds().items()):
+        for kind, point in sorted(plugins(CAMERAS).items()):
             try:
-                for address, name in load_kind(point).found():
+                for address, name in load_plugin(point).found():
                     cameras.append(ConnectedCamera(kind, f"{kind}:{address}" if address else kind, one_line(name)))
             except EdgemapError as error:
                 notes.append(str(error))

@@ -4,7 +4,6 @@ import math
 import warnings
 from collections.abc import Iterable, Iterator
 from itertools import chain
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -14,11 +13,10 @@ from edgemap.geometry.camera.imu import ImuSamples
 from edgemap.geometry.camera.intrinsics import Intrinsics
 from edgemap.geometry.camera.mount import Mount
 from edgemap.geometry.se2 import SE2
+from edgemap.runtime.frames.camera import DEFAULT_RATE_HZ, Camera
 from edgemap.runtime.frames.errors import CameraError
 from edgemap.runtime.frames.frame import Frame
-from edgemap.runtime.frames.trajectory import GrowingTrack, PoseTrack
-from edgemap.runtime.inputs.cameras.protocol import Camera
-from edgemap.runtime.inputs.drives.camera_yaml import DEFAULT_RATE_HZ
+from edgemap.runtime.frames.trajectory import GrowingTrack, PoseTrack, TrackFile
 
 Picture = NDArray[np.uint8]
 IntrinsicsLike = Intrinsics | tuple[float, float, float, float]
@@ -142,7 +140,7 @@ class PushedCamera(Camera):
             self.size = (width, height)
             if wheels is not None:
                 self._track = GrowingTrack()
-                self.wheel: Path | PoseTrack | None = self._track
+                self.wheel: TrackFile | PoseTrack | None = self._track
         elif (width, height) != self.size:
             raise CameraError(f"image is {width}x{height}, the pictures before were {self.size[0]}x{self.size[1]}")
         if pose is not None:

@@ -1,0 +1,46 @@
+"""Entry points of installed packages, our bridges among them: cameras, sinks, commands. Read when needed."""
+
+from importlib.metadata import EntryPoint, entry_points
+from typing import Any
+
+from edgemap.geometry.errors import EdgemapError
+from edgemap.runtime.frames.errors import PluginError
+from edgemap.runtime.frames.reading import one_line
+
+CAMERAS, SINKS, COMMANDS = "edgemap.cameras", "edgemap.sinks", "edgemap.commands"
+OURS = (
+    EntryPoint("ros2", "edgemap.bridges.ros2.cameras:TOPICS", CAMERAS),
+    EntryPoint(".mcap", "edgemap.bridges.ros2.cameras:RECORDINGS", CAMERAS),
+    EntryPoint("sim", "edgemap.simulation.live", CAMERAS),
+)
+
+
+def plugins(group: str) -> dict[str, EntryPoint]:
+    """The entry points of a group, by name. Raises PluginError if two packages define the same name."""
+    found: dict[str, EntryPoint] = {}
+    for point in (*entry_points(group=group), *(one for one in OURS if one.group == group)):
+        other = found.setdefault(point.name, point)
+        if other.value != point.value:
+            raise PluginError(
+                f"{group}: {point.name!r} comes from two packages, {package_of(other)} and {package_of(point)}: "
+                "uninstall one"
+            )
+    return found
+
+
+def load_plugin(point: EntryPoint) -> Any:
+    """Imports what an entry point names. Raises PluginError, which names the package, if that fails."""
+    try:
+        return point.load()
+    except EdgemapError:
+        raise
+    except Exception as error:  # another package's import may raise anything
+        raise PluginError(
+            f"{point.group}: {point.name!r} of {package_of(point)} does not load ({type(error).__name__}: "
+            f"{one_line(str(error), 200)})"
+        ) from error
+
+
+def package_of(point: EntryPoint) -> str:
+    """The name of the distribution that an entry point comes from."""
+    return point.dist.name if point.dist else point.value
