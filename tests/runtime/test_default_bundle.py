@@ -7,6 +7,7 @@ import pytest
 from support.recordings import noise, record
 
 from edgemap.bridges.ros2.recordings.facts import Facts
+from edgemap.runtime.inputs.cameras.kinds import recorded_from
 from edgemap.runtime.network.bundle import load_bundle
 from edgemap.runtime.network.manifest_file import read_manifest
 from edgemap.runtime.network.store import LENS, RENDERED, bundle_folder, default_bundle, passed_over
@@ -33,7 +34,7 @@ def test_one_lens_among_rendered_sources_decides():
 @pytest.mark.parametrize(("camera", "expected"), [("demo", RENDERED), ("sim:4", RENDERED), ("realsense", LENS)])
 def test_a_recording_gets_the_bundle_of_what_was_recorded(tmp_path, camera, expected):
     tape = record(tmp_path / "a.mcap", Facts(camera), noise(2))
-    assert default_bundle(f"{tape}#/camera")[0] == expected
+    assert default_bundle(recorded_from(f"{tape}#/camera"))[0] == expected
 
 
 def test_training_pictures_that_were_rendered_are_known_by_their_record(tmp_path):

@@ -19,6 +19,7 @@ from edgemap.bridges.ros2.recordings.camera import RecordingCamera
 from edgemap.bridges.ros2.recordings.facts import Facts
 from edgemap.bridges.ros2.recordings.pictures import raw_picture
 from edgemap.runtime.frames.errors import CameraError
+from edgemap.runtime.inputs.cameras.kinds import recorded_from
 from edgemap.runtime.inputs.drives.pictures import list_pictures
 from edgemap.runtime.network.store import LENS, default_bundle
 
@@ -160,7 +161,7 @@ def test_names_of_topics_that_a_terminal_would_act_on_are_refused(tmp_path):
 def test_a_recording_that_says_it_was_made_from_itself(tmp_path):
     path = tmp_path / "a.mcap"
     record(path, Facts(str(path), FACTS.intrinsics, FACTS.mount, 10.0), noise(1))
-    assert default_bundle(str(path))[0] == LENS
+    assert default_bundle(recorded_from(str(path)))[0] == LENS
 
 
 def test_a_first_picture_that_is_damaged_is_told(tmp_path):
