@@ -4,7 +4,7 @@ from collections.abc import Iterator
 from typing import Any
 
 from edgemap.runtime.frames.camera import Camera, CameraOptions
-from edgemap.runtime.frames.errors import CameraError
+from edgemap.runtime.frames.errors import CameraSpecError
 from edgemap.runtime.frames.extras import need
 from edgemap.runtime.frames.frame import Frame
 from edgemap.runtime.frames.trajectory import Trajectory
@@ -58,11 +58,11 @@ class SimCamera(Camera):
 def open(address: str, how: CameraOptions = CameraOptions()) -> SimCamera:  # noqa: B008
     """The camera `sim:SEED`, for the entry point of its kind: 450 pictures by default.
 
-    Raises CameraError for a seed that is no number, and MissingExtraError where the extra is missing.
+    Raises CameraSpecError for a seed that is no number, and MissingExtraError where the extra is missing.
     """
     spec = f"sim:{address}"
     if not address.isdecimal() or len(address) > SEED_DIGITS:
-        raise CameraError(f"camera {spec!r}: expected sim:SEED with a whole number, 0 or more")
+        raise CameraSpecError(f"camera {spec!r}: expected sim:SEED with a whole number, 0 or more")
     need("simulation", spec, RENDERERS)
     camera = SimCamera(spec, draw_world(int(address), how.frames or len(CONTRACT_STAMPS_S)))
     camera.intrinsics, camera.mount = how.intrinsics or camera.intrinsics, how.mount or camera.mount
