@@ -34,7 +34,8 @@ class Drive(Camera):
     def __init__(self, room, swing_rad, seed):
         super().__init__("drive", FLOOR.intrinsics, FLOOR.mount)
         self.size, self.rate_hz, self._room, self._swing_rad = (SIZE, SIZE), 10.0, room, swing_rad
-        self.wheel, self._odometry, self._random = GrowingTrack(), SE2(), np.random.default_rng(seed)
+        self._odometry, self._random = SE2(), np.random.default_rng(seed)
+        self.wheel = self._wheels = GrowingTrack()
 
     def read(self):
         index = self._delivered
@@ -43,7 +44,7 @@ class Drive(Camera):
         before, self._room.pose = self._room.pose, straight(index, self._swing_rad)
         motion = (before.inverse() @ self._room.pose).vector()
         self._odometry = self._odometry @ SE2(*(motion * 1.01 + self._random.normal(0.0, [2e-3, 1e-3, 2e-3])))
-        self.wheel.push(index / 10.0, self._odometry)
+        self._wheels.push(index / 10.0, self._odometry)
         return self.frame(PICTURES[index % 16], index / 10.0, "")
 
 
