@@ -29,6 +29,7 @@ from edgemap.runtime.step.edits import Edits, load_edits, read_edits
 from edgemap.runtime.step.loop import run, stop_on_signals
 from edgemap.runtime.step.sinks import Sink
 from edgemap.runtime.step.slam import SlamOptions, build_slam
+from edgemap.view.about import about_run
 from edgemap.view.report.crops import BestCrops
 from edgemap.view.report.sink import ReportFile
 
@@ -78,6 +79,7 @@ class Run:
         self.crops = BestCrops()
         counts = (options.camera.frames, source.frame_count)
         self._frames = min((count for count in counts if count is not None), default=None)
+        self.about = about_run(source, loaded, floor, robot.odometry, self.folder, self._frames)
 
     def drive(self) -> None:
         """Drive until the source ends, `--frames` is reached or a signal arrives; then print the result."""
@@ -87,8 +89,8 @@ class Run:
             stop_on_signals() as stop,  # from here on there is something to save
             living_map(self.place, self.slam.mapper) as kept,
             live_page(
-                options.watch, self.source, self.loaded, self.floor, options.robot.odometry, self.folder, self._frames,
-                self.crops, edits, self.kept_camera.set_mount, lambda: self.slam.mapper.searching,
+                options.watch, self.source, self.about, self.folder, self.crops, edits, self.kept_camera.set_mount,
+                lambda: self.slam.mapper.searching,
             ) as page,
         ):  # fmt: skip
             self._drive_with(page, stop, edits, kept)
@@ -109,7 +111,7 @@ class Run:
         judge = (
             None if saved else judge_of(camera.camera, self.source, self.mapped if self.options.map.classes else None)
         )
-        report = ReportFile(self.folder, None if saved else self.source.truth, judge, self.crops)
+        report = ReportFile(self.folder, self.about, None if saved else self.source.truth, judge, self.crops)
         page.judged_by(lambda: files.verdict)
         edits.savers += [files.edited, report.edited, *(one.edited for one in kept)]
 

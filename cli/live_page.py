@@ -1,24 +1,16 @@
 """`edgemap run --view`: opens the live page of a run, or a null object without the flag."""
 
-import math
 import time
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import asdict
 from pathlib import Path
 from threading import Event
 from typing import TYPE_CHECKING, Any
 
 from edgemap.cli.publishers import WatchGroup
-from edgemap.geometry.camera.floor import FloorCamera
-from edgemap.geometry.map_object import CHI2_95
 from edgemap.geometry.se2 import SE2
 from edgemap.runtime.frames.camera import Camera
-from edgemap.runtime.frames.colours import SHAPES, label_mark
-from edgemap.runtime.frames.reading import printable
 from edgemap.runtime.inputs.cameras.wrappers import PacedCamera
-from edgemap.runtime.inputs.drives.camera_yaml import mount_fields
-from edgemap.runtime.network.bundle import Bundle
 from edgemap.runtime.outputs.verdict.verdict import Verdict
 from edgemap.runtime.step.edits import Edits
 from edgemap.runtime.step.loop import stop_on_signals
@@ -88,17 +80,14 @@ class OpenPage(NoPage):
 def live_page(
     options: WatchGroup,
     source: Camera,
-    bundle: Bundle,
-    floor: FloorCamera,
-    odometry: str,
+    about: dict[str, Any],
     folder: Path,
-    frames: int | None,
     crops: BestCrops,
     edits: Edits,
     keep_mount: Callable[[float, float], Path],
     searching: Callable[[], bool] = bool,
 ) -> Iterator[NoPage]:
-    """The page of a run while the block lasts. frames: how many the run takes at most, None where nobody knows.
+    """The page of a run while the block lasts. about: of `about_run`.
 
     Raises MissingExtraError, or ViewError where the address is taken.
     """
@@ -113,9 +102,7 @@ def live_page(
     from edgemap.view.server import PageServer
 
     pause = None if source.live else Pause()
-    page = LivePage(
-        about_run(source, bundle, floor, odometry, folder, frames), folder, pause, lambda: source.state, crops, edits
-    )
+    page = LivePage(about, folder, pause, lambda: source.state, crops, edits)
     page.searching, page.keep_mount = searching, keep_mount
     server = PageServer(page, options.view_host, options.view_port)
     try:
@@ -123,28 +110,3 @@ def live_page(
         yield OpenPage(page, server.url)
     finally:
         server.close()
-
-
-def about_run(
-    source: Camera, bundle: Bundle, floor: FloorCamera, odometry: str, folder: Path, frames: int | None
-) -> dict[str, Any]:
-    """Description of the run for the page, with the camera's calibration for drawing."""
-    lens, mount = floor.intrinsics, floor.mount
-    return {
-        "camera": source.name,
-        "live": source.live,
-        "frames": frames,
-        "rate_hz": source.rate_hz,
-        "bundle": bundle.manifest.name,
-        "odometry": odometry,
-        "folder": printable(folder),
-        "picture_px": [lens.width, lens.height],
-        "view_rad": 2.0 * math.atan2(lens.width / 2.0, lens.fx),
-        "lens": {name: getattr(lens, name) for name in ("fx", "fy", "cx", "cy")}
-        | {"distortion": asdict(lens.distortion)},
-        "mount": mount_fields(mount),
-        "marks": {name: asdict(label_mark(name)) for name in bundle.names},
-        "shapes": SHAPES,
-        "chi2_95": CHI2_95,
-        "run": f"{time.time_ns():x}",
-    }

@@ -2,6 +2,7 @@
 
 import math
 import time
+from collections.abc import Sequence
 from typing import Any
 
 import msgspec
@@ -9,6 +10,7 @@ import numpy as np
 
 from edgemap.geometry.grid.occupancy_grid import OccupancyGrid
 from edgemap.geometry.map_object import MapObject, footprint_of, radius_m
+from edgemap.geometry.objects.edits import Zone
 from edgemap.geometry.objects.queries import inside_polygon
 from edgemap.geometry.objects.zone_watch import ZoneEvent
 from edgemap.runtime.outputs.mapfiles.rooms import rooms_of
@@ -89,11 +91,11 @@ def objects_answer(snapshot: PageSnapshot | None) -> list[dict[str, Any]]:
     return sorted(rows, key=lambda item: item["distance_m"])
 
 
-def zones_answer(page: LivePage) -> list[dict[str, Any]]:
+def zones_answer(zones: Sequence[Zone], objects: Sequence[MapObject]) -> list[dict[str, Any]]:
     """The zones, with the ids of the objects whose centre lies in each."""
     return [
-        zone_record(zone) | {"objects": [item.id for item in inside_polygon(page.objects, zone.corners_m)]}
-        for zone in page.annotations.zones
+        zone_record(zone) | {"objects": [item.id for item in inside_polygon(list(objects), zone.corners_m)]}
+        for zone in zones
     ]
 
 

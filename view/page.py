@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from edgemap.geometry.grid.occupancy_grid import OccupancyGrid
-from edgemap.geometry.map_object import MapObject
+from edgemap.geometry.map_object import MapObject, ellipse_95
 from edgemap.geometry.objects.edits import NO_ANNOTATIONS, Annotations
 from edgemap.geometry.objects.zone_watch import ZoneEvent, ZoneWatch
 from edgemap.geometry.se2 import SE2
@@ -79,12 +79,11 @@ class LivePage:
         self.revision = 0
         self.epoch = 0  # increases when everything sent before has moved
         self.finished = False
-        self.trail: Tail[tuple[float, float]] = Tail(20_000)
+        self.trail: Tail[tuple[float, float, float, float]] = Tail(20_000)  # x_m, y_m, stamp_s, 95 % radius in m
         self.sightings: Tail[tuple[str, str, float, float]] = Tail(20_000)
         self.faults: Tail[Fault] = Tail(100)
         self.events: Tail[ZoneEvent] = Tail(100)
         self._zone_watch = ZoneWatch()
-        self._trail_s: deque[float] = deque(maxlen=20_000)
         self._sightings_base: deque[tuple[float, float, float]] = deque(maxlen=20_000)  # stamp_s, x_m, y_m
         self._moved_m, self._scale = 0.0, 1.0  # since everything was sent, and of what was sent
         self._arrivals_s: deque[float] = deque(maxlen=RATE_OVER)
@@ -197,10 +196,11 @@ class LivePage:
     def _send_again(self, trajectory: PoseJournal) -> None:
         """Sends trail and sightings again after the trajectory has moved or taken another scale."""
         self._moved_m = 0.0
-        if not self._trail_s:
+        sent = self.trail.all()
+        if not sent:
             return
-        trail = iter(trajectory.at(list(self._trail_s))[:, :2].tolist())
-        self.trail.replace(lambda _: _pair(next(trail)))
+        trail = iter(trajectory.at([stamp_s for _, _, stamp_s, _ in sent])[:, :2].tolist())
+        self.trail.replace(lambda sample: (*_pair(next(trail)), *sample[2:]))
         if self._sightings_base:
             stamps_s, *base_m = np.array(self._sightings_base).T
             scaled_m = np.column_stack(base_m) * trajectory.scale_since(stamps_s)[:, None]
@@ -213,8 +213,7 @@ class LivePage:
         last = self._trail_end
         if last is None or abs(x_m - last[0]) + abs(y_m - last[1]) > TRAIL_STEP_M:
             self._trail_end = (float(x_m), float(y_m))
-            self.trail.append(self._trail_end)
-            self._trail_s.append(result.frame.stamp_s)
+            self.trail.append((*self._trail_end, result.frame.stamp_s, ellipse_95(result.pose_covariance)[0]))
 
     def _changed(self) -> None:
         self.revision += 1

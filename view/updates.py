@@ -105,7 +105,7 @@ class Cursor:
             document["sightings"], self._sightings = page.sightings.since(self._sightings, MAXIMUM_ITEMS)
         picture = b""
         if snapshot is not None:
-            zones = zones_answer(page)
+            zones = zones_answer(page.annotations.zones, page.objects)
             if zones != self._zones:
                 document["zones"] = self._zones = zones
             dock = page.annotations.dock

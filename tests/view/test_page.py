@@ -62,7 +62,7 @@ def test_the_trail_is_the_way_and_a_lasting_fault_is_told_once(tmp_path):
     for fault in ("", "few corners", "few corners", "", "few corners"):
         page.write(*steps.next(fault))
     trail, _ = page.trail.since(0, 99)
-    np.testing.assert_allclose(trail, [(0.05 * i, 0.0) for i in range(5)])
+    np.testing.assert_allclose([sample[:3] for sample in trail], [(0.05 * i, 0.0, 0.1 * i) for i in range(5)])
     assert [(fault.frame, fault.text) for fault in page.faults.since(0, 99)[0]] == [
         (1, "few corners"),
         (4, "few corners"),
@@ -88,7 +88,7 @@ def test_way_and_sightings_move_into_the_map_that_the_run_found_itself_in(tmp_pa
     moved = replace(result, relocated=turn, pose_map_base=pose, sightings=[], object_ids=[])
     page.write(moved, objects)
     trail, _ = page.trail.since(0, 99)
-    np.testing.assert_allclose(trail, [(10.0, 0.05 * i) for i in range(4)], atol=1e-12)
+    np.testing.assert_allclose([sample[:2] for sample in trail], [(10.0, 0.05 * i) for i in range(4)], atol=1e-12)
     sightings, _ = page.sightings.since(0, 99)
     np.testing.assert_allclose([seen[2:] for seen in sightings[:2]], [(9.0, 3.0), (11.5, 4.0)], atol=1e-12)
     assert (len(sightings), page.epoch) == (6, 1)
@@ -102,7 +102,7 @@ def test_way_and_sightings_take_the_scale_of_a_better_height_at_once(tmp_path):
     result.trajectory.scale(2.0)  # with the fourth pose, as by the next frame
     page.write(replace(result, observed=result.observed.scaled(2.0)), objects)
     trail, _ = page.trail.since(0, 99)
-    np.testing.assert_allclose(trail[:3], [(0.1 * i, 0.0) for i in range(3)])
+    np.testing.assert_allclose([sample[:2] for sample in trail[:3]], [(0.1 * i, 0.0) for i in range(3)])
     sightings, _ = page.sightings.since(0, 99)
     np.testing.assert_allclose([seen[2:] for seen in sightings[:2]], [(6.0, 2.0), (8.0, -3.0)], atol=1e-12)
     assert page.epoch == 1

@@ -1,1 +1,1 @@
-"""The page `report.html` of a run folder: plain HTML and SVG, made with the standard library, nothing fetched."""
+"""The report of a run: the live page in one file, with the run's data embedded."""

@@ -1,77 +1,64 @@
-"""A run's history for the report, in bounded memory: a subsampled trajectory, times and detections by window."""
+"""A run's history for the report, in bounded memory: a thinned trajectory, stage times by window, detections."""
 
 from collections import Counter, deque
 from dataclasses import dataclass, field
 
 from edgemap.geometry.map_object import ellipse_95
-from edgemap.geometry.se2 import SE2
 from edgemap.runtime.step.pose_journal import PoseJournal
 from edgemap.runtime.step.slam import StepResult
 
-MAX_POSES = 4000
-MAX_WINDOWS = 240
+MAX_POSES = 1500
+MAX_WINDOWS = 120
 
 
 @dataclass(slots=True)
 class TimeWindow:
-    """Consecutive frames. stages_ms: sums by stage. worst_ms: the slowest step. seen: number of detections by label."""
+    """Consecutive frames. stages_ms: sums by stage. worst_ms: the slowest step."""
 
-    start_s: float
     end_s: float
     frames: int = 0
     worst_ms: float = 0.0
     stages_ms: Counter[str] = field(default_factory=Counter)
-    seen: Counter[str] = field(default_factory=Counter)
 
     def join(self, other: "TimeWindow") -> None:
         """Appends the following window."""
         self.end_s, self.frames = other.end_s, self.frames + other.frames
         self.worst_ms = max(self.worst_ms, other.worst_ms)
         self.stages_ms.update(other.stages_ms)
-        self.seen.update(other.seen)
-
-
-@dataclass(frozen=True, slots=True)
-class PoseSample:
-    """One pose of the trajectory. bound_m: radius that holds 95 % of its position by the pipeline's own covariance."""
-
-    stamp_s: float
-    pose_map_base: SE2
-    bound_m: float
 
 
 class History:
-    """Bounded history of a run: at most `2 * MAX_POSES` poses and `2 * MAX_WINDOWS` windows, whatever its length."""
+    """Bounded history of a run: at most `2 * MAX_POSES` poses and `2 * MAX_WINDOWS` windows, whatever its length.
+
+    last: the newest result, None before the first. detected: number of boxes by label.
+    """
 
     def __init__(self) -> None:
         self.windows: list[TimeWindow] = []
         self.totals_ms: deque[float] = deque(maxlen=10_000)
-        self.frames, self.path_m = 0, 0.0
-        self.start_s = self.last_s = 0.0
+        self.detected: Counter[str] = Counter()
+        self.frames, self.start_s = 0, 0.0
+        self.last: StepResult | None = None
         self._bounds: list[tuple[float, float]] = []  # stamp_s, bound_m
-        self._last_bound_m = 0.0
         self._every = self._length = 1
-        self._journal: PoseJournal | None = None
 
     def add(self, result: StepResult) -> None:
         """Adds one step."""
-        self.last_s, self._last_bound_m = result.frame.stamp_s, ellipse_95(result.pose_covariance)[0]
-        if self.frames == 0:
-            self.start_s = self.last_s
-        self._journal, self.path_m = result.trajectory, result.travelled_m
+        stamp_s = result.frame.stamp_s
+        if self.last is None:
+            self.start_s = stamp_s
         if self.frames % self._every == 0:
-            self._bounds.append((self.last_s, self._last_bound_m))
+            self._bounds.append((stamp_s, ellipse_95(result.pose_covariance)[0]))
             if len(self._bounds) >= 2 * MAX_POSES:
                 self._bounds, self._every = self._bounds[::2], self._every * 2
-        self.frames += 1
-        self._time(result)
+        self.last, self.frames = result, self.frames + 1
+        self.detected.update(result.detections.labels)
+        self._time(stamp_s, result.stages_ms)
 
-    def _time(self, result: StepResult) -> None:
-        total_ms = sum(result.stages_ms.values())
+    def _time(self, stamp_s: float, stages_ms: dict[str, float]) -> None:
+        total_ms = sum(stages_ms.values())
         self.totals_ms.append(total_ms)
-        stamp_s = result.frame.stamp_s
-        seen = Counter(result.detections.labels)
-        step = TimeWindow(stamp_s, stamp_s, 1, total_ms, Counter(result.stages_ms), seen)
+        step = TimeWindow(stamp_s, 1, total_ms, Counter(stages_ms))
         if self.windows and self.windows[-1].frames < self._length:
             self.windows[-1].join(step)
             return
@@ -81,11 +68,13 @@ class History:
                 first.join(second)
             self.windows, self._length = self.windows[::2], self._length * 2
 
-    def trajectory(self) -> list[PoseSample]:
-        """The thinned trajectory with all corrections so far; it always contains the last pose."""
-        if self._journal is None:
+    def trail(self) -> list[tuple[float, float, float, float]]:
+        """x and y in the map frame, m, stamp, s, and the radius that holds 95 % of the position by the run's own
+        covariance, m: the thinned trajectory with all corrections so far. It always contains the last pose."""
+        if self.last is None:
             return []
-        bounds, last = self._bounds, (self.last_s, self._last_bound_m)
-        bounds = bounds if bounds[-1] == last else [*bounds, last]
-        poses = self._journal.at([stamp_s for stamp_s, _ in bounds])
-        return [PoseSample(stamp_s, SE2(*pose), bound) for (stamp_s, bound), pose in zip(bounds, poses, strict=True)]
+        last = (self.last.frame.stamp_s, ellipse_95(self.last.pose_covariance)[0])
+        bounds = self._bounds if self._bounds[-1] == last else [*self._bounds, last]
+        journal: PoseJournal = self.last.trajectory
+        poses = journal.at([stamp_s for stamp_s, _ in bounds]).tolist()
+        return [(x_m, y_m, *bound) for (x_m, y_m, _), bound in zip(poses, bounds, strict=True)]

@@ -3,6 +3,7 @@
 import json
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import cv2
 
@@ -19,8 +20,9 @@ from edgemap.runtime.step.map_file import load_annotated_map
 from edgemap.runtime.step.sinks import Sink
 from edgemap.runtime.step.slam import StepResult
 from edgemap.view.report.crops import BestCrops
+from edgemap.view.report.document import ReportContent, report_document
 from edgemap.view.report.history import History
-from edgemap.view.report.page import ReportContent, report_page
+from edgemap.view.report.page import report_page
 
 _TIDY_EVERY = 50  # frames between two looks at which pictures are still wanted
 _MOUNT_WIDTH_PX = 640
@@ -30,9 +32,11 @@ Judge = Callable[[list[MapObject], int], list[EvaluationRow]]
 
 class ReportFile(Sink):
     """Writes `report.html` into a run folder. It must come AFTER the folder's own sink, whose files the page shows.
-    truth: the drive's own poses from its start, None where unknown. judge: function from the map and the number of
-    frames to evaluation rows; None without truth. crops: collects the pictures, also for other readers. A report that
-    fails never ends the run: `failure` gives the reason in one line, and `evaluation_rows` are there either way.
+
+    about: of `about_run`. truth: the drive's own poses from its start, None where unknown. judge: function from the
+    map and the number of frames to evaluation rows; None without truth. crops: collects the pictures, also for other
+    readers. A report that fails never ends the run: `failure` gives the reason in one line, and `evaluation_rows` are
+    there either way.
     """
 
     name = "report"
@@ -40,6 +44,7 @@ class ReportFile(Sink):
     def __init__(
         self,
         folder: Path,
+        about: dict[str, Any],
         truth: Trajectory | None = None,
         judge: Judge | None = None,
         crops: BestCrops | None = None,
@@ -47,7 +52,7 @@ class ReportFile(Sink):
         self.path = folder / "report.html"
         self.failure = ""
         self.evaluation_rows: list[EvaluationRow] = []
-        self._folder, self._truth, self._judge = folder, truth, judge
+        self._folder, self._about, self._truth, self._judge = folder, about, truth, judge
         self._crops, self._history = BestCrops() if crops is None else crops, History()
         self._closed = False
 
@@ -72,7 +77,7 @@ class ReportFile(Sink):
 
     def _write(self) -> None:
         try:
-            write_atomically(self.path, report_page(self._content()))
+            write_atomically(self.path, report_page(report_document(self._content())))
         except Exception as error:  # the map is saved, and the run's end goes on
             self.failure = f"{self.path} was not written ({type(error).__name__}: {error})"
 
@@ -83,10 +88,10 @@ class ReportFile(Sink):
             self.evaluation_rows = self._judge(objects, self._history.frames)
         self._crops.keep({item.id for item in objects}, record.get("merged", {}))
         crops = self._crops.of([item.id for item in objects])
-        rows, zones = self.evaluation_rows, annotations.zones
         return ReportContent(
-            record, objects, self._history, crops, self._truth, rows, self._mount(), zones, load_grid(self._folder)
-        )
+            self._about, record, objects, self._history, crops, self._truth, self.evaluation_rows, self._mount(),
+            annotations, load_grid(self._folder),
+        )  # fmt: skip
 
     def _mount(self) -> bytes | None:
         """mount.jpg, small."""

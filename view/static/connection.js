@@ -22,8 +22,11 @@ export class Connection {
       if (!document.hidden && this.timer) this.open();
       else this.tellStream();
     });
-    this.open();
   }
+
+  // The address of an object's picture; none that would be asked for a whole list.
+  picture({ id, count }) { return `/api/objects/${encodeURIComponent(id)}/picture?at=${count}`; }
+  thumbnail() { return ""; }
 
   open() {
     clearTimeout(this.timer);

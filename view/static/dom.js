@@ -16,6 +16,12 @@ export function button(text, act, className = "") {
   return made;
 }
 
+// A sentence whose words in backticks are code, into an element.
+export function prose(text, place) {
+  place.append(...text.split("`").map((part, k) => (k % 2 ? element("code", part) : part)));
+  return place;
+}
+
 export function setText(place, text) { if (place.textContent !== text) place.textContent = text; }
 export function metres(value) { return `${value.toFixed(value < 10 ? 1 : 0)} m`; }
 

@@ -10,16 +10,20 @@ export class SeenFloor {
   take(floor) {
     const cells = new Int8Array(floor.rows * floor.columns);
     for (let at = 0, k = 0; k < floor.runs.length; at += floor.runs[k + 1], k += 2) cells.fill(floor.runs[k], at, at + floor.runs[k + 1]);
+    const { x_m, y_m, cell_m, rows, columns } = floor;
+    let [left, right, low, high] = [columns, 0, rows, 0];
+    for (let k = 0; k < cells.length; k++) {
+      if (cells[k] !== FREE && cells[k] !== OBSTACLE) continue;
+      const column = k % columns, row = (k - column) / columns;
+      [left, right, low, high] = [Math.min(left, column), Math.max(right, column + 1), Math.min(low, row), Math.max(high, row + 1)];
+    }
+    this.known = left < right ? [[x_m + left * cell_m, y_m + low * cell_m], [x_m + right * cell_m, y_m + high * cell_m]] : [];
     this.floor = { ...floor, cells };
     this.picture = null;
   }
 
   // Opposite corners of what is known, [x, y].
-  corners() {
-    if (!this.floor) return [];
-    const { x_m, y_m, cell_m, rows, columns } = this.floor;
-    return [[x_m, y_m], [x_m + columns * cell_m, y_m + rows * cell_m]];
-  }
+  corners() { return this.floor ? this.known : []; }
 
   draw(pen, view, style) {
     if (!this.floor) return;

@@ -1,5 +1,6 @@
 // Puts the page together: what comes from the robot goes to picture, map and panels; buttons go to the robot.
 import { api, Connection } from "/connection.js";
+import { Saved } from "/saved.js";
 import { FloorMap } from "/map.js";
 import { button, byId, element, setText } from "/dom.js";
 import { learnMarks } from "/marks.js";
@@ -10,6 +11,7 @@ import { FloorGrid } from "/floor_grid.js";
 import { Guide } from "/guide.js";
 import { Placing } from "/placing.js";
 import { Robot } from "/robot.js";
+import { Run } from "/run.js";
 import { Sheet } from "/sheet.js";
 import { Zones } from "/zones.js";
 
@@ -18,15 +20,16 @@ const press = (id, on) => byId(id).setAttribute("aria-pressed", on);
 const picture = new Picture(byId("picture"));
 const map = new FloorMap(byId("map"), (mode) => { press("fit", mode === "fit"); press("follow", mode === "follow"); }, choose);
 const placing = new Placing(map), sheet = new Sheet(), guide = new Guide();
-const objects = new Objects(map, placing, choose, ask, notice);
-const zones = new Zones(map, placing, ask, notice);
+const saved = Saved.find(); // the data of a finished run, where the page holds it: then nothing is edited
+const objects = new Objects(map, placing, choose, saved ? null : ask, notice);
+const zones = new Zones(map, placing, saved ? null : ask, notice);
 const robot = new Robot(map, placing, ask, notice);
 const panels = new Panels(), grid = new FloorGrid(picture, ask, notice);
 // For the console and the tests: pictures drawn, updates received, the last state told.
 const page = window.edgemap = { drawn: 0, updates: 0, state: "connecting", frame: -1, map };
 let info = null, lastDrawn = -1;
 
-const connection = new Connection({
+const source = {
   hello(about) {
     info = about;
     lastDrawn = -1;
@@ -55,7 +58,9 @@ const connection = new Connection({
     tellState("lost", "not connected");
     panels.status({ level: "wait", headline: reason || "The connection to the robot is lost. Trying again.", problems: [] });
   },
-});
+};
+const connection = saved ? new Saved(source, saved) : new Connection(source);
+objects.pictures = connection;
 
 // A picture appears together with its own boxes; the robot hears of it only then, and sends the next.
 async function show(news, jpeg) {
@@ -148,6 +153,13 @@ byId("doubtful").onclick = () => {
   map.showDoubtful = !map.showDoubtful;
   press("doubtful", map.showDoubtful);
   map.redraw();
+  objects.redraw();
+};
+byId("by-trust").onclick = () => {
+  map.path.byTrust = !map.path.byTrust;
+  press("by-trust", map.path.byTrust);
+  byId("ramp").dataset.shows = map.path.byTrust ? "trust" : "time";
+  map.redraw();
 };
 byId("sightings").onclick = () => {
   const on = byId("sightings").getAttribute("aria-pressed") !== "true";
@@ -156,3 +168,11 @@ byId("sightings").onclick = () => {
   map.redraw();
   connection.askSightings(on);
 };
+connection.open();
+if (saved) {
+  new Run(saved.run, saved.update.trail);
+  map.truth.set(saved.run.truth);
+  objects.judge(saved.run);
+  byId("diagnostics").open = true;
+  document.title = `${saved.run.objects} objects – ${saved.about.camera} – edgemap`;
+}

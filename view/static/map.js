@@ -2,7 +2,10 @@
 import { SeenFloor } from "/floor.js";
 import { markOf, tracePath } from "/marks.js";
 import { drawFootprint } from "/furniture.js";
-import { classDoubt, DOUBT, nameOf } from "/objects.js";
+import { byId, setText } from "/dom.js";
+import { classDoubt, nameOf } from "/objects.js";
+import { Path } from "/path.js";
+import { Truth } from "/truth.js";
 import { Viewport } from "/viewport.js";
 
 const PICK_PX = 22, TOOLS_PX = 50, LONGEST_AXIS_M = 10, SIGHT_M = 3;
@@ -13,6 +16,8 @@ export class FloorMap {
     this.canvas = canvas;
     this.pickedBy = chosen;
     this.floor = new SeenFloor();
+    this.path = new Path();
+    this.truth = new Truth();
     this.view = new Viewport(canvas, () => this.redraw(), modeChanged, (left, top) => this.tap(left, top));
     this.clear();
     for (const name of ["focus", "blur"]) canvas.addEventListener(name, () => this.redraw());
@@ -110,13 +115,12 @@ export class FloorMap {
     const [[xx], [, yy]] = this.poseCovariance ?? [[0], [0, 0]], far = Math.max(.75, limit(xx));
     xs.push(x - far, x + far);
     ys.push(y - limit(yy), y + limit(yy));
-    for (const { x_m, y_m, radius_m, covariance_m2: [[xx], [, yy]] } of this.shown()) {
-      const [ahead, aside] = [Math.max(radius_m, limit(xx)), Math.max(radius_m, limit(yy))];
-      xs.push(x_m - ahead, x_m + ahead);
-      ys.push(y_m - aside, y_m + aside);
+    for (const { x_m, y_m, radius_m } of this.shown()) {
+      xs.push(x_m - radius_m, x_m + radius_m);
+      ys.push(y_m - radius_m, y_m + radius_m);
     }
     for (const [x, y] of this.zones.flatMap(({ corners_m }) => corners_m)) { xs.push(x); ys.push(y); }
-    for (const place of [...this.floor.corners(), ...this.trail]) { xs.push(place[0]); ys.push(place[1]); }
+    for (const place of [...this.floor.corners(), ...this.trail, ...this.truth.places()]) { xs.push(place[0]); ys.push(place[1]); }
     const least = (values) => values.reduce((a, b) => Math.min(a, b)), most = (values) => values.reduce((a, b) => Math.max(a, b));
     return { x0: least(xs), x1: most(xs), y0: least(ys), y1: most(ys) };
   }
@@ -141,7 +145,9 @@ export class FloorMap {
     this.floor.draw(pen, this.view, this.style);
     const step = this.grid(pen, width, height);
     for (const zone of this.zones) this.zone(pen, zone.corners_m, zone.name);
-    this.way(pen, robot);
+    this.path.draw(pen, view, this.trail, robot, this.style);
+    ["ramp-from", "ramp-to"].forEach((id, end) => setText(byId(id), this.path.ends(this.trail)[end]));
+    this.truth.draw(pen, view, this.objects, this.style);
     this.points(pen);
     for (const item of this.shown()) drawFootprint(pen, item, view, this.walls, this.style, item.id === this.chosen);
     if (this.dock) this.home(pen, this.dock);
@@ -178,16 +184,6 @@ export class FloorMap {
       pen.stroke();
     }
     return step;
-  }
-
-  way(pen, robot) {
-    if (!this.trail.length) return;
-    pen.beginPath();
-    for (const [x, y] of this.trail) pen.lineTo(...this.view.toScreen(x, y));
-    if (robot) pen.lineTo(...this.view.toScreen(robot[0], robot[1]));
-    pen.lineWidth = 2;
-    pen.strokeStyle = this.style.trail;
-    pen.stroke();
   }
 
   points(pen) {
@@ -227,7 +223,7 @@ export class FloorMap {
         pen.stroke();
         pen.globalAlpha = 1;
       }
-      const doubtful = item.confidence < DOUBT;
+      const { doubtful } = item;
       if (item.id === this.chosen) {
         this.ellipse(pen, item.covariance_m2, at, colour, doubtful ? [5, 4] : []);
         this.ring(pen, at);
@@ -241,6 +237,7 @@ export class FloorMap {
       placed.push(around(at, 7));
     }
     for (const item of items.sort((a, b) => (b.id === this.chosen) - (a.id === this.chosen) || b.count - a.count)) this.name(pen, item, placed);
+    for (const row of this.truth.missed()) this.name(pen, row, placed, this.style.bad);
   }
 
   // A named part of the floor; drawn: its corners so far.
@@ -325,7 +322,7 @@ export class FloorMap {
   }
 
   // Beside its dot, where no other name is; left out where there is no room.
-  name(pen, item, placed) {
+  name(pen, item, placed, colour = this.style.ink) {
     const [left, top] = this.view.toScreen(item.x_m, item.y_m), chosen = item.id === this.chosen;
     const text = nameOf(item) + (item.confirmed ? " ✓" : classDoubt(item) ? " ?" : "");
     pen.font = `${chosen ? 650 : 500} 12.5px system-ui, sans-serif`;
@@ -335,7 +332,7 @@ export class FloorMap {
     if (!free) return;
     placed.push(rect(free));
     pen.textBaseline = "middle";
-    Object.assign(pen, { lineWidth: 3.5, strokeStyle: this.style.card, fillStyle: this.style.ink });
+    Object.assign(pen, { lineWidth: 3.5, strokeStyle: this.style.card, fillStyle: colour });
     pen.strokeText(text, left + free[0], top + free[1]);
     pen.fillText(text, left + free[0], top + free[1]);
   }
@@ -363,7 +360,8 @@ function around([left, top], reach) { return [left - reach, top - reach, left + 
 function apart(a, b) { return a[2] < b[0] || b[2] < a[0] || a[3] < b[1] || b[3] < a[1]; }
 
 function readStyle() {
-  const style = getComputedStyle(document.documentElement), names = { grid: "--grid", gridStrong: "--grid-strong", trail: "--trail",
+  const style = getComputedStyle(document.documentElement), names = { grid: "--grid", gridStrong: "--grid-strong", bad: "--bad",
+    pathStart: "--path-start", pathEnd: "--path-end", sure: "--sure", unsure: "--unsure",
     ink: "--ink", card: "--card", muted: "--muted", sight: "--sight", zone: "--zone", floor: "--floor", obstacle: "--obstacle" };
   return Object.fromEntries(Object.entries(names).map(([key, name]) => [key, style.getPropertyValue(name).trim()]));
 }

@@ -2,19 +2,19 @@
 import { Corrections } from "/corrections.js";
 import { ago, button, byId, element, metres, setText } from "/dom.js";
 import { markPicture } from "/marks.js";
+import { duration } from "/path.js";
 
-export const DOUBT = .5, CLASS_DOUBT = .8;
-const REDRAW_MS = 250;
+const CLASS_DOUBT = .8, REDRAW_MS = 250;
 
 // What an object is called, and whether its class is in doubt.
 export function nameOf(item) { return item.name || item.id; }
 export function classDoubt(item) { return Math.max(0, ...Object.values(item.labels)) < CLASS_DOUBT; }
 
 export class Objects {
-  // choose(id or null): somebody picks an object. ask(method, path, body): a request to the robot, null where it refuses.
-  // undoable(text, act): tell what was done, and how to take it back.
+  // choose(id or null): somebody picks an object. ask(method, path, body): a request to the robot, null where it refuses;
+  // null where nothing can be edited. undoable(text, act): tell what was done, and how to take it back.
   constructor(map, placing, choose, ask, undoable) {
-    Object.assign(this, { choose, ask, undoable });
+    Object.assign(this, { map, choose, ask, undoable, rowOf: new Map() });
     this.corrections = new Corrections(map, placing, choose, ask, undoable);
     this.rows = new Map();
     this.clear();
@@ -24,9 +24,10 @@ export class Objects {
 
   // The list in one line, for a sheet that is down.
   summary() {
-    if (!this.pose || !this.items.size) return "No objects yet";
-    const nearest = [...this.items.values()].reduce((a, b) => (this.away(a) < this.away(b) ? a : b));
-    return `${this.items.size} object${this.items.size > 1 ? "s" : ""} · nearest ${nameOf(nearest)}, ${metres(this.away(nearest))}`;
+    const items = this.map.shown();
+    if (!this.pose || !items.length) return "No objects yet";
+    const nearest = items.reduce((a, b) => (this.away(a) < this.away(b) ? a : b));
+    return `${items.length} object${items.length > 1 ? "s" : ""} · nearest ${nameOf(nearest)}, ${metres(this.away(nearest))}`;
   }
 
   clear() {
@@ -63,15 +64,18 @@ export class Objects {
     this.late = null;
     this.drawnAt = performance.now();
     if (!this.pose) return;
-    setText(byId("count"), this.items.size ? `${this.items.size}` : "none yet");
-    for (const [id, { item }] of this.rows) if (!this.items.has(id)) { item.remove(); this.rows.delete(id); }
-    const sorted = [...this.items.values()].sort((a, b) => this.away(a) - this.away(b)), list = byId("objects");
+    const all = [...this.items.values()], doubtful = all.filter((item) => item.doubtful).length, press = byId("doubtful");
+    const sorted = this.map.shown().sort((a, b) => this.away(a) - this.away(b)), list = byId("objects"), kept = new Set(sorted.map(({ id }) => id));
+    setText(byId("count"), all.length ? `${all.length - doubtful}` : "none yet");
+    press.hidden = !doubtful;
+    setText(press, `${this.map.showDoubtful ? "Hide" : "Show"} ${doubtful} doubtful`);
+    for (const [id, { item }] of this.rows) if (!kept.has(id)) { item.remove(); this.rows.delete(id); }
     sorted.forEach((item, place) => {
       const row = this.rows.get(item.id) ?? this.row(item);
       if (list.children[place] !== row.item) list.insertBefore(row.item, list.children[place] ?? null);
       this.fill(row, item);
     });
-    this.legend([...new Set(sorted.map(({ label }) => label))].sort());
+    this.legend([...new Set(all.map(({ label }) => label))].sort());
     if (this.chosen && !this.items.has(this.chosen)) this.choose(null);
     else this.fillDetail();
   }
@@ -83,6 +87,8 @@ export class Objects {
     press.onclick = () => this.choose(this.chosen === id ? null : id);
     press.setAttribute("aria-pressed", id === this.chosen);
     press.append(mark, name, far, more);
+    const small = this.pictures.thumbnail({ id });
+    if (small) press.append(Object.assign(new Image(), { src: small, alt: "", className: "small", loading: "lazy" }));
     item.append(press);
     item.dataset.id = id;
     const row = { item, press, mark, name, far, more };
@@ -91,17 +97,44 @@ export class Objects {
   }
 
   fill({ press, mark, name, far, more }, item) {
-    const hollow = item.confidence < DOUBT, drawn = `${item.label}${hollow}`, shares = Object.entries(item.labels);
+    const hollow = item.doubtful, drawn = `${item.label}${hollow}`, shares = Object.entries(item.labels);
     if (mark.dataset.drawn !== drawn) {
       mark.replaceChildren(markPicture(item.label, hollow));
       mark.dataset.drawn = drawn;
     }
     setText(name, nameOf(item));
     setText(far, metres(this.away(item)));
-    const seen = this.seen.has(item.id) ? "in view" : ago(Math.max(0, this.stamp_s - item.last_seen_s));
+    const found = this.judged(item.id), seen = this.seen.has(item.id) ? "in view" : this.lastSeen(item);
     const doubt = classDoubt(item) ? shares.slice(0, 2).map(([label, share]) => `${label} ${percent(share)}`).join(" or ") : "";
-    setText(more, [item.name ? item.id : "", item.confirmed ? "confirmed" : "", doubt, hollow ? `confidence ${percent(item.confidence)}` : "", seen].filter(Boolean).join(", "));
+    setText(more, [item.name ? item.id : "", item.confirmed ? "confirmed" : "", doubt, hollow ? `confidence ${percent(item.confidence)}` : "", found, seen].filter(Boolean).join(", "));
     press.dataset.seen = this.seen.has(item.id);
+  }
+
+  // While the run goes on, how long ago; of a finished one, when.
+  lastSeen({ last_seen_s }) { return this.ask ? ago(Math.max(0, this.stamp_s - last_seen_s)) : `at ${duration(Math.round(Math.max(0, last_seen_s - this.start_s)))}`; }
+
+  // What the truth says of an object: found, misplaced, extra or unscored, with the error.
+  judged(id) {
+    const row = this.rowOf.get(id);
+    return row ? `${row.state}${row.error_m === null ? "" : `, ${row.error_m.toFixed(2)} m off`}` : "";
+  }
+
+  // Of a finished run: its first stamp, and the rows of its evaluation; those without an object were missed.
+  judge({ start_s, truth }) {
+    const rows = truth?.rows ?? [];
+    this.start_s = start_s;
+    this.rowOf = new Map(rows.filter(({ object_id }) => object_id).map((row) => [row.object_id, row]));
+    const missed = rows.filter(({ state }) => state === "missed"), place = byId("missed");
+    place.hidden = !missed.length;
+    place.replaceChildren(element("h2", `Missed: ${missed.length}`), element("p", "true objects that the map lacks", "muted small"));
+    const list = element("ul");
+    list.append(...missed.map(({ label, true_m: [x, y] }) => {
+      const line = element("li");
+      line.append(markPicture(label, true), `${label} at x ${x.toFixed(2)}, y ${y.toFixed(2)} m`.replaceAll("-", "−"));
+      return line;
+    }));
+    place.append(list);
+    this.redraw();
   }
 
   legend(labels) {
@@ -126,12 +159,20 @@ export class Objects {
     const name = element("h2"), kind = element("p", "", "muted"), facts = element("dl", "", "facts"), labels = element("div", "", "labels");
     picture.alt = `${item.id} in the camera's picture`;
     picture.onerror = () => { picture.hidden = true; };
-    picture.src = `/api/objects/${encodeURIComponent(item.id)}/picture?at=${item.count}`;
+    picture.src = this.pictures.picture(item);
+    picture.hidden = !picture.src;
     close.type = "button";
     close.setAttribute("aria-label", "Close");
     close.onclick = () => this.choose(null);
     words.append(name, kind);
     head.append(picture, words, close);
+    place.replaceChildren(head, ...(this.ask ? this.editing(item) : []), facts, labels);
+    this.detail = { ...this.detail, name, kind, facts, labels };
+    this.fillDetail();
+  }
+
+  // What a person may change of an object.
+  editing(item) {
     const called = element("div", "", "name"), input = element("input"), confirm = button("Confirm", () => this.confirm());
     Object.assign(input, { value: item.name ?? "", placeholder: "Name", maxLength: 80 });
     input.setAttribute("aria-label", `Name of ${item.id}`);
@@ -146,10 +187,9 @@ export class Objects {
     preview.hidden = same.hidden = true;
     merge.append(into, same, preview);
     acts.append(confirm, button("Approach", () => this.approach()), button("Delete", () => this.delete()));
-    place.replaceChildren(head, called, acts, merge, this.corrections.form(item), facts, labels);
-    this.detail = { name, kind, facts, labels, confirm };
+    this.detail = { confirm };
     this.offerMerges(into);
-    this.fillDetail();
+    return [called, acts, merge, this.corrections.form(item)];
   }
 
   rename(name) { return this.ask("PATCH", this.path(), { name: name.trim() }); }
@@ -201,9 +241,11 @@ export class Objects {
     if (!item || !this.detail) return;
     const { name, kind, facts, labels, confirm } = this.detail, [[xx], [, yy]] = item.covariance_m2;
     setText(name, nameOf(item));
-    setText(confirm, item.confirmed ? "Confirmed" : "Confirm");
-    confirm.title = item.confirmed ? "Take it back" : "It is there: it will not be forgotten";
-    confirm.setAttribute("aria-pressed", Boolean(item.confirmed));
+    if (confirm) {
+      setText(confirm, item.confirmed ? "Confirmed" : "Confirm");
+      confirm.title = item.confirmed ? "Take it back" : "It is there: it will not be forgotten";
+      confirm.setAttribute("aria-pressed", Boolean(item.confirmed));
+    }
     setText(kind, [item.name ? item.id : "", item.label, item.corrected ? `corrected: ${item.corrected.join(", ")}` : ""].filter(Boolean).join(", "));
     const told = {
       "From the robot": `${this.away(item).toFixed(2)} m`,
@@ -211,8 +253,10 @@ export class Objects {
       "Uncertainty": `± ${Math.sqrt((xx + yy) / 2).toFixed(2)} m`,
       "Size": `${item.footprint_m.map((side) => side.toFixed(2)).join(" × ")} m, ${item.height_m.toFixed(2)} m high`,
       "Confidence": percent(item.confidence),
-      "Seen": `${item.count} times, ${this.seen.has(item.id) ? "in view" : `last ${ago(Math.max(0, this.stamp_s - item.last_seen_s))}`}`,
+      "Seen": `${item.count} times, ${this.seen.has(item.id) ? "in view" : `last ${this.lastSeen(item)}`}`,
     };
+    const row = this.rowOf.get(item.id);
+    if (row) told["Against the truth"] = `${this.judged(item.id)}${row.covered === null ? "" : row.covered ? ", in its 95 % ellipse" : ", outside its 95 % ellipse"}`;
     if (facts.children.length !== Object.keys(told).length) {
       facts.replaceChildren(...Object.keys(told).map((key) => {
         const pair = element("div");

@@ -1,5 +1,5 @@
 // The status in words at the top, figures, latency by stage and the faults.
-import { byId, element, setText } from "/dom.js";
+import { byId, element, prose, setText } from "/dom.js";
 
 const TRUST = { good: "good", care: "use with care", unreliable: "not reliable" };
 const SMOOTH = .15, SILENT_S = 2, UNSURE_M = .5, UNSURE_RAD = 15 * Math.PI / 180;
@@ -32,7 +32,8 @@ export class Panels {
   about(info) { this.info = info; }
 
   update(news) {
-    this.faults(news.faults);
+    this.over = news.state === "finished";
+    this.faults(news.faults, news.fault_count);
     this.status(news.status, news.state);
     if (news.frame === undefined) return;
     this.stages(news.stages_ms);
@@ -94,21 +95,23 @@ export class Panels {
     mark(this.odometry, motion_fault || unsure ? "bad" : still ? "still" : "", motion_fault || at, `${sure}, ${this.info.odometry} odometry`);
   }
 
-  faults(faults) {
+  // count: of all since the start, where not all are told.
+  faults(faults, count = this.faultCount + faults.length) {
     if (!faults.length) return;
     const list = byId("faults"), link = byId("faults-link");
     if (!this.faultCount) list.replaceChildren();
-    this.faultCount += faults.length;
+    this.faultCount = count;
     for (const { frame, text, remedy } of faults) {
       const item = element("li");
-      item.append(element("b", `frame ${frame + 1}`), text);
-      if (remedy) item.append(element("small", remedy));
+      if (frame !== undefined) item.append(element("b", `frame ${frame + 1}`));
+      item.append(text);
+      if (remedy) item.append(prose(remedy, element("small")));
       list.prepend(item);
     }
     while (list.children.length > 100) list.lastChild.remove();
     link.hidden = false;
     setText(byId("fault-count"), this.faultCount === 1 ? "1 fault" : `${this.faultCount} faults`);
-    setText(link, this.faultCount === 1 ? "1 fault so far" : `${this.faultCount} faults so far`);
+    setText(link, `${byId("fault-count").textContent}${this.over ? "" : " so far"}`);
   }
 }
 

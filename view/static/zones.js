@@ -1,5 +1,4 @@
 // Named parts of the floor: drawn by their corners on the map, listed with the objects in them.
-import { api } from "/connection.js";
 import { button, byId, element } from "/dom.js";
 import { nameOf } from "/objects.js";
 
@@ -18,7 +17,7 @@ export class Zones {
   // A tap inside a room that the floor plan shows offers its outline; else the corners are drawn one by one.
   start() {
     let rooms = [];
-    api("GET", "rooms").then((found) => { rooms = found; }, () => {});
+    this.ask("GET", "rooms").then((found) => { rooms = found ?? []; });
     const name = element("input"), room = button("Use this room", () => {
       this.map.corners.splice(0, 1, ...roomAt(rooms, this.map.corners[0]).corners_m);
       this.placing.changed();
@@ -60,7 +59,9 @@ export class Zones {
       row.replaceChildren(input, button("Save", keep));
       input.focus();
     });
-    row.append(which, rename, button("Delete", async () => {
+    row.append(which);
+    if (!this.ask) return row;
+    row.append(rename, button("Delete", async () => {
       const gone = await this.ask("DELETE", `zones/${encodeURIComponent(id)}`);
       if (gone) this.undoable(`Zone ${name} is deleted`, () => this.ask("POST", "zones", { name, corners_m }));
     }));

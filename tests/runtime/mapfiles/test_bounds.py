@@ -20,8 +20,9 @@ from edgemap.runtime.outputs.mapfiles.grid import MAXIMUM_CELLS, CellsRule, grid
 from edgemap.runtime.outputs.mapfiles.labels import place_labels
 from edgemap.runtime.outputs.mapfiles.nav2 import MAXIMUM_SHAPES, vector_text
 from edgemap.runtime.step.map_file import map_document, read_map
+from edgemap.view.report.document import MAXIMUM_OBJECTS, ReportContent, report_document
 from edgemap.view.report.history import History
-from edgemap.view.report.page import MAXIMUM_DRAWN, ReportContent, report_page
+from edgemap.view.report.page import report_page
 
 
 @pytest.fixture(autouse=True)
@@ -62,9 +63,9 @@ def test_the_other_exporters_are_bounded_too(tmp_path):
     with pytest.raises(MapError, match="5001 objects, at most 5000 are drawn"):
         draw_map(tmp_path / "map.svg", DrawnMap(objects))
     assert len(place_labels([("chair", float(k), 0.0) for k in range(20_000)], 900.0, 700.0)) == 20_000
-    page = report_page(ReportContent({}, objects, History()))
-    assert (page.count('class="bound"'), len(page) < 4 << 20) == (MAXIMUM_DRAWN, True)
-    assert f"The {MAXIMUM_DRAWN} objects observed most often, of {len(objects)}." in page
+    document = report_document(ReportContent({"marks": {}, "camera": "none"}, {}, objects, History()))
+    assert (len(document["update"]["changed"]), document["run"]["objects"]) == (MAXIMUM_OBJECTS, len(objects))
+    assert len(report_page(document)) < 4 << 20
     with pytest.raises(AlignmentError, match="too large to compare"):
         align(objects, objects)
 

@@ -1,0 +1,171 @@
+"""All data of a report as one JSON document: what the live page gets over its socket, and what a run leaves."""
+
+from base64 import b64encode
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass, field
+from typing import Any
+
+import numpy as np
+
+from edgemap.geometry.grid.occupancy_grid import OccupancyGrid
+from edgemap.geometry.map_object import MapObject
+from edgemap.geometry.objects.edits import NO_ANNOTATIONS, Annotations
+from edgemap.geometry.objects.evaluation_row import EvaluationRow, tally
+from edgemap.runtime.frames.colours import label_mark
+from edgemap.runtime.frames.errors import OdometryError
+from edgemap.runtime.frames.timing import percentiles
+from edgemap.runtime.frames.trajectory import Trajectory
+from edgemap.runtime.outputs.verdict.causes import cause_of_fault
+from edgemap.runtime.outputs.verdict.explain import verdict_or_none
+from edgemap.runtime.outputs.verdict.verdict import TITLES
+from edgemap.view.answers import floor_answer, map_object_answer, zones_answer
+from edgemap.view.report.crops import Crop
+from edgemap.view.report.history import History
+from edgemap.view.status import LEVELS, pose_sigma
+
+MAXIMUM_OBJECTS = 1000  # those observed most often
+MAXIMUM_FAULTS = 60
+_NO_SETTINGS = {"stages_ms", "faults", "verdict", "fault_count", "merged", "format", "finished", "frames", "seconds"}
+
+
+@dataclass(frozen=True, slots=True)
+class ReportContent:
+    """All contents of a report. about: of `about_run`. record: what run.json holds. truth: of the base from its start,
+    None where unknown. rows: the evaluation, empty without truth. mount_jpeg: the first picture with horizon and grid.
+    """
+
+    about: dict[str, Any]
+    record: Mapping[str, Any]
+    objects: Sequence[MapObject]
+    history: History
+    crops: Mapping[str, Crop] = field(default_factory=dict)
+    truth: Trajectory | None = None
+    rows: list[EvaluationRow] = field(default_factory=list)
+    mount_jpeg: bytes | None = None
+    annotations: Annotations = NO_ANNOTATIONS
+    grid: OccupancyGrid | None = None
+
+
+def report_document(content: ReportContent) -> dict[str, Any]:
+    """about, update: the page's two messages. pictures: by object. run: what only a report shows."""
+    objects = sorted(content.objects, key=lambda item: -item.count)[:MAXIMUM_OBJECTS]
+    labels = {item.label for item in objects} | {row.label for row in content.rows}
+    marks = {label: asdict(label_mark(label)) for label in labels}
+    trail = content.history.trail()
+    return {
+        "about": content.about | {"live": False, "marks": content.about["marks"] | marks},
+        "update": _update(content, objects, trail),
+        "pictures": {name: data_uri(crop.jpeg) for name, crop in content.crops.items()},
+        "run": _figures(content)
+        | _times(content)
+        | {
+            "verdict": _verdict(content),
+            "truth": _truth(content, trail),
+            "mount": data_uri(content.mount_jpeg) if content.mount_jpeg else "",
+            "settings": {key: value for key, value in content.record.items() if key not in _NO_SETTINGS},
+        },
+    }
+
+
+def _update(content: ReportContent, objects: Sequence[MapObject], trail: list[tuple[float, ...]]) -> dict[str, Any]:
+    """The one update that shows the finished run."""
+    verdict = verdict_or_none(content.record, list(content.objects))
+    headline = verdict.line.capitalize() if verdict else "The map that the run saved"
+    dock, last = content.annotations.dock, content.history.last
+    update: dict[str, Any] = {
+        "number": 0, "state": "finished", "moved": False, "events": [], "gone": [], "boxes": [],
+        "status": {"level": LEVELS[verdict.level] if verdict else "ok", "headline": f"{headline}.", "problems": []},
+        "faults": [_fault(text) for text in content.record.get("faults", [])[:MAXIMUM_FAULTS]],
+        "fault_count": content.record.get("fault_count", 0),
+        "trail": [[round(value, 3) for value in sample] for sample in trail],
+        "changed": [map_object_answer(item) for item in objects],
+        "zones": zones_answer(content.annotations.zones, objects),
+        "dock": dock and list(dock.vector()),
+    }  # fmt: skip
+    if content.grid is not None:
+        update["floor"] = floor_answer(content.grid)
+    if last is not None:
+        update |= {
+            "stamp_s": last.frame.stamp_s,
+            "pose": list(last.pose_map_base.vector()),
+            "pose_sigma": pose_sigma(last),
+            "pose_covariance": last.pose_covariance.tolist(),
+        }
+    return update
+
+
+def _fault(text: str) -> dict[str, str]:
+    """A fault, and its remedy where there is one."""
+    cause = cause_of_fault(text)
+    return {"text": text, "remedy": cause.remedy if cause else ""}
+
+
+def _verdict(content: ReportContent) -> dict[str, Any] | None:
+    """How far the map can be trusted, why, and what to do."""
+    verdict = verdict_or_none(content.record, list(content.objects))
+    if verdict is None:
+        return None
+    reasons = [{"text": finding.text, "remedy": finding.cause.remedy} for finding in verdict.findings]
+    return {"level": verdict.level, "title": TITLES[verdict.level], "reasons": reasons}
+
+
+def _figures(content: ReportContent) -> dict[str, Any]:
+    """The run in numbers."""
+    record, history = content.record, content.history
+    last, seconds = history.last, record.get("seconds", 0.0)
+    frames, mapped = record.get("frames", history.frames), record.get("mapped", [])
+    return {
+        "started": str(record.get("started_utc", "")).replace("T", " ").replace("+00:00", " UTC"),
+        "clustering": record.get("clustering", ""),
+        "objects": len(content.objects),
+        "frames": frames,
+        "rate_hz": frames / seconds if seconds else None,
+        "start_s": history.start_s,
+        "span_s": last.frame.stamp_s - history.start_s if last else 0.0,
+        "path_m": last.travelled_m if last else 0.0,
+        "detected": [[label, count, label in mapped] for label, count in history.detected.most_common()],
+    }
+
+
+def _times(content: ReportContent) -> dict[str, Any]:
+    """Percentiles of stages and of the complete step, and mean times by window: its end, s, the slowest step, ms, and
+    the mean of each stage, ms."""
+    history, stages = content.history, dict(content.record.get("stages_ms", {}))
+    windows = [
+        [round(one.end_s - history.start_s, 2), round(one.worst_ms, 2)]
+        + [round(one.stages_ms[name] / one.frames, 3) for name in stages]
+        for one in history.windows
+    ]
+    total = percentiles(list(history.totals_ms)) if history.totals_ms else {}
+    return {"stages": stages, "step_ms": total, "windows": windows}
+
+
+def _truth(content: ReportContent, trail: list[tuple[float, ...]]) -> dict[str, Any] | None:
+    """The true trajectory and the position errors along it, empty unless the truth covers all of it; the evaluation of
+    the objects. None without truth."""
+    rows = content.rows
+    path = _true_path(content.truth, [sample[2] for sample in trail])
+    if not path and not rows:
+        return None
+    errors = [float(np.hypot(x - tx, y - ty)) for (x, y, *_), (tx, ty) in zip(trail, path, strict=False)]
+    matched = [row.error_m for row in rows if row.state == "found" and row.error_m is not None]
+    return {
+        "path": path,
+        "errors_m": [round(error, 3) for error in errors],
+        "rows": [asdict(row) for row in rows],
+        "tally": tally(rows) if rows else "",
+        "median_error_m": float(np.median(matched)) if matched else None,
+    }
+
+
+def _true_path(truth: Trajectory | None, stamps_s: Sequence[float]) -> list[tuple[float, float]]:
+    try:
+        poses = [truth.at(stamp_s) for stamp_s in stamps_s] if truth else []
+    except OdometryError:
+        return []
+    return [(round(pose.x_m, 3), round(pose.y_m, 3)) for pose in poses]
+
+
+def data_uri(jpeg: bytes) -> str:
+    """A JPEG file as an address that needs no request."""
+    return "data:image/jpeg;base64," + b64encode(jpeg).decode()
