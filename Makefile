@@ -115,14 +115,14 @@ audit:
 	test -x .audit/bin/pip-audit || { $(PYTHON) -m venv .audit && .audit/bin/python -m pip install -q pip-audit==2.10.1; }
 	.audit/bin/pip-audit -r constraints.txt --no-deps --disable-pip --strict
 
-# Camera faults, kills, hostile files, names, robots and clocks, a long day, an hour of rendered drive; one part alone: make reliability PARTS=readers; a tenth: SHARE=0.1
+# Camera faults, kills, hostile files, names and clocks, a long day, an hour of rendered drive; one part alone: make reliability PARTS=readers; a tenth: SHARE=0.1
 PARTS ?=
 SHARE ?= 1
 SEED ?= 0
 reliability: setup
 	PYTHONPATH=tests $(BIN)/python -m reliability $(PARTS) --seed $(SEED) --share $(SHARE)
 
-# Real counterparts in processes of their own: fleet keepers, robots and a hostile one; Home Assistant (the last for Python
+# Real counterparts in processes of their own: fleet keepers and robots; Home Assistant (the last for Python
 # 3.11) in an environment of its own, skipped where that cannot be made.
 HOME_ASSISTANT := homeassistant==2024.3.3 home-assistant-frontend==20240307.0 paho-mqtt==1.6.1 Pillow==10.2.0 SQLAlchemy==2.0.27 \
 	fnv-hash-fast==0.5.0 psutil-home-assistant==0.0.1 janus==1.0.0 josepy==1.14.0 mutagen==1.47.0 hassil==1.6.1 \

@@ -1,5 +1,6 @@
 """`edgemap fleet show`: the merged map of a place, and its robots, as they are now."""
 
+from json import loads
 from pathlib import Path
 from typing import Annotated
 
@@ -11,30 +12,35 @@ from edgemap.cli.publishers import place_and_address
 
 
 def command(
-    place: Annotated[
-        tyro.conf.Positional[str], arg(metavar="PLACE[@HOST[:PORT]]", help="Its name, and where its map is kept.")
-    ],
+    place: Annotated[tyro.conf.Positional[str], arg(metavar="PLACE[@HOST]", help="Its name; HOST: of its keeper.")],
     *,
-    out: Annotated[
-        Path | None, arg(aliases=["-o"], metavar="FILE.json", help="Save the merged map; `map show` draws it.")
-    ] = None,
+    out: Annotated[Path | None, arg(aliases=["-o"], metavar="FILE.json", help="Save the merged map.")] = None,
     json: Json = False,
 ) -> None:
     """Ask who keeps the map of a place for it: which robots are in it, where they are, which stay apart and why."""
-    from edgemap.bridges.fleet.network import place_document
-    from edgemap.cli.fleet_serve import lines
+    from edgemap.bridges.fleet.network import ROOT, checked_name, open_session
+    from edgemap.cli.fleet_serve import state_line
     from edgemap.runtime.frames.disk import write_atomically
+    from edgemap.runtime.frames.errors import PublishError
     from edgemap.runtime.frames.reading import printable
+    from edgemap.runtime.step.map_file import read_map
 
     name, where = place_and_address(place, "PLACE")
-    document, text = place_document(name, where)
+    session = open_session(connect=where, wait_s=5.0)
+    try:
+        replies = session.get(f"{ROOT}/{checked_name(name, 'place')}/map", timeout=5.0)
+        text = next((reply.ok.payload.to_bytes() for reply in replies if reply.ok is not None), None)
+    finally:
+        session.close()
+    if text is None:
+        raise PublishError(f"nobody keeps the map of {name} at {where} (no answer within 5 s)")
+    objects, _ = read_map(text, f"map of {name}")
     if out is not None:
         write_atomically(out, text)
     if json:
         print(text.decode())
         return
-    robots = document["fleet"]["robots"]
-    for identity, line in lines(robots).items():
-        x_m, y_m, _ = robots[identity].get("pose_place_base") or (None, None, None)
-        print(printable(line) + ("" if x_m is None else f"; robot at x {x_m:.2f} m, y {y_m:.2f} m"))
-    print(f"{len(document['objects'])} objects in {name}" + (f", saved in {out}" if out else ""))
+    for identity, robot in loads(text)["fleet"]["robots"].items():
+        at = "; robot at x {:.2f} m, y {:.2f} m".format(*robot["pose_place_base"]) if "pose_place_base" in robot else ""
+        print(printable(state_line(identity, robot) + at))
+    print(f"{len(objects)} objects in {name}" + (f", saved in {out}" if out else ""))

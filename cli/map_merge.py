@@ -23,12 +23,12 @@ def command(
 
     Labels and mutual distances decide; no start pose is needed, and no mirror image fits. Refuses, with the reason,
     where too few objects agree, where chance explains it, or where a clearly different alignment fits nearly as well.
-    The first map's frame and ids stay; what only later maps have gets ids of its own. Zones of all maps are
+    The first map's frame and ids stay; what only later maps have gets ids of its own. Zones and edits of all maps are
     kept, and their floors become one.
     """
     from edgemap.geometry.grid.merge import merged_grid
-    from edgemap.geometry.objects.merge import merge_maps
-    from edgemap.geometry.registration.alignment import AlignmentError, align
+    from edgemap.geometry.objects.merge import merge_all
+    from edgemap.geometry.registration.alignment import AlignmentError
     from edgemap.runtime.frames.disk import make_folder
     from edgemap.runtime.step.grid_file import load_grid
     from edgemap.runtime.step.map_file import load_annotated_map, save_map
@@ -37,22 +37,19 @@ def command(
     if len(maps) < 2:
         raise OptionError(f"{len(maps)} map given: merging needs two or more")
     path = out if out.suffix == ".json" else out / "map.json"
-    maps = tuple(saved_map(one) for one in maps)
-    (merged, annotations), grid = load_annotated_map(maps[0]), load_grid(maps[0])
-    print(f"{maps[0]}: {len(merged)} objects")
-    for other in maps[1:]:
-        objects, more = load_annotated_map(other)
-        try:
-            alignment = align(merged, objects)
-        except AlignmentError as error:
-            raise AlignmentError(f"{other} does not fit onto {maps[0]}: {error}") from None
-        merged, _ = merge_maps(merged, objects, alignment)
-        annotations = annotations.with_zones(more.zones, alignment)
-        grid = merged_grid(grid, load_grid(other), alignment.pose_a_b)
-        print(f"{other}: {len(objects)} objects, {alignment_text(alignment)}")
+    places = {str(number): saved_map(one) for number, one in enumerate(maps)}
+    loaded = {number: load_annotated_map(place) for number, place in places.items()}
+    merged = merge_all(loaded, base="0")
+    for number, reason in merged.refused.items():
+        raise AlignmentError(f"{places[number]} does not fit onto {places['0']}: {reason}")
+    grid = load_grid(places["0"])
+    print(f"{places['0']}: {len(loaded['0'][0])} objects")
+    for number, alignment in list(merged.alignments.items())[1:]:
+        grid = merged_grid(grid, load_grid(places[number]), alignment.pose_a_b)
+        print(f"{places[number]}: {len(loaded[number][0])} objects, {alignment_text(alignment)}")
     make_folder(path.parent)
-    save_map(path, merged, annotations, grid)
-    print(f"map of {len(merged)} objects saved in {path}")
+    save_map(path, merged.objects, merged.annotations, grid)
+    print(f"map of {len(merged.objects)} objects saved in {path}")
 
 
 def alignment_text(alignment: "Alignment") -> str:

@@ -11,7 +11,7 @@ from edgemap.cli.options import Json, known_names, last_run, numbers, print_json
 
 if TYPE_CHECKING:
     from edgemap.geometry.map_object import MapObject
-    from edgemap.geometry.objects.edits import Zone
+    from edgemap.geometry.objects.annotations import Zone
     from edgemap.geometry.se2 import SE2
 
 

@@ -199,7 +199,6 @@ def fleet_sink(fleet: str, robot: str | None, saved: "Path | None") -> "FleetSin
     """The sink of `--fleet`. Raises OptionError, PublishError or MissingExtraError."""
     import socket
 
-    from edgemap.bridges.fleet.access import SECRET, robot_of_environment
     from edgemap.bridges.fleet.sink import FleetSink
 
     if saved is not None and _of_a_fleet(saved):
@@ -208,10 +207,7 @@ def fleet_sink(fleet: str, robot: str | None, saved: "Path | None") -> "FleetSin
             "this robot's own map"
         )
     place, where = place_and_address(fleet, "--fleet")
-    named = robot_of_environment()
-    if named and robot and robot != named:
-        raise OptionError(f"--robot {robot}: {SECRET} is that of the robot {named}")
-    return FleetSink(place, named or robot or socket.gethostname(), where)
+    return FleetSink(place, robot or socket.gethostname(), where)
 
 
 def _of_a_fleet(saved: "Path") -> bool:

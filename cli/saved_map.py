@@ -7,7 +7,7 @@ from pathlib import Path
 
 from edgemap.cli.arguments import OptionError
 from edgemap.cli.options import numbers
-from edgemap.geometry.objects.edits import Annotations
+from edgemap.geometry.objects.annotations import Annotations
 from edgemap.geometry.se2 import SE2
 from edgemap.runtime.outputs.sinks.living_map import LivingMap
 from edgemap.runtime.step.grid_file import load_grid

@@ -10,7 +10,7 @@ import numpy as np
 
 from edgemap.geometry.grid.occupancy_grid import OccupancyGrid
 from edgemap.geometry.map_object import MapObject, footprint_of, radius_m
-from edgemap.geometry.objects.edits import Zone
+from edgemap.geometry.objects.annotations import Zone
 from edgemap.geometry.objects.queries import inside_polygon
 from edgemap.geometry.objects.zone_watch import ZoneEvent
 from edgemap.runtime.outputs.mapfiles.rooms import rooms_of

@@ -8,8 +8,9 @@ from msgspec import Meta
 from starlette.requests import Request
 from starlette.responses import Response
 
+from edgemap.geometry.objects.annotations import LONGEST_NAME, MAXIMUM_CORNERS
 from edgemap.geometry.objects.corrections import LARGEST_M, SMALLEST_M
-from edgemap.geometry.objects.edits import LONGEST_NAME, MAXIMUM_CORNERS, Edit, joined
+from edgemap.geometry.objects.edits import Edit, joined
 from edgemap.runtime.frames.reading import Coordinate
 from edgemap.runtime.step.map_file import pose_record
 from edgemap.runtime.step.map_records import GivenName, Yaw

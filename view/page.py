@@ -11,7 +11,7 @@ import numpy as np
 
 from edgemap.geometry.grid.occupancy_grid import OccupancyGrid
 from edgemap.geometry.map_object import MapObject, ellipse_95
-from edgemap.geometry.objects.edits import NO_ANNOTATIONS, Annotations
+from edgemap.geometry.objects.annotations import NO_ANNOTATIONS, Annotations
 from edgemap.geometry.objects.zone_watch import ZoneEvent, ZoneWatch
 from edgemap.geometry.se2 import SE2
 from edgemap.runtime.outputs.verdict.verdict import Verdict

@@ -13,17 +13,25 @@ import numpy as np
 
 from edgemap.geometry.errors import MapError
 from edgemap.geometry.map_object import MapObject, id_order
+from edgemap.geometry.objects.annotations import (
+    LONGEST_NAME,
+    MAXIMUM_CORNERS,
+    MAXIMUM_ZONES,
+    NO_ANNOTATIONS,
+    Annotations,
+    Corners,
+    Zone,
+    corners_of,
+)
 from edgemap.geometry.objects.class_posterior import least_spacing_m
 from edgemap.geometry.objects.corrections import Correction, added_object, fault_of
 from edgemap.geometry.objects.floor_map import FloorMap
 from edgemap.geometry.objects.merge import fused
 from edgemap.geometry.observations.class_extents import HEIGHT_M, footprint_m
-from edgemap.geometry.registration.alignment import Alignment
 from edgemap.geometry.se2 import SE2
 from edgemap.geometry.slam.landmarks import LandmarkRule
 from edgemap.geometry.trajectory_correction import TrajectoryCorrection
 
-Corners = tuple[tuple[float, float], ...]
 EditKind = Literal[
     "rename",
     "confirm",
@@ -39,7 +47,7 @@ EditKind = Literal[
     "pose",
 ]
 
-MAXIMUM_CORNERS, MAXIMUM_ZONES, LONGEST_NAME, MAXIMUM_ADDED = 100, 200, 80, 1000
+MAXIMUM_ADDED = 1000
 ADDED = "-added"  # between label and number of the id of an object that a person has added
 USUAL_WIDTH_M = 0.5  # of an added object whose class has no usual size
 MINIMUM_ZONE_M2 = 0.01
@@ -47,43 +55,6 @@ MINIMUM_ZONE_M2 = 0.01
 
 class EditError(MapError):
     """An edit that the map does not allow."""
-
-
-@dataclass(frozen=True, slots=True)
-class Zone:
-    """A named part of the floor. corners_m: its polygon in the map frame, at least three."""
-
-    id: str
-    name: str
-    corners_m: Corners
-
-
-@dataclass(frozen=True, slots=True)
-class Annotations:
-    """Annotations of a map. deleted: objects that a person has deleted, so that they stay deleted. dock: pose of the
-    robot's base when it charges.
-    """
-
-    zones: tuple[Zone, ...] = ()
-    deleted: tuple[MapObject, ...] = ()
-    dock: SE2 | None = None
-
-    def measured(self, saved: Sequence[MapObject]) -> list[MapObject]:
-        """The measured objects of a saved map, deleted ones included, without edits."""
-        plain = {"name": "", "confirmed": False, "corrected": (), "yaw_rad": None, "depth_m": None}
-        return [replace(item, **plain) for item in (*saved, *self.deleted)]
-
-    def with_zones(self, zones: Sequence[Zone], alignment: Alignment) -> "Annotations":
-        """Another map's zones added, in this one's frame and with the next free ids."""
-        last = max((id_order(zone.id)[1] for zone in self.zones), default=0)
-        added = (
-            Zone(f"zone-{number}", zone.name, _corners(alignment.pose_a_b.apply(np.array(zone.corners_m))))
-            for number, zone in enumerate(zones, last + 1)
-        )
-        return replace(self, zones=(*self.zones, *added)[:MAXIMUM_ZONES])
-
-
-NO_ANNOTATIONS = Annotations()
 
 
 @dataclass(frozen=True, slots=True)
@@ -269,10 +240,10 @@ class MapEdits:
         for drawn in self._zones.values():
             if drawn.anchors_s is not None:
                 places = move(drawn.anchors_s, np.array(drawn.zone.corners_m))
-                drawn.zone = replace(drawn.zone, corners_m=_corners(places))
+                drawn.zone = replace(drawn.zone, corners_m=corners_of(places))
         for identity, said in self.corrections.items():
             if said.place_m is not None and said.anchor_s is not None:
-                (place,) = _corners(move(np.array([said.anchor_s]), np.array([said.place_m])))
+                (place,) = corners_of(move(np.array([said.anchor_s]), np.array([said.place_m])))
                 self.corrections[identity] = replace(said, place_m=place)
         self._version += 1
 
@@ -429,10 +400,6 @@ def _correction(edit: Edit, anchors: Callable[[Corners], np.ndarray]) -> Correct
 
 def _labels(item: MapObject) -> frozenset[str]:
     return frozenset({item.label, *item.labels})
-
-
-def _corners(places: np.ndarray) -> Corners:
-    return tuple((float(x), float(y)) for x, y in places)
 
 
 def _area_m2(corners_m: Corners) -> float:

@@ -1,17 +1,28 @@
-"""Merges two maps of one place: matched objects are fused, all others are copied."""
+"""Merges maps of one place: matched objects are fused, all others are copied; what people have stated is kept."""
 
 from collections import Counter
-from collections.abc import Sequence
-from dataclasses import replace
+from collections.abc import Collection, Mapping, Sequence
+from contextlib import suppress
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
 from edgemap.geometry.arrays import CHI2_997, Array, positive
 from edgemap.geometry.map_object import MapObject, id_order
+from edgemap.geometry.objects.annotations import NO_ANNOTATIONS, Annotations
 from edgemap.geometry.objects.class_posterior import APART
 from edgemap.geometry.observations.class_extents import extent_m
-from edgemap.geometry.registration.alignment import Alignment, Pairs, jacobian
+from edgemap.geometry.registration.alignment import Alignment, AlignmentError, Pairs, align, jacobian, realigned
+from edgemap.geometry.se2 import SE2, wrap_angle
 from edgemap.geometry.slam.landmarks import LandmarkRule
+
+AnnotatedMap = tuple[Sequence[MapObject], Annotations]
+CORRECTABLE = {
+    "label": ("label", "labels"),
+    "position": ("position_m", "covariance_m2"),
+    "size": ("width_m", "depth_m", "height_m"),
+    "yaw": ("yaw_rad",),
+}  # fields of an object that a person sets by each word of `corrected`
 
 
 def moved(item: MapObject, alignment: Alignment) -> MapObject:
@@ -20,7 +31,9 @@ def moved(item: MapObject, alignment: Alignment) -> MapObject:
     rotation, wrt_pose = pose.rotation(), jacobian(pose, item.position_m)
     covariance = rotation @ item.covariance_m2 @ rotation.T + wrt_pose @ alignment.covariance @ wrt_pose.T
     views = tuple((float(x), float(y)) for x, y in pose.apply(np.reshape(item.seen_from_m, (-1, 2))))
-    return replace(item, position_m=pose.apply(item.position_m), covariance_m2=covariance, seen_from_m=views)
+    yaw_rad = None if item.yaw_rad is None else wrap_angle(item.yaw_rad + pose.yaw_rad)
+    place_m = pose.apply(item.position_m)
+    return replace(item, position_m=place_m, covariance_m2=covariance, seen_from_m=views, yaw_rad=yaw_rad)
 
 
 def merge_maps(
@@ -57,6 +70,99 @@ def merge_maps(
     return sorted(found.values(), key=lambda item: id_order(item.id)), became
 
 
+@dataclass(frozen=True, slots=True, eq=False)
+class MergedMaps:
+    """Maps that fit together as one, in the first one's frame. alignments: of each map that is in it, in the order of
+    merging; pairs and shared count objects. refused: why each other map is not in it.
+    """
+
+    objects: list[MapObject] = field(default_factory=list)
+    annotations: Annotations = NO_ANNOTATIONS
+    alignments: dict[str, Alignment] = field(default_factory=dict)
+    refused: dict[str, str] = field(default_factory=dict)
+
+
+def merge_all(
+    maps: Mapping[str, AnnotatedMap], base: str | None = None, before: Mapping[str, Alignment] | None = None
+) -> MergedMaps:
+    """One map of all that fit together by their objects.
+
+    base: the map whose frame counts and onto which the others are laid. Without one the largest group of maps that fit
+    together is merged, in the frame of its first map; a map of another place is then in no group but its own. before:
+    alignments of an earlier merge, which save time where the maps have changed a little.
+    """
+    groups, rest = list[MergedMaps](), list(maps) if base is None else [base]
+    while rest:
+        objects, annotations = maps[rest[0]]
+        single = MergedMaps(list(objects), annotations, {rest[0]: Alignment.exact(SE2())})
+        groups.append(_grown(single, maps, rest, before or {}))
+        rest = [name for name in rest if name not in groups[-1].alignments]
+    if not groups:
+        return MergedMaps()
+    largest = max(groups, key=lambda group: (len(group.alignments), len(group.objects)))
+    return _grown(largest, maps, maps, before or {})
+
+
+def _grown(
+    group: MergedMaps, maps: Mapping[str, AnnotatedMap], names: Collection[str], before: Mapping[str, Alignment]
+) -> MergedMaps:
+    """The group with every map that fits onto it, largest first. One that does not fit may fit onto what later ones
+    add, so it is tried again.
+    """
+    waiting = sorted((name for name in names if name not in group.alignments), key=lambda name: -len(maps[name][0]))
+    refused: dict[str, str] = {}
+    for name in waiting:
+        try:
+            alignment = _aligned(group.objects, maps[name][0], before.get(name))
+        except AlignmentError as error:
+            refused[name] = str(error)
+            continue
+        objects, annotations = merge_annotated((group.objects, group.annotations), maps[name], alignment)
+        group = MergedMaps(objects, annotations, group.alignments | {name: alignment})
+    if refused and len(refused) < len(waiting):
+        return _grown(group, maps, list(refused), before)
+    return replace(group, refused=refused)
+
+
+def _aligned(first: Sequence[MapObject], second: Sequence[MapObject], before: Alignment | None) -> Alignment:
+    if before is not None and before.pairs:
+        with suppress(AlignmentError):
+            return realigned(before, first, second)
+    return align(first, second)
+
+
+def merge_annotated(
+    first: AnnotatedMap, second: AnnotatedMap, alignment: Alignment
+) -> tuple[list[MapObject], Annotations]:
+    """Two maps with what people have added, in the first one's frame. An object that a person has deleted from one map
+    is not taken from the other, unless a person has named, confirmed or corrected it there.
+    """
+    (ours, annotations), (theirs, more) = first, second
+    merged, became = merge_maps(ours, theirs, alignment)
+    first_ids, matched = {item.id for item in ours}, set(became.values())
+    removed = [moved(item, alignment) for item in more.deleted]
+    gone: set[str] = set()
+    for objects, deleted in (
+        ([item for item in merged if item.id in first_ids and item.id not in matched], removed),
+        ([item for item in merged if item.id not in first_ids], annotations.deleted),
+    ):
+        gone |= {objects[i].id for i, _ in _overlapping(objects, deleted, ())}
+    merged = [item for item in merged if item.id not in gone or item.name or item.confirmed or item.corrected]
+    taken, kept = {item.id for item in merged}, list[MapObject]()
+    for item in (*annotations.deleted, *removed):
+        kept.append(replace(item, id=_free_id(item, taken)))
+        taken.add(kept[-1].id)
+    dock = annotations.dock or (more.dock and alignment.pose_a_b @ more.dock)
+    return merged, replace(annotations.with_zones(more.zones, alignment.pose_a_b), deleted=tuple(kept), dock=dock)
+
+
+def _free_id(item: MapObject, taken: Collection[str]) -> str:
+    if item.id not in taken:
+        return item.id
+    numbers = [number for label, number in map(id_order, taken) if label == item.label]
+    return f"{item.label}-{max(numbers, default=0) + 1}"
+
+
 def _overlapping(first: Sequence[MapObject], second: Sequence[MapObject], pairs: Pairs) -> Pairs:
     """Unpaired objects of both maps, in one frame, that cannot stand side by side: nearest first, one to one."""
     paired, near = ({i for i, _ in pairs}, {j for _, j in pairs}), list[tuple[float, int, int]]()
@@ -90,9 +196,10 @@ def fused(ours: MapObject, theirs: MapObject, rule: LandmarkRule) -> MapObject:
     """One object of two sightings of it by different maps, in one frame; id and label of the first.
 
     The part of a footprint that no box shows is the same error in both maps: it does not shrink. Where the two differ
-    by more than their covariances allow (99.7 %), these are scaled until they agree (Birge ratio).
+    by more than their covariances allow (99.7 %), these are scaled until they agree (Birge ratio). What a person has
+    stated replaces the estimate.
     """
-    difference = theirs.position_m - ours.position_m
+    parts, difference = (ours, theirs), theirs.position_m - ours.position_m
     chi2 = float(difference @ np.linalg.solve(ours.covariance_m2 + theirs.covariance_m2, difference))
     if chi2 > CHI2_997:
         ours, theirs = (replace(item, covariance_m2=item.covariance_m2 * chi2 / 2.0) for item in (ours, theirs))
@@ -105,13 +212,32 @@ def fused(ours: MapObject, theirs: MapObject, rule: LandmarkRule) -> MapObject:
         covariance = min(ours.covariance_m2, theirs.covariance_m2, key=np.trace)
     count = ours.count + theirs.count
     share = ours.count / count
-    return MapObject(
-        ours.id, ours.label, own_m2 @ (a @ ours.position_m + b @ theirs.position_m), covariance,
-        share * ours.width_m + (1 - share) * theirs.width_m, share * ours.height_m + (1 - share) * theirs.height_m,
-        count, 1.0 - (1.0 - ours.confidence) * (1.0 - theirs.confidence),
-        min(ours.first_seen_s, theirs.first_seen_s), max(ours.last_seen_s, theirs.last_seen_s),
-        ours.seen_from_m + theirs.seen_from_m,
-        {label: share * ours.labels.get(label, 0.0) + (1 - share) * theirs.labels.get(label, 0.0)
-         for label in {**ours.labels, **theirs.labels}},
-        ours.name or theirs.name, ours.confirmed or theirs.confirmed,
-    )  # fmt: skip
+    labels = {
+        label: share * ours.labels.get(label, 0.0) + (1 - share) * theirs.labels.get(label, 0.0)
+        for label in {**ours.labels, **theirs.labels}
+    }
+    estimate = replace(
+        ours,
+        position_m=own_m2 @ (a @ ours.position_m + b @ theirs.position_m),
+        covariance_m2=covariance,
+        width_m=share * ours.width_m + (1 - share) * theirs.width_m,
+        height_m=share * ours.height_m + (1 - share) * theirs.height_m,
+        count=count,
+        confidence=1.0 - (1.0 - ours.confidence) * (1.0 - theirs.confidence),
+        first_seen_s=min(ours.first_seen_s, theirs.first_seen_s),
+        last_seen_s=max(ours.last_seen_s, theirs.last_seen_s),
+        seen_from_m=ours.seen_from_m + theirs.seen_from_m,
+        labels=labels,
+        name=ours.name or theirs.name,
+        confirmed=ours.confirmed or theirs.confirmed,
+    )
+    return with_stated(estimate, parts)
+
+
+def with_stated(estimate: MapObject, parts: Sequence[MapObject]) -> MapObject:
+    """The object with what a person has stated of its parts; of two statements about one value the first part's."""
+    stated: dict[str, object] = {}
+    for part in reversed(parts):
+        stated |= {name: getattr(part, name) for word in part.corrected for name in CORRECTABLE[word]}
+    words = tuple(word for word in CORRECTABLE if any(word in part.corrected for part in parts))
+    return replace(estimate, corrected=words, **stated) if words else estimate

@@ -4,7 +4,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 from edgemap.geometry.map_object import MapObject
-from edgemap.geometry.objects.edits import Annotations, Zone
+from edgemap.geometry.objects.annotations import Annotations, Zone
 
 
 def scaled_objects(objects: Sequence[MapObject], factor: float) -> list[MapObject]:

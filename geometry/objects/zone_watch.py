@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from typing import Literal
 
 from edgemap.geometry.map_object import MapObject
-from edgemap.geometry.objects.edits import Zone
+from edgemap.geometry.objects.annotations import Zone
 from edgemap.geometry.objects.queries import inside_polygon
 
 EVERY_S = 0.5  # of stream, between two looks

@@ -15,7 +15,8 @@ import msgspec
 from msgspec import Meta
 
 from edgemap.geometry.map_object import MapObject
-from edgemap.geometry.objects.edits import MAXIMUM_CORNERS, Annotations, Edit, EditError, EditKind
+from edgemap.geometry.objects.annotations import MAXIMUM_CORNERS, Annotations
+from edgemap.geometry.objects.edits import Edit, EditError, EditKind
 from edgemap.runtime.frames.disk import LineFile
 from edgemap.runtime.frames.errors import DiskError
 from edgemap.runtime.frames.reading import (

@@ -10,11 +10,7 @@ from edgemap.geometry.errors import MapError
 from edgemap.geometry.grid.occupancy_grid import OccupancyGrid
 from edgemap.geometry.grid.walls import walls_of
 from edgemap.geometry.map_object import MapObject
-from edgemap.geometry.objects.edits import (
-    NO_ANNOTATIONS,
-    Annotations,
-    Zone,
-)
+from edgemap.geometry.objects.annotations import NO_ANNOTATIONS, Annotations, Zone
 from edgemap.geometry.se2 import SE2
 from edgemap.runtime.frames.disk import write_atomically
 from edgemap.runtime.frames.reading import decode_json, read_bytes

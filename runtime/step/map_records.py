@@ -5,11 +5,7 @@ from typing import Annotated, Literal
 import msgspec
 from msgspec import Meta
 
-from edgemap.geometry.objects.edits import (
-    LONGEST_NAME,
-    MAXIMUM_CORNERS,
-    MAXIMUM_ZONES,
-)
+from edgemap.geometry.objects.annotations import LONGEST_NAME, MAXIMUM_CORNERS, MAXIMUM_ZONES
 from edgemap.geometry.se2 import SE2
 from edgemap.runtime.frames.reading import HIDDEN, Coordinate, Name, Share, Size, Stamp
 

@@ -14,8 +14,9 @@ from edgemap.geometry.grid.floor_scan import FloorScan
 from edgemap.geometry.grid.fusion import GridFusion
 from edgemap.geometry.grid.occupancy_grid import OccupancyGrid
 from edgemap.geometry.map_object import MapObject
+from edgemap.geometry.objects.annotations import NO_ANNOTATIONS, Annotations
 from edgemap.geometry.objects.crossed import is_crossed
-from edgemap.geometry.objects.edits import NO_ANNOTATIONS, Annotations, Edit, EditError, MapEdits
+from edgemap.geometry.objects.edits import Edit, EditError, MapEdits
 from edgemap.geometry.objects.floor_map import FloorMap
 from edgemap.geometry.objects.forgetting import Forgetter
 from edgemap.geometry.objects.merge import merge_maps

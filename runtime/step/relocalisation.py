@@ -4,7 +4,7 @@ from collections.abc import Generator, Sequence
 
 from edgemap.geometry.grid.occupancy_grid import OccupancyGrid
 from edgemap.geometry.map_object import MapObject
-from edgemap.geometry.objects.edits import NO_ANNOTATIONS, Annotations
+from edgemap.geometry.objects.annotations import NO_ANNOTATIONS, Annotations
 from edgemap.geometry.objects.floor_map import FloorMap
 from edgemap.geometry.registration.alignment import (
     Alignment,

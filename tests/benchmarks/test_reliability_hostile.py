@@ -1,12 +1,12 @@
-"""A few inputs of each part: names, fleet and clock hold, and a reader that errs is found."""
+"""A few inputs of each part: names and clock hold, and a reader that errs is found."""
 
 import pytest
-from reliability import clock, fleet, names
+from reliability import clock, names
 
 from edgemap.runtime.inputs.cameras import delivery
 
 
-@pytest.mark.parametrize("part", [names, fleet, clock], ids=lambda part: part.__name__.rpartition(".")[2])
+@pytest.mark.parametrize("part", [names, clock], ids=lambda part: part.__name__.rpartition(".")[2])
 def test_a_few_inputs_fail_nowhere(tmp_path, part):
     report = part.run(7, 0.001, tmp_path)
     assert report.failures == ()

@@ -13,7 +13,7 @@ from support.rooms import mapped
 
 from edgemap.cli.run_record import scale_source
 from edgemap.geometry.errors import MapError
-from edgemap.geometry.objects.edits import Annotations
+from edgemap.geometry.objects.annotations import Annotations
 from edgemap.geometry.se2 import SE2
 from edgemap.runtime.frames.errors import RunFolderError
 from edgemap.runtime.outputs.sinks.living_map import LivingMap

@@ -9,7 +9,7 @@ from support.refusal import one_line
 from support.rooms import mapped
 
 from edgemap.geometry.grid.occupancy_grid import OccupancyGrid
-from edgemap.geometry.objects.edits import NO_ANNOTATIONS
+from edgemap.geometry.objects.annotations import NO_ANNOTATIONS
 from edgemap.runtime.step.map_file import save_map
 
 

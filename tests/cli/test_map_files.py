@@ -9,7 +9,7 @@ import pytest
 from support.refusal import one_line
 from support.rooms import furnished, mapped
 
-from edgemap.geometry.objects.edits import Annotations, Zone
+from edgemap.geometry.objects.annotations import Annotations, Zone
 from edgemap.geometry.se2 import SE2
 from edgemap.runtime.frames.trajectory import tum_line
 from edgemap.runtime.step.map_file import load_annotated_map, save_map

@@ -9,7 +9,7 @@ from support.refusal import one_line
 from support.rooms import mapped
 
 from edgemap.geometry.grid.occupancy_grid import FREE, OCCUPIED, OccupancyGrid
-from edgemap.geometry.objects.edits import Annotations, Zone
+from edgemap.geometry.objects.annotations import Annotations, Zone
 from edgemap.geometry.se2 import SE2
 from edgemap.runtime.frames.trajectory import trajectory_of, tum_line
 from edgemap.runtime.step.grid_file import load_grid

@@ -11,7 +11,7 @@ from edgemap.geometry.camera.floor import FloorCamera
 from edgemap.geometry.camera.intrinsics import Intrinsics
 from edgemap.geometry.camera.mount import Mount
 from edgemap.geometry.errors import EdgemapError
-from edgemap.geometry.objects.edits import Annotations, Zone
+from edgemap.geometry.objects.annotations import Annotations, Zone
 from edgemap.geometry.se2 import SE2
 from edgemap.runtime.frames import extras
 from edgemap.runtime.frames.camera import RecoveryRule

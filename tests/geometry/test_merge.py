@@ -1,3 +1,4 @@
+import json
 import math
 from dataclasses import replace
 
@@ -7,10 +8,12 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from support.rooms import furnished, mapped, somewhere
 
-from edgemap.geometry.objects.merge import fused, merge_maps, moved
+from edgemap.geometry.objects.annotations import Annotations, Zone
+from edgemap.geometry.objects.merge import fused, merge_annotated, merge_maps, moved
 from edgemap.geometry.registration.alignment import Alignment, align
 from edgemap.geometry.se2 import SE2
 from edgemap.geometry.slam.landmarks import LandmarkRule
+from edgemap.runtime.step.map_file import map_document, read_map
 
 SURE = LandmarkRule(side_share=0.0)
 SYSTEMATIC = LandmarkRule(side_share=0.16 * math.sqrt(2.0))  # 0.08 m from one side of a chair of 0.5 m
@@ -99,3 +102,58 @@ def test_merging_a_map_with_itself_moved_changes_no_place(seed):
         assert places[item.id] == pytest.approx(item.position_m, abs=1e-6)
     for item in merged:
         assert np.linalg.eigvalsh(item.covariance_m2).min() > 0
+
+
+STATED = ("label", "position", "size", "yaw")
+
+
+def test_what_a_person_stated_of_an_object_survives_a_merge():
+    bed, measured = mapped([("bed", 2.0, 0.0)])[0], mapped([("bed", 2.3, 0.1)])[0]
+    bed = replace(
+        bed, covariance_m2=np.eye(2) * 0.0025, width_m=1.6, height_m=0.8, depth_m=2.0, yaw_rad=1.0, corrected=STATED,
+        name="my bed", confirmed=True, confidence=1.0, labels={"bed": 1.0},
+    )  # fmt: skip
+    turned = SE2(1.0, 2.0, math.pi / 2)
+    for first, second, pose in (
+        (bed, measured, SE2()), (measured, moved(bed, laid(turned.inverse(), ())), turned),
+    ):  # fmt: skip
+        (merged,), _ = merge_maps([first], [second], laid(pose, ((0, 0),)))
+        assert (merged.name, merged.confirmed, merged.confidence) == ("my bed", True, 1.0)
+        assert merged.corrected == STATED
+        assert (merged.width_m, merged.height_m, merged.depth_m) == (1.6, 0.8, 2.0)
+        assert merged.yaw_rad == pytest.approx(1.0)
+        assert merged.position_m == pytest.approx(bed.position_m)
+        assert merged.covariance_m2 == pytest.approx(bed.covariance_m2)
+        assert merged.count == bed.count + measured.count
+
+
+def test_each_statement_is_kept_for_itself_and_the_first_map_wins():
+    ours, theirs = mapped([("chair", 0.0, 0.0)])[0], mapped([("chair", 0.1, 0.0)])[0]
+    ours = replace(ours, corrected=("yaw",), yaw_rad=0.5)
+    theirs = replace(theirs, corrected=("size", "yaw"), yaw_rad=2.0, width_m=0.7, depth_m=0.6, height_m=1.1)
+    (merged,), _ = merge_maps([ours], [theirs], laid(SE2(), ((0, 0),)))
+    assert (merged.corrected, merged.yaw_rad) == (("size", "yaw"), 0.5)
+    assert (merged.width_m, merged.depth_m, merged.height_m) == (0.7, 0.6, 1.1)
+    assert merged.position_m == pytest.approx([0.05, 0.0])
+
+
+def test_deletions_zones_and_dock_of_both_maps_are_kept():
+    room = [("chair", 0.0, 0.0), ("chair", 2.0, 0.0), ("tv", 1.0, 2.0), ("bed", 4.0, 4.0), ("couch", 6.0, 0.0)]
+    first, second = mapped(room), mapped(room)
+    there = SE2(1.0, 2.0, 0.5)
+    here = laid(there, ((0, 1), (1, 2), (2, 3)))
+    second = [moved(item, laid(there.inverse(), ())) for item in second]
+    pieces = ((0.0, 0.0), (1.0, 0.0), (1.0, 1.0))
+    ours = Annotations((Zone("zone-1", "hall", pieces),), (first[0],))
+    theirs = Annotations((Zone("zone-1", "bath", pieces),), (second[4],), SE2(1.0, 0.0, 0.0))
+    merged, annotations = merge_annotated((first[1:], ours), (second[:4], theirs), here)
+    assert [item.id for item in merged] == ["bed-1", "chair-2", "tv-1"]  # each deletion holds for both maps
+    assert sorted(item.id for item in annotations.deleted) == ["chair-1", "couch-1"]
+    assert annotations.deleted[1].position_m == pytest.approx(first[4].position_m)
+    assert [(zone.id, zone.name) for zone in annotations.zones] == [("zone-1", "hall"), ("zone-2", "bath")]
+    assert annotations.dock is not None
+    assert annotations.dock.vector() == pytest.approx((there @ SE2(1.0, 0.0, 0.0)).vector())
+    named = [replace(second[0], name="grandfather's"), *second[1:4]]
+    merged, annotations = merge_annotated((first[1:], ours), (named, theirs), here)
+    assert "grandfather's" in [item.name for item in merged]
+    read_map(json.dumps(map_document(merged, annotations)).encode(), "the merged map")

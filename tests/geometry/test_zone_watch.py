@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 from support.rooms import mapped
 
-from edgemap.geometry.objects.edits import Zone
+from edgemap.geometry.objects.annotations import Zone
 from edgemap.geometry.objects.zone_watch import ZoneWatch
 
 HALL = Zone("zone-1", "hall", ((0.0, 0.0), (2.0, 0.0), (2.0, 2.0), (0.0, 2.0)))

@@ -13,10 +13,10 @@ from typing import Any
 import numpy as np
 import yaml
 
-from edgemap.bridges.fleet.network import NAME, name_of, robot_of
+from edgemap.bridges.fleet.network import NAME, checked_name
 from edgemap.bridges.mqtt.sink import topic_level
 from edgemap.geometry.map_object import MapObject
-from edgemap.geometry.objects.edits import Annotations, Zone
+from edgemap.geometry.objects.annotations import Annotations, Zone
 from edgemap.runtime.frames.errors import PublishError
 from edgemap.runtime.frames.reading import library_path, one_line, printable
 from edgemap.runtime.inputs.cameras.pictures import open_folder
@@ -67,10 +67,8 @@ def _use_path(folder: Path, data: bytes) -> None:
     for shown in (printable(name), one_line(name)):
         assert shown.isprintable(), "a name that a terminal would act on"
     assert not any(letter in topic_level(name) for letter in "+#/\0")
-    if robot_of(f"edgemap/fleet/home/robots/{name}/map") is not None:
-        assert NAME.fullmatch(name.partition("/")[0])
     with suppress(PublishError):
-        assert NAME.fullmatch(name_of(name, "robot"))
+        assert NAME.fullmatch(checked_name(name, "robot"))
     assert os.fsencode(library_path(name)) == data
     open_folder(folder / name.replace("\0", "0"), name, None, None)
 

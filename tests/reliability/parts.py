@@ -13,7 +13,6 @@ PARTS: dict[str, str] = {
     "liars": "wheels, gyro and accelerometer that lie",
     "readers": "hostile files and requests: every reader on mutated inputs",
     "names": "hostile names: files, labels, ids and zones in all that is written",
-    "fleet": "hostile robots: messages to a keeper, one liar in every merge",
     "clock": "hostile clocks: stamps that jump, stand, go back or are none",
 }
 

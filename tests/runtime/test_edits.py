@@ -9,7 +9,8 @@ from support.drives import drive, exact, observed, round_trip, sighted
 from support.rooms import furnished
 from support.seen import CAMERA
 
-from edgemap.geometry.objects.edits import NO_ANNOTATIONS, Annotations, Edit, EditError, Zone
+from edgemap.geometry.objects.annotations import NO_ANNOTATIONS, Annotations, Zone
+from edgemap.geometry.objects.edits import Edit, EditError
 from edgemap.geometry.objects.forgetting import Forgetter
 from edgemap.geometry.observations.detections import Detections
 from edgemap.geometry.se2 import SE2

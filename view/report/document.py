@@ -9,7 +9,7 @@ import numpy as np
 
 from edgemap.geometry.grid.occupancy_grid import OccupancyGrid
 from edgemap.geometry.map_object import MapObject
-from edgemap.geometry.objects.edits import NO_ANNOTATIONS, Annotations
+from edgemap.geometry.objects.annotations import NO_ANNOTATIONS, Annotations
 from edgemap.geometry.objects.evaluation_row import EvaluationRow, tally
 from edgemap.runtime.frames.colours import label_mark
 from edgemap.runtime.frames.errors import OdometryError

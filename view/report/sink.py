@@ -8,7 +8,7 @@ from typing import Any
 import cv2
 
 from edgemap.geometry.map_object import MapObject
-from edgemap.geometry.objects.edits import Annotations
+from edgemap.geometry.objects.annotations import Annotations
 from edgemap.geometry.objects.evaluation_row import EvaluationRow
 from edgemap.runtime.frames.disk import write_atomically
 from edgemap.runtime.frames.errors import CameraError

@@ -7,7 +7,7 @@ from itertools import chain
 
 from edgemap.geometry.grid.walls import Wall
 from edgemap.geometry.map_object import MapObject, radius_m
-from edgemap.geometry.objects.edits import Zone
+from edgemap.geometry.objects.annotations import Zone
 from edgemap.runtime.frames.trajectory import Trajectory
 from edgemap.runtime.outputs.mapfiles.rooms import Room
 from edgemap.runtime.step.map_file import DEFAULT_MAP_ID, object_record, object_uuid, zone_record

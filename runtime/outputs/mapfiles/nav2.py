@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from edgemap.geometry.errors import MapError
 from edgemap.geometry.map_object import MapObject, radius_m
-from edgemap.geometry.objects.edits import Zone
+from edgemap.geometry.objects.annotations import Zone
 from edgemap.runtime.frames.disk import write_atomically
 from edgemap.runtime.outputs.mapfiles.grid import FREE, MAXIMUM_CELLS, OCCUPIED, UNKNOWN, FloorCells
 from edgemap.runtime.step.map_file import DEFAULT_MAP_ID, object_uuid

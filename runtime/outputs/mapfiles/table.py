@@ -5,7 +5,7 @@ import io
 from collections.abc import Sequence
 
 from edgemap.geometry.map_object import MapObject, radius_m
-from edgemap.geometry.objects.edits import Zone
+from edgemap.geometry.objects.annotations import Zone
 from edgemap.geometry.objects.queries import inside_polygon
 from edgemap.runtime.step.map_file import map_document
 

@@ -7,7 +7,7 @@ from pathlib import Path
 
 from edgemap.geometry.grid.occupancy_grid import OccupancyGrid
 from edgemap.geometry.map_object import MapObject
-from edgemap.geometry.objects.edits import Annotations
+from edgemap.geometry.objects.annotations import Annotations
 from edgemap.geometry.se2 import SE2
 from edgemap.runtime.frames.disk import lock_folder, write_atomically
 from edgemap.runtime.frames.errors import DiskError

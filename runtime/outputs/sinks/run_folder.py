@@ -16,7 +16,7 @@ from edgemap.geometry.camera.floor import FloorCamera
 from edgemap.geometry.errors import EdgemapError
 from edgemap.geometry.grid.occupancy_grid import OccupancyGrid
 from edgemap.geometry.map_object import MapObject
-from edgemap.geometry.objects.edits import NO_ANNOTATIONS, Annotations
+from edgemap.geometry.objects.annotations import NO_ANNOTATIONS, Annotations
 from edgemap.runtime.frames.disk import LineFile, lock_folder, write_atomically
 from edgemap.runtime.frames.errors import DiskError, RunFolderError
 from edgemap.runtime.frames.frame import jpeg

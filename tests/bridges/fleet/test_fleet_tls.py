@@ -17,7 +17,7 @@ from edgemap.runtime.step.map_file import map_document
 pytest.importorskip("zenoh", reason="zenoh is not installed (extra 'fleet')")
 
 from edgemap.bridges.fleet.keeper import PlaceKeeper
-from edgemap.bridges.fleet.network import open_session, packed
+from edgemap.bridges.fleet.network import open_session
 
 DOCUMENTED = Path(__file__).parents[3] / "docs" / "fleet.md"
 
@@ -75,7 +75,7 @@ def test_only_certificates_of_the_authority_and_only_their_own_name(tmp_path, mo
             open_session().close()
         monkeypatch.setenv("ZENOH_CONFIG", str(client(port, tmp_path, "vacuum")))
         robot = open_session()
-        message = packed(map_document(mapped([("chair", 0.0, 0.0)])))
+        message = json.dumps(map_document(mapped([("chair", 0.0, 0.0)])))
         token = robot.liveliness().declare_token("edgemap/fleet/home/robots/vacuum")
         robot.put("edgemap/fleet/home/robots/other/map", message)
         end_s = time.monotonic() + 20.0

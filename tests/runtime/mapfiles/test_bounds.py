@@ -9,7 +9,7 @@ import pytest
 from support.rooms import mapped
 
 from edgemap.geometry.errors import MapError
-from edgemap.geometry.objects.edits import Annotations, Zone
+from edgemap.geometry.objects.annotations import Annotations, Zone
 from edgemap.geometry.objects.merge import merge_maps
 from edgemap.geometry.registration.alignment import Alignment, AlignmentError, align
 from edgemap.geometry.se2 import SE2

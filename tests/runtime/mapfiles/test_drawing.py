@@ -12,7 +12,7 @@ import pytest
 from edgemap.geometry.errors import MapError
 from edgemap.geometry.grid.occupancy_grid import OccupancyGrid
 from edgemap.geometry.map_object import CHI2_95, MapObject
-from edgemap.geometry.objects.edits import Zone
+from edgemap.geometry.objects.annotations import Zone
 from edgemap.geometry.se2 import SE2
 from edgemap.runtime.outputs.mapfiles.drawing import TITLE_PX, DrawnMap, _ellipse, _panels, _sheet, draw_map, map_svg
 from edgemap.runtime.outputs.mapfiles.labels import place_labels

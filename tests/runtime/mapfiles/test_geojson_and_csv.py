@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from support.rooms import mapped
 
-from edgemap.geometry.objects.edits import Zone
+from edgemap.geometry.objects.annotations import Zone
 from edgemap.geometry.se2 import SE2
 from edgemap.runtime.frames.errors import OdometryError
 from edgemap.runtime.frames.trajectory import Trajectory, trajectory_of, tum_line

@@ -8,7 +8,7 @@ import yaml
 from support.rooms import mapped
 
 from edgemap.geometry.errors import MapError
-from edgemap.geometry.objects.edits import Zone
+from edgemap.geometry.objects.annotations import Zone
 from edgemap.geometry.se2 import SE2
 from edgemap.runtime.frames.trajectory import Trajectory
 from edgemap.runtime.outputs.mapfiles.grid import (

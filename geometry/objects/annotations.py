@@ -1,0 +1,55 @@
+"""What people add to a map beside its objects: zones, deletions and the dock."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from edgemap.geometry.map_object import MapObject, id_order
+from edgemap.geometry.se2 import SE2
+
+Corners = tuple[tuple[float, float], ...]
+
+MAXIMUM_CORNERS, MAXIMUM_ZONES, LONGEST_NAME = 100, 200, 80
+
+
+@dataclass(frozen=True, slots=True)
+class Zone:
+    """A named part of the floor. corners_m: its polygon in the map frame, at least three."""
+
+    id: str
+    name: str
+    corners_m: Corners
+
+
+@dataclass(frozen=True, slots=True)
+class Annotations:
+    """Annotations of a map. deleted: objects that a person has deleted, so that they stay deleted. dock: pose of the
+    robot's base when it charges.
+    """
+
+    zones: tuple[Zone, ...] = ()
+    deleted: tuple[MapObject, ...] = ()
+    dock: SE2 | None = None
+
+    def measured(self, saved: Sequence[MapObject]) -> list[MapObject]:
+        """The measured objects of a saved map, deleted ones included, without edits."""
+        plain = {"name": "", "confirmed": False, "corrected": (), "yaw_rad": None, "depth_m": None}
+        return [replace(item, **plain) for item in (*saved, *self.deleted)]
+
+    def with_zones(self, zones: Sequence[Zone], pose_map_other: SE2) -> "Annotations":
+        """Another map's zones added, in this one's frame and with the next free ids."""
+        last = max((id_order(zone.id)[1] for zone in self.zones), default=0)
+        added = (
+            Zone(f"zone-{number}", zone.name, corners_of(pose_map_other.apply(np.array(zone.corners_m))))
+            for number, zone in enumerate(zones, last + 1)
+        )
+        return replace(self, zones=(*self.zones, *added)[:MAXIMUM_ZONES])
+
+
+NO_ANNOTATIONS = Annotations()
+
+
+def corners_of(points_m: np.ndarray) -> Corners:
+    """Points (N, 2) as the corners of a polygon."""
+    return tuple((float(x), float(y)) for x, y in points_m)
