@@ -20,6 +20,14 @@ class NetworkOptions:
     """The network and what runs it."""
 
     bundle: BundleName = None
+    names: Annotated[
+        Path | None,
+        arg(
+            metavar="FILE",
+            help="Class names of a detector's FILE.onnx that states none and has not COCO's: its data.yaml, or a text "
+            "file with one a line.",
+        ),
+    ] = None
     threads: Annotated[
         int | None,
         arg(
@@ -47,14 +55,18 @@ class NetworkOptions:
         """The bundle. specs: the sources of the run, which select the default one; standard error then names it with
         the reason. recorded: engine and precision of the run that made a recording, used where none is asked for.
         """
-        from edgemap.runtime.network.bundle import load_bundle
+        from edgemap.runtime.frames.class_names import read_class_names
+        from edgemap.runtime.frames.errors import BundleError
+        from edgemap.runtime.network.open_bundle import open_bundle
+        from edgemap.runtime.network.store import default_bundle
 
         at_least(1, threads=self.threads)
         if self.threads is not None and self.threads > MAXIMUM_THREADS:
             raise OptionError(f"--threads {self.threads}: at most {MAXIMUM_THREADS}")
         chosen = self.inference(recorded)
-        return load_bundle(
-            bundle_of(self.bundle, *specs), self.threads, chosen.precision, pace=pace, engine=chosen.engine
+        companion, names = default_bundle(*specs)[0], self.names and read_class_names(self.names, BundleError)
+        return open_bundle(
+            bundle_of(self.bundle, *specs), companion, self.threads, chosen.precision, pace, chosen.engine, names
         )
 
     def inference(self, recorded: "Inference | None" = None) -> "Inference":
@@ -86,12 +98,10 @@ def bundle_of(name: str | None, *specs: str) -> Path:
     folder = bundle_folder(name)
     if (other := passed_over(name)) is not None:
         print_message(f"bundle {name}: the one that comes with edgemap, not another of its name (--bundle {other})")
-    if folder.suffix == ".onnx" or folder.is_file():
-        made = folder.stem
-        raise OptionError(
-            f"--bundle {name}: a bundle is a folder with a contract; make one of this file with "
-            f"edgemap export --backbone {name} -o {made}, then pass --bundle {made}"
-        )
+    if folder.suffix == ".onnx" and folder.is_file():
+        return folder
+    if folder.is_file():
+        raise OptionError(f"--bundle {name}: expected a bundle's folder, its name, or a detector's FILE.onnx")
     if not (folder / "bundle.json").is_file() and not Path(name).exists():
         from edgemap.cli.pull import KNOWN, pull_known
 

@@ -13,25 +13,11 @@ from onnx import ModelProto, version_converter
 from edgemap.export.errors import ExportError
 from edgemap.export.onnx_export import default_opset
 from edgemap.export.picodet import is_picodet, picodet_contract, trim
+from edgemap.runtime.frames.class_names import COCO_NAMES, is_mapped
 from edgemap.runtime.frames.reading import one_line, read_bytes
-from edgemap.runtime.inputs.drives.yolo import COCO_NAMES
 from edgemap.runtime.network.manifest import OPSETS, ClassEntry, DetectorSpec, FeatureSpec, HeadSpec, InputSpec
 
-# They walk away.
-LIVING = frozenset({"person", "bird", "cat", "dog", "horse", "sheep", "cow", "elephant", "bear", "zebra", "giraffe"})
-
-# They lie on tables, hang, fly, or are carried: the box's lower edge is not on the floor.
-NEVER_ON_THE_FLOOR = frozenset(
-    """airplane|boat|traffic light|umbrella|handbag|tie|frisbee|skis|snowboard|sports ball|kite|baseball bat
-baseball glove|skateboard|surfboard|tennis racket|bottle|wine glass|cup|fork|knife|spoon|bowl|banana|apple|sandwich
-orange|broccoli|carrot|hot dog|pizza|donut|cake|laptop|tv|mouse|remote|keyboard|cell phone|microwave|toaster|book|clock
-scissors|teddy bear|hair drier|toothbrush""".replace("\n", "|").split("|")
-)
-
-# They stand in streets. A map of a home has none; `--classes` may name them all the same.
-OUTDOORS = frozenset({"car", "motorcycle", "bus", "train", "truck", "fire hydrant", "stop sign", "parking meter"})
-
-CLASSES = tuple(ClassEntry(name=name, mapped=name not in LIVING | NEVER_ON_THE_FLOOR | OUTDOORS) for name in COCO_NAMES)
+CLASSES = tuple(ClassEntry(name=name, mapped=is_mapped(name)) for name in COCO_NAMES)
 
 
 def class_entries(count: int) -> tuple[ClassEntry, ...]:

@@ -107,8 +107,10 @@ class SightingSums:
 def ellipse_95(covariance_m2: Array) -> tuple[float, float, float]:
     """The 95 % ellipse of a position: longer and shorter half axis, m, and yaw of the longer one, rad."""
     (xx, xy), (_, yy) = covariance_m2[:2, :2].tolist()
-    mean, apart = (xx + yy) / 2.0, math.hypot((xx - yy) / 2.0, xy)
-    long_m, short_m = (math.sqrt(CHI2_95 * max(value, 0.0)) for value in (mean + apart, mean - apart))
+    mean, half_difference = (xx + yy) / 2.0, math.hypot((xx - yy) / 2.0, xy)
+    long_m, short_m = (
+        math.sqrt(CHI2_95 * max(value, 0.0)) for value in (mean + half_difference, mean - half_difference)
+    )
     return long_m, short_m, 0.5 * math.atan2(2.0 * xy, xx - yy)
 
 

@@ -12,6 +12,6 @@ NORMAL = 1.4826  # standard deviation of a normal distribution over its median a
 
 def median_and_scatter(values: ArrayLike) -> tuple[Array, Array]:
     """Median of rows (N,) or (N, K), and the standard deviation of normal errors with the same scatter."""
-    found = np.asarray(values, dtype=np.float64)
-    middle = np.asarray(np.median(found, axis=0))
-    return middle, NORMAL * np.asarray(np.median(np.abs(found - middle), axis=0))
+    array = np.asarray(values, dtype=np.float64)
+    middle = np.asarray(np.median(array, axis=0))
+    return middle, NORMAL * np.asarray(np.median(np.abs(array - middle), axis=0))

@@ -10,9 +10,9 @@ def nearest_earlier(poses: Array, excess: int) -> dict[int, int]:
     metre: the row of each, with the row of the pose that stands for it. The first poses of a place remain."""
     if excess <= 0:
         return {}
-    apart = poses[:, None] - poses[None]
-    apart[..., 2] = np.angle(np.exp(1j * apart[..., 2]))
-    distance = np.linalg.norm(apart, axis=2)
+    difference = poses[:, None] - poses[None]
+    difference[..., 2] = np.angle(np.exp(1j * difference[..., 2]))
+    distance = np.linalg.norm(difference, axis=2)
     distance[np.triu_indices(len(poses))] = np.inf  # to earlier ones only
     into: dict[int, int] = {}
     for _ in range(excess):

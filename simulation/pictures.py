@@ -11,9 +11,10 @@ from typing import Any
 
 import numpy as np
 
+from edgemap.runtime.frames.class_names import COCO_NAMES
 from edgemap.runtime.frames.disk import write_atomically
 from edgemap.runtime.frames.frame import png
-from edgemap.runtime.inputs.drives.yolo import COCO_NAMES, write_yolo_labels
+from edgemap.runtime.inputs.drives.yolo import write_yolo_labels
 from edgemap.simulation.apartment import furniture
 from edgemap.simulation.apartment.apartment import furnish
 from edgemap.simulation.apartment.credits import PICTURES, credits_text

@@ -1,4 +1,4 @@
-"""A depth camera of its own beside the picture's, and its depth registered to the picture."""
+"""A depth camera with intrinsics and pose different from the picture's, and its depth registered to the picture."""
 
 import math
 from dataclasses import dataclass, field
@@ -26,20 +26,22 @@ class DepthRegistration:
     is what the picture shows too."""
 
     def __init__(self, camera: DepthCamera, lens: Intrinsics) -> None:
-        self._camera, self._lens, own = camera, lens, camera.intrinsics
-        v, u = np.mgrid[0 : own.height, 0 : own.width]
-        rays = own.rays(np.column_stack([u.ravel(), v.ravel()])) @ camera.rotation.T
+        self._camera, self._lens, sensor = camera, lens, camera.intrinsics
+        v, u = np.mgrid[0 : sensor.height, 0 : sensor.width]
+        rays = sensor.rays(np.column_stack([u.ravel(), v.ravel()])) @ camera.rotation.T
         self._rays = np.ascontiguousarray(rays.T, dtype=np.float32)
         # A pixel of the depth picture covers as many of the picture's, or these would have holes.
-        self._spans = math.ceil(lens.fx / own.fx - 1e-6), math.ceil(lens.fy / own.fy - 1e-6)
+        self._spans = math.ceil(lens.fx / sensor.fx - 1e-6), math.ceil(lens.fy / sensor.fy - 1e-6)
 
     def registered(self, depth: NDArray[np.float32]) -> NDArray[np.float32] | None:
         """(H, W) metres along the lens's optical axis, 0 where unknown; None for a depth picture of another size."""
-        own, lens = self._camera.intrinsics, self._lens
-        if depth.shape != (own.height, own.width):
+        sensor, lens = self._camera.intrinsics, self._lens
+        if depth.shape != (sensor.height, sensor.width):
             return None
-        known = np.flatnonzero(depth > 0.0)
-        x, y, z = self._rays[:, known] * depth.ravel()[known] + self._camera.position_m[:, None].astype(np.float32)
+        measured = np.flatnonzero(depth > 0.0)
+        x, y, z = self._rays[:, measured] * depth.ravel()[measured] + self._camera.position_m[:, None].astype(
+            np.float32
+        )
         ahead = np.flatnonzero(z > NEAREST_M)
         ideal, z = np.stack([x[ahead], y[ahead]], axis=1) / z[ahead, None], z[ahead]
         distorted = ideal if lens.distortion.is_identity else lens.distortion.distort(ideal.astype(np.float64))

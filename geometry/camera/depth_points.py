@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from edgemap.geometry.arrays import Array
 from edgemap.geometry.camera.intrinsics import Intrinsics
 
-EVERY_PX = 8  # points are taken this far apart
+EVERY_PX = 8  # spacing of the points
 PATCH_PX = 3  # half the side of the patch whose depths are one point's
 NEAREST_M, FARTHEST_M = 0.15, 6.0  # depth that these cameras measure well
 

@@ -17,10 +17,10 @@ MINIMUM_POINTS = 100
 BELOW_SHARE = 0.02  # of the points, that noise and reflections put below a floor
 NOISE_M, NOISE_PER_M = 0.01, 0.005  # of a point's height over the floor: constant, and with its depth
 BAND = 2.5  # standard deviations about a plane that count as on it
-FOLLOW_BANDS = ((0.05, 0.06), (0.03, 0.03), *[(0.0, 0.0)] * 4)  # m and rad about the expected plane, beside noise
+FOLLOW_BANDS = ((0.05, 0.06), (0.03, 0.03), *[(0.0, 0.0)] * 4)  # m and rad about the expected plane, added to noise
 CORRELATED = 30.0  # neighbouring depths err together: so many points count as one
 SURE_RAD, SURE_M = math.radians(0.4), 0.02  # a less certain plane is not returned
-QUIETEST = 0.15  # of that noise, when the plane's own points scatter less: else what stands on the floor lifts it
+QUIETEST = 0.15  # of that noise, when the points of the plane scatter less: else what stands on the floor lifts it
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -78,7 +78,7 @@ def find_floor(points_m: Array, rng: np.random.Generator, up: Array | None = Non
     """
     expected = np.array([0.0, -1.0, 0.0]) if up is None else up / np.linalg.norm(up)
     band = BAND * (NOISE_M + NOISE_PER_M * points_m[:, 2])
-    left, found = np.ones(len(points_m), dtype=bool), []
+    left, planes = np.ones(len(points_m), dtype=bool), []
     for _ in range(PLANES):
         plane = _plane(points_m[left], band[left], expected, rng, len(points_m))
         if plane is None:
@@ -88,9 +88,9 @@ def find_floor(points_m: Array, rng: np.random.Generator, up: Array | None = Non
         on = left & (np.abs(heights) < quiet * band)
         if (heights < -2.0 * band).mean() < BELOW_SHARE and height_m > 0.0:
             rms_m = float(np.sqrt((heights[on] ** 2).mean()))
-            found.append(FloorPlane(normal, height_m, rms_m, float(on.mean())))
+            planes.append(FloorPlane(normal, height_m, rms_m, float(on.mean())))
         left &= np.abs(heights) > 2.0 * band
-    return max(found, key=lambda plane: plane.height_m, default=None)
+    return max(planes, key=lambda plane: plane.height_m, default=None)
 
 
 def _plane(

@@ -1,6 +1,6 @@
 """Attitude from gyro and accelerometer: an error-state Kalman filter, one update a frame.
 
-An accelerometer measures gravity only once the camera's own acceleration averages out, and it does because velocity is
+An accelerometer measures gravity only once the camera's acceleration averages out, and it does because velocity is
 bounded: the filter integrates the velocity that its attitude implies and corrects it with odometry, or, without
 odometry, loosely towards zero. A wrong tilt makes gravity leak into that velocity, which makes the error observable.
 Odometry's yaw makes the gyro's bias about the vertical observable, which gravity does not; the mount, about which a
@@ -39,7 +39,7 @@ class InertialNoise:
     as a tilt, rad. bias_walk: rad/s. start_bias: rad/s, of a gyro that was never at rest. speed: velocity, m/s, as a
     measurement of every second. resting: at rest samples scatter less, rad/s, and odometry measures less, rad/s and
     m/s; and of a velocity by odometry. rest_window_s: over which rest is judged. turned_share: of a yaw by odometry, as
-    a share of it, beyond its own covariance: its errors last longer than a step. gap_s: between samples; what rotates
+    a share of it, beyond its covariance: its errors last longer than a step. gap_s: between samples; what rotates
     in a longer hole is not measured. hole: change of the rate in it, rad/s.
     """
 
@@ -68,8 +68,8 @@ class InertialState:
     """rotation (3, 3): optical directions into a z-up frame of unknown heading. bias (3,): of the gyro, rad/s.
     velocity (3,): m/s, z-up frame. offset (3,): of the accelerometer, m/s^2, optical axes. covariance (12, 12).
     stamp_s: up to where samples are integrated. recent: samples of the last moments. rest_s: how long the camera has
-    been at rest. before: the state one step before, without its own. calm: whether odometry measured so little motion
-    that the camera may be at rest, None without odometry."""
+    been at rest. before: the state of the step before, itself without one. calm: whether odometry measured so little
+    motion that the camera may be at rest, None without odometry."""
 
     rotation: Array
     bias: Array
@@ -130,7 +130,7 @@ def inertial_start(
     if up_optical is None:  # the offset that the mean force holds is a tilt
         mixed[:2, _OFFSET] = np.array([-rotation[1], rotation[0]]) / GRAVITY_M_S2
         return InertialState(rotation, zero, zero, zero, mixed @ covariance @ mixed.T, stamp_s, samples)
-    share = offset**2 / (offset**2 + noise.accel**2)  # beside what a second of the robot's own acceleration leaves
+    share = offset**2 / (offset**2 + noise.accel**2)  # against what a second of the robot's acceleration leaves
     covariance[_OFFSET, _OFFSET] *= 1.0 - share
     return InertialState(rotation, zero, zero, share * (force - GRAVITY_M_S2 * up), covariance, stamp_s, samples)
 
@@ -155,12 +155,12 @@ def inertial_moved(
     variance[_AXES] += [loose, loose, noise.resting**2]
     residual = displaced / span_s + axes @ [motion.x_m, motion.y_m] - (state.velocity + before.velocity) / 2.0
     moved = _corrected(state, _selected(_VELOCITY), residual, variance, learns_vertical_bias=False, robust=True)
-    own = float(covariance[2, 2]) + noise.gyro**2 * span_s + (noise.turned_share * motion.yaw_rad) ** 2
+    variance = float(covariance[2, 2]) + noise.gyro**2 * span_s + (noise.turned_share * motion.yaw_rad) ** 2
     about = np.zeros((1, STATES))
     about[0, _BIAS] = moved.up_optical
     turned_rad = _turned_rad(before.rotation, state.rotation)
     off = np.array([wrap_angle(turned_rad - motion.yaw_rad) / span_s])
-    moved = _corrected(moved, about, off, np.array([[own / span_s**2]]), learns_vertical_bias=True, robust=True)
+    moved = _corrected(moved, about, off, np.array([[variance / span_s**2]]), learns_vertical_bias=True, robust=True)
     slow = math.hypot(motion.x_m, motion.y_m) < noise.resting * span_s
     return replace(moved, calm=slow and abs(motion.yaw_rad) < noise.resting * span_s)
 
@@ -257,7 +257,7 @@ def _held(state: InertialState, span_s: float, noise: InertialNoise) -> Inertial
         return state
     state = _corrected(state, selected, -state.velocity, noise.resting**2 * np.eye(3), learns_vertical_bias=False)
     rate = state.recent.gyro_rad_s.mean(axis=0)
-    # The window's mean is nearly the same one frame later: each counts for its own share of a second.
+    # The window's mean is nearly the same one frame later: each counts for its share of a second.
     variance = noise.resting**2 / len(state.recent) / span_s * np.eye(3)
     vertical = state.calm is None
     return _corrected(state, _selected(_BIAS), rate - state.bias, variance, learns_vertical_bias=vertical)
@@ -332,15 +332,15 @@ def _integrated(
     while reach < len(rotations):  # each becomes the product of all up to it
         rotations[reach:] = rotations[:-reach] @ rotations[reach:]
         reach *= 2
-    beside = gains.copy()  # of the spans before and after each rotation
-    beside[:-1] += gains[1:]
-    gained = (gains[0] + np.einsum("nij,nj->i", rotations, beside)) / 2.0
+    adjacent = gains.copy()  # of the spans before and after each rotation
+    adjacent[:-1] += gains[1:]
+    gained = (gains[0] + np.einsum("nij,nj->i", rotations, adjacent)) / 2.0
     held_s = max(state.stamp_s - float(before.stamps_s[last]), 0.0) if len(state.recent) else 0.0
     holes = spans > noise.gap_s
     holes[0] |= held_s + spans[0] > noise.gap_s
     unseen_s3 = spans**3 / 12.0  # a Brownian bridge between the rates at both ends
     unseen_s3[0] += held_s * spans[0] ** 2 / 4.0  # the rate before the state's stamp stands for the one there
-    unseen_s3[-1] = spans[-1] ** 3 / 3.0  # no rate is known at this end
+    unseen_s3[-1] = spans[-1] ** 3 / 3.0  # no rate is measured at this end
     return rotations[-1], gained, spans[holes], float(unseen_s3[holes].sum())
 
 

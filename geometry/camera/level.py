@@ -32,9 +32,9 @@ def mount_text(
     and of the height."""
     parts = []
     if estimate is not None:
-        found = np.degrees([[mount.pitch_rad, mount.roll_rad] for mount in (configured, estimate.mount)])
+        angles = np.degrees([[mount.pitch_rad, mount.roll_rad] for mount in (configured, estimate.mount)])
         for name, before, after, sigma in zip(
-            ("pitch", "roll"), *found, np.degrees(estimate.sigma_rad[::-1]), strict=True
+            ("pitch", "roll"), *angles, np.degrees(estimate.sigma_rad[::-1]), strict=True
         ):
             parts.append(f"{name} {before:.1f} deg {sources[0]}, {after:.1f} +- {sigma:.1f} deg estimated")
     if height is not None:

@@ -92,6 +92,6 @@ def rotation_base_optical(pitch_rad: float, roll_rad: float) -> Array:
     cr, sr = math.cos(roll_rad), math.sin(roll_rad)
     pitch = np.array([[cp, 0.0, sp], [0.0, 1.0, 0.0], [-sp, 0.0, cp]])  # about y (left): x tips down
     roll = np.array([[1.0, 0.0, 0.0], [0.0, cr, -sr], [0.0, sr, cr]])  # about x (forward)
-    found = pitch @ roll @ _BASE_OPTICAL
-    found.setflags(write=False)
-    return found
+    rotation = pitch @ roll @ _BASE_OPTICAL
+    rotation.setflags(write=False)
+    return rotation

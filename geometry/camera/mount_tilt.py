@@ -14,14 +14,14 @@ from edgemap.geometry.robust import HUBER
 class MountTiltRule:
     """Standard deviations, in radians, of the measurements of a mount's angles.
 
-    given: of the configured mount; wide, so that measurements can override it. nod: of the tilt in one picture, and of
+    prior: of the configured mount; wide, so that measurements can override it. nod: of the tilt in one picture, and of
     the lens's path, against the floor; a turn has one at each end. It is twice the standard deviation of a robot that
     nods about its mount: what changes by more between pictures is carried. seen: of one view of the room's edges or of
     the floor in depth, whose neighbours repeat each other, and of an accelerometer's offset (BMI055: 70 mg, 4 degrees
     at most). lasting: common error of all measurements over a drive (homes 8301-8310: 0.2 degrees of pitch).
     """
 
-    given: float = math.radians(10.0)
+    prior: float = math.radians(10.0)
     nod: float = math.radians(0.6)
     seen: float = math.radians(1.5)
     lasting: float = math.radians(0.2)
@@ -29,8 +29,8 @@ class MountTiltRule:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class MountTilt:
-    """error_rad: of the mount as given, roll and pitch (2,), to be added to it. covariance: (2, 2) of it. measurements:
-    number of measurements by the name of their source.
+    """error_rad: of the configured mount, roll and pitch (2,), to be added to it. covariance: (2, 2) of it.
+    measurements: number of measurements by the name of their source.
     """
 
     rule: MountTiltRule
@@ -39,13 +39,13 @@ class MountTilt:
     measurements: dict[str, int] = field(default_factory=dict)
 
     @classmethod
-    def given(cls, rule: MountTiltRule) -> "MountTilt":
+    def prior(cls, rule: MountTiltRule) -> "MountTilt":
         """The prior: the configured mount without measurements."""
-        return cls(rule, np.zeros(2), np.eye(2) * rule.given**2)
+        return cls(rule, np.zeros(2), np.eye(2) * rule.prior**2)
 
     def by_direction(self, direction: Array, covariance: Array) -> "MountTilt":
         """Update with a direction of motion: a robot on wheels moves parallel to the floor. direction: (3,), unit, of
-        the lens's motion, base axes by the mount as given; covariance: (3, 3) of it.
+        the lens's motion, base axes by the configured mount; covariance: (3, 3) of it.
         """
         across = math.hypot(float(direction[0]), float(direction[1]))
         variance = float(covariance[2, 2]) + self.rule.nod**2
@@ -56,11 +56,11 @@ class MountTilt:
 
     def by_turn(self, turned_rad: Array) -> "MountTilt":
         """Update with a rotation: a robot on wheels turns about the floor's normal. turned_rad: (3,), rotation vector,
-        base axes by the mount as given.
+        base axes by the configured mount.
         """
         angle = abs(float(turned_rad[2]))
         share = abs(math.sin(angle / 2.0)) / (angle / 2.0) if angle > 0.0 else 1.0  # of the arc, its chord
-        variance, least = 2.0 * self.rule.nod**2, (angle * share * self.rule.given) ** 2
+        variance, least = 2.0 * self.rule.nod**2, (angle * share * self.rule.prior) ** 2
         if variance >= least:  # not more precise than the configured mount
             return self
         off = np.array([turned_rad[1], -turned_rad[0]])

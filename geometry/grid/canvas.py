@@ -33,10 +33,10 @@ class Canvas:
         has_room = self.include(cells)
         at, steps = self._flat(cells[has_room]), steps[has_room]
         self.odds.ravel()[at] = np.clip(self.odds.ravel()[at] + steps, self.low, self.high)
-        own = [array.ravel() for array in (self._shift, self._low, self._high)]
+        columns = [array.ravel() for array in (self._shift, self._low, self._high)]
         bounds = np.int16(self.low), np.int16(self.high)
         later = (steps, *(np.full(len(steps), bound) for bound in bounds))
-        for array, values in zip(own, after([array[at] for array in own], later), strict=True):
+        for array, values in zip(columns, after([array[at] for array in columns], later), strict=True):
             array[at] = values
 
     def take_patch(self, stamp_s: float, began: SE2) -> Patch:
@@ -44,10 +44,10 @@ class Canvas:
         at = np.flatnonzero((self._low > self.low) | (self._high < self.high))
         rows, columns = np.unravel_index(at, self.odds.shape) if len(at) else (at, at)
         cells = np.column_stack([columns, rows]).astype(np.int32) + self.first
-        own = [array.ravel() for array in (self._shift, self._low, self._high)]
-        shift, low, high = (array[at] for array in own)
+        columns = [array.ravel() for array in (self._shift, self._low, self._high)]
+        shift, low, high = (array[at] for array in columns)
         patch = Patch(stamp_s, began, cells, shift, low, high)
-        for array, value in zip(own, (0, self.low, self.high), strict=True):
+        for array, value in zip(columns, (0, self.low, self.high), strict=True):
             array[at] = value
         return patch
 

@@ -78,7 +78,7 @@ class FloorScan:
         low, high = _box(border @ rotation.T, mount.height_m, self.rule.reach_m)
         first, last = (np.floor((middle + corner) / cell_m).astype(np.int32) for corner in (low, high))
         x, y = ((np.arange(first[k], last[k] + 1) + 0.5) * cell_m - middle[k] for k in (0, 1))
-        # Optical coordinates are linear in both: no cell is projected on its own.
+        # Optical coordinates are linear in both: no cell is projected by itself.
         ahead, right, down = (
             x * rotation[0, axis] + (y * rotation[1, axis])[:, None] - mount.height_m * rotation[2, axis]
             for axis in (2, 0, 1)

@@ -83,9 +83,9 @@ class GridFusion:
         """Applies a trajectory correction to everything observed from it."""
         if self._began is not None:
             self._close_patch()
-        own = [patch for patch in self._patches if patch.stamp_s > -math.inf]
-        moves = past.moved_poses([p.stamp_s for p in own], [p.move.vector() for p in own]) if own else []
-        for patch, move in zip(own, moves, strict=True):
+        stamped = [patch for patch in self._patches if patch.stamp_s > -math.inf]
+        moves = past.moved_poses([p.stamp_s for p in stamped], [p.move.vector() for p in stamped]) if stamped else []
+        for patch, move in zip(stamped, moves, strict=True):
             patch.move = SE2(*move)
         self._moved_patches()
 
@@ -122,8 +122,8 @@ class GridFusion:
     def size_bytes(self) -> int:
         """Memory of all evidence and of the grid that is drawn."""
         kept = [*self._patches, *(patch.unscaled[0] for patch in self._patches if patch.unscaled)]
-        own = sum(len(patch) * 14 for patch in kept)
-        return own + 4 * self._canvas.odds.nbytes
+        patches = sum(len(patch) * 14 for patch in kept)
+        return patches + 4 * self._canvas.odds.nbytes
 
     def _is_due(self, pose: SE2, stamp_s: float) -> bool:
         if self._last is None:

@@ -14,7 +14,7 @@ from edgemap.geometry.se2 import SE2
 def merged_grid(
     first: OccupancyGrid | None, second: OccupancyGrid | None, pose_a_b: SE2, rule: GridRule | None = None
 ) -> OccupancyGrid | None:
-    """Two saved grids in the first one's frame, given the second one's pose `pose_a_b`; log-odds add up."""
+    """Two saved grids in the first one's frame, with the second one's pose `pose_a_b`; log-odds add up."""
     rule = rule or GridRule()
     canvas = Canvas(*step_bounds(rule))
     for saved, move in ((first, SE2()), (second, pose_a_b)):
@@ -43,9 +43,9 @@ def grid_of(canvas: Canvas, rule: GridRule, revision: int = 0) -> OccupancyGrid 
 
 def saved_patch(saved: OccupancyGrid, rule: GridRule) -> Patch:
     """A saved grid as evidence that no correction moves, by this run's cells."""
-    known = saved.log_odds != 0
-    cells = columns_rows(saved.centres_m(known), rule.cell_m)
-    steps = np.rint(saved.log_odds[known] * (UNIT / STEPS)).astype(np.int16)
+    observed = saved.log_odds != 0
+    cells = columns_rows(saved.centres_m(observed), rule.cell_m)
+    steps = np.rint(saved.log_odds[observed] * (UNIT / STEPS)).astype(np.int16)
     _, one = np.unique(cells, axis=0, return_index=True)  # where its cells are smaller than these
     low, high = (np.full(len(one), bound, np.int16) for bound in step_bounds(rule))
     return Patch(-math.inf, SE2(), cells[one], np.clip(steps[one], low, high), low, high)

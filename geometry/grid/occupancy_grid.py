@@ -41,9 +41,9 @@ class OccupancyGrid:
         cells = np.full(self.log_odds.shape, UNKNOWN, np.int8)
         free = self.log_odds < self.free_below * STEPS
         reach = max(round(BESIDE_M / self.cell_m), 1)
-        beside = np.asarray(binary_dilation(free, np.ones((3, 3), np.bool_), reach), dtype=np.bool_)
+        adjacent = np.asarray(binary_dilation(free, np.ones((3, 3), np.bool_), reach), dtype=np.bool_)
         cells[free] = FREE
-        cells[beside & (self.log_odds > self.occupied_above * STEPS)] = OCCUPIED
+        cells[adjacent & (self.log_odds > self.occupied_above * STEPS)] = OCCUPIED
         cells.setflags(write=False)
         return cells
 
@@ -58,9 +58,9 @@ class OccupancyGrid:
         points = np.asarray(points_m, dtype=np.float64).reshape(-1, 2)
         columns, rows = np.floor((points - [self.x_m, self.y_m]) / self.cell_m).astype(np.intp).T
         inside = (rows >= 0) & (columns >= 0) & (rows < self.cells.shape[0]) & (columns < self.cells.shape[1])
-        found = np.full(len(points), UNKNOWN, np.int8)
-        found[inside] = self.cells[rows[inside], columns[inside]]
-        return found
+        values = np.full(len(points), UNKNOWN, np.int8)
+        values[inside] = self.cells[rows[inside], columns[inside]]
+        return values
 
     def scaled(self, factor: float) -> "OccupancyGrid":
         """The grid times `factor` about the map's origin, in cells of the same size: each takes the nearest old one."""

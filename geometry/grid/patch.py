@@ -25,7 +25,7 @@ class Patch:
     `x -> clip(x + shift, low, high)` of its previous log-odds, all (N,). A sequence of additions, each clipped to the
     bounds, has this form, so a moved patch replays its evidence exactly. move: pose of the map frame at that time in
     the current map frame. drawn: the same at the last drawing. unscaled: the patch whose cells these are at another
-    scale, and by which factor; None where they are its own. corners: (4, 2), of the rectangle round its cells.
+    scale, and by which factor; None where they are its cells. corners: (4, 2), of the rectangle round them.
     """
 
     stamp_s: float
@@ -56,20 +56,20 @@ class Patch:
     def scaled(self, factor: float) -> "Patch":
         """All lengths times `factor`, about the map's origin: each cell takes the evidence of the first scale's cell
         there, so that many small changes round no more than one."""
-        own, total = self.unscaled or (self, 1.0)
+        unscaled, total = self.unscaled or (self, 1.0)
         total *= factor
-        first, size = own.cells.min(axis=0), np.ptp(own.cells, axis=0) + 1
+        first, size = unscaled.cells.min(axis=0), np.ptp(unscaled.cells, axis=0) + 1
         index = np.full(size, -1)
-        index[tuple((own.cells - first).T)] = np.arange(len(own))
+        index[tuple((unscaled.cells - first).T)] = np.arange(len(unscaled))
         (columns, old_columns), (rows, old_rows) = (
             _rescaled(low, count, total) for low, count in zip(first.tolist(), size.tolist(), strict=True)
         )
-        found = index[np.ix_(old_columns, old_rows)]
-        column, row = np.nonzero(found >= 0)
-        cells, at = np.column_stack([columns[column], rows[row]]).astype(np.int32), found[column, row]
+        rows_of_cell = index[np.ix_(old_columns, old_rows)]
+        column, row = np.nonzero(rows_of_cell >= 0)
+        cells, at = np.column_stack([columns[column], rows[row]]).astype(np.int32), rows_of_cell[column, row]
         began, *poses = (pose.scaled(factor) for pose in (self.began, self.move, self.drawn))
-        values = own.shift[at], own.low[at], own.high[at]
-        return Patch(self.stamp_s, began, cells, *values, *poses, unscaled=(own, total))
+        values = unscaled.shift[at], unscaled.low[at], unscaled.high[at]
+        return Patch(self.stamp_s, began, cells, *values, *poses, unscaled=(unscaled, total))
 
     def placed(self, cell_m: float) -> Cells:
         """Its cells (N, 2) in the current map; duplicates are possible."""
@@ -107,11 +107,11 @@ def joined(first: Patch, second: Patch, cell_m: float) -> Patch:
     other = placed(second.cells, first.move.inverse() @ second.move, cell_m)
     cells = np.concatenate([first.cells, other])
     keys, one_of, place = np.unique(packed(cells), return_index=True, return_inverse=True)
-    own, theirs = place[: len(first)], place[len(first) :]
+    ours, theirs = place[: len(first)], place[len(first) :]
     limits = np.iinfo(np.int16)
     shift = np.zeros(len(keys), np.int16)
     low, high = np.full(len(keys), limits.min, np.int16), np.full(len(keys), limits.max, np.int16)
-    shift[own], low[own], high[own] = first.shift, first.low, first.high
+    shift[ours], low[ours], high[ours] = first.shift, first.low, first.high
     _, one = np.unique(theirs, return_index=True)  # two cells of a turned patch may lie on one
     at, later = theirs[one], (second.shift[one], second.low[one], second.high[one])
     shift[at], low[at], high[at] = after((shift[at], low[at], high[at]), later)

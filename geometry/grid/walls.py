@@ -1,4 +1,4 @@
-"""Walls: straight segments that the occupied cells of a grid lie on, found by a Hough transform."""
+"""Walls: straight segments that the occupied cells of a grid lie on, detected by a Hough transform."""
 
 import math
 from dataclasses import dataclass
@@ -44,7 +44,7 @@ def walls_of(grid: OccupancyGrid) -> tuple[Wall, ...]:
 def fit_walls(points_m: Array, cell_m: float) -> tuple[Wall, ...]:
     """Segments through points (N, 2), one for each occupied cell: the line with most votes first, its longest parts
     taken, their points left out of all later lines."""
-    found: list[Wall] = []
+    walls: list[Wall] = []
     if len(points_m) < (fewest := _fewest(cell_m)):
         return ()
     angles = np.arange(0.0, math.pi, _step_rad(cell_m))
@@ -56,18 +56,18 @@ def fit_walls(points_m: Array, cell_m: float) -> tuple[Wall, ...]:
     left = np.ones(len(points_m), np.bool_)
     for _ in range(2 * MOST):
         at = int(votes.argmax())
-        if votes[at] < fewest or len(found) >= MOST:
+        if votes[at] < fewest or len(walls) >= MOST:
             break
         angle, offset = divmod(at, width)
         parts = _parts(points_m, left, normals[angle], (offset + low) * cell_m, cell_m)
-        taken = np.concatenate([own for _, own in parts]) if parts else np.zeros(0, np.intp)
-        found += [wall for wall, _ in parts]
+        taken = np.concatenate([cells for _, cells in parts]) if parts else np.zeros(0, np.intp)
+        walls += [wall for wall, _ in parts]
         if len(taken):
             left[taken] = False
             np.subtract.at(votes, bins[taken].ravel(), 1)
         else:
             votes[at] = 0
-    return tuple(sorted(found, key=lambda wall: -wall.length_m))
+    return tuple(sorted(walls, key=lambda wall: -wall.length_m))
 
 
 def _fewest(cell_m: float) -> int:
@@ -86,21 +86,21 @@ def _parts(
     """The long parts of one line, each with its points' rows; the line is fitted to its points first."""
     aside_m = ASIDE_CELLS * cell_m
     for _ in range(2):
-        own = np.flatnonzero(left & (np.abs(points @ normal - offset_m) <= aside_m))
-        if len(own) < _fewest(cell_m):
+        inliers = np.flatnonzero(left & (np.abs(points @ normal - offset_m) <= aside_m))
+        if len(inliers) < _fewest(cell_m):
             return []
-        middle = points[own].mean(axis=0)
-        apart = points[own] - middle
-        vector = np.linalg.eigh(apart.T @ apart)[1][:, 0]
+        middle = points[inliers].mean(axis=0)
+        offsets = points[inliers] - middle
+        vector = np.linalg.eigh(offsets.T @ offsets)[1][:, 0]
         if abs(vector @ normal) < math.cos(3.0 * _step_rad(cell_m)):
             break
         normal, offset_m = vector, float(vector @ middle)
     along = np.array([-normal[1], normal[0]])
     place = points @ along
-    own = np.flatnonzero(left & (np.abs(points @ normal - offset_m) <= aside_m))
-    own = own[np.argsort(place[own], kind="stable")]
+    inliers = np.flatnonzero(left & (np.abs(points @ normal - offset_m) <= aside_m))
+    inliers = inliers[np.argsort(place[inliers], kind="stable")]
     parts = []
-    for run in np.split(own, np.flatnonzero(np.diff(place[own]) > GAP_M) + 1):
+    for run in np.split(inliers, np.flatnonzero(np.diff(place[inliers]) > GAP_M) + 1):
         if not len(run):
             continue
         first, last = float(place[run[0]]) - cell_m / 2.0, float(place[run[-1]]) + cell_m / 2.0

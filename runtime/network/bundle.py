@@ -24,7 +24,8 @@ ENGINE_TOLERANCE: dict[Precision, float] = {"float32": 1e-3, "int8": 0.1}  # of 
 @dataclass(frozen=True, slots=True)
 class Bundle:
     """A bundle whose backbone is loaded. compute, precision (float32 or int8): of the backbone. reopen: opens it for an
-    input of so many rows."""
+    input of so many rows. companion: what floor and motion are read from where this backbone has no outputs for them.
+    """
 
     folder: Path
     manifest: Manifest
@@ -32,6 +33,7 @@ class Bundle:
     compute: Compute
     reopen: Callable[[int], Network]
     precision: Precision = "float32"
+    companion: "Bundle | None" = None
 
     @property
     def engine(self) -> Engine:

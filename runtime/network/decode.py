@@ -10,6 +10,7 @@ from edgemap.geometry.arrays import Array
 from edgemap.geometry.objects.visibility import iou
 from edgemap.geometry.observations.detections import Detections
 from edgemap.runtime.network.bundle import Bundle
+from edgemap.runtime.network.layouts import rows_of
 from edgemap.runtime.network.manifest import DetectorSpec, HeadSpec
 from edgemap.runtime.network.network import Tensors
 from edgemap.runtime.network.preprocess import Placement, Preprocessor
@@ -31,9 +32,8 @@ class Decoder:
     def __init__(
         self, detector: DetectorSpec, confidence: float = 0.3, nms_iou: float = NMS_IOU, one_name: bool = False
     ) -> None:
-        self._heads = detector.heads
+        self._detector = detector
         self._names = tuple(entry.name for entry in detector.classes)
-        self._rule = {"yolov3": _yolov3, "yolox": _yolox, "dfl": _dfl}[detector.decode]
         self._size = (detector.input.width, detector.input.height)
         self.confidence = confidence
         self.nms_iou = nms_iou
@@ -41,17 +41,25 @@ class Decoder:
 
     def __call__(self, outputs: Tensors, placement: Placement) -> Detections:
         """Boxes in picture px from the backbone's outputs, best first."""
-        parts = [self._rule(outputs[head.name], head, self.confidence, self._size) for head in self._heads]
-        centres, scores, classes = (np.concatenate(column) for column in zip(*parts, strict=True))
+        corners, scores, classes = self._candidates(outputs)
         if len(scores) == 0:
             return Detections.none(self._names)
         best = np.argsort(-scores, kind="stable")[:MAX_CANDIDATES]
-        centres, scores, classes = centres[best], scores[best], classes[best]
-        corners = np.concatenate([centres[:, :2] - centres[:, 2:] / 2.0, centres[:, :2] + centres[:, 2:] / 2.0], axis=1)
+        corners, scores, classes = corners[best], scores[best], classes[best]
         keep = suppress(corners, scores, classes, self.nms_iou)
         if self.one_name and len(set(classes[keep].tolist())) > 1:
             keep = keep[_elected(keep, corners, scores, classes)]
         return Detections(placement.to_image(corners[keep]), scores[keep], classes[keep], self._names)
+
+    def _candidates(self, outputs: Tensors) -> tuple[Array, Array, NDArray[np.int64]]:
+        """Boxes (N, 4) xyxy in px of the input with their scores and classes, before suppression."""
+        if (reading := self._detector.reading) is not None:
+            return rows_of(outputs, reading, len(self._names), self.confidence, self._size)
+        rule = {"yolov3": _yolov3, "yolox": _yolox, "dfl": _dfl}[self._detector.decode]
+        parts = [rule(outputs[head.name], head, self.confidence, self._size) for head in self._detector.heads]
+        centres, scores, classes = (np.concatenate(column) for column in zip(*parts, strict=True))
+        half = centres[:, 2:] / 2.0
+        return np.concatenate([centres[:, :2] - half, centres[:, :2] + half], axis=1), scores, classes
 
 
 def suppress(boxes: Array, scores: Array, classes: NDArray[np.int64], nms_iou: float) -> NDArray[np.int64]:

@@ -18,6 +18,7 @@ from edgemap.runtime.frames.reading import (
     Size,
     Strict,
 )
+from edgemap.runtime.network.layouts import Reading
 
 METADATA_KEY = "edgemap.contract"
 OPSETS = range(11, 24)  # what onnxruntime 1.17 and newer run
@@ -104,15 +105,16 @@ class StateSpec(Strict):
 
 class DetectorSpec(Strict):
     """The backbone file and how to read it. decode: the rule that turns heads into boxes. floor: the output that is
-    the floor mask, where it has one."""
+    the floor mask, where it has one. reading: of a file as another project exports it, whose heads need not be maps."""
 
     file: FileName
     input: InputSpec
-    decode: Literal["yolov3", "yolox", "dfl"]
+    decode: Literal["yolov3", "yolox", "dfl", "reading"]
     heads: Annotated[tuple[HeadSpec, ...], Meta(min_length=1, max_length=16)]
     features: Annotated[tuple[FeatureSpec, ...], Meta(max_length=16)]
     classes: Annotated[tuple[ClassEntry, ...], Meta(min_length=1, max_length=10_000)]
     floor: FloorSpec | None = None
+    reading: Reading | None = None
 
     def outputs(self) -> dict[str, tuple[int, ...]]:
         """Name and shape of all that the backbone gives."""
@@ -209,8 +211,9 @@ def contract_metadata(record: DetectorSpec | OdometryHead) -> str:
     """The contract in an ONNX file's metadata under `METADATA_KEY`: canonical JSON without the file name."""
     document = msgspec.to_builtins(record)
     document.pop("file")
-    if document.get("floor", "") is None:  # contracts from before there were floor heads
-        document.pop("floor")
+    for later in ("floor", "reading"):  # that contracts of before do not have
+        if document.get(later, "") is None:
+            document.pop(later)
     for volatile in ("trained", "window", "sigma_forward_m", "sigma_left_m", "sigma_yaw_rad"):
         document.pop(volatile, None)
     return json.dumps(document, sort_keys=True, separators=(",", ":"))

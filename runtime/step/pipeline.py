@@ -26,7 +26,7 @@ from edgemap.runtime.motion.height_check import HeightCheck, HeightRule
 from edgemap.runtime.motion.odometry.protocol import FramePrior, Motion, Odometry, StartsAhead
 from edgemap.runtime.motion.rest import RestMonitor, RestRule
 from edgemap.runtime.network.bundle import Bundle
-from edgemap.runtime.network.decode import Decoder
+from edgemap.runtime.network.decode import Decoder, Detector
 from edgemap.runtime.network.network import Tensors
 from edgemap.runtime.network.preprocess import Preprocessor, floor_mask
 from edgemap.runtime.step.frame_observations import FrameObservations
@@ -64,13 +64,15 @@ class Pipeline:
         self.attitude = attitude or MountAttitude(camera.mount)
         self.rule = rule or FloorRule()
         self.evidence = BoxEvidence(bundle.mapped if mapped is None else mapped, bundle.full_weight_score(confidence))
-        fitted = bundle.for_pictures(camera.intrinsics.width, camera.intrinsics.height, odometry.needs_features)
+        sensing = bundle if odometry.needs_features else bundle.companion or bundle
+        fitted = sensing.for_pictures(camera.intrinsics.width, camera.intrinsics.height, odometry.needs_features)
         self._backbone = fitted.backbone
         self._input_name = fitted.detector.input.name
         self._floor_output = fitted.detector.floor if camera.mount.platform.in_room else None
         self._preprocess = Preprocessor(fitted.detector.input)
         min_score = bundle.manifest.confidence if confidence is None else confidence
-        self._decode = Decoder(fitted.detector, min_score, one_name=True)
+        self._decode = Decoder((fitted if sensing is bundle else bundle).detector, min_score, one_name=True)
+        self._detector = None if sensing is bundle else Detector(bundle, self._decode)  # beside the companion
         self._names = bundle.names
         self._detections = Detections.none(bundle.names)  # of the last picture that was searched
         self._floor: FloorMask | None = None  # of that picture
@@ -94,13 +96,15 @@ class Pipeline:
             at_rest, health = self._rest.judge(frame, health, still, self._moved, attitude.rotation)
         motion = self._motion_without_picture(frame.stamp_s, health, attitude, at_rest)
         prior = FramePrior(attitude, health.covered)
-        searched = not at_rest and self._searches(frame, health)
-        outputs = self._search(frame, prior, motion is None) if searched else {}
+        viewed = not at_rest and self._is_informative(health)
+        searched = viewed and (frame.search or self.odometry.needs_features)
+        sensed = searched or (viewed and self._detector is not None)
+        outputs = self._sense(frame, prior, motion is None) if sensed else {}
         motion = motion or self._motion_by_picture(frame, outputs, prior)
         with stage("attitude"):
             camera = self.camera.at(attitude_after(self.attitude, attitude, motion))
         boxes = self._detections if searched or at_rest else Detections.none(self._names)
-        floor, depth = (self._floor, SparseDepth.of(frame.depth)) if searched else (None, None)
+        floor, depth = (self._floor, SparseDepth.of(frame.depth)) if sensed else (None, None)
         if searched:
             with stage("floor"):
                 sightings = sightings_of(
@@ -127,7 +131,7 @@ class Pipeline:
             worktop=searched and is_worktop(floor, boxes),
         )
 
-    def _search(self, frame: Frame, prior: FramePrior, measures: bool) -> Tensors:
+    def _sense(self, frame: Frame, prior: FramePrior, measures: bool) -> Tensors:
         """The backbone's outputs. Keeps boxes and floor mask. measures: whether the picture measures the motion."""
         stage = self._watch.stage
         with stage("preprocess"):
@@ -137,7 +141,10 @@ class Pipeline:
         with stage("decode"):
             if measures:
                 self._begin_odometry(frame, outputs, prior)  # its network runs while this thread decodes
-            self._detections = self._decode(outputs, placement)
+            if self._detector is None:
+                self._detections = self._decode(outputs, placement)
+            elif frame.search:
+                self._detections = self._detector(frame.image)
         with stage("floor_mask"):
             self._floor = floor_mask(outputs, placement, self._floor_output)
         return outputs
@@ -165,13 +172,11 @@ class Pipeline:
             self._since_view, self._moved = SE2(), motion.moved()
         return motion
 
-    def _searches(self, frame: Frame, health: PictureHealth) -> bool:
-        """Whether the backbone runs: not on a blind picture, but for a repeated one of the same view, and not one
-        that `--rate` leaves out and the odometry can do without."""
+    def _is_informative(self, health: PictureHealth) -> bool:
+        """Whether networks run: not on a blind picture, but on a repeated one of the same view."""
         since = self._since_view
         same_view = math.hypot(since.x_m, since.y_m) < SAME_VIEW_M and abs(since.yaw_rad) < SAME_VIEW_RAD
-        informative = not health.blind or (health.stale and same_view)
-        return informative and (frame.search or self.odometry.needs_features)
+        return not health.blind or (health.stale and same_view)
 
     def _check_size(self, frame: Frame) -> None:
         height, width = frame.image.shape[:2]

@@ -134,7 +134,8 @@ def build_slam(
     options, config = options or SlamOptions(), config or Config()
     spec, untrained = options.odometry, options.allow_untrained
     wheels, rules, health, tilt = options.wheels, config.odometry, config.health, config.attitude.check.tilt
-    odometry = open_odometry(spec, bundle, camera, floor, untrained, wheels, rules, health, tilt)
+    moving = bundle if spec == "paper" else bundle.companion or bundle
+    odometry = open_odometry(spec, moving, camera, floor, untrained, wheels, rules, health, tilt)
     pipeline = Pipeline(
         bundle,
         floor,

@@ -98,11 +98,11 @@ def test_the_lens_of_a_camera_file_is_doubted_as_a_given_one(capsys, tmp_path):
     assert capsys.readouterr().err == ""
 
 
-def test_an_onnx_file_is_told_to_become_a_bundle(capsys, tmp_path):
+def test_an_onnx_file_that_is_no_model_is_refused_by_its_name(capsys, tmp_path):
     (tmp_path / "net.onnx").write_bytes(b"")
     code, line = answer(capsys, "run", "--bundle", tmp_path / "net.onnx", "--out", tmp_path / "run")
-    assert code == 2
-    assert "net.onnx -o net, then pass --bundle net" in line
+    assert code == 1
+    assert "net.onnx" in line
 
 
 def test_names_that_are_nearly_right(capsys, tmp_path):

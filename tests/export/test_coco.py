@@ -1,5 +1,5 @@
-from edgemap.export.adopt import CLASSES, LIVING, NEVER_ON_THE_FLOOR, class_entries
-from edgemap.runtime.inputs.drives.yolo import COCO_NAMES
+from edgemap.export.adopt import CLASSES, class_entries
+from edgemap.runtime.frames.class_names import COCO_NAMES, LIVING, NEVER_ON_THE_FLOOR
 
 
 def test_every_excluded_name_is_a_class():

@@ -50,7 +50,7 @@ def test_points_that_move_by_themselves_do_not_count():
 def test_motion_and_turns_on_a_floor_give_pitch_and_roll(pitch_deg, roll_deg):
     given, true = Mount.from_degrees(0.5, 10.0), Mount.from_degrees(0.5, 10.0 + pitch_deg, roll_deg)
     by_given = given.rotation_base_optical() @ true.rotation_base_optical().T  # of base directions, as they are seen
-    tilt = MountTilt.given(MountTiltRule())
+    tilt = MountTilt.prior(MountTiltRule())
     for _ in range(20):
         tilt = tilt.by_direction(by_given @ [1.0, 0.0, 0.0], np.eye(3) * 1e-4)
     assert math.degrees(tilt.error_rad[1]) == pytest.approx(pitch_deg, abs=0.1)
@@ -64,10 +64,10 @@ def test_motion_and_turns_on_a_floor_give_pitch_and_roll(pitch_deg, roll_deg):
 def test_the_covariance_is_that_of_an_information_filter():
     """Directions ahead and to the left, up by edges, and a turn of 1 rad, with the standard deviations of the rule."""
     rule, flat = MountTiltRule(), np.array([0.6, 0.8, 0.0])
-    tilt = MountTilt.given(rule).by_direction(np.array([1.0, 0.0, 0.0]), np.eye(3) * 1e-4)
+    tilt = MountTilt.prior(rule).by_direction(np.array([1.0, 0.0, 0.0]), np.eye(3) * 1e-4)
     tilt = tilt.by_direction(flat, np.eye(3) * 1e-4).by_up("edges", np.zeros(2))
     slope = np.array([[0.0, 1.0], [-0.8, 0.6]])
-    expected = np.eye(2) / rule.given**2 + slope.T @ slope / (1e-4 + rule.nod**2) + np.eye(2) / rule.seen**2
+    expected = np.eye(2) / rule.prior**2 + slope.T @ slope / (1e-4 + rule.nod**2) + np.eye(2) / rule.seen**2
     np.testing.assert_allclose(np.linalg.inv(tilt.covariance), expected, rtol=1e-9)
     chord = math.sin(0.5) / 0.5
     expected += np.eye(2) * chord**2 / (2.0 * rule.nod**2)
@@ -76,7 +76,7 @@ def test_the_covariance_is_that_of_an_information_filter():
 
 
 def test_one_wrong_witness_among_many_counts_little():
-    tilt = MountTilt.given(MountTiltRule())
+    tilt = MountTilt.prior(MountTiltRule())
     for _ in range(10):
         tilt = tilt.by_up("edges", np.radians([0.2, 1.0]))
     wrong = tilt.by_up("edges", np.radians([15.0, -20.0]))

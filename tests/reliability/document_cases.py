@@ -19,6 +19,7 @@ from edgemap.geometry.objects import queries
 from edgemap.geometry.objects.merge import merge_maps
 from edgemap.geometry.registration.alignment import align
 from edgemap.runtime.frames.camera import Camera
+from edgemap.runtime.frames.class_names import COCO_NAMES
 from edgemap.runtime.frames.errors import CameraError, CameraFault
 from edgemap.runtime.frames.trajectory import read_tum
 from edgemap.runtime.inputs.cameras.pictures import drive_camera
@@ -27,7 +28,7 @@ from edgemap.runtime.inputs.drives.camera_yaml import read_camera_yaml
 from edgemap.runtime.inputs.drives.pose_files import read_matrices, read_stamps, read_tum_3d
 from edgemap.runtime.inputs.drives.sensor_csv import read_imu_csv, read_wheel_csv
 from edgemap.runtime.inputs.drives.truth import read_boxes, read_objects
-from edgemap.runtime.inputs.drives.yolo import COCO_NAMES, label_table
+from edgemap.runtime.inputs.drives.yolo import label_table
 from edgemap.runtime.outputs.mapfiles.geojson import geojson_text
 from edgemap.runtime.outputs.mapfiles.grid import grid_of
 from edgemap.runtime.outputs.mapfiles.nav2 import vector_text

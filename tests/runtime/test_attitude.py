@@ -135,7 +135,7 @@ def test_a_real_flight_is_levelled_within_a_degree_and_keeps_its_heading_to_a_de
     assert drive.imu is not None
     assert drive.attitudes is not None
     assert drive.truth is not None
-    noise, given_rad, state, last_s = InertialNoise(), MountTiltRule().given, None, -math.inf
+    noise, given_rad, state, last_s = InertialNoise(), MountTiltRule().prior, None, -math.inf
     found, true, turned_rad, rate_hz = [], [], [], 20.0
     for end_s in np.arange(0.05, drive.imu.stamps_s[-1], 1.0 / rate_hz):
         part, last_s = drive.imu.between(last_s, end_s), end_s
@@ -218,7 +218,7 @@ def test_first_samples_are_held_against_the_mount_as_far_as_it_may_be_wrong(give
     mount, looks = Mount.from_degrees(0.5, 10.0), Mount.from_degrees(0.5, 25.0)
     stamps, up = np.arange(0.0, 0.5, 0.005), looks.rotation_base_optical().T @ [0.0, 0.0, 9.81]
     samples = ImuSamples(stamps, np.zeros((len(stamps), 3)), np.tile(up, (len(stamps), 1)))
-    rule = AttitudeRule(check=MountRule(tilt=MountTiltRule(given=math.radians(given_deg))))
+    rule = AttitudeRule(check=MountRule(tilt=MountTiltRule(prior=math.radians(given_deg))))
     source = InertialAttitude(mount, MountAttitude(mount), rule)
     found = source.predict(next(iter(frames_of(samples, 10.0))))
     assert math.degrees(found.pitch_rad) == pytest.approx(begins_deg, abs=2.0)

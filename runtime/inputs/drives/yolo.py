@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from edgemap.runtime.frames.class_names import COCO_NAMES
 from edgemap.runtime.frames.errors import CameraError
 from edgemap.runtime.frames.number_rows import Column, NumberTable, columns
 from edgemap.runtime.frames.reading import read_bytes
@@ -18,15 +19,6 @@ from edgemap.runtime.inputs.drives.pictures import list_pictures, read_picture
 from edgemap.runtime.inputs.drives.pose_files import check_count
 from edgemap.runtime.inputs.drives.truth import read_boxes
 
-# The 80 class names of COCO, in the order every YOLO numbers them.
-COCO_NAMES = tuple(
-    """person|bicycle|car|motorcycle|airplane|bus|train|truck|boat|traffic light|fire hydrant|stop sign|parking meter
-bench|bird|cat|dog|horse|sheep|cow|elephant|bear|zebra|giraffe|backpack|umbrella|handbag|tie|suitcase|frisbee|skis
-snowboard|sports ball|kite|baseball bat|baseball glove|skateboard|surfboard|tennis racket|bottle|wine glass|cup|fork
-knife|spoon|bowl|banana|apple|sandwich|orange|broccoli|carrot|hot dog|pizza|donut|cake|chair|couch|potted plant|bed
-dining table|toilet|tv|laptop|mouse|remote|keyboard|cell phone|microwave|oven|toaster|sink|refrigerator|book|clock
-vase|scissors|teddy bear|hair drier|toothbrush""".replace("\n", "|").split("|")
-)
 LABEL_BYTES = 4 << 20
 CLASS_LIMIT = 10_000
 LABEL_SCORE = 0.45  # of a predicted box that is a label; from DOUBT_SCORE on it is neither object nor background

@@ -62,7 +62,7 @@ class CheckedMount:
         self._mount, self._in_room = camera.mount, camera.mount.platform.in_room
         self._given = np.array([self._mount.roll_rad, self._mount.pitch_rad])
         self._to_base = self._mount.rotation_base_optical()
-        self._tilt = MountTilt.given(self._rule.tilt)
+        self._tilt = MountTilt.prior(self._rule.tilt)
         self._estimated: MountEstimate | None = None
         self._wrong, self._corrected = np.zeros(2, dtype=bool), np.zeros(2)  # which angle is wrong, and by how much
         self._correct = self._mount
@@ -163,7 +163,7 @@ class CheckedMount:
     def _void(self) -> None:
         """A camera that is carried has no mount: what it showed is void, unless the mount was known before."""
         if not self._settled:
-            self._tilt = MountTilt.given(self._rule.tilt)
+            self._tilt = MountTilt.prior(self._rule.tilt)
 
     def _measure(self, attitude: Attitude) -> None:
         """Take in gravity and the floor in a depth picture."""

@@ -115,7 +115,7 @@ class InertialAttitude:
         edges = [*np.arange(first_s + START_S, stamp_s - 1e-6, START_S).tolist(), stamp_s]
         first = samples.between(-math.inf, edges[0])
         edges = [before_s, stamp_s] if reaches else edges
-        given_rad = self._rule.check.tilt.given  # the first samples err by no more than a mount
+        given_rad = self._rule.check.tilt.prior  # the first samples err by no more than a mount
         state, rotation = inertial_start(first, edges[0], noise, given_rad), None
         self._rate2, self._judged_s = 0.0, 0.0
         self._nodded(state, first, START_S)

@@ -31,7 +31,7 @@ class PicturesAttitude:
     The weight of the mount falls with the camera's rate of nodding. For a mounted camera `predict` gives the mount's
     angles: the odometry estimates its nods itself, starting from those. A carried camera has them too, until edges or
     depth show its tilt so well that the mount's error is clear.
-    tilt: a carried camera is about the mount's angles to `tilt.given`, a robot's to half of `tilt.nod`. rotation_share:
+    tilt: a carried camera is about the mount's angles to `tilt.prior`, a robot's to half of `tilt.nod`. rotation_share:
     as of `AttitudeRule`.
     """
 
@@ -39,7 +39,7 @@ class PicturesAttitude:
 
     def __init__(self, mount: Mount, tilt: MountTiltRule | None = None, rotation_share: float = ROTATION_SHARE) -> None:
         tilt = tilt or MountTiltRule()
-        self._carried_rad, self._nodding_rad, self._rotation_share = tilt.given, tilt.nod / 2.0, rotation_share
+        self._carried_rad, self._nodding_rad, self._rotation_share = tilt.prior, tilt.nod / 2.0, rotation_share
         self.correct_mount(mount)
         self.reset("start")
 
@@ -114,7 +114,7 @@ class PicturesAttitude:
         self._tilt = Tilt.about(self._mounted, self._nodding_rad)
 
     def _known(self) -> bool:
-        """Whether this tilt would clearly show an error of the mount of `tilt.given`."""
+        """Whether this tilt would clearly show an error of the mount of `tilt.prior`."""
         return CLEAR_SIGMAS * self._tilt.sigma_rad() < self._carried_rad
 
     def _unseen(self) -> Tilt:

@@ -29,7 +29,7 @@ class WindowOdometry(CornerOdometry):
 
     Pitch, roll and height of each keyframe are estimated together with the motion, so an error of the given attitude
     hardly changes the length of a step. Where a frame has depth, the inverse depths of its corners are measured.
-    tilt: a carried camera is about the mount's angles to `tilt.given`.
+    tilt: a carried camera is about the mount's angles to `tilt.prior`.
     """
 
     def __init__(
@@ -42,7 +42,7 @@ class WindowOdometry(CornerOdometry):
     ) -> None:
         window, unit_m = window or WindowRule(), camera.mount.platform.unit_m
         self._window_rule = replace(window, depth_sigma=unit_m * window.depth_sigma)
-        self._carried_rad = (tilt or MountTiltRule()).given
+        self._carried_rad = (tilt or MountTiltRule()).prior
         # Not refined by detail: what is carried turns fast, and large turns need large structures.
         super().__init__(camera, rule, coasting, tilt, detail=False, returning=True)
         self.reset("start")

@@ -18,7 +18,7 @@ from edgemap.export.detector.train import Trainer  # noqa: E402
 from edgemap.export.detector.validate import blend, choose_blend  # noqa: E402
 from edgemap.export.errors import ExportError  # noqa: E402
 from edgemap.export.settings import DetectorSettings  # noqa: E402
-from edgemap.runtime.inputs.drives.yolo import COCO_NAMES  # noqa: E402
+from edgemap.runtime.frames.class_names import COCO_NAMES  # noqa: E402
 
 CLASSES = ("chair", "couch")
 CHAIR, COUCH = map(COCO_NAMES.index, CLASSES)

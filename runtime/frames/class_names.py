@@ -1,0 +1,69 @@
+"""Names of a detector's classes: COCO's by number, those of a file, and which of them a map of a home shows."""
+
+from pathlib import Path
+
+import yaml
+
+from edgemap.geometry.errors import EdgemapError
+from edgemap.runtime.frames.reading import one_line, read_text
+
+NAMES_BYTES = 1 << 20
+
+# The 80 class names of COCO, in the order every YOLO numbers them.
+COCO_NAMES = tuple(
+    """person|bicycle|car|motorcycle|airplane|bus|train|truck|boat|traffic light|fire hydrant|stop sign|parking meter
+bench|bird|cat|dog|horse|sheep|cow|elephant|bear|zebra|giraffe|backpack|umbrella|handbag|tie|suitcase|frisbee|skis
+snowboard|sports ball|kite|baseball bat|baseball glove|skateboard|surfboard|tennis racket|bottle|wine glass|cup|fork
+knife|spoon|bowl|banana|apple|sandwich|orange|broccoli|carrot|hot dog|pizza|donut|cake|chair|couch|potted plant|bed
+dining table|toilet|tv|laptop|mouse|remote|keyboard|cell phone|microwave|oven|toaster|sink|refrigerator|book|clock
+vase|scissors|teddy bear|hair drier|toothbrush""".replace("\n", "|").split("|")
+)
+# COCO's category numbers that no category has: detectors with 91 outputs count by category, 0 is the background.
+UNUSED_CATEGORIES = frozenset({0, 12, 26, 29, 30, 45, 66, 68, 69, 71, 83})
+
+
+def _categories() -> tuple[str, ...]:
+    names = iter(COCO_NAMES)
+    return tuple(f"unused {number}" if number in UNUSED_CATEGORIES else next(names) for number in range(91))
+
+
+COCO_91 = _categories()
+
+# They walk away.
+LIVING = frozenset({"person", "bird", "cat", "dog", "horse", "sheep", "cow", "elephant", "bear", "zebra", "giraffe"})
+
+# They lie on tables, hang, fly, or are carried: the box's lower edge is not on the floor.
+NEVER_ON_THE_FLOOR = frozenset(
+    """airplane|boat|traffic light|umbrella|handbag|tie|frisbee|skis|snowboard|sports ball|kite|baseball bat
+baseball glove|skateboard|surfboard|tennis racket|bottle|wine glass|cup|fork|knife|spoon|bowl|banana|apple|sandwich
+orange|broccoli|carrot|hot dog|pizza|donut|cake|laptop|tv|mouse|remote|keyboard|cell phone|microwave|toaster|book|clock
+scissors|teddy bear|hair drier|toothbrush""".replace("\n", "|").split("|")
+)
+
+# They stand in streets. A map of a home has none; `--classes` may name them all the same.
+OUTDOORS = frozenset({"car", "motorcycle", "bus", "train", "truck", "fire hydrant", "stop sign", "parking meter"})
+
+
+def is_mapped(name: str) -> bool:
+    """Whether a class goes on the map by default: none of COCO's that live, lie on tables or stand in streets."""
+    return name not in LIVING | NEVER_ON_THE_FLOOR | OUTDOORS and not name.startswith("unused ")
+
+
+def read_class_names(path: Path, error: type[EdgemapError]) -> tuple[str, ...]:
+    """Names by class number: `names` of a data.yaml (a list, or numbers to names), or a text file with one a line.
+
+    Raises `error` where there are none.
+    """
+    text = read_text(path, NAMES_BYTES, error)
+    names: object = [line.strip() for line in text.splitlines() if line.strip()]
+    if path.suffix in (".yaml", ".yml"):
+        try:
+            document = yaml.safe_load(text)
+        except (yaml.YAMLError, ValueError, RecursionError) as why:
+            raise error(f"{path}: no YAML ({one_line(why)})") from None
+        names = document.get("names") if isinstance(document, dict) else None
+        if isinstance(names, dict):
+            names = list(names.values()) if sorted(names) == list(range(len(names))) == list(names) else None
+    if not isinstance(names, list) or not names or not all(isinstance(name, str) and name for name in names):
+        raise error(f"{path}: no class names: a data.yaml has `names: [chair, …]`, a text file one name a line")
+    return tuple(one_line(name, 100) for name in names)

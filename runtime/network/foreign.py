@@ -1,0 +1,328 @@
+"""Detectors as other projects export them: an ONNX file's input and outputs are recognised on pictures whose boxes are
+known."""
+
+import ast
+import json
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from importlib.resources import files
+from pathlib import Path
+from typing import Any
+
+import cv2
+import msgspec
+import numpy as np
+import onnxruntime as ort
+from numpy.typing import NDArray
+
+from edgemap.geometry.objects.visibility import iou
+from edgemap.runtime.frames.class_names import COCO_91, COCO_NAMES, is_mapped
+from edgemap.runtime.frames.errors import BundleError
+from edgemap.runtime.frames.reading import decode_json, library_path, one_line, print_message, read_bytes
+from edgemap.runtime.network.bundle import Bundle
+from edgemap.runtime.network.compute import Pace, compute_at
+from edgemap.runtime.network.engines import PROVIDERS, session_options
+from edgemap.runtime.network.layouts import FORMS, Arrays, Layout, Reading, classes_in, in_unit, layouts, parts, rows_of
+from edgemap.runtime.network.manifest import ClassEntry, DetectorSpec, HeadSpec, InputSpec, Manifest
+from edgemap.runtime.network.manifest_file import FORMAT, MANIFEST_BYTES, sha256_file
+from edgemap.runtime.network.network import Compute, Network
+from edgemap.runtime.network.preprocess import Placement, Preprocessor
+
+Scaling = Mapping[str, Any]
+MEAN, STD = (0.485, 0.456, 0.406), (0.229, 0.224, 0.225)  # of ImageNet
+RGB: Scaling = {"colour": "rgb", "scale": 1 / 255}
+RGB_255: Scaling = {"colour": "rgb", "scale": 1.0}
+SCALINGS: tuple[Scaling, ...] = (
+    RGB,
+    {"colour": "rgb", "scale": 1 / 255, "mean": MEAN, "std": STD},
+    {"colour": "bgr", "scale": 1.0},
+    {"colour": "bgr", "scale": 1 / 255, "mean": MEAN[::-1], "std": STD[::-1]},
+    RGB_255,
+)
+RESIZES = ("letterbox", "letterbox_topleft", "stretch")
+STRETCHED: frozenset[Layout] = frozenset({"queries", "lists", "bin rows", "bin levels", "label score box rows"})
+FREE_SIDE_PX = 640  # of an input whose sides are open and that states none
+MASKS, KEYPOINTS = 32, 51  # values behind the classes of a segmentation and of a pose file of Ultralytics
+PROBES = (270, 370, 420)  # frames of the demo: chairs, a couch, a plant that detectors of photographs recognise
+PROBE_LABELS, PROBE_VISIBLE, PROBE_AREA_PX2 = frozenset({"chair", "couch", "potted plant"}), 0.6, 2000.0
+MINIMUM_SCORE, OVERLAP = 0.25, 0.5  # of a box of a probe, and with the true one
+CLEARLY = 0.9  # of the best reading's agreement; from there on the family's usual one is taken
+EVERYWHERE = 0.9  # share of the picture that a box of a wrong reading covers
+SHARES = 2.0  # coordinates of the strongest boxes up to this are shares of the input, not pixels
+
+
+@dataclass(frozen=True, slots=True)
+class Recognised:
+    """How a file is read, and what shows it.
+
+    agreement: sum of the scores of boxes that cover known boxes of the probes, of which there are `known`, under their
+    label; 0 of 0 for a detector of other classes. everywhere: most of its boxes are the whole picture.
+    """
+
+    input: InputSpec
+    reading: Reading
+    names: tuple[str, ...]
+    agreement: float
+    known: int
+    everywhere: bool
+
+    def __str__(self) -> str:
+        spec, reading = self.input, self.reading
+        scale = "0..255" if spec.scale == 1.0 else "0..1 normalised" if any(spec.mean) else "0..1"
+        scores = {"none": "probabilities", "sigmoid": "logits", "softmax": "logits of a softmax"}[reading.activation]
+        proof = f"score {self.agreement:.1f} on {self.known} known boxes" if self.known else "no known boxes to check"
+        return (
+            f"{reading.layout}, {reading.form}{' as shares' if reading.share else ''}, {scores}; {spec.colour.upper()} "
+            f"{scale}, {spec.resize} {spec.width}x{spec.height}; {len(self.names)} classes; {proof}"
+        )
+
+
+class ForeignFile:
+    """An ONNX file of another project: its picture in whatever order and type, its other inputs filled in."""
+
+    def __init__(self, path: Path, compute: Compute) -> None:
+        """Raises BundleError where it does not load or has no input for a picture."""
+        self.path = path
+        try:
+            options = session_options(compute)
+            self._session = ort.InferenceSession(library_path(path), options, providers=PROVIDERS, enable_fallback=0)
+        except Exception as error:  # onnxruntime's exceptions share no public base
+            why = one_line(str(error).removeprefix("[ONNXRuntimeError] : "), 160)
+            raise BundleError(f"{path}: not a model that onnxruntime loads ({why})") from None
+        self.metadata: dict[str, str] = self._session.get_modelmeta().custom_metadata_map
+        inputs = self._session.get_inputs()
+        pictures = [one for one in inputs if len(one.shape) in (3, 4) and 3 in (one.shape[-1], one.shape[-3])]
+        if len(pictures) != 1:
+            shapes = ", ".join(f"{one.name} {one.shape}" for one in inputs)
+            raise BundleError(f"{path}: expected one input for a picture of 3 channels, its inputs are {shapes}")
+        (self.picture,) = pictures
+        self._last = self.picture.shape[-3] != 3  # channels last, as TensorFlow has them
+        self.type = {"tensor(uint8)": np.uint8, "tensor(float16)": np.float16}.get(self.picture.type, np.float32)
+        sides = self.picture.shape[-3:-1] if self._last else self.picture.shape[-2:]
+        stated = _literal(self.metadata.get("imgsz", ""))
+        usual = stated if isinstance(stated, list) and len(stated) == 2 else [FREE_SIDE_PX] * 2
+        self.height, self.width = (
+            side if isinstance(side, int) and side > 0 else int(free) for side, free in zip(sides, usual, strict=True)
+        )
+        self._others = {one.name: self._filled(one) for one in inputs if one is not self.picture}
+        self.outputs = tuple(one.name for one in self._session.get_outputs())
+
+    def _filled(self, one: Any) -> NDArray:
+        """What exports take beside the picture: the size that boxes are wanted in, or how the picture was scaled."""
+        kind = np.int64 if "int64" in one.type else np.int32 if "int32" in one.type else np.float32
+        if "scale" in one.name:
+            return np.ones((1, 2), kind)
+        if len(one.shape) == 2 and one.shape[1] == 2:
+            sides = (self.width, self.height) if "orig" in one.name else (self.height, self.width)
+            return np.array([sides], kind)
+        raise BundleError(f"{self.path}: input {one.name} {one.shape} is not known; export the file without it")
+
+    def run(self, tensor: NDArray[np.float32]) -> dict[str, NDArray]:
+        """All outputs by name, of a tensor (1, 3, height, width). Raises BundleError."""
+        shaped = tensor.transpose(0, 2, 3, 1) if self._last else tensor
+        shaped = (np.rint(shaped) if self.type is np.uint8 else shaped).astype(self.type)
+        shaped = shaped if len(self.picture.shape) == 4 else shaped[0]
+        try:
+            outputs = self._session.run(None, {self.picture.name: shaped, **self._others})
+        except Exception as error:  # as above
+            raise BundleError(f"{self.path}: the network fails as it runs ({one_line(error, 160)})") from None
+        arrays = [np.asarray(array) for array in outputs]
+        halves = [array.astype(np.float32) if array.dtype == np.float16 else array for array in arrays]
+        return dict(zip(self.outputs, halves, strict=True))
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Probe:
+    """A picture of the package with boxes (N, 4) xyxy px that detectors of photographs find, and their labels."""
+
+    image: NDArray[np.uint8]
+    boxes: NDArray[np.float64]
+    labels: tuple[str, ...]
+
+
+Answers = list[tuple[Probe, Arrays, Placement]]
+
+
+def probes() -> Iterator[Probe]:
+    """The pictures of the demo on which foreign files are tried."""
+    folder = Path(str(files("edgemap.runtime.inputs.demo")))
+    frames = json.loads((folder / "boxes.json").read_bytes())["frames"]
+    video = cv2.VideoCapture(str(folder / "video.mp4"))
+    for number in PROBES:
+        video.set(cv2.CAP_PROP_POS_FRAMES, number)
+        picture = np.asarray(video.read()[1], np.uint8)
+        clear = [one for one in frames[number] if one["visible"] >= PROBE_VISIBLE and one["label"] in PROBE_LABELS]
+        boxes = np.array([one["box"] for one in clear], dtype=np.float64).reshape(-1, 4)
+        large = np.prod(boxes[:, 2:] - boxes[:, :2], axis=1) >= PROBE_AREA_PX2
+        yield Probe(picture, boxes[large], tuple(np.array([one["label"] for one in clear])[large].tolist()))
+    video.release()
+
+
+def recognise(file: ForeignFile, names: Sequence[str] | None = None, checked: bool = True) -> Recognised:
+    """Input and reading of a file, by its metadata and by what gives boxes on the probes where they are known.
+
+    names: of the classes, where the user states them. checked: refuse what detects nothing on the probes, as random
+    weights do. Raises BundleError, in one line with what was tried.
+    """
+    task = file.metadata.get("task", "detect")
+    if task not in ("detect", "segment", "pose"):
+        raise BundleError(f"{file.path}: made for the task {one_line(task, 40)!r}, a detector is needed")
+    ours = "names" in file.metadata and "stride" in file.metadata  # as Ultralytics exports
+    stated, pictures = tuple(names) if names else _stated_names(file.metadata), list(probes())
+    scalings = (RGB_255,) if file.type is np.uint8 else (RGB,) if ours else SCALINGS
+    best = _best(file, stated, pictures, [(scaling, RESIZES[0]) for scaling in scalings])
+    if not ours:
+        usual = "letterbox_topleft" if best.reading.form == "cells" else RESIZES[0]
+        usual = "stretch" if best.reading.layout in STRETCHED else usual
+        scaling = {key: getattr(best.input, key) for key in ("colour", "scale", "mean", "std")}
+        ways = [(scaling, resize) for resize in sorted(RESIZES, key=lambda resize: resize != usual)]
+        best = _best(file, stated, pictures, ways)
+    if best.everywhere and checked:
+        raise BundleError(f"{file.path}: as {best}, every box is the whole picture: state its classes with --names")
+    if best.known and best.agreement < OVERLAP and checked:
+        raise BundleError(
+            f"{file.path}: no reading of its outputs ({_shapes(file)}) gives boxes where the probe pictures "
+            f"have {best.known} chairs, couches and plants (score {best.agreement:.2f}): state its classes with --names"
+        )
+    return best
+
+
+def _best(
+    file: ForeignFile, stated: tuple[str, ...] | None, pictures: list[Probe], ways: Sequence[tuple[Scaling, str]]
+) -> Recognised:
+    """The first way and reading whose agreement is nearly that of the best one."""
+    tried: list[Recognised] = []
+    for scaling, resize in ways:
+        fields = {"name": file.picture.name, "width": file.width, "height": file.height, "resize": resize, **scaling}
+        spec, answers = msgspec.convert(fields, InputSpec), Answers()
+        preprocess = Preprocessor(spec)
+        for probe in pictures:
+            tensor, placement = preprocess(probe.image)
+            answers.append((probe, file.run(tensor), placement))
+        tried += [_judged(spec, reading, names, answers) for reading, names in _readings(answers, stated, spec)]
+    if not tried:
+        hint = "" if stated else ", or its number of classes is not COCO's: state them with --names"
+        raise BundleError(f"{file.path}: outputs {_shapes(file)} have no layout that edgemap reads{hint}")
+    most = max(one.agreement for one in tried)
+    return next(one for one in tried if one.agreement >= CLEARLY * most)
+
+
+def _readings(
+    answers: Answers, stated: tuple[str, ...] | None, spec: InputSpec
+) -> Iterator[tuple[Reading, tuple[str, ...]]]:
+    """Readings that these outputs may have, the usual ones first, with the names of their classes."""
+    outputs = answers[0][1]
+    for layout in layouts(outputs):
+        for names in _names(classes_in(outputs, layout), layout, stated):
+            arrays = [parts(one, layout, len(names)) for _, one, _ in answers]
+            surplus = arrays[0][1].ndim == 2 and arrays[0][1].shape[1] == len(names) + 1  # DETR's class of no object
+            inside = all(in_unit(scores) for _, scores, _ in arrays)
+            activation = "none" if inside else "softmax" if surplus else "sigmoid"
+            strongest = [boxes[np.argsort(-_weights(scores), kind="stable")[:10]] for boxes, scores, _ in arrays]
+            largest = max(float(np.abs(boxes).max(initial=0.0)) for boxes in strongest)
+            for form in FORMS[layout]:
+                share = largest <= SHARES and form in ("cxcywh", "xyxy", "yxyx")
+                reading = Reading(layout=layout, form=form, share=share, activation=activation)
+                try:
+                    rows_of(outputs, reading, len(names), 2.0, (spec.width, spec.height))
+                except ValueError:  # cells that are none of this input's
+                    continue
+                yield reading, names
+
+
+def _weights(scores: NDArray) -> NDArray:
+    return scores.max(axis=1) if scores.ndim == 2 else scores
+
+
+def _names(count: int | None, layout: Layout, stated: tuple[str, ...] | None) -> list[tuple[str, ...]]:
+    """Names that so many values of a box may stand for; none where it is not their number."""
+    if count is None:
+        return [stated] if stated else [COCO_NAMES, COCO_91]
+    surplus = {0, 1} if layout == "queries" else {0} if layout in ("bin rows", "bin levels") else {0, MASKS, KEYPOINTS}
+    known = [stated] if stated else [COCO_NAMES, COCO_91[1:], COCO_91]
+    return [names for names in known if count - len(names) in surplus][-1:]
+
+
+def _judged(spec: InputSpec, reading: Reading, names: tuple[str, ...], answers: Answers) -> Recognised:
+    """A reading with its agreement on the probes."""
+    agreement, known, whole, count = 0.0, 0, 0, 0
+    for probe, outputs, placement in answers:
+        corners, scores, labels = rows_of(outputs, reading, len(names), MINIMUM_SCORE, (spec.width, spec.height))
+        boxes = placement.to_image(corners)
+        areas = np.prod(boxes[:, 2:] - boxes[:, :2], axis=1) / (placement.image_width * placement.image_height)
+        count, whole = count + len(areas), whole + int((areas > EVERYWHERE).sum())
+        for box, label in zip(probe.boxes, probe.labels, strict=True):
+            if label in names:
+                same = labels == names.index(label)
+                covers = iou(box, boxes[same]) >= OVERLAP
+                known, agreement = known + 1, agreement + float(scores[same][covers].max(initial=0.0))
+    return Recognised(spec, reading, names, agreement, known, whole > count / 2)
+
+
+def _shapes(file: ForeignFile) -> str:
+    """Names and shapes of a file's outputs."""
+    tensor = np.zeros((1, 3, file.height, file.width), np.float32)
+    return ", ".join(f"{one_line(name, 40)} {array.shape}" for name, array in file.run(tensor).items())
+
+
+def _stated_names(metadata: Mapping[str, str]) -> tuple[str, ...] | None:
+    """Class names in a file's metadata, as Ultralytics writes them; None without."""
+    names = _literal(metadata.get("names", ""))
+    if isinstance(names, dict):
+        names = list(names.values())
+    return tuple(one_line(name, 100) for name in names) if isinstance(names, list | tuple) and names else None
+
+
+def _literal(text: str) -> Any:
+    """A literal of Python; None where the text is none."""
+    try:
+        return ast.literal_eval(text)
+    except (ValueError, SyntaxError, RecursionError, MemoryError):
+        return None
+
+
+def load_foreign(
+    path: Path, threads: int | None = None, pace: Pace = "camera", names: Sequence[str] | None = None
+) -> Bundle:
+    """A detector of another project as a bundle that has boxes alone. Raises BundleError.
+
+    How it is read stands in a FILE.bundle.json beside FILE.onnx where there is one, else it is recognised; standard
+    error says what was recognised. names: of its classes, where neither its metadata nor COCO have them.
+    """
+    compute, beside = compute_at(pace, threads), path.with_suffix(".bundle.json")
+    file = ForeignFile(path, compute)
+    if beside.is_file():
+        manifest = decode_json(read_bytes(beside, MANIFEST_BYTES, BundleError), Manifest, beside, BundleError)
+        if manifest.detector.reading is None:
+            raise BundleError(f"{beside}: has no reading of {path.name}")
+    else:
+        recognised = recognise(file, names)
+        print_message(f"bundle {path.name}: {recognised}")
+        manifest = _manifest(file, recognised)
+    spec = manifest.detector.input
+    outputs = {head.name: head.shape for head in manifest.detector.heads}
+    network = Network(
+        {spec.name: (1, 3, spec.height, spec.width)},
+        outputs,
+        lambda tensors: list(file.run(tensors[spec.name]).values()),
+        file.metadata,
+    )
+    return Bundle(path.parent, manifest, network, compute, lambda _rows: network)
+
+
+def _manifest(file: ForeignFile, recognised: Recognised) -> Manifest:
+    """The contract of a file as it was recognised."""
+    tensor = np.zeros((1, 3, file.height, file.width), np.float32)
+    heads = tuple(
+        HeadSpec(name=name, shape=tuple(max(side, 1) for side in array.shape) or (1,), strides=(1,))
+        for name, array in file.run(tensor).items()
+    )
+    classes = tuple(ClassEntry(name=name, mapped=is_mapped(name)) for name in recognised.names)
+    detector = DetectorSpec(
+        file=file.path.name, input=recognised.input, decode="reading", heads=heads, features=(), classes=classes,
+        reading=recognised.reading,
+    )  # fmt: skip
+    sums = {file.path.name: sha256_file(file.path)}
+    return Manifest(
+        format=FORMAT, name=one_line(file.path.stem, 100), version="of another project", detector=detector, sha256=sums
+    )

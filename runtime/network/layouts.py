@@ -1,0 +1,212 @@
+"""Outputs of detectors as other projects export them: which arrays hold boxes, scores and labels, and in what form."""
+
+from collections.abc import Mapping, Sequence
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from edgemap.geometry.arrays import Array
+from edgemap.runtime.frames.reading import Strict
+
+Arrays = Mapping[str, NDArray]
+Layout = Literal[
+    "class columns",
+    "class rows",
+    "objectness rows",
+    "box score label rows",
+    "label score box rows",
+    "batch box label score rows",
+    "bin rows",
+    "bin levels",
+    "queries",
+    "lists",
+]
+Form = Literal["cxcywh", "xyxy", "yxyx", "cells", "bins", "corner bins"]
+# Forms of a layout's boxes, the usual one first.
+FORMS: dict[Layout, tuple[Form, ...]] = {
+    "class columns": ("cxcywh", "xyxy"),
+    "class rows": ("cxcywh", "xyxy"),
+    "objectness rows": ("cxcywh", "cells", "xyxy"),
+    "box score label rows": ("xyxy", "cxcywh"),
+    "label score box rows": ("xyxy",),
+    "batch box label score rows": ("xyxy",),
+    "bin rows": ("corner bins", "bins"),
+    "bin levels": ("bins", "corner bins"),
+    "queries": ("cxcywh", "xyxy"),
+    "lists": ("xyxy", "yxyx", "cxcywh"),
+}
+CELL_STRIDES, BIN_STRIDES, BINS = (8, 16, 32), (8, 16, 32, 64), 8  # of YOLOX; of PicoDet and NanoDet-Plus
+SHARES = 2.0  # coordinates of all boxes below this are shares of the input, not pixels
+
+
+class Reading(Strict):
+    """How a file's outputs are read.
+
+    form: of the boxes; cells: YOLOX's offsets and logarithms of its cells; bins: distances to the sides in bins of the
+    distribution focal loss, from the middle or (corner bins) the corner of a cell. share: coordinates are shares of the
+    input. activation: of the scores. first: label of the first class.
+    """
+
+    layout: Layout
+    form: Form
+    share: bool = False
+    activation: Literal["none", "sigmoid", "softmax"] = "none"
+    first: int = 0
+
+
+def layouts(outputs: Arrays) -> list[Layout]:
+    """The layouts that outputs of these shapes may have; `classes_in` further tells them apart."""
+    arrays = list(outputs.values())
+    floats = [array for array in arrays if array.dtype.kind == "f"]
+    bins = [array for array in floats if array.ndim == 3 and array.shape[2] == 4 * BINS]
+    if len(bins) > 1 and 2 * len(bins) == len(arrays):
+        return ["bin levels"]
+    boxes = next((array for array in floats if array.ndim in (2, 3) and array.shape[-1] == 4), None)
+    if boxes is not None:
+        count = boxes.shape[-2]
+        if sum(_is_list(array, count) for array in arrays) >= 2:
+            return ["lists"]
+        if any(array.ndim == 3 and array.shape[1] == count and array is not boxes for array in floats):
+            return ["queries"]
+    if len(arrays) == 1 and arrays[0].ndim == 2 and arrays[0].shape[1] in (6, 7):
+        by_columns: dict[int, list[Layout]] = {
+            6: ["box score label rows", "label score box rows"], 7: ["batch box label score rows"]
+        }  # fmt: skip
+        return by_columns[arrays[0].shape[1]]
+    table = next((array for array in floats if array.ndim == 3 and min(array.shape[1:]) > 4), None)
+    if table is None:
+        return []
+    rows, columns = table.shape[1:]
+    if rows < columns:
+        return ["class columns"]
+    if columns >= 6 and _is_whole(table[0, :, 5]) and in_unit(table[0, :, 4]):
+        return ["box score label rows"]
+    return ["objectness rows", "class rows", "bin rows"]
+
+
+def classes_in(outputs: Arrays, layout: Layout) -> int | None:
+    """How many values of each box are scores of classes, or masks and keypoints behind them; None where the file has
+    labels."""
+    if layout in ("class columns", "class rows", "objectness rows", "bin rows"):
+        columns = min(next(array for array in outputs.values() if array.ndim == 3).shape[1:])
+        return columns - {"objectness rows": 5, "bin rows": 4 * BINS}.get(layout, 4)
+    if layout in ("queries", "bin levels"):
+        return parts(outputs, layout, 0)[1].shape[1]
+    return None
+
+
+def rows_of(outputs: Arrays, reading: Reading, classes: int, confidence: float, size: tuple[int, int]) -> tuple:
+    """Boxes (N, 4) xyxy in px of an input of this size (width, height), their scores and class numbers.
+
+    Only boxes of at least this score and of a class of the names are returned. Raises ValueError where the cells are
+    none of this input's.
+    """
+    geometry, scores, labels = parts(outputs, reading.layout, classes)
+    if reading.activation == "sigmoid":
+        scores = 1.0 / (1.0 + np.exp(-np.clip(scores.astype(np.float64), -50.0, 50.0)))
+    elif reading.activation == "softmax":
+        powers = np.exp(scores - scores.max(axis=1, keepdims=True))
+        scores = (powers / powers.sum(axis=1, keepdims=True))[:, :classes]
+    if labels is None:
+        best = scores.max(axis=1) if len(scores) else np.zeros(0)
+        strong = np.flatnonzero(best >= confidence)
+        labels, scores = scores[strong].argmax(axis=1), best[strong]
+    else:
+        strong = np.flatnonzero(scores >= confidence)
+        labels, scores = labels[strong], scores[strong]
+    labels = labels.astype(np.int64) - reading.first
+    boxes = _corners(geometry, strong, reading, size)
+    known = (labels >= 0) & (labels < classes) & np.isfinite(boxes).all(axis=1)
+    return boxes[known], scores[known].astype(np.float64), labels[known]
+
+
+def parts(outputs: Arrays, layout: Layout, classes: int) -> tuple[NDArray, NDArray, NDArray | None]:
+    """Geometry (N, 4) or (N, 32), scores (N, C) or (N,), and labels (N,) where the file has them."""
+    arrays = list(outputs.values())
+    if layout in ("class columns", "class rows", "objectness rows", "bin rows"):
+        table = next(array for array in arrays if array.ndim == 3)[0]
+        if layout == "class columns":
+            table = table.T
+        if layout == "bin rows":
+            return table[:, classes:], table[:, :classes], None
+        if layout == "objectness rows":
+            return table[:, :4], table[:, 4:5] * table[:, 5 : 5 + classes], None
+        return table[:, :4], table[:, 4 : 4 + classes], None
+    if layout in ("box score label rows", "label score box rows", "batch box label score rows"):
+        table = arrays[0].reshape(-1, arrays[0].shape[-1])
+        box, score, label = {
+            "box score label rows": (0, 4, 5),
+            "label score box rows": (2, 1, 0),
+            "batch box label score rows": (1, 6, 5),
+        }[layout]
+        return table[:, box : box + 4], table[:, score], table[:, label]
+    if layout == "bin levels":
+        bins = [array[0] for array in arrays if array.shape[-1] == 4 * BINS]
+        scores = [array[0] for array in arrays if array.shape[-1] != 4 * BINS]
+        order = [np.argsort([-len(level) for level in levels], kind="stable") for levels in (bins, scores)]
+        return (
+            np.concatenate([bins[at] for at in order[0]]),
+            np.concatenate([scores[at] for at in order[1]]),
+            None,
+        )
+    boxes = next(array for array in arrays if array.ndim in (2, 3) and array.shape[-1] == 4)
+    count = boxes.shape[-2]
+    if layout == "queries":
+        scores = next(a for a in arrays if a.ndim == 3 and a.shape[1] == count and a is not boxes)
+        return boxes.reshape(-1, 4), scores[0], None
+    flat = [array.reshape(-1) for array in arrays if _is_list(array, count)]
+    labels = next((array for array in flat if array.dtype.kind in "iu"), None)
+    if labels is None:
+        labels = next(array for array in flat if _is_whole(array) and not in_unit(array))
+    scores = next(array for array in flat if array is not labels)
+    total = next((int(array.reshape(-1)[0]) for array in arrays if array.size == 1 and count != 1), count)
+    return boxes.reshape(-1, 4)[:total], scores[:total], labels[:total]
+
+
+def _corners(geometry: NDArray, rows: NDArray, reading: Reading, size: tuple[int, int]) -> Array:
+    """Corners (N, 4) xyxy in px of the input, of the chosen rows of a file's geometry."""
+    chosen, form = geometry[rows].astype(np.float64), reading.form
+    if form == "cells":
+        cells, strides = _cells(CELL_STRIDES, len(geometry), size)
+        centres = (chosen[:, :2] + cells[rows]) * strides[rows, None]
+        half = np.exp(np.minimum(chosen[:, 2:], 20.0)) * strides[rows, None] / 2.0
+        return np.concatenate([centres - half, centres + half], axis=1)
+    if form in ("bins", "corner bins"):
+        cells, strides = _cells(BIN_STRIDES, len(geometry), size)
+        bins = chosen.reshape(len(chosen), 4, BINS)
+        weights = np.exp(bins - bins.max(axis=2, keepdims=True, initial=-np.inf))
+        sides = (weights / weights.sum(axis=2, keepdims=True)) @ np.arange(BINS)
+        middle = cells[rows] + (0.5 if form == "bins" else 0.0)
+        return np.concatenate([middle - sides[:, :2], middle + sides[:, 2:]], axis=1) * strides[rows, None]
+    if reading.share:
+        chosen = chosen * np.array([size[0], size[1]] * 2 if form != "yxyx" else [size[1], size[0]] * 2)
+    if form == "yxyx":
+        return chosen[:, [1, 0, 3, 2]]
+    if form == "cxcywh":
+        return np.concatenate([chosen[:, :2] - chosen[:, 2:] / 2.0, chosen[:, :2] + chosen[:, 2:] / 2.0], axis=1)
+    return chosen
+
+
+def _cells(strides: Sequence[int], count: int, size: tuple[int, int]) -> tuple[Array, Array]:
+    """Column and row (N, 2) and stride (N,) of every cell. Raises ValueError where there are not `count`."""
+    grids = [(-(-size[0] // stride), -(-size[1] // stride), stride) for stride in strides]
+    if sum(columns * rows for columns, rows, _ in grids) != count:
+        raise ValueError(f"{count} boxes are not those of strides {strides}")
+    cells = [np.column_stack([np.tile(np.arange(c), r), np.repeat(np.arange(r), c)]) for c, r, _ in grids]
+    return np.concatenate(cells).astype(np.float64), np.concatenate([np.full(c * r, float(s)) for c, r, s in grids])
+
+
+def _is_list(array: NDArray, count: int) -> bool:
+    """Whether an array has one value for each of so many boxes."""
+    return array.size == count and array.shape[-1:] == (count,)
+
+
+def _is_whole(values: NDArray) -> bool:
+    """Whether all values are whole numbers, as labels are."""
+    return bool(len(values)) and bool(np.all(values == np.round(values)))
+
+
+def in_unit(values: NDArray) -> bool:
+    """Whether all values lie in 0 to 1, as probabilities do."""
+    return bool(np.all((values >= 0.0) & (values <= 1.0)))

@@ -1,0 +1,47 @@
+"""A bundle as a run uses it: one of ours or a detector of another project, with a companion for floor and motion."""
+
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
+
+from edgemap.runtime.frames.inference import Engine, Precision
+from edgemap.runtime.network.bundle import Bundle, load_bundle
+from edgemap.runtime.network.compute import Pace
+from edgemap.runtime.network.engines import open_onnxruntime
+from edgemap.runtime.network.foreign import load_foreign
+from edgemap.runtime.network.manifest_file import verified_file
+from edgemap.runtime.network.store import bundle_folder
+from edgemap.runtime.network.subgraph import subgraph
+
+
+def open_bundle(
+    source: Path,
+    companion: str,
+    threads: int | None = None,
+    precision: Precision = "float32",
+    pace: Pace = "camera",
+    engine: Engine = "onnxruntime",
+    names: Sequence[str] | None = None,
+) -> Bundle:
+    """A bundle's folder or a detector's FILE.onnx, ready for a run. Raises BundleError.
+
+    companion: the bundle whose trunk serves floor and motion where `source` has no floor head. names: of the classes
+    of a FILE.onnx.
+    """
+    if source.suffix == ".onnx":
+        bundle = load_foreign(source, threads, pace, names)
+    else:
+        bundle = load_bundle(source, threads, precision, pace, engine)
+    if bundle.manifest.detector.floor is not None:
+        return bundle
+    return replace(bundle, companion=load_companion(bundle_folder(companion), threads, pace))
+
+
+def load_companion(folder: Path, threads: int | None = None, pace: Pace = "camera") -> Bundle:
+    """A bundle whose backbone is cut down to the floor mask and the features of the odometry. Raises BundleError."""
+    whole = load_bundle(folder, threads, pace=pace)
+    detector = whole.manifest.detector
+    kept = {feature.name for feature in detector.features} | ({detector.floor.name} if detector.floor else set())
+    model = subgraph(verified_file(folder, whole.manifest, detector.file).read_bytes(), kept)
+    reopen = lambda rows: open_onnxruntime(model, whole.compute, rows)  # noqa: E731
+    return replace(whole, backbone=reopen(detector.input.height), reopen=reopen)
