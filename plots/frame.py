@@ -4,27 +4,16 @@ from pathlib import Path
 
 import cv2
 import numpy as np
-from matplotlib.patches import Ellipse
 from numpy.typing import NDArray
 
 from edgemap.geometry.camera.floor import FloorCamera
-from edgemap.geometry.map_object import CHI2_95
+from edgemap.geometry.map_object import MapObject
 from edgemap.geometry.observations.detections import Detections
 from edgemap.geometry.observations.sighting import Sighting
-from edgemap.plots.style import (
-    INK,
-    Axes,
-    end_where_the_data_ends,
-    floor_axes,
-    label_colours,
-    label_marker,
-    plt,
-    save,
-    write_names,
-)
+from edgemap.geometry.se2 import SE2
+from edgemap.plots.style import INK, Axes, label_colours, plt, save
+from edgemap.runtime.outputs.mapfiles.drawing import DrawnMap, map_picture
 from edgemap.runtime.step.overlay import draw_detections, draw_floor_grid
-
-LONGEST_AXIS_M = 3.0  # an ellipse larger than this does not stretch the drawing
 
 
 def plot_frame(
@@ -40,9 +29,6 @@ def plot_frame(
     left.axis("off")
     _distances(middle, sightings)
     _map(right, sightings)
-    places = [(sighting.label, sighting.position_base_m) for sighting in sightings]
-    names = [(label, float(place[0]), float(place[1])) for label, place in places]
-    write_names(figure, right, [("robot", 0.0, 0.0), *names])
     return save(figure, path)
 
 
@@ -70,25 +56,11 @@ def _distances(axes: Axes, sightings: list[Sighting]) -> None:
 
 def _map(axes: Axes, sightings: list[Sighting]) -> None:
     """Objects from above with 95 % ellipses, robot at the origin."""
-    colours = label_colours(sighting.label for sighting in sightings)
-    axes.plot(0, 0, marker="^", markersize=11, color=INK)
-    points = [np.array([[-0.3, -1.0], [1.0, 1.0]])]
-    for sighting in sightings:
-        covariance, colour = sighting.covariance_m2 + sighting.shared_m2, colours[sighting.label]
-        axes.add_patch(_ellipse(sighting.position_base_m, covariance, colour))
-        axes.plot(*sighting.position_base_m[::-1], marker=label_marker(sighting.label), markersize=7, color=colour)
-        reach = np.minimum(np.sqrt(CHI2_95 * np.diag(covariance)), LONGEST_AXIS_M)
-        points.append(sighting.position_base_m + np.array([reach, -reach]))
-    floor_axes(axes, "(c) 2-D map with 95 % ellipses", "base")
-    end_where_the_data_ends(axes, np.concatenate(points))
-
-
-def _ellipse(position_m: NDArray[np.float64], covariance_m2: NDArray[np.float64], colour: tuple) -> Ellipse:
-    """The 95 % ellipse, in drawing axes (horizontal y, vertical x)."""
-    values, vectors = np.linalg.eigh(covariance_m2[::-1, ::-1])
-    width, height = 2.0 * np.sqrt(CHI2_95 * np.maximum(values, 0.0))
-    angle_deg = float(np.degrees(np.arctan2(vectors[1, 0], vectors[0, 0])))
-    return Ellipse(
-        (float(position_m[1]), float(position_m[0])), width, height, angle=angle_deg, facecolor=(*colour[:3], 0.18),
-        edgecolor=colour, linewidth=1.0, zorder=2,
-    )  # fmt: skip
+    objects = [
+        MapObject(f"{one.label}-{number}", one.label, one.position_base_m, one.covariance_m2 + one.shared_m2,
+                  one.width_m, one.height_m, 1, one.score, one.stamp_s, one.stamp_s, name=one.label, confirmed=True)
+        for number, one in enumerate(sightings, start=1)
+    ]  # fmt: skip
+    axes.imshow(cv2.cvtColor(map_picture(DrawnMap(objects, (SE2(),))), cv2.COLOR_BGR2RGB))
+    axes.set_title("(c) 2-D map of the base frame", fontsize=11, color=INK, loc="left")
+    axes.axis("off")

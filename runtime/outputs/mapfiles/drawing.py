@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from edgemap.geometry.errors import MapError
 from edgemap.geometry.grid.occupancy_grid import FREE, OCCUPIED, UNKNOWN, OccupancyGrid
@@ -16,8 +16,9 @@ from edgemap.geometry.objects.annotations import Zone
 from edgemap.geometry.se2 import SE2
 from edgemap.runtime.frames.colours import SHAPES, label_colour, label_mark
 from edgemap.runtime.frames.disk import make_folder, write_atomically
+from edgemap.runtime.frames.frame import png
 from edgemap.runtime.outputs.mapfiles.labels import place_labels
-from edgemap.runtime.outputs.mapfiles.shapes import INK, PAPER, Item, Points, Raster, Shape, Text, png_of, svg_of
+from edgemap.runtime.outputs.mapfiles.shapes import INK, PAPER, Item, Points, Raster, Shape, Text, picture_of, svg_of
 from edgemap.runtime.outputs.sightings_file import SeenRecord
 from edgemap.runtime.outputs.verdict.verdict import is_doubtful
 
@@ -68,9 +69,13 @@ def draw_map(path: Path, drawn: DrawnMap) -> Path:
     if len(drawn.objects) > MAXIMUM_DRAWN:
         raise MapError(f"{path}: {len(drawn.objects)} objects, at most {MAXIMUM_DRAWN} are drawn")
     make_folder(path.parent)
-    items, width, height = _panels(drawn)
-    write_atomically(path, map_svg(drawn) if kind == ".svg" else png_of(items, width, height))
+    write_atomically(path, map_svg(drawn) if kind == ".svg" else png(map_picture(drawn)))
     return path
+
+
+def map_picture(drawn: DrawnMap) -> NDArray[np.uint8]:
+    """The drawing as a BGR picture."""
+    return picture_of(*_panels(drawn))
 
 
 def map_svg(drawn: DrawnMap) -> str:

@@ -85,8 +85,8 @@ def _element(item: Item) -> str:
     return f'<path d="{path}" {style}/>'
 
 
-def png_of(items: Sequence[Item], width: float, height: float) -> bytes:
-    """The drawing as a PNG file, `PNG_SCALE` times as large."""
+def picture_of(items: Sequence[Item], width: float, height: float) -> NDArray[np.uint8]:
+    """The drawing as a BGR picture, `PNG_SCALE` times as large."""
     canvas = np.full((round(height * PNG_SCALE), round(width * PNG_SCALE), 3), 255, np.uint8)
     for item in items:
         if isinstance(item, Text):
@@ -95,7 +95,7 @@ def png_of(items: Sequence[Item], width: float, height: float) -> bytes:
             _lay(canvas, item)
         else:
             _paint(canvas, item)
-    return png(canvas)
+    return canvas
 
 
 def _paint(canvas: NDArray[np.uint8], shape: Shape) -> None:
