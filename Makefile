@@ -115,7 +115,7 @@ audit:
 	test -x .audit/bin/pip-audit || { $(PYTHON) -m venv .audit && .audit/bin/python -m pip install -q pip-audit==2.10.1; }
 	.audit/bin/pip-audit -r constraints.txt --no-deps --disable-pip --strict
 
-# Camera faults, kills, hostile files, names and clocks, a long day, an hour of rendered drive; one part alone: make reliability PARTS=readers; a tenth: SHARE=0.1
+# Camera faults, kills, sensors that lie, 100,000 fuzzed steps, a long day, an hour of rendered drive; one part alone: make reliability PARTS=fuzz; a tenth: SHARE=0.1
 PARTS ?=
 SHARE ?= 1
 SEED ?= 0

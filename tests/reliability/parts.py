@@ -12,8 +12,7 @@ PARTS: dict[str, str] = {
     "hour": "an hour of driving through a rendered home",
     "liars": "wheels, gyro and accelerometer that lie",
     "readers": "hostile files and requests: every reader on mutated inputs",
-    "names": "hostile names: files, labels, ids and zones in all that is written",
-    "clock": "hostile clocks: stamps that jump, stand, go back or are none",
+    "fuzz": "random clocks, two clocks, headings and maps through the whole of a run",
 }
 
 

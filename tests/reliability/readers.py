@@ -14,11 +14,10 @@ def run(seed: int, share: float, out: Path) -> PartReport:
 
 
 def cases(scratch: Path) -> list[ReaderCase]:
-    """Every reader, those that need torch and a page last. scratch: a folder for what valid inputs are made from."""
+    """Every reader, those that need torch last. scratch: a folder for what valid inputs are made from."""
     from reliability.document_cases import document_cases
     from reliability.model_cases import model_cases
-    from reliability.page_cases import page_cases
     from reliability.recording_cases import recording_cases
 
     cv2.setNumThreads(0)  # threads do not survive the fork of a worker
-    return [*document_cases(), *recording_cases(scratch), *model_cases(scratch), *page_cases(scratch)]
+    return [*document_cases(), *recording_cases(scratch), *model_cases(scratch)]

@@ -1,0 +1,23 @@
+"""The end-to-end fuzzes of tests/fuzz with many more steps than `make test` takes."""
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+from reliability.parts import PartReport
+
+STEPS = 100_000
+
+
+def run(seed: int, share: float, out: Path) -> PartReport:
+    """Each of the fuzzes on its own, so that one that fails hides no other. out: their output."""
+    environment = os.environ | {"EDGEMAP_FUZZ_STEPS": str(max(1, round(STEPS * share)))}
+    failures, figures = [], {}
+    for path in sorted(Path(__file__).parents[1].glob("fuzz/test_*.py")):
+        words = ["-m", "pytest", "-q", "--timeout", "0", f"--hypothesis-seed={seed}", str(path)]
+        done = subprocess.run([sys.executable, *words], env=environment, capture_output=True, text=True, check=False)
+        (out / f"{path.stem}.log").write_text(done.stdout + done.stderr)
+        figures[path.stem] = done.stdout.strip().rpartition("\n")[2]
+        failures += [f"{path.stem}: {figures[path.stem]}, see {out / path.stem}.log"] * (done.returncode != 0)
+    return PartReport(tuple(failures), tuple(f"{name}: {line}" for name, line in figures.items()), figures)
