@@ -163,7 +163,7 @@ class Checked:
         objects = self._slam.objects()
         read, _ = read_map(map_text(objects).encode(), "the map")
         assert [item.id for item in read] == [item.id for item in objects]
-        if self._slam.mapper.relocaliser.alignment is not None or not self._slam.mapper.relocaliser.saved:
+        if not self._slam.mapper.searching:
             assert {item.id for item in self._saved} <= {item.id for item in objects}
         return read
 
