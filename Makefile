@@ -59,7 +59,7 @@ run: $(call installed,$(BASE))
 VIEW_HOST ?= 127.0.0.1
 VIEW_PORT ?= 8090
 view: $(call installed,$(VIEW))
-	$(BIN)/edgemap run --view --view-host $(VIEW_HOST) --view-port $(VIEW_PORT)
+	$(BIN)/edgemap run --view $(VIEW_HOST):$(VIEW_PORT)
 
 # The live page's tests drive a real browser, MQTT's a real broker, those of ROS 2 a program built against Fast DDS; without
 # one they are skipped and say so.

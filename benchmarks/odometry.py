@@ -168,7 +168,7 @@ def score_drive(
             raise OdometryError(f"{spec}: no wheel odometry comes with it")
         floor, tuned = FloorCamera(camera.intrinsics, mount), selection.config
         rules = tuned.odometry, tuned.health, tuned.attitude.check.tilt
-        motion = open_odometry(odometry, bundle, camera, floor, False, selection.wheels, *rules)
+        motion = open_odometry(odometry, bundle, camera, floor, selection.wheels, *rules)
         attitude = open_attitude(odometry, camera, floor, selection.imu, tuned.attitude, tuned.health, tuned.odometry)
         step = Pipeline(bundle, floor, motion, rule=tuned.floor, attitude=attitude, health=tuned.health, rest=NO_REST)
         followed = follow(

@@ -5,6 +5,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 from edgemap.cli.arguments import OptionError, arg
 from edgemap.cli.calibrate_options import BoardText, MountCalibrationOptions, read_board
+from edgemap.cli.options import Topics
 
 if TYPE_CHECKING:
     from edgemap.geometry.camera.intrinsics import Intrinsics
@@ -27,14 +28,7 @@ def command(
         float | None,
         arg(metavar="METRES", help="Lens above the floor, by ruler, for sources with neither depth nor wheels."),
     ] = None,
-    wheel_topic: Annotated[
-        str | None,
-        arg(
-            metavar="/TOPIC",
-            help="Wheel odometry (nav_msgs/Odometry) that measures the height: a topic of the recording, or a live "
-            "ROS 2 one.",
-        ),
-    ] = None,
+    topics: Topics = None,
 ) -> None:
     """Measure how the camera sits: height, pitch and roll.
 
@@ -47,7 +41,7 @@ def command(
     if square is not None:
         lens, (mount, record) = _by_board(calibration, square, board, thickness)
     else:
-        lens, (mount, record) = _by_room(calibration, height, wheel_topic)
+        lens, (mount, record) = _by_room(calibration, height, topics)
     calibration.write(lens, mount, "mount", record)
 
 
@@ -67,14 +61,14 @@ def _by_board(
 
 
 def _by_room(
-    calibration: MountCalibrationOptions, height: float | None, wheel_topic: str | None
+    calibration: MountCalibrationOptions, height: float | None, topics: str | None
 ) -> "tuple[Intrinsics, Fit]":
     from edgemap.calibrate.board import frames_of
     from edgemap.calibrate.gravity import gravity
     from edgemap.geometry.camera.imu import ImuSamples
     from edgemap.runtime.step.loop import stop_on_signals
 
-    with calibration.open(wheel_topic) as source, stop_on_signals() as stop:
+    with calibration.open(topics) as source, stop_on_signals() as stop:
         lens, prior, rolls = calibration.lens(source), source.mount, source.wheel is not None
         frames = frames_of(source, calibration.frames or PICTURES, stop.is_set)
         measured = [(frame.imu, frame.depth) for frame in frames]
@@ -94,12 +88,12 @@ def _by_room(
         raise OptionError(
             f"{calibration.camera} has neither depth nor wheels to measure the height: pass --height METRES"
         )
-    return lens, _by_edges(calibration, lens, prior, height, wheel_topic, up)
+    return lens, _by_edges(calibration, lens, prior, height, topics, up)
 
 
 def _by_edges(
     calibration: MountCalibrationOptions, lens: "Intrinsics", prior: "Mount | None", height: float | None,
-    wheel_topic: str | None, up: Any,
+    topics: str | None, up: Any,
 ) -> Fit:  # fmt: skip
     from dataclasses import replace
 
@@ -126,7 +120,7 @@ def _by_edges(
     tilted = _with_lever_arm(Mount(height or 1.0, *angles), prior)
     sigma_m = 0.0
     if height is None:
-        with calibration.open(wheel_topic) as source, stop_on_signals() as stop:
+        with calibration.open(topics) as source, stop_on_signals() as stop:
             wheels: Any = source.wheel
             if isinstance(wheels, TrackFile):
                 wheels = wheels.track()

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 from edgemap.cli.arguments import OptionError, arg
 from edgemap.cli.camera_options import CameraFile, CameraSpec, IntrinsicsText, known_lens, open_described
-from edgemap.cli.options import at_least
+from edgemap.cli.options import at_least, sensor_topics
 
 if TYPE_CHECKING:
     from edgemap.calibrate.board import Board, BoardView
@@ -45,11 +45,11 @@ class CalibrationOptions:
         if out.exists() and (known is None or out.resolve() != known.resolve()):
             raise OptionError(f"{out} exists already; choose another --out, or complete it: --camera-file {out}")
 
-    def open(self, wheel_topic: str | None = None) -> "Camera":
-        """The camera, described by the camera file where there is one. wheel_topic: of wheel odometry beside it."""
-        from edgemap.runtime.frames.camera import CameraOptions, SensorTopics
+    def open(self, topics: str | None = None) -> "Camera":
+        """The camera, described by the camera file where there is one. topics: text of `--topics`."""
+        from edgemap.runtime.frames.camera import CameraOptions
 
-        return open_described(self.camera, self.camera_file, CameraOptions(topics=SensorTopics(wheels=wheel_topic)))
+        return open_described(self.camera, self.camera_file, CameraOptions(topics=sensor_topics(topics)))
 
     def views(self, source: "Camera", board: "Board") -> "list[BoardView]":
         """Different views of the board, printed one by one; Ctrl-C ends the search with the views so far."""

@@ -8,6 +8,7 @@ from typing import Any, get_type_hints
 from edgemap.cli.arguments import OptionError
 
 OWN = ("config", "config-options")
+VALUE_MAY_LACK = object()  # default of an option such as --view: true in a file is the option alone
 
 
 def config_arguments(argv: list[str], command: Callable[..., Any]) -> list[str]:
@@ -49,6 +50,8 @@ def config_arguments(argv: list[str], command: Callable[..., Any]) -> list[str]:
 
 def flags_of(command: Callable[..., Any]) -> dict[str, tuple[Any, set[str]]]:
     """A command's flags without dashes, those in groups of options too: the default, and all ways to type it."""
+    from tyro.constructors import PrimitiveConstructorSpec
+
     hints = get_type_hints(command, include_extras=True)
     found: dict[str, tuple[Any, set[str]]] = {}
     for parameter, described in inspect.signature(command).parameters.items():
@@ -60,7 +63,8 @@ def flags_of(command: Callable[..., Any]) -> dict[str, tuple[Any, set[str]]]:
         marks = getattr(hint, "__metadata__", ())
         flag = next((name for one in marks if (name := getattr(one, "name", None))), parameter.replace("_", "-"))
         aliases = {alias for one in marks for alias in getattr(one, "aliases", None) or ()}
-        found[flag] = (described.default, {f"--{flag}", f"--no-{flag}", *aliases})
+        bare = any(isinstance(one, PrimitiveConstructorSpec) for one in marks)
+        found[flag] = (VALUE_MAY_LACK if bare else described.default, {f"--{flag}", f"--no-{flag}", *aliases})
     return found
 
 
@@ -68,6 +72,8 @@ def _words(flag: str, value: Any, default: Any, where: str) -> list[str]:
     """One option as typed: a switch that stands as it does anyway needs no word."""
     if value is None:
         return []
+    if default is VALUE_MAY_LACK and isinstance(value, bool):
+        return [f"--{flag}"] if value else []
     if isinstance(default, bool) != isinstance(value, bool):
         raise OptionError(f"{where} is {value!r}, not {'true or false' if isinstance(default, bool) else 'a value'}")
     if isinstance(value, bool):

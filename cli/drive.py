@@ -59,14 +59,13 @@ class Run:
             not robot.without_imu,
             chosen.clustering,
             chosen.loop_closure,
-            chosen.forgets(chosen.clustering),
-            options.advanced.allow_untrained,
+            chosen.saved is not None,
             self.mapped,
             chosen.confidence,
             guess.scale_sigma(robot.odometry) if guess else 0.0,
         )
         self.slam = build_slam(source, loaded, floor, slam_options, tuned)
-        self.place = chosen.place()
+        self.place, self.strict = chosen.place(), tuned.camera.strict
         enter_saved_map(self.slam.mapper, self.place, chosen.start, chosen.clustering)
         self.folder = options.outputs.out or Path("runs") / datetime.now(UTC).strftime("%Y%m%dT%H%M%SZ")
         self.kept_camera = CameraKeeper(self.folder, floor, guess, options.camera.camera)
@@ -96,7 +95,7 @@ class Run:
             self._drive_with(page, stop, edits, kept)
 
     def _edits(self) -> Edits:
-        given, spec = self.options.map.edited, self.options.camera.camera
+        given, spec = self.options.advanced.repeated_edits(), self.options.camera.camera
         found = load_edits(given) if given else read_edits(self.source.edits, f"{spec}: edits")
         return Edits(self.folder / "edits.jsonl", found)
 
@@ -120,8 +119,8 @@ class Run:
         sinks: list[Sink] = [shown, summary, *publishers, *kept, *page.sinks, files, report]
         try:
             with with_map_so_far(summary, files):
-                source, strict = page.camera(source, stop), self.options.advanced.strict
-                done = run(source, self.slam, sinks, camera.frames, stop, strict, notifier.beat, edits)
+                source = page.camera(source, stop)
+                done = run(source, self.slam, sinks, camera.frames, stop, self.strict, notifier.beat, edits)
         finally:
             notifier.stopping()
         summary.print(self.folder, done, stop.is_set(), files.verdict, report.evaluation_rows)
@@ -147,13 +146,13 @@ class Run:
 
     def _recording(self) -> "list[RecordingSink]":
         """The sink of `--record`, with intrinsics, mount, engine, precision, guess and wheels of the run."""
-        path, source = self.options.outputs.recording, self.source
+        (path, lossless), source = self.options.outputs.recorded(), self.source
         if path is None:
             return []
         from edgemap.bridges.ros2.recordings.facts import Facts
         from edgemap.bridges.ros2.recordings.recorder import Recorder, RecordingSink
 
-        decided, lossless = Inference(self.loaded.engine, self.loaded.precision), self.options.outputs.lossless
+        decided = Inference(self.loaded.engine, self.loaded.precision)
         lens, mount, guess = self.floor.intrinsics, self.floor.mount, self.record.get("camera_guess")
         facts = Facts(source.name, lens, mount, source.rate_hz, decided, guess)
         # Poses that come live are not recorded.

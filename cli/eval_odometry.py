@@ -30,7 +30,8 @@ def command(
         str,
         arg(
             metavar="SPEC",
-            help="As of `edgemap run`; besides, wheel alone is the wheel odometry that comes with the data.",
+            help="As of `edgemap run`; wheel: the wheel odometry that comes with the data; flow, planar, window and "
+            "gyro: a member of the hybrid alone.",
         ),
     ] = "hybrid",
     mount: MountText = None,

@@ -17,13 +17,12 @@ from edgemap.cli.camera_options import (
     read_numbers_of_lens,
 )
 from edgemap.cli.options import Confidence, WithoutImu, in_unit
-from edgemap.runtime.motion.odometry_names import PICTURE_ODOMETRIES
 
 if TYPE_CHECKING:
     from edgemap.geometry.camera.floor import FloorCamera
     from edgemap.runtime.frames.camera import Camera, CameraOptions
 
-ODOMETRIES = (*PICTURE_ODOMETRIES, "gyro", "paper", "truth")
+ODOMETRIES = ("hybrid", "paper", "truth")
 
 
 @dataclass(frozen=True)
@@ -75,11 +74,9 @@ class MotionOptions:
         str,
         arg(
             metavar="SPEC",
-            help="Where the robot's motion comes from: hybrid (flow, planar, and gyro and wheels where the source "
-            "brings them); flow (a network on the backbone's features); planar (floor corners); window (the same, "
-            "keyframes of a carried camera optimised together); gyro; truth (the drive's own "
-            "poses); paper (the bundle's ConvLSTM head); wheel:FILE.csv (stamp_s,x_m,y_m,yaw_rad) or wheel:FILE.mcap; "
-            "FILE.tum (poses of the base).",
+            help="Where the robot's motion comes from: hybrid (pictures, and gyro and wheels where the source brings "
+            "them); paper (the bundle's ConvLSTM head); truth (the drive's own poses); wheel:FILE.csv "
+            "(stamp_s,x_m,y_m,yaw_rad) or wheel:FILE.mcap; FILE.tum (poses of the base).",
         ),
     ] = "hybrid"
     without_wheels: Annotated[bool, arg(help="Ignore the wheel odometry of the source.")] = False

@@ -7,7 +7,7 @@ from pathlib import Path
 from threading import Event
 from typing import TYPE_CHECKING, Any
 
-from edgemap.cli.publishers import WatchGroup
+from edgemap.cli.publishers import WatchGroup, host_and_port
 from edgemap.geometry.se2 import SE2
 from edgemap.runtime.frames.camera import Camera
 from edgemap.runtime.inputs.cameras.wrappers import PacedCamera
@@ -91,7 +91,7 @@ def live_page(
 
     Raises MissingExtraError, or ViewError where the address is taken.
     """
-    if not options.view:
+    if options.view is None:
         yield NoPage()
         return
     from edgemap.runtime.frames.extras import need
@@ -104,7 +104,7 @@ def live_page(
     pause = None if source.live else Pause()
     page = LivePage(about, folder, pause, lambda: source.state, crops, edits)
     page.searching, page.keep_mount = searching, keep_mount
-    server = PageServer(page, options.view_host, options.view_port)
+    server = PageServer(page, *host_and_port(options.view, "--view", 8090))
     try:
         print(f"live page:  {server.url}", flush=True)
         yield OpenPage(page, server.url)

@@ -39,6 +39,7 @@ class NetworkOptions:
     precision: Annotated[
         Literal["float32", "int8"] | None,
         arg(
+            metavar="float32|int8",
             help="Numbers that the backbone computes with; by default float32, or what a recording was made with. "
             "int8: the bundle's variant of 8-bit numbers, where it has one.",
         ),
@@ -46,8 +47,9 @@ class NetworkOptions:
     engine: Annotated[
         Literal["onnxruntime", "openvino"] | None,
         arg(
+            metavar="onnxruntime|openvino",
             help="What runs the backbone; by default onnxruntime, or what a recording was made with. openvino: extra "
-            "openvino, float32 as well."
+            "openvino, float32 as well.",
         ),
     ] = None
 

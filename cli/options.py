@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 from edgemap.cli.arguments import OptionError, arg
 
 if TYPE_CHECKING:
+    from edgemap.runtime.frames.camera import SensorTopics
     from edgemap.runtime.network.bundle import Bundle
 
 
@@ -23,28 +24,13 @@ WithoutImu = Annotated[
     bool, arg(help="Ignore the inertial samples of the source: roll and pitch come from pictures, yaw without a gyro.")
 ]
 WithoutDepth = Annotated[bool, arg(help="Ignore the depth pictures of the source.")]
-WheelTopic = Annotated[
+Topics = Annotated[
     str | None,
     arg(
-        metavar="/TOPIC",
-        help="Wheel odometry (nav_msgs/Odometry) for --odometry hybrid: a topic of the recording, or a live ROS 2 one.",
-    ),
-]
-ImuTopic = Annotated[
-    str | None,
-    arg(
-        metavar="/TOPIC",
-        help="Inertial samples (sensor_msgs/Imu): a topic of the recording, or a live ROS 2 one. tf must join its "
-        "frame to the camera's.",
-    ),
-]
-DepthTopicName = Annotated[
-    str | None,
-    arg(
-        name="depth-topic",
-        metavar="/TOPIC",
-        help="Depth of the pictures' own pixels (sensor_msgs/Image 16UC1 or 32FC1, or compressedDepth), of ros2: or a "
-        "recording; by default a topic .../aligned_depth_to_color/... is taken.",
+        metavar="KIND=/TOPIC,…",
+        help="Further sensors, topics of the recording or live ROS 2 ones (docs/ros2.md): wheels=/TOPIC "
+        "(nav_msgs/Odometry), imu=/TOPIC (sensor_msgs/Imu; tf must join its frame to the camera's), depth=/TOPIC "
+        "(aligned with the pictures; by default .../aligned_depth_to_color/...), optical=FRAME (the camera's in tf).",
     ),
 ]
 Confidence = Annotated[
@@ -68,6 +54,28 @@ ConfigOptions = Annotated[
         "printed. A run.json with both makes the same run again. For files that you trust."
     ),
 ]
+
+
+def sensor_topics(text: str | None, optical: str = "camera_optical_frame") -> "SensorTopics":
+    """The sensors in the text of `--topics`. optical: the camera's frame where the text names none. Raises
+    OptionError."""
+    from edgemap.runtime.frames.camera import SensorTopics
+
+    words = words_of(text or "", "--topics", {"wheels", "imu", "depth", "optical"})
+    return SensorTopics(**{"optical": optical, **words})
+
+
+def words_of(text: str, option: str, names: set[str]) -> dict[str, str]:
+    """`NAME=VALUE,NAME=VALUE`. names: those allowed. Raises OptionError."""
+    words: dict[str, str] = {}
+    for word in filter(None, text.split(",")):
+        name, _, value = (part.strip() for part in word.partition("="))
+        if name not in names or name in words or not value:
+            raise OptionError(f"{option} {word!r}: expected NAME=VALUE once each, with {', '.join(sorted(names))}")
+        words[name] = value
+    return words
+
+
 Json = Annotated[bool, arg(help="Print one JSON document on standard output and nothing else.")]
 
 

@@ -5,10 +5,11 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 from edgemap.cli.arguments import OptionError, arg, may_be_left_out
+from edgemap.cli.options import words_of
 
 if TYPE_CHECKING:
     from edgemap.bridges.fleet.sink import FleetSink
-    from edgemap.bridges.ros2.sink import Ros2Sink
+    from edgemap.bridges.ros2.sink import Ros2Options, Ros2Sink
     from edgemap.geometry.camera.floor import FloorCamera
     from edgemap.runtime.frames.camera import Camera
     from edgemap.runtime.step.edits import Edits
@@ -16,7 +17,6 @@ if TYPE_CHECKING:
 
 
 LOCAL = "127.0.0.1"
-FRAMES = "map,odom,base_link,camera_optical_frame"
 
 
 @dataclass(frozen=True)
@@ -24,21 +24,15 @@ class WatchGroup:
     """See the run while it lasts."""
 
     view: Annotated[
-        bool,
+        str | None,
+        may_be_left_out("HOST:PORT", "127.0.0.1:8090"),
         arg(
-            help="Serve a live page for browsers. Files are then paced by their stamps, as --realtime does, and the "
-            "page stays after the last frame until Ctrl-C."
+            help="Serve a live page for browsers, on 127.0.0.1:8090 where HOST:PORT is left out; port 0: any free one. "
+            "0.0.0.0 serves every network: beyond this machine viewers need the token that is printed with the page's "
+            "address. Files are then paced by their stamps, as --realtime does, and the page stays after the last "
+            "frame until Ctrl-C."
         ),
-    ] = False
-    view_host: Annotated[
-        str,
-        arg(
-            metavar="ADDRESS",
-            help="Address to serve it on; 0.0.0.0 for every network. Beyond this machine viewers need the token that "
-            "is printed with the page's address.",
-        ),
-    ] = "127.0.0.1"
-    view_port: Annotated[int, arg(metavar="PORT", help="Port to serve it on; 0 for any free one.")] = 8090
+    ] = None
     foxglove: Annotated[
         str | None,
         may_be_left_out("HOST:PORT", "127.0.0.1:8765"),
@@ -72,17 +66,21 @@ class OutputGroup:
         Path | None, arg(aliases=["-o"], metavar="DIR", help="The run folder; runs/<UTC stamp>/ by default.")
     ] = None
     recording: Annotated[
-        Path | None,
-        arg(name="record", metavar="FILE.mcap", help="Record pictures and results, to be replayed."),
+        str | None,
+        arg(
+            name="record",
+            metavar="[lossless:]FILE.mcap",
+            help="Record pictures and results, to be replayed. lossless: PNG, not JPEG, so that a replay gives the "
+            "very same map.",
+        ),
     ] = None
-    lossless: Annotated[bool, arg(help="Record PNG, not JPEG: a replay gives the very same map.")] = False
     mqtt: Annotated[
         str | None,
         arg(
             metavar="HOST[:PORT]",
             help="Publish the robot's state and the objects that appear, move and vanish to an MQTT broker (extra "
-            "mqtt); Home Assistant discovers the robot. User and password: EDGEMAP_MQTT_USER and "
-            "EDGEMAP_MQTT_PASSWORD.",
+            "mqtt), topics edgemap/NAME/…; Home Assistant discovers the robot. Variables: EDGEMAP_ROBOT (NAME, by "
+            "default the machine's), EDGEMAP_MQTT_USER and EDGEMAP_MQTT_PASSWORD.",
         ),
     ] = None
     fleet: Annotated[
@@ -93,43 +91,28 @@ class OutputGroup:
             "(extra fleet, docs/fleet.md).",
         ),
     ] = None
-    robot: Annotated[
-        str | None,
-        arg(
-            metavar="NAME",
-            help="The robot's name, with --mqtt (topics edgemap/NAME/…) and --fleet; by default the machine's.",
-        ),
-    ] = None
     ros2: Annotated[
-        bool,
+        str | None,
+        may_be_left_out("NAME=VALUE,…", ""),
         arg(
-            help="Publish results live as ROS 2 topics (docs/ros2.md). Files are then paced by their stamps, as "
-            "--realtime does. ROS_DOMAIN_ID and the other variables of ROS 2 say who may find them: programs on this "
+            help="Publish results live as ROS 2 topics (docs/ros2.md): namespace=NAME before every topic but tf "
+            "(edgemap), map=, odom=, base=, optical=FRAME, pictures=yes (JPEG), reliable=no (boxes and pictures best "
+            "effort, for lossy radio), odom_tf=no (the robot publishes odom -> base itself). Files are then paced by "
+            "their stamps. ROS_DOMAIN_ID and the other variables of ROS 2 say who may find them: programs on this "
             "machine where none is set."
         ),
-    ] = False
-    ros2_pictures: Annotated[bool, arg(help="With --ros2: publish the pictures too (JPEG).")] = False
-    ros2_best_effort: Annotated[
-        bool, arg(help="With --ros2: boxes and pictures best effort, for lossy radio; reliable otherwise.")
-    ] = False
-    ros2_namespace: Annotated[str, arg(metavar="NAME", help="With --ros2: before every topic but tf.")] = "edgemap"
-    ros2_frames: Annotated[
-        str,
-        arg(metavar="MAP,ODOM,BASE,CAMERA", help="With --ros2: names of the frames; the base is on the floor."),
-    ] = FRAMES
-    odom_tf: Annotated[
-        bool,
-        arg(
-            help="With --ros2: --no-odom-tf where the robot itself publishes odom -> base; map -> odom builds on that."
-        ),
-    ] = True
+    ] = None
+
+    def recorded(self) -> tuple[Path | None, bool]:
+        """The file of `--record`, and whether it is lossless."""
+        name = (self.recording or "").removeprefix("lossless:")
+        return (Path(name) if name else None), name != self.recording
 
     def named_sinks(self, saved: Path | None) -> "list[Sink]":
         """The sinks that were asked for. saved: the map that the run continues. Raises OptionError, PublishError or
         MissingExtraError.
         """
         import os
-        import socket
 
         sinks: list[Sink] = []
         if self.mqtt is not None:
@@ -138,32 +121,55 @@ class OutputGroup:
 
             user, password = (os.environ.get(f"EDGEMAP_MQTT_{name}") for name in ("USER", "PASSWORD"))
             host, port = host_and_port(self.mqtt, "--mqtt", 1883)
-            sinks.append(MqttPublisher(host, port, self.robot or socket.gethostname(), user, password, __version__))
+            sinks.append(MqttPublisher(host, port, robot_name(), user, password, __version__))
         if self.fleet is not None:
-            sinks.append(fleet_sink(self.fleet, self.robot, saved))
+            sinks.append(fleet_sink(self.fleet, saved))
         return sinks
 
     def ros2_sinks(self, source: "Camera", floor: "FloorCamera", edits: "Edits") -> "list[Ros2Sink]":
         """The sink that publishes, where it is asked for. Raises OptionError, Ros2Error or MissingExtraError."""
-        if not self.ros2:
+        if self.ros2 is None:
             return []
         from edgemap.bridges.ros2.dds.node import shared_node
-        from edgemap.bridges.ros2.messages.topics import FrameIds
-        from edgemap.bridges.ros2.sink import Ros2Options, Ros2Sink
+        from edgemap.bridges.ros2.sink import Ros2Sink
 
-        options = Ros2Options(
-            self.ros2_namespace, FrameIds(*frame_names(self.ros2_frames)), self.ros2_pictures, self.ros2_best_effort,
-            self.odom_tf,
-        )  # fmt: skip
-        return [Ros2Sink(shared_node(), floor, options, ros_time=source.name.startswith("ros2:"), edit=edits.submit)]
+        return [
+            Ros2Sink(
+                shared_node(),
+                floor,
+                ros2_options(self.ros2),
+                ros_time=source.name.startswith("ros2:"),
+                edit=edits.submit,
+            )
+        ]
 
 
-def frame_names(frames: str) -> list[str]:
-    """The four frame names in the text of `--ros2-frames`. Raises OptionError."""
-    names = [name.strip() for name in frames.split(",")]
-    if len(names) != 4 or not all(names) or len(set(names)) != 4:
-        raise OptionError(f"--ros2-frames {frames}: four different names, as in {FRAMES}")
-    return names
+def ros2_options(text: str) -> "Ros2Options":
+    """How `--ros2 TEXT` publishes. Raises OptionError."""
+    from dataclasses import fields
+
+    from edgemap.bridges.ros2.messages.topics import FrameIds
+    from edgemap.bridges.ros2.sink import NAMESPACE, Ros2Options
+
+    switches, frames = ("pictures", "reliable", "odom_tf"), [field.name for field in fields(FrameIds)]
+    words = words_of(text, "--ros2", {"namespace", *switches, *frames})
+    if wrong := [f"{name}={words[name]}" for name in switches if words.get(name, "yes") not in ("yes", "no")]:
+        raise OptionError(f"--ros2 {wrong[0]}: expected yes or no")
+    ids = FrameIds(**{name: words[name] for name in frames if name in words})
+    names = [getattr(ids, name) for name in frames]
+    if len(set(names)) != len(names):
+        raise OptionError(f"--ros2 {text}: frames {', '.join(names)} must be different")
+    on = {name: words.get(name, usual) == "yes" for name, usual in (("pictures", "no"), ("reliable", "yes"))}
+    own_tf = words.get("odom_tf", "yes") == "yes"
+    return Ros2Options(words.get("namespace", NAMESPACE), ids, on["pictures"], not on["reliable"], own_tf)
+
+
+def robot_name() -> str:
+    """The robot's name for MQTT and the fleet: $EDGEMAP_ROBOT, else the machine's."""
+    import os
+    import socket
+
+    return os.environ.get("EDGEMAP_ROBOT") or socket.gethostname()
 
 
 def host_and_port(text: str, option: str, port: int) -> tuple[str, int]:
@@ -195,10 +201,8 @@ def address(text: str, option: str, port: int) -> str:
     return f"[{host}]:{number}" if ":" in host else f"{host}:{number}"
 
 
-def fleet_sink(fleet: str, robot: str | None, saved: "Path | None") -> "FleetSink":
+def fleet_sink(fleet: str, saved: "Path | None") -> "FleetSink":
     """The sink of `--fleet`. Raises OptionError, PublishError or MissingExtraError."""
-    import socket
-
     from edgemap.bridges.fleet.sink import FleetSink
 
     if saved is not None and _of_a_fleet(saved):
@@ -207,7 +211,7 @@ def fleet_sink(fleet: str, robot: str | None, saved: "Path | None") -> "FleetSin
             "this robot's own map"
         )
     place, where = place_and_address(fleet, "--fleet")
-    return FleetSink(place, robot or socket.gethostname(), where)
+    return FleetSink(place, robot_name(), where)
 
 
 def _of_a_fleet(saved: "Path") -> bool:

@@ -8,7 +8,7 @@ from typing import Annotated
 from edgemap.cli.arguments import arg
 from edgemap.cli.camera_options import read_intrinsics, read_mount
 from edgemap.cli.groups import Source
-from edgemap.cli.options import DepthTopicName, WithoutDepth, at_least
+from edgemap.cli.options import Topics, WithoutDepth, at_least, sensor_topics
 
 
 def command(
@@ -26,7 +26,7 @@ def command(
     ] = None,
     realtime: Annotated[bool, arg(help="Pace files by their stamps, not at full speed.")] = False,
     without_depth: WithoutDepth = False,
-    depth_topic: DepthTopicName = None,
+    topics: Topics = None,
 ) -> None:
     """Record a camera: pictures, lens, mount and odometry as ROS 2 messages in one MCAP file.
 
@@ -36,7 +36,7 @@ def command(
     from edgemap.bridges.ros2.recordings.facts import Facts
     from edgemap.bridges.ros2.recordings.recorder import Recorder
     from edgemap.geometry.errors import EdgemapError
-    from edgemap.runtime.frames.camera import CameraOptions, SensorTopics, next_frame
+    from edgemap.runtime.frames.camera import CameraOptions, next_frame
     from edgemap.runtime.frames.errors import RecordingError
     from edgemap.runtime.frames.reading import print_message
     from edgemap.runtime.frames.trajectory import TrackFile
@@ -46,7 +46,7 @@ def command(
     at_least(1, frames=frames)
     check_name(out)
     track = None if wheel is None else read_wheels(wheel)
-    how = CameraOptions(realtime=realtime, topics=SensorTopics(depth=depth_topic), depth=not without_depth)
+    how = CameraOptions(realtime=realtime, topics=sensor_topics(topics), depth=not without_depth)
     with source.open(how) as camera:
         if track is None and isinstance(camera.wheel, TrackFile):
             track = camera.wheel.track()

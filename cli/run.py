@@ -47,7 +47,7 @@ def command(
     from edgemap.runtime.step.config import Config, load_config
 
     tuned = load_config(advanced.config) if advanced.config else Config()
-    pace_files = options.pace_files and not watch.view
+    pace_files = options.pace_files and watch.view is None
     how = CameraOptions(
         realtime=pace_files, recovery=tuned.camera, topics=options.topics, depth=not camera.without_depth,
         frames=camera.frames,
@@ -63,5 +63,5 @@ def command(
 
 def _load(options: RunOptions, source: "Camera") -> "Bundle":
     """The bundle, with as many threads as pay where frames come at a camera's pace."""
-    paced = source.live or options.watch.view or options.pace_files
+    paced = source.live or options.watch.view is not None or options.pace_files
     return options.advanced.load(options.camera.camera, pace="camera" if paced else "files", recorded=source.inference)

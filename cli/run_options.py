@@ -2,22 +2,21 @@
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Literal
+from typing import TYPE_CHECKING, Annotated
 
-from edgemap.cli.arguments import OptionError, arg
+from edgemap.cli.arguments import arg
 from edgemap.cli.groups import MappingOptions, MotionOptions, Source
 from edgemap.cli.network_options import NetworkOptions
 from edgemap.cli.options import (
     ConfigFile,
     ConfigOptions,
-    DepthTopicName,
-    ImuTopic,
-    WheelTopic,
+    Topics,
     WithoutDepth,
     above_zero,
     at_least,
+    sensor_topics,
 )
-from edgemap.cli.publishers import OutputGroup, WatchGroup, frame_names
+from edgemap.cli.publishers import OutputGroup, WatchGroup, ros2_options
 
 if TYPE_CHECKING:
     from edgemap.runtime.frames.camera import SensorTopics
@@ -29,7 +28,7 @@ class CameraGroup(Source):
     """Source of the frames, intrinsics and mount."""
 
     without_depth: WithoutDepth = False
-    depth_topic: DepthTopicName = None
+    topics: Topics = None
     frames: Annotated[int | None, arg(metavar="N", help="Stop after N frames.")] = None
     realtime: Annotated[bool, arg(help="Pace files by their stamps, not at full speed.")] = False
     rate: Annotated[
@@ -45,9 +44,6 @@ class CameraGroup(Source):
 @dataclass(frozen=True)
 class RobotGroup(MotionOptions):
     """Source of the robot's motion."""
-
-    wheel_topic: WheelTopic = None
-    imu_topic: ImuTopic = None
 
 
 @dataclass(frozen=True)
@@ -72,28 +68,6 @@ class SavedMapOptions:
             "counter-clockwise; dock: at the map's dock; last: where the last run ended.",
         ),
     ] = None
-    forget: Annotated[
-        Literal["auto", "on", "off"],
-        arg(
-            help="Whether an object that is in plain view and not detected, repeatedly, leaves the map; auto: on with "
-            "--map, where furniture may have been moved since."
-        ),
-    ] = "auto"
-    edited: Annotated[
-        Path | None,
-        arg(
-            name="edits",
-            metavar="FILE",
-            help="Edits of an earlier run over the same source, taken at the same frames again: its edits.jsonl. A "
-            "recording brings those of the run that recorded it.",
-        ),
-    ] = None
-
-    def forgets(self, clustering: str) -> bool:
-        """Whether the run weighs negative evidence. Raises OptionError for a map that cannot forget."""
-        if self.forget == "on" and clustering == "paper":
-            raise OptionError("--forget on: the paper's clustering keeps every sighting for good")
-        return self.forget == "on" or (self.forget == "auto" and self.saved is not None)
 
     def place(self) -> "MapPlace | None":
         """The place of `--map`; None without it."""
@@ -118,12 +92,14 @@ class AdvancedGroup(NetworkOptions):
 
     config: ConfigFile = None
     config_options: ConfigOptions = False
-    strict: Annotated[
-        bool, arg(help="End at the first camera fault (a damaged picture, a late frame), not go on past it.")
-    ] = False
-    allow_untrained: Annotated[
-        bool, arg(help="Run --odometry paper although its weights are untrained (its motion is noise).")
-    ] = False
+
+    def repeated_edits(self) -> Path | None:
+        """The edits of the run that `--config-options` repeats, where it has any."""
+        if self.config is None or not self.config_options:
+            return None
+        folder = self.config if self.config.is_dir() else self.config.parent
+        edits = folder / "edits.jsonl"
+        return edits if edits.is_file() and (folder / "run.json").is_file() else None
 
 
 @dataclass(frozen=True)
@@ -147,28 +123,29 @@ class RunOptions:
         self.robot.check()
         at_least(1, frames=self.camera.frames, threads=self.advanced.threads)
         self.map.check()
-        frame_names(self.outputs.ros2_frames)
-        check_name(self.outputs.recording)
+        sensor_topics(self.camera.topics)
+        recording, _ = self.outputs.recorded()
+        check_name(recording)
         above_zero(rate=self.camera.rate)
         watch, out = self.watch, self.outputs
-        asked = {"view": watch.view, "foxglove": watch.foxglove, "record": out.recording}
+        asked = {"view": watch.view, "foxglove": watch.foxglove, "record": recording}
         asked |= {"mqtt": out.mqtt, "fleet": out.fleet, "ros2": out.ros2}
         for extra, value in asked.items():
-            if value:
+            if value is not None:
                 need(extra, f"--{extra}")
+        if out.ros2:
+            ros2_options(out.ros2)
 
     @property
     def pace_files(self) -> bool:
         """Whether file sources are paced by their stamps: on request, or because a live output follows the run."""
-        return self.camera.realtime or self.watch.foxglove is not None or self.outputs.ros2
+        return self.camera.realtime or self.watch.foxglove is not None or self.outputs.ros2 is not None
 
     @property
     def topics(self) -> "SensorTopics":
         """Further sensors among ROS 2 topics."""
-        from edgemap.runtime.frames.camera import SensorTopics
-
-        base = frame_names(self.outputs.ros2_frames)[3]
-        return SensorTopics(self.robot.wheel_topic, self.robot.imu_topic, self.camera.depth_topic, base)
+        frames = ros2_options(self.outputs.ros2).frames if self.outputs.ros2 else None
+        return sensor_topics(self.camera.topics, *([frames.optical] if frames else []))
 
     def inputs(self) -> dict[str, object]:
         """Options that differ from their defaults and are inputs of the step, by flag, as plain values: what makes the
@@ -184,4 +161,4 @@ class RunOptions:
 
 
 _NO_INPUTS = frozenset({"config", "config_options", "realtime"})
-_FLAGS = {"saved": "map", "edited": "edits"}
+_FLAGS = {"saved": "map"}

@@ -77,11 +77,11 @@ class PageServer:
 
 def _bind(host: str, port: int) -> socket.socket:
     if not 0 <= port <= 65535:
-        raise ViewError(f"--view-port {port}: must be 0 to 65535")
+        raise ViewError(f"--view {host}:{port}: the port must be 0 to 65535")
     try:
         family, kind, protocol, _, address = socket.getaddrinfo(host, port, type=socket.SOCK_STREAM)[0]
     except (socket.gaierror, UnicodeError):
-        raise ViewError(f"--view-host {host!r}: not a name or address of this machine") from None
+        raise ViewError(f"--view {host!r}: not a name or address of this machine") from None
     bound = socket.socket(family, kind, protocol)
     bound.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
     try:
@@ -89,7 +89,7 @@ def _bind(host: str, port: int) -> socket.socket:
         bound.listen()
     except OSError as error:
         bound.close()
-        other = "; choose another --view-port, or 0 for any free one"
+        other = "; choose another --view HOST:PORT, or port 0 for any free one"
         raise ViewError(f"the live page cannot have {host}:{port} ({error.strerror}){other}") from None
     return bound
 

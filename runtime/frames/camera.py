@@ -166,12 +166,13 @@ class RecoveryRule:
     reset precedes every second reopening, if the camera supports it. The wait before the second consecutive reopening
     is half a second, doubled each time, at most half a minute. A frame ends the sequence. The next sequence starts at
     the number of outages that had less than two seconds of frames between them. restarts: budget of reopenings; half a
-    minute of frames restores one.
+    minute of frames restores one. strict: a run ends at its first fault (a damaged picture, a late frame).
     """
 
     first_frame_limit_s: float = 10.0
     stall_limit_s: float = 1.0
     restarts: int = 20
+    strict: bool = False
 
 
 @dataclass(frozen=True, slots=True)

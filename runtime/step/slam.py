@@ -121,7 +121,6 @@ class SlamOptions:
     clustering: str = "default"
     loop_closure: bool = True
     forgets: bool = False
-    allow_untrained: bool = False
     mapped: Collection[str] | None = None
     confidence: float | None = None
     guessed_height: float = 0.0
@@ -132,17 +131,16 @@ def build_slam(
 ) -> SemanticSlam:
     """An empty map and all that fills it. floor: the camera's lens and mount. Raises OdometryError."""
     options, config = options or SlamOptions(), config or Config()
-    spec, untrained = options.odometry, options.allow_untrained
     wheels, rules, health, tilt = options.wheels, config.odometry, config.health, config.attitude.check.tilt
-    moving = bundle if spec == "paper" else bundle.companion or bundle
-    odometry = open_odometry(spec, moving, camera, floor, untrained, wheels, rules, health, tilt)
+    moving = bundle if options.odometry == "paper" else bundle.companion or bundle
+    odometry = open_odometry(options.odometry, moving, camera, floor, wheels, rules, health, tilt)
     pipeline = Pipeline(
         bundle,
         floor,
         odometry,
         rule=config.floor,
         mapped=options.mapped,
-        attitude=open_attitude(spec, camera, floor, options.imu, config.attitude, health, rules),
+        attitude=open_attitude(options.odometry, camera, floor, options.imu, config.attitude, health, rules),
         confidence=options.confidence,
         health=config.health,
         rest=config.rest,

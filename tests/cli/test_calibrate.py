@@ -150,6 +150,6 @@ def test_mount_takes_the_wheels_of_the_topic_that_is_named(edgemap, tmp_path):
     pytest.importorskip("mcap")
     path = tmp_path / "a.mcap"
     assert edgemap("record", "--camera", "demo", "--frames", "45", "-o", path).returncode == 0
-    found = edgemap("calibrate", "mount", "--camera", path, "--wheel-topic", "/none", "-o", tmp_path / "camera.yaml")
+    found = edgemap("calibrate", "mount", "--camera", path, "--topics", "wheels=/none", "-o", tmp_path / "camera.yaml")
     assert found.returncode == 1
     assert "no nav_msgs/Odometry topic /none (there are: /wheel/odometry)" in found.stderr

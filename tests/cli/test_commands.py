@@ -342,14 +342,11 @@ def test_detect_draws_boxes_without_a_mount(edgemap, painted_bundle, pictures, t
     assert beside_floor.shape[1] > 2 * beside_floor.shape[0]
 
 
-def test_an_untrained_head_runs_when_forced(edgemap, painted_bundle, pictures, tmp_path):
-    flags = ("--odometry", "paper", "--allow-untrained", "--out", tmp_path / "run")
-    assert edgemap("run", "--camera", pictures, "--bundle", painted_bundle, *flags).returncode == 0
-
-
 def test_a_picture_that_is_none_ends_a_strict_run_with_map_and_report(edgemap, painted_bundle, pictures, tmp_path):
     (pictures / "8.png").write_bytes(b"not a picture")
-    result = edgemap("run", "--camera", pictures, "--strict", "--bundle", painted_bundle, "--out", tmp_path / "run")
+    (tmp_path / "strict.yaml").write_text("config: {camera: {strict: true}}")
+    strict = ("--config", tmp_path / "strict.yaml", "--bundle", painted_bundle, "--out", tmp_path / "run")
+    result = edgemap("run", "--camera", pictures, *strict)
     line = one_line(result)
     assert "8.png: not a picture" in line
     assert f"the map so far (1 objects) is in {tmp_path / 'run'}" in line

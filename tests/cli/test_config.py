@@ -13,7 +13,7 @@ from edgemap.cli.run import command
 
 def test_a_run_from_its_own_record_is_the_same_run(tmp_path):
     tuned = tmp_path / "tuned.yaml"
-    tuned.write_text("options: {frames: 40, odometry: planar}\nconfig: {association: {min_count: 2}}\n")
+    tuned.write_text("options: {frames: 40, odometry: truth}\nconfig: {association: {min_count: 2}}\n")
     main(
         [
             "run",
@@ -27,7 +27,7 @@ def test_a_run_from_its_own_record_is_the_same_run(tmp_path):
         ]
     )
     record = json.loads((tmp_path / "first" / "run.json").read_text())
-    assert record["options"] == {"frames": 40, "odometry": "planar", "classes": "chair,couch"}
+    assert record["options"] == {"frames": 40, "odometry": "truth", "classes": "chair,couch"}
     assert record["config"]["association"]["min_count"] == 2
     again = ["--config", str(tmp_path / "first" / "run.json"), "--config-options"]
     main(["run", *again, "--out", str(tmp_path / "again")])
@@ -44,7 +44,7 @@ def test_an_unknown_number_is_one_line(tmp_path, capsys):
     assert capsys.readouterr().err.count("\n") == 1
 
 
-STRANGER = {"out": "theirs", "record": "theirs.mcap", "mqtt": "10.0.0.1", "fleet": "10.0.0.1", "view-host": "0.0.0.0"}
+STRANGER = {"out": "theirs", "record": "theirs.mcap", "mqtt": "10.0.0.1", "fleet": "10.0.0.1", "view": "0.0.0.0"}
 
 
 def written(folder, options):
@@ -58,17 +58,17 @@ def test_a_strangers_file_sets_tuning_only(tmp_path, monkeypatch, capsys):
     main(["run", "--config", str(written(tmp_path, STRANGER)), "--frames", "3", "--out", "mine"])
     assert sorted(path.name for path in tmp_path.iterdir()) == ["c.yaml", "mine"]
     told = capsys.readouterr().err
-    assert "tuning only; its options (fleet, mqtt, out, record, view-host) are used with --config-options" in told
+    assert "tuning only; its options (fleet, mqtt, out, record, view) are used with --config-options" in told
     record = json.loads((tmp_path / "mine" / "run.json").read_text())
     assert (record["config"]["association"]["min_count"], record["options"]) == (2, {"frames": 3})
 
 
 def test_options_come_before_what_is_typed_and_are_printed(tmp_path, capsys):
-    path = written(tmp_path, {"odometry": "planar", "loop-closure": False, "allow_untrained": True, "out": "theirs"})
-    typed = ["--config", str(path), "--config-options", "--odometry", "flow", "-o", "mine"]
-    assert config_arguments(typed, command) == ["--allow-untrained", "--no-loop-closure", *typed]
+    path = written(tmp_path, {"odometry": "truth", "loop-closure": False, "without_imu": True, "out": "theirs"})
+    typed = ["--config", str(path), "--config-options", "--odometry", "hybrid", "-o", "mine"]
+    assert config_arguments(typed, command) == ["--no-loop-closure", "--without-imu", *typed]
     told = capsys.readouterr().err.splitlines()
-    assert told == [f"{path} sets --allow-untrained", f"{path} sets --no-loop-closure"]
+    assert told == [f"{path} sets --no-loop-closure", f"{path} sets --without-imu"]
     assert config_arguments(["--frames", "3"], command) == ["--frames", "3"]
 
 
@@ -80,7 +80,7 @@ def test_options_of_no_file_are_refused(capsys):
 
 
 def test_every_switch_may_be_false_and_true(tmp_path, capsys):
-    for options in ({"view": False, "ros2": False, "loop-closure": False}, {"loop-closure": True, "lossless": True}):
+    for options in ({"view": False, "ros2": False, "loop-closure": False}, {"loop-closure": True, "realtime": True}):
         path = written(tmp_path, options)
         with pytest.raises(SystemExit) as end:
             main(["run", "--config", str(path), "--config-options", "--frames", "0"])
@@ -94,7 +94,7 @@ def test_every_switch_may_be_false_and_true(tmp_path, capsys):
         {"nonsense": 1},
         {"config": "x"},
         {"config-options": True},
-        {"view": "yes"},
+        {"realtime": "yes"},
         {"frames": True},
         {"camera": ["demo"]},
         {"out": "a\nb"},

@@ -51,7 +51,9 @@ def test_a_run_that_does_not_reach_its_end_keeps_its_guess(edgemap, painted_bund
     """As after a kill, a second Ctrl-C, or a camera that is lost for good."""
     (pictures / "camera.yaml").unlink()
     (pictures / "7.png").write_bytes(b"no picture")
-    done = edgemap("run", "--camera", pictures, "--bundle", painted_bundle, "--strict", "--out", tmp_path / "run")
+    (tmp_path / "strict.yaml").write_text("config: {camera: {strict: true}}")
+    strict = ("--config", tmp_path / "strict.yaml", "--bundle", painted_bundle, "--out", tmp_path / "run")
+    done = edgemap("run", "--camera", pictures, *strict)
     assert done.returncode == 1
     record = json.loads((tmp_path / "run" / "run.json").read_text())
     assert 0 < record["frames"] < 12
@@ -103,7 +105,7 @@ def test_a_recording_of_a_run_by_a_guess_is_one_still(edgemap, painted_bundle, p
         assert record["camera_guess"]["focal_sigma_share"] > 0.0
 
 
-@pytest.mark.parametrize(("odometry", "corrected"), [("planar", True), ("wheel:wheels.csv", False), ("truth", False)])
+@pytest.mark.parametrize(("odometry", "corrected"), [("hybrid", True), ("wheel:wheels.csv", False), ("truth", False)])
 def test_lengths_that_poses_measure_are_not_corrected(
     painted_bundle, pictures, tmp_path, monkeypatch, capsys, odometry, corrected
 ):

@@ -98,7 +98,7 @@ def test_a_stall_and_a_stop_do_not_end_a_run_and_sigterm_does_within_two_seconds
 def test_sigterm_in_the_middle_of_a_realsense_recording(realsense_recording, tmp_path, view):
     pytest.importorskip("pyrealsense2")
     out = tmp_path / "run"
-    words = ["--view", "--view-port", "0"] if view else ["--realtime"]
+    words = ["--view", "127.0.0.1:0"] if view else ["--realtime"]
     run = begin(f"realsense:{realsense_recording[0]}", out, *words)
     try:
         wait_for(lambda: frames_done(out) >= 1)
@@ -116,7 +116,7 @@ def test_sigterm_while_the_camera_is_away(server, tmp_path, view):
     with socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as manager:
         manager.bind(str(tmp_path / "notify"))
         manager.settimeout(120.0)
-        words = ["--view", "--view-port", "0"] if view else []
+        words = ["--view", "127.0.0.1:0"] if view else []
         run = begin(server.url, out, *words, NOTIFY_SOCKET=str(tmp_path / "notify"))
         try:
             wait_for(lambda: frames_done(out) >= 3)

@@ -50,12 +50,13 @@ def test_one_command_to_a_live_map_in_foxgloves_protocol(start):
 
 
 @pytest.mark.skipif(bool(MISSING), reason=f"not here: {', '.join(MISSING)}")
-def test_a_run_tells_a_broker_what_appears(start, tmp_path):
+def test_a_run_tells_a_broker_what_appears(start, tmp_path, monkeypatch):
     pytest.importorskip("paho.mqtt")
     broker = Broker(tmp_path)
     listener = broker.listen("edgemap/vacuum/#")
     try:
-        start("--mqtt", f"127.0.0.1:{broker.port}", "--robot", "vacuum")
+        monkeypatch.setenv("EDGEMAP_ROBOT", "vacuum")
+        start("--mqtt", f"127.0.0.1:{broker.port}")
         told = {}
         while "edgemap/vacuum/events" not in told:
             topic, payload = listener.stdout.readline().rstrip("\n").split("\t")
@@ -102,7 +103,7 @@ def test_without_the_extra_one_line_names_it_at_once(tmp_path, painted_bundle, o
     assert not (tmp_path / "run").exists()
 
 
-def test_two_robots_one_map_by_commands_alone(start, tmp_path, capsys):
+def test_two_robots_one_map_by_commands_alone(start, tmp_path, capsys, monkeypatch):
     """A keeper and two robots that see the same, as processes of their own, and somebody who asks late."""
     pytest.importorskip("zenoh", reason="zenoh is not installed (extra 'fleet')")
     address = f"127.0.0.1:{free_port()}"
@@ -113,7 +114,8 @@ def test_two_robots_one_map_by_commands_alone(start, tmp_path, capsys):
         assert keeper.stdout is not None
         assert keeper.stdout.readline() == f"map of home: {place}/map.json\n"
         for name in ("one", "two"):
-            robot = start("--fleet", f"home@{address}", "--robot", name, "--frames", 300, "--out", tmp_path / name)
+            monkeypatch.setenv("EDGEMAP_ROBOT", name)
+            robot = start("--fleet", f"home@{address}", "--frames", 300, "--out", tmp_path / name)
             robot.communicate(timeout=120)
             faults = json.loads((tmp_path / name / "run.json").read_text())["faults"]
             assert not [fault for fault in faults if "fleet" in fault]

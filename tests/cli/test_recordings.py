@@ -45,7 +45,7 @@ def driven(edgemap, painted_bundle, tmp_path_factory):
 def live(driven, tmp_path_factory):
     """The drive itself, which records what it sees without loss, beside its folder."""
     tape = tmp_path_factory.mktemp("tape") / "live.mcap"
-    out = driven("live", "--record", tape, "--lossless")
+    out = driven("live", "--record", f"lossless:{tape}")
     tape.rename(out.parent / "live.mcap")
     assert load_map(out)
     return out

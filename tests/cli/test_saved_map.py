@@ -36,8 +36,8 @@ def test_a_run_goes_on_with_a_saved_map(edgemap, painted_bundle, pictures, saved
     assert (record["map"], record["start"]) == (str(saved), "2,0,0")
 
 
-@pytest.mark.parametrize(("forget", "stays"), [("auto", False), ("off", True)])
-def test_a_chair_that_is_gone_leaves_the_map(edgemap, painted_bundle, pictures, tmp_path, forget, stays):
+@pytest.mark.parametrize(("misses", "stays"), [(5, False), (1000000, True)])
+def test_a_chair_that_is_gone_leaves_the_map(edgemap, painted_bundle, pictures, tmp_path, misses, stays):
     # Saved 3 m ahead and seen from here before; the detector sees only the chair 5 m ahead. Ten looks from two places.
     scene = np.asarray(cv2.imread(str(pictures / "0.png")))
     for index in range(160):  # no two alike, as a frozen camera's are
@@ -48,7 +48,8 @@ def test_a_chair_that_is_gone_leaves_the_map(edgemap, painted_bundle, pictures, 
     objects = [replace(item, seen_from_m=((0.25, 0.25), (-1.75, 0.25))) for item in (chair, other)]
     save_map(tmp_path / "saved.json", objects)
     saved, out = tmp_path / "saved.json", tmp_path / "run"
-    driven = "--odometry", tmp_path / "poses.tum", "--start", "0,0,0", "--forget", forget
+    driven = "--odometry", tmp_path / "poses.tum", "--start", "0,0,0", "--config", tmp_path / "c.yaml"
+    (tmp_path / "c.yaml").write_text(f"config: {{forgetting: {{misses: {misses}}}}}")
     done = run(edgemap, painted_bundle, pictures, out, "--map", saved, *driven)
     assert done.returncode == 0, done.stderr
     assert [item.id for item in load_map(out)] == (["chair-1", "chair-2"] if stays else ["chair-2"])
@@ -68,7 +69,6 @@ def test_a_place_that_is_not_found_is_said(edgemap, painted_bundle, pictures, sa
         (("--start", "0,0,0"), "give that with --map"),
         (("--map", "{saved}", "--start", "0,0"), "expected 3 numbers, X,Y,YAW_DEG"),
         (("--map", "{saved}", "--clustering", "paper"), "goes on by association"),
-        (("--forget", "on", "--clustering", "paper"), "keeps every sighting for good"),
         (("--map", "nowhere.json"), "nowhere.json: cannot be read"),
     ],
 )

@@ -20,10 +20,12 @@ from edgemap.runtime.step.map_file import load_map
 PATIENCE_S = 240.0
 
 
-def edgemap(folder, *words):
+def edgemap(folder, *words, robot=""):
     log = (folder / f"{'-'.join(words[:3])}.log".replace("/", "_")).open("w")
     command = [sys.executable, "-m", "edgemap.cli", *words]
-    return subprocess.Popen(command, cwd=folder, stdout=log, stderr=subprocess.STDOUT)
+    return subprocess.Popen(
+        command, cwd=folder, stdout=log, stderr=subprocess.STDOUT, env={**os.environ, "EDGEMAP_ROBOT": robot}
+    )
 
 
 def members(folder):
@@ -43,7 +45,7 @@ def test_two_places_their_robots_and_damaged_messages(tmp_path):
     }
     robots = [
         edgemap(tmp_path, "run", "--frames", "120", "--threads", "1", "--fleet", f"{place}@127.0.0.1:{ports[place]}",
-                "--robot", robot, "--out", f"run-{robot}")
+                "--out", f"run-{robot}", robot=robot)
         for place, robot in (("home", "one"), ("home", "two"), ("garden", "three"))
     ]  # fmt: skip
     try:

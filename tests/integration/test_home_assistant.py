@@ -60,9 +60,11 @@ def test_home_assistant_shows_the_robot_its_objects_events_and_that_it_is_gone(t
     robot = None
     try:
         home.until("ready", lambda *_: True)
-        words = ["run", "--frames", "150", "--threads", "1", "--mqtt", f"127.0.0.1:{broker.port}", "--robot", "robo"]
+        words = ["run", "--frames", "150", "--threads", "1", "--mqtt", f"127.0.0.1:{broker.port}"]
         robot = subprocess.Popen(
-            [sys.executable, "-m", "edgemap.cli", *words, "--out", tmp_path / "run"], stdout=subprocess.DEVNULL
+            [sys.executable, "-m", "edgemap.cli", *words, "--out", tmp_path / "run"],
+            stdout=subprocess.DEVNULL,
+            env={**os.environ, "EDGEMAP_ROBOT": "robo"},
         )
         home.until("device", lambda name, more: name == "robo" and more == {"manufacturer": "edgemap"})
         home.until(

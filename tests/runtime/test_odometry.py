@@ -396,11 +396,10 @@ def test_a_car_accelerates_as_many_times_more_as_its_unit_is_longer():
     assert rule.yaw_rate_sigma_rad_s == CoastingRule().yaw_rate_sigma_rad_s
 
 
-def test_an_untrained_head_is_refused_unless_forced(tmp_path):
+def test_an_untrained_head_is_refused(tmp_path):
     bundle = load_bundle(painted.write_painted(tmp_path / "b", [], odometry=False))
     with pytest.raises(OdometryError, match="untrained"):
         LearnedOdometry(bundle, "paper", CAMERA)
-    LearnedOdometry(bundle, "paper", CAMERA, allow_untrained=True)
 
 
 def test_recorded_poses_become_motions():

@@ -101,9 +101,9 @@ def test_a_held_run_goes_on_where_it_was_and_ctrl_c_ends_a_held_one(start, tmp_p
 
 
 def test_edits_reach_the_map_on_disk_while_the_run_is_held_and_after_its_end(start, bundle, tmp_path):
-    """And `--edits`, or a recording that holds them, takes them at the same frames again."""
+    """And `--config-options`, or a recording that holds them, takes them at the same frames again."""
     tape = tmp_path / "tape.mcap"
-    process, port = start("--camera", "demo", "--frames", "25", "--record", str(tape), "--lossless")
+    process, port = start("--camera", "demo", "--frames", "25", "--record", f"lossless:{tape}")
     api, folder = Api(port), tmp_path / "run0"
     while not (found := api.get("/api/objects")):
         time.sleep(0.05)
@@ -124,7 +124,7 @@ def test_edits_reach_the_map_on_disk_while_the_run_is_held_and_after_its_end(sta
     edits = [json.loads(line) for line in (folder / "edits.jsonl").read_text().splitlines()]
     assert [edit["do"] for edit in edits] == ["rename", "zone"]
     assert 0 < edits[0]["frames"] < edits[1]["frames"] == 25
-    for name, source in (("demo", ["--edits", str(folder / "edits.jsonl"), "--frames", "25"]), (str(tape), [])):
+    for name, source in (("demo", ["--config", str(folder), "--config-options"]), (str(tape), [])):
         again = [sys.executable, "-m", "edgemap.cli", "run", "--bundle", str(bundle), "--camera", name, *source]
         subprocess.run([*again, "--out", str(tmp_path / Path(name).stem)], check=True, capture_output=True)
     assert (tmp_path / "demo" / "map.json").read_text() == (folder / "map.json").read_text()
@@ -135,7 +135,7 @@ def test_edits_reach_the_map_on_disk_while_the_run_is_held_and_after_its_end(sta
 
 def test_a_taken_port_ends_the_run_before_it_begins(start, bundle, tmp_path, capsys):
     _, port = start("--camera", "demo")
-    command = ["run", "--view", "--view-port", str(port), "--bundle", str(bundle), "--out", str(tmp_path / "other")]
+    command = ["run", "--view", f"127.0.0.1:{port}", "--bundle", str(bundle), "--out", str(tmp_path / "other")]
     with pytest.raises(SystemExit) as ended:
         main(command)
     assert ended.value.code == 1

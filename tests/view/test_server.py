@@ -197,15 +197,13 @@ def test_two_runs_have_two_tokens_and_loopback_has_none(serve):
 
 def test_a_taken_port_and_a_foreign_address_are_one_line_each(serve, tmp_path):
     served = serve()
-    with pytest.raises(
-        ViewError, match=rf"127.0.0.1:{served.port} \(Address already in use\); choose another --view-port"
-    ):
+    with pytest.raises(ViewError, match=rf"127.0.0.1:{served.port} \(Address already in use\); choose another --view"):
         PageServer(served.page, "127.0.0.1", served.port)
     with pytest.raises(ViewError, match="Cannot assign requested address"):
         PageServer(served.page, "192.0.2.7", 0)
     with pytest.raises(ViewError, match="not a name or address"):
         PageServer(served.page, "no.such.host.invalid", 0)
-    with pytest.raises(ViewError, match="--view-port 70000: must be 0 to 65535"):
+    with pytest.raises(ViewError, match="70000: the port must be 0 to 65535"):
         PageServer(served.page, "127.0.0.1", 70000)
 
 

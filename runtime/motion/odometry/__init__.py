@@ -45,13 +45,13 @@ def open_odometry(
     bundle: Bundle,
     camera: Camera,
     floor: FloorCamera,
-    allow_untrained: bool = False,
     wheels: bool = True,
     rules: OdometryRules | None = None,
     health: HealthRule | None = None,
     tilt: MountTiltRule | None = None,
 ) -> Odometry:
-    """The odometry that a name stands for: hybrid, flow, planar, window, gyro, paper, truth, wheel or FILE.tum.
+    """The odometry that a name stands for: hybrid, paper, truth, wheel or FILE.tum; for experiments a member of the
+    hybrid alone: flow, planar, window, gyro.
 
     wheels: whether the hybrid uses the source's wheels, where it has any. health: rule of its pictures. tilt: rule of
     the camera's tilt about its mount. Raises OdometryError for one that is unknown or not available here.
@@ -68,7 +68,7 @@ def open_odometry(
     if spec == "planar":
         return _tracked(floor, rules, tilt)
     if spec in ("flow", "paper"):
-        return LearnedOdometry(bundle, spec, floor, allow_untrained, coasting)
+        return LearnedOdometry(bundle, spec, floor, coasting)
     if spec == "truth":
         if camera.truth is None:
             raise OdometryError(f"odometry truth: {camera.name} brings no poses of its own")
@@ -79,7 +79,7 @@ def open_odometry(
         return _wheels(camera.wheel, rules)
     if spec.endswith(".tum"):
         return RecordedOdometry(read_tum(Path(spec)), spec, edge_s=POSES_EDGE_S)
-    raise OdometryError(f"odometry {spec!r} is not hybrid, flow, planar, window, gyro, paper, truth, wheel or FILE.tum")
+    raise OdometryError(f"odometry {spec!r} is not hybrid, paper, truth, wheel or FILE.tum")
 
 
 def _wheels(given: TrackFile | PoseTrack, rules: OdometryRules) -> RecordedOdometry:

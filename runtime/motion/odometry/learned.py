@@ -39,7 +39,7 @@ class LearnedOdometry:
     between the frames that it was trained on, since its errors hardly shrink with the time between pictures (at 30 Hz
     motions from picture to picture drift up to nine times as much as those from every third), or where half of
     `reach_rad` is reached. Raises OdometryError
-    where the bundle has none, or an untrained one and not `allow_untrained`.
+    where the bundle has none, or an untrained one.
     """
 
     needs_features = True
@@ -49,15 +49,14 @@ class LearnedOdometry:
         bundle: Bundle,
         kind: str,
         camera: FloorCamera,
-        allow_untrained: bool = False,
         coasting: CoastingRule | None = None,
     ) -> None:
         self.name, self._coasting_rule = kind, coasting
         self._head, self._network = bundle.odometry_head(kind)
-        if not self._head.trained and not allow_untrained:
+        if not self._head.trained:
             raise OdometryError(
                 f"the {kind} odometry of bundle {bundle.manifest.name} is untrained: its motion is noise "
-                "(--allow-untrained runs it all the same)"
+                "(edgemap train odometry --head paper)"
             )
         sigmas = (self._head.sigma_forward_m, self._head.sigma_left_m, self._head.sigma_yaw_rad)
         self._covariance = np.diag(np.square(sigmas))

@@ -168,7 +168,7 @@ def test_fast_dds_reads_what_a_run_publishes(program, node):
 
 def test_the_command_publishes_while_it_runs(program, tmp_path):
     """`edgemap run --ros2` as typed; its process is found by the environment alone."""
-    command = [sys.executable, "-m", "edgemap.cli", "run", "--frames", "30", "--ros2", "--ros2-namespace", "kitchen"]
+    command = [sys.executable, "-m", "edgemap.cli", "run", "--frames", "30", "--ros2", "namespace=kitchen"]
     environment = os.environ | {"ROS_DOMAIN_ID": str(DOMAIN)}
     wanted = ("rt/tf,TFMessage,reliable,3", "rt/kitchen/odometry,Odometry,reliable,3")
     wanted += ("rt/kitchen/map/objects,Detection3DArray,latched,1",)

@@ -7,9 +7,10 @@ import pytest
 from edgemap.bridges.ros2.dds.discovery import Discovery, discovery_from
 from edgemap.bridges.ros2.dds.types import HASHES, dds_topic, dds_type, in_namespace, ros_kind
 from edgemap.bridges.ros2.messages.definitions import RosClock, definition, ros_offset_s
-from edgemap.bridges.ros2.messages.topics import KINDS
+from edgemap.bridges.ros2.messages.topics import KINDS, FrameIds
+from edgemap.bridges.ros2.sink import Ros2Options
 from edgemap.cli.arguments import OptionError
-from edgemap.cli.publishers import frame_names
+from edgemap.cli.publishers import ros2_options
 from edgemap.runtime.frames.errors import Ros2Error
 
 
@@ -102,8 +103,14 @@ def test_stamps_follow_a_wall_clock_that_is_set(monkeypatch, stamp_s):
     assert RosClock(0.0).offset_s(5.0) == 0.0
 
 
-@pytest.mark.parametrize("frames", ["map,odom", "map,odom,,lens", "map,odom,map,lens", ""])
-def test_frames_are_four_different_names(frames):
-    with pytest.raises(OptionError, match="four different names"):
-        frame_names(frames)
-    assert frame_names("map, odom,base_footprint,lens") == ["map", "odom", "base_footprint", "lens"]
+@pytest.mark.parametrize("text", ["map", "map=", "odom=map", "base=lens,optical=lens", "map=a,map=b", "odom_tf=maybe"])
+def test_a_wrong_option_of_ros2_is_refused(text):
+    with pytest.raises(OptionError, match="--ros2"):
+        ros2_options(text)
+
+
+def test_options_of_ros2_are_read():
+    options = ros2_options("namespace=robot1, base=base_footprint,pictures=yes,reliable=no,odom_tf=no")
+    frames = FrameIds(base="base_footprint")
+    assert options == Ros2Options("robot1", frames, pictures=True, best_effort=True, odom_tf=False)
+    assert ros2_options("") == Ros2Options()
