@@ -26,15 +26,16 @@ def report_page(document: dict[str, Any]) -> str:
 @cache
 def _frame(title: str) -> tuple[str, str]:
     """The page before and after its data."""
-    page, script = (STATIC / "index.html").read_text(), bundled("main")
+    page, script = (STATIC / "index.html").read_text("utf-8"), bundled("main")
     hashed = b64encode(sha256(script.encode()).digest()).decode()
     policy = f"default-src 'none'; img-src data:; style-src 'unsafe-inline'; script-src 'sha256-{hashed}'"
+    style = (STATIC / "style.css").read_text("utf-8")
     icon = b64encode((STATIC / "icon.svg").read_bytes()).decode()
     meta = '<meta charset="utf-8">'
     for old, new in (
         (meta, f'{meta}\n<meta http-equiv="Content-Security-Policy" content="{policy}">'),
         ('href="/icon.svg"', f'href="data:image/svg+xml;base64,{icon}"'),
-        ('<link rel="stylesheet" href="/style.css">', f"<style>{(STATIC / 'style.css').read_text()}</style>"),
+        ('<link rel="stylesheet" href="/style.css">', f"<style>{style}</style>"),
         ('<script type="module" src="/main.js"></script>', f'<script type="module">{script}</script>'),
         ("<title>edgemap</title>", f"<title>{title} – edgemap</title>"),
         ('<body data-source="live">', '<body data-source="saved">'),
@@ -55,7 +56,7 @@ def bundled(name: str) -> str:
         if name in parts:
             return
         parts[name] = ""  # before what it imports: a cycle ends
-        source = (STATIC / f"{name}.js").read_text()
+        source = (STATIC / f"{name}.js").read_text("utf-8")
         for match in _IMPORT.finditer(source):
             add(match[2])
         body = _IMPORT.sub(lambda match: f"const {{ {match[1]} }} = module_{match[2]};\n", source)
