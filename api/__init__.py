@@ -17,6 +17,12 @@ if TYPE_CHECKING:
 # this stands in the environment before they are imported. Whoever wants that sets it to 0.
 os.environ.setdefault("ORT_DISABLE_TELEMETRY", "1")
 
+# Read by OpenCV when it is imported: the largest picture that it decodes (67 million px, 200 MB as BGR), and logs of
+# OpenCV and FFmpeg off the terminal, where edgemap reports what they refuse.
+os.environ.setdefault("OPENCV_IO_MAX_IMAGE_PIXELS", str(1 << 26))
+os.environ.setdefault("OPENCV_LOG_LEVEL", "SILENT")
+os.environ.setdefault("OPENCV_FFMPEG_LOGLEVEL", "-8")
+
 __version__ = VERSION
 __all__ = ["Session", "__version__", "open"]
 

@@ -3,9 +3,12 @@
 import fcntl
 import os
 import signal
+from importlib import import_module
 from pathlib import Path
 
 import pytest
+
+import_module("edgemap")  # before a test imports OpenCV, which reads its limits from the environment
 
 # Two workers on two cores: threads of torch and BLAS that wait for one another took a third of the processor time.
 if "PYTEST_XDIST_WORKER" in os.environ:

@@ -23,6 +23,7 @@ T = TypeVar("T")
 MESSAGE_LENGTH = 200
 LINE_LENGTH = 1000  # of what is printed
 SHOWN = 60  # of a value
+TABLE_BYTES = 128 << 20  # of a text table
 TREE_BYTES = 1 << 20  # of a document that is read again to show what was wrong in it: any values, each some 100 bytes
 HIDDEN = r"\x00-\x1f\x7f-\x9f\u200b-\u200f\u2028-\u202e\u2060-\u206f\ufeff"  # control characters, text directions
 
@@ -120,7 +121,7 @@ def convert(tree: Any, kind: type[T], where: object, error: type[EdgemapError], 
     """Plain values as a checked record. strict: else numbers may stand as text. Raises `error`."""
     try:
         return msgspec.convert(tree, kind, strict=strict)
-    except (msgspec.ValidationError, OverflowError) as why:
+    except (msgspec.ValidationError, OverflowError, UnicodeError) as why:
         raise error(f"{where}: {_reason(why, tree)}") from None
     except RecursionError:
         raise error(f"{where}: nested too deeply") from None

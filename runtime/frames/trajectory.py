@@ -13,8 +13,8 @@ from edgemap.geometry.camera.attitude import Attitude
 from edgemap.geometry.errors import EdgemapError
 from edgemap.geometry.se2 import SE2
 from edgemap.runtime.frames.errors import OdometryError
-from edgemap.runtime.frames.number_rows import STAMP, TABLE_BYTES, NumberTable, columns
-from edgemap.runtime.frames.reading import read_bytes
+from edgemap.runtime.frames.reading import TABLE_BYTES, read_bytes
+from edgemap.runtime.frames.tables import STAMP, NumberTable, columns
 
 TUM = NumberTable((STAMP, *columns("x_m y_m z_m qx qy qz qw")))
 FASTEST_M_S = 60.0  # a car of KITTI; a faster pose was reset or is damaged

@@ -14,8 +14,8 @@ from edgemap.geometry.observations.sighting import FloorRule
 from edgemap.geometry.registration.alignment import AlignmentRule
 from edgemap.geometry.slam.pose_graph import GraphRule
 from edgemap.runtime.frames.camera import RecoveryRule
-from edgemap.runtime.frames.plain_yaml import read_yaml
 from edgemap.runtime.frames.reading import decode_json, one_line, print_message, read_bytes
+from edgemap.runtime.frames.yaml_file import read_yaml
 from edgemap.runtime.motion.attitude.inertial import AttitudeRule
 from edgemap.runtime.motion.health import HealthRule
 from edgemap.runtime.motion.height_check import HeightRule

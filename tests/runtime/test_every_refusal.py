@@ -1,23 +1,37 @@
 """Refusals of readers that no other test meets: each is reached, and says the number or name that is wrong."""
 
+import io
 import json
+import os
+import tracemalloc
+import zipfile
+from pathlib import Path
 
 import cv2
 import numpy as np
 import pytest
+from support import painted
+from support.huge_png import png
 from support.refusal import refused
 
 from edgemap.bridges.ros2.recordings.camera import RecordingCamera
 from edgemap.bridges.ros2.recordings.reader import McapReading
-from edgemap.runtime.frames import number_rows
-from edgemap.runtime.frames.errors import BundleError, CameraError
+from edgemap.geometry.errors import MapError
+from edgemap.runtime.frames.errors import BundleError, CameraError, OdometryError
+from edgemap.runtime.frames.reading import one_line, read_bytes
+from edgemap.runtime.frames.trajectory import read_tum
 from edgemap.runtime.inputs.cameras.pictures import VideoCamera
 from edgemap.runtime.inputs.drives import open_drive
-from edgemap.runtime.inputs.drives.pose_files import read_stamps
+from edgemap.runtime.inputs.drives.camera_yaml import read_camera_yaml
+from edgemap.runtime.inputs.drives.pictures import list_pictures, read_picture
+from edgemap.runtime.inputs.drives.sensor_csv import read_wheel_csv
 from edgemap.runtime.network.engines import open_onnxruntime
+from edgemap.runtime.network.manifest_file import read_manifest
 from edgemap.runtime.network.network import Compute
+from edgemap.runtime.network.store import install_folder
 from edgemap.runtime.outputs import sightings_file
 from edgemap.runtime.step import config
+from edgemap.runtime.step.grid_file import load_grid, read_grid
 
 POSE = "1 0 0 0 0 1 0 0 0 0 1 0 0 0 0 1\n"
 EUROC_CAMERA = (
@@ -78,14 +92,10 @@ def test_what_is_not_there(tmp_path):
             attempt()
 
 
-def test_more_rows_than_are_read(tmp_path, monkeypatch):
-    monkeypatch.setattr(number_rows, "ROW_LIMIT", 2)
-    (tmp_path / "times.txt").write_text("1\n2\n3\n")
-    with pytest.raises(CameraError, match="more than 2 rows"):
-        read_stamps(tmp_path / "times.txt")
+def test_more_sightings_than_are_read(tmp_path, monkeypatch):
     monkeypatch.setattr(sightings_file, "SIGHTINGS_LIMIT", 1)
     (tmp_path / "sightings.jsonl").write_text('{"label":"chair","map_m":[0,0]}\n' * 2)
-    with pytest.raises(sightings_file.MapError, match="more than 1 sightings"):
+    with pytest.raises(MapError, match="more than 1 sightings"):
         sightings_file.read_sightings(tmp_path)
 
 
@@ -93,14 +103,6 @@ def test_a_tuned_number_beyond_all_sense(tmp_path):
     (tmp_path / "run.json").write_text(json.dumps({"config": {"floor": {"max_sigma_m": 1e15}}}))
     with pytest.raises(config.ConfigError, match="not a finite number"):
         config.load_config(tmp_path / "run.json")
-
-
-def test_half_a_character_in_yaml(tmp_path):
-    """Python's strings hold it, no file does, and what checks the values cannot encode it."""
-    for text in ('{"config": {"floor": {"max_sigma_m": "\\ud800"}}}', '"\\udfff": 1'):
-        (tmp_path / "a.yaml").write_text(text)
-        with pytest.raises(config.ConfigError, match="half a character"):
-            config.load_config(tmp_path / "a.yaml")
 
 
 def test_a_network_that_fails_as_it_runs_is_the_bundles_failure(tmp_path):
@@ -122,3 +124,137 @@ def test_a_network_that_fails_as_it_runs_is_the_bundles_failure(tmp_path):
     with pytest.raises(BundleError, match="the network fails as it runs") as caught:
         network.run({"x": np.zeros((1, 4), np.float32), "shape": np.array([3, 3])})
     assert str(caught.value).isprintable()
+
+
+EMPTY = "e3b0c44298fc1c149afbf4c8996fb92427ae41e4649b934ca495991b7852b855"  # of no bytes at all
+
+
+def with_sums(folder, sums):
+    """A bundle whose manifest names these files as well."""
+    painted.write_painted(folder, [])
+    document = json.loads((folder / "bundle.json").read_text())
+    document["sha256"] |= sums
+    (folder / "bundle.json").write_text(json.dumps(document))
+    return folder
+
+
+@pytest.mark.parametrize("digest", ["/home/u/evil", "../../evil", "A" * 64, "0" * 63, "0" * 64 + "\n", ""])
+def test_a_sum_that_is_a_path_never_becomes_one(tmp_path, digest):
+    assert "sha256" in refused(BundleError, read_manifest, with_sums(tmp_path / "b", {"extra.bin": digest}))
+
+
+@pytest.mark.parametrize("name", ["bundle.json", "a/bundle.json", "../x", "/x", "a\\b", "x\x00", "\u202ex", "."])
+def test_a_name_that_leaves_the_folder_is_never_copied(tmp_path, monkeypatch, name):
+    monkeypatch.setenv("EDGEMAP_CACHE", str(tmp_path / "cache"))
+    refused(BundleError, install_folder, with_sums(tmp_path / "b", {name: EMPTY}))
+    assert not (tmp_path / "cache").exists()
+
+
+def test_a_file_that_would_be_a_folder_too_is_one_line(tmp_path, monkeypatch):
+    monkeypatch.setenv("EDGEMAP_CACHE", str(tmp_path / "cache"))
+    folder = with_sums(tmp_path / "b", {"x": EMPTY, "x/y": EMPTY})
+    (folder / "x").write_bytes(b"")
+    refused(BundleError, install_folder, folder)
+
+
+LENS = "{width: 640, height: 480, fx: 587.0, fy: 587.0, cx: 319.5, cy: 239.5"
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        (LENS + ", calibration: !!python/object:os.system {}}", "could not determine a constructor"),
+        ("a: &a [x]\nb: [*a, *a]", "an alias"),
+        ("{" * 5000, "not YAML"),
+        ("a: " + "9" * 5000, "not YAML"),
+        (LENS + ", distortion: {model: brown_conrady, coefficients: [1,2,3,4,5,6]}}", "coefficients"),
+        (LENS.replace("640", "100000") + "}", "width`, found 100000"),
+        ("", "Expected `object`"),
+    ],
+)
+def test_camera_files(tmp_path, text, words):
+    (tmp_path / "camera.yaml").write_text(text)
+    assert words in refused(CameraError, read_camera_yaml, tmp_path / "camera.yaml")
+
+
+def test_wheels_that_jump_or_leave_the_world(tmp_path):
+    path = tmp_path / "wheel{0}.csv"
+    for rows, words in (
+        ("0,0,0,0\n0.1,1000,0,0\n", "line 3: the pose jumps 1000.0 m in 0.100 s"),
+        ("0,0,0,0\n0.1,1e300,0,0\n", ":3: x_m is 1e+300, must be -1e+06 to 1e+06"),
+        ("0,0,0,0\n\n0.1,nan,0,0\n", ":4: x_m is nan"),
+        ("0,0,0\n", "expected 4 finite numbers"),
+        ("0,0,0,x\n", "expected 4 finite numbers a line, stamp_s x_m y_m yaw_rad (could not convert string 'x'"),
+        ("0,0,0,0\n0,0,0,0\n", "does not come after"),
+        ("", "no rows"),
+    ):
+        path.write_text("stamp_s,x_m,y_m,yaw_rad\n" + rows)
+        assert words in refused(CameraError, read_wheel_csv, path)
+
+
+@pytest.mark.parametrize("quaternion", ["0 0 0 0", "0 0 0 5", "nan 0 0 1"])
+def test_quaternions_that_are_none(tmp_path, quaternion):
+    (tmp_path / "a.tum").write_text(f"0 0 0 0 0 0 0 1\n1 0 0 0 {quaternion}\n")
+    assert "a.tum:2: " in refused(OdometryError, read_tum, tmp_path / "a.tum")
+
+
+def test_a_small_file_of_a_huge_picture_is_refused_before_it_is_decoded(tmp_path):
+    (tmp_path / "a.png").write_bytes(png(20_000, 20_000))
+    assert "picture of more than 67,108,864 px" in refused(CameraError, read_picture, tmp_path / "a.png")
+
+
+def test_sightings_of_a_run(tmp_path):
+    good = {"label": "chair", "object": "chair-9", "map_m": [1.0, 2.0]}
+    (tmp_path / "sightings.jsonl").write_text(json.dumps(good) + "\n" + '{"label": "torn')
+    (tmp_path / "run.json").write_text('{"merged": ' + "[" * 100_000)
+    assert [record.object for record in sightings_file.read_sightings(tmp_path)] == ["chair-9"]
+    (tmp_path / "run.json").write_text('{"merged": {"chair-9": "chair-1"}}')
+    assert [record.object for record in sightings_file.read_sightings(tmp_path)] == ["chair-1"]
+    for line in ("[" * 100_000, "{}", json.dumps(good | {"map_m": [1.0]}), json.dumps(good | {"label": None}), "\0"):
+        (tmp_path / "sightings.jsonl").write_text(json.dumps(good) + "\n" + line + "\n")
+        assert "sightings.jsonl:2: damaged line" in refused(MapError, sightings_file.read_sightings, tmp_path)
+
+
+def test_a_pipe_a_folder_and_a_nul_are_no_files(tmp_path):
+    os.mkfifo(tmp_path / "pipe")
+    for path in (tmp_path / "pipe", tmp_path, tmp_path / "none", Path("a\0b")):
+        assert "cannot be read" in refused(MapError, read_bytes, path, 100, MapError)
+    (tmp_path / "large").write_bytes(bytes(101))
+    assert "101 bytes, at most 100" in refused(MapError, read_bytes, tmp_path / "large", 100, MapError)
+
+
+def test_messages_stay_one_line():
+    assert one_line("a\r\nb\x1b[31m\u2028c\udc80") == "a b [31m c"
+    assert len(one_line("x" * 10_000)) == 200
+
+
+def test_a_picture_whose_name_a_terminal_would_act_on_is_refused(tmp_path):
+    for name in ("a\x1b[2J.png", "a\nb.png", os.fsdecode(b"\xff.png")):
+        folder = tmp_path / f"{len(name)}{ord(name[0])}"
+        folder.mkdir()
+        (folder / name).write_bytes(b"")
+        with pytest.raises(CameraError, match="characters that do not print") as caught:
+            list_pictures(folder)
+        assert str(caught.value).isprintable()
+
+
+def test_a_small_grid_of_many_bytes_takes_no_memory_for_them():
+    head, data = io.BytesIO(), io.BytesIO()
+    np.lib.format.write_array_header_1_0(head, {"descr": "|i1", "fortran_order": False, "shape": (8192, 8191)})
+    parts = {"origin_m": np.array([-0.5, 1.0]), "resolution_m": np.array(0.05), "thresholds": np.array([-1.1, 0.6])}
+    np.savez_compressed(data, **parts)
+    with zipfile.ZipFile(data, "a", zipfile.ZIP_DEFLATED) as file:
+        file.writestr("log_odds.npy", head.getvalue() + bytes(400 << 20))
+    tracemalloc.start()
+    with pytest.raises(MapError, match="at most"):
+        read_grid(data.getvalue(), "bomb")
+    assert tracemalloc.get_traced_memory()[1] < 8 << 20
+    tracemalloc.stop()
+
+
+@pytest.mark.parametrize("name", ["../grid.npz", "/etc/passwd", "a/grid.npz", "..", "a\\b.npz", ""])
+def test_a_name_that_leaves_the_folder_is_refused(tmp_path, name):
+    text = json.dumps({"format": "edgemap.map/1", "objects": [], "grid": name})
+    (tmp_path / "map.json").write_text(text)
+    with pytest.raises(MapError):
+        load_grid(tmp_path)

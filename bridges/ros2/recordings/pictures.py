@@ -23,7 +23,6 @@ from edgemap.runtime.frames.reading import one_line
 from edgemap.runtime.inputs.drives.pictures import (
     ENCODINGS,
     PIXEL_LIMIT,
-    SIDE_LIMIT,
     Depth,
     DepthBeside,
     bgr_of,
@@ -45,7 +44,6 @@ def raw_picture(message: Any, name: str) -> NDArray[np.uint8]:
     height, width, step = int(message.height), int(message.width), int(message.step)
     if (
         height * width > PIXEL_LIMIT
-        or max(height, width) > SIDE_LIMIT
         or (channels == 2 and width % 2)  # two pixels share their colour
         or not height
         or not width

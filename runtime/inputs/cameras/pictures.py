@@ -14,7 +14,6 @@ from edgemap.geometry.camera.mount import Mount
 from edgemap.runtime.frames.camera import DEFAULT_RATE_HZ, Camera
 from edgemap.runtime.frames.errors import CameraError, CameraFault, FaultKind
 from edgemap.runtime.frames.frame import Frame
-from edgemap.runtime.frames.quiet import bounded_memory, quietly
 from edgemap.runtime.frames.reading import library_path
 from edgemap.runtime.inputs.cameras.wheels import wheel_file
 from edgemap.runtime.inputs.drives.camera_yaml import read_setup
@@ -24,7 +23,6 @@ from edgemap.runtime.inputs.drives.pictures import PIXEL_LIMIT, Depth, list_pict
 # A header's frame count is an estimate in some containers; a file that lacks more than this was cut off.
 MISSING_FRAMES, MISSING_SHARE = 3, 0.05
 FALLBACK_RATE_HZ = 30.0
-MEMORY_BYTES = 1 << 30  # that opening, or a single frame, may take beyond what the process has
 
 
 class FileCamera(Camera):
@@ -66,7 +64,7 @@ class VideoCamera(FileCamera):
         if not path.is_file():
             raise CameraError(f"{path}: no such file")
         self._path, self._stamps_s = path, stamps_s
-        self._capture: cv2.VideoCapture | None = _open_quietly(path)
+        self._capture: cv2.VideoCapture | None = _open(path)
         if not self._capture.isOpened():
             self.close()
             raise CameraError(
@@ -112,9 +110,8 @@ class VideoCamera(FileCamera):
         if self._capture is None:
             return None
         try:
-            with quietly(), bounded_memory(MEMORY_BYTES):
-                good, image = self._capture.read()
-        except (cv2.error, MemoryError):
+            good, image = self._capture.read()
+        except cv2.error:
             return None
         if not good or image is None:
             return None
@@ -137,11 +134,10 @@ class VideoCamera(FileCamera):
             raise CameraError(f"{self._path}: cut off, {self._delivered} of {self._announced} announced frames decoded")
 
 
-def _open_quietly(path: Path) -> cv2.VideoCapture:
+def _open(path: Path) -> cv2.VideoCapture:
     # Without a named backend OpenCV also takes the path for a picture pattern.
     known = cv2.videoio_registry.getBackends()
-    with quietly(), bounded_memory(MEMORY_BYTES):
-        return cv2.VideoCapture(library_path(path), cv2.CAP_FFMPEG if cv2.CAP_FFMPEG in known else cv2.CAP_ANY)
+    return cv2.VideoCapture(library_path(path), cv2.CAP_FFMPEG if cv2.CAP_FFMPEG in known else cv2.CAP_ANY)
 
 
 class PicturesCamera(FileCamera):

@@ -13,7 +13,6 @@ import numpy as np
 from edgemap.geometry.camera.intrinsics import Intrinsics
 from edgemap.runtime.frames.camera import Driver, Picture
 from edgemap.runtime.frames.errors import CameraError
-from edgemap.runtime.frames.quiet import quietly
 from edgemap.runtime.frames.reading import library_path
 
 OPEN_LIMIT_MS, READ_LIMIT_MS = 5000, 2000  # FFmpeg's own would be 30 s each
@@ -34,8 +33,7 @@ class CaptureDevice:
 
     def grab(self) -> Picture:
         """The next picture. Raises CameraError where none comes; from a stream, within `READ_LIMIT_MS`."""
-        with quietly():  # a stall is reported in edgemap's own message
-            good, image = self._capture.read()
+        good, image = self._capture.read()
         if not good or image is None:
             raise CameraError(f"{self._name} gives no picture (unplugged?)")
         stamp_s = self._capture.get(cv2.CAP_PROP_POS_MSEC) / 1000.0
@@ -88,8 +86,7 @@ class StreamDriver(Driver):
     def open(self) -> CaptureDevice:
         """Connect, within 5 s, and decode the header. Raises CameraError."""
         limits = [cv2.CAP_PROP_OPEN_TIMEOUT_MSEC, OPEN_LIMIT_MS, cv2.CAP_PROP_READ_TIMEOUT_MSEC, READ_LIMIT_MS]
-        with quietly():
-            capture = cv2.VideoCapture(library_path(self._url), cv2.CAP_FFMPEG, limits)
+        capture = cv2.VideoCapture(library_path(self._url), cv2.CAP_FFMPEG, limits)
         if not capture.isOpened():
             capture.release()
             raise CameraError(f"{self.name}: no stream that FFmpeg reads (is the address right, and the camera on?)")

@@ -18,9 +18,9 @@ from edgemap.geometry.camera.imu import ImuSamples
 from edgemap.geometry.camera.intrinsics import Distortion, Intrinsics
 from edgemap.geometry.errors import GeometryError
 from edgemap.runtime.frames.errors import CameraError
-from edgemap.runtime.frames.number_rows import Column, NumberTable, columns
-from edgemap.runtime.frames.plain_yaml import read_yaml
 from edgemap.runtime.frames.reading import Coordinate, Side, convert
+from edgemap.runtime.frames.tables import Column, NumberTable, columns
+from edgemap.runtime.frames.yaml_file import read_yaml
 from edgemap.runtime.inputs.drives.camera_yaml import read_setup
 from edgemap.runtime.inputs.drives.drive import Drive
 from edgemap.runtime.inputs.drives.pictures import list_pictures
@@ -37,10 +37,9 @@ from edgemap.runtime.inputs.drives.sensor_csv import RATES
 T = TypeVar("T")
 
 STAMP_NS = Column("stamp_ns", 0.0, 1e19)
-SAMPLES = NumberTable((STAMP_NS, *RATES), ",")
+SAMPLES = NumberTable((STAMP_NS, *RATES))
 BODY = NumberTable(
-    (STAMP_NS, *columns("x y z"), *columns("qw qx qy qz", -1.01, 1.01), *columns("vx vy vz bgx bgy bgz bax bay baz")),
-    ",",
+    (STAMP_NS, *columns("x y z"), *columns("qw qx qy qz", -1.01, 1.01), *columns("vx vy vz bgx bgy bgz bax bay baz"))
 )
 CAMERA = NumberTable((STAMP_NS, *columns("x y z"), *columns("qx qy qz qw", -1.01, 1.01)))
 

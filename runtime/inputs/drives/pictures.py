@@ -1,8 +1,8 @@
 """Pictures, colour and depth: those that a folder holds, files with their size and damage noticed, raw pixels, and
 depth in order of time."""
 
+import os
 import re
-import struct
 from collections.abc import Callable, Generator
 from pathlib import Path
 from typing import Any
@@ -13,17 +13,12 @@ from cv2.typing import MatLike
 from numpy.typing import NDArray
 
 from edgemap.runtime.frames.errors import CameraError
-from edgemap.runtime.frames.quiet import quietly
 from edgemap.runtime.frames.reading import printable, read_bytes
 
 PICTURE_BYTES = 256 << 20
 
 SUFFIXES = frozenset({".jpg", ".jpeg", ".png", ".bmp", ".ppm", ".pgm", ".tif", ".tiff", ".webp"})
-PIXEL_LIMIT = 1 << 26  # 67 million: 200 MB as BGR, and decoders need as much again
-SIDE_LIMIT = 65_536
-_PNM = re.compile(rb"P[2356]\s(?:\s|#[^\n]*\n)*(\d{1,9})\s(?:\s|#[^\n]*\n)*(\d{1,9})\s")
-_JPEG_SIZES = frozenset(range(0xC0, 0xD0)) - {0xC4, 0xC8, 0xCC}
-_TIFF_TYPES = {3: "H", 4: "I"}  # SHORT, LONG
+PIXEL_LIMIT = int(os.environ["OPENCV_IO_MAX_IMAGE_PIXELS"])  # set in edgemap's __init__ for OpenCV's decoders
 Depth = NDArray[np.float32]  # (H, W) metres along the optical axis, 0 where unknown
 
 
@@ -67,8 +62,7 @@ def read_picture(path: Path) -> NDArray[np.uint8]:
 def decode_picture(data: bytes, name: str) -> NDArray[np.uint8]:
     """A picture file's bytes as BGR, (H, W, 3) uint8.
 
-    Raises CameraError where they are not a picture, are truncated, or where the picture has too many pixels; the header
-    is checked before anything is decoded.
+    Raises CameraError where they are not a picture, are truncated, or where the picture has too many pixels.
     """
     image = decoded(data, name, cv2.IMREAD_COLOR)
     if image is None:
@@ -82,13 +76,11 @@ def decoded(data: bytes, name: str, flags: int) -> MatLike | None:
     """
     if _is_cut_short(data):
         raise CameraError(f"{name}: picture is cut short ({len(data)} bytes)")
-    size = picture_size(data)
-    if size is not None and (size[0] * size[1] > PIXEL_LIMIT or max(size) > SIDE_LIMIT):
-        raise CameraError(f"{name}: picture of {size[0]}x{size[1]} px, at most {PIXEL_LIMIT:,} px are decoded")
     try:
-        with quietly():
-            return cv2.imdecode(np.frombuffer(data, np.uint8), flags) if size is not None else None
-    except cv2.error:
+        return cv2.imdecode(np.frombuffer(data, np.uint8), flags)
+    except cv2.error as error:
+        if "validateInputImageSize" in str(error):
+            raise CameraError(f"{name}: picture of more than {PIXEL_LIMIT:,} px, which are not decoded") from None
         return None
 
 
@@ -97,73 +89,6 @@ def _is_cut_short(data: bytes) -> bool:
     if data.startswith(b"\xff\xd8"):
         return data.rfind(b"\xff\xd9") < data.rfind(b"\xff\xda")
     return data.startswith(b"\x89PNG") and b"IEND" not in data
-
-
-def picture_size(data: bytes) -> tuple[int, int] | None:
-    """(width, height) in px of a PNG, JPEG, BMP, PNM, TIFF or WebP file; None for anything else, or where it is cut."""
-    try:
-        if data.startswith(b"\x89PNG\r\n\x1a\n") and data[12:16] == b"IHDR":
-            return struct.unpack_from(">II", data, 16)
-        if data.startswith(b"\xff\xd8"):
-            return _jpeg(data)
-        if data.startswith(b"BM"):
-            return _bmp(data)
-        if data.startswith((b"II*\0", b"MM\0*")):
-            return _tiff(data, "<" if data.startswith(b"II") else ">")
-        if data.startswith(b"RIFF") and data[8:12] == b"WEBP":
-            return _webp(data)
-        found = _PNM.match(data[:4096])
-        return (int(found[1]), int(found[2])) if found else None
-    except struct.error:  # cut short
-        return None
-
-
-def _jpeg(data: bytes) -> tuple[int, int] | None:
-    """From the largest frame header: a file may hold more than one."""
-    at, largest = 2, None
-    while at + 4 <= len(data) and data[at] == 0xFF:
-        kind = data[at + 1]
-        if kind == 0xFF:  # fill
-            at += 1
-            continue
-        if kind == 0xDA:  # the picture's own data
-            break
-        if kind in _JPEG_SIZES:
-            height, width = struct.unpack_from(">HH", data, at + 5)
-            largest = max(largest or (0, 0), (width, height), key=lambda size: size[0] * size[1])
-        bare = kind == 0x01 or 0xD0 <= kind <= 0xD8
-        at += 2 if bare else 2 + struct.unpack_from(">H", data, at + 2)[0]
-    return largest
-
-
-def _bmp(data: bytes) -> tuple[int, int]:
-    (size,) = struct.unpack_from("<I", data, 14)
-    width, height = struct.unpack_from("<HH" if size == 12 else "<ii", data, 18)
-    return abs(width), abs(height)
-
-
-def _tiff(data: bytes, order: str) -> tuple[int, int] | None:
-    (at,) = struct.unpack_from(f"{order}I", data, 4)
-    (count,) = struct.unpack_from(f"{order}H", data, at)
-    sides: dict[int, int] = {}
-    for entry in range(at + 2, at + 2 + 12 * min(count, 1000), 12):
-        tag, kind = struct.unpack_from(f"{order}HH", data, entry)
-        if tag in (256, 257) and kind in _TIFF_TYPES:
-            sides[tag] = max(sides.get(tag, 0), struct.unpack_from(order + _TIFF_TYPES[kind], data, entry + 8)[0])
-    return (sides[256], sides[257]) if len(sides) == 2 else None
-
-
-def _webp(data: bytes) -> tuple[int, int] | None:
-    if data[12:16] == b"VP8X":
-        width, height = (int.from_bytes(data[at : at + 3], "little") + 1 for at in (24, 27))
-        return width, height
-    if data[12:16] == b"VP8L":
-        (bits,) = struct.unpack_from("<I", data, 21)
-        return (bits & 0x3FFF) + 1, (bits >> 14 & 0x3FFF) + 1
-    if data[12:16] == b"VP8 ":
-        width, height = struct.unpack_from("<HH", data, 26)
-        return width & 0x3FFF, height & 0x3FFF
-    return None
 
 
 def read_depth(path: Path) -> Depth:

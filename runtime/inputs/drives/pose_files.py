@@ -9,8 +9,8 @@ from edgemap.geometry.arrays import Array
 from edgemap.geometry.camera.mount import Mount
 from edgemap.geometry.se2 import SE2
 from edgemap.runtime.frames.errors import CameraError, OdometryError
-from edgemap.runtime.frames.number_rows import STAMP, TABLE_BYTES, Column, NumberTable
-from edgemap.runtime.frames.reading import read_bytes
+from edgemap.runtime.frames.reading import TABLE_BYTES, read_bytes
+from edgemap.runtime.frames.tables import STAMP, Column, NumberTable
 from edgemap.runtime.frames.trajectory import AttitudeTrack, Trajectory, tum_rows
 from edgemap.runtime.inputs.drives.pictures import list_pictures
 

@@ -9,15 +9,15 @@ from numpy.typing import NDArray
 from edgemap.geometry.camera.imu import ImuSamples
 from edgemap.geometry.se2 import SE2
 from edgemap.runtime.frames.errors import CameraError
-from edgemap.runtime.frames.number_rows import STAMP, NumberTable, columns
+from edgemap.runtime.frames.tables import STAMP, NumberTable, columns
 from edgemap.runtime.frames.trajectory import FASTEST_M_S
 from edgemap.runtime.inputs.drives.pose_files import check_increasing
 
-WHEEL = NumberTable((STAMP, *columns("x_m y_m yaw_rad")), ",", header=True)
+WHEEL = NumberTable((STAMP, *columns("x_m y_m yaw_rad")), header=True)
 COLUMNS = tuple(column.name for column in WHEEL.columns)
 SHORTEST_JUMP_M = 10.0  # smaller ones are left to what weighs the sources against each other
 RATES = (*columns("gx gy gz", -100.0, 100.0), *columns("ax ay az", -1000.0, 1000.0))
-IMU = NumberTable((STAMP, *RATES), ",", header=True)
+IMU = NumberTable((STAMP, *RATES), header=True)
 
 
 def read_wheel_csv(path: Path) -> tuple[NDArray[np.float64], tuple[SE2, ...]]:

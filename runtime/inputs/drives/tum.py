@@ -8,8 +8,8 @@ import numpy as np
 from edgemap.geometry.arrays import Array
 from edgemap.geometry.se2 import SE2
 from edgemap.runtime.frames.errors import CameraError
-from edgemap.runtime.frames.number_rows import STAMP
 from edgemap.runtime.frames.reading import one_line, read_text
+from edgemap.runtime.frames.tables import STAMP
 from edgemap.runtime.frames.trajectory import AttitudeTrack, Trajectory
 from edgemap.runtime.inputs.drives.camera_yaml import Setup, read_setup
 from edgemap.runtime.inputs.drives.drive import Drive

@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 
 from edgemap.runtime.frames.class_names import COCO_NAMES
 from edgemap.runtime.frames.errors import CameraError
-from edgemap.runtime.frames.number_rows import Column, NumberTable, columns
 from edgemap.runtime.frames.reading import read_bytes
+from edgemap.runtime.frames.tables import Column, NumberTable, columns
 from edgemap.runtime.inputs.drives.camera_yaml import read_setup
 from edgemap.runtime.inputs.drives.drive import Drive, LabelledBoxes
 from edgemap.runtime.inputs.drives.pictures import list_pictures, read_picture
