@@ -11,7 +11,7 @@ PIP := $(BIN)/python -m pip install --quiet --disable-pip-version-check -c const
 ROOMS := geometry runtime bridges calibrate evaluation simulation export benchmarks plots view cli
 SYSTEM := libusb-1.0-0 libegl1 libegl-mesa0 libgl1 libgl1-mesa-dri sweethome3d-furniture
 
-.PHONY: setup system run view foxglove test check lint audit mutants docs bench figures reliability paper-tables demo release release-check integration clean
+.PHONY: setup system run view foxglove test check lint audit docs bench figures reliability paper-tables demo release release-check integration clean
 
 setup: system $(STAMP)
 
@@ -87,11 +87,6 @@ lint: setup
 	$(BIN)/pyright
 	PYTHONPATH=.typing $(BIN)/lint-imports  # .typing/ shows every room under one package
 
-# Mutation testing of the code that places objects: a seeded sample, an hour at most, on demand.
-MUTANTS ?= --sample 300 --seed 1 --minutes 60
-mutants: setup
-	$(BIN)/python scripts/mutants.py $(MUTANTS)
-
 # The whole site, API reference included, into site/.
 docs: setup
 	$(BIN)/python -m mkdocs build --clean
@@ -106,14 +101,12 @@ FIGURES ?=
 figures: setup
 	$(BIN)/python -m edgemap.benchmarks.figures $(FIGURES)
 
-# Known vulnerabilities of the pinned libraries, by PyPI's database: fails where one has any, and where it does not
-# reach the database. pip-audit has an environment of its own, since its libraries are none of edgemap's.
-ADVISORIES := https://pypi.org/pypi/pip/24.0/json
+# Known vulnerabilities of the pinned libraries: fails where one has any, and where the service cannot be reached.
+# ADVISORIES is one of pip-audit's services; it has an environment of its own, since its libraries are none of edgemap's.
+ADVISORIES ?= pypi
 audit:
-	@$(PYTHON) -c 'import urllib.request as u; u.urlopen("$(ADVISORIES)", timeout=10)' 2>/dev/null || \
-		{ echo "audit: $(ADVISORIES) cannot be reached from here: no library was checked"; exit 1; }
 	test -x .audit/bin/pip-audit || { $(PYTHON) -m venv .audit && .audit/bin/python -m pip install -q pip-audit==2.10.1; }
-	.audit/bin/pip-audit -r constraints.txt --no-deps --disable-pip --strict
+	.audit/bin/pip-audit -r constraints.txt --no-deps --disable-pip --strict --vulnerability-service $(ADVISORIES)
 
 # Camera faults, kills, sensors that lie, 100,000 fuzzed steps, a long day, an hour of rendered drive; one part alone: make reliability PARTS=fuzz; a tenth: SHARE=0.1
 PARTS ?=
@@ -158,4 +151,4 @@ release: setup
 	@grep -q "^## $$($(BIN)/python -c 'import edgemap; print(edgemap.__version__)')" CHANGELOG.md || { echo "CHANGELOG.md has no section for this version"; exit 1; }
 
 clean:
-	rm -rf $(VENV) .typing .mutants site build dist *.egg-info
+	rm -rf $(VENV) .typing site build dist *.egg-info
