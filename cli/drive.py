@@ -25,7 +25,7 @@ from edgemap.runtime.outputs.sinks.living_map import LivingMap
 from edgemap.runtime.outputs.sinks.progress import progress
 from edgemap.runtime.outputs.sinks.run_folder import RunFolder
 from edgemap.runtime.step.config import Config
-from edgemap.runtime.step.edits import Edits, load_edits, read_edits
+from edgemap.runtime.step.edit_queue import Edits, load_edits, read_edits
 from edgemap.runtime.step.loop import run, stop_on_signals
 from edgemap.runtime.step.sinks import Sink
 from edgemap.runtime.step.slam import SlamOptions, build_slam

@@ -12,7 +12,7 @@ from edgemap.geometry.se2 import SE2
 from edgemap.runtime.frames.camera import Camera
 from edgemap.runtime.inputs.cameras.wrappers import PacedCamera
 from edgemap.runtime.outputs.verdict.verdict import Verdict
-from edgemap.runtime.step.edits import Edits
+from edgemap.runtime.step.edit_queue import Edits
 from edgemap.runtime.step.loop import stop_on_signals
 from edgemap.runtime.step.sinks import Sink
 from edgemap.view.report.crops import BestCrops

@@ -12,7 +12,7 @@ if TYPE_CHECKING:
     from edgemap.bridges.ros2.sink import Ros2Options, Ros2Sink
     from edgemap.geometry.camera.floor import FloorCamera
     from edgemap.runtime.frames.camera import Camera
-    from edgemap.runtime.step.edits import Edits
+    from edgemap.runtime.step.edit_queue import Edits
     from edgemap.runtime.step.sinks import Sink
 
 

@@ -14,7 +14,7 @@ from edgemap.geometry.errors import GeometryError, MapError
 from edgemap.geometry.objects.approach import Approach, ApproachRule, approach
 from edgemap.runtime.step.map_file import pose_record
 from edgemap.view import answers
-from edgemap.view import edit_api as edits
+from edgemap.view import edit_routes as edits
 from edgemap.view.page import LivePage
 from edgemap.view.questions import Answer, Nothing, Refused, as_json, body_of, guarded, named, newest_of
 from edgemap.view.updates import ProcessUsage, shown_jpeg

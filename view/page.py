@@ -15,7 +15,7 @@ from edgemap.geometry.objects.annotations import NO_ANNOTATIONS, Annotations
 from edgemap.geometry.objects.zone_watch import ZoneEvent, ZoneWatch
 from edgemap.geometry.se2 import SE2
 from edgemap.runtime.outputs.verdict.verdict import Verdict
-from edgemap.runtime.step.edits import Edits
+from edgemap.runtime.step.edit_queue import Edits
 from edgemap.runtime.step.map_file import map_text, save_map
 from edgemap.runtime.step.pose_journal import PoseJournal
 from edgemap.runtime.step.slam import StepResult

@@ -9,7 +9,7 @@ from starlette.requests import ClientDisconnect, Request
 from starlette.responses import Response
 
 from edgemap.geometry.errors import EdgemapError
-from edgemap.geometry.objects.edits import Edit, EditError
+from edgemap.geometry.objects.events import Edit, EditError
 from edgemap.view import answers
 from edgemap.view.page import LivePage, PageSnapshot
 

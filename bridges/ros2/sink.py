@@ -17,7 +17,7 @@ from edgemap.bridges.ros2.messages.stream import MessageStream
 from edgemap.bridges.ros2.messages.topics import FrameIds
 from edgemap.geometry.camera.floor import FloorCamera
 from edgemap.geometry.map_object import MapObject
-from edgemap.geometry.objects.edits import Edit
+from edgemap.geometry.objects.events import Edit
 from edgemap.geometry.se2 import SE2
 from edgemap.runtime.frames.errors import Ros2Error
 from edgemap.runtime.step.sinks import Sink

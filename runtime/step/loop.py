@@ -9,7 +9,7 @@ from types import FrameType
 from edgemap.geometry.errors import EdgemapError
 from edgemap.runtime.frames.camera import Camera
 from edgemap.runtime.frames.errors import CameraFault, CameraState, FrameTimeout
-from edgemap.runtime.step.edits import Edits
+from edgemap.runtime.step.edit_queue import Edits
 from edgemap.runtime.step.sinks import Sink, SinkGroup
 from edgemap.runtime.step.slam import SemanticSlam, StepResult
 

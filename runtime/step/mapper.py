@@ -16,7 +16,7 @@ from edgemap.geometry.grid.occupancy_grid import OccupancyGrid
 from edgemap.geometry.map_object import MapObject
 from edgemap.geometry.objects.annotations import NO_ANNOTATIONS, Annotations
 from edgemap.geometry.objects.crossed import is_crossed
-from edgemap.geometry.objects.edits import Edit, EditError, MapEdits
+from edgemap.geometry.objects.events import Edit, EditError, MapEvents
 from edgemap.geometry.objects.floor_map import FloorMap
 from edgemap.geometry.objects.forgetting import Forgetter
 from edgemap.geometry.objects.merge import merge_maps
@@ -95,7 +95,7 @@ class Mapper:
         self.grid = GridFusion(self.config.grid)
         self._shown_grid: OccupancyGrid | None = None
         self._shown_timer = StreamTimer(GRID_EVERY_S)
-        self.edits = MapEdits()
+        self.edits = MapEvents()
         self._saved_ids: frozenset[str] = frozenset()  # of the saved map's objects
         self.trajectory = PoseJournal()
         self.pose_map_base, self.pose_covariance = SE2(), np.zeros((3, 3))
@@ -124,7 +124,7 @@ class Mapper:
         self._scalable = False
         if grid is not None:
             self.grid.continue_from(grid)
-        self.edits = MapEdits.of(saved, annotations)
+        self.edits = MapEvents.of(saved, annotations)
         saved = annotations.measured(saved)
         self._saved_ids = frozenset(item.id for item in saved)
         self.map = FloorMap.continued(saved, self.config.association, self.config.loop_closure)
@@ -158,7 +158,7 @@ class Mapper:
         saved map's.
         """
         self._scalable = False
-        self.edits = MapEdits.of(saved, annotations, placed=False)
+        self.edits = MapEvents.of(saved, annotations, placed=False)
         saved = annotations.measured(saved)
         self._saved_ids = frozenset(item.id for item in saved)
         self.relocaliser = Relocaliser(saved, self.config, guesses, annotations, grid)
@@ -248,7 +248,7 @@ class Mapper:
         Edits are inputs as frames are: the same ones after the same frames make the same map. Pose, trajectory and
         measured objects do not depend on them, but on `pose`; a confirmed object is not forgotten.
         """
-        if self.paper is not None and edit.do not in ("zone", "drop_zone", "dock", "drop_dock"):
+        if self.paper is not None and edit.do not in ("zone", "dock", "undo"):
             raise EditError(f"{edit.do}: the paper's clustering keeps every sighting as it is")
         if edit.do == "pose":
             return self._set_pose(edit)

@@ -10,12 +10,12 @@ from support.rooms import furnished
 from support.seen import CAMERA
 
 from edgemap.geometry.objects.annotations import NO_ANNOTATIONS, Annotations, Zone
-from edgemap.geometry.objects.edits import Edit, EditError
+from edgemap.geometry.objects.events import Edit, EditError
 from edgemap.geometry.objects.forgetting import Forgetter
 from edgemap.geometry.observations.detections import Detections
 from edgemap.geometry.se2 import SE2
 from edgemap.geometry.trajectory_correction import TrajectoryCorrection
-from edgemap.runtime.step.edits import Edits, load_edits
+from edgemap.runtime.step.edit_queue import Edits, load_edits
 from edgemap.runtime.step.map_file import load_annotated_map, map_document, map_text, save_map
 from edgemap.runtime.step.mapper import Mapper
 
@@ -56,7 +56,7 @@ def test_edits_change_neither_pose_nor_measured_map():
     results = list(drive(edited, ROOM, POSES[:40], exact(POSES)[:40]))
     first = results[-1][1][0].id
     for edit in (
-        Edit("rename", first, name="mine"), Edit("confirm", first), Edit("delete", results[-1][1][1].id),
+        Edit("name", first, name="mine"), Edit("confirm", first), Edit("delete", results[-1][1][1].id),
         Edit("zone", name="hall", corners_m=SQUARE),
     ):  # fmt: skip
         edited.edit(edit)
@@ -78,7 +78,7 @@ def test_a_deleted_object_stays_off_though_it_is_seen_again_until_it_is_restored
     assert gone.id not in ids(mapper)
     assert len(ids(mapper)) == len(mapper.map.objects()) - 1  # and no other has come in its place
     assert [item.id for item in mapper.annotations().deleted] == [gone.id]
-    mapper.edit(Edit("restore", gone.id))
+    mapper.edit(Edit("undo", gone.id))
     assert gone.id in ids(mapper)
     assert mapper.annotations() == NO_ANNOTATIONS
 
@@ -86,7 +86,7 @@ def test_a_deleted_object_stays_off_though_it_is_seen_again_until_it_is_restored
 def test_two_objects_that_a_person_merges_are_one_from_then_on():
     mapper = driven()
     ours, theirs = [item for item in mapper.objects() if item.label == "chair"][:2]
-    mapper.edit(Edit("rename", theirs.id, name="the chair"))
+    mapper.edit(Edit("name", theirs.id, name="the chair"))
     mapper.edit(Edit("merge", theirs.id, into=ours.id))
     one = next(item for item in mapper.objects() if item.id == ours.id)
     assert (one.count, one.name) == (ours.count + theirs.count, "the chair")
@@ -99,8 +99,8 @@ def test_two_objects_that_a_person_merges_are_one_from_then_on():
     assert theirs.id not in update.object_ids
     mapper.edit(Edit("delete", ours.id))  # both go, and both come back
     assert not {ours.id, theirs.id} & set(ids(mapper))
-    mapper.edit(Edit("restore", ours.id))
-    mapper.edit(Edit("restore", theirs.id))
+    mapper.edit(Edit("undo", ours.id))
+    mapper.edit(Edit("undo", theirs.id))
     assert {ours.id, theirs.id} <= set(ids(mapper))
 
 
@@ -137,7 +137,7 @@ def test_what_was_edited_is_kept_by_the_map_and_by_later_runs(tmp_path):
     """Saved, loaded, gone on with from a known start and from one that has to be found; then seen again and saved."""
     mapper = driven(seed=7)
     named, sure, gone, *_ = ids(mapper)
-    mapper.edit(Edit("rename", named, name="Ünser <b>Stuhl</b>"))
+    mapper.edit(Edit("name", named, name="Ünser <b>Stuhl</b>"))
     mapper.edit(Edit("confirm", sure))
     mapper.edit(Edit("delete", gone))
     assert mapper.edit(Edit("zone", name="hall", corners_m=SQUARE)) == "zone-1"
@@ -192,11 +192,11 @@ def test_a_zone_moves_with_the_part_of_the_path_beside_it():
 @pytest.mark.parametrize(
     "edit",
     [
-        Edit("rename", "chair-99", name="x"), Edit("delete", "chair-99"), Edit("restore", "chair-1"),
-        Edit("rename", "chair-1", name="x" * 81), Edit("rename", "chair-1", name="a\nb"),
+        Edit("name", "chair-99", name="x"), Edit("delete", "chair-99"), Edit("undo", "chair-1"),
+        Edit("name", "chair-1", name="x" * 81), Edit("name", "chair-1", name="a\nb"),
         Edit("zone", name="", corners_m=SQUARE), Edit("zone", name="x", corners_m=SQUARE[:2]),
         Edit("zone", name="x", corners_m=((0.0, 0.0), (1.0, 1.0), (2.0, 2.0))),
-        Edit("zone", "zone-9", "x", corners_m=SQUARE), Edit("drop_zone", "zone-1"),
+        Edit("zone", "zone-9", "x", corners_m=SQUARE), Edit("undo", "zone-1"),
         Edit("merge", "chair-1", into="chair-1"),
     ],
 )  # fmt: skip
@@ -222,7 +222,7 @@ def test_recorded_edits_make_the_same_map_again_and_a_replay_without_them_the_me
     plain = run(Edits())
     first = driven().objects()[0].id
     asked = [
-        (50, Edit("rename", first, name="Zoë's")), (50, Edit("confirm", first)),
+        (50, Edit("name", first, name="Zoë's")), (50, Edit("confirm", first)),
         (60, Edit("zone", name="hall", corners_m=SQUARE)), (70, Edit("confirm", first, on=False)),
         (75, Edit("delete", "no such object")),
     ]  # fmt: skip

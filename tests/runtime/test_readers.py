@@ -47,7 +47,7 @@ from edgemap.runtime.outputs.mapfiles.nav2 import vector_text
 from edgemap.runtime.outputs.mapfiles.table import csv_text
 from edgemap.runtime.outputs.sightings_file import read_sightings
 from edgemap.runtime.step.config import Config, config_document, load_config
-from edgemap.runtime.step.edits import load_edits
+from edgemap.runtime.step.edit_queue import load_edits
 from edgemap.runtime.step.grid_file import read_grid
 from edgemap.runtime.step.map_file import load_annotated_map, save_map
 

@@ -17,7 +17,7 @@ from edgemap.geometry.camera.intrinsics import Intrinsics
 from edgemap.geometry.camera.mount import Mount
 from edgemap.geometry.grid.patch import Patch
 from edgemap.geometry.map_object import MapObject
-from edgemap.geometry.objects.edits import Edit
+from edgemap.geometry.objects.events import Edit
 from edgemap.geometry.observations.detections import Detections
 from edgemap.geometry.paper.paper_map import PaperMap
 from edgemap.geometry.se2 import SE2

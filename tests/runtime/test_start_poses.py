@@ -6,7 +6,7 @@ from support.drives import drive, exact, round_trip
 from support.rooms import furnished, mapped
 
 from edgemap.geometry.objects.annotations import Annotations
-from edgemap.geometry.objects.edits import Edit, EditError
+from edgemap.geometry.objects.events import Edit, EditError
 from edgemap.geometry.registration.alignment import AlignmentError, aligned_near
 from edgemap.geometry.se2 import SE2
 from edgemap.runtime.step.mapper import Mapper

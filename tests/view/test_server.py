@@ -17,7 +17,7 @@ from support.waiting import wait_for
 from uvicorn.protocols.http.h11_impl import H11Protocol
 from websockets.exceptions import ConnectionClosed, InvalidStatus
 
-from edgemap.geometry.objects.edits import Edit
+from edgemap.geometry.objects.events import Edit
 from edgemap.geometry.se2 import SE2
 from edgemap.view.app import make_app
 from edgemap.view.guard import cookie_value
@@ -426,7 +426,7 @@ def test_an_edit_that_waits_when_the_page_closes_is_answered(serve, capfd):
         asking.join(10.0)
     ((status, _, body),) = answers
     assert (status, body) == (409, {"error": "the run has ended"})
-    assert served.page.edits.submit(Edit("rename", "x", name="y")).exception() is not None
+    assert served.page.edits.submit(Edit("name", "x", name="y")).exception() is not None
     assert capfd.readouterr().err == ""
 
 

@@ -12,15 +12,15 @@ from support.made_camera import MadeCamera, raising
 from edgemap.geometry.camera.floor import FloorCamera
 from edgemap.geometry.camera.intrinsics import Intrinsics
 from edgemap.geometry.camera.mount import Mount
-from edgemap.geometry.objects.edits import Edit
 from edgemap.geometry.objects.evaluation_row import EvaluationRow
+from edgemap.geometry.objects.events import Edit
 from edgemap.geometry.se2 import SE2
 from edgemap.runtime.frames.errors import CameraError
 from edgemap.runtime.frames.trajectory import Trajectory
 from edgemap.runtime.motion.odometry.recorded import RecordedOdometry
 from edgemap.runtime.network.bundle import load_bundle
 from edgemap.runtime.outputs.sinks.run_folder import RunFolder
-from edgemap.runtime.step.edits import Edits
+from edgemap.runtime.step.edit_queue import Edits
 from edgemap.runtime.step.loop import run
 from edgemap.runtime.step.mapper import Mapper
 from edgemap.runtime.step.pipeline import Pipeline
@@ -168,7 +168,7 @@ def test_hostile_names_are_text_in_a_browser_even_without_the_policy(bundle, tmp
     rows = [EvaluationRow("missed", text, None, (1.0, 2.0)) for text in HOSTILE]
     corners = ((0.0, 0.0), (1.0, 0.0), (1.0, 1.0))
     named = [(20, Edit("zone", name=text, corners_m=corners)) for text in plain]
-    named.append((20, Edit("rename", "chair-1", name=plain[4])))
+    named.append((20, Edit("name", "chair-1", name=plain[4])))
     record = {"camera": HOSTILE[0], "bundle": dict.fromkeys(HOSTILE, HOSTILE)}
     report = drive(bundle, tmp_path / "r", record=record, judge=lambda *_: rows, edits=Edits(None, named))
     assert report.failure == ""

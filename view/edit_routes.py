@@ -9,8 +9,7 @@ from starlette.requests import Request
 from starlette.responses import Response
 
 from edgemap.geometry.objects.annotations import LONGEST_NAME, MAXIMUM_CORNERS
-from edgemap.geometry.objects.corrections import LARGEST_M, SMALLEST_M
-from edgemap.geometry.objects.edits import Edit, joined
+from edgemap.geometry.objects.events import LARGEST_M, SMALLEST_M, Edit, joined
 from edgemap.runtime.frames.reading import Coordinate
 from edgemap.runtime.step.map_file import pose_record
 from edgemap.runtime.step.map_records import GivenName, Yaw
@@ -91,7 +90,7 @@ async def add_object(page: LivePage, request: Request) -> Response:
     edit = Edit("add", label=body.label, place_m=(body.x_m, body.y_m), size_m=size_m, yaw_rad=body.yaw_rad)
     identity = await take(page, edit)
     if body.name:
-        await take(page, Edit("rename", identity, name=body.name))
+        await take(page, Edit("name", identity, name=body.name))
     return as_json(find(page, identity), 201)
 
 
@@ -102,7 +101,7 @@ async def change_object(page: LivePage, request: Request) -> Response:
     if correction is not None:
         await take(page, correction)
     if body.name is not None:
-        await take(page, Edit("rename", item["id"], name=body.name))
+        await take(page, Edit("name", item["id"], name=body.name))
     if body.confirmed is not None:
         await take(page, Edit("confirm", item["id"], on=body.confirmed))
     return as_json(named(page, request))
@@ -133,7 +132,7 @@ async def merge_object(page: LivePage, request: Request) -> Response:
 async def restore_object(page: LivePage, request: Request) -> Response:
     """Reverts the deletion or merge of an object."""
     await body_of(request, Nothing)
-    return as_json({"id": await take(page, Edit("restore", request.path_params["id"]))})
+    return as_json({"id": await take(page, Edit("undo", request.path_params["id"]))})
 
 
 async def put_zone(page: LivePage, request: Request) -> Response:
@@ -147,7 +146,7 @@ async def put_zone(page: LivePage, request: Request) -> Response:
     if other := taken.get(body.name.strip().casefold()):
         raise Refused(409, f"{other.id} is called {other.name!r} already: give this zone another name")
     made = await take(page, Edit("zone", identity, name=body.name, corners_m=tuple(body.corners_m)))
-    zone = next(zone for zone in answers.zones_answer(page) if zone["id"] == made)
+    zone = next(zone for zone in answers.zones_answer(page.annotations.zones, page.objects) if zone["id"] == made)
     return as_json(zone, 200 if identity else 201)
 
 
@@ -156,7 +155,7 @@ async def delete_zone(page: LivePage, request: Request) -> Response:
     identity = request.path_params["id"]
     if identity not in {zone.id for zone in page.annotations.zones}:
         raise Refused(404, f"no zone {identity[:60]!r}")
-    return as_json({"id": await take(page, Edit("drop_zone", identity))})
+    return as_json({"id": await take(page, Edit("undo", identity))})
 
 
 async def put_pose(page: LivePage, request: Request) -> Response:
@@ -191,7 +190,7 @@ async def put_dock(page: LivePage, request: Request) -> Response:
 async def delete_dock(page: LivePage, request: Request) -> Response:
     """Deletes the dock."""
     await dock(page, request)
-    return as_json({"id": await take(page, Edit("drop_dock"))})
+    return as_json({"id": await take(page, Edit("undo", "dock"))})
 
 
 def _correction(body: ObjectRequest, item: dict) -> Edit | None:

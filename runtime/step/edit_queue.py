@@ -1,22 +1,21 @@
 """Edits on their way into a run: asked for by any thread, taken between two steps, recorded as inputs."""
 
-import json
 import math
 import time
 from collections import deque
 from collections.abc import Callable, Iterable, Sequence
 from concurrent.futures import Future
 from contextlib import suppress
-from dataclasses import fields
+from dataclasses import asdict
 from pathlib import Path
-from typing import Annotated, Any, get_args
+from typing import Annotated, get_args
 
 import msgspec
 from msgspec import Meta
 
 from edgemap.geometry.map_object import MapObject
 from edgemap.geometry.objects.annotations import MAXIMUM_CORNERS, Annotations
-from edgemap.geometry.objects.edits import Edit, EditError, EditKind
+from edgemap.geometry.objects.events import Edit, EditError, EditKind
 from edgemap.runtime.frames.disk import LineFile
 from edgemap.runtime.frames.errors import DiskError
 from edgemap.runtime.frames.reading import (
@@ -36,11 +35,12 @@ MAXIMUM_WAITING = 100
 SAVE_EVERY_S = 0.5
 FILE_BYTES = 16 << 20
 KINDS = get_args(EditKind)
+FORMER_KINDS = {"rename": "name", "restore": "undo", "drop_zone": "undo", "drop_dock": "undo"}  # in recordings
 Text = Annotated[str, Meta(max_length=200, pattern=rf"\A[^{HIDDEN}]*\Z")]
 Edited = Callable[[list[MapObject], Annotations], None]
 
 
-class _Line(Strict):
+class _Line(Strict, omit_defaults=True):
     """A line of edits.jsonl. frames: steps done before the edit."""
 
     frames: Annotated[int, Meta(ge=0, le=1 << 40)]
@@ -49,9 +49,7 @@ class _Line(Strict):
     name: Text = ""
     on: bool = True
     into: Text = ""
-    corners_m: Annotated[list[tuple[Coordinate, Coordinate]], Meta(max_length=MAXIMUM_CORNERS)] = msgspec.field(
-        default_factory=list
-    )
+    corners_m: Annotated[tuple[tuple[Coordinate, Coordinate], ...], Meta(max_length=MAXIMUM_CORNERS)] = ()
     label: Text = ""
     place_m: tuple[Coordinate, Coordinate] | None = None
     size_m: tuple[Size, Size, Size] | None = None
@@ -140,7 +138,7 @@ class Edits:
 
     def _note(self, edit: Edit, frames: int) -> None:
         """Record it; a full disk gets it with the next one, and the run folder reports it."""
-        line = json.dumps({"frames": frames} | _changed_fields(edit))
+        line = msgspec.json.encode(_Line(frames=frames, **asdict(edit))).decode()
         for record in self.recorders:
             record(line)
         if self._log is not None:
@@ -166,20 +164,12 @@ def load_edits(path: Path) -> list[tuple[int, Edit]]:
 
 def read_edits(lines: Iterable[str], source: str) -> list[tuple[int, Edit]]:
     """Parses the lines of a file of edits as `load_edits` does. source: for messages."""
-    found = []
+    edits = list[tuple[int, Edit]]()
     for number, line in enumerate(lines, 1):
-        record = decode_json(line, _Line, f"{source}:{number}", EditError)
-        if record.do not in KINDS:
-            raise EditError(
-                f"{source}:{number}: no edit is called {one_line(record.do, 40)!r} (known: {', '.join(KINDS)})"
-            )
-        values: dict[str, Any] = {item.name: getattr(record, item.name) for item in fields(Edit)}
-        values["corners_m"] = tuple(record.corners_m)
-        found.append((record.frames, Edit(**values)))
-    return found
-
-
-def _changed_fields(edit: Edit) -> dict[str, Any]:
-    """An edit's fields, without those at their defaults."""
-    values = {item.name: getattr(edit, item.name) for item in fields(Edit)}
-    return {"do": edit.do} | {name: value for name, value in values.items() if value != getattr(Edit(edit.do), name)}
+        values = msgspec.structs.asdict(decode_json(line, _Line, f"{source}:{number}", EditError))
+        kind, frames = values["do"], values.pop("frames")
+        if kind not in (*KINDS, *FORMER_KINDS):
+            raise EditError(f"{source}:{number}: no edit is called {one_line(kind, 40)!r} (known: {', '.join(KINDS)})")
+        values |= {"do": FORMER_KINDS.get(kind, kind)} | ({"id": "dock"} if kind == "drop_dock" else {})
+        edits.append((frames, Edit(**values)))
+    return edits

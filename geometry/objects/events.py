@@ -1,0 +1,440 @@
+"""A person's edits of a map: one list of events, folded over the measured objects when the map is read.
+
+The measured map never changes, so a drive makes the same measured map with and without edits, and taking an edit back
+drops its event.
+"""
+
+import math
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass, field, replace
+from typing import Any, Literal, NamedTuple
+
+import numpy as np
+
+from edgemap.geometry.arrays import Array
+from edgemap.geometry.errors import MapError
+from edgemap.geometry.map_object import MapObject, id_order
+from edgemap.geometry.objects.annotations import (
+    LONGEST_NAME,
+    MAXIMUM_CORNERS,
+    MAXIMUM_ZONES,
+    NO_ANNOTATIONS,
+    Annotations,
+    Corners,
+    Zone,
+    corners_of,
+)
+from edgemap.geometry.objects.class_posterior import least_spacing_m
+from edgemap.geometry.objects.floor_map import FloorMap
+from edgemap.geometry.objects.merge import CORRECTABLE, fused
+from edgemap.geometry.observations.class_extents import HEIGHT_M, footprint_m
+from edgemap.geometry.se2 import SE2
+from edgemap.geometry.slam.landmarks import LandmarkRule
+from edgemap.geometry.trajectory_correction import TrajectoryCorrection, composed
+
+EditKind = Literal["name", "confirm", "correct", "add", "merge", "delete", "zone", "dock", "pose", "undo"]
+UNDOABLE = ("correct", "merge", "delete", "zone", "dock")
+
+MAXIMUM_ADDED = 1000
+ADDED = "-added"  # between label and number of the id of an object that a person has added
+PLACED_SIGMA_M = 0.05  # for a position that a person sets on a map: a finger's width at the usual zoom
+SMALLEST_M, LARGEST_M = 0.02, 20.0  # limits of a size that a person sets
+USUAL_WIDTH_M = 0.5  # of an added object whose class has no usual size
+MINIMUM_ZONE_M2 = 0.01
+
+Anchors = Callable[[Corners], np.ndarray]
+
+
+class EditError(MapError):
+    """An edit that the map does not allow."""
+
+
+@dataclass(frozen=True, slots=True)
+class Edit:
+    """One edit by a person.
+
+    name: `id` is called `name`; empty takes the name away. confirm: a person confirms `id` (`on`) or withdraws the
+    confirmation. correct: `id` has this `label`, `place_m`, `size_m` and `yaw_rad`, each where given. add: a new object
+    with these values, without detections. merge: `id` is the same object as `into`. delete: `id` is not there. zone: a
+    zone `id`, or a new one where it is empty, has `name` and `corners_m`. dock: the dock is at `pose`. pose: the robot
+    is at `pose` now, with standard deviations `sigmas`. undo: drops the last of correct, merge and delete of the object
+    `id`, the zone `id`, or the dock (`dock`). Sizes: width, depth, height. Poses: x, y, yaw; m, m, rad.
+    """
+
+    do: EditKind
+    id: str = ""
+    name: str = ""
+    on: bool = True
+    into: str = ""
+    corners_m: Corners = ()
+    label: str = ""
+    place_m: tuple[float, float] | None = None
+    size_m: tuple[float, float, float] | None = None
+    yaw_rad: float | None = None
+    pose: tuple[float, float, float] | None = None
+    sigmas: tuple[float, float, float] | None = None
+
+
+class _Event(NamedTuple):
+    """anchors_s: stamp (N,) of the pose nearest to each place of the edit, with which it moves; None where it was
+    loaded with a map. labels: that a deleted object was detected as.
+    """
+
+    edit: Edit
+    anchors_s: np.ndarray | None = None
+    labels: frozenset[str] = frozenset()
+
+
+_Events = dict[tuple[str, str], _Event]  # by kind and id: of one kind and id the last one counts
+
+
+class _Fold:
+    """The map while events are folded over it. objects: by id. became: merged ids with those they became part of."""
+
+    def __init__(self, measured: FloorMap, events: _Events) -> None:
+        self.measured, self.events = measured, events
+        self.objects = {item.id: item for item in measured.objects()}
+        self.became: dict[str, str] = {}
+        self.deleted: list[MapObject] = []
+        self.zones: dict[str, Zone] = {}
+        self.dock: SE2 | None = None
+        for event in events.values():
+            FOLDS[event.edit.do](self, event)
+        for item in [item for item in self.objects.values() if item.confirmed and item.confidence < 1.0]:
+            self.objects[item.id] = replace(item, confidence=1.0)
+        self.shown = sorted(self.objects.values(), key=lambda item: id_order(item.id))
+
+    def root(self, identity: str) -> str:
+        """The id under which the map shows what was once this object."""
+        identity = shown_id(self.measured, identity)
+        while identity in self.became:
+            identity = self.became[identity]
+        return identity
+
+    def change(self, identity: str, **values: Any) -> None:
+        """Replaces values of an object, if it is there."""
+        root = self.root(identity)
+        if root in self.objects:
+            self.objects[root] = replace(self.objects[root], **values)
+
+    def join(self, identity: str, into: str) -> None:
+        """Makes two objects one, if both are there."""
+        identity, into = self.root(identity), self.root(into)
+        if identity != into and {identity, into} <= self.objects.keys():
+            self.objects[into] = joined([self.objects[into], self.objects.pop(identity)])
+            self.became[identity] = into
+
+
+def _fold_correct(fold: _Fold, event: _Event) -> None:
+    item = fold.objects.get(fold.root(event.edit.id))
+    if item is not None:
+        fold.objects[item.id] = _corrected(item, event.edit)
+
+
+def _fold_add(fold: _Fold, event: _Event) -> None:
+    """Detections of its class in its place become part of it; the place is that of the latest correction."""
+    edit = event.edit
+    if edit.id in fold.objects:  # saved with a map
+        return
+    stamp_s = 0.0 if event.anchors_s is None else float(event.anchors_s[0])
+    item = MapObject(edit.id, edit.label, np.zeros(2), np.eye(2), 0.0, 0.0, 1, 1.0, stamp_s, stamp_s, confirmed=True)
+    item = fold.objects[edit.id] = _corrected(item, edit)
+    correction = fold.events.get(("correct", edit.id))
+    final = item if correction is None else _corrected(item, correction.edit)
+    for other in [one for one in fold.objects.values() if ("add", one.id) not in fold.events]:
+        near_m = float(np.linalg.norm(other.position_m - final.position_m))
+        if other.label == final.label and near_m < least_spacing_m(final, other):
+            fold.join(other.id, edit.id)
+
+
+def _fold_delete(fold: _Fold, event: _Event) -> None:
+    item = fold.objects.get(fold.root(event.edit.id))
+    if item is not None and item.label in event.labels:  # under another label it is something else by now
+        fold.deleted.append(fold.objects.pop(item.id))
+
+
+def _fold_zone(fold: _Fold, event: _Event) -> None:
+    edit = event.edit
+    fold.zones[edit.id] = Zone(edit.id, edit.name, edit.corners_m)
+
+
+def _fold_dock(fold: _Fold, event: _Event) -> None:
+    fold.dock = event.edit.pose and SE2(*event.edit.pose)
+
+
+FOLDS: dict[str, Callable[[_Fold, _Event], None]] = {
+    "name": lambda fold, event: fold.change(event.edit.id, name=event.edit.name),
+    "confirm": lambda fold, event: fold.change(event.edit.id, confirmed=event.edit.on),
+    "correct": _fold_correct,
+    "add": _fold_add,
+    "merge": lambda fold, event: fold.join(event.edit.id, event.edit.into),
+    "delete": _fold_delete,
+    "zone": _fold_zone,
+    "dock": _fold_dock,
+}
+
+
+@dataclass(slots=True)
+class MapEvents:
+    """All edits of a map so far. Ids are those that the map shows; an event follows its object through merges of the
+    measured map.
+    """
+
+    _events: _Events = field(default_factory=dict)
+    _zones_issued: int = 0
+    _folded: tuple[list[MapObject], _Fold] | None = None
+    _annotations: Annotations = NO_ANNOTATIONS
+
+    @classmethod
+    def of(cls, saved: Iterable[MapObject], annotations: Annotations, placed: bool = True) -> "MapEvents":
+        """The edits that a saved map holds. placed: whether its zones and its dock have a position yet; without one
+        they come with `enter`.
+        """
+        edits = list[Edit]()
+        for item in (*saved, *annotations.deleted):
+            edits += [Edit("name", item.id, name=item.name)] if item.name else []
+            edits += [Edit("confirm", item.id)] if item.confirmed else []
+            edits += [_correction_of(item)] if item.corrected else []
+        events = {(edit.do, edit.id): _Event(edit) for edit in edits}
+        for item in annotations.deleted:
+            events["delete", item.id] = _Event(Edit("delete", item.id), labels=_labels(item))
+        issued = max((id_order(zone.id)[1] for zone in annotations.zones), default=0)
+        return cls(events | (_events_of(annotations) if placed else {}), issued)
+
+    def take(self, edit: Edit, measured: FloorMap, anchors: Anchors) -> str:
+        """Takes an edit in. Returns the id of its object or zone. anchors: stamps (N,) of the poses nearest to points
+        (N, 2). Raises EditError, and changes nothing.
+        """
+        if edit.do == "undo":
+            self._undo(edit.id, measured)
+            return edit.id
+        shown = {item.id: item for item in self.shown(measured)}
+        edit = self._checked(edit, shown)
+        key, labels = (edit.do, edit.id), _labels(shown[edit.id]) if edit.do == "delete" else frozenset[str]()
+        places = _poses(edit)[:, :2]
+        if edit.do == "correct" and edit.place_m is None:
+            places = shown[edit.id].position_m[None]
+        event = _Event(edit, anchors(corners_of(places)) if len(places) else None, labels)
+        before = self._events.get(key)
+        if before is not None and edit.do == "correct":
+            event = _Event(_updated(before.edit, edit), before.anchors_s if edit.place_m is None else event.anchors_s)
+        if edit.do != "zone":  # zones keep their order
+            self._events.pop(key, None)
+        self._events[key] = event
+        self._folded = None
+        return edit.id
+
+    def shown(self, measured: FloorMap) -> list[MapObject]:
+        """The measured map's objects with the edits applied; the same list where there are none."""
+        return self._fold(measured).shown if self._events else measured.objects()
+
+    def annotations(self, measured: FloorMap) -> Annotations:
+        """Zones, deleted objects and dock as they stand; the very same as long as they do."""
+        now = NO_ANNOTATIONS
+        if self._events:
+            fold = self._fold(measured)
+            now = Annotations(tuple(fold.zones.values()), tuple(fold.deleted), fold.dock)
+        self._annotations = self._annotations if now == self._annotations else now
+        return self._annotations
+
+    def kept(self, measured: FloorMap) -> frozenset[str]:
+        """Ids of the measured map that a person has confirmed: they are not forgotten."""
+        confirmed = (event.edit.id for event in self._events.values() if event.edit.do == "confirm" and event.edit.on)
+        return frozenset(shown_id(measured, identity) for identity in confirmed)
+
+    def merges(self, measured: FloorMap) -> dict[str, str]:
+        """Ids that became part of others by merges and additions, to those."""
+        if not any(kind in ("merge", "add") for kind, _ in self._events):
+            return {}
+        fold = self._fold(measured)
+        ids = {*fold.became, *(identity for kind, identity in self._events if kind == "merge")}
+        return {one: fold.root(one) for one in sorted(ids) if fold.root(one) != one}
+
+    def moved(self, correction: TrajectoryCorrection) -> None:
+        """A loop closure moves each place that was set in this run with the pose nearest to it."""
+        self._move(correction.moved_poses)
+
+    def scale(self, factor: float) -> None:
+        """All places times `factor`, about the map's origin. Sizes that a person has set stay."""
+        self._move(lambda _, poses: poses * (factor, factor, 1.0))
+
+    def enter(self, annotations: Annotations, pose_saved_own: SE2) -> None:
+        """This run's edits move into a saved map's frame, and that map's zones and dock come first. annotations: of the
+        saved map. pose_saved_own: pose of this run's map in it.
+        """
+        self._move(lambda _, poses: composed(pose_saved_own.vector()[None], poses))
+        self._events = _events_of(annotations) | self._events
+
+    def _move(self, move: Callable[[np.ndarray, Array], Array]) -> None:
+        """Moves the places that were set in this run. move: takes stamps (N,) and poses (N, 3) to poses now."""
+        for key, event in self._events.items():
+            if event.anchors_s is not None:
+                edit = _at(event.edit, move(event.anchors_s, _poses(event.edit)))
+                self._events[key] = event._replace(edit=edit)
+        self._folded = None
+
+    def _fold(self, measured: FloorMap) -> _Fold:
+        objects = measured.objects()
+        if self._folded is None or self._folded[0] is not objects:
+            self._folded = objects, _Fold(measured, self._events)
+        return self._folded[1]
+
+    def _undo(self, identity: str, measured: FloorMap) -> None:
+        for kind, one in reversed(self._events):
+            if kind in UNDOABLE and identity in (one, shown_id(measured, one)):
+                del self._events[kind, one]
+                self._folded = None
+                return
+        raise EditError(f"{identity!r} was neither corrected nor merged nor deleted, and is no zone")
+
+    def _checked(self, edit: Edit, shown: dict[str, MapObject]) -> Edit:
+        """The edit, with the id of a new zone or object. Raises EditError where the map does not allow it."""
+        if edit.do == "zone":
+            return self._checked_zone(edit)
+        if edit.do == "dock":
+            if edit.pose is None or not all(map(math.isfinite, edit.pose)):
+                raise EditError("a dock needs a pose: x, y and yaw")
+            return replace(edit, id="dock")
+        if edit.do in ("correct", "add"):
+            _check_values(edit)
+        if edit.do == "add":
+            return self._checked_addition(edit)
+        for identity in (edit.id, edit.into) if edit.do == "merge" else (edit.id,):
+            if identity not in shown:
+                raise EditError(f"no object {identity!r} on the map")
+        if edit.do == "name" and not _is_name(edit.name):
+            raise EditError(f"a name has at most {LONGEST_NAME} printable characters and no space at its ends")
+        if edit.do == "merge" and edit.id == edit.into:
+            raise EditError(f"{edit.id!r} cannot be merged with itself")
+        return edit
+
+    def _checked_addition(self, edit: Edit) -> Edit:
+        if not edit.label or edit.place_m is None:
+            raise EditError("a new object needs a label and a position")
+        if sum(kind == "add" for kind, _ in self._events) >= MAXIMUM_ADDED:
+            raise EditError(f"{MAXIMUM_ADDED} objects are added already")
+        # Never an id that the measured map gives: it numbers its own classes only.
+        numbers = (id_order(identity)[1] for _, identity in self._events if ADDED in identity)
+        identity = f"{edit.label}{ADDED}-{max(numbers, default=0) + 1}"
+        width_m, depth_m = footprint_m(edit.label, USUAL_WIDTH_M)
+        usual_m = width_m, depth_m, HEIGHT_M.get(edit.label, (USUAL_WIDTH_M, 0.0))[0]
+        return replace(edit, id=identity, size_m=edit.size_m or usual_m)
+
+    def _checked_zone(self, edit: Edit) -> Edit:
+        zones = [identity for kind, identity in self._events if kind == "zone"]
+        if edit.id and edit.id not in zones:
+            raise EditError(f"no zone {edit.id!r}")
+        if not edit.id and len(zones) >= MAXIMUM_ZONES:
+            raise EditError(f"{MAXIMUM_ZONES} zones are drawn already")
+        if not 3 <= len(edit.corners_m) <= MAXIMUM_CORNERS or _area_m2(edit.corners_m) < MINIMUM_ZONE_M2:
+            raise EditError(f"a zone has 3 to {MAXIMUM_CORNERS} corners around at least {MINIMUM_ZONE_M2} m2")
+        if not edit.name or len(edit.name) > LONGEST_NAME or not edit.name.isprintable():
+            raise EditError(f"a zone has a name of at most {LONGEST_NAME} printable characters")
+        self._zones_issued += not edit.id
+        return replace(edit, id=edit.id or f"zone-{self._zones_issued}")
+
+
+def shown_id(measured: FloorMap, identity: str) -> str:
+    """The id under which the measured map shows what was once this object."""
+    return measured.shown_as(measured.merged.get(identity, identity))
+
+
+def joined(parts: Sequence[MapObject]) -> MapObject:
+    """Objects that are one, the first one's id kept; its label is the likeliest by all of them, or the stated one."""
+    item = parts[0]
+    for part in parts[1:]:
+        item = fused(item, part, LandmarkRule())
+    if len(parts) > 1 and item.labels:
+        item = replace(item, label=max(item.labels, key=lambda label: (item.labels[label], label == item.label)))
+    return item
+
+
+def _corrected(item: MapObject, edit: Edit) -> MapObject:
+    """The object with the values that an edit states."""
+    values: dict[str, Any] = {}
+    words = set(item.corrected)
+    if edit.label:
+        values |= {"label": edit.label, "labels": {edit.label: 1.0}}
+        words.add("label")
+    if edit.place_m is not None:
+        values |= {"position_m": np.array(edit.place_m), "covariance_m2": np.eye(2) * PLACED_SIGMA_M**2}
+        words.add("position")
+    if edit.size_m is not None:
+        values |= dict(zip(CORRECTABLE["size"], edit.size_m, strict=True))
+        words.add("size")
+    if edit.yaw_rad is not None:
+        values["yaw_rad"] = edit.yaw_rad
+        words.add("yaw")
+    return replace(item, corrected=tuple(word for word in CORRECTABLE if word in words), **values)
+
+
+def _correction_of(item: MapObject) -> Edit:
+    """The correction that is stored in a saved object."""
+    x_m, y_m = item.position_m.tolist()
+    return Edit(
+        "correct",
+        item.id,
+        label=item.label if "label" in item.corrected else "",
+        place_m=(x_m, y_m) if "position" in item.corrected else None,
+        size_m=(item.width_m, item.depth_m or item.width_m, item.height_m) if "size" in item.corrected else None,
+        yaw_rad=item.yaw_rad if "yaw" in item.corrected else None,
+    )
+
+
+def _updated(older: Edit, newer: Edit) -> Edit:
+    """A correction with the values replaced that a newer one states."""
+    stated = {name: getattr(newer, name) for name in ("label", "place_m", "size_m", "yaw_rad")}
+    return replace(older, **{name: value for name, value in stated.items() if value not in ("", None)})
+
+
+def _check_values(edit: Edit) -> None:
+    """Raises EditError where a correction states nothing, or what no object has."""
+    if edit.label == "" and edit.place_m is edit.size_m is edit.yaw_rad is None:
+        raise EditError(f"nothing of {edit.id!r} is to be corrected: give a label, a position, a size or a yaw")
+    if edit.size_m is not None and not all(SMALLEST_M <= side <= LARGEST_M for side in edit.size_m):
+        sides = " x ".join(f"{side:g}" for side in edit.size_m)
+        raise EditError(f"a size is width, depth and height of {SMALLEST_M} to {LARGEST_M:g} m each, not {sides} m")
+    if not all(map(math.isfinite, (*(edit.place_m or ()), edit.yaw_rad or 0.0))):
+        raise EditError("a position and a yaw are finite numbers")
+    if not _is_name(edit.label):
+        raise EditError(f"a label has at most {LONGEST_NAME} printable characters and no space at its ends")
+
+
+def _poses(edit: Edit) -> Array:
+    """Places of an edit as poses (N, 3); a yaw without a position has the position NaN."""
+    if edit.pose is not None:
+        return np.array([edit.pose])
+    if edit.place_m is not None or edit.yaw_rad is not None:
+        return np.array([(*(edit.place_m or (math.nan, math.nan)), edit.yaw_rad or 0.0)])
+    return np.array([(x_m, y_m, 0.0) for x_m, y_m in edit.corners_m]).reshape(-1, 3)
+
+
+def _at(edit: Edit, poses: Array) -> Edit:
+    """The edit at other poses (N, 3)."""
+    if edit.corners_m:
+        return replace(edit, corners_m=corners_of(poses[:, :2]))
+    x_m, y_m, yaw_rad = poses[0].tolist()
+    if edit.pose is not None:
+        return replace(edit, pose=(x_m, y_m, yaw_rad))
+    place_m = None if edit.place_m is None else (x_m, y_m)
+    return replace(edit, place_m=place_m, yaw_rad=None if edit.yaw_rad is None else yaw_rad)
+
+
+def _events_of(annotations: Annotations) -> _Events:
+    edits = [Edit("zone", zone.id, zone.name, corners_m=zone.corners_m) for zone in annotations.zones]
+    if (dock := annotations.dock) is not None:
+        edits.append(Edit("dock", "dock", pose=(dock.x_m, dock.y_m, dock.yaw_rad)))
+    return {(edit.do, edit.id): _Event(edit) for edit in edits}
+
+
+def _labels(item: MapObject) -> frozenset[str]:
+    return frozenset({item.label, *item.labels})
+
+
+def _is_name(text: str) -> bool:
+    return len(text) <= LONGEST_NAME and text.isprintable() and text == text.strip()
+
+
+def _area_m2(corners_m: Corners) -> float:
+    x, y = np.array(corners_m).T
+    return abs(float(x @ np.roll(y, 1) - y @ np.roll(x, 1))) / 2.0
