@@ -103,6 +103,11 @@ class Page:
     def click(self, identity: str) -> None:
         self.value(f"document.getElementById({identity!r}).click()")
 
+    def box(self, selector: str) -> list[float]:
+        """left, top, right, bottom of an element, px."""
+        edges = "(b => [b.left, b.top, b.right, b.bottom])"
+        return self.value(f"{edges}(document.querySelector({selector!r}).getBoundingClientRect())")
+
     def picture(self) -> bytes:
         """What it shows, as PNG."""
         return base64.b64decode(self.call("Page.captureScreenshot", format="png")["data"])

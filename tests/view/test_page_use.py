@@ -20,13 +20,6 @@ from edgemap.runtime.inputs.drives.camera_yaml import read_camera_yaml
 PHONE = {"width": 390, "height": 844}
 
 
-def box(tab, selector):
-    """left, top, right, bottom of an element."""
-    return tab.value(
-        f"(b => [b.left, b.top, b.right, b.bottom])(document.querySelector({selector!r}).getBoundingClientRect())"
-    )
-
-
 def key(tab, name, count=1):
     """Press a key, as a person does."""
     codes = {"Enter": 13, "Tab": 9, "Backspace": 8, "ArrowUp": 38, "ArrowDown": 40, "ArrowLeft": 37, "ArrowRight": 39}
@@ -52,13 +45,13 @@ def type_text(tab, text):
 
 def test_on_a_phone_the_map_comes_first_and_the_rest_in_a_sheet(watched):
     _, tab = watched(12, **PHONE)
-    _, top, right, bottom = box(tab, "#map")
+    _, top, right, bottom = tab.box("#map")
     assert top < 140
     assert right == 390
     assert bottom - top > 0.4 * 844
     assert tab.value("document.documentElement.scrollWidth") <= 390
     assert tab.value("document.documentElement.scrollHeight") <= 844
-    assert box(tab, "#sheet")[1] >= bottom - 1
+    assert tab.box("#sheet")[1] >= bottom - 1
     words = "document.getElementById('sheet-words').textContent"
     tab.until(f"{words} === '2 objects · nearest chair-1, 2.6 m'")
     heights = []
@@ -66,7 +59,7 @@ def test_on_a_phone_the_map_comes_first_and_the_rest_in_a_sheet(watched):
         tab.click("sheet-handle")
         tab.until(f"edgemap.sheet.size === '{size}'")
         tab.until("document.getAnimations().length === 0")
-        sheet = box(tab, "#sheet")
+        sheet = tab.box("#sheet")
         heights.append(sheet[3] - sheet[1])
         expanded = tab.value("document.getElementById('sheet-handle').getAttribute('aria-expanded')")
         assert expanded == str(size != "peek").lower()
@@ -81,7 +74,7 @@ def test_on_a_phone_a_tap_on_an_object_shows_its_card(watched):
     tab.until("document.querySelector('#detail h2')?.textContent === 'couch-1'")
     tab.until("edgemap.sheet.size === 'half'")
     tab.until("document.getAnimations().length === 0")
-    left, top, right, bottom = box(tab, "#detail h2")
+    left, top, right, bottom = tab.box("#detail h2")
     assert 0 <= left < right <= 390
     assert 400 < top < bottom <= 844
 
@@ -95,7 +88,7 @@ def test_on_a_phone_the_numbers_of_the_dock_can_be_read(watched):
     hidden = f"{inputs}.map(input => input.scrollWidth - input.clientWidth)"
     assert tab.value(hidden) == [0, 0, 0]
     assert tab.value("document.documentElement.scrollWidth") <= 390
-    left, _, right, _ = box(tab, "#drawing")
+    left, _, right, _ = tab.box("#drawing")
     assert all(
         left <= a < b <= right
         for a, b in tab.value(f"{inputs}.map(input => input.getBoundingClientRect()).map(r => [r.left, r.right])")
@@ -133,9 +126,9 @@ def test_the_undo_line_lies_on_no_button_and_not_on_the_legend(serve, look):
         tab.until("document.querySelector('#detail h2')?.textContent === 'couch-1'")
         tab.value("[...document.querySelectorAll('#detail button')].find(b => b.textContent === 'Delete').click()")
         tab.until("!document.getElementById('notice').hidden")
-        left, top, right, bottom = box(tab, "#notice")
+        left, top, right, bottom = tab.box("#notice")
         for other in ("#legend", "#fit", "#edit", "#pause", "#download"):
-            a, b, c, d = box(tab, other)
+            a, b, c, d = tab.box(other)
             assert right <= a or c <= left or bottom <= b or d <= top, other
         tab.value("document.querySelector('#notice button').click()")
         tab.until("edgemap.map.objects.size === 2")
@@ -288,7 +281,7 @@ def test_the_floor_grid_is_dragged_until_it_lies_flat_and_saved(serve, look, tmp
     served.step()
     tab.until("edgemap.updates > 3")
     assert tab.value("edgemap.frame") >= 2
-    left, top, right, _ = box(tab, "#picture")
+    left, top, right, _ = tab.box("#picture")
     x, y, scale = (left + right) / 2, top + 20, (right - left) / 320
     move = {"button": "left", "buttons": 1, "clickCount": 1}
     tab.call("Input.dispatchMouseEvent", type="mousePressed", x=x, y=y, **move)

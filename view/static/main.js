@@ -170,7 +170,7 @@ byId("sightings").onclick = () => {
 };
 connection.open();
 if (saved) {
-  new Run(saved.run, saved.update.trail);
+  new Run(saved.run, saved.update.trail, saved.update.changed.length);
   map.truth.set(saved.run.truth);
   objects.judge(saved.run);
   byId("diagnostics").open = true;

@@ -8,7 +8,8 @@ const STAGES = ["#7f93ad", "#3f5f86", "#a9bcd3", "#6b8f8a", "#c98f57", "#8d6a97"
 
 export class Run {
   // run: of the report's data; trail: [x, y, stamp_s, bound_m].
-  constructor(run, trail) {
+  constructor(run, trail, shown) {
+    this.shown = shown; // objects: at most a thousand, those observed most often
     byId("run").append(...[this.verdict(run), this.figures(run), this.truth(run, trail), this.trust(run, trail), this.times(run), this.detected(run)].filter(Boolean));
     byId("run-end").append(...[this.mount(run), this.settings(run)].filter(Boolean));
   }
@@ -32,7 +33,7 @@ export class Run {
 
   figures(run) {
     const list = element("dl", "", "facts"), told = {
-      Objects: run.objects, Path: `${run.path_m.toFixed(1)} m`, Drive: duration(run.span_s), Frames: run.frames,
+      Objects: this.shown < run.objects ? `${run.objects}, ${this.shown} shown` : run.objects, Path: `${run.path_m.toFixed(1)} m`, Drive: duration(run.span_s), Frames: run.frames,
       "Frames a second": run.rate_hz ? run.rate_hz.toFixed(0) : "–", "Step, p95": run.step_ms.p95 ? `${run.step_ms.p95.toFixed(1)} ms` : "–",
     };
     for (const [name, value] of Object.entries(told)) {
