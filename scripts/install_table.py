@@ -24,14 +24,12 @@ def resolved(install: str, processor: str, python: str) -> str:
     command = [sys.executable, "-m", "uv", "pip", "compile", "--quiet", "--no-header", "--no-annotate"]
     command += ["--only-binary", ":all:", "--python-version", python, "--python-platform", f"{processor}-{GLIBC}"]
     source, given = str(ROOT / "pyproject.toml"), None
-    if install == "realsense":
-        source, given = "-", "pyrealsense2>=2.55\n"
-    elif install != "base":
+    if install != "base":
         command += ["--extra", install]
     result = subprocess.run([*command, source], input=given, capture_output=True, text=True, check=False)
     if result.returncode == 0:
         packages = [line.partition("==")[0] for line in result.stdout.splitlines() if line.strip()]
-        return f"{len(packages)}" + (" with RealSense" if install == "base" and "pyrealsense2" in packages else "")
+        return f"{len(packages)}"
     words = " ".join(result.stderr.split())
     lacking = re.search(r"Because (?:only )?(?:all versions of )?([A-Za-z0-9_.-]+)", words)
     return f"no: {lacking[1]}" if lacking else f"no: {words[:60]}"

@@ -13,6 +13,7 @@ from edgemap.runtime.frames.errors import MissingExtraError
 DISTRIBUTION = "edgemap-robot"
 # Extra to what it is for, and its modules with the packages that they come in.
 EXTRAS: dict[str, tuple[str, dict[str, str]]] = {
+    "realsense": ("RealSense cameras and their recordings", {"pyrealsense2": "pyrealsense2"}),
     "teacher": ("train floor --teacher", {"ai_edge_litert": "ai-edge-litert"}),
     "export": ("pull by name, export, train", {"torch": "torch", "onnx": "onnx", "onnxscript": "onnxscript"}),
     "plot": ("figures of detect, eval and bench --plot", {"matplotlib": "matplotlib"}),

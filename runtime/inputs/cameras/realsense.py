@@ -12,7 +12,7 @@ import numpy as np
 from edgemap.geometry.camera.intrinsics import Distortion, Intrinsics
 from edgemap.runtime.frames.camera import Picture
 from edgemap.runtime.frames.errors import CameraError, MissingExtraError
-from edgemap.runtime.frames.extras import pip
+from edgemap.runtime.frames.extras import install_hint
 from edgemap.runtime.inputs.cameras.imu_buffer import ImuBuffer
 from edgemap.runtime.inputs.cameras.realsense_frames import POLL_MS, Aligned, start_motion, started, stop, to_bgr
 
@@ -30,7 +30,7 @@ def import_realsense() -> ModuleType:
                 f"RealSense needs the system library libusb: apt install libusb-1.0-0 ({error})"
             ) from None
         raise MissingExtraError(
-            f"RealSense needs librealsense's Python module: {pip()} install pyrealsense2 ({error})"
+            f"RealSense needs librealsense's Python module: {install_hint('realsense')} ({error})"
         ) from None
     _kept_context()
     return pyrealsense2

@@ -108,7 +108,7 @@ def test_no_device_and_no_recording_are_one_line(tmp_path):
     ("complaint", "remedy"),
     [
         ("libusb-1.0.so.0: cannot open shared object file: No such file or directory", "apt install libusb-1.0-0"),
-        ("No module named 'pyrealsense2'", "pip install pyrealsense2"),
+        ("No module named 'pyrealsense2'", "[realsense]"),
     ],
 )
 def test_a_missing_library_names_its_remedy(complaint, remedy):
