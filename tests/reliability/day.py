@@ -39,7 +39,7 @@ def run(seed: int, share: float, out: Path) -> PartReport:
     """The real back end, loop closure included; what the front end gives is drawn from a room of 14 objects."""
     steps = max(PIECES, round(DAY_S * share))
     rows = drive_through(new_mapper(Config()), RoundTrip(seed), steps, PIECES, 24.0, LIMIT_S * share)
-    return _report(rows, steps)
+    return _report(rows)
 
 
 class Source(Protocol):
@@ -162,7 +162,7 @@ def _observed(
     return FrameObservations(step, float(step), detections, sightings, motion), numbers
 
 
-def _report(rows: list[dict[str, Any]], steps: int) -> PartReport:
+def _report(rows: list[dict[str, Any]]) -> PartReport:
     quarter = max(1, len(rows) // 4)
     early, late = rows[quarter : 2 * quarter], rows[-quarter:]
 
@@ -180,15 +180,4 @@ def _report(rows: list[dict[str, Any]], steps: int) -> PartReport:
         failures.append(f"the day took too long: {rows[-1]['hour']:.0f} of 24 h in {LIMIT_S} s of processor time")
     if mean(late, "rss_mb") - mean(early, "rss_mb") > GROWTH_MB:
         failures.append(f"memory: {mean(early, 'rss_mb'):.0f} MB, then {mean(late, 'rss_mb'):.0f} MB")
-    table = [
-        "| quarter of the day | step | memory | objects | map.json | F1 |",
-        "| --- | --- | --- | --- | --- | --- |",
-    ]
-    for number in range(4):
-        part = rows[number * quarter : (number + 1) * quarter]
-        table.append(
-            f"| {number + 1} | {mean(part, 'step_ms'):.2f} ms | {mean(part, 'rss_mb'):.0f} MB | "
-            f"{mean(part, 'objects'):.1f} | {mean(part, 'map_kb'):.1f} kB | {mean(part, 'f1'):.2f} |"
-        )
-    closing = f"({steps} steps, one a second; F1 at the end {rows[-1]['f1']:.2f}.)"
-    return PartReport(tuple(failures), (*table, "", closing), {"hours": rows})
+    return PartReport(tuple(failures), {"hours": rows})

@@ -5,16 +5,13 @@ import threading
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from itertools import pairwise
-from pathlib import Path
 from typing import Any
 
 import cv2
 import numpy as np
 from numpy.typing import NDArray
-from support.realsense_playback import Playback
 
 from edgemap.runtime.frames.camera import Device, Driver, Picture
-from edgemap.runtime.inputs.cameras.realsense import RealSenseDevice
 from edgemap.runtime.inputs.cameras.webcam import CaptureDevice
 
 # Kinds that end by themselves at `end_s`, or after `count` grabs; kinds that end when the supervisor acts.
@@ -248,46 +245,3 @@ class CaptureDriver(Driver):
         """A capture at the world's present."""
         capture: Any = _Capture(self._world)
         return CaptureDevice(capture, self.name, self._world.clock_s)
-
-
-PLAYBACK_POLLS = 25  # of 0.2 s in real time, which is not the world's: a busy machine plays slowly
-
-
-class _PlaybackDevice:
-    """A RealSense device that plays a recording, at the world's pace."""
-
-    def __init__(self, world: FaultyWorld, inner: RealSenseDevice, ended: Callable[[], bool]) -> None:
-        self.size, self.intrinsics, self.rate_hz = inner.size, inner.intrinsics, inner.rate_hz
-        self._world, self._inner, self._ended = world, inner, ended
-
-    def grab(self) -> Picture | None:
-        wanted_s = self._world.stamps_s[self._world.next_index()]
-        silent = 0
-        while silent < PLAYBACK_POLLS:
-            ended = self._ended()  # asked first: what was queued when playback stopped is still there
-            picture = self._inner.grab()
-            if (picture is not None and picture[0] > wanted_s - 0.02) or (picture is None and ended):
-                return picture
-            silent = 0 if picture is not None else silent + 1
-        return None
-
-    def close(self) -> None:
-        self._inner.close()
-
-
-class PlaybackDriver(Playback):
-    """RealSense's own driver class over a recording: what is real of it is librealsense, not the device."""
-
-    def __init__(self, world: FaultyWorld, path: Path) -> None:
-        super().__init__(path)
-        self._world = world
-
-    def open(self) -> Any:
-        """Play on from the world's present."""
-        device = super().open()
-        playback, stopped = (
-            device.pipeline.get_active_profile().get_device().as_playback(),
-            self._rs.playback_status.stopped,
-        )
-        playback.set_real_time(False)
-        return _PlaybackDevice(self._world, device, lambda: playback.current_status() == stopped)

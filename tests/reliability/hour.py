@@ -100,7 +100,7 @@ def _observed(drive: Drive, frames: int, path: Path) -> list[FrameObservations]:
 
 
 def _report(rows: list[dict[str, Any]], new: int, steps: int) -> PartReport:
-    early, late, long = rows[EARLY - 1], rows[-1], [step for row in rows for step in row["long"]]
+    early, late = rows[EARLY - 1], rows[-1]
     failures = []
     for name, growth, bound in (("p50_ms", P50_GROWTH, P50_MS), ("p99_ms", P99_GROWTH, P99_MS)):
         if late[name] > min(growth * early[name], bound):
@@ -109,16 +109,4 @@ def _report(rows: list[dict[str, Any]], new: int, steps: int) -> PartReport:
         failures.append(f"memory: {early['rss_mb']:.0f} MB in minute {EARLY}, {late['rss_mb']:.0f} MB in minute {LATE}")
     if len(rows) < MINUTES:
         failures.append(f"the hour took too long: {len(rows)} of {MINUTES} minutes in {LIMIT_S} s of processor time")
-    table = [
-        "| minute | p50 | p99 | largest | over 30 ms | memory | objects | F1 |",
-        "| --- | --- | --- | --- | --- | --- | --- | --- |",
-    ]
-    for minute in (1, 5, 10, 20, 30, 40, 50, 60):
-        for row in rows[minute - 1 : minute]:
-            table.append(
-                f"| {minute} | {row['p50_ms']:.2f} ms | {row['p99_ms']:.2f} ms | {row['largest_ms']:.1f} ms | "
-                f"{len(row['long'])} | {row['rss_mb']:.0f} MB | {row['objects']} | {row['f1']:.2f} |"
-            )
-    told = "; ".join(f"step {item['step']}: {item['ms']:.0f} ms, {item['stage']}" for item in long[:10]) or "none"
-    closing = f"({steps} steps, {new} of them new; steps over 30 ms: {len(long)}: {told}.)"
-    return PartReport(tuple(failures), (*table, "", closing), {"minutes": rows})
+    return PartReport(tuple(failures), {"minutes": rows, "steps": steps, "new": new})

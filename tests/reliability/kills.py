@@ -69,14 +69,7 @@ def run(seed: int, share: float, out: Path) -> PartReport:
         failures.append(f"{worst_s:.2f} s of stream lost (limit {MAX_LOST_S} s)")
     if litter:
         failures.append(f"{litter} files left behind")
-    table = (
-        "| kill -9 | maps that load | lost, median / most | files left behind |",
-        "| --- | --- | --- | --- |",
-        f"| {kills} | {len(lost_s)} | {np.median(lost_s or [0.0]):.2f} s / {worst_s:.2f} s of stream | {litter} |",
-        "",
-        f"({before} were killed before their first step.)",
-    )
-    return PartReport(tuple(failures), table, {"kills": kills, "lost_s": lost_s, "before": before, "litter": litter})
+    return PartReport(tuple(failures), {"kills": kills, "lost_s": lost_s, "before": before, "litter": litter})
 
 
 def _kill(demo: DemoDrive, folder: Path, after_s: float) -> float | None:

@@ -18,11 +18,11 @@ PARTS: dict[str, str] = {
 
 @dataclass(frozen=True, slots=True)
 class PartReport:
-    """What a part found. failures: one line for each target that is missed. table: lines of Markdown. figures: JSON."""
+    """Result of a part. failures: one line for each target that is missed. figures: JSON. table: lines to print."""
 
     failures: tuple[str, ...]
-    table: tuple[str, ...]
     figures: dict[str, Any] = field(default_factory=dict)
+    table: tuple[str, ...] = ()
 
 
 class ReliabilityPart(Protocol):

@@ -77,7 +77,7 @@ def examine(cases: Callable[[Path], Iterable[ReaderCase]], seed: int, count: int
     ]
     failures += [f"{result['reader']}: only {result['past']:.0%} past the first parse" for result in results
                  if result["past"] < 1 / 3]  # fmt: skip
-    return PartReport(tuple(failures), tuple(_table(results)), {"readers": results})
+    return PartReport(tuple(failures), {"readers": results}, tuple(_table(results)))
 
 
 def _finished(out: Path, seed: int, count: int) -> dict[str, dict[str, Any]]:
