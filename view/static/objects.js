@@ -68,7 +68,7 @@ export class Objects {
     const sorted = this.map.shown().sort((a, b) => this.away(a) - this.away(b)), list = byId("objects"), kept = new Set(sorted.map(({ id }) => id));
     setText(byId("count"), all.length ? `${all.length - doubtful}` : "none yet");
     press.hidden = !doubtful;
-    setText(press, `${this.map.showDoubtful ? "Hide" : "Show"} ${doubtful} doubtful`);
+    setText(press, `Show ${doubtful} doubtful`);
     for (const [id, { item }] of this.rows) if (!kept.has(id)) { item.remove(); this.rows.delete(id); }
     sorted.forEach((item, place) => {
       const row = this.rows.get(item.id) ?? this.row(item);

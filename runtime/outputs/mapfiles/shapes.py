@@ -21,7 +21,7 @@ PNG_SCALE, SUBPIXEL_BITS = 2, 4  # pixels of a PNG for each of the drawing; frac
 @dataclass(frozen=True, slots=True, eq=False)
 class Shape:
     """A polygon, or a line where it is open. points: (N, 2) px. fill, stroke: `#rrggbb`, empty for none. opacity: of
-    both, 0..1. width: of the stroke, px. dash: length of dashes and gaps, px; 0 for none (PNG: always none)."""
+    both, 0..1. width: of the stroke, px."""
 
     points: Points
     fill: str = ""
@@ -29,7 +29,6 @@ class Shape:
     opacity: float = 1.0
     width: float = 1.5
     closed: bool = True
-    dash: float = 0.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -80,7 +79,6 @@ def _element(item: Item) -> str:
     style = f'fill="{item.fill or "none"}"'
     if item.stroke:
         style += f' stroke="{item.stroke}" stroke-width="{item.width:g}"'
-    style += f' stroke-dasharray="{item.dash:g}"' if item.dash else ""
     style += f' opacity="{item.opacity:g}"' if item.opacity < 1.0 else ""
     return f'<path d="{path}" {style}/>'
 

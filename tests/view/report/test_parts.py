@@ -1,11 +1,14 @@
-"""What the report gathers while it drives: by hand-made steps."""
+"""What the report gathers while it drives, by hand-made steps; how it embeds its data."""
 
+import json
 from types import SimpleNamespace
 from typing import Any
 
 import cv2
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from edgemap.geometry.map_object import CHI2_95
 from edgemap.geometry.observations.detections import Detections
@@ -14,7 +17,7 @@ from edgemap.runtime.step.pose_journal import PoseJournal
 from edgemap.view.report import page as page_module
 from edgemap.view.report.crops import MAXIMUM_CROPS, SIDE_PX, BestCrops
 from edgemap.view.report.history import MAX_POSES, MAX_WINDOWS, History
-from edgemap.view.report.page import bundled
+from edgemap.view.report.page import bundled, report_page
 
 NOISE = np.random.default_rng(1).integers(0, 255, (480, 640, 3), dtype=np.uint8)
 SMOOTH = np.asarray(cv2.GaussianBlur(NOISE, (0, 0), 8), np.uint8)
@@ -127,3 +130,20 @@ def test_modules_become_one_script_in_the_order_of_their_imports(tmp_path, monke
     (tmp_path / "d.js").write_text("export default 1;\n")
     with pytest.raises(ValueError, match=r"d\.js: an import or export that cannot be bundled"):
         bundled("a")
+
+
+ANY_TEXT = st.text(st.characters()) | st.sampled_from(["</script><script>", "<!--", "]]>", "\u2028", "\ud800"])
+VALUES = st.recursive(
+    ANY_TEXT | st.integers(-(2**53), 2**53) | st.booleans() | st.none(),
+    lambda inner: st.lists(inner, max_size=4) | st.dictionaries(ANY_TEXT, inner, max_size=4),
+    max_leaves=12,
+)
+
+
+@given(VALUES)
+def test_whatever_is_embedded_is_read_back_and_ends_no_element(value):
+    page = report_page({"about": {"camera": "made"}, "value": value, "nan": float("nan")})
+    data = page.partition('<script id="run-data" type="application/json">')[2].partition("</script>")[0]
+    assert "<" not in data
+    assert json.loads(data) == {"about": {"camera": "made"}, "value": value, "nan": None}
+    page.encode()  # no half of a character is left
