@@ -61,7 +61,7 @@ def _by_height(path: Path, height_m: float) -> float:
     """Measured height over that of the run. Raises OptionError where the height is not the scale of the run."""
     from edgemap.cli.run_record import scale_source
     from edgemap.runtime.frames.errors import RunFolderError
-    from edgemap.runtime.outputs.verdict.explain import read_record
+    from edgemap.runtime.outputs.verdict.verdict import read_record
 
     run = path / "run.json" if path.is_dir() else path.with_name("run.json")
     if not run.is_file():

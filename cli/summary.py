@@ -16,11 +16,11 @@ from edgemap.geometry.map_object import MapObject
 from edgemap.geometry.objects.evaluation_row import EvaluationRow, tally
 from edgemap.geometry.odometry.rolling import Rolling
 from edgemap.runtime.frames.camera import Camera
+from edgemap.runtime.frames.faults import Fault, FaultKind
 from edgemap.runtime.frames.reading import print_message, printable
 from edgemap.runtime.inputs.drives import READERS, open_drive
 from edgemap.runtime.inputs.open import DEMO
 from edgemap.runtime.motion.odometry.corner_odometry import PlanarRule
-from edgemap.runtime.outputs.sinks.progress import fault_kind
 from edgemap.runtime.outputs.sinks.run_folder import RunFolder
 from edgemap.runtime.outputs.verdict.verdict import Verdict
 from edgemap.runtime.step.sinks import Sink
@@ -43,7 +43,7 @@ class RunSummary(Sink):
         self.height: HeightEstimate | None = None  # of the lens, as last shown
         self.rolling = Rolling(PlanarRule().lateral_share)  # for a mount without a lever arm
         self.fault_count = 0
-        self.faults: dict[str, str] = {}  # by kind, the first text
+        self.faults: dict[FaultKind, str] = {}  # by kind, the first text
         self._mount, self._mount_sources, self._carried = mount, mount_sources, carried
 
     def write(self, result: StepResult, objects: list[MapObject]) -> None:
@@ -52,13 +52,11 @@ class RunSummary(Sink):
         self.height = result.observed.height_estimate or self.height
         if result.motion.measured:
             self.rolling = self.rolling.observe(result.motion.motion, result.motion.covariance)
-        for text in result.observed.faults:
-            self.fault(text)
 
-    def fault(self, text: str) -> None:
+    def fault(self, fault: Fault) -> None:
         """Count it."""
         self.fault_count += 1
-        self.faults.setdefault(fault_kind(text), text)
+        self.faults.setdefault(fault.kind, fault.text)
 
     def print(
         self, folder: Path, done: int, stopped: bool, verdict: Verdict, evaluation_rows: list[EvaluationRow]

@@ -20,8 +20,7 @@ def command(
 
     Reads run.json and map.json of a run folder. The gravest cause comes first.
     """
-    from edgemap.runtime.outputs.verdict.explain import explain, read_run
-    from edgemap.runtime.outputs.verdict.verdict import TITLES
+    from edgemap.runtime.outputs.verdict.verdict import TITLES, explain, read_run
 
     folder = run or last_run()
     if not folder.is_dir():
@@ -46,6 +45,8 @@ def command(
     print(f"{folder}: map: {TITLES[verdict.level]}")
     if not ended:
         print("The run has not ended: it goes on, or it was killed and the map is that of its last save.")
+    if any(isinstance(fault, str) for fault in record.get("faults", [])):
+        print("The faults of this run have no kinds (an older edgemap recorded them): they are not explained.")
     if verdict.level == "good":
         print("Nothing that was counted speaks against it.")
     for number, step in enumerate(steps, 1):

@@ -14,11 +14,11 @@ from edgemap.geometry.objects.annotations import Zone
 from edgemap.geometry.objects.queries import inside_polygon
 from edgemap.geometry.objects.zone_watch import ZoneEvent
 from edgemap.runtime.outputs.mapfiles.rooms import rooms_of
-from edgemap.runtime.outputs.verdict.causes import cause_of_fault
+from edgemap.runtime.outputs.verdict.causes import cause_of
 from edgemap.runtime.outputs.verdict.verdict import is_doubtful
 from edgemap.runtime.step.map_file import object_record, wall_records, zone_record
 from edgemap.runtime.step.slam import StepResult
-from edgemap.view.page import Fault, LivePage, PageSnapshot
+from edgemap.view.page import LivePage, PageSnapshot, ShownFault
 from edgemap.view.status import pose_sigma, status, step_ms
 
 ENCODER = msgspec.json.Encoder(enc_hook=float)  # numpy's numbers
@@ -62,7 +62,7 @@ def frame_answer(result: StepResult) -> dict[str, Any]:
         "stamp_s": result.frame.stamp_s,
         "boxes": boxes(result),
         "stages_ms": result.stages_ms,
-        "motion_fault": result.motion.fault,
+        "motion_fault": "; ".join(map(str, result.motion.faults)),
     }
 
 
@@ -130,10 +130,10 @@ def rooms_answer(grid: OccupancyGrid | None) -> list[dict[str, Any]]:
     ]
 
 
-def fault_answer(fault: Fault) -> dict[str, Any]:
+def fault_answer(shown: ShownFault) -> dict[str, Any]:
     """A fault with the frame at which it began, and the remedy: empty where none is known."""
-    cause = cause_of_fault(fault.text)
-    return {"frame": fault.frame, "text": fault.text, "remedy": cause.remedy if cause else ""}
+    cause = cause_of(shown.fault.kind)
+    return {**shown.fault.document(), "frame": shown.frame, "remedy": cause.remedy if cause else ""}
 
 
 def event_answer(event: ZoneEvent) -> dict[str, Any]:

@@ -14,6 +14,7 @@ from edgemap.geometry.map_object import MapObject, ellipse_95
 from edgemap.geometry.objects.annotations import NO_ANNOTATIONS, Annotations
 from edgemap.geometry.objects.zone_watch import ZoneEvent, ZoneWatch
 from edgemap.geometry.se2 import SE2
+from edgemap.runtime.frames.faults import Fault, FaultKind
 from edgemap.runtime.outputs.verdict.verdict import Verdict
 from edgemap.runtime.step.edit_queue import Edits
 from edgemap.runtime.step.map_file import map_text, save_map
@@ -29,11 +30,11 @@ RATE_OVER = 20  # frames over which the frame rate is averaged
 
 
 @dataclass(frozen=True, slots=True)
-class Fault:
-    """A fault in one line, and the index of the frame at which it began. reported_s: `time.monotonic`."""
+class ShownFault:
+    """A fault, and the index of the frame at which it began. reported_s: `time.monotonic`."""
 
     frame: int
-    text: str
+    fault: Fault
     reported_s: float
 
 
@@ -81,15 +82,15 @@ class LivePage:
         self.finished = False
         self.trail: Tail[tuple[float, float, float, float]] = Tail(20_000)  # x_m, y_m, stamp_s, 95 % radius in m
         self.sightings: Tail[tuple[str, str, float, float]] = Tail(20_000)
-        self.faults: Tail[Fault] = Tail(100)
+        self.faults: Tail[ShownFault] = Tail(100)
         self.events: Tail[ZoneEvent] = Tail(100)
         self._zone_watch = ZoneWatch()
         self._sightings_base: deque[tuple[float, float, float]] = deque(maxlen=20_000)  # stamp_s, x_m, y_m
         self._moved_m, self._scale = 0.0, 1.0  # since everything was sent, and of what was sent
         self._arrivals_s: deque[float] = deque(maxlen=RATE_OVER)
         self._step_ms: deque[float] = deque(maxlen=RATE_OVER)
-        self._last_fault = ""
-        self.last_fault: Fault | None = None  # reported from outside the step
+        self.last_fault: ShownFault | None = None
+        self._fault_frames: dict[FaultKind, int] = {}  # in which each kind was reported last
         self._trail_end: tuple[float, float] | None = None
         self._wake: Callable[[], None] | None = None
 
@@ -111,11 +112,6 @@ class LivePage:
         self.newest = PageSnapshot(result, objects, result.annotations, now_s)
         for event in self._zone_watch.update(objects, result.annotations.zones, result.frame.stamp_s):
             self.events.append(event)
-        fault = "; ".join(result.observed.faults)
-        if fault != self._last_fault:
-            self._last_fault = fault
-            if fault:
-                self.faults.append(Fault(result.frame.index, fault, now_s))
         self._changed()
 
     def edited(self, objects: list[MapObject], annotations: Annotations) -> None:
@@ -124,10 +120,14 @@ class LivePage:
             self.newest = replace(self.newest, objects=objects, annotations=annotations)
             self._changed()
 
-    def fault(self, text: str) -> None:
-        """Show a fault on the page."""
-        self.last_fault = Fault(self.newest.result.frame.index if self.newest else 0, text, time.monotonic())
-        self.faults.append(self.last_fault)
+    def fault(self, fault: Fault) -> None:
+        """Show a fault on the page, once while its kind is reported in every frame."""
+        frame = self.newest.result.frame.index if self.newest else 0
+        lasts = self._fault_frames.get(fault.kind) == frame - 1
+        self._fault_frames[fault.kind] = frame
+        self.last_fault = ShownFault(frame, fault, time.monotonic())
+        if not lasts:
+            self.faults.append(self.last_fault)
         self._changed()
 
     def close(self) -> None:

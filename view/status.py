@@ -7,6 +7,7 @@ from typing import Any, Literal
 
 import numpy as np
 
+from edgemap.runtime.frames.faults import FaultKind
 from edgemap.runtime.step.slam import StepResult
 from edgemap.view.page import LivePage
 
@@ -53,8 +54,12 @@ def problems(page: LivePage) -> list[Alert]:
         text = "Looking for the robot's place in the saved map. Until it is found, this map stands alone."
         alerts.append(Alert("degraded", "pose", text))
     last = page.last_fault
-    if last is not None and time.monotonic() - last.reported_s < NEWS_S:
-        alerts.append(Alert("degraded", "report", _sentence(last.text)))
+    if (
+        last is not None
+        and time.monotonic() - last.reported_s < NEWS_S
+        and last.fault.kind not in _shown(snapshot.result)
+    ):
+        alerts.append(Alert("degraded", "report", _sentence(last.fault.text)))
     return sorted(alerts, key=lambda problem: problem.level != "fault")
 
 
@@ -82,13 +87,19 @@ def step_ms(result: StepResult) -> float:
     return float(sum(result.stages_ms.values()))
 
 
+def _shown(result: StepResult) -> set[FaultKind]:
+    """The faults that `_of_step` shows already."""
+    blindness = result.health.blindness
+    return {fault.kind for fault in (*result.motion.faults, *([blindness] if blindness else []))}
+
+
 def _of_step(page: LivePage, result: StepResult) -> list[Alert]:
     alerts = []
-    if result.health.blind:
+    if result.health.blindness is not None:
         level: Level = "degraded" if result.health.stale else "fault"
-        alerts.append(Alert(level, "picture", f"The picture has no information: {result.health.reason}."))
-    if result.motion.fault:
-        alerts.append(Alert("degraded", "odometry", f"Odometry: {result.motion.fault}."))
+        alerts.append(Alert(level, "picture", f"The picture has no information: {result.health.blindness}."))
+    if result.motion.faults:
+        alerts.append(Alert("degraded", "odometry", f"Odometry: {'; '.join(map(str, result.motion.faults))}."))
     rate_hz, wanted_hz = page.rate_hz(), page.about.get("rate_hz") or 0.0
     mean_ms = page.step_ms()
     busy = rate_hz is not None and rate_hz * mean_ms > 1000.0 * BUSY_SHARE

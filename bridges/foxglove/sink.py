@@ -9,6 +9,7 @@ from edgemap.geometry.map_object import MapObject
 from edgemap.runtime.frames.colours import label_rgb
 from edgemap.runtime.frames.errors import PublishError
 from edgemap.runtime.frames.extras import need
+from edgemap.runtime.frames.faults import Fault
 from edgemap.runtime.step.slam import StepResult
 
 ANNOTATIONS = "/detections/annotations"
@@ -69,11 +70,11 @@ class FoxgloveServer:
             self.annotations.log(image_annotations(stamp_ns, result), log_time=stamp_ns)
         self._server.broadcast_time(stamp_ns)
 
-    def fault(self, text: str) -> None:
+    def fault(self, fault: Fault) -> None:
         """Show it among Foxglove's problems."""
         from foxglove.websocket import StatusLevel
 
-        self._server.publish_status(text, StatusLevel.Warning)
+        self._server.publish_status(fault.text, StatusLevel.Warning)
 
     def close(self) -> None:
         """Disconnects the clients; may be called twice."""

@@ -11,6 +11,7 @@ from edgemap.geometry.map_object import MapObject
 from edgemap.geometry.objects.zone_watch import ZoneWatch
 from edgemap.runtime.frames.errors import PublishError
 from edgemap.runtime.frames.extras import need
+from edgemap.runtime.frames.faults import Fault
 from edgemap.runtime.frames.timing import StreamTimer
 from edgemap.runtime.step.map_file import object_record
 from edgemap.runtime.step.slam import StepResult
@@ -94,9 +95,9 @@ class MqttPublisher:
         if self._state_timer.due(stamp_s):
             self._publish_state(result, objects)
 
-    def fault(self, text: str) -> None:
+    def fault(self, fault: Fault) -> None:
         """In the state at once: while the camera is away no step brings one."""
-        self._fault, self._faults = text, self._faults + 1
+        self._fault, self._faults = fault.text, self._faults + 1
         if self._state and self._connected.is_set():
             self._send_state()
 

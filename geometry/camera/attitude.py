@@ -97,10 +97,10 @@ class Attitude:
     covariance_rad2: (2, 2) in (roll, pitch), of this frame; what all frames of a drive share is `FloorNoise`'s.
     height_m: the lens above the floor in this frame, None for the mount's. rotation: None without a gyro.
     source: name of the sensor or method, for display. predicted: whether it was computed before the odometry measured
-    this frame's rotation. fault: one line, reported once, where the measurement shows that the mount is wrong.
-    carried: whether the tilt measured from a room's edges scatters more than that of a mounted camera. room: the
-    heading of the room, where the edges of an earlier frame have just been evaluated. force_rad: roll and pitch (2,) by
-    the accelerometer alone. mount: estimate of the mount's angles so far, None where there is none yet.
+    this frame's rotation. carried: whether the tilt measured from a room's edges scatters more than that of a mounted
+    camera. room: the heading of the room, where the edges of an earlier frame have just been evaluated. force_rad: roll
+    and pitch (2,) by the accelerometer alone. mount: estimate of the mount's angles so far, None where there is none
+    yet.
     """
 
     roll_rad: float
@@ -110,7 +110,6 @@ class Attitude:
     rotation: GyroRotation | None = None
     source: str = "mount"
     predicted: bool = False
-    fault: str = ""
     carried: bool = False
     room: RoomHeading | None = None
     force_rad: Array | None = None

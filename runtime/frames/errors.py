@@ -1,10 +1,9 @@
-"""The runtime's known failures: errors, whose message is one line with what, where, and the numbers; and faults in the
-delivery of frames, each of which is counted and reported while reading continues.
-"""
+"""The runtime's known failures: each message is one line with what, where, and the numbers."""
 
 from enum import StrEnum
 
 from edgemap.geometry.errors import EdgemapError, MapError
+from edgemap.runtime.frames.faults import Fault, FaultKind
 
 
 class CameraError(EdgemapError):
@@ -49,23 +48,6 @@ class CalibrationError(EdgemapError):
     """Pictures from which a lens or a mount cannot be determined well enough."""
 
 
-class FaultKind(StrEnum):
-    """Kind of a fault. `RECOVERED` (end of an outage) is a notice, not a fault."""
-
-    LATE = "late"  # silent beyond the stall limit
-    FAILED = "failed"  # the device's driver raised an error
-    CLOSED = "closed"  # the device does not open
-    REMOVED = "removed"  # the system reports that the device was removed
-    STALE = "stale"  # the same pixels again
-    STAMP = "stamp"  # a stamp that repeats or is not a number
-    CLOCK = "clock"  # stamps that jump
-    SIZE = "size"  # a picture of another size
-    FORMAT = "format"  # a picture that is not (H, W, 3) uint8
-    GREY = "grey"  # a colour camera that turns grey
-    DAMAGED = "damaged"  # a picture that cannot be decoded
-    RECOVERED = "recovered"
-
-
 class CameraState(StrEnum):
     """running: frames arrive. degraded: none arrive, and the supervisor recovers the camera. lost: the supervisor has
     given up.
@@ -91,12 +73,7 @@ class CameraFault(CameraError):
 
     def __init__(self, kind: FaultKind, text: str) -> None:
         super().__init__(text)
-        self.kind = kind
-
-    @property
-    def counted(self) -> bool:
-        """Whether this is a fault, and not news."""
-        return self.kind is not FaultKind.RECOVERED
+        self.kind, self.fault = kind, Fault(kind, text)
 
 
 class FrameTimeout(CameraError):

@@ -9,6 +9,7 @@ import numpy as np
 from cv2.typing import MatLike
 from numpy.typing import NDArray
 
+from edgemap.runtime.frames.faults import Fault, FaultKind
 from edgemap.runtime.frames.frame import Frame
 from edgemap.runtime.frames.timing import StreamTimer
 
@@ -46,25 +47,23 @@ class HealthRule:
 
 @dataclass(frozen=True, slots=True)
 class PictureHealth:
-    """kind: dark, blown, covered, blurred, frozen, repeated or torn; empty for a usable picture. reason: one line,
-    unchanged while the condition lasts. fault: the reason in the frame where it begins, else empty. covered: unusable
-    share of a usable picture.
+    """blindness: why the picture is unusable, unchanged while that lasts; None for a usable picture. fault: in the
+    frame where a condition begins. covered: unusable share of a usable picture.
     """
 
-    kind: str = ""
-    reason: str = ""
-    fault: str = ""
+    blindness: Fault | None = None
+    fault: Fault | None = None
     covered: float = 0.0
 
     @property
     def stale(self) -> bool:
         """Whether the picture equals the previous one; without sensor noise, also true for a robot at rest."""
-        return self.kind in ("repeated", "frozen")
+        return self.blindness is not None and self.blindness.kind in (FaultKind.REPEATED, FaultKind.FROZEN)
 
     @property
     def blind(self) -> bool:
         """Whether the picture has no information."""
-        return bool(self.kind)
+        return self.blindness is not None
 
 
 class HealthMonitor:
@@ -90,7 +89,8 @@ class HealthMonitor:
         structure = cv2.absdiff(fine, cv2.blur(fine, (COARSE_PX, COARSE_PX)))
         kind, detail = _content(small, fine, structure, self._rule)
         if not kind and not changed:
-            kind = "repeated" if frame.stamp_s - self._changed_s < self._rule.lasts_s else "frozen"
+            lasts = frame.stamp_s - self._changed_s >= self._rule.lasts_s
+            kind = FaultKind.FROZEN if lasts else FaultKind.REPEATED
             detail = f"has not changed since {self._changed_s:.3f} s"
         elif not kind and last is not None and last.shape == grid.shape:
             kind, detail = _torn(grid, last, self._rule)
@@ -106,7 +106,7 @@ class HealthMonitor:
         self._last: NDArray[np.uint8] | None = None
         self._changed_s = -math.inf
         self._news, self._part_news = StreamTimer(REPEATED_S), StreamTimer(REPEATED_S)
-        self._kind = self._reason = ""
+        self._blindness: Fault | None = None  # of the last picture
 
     def _covered_in_part(
         self, health: PictureHealth, small: MatLike, structure: MatLike, stamp_s: float
@@ -136,18 +136,18 @@ class HealthMonitor:
             self._part_news.done()
         if stamp_s - self._part_since_s < rule.lasts_s or not self._part_news.due(stamp_s):
             return replace(health, covered=covered)
-        fault = f"picture covered in part ({100 * covered:.0f} % of it stays plain while the rest moves)"
-        return replace(health, covered=covered, fault=fault)
+        text = f"picture covered in part ({100 * covered:.0f} % of it stays plain while the rest moves)"
+        return replace(health, covered=covered, fault=Fault(FaultKind.COVERED_IN_PART, text))
 
-    def _reported(self, kind: str, detail: str, stamp_s: float) -> PictureHealth:
-        if not kind:
-            self._kind = ""
+    def _reported(self, kind: FaultKind | None, detail: str, stamp_s: float) -> PictureHealth:
+        if kind is None:
+            self._blindness = None
             return PictureHealth()
-        if kind != self._kind:
-            self._kind, self._reason = kind, f"blind: picture {kind} ({detail})"
+        if self._blindness is None or kind is not self._blindness.kind:
+            self._blindness = Fault(kind, f"blind: picture {kind} ({detail})")
             self._news.done()
-        news = kind != "repeated" and self._news.due(stamp_s)
-        return PictureHealth(kind, self._reason, self._reason if news else "")
+        news = kind is not FaultKind.REPEATED and self._news.due(stamp_s)
+        return PictureHealth(self._blindness, self._blindness if news else None)
 
 
 def _small(half: NDArray[np.uint8]) -> MatLike:
@@ -164,39 +164,40 @@ def _tile_maxima(values: MatLike) -> NDArray[np.uint8]:
     return rows.reshape(down, across, width).max(axis=2)
 
 
-def _content(grey: MatLike, fine: MatLike, structure: MatLike, rule: HealthRule) -> tuple[str, str]:
-    """Kind and detail by one picture's own content, empty where usable. fine, structure: without the finest and the
+def _content(grey: MatLike, fine: MatLike, structure: MatLike, rule: HealthRule) -> tuple[FaultKind | None, str]:
+    """Kind and detail by one picture's own content; None where usable. fine, structure: without the finest and the
     coarsest."""
     shares = np.cumsum(cv2.calcHist([grey], [0], None, [256], [0, 256]).ravel()) / grey.size
     left = float(shares[-1 - rule.covered - 1])
     if left < rule.part_share:
-        return "blown", f"{100 * (1.0 - left):.0f} % of it saturated"
+        return FaultKind.BLOWN, f"{100 * (1.0 - left):.0f} % of it saturated"
     coarse, bright = _percentile(structure), int(np.searchsorted(shares, 0.98))
     if coarse < rule.covered and bright < BLACK + rule.covered:
-        return "dark", f"98 % of it at grey level {bright} or below"
+        return FaultKind.DARK, f"98 % of it at grey level {bright} or below"
     if coarse < rule.covered:
-        return "covered", f"contrast {coarse} grey levels: a covered lens, or a plain surface"
+        return FaultKind.COVERED, f"contrast {coarse} grey levels: a covered lens, or a plain surface"
     sharpness = _percentile(cv2.absdiff(grey, fine)) / coarse
     if sharpness < rule.sharp:
-        return "blurred", f"sharpness {sharpness:.2f}, at least {rule.sharp:.2f} is needed"
-    return "", ""
+        return FaultKind.BLURRED, f"sharpness {sharpness:.2f}, at least {rule.sharp:.2f} is needed"
+    return None, ""
 
 
-def _torn(grid: NDArray[np.uint8], last: NDArray[np.uint8], rule: HealthRule) -> tuple[str, str]:
+def _torn(grid: NDArray[np.uint8], last: NDArray[np.uint8], rule: HealthRule) -> tuple[FaultKind | None, str]:
     """Whether rows at one end are old, or missing."""
     rows = len(grid)
     if (grid[-1] == DECODER_GREY).all():
         missing = _run((grid == DECODER_GREY).all(axis=1)[::-1])
         if missing > rows / TILES[1]:
-            return "torn", f"{missing} of {rows} rows are missing"
+            return FaultKind.TORN, f"{missing} of {rows} rows are missing"
     if (grid[0] == last[0]).all() or (grid[-1] == last[-1]).all():
         same = (grid == last).all(axis=1) & (np.ptp(grid, axis=1) > 0)  # bars and borders of one colour are no old rows
         top, bottom = _run(same), _run(same[::-1])
         old = max(top, bottom)
         moved = float(cv2.absdiff(grid[~same], last[~same]).mean())
         if old > rows / TILES[1] and moved > rule.moved:
-            return "torn", f"{old} of {rows} rows at the {'top' if top >= bottom else 'bottom'} are the last picture's"
-    return "", ""
+            side = "top" if top >= bottom else "bottom"
+            return FaultKind.TORN, f"{old} of {rows} rows at the {side} are the last picture's"
+    return None, ""
 
 
 def _run(flags: NDArray[np.bool_]) -> int:

@@ -12,6 +12,7 @@ from edgemap.geometry.camera.mount import HeightEstimate, Mount
 from edgemap.geometry.observations.detections import Detections
 from edgemap.geometry.observations.lens_height import HeightBySizes, HeightMeasurement, agreed_height
 from edgemap.geometry.robust import CLEAR_SIGMAS, median_and_scatter
+from edgemap.runtime.frames.faults import Fault, FaultKind
 from edgemap.runtime.frames.timing import StreamTimer
 from edgemap.runtime.motion.odometry.protocol import Motion
 
@@ -70,8 +71,8 @@ class HeightCheck:
         boxes: Detections,
         motion: Motion,
         depth: bool = False,
-    ) -> str:
-        """The fault after one more frame with a good picture; empty where there is none or it was reported before.
+    ) -> Fault | None:
+        """The fault after one more frame with a good picture; None where there is none or it was reported before.
         depth: whether the frame brings any."""
         used = attitude.mount.used if attitude.mount else self._used
         if used != self._used or attitude.carried:
@@ -91,7 +92,7 @@ class HeightCheck:
         elif attitude.source == "depth":
             self._depths.append(math.log(attitude.height_m / self._given_m))
         due = stamp_s >= self._began_s + self._rule.judged_s and self._timer.due(stamp_s)
-        return self._judge() if due else ""
+        return self._judge() if due else None
 
     def _compare(self, motion: Motion) -> None:
         """What the wheels rolled with what the camera measured of it, over windows as long as the lens is high."""
@@ -113,7 +114,7 @@ class HeightCheck:
         sigma = math.hypot(scatter / math.sqrt(len(values)), least_sigma)
         return HeightMeasurement(name, math.log(self._given_m) + middle, sigma)
 
-    def _judge(self) -> str:
+    def _judge(self) -> Fault | None:
         rule, given = self._rule, math.log(self._given_m)
         wrong = math.log1p(rule.wrong_share)
         measurements = self._sizes.measurements(FloorNoise().tilt_rad, FEWEST)
@@ -129,7 +130,7 @@ class HeightCheck:
             measurements.append(more)
             sources.append(more.name)
         if not measurements:
-            return ""
+            return None
         if self._guessed:
             measurements.append(HeightMeasurement("the guess", given, max(self._guessed, rule.guess_sigma)))
         found, sigma = agreed_height(measurements)
@@ -137,11 +138,12 @@ class HeightCheck:
         if self._guessed:
             if not self._measured:
                 self.scale = self.estimate.height_m / self._given_m
-            return ""
+            return None
         if self._reported or abs(found - given) < max(0.0 if depth else wrong, CLEAR_SIGMAS * sigma):
-            return ""
+            return None
         self._reported = True
-        return (
+        return Fault(
+            FaultKind.MOUNT_HEIGHT,
             f"mount: height {self._given_m:.2f} m given, {' and '.join(sources)} would make it "
-            f"{self.estimate.height_m:.2f} m, to {100.0 * sigma:.0f} %: measure it again"
+            f"{self.estimate.height_m:.2f} m, to {100.0 * sigma:.0f} %: measure it again",
         )

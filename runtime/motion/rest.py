@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from edgemap.geometry.camera.attitude import GyroRotation
 from edgemap.geometry.robust import CLEAR_SIGMAS
+from edgemap.runtime.frames.faults import Fault, FaultKind
 from edgemap.runtime.frames.frame import Frame
 from edgemap.runtime.frames.timing import StreamTimer
 from edgemap.runtime.motion.attitude.protocol import Moved
@@ -105,9 +106,10 @@ class RestMonitor:
     def _frozen(self, since_s: float, stamp_s: float) -> PictureHealth:
         """That of a good picture that has shown the same since a stamp, but for noise, though the robot must move."""
         lasts = stamp_s - since_s >= self._health.lasts_s
-        reason = f"blind: picture frozen (shows the same since {since_s:.3f} s, but for noise, as the robot moves)"
+        text = f"blind: picture frozen (shows the same since {since_s:.3f} s, but for noise, as the robot moves)"
+        blindness = Fault(FaultKind.FROZEN if lasts else FaultKind.REPEATED, text)
         news = lasts and self._news.due(stamp_s)
-        return PictureHealth("frozen" if lasts else "repeated", reason, reason if news else "")
+        return PictureHealth(blindness, blindness if news else None)
 
     def _rests(
         self,

@@ -18,6 +18,7 @@ from edgemap.geometry.objects.annotations import MAXIMUM_CORNERS, Annotations
 from edgemap.geometry.objects.events import Edit, EditError, EditKind
 from edgemap.runtime.frames.disk import LineFile
 from edgemap.runtime.frames.errors import DiskError
+from edgemap.runtime.frames.faults import Fault, FaultKind
 from edgemap.runtime.frames.reading import (
     HIDDEN,
     Coordinate,
@@ -95,10 +96,10 @@ class Edits:
             if future.set_running_or_notify_cancel():
                 future.set_exception(EditError("the run has ended"))
 
-    def apply(self, mapper: Mapper, frames: int) -> list[str]:
-        """Take what is due, on the run's thread and between two steps. frames: steps done so far. Returns what recorded
-        edits and listeners failed at, in a line each."""
-        failed: list[str] = []
+    def apply(self, mapper: Mapper, frames: int) -> list[Fault]:
+        """Take what is due, on the run's thread and between two steps. frames: steps done so far. Returns the faults of
+        recorded edits and listeners."""
+        failed: list[Fault] = []
         answers: list[tuple[Future[str], str]] = []
         changed = False
         while self._recorded and self._recorded[0][0] <= frames:
@@ -106,7 +107,7 @@ class Edits:
             try:
                 mapper.edit(edit)
             except EditError as error:
-                failed.append(f"recorded edit {edit.do} {edit.id!r}: {error}")
+                failed.append(Fault(FaultKind.EDIT, f"recorded edit {edit.do} {edit.id!r}: {error}"))
                 continue
             self._note(edit, frames)
             changed = True
@@ -129,7 +130,7 @@ class Edits:
             future.set_result(answer)
         return failed
 
-    def settle(self, mapper: Mapper) -> list[str]:
+    def settle(self, mapper: Mapper) -> list[Fault]:
         """Saves the edits since the last call. Returns the savers' failures."""
         if not self._unsaved:
             return []
@@ -147,13 +148,13 @@ class Edits:
                 self._log.flush()
 
 
-def _call(listeners: Sequence[Edited], mapper: Mapper) -> list[str]:
-    failed = []
+def _call(listeners: Sequence[Edited], mapper: Mapper) -> list[Fault]:
+    failed: list[Fault] = []
     for listener in listeners:
         try:
             listener(mapper.objects(), mapper.annotations())
         except Exception as error:  # as with sinks: a listener's error does not end the run
-            failed.append(f"edited map: {error_line(error)}")
+            failed.append(Fault(FaultKind.EDIT, f"edited map: {error_line(error)}"))
     return failed
 
 

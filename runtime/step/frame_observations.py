@@ -9,6 +9,7 @@ from edgemap.geometry.observations.detections import Detections
 from edgemap.geometry.observations.floor_mask import FloorMask
 from edgemap.geometry.observations.sighting import Sighting
 from edgemap.geometry.observations.sparse_depth import SparseDepth
+from edgemap.runtime.frames.faults import Fault
 from edgemap.runtime.motion.health import PictureHealth
 from edgemap.runtime.motion.odometry.protocol import Motion
 
@@ -21,7 +22,7 @@ class FrameObservations:
     a blind one gives observations only where it is stale and the robot at rest. camera: with the attitude of this
     frame, None for the level robot's. searched: whether the detector ran on it, so that a missing detection is evidence
     of absence. at_rest: the robot stands and nothing changed, so the boxes are those of the last searched picture.
-    mount_fault: one line, reported once, where sizes, wheels or depth contradict the mount's height. height_estimate:
+    faults: of picture, mount and motion, each where it begins. height_estimate:
     estimate of the lens's height so far; None without one. floor: the floor mask of this picture; None where it was not
     searched or the bundle has no floor head. depth: every few pixels of the depth picture, where there is one and it
     was searched. scale: by which the lengths of the front end are to be multiplied, as a guessed height of the lens is
@@ -39,7 +40,7 @@ class FrameObservations:
     camera: FloorCamera | None = None
     searched: bool = True
     at_rest: bool = False
-    mount_fault: str = ""
+    faults: tuple[Fault, ...] = ()
     height_estimate: HeightEstimate | None = None
     floor: FloorMask | None = None
     depth: SparseDepth | None = None
@@ -51,18 +52,6 @@ class FrameObservations:
         camera = self.camera and replace(self.camera, mount=self.camera.mount.scaled(factor))
         sightings = [sighting.scaled(factor) for sighting in self.sightings]
         return replace(self, motion=self.motion.scaled(factor), sightings=sightings, camera=camera, scale=factor)
-
-    @property
-    def faults(self) -> tuple[str, ...]:
-        """New faults of the picture, the mount or the motion."""
-        return tuple(
-            dict.fromkeys(filter(None, (self.health.fault, self._attitude_fault, self.mount_fault, self.motion.fault)))
-        )
-
-    @property
-    def _attitude_fault(self) -> str:
-        attitude = self.camera and self.camera.attitude
-        return attitude.fault if attitude else ""
 
     @property
     def attitude_source(self) -> str:

@@ -9,6 +9,7 @@ from types import FrameType
 from edgemap.geometry.errors import EdgemapError
 from edgemap.runtime.frames.camera import Camera
 from edgemap.runtime.frames.errors import CameraFault, CameraState, FrameTimeout
+from edgemap.runtime.frames.faults import Fault, FaultKind
 from edgemap.runtime.step.edit_queue import Edits
 from edgemap.runtime.step.sinks import Sink, SinkGroup
 from edgemap.runtime.step.slam import SemanticSlam, StepResult
@@ -33,12 +34,11 @@ def steps(
     sinks before it is raised again.
     """
     done = 0
-    faults: list[CameraFault] = []
     group, edits = SinkGroup(sinks), edits or Edits()
 
     def take_edits() -> None:
-        for text in edits.apply(slam.mapper, done):
-            group.fault(text)
+        for fault in edits.apply(slam.mapper, done):
+            group.fault(fault)
 
     try:
         while (frames is None or done < frames) and not (stop and stop.is_set()):
@@ -47,19 +47,17 @@ def steps(
                 frame = camera.read()
             except FrameTimeout as timeout:
                 if done and timeout.stamp_s is not None and timeout.state is not CameraState.RUNNING:
-                    slam.step_blind(timeout.stamp_s, str(timeout))
+                    slam.step_blind(timeout.stamp_s, Fault(FaultKind.LATE, str(timeout)))
                 beat(f"camera {timeout.state}, {done} frames")
                 continue
-            except CameraFault as fault:
-                if strict and fault.counted:
+            except CameraFault as error:
+                if strict and not error.fault.kind.notice:
                     raise
-                faults.append(fault)
-                group.fault(str(fault))
+                group.fault(error.fault)
                 continue
             if frame is None:
                 break
-            result = slam.step(frame, faults)
-            faults.clear()
+            result = slam.step(frame, group.faults_since())
             objects = slam.objects()
             group.write(result, objects)
             done += 1

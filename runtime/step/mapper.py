@@ -426,8 +426,7 @@ def new_mapper(
 def _composed(first: Motion, second: Motion) -> Motion:
     """Two motions, one after the other, as one."""
     covariance = compose_covariance(first.motion, first.covariance, second.motion, second.covariance)
-    fault = "; ".join(dict.fromkeys(filter(None, (first.fault, second.fault))))
-    return Motion(first.motion @ second.motion, covariance, fault, first.state if first.blind else second.state)
+    return Motion(first.motion @ second.motion, covariance, second.faults, first.state if first.blind else second.state)
 
 
 def _sound(observed: FrameObservations) -> FrameObservations:

@@ -16,6 +16,7 @@ from edgemap.geometry.observations.sparse_depth import SparseDepth
 from edgemap.geometry.observations.worktop import is_worktop
 from edgemap.geometry.se2 import SE2
 from edgemap.runtime.frames.errors import CameraError
+from edgemap.runtime.frames.faults import Fault
 from edgemap.runtime.frames.frame import Frame
 from edgemap.runtime.frames.timing import Stopwatch
 from edgemap.runtime.motion.attitude.pictures import PicturesAttitude
@@ -86,7 +87,7 @@ class Pipeline:
         """One frame in: boxes, positions on the floor, own motion. Raises CameraError for a frame of another size."""
         self._check_size(frame)
         self._watch.start()
-        stage, fault, sightings = self._watch.stage, "", []
+        stage, fault, sightings = self._watch.stage, None, []
         with stage("health"):
             health = self._health.judge(frame)
         with stage("attitude"):
@@ -123,7 +124,7 @@ class Pipeline:
             camera=camera,
             searched=searched,
             at_rest=at_rest,
-            mount_fault=fault,
+            faults=self._faults(health, fault, motion),
             height_estimate=self._height.estimate,
             scale=self._height.scale,
             floor=floor,
@@ -149,17 +150,22 @@ class Pipeline:
             self._floor = floor_mask(outputs, placement, self._floor_output)
         return outputs
 
+    def _faults(self, health: PictureHealth, height: Fault | None, motion: Motion) -> tuple[Fault, ...]:
+        """The faults of this step, each once. height: of the mount."""
+        faults = (health.fault, *self.attitude.faults, height, *motion.faults)
+        return tuple(dict.fromkeys(fault for fault in faults if fault is not None))
+
     def _motion_without_picture(
         self, stamp_s: float, health: PictureHealth, attitude: Attitude, at_rest: bool
     ) -> Motion | None:
         """The motion of a robot at rest, or up to a blind picture; None where this picture measures it."""
-        if not (at_rest or health.blind):
+        if not at_rest and health.blindness is None:
             return None
         with self._watch.stage("odometry"):
-            if at_rest:
+            if at_rest or health.blindness is None:
                 motion = self.odometry.rest(stamp_s)
             else:
-                motion = self.odometry.step_blind(stamp_s, health.reason, attitude).checked(self.odometry.name)
+                motion = self.odometry.step_blind(stamp_s, health.blindness, attitude).checked(self.odometry.name)
                 self._since_view = self._since_view @ motion.motion
             self._moved = motion.moved()
         return motion
@@ -198,7 +204,7 @@ def attitude_after(source: AttitudeSource, attitude: Attitude, motion: Motion) -
     name, limit_rad = attitude.source, math.sqrt(float(np.trace(attitude.covariance_rad2)) / 2.0)
     if attitude.predicted:
         name, limit_rad = PicturesAttitude.name, PREDICTED_RAD
-        attitude = replace(updated, fault=attitude.fault)
+        attitude = updated
     if rotation is not None and rotation.up is not None and rotation.up_rad < limit_rad:
         own = Attitude.of_up(rotation.up, np.eye(2) * rotation.up_rad**2, name)
         angles = {field: getattr(own, field) for field in ("roll_rad", "pitch_rad", "covariance_rad2", "source")}

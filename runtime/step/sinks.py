@@ -2,11 +2,13 @@
 
 import logging
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Protocol
 
 from edgemap.geometry.errors import EdgemapError
 from edgemap.geometry.map_object import MapObject
+from edgemap.runtime.frames.errors import CameraFault, CameraLostError
+from edgemap.runtime.frames.faults import Fault, FaultKind
 from edgemap.runtime.frames.reading import error_line, printable
 from edgemap.runtime.step.slam import StepResult
 
@@ -36,8 +38,9 @@ class Sink(Protocol):
     def write(self, result: StepResult, objects: list[MapObject]) -> None:
         """Receives one step's result; `objects` is the map after the step. May raise anything."""
 
-    def fault(self, text: str) -> None:
-        """Receives a fault, one line; run.json has it in any case. Its exceptions are ignored."""
+    def fault(self, fault: Fault) -> None:
+        """Receives each fault of the run, those of a step after its result; run.json holds them in any case. Its
+        exceptions are ignored."""
 
     def close(self) -> None:
         """Finish; whatever was gathered is safe afterwards. May be called twice.
@@ -61,9 +64,10 @@ class SinkGroup:
     def __init__(self, sinks: Sequence[Sink]) -> None:
         self._sinks = sinks
         self._outages: dict[int, _Outage] = {}  # by the sink's place
+        self._since: list[Fault] = []  # outside of a step, since `faults_since` was asked
 
     def write(self, result: StepResult, objects: list[MapObject]) -> None:
-        """Offer a step's result to every sink."""
+        """Offer a step's result to every sink, then its faults."""
         stamp_s = result.frame.stamp_s
         for place, sink in enumerate(self._sinks):
             outage = self._outages.get(place)
@@ -74,27 +78,41 @@ class SinkGroup:
                     outage.steps += 1
                     continue
                 self._outages[place] = _Outage(stamp_s)
-                self.fault(f"{sink.name}: {_line(error)}; the run goes on")
+                self.fault(Fault(FaultKind.OUTPUT, f"{sink.name}: {_line(error)}; the run goes on"))
                 continue
             if outage is not None:
                 del self._outages[place]
                 away_s = stamp_s - outage.since_s
-                self.fault(f"{sink.name}: works again after {away_s:.1f} s of stream ({outage.steps} steps failed)")
+                text = f"{sink.name}: works again after {away_s:.1f} s of stream ({outage.steps} steps failed)"
+                self.fault(Fault(FaultKind.OUTPUT_RESTORED, text))
+        for fault in result.observed.faults:
+            self._report(fault)
 
-    def fault(self, text: str) -> None:
-        """Report it to every sink, in one line without characters that a sink might not write."""
-        text = printable(text)
+    def fault(self, fault: Fault) -> None:
+        """Report a fault outside of a step to every sink; it is in the next result too."""
+        self._since.append(fault)
+        self._report(fault)
+
+    def faults_since(self) -> list[Fault]:
+        """The faults outside of a step since the last call."""
+        faults, self._since = self._since, []
+        return faults
+
+    def _report(self, fault: Fault) -> None:
+        """To every sink, without characters that a sink might not write."""
+        fault = replace(fault, text=printable(fault.text))
         for sink in self._sinks:
             try:
-                sink.fault(text)
+                sink.fault(fault)
             except Exception as error:  # a sink that cannot take note of a fault keeps no other from it
                 _log.debug("%s: %s", sink.name, error)
 
     def ending(self, error: EdgemapError) -> None:
         """Report the failure that ends the run to every sink, but for those whose reader gets it from the caller."""
+        fault = ending_fault(error)
         for sink in self._sinks:
             if not getattr(sink, "for_caller", False):
-                SinkGroup([sink]).fault(str(error))
+                SinkGroup([sink]).fault(fault)
 
     def close(self) -> None:
         """Close every sink, in order, each failure reported to all; then raise the first one."""
@@ -103,10 +121,17 @@ class SinkGroup:
             try:
                 sink.close()
             except Exception as error:  # raised again below
-                self.fault(f"{sink.name}: {_line(error)}")
+                self.fault(Fault(FaultKind.OUTPUT, f"{sink.name}: {_line(error)}"))
                 failure = failure or error
         if failure is not None:
             raise failure
+
+
+def ending_fault(error: EdgemapError) -> Fault:
+    """The fault of the error that ends a run."""
+    if isinstance(error, CameraFault):
+        return error.fault
+    return Fault(FaultKind.LOST if isinstance(error, CameraLostError) else FaultKind.ENDED, str(error))
 
 
 def _line(error: Exception) -> str:

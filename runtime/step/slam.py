@@ -13,7 +13,7 @@ from edgemap.geometry.map_object import MapObject
 from edgemap.geometry.observations.detections import Detections
 from edgemap.geometry.se2 import SE2
 from edgemap.runtime.frames.camera import Camera
-from edgemap.runtime.frames.errors import CameraFault
+from edgemap.runtime.frames.faults import Fault
 from edgemap.runtime.frames.frame import Frame
 from edgemap.runtime.motion.attitude.open import open_attitude
 from edgemap.runtime.motion.health import PictureHealth
@@ -28,21 +28,22 @@ from edgemap.runtime.step.pipeline import Pipeline
 
 @dataclass(frozen=True, eq=False, repr=False, kw_only=True)
 class StepResult(MapUpdate):
-    """Result of one step: the frame, the front end's observations, and the back end's update. faults: of delivery,
-    since the previous result. stages_ms: time of every stage of the step, in order.
+    """Result of one step: the frame, the front end's observations, and the back end's update. faults: all
+    since the previous result: of delivery, of sinks, of picture, mount and motion. stages_ms: time of every stage of
+    the step, in order.
     """
 
     frame: Frame
     observed: FrameObservations
-    faults: tuple[CameraFault, ...] = ()
+    faults: tuple[Fault, ...] = ()
 
     @classmethod
     def of(
-        cls, frame: Frame, observed: FrameObservations, update: MapUpdate, faults: Sequence[CameraFault] = ()
+        cls, frame: Frame, observed: FrameObservations, update: MapUpdate, faults: Sequence[Fault] = ()
     ) -> "StepResult":
-        """The result of a frame's observations and the update by them."""
+        """The result of a frame's observations and the update by them. faults: outside of the step, since the last."""
         updated: dict[str, Any] = vars(update) | {"stages_ms": observed.stages_ms | update.stages_ms}
-        return cls(frame=frame, observed=observed, faults=tuple(faults), **updated)
+        return cls(frame=frame, observed=observed, faults=(*faults, *observed.faults), **updated)
 
     def __repr__(self) -> str:
         """One line; the fields hold whole pictures."""
@@ -90,12 +91,13 @@ class SemanticSlam:
     def __init__(self, pipeline: Pipeline, mapper: Mapper) -> None:
         self.pipeline, self.mapper = pipeline, mapper
 
-    def step(self, frame: Frame, faults: Sequence[CameraFault] = ()) -> StepResult:
-        """One frame in: its observations, the robot's motion, and the update of the map."""
+    def step(self, frame: Frame, faults: Sequence[Fault] = ()) -> StepResult:
+        """One frame in: its observations, the robot's motion, and the update of the map. faults: outside of the step,
+        since the previous one."""
         observed = self.mapper.in_scale(self.pipeline.step(frame))
         return StepResult.of(frame, observed, self.mapper.step(observed), faults)
 
-    def step_blind(self, stamp_s: float, reason: str) -> tuple[SE2, NDArray[np.float64]]:
+    def step_blind(self, stamp_s: float, reason: Fault) -> tuple[SE2, NDArray[np.float64]]:
         """A step without a frame: pose and covariance from sources that need no picture. The map stays unchanged."""
         motion = self.pipeline.odometry.step_blind(stamp_s, reason)
         return self.mapper.step_blind(motion.scaled(self.mapper.scale))

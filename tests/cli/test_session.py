@@ -78,7 +78,8 @@ def test_a_live_camera_that_stalls_and_fails_ends_no_session(painted_bundle):
         results = [next(session) for _ in range(60)]
         assert session.camera.state.value == "running"
     told = [fault.kind.value for result in results for fault in result.faults]
-    assert told == ["late", "recovered", "failed", "recovered"]
+    assert set(told) == {"late", "recovered", "failed", "odometry"}  # noise has no corners to follow
+    assert [kind for kind in told if kind != "odometry"] == ["late", "recovered", "failed", "recovered"]
     stamps = [result.frame.stamp_s for result in results]
     assert stamps == sorted(set(stamps))
     assert {item.label for item in session.map} == {"chair"}
@@ -94,7 +95,7 @@ def test_a_lost_camera_ends_a_session_with_its_map_and_its_sinks_closed(painted_
     assert load_map(tmp_path / "run")[0].count == 20
     record = json.loads((tmp_path / "run" / "run.json").read_text())
     assert record["finished"]
-    assert "lost, no frame for" in record["faults"][-1]
+    assert record["faults"][-1]["kind"] == "lost"
 
 
 def test_iteration_that_was_left_goes_on_and_closing_closes_the_sinks(painted_bundle, pictures, tmp_path):

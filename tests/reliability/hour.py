@@ -76,7 +76,7 @@ def inverted(motion: Motion) -> Motion:
     back = motion.motion.inverse()
     c, s = np.cos(motion.motion.yaw_rad), np.sin(motion.motion.yaw_rad)
     wrt_motion: NDArray[np.float64] = np.array([[-c, -s, back.y_m], [s, -c, -back.x_m], [0.0, 0.0, -1.0]])
-    return Motion(back, wrt_motion @ motion.covariance @ wrt_motion.T, motion.fault, motion.state)
+    return Motion(back, wrt_motion @ motion.covariance @ wrt_motion.T, motion.faults, motion.state)
 
 
 def _rendered(folder: Path, seed: int, frames: int) -> Drive:

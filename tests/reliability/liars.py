@@ -57,7 +57,7 @@ def drive(demo: DemoDrive, wheels: Trajectory | None, imu: ImuSamples | None) ->
     for index, (image, stamp_s) in enumerate(zip(demo.images, demo.stamps_s, strict=True)):
         samples = ImuSamples.none() if imu is None else imu.between(last_s, stamp_s)
         result = slam.step(Frame(index, stamp_s, image, imu=samples))
-        faults += [(stamp_s, text) for text in result.observed.faults]
+        faults += [(stamp_s, fault.text) for fault in result.observed.faults]
         last_s = stamp_s
     score = score_map(slam.objects(), demo.truth)
     error_m = 0.0

@@ -8,6 +8,7 @@ import yaml
 from hypothesis import given
 from hypothesis import strategies as st
 from support import painted
+from support.faults import kinds
 
 import edgemap
 from edgemap.runtime.inputs.open import open_camera
@@ -92,15 +93,15 @@ def test_every_number_survives_the_file(tmp_path_factory, slope, frames):
 @pytest.mark.parametrize(
     ("tree", "told"),
     [
-        ({"health": {"sharp": 9.0}}, "picture blurred"),
-        ({"odometry": {"planar": {"corners": 0}}}, "among 0 floor corners"),
+        ({"health": {"sharp": 9.0}}, "blurred"),
+        ({"odometry": {"planar": {"corners": 0}}}, "odometry"),
     ],
 )
 def test_the_stages_take_their_parts_of_the_tree(tmp_path, tree, told):
     config = load_config(written(tmp_path, {"config": {"attitude": {"check": {"tilt": {"nod": 2e-4}}}, **tree}}))
     with edgemap.open("demo", odometry="planar", config=config) as session:
         _, second = itertools.islice(session, 2)
-    assert told in second.motion.fault
+    assert told in kinds(second.motion.faults)
     assert second.observed.camera is not None
     assert second.observed.camera.attitude is not None
     assert second.observed.camera.attitude.covariance_rad2[0, 0] <= 1e-4**2

@@ -14,6 +14,7 @@ from edgemap.geometry.camera.mount import Mount
 from edgemap.geometry.observations.detections import Detections
 from edgemap.geometry.observations.sighting import FloorRule, sightings_of
 from edgemap.geometry.se2 import SE2
+from edgemap.runtime.frames.faults import FaultKind
 from edgemap.runtime.frames.frame import Frame
 from edgemap.runtime.motion.attitude.checked_mount import CheckedMount
 from edgemap.runtime.motion.attitude.depth import DepthAttitude
@@ -33,6 +34,7 @@ class Other:
     """A source that says the mount's attitude, and a gyro's rotation."""
 
     name = "other"
+    faults = ()
     attitude = Attitude(0.0, MOUNT.pitch_rad, np.eye(2) * 1e-4, rotation=GyroRotation(np.eye(3), 0.1, 0.01))
 
     def predict(self, frame, moved=None):
@@ -99,15 +101,18 @@ def faults_of(mounted, believed=MOUNT, frames=45):
         nod = Mount(mounted.height_m, mounted.pitch_rad + math.radians(0.4) * math.sin(index), mounted.roll_rad)
         frame = Frame(index, index / 4, BLANK, depth=depth_room(nod))
         attitude = source.predict(frame)
-        told += [attitude.fault, check.judge(frame.stamp_s, camera.at(attitude), attitude, none, Motion())]
+        told += [*source.faults, check.judge(frame.stamp_s, camera.at(attitude), attitude, none, Motion())]
     return [fault for fault in told if fault]
 
 
 def test_a_mount_that_depth_shows_to_be_wrong_is_a_fault_once():
     (fault,) = faults_of(Mount.from_degrees(0.6, 15.0))
-    assert fault.startswith("mount: height 0.50 m given, the floor in depth pictures would make it 0.60 m, to 2 %")
+    assert fault.kind is FaultKind.MOUNT_HEIGHT
+    assert fault.text.startswith("mount: height 0.50 m given, the floor in depth pictures would make it 0.60 m, to 2 %")
     (fault,) = faults_of(Mount.from_degrees(0.5, 19.0))
-    assert re.match(r"mount: pitch 15.0 and roll 0.0 deg given, the floor in depth pictures give pitch 1[89]\.", fault)
+    assert re.match(
+        r"mount: pitch 15.0 and roll 0.0 deg given, the floor in depth pictures give pitch 1[89]\.", fault.text
+    )
 
 
 def test_a_mount_that_depth_shows_to_be_right_is_none():

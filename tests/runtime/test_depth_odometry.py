@@ -5,6 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from support.faults import made
 from support.textured_floor import CAMERA, MOTIONS, drive
 
 from edgemap.geometry.se2 import SE2
@@ -58,7 +59,7 @@ def test_a_covered_lens_costs_its_own_pictures_and_not_the_drive():
     frames = [replace(f, image=dark) if f.index in (8, 9) else f for f in frames]
     source, pose = odometry(), SE2()
     for frame in frames:
-        motion = source.step_blind(frame.stamp_s, "covered") if frame.image is dark else source.step(frame, {})
+        motion = source.step_blind(frame.stamp_s, made("covered")) if frame.image is dark else source.step(frame, {})
         pose = pose @ motion.motion
     apart_m, apart_rad = off(pose, poses[-1])
     assert apart_m < 0.035

@@ -6,6 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from support.drives import drive, exact, observed, round_trip, sighted
+from support.faults import texts
 from support.rooms import furnished
 from support.seen import CAMERA
 
@@ -162,6 +163,7 @@ def test_what_was_edited_is_kept_by_the_map_and_by_later_runs(tmp_path):
         assert (zone.id, zone.name) == ("zone-1", "hall")
         np.testing.assert_allclose(zone.corners_m, SQUARE, atol=1e-4)
         assert later.edit(Edit("zone", name="new", corners_m=SQUARE)) == "zone-2"
+    assert lost.relocaliser is not None
     assert lost.relocaliser.alignment is not None
 
 
@@ -236,7 +238,7 @@ def test_recorded_edits_make_the_same_map_again_and_a_replay_without_them_the_me
 
 def test_a_recorded_edit_that_does_not_fit_is_told():
     edits = Edits(recorded=[(0, Edit("delete", "chair-1"))])
-    assert edits.apply(Mapper(), 0) == ["recorded edit delete 'chair-1': no object 'chair-1' on the map"]
+    assert texts(edits.apply(Mapper(), 0)) == "recorded edit delete 'chair-1': no object 'chair-1' on the map"
 
 
 @pytest.mark.parametrize(
@@ -276,7 +278,7 @@ def test_a_listener_that_fails_is_told_and_the_others_hear_of_the_edit():
     edits, heard = Edits(), []
     edits.listeners += [gone, lambda _, annotations: heard.append(annotations.zones[0].name)]
     asked = edits.submit(Edit("zone", name="hall", corners_m=SQUARE))
-    assert edits.apply(Mapper(), 0) == ["edited map: RuntimeError: Event loop is closed"]
+    assert texts(edits.apply(Mapper(), 0)) == "edited map: RuntimeError: Event loop is closed"
     assert heard == ["hall"]
     assert asked.result(0)
 

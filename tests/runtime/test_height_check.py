@@ -17,10 +17,11 @@ from edgemap.geometry.camera.mount import Mount
 from edgemap.geometry.observations.detections import Detections
 from edgemap.geometry.observations.lens_height import lens_heights
 from edgemap.geometry.se2 import SE2
+from edgemap.runtime.frames.faults import FaultKind
 from edgemap.runtime.frames.frame import Frame
 from edgemap.runtime.motion.height_check import HeightCheck
 from edgemap.runtime.motion.odometry.protocol import Motion
-from edgemap.runtime.outputs.verdict.causes import CAUSES, cause_of_fault
+from edgemap.runtime.outputs.verdict.causes import CAUSES, cause_of
 from edgemap.runtime.step.slam import SlamOptions, build_slam
 
 LENS = Intrinsics(640, 480, 600.0, 600.0, 319.5, 239.5)
@@ -58,12 +59,12 @@ def test_the_demo_with_a_wrong_height_is_a_fault_that_names_the_likelier_one(dem
         if stamp_s > 12.0 or faults:
             break
         observed = slam.step(Frame(index, stamp_s, image)).observed
-        faults = [fault for fault in observed.faults if "height" in fault]
+        faults = [fault for fault in observed.faults if fault.kind is FaultKind.MOUNT_HEIGHT]
         heights += [observed.height_estimate] if observed.height_estimate else []
     assert bool(faults) == wrong
     assert heights[-1].height_m == pytest.approx(0.6, abs=max(0.06, 2.0 * heights[-1].sigma_m))
     if wrong:
-        assert float(re.search(r"would make it (\S+) m", faults[0])[1]) == pytest.approx(0.6, abs=0.06)
+        assert float(re.search(r"would make it (\S+) m", faults[0].text)[1]) == pytest.approx(0.6, abs=0.06)
 
 
 def by_wheels(scale, count=300, sigma_m=0.0005, slip=0, boxes=None):
@@ -83,8 +84,8 @@ def by_wheels(scale, count=300, sigma_m=0.0005, slip=0, boxes=None):
 def test_wheels_name_the_likelier_height_once(scale, height):
     ((stamp_s, fault),) = by_wheels(scale)
     assert stamp_s <= 12.0
-    assert f"height 0.60 m given, the wheels would make it {height} m" in fault
-    assert cause_of_fault(fault) is CAUSES["scale"]  # what `edgemap why` makes of it
+    assert f"height 0.60 m given, the wheels would make it {height} m" in fault.text
+    assert cause_of(fault.kind) is CAUSES["scale"]  # what `edgemap why` makes of it
 
 
 def test_wheels_that_agree_or_scatter_or_slip_for_a_moment_say_nothing_of_the_height():
@@ -101,4 +102,4 @@ def test_wheels_are_wrong_where_objects_are_nearer_to_the_given_height(true, hei
     found = by_wheels(1.0 / 1.6, boxes=chair(FloorCamera(LENS, Mount(0.6 * true, 0.1)), 2.5))
     assert len(found) == (height is not None)
     if height is not None:
-        assert re.search(f"usual height of chair and the wheels would make it {height} m", found[0][1])
+        assert re.search(f"usual height of chair and the wheels would make it {height} m", found[0][1].text)

@@ -162,7 +162,8 @@ def test_a_failing_camera_loses_nothing_of_the_map(bundle, tmp_path):
         run(memory(50, raising(13, CameraError("memory: the cable came off"))), pipeline(bundle), [sink])
     (chair,) = load_map(tmp_path / "run")
     assert chair.count == 13
-    assert "frame 13: memory: the cable came off" in json.loads((tmp_path / "run" / "run.json").read_text())["faults"]
+    fault = {"kind": "ended", "frame": 13, "text": "memory: the cable came off"}
+    assert fault in json.loads((tmp_path / "run" / "run.json").read_text())["faults"]
 
 
 def test_an_unknown_failure_keeps_the_map_too(bundle, tmp_path):
@@ -198,7 +199,7 @@ def test_one_sink_that_fails_to_close_does_not_keep_the_others_from_saving(bundl
         def write(self, result, objects):
             pass
 
-        def fault(self, text):
+        def fault(self, fault):
             pass
 
         def close(self):

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from support.results import COVARIANCE, POSES, results
 
+from edgemap.runtime.frames.faults import Fault, FaultKind
 from edgemap.runtime.frames.frame import Frame
 from edgemap.runtime.motion.health import PictureHealth
 from edgemap.runtime.motion.odometry.protocol import MotionState
@@ -24,8 +25,8 @@ def changed(result, **observed):
 
 def test_what_is_counted():
     given = made()
-    given[2] = changed(given[2], health=PictureHealth("dark", "dark"))
-    given[3] = changed(given[3], health=PictureHealth("repeated", "as before"), at_rest=True)
+    given[2] = changed(given[2], health=PictureHealth(Fault(FaultKind.DARK, "dark")))
+    given[3] = changed(given[3], health=PictureHealth(Fault(FaultKind.REPEATED, "as before")), at_rest=True)
     motion = given[4].observed.motion
     given[4] = changed(given[4], motion=replace(motion, state=MotionState.BLIND))
     given[5] = changed(given[5], motion=replace(motion, members={"wheel:a.csv": "used", "gyro": "left_out"}))

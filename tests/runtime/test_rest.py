@@ -14,6 +14,7 @@ from edgemap.geometry.camera.floor import FloorCamera
 from edgemap.geometry.camera.intrinsics import Intrinsics
 from edgemap.geometry.camera.mount import Mount
 from edgemap.geometry.se2 import SE2
+from edgemap.runtime.frames.faults import Fault, FaultKind
 from edgemap.runtime.frames.frame import Frame
 from edgemap.runtime.frames.trajectory import Trajectory
 from edgemap.runtime.inputs.open import open_camera
@@ -106,18 +107,18 @@ def test_a_picture_that_stands_still_though_the_robot_cannot_have_is_frozen(
     for index in range(40):
         frame = Frame(index, index / 10, noisy(pictures[min(index, 4)], index))
         _, health = monitor.judge(frame, GOOD, still if index > 4 else False, moved, turned)
-    assert health.kind == ("frozen" if frozen else "")
+    assert (health.blindness is not None and health.blindness.kind is FaultKind.FROZEN) == frozen
     for index in (40, 41):
         frame = Frame(index, index / 10, noisy(pictures[index], index))
         assert monitor.judge(frame, GOOD, None, moved) == (False, GOOD)
 
 
-@pytest.mark.parametrize(("kind", "after"), [("repeated", True), ("covered", False)])
+@pytest.mark.parametrize(("kind", "after"), [(FaultKind.REPEATED, True), (FaultKind.COVERED, False)])
 def test_a_repeated_picture_changes_nothing_and_one_that_shows_nothing_begins_again(pictures, kind, after):
     monitor = RestMonitor()
     for index in range(30):
         monitor.judge(Frame(index, index / 10, noisy(pictures[0], index)), GOOD, None)
-    assert not monitor.judge(Frame(30, 3.0, noisy(pictures[0], 29)), PictureHealth(kind), None)[0]
+    assert not monitor.judge(Frame(30, 3.0, noisy(pictures[0], 29)), PictureHealth(Fault(kind, "why")), None)[0]
     assert monitor.judge(Frame(31, 3.1, noisy(pictures[0], 31)), GOOD, None)[0] is after
 
 

@@ -16,6 +16,7 @@ from edgemap.geometry.camera.mount import Mount
 from edgemap.geometry.se2 import SE2
 from edgemap.runtime.frames.disk import LineFile, write_atomically
 from edgemap.runtime.frames.errors import DiskError, RunFolderError
+from edgemap.runtime.frames.faults import FaultKind
 from edgemap.runtime.motion.odometry.protocol import Motion
 from edgemap.runtime.outputs.sinks.run_folder import RunFolder
 from edgemap.runtime.step.map_file import load_map
@@ -36,8 +37,8 @@ class Told:
     def write(self, result, objects):
         pass
 
-    def fault(self, text):
-        self.faults.append(text)
+    def fault(self, fault):
+        self.faults.append(fault)
 
     def close(self):
         pass
@@ -117,12 +118,12 @@ def test_a_full_disk_costs_no_step_and_saving_resumes(small_disk):
     hog = fill(small_disk)
     drive(files, steps, 60)
     assert len(told) == 1
-    assert "cannot be written (No space left on device); the run goes on" in told[0]
+    assert "cannot be written (No space left on device); the run goes on" in told[0].text
     assert load_map(small_disk / "run")  # the one before is whole
     hog.unlink()
     drive(files, steps, 20)
     assert len(told) == 2
-    assert told[1].startswith("run folder: works again after ")
+    assert told[1].kind is FaultKind.OUTPUT_RESTORED
     files.close()
     record = json.loads((small_disk / "run" / "run.json").read_text())
     assert (record["lines_lost"], record["fault_count"]) == (0, 2)
@@ -137,7 +138,7 @@ def test_a_read_only_disk_is_told_and_the_last_save_fails_with_a_code_of_its_own
     subprocess.run(["mount", "-o", "remount,ro", str(small_disk)], check=True)
     drive(files, steps, 20)
     assert len(told) == 1
-    assert "Read-only file system" in told[0]
+    assert "Read-only file system" in told[0].text
     with pytest.raises(DiskError, match="Read-only file system") as caught:
         files.close()
     assert caught.value.exit_code == 4
@@ -153,7 +154,7 @@ def test_a_folder_that_vanishes_is_made_again_where_its_place_is_there(tmp_path)
     shutil.rmtree(place)
     drive(files, steps, 20)
     assert len(told) == 1
-    assert "is gone" in told[0]
+    assert "is gone" in told[0].text
     place.mkdir()
     drive(files, steps, 20)
     files.close()

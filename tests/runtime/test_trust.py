@@ -8,11 +8,13 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from support.faults import texts
 from support.odometry import MadeOdometry
 
 from edgemap.geometry.camera.imu import ImuSamples
 from edgemap.geometry.camera.mount import Mount
 from edgemap.geometry.se2 import SE2, compose_covariance, wrap_angle
+from edgemap.runtime.frames.faults import FaultKind
 from edgemap.runtime.frames.frame import Frame
 from edgemap.runtime.frames.trajectory import Trajectory
 from edgemap.runtime.inputs.open import DEMO
@@ -71,7 +73,7 @@ def fused(true, told, seed=0):
         found = hybrid.step(Frame(index, index / 10.0, BLANK), {})
         if index:
             pose, there = pose @ found.motion, there @ SE2(*motion)
-        faults += [(index / 10.0, found.fault)] if found.fault else []
+        faults += [(index / 10.0, fault.text) for fault in found.faults]
     return faults, (there.inverse() @ pose).vector()
 
 
@@ -129,7 +131,7 @@ def test_a_jump_of_the_heading_costs_one_step():
     odometry = RecordedOdometry(Trajectory(stamps, tuple(jumped)), "wheel:x", WHEEL)
     found = [odometry.step(Frame(row, stamp_s, BLANK), {}) for row, stamp_s in enumerate(stamps.tolist())]
     assert [row for row, motion in enumerate(found) if motion.blind] == [20]
-    assert "jumps by 0.03 m and 2.50 rad in 0.100 s" in found[20].fault
+    assert "jumps by 0.03 m and 2.50 rad in 0.100 s" in texts(found[20].faults)
     assert found[21].motion.x_m == pytest.approx(0.03)
 
 
@@ -145,11 +147,11 @@ def imu(change=lambda gyro, accel, lies: None):
     accel = up + random.normal(0.0, 0.03, (len(stamps), 3))
     change(gyro, accel, (stamps > 4.0) & (stamps <= 8.0))
     source, samples = InertialAttitude(mount, MountAttitude(mount)), ImuSamples(stamps, gyro, accel)
-    ends = np.arange(1, 120) / 10.0
-    return ends, [
-        source.predict(Frame(row, end_s, BLANK, imu=samples.between(end_s - 0.1, end_s)))
-        for row, end_s in enumerate(ends.tolist())
-    ]
+    ends, found, faults = np.arange(1, 120) / 10.0, [], []
+    for row, end_s in enumerate(ends.tolist()):
+        found.append(source.predict(Frame(row, end_s, BLANK, imu=samples.between(end_s - 0.1, end_s))))
+        faults += [(end_s, fault) for fault in source.faults]
+    return ends, found, faults
 
 
 @pytest.mark.parametrize(("rate_hz", "faults"), [(4.0, 1), (4.5, 1), (5.5, 0), (20.0, 0)])
@@ -158,16 +160,18 @@ def test_an_imu_slower_than_half_the_frames_is_named_once_and_left_out(rate_hz, 
     up = mount.rotation_base_optical().T @ [0.0, 0.0, 9.81]
     gyro = np.random.default_rng(0).normal(0.0, 0.004, (len(stamps), 3))
     samples = ImuSamples(stamps, gyro, np.tile(up, (len(stamps), 1)))
-    source, found = InertialAttitude(mount, MountAttitude(mount)), []
+    source, found, told = InertialAttitude(mount, MountAttitude(mount)), [], []
     for row, end_s in enumerate((np.arange(1, 300) / 10.0).tolist()):
         hole = 15.0 < end_s < 16.0
         part = samples.between(100.0, 101.0) if hole else samples.between(end_s - 0.1, end_s)
         found.append(source.predict(Frame(row, end_s, BLANK, imu=part)))
-    lines = [one.fault for one in found if one.fault]
-    assert len(lines) == faults
+        told += [(row, fault) for fault in source.faults]
+    assert len(told) == faults
     if faults:
-        assert re.fullmatch(r"IMU: one sample in 2\.[0-9] frames, .* needed: the IMU is left out", lines[0])
-        assert next(end for end, one in enumerate(found) if one.fault) < 40
+        ((end, fault),) = told
+        assert fault.kind is FaultKind.IMU_EXCLUDED
+        assert re.match(r"IMU: one sample in 2\.[0-9] frames, .* needed", fault.text)
+        assert end < 40
         assert {one.source for one in found[40:]} == {"mount"}
 
 
@@ -197,12 +201,11 @@ def impossible(gyro, accel, lies):
     ],
 )
 def test_an_imu_that_lies_is_named_at_once_left_out_and_used_again(lie, named):
-    ends, found = imu(lie)
-    faults = [(end_s, one.fault) for end_s, one in zip(ends, found, strict=True) if one.fault]
+    ends, found, faults = imu(lie)
     (named_s, first), (again_s, second) = faults
-    assert first.startswith(named)
+    assert first.text.startswith(named)
     assert 4.0 < named_s <= 4.3
-    assert second == "the IMU (gyro and accelerometer) is used again"
+    assert (first.kind, second.kind) == (FaultKind.IMU_EXCLUDED, FaultKind.IMU_RESTORED)
     assert 8.0 < again_s < 10.0
     left_out = [one.source for end_s, one in zip(ends, found, strict=True) if named_s <= end_s <= 8.0]
     assert set(left_out) == {"mount"}
@@ -215,8 +218,8 @@ def test_a_good_imu_and_a_knock_of_20_ms_leave_nobody_out():
         accel[np.flatnonzero(lies)[:4]] = 39.2
 
     for lie in (lambda *_: None, knocked):
-        _, found = imu(lie)
-        assert not any(one.fault for one in found)
+        _, found, faults = imu(lie)
+        assert not faults
         assert all(one.source == "imu" for one in found[1:])
 
 
@@ -294,10 +297,10 @@ def test_what_a_mirrored_gyro_turns_is_not_what_the_odometry_turns():
     for row, end_s in enumerate((np.arange(1, 79) / 10.0).tolist()):
         moved = SE2(0.0, 0.0, 0.05 if end_s > 1.15 else 0.0), np.diag([1e-6, 1e-6, 1e-5])
         frame = Frame(row, end_s, BLANK, imu=samples.between(end_s - 0.1, end_s))
-        found = source.predict(frame, None if row < 2 else moved)
-        faults += [(end_s, found.fault)] if found.fault else []
+        source.predict(frame, None if row < 2 else moved)
+        faults += [(end_s, fault) for fault in source.faults]
     ((named_s, fault),) = faults
-    assert fault.startswith("gyro: its yaw is -")
+    assert fault.text.startswith("gyro: its yaw is -")
     assert named_s < 4.0
 
 
@@ -319,5 +322,5 @@ def test_a_gyro_that_lies_is_found_after_a_long_rest_too():
         faults.append(trust.judge(samples, float(step + 1), moved, up, np.zeros(3))[1])
         moved = (SE2(0.0, 0.0, turned), np.eye(3) * 1e-6) if turned else still
     (fault,) = filter(None, faults)
-    assert re.match(r"gyro: its yaw is \d+ % of what the camera measures: the IMU is left out", fault)
+    assert re.match(r"gyro: its yaw is \d+ % of what the camera measures: the IMU is left out", fault.text)
     assert faults.index(fault) < 3006

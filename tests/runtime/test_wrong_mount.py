@@ -11,6 +11,7 @@ import pytest
 
 from edgemap.geometry.camera.floor import FloorCamera
 from edgemap.geometry.camera.level import mount_text
+from edgemap.runtime.frames.faults import FaultKind
 from edgemap.runtime.frames.frame import Frame
 from edgemap.runtime.motion.attitude.checked_mount import MountRule
 from edgemap.runtime.motion.attitude.inertial import AttitudeRule
@@ -31,7 +32,7 @@ def drive(demo, off_deg, rule=None, **options):
     faults, result = [], None
     for index in range(FRAMES):
         result = slam.step(Frame(index, demo.stamps_s[index], demo.images[index]))
-        faults += [fault for fault in result.observed.faults if "pitch" in fault]
+        faults += [fault for fault in result.observed.faults if fault.kind is FaultKind.MOUNT_ANGLES]
     assert result
     return faults, result.observed, mount, slam.objects()
 

@@ -12,6 +12,7 @@ from edgemap.geometry.observations.detections import Detections
 from edgemap.geometry.observations.sighting import Sighting
 from edgemap.geometry.se2 import SE2
 from edgemap.runtime.frames.errors import PublishError
+from edgemap.runtime.frames.faults import Fault
 from edgemap.runtime.frames.frame import Frame
 from edgemap.runtime.motion.odometry.protocol import Motion
 from edgemap.runtime.step.frame_observations import FrameObservations
@@ -33,7 +34,7 @@ class Steps:
         self.index = 0
         self._picture = np.random.default_rng(0).integers(0, 255, (height, width, 3), dtype=np.uint8)
 
-    def next(self, fault: str = "") -> tuple[StepResult, list[MapObject]]:
+    def next(self, fault: Fault | None = None) -> tuple[StepResult, list[MapObject]]:
         """The next step's result, and the map after it."""
         index, pose = self.index, SE2(0.05 * self.index, 0.0, 0.0)
         boxes = np.array([[40.0, 60, 90, 160], [150, 80, 260, 170], [270, 20, 310, 200]])
@@ -45,9 +46,10 @@ class Steps:
             distance_m = float(np.hypot(*at))
             sightings.append(Sighting(label, 0.9, at, small, 0.1 * small, *size, distance_m, row, index, 0.1 * index))
         frame = Frame(index, 0.1 * index, self._picture.copy(), f"made#{index}")
-        motion = Motion(SE2(0.05, 0.0, 0.0), np.eye(3) * 1e-4, fault)
+        faults = (fault,) if fault else ()
+        motion = Motion(SE2(0.05, 0.0, 0.0), np.eye(3) * 1e-4, faults)
         stages_ms = {"preprocess": 1.0, "backbone": 10.0}
-        observed = FrameObservations(index, frame.stamp_s, detections, sightings, motion, stages_ms)
+        observed = FrameObservations(index, frame.stamp_s, detections, sightings, motion, stages_ms, faults=faults)
         if self._boxes is not None:
             observed = replace(observed, camera=CAMERA, floor=floor_mask(self._boxes, pose))
         self.index += 1

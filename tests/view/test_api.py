@@ -12,6 +12,7 @@ import cv2
 import numpy as np
 import pytest
 import yaml
+from support.faults import made
 from support.http_client import Api
 from support.live import raw_viewer
 
@@ -61,7 +62,7 @@ def test_the_openapi_text_names_every_address_and_no_other(robot):
 @pytest.mark.parametrize("path", ["run", "health", "faults", "pose", "frame", "map", "objects", "objects/{id}"])
 def test_every_answer_is_as_the_openapi_text_says(robot, path):
     served, api = robot
-    served.page.fault("the wheel came off")
+    served.page.fault(made("the wheel came off"))
     conforms(f"/api/{path}", "GET", 200, api.get(f"/api/{path}".replace("{id}", "chair-1")))
 
 

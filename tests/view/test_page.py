@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from support.faults import made
 from support.made_camera import MadeCamera
 from support.steps import Steps
 
@@ -17,6 +18,7 @@ from edgemap.runtime.frames.frame import Frame
 from edgemap.runtime.inputs.cameras.wrappers import PacedCamera
 from edgemap.runtime.inputs.open import open_camera
 from edgemap.runtime.step.map_file import load_map, save_map
+from edgemap.runtime.step.sinks import SinkGroup
 from edgemap.view.page import LivePage
 from edgemap.view.pause import PausableCamera, Pause
 from edgemap.view.tail import Tail
@@ -58,14 +60,14 @@ def test_a_waiting_viewer_is_woken_once(tmp_path):
 
 
 def test_the_trail_is_the_way_and_a_lasting_fault_is_told_once(tmp_path):
-    page, steps = LivePage({}, tmp_path), Steps()
-    for fault in ("", "few corners", "few corners", "", "few corners"):
-        page.write(*steps.next(fault))
+    page, steps, few = LivePage({}, tmp_path), Steps(), made("few corners")
+    for fault in (None, few, few, None, few):
+        SinkGroup([page]).write(*steps.next(fault))
     trail, _ = page.trail.since(0, 99)
     np.testing.assert_allclose([sample[:3] for sample in trail], [(0.05 * i, 0.0, 0.1 * i) for i in range(5)])
-    assert [(fault.frame, fault.text) for fault in page.faults.since(0, 99)[0]] == [
-        (1, "few corners"),
-        (4, "few corners"),
+    assert [(shown.frame, shown.fault) for shown in page.faults.since(0, 99)[0]] == [
+        (1, few),
+        (4, few),
     ]
 
 

@@ -19,6 +19,7 @@ from websockets.exceptions import ConnectionClosed, InvalidStatus
 
 from edgemap.geometry.objects.events import Edit
 from edgemap.geometry.se2 import SE2
+from edgemap.runtime.frames.faults import Fault, FaultKind
 from edgemap.view.app import make_app
 from edgemap.view.guard import cookie_value
 from edgemap.view.page import LivePage
@@ -226,9 +227,9 @@ def test_an_update_is_what_changed_since_the_last(serve):
         second = viewer.update()
         assert (second["frame"], len(second["trail"])) == (4, 1)
         viewer.say("shown")
-        served.page.fault("the camera fell off")
+        served.page.fault(Fault(FaultKind.OTHER, "the camera fell off"))
         third = viewer.update()
-        assert third["faults"] == [{"frame": 4, "text": "the camera fell off", "remedy": ""}]
+        assert third["faults"] == [{"frame": 4, "kind": "other", "text": "the camera fell off", "remedy": ""}]
         assert third["jpeg"] == b""  # the same picture is not sent twice
         assert third["changed"] == []
 

@@ -4,8 +4,10 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from support.faults import made
 from support.steps import Steps
 
+from edgemap.runtime.frames.faults import Fault, FaultKind
 from edgemap.runtime.motion.health import PictureHealth
 from edgemap.view.page import RATE_OVER, LivePage
 from edgemap.view.pause import Pause
@@ -59,7 +61,7 @@ def test_too_few_steps_are_no_overload(tmp_path, clock):
 def test_a_camera_that_is_away_comes_before_everything_else(tmp_path, clock):
     state = ["running"]
     page, steps = page_of(tmp_path, clock, camera_state=lambda: state[0])
-    page.write(*steps.next("planar odometry: 3 corners on the floor"))
+    page.write(*steps.next(made("planar odometry: 3 corners on the floor")))
     clock[0] += 7.0
     assert [problem[:2] for problem in items(page)] == [("fault", "camera"), ("degraded", "odometry")]
     state[0] = "degraded"
@@ -70,10 +72,12 @@ def test_a_camera_that_is_away_comes_before_everything_else(tmp_path, clock):
 
 def test_a_blind_picture_is_a_fault_and_a_repeated_one_is_not(tmp_path, clock):
     page, steps = page_of(tmp_path, clock)
-    for kind, level in (("dark", "fault"), ("frozen", "degraded")):
+    for kind, level in ((FaultKind.DARK, "fault"), (FaultKind.FROZEN, "degraded")):
         result, objects = steps.next()
         clock[0] += 0.1
-        page.write(replace(result, observed=replace(result.observed, health=PictureHealth(kind, "why"))), objects)
+        blindness = Fault(kind, "why")
+        page.write(replace(result, observed=replace(result.observed, health=PictureHealth(blindness))), objects)
+        page.fault(blindness)
         assert items(page) == [(level, "picture", "The picture has no information: why.")]
 
 
@@ -86,7 +90,7 @@ def test_an_uncertain_pose_is_told(tmp_path, clock):
 
 def test_what_somebody_reports_stays_for_a_while(tmp_path, clock):
     page, steps = page_of(tmp_path, clock)
-    page.fault("map.json: cannot be written (No space left on device)")
+    page.fault(Fault(FaultKind.OUTPUT, "map.json: cannot be written (No space left on device)"))
     assert status(page)["headline"] == "map.json: cannot be written (No space left on device)."
     for _ in range(RATE_OVER):
         clock[0] += NEWS_S / RATE_OVER

@@ -13,11 +13,11 @@ from edgemap.geometry.objects.annotations import NO_ANNOTATIONS, Annotations
 from edgemap.geometry.objects.evaluation_row import EvaluationRow, tally
 from edgemap.runtime.frames.colours import label_mark
 from edgemap.runtime.frames.errors import OdometryError
+from edgemap.runtime.frames.faults import Fault, read_fault
 from edgemap.runtime.frames.timing import percentiles
 from edgemap.runtime.frames.trajectory import Trajectory
-from edgemap.runtime.outputs.verdict.causes import cause_of_fault
-from edgemap.runtime.outputs.verdict.explain import verdict_or_none
-from edgemap.runtime.outputs.verdict.verdict import TITLES
+from edgemap.runtime.outputs.verdict.causes import cause_of
+from edgemap.runtime.outputs.verdict.verdict import TITLES, verdict_or_none
 from edgemap.view.answers import floor_answer, map_object_answer, zones_answer
 from edgemap.view.report.crops import Crop
 from edgemap.view.report.history import History
@@ -75,7 +75,7 @@ def _update(content: ReportContent, objects: Sequence[MapObject], trail: list[tu
     update: dict[str, Any] = {
         "number": 0, "state": "finished", "moved": False, "events": [], "gone": [], "boxes": [],
         "status": {"level": LEVELS[verdict.level] if verdict else "ok", "headline": f"{headline}.", "problems": []},
-        "faults": [_fault(text) for text in content.record.get("faults", [])[:MAXIMUM_FAULTS]],
+        "faults": [_fault(read_fault(entry)) for entry in content.record.get("faults", [])[:MAXIMUM_FAULTS]],
         "fault_count": content.record.get("fault_count", 0),
         "trail": [[round(value, 3) for value in sample] for sample in trail],
         "changed": [map_object_answer(item) for item in objects],
@@ -94,10 +94,10 @@ def _update(content: ReportContent, objects: Sequence[MapObject], trail: list[tu
     return update
 
 
-def _fault(text: str) -> dict[str, str]:
-    """A fault, and its remedy where there is one."""
-    cause = cause_of_fault(text)
-    return {"text": text, "remedy": cause.remedy if cause else ""}
+def _fault(fault: Fault) -> dict[str, str]:
+    """A fault with its frame, and its remedy where there is one."""
+    cause = cause_of(fault.kind)
+    return {"kind": fault.kind, "text": fault.line, "remedy": cause.remedy if cause else ""}
 
 
 def _verdict(content: ReportContent) -> dict[str, Any] | None:

@@ -24,7 +24,8 @@ from edgemap.geometry.camera.intrinsics import Intrinsics
 from edgemap.geometry.camera.mount import Mount
 from edgemap.geometry.errors import EdgemapError
 from edgemap.runtime.frames.camera import Camera, SensorTopics
-from edgemap.runtime.frames.errors import CameraError, CameraFault, FaultKind
+from edgemap.runtime.frames.errors import CameraError, CameraFault
+from edgemap.runtime.frames.faults import FaultKind
 from edgemap.runtime.frames.frame import Frame
 from edgemap.runtime.frames.reading import user_path
 from edgemap.runtime.frames.trajectory import PoseTrack, TrackFile, Trajectory

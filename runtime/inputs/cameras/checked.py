@@ -12,7 +12,8 @@ from edgemap.geometry.camera.intrinsics import Intrinsics
 from edgemap.geometry.camera.mount import Mount
 from edgemap.geometry.errors import EdgemapError
 from edgemap.runtime.frames.camera import Camera
-from edgemap.runtime.frames.errors import CameraError, CameraFault, CameraState, FaultKind, FrameTimeout
+from edgemap.runtime.frames.errors import CameraError, CameraFault, CameraState, FrameTimeout
+from edgemap.runtime.frames.faults import FaultKind
 from edgemap.runtime.frames.frame import Frame
 from edgemap.runtime.frames.inference import Inference
 from edgemap.runtime.frames.reading import error_line, one_line, printable

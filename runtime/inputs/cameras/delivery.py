@@ -8,7 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from edgemap.runtime.frames.camera import Picture
-from edgemap.runtime.frames.errors import CameraError, CameraFault, FaultKind
+from edgemap.runtime.frames.errors import CameraError, CameraFault
+from edgemap.runtime.frames.faults import FaultKind
 from edgemap.runtime.inputs.cameras.returned import PictureCheck, picture_of, stamp_of
 
 SAMPLE_STEP = 8  # px between the pixels that are compared

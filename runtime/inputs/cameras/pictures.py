@@ -12,7 +12,8 @@ from edgemap.geometry.camera.depth_camera import DepthCamera, DepthRegistration
 from edgemap.geometry.camera.intrinsics import Intrinsics
 from edgemap.geometry.camera.mount import Mount
 from edgemap.runtime.frames.camera import DEFAULT_RATE_HZ, Camera
-from edgemap.runtime.frames.errors import CameraError, CameraFault, FaultKind
+from edgemap.runtime.frames.errors import CameraError, CameraFault
+from edgemap.runtime.frames.faults import FaultKind
 from edgemap.runtime.frames.frame import Frame
 from edgemap.runtime.frames.reading import library_path
 from edgemap.runtime.inputs.cameras.wheels import wheel_file

@@ -7,7 +7,8 @@ from edgemap.geometry.camera.intrinsics import Intrinsics
 from edgemap.geometry.camera.mount import Mount
 from edgemap.geometry.errors import EdgemapError
 from edgemap.runtime.frames.camera import Camera
-from edgemap.runtime.frames.errors import CameraError, CameraFault, FaultKind
+from edgemap.runtime.frames.errors import CameraError, CameraFault
+from edgemap.runtime.frames.faults import FaultKind
 from edgemap.runtime.frames.frame import Frame
 from edgemap.runtime.frames.reading import library_path, one_line
 from edgemap.runtime.inputs.cameras.realsense import import_realsense, lens_of, picture_size

@@ -9,7 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from edgemap.runtime.frames.camera import Picture
-from edgemap.runtime.frames.errors import CameraError, CameraFault, FaultKind
+from edgemap.runtime.frames.errors import CameraError, CameraFault
+from edgemap.runtime.frames.faults import FaultKind
 from edgemap.runtime.frames.reading import one_line
 
 LARGEST_SIDE = 65_536  # px

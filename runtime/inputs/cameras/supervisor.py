@@ -7,7 +7,8 @@ from collections import deque
 from collections.abc import Callable
 
 from edgemap.runtime.frames.camera import Device, Driver, Picture, RecoveryRule
-from edgemap.runtime.frames.errors import CameraFault, CameraLostError, CameraState, FaultKind
+from edgemap.runtime.frames.errors import CameraFault, CameraLostError, CameraState
+from edgemap.runtime.frames.faults import FaultKind
 from edgemap.runtime.frames.reading import error_line
 from edgemap.runtime.inputs.cameras.delivery import DeliveryCheck
 from edgemap.runtime.inputs.cameras.returned import size_of

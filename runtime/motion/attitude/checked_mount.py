@@ -14,6 +14,7 @@ from edgemap.geometry.camera.level import angles_text, pitch_roll
 from edgemap.geometry.camera.mount import Mount
 from edgemap.geometry.camera.mount_tilt import MountTilt, MountTiltRule
 from edgemap.geometry.robust import CLEAR_SIGMAS, median_and_scatter
+from edgemap.runtime.frames.faults import Fault, FaultKind
 from edgemap.runtime.frames.frame import Frame
 from edgemap.runtime.motion.attitude.edge_reader import EdgeReader
 from edgemap.runtime.motion.attitude.pictures import PicturesAttitude
@@ -58,6 +59,7 @@ class CheckedMount:
         health: HealthRule | None = None,
     ) -> None:
         self.name = other.name
+        self.faults: tuple[Fault, ...] = ()
         self._other, self._pictures, self._rule = other, pictures, rule or MountRule()
         self._mount, self._in_room = camera.mount, camera.mount.platform.in_room
         self._given = np.array([self._mount.roll_rad, self._mount.pitch_rad])
@@ -83,15 +85,16 @@ class CheckedMount:
         self._room = self._by_edges(frame)
         fault = self._judge()
         other = self._other.predict(frame, moved)
+        self.faults = (*self._other.faults, *([fault] if fault else []))
         self._measure(other)
-        self._answer = self._about_mount(other, "; ".join(filter(None, (other.fault, fault))))
+        self._answer = self._about_mount(other)
         return self._answer
 
     def update(self, rotation: TrackedRotation | None) -> Attitude:
         """The other source's, where it could only predict."""
         self._travel(rotation)
         other = self._other.update(rotation)
-        return self._about_mount(other, other.fault) if self._answer.predicted else self._answer
+        return self._about_mount(other) if self._answer.predicted else self._answer
 
     def correct_mount(self, mount: Mount) -> None:
         """Passes the mount to the source that is checked."""
@@ -103,10 +106,10 @@ class CheckedMount:
         self._estimates.clear()
         self._edges.stop()
 
-    def _about_mount(self, other: Attitude, fault: str) -> Attitude:
+    def _about_mount(self, other: Attitude) -> Attitude:
         """Another source's attitude with what is known of the mount."""
         carried = self._steady is False
-        return replace(other, fault=fault, carried=carried, room=self._room, mount=self._estimated)
+        return replace(other, carried=carried, room=self._room, mount=self._estimated)
 
     def _by_edges(self, frame: Frame) -> RoomHeading | None:
         """A part of the work on a picture's edges; the heading of the room, where it has just been finished."""
@@ -178,17 +181,17 @@ class CheckedMount:
             angles = np.array([attitude.roll_rad, attitude.pitch_rad])
             self._tilt = self._tilt.by_up(DEPTH, angles - self._given)
 
-    def _judge(self) -> str:
-        """What is known of the mount, now and then; the fault, where it has just proved wrong."""
+    def _judge(self) -> Fault | None:
+        """Estimates the mount, once a second; the fault where it has just proved wrong."""
         rule, tilt = self._rule, self._tilt
         if not math.isfinite(self._judged_s):  # whether the camera is carried shows first
             self._judged_s = self._now_s
         if self._now_s - self._judged_s < EVERY_S or not tilt.measurements:
-            return ""
+            return None
         self._judged_s = self._now_s
         if self._steady is False:
             self._void()
-            return ""
+            return None
         sigma, known = tilt.sigma_rad(), self._wrong
         waits = EDGES in tilt.measurements and not (self._steady or self._on_wheels)
         wrong = (not waits) & (np.abs(tilt.error_rad) > CLEAR_SIGMAS * sigma)
@@ -202,12 +205,13 @@ class CheckedMount:
             self._other.correct_mount(self._correct)
         self._estimated = MountEstimate(self._with(tilt.error_rad), sigma, self._correct, self._mount)
         if not (wrong & ~known).any():
-            return ""
+            return None
         given, found = np.degrees(self._given), np.degrees(self._given + error_rad)
         names = ", ".join(sorted(tilt.measurements, key=lambda name: -tilt.measurements[name]))
-        return (
+        return Fault(
+            FaultKind.MOUNT_ANGLES,
             f"mount: {angles_text(given[1], given[0])} given, {names} give {angles_text(found[1], found[0])}, "
-            "to {:.1f} and {:.1f}: used from now on, measure it again".format(*np.degrees(sigma[::-1]))
+            "to {:.1f} and {:.1f}: used from now on, measure it again".format(*np.degrees(sigma[::-1])),
         )
 
     def _with(self, error_rad: Array) -> Mount:

@@ -1,6 +1,7 @@
 """Attitude and height of each frame from the floor in its depth picture."""
 
 import math
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -12,6 +13,7 @@ from edgemap.geometry.camera.floor import FloorCamera
 from edgemap.geometry.camera.floor_plane import FloorPlane, find_floor, follow_floor
 from edgemap.geometry.camera.level import up_optical
 from edgemap.geometry.camera.mount import Mount
+from edgemap.runtime.frames.faults import Fault
 from edgemap.runtime.frames.frame import Frame
 from edgemap.runtime.motion.attitude.pictures import PicturesAttitude
 from edgemap.runtime.motion.attitude.protocol import AttitudeSource, Moved
@@ -54,6 +56,11 @@ class DepthAttitude:
             other, roll_rad=plain.roll_rad, pitch_rad=plain.pitch_rad, covariance_rad2=plain.covariance_rad2,
             height_m=found[0].height_m, source=self.name, predicted=False,
         )  # fmt: skip
+
+    @property
+    def faults(self) -> Sequence[Fault]:
+        """Those of the other source."""
+        return self._other.faults
 
     def update(self, rotation: TrackedRotation | None) -> Attitude:
         """The attitude from depth, which also updates the other source; without floor in view, the other source's."""

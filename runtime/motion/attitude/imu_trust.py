@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 
 from edgemap.geometry.camera.imu import ImuSamples
 from edgemap.geometry.se2 import SE2
+from edgemap.runtime.frames.faults import Fault, FaultKind
 from edgemap.runtime.motion.trust import Agreement, Trust, TrustRule
 
 Array = NDArray[np.float64]
@@ -84,8 +85,8 @@ class ImuTrust:
 
     def judge(
         self, samples: ImuSamples, stamp_s: float, moved: tuple[SE2, Array] | None, up: Array, bias: Array
-    ) -> tuple[ImuSamples, str]:
-        """The valid samples, and one line where a sensor is excluded from now on, or used again. moved: motion of the
+    ) -> tuple[ImuSamples, Fault | None]:
+        """The valid samples, and a fault where a sensor is excluded from now on, or used again. moved: motion of the
         step before, by the odometry without the gyro. up: (3,), optical frame. bias: (3,), the gyro's estimated bias.
         """
         samples = self._of_frame(samples, stamp_s)
@@ -93,7 +94,7 @@ class ImuTrust:
         if self._apart == OTHER_CLOCK:
             return self._told(samples)
         if not len(samples):
-            return samples, ""
+            return samples, None
         span_s = stamp_s - self._seen_s if math.isfinite(self._seen_s) else 0.0
         self._compare(moved)
         good = self._gyro.judge(samples.gyro_rad_s, span_s)
@@ -113,12 +114,13 @@ class ImuTrust:
         self._apart = self._apart + 1 if abs(self._apart_s) > APART_S else 0
         return ImuSamples.none() if self._apart else samples.between(stamp_s - HISTORY_S, stamp_s)
 
-    def _told(self, samples: ImuSamples) -> tuple[ImuSamples, str]:
+    def _told(self, samples: ImuSamples) -> tuple[ImuSamples, Fault | None]:
         """The samples, and the news about them."""
         before, self._reason = self._reason, self._guilty()
         if self._reason and not before:
-            return samples, f"{self._reason}: the IMU is left out"
-        return samples, "the IMU (gyro and accelerometer) is used again" if before and not self._reason else ""
+            return samples, Fault(FaultKind.IMU_EXCLUDED, f"{self._reason}: the IMU is left out")
+        again = Fault(FaultKind.IMU_RESTORED, "the IMU (gyro and accelerometer) is used again")
+        return samples, again if before and not self._reason else None
 
     def _count(self, samples: int) -> None:
         """The frames of each sample, where none brings two: several at once are a driver's packet, not a low rate."""

@@ -20,6 +20,7 @@ from edgemap.geometry.camera.inertial import (
 )
 from edgemap.geometry.camera.level import pitch_roll, up_optical
 from edgemap.geometry.camera.mount import Mount
+from edgemap.runtime.frames.faults import Fault
 from edgemap.runtime.frames.frame import Frame
 from edgemap.runtime.motion.attitude.checked_mount import MountRule
 from edgemap.runtime.motion.attitude.imu_trust import ImuTrust
@@ -66,6 +67,7 @@ class InertialAttitude:
         arms = [(0.0, 0.0, mount.height_m), (mount.forward_m, mount.left_m, 0.0)]
         self._arm = np.array(arms) @ mount.rotation_base_optical()
         self._other, self._noise = other, self._rule.noise
+        self.faults: tuple[Fault, ...] = ()
         self._state: InertialState | None = None
         self._trust = ImuTrust(self._noise.rest_window_s, trust or TrustRule())
         self._seen_s = -math.inf
@@ -76,10 +78,11 @@ class InertialAttitude:
         other = self._other.predict(frame, moved)
         bias = np.zeros(3) if self._state is None else self._state.bias
         samples, fault = self._trust.judge(frame.imu, frame.stamp_s, moved, self._up, bias)
+        self.faults = (*self._other.faults, *([fault] if fault else []))
         before_s, self._seen_s = self._seen_s, frame.stamp_s
         if self._trust.left_out or not len(samples):
             self._state = None if self._trust.left_out else self._waiting(frame.stamp_s)
-            return replace(other, fault=fault) if fault else other
+            return other
         if self._state is None or not 0.0 < frame.stamp_s - self._state.stamp_s <= LONGEST_S:
             state, rotation = self._begun(samples, frame.stamp_s, before_s)
         else:
@@ -88,7 +91,7 @@ class InertialAttitude:
         if rotation is not None and self._calm():
             rotation = replace(rotation, proved=self._trust.proved)
         found = Attitude.of_up(state.up_optical, state.tilt_covariance(), self.name)
-        return replace(found, fault=fault, rotation=rotation, force_rad=_angles(state.force_optical))
+        return replace(found, rotation=rotation, force_rad=_angles(state.force_optical))
 
     def update(self, rotation: TrackedRotation | None) -> Attitude:
         """The other source's, where no samples came."""

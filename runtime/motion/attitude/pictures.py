@@ -36,6 +36,7 @@ class PicturesAttitude:
     """
 
     name = "pictures"
+    faults = ()
 
     def __init__(self, mount: Mount, tilt: MountTiltRule | None = None, rotation_share: float = ROTATION_SHARE) -> None:
         tilt = tilt or MountTiltRule()

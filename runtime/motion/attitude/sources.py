@@ -14,6 +14,7 @@ class MountAttitude:
     """The mount's angles in every frame, with the covariance of a robot that nods."""
 
     name = "mount"
+    faults = ()
 
     def __init__(self, mount: Mount, sigma_rad: float = NODDING_RAD) -> None:
         self._sigma_rad = sigma_rad
@@ -39,6 +40,7 @@ class RecordedAttitude:
     """The attitude of recorded 6-DoF poses."""
 
     name = "truth"
+    faults = ()
 
     def __init__(self, track: AttitudeTrack, mount: Mount) -> None:
         self._track, self._height_m, self._seen_s = track, mount.height_m, 0.0

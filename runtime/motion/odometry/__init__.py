@@ -9,6 +9,7 @@ from edgemap.geometry.camera.mount_tilt import MountTiltRule
 from edgemap.geometry.odometry.keyframe_window import WindowRule
 from edgemap.runtime.frames.camera import Camera
 from edgemap.runtime.frames.errors import OdometryError
+from edgemap.runtime.frames.faults import Fault
 from edgemap.runtime.frames.trajectory import PoseTrack, TrackFile, read_tum
 from edgemap.runtime.motion.health import HealthRule
 from edgemap.runtime.motion.odometry.coasting import CoastingRule
@@ -106,23 +107,23 @@ def hybrid_members(
     wheels: bool,
     rules: OdometryRules,
     tilt: MountTiltRule | None = None,
-) -> tuple[list[Member], str]:
+) -> tuple[list[Member], Fault | None]:
     """The hybrid's members: corners on the floor, the bundle's flow head where it is trained for such a camera, wheels
-    where the source has them, and the gyro. Also returns why a robot's camera has no flow head; empty otherwise."""
+    where the source has them, and the gyro. Also returns why a robot's camera has no flow head; None otherwise."""
     scale = rules.hybrid.covariance_scale
     head, flow = bundle.manifest.odometry.get("flow"), None
     if head is not None and head.trained:
         coasting = rules.coasting.of_unit(floor.mount.platform.unit_m)
         flow = LearnedOdometry(bundle, "flow", floor, coasting=coasting)
-    warning = flow.warning if flow else ""
-    carried = bool(warning) and at_head_height(bundle.manifest, camera, floor)
+    warning = flow.warning if flow else None
+    carried = warning is not None and at_head_height(bundle.manifest, camera, floor)
     members = [Member(_tracked(floor, rules, tilt, carried), CAMERA, scale**2 if warning else scale)]
     if flow is not None and not warning:
         members.append(Member(flow, CAMERA, scale**4, reach_rad=flow.reach_rad, auxiliary=True))
     if wheels and camera.wheel is not None:
         members.append(Member(_wheels(camera.wheel, rules), WHEELS))
     members.append(Member(GyroOdometry(displaced=True), GYRO, scale**2, optional=True))
-    return members, "" if carried else warning
+    return members, None if carried else warning
 
 
 def at_head_height(manifest: Manifest, camera: Camera, floor: FloorCamera) -> bool:

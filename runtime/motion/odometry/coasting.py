@@ -7,6 +7,7 @@ import numpy as np
 
 from edgemap.geometry.arrays import Array
 from edgemap.geometry.se2 import SE2
+from edgemap.runtime.frames.faults import Fault
 from edgemap.runtime.motion.odometry.protocol import Motion, MotionState
 
 # Between two steps, for a velocity; so long the last one is extrapolated, about a robot's turn before a blank wall (16
@@ -73,7 +74,7 @@ class Coasting:
         """Coasting starts at this stamp, up to which the motion was measured."""
         self._last_s = self._blind_from_s = stamp_s
 
-    def guess(self, stamp_s: float, fault: str) -> Motion:
+    def guess(self, stamp_s: float, *faults: Fault) -> Motion:
         """The motion since the last stamp, blind."""
         if not math.isfinite(self._last_s):
             self.begin(stamp_s - LONGEST_DT_S)
@@ -84,7 +85,7 @@ class Coasting:
         self._variance = np.diag(self._sigmas[:2] ** 2)
         covariance = np.diag(self._sigmas**2 * (after_s**2 - before_s**2))
         state = MotionState.COASTING if carried_s > 0.0 and self._velocity.any() else MotionState.BLIND
-        return Motion(SE2(*(self._velocity * carried_s)), covariance, fault, state)
+        return Motion(SE2(*(self._velocity * carried_s)), covariance, faults, state)
 
     def reset(self) -> None:
         """Discards the velocity."""

@@ -14,6 +14,7 @@ from edgemap.geometry.camera.mount_tilt import MountTiltRule
 from edgemap.geometry.odometry.landmarks import TURN_M
 from edgemap.geometry.odometry.rolling import Rolling
 from edgemap.geometry.se2 import SE2
+from edgemap.runtime.frames.faults import Fault
 from edgemap.runtime.frames.frame import Frame
 from edgemap.runtime.motion.odometry.coasting import LONGEST_DT_S, Coasting, CoastingRule
 from edgemap.runtime.motion.odometry.corners import CornersRule, CornerTracker
@@ -103,7 +104,7 @@ class CornerOdometry(ABC):
         self._tracker.take(frame, prior.movers)
         return frame.stamp_s - self._seen_s
 
-    def step_blind(self, stamp_s: float, reason: str, attitude: Attitude | None = None) -> Motion:  # noqa: ARG002
+    def step_blind(self, stamp_s: float, reason: Fault, attitude: Attitude | None = None) -> Motion:  # noqa: ARG002
         """Predicts the motion without a picture. What is tracked is kept: the next picture measures the motion since
         the previous one.
         """

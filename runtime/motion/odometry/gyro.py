@@ -6,6 +6,7 @@ import numpy as np
 
 from edgemap.geometry.camera.attitude import Attitude, GyroRotation
 from edgemap.geometry.se2 import SE2
+from edgemap.runtime.frames.faults import Fault, FaultKind
 from edgemap.runtime.frames.frame import Frame
 from edgemap.runtime.motion.odometry.protocol import (
     NO_PRIOR,
@@ -35,15 +36,18 @@ class GyroOdometry:
 
     def step(self, frame: Frame, features: Tensors, prior: FramePrior = NO_PRIOR) -> Motion:  # noqa: ARG002
         """The yaw since the last frame."""
-        return self.step_blind(frame.stamp_s, "", prior.attitude)
+        return self._to(frame.stamp_s, prior.attitude)
 
-    def step_blind(self, stamp_s: float, reason: str, attitude: Attitude | None = None) -> Motion:  # noqa: ARG002
+    def step_blind(self, stamp_s: float, reason: Fault, attitude: Attitude | None = None) -> Motion:  # noqa: ARG002
         """The yaw since the last frame; a gyro needs no picture."""
+        return self._to(stamp_s, attitude)
+
+    def _to(self, stamp_s: float, attitude: Attitude | None) -> Motion:
         first, self._first = self._first, False
         if first:
             return first_motion()
         if attitude is None or attitude.rotation is None:
-            return blind_motion(f"gyro odometry: no samples up to {stamp_s:.3f} s")
+            return blind_motion(Fault(FaultKind.GYRO, f"gyro odometry: no samples up to {stamp_s:.3f} s"))
         motion, displaced = yaw_motion(attitude.rotation), attitude.rotation.displaced
         if not self._displaced or displaced is None:
             return motion

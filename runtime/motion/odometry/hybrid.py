@@ -17,6 +17,7 @@ from edgemap.geometry.odometry.covariance_intersection import (
 )
 from edgemap.geometry.odometry.room_compass import CompassRule, RoomCompass
 from edgemap.geometry.se2 import SE2
+from edgemap.runtime.frames.faults import Fault, FaultKind
 from edgemap.runtime.frames.frame import Frame
 from edgemap.runtime.frames.timing import StreamTimer
 from edgemap.runtime.motion.health import REPEATED_S, HealthRule
@@ -102,7 +103,7 @@ class HybridOdometry:
         members: Sequence[Member],
         rule: HybridRule | None = None,
         coasting: CoastingRule | None = None,
-        warning: str = "",
+        warning: Fault | None = None,
         health: HealthRule | None = None,
     ) -> None:
         if not members:
@@ -134,7 +135,7 @@ class HybridOdometry:
         """The members' fused motion since the last frame."""
         if self._begun_with != frame.index:
             self.begin(frame, features, prior)
-        motions = [blind_motion("")] * len(self._members)
+        motions = [blind_motion()] * len(self._members)
         for index, member in enumerate(self._members):
             if index not in self._begun and (self._awake or index not in self._networks):
                 motions[index] = member.odometry.step(frame, features, prior)
@@ -146,7 +147,7 @@ class HybridOdometry:
         self._last_s, self._blind_rad = frame.stamp_s, 0.0
         return motion
 
-    def step_blind(self, stamp_s: float, reason: str, attitude: Attitude | None = None) -> Motion:
+    def step_blind(self, stamp_s: float, reason: Fault, attitude: Attitude | None = None) -> Motion:
         """The motion of those that need no picture."""
         motions = [member.odometry.step_blind(stamp_s, reason, attitude) for member in self._members]
         motion = self._corrected(stamp_s, self._fused(stamp_s, motions), attitude)
@@ -192,7 +193,7 @@ class HybridOdometry:
         if self._first:
             self._first, self._agreed_s, self._fused_s = False, stamp_s, stamp_s
             self._coasting.begin(stamp_s)
-            return first_motion(_joined([*(motion.fault for motion in motions), self._warning]))
+            return first_motion(*_distinct([*(fault for motion in motions for fault in motion.faults), self._warning]))
         alive = self._with_auxiliary(self._estimates(motions, covered))
         wheels, camera = _of(WHEELS, alive), _of(CAMERA, alive)
         judges = max(covered, self._movers) < self._covered_limit
@@ -200,7 +201,7 @@ class HybridOdometry:
         alive = self._wheels.trusted(alive, camera is not None)
         others = [item for item in alive if item.source != GYRO]
         if not others:
-            guess = self._coasting.guess(stamp_s, _joined(faults))
+            guess = self._coasting.guess(stamp_s, *_distinct(faults))
             guess = guess if not alive else _with_gyro(guess, alive[0])
             return replace(guess, members=self._answers(alive, alive))
         found = consensus(self._reweighted_by_gyro(alive))
@@ -217,7 +218,7 @@ class HybridOdometry:
         return Motion(
             SE2(*moved),
             covariance,
-            _joined([*faults, conflict]),
+            _distinct([*faults, conflict]),
             members=self._answers(alive, [found]),
             without_gyro=visual and (SE2(*visual.motion), np.asarray(visual.covariance)),
             rotation=rotation,
@@ -238,18 +239,19 @@ class HybridOdometry:
         ]
         return [item for item in found if item.source == GYRO or (np.diag(item.covariance) < UNKNOWN).all()]
 
-    def _lasting(self, conflict: str, stamp_s: float) -> tuple[float, str]:
+    def _lasting(self, conflict: str, stamp_s: float) -> tuple[float, Fault | None]:
         """Factor on the covariance of a step for errors that last longer, and the fault, where sources have disagreed
         for a while."""
         before_s, conflict_s = self._fused_s - self._agreed_s, stamp_s - self._agreed_s
         self._fused_s = stamp_s
         if not conflict:
             self._agreed_s = stamp_s
-            return self._rule.covariance_scale, ""
+            return self._rule.covariance_scale, None
         # Who is wrong goes on being wrong: errors add up, not their squares, as in `Coasting`.
         factor = (before_s + conflict_s) / max(conflict_s - before_s, SHORTEST_DT_S)
         new = before_s < LONGEST_DT_S - SHORTEST_DT_S <= conflict_s  # wheels slip for less
-        return factor, f"hybrid odometry: {conflict}: they disagree" if new else ""
+        fault = Fault(FaultKind.DISAGREEMENT, f"hybrid odometry: {conflict}: they disagree")
+        return factor, fault if new else None
 
     def _scale_of(self, member: Member, covered: float) -> float:
         """Factor on a member's covariance in this picture."""
@@ -305,7 +307,7 @@ class HybridOdometry:
         if found.measured:
             self._measured.add(index)
         elif member.optional and index not in self._measured:
-            return replace(found, fault="", state=MotionState.BLIND)
+            return replace(found, faults=(), state=MotionState.BLIND)
         return found
 
     def _within_reach(self, index: int, motions: Sequence[Motion]) -> Motion:
@@ -317,18 +319,20 @@ class HybridOdometry:
         far = any(abs(self._blind_rad + other.motion.yaw_rad) > member.reach_rad for other in others)
         return replace(motion, state=MotionState.BLIND) if far else motion
 
-    def _repeated_faults(self, stamp_s: float, motions: Sequence[Motion]) -> list[str]:
+    def _repeated_faults(self, stamp_s: float, motions: Sequence[Motion]) -> list[Fault]:
         """Faults that are new, or were last reported a while ago."""
+        news: list[Fault] = []
         for timer, motion in zip(self._news, motions, strict=True):
-            if not motion.fault:
+            if not motion.faults:
                 timer.done()
-        named = zip(self._news, motions, strict=True)
-        return [motion.fault for timer, motion in named if motion.fault and timer.due(stamp_s)]
+            elif timer.due(stamp_s):
+                news += motion.faults
+        return news
 
 
-def _joined(faults: Iterable[str]) -> str:
-    """All faults as one, each once."""
-    return "; ".join(dict.fromkeys(filter(None, faults)))
+def _distinct(faults: Iterable[Fault | None]) -> tuple[Fault, ...]:
+    """Each fault once."""
+    return tuple(dict.fromkeys(filter(None, faults)))
 
 
 def _of(source: str, estimates: Sequence[MotionEstimate]) -> MotionEstimate | None:

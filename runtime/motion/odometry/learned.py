@@ -11,6 +11,7 @@ from edgemap.geometry.camera.mount import Mount
 from edgemap.geometry.odometry.flow_cells import flow_cells
 from edgemap.geometry.se2 import SE2
 from edgemap.runtime.frames.errors import OdometryError
+from edgemap.runtime.frames.faults import Fault, FaultKind
 from edgemap.runtime.frames.frame import Frame
 from edgemap.runtime.motion.odometry.coasting import LONGEST_DT_S, Coasting, CoastingRule
 from edgemap.runtime.motion.odometry.protocol import NO_PRIOR, FramePrior, Motion, blind_motion, first_motion, no_motion
@@ -63,15 +64,16 @@ class LearnedOdometry:
         self._geometry: Tensors = {}
         self._camera, self._input, self._mount = camera, bundle.manifest.detector.input, camera.mount
         self._reach_rad = math.inf
-        self._warning = ""  # how the camera lies outside what the head was trained on
+        self._warning: Fault | None = None  # how the camera lies outside what the head was trained on
         if self._head.geometry is not None:
             self._set_mount(camera.mount)
-            self._warning = outside_envelope(bundle.manifest, camera)
+            outside = outside_envelope(bundle.manifest, camera)
+            self._warning = Fault(FaultKind.UNTRAINED_CAMERA, f"flow odometry: {outside}") if outside else None
         self.reset("start")
 
     @property
-    def warning(self) -> str:
-        """How the camera lies outside the head's training envelope; empty where it does not."""
+    def warning(self) -> Fault | None:
+        """How the camera lies outside the head's training envelope; None where it does not."""
         return self._warning
 
     @property
@@ -110,18 +112,20 @@ class LearnedOdometry:
         if fresh or old or not self._geometry:
             self._next_keyframe(frame.stamp_s)
         if fresh and math.isfinite(step_s):
-            return blind_motion(f"{self.name} odometry: {step_s:.3f} s since the last frame, started again")
+            text = f"{self.name} odometry: {step_s:.3f} s since the last frame, started again"
+            return blind_motion(Fault(FaultKind.ODOMETRY, text))
         if fresh:
             self._coasting.begin(frame.stamp_s)
-            return first_motion(self._warning)
+            return first_motion(*([self._warning] if self._warning else []))
         if not (np.isfinite(motion.vector()).all() and np.isfinite(covariance).all()):
             self._start_again()
-            return blind_motion(f"{self.name} odometry: motion not finite at frame {frame.index}, state reset")
+            text = f"{self.name} odometry: motion not finite at frame {frame.index}, state reset"
+            return blind_motion(Fault(FaultKind.OUT_OF_RANGE, text))
         motion = since.inverse() @ motion
         self._coasting.saw(motion, frame.stamp_s)
         return Motion(motion, covariance + blind)
 
-    def step_blind(self, stamp_s: float, reason: str, attitude: Attitude | None = None) -> Motion:  # noqa: ARG002
+    def step_blind(self, stamp_s: float, reason: Fault, attitude: Attitude | None = None) -> Motion:  # noqa: ARG002
         """A guess; the next picture measures the motion since the keyframe."""
         guess = self._coasting.guess(stamp_s, reason)
         self._since, self._blind_covariance = self._since @ guess.motion, self._blind_covariance + guess.covariance
@@ -183,4 +187,4 @@ def outside_envelope(manifest: Manifest, camera: FloorCamera) -> str:
             margin = MARGIN * max(high - low, abs(high)) + ROUNDING  # a head of one camera has no span
             if not low - margin <= value <= high + margin:
                 found.append(f"{name} {value:.2f} (trained on {low:g} to {high:g})")
-    return f"flow odometry: the camera is outside what it was trained on: {', '.join(found)}" if found else ""
+    return f"the camera is outside what it was trained on: {', '.join(found)}" if found else ""

@@ -33,6 +33,7 @@ from edgemap.geometry.odometry.landmarks import (
 from edgemap.geometry.odometry.rolling import Rolling
 from edgemap.geometry.odometry.two_view import travelled
 from edgemap.geometry.se2 import SE2
+from edgemap.runtime.frames.faults import Fault, FaultKind
 from edgemap.runtime.frames.frame import Frame
 from edgemap.runtime.motion.odometry.coasting import LONGEST_DT_S, CoastingRule
 from edgemap.runtime.motion.odometry.corner_odometry import MINIMUM_COVARIANCE, CornerOdometry, PlanarRule
@@ -78,7 +79,7 @@ class PlanarOdometry(CornerOdometry):
             if first:
                 self._coasting.begin(frame.stamp_s)
                 return first_motion()
-            fault = f"planar odometry: started again at {frame.stamp_s:.3f} s"
+            fault = Fault(FaultKind.ODOMETRY, f"planar odometry: started again at {frame.stamp_s:.3f} s")
             return self._coasting.guess(frame.stamp_s, fault)
         self._choose(self._tracker.follow(self._expected(), not self._rotation_known))
         found = self._locate() if len(self._landmarks) >= self._rule.least_weight else None
@@ -254,9 +255,8 @@ class PlanarOdometry(CornerOdometry):
 
     def _guess(self, frame: Frame) -> Motion:
         """Handles a tracking failure: starts with new corners at the predicted view."""
-        guess = self._coasting.guess(
-            frame.stamp_s, f"planar odometry: no motion agrees among {len(self._landmarks)} floor corners"
-        )
+        text = f"planar odometry: no motion agrees among {len(self._landmarks)} floor corners"
+        guess = self._coasting.guess(frame.stamp_s, Fault(FaultKind.ODOMETRY, text))
         self._view = self._ahead(self._since @ guess.motion)
         self._motion = guess.motion
         self._since, self._since_covariance = SE2(), np.zeros((3, 3))

@@ -12,6 +12,7 @@ from edgemap.geometry.arrays import Array
 from edgemap.geometry.camera.attitude import Attitude, TrackedRotation
 from edgemap.geometry.observations.floor_mask import FloorMask
 from edgemap.geometry.se2 import SE2
+from edgemap.runtime.frames.faults import Fault, FaultKind
 from edgemap.runtime.frames.frame import Frame
 from edgemap.runtime.network.network import Tensors
 
@@ -62,7 +63,7 @@ class MotionState(Enum):
 @dataclass(frozen=True, slots=True, eq=False)
 class Motion:
     """motion: of the BASE from the previous frame to this one. covariance: (3, 3) in (m, m, rad), in the previous
-    base frame. fault: one line on what failed or was excluded, else empty; for display only. members: of a hybrid, by
+    base frame. faults: what failed or was excluded. members: of a hybrid, by
     name: `used`, `blind` (no measurement) or `left_out` (it disagrees). without_gyro: of a hybrid with a gyro, motion
     and covariance from its other members. rotation: of the camera, where tracked corners measure it. lengths: of a
     hybrid, ahead by the camera and by the wheels, m. heading_rad2: variance of the sum of all yaws since the start,
@@ -70,7 +71,7 @@ class Motion:
 
     motion: SE2 = field(default_factory=SE2)
     covariance: Array = field(default_factory=unknown_covariance)
-    fault: str = ""
+    faults: tuple[Fault, ...] = ()
     state: MotionState = MotionState.MEASURED
     members: Mapping[str, str] = field(default_factory=dict)
     without_gyro: tuple[SE2, Array] | None = None
@@ -103,14 +104,16 @@ class Motion:
         and positive."""
         values, covariance = self.motion.vector(), self.covariance
         if not (np.isfinite(values).all() and np.isfinite(covariance).all()):
-            return blind_motion(f"{name} odometry: motion not finite")
-        if np.abs(values).max() > FARTHEST_M:
-            return blind_motion(f"{name} odometry: {values[0]:.3g}, {values[1]:.3g} m in one step")
-        if np.abs(covariance).max() > FARTHEST_M**2:
-            return blind_motion(f"{name} odometry: nothing measured how far one step is (do the stamps jump?)")
-        if not is_covariance(covariance):
-            return blind_motion(f"{name} odometry: its covariance is not positive")
-        return self
+            wrong = "motion not finite"
+        elif np.abs(values).max() > FARTHEST_M:
+            wrong = f"{values[0]:.3g}, {values[1]:.3g} m in one step"
+        elif np.abs(covariance).max() > FARTHEST_M**2:
+            wrong = "nothing measured how far one step is (do the stamps jump?)"
+        elif not is_covariance(covariance):
+            wrong = "its covariance is not positive"
+        else:
+            return self
+        return blind_motion(Fault(FaultKind.OUT_OF_RANGE, f"{name} odometry: {wrong}"))
 
 
 def no_motion() -> Motion:
@@ -119,14 +122,14 @@ def no_motion() -> Motion:
     return Motion(covariance=np.diag(np.square([REST_M, REST_M, REST_RAD])), rotation=rest)
 
 
-def blind_motion(fault: str) -> Motion:
-    """No measurement: identity, covariance unknown, and the reason."""
-    return Motion(fault=fault, state=MotionState.BLIND)
+def blind_motion(*faults: Fault) -> Motion:
+    """No measurement: identity, covariance unknown, and the reasons."""
+    return Motion(faults=faults, state=MotionState.BLIND)
 
 
-def first_motion(fault: str = "") -> Motion:
+def first_motion(*faults: Fault) -> Motion:
     """The motion of a first frame: identity, covariance unknown."""
-    return Motion(fault=fault, state=MotionState.UNMEASURED)
+    return Motion(faults=faults, state=MotionState.UNMEASURED)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -160,11 +163,11 @@ class Odometry(Protocol):
         it did not run."""
         ...
 
-    def step_blind(self, stamp_s: float, reason: str, attitude: Attitude | None = None) -> Motion:
+    def step_blind(self, stamp_s: float, reason: Fault, attitude: Attitude | None = None) -> Motion:
         """The motion from the previous step to a stamp without a picture, or with one that cannot be trusted.
 
-        Wheels and gyro keep measuring; an odometry that needs pictures is blind. reason: why the picture is missing,
-        for the fault. attitude: at the stamp, with the gyro's rotation since the previous step, where there is an IMU.
+        Wheels and gyro keep measuring; an odometry that needs pictures is blind. reason: why the picture is missing.
+        attitude: at the stamp, with the gyro's rotation since the previous step, where there is an IMU.
         """
         ...
 

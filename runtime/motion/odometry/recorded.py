@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 from edgemap.geometry.camera.attitude import Attitude
 from edgemap.geometry.se2 import SE2
 from edgemap.runtime.frames.errors import OdometryError
+from edgemap.runtime.frames.faults import Fault, FaultKind
 from edgemap.runtime.frames.frame import Frame
 from edgemap.runtime.frames.trajectory import PoseTrack
 from edgemap.runtime.motion.odometry.protocol import (
@@ -69,6 +70,7 @@ class RecordedOdometry:
         self.name = name
         self._trajectory = trajectory
         self._drift = drift or DriftRate()
+        self._kind = FaultKind.WHEELS if self._drift.roughness_m else FaultKind.POSES
         self._edge_s = edge_s
         period_s = float(np.median(np.diff(trajectory.stamps_s))) if len(trajectory.poses) > 1 else 0.0
         self._longest_gap_s = max(LONGEST_GAP_S, LONGEST_GAP_PERIODS * period_s)
@@ -78,7 +80,7 @@ class RecordedOdometry:
         """The recorded motion since the last frame."""
         return self._to(frame.stamp_s)
 
-    def step_blind(self, stamp_s: float, reason: str, attitude: Attitude | None = None) -> Motion:  # noqa: ARG002
+    def step_blind(self, stamp_s: float, reason: Fault, attitude: Attitude | None = None) -> Motion:  # noqa: ARG002
         """The recorded motion: it needs no picture."""
         return self._to(stamp_s)
 
@@ -105,12 +107,11 @@ class RecordedOdometry:
         fault = fault or self._broken(stamp_s)
         last, self._last, first = self._last, pose, not math.isfinite(self._last_s)
         self._last_s = stamp_s
-        if fault:
-            return blind_motion(f"odometry {self.name}: {fault}")
-        if first:
+        if first and not fault:
             return first_motion()
-        if last is None or pose is None:
-            return blind_motion(f"odometry {self.name}: known again from {stamp_s:.3f} s on")
+        if fault or last is None or pose is None:
+            text = fault or f"known again from {stamp_s:.3f} s on"
+            return blind_motion(Fault(self._kind, f"odometry {self.name}: {text}"))
         motion = last.inverse() @ pose
         return Motion(motion, self._drift.covariance(motion))
 

@@ -7,6 +7,7 @@ from edgemap.geometry.camera.attitude import Attitude
 from edgemap.geometry.camera.carried import Carried
 from edgemap.geometry.camera.depth_points import NEAREST_M
 from edgemap.geometry.se2 import SE2
+from edgemap.runtime.frames.faults import Fault
 from edgemap.runtime.frames.frame import Frame
 from edgemap.runtime.motion.odometry.planar import PlanarOdometry
 from edgemap.runtime.motion.odometry.protocol import NO_PRIOR, FramePrior, Motion
@@ -51,7 +52,7 @@ class TrackedOdometry:
         """As of the one that is in use."""
         return self._now.sways(nod2, motion, span_s, gyro, attitude)
 
-    def step_blind(self, stamp_s: float, reason: str, attitude: Attitude | None = None) -> Motion:
+    def step_blind(self, stamp_s: float, reason: Fault, attitude: Attitude | None = None) -> Motion:
         """As of the one that is in use."""
         return self._now.step_blind(stamp_s, reason, attitude)
 

@@ -6,6 +6,7 @@ from dataclasses import replace
 import numpy as np
 
 from edgemap.geometry.odometry.covariance_intersection import MotionEstimate, difference
+from edgemap.runtime.frames.faults import Fault, FaultKind
 from edgemap.runtime.motion.trust import Agreement, Innovation, Trust, TrustRule
 
 WHEELS = "wheels"  # the source
@@ -25,11 +26,11 @@ class WheelTrust:
         """Factor on the fused covariance."""
         return self._innovation.scale
 
-    def judge(self, wheels: MotionEstimate | None, camera: MotionEstimate | None, dt_s: float) -> str:
+    def judge(self, wheels: MotionEstimate | None, camera: MotionEstimate | None, dt_s: float) -> Fault | None:
         """Compare one step; a fault in the step from which on the wheels are excluded, or used again."""
         if wheels is None or camera is None:
             self._yaw, self._length = self._yaw.restarted(), self._length.restarted()
-            return ""
+            return None
         (x_m, _, yaw_rad), (camera_m, _, camera_rad) = wheels.motion.tolist(), camera.motion.tolist()
         together = np.asarray(camera.covariance + wheels.covariance)
         self._yaw = self._yaw.updated(yaw_rad, camera_rad, float(together[2, 2]))
@@ -41,11 +42,12 @@ class WheelTrust:
         else:
             self._innovation = self._innovation.updated(difference(camera, wheels), together, dt_s)
         if not news:
-            return ""
+            return None
         if not wrong:
-            return f"{WHEELS}: agrees with the camera again: used again"
+            return Fault(FaultKind.WHEELS_RESTORED, f"{WHEELS}: agrees with the camera again: used again")
         name, part = wrong[0]
-        return f"{WHEELS}: its {name} is {100.0 * part.ratio:.0f} % of what the camera measures: left out"
+        text = f"{WHEELS}: its {name} is {100.0 * part.ratio:.0f} % of what the camera measures: left out"
+        return Fault(FaultKind.WHEELS_EXCLUDED, text)
 
     def trusted(self, estimates: Sequence[MotionEstimate], camera: bool) -> list[MotionEstimate]:
         """The estimates without distrusted wheels. Beside the camera, quantities of the wheels that have not been

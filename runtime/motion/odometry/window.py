@@ -15,6 +15,7 @@ from edgemap.geometry.odometry.keyframe_window import KeyframeWindow, WindowRule
 from edgemap.geometry.odometry.resection import LensPose
 from edgemap.geometry.odometry.window_factors import PoseFactors
 from edgemap.geometry.se2 import SE2
+from edgemap.runtime.frames.faults import Fault, FaultKind
 from edgemap.runtime.frames.frame import Frame
 from edgemap.runtime.motion.odometry.coasting import CoastingRule
 from edgemap.runtime.motion.odometry.corner_odometry import MINIMUM_COVARIANCE, CornerOdometry, PlanarRule
@@ -59,7 +60,8 @@ class WindowOdometry(CornerOdometry):
             if first:
                 self._coasting.begin(frame.stamp_s)
                 return first_motion()
-            return self._coasting.guess(frame.stamp_s, f"planar odometry: started again at {frame.stamp_s:.3f} s")
+            fault = Fault(FaultKind.ODOMETRY, f"planar odometry: started again at {frame.stamp_s:.3f} s")
+            return self._coasting.guess(frame.stamp_s, fault)
         factors = self._factors(prior.attitude, gyro)
         start = self._expected_pose(gyro)
         self._tracker.follow(self._expected(start), gyro is None)
@@ -110,8 +112,8 @@ class WindowOdometry(CornerOdometry):
 
     def _started_again(self, frame: Frame, start: LensPose, factors: PoseFactors) -> Motion:
         """A new window, from the expected pose, after a picture that agrees with no motion."""
-        fault = f"planar odometry: no motion agrees among {len(self._tracker.corners)} corners"
-        guess = self._coasting.guess(frame.stamp_s, fault)
+        text = f"planar odometry: no motion agrees among {len(self._tracker.corners)} corners"
+        guess = self._coasting.guess(frame.stamp_s, Fault(FaultKind.ODOMETRY, text))
         self._motion = guess.motion
         self._begin(frame, start, factors)
         return guess

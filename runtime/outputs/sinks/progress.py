@@ -1,12 +1,13 @@
 """Progress of a run on standard error: a progress bar on a terminal, plain lines elsewhere."""
 
-import re
+import math
 import sys
 from time import monotonic
 
 from tqdm import tqdm
 
 from edgemap.geometry.map_object import MapObject
+from edgemap.runtime.frames.faults import Fault, FaultKind
 from edgemap.runtime.frames.reading import print_message, printable
 from edgemap.runtime.step.sinks import Sink
 from edgemap.runtime.step.slam import StepResult
@@ -22,20 +23,18 @@ class ProgressBar(Sink):
 
     def __init__(self, total: int | None) -> None:
         self._bar = tqdm(total=total, unit=" frames", file=sys.stderr, leave=False)
-        self._shown: str | None = None
+        self._printed_s: dict[FaultKind, float] = {}
 
     def write(self, result: StepResult, objects: list[MapObject]) -> None:
         """Move on by one frame."""
-        for text in result.observed.faults:
-            self.fault(text)
         self._bar.set_postfix_str(_state(result, objects), refresh=False)
         self._bar.update()
 
-    def fault(self, text: str) -> None:
-        """Print it above the bar, unless it repeats the one printed last."""
-        if fault_kind(text) != self._shown:
-            self._shown = fault_kind(text)
-            self._bar.write(printable(text), file=sys.stderr)
+    def fault(self, fault: Fault) -> None:
+        """Print it above the bar, unless one of its kind was printed in the last 10 s."""
+        if monotonic() - self._printed_s.get(fault.kind, -math.inf) >= LINE_EVERY_S:
+            self._printed_s[fault.kind] = monotonic()
+            self._bar.write(printable(fault.text), file=sys.stderr)
 
     def close(self) -> None:
         """End the line."""
@@ -43,7 +42,7 @@ class ProgressBar(Sink):
 
 
 class ProgressLines(Sink):
-    """Progress in a log: a line every 10 s, and each fault, unless it differs from an earlier one in its numbers only.
+    """Progress in a log: a line every 10 s, and between two lines the first fault of each kind.
 
     total: None for live cameras.
     """
@@ -54,14 +53,12 @@ class ProgressLines(Sink):
     def __init__(self, total: int | None) -> None:
         self._total = total
         self._frames = self._repeated = 0
-        self._printed: set[str] = set()
+        self._printed: set[FaultKind] = set()
         self._line_s = monotonic()
 
     def write(self, result: StepResult, objects: list[MapObject]) -> None:
         """One frame more; print the line when it is due."""
         self._frames += 1
-        for text in result.observed.faults:
-            self.fault(text)
         if monotonic() - self._line_s >= LINE_EVERY_S:
             self._line_s = monotonic()
             of = f" of {self._total}" if self._total else ""
@@ -70,19 +67,13 @@ class ProgressLines(Sink):
             self._printed.clear()
             self._repeated = 0
 
-    def fault(self, text: str) -> None:
-        """Print it, unless it was since the last line."""
-        kind = fault_kind(text)
-        if kind in self._printed:
+    def fault(self, fault: Fault) -> None:
+        """Print it, unless one of its kind was since the last line."""
+        if fault.kind in self._printed:
             self._repeated += 1
             return
-        self._printed.add(kind)
-        print_message(f"frame {self._frames}: {text}")
-
-
-def fault_kind(text: str) -> str:
-    """A fault without its numbers: the same for one that repeats with others."""
-    return re.sub(r"[-+]?\d+(\.\d+)?", "#", text)
+        self._printed.add(fault.kind)
+        print_message(f"frame {self._frames}: {fault.text}")
 
 
 def progress(total: int | None) -> Sink:

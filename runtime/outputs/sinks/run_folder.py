@@ -5,6 +5,7 @@ import math
 import os
 from collections import Counter, deque
 from contextlib import suppress
+from dataclasses import replace
 from pathlib import Path
 from time import perf_counter
 from typing import Any
@@ -19,6 +20,7 @@ from edgemap.geometry.map_object import MapObject
 from edgemap.geometry.objects.annotations import NO_ANNOTATIONS, Annotations
 from edgemap.runtime.frames.disk import LineFile, lock_folder, write_atomically
 from edgemap.runtime.frames.errors import DiskError, RunFolderError
+from edgemap.runtime.frames.faults import Fault
 from edgemap.runtime.frames.frame import jpeg
 from edgemap.runtime.frames.timing import StreamTimer, percentiles
 from edgemap.runtime.frames.trajectory import tum_line
@@ -62,7 +64,7 @@ class RunFolder:
         self._stage_times: dict[str, deque[float]] = {}
         self._stages: dict[str, dict[str, float]] = {}
         self._saves = 0
-        self._faults: list[str] = []
+        self._faults: list[dict[str, Any]] = []
         self._fault_kinds: Counter[str] = Counter()
         self._quality = QualityCounter()
         self.verdict = Verdict("care")  # of the newest save
@@ -71,7 +73,7 @@ class RunFolder:
         self._attitudes: Counter[str] = Counter()  # frames by where roll and pitch came from
         self._journal: PoseJournal | None = None
         self._rewritten_at = 0  # revision of the journal that the files show
-        self._fault_count = self._frames = 0
+        self._frames = 0
         self._save_timer = StreamTimer(SAVE_EVERY_S)
         self._failure: EdgemapError | None = None  # of the newest save
         self._stamp_s = 0.0
@@ -129,19 +131,16 @@ class RunFolder:
             self._mount_seen |= {"used_height_m": round(scale * self._camera.mount.height_m, 4)}
         if self._mount_seen:
             self._record = self._record | {"mount_seen": dict(self._mount_seen)}
-        for fault in result.observed.faults:
-            self.fault(fault)
-        self._fault_kinds.update(fault.kind.value for fault in result.faults if fault.counted)
         if result.relocated is not None or self._save_timer.is_due(stamp_s):
             self._save(rewrite=result.relocated is not None)
         if self._failure is not None:
             raise self._failure
 
-    def fault(self, text: str) -> None:
+    def fault(self, fault: Fault) -> None:
         """Records a fault with its frame; while a camera is disconnected, its faults trigger the saving."""
-        self._fault_count += 1
+        self._fault_kinds[fault.kind.value] += 1
         if len(self._faults) < MAX_FAULTS:
-            self._faults.append(f"frame {self._frames}: {text}")
+            self._faults.append(replace(fault, frame=self._frames).document())
         if perf_counter() - self._saved_at > SAVE_EVERY_S and not self._closed:
             self._save(rewrite=False)
 
@@ -220,8 +219,8 @@ class RunFolder:
             "attitude_sources": dict(self._attitudes),
             "quality": self._quality.document(),
             "merged": self._merged,
-            "fault_count": self._fault_count,
-            "camera_faults": dict(self._fault_kinds),
+            "fault_count": self._fault_kinds.total(),
+            "fault_kinds": dict(self._fault_kinds),
             "faults": self._faults,
             "lines_lost": self._trajectory.dropped + self._sightings.dropped,
         }

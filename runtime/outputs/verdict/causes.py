@@ -1,23 +1,23 @@
-"""Why maps go wrong, and what to do (causes.toml): each cause has a section of docs/troubleshooting.md, to which faults
-lead too."""
+"""Why maps go wrong, and what to do (causes.toml): each cause has a section of docs/troubleshooting.md."""
 
-import re
 import tomllib
 from dataclasses import dataclass
 from pathlib import Path
+
+from edgemap.runtime.frames.faults import FaultKind
 
 PAGE = "docs/troubleshooting.md"
 
 
 @dataclass(frozen=True, slots=True)
 class Cause:
-    """title: in a few words. remedy: what to do, in one or two sentences. anchor: of docs/troubleshooting.md. faults:
-    pattern of the words of faults that lead here; empty for none."""
+    """title: in a few words. remedy: what to do, in one or two sentences. anchor: of docs/troubleshooting.md. kinds: of
+    the faults that lead here."""
 
     title: str
     remedy: str
     anchor: str
-    faults: str = ""
+    kinds: frozenset[FaultKind] = frozenset()
 
     @property
     def link(self) -> str:
@@ -25,13 +25,16 @@ class Cause:
         return f"{PAGE}#{self.anchor}"
 
 
+def _cause(title: str, remedy: str, anchor: str, kinds: tuple[str, ...] = ()) -> Cause:
+    return Cause(title, remedy.replace("\n", " "), anchor, frozenset(map(FaultKind, kinds)))
+
+
 CAUSES = {
-    name: Cause(**entry | {"remedy": entry["remedy"].replace("\n", " ")})
-    for name, entry in tomllib.loads(Path(__file__).with_suffix(".toml").read_text()).items()
+    name: _cause(**entry) for name, entry in tomllib.loads(Path(__file__).with_suffix(".toml").read_text()).items()
 }
+_BY_KIND = {kind: cause for cause in CAUSES.values() for kind in cause.kinds}
 
 
-def cause_of_fault(text: str) -> Cause | None:
-    """The documentation section about a fault: the first whose words fit; None where there is none."""
-    words = ((cause, cause.faults) for cause in CAUSES.values() if cause.faults)
-    return next((cause for cause, pattern in words if re.search(pattern, text, re.IGNORECASE)), None)
+def cause_of(kind: FaultKind) -> Cause | None:
+    """The cause that faults of a kind lead to; None where there is none."""
+    return _BY_KIND.get(kind)

@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 
+from edgemap.runtime.frames.faults import FaultKind
 from edgemap.runtime.step.slam import StepResult
 
 
@@ -23,7 +24,7 @@ class QualityCounter:
 
     def __init__(self) -> None:
         self._counts: Counter[str] = Counter()
-        self._blind: Counter[str] = Counter()
+        self._blind: Counter[FaultKind] = Counter()
         self._wheels = False
         self._first_s = self._last_s = math.nan
         self._steps_s: list[float] = []
@@ -40,10 +41,9 @@ class QualityCounter:
         members = result.motion.members
         attitude = observed.camera.attitude if observed.camera else None
         self._counts["frames"] += 1
-        if health.blind and not health.stale:
-            self._blind[health.kind] += 1
-        elif health.kind == "frozen" and result.motion.blind:
-            self._blind["frozen"] += 1
+        if health.blindness is not None:
+            kind = health.blindness.kind
+            self._blind[kind] += not health.stale or (kind is FaultKind.FROZEN and result.motion.blind)
         self._counts["guessed_frames"] += result.motion.blind
         self._counts["still_frames"] += observed.at_rest
         self._wheels |= any(name.startswith("wheel") for name in members)
@@ -69,7 +69,7 @@ class QualityCounter:
         return {
             "frames": self._counts["frames"],
             "blind_frames": sum(self._blind.values()),
-            "blind": dict(self._blind),
+            "blind": {kind.value: count for kind, count in self._blind.items() if count},
             **{f"{name}_frames": self._counts[f"{name}_frames"] for name in names},
             "wheels": self._wheels,
             "travelled_m": round(self._travelled_m, 3),

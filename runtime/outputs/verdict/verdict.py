@@ -1,14 +1,23 @@
-"""The verdict on a map, with reasons: a pure function of run.json and map.json."""
+"""The verdict on a map, with reasons and causes: a pure function of run.json and map.json."""
 
 import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from pathlib import Path
 from statistics import median
 from typing import Any, Literal, NamedTuple
 
+from edgemap.geometry.errors import EdgemapError
 from edgemap.geometry.map_object import MapObject
+from edgemap.runtime.frames.errors import RunFolderError
+from edgemap.runtime.frames.faults import read_fault
+from edgemap.runtime.frames.reading import decode_json, error_line, printable, read_bytes
 from edgemap.runtime.motion.odometry_names import PICTURE_ODOMETRIES
-from edgemap.runtime.outputs.verdict.causes import CAUSES, Cause, cause_of_fault
+from edgemap.runtime.outputs.verdict.causes import CAUSES, Cause, cause_of
+from edgemap.runtime.step.map_file import load_map
+
+RUN_BYTES = 16 << 20
+SHOWN_FAULTS = 3  # of one cause
 
 Level = Literal["good", "care", "unreliable"]
 LEVELS: tuple[Level, ...] = ("good", "care", "unreliable")
@@ -77,6 +86,10 @@ class _Run(NamedTuple):
     quality: Mapping[str, Any]
     objects: Sequence[MapObject]
 
+    def faults(self, cause: Cause) -> dict[str, int]:
+        """How many faults of each kind have this cause."""
+        return {kind: count for kind, count in self.record.get("fault_kinds", {}).items() if kind in cause.kinds}
+
 
 def _pictures(run: _Run) -> Iterator[Finding]:
     """Pictures without information."""
@@ -118,9 +131,11 @@ def _mount(run: _Run) -> Iterator[Finding]:
             text = f"the camera's {angle} is {seen_deg:.1f} deg, not {given_deg:.1f} deg"
             text += " (corrected on the way)" if corrected else ""
             yield Finding("care" if corrected else "unreliable", CAUSES["mount"], text)
-    heights = [text for text in record.get("faults", []) if cause_of_fault(text) is CAUSES["scale"]]
-    if heights:
-        yield Finding("unreliable", CAUSES["scale"], _bare(heights[0]))
+    if run.faults(CAUSES["scale"]):
+        estimate_m = seen.get("height_m")
+        but = f", not {given.get('height_m', math.nan):.2f} m as stated" if estimate_m else ""
+        text = f"the lens is {estimate_m:.2f} m above the floor{but}" if estimate_m else "the mount's height is wrong"
+        yield Finding("unreliable", CAUSES["scale"], text)
 
 
 def _floor(run: _Run) -> Iterator[Finding]:
@@ -168,7 +183,7 @@ def _motion(run: _Run) -> Iterator[Finding]:
     moving = frames - quality.get("still_frames", 0) - 1
     if (alone or quality.get("wheels", wheels > 0)) and wheels < (1.0 - SOME_SHARE) * moving:
         cause, share = CAUSES["wheels"], 1.0 - wheels / moving
-        if any(cause_of_fault(str(fault)) is CAUSES["scale"] for fault in record.get("faults", [])):
+        if run.faults(CAUSES["scale"]):
             cause = CAUSES["scale"]  # beside a camera of the wrong height, wheels that are right are left out
         yield Finding("care", cause, f"{100 * share:.0f} % of the frames in motion have no wheel odometry")
     guessed = quality["guessed_frames"] / frames
@@ -187,7 +202,7 @@ def _camera(run: _Run) -> Iterator[Finding]:
     """A camera unlike those that the network was trained and the map was tested with."""
     record, quality = run.record, run.quality
     if record.get("envelope"):
-        yield Finding("care", CAUSES["camera"], _bare(str(record["envelope"]).removeprefix("flow odometry: ")))
+        yield Finding("care", CAUSES["camera"], str(record["envelope"]))
     if quality.get("carried_frames", 0) > SOME_SHARE * quality["frames"]:
         yield Finding("care", CAUSES["carried"], "the camera sways as in a hand or on a head")
     rate = quality.get("rate_hz")
@@ -212,11 +227,11 @@ def _objects(run: _Run) -> Iterator[Finding]:
 
 
 def _camera_faults(run: _Run) -> Iterator[Finding]:
-    """Reasons from a camera that was away for a time."""
-    record = run.record
-    lost = [text for text in record.get("faults", []) if cause_of_fault(text) is CAUSES["device"]]
-    if lost:
-        yield Finding("care", CAUSES["device"], _bare(lost[0]))
+    """A camera that did not deliver its pictures in order."""
+    counts = run.faults(CAUSES["device"])
+    if counts:
+        kinds = ", ".join(f"{kind} {count}" for kind, count in counts.items())
+        yield Finding("care", CAUSES["device"], f"faults of the camera: {kinds}")
 
 
 # Causes before what follows from them: what the camera shows and how it sits, then the motion, then the map.
@@ -239,6 +254,53 @@ def _level(value: float, unreliable: float) -> Level:
     return "unreliable" if value > unreliable else "care"
 
 
-def _bare(fault: str) -> str:
-    """A fault without the frame that it came at."""
-    return fault.partition(": ")[2] if fault.startswith("frame ") else fault
+@dataclass(frozen=True, slots=True)
+class Step:
+    """One cause with its evidence. counted: whether the verdict rests on it, or faults alone name it."""
+
+    cause: Cause
+    evidence: tuple[str, ...]
+    counted: bool
+
+
+def explain(record: Mapping[str, Any], objects: Sequence[MapObject]) -> tuple[Verdict, list[Step]]:
+    """The verdict and its causes, the gravest first; those that faults alone name come last. Raises RunFolderError
+    where fields of the record are of other types.
+    """
+    try:
+        return _explained(record, objects)
+    except (LookupError, TypeError, ValueError, AttributeError, ArithmeticError) as error:
+        raise RunFolderError(f"run.json: damaged, or of another version ({error_line(error)})") from None
+
+
+def _explained(record: Mapping[str, Any], objects: Sequence[MapObject]) -> tuple[Verdict, list[Step]]:
+    verdict = verdict_of(record, objects)
+    evidence: dict[Cause, list[str]] = {}
+    for finding in verdict.findings:
+        evidence.setdefault(finding.cause, []).append(finding.text)
+    shown: dict[Cause, list[str]] = {}
+    for fault in map(read_fault, record.get("faults", [])):
+        if cause := cause_of(fault.kind):
+            shown.setdefault(cause, []).append(printable(fault.line))
+    counted = {finding.cause for finding in verdict.findings}
+    for cause, lines in shown.items():
+        evidence.setdefault(cause, []).extend(lines[:SHOWN_FAULTS])
+    return verdict, [Step(cause, tuple(dict.fromkeys(lines)), cause in counted) for cause, lines in evidence.items()]
+
+
+def read_record(path: Path) -> dict[str, Any]:
+    """A run.json. Raises RunFolderError."""
+    return decode_json(read_bytes(path, RUN_BYTES, RunFolderError), dict, path, RunFolderError)
+
+
+def read_run(folder: Path) -> tuple[dict[str, Any], list[MapObject]]:
+    """run.json and the objects of map.json. Raises RunFolderError or MapError."""
+    return read_record(folder / "run.json"), load_map(folder)
+
+
+def verdict_or_none(record: Mapping[str, Any], objects: Sequence[MapObject]) -> Verdict | None:
+    """The verdict of a record that may be of an older edgemap, or damaged; None where it cannot be judged."""
+    try:
+        return explain(record, objects)[0]
+    except EdgemapError:
+        return None

@@ -10,6 +10,7 @@ import cv2
 import numpy as np
 import pytest
 from support.boxed_room import walls
+from support.faults import made
 from support.recordings import LENS, MOUNT
 from support.steps import Steps
 
@@ -168,7 +169,7 @@ def test_a_client_that_stops_reading_holds_up_neither_the_run_nor_its_end():
 
 def test_faults_reach_the_viewer(server):
     with closing(Client(server.url)) as viewer:
-        server.fault("wheels: silent for 1.2 s")
+        server.fault(made("wheels: silent for 1.2 s"))
         Steps().into(server, 2)
         viewer.until(0.1)
         assert [status["message"] for status in viewer.statuses] == ["wheels: silent for 1.2 s"]

@@ -12,6 +12,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from support.broker import MISSING, Broker
+from support.faults import made
 from support.steps import Steps
 from support.waiting import wait_for
 
@@ -53,7 +54,7 @@ def publisher(broker, robot="robo"):
 def test_a_newcomer_is_told_state_objects_and_the_device(broker):
     steps = Steps()
     with publisher(broker) as sink:
-        sink.fault("wheels: silent for 1.2 s")
+        sink.fault(made("wheels: silent for 1.2 s"))
         steps.into(sink, 11)
         _, objects = steps.next()
         told = broker.retained(until=lambda told: json.loads(told.get(STATE, '{"frames": 0}'))["frames"] == 11)
@@ -117,7 +118,7 @@ def test_a_name_a_confirmation_and_a_fault_are_published_at_once(broker):
         sink.write(result, objects)
         named = [replace(item, name="Ecke", confirmed=True) if item.id == first else item for item in objects]
         sink.write(result, named)
-        sink.fault("camera x: stopped delivering")
+        sink.fault(made("camera x: stopped delivering"))
         told = broker.retained(until=lambda told: "stopped" in told.get(STATE, "") and "Ecke" in told.get(topic, ""))
     state = json.loads(told[STATE])
     assert (state["fault"], state["fault_count"], state["objects"]) == ("camera x: stopped delivering", 1, 2)

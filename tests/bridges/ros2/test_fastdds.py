@@ -266,7 +266,7 @@ def test_a_camera_with_wheels_and_imu_comes_from_topics(program, node, monkeypat
         # 0.01 m along x and -0.005 m along y for each 50 ms, seen from a robot turned by 0.1 rad
         expected = SE2(0.0, 0.0, 0.1).inverse() @ SE2(0.2 * step_s, -0.1 * step_s, 0.0)
         assert (motion.motion.x_m, motion.motion.y_m) == pytest.approx((expected.x_m, expected.y_m), abs=1e-6)
-        assert not motion.fault
+        assert not motion.faults
     samples = ImuSamples.joined([frame.imu for frame in frames])
     assert len(samples) > 3
     ticks = (samples.stamps_s - 100.0) * 20

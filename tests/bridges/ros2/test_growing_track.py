@@ -3,6 +3,7 @@
 import math
 
 import pytest
+from support.faults import made, texts
 
 from edgemap.geometry.se2 import SE2
 from edgemap.runtime.frames.errors import OdometryError
@@ -52,14 +53,14 @@ def test_odometry_that_begins_anew_is_no_motion(stamps, x_m):
     """A driver that starts again counts from zero; a clock is set back. One step is blind, the next one moves on."""
     poses = track((0.9, 50.0), (1.0, 50.1))
     odometry = RecordedOdometry(poses, "wheels")
-    odometry.step_blind(1.0, "")
+    odometry.step_blind(1.0, made("no picture"))
     for stamp_s, moved_m in zip(stamps[:2], (0.0, 0.1), strict=True):
         poses.push(stamp_s, SE2(x_m + moved_m, 0.0, 0.0))
-    blind = odometry.step_blind(stamps[1], "")
+    blind = odometry.step_blind(stamps[1], made("no picture"))
     assert blind.blind
-    assert "began again" in blind.fault
+    assert "began again" in texts(blind.faults)
     for stamp_s, moved_m in zip(stamps[2:], (0.2, 0.3), strict=True):
         poses.push(stamp_s, SE2(x_m + moved_m, 0.0, 0.0))
-    assert odometry.step_blind(stamps[2], "").blind
-    motion = odometry.step_blind(stamps[3], "")
+    assert odometry.step_blind(stamps[2], made("no picture")).blind
+    motion = odometry.step_blind(stamps[3], made("no picture"))
     assert (motion.motion.x_m, motion.blind) == (pytest.approx(0.1), False)

@@ -10,7 +10,8 @@ import pytest
 
 from edgemap.geometry.camera.intrinsics import Intrinsics
 from edgemap.runtime.frames.camera import Driver, RecoveryRule
-from edgemap.runtime.frames.errors import CameraError, CameraFault, FaultKind, FrameTimeout
+from edgemap.runtime.frames.errors import CameraError, CameraFault, FrameTimeout
+from edgemap.runtime.frames.faults import FaultKind
 from edgemap.runtime.inputs.cameras.live import LiveCamera
 
 

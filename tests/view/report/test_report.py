@@ -219,7 +219,7 @@ def test_a_report_that_fails_costs_neither_map_nor_run(bundle, tmp_path, monkeyp
         monkeypatch.setattr(sink_module.BestCrops, "consider", broken)
     report = drive(bundle, tmp_path / where)
     record = json.loads((tmp_path / where / "run.json").read_text())
-    said = report.failure if where == "report_page" else record["faults"][0]
+    said = report.failure if where == "report_page" else record["faults"][0]["text"]
     assert "ZeroDivisionError: no such luck" in said
     assert json.loads((tmp_path / where / "map.json").read_text())["objects"]
     assert (record["finished"], record["frames"]) == (True, 30)

@@ -1,0 +1,100 @@
+"""Faults of a run: what went wrong, by kind. The text is for people; no code reads it."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from enum import StrEnum
+from typing import Any
+
+
+class FaultKind(StrEnum):
+    """Kind of a fault. The verdict, the live page, the report and `edgemap why` go by it."""
+
+    # Delivery of frames
+    LATE = "late"  # silent beyond the stall limit
+    FAILED = "failed"  # the device's driver raised an error
+    CLOSED = "closed"  # the device does not open
+    REMOVED = "removed"  # the system reports that the device was removed
+    LOST = "lost"  # a live camera that its supervisor has given up on
+    STALE = "stale"  # the same pixels again
+    STAMP = "stamp"  # a stamp that repeats or is not a number
+    CLOCK = "clock"  # stamps that jump
+    SIZE = "size"  # a picture of another size
+    FORMAT = "format"  # a picture that is not (H, W, 3) uint8, or inertial samples that are none
+    GREY = "grey"  # a colour camera that turns grey
+    DAMAGED = "damaged"  # a picture that cannot be decoded
+    RECOVERED = "recovered"
+    # Contents of a picture
+    DARK = "dark"
+    BLOWN = "blown"
+    COVERED = "covered"
+    COVERED_IN_PART = "covered_in_part"
+    BLURRED = "blurred"
+    FROZEN = "frozen"
+    REPEATED = "repeated"
+    TORN = "torn"
+    # Motion
+    ODOMETRY = "odometry"  # measures nothing, or starts again
+    OUT_OF_RANGE = "out_of_range"  # numbers that no motion of one step has
+    POSES = "poses"  # recorded poses do not cover a step
+    WHEELS = "wheels"  # wheel odometry does not cover a step
+    WHEELS_EXCLUDED = "wheels_excluded"  # they contradict the camera
+    WHEELS_RESTORED = "wheels_restored"
+    DISAGREEMENT = "disagreement"  # sources of the fused motion
+    UNTRAINED_CAMERA = "untrained_camera"  # outside what the odometry's network was trained on
+    GYRO = "gyro"  # no samples
+    IMU_EXCLUDED = "imu_excluded"
+    IMU_RESTORED = "imu_restored"
+    MOUNT_ANGLES = "mount_angles"  # contradicted by the drive
+    MOUNT_HEIGHT = "mount_height"  # contradicted by the drive
+    # The run
+    OUTPUT = "output"  # a sink fails
+    OUTPUT_RESTORED = "output_restored"
+    EDIT = "edit"  # a recorded edit that is refused, or an edited map that is not taken
+    ENDED = "ended"  # the failure that ended the run
+    OTHER = "other"  # recorded without a kind, or with one of another version
+
+    @property
+    def notice(self) -> bool:
+        """Whether it reports the end of a fault."""
+        return self in NOTICES
+
+
+NOTICES = frozenset(
+    {
+        FaultKind.RECOVERED,
+        FaultKind.WHEELS_RESTORED,
+        FaultKind.IMU_RESTORED,
+        FaultKind.OUTPUT_RESTORED,
+    }
+)
+
+
+@dataclass(frozen=True, slots=True)
+class Fault:
+    """One fault or notice. text: one line. frame: number of frames done when it was reported; None if not counted."""
+
+    kind: FaultKind
+    text: str
+    frame: int | None = None
+
+    def __str__(self) -> str:
+        return self.text
+
+    @property
+    def line(self) -> str:
+        """The text with its frame."""
+        return self.text if self.frame is None else f"frame {self.frame}: {self.text}"
+
+    def document(self) -> dict[str, Any]:
+        """Plain values, as in run.json."""
+        return {"kind": self.kind.value, "frame": self.frame, "text": self.text}
+
+
+def read_fault(entry: Any) -> Fault:
+    """A fault of a run.json; a line of text, as older ones have it, is `OTHER`. Raises TypeError and KeyError."""
+    if isinstance(entry, str):
+        return Fault(FaultKind.OTHER, entry)
+    if not isinstance(entry, Mapping):
+        raise TypeError(f"a fault is a {type(entry).__name__}")
+    kind = entry["kind"] if entry["kind"] in set(FaultKind) else FaultKind.OTHER
+    return Fault(FaultKind(kind), str(entry["text"]), entry.get("frame"))
