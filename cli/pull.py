@@ -26,12 +26,11 @@ def command(
 ) -> None:
     """Fetch a model into the cache, ready to run.
 
-    Upstream is tried first, then mirrors; every file's SHA-256 is checked before anything reads it, and a broken
-    transfer goes on where it stopped.
+    Upstream is tried first, then mirrors; every file's SHA-256 is checked before anything reads it.
     """
     from edgemap.runtime.frames.reading import print_message, user_path
+    from edgemap.runtime.network.download import is_url
     from edgemap.runtime.network.store import install_folder, install_url
-    from edgemap.runtime.network.web import is_url
 
     if is_url(source):
         if source.startswith("http:"):

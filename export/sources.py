@@ -20,8 +20,8 @@ class SourceArchive:
 
 @dataclass(frozen=True)
 class KnownModel:
-    """A file that `edgemap pull` can fetch. sums: SHA-256 values, any of which is right; bytes: more than its size.
-    sources: URLs and archives.
+    """A file that `edgemap pull` can fetch. sums: SHA-256 values, any of which is right. sources: URLs and
+    archives.
 
     confidence, sure_confidence: as in the manifest.
     """
@@ -29,7 +29,6 @@ class KnownModel:
     name: str
     file: str
     sums: tuple[str, ...]
-    bytes: int
     licence: str
     sources: tuple[str | SourceArchive, ...]
     confidence: float = 0.3

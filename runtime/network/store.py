@@ -15,9 +15,8 @@ import platformdirs
 from edgemap.runtime.frames.errors import BundleError
 from edgemap.runtime.frames.reading import user_path
 from edgemap.runtime.network.download import download
-from edgemap.runtime.network.manifest_file import MANIFEST_BYTES, MANIFEST_NAME, read_manifest, verified_file
+from edgemap.runtime.network.manifest_file import MANIFEST_NAME, read_manifest, verified_file
 
-BUNDLE_BYTES = 1 << 30  # of all files of a bundle together
 BUNDLE_NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9._-]{0,99}")
 RENDERED, LENS = "edgemap-nano", "edgemap-pico"
 RENDERED_KINDS = ("sim", "drive")
@@ -82,24 +81,13 @@ def install_url(url: str, progress: bool = True) -> Path:
     """
     base = url.removesuffix(MANIFEST_NAME).rstrip("/")
     with tempfile.TemporaryDirectory() as name:
-        page = download(
-            f"{base}/{MANIFEST_NAME}", Path(name) / MANIFEST_NAME, maximum_bytes=MANIFEST_BYTES, progress=False
-        )
+        page = download(f"{base}/{MANIFEST_NAME}", Path(name) / MANIFEST_NAME, progress=False)
         manifest, text = read_manifest(page.parent), page.read_bytes()
     target = _place(manifest.name, url)
     with staged(target) as stage:
-        left = BUNDLE_BYTES
         for name, expected in manifest.sha256.items():
-            fetched = download(
-                f"{base}/{quote(name)}",
-                downloads_folder() / expected,
-                sums=(expected,),
-                maximum_bytes=left,
-                progress=progress,
-            )
-            left -= fetched.stat().st_size
             with _written(stage / name):
-                shutil.move(fetched, stage / name)
+                download(f"{base}/{quote(name)}", stage / name, sums=(expected,), progress=progress)
         (stage / MANIFEST_NAME).write_bytes(text)
     return target
 

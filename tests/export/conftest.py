@@ -123,55 +123,47 @@ def cache(tmp_path, monkeypatch) -> Path:
 
 
 class Handler(http.server.BaseHTTPRequestHandler):
-    """Serves `server.files`; knows Range and If-Range; `server.cut` bytes end a reply early."""
+    """Serves `server.files`; `server.cut` bytes end a reply early."""
 
     protocol_version = "HTTP/1.0"
     server: "FileServer"  # type: ignore[assignment]
 
     def do_GET(self):
         server = self.server
-        server.asked.append((self.path, self.headers.get("Range"), self.headers.get("If-Range")))
+        server.asked.append(self.path)
         if self.path in server.slow:
             server.release.wait(5)
-            return
-        if self.path not in server.files:
+        elif self.path in server.moved:
+            self.send_response(302)
+            self.send_header("Location", server.moved[self.path])
+            self.end_headers()
+        elif self.path not in server.files:
             self.send_error(404)
-            return
-        data, tag = server.files[self.path], server.tag
-        start = 0
-        wanted = self.headers.get("Range")
-        if wanted and server.ranges and self.headers.get("If-Range", tag) == tag:
-            start = int(wanted.removeprefix("bytes=").removesuffix("-"))
-            if start >= len(data):
-                self.send_error(416)
-                return
-            self.send_response(206)
-            self.send_header("Content-Range", f"bytes {start}-{len(data) - 1}/{len(data)}")
         else:
+            data = server.files[self.path]
             self.send_response(200)
-        self.send_header("Content-Length", str(len(data) - start))
-        if tag:
-            self.send_header("ETag", tag)
-        self.end_headers()
-        end = len(data) if server.cut is None else min(len(data), start + server.cut)
-        self.wfile.write(data[start:end])
+            self.send_header("Content-Length", str(len(data)))
+            self.end_headers()
+            self.wfile.write(data[: server.cut])
 
     def log_message(self, *arguments):
         pass
 
 
 class FileServer(http.server.ThreadingHTTPServer):
-    """A local web server. files: path to bytes; slow: paths that get no answer; asked: what was asked for."""
+    """A local web server. files: path to bytes; moved: path to where it redirects; slow: paths that get no answer;
+    asked: paths that were asked for."""
 
     daemon_threads = True
 
     def __init__(self):
         super().__init__(("127.0.0.1", 0), Handler)
         self.files: dict[str, bytes] = {}
-        self.asked: list[tuple[str, str | None, str | None]] = []
+        self.moved: dict[str, str] = {}
+        self.asked: list[str] = []
         self.slow: set[str] = set()
         self.cut: int | None = None
-        self.tag, self.ranges, self.release = '"v1"', True, threading.Event()
+        self.release = threading.Event()
 
     def url(self, path: str) -> str:
         return f"http://127.0.0.1:{self.server_address[1]}{path}"
