@@ -141,9 +141,9 @@ class CameraKeeper:
             guess = self._guess = replace(guess, height_sigma=seen.sigma_m / seen.height_m)
         no_arm = mount.forward_m == mount.left_m == 0.0 and guess.pitch_sigma_rad and not guess.sway_rad
         if no_arm and alone and axle is not None and axle.axle_sigma_m < SURE_AXLE_M:
-            mount = replace(mount, forward_m=axle.axle_m)
+            mount = replace(mount, forward_m=(observed.scale if observed else 1.0) * axle.axle_m)
             side = "before" if axle.axle_m >= 0.0 else "behind"
-            ahead = f"{abs(axle.axle_m):.2f} +- {axle.axle_sigma_m:.2f} m {side} the turn axis"
+            ahead = f"{abs(mount.forward_m):.2f} +- {axle.axle_sigma_m:.2f} m {side} the turn axis"
             self._line += f"\nthe lens is {ahead}, by its turns: the next run has that axis for its origin"
         self._floor = FloorCamera(self._floor.intrinsics, mount)
         self._write(guess.record())

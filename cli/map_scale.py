@@ -30,7 +30,7 @@ def command(
     dock and trajectory are scaled about the map's origin. Where the run can be repeated, a run with the right height
     (run --mount HEIGHT_M) gives a better map.
     """
-    from edgemap.geometry.objects.scale import scaled_annotations, scaled_objects
+    from edgemap.geometry.objects.scale import scaled_map
     from edgemap.runtime.frames.disk import make_folder, write_atomically
     from edgemap.runtime.frames.trajectory import trajectory_of, tum_line
     from edgemap.runtime.step.grid_file import load_grid
@@ -52,9 +52,8 @@ def command(
         poses = zip(trajectory.stamps_s, trajectory.poses, strict=True)
         lines = (tum_line(stamp_s, pose.scaled(factor)) for stamp_s, pose in poses)
         write_atomically(out / "trajectory.tum", "".join(lines))
-    scaled = scaled_objects(objects, factor)
-    save_map(out / "map.json", scaled, scaled_annotations(annotations, factor), grid and grid.scaled(factor))
-    print(f"map of {len(scaled)} objects, {factor:.3f} times as large, saved in {out / 'map.json'}")
+    save_map(out / "map.json", *scaled_map(objects, annotations, grid, factor))
+    print(f"map of {len(objects)} objects, {factor:.3f} times as large, saved in {out / 'map.json'}")
 
 
 def _by_height(path: Path, height_m: float) -> float:

@@ -14,6 +14,7 @@ from edgemap.geometry.camera.mount import HeightEstimate, Mount
 from edgemap.geometry.errors import EdgemapError
 from edgemap.geometry.map_object import MapObject
 from edgemap.geometry.objects.evaluation_row import EvaluationRow, tally
+from edgemap.geometry.objects.scale import scaled_objects
 from edgemap.geometry.odometry.rolling import Rolling
 from edgemap.runtime.frames.camera import Camera
 from edgemap.runtime.frames.faults import Fault, FaultKind
@@ -62,7 +63,8 @@ class RunSummary(Sink):
         self, folder: Path, done: int, stopped: bool, verdict: Verdict, evaluation_rows: list[EvaluationRow]
     ) -> None:
         """The map, the drive, how far it can be trusted, the mount as observed, the faults, and the objects."""
-        travelled_m = self.result.travelled_m if self.result else 0.0
+        scale = self.result.scale if self.result else 1.0
+        travelled_m = scale * self.result.travelled_m if self.result else 0.0
         observed = self.result.observed.mount_estimate if self.result else None
         camera = self.result.observed.camera if self.result else None
         carried = self._carried or bool(camera and camera.attitude and camera.attitude.carried)
@@ -73,7 +75,7 @@ class RunSummary(Sink):
             printable(verdict.line) + ("" if verdict.level == "good" else f"; see edgemap why {why}"),
             *([mount_text(self._mount, observed, self.height, self._mount_sources)] if shown else []),
             *([self.fault_line(folder)] if self.faults else []),
-            *object_lines(self.objects, evaluation_rows),
+            *object_lines(scaled_objects(self.objects, scale), evaluation_rows),
         ]
         print("\n".join(lines))
 

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from edgemap.geometry.camera.imu import ImuSamples
 from edgemap.geometry.map_object import MapObject
+from edgemap.geometry.objects.scale import scaled_map
 from edgemap.geometry.se2 import SE2
 from edgemap.runtime.frames.camera import Camera
 from edgemap.runtime.frames.errors import CameraError
@@ -100,9 +101,9 @@ class Session:
         return self._listing(self.slam.objects(), self.slam.mapper.trajectory)
 
     def save(self, path: str | Path) -> None:
-        """Write the map as map.json, atomically. Raises MapError."""
+        """Write the map as map.json, atomically, at the scale of a corrected lens height. Raises MapError."""
         mapper = self.slam.mapper
-        save_map(Path(path), self.map, mapper.annotations(), mapper.grid.grid())
+        save_map(Path(path), *scaled_map(self.map, mapper.annotations(), mapper.grid.grid(), mapper.scale))
 
     def close(self) -> None:
         """Close the sinks and the camera."""

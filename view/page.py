@@ -12,6 +12,7 @@ import numpy as np
 from edgemap.geometry.grid.occupancy_grid import OccupancyGrid
 from edgemap.geometry.map_object import MapObject, ellipse_95
 from edgemap.geometry.objects.annotations import NO_ANNOTATIONS, Annotations
+from edgemap.geometry.objects.scale import scaled_map
 from edgemap.geometry.objects.zone_watch import ZoneEvent, ZoneWatch
 from edgemap.geometry.se2 import SE2
 from edgemap.runtime.frames.faults import Fault, FaultKind
@@ -86,7 +87,7 @@ class LivePage:
         self.events: Tail[ZoneEvent] = Tail(100)
         self._zone_watch = ZoneWatch()
         self._sightings_base: deque[tuple[float, float, float]] = deque(maxlen=20_000)  # stamp_s, x_m, y_m
-        self._moved_m, self._scale = 0.0, 1.0  # since everything was sent, and of what was sent
+        self._moved_m = 0.0  # since everything was sent
         self._arrivals_s: deque[float] = deque(maxlen=RATE_OVER)
         self._step_ms: deque[float] = deque(maxlen=RATE_OVER)
         self.last_fault: ShownFault | None = None
@@ -100,8 +101,7 @@ class LivePage:
         self._arrivals_s.append(now_s)
         self._step_ms.append(sum(result.stages_ms.values()))
         self._moved_m += result.correction.moved_m if result.correction else 0.0
-        before, self._scale = self._scale, result.observed.scale
-        if result.relocated is not None or self._moved_m > MOVED_M or self._scale != before:
+        if result.relocated is not None or self._moved_m > MOVED_M:
             self._send_again(result.trajectory)
         self._extend_trail(result)
         for placed, identity in zip(result.sightings, result.object_ids, strict=True):
@@ -185,16 +185,20 @@ class LivePage:
 
     def map_text(self) -> str:
         """The map as the text of `map.json`."""
-        return map_text(self.objects, self.annotations)
+        return map_text(*self._saved_map()[:2])
 
     def save(self) -> Path:
         """Writes the current map to a file of its own in the run folder, beside map.json. Raises MapError."""
         path = self.folder / f"map-{self.newest.result.frame.index if self.newest else 0:06d}.json"
-        save_map(path, self.objects, self.annotations, self.grid)
+        save_map(path, *self._saved_map())
         return path
 
+    def _saved_map(self) -> tuple[list[MapObject], Annotations, OccupancyGrid | None]:
+        """Objects, annotations and grid at the scale of a corrected lens height."""
+        return scaled_map(self.objects, self.annotations, self.grid, self.newest.result.scale if self.newest else 1.0)
+
     def _send_again(self, trajectory: PoseJournal) -> None:
-        """Sends trail and sightings again after the trajectory has moved or taken another scale."""
+        """Sends trail and sightings again after the trajectory has moved."""
         self._moved_m = 0.0
         sent = self.trail.all()
         if not sent:
@@ -203,8 +207,7 @@ class LivePage:
         self.trail.replace(lambda sample: (*_pair(next(trail)), *sample[2:]))
         if self._sightings_base:
             stamps_s, *base_m = np.array(self._sightings_base).T
-            scaled_m = np.column_stack(base_m) * trajectory.scale_since(stamps_s)[:, None]
-            seen_at = iter(trajectory.points(stamps_s, scaled_m).tolist())
+            seen_at = iter(trajectory.points(stamps_s, np.column_stack(base_m)).tolist())
             self.sightings.replace(lambda items: (*items[:2], *_pair(next(seen_at))))
         self.epoch += 1
 

@@ -1,7 +1,7 @@
 """The camera's mount on the robot: height, pitch, roll and lever arm relative to the base (the turn axis)."""
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import lru_cache
 
 import numpy as np
@@ -55,12 +55,6 @@ class Mount:
     ) -> "Mount":
         """A mount with its angles in degrees, as people and camera.yaml write them."""
         return cls(height_m, math.radians(pitch_deg), math.radians(roll_deg), forward_m, left_m, platform)
-
-    def scaled(self, factor: float) -> "Mount":
-        """The mount of a robot that is `factor` times as large."""
-        return replace(
-            self, height_m=factor * self.height_m, forward_m=factor * self.forward_m, left_m=factor * self.left_m
-        )
 
     def rotation_base_optical(self) -> Array:
         """3x3 rotation that takes directions of the optical frame into the base frame."""

@@ -97,15 +97,6 @@ class GridFusion:
             patch.move = pose_map_start @ patch.move
         self._moved_patches()
 
-    def scale(self, factor: float) -> None:
-        """All lengths of this run's evidence times `factor`, about the map's origin."""
-        if self._began is not None:
-            self._close_patch()
-        self._patches = [patch.scaled(factor) for patch in self._patches]
-        if self._last is not None:
-            self._last = self._last[0].scaled(factor), self._last[1]
-        self._drawing = self._drawn()
-
     def continue_from(self, saved: OccupancyGrid) -> None:
         """Starts from a saved map's grid, in this one's frame; new evidence is added on top."""
         self._patches.insert(0, saved_patch(saved, self.rule))
@@ -121,8 +112,7 @@ class GridFusion:
     @property
     def size_bytes(self) -> int:
         """Memory of all evidence and of the grid that is drawn."""
-        kept = [*self._patches, *(patch.unscaled[0] for patch in self._patches if patch.unscaled)]
-        patches = sum(len(patch) * 14 for patch in kept)
+        patches = sum(len(patch) * 14 for patch in self._patches)
         return patches + 4 * self._canvas.odds.nbytes
 
     def _is_due(self, pose: SE2, stamp_s: float) -> bool:

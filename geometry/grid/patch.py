@@ -1,6 +1,5 @@
 """Floor evidence of one piece of the drive: sequences of bounded additions, and their current place in the map."""
 
-import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 
@@ -24,8 +23,8 @@ class Patch:
     cells: (N, 2), column and row in the map as it was then. Each cell's evidence is the function
     `x -> clip(x + shift, low, high)` of its previous log-odds, all (N,). A sequence of additions, each clipped to the
     bounds, has this form, so a moved patch replays its evidence exactly. move: pose of the map frame at that time in
-    the current map frame. drawn: the same at the last drawing. unscaled: the patch whose cells these are at another
-    scale, and by which factor; None where they are its cells. corners: (4, 2), of the rectangle round them.
+    the current map frame. drawn: the same at the last drawing. corners: (4, 2), of the rectangle
+    round its cells.
     """
 
     stamp_s: float
@@ -36,7 +35,6 @@ class Patch:
     high: Steps
     move: SE2 = field(default_factory=SE2)
     drawn: SE2 = field(default_factory=SE2)
-    unscaled: "tuple[Patch, float] | None" = None
     corners: Cells = field(init=False)
 
     def __post_init__(self) -> None:
@@ -53,35 +51,9 @@ class Patch:
         """Where it began, in the current map."""
         return self.move @ self.began
 
-    def scaled(self, factor: float) -> "Patch":
-        """All lengths times `factor`, about the map's origin: each cell takes the evidence of the first scale's cell
-        there, so that many small changes round no more than one."""
-        unscaled, total = self.unscaled or (self, 1.0)
-        total *= factor
-        first, size = unscaled.cells.min(axis=0), np.ptp(unscaled.cells, axis=0) + 1
-        index = np.full(size, -1)
-        index[tuple((unscaled.cells - first).T)] = np.arange(len(unscaled))
-        (columns, old_columns), (rows, old_rows) = (
-            _rescaled(low, count, total) for low, count in zip(first.tolist(), size.tolist(), strict=True)
-        )
-        rows_of_cell = index[np.ix_(old_columns, old_rows)]
-        column, row = np.nonzero(rows_of_cell >= 0)
-        cells, at = np.column_stack([columns[column], rows[row]]).astype(np.int32), rows_of_cell[column, row]
-        began, *poses = (pose.scaled(factor) for pose in (self.began, self.move, self.drawn))
-        values = unscaled.shift[at], unscaled.low[at], unscaled.high[at]
-        return Patch(self.stamp_s, began, cells, *values, *poses, unscaled=(unscaled, total))
-
     def placed(self, cell_m: float) -> Cells:
         """Its cells (N, 2) in the current map; duplicates are possible."""
         return placed(self.cells, self.move, cell_m)
-
-
-def _rescaled(low: int, count: int, factor: float) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
-    """Along an axis, the cells (N,) that `count` cells from `low` on become, and which of those each is of."""
-    cells = np.arange(math.floor(low * factor), math.ceil((low + count) * factor))
-    old = np.floor((cells + 0.5) / factor).astype(np.intp) - low
-    inside = (old >= 0) & (old < count)
-    return cells[inside], old[inside]
 
 
 def moved_m(patches: Sequence[Patch], cell_m: float) -> float:

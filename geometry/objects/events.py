@@ -254,10 +254,6 @@ class MapEvents:
         """A loop closure moves each place that was set in this run with the pose nearest to it."""
         self._move(correction.moved_poses)
 
-    def scale(self, factor: float) -> None:
-        """All places times `factor`, about the map's origin. Sizes that a person has set stay."""
-        self._move(lambda _, poses: poses * (factor, factor, 1.0))
-
     def enter(self, annotations: Annotations, pose_saved_own: SE2) -> None:
         """This run's edits move into a saved map's frame, and that map's zones and dock come first. annotations: of the
         saved map. pose_saved_own: pose of this run's map in it.

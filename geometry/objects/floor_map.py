@@ -198,12 +198,6 @@ class FloorMap:
         self.graph.place(list(self.graph.landmarks.all.values()))
         self.moved()
 
-    def scale(self, factor: float) -> None:
-        """All lengths times `factor`, about the map's origin. Not during a loop closure, nor with a saved map's
-        objects."""
-        self.graph.scale(factor)
-        self.moved()
-
     def _in_view(self, sightings: Sequence[PlacedSighting]) -> dict[int, Landmark]:
         """Landmarks that these sightings may be of."""
         near = self.graph.landmarks.in_view(self.graph.trajectory.odometer_m) if sightings else []

@@ -1,10 +1,27 @@
-"""A map at another scale: what a measured length makes of a map that a camera alone measured."""
+"""A map at another scale: of a lens that is higher or lower than it was taken for, or by one measured length."""
 
 from collections.abc import Sequence
 from dataclasses import replace
 
+from edgemap.geometry.grid.occupancy_grid import OccupancyGrid
 from edgemap.geometry.map_object import MapObject
 from edgemap.geometry.objects.annotations import Annotations, Zone
+
+
+def scaled_map(
+    objects: list[MapObject], annotations: Annotations, grid: OccupancyGrid | None, factor: float
+) -> tuple[list[MapObject], Annotations, OccupancyGrid | None]:
+    """Objects, annotations and grid with all lengths times `factor`, about the origin of the map; the same ones for 1.
+    A size that a person has set stays."""
+    if factor == 1.0:
+        return objects, annotations, grid
+    zones = tuple(
+        Zone(zone.id, zone.name, tuple((factor * x_m, factor * y_m) for x_m, y_m in zone.corners_m))
+        for zone in annotations.zones
+    )
+    dock = annotations.dock and annotations.dock.scaled(factor)
+    deleted = tuple(scaled_objects(annotations.deleted, factor))
+    return scaled_objects(objects, factor), Annotations(zones, deleted, dock), grid and grid.scaled(factor)
 
 
 def scaled_objects(objects: Sequence[MapObject], factor: float) -> list[MapObject]:
@@ -21,15 +38,3 @@ def _scaled(item: MapObject, factor: float) -> MapObject:
     if "size" in item.corrected:
         return placed
     return replace(placed, width_m=factor * item.width_m, height_m=factor * item.height_m)
-
-
-def scaled_annotations(annotations: Annotations, factor: float) -> Annotations:
-    """Zones, deleted objects and dock, scaled as the objects are."""
-    return Annotations(
-        tuple(
-            Zone(zone.id, zone.name, tuple((factor * x_m, factor * y_m) for x_m, y_m in zone.corners_m))
-            for zone in annotations.zones
-        ),
-        tuple(scaled_objects(annotations.deleted, factor)),
-        None if annotations.dock is None else annotations.dock.scaled(factor),
-    )

@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Collection, Iterator
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
@@ -51,14 +51,6 @@ class Sighting:
     stamp_s: float = 0.0
     weight: float = 1.0
     pictures: float = 1.0
-
-    def scaled(self, factor: float) -> "Sighting":
-        """As a lens that is `factor` times as high sees it."""
-        return replace(
-            self, position_base_m=factor * self.position_base_m, covariance_m2=factor**2 * self.covariance_m2,
-            shared_m2=factor**2 * self.shared_m2, width_m=factor * self.width_m, height_m=factor * self.height_m,
-            distance_m=factor * self.distance_m,
-        )  # fmt: skip
 
     def placed(self, pose_map_base: SE2, pose_covariance: Array, mount: Mount | None = None) -> "PlacedSighting":
         """This sighting in the map, seen from a pose whose 3x3 covariance (m, m, rad) is additive in the map frame.

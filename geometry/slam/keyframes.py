@@ -140,18 +140,6 @@ class KeyframeTrajectory:
             np.concatenate([covariances, self.covariance[None]]),
         )
 
-    def scale(self, factor: float) -> None:
-        """All lengths times `factor`, about the map's origin; the odometer is unchanged."""
-        units = np.array([factor, factor, 1.0])
-        both = np.outer(units, units)
-        self.poses, self._motions = ([pose.scaled(factor) for pose in some] for some in (self.poses, self._motions))
-        self.since, self._since_covariance = self.since.scaled(factor), self._since_covariance * both
-        self.covariances, self._covariances, self._loose = (
-            [covariance * both for covariance in some] for some in (self.covariances, self._covariances, self._loose)
-        )
-        self._first, self._first_information = self._first * units, self._first_information / both
-        self._vectors = np.zeros((0, 3))
-
     def drop(self, gone: Set[int]) -> None:
         """Removes keyframes, except the first and the last; the motions before and after each are composed."""
         self._covariances, self._loose = self._joined(self._covariances, gone), self._joined(self._loose, gone)

@@ -118,14 +118,6 @@ class Landmark:
         self.observed_at_m = max(self.observed_at_m, other.observed_at_m)
         self.updated = max(self.updated, other.updated)
 
-    def scale(self, factor: float) -> None:
-        """All lengths times `factor`, in the frames of the keyframes."""
-        powers = np.zeros(COLUMNS)  # of length, in the units of each column
-        powers[INFORMATION], powers[VECTOR], powers[BIAS.start :] = -2.0, -1.0, 1.0
-        self.rows = self.rows * factor**powers
-        self.sums.width_m *= factor
-        self.sums.height_m *= factor
-
     def move_to(self, onto: Mapping[int, tuple[int, SE2 | None]]) -> bool:
         """Keyframes change: each observation moves to another one's frame. onto: by old row, the new row and the old
         keyframe's pose in that one's frame, None where it stays. Returns whether any observation moved."""

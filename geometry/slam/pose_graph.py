@@ -190,14 +190,6 @@ class PoseGraph:
         """Positions and covariances of landmarks, given the current trajectory."""
         place(landmarks, self.trajectory, self.tilt_rad, self.rule.landmarks.view_m)
 
-    def scale(self, factor: float) -> None:
-        """All lengths times `factor`, about the map's origin. Not during a loop closure, nor with a saved map's
-        objects."""
-        self.trajectory.scale(factor)
-        for landmark in self.landmarks.all.values():
-            landmark.scale(factor)
-        self.place(list(self.landmarks.all.values()))
-
     def groups(self) -> dict[int, list[Landmark]]:
         """The landmarks of each object, by the number of the first."""
         members: dict[int, list[Landmark]] = {}

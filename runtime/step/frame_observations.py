@@ -1,6 +1,6 @@
 """The front end's result of one frame: the only input of the back end."""
 
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 
 from edgemap.geometry.camera.attitude import MountEstimate
 from edgemap.geometry.camera.floor import FloorCamera
@@ -25,9 +25,9 @@ class FrameObservations:
     faults: of picture, mount and motion, each where it begins. height_estimate:
     estimate of the lens's height so far; None without one. floor: the floor mask of this picture; None where it was not
     searched or the bundle has no floor head. depth: every few pixels of the depth picture, where there is one and it
-    was searched. scale: by which the lengths of the front end are to be multiplied, as a guessed height of the lens is
-    another by now; after `Mapper.in_scale`, by which they were. worktop: something
-    that people put on furniture stands on what the mask takes for floor.
+    was searched. scale: estimated over guessed height of the lens, by which all lengths are too short; 1 where the
+    height was given, or wheels or depth measure lengths. worktop: something that people put on furniture stands on what
+    the mask takes for floor.
     """
 
     index: int
@@ -46,12 +46,6 @@ class FrameObservations:
     depth: SparseDepth | None = None
     scale: float = 1.0
     worktop: bool = False
-
-    def scaled(self, factor: float) -> "FrameObservations":
-        """The observations of a lens that is `factor` times as high, where no depth measures lengths."""
-        camera = self.camera and replace(self.camera, mount=self.camera.mount.scaled(factor))
-        sightings = [sighting.scaled(factor) for sighting in self.sightings]
-        return replace(self, motion=self.motion.scaled(factor), sightings=sightings, camera=camera, scale=factor)
 
     @property
     def attitude_source(self) -> str:

@@ -50,7 +50,8 @@ class MapUpdate:
     saved map's frame, that frame's view of the frame before (`pose_map_start`). pose_odom_base, odom_covariance: by
     odometry alone since the first frame, continuous whatever loop closure and relocalisation move (REP-105).
     annotations: zones and deleted objects. grid: at most one stream second old; None before any floor is known.
-    floor_scan: of this frame's picture, where the grid took it in.
+    floor_scan: of this frame's picture, where the grid took it in. scale: see `FrameObservations`; a saved map is
+    `scale` times as large as this one. 1 where an earlier map is continued.
     """
 
     sightings: list[PlacedSighting]
@@ -68,6 +69,7 @@ class MapUpdate:
     annotations: Annotations = NO_ANNOTATIONS
     grid: OccupancyGrid | None = None
     floor_scan: FloorScan | None = None
+    scale: float = 1.0
 
 
 class Mapper:
@@ -101,12 +103,12 @@ class Mapper:
         self.pose_map_base, self.pose_covariance = SE2(), np.zeros((3, 3))
         self.pose_odom_base, self.odom_covariance = SE2(), np.zeros((3, 3))
         self.travelled_m = 0.0
-        self.scale = 1.0  # of what is mapped, over the lengths that the front end measures by a guessed height
+        self.scale = 1.0  # see `MapUpdate`
         self._lens_m = 0.0  # height of the lens
         self._placed_by: Mount | None = None  # the mount that what is mapped was placed by
         self._relocated: SE2 | None = None  # since the last step: the view that the saved map has of the frame before
         self._searched_s = -math.inf  # stamp of the last picture that was searched
-        self._scalable = True  # neither a saved map nor a person's pose has given the scale
+        self._has_scale = False  # that of a saved map
         self._started = False
         self._due = False  # loops to be searched
         self._blind: Motion | None = None  # since the last step
@@ -121,7 +123,7 @@ class Mapper:
         grid: OccupancyGrid | None = None,
     ) -> None:
         """Continues a saved map from a given pose. sigmas: of the start pose, m, m, rad. grid: the saved map's."""
-        self._scalable = False
+        self._has_scale = True
         if grid is not None:
             self.grid.continue_from(grid)
         self.edits = MapEvents.of(saved, annotations)
@@ -157,32 +159,12 @@ class Mapper:
         numbered after the saved ones, so ids stay unique; `merged` maps new objects to matching saved ones. grid: the
         saved map's.
         """
-        self._scalable = False
+        self._has_scale = True
         self.edits = MapEvents.of(saved, annotations, placed=False)
         saved = annotations.measured(saved)
         self._saved_ids = frozenset(item.id for item in saved)
         self.relocaliser = Relocaliser(saved, self.config, guesses, annotations, grid)
         self.map = self.relocaliser.own
-
-    def in_scale(self, observed: FrameObservations) -> FrameObservations:
-        """The observations in the map's lengths. Where the guess of the lens's height has become another, the map takes
-        its scale first: all that is mapped, and the trajectory. A saved map keeps its own."""
-        if observed.scale != self.scale and self._scalable and self.paper is None and not self.loop_closer.busy:
-            self._rescale(observed.scale / self.scale)
-            self.scale = observed.scale
-        return observed if observed.scale == self.scale == 1.0 else observed.scaled(self.scale)
-
-    def _rescale(self, factor: float) -> None:
-        """All lengths times a factor, about the map's origin; the pose by odometry alone is unchanged."""
-        units = np.array([factor, factor, 1.0])
-        self.map.scale(factor)
-        self.grid.scale(factor)
-        self.edits.scale(factor)
-        self.trajectory.scale(factor)
-        self.pose_map_base = self.pose_map_base.scaled(factor)
-        self.pose_covariance = self.pose_covariance * np.outer(units, units)
-        self.travelled_m *= factor
-        self._blind = self._blind and self._blind.scaled(factor)
 
     def step(self, observed: FrameObservations) -> MapUpdate:
         """Processes one frame's observations: advance, close loops, associate, forget, relocalise."""
@@ -190,6 +172,7 @@ class Mapper:
         stage = self._watch.stage
         with stage("closure"):
             observed = self._with_blind(self._timed(_sound(observed)))
+            self.scale = 1.0 if self._has_scale else observed.scale
             self._advance(observed.motion)
             self._retilt(observed.mount_estimate)
             correction = self._close_loops(observed)
@@ -223,6 +206,7 @@ class Mapper:
             annotations=self.annotations(),
             grid=self._shown_grid,
             floor_scan=self.grid.scan,
+            scale=self.scale,
         )
 
     def _shown_ids(self, sightings: list[PlacedSighting], object_ids: list[str]) -> tuple[list[str], dict[str, str]]:
@@ -302,7 +286,6 @@ class Mapper:
             measured = self.map.objects()
             self.map = FloorMap.continued(measured, self.config.association, self.config.loop_closure, before=self.map)
             self.grid.transform(SE2())  # what it is fusing belongs to the pose before
-            self._scalable = False  # the objects so far are as those of a saved map now
         self.pose_map_base, self.pose_covariance = pose, covariance
         return "pose"
 

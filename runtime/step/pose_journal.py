@@ -23,7 +23,6 @@ class PoseJournal:
         self._rows = np.zeros((min(1024, MAXIMUM), 4))  # stamp_s, x_m, y_m, yaw_rad
         self._count = 0
         self._pending: TrajectoryCorrection | None = None
-        self._scaled: list[tuple[float, float]] = []  # stamp of the last pose before a scaling, and its factor
 
     def __len__(self) -> int:
         return self._count
@@ -62,19 +61,6 @@ class PoseJournal:
         rows = self._rows[: self._count]
         rows[:, 1:] = composed(pose_map_start.vector()[None], rows[:, 1:])
         self.revision += 1
-
-    def scale(self, factor: float) -> None:
-        """All lengths times `factor`, about the map's origin."""
-        self._settle()
-        self._rows[: self._count, 1:3] *= factor
-        if self._count:
-            self._scaled.append((float(self._rows[self._count - 1, 0]), factor))
-        self.revision += 1
-
-    def scale_since(self, stamps_s: ArrayLike) -> Array:
-        """By what lengths measured at these stamps (N,) have been multiplied since, (N,)."""
-        stamps = np.asarray(stamps_s, dtype=np.float64) - SAME_S
-        return np.prod([np.ones(len(stamps)), *(np.where(stamps <= at, by, 1.0) for at, by in self._scaled)], axis=0)
 
     def at(self, stamps_s: ArrayLike) -> Array:
         """Poses (N, 3), x, y, yaw, of these stamps (N,): each the newest kept not after it, the first before all."""

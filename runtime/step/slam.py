@@ -94,13 +94,12 @@ class SemanticSlam:
     def step(self, frame: Frame, faults: Sequence[Fault] = ()) -> StepResult:
         """One frame in: its observations, the robot's motion, and the update of the map. faults: outside of the step,
         since the previous one."""
-        observed = self.mapper.in_scale(self.pipeline.step(frame))
+        observed = self.pipeline.step(frame)
         return StepResult.of(frame, observed, self.mapper.step(observed), faults)
 
     def step_blind(self, stamp_s: float, reason: Fault) -> tuple[SE2, NDArray[np.float64]]:
         """A step without a frame: pose and covariance from sources that need no picture. The map stays unchanged."""
-        motion = self.pipeline.odometry.step_blind(stamp_s, reason)
-        return self.mapper.step_blind(motion.scaled(self.mapper.scale))
+        return self.mapper.step_blind(self.pipeline.odometry.step_blind(stamp_s, reason))
 
     def objects(self) -> list[MapObject]:
         """The objects of the map."""
@@ -113,8 +112,8 @@ class SlamOptions:
 
     odometry: a SPEC. wheels, imu: whether the source's own are used. clustering: default or paper. forgets: whether
     objects that have disappeared are removed from the map. mapped, confidence: the bundle's own where None.
-    guessed_height: standard deviation of the mount's height as a share, where it is a guess, which the run corrects
-    with all lengths; 0 where it was given, or the odometry's lengths do not depend on it.
+    guessed_height: standard deviation of the mount's height as a share, where it is a guess: the map is saved with
+    the lengths of its estimate; 0 where it was given, or the odometry's lengths do not depend on it.
     """
 
     odometry: str = "hybrid"

@@ -3,7 +3,6 @@
 import json
 import subprocess
 import sys
-from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -71,17 +70,6 @@ def test_what_is_on_disk_is_never_a_second_behind(tmp_path):
     assert sorted(path.name for path in (tmp_path / "run").iterdir()) == [
         "map.json", "mount.jpg", "run.json", "sightings.jsonl", "trajectory.tum",
     ]  # fmt: skip
-
-
-@pytest.mark.parametrize(("scales", "used_m"), [((1.0,), None), ((1.0, 1.25), 0.75), ((1.25, 1.0), 0.6)])
-def test_the_record_holds_the_height_that_the_map_was_made_by(tmp_path, scales, used_m):
-    """Of a guess of 0.6 m that sizes corrected, and took back when wheels came."""
-    folder, steps = RunFolder(tmp_path / "run", FLOOR, {}), Steps()
-    for scale in scales:
-        result, objects = steps.next()
-        folder.write(replace(result, observed=replace(result.observed, scale=scale)), objects)
-    folder.close()
-    assert json.loads((tmp_path / "run" / "run.json").read_text()).get("mount_seen", {}).get("used_height_m") == used_m
 
 
 def test_a_second_run_is_refused_while_the_first_one_lasts_and_after(tmp_path):

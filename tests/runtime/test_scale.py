@@ -1,4 +1,4 @@
-"""A guessed height of the lens becomes another: map, trajectory, grid and edits take its scale."""
+"""A guessed height of the lens proves another: the map is saved at the scale of its estimate."""
 
 # pyright: reportOptionalMemberAccess=false, reportArgumentType=false, reportAttributeAccessIssue=false
 
@@ -15,163 +15,104 @@ from edgemap.geometry.camera.attitude import Attitude, MountEstimate
 from edgemap.geometry.camera.floor import FloorCamera
 from edgemap.geometry.camera.intrinsics import Intrinsics
 from edgemap.geometry.camera.mount import Mount
-from edgemap.geometry.grid.patch import Patch
 from edgemap.geometry.map_object import MapObject
 from edgemap.geometry.objects.events import Edit
 from edgemap.geometry.observations.detections import Detections
-from edgemap.geometry.paper.paper_map import PaperMap
 from edgemap.geometry.se2 import SE2
-from edgemap.runtime.frames.trajectory import tum_line
+from edgemap.runtime.frames.frame import Frame
+from edgemap.runtime.frames.trajectory import trajectory_of
 from edgemap.runtime.motion.height_check import HeightCheck, HeightRule
 from edgemap.runtime.motion.odometry.protocol import Motion
-from edgemap.runtime.outputs.sinks.rewriting import rewrite
+from edgemap.runtime.outputs.sinks.living_map import LivingMap
+from edgemap.runtime.outputs.sinks.run_folder import RunFolder
+from edgemap.runtime.step.map_file import load_annotated_map, load_last_pose
 from edgemap.runtime.step.mapper import Mapper
+from edgemap.runtime.step.slam import StepResult
 
 ROOM = furnished(np.random.default_rng(5), 12, apart_m=1.5)
 POSES = round_trip(200, turns=1.8)
 FACTOR = 1.25
 
 
-def frames():
-    """What a front end with the true height observes of each frame."""
+def results(mapper, changes_at):
+    """A drive in which the lens proves FACTOR times as high as guessed from a frame on, and the map after each step."""
     random = np.random.default_rng(3)
     for index, (pose, motion) in enumerate(zip(POSES, exact(POSES), strict=True)):
-        noisy = replace(motion, covariance=np.eye(3) * 1e-5)
-        yield observed(index, sighted(ROOM, pose, index, random), noisy)
+        boxes = Detections(np.zeros((20, 4)), np.full(20, 0.8), np.zeros(20, np.int64), ("thing",))
+        seen = observed(index, sighted(ROOM, pose, index, random), replace(motion, covariance=np.eye(3) * 1e-5), boxes)
+        seen = replace(seen, scale=FACTOR if index >= changes_at else 1.0)
+        frame = Frame(index, index / 10, np.zeros((480, 640, 3), np.uint8))
+        yield StepResult.of(frame, seen, mapper.step(seen)), mapper.objects()
 
 
-def mapped(mapper, changes_at=None):
-    """The map by a height that is FACTOR too low until a frame, None for the true one; and the last update."""
-    update = None
-    for index, seen in enumerate(frames()):
-        if changes_at is not None:
-            seen = replace(seen.scaled(1.0 / FACTOR), scale=FACTOR if index >= changes_at else 1.0)
-        update = mapper.step(mapper.in_scale(seen))
-    return update, mapper.objects()
+@pytest.fixture(scope="module")
+def saved(tmp_path_factory):
+    """The folders of one drive by a given height and by a guess that is FACTOR too low, and the latter's last result.
+    While it lasts, both are the same."""
+    folders = []
+    for changes_at in (1000, 120):
+        where, mapper = tmp_path_factory.mktemp("scale"), Mapper(closes_loops=True)
+        sinks = [RunFolder(where / "run", FloorCamera(LENS, Mount(0.6)), {}), LivingMap(where / "home", bool)]
+        for index, (result, objects) in enumerate(results(mapper, changes_at)):
+            if index == 1:
+                mapper.edit(Edit("zone", name="rug", corners_m=((1.0, 0.0), (2.0, 0.0), (2.0, 1.0))))
+                mapper.edit(Edit("dock", pose=(0.4, -0.2, 1.0)))
+                mapper.edit(Edit("add", label="chair", place_m=(2.0, 2.0), size_m=(0.4, 0.5, 0.9)))
+            for sink in sinks:
+                sink.write(result, objects)
+        during = (where / "run" / "map.json").read_bytes(), (where / "home" / "map.json").read_bytes()
+        for sink in sinks:
+            sink.close()
+        folders.append((where, during, result))
+    (given, during, _), (guessed, same, result) = folders
+    assert during == same
+    return given, guessed, result
 
 
-@pytest.mark.parametrize("changes_at", [1, 120, 190])
-def test_the_map_is_that_of_the_right_height_whenever_it_is_found(changes_at):
-    right, expected = mapped(Mapper(closes_loops=True))
-    update, found = mapped(mapper := Mapper(closes_loops=True), changes_at)
-    assert mapper.scale == FACTOR
-    assert [item.label for item in found] == [item.label for item in expected]
-    for item, like in zip(found, expected, strict=True):
-        assert item.position_m == pytest.approx(like.position_m, abs=0.04)
-        assert (item.width_m, item.height_m) == pytest.approx((like.width_m, like.height_m))
-        assert np.sqrt(np.diag(item.covariance_m2)) == pytest.approx(np.sqrt(np.diag(like.covariance_m2)), rel=0.25)
-    assert update.pose_map_base.vector() == pytest.approx(right.pose_map_base.vector(), abs=0.02)
-    assert update.travelled_m == pytest.approx(right.travelled_m, rel=0.02)
-    stamps = np.arange(200) / 10
-    assert update.trajectory.at(stamps) == pytest.approx(right.trajectory.at(stamps), abs=0.02)
-    # REP-105: the pose by odometry alone never jumps.
-    assert update.pose_odom_base.x_m == pytest.approx(right.pose_odom_base.x_m, abs=1.0)
+@pytest.mark.parametrize("name", ["run", "home"])
+def test_a_map_is_saved_at_the_scale_of_the_estimate(saved, name):
+    """Objects, zones and dock; the size that a person has measured stays."""
+    given, guessed, result = saved
+    (before, zones), (after, scaled_zones) = (load_annotated_map(folder / name) for folder in (given, guessed))
+    assert [item.id for item in after] == [item.id for item in before]
+    for item, like in zip(after, before, strict=True):
+        assert item.position_m == pytest.approx(FACTOR * like.position_m, abs=1e-5)
+        assert item.covariance_m2 == pytest.approx(FACTOR**2 * like.covariance_m2, abs=1e-8)
+        size = 1.0 if item.corrected else FACTOR
+        assert (item.width_m, item.height_m) == pytest.approx((size * like.width_m, size * like.height_m), abs=1e-3)
+    corners = (np.array(one.zones[0].corners_m) for one in (scaled_zones, zones))
+    np.testing.assert_allclose(next(corners), FACTOR * next(corners), atol=1e-3)
+    assert scaled_zones.dock.vector() == pytest.approx(zones.dock.vector() * [FACTOR, FACTOR, 1.0], abs=1e-3)
+    if name == "home":
+        last = load_last_pose(guessed / name)
+        assert last.vector() == pytest.approx(result.pose_map_base.scaled(FACTOR).vector(), abs=1e-3)
 
 
-def test_sightings_of_before_are_written_again_at_the_new_scale():
-    update, _ = mapped(Mapper(), 120)
-    assert update.trajectory.scale_since([0.0, 11.9, 12.0]) == pytest.approx([FACTOR, FACTOR, 1.0])
+def test_trajectory_sightings_and_record_take_it_too(saved):
+    given, guessed, result = saved
+    before, after = (trajectory_of(folder / "run") for folder in (given, guessed))
+    for pose, like in zip(after.poses, before.poses, strict=True):
+        assert pose.vector() == pytest.approx(like.scaled(FACTOR).vector(), abs=1e-4)
+    lengths = {"base_m", "map_m", "distance_m", "width_m", "height_m"}
+    lines = [(folder / "run" / "sightings.jsonl").read_text().splitlines() for folder in (given, guessed)]
+    for like, seen in (map(json.loads, pair) for pair in zip(*lines, strict=True)):
+        assert seen.pop("scale") == FACTOR
+        for name, value in like.items():
+            assert seen[name] == (pytest.approx(np.multiply(FACTOR, value), abs=2e-4) if name in lengths else value)
+    records = [json.loads((folder / "run" / "run.json").read_text()) for folder in (given, guessed)]
+    assert records[1]["mount_seen"]["used_height_m"] == pytest.approx(FACTOR * 0.6)
+    assert "mount_seen" not in records[0]
+    assert records[1]["quality"]["travelled_m"] == pytest.approx(FACTOR * result.travelled_m, abs=1e-3)
 
 
-def test_a_run_folders_sightings_state_the_scale_they_took_however_often_they_are_written(tmp_path):
-    update, _ = mapped(Mapper(), 120)
-    trajectory, sightings = tmp_path / "trajectory.tum", tmp_path / "sightings.jsonl"
-    stamps = [11.9, 12.0]
-    trajectory.write_text("".join(tum_line(at, SE2(*update.trajectory.at([at])[0])) for at in stamps))
-    lengths = {"base_m": [2.0, 1.0], "map_m": [0.0, 0.0], "distance_m": 2.2, "width_m": 0.4, "height_m": 0.8}
-    sightings.write_text("".join(json.dumps({"stamp_s": at} | lengths) + "\n" for at in stamps))
-    for _ in range(2):
-        rewrite(trajectory, sightings, update.trajectory)
-        before, after = map(json.loads, sightings.read_text().splitlines())
-        assert (before["base_m"], before["scale"]) == ([2.5, 1.25], FACTOR)
-        assert (before["distance_m"], before["width_m"], before["height_m"]) == (2.75, 0.5, 1.0)
-        place = SE2(*update.trajectory.at([11.9])[0]).apply(np.array([2.5, 1.25]))
-        assert before["map_m"] == pytest.approx(place.tolist(), abs=1e-3)
-        assert {name: after[name] for name in lengths if name != "map_m"} == {
-            name: value for name, value in lengths.items() if name != "map_m"
-        }
-        assert "scale" not in after
-
-
-def test_edits_keep_their_place_among_the_objects():
-    mapper = Mapper()
-    first, *rest = frames()
-    mapper.step(mapper.in_scale(first))
-    mapper.edit(Edit("zone", name="rug", corners_m=((1.0, 0.0), (2.0, 0.0), (2.0, 1.0))))
-    mapper.edit(Edit("dock", pose=(0.4, -0.2, 1.0)))
-    added = mapper.edit(Edit("add", label="chair", place_m=(2.0, 2.0), size_m=(0.4, 0.5, 0.9)))
-    mapper.step(mapper.in_scale(replace(rest[0], scale=FACTOR)))
-    (zone,), dock = mapper.annotations().zones, mapper.annotations().dock
-    assert np.array(zone.corners_m) == pytest.approx(FACTOR * np.array([(1.0, 0.0), (2.0, 0.0), (2.0, 1.0)]))
-    assert dock == SE2(FACTOR * 0.4, -FACTOR * 0.2, 1.0)
-    (chair,) = (item for item in mapper.objects() if item.id == added)
-    assert chair.position_m == pytest.approx([FACTOR * 2.0, FACTOR * 2.0])
-    assert (chair.width_m, chair.height_m) == (0.4, 0.9)  # which a person has measured
-
-
-def test_after_a_pose_by_a_person_the_scale_stays():
-    """The objects so far are as those of a saved map then, with a scale of their own."""
-    mapper, (first, second, third, *_) = Mapper(), frames()
-    mapper.step(mapper.in_scale(first))
-    mapper.step(mapper.in_scale(replace(second, scale=FACTOR)))
-    before = [item.position_m.tolist() for item in mapper.objects()]
-    mapper.edit(Edit("pose", pose=(0.5, 0.0, 0.0)))
-    seen = mapper.in_scale(replace(third, scale=2.0 * FACTOR))
-    assert seen.motion.motion == third.motion.motion.scaled(FACTOR)
-    assert mapper.scale == FACTOR
-    assert [item.position_m.tolist() for item in mapper.objects()] == before
-
-
-def test_a_motion_without_pictures_takes_the_new_scale_too():
-    mapper, (first, second, *_) = Mapper(), frames()
-    mapper.step(mapper.in_scale(first))
-    mapper.step_blind(Motion(SE2(0.4, 0.1, 0.2), np.eye(3) * 1e-4))
-    update = mapper.step(mapper.in_scale(replace(second, sightings=[], motion=Motion(SE2()), scale=FACTOR)))
-    assert update.pose_map_base.vector() == pytest.approx([0.4 * FACTOR, 0.1 * FACTOR, 0.2])
-
-
-def test_the_camera_at_another_scale_sees_the_floor_where_its_objects_are():
-    """With its lever arm, as positions are scaled about the base."""
-    camera, pixels = FloorCamera(LENS, Mount(0.6, 0.2, 0.05, forward_m=0.2, left_m=-0.1)), [(100.0, 300.0), (500, 400)]
-    (seen, *_) = frames()
-    scaled = replace(seen, camera=camera).scaled(FACTOR).camera
-    assert scaled is not None
-    assert scaled.floor_points(pixels) == pytest.approx(FACTOR * camera.floor_points(pixels))
-
-
-def test_a_saved_map_and_the_papers_keep_their_scale():
-    saved = [MapObject("chair-1", "chair", np.array([2.0, 1.0]), np.eye(2) * 0.01, 0.5, 0.9, 9, 0.9, 0.0, 1.0)]
-    continued, paper = Mapper(), Mapper(paper=PaperMap())
-    continued.start_in(saved, SE2())
-    for mapper in (continued, paper):
-        seen = mapper.in_scale(replace(next(frames()), scale=FACTOR))
-        assert (mapper.scale, seen.scale) == (1.0, 1.0)
-
-
-@pytest.mark.parametrize("factor", [0.8, 1.0, 1.3])
-def test_evidence_of_the_grid_has_no_holes_at_another_scale(factor):
-    cells = np.stack(np.meshgrid(np.arange(-8, 12), np.arange(3, 9)), axis=-1).reshape(-1, 2).astype(np.int32)
-    values = np.arange(len(cells)).astype(np.int16)
-    patch = Patch(1.0, SE2(), cells, values, values, values, SE2(1.0, 2.0, 0.5)).scaled(factor)
-    assert patch.move == SE2(factor, 2.0 * factor, 0.5)
-    at = {tuple(cell): value for cell, value in zip(cells.tolist(), values.tolist(), strict=True)}
-    assert len(patch) == pytest.approx(len(cells) * factor**2, rel=0.1)
-    for cell, value in zip(patch.cells.tolist(), patch.shift.tolist(), strict=True):
-        assert at[tuple(np.floor((np.array(cell) + 0.5) / factor).astype(int).tolist())] == value
-
-
-def test_many_changes_of_scale_round_the_grid_no_more_than_one():
-    """A wall five metres away, after twenty estimates of the height that end at the first one."""
-    cells = np.stack(np.meshgrid(np.arange(90, 110), np.arange(-9, 9)), axis=-1).reshape(-1, 2).astype(np.int32)
-    values = np.where(cells[:, 0] == 100, 500, -300).astype(np.int16)
-    first = patch = Patch(1.0, SE2(), cells, values, values, values, SE2(1.0, 0.0, 0.0))
-    scale = 1.0
-    for after in (*np.random.default_rng(2).uniform(0.9, 1.1, 20).tolist(), 1.0):
-        patch, scale = patch.scaled(after / scale), after
-    for found, expected in ((patch.cells, cells), (patch.shift[:, None], values[:, None])):
-        order, own = np.lexsort(patch.cells.T), np.lexsort(first.cells.T)
-        assert (found[order] == expected[own]).all()
-    assert patch.move.vector() == pytest.approx(first.move.vector())
+def test_an_earlier_map_keeps_its_scale():
+    earlier = [MapObject("chair-1", "chair", np.array([2.0, 1.0]), np.eye(2) * 0.01, 0.5, 0.9, 9, 0.9, 0.0, 1.0)]
+    known, lost = Mapper(), Mapper()
+    known.start_in(earlier, SE2())
+    lost.relocalise_in(earlier)
+    for mapper in (known, lost):
+        result, _ = next(results(mapper, 0))
+        assert (result.observed.scale, result.scale) == (FACTOR, 1.0)
 
 
 LENS = Intrinsics(640, 480, 500.0, 500.0, 319.5, 239.5)

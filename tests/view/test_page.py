@@ -96,20 +96,6 @@ def test_way_and_sightings_move_into_the_map_that_the_run_found_itself_in(tmp_pa
     assert (len(sightings), page.epoch) == (6, 1)
 
 
-def test_way_and_sightings_take_the_scale_of_a_better_height_at_once(tmp_path):
-    """The first frame's sightings are at (3, 1) and (4, -1.5), the fourth's pose is 0.15 m on."""
-    page, steps = LivePage({}, tmp_path), Steps()
-    steps.into(page, 3)
-    result, objects = steps.next()
-    result.trajectory.scale(2.0)  # with the fourth pose, as by the next frame
-    page.write(replace(result, observed=result.observed.scaled(2.0)), objects)
-    trail, _ = page.trail.since(0, 99)
-    np.testing.assert_allclose([sample[:2] for sample in trail[:3]], [(0.1 * i, 0.0) for i in range(3)])
-    sightings, _ = page.sightings.since(0, 99)
-    np.testing.assert_allclose([seen[2:] for seen in sightings[:2]], [(6.0, 2.0), (8.0, -3.0)], atol=1e-12)
-    assert page.epoch == 1
-
-
 def test_a_saved_map_is_the_map(tmp_path):
     page, steps = LivePage({}, tmp_path), Steps()
     steps.into(page, 12)

@@ -2,7 +2,7 @@
 
 from base64 import b64encode
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -85,6 +85,11 @@ def _update(content: ReportContent, objects: Sequence[MapObject], trail: list[tu
     if content.grid is not None:
         update["floor"] = floor_answer(content.grid)
     if last is not None:
+        units = np.array([last.scale, last.scale, 1.0])  # the map is saved at this scale
+        last = replace(
+            last, pose_map_base=last.pose_map_base.scaled(last.scale),
+            pose_covariance=last.pose_covariance * np.outer(units, units),
+        )  # fmt: skip
         update |= {
             "stamp_s": last.frame.stamp_s,
             "pose": list(last.pose_map_base.vector()),
@@ -122,7 +127,7 @@ def _figures(content: ReportContent) -> dict[str, Any]:
         "rate_hz": frames / seconds if seconds else None,
         "start_s": history.start_s,
         "span_s": last.frame.stamp_s - history.start_s if last else 0.0,
-        "path_m": last.travelled_m if last else 0.0,
+        "path_m": last.scale * last.travelled_m if last else 0.0,
         "detected": [[label, count, label in mapped] for label, count in history.detected.most_common()],
     }
 

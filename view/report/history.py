@@ -76,5 +76,8 @@ class History:
         last = (self.last.frame.stamp_s, ellipse_95(self.last.pose_covariance)[0])
         bounds = self._bounds if self._bounds[-1] == last else [*self._bounds, last]
         journal: PoseJournal = self.last.trajectory
-        poses = journal.at([stamp_s for stamp_s, _ in bounds]).tolist()
-        return [(x_m, y_m, *bound) for (x_m, y_m, _), bound in zip(poses, bounds, strict=True)]
+        poses, scale = journal.at([stamp_s for stamp_s, _ in bounds]).tolist(), self.last.scale
+        return [
+            (scale * x_m, scale * y_m, stamp_s, scale * bound_m)
+            for (x_m, y_m, _), (stamp_s, bound_m) in zip(poses, bounds, strict=True)
+        ]

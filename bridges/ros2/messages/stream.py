@@ -57,7 +57,6 @@ class MessageStream:
     static_mount: bool = False
     robot_odom: Callable[[float], SE2 | None] | None = None
     _angled: Mount | None = None  # the given mount with the angles that the newest step used
-    _scale: float = 1.0  # of the newest step's lengths
     _sent: Mount | None = None  # the newest that was sent
     _steps: int = 0
     _last_stamp_s: float | None = None
@@ -70,7 +69,7 @@ class MessageStream:
         if lens is not None:
             yield Outgoing(topics.INFO, stamp_ns, lambda: build.camera_info(stamp_ns, lens, ids))
         if mount is not None:
-            used = (self._angled or mount).scaled(self._scale)
+            used = self._angled or mount
             if not self.static_mount or used != self._sent:
                 topic, self._sent = topics.TF_STATIC if self.static_mount else topics.TF, used
                 yield Outgoing(topic, stamp_ns, lambda: build.tf(build.mount_transform(stamp_ns, used, ids)))
@@ -93,7 +92,6 @@ class MessageStream:
         before_s, self._last_stamp_s = self._last_stamp_s, result.frame.stamp_s
         if (estimate := result.observed.mount_estimate) is not None:
             self._angled = estimate.used
-        self._scale = result.observed.scale
         dt_s = 0.0 if before_s is None else result.frame.stamp_s - before_s
         yield Outgoing(topics.POSE, stamp_ns, lambda: build.pose(stamp_ns, result, ids))
         yield Outgoing(topics.ODOMETRY, stamp_ns, lambda: build.step_odometry(stamp_ns, result, dt_s, ids))

@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from enum import Enum
 from typing import Protocol, runtime_checkable
 
@@ -92,11 +92,6 @@ class Motion:
     def moved(self) -> tuple[SE2, Array] | None:
         """The motion for the next frame's attitude, without the gyro's own contribution."""
         return self.without_gyro or (self.motion, self.covariance) if self.measured else None
-
-    def scaled(self, factor: float) -> "Motion":
-        """The motion of a camera whose lens is `factor` times as high."""
-        units = np.array([factor, factor, 1.0])
-        return replace(self, motion=self.motion.scaled(factor), covariance=self.covariance * np.outer(units, units))
 
     def checked(self, name: str) -> "Motion":
         """This motion, or where it cannot be a blind one with a fault that names the odometry: a motion or covariance

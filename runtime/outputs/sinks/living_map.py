@@ -8,6 +8,7 @@ from pathlib import Path
 from edgemap.geometry.grid.occupancy_grid import OccupancyGrid
 from edgemap.geometry.map_object import MapObject
 from edgemap.geometry.objects.annotations import Annotations
+from edgemap.geometry.objects.scale import scaled_map
 from edgemap.geometry.se2 import SE2
 from edgemap.runtime.frames.disk import lock_folder, write_atomically
 from edgemap.runtime.frames.errors import DiskError
@@ -24,7 +25,8 @@ class LivingMap(Sink):
     """Writes `map.json` of a folder that several runs share, one after the other: objects, annotations, last pose.
 
     searching: whether the robot is not yet relocalised in the map; nothing is written until then, so a run without
-    relocalisation leaves the map unchanged. The folder is locked while the run lasts.
+    relocalisation leaves the map unchanged. A new map takes the scale of a corrected lens height once, at the end. The
+    folder is locked while the run lasts.
     Raises DiskError where the folder cannot be made, RunFolderError where another run uses it.
     """
 
@@ -33,7 +35,8 @@ class LivingMap(Sink):
         self.path = folder / "map.json"
         self._searching = searching
         self._state: tuple[list[MapObject], Annotations, SE2, OccupancyGrid | None] | None = None
-        self._saved_grid: OccupancyGrid | None = None
+        self._saved_grid: tuple[OccupancyGrid, float] | None = None  # and its scale
+        self._scale, self._closed = 1.0, False
         self._written = ""
         self._save_timer = StreamTimer(SAVE_EVERY_S)
         self._lock: int | None = lock_folder(folder, "another run uses this map")
@@ -41,6 +44,7 @@ class LivingMap(Sink):
     def write(self, result: StepResult, objects: list[MapObject]) -> None:
         """Save by the stream's time. Raises DiskError."""
         self._state = (objects, result.annotations, result.pose_map_base, result.grid)
+        self._scale = result.scale
         if self._save_timer.due(result.frame.stamp_s):
             self._save()
 
@@ -53,6 +57,7 @@ class LivingMap(Sink):
 
     def close(self) -> None:
         """Save for good; edits of the page that stays are still saved. Raises DiskError."""
+        self._closed = True
         self._save()
 
     def release(self) -> None:
@@ -65,11 +70,13 @@ class LivingMap(Sink):
         """Nothing is written where nothing changed: a robot at rest leaves its disk alone."""
         if self._state is None or self._searching():
             return
-        objects, annotations, pose, grid = self._state
-        if grid is not None and grid is not self._saved_grid:
+        live_objects, live_annotations, pose, live_grid = self._state
+        scale = self._scale if self._closed else 1.0
+        objects, annotations, grid = scaled_map(live_objects, live_annotations, live_grid, scale)
+        if live_grid is not None and grid is not None and (live_grid, scale) != self._saved_grid:
             save_grid(self.path.with_name(grid_name(self.path)), grid)
-            self._saved_grid = grid
-        text = map_text(objects, annotations, grid, last_pose=pose)
+            self._saved_grid = (live_grid, scale)
+        text = map_text(objects, annotations, grid, last_pose=pose.scaled(scale))
         if text != self._written:
             write_atomically(self.path, text)
             self._written = text

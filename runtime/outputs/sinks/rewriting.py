@@ -1,4 +1,4 @@
-"""Rewrites a run folder's trajectory and sightings after loop closures, relocalisation and a correction of scale."""
+"""Rewrites a run folder's trajectory and sightings after loop closures and relocalisation, and at its final scale."""
 
 import json
 from collections.abc import Iterator
@@ -20,14 +20,15 @@ LENGTHS = "distance_m", "width_m", "height_m"  # of a sighting, beside its posit
 BLOCK = 4096  # lines in memory at once: the files of a day are larger than a robot's memory
 
 
-def rewrite(trajectory: Path, sightings: Path, journal: PoseJournal) -> None:
-    """Replace both files, each atomically. The same journal leaves them as they are. A sighting from before a
-    correction of scale gets its lengths in the new one, and `scale`, by which they were multiplied. Raises DiskError.
+def rewrite(trajectory: Path, sightings: Path, journal: PoseJournal, scale: float = 1.0) -> None:
+    """Replace both files, each atomically. The same journal leaves them as they are. scale: by which all lengths are
+    multiplied; a sighting states it where it is not 1. Raises DiskError.
     """
     stamps_s, poses = _read(trajectory)
     poses = journal.moved_poses(stamps_s, poses)
     if not len(poses):
         return
+    poses[:, :2] *= scale
 
     def tum_blocks() -> Iterator[bytes]:
         for start in range(0, len(poses), BLOCK):
@@ -39,7 +40,7 @@ def rewrite(trajectory: Path, sightings: Path, journal: PoseJournal) -> None:
             records = [json.loads(line) for line in lines]
             stamps = [record["stamp_s"] for record in records]
             rows = np.searchsorted(stamps_s, stamps, side="right") - 1
-            for record, scale in zip(records, journal.scale_since(stamps).tolist(), strict=True):
+            for record in records if scale != 1.0 else ():
                 _rescale(record, scale)
             base = np.array([[*record["base_m"], 0.0] for record in records])
             for record, (x_m, y_m, _) in zip(records, composed(poses[np.maximum(rows, 0)], base), strict=True):
@@ -51,13 +52,10 @@ def rewrite(trajectory: Path, sightings: Path, journal: PoseJournal) -> None:
 
 
 def _rescale(record: dict[str, Any], scale: float) -> None:
-    """Gives a sighting's lengths the scale that they have by now."""
-    factor = scale / record.get("scale", 1.0)
-    if factor == 1.0:
-        return
-    record["base_m"] = [round(factor * length_m, 4) for length_m in record["base_m"]]
+    """Multiplies a sighting's lengths."""
+    record["base_m"] = [round(scale * length_m, 4) for length_m in record["base_m"]]
     for name in LENGTHS:
-        record[name] = round(factor * record[name], 4)
+        record[name] = round(scale * record[name], 4)
     record["scale"] = scale
 
 

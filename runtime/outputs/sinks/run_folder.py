@@ -18,6 +18,7 @@ from edgemap.geometry.errors import EdgemapError
 from edgemap.geometry.grid.occupancy_grid import OccupancyGrid
 from edgemap.geometry.map_object import MapObject
 from edgemap.geometry.objects.annotations import NO_ANNOTATIONS, Annotations
+from edgemap.geometry.objects.scale import scaled_map, scaled_objects
 from edgemap.runtime.frames.disk import LineFile, lock_folder, write_atomically
 from edgemap.runtime.frames.errors import DiskError, RunFolderError
 from edgemap.runtime.frames.faults import Fault
@@ -44,8 +45,8 @@ class RunFolder:
 
     record: the run's entries of run.json (configuration, sums, versions). An empty valid map exists at once. Trajectory
     and sightings are first written as estimated at the time; where loop closure or relocalisation moved the past, they
-    are rewritten at the end. Data that the disk cannot take is kept and saved once it can. The folder is locked while
-    the run lasts.
+    are rewritten at the end. There all files take the scale of a corrected lens height, once. Data that the disk cannot
+    take is kept and saved once it can. The folder is locked while the run lasts.
     Raises DiskError where the folder cannot be made, RunFolderError where it holds another run or another process
     writes into it.
     """
@@ -59,7 +60,8 @@ class RunFolder:
         self._objects: list[MapObject] = []
         self._annotations = NO_ANNOTATIONS
         self._grid: OccupancyGrid | None = None
-        self._saved_grid: OccupancyGrid | None = None
+        self._saved_grid: tuple[OccupancyGrid | None, float] = (None, 1.0)  # and its scale
+        self._scale = 1.0  # see `MapUpdate`
         self._merged: dict[str, str] = {}
         self._stage_times: dict[str, deque[float]] = {}
         self._stages: dict[str, dict[str, float]] = {}
@@ -109,7 +111,7 @@ class RunFolder:
         self._frames += 1
         self._stamp_s = stamp_s = result.frame.stamp_s
         self._objects, self._merged, self._annotations = objects, result.merged, result.annotations
-        self._journal, self._grid = result.trajectory, result.grid
+        self._journal, self._grid, self._scale = result.trajectory, result.grid, result.scale
         if result.correction is not None:
             self._note_correction(result.correction)
         if result.relocated is not None:
@@ -127,8 +129,6 @@ class RunFolder:
             self._mount_seen |= mount_record(seen)
         if (height := result.observed.height_estimate) is not None:
             self._mount_seen |= {"height_m": round(height.height_m, 3), "sigma_height_m": round(height.sigma_m, 3)}
-        if (scale := result.observed.scale) != 1.0 or "used_height_m" in self._mount_seen:
-            self._mount_seen |= {"used_height_m": round(scale * self._camera.mount.height_m, 4)}
         if self._mount_seen:
             self._record = self._record | {"mount_seen": dict(self._mount_seen)}
         if result.relocated is not None or self._save_timer.is_due(stamp_s):
@@ -173,7 +173,7 @@ class RunFolder:
         if not self.folder.exists():  # it vanished; made again where what it lay in is still there
             lock = lock_folder(self.folder, IN_USE, parents=False)
             os.close(self._lock)
-            self._lock, self._saved_grid = lock, None
+            self._lock, self._saved_grid = lock, (None, 1.0)
         self._save_map()
         self._trajectory.flush()
         self._sightings.flush()
@@ -183,9 +183,15 @@ class RunFolder:
 
     def _save_map(self) -> None:
         """The map, and its grid where that has changed. Raises DiskError."""
-        grid, path = self._grid, self.folder / "map.json"
-        save_map(path, self._objects, self._annotations, grid, grid_saved=grid is self._saved_grid)
+        grid = (self._grid, self._file_scale)
+        saved = scaled_map(self._objects, self._annotations, *grid)
+        save_map(self.folder / "map.json", *saved, grid_saved=grid == self._saved_grid)
         self._saved_grid = grid
+
+    @property
+    def _file_scale(self) -> float:
+        """Scale of all files over the live map's: they change together, at the end."""
+        return self._scale if self._closed else 1.0
 
     def _note_correction(self, correction: LoopCorrection) -> None:
         """Count a loop closure in run.json."""
@@ -200,10 +206,10 @@ class RunFolder:
 
     def _rewrite(self) -> None:
         """Rewrite trajectory and sightings with all corrections so far. Raises DiskError."""
-        journal = self._journal
-        if journal is None or journal.revision == self._rewritten_at:
+        journal, scale = self._journal, self._file_scale
+        if journal is None or (journal.revision == self._rewritten_at and scale == 1.0):
             return
-        rewrite(self._trajectory.path, self._sightings.path, journal)
+        rewrite(self._trajectory.path, self._sightings.path, journal, scale)
         self._rewritten_at = journal.revision
 
     def _write_record(self, finished: bool) -> None:
@@ -211,20 +217,23 @@ class RunFolder:
         if finished or self._saves % STAGES_EVERY == 1:
             self._stages = {name: percentiles(times_ms) for name, times_ms in self._stage_times.items()}
         self._saves += 1
+        if (scale := self._file_scale) != 1.0:
+            self._mount_seen |= {"used_height_m": round(scale * self._camera.mount.height_m, 4)}
+            self._record = self._record | {"mount_seen": dict(self._mount_seen)}
         record = self._record | {
             "finished": finished,
             "frames": self._frames,
             "seconds": round(seconds, 3),
             "stages_ms": self._stages,
             "attitude_sources": dict(self._attitudes),
-            "quality": self._quality.document(),
+            "quality": self._quality.document(scale),
             "merged": self._merged,
             "fault_count": self._fault_kinds.total(),
             "fault_kinds": dict(self._fault_kinds),
             "faults": self._faults,
             "lines_lost": self._trajectory.dropped + self._sightings.dropped,
         }
-        self.verdict = verdict_of(record, self._objects)
+        self.verdict = verdict_of(record, scaled_objects(self._objects, scale))
         record["verdict"] = self.verdict.document()
         write_atomically(self.folder / "run.json", json.dumps(record, indent=1, allow_nan=False) + "\n")
         self.document = record

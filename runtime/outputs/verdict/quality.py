@@ -62,8 +62,8 @@ class QualityCounter:
         self._largest_m = max(self._largest_m, self._sigma_m)
         self._largest_rad = max(self._largest_rad, self._heading_rad)
 
-    def document(self) -> dict[str, Any]:
-        """The counts so far."""
+    def document(self, scale: float = 1.0) -> dict[str, Any]:
+        """The counts so far. scale: by which lengths are multiplied."""
         names = ("guessed", "still", "wheel", "gyro", "object", "carried", "mount", "worktop")
         step_s = float(np.median(self._steps_s)) if self._steps_s else 0.0
         return {
@@ -72,8 +72,8 @@ class QualityCounter:
             "blind": {kind.value: count for kind, count in self._blind.items() if count},
             **{f"{name}_frames": self._counts[f"{name}_frames"] for name in names},
             "wheels": self._wheels,
-            "travelled_m": round(self._travelled_m, 3),
-            "sigma_m": {"end": round(self._sigma_m, 4), "largest": round(self._largest_m, 4)},
+            "travelled_m": round(scale * self._travelled_m, 3),
+            "sigma_m": {"end": round(scale * self._sigma_m, 4), "largest": round(scale * self._largest_m, 4)},
             "heading_sigma_deg": {
                 "end": round(math.degrees(self._heading_rad), 3),
                 "largest": round(math.degrees(self._largest_rad), 3),
