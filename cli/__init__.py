@@ -2,6 +2,8 @@
 
 import os
 import sys
+from collections.abc import Callable
+from contextlib import suppress
 from importlib import import_module
 from io import TextIOWrapper
 from typing import NoReturn
@@ -44,6 +46,7 @@ COMMANDS: dict[str, tuple[str, str]] = {
 }
 
 ADDRESS_SPACE_BYTES = 768 << 20  # a run of the demo takes 0.7 GiB of addresses, a fifth of that of memory
+GROUP = "edgemap.commands"  # entry points of other packages
 USAGE = "usage: edgemap COMMAND [OPTIONS]      (edgemap COMMAND --help lists a command's options)"
 
 
@@ -51,10 +54,37 @@ def overview() -> str:
     """The text of `edgemap --help`."""
     lines = [USAGE, "", "A 2-D map of the objects on the floor from one camera, on a CPU.", ""]
     lines += [f"  {words:<22}{text}" for words, (_, text) in COMMANDS.items()]
+    lines += [f"  {name:<22}{text}" for name, text in plugin_commands().items()]
     lines += ["", "First steps:  edgemap run                  the demo drive, ends with a map in runs/"]
     lines += ["              edgemap run --camera 0 --mount 0.60    a webcam 0.60 m above the floor"]
     lines += ["              edgemap doctor               checks camera, libraries, bundle and mount"]
     return "\n".join(lines)
+
+
+def plugin_commands() -> dict[str, str]:
+    """Commands of other packages (entry points `edgemap.commands`), each with its package; nothing is imported."""
+    if not _a_package_has_commands():
+        return {}
+    from edgemap.geometry.errors import EdgemapError
+    from edgemap.runtime.frames.plugins import package_of, plugins
+
+    try:
+        found = plugins(GROUP)
+    except EdgemapError as error:
+        return {"": str(error)}
+    return {name: f"of the package {package_of(point)}" for name, point in found.items() if name not in COMMANDS}
+
+
+def _a_package_has_commands() -> bool:
+    """Whether the group stands in any package's metadata: reading all of it takes longer than the rest of `--help`."""
+    for folder in sys.path:
+        with suppress(OSError):
+            for name in os.listdir(folder or "."):  # noqa: PTH208
+                if name.endswith(".dist-info"):
+                    with suppress(OSError), open(f"{folder or '.'}/{name}/entry_points.txt", "rb") as file:  # noqa: PTH123
+                        if GROUP.encode() in file.read():
+                            return True
+    return False
 
 
 def main(arguments: list[str] | None = None) -> None:
@@ -85,6 +115,8 @@ def _main(arguments: list[str]) -> None:
         print(f"edgemap {__version__}")
         return
     words = next((words for words in (" ".join(arguments[:2]), arguments[0]) if words in COMMANDS), None)
+    if words is None and arguments[0] in plugin_commands():
+        words = arguments[0]
     if words is None:
         _no_command(arguments)
     _run(words, arguments[len(words.split()) :])
@@ -147,7 +179,7 @@ def _command(words: str, rest: list[str]) -> None:
     from edgemap.geometry.errors import EdgemapError
 
     try:
-        command = import_module(f"edgemap.cli.{COMMANDS[words][0]}").command
+        command = _imported(words)
         if words == "run" and any(word.partition("=")[0] in ("--config", "--config-options") for word in rest):
             from edgemap.cli.config_options import config_arguments
 
@@ -162,6 +194,15 @@ def _command(words: str, rest: list[str]) -> None:
     except OSError as error:  # a path that the system refuses: too long, not allowed
         where = f"{error.filename}: " if error.filename else ""
         _end(f"edgemap {words}: {where}{error.strerror or error}", 1)
+
+
+def _imported(words: str) -> Callable[..., None]:
+    """The function of a command. Raises PluginError for one of another package that does not load."""
+    if words in COMMANDS:
+        return import_module(f"edgemap.cli.{COMMANDS[words][0]}").command
+    from edgemap.runtime.frames.plugins import load_plugin, plugins
+
+    return load_plugin(plugins(GROUP)[words])
 
 
 def _end(message: str, exit_code: int) -> NoReturn:

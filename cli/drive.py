@@ -3,7 +3,6 @@
 from datetime import UTC, datetime
 from pathlib import Path
 from threading import Event
-from typing import TYPE_CHECKING
 
 from edgemap.cli.guessed_camera import CameraKeeper
 from edgemap.cli.live_page import NoPage, live_page
@@ -15,12 +14,12 @@ from edgemap.cli.summary import RunSummary, judge_of, with_map_so_far
 from edgemap.geometry.camera.floor import FloorCamera
 from edgemap.runtime.frames.camera import Camera
 from edgemap.runtime.frames.inference import Inference
-from edgemap.runtime.frames.trajectory import TrackFile
 from edgemap.runtime.inputs.cameras.wheels import replace_wheels
 from edgemap.runtime.inputs.cameras.wrappers import SearchRate
 from edgemap.runtime.motion.camera_guess import CameraGuess
 from edgemap.runtime.network.bundle import Bundle
 from edgemap.runtime.outputs.service import ServiceNotifier
+from edgemap.runtime.outputs.sinks.kinds import RunInfo, open_sinks
 from edgemap.runtime.outputs.sinks.living_map import LivingMap
 from edgemap.runtime.outputs.sinks.progress import progress
 from edgemap.runtime.outputs.sinks.run_folder import RunFolder
@@ -32,9 +31,6 @@ from edgemap.runtime.step.slam import SlamOptions, build_slam
 from edgemap.view.about import about_run
 from edgemap.view.report.crops import BestCrops
 from edgemap.view.report.sink import ReportFile
-
-if TYPE_CHECKING:
-    from edgemap.bridges.ros2.recordings.recorder import RecordingSink
 
 
 class Run:
@@ -135,26 +131,8 @@ class Run:
         edits.settle(self.slam.mapper)
 
     def _publishers(self, edits: Edits) -> list[Sink]:
-        """Sinks of the recording and of live outputs."""
-        out = self.options.outputs
-        viewers = self.options.watch.viewer_sinks(self.floor)
-        named = out.named_sinks(self.place.path if self.place and self.place.exists else None)
-        tape = self._recording()
-        live = out.ros2_sinks(self.source, self.floor, edits)
-        edits.recorders += [sink.edit for sink in tape]
-        return [*tape, *viewers, *named, *live]
-
-    def _recording(self) -> "list[RecordingSink]":
-        """The sink of `--record`, with intrinsics, mount, engine, precision, guess and wheels of the run."""
-        (path, lossless), source = self.options.outputs.recorded(), self.source
-        if path is None:
-            return []
-        from edgemap.bridges.ros2.recordings.facts import Facts
-        from edgemap.bridges.ros2.recordings.recorder import Recorder, RecordingSink
-
-        decided = Inference(self.loaded.engine, self.loaded.precision)
-        lens, mount, guess = self.floor.intrinsics, self.floor.mount, self.record.get("camera_guess")
-        facts = Facts(source.name, lens, mount, source.rate_hz, decided, guess)
-        # Poses that come live are not recorded.
-        track = source.wheel.track() if isinstance(source.wheel, TrackFile) else None
-        return [RecordingSink(lambda: Recorder(path, facts, lossless=lossless, wheel=track, truth=source.truth))]
+        """Sinks of the recording and of other programs."""
+        inference, guess = Inference(self.loaded.engine, self.loaded.precision), self.record.get("camera_guess")
+        saved = self.place.path if self.place and self.place.exists else None
+        run = RunInfo(self.folder, self.source, self.floor, edits, inference, saved, guess)
+        return open_sinks(self.options.sinks, run)

@@ -7,7 +7,6 @@ from typing import Annotated
 import tyro
 
 from edgemap.cli.arguments import OptionError, arg
-from edgemap.cli.publishers import address, place_and_address
 
 
 def command(
@@ -27,8 +26,8 @@ def command(
     DIR/map.json is the merged map, DIR/robots/NAME.json the latest map of each robot. Maps are aligned by their
     objects, as `map merge` does; one that does not fit with certainty stays apart, with the reason, until it does.
     """
+    from edgemap.bridges.fleet.addresses import place_and_address, zenoh_address
     from edgemap.bridges.fleet.keeper import PlaceKeeper
-    from edgemap.bridges.fleet.network import PORT
     from edgemap.geometry.errors import EdgemapError
     from edgemap.runtime.frames.extras import need
     from edgemap.runtime.step.loop import stop_on_signals
@@ -37,7 +36,7 @@ def command(
     if not 0.1 <= every <= 3600.0:
         raise OptionError(f"--every {every:g}: 0.1 to 3600 s")
     name, router = place_and_address(place, "PLACE")
-    local = "" if "@" in place else address(listen, "--listen", PORT)
+    local = "" if "@" in place else zenoh_address(listen, "--listen")
     with stop_on_signals() as stop:
         keeper = PlaceKeeper(name, out or Path(name), "" if local else router, local, reference)
         print(f"map of {name}: {out or name}/map.json")

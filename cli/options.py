@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 from edgemap.cli.arguments import OptionError, arg
+from edgemap.runtime.frames.option_texts import words_of
 
 if TYPE_CHECKING:
     from edgemap.runtime.frames.camera import SensorTopics
@@ -63,17 +64,6 @@ def sensor_topics(text: str | None, optical: str = "camera_optical_frame") -> "S
 
     words = words_of(text or "", "--topics", {"wheels", "imu", "depth", "optical"})
     return SensorTopics(**{"optical": optical, **words})
-
-
-def words_of(text: str, option: str, names: set[str]) -> dict[str, str]:
-    """`NAME=VALUE,NAME=VALUE`. names: those allowed. Raises OptionError."""
-    words: dict[str, str] = {}
-    for word in filter(None, text.split(",")):
-        name, _, value = (part.strip() for part in word.partition("="))
-        if name not in names or name in words or not value:
-            raise OptionError(f"{option} {word!r}: expected NAME=VALUE once each, with {', '.join(sorted(names))}")
-        words[name] = value
-    return words
 
 
 Json = Annotated[bool, arg(help="Print one JSON document on standard output and nothing else.")]

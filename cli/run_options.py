@@ -16,7 +16,7 @@ from edgemap.cli.options import (
     at_least,
     sensor_topics,
 )
-from edgemap.cli.publishers import OutputGroup, WatchGroup, ros2_options
+from edgemap.cli.publishers import OutputGroup, WatchGroup
 
 if TYPE_CHECKING:
     from edgemap.runtime.frames.camera import SensorTopics
@@ -116,7 +116,6 @@ class RunOptions:
     def check(self) -> None:
         """Read every text that needs nothing else, before anything is opened. Raises OptionError, and
         MissingExtraError where an output was asked for whose libraries are not installed."""
-        from edgemap.cli.record import check_name
         from edgemap.runtime.frames.extras import need
 
         self.camera.check()
@@ -124,17 +123,28 @@ class RunOptions:
         at_least(1, frames=self.camera.frames, threads=self.advanced.threads)
         self.map.check()
         sensor_topics(self.camera.topics)
-        recording, _ = self.outputs.recorded()
-        check_name(recording)
         above_zero(rate=self.camera.rate)
-        watch, out = self.watch, self.outputs
-        asked = {"view": watch.view, "foxglove": watch.foxglove, "record": recording}
-        asked |= {"mqtt": out.mqtt, "fleet": out.fleet, "ros2": out.ros2}
-        for extra, value in asked.items():
-            if value is not None:
+        asked = self.sinks
+        for extra in ("foxglove", "record", "mqtt", "fleet", "ros2"):
+            if extra in asked:
                 need(extra, f"--{extra}")
-        if out.ros2:
-            ros2_options(out.ros2)
+        if self.watch.view is not None:
+            need("view", "--view")
+        if "record" in asked:
+            from edgemap.bridges.ros2.recordings.recorder import file_of
+            from edgemap.cli.record import check_name
+
+            check_name(file_of(asked["record"])[0])
+        if "ros2" in asked:
+            from edgemap.bridges.ros2.sink import Ros2Options
+
+            Ros2Options.of(asked["ros2"])
+
+    @property
+    def sinks(self) -> dict[str, str]:
+        """The sinks that were asked for, by name, each with its address."""
+        viewers = {} if self.watch.foxglove is None else {"foxglove": self.watch.foxglove}
+        return viewers | self.outputs.sinks()
 
     @property
     def pace_files(self) -> bool:
@@ -144,8 +154,11 @@ class RunOptions:
     @property
     def topics(self) -> "SensorTopics":
         """Further sensors among ROS 2 topics."""
-        frames = ros2_options(self.outputs.ros2).frames if self.outputs.ros2 else None
-        return sensor_topics(self.camera.topics, *([frames.optical] if frames else []))
+        if not self.outputs.ros2:
+            return sensor_topics(self.camera.topics)
+        from edgemap.bridges.ros2.sink import Ros2Options
+
+        return sensor_topics(self.camera.topics, Ros2Options.of(self.outputs.ros2).frames.optical)
 
     def inputs(self) -> dict[str, object]:
         """Options that differ from their defaults and are inputs of the step, by flag, as plain values: what makes the

@@ -10,6 +10,8 @@ from edgemap.runtime.frames.colours import label_rgb
 from edgemap.runtime.frames.errors import PublishError
 from edgemap.runtime.frames.extras import need
 from edgemap.runtime.frames.faults import Fault
+from edgemap.runtime.frames.option_texts import host_and_port
+from edgemap.runtime.outputs.sinks.kinds import RunInfo
 from edgemap.runtime.step.slam import StepResult
 
 ANNOTATIONS = "/detections/annotations"
@@ -19,6 +21,7 @@ SENT = (
 )  # fmt: skip
 LETTER_PX, LINE_PX = 14.0, 2.0
 BACKLOG = 128  # messages kept for a client that is slow: a second or two at 10 Hz
+PORT = 8765
 CLOSE_LIMIT_S = 2.0  # for a client that does not answer; the server's own patience is 40 s
 
 
@@ -117,3 +120,11 @@ def image_annotations(stamp_ns: int, result: StepResult):  # noqa: ANN201  (a ty
             )
         )
     return messages.ImageAnnotations(points=points, texts=texts)
+
+
+def open(address: str, run: RunInfo) -> FoxgloveServer:
+    """The sink of `--foxglove HOST:PORT`. Raises UsageError, or as the server does."""
+    host, port = host_and_port(address, "--foxglove", PORT)
+    server = FoxgloveServer(host, port, MessageStream(run.floor.intrinsics, run.floor.mount))
+    print(f"Foxglove:  {server.url}", flush=True)
+    return server

@@ -2,6 +2,7 @@
 
 import json
 import math
+import os
 import re
 import threading
 from contextlib import suppress
@@ -12,12 +13,16 @@ from edgemap.geometry.objects.zone_watch import ZoneWatch
 from edgemap.runtime.frames.errors import PublishError
 from edgemap.runtime.frames.extras import need
 from edgemap.runtime.frames.faults import Fault
+from edgemap.runtime.frames.option_texts import host_and_port
 from edgemap.runtime.frames.timing import StreamTimer
+from edgemap.runtime.frames.version import VERSION
+from edgemap.runtime.outputs.sinks.kinds import RunInfo
 from edgemap.runtime.step.map_file import object_record
 from edgemap.runtime.step.slam import StepResult
 
 MOVED_M = 0.25  # an object has moved when it is so far from its last published position
 STATE_EVERY_S = 1.0  # of stream
+PORT = 1883
 CONNECT_LIMIT_S = 2.0  # for which the run's start waits
 RETRY_S = (1, 30)  # shortest and longest pause before the broker is tried again
 QUEUED = 1000  # messages kept for a broker that does not take them
@@ -212,3 +217,13 @@ def discovery(robot: str, root: str, version: str) -> dict[str, str]:
         )
         for name, component in components.items()
     }
+
+
+def open(address: str, run: RunInfo) -> MqttPublisher:
+    """The sink of `--mqtt HOST[:PORT]`; user and password are in EDGEMAP_MQTT_USER and EDGEMAP_MQTT_PASSWORD.
+
+    Raises UsageError, or as the publisher does.
+    """
+    user, password = (os.environ.get(f"EDGEMAP_MQTT_{name}") for name in ("USER", "PASSWORD"))
+    host, port = host_and_port(address, "--mqtt", PORT)
+    return MqttPublisher(host, port, run.robot, user, password, VERSION)

@@ -5,10 +5,10 @@ import time
 from collections import deque
 from collections.abc import Callable
 from contextlib import suppress
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields
 from typing import Any
 
-from edgemap.bridges.ros2.dds.node import Node, Publisher, Reliability
+from edgemap.bridges.ros2.dds.node import Node, Publisher, Reliability, shared_node
 from edgemap.bridges.ros2.dds.sources import RobotOdom
 from edgemap.bridges.ros2.dds.types import in_namespace
 from edgemap.bridges.ros2.messages import build, topics
@@ -19,7 +19,9 @@ from edgemap.geometry.camera.floor import FloorCamera
 from edgemap.geometry.map_object import MapObject
 from edgemap.geometry.objects.events import Edit
 from edgemap.geometry.se2 import SE2
-from edgemap.runtime.frames.errors import Ros2Error
+from edgemap.runtime.frames.errors import Ros2Error, UsageError
+from edgemap.runtime.frames.option_texts import words_of
+from edgemap.runtime.outputs.sinks.kinds import RunInfo
 from edgemap.runtime.step.sinks import Sink
 from edgemap.runtime.step.slam import StepResult
 
@@ -50,6 +52,21 @@ class Ros2Options:
     pictures: bool = False
     best_effort: bool = False
     odom_tf: bool = True
+
+    @classmethod
+    def of(cls, text: str) -> "Ros2Options":
+        """The options in the text of `--ros2`. Raises UsageError."""
+        switches, frames = ("pictures", "reliable", "odom_tf"), [field.name for field in fields(FrameIds)]
+        words = words_of(text, "--ros2", {"namespace", *switches, *frames})
+        if wrong := [f"{name}={words[name]}" for name in switches if words.get(name, "yes") not in ("yes", "no")]:
+            raise UsageError(f"--ros2 {wrong[0]}: expected yes or no")
+        ids = FrameIds(**{name: words[name] for name in frames if name in words})
+        names = [getattr(ids, name) for name in frames]
+        if len(set(names)) != len(names):
+            raise UsageError(f"--ros2 {text}: frames {', '.join(names)} must be different")
+        on = {name: words.get(name, usual) == "yes" for name, usual in (("pictures", "no"), ("reliable", "yes"))}
+        odom_tf = words.get("odom_tf", "yes") == "yes"
+        return cls(words.get("namespace", NAMESPACE), ids, on["pictures"], not on["reliable"], odom_tf)
 
     def reliability(self, topic: str) -> Reliability:
         """Reliability of one topic."""
@@ -131,3 +148,9 @@ def pose_edit(message: Any) -> Edit:
         max(math.sqrt(max(value, 0.0)), least) for value, least in zip(variances, SMALLEST_SIGMAS, strict=True)
     )
     return Edit("pose", pose=(at.x, at.y, yaw_rad), sigmas=(x_sigma, y_sigma, yaw_sigma))
+
+
+def open(address: str, run: RunInfo) -> Ros2Sink:
+    """The sink of `--ros2 NAME=VALUE,…`. Raises UsageError, Ros2Error or MissingExtraError."""
+    live = run.camera.name.startswith("ros2:")
+    return Ros2Sink(shared_node(), run.floor, Ros2Options.of(address), ros_time=live, edit=run.edits.submit)

@@ -58,6 +58,12 @@ class CameraState(StrEnum):
     LOST = "lost"
 
 
+class UsageError(EdgemapError):
+    """Text of an option that cannot be used: wrong usage, which no repetition mends."""
+
+    exit_code = 2
+
+
 class CameraSpecError(CameraError):
     """A SPEC with an address that no camera of its kind can have: wrong usage."""
 

@@ -7,11 +7,16 @@ from edgemap.geometry.errors import EdgemapError
 from edgemap.runtime.frames.errors import PluginError
 from edgemap.runtime.frames.reading import one_line
 
-CAMERAS, SINKS, COMMANDS = "edgemap.cameras", "edgemap.sinks", "edgemap.commands"
+CAMERAS, SINKS = "edgemap.cameras", "edgemap.sinks"
 OURS = (
     EntryPoint("ros2", "edgemap.bridges.ros2.cameras:TOPICS", CAMERAS),
     EntryPoint(".mcap", "edgemap.bridges.ros2.cameras:RECORDINGS", CAMERAS),
     EntryPoint("sim", "edgemap.simulation.live", CAMERAS),
+    EntryPoint("record", "edgemap.bridges.ros2.recordings.recorder", SINKS),
+    EntryPoint("foxglove", "edgemap.bridges.foxglove.sink", SINKS),
+    EntryPoint("mqtt", "edgemap.bridges.mqtt.sink", SINKS),
+    EntryPoint("fleet", "edgemap.bridges.fleet.sink", SINKS),
+    EntryPoint("ros2", "edgemap.bridges.ros2.sink", SINKS),
 )
 
 

@@ -10,9 +10,9 @@ from support.broker import MISSING, Broker
 from support.waiting import free_port
 
 from edgemap.cli import main
-from edgemap.cli.arguments import OptionError
-from edgemap.cli.publishers import host_and_port
 from edgemap.runtime.frames import extras
+from edgemap.runtime.frames.errors import UsageError
+from edgemap.runtime.frames.option_texts import host_and_port
 from edgemap.runtime.step.map_file import load_map
 
 
@@ -79,7 +79,7 @@ def test_addresses(text, address):
 
 @pytest.mark.parametrize("text", ["", ":80", "x:", "x:http", "x:65536", "x:-1", "x:²", "x:" + "9" * 5000])
 def test_addresses_that_are_none(text):
-    with pytest.raises(OptionError, match=r"--x .* expected HOST or HOST:PORT"):
+    with pytest.raises(UsageError, match=r"--x .* expected HOST or HOST:PORT"):
         host_and_port(text, "--x", 9)
 
 

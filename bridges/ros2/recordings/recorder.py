@@ -31,7 +31,8 @@ from edgemap.geometry.map_object import MapObject
 from edgemap.geometry.se2 import SE2
 from edgemap.runtime.frames.errors import DiskError, RecordingError
 from edgemap.runtime.frames.frame import Frame
-from edgemap.runtime.frames.trajectory import Trajectory
+from edgemap.runtime.frames.trajectory import TrackFile, Trajectory
+from edgemap.runtime.outputs.sinks.kinds import RunInfo
 from edgemap.runtime.step.sinks import Sink
 from edgemap.runtime.step.slam import StepResult
 
@@ -165,3 +166,24 @@ class RecordingSink(Sink):
         chunk.
         """
         self._recorder.close()
+
+
+def file_of(text: str) -> tuple[Path, bool]:
+    """The file in `[lossless:]FILE.mcap`, and whether its pictures are lossless."""
+    name = text.removeprefix("lossless:")
+    return Path(name), name != text
+
+
+def open(address: str, run: RunInfo) -> RecordingSink:
+    """The sink of `--record [lossless:]FILE.mcap`, with lens, mount, inference, guess, wheels and edits of the run.
+
+    Raises RecordingError, DiskError or CameraError.
+    """
+    camera, floor = run.camera, run.floor
+    facts = Facts(camera.name, floor.intrinsics, floor.mount, camera.rate_hz, run.inference, run.guess)
+    # Poses that come live are not recorded.
+    wheels = camera.wheel.track() if isinstance(camera.wheel, TrackFile) else None
+    path, lossless = file_of(address)
+    sink = RecordingSink(lambda: Recorder(path, facts, lossless=lossless, wheel=wheels, truth=camera.truth))
+    run.edits.recorders.append(sink.edit)
+    return sink

@@ -9,9 +9,7 @@ from edgemap.bridges.ros2.dds.types import HASHES, dds_topic, dds_type, in_names
 from edgemap.bridges.ros2.messages.definitions import RosClock, definition, ros_offset_s
 from edgemap.bridges.ros2.messages.topics import KINDS, FrameIds
 from edgemap.bridges.ros2.sink import Ros2Options
-from edgemap.cli.arguments import OptionError
-from edgemap.cli.publishers import ros2_options
-from edgemap.runtime.frames.errors import Ros2Error
+from edgemap.runtime.frames.errors import Ros2Error, UsageError
 
 
 def test_topics_and_types_are_mangled_as_ros_2_does():
@@ -105,12 +103,12 @@ def test_stamps_follow_a_wall_clock_that_is_set(monkeypatch, stamp_s):
 
 @pytest.mark.parametrize("text", ["map", "map=", "odom=map", "base=lens,optical=lens", "map=a,map=b", "odom_tf=maybe"])
 def test_a_wrong_option_of_ros2_is_refused(text):
-    with pytest.raises(OptionError, match="--ros2"):
-        ros2_options(text)
+    with pytest.raises(UsageError, match="--ros2"):
+        Ros2Options.of(text)
 
 
 def test_options_of_ros2_are_read():
-    options = ros2_options("namespace=robot1, base=base_footprint,pictures=yes,reliable=no,odom_tf=no")
+    options = Ros2Options.of("namespace=robot1, base=base_footprint,pictures=yes,reliable=no,odom_tf=no")
     frames = FrameIds(base="base_footprint")
     assert options == Ros2Options("robot1", frames, pictures=True, best_effort=True, odom_tf=False)
-    assert ros2_options("") == Ros2Options()
+    assert Ros2Options.of("") == Ros2Options()

@@ -1,0 +1,29 @@
+"""Texts of options that plugins read as the command line does: addresses and NAME=VALUE words."""
+
+from edgemap.runtime.frames.errors import UsageError
+
+
+def host_and_port(text: str, option: str, port: int) -> tuple[str, int]:
+    """`HOST`, `HOST:PORT` or `[IPv6]:PORT`. port: the default. Raises UsageError."""
+    host, colon, digits = text.rpartition(":")
+    if not colon or text.endswith("]"):
+        host, digits = text, str(port)
+    host = host.removeprefix("[").removesuffix("]")
+    if not host or not digits.isdecimal() or len(digits) > 5 or int(digits) > 65535:
+        raise UsageError(f"{option} {text!r}: expected HOST or HOST:PORT with a port of 0 to 65535")
+    try:
+        host.encode("idna")  # as every connection does, on a thread of its own
+    except UnicodeError as error:
+        raise UsageError(f"{option} {text!r}: no name of a host ({error})") from None
+    return host, int(digits)
+
+
+def words_of(text: str, option: str, names: set[str]) -> dict[str, str]:
+    """`NAME=VALUE,NAME=VALUE`. names: those allowed. Raises UsageError."""
+    words: dict[str, str] = {}
+    for word in filter(None, text.split(",")):
+        name, _, value = (part.strip() for part in word.partition("="))
+        if name not in names or name in words or not value:
+            raise UsageError(f"{option} {word!r}: expected NAME=VALUE once each, with {', '.join(sorted(names))}")
+        words[name] = value
+    return words

@@ -1,0 +1,107 @@
+"""Kinds of sinks by entry point (group `edgemap.sinks`): of other packages, and our bridges."""
+
+import os
+import socket
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from functools import partial
+from importlib.metadata import EntryPoint
+from pathlib import Path
+from typing import Any, Protocol
+
+from edgemap.geometry.camera.floor import FloorCamera
+from edgemap.geometry.errors import EdgemapError
+from edgemap.geometry.map_object import MapObject
+from edgemap.runtime.frames.camera import Camera
+from edgemap.runtime.frames.errors import PluginError, UsageError
+from edgemap.runtime.frames.inference import Inference
+from edgemap.runtime.frames.plugins import SINKS, load_plugin, plugins
+from edgemap.runtime.frames.reading import error_line, print_message
+from edgemap.runtime.step.edits import Edits
+from edgemap.runtime.step.sinks import Sink
+from edgemap.runtime.step.slam import StepResult
+
+
+@dataclass(frozen=True, slots=True)
+class RunInfo:
+    """The run that a sink is opened for.
+
+    folder: of the run. camera: the source; floor: its lens and mount. edits: of the map; a sink may submit some. robot:
+    name of the robot, $EDGEMAP_ROBOT or the machine's. inference: engine and precision. saved: a map that is continued.
+    guess: of lens and mount, as in run.json.
+    """
+
+    folder: Path
+    camera: Camera
+    floor: FloorCamera
+    edits: Edits
+    inference: Inference
+    saved: Path | None = None
+    guess: dict[str, Any] | None = None
+    robot: str = field(default_factory=lambda: os.environ.get("EDGEMAP_ROBOT") or socket.gethostname())
+
+
+class SinkKind(Protocol):
+    """Interface of the object of an entry point `NAME = module:object`. A module with this function is sufficient."""
+
+    def open(self, address: str, run: RunInfo) -> Sink:
+        """The sink of `--sink NAME[:ADDRESS]`; the address is empty where none is typed. Raises EdgemapError."""
+        ...
+
+
+def open_sinks(asked: Mapping[str, str], run: RunInfo) -> list[Sink]:
+    """The sinks of these names, each with its address, in order.
+
+    What fails in one of another package is a fault of the run and never its end. Raises UsageError for a name that no
+    package has, and what one of ours raises where it cannot be opened.
+    """
+    kinds = plugins(SINKS)
+    sinks: list[Sink] = []
+    for name, address in asked.items():
+        if name not in kinds:
+            raise UsageError(f"--sink {name}: no such sink; installed are {', '.join(sorted(kinds))}")
+        point = kinds[name]
+        if point.value.startswith("edgemap."):
+            sinks.append(load_plugin(point).open(address, run))
+        else:
+            sinks.append(PluginSink(name, partial(_opened, point, address, run)))
+    return sinks
+
+
+def _opened(point: EntryPoint, address: str, run: RunInfo) -> Sink:
+    return load_plugin(point).open(address, run)
+
+
+class PluginSink(Sink):
+    """A sink of another package. A failure to open it is raised by every `write`, so that the run reports it once, and
+    a failure to close it is printed."""
+
+    def __init__(self, name: str, opened: Callable[[], Sink]) -> None:
+        self.name = name
+        self._sink: Sink | None = None
+        self._failure: EdgemapError | None = None
+        try:
+            self._sink = opened()
+        except EdgemapError as error:
+            self._failure = error
+        except Exception as error:  # another package's code may raise anything
+            self._failure = PluginError(f"does not open ({error_line(error)})")
+
+    def write(self, result: StepResult, objects: list[MapObject]) -> None:
+        """Passes a step on. Raises what the sink raises."""
+        if self._failure is not None or self._sink is None:
+            raise self._failure or PluginError("its package gave no sink")
+        self._sink.write(result, objects)
+
+    def fault(self, text: str) -> None:
+        """Passes a fault on."""
+        if self._sink is not None:
+            self._sink.fault(text)
+
+    def close(self) -> None:
+        """Closes the sink."""
+        try:
+            if self._sink is not None:
+                self._sink.close()
+        except Exception as error:  # as when it is opened
+            print_message(f"sink {self.name}: does not close ({error_line(error)})")
