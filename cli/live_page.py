@@ -7,9 +7,10 @@ from pathlib import Path
 from threading import Event
 from typing import TYPE_CHECKING, Any
 
-from edgemap.cli.publishers import WatchGroup, host_and_port
+from edgemap.cli.publishers import WatchGroup
 from edgemap.geometry.se2 import SE2
 from edgemap.runtime.frames.camera import Camera
+from edgemap.runtime.frames.option_texts import host_and_port
 from edgemap.runtime.inputs.cameras.wrappers import PacedCamera
 from edgemap.runtime.outputs.verdict.verdict import Verdict
 from edgemap.runtime.step.edit_queue import Edits
