@@ -14,10 +14,11 @@ from edgemap.geometry.errors import EdgemapError
 from edgemap.geometry.map_object import MapObject
 from edgemap.runtime.frames.camera import Camera
 from edgemap.runtime.frames.errors import PluginError, UsageError
+from edgemap.runtime.frames.faults import Fault
 from edgemap.runtime.frames.inference import Inference
 from edgemap.runtime.frames.plugins import SINKS, load_plugin, plugins
 from edgemap.runtime.frames.reading import error_line, print_message
-from edgemap.runtime.step.edits import Edits
+from edgemap.runtime.step.edit_queue import Edits
 from edgemap.runtime.step.sinks import Sink
 from edgemap.runtime.step.slam import StepResult
 
@@ -93,10 +94,10 @@ class PluginSink(Sink):
             raise self._failure or PluginError("its package gave no sink")
         self._sink.write(result, objects)
 
-    def fault(self, text: str) -> None:
+    def fault(self, fault: Fault) -> None:
         """Passes a fault on."""
         if self._sink is not None:
-            self._sink.fault(text)
+            self._sink.fault(fault)
 
     def close(self) -> None:
         """Closes the sink."""
