@@ -122,7 +122,7 @@ def test_edits_reach_the_map_on_disk_while_the_run_is_held_and_after_its_end(sta
     process.send_signal(signal.SIGINT)
     assert process.wait(timeout=20) == 0
     edits = [json.loads(line) for line in (folder / "edits.jsonl").read_text().splitlines()]
-    assert [edit["do"] for edit in edits] == ["rename", "zone"]
+    assert [edit["do"] for edit in edits] == ["name", "zone"]
     assert 0 < edits[0]["frames"] < edits[1]["frames"] == 25
     for name, source in (("demo", ["--config", str(folder), "--config-options"]), (str(tape), [])):
         again = [sys.executable, "-m", "edgemap.cli", "run", "--bundle", str(bundle), "--camera", name, *source]

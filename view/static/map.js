@@ -147,7 +147,7 @@ export class FloorMap {
     for (const zone of this.zones) this.zone(pen, zone.corners_m, zone.name);
     this.path.draw(pen, view, this.trail, robot, this.style);
     ["ramp-from", "ramp-to"].forEach((id, end) => setText(byId(id), this.path.ends(this.trail)[end]));
-    this.truth.draw(pen, view, this.objects, this.style);
+    this.truth.draw(pen, view, new Map(this.shown().map((item) => [item.id, item])), this.style);
     this.points(pen);
     for (const item of this.shown()) drawFootprint(pen, item, view, this.walls, this.style, item.id === this.chosen);
     if (this.dock) this.home(pen, this.dock);
