@@ -60,7 +60,7 @@ def test_unreachable_sources_are_one_line_each(server, tmp_path, monkeypatch):
     assert "secret" not in secret
     (tmp_path / "file").write_text("")
     server.files["/f"] = DATA
-    assert "Not a directory" in refusal(get, server, tmp_path / "file" / "f")
+    assert "File exists" in refusal(get, server, tmp_path / "file" / "f")
 
 
 @pytest.mark.parametrize("text", ["file:///etc/passwd", "ftp://x/y", "http://[", "x", "", "data:,x"])

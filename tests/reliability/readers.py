@@ -1,23 +1,19 @@
-"""Hostile files and requests: every reader on valid inputs with values, structure and bytes mutated."""
+"""The property tests of the readers with many more mutated files than `make test` takes."""
 
 from pathlib import Path
 
-import cv2
-
+from reliability.fuzz import TESTS, run_tests
 from reliability.parts import PartReport
-from reliability.workers import INPUTS, ReaderCase, examine
+
+INPUTS = 20_000  # of each reader, at full size
+FILES = (
+    "runtime/test_readers.py",
+    "bridges/recordings/test_damaged_recordings.py",
+    "export/test_model_readers.py",
+)
 
 
 def run(seed: int, share: float, out: Path) -> PartReport:
-    """20,000 mutated inputs for every reader. out: failing inputs are kept here."""
-    return examine(cases, seed, max(1, round(INPUTS * share)), out)
-
-
-def cases(scratch: Path) -> list[ReaderCase]:
-    """Every reader, those that need torch last. scratch: a folder for what valid inputs are made from."""
-    from reliability.document_cases import document_cases
-    from reliability.model_cases import model_cases
-    from reliability.recording_cases import recording_cases
-
-    cv2.setNumThreads(0)  # threads do not survive the fork of a worker
-    return [*document_cases(), *recording_cases(scratch), *model_cases(scratch)]
+    """Every reader on mutated files. out: the tests' output."""
+    sizes = {"EDGEMAP_EXAMPLES": str(max(1, round(INPUTS * share)))}
+    return run_tests([TESTS / file for file in FILES], sizes, seed, out)

@@ -10,7 +10,7 @@ import pytest
 
 torch = pytest.importorskip("torch")
 
-from reliability.tiny_bundle import write_tiny  # noqa: E402
+from support.tiny_bundle import write_tiny  # noqa: E402
 
 from edgemap import models  # noqa: E402
 from edgemap.export.detector.boxes import read_heads  # noqa: E402
