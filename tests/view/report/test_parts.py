@@ -85,6 +85,7 @@ def step(journal, index, lap_ms=2.0, x_m=0.0, travelled_m=0.0) -> Any:
         frame=SimpleNamespace(stamp_s=index / 10),
         pose_covariance=np.diag([0.04, 0.01, 0.0]),
         stages_ms={"backbone": lap_ms, "map": 1.0},
+        scale=1.0,
         detections=detections,
         trajectory=journal,
         travelled_m=travelled_m,
@@ -114,6 +115,9 @@ def test_a_trajectory_that_finds_its_saved_map_is_that_of_the_map():
     journal.transform(SE2(7.0, 2.0, 0.0))
     history.add(step(journal, 2, x_m=9.0, travelled_m=1.0))
     assert [sample[:2] for sample in history.trail()] == [(7, 2), (8, 2), (9, 0)]
+    last: Any = history.last
+    last.scale = 2.0  # of a guessed lens height, known at the end
+    assert [sample[:2] for sample in history.trail()] == [(14, 4), (16, 4), (18, 0)]
 
 
 def test_modules_become_one_script_in_the_order_of_their_imports(tmp_path, monkeypatch):
