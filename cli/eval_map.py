@@ -107,7 +107,7 @@ def command(
                 document[name]["grid"] = score_grid(grid, plan)
             if plot:
                 from edgemap.plots.charts import plot_reliability
-                from edgemap.runtime.outputs.mapfiles.drawing import DrawnMap, draw_map
+                from edgemap.runtime.outputs.map_formats.drawing import DrawnMap, draw_map
 
                 plot_reliability(plot / f"{name}-confidence.png", document[name]["reliability"])
                 places = [(item.label, item.x_m, item.y_m) for item in wanted]

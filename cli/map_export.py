@@ -71,8 +71,8 @@ def command(
     path = _target(map, format, out)
     written = [path]
     if format == "nav2":
-        from edgemap.runtime.outputs.mapfiles.grid import CellsRule, grid_of, observed_cells
-        from edgemap.runtime.outputs.mapfiles.nav2 import write_nav2
+        from edgemap.runtime.outputs.map_formats.grid import CellsRule, grid_of, observed_cells
+        from edgemap.runtime.outputs.map_formats.nav2 import write_nav2
 
         if floor is None:
             grid = grid_of(found, trajectory, CellsRule(resolution, robot_width))
@@ -80,7 +80,7 @@ def command(
             grid = observed_cells(floor, found if objects else ())
         written = list(write_nav2(path, grid))
     elif format == "nav2-masks":
-        from edgemap.runtime.outputs.mapfiles.nav2 import write_masks
+        from edgemap.runtime.outputs.map_formats.nav2 import write_masks
 
         if keep_out is None and speed is None:
             raise OptionError("--format nav2-masks needs --keep-out ZONE,… or --speed ZONE=PERCENT,…")
@@ -88,16 +88,16 @@ def command(
         print(f"masks of zones written to {' and '.join(str(one) for one in written)}")
         return
     elif format in ("png", "svg"):
-        from edgemap.runtime.outputs.mapfiles.drawing import DrawnMap, draw_map
+        from edgemap.runtime.outputs.map_formats.drawing import DrawnMap, draw_map
 
         poses = trajectory.poses if trajectory else ()
         draw_map(path, DrawnMap(found, poses, zones=annotations.zones, grid=floor))
     else:
         from edgemap.geometry.grid.walls import walls_of
-        from edgemap.runtime.outputs.mapfiles.geojson import geojson_text
-        from edgemap.runtime.outputs.mapfiles.nav2 import vector_text
-        from edgemap.runtime.outputs.mapfiles.rooms import rooms_of
-        from edgemap.runtime.outputs.mapfiles.table import csv_text
+        from edgemap.runtime.outputs.map_formats.geojson import geojson_text
+        from edgemap.runtime.outputs.map_formats.nav2 import vector_text
+        from edgemap.runtime.outputs.map_formats.rooms import rooms_of
+        from edgemap.runtime.outputs.map_formats.table import csv_text
 
         if format == "geojson":
             walls, rooms = (walls_of(floor), rooms_of(floor)) if floor is not None else ((), ())

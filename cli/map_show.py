@@ -143,7 +143,7 @@ def _draw(
     path: Path, objects: "list[MapObject]", zones: "tuple[Zone, ...]", out: Path | None, with_sightings: bool
 ) -> Path:
     """Draws the map; the picture's path."""
-    from edgemap.runtime.outputs.mapfiles.drawing import DrawnMap, draw_map
+    from edgemap.runtime.outputs.map_formats.drawing import DrawnMap, draw_map
     from edgemap.runtime.outputs.sightings_file import read_sightings
     from edgemap.runtime.step.grid_file import load_grid
 

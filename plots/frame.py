@@ -12,7 +12,7 @@ from edgemap.geometry.observations.detections import Detections
 from edgemap.geometry.observations.sighting import Sighting
 from edgemap.geometry.se2 import SE2
 from edgemap.plots.style import INK, Axes, label_colours, plt, save
-from edgemap.runtime.outputs.mapfiles.drawing import DrawnMap, map_picture
+from edgemap.runtime.outputs.map_formats.drawing import DrawnMap, map_picture
 from edgemap.runtime.step.overlay import draw_detections, draw_floor_grid
 
 

@@ -13,7 +13,7 @@ from edgemap.geometry.map_object import MapObject, footprint_of, radius_m
 from edgemap.geometry.objects.annotations import Zone
 from edgemap.geometry.objects.queries import inside_polygon
 from edgemap.geometry.objects.zone_watch import ZoneEvent
-from edgemap.runtime.outputs.mapfiles.rooms import rooms_of
+from edgemap.runtime.outputs.map_formats.rooms import rooms_of
 from edgemap.runtime.outputs.verdict.causes import cause_of
 from edgemap.runtime.outputs.verdict.verdict import is_doubtful
 from edgemap.runtime.step.map_file import object_record, wall_records, zone_record

@@ -9,7 +9,7 @@ import numpy as np
 from edgemap.geometry.arrays import CHI2_997, Array
 from edgemap.geometry.map_object import REPEATED, MapObject, SightingSums
 from edgemap.geometry.objects.class_posterior import OverlapRule
-from edgemap.geometry.slam.landmarks import Landmark, LandmarkRule
+from edgemap.geometry.slam.object_landmarks import Landmark, LandmarkRule
 
 
 @dataclass(frozen=True, slots=True)

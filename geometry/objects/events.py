@@ -29,7 +29,7 @@ from edgemap.geometry.objects.floor_map import FloorMap
 from edgemap.geometry.objects.merge import CORRECTABLE, fused
 from edgemap.geometry.observations.class_extents import HEIGHT_M, footprint_m
 from edgemap.geometry.se2 import SE2
-from edgemap.geometry.slam.landmarks import LandmarkRule
+from edgemap.geometry.slam.object_landmarks import LandmarkRule
 from edgemap.geometry.trajectory_correction import TrajectoryCorrection, composed
 
 EditKind = Literal["name", "confirm", "correct", "add", "merge", "delete", "zone", "dock", "pose", "undo"]

@@ -22,7 +22,7 @@ from edgemap.geometry.objects.association import AssociationRule, Estimate, grou
 from edgemap.geometry.objects.cells import Cells
 from edgemap.geometry.objects.class_posterior import Candidate, Overlaps, label_posterior
 from edgemap.geometry.observations.sighting import PlacedSighting
-from edgemap.geometry.slam.landmarks import VIEW, Landmark
+from edgemap.geometry.slam.object_landmarks import VIEW, Landmark
 from edgemap.geometry.slam.pose_graph import GraphRule, PoseGraph
 from edgemap.geometry.slam.pruning import drop_keyframes
 from edgemap.geometry.trajectory_correction import composed

@@ -14,7 +14,7 @@ from edgemap.geometry.objects.class_posterior import APART
 from edgemap.geometry.observations.class_extents import extent_m
 from edgemap.geometry.registration.alignment import Alignment, AlignmentError, Pairs, align, jacobian, realigned
 from edgemap.geometry.se2 import SE2, wrap_angle
-from edgemap.geometry.slam.landmarks import LandmarkRule
+from edgemap.geometry.slam.object_landmarks import LandmarkRule
 
 AnnotatedMap = tuple[Sequence[MapObject], Annotations]
 CORRECTABLE = {

@@ -6,9 +6,9 @@ import math
 from collections.abc import Generator, Mapping, Sequence, Set
 
 from edgemap.geometry.arrays import CHI2_997, Array
-from edgemap.geometry.slam.landmarks import Landmark
 from edgemap.geometry.slam.least_squares import Solution
 from edgemap.geometry.slam.loop_hypotheses import Pairing, certain_pairings
+from edgemap.geometry.slam.object_landmarks import Landmark
 from edgemap.geometry.slam.pose_graph import PoseGraph, Snapshot
 
 Closure = Generator[None, None, "tuple[Solution, bool] | None"]

@@ -12,15 +12,6 @@ from edgemap.geometry.observations.class_extents import footprint_m
 from edgemap.geometry.observations.sighting import PlacedSighting
 from edgemap.geometry.se2 import SE2
 from edgemap.geometry.slam.keyframes import KeyframeRule, KeyframeTrajectory
-from edgemap.geometry.slam.landmarks import (
-    Landmark,
-    LandmarkRule,
-    LandmarkSet,
-    observations,
-    observed,
-    place,
-    rotations,
-)
 from edgemap.geometry.slam.least_squares import (
     LandmarkFactors,
     ObservationFactors,
@@ -32,6 +23,15 @@ from edgemap.geometry.slam.least_squares import (
     solve,
 )
 from edgemap.geometry.slam.loop_hypotheses import LoopHypothesisRule
+from edgemap.geometry.slam.object_landmarks import (
+    Landmark,
+    LandmarkRule,
+    LandmarkSet,
+    observations,
+    observed,
+    place,
+    rotations,
+)
 from edgemap.geometry.trajectory_correction import TrajectoryCorrection, composed
 
 Links = Mapping[int, int]  # of a later landmark to the first one of its object

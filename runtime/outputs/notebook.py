@@ -6,7 +6,7 @@ from html import escape
 
 from edgemap.geometry.map_object import MapObject, ellipse_95
 from edgemap.geometry.se2 import SE2
-from edgemap.runtime.outputs.mapfiles.drawing import MAXIMUM_POSES, DrawnMap, map_svg
+from edgemap.runtime.outputs.map_formats.drawing import MAXIMUM_POSES, DrawnMap, map_svg
 from edgemap.runtime.step.pose_journal import PoseJournal
 
 

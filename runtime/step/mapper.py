@@ -46,9 +46,9 @@ class MapUpdate:
     """The back end's update by one frame. sightings: the boxes that stand on the floor, in the map. object_ids: one per
     sighting. merged: retired ids of the run so far, each with the id of the object that replaced it. pose_covariance:
     (3, 3) of x, y, yaw: m, m, rad. trajectory: current estimates of all poses so far. travelled_m: path length by
-    odometry. correction: of a loop closure in this step. relocated: in the one update from which on everything is in a
-    saved map's frame, that frame's view of the frame before (`pose_map_start`). pose_odom_base, odom_covariance: by
-    odometry alone since the first frame, continuous whatever loop closure and relocalisation move (REP-105).
+    odometry. correction: of a loop closure in this step. relocated: pose of the old map frame in the saved map's frame;
+    set only in the update that switches frames. pose_odom_base, odom_covariance: by odometry alone since the first
+    frame, continuous whatever loop closure and relocalisation move (REP-105).
     annotations: zones and deleted objects. grid: at most one stream second old; None before any floor is known.
     floor_scan: of this frame's picture, where the grid took it in. scale: see `FrameObservations`; a saved map is
     `scale` times as large as this one. 1 where an earlier map is continued.
@@ -105,8 +105,8 @@ class Mapper:
         self.travelled_m = 0.0
         self.scale = 1.0  # see `MapUpdate`
         self._lens_m = 0.0  # height of the lens
-        self._placed_by: Mount | None = None  # the mount that what is mapped was placed by
-        self._relocated: SE2 | None = None  # since the last step: the view that the saved map has of the frame before
+        self._placed_by: Mount | None = None  # mount that the current landmarks were placed with
+        self._relocated: SE2 | None = None  # see `MapUpdate`, for the next step
         self._searched_s = -math.inf  # stamp of the last picture that was searched
         self._has_scale = False  # that of a saved map
         self._started = False
@@ -244,8 +244,8 @@ class Mapper:
         if self.paper is not None:
             return self.paper.objects()
         shown = self.edits.shown(self.map)
-        path, own = self.map.graph.trajectory, [item for item in shown if item.id not in self._saved_ids]
-        crossed = {item.id for item in own if is_crossed(item, path, self._lens_m)}
+        path, new = self.map.graph.trajectory, [item for item in shown if item.id not in self._saved_ids]
+        crossed = {item.id for item in new if is_crossed(item, path, self._lens_m)}
         return [item for item in shown if item.id not in crossed] if crossed else shown
 
     @property
@@ -258,7 +258,7 @@ class Mapper:
         return self.edits.annotations(self.map)
 
     def _fuse_floor(self, observed: FrameObservations) -> None:
-        """The picture's floor becomes part of the grid; what is shown of it is renewed now and then."""
+        """Fuses the picture's floor into the grid. The grid that steps show is renewed once a second of stream."""
         if observed.camera is None:
             return
         self._lens_m = observed.camera.mount.height_m
@@ -290,12 +290,12 @@ class Mapper:
         return "pose"
 
     def _with_blind(self, observed: FrameObservations) -> FrameObservations:
-        """The observations with the motion since the last step, that of the time without pictures included."""
+        """Adds the motion of the time without pictures since the last step."""
         blind, self._blind = self._blind, None
         return observed if blind is None else replace(observed, motion=_composed(blind, observed.motion))
 
     def _timed(self, observed: FrameObservations) -> FrameObservations:
-        """Each sighting stands for the time since the last picture that was searched: at any rate the same evidence."""
+        """Weighs each sighting by the time since the last searched picture: evidence does not depend on the rate."""
         if not observed.searched:
             return observed
         since_s, self._searched_s = observed.stamp_s - self._searched_s, observed.stamp_s
@@ -330,7 +330,7 @@ class Mapper:
             self.map.retilt(tilt_rad)
 
     def _close_loops(self, observed: FrameObservations) -> LoopCorrection | None:
-        """Where landmarks observed again show how far the pose has drifted, pose, trajectory and map move."""
+        """One unit of loop closure; a correction moves pose, trajectory, map, grid and edits."""
         graph = self.map.graph
         if not graph.trajectory.poses:
             graph.trajectory.begin(self.pose_map_base, self.pose_covariance, observed.stamp_s)
@@ -356,22 +356,20 @@ class Mapper:
         return [one.placed(self.pose_map_base, self.pose_covariance, mount) for one in sightings]
 
     def _forget(self, observed: FrameObservations, object_ids: Sequence[str]) -> None:
-        """What this picture should show and does not is less likely to be there. object_ids: objects sighted."""
+        """Lowers the presence of objects that should be visible but were not detected. object_ids: those detected."""
         if observed.searched and self.forgetter is not None:
             kept, pose, camera = self.edits.kept(self.map), self.pose_map_base, observed.camera
             self.forgetter.observe(self.map, observed.detections, pose, object_ids, camera, kept, observed.floor)
 
     def _relocalise(self) -> dict[str, str] | None:
-        """The robot is found in the saved map, where that is certain by now: what the ids of its own map became; None
-        as long as it is not, or was found before."""
-        alignment = self.relocaliser and self.relocaliser.align()
-        return (
-            None if alignment is None or self.relocaliser is None else self._join_saved_map(self.relocaliser, alignment)
-        )
+        """Joins the saved map in the step that relocalises the robot; the new ids of this run's objects, else None."""
+        saved = self.relocaliser
+        if saved is None or (alignment := saved.align()) is None:
+            return None
+        return self._join_saved_map(saved, alignment)
 
     def _join_saved_map(self, saved: Relocaliser, alignment: Alignment) -> dict[str, str]:
-        """The saved map and the run's own become one, in the saved one's frame, into which the robot moves; what the
-        own ids became."""
+        """Merges the saved map and this run's, in the saved one's frame. Returns the new ids of this run's objects."""
         association, loop_closure = self.config.association, self.config.loop_closure
         merged, became = merge_maps(saved.saved, self.map.objects(), alignment, loop_closure.landmarks)
         self.map = FloorMap.continued(merged, association, loop_closure, saved.own, became)
@@ -395,13 +393,13 @@ def new_mapper(
     loop_closure: bool = True,
     forgets: FloorCamera | None = None,
 ) -> Mapper:
-    """An empty back end; where poses are given it closes no loops. clustering: default or paper. forgets: the camera by
+    """An empty back end; with recorded poses it closes no loops. clustering: default or paper. forgets: the camera by
     whose view objects that are gone leave the map."""
-    given = odometry == "truth" or odometry.endswith(".tum")
+    recorded = odometry == "truth" or odometry.endswith(".tum")
     return Mapper(
         config=config,
         paper=PaperMap() if clustering == "paper" else None,
-        closes_loops=loop_closure and not given,
+        closes_loops=loop_closure and not recorded,
         forgetter=Forgetter(forgets, config.forgetting) if forgets else None,
     )
 
@@ -413,19 +411,19 @@ def _composed(first: Motion, second: Motion) -> Motion:
 
 
 def _sound(observed: FrameObservations) -> FrameObservations:
-    """The observations that can be: no NaN, no infinity and no covariance that is none ever reaches pose or map."""
+    """Drops observations with NaN, infinity or an invalid covariance."""
     sightings = [sighting for sighting in observed.sightings if _is_sound(sighting)]
     return replace(observed, sightings=sightings, motion=observed.motion.checked("this"))
 
 
 def _is_sound(sighting: Sighting) -> bool:
-    own_m2, shared_m2, place_m = sighting.covariance_m2, sighting.shared_m2, sighting.position_base_m.tolist()
+    covariance_m2, shared_m2, place_m = sighting.covariance_m2, sighting.shared_m2, sighting.position_base_m.tolist()
     sizes = sighting.score, sighting.width_m, sighting.height_m, sighting.stamp_s
-    if not all(map(math.isfinite, (*sizes, *place_m, *own_m2.ravel().tolist(), *shared_m2.ravel().tolist()))):
+    if not all(map(math.isfinite, (*sizes, *place_m, *covariance_m2.ravel().tolist(), *shared_m2.ravel().tolist()))):
         return False
-    ((xx, xy), (_, yy)), ((shared_xx, _), (_, shared_yy)) = own_m2.tolist(), shared_m2.tolist()
+    ((xx, xy), (_, yy)), ((shared_xx, _), (_, shared_yy)) = covariance_m2.tolist(), shared_m2.tolist()
     return (
-        is_covariance(own_m2)
+        is_covariance(covariance_m2)
         and is_covariance(shared_m2)
         and xx * yy - xy * xy > MIN_VARIANCE_M2 * (xx + yy)  # so the smaller eigenvalue is above it
         and xx + yy + shared_xx + shared_yy < FARTHEST_M**2

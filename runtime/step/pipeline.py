@@ -84,7 +84,7 @@ class Pipeline:
         self._watch = Stopwatch()
 
     def step(self, frame: Frame) -> FrameObservations:
-        """One frame in: boxes, positions on the floor, own motion. Raises CameraError for a frame of another size."""
+        """A frame's boxes, positions on the floor and motion. Raises CameraError for a frame of another size."""
         self._check_size(frame)
         self._watch.start()
         stage, fault, sightings = self._watch.stage, None, []
@@ -206,7 +206,7 @@ def attitude_after(source: AttitudeSource, attitude: Attitude, motion: Motion) -
         name, limit_rad = PicturesAttitude.name, PREDICTED_RAD
         attitude = updated
     if rotation is not None and rotation.up is not None and rotation.up_rad < limit_rad:
-        own = Attitude.of_up(rotation.up, np.eye(2) * rotation.up_rad**2, name)
-        angles = {field: getattr(own, field) for field in ("roll_rad", "pitch_rad", "covariance_rad2", "source")}
+        tracked = Attitude.of_up(rotation.up, np.eye(2) * rotation.up_rad**2, name)
+        angles = {field: getattr(tracked, field) for field in ("roll_rad", "pitch_rad", "covariance_rad2", "source")}
         attitude = replace(attitude, **angles)
     return attitude

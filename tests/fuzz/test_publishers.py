@@ -23,10 +23,10 @@ from edgemap.bridges.ros2.messages.topics import OBJECTS
 from edgemap.geometry.errors import MapError
 from edgemap.geometry.map_object import MapObject
 from edgemap.geometry.objects.events import Annotations, Zone
-from edgemap.runtime.outputs.mapfiles.drawing import DrawnMap, map_svg
-from edgemap.runtime.outputs.mapfiles.geojson import geojson_text
-from edgemap.runtime.outputs.mapfiles.nav2 import vector_text
-from edgemap.runtime.outputs.mapfiles.table import csv_text
+from edgemap.runtime.outputs.map_formats.drawing import DrawnMap, map_svg
+from edgemap.runtime.outputs.map_formats.geojson import geojson_text
+from edgemap.runtime.outputs.map_formats.nav2 import vector_text
+from edgemap.runtime.outputs.map_formats.table import csv_text
 from edgemap.runtime.step.map_file import map_text, read_map
 from edgemap.view.app import make_app
 from edgemap.view.page import LivePage

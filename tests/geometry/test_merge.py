@@ -12,7 +12,7 @@ from edgemap.geometry.objects.annotations import Annotations, Zone
 from edgemap.geometry.objects.merge import fused, merge_annotated, merge_maps, moved
 from edgemap.geometry.registration.alignment import Alignment, align
 from edgemap.geometry.se2 import SE2
-from edgemap.geometry.slam.landmarks import LandmarkRule
+from edgemap.geometry.slam.object_landmarks import LandmarkRule
 from edgemap.runtime.step.map_file import map_document, read_map
 
 SURE = LandmarkRule(side_share=0.0)

@@ -41,10 +41,10 @@ from edgemap.runtime.inputs.drives.pose_files import read_matrices, read_stamps,
 from edgemap.runtime.inputs.drives.sensor_csv import read_imu_csv, read_wheel_csv
 from edgemap.runtime.inputs.drives.truth import read_boxes, read_objects
 from edgemap.runtime.inputs.drives.yolo import COCO_NAMES, label_table
-from edgemap.runtime.outputs.mapfiles.geojson import geojson_text
-from edgemap.runtime.outputs.mapfiles.grid import grid_of
-from edgemap.runtime.outputs.mapfiles.nav2 import vector_text
-from edgemap.runtime.outputs.mapfiles.table import csv_text
+from edgemap.runtime.outputs.map_formats.geojson import geojson_text
+from edgemap.runtime.outputs.map_formats.grid import grid_of
+from edgemap.runtime.outputs.map_formats.nav2 import vector_text
+from edgemap.runtime.outputs.map_formats.table import csv_text
 from edgemap.runtime.outputs.sightings_file import read_sightings
 from edgemap.runtime.step.config import Config, config_document, load_config
 from edgemap.runtime.step.edit_queue import load_edits

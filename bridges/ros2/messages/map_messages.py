@@ -12,7 +12,7 @@ from edgemap.geometry.grid.occupancy_grid import OccupancyGrid
 from edgemap.geometry.map_object import MapObject, ellipse_95
 from edgemap.geometry.se2 import SE2
 from edgemap.runtime.frames.colours import label_rgb
-from edgemap.runtime.outputs.mapfiles.grid import live_grid
+from edgemap.runtime.outputs.map_formats.grid import live_grid
 
 CUBE, CYLINDER, TEXT, DELETE_ALL = 1, 3, 9, 3  # visualization_msgs/Marker: three types, one action
 TALLEST_M, FLAT_M, LETTER_M, THIN_M = 2.5, 0.01, 0.15, 5e-4

@@ -11,8 +11,8 @@ from edgemap.geometry.objects.annotations import Zone
 from edgemap.geometry.se2 import SE2
 from edgemap.runtime.frames.errors import OdometryError
 from edgemap.runtime.frames.trajectory import Trajectory, trajectory_of, tum_line
-from edgemap.runtime.outputs.mapfiles.geojson import geojson_text
-from edgemap.runtime.outputs.mapfiles.table import csv_text
+from edgemap.runtime.outputs.map_formats.geojson import geojson_text
+from edgemap.runtime.outputs.map_formats.table import csv_text
 
 ROOM = mapped([("chair", 1.0, -2.0), ("potted plant", 0.5, 3.0)])
 

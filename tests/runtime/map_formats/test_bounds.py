@@ -14,11 +14,11 @@ from edgemap.geometry.objects.merge import merge_maps
 from edgemap.geometry.registration.alignment import Alignment, AlignmentError, align
 from edgemap.geometry.se2 import SE2
 from edgemap.runtime.frames.trajectory import Trajectory
-from edgemap.runtime.outputs.mapfiles.drawing import DrawnMap, draw_map
-from edgemap.runtime.outputs.mapfiles.geojson import geojson_text
-from edgemap.runtime.outputs.mapfiles.grid import MAXIMUM_CELLS, CellsRule, grid_of
-from edgemap.runtime.outputs.mapfiles.labels import place_labels
-from edgemap.runtime.outputs.mapfiles.nav2 import MAXIMUM_SHAPES, vector_text
+from edgemap.runtime.outputs.map_formats.drawing import DrawnMap, draw_map
+from edgemap.runtime.outputs.map_formats.geojson import geojson_text
+from edgemap.runtime.outputs.map_formats.grid import MAXIMUM_CELLS, CellsRule, grid_of
+from edgemap.runtime.outputs.map_formats.labels import place_labels
+from edgemap.runtime.outputs.map_formats.nav2 import MAXIMUM_SHAPES, vector_text
 from edgemap.runtime.step.map_file import map_document, read_map
 from edgemap.view.report.document import MAXIMUM_OBJECTS, ReportContent, report_document
 from edgemap.view.report.history import History

@@ -17,8 +17,8 @@ from edgemap.geometry.se2 import SE2
 from edgemap.runtime.frames.colours import SHAPES, label_colour, label_mark
 from edgemap.runtime.frames.disk import make_folder, write_atomically
 from edgemap.runtime.frames.frame import png
-from edgemap.runtime.outputs.mapfiles.labels import place_labels
-from edgemap.runtime.outputs.mapfiles.shapes import INK, PAPER, Item, Points, Raster, Shape, Text, picture_of, svg_of
+from edgemap.runtime.outputs.map_formats.labels import place_labels
+from edgemap.runtime.outputs.map_formats.shapes import INK, PAPER, Item, Points, Raster, Shape, Text, picture_of, svg_of
 from edgemap.runtime.outputs.sightings_file import SeenRecord
 from edgemap.runtime.outputs.verdict.verdict import is_doubtful
 

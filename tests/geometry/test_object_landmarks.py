@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 
 from edgemap.geometry.se2 import SE2
 from edgemap.geometry.slam.keyframes import KeyframeTrajectory
-from edgemap.geometry.slam.landmarks import Landmark, observed, place
+from edgemap.geometry.slam.object_landmarks import Landmark, observed, place
 
 LEVEL = np.zeros(2)
 

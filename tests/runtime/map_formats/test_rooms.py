@@ -5,7 +5,7 @@ import pytest
 
 from edgemap.geometry.grid.occupancy_grid import OccupancyGrid
 from edgemap.geometry.grid.walls import fit_walls, walls_of
-from edgemap.runtime.outputs.mapfiles.rooms import rooms_of
+from edgemap.runtime.outputs.map_formats.rooms import rooms_of
 
 
 def home(door_m: float, cut: int = 0) -> OccupancyGrid:

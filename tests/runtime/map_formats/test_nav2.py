@@ -11,7 +11,7 @@ from edgemap.geometry.errors import MapError
 from edgemap.geometry.objects.annotations import Zone
 from edgemap.geometry.se2 import SE2
 from edgemap.runtime.frames.trajectory import Trajectory
-from edgemap.runtime.outputs.mapfiles.grid import (
+from edgemap.runtime.outputs.map_formats.grid import (
     FREE,
     MAXIMUM_LIVE_CELLS,
     OCCUPIED,
@@ -20,7 +20,7 @@ from edgemap.runtime.outputs.mapfiles.grid import (
     grid_of,
     live_grid,
 )
-from edgemap.runtime.outputs.mapfiles.nav2 import vector_text, write_masks, write_nav2
+from edgemap.runtime.outputs.map_formats.nav2 import vector_text, write_masks, write_nav2
 
 # An L: three chairs along x, one to the left (+y) of the first. No mirror image or transpose of it is itself.
 CROOKED = [("chair", 1.0, 0.0), ("chair", 3.0, 0.0), ("chair", 6.0, 0.0), ("chair", 1.0, 2.0)]

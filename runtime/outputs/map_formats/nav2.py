@@ -16,7 +16,7 @@ from edgemap.geometry.errors import MapError
 from edgemap.geometry.map_object import MapObject, radius_m
 from edgemap.geometry.objects.annotations import Zone
 from edgemap.runtime.frames.disk import write_atomically
-from edgemap.runtime.outputs.mapfiles.grid import FREE, MAXIMUM_CELLS, OCCUPIED, UNKNOWN, FloorCells
+from edgemap.runtime.outputs.map_formats.grid import FREE, MAXIMUM_CELLS, OCCUPIED, UNKNOWN, FloorCells
 from edgemap.runtime.step.map_file import DEFAULT_MAP_ID, object_uuid
 
 # What map_saver writes: darkness is occupancy, (255 - value) / 255; unknown lies between both thresholds.

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from edgemap.runtime.frames.frame import png
 from edgemap.runtime.frames.reading import printable
-from edgemap.runtime.outputs.mapfiles.labels import TEXT_PX
+from edgemap.runtime.outputs.map_formats.labels import TEXT_PX
 
 Points = NDArray[np.float64]
 INK, PAPER = "#22272e", "#ffffff"

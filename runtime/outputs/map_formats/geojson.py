@@ -9,7 +9,7 @@ from edgemap.geometry.grid.walls import Wall
 from edgemap.geometry.map_object import MapObject, radius_m
 from edgemap.geometry.objects.annotations import Zone
 from edgemap.runtime.frames.trajectory import Trajectory
-from edgemap.runtime.outputs.mapfiles.rooms import Room
+from edgemap.runtime.outputs.map_formats.rooms import Room
 from edgemap.runtime.step.map_file import DEFAULT_MAP_ID, object_record, object_uuid, zone_record
 
 FRAME = "local frame map, metres, REP-103 (x forward, y left, counter-clockwise); NOT WGS 84 longitude and latitude"
