@@ -1,31 +1,117 @@
-"""Wraps a third-party camera: anything it returns or raises becomes a frame, a fault or the end, never a traceback."""
+"""Checks what third-party cameras and drivers return: it becomes a frame, a fault or the end, never a traceback."""
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable
 from dataclasses import replace
+from numbers import Real
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from edgemap.geometry.camera.imu import ImuSamples
 from edgemap.geometry.camera.intrinsics import Intrinsics
 from edgemap.geometry.camera.mount import Mount
 from edgemap.geometry.errors import EdgemapError
-from edgemap.runtime.frames.camera import Camera
+from edgemap.runtime.frames.camera import DEFAULT_RATE_HZ, Camera
 from edgemap.runtime.frames.errors import CameraError, CameraFault, CameraState, FrameTimeout
 from edgemap.runtime.frames.faults import FaultKind
 from edgemap.runtime.frames.frame import Frame
 from edgemap.runtime.frames.inference import Inference
 from edgemap.runtime.frames.reading import error_line, one_line, printable
-from edgemap.runtime.frames.trajectory import AttitudeTrack, TrackFile, Trajectory
-from edgemap.runtime.inputs.cameras.returned import PictureCheck, rate_of, size_of, stamp_of
+from edgemap.runtime.frames.trajectory import AttitudeTrack, PoseTrack, TrackFile, Trajectory
 
-FALLBACK_STEP_S = 0.1  # between two pictures whose stamps say nothing, of a camera that names no rate
 FAILURES = 100  # reads in a row without a frame, after which the camera is at its end
+LARGEST_STAMP_S = 1e11  # a float has microseconds up to there; nanoseconds since 1970 are more
 
-TYPED: dict[str, type] = {
-    "intrinsics": Intrinsics, "mount": Mount, "truth": Trajectory, "attitudes": AttitudeTrack, "inference": Inference
+TYPES: dict[str, Any] = {
+    "intrinsics": Intrinsics, "mount": Mount, "truth": Trajectory, "attitudes": AttitudeTrack, "inference": Inference,
+    "wheel": TrackFile | PoseTrack, "edits": tuple, "live": bool, "frame_count": int,
 }  # fmt: skip
+
+
+def stamp_of(given: Any) -> float:
+    """A stamp in seconds; NaN where it is not a number, or so large that frames could not be distinguished."""
+    if isinstance(given, bool) or not isinstance(given, Real):
+        return math.nan
+    try:
+        stamp_s = float(given)
+    except (OverflowError, ValueError):
+        return math.nan
+    return stamp_s if abs(stamp_s) < LARGEST_STAMP_S else math.nan
+
+
+def size_of(given: Any, name: str) -> tuple[int, int]:
+    """(width, height) in px of a camera or device. Raises CameraError."""
+    try:
+        width, height = (int(side) for side in given)
+    except (TypeError, ValueError, OverflowError):
+        width = height = 0
+    if width < 1 or height < 1:
+        raise CameraError(f"camera {name}: its size is {one_line(repr(given), 60)}, not (width, height) in pixels")
+    return width, height
+
+
+def rate_of(given: Any) -> float | None:
+    """A nominal frame rate in Hz; None where the value is invalid."""
+    rate = stamp_of(given)
+    return rate if rate > 0.0 else None
+
+
+class PictureCheck:
+    """Checks the pictures of one camera. A fault that lasts several pictures is reported once, when it begins.
+
+    size: (width, height) in px that every picture must have. report: called with each fault.
+    """
+
+    def __init__(self, name: str, size: tuple[int, int], report: Callable[[CameraFault], None]) -> None:
+        self._name, self._size, self._report = name, size, report
+        self._before: set[FaultKind] = set()
+        self._now: set[FaultKind] = set()
+
+    def begin(self) -> None:
+        """The faults from now on are of the next picture."""
+        self._before, self._now = self._now, set()
+
+    def note(self, kind: FaultKind, text: str) -> None:
+        """A fault of this picture."""
+        if kind not in self._before | self._now:
+            self._report(CameraFault(kind, f"camera {self._name}: {text}"))
+        self._now.add(kind)
+
+    def picture(
+        self, given: Any, depth: Any, grey: bool = False
+    ) -> tuple[NDArray[np.uint8], NDArray[np.float32] | None] | None:
+        """The picture as BGR, (H, W, 3), and its depth, None where it is invalid; None for an invalid picture.
+        grey: whether one of a single channel is taken, with a fault."""
+        if not isinstance(given, np.ndarray):
+            self.note(FaultKind.FORMAT, f"picture is a {type(given).__name__}, not uint8 (H, W, 3)")
+            return None
+        image = given
+        if grey and image.dtype == np.uint8 and (image.ndim == 2 or (image.ndim == 3 and image.shape[2] == 1)):
+            self.note(FaultKind.GREY, "picture has one channel")
+            image = np.repeat(image.reshape(*image.shape[:2], 1), 3, axis=2)
+        if image.dtype != np.uint8 or image.ndim != 3 or image.shape[2] != 3:
+            self.note(FaultKind.FORMAT, f"picture is {image.dtype} {image.shape}, not uint8 (H, W, 3)")
+            return None
+        height, width = image.shape[:2]
+        if (width, height) != self._size:
+            self.note(FaultKind.SIZE, f"picture is {width}x{height}, not {self._size[0]}x{self._size[1]} px")
+            return None
+        return image, self._depth(depth, (height, width))
+
+    def _depth(self, given: Any, shape: tuple[int, int]) -> NDArray[np.float32] | None:
+        """Metres, 0 where it is unknown, infinite or negative."""
+        if given is None:
+            return None
+        if not isinstance(given, np.ndarray) or given.dtype.kind not in "fiu" or given.shape != shape:
+            what = f"{given.dtype} {given.shape}" if isinstance(given, np.ndarray) else type(given).__name__
+            self.note(FaultKind.FORMAT, f"depth is {what}, not numbers {shape}; left out")
+            return None
+        with np.errstate(over="ignore"):  # what is beyond float32 is infinite there
+            depth = given.astype(np.float32, copy=False)
+        valid = (depth > 0.0) & (depth < np.float32(np.inf))
+        return depth if valid.all() else np.where(valid, depth, np.float32(0.0))
 
 
 def checked(camera: Camera, name: str) -> Camera:
@@ -37,23 +123,20 @@ class CheckedCamera(Camera):
     """A validated `Camera` of third-party code. Each error is reported once, as a fault, when it begins. A stamp that
     is not finite, or runs backwards, is replaced by the previous one plus a frame interval; invalid pictures and depths
     are dropped. After `FAILURES` reads in a row without a frame the camera is at its end.
-    Raises CameraError for a camera without a size or with invalid intrinsics.
+    Raises CameraError for a camera without a size, or with a field of another type.
     """
 
     def __init__(self, camera: Camera, name: str) -> None:
         super().__init__(name)
         self._camera = camera
-        self.size = size_of(self._get("size"), self.name)
-        self.live = self._get("live") is True
-        for attribute, kind in TYPED.items():
-            setattr(self, attribute, self._typed(attribute, kind))
-        self.rate_hz = rate_of(self._get("rate_hz"))
-        count = self._get("frame_count")
-        self.frame_count = count if isinstance(count, int) and not isinstance(count, bool) and count > 0 else None
-        wheel = self._get("wheel")
-        self.wheel = wheel if isinstance(wheel, TrackFile) or hasattr(wheel, "stamps_s") else None
-        edits = self._get("edits")
-        self.edits = edits if isinstance(edits, tuple) and all(isinstance(line, str) for line in edits) else ()
+        self.size, self.rate_hz = size_of(self._get("size"), self.name), rate_of(self._get("rate_hz"))
+        for field, kind in TYPES.items():
+            if (value := self._get(field)) is None:
+                continue
+            if not isinstance(value, kind):
+                expected = getattr(kind, "__name__", kind)
+                raise CameraError(f"camera {self.name}: its {field} is a {type(value).__name__}, not {expected}")
+            setattr(self, field, value)
         self._ahead: Frame | None = None
         self._new: list[CameraFault] = []
         self._check = PictureCheck(self.name, self.size, self._new.append)
@@ -64,60 +147,53 @@ class CheckedCamera(Camera):
         """The camera's state, where it is a valid one."""
         try:
             return CameraState(self._camera.state)
-        except Exception:  # as in `_read`
+        except Exception:  # another package's code may raise anything
             return CameraState.RUNNING
 
     def read(self) -> Frame | None:
         """The next frame; None at the end. Raises CameraFault once for each error, FrameTimeout while it lasts, and
         CameraError where the camera raises it or has failed for too long.
         """
+        if not self._new and self._ahead is None:
+            try:
+                given: Any = self._camera.read()
+            except EdgemapError:
+                raise
+            except Exception as error:  # another package's code may raise anything
+                given = error
+            if given is None:
+                return None
+            self._check.begin()
+            try:
+                self._ahead = self._checked(given)
+            except Exception as error:
+                self._check.note(FaultKind.FAILED, f"read raised {error_line(error)}")
+            self._failures = 0 if self._ahead is not None else self._failures + 1
+            if self._failures > FAILURES:
+                raise CameraError(f"camera {self.name}: {FAILURES} reads in a row gave no picture")
         if self._new:
             raise self._new.pop(0)
-        if self._ahead is not None:
-            frame, self._ahead = self._ahead, None
-            return frame
-        given, frame = self._read(), None
-        if given is None:
-            return None
-        self._check.begin()
-        try:
-            frame = self._checked(given)
-        except Exception as error:  # as in `_read`
-            self._check.note(FaultKind.FAILED, f"read raised {error_line(error)}")
-        self._failures = 0 if frame is not None else self._failures + 1
-        if self._failures > FAILURES:
-            raise CameraError(f"camera {self.name}: {FAILURES} reads in a row gave no picture")
-        self._ahead = frame
-        if self._new or frame is not None:
-            return self.read()
-        raise FrameTimeout(f"camera {self.name}: no picture", None, self.state)
+        if self._ahead is None:
+            raise FrameTimeout(f"camera {self.name}: no picture", None, self.state)
+        frame, self._ahead = self._ahead, None
+        return frame
 
     def object_records(self) -> list[dict[str, Any]] | None:
-        """The true objects, where the camera provides valid records."""
+        """The true objects, where the camera provides records."""
         try:
-            records = self._camera.object_records()
+            records = list(self._camera.object_records() or ())
         except EdgemapError:
             raise
-        except Exception:  # as in `_read`
+        except Exception:  # another package's code may raise anything
             return None
-        known = isinstance(records, Sequence) and all(isinstance(record, dict) for record in records)
-        return list(records) if known and records is not None else None
+        return records if records and all(isinstance(record, dict) for record in records) else None
 
     def close(self) -> None:
         """Close it; errors of its own code are ignored."""
         try:
             self._camera.close()
-        except Exception as error:  # as in `_read`
-            self._new.append(CameraFault(FaultKind.FAILED, f"camera {self.name}: does not close: {error_line(error)}"))
-
-    def _read(self) -> Any:
-        """What the camera returned, or the error that it raised."""
-        try:
-            return self._camera.read()
-        except EdgemapError:
-            raise
         except Exception as error:  # another package's code may raise anything
-            return error
+            self._new.append(CameraFault(FaultKind.FAILED, f"camera {self.name}: does not close: {error_line(error)}"))
 
     def _checked(self, given: Any) -> Frame | None:
         """A frame made of what was returned; None where it has no picture of this camera. Raises a returned error."""
@@ -126,26 +202,24 @@ class CheckedCamera(Camera):
         if not isinstance(given, Frame):
             self._check.note(FaultKind.FORMAT, f"read gave a {type(given).__name__}, not a Frame")
             return None
-        checked = self._check.picture(given.image, given.depth)
-        if checked is None:
+        if (picture := self._check.picture(given.image, given.depth)) is None:
             return None
-        image, depth = checked
-        imu = given.imu if isinstance(given.imu, ImuSamples) else ImuSamples.none()
-        if imu is not given.imu or not self._sound(imu):
+        imu = given.imu
+        if not isinstance(imu, ImuSamples) or not _sound(imu):
             self._check.note(FaultKind.FORMAT, "inertial samples are none, or not finite in order of time; left out")
             imu = ImuSamples.none()
         stamp_s = self._stamp(given.stamp_s)
         if self._offset_s:
             imu = replace(imu, stamps_s=imu.stamps_s + self._offset_s)  # the camera's clock is also theirs
         name = printable(given.name) if isinstance(given.name, str) else f"{self.name}#{self._delivered}"
+        image, depth = picture
         frame = Frame(self._delivered, stamp_s, image, name, imu, depth, search=given.search is not False)
         self._delivered += 1
         return frame
 
     def _stamp(self, given: Any) -> float:
-        step_s = 1.0 / self.rate_hz if self.rate_hz else FALLBACK_STEP_S
         stamp_s = stamp_of(given)
-        next_s = self._last_s + step_s if math.isfinite(self._last_s) else 0.0
+        next_s = self._last_s + 1.0 / (self.rate_hz or DEFAULT_RATE_HZ) if math.isfinite(self._last_s) else 0.0
         if math.isnan(stamp_s):
             self._check.note(FaultKind.STAMP, f"stamp {one_line(repr(given), 40)} is no time; one frame interval taken")
             stamp_s = next_s
@@ -159,18 +233,13 @@ class CheckedCamera(Camera):
         self._last_s = stamp_s
         return stamp_s
 
-    def _sound(self, imu: ImuSamples) -> bool:
-        arrays = (imu.stamps_s, imu.gyro_rad_s, imu.accel_m_s2)
-        return all(np.isfinite(values).all() for values in arrays) and bool((np.diff(imu.stamps_s) > 0.0).all())
-
-    def _get(self, attribute: str) -> Any:
+    def _get(self, field: str) -> Any:
         try:
-            return getattr(self._camera, attribute, None)
-        except Exception as error:  # as in `_read`
-            raise CameraError(f"camera {self.name}: its {attribute} raises {error_line(error)}") from None
+            return getattr(self._camera, field, None)
+        except Exception as error:  # another package's code may raise anything
+            raise CameraError(f"camera {self.name}: its {field} raises {error_line(error)}") from None
 
-    def _typed(self, attribute: str, kind: type) -> Any:
-        value = self._get(attribute)
-        if value is not None and not isinstance(value, kind):
-            raise CameraError(f"camera {self.name}: its {attribute} is a {type(value).__name__}, no {kind.__name__}")
-        return value
+
+def _sound(imu: ImuSamples) -> bool:
+    arrays = (imu.stamps_s, imu.gyro_rad_s, imu.accel_m_s2)
+    return all(np.isfinite(values).all() for values in arrays) and bool((np.diff(imu.stamps_s) > 0.0).all())

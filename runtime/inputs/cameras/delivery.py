@@ -8,9 +8,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from edgemap.runtime.frames.camera import Picture
-from edgemap.runtime.frames.errors import CameraError, CameraFault
+from edgemap.runtime.frames.errors import CameraFault
 from edgemap.runtime.frames.faults import FaultKind
-from edgemap.runtime.inputs.cameras.returned import PictureCheck, picture_of, stamp_of
+from edgemap.runtime.inputs.cameras.checked import PictureCheck, stamp_of
 
 SAMPLE_STEP = 8  # px between the pixels that are compared
 DARKEST, BRIGHTEST = 8.0, 247.0  # mean levels beyond which a colour picture may well have no colour
@@ -34,9 +34,10 @@ class DeliveryCheck:
         driver returned."""
         self._check.begin()
         try:
-            given = picture_of(grabbed)
-        except CameraError as error:
-            self._check.note(FaultKind.FORMAT, str(error))
+            given = Picture(*grabbed)
+        except TypeError:
+            text = f"a grab gave a {type(grabbed).__name__}, not (stamp_s, image) or a Picture"
+            self._check.note(FaultKind.FORMAT, text)
             return None
         stamp_s, checked = stamp_of(given.stamp_s), self._check.picture(given.image, given.depth, grey=True)
         if checked is None or (self._same(checked[0]) and stamp_s == self._stamp_s):

@@ -10,7 +10,7 @@ from edgemap.geometry.camera.mount import Mount
 from edgemap.runtime.frames.camera import Camera, Driver, Picture, RecoveryRule
 from edgemap.runtime.frames.errors import CameraFault, CameraLostError, CameraState, FrameTimeout
 from edgemap.runtime.frames.frame import Frame
-from edgemap.runtime.inputs.cameras.returned import rate_of, size_of
+from edgemap.runtime.inputs.cameras.checked import rate_of, size_of
 from edgemap.runtime.inputs.cameras.supervisor import Supervisor
 
 TICK_S = 0.5  # longest wait of a read

@@ -10,8 +10,8 @@ from edgemap.runtime.frames.camera import Device, Driver, Picture, RecoveryRule
 from edgemap.runtime.frames.errors import CameraFault, CameraLostError, CameraState
 from edgemap.runtime.frames.faults import FaultKind
 from edgemap.runtime.frames.reading import error_line
+from edgemap.runtime.inputs.cameras.checked import size_of
 from edgemap.runtime.inputs.cameras.delivery import DeliveryCheck
-from edgemap.runtime.inputs.cameras.returned import size_of
 
 STALL_INTERVALS, RESET_EVERY = 10, 2
 BACK_OFF_S, BACK_OFF_LIMIT_S, SETTLE_S, REFILL_S = 0.5, 30.0, 2.0, 30.0
