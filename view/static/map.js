@@ -212,7 +212,8 @@ export class FloorMap {
 
   things(pen, robot) {
     const placed = robot ? [around(this.view.toScreen(robot[0], robot[1]), 12)] : [];
-    const items = this.shown();
+    const items = this.shown(), missed = this.truth.missed();
+    for (const { x_m, y_m } of missed) placed.push(around(this.view.toScreen(x_m, y_m), 6));
     for (const item of items) {
       const at = this.view.toScreen(item.x_m, item.y_m), colour = markOf(item.label).colour, seen = this.seen.has(item.id);
       if (seen && robot) {
@@ -237,7 +238,7 @@ export class FloorMap {
       placed.push(around(at, 7));
     }
     for (const item of items.sort((a, b) => (b.id === this.chosen) - (a.id === this.chosen) || b.count - a.count)) this.name(pen, item, placed);
-    for (const row of this.truth.missed()) this.name(pen, row, placed, this.style.bad);
+    for (const row of missed) this.name(pen, row, placed, this.style.bad);
   }
 
   // A named part of the floor; drawn: its corners so far.

@@ -143,6 +143,17 @@ def test_doubtful_objects_are_hidden_until_asked_for(bundle, tmp_path, show):
     assert tab.value(names) == ["chair-1"]
 
 
+@pytest.mark.parametrize(("width", "height"), [(1440, 900), (1000, 800), (844, 390), (390, 844)])
+def test_map_and_list_are_seen_at_once_on_every_screen(bundle, tmp_path, show, width, height):
+    drive(bundle, tmp_path / "r", 3, judge=lambda *_: ROWS)
+    tab = show(tmp_path / "r" / "report.html", width=width, height=height)
+    for part, least in ((".map", 200), ("#objects", 30)):
+        left, top, right, bottom = tab.box(part)
+        assert 0 <= left <= right - 200 <= width - 200, part
+        assert 0 <= top <= min(bottom, height) - least, part
+    assert tab.value("document.documentElement.scrollWidth") <= width
+
+
 @pytest.mark.skipif(find_axe() is None, reason="needs axe-core")
 @pytest.mark.parametrize(("scheme", "size"), [("light", {}), ("dark", PHONE)])
 def test_axe_finds_no_serious_fault_and_all_fits(bundle, tmp_path, show, scheme, size):
