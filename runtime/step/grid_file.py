@@ -17,12 +17,12 @@ from edgemap.runtime.frames.disk import write_atomically
 from edgemap.runtime.frames.reading import MESSAGE_LENGTH, Name, decode_json, one_line, print_message, read_bytes
 
 GRID_BYTES = 8 << 20  # of the file
-MEMBERS = {"log_odds": "|i1", "origin_m": "<f8", "resolution_m": "<f8", "thresholds": "<f8"}
-SMALL_BYTES = 4096  # of every member but the cells
-HEADER_BYTES = 1024
+# Type and dimensions of each array.
+MEMBERS = {"log_odds": ("|i1", 2), "origin_m": ("<f8", 1), "resolution_m": ("<f8", 0), "thresholds": ("<f8", 1)}
+LARGEST_BYTES = LONGEST * LONGEST + 1024  # of an unpacked array with its header
 MAP_BYTES = 32 << 20
 DAMAGE = (  # what zipfile and numpy raise at damaged bytes
-    zipfile.BadZipFile, zlib.error, EOFError, OSError, ValueError, KeyError, RuntimeError, NotImplementedError,
+    zipfile.BadZipFile, zlib.error, EOFError, OSError, ValueError, KeyError, RuntimeError, MemoryError,
 )  # fmt: skip
 
 
@@ -71,35 +71,24 @@ def read_grid(data: bytes, source: str) -> OccupancyGrid:
     where = f"{source}: no grid"
     try:
         with zipfile.ZipFile(io.BytesIO(data)) as archive:
-            values = {name: _member(archive, name, kind, where) for name, kind in MEMBERS.items()}
+            arrays = [_member(archive, name, where) for name in MEMBERS]
     except DAMAGE as why:
         raise MapError(f"{where} ({one_line(why, MESSAGE_LENGTH // 2)})") from None
-    cells, origin, resolution, thresholds = values.values()
-    shapes = cells.ndim, origin.shape, resolution.shape, thresholds.shape
-    if shapes != (2, (2,), (), (2,)) or not cells.size:
-        raise MapError(f"{where}: arrays of shapes {[list(array.shape) for array in values.values()]}")
+    layout = [(array.dtype.str, array.ndim) for array in arrays]
+    cells, origin, resolution, thresholds = arrays
+    if layout != list(MEMBERS.values()) or len(origin) != 2 or len(thresholds) != 2 or not cells.size:
+        raise MapError(f"{where}: arrays of types and dimensions {layout}")
+    if max(cells.shape) > LONGEST:
+        raise MapError(f"{where}: {cells.shape[1]} x {cells.shape[0]} cells, at most {LONGEST} a side")
     cell_m, (low, high) = float(resolution), thresholds.tolist()
     if not (0.005 <= cell_m <= 10.0 and np.abs(origin).max() <= 1e6 and -20.0 < low < 0.0 < high < 20.0):
         raise MapError(f"{where}: cells of {cell_m:g} m from {origin.tolist()} m, thresholds {low:g} and {high:g}")
     return OccupancyGrid(cells, float(origin[0]), float(origin[1]), cell_m, low, high)
 
 
-def _member(archive: zipfile.ZipFile, name: str, kind: str, where: str) -> np.ndarray[Any, Any]:
-    """One array, after its stored size, its own header and what it unpacks to have been compared."""
+def _member(archive: zipfile.ZipFile, name: str, where: str) -> np.ndarray[Any, Any]:
+    """One array, whose size in the file is checked before it is unpacked."""
     info = archive.getinfo(f"{name}.npy")
-    most = LONGEST * LONGEST + HEADER_BYTES if name == "log_odds" else SMALL_BYTES
-    if info.file_size > most or info.flag_bits & 1:
-        raise MapError(f"{where}: {name} of {info.file_size:,} bytes, at most {most:,} are read")
-    with archive.open(info) as stream:
-        head = io.BytesIO(stream.read(HEADER_BYTES))
-        if npy.read_magic(head) != (1, 0):
-            raise MapError(f"{where}: {name} is no array of version 1.0")
-        shape, fortran, dtype = npy.read_array_header_1_0(head, max_header_size=HEADER_BYTES)
-        size = int(np.prod(shape, dtype=object)) if shape else 1
-        if dtype.str != kind or fortran or any(side > LONGEST for side in shape):
-            raise MapError(f"{where}: {name} is {dtype.str} {list(shape)[:4]}")
-        needed = size * dtype.itemsize
-        data = head.read() + stream.read(max(needed - HEADER_BYTES, 0) + HEADER_BYTES)
-    if len(data) != needed:
-        raise MapError(f"{where}: {name} holds {len(data)} bytes, {list(shape)} needs {needed}")
-    return np.frombuffer(data, dtype).reshape(shape)
+    if info.file_size > LARGEST_BYTES:
+        raise MapError(f"{where}: {name} of {info.file_size:,} bytes, at most {LARGEST_BYTES:,} are read")
+    return npy.read_array(io.BytesIO(archive.read(info)), allow_pickle=False)
