@@ -45,7 +45,6 @@ COMMANDS: dict[str, tuple[str, str]] = {
     "doctor": ("doctor", "what works on this machine, what is missing, what to type"),
 }
 
-ADDRESS_SPACE_BYTES = 768 << 20  # a run of the demo takes 0.7 GiB of addresses, a fifth of that of memory
 GROUP = "edgemap.commands"  # entry points of other packages
 USAGE = "usage: edgemap COMMAND [OPTIONS]      (edgemap COMMAND --help lists a command's options)"
 
@@ -152,7 +151,6 @@ def _open_closed_streams() -> None:
 
 
 def _run(words: str, rest: list[str]) -> None:
-    _check_address_space(words)
     try:
         from edgemap.cli.interrupt import interrupts_after_imports
 
@@ -161,17 +159,6 @@ def _run(words: str, rest: list[str]) -> None:
     except KeyboardInterrupt:
         print(f"edgemap {words}: interrupted", file=sys.stderr)
         sys.exit(130)
-
-
-def _check_address_space(words: str) -> None:
-    """Libraries end the process, or their import, where `ulimit -v` leaves them too little: a line instead."""
-    import resource
-
-    limit = resource.getrlimit(resource.RLIMIT_AS)[0]
-    if limit != resource.RLIM_INFINITY and limit < ADDRESS_SPACE_BYTES:
-        needed = f"{ADDRESS_SPACE_BYTES >> 20} MiB are needed"
-        print(f"edgemap {words}: address space limited to {limit >> 20} MiB (ulimit -v); {needed}", file=sys.stderr)
-        sys.exit(1)
 
 
 def _command(words: str, rest: list[str]) -> None:

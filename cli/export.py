@@ -59,7 +59,7 @@ def command(
         arg(
             metavar="DIR",
             help="Pictures like those that the robot will see, for --int8: a folder of some hundreds. With images/ and "
-            "YOLO labels/ the loss of AP50 is measured too, without which --precision auto does not take int8.",
+            "YOLO labels/ the loss of AP50 is measured too.",
         ),
     ] = None,
 ) -> None:

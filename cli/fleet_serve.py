@@ -40,7 +40,7 @@ def command(
     with stop_on_signals() as stop:
         keeper = PlaceKeeper(name, out or Path(name), "" if local else router, local, reference)
         print(f"map of {name}: {out or name}/map.json")
-        print(f"robots:  edgemap run --fleet {name}@{local or router} --robot NAME", flush=True)
+        print(f"robots:  EDGEMAP_ROBOT=NAME edgemap run --fleet {name}@{local or router}", flush=True)
         printed: set[str] = set()
         try:
             while not stop.wait(every):

@@ -7,7 +7,6 @@ import numpy as np
 import pytest
 import yaml
 from support.depth_room import depth_room
-from support.refusal import one_line
 from support.scenes import floor_board, held_board
 
 from edgemap.cli import main
@@ -118,32 +117,6 @@ def test_a_long_search_for_the_board_prints_how_far_it_is(pictures, monkeypatch,
     lines = capsys.readouterr().err.splitlines()
     assert lines[0] == "0 different views of the board so far; Ctrl-C ends the search"
     assert lines[-1].startswith("edgemap calibrate intrinsics: 0 different views of the complete board found")
-
-
-def test_refusals_are_one_line_and_write_nothing(edgemap, boards, tmp_path):
-    out = tmp_path / "camera.yaml"
-    lens = tmp_path / "lens.yaml"
-    write_camera_yaml(lens, LENS)
-    plain = tmp_path / "plain"
-    plain.mkdir()
-    for i in range(4):
-        cv2.imwrite(str(plain / f"{i}.png"), np.full((480, 640, 3), 90, np.uint8))
-    cases = [
-        (("intrinsics", "--camera", plain), 1, "0 different views of the complete board found, need 8"),
-        (("intrinsics", "--camera", plain, "--board", "nine"), 2, "expected COLSxROWS, like 9x6"),
-        (("mount", "--camera", plain, "--square", "0.06", "--camera-file", lens), 1, "0 different views"),
-        (("mount", "--camera", plain, "--square", "0.06"), 2, "does not know its lens: pass --intrinsics"),
-        (("mount", "--camera", plain, "--camera-file", lens), 2, "has neither depth nor wheels to measure the height"),
-        (("mount", "--camera", plain, "--camera-file", lens, "--height", "1"), 1, "0 pictures with straight edges"),
-        (("tilt", "--camera", plain, "--camera-file", lens), 2, "does not know its height above the floor"),
-        (("tilt", "--camera", plain, "--camera-file", lens, "--height", "1"), 1, "0 pictures with straight edges"),
-    ]
-    for words, code, complaint in cases:
-        assert complaint in one_line(edgemap("calibrate", *words, "-o", out), code)
-        assert not out.exists()
-    result = edgemap("calibrate", "tilt", "--camera", "demo", "-o", lens)
-    assert "exists already" in result.stderr
-    assert read_camera_yaml(lens).intrinsics == LENS
 
 
 def test_mount_takes_the_wheels_of_the_topic_that_is_named(edgemap, tmp_path):

@@ -36,14 +36,6 @@ def test_a_run_from_its_own_record_is_the_same_run(tmp_path):
     assert json.loads((tmp_path / "again" / "run.json").read_text())["options"] == record["options"]
 
 
-def test_an_unknown_number_is_one_line(tmp_path, capsys):
-    (tmp_path / "c.yaml").write_text("config: {asociation: {gate: 3}}\n")
-    with pytest.raises(SystemExit) as end:
-        main(["run", "--config", str(tmp_path / "c.yaml")])
-    assert end.value.code == 1
-    assert capsys.readouterr().err.count("\n") == 1
-
-
 STRANGER = {"out": "theirs", "record": "theirs.mcap", "mqtt": "10.0.0.1", "fleet": "10.0.0.1", "view": "0.0.0.0"}
 
 
@@ -70,13 +62,6 @@ def test_options_come_before_what_is_typed_and_are_printed(tmp_path, capsys):
     told = capsys.readouterr().err.splitlines()
     assert told == [f"{path} sets --no-loop-closure", f"{path} sets --without-imu"]
     assert config_arguments(["--frames", "3"], command) == ["--frames", "3"]
-
-
-def test_options_of_no_file_are_refused(capsys):
-    with pytest.raises(SystemExit) as end:
-        main(["run", "--config-options", "--frames", "3"])
-    assert end.value.code == 2
-    assert "--config-options: whose? Give the file, or a run's folder, with --config FILE" in capsys.readouterr().err
 
 
 def test_every_switch_may_be_false_and_true(tmp_path, capsys):

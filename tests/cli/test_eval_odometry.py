@@ -181,7 +181,6 @@ def test_a_mount_can_be_given_where_the_data_have_none_or_another(evaluate, tmp_
     (tmp_path / "k" / "camera.yaml").write_text(LEVEL_YAML.replace(", mount: {height_m: 1.5, pitch_deg: 0}", ""))
     assert document(evaluate(*flags))["sequences"]["k"]["mount"] == {"height_m": 0.7, "pitch_deg": 4.0}
     assert "or give --mount" in one_line(evaluate("--data", spec))
-    assert "60 m above" in one_line(evaluate("--data", spec, "--mount", "60,11"), 2)
 
 
 def test_the_share_of_frames_of_each_member_is_told(evaluate, tmp_path):
@@ -197,11 +196,6 @@ def test_the_share_of_frames_of_each_member_is_told(evaluate, tmp_path):
 
 
 def test_what_cannot_be_done_is_one_line(evaluate, tmp_path):
-    spec = drive(tmp_path / "a")
-    assert "expected lengths in metres" in one_line(evaluate("--data", spec, "--segments", "1,-2"), 2)
-    assert "--from -1" in one_line(evaluate("--data", spec, "--from", "-1"), 2)
-    assert "given twice" in one_line(evaluate("--data", spec, "--data", spec), 2)
-    assert "a motion needs two" in one_line(evaluate("--data", spec, "--from", "60"))
     assert "no wheel odometry" in one_line(evaluate("--data", kitti(tmp_path / "k"), "--odometry", "wheel"))
     (tmp_path / "k" / "camera.yaml").unlink()
     assert "lens unknown: write it into its camera.yaml" in one_line(evaluate("--data", f"kitti:{tmp_path / 'k'}"))

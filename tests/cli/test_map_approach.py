@@ -5,7 +5,6 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from support.refusal import one_line
 from support.rooms import mapped
 
 from edgemap.geometry.grid.occupancy_grid import OccupancyGrid
@@ -43,18 +42,3 @@ def test_in_words(edgemap, room):
     assert done.returncode == 0, done.stderr
     assert done.stdout.startswith("chair-1: x 1.")
     assert "yaw 0.0 deg; 0.40 m before it, free floor" in done.stdout
-
-
-@pytest.mark.parametrize(
-    ("asked", "message"),
-    [
-        ((), "give the object's ID, or --label"),
-        (("chair-1", "--label", "chair"), "give the object's ID, or --label"),
-        (("chair-7",), "did you mean chair-2?"),
-        (("--label", "bed"), "--label bed: no such object on the map; it has chair"),
-        (("chair-1", "--standoff", "0"), "--standoff 0: must be above 0"),
-        (("chair-1", "--near", "1"), "expected 2 numbers, X,Y"),
-    ],
-)
-def test_what_cannot_be_is_one_line(edgemap, room, asked, message):
-    assert message in one_line(edgemap("map", "approach", room, *asked), 2)

@@ -1,7 +1,6 @@
 """`map export` and `map merge` as a user calls them."""
 
 import json
-import re
 from dataclasses import replace
 
 import numpy as np
@@ -45,18 +44,6 @@ def test_export_into_a_file_and_into_a_folder(edgemap, run_folder, tmp_path):
     assert (tmp_path / "b" / "map.csv").is_file()
 
 
-@pytest.mark.parametrize(
-    ("arguments", "message"),
-    [
-        (("--format", "csv", "-o", "map.json"), "is the map itself"),
-        (("--format", "png", "-o", "x.svg"), "ends? in .png"),
-        (("--format", "nav2", "--resolution", "0"), "--resolution 0.0: must be above 0"),
-    ],
-)
-def test_export_refuses_in_one_line(edgemap, run_folder, arguments, message):
-    assert re.search(message, one_line(edgemap("map", "export", run_folder, *arguments, cwd=run_folder), 2))
-
-
 def test_two_drives_of_one_room_become_one_map(edgemap, tmp_path):
     random = np.random.default_rng(3)
     room = furnished(random, 14)
@@ -85,5 +72,3 @@ def test_maps_that_do_not_fit_are_refused_with_numbers(edgemap, tmp_path):
     twice = edgemap("map", "merge", tmp_path / "a.json", tmp_path / "a.json", "-o", tmp_path / "m.json")
     assert "does not fit" in one_line(twice)
     assert not (tmp_path / "m.json").exists()
-    alone = edgemap("map", "merge", tmp_path / "a.json", "-o", tmp_path / "m.json")
-    assert "needs two or more" in alone.stderr

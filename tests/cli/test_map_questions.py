@@ -5,7 +5,6 @@ import json
 import cv2
 import numpy as np
 import pytest
-from support.refusal import one_line
 
 from edgemap.geometry.map_object import MapObject
 from edgemap.runtime.step.map_file import save_map
@@ -53,21 +52,3 @@ def test_answers_as_text_draw_only_on_request(edgemap, room, tmp_path):
     result = edgemap("map", "show", room, "--label", "chair", "-o", tmp_path / "some.png")
     assert "2 of 3 objects; drawn in" in result.stdout
     assert cv2.imread(str(tmp_path / "some.png")) is not None
-
-
-@pytest.mark.parametrize(
-    ("question", "text"),
-    [
-        (("--near", "1"), "--near '1': expected 2 numbers, X,Y"),
-        (("--near", "nan,1"), "must be finite"),
-        (("--inside", "0,0;1,1"), "three corners or more"),
-        (("--inside", "0,0;1,1;x,2"), "--inside 'x,2': expected 2 numbers"),
-        (("--label", ","), "--label is empty"),
-    ],
-)
-def test_bad_questions_are_one_line(edgemap, room, question, text):
-    assert text in one_line(edgemap("map", "show", room, *question), 2)
-
-
-def test_json_is_of_one_map(edgemap, room):
-    assert "--json takes one map" in edgemap("map", "show", room, room, "--json").stderr

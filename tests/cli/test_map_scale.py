@@ -75,19 +75,11 @@ def test_a_distance_between_two_objects_scales_it_too(edgemap, run_folder, tmp_p
 @pytest.mark.parametrize(
     ("arguments", "change", "text"),
     [
-        ((), {}, "give one length"),
-        (("--height", "0.6", "--between", "a,b,1"), {}, "give one length"),
-        (("--height", "2.4"), {}, "3.2 times as large, at most 3"),
-        (("--height", "0.01"), {}, "expected 0.05 to 3 m"),
         (("--height", "0.6"), {"quality": {"wheel_frames": 30}}, "wheels measured this run's path"),
         (("--height", "0.6"), {"attitude_sources": {"depth": 9}}, "depth measured this run's path"),
         (("--height", "0.6"), {"odometry": "truth"}, "truth measured this run's path"),
         (("--height", "0.6"), {"map": "kitchen", "start": None}, "a saved map, and the runs before it, measured this"),
         (("--height", "2.4"), {"odometry": "window"}, "3.2 times as large"),
-        (("--between", "chair-1,bed-1,2"), {}, "the map has no 'bed-1'"),
-        (("--between", "chair-1,2"), {}, "expected ID,ID,METRES"),
-        (("--between", "chair-1,couch-1,-2"), {}, "expected ID,ID,METRES"),
-        (("--between", "chair-1,chair-1,2"), {}, "0.00 m apart on the map"),
     ],
 )
 def test_what_is_no_scale_is_one_line(edgemap, run_folder, tmp_path, arguments, change, text):

@@ -4,7 +4,6 @@ import os
 import shutil
 import subprocess
 import sys
-from pathlib import Path
 
 import pytest
 
@@ -107,18 +106,3 @@ def test_names_beyond_the_locale(tmp_path):
     code, text = ended(in_plain_c("run", "--camera", "drive:café", "--frames", 2, "--out", "ö", cwd=tmp_path))
     assert (code, (tmp_path / "ö" / "report.html").is_file()) == (0, True), text
     assert ended(in_plain_c("map", "show", "ö", "--out", "ä.svg", cwd=tmp_path))[0] == 0
-
-
-def test_paths_reach_libraries_through_one_door():
-    """No module but through `library_path` gives OpenCV, PyAV, librealsense or an engine the text of a path."""
-    root = Path(__file__).parents[2]
-    doors = ("VideoCapture(", "imread(", "imwrite(", "av.open(", "device_from_file(", "load_device(", "read_model(")
-    rooms = ("geometry", "runtime", "evaluation", "simulation", "export", "plots", "view", "cli")
-    lines = [
-        (path.name, line)
-        for room in rooms
-        for path in (root / room).rglob("*.py")
-        for line in path.read_text(encoding="utf-8").splitlines()
-        if any(door in line for door in doors) and "library_path(" not in line
-    ]
-    assert lines == []

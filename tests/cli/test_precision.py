@@ -5,7 +5,6 @@ import shutil
 
 import pytest
 from support import painted
-from support.refusal import one_line
 
 from edgemap.runtime.step.map_file import load_map
 
@@ -52,26 +51,3 @@ def test_doctor_tells_what_the_variant_is_worth_and_that_it_is_whole(edgemap, wi
     result = edgemap(*doctor)
     assert result.returncode == 1
     assert "backbone.int8.onnx has sha256" in result.stdout
-
-
-def test_int8_without_a_variant_is_one_line(edgemap, painted_bundle, pictures):
-    line = one_line(edgemap("detect", pictures / "0.png", "--bundle", painted_bundle, "--precision", "int8"))
-    assert line == "edgemap detect: bundle painted has no int8 variant (edgemap export --int8 makes one)"
-
-
-@pytest.mark.parametrize(
-    ("flags", "code", "words"),
-    [
-        (("--int8",), 2, "--int8 needs pictures: --calibrate DIR"),
-        (("--calibrate", "EMPTY"), 2, "is for --int8"),
-        (("--int8", "--calibrate", "EMPTY"), 1, "empty: no pictures in it"),
-        (("--int8", "--calibrate", "nowhere"), 1, "nowhere: no such folder"),
-    ],
-)
-def test_export_refuses_in_one_line(edgemap, tmp_path, flags, code, words):
-    (tmp_path / "empty").mkdir()
-    flags = [tmp_path / "empty" if flag == "EMPTY" else flag for flag in flags]
-    out = tmp_path / "out"
-    export = ("export", "--backbone", "yolov3-tiny", "--random-weights", *flags, "-o", out)
-    assert words in one_line(edgemap(*export), code)
-    assert not out.exists()

@@ -185,13 +185,3 @@ def test_a_recording_cut_off_still_gives_its_map(edgemap, painted_bundle, live, 
         for _ in range(camera.frame_count or 0):
             camera.read()
         assert camera.read() is None
-
-
-@pytest.mark.parametrize("command", [("record", "-o"), ("run", "--record")])
-def test_names_that_are_refused(edgemap, tmp_path, pictures, painted_bundle, command):
-    (tmp_path / "there.mcap").write_bytes(b"x")
-    flags = ("--camera", pictures) + (("--bundle", painted_bundle) if command[0] == "run" else ())
-    for name, complaint in (("there.mcap", "exists already"), ("a.bag", "must end in .mcap")):
-        assert complaint in one_line(edgemap(*command, tmp_path / name, *flags, cwd=tmp_path), 2)
-        assert not (tmp_path / "runs").exists()
-    assert (tmp_path / "there.mcap").read_bytes() == b"x"

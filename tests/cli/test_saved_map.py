@@ -6,7 +6,6 @@ from dataclasses import replace
 import cv2
 import numpy as np
 import pytest
-from support.refusal import one_line
 from support.rooms import mapped
 
 from edgemap.runtime.step.map_file import load_map, save_map
@@ -61,19 +60,3 @@ def test_a_place_that_is_not_found_is_said(edgemap, painted_bundle, pictures, sa
     assert "not found in" in done.stdout
     assert "share 1 objects by label" in done.stdout
     assert [item.id for item in load_map(tmp_path / "run")] == ["chair-6"]  # never an id that the saved map has
-
-
-@pytest.mark.parametrize(
-    ("arguments", "message"),
-    [
-        (("--start", "0,0,0"), "give that with --map"),
-        (("--map", "{saved}", "--start", "0,0"), "expected 3 numbers, X,Y,YAW_DEG"),
-        (("--map", "{saved}", "--clustering", "paper"), "goes on by association"),
-        (("--map", "nowhere.json"), "nowhere.json: cannot be read"),
-    ],
-)
-def test_what_cannot_be_is_one_line(edgemap, painted_bundle, pictures, saved, tmp_path, arguments, message):
-    told = [argument.format(saved=saved) for argument in arguments]
-    done = run(edgemap, painted_bundle, pictures, tmp_path / "run", *told)
-    assert message in one_line(done, 1 if "cannot be read" in message else 2)
-    assert not (tmp_path / "run").exists()

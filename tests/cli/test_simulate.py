@@ -3,27 +3,6 @@
 import sys
 
 import pytest
-from support.refusal import one_line
-
-
-@pytest.mark.parametrize(
-    ("arguments", "words"),
-    [
-        (("simulate", "--frames", "0", "-o", "x"), "--frames 0: must be 1 or more"),
-        (("simulate", "--seed", "-3", "-o", "x"), "--seed -3: must be 0 or more"),
-        (("simulate", "--pictures", "4", "-o", "x"), "--seeds None: expected A:B"),
-        (("simulate", "--pictures", "4", "--seeds", "9:2", "-o", "x"), "--seeds '9:2': expected A:B"),
-        (("simulate", "--seeds", "0:9", "--shard", "0/3", "-o", "x"), "--shard '0/3': expected I/N"),
-        (("simulate", "--seeds", "0:2", "--shard", "3/3", "-o", "x"), "--shard 3/3: no home of 0:2 is left"),
-        (("simulate", "--mount", "high", "-o", "x"), "--mount 'high': expected HEIGHT_M or HEIGHT_M,PITCH_DEG"),
-        (("bench", "--camera", "sim:kitchen", "--bundle", "BUNDLE"), "camera 'sim:kitchen': expected sim:SEED"),
-        (("eval", "map", "--camera", "sim:-1", "--bundle", "BUNDLE"), "camera 'sim:-1': expected sim:SEED"),
-    ],
-)
-def test_what_goes_wrong_is_one_line(edgemap, painted_bundle, tmp_path, arguments, words):
-    places = {"x": tmp_path / "x", "BUNDLE": painted_bundle}
-    assert words in one_line(edgemap(*(places.get(word, word) for word in arguments)), 2)
-    assert not (tmp_path / "x").exists()
 
 
 def test_shards_share_the_homes():

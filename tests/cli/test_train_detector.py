@@ -95,15 +95,12 @@ def test_a_trained_bundle_is_judged_and_a_checkpoint_is_a_detector_itself(edgema
 @pytest.mark.parametrize(
     ("flags", "code", "message"),
     [
-        (("--minutes", "0"), 2, "--minutes 0.0: must be above 0"),
-        (("--input", "100"), 2, "--input 100: must be a multiple of 32"),
         (("--bundle", "resnet"), 1, "no such folder"),
         (("--start", "none.pt"), 1, "none.pt: no such checkpoint"),
         (("--weights", "none.pt"), 1, "none.pt: no such checkpoint"),
         (("--keep", "edgemap-nano"), 2, "edgemap-nano: knows 18 other classes than yolox-nano with 80"),
         (("--device", "cuda"), 1, "--device cuda: torch finds no GPU here"),
         (("--resume",), 1, "last.pt: no such checkpoint"),
-        (("--mix", "1", "2"), 2, "expected 1 shares"),
     ],
 )
 def test_mistakes_are_one_line(edgemap, squares, tmp_path, flags, code, message):
