@@ -52,7 +52,7 @@ class Tensor4:
 def load_onnx(path: Path) -> ModelProto:
     """Read and check an ONNX file; converts its opset where the runtime could not read it. Raises ExportError."""
     try:
-        model = onnx.load_from_string(read_bytes(path, MODEL_BYTES, ExportError))
+        model = onnx.load_from_string(read_bytes(path, ExportError, MODEL_BYTES))
         if any(item.data_location == onnx.TensorProto.EXTERNAL for item in model.graph.initializer):
             raise ExportError(f"{path}: keeps its weights in other files; save it as one file")
         onnx.checker.check_model(model)

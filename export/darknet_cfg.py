@@ -8,7 +8,6 @@ from typing import TypeVar
 from edgemap.export.errors import ExportError
 from edgemap.runtime.frames.reading import one_line, read_text
 
-CFG_BYTES = 1 << 20
 SECTION_LIMIT = 2000
 OPTION_LENGTH = 10_000
 LARGEST = 100_000  # of any whole number: pixels, channels, layers; more has no meaning and takes memory
@@ -114,7 +113,7 @@ def parse_cfg(text: str, file: str = "cfg") -> list[Section]:
 
 def read_cfg(path: Path) -> list[Section]:
     """Read a cfg file. Raises ExportError where it cannot be read or parsed."""
-    return parse_cfg(read_text(path, CFG_BYTES, ExportError), path.name)
+    return parse_cfg(read_text(path, ExportError), path.name)
 
 
 TINY_ANCHORS = "10,14, 23,27, 37,58, 81,82, 135,169, 344,319"

@@ -12,7 +12,7 @@ from edgemap.runtime.frames.errors import PublishError, UsageError
 from edgemap.runtime.frames.reading import read_bytes
 from edgemap.runtime.frames.timing import StreamTimer
 from edgemap.runtime.outputs.sinks.kinds import RunInfo
-from edgemap.runtime.step.map_file import MAP_BYTES, map_document, pose_record
+from edgemap.runtime.step.map_file import map_document, pose_record
 from edgemap.runtime.step.sinks import Sink
 from edgemap.runtime.step.slam import StepResult
 
@@ -79,4 +79,4 @@ def open(address: str, run: RunInfo) -> FleetSink:
 
 def _of_a_fleet(saved: Path) -> bool:
     path = saved / "map.json" if saved.is_dir() else saved
-    return b'"pose_place_map"' in read_bytes(path, MAP_BYTES, UsageError)
+    return b'"pose_place_map"' in read_bytes(path, UsageError)

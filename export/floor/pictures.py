@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from edgemap.runtime.frames.errors import CameraError
 from edgemap.runtime.frames.reading import read_bytes
-from edgemap.runtime.inputs.drives.pictures import PICTURE_BYTES, decoded, read_picture
+from edgemap.runtime.inputs.drives.pictures import decoded, read_picture
 from edgemap.runtime.inputs.drives.truth import FLOOR, OTHER, UNKNOWN, WALL, read_floor_labels
 from edgemap.runtime.network.preprocess import Placement
 
@@ -44,7 +44,7 @@ def read_shares(path: Path, size: tuple[int, int]) -> Image:
 
     Raises CameraError where it is neither.
     """
-    data = decoded(read_bytes(path, PICTURE_BYTES, CameraError), str(path), cv2.IMREAD_UNCHANGED)
+    data = decoded(read_bytes(path, CameraError), str(path), cv2.IMREAD_UNCHANGED)
     if data is not None and data.dtype == np.uint8 and data.ndim == 3 and data.shape[2] == len(CLASSES):
         return np.asarray(cv2.resize(data, size, interpolation=cv2.INTER_LINEAR), np.uint8)
     labels = read_floor_labels(path, size)

@@ -7,8 +7,6 @@ import yaml
 from edgemap.geometry.errors import EdgemapError
 from edgemap.runtime.frames.reading import one_line, read_text
 
-NAMES_BYTES = 1 << 20
-
 # The 80 class names of COCO, in the order every YOLO numbers them.
 COCO_NAMES = tuple(
     """person|bicycle|car|motorcycle|airplane|bus|train|truck|boat|traffic light|fire hydrant|stop sign|parking meter
@@ -54,7 +52,7 @@ def read_class_names(path: Path, error: type[EdgemapError]) -> tuple[str, ...]:
 
     Raises `error` where there are none.
     """
-    text = read_text(path, NAMES_BYTES, error)
+    text = read_text(path, error)
     names: object = [line.strip() for line in text.splitlines() if line.strip()]
     if path.suffix in (".yaml", ".yml"):
         try:

@@ -23,7 +23,7 @@ T = TypeVar("T")
 MESSAGE_LENGTH = 200
 LINE_LENGTH = 1000  # of what is printed
 SHOWN = 60  # of a value
-TABLE_BYTES = 128 << 20  # of a text table
+FILE_BYTES = 256 << 20  # of a file that is read whole
 TREE_BYTES = 1 << 20  # of a document that is read again to show what was wrong in it: any values, each some 100 bytes
 HIDDEN = r"\x00-\x1f\x7f-\x9f\u200b-\u200f\u2028-\u202e\u2060-\u206f\ufeff"  # control characters, text directions
 
@@ -76,7 +76,7 @@ def user_path(text: str | Path) -> Path:
         return Path(text)
 
 
-def read_bytes(path: Path, limit_bytes: int, error: type[EdgemapError]) -> bytes:
+def read_bytes(path: Path, error: type[EdgemapError], limit_bytes: int = FILE_BYTES) -> bytes:
     """All of a regular file. Raises `error` where it is missing, no file, unreadable or larger than the limit."""
     try:
         found = path.stat()
@@ -91,10 +91,10 @@ def read_bytes(path: Path, limit_bytes: int, error: type[EdgemapError]) -> bytes
     return data
 
 
-def read_text(path: Path, limit_bytes: int, error: type[EdgemapError]) -> str:
+def read_text(path: Path, error: type[EdgemapError], limit_bytes: int = FILE_BYTES) -> str:
     """All of a UTF-8 file. Raises `error` as `read_bytes` does, and where it is not UTF-8."""
     try:
-        return read_bytes(path, limit_bytes, error).decode("utf-8")
+        return read_bytes(path, error, limit_bytes).decode("utf-8")
     except UnicodeDecodeError as why:
         raise error(f"{path}: cannot be read ({one_line(why)})") from None
 

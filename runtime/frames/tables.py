@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from edgemap.geometry.errors import EdgemapError
-from edgemap.runtime.frames.reading import TABLE_BYTES, one_line, read_bytes
+from edgemap.runtime.frames.reading import one_line, read_bytes
 
 
 @dataclass(frozen=True, slots=True)
@@ -36,7 +36,7 @@ class NumberTable:
 
     def read(self, path: Path, error: type[EdgemapError]) -> tuple[list[int], NDArray[np.float64]]:
         """Line numbers, and the rows as (N, columns). Raises `error`, also for an empty table."""
-        return self.parse(read_bytes(path, TABLE_BYTES, error), str(path), error)
+        return self.parse(read_bytes(path, error), str(path), error)
 
     def parse(self, data: bytes, path: str, error: type[EdgemapError]) -> tuple[list[int], NDArray[np.float64]]:
         """Parses the bytes of a file as `read` does. path: for messages."""

@@ -13,7 +13,7 @@ from edgemap.geometry.camera.attitude import Attitude
 from edgemap.geometry.errors import EdgemapError
 from edgemap.geometry.se2 import SE2
 from edgemap.runtime.frames.errors import OdometryError
-from edgemap.runtime.frames.reading import TABLE_BYTES, read_bytes
+from edgemap.runtime.frames.reading import read_bytes
 from edgemap.runtime.frames.tables import STAMP, NumberTable, columns
 
 TUM = NumberTable((STAMP, *columns("x_m y_m z_m qx qy qz qw")))
@@ -58,7 +58,7 @@ class Trajectory:
 
 def read_tum(path: Path) -> Trajectory:
     """Read planar poses from a TUM file. Raises OdometryError as `parse_tum` does."""
-    return parse_tum(read_bytes(path, TABLE_BYTES, OdometryError), str(path))
+    return parse_tum(read_bytes(path, OdometryError), str(path))
 
 
 def parse_tum(data: bytes | str, path: str) -> Trajectory:
@@ -100,7 +100,7 @@ def trajectory_of(path: Path) -> Trajectory | None:
     path = (path if path.is_dir() else path.parent) / "trajectory.tum"
     if not path.is_file():
         return None
-    data = read_bytes(path, TABLE_BYTES, OdometryError)
+    data = read_bytes(path, OdometryError)
     whole = data[: data.rfind(b"\n") + 1]  # a power cut may leave a torn last line
     return parse_tum(whole, str(path)) if whole.strip() else None
 

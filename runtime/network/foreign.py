@@ -24,7 +24,7 @@ from edgemap.runtime.network.compute import Pace, compute_at
 from edgemap.runtime.network.engines import PROVIDERS, session_options
 from edgemap.runtime.network.layouts import FORMS, Arrays, Layout, Reading, classes_in, in_unit, layouts, parts, rows_of
 from edgemap.runtime.network.manifest import ClassEntry, DetectorSpec, HeadSpec, InputSpec, Manifest
-from edgemap.runtime.network.manifest_file import FORMAT, MANIFEST_BYTES, sha256_file
+from edgemap.runtime.network.manifest_file import FORMAT, sha256_file
 from edgemap.runtime.network.network import Compute, Network
 from edgemap.runtime.network.preprocess import Placement, Preprocessor
 
@@ -292,7 +292,7 @@ def load_foreign(
     compute, beside = compute_at(pace, threads), path.with_suffix(".bundle.json")
     file = ForeignFile(path, compute)
     if beside.is_file():
-        manifest = decode_json(read_bytes(beside, MANIFEST_BYTES, BundleError), Manifest, beside, BundleError)
+        manifest = decode_json(read_bytes(beside, BundleError), Manifest, beside, BundleError)
         if manifest.detector.reading is None:
             raise BundleError(f"{beside}: has no reading of {path.name}")
     else:

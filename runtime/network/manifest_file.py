@@ -12,7 +12,6 @@ from edgemap.runtime.network.manifest import Manifest
 
 FORMAT = "edgemap.bundle/1"
 MANIFEST_NAME = "bundle.json"
-MANIFEST_BYTES = 4 << 20
 VALUES_LIMIT = 1 << 26  # of one tensor
 DFL_CHANNELS = 32  # 8 bins for each side of a box
 
@@ -30,7 +29,7 @@ def read_manifest(folder: Path) -> Manifest:
         raise BundleError(f"bundle {folder}: no such folder")
     if not path.is_file():
         raise BundleError(f"bundle {folder}: no {MANIFEST_NAME} in it")
-    manifest = decode_json(read_bytes(path, MANIFEST_BYTES, BundleError), Manifest, f"bundle {path}", BundleError)
+    manifest = decode_json(read_bytes(path, BundleError), Manifest, f"bundle {path}", BundleError)
     if manifest.format != FORMAT:
         found = one_line(repr(manifest.format), SHOWN)
         raise BundleError(f"bundle {path}: format {found}, this edgemap reads {FORMAT!r}")

@@ -8,10 +8,6 @@ import msgspec
 from edgemap.geometry.errors import MapError
 from edgemap.runtime.frames.reading import Coordinate, Name, decode_json, read_bytes
 
-SIGHTINGS_BYTES = 256 << 20
-SIGHTINGS_LIMIT = 1_000_000
-RUN_BYTES = 64 << 20
-
 
 class SeenRecord(msgspec.Struct):
     """One sighting. object: id of its object, empty without one. map_m: x, y."""
@@ -32,15 +28,13 @@ def read_sightings(folder: Path) -> list[SeenRecord]:
     """
     path = folder / "sightings.jsonl"
     try:
-        merged = decode_json(read_bytes(folder / "run.json", RUN_BYTES, MapError), _Run, "run.json", MapError).merged
+        merged = decode_json(read_bytes(folder / "run.json", MapError), _Run, "run.json", MapError).merged
     except MapError:
         merged = {}
     found = []
-    for number, line in enumerate(BytesIO(read_bytes(path, SIGHTINGS_BYTES, MapError)), start=1):
+    for number, line in enumerate(BytesIO(read_bytes(path, MapError)), start=1):
         if not line.endswith(b"\n"):
             break
-        if number > SIGHTINGS_LIMIT:
-            raise MapError(f"{path}: more than {SIGHTINGS_LIMIT:,} sightings")
         record = decode_json(line, SeenRecord, f"{path}:{number}: damaged line", MapError)
         record.object = merged.get(record.object, record.object)
         found.append(record)

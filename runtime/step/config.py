@@ -22,8 +22,6 @@ from edgemap.runtime.motion.height_check import HeightRule
 from edgemap.runtime.motion.odometry import OdometryRules
 from edgemap.runtime.motion.rest import RestRule
 
-MAX_BYTES = 16 << 20  # of a configuration file: a run.json may carry a long list of faults
-
 
 class ConfigError(EdgemapError):
     """A configuration file that cannot be used."""
@@ -100,7 +98,7 @@ def _file(path: Path) -> Path:
 
 
 def _run_json(path: Path) -> dict[str, Any]:
-    return decode_json(read_bytes(path, MAX_BYTES, ConfigError), dict, path, ConfigError)
+    return decode_json(read_bytes(path, ConfigError), dict, path, ConfigError)
 
 
 def _merged(default: Any, given: Any, where: str, unknown: list[tuple[str, str]]) -> Any:

@@ -34,7 +34,6 @@ from edgemap.runtime.step.mapper import Mapper
 
 MAXIMUM_WAITING = 100
 SAVE_EVERY_S = 0.5
-FILE_BYTES = 16 << 20
 KINDS = get_args(EditKind)
 FORMER_KINDS = {"rename": "name", "restore": "undo", "drop_zone": "undo", "drop_dock": "undo"}  # in recordings
 Text = Annotated[str, Meta(max_length=200, pattern=rf"\A[^{HIDDEN}]*\Z")]
@@ -160,7 +159,7 @@ def _call(listeners: Sequence[Edited], mapper: Mapper) -> list[Fault]:
 
 def load_edits(path: Path) -> list[tuple[int, Edit]]:
     """An edits.jsonl: (steps done, edit), in order. Raises EditError in one line."""
-    return read_edits(read_text(path, FILE_BYTES, EditError).splitlines(), str(path))
+    return read_edits(read_text(path, EditError).splitlines(), str(path))
 
 
 def read_edits(lines: Iterable[str], source: str) -> list[tuple[int, Edit]]:

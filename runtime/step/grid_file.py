@@ -1,6 +1,7 @@
 """`grid.npz`: the occupancy grid beside map.json, written atomically and read with every size checked first."""
 
 import io
+import tokenize
 import zipfile
 import zlib
 from pathlib import Path
@@ -16,13 +17,12 @@ from edgemap.geometry.grid.occupancy_grid import OccupancyGrid
 from edgemap.runtime.frames.disk import write_atomically
 from edgemap.runtime.frames.reading import MESSAGE_LENGTH, Name, decode_json, one_line, print_message, read_bytes
 
-GRID_BYTES = 8 << 20  # of the file
 # Type and dimensions of each array.
 MEMBERS = {"log_odds": ("|i1", 2), "origin_m": ("<f8", 1), "resolution_m": ("<f8", 0), "thresholds": ("<f8", 1)}
 LARGEST_BYTES = LONGEST * LONGEST + 1024  # of an unpacked array with its header
-MAP_BYTES = 32 << 20
 DAMAGE = (  # what zipfile and numpy raise at damaged bytes
-    zipfile.BadZipFile, zlib.error, EOFError, OSError, ValueError, KeyError, RuntimeError, MemoryError,
+    zipfile.BadZipFile, zlib.error, tokenize.TokenError, EOFError, OSError, ValueError, LookupError, SyntaxError,
+    RuntimeError, MemoryError,
 )  # fmt: skip
 
 
@@ -55,7 +55,7 @@ def load_grid(path: Path) -> OccupancyGrid | None:
     Raises MapError in one line where the file is not a grid, or larger than 8192 x 8192 cells.
     """
     path = path / "map.json" if path.is_dir() else path
-    name = decode_json(read_bytes(path, MAP_BYTES, MapError), _Named, f"{path}: damaged map", MapError).grid
+    name = decode_json(read_bytes(path, MapError), _Named, f"{path}: damaged map", MapError).grid
     if name is None:
         return None
     if name != Path(name).name or name in (".", "..") or "\\" in name:
@@ -63,7 +63,7 @@ def load_grid(path: Path) -> OccupancyGrid | None:
     if not path.with_name(name).exists():
         print_message(f"({path}: {name} is not beside it, so the map loads without its floor)")
         return None
-    return read_grid(read_bytes(path.with_name(name), GRID_BYTES, MapError), str(path.with_name(name)))
+    return read_grid(read_bytes(path.with_name(name), MapError), str(path.with_name(name)))
 
 
 def read_grid(data: bytes, source: str) -> OccupancyGrid:

@@ -24,7 +24,6 @@ from edgemap.runtime.step.map_records import (
 )
 
 FORMAT = "edgemap.map/1"
-MAP_BYTES = 32 << 20
 ROUNDING_M2 = 1e-9  # of the file's covariances
 DEFAULT_MAP_ID = "map"
 
@@ -135,7 +134,7 @@ def load_annotated_map(path: Path) -> tuple[list[MapObject], Annotations]:
     and positive, ids given twice.
     """
     path = map_path(path)
-    return read_map(read_bytes(path, MAP_BYTES, MapError), str(path))
+    return read_map(read_bytes(path, MapError), str(path))
 
 
 def map_path(path: Path) -> Path:
@@ -146,7 +145,7 @@ def map_path(path: Path) -> Path:
 def load_last_pose(path: Path) -> SE2 | None:
     """The robot's pose when the map of a map.json or folder was saved, None where it is missing. Raises MapError."""
     path = map_path(path)
-    data = read_bytes(path, MAP_BYTES, MapError)
+    data = read_bytes(path, MapError)
     found = decode_json(data, LastPoseRecord, f"{path}: damaged map", MapError).last_pose
     return found and found.pose
 

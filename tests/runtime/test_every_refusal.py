@@ -92,13 +92,6 @@ def test_what_is_not_there(tmp_path):
             attempt()
 
 
-def test_more_sightings_than_are_read(tmp_path, monkeypatch):
-    monkeypatch.setattr(sightings_file, "SIGHTINGS_LIMIT", 1)
-    (tmp_path / "sightings.jsonl").write_text('{"label":"chair","map_m":[0,0]}\n' * 2)
-    with pytest.raises(MapError, match="more than 1 sightings"):
-        sightings_file.read_sightings(tmp_path)
-
-
 def test_a_tuned_number_beyond_all_sense(tmp_path):
     (tmp_path / "run.json").write_text(json.dumps({"config": {"floor": {"max_sigma_m": 1e15}}}))
     with pytest.raises(config.ConfigError, match="not a finite number"):
@@ -218,9 +211,9 @@ def test_sightings_of_a_run(tmp_path):
 def test_a_pipe_a_folder_and_a_nul_are_no_files(tmp_path):
     os.mkfifo(tmp_path / "pipe")
     for path in (tmp_path / "pipe", tmp_path, tmp_path / "none", Path("a\0b")):
-        assert "cannot be read" in refused(MapError, read_bytes, path, 100, MapError)
+        assert "cannot be read" in refused(MapError, read_bytes, path, MapError, 100)
     (tmp_path / "large").write_bytes(bytes(101))
-    assert "101 bytes, at most 100" in refused(MapError, read_bytes, tmp_path / "large", 100, MapError)
+    assert "101 bytes, at most 100" in refused(MapError, read_bytes, tmp_path / "large", MapError, 100)
 
 
 def test_messages_stay_one_line():

@@ -20,8 +20,6 @@ from edgemap.runtime.inputs.drives.pose_files import (
     upright_camera,
 )
 
-K_BYTES = 4096
-
 
 def read_kitti(folder: Path) -> Drive:
     """Read a KITTI sequence. The world is the first camera's: its y points down, so up is `-y` unless said otherwise.
@@ -68,7 +66,7 @@ def _read(
 def _read_k(path: Path, first_picture: Path) -> Intrinsics:
     height, width = read_picture(first_picture).shape[:2]
     try:
-        numbers = [float(word) for word in read_text(path, K_BYTES, CameraError).split()]
+        numbers = [float(word) for word in read_text(path, CameraError).split()]
         if len(numbers) != 9:
             raise CameraError(f"{path}: {len(numbers)} numbers, expected a 3x3 matrix")
         return Intrinsics(width, height, numbers[0], numbers[4], numbers[2], numbers[5])

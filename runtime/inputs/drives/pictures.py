@@ -15,8 +15,6 @@ from numpy.typing import NDArray
 from edgemap.runtime.frames.errors import CameraError
 from edgemap.runtime.frames.reading import printable, read_bytes
 
-PICTURE_BYTES = 256 << 20
-
 SUFFIXES = frozenset({".jpg", ".jpeg", ".png", ".bmp", ".ppm", ".pgm", ".tif", ".tiff", ".webp"})
 PIXEL_LIMIT = int(os.environ["OPENCV_IO_MAX_IMAGE_PIXELS"])  # set in edgemap's __init__ for OpenCV's decoders
 Depth = NDArray[np.float32]  # (H, W) metres along the optical axis, 0 where unknown
@@ -56,7 +54,7 @@ def first_folder(folder: Path, names: tuple[str, ...]) -> Path:
 
 def read_picture(path: Path) -> NDArray[np.uint8]:
     """One picture as BGR, (H, W, 3) uint8. Raises CameraError where it is missing, no picture, or cut short."""
-    return decode_picture(read_bytes(path, PICTURE_BYTES, CameraError), str(path))
+    return decode_picture(read_bytes(path, CameraError), str(path))
 
 
 def decode_picture(data: bytes, name: str) -> NDArray[np.uint8]:
@@ -93,7 +91,7 @@ def _is_cut_short(data: bytes) -> bool:
 
 def read_depth(path: Path) -> Depth:
     """A 16-bit picture of millimetres. Raises CameraError."""
-    image = decoded(read_bytes(path, PICTURE_BYTES, CameraError), str(path), cv2.IMREAD_UNCHANGED)
+    image = decoded(read_bytes(path, CameraError), str(path), cv2.IMREAD_UNCHANGED)
     if image is None or image.dtype != np.uint16 or image.ndim != 2:
         raise CameraError(f"{path}: not a depth picture (one channel of 16 bits, millimetres)")
     return image.astype(np.float32) / np.float32(1000.0)

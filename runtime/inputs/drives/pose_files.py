@@ -9,7 +9,7 @@ from edgemap.geometry.arrays import Array
 from edgemap.geometry.camera.mount import Mount
 from edgemap.geometry.se2 import SE2
 from edgemap.runtime.frames.errors import CameraError, OdometryError
-from edgemap.runtime.frames.reading import TABLE_BYTES, read_bytes
+from edgemap.runtime.frames.reading import read_bytes
 from edgemap.runtime.frames.tables import STAMP, Column, NumberTable
 from edgemap.runtime.frames.trajectory import AttitudeTrack, Trajectory, tum_rows
 from edgemap.runtime.inputs.drives.pictures import list_pictures
@@ -46,7 +46,7 @@ def read_tum_3d(path: Path) -> tuple[Array, Array]:
 
     Raises CameraError with the line number for a line that is not eight finite numbers with a unit quaternion.
     """
-    rows = tum_rows(read_bytes(path, TABLE_BYTES, CameraError), str(path), CameraError)
+    rows = tum_rows(read_bytes(path, CameraError), str(path), CameraError)
     return rows[:, 0], poses_of(rows[:, 1:4], rows[:, 4:])
 
 

@@ -13,9 +13,8 @@ from numpy.typing import NDArray
 from edgemap.runtime.frames.errors import CameraError
 from edgemap.runtime.frames.reading import Coordinate, Name, Share, Size, decode_json, read_bytes
 from edgemap.runtime.inputs.drives.drive import LabelledBoxes
-from edgemap.runtime.inputs.drives.pictures import PICTURE_BYTES, decoded, list_pictures
+from edgemap.runtime.inputs.drives.pictures import decoded, list_pictures
 
-TRUTH_BYTES = 32 << 20
 Id = Annotated[int, Meta(ge=-(2**53), le=2**53)] | Name
 
 
@@ -51,7 +50,7 @@ class _Boxes(msgspec.Struct):
 
 def read_objects(path: Path) -> tuple[ObjectRecord, ...]:
     """Read `objects.json`. Raises CameraError naming the field or object that is wrong, or an id given twice."""
-    records = tuple(decode_json(read_bytes(path, TRUTH_BYTES, CameraError), _Objects, path, CameraError).objects)
+    records = tuple(decode_json(read_bytes(path, CameraError), _Objects, path, CameraError).objects)
     seen = set()
     for record in records:
         if record.id in seen:
@@ -63,7 +62,7 @@ def read_objects(path: Path) -> tuple[ObjectRecord, ...]:
 def read_boxes(path: Path) -> tuple[LabelledBoxes, ...]:
     """Read `boxes.json`, one entry per picture. Raises CameraError."""
     frames = []
-    known = decode_json(read_bytes(path, TRUTH_BYTES, CameraError), _Boxes, path, CameraError).frames
+    known = decode_json(read_bytes(path, CameraError), _Boxes, path, CameraError).frames
     for number, frame in enumerate(known):
         boxes = np.array([box.box for box in frame], dtype=np.float64).reshape(-1, 4)
         if np.any(boxes[:, 2:] < boxes[:, :2]):
@@ -75,7 +74,6 @@ def read_boxes(path: Path) -> tuple[LabelledBoxes, ...]:
 
 
 PLAN_NAME, PLAN_FORMAT = "floor_plan.json", "edgemap.floor_plan/1"
-PLAN_BYTES = 8 << 20
 Corners = Annotated[list[tuple[Coordinate, Coordinate]], Meta(min_length=3, max_length=1000)]
 
 
@@ -110,7 +108,7 @@ def read_floor_plan(folder: Path) -> FloorPlan | None:
     path = folder / PLAN_NAME
     if not path.is_file():
         return None
-    plan = decode_json(read_bytes(path, PLAN_BYTES, CameraError), FloorPlan, path, CameraError)
+    plan = decode_json(read_bytes(path, CameraError), FloorPlan, path, CameraError)
     if plan.format != PLAN_FORMAT:
         raise CameraError(f"{path}: not an {PLAN_FORMAT} document")
     return plan
@@ -141,7 +139,7 @@ def read_floor_labels(path: Path, size: tuple[int, int]) -> NDArray[np.uint8]:
 
     Raises CameraError where the file is missing or damaged, of another size, or holds other numbers.
     """
-    data = decoded(read_bytes(path, PICTURE_BYTES, CameraError), str(path), cv2.IMREAD_UNCHANGED)
+    data = decoded(read_bytes(path, CameraError), str(path), cv2.IMREAD_UNCHANGED)
     if data is None or data.ndim != 2 or data.dtype != np.uint8:
         raise CameraError(f"{path}: expected floor labels of one channel of 8 bits")
     if (data.shape[1], data.shape[0]) != size:

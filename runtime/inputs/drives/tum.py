@@ -24,7 +24,6 @@ from edgemap.runtime.inputs.drives.pose_files import (
     trajectory,
 )
 
-LIST_BYTES = 16 << 20
 MAX_GAP_S = 0.2  # truth is not interpolated over longer holes (the tracker lost the camera)
 
 
@@ -83,7 +82,7 @@ def _drive(
 
 def _read_listing(path: Path) -> tuple[Array, tuple[Path, ...]]:
     stamps, images = [], []
-    for number, line in enumerate(read_text(path, LIST_BYTES, CameraError).splitlines(), start=1):
+    for number, line in enumerate(read_text(path, CameraError).splitlines(), start=1):
         words = line.split(maxsplit=1)
         if not words or words[0].startswith("#"):
             continue

@@ -19,7 +19,6 @@ from edgemap.runtime.inputs.drives.pictures import list_pictures, read_picture
 from edgemap.runtime.inputs.drives.pose_files import check_count
 from edgemap.runtime.inputs.drives.truth import read_boxes
 
-LABEL_BYTES = 4 << 20
 CLASS_LIMIT = 10_000
 LABEL_SCORE = 0.45  # of a predicted box that is a label; from DOUBT_SCORE on it is neither object nor background
 DOUBT_SCORE = 0.2
@@ -78,7 +77,7 @@ def _class_names(paths: Sequence[Path]) -> tuple[str, ...]:
     path = next((path for path in paths if path.is_file()), None)
     if path is None:
         return COCO_NAMES
-    lines = read_bytes(path, LABEL_BYTES, CameraError).decode("utf-8", "replace").splitlines()
+    lines = read_bytes(path, CameraError).decode("utf-8", "replace").splitlines()
     names = tuple(line.strip() for line in lines if line.strip())
     if not 1 <= len(names) <= CLASS_LIMIT:
         raise CameraError(f"{path}: {len(names)} class names, expected 1 to {CLASS_LIMIT}")
@@ -86,7 +85,7 @@ def _class_names(paths: Sequence[Path]) -> tuple[str, ...]:
 
 
 def _read_labels(path: Path, image: Path, names: tuple[str, ...]) -> LabelledBoxes:
-    data = read_bytes(path, LABEL_BYTES, CameraError) if path.is_file() else b""
+    data = read_bytes(path, CameraError) if path.is_file() else b""
     if not data.strip():
         return LabelledBoxes(np.zeros((0, 4)), ())
     scored = len(data.split(b"\n", 1)[0].split()) == SCORED_COLUMNS

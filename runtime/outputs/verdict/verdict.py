@@ -16,7 +16,6 @@ from edgemap.runtime.motion.odometry_names import PICTURE_ODOMETRIES
 from edgemap.runtime.outputs.verdict.causes import CAUSES, Cause, cause_of
 from edgemap.runtime.step.map_file import load_map
 
-RUN_BYTES = 16 << 20
 SHOWN_FAULTS = 3  # of one cause
 
 Level = Literal["good", "care", "unreliable"]
@@ -290,7 +289,7 @@ def _explained(record: Mapping[str, Any], objects: Sequence[MapObject]) -> tuple
 
 def read_record(path: Path) -> dict[str, Any]:
     """A run.json. Raises RunFolderError."""
-    return decode_json(read_bytes(path, RUN_BYTES, RunFolderError), dict, path, RunFolderError)
+    return decode_json(read_bytes(path, RunFolderError), dict, path, RunFolderError)
 
 
 def read_run(folder: Path) -> tuple[dict[str, Any], list[MapObject]]:
