@@ -25,16 +25,13 @@ def open_bundle(
 ) -> Bundle:
     """A bundle's folder or a detector's FILE.onnx, ready for a run. Raises BundleError.
 
-    companion: the bundle whose trunk serves floor and motion where `source` has no floor head. names: of the classes
-    of a FILE.onnx.
+    companion: the bundle whose trunk serves floor and motion beside a FILE.onnx, which has no heads for them. names: of
+    the classes of a FILE.onnx.
     """
-    if source.suffix == ".onnx":
-        bundle = load_foreign(source, threads, pace, names)
-    else:
-        bundle = load_bundle(source, threads, precision, pace, engine)
-    if bundle.manifest.detector.floor is not None:
-        return bundle
-    return replace(bundle, companion=load_companion(bundle_folder(companion), threads, pace))
+    if source.suffix != ".onnx":
+        return load_bundle(source, threads, precision, pace, engine)
+    foreign = load_foreign(source, threads, pace, names)
+    return replace(foreign, companion=load_companion(bundle_folder(companion), threads, pace))
 
 
 def load_companion(folder: Path, threads: int | None = None, pace: Pace = "camera") -> Bundle:

@@ -119,7 +119,18 @@ def save_map(
     """Write `map.json` and the grid beside it, each atomically. grid_saved: the grid's file is up to date."""
     if grid is not None and not grid_saved:
         save_grid(path.with_name(grid_name(path)), grid)
-    write_atomically(path, map_text(objects, annotations, grid, grid_name(path)))
+    replace_map(path, map_text(objects, annotations, grid, grid_name(path)))
+
+
+def replace_map(path: Path, text: str, keeps_before: bool = False) -> None:
+    """Write a map's text atomically, once it reads back: a map that no reader takes never replaces one that they do.
+
+    keeps_before: the file that it replaces stays as `NAME.before.json`. Raises MapError or DiskError.
+    """
+    read_map(text.encode(), f"{path}, not saved")
+    if keeps_before and path.is_file():
+        write_atomically(path.with_suffix(".before.json"), path.read_text())
+    write_atomically(path, text)
 
 
 def load_map(path: Path) -> list[MapObject]:

@@ -1,7 +1,7 @@
 """The back end: observations and motions in, pose and map out. It never sees a picture."""
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -10,6 +10,7 @@ from edgemap.geometry.arrays import Array
 from edgemap.geometry.camera.attitude import MountEstimate
 from edgemap.geometry.camera.floor import FloorCamera
 from edgemap.geometry.camera.mount import Mount
+from edgemap.geometry.errors import MapError
 from edgemap.geometry.grid.floor_scan import FloorScan
 from edgemap.geometry.grid.fusion import GridFusion
 from edgemap.geometry.grid.occupancy_grid import OccupancyGrid
@@ -122,7 +123,12 @@ class Mapper:
         annotations: Annotations = NO_ANNOTATIONS,
         grid: OccupancyGrid | None = None,
     ) -> None:
-        """Continues a saved map from a given pose. sigmas: of the start pose, m, m, rad. grid: the saved map's."""
+        """Continues a saved map from a stated pose. sigmas: of the start pose, m, m, rad. grid: the saved map's.
+
+        Raises MapError for a pose far from the map.
+        """
+        if far := far_from_map(start, saved, SE2()):
+            raise MapError(f"start pose: {far}")
         self._has_scale = True
         if grid is not None:
             self.grid.continue_from(grid)
@@ -140,12 +146,15 @@ class Mapper:
         last: SE2 | None,
     ) -> None:
         """Continues a saved map from an unknown pose: relocalises by its objects, from its last pose and its dock (the
-        origin without one) first. Where it has no object, the robot is taken to stand at the first of these."""
+        origin without one) first. Where it has no object, the robot is taken to stand at the first of these, or at the
+        origin where that is far away."""
         dock = annotations.dock or SE2()
         if saved:
             self.relocalise_in(saved, annotations, grid, [dock] if last is None else [last, dock])
         else:
-            self.start_in(saved, last or dock, annotations=annotations, grid=grid)
+            start = last or dock
+            start = SE2() if far_from_map(start, saved, SE2()) else start
+            self.start_in(saved, start, annotations=annotations, grid=grid)
 
     def relocalise_in(
         self,
@@ -276,6 +285,9 @@ class Mapper:
         if not (np.isfinite(sigmas).all() and min(sigmas) > 0.0 and max(sigmas) < FARTHEST_M):
             raise EditError(f"standard deviations of a pose are above 0 and below {FARTHEST_M:g}")
         pose, covariance = SE2(*edit.pose), np.diag(np.square(sigmas))
+        saved = self.relocaliser.saved if self.relocaliser is not None and self.relocaliser.searching else ()
+        if far := far_from_map(pose, [*self.map.objects(), *saved], self.pose_map_base):
+            raise EditError(f"pose: {far}")
         if self.relocaliser is not None and self.relocaliser.searching:
             back = self.pose_map_base.inverse()
             place = Alignment.exact(pose @ back)
@@ -384,6 +396,16 @@ class Mapper:
         self.edits.enter(saved.annotations, alignment.pose_a_b)
         self._relocated = alignment.pose_a_b
         return became
+
+
+def far_from_map(pose: SE2, objects: Iterable[MapObject], robot: SE2) -> str:
+    """Why a pose that somebody sets cannot be one in this map: it is far from all objects, the robot and the origin.
+    Empty where it can be: a mistyped number would make a map that no reader takes, on a grid that fills the memory."""
+    places = [(0.0, 0.0), (robot.x_m, robot.y_m), *(item.position_m for item in objects)]
+    nearest_m = min(math.hypot(pose.x_m - float(x), pose.y_m - float(y)) for x, y in places)
+    if nearest_m <= FARTHEST_M:
+        return ""
+    return f"x {pose.x_m:g} m, y {pose.y_m:g} m is {nearest_m:g} m from the map, at most {FARTHEST_M:g} m are taken"
 
 
 def new_mapper(

@@ -1,14 +1,18 @@
 """Where a run starts in a saved map: guessed starts that the objects prove or refute, and a pose that a person sets."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from support.drives import drive, exact, round_trip
 from support.rooms import furnished, mapped
 
+from edgemap.geometry.errors import MapError
 from edgemap.geometry.objects.annotations import Annotations
 from edgemap.geometry.objects.events import Edit, EditError
 from edgemap.geometry.registration.alignment import AlignmentError, aligned_near
 from edgemap.geometry.se2 import SE2
+from edgemap.runtime.step.map_file import load_map, save_map
 from edgemap.runtime.step.mapper import Mapper
 
 ROOM = furnished(np.random.default_rng(11), 16, apart_m=0.8)
@@ -113,3 +117,25 @@ def test_a_robot_that_was_lifted_and_set_down_goes_on_in_its_map():
 def test_what_is_no_pose_is_refused(edit, message):
     with pytest.raises(EditError, match=message):
         Mapper().edit(edit)
+
+
+@pytest.mark.parametrize("far", [(1e6, 1e6, 0.0), (2e6, 0.0, 0.0), (0.0, -1e308, 0.0), (400.0, 0.0, 0.0)])
+def test_a_pose_far_from_the_map_is_refused_and_loses_nothing(far):
+    mapper = Mapper()
+    driven(mapper, count=40)
+    before = mapper.pose_map_base, [item.id for item in mapper.objects()]
+    with pytest.raises(EditError, match="m from the map, at most 100 m"):
+        mapper.edit(Edit("pose", pose=far))
+    assert (mapper.pose_map_base, [item.id for item in mapper.objects()]) == before
+    with pytest.raises(MapError, match="m from the map, at most 100 m"):
+        Mapper().start_in(saved_map(), SE2(*far))
+
+
+@pytest.mark.parametrize("x_m", [1e6 + 1.0, float("nan"), float("inf")])
+def test_a_map_that_no_reader_takes_does_not_replace_one_that_they_do(x_m, tmp_path):
+    good = saved_map()
+    save_map(tmp_path / "map.json", good)
+    bad = [replace(good[0], position_m=np.array([x_m, 0.0])), *good[1:]]
+    with pytest.raises(MapError, match="not saved"):
+        save_map(tmp_path / "map.json", bad)
+    assert [item.id for item in load_map(tmp_path / "map.json")] == [item.id for item in good]

@@ -10,11 +10,11 @@ from edgemap.geometry.map_object import MapObject
 from edgemap.geometry.objects.annotations import Annotations
 from edgemap.geometry.objects.scale import scaled_map
 from edgemap.geometry.se2 import SE2
-from edgemap.runtime.frames.disk import lock_folder, write_atomically
+from edgemap.runtime.frames.disk import lock_folder
 from edgemap.runtime.frames.errors import DiskError
 from edgemap.runtime.frames.timing import StreamTimer
 from edgemap.runtime.step.grid_file import grid_name, save_grid
-from edgemap.runtime.step.map_file import map_text
+from edgemap.runtime.step.map_file import map_text, replace_map
 from edgemap.runtime.step.sinks import Sink
 from edgemap.runtime.step.slam import StepResult
 
@@ -26,7 +26,7 @@ class LivingMap(Sink):
 
     searching: whether the robot is not yet relocalised in the map; nothing is written until then, so a run without
     relocalisation leaves the map unchanged. A new map takes the scale of a corrected lens height once, at the end. The
-    folder is locked while the run lasts.
+    folder is locked while the run lasts; `map.before.json` keeps the map of the run before.
     Raises DiskError where the folder cannot be made, RunFolderError where another run uses it.
     """
 
@@ -78,5 +78,5 @@ class LivingMap(Sink):
             self._saved_grid = (live_grid, scale)
         text = map_text(objects, annotations, grid, last_pose=pose.scaled(scale))
         if text != self._written:
-            write_atomically(self.path, text)
+            replace_map(self.path, text, keeps_before=not self._written)
             self._written = text
