@@ -35,7 +35,6 @@ from edgemap.geometry.trajectory_correction import TrajectoryCorrection, compose
 EditKind = Literal["name", "confirm", "correct", "add", "merge", "delete", "zone", "dock", "pose", "undo"]
 UNDOABLE = ("correct", "merge", "delete", "zone", "dock")
 
-MAXIMUM_ADDED = 1000
 ADDED = "-added"  # between label and number of the id of an object that a person has added
 PLACED_SIGMA_M = 0.05  # for a position that a person sets on a map: a finger's width at the usual zoom
 SMALLEST_M, LARGEST_M = 0.02, 20.0  # limits of a size that a person sets
@@ -111,11 +110,11 @@ class _Fold:
             identity = self.became[identity]
         return identity
 
-    def change(self, identity: str, **values: Any) -> None:
-        """Replaces values of an object, if it is there."""
+    def change(self, identity: str, changed: Callable[[MapObject], MapObject]) -> None:
+        """Replaces an object, if it is there."""
         root = self.root(identity)
         if root in self.objects:
-            self.objects[root] = replace(self.objects[root], **values)
+            self.objects[root] = changed(self.objects[root])
 
     def join(self, identity: str, into: str) -> None:
         """Makes two objects one, if both are there."""
@@ -125,10 +124,20 @@ class _Fold:
             self.became[identity] = into
 
 
+def _fold_name(fold: _Fold, event: _Event) -> None:
+    fold.change(event.edit.id, lambda item: replace(item, name=event.edit.name))
+
+
+def _fold_confirm(fold: _Fold, event: _Event) -> None:
+    fold.change(event.edit.id, lambda item: replace(item, confirmed=event.edit.on))
+
+
 def _fold_correct(fold: _Fold, event: _Event) -> None:
-    item = fold.objects.get(fold.root(event.edit.id))
-    if item is not None:
-        fold.objects[item.id] = _corrected(item, event.edit)
+    fold.change(event.edit.id, lambda item: _corrected(item, event.edit))
+
+
+def _fold_merge(fold: _Fold, event: _Event) -> None:
+    fold.join(event.edit.id, event.edit.into)
 
 
 def _fold_add(fold: _Fold, event: _Event) -> None:
@@ -163,11 +172,11 @@ def _fold_dock(fold: _Fold, event: _Event) -> None:
 
 
 FOLDS: dict[str, Callable[[_Fold, _Event], None]] = {
-    "name": lambda fold, event: fold.change(event.edit.id, name=event.edit.name),
-    "confirm": lambda fold, event: fold.change(event.edit.id, confirmed=event.edit.on),
+    "name": _fold_name,
+    "confirm": _fold_confirm,
     "correct": _fold_correct,
     "add": _fold_add,
-    "merge": lambda fold, event: fold.join(event.edit.id, event.edit.into),
+    "merge": _fold_merge,
     "delete": _fold_delete,
     "zone": _fold_zone,
     "dock": _fold_dock,
@@ -276,12 +285,11 @@ class MapEvents:
         return self._folded[1]
 
     def _undo(self, identity: str, measured: FloorMap) -> None:
-        for kind, one in reversed(self._events):
-            if kind in UNDOABLE and identity in (one, shown_id(measured, one)):
-                del self._events[kind, one]
-                self._folded = None
-                return
-        raise EditError(f"{identity!r} was neither corrected nor merged nor deleted, and is no zone")
+        keys = [key for key in self._events if key[0] in UNDOABLE and identity in (key[1], shown_id(measured, key[1]))]
+        if not keys:
+            raise EditError(f"{identity!r} was neither corrected nor merged nor deleted, and is no zone")
+        del self._events[keys[-1]]
+        self._folded = None
 
     def _checked(self, edit: Edit, shown: dict[str, MapObject]) -> Edit:
         """The edit, with the id of a new zone or object. Raises EditError where the map does not allow it."""
@@ -307,8 +315,6 @@ class MapEvents:
     def _checked_addition(self, edit: Edit) -> Edit:
         if not edit.label or edit.place_m is None:
             raise EditError("a new object needs a label and a position")
-        if sum(kind == "add" for kind, _ in self._events) >= MAXIMUM_ADDED:
-            raise EditError(f"{MAXIMUM_ADDED} objects are added already")
         # Never an id that the measured map gives: it numbers its own classes only.
         numbers = (id_order(identity)[1] for _, identity in self._events if ADDED in identity)
         identity = f"{edit.label}{ADDED}-{max(numbers, default=0) + 1}"
@@ -347,21 +353,16 @@ def joined(parts: Sequence[MapObject]) -> MapObject:
 
 def _corrected(item: MapObject, edit: Edit) -> MapObject:
     """The object with the values that an edit states."""
-    values: dict[str, Any] = {}
-    words = set(item.corrected)
-    if edit.label:
-        values |= {"label": edit.label, "labels": {edit.label: 1.0}}
-        words.add("label")
-    if edit.place_m is not None:
-        values |= {"position_m": np.array(edit.place_m), "covariance_m2": np.eye(2) * PLACED_SIGMA_M**2}
-        words.add("position")
-    if edit.size_m is not None:
-        values |= dict(zip(CORRECTABLE["size"], edit.size_m, strict=True))
-        words.add("size")
-    if edit.yaw_rad is not None:
-        values["yaw_rad"] = edit.yaw_rad
-        words.add("yaw")
-    return replace(item, corrected=tuple(word for word in CORRECTABLE if word in words), **values)
+    stated = {
+        "label": edit.label and (edit.label, {edit.label: 1.0}),
+        "position": edit.place_m and (np.array(edit.place_m), np.eye(2) * PLACED_SIGMA_M**2),
+        "size": edit.size_m,
+        "yaw": None if edit.yaw_rad is None else (edit.yaw_rad,),
+    }
+    words = tuple(word for word in CORRECTABLE if stated[word] or word in item.corrected)
+    rows = [(CORRECTABLE[word], row) for word, row in stated.items() if row]
+    values: dict[str, Any] = {name: value for names, row in rows for name, value in zip(names, row, strict=True)}
+    return replace(item, corrected=words, **values)
 
 
 def _correction_of(item: MapObject) -> Edit:

@@ -98,35 +98,31 @@ class Edits:
     def apply(self, mapper: Mapper, frames: int) -> list[Fault]:
         """Take what is due, on the run's thread and between two steps. frames: steps done so far. Returns the faults of
         recorded edits and listeners."""
-        failed: list[Fault] = []
-        answers: list[tuple[Future[str], str]] = []
-        changed = False
+        due: list[tuple[Edit, Future[str] | None]] = []
         while self._recorded and self._recorded[0][0] <= frames:
-            edit = self._recorded.popleft()[1]
-            try:
-                mapper.edit(edit)
-            except EditError as error:
-                failed.append(Fault(FaultKind.EDIT, f"recorded edit {edit.do} {edit.id!r}: {error}"))
-                continue
-            self._note(edit, frames)
-            changed = True
+            due.append((self._recorded.popleft()[1], None))
         while self._waiting:
             edit, future = self._waiting.popleft()
-            if not future.set_running_or_notify_cancel():  # its sender has stopped waiting
-                continue
+            if future.set_running_or_notify_cancel():  # otherwise its sender has stopped waiting
+                due.append((edit, future))
+        failed, done = list[Fault](), list[tuple[Future[str] | None, str]]()
+        for edit, future in due:
             try:
-                answers.append((future, mapper.edit(edit)))
+                done.append((future, mapper.edit(edit)))
+                self._note(edit, frames)
             except EditError as error:
-                future.set_exception(error)
-                continue
-            self._note(edit, frames)
-        if changed or answers:
+                if future is not None:
+                    future.set_exception(error)
+                else:
+                    failed.append(Fault(FaultKind.EDIT, f"recorded edit {edit.do} {edit.id!r}: {error}"))
+        if done:
             failed += _call(self.listeners, mapper)
             self._unsaved = True
         if time.monotonic() - self._saved_s >= SAVE_EVERY_S:
             failed += self.settle(mapper)
-        for future, answer in answers:  # last, so that the sender reads the edited map
-            future.set_result(answer)
+        for future, identity in done:  # last, so that the sender reads the edited map
+            if future is not None:
+                future.set_result(identity)
         return failed
 
     def settle(self, mapper: Mapper) -> list[Fault]:

@@ -22,7 +22,7 @@ from edgemap.bridges.ros2.messages.stream import MessageStream
 from edgemap.bridges.ros2.messages.topics import OBJECTS
 from edgemap.geometry.errors import MapError
 from edgemap.geometry.map_object import MapObject
-from edgemap.geometry.objects.events import Annotations, Zone
+from edgemap.geometry.objects.annotations import Annotations, Zone
 from edgemap.runtime.outputs.map_formats.drawing import DrawnMap, map_svg
 from edgemap.runtime.outputs.map_formats.geojson import geojson_text
 from edgemap.runtime.outputs.map_formats.nav2 import vector_text
