@@ -8,8 +8,8 @@ import torch
 from support.refusal import refused
 
 from edgemap.export.darknet import Darknet, fold_batch_norm
-from edgemap.export.darknet_cfg import parse_cfg, read_cfg, yolov3, yolov3_tiny
-from edgemap.export.darknet_weights import load_weights, random_weights, read_header, save_weights, value_count
+from edgemap.export.darknet_cfg import yolov3, yolov3_tiny
+from edgemap.export.darknet_weights import load_weights, value_count
 from edgemap.export.errors import ExportError
 
 SMALL_VALUES = 124 + 296 + 176 + 63  # see conftest.py
@@ -67,14 +67,6 @@ def test_every_value_of_the_file_lands_in_its_place(tmp_path, small_cfg):
     assert values["layers.6.conv.weight"][6, 7].item() == SMALL_VALUES - 1
 
 
-@pytest.mark.parametrize(("version", "length"), [((0, 1, 0), 16), ((0, 2, 0), 20), ((1, 0, 0), 20)])
-def test_seen_is_as_wide_as_the_version_says(tmp_path, version, length):
-    seen = np.array([9], "<u4" if length == 16 else "<u8").tobytes()
-    (tmp_path / "w").write_bytes(np.array(version, "<i4").tobytes() + seen + bytes(8))
-    header = read_header(tmp_path / "w")
-    assert (header.bytes, header.seen) == (length, 9)
-
-
 @pytest.mark.parametrize(("change", "words"), [(-4, "found 658"), (-1, "found 658 and 3 bytes more"), (4, "found 660")])
 def test_short_and_long_files_are_refused_with_both_counts(small_cfg, small_weights, change, words):
     data = small_weights.read_bytes()
@@ -83,20 +75,6 @@ def test_short_and_long_files_are_refused_with_both_counts(small_cfg, small_weig
     assert f"too {'short' if change < 0 else 'long'}" in text
     assert "expected 659 float32 values" in text
     assert words in text
-
-
-def test_weights_of_another_network_tiny_and_garbage(tmp_path, small_cfg, small_weights):
-    network = Darknet.from_cfg(yolov3_tiny())
-    assert "expected 8,858,734 float32 values, found 659" in refusal(load_weights, network, small_weights)
-    (tmp_path / "stub").write_bytes(b"\0" * 10)
-    assert "10 bytes, too short" in refusal(load_weights, network, tmp_path / "stub")
-    (tmp_path / "text").write_bytes(b"<!DOCTYPE html><html>nothing here</html>")
-    assert "not a Darknet weights file" in refusal(load_weights, network, tmp_path / "text")
-    data = bytearray(small_weights.read_bytes())
-    data[20:24] = np.array([np.nan], "<f4").tobytes()
-    small_weights.write_bytes(data)
-    assert "1 of 659 values are not finite" in refusal(load_weights, Darknet.from_cfg(small_cfg), small_weights)
-    assert "cannot be read" in refusal(load_weights, network, tmp_path / "none")
 
 
 @pytest.mark.parametrize(
@@ -196,33 +174,3 @@ def test_yolov3_tiny_sees_the_dog(shared_data):
     names = (shared_data / "weights" / "coco.names").read_text().split("\n")
     assert names[int(best[5:].argmax())] in ("dog", "car", "truck", "bicycle")
     assert torch.sigmoid(best[4]) > 0.6
-
-
-def test_saved_weights_come_back(tmp_path, small_cfg):
-    network = Darknet.from_cfg(small_cfg)
-    random_weights(network, seed=1)
-    save_weights(network, tmp_path / "w", seen=5)
-    assert (tmp_path / "w").stat().st_size == 20 + 4 * SMALL_VALUES
-    other = Darknet.from_cfg(small_cfg)
-    assert load_weights(other, tmp_path / "w").seen == 5
-    for name, tensor in network.state_dict().items():
-        assert torch.equal(tensor, other.state_dict()[name]), name
-
-
-def test_parsing_keeps_the_first_of_two_equal_keys_and_drops_comments(tmp_path):
-    sections = parse_cfg("# top\n[net]\nwidth=8 # px\nwidth=9\n; old style\n\n[maxpool]\n size = 2\n")
-    assert [(section.kind, section.line) for section in sections] == [("net", 2), ("maxpool", 7)]
-    assert sections[0].integer("width") == 8
-    assert sections[1].integer("size") == 2
-    (tmp_path / "binary").write_bytes(b"\xff\xfe\x00\x80")
-    assert "cannot be read" in refusal(read_cfg, tmp_path / "binary")
-    assert "has no closing bracket" in refusal(parse_cfg, "[net\n")
-    assert "without any layer" in refusal(parse_cfg, "[net]\nwidth=8\n")
-
-
-def test_the_forks_cfgs_stretch_unless_they_say_otherwise():
-    plain = yolov3_tiny()
-    assert Darknet.from_cfg(plain).letterbox
-    fork = plain.replace("[yolo]", "[yolo]\niou_loss=ciou")
-    assert not Darknet.from_cfg(fork).letterbox
-    assert Darknet.from_cfg(fork.replace("[net]", "[net]\nletter_box=1")).letterbox

@@ -134,9 +134,3 @@ def test_a_head_of_another_network_and_two_heads_are_refused(tmp_path):
     with pytest.raises(ExportError, match="two heads of one kind"):
         export_backbone("edgemap-pico", tmp_path / "b", heads=[path, path])
     assert not (tmp_path / "b").exists()
-
-
-def test_the_head_of_before_there_were_blocks_at_stride_32_loads_without_them():
-    head = load_floor(bundle_folder("edgemap-nano").parent / "heads" / "edgemap-nano.floor.pt").head
-    assert len(head.deep) == 0
-    assert len(FloorHead(head.channels, head.rows).deep) == 2

@@ -64,21 +64,6 @@ def test_ours_keeps_four_dining_chairs_apart(placed, seed):
         assert min(np.linalg.norm(item.position_m - [x, y]) for item in found) < 0.05
 
 
-def test_two_boxes_of_one_frame_are_two_objects_however_close(placed):
-    plants = FloorMap()
-    for frame in range(10):
-        plants.update([placed("potted plant", 2.0, 0.0, frame), placed("potted plant", 2.0, 0.12, frame)])
-    assert len(plants.objects()) == 2
-
-
-def test_labels_never_mix(placed):
-    for kind in (FloorMap, PaperMap):
-        things = kind()
-        for frame in range(5):
-            things.update([placed("chair", 2.0, 0.0, frame), placed("couch", 2.8, 0.0, frame)])
-        assert sorted(item.label for item in things.objects()) == ["chair", "couch"]
-
-
 def test_objects_that_turn_out_to_be_one_merge_and_the_older_id_stays(placed):
     chairs = FloorMap()
     for frame in range(6):
@@ -145,13 +130,6 @@ def test_paper_ids_follow_clusters_that_grow_together(placed):
     assert (one.id, one.count, chairs.merged) == ("chair-1", 3, {"chair-2": "chair-1"})
     assert one.position_m == pytest.approx([0.9, 0.0])
     assert (one.first_seen_s, one.last_seen_s) == (0.0, pytest.approx(0.2))
-
-
-def test_what_became_part_of_what_became_part_is_the_paper_maps_first(placed):
-    chairs = PaperMap()
-    for frame, x_m in enumerate((0.0, 1.8, 3.6, 2.7, 0.9)):
-        chairs.update([placed("chair", x_m, 0.0, frame)])
-    assert chairs.merged == {"chair-2": "chair-1", "chair-3": "chair-1"}
 
 
 def test_confidence_is_the_probability_that_such_an_object_is_real(placed):

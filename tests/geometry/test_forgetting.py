@@ -12,7 +12,6 @@ from edgemap.geometry.objects.floor_map import FloorMap
 from edgemap.geometry.objects.forgetting import Forgetter
 from edgemap.geometry.objects.visibility import (
     ViewRule,
-    covered_share,
     expected_boxes,
     floor_in_place,
     in_plain_view,
@@ -117,14 +116,6 @@ def test_what_stands_nearer_hides_and_what_stands_behind_does_not():
     assert plain([x1 - 5, y0, x1 + 50, y1 + 20])
 
 
-def test_shares_of_boxes_by_hand():
-    box = np.array([2.0, 0.0, 12.0, 10.0])
-    others = np.array([[7.0, 0.0, 17.0, 10.0], [2.0, 8.0, 12.0, 30.0], [np.nan] * 4])
-    assert covered_share(box, others) == pytest.approx(0.5)
-    assert covered_share(box, np.zeros((0, 4))) == 0.0
-    assert iou(box, others[:2]) == pytest.approx([50 / 150, 20 / 300])
-
-
 def looks_from(count):
     """Poses that differ enough for each to be a look, with a plain view of the chair."""
     return [SE2(0.3 + 0.2 * (number % 2), 0.0, 0.0) for number in range(count)]
@@ -144,25 +135,6 @@ def test_confidence_falls_look_by_look_until_the_object_leaves_and_its_id_is_not
     assert forgetter.observations["chair-1"] == len(confidences)
     found = sightings_of(look([("chair", 2.0, 0.0)], SE2(), np.random.default_rng(2), 1.0)[0], CAMERA, FloorRule())
     assert floor_map.update([found[0].placed(SE2(), np.zeros((3, 3)))]) == ["chair-2"]
-
-
-def test_frames_from_one_place_are_one_look():
-    floor_map, forgetter = chair_map(), Forgetter(CAMERA)
-    real = floor_map.objects()[0].confidence
-    for number in range(146):
-        forgetter.observe(floor_map, NOTHING, SE2(0.3 + 0.11 * (number % 2), 0.0, 0.0), [])
-    assert forgetter.observations["chair-1"] == 0  # it has not ended
-    forgetter.observe(floor_map, NOTHING, SE2(0.43, 0.0, 0.0), [])
-    assert forgetter.observations["chair-1"] == 1
-    assert floor_map.objects()[0].confidence == pytest.approx(0.8 * real)
-
-
-def test_a_look_that_shows_it_once_is_no_miss():
-    floor_map, forgetter = chair_map(), Forgetter(CAMERA)
-    real = floor_map.objects()[0].confidence
-    for number, pose in enumerate(pose for pose in looks_from(40) for _ in range(5)):
-        forgetter.observe(floor_map, NOTHING, pose, ["chair-1"] if number % 5 == 2 else [])
-    assert floor_map.objects()[0].confidence == pytest.approx(real)
 
 
 def test_a_hit_restores_and_a_box_of_its_like_in_its_place_is_no_miss():

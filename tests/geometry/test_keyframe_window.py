@@ -75,11 +75,6 @@ def test_motion_pitch_and_roll_are_found_from_a_mount_that_is_two_degrees_off():
     assert np.linalg.norm(off) < 0.06  # of 1.74 m
 
 
-def test_a_quarter_of_walls_taken_for_floor_leaves_the_length_of_a_step():
-    window = followed(walk(30), np.random.default_rng(1), wrong=0.25)
-    assert window.poses[-1].position_m[0] == pytest.approx(0.06 * 29, rel=0.05)
-
-
 @pytest.mark.parametrize(("false_depths", "share"), [(0.0, 0.005), (0.25, 0.01)])
 def test_measured_depths_keep_the_scale_where_the_height_is_wrong(false_depths, share):
     """30 % too high: without depth the path is as much too long."""

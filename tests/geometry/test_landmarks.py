@@ -96,16 +96,6 @@ def test_a_floor_that_agrees_with_itself_takes_the_scale_back_from_walls_that_lo
     np.testing.assert_array_equal(after.inverse_m[:30], known.inverse_m[:30])
 
 
-@pytest.mark.parametrize(("times", "number"), [(1.0, 8.0), (30.0, 31.0)])
-def test_where_all_agree_or_the_floor_shows_too_little_the_view_stays(times, number):
-    points, known = collapsed(times)
-    seen = seen_from(points, Viewpoint(SE2(0.08, 0.0, 0.0)))
-    found = locate(known, seen, CAMERA, Viewpoint(), NOISE)
-    after, located = scaled_by_floor(known, seen, CAMERA, Viewpoint(), NOISE, found, (0.4, number))
-    assert after is known
-    assert located is found
-
-
 def test_jacobians_are_the_slopes_of_what_is_seen():
     known = landmarks_of(scene(0))
     pose, tilt = SE2(0.1, 0.03, 0.06), AttitudeError(0.004, 0.0)
@@ -229,13 +219,6 @@ def test_depths_that_err_together_do_not_move_a_robot_sideways_in_a_turn():
     assert np.trace(held.covariance[:2, :2]) > np.trace(free.covariance[:2, :2])
 
 
-def test_fewer_tracks_mean_a_larger_covariance():
-    points = scene(4)
-    many = locate(landmarks_of(points), seen_from(points, Viewpoint()), CAMERA, Viewpoint(), NOISE)
-    few = locate(landmarks_of(points[:12]), seen_from(points[:12], Viewpoint()), CAMERA, Viewpoint(), NOISE)
-    assert np.trace(few.covariance[:2, :2]) > 3 * np.trace(many.covariance[:2, :2])
-
-
 def test_the_mount_holds_the_tilt_where_tracks_know_it_little():
     """20 tracks of 0.01 rad say 0.004 rad of pitch with a weight of 20 / 0.01^2; the mount says 0 with 1 / (0.2 deg)^2:
     so 0.71 of it is believed."""
@@ -324,31 +307,6 @@ def test_what_was_taken_for_floor_is_a_table_where_others_lie_below():
     np.testing.assert_allclose((now - lens)[table, :2], (before - lens)[table, :2] / 2.0)  # half as far from the lens
 
 
-def of_floor_pixels(share, sigma):
-    """Ten landmarks below the horizon whose inverse depth is so many times that of the floor, and as certain."""
-    pixels = np.random.default_rng(4).uniform([0, 130], [320, 230], (10, 2))
-    known = new_landmarks(CAMERA.intrinsics.rays(pixels), CAMERA, Viewpoint(), NOISE, REACH_M)
-    return replace(
-        known, inverse_m=share * known.inverse_m, variance=(sigma * known.inverse_m) ** 2,
-        floor=np.zeros(10, dtype=bool), on_floor=known.inverse_m,
-    )  # fmt: skip
-
-
-@pytest.mark.parametrize(
-    ("share", "sigma", "floor"),
-    [(1.0, 0.01, True), (1.09, 0.01, True), (0.91, 0.01, True), (1.11, 0.01, False), (0.89, 0.01, False),
-     (1.0, 0.09, True), (1.0, 0.11, False), (1.0, 2.0, False)],
-)  # fmt: skip
-def test_what_lies_on_the_floor_within_a_twelfth_and_two_sigmas_is_floor_once_its_depth_is_known(share, sigma, floor):
-    """A relative difference of 0.08 and twice 0.01; known is what is certain to a tenth."""
-    assert (rescaled(of_floor_pixels(share, sigma), CAMERA, Viewpoint(), 1.0, NOISE).floor == floor).all()
-
-
-@pytest.mark.parametrize(("times", "factor"), [(1.05, 1.0), (1.2, 1.2), (2.9, 2.9), (3.1, 1.0)])
-def test_a_scale_is_too_large_by_what_lies_below_the_floor_up_to_three_times(times, factor):
-    assert excess_scale(of_floor_pixels(1.0 / times, 0.001)) == pytest.approx(factor)
-
-
 def test_where_nothing_holds_the_scale_the_lowest_plane_is_the_floor():
     """All depths half of the true ones: the floor seems to lie at half the lens' height, and a table higher still."""
     rng = np.random.default_rng(4)
@@ -377,18 +335,6 @@ def test_the_rise_of_a_carried_lens_is_found_where_it_may_be():
     level = locate(known, seen, CAMERA, Viewpoint(), NOISE)
     assert level.view.rise_m == pytest.approx(0.0, abs=1e-3)
     assert abs((motion.inverse() @ level.view.pose).x_m) > 0.01
-
-
-def test_levelling_takes_a_share_of_tilt_and_rise_and_changes_nothing_that_is_seen():
-    points, tilted = scene(4), Viewpoint(SE2(0.1, 0.02, 0.03), AttitudeError(0.02, -0.01), 0.04)
-    known = landmarks_of(points)
-    known.floor[:] = False
-    after, level = reduce_tilt(known, CAMERA, tilted, 0.5)
-    assert level.rise_m == pytest.approx(0.038)
-    assert level.tilt.pitch_rad == pytest.approx(0.01)
-    np.testing.assert_allclose(
-        project(after, CAMERA, level).predicted, project(known, CAMERA, tilted).predicted, atol=2e-3
-    )
 
 
 def test_a_new_landmark_has_the_depth_of_those_beside_it_but_lies_not_beyond_the_floor():

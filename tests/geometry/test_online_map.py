@@ -9,7 +9,6 @@ from hypothesis import strategies as st
 
 from edgemap.geometry.map_object import id_order
 from edgemap.geometry.objects.floor_map import FloorMap
-from edgemap.geometry.observations.sighting import BoxEvidence
 from edgemap.geometry.se2 import SE2
 
 
@@ -69,21 +68,6 @@ def test_every_id_ever_told_is_an_object_or_says_what_it_became(placed_, seed):
     assert sum(one.sums.count for one in floor_map.graph.landmarks.all.values()) == counts
 
 
-def test_a_thing_that_turns_out_to_be_two_keeps_its_id_at_the_larger_part(placed):
-    """From afar two chairs look like one; near by, they are seen side by side."""
-    chairs = FloorMap()
-    for frame in range(4):
-        assert chairs.update([placed("chair", 2.1, 0.1, frame, sigma_m=0.4)]) == ["chair-1"]
-    for frame in range(4, 8):
-        chairs.update([placed("chair", 2.0, 0.0, frame, sigma_m=0.05)])
-    for frame in range(8, 12):
-        near = [placed("chair", 2.0, 0.0, frame, sigma_m=0.05), placed("chair", 2.6, 0.0, frame, sigma_m=0.05)]
-        assert chairs.update(near) == ["chair-1", "chair-2"]
-    first, second = chairs.objects()
-    assert (first.id, first.position_m[0]) == ("chair-1", pytest.approx(2.0, abs=0.02))
-    assert (second.id, second.position_m[0]) == ("chair-2", pytest.approx(2.6, abs=0.02))
-
-
 def visited(chairs, placed, x_m, y_m, frames, by_m=4.0):
     """A chair, in the first pose's frame, is seen from where the robot stands, which then moves on: a visit ends."""
     graph = chairs.graph
@@ -114,17 +98,6 @@ def test_objects_that_move_keep_their_ids_and_what_comes_to_one_place_merges(pla
     (only,) = chairs.objects()
     assert (only.id, only.count, chairs.merged) == ("chair-1", 10, {"chair-2": "chair-1"})
     assert only.position_m == pytest.approx([2.5, 0.5])
-
-
-def test_two_objects_taken_for_one_part_when_they_turn_out_to_stand_apart(placed):
-    chairs = FloorMap()
-    visited(chairs, placed, 2.0, 0.0, range(5))
-    visited(chairs, placed, 2.05, 0.1, range(5, 9))  # its twin, seen from a pose that had drifted
-    assert [item.count for item in chairs.objects()] == [9]
-    moved(chairs, [0.0, 0.0], [0.95, 0.0])
-    first, second = chairs.objects()
-    assert (first.id, first.count, second.count) == ("chair-1", 5, 4)
-    assert second.position_m == pytest.approx([3.0, 0.1])
 
 
 def test_many_visits_are_joined_and_no_sighting_is_lost(placed):
@@ -170,18 +143,3 @@ def test_faint_sightings_add_to_an_object_but_make_none(placed):
     assert faint_map.objects() == []
     (chair,) = mixed.objects()
     assert chair.count == 12
-
-
-def test_sightings_that_are_half_sure_make_an_object_in_twice_as_many(placed):
-    half = FloorMap()
-    for frame in range(8):
-        item = placed("chair", 2.0, 0.0, frame)
-        assert half.objects() == []
-        half.update([replace(item, sighting=replace(item.sighting, weight=0.5))])
-    assert len(half.objects()) == 1
-
-
-@pytest.mark.parametrize(("score", "weight"), [(0.65, 0.0), (0.75, 0.25), (0.8, 0.5), (0.85, 0.75), (0.95, 1.0)])
-def test_how_much_a_score_counts(score, weight):
-    assert BoxEvidence(full_weight_score=0.8).weight(score) == pytest.approx(weight)
-    assert BoxEvidence().weight(score) == 1.0

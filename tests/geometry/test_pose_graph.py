@@ -183,29 +183,6 @@ def test_a_robust_kernel_charges_less_for_a_residual_of_three_standard_deviation
     assert robust - gaussian == pytest.approx(4.5 - 4.5 * math.log(2.0), abs=1e-3)
 
 
-def test_an_outlier_weighs_little():
-    start, landmarks, chain, looks = drive(3)
-    clean = solve(start, landmarks, chain, looks, NOTHING)
-    places = looks.position_m.copy()
-    places[4] += [2.0, -1.0]
-    wrong = ObservationFactors(looks.pose, looks.landmark, places, looks.information, looks.bias_m)
-    robust = solve(start, landmarks, chain, wrong, NOTHING)
-    trusting = solve(start, landmarks, chain, wrong, NOTHING, kernel=1e12)
-    off, far = (np.abs(found.poses - clean.poses).max() for found in (robust, trusting))
-    assert off < 0.25 * far
-    assert robust.chi2.argmax() == 4
-
-
-def test_a_way_without_landmarks_stays_as_it_was_driven():
-    start, _, chain, _ = drive(4)
-    chain = replace(chain, headings=np.zeros(0), heading_information=np.zeros(0))
-    found = solve(start, np.zeros((0, 2)), chain, observations(), priors(np.zeros((0, 2))))
-    pose = SE2(*chain.first)
-    for motion, where in zip(chain.motions, found.poses[1:], strict=True):
-        pose = pose @ SE2(*motion)
-        assert where == pytest.approx(pose.vector(), abs=1e-6)
-
-
 @pytest.mark.parametrize("poses", [1, 2, 7, 8, 9, 40])
 def test_a_banded_system_is_solved_as_lapack_solves_it(poses):
     """Blocks of eight poses each, the last one partly filled."""

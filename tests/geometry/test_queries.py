@@ -5,7 +5,7 @@ from hypothesis import strategies as st
 
 from edgemap.geometry.errors import MapError
 from edgemap.geometry.map_object import MapObject
-from edgemap.geometry.objects.queries import inside_polygon, labelled, nearest, since
+from edgemap.geometry.objects.queries import inside_polygon, nearest
 
 
 def item(identity, x, y, last_s=1.0):
@@ -29,11 +29,6 @@ def test_nearest_first_with_distances():
     ]
     assert [found.id for _, found in nearest(ROOM, (4, 0), "chair", count=1)] == ["chair-1"]
     assert nearest(ROOM, (0, 0), "bed") == []
-
-
-def test_labels_and_times():
-    assert ids(labelled(ROOM, "chair")) == ["chair-1", "chair-2"]
-    assert ids(since(ROOM, 7.5)) == ["couch-1", "chair-2"]
 
 
 def test_a_polygon_with_a_notch():
@@ -65,8 +60,3 @@ def test_a_triangle_holds_what_its_three_sides_agree_on(corners, x, y):
 def test_what_is_no_polygon_is_refused(corners):
     with pytest.raises(MapError, match="three corners"):
         inside_polygon(ROOM, corners)
-
-
-def test_what_is_no_point_is_refused():
-    with pytest.raises(MapError, match="two finite numbers"):
-        nearest(ROOM, (0, float("inf")))

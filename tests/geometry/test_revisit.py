@@ -64,41 +64,10 @@ def test_a_row_of_twins_is_ambiguous_until_something_else_tells():
     } == {(7, 4), (5, 1), (6, 2)}
 
 
-def test_two_landmarks_in_one_place_are_no_rivals():
-    places = [(0.0, 0.0), (2.0, 1.0), (2.05, 1.0)]
-    landmarks, covariance = drifted(places, [(0.5, 0.2), (2.5, 1.2)])
-    found = certain_pairings(pairings((3, 0), (4, 1), (4, 2)), landmarks, covariance, RULE)
-    assert sorted(pair.now for pair in found) == [3, 4]
-
-
-def test_one_thing_is_not_two_things_seen_now():
-    landmarks, covariance = drifted([(0.0, 0.0), (2.0, 0.0)], [(0.0, 0.0), (2.0, 0.0), (2.1, 0.1)])
-    found = certain_pairings(pairings((2, 0), (3, 1), (4, 1)), landmarks, covariance, RULE)
-    assert len({pair.before for pair in found}) == len(found)
-
-
 def test_beyond_the_gate_nothing_is_paired():
     places = [(0.0, 0.0), (2.0, 1.0), (3.0, -1.0)]
     landmarks, covariance = drifted(places, [(x + 3.0, y) for x, y in places], shift_sigma_m=0.3)
     assert certain_pairings(pairings((3, 0), (4, 1), (5, 2)), landmarks, covariance, RULE) == []
-
-
-def test_with_too_many_hypotheses_the_least_ambiguous_landmarks_decide():
-    """Six chairs that may each be any of six, and three objects that are alone of their kind. Without a decision,
-    landmarks that were not recognised would only become more."""
-    chairs, others = [(0.3 * k, 0.0) for k in range(6)], [(0.0, 2.0), (2.0, 1.0), (1.0, -2.0)]
-    before = [*chairs, *others]
-    landmarks, covariance = drifted(before, [(x + 0.6, y - 0.3) for x, y in before])
-    every = pairings(*((9 + now, chair) for now in range(6) for chair in range(6)), (15, 6), (16, 7), (17, 8))
-    found = certain_pairings(every, landmarks, covariance, RULE)
-    assert {(15, 6), (16, 7), (17, 8)} <= {(pair.now, pair.before) for pair in found}
-
-
-def test_too_many_hypotheses_of_twins_decide_nothing():
-    places = [(0.3 * k, 0.0) for k in range(6)]
-    landmarks, covariance = drifted(places, places, shift_sigma_m=1.0)
-    every = pairings(*((6 + now, before) for now in range(6) for before in range(6)))
-    assert certain_pairings(every, landmarks, covariance, RULE) == []
 
 
 def test_a_landmark_whose_only_candidates_are_taken_does_not_end_the_search():

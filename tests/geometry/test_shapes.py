@@ -2,18 +2,7 @@
 
 import pytest
 
-from edgemap.geometry.observations.class_extents import FOOTPRINT_M, MEASURED, extent_m, footprint_m, shape_of
-
-
-def test_a_known_class_takes_its_usual_floor_whatever_it_looks_like():
-    assert footprint_m("couch", 0.3) == footprint_m("couch", 5.0) == (2.00, 0.90)
-    assert extent_m("couch", 0.3) == 2.00
-    assert extent_m("toilet", 0.3) == 0.65  # deeper than wide
-
-
-def test_an_unknown_one_takes_what_it_looks_like_and_never_more_than_a_metre():
-    assert footprint_m("unicorn", 0.3) == (0.3, 0.3)
-    assert extent_m("unicorn", 7.0) == 1.0
+from edgemap.geometry.observations.class_extents import FOOTPRINT_M, MEASURED, shape_of
 
 
 def test_every_measured_class_has_a_usual_footprint():

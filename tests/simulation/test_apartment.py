@@ -11,7 +11,6 @@ from scipy.ndimage import binary_dilation, label
 
 from edgemap.simulation.apartment import furniture
 from edgemap.simulation.apartment.apartment import furnish, purpose_of
-from edgemap.simulation.errors import SimulationError
 
 # The least that a detector is asked for: names of COCO.
 LABELS = {
@@ -165,16 +164,3 @@ def test_scaled_piece_fills_its_footprint(homes):
     plain = furniture.model_of(item.model.key)
     assert item.model.width_m == pytest.approx(plain.width_m * item.model.scale[1])
     assert all(0.8 < scale < 1.2 for scale in item.model.scale)
-
-
-@pytest.mark.parametrize("key", ["edgemap/unicorn-1", "edgemap/chair-", "edgemap/chair", "CC0/unicorn"])
-def test_an_unknown_model_is_refused_by_name(key, furniture_catalogue):
-    for of in (furniture.model_of, furniture.load):
-        with pytest.raises(SimulationError, match=f"no furniture model.*{key}"):
-            of(key)
-
-
-def test_people_are_offered(furniture_catalogue):
-    assert len(furniture.people("training")) >= 6
-    assert not set(furniture.people("training")) & set(furniture.people("test"))
-    assert all(1.4 < person.height_m < 2.0 for person in furniture.people("training"))

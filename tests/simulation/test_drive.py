@@ -2,8 +2,6 @@
 
 # pyright: reportArgumentType=false, reportOptionalSubscript=false, reportCallIssue=false
 
-from itertools import pairwise
-
 import numpy as np
 import pytest
 from support.hand_made_home import home
@@ -88,14 +86,6 @@ def test_a_longer_drive_begins_as_the_shorter_one(place):
     assert np.array_equal(long.samples[: len(short.samples)], short.samples)
 
 
-def test_clearance_is_the_distance_to_walls_and_furniture(place):
-    flat, grid, _ = place
-    points = np.random.default_rng(0).uniform([0.2, 0.2], [9.8, 4.8], (400, 2))
-    pieces = [distance_to_footprint(item, points) for item in flat.furniture]
-    walls = [distance_to_wall(wall, points) for wall in flat.plan.walls]
-    assert np.abs(grid.clearance_m(points) - np.min(pieces + walls, axis=0)).max() < 0.06
-
-
 def test_ways_keep_clear_and_hold_their_ends(place):
     _, grid, _ = place
     router = Router(grid, LIMITS)
@@ -137,32 +127,9 @@ def test_a_turn_and_a_straight_take_the_time_of_their_trapezium():
     assert back[-1] == pytest.approx([1.0 - 0.4 * np.cos(0.5), 2.0 - 0.4 * np.sin(0.5), 0.5])
 
 
-def ahead(speed_m_s=0.4, seconds=20.0):
-    samples = np.zeros((int(seconds / SAMPLE_S) + 1, 3))
-    samples[:, 0] = np.arange(len(samples)) * SAMPLE_S * speed_m_s
-    return SampledDrive(samples)
-
-
 def test_perfect_wheels_tell_the_truth_to_a_tick():
     perfect = Wheels(tick_m=1e-6, scale=0.0, unlike=0.0, base_scale=0.0, creep=0.0, slips_per_m=0.0)
     turning = SampledDrive(np.stack([0.5 * np.sin(t := np.arange(500) * 0.01), 0.5 * (1 - np.cos(t)), t], axis=1))
     rows = wheel_odometry(turning, np.arange(95) / 10.0, np.random.default_rng(0), perfect)
     np.testing.assert_allclose(rows[:, 1:3], turning.at(rows[:, 0])[:, :2], atol=2e-4)
     assert abs(SE2(0, 0, rows[-1, 3] - turning.at(rows[-1:, 0])[0, 2]).yaw_rad) < 2e-4
-
-
-def test_wheels_drift_a_little_but_not_much():
-    stamps = np.arange(0.0, 20.0, 0.1)
-    ends = [wheel_odometry(ahead(), stamps, np.random.default_rng(seed))[-1] for seed in range(40)]
-    errors = np.array([[end[1] - 0.4 * stamps[-1], end[2]] for end in ends])
-    assert 0.03 < np.abs(errors[:, 0]).mean() < 0.4
-    assert 0.03 < np.abs(errors[:, 1]).mean() < 1.0
-
-
-def test_encoders_count_whole_ticks():
-    rows = wheel_odometry(
-        ahead(), np.arange(0.0, 20.0, 0.1), np.random.default_rng(1), Wheels(tick_m=0.01, slips_per_m=0.0, creep=0.0)
-    )
-    travelled = np.array([np.hypot(b[1] - a[1], b[2] - a[2]) for a, b in pairwise(rows)])
-    halves = travelled / 0.005
-    assert np.abs(halves - np.round(halves)).max() < 0.02

@@ -121,12 +121,6 @@ def test_groups_of_light_add_up(draw, view, mix):
     assert np.abs(picture[120, 100].astype(float) - shown).max() < 2.5
 
 
-def test_exposure_is_a_factor_on_light(draw, view):
-    renderer = draw(lit(1, sheet(1.5, -0.3, 0.3, 0.8, 1.2)))
-    dim = renderer.frame(view, LightMix(1.0, 0.5), 2.0).picture
-    np.testing.assert_array_equal(dim, renderer.frame(view, LightMix(1.0, 1.0), 1.0).picture)
-
-
 def test_glass_shows_what_is_behind_but_is_an_object(draw, view):
     glass = replace(GREY, colour=(0.0, 0.0, 0.0), opacity=0.5)
     renderer = draw(lit(1, sheet(1.5, -0.3, 0.3, 0.8, 1.2, glass)), [wall(2.0, 1.5)])
@@ -165,17 +159,6 @@ def test_bent_lens_puts_points_where_intrinsics_project_them(draw, view):
         assert frame.depth_m[rows, columns] == pytest.approx(2.0, abs=1e-3)
 
 
-def test_bent_boxes_and_shares(draw, view):
-    """A sheet cut by the bent picture's left border; the share is that of its area in the straight picture."""
-    renderer = draw(lit(1, sheet(1.0, 0.2, 0.6, 0.9, 1.1)), intrinsics=BENT)
-    found = boxes(renderer, view, {1: "chair"})[1]
-    corners = np.array([[1.0, y, z] for y in (0.2, 0.6) for z in (0.9, 1.1)])
-    pixels = BENT.project(view.to_optical(corners)) + 0.5
-    assert np.abs(np.array(found["full_box"]) - [*pixels.min(axis=0), *pixels.max(axis=0)]).max() < 1.5
-    assert np.abs(np.array(found["box"]) - found["full_box"]).max() <= 1
-    assert found["visible"] == pytest.approx(1.0, abs=0.04)
-
-
 def test_lens_that_folds_is_refused():
     from edgemap.simulation.errors import SimulationError
     from edgemap.simulation.render.view import Lens
@@ -202,27 +185,3 @@ def test_movers_stand_where_they_are_put(draw, view):
     assert moved.depth_m[120, 160] == pytest.approx(1.9, abs=1e-3)
     assert boxes(renderer, view, {1: "tv"})
     assert (renderer.frame(view).picture == empty.picture).all()
-
-
-def test_movers_darken_the_floor_under_them(draw, view):
-    from edgemap.simulation.render.movers import Mover
-
-    ground = Surface(np.array([0.5, -3.0, 0.0]), np.array([6.0, 0, 0]), np.array([0, 6.0, 0]), GREY)
-    light = np.ones((4, 4, 3), dtype=np.float32)
-    renderer = draw([], [LitSurface(ground, light, light)])
-    mover = Mover(9, box((-0.1, -0.1, 0.0), (0.1, 0.1, 0.3), GREY), SE2(3.0, 0.0, 0.0))
-    before, after = renderer.frame(view).picture.astype(int), renderer.frame(view, movers=(mover,))
-    # Just before its feet (2.88 m ahead), and well aside.
-    row = round(119.5 + 200 / 2.87)
-    assert after.picture[row, 160, 0] < before[row, 160, 0] - 5
-    assert after.ids[row, 160] == 0
-    assert after.depth_m[row, 160] == pytest.approx(2.87, abs=0.05)
-    assert (after.picture[row, 240] == before[row, 240]).all()
-
-
-def test_one_renderer_looks_through_many_cameras(draw, view):
-    parts = lit(1, sheet(2.0, -0.2, 0.2, 0.8, 1.2))
-    renderer, wide = draw(parts), replace(BENT, width=400, fx=230.0)
-    renderer.use_lens(wide)
-    expected = draw(parts, intrinsics=wide).frame(view).picture
-    np.testing.assert_array_equal(renderer.frame(view).picture, expected)

@@ -7,8 +7,7 @@ import numpy as np
 import pytest
 
 from edgemap.simulation.apartment.furniture import kinds
-from edgemap.simulation.apartment.made import FLAT_TOPS, KINDS, made
-from edgemap.simulation.errors import SimulationError
+from edgemap.simulation.apartment.made import KINDS, made
 
 # Of pieces 1, 5 and 101 of each kind, recorded at commit 70b7955, which drew them.
 SUM = "d60397eec7dbea6a"
@@ -42,10 +41,6 @@ def piece(kind, number):
     return made(f"{kind}-{number}")
 
 
-def test_all_kinds_are_here():
-    assert sorted(SIZES) == sorted(KINDS)
-
-
 def test_every_piece_that_a_home_may_show_is_there():
     shown = {key.partition("/")[2] for kind in kinds().values() for key in (*kind.training, *kind.made, *kind.frozen)}
     for name in sorted(name for name in shown if name.rpartition("-")[0] in KINDS)[::40]:
@@ -63,12 +58,6 @@ def test_pieces_and_their_materials_never_change():
                 digest.update(repr((np.round(part.material.colour, 6).tolist(), part.material.gloss)).encode())
                 digest.update(b"" if texture is None else np.round(texture / 16.0).astype(np.uint8).tobytes())
     assert digest.hexdigest()[:16] == SUM
-
-
-@pytest.mark.parametrize("name", ["chair", "chair-", "chair-x", "chair-9999", "throne-1", "-1"])
-def test_what_there_is_none_of_is_refused(name):
-    with pytest.raises(SimulationError, match="no furniture model edgemap/"):
-        made(name)
 
 
 @pytest.mark.parametrize("kind", SIZES)
@@ -97,12 +86,6 @@ def test_normals_are_of_unit_length_and_face_as_the_triangles_do(kind):
         assert against < 0.005 * area.sum(), (number, against / area.sum())
 
 
-@pytest.mark.parametrize("kind", SIZES)
-def test_a_number_is_one_model_and_another_number_another(kind):
-    np.testing.assert_array_equal(made(f"{kind}-3").triangles(), piece(kind, 3).triangles())
-    assert len({piece(kind, number).triangles().tobytes() for number in NUMBERS}) == len(NUMBERS)
-
-
 def test_closed_bodies_enclose_their_inside():
     # By the divergence theorem; inside-out bodies would take volume away.
     for kind, share in (("refrigerator", 0.75), ("microwave", 0.75), ("oven", 0.75)):
@@ -110,39 +93,3 @@ def test_closed_bodies_enclose_their_inside():
             triangles = piece(kind, number).triangles()
             volume = np.einsum("td,td->", triangles[:, 0], np.cross(triangles[:, 1], triangles[:, 2])) / 6.0
             assert volume > share * np.ptp(triangles.reshape(-1, 3), axis=0).prod() * 0.6, (kind, number)
-
-
-def test_the_first_suitcases_are_those_that_homes_have_always_shown():
-    digest = hashlib.sha256()
-    for number in range(1, 11):
-        digest.update(np.round(made(f"suitcase-{number}").triangles() * 1e5).astype(np.int64).tobytes())
-    assert digest.hexdigest()[:16] == "50d5a127ec5fd092"
-
-
-def test_nothing_sticks_out_above_a_table():
-    """Its highest level is the top: a surface as large as things need that stand on it."""
-    assert "dining table" in FLAT_TOPS
-    for number in NUMBERS:
-        corners = piece("dining table", number).triangles()
-        highest = corners[..., 2].max()
-        level = corners[(corners[..., 2] > highest - 1e-6).all(axis=1)]
-        area = np.linalg.norm(np.cross(level[:, 1] - level[:, 0], level[:, 2] - level[:, 0]), axis=1).sum() / 2.0
-        box = np.ptp(corners.reshape(-1, 3)[:, :2], axis=0).prod()
-        assert area > 0.6 * box, number
-
-
-def test_a_beds_head_is_at_its_back():
-    """Pillows and headboards make the back half of nearly every bed the higher one."""
-    higher = 0
-    for number in range(1, 13):
-        points = piece("bed", number).triangles().reshape(-1, 3)
-        back, front = (points[points[:, 0] * side > 0.0, 2].max() for side in (-1.0, 1.0))
-        higher += back >= front - 1e-9
-    assert higher >= 11
-
-
-def test_a_person_sits_looking_along_x():
-    """A chair's upper part, its back, lies behind the middle of its seat."""
-    for number in range(1, 13):
-        points = piece("chair", number).triangles().reshape(-1, 3)
-        assert points[points[:, 2] > 0.9 * points[:, 2].max(), 0].max() < 0.05, number

@@ -49,24 +49,6 @@ def test_moved_pieces_stand_free_and_far_from_their_like(home):
                 assert _apart_m(other, now) > 1.0
 
 
-def test_what_carries_something_is_left_alone(home):
-    _, after, changes = home
-    for gone in (*changes.removed, *(was for was, _ in changes.moved)):
-        half = np.array([gone.model.depth_m, gone.model.width_m]) / 2.0
-        for other in after.furniture:
-            middle = gone.pose_home_object.inverse().apply([other.pose_home_object.x_m, other.pose_home_object.y_m])
-            on_it = 0.02 < other.z_m <= gone.model.height_m + 0.02 and (np.abs(middle) < half).all()
-            assert not on_it
-
-
-def test_too_many_to_move_is_one_line():
-    from edgemap.simulation.apartment.apartment import furnish, move_furniture
-    from edgemap.simulation.errors import SimulationError
-
-    with pytest.raises(SimulationError, match=r"pieces that can be moved"):
-        move_furniture(furnish(5), 40, np.random.default_rng(1))
-
-
 def test_the_second_drive_keeps_camera_and_light_and_says_where_it_starts():
     from edgemap.simulation.record import moved_record
     from edgemap.simulation.world import Choices, draw_world

@@ -54,11 +54,6 @@ def test_a_threshold_lifts_front_and_rear_one_after_the_other():
     assert np.abs(tilts[:, 0]).max() < 1e-9
 
 
-def test_a_longer_drive_begins_with_the_shorter():
-    long, short = driven(4), SampledDrive(driven(4).samples[:800])
-    assert nodding_of(long, (5,)).samples[:700] == pytest.approx(nodding_of(short, (5,)).samples[:700], abs=1e-5)
-
-
 def test_samples_without_errors_are_the_motions_own():
     motion = driven(2)
     tilts = nodding_of(motion, (1,))

@@ -1,7 +1,6 @@
 """Recordings: what was stopped goes on and ends with the same bytes; what they hold fits together."""
 # pyright: reportOptionalMemberAccess=false, reportArgumentType=false
 
-import json
 from dataclasses import replace
 from itertools import islice
 
@@ -129,28 +128,6 @@ def test_any_picture_can_be_made_by_itself(recorded, drawn):
 
     (third,) = islice(shots(drawn, [3], workers=1), 1)
     assert (recorded / "images" / f"000003{third.suffix}").read_bytes() == third.picture
-
-
-def test_boxes_lie_in_the_picture_and_name_objects(recorded):
-    frames = json.loads((recorded / "boxes.json").read_text())["frames"]
-    known = {item["id"] for item in json.loads((recorded / "objects.json").read_text())["objects"]}
-    for record in (record for frame in frames for record in frame):
-        x0, y0, x1, y1 = record["box"]
-        assert 0 <= x0 < x1 <= 640
-        assert 0 <= y0 < y1 <= 480
-        assert 0.0 < record["visible"] <= 1.0
-        assert record["id"] in known or record["label"] == "person"
-
-
-def test_locobot_set_is_readable(drawn, tmp_path):
-    from edgemap.simulation.locobot import parts
-    from edgemap.simulation.record import record
-
-    assert [part.frames for part in parts(0)] == [1000] * 5 + [2000] * 4
-    assert all(part.seed < 8000 or part.name.startswith("test-") for part in parts(0))
-    record(drawn, tmp_path / "one", layout="locobot", workers=1)
-    drive = open_drive(f"locobot:{tmp_path / 'one'}")
-    assert len(drive.images) == len(drive.depth) == FRAMES
 
 
 def test_the_floor_plan_lies_beside_the_drive_and_comes_to_one_that_was_rendered_without(recorded, drawn, tmp_path):

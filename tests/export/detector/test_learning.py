@@ -2,21 +2,18 @@
 
 from dataclasses import replace
 
-import cv2
 import msgspec
 import numpy as np
 import pytest
 
 torch = pytest.importorskip("torch")
 
-from edgemap.export.detector.augment import PAD, flip, mosaic, plain, single  # noqa: E402
+from edgemap.export.detector.augment import flip, mosaic, single  # noqa: E402
 from edgemap.export.detector.boxes import generalised_iou, overlap, read_heads  # noqa: E402
-from edgemap.export.detector.loader import Batches, collate, rarity  # noqa: E402
 from edgemap.export.detector.loss import Targets, assign, detection_loss, distance_loss  # noqa: E402
-from edgemap.export.detector.store import Example, load_examples  # noqa: E402
+from edgemap.export.detector.store import Example  # noqa: E402
 from edgemap.export.detector.train import Trainer  # noqa: E402
 from edgemap.export.detector.validate import blend, choose_blend  # noqa: E402
-from edgemap.export.errors import ExportError  # noqa: E402
 from edgemap.export.settings import DetectorSettings  # noqa: E402
 from edgemap.runtime.frames.class_names import COCO_NAMES  # noqa: E402
 
@@ -87,18 +84,6 @@ def test_every_cell_has_one_box_and_every_box_a_cell(read):
     assert set(found.box[0, found.positive[0]].tolist()) == {0, 1, 2}
 
 
-def test_cells_on_an_ignored_box_cost_nothing(read):
-    """A confident box where truth is ignored: no penalty; where there is nothing: a penalty."""
-    heads = blank()
-    heads[0][0, 0, 8, 8] = 8.0  # 56 px, at (68, 68)
-    here, elsewhere = [40.0, 40, 96, 96], [0.0, 0, 24, 24]
-    costs = [
-        float(detection_loss(read(heads), targets([box, [100, 100, 124, 124]], [0, 1], [True, False]))[0]["scores"])
-        for box in (here, elsewhere)
-    ]
-    assert costs[1] - costs[0] > 0.5
-
-
 def test_classes_that_labels_do_not_tell_stay_free(read):
     """A high score of a class that this source never labels has no gradient, but where the box is another object's."""
     heads = [head.requires_grad_() for head in blank()]
@@ -130,20 +115,6 @@ def test_the_distance_is_nothing_from_oneself_and_grows(read):
     assert distance(moved, torch.tensor([[[False, True]]]))[0] < 0.05  # whose place is that of a class not kept
 
 
-def test_the_distance_of_heads_without_bins_is_how_far_edges_move(small):
-    start = small("edgemap-nano")
-    heads = [torch.full((1, 23, side, side), -4.0) for side in (2, 4, 8)]
-    heads[1][0, 4:6, 1, 1] = 8.0
-    kept = torch.ones(1, 1, 18, dtype=torch.bool)
-    known, moved = read_heads(heads, start.detector, (64, 64)), [head.clone() for head in heads]
-    assert float(distance_loss(known, known, kept)[0]) == pytest.approx(0.0, abs=1e-3)
-    moved[1][0, 2, 1, 1] += 0.5  # wider by exp(0.5)
-    width = float((known.boxes[0, 4 + 5, 2] - known.boxes[0, 4 + 5, 0]) / 16.0)
-    expected = width * (np.exp(0.5) - 1.0)
-    found = distance_loss(read_heads(moved, start.detector, (64, 64)), known, kept)[0]
-    assert float(found) == pytest.approx(expected, rel=0.01)
-
-
 @pytest.mark.parametrize("name", ["edgemap-pico", "edgemap-nano", "yolox-nano"])
 def test_loss_falls_towards_truth_only_heads(small, name):
     """Gradient steps on what a network says, its weights left alone, end at the true box."""
@@ -161,21 +132,6 @@ def test_loss_falls_towards_truth_only_heads(small, name):
     best = rows.scores[0].amax(1).argmax()
     assert rows.scores[0, best].argmax() == label
     assert overlap(rows.boxes[0, best][None], truth.boxes[0])[0, 0] > 0.9
-
-
-@pytest.mark.parametrize("name", ["edgemap-pico", "edgemap-nano", "yolox-nano"])
-def test_no_step_waits_for_a_value(small, name):
-    """On torch's `meta` device tensors have no values: what would wait for a GPU, or is made elsewhere, fails."""
-    network = small(name).copy().to("meta")
-    image = torch.zeros(2, 3, 64, 64, dtype=torch.uint8, device="meta")
-    classes = len(network.names)
-    truth = targets([[0.0, 0, 40, 40]] * 3, [0] * 3, complete=[True] * classes)
-    truth = Targets(*(torch.cat([value, value]) for value in vars(truth).values())).to(torch.device("meta"))
-    rows = network.read(network(image), image)
-    losses, found = detection_loss(rows, truth)
-    distance, seen = distance_loss(rows, rows, truth.kept[:, None] & ~found.positive[..., None])
-    (losses["total"] + distance / seen).backward()
-    assert losses["total"].device.type == "meta"
 
 
 def red_box(image):
@@ -205,23 +161,6 @@ def test_a_mosaic_holds_its_parts_where_their_boxes_say(seed):
     assert all(0.0 < share <= 0.8 + 1e-6 for share in made.visible)
 
 
-def test_plain_is_what_the_robot_s_network_sees():
-    one = example([(40.0, 30, 90, 70)], [0])
-    letterboxed, stretched = plain(one, 128, stretched=False), plain(one, 128)
-    assert (letterboxed.image[96:] == PAD).all()
-    np.testing.assert_array_equal(letterboxed.boxes, [[40, 30, 90, 70]])
-    assert not (stretched.image == PAD).all(axis=(1, 2)).any()
-    np.testing.assert_allclose(stretched.boxes, [[40, 40, 90, 70 * 4 / 3]], atol=1e-4)
-    np.testing.assert_allclose(stretched.boxes[0], red_box(stretched.image), atol=1.5)
-
-
-def test_hidden_and_tiny_boxes_are_ignored_and_not_asked_for():
-    made = example([(0.0, 0, 50, 50), (0, 0, 50, 50), (0, 0, 8, 8)], [0, 1, 1], [1.0, 0.2, 1.0])
-    _, truth = collate([made, example([], [])])
-    assert truth.valid.tolist() == [[True, False, False], [False] * 3]
-    assert truth.ignored.tolist() == [[False, True, True], [False] * 3]
-
-
 @pytest.fixture(scope="module")
 def drawn():
     """Red squares are chairs, green ones couches."""
@@ -233,24 +172,6 @@ def drawn():
         colour = ((0, 0, 255), (0, 255, 0))[number % 2]
         made.append(example([(x, y, x + side, y + side)], [(CHAIR, COUCH)[number % 2]], size=(64, 64), colour=colour))
     return made
-
-
-def test_batches_are_the_same_again_from_any_point(drawn):
-    batches = Batches(drawn, 64, 4, seed=3, mosaic_share=0.5)
-    whole = [images for images, _ in batches.epoch(1)]
-    assert len(whole) == 6
-    again = [images for images, _ in batches.epoch(1, first=4)]
-    assert torch.equal(torch.stack(whole[4:]), torch.stack(again))
-    assert not torch.equal(whole[0], next(iter(batches.epoch(2)))[0])
-
-
-def test_a_batch_that_cannot_be_made_ends_training_with_one_line(drawn):
-    class Broken(Batches):
-        def _pick(self, epoch, index):
-            raise SystemExit(3)
-
-    with pytest.raises(ExportError, match="died"):
-        next(iter(Broken(drawn, 64, 4, seed=3, mosaic_share=0.5).epoch(0)))
 
 
 def test_a_resumed_run_ends_where_an_unbroken_one_does(start, drawn, tmp_path):
@@ -299,58 +220,6 @@ def test_training_learns_and_leaves_the_first_layers_alone(start, drawn, tmp_pat
     still = {name for name, tensor in theirs.items() if torch.equal(ours[name], tensor)}
     assert set(first) <= still
     assert len(still) < len(theirs) / 2
-
-
-def test_what_is_kept_to_may_be_another_network(start, drawn, tmp_path):
-    """On pictures without labels the only pull is towards that network."""
-    other = start.copy()
-    with torch.no_grad():
-        for parameter in other.parameters():
-            parameter.mul_(1.01)
-    none = {"complete": np.zeros(80, bool), "kept": np.ones(80, bool)}
-    bare = [replace(one, boxes=one.boxes[:0], labels=one.labels[:0], visible=one.visible[:0], **none) for one in drawn]
-    for known, far in ((None, False), (other, True)):
-        trainer = Trainer(start, bare, {}, tmp_path, DetectorSettings(batch=8, rate=1e-9, threads=1, mosaic=0.0), known)
-        next(iter(trainer.take_steps()))
-        found = trainer.means()
-        assert found["scores"] == found["box"] == 0.0
-        assert (found["kept"] > 0.1) == far
-
-
-def test_pictures_are_read_once_at_the_network_s_size(tmp_path):
-    (tmp_path / "images").mkdir()
-    (tmp_path / "labels").mkdir()
-    cv2.imwrite(str(tmp_path / "images/a.png"), np.zeros((120, 160, 3), np.uint8))
-    (tmp_path / "labels/a.txt").write_text("56 0.5 0.5 0.25 0.5\n0 0.5 0.5 0.1 0.1\n")
-    (found,) = load_examples([f"yolo:{tmp_path}"], CLASSES, 80)
-    assert found.image.shape == (69, 92, 3)  # 1.15 times the input
-    np.testing.assert_allclose(found.boxes, [[34.5, 17.25, 57.5, 51.75]], atol=1e-4)
-    assert found.labels.tolist() == [0]
-    assert found.complete.tolist() == [True, False]  # no couch is labelled anywhere
-    assert found.kept.tolist() == [False, True]
-    assert found.unasked is not None
-    assert not found.unasked.any()
-
-
-def test_rare_classes_come_more_often_into_mosaics():
-    """Of 100 pictures all show a chair, 3 a couch: sqrt(0.3 / 0.03) = 3.16; hidden ones do not count."""
-    box = (0.0, 0, 50, 50)
-    common, rare = example([box], [0]), example([box, box], [0, 1])
-    hidden = example([box, box], [0, 1], [1.0, 0.1])
-    factors = rarity([common] * 96 + [rare] * 3 + [hidden])
-    assert factors[:96].tolist() == [1.0] * 96
-    assert factors[96:].tolist() == pytest.approx([10**0.5] * 3 + [1.0])
-
-
-def test_a_blend_lies_between(start):
-    tuned = start.copy()
-    with torch.no_grad():
-        for parameter in tuned.parameters():
-            parameter.add_(0.1)
-    middle = blend(start, tuned, 0.25)
-    for name, tensor in middle.state_dict().items():
-        expected = 0.75 * start.state_dict()[name] + 0.25 * tuned.state_dict()[name]
-        torch.testing.assert_close(tensor, expected, msg=name)
 
 
 def test_the_blend_nearest_to_the_start_within_the_loss_is_chosen(start, drawn, monkeypatch):

@@ -31,13 +31,6 @@ def test_boxes_of_two_teachers_by_hand():
     np.testing.assert_allclose(boxes, [[1, 0, 31, 30], [0, 0, 30, 30]])
 
 
-def test_one_teacher_keeps_its_own_boxes():
-    alone = seen(("chair", 0.9, 0, 0, 30, 30), ("chair", 0.7, 1, 0, 31, 30))
-    boxes, _, scores = averaged([alone])
-    assert len(boxes) == 2
-    assert scores == pytest.approx([0.9, 0.7])
-
-
 def test_pictures_without_labels_take_the_teachers(tmp_path):
     import cv2
 
@@ -59,24 +52,6 @@ def test_pictures_without_labels_take_the_teachers(tmp_path):
     assert not bare.complete.any()
 
 
-def test_labels_with_scores_are_told_by_a_network(tmp_path):
-    """As a plain folder with a teacher: all classes told, all kept; what the network doubts is not asked for."""
-    import cv2
-
-    for folder in ("images", "labels"):
-        (tmp_path / folder).mkdir()
-    for number in range(2):
-        cv2.imwrite(str(tmp_path / "images" / f"{number}.png"), np.full((50, 100, 3), number, np.uint8))
-    rows = "0 0.2 0.5 0.2 0.6 0.9\n1 0.7 0.5 0.4 1 0.3\n1 0.5 0.5 0.4 1 0.1\n"
-    (tmp_path / "labels" / "0.txt").write_text(rows)
-    (tmp_path / "classes.txt").write_text("\n".join(NAMES))
-    seen, empty = load_examples([f"yolo:{tmp_path}"], NAMES, 40)
-    np.testing.assert_allclose(seen.boxes, [[4.6, 4.6, 13.8, 18.4], [23, 0, 41.4, 23]], atol=1e-5)  # 46 px of 100
-    assert seen.ignored().tolist() == [False, True]
-    assert len(empty.boxes) == 0
-    assert all(one.complete.all() and one.kept.all() for one in (seen, empty))
-
-
 def test_a_mix_shows_each_source_by_its_share():
     """Two pictures of one source and eight of another at 3 to 1: of 10, 8 are of the first, evenly."""
     examples = [
@@ -90,18 +65,3 @@ def test_a_mix_shows_each_source_by_its_share():
         assert counts[:2].tolist() == [4, 4]
         assert counts[2:].sum() == 2
         assert counts[2:].max() == 1
-
-
-def test_processes_share_an_epoch_without_overlap():
-    examples = [
-        Example(np.full((8, 8, 3), at, np.uint8), np.zeros((0, 4), np.float32), np.zeros(0, np.int64),
-                np.zeros(0, np.float32))
-        for at in range(8)
-    ]  # fmt: skip
-    whole = Batches(examples, 8, 4, 0, 0.0)
-    parts = [Batches(examples, 8, 2, 0, 0.0, rank=rank, ranks=2) for rank in range(2)]
-    assert len(whole) == len(parts[0]) == 2
-    for index in range(2):
-        images, _ = whole.make(0, index)
-        halves = [part.make(0, index)[0] for part in parts]
-        assert sorted(np.concatenate(halves).reshape(4, -1).sum(1)) == sorted(images.reshape(4, -1).sum(1).tolist())

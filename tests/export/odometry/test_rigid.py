@@ -6,7 +6,7 @@ import pytest
 torch = pytest.importorskip("torch")
 
 from edgemap.export.odometry.correlation import correlate, offsets  # noqa: E402
-from edgemap.export.odometry.rigid import CellGeometry, ShownCells, inverse3, solve  # noqa: E402
+from edgemap.export.odometry.rigid import CellGeometry, ShownCells, solve  # noqa: E402
 from edgemap.geometry.camera.floor import FloorCamera  # noqa: E402
 from edgemap.geometry.camera.intrinsics import Distortion, Intrinsics  # noqa: E402
 from edgemap.geometry.camera.mount import Mount  # noqa: E402
@@ -55,12 +55,6 @@ def test_slopes_are_the_derivatives():
         torch.testing.assert_close((moved - here) / 1e-6, slopes[:, :, index], atol=1e-5, rtol=1e-4)
 
 
-def test_displacements_in_cells_and_bearings_go_back_and_forth():
-    cells = geometry()
-    moved = torch.randn(1, 2, 676, dtype=torch.float64) * cells.shown
-    torch.testing.assert_close(cells.cells_of(cells.bearings_of(moved)), moved)
-
-
 def test_least_squares_gets_the_motion_back_and_says_how_sure_it_is():
     cells = geometry()
     seen = (cells.floor > 0).double()
@@ -82,22 +76,6 @@ def test_least_squares_gets_the_motion_back_and_says_how_sure_it_is():
     assert spread.mean(dim=0).abs().max() < 1e-3
     honest = torch.einsum("ni,nij,nj->n", spread, torch.linalg.inv(torch.stack(told)), spread).mean()
     assert 2.0 < honest < 4.2  # 3 where the covariance is right; 60 draws spread by 0.3
-
-
-def test_a_prior_decides_where_nothing_is_seen():
-    cells = geometry()
-    prior = torch.tensor([[0.05, 0.0, 0.02]], dtype=torch.float64)
-    predicted, slopes = ShownCells.of(cells, prior * 0).slopes(cells.floor)
-    blind = torch.zeros_like(predicted)
-    found = solve(slopes, predicted * 0, blind, prior * 0, prior, torch.full((1, 3), 100.0, dtype=torch.float64))
-    torch.testing.assert_close(found.motion, prior)
-    torch.testing.assert_close(found.covariance[0], torch.eye(3, dtype=torch.float64) / 100.0)
-
-
-def test_an_inverse_of_three():
-    x = torch.randn(7, 3, 3, dtype=torch.float64)
-    spd = x @ x.transpose(1, 2) + torch.eye(3)
-    torch.testing.assert_close(inverse3(spd) @ spd, torch.eye(3).double().expand(7, 3, 3), atol=1e-9, rtol=0)
 
 
 def test_correlation_is_the_sum_of_products_at_every_offset():

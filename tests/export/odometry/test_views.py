@@ -13,13 +13,11 @@ import torch
 from support.floor_drive import floor_drive
 from support.textured_floor import CAMERA, seen_by
 
-from edgemap.export.errors import ExportError
 from edgemap.export.odometry.clips import make_batch
 from edgemap.export.odometry.flow import FlowHead
-from edgemap.export.odometry.recipe import FewDrives, segment_lengths_m
+from edgemap.export.odometry.recipe import FewDrives
 from edgemap.export.odometry.views import AugmentedView
 from edgemap.geometry.camera.floor import FloorCamera
-from edgemap.geometry.camera.intrinsics import Distortion
 from edgemap.geometry.odometry.flow_cells import CellGrid, flow_cells
 from edgemap.geometry.se2 import SE2
 
@@ -62,17 +60,6 @@ def test_a_view_does_not_show_what_the_picture_did_not():
     assert (yawed.picture(np.full((240, 320, 3), 7, np.uint8), LENS, 114)[120, -20:] == 114).all()
 
 
-def test_views_are_drawn_by_number_and_half_are_mirrored():
-    assert AugmentedView.drawn(3) == AugmentedView.drawn(3) != AugmentedView.drawn(5)
-    assert [AugmentedView.drawn(index).mirrored for index in (1, 2, 3)] == [True, False, True]
-
-
-def test_a_lens_that_distorts_is_refused():
-    lens = replace(LENS, distortion=Distortion("brown_conrady", (0.1, 0.0, 0.0, 0.0)))
-    with pytest.raises(ExportError, match="distorts"):
-        AugmentedView(yaw_rad=0.1).camera(FloorCamera(lens, CAMERA.mount))
-
-
 def test_a_world_of_another_size_looks_the_same():
     """Motion and height grow alike, the floor's inverse depth falls; a head in units of that size tells it apart."""
     drive = floor_drive(3, frames=6)
@@ -84,9 +71,3 @@ def test_a_world_of_another_size_looks_the_same():
     torch.testing.assert_close(varied.motions, batch.motions * torch.tensor([size, size, 1.0]))
     torch.testing.assert_close(varied.cells[:, :, 6], batch.cells[:, :, 6] / size)
     torch.testing.assert_close(varied.features, batch.features)
-
-
-def test_a_car_is_judged_by_what_fits_of_kittis_lengths():
-    assert segment_lengths_m(1.0, 300.0) == (1.0, 2.0, 5.0)
-    assert segment_lengths_m(8.0, 250.0) == (100.0, 200.0)
-    assert segment_lengths_m(8.0, 90.0) == (8.0, 16.0, 40.0)

@@ -127,14 +127,6 @@ def test_depth_alone_fills_the_grid_and_knows_what_stands_on_floor_that_looks_th
     assert shown(alone).area_m2(FREE) > 2.0
 
 
-def test_the_driven_path_is_free_without_any_mask():
-    fusion = GridFusion()
-    for index, pose in enumerate(ahead(50)):
-        fusion.observe(pose, index / 10, CAMERA, None, NOBODY)
-    assert (shown(fusion).at([(x, y) for x in (0.0, 1.0, 1.9) for y in (0.0, 0.1, -0.1)]) == FREE).all()
-    assert (shown(fusion).at([(1.0, 0.3), (1.0, -0.3)]) == UNKNOWN).all()
-
-
 @pytest.mark.parametrize("rate_hz", [5.0, 30.0])
 def test_evidence_counts_places_and_time_not_pictures(rate_hz):
     """One metre at 0.4 m/s and five seconds at rest: the same floor, and the same chair, are known at any rate."""
@@ -166,20 +158,6 @@ def test_a_correction_moves_what_was_seen_with_the_poses_it_was_seen_from():
     points = np.concatenate([true.centres_m(true.cells == FREE), occupied_m(true)])
     assert (after_it.at(points) == true.at(points)).mean() > 0.97
     assert after_it.area_m2(OCCUPIED) == pytest.approx(true.area_m2(OCCUPIED), rel=0.15)
-
-
-def test_a_correction_that_is_being_drawn_loses_nothing_seen_meanwhile(monkeypatch):
-    monkeypatch.setattr("edgemap.geometry.grid.fusion.REDRAW_CELLS", 1)
-    fusion = GridFusion()
-    poses = turn()
-    stamp_s = drive(fusion, ROOM, poses)
-    correction = TrajectoryCorrection(np.zeros(1), np.array([[0.2, 0.0, 0.0]]), np.zeros((1, 3)), np.zeros((1, 3, 3)))
-    fusion.moved(correction)
-    drive(fusion, [*ROOM, CHAIR], [SE2(0.2, 0.0, 0.0)] * 30, stamp_s)
-    grid = settled(fusion, stamp_s + 3.0, SE2(0.2, 0.0, 0.0))
-    assert np.abs(occupied_m(grid) - [2.0, 0.0]).max(axis=1).min() < 0.06
-    left = occupied_m(grid)[occupied_m(grid)[:, 0] < 0.0]
-    assert left[:, 0].min() == pytest.approx(-0.8, abs=0.11)  # the wall behind, seen before, is where it was moved to
 
 
 def test_a_run_goes_on_in_a_saved_grid_and_sees_its_changes():
@@ -223,19 +201,6 @@ def test_two_saved_grids_become_one_by_their_alignment():
     assert not (np.abs(occupied_m(merged) - [1.5, 0.0]) > [2.66, 2.16]).any()
     assert merged_grid(None, None, pose_a_b) is None
     assert (alone.cells == shown(first).cells).all()
-
-
-def test_a_long_drive_in_one_room_takes_no_more_room_than_a_short_one(monkeypatch):
-    monkeypatch.setattr("edgemap.geometry.grid.fusion.PATCHES", 24)
-    fusion, sizes, stamp_s = GridFusion(), [], 0.0
-    lap = [SE2(math.cos(a), math.sin(a), a + math.pi / 2) for a in np.linspace(0.0, math.tau, 40)]
-    masks = [floor_mask([*ROOM, CHAIR], pose) for pose in lap]
-    for _ in range(12):
-        for pose, mask in zip(lap, masks, strict=True):
-            fusion.observe(pose, stamp_s, CAMERA, mask, NOBODY)
-            stamp_s += 0.1
-        sizes.append(fusion.size_bytes)
-    assert max(sizes[6:]) < 1.1 * sizes[5]
 
 
 def test_an_office_of_500_square_metres_takes_less_than_20_mb(tmp_path):
