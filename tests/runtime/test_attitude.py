@@ -17,17 +17,13 @@ from edgemap.geometry.camera.intrinsics import Intrinsics
 from edgemap.geometry.camera.mount import Mount
 from edgemap.geometry.camera.mount_tilt import MountTiltRule
 from edgemap.geometry.se2 import SE2
-from edgemap.runtime.frames.errors import CameraError
 from edgemap.runtime.frames.frame import Frame
 from edgemap.runtime.inputs.drives import open_drive
 from edgemap.runtime.inputs.drives.drive import Drive
-from edgemap.runtime.inputs.drives.pose_files import base_attitudes
-from edgemap.runtime.inputs.drives.sensor_csv import read_imu_csv, write_imu_csv
 from edgemap.runtime.motion.attitude.checked_mount import CheckedMount, MountRule
 from edgemap.runtime.motion.attitude.inertial import AttitudeRule, InertialAttitude
 from edgemap.runtime.motion.attitude.pictures import PicturesAttitude
-from edgemap.runtime.motion.attitude.sources import MountAttitude, RecordedAttitude
-from edgemap.runtime.motion.odometry.protocol import Motion, no_motion
+from edgemap.runtime.motion.attitude.sources import MountAttitude
 from edgemap.simulation.carried_imu import carried_imu
 
 BLANK = np.zeros((4, 4, 3), np.uint8)
@@ -93,30 +89,6 @@ def test_without_samples_the_other_source_speaks_and_a_hole_starts_the_filter_ag
         told.append((source.predict(hole).source, round(frame.stamp_s, 2)))
     assert {name for name, stamp_s in told if 3.05 < stamp_s < 4.95} == {"mount"}
     assert told[-1][0] == "imu"
-
-
-def test_imu_csv_comes_back_and_bad_rows_are_named(tmp_path):
-    samples = samples_of(np.linspace(0.0, 0.1, 20), np.arange(20) / 100.0, roll_deg=3.0)
-    write_imu_csv(tmp_path / "imu.csv", samples)
-    read = read_imu_csv(tmp_path / "imu.csv")
-    np.testing.assert_allclose(read.accel_m_s2, samples.accel_m_s2, rtol=1e-6)
-    (tmp_path / "imu.csv").write_text("stamp_s,gx,gy,gz,ax,ay,az\n0.1,0,0,0,0,0\n")
-    with pytest.raises(CameraError, match=r"imu.csv:2: expected 7 finite numbers"):
-        read_imu_csv(tmp_path / "imu.csv")
-
-
-def test_a_base_that_tilts_takes_the_camera_along():
-    pitch = math.radians(5.0)
-    poses = np.tile(np.eye(4), (2, 1, 1))
-    poses[1, :3, :3] = [[math.cos(pitch), 0, math.sin(pitch)], [0, 1, 0], [-math.sin(pitch), 0, math.cos(pitch)]]
-    mount = Mount.from_degrees(0.5, 10.0, forward_m=0.2)
-    track = base_attitudes(np.array([0.0, 1.0]), poses, "z", mount)
-    assert track is not None
-    attitude = RecordedAttitude(track, mount).predict(Frame(0, 1.0, BLANK))
-    assert math.degrees(attitude.pitch_rad) == pytest.approx(15.0)
-    # Nose down about the axle: 0.2 m ahead sinks by 0.2 sin 5 deg, 0.5 m up by 0.5 (1 - cos 5 deg).
-    assert attitude.height_m == pytest.approx(0.5 - 0.2 * math.sin(pitch) - 0.5 * (1 - math.cos(pitch)))
-    assert base_attitudes(np.array([0.0, 1.0]), np.tile(np.eye(4), (2, 1, 1)), "z", mount) is None
 
 
 def test_a_real_lounge_has_attitudes_heights_and_objects(shared_data):
@@ -226,18 +198,6 @@ def test_first_samples_are_held_against_the_mount_as_far_as_it_may_be_wrong(give
     assert math.degrees(found.pitch_rad) == pytest.approx(begins_deg, abs=2.0)
 
 
-def test_a_camera_that_swings_at_the_start_is_not_taken_for_one_at_its_mount():
-    """Gravity says 18 degrees, the mount 10, well within its error: a robot that stands is at the mount, a head that
-    nods by 30 degrees a second is where gravity says."""
-    mount, stamps, begins = Mount.from_degrees(0.5, 10.0), np.arange(0.0, 0.5, 0.005), []
-    for rate_rad_s in (0.0, math.radians(30.0)):
-        pitch_rad = math.radians(18.0) + rate_rad_s * (stamps - 0.1)
-        source = InertialAttitude(mount, MountAttitude(mount))
-        found = source.predict(next(iter(frames_of(samples_of(pitch_rad, stamps), 10.0))))
-        begins.append(math.degrees(found.pitch_rad))
-    assert begins == pytest.approx([10.0, 18.0], abs=2.0)
-
-
 def test_the_accelerometer_tells_the_displacement_of_a_step_that_odometry_has_not_measured_yet():
     """A robot at 0.5 m/s brakes by 1 m/s^2: 4.5 cm in the first step, 0.5 cm in the fifth; by pictures up to there."""
     mount, stamps = Mount(0.5, math.radians(10.0), 0.0, 0.2, 0.1), np.arange(0.0, 10.6, 0.005)
@@ -273,36 +233,6 @@ def test_the_robots_own_acceleration_is_no_tilt():
     errors, before = (np.degrees([a.pitch_rad - mount.pitch_rad for a in told[50:]]) for told in (found, alone))
     assert np.abs(errors).max() < 0.5
     assert np.abs(before).max() > 2.0 * np.abs(errors).max()
-
-
-def test_three_seconds_of_rest_that_the_odometry_tells_leave_a_degree_of_yaw_a_minute():
-    """1.3 deg/s of bias and a datasheet's noise; then 20 s of driving whose yaw the odometry hardly knows."""
-    stamps, mount = np.arange(0.0, 23.0, 0.005), Mount.from_degrees(0.5, 10.0)
-    up, random = mount.rotation_base_optical().T @ [0.0, 0.0, 1.0], np.random.default_rng(3)
-    rates = math.radians(1.3) * up + random.normal(0.0, math.radians(0.014) * math.sqrt(200.0), (len(stamps), 3))
-    forces = 9.81 * up + random.normal(0.0, 0.02, (len(stamps), 3))
-    source, yaws, last_s = InertialAttitude(mount, MountAttitude(mount)), [], None
-    for frame in frames_of(ImuSamples(stamps, rates, forces), 10.0):
-        rest = no_motion() if frame.stamp_s < 3.2 else Motion(SE2(0.05, 0.0, 0.0), np.diag([1e-4, 1e-4, 0.1]))
-        found = source.predict(frame, None if last_s is None else rest.moved())
-        last_s = frame.stamp_s
-        if frame.stamp_s > 3.2 and found.rotation is not None:
-            yaws.append(found.rotation.yaw_rad)
-    assert abs(math.degrees(sum(yaws))) * 60.0 / 20.0 < 1.5
-
-
-def test_a_few_wrong_yaws_of_the_odometry_do_not_teach_the_gyro_a_bias():
-    """Of 300 yaws known to 0.001 rad, every fifth errs by 0.006 the same way: 41 degrees a minute on average."""
-    stamps, mount, random = np.arange(0.0, 30.0, 0.005), Mount.from_degrees(0.5, 10.0), np.random.default_rng(1)
-    up = mount.rotation_base_optical().T @ [0.0, 0.0, 1.0]
-    rates, forces = np.outer(np.full(len(stamps), math.radians(0.8)), up), np.outer(np.full(len(stamps), 9.81), up)
-    source, yaws = InertialAttitude(mount, MountAttitude(mount)), []
-    for frame in frames_of(ImuSamples(stamps, rates, forces), 10.0):
-        told = SE2(0.03, 0.0, random.normal(0.0, 0.001) + 0.006 * (frame.index % 5 == 3))
-        found = source.predict(frame, (told, np.diag([1e-4, 1e-4, 1e-6])))
-        if frame.stamp_s > 15.0 and found.rotation is not None:
-            yaws.append(found.rotation.yaw_rad)
-    assert abs(math.degrees(sum(yaws))) * 60.0 / 15.0 < 4.0
 
 
 def carried_head(seed, seconds=10.0):
@@ -387,19 +317,6 @@ def test_a_hole_across_a_frame_is_stated_in_both_steps():
         seen = [rotation for rotation in found[2:] if rotation is not None]
         ratios.append([(one.yaw_rad - turned) / one.sigma_rad for one, turned in zip(seen, true, strict=True)])
     assert np.sqrt(np.mean(np.square(ratios), axis=0)) == pytest.approx([1.0, 1.0], abs=0.35)
-
-
-def test_after_frames_without_samples_no_rotation_is_counted_twice():
-    """The camera measured the turn in those frames; the gyro's next rotation would be of all of them."""
-    mount = Mount.from_degrees(0.5, 10.0)
-    samples = turning(np.full(200, 1.0), mount, (1.0, 1.45))
-    source = InertialAttitude(mount, MountAttitude(mount))
-    found = [
-        source.predict(Frame(k, k / 10.0, BLANK, imu=samples.between((k - 1) / 10.0, k / 10.0))).rotation
-        for k in range(20)
-    ]
-    assert [k for k, rotation in enumerate(found) if rotation is None] == [0, 11, 12, 13, 14, 15]
-    assert all(rotation.yaw_rad == pytest.approx(0.1, abs=0.01) for rotation in found if rotation is not None)
 
 
 @pytest.mark.parametrize("rate_rad_s", [0.5, 1.4])  # faster ones that repeat are full scale

@@ -18,16 +18,9 @@ from edgemap.geometry.camera.mount import Mount
 from edgemap.geometry.camera.platform import Platform
 from edgemap.geometry.camera.room_edges import room_axes
 from edgemap.runtime.frames.errors import EdgemapError
-from edgemap.runtime.frames.frame import Frame
 from edgemap.runtime.inputs.open import open_camera
 from edgemap.runtime.motion.attitude.checked_mount import CheckedMount
 from edgemap.runtime.motion.attitude.pictures import PicturesAttitude
-from edgemap.runtime.motion.health import HealthRule
-from edgemap.runtime.motion.views import views_of
-from edgemap.runtime.network.bundle import load_bundle
-from edgemap.runtime.network.store import bundle_folder
-from edgemap.runtime.step.config import Config
-from edgemap.runtime.step.slam import build_slam
 
 
 @pytest.mark.parametrize(("pitch", "roll"), [(11.5, 0.0), (3.0, -2.0), (17.5, 4.0), (21.0, -1.0)])
@@ -48,15 +41,6 @@ def test_the_room_lies_as_its_level_edges_do():
     assert math.radians(0.4) < found.level_sigma_rad < math.radians(3.1)
     few = np.arange(24) < 14  # upright edges, and two level ones
     assert room_axes(normals[:24][few], lengths[:24][few], found.up, math.radians(6)).level_rad is None
-
-
-def test_edges_without_order_or_too_few_say_nothing():
-    rng = np.random.default_rng(0)
-    normals = rng.normal(size=(30, 3))
-    normals /= np.linalg.norm(normals, axis=1, keepdims=True)
-    up = up_optical(0.2, 0.0)
-    assert room_axes(normals, np.full(30, 0.2), up, math.radians(6)) is None
-    assert room_axes(normals[:3], np.full(3, 0.2), up, math.radians(6)) is None
 
 
 def told(off_deg, frames=80, still=False, hz=10.0):
@@ -150,14 +134,6 @@ def test_one_picture_of_a_robot_at_rest_is_one_view():
     assert told(5.5, still=True)[0] == []
 
 
-def test_pictures_of_a_camera_at_rest_are_one_view_in_spite_of_noise():
-    rng = np.random.default_rng(0)
-    first, second = (cv2.resize(rng.integers(0, 255, (12, 16, 3), dtype=np.uint8), (320, 240)) for _ in range(2))
-    noisy = [np.clip(first + rng.normal(0.0, 3.0, first.shape), 0.0, 255.0).astype(np.uint8) for _ in range(5)]
-    frames = [Frame(index, 0.1 * index, image) for index, image in enumerate([*noisy, second, second, first])]
-    assert [frame.index for frame in views_of(frames)] == [0, 5, 7]
-
-
 def test_a_mount_that_never_sees_the_floor_is_refused_with_its_numbers():
     with open_camera("demo") as camera:
         for pitch_deg in (-25.0, -21.0):  # 22.2 deg of view below the axis
@@ -167,13 +143,3 @@ def test_a_mount_that_never_sees_the_floor_is_refused_with_its_numbers():
             ):
                 FloorCamera(camera.intrinsics, mount)
         FloorCamera(camera.intrinsics, replace(camera.mount, pitch_rad=math.radians(-18.0)))
-
-
-@pytest.mark.parametrize(("moved", "measured"), [(4.0, True), (300.0, False)])
-def test_the_configured_change_of_a_picture_makes_another_view(moved, measured):
-    """No picture differs from another by 300 grey levels: only the first view counts then."""
-    with open_camera("demo") as camera:
-        floor, config = FloorCamera(camera.intrinsics, camera.mount), Config(health=HealthRule(moved=moved))
-        pipeline = build_slam(camera, load_bundle(bundle_folder("edgemap-nano")), floor, config=config).pipeline
-        views = sum(pipeline.attitude.predict(camera.read()).room is not None for _ in range(60))
-    assert (views > 1) is measured

@@ -1,17 +1,13 @@
 import itertools
 import json
-from dataclasses import replace
 
-import numpy as np
 import pytest
 import yaml
 from hypothesis import given
 from hypothesis import strategies as st
-from support import painted
 from support.faults import kinds
 
 import edgemap
-from edgemap.runtime.inputs.open import open_camera
 from edgemap.runtime.step.config import Config, ConfigError, config_document, load_config, load_options
 
 
@@ -105,32 +101,3 @@ def test_the_stages_take_their_parts_of_the_tree(tmp_path, tree, told):
     assert second.observed.camera is not None
     assert second.observed.camera.attitude is not None
     assert second.observed.camera.attitude.covariance_rad2[0, 0] <= 1e-4**2
-
-
-def test_rest_takes_its_part_of_the_tree(tmp_path):
-    """A picture that stays but for the sensor's noise is a robot at rest after a second, unless the tree forbids."""
-    with open_camera("demo") as camera:
-        frame, lens = camera.read(), camera.intrinsics
-    assert frame is not None
-    assert lens is not None
-    random = np.random.default_rng(0)
-    noises = (random.normal(0.0, 3.0, frame.image.shape) for _ in range(24))
-    standing = [np.clip(frame.image + noise, 0, 255).astype(np.uint8) for noise in noises]
-    given = {"frames": standing, "intrinsics": (lens.fx, lens.fy, lens.cx, lens.cy), "mount": (0.6, 11.5)}
-    bundle = painted.write_painted(tmp_path / "b", [])
-    rested = []
-    for rest in ({}, {"shifted_px": -1e9}, {"texture": 1e9}):
-        config = load_config(written(tmp_path, {"config": {"rest": rest}}))
-        with edgemap.open(**given, bundle=bundle, odometry="planar", config=config) as session:
-            rested.append(any(result.observed.at_rest for result in session))
-    assert rested == [True, False, False]
-
-
-def test_a_live_camera_is_opened_again_by_the_tree_s_rule(monkeypatch):
-    patience = []
-    monkeypatch.setattr("edgemap.runtime.inputs.cameras.live.LiveCamera", lambda *given: patience.append(given[-1]))
-    monkeypatch.setattr("edgemap.runtime.inputs.cameras.webcam.WebcamDriver", lambda *given: None)
-    rule = replace(Config().camera, restarts=3)
-    with pytest.raises(AttributeError):  # no camera stands behind it
-        edgemap.open("0", config=replace(Config(), camera=rule))
-    assert patience == [rule]

@@ -10,7 +10,6 @@ from edgemap.runtime.inputs.open import open_camera
 from edgemap.runtime.network.bundle import load_bundle
 from edgemap.runtime.network.decode import Decoder, Detector
 from edgemap.runtime.network.manifest import InputSpec
-from edgemap.runtime.network.network import Network, with_padding
 from edgemap.runtime.network.preprocess import EDGE_PX, Preprocessor, place, rows_of
 from edgemap.runtime.network.store import bundle_folder
 
@@ -83,9 +82,3 @@ def test_a_cut_input_holds_the_whole_picture_where_it_was(width, height, resize)
     assert after.top >= 0
     assert after.top + after.height <= rows
     assert min(before.top + before.height + EDGE_PX, 416) <= first + rows  # the edge's features see the padding
-
-
-def test_features_of_the_middle_rows_lie_in_the_middle():
-    cut = Network({"image": (1, 3, 64, 96)}, {"f": (1, 1, 2, 3)}, lambda _: [np.ones((1, 1, 2, 3), np.float32)])
-    filled = with_padding(cut, {"f": np.zeros((1, 1, 4, 3), np.float32)}, above=1 / 4)
-    np.testing.assert_array_equal(filled.run({})["f"][0, 0, :, 0], [0.0, 1.0, 1.0, 0.0])

@@ -19,13 +19,6 @@ def test_yolov3_head_decodes_to_what_was_painted():
     np.testing.assert_allclose(found.boxes, [[60, 18, 100, 42], [4, 44, 36, 56]], atol=1e-3)  # 128 wide: x doubled
 
 
-def test_scores_below_the_confidence_are_dropped_exactly():
-    spec = painted.detector_spec()
-    head = painted.head_with([("chair", 40.0, 30.0, 20.0, 24.0, 0.9), ("couch", 10.0, 50.0, 16.0, 12.0, 0.6)])
-    assert Decoder(spec, 0.61)({"head": head}, place(spec.input, 64, 64)).labels == ["chair"]
-    assert len(Decoder(spec, 0.95)({"head": head}, place(spec.input, 64, 64))) == 0
-
-
 def test_darknets_scale_x_y():
     spec = painted.detector_spec()
     spec = msgspec.structs.replace(spec, heads=(msgspec.structs.replace(spec.heads[0], scale_xy=1.2),))
@@ -134,11 +127,3 @@ def test_the_tensor_holds_the_picture_in_its_place_and_colours():
     assert (where.left, where.top, where.width, where.height) == (0, 2, 8, 4)
     np.testing.assert_allclose(tensor[0, :, 4, 4], [1.0, 0.0, 0.2], atol=1e-6)
     np.testing.assert_allclose(tensor[0, :, 0, 0], 127 / 255, atol=1e-6)
-
-
-def test_a_smaller_picture_leaves_no_trace_of_the_one_before():
-    spec = InputSpec(name="i", width=8, height=8, resize="letterbox", colour="bgr", scale=1.0, pad=9)
-    fill = Preprocessor(spec)
-    fill(np.full((8, 8, 3), 200, np.uint8))
-    tensor, _ = fill(np.full((4, 8, 3), 100, np.uint8))
-    assert set(np.unique(tensor)) == {9.0, 100.0}

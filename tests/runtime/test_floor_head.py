@@ -55,11 +55,6 @@ def test_the_mask_reaches_observations_and_odometry(tmp_path):
     assert list(result.stages_ms).index("floor_mask") == list(result.stages_ms).index("decode") + 1
 
 
-def test_a_mask_of_floor_alone_has_no_walls(tmp_path):
-    folder = painted.with_floor(painted.write_painted(tmp_path / "b", CHAIR), PAINTED[:, :1], 4)
-    assert observed(folder)[0].floor.wall is None
-
-
 def test_a_bundle_without_a_floor_head_gives_none(tmp_path):
     result, odometry = observed(painted.write_painted(tmp_path / "b", CHAIR))
     assert result.floor is None
@@ -102,17 +97,3 @@ def test_a_floor_mask_that_cannot_be_is_refused(tmp_path, change, message):
     detector = msgspec.structs.replace(manifest.detector, floor=floor)
     write_manifest(folder, msgspec.structs.replace(manifest, detector=detector))
     assert message in refused(BundleError, load_bundle, folder)
-
-
-def test_a_floor_mask_that_the_file_lacks_is_refused(tmp_path):
-    folder = painted.write_painted(tmp_path / "b", CHAIR)
-    manifest = read_manifest(folder)
-    spec = FloorSpec(name="floor", shape=PAINTED.shape, stride=4, labels=("floor", "wall"))
-    detector = msgspec.structs.replace(manifest.detector, floor=spec)
-    painted.save(
-        folder / detector.file, painted.backbone_model(painted.head_with(CHAIR)), painted.contract_metadata(detector)
-    )
-    write_manifest(folder, msgspec.structs.replace(manifest, detector=detector))
-    painted.resum(folder)
-    with pytest.raises(BundleError, match="output floor is missing"):
-        load_bundle(folder)

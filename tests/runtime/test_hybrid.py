@@ -3,22 +3,17 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from support.faults import kinds, made, texts
+from support.faults import made, texts
 from support.odometry import MadeOdometry
 
 from edgemap.geometry.camera.attitude import Attitude, GyroRotation, RoomHeading
-from edgemap.geometry.camera.floor import FloorCamera
 from edgemap.geometry.se2 import SE2
 from edgemap.runtime.frames.frame import Frame
-from edgemap.runtime.motion import odometry as odometries
-from edgemap.runtime.motion.health import HealthRule
 from edgemap.runtime.motion.odometry.coasting import CoastingRule
 from edgemap.runtime.motion.odometry.gyro import GyroOdometry
 from edgemap.runtime.motion.odometry.hybrid import HybridOdometry, HybridRule, Member
 from edgemap.runtime.motion.odometry.protocol import FramePrior, Motion, MotionState, blind_motion, first_motion
 from edgemap.runtime.motion.trust import TrustRule
-from edgemap.runtime.step.config import Config
-from edgemap.runtime.step.slam import build_slam
 
 FRAME = Frame(0, 0.0, np.zeros((4, 4, 3), np.uint8))
 LASTING = HybridRule().covariance_scale
@@ -88,29 +83,8 @@ def test_a_motion_that_tells_less_than_a_guess_is_not_counted():
         assert found.blind == (not wheels)
 
 
-def test_a_motion_that_is_not_finite_is_a_fault_and_no_pose():
-    start, wild = motion(0.0, 1.0), Motion(SE2(math.nan, 0.0, 0.0), np.eye(3))
-    _, found = steps_of(of(camera=[start, wild], wheels=[start, motion(0.1, 0.01)]), 2)
-    assert found.motion.x_m == 0.1
-    assert kinds(found.faults) == ["out_of_range"]
-
-
 def at(stamp_s):
     return Frame(round(10 * stamp_s), stamp_s, FRAME.image)
-
-
-def test_a_member_that_stays_out_is_named_again_after_a_while_and_not_at_every_step():
-    lost = [motion(0.0, 1.0), *[motion(0.0, 1.0, fault="lost")] * 120]
-    faults = [texts(step.faults) for step in steps_of(of(camera=lost, wheels=[motion(0.0, 0.01)] * 121), 121)]
-    assert [index for index, fault in enumerate(faults) if fault] == [1, 101]
-
-
-def test_a_line_for_people_costs_the_filters_no_step():
-    """With dead wheels the line that names them again is due every 10 s; the camera measured those steps too."""
-    dead = [motion(0.0, 1.0), *[motion(0.0, 1.0, fault="dead")] * 249]
-    found = steps_of(of(camera=[motion(0.1, 0.01)] * 250, wheels=dead), 250)
-    assert [index for index, one in enumerate(found) if one.faults] == [1, 101, 201]
-    assert [index for index, one in enumerate(found) if one.moved() is None] == [0]
 
 
 def test_a_guess_coasts_for_a_moment_and_is_blind_then():
@@ -163,19 +137,6 @@ def test_the_gyro_alone_gives_yaw_and_leaves_the_way_unknown():
     assert texts(steps[0].faults) == "no picture"
 
 
-def test_an_optional_member_is_missed_only_after_it_has_measured():
-    out, back = motion(0.0, 1.0, fault="no gyro"), motion(0.1, 0.01)
-    gyro, wheels = Scripted(out, out, back, out), Scripted(*[motion(0.1, 0.01)] * 4)
-    hybrid = fusing([Member(wheels, "wheels"), Member(gyro, "gyro", optional=True)])
-    assert [texts(step.faults) for step in steps_of(hybrid, 4)] == ["", "", "", "no gyro"]
-
-
-def test_reset_reaches_every_member():
-    members = Scripted(), Scripted()
-    fusing([Member(member, "camera") for member in members]).reset("gap")
-    assert [member.resets for member in members] == [2, 2]
-
-
 def test_a_camera_that_is_covered_in_part_counts_less_than_wheels():
     motions = {"camera": motion(0.02, 0.005), "wheels": motion(0.07, 0.002)}
     moved = {}
@@ -198,14 +159,6 @@ def test_a_step_of_unknown_length_is_held_to_what_a_robot_can_do(acceleration_m_
     assert most_m - 0.02 < found[4] < most_m
 
 
-def test_a_doubted_member_counts_less():
-    start = motion(0.0, 1.0)
-    sure, doubted = Scripted(start, motion(0.10, 0.01)), Scripted(start, motion(0.12, 0.01))
-    _, fused = steps_of(fusing([Member(sure, "camera"), Member(doubted, "wheels", covariance_scale=4.0)]), 2)
-    assert fused.motion.x_m == pytest.approx(0.104)  # weights 4 to 1
-    assert fused.covariance[0, 0] == pytest.approx(LASTING * 8e-5)
-
-
 def test_a_turn_beyond_a_members_reach_leaves_it_out_and_the_next_step_does_not():
     still = motion(0.0, 0.01)
     flow = Scripted(still, motion(0.5, 0.001, -0.02), motion(0.1, 0.001, 0.1))
@@ -215,16 +168,6 @@ def test_a_turn_beyond_a_members_reach_leaves_it_out_and_the_next_step_does_not(
     found = hybrid.step(at(0.9), {})
     assert (found.motion.x_m, found.motion.yaw_rad, found.blind, found.faults) == (0.4, -0.5, False, ())
     assert hybrid.step(at(1.0), {}).covariance[0, 0] < LASTING * 0.001**2 * 1.01
-
-
-def test_what_was_turned_without_a_picture_counts_for_the_reach():
-    still = motion(0.0, 0.01)
-    flow, wheels = Scripted(still, motion(0.3, 0.001, 0.0)), Scripted(still, motion(0.1, 0.01, 0.1))
-    wheels.step_blind = lambda stamp_s, reason, attitude=None: motion(0.2, 0.01, 0.15)
-    hybrid = fusing([Member(flow, "camera", reach_rad=0.2), Member(wheels, "wheels")])
-    hybrid.step(at(0.0), {})
-    assert hybrid.step_blind(0.5, made("dark")).motion.yaw_rad == pytest.approx(0.15)
-    assert hybrid.step(at(0.6), {}).motion.yaw_rad == pytest.approx(0.1)
 
 
 @pytest.mark.parametrize("sigma_m", [0.001, 0.02, None])
@@ -275,13 +218,6 @@ def test_each_step_tells_who_was_used_who_was_blind_and_who_was_left_out():
     ]
 
 
-def test_of_sources_that_disagree_all_are_used():
-    camera, wheels = Scripted(*[motion(0.1, 0.001)] * 2), Scripted(*[motion(0.3, 0.001)] * 2)
-    camera.name, wheels.name = "planar", "wheel"
-    found = steps_of(fusing([Member(camera, "camera"), Member(wheels, "wheels")]), 2)[1]
-    assert found.members == {"planar": "used", "wheel": "used"}
-
-
 def test_the_gyro_is_told_what_the_others_measured_and_not_its_own_yaw():
     camera = Scripted(*[motion(0.1, 0.01, 0.02)] * 2)
     hybrid = fusing([Member(camera, "camera"), Member(GyroOdometry(), "gyro")])
@@ -321,50 +257,6 @@ def test_its_heading_is_held_to_the_room_that_the_edges_show():
         headings[told] = math.degrees(heading)
     assert headings[False] == pytest.approx(30.0)
     assert abs(headings[True]) < 10.0  # two seconds of its drift
-
-
-def test_after_a_reset_no_view_of_the_room_bounds_the_heading_since_the_start():
-    hybrid = of(camera=[motion(0.05, 0.01)] * 22)
-    for index in range(22):
-        if index == 11:
-            hybrid.reset("gap")
-        attitude = Attitude(0.0, 0.0, np.eye(2), room=RoomHeading(index / 10.0, 0.4, math.radians(0.6)))
-        found = hybrid.step(at(index / 10.0), {}, FramePrior(attitude))
-        assert (found.heading_rad2 < math.radians(10.0) ** 2) == (1 <= index < 11)
-        assert math.isinf(found.heading_rad2) == (not 1 <= index < 11)
-
-
-def test_the_configured_share_decides_where_a_camera_is_in_doubt():
-    """Half a picture covered is too much by default (0.3), and none where the configuration allows 0.6."""
-    motions, moved = {"camera": motion(0.02, 0.005), "wheels": motion(0.07, 0.002)}, []
-    for health in (None, HealthRule(part_share=0.6)):
-        members = [Member(Scripted(found, found), source) for source, found in motions.items()]
-        hybrid = fusing(members, health=health)
-        moved.append([hybrid.step(at(index / 10), {}, FramePrior(covered=0.5)).motion.x_m for index in range(2)][1])
-    assert moved[0] == pytest.approx(0.07, abs=0.001)
-    assert moved[1] == pytest.approx(0.045, abs=0.003)  # between both
-
-
-def test_a_run_gets_the_configured_share(demo, monkeypatch):
-    made = []
-    monkeypatch.setattr(odometries, "HybridOdometry", lambda *parts: made.append(parts) or HybridOdometry(*parts))
-    rule = HealthRule(part_share=0.6)
-    floor = FloorCamera(demo.camera.intrinsics, demo.camera.mount)
-    build_slam(demo.camera, demo.bundle, floor, config=Config(health=rule))
-    assert made[0][-1] == rule
-
-
-@pytest.mark.parametrize(
-    ("far_m", "sigma_m", "fault"),
-    [
-        (250.0, 0.1, "x odometry: 250, 0 m in one step"),
-        (0.0, 250.0, "x odometry: nothing measured how far one step is"),
-    ],
-)
-def test_a_step_that_cannot_be_names_what_is_wrong_with_it(far_m, sigma_m, fault):
-    found = Motion(SE2(far_m), np.diag(np.square([sigma_m, sigma_m, 0.01]))).checked("x")
-    assert not found.measured
-    assert texts(found.faults).startswith(fault)
 
 
 class Ahead(MadeOdometry):

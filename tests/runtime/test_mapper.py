@@ -38,26 +38,6 @@ def closed():
     return list(drive(Mapper(closes_loops=True), ROOM, POSES, drifting(POSES), 0))
 
 
-def test_the_covariance_of_a_motion_is_turned_by_the_pose_before_it():
-    """A robot that drives 1 m along x and turns left meanwhile is unsure along x, where it came from, not along y."""
-    mapper = Mapper()
-    mapper.step(observed(0, [], Motion()))
-    motion = Motion(SE2(1.0, 0.0, math.pi / 2), np.diag([0.04, 0.0, 0.0]))
-    first = mapper.step(observed(1, [], motion))
-    assert first.pose_covariance == pytest.approx(np.diag([0.04, 0.0, 0.0]))
-    second = mapper.step(observed(2, [], Motion(SE2(1.0, 0.0, 0.0), np.diag([0.09, 0.0, 0.0]))))
-    assert second.pose_map_base.vector() == pytest.approx([1.0, 1.0, math.pi / 2])
-    assert second.pose_covariance == pytest.approx(np.diag([0.04, 0.09, 0.0]))
-
-
-def test_the_trajectory_holds_every_pose_there_and_back():
-    mapper = Mapper()
-    for index, step_m in enumerate((0.0, 1.0, -1.0, 0.0, 1.0)):
-        update = mapper.step(observed(index, [], Motion(SE2(step_m, 0.0, 0.0), np.zeros((3, 3)))))
-    assert update.trajectory.at(np.arange(5) / 10)[:, 0] == pytest.approx([0.0, 1.0, 0.0, 0.0, 1.0])
-    assert update.travelled_m == pytest.approx(3.0)
-
-
 def test_the_odom_pose_is_continuous_where_loop_closure_moves_the_map_pose(closed):
     """REP-105: odom -> base_link is the sum of the motions, whatever map -> odom does meanwhile."""
     expected = integrated(drifting(POSES))
@@ -65,15 +45,6 @@ def test_the_odom_pose_is_continuous_where_loop_closure_moves_the_map_pose(close
         assert result.pose_odom_base.vector() == pytest.approx(pose.vector(), abs=1e-9)
     assert any(result.correction for result, _ in closed)
     assert math.dist(closed[-1][0].pose_map_base.vector()[:2], expected[-1].vector()[:2]) > 0.01
-
-
-def test_a_yaw_error_grows_with_the_way_driven_after_it():
-    mapper = Mapper()
-    mapper.step(observed(0, [], Motion()))
-    mapper.step(observed(1, [], Motion(SE2(), np.diag([0.0, 0.0, 0.01]))))
-    update = mapper.step(observed(2, [], Motion(SE2(3.0, 0.0, 0.0), np.zeros((3, 3)))))
-    assert update.pose_covariance[1, 1] == pytest.approx(0.09)  # 0.1 rad over 3 m
-    assert update.pose_covariance[1, 2] == pytest.approx(0.03)
 
 
 def test_what_the_pose_drifted_in_between_joins_two_visits_of_one_chair():
@@ -90,19 +61,6 @@ def test_what_the_pose_drifted_in_between_joins_two_visits_of_one_chair():
         if len(objects) == 1:  # the visit before the drift says where it stands
             assert objects[0].position_m == pytest.approx([2.0, 0.0], abs=0.1)
     assert counts == {0.7: 1, 0.001: 2}
-
-
-def test_a_pose_unsure_to_one_side_makes_objects_unsure_to_that_side():
-    """0.3 m to the left, known ahead; and 0.1 rad of yaw, which 2 m away are 0.2 m to the side."""
-    for covariance, side_m2 in ((np.diag([0.0, 0.09, 0.0]), 0.09), (np.diag([0.0, 0.0, 0.01]), 0.04)):
-        mapper = Mapper()
-        mapper.step(observed(0, [], Motion(SE2(), np.zeros((3, 3)))))
-        for index in range(1, 9):
-            motion = Motion(SE2(0.3), covariance) if index == 1 else Motion(SE2(), np.zeros((3, 3)))
-            mapper.step(observed(index, [sight("chair", 2.0, 0.0, 0.05, index)], motion))
-        ((xx, xy), (_, yy)) = mapper.objects()[0].covariance_m2
-        assert yy - xx == pytest.approx(side_m2, abs=1e-6)
-        assert xy == pytest.approx(0.0, abs=1e-9)
 
 
 @pytest.mark.parametrize(
@@ -178,32 +136,6 @@ def test_objects_move_with_a_closure(closed):
     assert median_m(after) < 0.75 * median_m(before)
 
 
-def test_the_places_an_object_was_seen_from_move_with_their_poses():
-    """Each is a pose of the trajectory as it stands, however often it was corrected."""
-    motions = drifting(POSES, yaw_share=0.06, way_share=0.03)
-    *_, (result, objects) = drive(Mapper(closes_loops=True), ROOM, POSES, motions, 0)
-    poses = result.trajectory.at(np.arange(len(POSES)) / 10)[:, :2]
-    off = [float(np.linalg.norm(poses - np.array(view), axis=1).min()) for item in objects for view in item.seen_from_m]
-    assert len(off) > 20
-    assert max(off) < 0.05
-
-
-def test_a_landmark_is_found_again_after_a_detour_that_odometry_drifts_on():
-    """Out of view for 2.5 m of path, then 0.55 m beside: within the gate for what drifts on that path, outside it for
-    what a standing robot sees."""
-    found = {}
-    for detour_m in (2.5, 0.0):
-        mapper = Mapper(closes_loops=True)
-        for index in range(17):
-            away = 8 <= index < 16
-            step_m = detour_m / 8 if index < 12 else -detour_m / 8
-            motion = Motion(SE2(step_m if away else 0.0, 0.0, 0.0), np.eye(3) * 1e-6)
-            sightings = [] if away else [sight("chair", 2.0, 0.0 if index < 8 else 0.55, 0.03, index)]
-            mapper.step(observed(index, sightings, motion))
-        found[detour_m] = len(mapper.map.graph.landmarks.all) == 1
-    assert found == {2.5: True, 0.0: False}
-
-
 def test_what_was_always_seen_may_be_missed_for_a_while_before_it_is_gone():
     """Twelve looks show it, each from 0.15 m beside the one before; of those that miss it five are needed."""
     random, chair = np.random.default_rng(0), [("chair", 2.0, 0.0)]
@@ -250,16 +182,6 @@ def test_what_stands_there_now_replaces_what_a_saved_map_has_in_its_place():
             found = [sight("potted plant", 2.05, 0.0, index=index)]
             mapper.step(observed(index, found, Motion(SE2(), np.zeros((3, 3)))))
         assert [item.label for item in mapper.objects()] == [label]
-
-
-def test_saved_chairs_whose_covariances_overlap_are_not_one_chair_seen_again():
-    """Two chairs 0.5 m apart at a sigma of 0.25 m would join, had the saved map not told them apart."""
-    chairs = [("chair", 2.0, 0.0), ("chair", 2.0, 0.5)]
-    mapper = Mapper()
-    mapper.start_in(mapped(chairs, told_sigma_m=0.25), SE2())
-    for index in range(8):
-        mapper.step(observed(index, [sight("chair", 2.0, 0.0, 0.1, index)], Motion(SE2(), np.zeros((3, 3)))))
-    assert [item.id for item in mapper.objects()] == ["chair-1", "chair-2"]
 
 
 def test_the_alignment_is_part_of_the_pose_covariance_after_relocalisation():
@@ -309,23 +231,6 @@ def test_a_room_seen_from_a_map_that_is_turned_is_the_same_room(quarters):
         covariance = rotation.rotation() @ item.covariance_m2 @ rotation.rotation().T
         np.testing.assert_allclose(same.covariance_m2, covariance, rtol=1e-5, atol=1e-8)
         assert len(same.seen_from_m) == len(item.seen_from_m)
-
-
-@pytest.mark.parametrize("axis", [0, 1])
-def test_two_sightings_are_one_object_along_the_axis_in_which_they_are_uncertain(axis):
-    """Six sightings of 0.3 m along one axis and 0.02 m across, and six 0.9 m away: squared Mahalanobis distances of
-    0.9^2 / (0.3^2 + 0.1^2) = 8.1 and 78, gate 11.83."""
-    for apart, count in ((axis, 1), (1 - axis, 2)):
-        mapper = Mapper()
-        sigmas_m = np.full(2, 0.02)
-        sigmas_m[axis] = 0.3
-        for index in range(12):
-            place = np.array([2.1, 0.1])
-            place[apart] += 0.9 * (index >= 6)
-            found = sight("chair", *place, index=index)
-            found = replace(found, covariance_m2=np.diag(sigmas_m**2), shared_m2=np.zeros((2, 2)))
-            mapper.step(observed(index, [found], Motion(SE2(), np.zeros((3, 3)))))
-        assert len(mapper.map.ids) == count
 
 
 def test_of_objects_told_with_0_9_nine_in_ten_are_real():

@@ -1,22 +1,19 @@
 import itertools
 import math
-import re
 from dataclasses import replace
 from types import SimpleNamespace
 from typing import cast
 
 import cv2
-import msgspec
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from support import painted
-from support.faults import kinds, made
+from support.faults import kinds
 from support.textured_floor import CAMERA, MOTIONS, TEXTURE, drive, seen_by
 
 from edgemap.geometry.camera.attitude import Attitude, GyroRotation
-from edgemap.geometry.camera.carried import CarriedRule
 from edgemap.geometry.camera.floor import FloorCamera
 from edgemap.geometry.camera.mount import Mount
 from edgemap.geometry.camera.platform import Platform
@@ -27,13 +24,10 @@ from edgemap.runtime.frames.camera import Camera
 from edgemap.runtime.frames.errors import OdometryError
 from edgemap.runtime.frames.faults import FaultKind
 from edgemap.runtime.frames.frame import Frame
-from edgemap.runtime.frames.trajectory import GrowingTrack, Trajectory, read_tum, tum_line
+from edgemap.runtime.frames.trajectory import Trajectory
 from edgemap.runtime.inputs.open import open_camera
-from edgemap.runtime.motion.odometry import OdometryRules, hybrid_members, open_odometry
-from edgemap.runtime.motion.odometry.coasting import CoastingRule
-from edgemap.runtime.motion.odometry.corner_odometry import PlanarRule
-from edgemap.runtime.motion.odometry.corners import CornerTracker, Picture
-from edgemap.runtime.motion.odometry.learned import LearnedOdometry, outside_envelope
+from edgemap.runtime.motion.odometry import OdometryRules, hybrid_members
+from edgemap.runtime.motion.odometry.learned import LearnedOdometry
 from edgemap.runtime.motion.odometry.planar import PlanarOdometry
 from edgemap.runtime.motion.odometry.protocol import NO_PRIOR, FramePrior, Motion
 from edgemap.runtime.motion.odometry.recorded import WHEEL, RecordedOdometry
@@ -81,16 +75,6 @@ def test_planar_follows_a_robot_that_moves_sideways_by_itself():
     frames, poses = drive([SE2(0.04)] * 55 + [SE2(0.0, 0.03, 0.0)] * 20)
     off = off_after(frames, poses)
     assert math.hypot(off.x_m, off.y_m) < 0.05
-    assert abs(off.yaw_rad) < 0.02
-
-
-def test_planar_learns_an_axle_that_nobody_measured():
-    """The mount has no lever arm, so the base is below the lens; the robot turns about a point 0.3 m behind that."""
-    camera = FloorCamera(CAMERA.intrinsics, replace(CAMERA.mount, forward_m=0.0))
-    _, poses = drive([SE2(0.3).inverse() @ SE2(0.01, 0.0, 0.06) @ SE2(0.3)] * 100)
-    frames = [Frame(index, index / 10, seen_by(camera, pose)) for index, pose in enumerate(poses)]
-    off = off_after(frames, poses, camera=camera)
-    assert math.hypot(off.x_m, off.y_m) < 0.04
     assert abs(off.yaw_rad) < 0.02
 
 
@@ -151,26 +135,6 @@ def test_what_an_imu_learns_of_its_tilt_is_no_motion(pitch_rad, roll_rad):
     assert abs(error.yaw_rad) < 0.03
 
 
-def test_planar_counts_lengths_in_the_unit_of_its_platform(monkeypatch):
-    """The same pictures eight times as high above a floor eight times as large, on a car: the same motions in units of
-    8 m. On wheels from the first motion on: the path without nodding that shows it is counted in metres of the road, so
-    the larger one shows it eight times as soon."""
-    made = CornerTracker.__init__  # a car's corners are not refined by detail
-    monkeypatch.setattr(
-        CornerTracker, "__init__", lambda self, camera, rule, _, returning: made(self, camera, rule, False)
-    )
-    height_m, forward_m = 8.0 * CAMERA.mount.height_m, 8.0 * CAMERA.mount.forward_m
-    high = FloorCamera(
-        CAMERA.intrinsics, replace(CAMERA.mount, height_m=height_m, forward_m=forward_m, platform=Platform.CAR)
-    )
-    rule = PlanarRule(carried=CarriedRule(steady_m=(0.0, 0.0)))
-    small, large = PlanarOdometry(CAMERA, rule), PlanarOdometry(high, rule)
-    for frame in drive(MOTIONS["left arc"])[0]:
-        found, larger = small.step(frame, {}), large.step(frame, {})
-        np.testing.assert_allclose(larger.motion.vector(), found.motion.vector() * [8.0, 8.0, 1.0])
-        np.testing.assert_allclose(larger.covariance, found.covariance * np.outer([8, 8, 1], [8, 8, 1]))
-
-
 @pytest.mark.parametrize("first", [300, 400])
 def test_planar_starts_in_a_car_that_drives(shared_data, first):
     """KITTI 00 at 6 and 8 m/s: taken for a room's, all but the floor is 5 m away, and the car drives 1 m/s."""
@@ -188,13 +152,6 @@ def test_planar_starts_in_a_car_that_drives(shared_data, first):
                 pose = pose @ odometry.step(frame, {}).motion
         true = start.inverse() @ source.truth.at(frame.stamp_s)
     assert math.hypot(pose.x_m - true.x_m, pose.y_m - true.y_m) < 0.25 * math.hypot(true.x_m, true.y_m)
-
-
-@pytest.mark.parametrize("odometry", [PlanarOdometry(CAMERA), WindowOdometry(CAMERA)])
-def test_a_gyro_whose_bias_was_learnt_in_motion_is_denied(odometry):
-    frames, poses = drive(MOTIONS["straight"])
-    off = off_after(frames, poses, odometry=odometry, priors=with_gyro(poses, 0.03, 0.0003))
-    assert abs(off.yaw_rad) < 0.06  # 0.03 in every step
 
 
 def test_a_gyro_tells_a_carried_cameras_yaw_while_its_tilt_is_unknown():
@@ -261,57 +218,6 @@ def test_planar_is_less_sure_where_part_of_the_picture_moves_by_itself():
     assert traces[1] > 1.3 * traces[0]
 
 
-def test_the_hybrid_takes_planars_covariance_four_times():
-    """Its NEES is about 6 where 3 is consistent, and its errors last."""
-    bundle = load_bundle(bundle_folder("edgemap-nano"))
-    alone = replace(bundle, manifest=msgspec.structs.replace(bundle.manifest, odometry={}))
-    camera = cast(Camera, SimpleNamespace(wheel=None, name="made"))
-    rules = OdometryRules(coasting=CoastingRule(acceleration_m_s2=(1e6, 1e6)))
-    hybrid, planar = open_odometry("hybrid", alone, camera, CAMERA, rules=rules), PlanarOdometry(CAMERA)
-    frames, _ = drive(MOTIONS["left arc"])
-    for frame in frames:
-        fused, own = hybrid.step(frame, {}), planar.step(frame, {})
-    assert fused.motion.vector() == pytest.approx(own.motion.vector())
-    assert fused.covariance == pytest.approx(4.0 * own.covariance)
-
-
-def test_planar_bridges_a_picture_that_is_missing():
-    frames, poses = drive([SE2(0.04 + 0.002 * k, 0, 0.01) for k in range(8)])
-    odometry, pose = PlanarOdometry(CAMERA), SE2()
-    for frame in frames:
-        motion = (
-            odometry.step_blind(frame.stamp_s, made("black", FaultKind.DARK))
-            if frame.index == 5
-            else odometry.step(frame, {})
-        )
-        assert motion.blind == (frame.index == 5)
-        pose = pose @ motion.motion
-    error = pose.inverse() @ poses[-1]
-    assert math.hypot(error.x_m, error.y_m) < 0.02
-    assert abs(error.yaw_rad) < 0.01
-
-
-def test_planar_does_not_look_for_corners_of_long_ago():
-    frames, _ = drive(MOTIONS["straight"][:6])
-    odometry = PlanarOdometry(CAMERA)
-    odometry.step(frames[0], {})
-    for k in range(20):
-        odometry.step_blind(0.1 + k / 10, made("black", FaultKind.DARK))
-    again = [odometry.step(Frame(9, 2.1 + k / 10, frames[1 + k].image), {}) for k in range(3)]
-    assert [motion.blind for motion in again] == [True, False, False]
-    assert again[2].motion.x_m == pytest.approx(0.04, abs=0.004)
-
-
-def test_planar_is_deterministic():
-    frames, _ = drive(MOTIONS["left arc"][:6])
-
-    def run():
-        odometry = PlanarOdometry(CAMERA)
-        return [odometry.step(frame, {}).motion for frame in frames]
-
-    assert run() == run()
-
-
 @pytest.fixture
 def paper_step(tmp_path):
     """paper_step(window) -> an odometry of the painted head and a call that steps it."""
@@ -365,20 +271,6 @@ def test_flow_at_three_times_the_rate_adds_up_to_the_same_motion():
     assert np.abs(rarely[:, 0]).max() > 0.02
 
 
-def test_a_head_trained_on_one_camera_knows_it_and_its_like():
-    manifest = load_bundle(bundle_folder("edgemap-nano"), 1).manifest
-    lens = CAMERA.intrinsics
-    rays = lens.rays([(0.0, lens.cy), (lens.width - 1.0, lens.cy)])[:, 0]
-    view_deg = round(math.degrees(math.atan(rays[1]) - math.atan(rays[0])), 2)
-    own = {"height_m": (0.6, 0.6), "pitch_deg": (-0.0, -0.0), "horizontal_view_deg": (view_deg, view_deg)}
-    found = [
-        outside_envelope(msgspec.structs.replace(manifest, envelope=own), FloorCamera(lens, Mount(height_m, 1e-5)))
-        for height_m in (0.6, 0.62, 0.7)
-    ]
-    assert found[:2] == ["", ""]
-    assert "height_m 0.70 (trained on 0.6 to 0.6)" in found[2]
-
-
 @pytest.mark.parametrize(
     ("height_m", "pitch_deg", "platform", "heads"),
     [(0.6, 11.5, Platform.ROBOT, 1), (1.65, 0.0, Platform.CAR, 0), (1.65, 0.0, Platform.ROBOT, 0)],
@@ -393,13 +285,6 @@ def test_a_room_s_head_is_left_out_on_a_road_and_on_a_head(height_m, pitch_deg, 
     assert names.count("flow") == heads
     assert names[0] == "planar"
     assert bool(warning) == (platform is Platform.CAR)
-
-
-def test_a_car_accelerates_as_many_times_more_as_its_unit_is_longer():
-    rule = CoastingRule(speed_sigma_m_s=0.35, acceleration_m_s2=(2.0, 20.0)).of_unit(8.0)
-    assert rule.speed_sigma_m_s == pytest.approx(2.8)
-    assert rule.acceleration_m_s2 == (16.0, 160.0)
-    assert rule.yaw_rate_sigma_rad_s == CoastingRule().yaw_rate_sigma_rad_s
 
 
 def test_an_untrained_head_is_refused(tmp_path):
@@ -441,45 +326,6 @@ def test_where_a_recording_says_nothing_no_pose_is_made_up(stamps, poses, frames
     for before, now, step in zip(frames, frames[1:], steps[1:], strict=False):
         if not step.blind:
             assert step.motion.x_m == pytest.approx(now - before)
-
-
-@pytest.mark.parametrize("poses", [Trajectory(np.arange(300) / 10.0, (SE2(),) * 300), GrowingTrack()])
-def test_wheels_that_a_program_gives_have_a_short_name_in_faults(poses):
-    assert re.fullmatch("(300|given) poses", str(poses))
-
-
-def test_tum_lines_come_back(tmp_path):
-    poses = [SE2(0.1 * i, -0.2 * i, 0.9 * i) for i in range(8)]
-    text = "# stamp x y z qx qy qz qw\n" + "".join(tum_line(i / 10, pose) for i, pose in enumerate(poses))
-    (tmp_path / "a.tum").write_text(text)
-    read = read_tum(tmp_path / "a.tum")
-    for expected, found in zip(poses, read.poses, strict=True):
-        np.testing.assert_allclose((expected.inverse() @ found).vector(), 0, atol=1e-5)
-
-
-@pytest.mark.parametrize(
-    ("text", "message"),
-    [
-        ("", "no rows of numbers"),
-        ("0 1 2 3\n", ":1: expected 8 finite numbers"),
-        ("0 0 0 0 0 0 0 1\n1 nan 0 0 0 0 0 1\n", ":2: expected 8 finite"),
-        ("1 0 0 0 0 0 0 1\n0 0 0 0 0 0 0 1\n", "strictly increasing"),
-    ],
-)
-def test_a_damaged_tum_file_is_one_line(tmp_path, text, message):
-    (tmp_path / "a.tum").write_text(text)
-    with pytest.raises(OdometryError, match=message):
-        read_tum(tmp_path / "a.tum")
-
-
-def test_corners_are_refined_where_large_structures_count_half():
-    """A step of 100 grey levels keeps half of its height; a dot of 40 keeps it above what is around it."""
-    picture = np.full((240, 320), 60, np.uint8)
-    picture[:, 160:] = 160
-    picture[100, 60] += 40
-    found = Picture(picture).detail.astype(int)
-    assert found[50, 260] - found[50, 60] == 50
-    assert found[100, 60] - found[100, 70] == 40
 
 
 def over_a_table(frames, poses, columns=264):

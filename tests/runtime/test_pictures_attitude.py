@@ -17,9 +17,7 @@ from edgemap.evaluation.trajectory import attitude_figures
 from edgemap.geometry.camera.attitude import Attitude, TrackedRotation
 from edgemap.geometry.camera.carried import Carried
 from edgemap.geometry.camera.inertial import rotation_of
-from edgemap.geometry.camera.level import pitch_roll, up_optical
 from edgemap.geometry.camera.mount import Mount
-from edgemap.geometry.camera.tilt import Tilt
 from edgemap.runtime.frames.frame import Frame
 from edgemap.runtime.inputs.cameras.pictures import drive_camera
 from edgemap.runtime.inputs.drives import open_drive
@@ -79,22 +77,6 @@ def test_a_nodding_robot_is_followed_about_its_mount():
     assert 0.5 < figures["nees"] < 4.0
 
 
-def test_a_rotation_carries_up_and_its_covariance():
-    up = up_optical(0.3, 0.1)
-    swing = rotation_of(np.array([[0.02, 0.3, -0.01]]))[0]
-    tilt = Tilt.about(up, 0.02).corrected(up_optical(0.31, 0.1), 0.02)
-    assert tilt.sigma_rad() == pytest.approx(0.02 / math.sqrt(2.0), rel=1e-3)
-    turned = tilt.rotated(TrackedRotation(swing, 0.0))
-    assert swing @ turned.up == pytest.approx(tilt.up, abs=1e-12)
-    assert turned.sigma_rad() == pytest.approx(tilt.sigma_rad())
-    random = np.random.default_rng(2)
-    spread = np.array(
-        [Attitude.of_up(turned.up + e, np.eye(2), "").roll_rad for e in
-         random.multivariate_normal(np.zeros(3), turned.covariance, 4000)]
-    )  # fmt: skip
-    assert turned.angles_covariance()[0, 0] == pytest.approx(spread.var(), rel=0.1)
-
-
 @pytest.mark.skipif(not WALK.is_dir(), reason=f"{WALK}: no recorded walk")
 def test_a_real_walk_is_seen_level_without_an_imu():
     drive = open_drive(f"c2w:{WALK}")
@@ -108,24 +90,3 @@ def test_a_real_walk_is_seen_level_without_an_imu():
     figures = attitude_figures(*zip(*told, strict=True))
     assert figures["pitch_rms_deg"] < 0.3 * mount["pitch_rms_deg"]
     assert 0.15 < figures["nees"] < 6.0  # 0.33
-
-
-def test_pictures_whose_rotation_nobody_told_are_not_put_together():
-    """With an IMU nobody tells the rotation by corners: the room's direction is of one picture alone."""
-    rng, source = np.random.default_rng(0), PicturesAttitude(MOUNT)
-    source.update(None)
-    found = []
-    for yaw in (0.0, 30.0):
-        source.begin_edges()
-        normals, lengths = room_edges(math.degrees(MOUNT.pitch_rad), 0.0, rng)
-        turned = rotation_of(math.radians(yaw) * up_optical(MOUNT.pitch_rad, 0.0)[None])[0]
-        found.append(math.degrees(source.see_edges(normals @ turned.T, lengths).level_rad))
-    assert (found[1] - found[0] - 30.0 + 45.0) % 90.0 - 45.0 == pytest.approx(0.0, abs=1.5)
-
-
-def test_what_lies_far_beyond_the_gate_weighs_little():
-    """Tilt and observation are known to 0.02 rad and 0.1 rad apart, 3.54 standard deviations of their difference: half
-    of it is believed, with a gate of one 0.0004 / (0.0008 + 11.5 * 0.0004)."""
-    tilt, off = Tilt.about(up_optical(0.0, 0.0), 0.02), up_optical(0.1, 0.0)
-    for gate, share in ((math.inf, 0.5), (1.0, 0.0741), (4.0, 0.5)):
-        assert pitch_roll(tilt.corrected(off, 0.02, gate).up)[0] == pytest.approx(0.1 * share, rel=0.02)

@@ -15,12 +15,9 @@ from edgemap.geometry.se2 import SE2
 from edgemap.runtime.frames.errors import CameraError, RunFolderError
 from edgemap.runtime.frames.frame import Frame
 from edgemap.runtime.frames.trajectory import Trajectory, read_tum
-from edgemap.runtime.motion.height_check import HeightCheck
-from edgemap.runtime.motion.odometry.protocol import NO_PRIOR
 from edgemap.runtime.motion.odometry.recorded import RecordedOdometry
 from edgemap.runtime.network.bundle import load_bundle
 from edgemap.runtime.outputs.sinks.run_folder import RunFolder
-from edgemap.runtime.step import pipeline as pipelines
 from edgemap.runtime.step.loop import run
 from edgemap.runtime.step.map_file import load_map
 from edgemap.runtime.step.mapper import Mapper
@@ -48,42 +45,11 @@ def pipeline(bundle, paper=None, poses=None):
     return SemanticSlam(Pipeline(bundle, FLOOR, RecordedOdometry(trajectory, "test")), Mapper(paper=paper))
 
 
-class Told(RecordedOdometry):
-    """Remembers where it was told that people are."""
-
-    def step(self, frame, features, prior=NO_PRIOR):
-        self.movers = prior.movers
-        return super().step(frame, features, prior)
-
-
-def test_odometry_is_told_where_people_are(bundle):
-    odometry = Told(Trajectory(np.arange(3) / 10, (SE2(),) * 3), "test")
-    Pipeline(bundle, FLOOR, odometry).step(Frame(0, 0.0, noise(0)))
-    np.testing.assert_allclose(odometry.movers, [[6.0, 30.0, 14.0, 50.0]], atol=0.5)
-
-
 def test_a_picture_that_is_not_searched_shows_no_worktop(bundle):
     front = Pipeline(bundle, FLOOR, RecordedOdometry(Trajectory(np.arange(3) / 10, (SE2(),) * 3), "test"))
     front.step(Frame(0, 0.0, noise(0)))
     dark = front.step(Frame(1, 0.1, np.zeros((64, 64, 3), np.uint8)))
     assert (dark.searched, dark.worktop) == (False, False)
-
-
-def test_the_height_is_judged_with_the_knowledge_of_depth(bundle, monkeypatch):
-    """Depth measures lengths: the scale of a guessed height stays."""
-    seen = []
-
-    class Judge(HeightCheck):
-        def judge(self, *arguments):
-            seen.append(arguments[-1])
-            return super().judge(*arguments)
-
-    monkeypatch.setattr(pipelines, "HeightCheck", Judge)
-    still = RecordedOdometry(Trajectory(np.arange(3) / 10, (SE2(),) * 3), "test")
-    front = Pipeline(bundle, FLOOR, still, guessed_height=0.1)
-    for index, depth in enumerate((None, np.ones((64, 64), np.float32))):
-        front.step(Frame(index, index / 10, noise(index), depth=depth))
-    assert seen == [False, True]
 
 
 @pytest.mark.parametrize("paper", [None, PaperMap()])
@@ -97,27 +63,6 @@ def test_one_chair_seen_ten_times_is_one_object_where_geometry_says(bundle, pape
     # A chair that looks wide, 0.86 m or more: its middle is 0.13 + 0.23 * 0.86 m behind its lower edge.
     assert np.linalg.norm(chair.position_m) == pytest.approx(np.hypot(5.0, 0.8) + 0.328, abs=0.01)
     assert chair.position_m[1] < 0
-
-
-def test_stages_stand_in_the_order_of_the_step(bundle):
-    result = pipeline(bundle).step(Frame(0, 0.0, noise(0)))
-    stages = [
-        "health",
-        "attitude",
-        "rest",
-        "preprocess",
-        "backbone",
-        "decode",
-        "floor_mask",
-        "odometry",
-        "floor",
-        "height",
-        "closure",
-        "map",
-        "grid",
-        "relocalisation",
-    ]
-    assert list(result.stages_ms) == stages
 
 
 def test_the_first_pose_is_the_origin_and_motion_adds_up(bundle):
@@ -177,12 +122,6 @@ def test_stop_ends_the_run_after_the_frame_in_hand(bundle, tmp_path):
     stop = threading.Event()
     camera = memory(50, lambda index: stop.set() if index == 4 else None)
     assert run(camera, pipeline(bundle), [RunFolder(tmp_path / "run", FLOOR, {})], stop=stop) == 5
-
-
-def test_a_second_run_never_overwrites_the_first(bundle, tmp_path):
-    run(memory(2), pipeline(bundle), [RunFolder(tmp_path / "run", FLOOR, {})])
-    with pytest.raises(RunFolderError, match="already holds a run"):
-        RunFolder(tmp_path / "run", FLOOR, {})
 
 
 def test_the_same_frames_give_the_same_map_byte_for_byte(bundle, tmp_path):

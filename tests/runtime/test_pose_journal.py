@@ -55,38 +55,12 @@ def test_a_long_drive_keeps_few_poses_and_its_files_are_as_known_now(monkeypatch
         assert np.percentile(off, 90) < 0.2 * moved_m.max()
 
 
-def test_writing_again_changes_nothing(tmp_path):
-    way = round_trip(200)
-    mapper, folder = Mapper(closes_loops=True), RunFolder(tmp_path / "run", FLOOR, {})
-    for result, objects in drive(mapper, ROOM, way, drifting(way), 0):
-        folder.write(result, objects)
-    folder.close()
-    files = [tmp_path / "run" / name for name in ("trajectory.tum", "sightings.jsonl")]
-    before, rounding = told(tmp_path / "run"), 2e-4  # of base_m in the file
-    rewriting.rewrite(files[0], files[1], mapper.trajectory)
-    for first, again in zip(before, told(tmp_path / "run"), strict=True):
-        np.testing.assert_allclose(again, first, atol=rounding)
-
-
 def test_a_stamp_that_a_file_has_rounded_down_is_still_that_poses():
     journal, stamps = PoseJournal(), [1.7e9 + k / 3 for k in range(10)]
     for k, stamp_s in enumerate(stamps):
         journal.append(stamp_s, SE2(float(k), 0.0, 0.0))
     written = [float(f"{stamp_s - 3e-7:.6f}") for stamp_s in stamps]
     assert journal.at(written)[:, 0] == pytest.approx(range(10))
-
-
-def test_of_the_older_half_every_second_pose_is_kept(monkeypatch):
-    monkeypatch.setattr(pose_journal, "MAXIMUM", 64)
-    journal = PoseJournal()
-    for k in range(65):
-        journal.append(k / 10, SE2(float(k), 0.0, 0.0))
-    stamps = journal.stamps_s
-    assert len(journal) == 16 + 32 + 1
-    assert np.diff(stamps[:16]) == pytest.approx(0.2, abs=0.11)
-    assert np.diff(stamps[16:]) == pytest.approx(0.1)
-    assert (np.diff(stamps) > 0.0).all()
-    assert journal.at(stamps)[:, 0] == pytest.approx(10.0 * stamps)
 
 
 def test_a_correction_counts_from_the_next_question_on():

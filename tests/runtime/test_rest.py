@@ -14,7 +14,6 @@ from edgemap.geometry.camera.floor import FloorCamera
 from edgemap.geometry.camera.intrinsics import Intrinsics
 from edgemap.geometry.camera.mount import Mount
 from edgemap.geometry.se2 import SE2
-from edgemap.runtime.frames.faults import Fault, FaultKind
 from edgemap.runtime.frames.frame import Frame
 from edgemap.runtime.frames.trajectory import Trajectory
 from edgemap.runtime.inputs.open import open_camera
@@ -85,41 +84,6 @@ def test_a_person_who_walks_by_wakes_it_and_a_change_of_exposure_does_not(pictur
     assert all(found[10:25])
     assert not any(found[25:40])
     assert found[40]
-
-
-def test_a_plain_wall_shows_no_rest_to_the_camera_alone():
-    wall = [noisy(np.full((480, 640, 3), 120), seed) for seed in range(40)]
-    assert not any(judged(wall))
-    assert all(judged(wall, still=True)[1:])
-
-
-@pytest.mark.parametrize(
-    ("speed_m_s", "still", "yaw_rad", "frozen"),
-    [(0.6, None, 0.0, True), (0.6, False, 0.0, True), (0.6, True, 0.0, False), (0.2, None, 0.0, False),
-     (0.2, False, 0.0, False), (0.0, False, 0.03, True)],
-)  # fmt: skip
-def test_a_picture_that_stands_still_though_the_robot_cannot_have_is_frozen(
-    pictures, speed_m_s, still, yaw_rad, frozen
-):
-    """At 10 Hz no robot stops from 0.6 m/s within a frame; from 0.2 m/s it may, or its wheels slip."""
-    monitor, moved = RestMonitor(), (SE2(0.1 * speed_m_s), np.diag([1e-6, 1e-6, 1e-6]))
-    turned, health = rotation(yaw_rad).rotation if yaw_rad else None, GOOD
-    for index in range(40):
-        frame = Frame(index, index / 10, noisy(pictures[min(index, 4)], index))
-        _, health = monitor.judge(frame, GOOD, still if index > 4 else False, moved, turned)
-    assert (health.blindness is not None and health.blindness.kind is FaultKind.FROZEN) == frozen
-    for index in (40, 41):
-        frame = Frame(index, index / 10, noisy(pictures[index], index))
-        assert monitor.judge(frame, GOOD, None, moved) == (False, GOOD)
-
-
-@pytest.mark.parametrize(("kind", "after"), [(FaultKind.REPEATED, True), (FaultKind.COVERED, False)])
-def test_a_repeated_picture_changes_nothing_and_one_that_shows_nothing_begins_again(pictures, kind, after):
-    monitor = RestMonitor()
-    for index in range(30):
-        monitor.judge(Frame(index, index / 10, noisy(pictures[0], index)), GOOD, None)
-    assert not monitor.judge(Frame(30, 3.0, noisy(pictures[0], 29)), PictureHealth(Fault(kind, "why")), None)[0]
-    assert monitor.judge(Frame(31, 3.1, noisy(pictures[0], 31)), GOOD, None)[0] is after
 
 
 @pytest.mark.parametrize("folder", ["hololens/image", "lounge/image", "redkitchen", "kitti00"])

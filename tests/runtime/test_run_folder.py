@@ -13,7 +13,6 @@ from edgemap.geometry.camera.floor import FloorCamera
 from edgemap.geometry.camera.intrinsics import Intrinsics
 from edgemap.geometry.camera.mount import Mount
 from edgemap.geometry.se2 import SE2
-from edgemap.runtime.frames.disk import LineFile, write_atomically
 from edgemap.runtime.frames.errors import DiskError, RunFolderError
 from edgemap.runtime.frames.faults import FaultKind
 from edgemap.runtime.motion.odometry.protocol import Motion
@@ -148,27 +147,6 @@ def test_a_folder_that_vanishes_is_made_again_where_its_place_is_there(tmp_path)
     files.close()
     assert [objects.label for objects in load_map(place / "run")] == ["chair", "couch"]
     assert stamps(place / "run")[-1] == pytest.approx(4.4)
-
-
-def test_an_atomic_write_leaves_nothing_behind(small_disk):
-    path = small_disk / "map.json"
-    write_atomically(path, "old")
-    with pytest.raises(DiskError, match="No space left"):
-        write_atomically(path, bytes(1 << 20))
-    assert path.read_text() == "old"
-    assert list(small_disk.iterdir()) == [path]
-
-
-def test_lines_are_dropped_from_the_oldest_on(tmp_path, monkeypatch):
-    monkeypatch.setattr("edgemap.runtime.frames.disk.MAX_WAITING", 3)
-    lines = LineFile(tmp_path / "gone" / "lines")
-    for i in range(5):
-        lines.append(f"{i}\n")
-    with pytest.raises(DiskError):
-        lines.flush()
-    (tmp_path / "gone").mkdir()
-    lines.flush()
-    assert (lines.path.read_text(), lines.dropped) == ("2\n3\n4\n", 2)
 
 
 def test_without_frames_the_pose_goes_on_the_covariance_grows_and_the_map_stays():

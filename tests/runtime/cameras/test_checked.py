@@ -11,12 +11,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from support.live_camera import drain, picture, scripted
 
-import edgemap
 from edgemap.geometry.camera.imu import ImuSamples
-from edgemap.geometry.camera.intrinsics import Intrinsics
-from edgemap.geometry.camera.mount import Mount
 from edgemap.runtime.frames import plugins
-from edgemap.runtime.frames.camera import Camera, Picture
 from edgemap.runtime.frames.errors import CameraError, CameraFault, CameraState, FrameTimeout
 from edgemap.runtime.frames.frame import Frame
 from edgemap.runtime.inputs.cameras.checked import FAILURES, CheckedCamera
@@ -46,39 +42,6 @@ def test_a_grab_that_is_no_picture_is_one_fault(returned):
     assert len(frames) == 20
     assert [fault.kind.value for fault in told if not fault.kind.notice] in (["format"], ["size"])
     assert camera.state is CameraState.RUNNING
-
-
-@pytest.mark.parametrize("stamp", NO_STAMPS, ids=repr)
-def test_a_grab_with_no_stamp_is_one_fault_and_a_frame(stamp):
-    camera, _, _ = scripted({number: (stamp, picture(200 + number)) for number in (5, 6, 7)})
-    told = []
-    frames = drain(camera, 20, told)
-    assert [fault.kind.value for fault in told] == ["stamp"]
-    assert (np.diff([frame.stamp_s for frame in frames]) > 0.0).all()
-
-
-@pytest.mark.parametrize("depth", NO_DEPTHS, ids=repr)
-def test_a_depth_that_is_none_is_one_fault_and_a_frame_without(depth):
-    camera, _, clock = scripted()
-    script = {n: Picture(clock() - 900.0 + 0.1 * (n + 1), picture(200 + n), depth) for n in (5, 6, 7)}
-    camera, _, _ = scripted(script)
-    told = []
-    assert all(frame.depth is None for frame in drain(camera, 20, told))
-    assert [fault.kind.value for fault in told] == ["format"]
-
-
-@pytest.mark.filterwarnings("error")
-def test_depth_beyond_float32_is_unknown_without_a_warning():
-    camera, _, _ = scripted({5: Picture(100.6, picture(200), np.full((4, 6), 1e308))})
-    frame = next(frame for frame in drain(camera, 20) if frame.depth is not None)
-    assert not frame.depth.any()
-
-
-def test_depth_that_is_no_distance_is_unknown():
-    depth = np.array([[math.nan, math.inf, -1.0, 0.0, 1.0, 2.0]] * 4)
-    camera, _, _ = scripted({5: Picture(100.6, picture(200), depth)})
-    frame = next(frame for frame in drain(camera, 20) if frame.depth is not None)
-    assert (frame.depth.dtype, frame.depth[0].tolist()) == (np.float32, [0.0, 0.0, 0.0, 0.0, 1.0, 2.0])
 
 
 @settings(deadline=None, max_examples=60)
@@ -222,26 +185,3 @@ def open_plugin(monkeypatch, given_by):
 def test_a_plugin_that_gives_no_camera_is_one_line(monkeypatch, given_by):
     with pytest.raises(CameraError, match="lab"):
         open_plugin(monkeypatch, given_by)
-
-
-def test_a_run_over_a_plugins_camera_goes_on_past_every_fault(monkeypatch):
-    random = np.random.default_rng(0)
-    image = random.integers(0, 255, (96, 128, 3), np.uint8)
-    lens = Intrinsics(128, 96, 120.0, 120.0, 64.0, 48.0)
-    frames = [Frame(n, 0.1 * n, np.roll(image, n, axis=1)) for n in range(8)]
-    object.__setattr__(frames[2], "stamp_s", None)
-    object.__setattr__(frames[4], "depth", [[1.0]])
-    returned = [*frames[:3], "text", ValueError("?"), *frames[3:]]
-    source = Theirs(returned, size=(128, 96), intrinsics=lens, mount=Mount(0.6, 0.2))
-    with edgemap.open(source, odometry="planar") as session:
-        results = list(session)
-    assert len(results) == 8
-    assert [fault.kind.value for result in results for fault in result.faults] == [
-        "stamp",
-        "format",
-        "failed",
-        "format",
-    ]
-    camera = open_plugin(monkeypatch, lambda: Theirs(frames, size=(128, 96), intrinsics=lens))
-    assert isinstance(camera, CheckedCamera)
-    assert isinstance(camera, Camera)

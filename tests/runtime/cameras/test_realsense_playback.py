@@ -39,26 +39,6 @@ def test_every_frame_comes_back_bit_exact_in_order(realsense_recording):
         np.testing.assert_array_equal(frame.image[..., ::-1], picture)
 
 
-def test_a_slow_reader_loses_nothing(realsense_recording):
-    import time
-
-    path, _, stamps = realsense_recording
-    with open_camera(f"realsense:{path}") as camera:
-        read = []
-        while (frame := camera.read()) is not None:
-            read.append(frame.stamp_s)
-            time.sleep(0.05 if len(read) < 20 else 0.0)  # slower than the recorded 30 Hz
-    np.testing.assert_allclose(read, stamps, atol=1e-6)
-
-
-def test_closing_half_way_returns(realsense_recording):
-    camera = open_camera(f"realsense:{realsense_recording[0]}")
-    assert camera.read().index == 0
-    camera.close()
-    camera.close()
-    assert camera.read() is None
-
-
 def test_distortion_is_carried_over(tmp_path):
     coefficients = (-0.055, 0.064, 0.0009, -0.0006, -0.021)
     picture = np.zeros((480, 640, 3), np.uint8)
@@ -74,13 +54,6 @@ def test_a_lens_that_is_not_brown_conrady_is_refused(tmp_path):
     path = record_realsense(tmp_path / "f.db3", [picture] * 2, [0.0, 0.1], model=model, coefficients=coefficients)
     with pytest.raises(CameraError, match=r"kannala_brandt4 with coefficients \[0.1, .* not supported"):
         open_camera(f"realsense:{path}")
-
-
-def test_bgr_recordings_come_back_unchanged(tmp_path):
-    picture = np.random.default_rng(1).integers(0, 256, (480, 640, 3), dtype=np.uint8)
-    path = record_realsense(tmp_path / "b.db3", [picture], [5.0], stream_format=rs.format.bgr8)
-    with open_camera(f"realsense:{path}") as camera:
-        np.testing.assert_array_equal(camera.read().image, picture)
 
 
 def test_yuyv_recordings_are_converted(tmp_path):

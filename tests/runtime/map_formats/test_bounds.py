@@ -10,8 +10,7 @@ from support.rooms import mapped
 
 from edgemap.geometry.errors import MapError
 from edgemap.geometry.objects.annotations import Annotations, Zone
-from edgemap.geometry.objects.merge import merge_maps
-from edgemap.geometry.registration.alignment import Alignment, AlignmentError, align
+from edgemap.geometry.registration.alignment import AlignmentError, align
 from edgemap.geometry.se2 import SE2
 from edgemap.runtime.frames.trajectory import Trajectory
 from edgemap.runtime.outputs.map_formats.drawing import DrawnMap, draw_map
@@ -68,16 +67,6 @@ def test_the_other_exporters_are_bounded_too(tmp_path):
     assert len(report_page(document)) < 4 << 20
     with pytest.raises(AlignmentError, match="too large to compare"):
         align(objects, objects)
-
-
-def test_equal_names_of_shapes_cost_no_square():
-    assert vector_text([*mapped([("a!" * (k % 7), 0.0, 0.0) for k in range(3000)])]).count("circle") == 3000
-
-
-def test_merging_a_thousand_with_a_thousand_is_no_square_of_python():
-    objects = many(1000)
-    merged, became = merge_maps(objects, objects, Alignment.exact(SE2()))
-    assert (len(merged), len(became)) == (1000, 1000)
 
 
 def test_objects_and_zones_are_two_namespaces():

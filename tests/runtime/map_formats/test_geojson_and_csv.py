@@ -87,14 +87,6 @@ def test_a_name_that_a_person_gave_is_a_column_of_every_line():
     assert rows[0]["confirmed"] == "True"
 
 
-@pytest.mark.parametrize("text", ['=HYPERLINK("http://x")', "@SUM(1)", "+1", "-1", "\tx", "＝1"])
-def test_no_text_of_a_map_is_a_formula_of_a_spreadsheet(text):
-    odd = [replace(ROOM[0], id=text, label=text, name=text)]
-    (row,) = csv.DictReader(csv_text(odd).splitlines())
-    assert {row["id"], row["label"], row["name"]} == {f"'{text}"}
-    assert row["y_m"] == "-2.0"
-
-
 def test_the_table_says_in_which_zones_an_object_is():
     square = ((0.0, -1.0), (2.0, -1.0), (2.0, 1.0), (0.0, 1.0))
     zones = [Zone("zone-1", "hall", square), Zone("zone-2", "=now()", square)]

@@ -153,13 +153,6 @@ def test_uuids_stay_with_the_object_and_differ_between_places():
     assert set(uuids(before, "cellar")).isdisjoint(uuids(before))
 
 
-def test_names_never_collide_and_an_empty_map_has_no_untyped_list():
-    room = mapped([("potted plant", 0.0, 0.0), ("potted-plant", 1.0, 0.0), ("4 poster", 2.0, 0.0)])
-    parameters = yaml.safe_load(vector_text(room))["vector_object_server"]["ros__parameters"]
-    assert parameters["shapes"] == ["potted_plant_1", "potted_plant_1_2", "object_4_poster_1"]
-    assert "shapes" not in yaml.safe_load(vector_text([]))["vector_object_server"]["ros__parameters"]
-
-
 HALL = Zone("zone-1", "hall", ((0.0, 0.0), (4.0, 0.0), (4.0, 2.0), (0.0, 2.0)))
 STAIRS = Zone("zone-2", "stairs", ((3.0, 1.0), (5.0, 1.0), (5.0, 3.0)))
 
