@@ -156,7 +156,7 @@ class Checked:
         if result.correction is not None:
             assert _missing(self._before, objects, result.merged) == []
         self._stamp_s, self._before, self.steps = result.frame.stamp_s, objects, self.steps + 1
-        self.faults += result.observed.faults
+        self.faults += map(str, result.observed.faults)
 
     def end(self) -> list[MapObject]:
         """The map, after it was written and read."""
