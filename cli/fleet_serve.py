@@ -21,7 +21,7 @@ def command(
     ] = None,
     every: Annotated[float, arg(metavar="S", help="Seconds between two merges.")] = 2.0,
 ) -> None:
-    """Keep one map of a place from the latest map of each robot that runs with `--fleet PLACE`, until Ctrl-C.
+    """Keep one map of a place from the latest map of each robot that runs with `--sink fleet:PLACE`, until Ctrl-C.
 
     DIR/map.json is the merged map, DIR/robots/NAME.json the latest map of each robot. Maps are aligned by their
     objects, as `map merge` does; one that does not fit with certainty stays apart, with the reason, until it does.
@@ -40,7 +40,7 @@ def command(
     with stop_on_signals() as stop:
         keeper = PlaceKeeper(name, out or Path(name), "" if local else router, local, reference)
         print(f"map of {name}: {out or name}/map.json")
-        print(f"robots:  EDGEMAP_ROBOT=NAME edgemap run --fleet {name}@{local or router}", flush=True)
+        print(f"robots:  EDGEMAP_ROBOT=NAME edgemap run --sink fleet:{name}@{local or router}", flush=True)
         printed: set[str] = set()
         try:
             while not stop.wait(every):

@@ -59,14 +59,6 @@ class OutputGroup:
             "default the machine's), EDGEMAP_MQTT_USER and EDGEMAP_MQTT_PASSWORD.",
         ),
     ] = None
-    fleet: Annotated[
-        str | None,
-        arg(
-            metavar="PLACE[@HOST[:PORT]]",
-            help="Send the map and the pose to the keeper of a place (fleet serve), on this machine without HOST "
-            "(extra fleet, docs/fleet.md).",
-        ),
-    ] = None
     ros2: Annotated[
         str | None,
         may_be_left_out("NAME=VALUE,…", ""),
@@ -83,12 +75,13 @@ class OutputGroup:
         tyro.conf.UseAppendAction,
         arg(
             metavar="NAME[:ADDRESS]",
-            help="Send the results to a sink of an installed package (docs/plugins.md); may be repeated.",
+            help="Send the results to a sink of an installed package (docs/plugins.md); may be repeated. "
+            "fleet:PLACE[@HOST[:PORT]]: to the keeper of a place (extra fleet, docs/fleet.md).",
         ),
     ] = ()
 
     def sinks(self) -> dict[str, str]:
         """The sinks that were asked for, by name, each with its address."""
-        named = {"record": self.recording, "mqtt": self.mqtt, "fleet": self.fleet, "ros2": self.ros2}
+        named = {"record": self.recording, "mqtt": self.mqtt, "ros2": self.ros2}
         others = (text.partition(":") for text in self.sink)
         return {name: text for name, text in named.items() if text is not None} | {one[0]: one[2] for one in others}

@@ -125,9 +125,11 @@ class RunOptions:
         sensor_topics(self.camera.topics)
         above_zero(rate=self.camera.rate)
         asked = self.sinks
-        for extra in ("foxglove", "record", "mqtt", "fleet", "ros2"):
+        for extra in ("foxglove", "record", "mqtt", "ros2"):
             if extra in asked:
                 need(extra, f"--{extra}")
+        if "fleet" in asked:
+            need("fleet", "--sink fleet")
         if self.watch.view is not None:
             need("view", "--view")
         if "record" in asked:

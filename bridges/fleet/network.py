@@ -24,7 +24,7 @@ def open_session(connect: str = "", listen: str = "", wait_s: float | None = Non
     """A zenoh session: a router that listens (`127.0.0.1:7447`), or a peer that connects to one and retries. wait_s:
     connect as a client, for this time at most. The file of ZENOH_CONFIG replaces all of this. Raises PublishError, or
     MissingExtraError."""
-    need("fleet", "--fleet")
+    need("fleet", "--sink fleet")
     import zenoh
 
     file = os.environ.get("ZENOH_CONFIG")

@@ -1,4 +1,4 @@
-"""`--fleet`: sends a robot's map and pose to the keeper of its place."""
+"""`--sink fleet:PLACE`: sends a robot's map and pose to the keeper of its place."""
 
 import json
 from pathlib import Path
@@ -67,13 +67,13 @@ class FleetSink(Sink):
 
 
 def open(address: str, run: RunInfo) -> FleetSink:
-    """The sink of `--fleet PLACE[@HOST[:PORT]]`. Raises UsageError, or as the sink does."""
+    """The sink of `--sink fleet:PLACE[@HOST[:PORT]]`. Raises UsageError, or as the sink does."""
     if run.saved is not None and _of_a_fleet(run.saved):
         raise UsageError(
-            f"--map {run.saved} is merged from robots of a fleet: with --fleet what they saw would count twice; go on "
+            f"--map {run.saved} is merged from robots of a fleet: what they saw would count twice; go on "
             "with this robot's own map"
         )
-    place, where = place_and_address(address, "--fleet")
+    place, where = place_and_address(address, "--sink fleet:")
     return FleetSink(place, run.robot, where)
 
 

@@ -87,7 +87,7 @@ def test_pictures_in_such_a_folder_are_a_camera(edgemap, tmp_path):
         ["run", "--camera", f"realsense:{ODD}.db3"],
         ["run", "--bundle", f"b{ODD}", "--frames", "2"],
         ["run", "--mqtt", f"h{ODD}", "--frames", "2", "--out", "o"],
-        ["run", "--fleet", f"127.0.0.1:9/{ODD}", "--frames", "2", "--out", "o"],
+        ["run", "--sink", f"fleet:127.0.0.1:9/{ODD}", "--frames", "2", "--out", "o"],
         ["map", "show", f"{ODD}"],
         ["eval", "odometry", "--data", f"kitti:{ODD}"],
         [f"{ODD}"],

@@ -44,8 +44,8 @@ def test_two_places_their_robots_and_damaged_messages(tmp_path):
         for place, port in ports.items()
     }
     robots = [
-        edgemap(tmp_path, "run", "--frames", "120", "--threads", "1", "--fleet", f"{place}@127.0.0.1:{ports[place]}",
-                "--out", f"run-{robot}", robot=robot)
+        edgemap(tmp_path, "run", "--frames", "120", "--threads", "1",
+                "--sink", f"fleet:{place}@127.0.0.1:{ports[place]}", "--out", f"run-{robot}", robot=robot)
         for place, robot in (("home", "one"), ("home", "two"), ("garden", "three"))
     ]  # fmt: skip
     try:
