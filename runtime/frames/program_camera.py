@@ -61,15 +61,33 @@ def as_picture(given: Any, name: str) -> Picture:
     return given
 
 
-def as_stamp(given: Any, last_s: float, name: str) -> float:
-    """A stamp in seconds after the last one. Raises CameraError."""
-    try:
-        stamp_s = float(given)
-    except (TypeError, ValueError):
-        stamp_s = math.nan
-    if not math.isfinite(stamp_s) or stamp_s <= last_s:
-        raise CameraError(f"{name}={given!r}: expected seconds after the picture before, {last_s}")
-    return stamp_s
+class Stamps:
+    """Checks the stamps of a program's pictures: seconds that rise.
+
+    Milliseconds or nanoseconds show as pauses between all of the first pictures.
+    """
+
+    PAUSE_S, PAUSES = 10.0, 3  # so long, and so many before any shorter one: no drive's pictures
+
+    def __init__(self) -> None:
+        self._last_s, self._count, self._seconds = -math.inf, 0, False
+
+    def checked(self, given: Any, name: str) -> float:
+        """A stamp in seconds after the last one. Raises CameraError."""
+        try:
+            stamp_s = float(given)
+        except (TypeError, ValueError):
+            stamp_s = math.nan
+        if not math.isfinite(stamp_s) or stamp_s <= self._last_s:
+            raise CameraError(f"{name}={given!r}: expected seconds after the picture before, {self._last_s}")
+        pause_s, self._last_s, self._count = stamp_s - self._last_s, stamp_s, self._count + 1
+        self._seconds |= pause_s <= self.PAUSE_S
+        if not self._seconds and self._count > self.PAUSES:
+            raise CameraError(
+                f"{name}={given!r}: {self.PAUSES} pictures in a row came {pause_s:g} s after the one before; "
+                "stamps are seconds, not milliseconds or nanoseconds"
+            )
+        return stamp_s
 
 
 class FramesCamera(Camera):
@@ -96,12 +114,13 @@ class FramesCamera(Camera):
         self.rate_hz: float | None = DEFAULT_RATE_HZ
         self.frame_count: int | None = len(frames) if hasattr(frames, "__len__") else None  # type: ignore[arg-type]
         self._pictures: Iterator[Any] = chain([first], pictures)
+        self._stamps = Stamps()
 
     def read(self) -> Frame | None:
         """The next picture; None after the last. Raises CameraError for an invalid picture."""
         for given in self._pictures:
             stamp_s, image = _timed(given, self._delivered)
-            stamp_s = as_stamp(stamp_s, self._last_s, f"frames[{self._delivered}][0]")
+            stamp_s = self._stamps.checked(stamp_s, f"frames[{self._delivered}][0]")
             return self.frame(image, stamp_s, f"frames[{self._delivered}]")
         return None
 
@@ -127,13 +146,14 @@ class PushedCamera(Camera):
         super().__init__("pushed pictures", None, as_mount(mount))
         self._given = intrinsics
         self._pending: Frame | None = None
+        self._stamps = Stamps()
         self._track: GrowingTrack | None = None
 
     def give(self, image: Any, stamp_s: float, imu: Any = None, wheels: Any = None) -> None:
         """Sets the picture that `read` returns next; see `Session.push`. Raises CameraError for an invalid one."""
         picture = as_picture(image, "image")
         height, width = picture.shape[:2]
-        stamp_s = as_stamp(stamp_s, self._last_s, "stamp_s")
+        stamp_s = self._stamps.checked(stamp_s, "stamp_s")
         samples, pose = _samples(imu), None if wheels is None else _pose(wheels)
         if self.size == (0, 0):
             self.intrinsics: Intrinsics | None = as_intrinsics(self._given, width, height)

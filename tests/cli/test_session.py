@@ -323,3 +323,18 @@ def test_intrinsics_of_pictures_of_another_size_are_warned_of(painted_bundle):
     half = [picture[:32, :32] for picture in noise(1)]
     with pytest.warns(UserWarning, match="31.5,31.5 is far from the middle of 32x32 px"):
         edgemap_api.open(frames=half, intrinsics=(50.0, 50.0, 31.5, 31.5), mount=(1.0, 40.0), bundle=painted_bundle)
+
+
+@pytest.mark.parametrize("unit", [1e3, 1e6, 1e9])
+def test_stamps_that_cannot_be_seconds_are_refused(unit, painted_bundle):
+    options = {"intrinsics": LENS, "mount": MOUNT, "bundle": painted_bundle}
+    wanted = pytest.raises(CameraError, match="stamps are seconds, not milliseconds")
+    with edgemap_api.open(**options) as session, wanted:
+        for index, picture in enumerate(noise(5)):
+            session.push(picture, 0.1 * index * unit)
+
+
+def test_a_pause_is_no_fault_once_pictures_have_come_in_seconds(painted_bundle):
+    with edgemap_api.open(intrinsics=LENS, mount=MOUNT, bundle=painted_bundle) as session:
+        for picture, stamp_s in zip(noise(6), (0.0, 0.1, 60.0, 120.0, 180.0, 240.0), strict=True):
+            session.push(picture, stamp_s)

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from edgemap.runtime.frames.class_names import COCO_NAMES
+from edgemap.runtime.frames.class_names import COCO_NAMES, read_class_names
 from edgemap.runtime.frames.errors import CameraError
 from edgemap.runtime.frames.reading import read_bytes
 from edgemap.runtime.frames.tables import Column, NumberTable, columns
@@ -19,7 +19,6 @@ from edgemap.runtime.inputs.drives.pictures import list_pictures, read_picture
 from edgemap.runtime.inputs.drives.pose_files import check_count
 from edgemap.runtime.inputs.drives.truth import read_boxes
 
-CLASS_LIMIT = 10_000
 LABEL_SCORE = 0.45  # of a predicted box that is a label; from DOUBT_SCORE on it is neither object nor background
 DOUBT_SCORE = 0.2
 
@@ -35,11 +34,12 @@ SCORED_COLUMNS = 6
 
 
 def read_yolo(folder: Path) -> Drive:
-    """Read labelled pictures; class numbers count lines of `classes.txt`, or are COCO's 80 where there is none.
+    """Read labelled pictures; class numbers are those of `classes.txt` or `data.yaml`, of COCO where there is neither.
 
-    `classes.txt`, a name per line, lies beside `images/` or in `labels/`, where labelling tools write it. A picture
-    without a label file shows no object. A `boxes.json` beside them, one entry per picture in order of names, takes
-    precedence: it also has the visibility. The pictures have no poses. Raises CameraError.
+    `classes.txt`, a name per line, lies beside `images/` or in `labels/`, where labelling tools write it; `data.yaml`
+    lies beside `images/` or in the folder above, as Ultralytics and Roboflow have it. A picture without a label file
+    shows no object. A `boxes.json` beside them, one entry per picture in order of names, takes precedence: it also has
+    the visibility. The pictures have no poses. Raises CameraError.
     """
     images = list_pictures(folder / "images")
     if (folder / "boxes.json").is_file():
@@ -52,7 +52,9 @@ def read_yolo(folder: Path) -> Drive:
     paths = [labels / f"{image.stem}.txt" for image in images]
     if not any(path.is_file() for path in paths):
         raise CameraError(f"{labels}: no label file for any of the {len(images)} pictures in {folder / 'images'}")
-    names = _class_names((folder / "classes.txt", labels / "classes.txt"))
+    described = (folder / "classes.txt", labels / "classes.txt", folder / "data.yaml", folder.parent / "data.yaml")
+    stated = next((path for path in described if path.is_file()), None)
+    names = COCO_NAMES if stated is None else read_class_names(stated, CameraError)
     pairs = zip(paths, images, strict=True)
     return _drive(folder, images, tuple(_read_labels(path, image, names) for path, image in pairs))
 
@@ -70,18 +72,6 @@ def write_yolo_labels(path: Path, boxes: Sequence[tuple[int, Sequence[float]]], 
         centre = f"{(x0 + x1) / 2 / width:.6f} {(y0 + y1) / 2 / height:.6f}"
         lines.append(f"{number} {centre} {(x1 - x0) / width:.6f} {(y1 - y0) / height:.6f}\n")
     path.write_text("".join(lines))
-
-
-def _class_names(paths: Sequence[Path]) -> tuple[str, ...]:
-    """The names in the first of these files that is there, or COCO's. Raises CameraError."""
-    path = next((path for path in paths if path.is_file()), None)
-    if path is None:
-        return COCO_NAMES
-    lines = read_bytes(path, CameraError).decode("utf-8", "replace").splitlines()
-    names = tuple(line.strip() for line in lines if line.strip())
-    if not 1 <= len(names) <= CLASS_LIMIT:
-        raise CameraError(f"{path}: {len(names)} class names, expected 1 to {CLASS_LIMIT}")
-    return names
 
 
 def _read_labels(path: Path, image: Path, names: tuple[str, ...]) -> LabelledBoxes:

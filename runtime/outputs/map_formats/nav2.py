@@ -1,6 +1,7 @@
 """A map for Nav2: an occupancy picture with its YAML for the map_server, circles for the Vector Object server, and
 zones as masks for the costmap filters: where a robot must not go, and how fast it may be."""
 
+import math
 import re
 from collections import Counter
 from collections.abc import Mapping, Sequence
@@ -52,7 +53,7 @@ def write_picture(
     rows, columns = pixels.shape
     write_atomically(picture, f"P5\n{note}{columns} {rows}\n255\n".encode() + pixels[::-1].tobytes())
     lines = [
-        f"image: {picture.name}",
+        yaml.safe_dump({"image": picture.name}, allow_unicode=True, width=math.inf).rstrip(),
         f"mode: {mode}",
         f"resolution: {resolution_m:.6f}",
         f"origin: [{corner_m[0]:.6f}, {corner_m[1]:.6f}, 0.0]",

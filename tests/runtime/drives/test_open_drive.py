@@ -242,6 +242,18 @@ def test_yolo_labels_become_pixels(tmp_path):
     assert "0.txt:1: class is 80, must be 0 to 79" in refusal(f"yolo:{tmp_path}")
 
 
+@pytest.mark.parametrize("above", [False, True])
+def test_yolo_names_are_those_of_a_data_yaml(above, tmp_path):
+    folder = tmp_path / "train"
+    (folder / "labels").mkdir(parents=True)
+    write_pictures(folder / "images", 1)
+    (folder / "labels" / "0.txt").write_text("1 0.5 0.5 0.2 0.2\n")
+    ((tmp_path if above else folder) / "data.yaml").write_text("nc: 2\nnames: {0: chair, 1: couch}\n")
+    drive = open_drive(f"yolo:{folder}")
+    assert drive.boxes is not None
+    assert drive.boxes[0].labels == ("couch",)
+
+
 def test_boxes_json_beside_yolo_labels_tells_what_is_hidden(tmp_path):
     write_pictures(tmp_path / "images", 2)
     boxes = [{"id": 1, "label": "chair", "box": [1, 2, 30, 40], "visible": 0.25}]

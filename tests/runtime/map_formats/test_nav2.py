@@ -20,7 +20,7 @@ from edgemap.runtime.outputs.map_formats.grid import (
     grid_of,
     live_grid,
 )
-from edgemap.runtime.outputs.map_formats.nav2 import vector_text, write_masks, write_nav2
+from edgemap.runtime.outputs.map_formats.nav2 import vector_text, write_masks, write_nav2, write_picture
 
 # An L: three chairs along x, one to the left (+y) of the first. No mirror image or transpose of it is itself.
 CROOKED = [("chair", 1.0, 0.0), ("chair", 3.0, 0.0), ("chair", 6.0, 0.0), ("chair", 1.0, 2.0)]
@@ -193,3 +193,10 @@ def test_zones_are_polygons_of_the_vector_object_server():
     assert (parameters["zone_2"]["closed"], parameters["zone_2"]["value"]) == (True, 100)
     assert parameters["zone_2"]["points"] == [3.0, 1.0, 5.0, 1.0, 5.0, 3.0]
     assert all(isinstance(value, float) for value in parameters["zone_1"]["points"])
+
+
+@pytest.mark.parametrize("name", ["home #2", "a: b", "@home", "[1] hall", "*floor", "%tmp", "{x}", "- a", "Küche 'n'"])
+def test_a_name_of_any_letters_is_the_picture_that_the_file_names(name, tmp_path):
+    path = tmp_path / f"{name}.yaml"
+    picture = write_picture(path, np.zeros((2, 3), np.uint8), "trinary", 0.05, (0.0, 0.0))
+    assert (tmp_path / yaml.safe_load(path.read_text())["image"]).read_bytes() == picture.read_bytes()
