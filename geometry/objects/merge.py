@@ -49,7 +49,7 @@ def merge_maps(
     rule = rule or LandmarkRule()
     here = [moved(item, alignment) for item in second]
     partner = {j: i for i, j in (*alignment.pairs, *_overlapping(first, here, alignment.pairs))}
-    found = {item.id: item for item in first}
+    merged = {item.id: item for item in first}
     highest: Counter[str] = Counter()
     for item in [*first, *second]:
         label, number = id_order(item.id)
@@ -58,16 +58,16 @@ def merge_maps(
     for j, item in enumerate(second):
         if j in partner:
             ours = first[partner[j]]
-            found[ours.id] = fused(ours, here[j], rule)
+            merged[ours.id] = fused(ours, here[j], rule)
             became[item.id] = ours.id
             continue
         identity = item.id
-        if identity in found:
+        if identity in merged:
             highest[item.label] += 1
             identity = f"{item.label}-{highest[item.label]}"
-        found[identity] = replace(here[j], id=identity)
+        merged[identity] = replace(here[j], id=identity)
         became[item.id] = identity
-    return sorted(found.values(), key=lambda item: id_order(item.id)), became
+    return sorted(merged.values(), key=lambda item: id_order(item.id)), became
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -177,13 +177,13 @@ def _overlapping(first: Sequence[MapObject], second: Sequence[MapObject], pairs:
         distances_m = np.linalg.norm(a[:, None] - b[None], axis=-1)
         spacing_m = APART * np.minimum(extents_a[:, None], extents_b[None])
         near += [(float(distances_m[i, j]), ours[i], theirs[j]) for i, j in np.argwhere(distances_m < spacing_m)]
-    found: dict[int, int] = {}
+    nearest: dict[int, int] = {}
     taken: set[int] = set()
     for _, i, j in sorted(near):
-        if i not in found and j not in taken:
-            found[i] = j
+        if i not in nearest and j not in taken:
+            nearest[i] = j
             taken.add(j)
-    return tuple(found.items())
+    return tuple(nearest.items())
 
 
 def _standing(objects: Sequence[MapObject]) -> tuple[Array, Array]:
@@ -205,10 +205,10 @@ def fused(ours: MapObject, theirs: MapObject, rule: LandmarkRule) -> MapObject:
         ours, theirs = (replace(item, covariance_m2=item.covariance_m2 * chi2 / 2.0) for item in (ours, theirs))
     floor_m2 = np.eye(2) * rule.centre_m2(extent_m(ours.label, ours.width_m))
     a, b = (np.linalg.inv(positive(item.covariance_m2 - floor_m2, least=1e-4)) for item in (ours, theirs))
-    own_m2 = np.linalg.inv(a + b)
+    fused_m2 = np.linalg.inv(a + b)
     smallest = min(np.trace(ours.covariance_m2), np.trace(theirs.covariance_m2))
-    covariance = own_m2 + floor_m2
-    if np.trace(covariance) > smallest:  # either map was surer than the floor
+    covariance = fused_m2 + floor_m2
+    if np.trace(covariance) > smallest:  # one map has less variance than the floor
         covariance = min(ours.covariance_m2, theirs.covariance_m2, key=np.trace)
     count = ours.count + theirs.count
     share = ours.count / count
@@ -218,7 +218,7 @@ def fused(ours: MapObject, theirs: MapObject, rule: LandmarkRule) -> MapObject:
     }
     estimate = replace(
         ours,
-        position_m=own_m2 @ (a @ ours.position_m + b @ theirs.position_m),
+        position_m=fused_m2 @ (a @ ours.position_m + b @ theirs.position_m),
         covariance_m2=covariance,
         width_m=share * ours.width_m + (1 - share) * theirs.width_m,
         height_m=share * ours.height_m + (1 - share) * theirs.height_m,
