@@ -86,4 +86,4 @@ def test_a_sink_that_does_not_open_is_a_fault_and_not_the_end(broken, tmp_path):
     assert ran.returncode == 0, ran.stderr
     record = json.loads((tmp_path / "run" / "run.json").read_text())
     assert record["frames"] == 3
-    assert record["faults"][0].startswith("frame 0: broken: edgemap.sinks: 'broken' of broken does not load")
+    assert record["faults"][0]["text"].startswith("broken: edgemap.sinks: 'broken' of broken does not load")
