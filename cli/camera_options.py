@@ -5,7 +5,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 from edgemap.cli.arguments import OptionError, arg
-from edgemap.cli.options import numbers
+from edgemap.runtime.frames.option_texts import numbers
 
 if TYPE_CHECKING:
     from edgemap.geometry.camera.intrinsics import Intrinsics

@@ -6,15 +6,15 @@ from threading import Event
 
 from edgemap.cli.guessed_camera import CameraKeeper
 from edgemap.cli.live_page import NoPage, live_page
-from edgemap.cli.options import choose_classes, minimum_score
+from edgemap.cli.options import minimum_score
 from edgemap.cli.run_options import RunOptions
 from edgemap.cli.run_record import run_record, scale_source
-from edgemap.cli.saved_map import enter_saved_map, living_map, where_it_was
+from edgemap.cli.saved_map import living_map, where_it_was
 from edgemap.cli.summary import RunSummary, judge_of, with_map_so_far
 from edgemap.geometry.camera.floor import FloorCamera
+from edgemap.runtime.compose import RunSpec, compose, mapped_classes
 from edgemap.runtime.frames.camera import Camera
 from edgemap.runtime.frames.inference import Inference
-from edgemap.runtime.inputs.cameras.wheels import replace_wheels
 from edgemap.runtime.inputs.cameras.wrappers import SearchRate
 from edgemap.runtime.motion.camera_guess import CameraGuess
 from edgemap.runtime.network.bundle import Bundle
@@ -27,7 +27,6 @@ from edgemap.runtime.step.config import Config
 from edgemap.runtime.step.edit_queue import Edits, load_edits, read_edits
 from edgemap.runtime.step.loop import run, stop_on_signals
 from edgemap.runtime.step.sinks import Sink
-from edgemap.runtime.step.slam import SlamOptions, build_slam
 from edgemap.view.about import about_run
 from edgemap.view.report.crops import BestCrops
 from edgemap.view.report.sink import ReportFile
@@ -48,21 +47,15 @@ class Run:
         robot, chosen = options.robot, options.map
         self.options, self.source, self.loaded, self.floor = options, source, loaded, floor
         threshold = minimum_score(chosen.confidence, loaded)
-        self.mapped = choose_classes(chosen.classes, loaded)
-        slam_options = SlamOptions(
-            replace_wheels(source, robot.odometry),
-            not robot.without_wheels,
-            not robot.without_imu,
-            chosen.clustering,
-            chosen.loop_closure,
-            chosen.saved is not None,
-            self.mapped,
-            chosen.confidence,
-            guess.scale_sigma(robot.odometry) if guess else 0.0,
-        )
-        self.slam = build_slam(source, loaded, floor, slam_options, tuned)
         self.place, self.strict = chosen.place(), tuned.camera.strict
-        enter_saved_map(self.slam.mapper, self.place, chosen.start, chosen.clustering)
+        if self.place and self.place.lives and not self.place.exists:
+            print(f"new map: {self.place.path}/", flush=True)
+        spec = RunSpec(
+            odometry=robot.odometry, wheels=not robot.without_wheels, imu=not robot.without_imu,
+            clustering=chosen.clustering, loop_closure=chosen.loop_closure, classes=chosen.named_classes,
+            confidence=chosen.confidence, map=chosen.saved, start=chosen.start, config=tuned,
+        )  # fmt: skip
+        self.slam, self.mapped = compose(source, loaded, floor, spec, guess), mapped_classes(spec.classes, loaded)
         self.folder = options.outputs.out or Path("runs") / datetime.now(UTC).strftime("%Y%m%dT%H%M%SZ")
         self.kept_camera = CameraKeeper(self.folder, floor, guess, options.camera.camera)
         self.record = run_record(options, source, loaded, floor, threshold, self.mapped, tuned)

@@ -84,12 +84,11 @@ def _earlier_guess(camera: "Source", source: "Camera", floor: "FloorCamera") -> 
     recorded = {} if camera.camera_file else getattr(source, "calibration", {})
     if not recorded and not path.is_file():
         return None
-    calibration = dict(recorded or read_camera_yaml(path).calibration)
-    if camera.intrinsics is not None:
-        calibration["intrinsics"] = "as given"
+    stated = set() if camera.intrinsics is None else {"intrinsics"}
     if found := read_mount_numbers(camera.mount):
-        calibration |= {"height_sigma_share": 0.0} if found[1] is None else {"mount": "as given"}
-    return CameraGuess.of_record(calibration, floor.intrinsics, floor.mount, camera.camera if recorded else str(path))
+        stated.add("height" if found[1] is None else "mount")
+    calibration, where = recorded or read_camera_yaml(path).calibration, camera.camera if recorded else str(path)
+    return CameraGuess.of_record(calibration, floor.intrinsics, floor.mount, where, stated)
 
 
 class CameraKeeper:

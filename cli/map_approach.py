@@ -6,7 +6,8 @@ from typing import TYPE_CHECKING, Annotated
 import tyro
 
 from edgemap.cli.arguments import OptionError, arg
-from edgemap.cli.options import Json, numbers
+from edgemap.cli.options import Json
+from edgemap.runtime.frames.option_texts import numbers
 
 if TYPE_CHECKING:
     from edgemap.geometry.map_object import MapObject
@@ -67,8 +68,8 @@ def command(
 
 def _chosen(objects: "list[MapObject]", wanted: str | None, label: str | None, near_m: list[float]) -> "MapObject":
     """The object that is meant. Raises OptionError."""
-    from edgemap.cli.options import known_names
     from edgemap.geometry.objects.queries import nearest
+    from edgemap.runtime.frames.option_texts import known_names
 
     if (wanted is None) == (label is None):
         raise OptionError("give the object's ID, or --label L for the nearest of a class")

@@ -7,7 +7,8 @@ from typing import TYPE_CHECKING, Annotated
 import tyro
 
 from edgemap.cli.arguments import OptionError, arg
-from edgemap.cli.options import Json, known_names, last_run, numbers, print_json
+from edgemap.cli.options import Json, last_run, print_json
+from edgemap.runtime.frames.option_texts import known_names, numbers
 
 if TYPE_CHECKING:
     from edgemap.geometry.map_object import MapObject

@@ -5,7 +5,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
 
 from edgemap.cli.arguments import OptionError, arg
-from edgemap.cli.options import BundleName, at_least, known_names
+from edgemap.cli.options import BundleName, at_least
+from edgemap.runtime.frames.option_texts import known_names
 
 if TYPE_CHECKING:
     from edgemap.runtime.frames.inference import Inference
@@ -59,6 +60,7 @@ class NetworkOptions:
         """
         from edgemap.runtime.frames.class_names import read_class_names
         from edgemap.runtime.frames.errors import BundleError
+        from edgemap.runtime.inputs.cameras.kinds import recorded_from
         from edgemap.runtime.network.open_bundle import open_bundle
         from edgemap.runtime.network.store import default_bundle
 
@@ -66,7 +68,8 @@ class NetworkOptions:
         if self.threads is not None and self.threads > MAXIMUM_THREADS:
             raise OptionError(f"--threads {self.threads}: at most {MAXIMUM_THREADS}")
         chosen = self.inference(recorded)
-        companion, names = default_bundle(*specs)[0], self.names and read_class_names(self.names, BundleError)
+        companion = default_bundle(*map(recorded_from, specs))[0]
+        names = self.names and read_class_names(self.names, BundleError)
         return open_bundle(
             bundle_of(self.bundle, *specs), companion, self.threads, chosen.precision, pace, chosen.engine, names
         )

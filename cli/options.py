@@ -1,7 +1,6 @@
 """Options that several commands share: what they mean, and how their text is read. No heavy imports here."""
 
 import math
-from collections.abc import Iterable
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -81,19 +80,6 @@ def figure(value: float | None, form: str = ".2f", unit: str = "") -> str:
     return f"{'–':>{len(format(0.0, form))}}" if value is None else f"{value:{form}}{unit}"
 
 
-def numbers(text: str, option: str, names: str) -> list[float]:
-    """Comma-separated finite numbers, as many as there are names. Raises OptionError."""
-    try:
-        values = [float(part) for part in text.split(",")]
-    except ValueError:
-        values = []
-    if len(values) != len(names.split(",")):
-        raise OptionError(f"{option} {text!r}: expected {len(names.split(','))} numbers, {names}")
-    if not all(map(math.isfinite, values)):
-        raise OptionError(f"{option} {text!r}: {names} must be finite numbers")
-    return values
-
-
 def at_least(minimum: int, **values: int | None) -> None:
     """Rejects integers below `minimum`; keywords are option names, None is accepted. Raises OptionError."""
     for name, value in values.items():
@@ -120,28 +106,6 @@ def minimum_score(confidence: float | None, bundle: "Bundle") -> float:
     """The asked for confidence, else the bundle's own. Raises OptionError outside 0..1."""
     in_unit(confidence=confidence)
     return bundle.manifest.confidence if confidence is None else confidence
-
-
-def choose_classes(text: str | None, bundle: "Bundle") -> frozenset[str]:
-    """`--classes chair,couch`: the bundle's classes to map, instead of the household classes. Raises OptionError."""
-    if text is None:
-        return bundle.mapped
-    chosen = frozenset(name.strip() for name in text.split(",") if name.strip())
-    if unknown := sorted(chosen - set(bundle.names)):
-        raise OptionError(f"--classes {', '.join(unknown)}: {known_names(unknown, bundle.names, 'the bundle knows')}")
-    if not chosen:
-        raise OptionError("--classes is empty")
-    return chosen
-
-
-def known_names(unknown: Iterable[str], known: Iterable[str], whose: str) -> str:
-    """A hint for unknown names: similar valid names, or else all valid ones."""
-    from difflib import get_close_matches
-
-    names = sorted(set(known))
-    lower = {name.casefold(): name for name in names}
-    meant = [lower[close[0]] for name in unknown if (close := get_close_matches(name.casefold(), lower, 1, 0.75))]
-    return f"did you mean {', '.join(meant)}?" if meant else f"{whose} {', '.join(names) or 'none'}"
 
 
 def last_run() -> Path:

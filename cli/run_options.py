@@ -85,6 +85,13 @@ class MapGroup(MappingOptions, SavedMapOptions):
         arg(metavar="A,B,…", help="Classes that go on the map, any that the bundle knows; by default those of homes."),
     ] = None
 
+    @property
+    def named_classes(self) -> frozenset[str] | None:
+        """The classes of `--classes`; None without it."""
+        if self.classes is None:
+            return None
+        return frozenset(name.strip() for name in self.classes.split(",") if name.strip())
+
 
 @dataclass(frozen=True)
 class AdvancedGroup(NetworkOptions):

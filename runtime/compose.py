@@ -1,7 +1,8 @@
-"""What `edgemap.open` and `edgemap run` make of a camera and options: the composition root of a run."""
+"""The composition root: what `edgemap run` and `edgemap.open` make of a camera, a bundle and options."""
 
 from collections.abc import Collection, Iterable, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, field
+from math import radians
 from pathlib import Path
 
 import numpy as np
@@ -9,9 +10,11 @@ from numpy.typing import NDArray
 
 from edgemap.geometry.camera.floor import FloorCamera
 from edgemap.geometry.camera.intrinsics import Intrinsics
-from edgemap.geometry.errors import MapError
+from edgemap.geometry.objects.annotations import Annotations
+from edgemap.geometry.se2 import SE2
 from edgemap.runtime.frames.camera import Camera, CameraOptions
-from edgemap.runtime.frames.errors import BundleError, CameraError
+from edgemap.runtime.frames.errors import CameraError, UsageError
+from edgemap.runtime.frames.option_texts import known_names, numbers
 from edgemap.runtime.frames.program_camera import (
     FramesCamera,
     IntrinsicsLike,
@@ -27,7 +30,8 @@ from edgemap.runtime.inputs.cameras.wheels import replace_wheels
 from edgemap.runtime.inputs.drives.camera_yaml import CameraFile, read_camera_yaml
 from edgemap.runtime.inputs.open import open_camera
 from edgemap.runtime.motion.camera_guess import CameraGuess
-from edgemap.runtime.network.bundle import load_bundle
+from edgemap.runtime.network.bundle import Bundle
+from edgemap.runtime.network.open_bundle import open_bundle
 from edgemap.runtime.network.store import bundle_folder, default_bundle
 from edgemap.runtime.outputs.notebook import MapObjects
 from edgemap.runtime.outputs.sinks.run_folder import RunFolder
@@ -35,9 +39,101 @@ from edgemap.runtime.session import Session
 from edgemap.runtime.step.config import Config, load_config
 from edgemap.runtime.step.grid_file import load_grid
 from edgemap.runtime.step.map_file import load_annotated_map, load_last_pose
-from edgemap.runtime.step.map_store import find_map
+from edgemap.runtime.step.map_store import MapPlace, find_map
+from edgemap.runtime.step.mapper import Mapper
 from edgemap.runtime.step.sinks import Sink
 from edgemap.runtime.step.slam import SemanticSlam, SlamOptions, build_slam
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RunSpec:
+    """What a run is made of beside its camera, bundle and sinks.
+
+    odometry: as `run --odometry`. wheels, imu: whether the source's are used. classes: those that go on the map,
+    the bundle's where None. confidence: minimum score of a box, the bundle's where None. map: a saved map to continue.
+    start: X,Y,YAW_DEG in it, dock or last.
+    """
+
+    odometry: str = "hybrid"
+    wheels: bool = True
+    imu: bool = True
+    clustering: str = "default"
+    loop_closure: bool = True
+    classes: Collection[str] | None = None
+    confidence: float | None = None
+    map: str | Path | None = None
+    start: str | None = None
+    config: Config = field(default_factory=Config)
+
+
+def compose(
+    camera: Camera, bundle: Bundle, floor: FloorCamera, spec: RunSpec, guess: CameraGuess | None = None
+) -> SemanticSlam:
+    """Front end and back end of a run, in its saved map where it continues one. guess: of the lens and the mount.
+
+    Raises UsageError, OdometryError, CameraError or MapError.
+    """
+    odometry = replace_wheels(camera, spec.odometry)
+    options = SlamOptions(
+        odometry,
+        spec.wheels,
+        spec.imu,
+        spec.clustering,
+        spec.loop_closure,
+        spec.map is not None,
+        mapped_classes(spec.classes, bundle),
+        spec.confidence,
+        guess.scale_sigma(odometry) if guess else 0.0,
+    )
+    slam = build_slam(camera, bundle, floor, options, spec.config)
+    _enter_saved_map(slam.mapper, None if spec.map is None else find_map(spec.map), spec)
+    return slam
+
+
+def mapped_classes(classes: Collection[str] | None, bundle: Bundle) -> frozenset[str]:
+    """The classes that go on the map. Raises UsageError for one that the bundle does not know, and for none."""
+    if classes is None:
+        return bundle.mapped
+    chosen = frozenset([classes] if isinstance(classes, str) else classes)
+    if unknown := sorted(chosen - set(bundle.names)):
+        raise UsageError(f"classes {', '.join(unknown)}: {known_names(unknown, bundle.names, 'the bundle knows')}")
+    if not chosen:
+        raise UsageError("classes: none is named")
+    return chosen
+
+
+def _enter_saved_map(mapper: Mapper, place: MapPlace | None, spec: RunSpec) -> None:
+    """Has the mapper continue a map, where there is one. Raises UsageError or MapError."""
+    start = spec.start
+    if place is None:
+        if start is not None:
+            raise UsageError(f"start {start}: a start pose is one in a saved map, name that too")
+        return
+    if spec.clustering == "paper":
+        raise UsageError("a saved map goes on by association: the paper's clustering needs every sighting")
+    if place.lives and not place.exists:
+        if start is not None:
+            raise UsageError(f"start {start}: {place.path} is a new map, whose first pose is its origin")
+        return
+    (objects, annotations), grid = load_annotated_map(place.path), load_grid(place.path)
+    last = load_last_pose(place.path)
+    if start is not None:
+        mapper.start_in(objects, _start_pose(start, annotations, last), annotations=annotations, grid=grid)
+    else:
+        mapper.continue_map(objects, annotations, grid, last)
+
+
+def _start_pose(start: str, annotations: Annotations, last: SE2 | None) -> SE2:
+    """The pose that a start means. Raises UsageError."""
+    starts = {"dock": annotations.dock, "last": last}
+    if start not in starts:
+        x_m, y_m, yaw_deg = numbers(start, "start", "X,Y,YAW_DEG")
+        return SE2(x_m, y_m, radians(yaw_deg))
+    pose = starts[start]
+    if pose is None:
+        lacks = {"dock": "dock (set it on the live page or with PUT /api/dock)", "last": "last pose"}[start]
+        raise UsageError(f"start {start}: the map has no {lacks}")
+    return pose
 
 
 def open_session(
@@ -66,8 +162,8 @@ def open_session(
     `run` writes one into its folder where it guesses them, a session does not guess: a guessed height is corrected as
     in a run, and the verdict of a `RunFolder` among the sinks contains the guess. map: a saved map to continue, as
     `run --map`. classes: those that go on the map. bundle: by default the one for this kind of pictures. config: a
-    tree, or a file of one. sinks, strict: see `Session`. Raises CameraError, BundleError, MapError, OdometryError or
-    ConfigError in one line.
+    tree, or a file of one. sinks, strict: see `Session`. Raises CameraError, BundleError, UsageError, MapError,
+    OdometryError or ConfigError in one line.
     """
     guess: CameraGuess | None = None
     if camera_file is not None:
@@ -75,33 +171,32 @@ def open_session(
         guess = _guess_of(described, str(camera_file), intrinsics, mount)
         intrinsics = described.intrinsics if intrinsics is None else intrinsics
         mount = described.mount if mount is None else mount
-    tuned = config if isinstance(config, Config) else load_config(Path(config)) if config else Config()
     if camera is not None and frames is not None:
         raise CameraError("give camera= or frames=, not both")
-
-    guessed_height = guess.scale_sigma(odometry) if guess else 0.0
+    tuned = config if isinstance(config, Config) else load_config(Path(config)) if config else Config()
+    spec = RunSpec(
+        odometry=odometry, clustering=clustering, loop_closure=loop_closure, classes=classes, map=map, config=tuned
+    )
 
     def build(source: Camera) -> SemanticSlam:
-        return _slam_of(source, spec, bundle, classes, SlamOptions(
-            replace_wheels(source, odometry), clustering=clustering, loop_closure=loop_closure,
-            forgets=map is not None, guessed_height=guessed_height,
-        ), tuned, map)  # fmt: skip
+        loaded = _load(source, name or source.name, bundle)
+        return compose(source, loaded, _floor_of(source), spec, guess)
 
     if guess:
         for folder in (sink for sink in sinks if isinstance(sink, RunFolder)):
             folder.add_record({"camera_guess": guess.record()})
-    spec = str(camera) if isinstance(camera, str | int | Path) else None
+    name = str(camera) if isinstance(camera, str | int | Path) else None
     if camera is None and frames is None and intrinsics is not None:
         if mount is None:
             raise CameraError("pushed pictures: pass mount=(height_m, pitch_deg)")
         return Session(PushedCamera(intrinsics, mount), build, sinks, strict, MapObjects)
     if frames is not None:
         source: Camera = FramesCamera(frames, intrinsics, mount)
-    elif camera is None or spec is not None:
-        spec = spec or "demo"
+    elif camera is None or name is not None:
+        name = name or "demo"
         lens = intrinsics if isinstance(intrinsics, Intrinsics) else None  # a webcam is asked for its size
         how = CameraOptions(lens, None if mount is None else as_mount(mount), recovery=tuned.camera)
-        source = open_camera(spec, how)
+        source = open_camera(name, how)
     else:
         source = checked(camera, str(camera.name))  # type: ignore[arg-type, union-attr]
     try:
@@ -118,40 +213,22 @@ def open_session(
 def _guess_of(
     described: CameraFile, where: str, intrinsics: IntrinsicsLike | None, mount: MountLike | None
 ) -> CameraGuess | None:
-    """What a run guessed of the lens and the mount in its camera.yaml, without what is given beside it."""
-    calibration, known = dict(described.calibration), described.mount if mount is None else as_mount(mount)
-    if intrinsics is not None:
-        calibration["intrinsics"] = "as given"
-    if mount is not None:
-        calibration["mount"] = "as given"
-    return known and CameraGuess.of_record(calibration, described.intrinsics, known, where)
+    """What a run guessed of the lens and the mount in its camera.yaml, without what is stated now."""
+    current = described.mount if mount is None else as_mount(mount)
+    stated = {name for name, value in (("intrinsics", intrinsics), ("mount", mount)) if value is not None}
+    return current and CameraGuess.of_record(described.calibration, described.intrinsics, current, where, stated)
 
 
-def _slam_of(
-    source: Camera,
-    spec: str | None,
-    bundle: str | Path | None,
-    classes: Collection[str] | None,
-    options: SlamOptions,
-    tuned: Config,
-    saved: str | Path | None,
-) -> SemanticSlam:
+def _load(source: Camera, spec: str, bundle: str | Path | None) -> Bundle:
+    """The bundle of that name, or the default one of the source. Raises BundleError."""
+    usual = default_bundle(recorded_from(spec))[0]
+    return open_bundle(bundle_folder(str(bundle or usual)), usual, pace="camera" if source.live else "files")
+
+
+def _floor_of(source: Camera) -> FloorCamera:
+    """Lens and mount of a camera that has both. Raises CameraError."""
     lens, mount = source.intrinsics, source.mount
     if lens is None or mount is None:
         lacks = "intrinsics=(fx, fy, cx, cy)" if lens is None else "mount=(height_m, pitch_deg)"
         raise CameraError(f"{source.name} brings no {lacks.partition('=')[0]}: pass {lacks} or camera_file=")
-    name = str(bundle) if bundle else default_bundle(recorded_from(spec or source.name))[0]
-    loaded = load_bundle(bundle_folder(name), pace="camera" if source.live else "files")
-    if classes is not None:
-        chosen = frozenset([classes] if isinstance(classes, str) else classes)
-        if unknown := sorted(chosen - set(loaded.names)):
-            raise BundleError(f"classes={', '.join(unknown)}: the bundle knows {', '.join(loaded.names)}")
-        options = replace(options, mapped=chosen)
-    slam = build_slam(source, loaded, FloorCamera(lens, mount), options, tuned)
-    place = None if saved is None else find_map(saved)
-    if place is not None and options.clustering == "paper":
-        raise MapError("map= goes on by association: the paper's clustering needs every sighting, not their map")
-    if place is not None and (place.exists or not place.lives):
-        objects, annotations = load_annotated_map(place.path)
-        slam.mapper.continue_map(objects, annotations, load_grid(place.path), load_last_pose(place.path))
-    return slam
+    return FloorCamera(lens, mount)

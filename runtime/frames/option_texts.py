@@ -1,4 +1,7 @@
-"""Texts of options that plugins read as the command line does: addresses and NAME=VALUE words."""
+"""Texts of options that plugins read as the command line does: addresses, numbers, NAME=VALUE words, names."""
+
+import math
+from collections.abc import Iterable
 
 from edgemap.runtime.frames.errors import UsageError
 
@@ -27,3 +30,26 @@ def words_of(text: str, option: str, names: set[str]) -> dict[str, str]:
             raise UsageError(f"{option} {word!r}: expected NAME=VALUE once each, with {', '.join(sorted(names))}")
         words[name] = value
     return words
+
+
+def numbers(text: str, option: str, names: str) -> list[float]:
+    """Comma-separated finite numbers, as many as there are names. Raises UsageError."""
+    try:
+        values = [float(part) for part in text.split(",")]
+    except ValueError:
+        values = []
+    if len(values) != len(names.split(",")):
+        raise UsageError(f"{option} {text!r}: expected {len(names.split(','))} numbers, {names}")
+    if not all(map(math.isfinite, values)):
+        raise UsageError(f"{option} {text!r}: {names} must be finite numbers")
+    return values
+
+
+def known_names(unknown: Iterable[str], known: Iterable[str], whose: str) -> str:
+    """A hint for unknown names: similar valid names, or else all valid ones."""
+    from difflib import get_close_matches
+
+    names = sorted(set(known))
+    lower = {name.casefold(): name for name in names}
+    meant = [lower[close[0]] for name in unknown if (close := get_close_matches(name.casefold(), lower, 1, 0.75))]
+    return f"did you mean {', '.join(meant)}?" if meant else f"{whose} {', '.join(names) or 'none'}"

@@ -1,6 +1,7 @@
 """A guess of lens and mount, as a run corrects it, states it and keeps it in camera.yaml."""
 
 import math
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass
 from typing import Annotated, Any
 
@@ -76,17 +77,27 @@ class CameraGuess:
         return record | ({"turned_by": TURNS[self.quarter_turns]} if self.quarter_turns else {})
 
     @classmethod
-    def of_record(cls, calibration: dict[str, Any], lens: Intrinsics, mount: Mount, where: str) -> "CameraGuess | None":
+    def of_record(
+        cls,
+        calibration: Mapping[str, Any],
+        lens: Intrinsics,
+        mount: Mount,
+        where: str,
+        stated: Collection[str] = (),
+    ) -> "CameraGuess | None":
         """The guess in `calibration` of a camera.yaml, without values that were calibrated or edited since; None where
-        none is left. where: the file's name for messages. Raises CameraError.
+        none is left. where: the file's name for messages. stated: what the user states instead, of intrinsics, mount
+        and height. Raises CameraError.
         """
         if calibration.get("method") != "guessed":
             return None
         record = convert(calibration, _Record, f"{where}: calibration", CameraError, strict=False)
-        focal = 0.0 if "intrinsics" in calibration else record.focal_sigma_share
+        known = {*calibration, *stated}
+        focal = 0.0 if "intrinsics" in known else record.focal_sigma_share
         height, pitch, sway = record.height_sigma_share, record.sigma_pitch_deg, record.sway_deg
-        if "mount" in calibration:
+        if "mount" in known:
             height = pitch = sway = 0.0
+        height = 0.0 if "height" in known else height
         pitch = 0.0 if "tilt" in calibration else pitch
         if not focal and not height and not pitch:
             return None

@@ -115,7 +115,7 @@ def test_lengths_that_poses_measure_are_not_corrected(
     def built(*arguments):
         raise CameraError(f"guessed to {arguments[3].guessed_height:.3f}")
 
-    monkeypatch.setattr("edgemap.cli.drive.build_slam", built)
+    monkeypatch.setattr("edgemap.runtime.compose.build_slam", built)
     words = ("run", "--camera", pictures, "--bundle", painted_bundle, "--odometry", odometry, "--out", tmp_path / "run")
     with pytest.raises(SystemExit):
         main([str(word) for word in words])
