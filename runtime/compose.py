@@ -107,7 +107,7 @@ def _enter_saved_map(mapper: Mapper, place: MapPlace | None, spec: RunSpec) -> N
     start = spec.start
     if place is None:
         if start is not None:
-            raise UsageError(f"start {start}: a start pose is one in a saved map, name that too")
+            raise UsageError(f"start {start}: a start pose is one in a saved map: name it with --map")
         return
     if spec.clustering == "paper":
         raise UsageError("a saved map goes on by association: the paper's clustering needs every sighting")
