@@ -24,7 +24,6 @@ MESSAGE_LENGTH = 200
 LINE_LENGTH = 1000  # of what is printed
 SHOWN = 60  # of a value
 FILE_BYTES = 256 << 20  # of a file that is read whole
-TREE_BYTES = 1 << 20  # of a document that is read again to show what was wrong in it: any values, each some 100 bytes
 HIDDEN = r"\x00-\x1f\x7f-\x9f\u200b-\u200f\u2028-\u202e\u2060-\u206f\ufeff"  # control characters, text directions
 
 # Numbers and names as files may hold them. NaN and infinity satisfy no bound, so they are refused.
@@ -107,7 +106,7 @@ def decode_json(data: bytes | str, kind: type[T], where: object, error: type[Edg
         return msgspec.json.decode(data, type=kind)
     except msgspec.ValidationError as why:
         try:
-            tree = msgspec.json.decode(data) if len(data) <= TREE_BYTES else None
+            tree = msgspec.json.decode(data)
         except (msgspec.MsgspecError, RecursionError):
             tree = None
         raise error(f"{where}: {_reason(why, tree)}") from None

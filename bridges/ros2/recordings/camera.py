@@ -32,7 +32,6 @@ from edgemap.runtime.frames.trajectory import PoseTrack, TrackFile, Trajectory
 
 PICTURE_KINDS = {"sensor_msgs/Image": raw_picture, "sensor_msgs/CompressedImage": compressed_picture}
 INFO_KIND = "sensor_msgs/CameraInfo"
-MAXIMUM_DAMAGED = 1000  # pictures before the first complete one
 STAMP_TOLERANCE_S = 1e-6  # between a stamp and its whole nanoseconds
 
 
@@ -128,7 +127,7 @@ class RecordingCamera(Camera):
     def _first_complete(self) -> tuple[int, Any, str]:
         """The first picture that can be decoded; those before it are reported when the frames are read."""
         self._damaged: list[CameraFault] = []
-        while len(self._damaged) < MAXIMUM_DAMAGED:
+        while True:
             try:
                 found = self._decode()
             except CameraFault as fault:
