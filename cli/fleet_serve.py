@@ -26,8 +26,8 @@ def command(
     DIR/map.json is the merged map, DIR/robots/NAME.json the latest map of each robot. Maps are aligned by their
     objects, as `map merge` does; one that does not fit with certainty stays apart, with the reason, until it does.
     """
-    from edgemap.bridges.fleet.addresses import place_and_address, zenoh_address
     from edgemap.bridges.fleet.keeper import PlaceKeeper
+    from edgemap.bridges.fleet.network import place_and_address, zenoh_address
     from edgemap.geometry.errors import EdgemapError
     from edgemap.runtime.frames.extras import need
     from edgemap.runtime.step.loop import stop_on_signals

@@ -17,8 +17,7 @@ def command(
     json: Json = False,
 ) -> None:
     """Ask who keeps the map of a place for it: which robots are in it, where they are, which stay apart and why."""
-    from edgemap.bridges.fleet.addresses import place_and_address
-    from edgemap.bridges.fleet.network import ROOT, checked_name, open_session
+    from edgemap.bridges.fleet.network import ROOT, checked_name, open_session, place_and_address
     from edgemap.cli.fleet_serve import state_line
     from edgemap.runtime.frames.disk import write_atomically
     from edgemap.runtime.frames.errors import PublishError

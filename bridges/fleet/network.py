@@ -1,4 +1,4 @@
-"""Names and sessions of a fleet on zenoh."""
+"""Names, addresses and sessions of a fleet on zenoh."""
 
 import json
 import os
@@ -7,6 +7,7 @@ from typing import Any
 
 from edgemap.runtime.frames.errors import PublishError
 from edgemap.runtime.frames.extras import need
+from edgemap.runtime.frames.option_texts import host_and_port
 
 ROOT, PORT = "edgemap/fleet", 7447
 NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9_.-]{0,63}", re.ASCII)
@@ -18,6 +19,18 @@ def checked_name(text: str, what: str) -> str:
     if not NAME.fullmatch(text):
         raise PublishError(f"{what} {text[:70]!r}: not 1 to 64 of A-Z a-z 0-9 _ . -, first a letter or digit")
     return text
+
+
+def place_and_address(text: str, option: str) -> tuple[str, str]:
+    """`PLACE`, and the address after its `@`, this machine's without one. Raises UsageError."""
+    place, at, host = text.partition("@")
+    return place, zenoh_address(host if at else "127.0.0.1", option)
+
+
+def zenoh_address(text: str, option: str) -> str:
+    """HOST:PORT as zenoh writes it. Raises UsageError."""
+    host, number = host_and_port(text, option, PORT)
+    return f"[{host}]:{number}" if ":" in host else f"{host}:{number}"
 
 
 def open_session(connect: str = "", listen: str = "", wait_s: float | None = None) -> Any:

@@ -1,18 +1,16 @@
 """`--sink fleet:PLACE`: sends a robot's map and pose to the keeper of its place."""
 
 import json
-from pathlib import Path
 from typing import Any
 
-from edgemap.bridges.fleet.addresses import place_and_address
-from edgemap.bridges.fleet.network import ROOT, checked_name, open_session
+from edgemap.bridges.fleet.network import ROOT, checked_name, open_session, place_and_address
 from edgemap.geometry.map_object import MapObject
 from edgemap.geometry.objects.annotations import NO_ANNOTATIONS
 from edgemap.runtime.frames.errors import PublishError, UsageError
 from edgemap.runtime.frames.reading import read_bytes
 from edgemap.runtime.frames.timing import StreamTimer
 from edgemap.runtime.outputs.sinks.kinds import RunInfo
-from edgemap.runtime.step.map_file import map_document, pose_record
+from edgemap.runtime.step.map_file import map_document, map_path, pose_record
 from edgemap.runtime.step.sinks import Sink
 from edgemap.runtime.step.slam import StepResult
 
@@ -68,15 +66,7 @@ class FleetSink(Sink):
 
 def open(address: str, run: RunInfo) -> FleetSink:
     """The sink of `--sink fleet:PLACE[@HOST[:PORT]]`. Raises UsageError, or as the sink does."""
-    if run.saved is not None and _of_a_fleet(run.saved):
-        raise UsageError(
-            f"--map {run.saved} is merged from robots of a fleet: what they saw would count twice; go on "
-            "with this robot's own map"
-        )
+    if run.saved is not None and b'"pose_place_map"' in read_bytes(map_path(run.saved), UsageError):
+        raise UsageError(f"--map {run.saved} is merged from robots of a fleet: what they saw would count twice")
     place, where = place_and_address(address, "--sink fleet:")
     return FleetSink(place, run.robot, where)
-
-
-def _of_a_fleet(saved: Path) -> bool:
-    path = saved / "map.json" if saved.is_dir() else saved
-    return b'"pose_place_map"' in read_bytes(path, UsageError)
