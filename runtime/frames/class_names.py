@@ -2,10 +2,9 @@
 
 from pathlib import Path
 
-import yaml
-
 from edgemap.geometry.errors import EdgemapError
 from edgemap.runtime.frames.reading import one_line, read_text
+from edgemap.runtime.frames.yaml_file import read_yaml
 
 # The 80 class names of COCO, in the order every YOLO numbers them.
 COCO_NAMES = tuple(
@@ -52,16 +51,14 @@ def read_class_names(path: Path, error: type[EdgemapError]) -> tuple[str, ...]:
 
     Raises `error` where there are none.
     """
-    text = read_text(path, error)
-    names: object = [line.strip() for line in text.splitlines() if line.strip()]
     if path.suffix in (".yaml", ".yml"):
-        try:
-            document = yaml.safe_load(text)
-        except (yaml.YAMLError, ValueError, RecursionError) as why:
-            raise error(f"{path}: no YAML ({one_line(why)})") from None
+        document = read_yaml(path, error)
         names = document.get("names") if isinstance(document, dict) else None
         if isinstance(names, dict):
-            names = list(names.values()) if sorted(names) == list(range(len(names))) == list(names) else None
-    if not isinstance(names, list) or not names or not all(isinstance(name, str) and name for name in names):
+            names = list(names.values()) if list(names) == [str(i) for i in range(len(names))] else None
+    else:
+        names = [line.strip() for line in read_text(path, error).splitlines() if line.strip()]
+    shown = [one_line(name, 100) if isinstance(name, str) else "" for name in names] if isinstance(names, list) else []
+    if not shown or not all(shown):
         raise error(f"{path}: no class names: a data.yaml has `names: [chair, …]`, a text file one name a line")
-    return tuple(one_line(name, 100) for name in names)
+    return tuple(shown)

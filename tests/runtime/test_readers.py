@@ -31,6 +31,7 @@ from edgemap.geometry.objects import queries
 from edgemap.geometry.objects.merge import merge_maps
 from edgemap.geometry.registration.alignment import align
 from edgemap.runtime.frames.camera import Camera
+from edgemap.runtime.frames.class_names import read_class_names
 from edgemap.runtime.frames.errors import CameraError, CameraFault
 from edgemap.runtime.frames.trajectory import Trajectory, read_tum
 from edgemap.runtime.inputs.cameras.pictures import VideoCamera, drive_camera
@@ -171,6 +172,10 @@ def use_grid(path: Path) -> None:
     assert grid.cell_m > 0.0
 
 
+def use_names(path: Path) -> None:
+    assert all(name and name.isprintable() for name in read_class_names(path, CameraError))
+
+
 def use_picture(path: Path) -> None:
     image = read_picture(path)
     assert image.dtype == np.uint8
@@ -235,6 +240,7 @@ READERS = {
     "labels": ReaderCase(
         "a.txt", mutated_rows(LABELS), lambda path: finite(label_table(COCO_NAMES).read(path, CameraError)[1])
     ),
+    "class names": ReaderCase("data.yaml", mutated_yaml({"path": ".", "names": {0: "chair", 1: "couch"}}), use_names),
     "pictures": ReaderCase("a.png", st.sampled_from(PICTURES).flatmap(mutated_bytes), use_picture),
 }
 
