@@ -7,6 +7,10 @@ from importlib import import_module
 from pathlib import Path
 
 import pytest
+from hypothesis import settings
+
+settings.register_profile("edgemap", deadline=None)  # a busy machine is no failure
+settings.load_profile("edgemap")
 
 import_module("edgemap")  # before a test imports OpenCV, which reads its limits from the environment
 

@@ -75,7 +75,7 @@ def test_hundreds_of_objects_of_one_label_take_bounded_work():
     assert aligned_figures(mapped(many), truth(many))["f1_aligned"] == 1.0
 
 
-@settings(max_examples=25, deadline=None)
+@settings(max_examples=25)
 @given(
     st.lists(st.tuples(st.sampled_from(["chair", "bed"]), st.floats(-4, 4), st.floats(-4, 4)), max_size=7), st.data()
 )

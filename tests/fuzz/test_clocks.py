@@ -31,7 +31,6 @@ step = st.tuples(
 drives = st.lists(step, min_size=LENGTH, max_size=LENGTH)
 fuzz = settings(
     max_examples=max(STEPS // LENGTH // 4, 1),
-    deadline=None,
     phases=(Phase.explicit, Phase.generate),
     suppress_health_check=list(HealthCheck),
     database=None,

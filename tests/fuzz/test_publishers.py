@@ -60,9 +60,7 @@ def maps(draw):
         reject()
 
 
-few = settings(
-    max_examples=20, deadline=None, phases=(Phase.generate,), suppress_health_check=list(HealthCheck), database=None
-)
+few = settings(max_examples=20, phases=(Phase.generate,), suppress_health_check=list(HealthCheck), database=None)
 (STEP,) = results(noise(1), POSES[:1])
 
 

@@ -15,7 +15,6 @@ from edgemap.runtime.step.loop import steps
 LENGTH = 100
 fuzz = settings(
     max_examples=max(STEPS // LENGTH // 2, 1),
-    deadline=None,
     phases=(Phase.explicit, Phase.generate),
     suppress_health_check=list(HealthCheck),
     database=None,

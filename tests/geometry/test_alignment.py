@@ -27,7 +27,7 @@ def off_by_m(found: SE2, true: SE2, size_m=6.0) -> float:
 
 
 @given(MOTIONS)
-@settings(max_examples=30, deadline=None)
+@settings(max_examples=30)
 def test_a_map_without_noise_is_laid_exactly_onto_itself(motion):
     found = align(mapped(CROOKED), mapped(CROOKED, motion))
     assert off_by_m(found.pose_a_b, motion) < 1e-6
@@ -36,7 +36,7 @@ def test_a_map_without_noise_is_laid_exactly_onto_itself(motion):
 
 
 @given(SEEDS, MOTIONS)
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=60)
 def test_a_found_alignment_is_right_whatever_was_missed_or_made_up(seed, motion):
     random = np.random.default_rng(seed)
     room = furnished(random, int(random.integers(6, 20)))

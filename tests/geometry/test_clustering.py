@@ -16,7 +16,7 @@ def partition(labels):
     return [numbers.setdefault(label, len(numbers)) for label in labels]
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=60)
 @given(st.integers(2, 120), st.floats(0.3, 20), st.integers(0, 10**6))
 def test_the_papers_clusters_are_scipys_in_any_order(placed_, count, spread, seed):
     random = np.random.default_rng(seed)

@@ -61,7 +61,7 @@ def document(events, base):
 
 
 @given(st.lists(EDITS, max_size=12, unique_by=lambda edit: edit.place_m or edit))
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=60)
 def test_a_map_with_edits_is_saved_and_gone_on_with(edits):
     base, events = measured(), MapEvents()
     taken(events, base, edits)
@@ -75,7 +75,7 @@ def test_a_map_with_edits_is_saved_and_gone_on_with(edits):
 
 
 @given(st.lists(EDITS, max_size=8), EDITS)
-@settings(max_examples=150, deadline=None)
+@settings(max_examples=150)
 def test_undo_takes_back_the_last_edit_as_if_it_had_never_been(edits, edit):
     base, events = measured(), MapEvents()
     done = taken(events, base, edits)
@@ -88,7 +88,6 @@ def test_undo_takes_back_the_last_edit_as_if_it_had_never_been(edits, edit):
 
 
 @given(CORRECTIONS, CORRECTIONS)
-@settings(deadline=None)
 def test_a_newer_correction_changes_what_it_states_and_undo_takes_both_back(older, newer):
     base, events = measured(), MapEvents()
     before = document(events, base)

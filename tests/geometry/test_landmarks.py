@@ -60,7 +60,7 @@ def landmarks_of(points, view: Viewpoint | None = None):
     return new_landmarks(np.column_stack([seen, np.ones(len(seen))]), CAMERA, view or Viewpoint(), NOISE, REACH_M)
 
 
-@settings(max_examples=25, deadline=None)
+@settings(max_examples=25)
 @given(motions, tilts, st.integers(0, 10**6))
 def test_the_view_is_found(motion, tilt, seed):
     points = scene(seed)

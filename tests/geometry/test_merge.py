@@ -89,7 +89,7 @@ def test_a_far_object_carries_the_alignments_turn():
 
 
 @given(st.integers(0, 10_000))
-@settings(max_examples=20, deadline=None)
+@settings(max_examples=20)
 def test_merging_a_map_with_itself_moved_changes_no_place(seed):
     random = np.random.default_rng(seed)
     room = furnished(random, 14)

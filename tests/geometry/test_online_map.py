@@ -53,7 +53,7 @@ def test_things_apart_from_their_like_are_found_one_by_one(placed, seed):
 
 
 @given(st.integers(0, 10**6))
-@settings(max_examples=8, deadline=None)
+@settings(max_examples=8)
 def test_every_id_ever_told_is_an_object_or_says_what_it_became(placed_, seed):
     floor_map, told, counts = FloorMap(), set(), 0
     for sightings in drive(placed_, seed):

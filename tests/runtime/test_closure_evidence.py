@@ -81,7 +81,7 @@ def test_ranges_that_err_together_do_not_bend_a_trajectory_that_is_right(seed):
             assert sigma_m[index] < 1.03 * sigma_m[index - 1] + step_m
 
 
-@settings(max_examples=12, deadline=None)
+@settings(max_examples=12)
 @given(st.integers(0, 10_000), st.floats(0.6, 2.0), st.integers(1, 3))
 def test_false_hypotheses_never_move_the_pose_beyond_what_odometry_leaves_open(seed, apart_m, links):
     """Whatever is proposed as one object, up to three pairs at a time a metre or so apart: the pose stays within four

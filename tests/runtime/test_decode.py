@@ -93,7 +93,7 @@ def overlap(a, b):
     return shared / (np.prod(a[2:] - a[:2]) + np.prod(b[2:] - b[:2]) - shared)
 
 
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=40)
 @given(st.integers(0, 10**6), st.integers(1, 60))
 def test_suppression_is_greedy_and_class_wise(seed, count):
     rng = np.random.default_rng(seed)
@@ -107,7 +107,7 @@ def test_suppression_is_greedy_and_class_wise(seed, count):
     assert suppress(boxes, scores, classes, 0.45).tolist() == expected
 
 
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=40)
 @given(
     st.integers(20, 900), st.integers(20, 900), st.sampled_from(["stretch", "letterbox", "letterbox_topleft"]),
     st.sampled_from([64, 416]),

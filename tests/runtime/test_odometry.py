@@ -112,7 +112,7 @@ def with_gyro(poses, bias_rad, sigma_rad):
     return [FramePrior(replace(level, rotation=gyro_rotation(yaw_rad + bias_rad, sigma_rad))) for yaw_rad in turns]
 
 
-@settings(max_examples=5, deadline=None, derandomize=True)
+@settings(max_examples=5, derandomize=True)
 @given(st.floats(-0.12, 0.12), st.floats(-0.12, 0.12))
 def test_what_an_imu_learns_of_its_tilt_is_no_motion(pitch_rad, roll_rad):
     """Up to 7 degrees wrong at first, right after the fourth picture, while the gyro measures no rotation."""

@@ -42,7 +42,7 @@ def sightings(draw):
     return Sighting(label, 0.9, place, own, shared, size, 0.9, 0.5, 1.0, 0, 0)
 
 
-@settings(max_examples=25, deadline=None, suppress_health_check=[HealthCheck.too_slow])
+@settings(max_examples=25, suppress_health_check=[HealthCheck.too_slow])
 @given(st.lists(st.tuples(motions(), st.lists(sightings(), max_size=4)), min_size=1, max_size=8))
 def test_whatever_comes_pose_and_map_stay_finite_and_covariances_positive(frames):
     mapper = Mapper(closes_loops=True)

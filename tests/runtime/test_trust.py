@@ -102,7 +102,7 @@ def test_wheels_that_recover_are_used_again(lie):
     assert math.hypot(off[0], off[1]) < math.hypot(alone[0], alone[1]) + 0.5  # of 16 m
 
 
-@settings(max_examples=20, deadline=None)
+@settings(max_examples=20)
 @given(st.integers(0, 10**6), st.floats(0.9, 1.1), st.floats(0.95, 1.05))
 def test_honest_wheels_are_never_named(seed, length, yaw):
     true = winding(150)

@@ -91,7 +91,7 @@ def test_exposure_follows_a_switched_lamp_with_its_lag():
     np.testing.assert_allclose(longer[:3], [before, after, settled])
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=60)
 @given(st.integers(0, 10**6))
 def test_draws_stay_in_the_envelope(seed):
     rng, envelope = np.random.default_rng(seed), Envelope()

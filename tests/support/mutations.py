@@ -16,7 +16,6 @@ from edgemap.geometry.errors import EdgemapError
 
 MUTATED = settings(
     max_examples=int(os.environ.get("EDGEMAP_EXAMPLES", "40")),
-    deadline=None,
     suppress_health_check=[HealthCheck.too_slow, HealthCheck.function_scoped_fixture, HealthCheck.data_too_large],
 )
 VALUES: tuple[Any, ...] = (

@@ -188,7 +188,7 @@ def whole(tmp_path_factory):
     return path.read_bytes()
 
 
-@settings(max_examples=25, deadline=None)
+@settings(max_examples=25)
 @given(share=st.floats(0.0, 0.9999))
 def test_cut_anywhere_it_gives_the_whole_pictures_or_one_line(whole, tmp_path_factory, share):
     path = tmp_path_factory.mktemp("cut") / "a.mcap"

@@ -44,7 +44,7 @@ def test_a_grab_that_is_no_picture_is_one_fault(returned):
     assert camera.state is CameraState.RUNNING
 
 
-@settings(deadline=None, max_examples=60)
+@settings(max_examples=60)
 @given(st.lists(ANYTHING | st.tuples(ANYTHING, st.just(GREY), ANYTHING), min_size=3, max_size=6))
 def test_nothing_that_a_grab_returns_ends_the_camera(returned):
     camera, _, _ = scripted(dict(enumerate(returned, 3)))
@@ -163,7 +163,7 @@ def test_a_camera_that_does_not_know_what_it_is_is_one_line(field, value):
         CheckedCamera(Theirs([], **{field: value}), "lab")
 
 
-@settings(deadline=None, max_examples=60)
+@settings(max_examples=60)
 @given(st.lists(ANYTHING | st.builds(frame, st.integers(0, 9), stamp_s=ANYTHING, depth=ANYTHING, imu=ANYTHING)))
 def test_nothing_that_a_camera_returns_is_a_traceback(returned):
     frames, _ = read_all(CheckedCamera(Theirs([one for one in returned if one is not None]), "lab"))
