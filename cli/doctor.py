@@ -4,7 +4,7 @@ from collections.abc import Iterator
 from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Literal
+from typing import Annotated, Literal
 
 from edgemap.cli.arguments import arg
 from edgemap.cli.groups import Source
@@ -12,9 +12,6 @@ from edgemap.cli.guessed_camera import what_is_given
 from edgemap.cli.options import BundleName, Json, print_json
 from edgemap.geometry.errors import EdgemapError
 from edgemap.runtime.frames.extras import EXTRAS, install_hint, pip
-
-if TYPE_CHECKING:
-    pass
 
 WAIT_S = 20.0  # for the first frame of a camera
 TAPE = (
