@@ -221,12 +221,14 @@ class MapEvents:
         edit = self._checked(edit, shown)
         key, labels = (edit.do, edit.id), _labels(shown[edit.id]) if edit.do == "delete" else frozenset[str]()
         places = _poses(edit)[:, :2]
-        if edit.do == "correct" and edit.place_m is None:
+        if np.isnan(places).any():  # a yaw alone moves with its object
             places = shown[edit.id].position_m[None]
         event = _Event(edit, anchors(corners_of(places)) if len(places) else None, labels)
         before = self._events.get(key)
         if before is not None and edit.do == "correct":
-            event = _Event(_updated(before.edit, edit), before.anchors_s if edit.place_m is None else event.anchors_s)
+            moves_alone = before.edit.place_m is None and edit.yaw_rad is not None
+            anchors_s = event.anchors_s if edit.place_m is not None or moves_alone else before.anchors_s
+            event = _Event(_updated(before.edit, edit), anchors_s)
         if edit.do != "zone":  # zones keep their order
             self._events.pop(key, None)
         self._events[key] = event

@@ -12,6 +12,7 @@ from edgemap.geometry.objects.annotations import NO_ANNOTATIONS, Annotations
 from edgemap.geometry.objects.events import UNDOABLE, Edit, EditError, MapEvents
 from edgemap.geometry.objects.floor_map import FloorMap
 from edgemap.geometry.se2 import SE2
+from edgemap.geometry.trajectory_correction import TrajectoryCorrection
 from edgemap.runtime.step.config import Config
 from edgemap.runtime.step.map_file import map_document
 
@@ -141,3 +142,16 @@ def test_edits_of_this_run_turn_into_the_saved_maps_frame():
     assert annotations.dock is not None
     assert annotations.dock.vector() == pytest.approx([1.0, 2.0, np.pi / 2])
     assert np.array(annotations.zones[0].corners_m) == pytest.approx(np.array([(1.0, 0.0), (1.0, 2.0), (0.0, 2.0)]))
+
+
+@given(st.lists(EDITS, max_size=8))
+@settings(max_examples=60, deadline=None)
+def test_a_loop_closure_that_moves_nothing_changes_no_edit(edits):
+    base, events = measured(), MapEvents()
+    taken(events, base, edits)
+    before = document(events, base)
+    none = np.zeros((1, 3))
+    events.moved(TrajectoryCorrection(np.zeros(1), none, none, np.zeros((1, 3, 3))))
+    assert document(events, base) == before
+    events.enter(Annotations(), SE2())
+    assert document(events, base) == before
