@@ -5,7 +5,7 @@ from pathlib import Path
 from threading import Event
 
 from edgemap.cli.guessed_camera import CameraKeeper
-from edgemap.cli.live_page import NoPage, live_page
+from edgemap.cli.live_page import OpenPage, live_page
 from edgemap.cli.options import minimum_score
 from edgemap.cli.run_options import RunOptions
 from edgemap.cli.run_record import run_record, scale_source
@@ -88,27 +88,28 @@ class Run:
         found = load_edits(given) if given else read_edits(self.source.edits, f"{spec}: edits")
         return Edits(self.folder / "edits.jsonl", found)
 
-    def _drive_with(self, page: NoPage, stop: Event, edits: Edits, kept: list[LivingMap]) -> None:
+    def _drive_with(self, page: OpenPage | None, stop: Event, edits: Edits, kept: list[LivingMap]) -> None:
         camera, saved = self.options.camera, self.options.map.saved
         notifier, summary = ServiceNotifier(), RunSummary(self.floor.mount, self.mount_sources, self.carried)
         source = SearchRate(self.source, camera.rate) if camera.rate else self.source
         publishers = self._publishers(edits)
-        page.drives([send for one in publishers if (send := getattr(one, "send_goal", None))])
         files = RunFolder(self.folder, self.floor, self.record)
         self.kept_camera.begin()
         judge = (
             None if saved else judge_of(camera.camera, self.source, self.mapped if self.options.map.classes else None)
         )
         report = ReportFile(self.folder, self.about, None if saved else self.source.truth, judge, self.crops)
-        page.judged_by(lambda: files.verdict)
+        if page is not None:
+            page.page.goals += [send for one in publishers if (send := getattr(one, "send_goal", None))]
+            page.page.verdict = lambda: files.verdict
         edits.savers += [files.edited, report.edited, *(one.edited for one in kept)]
 
         # The folder last but for the report, which reads it: what goes wrong with the others stands in run.json.
         shown = progress(self._frames)
-        sinks: list[Sink] = [shown, summary, *publishers, *kept, *page.sinks, files, report]
+        sinks: list[Sink] = [shown, summary, *publishers, *kept, *([page.page] if page else []), files, report]
         try:
             with with_map_so_far(summary, files):
-                source = page.camera(source, stop)
+                source = page.camera(source, stop) if page else source
                 done = run(source, self.slam, sinks, camera.frames, stop, self.strict, notifier.beat, edits)
         finally:
             notifier.stopping()
@@ -120,7 +121,8 @@ class Run:
             if line := self.kept_camera.at_end(result.observed, summary.height, summary.rolling, alone):
                 print(line)
         print(report.failure or f"see it:  {report.path}")
-        page.stay(stop, lambda: edits.apply(self.slam.mapper, done))
+        if page is not None:
+            page.stay(stop, lambda: edits.apply(self.slam.mapper, done))
         edits.settle(self.slam.mapper)
 
     def _publishers(self, edits: Edits) -> list[Sink]:

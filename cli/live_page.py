@@ -1,21 +1,18 @@
-"""`edgemap run --view`: opens the live page of a run, or a null object without the flag."""
+"""`edgemap run --view`: opens the live page of a run."""
 
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from threading import Event
 from typing import TYPE_CHECKING, Any
 
 from edgemap.cli.publishers import WatchGroup
-from edgemap.geometry.se2 import SE2
 from edgemap.runtime.frames.camera import Camera
 from edgemap.runtime.frames.option_texts import host_and_port
 from edgemap.runtime.inputs.cameras.wrappers import PacedCamera
-from edgemap.runtime.outputs.verdict.verdict import Verdict
 from edgemap.runtime.step.edit_queue import Edits
 from edgemap.runtime.step.loop import stop_on_signals
-from edgemap.runtime.step.sinks import Sink
 from edgemap.view.report.crops import BestCrops
 
 if TYPE_CHECKING:
@@ -24,47 +21,18 @@ if TYPE_CHECKING:
 LOOK_EVERY_S = 0.1
 
 
-class NoPage:
-    """Null object for a run without a live page."""
-
-    sinks: Sequence[Sink] = ()
-
-    def camera(self, source: Camera, stop: Event) -> Camera:  # noqa: ARG002
-        """The camera as it is."""
-        return source
-
-    def judged_by(self, verdict: Callable[[], Verdict]) -> None:
-        """Ignored."""
-
-    def stay(self, stop: Event, meanwhile: Callable[[], object]) -> None:
-        """Returns at once."""
-
-    def drives(self, goals: Sequence[Callable[[SE2], None]]) -> None:
-        """Ignored."""
-
-
-class OpenPage(NoPage):
-    """A run with a page. A file source is paced by its stamps and can be paused; a live camera runs on."""
+class OpenPage:
+    """A run's page and its server. A file source is paced by its stamps and can be paused; a live camera runs on."""
 
     def __init__(self, page: "LivePage", url: str) -> None:
-        self.sinks = (page,)
-        self._page, self._pause, self._url = page, page.pause, url
+        self.page, self._url = page, url
 
     def camera(self, source: Camera, stop: Event) -> Camera:
         """The camera that the run reads from."""
         from edgemap.view.pause import PausableCamera
 
-        if self._pause is None:
-            return source
-        return PausableCamera(PacedCamera(source, self._pause.running_s), self._pause, stop.is_set)
-
-    def judged_by(self, verdict: Callable[[], Verdict]) -> None:
-        """Sets the function that gives the map's verdict."""
-        self._page.verdict = verdict
-
-    def drives(self, goals: Sequence[Callable[[SE2], None]]) -> None:
-        """Adds receivers of goal poses."""
-        self._page.goals += goals
+        pause = self.page.pause
+        return source if pause is None else PausableCamera(PacedCamera(source, pause.running_s), pause, stop.is_set)
 
     def stay(self, stop: Event, meanwhile: Callable[[], object]) -> None:
         """Keeps serving after the end of a run, until Ctrl-C. meanwhile: called repeatedly."""
@@ -87,13 +55,13 @@ def live_page(
     edits: Edits,
     keep_mount: Callable[[float, float], Path],
     searching: Callable[[], bool] = bool,
-) -> Iterator[NoPage]:
-    """The page of a run while the block lasts. about: of `about_run`.
+) -> Iterator[OpenPage | None]:
+    """The page of a run while the block lasts, None without `--view`. about: of `about_run`.
 
     Raises MissingExtraError, or ViewError where the address is taken.
     """
     if options.view is None:
-        yield NoPage()
+        yield None
         return
     from edgemap.runtime.frames.extras import need
 

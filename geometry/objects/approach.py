@@ -55,7 +55,7 @@ def approach(
     rule = rule or ApproachRule()
     others = [other for other in objects if other.id != item.id]
     around = np.arange(DIRECTIONS) * 2.0 * math.pi / DIRECTIONS
-    found: list[tuple[float, Approach]] = []
+    candidates: list[tuple[float, Approach]] = []
     taken = 0
     for standoff_m in np.arange(rule.standoff_m, rule.standoff_m + REACH_M + 1e-9, STEP_M).tolist():
         for direction in around.tolist():
@@ -73,13 +73,13 @@ def approach(
             if robot_m is not None:
                 cost += WALK_SHARE * float(np.linalg.norm(at - np.asarray(robot_m)))
             pose = SE2(float(at[0]), float(at[1]), wrap_angle(direction + math.pi))
-            found.append((cost, Approach(pose, standoff_m, floor)))
-    if not found:
+            candidates.append((cost, Approach(pose, standoff_m, floor)))
+    if not candidates:
         raise MapError(
             f"no place to approach {item.id!r} from: all {taken} poses within {rule.standoff_m + REACH_M:.1f} m of it "
             f"are taken (robot radius {rule.robot_radius_m:g} m)"
         )
-    return min(found, key=lambda pair: pair[0])[1]
+    return min(candidates, key=lambda pair: pair[0])[1]
 
 
 def _extent_m(item: MapObject, direction_rad: float) -> float:

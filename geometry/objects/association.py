@@ -37,8 +37,8 @@ class Estimate:
         first = min(landmarks, key=lambda one: (one.saved is None, one.sums.first_seen_s))
         since_m2, information, vector, shared = float(np.trace(first.first_m2)) / 2.0, 0.0, 0.0, 0.0
         for one in landmarks:
-            own = np.linalg.inv(one.own_m2 + np.eye(2) * max(one.variance_m2 - since_m2, 0.0))
-            information, vector = information + own, vector + own @ one.position_m
+            weight = np.linalg.inv(one.own_m2 + np.eye(2) * max(one.variance_m2 - since_m2, 0.0))
+            information, vector = information + weight, vector + weight @ one.position_m
             shared = shared + one.shared_m2 * (one.sums.count / self.sums.count)
         fused_m2 = np.linalg.inv(information)
         self.position_m: Array = fused_m2 @ vector
@@ -103,8 +103,8 @@ def _joined(groups: list[list[Landmark]], apart: Sequence[set[int]], rule: Landm
     sums = np.add.reduceat(_sums([one for group in groups for one in group]), starts, axis=1)
     group_of = {one.number: row for row, group in enumerate(groups) for one in group}
     barred = np.zeros((count, count), dtype=np.bool_)
-    for row, own in enumerate(apart):
-        barred[row, [group_of[number] for number in own if number in group_of]] = True
+    for row, numbers in enumerate(apart):
+        barred[row, [group_of[number] for number in numbers if number in group_of]] = True
     barred |= barred.T | np.eye(count, dtype=bool)
     place = _placed(sums, rule)
     distance = np.where(barred, np.inf, _distances(place, place, rule))
@@ -119,15 +119,15 @@ def _joined(groups: list[list[Landmark]], apart: Sequence[set[int]], rule: Landm
         barred[kept] |= barred[gone]
         barred[:, kept] |= barred[:, gone]
         distance[gone] = distance[:, gone] = np.inf
-        own = _distances(place[:, [kept]], place, rule)[0]
-        own[[row for row, group in enumerate(groups) if not group]] = np.inf
-        distance[kept] = distance[:, kept] = np.where(barred[kept], np.inf, own)
+        distances = _distances(place[:, [kept]], place, rule)[0]
+        distances[[row for row, group in enumerate(groups) if not group]] = np.inf
+        distance[kept] = distance[:, kept] = np.where(barred[kept], np.inf, distances)
 
 
 def _sums(landmarks: Sequence[Landmark]) -> Array:
     """(8, N): information xx, xy, yy; information times position, x, y; count; count times extent and pose variance."""
-    own = np.array([one.own_m2 for one in landmarks])
-    information = np.linalg.inv(own)
+    covariances = np.array([one.own_m2 for one in landmarks])
+    information = np.linalg.inv(covariances)
     vector = (information @ np.array([one.position_m for one in landmarks])[:, :, None])[:, :, 0]
     count = np.array([one.sums.count for one in landmarks], dtype=np.float64)
     extent = np.array([one.extent_m for one in landmarks])
@@ -154,5 +154,5 @@ def _distances(here: Array, there: Array, rule: LandmarkRule) -> Array:
     dx, dy = there[0] - here[0], there[1] - here[1]
     drift_m2 = np.abs(there[5] - here[5])
     xx, xy, yy = here[2] + there[2] + drift_m2, here[3] + there[3], here[4] + there[4] + drift_m2
-    found = (yy * dx * dx - 2.0 * xy * dx * dy + xx * dy * dy) / (xx * yy - xy * xy)
-    return np.where((found <= CHI2_997) & (dx * dx + dy * dy <= rule.reach_m**2), found, np.inf)
+    chi2 = (yy * dx * dx - 2.0 * xy * dx * dy + xx * dy * dy) / (xx * yy - xy * xy)
+    return np.where((chi2 <= CHI2_997) & (dx * dx + dy * dy <= rule.reach_m**2), chi2, np.inf)

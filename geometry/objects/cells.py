@@ -39,14 +39,14 @@ class Cells(Generic[Key]):
     def within(self, point_m: Array, reach_m: float) -> list[Key]:
         """Keys within a distance of a point (2,), in a deterministic order."""
         x_m, y_m = point_m.tolist()
-        (i, j), ring, found = _cell(x_m, y_m), math.ceil(reach_m / CELL_M), list[Key]()
+        (i, j), ring, near = _cell(x_m, y_m), math.ceil(reach_m / CELL_M), list[Key]()
         for a in range(i - ring, i + ring + 1):
             for b in range(j - ring, j + ring + 1):
                 for key in self._cells.get((a, b), ()):
                     at_x_m, at_y_m = self._places[key]
                     if (at_x_m - x_m) ** 2 + (at_y_m - y_m) ** 2 <= reach_m * reach_m:
-                        found.append(key)
-        return found
+                        near.append(key)
+        return near
 
     def _leave(self, key: Key, x_m: float, y_m: float) -> None:
         cell = _cell(x_m, y_m)

@@ -112,21 +112,21 @@ class Overlaps:
         for candidate in sorted(left, key=lambda item: (-item.evidence, item.id)):
             if candidate.id in self._best:
                 continue
-            self._best[candidate.id], own = candidate.id, [candidate]
+            self._best[candidate.id], members = candidate.id, [candidate]
             for identity in sorted(self._near[candidate.id]):
                 if identity not in self._best:
                     self._best[identity] = candidate.id
-                    own.append(self._candidates[identity])
-            self.members[candidate.id] = own
+                    members.append(self._candidates[identity])
+            self.members[candidate.id] = members
         return touched
 
     def _connected(self, identities: Iterable[str]) -> set[str]:
-        found = set(identities)
-        new = set(found)
+        reached = set(identities)
+        new = set(reached)
         while new:
-            new = set[str]().union(*(self._near.get(identity, set()) for identity in new)) - found
-            found |= new
-        return found
+            new = set[str]().union(*(self._near.get(identity, set()) for identity in new)) - reached
+            reached |= new
+        return reached
 
     def _overlap(self, a: Candidate, b: Candidate) -> bool:
         if a.label == b.label:

@@ -99,8 +99,8 @@ class FloorMap:
             # Enough for an object, so that what stands there now outweighs what stood there.
             landmark.sums.weight = min(landmark.sums.weight, float(floor_map.rule.min_count))
             floor_map._cells[item.label].set(landmark.number, landmark.position_m)
-            known = _Object(item.id, item.label, [landmark])
-            floor_map._objects[item.id] = floor_map._owner[landmark.number] = known
+            entry = _Object(item.id, item.label, [landmark])
+            floor_map._objects[item.id] = floor_map._owner[landmark.number] = entry
             floor_map._change(item.id)
         return floor_map
 
@@ -115,13 +115,13 @@ class FloorMap:
         before = {number: (one.last, len(one.beside)) for number, one in self._in_view(sightings).items()}
         landmarks = self.graph.observe(sightings, self._frames)
         for label in dict.fromkeys(placed.label for placed in sightings):
-            own = [one for one in landmarks if one.label == label]
-            for one in own:
+            same_label = [one for one in landmarks if one.label == label]
+            for one in same_label:
                 self._cells[label].set(one.number, one.position_m)
-            changed = [one for one in own if before.get(one.number) != (one.last, len(one.beside))]
+            changed = [one for one in same_label if before.get(one.number) != (one.last, len(one.beside))]
             if changed:
                 self._group(label, changed)
-            for one in own:
+            for one in same_label:
                 self._change(self._owner[one.number].id)
         return [self._owner[one.number].id for one in landmarks]
 
@@ -136,9 +136,10 @@ class FloorMap:
             self._remove(item.id)
         in_view = set(self.graph.landmarks.in_view(self.graph.trajectory.odometer_m))
         for item in self._objects.values():
-            own = [one for one in item.landmarks if one.saved is None]
-            while len(own) > self.graph.rule.visits and self._join_oldest(item, [o for o in own if o not in in_view]):
-                own = [one for one in item.landmarks if one.saved is None]
+            visits = [one for one in item.landmarks if one.saved is None]
+            most = self.graph.rule.visits
+            while len(visits) > most and self._join_oldest(item, [one for one in visits if one not in in_view]):
+                visits = [one for one in item.landmarks if one.saved is None]
         gone = {number for number, one in self.graph.landmarks.all.items() if one.gone}
         if gone:
             self.graph.remove(gone)
@@ -157,8 +158,8 @@ class FloorMap:
     def near(self, point_m: Array, reach_m: float) -> list[MapObject]:
         """The objects within a distance of a point (2,)."""
         self._refresh()
-        found = [item.id for item in self._overlaps.within(point_m, reach_m) if item.id in self._shown]
-        return [self._shown[identity] for identity in sorted(found, key=id_order)]
+        ids = [item.id for item in self._overlaps.within(point_m, reach_m) if item.id in self._shown]
+        return [self._shown[identity] for identity in sorted(ids, key=id_order)]
 
     def shown_as(self, identity: str) -> str:
         """The id under which the map shows this object: its own, or that of the object that replaced it."""
@@ -172,9 +173,9 @@ class FloorMap:
             if one.keyframes and one.number in self._owner:
                 moved[one.label].append(one)
                 self._cells[one.label].set(one.number, one.position_m)
-        for label, own in moved.items():
-            self._group(label, own)
-            for one in own:
+        for label, landmarks in moved.items():
+            self._group(label, landmarks)
+            for one in landmarks:
                 self._change(self._owner[one.number].id)
 
     def set_presence(self, identity: str, probability: float) -> None:
@@ -214,10 +215,10 @@ class FloorMap:
         for group, names in zip(groups, homes, strict=True):
             identity = names[0] if names else self._new_id(label)
             presence = max((before[name].presence for name in names), default=1.0)
-            known = self._objects[identity] = _Object(identity, label, group, presence)
+            item = self._objects[identity] = _Object(identity, label, group, presence)
             self._change(identity)
             for one in group:
-                self._owner[one.number] = known
+                self._owner[one.number] = item
         self._rename({name: names[0] for names in homes for name in names[1:]})
 
     def _around(self, label: str, changed: Sequence[Landmark]) -> list[Landmark]:
@@ -225,14 +226,14 @@ class FloorMap:
         if len(self._cells[label]) == len(changed):
             return sorted(changed, key=lambda one: one.number)
         reach_m, cells = self.graph.rule.landmarks.reach_m, self._cells[label]
-        found = {number for one in changed for number in cells.within(one.position_m, reach_m)}
-        owners = {owner.id: owner for number in found if (owner := self._owner.get(number))}
-        found |= {one.number for owner in owners.values() for one in owner.landmarks}
-        return [self.graph.landmarks.all[number] for number in sorted(found)]
+        numbers = {number for one in changed for number in cells.within(one.position_m, reach_m)}
+        owners = {owner.id: owner for number in numbers if (owner := self._owner.get(number))}
+        numbers |= {one.number for owner in owners.values() for one in owner.landmarks}
+        return [self.graph.landmarks.all[number] for number in sorted(numbers)]
 
-    def _join_oldest(self, item: _Object, own: Sequence[Landmark]) -> bool:
+    def _join_oldest(self, item: _Object, visits: Sequence[Landmark]) -> bool:
         """The two oldest of these visits to an object become one; whether there were two."""
-        for kept, gone in combinations(sorted(own, key=lambda one: one.number), 2):
+        for kept, gone in combinations(sorted(visits, key=lambda one: one.number), 2):
             if not kept.is_apart(gone):
                 self.graph.join(kept, gone)
                 item.landmarks.remove(gone)
@@ -298,9 +299,9 @@ class FloorMap:
             if item is None:
                 self._overlaps.remove(identity)
             else:
-                own = self._estimate(item)
-                width_m, evidence = own.sums.width_m / own.sums.count, own.sums.weight * own.sums.confidence
-                self._overlaps.update(Candidate(identity, item.label, own.position_m, width_m, evidence))
+                position_m, sums = self._estimate(item).position_m, self._estimate(item).sums
+                width_m, evidence = sums.width_m / sums.count, sums.weight * sums.confidence
+                self._overlaps.update(Candidate(identity, item.label, position_m, width_m, evidence))
         self._changed = {}
         for identity in self._overlaps.settle():
             members = self._overlaps.members.get(identity)
@@ -310,21 +311,21 @@ class FloorMap:
     def _show(self, identity: str, shown: MapObject | None) -> None:
         """Show an object, or no longer, in its place in the order: a large map is not sorted again."""
         key = id_order(identity), identity
-        at, known = bisect_left(self._order, key), identity in self._shown
-        if shown is None and known:
+        at, listed = bisect_left(self._order, key), identity in self._shown
+        if shown is None and listed:
             del self._shown[identity], self._order[at], self._ordered[at]
         elif shown is not None:
             self._shown[identity] = shown
-            self._order[at : at + known], self._ordered[at : at + known] = [key], [shown]
+            self._order[at : at + listed], self._ordered[at : at + listed] = [key], [shown]
 
     def _as_map_object(self, members: list[Candidate]) -> MapObject | None:
         """Candidates in one place as one object; None where they have not enough evidence together."""
         items = [self._objects[candidate.id] for candidate in members]
         best, estimates = items[0], [self._estimate(item) for item in items]
         named: dict[str, float] = defaultdict(float)
-        for item, own in zip(items, estimates, strict=True):
-            named[item.label] += own.sums.weight
-        others = [own.sums for item, own in zip(items[1:], estimates[1:], strict=True) if item.label != best.label]
+        for item, one in zip(items, estimates, strict=True):
+            named[item.label] += one.sums.weight
+        others = [one.sums for item, one in zip(items[1:], estimates[1:], strict=True) if item.label != best.label]
         estimate = estimates[0]
         if not estimate.shows(self.rule, others):
             return None

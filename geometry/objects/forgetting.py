@@ -92,8 +92,8 @@ class Forgetter:
             if missed >= self.rule.misses:
                 floor_map.drop(item.id)
                 gone.append(item.id)
-                for known in (self._missed, self._open):
-                    known.pop(item.id, None)
+                for counts in (self._missed, self._open):
+                    counts.pop(item.id, None)
             else:
                 floor_map.set_presence(item.id, 1.0 - missed / self.rule.misses)
         return gone

@@ -27,8 +27,8 @@ class ZoneEvent:
     def record(self) -> dict[str, object]:
         """The event as HTTP and MQTT send it."""
         x_m, y_m = (round(float(value), 3) for value in self.item.position_m)
-        own: dict[str, object] = {"event_type": self.kind, "zone": self.zone.id, "zone_name": self.zone.name}
-        return own | {"id": self.item.id, "label": self.item.label, "x_m": x_m, "y_m": y_m}
+        fields: dict[str, object] = {"event_type": self.kind, "zone": self.zone.id, "zone_name": self.zone.name}
+        return fields | {"id": self.item.id, "label": self.item.label, "x_m": x_m, "y_m": y_m}
 
 
 class ZoneWatch:
@@ -48,10 +48,10 @@ class ZoneWatch:
             return []
         self._looked_s = stamp_s
         now = {(zone.id, item.id): item for zone in zones for item in inside_polygon(objects, zone.corners_m)}
-        known = {zone.id: zone for zone in zones}
-        drawn = {identity for identity, zone in known.items() if self._zones.get(identity) != zone}
-        stays = known.keys() - drawn
-        self._zones = known
+        by_id = {zone.id: zone for zone in zones}
+        drawn = {identity for identity, zone in by_id.items() if self._zones.get(identity) != zone}
+        stays = by_id.keys() - drawn
+        self._zones = by_id
         self._inside = {place: item for place, item in self._inside.items() if place[0] in stays}
         self._inside |= {place: item for place, item in now.items() if place[0] in drawn}
         differs = now.keys() ^ self._inside.keys()
@@ -61,8 +61,8 @@ class ZoneWatch:
             del self._pending[place]
             if place in now:
                 self._inside[place] = now[place]
-                events.append(ZoneEvent("entered", stamp_s, known[place[0]], now[place]))
+                events.append(ZoneEvent("entered", stamp_s, by_id[place[0]], now[place]))
             else:
-                events.append(ZoneEvent("left", stamp_s, known[place[0]], self._inside.pop(place)))
+                events.append(ZoneEvent("left", stamp_s, by_id[place[0]], self._inside.pop(place)))
         self._inside |= {place: now[place] for place in self._inside.keys() & now.keys()}
         return events

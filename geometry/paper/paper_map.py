@@ -54,12 +54,12 @@ class PaperMap:
 
     def objects(self) -> list[MapObject]:
         """One object for each cluster, at the mean of its sightings, ordered by id."""
-        found = [
+        objects = [
             one.sums.as_object(one.id, label, one.positions_m.mean(axis=0), one.covariance_sum / one.sums.count)
             for label, clusters in self._clusters.items()
             for one in clusters
         ]
-        return sorted(found, key=lambda item: id_order(item.id))
+        return sorted(objects, key=lambda item: id_order(item.id))
 
     def _add(self, placed: PlacedSighting) -> str:
         clusters, reach_m2 = self._clusters[placed.label], self._threshold_m**2

@@ -21,15 +21,15 @@ def solve_banded(factor: Array, rhs: Array) -> Array:
     padded[above, size:] = 1.0
     columns = np.arange(0, size, BLOCK)[:, None, None] + j
     blocks = np.where(inside, padded[np.clip(above + i - j, 0, above), columns], 0.0)
-    own, beside = np.linalg.inv(blocks[:, :, :BLOCK]), blocks[:, BLOCK - above :, BLOCK:]
+    diagonal, above_diagonal = np.linalg.inv(blocks[:, :, :BLOCK]), blocks[:, BLOCK - above :, BLOCK:]
     solved = np.zeros((len(starts) * BLOCK + above, rhs.shape[1]))
     solved[:size] = rhs
     for block, at in enumerate(starts):
         end = at + BLOCK
-        solved[at:end] = own[block].T @ solved[at:end]
-        solved[end : end + above] -= beside[block].T @ solved[end - above : end]
+        solved[at:end] = diagonal[block].T @ solved[at:end]
+        solved[end : end + above] -= above_diagonal[block].T @ solved[end - above : end]
     for block, at in reversed(list(enumerate(starts))):
         end = at + BLOCK
-        solved[end - above : end] -= beside[block] @ solved[end : end + above]
-        solved[at:end] = own[block] @ solved[at:end]
+        solved[end - above : end] -= above_diagonal[block] @ solved[end : end + above]
+        solved[at:end] = diagonal[block] @ solved[at:end]
     return solved[:size]

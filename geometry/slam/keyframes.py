@@ -110,9 +110,9 @@ class KeyframeTrajectory:
 
     def vectors(self) -> Array:
         """All keyframes' poses, (K, 3)."""
-        known = len(self._vectors)
-        if known != len(self.poses):
-            new = np.array([pose.vector() for pose in self.poses[known:]]).reshape(-1, 3)
+        count = len(self._vectors)
+        if count != len(self.poses):
+            new = np.array([pose.vector() for pose in self.poses[count:]]).reshape(-1, 3)
             self._vectors = np.concatenate([self._vectors, new])
         return self._vectors
 

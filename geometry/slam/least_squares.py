@@ -162,8 +162,8 @@ class _System:
         self._count, self._size, self._layout = len(poses), layout.size, layout
         self.rhs, self._diagonal = np.zeros((self._count, 3)), np.zeros((self._count, 3, 3))
         self.corner, self.rhs_corner = np.zeros((self._size, self._size)), np.zeros(self._size)
-        own = np.arange(2 * len(landmarks), self._size)
-        self.corner[own, own], self.rhs_corner[own] = 1.0, -biases
+        at = np.arange(2 * len(landmarks), self._size)
+        self.corner[at, at], self.rhs_corner[at] = 1.0, -biases
         self.cost = 0.5 * float(biases @ biases)
         self._add_odometry(problem.odometry, problem.freedom)
         self._add_observations(layout.seen, problem.kernel)
@@ -180,11 +180,11 @@ class _System:
         """Steps of the poses (3 K,) and of the corner (2 L + 1,)."""
         self._factor = cholesky_banded(self._band(), check_finite=False)
         solved = solve_banded(self._factor, np.column_stack([self.rhs.ravel(), self.between.toarray()]))
-        own, self._tied = solved[:, 0], solved[:, 1:]
+        alone, self._tied = solved[:, 0], solved[:, 1:]
         across = self.between.T @ solved
         self.schur = cho_factor(self.corner - across[:, 1:], check_finite=False)
         steps = cho_solve(self.schur, self.rhs_corner - across[:, 0], check_finite=False)
-        return own - self._tied @ steps, steps
+        return alone - self._tied @ steps, steps
 
     def gain(self, step: Array, steps: Array) -> float:
         """Gain in log-likelihood by a step of the poses and of the corner, for the linearised problem."""
@@ -209,14 +209,14 @@ class _System:
         k, (i, j) = 3 * np.arange(self._count)[:, None, None], np.indices((3, 3))
         diagonal = np.where(j >= i, self._factor[np.minimum(BAND + i - j, BAND), k + j], 0.0)
         after = self._factor[BAND + i - j - 3, k[:-1] + 3 + j]
-        own = inverse(diagonal)
-        gain = own[:-1] @ after
-        own = own @ own.transpose(0, 2, 1)
+        marginal = inverse(diagonal)
+        gain = marginal[:-1] @ after
+        marginal = marginal @ marginal.transpose(0, 2, 1)
         for row in range(self._count - 2, -1, -1):
-            own[row] += gain[row] @ own[row + 1] @ gain[row].T
+            marginal[row] += gain[row] @ marginal[row + 1] @ gain[row].T
         corner = cho_solve(self.schur, np.eye(self._size), check_finite=False)
         tied = self._tied.reshape(self._count, 3, -1)
-        return own + (self._tied @ corner).reshape(tied.shape) @ tied.transpose(0, 2, 1)
+        return marginal + (self._tied @ corner).reshape(tied.shape) @ tied.transpose(0, 2, 1)
 
     def _band(self) -> Array:
         """The information of the poses in LAPACK's upper band storage, (6, 3 K): one row for each diagonal."""
@@ -283,13 +283,13 @@ class _System:
             poses = np.add.reduceat(from_pose[:, :, 3:], layout.pose_starts)
             self._diagonal[layout.poses] += poses[:, :, :3]
             self.rhs[layout.poses] -= poses[:, :, 3]
-            own = np.add.reduceat(from_corner[layout.by_landmark], layout.landmark_starts)
+            sums = np.add.reduceat(from_corner[layout.by_landmark], layout.landmark_starts)
             rows, mount = layout.columns[:, :2], self._size - 1
-            self.corner[rows[:, :, None], layout.columns[:, None]] += own[:, :2, :3]
-            self.corner[mount, rows] += own[:, 2, :2]
-            self.corner[mount, mount] += own[:, 2, 2].sum()
-            self.rhs_corner[rows] -= own[:, :2, 6]
-            self.rhs_corner[mount] -= own[:, 2, 6].sum()
+            self.corner[rows[:, :, None], layout.columns[:, None]] += sums[:, :2, :3]
+            self.corner[mount, rows] += sums[:, 2, :2]
+            self.corner[mount, mount] += sums[:, 2, 2].sum()
+            self.rhs_corner[rows] -= sums[:, :2, 6]
+            self.rhs_corner[mount] -= sums[:, 2, 6].sum()
         values = np.concatenate([from_pose[:, :, :3].ravel(), self._by_gain.ravel()])[layout.between_order]
         places = layout.between_columns, layout.between_starts
         self.between = csr_array((values, *places), shape=(3 * self._count, self._size))
@@ -304,8 +304,8 @@ class _System:
 
     def _add_landmarks(self, factors: LandmarkFactors) -> None:
         count, residual = len(self._landmarks), self._landmarks - factors.prior_m
-        own = 2 * np.arange(count)[:, None] + np.arange(2)
-        self.corner[own[:, :, None], own[:, None]] += factors.information
+        at = 2 * np.arange(count)[:, None] + np.arange(2)
+        self.corner[at[:, :, None], at[:, None]] += factors.information
         self.rhs_corner[: 2 * count] -= (factors.information @ residual[:, :, None]).ravel()
         self.cost += 0.5 * float(np.einsum("ni,nij,nj->", residual, factors.information, residual))
         self.cost += _normalisation(factors.information[factors.information.any(axis=(1, 2))])

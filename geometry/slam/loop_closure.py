@@ -19,11 +19,11 @@ PLAIN, SEARCH, REFINE = 6, 2, 8  # iterations at most, of a solution by what it 
 
 
 class LoopSearch:
-    """Finds loop closures in a graph. found: accepted links that were not revoked."""
+    """Finds loop closures in a graph. accepted: number of links that were not revoked."""
 
     def __init__(self, graph: PoseGraph) -> None:
         self.graph = graph
-        self.found = 0
+        self.accepted = 0
         self._refused: Evidence = frozenset()  # the last hypothesis that was not accepted
 
     def closure(self) -> Closure:
@@ -60,7 +60,7 @@ class LoopSearch:
             self._take_back(unfit)
             new = {number: first for number, first in new.items() if number in graph.links}
             after = yield from at.solved(graph.links, PLAIN)
-        self.found += len(graph.links) - len(before)
+        self.accepted += len(graph.links) - len(before)
         yield
         after.state_covariances()
         yield
@@ -114,28 +114,28 @@ def _unlinked(graph: PoseGraph, groups: Mapping[int, list[Landmark]], in_view: S
     """Landmarks that are no object seen before, so far: those in view, most sightings first, then, before they have to
     go, those that passed without having been recognised, the last one first."""
     since = len(graph.trajectory) // 2 if graph.is_full else len(graph.trajectory)
-    found = [
+    candidates = [
         one
         for (one, *others) in groups.values()
         if not others and graph.is_likely(one) and (one.number in in_view or one.last >= since)
     ]
-    found.sort(key=lambda one: (0, -one.sums.pictures) if one.number in in_view else (1, -one.last))
-    return found[: graph.rule.maximum // 10]
+    candidates.sort(key=lambda one: (0, -one.sums.pictures) if one.number in in_view else (1, -one.last))
+    return candidates[: graph.rule.maximum // 10]
 
 
-def witnessed(graph: PoseGraph, found: Mapping[int, int]) -> dict[int, int]:
+def witnessed(graph: PoseGraph, proposed: Mapping[int, int]) -> dict[int, int]:
     """The links that are supported by links of other objects observed at about the same time; one object alone is no
     evidence, however often it was observed.
     """
     landmarks, slack = graph.landmarks.all, graph.rule.every
-    linked = {number: graph.root(number) for number in (*graph.links, *graph.links.values())} | dict(found)
+    linked = {number: graph.root(number) for number in (*graph.links, *graph.links.values())} | dict(proposed)
 
     def is_supported(number: int, root: int) -> bool:
         first, last = landmarks[number].first - slack, landmarks[number].last + slack
         near = {at for other, at in linked.items() if landmarks[other].first <= last and landmarks[other].last >= first}
         return len(near - {root}) > 0
 
-    return {number: root for number, root in found.items() if is_supported(number, root)}
+    return {number: root for number, root in proposed.items() if is_supported(number, root)}
 
 
 def _candidates(

@@ -55,23 +55,23 @@ def certain_pairings(
     shares = np.zeros(len(pairings))
     for weight, chosen in zip(weights / weights.sum(), tree.hypotheses, strict=True):
         shares[list(chosen)] += weight
-    found = _held(pairings, shares, landmarks, rule)
-    return found if len(found) + supported > 1 else []
+    accepted = _held(pairings, shares, landmarks, rule)
+    return accepted if len(accepted) + supported > 1 else []
 
 
 def _held(pairings: Sequence[Pairing], shares: Array, landmarks: Array, rule: LoopHypothesisRule) -> list[Pairing]:
     """The best pairing of each landmark in view, where it is certain together with those that say the same position."""
-    found: dict[int, Pairing] = {}
+    accepted: dict[int, Pairing] = {}
     for now in dict.fromkeys(pairing.now for pairing in pairings):
-        rows = [row for row, pairing in enumerate(pairings) if pairing.now == now and pairing.before not in found]
+        rows = [row for row, pairing in enumerate(pairings) if pairing.now == now and pairing.before not in accepted]
         if not rows:
             continue
         best = pairings[max(rows, key=lambda row: float(shares[row]))]
         positions = landmarks[[pairings[row].before for row in rows]]
         alike = np.linalg.norm(positions - landmarks[best.before], axis=1) <= rule.same_m
         if shares[rows][alike].sum() >= rule.certain:
-            found[best.before] = best
-    return list(found.values())
+            accepted[best.before] = best
+    return list(accepted.values())
 
 
 def _least_ambiguous(pairings: Sequence[Pairing]) -> list[Pairing]:
@@ -87,9 +87,9 @@ def _compatible(pairings: Sequence[Pairing], landmarks: Array, covariance: Array
         np.array([getattr(pairing, end) for pairing in pairings], dtype=np.intp) for end in ("now", "before")
     )
     blocks = covariance.reshape(len(landmarks), 2, len(landmarks), 2)
-    own = blocks[now, :, now] + blocks[before, :, before] - blocks[now, :, before] - blocks[before, :, now]
+    covariances = blocks[now, :, now] + blocks[before, :, before] - blocks[now, :, before] - blocks[before, :, now]
     difference = (landmarks[now] - landmarks[before])[:, :, None]
-    distances2 = (difference * np.linalg.solve(own, difference)).sum(axis=(1, 2))
+    distances2 = (difference * np.linalg.solve(covariances, difference)).sum(axis=(1, 2))
     return [pairing for pairing, distance2 in zip(pairings, distances2, strict=True) if distance2 <= CHI2_997]
 
 
@@ -139,14 +139,14 @@ class _Tree:
         for row in self._branches[depth]:
             if self._pairings[row].before in taken:
                 continue
-            own = slice(2 * row, 2 * row + 2)
-            factor = np.linalg.inv(covariance[own, own])
-            distance2 = float(difference[own] @ factor @ difference[own])
+            pair = slice(2 * row, 2 * row + 2)
+            factor = np.linalg.inv(covariance[pair, pair])
+            distance2 = float(difference[pair] @ factor @ difference[pair])
             if distance2 > CHI2_997:
                 continue
             density = math.sqrt(float(np.linalg.det(factor))) / (2.0 * math.pi) * self._rule.spacing_m2
-            gain = covariance[:, own] @ factor
-            after = difference - gain @ difference[own], covariance - gain @ covariance[own]
+            gain = covariance[:, pair] @ factor
+            after = difference - gain @ difference[pair], covariance - gain @ covariance[pair]
             likelihood = score + math.log(density) - distance2 / 2.0
             if not (yield from self._grow(depth + 1, (*chosen, row), likelihood, *after)):
                 return False

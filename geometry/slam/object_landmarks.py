@@ -144,8 +144,8 @@ def observed(placed: PlacedSighting, since: SE2, tilt_rad: Array, repeated: floa
     along = sighting.covariance_m2 @ place_m
     # A sighting at the base itself has no direction.
     range_m = along * math.sqrt(repeated / max(float(place_m @ along), 1e-12))
-    own = sighting.covariance_m2 + sighting.shared_m2 - np.outer(bias_m, bias_m) - np.outer(range_m, range_m)
-    (a, b), (_, d) = rotation @ own @ rotation.T
+    residual_m2 = sighting.covariance_m2 + sighting.shared_m2 - np.outer(bias_m, bias_m) - np.outer(range_m, range_m)
+    (a, b), (_, d) = rotation @ residual_m2 @ rotation.T
     determinant = a * d - b * b
     xx, xy, yy = d / determinant, -b / determinant, a / determinant
     x_m, y_m = since.apply(place_m)
@@ -264,13 +264,13 @@ class LandmarkSet:
     def associated(self, sightings: Sequence[PlacedSighting], odometer_m: float) -> list[Landmark]:
         """The landmark of each sighting of one frame: the nearest in view, one to one, or a new one."""
         near = self.in_view(odometer_m)
-        found: dict[int, Landmark] = {}
+        matched: dict[int, Landmark] = {}
         for label in dict.fromkeys(sighting.label for sighting in sightings):
             rows = [row for row, sighting in enumerate(sightings) if sighting.label == label]
             candidates = [landmark for landmark in near if landmark.label == label and landmark.keyframes]
-            found |= self._matched(rows, sightings, candidates, odometer_m)
+            matched |= self._matched(rows, sightings, candidates, odometer_m)
         landmarks = [
-            found.get(row) or self.begin(placed.label, placed.sighting.extent_m, odometer_m)
+            matched.get(row) or self.begin(placed.label, placed.sighting.extent_m, odometer_m)
             for row, placed in enumerate(sightings)
         ]
         for landmark, placed in zip(landmarks, sightings, strict=True):

@@ -115,14 +115,14 @@ class Snapshot:
         information, vector = self.priors.copy(), self.priors @ self.positions_m[:, :, None]
         np.add.at(information, seen.landmark, observed)
         np.add.at(vector, seen.landmark, observed @ places)
-        found: dict[int, float] = {}
+        chi2: dict[int, float] = {}
         for number in self.ties(links):
-            own = self.rows[number]
-            others = (owner == owner[own]) & (np.arange(len(owner)) != own)
-            covariances = inverse(np.stack([information[own], information[others].sum(axis=0)]))
-            here, there = covariances @ np.stack([vector[own], vector[others].sum(axis=0)])
-            found[number] = float(((here - there).T @ np.linalg.solve(covariances.sum(axis=0), here - there)).item())
-        return found
+            row = self.rows[number]
+            others = (owner == owner[row]) & (np.arange(len(owner)) != row)
+            covariances = inverse(np.stack([information[row], information[others].sum(axis=0)]))
+            here, there = covariances @ np.stack([vector[row], vector[others].sum(axis=0)])
+            chi2[number] = float(((here - there).T @ np.linalg.solve(covariances.sum(axis=0), here - there)).item())
+        return chi2
 
 
 class PoseGraph:

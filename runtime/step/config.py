@@ -101,15 +101,15 @@ def _run_json(path: Path) -> dict[str, Any]:
     return decode_json(read_bytes(path, ConfigError), dict, path, ConfigError)
 
 
-def _merged(default: Any, given: Any, where: str, unknown: list[tuple[str, str]]) -> Any:
+def _merged(default: Any, values: Any, where: str, unknown: list[tuple[str, str]]) -> Any:
     """A dataclass with the values that a document gives, checked field by field. unknown: gets each name that the class
     has not, with those that it has.
     """
-    if not isinstance(given, dict):
-        raise ConfigError(f"{where} is {_shown(given)}, not a mapping")
+    if not isinstance(values, dict):
+        raise ConfigError(f"{where} is {_shown(values)}, not a mapping")
     names = {item.name for item in fields(default)}
     changed: dict[str, Any] = {}
-    for key, value in given.items():
+    for key, value in values.items():
         here = f"{where}.{one_line(key, 40)}"
         if key not in names:
             unknown.append((here, ", ".join(sorted(names))))

@@ -56,8 +56,8 @@ class FrameObservations:
     @property
     def placed_by(self) -> Mount | None:
         """The mount by whose angles this frame's objects were placed; None where each frame has its own."""
-        own = self.camera is None or self.attitude_source in ("depth", "truth")
-        return None if own or self.camera is None else self.camera.mount
+        measured = self.camera is None or self.attitude_source in ("depth", "truth")
+        return None if measured or self.camera is None else self.camera.mount
 
     @property
     def mount_estimate(self) -> MountEstimate | None:

@@ -28,12 +28,12 @@ class LoopCloser:
     """Bounds the size of the map and closes loops in its graph every few keyframes, a unit of work in each frame.
 
     Counts frames, path and rotation, never time: the same frames give the same corrections. closes_loops: where not,
-    it only bounds the size, and the pose is odometry's. found: number of landmarks matched to earlier ones so far.
+    it only bounds the size, and the pose is odometry's. accepted: number of landmarks matched to earlier ones so far.
     """
 
     def __init__(self, closes_loops: bool = True) -> None:
         self.closes_loops = closes_loops
-        self.found = 0
+        self.accepted = 0
         self._search: LoopSearch | None = None
         self._graph: PoseGraph | None = None
         self._work: Closure | None = None
@@ -67,7 +67,7 @@ class LoopCloser:
             return None
         pose = graph.trajectory.pose
         moved_m = math.hypot(pose.x_m - before.x_m, pose.y_m - before.y_m)
-        return LoopCorrection(pose, past.covariances[-1], past, moved_m, self.found)
+        return LoopCorrection(pose, past.covariances[-1], past, moved_m, self.accepted)
 
     def _units(self, floor_map: FloorMap) -> Closure:
         floor_map.bound()
@@ -79,5 +79,5 @@ class LoopCloser:
         if self._search is None or self._search.graph is not floor_map.graph:
             self._search = LoopSearch(floor_map.graph)
         solved = yield from self._search.closure()
-        self.found = self._search.found
+        self.accepted = self._search.accepted
         return solved

@@ -60,12 +60,12 @@ def pose_record(pose: SE2) -> dict[str, float]:
 
 def object_record(item: MapObject) -> dict:
     """One object of the map as `map.json` holds it."""
-    said: dict[str, object] = {"name": item.name} if item.name else {}
-    said |= {"confirmed": True} if item.confirmed else {}
-    said |= {"corrected": list(item.corrected)} if item.corrected else {}
-    said |= {"yaw_rad": round(item.yaw_rad, 5)} if item.yaw_rad is not None else {}
-    said |= {"depth_m": round(item.depth_m, 4)} if item.depth_m is not None else {}
-    return said | {
+    stated: dict[str, object] = {"name": item.name} if item.name else {}
+    stated |= {"confirmed": True} if item.confirmed else {}
+    stated |= {"corrected": list(item.corrected)} if item.corrected else {}
+    stated |= {"yaw_rad": round(item.yaw_rad, 5)} if item.yaw_rad is not None else {}
+    stated |= {"depth_m": round(item.depth_m, 4)} if item.depth_m is not None else {}
+    return stated | {
         "id": item.id,
         "label": item.label,
         "x_m": round(float(item.position_m[0]), 6),
@@ -157,8 +157,8 @@ def load_last_pose(path: Path) -> SE2 | None:
     """The robot's pose when the map of a map.json or folder was saved, None where it is missing. Raises MapError."""
     path = map_path(path)
     data = read_bytes(path, MapError)
-    found = decode_json(data, LastPoseRecord, f"{path}: damaged map", MapError).last_pose
-    return found and found.pose
+    record = decode_json(data, LastPoseRecord, f"{path}: damaged map", MapError).last_pose
+    return record and record.pose
 
 
 def read_map(data: bytes, source: str, most: int = MAXIMUM_OBJECTS) -> tuple[list[MapObject], Annotations]:

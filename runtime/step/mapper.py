@@ -173,7 +173,7 @@ class Mapper:
         saved = annotations.measured(saved)
         self._saved_ids = frozenset(item.id for item in saved)
         self.relocaliser = Relocaliser(saved, self.config, guesses, annotations, grid)
-        self.map = self.relocaliser.own
+        self.map = self.relocaliser.run_map
 
     def step(self, observed: FrameObservations) -> MapUpdate:
         """Processes one frame's observations: advance, close loops, associate, forget, relocalise."""
@@ -384,7 +384,7 @@ class Mapper:
         """Merges the saved map and this run's, in the saved one's frame. Returns the new ids of this run's objects."""
         association, loop_closure = self.config.association, self.config.loop_closure
         merged, became = merge_maps(saved.saved, self.map.objects(), alignment, loop_closure.landmarks)
-        self.map = FloorMap.continued(merged, association, loop_closure, saved.own, became)
+        self.map = FloorMap.continued(merged, association, loop_closure, saved.run_map, became)
         self.pose_covariance = compose_covariance(
             alignment.pose_a_b, alignment.covariance, self.pose_map_base, self.pose_covariance
         )

@@ -20,10 +20,10 @@ RETRY_AFTER = 50  # frames after which the same number of objects is worth anoth
 
 
 class Relocaliser:
-    """Tries to align the run's own map with a saved one whenever it has grown, a bounded unit of work in each frame.
+    """Tries to align the map of this run with a saved one whenever it has grown, a bounded unit of work in each frame.
 
-    own: the map to build until then; its ids continue after the saved ones. annotations, grid: of the saved map, which
-    have no pose in this run until then. alignment: None until then. reason: why there is none yet.
+    run_map: the map to build until then; its ids continue after the saved ones. annotations, grid: of the saved map,
+    which have no pose in this run until then. alignment: None until then. reason: why there is none yet.
     guesses: poses in the saved map at which the run may have started (last pose, dock); they are tried first, and fewer
     objects confirm them.
     """
@@ -37,7 +37,7 @@ class Relocaliser:
         grid: OccupancyGrid | None = None,
     ) -> None:
         self.saved, self.annotations, self.grid = list(saved), annotations, grid
-        self.own: FloorMap = FloorMap.after(saved, config.association, config.loop_closure)
+        self.run_map: FloorMap = FloorMap.after(saved, config.association, config.loop_closure)
         self._registration, self._guesses = config.registration, tuple(guesses)
         self.alignment: Alignment | None = None
         self.reason = "no object seen yet"
@@ -54,9 +54,9 @@ class Relocaliser:
         if self.alignment is not None or not self._is_due():
             return None
         if self._work is None:
-            if self._guesses and (found := self._guessed()):
-                return found
-            self._work = aligning(self.saved, self.own.objects(), self._registration)
+            if self._guesses and (alignment := self._guessed()):
+                return alignment
+            self._work = aligning(self.saved, self.run_map.objects(), self._registration)
         try:
             next(self._work)
         except StopIteration as end:
@@ -68,15 +68,15 @@ class Relocaliser:
 
     def _guessed(self) -> Alignment | None:
         try:
-            self.alignment = aligned_near(self._guesses, self.saved, self.own.objects(), self._registration)
+            self.alignment = aligned_near(self._guesses, self.saved, self.run_map.objects(), self._registration)
         except AlignmentError as error:
             self.reason = str(error)
         return self.alignment
 
-    def _as_it_is_now(self, found: Alignment) -> Alignment | None:
-        """The own map has grown and moved since the work began."""
+    def _as_it_is_now(self, alignment: Alignment) -> Alignment | None:
+        """The map of this run has grown and moved since the work began."""
         try:
-            return realigned(found, self.saved, self.own.objects(), self._registration)
+            return realigned(alignment, self.saved, self.run_map.objects(), self._registration)
         except AlignmentError as error:
             self.reason = str(error)
             return None
@@ -84,7 +84,7 @@ class Relocaliser:
     def _is_due(self) -> bool:
         """While a search is unfinished, and when there are more or better objects than at the last attempt."""
         self._frames += 1
-        count = len(self.own.objects())
+        count = len(self.run_map.objects())
         if self._work is not None:
             return True
         if count <= self._count and self._frames < RETRY_AFTER:

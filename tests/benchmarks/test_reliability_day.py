@@ -28,7 +28,7 @@ def laps():
             rows.append([
                 len(stamps), sum(stamp_s < 2 * LAP for stamp_s in stamps), len(graph.landmarks.all),
                 sum(len(one.keyframes) for one in graph.landmarks.all.values()),
-                mapper.loop_closer.found, len(mapper.objects()),
+                mapper.loop_closer.accepted, len(mapper.objects()),
             ])  # fmt: skip
     return np.array(rows), drive
 

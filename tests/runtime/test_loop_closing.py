@@ -172,7 +172,7 @@ def test_a_map_that_is_replaced_in_a_closure_does_not_keep_the_next_one_from_beg
     for floor_map in (old, new):
         floor_map.graph.trajectory.begin(SE2(), np.zeros((3, 3)), 0.0)
     closer.begin(old)
-    assert closer.found == 0
+    assert closer.accepted == 0
     assert closer.step(old.graph, 0.1) is None
     assert closer.busy
     assert closer.step(new.graph, 0.2) is None
