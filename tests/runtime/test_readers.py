@@ -16,6 +16,7 @@ import pytest
 import yaml
 from hypothesis import given
 from hypothesis import strategies as st
+from PIL import Image
 from support.mutations import (
     MUTATED,
     mutated_bytes,
@@ -35,6 +36,7 @@ from edgemap.runtime.frames.class_names import read_class_names
 from edgemap.runtime.frames.errors import CameraError, CameraFault
 from edgemap.runtime.frames.trajectory import Trajectory, read_tum
 from edgemap.runtime.inputs.cameras.pictures import VideoCamera, drive_camera
+from edgemap.runtime.inputs.cameras.stated_focal import stated_focal_px
 from edgemap.runtime.inputs.drives import open_drive
 from edgemap.runtime.inputs.drives.camera_yaml import CameraFile, read_camera_yaml
 from edgemap.runtime.inputs.drives.pictures import read_picture
@@ -220,6 +222,15 @@ PICTURES = [
     cv2.imencode(suffix, IMAGE[:, :, 0] if suffix == ".pgm" else IMAGE)[1].tobytes()
     for suffix in (".png", ".jpg", ".bmp", ".ppm", ".pgm", ".tif", ".webp")
 ]
+
+
+def with_focal_length() -> bytes:
+    data, exif = io.BytesIO(), Image.Exif()
+    exif[0x8769] = {0xA405: 27}  # FocalLengthIn35mmFilm
+    Image.new("RGB", (40, 30)).save(data, "PNG", exif=exif)
+    return data.getvalue()
+
+
 READERS = {
     "map": ReaderCase("map.json", mutated_json(MAP), use_map),
     "grid": ReaderCase("grid.npz", mutated_grid(), use_grid),
@@ -240,6 +251,7 @@ READERS = {
     "labels": ReaderCase(
         "a.txt", mutated_rows(LABELS), lambda path: finite(label_table(COCO_NAMES).read(path, CameraError)[1])
     ),
+    "focal length": ReaderCase("a.png", mutated_bytes(with_focal_length()), lambda path: stated_focal_px(path, 40, 30)),
     "class names": ReaderCase("data.yaml", mutated_yaml({"path": ".", "names": {0: "chair", 1: "couch"}}), use_names),
     "pictures": ReaderCase("a.png", st.sampled_from(PICTURES).flatmap(mutated_bytes), use_picture),
 }

@@ -37,7 +37,7 @@ def _of_picture(path: Path) -> float | None:
     try:
         with Image.open(path) as picture:
             return _number(picture.getexif().get_ifd(EXIF).get(FOCAL_35MM))
-    except (OSError, ValueError, SyntaxError, KeyError):  # Pillow's errors for damaged files
+    except (OSError, ValueError, SyntaxError, KeyError, Image.DecompressionBombError):  # of damaged files
         return None
 
 
