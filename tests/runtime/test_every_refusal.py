@@ -21,6 +21,7 @@ from edgemap.runtime.frames.errors import BundleError, CameraError, OdometryErro
 from edgemap.runtime.frames.reading import one_line, read_bytes
 from edgemap.runtime.frames.trajectory import read_tum
 from edgemap.runtime.inputs.cameras.pictures import VideoCamera
+from edgemap.runtime.inputs.cameras.stated_focal import stated_focal_px
 from edgemap.runtime.inputs.drives import open_drive
 from edgemap.runtime.inputs.drives.camera_yaml import read_camera_yaml
 from edgemap.runtime.inputs.drives.pictures import list_pictures, read_picture
@@ -194,6 +195,7 @@ def test_quaternions_that_are_none(tmp_path, quaternion):
 def test_a_small_file_of_a_huge_picture_is_refused_before_it_is_decoded(tmp_path):
     (tmp_path / "a.png").write_bytes(png(20_000, 20_000))
     assert "picture of more than 67,108,864 px" in refused(CameraError, read_picture, tmp_path / "a.png")
+    assert stated_focal_px(tmp_path / "a.png", 640, 480) is None
 
 
 def test_sightings_of_a_run(tmp_path):
