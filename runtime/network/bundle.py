@@ -69,8 +69,8 @@ class Bundle:
         if cut.inputs[whole.input.name][2] != rows:
             return self
         blank, _ = Preprocessor(whole.input)(np.zeros((height, width, 3), dtype=np.uint8))
-        found = self.backbone.run({whole.input.name: blank})
-        padding = {item.name: found[item.name] for item in whole.features if item.name not in heads}
+        outputs = self.backbone.run({whole.input.name: blank})
+        padding = {item.name: outputs[item.name] for item in whole.features if item.name not in heads}
         return replace(self, backbone=with_padding(cut, padding, first / whole.input.height))
 
     @property
@@ -178,24 +178,24 @@ def _opener(
     return opened
 
 
-def _cut(promised: Shapes, found: Shapes) -> Callable[[Shapes], Shapes]:
+def _cut(promised: Shapes, actual: Shapes) -> Callable[[Shapes], Shapes]:
     """What makes promised shapes those of a backbone of fewer rows, if it is one."""
     name, shape = next(iter(promised.items()))
-    rows = found.get(name, shape)[2:3]
-    known = bool(rows) and isinstance(rows[0], int)  # a model may name a side, or leave it open
-    if len(promised) > 1 or not known or not 0 < rows[0] < shape[2]:
+    rows = actual.get(name, shape)[2:3]
+    fixed = bool(rows) and isinstance(rows[0], int)  # a model may name a side, or leave it open
+    if len(promised) > 1 or not fixed or not 0 < rows[0] < shape[2]:
         return lambda shapes: shapes
     return lambda shapes: {key: (*one[:2], one[2] * rows[0] // shape[2], *one[3:]) for key, one in shapes.items()}
 
 
-def _compare(where: str, kind: str, promised: Shapes, found: Shapes) -> None:
-    if missing := sorted(set(promised) - set(found)):
+def _compare(where: str, kind: str, promised: Shapes, actual: Shapes) -> None:
+    if missing := sorted(set(promised) - set(actual)):
         raise BundleError(f"{where}: {kind} {', '.join(missing)} is missing")
-    if extra := sorted(set(found) - set(promised)):
+    if extra := sorted(set(actual) - set(promised)):
         raise BundleError(f"{where}: {kind} {', '.join(extra)} is not in the manifest")
     for name, shape in promised.items():
-        if found[name] != shape:
-            raise BundleError(f"{where}: {kind} {name} has shape {found[name]}, manifest says {shape}")
+        if actual[name] != shape:
+            raise BundleError(f"{where}: {kind} {name} has shape {actual[name]}, manifest says {shape}")
 
 
 def _check_contract(metadata: dict[str, str], where: str, record: DetectorSpec | OdometryHead, folder: Path) -> None:
