@@ -5,6 +5,7 @@ import pytest
 from support.steps import Steps
 
 from edgemap.runtime.frames.colours import SHAPES, label_mark
+from edgemap.runtime.frames.faults import Fault, FaultKind
 
 pytest.importorskip("starlette", reason="the live page needs the extra 'view'")
 pytest.importorskip("uvicorn", reason="the live page needs the extra 'view'")
@@ -40,6 +41,12 @@ class Served:
     def step(self, count=1):
         with self.stepping:
             self.steps.into(self.page, count)
+
+    def fault(self, text):
+        """A step whose odometry reports a fault."""
+        fault = Fault(FaultKind.ODOMETRY, text)
+        self.page.write(*self.steps.next(fault))
+        self.page.fault(fault)
 
     def close(self):
         self._over.set()
