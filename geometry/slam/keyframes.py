@@ -104,7 +104,8 @@ class KeyframeTrajectory:
         gains = self.rule.gain, self.rule.gain
         headings = np.array(self._headings).reshape(-1, 2)
         # Their error is mostly the room's own, which all share: their information together is that of one.
-        heading_information = 1.0 / (headings[:, 1] * max(len(headings), 1))
+        measured = int(np.isfinite(headings[:, 1]).sum())
+        heading_information = 1.0 / (headings[:, 1] * max(measured, 1))
         first = self._first, self._first_information
         return OdometryFactors(motions, inverse(covariances), *first, gains, headings[:, 0], heading_information)
 

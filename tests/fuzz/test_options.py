@@ -24,9 +24,9 @@ READERS = {
     "--camera": ("demo", lambda text: open_camera(text).close()),
 }
 PIECES = (
-    "kitti:", "tum:", "drive:", "sim:", ".", "..", "/", "/dev/null", "/proc/self/mem", "~nobody-here", ".mcap", "#/topic",
-    ":", "//", "9" * 30, "١", "²", "%d", "%03d.png", "a" * 5000, "\udcff", "\n", "\x1b[2J", "\0", " ", "-", "nan", "inf",
-    "1e400", ",",
+    "kitti:", "tum:", "drive:", "sim:", ".", "..", "/", "/dev/null", "/proc/self/mem", "~nobody-here", ".mcap",
+    "#/topic", ":", "//", "9" * 30, "١", "²", "%d", "%03d.png", "a" * 5000, "\udcff", "\n", "\x1b[2J", "\0", " ", "-",
+    "nan", "inf", "1e400", ",",
 )  # fmt: skip
 
 
