@@ -20,7 +20,6 @@ from edgemap.runtime.frames.camera import Camera, next_frame
 from edgemap.runtime.frames.errors import CameraError
 from edgemap.runtime.frames.frame import Frame
 from edgemap.runtime.frames.timing import Stopwatch, percentiles
-from edgemap.runtime.frames.trajectory import PoseTrack, TrackFile
 from edgemap.runtime.inputs.cameras.wrappers import CameraAround
 from edgemap.runtime.inputs.drives.pictures import decode_picture
 from edgemap.runtime.network.bundle import Bundle
@@ -48,7 +47,7 @@ def drive_chunks(open_drive: OpenDrive) -> Iterator[tuple[SemanticSlam, list[Fra
                 count += len(chunk)
                 yield slam, chunk
         if count < 2:
-            raise CameraError(f"bench needs two frames or more, {camera.name} gave {count}")
+            raise CameraError(f"bench needs two frames or more, {camera.info.name} gave {count}")
 
 
 def _decoded(camera: Camera) -> list[Frame]:
@@ -171,10 +170,10 @@ class StandingCamera(CameraAround):
 
     def __init__(self, camera: Camera, rate_hz: float) -> None:
         super().__init__(camera)
-        self.wheel: TrackFile | PoseTrack | None = None
+        self.update_info(wheel=None, imu=None)
         first = next_frame(camera, lambda _: None)
         if first is None:
-            raise CameraError(f"{camera.name}: no frames")
+            raise CameraError(f"{camera.info.name}: no frames")
         random = np.random.default_rng(0)
         noisy = (first.image + random.normal(0.0, NOISE, first.image.shape) for _ in range(PICTURES))
         self._jpegs = [cv2.imencode(".jpg", np.clip(one, 0, 255).astype(np.uint8))[1].tobytes() for one in noisy]
@@ -188,9 +187,9 @@ class StandingCamera(CameraAround):
     def read(self) -> Frame:
         """The next one; there is always one."""
         before = time.process_time()
-        image = decode_picture(self._jpegs[self._delivered % PICTURES], self.name)
+        image = decode_picture(self._jpegs[self._delivered % PICTURES], self.info.name)
         self._spent_s += time.process_time() - before
-        return self.frame(image, self._start_s + self._delivered / self._rate_hz, self.name)
+        return self.frame(image, self._start_s + self._delivered / self._rate_hz, self.info.name)
 
 
 def measure_at_rest(open_standing: OpenDrive, seconds: float, rate_hz: float) -> dict[str, Any]:

@@ -46,7 +46,7 @@ def named(module):
 def build(paced):
     bundle = load_bundle(bundle_folder(bundle_name), pace="camera" if paced else "files", engine=engine)
     def new(camera):
-        floor = FloorCamera(camera.intrinsics, camera.mount)
+        floor = FloorCamera(camera.info.intrinsics, camera.info.mount)
         pipeline = Pipeline(bundle, floor, open_odometry("hybrid", bundle, camera, floor))
         return named("slam").SemanticSlam(pipeline, named("mapper").new_mapper(named("config").Config()))
     return new

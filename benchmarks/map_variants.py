@@ -64,9 +64,9 @@ def replayed(
     """
     bundle = remembering(bundle, 1)
     with drive_camera(drive, str(drive.folder)) as camera:
-        if camera.intrinsics is None or camera.mount is None:
+        if camera.info.intrinsics is None or camera.info.mount is None:
             raise CameraError(f"{drive.folder}: neither intrinsics nor mount known")
-        floor = FloorCamera(camera.intrinsics, camera.mount)
+        floor = FloorCamera(camera.info.intrinsics, camera.info.mount)
         slams = {name: build_slam(camera, bundle, floor, how, config) for name, how in variants.items()}
         while (frame := camera.read()) is not None and (frames is None or frame.index < frames):
             for name, slam in slams.items():

@@ -74,8 +74,8 @@ def follow(
     motions. progress: called after each frame. Raises OdometryError where the camera brings no true poses or fewer than
     two frames.
     """
-    if camera.truth is None:
-        raise OdometryError(f"{camera.name} brings no true poses of its own to compare with")
+    if camera.info.truth is None:
+        raise OdometryError(f"{camera.info.name} brings no true poses of its own to compare with")
     indices: list[int] = []
     true: list[SE2] = []
     observed: list[FrameObservations] = []
@@ -86,11 +86,11 @@ def follow(
             continue
         frame, skipped = replace(frame, imu=ImuSamples.joined(skipped), index=len(indices)), []
         observed.append(pipeline.step(frame))
-        true.append(camera.truth.at(frame.stamp_s))
+        true.append(camera.info.truth.at(frame.stamp_s))
         indices.append(first + every * len(indices))
         progress()
     if len(indices) < 2:
-        raise OdometryError(f"{camera.name}: {len(indices)} frames from frame {first} on, a motion needs two")
+        raise OdometryError(f"{camera.info.name}: {len(indices)} frames from frame {first} on, a motion needs two")
     start, motions = true[0].inverse(), [one.motion for one in observed[1:]]
     guessed = [motion.blind for motion in motions]
     name = pipeline.odometry.name
@@ -156,17 +156,17 @@ def score_drive(
     """
     camera, full = _open(spec, selection.depth)
     with camera:
-        if camera.truth is None:
+        if camera.info.truth is None:
             raise OdometryError(f"{spec} brings no true poses of its own to compare with")
-        mount = camera.mount or selection.mount
-        if camera.intrinsics is None or mount is None:
-            missing = "lens" if camera.intrinsics is None else "mount"
+        mount = camera.info.mount or selection.mount
+        if camera.info.intrinsics is None or mount is None:
+            missing = "lens" if camera.info.intrinsics is None else "mount"
             raise OdometryError(f"{spec}: {missing} unknown: write it into its camera.yaml, or give --mount")
         if selection.mount is not None:
             mount = replace(mount, height_m=selection.mount.height_m, pitch_rad=selection.mount.pitch_rad)
-        if odometry == OWN_WHEELS and (camera.wheel is None or not selection.wheels):
+        if odometry == OWN_WHEELS and (camera.info.wheel is None or not selection.wheels):
             raise OdometryError(f"{spec}: no wheel odometry comes with it")
-        floor, tuned = FloorCamera(camera.intrinsics, mount), selection.config
+        floor, tuned = FloorCamera(camera.info.intrinsics, mount), selection.config
         rules = tuned.odometry, tuned.health, tuned.attitude.check.tilt
         motion = open_odometry(odometry, bundle, camera, floor, selection.wheels, *rules)
         attitude = open_attitude(odometry, camera, floor, selection.imu, tuned.attitude, tuned.health, tuned.odometry)
@@ -175,7 +175,7 @@ def score_drive(
             camera, step, first=selection.first, every=selection.every, frames=selection.frames, progress=progress
         )
         lengths = selection.lengths_m or (KITTI_LENGTHS_M if spec.startswith("kitti:") else INDOOR_LENGTHS_M)
-        known = camera.attitudes
+        known = camera.info.attitudes
         level = None if known is None else [known.at(stamp_s, mount.height_m) for stamp_s in followed.stamps_s]
         attitudes = attitude_figures(followed.attitudes, level)
         errors = errors_of(followed.true, followed.estimated, followed.covariances, lengths, followed.stamps_s)

@@ -90,7 +90,7 @@ def board_views(
     views: list[BoardView] = []
     for frame in frames_of(camera, pictures, stopped):
         corners = board.corners_px(frame.image)
-        if corners is not None and all(_is_new(corners, view.corners_px, camera.size[0]) for view in views):
+        if corners is not None and all(_is_new(corners, view.corners_px, camera.info.size[0]) for view in views):
             views.append(BoardView(frame.name, corners))
             yield views[-1]
             if len(views) == MAXIMUM_VIEWS:

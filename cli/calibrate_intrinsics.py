@@ -21,7 +21,7 @@ def command(calibration: Annotated[CalibrationOptions, arg(name="Camera")], boar
     known = calibration.camera_file
     mount = read_camera_yaml(known).mount if known else None
     with open_camera(calibration.camera) as source:
-        fit = fit_lens(calibration.views(source, chessboard), chessboard, source.size)
+        fit = fit_lens(calibration.views(source, chessboard), chessboard, source.info.size)
     lens, sigma = fit.intrinsics, fit.sigma_px
     print(f"{fit.views} views, {fit.rms_px:.3f} px off (root mean square), {fit.worst_view_px:.3f} px in the worst")
     for name in fit.dropped:

@@ -54,7 +54,7 @@ def _by_board(
     with calibration.open() as source:
         lens = calibration.lens(source)
         fit = fit_mount(calibration.views(source, chessboard), chessboard, lens, thickness)
-        prior = source.mount
+        prior = source.info.mount
     print(f"{fit.views} views, {fit.rms_px:.3f} px off (root mean square), {fit.worst_view_px:.3f} px in the worst")
     _print_result(fit.mount, *fit.sigma)
     return lens, (_with_lever_arm(fit.mount, prior), fit.record())
@@ -69,7 +69,7 @@ def _by_room(
     from edgemap.runtime.step.loop import stop_on_signals
 
     with calibration.open(topics) as source, stop_on_signals() as stop:
-        lens, prior, rolls = calibration.lens(source), source.mount, source.wheel is not None
+        lens, prior, rolls = calibration.lens(source), source.info.mount, source.info.wheel is not None
         frames = frames_of(source, calibration.frames or PICTURES, stop.is_set)
         measured = [(frame.imu, frame.depth) for frame in frames]
     up = gravity(ImuSamples.joined([samples for samples, _ in measured]))
@@ -121,7 +121,7 @@ def _by_edges(
     sigma_m = 0.0
     if height is None:
         with calibration.open(topics) as source, stop_on_signals() as stop:
-            wheels: Any = source.wheel
+            wheels: Any = source.info.wheel
             if isinstance(wheels, TrackFile):
                 wheels = wheels.track()
             elif calibration.frames is None:

@@ -70,7 +70,7 @@ class CalibrationOptions:
         with stop_on_signals() as stop:
             for view in board_views(source, board, self.frames, stopped):
                 views.append(view)
-                if source.live:
+                if source.info.live:
                     print(f"view {len(views)} of the board; Ctrl-C when it has been everywhere", flush=True)
         return views
 
@@ -105,7 +105,7 @@ class MountCalibrationOptions(CalibrationOptions):
         from edgemap.runtime.motion.attitude.segments import find_segments
         from edgemap.runtime.step.loop import stop_on_signals
 
-        count = min(self.frames or source.frame_count or 10 * EDGES, source.frame_count or 10 * EDGES)
+        count = min(self.frames or source.info.frame_count or 10 * EDGES, source.info.frame_count or 10 * EDGES)
         every = max(1, math.ceil(count / EDGES))
         with stop_on_signals() as stop:
             frames_seen = frames_of(source, count, stop.is_set)

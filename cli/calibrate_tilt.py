@@ -25,9 +25,9 @@ def command(
     calibration.check()
     with calibration.open() as source:
         lens = calibration.lens(source)
-        if height is None and source.mount is None:
-            raise OptionError(f"{source.name} does not know its height above the floor: pass --height METRES")
-        prior = source.mount or Mount(height or 1.0)
+        if height is None and source.info.mount is None:
+            raise OptionError(f"{source.info.name} does not know its height above the floor: pass --height METRES")
+        prior = source.info.mount or Mount(height or 1.0)
         fit = calibration.tilt(source, lens)
     mount = replace(prior, height_m=height or prior.height_m, pitch_rad=fit.pitch_rad, roll_rad=fit.roll_rad)
     print(f"  pitch {math.degrees(fit.pitch_rad):7.3f} +- {math.degrees(fit.sigma[0]):.3f} deg (positive down)")

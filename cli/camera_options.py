@@ -157,17 +157,17 @@ def open_described(spec: str, camera_file: Path | None, how: "CameraOptions | No
 
 def known_lens(camera: "Camera", intrinsics: str | None) -> "Intrinsics":
     """The lens by flag, camera file or source, in this order. Raises OptionError for none, or one of another size."""
-    lens = read_intrinsics(intrinsics, *camera.size) or camera.intrinsics
+    lens = read_intrinsics(intrinsics, *camera.info.size) or camera.info.intrinsics
     if lens is None:
         raise OptionError(
-            f"{camera.name} does not know its lens: pass --intrinsics FX,FY,CX,CY (pixels) or --camera-file camera.yaml"
-            " (edgemap run writes one with a guessed lens into its folder)"
+            f"{camera.info.name} does not know its lens: pass --intrinsics FX,FY,CX,CY (pixels) or "
+            "--camera-file camera.yaml (edgemap run writes one with a guessed lens into its folder)"
         )
-    if (lens.width, lens.height) != tuple(camera.size):
-        size = f"{camera.size[0]}x{camera.size[1]}"
-        raise OptionError(f"{camera.name} delivers {size} px, the lens given is for {lens.width}x{lens.height} px")
+    if (lens.width, lens.height) != tuple(camera.info.size):
+        size = f"{camera.info.size[0]}x{camera.info.size[1]}"
+        raise OptionError(f"{camera.info.name} delivers {size} px, the lens given is for {lens.width}x{lens.height} px")
     if intrinsics is None and lens.doubt:
-        _warn(f"the lens of {camera.name}: {lens.doubt}")
+        _warn(f"the lens of {camera.info.name}: {lens.doubt}")
     return lens
 
 
@@ -176,7 +176,7 @@ def lens_and_mount(camera: "Camera", intrinsics: str | None, mount: str | None) 
     from edgemap.runtime.inputs.drives.drive import ridden
 
     lens = known_lens(camera, intrinsics)
-    camera_mount = ridden(camera.name.partition(":")[0], read_mount(mount, camera.mount))
+    camera_mount = ridden(camera.info.name.partition(":")[0], read_mount(mount, camera.info.mount))
     if camera_mount is None:
-        raise OptionError(f"{camera.name} does not know how it is mounted: {HOW_TO_MEASURE}")
+        raise OptionError(f"{camera.info.name} does not know how it is mounted: {HOW_TO_MEASURE}")
     return lens, camera_mount

@@ -190,8 +190,8 @@ def _camera(described: Source, plot: Path | None) -> Iterator[Diagnosis]:
                 return
             for fault in faults:
                 yield Diagnosis("camera", "broken", str(fault))
-            rate = f"{source.rate_hz:.1f} Hz" if source.rate_hz else "rate unknown"
-            width, height = source.size
+            rate = f"{source.info.rate_hz:.1f} Hz" if source.info.rate_hz else "rate unknown"
+            width, height = source.info.size
             yield Diagnosis("camera", "ok", f"{spec}: {width}x{height}, {rate}")
             if lacking := what_is_given(described, source)[3]:
                 text = f"{spec} does not say its {lacking}: run guesses from the pictures"

@@ -65,7 +65,7 @@ class Run:
         angles, height = ("guessed" if sigma else "given" for sigma in guessed)
         self.mount_sources, self.carried = (angles, height), bool(guess and guess.sway_rad)
         self.crops = BestCrops()
-        counts = (options.camera.frames, source.frame_count)
+        counts = (options.camera.frames, source.info.frame_count)
         self._frames = min((count for count in counts if count is not None), default=None)
         self.about = about_run(source, loaded, floor, robot.odometry, self.folder, self._frames)
 
@@ -85,7 +85,7 @@ class Run:
 
     def _edits(self) -> Edits:
         given, spec = self.options.advanced.repeated_edits(), self.options.camera.camera
-        found = load_edits(given) if given else read_edits(self.source.edits, f"{spec}: edits")
+        found = load_edits(given) if given else read_edits(self.source.info.edits, f"{spec}: edits")
         return Edits(self.folder / "edits.jsonl", found)
 
     def _drive_with(self, page: OpenPage | None, stop: Event, edits: Edits, kept: list[LivingMap]) -> None:
@@ -98,7 +98,7 @@ class Run:
         judge = (
             None if saved else judge_of(camera.camera, self.source, self.mapped if self.options.map.classes else None)
         )
-        report = ReportFile(self.folder, self.about, None if saved else self.source.truth, judge, self.crops)
+        report = ReportFile(self.folder, self.about, None if saved else self.source.info.truth, judge, self.crops)
         if page is not None:
             page.page.goals += [send for one in publishers if (send := getattr(one, "send_goal", None))]
             page.page.verdict = lambda: files.verdict

@@ -41,7 +41,7 @@ def floor_camera_of(camera: "Source", source: "Camera", bundle: "Bundle") -> "tu
     lens, mount, height_m, lacking = what_is_given(camera, source)
     if not lacking:
         return (floor := camera.floor_camera(source)), _earlier_guess(camera, source, floor)
-    print(f"{source.name} does not say its {lacking}: guessing from its first pictures", flush=True)
+    print(f"{source.info.name} does not say its {lacking}: guessing from its first pictures", flush=True)
     manifest = bundle.manifest
     detector = Detector(bundle, Decoder(manifest.detector, manifest.confidence, one_name=True))
     pictures = [frame.image for frame in guessing_frames(camera, source)]
@@ -62,10 +62,10 @@ def what_is_given(camera: "Source", source: "Camera") -> "tuple[Intrinsics | Non
     guessed, empty where nothing is. Raises OptionError."""
     from edgemap.cli.camera_options import read_intrinsics, read_mount, read_mount_numbers
 
-    lens = read_intrinsics(camera.intrinsics, *source.size) or source.intrinsics
+    lens = read_intrinsics(camera.intrinsics, *source.info.size) or source.info.intrinsics
     height_m, pitch_deg = read_mount_numbers(camera.mount) or (None, None)
-    given = camera.mount if pitch_deg is not None or source.mount is not None else None
-    mount = read_mount(given, source.mount)
+    given = camera.mount if pitch_deg is not None or source.info.mount is not None else None
+    mount = read_mount(given, source.info.mount)
     tilt = "mount" if height_m is None else "pitch"
     lacking = " and ".join(name for name, known in (("lens", lens), (tilt, mount)) if known is None)
     return lens, mount, height_m, lacking
@@ -183,7 +183,7 @@ def guessing_frames(camera: "Source", source: "Camera") -> "list[Frame]":
     from edgemap.calibrate.guess_focal import FEWEST_ROOMS
     from edgemap.runtime.motion.views import views_of
 
-    if source.live:
+    if source.info.live:
         found = list["Frame"]()
         until_s, next_s = time.monotonic() + LIVE_S, -math.inf
         for frame in frames_of(source, None, lambda: time.monotonic() > until_s):
@@ -196,7 +196,7 @@ def guessing_frames(camera: "Source", source: "Camera") -> "list[Frame]":
         with camera.open() as again:
             yield from (frame for frame in frames_of(again, count) if frame.index % every == 0)
 
-    count = min(source.frame_count or REACH, REACH)
+    count = min(source.info.frame_count or REACH, REACH)
     every = max(1, count // PICTURES)
     found = list(sampled(every))
     views = list(views_of(found))
@@ -211,5 +211,5 @@ def _stated(spec: str, source: "Camera") -> "Focal | None":
     from edgemap.runtime.frames.reading import user_path
     from edgemap.runtime.inputs.cameras.stated_focal import stated_focal_px
 
-    found = None if source.live else stated_focal_px(user_path(spec), *source.size)
+    found = None if source.info.live else stated_focal_px(user_path(spec), *source.info.size)
     return found and Focal(found[0], 0.05, found[1])

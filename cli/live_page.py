@@ -70,7 +70,7 @@ def live_page(
     from edgemap.view.pause import Pause
     from edgemap.view.server import PageServer
 
-    pause = None if source.live else Pause()
+    pause = None if source.info.live else Pause()
     page = LivePage(about, folder, pause, lambda: source.state, crops, edits)
     page.searching, page.keep_mount = searching, keep_mount
     server = PageServer(page, *host_and_port(options.view, "--view", 8090))

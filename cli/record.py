@@ -48,12 +48,12 @@ def command(
     track = None if wheel is None else read_wheels(wheel)
     how = CameraOptions(realtime=realtime, topics=sensor_topics(topics), depth=not without_depth)
     with source.open(how) as camera:
-        if track is None and isinstance(camera.wheel, TrackFile):
-            track = camera.wheel.track()
-        lens = read_intrinsics(source.intrinsics, *camera.size) or camera.intrinsics
-        facts = Facts(camera.name, lens, read_mount(source.mount, camera.mount), camera.rate_hz)
+        if track is None and isinstance(camera.info.wheel, TrackFile):
+            track = camera.info.wheel.track()
+        lens = read_intrinsics(source.intrinsics, *camera.info.size) or camera.info.intrinsics
+        facts = Facts(camera.info.name, lens, read_mount(source.mount, camera.info.mount), camera.info.rate_hz)
         with stop_on_signals() as stop:
-            recorder = Recorder(out, facts, lossless=lossless, wheel=track, truth=camera.truth)
+            recorder = Recorder(out, facts, lossless=lossless, wheel=track, truth=camera.info.truth)
             try:
                 with closing(recorder):
                     while (frames is None or recorder.frames < frames) and not stop.is_set():

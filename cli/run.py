@@ -63,5 +63,7 @@ def command(
 
 def _load(options: RunOptions, source: "Camera") -> "Bundle":
     """The bundle, with as many threads as pay where frames come at a camera's pace."""
-    paced = source.live or options.watch.view is not None or options.pace_files
-    return options.advanced.load(options.camera.camera, pace="camera" if paced else "files", recorded=source.inference)
+    paced = source.info.live or options.watch.view is not None or options.pace_files
+    return options.advanced.load(
+        options.camera.camera, pace="camera" if paced else "files", recorded=source.info.inference
+    )

@@ -34,7 +34,7 @@ def run_record(
     record: dict[str, Any] = {
         "format": "edgemap.run/1",
         "started_utc": datetime.now(UTC).isoformat(timespec="seconds"),
-        "camera": source.name,
+        "camera": source.info.name,
         "intrinsics": asdict(floor.intrinsics),
         "mount": mount_fields(camera_mount, 6) | {"platform": camera_mount.platform},
         "bundle": {"name": loaded.manifest.name, "folder": str(loaded.folder), "sha256": loaded.manifest.sha256},

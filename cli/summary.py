@@ -116,7 +116,7 @@ def judge_of(
     """
     spec = f"drive:{DEMO}" if spec == "demo" else spec
     drive = open_drive(spec) if spec.partition(":")[0] in READERS else None
-    if camera.object_records() is None and (drive is None or not drive.objects or camera.truth is None):
+    if camera.object_records() is None and (drive is None or not drive.objects or camera.info.truth is None):
         return None
 
     def judge(objects: list[MapObject], frames: int) -> list[EvaluationRow]:

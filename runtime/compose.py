@@ -24,7 +24,7 @@ from edgemap.runtime.frames.program_camera import (
     as_mount,
 )
 from edgemap.runtime.frames.reading import user_path
-from edgemap.runtime.inputs.cameras.checked import checked
+from edgemap.runtime.inputs.cameras.checked import CheckedCamera
 from edgemap.runtime.inputs.cameras.kinds import recorded_from
 from edgemap.runtime.inputs.cameras.wheels import replace_wheels
 from edgemap.runtime.inputs.drives.camera_yaml import CameraFile, read_camera_yaml
@@ -179,7 +179,7 @@ def open_session(
     )
 
     def build(source: Camera) -> SemanticSlam:
-        loaded = _load(source, name or source.name, bundle)
+        loaded = _load(source, name or source.info.name, bundle)
         return compose(source, loaded, _floor_of(source), spec, guess)
 
     if guess:
@@ -198,12 +198,12 @@ def open_session(
         how = CameraOptions(lens, None if mount is None else as_mount(mount), recovery=tuned.camera)
         source = open_camera(name, how)
     else:
-        source = checked(camera, str(camera.name))  # type: ignore[arg-type, union-attr]
+        source = CheckedCamera(camera)
     try:
         if intrinsics is not None:
-            source.intrinsics = as_intrinsics(intrinsics, *source.size)
+            source.update_info(intrinsics=as_intrinsics(intrinsics, *source.info.size))
         if mount is not None:
-            source.mount = as_mount(mount)
+            source.update_info(mount=as_mount(mount))
         return Session(source, build(source), sinks, strict, MapObjects)
     except BaseException:
         source.close()
@@ -222,13 +222,13 @@ def _guess_of(
 def _load(source: Camera, spec: str, bundle: str | Path | None) -> Bundle:
     """The bundle of that name, or the default one of the source. Raises BundleError."""
     usual = default_bundle(recorded_from(spec))[0]
-    return open_bundle(bundle_folder(str(bundle or usual)), usual, pace="camera" if source.live else "files")
+    return open_bundle(bundle_folder(str(bundle or usual)), usual, pace="camera" if source.info.live else "files")
 
 
 def _floor_of(source: Camera) -> FloorCamera:
     """Lens and mount of a camera that has both. Raises CameraError."""
-    lens, mount = source.intrinsics, source.mount
+    lens, mount = source.info.intrinsics, source.info.mount
     if lens is None or mount is None:
         lacks = "intrinsics=(fx, fy, cx, cy)" if lens is None else "mount=(height_m, pitch_deg)"
-        raise CameraError(f"{source.name} brings no {lacks.partition('=')[0]}: pass {lacks} or camera_file=")
+        raise CameraError(f"{source.info.name} brings no {lacks.partition('=')[0]}: pass {lacks} or camera_file=")
     return FloorCamera(lens, mount)

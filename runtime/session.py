@@ -68,7 +68,7 @@ class Session:
         """
         if not isinstance(self.camera, PushedCamera):
             raise CameraError(
-                f"this session reads {self.camera.name}: to push, open one with intrinsics= and mount= alone"
+                f"this session reads {self.camera.info.name}: to push, open one with intrinsics= and mount= alone"
             )
         self.camera.give(image, stamp_s, imu, wheels)
         if not isinstance(self._slam, SemanticSlam):

@@ -3,11 +3,10 @@
 from collections.abc import Iterator
 from typing import Any
 
-from edgemap.runtime.frames.camera import Camera, CameraOptions
+from edgemap.runtime.frames.camera import Camera, CameraInfo, CameraOptions
 from edgemap.runtime.frames.errors import CameraSpecError
 from edgemap.runtime.frames.extras import need
 from edgemap.runtime.frames.frame import Frame
-from edgemap.runtime.frames.trajectory import Trajectory
 from edgemap.simulation.record import truth_of
 from edgemap.simulation.shots import shots
 from edgemap.simulation.studio import Shot
@@ -25,12 +24,10 @@ class SimCamera(Camera):
     """
 
     def __init__(self, name: str, world: World) -> None:
-        super().__init__(name, world.camera.intrinsics, world.camera.mount)
+        lens, mount, rate_hz = world.camera.intrinsics, world.camera.mount, world.camera.rate_hz
+        size, count, truth = (lens.width, lens.height), world.frames, truth_of(world)
+        super().__init__(CameraInfo(name, size, lens, mount, rate_hz=rate_hz, frame_count=count, truth=truth))
         self.world = world
-        self.size = (world.camera.intrinsics.width, world.camera.intrinsics.height)
-        self.rate_hz: float | None = world.camera.rate_hz
-        self.frame_count: int | None = world.frames
-        self.truth: Trajectory | None = truth_of(world)
         self._shots: Iterator[Shot] | None = None
         self._boxes: list[list[dict[str, Any]]] = []
 
@@ -42,7 +39,9 @@ class SimCamera(Camera):
         if shot is None:
             return None
         self._boxes.append(shot.boxes)
-        return self.frame(shot.decoded(), shot.index / self.world.camera.rate_hz, f"{self.name} frame {shot.index}")
+        return self.frame(
+            shot.decoded(), shot.index / self.world.camera.rate_hz, f"{self.info.name} frame {shot.index}"
+        )
 
     def object_records(self) -> list[dict[str, Any]]:
         """The true objects, as in objects.json, with the number of delivered pictures in which each is visible."""
@@ -65,7 +64,7 @@ def open(address: str, how: CameraOptions = CameraOptions()) -> SimCamera:  # no
         raise CameraSpecError(f"camera {spec!r}: expected sim:SEED with a whole number, 0 or more")
     need("simulation", spec, RENDERERS)
     camera = SimCamera(spec, draw_world(int(address), how.frames or len(CONTRACT_STAMPS_S)))
-    camera.intrinsics, camera.mount = how.intrinsics or camera.intrinsics, how.mount or camera.mount
+    camera.update_info(intrinsics=how.intrinsics or camera.info.intrinsics, mount=how.mount or camera.info.mount)
     return camera
 
 

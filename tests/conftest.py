@@ -101,6 +101,6 @@ def whole_demo():
 @pytest.fixture
 def demo(whole_demo):
     """The same, its camera's wheels as they were."""
-    wheel = whole_demo.camera.wheel
+    wheel = whole_demo.camera.info.wheel
     yield whole_demo
-    whole_demo.camera.wheel = wheel
+    whole_demo.camera.update_info(wheel=wheel)

@@ -22,10 +22,10 @@ def about_run(
     where nobody knows."""
     lens = floor.intrinsics
     return {
-        "camera": source.name,
-        "live": source.live,
+        "camera": source.info.name,
+        "live": source.info.live,
         "frames": frames,
-        "rate_hz": source.rate_hz,
+        "rate_hz": source.info.rate_hz,
         "bundle": bundle.manifest.name,
         "odometry": odometry,
         "folder": printable(folder),

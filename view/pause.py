@@ -59,7 +59,7 @@ class PausableCamera(CameraAround):
                 return None
             if held_s >= HELD_S:
                 self._kept = kept
-                raise FrameTimeout(f"{self.name}: held", None, self.state)
+                raise FrameTimeout(f"{self.info.name}: held", None, self.state)
             time.sleep(LOOK_EVERY_S)  # not Event.wait: a signal handler may run in here and set the same event
             held_s += LOOK_EVERY_S
         self._kept = None

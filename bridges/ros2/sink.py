@@ -152,5 +152,5 @@ def pose_edit(message: Any) -> Edit:
 
 def open(address: str, run: RunInfo) -> Ros2Sink:
     """The sink of `--ros2 NAME=VALUE,…`. Raises UsageError, Ros2Error or MissingExtraError."""
-    live = run.camera.name.startswith("ros2:")
+    live = run.camera.info.name.startswith("ros2:")
     return Ros2Sink(shared_node(), run.floor, Ros2Options.of(address), ros_time=live, edit=run.edits.submit)

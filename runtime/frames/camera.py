@@ -2,8 +2,7 @@
 
 import math
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
-from types import MappingProxyType
+from dataclasses import dataclass, field, replace
 from typing import Any, NamedTuple, Protocol, Self
 
 import numpy as np
@@ -21,38 +20,52 @@ from edgemap.runtime.frames.trajectory import AttitudeTrack, PoseTrack, TrackFil
 DEFAULT_RATE_HZ = 10.0  # of pictures without stamps
 
 
-class Camera:
-    """A source of frames, open from construction until `close`; a context manager. Subclasses set `size`, add `read`.
+@dataclass(frozen=True, slots=True, eq=False)
+class CameraInfo:
+    """What is constant of a camera while it is read.
 
-    name: the SPEC it was opened from. live: true for devices that produce frames independently of `read`.
-    intrinsics, mount: None where unknown. rate_hz: nominal frame rate, None if unknown.
-    size: (width, height) of its pictures, px. frame_count: None for live sources.
-    truth: the drive's own poses from its start, None where unknown. attitudes: those of the lens with them, None where
-    the poses are planar. wheel: wheel odometry that came with the pictures,
-    a file or poses that come live, None where there is none. inference: of the run that made this
-    recording, None where there are none. edits: of that run, as lines of edits.jsonl. calibration: of a recording, how
-    intrinsics and mount were determined, as in camera.yaml. imu: all inertial samples of a recording, which `frame`
-    deals out.
+    name: the SPEC it was opened from. size: (width, height) of its pictures, px. intrinsics, mount: None where unknown.
+    live: true for devices that produce frames independently of `read`. rate_hz: nominal frame rate, None if unknown.
+    frame_count: None for live sources. truth: the drive's own poses from its start, None where unknown. attitudes:
+    those of the lens with them, None where the poses are planar. wheel: wheel odometry that came with the pictures, a
+    file or poses that come live, None where there is none. imu: all inertial samples of a recording. inference: of the
+    run that made this recording, None where there is none. edits: of that run, as lines of edits.jsonl. calibration: of
+    a recording, how intrinsics and mount were determined, as in camera.yaml.
     """
 
     name: str
-    live: bool = False
     size: tuple[int, int] = (0, 0)
     intrinsics: Intrinsics | None = None
     mount: Mount | None = None
+    live: bool = False
     rate_hz: float | None = None
     frame_count: int | None = None
     truth: Trajectory | None = None
     attitudes: AttitudeTrack | None = None
     wheel: TrackFile | PoseTrack | None = None
+    imu: ImuSamples | None = None
     inference: Inference | None = None
     edits: tuple[str, ...] = ()
-    calibration: Mapping[str, Any] = MappingProxyType({})
+    calibration: Mapping[str, Any] = field(default_factory=dict)
 
-    def __init__(self, name: str, intrinsics: Intrinsics | None = None, mount: Mount | None = None) -> None:
-        self.name, self.intrinsics, self.mount = printable(name), intrinsics, mount
-        self.imu: ImuSamples | None = None
+
+class Camera:
+    """A source of frames, open from construction until `close`; a context manager. A subclass adds `read`, which makes
+    its frames with `frame`.
+    """
+
+    def __init__(self, info: CameraInfo) -> None:
+        self._info = replace(info, name=printable(info.name))
         self._delivered, self._last_s = 0, -math.inf  # frames so far, and the stamp of the last
+
+    @property
+    def info(self) -> CameraInfo:
+        """What is constant of it."""
+        return self._info
+
+    def update_info(self, **changes: Any) -> None:
+        """Changes what is known of it, as a mount that was stated or corrected. changes: fields of `CameraInfo`."""
+        self._info = replace(self._info, **changes)
 
     @property
     def state(self) -> CameraState:
@@ -77,15 +90,16 @@ class Camera:
     def frame(
         self, image: NDArray[np.uint8], stamp_s: float, name: str, depth: NDArray[np.float32] | None = None
     ) -> Frame:
-        """The picture as the next delivered frame. Raises CameraError where its size is not the lens's.
+        """The picture as the next delivered frame, with the samples of `info.imu` since the last. Raises CameraError
+        where its size is not the lens's.
 
         depth: of its pixels; of another size, it is left out.
         """
         height, width = image.shape[:2]
-        lens = self.intrinsics
+        lens, imu = self.info.intrinsics, self.info.imu
         if lens is not None and (width, height) != (lens.width, lens.height):
             raise CameraError(f"{name}: picture is {width}x{height}, the intrinsics are for {lens.width}x{lens.height}")
-        samples = ImuSamples.none() if self.imu is None else self.imu.between(self._last_s, stamp_s)
+        samples = ImuSamples.none() if imu is None else imu.between(self._last_s, stamp_s)
         if depth is not None and depth.shape != (height, width):
             depth = None
         frame = Frame(self._delivered, stamp_s, image, name, samples, depth)

@@ -13,10 +13,10 @@ from edgemap.geometry.camera.imu import ImuSamples
 from edgemap.geometry.camera.intrinsics import Intrinsics
 from edgemap.geometry.camera.mount import Mount
 from edgemap.geometry.se2 import SE2
-from edgemap.runtime.frames.camera import DEFAULT_RATE_HZ, Camera
+from edgemap.runtime.frames.camera import DEFAULT_RATE_HZ, Camera, CameraInfo
 from edgemap.runtime.frames.errors import CameraError
 from edgemap.runtime.frames.frame import Frame
-from edgemap.runtime.frames.trajectory import GrowingTrack, PoseTrack, TrackFile
+from edgemap.runtime.frames.trajectory import GrowingTrack
 
 Picture = NDArray[np.uint8]
 IntrinsicsLike = Intrinsics | tuple[float, float, float, float]
@@ -109,10 +109,10 @@ class FramesCamera(Camera):
             raise CameraError("frames= has no picture") from None
         height, width = _timed(first, 0)[1].shape[:2]
         lens = None if intrinsics is None else as_intrinsics(intrinsics, width, height)
-        super().__init__("frames", lens, None if mount is None else as_mount(mount))
-        self.size = (width, height)
-        self.rate_hz: float | None = DEFAULT_RATE_HZ
-        self.frame_count: int | None = len(frames) if hasattr(frames, "__len__") else None  # type: ignore[arg-type]
+        count = len(frames) if hasattr(frames, "__len__") else None  # type: ignore[arg-type]
+        pose = None if mount is None else as_mount(mount)
+        size = (width, height)
+        super().__init__(CameraInfo("frames", size, lens, pose, rate_hz=DEFAULT_RATE_HZ, frame_count=count))
         self._pictures: Iterator[Any] = chain([first], pictures)
         self._stamps = Stamps()
 
@@ -143,7 +143,7 @@ class PushedCamera(Camera):
     """
 
     def __init__(self, intrinsics: IntrinsicsLike, mount: MountLike) -> None:
-        super().__init__("pushed pictures", None, as_mount(mount))
+        super().__init__(CameraInfo("pushed pictures", mount=as_mount(mount)))
         self._given = intrinsics
         self._pending: Frame | None = None
         self._stamps = Stamps()
@@ -155,19 +155,18 @@ class PushedCamera(Camera):
         height, width = picture.shape[:2]
         stamp_s = self._stamps.checked(stamp_s, "stamp_s")
         samples, pose = _samples(imu), None if wheels is None else _pose(wheels)
-        if self.size == (0, 0):
-            self.intrinsics: Intrinsics | None = as_intrinsics(self._given, width, height)
-            self.size = (width, height)
-            if wheels is not None:
-                self._track = GrowingTrack()
-                self.wheel: TrackFile | PoseTrack | None = self._track
-        elif (width, height) != self.size:
-            raise CameraError(f"image is {width}x{height}, the pictures before were {self.size[0]}x{self.size[1]}")
+        size = self.info.size
+        if size == (0, 0):
+            self._track = None if wheels is None else GrowingTrack()
+            lens = as_intrinsics(self._given, width, height)
+            self.update_info(size=(width, height), intrinsics=lens, wheel=self._track)
+        elif (width, height) != size:
+            raise CameraError(f"image is {width}x{height}, the pictures before were {size[0]}x{size[1]}")
         if pose is not None:
             if self._track is None:
                 raise CameraError("wheels= was not given with the first picture: give it with every one, or with none")
             self._track.push(stamp_s, pose)
-        self.imu: ImuSamples | None = samples
+        self.update_info(imu=samples)
         self._pending = self.frame(picture, stamp_s, "pushed picture")
 
     def read(self) -> Frame | None:

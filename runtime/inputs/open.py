@@ -29,7 +29,7 @@ def open_camera(spec: str = "demo", how: CameraOptions = CameraOptions()) -> Cam
     Raises CameraError or PluginError, one line, for an invalid SPEC or a source that cannot be opened.
     """
     camera = _open(spec, how)
-    if how.realtime and not camera.live:
+    if how.realtime and not camera.info.live:
         from edgemap.runtime.inputs.cameras.wrappers import PacedCamera
 
         return PacedCamera(camera)
@@ -108,12 +108,12 @@ def _open_realsense(rest: str, name: str, how: CameraOptions) -> Camera:
 
 def _open_plugin(point: EntryPoint, address: str, spec: str, how: CameraOptions) -> Camera:
     """A camera of an entry point, of which nothing is taken for granted."""
-    from edgemap.runtime.inputs.cameras.checked import checked
+    from edgemap.runtime.inputs.cameras.checked import CheckedCamera
 
     try:
         source = load_plugin(point).open(address, how)
         if callable(getattr(source, "read", None)):
-            return checked(cast(Camera, source), spec)
+            return CheckedCamera(source, spec)
         if not callable(getattr(source, "open", None)):
             raise CameraError(f"camera {spec}: its package gave a {type(source).__name__}, no Camera and no Driver")
         return _open_live(cast(Driver, source), how)

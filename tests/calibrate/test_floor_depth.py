@@ -53,8 +53,10 @@ def test_a_recording_of_a_realsense_with_depth_apart_from_colour(tmp_path):
     pytest.importorskip("pyrealsense2")
     path = record_depth(tmp_path / "depth.db3", [depth_room(MOUNT)] * 6, apart_m=0.015)
     with open_camera(f"realsense:{path}") as camera:
-        assert camera.intrinsics is not None
-        fit = fit_floor_depth([frame.depth for frame in drain(camera) if frame.depth is not None], camera.intrinsics)
+        assert camera.info.intrinsics is not None
+        fit = fit_floor_depth(
+            [frame.depth for frame in drain(camera) if frame.depth is not None], camera.info.intrinsics
+        )
     assert fit.pictures == fit.examined >= 4  # a colour picture may have no depth beside it
     assert fit.mount.height_m == pytest.approx(MOUNT.height_m + 0.015 * math.sin(MOUNT.roll_rad), abs=0.004)
     assert math.degrees(fit.mount.pitch_rad) == pytest.approx(17.0, abs=0.2)

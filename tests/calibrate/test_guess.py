@@ -115,7 +115,7 @@ def test_no_picture_is_no_guess():
 def test_the_demo_is_guessed_within_its_own_sigmas():
     """Rendered pictures and the real network: focal length, height and pitch of the demo's camera."""
     with open_camera("demo") as source:
-        lens, mount = source.intrinsics, source.mount
+        lens, mount = source.info.intrinsics, source.info.mount
         assert lens is not None
         assert mount is not None
         pictures = [frame.image for frame in frames_of(source, 200) if frame.index % 12 == 0]

@@ -39,10 +39,10 @@ def test_the_demo_drive():
         pictures = []
         while (frame := camera.read()) is not None:
             if frame.index % 10 == 0 and frame.index < 200:
-                pictures.append(find_segments(frame.image, camera.intrinsics))
+                pictures.append(find_segments(frame.image, camera.info.intrinsics))
     fit = fit_tilt(pictures)
-    assert math.degrees(fit.pitch_rad - camera.mount.pitch_rad) == pytest.approx(0.0, abs=0.3)
-    assert math.degrees(fit.roll_rad - camera.mount.roll_rad) == pytest.approx(0.0, abs=0.3)
+    assert math.degrees(fit.pitch_rad - camera.info.mount.pitch_rad) == pytest.approx(0.0, abs=0.3)
+    assert math.degrees(fit.roll_rad - camera.info.mount.roll_rad) == pytest.approx(0.0, abs=0.3)
 
 
 def random_segments(random, count):

@@ -173,9 +173,9 @@ def test_a_run_without_standard_error_leaves_its_files_alone(painted_bundle, pic
 def test_a_run_maps_what_evaluation_maps(edgemap, tmp_path):
     """A false chair of the demo's first 25 s has twelve boxes, which count little by the bundle's own rule."""
     with open_camera("demo") as camera:
-        assert camera.intrinsics
-        assert camera.mount
-        floor = FloorCamera(camera.intrinsics, camera.mount)
+        assert camera.info.intrinsics
+        assert camera.info.mount
+        floor = FloorCamera(camera.info.intrinsics, camera.info.mount)
         slam = build_slam(camera, load_bundle(bundle_folder("edgemap-nano"), 1), floor)
         for frame in islice(iter(camera.read, None), 250):
             slam.step(frame)
@@ -212,6 +212,12 @@ def test_why_names_first_the_wheels_that_bring_nothing_or_stop(edgemap, tmp_path
     first = json.loads(edgemap("why", tmp_path / "run", "--json").stdout)["causes"][0]
     assert first["docs"].endswith("#wheels")
     assert first["evidence"][0] == f"{share} % of the frames in motion have no wheel odometry"
+
+
+def test_why_says_in_one_line_that_an_older_run_has_faults_without_kinds(edgemap, run_folder):
+    record = json.loads((run_folder / "run.json").read_text()) | {"faults": ["frame 3: blind: picture dark"]}
+    (run_folder / "run.json").write_text(json.dumps(record))
+    assert edgemap("why", run_folder).stdout.count("have no kinds") == 1
 
 
 def test_why_says_that_a_run_has_not_ended(edgemap, run_folder):

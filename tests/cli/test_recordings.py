@@ -75,8 +75,8 @@ def test_a_recording_played_twice_gives_one_map(edgemap, live, driven):
     assert same(by_file, by_tape, "trajectory.tum")
     with open_camera("demo") as demo, open_camera(str(tape)) as camera:
         assert demo.truth is not None
-        assert camera.truth is not None
-        assert camera.truth.poses == demo.truth.poses
+        assert camera.info.truth is not None
+        assert camera.info.truth.poses == demo.truth.poses
 
 
 def test_wheels_that_are_given_go_on_the_tape_before_the_sources_own(edgemap, tmp_path):
@@ -115,10 +115,10 @@ def test_a_realsense_recording_is_converted(edgemap, realsense_recording, tmp_pa
     result = edgemap("record", "--camera", f"realsense:{path}", "-o", out, "--lossless", "--mount", "0.6,11.5")
     assert result.returncode == 0, result.stderr
     with open_camera(f"realsense:{path}") as original, open_camera(str(out)) as camera:
-        assert camera.intrinsics == original.intrinsics
-        assert (camera.rate_hz, camera.frame_count, camera.size) == (30.0, 60, (640, 480))
-        assert camera.mount is not None
-        assert camera.mount.height_m == 0.6
+        assert camera.info.intrinsics == original.info.intrinsics
+        assert (camera.info.rate_hz, camera.info.frame_count, camera.info.size) == (30.0, 60, (640, 480))
+        assert camera.info.mount is not None
+        assert camera.info.mount.height_m == 0.6
         for picture, stamp in zip(pictures, stamps, strict=True):
             frame, was = camera.read(), original.read()
             assert frame is not None
@@ -156,7 +156,7 @@ def test_ctrl_c_ends_a_recording_properly(tmp_path, pictures):
     said, _ = process.communicate(timeout=30)
     assert process.returncode == 0
     with open_camera(str(out)) as camera:
-        count = camera.frame_count or 0
+        count = camera.info.frame_count or 0
         assert 0 < count < 300
         assert f"{count} pictures" in said
         for _ in range(count):
@@ -182,6 +182,6 @@ def test_a_recording_cut_off_still_gives_its_map(edgemap, painted_bundle, live, 
     mended = edgemap("record", "--camera", cut, "-o", tmp_path / "mended.mcap", "--lossless")
     assert "pictures so far are in" in one_line(mended)
     with open_camera(str(tmp_path / "mended.mcap")) as camera:
-        for _ in range(camera.frame_count or 0):
+        for _ in range(camera.info.frame_count or 0):
             camera.read()
         assert camera.read() is None

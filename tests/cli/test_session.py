@@ -123,7 +123,7 @@ def test_a_camera_file_brings_lens_and_mount(painted_bundle, pictures, tmp_path)
     bare.mkdir()
     (bare / "0.png").write_bytes((pictures / "0.png").read_bytes())
     with edgemap_api.open(camera=f"{bare}", bundle=painted_bundle, camera_file=pictures / "camera.yaml") as session:
-        assert session.camera.intrinsics == read_camera_yaml(pictures / "camera.yaml").intrinsics
+        assert session.camera.info.intrinsics == read_camera_yaml(pictures / "camera.yaml").intrinsics
         shown = repr(next(session))
     assert shown.startswith("<StepResult of frame 0 at 0.00 s: x 0.00 m, y 0.00 m, yaw 0.0 deg; ")
     assert len(shown) < 150

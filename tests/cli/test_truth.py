@@ -4,7 +4,7 @@ import numpy as np
 
 from edgemap.cli.summary import judge_of, object_lines
 from edgemap.geometry.map_object import MapObject
-from edgemap.runtime.frames.camera import Camera
+from edgemap.runtime.frames.camera import Camera, CameraInfo
 from edgemap.runtime.inputs.cameras.wrappers import PacedCamera
 
 CHAIR = MapObject("chair-1", "chair", np.array([2.0, 0.3]), np.eye(2) * 0.01, 0.5, 0.9, 9, 1.0, 0.0, 1.0)
@@ -14,7 +14,7 @@ class World(Camera):
     """A camera that knows its world, as sim:SEED does."""
 
     def __init__(self, *records):
-        super().__init__("sim")
+        super().__init__(CameraInfo("sim"))
         self.records = list(records)
 
     def object_records(self):

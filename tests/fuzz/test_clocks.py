@@ -10,7 +10,7 @@ from support.fuzzed_room import FLOOR, PICTURES, SIZE, STEPS, Checked, Room, pos
 from support.live_camera import Clock
 
 from edgemap.geometry.se2 import SE2
-from edgemap.runtime.frames.camera import Camera, Picture
+from edgemap.runtime.frames.camera import Camera, CameraInfo, Picture
 from edgemap.runtime.frames.frame import Frame
 from edgemap.runtime.frames.trajectory import GrowingTrack
 from edgemap.runtime.inputs.cameras.checked import CheckedCamera
@@ -93,8 +93,8 @@ class Theirs(Camera):
     """Another package's camera, which delivers the device's stamps as they are."""
 
     def __init__(self, device, imu):
-        super().__init__("theirs", FLOOR.intrinsics, FLOOR.mount)
-        self.size, self.rate_hz, self._device, self._imu = device.size, device.rate_hz, device, imu
+        super().__init__(CameraInfo("theirs", device.size, FLOOR.intrinsics, FLOOR.mount, rate_hz=device.rate_hz))
+        self._device, self._imu = device, imu
 
     def read(self):
         given = self._device.next()
@@ -116,7 +116,7 @@ def drive(drawn, begin_s, imu, live, placed, corners):
     else:
         camera = CheckedCamera(Theirs(device, imu), "theirs")
     wheels = GrowingTrack()
-    camera.wheel = wheels
+    camera.update_info(wheel=wheels)
     slam = slam_of(camera, room, imu, corners)
     saved = saved_map()
     slam.mapper.start_in(saved, SE2()) if placed else slam.mapper.relocalise_in(saved, guesses=[SE2()])

@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 from support.fuzzed_room import FLOOR, PICTURES, SIZE, STEPS, Checked, Room, saved_map, slam_of
 
 from edgemap.geometry.se2 import SE2
-from edgemap.runtime.frames.camera import Camera
+from edgemap.runtime.frames.camera import Camera, CameraInfo
 from edgemap.runtime.frames.trajectory import GrowingTrack
 from edgemap.runtime.step.loop import steps
 
@@ -31,10 +31,11 @@ class Drive(Camera):
     """Pictures at 10 Hz; the wheels drift a little. room: what the pictures show."""
 
     def __init__(self, room, swing_rad, seed):
-        super().__init__("drive", FLOOR.intrinsics, FLOOR.mount)
-        self.size, self.rate_hz, self._room, self._swing_rad = (SIZE, SIZE), 10.0, room, swing_rad
+        self._wheels = GrowingTrack()
+        lens, mount = FLOOR.intrinsics, FLOOR.mount
+        super().__init__(CameraInfo("drive", (SIZE, SIZE), lens, mount, rate_hz=10.0, wheel=self._wheels))
+        self._room, self._swing_rad = room, swing_rad
         self._odometry, self._random = SE2(), np.random.default_rng(seed)
-        self.wheel = self._wheels = GrowingTrack()
 
     def read(self):
         index = self._delivered

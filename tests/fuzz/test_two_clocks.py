@@ -10,7 +10,7 @@ from support.fuzzed_room import FLOOR, PICTURES, SIZE, STEPS, Checked, Room, pos
 
 from edgemap.geometry.camera.imu import ImuSamples
 from edgemap.geometry.se2 import SE2
-from edgemap.runtime.frames.camera import Camera
+from edgemap.runtime.frames.camera import Camera, CameraInfo
 from edgemap.runtime.frames.trajectory import Trajectory
 from edgemap.runtime.inputs.cameras.imu_buffer import ImuBuffer, ImuCamera
 from edgemap.runtime.step.loop import steps
@@ -33,8 +33,9 @@ class Drive(Camera):
     """Pictures at a steady rate. imu, wheel: of the whole drive, in their own clock."""
 
     def __init__(self, room):
-        super().__init__("drive", FLOOR.intrinsics, FLOOR.mount)
-        self.size, self.rate_hz, self.frame_count, self._room = (SIZE, SIZE), RATE_HZ, LENGTH, room
+        lens, mount = FLOOR.intrinsics, FLOOR.mount
+        super().__init__(CameraInfo("drive", (SIZE, SIZE), lens, mount, rate_hz=RATE_HZ, frame_count=LENGTH))
+        self._room = room
 
     def read(self):
         index = self._delivered
@@ -92,14 +93,15 @@ def test_samples_of_another_clock(live, offset_s, changed, corners):
         camera = ImuCamera(camera, buffer)
     else:
         rows = in_order(imu.stamps_s)
-        camera.imu = ImuSamples(imu.stamps_s[rows], imu.gyro_rad_s[rows], imu.accel_m_s2[rows])
+        samples = ImuSamples(imu.stamps_s[rows], imu.gyro_rad_s[rows], imu.accel_m_s2[rows])
+        camera.update_info(imu=samples)
     driven(camera, room, True, corners == 0)
 
 
 @pytest.mark.parametrize("offset_s", [-1.7e9, -3600.0])
 def test_samples_of_another_clock_are_named_once(offset_s):
     camera = Drive(Room(1))
-    camera.imu = measured(offset_s, [])
+    camera.update_info(imu=measured(offset_s, []))
     checked = driven(camera, Room(1), True)
     assert len([fault for fault in checked.faults if "IMU" in fault]) == 1
 
@@ -113,5 +115,5 @@ def test_wheels_of_another_clock(offset_s, changed, corners):
     rows = in_order(stamps_s)
     poses = tuple(pose_at(0.05 * (stamp_s - 1000.0) * RATE_HZ) for stamp_s in true_s[rows].tolist())
     camera = Drive(room)
-    camera.wheel = Trajectory(stamps_s[rows], poses)
+    camera.update_info(wheel=Trajectory(stamps_s[rows], poses))
     driven(camera, room, False, corners == 0)

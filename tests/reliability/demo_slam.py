@@ -34,9 +34,9 @@ class DemoDrive:
             while (frames is None or len(self.images) < frames) and (frame := camera.read()) is not None:
                 self.images.append(frame.image)
                 self.stamps_s.append(frame.stamp_s)
-        if camera.intrinsics is None or camera.mount is None:
+        if camera.info.intrinsics is None or camera.info.mount is None:
             raise ValueError("the demo knows its lens and mount")
-        self.floor = FloorCamera(camera.intrinsics, camera.mount)
+        self.floor = FloorCamera(camera.info.intrinsics, camera.info.mount)
         self.truth: list[TrueObject] = true_objects(open_drive(drive or f"drive:{DEMO}"), len(self.images))
 
     def slam(self, odometry: str = "hybrid") -> SemanticSlam:

@@ -51,7 +51,7 @@ class Outcome:
 def drive(demo: DemoDrive, wheels: Trajectory | None, imu: ImuSamples | None) -> Outcome:
     """One run of the demo with these sensors; None for none."""
     camera = demo.camera
-    camera.wheel = wheels
+    camera.update_info(wheel=wheels)
     slam, faults = build_slam(camera, demo.bundle, demo.floor), []
     last_s, result = -np.inf, None
     for index, (image, stamp_s) in enumerate(zip(demo.images, demo.stamps_s, strict=True)):
@@ -61,8 +61,8 @@ def drive(demo: DemoDrive, wheels: Trajectory | None, imu: ImuSamples | None) ->
         last_s = stamp_s
     score = score_map(slam.objects(), demo.truth)
     error_m = 0.0
-    if result is not None and camera.truth is not None:
-        true = camera.truth.from_start().at(demo.stamps_s[-1])
+    if result is not None and camera.info.truth is not None:
+        true = camera.info.truth.from_start().at(demo.stamps_s[-1])
         error_m = float(np.hypot(*(result.pose_map_base.vector() - true.vector())[:2]))
     found = score["objects_found"]
     return Outcome(found, score["objects_mapped"] - found, score["f1"] or 0.0, tuple(faults), error_m)
@@ -71,7 +71,7 @@ def drive(demo: DemoDrive, wheels: Trajectory | None, imu: ImuSamples | None) ->
 def run(seed: int, share: float, out: Path | None, spec: str | None = None) -> PartReport:
     """Every lie with as many seeds as the share allows, against the camera alone. out: not used."""
     demo = DemoDrive(FRAMES, spec)
-    given = demo.camera.wheel
+    given = demo.camera.info.wheel
     wheels = given if isinstance(given, Trajectory) else read_wheels(str(given))
     alone = drive(demo, None, None)
     failures, figures = [], {"camera alone": alone.f1}

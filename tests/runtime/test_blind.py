@@ -53,10 +53,10 @@ def bundle():
 def drive(bundle, ruin, wheels):
     """The steps of the demo with ruined pictures, and how far the last pose is off the true one, (3,)."""
     with open_camera("demo") as camera:
-        assert camera.intrinsics
-        assert camera.mount
-        assert camera.truth
-        floor = FloorCamera(camera.intrinsics, camera.mount)
+        assert camera.info.intrinsics
+        assert camera.info.mount
+        assert camera.info.truth
+        floor = FloorCamera(camera.info.intrinsics, camera.info.mount)
         odometry = open_odometry("hybrid", bundle, camera, floor, wheels=wheels)
         slam = SemanticSlam(Pipeline(bundle, floor, odometry), Mapper())
         steps, first = [], np.zeros(0)
@@ -68,7 +68,9 @@ def drive(bundle, ruin, wheels):
             if FIRST <= frame.index < LAST:
                 frame = replace(frame, image=ruin(frame.image, first))
             steps.append(slam.step(frame))
-        error = (camera.truth.at(steps[0].frame.stamp_s).inverse() @ camera.truth.at(steps[-1].frame.stamp_s)).inverse()
+        error = (
+            camera.info.truth.at(steps[0].frame.stamp_s).inverse() @ camera.info.truth.at(steps[-1].frame.stamp_s)
+        ).inverse()
         return steps, (error @ steps[-1].pose_map_base).vector()
 
 

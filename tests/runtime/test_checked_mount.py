@@ -47,9 +47,9 @@ def told(off_deg, frames=80, still=False, hz=10.0):
     """Faults with the stamps of their frames, and the last attitude, for the demo under a mount so far off."""
     faults, attitude = [], None
     with open_camera("demo") as camera:
-        mount = replace(camera.mount, pitch_rad=camera.mount.pitch_rad + math.radians(off_deg))
+        mount = replace(camera.info.mount, pitch_rad=camera.info.mount.pitch_rad + math.radians(off_deg))
         pictures = PicturesAttitude(mount)
-        source = CheckedMount(FloorCamera(camera.intrinsics, mount), pictures, pictures)
+        source = CheckedMount(FloorCamera(camera.info.intrinsics, mount), pictures, pictures)
         first = camera.read()
         for index in range(frames):
             frame = first if still else camera.read()
@@ -85,10 +85,10 @@ def test_a_known_mount_stays_known_while_the_robot_sways():
     calm = Carried(steady_m=3.0)
     swaying = replace(calm, rate2=math.radians(10.0) ** 2)
     with open_camera("demo") as camera:
-        lens, pictures = camera.intrinsics, PicturesAttitude(camera.mount)
+        lens, pictures = camera.info.intrinsics, PicturesAttitude(camera.info.mount)
         matrix = np.array([[lens.fx, 0.0, lens.cx], [0.0, lens.fy, lens.cy], [0.0, 0.0, 1.0]])
         down = matrix @ cv2.Rodrigues(np.array([math.radians(5.0), 0.0, 0.0]))[0] @ np.linalg.inv(matrix)
-        source = CheckedMount(FloorCamera(lens, camera.mount), pictures, pictures)
+        source = CheckedMount(FloorCamera(lens, camera.info.mount), pictures, pictures)
         for index in range(130):
             frame, sways = camera.read(), 100 <= index < 120
             if sways:
@@ -100,7 +100,7 @@ def test_a_known_mount_stays_known_while_the_robot_sways():
             assert not source.faults
             attitude = source.update(TrackedRotation(np.eye(3), 0.01, swaying if sways else calm))
     assert np.degrees(attitude.mount.sigma_rad).max() < 0.5
-    assert attitude.mount.used == camera.mount
+    assert attitude.mount.used == camera.info.mount
 
 
 @pytest.mark.parametrize(
@@ -112,7 +112,7 @@ def test_edges_that_scatter_show_a_carried_camera_in_rooms_and_nothing_on_a_road
 ):
     """A level lens on a pole is in a room; a car's mount stays as given whatever the edges show."""
     with open_camera("demo") as camera:
-        lens = camera.intrinsics
+        lens = camera.info.intrinsics
         mount = Mount.from_degrees(height_m, pitch_deg, platform=Platform(platform))
         matrix = np.array([[lens.fx, 0.0, lens.cx], [0.0, lens.fy, lens.cy], [0.0, 0.0, 1.0]])
         pictures = PicturesAttitude(mount)
@@ -137,9 +137,9 @@ def test_one_picture_of_a_robot_at_rest_is_one_view():
 def test_a_mount_that_never_sees_the_floor_is_refused_with_its_numbers():
     with open_camera("demo") as camera:
         for pitch_deg in (-25.0, -21.0):  # 22.2 deg of view below the axis
-            mount = replace(camera.mount, pitch_rad=math.radians(pitch_deg))
+            mount = replace(camera.info.mount, pitch_rad=math.radians(pitch_deg))
             with pytest.raises(
                 EdgemapError, match=rf"pitch {pitch_deg:.1f} deg .* 22\.\d deg of view below .* no floor"
             ):
-                FloorCamera(camera.intrinsics, mount)
-        FloorCamera(camera.intrinsics, replace(camera.mount, pitch_rad=math.radians(-18.0)))
+                FloorCamera(camera.info.intrinsics, mount)
+        FloorCamera(camera.info.intrinsics, replace(camera.info.mount, pitch_rad=math.radians(-18.0)))

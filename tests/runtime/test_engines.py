@@ -75,9 +75,9 @@ def test_flow_odometry_moves_the_same_in_openvino(monkeypatch):
     pytest.importorskip("openvino")
     bundle = load_bundle(NANO, 1)
     with open_camera("demo") as camera:
-        assert camera.intrinsics
-        assert camera.mount
-        floor = FloorCamera(camera.intrinsics, camera.mount)
+        assert camera.info.intrinsics
+        assert camera.info.mount
+        floor = FloorCamera(camera.info.intrinsics, camera.info.mount)
         frames = [frame for _ in range(6) if (frame := camera.read()) is not None]
     odometries = [LearnedOdometry(bundle, "flow", floor)]
     with monkeypatch.context() as patch:
@@ -86,7 +86,7 @@ def test_flow_odometry_moves_the_same_in_openvino(monkeypatch):
         other = replace(open_network(head, Compute(1, engine="openvino")), metadata=contract)
         patch.setattr("edgemap.runtime.network.bundle.open_network", lambda *_: other)
         odometries.append(LearnedOdometry(bundle, "flow", floor))
-    fitted = bundle.for_pictures(camera.intrinsics.width, camera.intrinsics.height)
+    fitted = bundle.for_pictures(camera.info.intrinsics.width, camera.info.intrinsics.height)
     preprocess = Preprocessor(fitted.detector.input)
     for frame in frames:
         features = fitted.backbone.run({fitted.detector.input.name: preprocess(frame.image)[0]})

@@ -134,9 +134,12 @@ def test_motion_and_floor_come_from_a_companion(tmp_path):
     path = write(class_columns(), tmp_path / "other.onnx")
     alone, beside = load_bundle(bundle_folder("edgemap-nano"), 1), open_bundle(path, "edgemap-nano", 1)
     with open_camera("demo") as camera:
-        assert camera.intrinsics is not None
-        assert camera.mount is not None
-        slams = [build_slam(camera, bundle, FloorCamera(camera.intrinsics, camera.mount)) for bundle in (alone, beside)]
+        assert camera.info.intrinsics is not None
+        assert camera.info.mount is not None
+        slams = [
+            build_slam(camera, bundle, FloorCamera(camera.info.intrinsics, camera.info.mount))
+            for bundle in (alone, beside)
+        ]
         frames = [frame for _ in range(12) if (frame := camera.read()) is not None]
     own, foreign = ([slam.step(frame) for frame in frames][-1] for slam in slams)
     assert own.pose_map_base == foreign.pose_map_base

@@ -53,7 +53,11 @@ def test_what_has_no_usual_height_or_is_cut_tells_nothing():
 
 @pytest.mark.parametrize(("given", "wrong"), [(0.4, True), (0.6, False)])
 def test_the_demo_with_a_wrong_height_is_a_fault_that_names_the_likelier_one(demo, given, wrong):
-    floor, faults, heights = FloorCamera(demo.camera.intrinsics, replace(demo.camera.mount, height_m=given)), [], []
+    floor, faults, heights = (
+        FloorCamera(demo.camera.info.intrinsics, replace(demo.camera.info.mount, height_m=given)),
+        [],
+        [],
+    )
     slam = build_slam(demo.camera, demo.bundle, floor, SlamOptions(wheels=False))
     for index, (image, stamp_s) in enumerate(zip(demo.images, demo.stamps_s, strict=True)):
         if stamp_s > 12.0 or faults:

@@ -139,18 +139,18 @@ def test_what_an_imu_learns_of_its_tilt_is_no_motion(pitch_rad, roll_rad):
 def test_planar_starts_in_a_car_that_drives(shared_data, first):
     """KITTI 00 at 6 and 8 m/s: taken for a room's, all but the floor is 5 m away, and the car drives 1 m/s."""
     with open_camera(f"kitti:{shared_data / 'kitti00'}") as source:
-        assert source.intrinsics is not None
-        assert source.mount is not None
-        assert source.truth is not None
-        odometry, pose, start = PlanarOdometry(FloorCamera(source.intrinsics, source.mount)), SE2(), SE2()
+        assert source.info.intrinsics is not None
+        assert source.info.mount is not None
+        assert source.info.truth is not None
+        odometry, pose, start = PlanarOdometry(FloorCamera(source.info.intrinsics, source.info.mount)), SE2(), SE2()
         for index in range(first + 31):
             frame = source.read()
             assert frame is not None
             if index == first:
-                start = source.truth.at(frame.stamp_s)
+                start = source.info.truth.at(frame.stamp_s)
             if index >= first:
                 pose = pose @ odometry.step(frame, {}).motion
-        true = start.inverse() @ source.truth.at(frame.stamp_s)
+        true = start.inverse() @ source.info.truth.at(frame.stamp_s)
     assert math.hypot(pose.x_m - true.x_m, pose.y_m - true.y_m) < 0.25 * math.hypot(true.x_m, true.y_m)
 
 

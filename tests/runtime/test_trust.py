@@ -245,11 +245,11 @@ def test_the_demos_motion_errs_by_what_it_states_and_not_by_much_less(demo, whee
     from edgemap.runtime.inputs.cameras.wheels import read_wheels
     from edgemap.runtime.step.slam import build_slam
 
-    demo.camera.wheel = read_wheels(str(WHEELS)) if wheels else None
+    demo.camera.update_info(wheel=read_wheels(str(WHEELS)) if wheels else None)
     pipeline = build_slam(demo.camera, demo.bundle, demo.floor).pipeline
     frames = enumerate(zip(demo.images, demo.stamps_s, strict=True))
     motions = [pipeline.step(Frame(index, stamp_s, image)).motion for index, (image, stamp_s) in frames]
-    true = [demo.camera.truth.at(stamp_s) for stamp_s in demo.stamps_s]
+    true = [demo.camera.info.truth.at(stamp_s) for stamp_s in demo.stamps_s]
     for steps in (10, 50):
         # The demo is the easiest home: over 1 s by the camera alone 0.24 to 0.29, others 0.4 to 1.9, mean 0.9.
         assert 0.2 < window_nees(motions, true, steps) < 3.0

@@ -149,7 +149,7 @@ def test_an_imus_tilt_gives_way_to_one_that_the_window_knows_better():
     for up_rad, pitch_rad in ((0.01, HEAD.mount.pitch_rad), (0.05, given.pitch_rad)):
         motion = Motion(rotation=TrackedRotation(np.eye(3), 0.001, up=up, up_rad=up_rad))
         camera = HEAD.at(attitude_after(source, given, motion))
-        assert camera.mount.pitch_rad == pytest.approx(pitch_rad)
+        assert camera.info.mount.pitch_rad == pytest.approx(pitch_rad)
         assert camera.attitude.source == "imu"
 
 

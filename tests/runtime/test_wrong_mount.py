@@ -26,8 +26,8 @@ def drive(demo, off_deg, rule=None, **options):
     """Faults that name the mount, what was observed last, the mount and the map's objects, of the demo with its pitch
     given wrong by so much."""
     config = Config(attitude=AttitudeRule(check=rule or MountRule()))
-    mount = replace(demo.camera.mount, pitch_rad=demo.camera.mount.pitch_rad + math.radians(off_deg))
-    floor = FloorCamera(demo.camera.intrinsics, mount)
+    mount = replace(demo.camera.info.mount, pitch_rad=demo.camera.info.mount.pitch_rad + math.radians(off_deg))
+    floor = FloorCamera(demo.camera.info.intrinsics, mount)
     slam = build_slam(demo.camera, demo.bundle, floor, SlamOptions(**options), config)
     faults, result = [], None
     for index in range(FRAMES):

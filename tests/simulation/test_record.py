@@ -109,8 +109,13 @@ def test_the_live_camera_delivers_the_recorded_pictures(recorded, drawn):
 
     with SimCamera("sim:9107", drawn) as camera:
         assert isinstance(camera, Camera)
-        assert (camera.size, camera.rate_hz, camera.frame_count, camera.live) == ((640, 480), 10.0, FRAMES, False)
-        assert camera.mount == drawn.camera.mount
+        assert (camera.info.size, camera.info.rate_hz, camera.info.frame_count, camera.info.live) == (
+            (640, 480),
+            10.0,
+            FRAMES,
+            False,
+        )
+        assert camera.info.mount == drawn.camera.mount
         stamps = []
         paths = sorted((recorded / "images").iterdir())
         while (frame := camera.read()) is not None:
@@ -118,7 +123,7 @@ def test_the_live_camera_delivers_the_recorded_pictures(recorded, drawn):
             stamps.append(frame.stamp_s)
         assert stamps == pytest.approx([0.0, 0.1, 0.2, 0.3, 0.4])
         assert camera.read() is None
-        assert len(camera.truth.poses) == FRAMES
+        assert len(camera.info.truth.poses) == FRAMES
         camera.close()
         assert camera.read() is None
 

@@ -21,7 +21,6 @@ from edgemap.geometry.camera.mount import Mount
 from edgemap.runtime.frames.camera import Camera, Driver, Picture, RecoveryRule, SensorTopics
 from edgemap.runtime.frames.errors import CameraError
 from edgemap.runtime.frames.frame import Frame
-from edgemap.runtime.frames.trajectory import PoseTrack, TrackFile
 from edgemap.runtime.inputs.cameras.imu_buffer import ImuBuffer
 from edgemap.runtime.inputs.cameras.live import LiveCamera
 from edgemap.runtime.inputs.cameras.wrappers import CameraAround
@@ -117,7 +116,7 @@ class Ros2Camera(LiveCamera):
         driver = Ros2Driver(node, topic, depth)
         super().__init__(driver, intrinsics, mount, rule)
         self.optical = driver.frame_id
-        self.mount = mount or driver.mount()
+        self.update_info(mount=mount or driver.mount())
 
 
 class Ros2SensorsCamera(CameraAround):
@@ -131,7 +130,7 @@ class Ros2SensorsCamera(CameraAround):
         by_ros = isinstance(camera, Ros2Camera)
         self._clock = RosClock(0.0 if by_ros else None)
         self._wheels = WheelTopic(node, topics.wheels) if topics.wheels is not None else None
-        self.wheel: TrackFile | PoseTrack | None = self._wheels or camera.wheel
+        self.update_info(wheel=self._wheels or camera.info.wheel)
         self._buffer = self._samples = None
         if topics.imu is not None:
             self._samples = node.subscription(topics.imu, KINDS[IMU], depth=2000)

@@ -23,12 +23,12 @@ from edgemap.bridges.ros2.recordings.reader import McapReading
 from edgemap.geometry.camera.intrinsics import Intrinsics
 from edgemap.geometry.camera.mount import Mount
 from edgemap.geometry.errors import EdgemapError
-from edgemap.runtime.frames.camera import Camera, SensorTopics
+from edgemap.runtime.frames.camera import Camera, CameraInfo, SensorTopics
 from edgemap.runtime.frames.errors import CameraError, CameraFault
 from edgemap.runtime.frames.faults import FaultKind
 from edgemap.runtime.frames.frame import Frame
 from edgemap.runtime.frames.reading import user_path
-from edgemap.runtime.frames.trajectory import PoseTrack, TrackFile, Trajectory
+from edgemap.runtime.frames.trajectory import TrackFile
 
 PICTURE_KINDS = {"sensor_msgs/Image": raw_picture, "sensor_msgs/CompressedImage": compressed_picture}
 INFO_KIND = "sensor_msgs/CameraInfo"
@@ -52,7 +52,7 @@ class RecordingCamera(Camera):
         topics: SensorTopics | None = None,
         depth: bool = True,
     ) -> None:
-        super().__init__(spec, intrinsics, mount)
+        super().__init__(CameraInfo(spec, intrinsics=intrinsics, mount=mount))
         file, _, topic = spec.partition("#")
         path = user_path(file)
         if not path.is_file():
@@ -69,11 +69,11 @@ class RecordingCamera(Camera):
             self._depth = (own_depth_of(recording) if own else depth_of(recording, wanted)) if depth else None
             if RECORD in recording.metadata:
                 self._exact, self._unsearched = _exact_stamps(recording), _unsearched(recording)
-            self.frame_count: int | None = recording.topics[self.topic].count
             self._messages = recording.messages(self.topic)
             self._ahead = self._first_complete()
             _, image, frame_id = self._ahead
-            self.size = (image.shape[1], image.shape[0])
+            size, count = (image.shape[1], image.shape[0]), recording.topics[self.topic].count
+            self.update_info(size=size, frame_count=count)
             self._describe(intrinsics, mount, frame_id, topics or SensorTopics())
         except EdgemapError:
             self.close()
@@ -93,7 +93,7 @@ class RecordingCamera(Camera):
                 raise CameraError(f"{self._path}: cut off, the {self._delivered} complete pictures before it were read")
             return None
         stamp_ns, image, _ = decoded
-        name = f"{self.name}#{self._delivered}"
+        name = f"{self.info.name}#{self._delivered}"
         stamp_s = self._exact.get(stamp_ns, to_s(stamp_ns))
         if stamp_ns <= self._last_ns or stamp_s < self._last_s:  # a float may be the same for two nanoseconds
             raise CameraFault(FaultKind.CLOCK, f"{name}: at {stamp_s:.6f} s, not after {self._last_s:.6f} s, skipped")
@@ -147,7 +147,7 @@ class RecordingCamera(Camera):
         log_ns, decode = found
         message = decode()
         try:
-            image = self._picture(message, f"{self.name} picture {self._delivered}")
+            image = self._picture(message, f"{self.info.name} picture {self._delivered}")
         except CameraError as error:
             raise CameraFault(FaultKind.DAMAGED, f"{error}, skipped") from None
         return ns_of(message.header.stamp) or log_ns, image, message.header.frame_id
@@ -157,35 +157,37 @@ class RecordingCamera(Camera):
     ) -> None:
         """Lens, mount, rate, truth, wheels and IMU: as edgemap wrote them, else from CameraInfo and tf."""
         recording = self._recording
-        self.wheel: TrackFile | PoseTrack | None = None
         if topics.wheels:
-            self.wheel = TrackFile(f"{self._path}#{topics.wheels}", read_wheel)
+            self.update_info(wheel=TrackFile(f"{self._path}#{topics.wheels}", read_wheel))
         if RECORD in recording.metadata:
             facts = read_facts(recording.metadata[RECORD], f"{self._path}")
-            self.intrinsics, self.mount = intrinsics or facts.intrinsics, mount or facts.mount
-            self.rate_hz, self.inference = facts.rate_hz, facts.inference
-            self.calibration = facts.calibration or {}
-            if topics.imu is None:
-                self.imu = recorded_imu(recording)
-            else:
-                self.imu = imu_of(recording, tf_of(recording), frame_id, topics.imu)
+            own = topics.imu is None
+            self.update_info(
+                intrinsics=intrinsics or facts.intrinsics,
+                mount=mount or facts.mount,
+                rate_hz=facts.rate_hz,
+                inference=facts.inference,
+                calibration=facts.calibration or {},
+                imu=recorded_imu(recording) if own else imu_of(recording, tf_of(recording), frame_id, topics.imu),
+                edits=tuple(str(line) for _, line in _values(recording, EDITS)),
+            )
             if topics.wheels is None and WHEEL_FILE in recording.attachments:
-                self.wheel = TrackFile(str(self._path), read_wheel)
-            self.edits = tuple(str(line) for _, line in _values(recording, EDITS))
+                self.update_info(wheel=TrackFile(str(self._path), read_wheel))
             if TRUTH_FILE in recording.attachments:
-                self.truth: Trajectory | None = read_trajectory_file(
-                    recording.attachments[TRUTH_FILE], f"{self._path}: {TRUTH_FILE}"
-                )
+                where = f"{self._path}: {TRUTH_FILE}"
+                self.update_info(truth=read_trajectory_file(recording.attachments[TRUTH_FILE], where))
             return
-        if intrinsics is None and (info := self._info()) is not None:
-            self.intrinsics = lens_of(info, "rect" in self.topic, f"{self._path}")
+        if intrinsics is None and (message := self._lens_message()) is not None:
+            intrinsics = lens_of(message, "rect" in self.topic, f"{self._path}")
         tree = tf_of(recording)
-        if mount is None:
-            self.mount = mount_of(tree, frame_id)
-        self.imu = imu_of(recording, tree, frame_id, topics.imu)
-        self.rate_hz = self._rate_hz()
+        self.update_info(
+            intrinsics=intrinsics,
+            mount=mount_of(tree, frame_id) if mount is None else mount,
+            imu=imu_of(recording, tree, frame_id, topics.imu),
+            rate_hz=self._rate_hz(),
+        )
 
-    def _info(self) -> Any:
+    def _lens_message(self) -> Any:
         """The CameraInfo beside the pictures (image_transport's custom), or the only one in the file; else None."""
         infos = self._recording.topics_of(INFO_KIND)
         beside = [name for name in info_topics(self.topic) if name in infos]

@@ -180,10 +180,10 @@ def open(address: str, run: RunInfo) -> RecordingSink:
     Raises RecordingError, DiskError or CameraError.
     """
     camera, floor = run.camera, run.floor
-    facts = Facts(camera.name, floor.intrinsics, floor.mount, camera.rate_hz, run.inference, run.guess)
+    facts = Facts(camera.info.name, floor.intrinsics, floor.mount, camera.info.rate_hz, run.inference, run.guess)
     # Poses that come live are not recorded.
-    wheels = camera.wheel.track() if isinstance(camera.wheel, TrackFile) else None
+    wheels = camera.info.wheel.track() if isinstance(camera.info.wheel, TrackFile) else None
     path, lossless = file_of(address)
-    sink = RecordingSink(lambda: Recorder(path, facts, lossless=lossless, wheel=wheels, truth=camera.truth))
+    sink = RecordingSink(lambda: Recorder(path, facts, lossless=lossless, wheel=wheels, truth=camera.info.truth))
     run.edits.recorders.append(sink.edit)
     return sink

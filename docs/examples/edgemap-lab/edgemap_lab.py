@@ -6,30 +6,27 @@ import numpy as np
 
 from edgemap.geometry.camera.intrinsics import Intrinsics
 from edgemap.geometry.camera.mount import Mount
-from edgemap.runtime.frames.camera import Camera
+from edgemap.runtime.frames.camera import Camera, CameraInfo
 from edgemap.runtime.step.sinks import Sink
 
 
 class Noise(Camera):
     """COUNT pictures of noise, 10 a second."""
 
-    size = (320, 240)
-
     @classmethod
     def open(cls, address, how):
-        camera = cls(f"lab:{address}", Intrinsics(320, 240, 300.0, 300.0, 159.5, 119.5), Mount.from_degrees(0.6, 10.0))
-        camera.frame_count = int(address)
-        return camera
+        lens, mount = Intrinsics(320, 240, 300.0, 300.0, 159.5, 119.5), Mount.from_degrees(0.6, 10.0)
+        return cls(CameraInfo(f"lab:{address}", (320, 240), lens, mount, frame_count=int(address)))
 
     @staticmethod
     def found():
         return [("12", "12 pictures of noise")]
 
     def read(self):
-        if (index := self._delivered) == self.frame_count:
+        if (index := self._delivered) == self.info.frame_count:
             return None
         picture = np.random.default_rng(index).integers(0, 255, (240, 320, 3), np.uint8)
-        return self.frame(picture, index / 10.0, self.name)
+        return self.frame(picture, index / 10.0, self.info.name)
 
 
 class Poses(Sink):

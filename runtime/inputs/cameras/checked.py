@@ -1,7 +1,7 @@
 """Checks what third-party cameras and drivers return: it becomes a frame, a fault or the end, never a traceback."""
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import replace
 from numbers import Real
 from typing import Any
@@ -13,7 +13,7 @@ from edgemap.geometry.camera.imu import ImuSamples
 from edgemap.geometry.camera.intrinsics import Intrinsics
 from edgemap.geometry.camera.mount import Mount
 from edgemap.geometry.errors import EdgemapError
-from edgemap.runtime.frames.camera import DEFAULT_RATE_HZ, Camera
+from edgemap.runtime.frames.camera import DEFAULT_RATE_HZ, Camera, CameraInfo
 from edgemap.runtime.frames.errors import CameraError, CameraFault, CameraState, FrameTimeout
 from edgemap.runtime.frames.faults import FaultKind
 from edgemap.runtime.frames.frame import Frame
@@ -27,6 +27,7 @@ LARGEST_STAMP_S = 1e11  # a float has microseconds up to there; nanoseconds sinc
 TYPES: dict[str, Any] = {
     "intrinsics": Intrinsics, "mount": Mount, "truth": Trajectory, "attitudes": AttitudeTrack, "inference": Inference,
     "wheel": TrackFile | PoseTrack, "edits": tuple, "live": bool, "frame_count": int,
+    "imu": ImuSamples, "calibration": Mapping,
 }  # fmt: skip
 
 
@@ -114,32 +115,20 @@ class PictureCheck:
         return depth if valid.all() else np.where(valid, depth, np.float32(0.0))
 
 
-def checked(camera: Camera, name: str) -> Camera:
-    """A camera of third-party code is validated; ours is returned as it is."""
-    return camera if type(camera).__module__.startswith("edgemap.") else CheckedCamera(camera, name)
-
-
 class CheckedCamera(Camera):
     """A validated `Camera` of third-party code. Each error is reported once, as a fault, when it begins. A stamp that
     is not finite, or runs backwards, is replaced by the previous one plus a frame interval; invalid pictures and depths
     are dropped. After `FAILURES` reads in a row without a frame the camera is at its end.
-    Raises CameraError for a camera without a size, or with a field of another type.
+    Raises CameraError for a camera without a size, or whose `info` has a field of another type.
     """
 
-    def __init__(self, camera: Camera, name: str) -> None:
-        super().__init__(name)
+    def __init__(self, camera: Any, name: str = "") -> None:
+        """name: the SPEC that it was opened from; its own where empty."""
+        super().__init__(_checked_info(camera, name))
         self._camera = camera
-        self.size, self.rate_hz = size_of(self._get("size"), self.name), rate_of(self._get("rate_hz"))
-        for field, kind in TYPES.items():
-            if (value := self._get(field)) is None:
-                continue
-            if not isinstance(value, kind):
-                expected = getattr(kind, "__name__", kind)
-                raise CameraError(f"camera {self.name}: its {field} is a {type(value).__name__}, not {expected}")
-            setattr(self, field, value)
         self._ahead: Frame | None = None
         self._new: list[CameraFault] = []
-        self._check = PictureCheck(self.name, self.size, self._new.append)
+        self._check = PictureCheck(self.info.name, self.info.size, self._new.append)
         self._failures, self._offset_s = 0, 0.0
 
     @property
@@ -170,11 +159,11 @@ class CheckedCamera(Camera):
                 self._check.note(FaultKind.FAILED, f"read raised {error_line(error)}")
             self._failures = 0 if self._ahead is not None else self._failures + 1
             if self._failures > FAILURES:
-                raise CameraError(f"camera {self.name}: {FAILURES} reads in a row gave no picture")
+                raise CameraError(f"camera {self.info.name}: {FAILURES} reads in a row gave no picture")
         if self._new:
             raise self._new.pop(0)
         if self._ahead is None:
-            raise FrameTimeout(f"camera {self.name}: no picture", None, self.state)
+            raise FrameTimeout(f"camera {self.info.name}: no picture", None, self.state)
         frame, self._ahead = self._ahead, None
         return frame
 
@@ -193,7 +182,8 @@ class CheckedCamera(Camera):
         try:
             self._camera.close()
         except Exception as error:  # another package's code may raise anything
-            self._new.append(CameraFault(FaultKind.FAILED, f"camera {self.name}: does not close: {error_line(error)}"))
+            text = f"camera {self.info.name}: does not close: {error_line(error)}"
+            self._new.append(CameraFault(FaultKind.FAILED, text))
 
     def _checked(self, given: Any) -> Frame | None:
         """A frame made of what was returned; None where it has no picture of this camera. Raises a returned error."""
@@ -211,7 +201,7 @@ class CheckedCamera(Camera):
         stamp_s = self._stamp(given.stamp_s)
         if self._offset_s:
             imu = replace(imu, stamps_s=imu.stamps_s + self._offset_s)  # the camera's clock is also theirs
-        name = printable(given.name) if isinstance(given.name, str) else f"{self.name}#{self._delivered}"
+        name = printable(given.name) if isinstance(given.name, str) else f"{self.info.name}#{self._delivered}"
         image, depth = picture
         frame = Frame(self._delivered, stamp_s, image, name, imu, depth, search=given.search is not False)
         self._delivered += 1
@@ -219,7 +209,7 @@ class CheckedCamera(Camera):
 
     def _stamp(self, given: Any) -> float:
         stamp_s = stamp_of(given)
-        next_s = self._last_s + 1.0 / (self.rate_hz or DEFAULT_RATE_HZ) if math.isfinite(self._last_s) else 0.0
+        next_s = self._last_s + 1.0 / (self.info.rate_hz or DEFAULT_RATE_HZ) if math.isfinite(self._last_s) else 0.0
         if math.isnan(stamp_s):
             self._check.note(FaultKind.STAMP, f"stamp {one_line(repr(given), 40)} is no time; one frame interval taken")
             stamp_s = next_s
@@ -233,11 +223,22 @@ class CheckedCamera(Camera):
         self._last_s = stamp_s
         return stamp_s
 
-    def _get(self, field: str) -> Any:
-        try:
-            return getattr(self._camera, field, None)
-        except Exception as error:  # another package's code may raise anything
-            raise CameraError(f"camera {self.name}: its {field} raises {error_line(error)}") from None
+
+def _checked_info(camera: Any, name: str) -> CameraInfo:
+    """What a camera states of itself. Raises CameraError."""
+    try:
+        info = camera.info
+    except Exception as error:  # another package's code may raise anything
+        raise CameraError(f"camera {name}: its info raises {error_line(error)}") from None
+    if not isinstance(info, CameraInfo):
+        raise CameraError(f"camera {name}: its info is a {type(info).__name__}, not CameraInfo")
+    name = name or str(info.name)
+    for field, kind in TYPES.items():
+        value = getattr(info, field)
+        if value is not None and not isinstance(value, kind):
+            expected = getattr(kind, "__name__", kind)
+            raise CameraError(f"camera {name}: its {field} is a {type(value).__name__}, not {expected}")
+    return replace(info, name=name, size=size_of(info.size, name), rate_hz=rate_of(info.rate_hz))
 
 
 def _sound(imu: ImuSamples) -> bool:

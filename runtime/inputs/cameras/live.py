@@ -7,7 +7,7 @@ from collections.abc import Callable
 
 from edgemap.geometry.camera.intrinsics import Intrinsics
 from edgemap.geometry.camera.mount import Mount
-from edgemap.runtime.frames.camera import Camera, Driver, Picture, RecoveryRule
+from edgemap.runtime.frames.camera import Camera, CameraInfo, Driver, Picture, RecoveryRule
 from edgemap.runtime.frames.errors import CameraFault, CameraLostError, CameraState, FrameTimeout
 from edgemap.runtime.frames.frame import Frame
 from edgemap.runtime.inputs.cameras.checked import rate_of, size_of
@@ -37,8 +37,9 @@ class LiveCamera(Camera):
         wait: Callable[[float], object] | None = None,
     ) -> None:
         device = driver.open()
-        super().__init__(driver.name, intrinsics or device.intrinsics, mount)
-        self.live, self.size, self.rate_hz = True, size_of(device.size, self.name), rate_of(device.rate_hz)
+        size, rate_hz = size_of(device.size, driver.name), rate_of(device.rate_hz)
+        lens = intrinsics or device.intrinsics
+        super().__init__(CameraInfo(driver.name, size, lens, mount, live=True, rate_hz=rate_hz))
         self._clock_s = clock_s or time.monotonic
         self._changed = threading.Condition()
         self._faults: deque[CameraFault] = deque(maxlen=MAX_FAULTS)
@@ -49,7 +50,7 @@ class LiveCamera(Camera):
         self._polled_s = self._clock_s()
         self._thread: threading.Thread | None = None
         if clock_s is None:
-            self._thread = threading.Thread(target=self._run, name=f"camera {self.name}", daemon=True)
+            self._thread = threading.Thread(target=self._run, name=f"camera {self.info.name}", daemon=True)
             self._thread.start()
 
     @property
@@ -76,13 +77,15 @@ class LiveCamera(Camera):
                     raise self._lost
                 now_s = self._clock_s()
                 if now_s - self._polled_s > HANG_LIMIT_S:
-                    raise CameraLostError(f"camera {self.name}: its driver hangs, for {now_s - self._polled_s:.0f} s")
+                    raise CameraLostError(
+                        f"camera {self.info.name}: its driver hangs, for {now_s - self._polled_s:.0f} s"
+                    )
                 if now_s >= until_s:
-                    text = f"camera {self.name}: no frame within {TICK_S} s"
+                    text = f"camera {self.info.name}: no frame within {TICK_S} s"
                     raise FrameTimeout(text, self._supervisor.stream_s(), self.state)
                 self._await(until_s - now_s)
             picture, self._slot = self._slot, None
-        return self.frame(picture.image, picture.stamp_s, f"{self.name}#{self._delivered}", picture.depth)
+        return self.frame(picture.image, picture.stamp_s, f"{self.info.name}#{self._delivered}", picture.depth)
 
     def close(self) -> None:
         """Stops the thread and releases the device; waits at most a second for a grab in progress."""

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from edgemap.geometry.camera.depth_camera import DepthCamera, DepthRegistration
 from edgemap.geometry.camera.intrinsics import Intrinsics
 from edgemap.geometry.camera.mount import Mount
-from edgemap.runtime.frames.camera import DEFAULT_RATE_HZ, Camera
+from edgemap.runtime.frames.camera import DEFAULT_RATE_HZ, Camera, CameraInfo
 from edgemap.runtime.frames.errors import CameraError, CameraFault
 from edgemap.runtime.frames.faults import FaultKind
 from edgemap.runtime.frames.frame import Frame
@@ -40,9 +40,9 @@ class FileCamera(Camera):
         if depth is None or self.depth_camera is None:
             return depth
         if self._registration is None:
-            if self.intrinsics is None:
+            if self.info.intrinsics is None:
                 return None
-            self._registration = DepthRegistration(self.depth_camera, self.intrinsics)
+            self._registration = DepthRegistration(self.depth_camera, self.info.intrinsics)
         return self._registration.registered(depth)
 
 
@@ -61,7 +61,7 @@ class VideoCamera(FileCamera):
         mount: Mount | None = None,
         stamps_s: Sequence[float] | None = None,
     ) -> None:
-        super().__init__(name, intrinsics, mount)
+        super().__init__(CameraInfo(name, intrinsics=intrinsics, mount=mount))
         if not path.is_file():
             raise CameraError(f"{path}: no such file")
         self._path, self._stamps_s = path, stamps_s
@@ -76,16 +76,16 @@ class VideoCamera(FileCamera):
             self.close()
             raise CameraError(f"{path}: video of {wide}x{high} px, at most {PIXEL_LIMIT:,} px are decoded")
         rate = self._capture.get(cv2.CAP_PROP_FPS)
-        self.rate_hz = float(rate) if math.isfinite(rate) and 0.0 < rate <= 1000.0 else None
+        rate_hz = float(rate) if math.isfinite(rate) and 0.0 < rate <= 1000.0 else None
         announced = int(self._capture.get(cv2.CAP_PROP_FRAME_COUNT))
         self._announced = announced if 0 < announced < 1 << 31 else None
-        self.frame_count = len(stamps_s) if stamps_s is not None else self._announced
+        count = len(stamps_s) if stamps_s is not None else self._announced
         self._ahead = self._decode()  # what the header says of the size may be turned by the rotation tag
         if self._ahead is None:
             self.close()
             raise CameraError(f"{path}: a video in which no frame can be decoded ({announced} announced)")
         height, width = self._ahead[0].shape[:2]
-        self.size = (width, height)
+        self.update_info(size=(width, height), rate_hz=rate_hz, frame_count=count)
 
     def read(self) -> Frame | None:
         """The next frame; None at the end. Raises CameraError, after the last good frame, where the file is cut off."""
@@ -123,7 +123,7 @@ class VideoCamera(FileCamera):
             return float(self._stamps_s[self._delivered])
         if math.isfinite(file_stamp_s) and file_stamp_s > self._last_s:
             return file_stamp_s
-        return self._last_s + 1.0 / (self.rate_hz or FALLBACK_RATE_HZ) if self._delivered else 0.0
+        return self._last_s + 1.0 / (self.info.rate_hz or FALLBACK_RATE_HZ) if self._delivered else 0.0
 
     def _check_end(self) -> None:
         if self._stamps_s is not None and self._delivered < len(self._stamps_s):
@@ -153,10 +153,8 @@ class PicturesCamera(FileCamera):
         mount: Mount | None = None,
         rate_hz: float | None = DEFAULT_RATE_HZ,
     ) -> None:
-        super().__init__(name, intrinsics, mount)
-        self.rate_hz = rate_hz
-        self.frame_count: int | None = len(pictures)
-        self.size = _first_size(pictures)
+        size, count = _first_size(pictures), len(pictures)
+        super().__init__(CameraInfo(name, size, intrinsics, mount, rate_hz=rate_hz, frame_count=count))
         self._pictures, self._stamps_s = pictures, stamps_s
         self._next = 0
 
@@ -171,11 +169,10 @@ class PicturesCamera(FileCamera):
         except CameraError as error:
             raise CameraFault(FaultKind.DAMAGED, f"{error}, skipped") from None
         height, width = image.shape[:2]
-        if (width, height) != self.size:
-            raise CameraFault(
-                FaultKind.SIZE,
-                f"{path}: picture is {width}x{height}, the others are {self.size[0]}x{self.size[1]}, skipped",
-            )
+        wide, high = self.info.size
+        if (width, height) != (wide, high):
+            text = f"{path}: picture is {width}x{height}, the others are {wide}x{high}, skipped"
+            raise CameraFault(FaultKind.SIZE, text)
         depth = self.depth_of(number)
         return self.frame(image, float(self._stamps_s[number]), str(path), depth)
 
@@ -219,9 +216,7 @@ def drive_camera(
         camera = VideoCamera(name, drive.video, intrinsics, mount, [float(stamp) for stamp in drive.stamps_s])
     else:
         camera = PicturesCamera(name, drive.images, drive.stamps_s, intrinsics, mount)
-    camera.rate_hz = drive.rate_hz
-    camera.truth, camera.attitudes = drive.truth, drive.attitudes
-    camera.wheel = drive.wheel and wheel_file(drive.wheel)
-    camera.imu, camera.depth = drive.imu, drive.depth
-    camera.depth_camera = drive.depth_camera
+    wheel = drive.wheel and wheel_file(drive.wheel)
+    camera.update_info(rate_hz=drive.rate_hz, truth=drive.truth, attitudes=drive.attitudes, wheel=wheel, imu=drive.imu)
+    camera.depth, camera.depth_camera = drive.depth, drive.depth_camera
     return camera

@@ -6,7 +6,7 @@ from typing import Any
 from edgemap.geometry.camera.intrinsics import Intrinsics
 from edgemap.geometry.camera.mount import Mount
 from edgemap.geometry.errors import EdgemapError
-from edgemap.runtime.frames.camera import Camera
+from edgemap.runtime.frames.camera import Camera, CameraInfo
 from edgemap.runtime.frames.errors import CameraError, CameraFault
 from edgemap.runtime.frames.faults import FaultKind
 from edgemap.runtime.frames.frame import Frame
@@ -39,7 +39,7 @@ class RealSenseRecording(Camera):
         mount: Mount | None = None,
         depth: bool = True,
     ) -> None:
-        super().__init__(name, intrinsics, mount)
+        super().__init__(CameraInfo(name, intrinsics=intrinsics, mount=mount))
         if not path.is_file():
             raise CameraError(f"{path}: no such file")
         self._rs = rs = import_realsense()
@@ -60,10 +60,12 @@ class RealSenseRecording(Camera):
                 f"{path}: not a RealSense recording with a colour stream ({' '.join(str(error).split())})"
             ) from None
         try:
-            self.intrinsics: Intrinsics | None = intrinsics or lens_of(profile, str(path))
-            self.size = picture_size(profile)
-            self.rate_hz: float | None = float(profile.fps())
-            self.imu = recorded_motion(rs, path)
+            self.update_info(
+                intrinsics=intrinsics or lens_of(profile, str(path)),
+                size=picture_size(profile),
+                rate_hz=float(profile.fps()),
+                imu=recorded_motion(rs, path),
+            )
             self._depth = depth_beside(rs, path) if depth else None
         except EdgemapError:
             self.close()

@@ -25,5 +25,5 @@ def replace_wheels(camera: Camera, odometry: str) -> str:
     """With the odometry `wheel:FILE` the camera gets the wheels of that file. Returns the odometry without the file."""
     if not odometry.startswith(PREFIX):
         return odometry
-    camera.wheel = wheel_file(odometry.removeprefix(PREFIX))
+    camera.update_info(wheel=wheel_file(odometry.removeprefix(PREFIX)))
     return "wheel"

@@ -6,7 +6,7 @@ from collections.abc import Callable
 from dataclasses import replace
 from typing import Any
 
-from edgemap.runtime.frames.camera import Camera
+from edgemap.runtime.frames.camera import Camera, CameraInfo
 from edgemap.runtime.frames.errors import CameraState, FrameTimeout
 from edgemap.runtime.frames.frame import Frame
 
@@ -17,9 +17,17 @@ class CameraAround(Camera):
     """A camera that forwards everything to another one. Subclasses override `read`."""
 
     def __init__(self, camera: Camera) -> None:
-        super().__init__(camera.name)
-        vars(self).update({name: getattr(camera, name) for name in Camera.__annotations__})
+        super().__init__(camera.info)
         self._camera = camera
+
+    @property
+    def info(self) -> CameraInfo:
+        """That of the wrapped camera."""
+        return self._camera.info
+
+    def update_info(self, **changes: Any) -> None:
+        """Changes that of the wrapped camera."""
+        self._camera.update_info(**changes)
 
     @property
     def state(self) -> CameraState:
@@ -68,7 +76,7 @@ class PacedCamera(CameraAround):
             self._sleep(min(wait_s, TICK_S))
         if wait_s > TICK_S:  # so that a stop is noticed
             self._ahead = frame
-            raise FrameTimeout(f"{self.name}: the next frame is {wait_s:.1f} s ahead", None, self.state)
+            raise FrameTimeout(f"{self.info.name}: the next frame is {wait_s:.1f} s ahead", None, self.state)
         return frame
 
 

@@ -25,8 +25,8 @@ def open_attitude(
     frames bring any and `imu` allows it, else the pictures; either about a mount that the room's edges check. Where a
     frame brings depth, the floor in it gives attitude and height. health: by which a picture shows another view. rules:
     by which a camera counts as carried, and a source's yaw as wrong."""
-    if odometry == "truth" and camera.attitudes is not None:
-        return RecordedAttitude(camera.attitudes, floor.mount)
+    if odometry == "truth" and camera.info.attitudes is not None:
+        return RecordedAttitude(camera.info.attitudes, floor.mount)
     rule, rules = rule or AttitudeRule(), rules or OdometryRules()
     pictures = PicturesAttitude(floor.mount, rule.check.tilt, rule.rotation_share)
     inertial = InertialAttitude(floor.mount, pictures, rule, rules.planar.carried, rules.hybrid.trust)

@@ -71,13 +71,13 @@ def open_odometry(
     if spec in ("flow", "paper"):
         return LearnedOdometry(bundle, spec, floor, coasting)
     if spec == "truth":
-        if camera.truth is None:
-            raise OdometryError(f"odometry truth: {camera.name} brings no poses of its own")
-        return RecordedOdometry(camera.truth, "truth", edge_s=POSES_EDGE_S)
+        if camera.info.truth is None:
+            raise OdometryError(f"odometry truth: {camera.info.name} brings no poses of its own")
+        return RecordedOdometry(camera.info.truth, "truth", edge_s=POSES_EDGE_S)
     if spec == "wheel":
-        if camera.wheel is None:
-            raise OdometryError(f"odometry wheel: {camera.name} brings no wheel odometry")
-        return _wheels(camera.wheel, rules)
+        if camera.info.wheel is None:
+            raise OdometryError(f"odometry wheel: {camera.info.name} brings no wheel odometry")
+        return _wheels(camera.info.wheel, rules)
     if spec.endswith(".tum"):
         return RecordedOdometry(read_tum(Path(spec)), spec, edge_s=POSES_EDGE_S)
     raise OdometryError(f"odometry {spec!r} is not hybrid, paper, truth, wheel or FILE.tum")
@@ -120,8 +120,8 @@ def hybrid_members(
     members = [Member(_tracked(floor, rules, tilt, carried), CAMERA, scale**2 if warning else scale)]
     if flow is not None and not warning:
         members.append(Member(flow, CAMERA, scale**4, reach_rad=flow.reach_rad, auxiliary=True))
-    if wheels and camera.wheel is not None:
-        members.append(Member(_wheels(camera.wheel, rules), WHEELS))
+    if wheels and camera.info.wheel is not None:
+        members.append(Member(_wheels(camera.info.wheel, rules), WHEELS))
     members.append(Member(GyroOdometry(displaced=True), GYRO, scale**2, optional=True))
     return members, None if carried else warning
 
@@ -130,4 +130,4 @@ def at_head_height(manifest: Manifest, camera: Camera, floor: FloorCamera) -> bo
     """Whether the lens is above those of the robots that the flow head was trained on: such a camera is carried, unless
     it rides on wheels or on a road."""
     highest_m = manifest.envelope.get("height_m", (0.0, math.inf))[1]
-    return floor.mount.height_m > highest_m and camera.wheel is None and floor.mount.platform.in_room
+    return floor.mount.height_m > highest_m and camera.info.wheel is None and floor.mount.platform.in_room

@@ -41,8 +41,13 @@ def test_lossless_gives_back_every_bit(tmp_path):
     frames = noise(30)
     with open_camera(str(record(tmp_path / "a.mcap", FACTS, frames, lossless=True))) as camera:
         assert isinstance(camera, Camera)
-        assert (camera.live, camera.size, camera.frame_count, camera.rate_hz) == (False, (64, 48), 30, 10.0)
-        assert (camera.intrinsics, camera.mount) == (LENS, MOUNT)
+        assert (camera.info.live, camera.info.size, camera.info.frame_count, camera.info.rate_hz) == (
+            False,
+            (64, 48),
+            30,
+            10.0,
+        )
+        assert (camera.info.intrinsics, camera.info.mount) == (LENS, MOUNT)
         played = drain(camera)
         assert camera.read() is None
     assert [frame.index for frame in played] == list(range(30))
@@ -55,7 +60,7 @@ def test_what_a_run_decided_comes_back_and_an_older_recording_has_none(tmp_path)
     decided = Inference("openvino", "int8")
     for name, facts in (("a.mcap", replace(FACTS, inference=decided)), ("b.mcap", FACTS)):
         with open_camera(str(record(tmp_path / name, facts, noise(2)))) as camera:
-            assert camera.inference == facts.inference
+            assert camera.info.inference == facts.inference
     with pytest.raises(CameraError, match=r"inference: Invalid enum value 'abacus'"):
         read_facts(facts_record(FACTS) | {"inference": '{"engine": "abacus", "precision": "int8"}'}, "a.mcap")
     older = facts_record(FACTS)
@@ -68,7 +73,7 @@ def test_jpeg_is_near_and_much_smaller(tmp_path):
     picture = cv2.merge([np.tile(ramp, (480, 1)), np.tile(ramp[::-1], (480, 1)), np.full((480, 640), 80, np.uint8)])
     path = record(tmp_path / "a.mcap", Facts("ramp"), [Frame(0, 1.0, picture)])
     with open_camera(str(path)) as camera:
-        assert (camera.intrinsics, camera.mount) == (None, None)
+        assert (camera.info.intrinsics, camera.info.mount) == (None, None)
         assert np.abs(camera.read().image.astype(int) - picture).mean() < 2.0
     assert path.stat().st_size < picture.nbytes / 10
 
@@ -108,15 +113,15 @@ def test_wheels_and_truth_come_back_bit_for_bit(tmp_path):
     ways = [Trajectory(stamps, tuple(SE2(*row) for row in random.normal(size=(20, 3)))) for _ in range(2)]
     path = record(tmp_path / "a.mcap", FACTS, frames, wheel=ways[0], truth=ways[1])
     with open_camera(str(path)) as camera:
-        assert camera.truth.poses == ways[1].poses
-        np.testing.assert_array_equal(camera.truth.stamps_s, stamps)
-        assert read_wheel(str(camera.wheel)).poses == ways[0].poses
+        assert camera.info.truth.poses == ways[1].poses
+        np.testing.assert_array_equal(camera.info.truth.stamps_s, stamps)
+        assert read_wheel(str(camera.info.wheel)).poses == ways[0].poses
     cut = tmp_path / "cut.mcap"
     cut.write_bytes(path.read_bytes()[:-8])  # without its end
     with open_camera(str(cut)) as camera:
-        assert read_wheel(str(camera.wheel)).poses == ways[0].poses
+        assert read_wheel(str(camera.info.wheel)).poses == ways[0].poses
     with open_camera(str(record(tmp_path / "none.mcap", FACTS, frames))) as camera:
-        assert camera.wheel is None
+        assert camera.info.wheel is None
     # The messages hold what the wheels had done when the last picture came, at 4/30 s: seven poses of fifty a second.
     replayed = read_wheel(f"{path}#/wheel/odometry")
     assert len(replayed.poses) == 7
@@ -138,7 +143,7 @@ def test_given_lens_and_mount_go_first_and_another_size_is_refused(tmp_path):
     path = str(record(tmp_path / "a.mcap", FACTS, noise(2)))
     lens, mount = replace(LENS, fx=70.0), replace(MOUNT, height_m=1.0)
     with open_camera(path, CameraOptions(intrinsics=lens, mount=mount)) as camera:
-        assert (camera.intrinsics, camera.mount) == (lens, mount)
+        assert (camera.info.intrinsics, camera.info.mount) == (lens, mount)
     with (
         open_camera(path, CameraOptions(intrinsics=replace(LENS, width=32))) as camera,
         pytest.raises(CameraError, match="picture is 64x48, the intrinsics are for 32x48"),
@@ -169,12 +174,12 @@ def test_a_killed_recording_still_opens(tmp_path):
     assert killed.returncode == -signal.SIGKILL
     frames = noise(200)
     with open_camera(str(tmp_path / "a.mcap")) as camera:
-        assert (camera.intrinsics, camera.mount, camera.rate_hz) == (LENS, MOUNT, 10.0)
+        assert (camera.info.intrinsics, camera.info.mount, camera.info.rate_hz) == (LENS, MOUNT, 10.0)
         played = []
         with pytest.raises(CameraError, match=r"a\.mcap: cut off, the \d+ complete pictures before it were read"):  # noqa: PT012
             while True:
                 played.append(camera.read())
-        assert camera.frame_count == len(played)
+        assert camera.info.frame_count == len(played)
     # A picture takes 9 kB: half a MiB, which the file lags behind at most, holds fewer than 60.
     assert 140 < len(played) < 200
     for got, was in zip(played, frames, strict=False):
@@ -218,7 +223,7 @@ def test_a_recording_cut_off_is_read_to_its_last_complete_chunk(tmp_path):
         path.write_bytes(whole[:cut])
         expected = [frame for frame in frames if to_ns(frame.stamp_s) <= newest_ns]
         with open_camera(str(path)) as camera:
-            played = [camera.read() for _ in range(camera.frame_count)]
+            played = [camera.read() for _ in range(camera.info.frame_count)]
             with pytest.raises(CameraError, match=f"cut off, the {len(played)} complete pictures"):
                 camera.read()
         assert len(expected) - len(played) in (0, 1)  # a chunk may end between a picture and what belongs to it
@@ -282,7 +287,7 @@ def test_a_full_disk_is_one_line_and_leaves_what_was_written(tmp_path):
     run = subprocess.run([sys.executable, "-c", program], cwd=TESTS, capture_output=True, text=True, check=False)
     assert run.stdout.strip().endswith("a.mcap: cannot be written (File too large)"), run.stderr
     with open_camera(str(tmp_path / "a.mcap")) as camera:
-        assert camera.frame_count > 50
+        assert camera.info.frame_count > 50
 
 
 def test_inertial_samples_are_replayed_bit_for_bit(tmp_path):
@@ -313,7 +318,7 @@ def test_depth_is_replayed_bit_for_bit_or_left_out(tmp_path):
     frames = with_depth(noise(5))
     path = str(record(tmp_path / "a.mcap", FACTS, frames))
     with open_camera(path) as camera:
-        assert camera.size == (64, 48)
+        assert camera.info.size == (64, 48)
         played = drain(camera)
     for frame, again in zip(frames, played, strict=True):
         if frame.depth is None:

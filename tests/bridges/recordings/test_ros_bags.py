@@ -66,7 +66,7 @@ def test_headers_without_time_have_the_time_of_recording(tmp_path):
     path = write_bag(tmp_path / "bag", messages)
     assert [frame.stamp_s for frame in play(path)] == [T0 / 10**9, (T0 + 10**9) / 10**9]
     with open_camera(str(path)) as camera:
-        assert camera.rate_hz == pytest.approx(1.0)
+        assert camera.info.rate_hz == pytest.approx(1.0)
 
 
 def test_lens_and_mount_are_found(tmp_path):
@@ -83,8 +83,8 @@ def test_lens_and_mount_are_found(tmp_path):
     ]  # fmt: skip
     with open_camera(str(write_bag(tmp_path / "bag", messages))) as camera:
         distortion = Distortion("brown_conrady", (0.1, 0.2, 0.001, 0.002, 0.3))
-        assert camera.intrinsics == Intrinsics(64, 48, 58.0, 59.0, 31.0, 23.0, distortion)
-        mount = camera.mount
+        assert camera.info.intrinsics == Intrinsics(64, 48, 58.0, 59.0, 31.0, 23.0, distortion)
+        mount = camera.info.mount
     found = (mount.height_m, mount.pitch_rad, mount.roll_rad, mount.forward_m, mount.left_m)
     np.testing.assert_allclose(found, [0.6, np.radians(12), 0.0, 0.2, 0.03], atol=1e-9)
 
@@ -126,7 +126,7 @@ def test_a_height_over_base_link_alone_is_no_mount(tmp_path):
         ("/cam/image_raw", T0, image(T0, BGR, "bgr8")),
     ]
     with open_camera(str(write_bag(tmp_path / "bag", messages))) as camera:
-        assert (camera.mount, camera.intrinsics) == (None, None)
+        assert (camera.info.mount, camera.info.intrinsics) == (None, None)
 
 
 def test_rectified_pictures_have_no_distortion(tmp_path):
@@ -135,7 +135,7 @@ def test_rectified_pictures_have_no_distortion(tmp_path):
         ("/cam/image_rect", T0, image(T0, BGR, "bgr8")),
     ]
     with open_camera(str(write_bag(tmp_path / "bag", messages))) as camera:
-        assert camera.intrinsics == Intrinsics(64, 48, 58.0, 59.0, 31.0, 23.0)
+        assert camera.info.intrinsics == Intrinsics(64, 48, 58.0, 59.0, 31.0, 23.0)
 
 
 def test_the_first_picture_topic_is_played_or_the_named_one(tmp_path):
@@ -203,7 +203,7 @@ def test_a_fisheye_lens_is_refused_unless_another_is_given(tmp_path):
         open_camera(path)
     lens = Intrinsics(64, 48, 50.0, 50.0, 32.0, 24.0)
     with open_camera(path, CameraOptions(intrinsics=lens)) as camera:
-        assert camera.intrinsics == lens
+        assert camera.info.intrinsics == lens
 
 
 def test_time_that_goes_back_is_an_error(tmp_path):
@@ -232,7 +232,7 @@ def test_chunk_compressions_with_and_without_index(tmp_path, compression, indexe
     writer.finish()
     (tmp_path / "a.mcap").write_bytes(out.getvalue())
     with open_camera(str(tmp_path / "a.mcap")) as camera:
-        assert camera.frame_count == 5
+        assert camera.info.frame_count == 5
         # Nanoseconds apart are the same float on a Unix clock, but not to be taken for time that stands still.
         assert [int(frame.image[0, 0, 0]) for frame in drain(camera)] == [0, 1, 2, 3, 4]
     data = out.getvalue().replace(compression.lower().encode(), b"br!!"[: len(compression)])

@@ -245,13 +245,13 @@ def test_a_camera_with_wheels_and_imu_comes_from_topics(program, node, monkeypat
         "rt/tf_static,TFMessage,latched,1",
     )
     with Peer(program, "publish", *wanted, seconds=60.0), Ros2Camera(node, "/front/image_raw") as pictures:
-        assert pictures.intrinsics == Intrinsics(64, 48, 58.25, 58.5, 31.5, 23.5)
-        assert pictures.mount is not None
-        assert (pictures.mount.height_m, pictures.mount.forward_m) == pytest.approx((0.6, 0.1))
-        assert pictures.mount.pitch_rad == pytest.approx(0.0, abs=1e-9)
+        assert pictures.info.intrinsics == Intrinsics(64, 48, 58.25, 58.5, 31.5, 23.5)
+        assert pictures.info.mount is not None
+        assert (pictures.info.mount.height_m, pictures.info.mount.forward_m) == pytest.approx((0.6, 0.1))
+        assert pictures.info.mount.pitch_rad == pytest.approx(0.0, abs=1e-9)
         camera = Ros2SensorsCamera(pictures, node, SensorTopics("/odom", "/imu"))
-        assert isinstance(camera.wheel, WheelTopic)
-        odometry = RecordedOdometry(camera.wheel, "wheels")
+        assert isinstance(camera.info.wheel, WheelTopic)
+        odometry = RecordedOdometry(camera.info.wheel, "wheels")
         moved, frames = [], []
         while len(frames) < 8:
             frame = next_frame(camera, lambda fault: pytest.fail(str(fault)))

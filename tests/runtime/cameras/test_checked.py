@@ -13,6 +13,7 @@ from support.live_camera import drain, picture, scripted
 
 from edgemap.geometry.camera.imu import ImuSamples
 from edgemap.runtime.frames import plugins
+from edgemap.runtime.frames.camera import CameraInfo
 from edgemap.runtime.frames.errors import CameraError, CameraFault, CameraState, FrameTimeout
 from edgemap.runtime.frames.frame import Frame
 from edgemap.runtime.inputs.cameras.checked import FAILURES, CheckedCamera
@@ -54,14 +55,11 @@ def test_nothing_that_a_grab_returns_ends_the_camera(returned):
 class Theirs:
     """Another package's camera: `frames` are what `read` returns or raises, one by one."""
 
-    name, live, size, rate_hz, frame_count = "lab", False, (6, 4), 10.0, None
-    intrinsics = mount = truth = attitudes = wheel = inference = None
-    edits = ()
     state = CameraState.RUNNING
 
     def __init__(self, returned, **fields):
         self.returned = list(returned)
-        vars(self).update(fields)
+        self.info = CameraInfo(**({"name": "lab", "size": (6, 4), "rate_hz": 10.0} | fields))
 
     def read(self):
         value = self.returned.pop(0) if self.returned else None

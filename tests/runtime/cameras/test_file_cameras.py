@@ -10,16 +10,18 @@ import sys
 import cv2
 import numpy as np
 import pytest
+from support.made_camera import MadeCamera
 from support.recordings import drain
 
+from edgemap.geometry.camera.imu import ImuSamples
 from edgemap.geometry.camera.intrinsics import Intrinsics
 from edgemap.geometry.camera.mount import Mount
 from edgemap.geometry.se2 import SE2
-from edgemap.runtime.frames.camera import Camera, CameraOptions, next_frame
+from edgemap.runtime.frames.camera import Camera, CameraInfo, CameraOptions, next_frame
 from edgemap.runtime.frames.errors import CameraError
 from edgemap.runtime.frames.program_camera import FramesCamera, PushedCamera
 from edgemap.runtime.frames.trajectory import Trajectory
-from edgemap.runtime.inputs.cameras.wrappers import PacedCamera
+from edgemap.runtime.inputs.cameras.wrappers import PacedCamera, SearchRate
 from edgemap.runtime.inputs.drives import write_drive
 from edgemap.runtime.inputs.open import open_camera
 
@@ -48,7 +50,13 @@ def stamps_of(camera):
 def test_a_video_gives_every_frame_with_its_time(tmp_path):
     with open_camera(str(write_video(tmp_path / "v.mp4"))) as camera:
         assert isinstance(camera, Camera)
-        assert (camera.size, camera.rate_hz, camera.frame_count, camera.live) == ((64, 48), 10.0, 20, False)
+        info = camera.info
+        assert (info.size, info.rate_hz, info.frame_count, info.live) == (
+            (64, 48),
+            10.0,
+            20,
+            False,
+        )
         frames = drain(camera)
     np.testing.assert_allclose([frame.image.mean() for frame in frames], 10 * np.arange(20), atol=4)
     np.testing.assert_allclose([frame.stamp_s for frame in frames], np.arange(20) / 10, atol=1e-3)
@@ -93,7 +101,7 @@ except Exception as error:
 def test_a_folder_is_read_in_natural_order(tmp_path):
     write_pictures(tmp_path / "p", 12)
     with open_camera(str(tmp_path / "p")) as camera:
-        assert (camera.frame_count, camera.size, camera.intrinsics) == (12, (64, 48), None)
+        assert (camera.info.frame_count, camera.info.size, camera.info.intrinsics) == (12, (64, 48), None)
         assert [int(camera.read().image[0, 0, 0]) for _ in range(12)] == list(range(12))
         assert camera.read() is None
 
@@ -124,10 +132,10 @@ def test_a_drive_with_a_video_has_its_stamps_lens_mount_and_truth(tmp_path):
     write_own(tmp_path, 20)
     write_video(tmp_path / "video.mp4", 20)
     with open_camera(f"drive:{tmp_path}") as camera:
-        assert (camera.intrinsics, camera.frame_count, camera.rate_hz) == (LENS, 20, 10.0)
-        assert camera.mount.pitch_rad == pytest.approx(MOUNT.pitch_rad)
-        assert camera.truth.poses[0] == SE2()
-        assert camera.truth.poses[-1].x_m == pytest.approx(1.9)
+        assert (camera.info.intrinsics, camera.info.frame_count, camera.info.rate_hz) == (LENS, 20, 10.0)
+        assert camera.info.mount.pitch_rad == pytest.approx(MOUNT.pitch_rad)
+        assert camera.info.truth.poses[0] == SE2()
+        assert camera.info.truth.poses[-1].x_m == pytest.approx(1.9)
         np.testing.assert_allclose(stamps_of(camera), 100.0 + np.arange(20) / 10)
 
 
@@ -171,13 +179,20 @@ def test_a_paced_camera_knows_all_that_the_camera_behind_it_knows():
     with open_camera("demo") as camera, open_camera("demo", CameraOptions(realtime=True)) as paced:
         assert isinstance(paced, PacedCamera)
         assert isinstance(paced, Camera)
-        for name in Camera.__annotations__:
-            if name != "truth":
-                assert getattr(paced, name) == getattr(camera, name), name
-        assert paced.truth.poses == camera.truth.poses
-        assert str(paced.wheel).endswith("wheel.csv")
+        assert paced.info.name == camera.info.name
+        assert paced.info.truth.poses == camera.info.truth.poses
+        assert str(paced.info.wheel).endswith("wheel.csv")
         assert paced.object_records() is None
-    assert PacedCamera(Knowing("sim")).object_records() == [{"id": "chair-1"}]
+    assert PacedCamera(Knowing(CameraInfo("sim"))).object_records() == [{"id": "chair-1"}]
+
+
+def test_a_wrapper_shows_what_changes_later():
+    camera = MadeCamera(1, lambda _: np.zeros((4, 6, 3), np.uint8))
+    outer = SearchRate(PacedCamera(camera), 1.0)
+    camera.update_info(mount=Mount(0.7), imu=ImuSamples.none())
+    outer.update_info(rate_hz=7.0)
+    assert outer.info is camera.info
+    assert (outer.info.mount, outer.info.rate_hz) == (Mount(0.7), 7.0)
 
 
 @pytest.mark.parametrize("spec", ["", "nonsense", "realsens", "kity:/tmp"])
@@ -201,7 +216,7 @@ def test_reading_goes_on_past_a_damaged_picture_and_one_of_another_size(tmp_path
     (tmp_path / "q" / "2.png").rename(tmp_path / "p" / "3.png")
     faults, frames = [], []
     with open_camera(str(tmp_path / "p")) as camera:
-        assert camera.size == (64, 48)
+        assert camera.info.size == (64, 48)
         (tmp_path / "p" / "1.png").unlink()
         while (frame := next_frame(camera, faults.append)) is not None:
             frames.append(frame)
@@ -233,6 +248,6 @@ def test_a_first_pushed_picture_that_is_refused_leaves_nothing_behind():
     camera = PushedCamera(LENS, MOUNT)
     with pytest.raises(CameraError, match="expected three numbers"):
         camera.give(GREY, 0.0, wheels=(1.0, 2.0))
-    assert (camera.size, camera.wheel) == ((0, 0), None)
+    assert (camera.info.size, camera.info.wheel) == ((0, 0), None)
     camera.give(GREY, 0.0)
     assert camera.read().stamp_s == 0.0

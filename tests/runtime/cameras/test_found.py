@@ -114,8 +114,8 @@ def test_the_example_delivers_and_is_recovered(raspberry_pi, monkeypatch):
     monkeypatch.syspath_prepend(raspberry_pi / "site")
     faults = []
     with open_camera("rpicam:1") as camera:
-        assert camera.live
-        assert camera.size == (640, 480)
+        assert camera.info.live
+        assert camera.info.size == (640, 480)
         frames = drain(camera, 25, faults)
     assert (raspberry_pi / "arguments").read_text().startswith("--camera 1 ")
     levels = [int(frame.image.mean()) for frame in frames]

@@ -78,8 +78,8 @@ def test_a_realsense_recording_brings_all_of_its_samples(tmp_path):
         while (frame := camera.read()) is not None:
             frames.append(frame)
     assert len(frames) == 29
-    assert camera.imu is not None  # pyright: ignore[reportAttributeAccessIssue]
-    assert len(camera.imu) == 200  # pyright: ignore[reportAttributeAccessIssue]
+    assert camera.info.imu is not None
+    assert len(camera.info.imu) == 200
     # The last picture is taken with sample 196; each of the others brings the seven since the one before.
     assert [len(frame.imu) for frame in frames] == [1] + [7] * 28
     np.testing.assert_allclose(frames[1].imu.gyro_rad_s[0], [0.1, 0.2, 0.001], atol=1e-7)

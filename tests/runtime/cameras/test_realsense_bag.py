@@ -19,7 +19,7 @@ def test_a_bag_with_depth_and_colour_gives_every_colour_frame(tmp_path):
     stamps = [100.0 + i / 30 for i in range(30)]
     path = write_realsense_bag(tmp_path / "drive.bag", pictures, stamps, LENS)
     with open_camera(f"realsense:{path}") as camera:
-        lens = camera.intrinsics
+        lens = camera.info.intrinsics
         assert lens is not None
         assert (lens.fx, lens.fy, lens.cx, lens.cy) == LENS
         for picture, stamp in zip(pictures, stamps, strict=True):

@@ -17,9 +17,9 @@ def test_a_stream_that_ends_is_late_and_then_opened_again(realsense_recording):
     path, pictures, _ = realsense_recording
     driver, told = Playback(path), []
     with LiveCamera(driver, rule=RecoveryRule(stall_limit_s=0.4)) as camera:
-        assert (camera.live, camera.size, camera.rate_hz) == (True, (640, 480), 30.0)
-        assert camera.intrinsics is not None
-        assert camera.intrinsics.fx == 615.2
+        assert (camera.info.live, camera.info.size, camera.info.rate_hz) == (True, (640, 480), 30.0)
+        assert camera.info.intrinsics is not None
+        assert camera.info.intrinsics.fx == 615.2
         driver.broken = 1
         frames = drain(camera, len(pictures) + 5, told)
     kinds = [fault.kind.value for fault in told]  # on a busy machine it is late before that, too

@@ -25,10 +25,10 @@ from reliability.record_realsense import record_realsense  # noqa: E402
 def test_every_frame_comes_back_bit_exact_in_order(realsense_recording):
     path, pictures, stamps = realsense_recording
     with open_camera(f"realsense:{path}") as camera:
-        assert not camera.live
-        assert camera.size == (640, 480)
-        assert camera.rate_hz == 30.0
-        lens = camera.intrinsics
+        assert not camera.info.live
+        assert camera.info.size == (640, 480)
+        assert camera.info.rate_hz == 30.0
+        lens = camera.info.intrinsics
         frames = drain(camera)
         assert camera.read() is None
     assert (lens.fx, lens.fy, lens.cx, lens.cy) == (615.2, 615.4, 321.1, 239.7)
@@ -44,8 +44,8 @@ def test_distortion_is_carried_over(tmp_path):
     picture = np.zeros((480, 640, 3), np.uint8)
     path = record_realsense(tmp_path / "d.db3", [picture] * 3, [0.0, 0.1, 0.2], coefficients=coefficients)
     with open_camera(f"realsense:{path}") as camera:
-        assert camera.intrinsics.distortion.model == "inverse_brown_conrady"
-        assert camera.intrinsics.distortion.coefficients == coefficients
+        assert camera.info.intrinsics.distortion.model == "inverse_brown_conrady"
+        assert camera.info.intrinsics.distortion.coefficients == coefficients
 
 
 def test_a_lens_that_is_not_brown_conrady_is_refused(tmp_path):

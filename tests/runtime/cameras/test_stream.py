@@ -23,8 +23,8 @@ def test_a_stream_that_goes_away_comes_back(serve, monkeypatch):
     # This process may be kept waiting by others, so only a driver that says so is a fault.
     patient = RecoveryRule(first_frame_limit_s=300.0, stall_limit_s=300.0)
     with serve() as server, LiveCamera(StreamDriver(server.url), rule=patient) as camera:
-        assert camera.live
-        assert camera.size == (64, 48)
+        assert camera.info.live
+        assert camera.info.size == (64, 48)
         told = []
         frames = drain(camera, 20, told)
         assert told == []
