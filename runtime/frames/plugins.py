@@ -1,6 +1,6 @@
 """Entry points of installed packages, our bridges among them: cameras, sinks, commands. Read when needed."""
 
-from importlib.metadata import EntryPoint, entry_points
+from importlib.metadata import EntryPoint, distributions
 from typing import Any
 
 from edgemap.geometry.errors import EdgemapError
@@ -8,22 +8,13 @@ from edgemap.runtime.frames.errors import PluginError
 from edgemap.runtime.frames.reading import one_line
 
 CAMERAS, SINKS = "edgemap.cameras", "edgemap.sinks"
-OURS = (
-    EntryPoint("ros2", "edgemap.bridges.ros2.cameras:TOPICS", CAMERAS),
-    EntryPoint(".mcap", "edgemap.bridges.ros2.cameras:RECORDINGS", CAMERAS),
-    EntryPoint("sim", "edgemap.simulation.live", CAMERAS),
-    EntryPoint("record", "edgemap.bridges.ros2.recordings.recorder", SINKS),
-    EntryPoint("foxglove", "edgemap.bridges.foxglove.sink", SINKS),
-    EntryPoint("mqtt", "edgemap.bridges.mqtt.sink", SINKS),
-    EntryPoint("fleet", "edgemap.bridges.fleet.sink", SINKS),
-    EntryPoint("ros2", "edgemap.bridges.ros2.sink", SINKS),
-)
 
 
 def plugins(group: str) -> dict[str, EntryPoint]:
     """The entry points of a group, by name. Raises PluginError if two packages define the same name."""
     found: dict[str, EntryPoint] = {}
-    for point in (*entry_points(group=group), *(one for one in OURS if one.group == group)):
+    # Of all distributions: `entry_points` takes the first of a name, and a build leaves an old one in a checkout.
+    for point in (point for one in distributions() for point in one.entry_points if point.group == group):
         other = found.setdefault(point.name, point)
         if other.value != point.value:
             raise PluginError(

@@ -4,6 +4,7 @@
 
 import math
 from importlib.metadata import EntryPoint
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -175,7 +176,7 @@ def open_plugin(monkeypatch, given_by):
 
     point = EntryPoint("lab", "somewhere:kind", plugins.CAMERAS)
     monkeypatch.setattr(EntryPoint, "load", lambda self: Kind)
-    monkeypatch.setattr(plugins, "entry_points", lambda group: [point])
+    monkeypatch.setattr(plugins, "distributions", lambda: [SimpleNamespace(entry_points=[point])])
     return open_camera("lab")
 
 
