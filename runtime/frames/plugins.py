@@ -1,11 +1,12 @@
 """Entry points of installed packages, our bridges among them: cameras, sinks, commands. Read when needed."""
 
+from functools import cache
 from importlib.metadata import EntryPoint, distributions
 from typing import Any
 
 from edgemap.geometry.errors import EdgemapError
 from edgemap.runtime.frames.errors import PluginError
-from edgemap.runtime.frames.reading import one_line
+from edgemap.runtime.frames.reading import one_line, print_message
 
 CAMERAS, SINKS = "edgemap.cameras", "edgemap.sinks"
 
@@ -21,7 +22,15 @@ def plugins(group: str) -> dict[str, EntryPoint]:
                 f"{group}: {point.name!r} comes from two packages, {package_of(other)} and {package_of(point)}: "
                 "uninstall one"
             )
+    if group in (CAMERAS, SINKS) and not any(point.value.startswith("edgemap.") for point in found.values()):
+        _warn_of_old_metadata()
     return found
+
+
+@cache
+def _warn_of_old_metadata() -> None:
+    """A checkout that was updated keeps the entry points of when it was installed; printed once."""
+    print_message("edgemap's bridges are not registered: install it again (in a checkout: pip install -e .)")
 
 
 def load_plugin(point: EntryPoint) -> Any:
