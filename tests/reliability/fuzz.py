@@ -28,4 +28,4 @@ def run_tests(paths: list[Path], sizes: dict[str, str], seed: int, out: Path) ->
         (out / f"{path.stem}.log").write_text(done.stdout + done.stderr)
         figures[path.stem] = done.stdout.strip().rpartition("\n")[2]
         failures += [f"{path.stem}: {figures[path.stem]}, see {out / path.stem}.log"] * (done.returncode != 0)
-    return PartReport(tuple(failures), tuple(f"{name}: {line}" for name, line in figures.items()), figures)
+    return PartReport(tuple(failures), figures, tuple(f"{name}: {line}" for name, line in figures.items()))

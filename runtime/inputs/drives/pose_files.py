@@ -33,7 +33,8 @@ def read_matrices(path: Path, columns: int) -> Array:
     poses.reshape(len(rows), 16)[:, :columns] = rows
     rotations = poses[:, :3, :3]
     errors = np.abs(rotations @ rotations.transpose(0, 2, 1) - np.eye(3)).max(axis=(1, 2))
-    errors = np.maximum(errors, np.abs(np.linalg.det(rotations) - 1.0))
+    with np.errstate(all="ignore"):  # numpy warns of determinants of huge numbers
+        errors = np.maximum(errors, np.abs(np.linalg.det(rotations) - 1.0))
     errors = np.maximum(errors, np.abs(poses[:, 3] - [0.0, 0.0, 0.0, 1.0]).max(axis=1))
     if errors.max() > 0.05:
         worst = int(errors.argmax())
