@@ -74,9 +74,9 @@ def test_a_recording_played_twice_gives_one_map(edgemap, live, driven):
     by_tape = driven("by-tape", "--camera", tape, "--odometry", f"wheel:{tape}")
     assert same(by_file, by_tape, "trajectory.tum")
     with open_camera("demo") as demo, open_camera(str(tape)) as camera:
-        assert demo.truth is not None
+        assert demo.info.truth is not None
         assert camera.info.truth is not None
-        assert camera.info.truth.poses == demo.truth.poses
+        assert camera.info.truth.poses == demo.info.truth.poses
 
 
 def test_wheels_that_are_given_go_on_the_tape_before_the_sources_own(edgemap, tmp_path):
