@@ -170,7 +170,7 @@ class CheckedCamera(Camera):
     def object_records(self) -> list[dict[str, Any]] | None:
         """The true objects, where the camera provides records."""
         try:
-            records = list(self._camera.object_records() or ())
+            records: list[dict[str, Any]] = list(self._camera.object_records() or ())
         except EdgemapError:
             raise
         except Exception:  # another package's code may raise anything
