@@ -21,16 +21,13 @@ NEAR_M = 20.0  # nothing farther is sighted
 
 @dataclass(frozen=True, slots=True)
 class ForgetRule:
-    """How soon an object counts as removed.
+    """How soon an object counts as removed."""
 
-    misses: observations in a row that miss it. same_m: frames with the robot moved or turned less than this (a radian
-    as a metre) are one observation, since their misses are correlated; it is a miss where the object is detected in
-    none of them. same_iou: a box of its label that overlaps the expected one this much counts as an observation of it,
-    whichever object it went to.
-    """
-
-    misses: int = 5
+    misses: int = 5  # observations in a row that miss it
+    # m or rad: frames with the robot moved or turned by less are one observation, as their misses are correlated; it is
+    # a miss where the object is detected in none of them.
     same_m: float = 0.12
+    # Overlap of a box of its label with the expected one that counts as an observation, whichever object the box is of.
     same_iou: float = 0.3
     view: ViewRule = field(default_factory=ViewRule)
 

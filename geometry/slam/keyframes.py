@@ -19,18 +19,16 @@ EXACT = 0.0003  # m, rad: no motion is known better, however it is given
 
 @dataclass(frozen=True, slots=True)
 class KeyframeRule:
-    """A radian of rotation counts as a metre of path. keyframe_m: path or rotation after which a pose is kept. slip:
-    standard deviation added to the odometry's covariance where loops are searched, as a share of path and rotation: a
-    slip must not hide a loop, and what odometry adds where a landmark is found again. Whether one is closed, and what
-    is stated, go by the odometry's own covariance. gain: standard deviation of the share by which all paths, and all
-    rotations, may be too long: a wrong wheel radius, track or lens height repeats itself. maximum: keyframes kept;
-    with more, those of the older half that add least are dropped.
-    """
+    """When a pose is kept, and what odometry may err by. A radian of rotation counts as a metre of path."""
 
-    keyframe_m: float = 0.25
+    keyframe_m: float = 0.25  # m of path, or rad of rotation, after which a pose is kept
+    # Standard deviation, as a share of path and rotation, added to the odometry's covariance where loops are searched:
+    # a slip must not hide a loop. Whether one is closed, and what is stated, go by the odometry's covariance alone.
     slip: float = 0.05
+    # Standard deviation of the share by which all paths, and all rotations, may be too long: a wrong wheel radius,
+    # track or lens height repeats itself.
     gain: float = 0.01
-    maximum: int = 200
+    maximum: int = 200  # keyframes; with more, those of the older half that add least are dropped
 
 
 class KeyframeTrajectory:

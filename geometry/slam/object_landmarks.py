@@ -30,17 +30,17 @@ IMPOSSIBLE = 1e6  # cost of a pair that may not be
 
 @dataclass(frozen=True, slots=True)
 class LandmarkRule:
-    """reach_m: greatest distance of two positions of one object. side_share: standard deviation of the distance of an
-    object's centres as observed from two sides, as a share of the object's longer side, since no box shows the
-    footprint; more sightings do not reduce it. view_m: standard deviation per keyframe that the view itself adds to its
-    sightings' own; a visit ends where odometry may have slipped by as much since the last sighting. repeated: share of
-    a range's variance that all observations of a landmark have in common: a box that ends too low does so from frame to
-    frame (0.5 to 0.8 over 20,000 sightings of six homes).
-    """
+    """Errors of landmarks beyond those of their sightings."""
 
-    reach_m: float = 1.0
+    reach_m: float = 1.0  # greatest distance of two positions of one object
+    # Standard deviation of the distance of an object's centres as observed from two sides, as a share of its longer
+    # side: no box shows the footprint, and more sightings do not reduce it.
     side_share: float = 0.2
+    # Standard deviation per keyframe that the view adds to its sightings' covariances, m; a visit ends where odometry
+    # may have slipped by as much since the last sighting.
     view_m: float = 0.15
+    # Share of a range's variance that all observations of a landmark have in common: a box that ends too low does so
+    # from frame to frame (0.5 to 0.8 over 20,000 sightings of six homes).
     repeated: float = 0.65
 
     def side_m2(self, extent_m: float) -> float:

@@ -39,15 +39,12 @@ Links = Mapping[int, int]  # of a later landmark to the first one of its object
 
 @dataclass(frozen=True, slots=True)
 class GraphRule:
-    """Parameters of the pose graph. freedom: degrees of freedom of the odometry's errors (Student's t): most motions
-    agree with their covariance, a few slip. maximum: landmarks solved for. visits: to one object, kept apart, so that a
-    wrong link can be revoked; older ones become one. every: keyframes between two closures.
-    """
+    """Parameters of the pose graph."""
 
-    freedom: float = 4.0
-    maximum: int = 80
-    visits: int = 3
-    every: int = 4
+    freedom: float = 4.0  # degrees of freedom of odometry's errors (Student's t): a few motions slip, most do not
+    maximum: int = 80  # landmarks solved for
+    visits: int = 3  # to one object, kept apart so that a wrong link can be revoked; older ones become one
+    every: int = 4  # keyframes between two closures
     keyframes: KeyframeRule = field(default_factory=KeyframeRule)
     landmarks: LandmarkRule = field(default_factory=LandmarkRule)
     hypotheses: LoopHypothesisRule = field(default_factory=LoopHypothesisRule)
