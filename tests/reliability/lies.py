@@ -105,7 +105,7 @@ def imu_of(demo: DemoDrive, random: np.random.Generator) -> ImuSamples:
     """What a BMI055 beside the lens measures on the drive's true poses."""
     from edgemap.simulation.robot.imu import ImuErrors, measured
 
-    truth, mount = demo.camera.truth, demo.floor.mount
+    truth, mount = demo.camera.info.truth, demo.floor.mount
     if truth is None:
         raise ValueError("the demo has true poses")
     poses = np.array([pose.vector() for pose in truth.poses])
