@@ -18,6 +18,7 @@ from edgemap.runtime.frames.inference import Inference
 from edgemap.runtime.inputs.cameras.wrappers import SearchRate
 from edgemap.runtime.motion.camera_guess import CameraGuess
 from edgemap.runtime.network.bundle import Bundle
+from edgemap.runtime.network.manifest_file import write_manifest
 from edgemap.runtime.outputs.service import ServiceNotifier
 from edgemap.runtime.outputs.sinks.kinds import RunInfo, open_sinks
 from edgemap.runtime.outputs.sinks.living_map import LivingMap
@@ -61,6 +62,7 @@ class Run:
         self.record = run_record(options, source, loaded, floor, threshold, self.mapped, tuned)
         self.record |= {"loop_closure": self.slam.mapper.loop_closer.closes_loops}
         self.record |= {"camera_guess": guess.record()} if guess else {}
+        self.record |= {"companion": loaded.companion.manifest.name} if loaded.companion else {}
         guessed = (guess.pitch_sigma_rad, guess.height_sigma) if guess else (0.0, 0.0)
         angles, height = ("guessed" if sigma else "given" for sigma in guessed)
         self.mount_sources, self.carried = (angles, height), bool(guess and guess.sway_rad)
@@ -94,6 +96,8 @@ class Run:
         source = SearchRate(self.source, camera.rate) if camera.rate else self.source
         publishers = self._publishers(edits)
         files = RunFolder(self.folder, self.floor, self.record)
+        if self.loaded.companion is not None:  # how the detector's file was read
+            write_manifest(self.folder, self.loaded.manifest)
         self.kept_camera.begin()
         judge = (
             None if saved else judge_of(camera.camera, self.source, self.mapped if self.options.map.classes else None)

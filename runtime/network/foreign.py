@@ -147,7 +147,7 @@ def probes() -> Iterator[Probe]:
     """The pictures of the demo on which foreign files are tried."""
     folder = Path(str(files("edgemap.runtime.inputs.demo")))
     frames = json.loads((folder / "boxes.json").read_bytes())["frames"]
-    video = cv2.VideoCapture(str(folder / "video.mp4"))
+    video = cv2.VideoCapture(library_path(folder / "video.mp4"))
     for number in PROBES:
         video.set(cv2.CAP_PROP_POS_FRAMES, number)
         picture = np.asarray(video.read()[1], np.uint8)
