@@ -48,7 +48,7 @@ def test_the_demo_is_judged_and_a_webcam_is_not():
         assert judge is not None
         assert {row.state for row in judge([], 10_000)} == {"missed"}
         assert judge([], 0) == []  # nothing was seen yet, nothing is asked for
-    assert judge_of("0", Camera("0"), None) is None
+    assert judge_of("0", Camera(CameraInfo("0")), None) is None
 
 
 def test_lines_tell_each_object_what_is_missing_and_the_sum():
