@@ -113,7 +113,7 @@ def _open_plugin(point: EntryPoint, address: str, spec: str, how: CameraOptions)
     try:
         source = load_plugin(point).open(address, how)
         if callable(getattr(source, "read", None)):
-            ours = point.dist is not None and point.dist.name == "edgemap"  # replays a recording bit for bit
+            ours = point.dist is not None and point.dist.name == "edgemap-robot"  # replays a recording bit for bit
             return cast(Camera, source) if ours else CheckedCamera(source, spec)
         if not callable(getattr(source, "open", None)):
             raise CameraError(f"camera {spec}: its package gave a {type(source).__name__}, no Camera and no Driver")
