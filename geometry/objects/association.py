@@ -76,34 +76,34 @@ def grouped(landmarks: Sequence[Landmark], roots: Sequence[int], rule: LandmarkR
     the closest two groups are joined until none can be. Landmarks that were observed in one frame are never joined.
     """
     groups: list[list[Landmark]] = []
-    apart: list[set[int]] = []  # landmarks that each group must not contain
+    excluded: list[set[int]] = []  # landmarks that each group must not contain
     saved = {one.number for one in landmarks if one.saved is not None}
     of_root: dict[int, list[int]] = {}
     for one, root in zip(landmarks, roots, strict=True):
         barred = one.beside | (saved - {one.number} if one.saved is not None else set())
         linked = of_root.setdefault(root, [])
-        at = next((at for at in linked if one.number not in apart[at]), None)
+        at = next((at for at in linked if one.number not in excluded[at]), None)
         if at is None:
             linked.append(len(groups))
             groups.append([one])
-            apart.append(set(barred))
+            excluded.append(set(barred))
         else:
             groups[at].append(one)
-            apart[at] |= barred
+            excluded[at] |= barred
     if len(groups) == 1:
         return groups
-    return _joined(groups, apart, rule)
+    return _joined(groups, excluded, rule)
 
 
-def _joined(groups: list[list[Landmark]], apart: Sequence[set[int]], rule: LandmarkRule) -> list[list[Landmark]]:
-    """Joins groups of landmarks that are within the gate, the closest two first. apart: landmarks that each group must
-    not contain."""
+def _joined(groups: list[list[Landmark]], excluded: Sequence[set[int]], rule: LandmarkRule) -> list[list[Landmark]]:
+    """Joins groups of landmarks that are within the gate, the closest two first. excluded: landmarks that each group
+    must not contain."""
     count = len(groups)
     starts = np.cumsum([0, *map(len, groups[:-1])])
     sums = np.add.reduceat(_sums([one for group in groups for one in group]), starts, axis=1)
     group_of = {one.number: row for row, group in enumerate(groups) for one in group}
     barred = np.zeros((count, count), dtype=np.bool_)
-    for row, numbers in enumerate(apart):
+    for row, numbers in enumerate(excluded):
         barred[row, [group_of[number] for number in numbers if number in group_of]] = True
     barred |= barred.T | np.eye(count, dtype=bool)
     place = _placed(sums, rule)

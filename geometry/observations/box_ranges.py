@@ -39,8 +39,8 @@ def box_ranges(depth: NDArray[np.float32], boxes: Array, camera: FloorCamera) ->
     points = along.reshape(len(boxes), -1, 3) * z[..., None]
     reach = np.hypot(points[..., 0], points[..., 1])
     heights = points[..., 2] + camera.mount.height_m
-    known = (z > NEAREST_M) & (z < FARTHEST_M) & (heights > OFF_FLOOR_M + OFF_FLOOR_PER_M * reach)
-    for row in np.flatnonzero(known.mean(axis=1) > KNOWN_SHARE):
-        near_m = float(np.quantile(reach[row, known[row]], NEAR_QUANTILE))
+    measured = (z > NEAREST_M) & (z < FARTHEST_M) & (heights > OFF_FLOOR_M + OFF_FLOOR_PER_M * reach)
+    for row in np.flatnonzero(measured.mean(axis=1) > KNOWN_SHARE):
+        near_m = float(np.quantile(reach[row, measured[row]], NEAR_QUANTILE))
         ranges[row] = near_m, DEPTH_M + DEPTH_PER_M2 * near_m**2
     return ranges

@@ -64,30 +64,30 @@ class HeightBySizes:
 
     def add(self, boxes: Detections, camera: FloorCamera) -> None:
         """The boxes of one picture; pictures are so far apart that each is another view."""
-        for found in lens_heights(boxes, camera):
-            self._heights[found.label].append(found)
+        for estimate in lens_heights(boxes, camera):
+            self._heights[estimate.label].append(estimate)
 
     def turned(self, rotation: NDArray[np.float64]) -> "HeightBySizes":
         """The same boxes by another mount. rotation: (3, 3), from the base frame by the old mount to the new one's."""
-        found = HeightBySizes(self._kept)
+        turned = HeightBySizes(self._kept)
         for label, heights in self._heights.items():
             rays = np.array([one.rays for one in heights]).reshape(-1, 2, 3) @ rotation.T
-            found._heights[label].extend(_by_rays([label] * len(rays), rays))
-        return found
+            turned._heights[label].extend(_by_rays([label] * len(rays), rays))
+        return turned
 
     def measurements(self, pitch_rad: float, fewest: int = 1) -> list[HeightMeasurement]:
         """One for each class of so many boxes or more. pitch_rad: standard deviation of the pitch, which they share."""
-        found = list[HeightMeasurement]()
+        measured = list[HeightMeasurement]()
         for label, heights in self._heights.items():
             if len(heights) >= fewest:
                 (middle, fall), (scatter, _) = median_and_scatter(
                     np.array([(math.log(one.height_m), one.fall) for one in heights])
                 )
-                own = math.hypot(scatter, BOX_SHARE) / math.sqrt(len(heights))
+                random = math.hypot(scatter, BOX_SHARE) / math.sqrt(len(heights))
                 shared = pitch_rad / float(fall)
-                sigma = math.hypot(HEIGHT_M[label][1], shared, own)
-                found.append(HeightMeasurement(label, float(middle), sigma, shared))
-        return found
+                sigma = math.hypot(HEIGHT_M[label][1], shared, random)
+                measured.append(HeightMeasurement(label, float(middle), sigma, shared))
+        return measured
 
 
 def agreed_height(measurements: Sequence[HeightMeasurement]) -> tuple[float, float]:
@@ -127,13 +127,13 @@ def lens_heights(detections: Detections, camera: FloorCamera) -> list[LensHeight
 def _by_rays(labels: Sequence[str], rays: NDArray[np.float64]) -> list[LensHeight]:
     """Estimates from the rays to foot and top of objects, base frame, (N, 2, 3); none by slopes that are too small."""
     slopes = -rays[..., 2] / np.maximum(np.linalg.norm(rays[..., :2], axis=-1), 1e-9)
-    found = []
+    estimates = []
     for label, (fall, top), both in zip(labels, slopes.tolist(), rays, strict=True):
         if fall < LEAST_FALL or fall - top < LEAST_RISE:
             continue
         usual_m, depth_m = HEIGHT_M[label][0], min(footprint_m(label, 0.0))
-        found.append(LensHeight(label, fall * (usual_m + max(top, 0.0) * depth_m) / (fall - top), fall, both))
-    return found
+        estimates.append(LensHeight(label, fall * (usual_m + max(top, 0.0) * depth_m) / (fall - top), fall, both))
+    return estimates
 
 
 def _rays(boxes: NDArray[np.float64], camera: FloorCamera) -> NDArray[np.float64]:

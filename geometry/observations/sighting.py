@@ -229,12 +229,12 @@ def _on_floor(
     cut, across_px, sigmas_px = _edges(boxes, shapes, px_per_m, cover, camera, rule)
     feet = feet + np.column_stack([across_px, np.zeros(len(feet))])
     near = camera.floor_points(feet)
-    own, shared = floor_covariances(camera, feet, sigmas_px, rule.noise)
+    random, shared = floor_covariances(camera, feet, sigmas_px, rule.noise)
     depths_m = camera.optical_depth_m(near)
     lens = camera.mount.position_base_m()[:2]
     ranges = np.full((len(boxes), 2), np.nan) if depth is None else box_ranges(depth, boxes, camera)
     for at, row in enumerate(rows.tolist()):
-        if not np.isfinite(own[at]).all():  # half a pixel from the horizon
+        if not np.isfinite(random[at]).all():  # half a pixel from the horizon
             continue
         x0, y0, x1, y1 = boxes[at]
         depth_m = float(depths_m[at])
@@ -242,7 +242,7 @@ def _on_floor(
         height_m = depth_m * (y1 - y0) / camera.intrinsics.fy
         bearing = near[at] - lens
         reach_m = float(np.linalg.norm(bearing))
-        sigma_m = _largest_sigma(own[at] + shared[at])
+        sigma_m = _largest_sigma(random[at] + shared[at])
         if sigma_m > rule.max_sigma_m * (1.0 + cover[at]):
             continue
         if width_m * (1.0 - 2.0 * sigma_m / reach_m) > WIDEST_M.get(labels[row], math.inf):  # it is something else
@@ -252,7 +252,7 @@ def _on_floor(
             min(NEAREST_M, 0.5 * reach_m) if low[at] else min(_floor_begins_m(boxes[at], camera, floor), reach_m)
         )
         flags = bool(cut[at]), bool(low[at]), float(cover[at]), nearest_m
-        place = lens, near[at], own[at], direction, reach_m
+        place = lens, near[at], random[at], direction, reach_m
         yield row, BoxOnFloor(shapes[at], *place, width_m, height_m, extent, *flags, *ranges[at].tolist()), shared[at]
 
 

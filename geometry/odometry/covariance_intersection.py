@@ -31,15 +31,15 @@ class MotionEstimate:
 
 def difference(a: MotionEstimate, b: MotionEstimate) -> Array:
     """Motion of b less that of a, (3,), the yaw round the circle."""
-    found = b.motion - a.motion
-    found[2] = wrap_angle(float(found[2]))
-    return found
+    offset = b.motion - a.motion
+    offset[2] = wrap_angle(float(offset[2]))
+    return offset
 
 
 def distance(a: MotionEstimate, b: MotionEstimate) -> float:
     """Squared Mahalanobis distance of two measurements, assuming independent errors."""
-    apart = difference(a, b)
-    return float(apart @ np.linalg.solve(a.covariance + b.covariance, apart))
+    offset = difference(a, b)
+    return float(offset @ np.linalg.solve(a.covariance + b.covariance, offset))
 
 
 def fused(a: MotionEstimate, b: MotionEstimate) -> MotionEstimate:
@@ -76,13 +76,15 @@ def consensus(estimates: Sequence[MotionEstimate]) -> MotionEstimate:
         raise ValueError("no measurements")
     if len(estimates) == 1:
         return estimates[0]
-    apart = {pair: distance(estimates[pair[0]], estimates[pair[1]]) for pair in combinations(range(len(estimates)), 2)}
+    distance2 = {
+        pair: distance(estimates[pair[0]], estimates[pair[1]]) for pair in combinations(range(len(estimates)), 2)
+    }
     best: dict[frozenset[str], tuple[tuple[int, float], tuple[int, ...]]] = {}
     for size in range(len(estimates), 0, -1):
         for chosen in combinations(range(len(estimates)), size):
-            if all(apart[pair] <= GATE for pair in combinations(chosen, 2)):
+            if all(distance2[pair] <= GATE for pair in combinations(chosen, 2)):
                 sources = frozenset(estimates[index].source for index in chosen)
-                rank = -size, sum(apart[pair] for pair in combinations(chosen, 2))
+                rank = -size, sum(distance2[pair] for pair in combinations(chosen, 2))
                 if sources not in best or rank < best[sources][0]:
                     best[sources] = rank, chosen
     maximum = max(len(sources) for sources in best)
@@ -93,13 +95,13 @@ def consensus(estimates: Sequence[MotionEstimate]) -> MotionEstimate:
 def _fused_set(estimates: Sequence[MotionEstimate], chosen: tuple[int, ...]) -> MotionEstimate:
     """A set that agrees, as one. The covariance of a single member from which others of its source differ is widened
     by the nearest of them."""
-    found = _fused_by_source([estimates[index] for index in chosen])
+    estimate = _fused_by_source([estimates[index] for index in chosen])
     source = estimates[chosen[0]].source
     others = [m for i, m in enumerate(estimates) if i not in chosen and m.source == source]
     if len(chosen) > 1 or not others:
-        return found
-    apart = min((difference(found, other) for other in others), key=lambda vector: float(vector @ vector))
-    return replace(found, covariance=found.covariance + np.outer(apart, apart) / 4.0)
+        return estimate
+    offset = min((difference(estimate, other) for other in others), key=lambda vector: float(vector @ vector))
+    return replace(estimate, covariance=estimate.covariance + np.outer(offset, offset) / 4.0)
 
 
 def _between(sets: Sequence[MotionEstimate]) -> MotionEstimate:
@@ -111,13 +113,15 @@ def _between(sets: Sequence[MotionEstimate]) -> MotionEstimate:
     sigmas = np.array([np.sqrt(np.diag(item.covariance)) for item in sets])
     weights = np.minimum(1.0, (KNOWN_SIGMA / sigmas) ** 2)
     weights = weights / weights.sum(axis=0)
-    apart = np.array([difference(sets[0], item) for item in sets])
-    middle = (weights * apart).sum(axis=0)
-    off = np.sqrt(weights) * (apart - middle)
+    offsets = np.array([difference(sets[0], item) for item in sets])
+    mean = (weights * offsets).sum(axis=0)
+    deviations = np.sqrt(weights) * (offsets - mean)
     within = sum(np.sqrt(np.outer(w, w)) * item.covariance for w, item in zip(weights, sets, strict=True))
     names = sorted(item.source for item in sets)
     members = frozenset[str]().union(*(item.members for item in sets))
-    return MotionEstimate(sets[0].motion + middle, within + off.T @ off, names[0], " against ".join(names), members)
+    return MotionEstimate(
+        sets[0].motion + mean, within + deviations.T @ deviations, names[0], " against ".join(names), members
+    )
 
 
 def _fused_by_source(estimates: Sequence[MotionEstimate]) -> MotionEstimate:

@@ -116,10 +116,10 @@ class Tracks:
         self.host, at = points.host[self.point], points.at[self.point, self.slot]
         track, depth_sigma = sigmas
         weight, measured = np.full(at.shape, 1.0 / track), points.measured[self.point, self.slot]
-        known = np.isfinite(measured)
-        if known.any():
-            at = np.column_stack([at, np.where(known, measured, 0.0)])
-            weight = np.column_stack([weight, known / depth_sigma])
+        finite = np.isfinite(measured)
+        if finite.any():
+            at = np.column_stack([at, np.where(finite, measured, 0.0)])
+            weight = np.column_stack([weight, finite / depth_sigma])
         self.at, self.weight = at, weight
         self.first = np.flatnonzero(np.diff(self.point, prepend=-1))
         self.owners = self.point[self.first]
@@ -220,11 +220,11 @@ class KeyframeWindow:
     def local(self, ids: NDArray[np.int64], pose: LensPose) -> Array:
         """Points of these tracks in a lens's optical axes, (N, 3); NaN for those that are not in the window."""
         rows = _rows_of(ids, self.points.ids)
-        found = np.full((len(ids), 3), np.nan)
+        local = np.full((len(ids), 3), np.nan)
         if len(self.points):
-            local = (self._world(self.points)[0] - pose.position_m) @ pose.rotation
-            found[rows >= 0] = local[rows[rows >= 0]]
-        return found
+            every = (self._world(self.points)[0] - pose.position_m) @ pose.rotation
+            local[rows >= 0] = every[rows[rows >= 0]]
+        return local
 
     def _resected(self, hit: Mask) -> float:
         """Moves the last pose to where the tracks agree with the points as they are; the weight of those that do."""
@@ -236,15 +236,15 @@ class KeyframeWindow:
         ahead = local[:, 2] > 0.05
         seen = kept.at[:, len(self.poses) - 1]
         if ahead.any():
-            off = np.median(seen[ahead] - local[ahead, :2] / local[ahead, 2:], axis=0)
-            turn = small_rotation(float(off[1]), float(-off[0]), 0.0)
+            shift = np.median(seen[ahead] - local[ahead, :2] / local[ahead, 2:], axis=0)
+            turn = small_rotation(float(shift[1]), float(-shift[0]), 0.0)
             start = LensPose(start.rotation @ turn, start.position_m)
         sigma_m = np.sqrt(kept.variance) / kept.inverse_m**2
         landmarks = DepthLandmarks(world, along, np.minimum(sigma_m, 2.0 / kept.inverse_m))
         sigma = self._rule.gate_px / self._focal_px / TUKEY
-        found = resect(landmarks, seen, resect(landmarks, seen, start, 2.0 * sigma).pose, sigma)
-        self.poses[-1] = found.pose
-        return float(found.weights.sum())
+        estimate = resect(landmarks, seen, resect(landmarks, seen, start, 2.0 * sigma).pose, sigma)
+        self.poses[-1] = estimate.pose
+        return float(estimate.weights.sum())
 
     def _world(self, points: WindowPoints) -> tuple[Array, Array]:
         """Points (N, 3) in the world, and their derivative by the depth."""
@@ -261,9 +261,9 @@ class KeyframeWindow:
         is_floor = (floor >= 0.5) & (on_floor * pose.position_m[2] > 1.0 / self._reach_heights)
         inverse = np.where(is_floor, on_floor, np.maximum(ANY[0], on_floor))
         variance = np.where(is_floor, 0.05 * on_floor, np.maximum(ANY[1], 0.5 * on_floor)) ** 2
-        known = np.isfinite(measured)
-        inverse = np.where(known, measured, inverse)
-        variance = np.where(known, self._rule.depth_sigma**2, variance)
+        finite = np.isfinite(measured)
+        inverse = np.where(finite, measured, inverse)
+        variance = np.where(finite, self._rule.depth_sigma**2, variance)
         at, observed = np.zeros((count, self._slots, 2)), np.zeros((count, self._slots), dtype=bool)
         depths = np.full((count, self._slots), np.nan)
         at[:, last], observed[:, last], depths[:, last] = points, True, measured
@@ -276,18 +276,18 @@ class KeyframeWindow:
         count, everyone = len(self.poses), np.arange(len(self.poses))
         rotation, position = self._arrays()
         rows, off = FactorRows(self._factors).rows(rotation, position, everyone, everyone[1:])
-        given, given_right = rows.T @ rows, rows.T @ off
-        self._prior_factor(given, given_right)
-        given[np.diag_indices(6 * count)] += 1e-9
-        information = given
+        fixed, fixed_rhs = rows.T @ rows, rows.T @ off
+        self._prior_factor(fixed, fixed_rhs)
+        fixed[np.diag_indices(6 * count)] += 1e-9
+        information = fixed
         tracks = Tracks(self.points, count, self._sigmas)
         rounds = MEASURED_ROUNDS if tracks.at.shape[1] == 3 else ROUNDS
         for round_ in range(rounds):
             system = self._system(tracks, self.points, rotation, position, 1.5 if round_ == 0 else 1.0)
             information, right = system.reduced()
-            information += given
-            step = np.asarray(np.linalg.solve(information, right + given_right), dtype=np.float64)
-            given_right -= given @ step
+            information += fixed
+            step = np.asarray(np.linalg.solve(information, right + fixed_rhs), dtype=np.float64)
+            fixed_rhs -= fixed @ step
             depth = (system.depths_right - system.between @ step) / system.depths
             turns, shifts = np.hsplit(step.reshape(count, 6), 2)
             rotation, position = rotation_of(turns) @ rotation, position + shifts
@@ -317,8 +317,8 @@ class KeyframeWindow:
         size = 6 * count
         ray = (rotation[host] @ points.ray[:, :, None])[..., 0]
         base = position[tracks.host] - position[slot]
-        apart, ray_of = inverse[point, None] * base, ray[point]
-        away = ray_of + apart
+        baseline, ray_of = inverse[point, None] * base, ray[point]
+        away = ray_of + baseline
         axes = rotation.transpose(0, 2, 1)[slot]
         local = (axes @ away[:, :, None])[..., 0]
         ahead = local[:, 2] > 0.05
@@ -342,12 +342,12 @@ class KeyframeWindow:
         many = parts * len(point)
         rows = np.zeros((many + number, count, 6))
         pair = rows[:many].reshape(-1, parts, count, 6)
-        own = np.arange(len(point))
+        indices = np.arange(len(point))
         by = np.empty((len(point), parts, 6))
         by[..., :3], by[..., 3:] = _cross(by_away, away[:, None]), -shifted
-        pair[own, :, slot] = by
+        pair[indices, :, slot] = by
         by[..., :3], by[..., 3:] = -_cross(by_away, ray_of[:, None]), shifted
-        pair[own, :, tracks.host] = by
+        pair[indices, :, tracks.host] = by
         # A point on the floor has height zero: lens height times inverse depth, plus the ray's slope.
         height = position[host, 2]
         above, on_floor = -(inverse * height + ray[:, 2]), np.maximum(-ray[:, 2] / height, 1e-3)
@@ -412,8 +412,8 @@ class KeyframeWindow:
             return True
         rays = np.column_stack([self.points.at[both, index - 1], np.ones(both.sum())])
         turned = rays @ first.rotation.T @ last.rotation
-        apart = turned[:, :2] / turned[:, 2:] - self.points.at[both, len(self.poses) - 1]
-        return float(np.median(np.hypot(*apart.T))) > self._rule.parallax_px / self._focal_px
+        parallax = turned[:, :2] / turned[:, 2:] - self.points.at[both, len(self.poses) - 1]
+        return float(np.median(np.hypot(*parallax.T))) > self._rule.parallax_px / self._focal_px
 
     def _rehost(self, old: int, new: int) -> None:
         """Points hosted by one pose begin again at another, without what was known of their depth; others end."""

@@ -265,11 +265,11 @@ def locate(
     if how is not None and worst > LATERAL_GATE:
         slid = locate(landmarks, observed, camera, start, noise, doubtful)
         lateral = how.lateral(before.inverse() @ slid.view.pose)
-        apart = lateral.residual_m, float(lateral.by_motion @ slid.covariance[:3, :3] @ lateral.by_motion)
+        contrary = lateral.residual_m, float(lateral.by_motion @ slid.covariance[:3, :3] @ lateral.by_motion)
         turn_rad = wrap_angle(slid.view.pose.yaw_rad - before.yaw_rad)
-        doubt = LATERAL_GATE * (apart[1] + lateral.variance_m2) + (TURN_M * turn_rad) ** 2
-        if float(slid.weights[shows].sum()) > SHOWS_LATERAL and apart[0] ** 2 > doubt:
-            return replace(slid, lateral=apart, slid=True)
+        doubt = LATERAL_GATE * (contrary[1] + lateral.variance_m2) + (TURN_M * turn_rad) ** 2
+        if float(slid.weights[shows].sum()) > SHOWS_LATERAL and contrary[0] ** 2 > doubt:
+            return replace(slid, lateral=contrary, slid=True)
     elif how is not None and float(weights[shows].sum()) > SHOWS_LATERAL:
         measured = across_m, variance_m2 * excess
     return Located(view, inverse[:6, :6] * (excess * conflict), weights, residual, projection, log_scale, measured)
@@ -316,7 +316,7 @@ def scaled_by_floor(
     camera: FloorCamera,
     start: Viewpoint,
     noise: Noise,
-    found: Located,
+    located: Located,
     enough: tuple[float, float],
     doubtful: NDArray[np.bool_] | None = None,
     rolling: tuple[SE2, Rolling] | None = None,
@@ -328,12 +328,12 @@ def scaled_by_floor(
     """
     floor, (share, number) = landmarks.floor, enough
     least = max(share * float(floor.sum()), number)
-    if floor.sum() < number or float(found.weights[floor].sum()) > least:
-        return landmarks, found
+    if floor.sum() < number or float(located.weights[floor].sum()) > least:
+        return landmarks, located
     doubts = None if doubtful is None else doubtful[floor]
     alone = locate(landmarks.chosen(floor), observed[floor], camera, start, noise, doubts, rolling)
     if float(alone.weights.sum()) < least:
-        return landmarks, found
+        return landmarks, located
     inverse = np.maximum(noise.unknown_mean, landmarks.on_floor)
     variance = np.maximum(noise.unknown, 0.5 * landmarks.on_floor) ** 2
     landmarks = replace(
@@ -345,7 +345,7 @@ def scaled_by_floor(
 
 
 def refined(
-    landmarks: Landmarks, found: Located, noise: Noise, gate: float = 9.0
+    landmarks: Landmarks, located: Located, noise: Noise, gate: float = 9.0
 ) -> tuple[Landmarks, NDArray[np.bool_]]:
     """The landmarks after an observation of each, and which to keep, (N,).
 
@@ -354,16 +354,16 @@ def refined(
     """
     sigma2 = noise.track_rad**2 + noise.drift_rad**2 * landmarks.age
     kept = landmarks.floor
-    landmarks = replace(landmarks, inverse_m=landmarks.inverse_m * np.where(kept, 1.0, 1.0 + found.scale))
-    slope2 = (found.projection.by_inverse**2).sum(axis=1)
-    along = (found.projection.by_inverse * found.residual).sum(axis=1)
-    total2 = (found.residual**2).sum(axis=1)
+    landmarks = replace(landmarks, inverse_m=landmarks.inverse_m * np.where(kept, 1.0, 1.0 + located.scale))
+    slope2 = (located.projection.by_inverse**2).sum(axis=1)
+    along = (located.projection.by_inverse * located.residual).sum(axis=1)
+    total2 = (located.residual**2).sum(axis=1)
     innovation2 = sigma2 + landmarks.variance * slope2
     fit2 = (total2 - landmarks.variance * along**2 / innovation2) / sigma2
-    fits = (fit2 < gate) & found.projection.ahead
+    fits = (fit2 < gate) & located.projection.ahead
     as_point = landmarks.inverse_m + along / np.maximum(slope2, 1e-12)
     across2 = total2 - along**2 / np.maximum(slope2, 1e-12)
-    off_floor = ~fits & landmarks.floor & found.projection.ahead & (across2 < gate * sigma2)
+    off_floor = ~fits & landmarks.floor & located.projection.ahead & (across2 < gate * sigma2)
     off_floor &= (as_point > 0.0) & (as_point < 10.0)
     gain = landmarks.variance / innovation2
     inverse = landmarks.inverse_m + gain * along
@@ -413,8 +413,8 @@ def excess_scale(landmarks: Landmarks, held: bool = True) -> float:
     landmarks on the floor hold the scale; where none do, that plane may lie above the assumed floor as well, and the
     factor is below 1.
     """
-    known = _of_known_depth(landmarks)
-    ratio = np.sort(landmarks.on_floor[known] / np.maximum(landmarks.inverse_m[known], 1e-6))
+    certain = _of_known_depth(landmarks)
+    ratio = np.sort(landmarks.on_floor[certain] / np.maximum(landmarks.inverse_m[certain], 1e-6))
     ratio = ratio[(ratio > (1.0 + FLOOR_BAND if held else 1.0 / 3.0)) & (ratio < 3.0)]
     needed = max(BELOW_COUNT, int(BELOW_SHARE * len(landmarks)))
     for last in range(len(ratio) - 1, needed - 2, -1):

@@ -152,10 +152,10 @@ class RoomCompass:
     def _unexplained(self, off_rad: float) -> "RoomCompass":
         """After a view that fits no direction of the room. off_rad: from the first direction."""
         outliers = (*self.unexplained_rad, off_rad)[-self.rule.alike :]
-        apart = [_wrapped(item - off_rad) for item in outliers]
-        if len(outliers) < self.rule.alike or max(apart) - min(apart) > CLEAR_SIGMAS * self.rule.view_rad:
+        spread_rad = [_wrapped(item - off_rad) for item in outliers]
+        if len(outliers) < self.rule.alike or max(spread_rad) - min(spread_rad) > CLEAR_SIGMAS * self.rule.view_rad:
             return replace(self, unexplained_rad=outliers)
-        wing_rad = _wrapped(off_rad + sum(apart) / len(apart))
+        wing_rad = _wrapped(off_rad + sum(spread_rad) / len(spread_rad))
         return replace(self, wings_rad=(*self.wings_rad, wing_rad)[-WINGS:], unexplained_rad=())
 
     def _smoothed(self, views: tuple[RoomView, ...]) -> "RoomCompass":

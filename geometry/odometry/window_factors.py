@@ -54,22 +54,22 @@ class FactorRows:
         """Whitened rows (K, 6 S) and residuals (K,) of gravity and height of some poses, and of what lies between some
         poses and those before. rotation (S, 3, 3), position (S, 3): of all poses."""
         count, number, between = len(rotation), len(poses), len(gaps)
-        own = np.arange(number)
+        indices = np.arange(number)
         parts, off = [], []
         up_weight, height_weight, gyro_weight, rise_weight = self._weights
         up = np.einsum("nij,nj->ni", rotation[poses], self._up[poses]) * up_weight[poses, None]
         level = np.zeros((number, 3, count, 6))
-        level[own, 0, poses, 1], level[own, 0, poses, 2] = up[:, 2], -up[:, 1]
-        level[own, 1, poses, 0], level[own, 1, poses, 2] = -up[:, 2], up[:, 0]
-        level[own, 2, poses, 5] = height_weight[poses]
+        level[indices, 0, poses, 1], level[indices, 0, poses, 2] = up[:, 2], -up[:, 1]
+        level[indices, 1, poses, 0], level[indices, 1, poses, 2] = -up[:, 2], up[:, 0]
+        level[indices, 2, poses, 5] = height_weight[poses]
         high = (self._height_m[poses] - position[poses, 2]) * height_weight[poses]
         parts.append(level.reshape(-1, 6 * count))
         off.append(np.column_stack([-up[:, :2], high]).ravel())
         if between:
-            own, before = np.arange(between), gaps - 1
+            indices, before = np.arange(between), gaps - 1
             turned = rotation[before] @ self._gyro[gaps] @ rotation[gaps].transpose(0, 2, 1)
             weight = np.column_stack([*[gyro_weight[gaps]] * 3, rise_weight[gaps]])
-            apart = np.column_stack(
+            residual = np.column_stack(
                 [
                     turned[:, 2, 1] - turned[:, 1, 2],
                     turned[:, 0, 2] - turned[:, 2, 0],
@@ -77,11 +77,11 @@ class FactorRows:
                     2.0 * (position[before, 2] - position[gaps, 2]),
                 ]
             )
-            off_gyro = (apart[:, :3] * weight[:, :3] / 2.0) ** 2
+            off_gyro = (residual[:, :3] * weight[:, :3] / 2.0) ** 2
             weight[:, :3] /= np.sqrt(1.0 + off_gyro.sum(axis=1) / DENIED**2)[:, None]  # its bias may be wrong (Cauchy)
             gap = np.zeros((between, 4, count, 6))
             for row, column in enumerate((0, 1, 2, 5)):
-                gap[own, row, gaps, column], gap[own, row, before, column] = weight[:, row], -weight[:, row]
+                gap[indices, row, gaps, column], gap[indices, row, before, column] = weight[:, row], -weight[:, row]
             parts.append(gap.reshape(-1, 6 * count))
-            off.append((apart * weight / 2.0).ravel())
+            off.append((residual * weight / 2.0).ravel())
         return np.concatenate(parts), np.concatenate(off)

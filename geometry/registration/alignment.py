@@ -112,17 +112,18 @@ def aligning(
     rivals = [fit for fit in fits if 2 * len(set(fit.pairs) & set(best.pairs)) < len(fit.pairs)]
     rival = max(rivals, key=lambda fit: len(fit.pairs), default=None)
     chance = _chance(best, first, second, shared, len(tried.yaw_rad))
-    found = f"the best alignment explains {len(best.pairs)} of {shared} objects with a common label"
+    summary = f"the best alignment explains {len(best.pairs)} of {shared} objects with a common label"
     if len(best.pairs) < rule.least_pairs:
-        raise AlignmentError(f"{found}, at least {rule.least_pairs} are needed")
+        raise AlignmentError(f"{summary}, at least {rule.least_pairs} are needed")
     if chance > rule.chance:
         raise AlignmentError(
-            f"{found}, which maps of unrelated places would do {chance:.2g} times (at most {rule.chance:g} is accepted)"
+            f"{summary}, which maps of unrelated places would do {chance:.2g} times "
+            f"(at most {rule.chance:g} is accepted)"
         )
     count = len(rival.pairs) if rival else 0
     if rival and count > rule.rival_share * len(best.pairs):
         raise AlignmentError(
-            f"ambiguous: {found} ({_words(best.pose)}), and a clearly different one {count} ({_words(rival.pose)})"
+            f"ambiguous: {summary} ({_words(best.pose)}), and a clearly different one {count} ({_words(rival.pose)})"
         )
     distances = [np.linalg.norm(first[i].position_m - best.pose.apply(second[j].position_m)) for i, j in best.pairs]
     rms_m = math.sqrt(float(np.mean(np.square(distances))))
@@ -151,7 +152,7 @@ def aligned_near(
     random. Raises AlignmentError where no guess is certain.
     """
     rule = rule or AlignmentRule()
-    found: list[Alignment] = []
+    candidates: list[Alignment] = []
     for guess in guesses:
         fit = _refined(guess, first, second, rule)
         if fit is None:
@@ -163,8 +164,8 @@ def aligned_near(
         chance = len(guesses) * float(bdtrc(len(fit.pairs) - 1, len(second), float(np.mean(near))))
         pairs = [np.linalg.norm(first[i].position_m - fit.pose.apply(second[j].position_m)) for i, j in fit.pairs]
         rms_m = math.sqrt(float(np.mean(np.square(pairs))))
-        found.append(Alignment(fit.pose, fit.covariance, fit.pairs, _shared(first, second), 0, chance, rms_m))
-    best = min(found, key=lambda one: one.chance, default=None)
+        candidates.append(Alignment(fit.pose, fit.covariance, fit.pairs, _shared(first, second), 0, chance, rms_m))
+    best = min(candidates, key=lambda one: one.chance, default=None)
     if best is None or best.chance > rule.chance:
         reason = f"by chance {best.chance:.2g} times" if best else "no two objects agree"
         raise AlignmentError(f"no guessed start fits ({reason}; at most {rule.chance:g} is accepted)")

@@ -120,12 +120,12 @@ def _correspondences(first: Sequence[MapObject], second: Sequence[MapObject]) ->
     theirs: dict[str, list[int]] = {}
     for j, item in enumerate(second):
         theirs.setdefault(item.label, []).append(j)
-    found: dict[str, list[tuple[int, int]]] = {}
+    by_label: dict[str, list[tuple[int, int]]] = {}
     for i, item in enumerate(first):
-        found.setdefault(item.label, []).extend((i, j) for j in theirs.get(item.label, ()))
+        by_label.setdefault(item.label, []).extend((i, j) for j in theirs.get(item.label, ()))
     random = np.random.default_rng(0)
     chosen: list[tuple[int, int]] = []
-    for pairs in sorted(found.values(), key=len):
+    for pairs in sorted(by_label.values(), key=len):
         room = max(MAXIMUM_CORRESPONDENCES - len(chosen), 0)
         if len(pairs) > room:
             pairs = [pairs[k] for k in sorted(random.choice(len(pairs), room, replace=False))]

@@ -94,8 +94,8 @@ class HealthMonitor:
             detail = f"has not changed since {self._changed_s:.3f} s"
         elif not kind and last is not None and last.shape == grid.shape:
             kind, detail = _torn(grid, last, self._rule)
-        found = self._reported(kind, detail, frame.stamp_s)
-        return found if found.blind else self._covered_in_part(found, small, structure, frame.stamp_s)
+        health = self._reported(kind, detail, frame.stamp_s)
+        return health if health.blind else self._covered_in_part(health, small, structure, frame.stamp_s)
 
     def reset(self) -> None:
         """Discards the last picture."""

@@ -115,7 +115,7 @@ class HeightCheck:
         return HeightMeasurement(name, math.log(self._given_m) + middle, sigma)
 
     def _judge(self) -> Fault | None:
-        rule, given = self._rule, math.log(self._given_m)
+        rule, stated = self._rule, math.log(self._given_m)
         wrong = math.log1p(rule.wrong_share)
         measurements = self._sizes.measurements(FloorNoise().tilt_rad, FEWEST)
         labels = ", ".join(one.name for one in measurements)
@@ -123,23 +123,23 @@ class HeightCheck:
         depth = self._by("the floor in depth pictures", self._depths, DEPTH_SIGMA)
         wheels = self._by("the wheels", self._ratios, rule.wheels_sigma)
         for more in filter(None, (depth, wheels)):
-            if more is wheels and measurements and abs(more.log_m - given) > wrong and not self._guessed:
+            if more is wheels and measurements and abs(more.log_m - stated) > wrong and not self._guessed:
                 by_others = agreed_height(measurements)[0]
-                if abs(more.log_m - by_others) > abs(given - by_others):
+                if abs(more.log_m - by_others) > abs(stated - by_others):
                     continue  # the others are nearer to the given height than to the wheels': the wheels are wrong
             measurements.append(more)
             sources.append(more.name)
         if not measurements:
             return None
         if self._guessed:
-            measurements.append(HeightMeasurement("the guess", given, max(self._guessed, rule.guess_sigma)))
-        found, sigma = agreed_height(measurements)
-        self.estimate = HeightEstimate(math.exp(found), math.exp(found) * sigma)
+            measurements.append(HeightMeasurement("the guess", stated, max(self._guessed, rule.guess_sigma)))
+        log_m, sigma = agreed_height(measurements)
+        self.estimate = HeightEstimate(math.exp(log_m), math.exp(log_m) * sigma)
         if self._guessed:
             if not self._measured:
                 self.scale = self.estimate.height_m / self._given_m
             return None
-        if self._reported or abs(found - given) < max(0.0 if depth else wrong, CLEAR_SIGMAS * sigma):
+        if self._reported or abs(log_m - stated) < max(0.0 if depth else wrong, CLEAR_SIGMAS * sigma):
             return None
         self._reported = True
         return Fault(

@@ -129,10 +129,10 @@ class CheckedMount:
     def _estimate(self, edges: Segments) -> RoomHeading | None:
         """Estimate the mount by the edges of one picture; the heading of the room, where they show it."""
         rule, stamp_s = self._rule, self._edges.stamp_s
-        found = self._pictures.see_edges(edges.normals, edges.lengths)
-        if found is None:
+        room = self._pictures.see_edges(edges.normals, edges.lengths)
+        if room is None:
             return None
-        pitch, roll = pitch_roll(found.up)
+        pitch, roll = pitch_roll(room.up)
         error_rad = np.array([roll, pitch]) - self._given
         if not (self._settled and self._sways):
             self._tilt = self._tilt.by_up(EDGES, error_rad)
@@ -142,7 +142,7 @@ class CheckedMount:
         if len(self._estimates) >= FEWEST and stamp_s - self._estimates[0][0] >= rule.judged_s:
             scatter = median_and_scatter(np.array(self._estimates)[:, 1:])[1]
             self._steady = bool(scatter.max() < 2.0 * rule.tilt.nod)
-        return None if found.level_rad is None else RoomHeading(stamp_s, found.level_rad, found.level_sigma_rad)
+        return None if room.level_rad is None else RoomHeading(stamp_s, room.level_rad, room.level_sigma_rad)
 
     def _travel(self, rotation: TrackedRotation | None) -> None:
         """Motion and turns of a robot on wheels."""
@@ -192,11 +192,11 @@ class CheckedMount:
         if self._steady is False:
             self._void()
             return None
-        sigma, known = tilt.sigma_rad(), self._wrong
+        sigma, reported = tilt.sigma_rad(), self._wrong
         waits = EDGES in tilt.measurements and not (self._steady or self._on_wheels)
         wrong = (not waits) & (np.abs(tilt.error_rad) > CLEAR_SIGMAS * sigma)
         self._settled |= self._on_wheels and bool(tilt.known().all())
-        self._wrong = known | wrong
+        self._wrong = reported | wrong
         # A small error counts on a road: 0.3 degrees are 2 % of all distances (KITTI 00).
         used = self._wrong if self._in_room else self._wrong | tilt.known()
         error_rad = np.where(used, tilt.error_rad, 0.0)
@@ -204,13 +204,13 @@ class CheckedMount:
             self._corrected, self._correct = error_rad, self._with(error_rad)
             self._other.correct_mount(self._correct)
         self._estimated = MountEstimate(self._with(tilt.error_rad), sigma, self._correct, self._mount)
-        if not (wrong & ~known).any():
+        if not (wrong & ~reported).any():
             return None
-        given, found = np.degrees(self._given), np.degrees(self._given + error_rad)
+        stated, estimate = np.degrees(self._given), np.degrees(self._given + error_rad)
         names = ", ".join(sorted(tilt.measurements, key=lambda name: -tilt.measurements[name]))
         return Fault(
             FaultKind.MOUNT_ANGLES,
-            f"mount: {angles_text(given[1], given[0])} given, {names} give {angles_text(found[1], found[0])}, "
+            f"mount: {angles_text(stated[1], stated[0])} given, {names} give {angles_text(estimate[1], estimate[0])}, "
             "to {:.1f} and {:.1f}: used from now on, measure it again".format(*np.degrees(sigma[::-1])),
         )
 

@@ -47,14 +47,14 @@ class DepthAttitude:
         if frame.depth is None:
             return other
         points = self._points.of(frame.depth)
-        self._found = found = self._follow(points, other, frame.stamp_s)
-        if found is None:
+        self._found = plane = self._follow(points, other, frame.stamp_s)
+        if plane is None:
             return other
-        self._plane, self._seen_s = found[0], frame.stamp_s
-        plain = Attitude.of_up(found[0].up, np.diag(np.diag(found[1])[[1, 0]] + LEVEL_RAD**2), self.name)
+        self._plane, self._seen_s = plane[0], frame.stamp_s
+        plain = Attitude.of_up(plane[0].up, np.diag(np.diag(plane[1])[[1, 0]] + LEVEL_RAD**2), self.name)
         return replace(
             other, roll_rad=plain.roll_rad, pitch_rad=plain.pitch_rad, covariance_rad2=plain.covariance_rad2,
-            height_m=found[0].height_m, source=self.name, predicted=False,
+            height_m=plane[0].height_m, source=self.name, predicted=False,
         )  # fmt: skip
 
     @property
@@ -88,12 +88,12 @@ class DepthAttitude:
         if self._plane is not None and stamp_s - self._seen_s < KEPT_S:
             expected.insert(0, (self._plane.up, self._plane.height_m))
         for direction, height_m in expected:
-            found = follow_floor(points, direction, height_m)
-            if found is None:
+            plane = follow_floor(points, direction, height_m)
+            if plane is None:
                 continue
-            near = abs(found[0].height_m / self._height_m - 1.0) < FARTHEST_SHARE
-            if near and float(found[0].up @ up) > math.cos(FARTHEST_RAD):
-                return found
+            near = abs(plane[0].height_m / self._height_m - 1.0) < FARTHEST_SHARE
+            if near and float(plane[0].up @ up) > math.cos(FARTHEST_RAD):
+                return plane
         lost_s = stamp_s - max(self._seen_s, self._sought_s)
         return self._sought(points, up, stamp_s) if lost_s >= SOUGHT_S else None
 
@@ -105,5 +105,5 @@ class DepthAttitude:
         plane = find_floor(points, np.random.default_rng(0), up)
         if plane is None or abs(plane.height_m / self._height_m - 1.0) > SOUGHT_SHARE:
             return None
-        found = follow_floor(points, plane.up, plane.height_m)
-        return found if found is not None and float(found[0].up @ up) > math.cos(SOUGHT_RAD) else None
+        followed = follow_floor(points, plane.up, plane.height_m)
+        return followed if followed is not None and float(followed[0].up @ up) > math.cos(SOUGHT_RAD) else None

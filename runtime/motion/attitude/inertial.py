@@ -90,8 +90,8 @@ class InertialAttitude:
         self._state = state
         if rotation is not None and self._calm():
             rotation = replace(rotation, proved=self._trust.proved)
-        found = Attitude.of_up(state.up_optical, state.tilt_covariance(), self.name)
-        return replace(found, rotation=rotation, force_rad=_angles(state.force_optical))
+        attitude = Attitude.of_up(state.up_optical, state.tilt_covariance(), self.name)
+        return replace(attitude, rotation=rotation, force_rad=_angles(state.force_optical))
 
     def update(self, rotation: TrackedRotation | None) -> Attitude:
         """The other source's, where no samples came."""

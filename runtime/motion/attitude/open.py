@@ -30,5 +30,5 @@ def open_attitude(
     rule, rules = rule or AttitudeRule(), rules or OdometryRules()
     pictures = PicturesAttitude(floor.mount, rule.check.tilt, rule.rotation_share)
     inertial = InertialAttitude(floor.mount, pictures, rule, rules.planar.carried, rules.hybrid.trust)
-    known = inertial if imu else pictures
-    return CheckedMount(floor, DepthAttitude(floor, known, pictures), pictures, rule.check, health)
+    without_depth = inertial if imu else pictures
+    return CheckedMount(floor, DepthAttitude(floor, without_depth, pictures), pictures, rule.check, health)

@@ -83,9 +83,9 @@ def open_odometry(
     raise OdometryError(f"odometry {spec!r} is not hybrid, paper, truth, wheel or FILE.tum")
 
 
-def _wheels(given: TrackFile | PoseTrack, rules: OdometryRules) -> RecordedOdometry:
-    track = given.track() if isinstance(given, TrackFile) else given
-    return RecordedOdometry(track, f"wheel:{given}", rules.wheels)
+def _wheels(wheels: TrackFile | PoseTrack, rules: OdometryRules) -> RecordedOdometry:
+    track = wheels.track() if isinstance(wheels, TrackFile) else wheels
+    return RecordedOdometry(track, f"wheel:{wheels}", rules.wheels)
 
 
 def _tracked(

@@ -167,12 +167,12 @@ class CornerTracker:
             if wanted <= 0 or not len(lines):
                 continue
             top, bottom = max(lines[0] - RESPONSE_PX, 0), lines[-1] + 1 + RESPONSE_PX
-            found = cv2.goodFeaturesToTrack(
+            detected = cv2.goodFeaturesToTrack(
                 grey[top:bottom], wanted, 0.005, self._rule.apart_px, mask=mask[top:bottom], blockSize=3
             )
-            if found is None:
+            if detected is None:
                 continue
-            fresh = np.asarray(found.reshape(-1, 2) + [0.0, top], dtype=np.float32)
+            fresh = np.asarray(detected.reshape(-1, 2) + [0.0, top], dtype=np.float32)
             self.ids = np.concatenate([self.ids, self._next_id + np.arange(len(fresh))])
             self._next_id += len(fresh)
             self.corners = np.concatenate([self.corners, fresh])

@@ -127,8 +127,8 @@ class HybridOdometry:
         networks = {index: self._members[index].odometry for index in self._networks}
         for network in networks.values() if was_awake and not self._awake else ():
             network.reset("no features")
-        beside = networks.items() if self._awake and not self.needs_features else ()
-        self._begun = {index: self._beside.submit(network.step, frame, features, prior) for index, network in beside}
+        awake = networks.items() if self._awake and not self.needs_features else ()
+        self._begun = {index: self._beside.submit(network.step, frame, features, prior) for index, network in awake}
         self._begun_with = frame.index
 
     def step(self, frame: Frame, features: Tensors, prior: FramePrior = NO_PRIOR) -> Motion:
@@ -204,11 +204,11 @@ class HybridOdometry:
             guess = self._coasting.guess(stamp_s, *_distinct(faults))
             guess = guess if not alive else _with_gyro(guess, alive[0])
             return replace(guess, members=self._answers(alive, alive))
-        found = consensus(self._reweighted_by_gyro(alive))
-        lasting, conflict = self._lasting(found.conflict, stamp_s)
-        moved, covariance = found.motion, lasting * np.asarray(found.covariance)
+        estimate = consensus(self._reweighted_by_gyro(alive))
+        scale, conflict = self._lasting(estimate.conflict, stamp_s)
+        moved, covariance = estimate.motion, scale * np.asarray(estimate.covariance)
         rotation = next((motion.rotation for motion in motions if motion.rotation is not None), None)
-        if found.conflict:
+        if estimate.conflict:
             self._coasting.saw(SE2(*moved), stamp_s)
         else:
             carried = rotation.carried.share if rotation is not None and rotation.carried is not None else 0.0
@@ -219,7 +219,7 @@ class HybridOdometry:
             SE2(*moved),
             covariance,
             _distinct([*faults, conflict]),
-            members=self._answers(alive, [found]),
+            members=self._answers(alive, [estimate]),
             without_gyro=visual and (SE2(*visual.motion), np.asarray(visual.covariance)),
             rotation=rotation,
             lengths=(float(camera.motion[0]), float(wheels.motion[0])) if camera and wheels else None,
@@ -227,7 +227,7 @@ class HybridOdometry:
 
     def _estimates(self, motions: Sequence[Motion], covered: float) -> list[MotionEstimate]:
         """What the members measured, with their factors on the covariance; without what is worth less than a guess."""
-        found = [
+        estimates = [
             MotionEstimate(
                 motion.motion.vector(),
                 self._scale_of(member, covered) * motion.covariance,
@@ -237,7 +237,7 @@ class HybridOdometry:
             for member, motion in zip(self._members, motions, strict=True)
             if motion.measured
         ]
-        return [item for item in found if item.source == GYRO or (np.diag(item.covariance) < UNKNOWN).all()]
+        return [item for item in estimates if item.source == GYRO or (np.diag(item.covariance) < UNKNOWN).all()]
 
     def _lasting(self, conflict: str, stamp_s: float) -> tuple[float, Fault | None]:
         """Factor on the covariance of a step for errors that last longer, and the fault, where sources have disagreed
@@ -261,14 +261,14 @@ class HybridOdometry:
         """The estimates; an auxiliary one is left out without another of its source, and has at least its variances."""
         auxiliary = {_short(member) for member in self._members if member.auxiliary}
         firsts = {item.source: np.diag(item.covariance) for item in alive if not item.members & auxiliary}
-        found = []
+        kept = []
         for item in alive:
             if not item.members & auxiliary:
-                found.append(item)
+                kept.append(item)
             elif item.source in firsts:
                 looser = max(1.0, float((firsts[item.source] / np.diag(item.covariance)).max()))
-                found.append(replace(item, covariance=looser * item.covariance))
-        return found
+                kept.append(replace(item, covariance=looser * item.covariance))
+        return kept
 
     def _corrected(self, stamp_s: float, motion: Motion, attitude: Attitude | None) -> Motion:
         """The motion with its heading corrected by the room's edges."""
@@ -303,12 +303,12 @@ class HybridOdometry:
 
     def _checked(self, index: int, motion: Motion) -> Motion:
         member = self._members[index]
-        found = motion.checked(member.odometry.name)
-        if found.measured:
+        checked = motion.checked(member.odometry.name)
+        if checked.measured:
             self._measured.add(index)
         elif member.optional and index not in self._measured:
-            return replace(found, faults=(), state=MotionState.BLIND)
-        return found
+            return replace(checked, faults=(), state=MotionState.BLIND)
+        return checked
 
     def _within_reach(self, index: int, motions: Sequence[Motion]) -> Motion:
         """A member's motion; blind where by the others the robot rotated by more than it can measure."""
@@ -337,8 +337,8 @@ def _distinct(faults: Iterable[Fault | None]) -> tuple[Fault, ...]:
 
 def _of(source: str, estimates: Sequence[MotionEstimate]) -> MotionEstimate | None:
     """The fused measurements of one source."""
-    own = [item for item in estimates if item.source == source]
-    return consensus(own) if own else None
+    measured = [item for item in estimates if item.source == source]
+    return consensus(measured) if measured else None
 
 
 def _short(member: Member) -> str:
@@ -348,5 +348,5 @@ def _short(member: Member) -> str:
 
 def _with_gyro(guess: Motion, gyro: MotionEstimate) -> Motion:
     """A guess, fused with what gyro and accelerometer measure."""
-    found = fused(MotionEstimate(guess.motion.vector(), guess.covariance, "guess"), gyro)
-    return replace(guess, motion=SE2(*found.motion), covariance=np.asarray(found.covariance))
+    estimate = fused(MotionEstimate(guess.motion.vector(), guess.covariance, "guess"), gyro)
+    return replace(guess, motion=SE2(*estimate.motion), covariance=np.asarray(estimate.covariance))

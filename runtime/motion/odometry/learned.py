@@ -180,11 +180,11 @@ def outside_envelope(manifest: Manifest, camera: FloorCamera) -> str:
         "pitch_deg": math.degrees(mount.pitch_rad),
         "horizontal_view_deg": math.degrees(math.atan(right) - math.atan(left)),
     }
-    found = []
+    outside = []
     for name, value in values.items():
         if name in manifest.envelope:
             low, high = manifest.envelope[name]
             margin = MARGIN * max(high - low, abs(high)) + ROUNDING  # a head of one camera has no span
             if not low - margin <= value <= high + margin:
-                found.append(f"{name} {value:.2f} (trained on {low:g} to {high:g})")
-    return f"the camera is outside what it was trained on: {', '.join(found)}" if found else ""
+                outside.append(f"{name} {value:.2f} (trained on {low:g} to {high:g})")
+    return f"the camera is outside what it was trained on: {', '.join(outside)}" if outside else ""

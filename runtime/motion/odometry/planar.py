@@ -82,27 +82,27 @@ class PlanarOdometry(CornerOdometry):
             fault = Fault(FaultKind.ODOMETRY, f"planar odometry: started again at {frame.stamp_s:.3f} s")
             return self._coasting.guess(frame.stamp_s, fault)
         self._choose(self._tracker.follow(self._expected(), not self._rotation_known))
-        found = self._locate() if len(self._landmarks) >= self._rule.least_weight else None
-        if found is None or found.weights.sum() < self._rule.least_weight:
+        located = self._locate() if len(self._landmarks) >= self._rule.least_weight else None
+        if located is None or located.weights.sum() < self._rule.least_weight:
             return self._guess(frame)
-        motion = (self._view.pose @ self._since).inverse() @ found.view.pose
+        motion = (self._view.pose @ self._since).inverse() @ located.view.pose
         self._coasting.saw(motion, frame.stamp_s)
         rotation = np.eye(3)
         rotation[:2, :2] = motion.rotation()
-        now = found.covariance[:3, :3]
-        inflation = (len(found.weights) / found.weights.sum()) ** 2  # new tracks agree with any motion
+        now = located.covariance[:3, :3]
+        inflation = (len(located.weights) / located.weights.sum()) ** 2  # new tracks agree with any motion
         covariance = inflation * (self._covariance + rotation @ now @ rotation.T) + MINIMUM_COVARIANCE
         covariance += self._since_covariance
-        scale2 = self._scale_variance(found, frame.stamp_s)
+        scale2 = self._scale_variance(located, frame.stamp_s)
         covariance[:2, :2] += scale2 * np.outer(*[motion.vector()[:2]] * 2)
         if self.judged.on_wheels:  # a scale that has collapsed makes every motion small
             covariance[0, 0] += scale2 * (self._unseen_m_s * dt_s) ** 2
         self._since, self._since_covariance = SE2(), np.zeros((3, 3))
-        self._learn_nodding(found.view, motion, dt_s)
-        self._learn_rolling(found, motion)
-        seen = self._seen_rotation(found)
-        self._view, self._motion, self._covariance = found.view, motion, now
-        self._landmarks, keep = refined(self._landmarks, found, self._noise)
+        self._learn_nodding(located.view, motion, dt_s)
+        self._learn_rolling(located, motion)
+        seen = self._seen_rotation(located)
+        self._view, self._motion, self._covariance = located.view, motion, now
+        self._landmarks, keep = refined(self._landmarks, located, self._noise)
         self._keep(keep & (self._landmarks.age < self._rule.max_age))
         held = self._in_room or int(self._landmarks.floor.sum()) >= BELOW_COUNT
         factor = excess_scale(self._landmarks, held)
@@ -131,10 +131,10 @@ class PlanarOdometry(CornerOdometry):
         self._levelled_rad = math.inf  # sigma of the IMU tilt that the landmarks already include
         self._floor_s = self._seen_s
 
-    def _scale_variance(self, found: Located, stamp_s: float) -> float:
+    def _scale_variance(self, located: Located, stamp_s: float) -> float:
         """Relative variance of the length of the motion. It grows while no floor is in view."""
         of_scale = self._landmarks.floor
-        if float(found.weights[of_scale].sum()) >= self._rule.least_weight:
+        if float(located.weights[of_scale].sum()) >= self._rule.least_weight:
             self._floor_s = stamp_s
         drifted = self._rule.scale_drift_per_s * (stamp_s - self._floor_s)
         return drifted**2 + (self._noise.tilt_rad**2 if self._rotation_known else 0.0)
@@ -176,8 +176,8 @@ class PlanarOdometry(CornerOdometry):
         """
         mount, sigma_rad = self._camera.mount, self._noise.tilt_rad
         up = rotation.rotation @ up_optical(mount.pitch_rad, mount.roll_rad)
-        known = Attitude.of_up(up, np.eye(2) * sigma_rad**2, "imu")
-        before = self._level.at(replace(known, height_m=self._camera_before.mount.height_m))
+        level = Attitude.of_up(up, np.eye(2) * sigma_rad**2, "imu")
+        before = self._level.at(replace(level, height_m=self._camera_before.mount.height_m))
         tilt = rotated(self._view.tilt, self._camera_before, np.eye(3), before)
         share = max(1.0 - (sigma_rad / self._levelled_rad) ** 2, self._rule.levelling)
         drift = self._rule.levelling * max(sigma_rad**2 - self._levelled_rad**2, 0.0)
@@ -195,34 +195,34 @@ class PlanarOdometry(CornerOdometry):
         """The view with which the landmarks agree."""
         seen, corners = self._tracker.bearings(self._tracker.corners), self._tracker.corners
         start = self._ahead(self._since @ self._motion)
-        given = self._tracker.doubtful(corners), self._rolls()
-        found = locate(self._landmarks, seen, self._camera, start, self._noise, *given)
+        options = self._tracker.doubtful(corners), self._rolls()
+        located = locate(self._landmarks, seen, self._camera, start, self._noise, *options)
         if self._sees_floor and self.judged.on_wheels:
             enough = self._rule.trusted_share, self._rule.least_weight
-            self._landmarks, found = scaled_by_floor(
-                self._landmarks, seen, self._camera, start, self._noise, found, enough, *given
+            self._landmarks, located = scaled_by_floor(
+                self._landmarks, seen, self._camera, start, self._noise, located, enough, *options
             )
-        return found
+        return located
 
     def _rolls(self) -> tuple[SE2, Rolling] | None:
         """The previous pose and the rolling model, if the robot is on wheels and that pose was measured."""
         rolls = self.judged.on_wheels and self._slides < 0.5 and self._since == SE2()
         return (self._view.pose, self._rolling) if rolls else None
 
-    def _learn_rolling(self, found: Located, motion: SE2) -> None:
+    def _learn_rolling(self, located: Located, motion: SE2) -> None:
         """Estimates the position of the axle, and whether the robot can drive sideways."""
-        if found.lateral is not None:
-            self._slides += (found.slid - self._slides) / self._rule.max_age
-            self._rolling = self._rolling.learnt(*found.lateral, motion.yaw_rad)
+        if located.lateral is not None:
+            self._slides += (located.slid - self._slides) / self._rule.max_age
+            self._rolling = self._rolling.learnt(*located.lateral, motion.yaw_rad)
 
     def _ahead(self, motion: SE2) -> Viewpoint:
         """The view after a motion, with the current tilt and the previous height."""
         return Viewpoint(self._view.pose @ motion, self._tilt, self._view.rise_m)
 
-    def _seen_rotation(self, found: Located) -> TrackedRotation:
+    def _seen_rotation(self, located: Located) -> TrackedRotation:
         """Rotation of the camera since the previous picture, relative to the landmarks."""
-        rotation = rotation_between(self._view, self._camera_before, found.view, self._camera)
-        return TrackedRotation(rotation, math.sqrt(float(np.trace(found.covariance[3:5, 3:5]))), self.judged)
+        rotation = rotation_between(self._view, self._camera_before, located.view, self._camera)
+        return TrackedRotation(rotation, math.sqrt(float(np.trace(located.covariance[3:5, 3:5]))), self.judged)
 
     def _travelled(self) -> TrackedDirection | None:
         """Direction in which the lens moved since the keyframe, after the corners have moved enough. Then a new
@@ -231,26 +231,26 @@ class PlanarOdometry(CornerOdometry):
         view, camera, rays = self._keyframe
         now = unit_depth(self._tracker.bearings(self._tracker.corners))
         both = np.isfinite(rays[:, 0])
-        found = None
+        direction = None
         if both.sum() >= self._rule.corners // FEW:
             first, second = rays[both], now[both]
             rotation = rotation_between(view, camera, self._view, self._camera)
             turned = second @ rotation.T
-            across, down = (turned[:, :2] / turned[:, 2:] - first[:, :2]).T
-            if float(np.median(np.hypot(across, down))) < self._rule.travelled_rad:
+            du, dv = (turned[:, :2] / turned[:, 2:] - first[:, :2]).T
+            if float(np.median(np.hypot(du, dv))) < self._rule.travelled_rad:
                 return None
-            way = displacement(view, camera, self._view, self._camera)
-            length = float(np.linalg.norm(way))
+            moved = displacement(view, camera, self._view, self._camera)
+            length = float(np.linalg.norm(moved))
             if length > 0.0:
-                found = travelled(first, second, rotation, way / length, self._noise.track_rad)
+                direction = travelled(first, second, rotation, moved / length, self._noise.track_rad)
         self._keyframe = self._view, self._camera, now
-        return found
+        return direction
 
-    def _learn_nodding(self, found: Viewpoint, motion: SE2, dt_s: float) -> None:
+    def _learn_nodding(self, view: Viewpoint, motion: SE2, dt_s: float) -> None:
         """Updates the nodding between pictures. A camera that nods is carried by a person, and its height varies."""
         before, now = self._camera_before.mount, self._camera.mount
-        pitch_rad = now.pitch_rad + found.tilt.pitch_rad - before.pitch_rad - self._view.tilt.pitch_rad
-        roll_rad = now.roll_rad + found.tilt.roll_rad - before.roll_rad - self._view.tilt.roll_rad
+        pitch_rad = now.pitch_rad + view.tilt.pitch_rad - before.pitch_rad - self._view.tilt.pitch_rad
+        roll_rad = now.roll_rad + view.tilt.roll_rad - before.roll_rad - self._view.tilt.roll_rad
         self.sways((pitch_rad**2 + roll_rad**2) / 2.0, self._metres(motion), dt_s, self._rotation_known)
 
     def _guess(self, frame: Frame) -> Motion:
@@ -297,8 +297,8 @@ class PlanarOdometry(CornerOdometry):
     def _trusting(self) -> bool:
         """Whether corners below the horizon count as floor immediately."""
         kept, lost_s = self._landmarks, self._seen_s - self._floor_s
-        known = int((kept.floor | (kept.variance < (KNOWN_DEPTH * kept.inverse_m) ** 2)).sum())
-        return known < self._rule.corners // FEW or (self.judged.on_wheels and lost_s > LONGEST_DT_S)
+        decided = int((kept.floor | (kept.variance < (KNOWN_DEPTH * kept.inverse_m) ** 2)).sum())
+        return decided < self._rule.corners // FEW or (self.judged.on_wheels and lost_s > LONGEST_DT_S)
 
 
 def unit_depth(bearings: Array) -> Array:
