@@ -8,21 +8,19 @@ from edgemap.geometry.camera.mount_tilt import MountTiltRule
 
 @dataclass(frozen=True, slots=True)
 class CarriedRule:
-    """When a camera counts as carried.
+    """When a camera counts as carried."""
 
-    share: weight of the newest picture in the running mean square of the tilt's change between pictures (rendered
-    robots 0.2 to 0.3 degrees, two head cameras 1.6 to 1.8). steady_m: path lengths without nodding after which a camera
-    counts as one on wheels: the first where it nods by less than a third of a robot's nodding, the second otherwise
-    (level robots 0.05 to 0.2 degrees; a walker begins with 0.4 to 0.5, for 1.5 m). rate_rad_s: highest rate of a camera
-    on a robot, and lowest of one that is certainly carried (rendered robots 1 to 4 degrees a second, a hand-held camera
-    6, two head cameras 16 to 18). rate_s: averaging window of the rate, before the first picture of which a camera
-    counts as calm for two.
-    """
-
+    # Weight of the newest picture in the running mean square of the tilt's change between pictures (rendered robots 0.2
+    # to 0.3 degrees, two head cameras 1.6 to 1.8).
     share: float = 0.1
+    # Path lengths without nodding after which a camera counts as one on wheels: the first where it nods by less than a
+    # third of a robot's nodding, else the second (level robots 0.05 to 0.2 degrees; a walker begins with 0.4 to 0.5,
+    # for 1.5 m).
     steady_m: tuple[float, float] = (0.5, 2.0)
+    # Highest rate of a camera on a robot, and lowest of one that is certainly carried (rendered robots 1 to 4 degrees a
+    # second, a hand-held camera 6, two head cameras 16 to 18).
     rate_rad_s: tuple[float, float] = (math.radians(5.0), math.radians(8.0))
-    rate_s: float = 5.0
+    rate_s: float = 5.0  # averaging window of the rate; a camera counts as calm for two pictures before the first one
 
 
 @dataclass(frozen=True, slots=True)

@@ -32,29 +32,22 @@ SKEW = np.array([[0, 0, 0, 0, 0, -1, 0, 1, 0], [0, 0, 1, 0, 0, 0, -1, 0, 0], [0,
 
 @dataclass(frozen=True, slots=True)
 class InertialNoise:
-    """Standard deviations of an inexpensive sensor on a small robot; densities are per square root of a second.
+    """Standard deviations of an inexpensive sensor on a small robot; densities are per square root of a second."""
 
-    gyro: of the integrated angle, rad. gyro_share: of an angle, by scale and misalignment (BMI055: 0.5 %, 0.3 degrees),
-    per square root of a radian. accel: of the integrated velocity, m/s, shaking included. offset: of the accelerometer,
-    as a tilt, rad. bias_walk: rad/s. start_bias: rad/s, of a gyro that was never at rest. speed: velocity, m/s, as a
-    measurement of every second. resting: at rest samples scatter less, rad/s, and odometry measures less, rad/s and
-    m/s; and of a velocity by odometry. rest_window_s: over which rest is judged. turned_share: of a yaw by odometry, as
-    a share of it, beyond its covariance: its errors last longer than a step. gap_s: between samples; what rotates
-    in a longer hole is not measured. hole: change of the rate in it, rad/s.
-    """
-
-    gyro: float = 5e-4
-    gyro_share: float = 0.006
-    accel: float = 0.2
-    offset: float = OFFSET_RAD
-    bias_walk: float = 1e-5
-    start_bias: float = 0.0175
-    speed: float = 0.5
+    gyro: float = 5e-4  # density of the integrated angle, rad
+    gyro_share: float = 0.006  # of an angle, per root of a radian, by scale and misalignment (BMI055: 0.5 %, 0.3 deg)
+    accel: float = 0.2  # density of the integrated velocity, m/s, shaking included
+    offset: float = OFFSET_RAD  # of the accelerometer's offset, as a tilt, rad
+    bias_walk: float = 1e-5  # density of the gyro's bias, rad/s
+    start_bias: float = 0.0175  # rad/s, of a gyro that was never at rest
+    speed: float = 0.5  # velocity, m/s, as one measurement per second
+    # rad/s and m/s: at rest the samples scatter less (rad/s) and odometry measures less (both); also the standard
+    # deviation of a velocity by odometry.
     resting: float = 0.05
-    rest_window_s: float = 0.5
-    turned_share: float = 0.05
-    gap_s: float = 0.05
-    hole: float = 1.0
+    rest_window_s: float = 0.5  # over which rest is judged
+    turned_share: float = 0.05  # of a yaw by odometry, beyond its covariance: its errors last longer than a step
+    gap_s: float = 0.05  # longest time between samples; rotation in a longer hole is not measured
+    hole: float = 1.0  # density of the change of the rate in such a hole, rad/s
 
     @property
     def start_speed(self) -> float:

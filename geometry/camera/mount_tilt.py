@@ -12,19 +12,16 @@ from edgemap.geometry.robust import HUBER
 
 @dataclass(frozen=True, slots=True)
 class MountTiltRule:
-    """Standard deviations, in radians, of the measurements of a mount's angles.
+    """Standard deviations, in radians, of the measurements of a mount's angles."""
 
-    prior: of the configured mount; wide, so that measurements can override it. nod: of the tilt in one picture, and of
-    the lens's path, against the floor; a turn has one at each end. It is twice the standard deviation of a robot that
-    nods about its mount: what changes by more between pictures is carried. seen: of one view of the room's edges or of
-    the floor in depth, whose neighbours repeat each other, and of an accelerometer's offset (BMI055: 70 mg, 4 degrees
-    at most). lasting: common error of all measurements over a drive (homes 8301-8310: 0.2 degrees of pitch).
-    """
-
-    prior: float = math.radians(10.0)
+    prior: float = math.radians(10.0)  # of the configured mount; wide, so that measurements can override it
+    # Of the tilt in one picture, and of the lens's path, against the floor; a turn has one at each end. Twice the
+    # standard deviation of a robot that nods about its mount: a camera whose tilt changes by more is carried.
     nod: float = math.radians(0.6)
+    # Of one view of the room's edges or of the floor in depth, whose neighbours repeat each other, and of an
+    # accelerometer's offset (BMI055: 70 mg, 4 degrees at most).
     seen: float = math.radians(1.5)
-    lasting: float = math.radians(0.2)
+    lasting: float = math.radians(0.2)  # common error of all measurements of a drive (homes 8301-8310: pitch)
 
 
 @dataclass(frozen=True, slots=True, eq=False)

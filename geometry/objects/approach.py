@@ -22,10 +22,10 @@ WALK_SHARE = 0.1  # of the distance from the robot: of two good poses the nearer
 
 @dataclass(frozen=True, slots=True)
 class ApproachRule:
-    """standoff_m: from the object's edge to the robot's. robot_radius_m: of the circle that holds the robot."""
+    """Where a robot stops before an object."""
 
-    standoff_m: float = 0.4
-    robot_radius_m: float = 0.25
+    standoff_m: float = 0.4  # from the object's edge to the robot's
+    robot_radius_m: float = 0.25  # of the circle that holds the robot
 
 
 @dataclass(frozen=True, slots=True)

@@ -14,10 +14,10 @@ from edgemap.geometry.slam.object_landmarks import Landmark, LandmarkRule
 
 @dataclass(frozen=True, slots=True)
 class AssociationRule:
-    """Evidence that landmarks need to become an object. min_count: minimum total weight of the sightings (see
-    BoxEvidence), and number of pictures of 0.1 s from which on a landmark is used to close loops.
-    """
+    """Evidence that landmarks need to become an object."""
 
+    # Minimum total weight of the sightings (`BoxEvidence`), and number of pictures of 0.1 s from which on a landmark is
+    # used to close loops.
     min_count: int = 4
     overlap: OverlapRule = field(default_factory=OverlapRule)
 

@@ -19,15 +19,18 @@ def least_spacing_m(a: MapObject, b: MapObject) -> float:
 
 @dataclass(frozen=True, slots=True)
 class OverlapRule:
-    """Smallest distance of two objects' centres. apart: of one label, as a share of the smaller one's extent, and only
-    where one has less than `far_less` of the other's evidence, as two chairs pushed together are seen about as often;
-    of two labels, as a share of the smaller one's shorter side, below which they would stand in one another. A table
-    and a seat may be in one place, as the seat is pushed under it. correct: how often a detection has the right label
-    (95 of 105 household boxes on photographs that overlap a true one by 0.6: yolox-nano 46 of 53, picodet-s 49 of 52).
+    """Smallest distance of two objects' centres, and what a label states. A table and a seat may be in one place, as
+    the seat is pushed under it.
     """
 
+    # Of one label: share of the smaller one's extent. Of two labels: share of the smaller one's shorter side, below
+    # which they would stand in one another.
     apart: float = APART
+    # Of one label, only where one has less than this share of the other's evidence, as two chairs pushed together are
+    # detected about as often.
     far_less: float = 0.5
+    # How often a detection has the right label (95 of 105 household boxes on photographs that overlap a true one by
+    # 0.6: yolox-nano 46 of 53, picodet-s 49 of 52).
     correct: float = 0.9
 
 

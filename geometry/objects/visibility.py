@@ -19,16 +19,14 @@ AROUND = 8  # points of a footprint's circle that are projected
 
 @dataclass(frozen=True, slots=True)
 class ViewRule:
-    """When an object is in plain view.
-
-    It is no farther than the greatest distance at which it was detected, since detectors miss small objects.
-    near_view_m: it was observed before from within this distance of the
-    robot (the map may lack walls, but none hides what was observed from here). covered_share: of its box, at most,
-    behind nearer boxes or nearer objects of the map.
+    """When an object is in plain view: also no farther than the greatest distance at which it was detected, since
+    detectors miss small objects.
     """
 
+    # Distance from the robot within which it was observed before: the map may lack walls, but none hides what was
+    # observed from here.
     near_view_m: float = 0.75
-    covered_share: float = 0.2
+    covered_share: float = 0.2  # of its box, at most, behind nearer boxes or nearer objects of the map
 
 
 def expected_boxes(objects: Sequence[MapObject], camera: FloorCamera, pose_map_base: SE2) -> Array:

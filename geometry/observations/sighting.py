@@ -96,25 +96,20 @@ class PlacedSighting:
 
 @dataclass(frozen=True, slots=True)
 class BoxNoise:
-    """Standard deviations of a box's edges.
+    """Standard deviations of a box's edges."""
 
-    picture_share: of every edge, as a share of the picture's longer side (detectors see it at their own size); an edge
-    nearer than that to the picture's border is cut off. down_share: of the lower edge down, as a share of the box's
-    height; hidden_share: where nearer boxes cover all of it.
-    """
-
+    # Of every edge, as a share of the picture's longer side (detectors scale it to their input size). An edge nearer
+    # than that to the picture's border is cut off.
     picture_share: float = 0.004
-    down_share: float = 0.02
-    hidden_share: float = 0.12
+    down_share: float = 0.02  # of the lower edge down, as a share of the box's height
+    hidden_share: float = 0.12  # the same where nearer boxes cover all of it
 
 
 @dataclass(frozen=True, slots=True)
 class FloorRule:
-    """When a box counts as an object on the floor. max_sigma_m: sightings less certain than this (largest standard
-    deviation, pixel and mount together) are dropped.
-    """
+    """When a box counts as an object on the floor."""
 
-    max_sigma_m: float = 0.75
+    max_sigma_m: float = 0.75  # largest standard deviation, pixel and mount together; less certain ones are dropped
     noise: FloorNoise = field(default_factory=FloorNoise)
     box: BoxNoise = field(default_factory=BoxNoise)
 

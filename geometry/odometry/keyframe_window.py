@@ -34,34 +34,26 @@ ANY = 0.3, 0.4  # mean inverse depth of a new point off the floor and its standa
 
 @dataclass(frozen=True, slots=True)
 class WindowRule:
-    """Size and weights of the window.
+    """Size and weights of the window."""
 
-    keyframes: in the window. gate_px: distance beyond which a track has no weight. shared: a picture becomes a keyframe
-    where fewer of the last one's tracks are left. roughness: of the floor, share of the lens's height; floor_gate:
-    standard deviations beyond which a point of the floor has no weight. covariance_scale: factor on the covariance of a
-    motion, whose errors last. gyro_rad, gyro_share: standard deviation of the rotation that a gyro measures between two
-    pictures: a constant part, and a part relative to the rotation, because samples and pictures are not exactly
-    synchronous. track_px: standard deviation of a track at the working width; it is larger than a track's error in one
-    picture, because such errors last. parallax_px: a picture becomes a keyframe where the tracks have moved by this
-    much since the last one, the rotation aside. height_share, rise_share: standard deviation of the lens's height about
-    the mount's, and of its change from picture to picture, as shares of it. attitude_pictures: number of pictures for
-    which an error of the given attitude lasts. depth_sigma: standard deviation of an inverse depth that a depth camera
-    measures, 1/m; it measures a disparity, whose error is the same at any distance.
-    """
-
-    keyframes: int = 8
-    gate_px: float = 2.5
-    shared: float = 0.6
-    roughness: float = 0.009
-    floor_gate: float = 5.0
-    covariance_scale: float = 4.0
-    gyro_rad: float = math.radians(0.05)
-    gyro_share: float = 0.03
+    keyframes: int = 8  # in the window
+    gate_px: float = 2.5  # distance beyond which a track has no weight
+    shared: float = 0.6  # a picture becomes a keyframe where a smaller share of the last one's tracks is left
+    roughness: float = 0.009  # of the floor, share of the lens's height
+    floor_gate: float = 5.0  # standard deviations beyond which a point of the floor has no weight
+    covariance_scale: float = 4.0  # factor on the covariance of a motion, whose errors last
+    gyro_rad: float = math.radians(0.05)  # standard deviation of the rotation that a gyro measures between two pictures
+    gyro_share: float = 0.03  # the same relative to the rotation: samples and pictures are not exactly synchronous
+    # Standard deviation of a track at the working width; larger than a track's error in one picture, because such
+    # errors last.
     track_px: float = 1.0
+    # A picture becomes a keyframe where the tracks have moved by this much since the last one, the rotation aside.
     parallax_px: float = 15.0
-    height_share: float = 0.025
-    rise_share: float = 0.012
-    attitude_pictures: float = 10.0
+    height_share: float = 0.025  # standard deviation of the lens's height about the mount's, share of it
+    rise_share: float = 0.012  # standard deviation of its change from picture to picture, share of the height
+    attitude_pictures: float = 10.0  # number of pictures for which an error of the attitude lasts
+    # Standard deviation of an inverse depth that a depth camera measures, 1/m; it measures a disparity, whose error is
+    # the same at any distance.
     depth_sigma: float = 0.0035
 
     def __post_init__(self) -> None:

@@ -63,19 +63,16 @@ def displacement(before: Viewpoint, camera_before: FloorCamera, after: Viewpoint
 
 @dataclass(frozen=True, slots=True)
 class Noise:
-    """Standard deviations. track_rad: of a track's position in one picture; drift_rad: of a track's drift per picture,
-    as its template is renewed; tilt_rad: of pitch and roll in one picture; floor_tilt_rad: of the tilt once it is
-    estimated; scale: relative, of the common scale per picture of points off the floor; unknown: of the inverse depth,
-    1/m, of a new point, about unknown_mean; rise_m: of the lens's height, from one picture to the next."""
+    """Standard deviations."""
 
-    track_rad: float
-    drift_rad: float
-    tilt_rad: float = math.radians(0.2)
-    floor_tilt_rad: float = math.radians(0.1)
-    scale: float = 0.05
-    unknown_mean: float = 0.2
-    unknown: float = 0.3
-    rise_m: float = 1e-4
+    track_rad: float  # of a track's position in one picture
+    drift_rad: float  # of a track's drift per picture, as its template is renewed
+    tilt_rad: float = math.radians(0.2)  # of pitch and roll in one picture
+    floor_tilt_rad: float = math.radians(0.1)  # of the tilt once it is estimated
+    scale: float = 0.05  # relative, of the common scale per picture of points off the floor
+    unknown_mean: float = 0.2  # inverse depth of a new point, 1/m: its mean, not a deviation
+    unknown: float = 0.3  # of the inverse depth of a new point about unknown_mean, 1/m
+    rise_m: float = 1e-4  # of the lens's height, from one picture to the next
 
 
 @dataclass(slots=True, eq=False)

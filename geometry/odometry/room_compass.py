@@ -32,23 +32,18 @@ def _wrapped(angle_rad: float) -> float:
 
 @dataclass(frozen=True, slots=True)
 class CompassRule:
-    """Weights of the room's direction and of the odometry's yaw.
+    """Weights of the room's direction and of the odometry's yaw."""
 
-    drift: factor on the variance of the odometry's yaw, as its errors last longer than a step; up to a standard
-    deviation of drift_rad, as larger errors are stated correctly. view_rad: standard deviation of a view's own error,
-    in addition to that of its edges. outlier: residual, in standard deviations, at which a view has a quarter of its
-    weight (with 3.29 and without view_rad one rotated piece turned home 9000, with wheels, by 22 degrees). A view that
-    neither its error nor the drift since the last one explains shows a rotated object or another wing of the building:
-    `alike` of them in a row become another room direction. settle_s: time constant of a correction, as the steps of one
-    second are used together.
-    """
-
-    drift: float = 8.0
-    drift_rad: float = math.radians(1.5)
-    view_rad: float = math.radians(1.0)
+    drift: float = 8.0  # factor on the variance of the odometry's yaw, as its errors last longer than a step
+    drift_rad: float = math.radians(1.5)  # up to this standard deviation, as larger errors are stated correctly
+    view_rad: float = math.radians(1.0)  # standard deviation of a view's error, in addition to that of its edges
+    # Residual, in standard deviations, at which a view has a quarter of its weight (with 3.29 and without view_rad one
+    # rotated piece turned home 9000, with wheels, by 22 degrees).
     outlier: float = 2.0
+    # A view that neither its error nor the drift since the last one explains shows a rotated object or another wing of
+    # the building: this many of them in a row become another room direction.
     alike: int = 5
-    settle_s: float = 1.0
+    settle_s: float = 1.0  # time constant of a correction, as the steps of one second are used together
 
 
 @dataclass(frozen=True, slots=True)

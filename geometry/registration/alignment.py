@@ -32,16 +32,13 @@ class AlignmentError(MapError):
 
 @dataclass(frozen=True, slots=True)
 class AlignmentRule:
-    """Acceptance criteria for two maps of one place.
+    """Acceptance criteria for two maps of one place."""
 
-    reach_m: greatest distance of a pair of objects. least_pairs: minimum number of pairs. chance: greatest expected
-    number of alignments as good as this one between unrelated maps. rival_share: a clearly different alignment may
-    explain at most this share of the best one's objects; of maps that have changed since, more must still match.
-    """
-
-    reach_m: float = 1.0
-    least_pairs: int = 4
-    chance: float = 0.001
+    reach_m: float = 1.0  # greatest distance of a pair of objects
+    least_pairs: int = 4  # minimum number of pairs
+    chance: float = 0.001  # greatest expected number of alignments as good as this one between unrelated maps
+    # A clearly different alignment may explain at most this share of the best one's objects; of maps that have changed
+    # since, more must still match.
     rival_share: float = 0.8
 
 

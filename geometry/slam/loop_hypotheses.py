@@ -14,14 +14,11 @@ HYPOTHESES = 400  # at most; with more, half of the landmarks are weighed, those
 
 @dataclass(frozen=True, slots=True)
 class LoopHypothesisRule:
-    """When two landmarks are one object. spacing_m2: floor area per object of a label; its inverse is the density of
-    new objects. certain: least posterior probability of a pairing; pairings with landmarks nearer together than same_m
-    count as one.
-    """
+    """When two landmarks are one object."""
 
-    spacing_m2: float = 50.0
-    certain: float = 0.9
-    same_m: float = 0.3
+    spacing_m2: float = 50.0  # floor area per object of a label; its inverse is the density of new objects
+    certain: float = 0.9  # least posterior probability of a pairing
+    same_m: float = 0.3  # pairings with landmarks nearer together than this count as one
 
 
 @dataclass(frozen=True, slots=True)

@@ -24,24 +24,24 @@ BLACK = 16  # grey level of black in video (ITU-R BT.601)
 
 @dataclass(frozen=True, slots=True)
 class HealthRule:
-    """When a picture counts as unusable.
+    """When a picture counts as unusable."""
 
-    covered: grey levels of coarse structure; a covered lens, a dark room or a plain wall close by has less
-    (photographs: 23). A pixel so near to the greatest level counts as saturated. sharp: fine over coarse structure;
-    Gaussian blur of 6 px at 640 has 0.36, moving cameras 0.63, photographs 0.77. lasts_s: time without any change after
-    which a picture is frozen, not one delivered twice; over which pictures are compared for what covers a part of the
-    lens; after which such a cover is a fault, and a robot at rest by pictures alone. moved: mean grey levels by which
-    the scene changes as the robot moves, or something before it; a sensor's noise of 5 a pixel leaves 1.4. part_share:
-    of the tiles that stay as plain as `covered` and do not change while others do, or that become plain from one
-    picture to the next (half a picture covered has 0.35 to 0.40; walls that rendered robots pass have up to 0.35 for a
-    moment, HoloLens, lounge, RedKitchen, EuRoC, KITTI at most 0.04); and of the pixels that must not be saturated
-    (photographs: 0.35).
-    """
-
+    # Grey levels of coarse structure; a covered lens, a dark room or a plain wall close by has less (photographs: 23).
+    # A pixel so near to the greatest level counts as saturated.
     covered: int = 5
+    # Fine over coarse structure; Gaussian blur of 6 px at 640 has 0.36, moving cameras 0.63, photographs 0.77.
     sharp: float = 0.40
+    # Time without any change after which a picture is frozen, not one delivered twice; over which pictures are compared
+    # to detect a cover on a part of the lens; after which such a cover is a fault, and a robot at rest by pictures
+    # alone.
     lasts_s: float = 1.0
+    # Mean grey levels by which the scene changes as the robot, or something before it, moves; a sensor's noise of 5 a
+    # pixel leaves 1.4.
     moved: float = 4.0
+    # Of the tiles that stay as plain as `covered` and do not change while others do, or that become plain from one
+    # picture to the next (half a picture covered has 0.35 to 0.40; walls that rendered robots pass have up to 0.35 for
+    # a moment, HoloLens, lounge, RedKitchen, EuRoC, KITTI at most 0.04); and of the pixels that must not be saturated
+    # (photographs: 0.35).
     part_share: float = 0.3
 
 

@@ -24,16 +24,13 @@ DEPTH_SIGMA = 0.02  # of a depth camera's scale, by its datasheet (RealSense D43
 
 @dataclass(frozen=True, slots=True)
 class HeightRule:
-    """When a given height counts as wrong, and a guessed one as another.
+    """When a configured height counts as wrong, and a guessed one as another."""
 
-    wheels_sigma: of the wheels' radius, relative. judged_s: stream time before the first report. wrong_share: least
-    relative error of a wrong height without depth. guess_sigma: of a guess, at least, beside what the run itself
-    measures: most of it was guessed by the same objects.
-    """
-
-    wheels_sigma: float = 0.05
-    judged_s: float = 10.0
-    wrong_share: float = 0.25
+    wheels_sigma: float = 0.05  # standard deviation of the wheels' radius, relative
+    judged_s: float = 10.0  # stream time before the first report
+    wrong_share: float = 0.25  # least relative error of a wrong height without depth
+    # Least standard deviation of a guess, relative, when it is fused with what the run measures: most of the guess came
+    # from the same objects.
     guess_sigma: float = 0.3
 
 

@@ -27,21 +27,20 @@ VARIANCE = 100.0  # squared grey levels; a picture of less is too plain to estim
 
 @dataclass(frozen=True, slots=True)
 class RestRule:
-    """When a robot counts as standing.
-
-    By wheels or gyro and an unchanged picture at once, by pictures alone once they have not changed for a while
-    (`health.lasts_s`).
-    shifted_px: of a large tile (0.06 are 0.6 px of a picture 640 px wide), beyond what noise explains; -inf for a robot
-    that never stands. exposure: largest change of gain, and of brightness as a share of middle grey, attributed to the
-    camera's exposure. texture: squared grey levels per px, which a part of the picture (`health.part_share`) must have
-    for a decision by pictures alone. braking_m_s2: no small robot brakes harder (the limit of common controllers: 2.5).
-    A picture that stays unchanged in spite of that, or of a turn beyond the gyro's covariance, is frozen, even if a
-    sensor's noise changes it.
+    """When a robot counts as standing: by wheels or gyro and an unchanged picture at once, by pictures alone once they
+    have not changed for a while (`health.lasts_s`).
     """
 
+    # Of a large tile (0.06 are 0.6 px of a picture 640 px wide), beyond what noise explains; -inf for a robot that
+    # never stands.
     shifted_px: float = 0.06
+    # Largest change of gain, and of brightness as a share of middle grey, attributed to the camera's exposure.
     exposure: float = 0.1
+    # Squared grey levels per px, which a part of the picture (`health.part_share`) must have for a decision by pictures
+    # alone.
     texture: float = 9.0
+    # No small robot brakes harder (the limit of common controllers: 2.5). A picture that stays unchanged in spite of
+    # that, or of a turn beyond the gyro's covariance, is frozen, even if a sensor's noise changes it.
     braking_m_s2: float = 3.0
 
 

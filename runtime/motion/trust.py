@@ -28,16 +28,13 @@ class Trust(Enum):
 
 @dataclass(frozen=True, slots=True)
 class TrustRule:
-    """Decides when a source with valid numbers is wrong. least: minimum motion of the reference in a conclusive window:
-    yaw in rad, length in m. ratio: minimum ratio of the source's motion to the
-    reference's, and of the reference's to the source's. Up to it, a scale error explains the difference: for yaw of a
-    lens or a wheel track, for length of a height or a wheel radius. windows: number of consecutive windows that change
-    the state in either direction; 0 for sources that are always trusted.
-    """
+    """Decides when a source with valid numbers is wrong."""
 
-    least: tuple[float, float] = (0.12, 0.2)
+    least: tuple[float, float] = (0.12, 0.2)  # motion of the reference in a conclusive window: yaw in rad, length in m
+    # Minimum ratio of the source's motion to the reference's, and of the reference's to the source's. Up to it, a scale
+    # error explains the difference: for yaw of a lens or a wheel track, for length of a height or a wheel radius.
     ratio: float = 0.75
-    windows: int = 3
+    windows: int = 3  # consecutive windows that change the state in either direction; 0: the source is always trusted
 
 
 @dataclass(frozen=True, slots=True)

@@ -30,16 +30,11 @@ EDGES, GRAVITY, DEPTH = "the room's edges", "gravity", "the floor in depth pictu
 
 @dataclass(frozen=True, slots=True)
 class MountRule:
-    """When a mount counts as wrong.
+    """When a mount counts as wrong."""
 
-    first_every_s: between two estimates by edges, until the mount is confirmed and where the camera is carried.
-    judged_s: span of the estimates, of a turn and of the accelerometer's samples that are judged together. tilt: how
-    measurements count.
-    """
-
-    first_every_s: float = 0.35
-    judged_s: float = 5.0
-    tilt: MountTiltRule = field(default_factory=MountTiltRule)
+    first_every_s: float = 0.35  # between two estimates by edges, until the mount is confirmed, and while carried
+    judged_s: float = 5.0  # span of estimates, of a turn and of accelerometer samples that are judged together
+    tilt: MountTiltRule = field(default_factory=MountTiltRule)  # weights of the measurements
 
 
 class CheckedMount:

@@ -36,14 +36,12 @@ START_S = 0.1  # of samples, whose mean force is the first guess of where up is
 class AttitudeRule:
     """Weights of gravity and mount, which differ by a constant tilt: the accelerometer's offset (BMI055: 70 mg, 4 deg)
     and the mount's error.
-
-    noise: of the sensor and the filter. rotation_share: standard deviation of the rotation between two pictures,
-    relative to it, beside what the corners state. check: of the mount; its `tilt.nod` is how far a robot nods about the
-    mount, as a measurement of every second.
     """
 
-    noise: InertialNoise = field(default_factory=InertialNoise)
+    noise: InertialNoise = field(default_factory=InertialNoise)  # of the sensor and the filter
+    # Standard deviation of the rotation between two pictures, relative to it, in addition to that of the corners.
     rotation_share: float = ROTATION_SHARE
+    # Of the mount; its `tilt.nod` is how far a robot nods about the mount, as one measurement per second.
     check: MountRule = field(default_factory=MountRule)
 
 

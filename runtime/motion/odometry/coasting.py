@@ -17,13 +17,11 @@ SHORTEST_DT_S, LONGEST_DT_S = 0.01, 1.0
 
 @dataclass(frozen=True, slots=True)
 class CoastingRule:
-    """speed_sigma_m_s, yaw_rate_sigma_rad_s: of a small robot whose motion is unknown; the last velocity adds to them.
-    acceleration_m_s2: standard deviation of a robot's acceleration, and of a certainly carried camera's. Metres are
-    those of robots at home, as of `Platform.unit_m`.
-    """
+    """Motion of a robot at home. Metres are as of `Platform.unit_m`."""
 
-    speed_sigma_m_s: float = 0.35
-    yaw_rate_sigma_rad_s: float = 0.5
+    speed_sigma_m_s: float = 0.35  # of a small robot whose motion is unknown; the last velocity adds to it
+    yaw_rate_sigma_rad_s: float = 0.5  # likewise
+    # Standard deviation of a robot's acceleration, and of a certainly carried camera's.
     acceleration_m_s2: tuple[float, float] = (2.0, 20.0)
 
     def of_unit(self, unit_m: float) -> "CoastingRule":

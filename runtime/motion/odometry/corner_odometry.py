@@ -29,27 +29,22 @@ MINIMUM_COVARIANCE = np.diag([1e-4, 1e-4, 1e-4]) ** 2
 class PlanarRule(CornersRule):
     """How planar odometry tracks (`CornersRule`) and weights corners. Lengths are in `Platform.unit_m`, one metre for
     home robots.
-
-    reach_heights: range, in camera heights, beyond which no corner counts as floor. max_age: lifetime of a landmark,
-    frames. track_sigma_px, drift_sigma_px: standard deviation of one tracked corner at the working width, and of its
-    drift in one frame. levelling: share of a tilt that is attributed to the landmarks instead of the camera.
-    trusted_share: share of the landmarks on the floor that must agree. least_weight: minimum total weight of the tracks
-    that agree. scale_drift_per_s: relative drift of the scale that the landmarks keep while no floor is in view.
-    carried: rule for a carried camera, and for one on wheels. lateral_share: as in `Rolling`, for robots on wheels. A
-    robot that slides in most of the steps with much floor in view counts as able to drive sideways. travelled_rad:
-    median motion of the corners, without the rotation, at which the direction of motion is measured. A tilt correction
-    from an IMU rotates the landmarks and does not count as motion.
     """
 
-    max_age: int = 30
-    track_sigma_px: float = 0.3
-    drift_sigma_px: float = 0.1
+    max_age: int = 30  # lifetime of a landmark, frames
+    track_sigma_px: float = 0.3  # standard deviation of one tracked corner at the working width
+    drift_sigma_px: float = 0.1  # standard deviation of its drift in one frame
+    # Share of a tilt that is attributed to the landmarks instead of the camera. A tilt correction from an IMU rotates
+    # the landmarks and does not count as motion.
     levelling: float = 0.25
-    trusted_share: float = 0.4
-    least_weight: float = 8.0
-    scale_drift_per_s: float = 0.1
-    carried: CarriedRule = field(default_factory=CarriedRule)
+    trusted_share: float = 0.4  # share of the landmarks on the floor that must agree
+    least_weight: float = 8.0  # minimum total weight of the tracks that agree
+    scale_drift_per_s: float = 0.1  # relative drift of the scale that the landmarks keep while no floor is in view
+    carried: CarriedRule = field(default_factory=CarriedRule)  # for a carried camera, and for one on wheels
+    # As in `Rolling`, for robots on wheels. A robot that slides in most of the steps with much floor in view counts as
+    # able to drive sideways.
     lateral_share: float = 0.01
+    # Median motion of the corners, without the rotation, at which the direction of motion is measured.
     travelled_rad: float = 0.035
 
 

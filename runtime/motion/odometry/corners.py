@@ -31,21 +31,16 @@ FEW = 5  # a fifth of the corners: fewer missing ones are not replaced
 
 @dataclass(frozen=True, slots=True)
 class CornersRule:
-    """How corners are tracked.
+    """How corners are tracked."""
 
-    working_width_px: wider pictures are scaled down to this width. window_px: size of the tracker's window; corners are
-    at least half of it apart. corners: number of corners. floor_share: share of the corners that are sought where the
-    floor is within reach. shift_response: minimum response of the phase correlation; the picture's shift is then used
-    for motions beyond the reach of the tracker. reach_heights: range, in camera heights, beyond which no corner counts
-    as floor.
-    """
-
-    working_width_px: int = 320
-    window_px: int = 11
-    corners: int = 160
-    floor_share: float = 0.6
+    working_width_px: int = 320  # wider pictures are scaled down to this width
+    window_px: int = 11  # size of the tracker's window; the spacing of corners is at least half of it
+    corners: int = 160  # number of corners
+    floor_share: float = 0.6  # share of the corners that are sought where the floor is within reach
+    # Minimum response of the phase correlation; the picture's shift is then used for motions beyond the tracker's
+    # reach.
     shift_response: float = 0.15
-    reach_heights: float = 12.0
+    reach_heights: float = 12.0  # range, in camera heights, beyond which no corner counts as floor
 
     @property
     def apart_px(self) -> int:

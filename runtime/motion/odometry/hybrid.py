@@ -44,23 +44,20 @@ CAMERA = "camera"  # the source that judges the wheels
 
 @dataclass(frozen=True, slots=True)
 class HybridRule:
-    """Weights of the hybrid's members.
+    """Weights of the hybrid's members."""
 
-    covariance_scale: factor on covariances, so that they agree with the errors: on those of corners and gyro; once more
-    on those of a carried camera's corners; three times more on those of the flow head, whose errors last longest; and
-    on the fused one, as errors of landmarks, of scale and of a wheel's radius last for seconds, so that sums over 1 to
-    10 s vary more than independent steps would (NEES over 3 without it: camera alone 1.9 to 3.7, with wheels 1.2 to
-    2.9, camera and gyro 1.3 to 2.5; homes 8301-8310). covered_covariance_scale: a further factor for the camera where
-    the share of the picture that stays plain while the rest moves reaches `health.part_share`, as a cover and its edge
-    do not move; raised to the power of covered share over that limit. While people and animals cover that much, the
-    camera is not compared with the wheels. trust: in the wheels. compass: of the room's edges, which correct the
-    heading.
-    """
-
+    # Factor on covariances, so that they agree with the errors: on those of corners and gyro; once more on those of a
+    # carried camera's corners; three times more on those of the flow head, whose errors last longest; and on the fused
+    # one, as errors of landmarks, of scale and of a wheel's radius last for seconds, so that sums over 1 to 10 s vary
+    # more than independent steps would (NEES over 3 without it: camera alone 1.9 to 3.7, with wheels 1.2 to 2.9, camera
+    # and gyro 1.3 to 2.5; homes 8301-8310).
     covariance_scale: float = 2.0
+    # A further factor for the camera where the share of the picture that stays plain while the rest moves reaches
+    # `health.part_share`, as a cover and its edge do not move; raised to the power of covered share over that limit.
+    # While people and animals cover that much, the camera is not compared with the wheels.
     covered_covariance_scale: float = 30.0
-    trust: TrustRule = field(default_factory=TrustRule)
-    compass: CompassRule = field(default_factory=CompassRule)
+    trust: TrustRule = field(default_factory=TrustRule)  # in the wheels
+    compass: CompassRule = field(default_factory=CompassRule)  # of the room's edges, which correct the heading
 
     def covariance_factor(self, source: str, covered: float, limit: float) -> float:
         """Factor on a source's covariance where this share of the picture is covered. limit: `health.part_share`."""
