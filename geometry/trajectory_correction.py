@@ -25,11 +25,6 @@ class TrajectoryCorrection:
         """Poses (N, 3), x, y, yaw, of those times (N,), corrected."""
         return composed(self.moves[self._rows(stamps_s)], np.asarray(poses, dtype=np.float64).reshape(-1, 3))
 
-    def moved_points(self, stamps_s: ArrayLike, points_m: ArrayLike) -> Array:
-        """Points (N, 2) observed at those times (N,), corrected."""
-        points = np.asarray(points_m, dtype=np.float64).reshape(-1, 2)
-        return self.moved_poses(stamps_s, np.column_stack([points, np.zeros(len(points))]))[:, :2]
-
     def compose(self, later: "TrajectoryCorrection") -> "TrajectoryCorrection":
         """The composition of this correction and a later one."""
         stamps = np.union1d(self.stamps_s, later.stamps_s)

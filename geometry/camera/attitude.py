@@ -65,8 +65,8 @@ class TrackedRotation:
 @dataclass(frozen=True, slots=True, eq=False)
 class MountEstimate:
     """A mount's angles as estimated from pictures and accelerometer. sigma_rad: standard deviations of roll and pitch,
-    (2,). used: the mount that attitudes refer to: the given one, with angles corrected where they proved wrong. given:
-    the mount as configured.
+    (2,). used: the mount that attitudes refer to: the configured one, with angles corrected where they proved wrong.
+    given: the mount as configured.
     """
 
     mount: Mount
@@ -117,7 +117,7 @@ class Attitude:
 
     @classmethod
     def of_mount(cls, mount: Mount, sigma_rad: float = 0.0) -> "Attitude":
-        """The mount's own angles, each with this standard deviation."""
+        """The mount's angles, each with this standard deviation."""
         return cls(mount.roll_rad, mount.pitch_rad, np.eye(2) * sigma_rad**2)
 
     @classmethod

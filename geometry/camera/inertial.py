@@ -1,6 +1,6 @@
 """Attitude from gyro and accelerometer: an error-state Kalman filter, one update a frame.
 
-An accelerometer measures gravity only once the camera's acceleration averages out, and it does because velocity is
+An accelerometer measures gravity only once the camera's acceleration averages out. It does, because velocity is
 bounded: the filter integrates the velocity that its attitude implies and corrects it with odometry, or, without
 odometry, loosely towards zero. A wrong tilt makes gravity leak into that velocity, which makes the error observable.
 Odometry's yaw makes the gyro's bias about the vertical observable, which gravity does not; the mount, about which a
@@ -240,8 +240,8 @@ def _turned_rad(before: Array, after: Array) -> float:
 
 
 def _held(state: InertialState, span_s: float, noise: InertialNoise) -> InertialState:
-    """Velocities that no odometry measures stay bounded; at rest there is none, and the mean rate is the bias: about
-    the vertical only where no odometry distinguishes a slow turn from rest."""
+    """Bounds velocities that no odometry measures. At rest the velocity is zero and the mean rate is the bias; about
+    the vertical only without odometry, which distinguishes a slow turn from rest."""
     selected = _selected(_VELOCITY)
     if state.calm is None:
         variance = noise.speed**2 * max(1.0 / span_s, 1.0) * np.eye(3)

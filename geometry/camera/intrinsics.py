@@ -77,10 +77,10 @@ class Distortion:
         )
 
 
-def _invert(function: Callable[[Array], Array], targets: Array, steps: int = 20) -> Array:
+def _invert(function: Callable[[Array], Array], targets: Array) -> Array:
     """Solve function(x) = target per row by Newton's method with a numeric 2x2 Jacobian, starting at the target."""
     points, h = targets.copy(), 1e-6
-    for _ in range(steps):
+    for _ in range(20):
         residual = function(points) - targets
         if np.abs(residual).max(initial=0.0) < 1e-12:
             break

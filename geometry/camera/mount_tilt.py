@@ -71,7 +71,7 @@ class MountTilt:
         """Standard deviations of roll and pitch, (2,), the error common to a drive included."""
         return np.sqrt(np.diag(self.covariance) + self.rule.lasting**2)
 
-    def known(self) -> NDArray[np.bool_]:
+    def converged(self) -> NDArray[np.bool_]:
         """Whether roll and pitch have converged, bool (2,): to twice the error that is common to a drive."""
         return np.diag(self.covariance) < (2.0 * self.rule.lasting) ** 2
 

@@ -67,7 +67,7 @@ class Canvas:
         return row.astype(np.intp) * self.odds.shape[1] + column
 
     def _cover(self, low: NDArray[np.int32], high: NDArray[np.int32]) -> None:
-        """Grow so far that cells from low to, not including, high are inside, as far as that is allowed."""
+        """Grows the arrays to include the cells from low up to, not including, high, within LONGEST."""
         size = np.array(self.odds.shape[::-1], np.int32)
         if size.all():
             if (low >= self.first).all() and (high <= self.first + size).all():

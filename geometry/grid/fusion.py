@@ -90,7 +90,7 @@ class GridFusion:
         self._moved_patches()
 
     def transform(self, pose_map_start: SE2) -> None:
-        """Everything so far is in another frame, whose view of the old one is `pose_map_start`."""
+        """Moves everything to another frame, in which the old one has the pose `pose_map_start`."""
         if self._began is not None:
             self._close_patch()
         for patch in self._patches:
@@ -156,14 +156,14 @@ class GridFusion:
         return cells[np.square(cells + 0.5 - at).sum(axis=1) <= (rule.robot_m / rule.cell_m) ** 2].astype(np.int32)
 
     def _close_patch(self) -> None:
-        """What the newest patch holds is kept, and another one begins."""
+        """Keeps the newest patch; the next evidence begins another one."""
         if self._began is not None and len(patch := self._canvas.take_patch(self._began[1], self._began[0])):
             self._patches.append(patch)
         self._began = None
 
     def _bound(self) -> None:
-        """Of too many patches, the one nearest to an earlier one becomes one with it: there are as many as places,
-        however long the drive. Its evidence is as new as the later one's."""
+        """Joins the patch nearest to an earlier one with it where there are too many: their number is bounded by the
+        places, not by the length of the drive. The joined evidence has the later one's age."""
         saved = sum(patch.stamp_s == -math.inf for patch in self._patches)
         if len(self._patches) - saved > PATCHES:
             poses = np.array([patch.pose.vector() for patch in self._patches[saved : -PATCHES // 2]])

@@ -11,11 +11,9 @@ from edgemap.geometry.grid.rule import GridRule
 from edgemap.geometry.se2 import SE2
 
 
-def merged_grid(
-    first: OccupancyGrid | None, second: OccupancyGrid | None, pose_a_b: SE2, rule: GridRule | None = None
-) -> OccupancyGrid | None:
+def merged_grid(first: OccupancyGrid | None, second: OccupancyGrid | None, pose_a_b: SE2) -> OccupancyGrid | None:
     """Two saved grids in the first one's frame, with the second one's pose `pose_a_b`; log-odds add up."""
-    rule = rule or GridRule()
+    rule = GridRule()
     canvas = Canvas(*step_bounds(rule))
     for saved, move in ((first, SE2()), (second, pose_a_b)):
         if saved is not None:

@@ -1,4 +1,4 @@
-"""What people add to a map beside its objects: zones, deletions and the dock."""
+"""What people add to a map besides its objects: zones, deletions and the dock."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace

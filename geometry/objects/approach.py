@@ -16,7 +16,7 @@ DIRECTIONS = 48  # about the object, in which a pose is tried
 STEP_M, REACH_M = 0.1, 1.0  # how much farther than the wished standoff, where that is taken
 # Costs, in metres: of a pose a quarter turn away from the object's front, and of floor that nobody has seen.
 SIDE_M, UNKNOWN_M = 1.0, 10.0
-OWN_M = 0.15  # beyond an object's edge, cells are its own: three cells of the grid
+OWN_M = 0.15  # beyond an object's edge, cells belong to it: three cells of the grid
 WALK_SHARE = 0.1  # of the distance from the robot: of two good poses the nearer one
 
 
@@ -83,8 +83,8 @@ def approach(
 
 
 def _extent_m(item: MapObject, direction_rad: float) -> float:
-    """From an object's centre to its edge in one direction: of its rectangle where its facing is known, else of the
-    circle that holds as much floor."""
+    """Distance from an object's centre to its edge in one direction: of its rectangle where a person has set its yaw,
+    else of the circle of equal area."""
     if item.yaw_rad is None:
         return radius_m(item)
     width, depth = footprint_of(item)
@@ -104,7 +104,7 @@ def _crowded(at: Array, others: Sequence[MapObject], robot_radius_m: float) -> b
 
 
 def _floor(at: Array, grid: OccupancyGrid | None, robot_radius_m: float) -> str:
-    """free, unknown or taken: what the grid shows of the robot's circle."""
+    """State of the robot's circle in the grid: free, unknown or taken."""
     if grid is None:
         return "unknown"
     # Every cell that the circle touches: the point of it nearest to the centre lies in the circle.

@@ -58,8 +58,8 @@ class Estimate:
         return replace(plain, confidence=max(self._real(rule), self.saved.confidence if self.saved else 0.0))
 
     def _real(self, rule: AssociationRule) -> float:
-        """Probability that an object with these sightings, of this run only, is real: the odds of their mean score, as
-        many times as they have the evidence that an object needs, where consecutive pictures count as one.
+        """Probability that an object with these sightings, of this run only, is real: the odds of their mean score to
+        the power of their evidence over the evidence that an object needs. Consecutive pictures count as one.
         """
         sums = SightingSums()
         for landmark in self._landmarks:
@@ -80,7 +80,7 @@ def grouped(landmarks: Sequence[Landmark], roots: Sequence[int], rule: LandmarkR
     saved = {one.number for one in landmarks if one.saved is not None}
     of_root: dict[int, list[int]] = {}
     for one, root in zip(landmarks, roots, strict=True):
-        barred = one.beside | (saved - {one.number} if one.saved is not None else set())
+        barred = one.distinct | (saved - {one.number} if one.saved is not None else set())
         linked = of_root.setdefault(root, [])
         at = next((at for at in linked if one.number not in excluded[at]), None)
         if at is None:
@@ -137,7 +137,7 @@ def _sums(landmarks: Sequence[Landmark]) -> Array:
 
 
 def _placed(sums: Array, rule: LandmarkRule) -> Array:
-    """(6, N): position, own covariance xx, xy, yy and pose variance."""
+    """(6, N): position, covariance xx, xy, yy without the pose's, and pose variance."""
     xx, xy, yy, vx, vy, count, extent, variance = sums
     scale = 1.0 / (xx * yy - xy * xy)
     side_m2 = (rule.side_share * extent / count) ** 2
@@ -149,7 +149,7 @@ def _placed(sums: Array, rule: LandmarkRule) -> Array:
 
 def _distances(here: Array, there: Array, rule: LandmarkRule) -> Array:
     """Squared Mahalanobis distances (M, N) from M positions (6, M) to N positions (6, N). The covariance is the sum of
-    both own covariances and of the pose drift between them. Infinite beyond the gate and beyond the reach."""
+    both covariances and of the pose drift between them. Infinite beyond the gate and beyond the reach."""
     here, there = here[:, :, None], there[:, None, :]
     dx, dy = there[0] - here[0], there[1] - here[1]
     drift_m2 = np.abs(there[5] - here[5])

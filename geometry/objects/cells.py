@@ -1,4 +1,4 @@
-"""A grid index of points in the plane: nearby points are found in constant time."""
+"""A grid index of points in the plane: looks up nearby points in constant time."""
 
 import math
 from collections.abc import Hashable

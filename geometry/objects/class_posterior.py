@@ -46,7 +46,7 @@ class Candidate:
 
 
 def label_posterior(evidence: Mapping[str, float], rule: OverlapRule) -> dict[str, float]:
-    """Probability of each label that an object was given, most probable first: Bayes over its sightings' labels.
+    """Probability of each detected label of an object, most probable first: Bayes over its sightings' labels.
 
     evidence: sightings of each label. A detection of a true class shows each other label equally often.
     """

@@ -1,4 +1,4 @@
-"""Mapped furniture on the path of the base is no furniture, such as a carpet that was detected as a bed."""
+"""Rejects furniture that the base has driven through, such as a carpet that was detected as a bed."""
 
 import numpy as np
 

@@ -53,7 +53,7 @@ class Edit:
     """One edit by a person.
 
     name: `id` is called `name`; empty takes the name away. confirm: a person confirms `id` (`on`) or withdraws the
-    confirmation. correct: `id` has this `label`, `place_m`, `size_m` and `yaw_rad`, each where given. add: a new object
+    confirmation. correct: `id` has this `label`, `place_m`, `size_m` and `yaw_rad`, each where set. add: a new object
     with these values, without detections. merge: `id` is the same object as `into`. delete: `id` is not there. zone: a
     zone `id`, or a new one where it is empty, has `name` and `corners_m`. dock: the dock is at `pose`. pose: the robot
     is at `pose` now, with standard deviations `sigmas`. undo: drops the last of correct, merge and delete of the object
@@ -262,7 +262,7 @@ class MapEvents:
         return {one: fold.root(one) for one in sorted(ids) if fold.root(one) != one}
 
     def moved(self, correction: TrajectoryCorrection) -> None:
-        """A loop closure moves each place that was set in this run with the pose nearest to it."""
+        """Applies a loop closure: each place that was set in this run moves with the pose nearest to it."""
         self._move(correction.moved_poses)
 
     def enter(self, annotations: Annotations, pose_saved_own: SE2) -> None:

@@ -1,9 +1,9 @@
 """The default clustering: landmarks that are one object under both covariances.
 
-Two boxes of one frame never become one object, so chairs that stand closer than the paper's 1 m stay apart. Association
-is repeated around every landmark that is new, was observed from another keyframe, or moved. Objects that prove to be
-one merge and keep the older id; when one object proves to be two, the larger part keeps the id. Everything moves with
-the keyframes that observed it.
+Two boxes of one frame never become one object, so chairs that stand closer than the paper's 1 m stay separate.
+Association is repeated around every landmark that is new, was observed from another keyframe, or moved. Objects that
+prove to be one merge and keep the older id; when one object proves to be two, the larger part keeps the id. Everything
+moves with the keyframes that observed it.
 """
 
 import math
@@ -84,8 +84,8 @@ class FloorMap:
         merged: Mapping[str, str] | None = None,
     ) -> "FloorMap":
         """A map that continues an earlier one, whose objects stay unchanged until they are observed again. before,
-        merged: after a relocalisation, the map of this run so far and the new ids of its objects. Raises MapError for
-        an id given twice.
+        merged: after a relocalisation, the map of this run so far and the new ids of its objects. Raises MapError for a
+        repeated id.
         """
         floor_map = cls.after(saved, rule, graph)
         if len({item.id for item in saved}) < len(saved):
@@ -112,13 +112,13 @@ class FloorMap:
     def update(self, sightings: list[PlacedSighting]) -> list[str]:
         """Updates the map with all sightings of one frame. Returns the id of each one's object."""
         self._frames += 1
-        before = {number: (one.last, len(one.beside)) for number, one in self._in_view(sightings).items()}
+        before = {number: (one.last, len(one.distinct)) for number, one in self._in_view(sightings).items()}
         landmarks = self.graph.observe(sightings, self._frames)
         for label in dict.fromkeys(placed.label for placed in sightings):
             same_label = [one for one in landmarks if one.label == label]
             for one in same_label:
                 self._cells[label].set(one.number, one.position_m)
-            changed = [one for one in same_label if before.get(one.number) != (one.last, len(one.beside))]
+            changed = [one for one in same_label if before.get(one.number) != (one.last, len(one.distinct))]
             if changed:
                 self._group(label, changed)
             for one in same_label:
@@ -126,8 +126,8 @@ class FloorMap:
         return [self._owner[one.number].id for one in landmarks]
 
     def bound(self) -> None:
-        """Bounds the map's size on a drive of any length: of what never became an object, as many are kept as a
-        closure solves for, those observed last, and merges visits to one object. Not during a loop closure.
+        """Bounds the map's size on a drive of any length: keeps only the latest landmarks that never became an object,
+        as many as a closure solves for, and merges visits to one object. Not during a loop closure.
         """
         self._refresh()
         weak = [item for item in self._objects.values() if self._overlaps.best(item.id) not in self._shown]
@@ -162,7 +162,7 @@ class FloorMap:
         return [self._shown[identity] for identity in sorted(ids, key=id_order)]
 
     def shown_as(self, identity: str) -> str:
-        """The id under which the map shows this object: its own, or that of the object that replaced it."""
+        """The id under which the map shows this object: unchanged, or that of the object that replaced it."""
         self._refresh()
         return self._overlaps.best(identity)
 
@@ -192,8 +192,8 @@ class FloorMap:
             self._remove(candidate.id)
 
     def retilt(self, tilt_rad: Array) -> None:
-        """Moves everything that was placed by the mount after its roll and pitch changed by (2,); a saved map's objects
-        stay.
+        """Moves everything that the mount's angles placed, after its roll and pitch changed by (2,); a saved map's
+        objects stay.
         """
         self.graph.tilt_rad = self.graph.tilt_rad + tilt_rad
         self.graph.place(list(self.graph.landmarks.all.values()))
@@ -205,7 +205,7 @@ class FloorMap:
         return {one.number: one for one in near}
 
     def _group(self, label: str, changed: Sequence[Landmark]) -> None:
-        """Decide again what is one object, for all within reach of these landmarks."""
+        """Repeats the association of all landmarks within reach of these."""
         affected = self._around(label, changed)
         before = {owner.id: owner for one in affected if (owner := self._owner.get(one.number))}
         rule = self.graph.rule.landmarks
@@ -234,7 +234,7 @@ class FloorMap:
     def _join_oldest(self, item: _Object, visits: Sequence[Landmark]) -> bool:
         """The two oldest of these visits to an object become one; whether there were two."""
         for kept, gone in combinations(sorted(visits, key=lambda one: one.number), 2):
-            if not kept.is_apart(gone):
+            if not kept.is_distinct(gone):
                 self.graph.join(kept, gone)
                 item.landmarks.remove(gone)
                 self._cells[item.label].remove(gone.number)
@@ -244,7 +244,7 @@ class FloorMap:
         return False
 
     def _homes(self, groups: list[list[Landmark]], ids: list[str]) -> list[list[str]]:
-        """For each group the ids that it goes on with, oldest first: an id goes where most of its sightings are."""
+        """Ids that each group keeps, oldest first: an id goes to the group with most of its sightings."""
         shares: dict[str, Counter[int]] = {identity: Counter() for identity in ids}
         for number, group in enumerate(groups):
             for one in group:
@@ -261,7 +261,7 @@ class FloorMap:
         return f"{label}-{self._issued[label]}"
 
     def _rename(self, renamed: dict[str, str]) -> None:
-        """Ids that are no more, to those that they became."""
+        """Maps ids that no longer exist to those that replaced them."""
         if renamed:
             for old in renamed:
                 del self._objects[old]
@@ -291,7 +291,7 @@ class FloorMap:
         return item.estimate
 
     def _refresh(self) -> None:
-        """What the map shows, for all that changed since it was last asked for."""
+        """Updates what the map shows of everything that changed since the last call."""
         if not self._changed:
             return
         for identity in self._changed:
@@ -309,7 +309,7 @@ class FloorMap:
         self._listed = None
 
     def _show(self, identity: str, shown: MapObject | None) -> None:
-        """Show an object, or no longer, in its place in the order: a large map is not sorted again."""
+        """Shows or hides an object at its place in the order, so that a large map is not sorted again."""
         key = id_order(identity), identity
         at, listed = bisect_left(self._order, key), identity in self._shown
         if shown is None and listed:
@@ -348,8 +348,8 @@ class FloorMap:
 
 
 def outermost(places_m: Array, position_m: Array) -> tuple[tuple[float, float], ...]:
-    """Of the positions (N, 2) from which an object at (2,) was observed, the farthest in each direction, in the order
-    given: the lines of sight from nearer ones cover the same floor.
+    """Of the positions (N, 2) from which an object at (2,) was observed, the farthest in each direction, in their
+    order: the lines of sight from nearer ones cover the same floor.
     """
     away_m = places_m - position_m
     sector = np.floor((np.arctan2(away_m[:, 1], away_m[:, 0]) / math.tau + 0.5) * DIRECTIONS) % DIRECTIONS

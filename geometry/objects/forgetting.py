@@ -64,7 +64,7 @@ class Forgetter:
         """Updates with one frame, after the map was updated with its sightings. Returns the ids to remove. detections:
         all boxes of the frame. pose_map_base: pose of the robot in this frame. object_ids: objects sighted. camera:
         with the frame's attitude, None for the level robot's. kept: ids of objects that a person has confirmed, which
-        never leave. floor: where the picture shows floor; None where that is not known.
+        never leave. floor: where the picture shows floor; None without a floor mask.
         """
         camera = camera or self.camera
         sighted, gone = {floor_map.shown_as(identity) for identity in object_ids}, []
@@ -96,7 +96,7 @@ class Forgetter:
         return gone
 
     def _concerned(self, floor_map: FloorMap, pose_map_base: SE2, sighted: set[str]) -> list[MapObject]:
-        """Those near enough that are sighted or ahead, for which geometry is worth its time."""
+        """Objects near enough that are sighted or ahead; others cannot be in view."""
         here = np.array([pose_map_base.x_m, pose_map_base.y_m])
         objects = floor_map.near(here, NEAR_M)
         if not objects:
@@ -106,7 +106,7 @@ class Forgetter:
         return [item for item, close in zip(objects, ahead, strict=True) if close or item.id in sighted]
 
     def _hit(self, item: MapObject, pose_map_base: SE2, clear: bool) -> None:
-        """It is there, whatever was missed before and in the same observation."""
+        """The object is present, whatever was missed before and in the same observation."""
         if clear:
             self._observation_at(item, pose_map_base).seen = True
         self._missed[item.id] = 0

@@ -26,7 +26,7 @@ CORRECTABLE = {
 
 
 def moved(item: MapObject, alignment: Alignment) -> MapObject:
-    """An object of the second map in the first one's frame, with the alignment's own uncertainty on top."""
+    """An object of the second map in the first one's frame, with the alignment's covariance added."""
     pose = alignment.pose_a_b
     rotation, wrt_pose = pose.rotation(), jacobian(pose, item.position_m)
     covariance = rotation @ item.covariance_m2 @ rotation.T + wrt_pose @ alignment.covariance @ wrt_pose.T
@@ -88,8 +88,8 @@ def merge_all(
     """One map of all that fit together by their objects.
 
     base: the map whose frame counts and onto which the others are laid. Without one the largest group of maps that fit
-    together is merged, in the frame of its first map; a map of another place is then in no group but its own. before:
-    alignments of an earlier merge, which save time where the maps have changed a little.
+    together is merged, in the frame of its first map; a map of another place is then left out. before: alignments of an
+    earlier merge, which save time where the maps have changed a little.
     """
     groups, rest = list[MergedMaps](), list(maps) if base is None else [base]
     while rest:
@@ -106,8 +106,8 @@ def merge_all(
 def _grown(
     group: MergedMaps, maps: Mapping[str, AnnotatedMap], names: Collection[str], before: Mapping[str, Alignment]
 ) -> MergedMaps:
-    """The group with every map that fits onto it, largest first. One that does not fit may fit onto what later ones
-    add, so it is tried again.
+    """Adds every map that fits to the group, largest first. One that does not fit is tried again after others have
+    added objects.
     """
     waiting = sorted((name for name in names if name not in group.alignments), key=lambda name: -len(maps[name][0]))
     refused: dict[str, str] = {}

@@ -12,7 +12,7 @@ _EDGE_M = 1e-9  # this near to a polygon's side, a point counts as inside
 
 
 def labelled(objects: Sequence[MapObject], *labels: str) -> list[MapObject]:
-    """The objects of these classes, in the order given."""
+    """The objects of these classes, in their order."""
     return [item for item in objects if item.label in labels]
 
 
@@ -21,7 +21,7 @@ def nearest(
 ) -> list[tuple[float, MapObject]]:
     """Objects with their distance in metres from a point (2,) of the map frame, nearest first, at most `count`.
 
-    Equal distances keep the order given. Raises MapError for a point that is not two finite numbers.
+    Equal distances keep their order. Raises MapError for a point that is not two finite numbers.
     """
     point = np.asarray(point_m, dtype=np.float64)
     if point.shape != (2,) or not np.isfinite(point).all():
@@ -32,7 +32,7 @@ def nearest(
 
 
 def inside_polygon(objects: Sequence[MapObject], corners_m: ArrayLike) -> list[MapObject]:
-    """The objects whose centre lies inside or on a polygon, in the order given.
+    """The objects whose centre lies inside or on a polygon, in their order.
 
     corners_m: (N, 2), N >= 3, map frame, either way round, not closed; sides that cross follow the even-odd rule.
     Raises MapError for anything else.

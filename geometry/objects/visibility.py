@@ -54,8 +54,8 @@ def in_plain_view(
     detections: Detections,
     rule: ViewRule,
 ) -> NDArray[np.bool_]:
-    """Which objects should be detected, given their expected boxes: fully in the picture, near, observed before from
-    near here, and not occluded; (N,).
+    """Which objects should be detected, by their expected boxes: fully in the picture, near, observed before from near
+    here, and not occluded; (N,).
     """
     size = camera.intrinsics.width, camera.intrinsics.height
     inside = (boxes[:, :2] >= 0.0).all(axis=1) & (boxes[:, 2:] <= size).all(axis=1)
@@ -79,7 +79,7 @@ def in_plain_view(
 def floor_in_place(
     objects: Sequence[MapObject], camera: FloorCamera, pose_map_base: SE2, mask: FloorMask
 ) -> NDArray[np.bool_]:
-    """In whose place the picture shows floor, (N,): at the position and all round its ellipse of one standard
+    """Which objects have visible floor in their place, (N,): at the position and all round its ellipse of one standard
     deviation, where that is large enough for the mask. No wall stands before it then, wherever the robot is.
     """
     if not objects:

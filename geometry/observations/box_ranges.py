@@ -11,7 +11,7 @@ ACROSS, DOWN = (0.2, 0.8), (0.15, 0.9)  # of a box, its part that is read
 SAMPLES = 14  # along each side of it
 FARTHEST_M = 8.0
 OFF_FLOOR_M, OFF_FLOOR_PER_M = 0.05, 0.01  # lower points are the floor's
-KNOWN_SHARE = 0.25  # of the samples, above the floor and of known depth
+KNOWN_SHARE = 0.25  # of the samples, above the floor and with measured depth
 NEAR_QUANTILE = 0.3  # what shows through an object lies behind it
 DEPTH_M, DEPTH_PER_M2 = 0.02, 0.004  # standard deviation of a measured range: constant, and with its square
 

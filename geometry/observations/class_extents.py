@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 WIDEST_UNKNOWN_M = 1.0
 
-# Usual footprint of a class, width and depth in metres; where none is known, the box's own width serves for both.
+# Usual footprint of a class, width and depth in metres; a class without one gets the box's width for both.
 FOOTPRINT_M = {
     "chair": (0.50, 0.50), "couch": (2.00, 0.90), "potted plant": (0.40, 0.40), "bed": (1.60, 2.00),
     "dining table": (1.40, 0.90), "toilet": (0.40, 0.65), "tv": (1.00, 0.25), "refrigerator": (0.65, 0.65),

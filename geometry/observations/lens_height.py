@@ -39,8 +39,8 @@ class LensHeight:
 
 @dataclass(frozen=True, slots=True)
 class HeightMeasurement:
-    """The lens's height by one witness. log_m: logarithm of it in metres. sigma: standard deviation of that. shared:
-    the part of it by the pitch's error, which has one sign in all measurements.
+    """The lens's height by one source. log_m: logarithm of it in metres. sigma: standard deviation of that. shared: the
+    part of it that the pitch error causes, which has one sign in all measurements.
     """
 
     name: str
@@ -63,7 +63,7 @@ class HeightBySizes:
         return sum(map(len, self._heights.values()))
 
     def add(self, boxes: Detections, camera: FloorCamera) -> None:
-        """The boxes of one picture; pictures are so far apart that each is another view."""
+        """Adds the boxes of one picture. Pictures must be so far apart that each is another view."""
         for estimate in lens_heights(boxes, camera):
             self._heights[estimate.label].append(estimate)
 
@@ -91,8 +91,8 @@ class HeightBySizes:
 
 
 def agreed_height(measurements: Sequence[HeightMeasurement]) -> tuple[float, float]:
-    """Weighted mean of the logarithms, and its standard deviation; more where they disagree (Birge 1932). What the
-    measurements share is as large in the mean as in each of them: it is added as it is.
+    """Weighted mean of the logarithms, and its standard deviation; more where they disagree (Birge 1932). The error
+    that all measurements share is not averaged out: it is added unchanged.
     """
     logs, weights = np.array([one.log_m for one in measurements]), np.array([one.sigma**-2 for one in measurements])
     mean = float(np.average(logs, weights=weights))

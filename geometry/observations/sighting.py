@@ -253,7 +253,7 @@ def _on_floor(
 
 def _floor_begins_m(box: Array, camera: FloorCamera, floor: FloorMask | None) -> float:
     """Range from the lens at which floor begins below a box (4,) with none at its edge; infinite where it is at the
-    edge, or nothing is known."""
+    edge, or without a mask."""
     row = None if floor is None else floor.hidden_until(box)
     if row is None:
         return math.inf
@@ -288,7 +288,7 @@ def _edges(
 def _without_doubles(sightings: list[Sighting], boxes: Array) -> list[Sighting]:
     """Drop a box that lies mostly inside a stronger one of its label and stands where that one stands.
 
-    Suppression by IoU keeps a box round a part of an object beside the box round all of it.
+    Suppression by IoU keeps a box round a part of an object in addition to the box round all of it.
     """
     kept: list[Sighting] = []
     for sighting in sorted(sightings, key=lambda s: -s.score):

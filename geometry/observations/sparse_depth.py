@@ -22,7 +22,7 @@ class SparseDepth:
 
     @classmethod
     def of(cls, depth_m: NDArray[np.float32] | None) -> "SparseDepth | None":
-        """Subsamples a depth picture (H, W) of the camera's own pixels; None for None."""
+        """Subsamples a depth picture (H, W) registered to the camera's pixels; None for None."""
         if depth_m is None:
             return None
         first = EVERY_PX // 2

@@ -1,4 +1,4 @@
-"""Worktops that a floor mask takes for floor: what people put on furniture stands on them."""
+"""Worktops that a floor mask mistakes for floor: small things of furniture stand on them."""
 
 from edgemap.geometry.observations.detections import Detections
 from edgemap.geometry.observations.floor_mask import FloorMask

@@ -28,7 +28,7 @@ ROUNDS, MEASURED_ROUNDS = 4, 2  # of Gauss and Newton for each picture; where in
 SMALLEST_STEP = 1e-5  # m and rad, at which the rounds end
 NEAREST, FARTHEST = 20.0, 1e-4  # inverse depths, 1/m
 ORIGIN = np.array([1e-6, 1e-6, 1e6, 1e8, 1e8, 1e-6])  # information that fixes heading and place of the first pose
-UNHELD_RAD = np.radians(2.0)  # standard deviation of a tilt that was given by other angles
+UNHELD_RAD = np.radians(2.0)  # standard deviation of a tilt after the mount's angles have changed
 ANY = 0.3, 0.4  # mean inverse depth of a new point off the floor and its standard deviation, 1/m
 
 
@@ -192,9 +192,8 @@ class KeyframeWindow:
         return weight
 
     def loosen(self, up: Array) -> None:
-        """All poses in the window were held to other angles than those of up (3,), optical axes.
-
-        What was marginalised is discarded.
+        """Loosens the gravity constraint of all poses in the window. up: new up vector (3,), optical axes. Discards the
+        marginalised prior.
         """
         if self.poses:
             self._factors = [replace(one, up=up, up_rad=max(one.up_rad, UNHELD_RAD)) for one in self._factors]
@@ -408,7 +407,8 @@ class KeyframeWindow:
         return float(np.median(np.hypot(*parallax.T))) > self._rule.parallax_px / self._focal_px
 
     def _rehost(self, old: int, new: int) -> None:
-        """Points hosted by one pose begin again at another, without what was known of their depth; others end."""
+        """Points hosted by one pose start again at another, without their prior depth; those not observed there are
+        dropped."""
         points, mine = self.points, self.points.host == old
         here = mine & points.observed[:, new]
         world, _ = self._world(points.chosen(here))

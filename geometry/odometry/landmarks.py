@@ -22,7 +22,7 @@ class AttitudeError:
     roll_rad: float = 0.0
 
     def rotation(self) -> Array:
-        """3x3, applied to directions of the base frame after the mount's own rotation."""
+        """3x3, applied to directions of the base frame after the mount's rotation."""
         cp, sp = math.cos(self.pitch_rad), math.sin(self.pitch_rad)
         cr, sr = math.cos(self.roll_rad), math.sin(self.roll_rad)
         return np.array([[cp, sp * sr, sp * cr], [0.0, cr, -sr], [-sp, cp * sr, cp * cr]])
@@ -39,7 +39,7 @@ class Viewpoint:
 
 
 def rotated(tilt: AttitudeError, before: FloorCamera, rotation: Array, after: FloorCamera) -> AttitudeError:
-    """Tilt against `after`'s mount of a camera that was tilted so against `before`'s and rotated.
+    """Tilt of a camera against the mount of `after`, from its tilt against that of `before` and its rotation since.
 
     rotation: (3, 3), takes optical directions of now into those of before, as a gyro measures it.
     """
@@ -180,7 +180,7 @@ def project(landmarks: Landmarks, camera: FloorCamera, view: Viewpoint) -> Proje
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Located:
-    """view: the estimated pose. covariance: (6, 6) of it in its own base frame, (m, m, rad, rad, rad, m), given
+    """view: the estimated pose. covariance: (6, 6) of it in its base frame, (m, m, rad, rad, rad, m), for fixed
     landmarks. weights (N,): 0 for a track that does not fit. residual (N, 2), projection: at that view. scale: relative
     correction of the inverse depths off the floor. lateral: m and m^2, lateral motion from the floor alone and its
     variance, None where little floor is in view. slid: whether that contradicts rolling.
@@ -212,12 +212,12 @@ def locate(
     """The view that best fits the observed points, (N, 2) normalised image points: robust Gauss-Newton from a start.
 
     A landmark's uncertain depth widens its expected residual along its epipolar line, so a far or new one constrains
-    the rotation only. `noise` is the prior of pitch, roll and rise about the start's. Points off the floor keep
-    their shape; their common scale may change within `noise.scale`, so that the floor determines it. Tukey's weights,
-    scale annealed. doubtful (N,): points on objects that may move, used only once the others have determined the view.
+    the rotation only. `noise` is the prior of pitch, roll and rise about the start's. Points off the floor keep their
+    shape; their common scale may change within `noise.scale`, so that the floor determines it. Tukey's weights, scale
+    annealed. doubtful (N,): points on objects that may move, used only once the others have determined the view.
     rolling: the last picture's pose and how the robot rolled on from it, unless much floor in view shows that it slid.
-    Depths that err together move the lens sideways in a turn, at a covariance that knows nothing of it: the more the
-    landmarks alone contradict rolling, the more it counts, and the larger is the covariance.
+    A common error of the depths moves the lens sideways in a turn, which the covariance does not show: the more the
+    landmarks contradict rolling, the larger are its weight and the covariance.
     """
     projection = project(landmarks, camera, start)
     sure = np.ones(len(observed), dtype=bool) if doubtful is None or doubtful.all() else ~doubtful
@@ -278,10 +278,10 @@ LATERAL_GATE = 25.0  # squared, in standard deviations
 TURN_M = 0.3  # of motion that a radian of turn counts as, and by which pictures confuse the two
 
 
-# Relative standard deviation of an inverse depth below which it is used for new landmarks beside it, and of theirs
+# Relative standard deviation of an inverse depth below which neighbouring new landmarks start with it, and of theirs
 # about it.
 NEIGHBOUR_DEPTH = 0.3
-UNKNOWN_NEIGHBOURS = 0.5  # weight of `Noise.unknown_mean` among the landmarks beside a new one
+UNKNOWN_NEIGHBOURS = 0.5  # weight of `Noise.unknown_mean` among the neighbours of a new landmark
 
 
 def with_neighbours_depth(
@@ -318,10 +318,10 @@ def scaled_by_floor(
     doubtful: NDArray[np.bool_] | None = None,
     rolling: tuple[SE2, Rolling] | None = None,
 ) -> tuple[Landmarks, Located]:
-    """Landmarks and view after the floor has been asked: where its landmarks agree with each other and not with the
-    view found, the others have lost the scale (before a wall they may come to agree on no motion at all). Their depth
-    is unknown then, and the view is solved again. enough: share and number of the floor's landmarks that agree. The
-    rest is as of `locate`.
+    """Restores the scale from the floor's landmarks where they agree with each other and not with the view: the other
+    landmarks then have a wrong scale (before a wall they may even agree on no motion at all). Their depth becomes
+    unknown, and the view is solved again. enough: share and number of the floor's landmarks that agree. Other
+    parameters are as of `locate`.
     """
     floor, (share, number) = landmarks.floor, enough
     least = max(share * float(floor.sum()), number)
@@ -384,7 +384,7 @@ BELOW_SHARE, BELOW_COUNT = 0.1, 8  # of the landmarks: as many on one plane belo
 
 
 def _classified(landmarks: Landmarks, noise: Noise) -> Landmarks:
-    """Landmarks of known depth that lie on the floor become floor landmarks."""
+    """Landmarks whose depth is certain enough and on the floor become floor landmarks."""
     sigma = np.sqrt(landmarks.variance)
     off = np.abs(landmarks.inverse_m - landmarks.on_floor)
     floor = _of_known_depth(landmarks) & (off < FLOOR_BAND * landmarks.on_floor + 2.0 * sigma)
@@ -399,7 +399,7 @@ def _classified(landmarks: Landmarks, noise: Noise) -> Landmarks:
 
 
 def _of_known_depth(landmarks: Landmarks) -> NDArray[np.bool_]:
-    """Below the horizon, of known depth, and not floor; (N,)."""
+    """Which landmarks lie below the horizon, have a certain depth and are not floor yet, (N,)."""
     return (landmarks.on_floor > 0.0) & (np.sqrt(landmarks.variance) < KNOWN_DEPTH * landmarks.on_floor)
 
 

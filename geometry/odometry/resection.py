@@ -1,4 +1,4 @@
-"""A camera's pose in six dimensions among points of known depth: spatial resection (perspective-n-point), refined."""
+"""A camera's pose in six dimensions from points with measured depth: spatial resection (perspective-n-point)."""
 
 from dataclasses import dataclass
 
@@ -42,8 +42,8 @@ class DepthLandmarks:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Resected:
-    """pose: the estimate. covariance: (6, 6) in its own optical axes, displacement (m) and rotation (rad). weights
-    (N,): 0 where a point does not fit.
+    """pose: the estimate. covariance: (6, 6) in its optical axes, displacement (m) and rotation (rad). weights (N,): 0
+    where a point does not fit.
     """
 
     pose: LensPose
@@ -66,7 +66,7 @@ def resect(landmarks: DepthLandmarks, observed: Array, start: LensPose, sigma: f
         u, v = x / z, y / z
         inverse_m, zero = 1.0 / z, np.zeros(len(z))
         residual = observed - np.column_stack([u, v])
-        # By displacement and rotation of the lens in its own axes: row 0 of u, row 1 of v.
+        # By displacement and rotation of the lens in its axes: row 0 of u, row 1 of v.
         jacobian = np.array(
             [
                 [-inverse_m, zero, u * inverse_m, u * v, -1.0 - u * u, v],

@@ -9,7 +9,7 @@ from edgemap.geometry.arrays import Array
 from edgemap.geometry.se2 import SE2
 
 ROLLED_M = 1e-3  # least standard deviation of lateral slip
-MEASURED_M = 0.005  # standard deviation of a lateral motion measured in a turn, beside the one that it states
+MEASURED_M = 0.005  # standard deviation of a lateral motion measured in a turn, in addition to its stated one
 UNKNOWN_M = 0.3  # standard deviation of an axle before any measurement
 FOLLOWED_M = 0.005  # least standard deviation of an estimated axle, so that updates continue
 

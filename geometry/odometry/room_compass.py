@@ -21,7 +21,7 @@ RIGHT_ANGLE = math.pi / 2.0
 AMBIGUOUS_RAD = RIGHT_ANGLE / 4.0
 ROUNDS = 6  # of reweighting
 CERTAIN_RAD2 = 1e-9  # variance of an exact prior
-WINGS = 4  # kept beside the first direction
+WINGS = 4  # kept in addition to the first direction
 VIEWS = 40  # that are kept, and latest steps that a view can refer to: a bound on time and memory
 
 
@@ -145,7 +145,7 @@ class RoomCompass:
         return replace(self, corrected_rad=self.corrected_rad + part), part
 
     def _unexplained(self, off_rad: float) -> "RoomCompass":
-        """After a view that fits no direction of the room. off_rad: from the first direction."""
+        """Counts a view that fits no direction of the room. off_rad: from the first direction."""
         outliers = (*self.unexplained_rad, off_rad)[-self.rule.alike :]
         spread_rad = [_wrapped(item - off_rad) for item in outliers]
         if len(outliers) < self.rule.alike or max(spread_rad) - min(spread_rad) > CLEAR_SIGMAS * self.rule.view_rad:

@@ -1,4 +1,4 @@
-"""What is measured of the poses in a window beside its tracks: gravity, height, gyro."""
+"""Measurements of the poses in a window other than its tracks: gravity, height, gyro."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -17,7 +17,7 @@ DENIED = 10.0  # standard deviations from which on a gyro loses its weight
 @dataclass(frozen=True, slots=True, eq=False)
 class PoseFactors:
     """up (3,): direction of gravity's opposite in optical axes; up_rad: its standard deviation. height_m: of the lens
-    above the floor, as it is given or measured; height_sigma_m: its standard deviation, rise_m: of its change since the
+    above the floor, configured or measured; height_sigma_m: its standard deviation, rise_m: of its change since the
     pose before. gyro (3, 3): rotation since the pose before, takes this one's optical directions into the earlier
     one's; gyro_rad: its standard deviation about each axis, infinite without a gyro.
     """
@@ -31,7 +31,7 @@ class PoseFactors:
     gyro_rad: float = np.inf
 
     def after(self, other: Self) -> Self:
-        """These factors, with the pose before removed, whose own were `other`."""
+        """These factors after the previous pose, which had the factors `other`, is removed."""
         return replace(
             self,
             gyro=other.gyro @ self.gyro,

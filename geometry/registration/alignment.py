@@ -130,8 +130,8 @@ def aligning(
 def realigned(
     alignment: Alignment, first: Sequence[MapObject], second: Sequence[MapObject], rule: AlignmentRule | None = None
 ) -> Alignment:
-    """An alignment of maps that have changed a little since it was found. Raises AlignmentError where too few objects
-    still match."""
+    """Updates an alignment of maps that have changed a little since. Raises AlignmentError where too few objects still
+    match."""
     rule = rule or AlignmentRule()
     fit = _refined(alignment.pose_a_b, first, second, rule)
     if fit is None or len(fit.pairs) < max(rule.least_pairs, rule.rival_share * len(alignment.pairs)):
@@ -170,7 +170,7 @@ def aligned_near(
 
 
 def _probability(theirs: MapObject, pose: SE2, first: Sequence[MapObject], rule: AlignmentRule) -> float:
-    """That an object put anywhere in the first map falls as near to one of its label as a pair may be apart."""
+    """Probability that a randomly placed object falls within the gate of one of its class."""
     span = np.ptp([item.position_m for item in first], axis=0) + 1.0
     rotation, area_m2 = pose.rotation(), 0.0
     for ours in first:
@@ -268,8 +268,8 @@ def jacobian(pose_a_b: SE2, point_b_m: Array) -> Array:
 
 
 def _chance(fit: _Fit, first: Sequence[MapObject], second: Sequence[MapObject], shared: int, tried: int) -> float:
-    """Expected number of motions between unrelated maps that explain as many objects as closely: the least over how
-    many of the pairs, nearest first, are asked to be as near."""
+    """Expected number of motions between unrelated maps that explain as many objects as closely: the minimum over the
+    number of nearest pairs that are compared."""
     span = np.ptp([item.position_m for item in first], axis=0) + 1.0
     probabilities = []
     covariances, labels = np.array([ours.covariance_m2 for ours in first]), np.array([ours.label for ours in first])

@@ -1,6 +1,6 @@
 """Solves with a banded Cholesky factor for many right-hand sides: block by block, so that matrix products do the work.
 
-LAPACK's own routine takes one right-hand side at a time, and three times as long for two hundred of them.
+LAPACK's routine takes one right-hand side at a time, and three times as long for two hundred of them.
 """
 
 import numpy as np

@@ -14,7 +14,7 @@ from edgemap.geometry.trajectory_correction import TrajectoryCorrection, compose
 FIXED = np.eye(3) * 1e8  # information of a first pose that is the map's origin
 
 
-EXACT = 0.0003  # m, rad: no motion is known better, however it is given
+EXACT = 0.0003  # m, rad: least standard deviation of any motion, whatever is stated
 
 
 @dataclass(frozen=True, slots=True)
@@ -101,7 +101,7 @@ class KeyframeTrajectory:
         covariances = np.array(self._loose if loose else self._covariances).reshape(-1, 3, 3)
         gains = self.rule.gain, self.rule.gain
         headings = np.array(self._headings).reshape(-1, 2)
-        # Their error is mostly the room's own, which all share: their information together is that of one.
+        # Their error is mostly the room's, which all share: together they have the information of one.
         measured = int(np.isfinite(headings[:, 1]).sum())
         heading_information = 1.0 / (headings[:, 1] * max(measured, 1))
         first = self._first, self._first_information

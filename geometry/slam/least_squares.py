@@ -313,7 +313,7 @@ class _System:
 
 
 def _normalisation(information: Array) -> float:
-    """Negative logarithm of the product of the normal densities' largest values, given their information (N, 2, 2)."""
+    """Negative logarithm of the product of the normal densities' largest values, by their information (N, 2, 2)."""
     return float(np.log(2.0 * np.pi / np.sqrt(np.linalg.det(information))).sum())
 
 

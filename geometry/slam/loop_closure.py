@@ -27,9 +27,9 @@ class LoopSearch:
         self._refused: Evidence = frozenset()  # the last hypothesis that was not accepted
 
     def closure(self) -> Closure:
-        """Links what is one object, and solves; links that do not fit are revoked. Yields after every unit of work;
-        until the end no landmark and no keyframe may leave the graph. Returns the solution and whether links changed,
-        None without links.
+        """Links landmarks of one object and solves the graph; revokes links that do not fit. Yields after every unit of
+        work; until the end no landmark and no keyframe may leave the graph. Returns the solution and whether links
+        changed, None without links.
         """
         graph = self.graph
         before, groups = dict(graph.links), graph.groups()
@@ -88,8 +88,9 @@ class LoopSearch:
     def _weighed(
         self, at: Snapshot, new: Mapping[int, int], without: Solution
     ) -> Generator[None, None, Solution | None]:
-        """The solution with these links too, None where all that was measured is not likelier with them: odometry with
-        its own covariance, observations with the errors that they share, and that an object stands there by chance."""
+        """The solution with these links too. None where all measurements together are not more likely with them:
+        odometry at its stated covariance, observations with the errors that they share, and the chance that an object
+        stands there."""
         graph = self.graph
         links = graph.links | dict(new)
         closed = yield from at.solved(links, REFINE, start=without)
@@ -111,8 +112,8 @@ class LoopSearch:
 
 
 def _unlinked(graph: PoseGraph, groups: Mapping[int, list[Landmark]], in_view: Set[int]) -> list[Landmark]:
-    """Landmarks that are no object seen before, so far: those in view, most sightings first, then, before they have to
-    go, those that passed without having been recognised, the last one first."""
+    """Landmarks that are not linked to an earlier object yet: those in view, most sightings first, then those that left
+    the view unlinked, the latest first, before they are dropped."""
     since = len(graph.trajectory) // 2 if graph.is_full else len(graph.trajectory)
     candidates = [
         one
@@ -141,8 +142,8 @@ def witnessed(graph: PoseGraph, proposed: Mapping[int, int]) -> dict[int, int]:
 def _candidates(
     graph: PoseGraph, fresh: Sequence[Landmark], groups: Mapping[int, list[Landmark]]
 ) -> list[tuple[Landmark, int]]:
-    """Landmarks with each earlier object that they may be: of the same label, not seen since, the nearest ones; of two
-    in one place the one that was seen more often."""
+    """Landmarks with each earlier object that they may be: of the same label, not observed since, the nearest ones; of
+    two in one place the one that was observed more often."""
     counts = {root: sum(one.sums.pictures for one in members) for root, members in groups.items()}
     likely = (root for root, members in groups.items() if any(graph.is_likely(one) for one in members))
     earlier = sorted(likely, key=lambda root: -counts[root])
@@ -155,7 +156,7 @@ def _candidates(
                 groups[root][0].label == landmark.label
                 and max(member.last for member in groups[root]) < landmark.first
                 and (landmark.number, root) not in graph.refused
-                and not any(landmark.is_apart(member) for member in groups[root])
+                and not any(landmark.is_distinct(member) for member in groups[root])
                 and all(math.hypot(*(at - other)) > graph.rule.hypotheses.same_m for other in chosen)
             ):
                 chosen.append(at)

@@ -32,8 +32,7 @@ class Pairing:
 def certain_pairings(
     pairings: Sequence[Pairing], landmarks: Array, covariance: Array, rule: LoopHypothesisRule, supported: int = 0
 ) -> Generator[None, None, list[Pairing]]:
-    """The pairings that hold with certainty, none where a single one does: nothing confirms it. Yields after every unit
-    of work.
+    """The certain pairings; none where there is only one, since nothing confirms it. Yields after every unit of work.
 
     landmarks: (L, 2) m; covariance: (2 L, 2 L) of all of them together, so that common errors (the robot's drift since)
     are separated from individual ones. supported: earlier pairings of landmarks now in view. Joint compatibility (Neira
@@ -57,7 +56,7 @@ def certain_pairings(
 
 
 def _held(pairings: Sequence[Pairing], shares: Array, landmarks: Array, rule: LoopHypothesisRule) -> list[Pairing]:
-    """The best pairing of each landmark in view, where it is certain together with those that say the same position."""
+    """The best pairing of each landmark in view, where it is certain together with those to the same position."""
     accepted: dict[int, Pairing] = {}
     for now in dict.fromkeys(pairing.now for pairing in pairings):
         rows = [row for row, pairing in enumerate(pairings) if pairing.now == now and pairing.before not in accepted]
@@ -79,7 +78,7 @@ def _least_ambiguous(pairings: Sequence[Pairing]) -> list[Pairing]:
 
 
 def _compatible(pairings: Sequence[Pairing], landmarks: Array, covariance: Array) -> list[Pairing]:
-    """Those within the gate by themselves."""
+    """Pairings that are within the gate individually."""
     now, before = (
         np.array([getattr(pairing, end) for pairing in pairings], dtype=np.intp) for end in ("now", "before")
     )
@@ -91,13 +90,13 @@ def _compatible(pairings: Sequence[Pairing], landmarks: Array, covariance: Array
 
 
 def _differences(pairings: Sequence[Pairing], landmarks: Array, covariance: Array) -> tuple[Array, Array]:
-    """How far apart the ends of P pairings are, (2 P,), and the covariance of that, (2 P, 2 P)."""
+    """Offsets between the ends of P pairings, (2 P,), and their covariance, (2 P, 2 P)."""
     now, before = (np.array([getattr(pairing, end) for pairing in pairings]) for end in ("now", "before"))
     difference = (landmarks[now] - landmarks[before]).ravel()
     rows = [(2 * end[:, None] + np.arange(2)).ravel() for end in (now, before)]
     a, b = rows
-    apart = covariance[np.ix_(a, a)] + covariance[np.ix_(b, b)] - covariance[np.ix_(a, b)] - covariance[np.ix_(b, a)]
-    return difference, apart
+    spread = covariance[np.ix_(a, a)] + covariance[np.ix_(b, b)] - covariance[np.ix_(a, b)] - covariance[np.ix_(b, a)]
+    return difference, spread
 
 
 class _Tree:

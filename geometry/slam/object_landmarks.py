@@ -55,11 +55,11 @@ class LandmarkRule:
 @dataclass(slots=True, eq=False)
 class Landmark:
     """One object in one visit. keyframes (N,): rows of the trajectory that observed it; rows (N, COLUMNS): sums of the
-    sightings of each. observed_at_m: the odometer at the last sighting. sums: evidence. beside: landmarks of its label
-    observed in the same frame, which are therefore other objects. saved: the object of an earlier map, which has no
+    sightings of each. observed_at_m: the odometer at the last sighting. sums: evidence. distinct: numbers of landmarks
+    of its label observed in the same frame, so other objects. saved: the object of an earlier map, which has no
     observations here. updated: number of the last frame. gone: marked for removal.
 
-    position_m (2,), own_m2 (2, 2): given the keyframes' poses. first_m2 (2, 2), variance_m2: what the pose of the first
+    position_m (2,), own_m2 (2, 2): for fixed keyframe poses. first_m2 (2, 2), variance_m2: what the pose of the first
     observation, and of all in the mean, adds. shared_m2 (2, 2): what the mount adds.
     """
 
@@ -71,7 +71,7 @@ class Landmark:
     keyframes: list[int] = field(default_factory=list)
     rows: Array = field(default_factory=lambda: np.zeros((0, COLUMNS)))
     sums: SightingSums = field(default_factory=SightingSums)
-    beside: set[int] = field(default_factory=set)
+    distinct: set[int] = field(default_factory=set)
     updated: int = 0
     gone: bool = False
     position_m: Array = field(default_factory=lambda: np.zeros(2))
@@ -90,9 +90,9 @@ class Landmark:
         """The newest keyframe that observed it; -1 for an earlier map's."""
         return self.keyframes[-1] if self.keyframes else -1
 
-    def is_apart(self, other: "Landmark") -> bool:
+    def is_distinct(self, other: "Landmark") -> bool:
         """Whether the two are certainly distinct: observed in one frame, or separate in an earlier map."""
-        return other.number in self.beside or (self.saved is not None and other.saved is not None)
+        return other.number in self.distinct or (self.saved is not None and other.saved is not None)
 
     def add(self, keyframe: int, row: Array) -> None:
         """One more sighting, in a keyframe's frame."""
@@ -114,7 +114,7 @@ class Landmark:
         weight = max(self.sums.weight, other.sums.weight)
         self.sums.join(other.sums)
         self.sums.weight = weight
-        self.beside |= other.beside
+        self.distinct |= other.distinct
         self.observed_at_m = max(self.observed_at_m, other.observed_at_m)
         self.updated = max(self.updated, other.updated)
 
@@ -176,7 +176,7 @@ def factors(rows: Array, tilt_rad: Array, view_m: float) -> tuple[Array, Array, 
 
 
 def place(landmarks: Sequence[Landmark], trajectory: KeyframeTrajectory, tilt_rad: Array, view_m: float) -> None:
-    """Position and covariance of landmarks that have observations, given the current trajectory: least squares over
+    """Position and covariance of landmarks that have observations, on the current trajectory: least squares over
     observations with one range error per landmark.
     """
     landmarks = [landmark for landmark in landmarks if landmark.keyframes]
@@ -259,7 +259,7 @@ class LandmarkSet:
         for number in numbers:
             self.all.pop(number).gone = True
         for landmark in self.all.values():
-            landmark.beside -= numbers
+            landmark.distinct -= numbers
 
     def associated(self, sightings: Sequence[PlacedSighting], odometer_m: float) -> list[Landmark]:
         """The landmark of each sighting of one frame: the nearest in view, one to one, or a new one."""
@@ -317,7 +317,7 @@ def _both(first: Array, second: Array) -> Array:
 
 
 def _in_frame(row: NDArray[np.float64], pose: SE2) -> Array:
-    """An observation's sums in the frame in which its own has this pose."""
+    """An observation's sums in the frame in which its current frame has this pose."""
     rotation, moved = pose.rotation(), row.copy()
     xx, xy, yy = row[INFORMATION]
     information = rotation @ np.array([[xx, xy], [xy, yy]]) @ rotation.T

@@ -72,8 +72,8 @@ class Snapshot:
         return {later: first for later, first in links.items() if later in self.rows and first in self.rows}
 
     def objects(self, links: Links) -> tuple[dict[int, int], Rows]:
-        """What these links make one object: the row of each object, by the number of its first landmark; and the row of
-        each landmark's object, (L,)."""
+        """The objects by these links: the row of each object, by the number of its first landmark; and the row of each
+        landmark's object, (L,)."""
         ties, first = self.ties(links), list[int]()
         for number in self.rows:
             while number in ties:
@@ -123,7 +123,7 @@ class Snapshot:
 
 
 class PoseGraph:
-    """Takes every frame's motion and sightings. Every visit to an object is a landmark of its own; a link makes two
+    """Takes every frame's motion and sightings. Every visit to an object is a separate landmark; a link makes two
     landmarks observations of one object, each from one side.
 
     links: the landmark that each later one is linked to. refused: revoked links. tilt_rad: roll and pitch (2,) by which
@@ -177,14 +177,14 @@ class PoseGraph:
             row = observed(placed, since, self.tilt_rad, rule.repeated)
             landmark.add(keyframe, row)
             landmark.updated = frame
-            landmark.beside |= {
+            landmark.distinct |= {
                 other.number for other in landmarks if other.label == landmark.label and other is not landmark
             }
         self.place(landmarks)
         return landmarks
 
     def place(self, landmarks: Sequence[Landmark]) -> None:
-        """Positions and covariances of landmarks, given the current trajectory."""
+        """Positions and covariances of landmarks on the current trajectory."""
         place(landmarks, self.trajectory, self.tilt_rad, self.rule.landmarks.view_m)
 
     def groups(self) -> dict[int, list[Landmark]]:
@@ -223,9 +223,9 @@ class PoseGraph:
             self.links[max(home, self.root(kept.number))] = min(home, self.root(kept.number))
         kept.join(gone)
         for other in self.landmarks.all.values():
-            if gone.number in other.beside:
-                other.beside.add(kept.number)
-        kept.beside.discard(kept.number)
+            if gone.number in other.distinct:
+                other.distinct.add(kept.number)
+        kept.distinct.discard(kept.number)
         self.remove({gone.number})
         self.place([kept])
 

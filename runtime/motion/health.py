@@ -165,7 +165,7 @@ def _tile_maxima(values: MatLike) -> NDArray[np.uint8]:
 
 
 def _content(grey: MatLike, fine: MatLike, structure: MatLike, rule: HealthRule) -> tuple[FaultKind | None, str]:
-    """Kind and detail by one picture's own content; None where usable. fine, structure: without the finest and the
+    """Kind and detail by one picture's content alone; None where usable. fine, structure: without the finest and the
     coarsest."""
     shares = np.cumsum(cv2.calcHist([grey], [0], None, [256], [0, 256]).ravel()) / grey.size
     left = float(shares[-1 - rule.covered - 1])

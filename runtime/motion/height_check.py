@@ -1,4 +1,4 @@
-"""Estimates the height of the lens by depth, objects on the floor and wheels: checks a given one, corrects a guess."""
+"""Estimates the height of the lens by depth, objects on the floor and wheels; checks a stated one, corrects a guess."""
 
 import math
 from collections import deque
@@ -35,13 +35,13 @@ class HeightRule:
 
 
 class HeightCheck:
-    """Estimates the lens's height. A given one that is clearly another is reported once; a guessed one is corrected.
+    """Estimates the lens's height. A stated one that is clearly wrong is reported once; a guessed one is corrected.
 
-    Wheels measure the camera's scale; where the others are nearer to a given height than to the wheels', the wheels are
-    wrong. A height from recorded poses, and a carried camera, are not checked. guessed: standard deviation of a guessed
-    height, as a share; 0 for a given one. estimate: None before the first measurement. scale: what all lengths by the
-    mount's height are to be multiplied by; 1 for a given height, and from the first frame on in which wheels or depth
-    measure lengths.
+    Wheels measure the camera's scale; where the other measurements are nearer to a stated height than to the wheels',
+    the wheels are wrong. A height from recorded poses, and a carried camera, are not checked. guessed: standard
+    deviation of a guessed height, as a share; 0 for a stated one. estimate: None before the first measurement. scale:
+    factor for all lengths that follow from the mount's height; 1 for a stated height, and from the first frame in which
+    wheels or depth measure lengths.
     """
 
     def __init__(self, mount: Mount, rule: HeightRule | None = None, guessed: float = 0.0) -> None:
@@ -92,7 +92,7 @@ class HeightCheck:
         return self._judge() if due else None
 
     def _compare(self, motion: Motion) -> None:
-        """What the wheels rolled with what the camera measured of it, over windows as long as the lens is high."""
+        """Compares the path of the wheels with the camera's, over windows as long as the lens is high."""
         if motion.lengths is None:
             self._camera_m = self._rolled_m = 0.0
             return
@@ -104,7 +104,7 @@ class HeightCheck:
             self._camera_m = self._rolled_m = 0.0
 
     def _by(self, name: str, values: deque[float], least_sigma: float) -> HeightMeasurement | None:
-        """Logarithms over the mount's height as a measurement; None for too few, or where one has no meaning."""
+        """A measurement from logarithms of ratios to the mount's height; None for too few or one that is not finite."""
         if len(values) < FEWEST or not np.isfinite(values).all():
             return None
         middle, scatter = map(float, median_and_scatter(np.array(values)))
@@ -123,7 +123,7 @@ class HeightCheck:
             if more is wheels and measurements and abs(more.log_m - stated) > wrong and not self._guessed:
                 by_others = agreed_height(measurements)[0]
                 if abs(more.log_m - by_others) > abs(stated - by_others):
-                    continue  # the others are nearer to the given height than to the wheels': the wheels are wrong
+                    continue  # the others are nearer to the stated height than to the wheels': the wheels are wrong
             measurements.append(more)
             sources.append(more.name)
         if not measurements:

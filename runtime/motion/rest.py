@@ -60,7 +60,7 @@ class _Reference:
 
     @cached_property
     def slopes(self) -> tuple[Array, Array]:
-        """Its gradients across and down; a robot that drives never asks for them."""
+        """Its gradients across and down; computed only at rest."""
         down, across = (np.asarray(slope, dtype=np.float32) for slope in np.gradient(self.picture))
         return across, down
 
@@ -103,7 +103,8 @@ class RestMonitor:
         return at_rest, self._frozen(self.frozen_since_s, frame.stamp_s)
 
     def _frozen(self, since_s: float, stamp_s: float) -> PictureHealth:
-        """That of a good picture that has shown the same since a stamp, but for noise, though the robot must move."""
+        """Frozen health for a good picture that has not changed since a stamp, except for noise, though the robot must
+        move."""
         lasts = stamp_s - since_s >= self._health.lasts_s
         text = f"blind: picture frozen (shows the same since {since_s:.3f} s, but for noise, as the robot moves)"
         blindness = Fault(FaultKind.FROZEN if lasts else FaultKind.REPEATED, text)
@@ -145,7 +146,7 @@ class RestMonitor:
     def _must_move(
         self, stamp_s: float, reference: _Reference, moved: Moved | None, turned: GyroRotation | None
     ) -> bool:
-        """Whether an unchanged picture cannot be a robot's that stands: by the gyro, or as it stopped too soon."""
+        """Whether the robot moves in spite of an unchanged picture: by the gyro, or because it stopped too fast."""
         if turned is not None:
             self._turned_rad += turned.yaw_rad
             self._turned_sigma_rad += turned.sigma_rad  # its bias errs in every step alike

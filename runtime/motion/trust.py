@@ -41,32 +41,32 @@ class TrustRule:
 class Agreement:
     """Agreement of one quantity (yaw or length) of a source with a reference. Call `updated` with each step.
 
-    own, reference, variance: sums over the current window. ratio: of the last conclusive window. row: number of
+    measured, reference, variance: sums over the current window. ratio: of the last conclusive window. row: number of
     consecutive windows that confirm the source; negative for windows that contradict it.
     """
 
     rule: TrustRule
     least: float
     state: Trust = Trust.UNPROVEN
-    own: float = 0.0
+    measured: float = 0.0
     reference: float = 0.0
     variance: float = 0.0
     ratio: float = 1.0
     row: int = 0
 
-    def updated(self, own: float, reference: float, variance: float) -> "Agreement":
+    def updated(self, measured: float, reference: float, variance: float) -> "Agreement":
         """The agreement after one more step. variance: of the difference, from the stated variances of both sources."""
         if not self.rule.windows:
             return self
-        sums = self.own + own, self.reference + reference, self.variance + variance
-        window = replace(self, own=sums[0], reference=sums[1], variance=sums[2])
+        sums = self.measured + measured, self.reference + reference, self.variance + variance
+        window = replace(self, measured=sums[0], reference=sums[1], variance=sums[2])
         if abs(window.reference) < max(self.least, window._clear):
             return window
         return window._judged()
 
     def restarted(self) -> "Agreement":
         """Starts a new window, because there was no reference."""
-        return replace(self, own=0.0, reference=0.0, variance=0.0)
+        return replace(self, measured=0.0, reference=0.0, variance=0.0)
 
     @property
     def _clear(self) -> float:
@@ -78,14 +78,14 @@ class Agreement:
         """Whether the source reports standstill or reverse while the reference moves, or was contradicted while it was
         unproven.
         """
-        moves = min(abs(self.reference), abs(self.own - self.reference)) > self._clear
-        stands = moves and self.own / self.reference < CONTRARY
+        moves = min(abs(self.reference), abs(self.measured - self.reference)) > self._clear
+        stands = moves and self.measured / self.reference < CONTRARY
         return stands or (self.row < 0 and self.state is Trust.UNPROVEN)
 
     def _judged(self) -> "Agreement":
         """Evaluates the completed window: it confirms or contradicts the source."""
-        ratio, least = self.own / self.reference, self.rule.ratio
-        against = abs(self.own - self.reference) > self._clear and not least < ratio < 1.0 / least
+        ratio, least = self.measured / self.reference, self.rule.ratio
+        against = abs(self.measured - self.reference) > self._clear and not least < ratio < 1.0 / least
         row = min(self.row, 0) - 1 if against else max(self.row, 0) + 1
         state = Trust.UNPROVEN if against and ratio < CONTRARY and self.state is Trust.TRUSTED else self.state
         if abs(row) >= self.rule.windows:

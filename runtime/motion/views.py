@@ -29,6 +29,6 @@ class Views:
 
 
 def views_of(frames: Iterable[Frame]) -> Iterator[Frame]:
-    """Those that show another view than the one before of these, the first one included."""
+    """The pictures that show another view than the previous one of the result; the first one is included."""
     views = Views(HealthRule().moved)
     return (frame for frame in frames if views.is_another(cv2.cvtColor(frame.image, cv2.COLOR_BGR2GRAY)))

@@ -155,7 +155,7 @@ def test_two_visits_that_become_one_take_their_links_and_neighbours_along(placed
     a, b = graph.observe([placed("chair", 0.0, 0.0, 0), placed("chair", 3.0, 0.0, 0)], 1)
     again, c = graph.observe([placed("chair", 0.0, 0.0, 1), placed("chair", 6.0, 0.0, 1)], 2)
     assert again is a
-    assert (a.beside, b.beside) == ({b.number, c.number}, {a.number})
+    assert (a.distinct, b.distinct) == ({b.number, c.number}, {a.number})
     graph.links = {c.number: a.number}
     graph.join(b, c)
     assert graph.links == {b.number: a.number}  # what c was linked to

@@ -57,8 +57,6 @@ def test_moving_twice_is_moving_once(first, second, third, there):
     for stamp, expected in ((0.5, second @ first), (1.5, third @ first), (2.5, third @ second), (9.0, first @ second)):
         (found,) = early.compose(late).moved_poses([stamp], [there.vector()])
         assert SE2(*found).matrix() == pytest.approx((expected @ there).matrix(), abs=1e-9)
-        (point,) = early.compose(late).moved_points([stamp], [[there.x_m, there.y_m]])
-        assert point == pytest.approx(found[:2])
 
 
 def test_the_past_moves_and_what_comes_after_the_solution_follows_it():

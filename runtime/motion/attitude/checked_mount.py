@@ -69,8 +69,8 @@ class CheckedMount:
         self._forces: list[tuple[float, float, float]] = []  # stamp, roll and pitch by the accelerometer
         self._steady: bool | None = None  # whether the estimates by edges scatter as little as a mounted camera's
         self._on_wheels = self._sways = False  # by the odometry; at the last picture, as if carried
-        self._settled = False  # the mount is known well enough for the whole drive
-        self._room: RoomHeading | None = None  # by the edges of the last picture, if just found
+        self._settled = False  # the mount's angles have converged for the whole drive
+        self._room: RoomHeading | None = None  # by the edges of the last picture, if just computed
         self._edges = EdgeReader(camera.intrinsics, (health or HealthRule()).moved)
         self._estimates: deque[tuple[float, float, float]] = deque()  # stamp, roll and pitch against the mount
 
@@ -102,12 +102,12 @@ class CheckedMount:
         self._edges.stop()
 
     def _about_mount(self, other: Attitude) -> Attitude:
-        """Another source's attitude with what is known of the mount."""
+        """Another source's attitude with the estimate of the mount."""
         carried = self._steady is False
         return replace(other, carried=carried, room=self._room, mount=self._estimated)
 
     def _by_edges(self, frame: Frame) -> RoomHeading | None:
-        """A part of the work on a picture's edges; the heading of the room, where it has just been finished."""
+        """Processes a part of a picture's edges. Returns the heading of the room when the picture is finished."""
         edges = self._edges.finished()
         if edges is not None:
             return self._estimate(edges)
@@ -122,7 +122,7 @@ class CheckedMount:
         return stamp_s - self._edges.stamp_s >= (EVERY_S if self._steady else self._rule.first_every_s)
 
     def _estimate(self, edges: Segments) -> RoomHeading | None:
-        """Estimate the mount by the edges of one picture; the heading of the room, where they show it."""
+        """Estimates the mount by the edges of one picture. Returns the heading of the room where they show it."""
         rule, stamp_s = self._rule, self._edges.stamp_s
         room = self._pictures.see_edges(edges.normals, edges.lengths)
         if room is None:
@@ -140,7 +140,7 @@ class CheckedMount:
         return None if room.level_rad is None else RoomHeading(stamp_s, room.level_rad, room.level_sigma_rad)
 
     def _travel(self, rotation: TrackedRotation | None) -> None:
-        """Motion and turns of a robot on wheels."""
+        """Updates the mount with motion and turns of a robot on wheels."""
         rule, carried = self._rule, rotation and rotation.carried
         self._sways = bool(carried and carried.share > 0.0)
         if self._sways:
@@ -159,12 +159,12 @@ class CheckedMount:
             self._turned, self._turned_s = np.eye(3), self._now_s
 
     def _void(self) -> None:
-        """A camera that is carried has no mount: what it showed is void, unless the mount was known before."""
+        """Discards the estimate of a carried camera, which has no mount, unless it had converged before."""
         if not self._settled:
             self._tilt = MountTilt.prior(self._rule.tilt)
 
     def _measure(self, attitude: Attitude) -> None:
-        """Take in gravity and the floor in a depth picture."""
+        """Updates the mount with gravity and the floor in a depth picture."""
         rule = self._rule
         if attitude.force_rad is not None and GRAVITY not in self._tilt.measurements:
             self._forces.append((self._now_s, *attitude.force_rad.tolist()))
@@ -177,7 +177,7 @@ class CheckedMount:
             self._tilt = self._tilt.by_up(DEPTH, angles - self._given)
 
     def _judge(self) -> Fault | None:
-        """Estimates the mount, once a second; the fault where it has just proved wrong."""
+        """Estimates the mount once a second. Returns a fault when it has just proved wrong."""
         rule, tilt = self._rule, self._tilt
         if not math.isfinite(self._judged_s):  # whether the camera is carried shows first
             self._judged_s = self._now_s
@@ -190,10 +190,10 @@ class CheckedMount:
         sigma, reported = tilt.sigma_rad(), self._wrong
         waits = EDGES in tilt.measurements and not (self._steady or self._on_wheels)
         wrong = (not waits) & (np.abs(tilt.error_rad) > CLEAR_SIGMAS * sigma)
-        self._settled |= self._on_wheels and bool(tilt.known().all())
+        self._settled |= self._on_wheels and bool(tilt.converged().all())
         self._wrong = reported | wrong
         # A small error counts on a road: 0.3 degrees are 2 % of all distances (KITTI 00).
-        used = self._wrong if self._in_room else self._wrong | tilt.known()
+        used = self._wrong if self._in_room else self._wrong | tilt.converged()
         error_rad = np.where(used, tilt.error_rad, 0.0)
         if np.abs(error_rad - self._corrected).max() > rule.tilt.lasting / 2.0:
             self._corrected, self._correct = error_rad, self._with(error_rad)

@@ -20,9 +20,9 @@ from edgemap.runtime.motion.attitude.protocol import AttitudeSource, Moved
 
 EVERY_PX = 12  # between the depths that are read
 KEPT_S = 1.0  # for which a plane is where the next one is looked for
-FARTHEST_RAD, FARTHEST_SHARE = math.radians(15.0), 0.3  # from what the other source says; of the mount's height
+FARTHEST_RAD, FARTHEST_SHARE = math.radians(15.0), 0.3  # from the other source's up direction; of the mount's height
 SOUGHT_S, SOUGHT_RAD, SOUGHT_SHARE = 0.5, math.radians(25.0), 0.15  # a lost floor: how often, how far off, and high
-LEVEL_RAD = math.radians(0.2)  # standard deviation of the floor's own slope: rugs, sills
+LEVEL_RAD = math.radians(0.2)  # standard deviation of the floor's slope: rugs, sills
 
 
 class DepthAttitude:
@@ -100,7 +100,7 @@ class DepthAttitude:
     def _sought(
         self, points: NDArray[np.float64], up: NDArray[np.float64], stamp_s: float
     ) -> tuple[FloorPlane, NDArray[np.float64]] | None:
-        """The lowest plane, of a camera that is held otherwise than expected."""
+        """Searches the lowest plane, for a camera that is held at unexpected angles."""
         self._sought_s = stamp_s
         plane = find_floor(points, np.random.default_rng(0), up)
         if plane is None or abs(plane.height_m / self._height_m - 1.0) > SOUGHT_SHARE:

@@ -1,4 +1,4 @@
-"""Finds a picture's straight edges over several frames: all at once take a third of a step."""
+"""Detects a picture's straight edges over several frames: all at once take a third of a step."""
 
 import math
 from itertools import pairwise

@@ -17,16 +17,16 @@ Array = NDArray[np.float64]
 # and the largest (2000 deg/s, 16 g).
 GYRO_RAD_S, ACCEL_M_S2 = (1.5, 35.0), (15.0, 160.0)
 REPEATS = 5  # of one value: a driver delivers a sample up to four times; as many of all three axes are a frozen gyro's
-LIVELY = 50  # samples by which a sensor is known to have noise
-SINGLE = 10  # samples, each alone in its frame, by which the rate is known
+LIVELY = 50  # samples after which a sensor counts as one with noise
+SINGLE = 10  # samples, each alone in its frame, from which the rate is computed
 APART_S = 1.0  # between a frame and its newest sample, from which on they are of two clocks, or of two sides of a hole
 HISTORY_S = 100.0  # of samples before a frame that are integrated at most
 OTHER_CLOCK = 10  # frames in a row without samples but of another time, from which on it is a fault
 
 
 class _Sensor:
-    """One sensor's samples, judged by themselves. It is bad where half of the samples over a window, or all of a
-    frame's, are; until less than a tenth of that are."""
+    """One sensor's samples, judged without the other's. The sensor is bad when half of the samples over a window, or
+    all of a frame's, are bad, until less than a tenth of that are."""
 
     def __init__(self, name: str, unit: str, bounds: tuple[float, float], window_s: float, freezes: bool) -> None:
         self.name, self._unit, self._window_s, self._freezes = name, unit, window_s, freezes
@@ -62,7 +62,7 @@ class ImuTrust:
     """Selects valid samples, and decides which sensor is excluded."""
 
     def __init__(self, window_s: float, trust: TrustRule) -> None:
-        """window_s: over which samples are judged. trust: how the gyro's yaw is held against the odometry's."""
+        """window_s: over which samples are judged. trust: how the gyro's yaw is compared with the odometry's."""
         self._gyro = _Sensor("gyro", "rad/s", GYRO_RAD_S, window_s, freezes=True)
         self._accel = _Sensor("accelerometer", "m/s2", ACCEL_M_S2, window_s, freezes=False)
         self._yaw = Agreement(trust, trust.least[0])
@@ -75,7 +75,7 @@ class ImuTrust:
 
     @property
     def proved(self) -> bool:
-        """Whether the odometry has confirmed the gyro's yaw, and does."""
+        """Whether the odometry has confirmed the gyro's yaw and still does."""
         return self._yaw.state is Trust.TRUSTED and not self._yaw.doubted
 
     @property
@@ -115,7 +115,7 @@ class ImuTrust:
         return ImuSamples.none() if self._apart else samples.between(stamp_s - HISTORY_S, stamp_s)
 
     def _told(self, samples: ImuSamples) -> tuple[ImuSamples, Fault | None]:
-        """The samples, and the news about them."""
+        """The samples, and a fault where their exclusion begins or ends."""
         before, self._reason = self._reason, self._guilty()
         if self._reason and not before:
             return samples, Fault(FaultKind.IMU_EXCLUDED, f"{self._reason}: the IMU is left out")
@@ -123,7 +123,8 @@ class ImuTrust:
         return samples, again if before and not self._reason else None
 
     def _count(self, samples: int) -> None:
-        """The frames of each sample, where none brings two: several at once are a driver's packet, not a low rate."""
+        """Counts the frames per sample while no frame brings two: several at once are a driver's packet, not a low
+        rate."""
         self._frames += 1
         if samples > 1:
             self._per_sample.clear()
@@ -132,8 +133,8 @@ class ImuTrust:
         self._frames *= not samples
 
     def _compare(self, moved: tuple[SE2, Array] | None) -> None:
-        """The last step's yaw with the odometry's; at rest there is no turn to compare, and a night's uncertainty would
-        be that of the window."""
+        """Compares the last step's yaw with the odometry's. Skipped at rest: otherwise the variance of the window would
+        grow without bound."""
         if moved is None or self._span_s == 0.0 or moved[0] == SE2():
             self._yaw = self._yaw.restarted()
             return

@@ -108,8 +108,8 @@ class InertialAttitude:
         self._other.reset(reason)
 
     def _begun(self, samples: ImuSamples, stamp_s: float, before_s: float) -> tuple[InertialState, GyroRotation | None]:
-        """Started with the earliest samples and taken on to the frame: a camera at rest before it teaches the bias.
-        The rotation since the frame before, where the samples reach back to that."""
+        """Starts with the earliest samples and integrates to the frame; samples at rest before it determine the bias.
+        Also returns the rotation since the previous frame, where the samples reach back to it."""
         noise = self._noise
         first_s = float(samples.stamps_s[0])
         reaches = before_s <= first_s < before_s + noise.gap_s
@@ -131,7 +131,7 @@ class InertialAttitude:
     def _continued(
         self, state: InertialState, samples: ImuSamples, stamp_s: float, before_s: float, moved: Moved | None
     ) -> tuple[InertialState, GyroRotation | None]:
-        """The state at a frame, and the rotation since the frame before, where samples came with that."""
+        """The state at a frame, and the rotation since the previous frame, where that one had samples."""
         span_s = stamp_s - state.stamp_s
         before = replace(state, calm=None)
         if moved is not None:
@@ -145,13 +145,13 @@ class InertialAttitude:
         return after, rotation
 
     def _waiting(self, stamp_s: float) -> InertialState | None:
-        """The state at a frame without samples, where the hole is not too long; the odometry's next motion is of
-        another time."""
+        """The state at a frame without samples, None where the hole is too long. The odometry's next motion covers
+        another interval, so the state before is dropped."""
         state = self._state
         return None if state is None or stamp_s - state.stamp_s > LONGEST_S else replace(state, before=None)
 
     def _mounted(self, state: InertialState, span_s: float) -> InertialState:
-        """Held to the mount, the less the farther off it is: what is carried is not mounted."""
+        """Pulls the tilt towards the mount, less with distance, so a carried camera stays free."""
         nods = self._nods((state.rotation @ self._up)[1::-1])
         return inertial_mounted(state, self._up, nods * math.sqrt(max(1.0 / span_s, 1.0)))
 
@@ -160,12 +160,12 @@ class InertialAttitude:
         return math.sqrt(self._rate2) < self._carried.rate_rad_s[0]
 
     def _nods(self, off_rad: np.ndarray) -> np.ndarray:
-        """Standard deviation of the tilt about the mount (2,) of a camera that is so far off and swings as it does."""
+        """Standard deviation of the tilt about the mount (2,), by its offset from it and its rate."""
         nodding = self._rule.check.tilt.nod
         return nodding * (1.0 + (off_rad**2 + self._rate2 * NOD_S**2) / (LIKELY * nodding) ** 2)
 
     def _nodded(self, state: InertialState, samples: ImuSamples, span_s: float) -> None:
-        """Take in how fast the tilt changes: a head nods faster than a robot."""
+        """Updates the rate of the tilt: a head nods faster than a robot."""
         rate = samples.gyro_rad_s.mean(axis=0) - state.bias
         rate -= (rate @ state.up_optical) * state.up_optical
         self._judged_s += span_s

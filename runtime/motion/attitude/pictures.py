@@ -115,11 +115,11 @@ class PicturesAttitude:
         self._tilt = Tilt.about(self._mounted, self._nodding_rad)
 
     def _known(self) -> bool:
-        """Whether this tilt would clearly show an error of the mount of `tilt.prior`."""
+        """Whether this tilt is certain enough to show an error of the mount of `tilt.prior`."""
         return CLEAR_SIGMAS * self._tilt.sigma_rad() < self._carried_rad
 
     def _unseen(self) -> Tilt:
-        """The tilt before the rotation of this frame is seen."""
+        """The tilt before the rotation of this frame is measured."""
         return self._tilt.widened(math.sqrt(self._carried.rate2) * self._span_s)
 
     def _turned(self, rotation: TrackedRotation) -> Tilt:
@@ -129,7 +129,7 @@ class PicturesAttitude:
         return self._tilt.rotated(replace(rotation, sigma_rad=math.hypot(rotation.sigma_rad, sigma_rad)))
 
     def _carry_edges(self, rotation: TrackedRotation | None) -> None:
-        """Take the edges that are kept on to the picture that was begun."""
+        """Rotates the kept edges into the axes of the picture that was begun."""
         if rotation is None:
             self._since = self._before = None
         elif self._since is not None:

@@ -28,7 +28,7 @@ class AttitudeSource(Protocol):
         ...
 
     def update(self, rotation: TrackedRotation | None) -> Attitude:
-        """The last frame's attitude, given its rotation as the odometry measured it; None where it did not."""
+        """The last frame's attitude, updated with its rotation by the odometry; None where it measured none."""
         ...
 
     def correct_mount(self, mount: Mount) -> None:

@@ -1,4 +1,4 @@
-"""Attitudes that need no measurement: recorded ones, and the mount's own."""
+"""Attitudes that need no measurement: recorded ones, and the mount's."""
 
 from edgemap.geometry.camera.attitude import Attitude, TrackedRotation
 from edgemap.geometry.camera.mount import Mount

@@ -35,7 +35,7 @@ class Coasting:
     """Guesses motion while blind.
 
     An unknown velocity stays unknown: its error grows with the time of blindness, not with its root, so the covariance
-    of each step takes in its correlation with the steps before: sigma^2 (t^2 - t_before^2).
+    of each step includes its correlation with the steps before: sigma^2 (t^2 - t_before^2).
     """
 
     def __init__(self, rule: CoastingRule | None = None) -> None:
@@ -88,5 +88,5 @@ class Coasting:
     def reset(self) -> None:
         """Discards the velocity."""
         self._velocity, self._sigmas = np.zeros(3), np.ones(3)
-        self._variance: Array | None = None  # (2, 2) of the velocity; None where it is not known
+        self._variance: Array | None = None  # (2, 2) of the velocity; None where none was estimated
         self._last_s = self._blind_from_s = -math.inf

@@ -186,7 +186,7 @@ class CornerTracker:
     def tracks(self, depth: NDArray[np.float32] | None = None) -> tuple[NDArray[np.int64], Array, Array, Array]:
         """Ids, normalised image points, probability of floor and depth of the corners that do not lie on people.
 
-        depth: (H, W) metres; the depth of a corner is NaN where it is not known.
+        depth: (H, W) metres; the depth of a corner is NaN where it was not measured.
         """
         still = ~self.doubtful(self.corners)
         corners = self.corners[still]
@@ -216,7 +216,7 @@ class CornerTracker:
         return np.asarray(cv2.resize(reaches, self._size, interpolation=cv2.INTER_NEAREST))
 
     def _moved(self, last: Picture, now: Picture, expected: Pixels) -> tuple[Pixels, Mask]:
-        """The corners in the new picture (N, 2), and which were found."""
+        """The corners in the new picture (N, 2), and which were tracked."""
         if self._detail:
             coarse, near = self._tracked(last.half, now.half, self.corners / 2.0, expected / 2.0, LEVELS - 1)
             moved, good = self._tracked(last.detail, now.detail, self.corners, 2.0 * coarse, 0)

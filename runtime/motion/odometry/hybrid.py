@@ -71,9 +71,10 @@ class Member:
 
     covariance_scale: factor on its covariance, fitted on validation drives so that errors and covariance agree.
     optional: its absence is a fault only after it has measured once. reach_rad: largest turn of one step that it can
-    measure. auxiliary: it is used only beside another member of its source, with variances no smaller than that one's.
-    The flow head is one: its recurrent state repeats the last motion where a picture shows nothing. The error of its
-    step is 0.5 cm where corners state 2 mm, 1.7 where they state 2 cm, 3.3 where 10 cm; it states 0.6 (sixteen homes).
+    measure. auxiliary: it is used only together with another member of its source, with variances no smaller than that
+    one's. The flow head is one: its recurrent state repeats the last motion where a picture shows nothing. The error of
+    its step is 0.5 cm where corners state 2 mm, 1.7 where they state 2 cm, 3.3 where 10 cm; it states 0.6 (sixteen
+    homes).
     """
 
     odometry: Odometry
@@ -223,7 +224,7 @@ class HybridOdometry:
         )
 
     def _estimates(self, motions: Sequence[Motion], covered: float) -> list[MotionEstimate]:
-        """What the members measured, with their factors on the covariance; without what is worth less than a guess."""
+        """The members' measurements, with their factors on the covariance; without those less certain than a guess."""
         estimates = [
             MotionEstimate(
                 motion.motion.vector(),
@@ -284,7 +285,7 @@ class HybridOdometry:
 
     def _reweighted_by_gyro(self, alive: Sequence[MotionEstimate]) -> list[MotionEstimate]:
         """The estimates; the covariance of one whose yaw disagrees with the gyro's is inflated until they agree. A
-        gyro's bias and scale are in its covariance; moving objects and slipping wheels are in no covariance."""
+        gyro's covariance includes its bias and scale; no covariance includes moving objects and slipping wheels."""
         gyro = next((item for item in alive if item.source == GYRO), None)
         if gyro is None:
             return list(alive)
@@ -308,7 +309,7 @@ class HybridOdometry:
         return checked
 
     def _within_reach(self, index: int, motions: Sequence[Motion]) -> Motion:
-        """A member's motion; blind where by the others the robot rotated by more than it can measure."""
+        """A member's motion; blind where the robot, by the other members, rotated by more than it can measure."""
         member, motion = self._members[index], motions[index]
         if member.reach_rad == math.inf or not motion.measured:
             return motion

@@ -95,7 +95,7 @@ class PlanarOdometry(CornerOdometry):
         covariance += self._since_covariance
         scale2 = self._scale_variance(located, frame.stamp_s)
         covariance[:2, :2] += scale2 * np.outer(*[motion.vector()[:2]] * 2)
-        if self.judged.on_wheels:  # a scale that has collapsed makes every motion small
+        if self.judged.on_wheels:  # a collapsed scale makes every motion small
             covariance[0, 0] += scale2 * (self._unseen_m_s * dt_s) ** 2
         self._since, self._since_covariance = SE2(), np.zeros((3, 3))
         self._learn_nodding(located.view, motion, dt_s)
@@ -116,7 +116,7 @@ class PlanarOdometry(CornerOdometry):
         return Motion(motion, covariance, rotation=replace(seen, travelled=direction))
 
     def rest(self, stamp_s: float) -> Motion:
-        """As of all; no time passes without floor in view either."""
+        """Also shifts the stamp of the last floor observation."""
         if self._tracker.started:
             self._floor_s += stamp_s - self._seen_s
         return super().rest(stamp_s)

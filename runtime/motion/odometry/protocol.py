@@ -90,13 +90,13 @@ class Motion:
         return self.state in (MotionState.COASTING, MotionState.BLIND)
 
     def moved(self) -> tuple[SE2, Array] | None:
-        """The motion for the next frame's attitude, without the gyro's own contribution."""
+        """The motion for the next frame's attitude, without the gyro's contribution."""
         return self.without_gyro or (self.motion, self.covariance) if self.measured else None
 
     def checked(self, name: str) -> "Motion":
-        """This motion, or where it cannot be a blind one with a fault that names the odometry: a motion or covariance
-        that is not finite, farther or more uncertain than FARTHEST_M in one step, a covariance that is not symmetric
-        and positive."""
+        """This motion if it is valid, else a blind one with a fault that names the odometry. Invalid: a motion or
+        covariance that is not finite, or farther or more uncertain than FARTHEST_M in one step; a covariance that is
+        not symmetric and positive."""
         values, covariance = self.motion.vector(), self.covariance
         if not (np.isfinite(values).all() and np.isfinite(covariance).all()):
             wrong = "motion not finite"

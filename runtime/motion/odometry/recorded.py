@@ -1,4 +1,4 @@
-"""Odometry that was recorded beside the pictures: true poses, a TUM file, wheel odometry."""
+"""Odometry that was recorded with the pictures: true poses, a TUM file, wheel odometry."""
 
 import math
 from dataclasses import dataclass

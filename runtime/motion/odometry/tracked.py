@@ -16,8 +16,8 @@ from edgemap.runtime.network.network import Tensors
 
 
 class TrackedOdometry:
-    """The window where this frame or the last one shows depth, and from when the camera counts as carried until it
-    proves to be on wheels; else planar odometry.
+    """Uses the window where this frame or the last one has depth, and for a carried camera until it proves to be on
+    wheels; else planar odometry.
 
     carried: whether it counts as carried from the start.
     """

@@ -50,8 +50,8 @@ class WheelTrust:
         return Fault(FaultKind.WHEELS_EXCLUDED, text)
 
     def trusted(self, estimates: Sequence[MotionEstimate], camera: bool) -> list[MotionEstimate]:
-        """The estimates without distrusted wheels. Beside the camera, quantities of the wheels that have not been
-        confirmed yet have no weight."""
+        """The estimates without distrusted wheels. With a camera, quantities of the wheels that have not been confirmed
+        yet have no weight."""
         if self._excluded:
             return [item for item in estimates if item.source != WHEELS]
         doubted = self._yaw.doubted or self._length.doubted

@@ -22,15 +22,15 @@ from edgemap.runtime.motion.odometry.corner_odometry import MINIMUM_COVARIANCE, 
 from edgemap.runtime.motion.odometry.corners import Pixels
 from edgemap.runtime.motion.odometry.protocol import FramePrior, Motion, first_motion
 
-SMALLEST_SIGMA_RAD = 1e-4  # of a given tilt
+SMALLEST_SIGMA_RAD = 1e-4  # of a tilt
 
 
 class WindowOdometry(CornerOdometry):
     """Corners (`CornerTracker`) and the lens's poses in a `KeyframeWindow`; the base's motion is planar.
 
-    Pitch, roll and height of each keyframe are estimated together with the motion, so an error of the given attitude
-    hardly changes the length of a step. Where a frame has depth, the inverse depths of its corners are measured.
-    tilt: a carried camera is about the mount's angles to `tilt.prior`.
+    Pitch, roll and height of each keyframe are estimated together with the motion, so an error of the attitude hardly
+    changes the length of a step. Where a frame has depth, the inverse depths of its corners are measured. tilt: a
+    carried camera is about the mount's angles to `tilt.prior`.
     """
 
     def __init__(
@@ -138,7 +138,7 @@ class WindowOdometry(CornerOdometry):
         return up_optical(self._camera.mount.pitch_rad, self._camera.mount.roll_rad)
 
     def _factors(self, attitude: Attitude | None, gyro: GyroRotation | None) -> PoseFactors:
-        """What else is known of this picture's pose."""
+        """Gravity, height and gyro as factors of this picture's pose."""
         rule, height_m = self._window_rule, self._camera.mount.height_m
         variance = 0.0 if attitude is None else float(np.trace(attitude.covariance_rad2)) / 2.0
         # A person does not hold the camera at the mount's angles.
