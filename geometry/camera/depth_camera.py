@@ -22,8 +22,8 @@ class DepthCamera:
 
 
 class DepthRegistration:
-    """Depth pictures of a depth camera as seen by the picture's lens. Of what one pixel shows the nearest counts, which
-    is what the picture shows too."""
+    """Registers depth pictures to the pixels of the picture's lens. The nearest depth of a pixel counts, as in the
+    picture."""
 
     def __init__(self, camera: DepthCamera, lens: Intrinsics) -> None:
         self._camera, self._lens, sensor = camera, lens, camera.intrinsics

@@ -1,4 +1,4 @@
-"""One picture's floor mask as evidence on the floor: where it is free, and where it first meets something."""
+"""One picture's floor mask as evidence: free floor, and contacts where an obstacle begins."""
 
 from dataclasses import dataclass
 from functools import lru_cache
@@ -154,7 +154,7 @@ def _runs(floor: Mask, rows: int) -> Mask:
 
 
 def _lowest_run(runs: Mask, floor: Mask) -> Mask:
-    """Of the runs of floor in each column the lowest: what lies above where it ends is behind something."""
+    """The lowest run of floor in each column; floor above its end is behind an obstacle."""
     begun = np.logical_or.accumulate(runs[::-1], axis=0)
     ended = np.logical_or.accumulate(begun & ~floor[::-1], axis=0)
     return runs & ~ended[::-1]

@@ -138,8 +138,8 @@ class GridFusion:
         evidence.occupied(columns_rows(pose.apply(scan.contacts_base_m), rule.cell_m), rule.occupied * scan.weights)
 
     def _add_depth(self, evidence: Evidence, pose: SE2, scan: DepthScan) -> None:
-        """Evidence of a depth picture for the map's cells. One point alone is no obstacle: it may lie between an edge
-        and what is behind it.
+        """Evidence of a depth picture for the map's cells. A single point is no obstacle: it may lie between an edge
+        and its background.
         """
         rule = self.rule
         both = scan.floor_base_m, scan.obstacles_base_m
@@ -183,7 +183,7 @@ class GridFusion:
             self._revision += 1
 
     def _drawn(self) -> Iterator[Canvas | None]:
-        """Draws all patches, some in each step, then gives the canvas. What is seen meanwhile is drawn last."""
+        """Draws all patches, some in each step, then yields the canvas. Evidence added meanwhile is drawn last."""
         canvas, done = self._new_canvas(), 0
         yield None  # the step of a correction has enough to do
         while done < len(self._patches):

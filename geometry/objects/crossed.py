@@ -11,8 +11,8 @@ FIXTURES = frozenset({"bed", "couch", "dining table", "oven", "refrigerator", "t
 
 
 def is_crossed(item: MapObject, path: KeyframeTrajectory, lens_m: float) -> bool:
-    """Whether the base has been within an object's footprint, whatever the object's yaw: by more than the standard
-    deviation of their distance, of both covariances.
+    """Whether the base has been inside an object's footprint at any yaw of the object, by more than the standard
+    deviation of their distance (both covariances).
 
     lens_m: height of the lens. False where the class is usually as high as the lens or higher, since a robot may pass
     under it, and for an object that a person has confirmed or corrected.

@@ -211,8 +211,8 @@ class MapEvents:
         return cls(events | (_events_of(annotations) if placed else {}), issued)
 
     def take(self, edit: Edit, measured: FloorMap, anchors: Anchors) -> str:
-        """Takes an edit in. Returns the id of its object or zone. anchors: stamps (N,) of the poses nearest to points
-        (N, 2). Raises EditError, and changes nothing.
+        """Adds an edit. Returns the id of its object or zone. anchors: stamps (N,) of the poses nearest to points (N,
+        2). Raises EditError, and changes nothing.
         """
         if edit.do == "undo":
             self._undo(edit.id, measured)
@@ -240,7 +240,7 @@ class MapEvents:
         return self._fold(measured).shown if self._events else measured.objects()
 
     def annotations(self, measured: FloorMap) -> Annotations:
-        """Zones, deleted objects and dock as they stand; the very same as long as they do."""
+        """Current zones, deleted objects and dock; the same object until one changes."""
         now = NO_ANNOTATIONS
         if self._events:
             fold = self._fold(measured)
@@ -294,7 +294,7 @@ class MapEvents:
         self._folded = None
 
     def _checked(self, edit: Edit, shown: dict[str, MapObject]) -> Edit:
-        """The edit, with the id of a new zone or object. Raises EditError where the map does not allow it."""
+        """Validates an edit and gives a new zone or object its id. Raises EditError where the map does not allow it."""
         if edit.do == "zone":
             return self._checked_zone(edit)
         if edit.do == "dock":
@@ -344,7 +344,7 @@ def shown_id(measured: FloorMap, identity: str) -> str:
 
 
 def joined(parts: Sequence[MapObject]) -> MapObject:
-    """Objects that are one, the first one's id kept; its label is the likeliest by all of them, or the stated one."""
+    """Joins objects under the first one's id; the label is the most probable by all of them, or the stated one."""
     item = parts[0]
     for part in parts[1:]:
         item = fused(item, part, LandmarkRule())

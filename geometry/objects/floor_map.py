@@ -106,7 +106,7 @@ class FloorMap:
 
     @property
     def ids(self) -> frozenset[str]:
-        """Of all objects, those included that have too little evidence to be shown, or overlap a better one."""
+        """Ids of all objects, also of those with too little evidence to be shown or that overlap a better one."""
         return frozenset(self._objects)
 
     def update(self, sightings: list[PlacedSighting]) -> list[str]:
@@ -222,7 +222,7 @@ class FloorMap:
         self._rename({name: names[0] for names in homes for name in names[1:]})
 
     def _around(self, label: str, changed: Sequence[Landmark]) -> list[Landmark]:
-        """These landmarks, all within reach of one of them, and the rest of the objects that these are part of."""
+        """These landmarks, all within reach of one of them, and all others of the same objects."""
         if len(self._cells[label]) == len(changed):
             return sorted(changed, key=lambda one: one.number)
         reach_m, cells = self.graph.rule.landmarks.reach_m, self._cells[label]
@@ -232,7 +232,7 @@ class FloorMap:
         return [self.graph.landmarks.all[number] for number in sorted(numbers)]
 
     def _join_oldest(self, item: _Object, visits: Sequence[Landmark]) -> bool:
-        """The two oldest of these visits to an object become one; whether there were two."""
+        """Joins the two oldest of these visits to an object. Returns whether there were two."""
         for kept, gone in combinations(sorted(visits, key=lambda one: one.number), 2):
             if not kept.is_distinct(gone):
                 self.graph.join(kept, gone)
@@ -319,7 +319,7 @@ class FloorMap:
             self._order[at : at + listed], self._ordered[at : at + listed] = [key], [shown]
 
     def _as_map_object(self, members: list[Candidate]) -> MapObject | None:
-        """Candidates in one place as one object; None where they have not enough evidence together."""
+        """Candidates in one place as one object; None where their evidence together does not suffice."""
         items = [self._objects[candidate.id] for candidate in members]
         best, estimates = items[0], [self._estimate(item) for item in items]
         named: dict[str, float] = defaultdict(float)
@@ -338,7 +338,7 @@ class FloorMap:
         return replace(plain, confidence=plain.confidence * best.presence, seen_from_m=places, labels=labels)
 
     def _views(self, landmarks: Sequence[Landmark]) -> Array:
-        """Positions (N, 2) that landmarks were seen from, those of an earlier map first."""
+        """Positions (N, 2) that landmarks were observed from, those of an earlier map first."""
         saved = [view for one in landmarks if one.saved for view in one.saved.seen_from_m]
         keyframes = np.array([keyframe for one in landmarks for keyframe in one.keyframes], dtype=np.intp)
         rows = np.concatenate([one.rows for one in landmarks])

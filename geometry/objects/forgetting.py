@@ -1,5 +1,5 @@
-"""Negative evidence: an object that is missed again and again, in plain view or where the picture shows floor in its
-place, is no longer there."""
+"""Negative evidence: removes an object that is repeatedly missed in plain view, or where the picture shows floor in its
+place."""
 
 import math
 from collections import defaultdict
@@ -34,8 +34,8 @@ class ForgetRule:
 
 @dataclass(slots=True)
 class _Visit:
-    """Frames from about one place. seen: whether any of them shows the object, None where something like it was seen
-    in its place."""
+    """Frames from about one place. seen: whether any of them shows the object, None where an object of its class was
+    detected in its place."""
 
     pose_map_base: SE2
     seen: bool | None = False

@@ -1,4 +1,4 @@
-"""Merges maps of one place: matched objects are fused, all others are copied; what people have stated is kept."""
+"""Merges maps of one place: fuses matched objects, copies all others and keeps edits."""
 
 from collections import Counter
 from collections.abc import Collection, Mapping, Sequence
@@ -134,8 +134,8 @@ def _aligned(first: Sequence[MapObject], second: Sequence[MapObject], before: Al
 def merge_annotated(
     first: AnnotatedMap, second: AnnotatedMap, alignment: Alignment
 ) -> tuple[list[MapObject], Annotations]:
-    """Two maps with what people have added, in the first one's frame. An object that a person has deleted from one map
-    is not taken from the other, unless a person has named, confirmed or corrected it there.
+    """Two maps with their edits, in the first one's frame. An object that a person has deleted from one map is not
+    taken from the other, unless a person has named, confirmed or corrected it there.
     """
     (ours, annotations), (theirs, more) = first, second
     merged, became = merge_maps(ours, theirs, alignment)
@@ -193,11 +193,11 @@ def _standing(objects: Sequence[MapObject]) -> tuple[Array, Array]:
 
 
 def fused(ours: MapObject, theirs: MapObject, rule: LandmarkRule) -> MapObject:
-    """One object of two sightings of it by different maps, in one frame; id and label of the first.
+    """Fuses one object of two maps, in one frame; id and label of the first.
 
     The part of a footprint that no box shows is the same error in both maps: it does not shrink. Where the two differ
-    by more than their covariances allow (99.7 %), these are scaled until they agree (Birge ratio). What a person has
-    stated replaces the estimate.
+    by more than their covariances allow (99.7 %), these are scaled until they agree (Birge ratio). An edit replaces the
+    estimate.
     """
     parts, difference = (ours, theirs), theirs.position_m - ours.position_m
     chi2 = float(difference @ np.linalg.solve(ours.covariance_m2 + theirs.covariance_m2, difference))
@@ -235,7 +235,7 @@ def fused(ours: MapObject, theirs: MapObject, rule: LandmarkRule) -> MapObject:
 
 
 def with_stated(estimate: MapObject, parts: Sequence[MapObject]) -> MapObject:
-    """The object with what a person has stated of its parts; of two statements about one value the first part's."""
+    """The object with the edits of its parts; of two edits of one value the first part's."""
     stated: dict[str, object] = {}
     for part in reversed(parts):
         stated |= {name: getattr(part, name) for word in part.corrected for name in CORRECTABLE[word]}

@@ -1,4 +1,4 @@
-"""A map at another scale: of a lens that is higher or lower than it was taken for, or by one measured length."""
+"""A map at another scale: after a correction of the lens's height, or by one measured length."""
 
 from collections.abc import Sequence
 from dataclasses import replace

@@ -1,4 +1,4 @@
-"""Which objects of the map a picture must show if they still stand where the map has them."""
+"""Which objects of the map should be visible in a picture if they are still present."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass

@@ -1,4 +1,4 @@
-"""Events of zones: which objects came into one, and which left it."""
+"""Events of zones: which objects entered one, and which left it."""
 
 import math
 from collections.abc import Sequence

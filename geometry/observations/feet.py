@@ -1,4 +1,4 @@
-"""Where the foot of a box stands on the floor: by its lower edge, by its class's usual width, by depth.
+"""Position of a box's foot on the floor: by its lower edge, by its class's usual width, by depth.
 
 Each model takes a box and the foot that the models before it have placed, and gives the foot with what it measures.
 """
@@ -84,7 +84,8 @@ def by_lower_edge(box: BoxOnFloor) -> Foot:
 
 
 def behind_cover(box: BoxOnFloor, foot: Foot) -> Foot:
-    """Something nearer hides the foot, or the picture ends above it: it is anywhere between there and the edge."""
+    """Something nearer hides the foot, or the picture ends above it: the foot is anywhere between `nearest_m` and the
+    edge."""
     range_m, sigma_m = (box.reach_m + box.nearest_m) / 2.0, (box.reach_m - box.nearest_m) / math.sqrt(12.0)
     share, direction = range_m / box.reach_m, box.direction
     along = np.outer(direction, direction)

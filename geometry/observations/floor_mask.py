@@ -54,7 +54,7 @@ class FloorMask:
     def hidden_until(self, box: ArrayLike) -> float | None:
         """Row of the picture where floor begins below a box (4,) whose lower edge has none below it in any column: what
         is in between hides the foot. Median over the columns; the picture's height where no floor follows. None where
-        some floor is seen at the edge, or the mask ends there.
+        floor is visible at the edge, or the mask ends there.
         """
         x0, _, x1, y1 = np.asarray(box, dtype=np.float64)
         rows, columns = self.floor.shape

@@ -1,4 +1,4 @@
-"""Detected objects that move by themselves, such as people: features on them are not used for odometry."""
+"""Detected people and animals: odometry does not use features on them."""
 
 import numpy as np
 from numpy.typing import NDArray

@@ -207,8 +207,8 @@ def _on_floor(
     depth: NDArray[np.float32] | None,
     floor: FloorMask | None,
 ) -> Iterator[tuple[int, BoxOnFloor, Array]]:
-    """Boxes of those that are allowed (N,) whose lower edge is on the floor, near enough to be sure of and not too wide
-    for their class: row of each, the box, and the covariance of the edge by the mount (2, 2).
+    """Boxes among the allowed ones (N,) whose lower edge is on the floor, certain enough and not too wide for their
+    class: row of each, the box, and the covariance (2, 2) of the edge by the mount.
     """
     feet = feet_px(detections)
     rows = np.flatnonzero(camera.below_horizon(feet) & allowed)
@@ -286,7 +286,7 @@ def _edges(
 
 
 def _without_doubles(sightings: list[Sighting], boxes: Array) -> list[Sighting]:
-    """Drop a box that lies mostly inside a stronger one of its label and stands where that one stands.
+    """Drops a box that lies mostly inside a higher-scoring one of its label and stands where that one stands.
 
     Suppression by IoU keeps a box round a part of an object in addition to the box round all of it.
     """

@@ -93,8 +93,8 @@ def consensus(estimates: Sequence[MotionEstimate]) -> MotionEstimate:
 
 
 def _fused_set(estimates: Sequence[MotionEstimate], chosen: tuple[int, ...]) -> MotionEstimate:
-    """A set that agrees, as one. The covariance of a single member from which others of its source differ is widened
-    by the nearest of them."""
+    """Fuses a set that agrees. A single member from which others of its source differ gets a covariance widened by the
+    offset to the nearest of them."""
     estimate = _fused_by_source([estimates[index] for index in chosen])
     source = estimates[chosen[0]].source
     others = [m for i, m in enumerate(estimates) if i not in chosen and m.source == source]

@@ -395,7 +395,7 @@ class KeyframeWindow:
             self._marginalise()
 
     def _is_keyframe(self, index: int) -> bool:
-        """Whether the pose before the newest must stay, by the tracks that the one before it shares with the newest."""
+        """Whether the second newest pose must stay, by the tracks that the pose before it shares with the newest."""
         first, last = self.poses[index - 1], self.poses[-1]
         before, now = self.points.observed[:, index - 1], self.points.observed[:, len(self.poses) - 1]
         both = before & now
@@ -432,7 +432,7 @@ class KeyframeWindow:
         self._remove(0)
 
     def _remove(self, index: int) -> None:
-        """Takes one pose out of all arrays."""
+        """Removes one pose from all arrays."""
         del self.poses[index], self._factors[index]
         for name in ("at", "observed", "measured"):
             array = getattr(self.points, name)

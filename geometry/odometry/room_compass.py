@@ -26,7 +26,7 @@ VIEWS = 40  # that are kept, and latest steps that a view can refer to: a bound 
 
 
 def _wrapped(angle_rad: float) -> float:
-    """Modulo a right angle, nearest to none."""
+    """The angle modulo a right angle, nearest to zero."""
     return (angle_rad + RIGHT_ANGLE / 2.0) % RIGHT_ANGLE - RIGHT_ANGLE / 2.0
 
 

@@ -17,8 +17,8 @@ def travelled(first: Array, second: Array, rotation: Array, direction: Array, si
 
     first, second: (N, 3) rays with z = 1. rotation: (3, 3), takes directions of the second view into those of the
     first. direction: (3,), unit, of the lens, first view's axes. sigma_rad: standard deviation of a point in one view.
-    Residual: Sampson's distance with its denominator differentiated too; as a mere weight that draws the direction
-    towards the points (Kanatani 1996), by 0.5 to 4 degrees in rendered homes.
+    Residual: Sampson's distance, differentiated including its denominator; with the denominator as a constant weight,
+    the direction is biased towards the points (Kanatani 1996), by 0.5 to 4 degrees in rendered homes.
     """
     start, information = rotation, np.eye(5)
     weights, distance = np.ones(len(first)), np.zeros(len(first))

@@ -64,9 +64,9 @@ class Alignment:
         return cls(pose_a_b, np.zeros((3, 3)), (), 0, 0, 0.0, 0.0)
 
 
-def align(first: Sequence[MapObject], second: Sequence[MapObject], rule: AlignmentRule | None = None) -> Alignment:
+def align(first: Sequence[MapObject], second: Sequence[MapObject]) -> Alignment:
     """Find the second map's place in the first one's frame. Raises AlignmentError where that is not certain."""
-    work = aligning(first, second, rule)
+    work = aligning(first, second)
     try:
         for _ in range(UNITS_OF_WORK):
             next(work)

@@ -92,7 +92,7 @@ def best_modes(
 def _scores(
     motions: Motions, first: Sequence[MapObject], second: Sequence[MapObject], reach_m: float
 ) -> Generator[None, None, Array]:
-    """For each motion how many objects it explains, near ones in full and those at the gate not at all, (N,)."""
+    """Number of objects that each motion explains, (N,): an object counts less with distance, 0 at the gate."""
     a, b = _positions(first), _positions(second)
     pair_m2 = _variances(first)[:, None] + _variances(second)[None]
     same = np.array([ours.label for ours in first])[:, None] == np.array([theirs.label for theirs in second])[None]

@@ -1,4 +1,4 @@
-"""The trajectory: poses every few steps with the odometry between them, and how the past moves in a correction."""
+"""The trajectory: keyframe poses with the odometry between them, and its correction."""
 
 import math
 from collections.abc import Set
@@ -96,7 +96,7 @@ class KeyframeTrajectory:
         return covariance + np.diag([path_m2, path_m2, turn_rad2])
 
     def factors(self, loose: bool = False) -> OdometryFactors:
-        """The keyframes as a graph has them. loose: with the covariances that loops are searched with."""
+        """The keyframes' odometry factors. loose: with the covariances that loops are searched with."""
         motions = np.array([motion.vector() for motion in self._motions]).reshape(-1, 3)
         covariances = np.array(self._loose if loose else self._covariances).reshape(-1, 3, 3)
         gains = self.rule.gain, self.rule.gain

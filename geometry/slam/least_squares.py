@@ -154,7 +154,7 @@ def _columns(landmark: Rows, landmarks: int) -> Rows:
 
 
 class _System:
-    """Normal equations: poses' band (6, 3 K), what lies between poses and corner (sparse), and the corner, dense: all
+    """Normal equations: poses' band (6, 3 K), the coupling of poses and corner (sparse), and the corner, dense: all
     landmarks, the odometry's gains, the mount's."""
 
     def __init__(self, problem: Problem, layout: _Layout, poses: Array, landmarks: Array, biases: Array) -> None:

@@ -1,5 +1,5 @@
-"""Loop closure: a hypothesis is searched, tested on the complete graph, accepted where it makes all observations more
-likely, and revoked where it no longer fits; a bounded unit of work per frame.
+"""Loop closure: searches a hypothesis, tests it on the complete graph, accepts it where it makes all observations more
+likely, and revokes it where it no longer fits; a bounded unit of work per frame.
 """
 
 import math
@@ -104,7 +104,7 @@ class LoopSearch:
             del self.graph.links[number]
 
     def _unfit(self, at: Snapshot, after: Solution, new: Mapping[int, int]) -> list[int]:
-        """Links to take back: all new ones if one of these does not fit, else the worst of the others."""
+        """Links to revoke: all new ones if one of these does not fit, else the worst of the others."""
         bad = {later: chi2 for later, chi2 in at.link_chi2(self.graph.links, after).items() if chi2 > CHI2_997}
         if any(number in bad for number in new):
             return list(new)

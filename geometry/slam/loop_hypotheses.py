@@ -1,4 +1,4 @@
-"""Loop hypotheses: which landmarks in view are earlier ones, all pairings weighed jointly, never one by itself."""
+"""Loop hypotheses: which landmarks in view are earlier ones. All pairings are weighed jointly."""
 
 import math
 from collections import Counter
@@ -71,7 +71,7 @@ def _held(pairings: Sequence[Pairing], shares: Array, landmarks: Array, rule: Lo
 
 
 def _least_ambiguous(pairings: Sequence[Pairing]) -> list[Pairing]:
-    """The half of the landmarks in view that have fewest candidates; none of a single one."""
+    """The half of the landmarks in view with the fewest candidates; none where there is only one landmark."""
     candidates = Counter(pairing.now for pairing in pairings)
     kept = sorted(candidates, key=lambda now: candidates[now])[: len(candidates) // 2]
     return [pairing for pairing in pairings if pairing.now in kept]

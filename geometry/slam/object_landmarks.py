@@ -119,8 +119,8 @@ class Landmark:
         self.updated = max(self.updated, other.updated)
 
     def move_to(self, onto: Mapping[int, tuple[int, SE2 | None]]) -> bool:
-        """Keyframes change: each observation moves to another one's frame. onto: by old row, the new row and the old
-        keyframe's pose in that one's frame, None where it stays. Returns whether any observation moved."""
+        """Moves each observation to another keyframe's frame. onto: by old row, the new row and the old keyframe's pose
+        in the new one's frame, None where it stays. Returns whether any observation moved."""
         moves = [onto[keyframe] for keyframe in self.keyframes]
         if all(pose is None for _, pose in moves):
             self.keyframes = [new for new, _ in moves]
@@ -214,8 +214,8 @@ def place(landmarks: Sequence[Landmark], trajectory: KeyframeTrajectory, tilt_ra
 
 
 def observations(landmarks: Sequence[Landmark], tilt_rad: Array, rule: LandmarkRule) -> ObservationFactors:
-    """Factors of these landmarks, one for each keyframe that observed one. The error of each contains that of the range
-    and of the side from which the object was observed."""
+    """Factors of these landmarks, one for each keyframe that observed one. The error of each includes those of the
+    range and of the side from which the object was observed."""
     rows = np.concatenate([np.zeros((0, COLUMNS)), *(one.rows for one in landmarks)])
     position_m, information, bias_m, range_m = factors(rows, tilt_rad, rule.view_m)
     sizes = [len(one.keyframes) for one in landmarks]
@@ -292,7 +292,7 @@ class LandmarkSet:
         return {rows[i]: candidates[j] for i, j in chosen if j < len(candidates)}
 
     def _distance2(self, placed: PlacedSighting, landmark: Landmark, odometer_m: float) -> float:
-        """Squared Mahalanobis distance; beyond gate or reach so much that a new landmark costs less."""
+        """Squared Mahalanobis distance; beyond gate or reach a value at which a new landmark costs less."""
         x_m, y_m = (placed.position_map_m - landmark.position_m).tolist()
         if x_m * x_m + y_m * y_m > self.rule.reach_m**2:
             return IMPOSSIBLE
@@ -310,7 +310,7 @@ def rotations(yaw_rad: Array) -> Array:
 
 
 def _both(first: Array, second: Array) -> Array:
-    """Two observations' sums as one, seen from where the first was."""
+    """Adds the sums of two observations, in the frame of the first."""
     row = first + second
     row[VIEW] = first[VIEW]
     return row

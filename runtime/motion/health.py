@@ -183,7 +183,7 @@ def _content(grey: MatLike, fine: MatLike, structure: MatLike, rule: HealthRule)
 
 
 def _torn(grid: NDArray[np.uint8], last: NDArray[np.uint8], rule: HealthRule) -> tuple[FaultKind | None, str]:
-    """Whether rows at one end are old, or missing."""
+    """Kind and detail where rows at one end are repeated or missing."""
     rows = len(grid)
     if (grid[-1] == DECODER_GREY).all():
         missing = _run((grid == DECODER_GREY).all(axis=1)[::-1])
@@ -201,7 +201,7 @@ def _torn(grid: NDArray[np.uint8], last: NDArray[np.uint8], rule: HealthRule) ->
 
 
 def _run(flags: NDArray[np.bool_]) -> int:
-    """How many flags are set from the first on."""
+    """Number of leading flags that are set."""
     return len(flags) if flags.all() else int(flags.argmin())
 
 

@@ -35,7 +35,7 @@ class EdgeReader:
         return bool(self._strips or self._ends)
 
     def begin(self, frame: Frame) -> bool:
-        """Take a frame's picture, if it shows another view than the last one."""
+        """Starts on a frame's picture, if it shows another view than the last one."""
         self.stamp_s = frame.stamp_s
         grey = cv2.cvtColor(frame.image, cv2.COLOR_BGR2GRAY)
         grey = cv2.resize(grey, (self._lens.width, self._lens.height), interpolation=cv2.INTER_AREA)
@@ -53,7 +53,7 @@ class EdgeReader:
         self._first &= not now
 
     def finished(self) -> Segments | None:
-        """The edges of a picture all of which has been read, once; else None."""
+        """The edges of a picture, once, after all of it has been read; else None."""
         if self._strips or not self._ends:
             return None
         ends, self._ends = np.concatenate(self._ends), []

@@ -36,7 +36,7 @@ class _Sensor:
         self._lively = 0  # samples of which every axis differed from the one before
 
     def judge(self, values: Array, span_s: float) -> NDArray[np.bool_]:
-        """Which of the samples (N, 3) can be measurements, (N,)."""
+        """Which of the samples (N, 3) are plausible, (N,)."""
         good = np.ones(len(values), dtype=bool)
         for row, value in enumerate(values):
             same = value == self._last

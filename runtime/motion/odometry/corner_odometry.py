@@ -87,7 +87,7 @@ class CornerOdometry(ABC):
         """The motion in the camera's unit of length."""
 
     def _start_again(self) -> None:
-        """Discards the picture before, and all that was estimated from it."""
+        """Discards the previous picture and all estimates from it."""
         self._tracker.restart()
         self._motion, self._skipped = SE2(), False
         self._since, self._since_covariance = SE2(), np.zeros((3, 3))  # of the motion without pictures

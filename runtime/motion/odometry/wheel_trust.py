@@ -14,7 +14,7 @@ UNPROVEN = np.array([100.0, 100.0, 10.0])  # variances added to quantities that 
 
 
 class WheelTrust:
-    """Judges wheels by yaw and length, and by how far they and the camera differ beyond what both state."""
+    """Judges wheels by yaw and length, and by their difference from the camera beyond both covariances."""
 
     def __init__(self, rule: TrustRule) -> None:
         state = Trust.UNPROVEN if rule.windows else Trust.TRUSTED
