@@ -279,7 +279,7 @@ def test_a_room_s_head_is_left_out_on_a_road_and_on_a_head(height_m, pitch_deg, 
     """A robot's camera, and one 1.65 m up that looks ahead; no word where the window takes the head's place."""
     bundle = load_bundle(bundle_folder("edgemap-nano"), 1)
     floor = FloorCamera(CAMERA.intrinsics, Mount.from_degrees(height_m, pitch_deg, 0.0, platform=platform))
-    source = cast(Camera, SimpleNamespace(wheel=None))
+    source = cast(Camera, SimpleNamespace(info=SimpleNamespace(wheel=None)))
     members, warning = hybrid_members(bundle, source, floor, True, OdometryRules())
     names = [member.odometry.name for member in members]
     assert names.count("flow") == heads

@@ -32,7 +32,7 @@ def drive(demo, off_deg, rule=None, **options):
     faults, result = [], None
     for index in range(FRAMES):
         result = slam.step(Frame(index, demo.stamps_s[index], demo.images[index]))
-        faults += [fault for fault in result.observed.faults if fault.kind is FaultKind.MOUNT_ANGLES]
+        faults += [fault.text for fault in result.observed.faults if fault.kind is FaultKind.MOUNT_ANGLES]
     assert result
     return faults, result.observed, mount, slam.objects()
 
