@@ -283,7 +283,7 @@ class FloorMap:
             item.estimate = None
 
     def _estimate(self, item: _Object) -> Estimate:
-        """Position and covariance from its landmarks."""
+        """The object's estimate from its landmarks."""
         if item.estimate is None:
             extent_m = sum(one.extent_m * one.sums.count for one in item.landmarks)
             extent_m /= sum(one.sums.count for one in item.landmarks)

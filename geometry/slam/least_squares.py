@@ -224,7 +224,7 @@ class _System:
         i, j = np.triu_indices(3)
         band[BAND + i - j, :, j] = self._diagonal[:, i, j].T
         i, j = np.indices((3, 3)).reshape(2, -1)
-        band[BAND - 3 + i - j, 1:, j] = self._beside[:, i, j].T
+        band[BAND - 3 + i - j, 1:, j] = self._coupling[:, i, j].T
         return band.reshape(BAND + 1, -1)
 
     def _add_odometry(self, odometry: OdometryFactors, freedom: float) -> None:
@@ -267,7 +267,7 @@ class _System:
             transposed = jacobian.transpose(0, 2, 1)
             self._diagonal[at] += transposed @ information @ jacobian
             self.rhs[at] -= (transposed @ weighted)[:, :, 0]
-        self._beside = by_before.transpose(0, 2, 1) @ information @ by_after
+        self._coupling = by_before.transpose(0, 2, 1) @ information @ by_after
 
     def _add_observations(self, seen: ObservationFactors, kernel: float) -> None:
         x, y, by_pose, by_landmark = _seen_from(self._poses[seen.pose], self._landmarks[seen.landmark])

@@ -45,7 +45,7 @@ class HeightCheck:
     """
 
     def __init__(self, mount: Mount, rule: HeightRule | None = None, guessed: float = 0.0) -> None:
-        self._rule, self._given_m, self._guessed = rule or HeightRule(), mount.height_m, guessed
+        self._rule, self._stated_m, self._guessed = rule or HeightRule(), mount.height_m, guessed
         self.estimate: HeightEstimate | None = None
         self.scale, self._measured = 1.0, False  # whether lengths are measured, not in proportion to the height
         self._reported, self._used = False, mount
@@ -87,7 +87,7 @@ class HeightCheck:
             if self._sizes_timer.due(stamp_s):
                 self._sizes.add(boxes, camera)
         elif attitude.source == "depth":
-            self._depths.append(math.log(attitude.height_m / self._given_m))
+            self._depths.append(math.log(attitude.height_m / self._stated_m))
         due = stamp_s >= self._began_s + self._rule.judged_s and self._timer.due(stamp_s)
         return self._judge() if due else None
 
@@ -98,7 +98,7 @@ class HeightCheck:
             return
         camera_m, rolled_m = motion.lengths
         self._camera_m, self._rolled_m = self._camera_m + camera_m, self._rolled_m + rolled_m
-        if abs(self._rolled_m) >= self._given_m:
+        if abs(self._rolled_m) >= self._stated_m:
             ratio = self._rolled_m / (self._camera_m or 1e-3)
             self._ratios.append(math.log(ratio) if ratio > 0.0 else math.nan)
             self._camera_m = self._rolled_m = 0.0
@@ -109,10 +109,10 @@ class HeightCheck:
             return None
         middle, scatter = map(float, median_and_scatter(np.array(values)))
         sigma = math.hypot(scatter / math.sqrt(len(values)), least_sigma)
-        return HeightMeasurement(name, math.log(self._given_m) + middle, sigma)
+        return HeightMeasurement(name, math.log(self._stated_m) + middle, sigma)
 
     def _judge(self) -> Fault | None:
-        rule, stated = self._rule, math.log(self._given_m)
+        rule, stated = self._rule, math.log(self._stated_m)
         wrong = math.log1p(rule.wrong_share)
         measurements = self._sizes.measurements(FloorNoise().tilt_rad, FEWEST)
         labels = ", ".join(one.name for one in measurements)
@@ -134,13 +134,13 @@ class HeightCheck:
         self.estimate = HeightEstimate(math.exp(log_m), math.exp(log_m) * sigma)
         if self._guessed:
             if not self._measured:
-                self.scale = self.estimate.height_m / self._given_m
+                self.scale = self.estimate.height_m / self._stated_m
             return None
         if self._reported or abs(log_m - stated) < max(0.0 if depth else wrong, CLEAR_SIGMAS * sigma):
             return None
         self._reported = True
         return Fault(
             FaultKind.MOUNT_HEIGHT,
-            f"mount: height {self._given_m:.2f} m given, {' and '.join(sources)} would make it "
+            f"mount: height {self._stated_m:.2f} m given, {' and '.join(sources)} would make it "
             f"{self.estimate.height_m:.2f} m, to {100.0 * sigma:.0f} %: measure it again",
         )

@@ -57,7 +57,7 @@ class CheckedMount:
         self.faults: tuple[Fault, ...] = ()
         self._other, self._pictures, self._rule = other, pictures, rule or MountRule()
         self._mount, self._in_room = camera.mount, camera.mount.platform.in_room
-        self._given = np.array([self._mount.roll_rad, self._mount.pitch_rad])
+        self._configured = np.array([self._mount.roll_rad, self._mount.pitch_rad])
         self._to_base = self._mount.rotation_base_optical()
         self._tilt = MountTilt.prior(self._rule.tilt)
         self._estimated: MountEstimate | None = None
@@ -128,7 +128,7 @@ class CheckedMount:
         if room is None:
             return None
         pitch, roll = pitch_roll(room.up)
-        error_rad = np.array([roll, pitch]) - self._given
+        error_rad = np.array([roll, pitch]) - self._configured
         if not (self._settled and self._sways):
             self._tilt = self._tilt.by_up(EDGES, error_rad)
         self._estimates.append((stamp_s, *error_rad.tolist()))
@@ -171,10 +171,12 @@ class CheckedMount:
             if self._now_s - self._forces[0][0] >= rule.judged_s:
                 forces, self._forces = np.array(self._forces)[:, 1:], []
                 if forces.std(axis=0).max() < rule.tilt.seen:
-                    self._tilt = self._tilt.by_up(GRAVITY, forces[-1] - self._given)  # which the filter has averaged
+                    self._tilt = self._tilt.by_up(
+                        GRAVITY, forces[-1] - self._configured
+                    )  # which the filter has averaged
         if attitude.source == "depth":
             angles = np.array([attitude.roll_rad, attitude.pitch_rad])
-            self._tilt = self._tilt.by_up(DEPTH, angles - self._given)
+            self._tilt = self._tilt.by_up(DEPTH, angles - self._configured)
 
     def _judge(self) -> Fault | None:
         """Estimates the mount once a second. Returns a fault when it has just proved wrong."""
@@ -201,7 +203,7 @@ class CheckedMount:
         self._estimated = MountEstimate(self._with(tilt.error_rad), sigma, self._correct, self._mount)
         if not (wrong & ~reported).any():
             return None
-        stated, estimate = np.degrees(self._given), np.degrees(self._given + error_rad)
+        stated, estimate = np.degrees(self._configured), np.degrees(self._configured + error_rad)
         names = ", ".join(sorted(tilt.measurements, key=lambda name: -tilt.measurements[name]))
         return Fault(
             FaultKind.MOUNT_ANGLES,
@@ -211,5 +213,5 @@ class CheckedMount:
 
     def _with(self, error_rad: Array) -> Mount:
         """The mount with other angles."""
-        roll, pitch = (self._given + error_rad).tolist()
+        roll, pitch = (self._configured + error_rad).tolist()
         return replace(self._mount, roll_rad=roll, pitch_rad=pitch)

@@ -37,17 +37,17 @@ class DepthAttitude:
         self._other, self._pictures, self._height_m = other, pictures, camera.mount.height_m
         self._points = DepthPoints(camera.intrinsics, EVERY_PX)
         self._plane: FloorPlane | None = None
-        self._found: tuple[FloorPlane, NDArray[np.float64]] | None = None  # in the last picture
+        self._floor: tuple[FloorPlane, NDArray[np.float64]] | None = None  # in the last picture
         self._seen_s = self._sought_s = -math.inf
 
     def predict(self, frame: Frame, moved: Moved | None = None) -> Attitude:
         """The attitude at the frame's stamp."""
         other = self._other.predict(frame, moved)
-        self._found = None
+        self._floor = None
         if frame.depth is None:
             return other
         points = self._points.of(frame.depth)
-        self._found = plane = self._follow(points, other, frame.stamp_s)
+        self._floor = plane = self._follow(points, other, frame.stamp_s)
         if plane is None:
             return other
         self._plane, self._seen_s = plane[0], frame.stamp_s
@@ -65,8 +65,8 @@ class DepthAttitude:
     def update(self, rotation: TrackedRotation | None) -> Attitude:
         """The attitude from depth, which also updates the other source; without floor in view, the other source's."""
         other = self._other.update(rotation)
-        if self._found is not None and self._pictures is not None:
-            plane, covariance = self._found
+        if self._floor is not None and self._pictures is not None:
+            plane, covariance = self._floor
             self._pictures.see_up(plane.up, math.hypot(math.sqrt(covariance[:2, :2].trace() / 2.0), LEVEL_RAD))
         return other
 
@@ -77,7 +77,7 @@ class DepthAttitude:
     def reset(self, reason: str) -> None:
         """Start again from the other source's attitude."""
         self._other.reset(reason)
-        self._plane = self._found = None
+        self._plane = self._floor = None
         self._sought_s = -math.inf
 
     def _follow(

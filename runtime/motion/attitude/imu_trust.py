@@ -70,8 +70,8 @@ class ImuTrust:
         self._seen_s, self._reason = math.nan, ""
         self._frames, self._per_sample = 0, deque[int](maxlen=SINGLE)  # since the last sample; of the last samples
         self._slow = False
-        self._apart = 0  # frames since the newest samples, where these are of another time
-        self._apart_s = 0.0
+        self._off_clock = 0  # frames since the newest samples, where these are of another time
+        self._off_clock_s = 0.0
 
     @property
     def proved(self) -> bool:
@@ -91,8 +91,8 @@ class ImuTrust:
         """
         samples = self._of_frame(samples, stamp_s)
         self._count(len(samples))
-        if self._apart == OTHER_CLOCK:
-            return self._told(samples)
+        if self._off_clock == OTHER_CLOCK:
+            return self._with_fault(samples)
         if not len(samples):
             return samples, None
         span_s = stamp_s - self._seen_s if math.isfinite(self._seen_s) else 0.0
@@ -103,18 +103,18 @@ class ImuTrust:
         self._turned_rad = float((samples.gyro_rad_s.mean(axis=0) - bias) @ up) * span_s
         if not good.all():
             samples = ImuSamples(samples.stamps_s[good], samples.gyro_rad_s[good], samples.accel_m_s2[good])
-        return self._told(samples)
+        return self._with_fault(samples)
 
     def _of_frame(self, samples: ImuSamples, stamp_s: float) -> ImuSamples:
         """The samples up to the frame; none where the newest is more than APART_S from its stamp."""
         if not len(samples):
-            self._apart += self._apart > 0
+            self._off_clock += self._off_clock > 0
             return samples
-        self._apart_s = stamp_s - float(samples.stamps_s[-1])
-        self._apart = self._apart + 1 if abs(self._apart_s) > APART_S else 0
-        return ImuSamples.none() if self._apart else samples.between(stamp_s - HISTORY_S, stamp_s)
+        self._off_clock_s = stamp_s - float(samples.stamps_s[-1])
+        self._off_clock = self._off_clock + 1 if abs(self._off_clock_s) > APART_S else 0
+        return ImuSamples.none() if self._off_clock else samples.between(stamp_s - HISTORY_S, stamp_s)
 
-    def _told(self, samples: ImuSamples) -> tuple[ImuSamples, Fault | None]:
+    def _with_fault(self, samples: ImuSamples) -> tuple[ImuSamples, Fault | None]:
         """The samples, and a fault where their exclusion begins or ends."""
         before, self._reason = self._reason, self._guilty()
         if self._reason and not before:
@@ -143,8 +143,8 @@ class ImuTrust:
 
     def _guilty(self) -> str:
         """Why a sensor is left out; empty where none is."""
-        if self._apart >= OTHER_CLOCK:
-            where = f"{abs(self._apart_s):.6g} s {'before' if self._apart_s > 0.0 else 'after'} the picture"
+        if self._off_clock >= OTHER_CLOCK:
+            where = f"{abs(self._off_clock_s):.6g} s {'before' if self._off_clock_s > 0.0 else 'after'} the picture"
             return f"IMU: its newest sample is {where} (two clocks?)"
         for sensor in (self._gyro, self._accel):
             if sensor.bad:

@@ -116,11 +116,11 @@ class InertialAttitude:
         edges = [*np.arange(first_s + START_S, stamp_s - 1e-6, START_S).tolist(), stamp_s]
         first = samples.between(-math.inf, edges[0])
         edges = [before_s, stamp_s] if reaches else edges
-        given_rad = self._rule.check.tilt.prior  # the first samples err by no more than a mount
-        state, rotation = inertial_start(first, edges[0], noise, given_rad), None
+        start_rad = self._rule.check.tilt.prior  # the first samples err by no more than a mount
+        state, rotation = inertial_start(first, edges[0], noise, start_rad), None
         self._rate2, self._judged_s = 0.0, 0.0
         self._nodded(state, first, START_S)
-        if self._calm() and float(state.up_optical @ self._up) > math.cos(given_rad):
+        if self._calm() and float(state.up_optical @ self._up) > math.cos(start_rad):
             state = inertial_start(first, edges[0], noise, float(self._nods(np.zeros(2))[0]), self._up)
         for edge_s in edges[1:]:
             part = samples.between(state.stamp_s, edge_s)

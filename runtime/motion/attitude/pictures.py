@@ -50,7 +50,7 @@ class PicturesAttitude:
         """
         span_s = frame.stamp_s - self._seen_s
         self._span_s, self._seen_s = span_s if 0.0 < span_s < LONGEST_S else LONGEST_S, frame.stamp_s
-        if self._carried.share == 0.0 or not self._known():
+        if self._carried.share == 0.0 or not self._converged():
             return self._given
         ahead = self._unseen()
         return replace(Attitude.of_up(ahead.up, ahead.angles_covariance(), self.name), predicted=True)
@@ -69,7 +69,7 @@ class PicturesAttitude:
             sigma_rad = (self._nodding_rad + carried_rad) * math.sqrt(frames) / (1.0 - share)
             tilt = tilt.corrected(self._mounted, sigma_rad)
         self._tilt = tilt
-        if not self._known():
+        if not self._converged():
             return replace(self._given, predicted=False)
         return Attitude.of_up(tilt.up, tilt.angles_covariance(), self.name)
 
@@ -114,7 +114,7 @@ class PicturesAttitude:
         self._given = replace(Attitude.of_mount(mount, self._nodding_rad), predicted=True)
         self._tilt = Tilt.about(self._mounted, self._nodding_rad)
 
-    def _known(self) -> bool:
+    def _converged(self) -> bool:
         """Whether this tilt is certain enough to show an error of the mount of `tilt.prior`."""
         return CLEAR_SIGMAS * self._tilt.sigma_rad() < self._carried_rad
 

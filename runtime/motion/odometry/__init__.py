@@ -72,7 +72,7 @@ def open_odometry(
         return LearnedOdometry(bundle, spec, floor, coasting)
     if spec == "truth":
         if camera.info.truth is None:
-            raise OdometryError(f"odometry truth: {camera.info.name} brings no poses of its own")
+            raise OdometryError(f"odometry truth: {camera.info.name} has no recorded poses")
         return RecordedOdometry(camera.info.truth, "truth", edge_s=POSES_EDGE_S)
     if spec == "wheel":
         if camera.info.wheel is None:

@@ -1,4 +1,4 @@
-"""What planar and window odometry share: tracked corners, units, the judge of a carried camera, rest and blindness."""
+"""Base of planar and window odometry: tracked corners, units, detection of a carried camera, rest and blindness."""
 
 import math
 from abc import ABC, abstractmethod
@@ -100,8 +100,8 @@ class CornerOdometry(ABC):
         return frame.stamp_s - self._seen_s
 
     def step_blind(self, stamp_s: float, reason: Fault, attitude: Attitude | None = None) -> Motion:  # noqa: ARG002
-        """Predicts the motion without a picture. What is tracked is kept: the next picture measures the motion since
-        the previous one.
+        """Predicts the motion without a picture. Keeps the tracks: the next picture measures the motion since the
+        previous one.
         """
         guess, self._skipped = self._coasting.guess(stamp_s, reason), True
         self._since, self._since_covariance = self._since @ guess.motion, self._since_covariance + guess.covariance

@@ -49,7 +49,7 @@ class CornersRule:
 
 
 class Picture:
-    """A grey picture at the working width, and what the tracker makes of it, once."""
+    """A grey picture at the working width, and its cached filtered versions."""
 
     def __init__(self, grey: MatLike) -> None:
         self.grey = grey

@@ -112,7 +112,7 @@ class HybridOdometry:
         self._rule, self._coasting = rule or HybridRule(), Coasting(coasting)
         self._warning, self._covered_limit = warning, (health or HealthRule()).part_share
         # The others compute in Python while a network runs: 6.3 instead of 8.7 ms a step, paced, two cores.
-        self._beside = ThreadPoolExecutor(1, "odometry")
+        self._executor = ThreadPoolExecutor(1, "odometry")
         self.reset("start")
 
     def begin(self, frame: Frame, features: Tensors, prior: FramePrior = NO_PRIOR) -> None:
@@ -126,7 +126,7 @@ class HybridOdometry:
         for network in networks.values() if was_awake and not self._awake else ():
             network.reset("no features")
         awake = networks.items() if self._awake and not self.needs_features else ()
-        self._begun = {index: self._beside.submit(network.step, frame, features, prior) for index, network in awake}
+        self._begun = {index: self._executor.submit(network.step, frame, features, prior) for index, network in awake}
         self._begun_with = frame.index
 
     def step(self, frame: Frame, features: Tensors, prior: FramePrior = NO_PRIOR) -> Motion:
@@ -146,7 +146,7 @@ class HybridOdometry:
         return motion
 
     def step_blind(self, stamp_s: float, reason: Fault, attitude: Attitude | None = None) -> Motion:
-        """The motion of those that need no picture."""
+        """The motion of the members that need no picture."""
         motions = [member.odometry.step_blind(stamp_s, reason, attitude) for member in self._members]
         motion = self._corrected(stamp_s, self._fused(stamp_s, motions), attitude)
         self._blind_rad += motion.motion.yaw_rad
@@ -294,7 +294,7 @@ class HybridOdometry:
         return [replace(item, covariance=item.covariance * share) for item, share in zip(alive, excess, strict=True)]
 
     def _answers(self, alive: Sequence[MotionEstimate], used: Sequence[MotionEstimate]) -> dict[str, str]:
-        """What became of each member in a step, as of `Motion.members`."""
+        """The role of each member in a step, as of `Motion.members`."""
         measured, taken = ({name for item in items for name in item.members} for items in (alive, used))
         names = [_short(member) for member in self._members]
         return {n: "used" if n in taken else "left_out" if n in measured else "blind" for n in names}

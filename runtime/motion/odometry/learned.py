@@ -155,7 +155,7 @@ class LearnedOdometry:
         self._fresh = True
 
     def _next_keyframe(self, stamp_s: float) -> None:
-        """The last frame, which showed what a stamp shows, is the keyframe from now on."""
+        """Makes the last frame the keyframe. stamp_s: latest stamp at which its picture is still valid."""
         self._states, self._keyframe_s, self._since = self._next_states, stamp_s, SE2()
 
     def _feed(self, features: Tensors, dt_s: float) -> tuple[SE2, np.ndarray]:

@@ -110,7 +110,7 @@ class RecordedOdometry:
         if first and not fault:
             return first_motion()
         if fault or last is None or pose is None:
-            text = fault or f"known again from {stamp_s:.3f} s on"
+            text = fault or f"measured again from {stamp_s:.3f} s on"
             return blind_motion(Fault(self._kind, f"odometry {self.name}: {text}"))
         motion = last.inverse() @ pose
         return Motion(motion, self._drift.covariance(motion))
@@ -126,7 +126,7 @@ class RecordedOdometry:
         return pose, ""
 
     def _broken(self, stamp_s: float) -> str:
-        """Why the samples of a step to a stamp are no motion, a hole or a jump; empty where they are."""
+        """Why the samples of a step to a stamp are no valid motion (a hole or a jump); empty where they are."""
         stamps, poses = self._trajectory.stamps_s, self._trajectory.poses
         if not math.isfinite(self._last_s):
             return ""
