@@ -81,7 +81,7 @@ def _earlier_guess(camera: "Source", source: "Camera", floor: "FloorCamera") -> 
 
     folder = user_path(camera.camera.partition(":")[2] or camera.camera)
     path = camera.camera_file or folder / "camera.yaml"
-    recorded = {} if camera.camera_file else getattr(source, "calibration", {})
+    recorded = {} if camera.camera_file else source.info.calibration
     if not recorded and not path.is_file():
         return None
     stated = set() if camera.intrinsics is None else {"intrinsics"}

@@ -4,8 +4,6 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated
 
-import tyro
-
 from edgemap.cli.arguments import arg, may_be_left_out
 
 
@@ -71,17 +69,16 @@ class OutputGroup:
         ),
     ] = None
     sink: Annotated[
-        tuple[str, ...],
-        tyro.conf.UseAppendAction,
+        str | None,
         arg(
-            metavar="NAME[:ADDRESS]",
-            help="Send the results to a sink of an installed package (docs/plugins.md); may be repeated. "
+            metavar="NAME[:ADDRESS],…",
+            help="Send the results to sinks of installed packages (docs/plugins.md). "
             "fleet:PLACE[@HOST[:PORT]]: to the keeper of a place (extra fleet, docs/fleet.md).",
         ),
-    ] = ()
+    ] = None
 
     def sinks(self) -> dict[str, str]:
         """The sinks that were asked for, by name, each with its address."""
         named = {"record": self.recording, "mqtt": self.mqtt, "ros2": self.ros2}
-        others = (text.partition(":") for text in self.sink)
+        others = (text.partition(":") for text in (self.sink or "").split(",") if text)
         return {name: text for name, text in named.items() if text is not None} | {one[0]: one[2] for one in others}

@@ -153,18 +153,19 @@ class PushedCamera(Camera):
         """Sets the picture that `read` returns next; see `Session.push`. Raises CameraError for an invalid one."""
         picture = as_picture(image, "image")
         height, width = picture.shape[:2]
-        stamp_s = self._stamps.checked(stamp_s, "stamp_s")
         samples, pose = _samples(imu), None if wheels is None else _pose(wheels)
         size = self.info.size
-        if size == (0, 0):
-            self._track = None if wheels is None else GrowingTrack()
-            lens = as_intrinsics(self._given, width, height)
-            self.update_info(size=(width, height), intrinsics=lens, wheel=self._track)
-        elif (width, height) != size:
+        first = size == (0, 0)
+        if not first and (width, height) != size:
             raise CameraError(f"image is {width}x{height}, the pictures before were {size[0]}x{size[1]}")
-        if pose is not None:
-            if self._track is None:
-                raise CameraError("wheels= was not given with the first picture: give it with every one, or with none")
+        if pose is not None and not first and self._track is None:
+            raise CameraError("wheels= was not given with the first picture: give it with every one, or with none")
+        lens = as_intrinsics(self._given, width, height) if first else self.info.intrinsics
+        stamp_s = self._stamps.checked(stamp_s, "stamp_s")  # last: a refused picture has no stamp
+        if first:
+            self._track = None if pose is None else GrowingTrack()
+            self.update_info(size=(width, height), intrinsics=lens, wheel=self._track)
+        if pose is not None and self._track is not None:
             self._track.push(stamp_s, pose)
         self.update_info(imu=samples)
         self._pending = self.frame(picture, stamp_s, "pushed picture")

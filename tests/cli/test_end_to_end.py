@@ -27,7 +27,7 @@ def test_the_well_known_pictures(edgemap, real_bundles, shared_data, name):
         assert "horse" in person
 
 
-@pytest.mark.parametrize(("name", "odometry"), [("yolov3-tiny", "planar"), ("yolox-nano", "truth")])
+@pytest.mark.parametrize(("name", "odometry"), [("yolov3-tiny", "hybrid"), ("yolox-nano", "truth")])
 def test_a_real_living_room_becomes_a_map(edgemap, real_bundles, shared_data, tmp_path, name, odometry):
     camera = f"c2w:{shared_data / 'hololens'}"
     flags = ("--frames", "60", "--odometry", odometry, "--out", tmp_path / "run")

@@ -95,7 +95,8 @@ def test_train_export_and_run(edgemap, floor_drive, backbone, cache, tmp_path, k
     result = edgemap("export", tmp_path / "run/best.pt", "-o", tmp_path / "bundle")
     assert result.returncode == 0, result.stderr
     assert f"{kind} odometry" in result.stdout
-    run = ("--bundle", tmp_path / "bundle", "--camera", data, "--odometry", kind, "--out", tmp_path / "out")
+    odometry = "paper" if kind == "paper" else "hybrid"
+    run = ("--bundle", tmp_path / "bundle", "--camera", data, "--odometry", odometry, "--out", tmp_path / "out")
     result = edgemap("run", *run)
     assert result.returncode == 0, result.stderr
     assert len((tmp_path / "out/trajectory.tum").read_text().splitlines()) >= 16

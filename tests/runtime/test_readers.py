@@ -139,12 +139,12 @@ def use_map(path: Path) -> None:
 
 def use_camera_file(path: Path) -> CameraFile:
     camera = read_camera_yaml(path)
-    lens = camera.info.intrinsics
+    lens = camera.intrinsics
     finite(lens.fx, lens.fy, lens.cx, lens.cy, lens.distortion.coefficients)
-    if camera.info.mount is not None:
-        finite(camera.info.mount.height_m, camera.info.mount.pitch_rad, camera.info.mount.roll_rad)
-        assert 0.0 < camera.info.mount.height_m <= 10.0
-    json.dumps(camera.info.calibration)  # a run keeps it in its run.json
+    if camera.mount is not None:
+        finite(camera.mount.height_m, camera.mount.pitch_rad, camera.mount.roll_rad)
+        assert 0.0 < camera.mount.height_m <= 10.0
+    json.dumps(camera.calibration)  # a run keeps it in its run.json
     return camera
 
 

@@ -19,6 +19,7 @@ from edgemap.geometry.camera.level import up_optical
 from edgemap.geometry.camera.mount import Mount
 from edgemap.geometry.camera.platform import Platform
 from edgemap.geometry.se2 import SE2
+from edgemap.runtime.frames.camera import CameraInfo
 from edgemap.runtime.frames.faults import FaultKind
 from edgemap.runtime.frames.frame import Frame
 from edgemap.runtime.motion import odometry as odometries
@@ -130,7 +131,13 @@ def test_a_camera_at_head_height_without_wheels_begins_as_a_carried_one(monkeypa
     monkeypatch.setattr(odometries, "TrackedOdometry", lambda *parts: made.append(parts[-1]) or TrackedOdometry(*parts))
 
     def member(mount, wheel=None):
-        open_odometry("hybrid", bundle, SimpleNamespace(wheel=wheel), FloorCamera(lens, mount), wheels=False)
+        open_odometry(
+            "hybrid",
+            bundle,
+            SimpleNamespace(info=CameraInfo("made", wheel=wheel)),
+            FloorCamera(lens, mount),
+            wheels=False,
+        )
         return made[-1]
 
     assert member(Mount.from_degrees(1.64, 20.0))
@@ -149,7 +156,7 @@ def test_an_imus_tilt_gives_way_to_one_that_the_window_knows_better():
     for up_rad, pitch_rad in ((0.01, HEAD.mount.pitch_rad), (0.05, given.pitch_rad)):
         motion = Motion(rotation=TrackedRotation(np.eye(3), 0.001, up=up, up_rad=up_rad))
         camera = HEAD.at(attitude_after(source, given, motion))
-        assert camera.info.mount.pitch_rad == pytest.approx(pitch_rad)
+        assert camera.mount.pitch_rad == pytest.approx(pitch_rad)
         assert camera.attitude.source == "imu"
 
 
