@@ -106,7 +106,7 @@ def command(
         if other.names != start.names:
             raise OptionError(f"{path}: knows {len(other.names)} other classes than {bundle} with {len(start.names)}")
     print(f"reading {', '.join(data)} …", flush=True)
-    teach = teacher_of([NetworkOptions(name, settings.threads).load() for name in teacher]) if teacher else None
+    teach = teacher_of([NetworkOptions(name, threads=settings.threads).load() for name in teacher]) if teacher else None
     examples = load_examples(data, network.names, network.side, teach=teach)
     held_back = {
         spec: load_examples([spec], network.names, network.side, validate_pictures, teach) for spec in validation

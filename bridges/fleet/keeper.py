@@ -115,7 +115,9 @@ class PlaceKeeper:
         if robot.restarted and len(objects) < before:
             raise MapError(f"{len(objects)} objects since its restart: its map of {before} stays until it has as many")
         robot.restarted, robot.refused = False, ""
-        if robot.latest is None or map_document(objects, annotations) != map_document(*robot.latest):
+        if robot.latest is None or map_document(objects, annotations) != map_document(
+            list(robot.latest[0]), robot.latest[1]
+        ):
             save_map(self.folder / "robots" / f"{name}.json", objects, annotations)
             robot.latest, self._stale = (objects, annotations), True
 

@@ -45,13 +45,15 @@ def download(url: str, target: Path, *, sums: tuple[str, ...] = (), label: str =
         target.parent.mkdir(parents=True, exist_ok=True)
         part.unlink(missing_ok=True)
         fetch = pooch.HTTPDownloader(progressbar=progress, timeout=TIMEOUT_S)
-        pooch.retrieve(url, None, part.name, target.parent, downloader=fetch)
+        pooch.retrieve(url, None, part.name, target.parent, downloader=fetch)  # pyright: ignore[reportArgumentType]
         if sums and (seen := sha256_file(part)) not in sums:
             wanted = " or ".join(value[:12] + "…" for value in sums)
             raise DownloadError(f"{label}: sha256 {seen[:12]}…, expected {wanted}; deleted")
         part.replace(target)
     except requests.HTTPError as error:
-        raise DownloadError(f"{label}: HTTP {error.response.status_code} {one_line(error.response.reason)}") from None
+        answer = error.response
+        why = "" if answer is None else f"{answer.status_code} {one_line(answer.reason)}"
+        raise DownloadError(f"{label}: HTTP {why}") from None
     except requests.Timeout:
         raise DownloadError(f"{label}: no answer within {TIMEOUT_S:g} s") from None
     except (requests.RequestException, OSError, ValueError) as error:

@@ -1,6 +1,7 @@
 """Random clocks, from the device to the saved map: stamps that jump, repeat, stand, go back, are far off or none."""
 
 import math
+from typing import Any
 
 import numpy as np
 import pytest
@@ -32,7 +33,7 @@ drives = st.lists(step, min_size=LENGTH, max_size=LENGTH)
 fuzz = settings(
     max_examples=max(STEPS // LENGTH // 4, 1),
     phases=(Phase.explicit, Phase.generate),
-    suppress_health_check=list(HealthCheck),
+    suppress_health_check=list(HealthCheck),  # pyright: ignore[reportArgumentType]
     database=None,
 )
 
@@ -109,7 +110,7 @@ def drive(drawn, begin_s, imu, live, placed, corners):
     """One drive with these clocks through the real camera classes, front end and back end."""
     room, clock = Room(1), Clock()
     buffer = ImuBuffer(clock_s=clock) if imu and live else None
-    device = Clocks(room, drawn, clock, begin_s, buffer)
+    device: Any = Clocks(room, drawn, clock, begin_s, buffer)
     if live:
         camera = LiveCamera(device, FLOOR.intrinsics, FLOOR.mount, None, clock, clock.wait)
         camera = camera if buffer is None else ImuCamera(camera, buffer)

@@ -60,7 +60,12 @@ def maps(draw):
         reject()
 
 
-few = settings(max_examples=20, phases=(Phase.generate,), suppress_health_check=list(HealthCheck), database=None)
+few = settings(
+    max_examples=20,
+    phases=(Phase.generate,),
+    suppress_health_check=list(HealthCheck),  # pyright: ignore[reportArgumentType]
+    database=None,
+)
 (STEP,) = results(noise(1), POSES[:1])
 
 
@@ -212,6 +217,7 @@ def page_of(folder):
 def test_the_page_tells_every_map(tmp_path_factory, drawn):
     objects, _ = drawn
     page, step = page_of(tmp_path_factory.mktemp("page"))
+    assert page.newest is not None
     page.write(page.newest.result, objects)
     app = make_app(page)
     for path in READ:

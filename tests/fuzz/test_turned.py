@@ -16,7 +16,7 @@ LENGTH = 100
 fuzz = settings(
     max_examples=max(STEPS // LENGTH // 2, 1),
     phases=(Phase.explicit, Phase.generate),
-    suppress_health_check=list(HealthCheck),
+    suppress_health_check=list(HealthCheck),  # pyright: ignore[reportArgumentType]
     database=None,
 )
 

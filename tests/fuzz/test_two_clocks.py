@@ -24,7 +24,7 @@ fuzz = settings(
     max_examples=max(STEPS // LENGTH // 4, 1),
     deadline=timedelta(seconds=60),
     phases=(Phase.explicit, Phase.generate),
-    suppress_health_check=list(HealthCheck),
+    suppress_health_check=list(HealthCheck),  # pyright: ignore[reportArgumentType]
     database=None,
 )
 

@@ -6,6 +6,7 @@ import os
 import tracemalloc
 import zipfile
 from pathlib import Path
+from typing import Any
 
 import cv2
 import numpy as np
@@ -236,7 +237,11 @@ def test_a_picture_whose_name_a_terminal_would_act_on_is_refused(tmp_path):
 def test_a_small_grid_of_many_bytes_takes_no_memory_for_them():
     head, data = io.BytesIO(), io.BytesIO()
     np.lib.format.write_array_header_1_0(head, {"descr": "|i1", "fortran_order": False, "shape": (8192, 8191)})
-    parts = {"origin_m": np.array([-0.5, 1.0]), "resolution_m": np.array(0.05), "thresholds": np.array([-1.1, 0.6])}
+    parts: Any = {
+        "origin_m": np.array([-0.5, 1.0]),
+        "resolution_m": np.array(0.05),
+        "thresholds": np.array([-1.1, 0.6]),
+    }
     np.savez_compressed(data, **parts)
     with zipfile.ZipFile(data, "a", zipfile.ZIP_DEFLATED) as file:
         file.writestr("log_odds.npy", head.getvalue() + bytes(400 << 20))

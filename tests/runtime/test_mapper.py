@@ -197,6 +197,7 @@ def test_the_alignment_is_part_of_the_pose_covariance_after_relocalisation():
             break
         before = result
     assert before is not None
+    assert mapper.relocaliser is not None
     alignment = mapper.relocaliser.alignment
     assert alignment is not None
     own = alignment.pose_a_b.inverse() @ result.pose_map_base

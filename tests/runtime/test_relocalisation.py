@@ -108,6 +108,7 @@ def test_an_id_means_one_thing_before_and_after():
     saved = first_drive()
     mapper = Mapper()
     mapper.relocalise_in(saved)
+    assert mapper.relocaliser is not None
     taken, own = {item.id for item in saved}, set()
     for result, _ in go(mapper, start_rad=2.0):
         if mapper.relocaliser.alignment is None:
@@ -120,6 +121,7 @@ def test_another_room_is_not_taken_for_the_saved_one():
     other = furnished(np.random.default_rng(12), 16, apart_m=0.8)
     mapper = Mapper()
     mapper.relocalise_in(first_drive())
+    assert mapper.relocaliser is not None
     for result, _ in go(mapper, room=other):
         assert result.relocated is None
     assert mapper.relocaliser.alignment is None
