@@ -69,7 +69,7 @@ REFUSED = [
     (f"{RUN} --odometry planar", 2, "'planar'"),
     (f"{RUN} --odometry wheels", 2, "wheel:FILE.csv?"),
     (f"{RUN} --odometry paper", 1, "no paper odometry"),
-    (f"{RUN} --odometry truth", 1, "no poses"),
+    (f"{RUN} --odometry truth", 1, "odometry truth: pictures"),
     (f"{RUN} --odometry none.tum", 1, "none.tum"),
     (f"{RUN} --odometry wheel:none.csv", 1, "none.csv"),
     (f"{RUN} --classes chairs", 2, "did you mean chair?"),
