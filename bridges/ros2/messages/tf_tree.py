@@ -9,6 +9,7 @@ from scipy.spatial.transform import Rotation
 from edgemap.geometry.arrays import Array
 from edgemap.geometry.se2 import SE2
 from edgemap.runtime.frames.errors import CameraError
+from edgemap.runtime.frames.reading import one_line
 from edgemap.runtime.frames.trajectory import QUATERNION_TOLERANCE
 
 FARTHEST_M, FARTHEST_POSE_M = 1000.0, 1e6  # of two frames of one robot; of a pose in the world
@@ -60,7 +61,8 @@ class TfTree:
         moved_m = [step.translation.x, step.translation.y, step.translation.z]
         if not abs(math.hypot(*quaternion) - 1.0) < QUATERNION_TOLERANCE or not max(map(abs, moved_m)) < FARTHEST_M:
             raise CameraError(
-                f"{self._where}: tf to {frame}: translation {moved_m} m, quaternion {quaternion}: no transform"
+                f"{self._where}: tf to {one_line(frame, 60)}: translation {moved_m} m, quaternion {quaternion}: "
+                "no transform"
             )
         return Rotation.from_quat(quaternion).as_matrix(), np.array(moved_m)
 

@@ -122,7 +122,9 @@ def imu_of(recording: McapReading, tree: TfTree, optical: str, topic: str | None
         if pose is not None:
             return _read(recording, name, ImuBuffer(pose[0], kept=None))
     if topic is not None:
-        raise CameraError(f"{recording.path}: tf does not join the frame of {topic} to the pictures' ({optical})")
+        raise CameraError(
+            f"{recording.path}: tf does not join the frame of {one_line(topic)} to the pictures' ({one_line(optical)})"
+        )
     return None
 
 
