@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 from hypothesis import settings
 
-# A busy machine is no failure. The same examples each time; `make reliability`, which asks for a number, draws new ones.
+# A busy machine is no failure. The same examples each time; `make reliability` states a number and draws new ones.
 ASKED = {"EDGEMAP_EXAMPLES", "EDGEMAP_FUZZ_STEPS"} & set(os.environ)
 settings.register_profile("edgemap", deadline=None, derandomize=not ASKED)
 settings.load_profile("edgemap")
