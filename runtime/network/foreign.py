@@ -130,6 +130,15 @@ class ForeignFile:
         halves = [array.astype(np.float32) if array.dtype == np.float16 else array for array in arrays]
         return dict(zip(self.outputs, halves, strict=True))
 
+    def shapes(self) -> dict[str, tuple[int, ...]]:
+        """Names and shapes of the outputs, of a black picture. Raises BundleError."""
+        black = np.zeros((1, 3, self.height, self.width), np.float32)
+        return {name: array.shape for name, array in self.run(black).items()}
+
+    def described(self) -> str:
+        """Names and shapes of the outputs, for messages."""
+        return ", ".join(f"{one_line(name, 40)} {shape}" for name, shape in self.shapes().items())
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Probe:
@@ -181,7 +190,7 @@ def recognise(file: ForeignFile, names: Sequence[str] | None = None, checked: bo
         raise BundleError(f"{file.path}: as {best}, every box is the whole picture: state its classes with --names")
     if best.known and best.agreement < OVERLAP and checked:
         raise BundleError(
-            f"{file.path}: no reading of its outputs ({_shapes(file)}) gives boxes where the probe pictures "
+            f"{file.path}: no reading of its outputs ({file.described()}) gives boxes where the probe pictures "
             f"have {best.known} chairs, couches and plants (score {best.agreement:.2f}): state its classes with --names"
         )
     return best
@@ -202,7 +211,7 @@ def _best(
         tried += [_judged(spec, reading, names, answers) for reading, names in _readings(answers, stated, spec)]
     if not tried:
         hint = "" if stated else ", or its number of classes is not COCO's: state them with --names"
-        raise BundleError(f"{file.path}: outputs {_shapes(file)} have no layout that edgemap reads{hint}")
+        raise BundleError(f"{file.path}: outputs {file.described()} have no layout that edgemap reads{hint}")
     most = max(one.agreement for one in tried)
     return next(one for one in tried if one.agreement >= CLEARLY * most)
 
@@ -259,12 +268,6 @@ def _judged(spec: InputSpec, reading: Reading, names: tuple[str, ...], answers: 
     return Recognised(spec, reading, names, agreement, known, whole > count / 2)
 
 
-def _shapes(file: ForeignFile) -> str:
-    """Names and shapes of a file's outputs."""
-    tensor = np.zeros((1, 3, file.height, file.width), np.float32)
-    return ", ".join(f"{one_line(name, 40)} {array.shape}" for name, array in file.run(tensor).items())
-
-
 def _stated_names(metadata: Mapping[str, str]) -> tuple[str, ...] | None:
     """Class names in a file's metadata, as Ultralytics writes them; None without."""
     names = _literal(metadata.get("names", ""))
@@ -312,10 +315,9 @@ def load_foreign(
 
 def _manifest(file: ForeignFile, recognised: Recognised) -> Manifest:
     """The contract of a file as it was recognised."""
-    tensor = np.zeros((1, 3, file.height, file.width), np.float32)
     heads = tuple(
-        HeadSpec(name=name, shape=tuple(max(side, 1) for side in array.shape) or (1,), strides=(1,))
-        for name, array in file.run(tensor).items()
+        HeadSpec(name=name, shape=tuple(max(side, 1) for side in shape) or (1,), strides=(1,))
+        for name, shape in file.shapes().items()
     )
     classes = tuple(ClassEntry(name=name, mapped=is_mapped(name)) for name in recognised.names)
     detector = DetectorSpec(

@@ -37,7 +37,6 @@ FORMS: dict[Layout, tuple[Form, ...]] = {
     "lists": ("xyxy", "yxyx", "cxcywh"),
 }
 CELL_STRIDES, BIN_STRIDES, BINS = (8, 16, 32), (8, 16, 32, 64), 8  # of YOLOX; of PicoDet and NanoDet-Plus
-SHARES = 2.0  # coordinates of all boxes below this are shares of the input, not pixels
 
 
 class Reading(Strict):
@@ -56,7 +55,7 @@ class Reading(Strict):
 
 
 def layouts(outputs: Arrays) -> list[Layout]:
-    """The layouts that outputs of these shapes may have; `classes_in` further tells them apart."""
+    """The layouts that outputs of these shapes may have; `classes_in` distinguishes them further."""
     arrays = list(outputs.values())
     floats = [array for array in arrays if array.dtype.kind == "f"]
     bins = [array for array in floats if array.ndim == 3 and array.shape[2] == 4 * BINS]
