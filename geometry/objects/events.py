@@ -75,8 +75,8 @@ class Edit:
 
 
 class _Event(NamedTuple):
-    """anchors_s: stamp (N,) of the pose nearest to each place of the edit, with which it moves; None where it was
-    loaded with a map. labels: that a deleted object was detected as.
+    """anchors_s: stamp (1,) of the pose nearest to the place of the edit, with which it moves as one piece; None where
+    it was loaded with a map. labels: that a deleted object was detected as.
     """
 
     edit: Edit
@@ -249,9 +249,10 @@ class MapEvents:
         return self._annotations
 
     def kept(self, measured: FloorMap) -> frozenset[str]:
-        """Ids of the measured map that a person has confirmed: they are not forgotten."""
-        confirmed = (event.edit.id for event in self._events.values() if event.edit.do == "confirm" and event.edit.on)
-        return frozenset(shown_id(measured, identity) for identity in confirmed)
+        """Ids of the measured map that a person has confirmed or named: they are not forgotten."""
+        edits = (event.edit for event in self._events.values())
+        kept = (one.id for one in edits if (one.do == "confirm" and one.on) or (one.do == "name" and one.name))
+        return frozenset(shown_id(measured, identity) for identity in kept)
 
     def merges(self, measured: FloorMap) -> dict[str, str]:
         """Ids that became part of others by merges and additions, to those."""
@@ -400,19 +401,23 @@ def _check_values(edit: Edit) -> None:
 
 
 def _poses(edit: Edit) -> Array:
-    """Places of an edit as poses (N, 3); a yaw without a position has the position NaN."""
+    """Place of an edit as poses (1, 3), of a zone its middle; none where it has no place. A yaw without a position has
+    the position NaN.
+    """
     if edit.pose is not None:
         return np.array([edit.pose])
     if edit.place_m is not None or edit.yaw_rad is not None:
         return np.array([(*(edit.place_m or (math.nan, math.nan)), edit.yaw_rad or 0.0)])
-    return np.array([(x_m, y_m, 0.0) for x_m, y_m in edit.corners_m]).reshape(-1, 3)
+    return np.array([(*np.mean(edit.corners_m, axis=0), 0.0)]) if edit.corners_m else np.zeros((0, 3))
 
 
 def _at(edit: Edit, poses: Array) -> Edit:
-    """The edit at other poses (N, 3)."""
-    if edit.corners_m:
-        return replace(edit, corners_m=corners_of(poses[:, :2]))
+    """The edit at another pose (1, 3)."""
     x_m, y_m, yaw_rad = poses[0].tolist()
+    if edit.corners_m:
+        corners_m = np.array(edit.corners_m)
+        moved_m = SE2(x_m, y_m, yaw_rad).apply(corners_m - corners_m.mean(axis=0))
+        return replace(edit, corners_m=corners_of(moved_m))
     if edit.pose is not None:
         return replace(edit, pose=(x_m, y_m, yaw_rad))
     place_m = None if edit.place_m is None else (x_m, y_m)

@@ -105,23 +105,23 @@ def test_two_objects_that_a_person_merges_are_one_from_then_on():
     assert {ours.id, theirs.id} <= set(ids(mapper))
 
 
-def test_a_confirmed_object_is_not_forgotten():
-    """The chair is gone and in plain view, look after look: unconfirmed it leaves the map."""
+def test_a_confirmed_or_named_object_is_not_forgotten():
+    """The chair is gone and in plain view, look after look: unconfirmed and without a name it leaves the map."""
     left = {}
-    for confirmed in (False, True):
+    for edit in (None, Edit("confirm", "chair-1"), Edit("name", "chair-1", name="mine")):
         mapper = Mapper(forgetter=Forgetter(CAMERA))
         random = np.random.default_rng(0)
         for index in range(20):
             mapper.step(observed(index, sighted([("chair", 2.0, 0.0)], SE2(), index, random), exact([SE2()])[0]))
-        if confirmed:
-            mapper.edit(Edit("confirm", "chair-1"))
+        if edit:
+            mapper.edit(edit)
         place, nothing = SE2(), Detections.none(("chair",))
         for index in range(20, 120):
             there = SE2(0.3 + 0.2 * (index % 2), 0.0, 0.0)
             mapper.step(observed(index, [], replace(exact([SE2()])[0], motion=place.inverse() @ there), nothing))
             place = there
-        left[confirmed] = [(item.id, item.confidence) for item in mapper.objects()]
-    assert left == {False: [], True: [("chair-1", 1.0)]}
+        left[edit and edit.do] = [item.id for item in mapper.objects()]
+    assert left == {None: [], "confirm": ["chair-1"], "name": ["chair-1"]}
 
 
 def test_what_was_edited_is_kept_by_the_map_and_by_later_runs(tmp_path):

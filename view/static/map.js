@@ -133,8 +133,9 @@ export class FloorMap {
       [canvas.width, canvas.height] = [Math.round(width * ratio), Math.round(height * ratio)];
     }
     const robot = this.shownPose();
-    if (view.mode === "fit") view.fit(this.extent());
-    if (view.mode === "follow" && robot) view.look(robot[0], robot[1]);
+    const still = this.corners !== null; // while a person draws
+    if (view.mode === "fit" && !still) view.fit(this.extent());
+    if (view.mode === "follow" && robot && !still) view.look(robot[0], robot[1]);
     const moving = view.ease(Math.min(100, now - (this.drawnAt ?? now - 16)));
     this.drawnAt = now;
     this.style ??= readStyle();
