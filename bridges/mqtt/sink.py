@@ -26,6 +26,7 @@ PORT = 1883
 CONNECT_LIMIT_S = 2.0  # for which the run's start waits
 RETRY_S = (1, 30)  # shortest and longest pause before the broker is tried again
 QUEUED = 1000  # messages kept for a broker that does not take them
+PACKET_BYTES = 1 << 18  # of one packet from the broker: more than any object's
 EVENTS = ("appeared", "moved", "vanished", "entered", "left")
 
 
@@ -48,6 +49,13 @@ class MqttPublisher:
         from paho.mqtt.client import Client
         from paho.mqtt.enums import CallbackAPIVersion
 
+        class BoundedClient(Client):
+            def _sock_recv(self, bufsize: int) -> bytes:
+                """bufsize: what is left of a packet. One that is too large ends the connection before it is read."""
+                if bufsize > PACKET_BYTES:
+                    raise ConnectionError(f"a packet of {bufsize} bytes")
+                return super()._sock_recv(bufsize)
+
         self.name, self.root = "MQTT", f"edgemap/{topic_level(robot)}"
         self._address, self._robot, self._version = f"{host}:{port}", robot, version
         self._published: dict[str, MapObject] = {}
@@ -57,7 +65,9 @@ class MqttPublisher:
         self._connected, self._refused = threading.Event(), "no answer"
         self._new_connection = False
         self._objects = threading.Lock()  # of `_published` and the retained objects, which say the same
-        self._client = Client(CallbackAPIVersion.VERSION2, client_id=f"edgemap-{topic_level(robot)}")
+        self._client = BoundedClient(CallbackAPIVersion.VERSION2, client_id=f"edgemap-{topic_level(robot)}")
+        self._client.suppress_exceptions = True  # a message that a callback cannot read does not end the thread
+        self._cleaned = self._cleaning = False  # of objects of an earlier run
         self._client.max_queued_messages_set(QUEUED)
         self._client.reconnect_delay_set(*RETRY_S)
         if user:
@@ -75,6 +85,8 @@ class MqttPublisher:
 
     def write(self, result: StepResult, objects: list[MapObject]) -> None:
         """Publishes the changes."""
+        if self._client.loop_start() == 0:  # it is running already, but where its thread ended
+            self._connected.clear()
         if not self._connected.is_set():
             raise PublishError(f"no broker at {self._address} ({self._refused})")
         if self._new_connection:
@@ -121,7 +133,9 @@ class MqttPublisher:
         self._publish("status", "online", retain=True)
         for item in self._published.values():
             self._publish_object(item)
-        self._client.subscribe(f"{self.root}/objects/+", qos=1)
+        if not self._cleaned:
+            self._client.subscribe(f"{self.root}/objects/+", qos=1)
+            self._cleaned = self._cleaning = True
         self._state_timer.done()
 
     def _event(self, kind: str, item: MapObject, **more: Any) -> None:
@@ -139,6 +153,9 @@ class MqttPublisher:
         self._publish(f"objects/{topic_level(item.id)}", json.dumps(object_record(item)), retain=True)
 
     def _publish_state(self, result: StepResult, objects: list[MapObject]) -> None:
+        if self._cleaning and self._state:
+            self._client.unsubscribe(f"{self.root}/objects/+")
+            self._cleaning = False
         pose = result.pose_map_base
         self._state = {
             "stamp_s": round(result.frame.stamp_s, 3),

@@ -6,7 +6,7 @@ import subprocess
 import sys
 import threading
 import time
-from contextlib import closing
+from contextlib import closing, suppress
 from dataclasses import replace
 
 import numpy as np
@@ -199,3 +199,36 @@ def test_a_broker_that_takes_nothing_does_not_keep_a_run_from_ending(monkeypatch
         Steps().into(sink, 60)
         sink.close()
         answering.join(10.0)
+
+
+@pytest.mark.parametrize(
+    ("packet", "stays"),
+    [(b"\x31\x05\x00\x02\xff\xfex", True), (b"\x31\xff\xff\xff\x7f" + bytes(100), False)],
+    ids=["a topic that is no UTF-8", "a message of 256 MB"],
+)
+def test_a_brokers_message_never_ends_what_is_sent(packet, stays):
+    """stays: whether the connection does; a new one sends on where it does not."""
+    with socket.create_server(("127.0.0.1", 0)) as listening:
+        sink, steps = MqttPublisher("127.0.0.1", listening.getsockname()[1], "robo"), Steps()
+
+        def accepted():
+            connection, _ = listening.accept()
+            connection.settimeout(10.0)
+            connection.sendall(b"\x20\x02\x00\x00")
+            wait_for(lambda: steps.taken_by(sink), "the connection")
+            return connection
+
+        with closing(sink), accepted() as connection:
+            connection.sendall(packet)
+            if not stays:
+                with suppress(ConnectionResetError):
+                    while connection.recv(65536):
+                        pass
+                connection = accepted()
+            time.sleep(0.2)
+            assert [thread for thread in threading.enumerate() if thread.name.startswith("paho-mqtt")]
+            sink.fault(made("after it"))
+            heard = b""
+            while b"after it" not in heard:
+                heard += connection.recv(65536)
+            connection.close()
