@@ -106,7 +106,7 @@ class Run:
         if page is not None:
             page.page.goals += [send for one in publishers if (send := getattr(one, "send_goal", None))]
             page.page.verdict = lambda: files.verdict
-        edits.savers += [files.edited, report.edited, *(one.edited for one in kept)]
+        edits.listeners += [files.edited, report.edited, *(one.edited for one in kept)]
 
         # The folder last but for the report, which reads it: what goes wrong with the others stands in run.json.
         shown = progress(self._frames)
@@ -127,7 +127,7 @@ class Run:
         print(report.failure or f"see it:  {report.path}")
         if page is not None:
             page.stay(stop, lambda: edits.apply(self.slam.mapper, done))
-        edits.settle(self.slam.mapper)
+        edits.close(self.slam.mapper)
 
     def _publishers(self, edits: Edits) -> list[Sink]:
         """Sinks of the recording and of other programs."""

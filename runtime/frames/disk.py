@@ -67,6 +67,11 @@ def write_atomically(path: Path, text: str | bytes | Callable[[], Iterable[bytes
         except BaseException:
             temporary.unlink(missing_ok=True)
             raise
+        folder = os.open(path.parent, os.O_RDONLY | os.O_DIRECTORY | os.O_CLOEXEC)
+        try:
+            os.fsync(folder)  # else a power cut may undo the renaming
+        finally:
+            os.close(folder)
     except OSError as error:
         raise DiskError(f"{path}: cannot be written ({error.strerror})") from None
 
@@ -119,6 +124,11 @@ class LineFile:
         self.path = path
         self.dropped = 0
         self._waiting: deque[str] = deque()
+
+    @property
+    def waiting(self) -> bool:
+        """Whether there are lines that are not in the file."""
+        return bool(self._waiting)
 
     def append(self, line: str) -> None:
         """Queues a line, newline included."""

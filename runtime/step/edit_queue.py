@@ -1,7 +1,5 @@
 """Edits on their way into a run: asked for by any thread, taken between two steps, recorded as inputs."""
 
-import math
-import time
 from collections import deque
 from collections.abc import Callable, Iterable, Sequence
 from concurrent.futures import Future
@@ -33,7 +31,6 @@ from edgemap.runtime.step.map_records import Yaw
 from edgemap.runtime.step.mapper import Mapper
 
 MAXIMUM_WAITING = 100
-SAVE_EVERY_S = 0.5
 KINDS = get_args(EditKind)
 FORMER_KINDS = {"rename": "name", "restore": "undo", "drop_zone": "undo", "drop_dock": "undo"}  # in recordings
 Text = Annotated[str, Meta(max_length=200, pattern=rf"\A[^{HIDDEN}]*\Z")]
@@ -61,14 +58,12 @@ class _Line(Strict, omit_defaults=True):
 class Edits:
     """A run's edits. path: edits.jsonl, to which each edit is written when it is applied. recorded: (steps done, edit)
     of an earlier run, applied at the same steps again. recorders: called with each line of edits.jsonl. listeners:
-    called whenever the map was edited. savers: called at most every `SAVE_EVERY_S`, and at once for the first edit
-    after a pause, so that a series of edits does not write the file each time.
+    called whenever the map was edited, before an edit's sender has its answer: what was answered is on disk.
     """
 
     def __init__(self, path: Path | None = None, recorded: Sequence[tuple[int, Edit]] = ()) -> None:
         self.listeners: list[Edited] = []
-        self.savers: list[Edited] = []
-        self._unsaved, self._saved_s = False, -math.inf
+        self._unsaved: DiskError | None = None  # of the newest edits
         self.recorders: list[Callable[[str], None]] = []
         self._log = LineFile(path) if path else None
         self._recorded = deque(recorded)
@@ -116,24 +111,33 @@ class Edits:
                 else:
                     failed.append(Fault(FaultKind.EDIT, f"recorded edit {edit.do} {edit.id!r}: {error}"))
         if done:
-            failed += _call(self.listeners, mapper)
-            self._unsaved = True
-        if time.monotonic() - self._saved_s >= SAVE_EVERY_S:
-            failed += self.settle(mapper)
+            failed += self._report(mapper)
         for future, identity in done:  # last, so that the sender reads the edited map
             if future is not None:
                 future.set_result(identity)
         return failed
 
-    def settle(self, mapper: Mapper) -> list[Fault]:
-        """Saves the edits since the last call. Returns the savers' failures."""
-        if not self._unsaved:
-            return []
-        self._unsaved, self._saved_s = False, time.monotonic()
-        return _call(self.savers, mapper)
+    def close(self, mapper: Mapper) -> None:
+        """Writes the edits that the disk has not taken. Raises DiskError."""
+        self.end()
+        if self._unsaved is not None and self._report(mapper) and self._unsaved is not None:
+            raise self._unsaved
+        if self._log is not None and self._log.waiting:
+            self._log.flush()
+
+    def _report(self, mapper: Mapper) -> list[Fault]:
+        """Calls all listeners; their errors do not end the run, as those of sinks."""
+        self._unsaved, failed = None, list[Fault]()
+        for listener in self.listeners:
+            try:
+                listener(mapper.objects(), mapper.annotations())
+            except Exception as error:  # of anybody's code
+                failed.append(Fault(FaultKind.EDIT, f"edited map: {error_line(error)}"))
+                self._unsaved = error if isinstance(error, DiskError) else self._unsaved
+        return failed
 
     def _note(self, edit: Edit, frames: int) -> None:
-        """Record it; a full disk gets it with the next one, and the run folder reports it."""
+        """Record it; a full disk gets it with the next one, or at the end."""
         line = msgspec.json.encode(_Line(frames=frames, **asdict(edit))).decode()
         for record in self.recorders:
             record(line)
@@ -141,16 +145,6 @@ class Edits:
             self._log.append(line + "\n")
             with suppress(DiskError):
                 self._log.flush()
-
-
-def _call(listeners: Sequence[Edited], mapper: Mapper) -> list[Fault]:
-    failed: list[Fault] = []
-    for listener in listeners:
-        try:
-            listener(mapper.objects(), mapper.annotations())
-        except Exception as error:  # as with sinks: a listener's error does not end the run
-            failed.append(Fault(FaultKind.EDIT, f"edited map: {error_line(error)}"))
-    return failed
 
 
 def load_edits(path: Path) -> list[tuple[int, Edit]]:

@@ -1,9 +1,11 @@
 """`grid.npz`: the occupancy grid beside map.json, written atomically and read with every size checked first."""
 
 import io
+import os
 import tokenize
 import zipfile
 import zlib
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
@@ -28,6 +30,7 @@ DAMAGE = (  # what zipfile and numpy raise at damaged bytes
 
 class _Named(msgspec.Struct):
     grid: Name | None = None
+    grid_sum: int | None = None
 
 
 def grid_name(map_path: Path) -> str:
@@ -35,8 +38,24 @@ def grid_name(map_path: Path) -> str:
     return "grid.npz" if map_path.name == "map.json" else f"{map_path.stem}.grid.npz"
 
 
+def grid_before(grid_path: Path) -> Path:
+    """The grid before this one, as long as the map.json that it belongs to is not replaced."""
+    return grid_path.with_suffix(".before.npz")
+
+
+def grid_sum(grid: OccupancyGrid) -> int:
+    """Checksum of a grid, by which a map.json knows the one that it was saved with."""
+    place = np.array([grid.x_m, grid.y_m, grid.cell_m])
+    return zlib.crc32(grid.log_odds.tobytes(), zlib.crc32(place.tobytes()))
+
+
 def save_grid(path: Path, grid: OccupancyGrid) -> None:
-    """Write the grid atomically. Raises DiskError."""
+    """Write the grid atomically; the one before stays beside it, for the map.json that is yet to be replaced. Raises
+    DiskError.
+    """
+    with suppress(OSError):  # a file system without hard links
+        grid_before(path).unlink(missing_ok=True)
+        os.link(path, grid_before(path))
     data = io.BytesIO()
     np.savez_compressed(
         data,
@@ -55,15 +74,20 @@ def load_grid(path: Path) -> OccupancyGrid | None:
     Raises MapError in one line where the file is not a grid, or larger than 8192 x 8192 cells.
     """
     path = path / "map.json" if path.is_dir() else path
-    name = decode_json(read_bytes(path, MapError), _Named, f"{path}: damaged map", MapError).grid
-    if name is None:
+    named = decode_json(read_bytes(path, MapError), _Named, f"{path}: damaged map", MapError)
+    if (name := named.grid) is None:
         return None
     if name != Path(name).name or name in (".", "..") or "\\" in name:
         raise MapError(f"{path}: damaged map: grid {one_line(name, 60)!r} is no file beside it")
     if not path.with_name(name).exists():
         print_message(f"({path}: {name} is not beside it, so the map loads without its floor)")
         return None
-    return read_grid(read_bytes(path.with_name(name), MapError), str(path.with_name(name)))
+    path = path.with_name(name)
+    grid = read_grid(read_bytes(path, MapError), str(path))
+    if named.grid_sum not in (None, grid_sum(grid)) and grid_before(path).is_file():  # cut off between the two files
+        before = read_grid(read_bytes(grid_before(path), MapError), str(grid_before(path)))
+        return before if grid_sum(before) == named.grid_sum else grid
+    return grid
 
 
 def read_grid(data: bytes, source: str) -> OccupancyGrid:

@@ -2,6 +2,7 @@
 
 import json
 import uuid
+from contextlib import suppress
 from pathlib import Path
 
 import numpy as np
@@ -14,7 +15,7 @@ from edgemap.geometry.objects.annotations import NO_ANNOTATIONS, Annotations, Zo
 from edgemap.geometry.se2 import SE2
 from edgemap.runtime.frames.disk import write_atomically
 from edgemap.runtime.frames.reading import decode_json, read_bytes
-from edgemap.runtime.step.grid_file import grid_name, save_grid
+from edgemap.runtime.step.grid_file import grid_before, grid_name, grid_sum, save_grid
 from edgemap.runtime.step.map_records import (
     MAXIMUM_OBJECTS,
     HeadRecord,
@@ -46,7 +47,7 @@ def map_document(
     document = {"format": FORMAT, "frame": "map", "objects": [object_record(item) for item in objects]}
     document |= {"seen_from_m": views} if views else {}
     if grid is not None:
-        document |= {"grid": grid_file, "walls": wall_records(grid)}
+        document |= {"grid": grid_file, "grid_sum": grid_sum(grid), "walls": wall_records(grid)}
     document |= {"zones": [zone_record(zone) for zone in annotations.zones]} if annotations.zones else {}
     document |= {"deleted": [object_record(item) for item in annotations.deleted]} if annotations.deleted else {}
     poses = {"dock": annotations.dock, "last_pose": last_pose}
@@ -131,6 +132,8 @@ def replace_map(path: Path, text: str, keeps_before: bool = False) -> None:
     if keeps_before and path.is_file():
         write_atomically(path.with_suffix(".before.json"), path.read_text())
     write_atomically(path, text)
+    with suppress(OSError):
+        grid_before(path.with_name(grid_name(path))).unlink(missing_ok=True)
 
 
 def load_map(path: Path) -> list[MapObject]:

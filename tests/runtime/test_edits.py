@@ -1,6 +1,8 @@
 """Edits of a map: laid over what was measured, kept by later runs, recorded and taken again."""
 
+import errno
 import json
+import os
 from dataclasses import replace
 
 import numpy as np
@@ -16,6 +18,7 @@ from edgemap.geometry.objects.forgetting import Forgetter
 from edgemap.geometry.observations.detections import Detections
 from edgemap.geometry.se2 import SE2
 from edgemap.geometry.trajectory_correction import TrajectoryCorrection
+from edgemap.runtime.frames.errors import DiskError
 from edgemap.runtime.step.edit_queue import Edits, load_edits
 from edgemap.runtime.step.map_file import load_annotated_map, map_document, map_text, save_map
 from edgemap.runtime.step.mapper import Mapper
@@ -288,17 +291,22 @@ def test_a_listener_that_fails_is_told_and_the_others_hear_of_the_edit():
     assert asked.result(0)
 
 
-def test_many_edits_are_saved_a_few_times_and_the_last_one_too():
-    edits, mapper, heard, saved = Edits(), Mapper(), [], []
-    edits.listeners.append(lambda _, annotations: heard.append(annotations.zones[0].name))
-    edits.savers.append(lambda _, annotations: saved.append(annotations.zones[0].name))
-    asked = edits.submit(Edit("zone", name="0", corners_m=SQUARE))
-    edits.apply(mapper, 0)
-    for k in range(1, 200):
-        edits.submit(Edit("zone", asked.result(0), name=str(k), corners_m=SQUARE))
-        edits.apply(mapper, 0)
-    assert (len(heard), saved[0]) == (200, "0")
-    assert len(saved) < 50
-    edits.settle(mapper)
-    edits.settle(mapper)
-    assert (saved[-1], saved.count("199")) == ("199", 1)
+def test_an_edit_is_answered_when_it_is_on_disk_and_a_full_disk_gets_it_at_the_end(tmp_path, monkeypatch):
+    mapper, edits, full = Mapper(), Edits(tmp_path / "edits.jsonl"), [True]
+    edits.listeners.append(lambda *written: save_map(tmp_path / "map.json", *written))
+    write = os.write
+
+    def written(handle, data):
+        if full[0]:
+            raise OSError(errno.ENOSPC, "No space left on device")
+        return write(handle, data)
+
+    monkeypatch.setattr("edgemap.runtime.frames.disk.os.write", written)
+    asked = edits.submit(Edit("zone", name="hall", corners_m=SQUARE))
+    assert "No space left" in texts(edits.apply(mapper, 0))
+    with pytest.raises(DiskError, match="No space left"):
+        edits.close(mapper)
+    full[0] = False
+    edits.close(mapper)
+    assert [zone.id for zone in load_annotated_map(tmp_path)[1].zones] == [asked.result(0)]
+    assert [edit.name for _, edit in load_edits(tmp_path / "edits.jsonl")] == ["hall"]

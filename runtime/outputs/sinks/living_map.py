@@ -2,7 +2,6 @@
 
 import os
 from collections.abc import Callable
-from contextlib import suppress
 from pathlib import Path
 
 from edgemap.geometry.grid.occupancy_grid import OccupancyGrid
@@ -11,7 +10,6 @@ from edgemap.geometry.objects.annotations import Annotations
 from edgemap.geometry.objects.scale import scaled_map
 from edgemap.geometry.se2 import SE2
 from edgemap.runtime.frames.disk import lock_folder
-from edgemap.runtime.frames.errors import DiskError
 from edgemap.runtime.frames.timing import StreamTimer
 from edgemap.runtime.step.grid_file import grid_name, save_grid
 from edgemap.runtime.step.map_file import map_text, replace_map
@@ -49,11 +47,10 @@ class LivingMap(Sink):
             self._save()
 
     def edited(self, objects: list[MapObject], annotations: Annotations) -> None:
-        """The map as a person has just edited it, saved at once; also after the run. A full disk gets it later."""
+        """The map as a person has just edited it, saved at once; also after the run. Raises DiskError."""
         if self._state is not None:
             self._state = (objects, annotations, *self._state[2:])
-            with suppress(DiskError):
-                self._save()
+            self._save()
 
     def close(self) -> None:
         """Save for good; edits of the page that stays are still saved. Raises DiskError."""

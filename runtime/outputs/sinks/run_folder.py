@@ -145,10 +145,9 @@ class RunFolder:
             self._save(rewrite=False)
 
     def edited(self, objects: list[MapObject], annotations: Annotations) -> None:
-        """The map as a person has just edited it, saved at once; also after the run. A full disk gets it later."""
+        """The map as a person has just edited it, saved at once; also after the run. Raises DiskError."""
         self._objects, self._annotations = objects, annotations
-        with suppress(DiskError):
-            self._save_map()
+        self._save_map()
 
     def close(self) -> None:
         """Save the map and the record for good. Raises DiskError where the disk does not take them."""
