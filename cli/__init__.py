@@ -5,8 +5,9 @@ import sys
 from collections.abc import Callable
 from contextlib import suppress
 from importlib import import_module
-from io import TextIOWrapper
 from typing import NoReturn
+
+from edgemap.cli.streams import prepare_streams
 
 # Command words to (module, one line). Each module has a function `command` whose signature is its arguments.
 COMMANDS: dict[str, tuple[str, str]] = {
@@ -97,14 +98,13 @@ def main(arguments: list[str] | None = None) -> None:
     except BrokenPipeError:  # `edgemap ... | head`
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         sys.exit(1)
+    except OSError as error:  # a full disk behind standard output
+        _end(f"edgemap: {error.strerror or error}", 1)
 
 
 def _main(arguments: list[str]) -> None:
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # its threads would wait in circles
-    _open_closed_streams()
-    for stream in (sys.stdout, sys.stderr):  # names of files may hold what the locale cannot write
-        if isinstance(stream, TextIOWrapper):
-            stream.reconfigure(errors="backslashreplace")
+    prepare_streams(" ".join(arguments[:2]))
     if not arguments or arguments[0] in ("-h", "--help"):
         print(overview())
         sys.exit(0 if arguments else 2)
@@ -137,17 +137,6 @@ def _no_command(arguments: list[str]) -> NoReturn:
     )
     hint = f"did you mean {close[0]!r}?" if close else f"there are: {', '.join(sorted(group or COMMANDS))}"
     _end(f"edgemap: {typed!r} is not a command; {hint} (edgemap --help)", 2)
-
-
-def _open_closed_streams() -> None:
-    """A shell's `2>&-` leaves a number free that the next file opened would get, and with it all messages."""
-    for number, name in enumerate(("stdin", "stdout", "stderr")):
-        try:
-            os.fstat(number)
-        except OSError:
-            os.open(os.devnull, os.O_RDWR)  # takes the lowest free number, which is this one
-        if getattr(sys, name) is None:
-            setattr(sys, name, os.fdopen(number, "w" if number else "r", closefd=False))
 
 
 def _run(words: str, rest: list[str]) -> None:

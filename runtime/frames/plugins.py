@@ -6,7 +6,7 @@ from typing import Any
 
 from edgemap.geometry.errors import EdgemapError
 from edgemap.runtime.frames.errors import PluginError
-from edgemap.runtime.frames.reading import one_line, print_message
+from edgemap.runtime.frames.reading import THEIRS, error_line, one_line, print_message
 
 CAMERAS, SINKS = "edgemap.cameras", "edgemap.sinks"
 
@@ -39,10 +39,9 @@ def load_plugin(point: EntryPoint) -> Any:
         return point.load()
     except EdgemapError:
         raise
-    except Exception as error:  # another package's import may raise anything
+    except THEIRS as error:
         raise PluginError(
-            f"{point.group}: {point.name!r} of {package_of(point)} does not load ({type(error).__name__}: "
-            f"{one_line(str(error), 200)})"
+            f"{point.group}: {point.name!r} of {package_of(point)} does not load ({one_line(error_line(error), 200)})"
         ) from error
 
 

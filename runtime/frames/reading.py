@@ -39,6 +39,9 @@ class Strict(msgspec.Struct, kw_only=True, forbid_unknown_fields=True):
     """A record of a file: unknown or missing fields are errors."""
 
 
+THEIRS = (Exception, SystemExit)  # what code of another package may raise
+
+
 def one_line(text: object, length: int = MESSAGE_LENGTH) -> str:
     """A text of any origin as part of a message: no line breaks, no control characters, not too long."""
     words = "".join(letter if letter.isprintable() else " " for letter in str(text))
@@ -46,9 +49,12 @@ def one_line(text: object, length: int = MESSAGE_LENGTH) -> str:
     return words if len(words) <= length else words[: length - 1] + "…"
 
 
-def error_line(error: Exception) -> str:
-    """An unknown error as part of a message: its kind and its text."""
-    text = " ".join(str(error).split())
+def error_line(error: BaseException) -> str:
+    """An unknown error as part of a message: its kind and its text, where it has one that can be printed."""
+    try:
+        text = " ".join(str(error).split())
+    except Exception:  # of another package's class
+        text = ""
     return f"{type(error).__name__}: {text}" if text else type(error).__name__
 
 

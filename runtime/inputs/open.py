@@ -9,7 +9,7 @@ from edgemap.geometry.errors import EdgemapError
 from edgemap.runtime.frames.camera import Camera, CameraOptions, Driver
 from edgemap.runtime.frames.errors import CameraError
 from edgemap.runtime.frames.plugins import CAMERAS, load_plugin, plugins
-from edgemap.runtime.frames.reading import error_line, user_path
+from edgemap.runtime.frames.reading import THEIRS, error_line, user_path
 from edgemap.runtime.inputs.cameras.kinds import kind_of
 
 UNDERSTOOD = (
@@ -120,7 +120,7 @@ def _open_plugin(point: EntryPoint, address: str, spec: str, how: CameraOptions)
         return _open_live(cast(Driver, source), how)
     except EdgemapError:
         raise
-    except Exception as error:  # another package's code may raise anything
+    except THEIRS as error:
         raise CameraError(f"camera {spec}: does not open ({error_line(error)})") from error
 
 

@@ -9,7 +9,7 @@ from edgemap.geometry.errors import EdgemapError
 from edgemap.geometry.map_object import MapObject
 from edgemap.runtime.frames.errors import CameraFault, CameraLostError
 from edgemap.runtime.frames.faults import Fault, FaultKind
-from edgemap.runtime.frames.reading import error_line, printable
+from edgemap.runtime.frames.reading import THEIRS, error_line, printable
 from edgemap.runtime.step.slam import StepResult
 
 _log = logging.getLogger(__name__)
@@ -73,7 +73,7 @@ class SinkGroup:
             outage = self._outages.get(place)
             try:
                 sink.write(result, objects)
-            except Exception as error:  # a sink may raise anything; mapping continues
+            except THEIRS as error:  # a sink may raise anything; mapping continues
                 if outage is not None:
                     outage.steps += 1
                     continue
@@ -104,7 +104,7 @@ class SinkGroup:
         for sink in self._sinks:
             try:
                 sink.fault(fault)
-            except Exception as error:  # a sink that cannot take note of a fault keeps no other from it
+            except THEIRS as error:  # a sink that cannot take note of a fault keeps no other from it
                 _log.debug("%s: %s", sink.name, error)
 
     def ending(self, error: EdgemapError) -> None:
@@ -116,11 +116,11 @@ class SinkGroup:
 
     def close(self) -> None:
         """Close every sink, in order, each failure reported to all; then raise the first one."""
-        failure: Exception | None = None
+        failure: BaseException | None = None
         for sink in self._sinks:
             try:
                 sink.close()
-            except Exception as error:  # raised again below
+            except THEIRS as error:  # raised again below
                 self.fault(Fault(FaultKind.OUTPUT, f"{sink.name}: {_line(error)}"))
                 failure = failure or error
         if failure is not None:
@@ -134,7 +134,7 @@ def ending_fault(error: EdgemapError) -> Fault:
     return Fault(FaultKind.LOST if isinstance(error, CameraLostError) else FaultKind.ENDED, str(error))
 
 
-def _line(error: Exception) -> str:
+def _line(error: BaseException) -> str:
     """The text of its fault; the traceback of an unknown failure goes to the log."""
     if isinstance(error, EdgemapError):
         return " ".join(str(error).split())

@@ -159,12 +159,13 @@ def test_a_fault_is_printed_with_the_frame_of_the_record(edgemap, painted_bundle
     assert printed[0] in [f"frame {fault['frame']}: {fault['text']}" for fault in faults if fault["kind"] == "dark"]
 
 
-def test_a_run_without_standard_error_leaves_its_files_alone(painted_bundle, pictures, tmp_path):
+@pytest.mark.parametrize("streams", ["2>&-", ">/dev/full 2>&1"])
+def test_a_run_whose_log_takes_nothing_leaves_its_files_alone(painted_bundle, pictures, tmp_path, streams):
     """`2>&-` leaves number 2 free, which the next file opened would get."""
     (pictures / "8.png").write_bytes(b"not a picture")
     words = ["run", "--camera", str(pictures), "--bundle", str(painted_bundle), "--out", str(tmp_path / "run")]
-    line = shlex.join([sys.executable, "-m", "edgemap.cli", *words]) + " 2>&-"
-    result = subprocess.run(["sh", "-c", line], capture_output=True, text=True, check=False)
+    line = shlex.join([sys.executable, "-m", "edgemap.cli", *words])
+    result = subprocess.run(["sh", "-c", f"{line} {streams}"], capture_output=True, text=True, check=False)
     assert result.returncode == 0
     assert "\nframe 8:" not in result.stdout  # faults went to standard error, which is none
     assert len(load_map(tmp_path / "run")) == 1

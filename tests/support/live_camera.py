@@ -53,7 +53,7 @@ class ScriptedDriver:
         planned = self.script.pop(number, "frame")
         if planned is None:
             return None
-        if isinstance(planned, Exception):
+        if isinstance(planned, BaseException):
             raise planned
         if not isinstance(planned, str) or planned != "frame":
             return planned  # whatever it is

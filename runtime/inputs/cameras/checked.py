@@ -18,7 +18,7 @@ from edgemap.runtime.frames.errors import CameraError, CameraFault, CameraState,
 from edgemap.runtime.frames.faults import FaultKind
 from edgemap.runtime.frames.frame import Frame
 from edgemap.runtime.frames.inference import Inference
-from edgemap.runtime.frames.reading import error_line, one_line, printable
+from edgemap.runtime.frames.reading import THEIRS, error_line, one_line, printable
 from edgemap.runtime.frames.trajectory import AttitudeTrack, PoseTrack, TrackFile, Trajectory
 
 FAILURES = 100  # reads in a row without a frame, after which the camera is at its end
@@ -136,7 +136,7 @@ class CheckedCamera(Camera):
         """The camera's state, where it is a valid one."""
         try:
             return CameraState(self._camera.state)
-        except Exception:  # another package's code may raise anything
+        except THEIRS:
             return CameraState.RUNNING
 
     def read(self) -> Frame | None:
@@ -148,7 +148,7 @@ class CheckedCamera(Camera):
                 given: Any = self._camera.read()
             except EdgemapError:
                 raise
-            except Exception as error:  # another package's code may raise anything
+            except THEIRS as error:
                 given = error
             if given is None:
                 return None
@@ -173,7 +173,7 @@ class CheckedCamera(Camera):
             records: list[dict[str, Any]] = list(self._camera.object_records() or ())
         except EdgemapError:
             raise
-        except Exception:  # another package's code may raise anything
+        except THEIRS:
             return None
         return records if records and all(isinstance(record, dict) for record in records) else None
 
@@ -181,7 +181,7 @@ class CheckedCamera(Camera):
         """Close it; errors of its own code are ignored."""
         try:
             self._camera.close()
-        except Exception as error:  # another package's code may raise anything
+        except THEIRS as error:
             text = f"camera {self.info.name}: does not close: {error_line(error)}"
             self._new.append(CameraFault(FaultKind.FAILED, text))
 
@@ -228,7 +228,7 @@ def _checked_info(camera: Any, name: str) -> CameraInfo:
     """What a camera states of itself. Raises CameraError."""
     try:
         info = camera.info
-    except Exception as error:  # another package's code may raise anything
+    except THEIRS as error:
         raise CameraError(f"camera {name}: its info raises {error_line(error)}") from None
     if not isinstance(info, CameraInfo):
         raise CameraError(f"camera {name}: its info is a {type(info).__name__}, not CameraInfo")

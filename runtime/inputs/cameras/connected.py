@@ -7,7 +7,7 @@ from pathlib import Path
 
 from edgemap.geometry.errors import EdgemapError
 from edgemap.runtime.frames.plugins import CAMERAS, load_plugin, plugins
-from edgemap.runtime.frames.reading import one_line
+from edgemap.runtime.frames.reading import THEIRS, one_line
 
 VIDEO_NODES, SYSFS = Path("/dev"), Path("/sys/class/video4linux")
 # linux/videodev2.h: VIDIOC_QUERYCAP and struct v4l2_capability (driver, card, bus_info, version, capabilities,
@@ -52,7 +52,7 @@ def connected_cameras() -> tuple[list[ConnectedCamera], list[str]]:
                     cameras.append(ConnectedCamera(kind, f"{kind}:{address}" if address else kind, one_line(name)))
             except EdgemapError as error:
                 notes.append(str(error))
-            except Exception as error:  # another package's code may raise anything
+            except THEIRS as error:
                 notes.append(f"camera kind {kind!r}: {type(error).__name__}: {one_line(str(error), 200)}")
     except EdgemapError as error:
         notes.append(str(error))

@@ -44,7 +44,7 @@ class LiveCamera(Camera):
         self._changed = threading.Condition()
         self._faults: deque[CameraFault] = deque(maxlen=MAX_FAULTS)
         self._slot: Picture | None = None
-        self._lost: Exception | None = None
+        self._lost: BaseException | None = None
         self._closing = False
         self._supervisor = Supervisor(driver, device, self._faults.append, rule, self._clock_s, wait)
         self._polled_s = self._clock_s()
@@ -108,7 +108,7 @@ class LiveCamera(Camera):
     def _poll(self) -> None:
         try:
             picture = self._supervisor.poll()
-        except Exception as error:  # passed to the reader, which must not wait for a thread that has ended
+        except BaseException as error:  # passed to the reader, which must not wait for a thread that has ended
             self._lost = error
             picture = None
         with self._changed:

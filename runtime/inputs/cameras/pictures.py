@@ -1,6 +1,7 @@
 """Pictures, a video or a recorded drive as a camera: every frame, in order."""
 
 import math
+import string
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -64,6 +65,8 @@ class VideoCamera(FileCamera):
         super().__init__(CameraInfo(name, intrinsics=intrinsics, mount=mount))
         if not path.is_file():
             raise CameraError(f"{path}: no such file")
+        if _is_text(path):  # a list of other files, which FFmpeg would play
+            raise CameraError(f"{path}: a text, not a video")
         self._path, self._stamps_s = path, stamps_s
         self._capture: cv2.VideoCapture | None = _open(path)
         if not self._capture.isOpened():
@@ -133,6 +136,15 @@ class VideoCamera(FileCamera):
         allowed = max(MISSING_FRAMES, MISSING_SHARE * (self._announced or 0))
         if self._announced is not None and self._announced - self._delivered > allowed:
             raise CameraError(f"{self._path}: cut off, {self._delivered} of {self._announced} announced frames decoded")
+
+
+def _is_text(path: Path) -> bool:
+    """Whether a file begins as texts do; of videos only AVI and YUV4MPEG2 may."""
+    with path.open("rb") as file:
+        begin = file.read(8)
+    return (
+        begin != b"" and set(begin) <= set(string.printable.encode()) and not begin.startswith((b"RIFF", b"YUV4MPEG"))
+    )
 
 
 def _open(path: Path) -> cv2.VideoCapture:

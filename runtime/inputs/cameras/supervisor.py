@@ -132,7 +132,7 @@ class Supervisor:
             picture = self._device.grab()
             now_s = self._clock_s()
             good = None if picture is None else self._check(picture, now_s)
-        except Exception as error:  # drivers and their libraries raise what they like: RuntimeError, cv2.error, OSError
+        except BaseException as error:  # drivers raise what they like: cv2.error, OSError, SystemExit of a plugin
             self._failed(error, self._clock_s() - begun_s)
             return None
         if good is None:
@@ -151,7 +151,7 @@ class Supervisor:
         if device is not None:
             try:
                 device.close()
-            except Exception as error:  # a removed device may fail to close; it counts as closed
+            except BaseException as error:  # a removed device may fail to close; it counts as closed
                 self._fault(FaultKind.FAILED, f"does not close: {error_line(error)}")
 
     def _changed(self, present: bool) -> None:
@@ -160,7 +160,7 @@ class Supervisor:
             self._due_s = 0.0
         self.wake()
 
-    def _failed(self, error: Exception, took_s: float) -> None:
+    def _failed(self, error: BaseException, took_s: float) -> None:
         self._failures += 1
         if self._failures == 1:
             self._fault(FaultKind.FAILED, f"stopped delivering ({error_line(error)})")
@@ -216,7 +216,7 @@ class Supervisor:
             if reset and self._driver.reset():
                 self._resets += 1
             self._device = self._driver.open()
-        except Exception as error:  # as in `poll`
+        except BaseException as error:  # as in `poll`
             self._fault(FaultKind.CLOSED, f"does not open ({error_line(error)})")
             self._due_s = self._clock_s() + self._recovery.back_off_s()
             return

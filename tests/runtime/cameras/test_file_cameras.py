@@ -79,8 +79,15 @@ def test_a_cut_off_video_delivers_what_is_good_and_then_says_so(tmp_path):
             stamps_of(camera)
 
 
-@pytest.mark.parametrize("content", [b"", b"this is no video"])
-def test_a_file_that_is_no_video_is_one_line(tmp_path, content):
+@pytest.mark.parametrize(
+    ("content", "why"),
+    [
+        (b"", "not a video that OpenCV reads (0 bytes): cut off, or another format"),
+        (b"\0\1 no video", "not a video that OpenCV reads (11 bytes): cut off, or another format"),
+        (b"ffconcat version 1.0\nfile other.mp4\n", "a text, not a video"),
+    ],
+)
+def test_a_file_that_is_no_video_is_one_line(tmp_path, content, why):
     path = tmp_path / "v.mp4"
     path.write_bytes(content)
     program = f"""
@@ -91,10 +98,7 @@ except Exception as error:
     print(type(error).__name__, error)
 """
     run = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True)
-    assert (
-        run.stdout
-        == f"CameraError {path}: not a video that OpenCV reads ({len(content)} bytes): cut off, or another format\n"
-    )
+    assert run.stdout == f"CameraError {path}: {why}\n"
     assert run.stderr == ""  # neither OpenCV nor FFmpeg adds lines of its own
 
 

@@ -18,6 +18,11 @@ from edgemap.runtime.frames.errors import (
 )
 
 
+class Unprintable(Exception):
+    def __str__(self):
+        raise ValueError("no text")
+
+
 def kinds(faults):
     return [fault.kind.value for fault in faults]
 
@@ -64,8 +69,12 @@ def test_a_process_that_stood_still_opens_nothing_again():
 
 
 @pytest.mark.parametrize(
-    "error", [RuntimeError("USB"), OSError(19, "No such device"), MemoryError(), cv2.error("decode"), ValueError("?")]
-)
+    "error",
+    [
+        RuntimeError("USB"), OSError(19, "No such device"), MemoryError(), cv2.error("decode"), ValueError("?"),
+        SystemExit(3), KeyboardInterrupt(), Unprintable(),
+    ],
+)  # fmt: skip
 def test_whatever_a_grab_raises_is_a_fault(error):
     camera, driver, _ = scripted({5: error})
     faults = []
