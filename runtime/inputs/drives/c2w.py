@@ -7,18 +7,11 @@ from edgemap.geometry.camera.intrinsics import Intrinsics
 from edgemap.geometry.errors import GeometryError
 from edgemap.runtime.frames.errors import CameraError
 from edgemap.runtime.frames.reading import read_text
+from edgemap.runtime.frames.spatial_poses import camera_attitudes, planarise_camera, upright_camera
 from edgemap.runtime.inputs.drives.camera_yaml import read_setup, stamps_for
 from edgemap.runtime.inputs.drives.drive import Drive, ridden
 from edgemap.runtime.inputs.drives.pictures import first_folder, list_pictures, read_picture
-from edgemap.runtime.inputs.drives.pose_files import (
-    camera_attitudes,
-    check_count,
-    depth_beside,
-    planarise_camera,
-    read_matrices,
-    trajectory,
-    upright_camera,
-)
+from edgemap.runtime.inputs.drives.pose_files import check_count, depth_beside, read_matrices, trajectory
 
 
 def read_kitti(folder: Path) -> Drive:

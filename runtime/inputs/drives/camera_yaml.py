@@ -20,8 +20,9 @@ from edgemap.runtime.frames.camera import DEFAULT_RATE_HZ
 from edgemap.runtime.frames.disk import write_atomically
 from edgemap.runtime.frames.errors import CameraError
 from edgemap.runtime.frames.reading import Coordinate, Name, Side, Strict, convert
+from edgemap.runtime.frames.spatial_poses import poses_of, quaternion_of
 from edgemap.runtime.frames.yaml_file import read_yaml
-from edgemap.runtime.inputs.drives.pose_files import check_count, poses_of, quaternion_of, read_stamps
+from edgemap.runtime.inputs.drives.pose_files import check_count, read_stamps
 
 UpAxis = Literal["x", "y", "z", "-x", "-y", "-z"]
 Angle = Annotated[float, Meta(gt=-90.0, lt=90.0)]  # degrees

@@ -19,19 +19,13 @@ from edgemap.geometry.camera.intrinsics import Distortion, Intrinsics
 from edgemap.geometry.errors import GeometryError
 from edgemap.runtime.frames.errors import CameraError
 from edgemap.runtime.frames.reading import Coordinate, Side, convert
+from edgemap.runtime.frames.spatial_poses import camera_attitudes, planarise_camera, poses_of
 from edgemap.runtime.frames.tables import Column, NumberTable, columns
 from edgemap.runtime.frames.yaml_file import read_yaml
 from edgemap.runtime.inputs.drives.camera_yaml import read_setup
 from edgemap.runtime.inputs.drives.drive import Drive
 from edgemap.runtime.inputs.drives.pictures import list_pictures
-from edgemap.runtime.inputs.drives.pose_files import (
-    camera_attitudes,
-    check_increasing,
-    planarise_camera,
-    poses_of,
-    rate_of_stamps,
-    trajectory,
-)
+from edgemap.runtime.inputs.drives.pose_files import check_increasing, rate_of_stamps, trajectory
 from edgemap.runtime.inputs.drives.sensor_csv import RATES
 
 T = TypeVar("T")

@@ -15,11 +15,12 @@ from pathlib import Path
 
 from edgemap.geometry.camera.intrinsics import Intrinsics
 from edgemap.geometry.camera.mount import Mount
+from edgemap.runtime.frames.spatial_poses import planarise_base
 from edgemap.runtime.frames.trajectory import Trajectory, tum_line
 from edgemap.runtime.inputs.drives.camera_yaml import read_setup, write_camera_yaml
 from edgemap.runtime.inputs.drives.drive import Drive
 from edgemap.runtime.inputs.drives.pictures import list_pictures
-from edgemap.runtime.inputs.drives.pose_files import check_count, depth_beside, planarise_base, read_tum_3d, trajectory
+from edgemap.runtime.inputs.drives.pose_files import check_count, depth_beside, read_tum_3d, trajectory
 from edgemap.runtime.inputs.drives.sensor_csv import read_wheel_csv, write_wheel_csv
 
 

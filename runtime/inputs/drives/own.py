@@ -25,16 +25,15 @@ from edgemap.geometry.camera.mount import Mount
 from edgemap.geometry.se2 import SE2
 from edgemap.runtime.frames.camera import DEFAULT_RATE_HZ
 from edgemap.runtime.frames.errors import CameraError
+from edgemap.runtime.frames.spatial_poses import base_attitudes, planarise_base
 from edgemap.runtime.frames.trajectory import Trajectory, tum_line
 from edgemap.runtime.inputs.drives.camera_yaml import read_camera_yaml, write_camera_yaml
 from edgemap.runtime.inputs.drives.drive import Drive, LabelledBoxes
 from edgemap.runtime.inputs.drives.pictures import list_pictures
 from edgemap.runtime.inputs.drives.pose_files import (
-    base_attitudes,
     check_count,
     check_increasing,
     depth_beside,
-    planarise_base,
     rate_of_stamps,
     read_stamps,
     read_tum_3d,

@@ -9,16 +9,15 @@ from edgemap.geometry.arrays import Array
 from edgemap.geometry.se2 import SE2
 from edgemap.runtime.frames.errors import CameraError
 from edgemap.runtime.frames.reading import one_line, read_text
+from edgemap.runtime.frames.spatial_poses import camera_attitudes, planarise_camera
 from edgemap.runtime.frames.tables import STAMP
 from edgemap.runtime.frames.trajectory import AttitudeTrack, Trajectory
 from edgemap.runtime.inputs.drives.camera_yaml import Setup, read_setup
 from edgemap.runtime.inputs.drives.drive import Drive
 from edgemap.runtime.inputs.drives.pictures import first_folder, list_pictures
 from edgemap.runtime.inputs.drives.pose_files import (
-    camera_attitudes,
     check_count,
     check_increasing,
-    planarise_camera,
     rate_of_stamps,
     read_tum_3d,
     trajectory,

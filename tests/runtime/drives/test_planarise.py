@@ -10,8 +10,8 @@ import pytest
 from edgemap.geometry.camera.mount import Mount
 from edgemap.geometry.se2 import SE2
 from edgemap.runtime.frames.errors import CameraError
+from edgemap.runtime.frames.spatial_poses import planarise_base, planarise_camera, up_vector, upright_camera
 from edgemap.runtime.inputs.drives import open_drive
-from edgemap.runtime.inputs.drives.pose_files import planarise_base, planarise_camera, up_vector, upright_camera
 
 
 def camera_pose(right, down, forward, position):

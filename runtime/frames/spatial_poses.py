@@ -1,0 +1,108 @@
+"""3-D poses of a camera or a base: as planar ones of the base (REP-103), and as the camera's attitude."""
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from edgemap.geometry.arrays import Array
+from edgemap.geometry.camera.mount import Mount
+from edgemap.geometry.se2 import SE2
+from edgemap.runtime.frames.errors import CameraError
+from edgemap.runtime.frames.trajectory import AttitudeTrack
+
+OPTICAL_FORWARD = (0.0, 0.0, 1.0)
+BASE_FORWARD = (1.0, 0.0, 0.0)
+LEVEL = 1e-4  # rad and m; files round
+
+
+def poses_of(positions_m: Array, quaternions: Array) -> Array:
+    """Poses (N, 4, 4) from positions (N, 3) and unit quaternions (N, 4) in the order x, y, z, w."""
+    poses = np.tile(np.eye(4), (len(quaternions), 1, 1))
+    poses[:, :3, :3] = Rotation.from_quat(quaternions).as_matrix()
+    poses[:, :3, 3] = positions_m
+    return poses
+
+
+def quaternion_of(rotation: Array) -> Array:
+    """The unit quaternion (4,) in the order x, y, z, w of a rotation (3, 3)."""
+    quaternion = Rotation.from_matrix(rotation).as_quat()
+    return np.asarray(quaternion if quaternion[3] >= 0.0 else -quaternion, dtype=np.float64)
+
+
+def up_vector(world_up: str) -> Array:
+    """The unit vector, (3,), of an axis name such as `z` or `-y`."""
+    vector = np.zeros(3)
+    vector["xyz".index(world_up[-1])] = -1.0 if world_up.startswith("-") else 1.0
+    return vector
+
+
+def planarise_camera(poses_world_camera: Array, world_up: str, mount: Mount | None) -> tuple[SE2, ...]:
+    """Camera-to-world poses as base poses relative to the first one: `pose_start_base`, the first the identity.
+
+    poses_world_camera: (N, 4, 4), optical camera axes (x right, y down, z forward), metres. The heading is the
+    horizontal part of the optical axis; the mount's lever arm (none without a mount) takes the lens to the turn axis.
+    Raises CameraError where the camera looks straight up or down.
+    """
+    lens = _planar(poses_world_camera, world_up, OPTICAL_FORWARD)
+    lever = SE2(mount.forward_m, mount.left_m, 0.0) if mount else SE2()
+    return _from_first([pose @ lever.inverse() for pose in lens])
+
+
+def upright_camera(poses_world_camera: Array, world_up: str, mount: Mount | None) -> Array:
+    """Camera-to-world poses as (N, 4, 4) of the lens, base axes, in a z-up frame that starts where the first one is
+    and heads where it looks: all six dimensions, levelled by the mount's angles alone."""
+    up = up_vector(world_up)
+    headings = poses_world_camera[:, :3, :3] @ np.array(OPTICAL_FORWARD)
+    ahead = headings[0] - (headings[0] @ up) * up
+    ahead /= np.linalg.norm(ahead)
+    start_world = np.array([ahead, np.cross(up, ahead), up])
+    optical_base = (mount or Mount(1.0)).rotation_base_optical().T
+    poses = np.tile(np.eye(4), (len(poses_world_camera), 1, 1))
+    poses[:, :3, :3] = start_world @ poses_world_camera[:, :3, :3] @ optical_base
+    poses[:, :3, 3] = (poses_world_camera[:, :3, 3] - poses_world_camera[0, :3, 3]) @ start_world.T
+    return poses
+
+
+def camera_attitudes(stamps_s: Array, poses_world_camera: Array, world_up: str) -> AttitudeTrack:
+    """Roll, pitch and rise of the lens from camera-to-world poses (N, 4, 4), optical camera axes."""
+    up = up_vector(world_up)
+    directions = np.einsum("nij,i->nj", poses_world_camera[:, :3, :3], up)
+    return AttitudeTrack.of_up(stamps_s, directions, poses_world_camera[:, :3, 3] @ up)
+
+
+def base_attitudes(stamps_s: Array, poses_world_base: Array, world_up: str, mount: Mount) -> AttitudeTrack | None:
+    """Roll, pitch and rise of the lens from base-to-world poses (N, 4, 4), base axes; None where the base stays level
+    and at one height."""
+    up = up_vector(world_up)
+    directions = np.einsum("nij,i->nj", poses_world_base[:, :3, :3], up)
+    heights = poses_world_base[:, :3, 3] @ up + directions @ mount.position_base_m()
+    if np.abs(directions[:, :2]).max() < LEVEL and np.ptp(heights) < LEVEL:
+        return None
+    return AttitudeTrack.of_up(stamps_s, directions @ mount.rotation_base_optical(), heights)
+
+
+def planarise_base(poses_world_base: Array, world_up: str) -> tuple[SE2, ...]:
+    """Base-to-world poses, (N, 4, 4), base axes as in REP-103, to `pose_start_base`."""
+    return _from_first(_planar(poses_world_base, world_up, BASE_FORWARD))
+
+
+def _planar(poses: Array, world_up: str, forward_axis: tuple[float, float, float]) -> list[SE2]:
+    up = up_vector(world_up)
+    headings = poses[:, :3, :3] @ np.array(forward_axis)
+    headings = headings - np.outer(headings @ up, up)
+    lengths = np.linalg.norm(headings, axis=1)
+    if lengths.min() < 1e-3:
+        raise CameraError(
+            f"pose {int(lengths.argmin())} looks straight along world_up {world_up!r}: it has no heading; "
+            "is world_up in camera.yaml the axis that points up?"
+        )
+    headings /= lengths[:, None]
+    ahead = headings[0]
+    left = np.cross(up, ahead)
+    travelled = poses[:, :3, 3] - poses[0, :3, 3]
+    yaws = np.arctan2(headings @ left, headings @ ahead)
+    return [SE2(x, y, yaw) for x, y, yaw in zip(travelled @ ahead, travelled @ left, yaws, strict=True)]
+
+
+def _from_first(poses: list[SE2]) -> tuple[SE2, ...]:
+    origin = poses[0].inverse()
+    return tuple(origin @ pose for pose in poses)
