@@ -78,8 +78,8 @@ class Ros2Options:
 
 
 class Ros2Sink(Sink):
-    """Publishes every step; messages without readers are not built, except latched ones. ros_time: the stamps
-    are ROS time as they are. edit: takes the poses that come on /initialpose, in the map's frame."""
+    """Publishes every step; messages without readers are not built, except latched ones. offset_s: from the
+    stamps to ROS time, where it is known. edit: takes the poses that come on /initialpose, in the map's frame."""
 
     name = "ROS 2"
 
@@ -88,7 +88,7 @@ class Ros2Sink(Sink):
         node: Node,
         camera: FloorCamera,
         options: Ros2Options,
-        ros_time: bool = False,
+        offset_s: Callable[[], float] | None = None,
         edit: Callable[[Edit], object] | None = None,
     ) -> None:
         self._options = options
@@ -101,7 +101,7 @@ class Ros2Sink(Sink):
         self._goals: deque[SE2] = deque(maxlen=8)
         self._goal = node.publisher(topics.GOAL, topics.KINDS[topics.GOAL])
         self._initial_pose = edit and node.subscription(INITIAL_POSE, topics.KINDS[topics.POSE])
-        self._clock = RosClock(0.0 if ros_time else None)
+        self._clock = RosClock(offset_s)
 
     def write(self, result: StepResult, objects: list[MapObject]) -> None:
         """Publish one step, and apply a pose that a person has set. Raises Ros2Error."""
@@ -152,5 +152,6 @@ def pose_edit(message: Any) -> Edit:
 
 def open(address: str, run: RunInfo) -> Ros2Sink:
     """The sink of `--ros2 NAME=VALUE,…`. Raises UsageError, Ros2Error or MissingExtraError."""
-    live = run.camera.info.name.startswith("ros2:")
-    return Ros2Sink(shared_node(), run.floor, Ros2Options.of(address), ros_time=live, edit=run.edits.submit)
+    by_ros = run.camera.info.name.startswith("ros2:")
+    offset_s = (lambda: -run.camera.clock_offset_s) if by_ros else None
+    return Ros2Sink(shared_node(), run.floor, Ros2Options.of(address), offset_s, run.edits.submit)

@@ -72,6 +72,11 @@ class Camera:
         """running, degraded (no frames, being recovered) or lost. Files are always running."""
         return CameraState.RUNNING
 
+    @property
+    def clock_offset_s(self) -> float:
+        """From the device's stamps to those of its frames, s: where the device's clock was set, theirs went on."""
+        return 0.0
+
     def read(self) -> Frame | None:
         """The next frame; None at the end. Files: every frame, in order. Live: the newest frame not yet delivered.
 

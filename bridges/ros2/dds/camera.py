@@ -128,7 +128,7 @@ class Ros2SensorsCamera(CameraAround):
     def __init__(self, camera: Camera, node: Node, topics: SensorTopics) -> None:
         super().__init__(camera)
         by_ros = isinstance(camera, Ros2Camera)
-        self._clock = RosClock(0.0 if by_ros else None)
+        self._clock = RosClock((lambda: -camera.clock_offset_s) if by_ros else None)
         self._wheels = WheelTopic(node, topics.wheels) if topics.wheels is not None else None
         self.update_info(wheel=self._wheels or camera.info.wheel)
         self._buffer = self._samples = None

@@ -95,14 +95,14 @@ class RosClock:
     """ROS time of a stream's stamps: an offset, taken from the first frame, that follows the wall clock when that is
     set (NTP after a boot without a clock)."""
 
-    def __init__(self, offset_s: float | None = None) -> None:
-        """offset_s: from the stream to ROS time, where it is known and stays."""
-        self._stated, self._offset_s, self._wall_s = offset_s, offset_s or 0.0, math.nan
+    def __init__(self, stated_s: Callable[[], float] | None = None) -> None:
+        """stated_s: the offset from the stream to ROS time, where it is known."""
+        self._stated_s, self._offset_s, self._wall_s = stated_s, 0.0, math.nan
 
     def offset_s(self, stamp_s: float, age_s: float = 0.0) -> float:
         """The offset now. stamp_s: of a frame that arrived `age_s` ago."""
-        if self._stated is not None:
-            return self._stated
+        if self._stated_s is not None:
+            return self._stated_s()
         wall_s, monotonic_s = time.time() - age_s, time.monotonic() - age_s
         set_s = wall_s - monotonic_s - self._wall_s
         if math.isnan(set_s):

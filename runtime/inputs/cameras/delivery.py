@@ -67,15 +67,15 @@ def clock_jumps(step_s: float, passed_s: float) -> bool:
 
 
 class StreamClock:
-    """Adds an offset to device stamps. Where they stop, jump or are not finite, time advances by the host's clock. A
-    jump changes the offset permanently.
+    """Adds an offset (`offset_s`) to device stamps. Where they stop, jump or are not finite, time advances by the
+    host's clock. A jump changes the offset permanently.
     """
 
     def __init__(self) -> None:
         self.last_s: float | None = None
         self.arrived_s = 0.0
         self._device_s, self._device_host_s = math.nan, 0.0  # the newest good stamp, and when it arrived
-        self._offset_s = 0.0
+        self.offset_s = 0.0
         self._restarted = False
 
     def restart(self) -> None:
@@ -98,8 +98,8 @@ class StreamClock:
             if good and not restarted and clock_jumps(device_s - self._device_s, host_s - self._device_host_s):
                 wrong = FaultKind.CLOCK
             if good and (wrong or restarted or math.isnan(self._device_s)):
-                self._offset_s = by_host_s - device_s
-            stamp_s = max(device_s + self._offset_s, self.last_s + SMALLEST_STEP_S) if good else by_host_s
+                self.offset_s = by_host_s - device_s
+            stamp_s = max(device_s + self.offset_s, self.last_s + SMALLEST_STEP_S) if good else by_host_s
         if good:
             self._device_s, self._device_host_s = device_s, host_s
         self.last_s, self.arrived_s = stamp_s, host_s

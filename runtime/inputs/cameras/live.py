@@ -58,6 +58,11 @@ class LiveCamera(Camera):
         """running, degraded or lost."""
         return self._supervisor.state if self._lost is None else CameraState.LOST
 
+    @property
+    def clock_offset_s(self) -> float:
+        """From the device's stamps to those of the frames, s."""
+        return self._supervisor.clock.offset_s
+
     def read(self) -> Frame | None:
         """The newest frame not yet delivered; None after `close`.
 

@@ -11,7 +11,7 @@ from edgemap.runtime.frames.errors import CameraFault, CameraLostError, CameraSt
 from edgemap.runtime.frames.faults import FaultKind
 from edgemap.runtime.frames.reading import error_line
 from edgemap.runtime.inputs.cameras.checked import size_of
-from edgemap.runtime.inputs.cameras.delivery import DeliveryCheck
+from edgemap.runtime.inputs.cameras.delivery import DeliveryCheck, StreamClock
 
 STALL_INTERVALS, RESET_EVERY = 10, 2
 BACK_OFF_S, BACK_OFF_LIMIT_S, SETTLE_S, REFILL_S = 0.5, 30.0, 2.0, 30.0
@@ -112,9 +112,14 @@ class Supervisor:
         """Time without a frame after which the frame counts as late, s."""
         return self._recovery.stall_limit_s
 
+    @property
+    def clock(self) -> StreamClock:
+        """The stream's."""
+        return self._check.clock
+
     def stream_s(self) -> float | None:
         """The current time on the stream clock, s."""
-        return self._check.clock.now_s(self._clock_s())
+        return self.clock.now_s(self._clock_s())
 
     def poll(self) -> Picture | None:
         """The next good picture, with its stamp on the stream clock; None if there is none yet.
@@ -221,7 +226,7 @@ class Supervisor:
             self._due_s = self._clock_s() + self._recovery.back_off_s()
             return
         self._removed = False
-        self._check.clock.restart()
+        self.clock.restart()
         self._recovery.heard_s = self._clock_s()
 
     def _fault(self, kind: FaultKind, text: str) -> None:

@@ -34,6 +34,11 @@ class CameraAround(Camera):
         """The state of the wrapped camera."""
         return self._camera.state
 
+    @property
+    def clock_offset_s(self) -> float:
+        """That of the wrapped camera."""
+        return self._camera.clock_offset_s
+
     def read(self) -> Frame | None:
         """The next frame of the wrapped camera."""
         return self._camera.read()

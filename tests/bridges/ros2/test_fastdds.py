@@ -109,7 +109,7 @@ def test_fast_dds_reads_what_a_run_publishes(program, node):
     picture = np.random.default_rng(3).integers(0, 256, (540, 720, 3), dtype=np.uint8)
     frames = [Frame(i, 1.7e9 + i / 10, picture) for i in range(12)]
     steps = list(results(frames, POSES))
-    sink = Ros2Sink(node, FloorCamera(LENS, MOUNT), Ros2Options("robot1", pictures=True), ros_time=True)
+    sink = Ros2Sink(node, FloorCamera(LENS, MOUNT), Ros2Options("robot1", pictures=True), offset_s=float)
     wanted = (
         "rt/tf,TFMessage,reliable,3",
         "rt/robot1/odometry,Odometry,reliable,3",

@@ -98,7 +98,7 @@ def test_stamps_follow_a_wall_clock_that_is_set(monkeypatch, stamp_s):
         monkeypatch.setattr("time.monotonic", lambda: monotonic_s + elapsed_s)  # noqa: B023
         published_s = stamp_s + elapsed_s + clock.offset_s(stamp_s + elapsed_s)
         assert published_s == pytest.approx(wall_s + elapsed_s + set_s)
-    assert RosClock(0.0).offset_s(5.0) == 0.0
+    assert RosClock(lambda: 3.0).offset_s(5.0) == 3.0
 
 
 @pytest.mark.parametrize("text", ["map", "map=", "odom=map", "base=lens,optical=lens", "map=a,map=b", "odom_tf=maybe"])

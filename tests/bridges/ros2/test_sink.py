@@ -31,7 +31,7 @@ def node() -> Node:
 
 
 def sink_of(node: Node, *arguments, **options) -> Ros2Sink:
-    return Ros2Sink(node, FloorCamera(LENS, MOUNT), Ros2Options(*arguments, **options), ros_time=True)
+    return Ros2Sink(node, FloorCamera(LENS, MOUNT), Ros2Options(*arguments, **options), offset_s=float)
 
 
 def taken(reader: Any, count: int) -> list:
@@ -117,7 +117,7 @@ def test_beside_a_robot_that_publishes_its_own_odometry_only_map_to_odom_is_sent
 def test_a_pose_of_rviz_is_an_edit(node):
     """2D Pose Estimate: x 1 m, y 2 m, a quarter turn, sigma 0.5 m and 15 degrees; in another frame it is none."""
     got: list = []
-    sink = Ros2Sink(node, FloorCamera(LENS, MOUNT), Ros2Options("rviz"), ros_time=True, edit=got.append)
+    sink = Ros2Sink(node, FloorCamera(LENS, MOUNT), Ros2Options("rviz"), offset_s=float, edit=got.append)
     rviz = node.publisher("/initialpose", "geometry_msgs/msg/PoseWithCovarianceStamped")
     covariance = [0.0] * 36
     covariance[0] = covariance[7] = 0.25

@@ -16,6 +16,7 @@ from edgemap.runtime.frames.errors import (
     FaultKind,
     FrameTimeout,
 )
+from edgemap.runtime.inputs.cameras.wrappers import CameraAround
 
 
 class Unprintable(Exception):
@@ -209,3 +210,15 @@ def test_a_camera_that_stays_at_another_size_is_opened_again():
     drain(camera, 20, faults)
     assert kinds(faults) == ["size", "late", "recovered"]
     assert driver.calls[:3] == ["open", "close", "open"]
+
+
+@pytest.mark.parametrize("set_s", [3600.0, -3600.0, 0.02])
+def test_a_devices_stamps_follow_from_those_of_its_frames_though_its_clock_is_set(set_s):
+    """As ROS 2 topics do when NTP sets the clock: what is published, wheels and IMU are by the clock as it is now."""
+    camera, driver, clock = scripted()
+    grab, ahead_s = driver.grab, 0.0
+    driver.grab = lambda: (lambda given: (given[0] + ahead_s, given[1]))(grab())
+    around = CameraAround(camera)
+    for ahead_s in (0.0, set_s):
+        frames = drain(around, 3)
+        assert frames[-1].stamp_s - around.clock_offset_s == pytest.approx(clock() - 900.0 + ahead_s)
