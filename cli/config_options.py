@@ -6,6 +6,7 @@ from dataclasses import is_dataclass
 from typing import Any, get_type_hints
 
 from edgemap.cli.arguments import OptionError
+from edgemap.runtime.frames.reading import without_secrets
 
 OWN = ("config", "config-options")
 VALUE_MAY_LACK = object()  # default of an option such as --view: true in a file is the option alone
@@ -78,6 +79,8 @@ def _words(flag: str, value: Any, default: Any, where: str) -> list[str]:
         raise OptionError(f"{where} is {value!r}, not {'true or false' if isinstance(default, bool) else 'a value'}")
     if isinstance(value, bool):
         return [] if value is default else [f"--{flag}" if value else f"--no-{flag}"]
+    if isinstance(value, str) and "***" in without_secrets(value):
+        raise OptionError(f"{where}: its password is not recorded: type --{flag} again")
     if not isinstance(value, str | int | float) or not str(value).isprintable():
         raise OptionError(f"{where} is not one printable value")
     return [f"--{flag}", str(value)]

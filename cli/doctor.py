@@ -29,6 +29,12 @@ class Diagnosis:
     text: str
     remedy: str = ""
 
+    def __post_init__(self) -> None:
+        from edgemap.runtime.frames.reading import without_secrets
+
+        for name in ("text", "remedy"):
+            object.__setattr__(self, name, without_secrets(getattr(self, name)))
+
 
 def command(
     camera: Annotated[Source, arg(name="Camera")],

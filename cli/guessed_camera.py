@@ -1,11 +1,12 @@
 """`edgemap run` with an uncalibrated camera: intrinsics and mount are estimated from its first pictures."""
 
 import math
-import re
 import shlex
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
+
+from edgemap.runtime.frames.reading import without_secrets
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -99,7 +100,7 @@ class CameraKeeper:
         self._path, self._floor, self._guess, self._by_hand = folder / "camera.yaml", floor, guess, False
         again = shlex.join(["--camera-file", str(self._path)])
         self._line = f"lens and mount are kept in {self._path}  (the next run: {again})"
-        self._spec = re.sub("(//[^/@:]*):[^/@]*@", r"\1:PASSWORD@", spec)  # a stream's password is never printed
+        self._spec = without_secrets(spec)
 
     def begin(self) -> None:
         """Saves the guess as it is, for a run that is killed or whose camera is lost. Raises DiskError."""

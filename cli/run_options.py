@@ -172,13 +172,15 @@ class RunOptions:
     def inputs(self) -> dict[str, object]:
         """Options that differ from their defaults and are inputs of the step, by flag, as plain values: what makes the
         same run again."""
+        from edgemap.runtime.frames.reading import without_secrets
+
         inputs: dict[str, object] = {}
         for group in (self.camera, self.robot, self.map, self.advanced):
             usual = type(group)()
             for name, value in vars(group).items():
                 if name not in _NO_INPUTS and value != getattr(usual, name):
                     flag = _FLAGS.get(name, name.replace("_", "-"))
-                    inputs[flag] = str(value) if isinstance(value, Path) else value
+                    inputs[flag] = without_secrets(str(value)) if isinstance(value, Path | str) else value
         return inputs
 
 

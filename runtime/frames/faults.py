@@ -5,6 +5,8 @@ from dataclasses import dataclass
 from enum import StrEnum
 from typing import Any
 
+from edgemap.runtime.frames.reading import without_secrets
+
 
 class FaultKind(StrEnum):
     """Kind of a fault. The verdict, the live page, the report and `edgemap why` go by it."""
@@ -76,6 +78,9 @@ class Fault:
     kind: FaultKind
     text: str
     frame: int | None = None
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "text", without_secrets(self.text))
 
     def __str__(self) -> str:
         return self.text

@@ -8,6 +8,8 @@ from edgemap.runtime.frames.errors import UsageError
 
 def host_and_port(text: str, option: str, port: int) -> tuple[str, int]:
     """`HOST`, `HOST:PORT` or `[IPv6]:PORT`. port: the default. Raises UsageError."""
+    if "@" in text:
+        raise UsageError(f"{option}: expected HOST or HOST:PORT; user and password come from the environment")
     host, colon, digits = text.rpartition(":")
     if not colon or text.endswith("]"):
         host, digits = text, str(port)

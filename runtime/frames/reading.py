@@ -35,6 +35,21 @@ Side = Annotated[int, Meta(ge=1, le=65536)]  # of a picture, px
 Name = Annotated[str, Meta(min_length=1, max_length=200, pattern=rf"\A[^{HIDDEN}]*\Z")]
 
 
+# Of a URL: user and password, also where these hold `/` or `@`; values of a query that give access.
+USER_INFO = re.compile(r"""(:/{2,3}|https?:/|rtsps?:/)(?:[^\s/?#"'<>]*|[^\s/@:"'<>]*:(?!\d+(?:[/?#]|$))[^\s"'<>]*)@""")
+QUERY_SECRET = re.compile(
+    r"""(?i)([?&;][^=&\s?]*(?:token|pass|pwd|secret|key|auth|sig|user|login|cred|session)[^=&\s]*=)[^&\s#"'<>]+"""
+)
+
+
+def without_secrets(text: str) -> str:
+    """The text without user, password and access tokens of the URLs in it. Everything that is printed, written or sent
+    and may hold an address goes through it."""
+    if ":/" not in text:
+        return text
+    return QUERY_SECRET.sub(r"\1***", USER_INFO.sub(r"\1***@", text))
+
+
 class Strict(msgspec.Struct, kw_only=True, forbid_unknown_fields=True):
     """A record of a file: unknown or missing fields are errors."""
 
@@ -44,7 +59,7 @@ THEIRS = (Exception, SystemExit)  # what code of another package may raise
 
 def one_line(text: object, length: int = MESSAGE_LENGTH) -> str:
     """A text of any origin as part of a message: no line breaks, no control characters, not too long."""
-    words = "".join(letter if letter.isprintable() else " " for letter in str(text))
+    words = "".join(letter if letter.isprintable() else " " for letter in without_secrets(str(text)))
     words = " ".join(words.split())
     return words if len(words) <= length else words[: length - 1] + "…"
 
@@ -52,7 +67,7 @@ def one_line(text: object, length: int = MESSAGE_LENGTH) -> str:
 def error_line(error: BaseException) -> str:
     """An unknown error as part of a message: its kind and its text, where it has one that can be printed."""
     try:
-        text = " ".join(str(error).split())
+        text = without_secrets(" ".join(str(error).split()))
     except Exception:  # of another package's class
         text = ""
     return f"{type(error).__name__}: {text}" if text else type(error).__name__
@@ -61,9 +76,10 @@ def error_line(error: BaseException) -> str:
 def printable(text: object) -> str:
     """A message for a terminal, one line: line breaks, control characters and halves of characters, as file names may
     hold, as escapes (`\\n`), and without the middle of what is too long."""
-    if isinstance(text, str) and len(text) <= LINE_LENGTH and text.isprintable():
+    text = without_secrets(str(text))
+    if len(text) <= LINE_LENGTH and text.isprintable():
         return text
-    line = "".join(c if c.isprintable() else c.encode("unicode_escape").decode("ascii") for c in str(text))
+    line = "".join(c if c.isprintable() else c.encode("unicode_escape").decode("ascii") for c in text)
     half = (LINE_LENGTH - 1) // 2
     return line if len(line) <= LINE_LENGTH else f"{line[:half]}…{line[-half:]}"
 

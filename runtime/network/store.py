@@ -13,7 +13,7 @@ from urllib.parse import quote
 import platformdirs
 
 from edgemap.runtime.frames.errors import BundleError
-from edgemap.runtime.frames.reading import user_path
+from edgemap.runtime.frames.reading import user_path, without_secrets
 from edgemap.runtime.network.download import download
 from edgemap.runtime.network.manifest_file import MANIFEST_NAME, read_manifest, verified_file
 
@@ -167,8 +167,8 @@ def default_bundle(*specs: str) -> tuple[str, str]:
     """
     real = next((spec for spec in specs if not _is_rendered(spec)), None)
     if real is None:
-        return RENDERED, f"trained for rendered pictures, as those of {', '.join(specs[:3])}"
-    return LENS, f"trained for real cameras, as {real} is"
+        return RENDERED, f"trained for rendered pictures, as those of {without_secrets(', '.join(specs[:3]))}"
+    return LENS, f"trained for real cameras, as {without_secrets(real)} is"
 
 
 def _is_rendered(spec: str) -> bool:

@@ -148,7 +148,7 @@ def test_the_command_to_copy_holds_no_password(tmp_path):
     )
     text = CameraKeeper(tmp_path, floor, guess, "rtsp://user:s3cret@10.0.0.2/live").at_end(None)
     assert text is not None
-    assert "rtsp://user:PASSWORD@10.0.0.2/live" in text
+    assert "rtsp://***@10.0.0.2/live" in text
     assert "s3cret" not in text
 
 

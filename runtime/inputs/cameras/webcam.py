@@ -13,7 +13,7 @@ import numpy as np
 from edgemap.geometry.camera.intrinsics import Intrinsics
 from edgemap.runtime.frames.camera import Driver, Picture
 from edgemap.runtime.frames.errors import CameraError
-from edgemap.runtime.frames.reading import library_path
+from edgemap.runtime.frames.reading import library_path, one_line, without_secrets
 
 OPEN_LIMIT_MS, READ_LIMIT_MS = 5000, 2000  # FFmpeg's own would be 30 s each
 
@@ -77,10 +77,10 @@ class StreamDriver(Driver):
 
     def __init__(self, url: str) -> None:
         try:
-            host = urlsplit(url)
+            urlsplit(url)
         except ValueError as error:  # `rtsp://[`
-            raise CameraError(f"{url}: not an address ({error})") from None
-        self.name = url.replace(f"{host.username}:{host.password}@", "") if host.password else url
+            raise CameraError(f"{without_secrets(url)}: not an address ({one_line(error)})") from None
+        self.name = without_secrets(url)
         self._url = url
 
     def open(self) -> CaptureDevice:

@@ -53,6 +53,8 @@ def test_rtsp_delivers_the_pictures_that_were_served():
 def test_no_stream_is_one_line_without_the_password():
     with MjpegServer() as server:
         port = server.port
-    with pytest.raises(CameraError, match=rf"^http://127\.0\.0\.1:{port}/x: no stream that FFmpeg reads") as caught:
+    with pytest.raises(
+        CameraError, match=rf"^http://\*\*\*@127\.0\.0\.1:{port}/x: no stream that FFmpeg reads"
+    ) as caught:
         open_camera(f"http://user:secret@127.0.0.1:{port}/x")
     assert "secret" not in str(caught.value)

@@ -1,0 +1,59 @@
+"""A camera's password and token: nowhere in what a run prints, writes or serves."""
+
+import os
+import subprocess
+import sys
+
+import pytest
+from support.mjpeg import MjpegServer
+
+from edgemap.runtime.frames.errors import UsageError
+from edgemap.runtime.frames.option_texts import host_and_port
+from edgemap.runtime.frames.reading import without_secrets
+
+SECRETS = "h0rse", "battery"
+
+
+@pytest.mark.parametrize(
+    ("text", "hidden"),
+    [
+        ("rtsp://admin:pw@10.0.0.2:554/live", "rtsp://***@10.0.0.2:554/live"),
+        ("rtsp://admin:p@ss@h/x", "rtsp://***@h/x"),
+        ("rtsp://admin:p/w@h/x", "rtsp://***@h/x"),
+        ("http://h:80/x?user=a&pwd=b&x=1", "http://h:80/x?user=***&pwd=***&x=1"),
+        ("rtsp:/u:p@h/x.jpg", "rtsp:/***@h/x.jpg"),  # as a path has it
+        ('{"a": "rtsp://u:p@h/x", "b": "c@d"}', '{"a": "rtsp://***@h/x", "b": "c@d"}'),
+        ("http://h:8554/user@x wheel:/data/u@x.csv file:///home/x@y", None),
+    ],
+)
+def test_addresses_lose_what_gives_access_and_nothing_else(text, hidden):
+    assert without_secrets(text) == (hidden or text)
+    assert without_secrets(without_secrets(text)) == (hidden or text)
+
+
+def test_a_brokers_password_has_its_own_place():
+    with pytest.raises(UsageError, match="come from the environment") as refused:
+        host_and_port("robot:h0rse@broker:1883", "--mqtt", 1883)
+    assert "h0rse" not in str(refused.value)
+
+
+def test_nothing_that_a_command_prints_or_writes_holds_them(painted_bundle, tmp_path):
+    def said(*words):
+        command = [sys.executable, "-m", "edgemap.cli", *map(str, words)]
+        done = subprocess.run(command, capture_output=True, cwd=tmp_path, env=os.environ, timeout=300, check=False)
+        return done.stdout + done.stderr
+
+    lens = ("--mount", "0.6,11.5", "--intrinsics", "60,60,31.5,23.5", "--bundle", painted_bundle)
+    with MjpegServer() as server:
+        address = server.url.replace("//", f"//admin:{SECRETS[0]}@") + f"?access_token={SECRETS[1]}"
+        prints = said("run", "--camera", address, *lens, "--frames", 6, "-o", "run", "--sink", "record:run.mcap")
+        assert b"after 6 frames" in prints, prints
+        prints += said("run", "--config", "run", "--config-options", "-o", "again")
+        assert b"type --camera again" in prints
+        prints += said("doctor", "--camera", address, *lens) + said("detect", address, "--bundle", painted_bundle)
+    prints += said("run", "--camera", address, *lens, "-o", "gone") + said("run", "--camera", address + "[", "--nil")
+    files = {path: path.read_bytes() for path in tmp_path.rglob("*") if path.is_file()}
+    assert {"run.json", "report.html", "run.mcap"} <= {path.name for path in files}
+    for where, text in {**files, "prints": prints}.items():
+        for secret in SECRETS:
+            assert secret.encode() not in text, (where, text[max(0, text.find(secret.encode()) - 200) :][:400])
