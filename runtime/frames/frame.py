@@ -14,7 +14,7 @@ from edgemap.runtime.frames.errors import RecordingError
 class Frame:
     """A picture from the camera.
 
-    index: counts delivered frames from 0. stamp_s: seconds, from the sensor or the file, never decreasing.
+    index: counts delivered frames from 0. stamp_s: seconds, from the sensor or the file, strictly increasing.
     image: (H, W, 3) uint8, BGR as OpenCV keeps it. name: where it came from, for messages.
     imu: inertial samples since the previous delivered frame, up to this stamp; none where the source has none.
     depth: (H, W) float32, metres along the optical axis of this picture's pixels, 0 where unknown; None without a depth

@@ -79,8 +79,10 @@ class Bundle:
         return tuple(entry.name for entry in self.manifest.detector.classes)
 
     def full_weight_score(self, confidence: float | None) -> float:
-        """Score of a box with half the weight as evidence for an object. confidence: the user's minimum score."""
-        return self.manifest.sure_confidence if confidence is None else 0.0
+        """Score of a box with half the weight as evidence for an object. confidence: the user's minimum score; below
+        the bundle's own it lowers this one as much, so that the boxes asked for count."""
+        lowered = 0.0 if confidence is None else min(0.0, confidence - self.manifest.confidence)
+        return self.manifest.sure_confidence + lowered
 
     @property
     def mapped(self) -> frozenset[str]:
