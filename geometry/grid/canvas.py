@@ -1,5 +1,7 @@
 """Cells of the map in arrays that grow with it."""
 
+from collections.abc import Sequence
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -10,65 +12,27 @@ MARGIN = 64  # cells by which it grows, at least
 LONGEST = 8192  # cells of a side: 400 m; what lies farther off is not kept
 
 
-class Canvas:
-    """The log-odds of all cells, and the additions of the newest patch. bounds: of log-odds, in steps."""
+class Layers:
+    """Arrays of one size, one for each of `values`, that grow to hold cells; new cells have these values."""
 
-    def __init__(self, low: int, high: int) -> None:
-        self.low, self.high = low, high
+    def __init__(self, *values: int) -> None:
         self.first = np.zeros(2, np.int32)  # column and row of the arrays' first cell
-        self.odds: Steps = np.zeros((0, 0), np.int16)
-        self._shift = self._low = self._high = self.odds
+        self.arrays: list[Steps] = [np.zeros((0, 0), np.int16) for _ in values]
+        self._values = values
 
-    def include(self, cells: Cells) -> NDArray[np.bool_]:
-        """Grows the arrays to include cells (N, 2). Returns which of them fit, (N,)."""
+    def at(self, cells: Cells) -> tuple[NDArray[np.intp], NDArray[np.bool_]]:
+        """Grows to include cells (N, 2). Returns the flat places (M,) of those that fit, and which fit (N,)."""
         if not len(cells):
-            return np.zeros(0, np.bool_)
+            return np.zeros(0, np.intp), np.zeros(0, np.bool_)
         self._cover(cells.min(axis=0), cells.max(axis=0) + 1)
         column, row = (cells - self.first).T
-        rows, columns = self.odds.shape
-        return (column >= 0) & (row >= 0) & (column < columns) & (row < rows)
-
-    def add(self, cells: Cells, steps: Steps) -> None:
-        """Change the log-odds of cells (N, 2), none twice, by steps (N,), as part of the newest patch."""
-        has_room = self.include(cells)
-        at, steps = self._flat(cells[has_room]), steps[has_room]
-        self.odds.ravel()[at] = np.clip(self.odds.ravel()[at] + steps, self.low, self.high)
-        columns = [array.ravel() for array in (self._shift, self._low, self._high)]
-        bounds = np.int16(self.low), np.int16(self.high)
-        later = (steps, *(np.full(len(steps), bound) for bound in bounds))
-        for array, values in zip(columns, after([array[at] for array in columns], later), strict=True):
-            array[at] = values
-
-    def take_patch(self, stamp_s: float, began: SE2) -> Patch:
-        """Returns the evidence added since the last call as a patch, with the stamp and pose at which it began."""
-        at = np.flatnonzero((self._low > self.low) | (self._high < self.high))
-        rows, columns = np.unravel_index(at, self.odds.shape) if len(at) else (at, at)
-        cells = np.column_stack([columns, rows]).astype(np.int32) + self.first
-        columns = [array.ravel() for array in (self._shift, self._low, self._high)]
-        shift, low, high = (array[at] for array in columns)
-        patch = Patch(stamp_s, began, cells, shift, low, high)
-        for array, value in zip(columns, (0, self.low, self.high), strict=True):
-            array[at] = value
-        return patch
-
-    def draw(self, patch: Patch, cell_m: float, newest: bool = False) -> None:
-        """Applies a patch to the log-odds at its current place. newest: whether later additions belong to it."""
-        cells = patch.placed(cell_m)
-        has_room = self.include(cells)
-        at, odds = self._flat(cells[has_room]), self.odds.ravel()
-        shift, low, high = (values[has_room] for values in (patch.shift, patch.low, patch.high))
-        odds[at] = np.clip(odds[at] + shift.astype(np.int32), low, high)
-        if newest:
-            for array, values in zip((self._shift, self._low, self._high), (shift, low, high), strict=True):
-                array.ravel()[at] = values
-
-    def _flat(self, cells: Cells) -> NDArray[np.intp]:
-        column, row = (cells - self.first).T
-        return row.astype(np.intp) * self.odds.shape[1] + column
+        rows, columns = self.arrays[0].shape
+        fits = (column >= 0) & (row >= 0) & (column < columns) & (row < rows)
+        return row[fits].astype(np.intp) * columns + column[fits], fits
 
     def _cover(self, low: NDArray[np.int32], high: NDArray[np.int32]) -> None:
         """Grows the arrays to include the cells from low up to, not including, high, within LONGEST."""
-        size = np.array(self.odds.shape[::-1], np.int32)
+        size = np.array(self.arrays[0].shape[::-1], np.int32)
         if size.all():
             if (low >= self.first).all() and (high <= self.first + size).all():
                 return
@@ -79,9 +43,62 @@ class Canvas:
             low, high = low - MARGIN, np.minimum(high + MARGIN, low + LONGEST - MARGIN)
         columns, rows = (high - low).tolist()
         before = (slice(*(self.first[1] - low[1] + [0, size[1]])), slice(*(self.first[0] - low[0] + [0, size[0]])))
-        for name, value in (("odds", 0), ("_shift", 0), ("_low", self.low), ("_high", self.high)):
+        for number, value in enumerate(self._values):
             array = np.full((rows, columns), value, np.int16)
             if size.all():
-                array[before] = getattr(self, name)
-            setattr(self, name, array)
+                array[before] = self.arrays[number]
+            self.arrays[number] = array
         self.first = low.astype(np.int32)
+
+
+class Canvas:
+    """The log-odds of all cells, and the additions of the newest patch. bounds: of log-odds, in steps."""
+
+    def __init__(self, low: int, high: int) -> None:
+        self.low, self.high = low, high
+        self._odds, self._newest = Layers(0), Layers(0, low, high)  # of the latter shift, low and high
+
+    @property
+    def odds(self) -> Steps:
+        """Log-odds (rows, columns), in steps."""
+        return self._odds.arrays[0]
+
+    @property
+    def first(self) -> Cells:
+        """Column and row of the first cell."""
+        return self._odds.first
+
+    def add(self, cells: Cells, steps: Steps) -> None:
+        """Change the log-odds of cells (N, 2), none twice, by steps (N,), as part of the newest patch."""
+        at, fits = self._odds.at(cells)
+        cells, steps = cells[fits], steps[fits]
+        odds = self.odds.ravel()
+        odds[at] = np.clip(odds[at] + steps, self.low, self.high)
+        at, fits = self._newest.at(cells)
+        bounds = (np.full(int(fits.sum()), bound, np.int16) for bound in (self.low, self.high))
+        self._note(at, after([array.ravel()[at] for array in self._newest.arrays], (steps[fits], *bounds)))
+
+    def take_patch(self, stamp_s: float, began: SE2) -> Patch:
+        """Returns the evidence added since the last call as a patch, with the stamp and pose at which it began."""
+        newest, self._newest = self._newest, Layers(0, self.low, self.high)
+        _, low, high = newest.arrays
+        rows, columns = np.nonzero((low > self.low) | (high < self.high))
+        cells = np.column_stack([columns, rows]).astype(np.int32) + newest.first
+        shift, low, high = (array[rows, columns] for array in newest.arrays)
+        return Patch(stamp_s, began, cells, shift, low, high)
+
+    def draw(self, patch: Patch, cell_m: float, newest: bool = False) -> None:
+        """Applies a patch to the log-odds at its current place. newest: whether later additions belong to it."""
+        cells = patch.placed(cell_m)
+        at, fits = self._odds.at(cells)
+        odds = self.odds.ravel()
+        values = [array[fits] for array in (patch.shift, patch.low, patch.high)]
+        odds[at] = np.clip(odds[at] + values[0].astype(np.int32), *values[1:])
+        if newest:
+            at, fits = self._newest.at(cells[fits])
+            self._note(at, [array[fits] for array in values])
+
+    def _note(self, at: NDArray[np.intp], values: Sequence[Steps]) -> None:
+        """Sets what the newest patch adds to its cells."""
+        for array, given in zip(self._newest.arrays, values, strict=True):
+            array.ravel()[at] = given

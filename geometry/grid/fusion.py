@@ -109,12 +109,6 @@ class GridFusion:
         self._shown = grid_of(self._canvas, self.rule, self._revision)
         return self._shown
 
-    @property
-    def size_bytes(self) -> int:
-        """Memory of all evidence and of the grid that is drawn."""
-        patches = sum(len(patch) * 14 for patch in self._patches)
-        return patches + 4 * self._canvas.odds.nbytes
-
     def _is_due(self, pose: SE2, stamp_s: float) -> bool:
         if self._last is None:
             return True
