@@ -22,9 +22,13 @@ class Layers:
 
     def at(self, cells: Cells) -> tuple[NDArray[np.intp], NDArray[np.bool_]]:
         """Grows to include cells (N, 2). Returns the flat places (M,) of those that fit, and which fit (N,)."""
-        if not len(cells):
-            return np.zeros(0, np.intp), np.zeros(0, np.bool_)
-        self._cover(cells.min(axis=0), cells.max(axis=0) + 1)
+        size = np.array(self.arrays[0].shape[::-1], np.int32)
+        near = cells
+        if size.all():  # cells far off are not worth the span to them
+            near = cells[((cells >= self.first + size - LONGEST) & (cells < self.first + LONGEST)).all(axis=1)]
+        if not len(near):
+            return np.zeros(0, np.intp), np.zeros(len(cells), np.bool_)
+        self._cover(near.min(axis=0), near.max(axis=0) + 1)
         column, row = (cells - self.first).T
         rows, columns = self.arrays[0].shape
         fits = (column >= 0) & (row >= 0) & (column < columns) & (row < rows)

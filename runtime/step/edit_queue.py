@@ -103,8 +103,9 @@ class Edits:
         failed, done = list[Fault](), list[tuple[Future[str] | None, str]]()
         for edit, future in due:
             try:
+                line = _line_of(edit, frames)
                 done.append((future, mapper.edit(edit)))
-                self._note(edit, frames)
+                self._note(line)
             except EditError as error:
                 if future is not None:
                     future.set_exception(error)
@@ -136,15 +137,24 @@ class Edits:
                 self._unsaved = error if isinstance(error, DiskError) else self._unsaved
         return failed
 
-    def _note(self, edit: Edit, frames: int) -> None:
+    def _note(self, line: str) -> None:
         """Record it; a full disk gets it with the next one, or at the end."""
-        line = msgspec.json.encode(_Line(frames=frames, **asdict(edit))).decode()
         for record in self.recorders:
             record(line)
         if self._log is not None:
             self._log.append(line + "\n")
             with suppress(DiskError):
                 self._log.flush()
+
+
+def _line_of(edit: Edit, frames: int) -> str:
+    """The edit as edits.jsonl has it. Raises EditError for one that could not be read again."""
+    try:
+        line = msgspec.json.encode(_Line(frames=frames, **asdict(edit))).decode()
+    except UnicodeError:
+        raise EditError(f"edit {edit.do}: text that is not Unicode") from None
+    read_edits([line], f"edit {edit.do}")
+    return line
 
 
 def load_edits(path: Path) -> list[tuple[int, Edit]]:

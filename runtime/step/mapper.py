@@ -127,8 +127,10 @@ class Mapper:
 
         Raises MapError for a pose far from the map.
         """
-        if far := far_from_map(start, saved, SE2()):
+        if far := far_from_map([(start.x_m, start.y_m)], places_of(saved, grid)):
             raise MapError(f"start pose: {far}")
+        if not math.isfinite(start.yaw_rad):
+            raise MapError(f"start pose: yaw {start.yaw_rad}")
         self._has_scale = True
         if grid is not None:
             self.grid.continue_from(grid)
@@ -153,7 +155,7 @@ class Mapper:
             self.relocalise_in(saved, annotations, grid, [dock] if last is None else [last, dock])
         else:
             start = last or dock
-            start = SE2() if far_from_map(start, saved, SE2()) else start
+            start = SE2() if far_from_map([(start.x_m, start.y_m)], places_of(saved, grid)) else start
             self.start_in(saved, start, annotations=annotations, grid=grid)
 
     def relocalise_in(
@@ -243,6 +245,9 @@ class Mapper:
         """
         if self.paper is not None and edit.do not in ("zone", "dock", "undo"):
             raise EditError(f"{edit.do}: the paper's clustering keeps every sighting as it is")
+        points = [point for point in (edit.place_m, edit.pose and edit.pose[:2], *edit.corners_m) if point is not None]
+        if far := far_from_map(points, self._places()):
+            raise EditError(f"{edit.do}: {far}")
         if edit.do == "pose":
             return self._set_pose(edit)
         return self.edits.take(edit, self.map, self.trajectory.stamps_near)
@@ -285,9 +290,6 @@ class Mapper:
         if not (np.isfinite(sigmas).all() and min(sigmas) > 0.0 and max(sigmas) < FARTHEST_M):
             raise EditError(f"standard deviations of a pose are above 0 and below {FARTHEST_M:g}")
         pose, covariance = SE2(*edit.pose), np.diag(np.square(sigmas))
-        saved = self.relocaliser.saved if self.relocaliser is not None and self.relocaliser.searching else ()
-        if far := far_from_map(pose, [*self.map.objects(), *saved], self.pose_map_base):
-            raise EditError(f"pose: {far}")
         if self.relocaliser is not None and self.relocaliser.searching:
             back = self.pose_map_base.inverse()
             place = Alignment.exact(pose @ back)
@@ -300,6 +302,12 @@ class Mapper:
             self.grid.transform(SE2())  # what it is fusing belongs to the pose before
         self.pose_map_base, self.pose_covariance = pose, covariance
         return "pose"
+
+    def _places(self) -> Array:
+        """Where the map is (N, 2): its objects, the robot, its grid, and the saved map that is searched."""
+        robot = [(self.pose_map_base.x_m, self.pose_map_base.y_m)]
+        saved = self.relocaliser.saved if self.relocaliser is not None and self.relocaliser.searching else ()
+        return np.array([*robot, *places_of([*self.objects(), *saved], self._shown_grid)])
 
     def _with_blind(self, observed: FrameObservations) -> FrameObservations:
         """Adds the motion of the time without pictures since the last step."""
@@ -398,14 +406,24 @@ class Mapper:
         return became
 
 
-def far_from_map(pose: SE2, objects: Iterable[MapObject], robot: SE2) -> str:
-    """Why a pose that somebody sets cannot be one in this map: it is far from all objects, the robot and the origin.
-    Empty where it can be: a mistyped number would make a map that no reader takes, on a grid that fills the memory."""
-    places = [(0.0, 0.0), (robot.x_m, robot.y_m), *(item.position_m for item in objects)]
-    nearest_m = min(math.hypot(pose.x_m - float(x), pose.y_m - float(y)) for x, y in places)
-    if nearest_m <= FARTHEST_M:
-        return ""
-    return f"x {pose.x_m:g} m, y {pose.y_m:g} m is {nearest_m:g} m from the map, at most {FARTHEST_M:g} m are taken"
+def places_of(objects: Iterable[MapObject], grid: OccupancyGrid | None) -> Array:
+    """Where a map is, (N, 2) in metres: its objects and the corners of its grid; the origin for an empty one."""
+    places = [item.position_m for item in objects]
+    if grid is not None:
+        first = np.array([grid.x_m, grid.y_m])
+        places += [first, first + grid.cell_m * np.array(grid.log_odds.shape[::-1])]
+    return np.array(places or [np.zeros(2)])
+
+
+def far_from_map(points_m: Sequence[Sequence[float]], places_m: Array) -> str:
+    """Why points (N, 2) that somebody states cannot belong to a map that has places (M, 2): it would be too wide. Empty
+    where they can. A mistyped number would make a map that no reader takes, on a grid that fills the memory."""
+    low, high = places_m.min(axis=0), places_m.max(axis=0)
+    for x_m, y_m in points_m:
+        wide_m = np.maximum(high, (x_m, y_m)) - np.minimum(low, (x_m, y_m))
+        if not (wide_m <= np.maximum(high - low, FARTHEST_M)).all():
+            return f"x {x_m:g} m, y {y_m:g} m is too far: the map would be more than {FARTHEST_M:g} m wide"
+    return ""
 
 
 def new_mapper(

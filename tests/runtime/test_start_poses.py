@@ -109,7 +109,8 @@ def test_a_robot_that_was_lifted_and_set_down_goes_on_in_its_map():
     ("edit", "message"),
     [
         (Edit("pose"), "three finite numbers"),
-        (Edit("pose", pose=(np.nan, 0.0, 0.0)), "three finite numbers"),
+        (Edit("pose", pose=(np.nan, 0.0, 0.0)), "x nan m"),
+        (Edit("pose", pose=(0.0, 0.0, np.inf)), "three finite numbers"),
         (Edit("pose", pose=(0.0, 0.0, 0.0), sigmas=(0.0, 1.0, 1.0)), "above 0"),
         (Edit("dock"), "a dock needs a pose"),
     ],
@@ -124,10 +125,15 @@ def test_a_pose_far_from_the_map_is_refused_and_loses_nothing(far):
     mapper = Mapper()
     driven(mapper, count=40)
     before = mapper.pose_map_base, [item.id for item in mapper.objects()]
-    with pytest.raises(EditError, match="m from the map, at most 100 m"):
-        mapper.edit(Edit("pose", pose=far))
+    for edit in (
+        Edit("pose", pose=far), Edit("dock", pose=far), Edit("add", label="chair", place_m=far[:2]),
+        Edit("correct", "chair-1", place_m=far[:2]),
+        Edit("zone", name="far", corners_m=((0.0, 0.0), (0.0, 1.0), far[:2])),
+    ):  # fmt: skip
+        with pytest.raises(EditError, match="too far: the map would be more than 100 m wide"):
+            mapper.edit(edit)
     assert (mapper.pose_map_base, [item.id for item in mapper.objects()]) == before
-    with pytest.raises(MapError, match="m from the map, at most 100 m"):
+    with pytest.raises(MapError, match="too far: the map would be more than 100 m wide"):
         Mapper().start_in(saved_map(), SE2(*far))
 
 
