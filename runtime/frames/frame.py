@@ -9,6 +9,8 @@ from numpy.typing import NDArray
 from edgemap.geometry.camera.imu import ImuSamples
 from edgemap.runtime.frames.errors import RecordingError
 
+LARGEST_STAMP_S = 1e11  # a float has microseconds up to there; milliseconds since 1970 are more
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Frame:

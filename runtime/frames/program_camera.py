@@ -15,7 +15,7 @@ from edgemap.geometry.camera.mount import Mount
 from edgemap.geometry.se2 import SE2
 from edgemap.runtime.frames.camera import DEFAULT_RATE_HZ, Camera, CameraInfo
 from edgemap.runtime.frames.errors import CameraError
-from edgemap.runtime.frames.frame import Frame
+from edgemap.runtime.frames.frame import LARGEST_STAMP_S, Frame
 from edgemap.runtime.frames.trajectory import GrowingTrack
 
 Picture = NDArray[np.uint8]
@@ -82,10 +82,10 @@ class Stamps:
             raise CameraError(f"{name}={given!r}: expected seconds after the picture before, {self._last_s}")
         pause_s, self._last_s, self._count = stamp_s - self._last_s, stamp_s, self._count + 1
         self._seconds |= pause_s <= self.PAUSE_S
-        if not self._seconds and self._count > self.PAUSES:
+        if abs(stamp_s) > LARGEST_STAMP_S or (not self._seconds and self._count > self.PAUSES):
             raise CameraError(
-                f"{name}={given!r}: {self.PAUSES} pictures in a row came {pause_s:g} s after the one before; "
-                "stamps are seconds, not milliseconds or nanoseconds"
+                f"{name}={given!r}, {pause_s:g} s after the one before: stamps are seconds, not milliseconds or "
+                "nanoseconds"
             )
         return stamp_s
 
@@ -190,10 +190,10 @@ def _samples(given: Any) -> ImuSamples | None:
 
 def _pose(given: Any) -> SE2:
     """SE2, or (x_m, y_m, yaw_rad) of the wheels' own odometry."""
-    if isinstance(given, SE2):
-        return given
     try:
-        x_m, y_m, yaw_rad = (float(value) for value in given)
+        x_m, y_m, yaw_rad = (float(value) for value in (given.vector() if isinstance(given, SE2) else given))
     except (TypeError, ValueError):
-        raise CameraError(f"wheels={given!r}: expected three numbers, (x_m, y_m, yaw_rad)") from None
+        x_m = y_m = yaw_rad = math.nan
+    if not all(map(math.isfinite, (x_m, y_m, yaw_rad))):
+        raise CameraError(f"wheels={given!r}: expected three finite numbers, (x_m, y_m, yaw_rad)")
     return SE2(x_m, y_m, yaw_rad)

@@ -16,13 +16,12 @@ from edgemap.geometry.errors import EdgemapError
 from edgemap.runtime.frames.camera import DEFAULT_RATE_HZ, Camera, CameraInfo
 from edgemap.runtime.frames.errors import CameraError, CameraFault, CameraState, FrameTimeout
 from edgemap.runtime.frames.faults import FaultKind
-from edgemap.runtime.frames.frame import Frame
+from edgemap.runtime.frames.frame import LARGEST_STAMP_S, Frame
 from edgemap.runtime.frames.inference import Inference
 from edgemap.runtime.frames.reading import THEIRS, error_line, one_line, printable
 from edgemap.runtime.frames.trajectory import AttitudeTrack, PoseTrack, TrackFile, Trajectory
 
 FAILURES = 100  # reads in a row without a frame, after which the camera is at its end
-LARGEST_STAMP_S = 1e11  # a float has microseconds up to there; nanoseconds since 1970 are more
 
 TYPES: dict[str, Any] = {
     "intrinsics": Intrinsics, "mount": Mount, "truth": Trajectory, "attitudes": AttitudeTrack, "inference": Inference,
