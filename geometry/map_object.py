@@ -1,8 +1,11 @@
 """The objects of the map: position, size, identity."""
 
 import math
-from collections.abc import Mapping
-from dataclasses import dataclass, field
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field, replace
+from typing import Literal
+
+import numpy as np
 
 from edgemap.geometry.arrays import Array
 from edgemap.geometry.observations.class_extents import footprint_m
@@ -10,6 +13,30 @@ from edgemap.geometry.observations.sighting import PlacedSighting
 
 CHI2_95 = 5.991  # 95 % quantile of the squared Mahalanobis distance in two dimensions
 REPEATED = 4.0  # consecutive pictures of 0.1 s that weigh as much as one: each repeats the error of the previous one
+
+
+EventKind = Literal[
+    "appeared", "moved", "vanished", "missed", "restored", "named", "confirmed", "corrected", "added", "merged"
+]
+Place = tuple[float, float]
+
+
+@dataclass(frozen=True, slots=True)
+class MapEvent:
+    """An entry of an object's history. at: seconds since 1970, None where unknown. by: who found or stated it.
+    from_m, to_m: position before and after, map frame. other: id of the object that it was before it moved, or that
+    became part of it.
+
+    missed: not found in its place by a run; it stays, as a person has named or confirmed it. restored: first observed
+    again by a later run.
+    """
+
+    what: EventKind
+    at: float | None = None
+    by: Literal["sensor", "person"] = "sensor"
+    from_m: Place | None = None
+    to_m: Place | None = None
+    other: str = ""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -20,7 +47,8 @@ class MapObject:
     positions from which it was observed, the farthest in each direction; older maps have none. labels: probability of
     each detected class. name, confirmed: edited by a person. corrected: which of label, position, size and yaw a
     person has set. yaw_rad: direction of the front. depth_m: depth of the footprint. Only a person sets yaw_rad and
-    depth_m; no camera measures them.
+    depth_m; no camera measures them. first_seen, last_seen: of all runs, seconds since 1970, None where unknown.
+    history: oldest first. earlier: not observed by this run, so that its stamps are of an earlier run's stream.
     """
 
     id: str
@@ -40,6 +68,27 @@ class MapObject:
     corrected: tuple[str, ...] = ()
     yaw_rad: float | None = None
     depth_m: float | None = None
+    first_seen: float | None = None
+    last_seen: float | None = None
+    history: tuple[MapEvent, ...] = ()
+    earlier: bool = False
+
+    @property
+    def place_m(self) -> Place:
+        """The position as plain numbers."""
+        return float(self.position_m[0]), float(self.position_m[1])
+
+
+def placed_history(history: tuple[MapEvent, ...], place: Callable[[Array], Array]) -> tuple[MapEvent, ...]:
+    """A history with its positions moved. place: takes points (1, 2) to others."""
+
+    def moved(point_m: Place | None) -> Place | None:
+        if point_m is None:
+            return None
+        x_m, y_m = np.asarray(place(np.array([point_m]))).reshape(2).tolist()
+        return x_m, y_m
+
+    return tuple(replace(event, from_m=moved(event.from_m), to_m=moved(event.to_m)) for event in history)
 
 
 class SightingSums:

@@ -71,6 +71,7 @@ def map_object_answer(item: MapObject) -> dict[str, Any]:
     footprint_m = [round(side, 3) for side in footprint_of(item)]
     return object_record(item) | {
         "doubtful": is_doubtful(item),
+        "earlier": item.earlier,
         "radius_m": round(radius_m(item), 3),
         "footprint_m": footprint_m,
     }
@@ -80,9 +81,16 @@ def object_answer(item: MapObject, snapshot: PageSnapshot) -> dict[str, Any]:
     """One object with its distance from the robot and the time since its last sighting."""
     pose = snapshot.result.pose_map_base
     away_m = math.hypot(item.position_m[0] - pose.x_m, item.position_m[1] - pose.y_m)
-    age_s = max(0.0, snapshot.result.frame.stamp_s - item.last_seen_s)
+    age_s = _age_s(item, snapshot.result)
     seen = item.id in snapshot.result.object_ids
-    return map_object_answer(item) | {"distance_m": round(away_m, 3), "age_s": round(age_s, 3), "in_view": seen}
+    return map_object_answer(item) | {"distance_m": round(away_m, 3), "age_s": age_s, "in_view": seen}
+
+
+def _age_s(item: MapObject, result: StepResult) -> float | None:
+    """Time since an object was last observed, s; None where that was in an earlier run and a wall time is unknown."""
+    if not item.earlier:
+        return round(max(0.0, result.frame.stamp_s - item.last_seen_s), 3)
+    return None if result.at is None or item.last_seen is None else max(0.0, result.at - item.last_seen)
 
 
 def objects_answer(snapshot: PageSnapshot | None) -> list[dict[str, Any]]:

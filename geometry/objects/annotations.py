@@ -1,7 +1,8 @@
 """What people add to a map besides its objects: zones, deletions and the dock."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
+from typing import Literal
 
 import numpy as np
 
@@ -11,6 +12,7 @@ from edgemap.geometry.se2 import SE2
 Corners = tuple[tuple[float, float], ...]
 
 MAXIMUM_CORNERS, MAXIMUM_ZONES, LONGEST_NAME = 100, 200, 80
+Level = Literal["good", "care", "unreliable"]
 
 
 @dataclass(frozen=True, slots=True)
@@ -23,14 +25,35 @@ class Zone:
 
 
 @dataclass(frozen=True, slots=True)
+class MapIdentity:
+    """Which map it is. map_id: made once. generation: 1 for the run that made it, one more for each run that continued
+    it. saved_at: seconds since 1970, None where unknown. level, reasons: how far the run that saved it can be trusted;
+    None of an older map.
+    """
+
+    map_id: str
+    generation: int = 1
+    saved_at: float | None = None
+    level: Level | None = None
+    reasons: tuple[str, ...] = ()
+
+    def next(self) -> "MapIdentity":
+        """Of a run or command that goes on with the map."""
+        return MapIdentity(self.map_id, self.generation + 1)
+
+
+@dataclass(frozen=True, slots=True)
 class Annotations:
     """Annotations of a map. deleted: objects that a person has deleted, so that they stay deleted. dock: pose of the
-    robot's base when it charges.
+    robot's base when it charges. vanished: objects that are no longer there, the latest last. identity: None of a list
+    of objects that no run has made.
     """
 
     zones: tuple[Zone, ...] = ()
     deleted: tuple[MapObject, ...] = ()
     dock: SE2 | None = None
+    vanished: tuple[MapObject, ...] = field(default=(), compare=False)
+    identity: MapIdentity | None = field(default=None, compare=False)
 
     def measured(self, saved: Sequence[MapObject]) -> list[MapObject]:
         """The measured objects of a saved map, deleted ones included, without edits."""

@@ -43,11 +43,12 @@ class _Visit:
 
 class Forgetter:
     """Counts how often each object of the map was missed since it was last detected. observations: clear observations
-    so far, by id."""
+    so far, by id. missing: objects that would have left but are kept."""
 
     def __init__(self, camera: FloorCamera, rule: ForgetRule | None = None) -> None:
         self.camera, self.rule = camera, rule or ForgetRule()
         self.observations: dict[str, int] = defaultdict(int)
+        self.missing: set[str] = set()  # objects that would have left, but are kept
         self._open: dict[str, _Visit] = {}
         self._missed: dict[str, int] = defaultdict(int)
 
@@ -75,9 +76,6 @@ class Forgetter:
             clear |= floor_in_place(objects, camera, pose_map_base, floor)
         labels = np.array(detections.labels, dtype=object)
         for row, item in enumerate(objects):
-            if item.id in kept:
-                floor_map.set_presence(item.id, 1.0)
-                continue
             if item.id in sighted:
                 self._hit(item, pose_map_base, bool(clear[row]))
             elif clear[row]:
@@ -86,7 +84,10 @@ class Forgetter:
             else:
                 continue
             missed = self._missed[item.id]
-            if missed >= self.rule.misses:
+            if item.id in kept:
+                floor_map.set_presence(item.id, 1.0)
+                (self.missing.add if missed >= self.rule.misses else self.missing.discard)(item.id)
+            elif missed >= self.rule.misses:
                 floor_map.drop(item.id)
                 gone.append(item.id)
                 for counts in (self._missed, self._open):

@@ -1,14 +1,14 @@
 """Merges maps of one place: fuses matched objects, copies all others and keeps edits."""
 
 from collections import Counter
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
 
 import numpy as np
 
 from edgemap.geometry.arrays import CHI2_997, Array, positive
-from edgemap.geometry.map_object import MapObject, id_order
+from edgemap.geometry.map_object import MapObject, id_order, placed_history
 from edgemap.geometry.objects.annotations import NO_ANNOTATIONS, Annotations
 from edgemap.geometry.objects.class_posterior import APART
 from edgemap.geometry.observations.class_extents import extent_m
@@ -32,8 +32,8 @@ def moved(item: MapObject, alignment: Alignment) -> MapObject:
     covariance = rotation @ item.covariance_m2 @ rotation.T + wrt_pose @ alignment.covariance @ wrt_pose.T
     views = tuple((float(x), float(y)) for x, y in pose.apply(np.reshape(item.seen_from_m, (-1, 2))))
     yaw_rad = None if item.yaw_rad is None else wrap_angle(item.yaw_rad + pose.yaw_rad)
-    place_m = pose.apply(item.position_m)
-    return replace(item, position_m=place_m, covariance_m2=covariance, seen_from_m=views, yaw_rad=yaw_rad)
+    placed = replace(item, position_m=pose.apply(item.position_m), seen_from_m=views, yaw_rad=yaw_rad)
+    return replace(placed, covariance_m2=covariance, history=placed_history(item.history, pose.apply))
 
 
 def merge_maps(
@@ -226,12 +226,19 @@ def fused(ours: MapObject, theirs: MapObject, rule: LandmarkRule) -> MapObject:
         confidence=1.0 - (1.0 - ours.confidence) * (1.0 - theirs.confidence),
         first_seen_s=min(ours.first_seen_s, theirs.first_seen_s),
         last_seen_s=max(ours.last_seen_s, theirs.last_seen_s),
+        first_seen=_known(min, ours.first_seen, theirs.first_seen),
+        last_seen=_known(max, ours.last_seen, theirs.last_seen),
         seen_from_m=ours.seen_from_m + theirs.seen_from_m,
         labels=labels,
         name=ours.name or theirs.name,
         confirmed=ours.confirmed or theirs.confirmed,
     )
     return with_stated(estimate, parts)
+
+
+def _known(choose: Callable[..., float], ours: float | None, theirs: float | None) -> float | None:
+    """The earlier or later of two wall times; unknown where one is."""
+    return None if ours is None or theirs is None else choose(ours, theirs)
 
 
 def with_stated(estimate: MapObject, parts: Sequence[MapObject]) -> MapObject:

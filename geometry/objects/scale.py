@@ -4,7 +4,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 from edgemap.geometry.grid.occupancy_grid import OccupancyGrid
-from edgemap.geometry.map_object import MapObject
+from edgemap.geometry.map_object import MapObject, placed_history
 from edgemap.geometry.objects.annotations import Annotations, Zone
 
 
@@ -21,7 +21,9 @@ def scaled_map(
     )
     dock = annotations.dock and annotations.dock.scaled(factor)
     deleted = tuple(scaled_objects(annotations.deleted, factor))
-    return scaled_objects(objects, factor), Annotations(zones, deleted, dock), grid and grid.scaled(factor)
+    vanished = tuple(scaled_objects(annotations.vanished, factor))
+    scaled = replace(annotations, zones=zones, deleted=deleted, dock=dock, vanished=vanished)
+    return scaled_objects(objects, factor), scaled, grid and grid.scaled(factor)
 
 
 def scaled_objects(objects: Sequence[MapObject], factor: float) -> list[MapObject]:
@@ -32,9 +34,11 @@ def scaled_objects(objects: Sequence[MapObject], factor: float) -> list[MapObjec
 
 def _scaled(item: MapObject, factor: float) -> MapObject:
     views = tuple((factor * x_m, factor * y_m) for x_m, y_m in item.seen_from_m)
+    history = placed_history(item.history, lambda point_m: factor * point_m)
     placed = replace(
-        item, position_m=factor * item.position_m, covariance_m2=factor**2 * item.covariance_m2, seen_from_m=views
-    )
+        item, position_m=factor * item.position_m, covariance_m2=factor**2 * item.covariance_m2, seen_from_m=views,
+        history=history,
+    )  # fmt: skip
     if "size" in item.corrected:
         return placed
     return replace(placed, width_m=factor * item.width_m, height_m=factor * item.height_m)

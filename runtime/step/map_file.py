@@ -1,8 +1,10 @@
 """`map.json`: the map on disk, written atomically and read with every value checked."""
 
+import hashlib
 import json
 import uuid
 from contextlib import suppress
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -10,8 +12,8 @@ import numpy as np
 from edgemap.geometry.errors import MapError
 from edgemap.geometry.grid.occupancy_grid import OccupancyGrid
 from edgemap.geometry.grid.walls import walls_of
-from edgemap.geometry.map_object import MapObject
-from edgemap.geometry.objects.annotations import NO_ANNOTATIONS, Annotations, Zone
+from edgemap.geometry.map_object import MapEvent, MapObject
+from edgemap.geometry.objects.annotations import NO_ANNOTATIONS, Annotations, MapIdentity, Zone
 from edgemap.geometry.se2 import SE2
 from edgemap.runtime.frames.disk import write_atomically
 from edgemap.runtime.frames.reading import decode_json, read_bytes
@@ -22,7 +24,9 @@ from edgemap.runtime.step.map_records import (
     LastPoseRecord,
     MapObjectRecord,
     MapRecord,
+    seconds,
 )
+from edgemap.runtime.step.wall_clock import host_clock, utc_text
 
 FORMAT = "edgemap.map/1"
 ROUNDING_M2 = 1e-9  # of the file's covariances
@@ -38,20 +42,41 @@ def map_document(
 ) -> dict:
     """The map as the JSON document that `map.json` holds. grid_file: name of the grid's file beside it.
 
-    Where there are any: `seen_from_m`, id to the positions from which it was observed; `zones`; `deleted`, objects that
-    a person has deleted; `grid` and `walls`; `dock`; `last_pose`, of the robot when the map was saved. Of an object
-    `name`, `confirmed`, `corrected`, `yaw_rad` and `depth_m`, where a person has given them.
+    Where there are any: `map_id`, `generation` and `verdict`; `seen_from_m`, id to the positions from which it was
+    observed; `zones`; `deleted`, objects that a person has deleted; `vanished`, objects that are gone; `grid` and
+    `walls`; `dock`; `last_pose`, of the robot when the map was saved. Of an object `name`, `confirmed`,
+    `corrected`, `yaw_rad` and `depth_m`, where a person has given them.
     """
     seen = [item for item in objects if item.seen_from_m]
     views = {item.id: [[round(x_m, 3), round(y_m, 3)] for x_m, y_m in item.seen_from_m] for item in seen}
-    document = {"format": FORMAT, "frame": "map", "objects": [object_record(item) for item in objects]}
+    document: dict = {"format": FORMAT, "frame": "map"} | identity_record(annotations.identity)
+    document |= {"objects": [object_record(item) for item in objects]}
     document |= {"seen_from_m": views} if views else {}
     if grid is not None:
         document |= {"grid": grid_file, "grid_sum": grid_sum(grid), "walls": wall_records(grid)}
     document |= {"zones": [zone_record(zone) for zone in annotations.zones]} if annotations.zones else {}
-    document |= {"deleted": [object_record(item) for item in annotations.deleted]} if annotations.deleted else {}
+    for name in ("deleted", "vanished"):
+        some = getattr(annotations, name)
+        document |= {name: [object_record(item) for item in some]} if some else {}
     poses = {"dock": annotations.dock, "last_pose": last_pose}
     return document | {name: pose_record(pose) for name, pose in poses.items() if pose is not None}
+
+
+def identity_record(identity: MapIdentity | None) -> dict:
+    """Which map it is, and how far it can be trusted, as `map.json` holds it."""
+    if identity is None:
+        return {}
+    level, reasons = identity.level, list(identity.reasons)
+    verdict = {"verdict": {"level": level, "reasons": reasons}} if level else {}
+    return {"map_id": identity.map_id, "generation": identity.generation} | verdict
+
+
+def event_record(event: MapEvent) -> dict:
+    """One entry of a history as `map.json` holds it."""
+    record: dict = {"at": utc_text(event.at), "what": event.what, "by": event.by}
+    places = {"from_m": event.from_m, "to_m": event.to_m}
+    record |= {name: [round(one, 4) for one in place] for name, place in places.items() if place is not None}
+    return record | ({"other": event.other} if event.other else {})
 
 
 def pose_record(pose: SE2) -> dict[str, float]:
@@ -79,6 +104,9 @@ def object_record(item: MapObject) -> dict:
         "first_seen_s": round(item.first_seen_s, 6),
         "last_seen_s": round(item.last_seen_s, 6),
         "labels": {label: round(share, 6) for label, share in item.labels.items()},
+        "first_seen": utc_text(item.first_seen),
+        "last_seen": utc_text(item.last_seen),
+        "history": [event_record(event) for event in item.history],
     }
 
 
@@ -106,8 +134,14 @@ def map_text(
     grid_file: str = "grid.npz",
     last_pose: SE2 | None = None,
 ) -> str:
-    """The map as the text of `map.json`."""
+    """The map as the text of `map.json`, before it is saved."""
     return json.dumps(map_document(objects, annotations, grid, grid_file, last_pose), indent=1) + "\n"
+
+
+def saved_text(document: dict) -> str:
+    """A map's document as the text of `map.json`, with the time of now; null where the host's clock is not set."""
+    saved_at = {"saved_at": utc_text(host_clock().utc_s)} if "map_id" in document else {}
+    return json.dumps(document | saved_at, indent=1) + "\n"
 
 
 def save_map(
@@ -120,7 +154,7 @@ def save_map(
     """Write `map.json` and the grid beside it, each atomically. grid_saved: the grid's file is up to date."""
     if grid is not None and not grid_saved:
         save_grid(path.with_name(grid_name(path)), grid)
-    replace_map(path, map_text(objects, annotations, grid, grid_name(path)))
+    replace_map(path, saved_text(map_document(objects, annotations, grid, grid_name(path))))
 
 
 def replace_map(path: Path, text: str, keeps_before: bool = False) -> None:
@@ -176,18 +210,31 @@ def read_map(data: bytes, source: str, most: int = MAXIMUM_OBJECTS) -> tuple[lis
     document = decode_json(data, MapRecord, where, MapError)
     if len(document.objects) + len(document.deleted) > most:  # a name may be written in another way
         raise MapError(f"{source}: more than {most} objects")
-    for what, records in (("objects", (*document.objects, *document.deleted)), ("zones", document.zones)):
-        seen: set[str] = set()  # objects and zones are two namespaces
+    for what, records in (
+        ("objects", (*document.objects, *document.deleted)), ("vanished objects", document.vanished),
+        ("zones", document.zones),
+    ):  # fmt: skip
+        seen: set[str] = set()  # each is a namespace
         for record in records:
             if record.id in seen:
                 raise MapError(f"{where}: two {what} have the id {record.id!r}")
             seen.add(record.id)
-    objects, deleted = (
+    objects, deleted, vanished = (
         [_object_of(record, document.seen_from_m.get(record.id, []), where) for record in records]
-        for records in (document.objects, document.deleted)
+        for records in (document.objects, document.deleted, document.vanished)
     )
     zones = tuple(Zone(zone.id, zone.name, tuple(zone.corners_m)) for zone in document.zones)
-    return objects, Annotations(zones, tuple(deleted), document.dock and document.dock.pose)
+    dock, identity = document.dock and document.dock.pose, _identity_of(document, data)
+    return objects, Annotations(zones, tuple(deleted), dock, tuple(vanished), identity)
+
+
+def _identity_of(document: MapRecord, data: bytes) -> MapIdentity:
+    """Which map a file holds. One that an older edgemap has written gets an id of its content."""
+    map_id = document.map_id or str(uuid.uuid5(uuid.NAMESPACE_URL, f"{FORMAT}:{hashlib.sha256(data).hexdigest()}"))
+    identity = MapIdentity(map_id, document.generation, seconds(document.saved_at))
+    if document.verdict is None:
+        return identity
+    return replace(identity, level=document.verdict.level, reasons=tuple(document.verdict.reasons))
 
 
 def _object_of(record: MapObjectRecord, views: list[tuple[float, float]], where: str) -> MapObject:
@@ -205,6 +252,7 @@ def _object_of(record: MapObjectRecord, views: list[tuple[float, float]], where:
         record.id, record.label, np.array([record.x_m, record.y_m]), covariance, record.width_m, record.height_m,
         record.count, record.confidence, record.first_seen_s, record.last_seen_s, tuple(views),
         record.labels, record.name, record.confirmed, tuple(record.corrected), record.yaw_rad, record.depth_m,
+        seconds(record.first_seen), seconds(record.last_seen), tuple(one.event for one in record.history),
     )  # fmt: skip
 
 

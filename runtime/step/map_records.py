@@ -1,17 +1,20 @@
-"""The records of a `map.json`: every value checked as it is read."""
+"""The records of a `map.json`: every value checked as it is read; its JSON Schema is made of them."""
 
+from datetime import datetime
 from typing import Annotated, Literal
 
 import msgspec
 from msgspec import Meta
 
-from edgemap.geometry.objects.annotations import LONGEST_NAME, MAXIMUM_CORNERS, MAXIMUM_ZONES
+from edgemap.geometry.map_object import EventKind, MapEvent
+from edgemap.geometry.objects.annotations import LONGEST_NAME, MAXIMUM_CORNERS, MAXIMUM_ZONES, Level
 from edgemap.geometry.se2 import SE2
 from edgemap.runtime.frames.reading import HIDDEN, Coordinate, Name, Share, Size, Stamp
 
 MAXIMUM_OBJECTS = 100_000
 GivenName = Annotated[str, Meta(max_length=LONGEST_NAME, pattern=rf"\A[^{HIDDEN}]*\Z")]  # by a person
 Yaw = Annotated[float, Meta(ge=-7.0, le=7.0)]  # radians
+Utc = Annotated[datetime, Meta(tz=True)]
 Variance = Annotated[float, Meta(ge=-1e6, le=1e6)]  # square metres
 
 
@@ -27,8 +30,31 @@ class LastPoseRecord(msgspec.Struct):
     last_pose: "PoseRecord | None" = None
 
 
+class EventRecord(msgspec.Struct, kw_only=True):
+    """An entry of an object's history; `at` is null where the wall time is unknown."""
+
+    at: Utc | None = None
+    what: EventKind
+    by: Literal["sensor", "person"] = "sensor"
+    from_m: tuple[Coordinate, Coordinate] | None = None
+    to_m: tuple[Coordinate, Coordinate] | None = None
+    other: Annotated[str, Meta(max_length=200, pattern=rf"\A[^{HIDDEN}]*\Z")] = ""
+
+    @property
+    def event(self) -> MapEvent:
+        """The entry itself."""
+        return MapEvent(self.what, seconds(self.at), self.by, self.from_m, self.to_m, self.other)
+
+
+class VerdictRecord(msgspec.Struct, kw_only=True):
+    """How far a map can be trusted, and why not further."""
+
+    level: Level
+    reasons: Annotated[list[str], Meta(max_length=100)] = msgspec.field(default_factory=list)
+
+
 class MapObjectRecord(msgspec.Struct, kw_only=True):
-    """One object, map frame."""
+    """One object, map frame. Wall times are null where unknown."""
 
     id: Name
     label: Name
@@ -49,6 +75,9 @@ class MapObjectRecord(msgspec.Struct, kw_only=True):
     )
     yaw_rad: Yaw | None = None
     depth_m: Size | None = None
+    first_seen: Utc | None = None
+    last_seen: Utc | None = None
+    history: Annotated[list[EventRecord], Meta(max_length=100)] = msgspec.field(default_factory=list)
 
 
 class PoseRecord(msgspec.Struct):
@@ -92,3 +121,13 @@ class MapRecord(msgspec.Struct, kw_only=True):
     )
     dock: PoseRecord | None = None
     last_pose: PoseRecord | None = None
+    map_id: Name | None = None
+    generation: Annotated[int, Meta(ge=1, le=1 << 40)] = 1
+    saved_at: Utc | None = None
+    verdict: VerdictRecord | None = None
+    vanished: Annotated[list[MapObjectRecord], Meta(max_length=1000)] = msgspec.field(default_factory=list)
+
+
+def seconds(at: datetime | None) -> float | None:
+    """A wall time as seconds since 1970."""
+    return None if at is None else at.timestamp()

@@ -31,6 +31,7 @@ from edgemap.runtime.motion.odometry.protocol import FARTHEST_M, Motion, is_cova
 from edgemap.runtime.step.config import Config
 from edgemap.runtime.step.frame_observations import FrameObservations
 from edgemap.runtime.step.loop_closing import LoopCloser, LoopCorrection
+from edgemap.runtime.step.map_memory import MapMemory
 from edgemap.runtime.step.pose_journal import PoseJournal
 from edgemap.runtime.step.relocalisation import Relocaliser
 
@@ -52,7 +53,8 @@ class MapUpdate:
     frame, continuous whatever loop closure and relocalisation move (REP-105).
     annotations: zones and deleted objects. grid: at most one stream second old; None before any floor is known.
     floor_scan: of this frame's picture, where the grid took it in. scale: see `FrameObservations`; a saved map is
-    `scale` times as large as this one. 1 where an earlier map is continued.
+    `scale` times as large as this one. 1 where an earlier map is continued. at: wall time, seconds since 1970; None
+    where unknown.
     """
 
     sightings: list[PlacedSighting]
@@ -71,6 +73,7 @@ class MapUpdate:
     grid: OccupancyGrid | None = None
     floor_scan: FloorScan | None = None
     scale: float = 1.0
+    at: float | None = None
 
 
 class Mapper:
@@ -98,7 +101,7 @@ class Mapper:
         self.grid = GridFusion(self.config.grid)
         self._shown_grid: OccupancyGrid | None = None
         self._shown_timer = StreamTimer(GRID_EVERY_S)
-        self.edits = MapEvents()
+        self.edits, self.memory = MapEvents(), MapMemory()
         self._saved_ids: frozenset[str] = frozenset()  # of the saved map's objects
         self.trajectory = PoseJournal()
         self.pose_map_base, self.pose_covariance = SE2(), np.zeros((3, 3))
@@ -135,6 +138,7 @@ class Mapper:
         if grid is not None:
             self.grid.continue_from(grid)
         self.edits = MapEvents.of(saved, annotations)
+        self.memory.enter(saved, annotations, grid)
         saved = annotations.measured(saved)
         self._saved_ids = frozenset(item.id for item in saved)
         self.map = FloorMap.continued(saved, self.config.association, self.config.loop_closure)
@@ -180,6 +184,7 @@ class Mapper:
     def step(self, observed: FrameObservations) -> MapUpdate:
         """Processes one frame's observations: advance, close loops, associate, forget, relocalise."""
         self._watch.start()
+        self.memory.begin(observed.stamp_s)
         stage = self._watch.stage
         with stage("closure"):
             observed = self._with_blind(self._timed(_sound(observed)))
@@ -201,6 +206,7 @@ class Mapper:
             relocated, self._relocated = self._relocated, None
             self.trajectory.append(observed.stamp_s, self.pose_map_base)
         object_ids, merged = self._shown_ids(sightings, object_ids)
+        self.memory.sighted(object_ids)
         return MapUpdate(
             sightings=sightings,
             object_ids=object_ids,
@@ -218,6 +224,7 @@ class Mapper:
             grid=self._shown_grid,
             floor_scan=self.grid.scan,
             scale=self.scale,
+            at=self.memory.clock.utc(observed.stamp_s),
         )
 
     def _shown_ids(self, sightings: list[PlacedSighting], object_ids: list[str]) -> tuple[list[str], dict[str, str]]:
@@ -250,17 +257,20 @@ class Mapper:
             raise EditError(f"{edit.do}: {far}")
         if edit.do == "pose":
             return self._set_pose(edit)
-        return self.edits.take(edit, self.map, self.trajectory.stamps_near)
+        identity = self.edits.take(edit, self.map, self.trajectory.stamps_near)
+        self.memory.edited(edit, identity)
+        return identity
 
     def objects(self) -> list[MapObject]:
-        """The current map with edits applied, without furniture that the path of the base crosses. A saved map's
-        objects stay, as the path may be wrong for a while: they leave by forgetting only."""
+        """The current map with edits, wall times and history, without furniture that the path of the base crosses. A
+        saved map's objects stay, as the path may be wrong for a while: they leave by forgetting only."""
         if self.paper is not None:
-            return self.paper.objects()
+            return self.memory.annotated(self.paper.objects(), self.paper.merged)
         shown = self.edits.shown(self.map)
         path, new = self.map.graph.trajectory, [item for item in shown if item.id not in self._saved_ids]
         crossed = {item.id for item in new if is_crossed(item, path, self._lens_m)}
-        return [item for item in shown if item.id not in crossed] if crossed else shown
+        shown = [item for item in shown if item.id not in crossed] if crossed else shown
+        return self.memory.annotated(shown, self.map.merged | self.edits.merges(self.map), self.annotations().deleted)
 
     @property
     def searching(self) -> bool:
@@ -268,8 +278,8 @@ class Mapper:
         return self.relocaliser is not None and self.relocaliser.searching
 
     def annotations(self) -> Annotations:
-        """Zones and deleted objects as they stand."""
-        return self.edits.annotations(self.map)
+        """Zones, deleted and vanished objects as they stand, and which map it is."""
+        return self.memory.annotations(self.edits.annotations(self.map))
 
     def _fuse_floor(self, observed: FrameObservations) -> None:
         """Fuses the picture's floor into the grid. The grid that steps show is renewed once a second of stream."""
@@ -367,6 +377,7 @@ class Mapper:
             self.pose_map_base = correction.pose_map_base
             self.trajectory.correct(correction.past)
             self.map.moved()
+            self.memory.corrected()
             self.grid.moved(correction.past)
             self.edits.moved(correction.past)
         return correction
@@ -380,6 +391,7 @@ class Mapper:
         if observed.searched and self.forgetter is not None:
             kept, pose, camera = self.edits.kept(self.map), self.pose_map_base, observed.camera
             self.forgetter.observe(self.map, observed.detections, pose, object_ids, camera, kept, observed.floor)
+            self.memory.missed(self.forgetter.missing)
 
     def _relocalise(self) -> dict[str, str] | None:
         """Joins the saved map in the step that relocalises the robot; the new ids of this run's objects, else None."""
@@ -401,6 +413,9 @@ class Mapper:
         self.grid.transform(alignment.pose_a_b)
         if saved.grid is not None:
             self.grid.continue_from(saved.grid)
+        deleted = {item.id for item in saved.annotations.deleted}
+        remembered = [item for item in saved.saved if item.id not in deleted]
+        self.memory.enter(remembered, saved.annotations, saved.grid, became)
         self.edits.enter(saved.annotations, alignment.pose_a_b)
         self._relocated = alignment.pose_a_b
         return became

@@ -24,6 +24,7 @@ from edgemap.runtime.step.config import Config
 from edgemap.runtime.step.frame_observations import FrameObservations
 from edgemap.runtime.step.mapper import Mapper, MapUpdate, new_mapper
 from edgemap.runtime.step.pipeline import Pipeline
+from edgemap.runtime.step.wall_clock import stream_clock
 
 
 @dataclass(frozen=True, eq=False, repr=False, kw_only=True)
@@ -88,12 +89,14 @@ class StepResult(MapUpdate):
 class SemanticSlam:
     """Front end and back end behind one method."""
 
-    def __init__(self, pipeline: Pipeline, mapper: Mapper) -> None:
-        self.pipeline, self.mapper = pipeline, mapper
+    def __init__(self, pipeline: Pipeline, mapper: Mapper, live: bool = False) -> None:
+        """live: whether frames are of now, which dates the map's objects."""
+        self.pipeline, self.mapper, self.live = pipeline, mapper, live
 
     def step(self, frame: Frame, faults: Sequence[Fault] = ()) -> StepResult:
         """One frame in: its observations, the robot's motion, and the update of the map. faults: outside of the step,
         since the previous one."""
+        self.mapper.memory.clock.note(frame.stamp_s, stream_clock(self.live, frame.stamp_s))
         observed = self.pipeline.step(frame)
         return StepResult.of(frame, observed, self.mapper.step(observed), faults)
 
@@ -150,4 +153,4 @@ def build_slam(
     )
     forgets = floor if options.forgets else None
     mapper = new_mapper(config, options.clustering, options.odometry, options.loop_closure, forgets)
-    return SemanticSlam(pipeline, mapper)
+    return SemanticSlam(pipeline, mapper, camera.info.live)

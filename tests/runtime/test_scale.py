@@ -9,7 +9,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from support.drives import exact, observed, round_trip, sighted
-from support.rooms import furnished
+from support.rooms import content_of, furnished
 
 from edgemap.geometry.camera.attitude import Attitude, MountEstimate
 from edgemap.geometry.camera.floor import FloorCamera
@@ -60,7 +60,7 @@ def saved(tmp_path_factory):
                 mapper.edit(Edit("add", label="chair", place_m=(2.0, 2.0), size_m=(0.4, 0.5, 0.9)))
             for sink in sinks:
                 sink.write(result, objects)
-        during = (where / "run" / "map.json").read_bytes(), (where / "home" / "map.json").read_bytes()
+        during = content_of(where / "run"), content_of(where / "home")
         for sink in sinks:
             sink.close()
         folders.append((where, during, result))

@@ -1,9 +1,18 @@
 """Rooms of labelled points, and the maps that a drive would make of them."""
 
+import json
+
 import numpy as np
 
 from edgemap.geometry.map_object import MapObject
 from edgemap.geometry.se2 import SE2
+
+
+def content_of(path):
+    """What a map.json or a folder's holds, without what tells two runs apart."""
+    document = json.loads((path if path.is_file() else path / "map.json").read_text())
+    return {name: value for name, value in document.items() if name not in ("map_id", "saved_at")}
+
 
 LABELS = ["chair", "potted plant", "couch", "tv", "bed", "dining table", "refrigerator"]
 SHARES = np.array([6, 3, 2, 1, 1, 1, 1]) / 15.0

@@ -111,7 +111,10 @@ export class Objects {
   }
 
   // While the run goes on, how long ago; of a finished one, when.
-  lastSeen({ last_seen_s }) { return this.ask ? ago(Math.max(0, this.stamp_s - last_seen_s)) : `at ${duration(Math.round(Math.max(0, last_seen_s - this.start_s)))}`; }
+  lastSeen({ earlier, last_seen, last_seen_s }) {
+    if (earlier) return last_seen ? new Date(last_seen).toLocaleString([], { dateStyle: "medium", timeStyle: "short" }) : "in an earlier run";
+    return this.ask ? ago(Math.max(0, this.stamp_s - last_seen_s)) : `at ${duration(Math.round(Math.max(0, last_seen_s - this.start_s)))}`;
+  }
 
   // What the truth says of an object: found, misplaced, extra or unscored, with the error.
   judged(id) {

@@ -12,7 +12,7 @@ from edgemap.geometry.se2 import SE2
 from edgemap.runtime.frames.disk import lock_folder
 from edgemap.runtime.frames.timing import StreamTimer
 from edgemap.runtime.step.grid_file import grid_name, save_grid
-from edgemap.runtime.step.map_file import map_text, replace_map
+from edgemap.runtime.step.map_file import map_document, replace_map, saved_text
 from edgemap.runtime.step.sinks import Sink
 from edgemap.runtime.step.slam import StepResult
 
@@ -35,7 +35,7 @@ class LivingMap(Sink):
         self._state: tuple[list[MapObject], Annotations, SE2, OccupancyGrid | None] | None = None
         self._saved_grid: tuple[OccupancyGrid, float] | None = None  # and its scale
         self._scale, self._closed = 1.0, False
-        self._written = ""
+        self._written: dict | None = None
         self._save_timer = StreamTimer(SAVE_EVERY_S)
         self._lock: int | None = lock_folder(folder, "another run uses this map")
 
@@ -73,7 +73,7 @@ class LivingMap(Sink):
         if live_grid is not None and grid is not None and (live_grid, scale) != self._saved_grid:
             save_grid(self.path.with_name(grid_name(self.path)), grid)
             self._saved_grid = (live_grid, scale)
-        text = map_text(objects, annotations, grid, last_pose=pose.scaled(scale))
-        if text != self._written:
-            replace_map(self.path, text, keeps_before=not self._written)
-            self._written = text
+        document = map_document(objects, annotations, grid, last_pose=pose.scaled(scale))
+        if document != self._written:
+            replace_map(self.path, saved_text(document), keeps_before=self._written is None)
+            self._written = document

@@ -1,0 +1,233 @@
+"""What a map remembers beside its objects' positions: its identity, wall times, and each object's history.
+
+It is derived from what the map shows after each step; the measured map does not depend on it.
+"""
+
+import math
+import uuid
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from edgemap.geometry.arrays import CHI2_997
+from edgemap.geometry.grid.occupancy_grid import FREE, OccupancyGrid
+from edgemap.geometry.map_object import MapEvent, MapObject, radius_m
+from edgemap.geometry.objects.annotations import NO_ANNOTATIONS, Annotations, MapIdentity
+from edgemap.geometry.objects.events import Edit
+from edgemap.runtime.step.wall_clock import WallClock
+
+MOVED_M = 0.25  # a shorter way is no move: estimates settle by as much
+MAXIMUM_EVENTS = 20  # of an object: the first and the latest
+MAXIMUM_VANISHED = 100  # objects that are remembered after they are gone
+FREE_SHARE = 0.8  # of a footprint that was free floor before: something has come there since
+BY_PEOPLE = {"name": "named", "confirm": "confirmed", "correct": "corrected", "add": "added", "merge": "merged"}
+
+
+class MapMemory:
+    """Annotates what a map shows. clock: of the stream's stamps. identity: of the map; a new one until a saved map is
+    entered."""
+
+    def __init__(self) -> None:
+        self.clock, self.identity = WallClock(), MapIdentity(str(uuid.uuid4()))
+        self._stamp_s = 0.0
+        self._earlier: dict[str, MapObject] = {}  # of the saved map, by today's ids
+        self._floor: OccupancyGrid | None = None  # of the saved map
+        self._sighted: dict[str, tuple[float, float]] = {}  # first and last stamp in this run
+        self._events: dict[str, list[tuple[float, MapEvent]]] = {}  # of this run, at stamps
+        self._standing: dict[str, MapObject] = {}  # shown last, where each was when it last moved
+        self._vanished: dict[str, MapObject] = {}
+        self._moved_from: dict[str, str] = {}  # ids of this run's objects, to those that they were in the saved map
+        self._raw: Sequence[MapObject] = ()
+        self._shown: dict[str, tuple[tuple[object, ...], MapObject]] = {}
+        self._noted: tuple[Annotations, tuple[object, ...], Annotations] = NO_ANNOTATIONS, (), NO_ANNOTATIONS
+
+    def enter(
+        self,
+        saved: Iterable[MapObject],
+        annotations: Annotations,
+        grid: OccupancyGrid | None,
+        became: Mapping[str, str] | None = None,
+    ) -> None:
+        """A saved map goes on. became: new ids of this run's objects so far, which were in a frame of their own."""
+        self.identity = annotations.identity.next() if annotations.identity else self.identity
+        self._earlier, self._floor = {item.id: item for item in saved}, grid
+        self._vanished = {item.id: item for item in annotations.vanished}
+        renamed = became or {}
+        for old, name in renamed.items():
+            if name in self._earlier and old in self._shown:
+                item = self._shown[old][1]
+                self._extend(name, (item.first_seen_s, item.last_seen_s))
+        new = {identity: events for identity, events in self._events.items() if identity in renamed}
+        self._events = {name: new[old] for old, name in renamed.items() if old in new and name not in self._earlier}
+        self._standing = dict(self._earlier)
+        self._raw = ()
+        for identity in self._sighted:
+            self._add(identity, MapEvent("restored"))
+
+    def begin(self, stamp_s: float) -> None:
+        """A step begins."""
+        self._stamp_s = stamp_s
+
+    def sighted(self, object_ids: Iterable[str]) -> None:
+        """The objects that this step has observed."""
+        for identity in self._earlier.keys() & set(object_ids):
+            if identity not in self._sighted:
+                self._add(identity, MapEvent("restored"))
+            self._extend(identity, (self._stamp_s, self._stamp_s))
+
+    def edited(self, edit: Edit, identity: str) -> None:
+        """A person has edited an object."""
+        if what := BY_PEOPLE.get(edit.do):
+            merged = edit.do == "merge"
+            event = MapEvent(what, by="person", to_m=edit.place_m, other=edit.id if merged else "")  # pyright: ignore[reportArgumentType]
+            self._add(edit.into if merged else identity, event)
+
+    def missed(self, ids: Iterable[str]) -> None:
+        """Objects that a person has named or confirmed and that are not in their place."""
+        for identity in ids:
+            if not any(event.what == "missed" for _, event in self._events.get(identity, ())):
+                self._add(identity, MapEvent("missed"))
+
+    def corrected(self) -> None:
+        """A loop closure has moved what this run has mapped: nothing of it has moved in the world."""
+        for identity in self._standing.keys() - self._earlier.keys():
+            del self._standing[identity]
+
+    def annotated(
+        self, objects: Sequence[MapObject], merged: Mapping[str, str], deleted: Iterable[MapObject] = ()
+    ) -> list[MapObject]:
+        """The objects with wall times and history, after noting what has changed since the last call. merged: retired
+        ids, with those that they became part of. deleted: by a person."""
+        if objects is not self._raw:
+            self._compare(objects, merged, {item.id for item in deleted})
+            self._raw = objects
+        return [self._annotated(item) for item in objects]
+
+    def annotations(self, annotations: Annotations) -> Annotations:
+        """A map's annotations with its identity and what has vanished; the same object until one changes."""
+        before, key, noted = self._noted
+        if before is not annotations or key != self._key():
+            gone = (self._annotated(item) if item.id in self._events else item for item in self._vanished.values())
+            noted = replace(annotations, identity=self.identity, vanished=tuple(gone))
+            self._noted = annotations, self._key(), noted
+        return noted
+
+    def _key(self) -> tuple[object, ...]:
+        return (self.identity, self.clock.utc(0.0), *self._vanished)
+
+    def _extend(self, identity: str, stamps_s: tuple[float, float]) -> None:
+        first_s, last_s = self._sighted.get(identity, stamps_s)
+        self._sighted[identity] = min(first_s, stamps_s[0]), max(last_s, stamps_s[1])
+
+    def _add(self, identity: str, event: MapEvent) -> None:
+        self._events.setdefault(identity, []).append((self._stamp_s, event))
+        self._raw = ()
+
+    def _compare(self, objects: Sequence[MapObject], merged: Mapping[str, str], deleted: set[str]) -> None:
+        """Notes what has appeared, vanished or moved."""
+        now = {item.id: item for item in objects}
+        for identity in self._standing.keys() - now.keys():
+            self._leave(self._standing.pop(identity), merged.get(identity), identity in deleted)
+        for identity, item in now.items():
+            stood = self._standing.get(identity)
+            if stood is None:
+                self._standing[identity] = item
+                self._come(item)
+            elif _has_moved(stood, item):
+                self._standing[identity] = item
+                self._add(identity, MapEvent("moved", from_m=stood.place_m, to_m=item.place_m))
+        self._link(now)
+
+    def _come(self, item: MapObject) -> None:
+        """An object is shown that was not before."""
+        self._vanished.pop(item.id, None)
+        for new in [new for new, old in self._moved_from.items() if old == item.id]:  # it has not moved
+            del self._moved_from[new], self._earlier[new], self._sighted[new]
+            self._appear(self._standing[new])
+        events = [one for one in self._events.pop(item.id, []) if one[1].what != "vanished"]
+        if events:
+            self._events[item.id] = events
+        elif item.id not in self._earlier:
+            self._appear(item)
+
+    def _appear(self, item: MapObject) -> None:
+        self._events[item.id] = [(item.first_seen_s, MapEvent("appeared", to_m=item.place_m))]
+
+    def _leave(self, item: MapObject, into: str | None, deleted: bool) -> None:
+        """An object is no longer shown. into: of which it has become part."""
+        if into is not None:
+            if item.id in self._earlier:
+                self._earlier.setdefault(into, replace(self._earlier[item.id], id=into))
+            if item.id in self._sighted:
+                self._extend(into, self._sighted[item.id])
+        elif not deleted:
+            self._add(item.id, MapEvent("vanished", from_m=item.place_m))
+            self._vanished[item.id] = self._annotated(item)
+            for oldest in list(self._vanished)[:-MAXIMUM_VANISHED]:
+                del self._vanished[oldest]
+                self._events.pop(oldest, None)
+        self._shown.pop(item.id, None)
+
+    def _link(self, now: Mapping[str, MapObject]) -> None:
+        """Finds objects that were moved between runs: of a class, one of the saved map has vanished, all others were
+        observed again, and one is new, where the saved map shows free floor."""
+        gone = [one for one in self._vanished.values() if one.id in self._earlier and one.id not in now]
+        for old in gone:
+            kin = [item for item in now.values() if item.label == old.label]
+            new = [item for item in kin if item.id not in self._earlier]
+            accounted = all(item.id in self._sighted for item in kin if item.id in self._earlier)
+            alone = sum(one.label == old.label for one in gone) == 1
+            if alone and len(new) == 1 and accounted and self._was_free(new[0]):
+                moved = MapEvent("moved", from_m=old.place_m, to_m=new[0].place_m, other=old.id)
+                self._moved_from[new[0].id] = old.id
+                self._extend(new[0].id, (new[0].first_seen_s, new[0].last_seen_s))
+                self._earlier[new[0].id] = replace(self._earlier[old.id], id=new[0].id)
+                self._events[new[0].id] = [(new[0].first_seen_s, moved)]
+                del self._vanished[old.id]
+                self._raw = ()
+
+    def _was_free(self, item: MapObject) -> bool:
+        """Whether the saved map shows free floor where an object stands now."""
+        if self._floor is None:
+            return False
+        turns, r_m = np.linspace(0.0, math.tau, 8, endpoint=False), 0.7 * radius_m(item)
+        points_m = item.position_m + np.vstack([np.zeros(2), r_m * np.column_stack([np.cos(turns), np.sin(turns)])])
+        return float(np.mean(self._floor.at(points_m) == FREE)) >= FREE_SHARE
+
+    def _annotated(self, item: MapObject) -> MapObject:
+        earlier, stamps_s = self._earlier.get(item.id), self._sighted.get(item.id)
+        events, utc = self._events.get(item.id, []), self.clock.utc
+        first_s, last_s = item.first_seen_s, max(item.last_seen_s, stamps_s[1] if stamps_s else -math.inf)
+        if earlier is not None and stamps_s is not None:
+            first_s, last_s = stamps_s
+        key = (item, first_s, last_s, len(events), utc(last_s), earlier)
+        if (shown := self._shown.get(item.id)) and shown[0] == key:
+            return shown[1]
+        first, last, before = utc(first_s), utc(last_s), tuple[MapEvent, ...]()
+        if earlier is not None:
+            first, before = earlier.first_seen, earlier.history
+            last = last if stamps_s else earlier.last_seen
+        annotated = replace(
+            item, first_seen_s=first_s, last_seen_s=last_s, first_seen=first, last_seen=last,
+            history=_bounded(before, [replace(event, at=utc(stamp_s)) for stamp_s, event in events]),
+            earlier=earlier is not None and stamps_s is None,
+        )  # fmt: skip
+        self._shown[item.id] = key, annotated
+        return annotated
+
+
+def _bounded(before: tuple[MapEvent, ...], events: Sequence[MapEvent]) -> tuple[MapEvent, ...]:
+    """Both, with one `restored` at most, the latest."""
+    if any(event.what == "restored" for event in events):
+        before = tuple(event for event in before if event.what != "restored")
+    history = (*before, *events)
+    return history if len(history) <= MAXIMUM_EVENTS else (history[0], *history[1 - MAXIMUM_EVENTS :])
+
+
+def _has_moved(stood: MapObject, item: MapObject) -> bool:
+    """Whether an object stands elsewhere, by more than its estimate may change."""
+    if item is stood or math.dist(stood.place_m, item.place_m) <= MOVED_M:
+        return False
+    away_m = item.position_m - stood.position_m
+    return float(away_m @ np.linalg.solve(stood.covariance_m2 + item.covariance_m2, away_m)) > CHI2_997
