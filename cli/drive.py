@@ -24,6 +24,7 @@ from edgemap.runtime.outputs.sinks.kinds import RunInfo, open_sinks
 from edgemap.runtime.outputs.sinks.living_map import LivingMap
 from edgemap.runtime.outputs.sinks.progress import progress
 from edgemap.runtime.outputs.sinks.run_folder import RunFolder
+from edgemap.runtime.outputs.verdict.verdict import Verdict
 from edgemap.runtime.step.config import Config
 from edgemap.runtime.step.edit_queue import Edits, load_edits, read_edits
 from edgemap.runtime.step.loop import run, stop_on_signals
@@ -67,6 +68,7 @@ class Run:
         angles, height = ("guessed" if sigma else "given" for sigma in guessed)
         self.mount_sources, self.carried = (angles, height), bool(guess and guess.sway_rad)
         self.crops = BestCrops()
+        self.files: RunFolder | None = None
         counts = (options.camera.frames, source.info.frame_count)
         self._frames = min((count for count in counts if count is not None), default=None)
         self.about = about_run(source, loaded, floor, robot.odometry, self.folder, self._frames)
@@ -77,13 +79,17 @@ class Run:
         edits = self._edits()
         with (
             stop_on_signals() as stop,  # from here on there is something to save
-            living_map(self.place, self.slam.mapper) as kept,
+            living_map(self.place, self.slam.mapper, self._verdict) as kept,
             live_page(
                 options.watch, self.source, self.about, self.folder, self.crops, edits, self.kept_camera.set_mount,
                 lambda: self.slam.mapper.searching,
             ) as page,
         ):  # fmt: skip
             self._drive_with(page, stop, edits, kept)
+
+    def _verdict(self) -> Verdict:
+        """How far the map can be trusted."""
+        return self.files.judge() if self.files else Verdict("care")
 
     def _edits(self) -> Edits:
         given, spec = self.options.advanced.repeated_edits(), self.options.camera.camera
@@ -95,7 +101,7 @@ class Run:
         notifier, summary = ServiceNotifier(), RunSummary(self.floor.mount, self.mount_sources, self.carried)
         source = SearchRate(self.source, camera.rate) if camera.rate else self.source
         publishers = self._publishers(edits)
-        files = RunFolder(self.folder, self.floor, self.record)
+        files = self.files = RunFolder(self.folder, self.floor, self.record)
         if self.loaded.companion is not None:  # how the detector's file was read
             write_manifest(self.folder, self.loaded.manifest)
         self.kept_camera.begin()
@@ -120,6 +126,8 @@ class Run:
         summary.print(self.folder, done, stop.is_set(), files.verdict, report.evaluation_rows)
         if line := where_it_was(self.slam.mapper, saved):
             print(line)
+        for line in (one.beside for one in kept if one.beside):
+            print(line)
         if result := summary.result:
             alone = not scale_source(files.document)
             if line := self.kept_camera.at_end(result.observed, summary.height, summary.rolling, alone):
@@ -133,5 +141,5 @@ class Run:
         """Sinks of the recording and of other programs."""
         inference, guess = Inference(self.loaded.engine, self.loaded.precision), self.record.get("camera_guess")
         saved = self.place.path if self.place and self.place.exists else None
-        run = RunInfo(self.folder, self.source, self.floor, edits, inference, saved, guess)
+        run = RunInfo(self.folder, self.source, self.floor, edits, inference, saved, guess, self._verdict)
         return open_sinks(self.options.sinks, run)

@@ -46,9 +46,9 @@ def command(
         arg(metavar="ZONE=PERCENT,…", help="nav2-masks: of its highest speed, how fast it may be in a zone."),
     ] = None,
     map_id: Annotated[
-        str,
-        arg(metavar="NAME", help="Names the place: objects keep their UUIDs as long as name and id stay."),
-    ] = "map",
+        str | None,
+        arg(metavar="NAME", help="In place of the map's own id, from which and their ids objects have their UUIDs."),
+    ] = None,
 ) -> None:
     """Write a map for another program.
 
@@ -68,6 +68,7 @@ def command(
             raise OptionError(f"--{name} {value}: must be above 0 and below 100 m")
     map = saved_map(map)
     (found, annotations), trajectory, floor = load_annotated_map(map), trajectory_of(map), load_grid(map)
+    map_id = map_id or (annotations.identity.map_id if annotations.identity else "map")
     path = _target(map, format, out)
     written = [path]
     if format == "nav2":
@@ -101,7 +102,7 @@ def command(
 
         if format == "geojson":
             walls, rooms = (walls_of(floor), rooms_of(floor)) if floor is not None else ((), ())
-            text = geojson_text(found, trajectory, map_id, annotations.zones, walls, rooms)
+            text = geojson_text(found, trajectory, map_id, annotations, walls, rooms)
         else:
             zones, barred = annotations.zones, _names(keep_out)
             as_csv = format == "csv"

@@ -36,6 +36,9 @@ def command(
     since: Annotated[
         float | None, arg(metavar="S", help="Only objects seen at this stamp or later; the map's seconds.")
     ] = None,
+    history: Annotated[
+        bool, arg(help="What became of the objects: appeared, moved, vanished, named; by time.")
+    ] = False,
     json: Json = False,
 ) -> None:
     """Draw a map: all sightings, the clusters they form, their centres with 95 % ellipses, and the robot's trajectory.
@@ -54,6 +57,10 @@ def command(
     for path in (saved_map(one) for one in maps):
         objects, annotations = load_annotated_map(path)
         answers = question.answer(objects)
+        if history:
+            shown = [item for item, _ in answers] + ([] if question.asked else list(annotations.vanished))
+            _print_history(shown, json)
+            continue
         if json:
             _print_json(path, answers)
         else:
@@ -127,6 +134,33 @@ def _print_lines(answers: Answers) -> None:
         x_m, y_m = item.position_m
         away = "" if distance_m is None else f"  {distance_m:6.2f} m away"
         print(f"{item.id:<20} x {x_m:7.2f} m  y {y_m:7.2f} m  +- {sigma_of(item):.2f} m  seen {item.count} times{away}")
+
+
+def _print_history(objects: "list[MapObject]", as_json: bool) -> None:
+    from edgemap.geometry.objects.queries import changes
+    from edgemap.runtime.frames.reading import printable
+    from edgemap.runtime.step.map_file import change_record
+
+    records = [change_record(item, event) for item, event in changes(objects)]
+    if as_json:
+        return print_json({"changes": records})
+    for record in records:
+        places = [f"{word} x {record[key][0]:.2f} y {record[key][1]:.2f} m" for word, key in _PLACES if key in record]
+        name, other = (f"({record[key]})" if record.get(key) else "" for key in ("name", "other"))
+        words = (
+            record["at"] or "time unknown",
+            record["id"],
+            name,
+            record["what"],
+            other,
+            *places,
+            f"by {record['by']}",
+        )
+        print(printable("  ".join(word for word in words if word)))
+    return None
+
+
+_PLACES = (("from", "from_m"), ("to", "to_m"))
 
 
 def _print_json(path: Path, answers: Answers) -> None:

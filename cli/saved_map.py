@@ -1,23 +1,24 @@
 """`edgemap run --map MAP [--start X,Y,YAW_DEG|dock|last]`: continuing a saved map, or one that lives over runs."""
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from math import degrees
 from pathlib import Path
 
 from edgemap.runtime.outputs.sinks.living_map import LivingMap
+from edgemap.runtime.outputs.verdict.verdict import Verdict
 from edgemap.runtime.step.map_store import MapPlace
 from edgemap.runtime.step.mapper import Mapper
 
 
 @contextmanager
-def living_map(place: MapPlace | None, mapper: Mapper) -> Iterator[list[LivingMap]]:
+def living_map(place: MapPlace | None, mapper: Mapper, verdict: Callable[[], Verdict]) -> Iterator[list[LivingMap]]:
     """The sink that saves a map that lives back, while the block lasts. Raises DiskError or RunFolderError."""
     if place is None or not place.lives:
         yield []
         return
 
-    sink = LivingMap(place.path, lambda: mapper.searching)
+    sink = LivingMap(place.path, lambda: mapper.searching, verdict)
     try:
         yield [sink]
     finally:

@@ -5,26 +5,34 @@ from typing import Annotated
 
 import tyro
 
-from edgemap.cli.arguments import OptionError, arg
+from edgemap.cli.arguments import arg
 from edgemap.cli.options import Json, last_run, print_json
 
 
 def command(
     run: Annotated[
         tyro.conf.Positional[Path | None],
-        arg(metavar="[RUN]", help="A run folder; the newest run in runs/ or here by default."),
+        arg(metavar="[RUN]", help="A run folder or a map; the newest run in runs/ or here by default."),
     ] = None,
     json: Json = False,
 ) -> None:
     """Explain a map: good, use with care or not reliable, the likely causes in order, and what to do about each.
 
-    Reads run.json and map.json of a run folder. The gravest cause comes first.
+    Reads run.json and map.json of a run folder. The gravest cause comes first. Of a saved map without its run it shows
+    the verdict of the run that saved it.
     """
-    from edgemap.runtime.outputs.verdict.verdict import TITLES, explain, read_run
+    from edgemap.runtime.outputs.verdict.verdict import TITLES, explain, read_run, saved_line
+    from edgemap.runtime.step.map_file import identity_record, load_annotated_map
+    from edgemap.runtime.step.map_store import saved_map
 
     folder = run or last_run()
-    if not folder.is_dir():
-        raise OptionError(f"{folder}: not a run folder")
+    if not (folder / "run.json").is_file():
+        identity = load_annotated_map(saved_map(folder))[1].identity
+        if json:
+            print_json({"map": str(folder)} | identity_record(identity))
+        else:
+            print(f"{folder}: {saved_line(identity)}")
+        return
     record, objects = read_run(folder)
     verdict, steps = explain(record, objects)
     ended = bool(record.get("finished", True))

@@ -10,13 +10,13 @@ import numpy as np
 
 from edgemap.geometry.grid.occupancy_grid import OccupancyGrid
 from edgemap.geometry.map_object import MapObject, footprint_of, radius_m
-from edgemap.geometry.objects.annotations import Zone
-from edgemap.geometry.objects.queries import inside_polygon
+from edgemap.geometry.objects.annotations import Annotations, Zone
+from edgemap.geometry.objects.queries import changes, inside_polygon
 from edgemap.geometry.objects.zone_watch import ZoneEvent
 from edgemap.runtime.outputs.map_formats.rooms import rooms_of
 from edgemap.runtime.outputs.verdict.causes import cause_of
 from edgemap.runtime.outputs.verdict.verdict import is_doubtful
-from edgemap.runtime.step.map_file import object_record, wall_records, zone_record
+from edgemap.runtime.step.map_file import change_record, object_record, wall_records, zone_record
 from edgemap.runtime.step.slam import StepResult
 from edgemap.view.page import LivePage, PageSnapshot, ShownFault
 from edgemap.view.status import pose_sigma, status, step_ms
@@ -97,6 +97,11 @@ def objects_answer(snapshot: PageSnapshot | None) -> list[dict[str, Any]]:
     """All objects, the nearest to the robot first."""
     rows = [object_answer(item, snapshot) for item in snapshot.objects] if snapshot else []
     return sorted(rows, key=lambda item: item["distance_m"])
+
+
+def changes_answer(objects: Sequence[MapObject], annotations: Annotations) -> list[dict[str, Any]]:
+    """The history of all objects and of those that have vanished, oldest first."""
+    return [change_record(item, event) for item, event in changes([*objects, *annotations.vanished])]
 
 
 def zones_answer(zones: Sequence[Zone], objects: Sequence[MapObject]) -> list[dict[str, Any]]:

@@ -48,6 +48,7 @@ def api_routes(page: LivePage, usage: ProcessUsage) -> list[Route]:
         "frame": lambda: answers.frame_answer(newest_of(page).result),
         "floor": lambda: answers.floor_answer(newest_of(page).result.grid),
         "objects": lambda: answers.objects_answer(page.newest),
+        "changes": lambda: answers.changes_answer(page.objects, page.annotations),
         "zones": lambda: answers.zones_answer(page.annotations.zones, page.objects),
     }
     routes = [Route(f"/api/{name}", guarded(page, _reading(state)), methods=["GET"]) for name, state in states.items()]

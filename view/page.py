@@ -195,7 +195,9 @@ class LivePage:
 
     def _saved_map(self) -> tuple[list[MapObject], Annotations, OccupancyGrid | None]:
         """Objects, annotations and grid at the scale of a corrected lens height."""
-        return scaled_map(self.objects, self.annotations, self.grid, self.newest.result.scale if self.newest else 1.0)
+        verdict, scale = self.verdict(), self.newest.result.scale if self.newest else 1.0
+        annotations = verdict.on(self.annotations) if verdict else self.annotations
+        return scaled_map(self.objects, annotations, self.grid, scale)
 
     def _send_again(self, trajectory: PoseJournal) -> None:
         """Sends trail and sightings again after the trajectory has moved."""

@@ -5,10 +5,12 @@ import math
 import os
 import re
 import threading
+from collections.abc import Callable
 from contextlib import suppress
-from typing import Any
+from typing import Any, get_args
 
-from edgemap.geometry.map_object import MapObject
+from edgemap.geometry.map_object import EventKind, MapEvent, MapObject
+from edgemap.geometry.objects.annotations import MapIdentity
 from edgemap.geometry.objects.zone_watch import ZoneWatch
 from edgemap.runtime.frames.errors import PublishError
 from edgemap.runtime.frames.extras import need
@@ -17,8 +19,10 @@ from edgemap.runtime.frames.option_texts import host_and_port
 from edgemap.runtime.frames.timing import StreamTimer
 from edgemap.runtime.frames.version import VERSION
 from edgemap.runtime.outputs.sinks.kinds import RunInfo
-from edgemap.runtime.step.map_file import object_record
+from edgemap.runtime.outputs.verdict.verdict import Verdict
+from edgemap.runtime.step.map_file import event_record, object_record, object_uuid
 from edgemap.runtime.step.slam import StepResult
+from edgemap.runtime.step.wall_clock import utc_text
 
 MOVED_M = 0.25  # an object has moved when it is so far from its last published position
 STATE_EVERY_S = 1.0  # of stream
@@ -27,7 +31,8 @@ CONNECT_LIMIT_S = 2.0  # for which the run's start waits
 RETRY_S = (1, 30)  # shortest and longest pause before the broker is tried again
 QUEUED = 1000  # messages kept for a broker that does not take them
 PACKET_BYTES = 1 << 18  # of one packet from the broker: more than any object's
-EVENTS = ("appeared", "moved", "vanished", "entered", "left")
+EVENTS = (*get_args(EventKind), "entered", "left")
+NO_IDENTITY = MapIdentity("map")
 
 
 class MqttPublisher:
@@ -43,7 +48,14 @@ class MqttPublisher:
     """
 
     def __init__(
-        self, host: str, port: int, robot: str, user: str | None = None, password: str | None = None, version: str = ""
+        self,
+        host: str,
+        port: int,
+        robot: str,
+        user: str | None = None,
+        password: str | None = None,
+        version: str = "",
+        verdict: Callable[[], Verdict] = lambda: Verdict("care"),
     ) -> None:
         need("mqtt", "--mqtt")
         from paho.mqtt.client import Client
@@ -59,6 +71,8 @@ class MqttPublisher:
         self.name, self.root = "MQTT", f"edgemap/{topic_level(robot)}"
         self._address, self._robot, self._version = f"{host}:{port}", robot, version
         self._published: dict[str, MapObject] = {}
+        self._at: float | None = None  # wall time of the newest step
+        self._identity, self._verdict = NO_IDENTITY, verdict
         self._zones = ZoneWatch()
         self._fault, self._faults, self._state_timer = "", 0, StreamTimer(STATE_EVERY_S)
         self._state: dict[str, Any] = {}  # the newest
@@ -92,17 +106,22 @@ class MqttPublisher:
         if self._new_connection:
             self._new_connection = False
             self._begin()
-        known = {item.id: item for item in objects}
+        known, self._at = {item.id: item for item in objects}, result.at
+        self._identity = result.annotations.identity or NO_IDENTITY
         for identity, item in known.items():
             before = self._published.get(identity)
             if before is None:
                 self._event("appeared", item)
             elif math.dist(before.position_m, item.position_m) > MOVED_M:
                 self._event("moved", item, moved_m=round(math.dist(before.position_m, item.position_m), 3))
-            elif _by_people(before) != _by_people(item):
+            elif _remembered(before) != _remembered(item):
                 with self._objects:
                     self._published[identity] = item
                     self._publish_object(item)
+            for event in _news(before, item):
+                self._publish(
+                    "events", json.dumps(self._named(item) | {"event_type": event.what} | event_record(event))
+                )
         for identity in self._published.keys() - known.keys():
             into = result.merged.get(identity)
             self._event("vanished", self._published[identity], **({"into": into} if into else {}))
@@ -146,11 +165,16 @@ class MqttPublisher:
             else:
                 self._published[item.id] = item
                 self._publish_object(item)
+        self._publish("events", json.dumps({"event_type": kind, "at": utc_text(self._at)} | self._named(item) | more))
+
+    def _named(self, item: MapObject) -> dict[str, Any]:
+        """What an event has of its object."""
         record = {key: value for key, value in object_record(item).items() if key in ("id", "label", "x_m", "y_m")}
-        self._publish("events", json.dumps({"event_type": kind} | record | more))
+        return record | {"uuid": object_uuid(item.id, self._identity.map_id)}
 
     def _publish_object(self, item: MapObject) -> None:
-        self._publish(f"objects/{topic_level(item.id)}", json.dumps(object_record(item)), retain=True)
+        record = object_record(item) | {"uuid": object_uuid(item.id, self._identity.map_id)}
+        self._publish(f"objects/{topic_level(item.id)}", json.dumps(record), retain=True)
 
     def _publish_state(self, result: StepResult, objects: list[MapObject]) -> None:
         if self._cleaning and self._state:
@@ -164,6 +188,8 @@ class MqttPublisher:
             "y_m": round(pose.y_m, 3),
             "yaw_rad": round(pose.yaw_rad, 4),
             "objects": len(objects),
+            "map_id": self._identity.map_id,
+            "verdict": self._verdict().document(),
         }
         self._send_state()
 
@@ -198,9 +224,20 @@ class MqttPublisher:
                 client.publish(message.topic, "", qos=1, retain=True)
 
 
-def _by_people(item: MapObject) -> tuple[object, ...]:
-    """What a person has edited of an object."""
-    return item.label, item.name, item.confirmed, item.corrected
+def _remembered(item: MapObject) -> tuple[object, ...]:
+    """What a person has edited of an object, and its history."""
+    return item.label, item.name, item.confirmed, item.corrected, item.history
+
+
+def _news(before: MapObject | None, item: MapObject) -> list[MapEvent]:
+    """New entries of an object's history, but for those that `write` finds by itself. The first time that an object is
+    published, its history is old, but for a move."""
+    told = {
+        (event.what, event.other) for event in (before.history if before else item.history) if event.what != "moved"
+    }
+    told |= {(event.what, event.other) for event in before.history} if before else set()
+    found = [event for event in item.history if event.what != "moved" or event.other]
+    return [event for event in found if event.what != "appeared" and (event.what, event.other) not in told]
 
 
 def topic_level(name: str) -> str:
@@ -243,4 +280,4 @@ def open(address: str, run: RunInfo) -> MqttPublisher:
     """
     user, password = (os.environ.get(f"EDGEMAP_MQTT_{name}") for name in ("USER", "PASSWORD"))
     host, port = host_and_port(address, "--mqtt", PORT)
-    return MqttPublisher(host, port, run.robot, user, password, VERSION)
+    return MqttPublisher(host, port, run.robot, user, password, VERSION, run.verdict)

@@ -13,6 +13,7 @@ Corners = tuple[tuple[float, float], ...]
 
 MAXIMUM_CORNERS, MAXIMUM_ZONES, LONGEST_NAME = 100, 200, 80
 Level = Literal["good", "care", "unreliable"]
+LEVELS: tuple[Level, ...] = ("good", "care", "unreliable")
 
 
 @dataclass(frozen=True, slots=True)
@@ -41,6 +42,13 @@ class MapIdentity:
         """Of a run or command that goes on with the map."""
         return MapIdentity(self.map_id, self.generation + 1)
 
+    def merged(self, other: "MapIdentity | None") -> "MapIdentity":
+        """Of this map with another one merged into it: no better than either."""
+        if other is None or other.level is None or self.level is None:
+            return self.next()
+        worst = max(self.level, other.level, key=LEVELS.index)
+        return replace(self.next(), level=worst, reasons=tuple(dict.fromkeys(self.reasons + other.reasons)))
+
 
 @dataclass(frozen=True, slots=True)
 class Annotations:
@@ -59,6 +67,12 @@ class Annotations:
         """The measured objects of a saved map, deleted ones included, without edits."""
         plain = {"name": "", "confirmed": False, "corrected": (), "yaw_rad": None, "depth_m": None}
         return [replace(item, **plain) for item in (*saved, *self.deleted)]
+
+    def judged(self, level: Level, reasons: Sequence[str]) -> "Annotations":
+        """With how far the map can be trusted, and why not further."""
+        if self.identity is None:
+            return self
+        return replace(self, identity=replace(self.identity, level=level, reasons=tuple(reasons)))
 
     def with_zones(self, zones: Sequence[Zone], pose_map_other: SE2) -> "Annotations":
         """Another map's zones added, in this one's frame and with the next free ids."""

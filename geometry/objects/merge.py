@@ -153,7 +153,9 @@ def merge_annotated(
         kept.append(replace(item, id=_free_id(item, taken)))
         taken.add(kept[-1].id)
     dock = annotations.dock or (more.dock and alignment.pose_a_b @ more.dock)
-    return merged, replace(annotations.with_zones(more.zones, alignment.pose_a_b), deleted=tuple(kept), dock=dock)
+    identity = annotations.identity and annotations.identity.merged(more.identity)
+    added = annotations.with_zones(more.zones, alignment.pose_a_b)
+    return merged, replace(added, deleted=tuple(kept), dock=dock, identity=identity)
 
 
 def _free_id(item: MapObject, taken: Collection[str]) -> str:

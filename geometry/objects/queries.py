@@ -1,12 +1,13 @@
-"""Queries on a map: nearest objects, objects inside a polygon, objects observed since a time."""
+"""Queries on a map: nearest objects, objects inside a polygon, objects observed and changed since a time."""
 
+import math
 from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from edgemap.geometry.errors import MapError
-from edgemap.geometry.map_object import MapObject
+from edgemap.geometry.map_object import MapEvent, MapObject
 
 _EDGE_M = 1e-9  # this near to a polygon's side, a point counts as inside
 
@@ -47,6 +48,15 @@ def inside_polygon(objects: Sequence[MapObject], corners_m: ArrayLike) -> list[M
 def since(objects: Sequence[MapObject], stamp_s: float) -> list[MapObject]:
     """The objects last observed at or after a stamp in seconds, on the clock of the map's stamps."""
     return [item for item in objects if item.last_seen_s >= stamp_s]
+
+
+def changes(objects: Sequence[MapObject], since_utc: float | None = None) -> list[tuple[MapObject, MapEvent]]:
+    """The entries of all histories, by time; those of an unknown time first. since_utc: seconds since 1970; then only
+    those at or after it, and none of an unknown time. objects: those that have vanished too, where they are wanted."""
+    pairs = [(item, event) for item in objects for event in item.history]
+    if since_utc is not None:
+        pairs = [(item, event) for item, event in pairs if event.at is not None and event.at >= since_utc]
+    return sorted(pairs, key=lambda pair: -math.inf if pair[1].at is None else pair[1].at)
 
 
 def _inside(point: np.ndarray, starts: np.ndarray, ends: np.ndarray) -> bool:

@@ -79,6 +79,11 @@ def event_record(event: MapEvent) -> dict:
     return record | ({"other": event.other} if event.other else {})
 
 
+def change_record(item: MapObject, event: MapEvent) -> dict:
+    """An entry of a history with its object, as HTTP and `map show --history` give it."""
+    return {"id": item.id, "label": item.label} | ({"name": item.name} if item.name else {}) | event_record(event)
+
+
 def pose_record(pose: SE2) -> dict[str, float]:
     """A pose of the base in the map frame as `map.json` holds it."""
     return {"x_m": round(pose.x_m, 4), "y_m": round(pose.y_m, 4), "yaw_rad": round(pose.yaw_rad, 5)}

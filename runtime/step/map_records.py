@@ -114,6 +114,7 @@ class MapRecord(msgspec.Struct, kw_only=True):
     objects: Annotated[list[MapObjectRecord], Meta(max_length=MAXIMUM_OBJECTS)]
     zones: Annotated[list[ZoneRecord], Meta(max_length=MAXIMUM_ZONES)] = msgspec.field(default_factory=list)
     grid: Name | None = None
+    grid_sum: int | None = None
     walls: Annotated[list[WallRecord], Meta(max_length=100_000)] = msgspec.field(default_factory=list)
     deleted: Annotated[list[MapObjectRecord], Meta(max_length=MAXIMUM_OBJECTS)] = msgspec.field(default_factory=list)
     seen_from_m: dict[Name, Annotated[list[tuple[Coordinate, Coordinate]], Meta(max_length=10_000)]] = msgspec.field(

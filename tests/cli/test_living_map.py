@@ -9,14 +9,16 @@ from pathlib import Path
 
 import pytest
 from support.refusal import one_line
-from support.rooms import mapped
+from support.rooms import content_of, mapped
+from support.steps import Steps
 
 from edgemap.cli.run_record import scale_source
 from edgemap.geometry.errors import MapError
-from edgemap.geometry.objects.annotations import Annotations
+from edgemap.geometry.objects.annotations import Annotations, Level, MapIdentity
 from edgemap.geometry.se2 import SE2
 from edgemap.runtime.frames.errors import RunFolderError
 from edgemap.runtime.outputs.sinks.living_map import LivingMap
+from edgemap.runtime.outputs.verdict.verdict import Verdict
 from edgemap.runtime.step.map_file import load_annotated_map, load_last_pose, save_map
 from edgemap.runtime.step.map_store import find_map, saved_map
 
@@ -51,7 +53,8 @@ def test_two_boots_keep_one_map(boot):
     assert second.returncode == 0, second.stderr
     (again,), _ = load_annotated_map(home)
     assert (again.id, again.count) == (chair.id, 2 * chair.count)  # the very same chair, seen in both runs
-    assert (home / "map.json").read_text().startswith((out / "map.json").read_text().rstrip()[:-2])  # and its last pose
+    last_pose = json.loads((home / "map.json").read_text())["last_pose"]
+    assert content_of(home) == content_of(out) | {"last_pose": last_pose}
 
 
 def test_a_boot_that_does_not_find_its_place_leaves_the_map_alone(boot, tmp_path):
@@ -72,12 +75,41 @@ def test_the_dock_is_a_start(boot, tmp_path):
     assert "is a new map, whose first pose is its origin" in one_line(boot("home", "--start", "dock")[0], 2)
     save_map(home / "map.json", mapped([("chair", 7.2, 0.0)]))
     assert "the map has no dock" in one_line(boot("home", "--start", "dock")[0], 2)
-    save_map(home / "map.json", mapped([("chair", 7.2, 0.0)]), Annotations(dock=SE2(2.0, 0.0, 0.0)))
+    unreliable = MapIdentity("home", level="unreliable")
+    docked = Annotations(dock=SE2(2.0, 0.0, 0.0), identity=unreliable)
+    save_map(home / "map.json", mapped([("chair", 7.2, 0.0)]), docked)
     done, _, _ = boot("home", "--start", "dock")
     assert done.returncode == 0, done.stderr
     (chair,), annotations = load_annotated_map(home)
     assert chair.id == "chair-1"  # 2 m + 5 m + half a chair: the saved one
     assert load_last_pose(home) == annotations.dock == SE2(2.0, 0.0, 0.0)
+
+
+@pytest.mark.parametrize("before", ["good", "care", None, "unreliable"])
+def test_an_unreliable_run_saves_beside_a_better_map(tmp_path, before):
+    """Also where it was reliable at first; and it takes the map's place again where it becomes so."""
+    save_map(
+        tmp_path / "map.json", mapped([("bed", 1.0, 0.0)]), Annotations(identity=MapIdentity("home", 3, level=before))
+    )
+    text, verdicts, steps = (tmp_path / "map.json").read_text(), list[Level](["care"]), Steps()
+    sink = LivingMap(tmp_path, bool, lambda: Verdict(verdicts[-1]))
+    steps.into(sink, 12)
+    labels = lambda name: [item.label for item in load_annotated_map(tmp_path / name)[0]]  # noqa: E731
+    assert labels("map.json") == ["chair", "couch"]
+    assert labels("map.before.json") == ["bed"]
+    verdicts.append("unreliable")
+    steps.into(sink, 12)
+    if before == "unreliable":
+        assert labels("map.json") == ["chair", "couch"]
+    else:
+        assert (tmp_path / "map.json").read_text() == text
+        assert labels("map.unreliable.json") == ["chair", "couch"]
+        assert "stays as it was" in sink.beside
+    verdicts.append("good")
+    sink.close()
+    sink.release()
+    assert (labels("map.json"), sink.beside) == (["chair", "couch"], "")
+    assert not (tmp_path / "map.unreliable.json").exists()
 
 
 def test_a_run_folder_and_a_file_are_only_read(tmp_path, monkeypatch):

@@ -76,7 +76,7 @@ def test_files_of_a_map_hold_its_objects_and_no_code(drawn):
     rows = list(csv.DictReader(csv_text(objects).splitlines()))
     assert len(rows) == len(objects)
     assert not any(row[name].startswith(("=", "+", "-", "@")) for row in rows for name in ("id", "label", "name"))
-    features = json.loads(geojson_text(objects, zones=annotations.zones))["features"]
+    features = json.loads(geojson_text(objects, annotations=annotations))["features"]
     assert len({json.dumps(feature["id"]) for feature in features}) == len(features)
     shapes = yaml.safe_load(vector_text(objects))["vector_object_server"]["ros__parameters"].get("shapes", [])
     assert len(set(shapes)) == len(objects)

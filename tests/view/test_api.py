@@ -1,6 +1,7 @@
 """The HTTP API as any program uses it, against its own OpenAPI text; and the page's commands in docs/http-api.md."""
 
 import itertools
+import json
 import re
 import shlex
 import socket

@@ -7,10 +7,10 @@ from itertools import chain
 
 from edgemap.geometry.grid.walls import Wall
 from edgemap.geometry.map_object import MapObject, radius_m
-from edgemap.geometry.objects.annotations import Zone
+from edgemap.geometry.objects.annotations import NO_ANNOTATIONS, Annotations, Zone
 from edgemap.runtime.frames.trajectory import Trajectory
 from edgemap.runtime.outputs.map_formats.rooms import Room
-from edgemap.runtime.step.map_file import DEFAULT_MAP_ID, object_record, object_uuid, zone_record
+from edgemap.runtime.step.map_file import DEFAULT_MAP_ID, identity_record, object_record, object_uuid, zone_record
 
 FRAME = "local frame map, metres, REP-103 (x forward, y left, counter-clockwise); NOT WGS 84 longitude and latitude"
 CORNERS = 32
@@ -21,7 +21,7 @@ def geojson_text(
     objects: Sequence[MapObject],
     trajectory: Trajectory | None = None,
     map_id: str = DEFAULT_MAP_ID,
-    zones: Sequence[Zone] = (),
+    annotations: Annotations = NO_ANNOTATIONS,
     walls: Sequence[Wall] = (),
     rooms: Sequence[Room] = (),
 ) -> str:
@@ -32,7 +32,7 @@ def geojson_text(
     `crs: null` (GeoJSON 2008, section 3) that no program should take the numbers for degrees. Exterior rings run
     counter-clockwise (section 3.1.6).
     """
-    taken = {item.id for item in objects}
+    taken, zones = {item.id for item in objects}, annotations.zones
     features = chain(
         (_object(item, map_id) for item in objects),
         (_zone(zone, taken) for zone in zones),
@@ -45,7 +45,7 @@ def geojson_text(
         "name": f"edgemap {map_id}: local frame map, metres, REP-103",
         "frame": FRAME,
         "crs": None,
-    }
+    } | identity_record(annotations.identity)
     head = json.dumps(document, indent=1)[:-2]
     lines = ",\n".join("  " + json.dumps(feature, allow_nan=False) for feature in features)  # one line each
     return f'{head},\n "features": [\n{lines}\n ]\n}}\n'

@@ -18,6 +18,7 @@ from edgemap.runtime.frames.faults import Fault
 from edgemap.runtime.frames.inference import Inference
 from edgemap.runtime.frames.plugins import SINKS, load_plugin, plugins
 from edgemap.runtime.frames.reading import THEIRS, error_line, print_message
+from edgemap.runtime.outputs.verdict.verdict import Verdict
 from edgemap.runtime.step.edit_queue import Edits
 from edgemap.runtime.step.sinks import Sink
 from edgemap.runtime.step.slam import StepResult
@@ -29,7 +30,7 @@ class RunInfo:
 
     folder: of the run. camera: the source; floor: its lens and mount. edits: of the map; a sink may submit some. robot:
     name of the robot, $EDGEMAP_ROBOT or the machine's. inference: engine and precision. saved: a map that is continued.
-    guess: of lens and mount, as in run.json.
+    guess: of lens and mount, as in run.json. verdict: how far the map can be trusted so far.
     """
 
     folder: Path
@@ -39,6 +40,7 @@ class RunInfo:
     inference: Inference
     saved: Path | None = None
     guess: dict[str, Any] | None = None
+    verdict: Callable[[], Verdict] = lambda: Verdict("care")
     robot: str = field(default_factory=lambda: os.environ.get("EDGEMAP_ROBOT") or socket.gethostname())
 
 

@@ -4,15 +4,18 @@ import os
 from collections.abc import Callable
 from pathlib import Path
 
+from edgemap.geometry.errors import MapError
 from edgemap.geometry.grid.occupancy_grid import OccupancyGrid
 from edgemap.geometry.map_object import MapObject
 from edgemap.geometry.objects.annotations import Annotations
 from edgemap.geometry.objects.scale import scaled_map
 from edgemap.geometry.se2 import SE2
-from edgemap.runtime.frames.disk import lock_folder
+from edgemap.runtime.frames.disk import lock_folder, write_atomically
+from edgemap.runtime.frames.reading import read_bytes
 from edgemap.runtime.frames.timing import StreamTimer
+from edgemap.runtime.outputs.verdict.verdict import Verdict
 from edgemap.runtime.step.grid_file import grid_name, save_grid
-from edgemap.runtime.step.map_file import map_document, replace_map, saved_text
+from edgemap.runtime.step.map_file import load_annotated_map, map_document, replace_map, saved_text
 from edgemap.runtime.step.sinks import Sink
 from edgemap.runtime.step.slam import StepResult
 
@@ -23,21 +26,28 @@ class LivingMap(Sink):
     """Writes `map.json` of a folder that several runs share, one after the other: objects, annotations, last pose.
 
     searching: whether the robot is not yet relocalised in the map; nothing is written until then, so a run without
-    relocalisation leaves the map unchanged. A new map takes the scale of a corrected lens height once, at the end. The
-    folder is locked while the run lasts; `map.before.json` keeps the map of the run before.
+    relocalisation leaves the map unchanged. verdict: on the run so far. While it is unreliable and the map of the runs
+    before was not, that map stays, and this run's is written beside it as `map.unreliable.json`. A new map takes the
+    scale of a corrected lens height once, at the end. The folder is locked while the run lasts; `map.before.json` keeps
+    the map of the run before.
     Raises DiskError where the folder cannot be made, RunFolderError where another run uses it.
     """
 
-    def __init__(self, folder: Path, searching: Callable[[], bool]) -> None:
+    def __init__(
+        self, folder: Path, searching: Callable[[], bool], verdict: Callable[[], Verdict] = lambda: Verdict("care")
+    ) -> None:
         self.name = f"map {folder}"
         self.path = folder / "map.json"
-        self._searching = searching
+        self._searching, self._verdict = searching, verdict
         self._state: tuple[list[MapObject], Annotations, SE2, OccupancyGrid | None] | None = None
         self._saved_grid: tuple[OccupancyGrid, float] | None = None  # and its scale
         self._scale, self._closed = 1.0, False
         self._written: dict | None = None
+        self._replaced = False  # the map of the runs before, which is kept once
         self._save_timer = StreamTimer(SAVE_EVERY_S)
         self._lock: int | None = lock_folder(folder, "another run uses this map")
+        self._better = self._earlier_map()
+        self.beside = ""  # where this run's map was saved instead, in one line
 
     def write(self, result: StepResult, objects: list[MapObject]) -> None:
         """Save by the stream's time. Raises DiskError."""
@@ -63,17 +73,45 @@ class LivingMap(Sink):
         if lock is not None:
             os.close(lock)
 
+    def _earlier_map(self) -> dict[Path, bytes]:
+        """The files of the map of the runs before, by path; none where there is none, or its run was unreliable."""
+        if not self.path.is_file():
+            return {}
+        identity = load_annotated_map(self.path)[1].identity
+        if identity is not None and identity.level == "unreliable":
+            return {}
+        files = (self.path.with_name(grid_name(self.path)), self.path)
+        return {path: read_bytes(path, MapError) for path in files if path.is_file()}
+
+    def _choose(self, verdict: Verdict) -> None:
+        """Where to save: beside a better map, or in its place."""
+        apart = bool(self._better) and verdict.level == "unreliable"
+        path = self.path.with_name("map.unreliable.json" if apart else "map.json")
+        if path == self.path:
+            return
+        if apart and self._written is not None:
+            for file, data in self._better.items():
+                write_atomically(file, data)
+        elif not apart:
+            self.path.unlink(missing_ok=True)
+            self.path.with_name(grid_name(self.path)).unlink(missing_ok=True)
+        stays = path.with_name("map.json")
+        self.beside = f"not reliable: {stays} stays as it was, this run's map is {path}" if apart else ""
+        self.path, self._written, self._saved_grid = path, None, None
+
     def _save(self) -> None:
         """Nothing is written where nothing changed: a robot at rest leaves its disk alone."""
         if self._state is None or self._searching():
             return
+        verdict = self._verdict()
+        self._choose(verdict)
         live_objects, live_annotations, pose, live_grid = self._state
         scale = self._scale if self._closed else 1.0
-        objects, annotations, grid = scaled_map(live_objects, live_annotations, live_grid, scale)
+        objects, annotations, grid = scaled_map(live_objects, verdict.on(live_annotations), live_grid, scale)
         if live_grid is not None and grid is not None and (live_grid, scale) != self._saved_grid:
             save_grid(self.path.with_name(grid_name(self.path)), grid)
             self._saved_grid = (live_grid, scale)
         document = map_document(objects, annotations, grid, last_pose=pose.scaled(scale))
         if document != self._written:
-            replace_map(self.path, saved_text(document), keeps_before=self._written is None)
-            self._written = document
+            replace_map(self.path, saved_text(document), keeps_before=not self._replaced and not self.beside)
+            self._written, self._replaced = document, self._replaced or not self.beside

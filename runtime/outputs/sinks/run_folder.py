@@ -149,6 +149,11 @@ class RunFolder:
         self._objects, self._annotations = objects, annotations
         self._save_map()
 
+    def judge(self) -> Verdict:
+        """The verdict on the map as it stands, newer than that of the newest save."""
+        self._document()
+        return self.verdict
+
     def close(self) -> None:
         """Save the map and the record for good. Raises DiskError where the disk does not take them."""
         if self._closed:
@@ -173,17 +178,21 @@ class RunFolder:
             lock = lock_folder(self.folder, IN_USE, parents=False)
             os.close(self._lock)
             self._lock, self._saved_grid = lock, (None, 1.0)
+        record = self._document()
+        self._saves += 1
         self._save_map()
         self._trajectory.flush()
         self._sightings.flush()
         if rewrite:
             self._rewrite()
-        self._write_record(finished=self._closed)
+        record["lines_lost"] = self._trajectory.dropped + self._sightings.dropped
+        write_atomically(self.folder / "run.json", json.dumps(record, indent=1, allow_nan=False) + "\n")
+        self.document = record
 
     def _save_map(self) -> None:
         """The map, and its grid where that has changed. Raises DiskError."""
         grid = (self._grid, self._file_scale)
-        saved = scaled_map(self._objects, self._annotations, *grid)
+        saved = scaled_map(self._objects, self.verdict.on(self._annotations), *grid)
         save_map(self.folder / "map.json", *saved, grid_saved=grid == self._saved_grid)
         self._saved_grid = grid
 
@@ -211,11 +220,12 @@ class RunFolder:
         rewrite(self._trajectory.path, self._sightings.path, journal, scale)
         self._rewritten_at = journal.revision
 
-    def _write_record(self, finished: bool) -> None:
+    def _document(self) -> dict[str, Any]:
+        """run.json as it stands, with the verdict."""
+        finished = self._closed
         seconds = perf_counter() - self._started
         if finished or self._saves % STAGES_EVERY == 1:
             self._stages = {name: percentiles(times_ms) for name, times_ms in self._stage_times.items()}
-        self._saves += 1
         if (scale := self._file_scale) != 1.0:
             self._mount_seen |= {"used_height_m": round(scale * self._camera.mount.height_m, 4)}
             self._record = self._record | {"mount_seen": dict(self._mount_seen)}
@@ -230,12 +240,9 @@ class RunFolder:
             "fault_count": self._fault_kinds.total(),
             "fault_kinds": dict(self._fault_kinds),
             "faults": self._faults,
-            "lines_lost": self._trajectory.dropped + self._sightings.dropped,
         }
         self.verdict = verdict_of(record, scaled_objects(self._objects, scale))
-        record["verdict"] = self.verdict.document()
-        write_atomically(self.folder / "run.json", json.dumps(record, indent=1, allow_nan=False) + "\n")
-        self.document = record
+        return record | {"verdict": self.verdict.document()}
 
 
 def mount_record(seen: MountEstimate) -> dict[str, float]:

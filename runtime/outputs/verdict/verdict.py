@@ -5,10 +5,11 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from statistics import median
-from typing import Any, Literal, NamedTuple
+from typing import Any, NamedTuple
 
 from edgemap.geometry.errors import EdgemapError
 from edgemap.geometry.map_object import MapObject
+from edgemap.geometry.objects.annotations import LEVELS, Annotations, Level, MapIdentity
 from edgemap.runtime.frames.errors import RunFolderError
 from edgemap.runtime.frames.faults import read_fault
 from edgemap.runtime.frames.reading import decode_json, error_line, printable, read_bytes
@@ -18,8 +19,6 @@ from edgemap.runtime.step.map_file import load_map
 
 SHOWN_FAULTS = 3  # of one cause
 
-Level = Literal["good", "care", "unreliable"]
-LEVELS: tuple[Level, ...] = ("good", "care", "unreliable")
 TITLES: dict[Level, str] = {"good": "good", "care": "use with care", "unreliable": "not reliable"}
 
 # Half a metre separates one chair from the next, and what `eval map` counts as the same place; at 3 m, from where
@@ -56,12 +55,27 @@ class Verdict:
     @property
     def line(self) -> str:
         """The verdict in one line, for a terminal or a headline."""
-        reasons = "; ".join(finding.text for finding in self.findings[:3])
-        return f"map: {TITLES[self.level]}" + (f" ({reasons})" if reasons else "")
+        return _line(self.level, [finding.text for finding in self.findings])
 
     def document(self) -> dict[str, Any]:
         """The verdict as plain values, as in run.json."""
         return {"level": self.level, "reasons": [finding.text for finding in self.findings]}
+
+    def on(self, annotations: Annotations) -> Annotations:
+        """A map's annotations with this verdict."""
+        return annotations.judged(self.level, [finding.text for finding in self.findings])
+
+
+def _line(level: Level, reasons: Sequence[str]) -> str:
+    shown = "; ".join(reasons[:3])
+    return f"map: {TITLES[level]}" + (f" ({shown})" if shown else "")
+
+
+def saved_line(identity: MapIdentity | None) -> str:
+    """The verdict that a saved map carries, in one line."""
+    if identity is None or identity.level is None:
+        return "map: no verdict (an older edgemap, or no run, has saved it)"
+    return _line(identity.level, identity.reasons)
 
 
 def verdict_of(record: Mapping[str, Any], objects: Sequence[MapObject]) -> Verdict:

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from support.rooms import mapped
 
-from edgemap.geometry.objects.annotations import Zone
+from edgemap.geometry.objects.annotations import Annotations, Zone
 from edgemap.geometry.se2 import SE2
 from edgemap.runtime.frames.errors import OdometryError
 from edgemap.runtime.frames.trajectory import Trajectory, trajectory_of, tum_line
@@ -41,7 +41,7 @@ def test_geojson_says_its_frame_and_keeps_x_first():
 
 @pytest.mark.parametrize("corners", [((0.0, 0.0), (2.0, 0.0), (2.0, 1.0)), ((0.0, 0.0), (2.0, 1.0), (2.0, 0.0))])
 def test_zones_are_polygons_that_run_counter_clockwise(corners):
-    (feature,) = json.loads(geojson_text([], zones=[Zone("zone-1", "hall", corners)]))["features"]
+    (feature,) = json.loads(geojson_text([], annotations=Annotations((Zone("zone-1", "hall", corners),))))["features"]
     (ring,) = feature["geometry"]["coordinates"]
     assert signed_area(ring) == pytest.approx(1.0)
     assert (feature["id"], feature["properties"]["zone"]) == ("zone-1", "hall")
