@@ -53,9 +53,10 @@ class Run:
         if self.place and self.place.lives and not self.place.exists:
             print(f"new map: {self.place.path}/", flush=True)
         spec = RunSpec(
-            odometry=robot.odometry, wheels=not robot.without_wheels, imu=not robot.without_imu,
-            clustering=chosen.clustering, loop_closure=chosen.loop_closure, classes=chosen.named_classes,
-            confidence=chosen.confidence, map=chosen.saved, start=chosen.start, config=tuned,
+            odometry=robot.odometry, pose_frame=robot.pose_frame, wheels=not robot.without_wheels,
+            imu=not robot.without_imu, clustering=chosen.clustering, loop_closure=chosen.loop_closure,
+            classes=chosen.named_classes, confidence=chosen.confidence, map=chosen.saved,
+            start=chosen.start, config=tuned,
         )  # fmt: skip
         self.slam, self.mapped = compose(source, loaded, floor, spec, guess), mapped_classes(spec.classes, loaded)
         self.folder = options.outputs.out or Path("runs") / datetime.now(UTC).strftime("%Y%m%dT%H%M%SZ")

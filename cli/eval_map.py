@@ -96,6 +96,7 @@ def command(
             mapping.clustering,
             mapping.loop_closure,
             confidence=mapping.confidence,
+            pose_frame=motion.pose_frame,
         )
         variants = {"true": replace(own, odometry="truth", wheels=True), "estimated": own}
         if motion.odometry == "hybrid" and document["wheels"]:

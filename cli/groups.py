@@ -76,15 +76,22 @@ class MotionOptions:
             metavar="SPEC",
             help="Where the robot's motion comes from: hybrid (pictures, and gyro and wheels where the source brings "
             "them); paper (the bundle's ConvLSTM head); truth (the drive's own poses); wheel:FILE.csv "
-            "(stamp_s,x_m,y_m,yaw_rad) or wheel:FILE.mcap; FILE.tum (poses of the base).",
+            "(stamp_s,x_m,y_m,yaw_rad) or wheel:FILE.mcap; FILE.tum (poses of another program). The camera's own "
+            "motion judges wheels and poses.",
         ),
     ] = "hybrid"
+    pose_frame: Annotated[
+        Literal["base", "camera"] | None,
+        arg(help="Whose poses FILE.tum holds: the base's, or the camera's optical axes; found out from its motion."),
+    ] = None
     without_wheels: Annotated[bool, arg(help="Ignore the wheel odometry of the source.")] = False
     without_imu: WithoutImu = False
 
     def check(self) -> None:
         """Refuse a SPEC that names no odometry. Raises OptionError with the one that is meant."""
-        if self.odometry in ODOMETRIES or self.odometry.startswith("wheel:") or self.odometry.endswith(".tum"):
+        from edgemap.runtime.motion.odometry_names import is_pose_file
+
+        if self.odometry in ODOMETRIES or self.odometry.startswith("wheel:") or is_pose_file(self.odometry):
             return
         from difflib import get_close_matches
 

@@ -1,8 +1,8 @@
 """The composition root: what `edgemap run` and `edgemap.open` make of a camera, a bundle and options."""
 
 from collections.abc import Collection, Iterable, Sequence
-from dataclasses import dataclass, field
-from math import radians
+from dataclasses import dataclass, field, replace
+from math import hypot, radians
 from pathlib import Path
 
 import numpy as np
@@ -49,12 +49,13 @@ from edgemap.runtime.step.slam import SemanticSlam, SlamOptions, build_slam
 class RunSpec:
     """What a run is made of beside its camera, bundle and sinks.
 
-    odometry: as `run --odometry`. wheels, imu: whether the source's are used. classes: those that go on the map,
+    odometry, pose_frame: as of `run`. wheels, imu: whether the source's are used. classes: those that go on the map,
     the bundle's where None. confidence: minimum score of a box, the bundle's where None. map: a saved map to continue.
     start: X,Y,YAW_DEG in it, dock or last.
     """
 
     odometry: str = "hybrid"
+    pose_frame: str | None = None
     wheels: bool = True
     imu: bool = True
     clustering: str = "default"
@@ -84,8 +85,13 @@ def compose(
         mapped_classes(spec.classes, bundle),
         spec.confidence,
         guess.scale_sigma(odometry) if guess else 0.0,
+        spec.pose_frame,
     )
-    slam = build_slam(camera, bundle, floor, options, spec.config)
+    config = spec.config
+    if guess:  # which the camera's own lengths and rotations depend on
+        judge = replace(config.odometry.judge, sigma=hypot(config.odometry.judge.sigma, guess.height_sigma))
+        config = replace(config, odometry=replace(config.odometry, judge=judge))
+    slam = build_slam(camera, bundle, floor, options, config)
     _enter_saved_map(slam.mapper, None if spec.map is None else find_map(spec.map), spec)
     return slam
 

@@ -38,6 +38,8 @@ class FaultKind(StrEnum):
     ODOMETRY = "odometry"  # measures nothing, or starts again
     OUT_OF_RANGE = "out_of_range"  # numbers that no motion of one step has
     POSES = "poses"  # recorded poses do not cover a step
+    POSES_EXCLUDED = "poses_excluded"  # they contradict the camera
+    POSES_CONVERTED = "poses_converted"  # they were read in axes, an order or a unit that the motion shows
     WHEELS = "wheels"  # wheel odometry does not cover a step
     WHEELS_EXCLUDED = "wheels_excluded"  # they contradict the camera
     WHEELS_RESTORED = "wheels_restored"
@@ -45,6 +47,7 @@ class FaultKind(StrEnum):
     UNTRAINED_CAMERA = "untrained_camera"  # outside what the odometry's network was trained on
     GYRO = "gyro"  # no samples
     IMU_EXCLUDED = "imu_excluded"
+    DEPTH_EXCLUDED = "depth_excluded"  # its scale contradicts the floor
     IMU_RESTORED = "imu_restored"
     MOUNT_ANGLES = "mount_angles"  # contradicted by the drive
     MOUNT_HEIGHT = "mount_height"  # contradicted by the drive

@@ -28,14 +28,16 @@ def quaternion_of(rotation: Array) -> Array:
     return np.asarray(quaternion if quaternion[3] >= 0.0 else -quaternion, dtype=np.float64)
 
 
-def up_vector(world_up: str) -> Array:
-    """The unit vector, (3,), of an axis name such as `z` or `-y`."""
+def up_vector(world_up: str | Array) -> Array:
+    """The unit vector, (3,), of an axis name such as `z` or `-y`; a vector is returned as it is."""
+    if not isinstance(world_up, str):
+        return world_up
     vector = np.zeros(3)
     vector["xyz".index(world_up[-1])] = -1.0 if world_up.startswith("-") else 1.0
     return vector
 
 
-def planarise_camera(poses_world_camera: Array, world_up: str, mount: Mount | None) -> tuple[SE2, ...]:
+def planarise_camera(poses_world_camera: Array, world_up: str | Array, mount: Mount | None) -> tuple[SE2, ...]:
     """Camera-to-world poses as base poses relative to the first one: `pose_start_base`, the first the identity.
 
     poses_world_camera: (N, 4, 4), optical camera axes (x right, y down, z forward), metres. The heading is the
@@ -62,14 +64,16 @@ def upright_camera(poses_world_camera: Array, world_up: str, mount: Mount | None
     return poses
 
 
-def camera_attitudes(stamps_s: Array, poses_world_camera: Array, world_up: str) -> AttitudeTrack:
+def camera_attitudes(stamps_s: Array, poses_world_camera: Array, world_up: str | Array) -> AttitudeTrack:
     """Roll, pitch and rise of the lens from camera-to-world poses (N, 4, 4), optical camera axes."""
     up = up_vector(world_up)
     directions = np.einsum("nij,i->nj", poses_world_camera[:, :3, :3], up)
     return AttitudeTrack.of_up(stamps_s, directions, poses_world_camera[:, :3, 3] @ up)
 
 
-def base_attitudes(stamps_s: Array, poses_world_base: Array, world_up: str, mount: Mount) -> AttitudeTrack | None:
+def base_attitudes(
+    stamps_s: Array, poses_world_base: Array, world_up: str | Array, mount: Mount
+) -> AttitudeTrack | None:
     """Roll, pitch and rise of the lens from base-to-world poses (N, 4, 4), base axes; None where the base stays level
     and at one height."""
     up = up_vector(world_up)
@@ -80,12 +84,12 @@ def base_attitudes(stamps_s: Array, poses_world_base: Array, world_up: str, moun
     return AttitudeTrack.of_up(stamps_s, directions @ mount.rotation_base_optical(), heights)
 
 
-def planarise_base(poses_world_base: Array, world_up: str) -> tuple[SE2, ...]:
+def planarise_base(poses_world_base: Array, world_up: str | Array) -> tuple[SE2, ...]:
     """Base-to-world poses, (N, 4, 4), base axes as in REP-103, to `pose_start_base`."""
     return _from_first(_planar(poses_world_base, world_up, BASE_FORWARD))
 
 
-def _planar(poses: Array, world_up: str, forward_axis: tuple[float, float, float]) -> list[SE2]:
+def _planar(poses: Array, world_up: str | Array, forward_axis: tuple[float, float, float]) -> list[SE2]:
     up = up_vector(world_up)
     headings = poses[:, :3, :3] @ np.array(forward_axis)
     headings = headings - np.outer(headings @ up, up)

@@ -76,9 +76,9 @@ def parse_tum(data: bytes | str, path: str) -> Trajectory:
         raise OdometryError(f"{path}: {error}") from None
 
 
-def tum_rows(data: bytes, path: str, error: type[EdgemapError]) -> NDArray[np.float64]:
+def tum_rows(data: bytes, path: str, error: type[EdgemapError], table: NumberTable = TUM) -> NDArray[np.float64]:
     """The numbers of TUM text, (N, 8), quaternions scaled to length 1. Raises `error` with the line number."""
-    numbers, rows = TUM.parse(data, path, error)
+    numbers, rows = table.parse(data, path, error)
     norms = np.linalg.norm(rows[:, 4:], axis=1)
     wrong = np.flatnonzero(np.abs(norms - 1.0) > QUATERNION_TOLERANCE)
     if len(wrong):

@@ -1,3 +1,8 @@
 """Names of odometries by what their lengths depend on. No imports: the command line's help reads them."""
 
 PICTURE_ODOMETRIES = ("hybrid", "flow", "planar", "window")  # lengths are in proportion to the height of the lens
+
+
+def is_pose_file(spec: str) -> bool:
+    """Whether an odometry is poses in a file: FILE.tum, or FILE.txt as ORB-SLAM3 names them."""
+    return spec.endswith((".tum", ".txt")) and not spec.startswith("wheel:")

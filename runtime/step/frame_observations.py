@@ -56,7 +56,7 @@ class FrameObservations:
     @property
     def placed_by(self) -> Mount | None:
         """The mount by whose angles this frame's objects were placed; None where each frame has its own."""
-        measured = self.camera is None or self.attitude_source in ("depth", "truth")
+        measured = self.camera is None or self.attitude_source in ("depth", "truth", "poses")
         return None if measured or self.camera is None else self.camera.mount
 
     @property

@@ -16,8 +16,10 @@ from edgemap.runtime.frames.camera import Camera
 from edgemap.runtime.frames.faults import Fault
 from edgemap.runtime.frames.frame import Frame
 from edgemap.runtime.motion.attitude.open import open_attitude
+from edgemap.runtime.motion.attitude.sources import GivenAttitude
 from edgemap.runtime.motion.health import PictureHealth
 from edgemap.runtime.motion.odometry import open_odometry
+from edgemap.runtime.motion.odometry.judged import JudgedOdometry
 from edgemap.runtime.motion.odometry.protocol import Motion
 from edgemap.runtime.network.bundle import Bundle
 from edgemap.runtime.step.config import Config
@@ -116,7 +118,8 @@ class SlamOptions:
     odometry: a SPEC. wheels, imu: whether the source's own are used. clustering: default or paper. forgets: whether
     objects that have disappeared are removed from the map. mapped, confidence: the bundle's own where None.
     guessed_height: standard deviation of the mount's height as a share, where it is a guess: the map is saved with
-    the lengths of its estimate; 0 where it was given, or the odometry's lengths do not depend on it.
+    the lengths of its estimate; 0 where it was given, or the odometry's lengths do not depend on it. pose_frame: as of
+    `read_given`.
     """
 
     odometry: str = "hybrid"
@@ -128,6 +131,7 @@ class SlamOptions:
     mapped: Collection[str] | None = None
     confidence: float | None = None
     guessed_height: float = 0.0
+    pose_frame: str | None = None
 
 
 def build_slam(
@@ -137,14 +141,15 @@ def build_slam(
     options, config = options or SlamOptions(), config or Config()
     wheels, rules, health, tilt = options.wheels, config.odometry, config.health, config.attitude.check.tilt
     moving = bundle if options.odometry == "paper" else bundle.companion or bundle
-    odometry = open_odometry(options.odometry, moving, camera, floor, wheels, rules, health, tilt)
+    odometry = open_odometry(options.odometry, moving, camera, floor, wheels, rules, health, tilt, options.pose_frame)
+    attitude = open_attitude(options.odometry, camera, floor, options.imu, config.attitude, health, rules)
     pipeline = Pipeline(
         bundle,
         floor,
         odometry,
         rule=config.floor,
         mapped=options.mapped,
-        attitude=open_attitude(options.odometry, camera, floor, options.imu, config.attitude, health, rules),
+        attitude=GivenAttitude(odometry.attitude, attitude) if isinstance(odometry, JudgedOdometry) else attitude,
         confidence=options.confidence,
         health=config.health,
         rest=config.rest,

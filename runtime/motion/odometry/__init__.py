@@ -9,19 +9,23 @@ from edgemap.geometry.camera.mount_tilt import MountTiltRule
 from edgemap.geometry.odometry.keyframe_window import WindowRule
 from edgemap.runtime.frames.camera import Camera
 from edgemap.runtime.frames.errors import OdometryError
-from edgemap.runtime.frames.faults import Fault
-from edgemap.runtime.frames.trajectory import PoseTrack, TrackFile, read_tum
+from edgemap.runtime.frames.faults import Fault, FaultKind
+from edgemap.runtime.frames.trajectory import PoseTrack, TrackFile
+from edgemap.runtime.motion.given_poses import GivenPoses, read_given
 from edgemap.runtime.motion.health import HealthRule
+from edgemap.runtime.motion.judge import JudgeRule, MotionJudge
 from edgemap.runtime.motion.odometry.coasting import CoastingRule
 from edgemap.runtime.motion.odometry.corner_odometry import PlanarRule
 from edgemap.runtime.motion.odometry.gyro import GyroOdometry
 from edgemap.runtime.motion.odometry.hybrid import CAMERA, GYRO, WHEELS, HybridOdometry, HybridRule, Member
+from edgemap.runtime.motion.odometry.judged import JudgedOdometry
 from edgemap.runtime.motion.odometry.learned import LearnedOdometry
 from edgemap.runtime.motion.odometry.planar import PlanarOdometry
 from edgemap.runtime.motion.odometry.protocol import Motion, Odometry
 from edgemap.runtime.motion.odometry.recorded import WHEEL, DriftRate, RecordedOdometry
 from edgemap.runtime.motion.odometry.tracked import TrackedOdometry
 from edgemap.runtime.motion.odometry.window import WindowOdometry
+from edgemap.runtime.motion.odometry_names import is_pose_file
 from edgemap.runtime.network.bundle import Bundle
 from edgemap.runtime.network.manifest import Manifest
 
@@ -39,6 +43,7 @@ class OdometryRules:
     wheels: DriftRate = WHEEL
     hybrid: HybridRule = field(default_factory=HybridRule)
     coasting: CoastingRule = field(default_factory=CoastingRule)
+    judge: JudgeRule = field(default_factory=JudgeRule)  # of poses and wheels that carry the map
 
 
 def open_odometry(
@@ -50,18 +55,19 @@ def open_odometry(
     rules: OdometryRules | None = None,
     health: HealthRule | None = None,
     tilt: MountTiltRule | None = None,
+    pose_frame: str | None = None,
 ) -> Odometry:
     """The odometry that a name stands for: hybrid, paper, truth, wheel or FILE.tum; for experiments a member of the
     hybrid alone: flow, planar, window, gyro.
 
     wheels: whether the hybrid uses the source's wheels, where it has any. health: rule of its pictures. tilt: rule of
-    the camera's tilt about its mount. Raises OdometryError for one that is unknown or not available here.
+    the camera's tilt about its mount. pose_frame: as of `read_given`. Raises OdometryError for one that is unknown or
+    not available here.
     """
     rules = rules or OdometryRules()
     coasting = rules.coasting.of_unit(floor.mount.platform.unit_m)
     if spec == "hybrid":
-        members, warning = hybrid_members(bundle, camera, floor, wheels, rules, tilt)
-        return HybridOdometry(members, rules.hybrid, coasting, warning, health)
+        return _hybrid(bundle, camera, floor, wheels, rules, health, tilt)
     if spec == "gyro":
         return GyroOdometry()
     if spec == "window":
@@ -77,10 +83,36 @@ def open_odometry(
     if spec == "wheel":
         if camera.info.wheel is None:
             raise OdometryError(f"odometry wheel: {camera.info.name} brings no wheel odometry")
-        return _wheels(camera.info.wheel, rules)
-    if spec.endswith(".tum"):
-        return RecordedOdometry(read_tum(Path(spec)), spec, edge_s=POSES_EDGE_S)
+        wheel = _wheels(camera.info.wheel, rules)
+        beside = _hybrid(bundle, camera, floor, False, rules, health, tilt)
+        opened = wheel, wheel.trajectory, None
+        return JudgedOdometry(wheel.name, lambda _: opened, beside, MotionJudge(rules.judge), FaultKind.WHEELS_EXCLUDED)
+    if is_pose_file(spec):
+        file = read_given(Path(spec), floor.mount, pose_frame)
+        count, rate_hz = camera.info.frame_count, camera.info.rate_hz
+
+        def given(stamp_s: float) -> tuple[RecordedOdometry, PoseTrack, GivenPoses]:
+            last_s = stamp_s + (count - 1) / rate_hz if count and rate_hz else math.inf
+            poses = file.by_clock(spec, stamp_s, last_s)
+            return RecordedOdometry(poses.trajectory, spec, edge_s=POSES_EDGE_S), poses.trajectory, poses
+
+        beside = _hybrid(bundle, camera, floor, False, rules, health, tilt)
+        return JudgedOdometry(spec, given, beside, MotionJudge(rules.judge), FaultKind.POSES_EXCLUDED)
     raise OdometryError(f"odometry {spec!r} is not hybrid, paper, truth, wheel or FILE.tum")
+
+
+def _hybrid(
+    bundle: Bundle,
+    camera: Camera,
+    floor: FloorCamera,
+    wheels: bool,
+    rules: OdometryRules,
+    health: HealthRule | None,
+    tilt: MountTiltRule | None,
+) -> HybridOdometry:
+    members, warning = hybrid_members(bundle, camera, floor, wheels, rules, tilt)
+    coasting = rules.coasting.of_unit(floor.mount.platform.unit_m)
+    return HybridOdometry(members, rules.hybrid, coasting, warning, health)
 
 
 def _wheels(wheels: TrackFile | PoseTrack, rules: OdometryRules) -> RecordedOdometry:

@@ -68,7 +68,7 @@ class RecordedOdometry:
         self, trajectory: PoseTrack, name: str, drift: DriftRate | None = None, edge_s: float = EDGE_S
     ) -> None:
         self.name = name
-        self._trajectory = trajectory
+        self.trajectory = trajectory
         self._drift = drift or DriftRate()
         self._kind = FaultKind.WHEELS if self._drift.roughness_m else FaultKind.POSES
         self._edge_s = edge_s
@@ -118,7 +118,7 @@ class RecordedOdometry:
     def _pose(self, stamp_s: float) -> tuple[SE2 | None, str]:
         """The pose at a stamp, or why there is none."""
         try:
-            pose = self._trajectory.at(stamp_s, self._edge_s)
+            pose = self.trajectory.at(stamp_s, self._edge_s)
         except OdometryError as error:
             return None, str(error)
         if not np.isfinite(pose.vector()).all():
@@ -127,7 +127,7 @@ class RecordedOdometry:
 
     def _broken(self, stamp_s: float) -> str:
         """Why the samples of a step to a stamp are no valid motion (a hole or a jump); empty where they are."""
-        stamps, poses = self._trajectory.stamps_s, self._trajectory.poses
+        stamps, poses = self.trajectory.stamps_s, self.trajectory.poses
         if not math.isfinite(self._last_s):
             return ""
         first = max(int(np.searchsorted(stamps, self._last_s, side="right")) - 1, 0)

@@ -11,7 +11,7 @@ from edgemap.geometry.errors import EdgemapError
 from edgemap.geometry.map_object import MapObject
 from edgemap.geometry.objects.annotations import LEVELS, Annotations, Level, MapIdentity
 from edgemap.runtime.frames.errors import RunFolderError
-from edgemap.runtime.frames.faults import read_fault
+from edgemap.runtime.frames.faults import FaultKind, read_fault
 from edgemap.runtime.frames.reading import decode_json, error_line, printable, read_bytes
 from edgemap.runtime.motion.odometry_names import PICTURE_ODOMETRIES
 from edgemap.runtime.outputs.verdict.causes import CAUSES, Cause, cause_of
@@ -223,6 +223,25 @@ def _camera(run: _Run) -> Iterator[Finding]:
         yield Finding("care", CAUSES["rate"], f"{rate:.1f} pictures per second")
 
 
+CONTRADICTED = {
+    FaultKind.POSES_EXCLUDED: "the poses contradict the camera",
+    FaultKind.WHEELS_EXCLUDED: "the wheels contradict the camera",
+    FaultKind.POSES_CONVERTED: "the poses' axes, order or units were found out, not stated",
+    FaultKind.DEPTH_EXCLUDED: "depth contradicts the floor",
+    FaultKind.IMU_EXCLUDED: "the IMU was wrong for a time",
+}
+
+
+def _sources(run: _Run) -> Iterator[Finding]:
+    """Sensors and poses that contradict the camera: up to the fault that left them out, the map rests on them."""
+    carries = not str(run.record.get("odometry", "hybrid")).startswith("hybrid")
+    for kind, text in CONTRADICTED.items():
+        wheels = kind is FaultKind.WHEELS_EXCLUDED
+        if run.record.get("fault_kinds", {}).get(kind) and (carries or not wheels):
+            level: Level = "unreliable" if wheels or kind is FaultKind.POSES_EXCLUDED else "care"
+            yield Finding(level, CAUSES["sources"], text)
+
+
 def _objects(run: _Run) -> Iterator[Finding]:
     """How sure the map is of its own objects."""
     record, objects = run.record, run.objects
@@ -248,7 +267,7 @@ def _camera_faults(run: _Run) -> Iterator[Finding]:
 
 
 # Causes before what follows from them: what the camera shows and how it sits, then the motion, then the map.
-CHECKS = ((_pictures, _mount, _floor, _camera_faults), (_motion, _camera), (_objects,))
+CHECKS = ((_pictures, _mount, _floor, _camera_faults, _sources), (_motion, _camera), (_objects,))
 
 
 def is_doubtful(item: MapObject) -> bool:

@@ -1,0 +1,165 @@
+"""Judges a source of motion by the camera's own: delay, sign, axes, and scale of rotations and of lengths."""
+
+import cmath
+import math
+from collections import deque
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from edgemap.geometry.arrays import Array
+from edgemap.geometry.robust import CLEAR_SIGMAS, median_and_scatter
+from edgemap.geometry.se2 import SE2
+from edgemap.runtime.frames.timing import StreamTimer
+from edgemap.runtime.motion.trust import TrustRule
+
+EVERY_S = 1.0  # of stream, between two judgements; also the length of the blocks that are compared
+FEWEST = 4  # blocks with a clear motion
+OFTEN = 0.1  # share of steps of over a radian, from which on yaw is in degrees: wraps at pi are rare
+LAGS_S = np.arange(-1.2, 1.21, 0.05)  # delays that are tried
+
+Rows = NDArray[np.intp]
+Path = Callable[[Array], Array]  # poses x, y, yaw (N, 3) at stamps (N,): m, m, rad without wraps; NaN where unknown
+
+
+@dataclass(frozen=True, slots=True)
+class JudgeRule:
+    """When a source counts as wrong. Of 9 drives with true poses, the camera's yaw and length erred by up to 10 and 12
+    % for 20 s, its direction by 3 degrees, and the delay by 0.05 s; correlations stayed above 0.96.
+    """
+
+    span_s: float = 20.0  # of the newest motion, that is judged
+    sigma: float = 0.04  # standard deviation of the camera's scale, of lengths and of rotations, relative
+    turned_rad: float = math.radians(15.0)  # between the direction of motion of both; a mount states no yaw
+    lag_s: float = 0.08  # a longer delay is one
+    follows: float = 0.5  # least squared correlation of two measurements of one motion
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Step:
+    """A step of the camera: its span in s, and its motion x, y, yaw (3,) with variances (3,)."""
+
+    from_s: float
+    to_s: float
+    motion: Array
+    variances: Array
+
+
+class MotionJudge:
+    """Call `add` with every step of the camera and `judge` with the source's path; the same for every kind of source.
+
+    lengths: whether the source measures lengths, or yaw alone.
+    """
+
+    def __init__(self, rule: JudgeRule | None = None, least: tuple[float, float] = TrustRule().least) -> None:
+        """least: yaw in rad and length in m of a block that counts."""
+        self._rule, (self._least_rad, self._least_m) = rule or JudgeRule(), least
+        self._steps, self._timer = deque[Step](), StreamTimer(EVERY_S)
+
+    def add(self, from_s: float, to_s: float, moved: tuple[SE2, Array] | None) -> bool:
+        """A step of the camera: its motion and covariance (3, 3), None where it was not measured. Returns whether it is
+        time to judge."""
+        if moved is not None and math.isfinite(from_s):
+            self._steps.append(Step(from_s, to_s, moved[0].vector(), np.diag(moved[1])))
+        while self._steps and self._steps[0].from_s < to_s - self._rule.span_s:
+            self._steps.popleft()
+        return self._timer.due(to_s)
+
+    def judge(self, path: Path, lengths: bool = True) -> str:
+        """What is wrong with a source, in words; empty where nothing is, or nothing can be said yet."""
+        if len(self._steps) < 2:
+            return ""
+        spans = np.array([(step.from_s, step.to_s) for step in self._steps])
+        seen = np.array([step.motion for step in self._steps])
+        variances = np.array([step.variances for step in self._steps])
+        given = _between(path, spans, 0.0)
+        known = np.isfinite(given).all(axis=1)
+        spans, seen, given, variances = spans[known], seen[known], given[known], variances[known]
+        if len(spans) < 2:
+            return ""
+        block = np.unique(np.floor(spans[:, 1] / EVERY_S), return_inverse=True)[1]
+        wrong = self._yaw(path, spans, seen, given, variances, block)
+        return wrong or (self._length(seen, given, variances, block) if lengths else "")
+
+    def _yaw(self, path: Path, spans: Array, seen: Array, given: Array, variances: Array, block: Rows) -> str:
+        clear, turns = _blocks(block, np.abs(seen[:, 2]), variances[:, 2], self._least_rad)
+        if turns < FEWEST:
+            return ""
+        match = [_correlation(seen[:, 2], _between(path, spans, lag_s)[:, 2]) for lag_s in LAGS_S]
+        here = _correlation(seen[:, 2], given[:, 2])
+        best = int(np.argmax(match))
+        if match[best] > self._rule.follows and abs(LAGS_S[best]) > self._rule.lag_s and match[best] > here:
+            late = "late" if LAGS_S[best] > 0.0 else "early"
+            return f"it is {abs(LAGS_S[best]):.2f} s {late} against the pictures"
+        if abs(here) < self._rule.follows:
+            return f"its yaw does not follow the camera's (correlation {here:.2f})"
+        return self._ratio("yaw", given[:, 2], seen[:, 2], clear, block, UNITS_OF_YAW)
+
+    def _length(self, seen: Array, given: Array, variances: Array, block: Rows) -> str:
+        ahead, other = seen[:, 0] + 1j * seen[:, 1], given[:, 0] + 1j * given[:, 1]
+        clear, moves = _blocks(block, np.abs(ahead), variances[:, 0], self._least_m)
+        if moves < FEWEST:
+            return ""
+        product = complex(np.vdot(ahead, other))
+        power, given_power = (float(np.vdot(some, some).real) for some in (ahead, other))
+        if given_power < 1e-4 * power:
+            return "it says that the robot stands while the camera moves"
+        if abs(product) ** 2 < self._rule.follows * power * given_power:
+            return "its motion does not follow the camera's: are its axes x forward, y left, z up?"
+        if abs(angle := cmath.phase(product)) > self._rule.turned_rad:
+            return f"its axes are turned by {math.degrees(angle):.0f} deg against the camera's motion"
+        along = (ahead.conj() * other).real / np.maximum(np.abs(ahead), 1e-9)
+        return self._ratio("length", along, np.abs(ahead), clear, block, UNITS_OF_LENGTH)
+
+    def _ratio(self, name: str, given: Array, seen: Array, clear: Rows, block: Rows, units: dict[str, float]) -> str:
+        """Whether a quantity's sums over the clear blocks have the same size."""
+        ratios = np.array([given[block == one].sum() / seen[block == one].sum() for one in clear])
+        middle, scatter = map(float, median_and_scatter(ratios))
+        sigma = math.hypot(self._rule.sigma, scatter / (max(abs(middle), 1e-3) * math.sqrt(len(ratios))))
+        if middle > 0.0 and abs(math.log(middle)) < CLEAR_SIGMAS * sigma:
+            return ""
+        likely = (unit for unit, size in units.items() if abs(middle / size - 1.0) < CLEAR_SIGMAS * sigma)
+        meant = "".join(f" ({unit}?)" for unit in likely)
+        return f"its {name} is {100.0 * middle:.0f} % of what the camera measures{meant}"
+
+
+UNITS_OF_YAW = {"degrees": math.degrees(1.0), "the sign is reversed": -1.0}
+UNITS_OF_LENGTH = {"millimetres": 1000.0, "centimetres": 100.0, "kilometres": 0.001}
+
+
+def _between(path: Path, spans: Array, lag_s: float) -> Array:
+    """Motions x, y, yaw (N, 3) of a path over spans (N, 2) that are later by a lag, each in its own first frame."""
+    first, last = path(spans[:, 0] + lag_s), path(spans[:, 1] + lag_s)
+    moved = last - first
+    c, s = np.cos(first[:, 2]), np.sin(first[:, 2])
+    return np.column_stack([c * moved[:, 0] + s * moved[:, 1], c * moved[:, 1] - s * moved[:, 0], moved[:, 2]])
+
+
+def _correlation(one: Array, other: Array) -> float:
+    """Their product over their sizes, squared, with its sign; of what is known of both."""
+    known = np.isfinite(other)
+    one, other = one[known], other[known]
+    if known.mean() < 0.5:
+        return 0.0
+    product, power = float(one @ other), float(one @ one) * float(other @ other)
+    return math.copysign(product**2 / power, product) if power > 0.0 else 0.0
+
+
+def _blocks(block: Rows, size: Array, variance: Array, least: float) -> tuple[Rows, int]:
+    """The blocks in which a quantity is clear, and how many they are."""
+    sums, noise = np.bincount(block, size), np.sqrt(np.bincount(block, variance))
+    clear = np.flatnonzero(sums > np.maximum(least, CLEAR_SIGMAS * noise))
+    return clear, len(clear)
+
+
+def path_of(stamps_s: Array, poses: Array) -> Path:
+    """The path through poses (N, 3) at increasing stamps (N,), linear between them; unknown outside."""
+    degrees = len(poses) > 1 and float(np.mean(np.abs(np.diff(poses[:, 2])) > 1.0)) > OFTEN
+    unwrapped = np.column_stack([poses[:, :2], np.unwrap(poses[:, 2], period=360.0 if degrees else math.tau)])
+
+    def path(at_s: Array) -> Array:
+        return np.column_stack([np.interp(at_s, stamps_s, values, np.nan, np.nan) for values in unwrapped.T])
+
+    return path

@@ -1,0 +1,105 @@
+"""Poses that carry the map, judged by the camera's own motion, which takes their place where they are wrong."""
+
+import math
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+
+from edgemap.geometry.camera.attitude import Attitude
+from edgemap.runtime.frames.faults import Fault, FaultKind
+from edgemap.runtime.frames.frame import Frame
+from edgemap.runtime.frames.trajectory import PoseTrack
+from edgemap.runtime.motion.given_poses import GivenPoses
+from edgemap.runtime.motion.judge import MotionJudge, path_of
+from edgemap.runtime.motion.odometry.hybrid import HybridOdometry
+from edgemap.runtime.motion.odometry.protocol import NO_PRIOR, FramePrior, Motion
+from edgemap.runtime.motion.odometry.recorded import RecordedOdometry
+from edgemap.runtime.network.network import Tensors
+
+
+class JudgedOdometry:
+    """The given motion, until the camera's contradicts it; from then on the camera's.
+
+    open_poses: makes the given odometry at the first frame's stamp, with the file's attitudes where there are any.
+    kind: of the fault that leaves the source out.
+    """
+
+    needs_features = False
+
+    def __init__(
+        self,
+        name: str,
+        open_poses: Callable[[float], tuple[RecordedOdometry, PoseTrack, GivenPoses | None]],
+        camera: HybridOdometry,
+        judge: MotionJudge,
+        kind: FaultKind,
+    ) -> None:
+        self.name, self._open, self._camera, self._judge, self._kind = name, open_poses, camera, judge, kind
+        self._opened: tuple[RecordedOdometry, PoseTrack, GivenPoses | None] | None = None
+        self._wrong, self._news = False, list[Fault]()
+        self._last_s = -math.inf
+
+    def attitude(self, stamp_s: float) -> Attitude | None:
+        """The camera's attitude by poses of six dimensions; None where they have three, or are wrong."""
+        given = self._given(stamp_s)[2]
+        if self._wrong or given is None or given.attitudes is None:
+            return None
+        return given.attitudes.at(stamp_s, given.height_m)
+
+    def begin(self, frame: Frame, features: Tensors, prior: FramePrior = NO_PRIOR) -> None:
+        """Starts the camera's networks."""
+        self._camera.begin(frame, features, prior)
+
+    def step(self, frame: Frame, features: Tensors, prior: FramePrior = NO_PRIOR) -> Motion:
+        """The given motion since the last frame, or the camera's."""
+        seen = self._camera.step(frame, features, prior)
+        given = self._given(frame.stamp_s)[0].step(frame, features, prior)
+        due, self._last_s = self._judge.add(self._last_s, frame.stamp_s, seen.moved()), frame.stamp_s
+        if due and not self._wrong:
+            self._judge_now(self._given(frame.stamp_s)[1])
+        return self._chosen(replace(given, rotation=seen.rotation), seen)
+
+    def step_blind(self, stamp_s: float, reason: Fault, attitude: Attitude | None = None) -> Motion:
+        """The given motion; it needs no picture."""
+        seen = self._camera.step_blind(stamp_s, reason, attitude)
+        self._last_s = -math.inf
+        return self._chosen(self._given(stamp_s)[0].step_blind(stamp_s, reason, attitude), seen)
+
+    def still(self, stamp_s: float, attitude: Attitude | None) -> bool | None:
+        """Whether the source that is used stands still."""
+        return (self._camera if self._wrong else self._given(stamp_s)[0]).still(stamp_s, attitude)
+
+    def rest(self, stamp_s: float) -> Motion:
+        """Both rest."""
+        self._given(stamp_s)[0].rest(stamp_s)
+        self._last_s = stamp_s
+        return self._camera.rest(stamp_s)
+
+    def reset(self, reason: str) -> None:
+        """Both start again."""
+        self._camera.reset(reason)
+        if self._opened is not None:
+            self._opened[0].reset(reason)
+        self._last_s = -math.inf
+
+    def _given(self, stamp_s: float) -> tuple[RecordedOdometry, PoseTrack, GivenPoses | None]:
+        if self._opened is None:
+            self._opened = self._open(stamp_s)
+            given = self._opened[2]
+            if given is not None and given.read_as:
+                text = f"odometry {self.name}: {', '.join(given.read_as)}: read as such, state it or convert the file"
+                self._news.append(Fault(FaultKind.POSES_CONVERTED, text))
+        return self._opened
+
+    def _judge_now(self, track: PoseTrack) -> None:
+        poses = np.array([pose.vector() for pose in track.poses]).reshape(-1, 3)
+        if wrong := self._judge.judge(path_of(track.stamps_s, poses)):
+            self._wrong = True
+            text = f"odometry {self.name}: {wrong}: left out, the camera's own motion is used"
+            self._news.append(Fault(self._kind, text))
+
+    def _chosen(self, given: Motion, seen: Motion) -> Motion:
+        """The motion that is used, with what there is to report."""
+        motion, news, self._news = seen if self._wrong else given, tuple(self._news), []
+        return replace(motion, faults=(*motion.faults, *news)) if news else motion

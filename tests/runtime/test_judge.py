@@ -1,0 +1,100 @@
+"""Poses, wheels and gyro that contradict the camera are named, and honest ones are not."""
+
+import math
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from edgemap.geometry.arrays import Array
+from edgemap.geometry.camera.mount import Mount
+from edgemap.geometry.se2 import SE2
+from edgemap.runtime.frames.errors import OdometryError
+from edgemap.runtime.motion.given_poses import read_given
+from edgemap.runtime.motion.judge import MotionJudge, path_of
+
+MOUNT = Mount.from_degrees(0.6, 11.5, forward_m=0.15)
+STAMPS_S = np.arange(0.0, 20.0, 0.1)
+
+
+def driven(random: np.random.Generator) -> Array:
+    """Poses (N, 3) of a robot that speeds up, slows down and turns both ways."""
+    yaw_rad = np.cumsum(0.06 * np.sin(STAMPS_S * random.uniform(0.5, 0.9)) + 0.02 * np.sin(3.0 * STAMPS_S))
+    step_m = 0.04 + 0.02 * np.sin(STAMPS_S)
+    return np.column_stack([np.cumsum(step_m * np.cos(yaw_rad)), np.cumsum(step_m * np.sin(yaw_rad)), yaw_rad])
+
+
+def judged(random: np.random.Generator, stamps_s: Array, poses: Array) -> str:
+    """What a judge says of poses, by a camera that errs by 3 % and a millimetre."""
+    seen, judge, path = [SE2(*pose) for pose in driven(random)], MotionJudge(), path_of(stamps_s, poses)
+    scale = random.uniform(0.97, 1.03, 3)
+    for at in range(1, len(seen)):
+        motion = (seen[at - 1].inverse() @ seen[at]).vector() * scale + random.normal(0.0, 0.001, 3)
+        step = SE2(*motion), np.diag([1e-5, 1e-5, 1e-6])
+        if judge.add(STAMPS_S[at - 1], STAMPS_S[at], step) and (wrong := judge.judge(path)):
+            return wrong
+    return ""
+
+
+@pytest.mark.parametrize(
+    ("lie", "named"),
+    [
+        (lambda t, p: (t, p), ""),
+        (lambda t, p: (t, p + [5.0, -3.0, 0.0]), ""),
+        (lambda t, p: (t, p * [0.5, 0.5, 1.0]), "its length is"),
+        (lambda t, p: (t, p * [1000.0, 1000.0, 1.0]), "millimetres"),
+        (lambda t, p: (t, p * [1.0, 1.0, math.degrees(1.0)]), "degrees"),
+        (lambda t, p: (t, p * [1.0, -1.0, -1.0]), "sign is reversed"),
+        (lambda t, p: (t, p + [0.0, 0.0, math.pi / 2]), "turned by -90 deg"),
+        (lambda t, p: (t + 0.1, p), "0.10 s late"),
+        (lambda t, p: (t + 0.9, p), "0.90 s late"),
+        (lambda t, p: (t - 0.3, p), "0.30 s early"),
+        (lambda t, p: (t, p * [1.0, 1.0, 0.0]), "yaw does not follow"),
+    ],
+)
+@pytest.mark.parametrize("seed", range(3))
+def test_a_lie_is_named_and_the_truth_is_not(lie, named: str, seed: int) -> None:
+    stamps_s, poses = lie(STAMPS_S, driven(np.random.default_rng(seed)))
+    said = judged(np.random.default_rng(seed), stamps_s, poses)
+    assert named in said if named else not said
+
+
+def written(path: Path, poses: Array, stamps: Array = STAMPS_S, w_first: bool = False) -> Path:
+    """A TUM file of poses (N, 4, 4)."""
+    quaternions = Rotation.from_matrix(poses[:, :3, :3]).as_quat()
+    quaternions = quaternions[:, [3, 0, 1, 2]] if w_first else quaternions
+    np.savetxt(path, np.column_stack([stamps, poses[:, :3, 3], quaternions]), "%.9f")
+    return path
+
+
+@pytest.mark.parametrize("w_first", [False, True])
+@pytest.mark.parametrize("kind", ["base", "camera, z up", "first camera"])
+def test_axes_order_and_unit_of_a_file_are_found_out(tmp_path: Path, kind: str, w_first: bool) -> None:
+    true = driven(np.random.default_rng(1))
+    poses = np.tile(np.eye(4), (len(true), 1, 1))
+    poses[:, :3, :3] = Rotation.from_rotvec(np.outer(true[:, 2], [0.0, 0.0, 1.0])).as_matrix()
+    poses[:, :2, 3] = true[:, :2]
+    lens = np.eye(4)
+    lens[:3, :3], lens[:3, 3] = MOUNT.rotation_base_optical(), MOUNT.position_base_m()
+    poses = poses if kind == "base" else poses @ lens
+    poses = np.linalg.inv(poses[0]) @ poses if kind == "first camera" else poses
+    given = read_given(written(tmp_path / "a.tum", poses, 1000.0 * STAMPS_S, w_first), MOUNT).by_clock("a", 0.0, 19.9)
+    assert len(given.read_as) == 1 + w_first + (kind != "base")
+    expected = [SE2(*true[0]).inverse() @ SE2(*pose) for pose in true]
+    np.testing.assert_allclose(
+        [pose.vector()[:2] for pose in given.trajectory.poses], [pose.vector()[:2] for pose in expected], atol=1e-4
+    )
+    np.testing.assert_allclose(given.trajectory.stamps_s, STAMPS_S)
+    if kind == "base":
+        assert given.attitudes is None
+    else:
+        assert given.attitudes is not None
+        assert given.attitudes.at(3.0, 0.6).pitch_rad == pytest.approx(MOUNT.pitch_rad, abs=1e-4)
+
+
+def test_poses_of_another_time_are_refused_with_both_spans(tmp_path: Path) -> None:
+    poses = np.tile(np.eye(4), (len(STAMPS_S), 1, 1))
+    file = read_given(written(tmp_path / "a.tum", poses, STAMPS_S + 500.0), MOUNT)
+    with pytest.raises(OdometryError, match=r"500\.000 to 519\.900 s, the pictures from 0\.000 to 9\.000 s"):
+        file.by_clock("a.tum", 0.0, 9.0)
