@@ -1,10 +1,8 @@
-"""Descriptions of options in the help, and the error for a wrong one."""
+"""Descriptions of options in the help."""
 
 from typing import Any
 
 import tyro
-
-from edgemap.geometry.errors import EdgemapError
 
 
 def arg(**options: Any) -> Any:
@@ -31,9 +29,3 @@ def may_be_left_out(metavar: str, value: str) -> Any:
 
 def _default(value: str) -> str:
     return "" if value in ("", "None", "True", "False") else f"(default: {value})"
-
-
-class OptionError(EdgemapError):
-    """An option's value that cannot be used: wrong usage, which no repetition mends."""
-
-    exit_code = 2

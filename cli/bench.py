@@ -3,10 +3,11 @@
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
-from edgemap.cli.arguments import OptionError, arg
+from edgemap.cli.arguments import arg
 from edgemap.cli.groups import Source
 from edgemap.cli.network_options import NetworkOptions
 from edgemap.cli.options import Json, print_json
+from edgemap.runtime.frames.errors import UsageError
 
 
 def command(
@@ -51,11 +52,11 @@ def command(
     from edgemap.runtime.step.slam import SemanticSlam, build_slam
 
     if not 0.0 < seconds < 1e6:
-        raise OptionError(f"--seconds {seconds}: must be a positive number")
+        raise UsageError(f"--seconds {seconds}: must be a positive number")
     if not rate or not all(0.0 < hz < 1e4 for hz in rate):
-        raise OptionError(f"--rate {' '.join(f'{hz:g}' for hz in rate)}: must be positive numbers")
+        raise UsageError(f"--rate {' '.join(f'{hz:g}' for hz in rate)}: must be positive numbers")
     if soak is not None and not 0.0 < soak < 1e5:
-        raise OptionError(f"--soak {soak}: must be a positive number of minutes")
+        raise UsageError(f"--soak {soak}: must be a positive number of minutes")
     source.check()
     paced = network.load(source.camera, pace="camera")
 

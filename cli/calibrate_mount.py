@@ -3,9 +3,10 @@
 import math
 from typing import TYPE_CHECKING, Annotated, Any
 
-from edgemap.cli.arguments import OptionError, arg
+from edgemap.cli.arguments import arg
 from edgemap.cli.calibrate_options import BoardText, MountCalibrationOptions, read_board
 from edgemap.cli.options import Topics
+from edgemap.runtime.frames.errors import UsageError
 
 if TYPE_CHECKING:
     from edgemap.geometry.camera.intrinsics import Intrinsics
@@ -85,7 +86,7 @@ def _by_room(
         _compare_gravity(fit.mount, up)
         return lens, (_with_lever_arm(fit.mount, prior), fit.record())
     if height is None and not rolls:
-        raise OptionError(
+        raise UsageError(
             f"{calibration.camera} has neither depth nor wheels to measure the height: pass --height METRES"
         )
     return lens, _by_edges(calibration, lens, prior, height, topics, up)

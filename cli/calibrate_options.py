@@ -7,9 +7,10 @@ from pathlib import Path
 from time import monotonic
 from typing import TYPE_CHECKING, Annotated, Any
 
-from edgemap.cli.arguments import OptionError, arg
+from edgemap.cli.arguments import arg
 from edgemap.cli.camera_options import CameraFile, CameraSpec, IntrinsicsText, known_lens, open_described
 from edgemap.cli.options import at_least, sensor_topics
+from edgemap.runtime.frames.errors import UsageError
 
 if TYPE_CHECKING:
     from edgemap.calibrate.board import Board, BoardView
@@ -39,11 +40,11 @@ class CalibrationOptions:
     camera_file: CameraFile = None
 
     def check(self) -> None:
-        """Refuses to write over a file that is not the one being completed. Raises OptionError."""
+        """Refuses to write over a file that is not the one being completed. Raises UsageError."""
         at_least(1, frames=self.frames)
         out, known = self.out, self.camera_file
         if out.exists() and (known is None or out.resolve() != known.resolve()):
-            raise OptionError(f"{out} exists already; choose another --out, or complete it: --camera-file {out}")
+            raise UsageError(f"{out} exists already; choose another --out, or complete it: --camera-file {out}")
 
     def open(self, topics: str | None = None) -> "Camera":
         """The camera, described by the camera file where there is one. topics: text of `--topics`."""
@@ -94,7 +95,7 @@ class MountCalibrationOptions(CalibrationOptions):
     intrinsics: IntrinsicsText = None
 
     def lens(self, source: "Camera") -> "Intrinsics":
-        """By flag, camera file or source. Raises OptionError."""
+        """By flag, camera file or source. Raises UsageError."""
         return known_lens(source, self.intrinsics)
 
     def tilt(self, source: "Camera", lens: "Intrinsics") -> "TiltFit":
@@ -117,10 +118,10 @@ class MountCalibrationOptions(CalibrationOptions):
 
 
 def read_board(text: str, square_m: float = 1.0) -> "Board":
-    """`--board 9x6`. Raises OptionError."""
+    """`--board 9x6`. Raises UsageError."""
     from edgemap.calibrate.board import Board
 
     found = re.fullmatch(r"(\d{1,4})[x×](\d{1,4})", text.strip())
     if found is None:
-        raise OptionError(f"--board {text!r}: expected COLSxROWS, like 9x6")
+        raise UsageError(f"--board {text!r}: expected COLSxROWS, like 9x6")
     return Board(int(found[1]), int(found[2]), square_m)

@@ -3,8 +3,9 @@
 import math
 from typing import Annotated
 
-from edgemap.cli.arguments import OptionError, arg
+from edgemap.cli.arguments import arg
 from edgemap.cli.calibrate_options import MountCalibrationOptions
+from edgemap.runtime.frames.errors import UsageError
 
 
 def command(
@@ -26,7 +27,7 @@ def command(
     with calibration.open() as source:
         lens = calibration.lens(source)
         if height is None and source.info.mount is None:
-            raise OptionError(f"{source.info.name} does not know its height above the floor: pass --height METRES")
+            raise UsageError(f"{source.info.name} does not know its height above the floor: pass --height METRES")
         prior = source.info.mount or Mount(height or 1.0)
         fit = calibration.tilt(source, lens)
     mount = replace(prior, height_m=height or prior.height_m, pitch_rad=fit.pitch_rad, roll_rad=fit.roll_rad)

@@ -4,7 +4,8 @@ from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
-from edgemap.cli.arguments import OptionError, arg
+from edgemap.cli.arguments import arg
+from edgemap.runtime.frames.errors import UsageError
 from edgemap.runtime.frames.option_texts import numbers
 
 if TYPE_CHECKING:
@@ -48,21 +49,21 @@ CameraFile = Annotated[
 
 
 def read_mount_numbers(text: str | None) -> tuple[float, float | None] | None:
-    """Height in metres and pitch in degrees of `--mount`, None for a pitch that is left out. Raises OptionError."""
+    """Height in metres and pitch in degrees of `--mount`, None for a pitch that is left out. Raises UsageError."""
     if text is None:
         return None
     try:
         height_m, pitch_deg = float(text), None
     except ValueError:
         if "," not in text:
-            raise OptionError(f"--mount {text!r}: expected HEIGHT_M or HEIGHT_M,PITCH_DEG (m, degrees)") from None
+            raise UsageError(f"--mount {text!r}: expected HEIGHT_M or HEIGHT_M,PITCH_DEG (m, degrees)") from None
         height_m, pitch_deg = numbers(text, "--mount", "HEIGHT_M,PITCH_DEG")
     _checked_mount(text, height_m, pitch_deg or 0.0)
     return height_m, pitch_deg
 
 
 def read_mount(text: str | None, prior: "Mount | None" = None) -> "Mount | None":
-    """Applies `--mount HEIGHT_M[,PITCH_DEG]` to a prior mount: what it does not name stays. Raises OptionError."""
+    """Applies `--mount HEIGHT_M[,PITCH_DEG]` to a prior mount: what it does not name stays. Raises UsageError."""
     from dataclasses import replace
 
     found = read_mount_numbers(text)
@@ -73,7 +74,7 @@ def read_mount(text: str | None, prior: "Mount | None" = None) -> "Mount | None"
         given = _checked_mount(text, height_m, pitch_deg)
         return given if prior is None else replace(prior, height_m=height_m, pitch_rad=given.pitch_rad)
     if prior is None:
-        raise OptionError(f"--mount {text!r}: the pitch is missing: pass HEIGHT_M,PITCH_DEG, or a camera file with it")
+        raise UsageError(f"--mount {text!r}: the pitch is missing: pass HEIGHT_M,PITCH_DEG, or a camera file with it")
     return replace(prior, height_m=height_m)
 
 
@@ -84,9 +85,9 @@ def _checked_mount(text: str, height_m: float, pitch_deg: float) -> "Mount":
     try:
         given = Mount.from_degrees(height_m, pitch_deg)
     except GeometryError as error:
-        raise OptionError(f"--mount {text!r}: {error}") from None
+        raise UsageError(f"--mount {text!r}: {error}") from None
     if not LOWEST_M <= given.height_m <= HIGHEST_M:
-        raise OptionError(
+        raise UsageError(
             f"--mount {text!r}: a lens {given.height_m:g} m above the floor, expected {LOWEST_M:g} to {HIGHEST_M:g} m "
             "(HEIGHT_M,PITCH_DEG: metres first)"
         )
@@ -94,7 +95,7 @@ def _checked_mount(text: str, height_m: float, pitch_deg: float) -> "Mount":
 
 
 def read_numbers_of_lens(text: str | None) -> list[float] | None:
-    """The four numbers of `--intrinsics FX,FY,CX,CY`. Raises OptionError."""
+    """The four numbers of `--intrinsics FX,FY,CX,CY`. Raises UsageError."""
     return None if text is None else numbers(text, "--intrinsics", "FX,FY,CX,CY")
 
 
@@ -110,9 +111,9 @@ def read_intrinsics(text: str | None, width: int, height: int) -> "Intrinsics | 
     try:
         given = Intrinsics(width, height, fx, fy, cx, cy)
     except GeometryError as error:
-        raise OptionError(f"--intrinsics {text!r}: {error}") from None
+        raise UsageError(f"--intrinsics {text!r}: {error}") from None
     if given.off_picture:
-        raise OptionError(
+        raise UsageError(
             f"--intrinsics {text!r}: the principal point {cx:g},{cy:g} is outside the picture of {width}x{height} px "
             "(FX,FY,CX,CY: focal lengths first)"
         )
@@ -156,27 +157,27 @@ def open_described(spec: str, camera_file: Path | None, how: "CameraOptions | No
 
 
 def known_lens(camera: "Camera", intrinsics: str | None) -> "Intrinsics":
-    """The lens by flag, camera file or source, in this order. Raises OptionError for none, or one of another size."""
+    """The lens by flag, camera file or source, in this order. Raises UsageError for none, or one of another size."""
     lens = read_intrinsics(intrinsics, *camera.info.size) or camera.info.intrinsics
     if lens is None:
-        raise OptionError(
+        raise UsageError(
             f"{camera.info.name} does not know its lens: pass --intrinsics FX,FY,CX,CY (pixels) or "
             "--camera-file camera.yaml (edgemap run writes one with a guessed lens into its folder)"
         )
     if (lens.width, lens.height) != tuple(camera.info.size):
         size = f"{camera.info.size[0]}x{camera.info.size[1]}"
-        raise OptionError(f"{camera.info.name} delivers {size} px, the lens given is for {lens.width}x{lens.height} px")
+        raise UsageError(f"{camera.info.name} delivers {size} px, the lens given is for {lens.width}x{lens.height} px")
     if intrinsics is None and lens.doubt:
         _warn(f"the lens of {camera.info.name}: {lens.doubt}")
     return lens
 
 
 def lens_and_mount(camera: "Camera", intrinsics: str | None, mount: str | None) -> "tuple[Intrinsics, Mount]":
-    """Intrinsics and mount of a run: flags override the camera file, which overrides the source. Raises OptionError."""
+    """Intrinsics and mount of a run: flags override the camera file, which overrides the source. Raises UsageError."""
     from edgemap.runtime.inputs.drives.drive import ridden
 
     lens = known_lens(camera, intrinsics)
     camera_mount = ridden(camera.info.name.partition(":")[0], read_mount(mount, camera.info.mount))
     if camera_mount is None:
-        raise OptionError(f"{camera.info.name} does not know how it is mounted: {HOW_TO_MEASURE}")
+        raise UsageError(f"{camera.info.name} does not know how it is mounted: {HOW_TO_MEASURE}")
     return lens, camera_mount

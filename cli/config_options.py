@@ -5,7 +5,7 @@ from collections.abc import Callable
 from dataclasses import is_dataclass
 from typing import Any, get_type_hints
 
-from edgemap.cli.arguments import OptionError
+from edgemap.runtime.frames.errors import UsageError
 from edgemap.runtime.frames.reading import without_secrets
 
 OWN = ("config", "config-options")
@@ -16,13 +16,13 @@ def config_arguments(argv: list[str], command: Callable[..., Any]) -> list[str]:
     """An argument list with the options of its `--config FILE` before the typed ones, which take precedence.
 
     Without `--config-options` a file sets tuned parameters only, and its options are reported as unused. command: whose
-    flags they are. Raises OptionError for an option that the command does not have and for `--config-options` alone,
+    flags they are. Raises UsageError for an option that the command does not have and for `--config-options` alone,
     ConfigError for the file.
     """
     path = _value_of("--config", argv)
     if path is None:
         if "--config-options" in argv:
-            raise OptionError("--config-options: whose? Give the file, or a run's folder, with --config FILE")
+            raise UsageError("--config-options: whose? Give the file, or a run's folder, with --config FILE")
         return argv
     from edgemap.runtime.frames.reading import print_message, user_path
     from edgemap.runtime.step.config import load_options
@@ -38,7 +38,7 @@ def config_arguments(argv: list[str], command: Callable[..., Any]) -> list[str]:
     for name, value in options.items():
         flag = str(name).replace("_", "-")
         if flag not in flags or flag in OWN:
-            raise OptionError(f"{path}: options: {name} is not an option of edgemap run")
+            raise UsageError(f"{path}: options: {name} is not an option of edgemap run")
         default, spellings = flags[flag]
         if spellings & {word.partition("=")[0] for word in argv}:
             continue
@@ -76,13 +76,13 @@ def _words(flag: str, value: Any, default: Any, where: str) -> list[str]:
     if default is VALUE_MAY_LACK and isinstance(value, bool):
         return [f"--{flag}"] if value else []
     if isinstance(default, bool) != isinstance(value, bool):
-        raise OptionError(f"{where} is {value!r}, not {'true or false' if isinstance(default, bool) else 'a value'}")
+        raise UsageError(f"{where} is {value!r}, not {'true or false' if isinstance(default, bool) else 'a value'}")
     if isinstance(value, bool):
         return [] if value is default else [f"--{flag}" if value else f"--no-{flag}"]
     if isinstance(value, str) and "***" in without_secrets(value):
-        raise OptionError(f"{where}: its password is not recorded: type --{flag} again")
+        raise UsageError(f"{where}: its password is not recorded: type --{flag} again")
     if not isinstance(value, str | int | float) or not str(value).isprintable():
-        raise OptionError(f"{where} is not one printable value")
+        raise UsageError(f"{where} is not one printable value")
     return [f"--{flag}", str(value)]
 
 

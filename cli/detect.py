@@ -45,15 +45,15 @@ def command(
     them when it stands on the floor by the rule of `run`, whose maps leave out people, pets and what is far. Without
     --intrinsics or a camera file a lens of 60 degrees across is assumed, and the output states it.
     """
-    from edgemap.cli.arguments import OptionError
     from edgemap.geometry.observations.sighting import sightings_of
+    from edgemap.runtime.frames.errors import UsageError
     from edgemap.runtime.inputs.drives.pictures import list_pictures, read_picture
     from edgemap.runtime.network.decode import Decoder, Detector
     from edgemap.runtime.network.preprocess import floor_mask
     from edgemap.runtime.step.overlay import draw_floor_mask
 
     if not images:
-        raise OptionError("no pictures given: edgemap detect PICTURE... or a folder of them")
+        raise UsageError("no pictures given: edgemap detect PICTURE... or a folder of them")
     optics.check()
     images = tuple(path for given in images for path in (list_pictures(given) if given.is_dir() else (given,)))
     loaded = network.load(str(images[0]))
@@ -156,9 +156,9 @@ def _floor_camera(width: int, height: int, optics: Optics) -> "tuple[FloorCamera
         focal = width / 2.0 * 3.0**0.5
         lens = Intrinsics(width, height, focal, focal, (width - 1) / 2.0, (height - 1) / 2.0)
     if (lens.width, lens.height) != (width, height):
-        from edgemap.cli.arguments import OptionError
+        from edgemap.runtime.frames.errors import UsageError
 
-        raise OptionError(f"the picture is {width}x{height} px, the camera file says {lens.width}x{lens.height}")
+        raise UsageError(f"the picture is {width}x{height} px, the camera file says {lens.width}x{lens.height}")
     return FloorCamera(lens, camera_mount), guessed
 
 

@@ -3,9 +3,10 @@
 from pathlib import Path
 from typing import Annotated, Any
 
-from edgemap.cli.arguments import OptionError, arg
+from edgemap.cli.arguments import arg
 from edgemap.cli.network_options import NetworkOptions
 from edgemap.cli.options import Json, at_least, figure, in_unit, print_json
+from edgemap.runtime.frames.errors import UsageError
 
 
 def command(
@@ -56,7 +57,7 @@ def command(
     if classes is not None:
         chosen = {name.strip() for name in classes.split(",") if name.strip()}
         if not chosen or chosen - set(number):
-            raise OptionError(f"--classes {classes!r}: the bundle knows {', '.join(loaded.names)}")
+            raise UsageError(f"--classes {classes!r}: the bundle knows {', '.join(loaded.names)}")
         number = {name: index for name, index in number.items() if name in chosen}
     pictures, shown, unknown = [], [], 0
     mistakes = None

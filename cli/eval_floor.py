@@ -2,9 +2,10 @@
 
 from typing import TYPE_CHECKING, Annotated, Any
 
-from edgemap.cli.arguments import OptionError, arg
+from edgemap.cli.arguments import arg
 from edgemap.cli.network_options import NetworkOptions
 from edgemap.cli.options import Json, at_least, figure, print_json
+from edgemap.runtime.frames.errors import UsageError
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -43,14 +44,14 @@ def command(
     at_least(1, frames=frames)
     kind, colon, name = data.partition(":")
     if not colon or kind not in ("floor", "drive"):
-        raise OptionError(f"--data {data}: expected floor:DIR or drive:DIR")
+        raise UsageError(f"--data {data}: expected floor:DIR or drive:DIR")
     folder = user_path(name)
     pairs = floor_pairs(folder)[:frames]
     camera = _camera(folder)
     loaded = network.load(data)
     spec = loaded.manifest.detector.floor
     if spec is None:
-        raise OptionError(f"bundle {loaded.manifest.name} has no floor head (edgemap train floor makes one)")
+        raise UsageError(f"bundle {loaded.manifest.name} has no floor head (edgemap train floor makes one)")
     score, detectors = FloorScore(), dict[tuple[int, int], Detector]()
     for picture, labels in tqdm(pairs, unit=" pictures", disable=json or None):
         image = read_picture(picture)

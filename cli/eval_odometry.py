@@ -6,10 +6,11 @@ from typing import Annotated, Any
 
 import tyro
 
-from edgemap.cli.arguments import OptionError, arg
+from edgemap.cli.arguments import arg
 from edgemap.cli.camera_options import MountText, read_mount
 from edgemap.cli.network_options import NetworkOptions
 from edgemap.cli.options import ConfigFile, Json, WithoutDepth, WithoutImu, at_least, print_json
+from edgemap.runtime.frames.errors import UsageError
 
 Repeated = tyro.conf.UseAppendAction[tuple[tuple[str, ...], ...]]
 DEFAULT_DATA = (("demo",),)
@@ -72,17 +73,17 @@ def command(
 
     at_least(1, every=every, frames=frames)
     if first < 0:
-        raise OptionError(f"--from {first}: must be 0 or more")
+        raise UsageError(f"--from {first}: must be 0 or more")
     selection = Selection(
         first, every, frames, _lengths(segments), not without_wheels, not without_imu, not without_depth,
         read_mount(mount), load_config(config) if config else Config(),
     )  # fmt: skip
     specs = [spec for several in data or DEFAULT_DATA for spec in several]
     if not specs:
-        raise OptionError("--data: expected at least one demo, KIND:DIR, sim:SEED or FILE.mcap")
+        raise UsageError("--data: expected at least one demo, KIND:DIR, sim:SEED or FILE.mcap")
     names = sequence_names(specs)
     if repeated := next((name for name in names if names.count(name) > 1), None):
-        raise OptionError(f"--data {repeated} is given twice")
+        raise UsageError(f"--data {repeated} is given twice")
     loaded = network.load(*specs)
     needed = None if frames is None else first + (frames - 1) * every + 1
     drives: dict[str, ScoredDrive] = {}
@@ -120,7 +121,7 @@ def _lengths(text: str | None) -> tuple[float, ...] | None:
     except ValueError:
         lengths = ()
     if not lengths or not all(0.0 < length < float("inf") for length in lengths):
-        raise OptionError(f"--segments {text!r}: expected lengths in metres above 0, L,L,…")
+        raise UsageError(f"--segments {text!r}: expected lengths in metres above 0, L,L,…")
     return lengths
 
 

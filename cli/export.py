@@ -5,7 +5,8 @@ from typing import Annotated, Any
 
 import tyro
 
-from edgemap.cli.arguments import OptionError, arg
+from edgemap.cli.arguments import arg
+from edgemap.runtime.frames.errors import UsageError
 
 
 def command(
@@ -78,20 +79,20 @@ def command(
     from edgemap.runtime.network.manifest_file import read_manifest
 
     if int8 and calibrate is None:
-        raise OptionError("--int8 needs pictures: --calibrate DIR")
+        raise UsageError("--int8 needs pictures: --calibrate DIR")
     if calibrate is not None and not int8:
-        raise OptionError(f"--calibrate {calibrate} is for --int8")
+        raise UsageError(f"--calibrate {calibrate} is for --int8")
     heads = list(head)
     if checkpoint is not None and is_detector(checkpoint):
         if backbone is not None:
-            raise OptionError(f"{checkpoint} is a detector itself: --backbone {backbone} does not go with it")
+            raise UsageError(f"{checkpoint} is a detector itself: --backbone {backbone} does not go with it")
         backbone = str(checkpoint)
     elif checkpoint is not None:
         heads.insert(0, checkpoint)
         named = load_floor(checkpoint) if is_floor(checkpoint) else load_head(checkpoint)
         backbone = backbone or named.backbone
     if backbone is None:
-        raise OptionError("what to export? edgemap export CHECKPOINT -o DIR, or edgemap export --backbone NAME -o DIR")
+        raise UsageError("what to export? edgemap export CHECKPOINT -o DIR, or edgemap export --backbone NAME -o DIR")
     export_backbone(
         backbone,
         output,

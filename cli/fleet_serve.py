@@ -6,7 +6,8 @@ from typing import Annotated
 
 import tyro
 
-from edgemap.cli.arguments import OptionError, arg
+from edgemap.cli.arguments import arg
+from edgemap.runtime.frames.errors import UsageError
 
 
 def command(
@@ -34,7 +35,7 @@ def command(
 
     need("fleet", "edgemap fleet serve")  # before the folder is made
     if not 0.1 <= every <= 3600.0:
-        raise OptionError(f"--every {every:g}: 0.1 to 3600 s")
+        raise UsageError(f"--every {every:g}: 0.1 to 3600 s")
     name, router = place_and_address(place, "PLACE")
     local = "" if "@" in place else zenoh_address(listen, "--listen")
     with stop_on_signals() as stop:

@@ -5,7 +5,7 @@ options name. No heavy imports here.
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Annotated, Literal
 
-from edgemap.cli.arguments import OptionError, arg
+from edgemap.cli.arguments import arg
 from edgemap.cli.camera_options import (
     CameraFile,
     CameraSpec,
@@ -17,6 +17,7 @@ from edgemap.cli.camera_options import (
     read_numbers_of_lens,
 )
 from edgemap.cli.options import Confidence, WithoutImu, in_unit
+from edgemap.runtime.frames.errors import UsageError
 
 if TYPE_CHECKING:
     from edgemap.geometry.camera.floor import FloorCamera
@@ -34,12 +35,12 @@ class Optics:
     camera_file: CameraFile = None
 
     def check(self) -> None:
-        """Read the texts, before anything is opened. Raises OptionError."""
+        """Read the texts, before anything is opened. Raises UsageError."""
         read_mount_numbers(self.mount)
         read_numbers_of_lens(self.intrinsics)
 
     def floor_camera(self, source: "Camera") -> "FloorCamera":
-        """Intrinsics and mount: flags before the camera file, that before the source's own. Raises OptionError."""
+        """Intrinsics and mount: flags before the camera file, that before the source's own. Raises UsageError."""
         from edgemap.geometry.camera.floor import FloorCamera
         from edgemap.geometry.errors import GeometryError
 
@@ -49,7 +50,7 @@ class Optics:
         except GeometryError as error:
             if self.mount is None:
                 raise
-            raise OptionError(f"--mount {self.mount!r}: {error}") from None
+            raise UsageError(f"--mount {self.mount!r}: {error}") from None
 
 
 @dataclass(frozen=True)
@@ -88,7 +89,7 @@ class MotionOptions:
     without_imu: WithoutImu = False
 
     def check(self) -> None:
-        """Refuse a SPEC that names no odometry. Raises OptionError with the one that is meant."""
+        """Refuse a SPEC that names no odometry. Raises UsageError with the one that is meant."""
         from edgemap.runtime.motion.odometry_names import is_pose_file
 
         if self.odometry in ODOMETRIES or self.odometry.startswith("wheel:") or is_pose_file(self.odometry):
@@ -99,7 +100,7 @@ class MotionOptions:
         meant = "wheel:FILE.csv" if close == ["wheel"] else next(iter(close), None)
         hint = f"did you mean {meant}? Known are" if meant else "expected"
         known = f"{', '.join(ODOMETRIES)}, wheel:FILE.csv|.mcap or FILE.tum"
-        raise OptionError(f"--odometry {self.odometry!r}: {hint} {known}")
+        raise UsageError(f"--odometry {self.odometry!r}: {hint} {known}")
 
 
 @dataclass(frozen=True)
@@ -120,5 +121,5 @@ class MappingOptions:
     ] = True
 
     def check(self) -> None:
-        """Raises OptionError for a score that none can have."""
+        """Raises UsageError for a score that none can have."""
         in_unit(confidence=self.confidence)

@@ -32,7 +32,7 @@ def floor_camera_of(camera: "Source", source: "Camera", bundle: "Bundle") -> "tu
     """Intrinsics and mount as given, or guessed where either is missing; a guess is printed with its uncertainty. The
     guess of an earlier run, in the camera file, is one still.
 
-    Raises OptionError, or CalibrationError where the pictures show no floor or an impossible mount.
+    Raises UsageError, or CalibrationError where the pictures show no floor or an impossible mount.
     """
     from edgemap.calibrate.guess import guess_camera
     from edgemap.calibrate.guess_upright import quarter_turns
@@ -60,7 +60,7 @@ def floor_camera_of(camera: "Source", source: "Camera", bundle: "Bundle") -> "tu
 
 def what_is_given(camera: "Source", source: "Camera") -> "tuple[Intrinsics | None, Mount | None, float | None, str]":
     """Lens and mount as given, None for what a run guesses; the height, where it alone is given; and in words what is
-    guessed, empty where nothing is. Raises OptionError."""
+    guessed, empty where nothing is. Raises UsageError."""
     from edgemap.cli.camera_options import read_intrinsics, read_mount, read_mount_numbers
 
     lens = read_intrinsics(camera.intrinsics, *source.info.size) or source.info.intrinsics

@@ -5,8 +5,9 @@ from typing import TYPE_CHECKING, Annotated
 
 import tyro
 
-from edgemap.cli.arguments import OptionError, arg
+from edgemap.cli.arguments import arg
 from edgemap.cli.options import Json
+from edgemap.runtime.frames.errors import UsageError
 from edgemap.runtime.frames.option_texts import numbers
 
 if TYPE_CHECKING:
@@ -46,7 +47,7 @@ def command(
 
     for name, value in (("standoff", standoff), ("robot-radius", robot_radius)):
         if not 0.0 < value <= 10.0:
-            raise OptionError(f"--{name} {value:g}: must be above 0 and at most 10 m")
+            raise UsageError(f"--{name} {value:g}: must be above 0 and at most 10 m")
     path = saved_map(map)
     (objects, _), grid = load_annotated_map(path), load_grid(path)
     robot_m = numbers(near, "--near", "X,Y") if near else None
@@ -67,22 +68,22 @@ def command(
 
 
 def _chosen(objects: "list[MapObject]", wanted: str | None, label: str | None, near_m: list[float]) -> "MapObject":
-    """The object that is meant. Raises OptionError."""
+    """The object that is meant. Raises UsageError."""
     from edgemap.geometry.objects.queries import nearest
     from edgemap.runtime.frames.option_texts import known_names
 
     if (wanted is None) == (label is None):
-        raise OptionError("give the object's ID, or --label L for the nearest of a class")
+        raise UsageError("give the object's ID, or --label L for the nearest of a class")
     if wanted is not None:
         found = [item for item in objects if wanted in (item.id, item.name)]
         if not found:
             names = [item.id for item in objects] + [item.name for item in objects if item.name]
-            raise OptionError(f"no object {wanted!r} on the map: {known_names([wanted], names, 'it has')}")
+            raise UsageError(f"no object {wanted!r} on the map: {known_names([wanted], names, 'it has')}")
         return found[0]
     found = nearest(objects, near_m, label, 1)
     if not found:
         hint = known_names([label or ""], [item.label for item in objects], "it has")
-        raise OptionError(f"--label {label}: no such object on the map; {hint}")
+        raise UsageError(f"--label {label}: no such object on the map; {hint}")
     return found[0][1]
 
 

@@ -5,7 +5,8 @@ from typing import Annotated, Literal
 
 import tyro
 
-from edgemap.cli.arguments import OptionError, arg
+from edgemap.cli.arguments import arg
+from edgemap.runtime.frames.errors import UsageError
 
 NAMES = {
     "geojson": "map.geojson", "nav2": "map.yaml", "nav2-vector": "vector_objects.yaml", "csv": "map.csv",
@@ -65,7 +66,7 @@ def command(
 
     for name, value in (("resolution", resolution), ("robot-width", robot_width)):
         if not 0.0 < value < 100.0:
-            raise OptionError(f"--{name} {value}: must be above 0 and below 100 m")
+            raise UsageError(f"--{name} {value}: must be above 0 and below 100 m")
     map = saved_map(map)
     (found, annotations), trajectory, floor = load_annotated_map(map), trajectory_of(map), load_grid(map)
     map_id = map_id or (annotations.identity.map_id if annotations.identity else "map")
@@ -84,7 +85,7 @@ def command(
         from edgemap.runtime.outputs.map_formats.nav2 import write_masks
 
         if keep_out is None and speed is None:
-            raise OptionError("--format nav2-masks needs --keep-out ZONE,… or --speed ZONE=PERCENT,…")
+            raise UsageError("--format nav2-masks needs --keep-out ZONE,… or --speed ZONE=PERCENT,…")
         written = write_masks(path, annotations.zones, _names(keep_out), _percentages(speed), resolution)
         print(f"masks of zones written to {' and '.join(str(one) for one in written)}")
         return
@@ -118,12 +119,12 @@ def _names(text: str | None) -> list[str]:
 
 
 def _percentages(text: str | None) -> dict[str, int]:
-    """`--speed A=50,B=20`. Raises OptionError."""
+    """`--speed A=50,B=20`. Raises UsageError."""
     found = {}
     for part in _names(text):
         name, equals, percent = part.rpartition("=")
         if not equals or not percent.isdecimal() or not 1 <= int(percent) <= 100:
-            raise OptionError(f"--speed {part!r}: expected ZONE=PERCENT with 1 to 100")
+            raise UsageError(f"--speed {part!r}: expected ZONE=PERCENT with 1 to 100")
         found[name.strip()] = int(percent)
     return found
 
@@ -137,12 +138,12 @@ def _target(source: Path, kind: str, out: Path | None) -> Path:
     if path.is_dir() or not path.suffix:
         path = path / NAMES[kind]
     if kind in ("png", "svg") and path.suffix.lower() != f".{kind}":
-        raise OptionError(f"--out {path}: --format {kind} writes files that end in .{kind}")
+        raise UsageError(f"--out {path}: --format {kind} writes files that end in .{kind}")
     if kind == "nav2":
         if path.suffix.lower() not in (".yaml", ".yml", ".pgm"):
-            raise OptionError(f"--out {path}: --format nav2 writes NAME.yaml and NAME.pgm")
+            raise UsageError(f"--out {path}: --format nav2 writes NAME.yaml and NAME.pgm")
         path = path.with_suffix(".yml" if path.suffix == ".yml" else ".yaml")
     if path.resolve() == (folder / "map.json").resolve() or path.resolve() == source.resolve():
-        raise OptionError(f"--out {path} is the map itself")
+        raise UsageError(f"--out {path} is the map itself")
     make_folder(path.parent)
     return path

@@ -5,7 +5,8 @@ from typing import TYPE_CHECKING, Annotated
 
 import tyro
 
-from edgemap.cli.arguments import OptionError, arg
+from edgemap.cli.arguments import arg
+from edgemap.runtime.frames.errors import UsageError
 
 if TYPE_CHECKING:
     from edgemap.geometry.registration.alignment import Alignment
@@ -35,7 +36,7 @@ def command(
     from edgemap.runtime.step.map_store import saved_map
 
     if len(maps) < 2:
-        raise OptionError(f"{len(maps)} map given: merging needs two or more")
+        raise UsageError(f"{len(maps)} map given: merging needs two or more")
     path = out if out.suffix == ".json" else out / "map.json"
     places = {str(number): saved_map(one) for number, one in enumerate(maps)}
     loaded = {number: load_annotated_map(place) for number, place in places.items()}

@@ -6,7 +6,8 @@ from typing import Annotated, Any
 
 import tyro
 
-from edgemap.cli.arguments import OptionError, arg
+from edgemap.cli.arguments import arg
+from edgemap.runtime.frames.errors import UsageError
 
 LARGEST = 3.0  # factor, and its inverse; beyond them a length was probably mistyped
 
@@ -38,15 +39,15 @@ def command(
     from edgemap.runtime.step.map_store import saved_map
 
     if (height is None) == (between is None):
-        raise OptionError("give one length: --height HEIGHT_M or --between ID,ID,M")
+        raise UsageError("give one length: --height HEIGHT_M or --between ID,ID,M")
     path = saved_map(map)
     objects, annotations = load_annotated_map(path)
     factor = _by_height(path, height) if height is not None else _by_distance(objects, str(between))
     if not 1.0 / LARGEST <= factor <= LARGEST:
-        raise OptionError(f"the map would become {factor:.3g} times as large, at most {LARGEST:g}: check the length")
+        raise UsageError(f"the map would become {factor:.3g} times as large, at most {LARGEST:g}: check the length")
     trajectory, grid = trajectory_of(path), load_grid(path)
     if (out / "run.json").exists() or (out / "map.json").exists() or out.suffix == ".json":
-        raise OptionError(f"{out}: --out takes a folder of its own")
+        raise UsageError(f"{out}: --out takes a folder of its own")
     make_folder(out)
     if trajectory is not None:
         poses = zip(trajectory.stamps_s, trajectory.poses, strict=True)
@@ -57,14 +58,14 @@ def command(
 
 
 def _by_height(path: Path, height_m: float) -> float:
-    """Measured height over that of the run. Raises OptionError where the height is not the scale of the run."""
+    """Measured height over that of the run. Raises UsageError where the height is not the scale of the run."""
     from edgemap.cli.run_record import scale_source
     from edgemap.runtime.frames.errors import RunFolderError
     from edgemap.runtime.outputs.verdict.verdict import read_record
 
     run = path / "run.json" if path.is_dir() else path.with_name("run.json")
     if not run.is_file():
-        raise OptionError(f"{path}: --height needs the run's run.json beside the map; else --between ID,ID,M")
+        raise UsageError(f"{path}: --height needs the run's run.json beside the map; else --between ID,ID,M")
     record = read_record(run)
     try:
         before_m = float(record.get("mount_seen", {}).get("used_height_m", record["mount"]["height_m"]))
@@ -72,14 +73,14 @@ def _by_height(path: Path, height_m: float) -> float:
     except (KeyError, TypeError, ValueError, AttributeError, OverflowError):
         raise RunFolderError(f"{run}: it has no mount") from None
     if measured:
-        raise OptionError(f"{path}: {measured} measured this run's path, so its scale is not that of the height")
+        raise UsageError(f"{path}: {measured} measured this run's path, so its scale is not that of the height")
     if not (0.05 <= height_m <= 3.0 and 0.0 < before_m < math.inf):
-        raise OptionError(f"--height {height_m:g}: expected 0.05 to 3 m (the run had {before_m:g} m)")
+        raise UsageError(f"--height {height_m:g}: expected 0.05 to 3 m (the run had {before_m:g} m)")
     return height_m / before_m
 
 
 def _by_distance(objects: list[Any], text: str) -> float:
-    """Measured over mapped distance of two objects. Raises OptionError."""
+    """Measured over mapped distance of two objects. Raises UsageError."""
     first, second, length = (part.strip() for part in text.split(",")) if text.count(",") == 2 else ("", "", "")
     by_id = {item.id: item for item in objects}
     try:
@@ -87,11 +88,11 @@ def _by_distance(objects: list[Any], text: str) -> float:
     except ValueError:
         length_m = math.nan
     if not 0.0 < length_m < math.inf:
-        raise OptionError(f"--between {text!r}: expected ID,ID,METRES, like chair-1,couch-2,2.35")
+        raise UsageError(f"--between {text!r}: expected ID,ID,METRES, like chair-1,couch-2,2.35")
     for identity in (first, second):
         if identity not in by_id:
-            raise OptionError(f"--between {text!r}: the map has no {identity!r}; edgemap map show lists its objects")
+            raise UsageError(f"--between {text!r}: the map has no {identity!r}; edgemap map show lists its objects")
     mapped_m = math.dist(by_id[first].position_m, by_id[second].position_m)
     if mapped_m < 0.5:
-        raise OptionError(f"--between {text!r}: they are {mapped_m:.2f} m apart on the map, need 0.5 m or more")
+        raise UsageError(f"--between {text!r}: they are {mapped_m:.2f} m apart on the map, need 0.5 m or more")
     return length_m / mapped_m

@@ -6,8 +6,9 @@ from typing import TYPE_CHECKING, Annotated
 
 import tyro
 
-from edgemap.cli.arguments import OptionError, arg
+from edgemap.cli.arguments import arg
 from edgemap.cli.options import Json, last_run, print_json
+from edgemap.runtime.frames.errors import UsageError
 from edgemap.runtime.frames.option_texts import known_names, numbers
 
 if TYPE_CHECKING:
@@ -52,7 +53,7 @@ def command(
 
     maps = maps or (last_run(),)
     if len(maps) > 1 and (out is not None or json):
-        raise OptionError(f"{'--json' if json else '--out'} takes one map, several are drawn and listed one by one")
+        raise UsageError(f"{'--json' if json else '--out'} takes one map, several are drawn and listed one by one")
     question = Question.read(label, near, inside, since)
     for path in (saved_map(one) for one in maps):
         objects, annotations = load_annotated_map(path)
@@ -91,16 +92,16 @@ class Question:
 
     @classmethod
     def read(cls, label: str | None, near: str | None, inside: str | None, since_s: float | None) -> "Question":
-        """The question that the options ask. Raises OptionError."""
+        """The question that the options ask. Raises UsageError."""
         labels = None if label is None else tuple(name.strip() for name in label.split(",") if name.strip())
         if labels == ():
-            raise OptionError("--label is empty")
+            raise UsageError("--label is empty")
         near_m = None if near is None else numbers(near, "--near", "X,Y")
         corners_m = None
         if inside is not None:
             corners_m = [numbers(corner, "--inside", "X,Y") for corner in inside.split(";") if corner.strip()]
             if len(corners_m) < 3:
-                raise OptionError(f"--inside {inside!r}: a polygon has three corners or more, X,Y;X,Y;X,Y")
+                raise UsageError(f"--inside {inside!r}: a polygon has three corners or more, X,Y;X,Y;X,Y")
         return cls(labels, near_m, corners_m, since_s)
 
     @property
@@ -116,7 +117,7 @@ class Question:
             there = {item.label for item in objects}
             unknown = [label for label in self.labels if label not in there]
             if unknown and (hint := known_names(unknown, there, "")).startswith("did you mean"):
-                raise OptionError(f"--label {', '.join(unknown)}: not on the map; {hint}")
+                raise UsageError(f"--label {', '.join(unknown)}: not on the map; {hint}")
             objects = queries.labelled(objects, *self.labels)
         if self.corners_m is not None:
             objects = queries.inside_polygon(objects, self.corners_m)

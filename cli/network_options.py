@@ -4,8 +4,9 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
 
-from edgemap.cli.arguments import OptionError, arg
+from edgemap.cli.arguments import arg
 from edgemap.cli.options import BundleName, at_least
+from edgemap.runtime.frames.errors import UsageError
 from edgemap.runtime.frames.option_texts import known_names
 
 if TYPE_CHECKING:
@@ -66,7 +67,7 @@ class NetworkOptions:
 
         at_least(1, threads=self.threads)
         if self.threads is not None and self.threads > MAXIMUM_THREADS:
-            raise OptionError(f"--threads {self.threads}: at most {MAXIMUM_THREADS}")
+            raise UsageError(f"--threads {self.threads}: at most {MAXIMUM_THREADS}")
         chosen = self.inference(recorded)
         companion = default_bundle(*map(recorded_from, specs))[0]
         names = self.names and read_class_names(self.names, BundleError)
@@ -91,7 +92,7 @@ class NetworkOptions:
 
 def bundle_of(name: str | None, *specs: str) -> Path:
     """Folder of a bundle by folder or name; a listed name that is not in the cache is pulled first. specs: as in
-    `NetworkOptions.load`. Raises OptionError.
+    `NetworkOptions.load`. Raises UsageError.
     """
     from edgemap.runtime.frames.reading import print_message
     from edgemap.runtime.inputs.cameras.kinds import recorded_from
@@ -106,7 +107,7 @@ def bundle_of(name: str | None, *specs: str) -> Path:
     if folder.suffix == ".onnx" and folder.is_file():
         return folder
     if folder.is_file():
-        raise OptionError(f"--bundle {name}: expected a bundle's folder, its name, or a detector's FILE.onnx")
+        raise UsageError(f"--bundle {name}: expected a bundle's folder, its name, or a detector's FILE.onnx")
     if not (folder / "bundle.json").is_file() and not Path(name).exists():
         from edgemap.cli.pull import KNOWN, pull_known
 
@@ -114,7 +115,7 @@ def bundle_of(name: str | None, *specs: str) -> Path:
             shipped = shipped_bundles()
             hint = known_names([name], [*shipped, *KNOWN], "")
             hint = hint if hint.startswith("did") else "no such bundle."
-            raise OptionError(
+            raise UsageError(
                 f"--bundle {name}: {hint} The package has {', '.join(shipped)}; edgemap pull fetches "
                 f"{', '.join(sorted(set(KNOWN) - set(shipped)))}; or give a bundle's folder"
             )

@@ -4,7 +4,8 @@ import math
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
-from edgemap.cli.arguments import OptionError, arg
+from edgemap.cli.arguments import arg
+from edgemap.runtime.frames.errors import UsageError
 from edgemap.runtime.frames.option_texts import words_of
 
 if TYPE_CHECKING:
@@ -58,7 +59,7 @@ ConfigOptions = Annotated[
 
 def sensor_topics(text: str | None, optical: str = "camera_optical_frame") -> "SensorTopics":
     """The sensors in the text of `--topics`. optical: the camera's frame where the text names none. Raises
-    OptionError."""
+    UsageError."""
     from edgemap.runtime.frames.camera import SensorTopics
 
     words = words_of(text or "", "--topics", {"wheels", "imu", "depth", "optical"})
@@ -81,36 +82,36 @@ def figure(value: float | None, form: str = ".2f", unit: str = "") -> str:
 
 
 def at_least(minimum: int, **values: int | None) -> None:
-    """Rejects integers below `minimum`; keywords are option names, None is accepted. Raises OptionError."""
+    """Rejects integers below `minimum`; keywords are option names, None is accepted. Raises UsageError."""
     for name, value in values.items():
         if value is not None and value < minimum:
-            raise OptionError(f"--{name} {value}: must be {minimum} or more")
+            raise UsageError(f"--{name} {value}: must be {minimum} or more")
 
 
 def above_zero(**values: float | None) -> None:
     """Rejects numbers that are not positive and finite; keywords are option names, None is accepted. Raises
-    OptionError."""
+    UsageError."""
     for name, value in values.items():
         if value is not None and not 0.0 < value < math.inf:
-            raise OptionError(f"--{name} {value:g}: must be above 0")
+            raise UsageError(f"--{name} {value:g}: must be above 0")
 
 
 def in_unit(**values: float | None) -> None:
-    """Rejects numbers outside (0, 1]; keywords are option names, None is accepted. Raises OptionError."""
+    """Rejects numbers outside (0, 1]; keywords are option names, None is accepted. Raises UsageError."""
     for name, value in values.items():
         if value is not None and not 0.0 < value <= 1.0:
-            raise OptionError(f"--{name} {value}: must be above 0 and at most 1")
+            raise UsageError(f"--{name} {value}: must be above 0 and at most 1")
 
 
 def minimum_score(confidence: float | None, bundle: "Bundle") -> float:
-    """The asked for confidence, else the bundle's own. Raises OptionError outside 0..1."""
+    """The asked for confidence, else the bundle's own. Raises UsageError outside 0..1."""
     in_unit(confidence=confidence)
     return bundle.manifest.confidence if confidence is None else confidence
 
 
 def last_run() -> Path:
-    """The newest run folder in `runs/` or here, by the time of its run.json. Raises OptionError where there is none."""
+    """The newest run folder in `runs/` or here, by the time of its run.json. Raises UsageError where there is none."""
     found = [path for pattern in ("runs/*/run.json", "*/run.json") for path in Path().glob(pattern) if path.is_file()]
     if not found:
-        raise OptionError("no run in runs/ or here: give a map.json or a run folder, or make one with `edgemap run`")
+        raise UsageError("no run in runs/ or here: give a map.json or a run folder, or make one with `edgemap run`")
     return max(found, key=lambda path: path.stat().st_mtime).parent

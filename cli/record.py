@@ -77,11 +77,11 @@ def command(
 def check_name(path: Path | None) -> None:
     """Refuse, before anything is opened, a recording that is there or that `--camera` would not know again.
 
-    Raises OptionError.
+    Raises UsageError.
     """
-    from edgemap.cli.arguments import OptionError
+    from edgemap.runtime.frames.errors import UsageError
 
     if path is not None and path.suffix != ".mcap":
-        raise OptionError(f"{path}: a recording's name must end in .mcap")
+        raise UsageError(f"{path}: a recording's name must end in .mcap")
     if path is not None and path.exists():
-        raise OptionError(f"{path} exists already; choose another file")
+        raise UsageError(f"{path} exists already; choose another file")

@@ -121,7 +121,7 @@ class RunOptions:
     advanced: AdvancedGroup
 
     def check(self) -> None:
-        """Read every text that needs nothing else, before anything is opened. Raises OptionError, and
+        """Read every text that needs nothing else, before anything is opened. Raises UsageError, and
         MissingExtraError where an output was asked for whose libraries are not installed."""
         from edgemap.runtime.frames.extras import need
 

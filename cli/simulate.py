@@ -4,9 +4,10 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
 
-from edgemap.cli.arguments import OptionError, arg
+from edgemap.cli.arguments import arg
 from edgemap.cli.camera_options import MountText, read_mount
 from edgemap.cli.options import at_least
+from edgemap.runtime.frames.errors import UsageError
 
 if TYPE_CHECKING:
     from edgemap.simulation.world import Choices
@@ -43,7 +44,7 @@ class DriveOptions:
     ] = False
 
     def choices(self) -> "Choices":
-        """What is not drawn from the seed. Raises OptionError."""
+        """What is not drawn from the seed. Raises UsageError."""
         from dataclasses import replace
 
         from edgemap.simulation.camera.film import CameraSetup
@@ -111,12 +112,12 @@ def command(
     need("simulation", "edgemap simulate", RENDERERS)
     at_least(1, frames=frames, pictures=pictures, floor_labels=floor_labels)
     if floor_labels is not None and (video or locobot or pictures is not None):
-        raise OptionError("--floor-labels is for drives of single pictures; --pictures has them always")
+        raise UsageError("--floor-labels is for drives of single pictures; --pictures has them always")
     if not 0.0 <= close <= 1.0 or (close and pictures is None):
-        raise OptionError(f"--close {close:g}: expected 0 to 1, a share of --pictures")
+        raise UsageError(f"--close {close:g}: expected 0 to 1, a share of --pictures")
     at_least(0, people=drive.people, seed=seed, moved=drive.moved)
     if not 1.0 <= drive.rate <= 120.0:
-        raise OptionError(f"--rate {drive.rate:g}: expected 1 to 120 pictures per second")
+        raise UsageError(f"--rate {drive.rate:g}: expected 1 to 120 pictures per second")
     typed = "edgemap simulate " + shlex.join(sys.argv[2:])
     with tqdm(unit=" pictures", disable=None) as bar:
 
@@ -151,14 +152,14 @@ def command(
 
 
 def homes_of(text: str | None, shard: str | None) -> range:
-    """The homes of `--seeds A:B` that `--shard I/N` takes. Raises OptionError."""
+    """The homes of `--seeds A:B` that `--shard I/N` takes. Raises UsageError."""
     first, colon, last = (text or "").partition(":")
     if not (colon and first.isdecimal() and last.isdecimal() and int(first) < int(last)):
-        raise OptionError(f"--seeds {text!r}: expected A:B, homes from A up to, not including, B")
+        raise UsageError(f"--seeds {text!r}: expected A:B, homes from A up to, not including, B")
     part, slash, parts = ("1/1" if shard is None else shard).partition("/")
     if not (slash and part.isdecimal() and parts.isdecimal() and 1 <= int(part) <= int(parts)):
-        raise OptionError(f"--shard {shard!r}: expected I/N with I from 1 to N")
+        raise UsageError(f"--shard {shard!r}: expected I/N with I from 1 to N")
     homes = range(int(first) + int(part) - 1, int(last), int(parts))
     if not homes:
-        raise OptionError(f"--shard {shard}: no home of {text} is left for it")
+        raise UsageError(f"--shard {shard}: no home of {text} is left for it")
     return homes

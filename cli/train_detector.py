@@ -4,10 +4,11 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Annotated
 
-from edgemap.cli.arguments import OptionError, arg
+from edgemap.cli.arguments import arg
 from edgemap.cli.network_options import NetworkOptions
 from edgemap.cli.training import TORCH, Resume, check_training
 from edgemap.export.settings import DetectorSettings
+from edgemap.runtime.frames.errors import UsageError
 
 
 def command(
@@ -91,7 +92,7 @@ def command(
     at_least(1, validate_pictures=validate_pictures)
     check_training(settings, len(data))
     if settings.size is not None and (settings.size < 64 or settings.size % 32):
-        raise OptionError(f"--input {settings.size}: must be a multiple of 32 from 64 on")
+        raise UsageError(f"--input {settings.size}: must be a multiple of 32 from 64 on")
 
     from edgemap.export.detector.network import load_network
     from edgemap.export.detector.store import load_examples, teacher_of
@@ -104,7 +105,7 @@ def command(
     reference = start if keep in (None, "none") else load_network(str(keep))
     for other, path in ((network, weights), (reference, keep)):
         if other.names != start.names:
-            raise OptionError(f"{path}: knows {len(other.names)} other classes than {bundle} with {len(start.names)}")
+            raise UsageError(f"{path}: knows {len(other.names)} other classes than {bundle} with {len(start.names)}")
     print(f"reading {', '.join(data)} …", flush=True)
     teach = teacher_of([NetworkOptions(name, threads=settings.threads).load() for name in teacher]) if teacher else None
     examples = load_examples(data, network.names, network.side, teach=teach)
@@ -117,7 +118,7 @@ def command(
         flush=True,
     )
     if bare := [spec for spec, pictures in held_back.items() if not any(one.complete.any() for one in pictures)]:
-        raise OptionError(f"--validation {bare[0]}: pictures without labels need a --teacher")
+        raise UsageError(f"--validation {bare[0]}: pictures without labels need a --teacher")
     trainer = Trainer(network, examples, held_back, output, settings, reference)
     if resume:
         trainer.resume()

@@ -3,9 +3,10 @@
 from pathlib import Path
 from typing import Annotated
 
-from edgemap.cli.arguments import OptionError, arg
+from edgemap.cli.arguments import arg
 from edgemap.cli.training import TORCH, FeatureCache, Resume, check_training
 from edgemap.export.settings import FloorSettings
+from edgemap.runtime.frames.errors import UsageError
 
 
 def command(
@@ -68,7 +69,7 @@ def command(
     first = None if start is None else load_floor(start)
     features = Features(backbone, settings.threads)
     if first is not None and first.taps != tuple(tap.name for tap in features.taps):
-        raise OptionError(f"--start {start}: reads {', '.join(first.taps)}, features of {first.backbone}")
+        raise UsageError(f"--start {start}: reads {', '.join(first.taps)}, features of {first.backbone}")
     teach = None
     if teacher is not None:
         from edgemap.export.floor.labels import open_teacher

@@ -3,9 +3,10 @@
 from pathlib import Path
 from typing import Annotated, Literal
 
-from edgemap.cli.arguments import OptionError, arg
+from edgemap.cli.arguments import arg
 from edgemap.cli.training import TORCH, FeatureCache, Resume, check_training
 from edgemap.export.settings import OdometrySettings
+from edgemap.runtime.frames.errors import UsageError
 
 
 def command(
@@ -73,7 +74,7 @@ def command(
     at_least(0, steps=settings.steps, first=first, views=views, validation_first=validation_first)
     check_training(settings, len(data))
     if views and (head != "flow" or larger is not None):
-        raise OptionError("--views: for a flow head, which knows how its camera is mounted, and without --larger")
+        raise UsageError("--views: for a flow head, which knows how its camera is mounted, and without --larger")
     from edgemap.export.exporter import is_onnx, open_backbone
     from edgemap.export.odometry.data import FeatureStore, usual_views
     from edgemap.export.odometry.flow import FlowHead

@@ -3,9 +3,10 @@
 from pathlib import Path
 from typing import Annotated
 
-from edgemap.cli.arguments import OptionError, arg
+from edgemap.cli.arguments import arg
 from edgemap.cli.options import at_least
 from edgemap.export.settings import Settings
+from edgemap.runtime.frames.errors import UsageError
 
 TORCH = ("torch", "onnx")  # what training needs of the extra `export`
 Resume = Annotated[bool, arg(help="Go on from DIR/last.pt, with the same options as before.")]
@@ -15,7 +16,7 @@ FeatureCache = Annotated[
 
 
 def check_training(settings: Settings, data: int) -> None:
-    """Raises OptionError for budgets and rates of 0 or less, and for a number of shares that differs from that of
+    """Raises UsageError for budgets and rates of 0 or less, and for a number of shares that differs from that of
     --data.
     """
     values = vars(settings)
@@ -23,7 +24,7 @@ def check_training(settings: Settings, data: int) -> None:
     at_least(1, **counts)
     for name in ("minutes", "rate", "validate_minutes"):
         if values[name] is not None and not 0.0 < values[name] < 1e6:
-            raise OptionError(f"--{name.replace('_', '-')} {values[name]}: must be above 0")
+            raise UsageError(f"--{name.replace('_', '-')} {values[name]}: must be above 0")
     mix = values.get("mix", ())
     if mix and (len(mix) != data or min(mix) < 0.0 or sum(mix) <= 0.0):
-        raise OptionError(f"--mix {' '.join(map(str, mix))}: expected {data} shares, one for each --data")
+        raise UsageError(f"--mix {' '.join(map(str, mix))}: expected {data} shares, one for each --data")

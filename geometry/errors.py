@@ -9,6 +9,9 @@ class EdgemapError(Exception):
 
     exit_code = 1
 
+    def __str__(self) -> str:
+        return " ".join(super().__str__().splitlines())
+
 
 class GeometryError(EdgemapError):
     """A camera, mount or pose that cannot be: NaN or negative intrinsics, a mount looking at the sky."""

@@ -9,6 +9,8 @@ from edgemap.geometry.arrays import Array
 from edgemap.geometry.map_object import MapObject, SightingSums, id_order
 from edgemap.geometry.observations.sighting import PlacedSighting
 
+REACH_M = 1.0  # section 3.7
+
 
 @dataclass(slots=True, eq=False)
 class _Cluster:
@@ -42,9 +44,8 @@ class PaperMap:
     that it reaches. scipy's linkage gives the same clusters, but takes 2.4 s and 0.25 GB for 8,000 sightings.
     """
 
-    def __init__(self, threshold_m: float = 1.0) -> None:
+    def __init__(self) -> None:
         self.merged: dict[str, str] = {}
-        self._threshold_m = threshold_m
         self._clusters: defaultdict[str, list[_Cluster]] = defaultdict(list)  # of each label, the oldest first
         self._issued: Counter[str] = Counter()
 
@@ -62,7 +63,7 @@ class PaperMap:
         return sorted(objects, key=lambda item: id_order(item.id))
 
     def _add(self, placed: PlacedSighting) -> str:
-        clusters, reach_m2 = self._clusters[placed.label], self._threshold_m**2
+        clusters, reach_m2 = self._clusters[placed.label], REACH_M**2
         away_m2 = [np.square(one.positions_m - placed.position_map_m).sum(axis=1).min() for one in clusters]
         near = [one for one, distance_m2 in zip(clusters, away_m2, strict=True) if distance_m2 <= reach_m2]
         if not near:

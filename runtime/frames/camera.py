@@ -17,6 +17,7 @@ from edgemap.runtime.frames.inference import Inference
 from edgemap.runtime.frames.reading import printable
 from edgemap.runtime.frames.trajectory import AttitudeTrack, PoseTrack, TrackFile, Trajectory
 
+TICK_S = 0.5  # longest wait of a read
 DEFAULT_RATE_HZ = 10.0  # of pictures without stamps
 
 

@@ -9,6 +9,7 @@ from pathlib import Path
 
 from edgemap.runtime.frames.errors import DiskError, RunFolderError
 
+SAVE_EVERY_S = 0.75  # of stream between two saved maps: with two frames at 10 Hz on top, less than 1 s is lost
 MAX_WAITING = 200_000  # lines; an hour at 10 Hz with five sightings in each frame
 
 

@@ -137,6 +137,6 @@ def ending_fault(error: EdgemapError) -> Fault:
 def _line(error: BaseException) -> str:
     """The text of its fault; the traceback of an unknown failure goes to the log."""
     if isinstance(error, EdgemapError):
-        return " ".join(str(error).split())
+        return str(error)
     _log.error("a sink failed", exc_info=error)
     return error_line(error)

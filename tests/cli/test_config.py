@@ -6,9 +6,9 @@ import pytest
 import yaml
 
 from edgemap.cli import main
-from edgemap.cli.arguments import OptionError
 from edgemap.cli.config_options import config_arguments
 from edgemap.cli.run import command
+from edgemap.runtime.frames.errors import UsageError
 
 
 def test_a_run_from_its_own_record_is_the_same_run(tmp_path):
@@ -87,5 +87,5 @@ def test_every_switch_may_be_false_and_true(tmp_path, capsys):
     ],
 )
 def test_what_is_no_option_is_one_line(tmp_path, options):
-    with pytest.raises(OptionError, match=next(iter(options))):
+    with pytest.raises(UsageError, match=next(iter(options))):
         config_arguments(["--config", str(written(tmp_path, options)), "--config-options"], command)

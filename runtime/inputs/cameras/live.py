@@ -7,13 +7,12 @@ from collections.abc import Callable
 
 from edgemap.geometry.camera.intrinsics import Intrinsics
 from edgemap.geometry.camera.mount import Mount
-from edgemap.runtime.frames.camera import Camera, CameraInfo, Driver, Picture, RecoveryRule
+from edgemap.runtime.frames.camera import TICK_S, Camera, CameraInfo, Driver, Picture, RecoveryRule
 from edgemap.runtime.frames.errors import CameraFault, CameraLostError, CameraState, FrameTimeout
 from edgemap.runtime.frames.frame import Frame
 from edgemap.runtime.inputs.cameras.checked import rate_of, size_of
 from edgemap.runtime.inputs.cameras.supervisor import Supervisor
 
-TICK_S = 0.5  # longest wait of a read
 HANG_LIMIT_S = 60.0  # a poll that lasts longer hangs in the driver, which only a new process gets out of
 CLOSE_LIMIT_S = 1.0
 MAX_FAULTS = 1000  # kept for a reader that does not read

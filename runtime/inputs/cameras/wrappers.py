@@ -6,11 +6,9 @@ from collections.abc import Callable
 from dataclasses import replace
 from typing import Any
 
-from edgemap.runtime.frames.camera import Camera, CameraInfo
+from edgemap.runtime.frames.camera import TICK_S, Camera, CameraInfo
 from edgemap.runtime.frames.errors import CameraState, FrameTimeout
 from edgemap.runtime.frames.frame import Frame
-
-TICK_S = 0.5  # longest wait of a read at the pace of the stamps
 
 
 class CameraAround(Camera):

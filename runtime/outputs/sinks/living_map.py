@@ -10,7 +10,7 @@ from edgemap.geometry.map_object import MapObject
 from edgemap.geometry.objects.annotations import Annotations
 from edgemap.geometry.objects.scale import scaled_map
 from edgemap.geometry.se2 import SE2
-from edgemap.runtime.frames.disk import lock_folder, write_atomically
+from edgemap.runtime.frames.disk import SAVE_EVERY_S, lock_folder, write_atomically
 from edgemap.runtime.frames.reading import read_bytes
 from edgemap.runtime.frames.timing import StreamTimer
 from edgemap.runtime.outputs.verdict.verdict import Verdict
@@ -18,8 +18,6 @@ from edgemap.runtime.step.grid_file import grid_name, save_grid
 from edgemap.runtime.step.map_file import load_annotated_map, map_document, replace_map, saved_text
 from edgemap.runtime.step.sinks import Sink
 from edgemap.runtime.step.slam import StepResult
-
-SAVE_EVERY_S = 0.75  # of stream, as the run folder
 
 
 class LivingMap(Sink):

@@ -19,7 +19,7 @@ from edgemap.geometry.grid.occupancy_grid import OccupancyGrid
 from edgemap.geometry.map_object import MapObject
 from edgemap.geometry.objects.annotations import NO_ANNOTATIONS, Annotations
 from edgemap.geometry.objects.scale import scaled_map, scaled_objects
-from edgemap.runtime.frames.disk import LineFile, lock_folder, write_atomically
+from edgemap.runtime.frames.disk import SAVE_EVERY_S, LineFile, lock_folder, write_atomically
 from edgemap.runtime.frames.errors import DiskError, RunFolderError
 from edgemap.runtime.frames.faults import Fault
 from edgemap.runtime.frames.frame import jpeg
@@ -34,7 +34,6 @@ from edgemap.runtime.step.overlay import draw_floor_grid
 from edgemap.runtime.step.pose_journal import PoseJournal
 from edgemap.runtime.step.slam import StepResult
 
-SAVE_EVERY_S = 0.75  # of stream between two saved maps: with two frames at 10 Hz on top, less than 1 s is lost
 STAGES_EVERY = 20  # saves between two in which run.json's stage times are new: of 10,000 frames they take 7 ms
 MAX_FAULTS = 200  # in run.json; the count goes on
 IN_USE = "another run writes into it; choose another --out"
