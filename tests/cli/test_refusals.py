@@ -113,7 +113,7 @@ REFUSED = [
     (["map", "show", "~\0"], 1, "null byte"),
     ("detect pictures/0.png --bundle bundle --precision int8", 1, "int8"),
     ("why empty", 1, "empty"),
-    ("why none", 2, "none"),
+    ("why none", 1, "none"),
     ("map show room.json --label chairs", 2, "did you mean chair?"),
     ("map show room.json --near 1", 2, "2 numbers"),
     ("map show room.json --near nan,1", 2, "finite"),
