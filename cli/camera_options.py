@@ -101,25 +101,16 @@ def read_numbers_of_lens(text: str | None) -> list[float] | None:
 
 def read_intrinsics(text: str | None, width: int, height: int) -> "Intrinsics | None":
     """`--intrinsics FX,FY,CX,CY` of pictures of this size."""
-    from edgemap.geometry.camera.intrinsics import Intrinsics
-    from edgemap.geometry.errors import GeometryError
+    from edgemap.runtime.frames.errors import CameraError
+    from edgemap.runtime.frames.program_camera import as_intrinsics
 
     found = read_numbers_of_lens(text)
     if found is None:
         return None
-    fx, fy, cx, cy = found
     try:
-        given = Intrinsics(width, height, fx, fy, cx, cy)
-    except GeometryError as error:
-        raise UsageError(f"--intrinsics {text!r}: {error}") from None
-    if given.off_picture:
-        raise UsageError(
-            f"--intrinsics {text!r}: the principal point {cx:g},{cy:g} is outside the picture of {width}x{height} px "
-            "(FX,FY,CX,CY: focal lengths first)"
-        )
-    if given.doubt:
-        _warn(f"--intrinsics {text!r}: {given.doubt}")
-    return given
+        return as_intrinsics((found[0], found[1], found[2], found[3]), width, height, f"--intrinsics {text!r}", _warn)
+    except CameraError as error:
+        raise UsageError(str(error)) from None
 
 
 @cache

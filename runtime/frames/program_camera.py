@@ -2,7 +2,7 @@
 
 import math
 import warnings
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from itertools import chain
 from typing import Any
 
@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from edgemap.geometry.camera.imu import ImuSamples
 from edgemap.geometry.camera.intrinsics import Intrinsics
 from edgemap.geometry.camera.mount import Mount
+from edgemap.geometry.errors import GeometryError
 from edgemap.geometry.se2 import SE2
 from edgemap.runtime.frames.camera import DEFAULT_RATE_HZ, Camera, CameraInfo
 from edgemap.runtime.frames.errors import CameraError
@@ -23,22 +24,27 @@ IntrinsicsLike = Intrinsics | tuple[float, float, float, float]
 MountLike = Mount | tuple[float, float]
 
 
-def as_intrinsics(given: IntrinsicsLike, width: int, height: int) -> Intrinsics:
-    """Intrinsics, or (fx, fy, cx, cy) in px of pictures of this size. Raises CameraError or GeometryError."""
+def as_intrinsics(
+    given: IntrinsicsLike, width: int, height: int, where: str = "", warn: Callable[[str], object] = warnings.warn
+) -> Intrinsics:
+    """Intrinsics, or (fx, fy, cx, cy) in px of pictures of this size. where: for messages. Raises CameraError."""
     if isinstance(given, Intrinsics):
         return given
+    where = where or f"intrinsics={given!r}"
     try:
-        fx, fy, cx, cy = (float(value) for value in given)
+        fx, fy, cx, cy = map(float, given)
+        lens = Intrinsics(width, height, fx, fy, cx, cy)
+    except GeometryError as error:
+        raise CameraError(f"{where}: {error}") from None
     except (TypeError, ValueError):
-        raise CameraError(f"intrinsics={given!r}: expected four numbers, (fx, fy, cx, cy) in pixels") from None
-    lens = Intrinsics(width, height, fx, fy, cx, cy)
+        raise CameraError(f"{where}: expected four numbers, (fx, fy, cx, cy) in pixels") from None
     if lens.off_picture:
         raise CameraError(
-            f"intrinsics={given!r}: the principal point {cx:g},{cy:g} is outside the picture of {width}x{height} px "
+            f"{where}: the principal point {lens.cx:g},{lens.cy:g} is outside the picture of {width}x{height} px "
             "(fx, fy, cx, cy: focal lengths first)"
         )
     if lens.doubt:
-        warnings.warn(f"intrinsics={given!r}: {lens.doubt}", stacklevel=2)
+        warn(f"{where}: {lens.doubt}")
     return lens
 
 
