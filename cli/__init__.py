@@ -140,14 +140,28 @@ def _no_command(arguments: list[str]) -> NoReturn:
 
 
 def _run(words: str, rest: list[str]) -> None:
-    try:
-        from edgemap.cli.interrupt import interrupts_after_imports
+    """Runs a command. Ctrl-C ends it in one line, also where a library turns that into an error of its own."""
+    import signal
+    from threading import current_thread, main_thread
 
-        with interrupts_after_imports():
-            _command(words, rest)
-    except KeyboardInterrupt:
+    interrupted: list[int] = []
+
+    def interrupt(number: int, frame: object) -> None:  # noqa: ARG001
+        interrupted.append(number)
+        raise KeyboardInterrupt
+
+    if current_thread() is main_thread() and signal.getsignal(signal.SIGINT) is signal.default_int_handler:
+        signal.signal(signal.SIGINT, interrupt)
+    try:
+        _command(words, rest)
+    except (Exception, KeyboardInterrupt) as error:
+        if not interrupted and not isinstance(error, KeyboardInterrupt):
+            raise
         print(f"edgemap {words}: interrupted", file=sys.stderr)
         sys.exit(130)
+    finally:
+        if signal.getsignal(signal.SIGINT) is interrupt:
+            signal.signal(signal.SIGINT, signal.default_int_handler)
 
 
 def _command(words: str, rest: list[str]) -> None:
