@@ -9,6 +9,8 @@ import numpy as np
 from scipy.optimize import least_squares
 
 from edgemap.calibrate.board import Board, BoardView
+from edgemap.calibrate.floor_depth import WORST_HEIGHT_SHARE, WORST_TILT_RAD
+from edgemap.calibrate.lens import WORST_RMS_PX
 from edgemap.geometry.arrays import Array
 from edgemap.geometry.camera.floor import FloorCamera
 from edgemap.geometry.camera.intrinsics import Intrinsics
@@ -18,8 +20,6 @@ from edgemap.geometry.errors import GeometryError
 from edgemap.runtime.frames.errors import CalibrationError
 
 FEWEST_VIEWS = 3
-WORST_RMS_PX = 1.0
-WORST_HEIGHT_SHARE, WORST_TILT_RAD = 0.02, math.radians(0.5)  # one standard deviation
 
 
 @dataclass(frozen=True, slots=True)

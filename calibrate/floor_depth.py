@@ -18,7 +18,7 @@ from edgemap.geometry.robust import median_and_scatter
 from edgemap.runtime.frames.errors import CalibrationError
 
 FEWEST_PICTURES = 3
-WORST_HEIGHT_SHARE, WORST_TILT_RAD = 0.02, math.radians(0.5)  # one standard deviation of the mean over pictures
+WORST_HEIGHT_SHARE, WORST_TILT_RAD = 0.02, math.radians(0.5)  # one standard deviation
 MAXIMUM_SCATTER_M, MAXIMUM_SCATTER_RAD = 0.03, math.radians(1.5)  # from picture to picture, of a camera that is mounted
 
 

@@ -21,10 +21,10 @@ from edgemap.runtime.frames.version import VERSION
 from edgemap.runtime.outputs.sinks.kinds import RunInfo
 from edgemap.runtime.outputs.verdict.verdict import Verdict
 from edgemap.runtime.step.map_file import event_record, object_record, object_uuid
+from edgemap.runtime.step.map_memory import MOVED_M
 from edgemap.runtime.step.slam import StepResult
 from edgemap.runtime.step.wall_clock import utc_text
 
-MOVED_M = 0.25  # an object has moved when it is so far from its last published position
 STATE_EVERY_S = 1.0  # of stream
 PORT = 1883
 CONNECT_LIMIT_S = 2.0  # for which the run's start waits

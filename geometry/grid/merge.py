@@ -34,9 +34,9 @@ def grid_of(canvas: Canvas, rule: GridRule, revision: int = 0) -> OccupancyGrid 
     if not len(rows):
         return None
     part = canvas.odds[rows[0] : rows[-1] + 1, columns[0] : columns[-1] + 1]
-    log_odds = np.rint(part * (STEPS / UNIT)).astype(np.int8)
+    log_odds = part * np.float32(STEPS / UNIT)
     x_m, y_m = ((canvas.first + [columns[0], rows[0]]) * rule.cell_m).tolist()
-    return OccupancyGrid(log_odds, x_m, y_m, rule.cell_m, revision=revision)
+    return OccupancyGrid(np.rint(log_odds, out=log_odds).astype(np.int8), x_m, y_m, rule.cell_m, revision=revision)
 
 
 def saved_patch(saved: OccupancyGrid, rule: GridRule) -> Patch:

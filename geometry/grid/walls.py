@@ -34,7 +34,7 @@ class Wall:
         return math.dist(self.from_m, self.to_m)
 
 
-@lru_cache(maxsize=4)
+@lru_cache(maxsize=2)
 def walls_of(grid: OccupancyGrid) -> tuple[Wall, ...]:
     """The walls of a grid, where free floor ends; computed once per grid."""
     beside_floor = binary_dilation(grid.cells == FREE, np.ones((3, 3), np.bool_))

@@ -41,6 +41,7 @@ GRID_EVERY_S = 1.0  # of stream between two grids that a step shows: planners an
 PICTURE_S = 0.1  # that evidence is counted in: thresholds were chosen at 10 Hz
 LEAST_PICTURES = 0.01  # after however short a step of the clock: evidence is divided by it
 LONGEST_S = 0.3  # that one picture stands for at most: what was in view before it is not known
+WIDEST_M = 50.0  # that a map becomes by what somebody states: homes are smaller, and memory grows with its square
 START_SIGMAS = (0.10, 0.10, math.radians(3.0))  # m, m, rad: how well a person knows where the robot stands
 
 
@@ -437,8 +438,8 @@ def far_from_map(points_m: Sequence[Sequence[float]], places_m: Array) -> str:
     low, high = places_m.min(axis=0), places_m.max(axis=0)
     for x_m, y_m in points_m:
         wide_m = np.maximum(high, (x_m, y_m)) - np.minimum(low, (x_m, y_m))
-        if not (wide_m <= np.maximum(high - low, FARTHEST_M)).all():
-            return f"x {x_m:g} m, y {y_m:g} m is too far: the map would be more than {FARTHEST_M:g} m wide"
+        if not (wide_m <= np.maximum(high - low, WIDEST_M)).all():
+            return f"x {x_m:g} m, y {y_m:g} m is too far: the map would be more than {WIDEST_M:g} m wide"
     return ""
 
 

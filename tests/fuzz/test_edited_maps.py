@@ -23,7 +23,7 @@ from edgemap.geometry.se2 import SE2
 from edgemap.runtime.step.edit_queue import Edits, load_edits
 from edgemap.runtime.step.grid_file import load_grid
 from edgemap.runtime.step.map_file import load_annotated_map, load_last_pose, map_text, replace_map, save_map
-from edgemap.runtime.step.mapper import FARTHEST_M, Mapper
+from edgemap.runtime.step.mapper import WIDEST_M, Mapper
 
 LENGTH = 50  # actions of one drive
 BOX = walls(0.0, 0.0, 8.0, 6.0)
@@ -34,7 +34,7 @@ ROOM = [
 POSES = round_trip(40)
 SEEN_M = 20.0  # beyond a pose: what is in view there, and the margin of the grid
 
-ODD = (0.0, 50.0, -99.0, 99.0, 101.0, -400.0, 1e3, 1e6, -1e6, 1e9, 1e308, math.nan, math.inf, -math.inf, 5e-324)
+ODD = (0.0, 20.0, -49.0, 49.0, 51.0, -400.0, 1e3, 1e6, -1e6, 1e9, 1e308, math.nan, math.inf, -math.inf, 5e-324)
 number = st.floats(-10.0, 10.0) | st.sampled_from(ODD)
 place = st.tuples(number, number)
 pose = st.tuples(number, number, number)
@@ -113,7 +113,7 @@ class Edited:
         floor = load_grid(self.folder)
         assert (floor is None) == (grid is None)
         if floor is not None:
-            assert max(floor.log_odds.shape) * floor.cell_m < 2 * FARTHEST_M + SEEN_M or self.damaged
+            assert max(floor.log_odds.shape) * floor.cell_m < 2 * WIDEST_M + SEEN_M or self.damaged
 
     def start(self, where):
         """Go on in the saved map, as another run does."""

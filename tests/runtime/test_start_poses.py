@@ -130,10 +130,10 @@ def test_a_pose_far_from_the_map_is_refused_and_loses_nothing(far):
         Edit("correct", "chair-1", place_m=far[:2]),
         Edit("zone", name="far", corners_m=((0.0, 0.0), (0.0, 1.0), far[:2])),
     ):  # fmt: skip
-        with pytest.raises(EditError, match="too far: the map would be more than 100 m wide"):
+        with pytest.raises(EditError, match="too far: the map would be more than 50 m wide"):
             mapper.edit(edit)
     assert (mapper.pose_map_base, [item.id for item in mapper.objects()]) == before
-    with pytest.raises(MapError, match="too far: the map would be more than 100 m wide"):
+    with pytest.raises(MapError, match="too far: the map would be more than 50 m wide"):
         Mapper().start_in(saved_map(), SE2(*far))
 
 
