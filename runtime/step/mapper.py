@@ -155,13 +155,14 @@ class Mapper:
     ) -> None:
         """Continues a saved map from an unknown pose: relocalises by its objects, from its last pose and its dock (the
         origin without one) first. Where it has no object, the robot is taken to stand at the first of these, or at the
-        origin where that is far away."""
+        origin or in the middle of its grid where that is far away."""
         dock = annotations.dock or SE2()
         if saved:
             self.relocalise_in(saved, annotations, grid, [dock] if last is None else [last, dock])
         else:
-            start = last or dock
-            start = SE2() if far_from_map([(start.x_m, start.y_m)], places_of(saved, grid)) else start
+            places = places_of(saved, grid)
+            starts = [last or dock, SE2(), SE2(*np.append(places.mean(axis=0), 0.0).tolist())]
+            start = next(one for one in starts if not far_from_map([(one.x_m, one.y_m)], places))
             self.start_in(saved, start, annotations=annotations, grid=grid)
 
     def relocalise_in(
