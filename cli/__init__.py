@@ -46,7 +46,8 @@ COMMANDS: dict[str, tuple[str, str]] = {
     "doctor": ("doctor", "what works on this machine, what is missing, what to type"),
 }
 
-GROUP = "edgemap.commands"  # entry points of other packages
+GROUP = "edgemap.commands"  # entry points: our bridges', and those of other packages
+BRIDGES = {"mcp": "the map for language agents: a Model Context Protocol server (extra 'mcp')"}
 USAGE = "usage: edgemap COMMAND [OPTIONS]      (edgemap COMMAND --help lists a command's options)"
 
 
@@ -54,7 +55,7 @@ def overview() -> str:
     """The text of `edgemap --help`."""
     lines = [USAGE, "", "A 2-D map of the objects on the floor from one camera, on a CPU.", ""]
     lines += [f"  {words:<22}{text}" for words, (_, text) in COMMANDS.items()]
-    lines += [f"  {name:<22}{text}" for name, text in plugin_commands().items()]
+    lines += [f"  {name:<22}{text}" for name, text in (BRIDGES | plugin_commands()).items()]
     lines += ["", "First steps:  edgemap run                  the demo drive, ends with a map in runs/"]
     lines += ["              edgemap run --camera 0 --mount 0.60    a webcam 0.60 m above the floor"]
     lines += ["              edgemap doctor               checks camera, libraries, bundle and mount"]
@@ -68,11 +69,12 @@ def plugin_commands() -> dict[str, str]:
     from edgemap.geometry.errors import EdgemapError
     from edgemap.runtime.frames.plugins import package_of, plugins
 
+    taken = {*COMMANDS, *BRIDGES}
     try:
         found = plugins(GROUP)
     except EdgemapError as error:
         return {"": str(error)}
-    return {name: f"of the package {package_of(point)}" for name, point in found.items() if name not in COMMANDS}
+    return {name: f"of the package {package_of(point)}" for name, point in found.items() if name not in taken}
 
 
 def _a_package_has_commands() -> bool:
@@ -80,7 +82,7 @@ def _a_package_has_commands() -> bool:
     for folder in sys.path:
         with suppress(OSError):
             for name in os.listdir(folder or "."):  # noqa: PTH208
-                if name.endswith(".dist-info"):
+                if name.endswith(".dist-info") and not name.startswith("edgemap_robot-"):
                     with suppress(OSError), open(f"{folder or '.'}/{name}/entry_points.txt", "rb") as file:  # noqa: PTH123
                         if GROUP.encode() in file.read():
                             return True
@@ -114,7 +116,7 @@ def _main(arguments: list[str]) -> None:
         print(f"edgemap {__version__}")
         return
     words = next((words for words in (" ".join(arguments[:2]), arguments[0]) if words in COMMANDS), None)
-    if words is None and arguments[0] in plugin_commands():
+    if words is None and (arguments[0] in BRIDGES or arguments[0] in plugin_commands()):
         words = arguments[0]
     if words is None:
         _no_command(arguments)
@@ -131,7 +133,7 @@ def _no_command(arguments: list[str]) -> NoReturn:
     from difflib import get_close_matches
 
     typed = " ".join(arguments[: 2 if group else 1])
-    known = [*COMMANDS, *({words.split()[0] for words in COMMANDS} - set(COMMANDS))]
+    known = [*COMMANDS, *BRIDGES, *({words.split()[0] for words in COMMANDS} - set(COMMANDS))]
     close = get_close_matches(typed, list(group) or known, 1, 0.6) or get_close_matches(
         " ".join(arguments[:2]), known, 1, 0.7
     )
@@ -190,9 +192,13 @@ def _imported(words: str) -> Callable[..., None]:
     """The function of a command. Raises PluginError for one of another package that does not load."""
     if words in COMMANDS:
         return import_module(f"edgemap.cli.{COMMANDS[words][0]}").command
+    from edgemap.runtime.frames.errors import PluginError
     from edgemap.runtime.frames.plugins import load_plugin, plugins
 
-    return load_plugin(plugins(GROUP)[words])
+    found = plugins(GROUP)
+    if words not in found:
+        raise PluginError("it is not registered: install edgemap again (in a checkout: pip install -e .)")
+    return load_plugin(found[words])
 
 
 def _end(message: str, exit_code: int) -> NoReturn:

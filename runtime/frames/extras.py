@@ -24,6 +24,7 @@ EXTRAS: dict[str, tuple[str, dict[str, str]]] = {
     "record": ("record, run --record, recordings as cameras", {"mcap": "mcap", "mcap_ros2": "mcap-ros2-support"}),
     "foxglove": ("run --foxglove", {"foxglove": "foxglove-sdk", "mcap_ros2": "mcap-ros2-support"}),
     "mqtt": ("run --mqtt", {"paho": "paho-mqtt"}),
+    "mcp": ("edgemap mcp", {"mcp": "mcp"}),
     "fleet": ("run --sink fleet, fleet serve", {"zenoh": "eclipse-zenoh"}),
     "ros2": (
         "run --ros2, cameras and sensors on ROS 2 topics",

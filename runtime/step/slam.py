@@ -1,7 +1,8 @@
 """The step as one object: front end and back end, from parts or from a camera, a bundle and options."""
 
-from collections.abc import Collection, Sequence
+from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass
+from functools import partial
 from math import degrees
 from typing import Any
 
@@ -26,7 +27,7 @@ from edgemap.runtime.step.config import Config
 from edgemap.runtime.step.frame_observations import FrameObservations
 from edgemap.runtime.step.mapper import Mapper, MapUpdate, new_mapper
 from edgemap.runtime.step.pipeline import Pipeline
-from edgemap.runtime.step.wall_clock import stream_clock
+from edgemap.runtime.step.wall_clock import ClockReading, stream_clock
 
 
 @dataclass(frozen=True, eq=False, repr=False, kw_only=True)
@@ -92,13 +93,14 @@ class SemanticSlam:
     """Front end and back end behind one method."""
 
     def __init__(self, pipeline: Pipeline, mapper: Mapper, live: bool = False) -> None:
-        """live: whether frames are of now, which dates the map's objects."""
-        self.pipeline, self.mapper, self.live = pipeline, mapper, live
+        """live: whether frames are of now, which dates the map's objects by `clock`."""
+        self.pipeline, self.mapper = pipeline, mapper
+        self.clock: Callable[[float], ClockReading] = partial(stream_clock, live)
 
     def step(self, frame: Frame, faults: Sequence[Fault] = ()) -> StepResult:
         """One frame in: its observations, the robot's motion, and the update of the map. faults: outside of the step,
         since the previous one."""
-        self.mapper.memory.clock.note(frame.stamp_s, stream_clock(self.live, frame.stamp_s))
+        self.mapper.memory.clock.note(frame.stamp_s, self.clock(frame.stamp_s))
         observed = self.pipeline.step(frame)
         return StepResult.of(frame, observed, self.mapper.step(observed), faults)
 

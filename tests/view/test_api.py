@@ -17,6 +17,7 @@ from support.faults import made
 from support.http_client import Api
 from support.live import raw_viewer
 
+from edgemap.geometry.errors import MapError
 from edgemap.geometry.grid.occupancy_grid import OccupancyGrid
 from edgemap.runtime.step.map_file import save_map
 from edgemap.view.api import OPENAPI, api_routes
@@ -60,7 +61,9 @@ def test_the_openapi_text_names_every_address_and_no_other(robot):
     assert api.get("/api/openapi.yaml") == OPENAPI.read_bytes()
 
 
-@pytest.mark.parametrize("path", ["run", "health", "faults", "pose", "frame", "map", "objects", "objects/{id}"])
+@pytest.mark.parametrize(
+    "path", ["run", "health", "faults", "changes", "pose", "frame", "map", "objects", "objects/{id}"]
+)
 def test_every_answer_is_as_the_openapi_text_says(robot, path):
     served, api = robot
     served.page.fault(made("the wheel came off"))
@@ -414,3 +417,21 @@ def test_a_body_that_never_comes_is_not_waited_for(serve, monkeypatch):
         head = f"POST /api/save HTTP/1.1\r\nHost: 127.0.0.1:{served.port}\r\nContent-Type: application/json\r\n"
         rude.sendall(head.encode() + b"Content-Length: 9\r\n\r\n{")
         assert rude.recv(100).startswith(b"HTTP/1.1 408")
+
+
+def test_an_agents_server_asks_a_run(robot):
+    from edgemap.bridges.mcp.maps import open_source
+
+    served, _ = robot
+    source = open_source(served.url)
+    source.mark("chair-1", {"name": "mine", "confirmed": True})
+    objects, annotations = source.read()
+    chair = next(item for item in objects if item.id == "chair-1")
+    assert (chair.name, [event.what for event in chair.history]) == ("mine", ["appeared", "named", "confirmed"])
+    assert annotations.identity == served.page.annotations.identity
+    assert source.approach(chair, objects)["object"] == "chair-1"
+    for ask in (lambda: source.mark("tv-9", {"name": "x"}), lambda: source.picture("chair-1")):
+        with pytest.raises(MapError, match=r"no object 'tv-9'|no picture of chair-1"):
+            ask()
+    with pytest.raises(MapError, match="no run answers"):
+        open_source("http://127.0.0.1:9")
