@@ -199,6 +199,8 @@ def _camera(described: Source, plot: Path | None) -> Iterator[Diagnosis]:
             rate = f"{source.info.rate_hz:.1f} Hz" if source.info.rate_hz else "rate unknown"
             width, height = source.info.size
             yield Diagnosis("camera", "ok", f"{spec}: {width}x{height}, {rate}")
+            for found in (*source.info.notes, *map(str, source.info.faults)):
+                yield Diagnosis("camera", "ok", found)
             if lacking := what_is_given(described, source)[3]:
                 text = f"{spec} does not say its {lacking}: run guesses from the pictures"
                 yield Diagnosis("mount", "missing", text, TAPE)

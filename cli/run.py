@@ -44,6 +44,7 @@ def command(
     from edgemap.cli.drive import Run
     from edgemap.cli.guessed_camera import floor_camera_of
     from edgemap.runtime.frames.camera import CameraOptions
+    from edgemap.runtime.frames.reading import printable
     from edgemap.runtime.step.config import Config, load_config
 
     tuned = load_config(advanced.config) if advanced.config else Config()
@@ -53,6 +54,8 @@ def command(
         frames=camera.frames,
     )  # fmt: skip
     with camera.open(how) as source:
+        for note in source.info.notes:
+            print(printable(note))
         loaded = _load(options, source)
         floor, guess = floor_camera_of(camera, source, loaded)
         lens = floor.intrinsics

@@ -35,6 +35,7 @@ def run_record(
         "format": "edgemap.run/1",
         "started_utc": datetime.now(UTC).isoformat(timespec="seconds"),
         "camera": source.info.name,
+        "source": list(source.info.notes),
         "intrinsics": asdict(floor.intrinsics),
         "mount": mount_fields(camera_mount, 6) | {"platform": camera_mount.platform},
         "bundle": {"name": loaded.manifest.name, "folder": str(loaded.folder), "sha256": loaded.manifest.sha256},

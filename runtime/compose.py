@@ -14,6 +14,7 @@ from edgemap.geometry.objects.annotations import Annotations
 from edgemap.geometry.se2 import SE2
 from edgemap.runtime.frames.camera import Camera, CameraOptions
 from edgemap.runtime.frames.errors import CameraError, UsageError
+from edgemap.runtime.frames.notes import collected
 from edgemap.runtime.frames.option_texts import known_names, numbers
 from edgemap.runtime.frames.program_camera import (
     FramesCamera,
@@ -91,7 +92,10 @@ def compose(
     if guess:  # which the camera's own lengths and rotations depend on
         judge = replace(config.odometry.judge, sigma=hypot(config.odometry.judge.sigma, guess.height_sigma))
         config = replace(config, odometry=replace(config.odometry, judge=judge))
-    slam = build_slam(camera, bundle, floor, options, config)
+    with collected() as found:  # wheels and poses are read here
+        slam = build_slam(camera, bundle, floor, options, config)
+    if found:
+        camera.update_info(faults=(*camera.info.faults, *found))
     _enter_saved_map(slam.mapper, None if spec.map is None else find_map(spec.map), spec)
     return slam
 

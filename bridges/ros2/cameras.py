@@ -21,7 +21,7 @@ class TopicKind:
 
         node = shared_node()
         depth = DepthTopic(node, how.topics.depth) if how.depth else None
-        return Ros2Camera(node, address, how.intrinsics, how.mount, how.recovery, depth)
+        return Ros2Camera(node, address, how.intrinsics, how.mount, how.recovery, depth, how.rotate)
 
     def found(self) -> list[tuple[str, str]]:
         """Topics are not searched for: `ros2 topic list` shows them."""
@@ -35,7 +35,7 @@ class RecordingKind:
         """Opens the file. Raises CameraError."""
         from edgemap.bridges.ros2.recordings.camera import RecordingCamera
 
-        return RecordingCamera(address, how.intrinsics, how.mount, how.topics, how.depth)
+        return RecordingCamera(address, how.intrinsics, how.mount, how.topics, how.depth, how.rotate)
 
     def found(self) -> list[tuple[str, str]]:
         """Files are not searched for."""
@@ -50,10 +50,10 @@ class RecordingKind:
     def recorded_from(self, address: str) -> str | None:
         """The camera that a recording names; None for a recording of another program, or a damaged one."""
         from edgemap.bridges.ros2.recordings.facts import RECORD
-        from edgemap.bridges.ros2.recordings.reader import McapReading
+        from edgemap.bridges.ros2.recordings.reader import open_reading
 
         try:
-            recording = McapReading(user_path(address.partition("#")[0]))
+            recording = open_reading(user_path(address.partition("#")[0]))
         except EdgemapError:  # opening the camera reports what is wrong with it
             return None
         recording.close()

@@ -1,7 +1,8 @@
 """The pinhole camera with lens distortion: pixels to rays and back, on numpy alone."""
 
 import math
-from collections.abc import Callable
+import re
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -14,12 +15,30 @@ from edgemap.geometry.errors import GeometryError
 # quarter.
 OFF_MIDDLE = 0.15
 UNEQUAL = 0.15  # logarithm of fx / fy: pixels are square to some per cent
-DISTORTION_MODELS = ("none", "brown_conrady", "inverse_brown_conrady", "modified_brown_conrady")
+# Models and how many coefficients they have.
+DISTORTION_MODELS = {
+    "none": 5, "brown_conrady": 5, "inverse_brown_conrady": 5, "modified_brown_conrady": 5, "rational": 8,
+    "equidistant": 4,
+}  # fmt: skip
+# What other programs call them (ROS, OpenCV, Kalibr, COLMAP), in small letters and digits alone.
+OTHER_NAMES = {
+    name: model
+    for model, names in {
+        "none": ("", "none", "pinhole"),
+        "brown_conrady": ("plumbbob", "radtan", "radialtangential", "brownconrady", "opencv"),
+        "rational": ("rationalpolynomial", "rational", "fullopencv"),
+        "equidistant": (
+            "equidistant", "equi", "fisheye", "opencvfisheye", "kannalabrandt", "kannalabrandt4", "kannalabrandt8",
+        ),
+    }.items()
+    for name in names
+}  # fmt: skip
+STEEPEST_RAD = math.radians(89.0)  # between a ray and the optical axis: points at unit depth end at 90
 
 
 @dataclass(frozen=True, slots=True)
 class Distortion:
-    """Lens distortion: `model` and its coefficients (k1, k2, p1, p2, k3), missing ones zero.
+    """Lens distortion: `model` and its coefficients (k1, k2, p1, p2, k3, k4, k5, k6), missing ones zero.
 
     - `none`
     - `brown_conrady`: OpenCV's five-parameter model.
@@ -28,8 +47,12 @@ class Distortion:
       librealsense (2.59, `rs2_project_point_to_pixel`, `rs2_deproject_pixel_to_point`) computes it like
       `modified_brown_conrady`, and so do we: tests compare with librealsense itself.
 
+    - `rational`: OpenCV's with k4, k5, k6 in the denominator.
+    - `equidistant`: OpenCV's fisheye (Kannala-Brandt) with (k1, k2, k3, k4), a distortion even where all are zero; rays
+      end 89 degrees from the axis.
+
     In all of them the polynomial takes ideal to distorted points.
-    Raises GeometryError for an unknown model, more than five coefficients, or one that is not finite.
+    Raises GeometryError for an unknown model, too many coefficients, or one that is not finite.
     """
 
     model: str = "none"
@@ -39,18 +62,33 @@ class Distortion:
         if self.model not in DISTORTION_MODELS:
             raise GeometryError(f"distortion model {self.model!r} is not one of {', '.join(DISTORTION_MODELS)}")
         coefficients = tuple(float(c) for c in self.coefficients)
-        if len(coefficients) > 5:
+        if len(coefficients) > DISTORTION_MODELS[self.model]:
             raise GeometryError(
-                f"distortion has {len(coefficients)} coefficients; edgemap knows five (k1, k2, p1, p2, k3)"
+                f"distortion {self.model} has {len(coefficients)} coefficients, at most {DISTORTION_MODELS[self.model]}"
             )
         if not all(map(math.isfinite, coefficients)):
             raise GeometryError(f"distortion coefficients {list(coefficients)} are not all finite")
         object.__setattr__(self, "coefficients", coefficients)
 
+    @classmethod
+    def named(cls, name: str, coefficients: Sequence[float]) -> "Distortion":
+        """The model of another program's name, which counts even where the coefficients are zero. Raises GeometryError
+        for one that is not supported, with its name."""
+        model = OTHER_NAMES.get(re.sub(r"[^a-z0-9]", "", name.lower()))
+        values = [float(value) for value in coefficients]
+        if model is None or (model == "none" and any(values)):
+            raise GeometryError(f"distortion {name[:40]!r} with {len(values)} coefficients is not supported")
+        if model in ("brown_conrady", "rational"):
+            model = "rational" if any(values[5:]) else "brown_conrady" if any(values) else "none"
+        known = DISTORTION_MODELS[model]
+        if any(values[known:]):
+            raise GeometryError(f"distortion {name[:40]!r} with {len(values)} coefficients is not supported")
+        return cls(model, tuple(values[:known]) if any(values) else ())
+
     @property
     def is_identity(self) -> bool:
         """True where points pass unchanged."""
-        return self.model == "none" or not any(self.coefficients)
+        return self.model == "none" or (self.model != "equidistant" and not any(self.coefficients))
 
     def distort(self, points: Array) -> Array:
         """Ideal to distorted normalised image points, shape (N, 2), no unit."""
@@ -62,15 +100,35 @@ class Distortion:
         """Distorted to ideal normalised image points, shape (N, 2), by Newton's method."""
         if self.is_identity:
             return points
-        return _invert(self._polynomial, points)
+        return self._undistorted_fisheye(points) if self.model == "equidistant" else _invert(self._polynomial, points)
+
+    def _of_angle(self, angle: Array) -> Array:
+        """Distance from the middle of the picture by the angle to the optical axis, rad."""
+        k1, k2, k3, k4 = (*self.coefficients, 0.0, 0.0, 0.0, 0.0)[:4]
+        a2 = angle * angle
+        return angle * (1.0 + a2 * (k1 + a2 * (k2 + a2 * (k3 + a2 * k4))))
+
+    def _undistorted_fisheye(self, points: Array) -> Array:
+        distance = np.hypot(points[:, 0], points[:, 1])
+        angle = np.minimum(distance, STEEPEST_RAD)
+        for _ in range(20):
+            slope = (self._of_angle(angle + 1e-6) - self._of_angle(angle - 1e-6)) / 2e-6
+            step = (self._of_angle(angle) - distance) / np.maximum(slope, 1e-3)
+            angle = np.clip(angle - np.clip(step, -0.5, 0.5), 0.0, STEEPEST_RAD)
+        return points * (np.tan(angle) / np.maximum(distance, 1e-12))[:, None]
 
     def _polynomial(self, points: Array) -> Array:
-        k1, k2, p1, p2, k3 = (*self.coefficients, 0.0, 0.0, 0.0, 0.0, 0.0)[:5]
         x, y = points[:, 0], points[:, 1]
         r2 = x * x + y * y
+        if self.model == "equidistant":
+            distance = np.sqrt(r2)
+            return points * (self._of_angle(np.arctan(distance)) / np.maximum(distance, 1e-12))[:, None]
+        k1, k2, p1, p2, k3, k4, k5, k6 = (*self.coefficients, *[0.0] * 8)[:8]
         radial = 1.0 + r2 * (k1 + r2 * (k2 + r2 * k3))
+        if self.model == "rational":
+            radial = radial / (1.0 + r2 * (k4 + r2 * (k5 + r2 * k6)))
         xr, yr = x * radial, y * radial
-        if self.model != "brown_conrady":
+        if self.model in ("inverse_brown_conrady", "modified_brown_conrady"):
             x, y = xr, yr
         return np.stack(
             [xr + 2.0 * p1 * x * y + p2 * (r2 + 2.0 * x * x), yr + p1 * (r2 + 2.0 * y * y) + 2.0 * p2 * x * y], axis=1
@@ -157,6 +215,28 @@ class Intrinsics:
         pixels = np.full((len(points), 2), np.nan)
         pixels[ahead] = self.distortion.distort(ideal[ahead]) * [self.fx, self.fy] + [self.cx, self.cy]
         return pixels
+
+    def fitted(self, width: int, height: int) -> "Intrinsics":
+        """The same camera for pictures of that size, where the ratio of the sides is the same. Raises GeometryError
+        with both sizes."""
+        if (width, height) == (self.width, self.height):
+            return self
+        if width * self.height != height * self.width:
+            raise GeometryError(f"intrinsics are for {self.width}x{self.height} px, the pictures {width}x{height} px")
+        return self.scaled(width, height)
+
+    def rotated(self, degrees: int) -> "Intrinsics":
+        """The same camera for pictures turned clockwise by 90, 180 or 270 degrees."""
+        if degrees % 360 == 0:
+            return self
+        k1, k2, p1, p2, *rest = (*self.distortion.coefficients, 0.0, 0.0, 0.0, 0.0)[
+            : max(len(self.distortion.coefficients), 4)
+        ]
+        turned = (k1, k2, p1, p2) if self.distortion.model == "equidistant" else (k1, k2, p2, -p1)
+        coefficients = (*turned, *rest) if self.distortion.coefficients else ()
+        distortion = Distortion(self.distortion.model, coefficients)
+        middle = self.height - 1.0 - self.cy, self.cx
+        return Intrinsics(self.height, self.width, self.fy, self.fx, *middle, distortion).rotated(degrees - 90)
 
     def scaled(self, width: int, height: int) -> "Intrinsics":
         """The same camera at another image size; scaling is about pixel centres, so the border keeps its angle."""

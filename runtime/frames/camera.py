@@ -1,7 +1,9 @@
 """The camera: a source of frames with its intrinsics; and the protocols of live devices and their drivers."""
 
 import math
+from collections import Counter
 from collections.abc import Callable, Mapping
+from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from typing import Any, NamedTuple, Protocol, Self
 
@@ -11,7 +13,9 @@ from numpy.typing import NDArray
 from edgemap.geometry.camera.imu import ImuSamples
 from edgemap.geometry.camera.intrinsics import Intrinsics
 from edgemap.geometry.camera.mount import Mount
+from edgemap.geometry.errors import GeometryError
 from edgemap.runtime.frames.errors import CameraError, CameraFault, CameraState, FrameTimeout
+from edgemap.runtime.frames.faults import Fault, FaultKind
 from edgemap.runtime.frames.frame import Frame
 from edgemap.runtime.frames.inference import Inference
 from edgemap.runtime.frames.reading import printable
@@ -19,19 +23,22 @@ from edgemap.runtime.frames.trajectory import AttitudeTrack, PoseTrack, TrackFil
 
 TICK_S = 0.5  # longest wait of a read
 DEFAULT_RATE_HZ = 10.0  # of pictures without stamps
+NO_DEPTH = "none at the time of the picture"
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class CameraInfo:
     """What is constant of a camera while it is read.
 
-    name: the SPEC it was opened from. size: (width, height) of its pictures, px. intrinsics, mount: None where unknown.
+    name: the SPEC it was opened from. size: (width, height) of its pictures, px. intrinsics, mount: None where unknown;
+    intrinsics for another size of the same shape are scaled.
     live: true for devices that produce frames independently of `read`. rate_hz: nominal frame rate, None if unknown.
     frame_count: None for live sources. truth: the drive's own poses from its start, None where unknown. attitudes:
     those of the lens with them, None where the poses are planar. wheel: wheel odometry that came with the pictures, a
     file or poses that come live, None where there is none. imu: all inertial samples of a recording. inference: of the
     run that made this recording, None where there is none. edits: of that run, as lines of edits.jsonl. calibration: of
-    a recording, how intrinsics and mount were determined, as in camera.yaml.
+    a recording, how intrinsics and mount were determined, as in camera.yaml. notes: what was taken of the source and
+    what was not, as lines. faults: of what was read before the first frame.
     """
 
     name: str
@@ -48,6 +55,16 @@ class CameraInfo:
     inference: Inference | None = None
     edits: tuple[str, ...] = ()
     calibration: Mapping[str, Any] = field(default_factory=dict)
+    notes: tuple[str, ...] = ()
+    faults: tuple[Fault, ...] = ()
+
+    def __post_init__(self) -> None:
+        lens, (width, height) = self.intrinsics, self.size if isinstance(self.size, tuple) else (0, 0)
+        if isinstance(lens, Intrinsics) and (width, height) not in ((0, 0), (lens.width, lens.height)):
+            with suppress(GeometryError):  # `Camera.frame` refuses those of another shape
+                object.__setattr__(self, "intrinsics", lens.fitted(width, height))
+                note = f"intrinsics of {lens.width}x{lens.height} px scaled to {width}x{height} px"
+                object.__setattr__(self, "notes", (*self.notes, note))
 
 
 class Camera:
@@ -58,6 +75,7 @@ class Camera:
     def __init__(self, info: CameraInfo) -> None:
         self._info = replace(info, name=printable(info.name))
         self._delivered, self._last_s = 0, -math.inf  # frames so far, and the stamp of the last
+        self._depths: Counter[str] = Counter()  # pictures by why their depth is not used; by "" where it is
 
     @property
     def info(self) -> CameraInfo:
@@ -86,6 +104,15 @@ class Camera:
         """
         raise NotImplementedError
 
+    def account(self) -> list[Fault]:
+        """What the frames delivered so far did not use, one fault for each kind."""
+        whole, used = self._depths.total(), self._depths[""]
+        causes = [(why, count) for why, count in self._depths.most_common() if why not in ("", NO_DEPTH)]
+        if not whole or (used and not causes):
+            return []
+        why = "; ".join(f"{why} ({count})" for why, count in causes[:2]) if used else (*causes, (NO_DEPTH, 0))[0][0]
+        return [Fault(FaultKind.DEPTH, f"depth: {used} of {whole} pictures usable: {why}")]
+
     def object_records(self) -> list[dict[str, Any]] | None:
         """The true objects, as in objects.json, visible in the frames delivered so far; None where unknown."""
         return None
@@ -94,20 +121,23 @@ class Camera:
         """Release the device or file; may be called twice."""
 
     def frame(
-        self, image: NDArray[np.uint8], stamp_s: float, name: str, depth: NDArray[np.float32] | None = None
+        self, image: NDArray[np.uint8], stamp_s: float, name: str, depth: NDArray[np.float32] | str | None = None
     ) -> Frame:
         """The picture as the next delivered frame, with the samples of `info.imu` since the last. Raises CameraError
         where its size is not the lens's.
 
-        depth: of its pixels; of another size, it is left out.
+        depth: of its pixels; of another size, it is left out. A text says why there is none.
         """
         height, width = image.shape[:2]
         lens, imu = self.info.intrinsics, self.info.imu
         if lens is not None and (width, height) != (lens.width, lens.height):
             raise CameraError(f"{name}: picture is {width}x{height}, the intrinsics are for {lens.width}x{lens.height}")
         samples = ImuSamples.none() if imu is None else imu.between(self._last_s, stamp_s)
-        if depth is not None and depth.shape != (height, width):
-            depth = None
+        if depth is not None:
+            if not isinstance(depth, str) and depth.shape != (height, width):
+                depth = f"{depth.shape[1]}x{depth.shape[0]} px for pictures of {width}x{height} px"
+            self._depths[depth if isinstance(depth, str) else ""] += 1
+            depth = None if isinstance(depth, str) else depth
         frame = Frame(self._delivered, stamp_s, image, name, samples, depth)
         self._delivered, self._last_s = self._delivered + 1, stamp_s
         return frame
@@ -199,7 +229,8 @@ class RecoveryRule:
 class CameraOptions:
     """How a source is opened. intrinsics, mount: stated by the user; they override the source's own. realtime: pace a
     file source by its stamps. recovery: of live devices. topics: further sensors, on ROS 2 topics. depth: whether
-    frames contain the source's depth. frames: length of a rendered drive.
+    frames contain the source's depth. frames: length of a rendered drive. rotate: degrees by which pictures are turned
+    clockwise: 0, 90, 180 or 270; intrinsics and mount are those of the turned ones.
     """
 
     intrinsics: Intrinsics | None = None
@@ -209,6 +240,7 @@ class CameraOptions:
     topics: SensorTopics = SensorTopics()
     depth: bool = True
     frames: int | None = None
+    rotate: int = 0
 
 
 def next_frame(

@@ -22,6 +22,7 @@ EXTRAS: dict[str, tuple[str, dict[str, str]]] = {
     "openvino": ("bench --against openvino", {"openvino": "openvino"}),
     "view": ("run --view", {"starlette": "starlette", "uvicorn": "uvicorn", "websockets": "websockets"}),
     "record": ("record, run --record, recordings as cameras", {"mcap": "mcap", "mcap_ros2": "mcap-ros2-support"}),
+    "ros1": ("bags of ROS 1", {"rosbags": "rosbags"}),
     "foxglove": ("run --foxglove", {"foxglove": "foxglove-sdk", "mcap_ros2": "mcap-ros2-support"}),
     "mqtt": ("run --mqtt", {"paho": "paho-mqtt"}),
     "mcp": ("edgemap mcp", {"mcp": "mcp"}),

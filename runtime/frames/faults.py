@@ -25,6 +25,8 @@ class FaultKind(StrEnum):
     GREY = "grey"  # a colour camera that turns grey
     DAMAGED = "damaged"  # a picture that cannot be decoded
     RECOVERED = "recovered"
+    DEPTH = "depth"  # pictures of depth that cannot be used
+    SAMPLES = "samples"  # of wheels, IMU or poses that are none, and are dropped
     # Contents of a picture
     DARK = "dark"
     BLOWN = "blown"

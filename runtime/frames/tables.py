@@ -7,7 +7,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from edgemap.geometry.errors import EdgemapError
+from edgemap.runtime.frames.notes import note_dropped
 from edgemap.runtime.frames.reading import one_line, read_bytes
+from edgemap.runtime.frames.stamps import followed
 
 
 @dataclass(frozen=True, slots=True)
@@ -29,10 +31,14 @@ def columns(names: str, minimum: float = -1e6, maximum: float = 1e6) -> tuple[Co
 
 @dataclass(frozen=True, slots=True)
 class NumberTable:
-    """A table's columns. header: whether the first line names them. Lines that start with # are comments."""
+    """A table's columns. header: whether the first line names them. samples: whether its rows are samples, the first
+    column their stamps: those that are none are dropped and counted, and a clock that was set is followed
+    (`followed`). Lines that start with # are comments; a byte order mark is read.
+    """
 
     columns: tuple[Column, ...]
     header: bool = False
+    samples: bool = False
 
     def read(self, path: Path, error: type[EdgemapError]) -> tuple[list[int], NDArray[np.float64]]:
         """Line numbers, and the rows as (N, columns). Raises `error`, also for an empty table."""
@@ -41,7 +47,7 @@ class NumberTable:
     def parse(self, data: bytes, path: str, error: type[EdgemapError]) -> tuple[list[int], NDArray[np.float64]]:
         """Parses the bytes of a file as `read` does. path: for messages."""
         names = [column.name for column in self.columns]
-        lines = data.replace(b",", b" ").decode("utf-8", "replace").splitlines()
+        lines = _text(data).replace(",", " ").splitlines()
         if self.header and (not lines or lines.pop(0).split() != names):
             raise error(f"{path}: first line must be {','.join(names)}")
         numbers = [
@@ -51,15 +57,55 @@ class NumberTable:
         ]
         if not numbers:
             raise error(f"{path}: no rows of numbers in it")
+        texts = [lines[number - 1 - self.header] for number in numbers]
         expected = f"expected {len(names)} finite numbers a line, {' '.join(names)}"
+        wrong: dict[int, str] = {}
         try:
-            rows = np.loadtxt([lines[number - 1 - self.header] for number in numbers], comments=None, ndmin=2)
+            rows = np.loadtxt(texts, comments=None, ndmin=2)
         except ValueError as why:
-            raise error(f"{path}: {expected} ({one_line(why)})") from None
+            if not self.samples:
+                raise error(f"{path}: {expected} ({one_line(why)})") from None
+            rows, wrong = self._row_by_row(numbers, texts, expected)
         if rows.shape[1] != len(names):
             raise error(f"{path}: {expected}, found {rows.shape[1]}")
         for column, values in zip(self.columns, rows.T, strict=True):
-            if len(wrong := np.flatnonzero(~((column.minimum <= values) & (values <= column.maximum)))):  # NaN too
-                where, value = f"{path}:{numbers[wrong[0]]}", values[wrong[0]]
-                raise error(f"{where}: {column.name} is {value:g}, must be {column.minimum:g} to {column.maximum:g}")
-        return numbers, rows
+            for at in np.flatnonzero(~((column.minimum <= values) & (values <= column.maximum))):  # NaN too
+                why = f"{column.name} is {values[at]:g}, must be {column.minimum:g} to {column.maximum:g}"
+                if not self.samples:
+                    raise error(f"{path}:{numbers[at]}: {why}")
+                wrong.setdefault(int(at), f"{numbers[at]}: {why}")
+        return self._in_order(path, error, numbers, rows, wrong) if self.samples else (numbers, rows)
+
+    def _row_by_row(
+        self, numbers: list[int], texts: list[str], expected: str
+    ) -> tuple[NDArray[np.float64], dict[int, str]]:
+        """The rows, NaN where a line is not as many numbers, and why by row."""
+        rows, wrong = np.full((len(texts), len(self.columns)), np.nan), dict[int, str]()
+        for at, text in enumerate(texts):
+            try:
+                rows[at] = np.array([float(word) for word in text.split()]).reshape(len(self.columns))
+            except ValueError:
+                wrong[at] = f"{numbers[at]}: {one_line(text, 40)!r}, {expected}"
+        return rows, wrong
+
+    def _in_order(
+        self, path: str, error: type[EdgemapError], numbers: list[int], rows: NDArray[np.float64], wrong: dict[int, str]
+    ) -> tuple[list[int], NDArray[np.float64]]:
+        """The rows that are samples, at stamps that increase. Raises `error` where half of the rows are none."""
+        good, reasons = list[int](), list(wrong.values())
+        stamps = ((float(rows[at, 0]), at) for at in range(len(rows)) if at not in wrong)
+        for stamp_s, at, fault in followed(stamps, 10**9 if self.columns[0].name.endswith("_ns") else 1):
+            reasons += [f"{numbers[at]}: {fault}"] if fault else []
+            if stamp_s is not None:
+                rows[at, 0] = stamp_s
+                good.append(at)
+        if 2 * len(good) <= len(rows) and reasons:
+            raise error(f"{path}:{reasons[0]} ({len(rows) - len(good)} of {len(rows)} lines are no samples)")
+        note_dropped(path, [f"line {reason}" for reason in reasons], len(rows))
+        return [numbers[at] for at in good], rows[good]
+
+
+def _text(data: bytes) -> str:
+    """The text of a file, of UTF-8 or, with a byte order mark, UTF-16."""
+    coding = "utf-16" if data.startswith((b"\xff\xfe", b"\xfe\xff")) else "utf-8-sig"
+    return data.decode(coding, "replace")

@@ -13,10 +13,11 @@ from edgemap.geometry.camera.attitude import Attitude
 from edgemap.geometry.errors import EdgemapError
 from edgemap.geometry.se2 import SE2
 from edgemap.runtime.frames.errors import OdometryError
+from edgemap.runtime.frames.notes import note_dropped
 from edgemap.runtime.frames.reading import read_bytes
 from edgemap.runtime.frames.tables import STAMP, NumberTable, columns
 
-TUM = NumberTable((STAMP, *columns("x_m y_m z_m qx qy qz qw")))
+TUM = NumberTable((STAMP, *columns("x_m y_m z_m qx qy qz qw")), samples=True)
 FASTEST_M_S = 60.0  # a car of KITTI; a faster pose was reset or is damaged
 QUATERNION_TOLERANCE = 0.02  # of its length: files keep few digits
 
@@ -77,14 +78,17 @@ def parse_tum(data: bytes | str, path: str) -> Trajectory:
 
 
 def tum_rows(data: bytes, path: str, error: type[EdgemapError], table: NumberTable = TUM) -> NDArray[np.float64]:
-    """The numbers of TUM text, (N, 8), quaternions scaled to length 1. Raises `error` with the line number."""
+    """The numbers of TUM text, (N, 8), quaternions scaled to length 1; lines that are no samples are dropped and
+    counted. Raises `error` where half of them are none."""
     numbers, rows = table.parse(data, path, error)
     norms = np.linalg.norm(rows[:, 4:], axis=1)
-    wrong = np.flatnonzero(np.abs(norms - 1.0) > QUATERNION_TOLERANCE)
-    if len(wrong):
-        raise error(f"{path}:{numbers[wrong[0]]}: quaternion has length {norms[wrong[0]]:.3f}, must be 1")
-    rows[:, 4:] /= norms[:, None]
-    return rows
+    unit = np.abs(norms - 1.0) <= QUATERNION_TOLERANCE
+    wrong = [f"{numbers[at]}: quaternion has length {norms[at]:.3f}, must be 1" for at in np.flatnonzero(~unit)]
+    if 2 * len(wrong) >= len(rows):
+        raise error(f"{path}:{wrong[0]} ({len(wrong)} of {len(rows)} lines are no poses)")
+    note_dropped(path, [f"line {why}" for why in wrong], len(rows))
+    rows[:, 4:] /= np.where(unit, norms, 1.0)[:, None]
+    return rows[unit]
 
 
 def tum_line(stamp_s: float, pose: SE2) -> str:

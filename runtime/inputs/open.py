@@ -8,6 +8,7 @@ from typing import cast
 from edgemap.geometry.errors import EdgemapError
 from edgemap.runtime.frames.camera import Camera, CameraOptions, Driver
 from edgemap.runtime.frames.errors import CameraError
+from edgemap.runtime.frames.notes import collected
 from edgemap.runtime.frames.plugins import CAMERAS, load_plugin, plugins
 from edgemap.runtime.frames.reading import THEIRS, error_line, user_path
 from edgemap.runtime.inputs.cameras.kinds import kind_of
@@ -15,7 +16,7 @@ from edgemap.runtime.inputs.cameras.kinds import kind_of
 UNDERSTOOD = (
     "demo, realsense[:SERIAL], realsense:FILE.db3|.bag, a number or /dev/videoN, an rtsp:// or http(s):// stream, "
     "a video file, a folder of pictures, "
-    "a recording FILE.mcap[#/topic], a topic ros2:/camera/image_raw, sim:SEED, "
+    "a recording FILE.mcap|.db3|.bag[#/topic] or the folder of a bag, a topic ros2:/camera/image_raw, sim:SEED, "
     "or KIND:DIR with KIND one of kitti, tum, c2w, drive, euroc, locobot, yolo"
 )
 STREAMS = ("rtsp", "rtsps", "http", "https")
@@ -28,7 +29,10 @@ def open_camera(spec: str = "demo", how: CameraOptions = CameraOptions()) -> Cam
 
     Raises CameraError or PluginError, one line, for an invalid SPEC or a source that cannot be opened.
     """
-    camera = _open(spec, how)
+    with collected() as found:
+        camera = _open(spec, how)
+    if found:
+        camera.update_info(faults=(*camera.info.faults, *found))
     if how.realtime and not camera.info.live:
         from edgemap.runtime.inputs.cameras.wrappers import PacedCamera
 
@@ -59,7 +63,6 @@ def _open(spec: str, how: CameraOptions) -> Camera:
     if plugin is not None:
         return _open_plugin(*plugin, spec, how)
     path = user_path(spec)
-    _refuse_bag(path)
     if spec and path.is_dir():  # an empty SPEC (an unset variable) is not the current folder
         from edgemap.runtime.inputs.cameras.pictures import open_folder
 
@@ -73,18 +76,6 @@ def _open(spec: str, how: CameraOptions) -> Camera:
     if path.suffix or "/" in spec:
         raise CameraError(f"camera {spec!r}: no such file or folder; understood: {understood}")
     raise CameraError(f"camera {spec!r} is not understood; understood: {understood}")
-
-
-def _refuse_bag(path: Path) -> None:
-    """Raises CameraError for what ROS 2 calls a bag where that is no recording that is read."""
-    inside = sorted(path.glob("*.mcap")) if (path / "metadata.yaml").is_file() else []
-    if inside:
-        raise CameraError(f"{path}: the folder of a ROS 2 bag; pass the recording in it, {inside[0]}")
-    if path.suffix == ".db3" or ((path / "metadata.yaml").is_file() and any(path.glob("*.db3"))):
-        raise CameraError(
-            f"{path}: SQLite. A ROS 2 bag converts to MCAP with `ros2 bag convert`; a librealsense recording is "
-            f"realsense:{path}"
-        )
 
 
 def _open_drive(spec: str, name: str, how: CameraOptions) -> Camera:

@@ -22,7 +22,8 @@ from edgemap.runtime.frames.spatial_poses import (
 from edgemap.runtime.frames.tables import Column, NumberTable
 from edgemap.runtime.frames.trajectory import TUM, AttitudeTrack, Trajectory, tum_rows
 
-TUM_OF_OTHERS = NumberTable((Column("stamp", -1e19, 1e19), *TUM.columns[1:]))  # ORB-SLAM3 writes nanoseconds
+# ORB-SLAM3 writes nanoseconds.
+TUM_OF_OTHERS = NumberTable((Column("stamp", -1e19, 1e19), *TUM.columns[1:]), samples=True)
 BASE, CAMERA = "base", "camera"
 CLEARLY = 0.2  # by which a rarer reading must explain the file better (eight drives: 0.27 to 1, a right one 0.05)
 UPRIGHT = math.cos(math.radians(10.0))  # of an axis of the world to up: it is meant to be up

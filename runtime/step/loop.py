@@ -41,6 +41,8 @@ def steps(
             group.fault(fault)
 
     try:
+        for fault in camera.info.faults:
+            group.fault(fault)
         while (frames is None or done < frames) and not (stop and stop.is_set()):
             take_edits()
             try:
@@ -63,6 +65,8 @@ def steps(
             done += 1
             beat(f"camera {CameraState.RUNNING}, {done} frames, {len(objects)} objects")
             yield result
+        for fault in camera.account():
+            group.fault(fault)
         take_edits()
     except EdgemapError as error:
         group.ending(error)

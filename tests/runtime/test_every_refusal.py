@@ -175,12 +175,12 @@ def test_camera_files(tmp_path, text, words):
 def test_wheels_that_jump_or_leave_the_world(tmp_path):
     path = tmp_path / "wheel{0}.csv"
     for rows, words in (
-        ("0,0,0,0\n0.1,1000,0,0\n", "line 3: the pose jumps 1000.0 m in 0.100 s"),
+        ("0,0,0,0\n0.1,1000,0,0\n", "at 0.100 s the pose jumps 1000.0 m in 0.100 s"),
         ("0,0,0,0\n0.1,1e300,0,0\n", ":3: x_m is 1e+300, must be -1e+06 to 1e+06"),
         ("0,0,0,0\n\n0.1,nan,0,0\n", ":4: x_m is nan"),
         ("0,0,0\n", "expected 4 finite numbers"),
-        ("0,0,0,x\n", "expected 4 finite numbers a line, stamp_s x_m y_m yaw_rad (could not convert string 'x'"),
-        ("0,0,0,0\n0,0,0,0\n", "does not come after"),
+        ("0,0,0,x\n", ":2: '0 0 0 x', expected 4 finite numbers a line, stamp_s x_m y_m yaw_rad"),
+        ("0,0,0,0\n0,0,0,0\n", "not after 0.000000 s"),
         ("", "no rows"),
     ):
         path.write_text("stamp_s,x_m,y_m,yaw_rad\n" + rows)

@@ -14,13 +14,14 @@ from edgemap.bridges.ros2.dds.node import Node, Subscription
 from edgemap.bridges.ros2.dds.sources import TfListener, WheelTopic
 from edgemap.bridges.ros2.messages.definitions import RosClock, ns_of, to_s
 from edgemap.bridges.ros2.messages.topics import IMU, INFO, KINDS
-from edgemap.bridges.ros2.recordings.foreign import info_topics, lens_of, mount_of, push_message
+from edgemap.bridges.ros2.recordings.foreign import FLOOR_FRAME, info_topics, lens_of, mount_of, push_message
 from edgemap.bridges.ros2.recordings.pictures import compressed_picture, raw_picture
 from edgemap.geometry.camera.intrinsics import Intrinsics
 from edgemap.geometry.camera.mount import Mount
 from edgemap.runtime.frames.camera import Camera, Driver, Picture, RecoveryRule, SensorTopics
 from edgemap.runtime.frames.errors import CameraError
 from edgemap.runtime.frames.frame import Frame
+from edgemap.runtime.frames.reading import print_message
 from edgemap.runtime.inputs.cameras.imu_buffer import ImuBuffer
 from edgemap.runtime.inputs.cameras.live import LiveCamera
 from edgemap.runtime.inputs.cameras.wrappers import CameraAround
@@ -57,7 +58,7 @@ class Ros2Device:
         _, image, self.frame_id = self._first
         self.size = (image.shape[1], image.shape[0])
         info = _first_of(infos, BESIDE_S)
-        self.intrinsics: Intrinsics | None = lens_of(info, "rect" in topic, name) if info else None
+        self.intrinsics: Intrinsics | None = lens_of(info, topic, name, self.size) if info else None
 
     def grab(self) -> Picture | None:
         """The newest picture; None where none came. Raises CameraError or Ros2Error for one that is damaged."""
@@ -96,9 +97,13 @@ class Ros2Driver(Driver):
         self.frame_id = device.frame_id
         return device
 
-    def mount(self) -> Mount | None:
-        """Mount of the pictures' frame; None where tf does not connect it to base_footprint. Raises CameraError."""
-        return self._tf.ask(lambda tree: mount_of(tree, self.frame_id))
+    def mount(self, rotate: int) -> Mount | None:
+        """Mount of the pictures' frame, as of `mount_of`, whose text is printed. Raises CameraError."""
+        self._tf.ask(lambda tree: tree.pose(FLOOR_FRAME, self.frame_id))
+        mount, text = self._tf.ask(lambda tree: mount_of(tree, self.frame_id, rotate)) or (None, "")
+        if text:
+            print_message(f"{self.name}: {text}")
+        return mount
 
 
 class Ros2Camera(LiveCamera):
@@ -112,11 +117,12 @@ class Ros2Camera(LiveCamera):
         mount: Mount | None = None,
         rule: RecoveryRule | None = None,
         depth: DepthTopic | None = None,
+        rotate: int = 0,
     ) -> None:
         driver = Ros2Driver(node, topic, depth)
         super().__init__(driver, intrinsics, mount, rule)
         self.optical = driver.frame_id
-        self.update_info(mount=mount or driver.mount())
+        self.update_info(mount=mount or driver.mount(rotate))
 
 
 class Ros2SensorsCamera(CameraAround):

@@ -86,7 +86,7 @@ class DepthTopic:
         for info in self._infos:
             if self._lens is None and (message := info.newest() if info.wait(0.0) else None) is not None:
                 with suppress(CameraError):
-                    self._lens = lens_of(message, rectified=True, name=info.topic)
+                    self._lens = lens_of(message, "image_rect", info.topic)
         if self._lens is None or lens is None:
             return True
         pairs = ((getattr(one, name) for one in (self._lens, lens)) for name in ("fx", "fy", "cx", "cy"))

@@ -5,51 +5,61 @@ from typing import Any
 
 import numpy as np
 
-from edgemap.bridges.ros2.messages.definitions import ns_of, to_s
+from edgemap.bridges.ros2.messages.definitions import to_s
 from edgemap.bridges.ros2.messages.tf_tree import TfTree, planar_pose
 from edgemap.bridges.ros2.messages.topics import IMU, ODOMETRY, TF, TF_STATIC, TRUTH
 from edgemap.bridges.ros2.recordings.facts import WHEEL_FILE, read_trajectory_file
-from edgemap.bridges.ros2.recordings.reader import McapReading
+from edgemap.bridges.ros2.recordings.reader import open_reading
+from edgemap.bridges.ros2.recordings.reading import Reading
 from edgemap.geometry.camera.imu import ImuSamples
 from edgemap.geometry.camera.intrinsics import Distortion, Intrinsics
 from edgemap.geometry.camera.mount import Mount
 from edgemap.geometry.errors import GeometryError
 from edgemap.geometry.se2 import SE2
 from edgemap.runtime.frames.errors import CameraError, OdometryError
+from edgemap.runtime.frames.notes import note_dropped
 from edgemap.runtime.frames.reading import one_line, user_path
 from edgemap.runtime.frames.trajectory import Trajectory
 from edgemap.runtime.inputs.cameras.imu_buffer import ImuBuffer
-from edgemap.runtime.inputs.drives.sensor_csv import check_speed
+from edgemap.runtime.inputs.drives.sensor_csv import steady
 
 FLOOR_FRAME = "base_footprint"  # REP-120: base_link may stand anywhere above the floor, this one stands on it
 TF_MESSAGES = 200  # of each topic, looked through for the tree
 
 
-def lens_of(info: Any, rectified: bool, name: str) -> Intrinsics | None:
-    """The lens of a decoded `sensor_msgs/CameraInfo`; None where it is not calibrated. rectified: the pictures are
-    (`image_rect`), so P holds and no distortion. Raises CameraError for a distortion that is not plumb_bob's.
+TRANSPORTS = {"compressed", "compressedDepth", "theora", "ffmpeg", "foxglove", "zstd"}  # image_transport's last parts
+
+
+def is_rectified(topic: str) -> bool:
+    """Whether the last part of a topic with pictures calls them rectified: `image_rect`, `image_rect_color`."""
+    parts = [part for part in topic.split("/") if part not in TRANSPORTS]
+    return not {"rect", "rectified"}.isdisjoint(parts[-1].split("_"))
+
+
+def lens_of(info: Any, topic: str, name: str, size: tuple[int, int] | None = None) -> Intrinsics | None:
+    """The lens of a decoded `sensor_msgs/CameraInfo`; None where it is not calibrated. topic: of the pictures; of
+    rectified ones P holds and no distortion. size: of the pictures, px: numbers for other ones are those of the sensor,
+    of which binning and region of interest make them. Raises CameraError for a distortion that is not supported.
     """
+    rectified = is_rectified(topic)
     k = info.p if rectified else info.k
     fx, cx, fy, cy = (k[0], k[2], k[5], k[6]) if rectified else (k[0], k[2], k[4], k[5])
     if not fx or not fy:
         return None
-    coefficients = tuple(float(value) for value in info.d)
-    if rectified or not any(coefficients):
-        distortion = Distortion()
-    elif info.distortion_model in ("plumb_bob", "rational_polynomial") and not any(coefficients[5:]):
-        try:
-            distortion = Distortion("brown_conrady", coefficients[:5])
-        except GeometryError as error:
-            raise CameraError(f"{name}: CameraInfo: {error}") from None
+    wide, high, (x, y) = info.width, info.height, (0, 0)
+    across, down = max(info.binning_x, 1), max(info.binning_y, 1)
+    roi = info.roi
+    part = (roi.width or wide, roi.height or high)
+    if size not in (None, (wide, high)) and size == (part[0] // across, part[1] // down):
+        x, y, (wide, high) = roi.x_offset, roi.y_offset, size
     else:
-        raise CameraError(
-            f"{name}: distortion {one_line(info.distortion_model, 40)} with {len(coefficients)} coefficients is not "
-            "supported; pass --intrinsics or --camera-file"
-        )
+        across = down = 1
     try:
-        return Intrinsics(info.width, info.height, float(fx), float(fy), float(cx), float(cy), distortion)
+        distortion = Distortion() if rectified else Distortion.named(info.distortion_model, tuple(info.d))
+        fx, fy, cx, cy = fx / across, fy / down, (cx - x + 0.5) / across - 0.5, (cy - y + 0.5) / down - 0.5
+        return Intrinsics(wide, high, float(fx), float(fy), float(cx), float(cy), distortion)
     except GeometryError as error:
-        raise CameraError(f"{name}: CameraInfo: {error}") from None
+        raise CameraError(f"{name}: CameraInfo: {error}; pass --intrinsics or --camera-file") from None
 
 
 def info_topics(pictures: str) -> list[str]:
@@ -60,7 +70,7 @@ def info_topics(pictures: str) -> list[str]:
     return ["/".join([*parts[:-cut], "camera_info"]) for cut in (1, 2)]
 
 
-def tf_of(recording: McapReading) -> TfTree:
+def tf_of(recording: Reading) -> TfTree:
     """The tf tree of a recording, by its first messages. Raises CameraError."""
     tree = TfTree(str(recording.path))
     for topic in (TF_STATIC, TF):
@@ -73,13 +83,42 @@ def tf_of(recording: McapReading) -> TfTree:
     return tree
 
 
-def mount_of(tree: TfTree, frame_id: str) -> Mount | None:
-    """The mount from tf: the pictures' frame above base_footprint; None where tf does not connect them.
+def mount_of(tree: TfTree, frame_id: str, rotate: int = 0) -> tuple[Mount | None, str]:
+    """The mount from tf, the pictures' frame above base_footprint, and what is to be said about it: where tf does not
+    connect them, where the frame's axes are not optical ones, where the camera looks aside or lies on its side.
+    rotate: degrees by which pictures are turned clockwise until they are upright.
 
     A tree that only has base_link gives none: its height above the floor is undefined. Raises CameraError.
     """
     found = tree.pose(FLOOR_FRAME, frame_id)
-    return _mount(*found) if found else None
+    if found is None:
+        return None, f"tf does not join {FLOOR_FRAME} to {one_line(frame_id) or 'the pictures (no frame_id)'}: no mount"
+    (rotation, place_m), text = found, ""
+    if rotation[2, 2] > math.cos(math.pi / 4.0):  # z points up: axes of a body, x ahead
+        rotation, text = rotation @ BODY_OPTICAL, f"{one_line(frame_id)} has the axes of a body in tf, x ahead"
+        text += ": taken as an optical frame by REP 103"
+    turns = round(math.atan2(-rotation[2, 0], -rotation[2, 1]) / (math.pi / 2.0)) % 4  # roll in quarter turns
+    if 90 * turns != rotate and turns:
+        return None, f"tf has the camera turned by {90 * turns} deg about its axis: --rotate {90 * turns}; no mount"
+    rotation = rotation @ np.linalg.matrix_power(QUARTER_TURN, rotate // 90).T
+    mount = _mount(rotation, place_m)
+    if mount is None:
+        aside_deg, down_deg = _directions(rotation)
+        text = (
+            f"tf puts the camera {place_m[2]:.2f} m up, looking {down_deg:.1f} deg down and {aside_deg:.1f} deg to the "
+            f"left: no mount, which looks ahead; --mount {max(place_m[2], 0.0):.2f},{down_deg:.1f} makes that ahead"
+        )
+    return mount, text
+
+
+QUARTER_TURN = np.array([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])  # optical axes, pictures clockwise
+BODY_OPTICAL = np.array([[0.0, 0.0, 1.0], [-1.0, 0.0, 0.0], [0.0, -1.0, 0.0]])  # REP 103: optical axes in a body's
+
+
+def _directions(rotation_base_optical: Any) -> tuple[float, float]:
+    """Where an optical frame looks: degrees to the left, and down."""
+    x, y, z = rotation_base_optical[:, 2]
+    return math.degrees(math.atan2(y, x)), math.degrees(math.asin(np.clip(-z, -1.0, 1.0)))
 
 
 def _mount(rotation_base_optical: Any, place_m: Any) -> Mount | None:
@@ -102,13 +141,14 @@ IMU_KIND = "sensor_msgs/Imu"
 WHEEL_KIND = "nav_msgs/Odometry"
 
 
-def recorded_imu(recording: McapReading) -> ImuSamples | None:
+def recorded_imu(recording: Reading) -> ImuSamples | None:
     """The IMU samples that edgemap recorded, in the optical frame; None where there are none. Raises CameraError."""
     return _read(recording, IMU, ImuBuffer(kept=None)) if IMU in recording.topics else None
 
 
-def imu_of(recording: McapReading, tree: TfTree, optical: str, topic: str | None = None) -> ImuSamples | None:
-    """The first sensor_msgs/Imu topic of a bag, or the named one, whose frame tf connects to the pictures'.
+def imu_of(recording: Reading, tree: TfTree, optical: str, topic: str | None = None) -> tuple[str, ImuSamples | None]:
+    """The first sensor_msgs/Imu topic of a bag, or the named one, whose frame tf connects to the pictures', and its
+    samples.
 
     None where there is none. optical: the pictures' frame. Raises CameraError, also for a named topic that cannot be
     used.
@@ -117,15 +157,14 @@ def imu_of(recording: McapReading, tree: TfTree, optical: str, topic: str | None
     if topic is not None and topic not in found:
         raise CameraError(f"{recording.path}: no {IMU_KIND} topic {topic} (there are: {', '.join(found) or 'none'})")
     for name in found if topic is None else [topic]:
-        first = next(recording.messages(name), None)
-        pose = tree.pose(optical, first[1]().header.frame_id) if first else None
+        pose = tree.pose(optical, next(recording.stamped(name))[1].header.frame_id)
         if pose is not None:
-            return _read(recording, name, ImuBuffer(pose[0], kept=None))
+            return name, _read(recording, name, ImuBuffer(pose[0], kept=None))
     if topic is not None:
         raise CameraError(
             f"{recording.path}: tf does not join the frame of {one_line(topic)} to the pictures' ({one_line(optical)})"
         )
-    return None
+    return "", None
 
 
 def push_message(buffer: ImuBuffer, message: Any, stamp_s: float) -> None:
@@ -137,11 +176,16 @@ def push_message(buffer: ImuBuffer, message: Any, stamp_s: float) -> None:
         buffer.push_rate(stamp_s, (rate.x, rate.y, rate.z))
 
 
-def _read(recording: McapReading, topic: str, buffer: ImuBuffer) -> ImuSamples | None:
-    for log_ns, decode in recording.messages(topic):
-        message = decode()
-        push_message(buffer, message, to_s(ns_of(message.header.stamp) or log_ns))
+def _read(recording: Reading, topic: str, buffer: ImuBuffer) -> ImuSamples | None:
+    count, wrong = 0, list[str]()
+    for stamp_ns, _, message, fault in recording.samples(topic):
+        count += 1
+        if fault:
+            wrong.append(fault)
+        if stamp_ns is not None:
+            push_message(buffer, message, to_s(stamp_ns))
     samples = buffer.take(np.inf)
+    note_dropped(f"{recording.path}: {topic}", wrong + buffer.dropped, count)
     return samples if len(samples) else None
 
 
@@ -151,7 +195,7 @@ def read_wheel(spec: str) -> Trajectory:
     Poses of the base as the wheels integrate them, at the headers' stamps. Raises CameraError.
     """
     file, _, topic = spec.partition("#")
-    recording = McapReading(user_path(file))
+    recording = open_reading(user_path(file))
     try:
         if not topic and WHEEL_FILE in recording.attachments:
             return read_trajectory_file(recording.attachments[WHEEL_FILE], f"{file}: {WHEEL_FILE}")
@@ -159,18 +203,25 @@ def read_wheel(spec: str) -> Trajectory:
         if not found or (topic and topic not in found):
             there = ", ".join(found) or "none"
             raise CameraError(f"{file}: no {WHEEL_KIND} topic {topic or 'of wheels'} (there are: {there})")
-        poses: dict[int, SE2] = {}
-        for log_ns, decode in recording.messages(topic or found[0]):
-            message = decode()
-            stamp_ns = ns_of(message.header.stamp) or log_ns
-            poses[stamp_ns] = planar_pose(message.pose.pose, f"{file}: {topic or found[0]} at {to_s(stamp_ns):.3f} s")
-        stamps = sorted(poses)
-        if not stamps:
-            raise CameraError(f"{file}: {topic or found[0]} has no message")
-        stamps_s = np.array([to_s(stamp) for stamp in stamps])
-        positions_m = np.array([(poses[stamp].x_m, poses[stamp].y_m) for stamp in stamps])
-        check_speed(f"{file}: message", stamps_s, positions_m, list(range(len(stamps))))
-        return Trajectory(stamps_s, tuple(poses[stamp] for stamp in stamps))
+        where, count, wrong = f"{file}: {topic or found[0]}", 0, list[str]()
+        stamps_s, poses = list[float](), list[SE2]()
+        for stamp_ns, own_ns, message, fault in recording.samples(topic or found[0]):
+            count += 1
+            if fault:
+                wrong.append(fault)
+            try:
+                pose = planar_pose(message.pose.pose, f"at {to_s(own_ns):.3f} s")
+            except CameraError as error:
+                wrong.append(str(error))
+                continue
+            if stamp_ns is not None:
+                stamps_s.append(to_s(stamp_ns))
+                poses.append(pose)
+        if not poses:
+            raise CameraError(f"{where} has no pose" + (f" ({wrong[0]})" if wrong else ""))
+        kept, jumps = steady(np.array(stamps_s), np.array([(pose.x_m, pose.y_m) for pose in poses]))
+        note_dropped(where, wrong + jumps, count)
+        return Trajectory(np.array(stamps_s)[kept], tuple(poses[index] for index in kept))
     except OdometryError as error:
         raise CameraError(f"{file}: {error}") from None
     finally:

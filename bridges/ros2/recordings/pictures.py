@@ -5,6 +5,7 @@ hold every value, as ROS has it (REP 118: `16UC1`, millimetres) or in the finer 
 four bytes of each float32.
 """
 
+import re
 import struct
 from collections.abc import Callable, Generator, Mapping
 from functools import partial
@@ -14,17 +15,19 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from edgemap.bridges.ros2.messages.definitions import ns_of
 from edgemap.bridges.ros2.messages.topics import DEPTH
-from edgemap.bridges.ros2.recordings.reader import McapReading
+from edgemap.bridges.ros2.recordings.reading import Reading
 from edgemap.runtime.frames.errors import CameraError
+from edgemap.runtime.frames.faults import FaultKind
 from edgemap.runtime.frames.frame import png
+from edgemap.runtime.frames.notes import note
 from edgemap.runtime.frames.reading import one_line
 from edgemap.runtime.inputs.drives.pictures import (
     ENCODINGS,
     PIXEL_LIMIT,
     Depth,
     DepthBeside,
+    Levels,
     bgr_of,
     decode_picture,
     decoded,
@@ -33,8 +36,30 @@ from edgemap.runtime.inputs.drives.pictures import (
 COMPRESSED = ("jpeg", "jpg", "png", "webp", "tiff", "bmp")
 
 
-def raw_picture(message: Any, name: str) -> NDArray[np.uint8]:
-    """A decoded `sensor_msgs/Image` as BGR, (H, W, 3). Raises CameraError for an encoding or a size that cannot be."""
+DEPTH_WORDS, INFRARED_WORDS = {"depth", "disparity"}, {"infra", "infra1", "infra2", "ir", "infrared", "thermal"}
+
+
+def kind_of_pictures(topic: str, message: Any) -> str:
+    """What the pictures of a topic are, by its first message: colour, infrared (or grey), depth, or the name of an
+    encoding that is not read."""
+    form = str(getattr(message, "encoding", "") or getattr(message, "format", ""))
+    words = set(re.split(r"[/_]", topic.lower()))
+    if form == "mono16" or ("; " not in form and not hasattr(message, "encoding")):  # which may be either
+        form = "16UC1" if words & DEPTH_WORDS else "mono8" if words & INFRARED_WORDS else form
+    if form.startswith(("32FC1", "16UC1")) or "compresseddepth" in form.lower():
+        return "depth"
+    if form.startswith(("mono8", "8UC1", "mono16")):
+        return "infrared"
+    known = form in ENCODINGS or (not hasattr(message, "encoding") and not _odd_format(form))
+    return "colour" if known else one_line(form, 40) or "unnamed"
+
+
+def raw_picture(message: Any, name: str, levels: Levels | None = None) -> NDArray[np.uint8]:
+    """A decoded `sensor_msgs/Image` as BGR, (H, W, 3). levels: of its camera. Raises CameraError for an encoding or a
+    size that cannot be."""
+    if message.encoding == "mono16":
+        grey = (levels or Levels()).eight_bits(_values(message, "u2", name).astype(np.uint16))
+        return np.asarray(cv2.cvtColor(grey, cv2.COLOR_GRAY2BGR), dtype=np.uint8)
     if message.encoding not in ENCODINGS:
         raise CameraError(
             f"{name}: Image encoding {one_line(message.encoding, 40)!r} is not supported "
@@ -57,24 +82,31 @@ def raw_picture(message: Any, name: str) -> NDArray[np.uint8]:
     return bgr_of(rows[:, : width * channels], message.encoding)
 
 
-def compressed_picture(message: Any, name: str) -> NDArray[np.uint8]:
+def compressed_picture(message: Any, name: str, levels: Levels | None = None) -> NDArray[np.uint8]:
     """A decoded `sensor_msgs/CompressedImage` as BGR, (H, W, 3).
 
     format: `jpeg`, `png`, or image_transport's `rgb8; jpeg compressed bgr8`. Raises CameraError for others (depth,
     video codecs) and for damaged pictures.
     """
-    words = message.format.lower().replace(";", " ").split()
-    if "compresseddepth" in words or (words and not set(words) & set(COMPRESSED)):
+    if _odd_format(message.format):
         raise CameraError(
             f"{name}: CompressedImage format {one_line(message.format, 40)!r} is not supported "
             f"(understood: {', '.join(COMPRESSED)})"
         )
-    return decode_picture(bytes(message.data), name)
+    return decode_picture(bytes(message.data), name, levels)
 
 
+def _odd_format(form: str) -> bool:
+    """Whether a CompressedImage of this format is no picture that is decoded."""
+    words = form.lower().replace(";", " ").split()
+    return "compresseddepth" in words or bool(words and not set(words) & set(COMPRESSED))
+
+
+FARTHEST_M = 100.0  # as medians of a depth picture go: beyond, they are millimetres
 PER_METRE = 1000, 10000  # steps of a metre: of nearly every depth camera, and of the near-range ones
+SIXTEEN = "16UC1", "mono16"
 FLOATS = "32FC1 in bytes; png"
-ALIGNED = "aligned_depth_to_color"  # in the topic's name
+ALIGNED = "aligned_depth_to_color", "depth_registered"  # in the topic's name: Intel's driver, ROS's image pipeline
 APART_S = 0.02  # between the stamps of a picture and its depth
 QUANTISED = struct.Struct(
     "<iff"
@@ -103,14 +135,26 @@ def own_depth(message: Any, name: str) -> Depth:
 
 
 def raw_depth(message: Any, name: str) -> Depth:
-    """A decoded `sensor_msgs/Image` of REP 118: `16UC1`, millimetres, or `32FC1`, metres. Raises CameraError."""
-    kind = {"16UC1": "u2", "mono16": "u2", "32FC1": "f4"}.get(message.encoding)
+    """A decoded `sensor_msgs/Image` of REP 118: `16UC1`, millimetres, or `32FC1`, metres; millimetres where their
+    median is no distance that a depth camera measures. Raises CameraError."""
+    kind = {"32FC1": "f4"}.get(message.encoding, "u2" if message.encoding in SIXTEEN else None)
+    values = _values(message, kind, name).astype(np.float32)
+    return values / np.float32(1000) if kind == "u2" or in_millimetres(values) else _valid_depth(values)
+
+
+def _values(message: Any, kind: str | None, name: str) -> NDArray[Any]:
+    """Numbers (H, W) of a `sensor_msgs/Image` of one channel. kind: u2 or f4. Raises CameraError."""
     height, width, step = int(message.height), int(message.width), int(message.step)
     if kind is None or height * width > PIXEL_LIMIT or step < width * int(kind[1]) or len(message.data) < height * step:
         raise CameraError(f"{name}: depth of {width}x{height} px {one_line(message.encoding, 40)} in rows of {step}")
     rows = np.frombuffer(message.data, np.uint8, height * step).reshape(height, step)[:, : width * int(kind[1])]
-    values = np.ascontiguousarray(rows).view((">" if message.is_bigendian else "<") + kind).astype(np.float32)
-    return _valid_depth(values) if kind == "f4" else values / np.float32(1000)
+    return np.ascontiguousarray(rows).view((">" if message.is_bigendian else "<") + kind)
+
+
+def in_millimetres(depth: NDArray[Any]) -> bool:
+    """Whether depth of 32FC1, in metres by REP 118, is in millimetres."""
+    known = depth[np.isfinite(depth) & (depth > 0.0)]
+    return bool(len(known)) and float(np.median(known)) > FARTHEST_M
 
 
 def compressed_depth(message: Any, name: str) -> Depth:
@@ -140,29 +184,37 @@ READERS: dict[str, Callable[[Any, str], Depth]] = {
 }
 
 
-def own_depth_of(recording: McapReading) -> DepthBeside:
+def own_depth_of(recording: Reading) -> DepthBeside:
     """The depth that edgemap recorded, by stamps in ns."""
     return DepthBeside(_stamped(recording, DEPTH, own_depth), 0)
 
 
-def depth_of(recording: McapReading, topic: str | None = None) -> DepthBeside | None:
-    """The depth of a foreign recording, by stamps in ns: of a topic, by default of the first that Intel's driver has
-    aligned to the colour picture. Raises CameraError where there is no such topic, or it is not depth."""
+def depth_topic(recording: Reading, topic: str | None = None) -> str | None:
+    """Where the depth of a foreign recording is: the topic that is stated, or the first that its name calls registered
+    to the colour picture. Raises CameraError where there is no such topic, or it is not depth."""
     found = {name: known.kind for name, known in recording.topics.items() if known.kind in READERS and known.count}
     if topic is not None and topic not in found:
         raise CameraError(f"{recording.path}: no topic {topic} of sensor_msgs Image or CompressedImage, for depth")
-    chosen = topic or aligned(found)
-    return DepthBeside(_stamped(recording, chosen, READERS[found[chosen]]), round(APART_S * 1e9)) if chosen else None
+    return topic or aligned(found)
+
+
+def depth_of(recording: Reading, topic: str) -> DepthBeside:
+    """The depth of a topic of a foreign recording, by stamps in ns."""
+    first: Any = next((message for _, message in recording.stamped(topic)), None)
+    if getattr(first, "encoding", "") == "32FC1" and in_millimetres(np.frombuffer(bytes(first.data), "<f4")):
+        note(FaultKind.DEPTH, f"{topic}: 32FC1 is in millimetres (metres by REP 118), divided by 1000")
+    return DepthBeside(_stamped(recording, topic, READERS[recording.topics[topic].kind]), round(APART_S * 1e9))
 
 
 def aligned(kinds: Mapping[str, str]) -> str | None:
     """The first raw picture topic whose name marks depth aligned to the colour picture. kinds: by topic."""
-    return next((name for name, kind in kinds.items() if ALIGNED in name and kind == "sensor_msgs/Image"), None)
+    raw = (name for name, kind in kinds.items() if kind == "sensor_msgs/Image")
+    return next((name for name in raw if any(word in name for word in ALIGNED)), None)
 
 
 def _stamped(
-    recording: McapReading, topic: str, read: Callable[[Any, str], Depth]
+    recording: Reading, topic: str, read: Callable[[Any, str], Depth]
 ) -> Generator[tuple[int, Callable[[], Depth]], None, None]:
-    for log_ns, decode in recording.messages(topic):
-        message = decode()
-        yield ns_of(message.header.stamp) or log_ns, partial(read, message, topic)
+    for stamp_ns, _, message, _ in recording.samples(topic):
+        if stamp_ns is not None:
+            yield stamp_ns, partial(read, message, topic)

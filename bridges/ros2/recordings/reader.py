@@ -2,42 +2,33 @@
 
 import struct
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
 from io import SEEK_END
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
 from edgemap.bridges.ros2.messages.definitions import FIELDS, decoder
 from edgemap.bridges.ros2.recordings.facts import RECORD, TRUTH_FILE, WHEEL_FILE
+from edgemap.bridges.ros2.recordings.reading import Reading, SplitReading, SqliteReading, Topic, short
 from edgemap.runtime.frames.errors import CameraError
 from edgemap.runtime.frames.extras import need
 from edgemap.runtime.frames.reading import one_line
+from edgemap.runtime.inputs.drives.pictures import natural_key
 
+SET_BACK_NS = 1_000_000_000  # of the recorder's clock: such a file is read in its own order
 MAGIC = b"\x89MCAP0\r\n"
 
 
-@dataclass(slots=True)
-class Topic:
-    """One topic: ROS 2 type in its short form (`sensor_msgs/Image`), and messages read or announced."""
-
-    kind: str
-    count: int = 0
-
-
-class McapReading:
-    """An open MCAP file. complete: whether it has its end; a file that was cut off is read to its last complete chunk.
-
-    topics: by name. metadata, attachments: edgemap's, by name. Messages are decoded by ROS's own definitions of the
-    kinds that edgemap knows, never by a definition in the file.
+class McapReading(Reading):
+    """An open MCAP file, read to its last complete chunk where it was cut off. Messages are decoded by ROS's own
+    definitions of the kinds that edgemap knows, never by a definition in the file.
     Raises CameraError, one line, for files that are not MCAP, and for damage inside a complete one.
     """
 
     def __init__(self, path: Path) -> None:
         need("record", "a recording")
-        self.path = path
-        self.topics: dict[str, Topic] = {}
-        self.metadata: dict[str, dict[str, str]] = {}
-        self.attachments: dict[str, bytes] = {}
+        super().__init__(path)
+        self._set_back = False
         try:
             if not path.is_file():  # a pipe would block
                 raise CameraError(f"{path}: no such file")
@@ -58,10 +49,6 @@ class McapReading:
         except CameraError:
             self.close()
             raise
-
-    def topics_of(self, *kinds: str) -> list[str]:
-        """The topics of these kinds that have messages, in the file's order."""
-        return [name for name, topic in self.topics.items() if topic.kind in kinds and topic.count]
 
     def messages(self, topic: str) -> Iterator[tuple[int, Callable[[], Any]]]:
         """(log time in ns, decode) for each message of a topic, in order; `decode()` gives its fields as attributes.
@@ -84,7 +71,7 @@ class McapReading:
         if channel.message_encoding != "cdr" or schema is None or schema.encoding != "ros2msg":
             how = f"{channel.message_encoding or 'unnamed'}/{schema.encoding if schema else 'no schema'}"
             raise CameraError(f"{self.path}: {topic} is encoded as {one_line(how)}, edgemap reads cdr/ros2msg")
-        kind = _short(schema.name)
+        kind = short(schema.name)
         if kind not in FIELDS:
             raise CameraError(f"{self.path}: {topic} is {one_line(kind)}, a kind that edgemap does not read")
         if kind != self.topics[topic].kind:
@@ -94,7 +81,7 @@ class McapReading:
     def _raw(self, topic: str) -> Iterator[tuple[Any, Any, Any]]:
         from mcap.reader import NonSeekingReader
 
-        if self._index is not None:
+        if self._index is not None and not self._set_back:
             yield from self._index.iter_messages(topic)
             return
         with self.path.open("rb") as stream:  # one for each topic: pictures and depth are read in turn
@@ -110,6 +97,10 @@ class McapReading:
         summary = reader.get_summary()
         if summary is None or not summary.chunk_indexes or summary.statistics is None:
             return None
+        chunks = sorted(summary.chunk_indexes, key=lambda chunk: chunk.chunk_start_offset)
+        self._set_back = any(
+            later.message_start_time < earlier.message_end_time - SET_BACK_NS for earlier, later in pairwise(chunks)
+        )
         for channel in summary.channels.values():
             counts = summary.statistics.channel_message_counts
             self._topic(channel, summary.schemas).count += counts.get(channel.id, 0)
@@ -141,7 +132,7 @@ class McapReading:
             raise ValueError(f"a topic's name does not print: {channel.topic[:40]!a}")
         if channel.topic not in self.topics:
             kind = schemas[channel.schema_id].name if channel.schema_id else ""
-            self.topics[channel.topic] = Topic(one_line(_short(kind)))
+            self.topics[channel.topic] = Topic(one_line(short(kind)))
         return self.topics[channel.topic]
 
     def _keep(self, record: Any) -> None:
@@ -199,6 +190,26 @@ def _what(error: Exception) -> str:
     return one_line(f"{type(error).__name__} {error}")
 
 
-def _short(kind: str) -> str:
-    """ROS's `sensor_msgs/msg/Image` as `sensor_msgs/Image`."""
-    return kind.replace("/msg/", "/")
+def open_reading(path: Path) -> Reading:
+    """A recording by its name: MCAP, `.db3`, or the folder of a bag with such files, split or not. Raises
+    CameraError."""
+    if path.is_dir():
+        files = sorted((file for file in path.iterdir() if file.suffix in (".mcap", ".db3")), key=natural_key)
+        packed = next(path.glob("*.zstd"), None)
+        if not files:
+            what = f"{packed.name} is compressed: `zstd -d` it first" if packed else "no .mcap and no .db3 in it"
+            raise CameraError(f"{path}: {what}")
+        parts: list[Reading] = []
+        try:
+            for file in files:
+                parts.append(open_reading(file))
+        except BaseException:
+            for part in parts:
+                part.close()
+            raise
+        return SplitReading(path, parts) if len(parts) > 1 else parts[0]
+    if path.suffix == ".bag":
+        from edgemap.bridges.ros2.recordings.ros1 import Ros1Reading
+
+        return Ros1Reading(path)
+    return SqliteReading(path) if path.suffix == ".db3" and path.is_file() else McapReading(path)

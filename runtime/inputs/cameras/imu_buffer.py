@@ -37,6 +37,7 @@ class ImuBuffer:
         self._kept, self._clock_s = kept, clock_s
         self._newest: tuple[float, float] | None = None  # the device's stamp and the host's seconds
         self._offset_s = 0.0
+        self.dropped: list[str] = []  # why samples were left out
         self._lock = threading.Lock()
         self._rates: list[_Row] = []
         self._forces: list[_Row] = []
@@ -71,6 +72,8 @@ class ImuBuffer:
     def _append(self, rows: list[_Row], stamp_s: float, values: Sequence[float]) -> None:
         x, y, z = (float(value) for value in values)
         if not np.isfinite([stamp_s, x, y, z]).all():
+            if self._kept is None:
+                self.dropped.append(f"at {stamp_s:.3f} s: {x:g}, {y:g}, {z:g}")
             return
         with self._lock:
             rows.append((float(stamp_s) + self._shift_s(float(stamp_s)), x, y, z))

@@ -2,11 +2,13 @@
 
 from collections.abc import Sequence
 from importlib.metadata import EntryPoint
+from pathlib import Path
 from typing import Protocol, cast
 
 from edgemap.geometry.errors import EdgemapError
 from edgemap.runtime.frames.camera import Camera, CameraOptions, Driver
 from edgemap.runtime.frames.plugins import CAMERAS, load_plugin, plugins
+from edgemap.runtime.frames.reading import user_path
 from edgemap.runtime.frames.trajectory import Trajectory
 
 RECORDED_DEPTH = 3  # recordings of recordings that are followed: a file may name itself
@@ -51,7 +53,17 @@ def kind_of(spec: str) -> tuple[EntryPoint, str] | None:
     if kind in kinds:
         return kinds[kind], address
     file = spec.partition("#")[0]
-    return next(((point, spec) for name, point in kinds.items() if name[0] == "." and file.endswith(name)), None)
+    if _is_bag(user_path(file)):
+        file = ".mcap"
+    known = (point for name, point in kinds.items() if name[0] == "." and file.endswith(name) and kind != "realsense")
+    return next(((point, spec) for point in known), None)
+
+
+def _is_bag(folder: Path) -> bool:
+    """Whether a folder is a bag of ROS 2."""
+    return (folder / "metadata.yaml").is_file() and any(
+        path.suffix in (".mcap", ".db3", ".zstd") for path in folder.iterdir()
+    )
 
 
 def file_kind(spec: str) -> FileKind | None:

@@ -20,7 +20,14 @@ from edgemap.runtime.frames.reading import library_path
 from edgemap.runtime.inputs.cameras.wheels import wheel_file
 from edgemap.runtime.inputs.drives.camera_yaml import read_setup
 from edgemap.runtime.inputs.drives.drive import Drive, ridden
-from edgemap.runtime.inputs.drives.pictures import PIXEL_LIMIT, Depth, list_pictures, read_picture, readable_depth
+from edgemap.runtime.inputs.drives.pictures import (
+    PIXEL_LIMIT,
+    Depth,
+    Levels,
+    list_pictures,
+    read_picture,
+    readable_depth,
+)
 
 # A header's frame count is an estimate in some containers; a file that lacks more than this was cut off.
 MISSING_FRAMES, MISSING_SHARE = 3, 0.05
@@ -35,16 +42,17 @@ class FileCamera(Camera):
     depth_camera: DepthCamera | None = None
     _registration: DepthRegistration | None = None
 
-    def depth_of(self, number: int) -> Depth | None:
-        """Depth of the picture of that number, of its pixels; None where there is none that can be read."""
+    def depth_of(self, number: int) -> Depth | str | None:
+        """Depth of the picture of that number, of its pixels, or why it cannot be used; None where there is none."""
         depth = readable_depth(self.depth[number]) if self.depth else None
-        if depth is None or self.depth_camera is None:
+        if depth is None or isinstance(depth, str) or self.depth_camera is None:
             return depth
         if self._registration is None:
             if self.info.intrinsics is None:
                 return None
             self._registration = DepthRegistration(self.depth_camera, self.info.intrinsics)
-        return self._registration.registered(depth)
+        found = self._registration.registered(depth)
+        return f"{depth.shape[1]}x{depth.shape[0]} px, its camera has another size" if found is None else found
 
 
 class VideoCamera(FileCamera):
@@ -165,8 +173,12 @@ class PicturesCamera(FileCamera):
         mount: Mount | None = None,
         rate_hz: float | None = DEFAULT_RATE_HZ,
     ) -> None:
-        size, count = _first_size(pictures), len(pictures)
-        super().__init__(CameraInfo(name, size, intrinsics, mount, rate_hz=rate_hz, frame_count=count))
+        self._levels = Levels()
+        size, count = _first_size(pictures, self._levels), len(pictures)
+        bits = self._levels.bits
+        notes = (f"pictures of 16 bits, of which {bits} are used: scaled to 8",) if bits > 8 else ()
+        info = CameraInfo(name, size, intrinsics, mount, rate_hz=rate_hz, frame_count=count, notes=notes)
+        super().__init__(info)
         self._pictures, self._stamps_s = pictures, stamps_s
         self._next = 0
 
@@ -177,7 +189,7 @@ class PicturesCamera(FileCamera):
             return None
         path = self._pictures[number]
         try:
-            image = read_picture(path)
+            image = read_picture(path, self._levels)
         except CameraError as error:
             raise CameraFault(FaultKind.DAMAGED, f"{error}, skipped") from None
         height, width = image.shape[:2]
@@ -193,12 +205,12 @@ class PicturesCamera(FileCamera):
         self._pictures = ()
 
 
-def _first_size(pictures: Sequence[Path]) -> tuple[int, int]:
+def _first_size(pictures: Sequence[Path], levels: Levels) -> tuple[int, int]:
     """(width, height) of the first picture that can be read. Raises the first one's CameraError where none can."""
     failure: CameraError | None = None
     for path in pictures:
         try:
-            height, width = read_picture(path).shape[:2]
+            height, width = read_picture(path, levels).shape[:2]
         except CameraError as error:
             failure = failure or error
             continue

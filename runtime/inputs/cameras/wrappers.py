@@ -8,6 +8,7 @@ from typing import Any
 
 from edgemap.runtime.frames.camera import TICK_S, Camera, CameraInfo
 from edgemap.runtime.frames.errors import CameraState, FrameTimeout
+from edgemap.runtime.frames.faults import Fault
 from edgemap.runtime.frames.frame import Frame
 
 
@@ -40,6 +41,10 @@ class CameraAround(Camera):
     def read(self) -> Frame | None:
         """The next frame of the wrapped camera."""
         return self._camera.read()
+
+    def account(self) -> list[Fault]:
+        """That of the wrapped camera."""
+        return self._camera.account()
 
     def object_records(self) -> list[dict[str, Any]] | None:
         """The objects of the wrapped camera."""

@@ -31,7 +31,7 @@ from edgemap.runtime.inputs.drives.sensor_csv import RATES
 T = TypeVar("T")
 
 STAMP_NS = Column("stamp_ns", 0.0, 1e19)
-SAMPLES = NumberTable((STAMP_NS, *RATES))
+SAMPLES = NumberTable((STAMP_NS, *RATES), samples=True)
 BODY = NumberTable(
     (STAMP_NS, *columns("x y z"), *columns("qw qx qy qz", -1.01, 1.01), *columns("vx vy vz bgx bgy bgz bax bay baz"))
 )

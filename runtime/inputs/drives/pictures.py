@@ -12,6 +12,7 @@ import numpy as np
 from cv2.typing import MatLike
 from numpy.typing import NDArray
 
+from edgemap.runtime.frames.camera import NO_DEPTH
 from edgemap.runtime.frames.errors import CameraError
 from edgemap.runtime.frames.reading import printable, read_bytes
 
@@ -52,17 +53,35 @@ def first_folder(folder: Path, names: tuple[str, ...]) -> Path:
     return next((folder / name for name in names if has_pictures(folder / name)), folder)
 
 
-def read_picture(path: Path) -> NDArray[np.uint8]:
-    """One picture as BGR, (H, W, 3) uint8. Raises CameraError where it is missing, no picture, or cut short."""
-    return decode_picture(read_bytes(path, CameraError), str(path))
+class Levels:
+    """Grey levels of a camera's 16-bit pictures, of which it uses 10, 12, 14 or all bits: by the brightest so far."""
+
+    def __init__(self) -> None:
+        self.bits = 8
+
+    def eight_bits(self, picture: NDArray[np.uint16]) -> NDArray[np.uint8]:
+        """The picture with its used bits scaled to 8."""
+        used = int(picture.max(initial=0)).bit_length()
+        self.bits = max(self.bits, used + used % 2)
+        return (picture >> (self.bits - 8)).astype(np.uint8)
 
 
-def decode_picture(data: bytes, name: str) -> NDArray[np.uint8]:
-    """A picture file's bytes as BGR, (H, W, 3) uint8.
+def read_picture(path: Path, levels: Levels | None = None) -> NDArray[np.uint8]:
+    """One picture as BGR, (H, W, 3) uint8. levels: of its camera. Raises CameraError where it is missing, no picture,
+    or cut short."""
+    return decode_picture(read_bytes(path, CameraError), str(path), levels)
+
+
+def decode_picture(data: bytes, name: str, levels: Levels | None = None) -> NDArray[np.uint8]:
+    """A picture file's bytes as BGR, (H, W, 3) uint8. levels: of its camera, for pictures of 16 bits.
 
     Raises CameraError where they are not a picture, are truncated, or where the picture has too many pixels.
     """
-    image = decoded(data, name, cv2.IMREAD_COLOR)
+    image = decoded(data, name, cv2.IMREAD_COLOR | cv2.IMREAD_ANYDEPTH)
+    if image is not None and image.dtype == np.uint16:
+        return (levels or Levels()).eight_bits(np.asarray(image, dtype=np.uint16))
+    if image is not None and image.dtype != np.uint8:
+        image = decoded(data, name, cv2.IMREAD_COLOR)
     if image is None:
         raise CameraError(f"{name}: not a picture that OpenCV reads ({len(data)} bytes)")
     return np.asarray(image, dtype=np.uint8)
@@ -97,12 +116,12 @@ def read_depth(path: Path) -> Depth:
     return image.astype(np.float32) / np.float32(1000.0)
 
 
-def readable_depth(path: Path | None) -> Depth | None:
-    """The same; None where it cannot be read, since depth is optional."""
+def readable_depth(path: Path) -> Depth | str:
+    """The same, or why it cannot be read, since depth is optional."""
     try:
-        return None if path is None else read_depth(path)
-    except CameraError:
-        return None
+        return read_depth(path)
+    except CameraError as error:
+        return str(error)
 
 
 # Names of pixel formats, of sensor_msgs/image_encodings and librealsense: channels, and how OpenCV makes BGR of them
@@ -132,8 +151,7 @@ def bgr_of(pixels: NDArray[np.uint8], encoding: str) -> NDArray[np.uint8]:
 
 
 class DepthBeside:
-    """Depth pictures beside pictures, asked for by stamps that increase; damaged ones are skipped, since depth is
-    optional.
+    """Depth pictures beside pictures, asked for by stamps that increase.
 
     pictures: stamp, and what decodes it (CameraError for a damaged one), in order of time. apart: greatest distance of
     a stamp from its picture's, in the stamps' unit.
@@ -143,16 +161,16 @@ class DepthBeside:
         self._pictures, self._apart = pictures, apart
         self._ahead = next(pictures, None)
 
-    def at(self, stamp: float) -> Depth | None:
-        """The depth picture of this stamp, (H, W) metres; None where there is none."""
+    def at(self, stamp: float) -> Depth | str:
+        """The depth picture of this stamp, (H, W) metres, or why there is none."""
         while self._ahead is not None and self._ahead[0] < stamp - self._apart:
             self._ahead = next(self._pictures, None)
         if self._ahead is None or self._ahead[0] > stamp + self._apart:
-            return None
+            return NO_DEPTH
         try:
             return self._ahead[1]()
-        except CameraError:
-            return None
+        except CameraError as error:
+            return str(error)
 
     def close(self) -> None:
         """Read nothing more."""

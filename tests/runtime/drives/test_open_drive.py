@@ -199,7 +199,7 @@ def test_visibility_is_counted_from_the_boxes_where_the_file_does_not_say(tmp_pa
     [
         ("poses.tum", "7.0 0 0 0 0 0 0 1\n", "poses.tum: 1 lines for the 3 pictures"),
         ("poses.tum", "7.0 nan 0 0 0 0 0 1\n", "poses.tum:1: x_m is nan, must be -1e+06 to 1e+06"),
-        ("poses.tum", "7 0 0 0 0 0 0 1\n" * 3, "stamp 1 (7.0 s) does not come after stamp 0"),
+        ("poses.tum", "7 0 0 0 0 0 0 1\n" * 3, "poses.tum:2: at 7.000000 s, not after 7.000000 s"),
         ("boxes.json", '{"frames": [[]]}', "boxes.json: 1 lines for the 3 pictures"),
         ("boxes.json", "{", "boxes.json: "),
         ("objects.json", '{"objects": [{"id": 1, "x_m": 0, "y_m": 0}]}', "missing required field `label`"),

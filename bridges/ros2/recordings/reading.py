@@ -1,0 +1,150 @@
+"""An open recording of ROS messages, whatever its container: topics, and messages in order of time."""
+
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import suppress
+from dataclasses import dataclass
+from functools import partial
+from itertools import chain, islice
+from pathlib import Path
+from typing import Any
+
+from edgemap.bridges.ros2.messages.definitions import DAMAGE, FIELDS, decoder, ns_of
+from edgemap.runtime.frames.errors import CameraError
+from edgemap.runtime.frames.reading import one_line
+from edgemap.runtime.frames.stamps import AGREEING, followed
+
+SECOND_NS = 1_000_000_000
+
+
+@dataclass(slots=True)
+class Topic:
+    """One topic: ROS 2 type in its short form (`sensor_msgs/Image`), and messages read or announced."""
+
+    kind: str
+    count: int = 0
+
+
+class Reading:
+    """An open recording. complete: whether it has its end; else it is read to its last complete part.
+
+    topics: by name. metadata, attachments: edgemap's, by name.
+    """
+
+    def __init__(self, path: Path) -> None:
+        self.path, self.complete = path, True
+        self.topics: dict[str, Topic] = {}
+        self.metadata: dict[str, dict[str, str]] = {}
+        self.attachments: dict[str, bytes] = {}
+
+    def topics_of(self, *kinds: str) -> list[str]:
+        """The topics of these kinds that have messages, in the file's order."""
+        return [name for name, topic in self.topics.items() if topic.kind in kinds and topic.count]
+
+    def messages(self, topic: str) -> Iterator[tuple[int, Callable[[], Any]]]:
+        """(log time in ns, decode) for each message of a topic, in the order of the file; `decode()` gives its fields
+        as attributes.
+
+        Raises CameraError at damage, and at a message that is not CDR of a kind that edgemap reads.
+        """
+        raise NotImplementedError
+
+    def stamped(self, topic: str) -> Iterator[tuple[int, Any]]:
+        """(stamp in ns, message) for each message of a topic: its header's stamp, 0 where it has none, or the log time
+        where no header has one: two clocks never mix. Raises CameraError."""
+        decoded = ((log_ns, decode()) for log_ns, decode in self.messages(topic))
+        first: list[tuple[int, Any]] = []
+        failed: CameraError | None = None
+        try:
+            first += islice(decoded, AGREEING)
+        except CameraError as error:
+            failed = error
+        by_log = not any(ns_of(message.header.stamp) for _, message in first)
+        for log_ns, message in chain(first, decoded):
+            yield log_ns if by_log else ns_of(message.header.stamp), message
+        if failed is not None:
+            raise failed
+
+    def samples(self, topic: str) -> Iterator[tuple[int | None, int, Any, str]]:
+        """(stamp in ns, header's stamp, message, fault) as `followed` has it; a zero stamp among others is dropped."""
+        stamped = ((max(stamp_ns, -1), (stamp_ns, message)) for stamp_ns, message in self.stamped(topic))
+        for stamp_ns, (own_ns, message), fault in followed(stamped, SECOND_NS):
+            yield None if stamp_ns is None else int(stamp_ns), own_ns, message, fault
+
+    def close(self) -> None:
+        """Closes the file."""
+
+
+class SplitReading(Reading):
+    """The parts of a bag that was split, in order."""
+
+    def __init__(self, path: Path, parts: Iterable[Reading]) -> None:
+        super().__init__(path)
+        self._parts = list(parts)
+        for part in self._parts:
+            self.metadata, self.attachments = part.metadata | self.metadata, part.attachments | self.attachments
+            for name, topic in part.topics.items():
+                self.topics.setdefault(name, Topic(topic.kind)).count += topic.count
+        self.complete = all(part.complete for part in self._parts)
+
+    def messages(self, topic: str) -> Iterator[tuple[int, Callable[[], Any]]]:
+        """Those of each part in turn."""
+        return chain.from_iterable(part.messages(topic) for part in self._parts if topic in part.topics)
+
+    def close(self) -> None:
+        """Closes all parts."""
+        for part in self._parts:
+            part.close()
+
+
+class SqliteReading(Reading):
+    """A bag of ROS 2 in SQLite, `FILE.db3`. Raises CameraError for a file that is none."""
+
+    def __init__(self, path: Path) -> None:
+        import sqlite3
+        from urllib.parse import quote
+
+        super().__init__(path)
+        self._damage = sqlite3.Error
+        try:
+            self._file = sqlite3.connect(f"file:{quote(str(path))}?mode=ro", uri=True)
+            counts = dict(self._file.execute("SELECT topic_id, COUNT(*) FROM messages GROUP BY topic_id"))
+            rows = self._file.execute("SELECT id, name, type, serialization_format FROM topics ORDER BY id").fetchall()
+        except sqlite3.Error as error:
+            raise CameraError(f"{path}: no bag of ROS 2 in SQLite ({one_line(error)})") from None
+        self._ids: dict[str, int] = {}
+        for number, name, kind, coding in rows:
+            if coding == "cdr" and str(name).isprintable():
+                self._ids[str(name)] = number
+                self.topics[str(name)] = Topic(one_line(short(str(kind))), counts.get(number, 0))
+        if any(name.startswith("/device_0/") for name in self.topics):
+            self.close()
+            raise CameraError(f"{path}: a recording of librealsense; pass realsense:{path}")
+
+    def messages(self, topic: str) -> Iterator[tuple[int, Callable[[], Any]]]:
+        """Those of a topic as they were written."""
+        asked = "SELECT timestamp, data FROM messages WHERE topic_id = ? ORDER BY id"
+        try:
+            for log_ns, data in self._file.execute(asked, (self._ids[topic],)):
+                yield int(log_ns), partial(decoded, self.path, topic, self.topics[topic].kind, bytes(data))
+        except (self._damage, ValueError, TypeError) as error:
+            raise CameraError(f"{self.path}: damaged recording ({one_line(error)})") from None
+
+    def close(self) -> None:
+        """Closes the file."""
+        with suppress(self._damage):
+            self._file.close()
+
+
+def decoded(path: Path, topic: str, kind: str, data: bytes) -> Any:
+    """A message of a kind in its short form from CDR. Raises CameraError."""
+    if kind not in FIELDS:
+        raise CameraError(f"{path}: {topic} is {one_line(kind)}, a kind that edgemap does not read")
+    try:
+        return decoder(kind)(data)
+    except (*DAMAGE, MemoryError, EOFError) as error:
+        raise CameraError(f"{path}: damaged recording ({one_line(error)})") from None
+
+
+def short(kind: str) -> str:
+    """ROS's `sensor_msgs/msg/Image` as `sensor_msgs/Image`."""
+    return kind.replace("/msg/", "/")

@@ -1,0 +1,313 @@
+"""Bags of others: which topics are taken, their containers, clocks, lenses, mounts and depth; nothing in silence."""
+
+# pyright: reportOptionalMemberAccess=false, reportMissingImports=false, reportAttributeAccessIssue=false
+# pyright: reportArgumentType=false, reportCallIssue=false
+
+import re
+import sqlite3
+import struct
+from dataclasses import replace
+
+import cv2
+import numpy as np
+import pytest
+
+pytest.importorskip("rosbags")
+
+from rosbags.rosbag1 import Writer as Ros1Writer
+from rosbags.rosbag2 import StoragePlugin, Writer
+from rosbags.typesys import Stores, get_types_from_msg, get_typestore
+from support.ros_bag import STORE, camera_info, compressed, image, imu, make, odometry, tf, transform, write_bag
+
+from edgemap.bridges.ros2.recordings.foreign import is_rectified, read_wheel
+from edgemap.runtime.frames.camera import CameraOptions, next_frame
+from edgemap.runtime.frames.errors import CameraError
+from edgemap.runtime.frames.notes import collected
+from edgemap.runtime.inputs.open import open_camera
+
+K = [58.0, 0.0, 31.5, 0.0, 58.0, 23.5, 0.0, 0.0, 1.0]
+T0, STEP = 1_700_000_000_000_000_000, 10**8
+BGR = np.random.default_rng(2).integers(0, 256, (48, 64, 3), dtype=np.uint8)
+DEPTH = np.full((48, 64), 1500, np.uint16)
+MOUNT = tf(
+    transform("base_footprint", "camera_link", (0.15, 0.0, 0.6), (0.0, 11.5, 0.0)),
+    transform("camera_link", "cam_optical", (0.0, 0.0, 0.0), (-90.0, 0.0, -90.0)),
+)
+
+
+def depth_image(stamp_ns, values, encoding="16UC1"):
+    rows = np.ascontiguousarray(values).view(np.uint8).reshape(len(values), -1)
+    return replace(image(stamp_ns, rows, encoding), width=values.shape[1])
+
+
+def played(path, **how):
+    """Frames and faults of all kinds, and what the camera says of itself."""
+    faults = []
+    with open_camera(str(path), CameraOptions(**how)) as camera:
+        frames = iter(lambda: next_frame(camera, lambda fault: faults.append(fault.fault)), None)
+        return list(frames), [*camera.info.faults, *faults, *camera.account()], camera.info
+
+
+@pytest.mark.parametrize("first", [
+    ("/camera/depth/image_rect_raw", lambda t: depth_image(t, DEPTH)),
+    ("/d/compressedDepth", lambda t: compressed(t, struct.pack("<iff", 0, 0, 0), "16UC1; compressedDepth png")),
+    ("/camera/infra1/image_rect_raw", lambda t: image(t, BGR[:, :, :1], "mono8")),
+])  # fmt: skip
+def test_colour_is_taken_before_what_was_recorded_before_it_and_the_rest_is_listed(tmp_path, first):
+    messages = [("/tf_static", T0, MOUNT), ("/odom", T0, odometry(T0, 0.0, 0.0, 0.0))]
+    messages += [(first[0], T0, first[1](T0)), ("/depth_cam/color/image_raw", T0, image(T0, BGR, "bgr8"))]
+    frames, _, info = played(write_bag(tmp_path / "bag", messages))
+    np.testing.assert_array_equal(frames[0].image, BGR)
+    taken, left = info.notes
+    assert "/depth_cam/color/image_raw (1 pictures)" in taken
+    assert f"{first[0]} (" in left
+    assert "--topics wheels=/odom" in left
+
+
+def test_infrared_is_taken_where_there_is_no_colour_and_depth_never(tmp_path):
+    depth = ("/camera/depth/image_rect_raw", T0, depth_image(T0, DEPTH))
+    grey = ("/camera/infra1/image_rect_raw", T0, image(T0, BGR[:, :, :1], "mono8"))
+    assert "infrared" in played(write_bag(tmp_path / "a", [depth, grey]))[2].notes[0]
+    two = ("/other/depth/image", T0, depth_image(T0, DEPTH))
+    with pytest.raises(CameraError, match=r"no topic .* of colour or grey; has /camera/depth/image_rect_raw \(depth\)"):
+        open_camera(str(write_bag(tmp_path / "b", [depth, two])))
+
+
+def test_ten_bits_in_sixteen_are_scaled_and_named(tmp_path):
+    grey = BGR[:, :, 0].astype(np.uint16) * 4
+    frames, _, info = played(write_bag(tmp_path / "bag", [("/cam/image_raw", T0, depth_image(T0, grey, "mono16"))]))
+    np.testing.assert_array_equal(frames[0].image[:, :, 1], BGR[:, :, 0])
+    assert "16 bits, of which 10 are used" in info.notes[-1]
+
+
+@pytest.mark.parametrize("kind", ["folder", "split", "db3", "db3 folder", "ros1"])
+def test_every_container_of_a_bag_plays_alike(tmp_path, kind):
+    stamps = [T0 + index * STEP for index in range(4)]
+    messages = [("/tf_static", T0 - 1, MOUNT), ("/cam/camera_info", T0 - 1, camera_info(64, 48, K, [0.0] * 5))]
+    for stamp in stamps:
+        messages += [
+            ("/cam/image_raw", stamp, image(stamp, BGR, "bgr8")),
+            ("/odom", stamp, odometry(stamp, 0.1, 0.0, 0.0)),
+        ]
+    folder, spec = tmp_path / "bag", tmp_path / "bag"
+    if kind == "ros1":
+        spec = tmp_path / "bag.bag"
+        write_ros1(spec, messages)
+    elif kind == "split":
+        for part, chosen in enumerate((messages[:6], messages[6:])):
+            file = write_bag(tmp_path / f"part{part}", chosen)
+            folder.mkdir(exist_ok=True)
+            file.rename(folder / f"bag_{9 + part}.mcap")  # 9 comes before 10
+        (folder / "metadata.yaml").write_text("rosbag2_bagfile_information: {}")
+    else:
+        plugin = StoragePlugin.MCAP if kind == "folder" else StoragePlugin.SQLITE3
+        with Writer(folder, version=9, storage_plugin=plugin) as writer:
+            connections = {}
+            for topic, stamp, message in messages:
+                name = message.__msgtype__
+                if topic not in connections:
+                    connections[topic] = writer.add_connection(topic, name, typestore=STORE)
+                writer.write(connections[topic], stamp, STORE.serialize_cdr(message, name))
+        spec = next(folder.glob("*.db3")) if kind == "db3" else folder
+    frames, faults, info = played(spec)
+    assert [round(frame.stamp_s * 1e9) // 10**6 for frame in frames] == [stamp // 10**6 for stamp in stamps]
+    assert not faults
+    assert info.intrinsics.fx == 58.0
+    assert info.mount.height_m == pytest.approx(0.6)
+    np.testing.assert_array_equal(frames[3].image, BGR)
+    assert read_wheel(str(spec)).poses[-1].x_m == pytest.approx(0.1)
+
+
+def write_ros1(path, messages):
+    """The same messages as ROS 1 has them."""
+    store = get_typestore(Stores.ROS1_NOETIC)
+    store.register(get_types_from_msg("geometry_msgs/TransformStamped[] transforms", "tf2_msgs/msg/TFMessage"))
+
+    def old(message):
+        kind = message.__msgtype__
+        if kind == "builtin_interfaces/msg/Time":
+            return store.types[kind](message.sec, message.nanosec)
+        values = {name: value for name, value in vars(message).items() if not name.startswith("_")}
+        made = store.types[kind]
+        names = {field.lower(): field for field in made.__dataclass_fields__ if field != "__msgtype__"}
+        converted = {names[name.lower()]: convert(value) for name, value in values.items() if name.lower() in names}
+        return made(**({"seq": 0} if "seq" in names else {}), **converted)
+
+    def convert(value):
+        if hasattr(value, "__msgtype__"):
+            return old(value)
+        return [convert(item) for item in value] if isinstance(value, list) else value
+
+    with Ros1Writer(path) as writer:
+        connections = {}
+        for topic, stamp, message in messages:
+            name = message.__msgtype__
+            if topic not in connections:
+                connections[topic] = writer.add_connection(topic, name, typestore=store)
+            writer.write(connections[topic], stamp, store.serialize_ros1(old(message), name))
+
+
+@pytest.mark.parametrize("damage", [b"SQLite format 3\0" + bytes(100), b"rubbish", b""])
+def test_what_is_no_bag_is_one_line(tmp_path, damage):
+    for name in ("bag.db3", "bag.bag"):
+        (tmp_path / name).write_bytes(damage)
+        with pytest.raises(CameraError, match=rf"{name}: no ") as refused:
+            open_camera(str(tmp_path / name))
+        assert "\n" not in str(refused.value)
+    (tmp_path / "metadata.yaml").write_text("rosbag2_bagfile_information: {}")
+    (tmp_path / "bag.db3").rename(tmp_path / "bag.db3.zstd")
+    with pytest.raises(CameraError, match=r"bag\.db3\.zstd is compressed"):
+        open_camera(str(tmp_path))
+
+
+def test_a_recording_of_librealsense_is_not_taken_for_a_bag(tmp_path):
+    with sqlite3.connect(tmp_path / "d435.db3") as file:
+        file.execute("CREATE TABLE topics (id, name, type, serialization_format)")
+        file.execute("CREATE TABLE messages (id, topic_id, timestamp, data)")
+        file.execute("INSERT INTO topics VALUES (1, '/device_0/info', 'diagnostic_msgs/msg/KeyValue', 'cdr')")
+    with pytest.raises(CameraError, match="pass realsense:"):
+        open_camera(str(tmp_path / "d435.db3"))
+
+
+@pytest.mark.parametrize(
+    ("stamp", "used", "fault"),
+    [
+        (lambda i: 0 if i == 10 else T0 + i * STEP, 29, "not after"),
+        (lambda i: 0 if i == 0 else T0 + i * STEP, 29, "more than a day before"),
+        (lambda i: T0 + (i + 36_000 * (i == 10)) * STEP, 29, "after the stamps that follow"),
+        (lambda i: T0 + (i - (i == 10)) * STEP, 29, "not after"),
+        (lambda i: T0 + (i - 36_000 * (i >= 10)) * STEP, 30, "the clock was set by -3600.000 s"),
+        (lambda i: i * STEP + 10**9 if i < 10 else T0 + i * STEP, 30, r"the clock was set by \+"),
+    ],
+    ids=["zero", "zero first", "far future", "duplicate", "set back", "set by NTP"],
+)
+def test_one_bad_stamp_is_one_fault_and_a_clock_that_was_set_is_followed(tmp_path, stamp, used, fault):
+    messages = [("/cam/image_raw", T0 + i * STEP, image(stamp(i), BGR, "bgr8")) for i in range(30)]
+    messages += [("/odom", T0 + i * STEP, odometry(stamp(i), 0.01 * i, 0.0, 0.0)) for i in range(30)]
+    path = write_bag(tmp_path / "bag", messages)
+    frames, faults, _ = played(path)
+    assert len(frames) == used
+    assert len(faults) == 1
+    assert re.search(fault, faults[0].text)
+    steps = np.diff([frame.stamp_s for frame in frames])
+    assert steps.min() > 0.09
+    assert steps.max() < 0.21
+    with collected() as notes:
+        wheels = read_wheel(str(path))
+    assert len(wheels.poses) == used
+    assert len(notes) == 1
+    assert wheels.stamps_s[-1] == pytest.approx(frames[-1].stamp_s, abs=0.11)
+
+
+def test_one_zero_quaternion_and_one_jump_of_the_wheels_are_dropped_and_counted(tmp_path):
+    poses = [odometry(T0 + i * STEP, 99.0 if i == 7 else 0.01 * i, 0.0, 0.0) for i in range(20)]
+    poses[0].pose.pose.orientation.w = 0.0
+    path = write_bag(tmp_path / "bag", [("/odom", T0 + i * STEP, pose) for i, pose in enumerate(poses)])
+    with collected() as notes:
+        assert len(read_wheel(str(path)).poses) == 18
+    assert "2 of 20 samples dropped" in notes[0].text
+
+
+def test_imu_samples_that_are_none_are_counted(tmp_path):
+    parts = tf(*MOUNT.transforms, transform("cam_optical", "imu_link", (0.0, 0.0, 0.0), (0.0, 0.0, 0.0)))
+    samples = [imu(T0 + i * 10**7, (0.0, float("nan") if i == 5 else 0.0, 0.0), (0.0, -9.8, 0.0)) for i in range(20)]
+    messages = [("/tf_static", T0, parts), ("/cam/image_raw", T0, image(T0, BGR, "bgr8"))]
+    messages += [("/imu", T0 + i * 10**7, sample) for i, sample in enumerate(samples)]
+    _, faults, info = played(write_bag(tmp_path / "bag", messages))
+    assert len(info.imu) == 19
+    assert "1 of 20 samples dropped" in faults[0].text
+
+
+@pytest.mark.parametrize(
+    ("sent", "text"),
+    [
+        (DEPTH[::2, ::2], "depth: 0 of 3 pictures usable: 32x24 px for pictures of 64x48 px"),
+        (DEPTH.astype(np.float32), "32FC1 is in millimetres"),
+        (DEPTH.astype(np.float32) / 1000, None),
+    ],
+)
+def test_depth_that_cannot_be_used_is_a_fault_and_millimetres_are_found_out(tmp_path, sent, text):
+    messages = []
+    for stamp in (T0, T0 + STEP, T0 + 2 * STEP):
+        messages.append(("/camera/color/image_raw", stamp, image(stamp, BGR, "bgr8")))
+        encoding = "16UC1" if sent.dtype == np.uint16 else "32FC1"
+        messages.append(("/camera/aligned_depth_to_color/image_raw", stamp, depth_image(stamp, sent, encoding)))
+    frames, faults, _ = played(write_bag(tmp_path / "bag", messages))
+    assert [text in fault.text for fault in faults] == ([True] if text else [])
+    if sent.shape == (48, 64):
+        np.testing.assert_allclose(frames[0].depth, 1.5, atol=1e-6)
+
+
+def test_depth_at_other_times_is_a_fault(tmp_path):
+    messages = [("/camera/color/image_raw", T0, image(T0, BGR, "bgr8"))]
+    messages += [("/camera/aligned_depth_to_color/image_raw", T0 + 1, depth_image(T0 + STEP, DEPTH))]
+    assert "0 of 1 pictures usable: none at the time" in played(write_bag(tmp_path / "bag", messages))[1][0].text
+
+
+def with_lens(tmp_path, width, height, model="plumb_bob", binning=0, roi=(0, 0, 0, 0), d=(0.0,) * 5):
+    region = make("sensor_msgs/msg/RegionOfInterest", *roi, False)
+    info = replace(camera_info(width, height, K, list(d), model), binning_x=binning, binning_y=binning, roi=region)
+    messages = [("/cam/camera_info", T0, info), ("/cam/image_raw", T0, image(T0, BGR, "bgr8"))]
+    return open_camera(str(write_bag(tmp_path / "bag", messages)))
+
+
+@pytest.mark.parametrize(
+    ("size", "binning", "roi", "expected"),
+    [
+        ((64, 48), 0, (0, 0, 0, 0), (58.0, 31.5)),
+        ((64, 48), 2, (0, 0, 0, 0), (58.0, 31.5)),  # K is that of the pictures already
+        ((128, 96), 2, (0, 0, 0, 0), (29.0, 15.5)),
+        ((128, 96), 0, (0, 0, 0, 0), (29.0, 15.5)),
+        ((80, 80), 0, (10, 20, 48, 64), (58.0, 21.5)),  # x and y offset, height, width
+    ],
+)
+def test_numbers_of_the_sensor_become_those_of_the_pictures(tmp_path, size, binning, roi, expected):
+    with with_lens(tmp_path, *size, binning=binning, roi=roi) as camera:
+        lens = camera.info.intrinsics
+        assert (lens.width, lens.height) == (64, 48)
+        assert (lens.fx, lens.cx) == pytest.approx(expected)
+        assert camera.read() is not None
+
+
+def test_numbers_of_another_shape_of_picture_are_refused_with_both_sizes(tmp_path):
+    with with_lens(tmp_path, 80, 80) as camera, pytest.raises(CameraError, match=r"picture is 64x48, .* for 80x80"):
+        camera.read()
+
+
+def test_the_name_of_the_lens_counts_even_where_its_coefficients_are_zero(tmp_path):
+    with with_lens(tmp_path, 64, 48, "equidistant", d=(0.0,) * 4) as camera:
+        lens = camera.info.intrinsics
+        assert lens.distortion.model == "equidistant"
+        points = np.array([[[5.0, 7.0]], [[60.0, 40.0]]])
+        matrix = np.array(K).reshape(3, 3)
+        np.testing.assert_allclose(
+            lens.rays(points[:, 0])[:, :2], cv2.fisheye.undistortPoints(points, matrix, np.zeros(4))[:, 0], atol=1e-8
+        )
+
+
+@pytest.mark.parametrize(("topic", "rectified"), [
+    ("/cam/image_rect", True), ("/cam/image_rect_color/compressed", True), ("/infra1/image_rect_raw", True),
+    ("/rectify/image_raw", False), ("/rect/image_raw/compressed", False), ("/direct/image", False),
+])  # fmt: skip
+def test_pictures_are_rectified_by_the_last_part_of_their_topic(topic, rectified):
+    assert is_rectified(topic) is rectified
+
+
+@pytest.mark.parametrize(
+    ("angles", "rotate", "expected", "text"),
+    [
+        ((0.0, 11.5, 0.0), 0, 11.5, "axes of a body"),
+        ((0.0, 11.5, 5.0), 0, None, "0.60 m up, looking 11.5 deg down and 5.0 deg to the left"),
+        ((180.0, 11.5, 0.0), 0, None, "--rotate 180"),
+        ((180.0, 11.5, 0.0), 180, 11.5, "taken"),
+        ((90.0, 0.0, 0.0), 0, None, "--rotate "),
+    ],
+)
+def test_a_mount_of_tf_is_used_or_named(tmp_path, angles, rotate, expected, text):
+    optical = (-90.0, 0.0, -90.0) if angles[0] else (0.0, 0.0, 0.0)
+    camera = transform("camera_link", "cam_optical", (0.0, 0.0, 0.0), optical)
+    tree = tf(transform("base_footprint", "camera_link", (0.15, 0.0, 0.6), angles), camera)
+    messages = [("/tf_static", T0, tree), ("/cam/image_raw", T0, image(T0, BGR, "bgr8"))]
+    info = played(write_bag(tmp_path / "bag", messages), rotate=rotate)[2]
+    assert (info.mount and round(np.degrees(info.mount.pitch_rad), 6)) == expected
+    assert any(text in note for note in info.notes), info.notes
