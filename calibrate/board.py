@@ -48,10 +48,10 @@ class Board:
         grey = np.asarray(cv2.cvtColor(image, cv2.COLOR_BGR2GRAY), dtype=np.uint8)
         size = (self.columns, self.rows)
         flags = cv2.CALIB_CB_ACCURACY | cv2.CALIB_CB_NORMALIZE_IMAGE
-        found, corners = cv2.findChessboardCornersSB(grey, size, flags=flags)
-        if not found:
-            found, corners = cv2.findChessboardCorners(grey, size)
-            if not found:
+        detected, corners = cv2.findChessboardCornersSB(grey, size, flags=flags)
+        if not detected:
+            detected, corners = cv2.findChessboardCorners(grey, size)
+            if not detected:
                 return None
             corners = self._refined(grey, np.asarray(corners, dtype=np.float32))
         return self._clockwise(np.asarray(corners, dtype=np.float64))

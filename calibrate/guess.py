@@ -134,7 +134,7 @@ def _tilt_by_edges(ends: list[Array], lens: Intrinsics, focal_sigma: float) -> _
     angles = np.array([pitch_roll(up) for up in ups_by_edges(ends, lens)])
     if len(angles) < FEWEST_ROOMS:
         return None
-    (pitch, roll), (scatter, roll_scatter) = (found.tolist() for found in median_and_scatter(angles))
+    (pitch, roll), (scatter, roll_scatter) = (pair.tolist() for pair in median_and_scatter(angles))
     # With a wrong focal length the horizon's row gives another pitch.
     sigma = math.hypot(abs(pitch) * focal_sigma, SURE_RAD)
     return _EdgesTilt(

@@ -60,12 +60,12 @@ def focal_by_edges(ends: list[Array], width: int, height: int) -> tuple[float, f
 def _peaks(ends: list[Array], width: int, height: int, bend: float) -> Array:
     """For each picture whose edges show the room: logarithm of the focal length (share) with the greatest agreement,
     and that agreement; (N, 2)."""
-    lenses, found = [plain_lens(width, height, share, bend) for share in FOCALS], []
+    lenses, peaks = [plain_lens(width, height, share, bend) for share in FOCALS], []
     for lines in ends:
         fits = np.array([_explained(lines, lens) for lens in lenses])
         if np.isfinite(fits).mean() >= SHOWN_SHARE:
-            found.append(_vertex(np.log(FOCALS), fits, int(np.nanargmax(fits))))
-    return np.array(found).reshape(-1, 2)
+            peaks.append(_vertex(np.log(FOCALS), fits, int(np.nanargmax(fits))))
+    return np.array(peaks).reshape(-1, 2)
 
 
 def _vertex(places: Array, values: Array, best: int) -> tuple[float, float]:
@@ -99,10 +99,10 @@ def _explained(lines: Array, lens: Intrinsics) -> float:
 
 def ups_by_edges(ends: list[Array], lens: Intrinsics) -> list[Array]:
     """Up directions in the optical frame, (3,) each, of the pictures whose edges show the room."""
-    level, found = np.array([0.0, -1.0, 0.0]), []
+    level, ups = np.array([0.0, -1.0, 0.0]), []
     for lines in ends:
         edges = segments_between(lines, lens)
         room = room_axes(edges.normals, edges.lengths, level, STEEPEST_RAD) if len(edges) else None
         if room is not None:
-            found.append(room.up)
-    return found
+            ups.append(room.up)
+    return ups

@@ -55,8 +55,8 @@ def height_by_sizes(
 ) -> tuple[float, float, int]:
     """Lens above the floor, m; its sigma as a share; and how many objects show it. usual: without them."""
     camera, sizes = FloorCamera(lens, tilted), HeightBySizes(len(boxes))
-    for found in boxes:
-        sizes.add(found, camera)
+    for detections in boxes:
+        sizes.add(detections, camera)
     before = HeightMeasurement("usual", math.log(usual[0]), usual[1])
     log_m, sigma = agreed_height([before, *sizes.measurements(pitch_sigma)])
     return math.exp(log_m), sigma, sizes.count
@@ -65,8 +65,8 @@ def height_by_sizes(
 def _logs(boxes: list[Detections], lens: Intrinsics, tilted: Mount) -> tuple[Array, Array]:
     """Logarithm of the lens's height by each object, and its sigma."""
     camera = FloorCamera(lens, tilted)
-    found = [one for detections in boxes for one in lens_heights(detections, camera)]
+    heights = [one for detections in boxes for one in lens_heights(detections, camera)]
     return (
-        np.array([math.log(one.height_m) for one in found]),
-        np.array([math.hypot(HEIGHT_M[one.label][1], 0.1) for one in found]),
+        np.array([math.log(one.height_m) for one in heights]),
+        np.array([math.hypot(HEIGHT_M[one.label][1], 0.1) for one in heights]),
     )

@@ -64,8 +64,8 @@ def fit_tilt(pictures: list[Segments]) -> TiltFit:
     up = most_upright(normals, lengths, np.array([0.0, -1.0, 0.0]), STEEPEST_RAD)
     for _ in range(ROUNDS):  # only with edges that are almost vertical
         upright = (normals * lengths[:, None])[near := np.abs(normals @ up) < math.sin(NEAR_RAD)]
-        found = np.linalg.eigh(upright.T @ normals[near])[1][:, 0]
-        up = found * np.sign(found @ up)
+        axis = np.linalg.eigh(upright.T @ normals[near])[1][:, 0]
+        up = axis * np.sign(axis @ up)
     up = _refined(used, up, ROUNDS)
     right, away = level_axes(up)
     misses = np.abs(np.arcsin(np.clip(_aligned(used, up) @ np.stack([up, right, away]).T, -1.0, 1.0)))
@@ -78,8 +78,8 @@ def fit_tilt(pictures: list[Segments]) -> TiltFit:
             f"{vertical} vertical and {level} level edges in {len(used)} pictures, {100 * share:.0f} % of all, "
             f"need {FEWEST_VERTICAL}, {FEWEST_LEVEL} and {100 * MINIMUM_SHARE:.0f} %: show walls, doors, shelves"
         )
-    own = [room_axes(edges.normals, edges.lengths, up, REACH_RAD) for edges in used]
-    nodding_rad = float(np.median([math.acos(min(1.0, float(room.up @ up))) for room in own if room] or [0.0]))
+    rooms = [room_axes(edges.normals, edges.lengths, up, REACH_RAD) for edges in used]
+    nodding_rad = float(np.median([math.acos(min(1.0, float(room.up @ up))) for room in rooms if room] or [0.0]))
     if nodding_rad > MAXIMUM_NODDING_RAD:
         raise CalibrationError(
             f"the camera's tilt changes by {math.degrees(nodding_rad):.1f} deg (median) from picture to picture, at "
@@ -87,8 +87,8 @@ def fit_tilt(pictures: list[Segments]) -> TiltFit:
         )
     groups = min(len(used), GROUPS)
     left_out = [[edges for at, edges in enumerate(used) if at % groups != group] for group in range(groups)]
-    found = [pitch_roll(_refined(rest, up, 1)) for rest in left_out]  # edges of one picture have correlated errors
-    pitch_sigma, roll_sigma = np.sqrt((groups - 1) * np.var(np.array(found), axis=0)).tolist()
+    angles = [pitch_roll(_refined(rest, up, 1)) for rest in left_out]  # edges of one picture have correlated errors
+    pitch_sigma, roll_sigma = np.sqrt((groups - 1) * np.var(np.array(angles), axis=0)).tolist()
     if not max(pitch_sigma, roll_sigma) <= WORST_TILT_RAD:
         raise CalibrationError(
             f"pitch known to {math.degrees(pitch_sigma):.1f} deg and roll to {math.degrees(roll_sigma):.1f} deg only, "

@@ -42,8 +42,8 @@ class CalibrationOptions:
     def check(self) -> None:
         """Refuses to write over a file that is not the one being completed. Raises UsageError."""
         at_least(1, frames=self.frames)
-        out, known = self.out, self.camera_file
-        if out.exists() and (known is None or out.resolve() != known.resolve()):
+        out, described = self.out, self.camera_file
+        if out.exists() and (described is None or out.resolve() != described.resolve()):
             raise UsageError(f"{out} exists already; choose another --out, or complete it: --camera-file {out}")
 
     def open(self, topics: str | None = None) -> "Camera":
@@ -80,8 +80,8 @@ class CalibrationOptions:
         CameraError, DiskError."""
         from edgemap.runtime.inputs.drives import camera_yaml
 
-        known = self.camera_file
-        existing = camera_yaml.read_camera_yaml(known) if known else camera_yaml.CameraFile(lens)
+        described = self.camera_file
+        existing = camera_yaml.read_camera_yaml(described) if described else camera_yaml.CameraFile(lens)
         calibration = existing.calibration | {part: record}
         world_up = existing.world_up or "z"
         camera_yaml.write_camera_yaml(self.out, lens, mount, existing.rate_hz, world_up, calibration, existing.depth)
@@ -121,7 +121,7 @@ def read_board(text: str, square_m: float = 1.0) -> "Board":
     """`--board 9x6`. Raises UsageError."""
     from edgemap.calibrate.board import Board
 
-    found = re.fullmatch(r"(\d{1,4})[x×](\d{1,4})", text.strip())
-    if found is None:
+    match = re.fullmatch(r"(\d{1,4})[x×](\d{1,4})", text.strip())
+    if match is None:
         raise UsageError(f"--board {text!r}: expected COLSxROWS, like 9x6")
-    return Board(int(found[1]), int(found[2]), square_m)
+    return Board(int(match[1]), int(match[2]), square_m)

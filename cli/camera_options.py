@@ -66,13 +66,13 @@ def read_mount(text: str | None, prior: "Mount | None" = None) -> "Mount | None"
     """Applies `--mount HEIGHT_M[,PITCH_DEG]` to a prior mount: what it does not name stays. Raises UsageError."""
     from dataclasses import replace
 
-    found = read_mount_numbers(text)
-    if text is None or found is None:
+    stated = read_mount_numbers(text)
+    if text is None or stated is None:
         return prior
-    height_m, pitch_deg = found
+    height_m, pitch_deg = stated
     if pitch_deg is not None:
-        given = _checked_mount(text, height_m, pitch_deg)
-        return given if prior is None else replace(prior, height_m=height_m, pitch_rad=given.pitch_rad)
+        mount = _checked_mount(text, height_m, pitch_deg)
+        return mount if prior is None else replace(prior, height_m=height_m, pitch_rad=mount.pitch_rad)
     if prior is None:
         raise UsageError(f"--mount {text!r}: the pitch is missing: pass HEIGHT_M,PITCH_DEG, or a camera file with it")
     return replace(prior, height_m=height_m)
@@ -83,15 +83,15 @@ def _checked_mount(text: str, height_m: float, pitch_deg: float) -> "Mount":
     from edgemap.geometry.errors import GeometryError
 
     try:
-        given = Mount.from_degrees(height_m, pitch_deg)
+        mount = Mount.from_degrees(height_m, pitch_deg)
     except GeometryError as error:
         raise UsageError(f"--mount {text!r}: {error}") from None
-    if not LOWEST_M <= given.height_m <= HIGHEST_M:
+    if not LOWEST_M <= mount.height_m <= HIGHEST_M:
         raise UsageError(
-            f"--mount {text!r}: a lens {given.height_m:g} m above the floor, expected {LOWEST_M:g} to {HIGHEST_M:g} m "
+            f"--mount {text!r}: a lens {mount.height_m:g} m above the floor, expected {LOWEST_M:g} to {HIGHEST_M:g} m "
             "(HEIGHT_M,PITCH_DEG: metres first)"
         )
-    return given
+    return mount
 
 
 def read_numbers_of_lens(text: str | None) -> list[float] | None:
@@ -104,11 +104,13 @@ def read_intrinsics(text: str | None, width: int, height: int) -> "Intrinsics | 
     from edgemap.runtime.frames.errors import CameraError
     from edgemap.runtime.frames.program_camera import as_intrinsics
 
-    found = read_numbers_of_lens(text)
-    if found is None:
+    values = read_numbers_of_lens(text)
+    if values is None:
         return None
     try:
-        return as_intrinsics((found[0], found[1], found[2], found[3]), width, height, f"--intrinsics {text!r}", _warn)
+        return as_intrinsics(
+            (values[0], values[1], values[2], values[3]), width, height, f"--intrinsics {text!r}", _warn
+        )
     except CameraError as error:
         raise UsageError(str(error)) from None
 

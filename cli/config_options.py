@@ -54,19 +54,19 @@ def flags_of(command: Callable[..., Any]) -> dict[str, tuple[Any, set[str]]]:
     from tyro.constructors import PrimitiveConstructorSpec
 
     hints = get_type_hints(command, include_extras=True)
-    found: dict[str, tuple[Any, set[str]]] = {}
+    flags: dict[str, tuple[Any, set[str]]] = {}
     for parameter, described in inspect.signature(command).parameters.items():
         hint = hints[parameter]
         group = getattr(hint, "__origin__", hint)
         if is_dataclass(group):
-            found |= flags_of(group)  # type: ignore[arg-type]
+            flags |= flags_of(group)  # type: ignore[arg-type]
             continue
         marks = getattr(hint, "__metadata__", ())
         flag = next((name for one in marks if (name := getattr(one, "name", None))), parameter.replace("_", "-"))
         aliases = {alias for one in marks for alias in getattr(one, "aliases", None) or ()}
         bare = any(isinstance(one, PrimitiveConstructorSpec) for one in marks)
-        found[flag] = (VALUE_MAY_LACK if bare else described.default, {f"--{flag}", f"--no-{flag}", *aliases})
-    return found
+        flags[flag] = (VALUE_MAY_LACK if bare else described.default, {f"--{flag}", f"--no-{flag}", *aliases})
+    return flags
 
 
 def _words(flag: str, value: Any, default: Any, where: str) -> list[str]:

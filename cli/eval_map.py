@@ -89,7 +89,7 @@ def command(
             "objects_true": len(wanted),
             "mount": {"height_m": drive.mount.height_m, "pitch_deg": round(degrees(drive.mount.pitch_rad), 3)},
         }
-        own = SlamOptions(
+        options = SlamOptions(
             motion.odometry,
             not motion.without_wheels,
             not motion.without_imu,
@@ -98,9 +98,9 @@ def command(
             confidence=mapping.confidence,
             pose_frame=motion.pose_frame,
         )
-        variants = {"true": replace(own, odometry="truth", wheels=True), "estimated": own}
+        variants = {"true": replace(options, odometry="truth", wheels=True), "estimated": options}
         if motion.odometry == "hybrid" and document["wheels"]:
-            variants["without_wheels"] = replace(own, wheels=False)
+            variants["without_wheels"] = replace(options, wheels=False)
         for name, slam in replayed(drive, loaded, variants, count, tuned).items():
             objects, grid = slam.objects(), slam.mapper.grid.grid()
             document[name] = score_map(objects, truth) | aligned_figures(objects, truth)
@@ -125,8 +125,8 @@ def command(
             print(f"  {poses:<14} {_grid_line(figures['grid'])}")
         print(f"  {poses:<14} {_line(figures)}  ECE {figure(figures['reliability']['ece'])}")
         print(f"  {poses:<14} {_shape_line(figures)}")
-        for label, own in figures["per_class"].items():
-            print(f"    {label:<14} {_line(own)}")
+        for label, row in figures["per_class"].items():
+            print(f"    {label:<14} {_line(row)}")
 
 
 def _line(figures: dict[str, Any]) -> str:

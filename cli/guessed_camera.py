@@ -65,10 +65,10 @@ def what_is_given(camera: "Source", source: "Camera") -> "tuple[Intrinsics | Non
 
     lens = read_intrinsics(camera.intrinsics, *source.info.size) or source.info.intrinsics
     height_m, pitch_deg = read_mount_numbers(camera.mount) or (None, None)
-    given = camera.mount if pitch_deg is not None or source.info.mount is not None else None
-    mount = read_mount(given, source.info.mount)
+    stated = camera.mount if pitch_deg is not None or source.info.mount is not None else None
+    mount = read_mount(stated, source.info.mount)
     tilt = "mount" if height_m is None else "pitch"
-    lacking = " and ".join(name for name, known in (("lens", lens), (tilt, mount)) if known is None)
+    lacking = " and ".join(name for name, value in (("lens", lens), (tilt, mount)) if value is None)
     return lens, mount, height_m, lacking
 
 
@@ -86,8 +86,8 @@ def _earlier_guess(camera: "Source", source: "Camera", floor: "FloorCamera") -> 
     if not recorded and not path.is_file():
         return None
     stated = set() if camera.intrinsics is None else {"intrinsics"}
-    if found := read_mount_numbers(camera.mount):
-        stated.add("height" if found[1] is None else "mount")
+    if numbers := read_mount_numbers(camera.mount):
+        stated.add("height" if numbers[1] is None else "mount")
     calibration, where = recorded or read_camera_yaml(path).calibration, camera.camera if recorded else str(path)
     return CameraGuess.of_record(calibration, floor.intrinsics, floor.mount, where, stated)
 
@@ -185,13 +185,13 @@ def guessing_frames(camera: "Source", source: "Camera") -> "list[Frame]":
     from edgemap.runtime.motion.views import views_of
 
     if source.info.live:
-        found = list["Frame"]()
+        frames = list["Frame"]()
         until_s, next_s = time.monotonic() + LIVE_S, -math.inf
         for frame in frames_of(source, None, lambda: time.monotonic() > until_s):
             if time.monotonic() >= next_s:
                 next_s = time.monotonic() + LIVE_EVERY_S
-                found.append(frame)
-        return found
+                frames.append(frame)
+        return frames
 
     def sampled(every: int) -> "Iterator[Frame]":
         with camera.open() as again:
@@ -199,11 +199,11 @@ def guessing_frames(camera: "Source", source: "Camera") -> "list[Frame]":
 
     count = min(source.info.frame_count or REACH, REACH)
     every = max(1, count // PICTURES)
-    found = list(sampled(every))
-    views = list(views_of(found))
-    if FEWEST_ROOMS <= len(views) < len(found):  # as many again from what is not at rest
-        return list(views_of(sampled(max(1, every * len(views) // len(found)))))[: 2 * PICTURES]
-    return found
+    frames = list(sampled(every))
+    views = list(views_of(frames))
+    if FEWEST_ROOMS <= len(views) < len(frames):  # as many again from what is not at rest
+        return list(views_of(sampled(max(1, every * len(views) // len(frames)))))[: 2 * PICTURES]
+    return frames
 
 
 def _stated(spec: str, source: "Camera") -> "Focal | None":
@@ -212,5 +212,5 @@ def _stated(spec: str, source: "Camera") -> "Focal | None":
     from edgemap.runtime.frames.reading import user_path
     from edgemap.runtime.inputs.cameras.stated_focal import stated_focal_px
 
-    found = None if source.info.live else stated_focal_px(user_path(spec), *source.info.size)
-    return found and Focal(found[0], 0.05, found[1])
+    focal = None if source.info.live else stated_focal_px(user_path(spec), *source.info.size)
+    return focal and Focal(focal[0], 0.05, focal[1])

@@ -52,18 +52,18 @@ def command(
     (objects, _), grid = load_annotated_map(path), load_grid(path)
     robot_m = numbers(near, "--near", "X,Y") if near else None
     item = _chosen(objects, object, label, robot_m or [0.0, 0.0])
-    found = approach(item, objects, grid, robot_m, ApproachRule(standoff, robot_radius))
+    goal = approach(item, objects, grid, robot_m, ApproachRule(standoff, robot_radius))
     if ros2:
-        publish_goal(found.pose)
+        publish_goal(goal.pose)
     if json:
-        record = {"object": item.id, "frame": "map"} | pose_record(found.pose)
-        print(dumps(record | {"standoff_m": round(found.standoff_m, 3), "floor": found.floor}))
+        record = {"object": item.id, "frame": "map"} | pose_record(goal.pose)
+        print(dumps(record | {"standoff_m": round(goal.standoff_m, 3), "floor": goal.floor}))
         return
-    pose = found.pose
-    floor = {"free": "free floor", "unknown": "floor that nobody has seen: check the way"}[found.floor]
+    pose = goal.pose
+    floor = {"free": "free floor", "unknown": "floor that nobody has seen: check the way"}[goal.floor]
     print(
         f"{item.id}: x {pose.x_m:.2f} m, y {pose.y_m:.2f} m, yaw {degrees(pose.yaw_rad):.1f} deg; "
-        f"{found.standoff_m:.2f} m before it, {floor}" + ("; published on /goal_pose" if ros2 else "")
+        f"{goal.standoff_m:.2f} m before it, {floor}" + ("; published on /goal_pose" if ros2 else "")
     )
 
 
@@ -75,16 +75,16 @@ def _chosen(objects: "list[MapObject]", wanted: str | None, label: str | None, n
     if (wanted is None) == (label is None):
         raise UsageError("give the object's ID, or --label L for the nearest of a class")
     if wanted is not None:
-        found = [item for item in objects if wanted in (item.id, item.name)]
-        if not found:
+        named = [item for item in objects if wanted in (item.id, item.name)]
+        if not named:
             names = [item.id for item in objects] + [item.name for item in objects if item.name]
             raise UsageError(f"no object {wanted!r} on the map: {known_names([wanted], names, 'it has')}")
-        return found[0]
-    found = nearest(objects, near_m, label, 1)
-    if not found:
+        return named[0]
+    nearby = nearest(objects, near_m, label, 1)
+    if not nearby:
         hint = known_names([label or ""], [item.label for item in objects], "it has")
         raise UsageError(f"--label {label}: no such object on the map; {hint}")
-    return found[0][1]
+    return nearby[0][1]
 
 
 def publish_goal(pose: "SE2") -> None:

@@ -68,7 +68,7 @@ def command(
         if not 0.0 < value < 100.0:
             raise UsageError(f"--{name} {value}: must be above 0 and below 100 m")
     map = saved_map(map)
-    (found, annotations), trajectory, floor = load_annotated_map(map), trajectory_of(map), load_grid(map)
+    (mapped, annotations), trajectory, floor = load_annotated_map(map), trajectory_of(map), load_grid(map)
     map_id = map_id or (annotations.identity.map_id if annotations.identity else "map")
     path = _target(map, format, out)
     written = [path]
@@ -77,9 +77,9 @@ def command(
         from edgemap.runtime.outputs.map_formats.nav2 import write_nav2
 
         if floor is None:
-            grid = grid_of(found, trajectory, CellsRule(resolution, robot_width))
+            grid = grid_of(mapped, trajectory, CellsRule(resolution, robot_width))
         else:
-            grid = observed_cells(floor, found if objects else ())
+            grid = observed_cells(floor, mapped if objects else ())
         written = list(write_nav2(path, grid))
     elif format == "nav2-masks":
         from edgemap.runtime.outputs.map_formats.nav2 import write_masks
@@ -93,7 +93,7 @@ def command(
         from edgemap.runtime.outputs.map_formats.drawing import DrawnMap, draw_map
 
         poses = trajectory.poses if trajectory else ()
-        draw_map(path, DrawnMap(found, poses, zones=annotations.zones, grid=floor))
+        draw_map(path, DrawnMap(mapped, poses, zones=annotations.zones, grid=floor))
     else:
         from edgemap.geometry.grid.walls import walls_of
         from edgemap.runtime.outputs.map_formats.geojson import geojson_text
@@ -103,14 +103,14 @@ def command(
 
         if format == "geojson":
             walls, rooms = (walls_of(floor), rooms_of(floor)) if floor is not None else ((), ())
-            text = geojson_text(found, trajectory, map_id, annotations, walls, rooms)
+            text = geojson_text(mapped, trajectory, map_id, annotations, walls, rooms)
         else:
             zones, barred = annotations.zones, _names(keep_out)
             as_csv = format == "csv"
-            text = csv_text(found, zones) if as_csv else vector_text(found, map_id, resolution, zones, barred)
+            text = csv_text(mapped, zones) if as_csv else vector_text(mapped, map_id, resolution, zones, barred)
         write_atomically(path, text)
-    known = "" if trajectory or floor else "; no trajectory.tum beside it" if format == "nav2" else ""
-    print(f"{len(found)} objects written to {' and '.join(str(path) for path in written)}{known}")
+    hint = "" if trajectory or floor else "; no trajectory.tum beside it" if format == "nav2" else ""
+    print(f"{len(mapped)} objects written to {' and '.join(str(path) for path in written)}{hint}")
 
 
 def _names(text: str | None) -> list[str]:
@@ -120,13 +120,13 @@ def _names(text: str | None) -> list[str]:
 
 def _percentages(text: str | None) -> dict[str, int]:
     """`--speed A=50,B=20`. Raises UsageError."""
-    found = {}
+    limits = {}
     for part in _names(text):
         name, equals, percent = part.rpartition("=")
         if not equals or not percent.isdecimal() or not 1 <= int(percent) <= 100:
             raise UsageError(f"--speed {part!r}: expected ZONE=PERCENT with 1 to 100")
-        found[name.strip()] = int(percent)
-    return found
+        limits[name.strip()] = int(percent)
+    return limits
 
 
 def _target(source: Path, kind: str, out: Path | None) -> Path:

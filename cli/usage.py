@@ -24,7 +24,7 @@ def parse_and_call(command: Callable[..., Any], words: str, rest: list[str]) -> 
     import tyro
 
     rest = [_from_home(word) for word in rest]
-    said, real = io.StringIO(), sys.stderr
+    captured, real = io.StringIO(), sys.stderr
 
     def begun(*arguments: Any, **options: Any) -> Any:
         with redirect_stderr(real):
@@ -34,14 +34,14 @@ def parse_and_call(command: Callable[..., Any], words: str, rest: list[str]) -> 
     begun.__doc__, begun.__signature__ = command.__doc__, inspect.signature(command)  # type: ignore[attr-defined]
     begun.__annotations__ = {name: _spelt_out(hint) for name, hint in hints.items()}
     try:
-        with redirect_stderr(said):
+        with redirect_stderr(captured):
             marks = (tyro.conf.FlagCreatePairsOff, tyro.conf.OmitArgPrefixes)
             tyro.cli(begun, prog=f"edgemap {words}", args=rest, config=marks)
     except SystemExit as error:
-        if error.code == 2 and said.getvalue():
+        if error.code == 2 and captured.getvalue():
             from edgemap.runtime.frames.reading import print_message
 
-            line = usage_line(said.getvalue(), _takes_camera(hints.values()))
+            line = usage_line(captured.getvalue(), _takes_camera(hints.values()))
             print_message(f"edgemap {words}: {line} (edgemap {words} --help)")
         raise
 

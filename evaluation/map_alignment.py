@@ -68,28 +68,28 @@ def best_alignment(objects: Sequence[MapObject], truth: Sequence[TrueObject], sc
     mapped, wanted = list(objects), scored(truth)
     best, rank = Similarity(), _rank(_pairs(mapped, wanted), mapped, wanted)
     for start in [best, *_hypotheses(mapped, wanted, scales)]:
-        found = start
+        fit = start
         for _ in range(ROUNDS):
-            placed = found.apply(mapped)
+            placed = fit.apply(mapped)
             pairs = _pairs(placed, wanted)
             now = _rank(pairs, placed, wanted)
             if now > rank:
-                best, rank = found, now
-            if len(pairs) < 2 or (fitted := _fitted(pairs, mapped, wanted, scales)) == found:
+                best, rank = fit, now
+            if len(pairs) < 2 or (fitted := _fitted(pairs, mapped, wanted, scales)) == fit:
                 break
-            found = fitted
+            fit = fitted
     return best, rank[0]
 
 
 def _pairs(mapped: list[MapObject], wanted: list[TrueObject]) -> list[tuple[int, int]]:
     """Rows (mapped, true) of the pairs within 0.5 m, class by class."""
-    found = []
+    matches = []
     for label in sorted({item.label for item in mapped} & {item.label for item in wanted}):
         rows = [row for row, item in enumerate(mapped) if item.label == label]
         columns = [column for column, item in enumerate(wanted) if item.label == label]
         pairs = pairs_within([mapped[row] for row in rows], [wanted[column] for column in columns], FOUND_M)
-        found += [(rows[i], columns[j]) for i, j in pairs]
-    return found
+        matches += [(rows[i], columns[j]) for i, j in pairs]
+    return matches
 
 
 def _rank(pairs: list[tuple[int, int]], mapped: list[MapObject], wanted: list[TrueObject]) -> tuple[int, float]:

@@ -94,9 +94,9 @@ def image_annotations(stamp_ns: int, result: StepResult):  # noqa: ANN201  (a ty
 
     objects = result.object_of_box
     stamp = messages.Timestamp(stamp_ns // 10**9, stamp_ns % 10**9)
-    found, white = result.detections, messages.Color(r=1.0, g=1.0, b=1.0, a=1.0)
+    boxes, white = result.detections, messages.Color(r=1.0, g=1.0, b=1.0, a=1.0)
     points, texts = [], []
-    for index, (box, score, label) in enumerate(zip(found.boxes.tolist(), found.scores, found.labels, strict=True)):
+    for index, (box, score, label) in enumerate(zip(boxes.boxes.tolist(), boxes.scores, boxes.labels, strict=True)):
         x0, y0, x1, y1 = box
         red, green, blue = label_rgb(label)
         colour = messages.Color(r=red, g=green, b=blue, a=1.0)

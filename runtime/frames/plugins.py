@@ -13,18 +13,18 @@ CAMERAS, SINKS = "edgemap.cameras", "edgemap.sinks"
 
 def plugins(group: str) -> dict[str, EntryPoint]:
     """The entry points of a group, by name. Raises PluginError if two packages define the same name."""
-    found: dict[str, EntryPoint] = {}
+    points: dict[str, EntryPoint] = {}
     # Of all distributions: `entry_points` takes the first of a name, and a build leaves an old one in a checkout.
     for point in (point for one in distributions() for point in one.entry_points if point.group == group):
-        other = found.setdefault(point.name, point)
+        other = points.setdefault(point.name, point)
         if other.value != point.value:
             raise PluginError(
                 f"{group}: {point.name!r} comes from two packages, {package_of(other)} and {package_of(point)}: "
                 "uninstall one"
             )
-    if group in (CAMERAS, SINKS) and not any(point.value.startswith("edgemap.") for point in found.values()):
+    if group in (CAMERAS, SINKS) and not any(point.value.startswith("edgemap.") for point in points.values()):
         _warn_of_old_metadata()
-    return found
+    return points
 
 
 @cache

@@ -31,11 +31,11 @@ def read_sightings(folder: Path) -> list[SeenRecord]:
         merged = decode_json(read_bytes(folder / "run.json", MapError), _Run, "run.json", MapError).merged
     except MapError:
         merged = {}
-    found = []
+    records = []
     for number, line in enumerate(BytesIO(read_bytes(path, MapError)), start=1):
         if not line.endswith(b"\n"):
             break
         record = decode_json(line, SeenRecord, f"{path}:{number}: damaged line", MapError)
         record.object = merged.get(record.object, record.object)
-        found.append(record)
-    return found
+        records.append(record)
+    return records

@@ -62,10 +62,10 @@ class Ros2Device:
 
     def grab(self) -> Picture | None:
         """The newest picture; None where none came. Raises CameraError or Ros2Error for one that is damaged."""
-        found, self._first = self._first or self._next(GRAB_S), None
-        if found is None:
+        grabbed, self._first = self._first or self._next(GRAB_S), None
+        if grabbed is None:
             return None
-        stamp_s, image, _ = found
+        stamp_s, image, _ = grabbed
         return Picture(stamp_s, image, None if self._depth is None else self._depth.at(stamp_s, self.intrinsics))
 
     def close(self) -> None:

@@ -136,10 +136,10 @@ class Node:
 
     def published(self) -> dict[str, str]:
         """The topics that have a publisher now, each with its type."""
-        found = self._publications.read(1000)
+        publications = self._publications.read(1000)
         return {
             sample.topic_name.removeprefix("rt"): ros_kind(sample.type_name)
-            for sample in found
+            for sample in publications
             if (getattr(sample, "topic_name", None) or "").startswith("rt/")  # None: its publisher has left
         }
 

@@ -94,8 +94,8 @@ def dds_type(kind: str) -> str:
 
 def ros_kind(type_name: str) -> str:
     """`sensor_msgs::msg::dds_::Image_` as `sensor_msgs/msg/Image`; other names as they are."""
-    found = re.fullmatch(r"(\w+)::msg::dds_::(\w+)_", type_name)
-    return f"{found[1]}/msg/{found[2]}" if found else type_name
+    match = re.fullmatch(r"(\w+)::msg::dds_::(\w+)_", type_name)
+    return f"{match[1]}/msg/{match[2]}" if match else type_name
 
 
 def in_namespace(namespace: str, topic: str) -> str:

@@ -146,12 +146,12 @@ def odometry(
 def detections_2d(stamp_ns: int, result: StepResult, ids: FrameIds = IDS) -> Message:
     """`vision_msgs/Detection2DArray`: every box, px, with the id of its map object if it has one."""
     objects = result.object_of_box
-    found, head = [], header(stamp_ns, ids.optical)
+    entries, head = [], header(stamp_ns, ids.optical)
     detections = result.detections
     boxes = zip(detections.boxes.tolist(), detections.scores.tolist(), detections.labels, strict=True)
     for index, ((x0, y0, x1, y1), score, label) in enumerate(boxes):
         centre = {"position": {"x": (x0 + x1) / 2.0, "y": (y0 + y1) / 2.0}, "theta": 0.0}
-        found.append(
+        entries.append(
             {
                 "header": head,
                 "results": [{"hypothesis": {"class_id": label, "score": score}}],
@@ -159,7 +159,7 @@ def detections_2d(stamp_ns: int, result: StepResult, ids: FrameIds = IDS) -> Mes
                 "id": objects.get(index, ""),
             }
         )
-    return {"header": head, "detections": found}
+    return {"header": head, "detections": entries}
 
 
 def tf(*transforms: Message) -> Message:

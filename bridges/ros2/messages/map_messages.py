@@ -22,13 +22,13 @@ BEAM_RAD, NEAREST_M = math.radians(0.5), 0.05  # of the floor's scan
 def detections_3d(stamp_ns: int, objects: list[MapObject], ids: FrameIds = IDS) -> Message:
     """`vision_msgs/Detection3DArray` in the map frame: centre of the footprint raised to half the height, with id,
     label, confidence and the position's covariance."""
-    head, found = header(stamp_ns, ids.map), []
+    head, entries = header(stamp_ns, ids.map), []
     for item in objects:
         covariance = np.zeros((6, 6))
         covariance[:2, :2] = item.covariance_m2
         pose = {"position": _place(item, _height_m(item) / 2.0)}
         hypothesis = {"class_id": item.label, "score": float(item.confidence)}
-        found.append(
+        entries.append(
             {
                 "header": head,
                 "results": [
@@ -38,7 +38,7 @@ def detections_3d(stamp_ns: int, objects: list[MapObject], ids: FrameIds = IDS) 
                 "id": item.id,
             }
         )
-    return {"header": head, "detections": found}
+    return {"header": head, "detections": entries}
 
 
 def markers(stamp_ns: int, objects: list[MapObject], ids: FrameIds = IDS) -> Message:
@@ -46,7 +46,7 @@ def markers(stamp_ns: int, objects: list[MapObject], ids: FrameIds = IDS) -> Mes
 
     Starts with a marker that takes away all older ones, so that objects that merged do not stay.
     """
-    found: list[Message] = [{"header": header(stamp_ns, ids.map), "action": DELETE_ALL}]
+    entries: list[Message] = [{"header": header(stamp_ns, ids.map), "action": DELETE_ALL}]
     for number, item in enumerate(objects):
         red, green, blue = label_rgb(item.label)
         tint = {"r": red, "g": green, "b": blue}
@@ -54,16 +54,16 @@ def markers(stamp_ns: int, objects: list[MapObject], ids: FrameIds = IDS) -> Mes
         rotated = {"x": 0.0, "y": 0.0, "z": float(np.sin(yaw_rad / 2.0)), "w": float(np.cos(yaw_rad / 2.0))}
         common = {"header": header(stamp_ns, ids.map), "id": number}
         box = {"pose": {"position": _place(item, _height_m(item) / 2.0)}, "scale": _box(item)}
-        found.append(common | box | {"ns": "objects", "type": CUBE, "color": tint | {"a": 0.5}})
+        entries.append(common | box | {"ns": "objects", "type": CUBE, "color": tint | {"a": 0.5}})
         name = {"pose": {"position": _place(item, _height_m(item) + LETTER_M)}, "scale": {"z": LETTER_M}}
         white = {"r": 1.0, "g": 1.0, "b": 1.0, "a": 1.0}
-        found.append(common | name | {"ns": "names", "type": TEXT, "text": item.id, "color": white})
+        entries.append(common | name | {"ns": "names", "type": TEXT, "text": item.id, "color": white})
         ellipse = {
             "pose": {"position": _place(item, FLAT_M / 2.0), "orientation": rotated},
             "scale": {"x": max(2.0 * long_m, THIN_M), "y": max(2.0 * short_m, THIN_M), "z": FLAT_M},
         }
-        found.append(common | ellipse | {"ns": "ellipses", "type": CYLINDER, "color": tint | {"a": 0.8}})
-    return {"markers": found}
+        entries.append(common | ellipse | {"ns": "ellipses", "type": CYLINDER, "color": tint | {"a": 0.8}})
+    return {"markers": entries}
 
 
 def occupancy_grid(stamp_ns: int, objects: list[MapObject], pose_map_base: SE2, ids: FrameIds = IDS) -> Message:

@@ -48,13 +48,13 @@ class TfTree:
 
     def _to_root(self, frame: str) -> dict[str, tuple[Array, Array]]:
         """The frame's pose in itself and in each frame above it, nearest first."""
-        found = {frame: (np.eye(3), np.zeros(3))}
-        while frame in self._parents and self._parents[frame][0] not in found:
-            rotation, place_m = found[frame]
+        ancestors = {frame: (np.eye(3), np.zeros(3))}
+        while frame in self._parents and self._parents[frame][0] not in ancestors:
+            rotation, place_m = ancestors[frame]
             frame, step = self._parents[frame]
             step_rotation, step_m = self._checked(frame, step)
-            found[frame] = step_rotation @ rotation, step_rotation @ place_m + step_m
-        return found
+            ancestors[frame] = step_rotation @ rotation, step_rotation @ place_m + step_m
+        return ancestors
 
     def _checked(self, frame: str, step: Any) -> tuple[Array, Array]:
         quaternion = [step.rotation.x, step.rotation.y, step.rotation.z, step.rotation.w]

@@ -61,7 +61,7 @@ def connected_cameras() -> tuple[list[ConnectedCamera], list[str]]:
 
 def _video_devices() -> list[ConnectedCamera]:
     """V4L2 nodes that capture video. A node without permission is listed too, because it cannot be queried."""
-    found = []
+    cameras = []
     for node in sorted(VIDEO_NODES.glob("video[0-9]*"), key=lambda path: int(path.name[5:])):
         try:
             name = (SYSFS / node.name / "name").read_text().strip()
@@ -72,8 +72,8 @@ def _video_devices() -> list[ConnectedCamera]:
             problem = "no permission; add the user to the group `video` and log in again"
         elif not _captures(node):
             continue
-        found.append(ConnectedCamera("v4l2", str(node), name, problem=problem))
-    return found
+        cameras.append(ConnectedCamera("v4l2", str(node), name, problem=problem))
+    return cameras
 
 
 def _captures(node: Path) -> bool:

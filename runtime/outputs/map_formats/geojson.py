@@ -68,8 +68,8 @@ def _object(item: MapObject, map_id: str) -> dict:
     x_m, y_m = (float(value) for value in item.position_m)
     turns = [math.tau * k / CORNERS for k in range(CORNERS)]
     ring = _rounded([(x_m + radius * math.cos(t), y_m + radius * math.sin(t)) for t in turns])
-    own = {"uuid": object_uuid(item.id, map_id), "radius_m": round(radius, 4)}
-    return _feature(item.id, "Polygon", ring, object_record(item) | own)
+    further = {"uuid": object_uuid(item.id, map_id), "radius_m": round(radius, 4)}
+    return _feature(item.id, "Polygon", ring, object_record(item) | further)
 
 
 def _zone(zone: Zone, taken: Collection[str]) -> dict:

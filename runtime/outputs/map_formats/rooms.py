@@ -48,7 +48,7 @@ def rooms_of(grid: OccupancyGrid) -> tuple[Room, ...]:
     _, nearest = cast(tuple[Array, NDArray[np.intp]], distance_transform_edt(cores == 0, return_indices=True))
     owner = np.where(inside, cores[nearest[0], nearest[1]], 0)
     stops = cast(Mask, binary_dilation(barrier | (grid.cells == OCCUPIED), iterations=max(round(BESIDE_M / cell_m), 1)))
-    found = []
+    rooms = []
     for number in np.unique(owner[owner > 0]):
         mask = _largest(owner == number)
         outline = np.pad(mask, 1)
@@ -57,8 +57,8 @@ def rooms_of(grid: OccupancyGrid) -> tuple[Room, ...]:
         closed = float((outline & (stops | others)).sum() / max(outline.sum(), 1))
         area_m2 = float(mask.sum()) * cell_m**2
         if area_m2 >= LEAST_M2 and closed >= CLOSED:
-            found.append(Room(tuple((float(x), float(y)) for x, y in _outline_m(mask, grid)), area_m2, closed))
-    return tuple(sorted(found, key=lambda room: -room.area_m2))
+            rooms.append(Room(tuple((float(x), float(y)) for x, y in _outline_m(mask, grid)), area_m2, closed))
+    return tuple(sorted(rooms, key=lambda room: -room.area_m2))
 
 
 def _drawn(walls: tuple[Wall, ...], grid: OccupancyGrid) -> Mask:

@@ -28,9 +28,9 @@ def csv_text(objects: Sequence[MapObject], zones: Sequence[Zone] = ()) -> str:
         record["corrected"] = " ".join(record.get("corrected", []))
         record["zones"] = "; ".join(zone.name for zone in zones if inside_polygon([item], zone.corners_m))
         (xx, xy), (_, yy) = record.pop("covariance_m2")
-        own = {"covariance_xx_m2": xx, "covariance_xy_m2": xy, "covariance_yy_m2": yy}
+        covariance = {"covariance_xx_m2": xx, "covariance_xy_m2": xy, "covariance_yy_m2": yy}
         record |= {name: _text(value) for name, value in record.items() if isinstance(value, str)}
-        writer.writerow(record | own | {"radius_m": round(radius_m(item), 4)})
+        writer.writerow(record | covariance | {"radius_m": round(radius_m(item), 4)})
     return text.getvalue()
 
 

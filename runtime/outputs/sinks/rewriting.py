@@ -61,9 +61,9 @@ def _rescale(record: dict[str, Any], scale: float) -> None:
 
 def _read(trajectory: Path) -> tuple[Array, Array]:
     """Stamps (N,) and poses (N, 3) of a trajectory that a run has written."""
-    found = [np.zeros((0, 8))]
-    found += [np.array([line.split() for line in lines], dtype=np.float64) for lines in _blocks(trajectory)]
-    stamp_s, x_m, y_m, *_, qz, qw = np.concatenate(found).T
+    rows = [np.zeros((0, 8))]
+    rows += [np.array([line.split() for line in lines], dtype=np.float64) for lines in _blocks(trajectory)]
+    stamp_s, x_m, y_m, *_, qz, qw = np.concatenate(rows).T
     return stamp_s, np.column_stack([x_m, y_m, 2.0 * np.arctan2(qz, qw)])
 
 

@@ -84,12 +84,12 @@ def verdict_of(record: Mapping[str, Any], objects: Sequence[MapObject]) -> Verdi
     quality = record.get("quality")
     if not isinstance(quality, Mapping) or not quality.get("frames"):
         return Verdict("care", (Finding("care", CAUSES["other"], "the run counted no frames"),))
-    run, found = _Run(record, quality, objects), list[Finding]()
+    run, findings = _Run(record, quality, objects), list[Finding]()
     for checks in CHECKS:
         some = [finding for check in checks for finding in check(run)]
-        found += sorted(some, key=lambda finding: -LEVELS.index(finding.level))
-    levels = [LEVELS.index(finding.level) for finding in found]
-    return Verdict(LEVELS[max(levels, default=0)], tuple(found))
+        findings += sorted(some, key=lambda finding: -LEVELS.index(finding.level))
+    levels = [LEVELS.index(finding.level) for finding in findings]
+    return Verdict(LEVELS[max(levels, default=0)], tuple(findings))
 
 
 class _Run(NamedTuple):
