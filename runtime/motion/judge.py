@@ -17,6 +17,7 @@ from edgemap.runtime.motion.trust import TrustRule
 
 EVERY_S = 1.0  # of stream, between two judgements; also the length of the blocks that are compared
 FEWEST = 4  # blocks with a clear motion
+CLEARER = 0.8  # of what a delay leaves unexplained against none (0.1 s: 0.1 to 0.7)
 OFTEN = 0.1  # share of steps of over a radian, from which on yaw is in degrees: wraps at pi are rare
 LAGS_S = np.arange(-1.2, 1.21, 0.05)  # delays that are tried
 
@@ -50,13 +51,19 @@ class Step:
 class MotionJudge:
     """Call `add` with every step of the camera and `judge` with the source's path; the same for every kind of source.
 
-    lengths: whether the source measures lengths, or yaw alone.
+    conclusive: whether the camera has turned enough to judge.
     """
 
     def __init__(self, rule: JudgeRule | None = None, least: tuple[float, float] = TrustRule().least) -> None:
         """least: yaw in rad and length in m of a block that counts."""
         self._rule, (self._least_rad, self._least_m) = rule or JudgeRule(), least
         self._steps, self._timer = deque[Step](), StreamTimer(EVERY_S)
+        self.conclusive = False
+
+    @property
+    def reach_s(self) -> float:
+        """For how long a source's path is needed."""
+        return self._rule.span_s + 2.0 * float(LAGS_S[-1])
 
     def add(self, from_s: float, to_s: float, moved: tuple[SE2, Array] | None) -> bool:
         """A step of the camera: its motion and covariance (3, 3), None where it was not measured. Returns whether it is
@@ -68,7 +75,8 @@ class MotionJudge:
         return self._timer.due(to_s)
 
     def judge(self, path: Path, lengths: bool = True) -> str:
-        """What is wrong with a source, in words; empty where nothing is, or nothing can be said yet."""
+        """What is wrong with a source, in words; empty where nothing is, or nothing can be said yet. lengths: whether
+        it measures lengths, or yaw alone."""
         if len(self._steps) < 2:
             return ""
         spans = np.array([(step.from_s, step.to_s) for step in self._steps])
@@ -87,10 +95,12 @@ class MotionJudge:
         clear, turns = _blocks(block, np.abs(seen[:, 2]), variances[:, 2], self._least_rad)
         if turns < FEWEST:
             return ""
+        self.conclusive = True
         match = [_correlation(seen[:, 2], _between(path, spans, lag_s)[:, 2]) for lag_s in LAGS_S]
         here = _correlation(seen[:, 2], given[:, 2])
         best = int(np.argmax(match))
-        if match[best] > self._rule.follows and abs(LAGS_S[best]) > self._rule.lag_s and match[best] > here:
+        better = 1.0 - match[best] < CLEARER * (1.0 - here)
+        if match[best] > self._rule.follows and abs(LAGS_S[best]) > self._rule.lag_s and better:
             late = "late" if LAGS_S[best] > 0.0 else "early"
             return f"it is {abs(LAGS_S[best]):.2f} s {late} against the pictures"
         if abs(here) < self._rule.follows:
@@ -154,10 +164,12 @@ def _blocks(block: Rows, size: Array, variance: Array, least: float) -> tuple[Ro
     return clear, len(clear)
 
 
-def path_of(stamps_s: Array, poses: Array) -> Path:
-    """The path through poses (N, 3) at increasing stamps (N,), linear between them; unknown outside."""
+def path_of(stamps_s: Array, poses: Array, wraps: bool = True) -> Path:
+    """The path through poses (N, 3) at increasing stamps (N,), linear between them; unknown outside. wraps: whether
+    their yaw may."""
     degrees = len(poses) > 1 and float(np.mean(np.abs(np.diff(poses[:, 2])) > 1.0)) > OFTEN
-    unwrapped = np.column_stack([poses[:, :2], np.unwrap(poses[:, 2], period=360.0 if degrees else math.tau)])
+    yaw = np.unwrap(poses[:, 2], period=360.0 if degrees else math.tau) if wraps else poses[:, 2]
+    unwrapped = np.column_stack([poses[:, :2], yaw])
 
     def path(at_s: Array) -> Array:
         return np.column_stack([np.interp(at_s, stamps_s, values, np.nan, np.nan) for values in unwrapped.T])

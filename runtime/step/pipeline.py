@@ -22,6 +22,7 @@ from edgemap.runtime.frames.timing import Stopwatch
 from edgemap.runtime.motion.attitude.pictures import PicturesAttitude
 from edgemap.runtime.motion.attitude.protocol import AttitudeSource, Moved
 from edgemap.runtime.motion.attitude.sources import MountAttitude
+from edgemap.runtime.motion.depth_scale import DepthScale
 from edgemap.runtime.motion.health import HealthMonitor, HealthRule, PictureHealth
 from edgemap.runtime.motion.height_check import HeightCheck, HeightRule
 from edgemap.runtime.motion.odometry.protocol import FramePrior, Motion, Odometry, StartsAhead
@@ -79,6 +80,7 @@ class Pipeline:
         self._floor: FloorMask | None = None  # of that picture
         self._health, self._rest = HealthMonitor(health), RestMonitor(rest, health)
         self._height = HeightCheck(camera.mount, height, guessed_height)
+        self._depth = DepthScale(camera.mount.height_m, (height or HeightRule()).wrong_share)
         self._since_view = SE2()  # motion since the last picture with information
         self._moved: Moved | None = None  # in the step before
         self._watch = Stopwatch()
@@ -87,7 +89,8 @@ class Pipeline:
         """A frame's boxes, positions on the floor and motion. Raises CameraError for a frame of another size."""
         self._check_size(frame)
         self._watch.start()
-        stage, fault, sightings = self._watch.stage, None, []
+        frame = replace(frame, depth=None) if self._depth.wrong else frame
+        stage, faults, sightings = self._watch.stage, list[Fault | None](), []
         with stage("health"):
             health = self._health.judge(frame)
         with stage("attitude"):
@@ -112,7 +115,10 @@ class Pipeline:
                     boxes, camera, self.rule, frame.index, frame.stamp_s, frame.depth, floor, self.evidence
                 )
             with stage("height"):
-                fault = self._height.judge(frame.stamp_s, camera, attitude, boxes, motion, frame.depth is not None)
+                faults.append(self._depth.judge(depth, floor, camera, self._height.estimate))
+                faults.append(
+                    self._height.judge(frame.stamp_s, camera, attitude, boxes, motion, frame.depth is not None)
+                )
         return FrameObservations(
             index=frame.index,
             stamp_s=frame.stamp_s,
@@ -124,7 +130,7 @@ class Pipeline:
             camera=camera,
             searched=searched,
             at_rest=at_rest,
-            faults=self._faults(health, fault, motion),
+            faults=self._faults(health, faults, motion),
             height_estimate=self._height.estimate,
             scale=self._height.scale,
             floor=floor,
@@ -150,9 +156,9 @@ class Pipeline:
             self._floor = floor_mask(outputs, placement, self._floor_output)
         return outputs
 
-    def _faults(self, health: PictureHealth, height: Fault | None, motion: Motion) -> tuple[Fault, ...]:
-        """The faults of this step, each once. height: of the mount."""
-        faults = (health.fault, *self.attitude.faults, height, *motion.faults)
+    def _faults(self, health: PictureHealth, scale: list[Fault | None], motion: Motion) -> tuple[Fault, ...]:
+        """The faults of this step, each once. scale: of the mount's height and of depth."""
+        faults = (health.fault, *self.attitude.faults, *scale, *motion.faults)
         return tuple(dict.fromkeys(fault for fault in faults if fault is not None))
 
     def _motion_without_picture(

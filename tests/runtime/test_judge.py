@@ -8,11 +8,19 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from edgemap.geometry.arrays import Array
+from edgemap.geometry.camera.floor import FloorCamera
+from edgemap.geometry.camera.imu import ImuSamples
+from edgemap.geometry.camera.intrinsics import Intrinsics
 from edgemap.geometry.camera.mount import Mount
+from edgemap.geometry.observations.floor_mask import FloorMask
+from edgemap.geometry.observations.sparse_depth import SparseDepth
 from edgemap.geometry.se2 import SE2
 from edgemap.runtime.frames.errors import OdometryError
+from edgemap.runtime.motion.attitude.imu_trust import ImuTrust
+from edgemap.runtime.motion.depth_scale import DepthScale
 from edgemap.runtime.motion.given_poses import read_given
 from edgemap.runtime.motion.judge import MotionJudge, path_of
+from edgemap.runtime.motion.trust import TrustRule
 
 MOUNT = Mount.from_degrees(0.6, 11.5, forward_m=0.15)
 STAMPS_S = np.arange(0.0, 20.0, 0.1)
@@ -98,3 +106,50 @@ def test_poses_of_another_time_are_refused_with_both_spans(tmp_path: Path) -> No
     file = read_given(written(tmp_path / "a.tum", poses, STAMPS_S + 500.0), MOUNT)
     with pytest.raises(OdometryError, match=r"500\.000 to 519\.900 s, the pictures from 0\.000 to 9\.000 s"):
         file.by_clock("a.tum", 0.0, 9.0)
+
+
+UP = MOUNT.rotation_base_optical().T @ [0.0, 0.0, 1.0]
+
+
+@pytest.mark.parametrize(
+    ("turn", "late_s", "gravity", "named"),
+    [
+        (np.eye(3), 0.0, 9.81, ""),
+        (np.eye(3), 0.3, 9.81, "0.30 s late"),
+        (-np.eye(3), 0.0, 9.81, "gyro: its yaw is"),
+        (Rotation.from_euler("x", 90, degrees=True).as_matrix(), 0.0, 9.81, "axis it does"),
+        (np.eye(3), 0.0, 0.0, "accelerometer: it measures 0.0 m/s2"),
+        (np.eye(3), 0.0, 1.0, "(in g?)"),
+        (np.eye(3), 0.0, -9.81, "180 deg off the mount's up"),
+    ],
+)
+def test_a_gyro_or_accelerometer_that_lies_is_named(turn: Array, late_s: float, gravity: float, named: str) -> None:
+    true, fine_s = [SE2(*pose) for pose in driven(np.random.default_rng(2))], np.arange(0.0, 19.8, 0.01)
+    rate = np.gradient(np.interp(fine_s, STAMPS_S, [pose.yaw_rad for pose in true]), fine_s)
+    random = np.random.default_rng(3)
+    gyro = (np.outer(rate, UP) @ turn.T).real + random.normal(0.0, 0.002, (len(fine_s), 3))
+    force = gravity * UP + random.normal(0.0, 0.02 if gravity else 0.0, (len(fine_s), 3))
+    samples, trust, texts, moved = ImuSamples(fine_s + late_s, gyro, force), ImuTrust(0.5, TrustRule()), [], None
+    for at in range(1, len(true)):
+        part = samples.between(STAMPS_S[at - 1], STAMPS_S[at])
+        _, fault = trust.judge(part, STAMPS_S[at], moved, UP, np.zeros(3))
+        texts += [fault.text] if fault else []
+        moved = true[at - 1].inverse() @ true[at], np.diag([1e-5, 1e-5, 1e-6])
+    assert named in texts[0] if named else not texts
+
+
+@pytest.mark.parametrize(("scale", "wrong"), [(0.2, True), (0.5, True), (1.05, False), (2.0, True), (5.0, True)])
+@pytest.mark.parametrize("table", [False, True])
+def test_a_scale_of_depth_is_named_and_a_table_that_looks_like_floor_is_none(
+    scale: float, wrong: bool, table: bool
+) -> None:
+    lens = Intrinsics(640, 480, 587.0, 587.0, 319.5, 239.5)
+    camera, judge = FloorCamera(lens, MOUNT), DepthScale(MOUNT.height_m, 0.25)
+    v, u = np.mgrid[0:480, 0:640]
+    down = -camera.rays_base(np.column_stack([u.ravel(), v.ravel()]))[:, 2].reshape(480, 640)
+    depth_m = np.where(down > 0.05, MOUNT.height_m / np.maximum(down, 0.05), 0.0)
+    mask = FloorMask(np.where(depth_m[::16, ::16] > 0.0, 1.0, 0.0).astype(np.float32), 640, 480)
+    low_m = depth_m * np.where(table & (v < 400), 0.55, 1.0)  # looks like floor but for the last rows
+    faults = [judge.judge(SparseDepth.of((scale * low_m).astype(np.float32)), mask, camera, None) for _ in range(15)]
+    assert judge.wrong == (wrong and not (table and scale == 2.0))
+    assert any(faults) == judge.wrong

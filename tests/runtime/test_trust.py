@@ -278,8 +278,8 @@ def test_a_gyro_that_lies_is_found_after_a_long_rest_too():
     moved = still
     for step in range(3020):
         turned = 0.0 if step < 3000 else 0.25 * (1 if step % 4 < 2 else -1)
-        rates = np.random.default_rng(step).normal(0.0, 0.001, (4, 3)) + 2.0 * turned * up
-        samples = ImuSamples(step + np.arange(4) / 4.0, rates, np.tile(9.81 * up, (4, 1)))
+        rates = np.random.default_rng(step).normal(0.0, 0.001, (40, 3)) + 2.0 * turned * up
+        samples = ImuSamples(step + np.arange(1, 41) / 40.0, rates, np.tile(9.81 * up, (40, 1)))
         faults.append(trust.judge(samples, float(step + 1), moved, up, np.zeros(3))[1])
         moved = (SE2(0.0, 0.0, turned), np.eye(3) * 1e-6) if turned else still
     (fault,) = filter(None, faults)

@@ -2,14 +2,17 @@
 
 import math
 from collections import deque
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from edgemap.geometry.camera.imu import ImuSamples
+from edgemap.geometry.camera.inertial import GRAVITY_M_S2
 from edgemap.geometry.se2 import SE2
 from edgemap.runtime.frames.faults import Fault, FaultKind
-from edgemap.runtime.motion.trust import Agreement, Trust, TrustRule
+from edgemap.runtime.motion.judge import MotionJudge, path_of
+from edgemap.runtime.motion.trust import CONTRARY, Agreement, Trust, TrustRule
 
 Array = NDArray[np.float64]
 
@@ -21,6 +24,10 @@ LIVELY = 50  # samples after which a sensor counts as one with noise
 SINGLE = 10  # samples, each alone in its frame, from which the rate is computed
 APART_S = 1.0  # between a frame and its newest sample, from which on they are of two clocks, or of two sides of a hole
 HISTORY_S = 100.0  # of samples before a frame that are integrated at most
+WEIGHTLESS_M_S2 = 1.0  # a sample below is none: nothing falls freely
+GRAVITY_SHARES = 0.75, 1.25  # of gravity, between which the mean force of a second lies
+OFF_UP_RAD = math.radians(50.0)  # of it to the mount's up, beyond what a head nods
+AXES = dict(zip(("+x", "+y", "+z", "-x", "-y", "-z"), np.vstack([np.eye(3), -np.eye(3)]), strict=True))
 OTHER_CLOCK = 10  # frames in a row without samples but of another time, from which on it is a fault
 
 
@@ -61,11 +68,17 @@ class _Sensor:
 class ImuTrust:
     """Selects valid samples, and decides which sensor is excluded."""
 
-    def __init__(self, window_s: float, trust: TrustRule) -> None:
-        """window_s: over which samples are judged. trust: how the gyro's yaw is compared with the odometry's."""
+    def __init__(self, window_s: float, trust: TrustRule, clock: str = "") -> None:
+        """window_s: over which samples are judged. trust: how the gyro's yaw is compared with the odometry's. clock:
+        what is wrong with the stamps of a recording's samples, all of which are left out then."""
         self._gyro = _Sensor("gyro", "rad/s", GYRO_RAD_S, window_s, freezes=True)
         self._accel = _Sensor("accelerometer", "m/s2", ACCEL_M_S2, window_s, freezes=False)
         self._yaw = Agreement(trust, trust.least[0])
+        self._judge, self._contrary = MotionJudge(), ""  # of delay, sign and axes
+        self._turns = deque[tuple[float, Array]]()  # stamps, and rotations about the axes up to them
+        self._spans = (math.nan, math.nan)  # of the step that was judged last: stamps of both frames
+        self._force, self.forceless = np.zeros(3), ""  # mean of a second; why the accelerometer is not used
+        self._clock = clock
         self._turned_rad = self._span_s = 0.0  # over the last step, by the gyro
         self._seen_s, self._reason = math.nan, ""
         self._frames, self._per_sample = 0, deque[int](maxlen=SINGLE)  # since the last sample; of the last samples
@@ -89,17 +102,22 @@ class ImuTrust:
         """The valid samples, and a fault where a sensor is excluded from now on, or used again. moved: motion of the
         step before, by the odometry without the gyro. up: (3,), optical frame. bias: (3,), the gyro's estimated bias.
         """
-        samples = self._of_frame(samples, stamp_s)
+        if self._clock:
+            return self._with_fault(ImuSamples.none())
+        samples, fault = self._weighed(self._of_frame(samples, stamp_s), up)
+        if fault:
+            return samples, fault
         self._count(len(samples))
         if self._off_clock == OTHER_CLOCK:
             return self._with_fault(samples)
         if not len(samples):
             return samples, None
         span_s = stamp_s - self._seen_s if math.isfinite(self._seen_s) else 0.0
-        self._compare(moved)
+        self._turned(samples)
+        self._compare(moved, up, bias)
         good = self._gyro.judge(samples.gyro_rad_s, span_s)
         good &= self._accel.judge(samples.accel_m_s2, span_s)
-        self._seen_s, self._span_s = stamp_s, span_s
+        self._spans, self._seen_s, self._span_s = (self._seen_s, stamp_s), stamp_s, span_s
         self._turned_rad = float((samples.gyro_rad_s.mean(axis=0) - bias) @ up) * span_s
         if not good.all():
             samples = ImuSamples(samples.stamps_s[good], samples.gyro_rad_s[good], samples.accel_m_s2[good])
@@ -132,17 +150,66 @@ class ImuTrust:
             self._per_sample.append(self._frames)
         self._frames *= not samples
 
-    def _compare(self, moved: tuple[SE2, Array] | None) -> None:
-        """Compares the last step's yaw with the odometry's. Skipped at rest: otherwise the variance of the window would
-        grow without bound."""
+    def _compare(self, moved: tuple[SE2, Array] | None, up: Array, bias: Array) -> None:
+        """Compares the last step's yaw with the odometry's, and the latest ones for delay and axes. Skipped at rest:
+        otherwise the variance of the window would grow without bound."""
         if moved is None or self._span_s == 0.0 or moved[0] == SE2():
             self._yaw = self._yaw.restarted()
             return
+        if self._judge.add(*self._spans, moved) and self._turns:
+            stamps_s, turns = np.array([row[0] for row in self._turns]), np.array([row[1] for row in self._turns])
+            turns = turns - np.outer(stamps_s, bias)
+
+            def wrong(axis: Array) -> str:
+                yaw = (turns @ axis)[:, None] * [0.0, 0.0, 1.0]
+                return self._judge.judge(path_of(stamps_s, yaw, wraps=False), lengths=False)
+
+            self._contrary = wrong(up)
+            if self._contrary and "against" not in self._contrary:
+                right = next((name for name, axis in AXES.items() if not wrong(axis)), "")
+                self._contrary += (
+                    f"; about its {right} axis it does (are its axes right, down, ahead?)" if right else ""
+                )
         yaw_rad, variance = moved[0].yaw_rad, float(moved[1][2, 2]) + (0.01 * self._span_s) ** 2
         self._yaw = self._yaw.updated(self._turned_rad, yaw_rad, variance)
 
+    def _turned(self, samples: ImuSamples) -> None:
+        """Integrates the rates, for the comparison."""
+        for stamp_s, rate in zip(samples.stamps_s.tolist(), samples.gyro_rad_s, strict=True):
+            before_s, turn = self._turns[-1] if self._turns else (stamp_s, np.zeros(3))
+            self._turns.append((stamp_s, turn + (stamp_s - before_s) * rate))
+        while self._turns[-1][0] - self._turns[0][0] > self._judge.reach_s:
+            self._turns.popleft()
+
+    def _weighed(self, samples: ImuSamples, up: Array) -> tuple[ImuSamples, Fault | None]:
+        """The samples with a force. While the accelerometer's mean is not gravity, that of a level camera takes its
+        place and the gyro goes on alone; a single sample without force is left out."""
+        if not len(samples) or self._reason:
+            return samples, None
+        fresh, taken = samples.accel_m_s2.mean(axis=0), 1.0
+        if self._force.any() or self.forceless:
+            taken = min((float(np.ptp(samples.stamps_s)) or 0.01) / APART_S, 1.0)
+        good = np.linalg.norm(samples.accel_m_s2, axis=1) > WEIGHTLESS_M_S2
+        if not good.any() and len(samples) == 1:
+            return ImuSamples.none(), None
+        if good.any() and not self.forceless:
+            samples = ImuSamples(samples.stamps_s[good], samples.gyro_rad_s[good], samples.accel_m_s2[good])
+            fresh = samples.accel_m_s2.mean(axis=0)
+        self._force = self._force + taken * (fresh - self._force)
+        before, self.forceless = self.forceless, _not_gravity(self._force, up)
+        if self.forceless:
+            samples = replace(samples, accel_m_s2=np.tile(GRAVITY_M_S2 * up, (len(samples), 1)))
+        if bool(before) == bool(self.forceless):
+            return samples, None
+        if self.forceless:
+            text = f"accelerometer: {self.forceless}: left out, the gyro is used alone"
+            return samples, Fault(FaultKind.IMU_EXCLUDED, text)
+        return samples, Fault(FaultKind.IMU_RESTORED, "the accelerometer is used again")
+
     def _guilty(self) -> str:
         """Why a sensor is left out; empty where none is."""
+        if self._clock:
+            return self._clock
         if self._off_clock >= OTHER_CLOCK:
             where = f"{abs(self._off_clock_s):.6g} s {'before' if self._off_clock_s > 0.0 else 'after'} the picture"
             return f"IMU: its newest sample is {where} (two clocks?)"
@@ -153,6 +220,21 @@ class ImuTrust:
         self._slow = len(self._per_sample) == SINGLE and frames > (1.5 if self._slow else 2.0)
         if self._slow:
             return f"IMU: one sample in {frames:.1f} frames, at least one in two is needed"
-        if self._yaw.state is Trust.DISTRUSTED:
+        if self._contrary:
+            return f"gyro: {self._contrary}"
+        if self._yaw.state is Trust.DISTRUSTED and (self._judge.conclusive or self._yaw.ratio < -CONTRARY):
             return f"gyro: its yaw is {100.0 * self._yaw.ratio:.0f} % of what the camera measures"
         return ""
+
+
+def _not_gravity(force: Array, up: Array) -> str:
+    """Why a mean force (3,) is not gravity on a camera whose up (3,) the mount states; empty where it is."""
+    size = float(np.linalg.norm(force))
+    share = size / GRAVITY_M_S2
+    if not GRAVITY_SHARES[0] < share < GRAVITY_SHARES[1]:
+        unit = " (in g?)" if abs(size - 1.0) < 0.25 else ""
+        return f"it measures {size:.1f} m/s2 for gravity{unit}"
+    off_rad = math.acos(min(max(float(force @ up) / size, -1.0), 1.0))
+    if off_rad < OFF_UP_RAD:
+        return ""
+    return f"gravity is {math.degrees(off_rad):.0f} deg off the mount's up (sign or axes?)"

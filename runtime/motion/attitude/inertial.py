@@ -59,6 +59,7 @@ class InertialAttitude:
         rule: AttitudeRule | None = None,
         carried: CarriedRule | None = None,
         trust: TrustRule | None = None,
+        clock: str = "",
     ) -> None:
         self._rule, self._carried = rule or AttitudeRule(), carried or CarriedRule()
         self._up = up_optical(mount.pitch_rad, mount.roll_rad)
@@ -67,7 +68,7 @@ class InertialAttitude:
         self._other, self._noise = other, self._rule.noise
         self.faults: tuple[Fault, ...] = ()
         self._state: InertialState | None = None
-        self._trust = ImuTrust(self._noise.rest_window_s, trust or TrustRule())
+        self._trust = ImuTrust(self._noise.rest_window_s, trust or TrustRule(), clock)
         self._seen_s = -math.inf
         self._rate2, self._judged_s = 0.0, 0.0  # mean square of the tilt's rate, and over how long
 
