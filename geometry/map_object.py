@@ -27,8 +27,8 @@ class MapEvent:
     from_m, to_m: position before and after, map frame. other: id of the object that it was before it moved, or that
     became part of it.
 
-    missed: not found in its place by a run; it stays, as a person has named or confirmed it. restored: first observed
-    again by a later run.
+    vanished: no longer in its place, and the floor there is free. missed: not found in its place, which may have been
+    hidden; it stays on the map where a person has named or confirmed it. restored: first observed again by a later run.
     """
 
     what: EventKind

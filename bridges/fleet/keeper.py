@@ -2,18 +2,27 @@
 
 import json
 import threading
-from dataclasses import dataclass
+import uuid
+from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 from typing import Any
 
 from edgemap.bridges.fleet.network import NAME, ROOT, checked_name, open_session
 from edgemap.geometry.errors import MapError
+from edgemap.geometry.objects.annotations import MapIdentity
 from edgemap.geometry.objects.merge import AnnotatedMap, MergedMaps, merge_all
 from edgemap.geometry.se2 import SE2
 from edgemap.runtime.frames.disk import make_folder, write_atomically
 from edgemap.runtime.frames.reading import decode_json
-from edgemap.runtime.step.map_file import load_annotated_map, map_document, pose_record, read_map, save_map
+from edgemap.runtime.step.map_file import (
+    load_annotated_map,
+    map_document,
+    pose_record,
+    read_map,
+    save_map,
+    saved_text,
+)
 from edgemap.runtime.step.map_records import PoseRecord
 
 MAXIMUM_ROBOTS, MAXIMUM_OBJECTS = 100, 1000  # of a place, and of one robot's map
@@ -21,10 +30,9 @@ MAXIMUM_ROBOTS, MAXIMUM_OBJECTS = 100, 1000  # of a place, and of one robot's ma
 
 @dataclass(slots=True)
 class _Robot:
-    """restarted: since its latest map, which is kept while the new run's map has fewer objects."""
+    """One robot of the place."""
 
     here: bool = False
-    restarted: bool = False
     latest: AnnotatedMap | None = None
     pose: SE2 | None = None
     refused: str = ""
@@ -45,6 +53,9 @@ class PlaceKeeper:
         make_folder(folder / "robots")
         for path in sorted((folder / "robots").glob("*.json"))[:MAXIMUM_ROBOTS]:
             self.robots[path.stem] = _Robot(latest=load_annotated_map(path))
+        saved = folder / "map.json"
+        identity = load_annotated_map(saved)[1].identity if saved.is_file() else None
+        self.identity = identity.next() if identity else MapIdentity(str(uuid.uuid4()))
         self._inbox: dict[tuple[str, str], Any] = {}  # newest sample by kind and robot
         self._names, self._lock = set(self.robots), threading.Lock()
         root = f"{ROOT}/{place}"
@@ -75,7 +86,7 @@ class PlaceKeeper:
         maps = {name: robot.latest for name, robot in sorted(self.robots.items()) if robot.latest is not None}
         if self._stale and maps:
             merged = merge_all(self._reference | maps, "" if self._reference else None, self.merged.alignments)
-            text = json.dumps(self._document(merged), indent=1) + "\n"
+            text = saved_text(self._document(merged))
             read_map(text.encode(), f"map of {self.place}")
             write_atomically(self.folder / "map.json", text)
             self.merged, self._stale = merged, False
@@ -99,12 +110,17 @@ class PlaceKeeper:
                 state |= {"pairs": len(alignment.pairs), "shared": alignment.shared}
                 state |= {what: list(pose_record(alignment.pose_a_b @ pose).values()) for what, pose in poses.items()}
             state |= {"refused": robot.refused} if robot.refused else {}
-        return map_document(merged.objects, merged.annotations) | {"fleet": {"place": self.place, "robots": robots}}
+            state |= {"map_id": _map_id(robot.latest)} if robot.latest else {}
+        own, annotations = self.identity, merged.annotations
+        if (judged := annotations.identity) is not None:
+            own = replace(own, level=judged.level, reasons=judged.reasons)
+        return map_document(merged.objects, replace(annotations, identity=own)) | {
+            "fleet": {"place": self.place, "robots": robots}
+        }
 
     def _take(self, kind: str, name: str, robot: _Robot, sample: Any) -> None:
         if kind == "here":
-            appeared = str(sample.kind).endswith("PUT")
-            robot.restarted, robot.here = robot.restarted or (appeared and not robot.here), appeared
+            robot.here = str(sample.kind).endswith("PUT")
             return
         message = sample.payload.to_bytes()
         if kind == "pose":
@@ -112,9 +128,9 @@ class PlaceKeeper:
             return
         objects, annotations = read_map(message, f"map of {name}", MAXIMUM_OBJECTS)
         before = len(robot.latest[0]) if robot.latest else 0
-        if robot.restarted and len(objects) < before:
-            raise MapError(f"{len(objects)} objects since its restart: its map of {before} stays until it has as many")
-        robot.restarted, robot.refused = False, ""
+        if len(objects) < before and _map_id(robot.latest) != _map_id((objects, annotations)):
+            raise MapError(f"{len(objects)} objects of a new map: its map of {before} stays until it has as many")
+        robot.refused = ""
         if robot.latest is None or map_document(objects, annotations) != map_document(
             list(robot.latest[0]), robot.latest[1]
         ):
@@ -127,3 +143,9 @@ class PlaceKeeper:
             if NAME.fullmatch(name) and (name in self._names or len(self._names) < MAXIMUM_ROBOTS):
                 self._names.add(name)
                 self._inbox[kind, name] = sample
+
+
+def _map_id(latest: AnnotatedMap | None) -> str | None:
+    """The id of a robot's map; None where it has none."""
+    identity = latest[1].identity if latest else None
+    return identity and identity.map_id

@@ -1,6 +1,7 @@
 """`--sink fleet:PLACE`: sends a robot's map and pose to the keeper of its place."""
 
 import json
+from collections.abc import Callable
 from typing import Any
 
 from edgemap.bridges.fleet.network import ROOT, checked_name, open_session, place_and_address
@@ -10,6 +11,7 @@ from edgemap.runtime.frames.errors import PublishError, UsageError
 from edgemap.runtime.frames.reading import read_bytes
 from edgemap.runtime.frames.timing import StreamTimer
 from edgemap.runtime.outputs.sinks.kinds import RunInfo
+from edgemap.runtime.outputs.verdict.verdict import Verdict
 from edgemap.runtime.step.map_file import map_document, map_path, pose_record
 from edgemap.runtime.step.sinks import Sink
 from edgemap.runtime.step.slam import StepResult
@@ -24,11 +26,13 @@ class FleetSink(Sink):
 
     name = "fleet"
 
-    def __init__(self, place: str, robot: str, address: str) -> None:
+    def __init__(
+        self, place: str, robot: str, address: str, verdict: Callable[[], Verdict] = lambda: Verdict("care")
+    ) -> None:
         self._missing = f"nobody keeps the map of {checked_name(place, 'place')} at {address} (edgemap fleet serve)"
         root, key = f"{ROOT}/{place}", f"{ROOT}/{place}/robots/{checked_name(robot, 'robot')}"
         self._session: Any = open_session(connect=address)
-        self._message, self._kept = "", False
+        self._message, self._kept, self._verdict = "", False, verdict
         self._objects, self._annotations = list[MapObject](), NO_ANNOTATIONS
         self._pose_timer, self._map_timer = StreamTimer(POSE_EVERY_S), StreamTimer(MAP_EVERY_S)
         self._map, self._pose = (self._session.declare_publisher(f"{key}/{what}") for what in ("map", "pose"))
@@ -53,7 +57,7 @@ class FleetSink(Sink):
             self._session.close()
 
     def _send_map(self) -> None:
-        message = json.dumps(map_document(self._objects, self._annotations))
+        message = json.dumps(map_document(self._objects, self._verdict().on(self._annotations)))
         if message != self._message and (self._message or self._objects):
             self._message = message
             self._map.put(message)
@@ -69,4 +73,4 @@ def open(address: str, run: RunInfo) -> FleetSink:
     if run.saved is not None and b'"pose_place_map"' in read_bytes(map_path(run.saved), UsageError):
         raise UsageError(f"--map {run.saved} is merged from robots of a fleet: what they saw would count twice")
     place, where = place_and_address(address, "--sink fleet:")
-    return FleetSink(place, run.robot, where)
+    return FleetSink(place, run.robot, where, run.verdict)

@@ -3,6 +3,7 @@
 It is derived from what the map shows after each step; the measured map does not depend on it.
 """
 
+import hashlib
 import math
 import uuid
 from collections.abc import Iterable, Mapping, Sequence
@@ -14,6 +15,7 @@ from edgemap.geometry.arrays import CHI2_997
 from edgemap.geometry.grid.occupancy_grid import FREE, OccupancyGrid
 from edgemap.geometry.map_object import MapEvent, MapObject, radius_m
 from edgemap.geometry.objects.annotations import NO_ANNOTATIONS, Annotations, MapIdentity
+from edgemap.geometry.objects.class_posterior import least_spacing_m
 from edgemap.geometry.objects.events import Edit
 from edgemap.runtime.step.wall_clock import WallClock
 
@@ -33,6 +35,7 @@ class MapMemory:
         self._stamp_s = 0.0
         self._earlier: dict[str, MapObject] = {}  # of the saved map, by today's ids
         self._floor: OccupancyGrid | None = None  # of the saved map
+        self._floor_now: OccupancyGrid | None = None
         self._sighted: dict[str, tuple[float, float]] = {}  # first and last stamp in this run
         self._events: dict[str, list[tuple[float, MapEvent]]] = {}  # of this run, at stamps
         self._standing: dict[str, MapObject] = {}  # shown last, where each was when it last moved
@@ -65,9 +68,14 @@ class MapMemory:
         for identity in self._sighted:
             self._add(identity, MapEvent("restored"))
 
-    def begin(self, stamp_s: float) -> None:
-        """A step begins."""
-        self._stamp_s = stamp_s
+    def identify(self, first: bytes) -> None:
+        """A map that is made anew takes its id from the first picture: replays of a recording make the same map."""
+        if self.identity.generation == 1:
+            self.identity = MapIdentity(str(uuid.uuid5(uuid.NAMESPACE_OID, hashlib.sha256(first).hexdigest())))
+
+    def begin(self, stamp_s: float, floor: OccupancyGrid | None = None) -> None:
+        """A step begins. floor: as observed so far."""
+        self._stamp_s, self._floor_now = stamp_s, floor
 
     def sighted(self, object_ids: Iterable[str]) -> None:
         """The objects that this step has observed."""
@@ -128,7 +136,9 @@ class MapMemory:
         """Notes what has appeared, vanished or moved."""
         now = {item.id: item for item in objects}
         for identity in self._standing.keys() - now.keys():
-            self._leave(self._standing.pop(identity), merged.get(identity), identity in deleted)
+            item = self._standing.pop(identity)
+            into = merged.get(identity) or self._heir(item, objects)
+            self._leave(item, now.get(into or ""), identity in deleted or into is not None)
         for identity, item in now.items():
             stood = self._standing.get(identity)
             if stood is None:
@@ -145,7 +155,7 @@ class MapMemory:
         for new in [new for new, old in self._moved_from.items() if old == item.id]:  # it has not moved
             del self._moved_from[new], self._earlier[new], self._sighted[new]
             self._appear(self._standing[new])
-        events = [one for one in self._events.pop(item.id, []) if one[1].what != "vanished"]
+        events = [one for one in self._events.pop(item.id, []) if one[1].what not in ("vanished", "missed")]
         if events:
             self._events[item.id] = events
         elif item.id not in self._earlier:
@@ -154,15 +164,24 @@ class MapMemory:
     def _appear(self, item: MapObject) -> None:
         self._events[item.id] = [(item.first_seen_s, MapEvent("appeared", to_m=item.place_m))]
 
-    def _leave(self, item: MapObject, into: str | None, deleted: bool) -> None:
-        """An object is no longer shown. into: of which it has become part."""
+    def _heir(self, item: MapObject, objects: Sequence[MapObject]) -> str | None:
+        """The id of a new object of a class that stands where one has left: it is that one."""
+        kin = [one for one in objects if one.label == item.label and one.id not in self._earlier]
+        near = [one for one in kin if math.dist(one.place_m, item.place_m) < least_spacing_m(one, item)]
+        return min(near, key=lambda one: math.dist(one.place_m, item.place_m)).id if near else None
+
+    def _leave(self, item: MapObject, into: MapObject | None, explained: bool) -> None:
+        """An object is no longer shown. into: of which it has become part. explained: by that, or a person's edit."""
         if into is not None:
-            if item.id in self._earlier:
-                self._earlier.setdefault(into, replace(self._earlier[item.id], id=into))
+            if item.id in self._earlier and into.id not in self._earlier:
+                self._earlier[into.id] = replace(self._earlier[item.id], id=into.id)
+                self._events[into.id] = [(self._stamp_s, MapEvent("restored"))]
+                self._extend(into.id, (into.first_seen_s, into.last_seen_s))
             if item.id in self._sighted:
-                self._extend(into, self._sighted[item.id])
-        elif not deleted:
-            self._add(item.id, MapEvent("vanished", from_m=item.place_m))
+                self._extend(into.id, self._sighted[item.id])
+        elif not explained:
+            what = "vanished" if _is_free(self._floor_now, item) else "missed"
+            self._add(item.id, MapEvent(what, from_m=item.place_m))
             self._vanished[item.id] = self._annotated(item)
             for oldest in list(self._vanished)[:-MAXIMUM_VANISHED]:
                 del self._vanished[oldest]
@@ -173,12 +192,13 @@ class MapMemory:
         """Finds objects that were moved between runs: of a class, one of the saved map has vanished, all others were
         observed again, and one is new, where the saved map shows free floor."""
         gone = [one for one in self._vanished.values() if one.id in self._earlier and one.id not in now]
+        gone = [one for one in gone if one.history[-1].what == "vanished"]
         for old in gone:
             kin = [item for item in now.values() if item.label == old.label]
             new = [item for item in kin if item.id not in self._earlier]
             accounted = all(item.id in self._sighted for item in kin if item.id in self._earlier)
             alone = sum(one.label == old.label for one in gone) == 1
-            if alone and len(new) == 1 and accounted and self._was_free(new[0]):
+            if alone and len(new) == 1 and accounted and _is_free(self._floor, new[0]):
                 moved = MapEvent("moved", from_m=old.place_m, to_m=new[0].place_m, other=old.id)
                 self._moved_from[new[0].id] = old.id
                 self._extend(new[0].id, (new[0].first_seen_s, new[0].last_seen_s))
@@ -186,14 +206,6 @@ class MapMemory:
                 self._events[new[0].id] = [(new[0].first_seen_s, moved)]
                 del self._vanished[old.id]
                 self._raw = ()
-
-    def _was_free(self, item: MapObject) -> bool:
-        """Whether the saved map shows free floor where an object stands now."""
-        if self._floor is None:
-            return False
-        turns, r_m = np.linspace(0.0, math.tau, 8, endpoint=False), 0.7 * radius_m(item)
-        points_m = item.position_m + np.vstack([np.zeros(2), r_m * np.column_stack([np.cos(turns), np.sin(turns)])])
-        return float(np.mean(self._floor.at(points_m) == FREE)) >= FREE_SHARE
 
     def _annotated(self, item: MapObject) -> MapObject:
         earlier, stamps_s = self._earlier.get(item.id), self._sighted.get(item.id)
@@ -223,6 +235,15 @@ def _bounded(before: tuple[MapEvent, ...], events: Sequence[MapEvent]) -> tuple[
         before = tuple(event for event in before if event.what != "restored")
     history = (*before, *events)
     return history if len(history) <= MAXIMUM_EVENTS else (history[0], *history[1 - MAXIMUM_EVENTS :])
+
+
+def _is_free(floor: OccupancyGrid | None, item: MapObject) -> bool:
+    """Whether the floor is known to be free where an object stands or stood."""
+    if floor is None:
+        return False
+    turns, r_m = np.linspace(0.0, math.tau, 8, endpoint=False), 0.7 * radius_m(item)
+    points_m = item.position_m + np.vstack([np.zeros(2), r_m * np.column_stack([np.cos(turns), np.sin(turns)])])
+    return float(np.mean(floor.at(points_m) == FREE)) >= FREE_SHARE
 
 
 def _has_moved(stood: MapObject, item: MapObject) -> bool:

@@ -112,6 +112,8 @@ class WallRecord(msgspec.Struct, kw_only=True):
 class MapRecord(msgspec.Struct, kw_only=True):
     """The whole file."""
 
+    format: Literal["edgemap.map/1"] = "edgemap.map/1"
+    frame: str = "map"
     objects: Annotated[list[MapObjectRecord], Meta(max_length=MAXIMUM_OBJECTS)]
     zones: Annotated[list[ZoneRecord], Meta(max_length=MAXIMUM_ZONES)] = msgspec.field(default_factory=list)
     grid: Name | None = None

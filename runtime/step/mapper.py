@@ -187,7 +187,7 @@ class Mapper:
     def step(self, observed: FrameObservations) -> MapUpdate:
         """Processes one frame's observations: advance, close loops, associate, forget, relocalise."""
         self._watch.start()
-        self.memory.begin(observed.stamp_s)
+        self.memory.begin(observed.stamp_s, self._shown_grid)
         stage = self._watch.stage
         with stage("closure"):
             observed = self._with_blind(self._timed(_sound(observed)))

@@ -100,6 +100,8 @@ class SemanticSlam:
     def step(self, frame: Frame, faults: Sequence[Fault] = ()) -> StepResult:
         """One frame in: its observations, the robot's motion, and the update of the map. faults: outside of the step,
         since the previous one."""
+        if frame.index == 0:
+            self.mapper.memory.identify(repr(frame.stamp_s).encode() + frame.image.tobytes())
         self.mapper.memory.clock.note(frame.stamp_s, self.clock(frame.stamp_s))
         observed = self.pipeline.step(frame)
         return StepResult.of(frame, observed, self.mapper.step(observed), faults)

@@ -113,7 +113,7 @@ def remembering(saved, grid=FREE_FLOOR):
     memory = MapMemory()
     memory.clock.note(0.0, ClockReading(0.0, NOON))
     memory.enter([replace(item, first_seen=NOON - 99.0, last_seen=NOON - 50.0) for item in saved], NO, grid)
-    memory.begin(10.0)
+    memory.begin(10.0, FREE_FLOOR)
     memory.annotated(saved, {})
     return memory
 
@@ -154,6 +154,15 @@ def test_what_vanished_and_came_elsewhere_is_moved_only_where_nothing_else_expla
     memory.annotated(again, {})  # it was there all the time
     chair = next(item for item in memory.annotated(again, {}) if item.id == "chair-2")
     assert ([event.what for event in chair.history], chair.first_seen) == (["appeared"], NOON + 9.0)
+
+
+def test_what_is_there_under_a_new_id_has_not_vanished():
+    memory = remembering(ROOM)
+    new = replace(ROOM[0], id="chair-7", first_seen_s=9.0, last_seen_s=10.0, position_m=np.array([1.05, 0.0]))
+    memory.annotated([ROOM[1], new], {})
+    chair = next(item for item in memory.annotated([ROOM[1], new], {}) if item.id == "chair-7")
+    assert (chair.first_seen, chair.last_seen, chair.earlier) == (NOON - 99.0, NOON + 10.0, False)
+    assert memory.annotations(NO).vanished == ()
 
 
 def test_a_persons_edits_and_a_shift_are_in_the_history_and_a_loop_closure_is_not():

@@ -15,6 +15,7 @@ from edgemap.bridges.ros2.messages.definitions import Message, ros_time
 from edgemap.bridges.ros2.messages.topics import IDS, FrameIds
 from edgemap.geometry.camera.intrinsics import Intrinsics
 from edgemap.geometry.camera.mount import Mount
+from edgemap.geometry.objects.annotations import MapIdentity
 from edgemap.geometry.se2 import SE2
 from edgemap.runtime.step.slam import StepResult
 
@@ -143,6 +144,11 @@ def odometry(
     }
 
 
+def instance_id(object_id: str, identity: MapIdentity | None) -> str:
+    """An object's id among those of all maps: MAP_ID/OBJECT_ID; of a list that is no map, the object's own."""
+    return f"{identity.map_id}/{object_id}" if identity and object_id else object_id
+
+
 def detections_2d(stamp_ns: int, result: StepResult, ids: FrameIds = IDS) -> Message:
     """`vision_msgs/Detection2DArray`: every box, px, with the id of its map object if it has one."""
     objects = result.object_of_box
@@ -156,7 +162,7 @@ def detections_2d(stamp_ns: int, result: StepResult, ids: FrameIds = IDS) -> Mes
                 "header": head,
                 "results": [{"hypothesis": {"class_id": label, "score": score}}],
                 "bbox": {"center": centre, "size_x": x1 - x0, "size_y": y1 - y0},
-                "id": objects.get(index, ""),
+                "id": instance_id(objects.get(index, ""), result.annotations.identity),
             }
         )
     return {"header": head, "detections": entries}

@@ -4,12 +4,13 @@ import math
 
 import numpy as np
 
-from edgemap.bridges.ros2.messages.build import header, occupancy_grid_message
+from edgemap.bridges.ros2.messages.build import header, instance_id, occupancy_grid_message
 from edgemap.bridges.ros2.messages.definitions import Message
 from edgemap.bridges.ros2.messages.topics import IDS, FrameIds
 from edgemap.geometry.grid.floor_scan import FloorScan
 from edgemap.geometry.grid.occupancy_grid import OccupancyGrid
 from edgemap.geometry.map_object import MapObject, ellipse_95
+from edgemap.geometry.objects.annotations import MapIdentity
 from edgemap.geometry.se2 import SE2
 from edgemap.runtime.frames.colours import label_rgb
 from edgemap.runtime.outputs.map_formats.grid import live_grid
@@ -19,9 +20,11 @@ TALLEST_M, FLAT_M, LETTER_M, THIN_M = 2.5, 0.01, 0.15, 5e-4
 BEAM_RAD, NEAREST_M = math.radians(0.5), 0.05  # of the floor's scan
 
 
-def detections_3d(stamp_ns: int, objects: list[MapObject], ids: FrameIds = IDS) -> Message:
+def detections_3d(
+    stamp_ns: int, objects: list[MapObject], ids: FrameIds = IDS, identity: MapIdentity | None = None
+) -> Message:
     """`vision_msgs/Detection3DArray` in the map frame: centre of the footprint raised to half the height, with id,
-    label, confidence and the position's covariance."""
+    label, confidence and the position's covariance. identity: of the map."""
     head, entries = header(stamp_ns, ids.map), []
     for item in objects:
         covariance = np.zeros((6, 6))
@@ -35,7 +38,7 @@ def detections_3d(stamp_ns: int, objects: list[MapObject], ids: FrameIds = IDS) 
                     {"hypothesis": hypothesis, "pose": {"pose": pose, "covariance": covariance.ravel().tolist()}}
                 ],
                 "bbox": {"center": pose, "size": _box(item)},
-                "id": item.id,
+                "id": instance_id(item.id, identity),
             }
         )
     return {"header": head, "detections": entries}

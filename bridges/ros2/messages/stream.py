@@ -18,6 +18,7 @@ from edgemap.geometry.camera.intrinsics import Intrinsics
 from edgemap.geometry.camera.mount import Mount
 from edgemap.geometry.grid.occupancy_grid import OccupancyGrid
 from edgemap.geometry.map_object import MapObject
+from edgemap.geometry.objects.annotations import MapIdentity
 from edgemap.geometry.se2 import SE2
 from edgemap.runtime.frames.frame import Frame, jpeg, png
 from edgemap.runtime.step.slam import StepResult
@@ -61,6 +62,7 @@ class MessageStream:
     _steps: int = 0
     _last_stamp_s: float | None = None
     _grid: OccupancyGrid | None = None  # the newest that was sent
+    _identity: MapIdentity | None = None  # of the map
 
     def picture(self, frame: Frame, stamp_ns: int | None = None) -> Iterator[Outgoing]:
         """Lens, mount and picture of a frame. stamp_ns: in place of the frame's own."""
@@ -89,6 +91,7 @@ class MessageStream:
         """The messages of one step: poses, tf, boxes, the floor where it is new, and with the first and every
         `MAP_EVERY`th step the map."""
         stamp_ns, ids = to_ns(result.frame.stamp_s) if stamp_ns is None else stamp_ns, self.frames
+        self._identity = result.annotations.identity
         before_s, self._last_stamp_s = self._last_stamp_s, result.frame.stamp_s
         if (estimate := result.observed.mount_estimate) is not None:
             self._angled = estimate.used
@@ -112,7 +115,7 @@ class MessageStream:
 
     def map(self, stamp_ns: int, objects: list[MapObject], pose_map_base: SE2) -> Iterator[Outgoing]:
         """The objects on the map, for programs, for eyes, and as obstacles around the robot for planners."""
-        yield Outgoing(topics.OBJECTS, stamp_ns, lambda: detections_3d(stamp_ns, objects, self.frames))
+        yield Outgoing(topics.OBJECTS, stamp_ns, lambda: detections_3d(stamp_ns, objects, self.frames, self._identity))
         yield Outgoing(topics.MARKERS, stamp_ns, lambda: markers(stamp_ns, objects, self.frames))
         yield Outgoing(topics.GRID, stamp_ns, lambda: occupancy_grid(stamp_ns, objects, pose_map_base, self.frames))
 

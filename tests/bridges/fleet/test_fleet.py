@@ -16,9 +16,10 @@ from support.waiting import free_port, wait_for
 
 from edgemap.cli import main
 from edgemap.geometry.errors import MapError
+from edgemap.geometry.objects.annotations import Annotations, MapIdentity
 from edgemap.runtime.frames.errors import PublishError
 from edgemap.runtime.frames.frame import Frame
-from edgemap.runtime.step.map_file import load_map, map_document, save_map
+from edgemap.runtime.step.map_file import load_annotated_map, load_map, map_document, save_map
 
 pytest.importorskip("zenoh", reason="zenoh is not installed (extra 'fleet')")
 import zenoh
@@ -211,18 +212,28 @@ def test_no_message_ends_the_keeper_or_loses_the_merged_map(kept, kind, name, me
 
 def test_an_unreadable_merge_leaves_the_saved_map(tmp_path, address, opened):
     keeper = opened(PlaceKeeper("home", tmp_path, listen=address))
-    keeper._receive("map", sample("map", "one", json.dumps(map_document(GOOD)).encode()))
+
+    def send(name, objects):
+        document = map_document(objects, Annotations(identity=MapIdentity(name)))
+        keeper._receive("map", sample("map", name, json.dumps(document).encode()))
+
+    send("one", GOOD)
     keeper.update()
     before = (tmp_path / "map.json").read_bytes()
     endless = [replace(item, count=1 << 40) for item in GOOD]  # twice as many are no count of a map
-    keeper._receive("map", sample("map", "one", json.dumps(map_document(endless)).encode()))
-    keeper._receive("map", sample("map", "two", json.dumps(map_document(endless)).encode()))
+    send("one", endless)
+    send("two", endless)
     with pytest.raises(MapError, match="map of home"):
         keeper.update()
     assert (tmp_path / "map.json").read_bytes() == before
     for name, objects in (("one", GOOD), ("two", OTHER)):
-        keeper._receive("map", sample("map", name, json.dumps(map_document(objects)).encode()))
-    assert together("one", "two")(keeper.update())
+        send(name, objects)
+    robots = keeper.update()
+    assert together("one", "two")(robots)
+    assert [robots[name]["map_id"] for name in ("one", "two")] == ["one", "two"]
+    place = load_annotated_map(tmp_path)[1].identity
+    assert place is not None
+    assert place == replace(keeper.identity, saved_at=place.saved_at)  # of its own, and kept
 
 
 @pytest.mark.parametrize("name", ["", "a/b", "*", "-a", ".", "a" * 65, "é", "a b", "a$*", "a\n"])
