@@ -2,7 +2,7 @@
 
 from functools import cache
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Literal
 
 from edgemap.cli.arguments import arg
 from edgemap.runtime.frames.errors import UsageError
@@ -44,7 +44,18 @@ IntrinsicsText = Annotated[
 ]
 CameraFile = Annotated[
     Path | None,
-    arg(metavar="camera.yaml", help="Lens and mount of the camera, for sources that do not know them."),
+    arg(
+        metavar="camera.yaml",
+        help="Lens and mount of the camera, for sources that do not know them; or a camera file of ROS, Kalibr, "
+        "OpenCV, ORB-SLAM, COLMAP (cameras.txt) or nerfstudio (transforms.json), for the lens.",
+    ),
+]
+Rotate = Annotated[
+    Literal[0, 90, 180, 270],
+    arg(
+        help="Degrees by which the pictures are turned clockwise until they are upright, for a camera on its side or "
+        "upside down. --mount, --intrinsics and a camera file are those of the upright pictures.",
+    ),
 ]
 
 
@@ -138,6 +149,7 @@ def open_described(spec: str, camera_file: Path | None, how: "CameraOptions | No
     from edgemap.bridges.ros2.cameras import add_sensors
     from edgemap.runtime.frames.camera import CameraOptions
     from edgemap.runtime.inputs.cameras.kinds import file_kind
+    from edgemap.runtime.inputs.cameras.wrappers import RotatedCamera
     from edgemap.runtime.inputs.drives.camera_yaml import read_camera_yaml
     from edgemap.runtime.inputs.open import open_camera
 
@@ -145,8 +157,11 @@ def open_described(spec: str, camera_file: Path | None, how: "CameraOptions | No
     if camera_file is not None:
         described = read_camera_yaml(camera_file)
         how = replace(how, intrinsics=described.intrinsics, mount=described.mount)
+    if how.rotate and how.intrinsics is not None:
+        how = replace(how, intrinsics=how.intrinsics.rotated(-how.rotate))
     camera = open_camera(spec, how)
-    return camera if file_kind(spec) else add_sensors(camera, how.topics)  # a recording has its own topics
+    camera = camera if file_kind(spec) else add_sensors(camera, how.topics)  # a recording has its own topics
+    return RotatedCamera(camera, how.rotate) if how.rotate else camera
 
 
 def known_lens(camera: "Camera", intrinsics: str | None) -> "Intrinsics":

@@ -11,6 +11,7 @@ from edgemap.cli.camera_options import (
     CameraSpec,
     IntrinsicsText,
     MountText,
+    Rotate,
     lens_and_mount,
     open_described,
     read_mount_numbers,
@@ -62,9 +63,15 @@ class _Spec:
 class Source(Optics, _Spec):
     """Source of the frames."""
 
+    rotate: Rotate = 0
+
     def open(self, how: "CameraOptions | None" = None) -> "Camera":
         """The camera, described by the camera file where there is one."""
-        return open_described(self.camera, self.camera_file, how)
+        from dataclasses import replace
+
+        from edgemap.runtime.frames.camera import CameraOptions
+
+        return open_described(self.camera, self.camera_file, replace(how or CameraOptions(), rotate=self.rotate))
 
 
 @dataclass(frozen=True)

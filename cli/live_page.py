@@ -32,6 +32,7 @@ class OpenPage:
         from edgemap.view.pause import PausableCamera
 
         pause = self.page.pause
+        self.page.camera_hz = lambda: source.info.rate_hz
         return source if pause is None else PausableCamera(PacedCamera(source, pause.running_s), pause, stop.is_set)
 
     def stay(self, stop: Event, meanwhile: Callable[[], object]) -> None:

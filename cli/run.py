@@ -43,7 +43,7 @@ def command(
     options.check()
     from edgemap.cli.drive import Run
     from edgemap.cli.guessed_camera import floor_camera_of
-    from edgemap.runtime.frames.camera import CameraOptions
+    from edgemap.runtime.frames.camera import CameraOptions, check_size
     from edgemap.runtime.frames.reading import printable
     from edgemap.runtime.step.config import Config, load_config
 
@@ -54,6 +54,7 @@ def command(
         frames=camera.frames,
     )  # fmt: skip
     with camera.open(how) as source:
+        check_size(source)
         for note in source.info.notes:
             print(printable(note))
         loaded = _load(options, source)

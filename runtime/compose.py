@@ -12,7 +12,7 @@ from edgemap.geometry.camera.floor import FloorCamera
 from edgemap.geometry.camera.intrinsics import Intrinsics
 from edgemap.geometry.objects.annotations import Annotations
 from edgemap.geometry.se2 import SE2
-from edgemap.runtime.frames.camera import Camera, CameraOptions
+from edgemap.runtime.frames.camera import Camera, CameraOptions, check_size
 from edgemap.runtime.frames.errors import CameraError, UsageError
 from edgemap.runtime.frames.notes import collected
 from edgemap.runtime.frames.option_texts import known_names, numbers
@@ -75,6 +75,7 @@ def compose(
 
     Raises UsageError, OdometryError, CameraError or MapError.
     """
+    check_size(camera)
     odometry = replace_wheels(camera, spec.odometry)
     options = SlamOptions(
         odometry,

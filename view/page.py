@@ -77,6 +77,7 @@ class LivePage:
         # Saves height, m, and pitch, degrees, to camera.yaml.
         self.keep_mount: Callable[[float, float], Path] | None = None
         self.goals: list[Callable[[SE2], None]] = []  # receivers of a goal pose
+        self.camera_hz: Callable[[], float | None] = lambda: self.about.get("rate_hz")  # of the camera, as measured
         self.newest: PageSnapshot | None = None
         self.revision = 0
         self.epoch = 0  # increases when everything sent before has moved

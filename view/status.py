@@ -100,7 +100,7 @@ def _of_step(page: LivePage, result: StepResult) -> list[Alert]:
         alerts.append(Alert(level, "picture", f"The picture has no information: {result.health.blindness}."))
     if result.motion.faults:
         alerts.append(Alert("degraded", "odometry", f"Odometry: {'; '.join(map(str, result.motion.faults))}."))
-    rate_hz, wanted_hz = page.rate_hz(), page.about.get("rate_hz") or 0.0
+    rate_hz, wanted_hz = page.rate_hz(), page.camera_hz() or 0.0
     mean_ms = page.step_ms()
     busy = rate_hz is not None and rate_hz * mean_ms > 1000.0 * BUSY_SHARE
     if busy and rate_hz and page.rate_known and rate_hz < SLOW_SHARE * wanted_hz:

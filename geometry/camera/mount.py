@@ -11,6 +11,7 @@ from edgemap.geometry.camera.platform import Platform
 from edgemap.geometry.errors import GeometryError
 
 # Columns are the optical axes (right, down, forward) in base axes (forward, left, up).
+QUARTER_TURN = np.array([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])  # of optical axes, pictures clockwise
 _BASE_OPTICAL = np.array([[0.0, 0.0, 1.0], [-1.0, 0.0, 0.0], [0.0, -1.0, 0.0]])
 
 

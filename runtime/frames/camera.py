@@ -75,6 +75,7 @@ class Camera:
     def __init__(self, info: CameraInfo) -> None:
         self._info = replace(info, name=printable(info.name))
         self._delivered, self._last_s = 0, -math.inf  # frames so far, and the stamp of the last
+        self._with_imu = 0  # frames with samples
         self._depths: Counter[str] = Counter()  # pictures by why their depth is not used; by "" where it is
 
     @property
@@ -106,12 +107,17 @@ class Camera:
 
     def account(self) -> list[Fault]:
         """What the frames delivered so far did not use, one fault for each kind."""
+        found: list[Fault] = []
+        if (imu := self.info.imu) is not None and 2 * self._with_imu < self._delivered and len(imu):
+            spans = f"{imu.stamps_s[0]:.3f} to {imu.stamps_s[-1]:.3f} s, the pictures' end at {self._last_s:.3f} s"
+            text = f"IMU: samples for {self._with_imu} of {self._delivered} pictures (its stamps: {spans})"
+            found.append(Fault(FaultKind.SAMPLES, text))
         whole, used = self._depths.total(), self._depths[""]
         causes = [(why, count) for why, count in self._depths.most_common() if why not in ("", NO_DEPTH)]
         if not whole or (used and not causes):
-            return []
+            return found
         why = "; ".join(f"{why} ({count})" for why, count in causes[:2]) if used else (*causes, (NO_DEPTH, 0))[0][0]
-        return [Fault(FaultKind.DEPTH, f"depth: {used} of {whole} pictures usable: {why}")]
+        return [*found, Fault(FaultKind.DEPTH, f"depth: {used} of {whole} pictures usable: {why}")]
 
     def object_records(self) -> list[dict[str, Any]] | None:
         """The true objects, as in objects.json, visible in the frames delivered so far; None where unknown."""
@@ -133,6 +139,7 @@ class Camera:
         if lens is not None and (width, height) != (lens.width, lens.height):
             raise CameraError(f"{name}: picture is {width}x{height}, the intrinsics are for {lens.width}x{lens.height}")
         samples = ImuSamples.none() if imu is None else imu.between(self._last_s, stamp_s)
+        self._with_imu += len(samples) > 0
         if depth is not None:
             if not isinstance(depth, str) and depth.shape != (height, width):
                 depth = f"{depth.shape[1]}x{depth.shape[0]} px for pictures of {width}x{height} px"
@@ -147,6 +154,17 @@ class Camera:
 
     def __exit__(self, *exception: object) -> None:
         self.close()
+
+
+LEAST_SIDE_PX = 32  # of a picture: a box of 24 px is the smallest that counts
+
+
+def check_size(camera: Camera) -> None:
+    """Raises CameraError for pictures in which nothing can be seen."""
+    width, height = camera.info.size
+    if 0 < min(width, height) < LEAST_SIDE_PX:
+        text = f"{camera.info.name}: pictures of {width}x{height} px, both sides must have {LEAST_SIDE_PX} px or more"
+        raise CameraError(text)
 
 
 class Picture(NamedTuple):

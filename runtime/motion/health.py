@@ -159,6 +159,8 @@ def _small(half: NDArray[np.uint8]) -> MatLike:
 def _tile_maxima(values: MatLike) -> NDArray[np.uint8]:
     """Of each of TILES, (down, across); what is left over at the right and below does not count."""
     across, down = TILES
+    if values.shape[0] < down or values.shape[1] < across:  # of a very small or narrow picture
+        values = cv2.resize(values, (max(across, values.shape[1]), max(down, values.shape[0])))
     height, width = values.shape[0] // down, values.shape[1] // across
     rows = values[: height * down, : width * across].reshape(down, height, -1).max(axis=1)
     return rows.reshape(down, across, width).max(axis=2)

@@ -6,8 +6,9 @@ import pytest
 
 from edgemap.cli import main
 
-LIMIT = 32  # and --rotate and --pose-frame to come
-CONTRACT = """camera bundle rate odometry without-wheels without-imu mount intrinsics camera-file config config-options
+LIMIT = 34
+CONTRACT = """camera bundle rate rotate pose-frame
+odometry without-wheels without-imu mount intrinsics camera-file config config-options
 classes confidence clustering no-loop-closure out frames realtime map view record engine ros2 foxglove mqtt threads
 precision"""
 

@@ -101,9 +101,16 @@ export class FloorGrid {
     const depth = cp * forward - sp * up, above = sp * forward + cp * up;
     if (depth < BEHIND) return null;
     const x = -(cr * left + sr * above) / depth, y = -(cr * above - sr * left) / depth;
-    const [k1 = 0, k2 = 0, p1 = 0, p2 = 0, k3 = 0] = model === "none" ? [] : coefficients;
-    const r2 = x * x + y * y, radial = 1 + r2 * (k1 + r2 * (k2 + r2 * k3)), [xr, yr] = [x * radial, y * radial];
-    const [tx, ty] = model === "brown_conrady" ? [x, y] : [xr, yr];
+    const [k1 = 0, k2 = 0, p1 = 0, p2 = 0, k3 = 0, k4 = 0, k5 = 0, k6 = 0] = model === "none" ? [] : coefficients;
+    const r2 = x * x + y * y;
+    if (model === "equidistant") { // whose coefficients are k1, k2, k3, k4
+      const away = Math.sqrt(r2), angle = Math.atan(away), a2 = angle * angle;
+      const stretch = away > 0 ? angle * (1 + a2 * (k1 + a2 * (k2 + a2 * (p1 + a2 * p2)))) / away : 1;
+      return [fx * x * stretch + cx, fy * y * stretch + cy];
+    }
+    const radial = (1 + r2 * (k1 + r2 * (k2 + r2 * k3))) / (1 + r2 * (k4 + r2 * (k5 + r2 * k6)));
+    const [xr, yr] = [x * radial, y * radial];
+    const [tx, ty] = ["brown_conrady", "rational"].includes(model) ? [x, y] : [xr, yr];
     return [fx * (xr + 2 * p1 * tx * ty + p2 * (r2 + 2 * tx * tx)) + cx, fy * (yr + p1 * (r2 + 2 * ty * ty) + 2 * p2 * tx * ty) + cy];
   }
 

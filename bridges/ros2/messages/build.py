@@ -48,18 +48,20 @@ def compressed_image(stamp_ns: int, picture: bytes, encoding: str, ids: FrameIds
 
 
 def camera_info(stamp_ns: int, lens: Intrinsics, ids: FrameIds = IDS) -> Message:
-    """`sensor_msgs/CameraInfo`: K, P and plumb_bob's (k1, k2, p1, p2, k3).
+    """`sensor_msgs/CameraInfo`: K, P and D of `plumb_bob`, `rational_polynomial` or `equidistant`.
 
     RealSense's variants of Brown-Conrady are called plumb_bob too, as Intel's ROS driver does; they differ from it by
     the product of radial and tangential terms.
     """
+    others = {"rational": ("rational_polynomial", 8), "equidistant": ("equidistant", 4)}
+    model, count = others.get(lens.distortion.model, ("plumb_bob", 5))
     fx, fy, cx, cy = map(float, (lens.fx, lens.fy, lens.cx, lens.cy))
     return {
         "header": header(stamp_ns, ids.optical),
         "height": lens.height,
         "width": lens.width,
-        "distortion_model": "plumb_bob",
-        "d": [*lens.distortion.coefficients, 0.0, 0.0, 0.0, 0.0, 0.0][:5],
+        "distortion_model": model,
+        "d": [*lens.distortion.coefficients, *[0.0] * count][:count],
         "k": [fx, 0.0, cx, 0.0, fy, cy, 0.0, 0.0, 1.0],
         "r": [1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0],
         "p": [fx, 0.0, cx, 0.0, 0.0, fy, cy, 0.0, 0.0, 0.0, 1.0, 0.0],

@@ -13,7 +13,7 @@ from edgemap.bridges.ros2.recordings.reader import open_reading
 from edgemap.bridges.ros2.recordings.reading import Reading
 from edgemap.geometry.camera.imu import ImuSamples
 from edgemap.geometry.camera.intrinsics import Distortion, Intrinsics
-from edgemap.geometry.camera.mount import Mount
+from edgemap.geometry.camera.mount import QUARTER_TURN, Mount
 from edgemap.geometry.errors import GeometryError
 from edgemap.geometry.se2 import SE2
 from edgemap.runtime.frames.errors import CameraError, OdometryError
@@ -111,7 +111,6 @@ def mount_of(tree: TfTree, frame_id: str, rotate: int = 0) -> tuple[Mount | None
     return mount, text
 
 
-QUARTER_TURN = np.array([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])  # optical axes, pictures clockwise
 BODY_OPTICAL = np.array([[0.0, 0.0, 1.0], [-1.0, 0.0, 0.0], [0.0, -1.0, 0.0]])  # REP 103: optical axes in a body's
 
 

@@ -89,6 +89,8 @@ class LiveCamera(Camera):
                     raise FrameTimeout(text, self._supervisor.stream_s(), self.state)
                 self._await(until_s - now_s)
             picture, self._slot = self._slot, None
+        if (measured_hz := self._supervisor.rate_hz) is not None:  # what a device states is often another rate
+            self.update_info(rate_hz=measured_hz)
         return self.frame(picture.image, picture.stamp_s, f"{self.info.name}#{self._delivered}", picture.depth)
 
     def close(self) -> None:

@@ -1,6 +1,7 @@
 """Pictures, a video or a recorded drive as a camera: every frame, in order."""
 
 import math
+import shlex
 import string
 from collections.abc import Sequence
 from pathlib import Path
@@ -16,7 +17,7 @@ from edgemap.runtime.frames.camera import DEFAULT_RATE_HZ, Camera, CameraInfo
 from edgemap.runtime.frames.errors import CameraError, CameraFault
 from edgemap.runtime.frames.faults import FaultKind
 from edgemap.runtime.frames.frame import Frame
-from edgemap.runtime.frames.reading import library_path
+from edgemap.runtime.frames.reading import library_path, one_line
 from edgemap.runtime.inputs.cameras.wheels import wheel_file
 from edgemap.runtime.inputs.drives.camera_yaml import read_setup
 from edgemap.runtime.inputs.drives.drive import Drive, ridden
@@ -75,7 +76,7 @@ class VideoCamera(FileCamera):
             raise CameraError(f"{path}: no such file")
         if _is_text(path):  # a list of other files, which FFmpeg would play
             raise CameraError(f"{path}: a text, not a video")
-        self._path, self._stamps_s = path, stamps_s
+        self._path, self._stamps_s, self._first_s = path, stamps_s, 0.0
         self._capture: cv2.VideoCapture | None = _open(path)
         if not self._capture.isOpened():
             self.close()
@@ -91,10 +92,16 @@ class VideoCamera(FileCamera):
         announced = int(self._capture.get(cv2.CAP_PROP_FRAME_COUNT))
         self._announced = announced if 0 < announced < 1 << 31 else None
         count = len(stamps_s) if stamps_s is not None else self._announced
+        fourcc = int(self._capture.get(cv2.CAP_PROP_FOURCC)) & 0xFFFFFFFF
+        codec = one_line(fourcc.to_bytes(4, "little").decode("ascii", "replace")) or "unknown"
         self._ahead = self._decode()  # what the header says of the size may be turned by the rotation tag
         if self._ahead is None:
             self.close()
-            raise CameraError(f"{path}: a video in which no frame can be decoded ({announced} announced)")
+            again = shlex.join(["ffmpeg", "-i", str(path), "-c:v", "libx264", f"{path.with_suffix('')}-h264.mp4"])
+            raise CameraError(
+                f"{path}: a video in which no frame can be decoded (codec {codec}, {announced} announced frames): "
+                f"where it plays elsewhere, OpenCV lacks the codec: {again}"
+            )
         height, width = self._ahead[0].shape[:2]
         self.update_info(size=(width, height), rate_hz=rate_hz, frame_count=count)
 
@@ -109,8 +116,9 @@ class VideoCamera(FileCamera):
         if self._stamps_s is not None and self._delivered >= len(self._stamps_s):
             raise CameraError(f"{self._path}: more frames than the {len(self._stamps_s)} poses beside it")
         image, file_stamp_s = decoded
-        depth = self.depth_of(self._delivered)
-        return self.frame(image, self._stamp(file_stamp_s), f"{self._path}#{self._delivered}", depth)
+        depth, stamp_s = self.depth_of(self._delivered), self._stamp(file_stamp_s)
+        self._first_s = self._first_s if self._delivered else stamp_s
+        return self.frame(image, stamp_s, f"{self._path}#{self._delivered}", depth)
 
     def close(self) -> None:
         """Close the file."""
@@ -141,8 +149,12 @@ class VideoCamera(FileCamera):
             raise CameraError(
                 f"{self._path}: ends after {self._delivered} frames, {len(self._stamps_s)} poses beside it"
             )
-        allowed = max(MISSING_FRAMES, MISSING_SHARE * (self._announced or 0))
-        if self._announced is not None and self._announced - self._delivered > allowed:
+        if self._announced is None:
+            return
+        allowed = max(MISSING_FRAMES, MISSING_SHARE * self._announced)
+        # Containers without a count announce their length times the rate: of a variable rate only the length holds.
+        until = 1 + round((self._last_s - self._first_s) * (self.info.rate_hz or FALLBACK_RATE_HZ))
+        if self._announced - max(self._delivered, until) > allowed:
             raise CameraError(f"{self._path}: cut off, {self._delivered} of {self._announced} announced frames decoded")
 
 

@@ -31,6 +31,12 @@ class RecoveryClock:
         self._restarted_s = now_s
 
     @property
+    def rate_hz(self) -> float | None:
+        """Rate of the latest frames; None before there are enough."""
+        enough = len(self._intervals_s) == self._intervals_s.maxlen
+        return 1.0 / max(statistics.fmean(self._intervals_s), 1e-3) if enough else None
+
+    @property
     def stall_limit_s(self) -> float:
         """Maximum time without a frame from the device, s."""
         if not self._intervals_s:
@@ -116,6 +122,11 @@ class Supervisor:
     def clock(self) -> StreamClock:
         """The stream's."""
         return self._check.clock
+
+    @property
+    def rate_hz(self) -> float | None:
+        """Rate at which the device delivers, as measured; None where that is not known yet."""
+        return self._recovery.rate_hz
 
     def stream_s(self) -> float | None:
         """The current time on the stream clock, s."""

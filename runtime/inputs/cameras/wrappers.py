@@ -6,6 +6,9 @@ from collections.abc import Callable
 from dataclasses import replace
 from typing import Any
 
+import numpy as np
+
+from edgemap.geometry.camera.mount import QUARTER_TURN
 from edgemap.runtime.frames.camera import TICK_S, Camera, CameraInfo
 from edgemap.runtime.frames.errors import CameraState, FrameTimeout
 from edgemap.runtime.frames.faults import Fault
@@ -53,6 +56,43 @@ class CameraAround(Camera):
     def close(self) -> None:
         """Close the wrapped camera."""
         self._camera.close()
+
+
+class RotatedCamera(CameraAround):
+    """A camera whose pictures are turned clockwise by 90, 180 or 270 degrees until they are upright, with their depth,
+    intrinsics and inertial samples. The mount is that of the upright picture already."""
+
+    def __init__(self, camera: Camera, degrees: int) -> None:
+        super().__init__(camera)
+        info, self._turns = camera.info, degrees // 90 % 4
+        self._axes = np.linalg.matrix_power(QUARTER_TURN, self._turns)
+        self._turned = replace(
+            info,
+            size=info.size[::-1] if self._turns % 2 else info.size,
+            intrinsics=info.intrinsics and info.intrinsics.rotated(degrees),
+            imu=info.imu and info.imu.rotated(self._axes),
+            attitudes=None,
+        )
+
+    @property
+    def info(self) -> CameraInfo:
+        """What is constant of it."""
+        return self._turned
+
+    def update_info(self, **changes: Any) -> None:
+        """Changes what is known of the turned pictures."""
+        self._turned = replace(self._turned, **changes)
+
+    def read(self) -> Frame | None:
+        """The next frame of the wrapped camera, turned."""
+        frame = super().read()
+        if frame is None:
+            return None
+        image, depth = (
+            None if plane is None else np.ascontiguousarray(np.rot90(plane, -self._turns))
+            for plane in (frame.image, frame.depth)
+        )
+        return replace(frame, image=image, depth=depth, imu=frame.imu.rotated(self._axes))
 
 
 class PacedCamera(CameraAround):

@@ -22,6 +22,7 @@ from edgemap.runtime.frames.errors import CameraError
 from edgemap.runtime.frames.reading import Coordinate, Name, Side, Strict, convert
 from edgemap.runtime.frames.spatial_poses import poses_of, quaternion_of
 from edgemap.runtime.frames.yaml_file import read_yaml
+from edgemap.runtime.inputs.drives.lens_files import read_foreign_lens
 from edgemap.runtime.inputs.drives.pose_files import check_count, read_stamps
 
 UpAxis = Literal["x", "y", "z", "-x", "-y", "-z"]
@@ -51,7 +52,7 @@ class DistortionRecord(Strict):
     """As `geometry.camera.intrinsics.Distortion`."""
 
     model: Name = "none"
-    coefficients: Annotated[tuple[Annotated[float, Meta(ge=-1e3, le=1e3)], ...], Meta(max_length=5)] = ()
+    coefficients: Annotated[tuple[Annotated[float, Meta(ge=-1e3, le=1e3)], ...], Meta(max_length=8)] = ()
 
 
 class LensRecord(Strict):
@@ -104,10 +105,13 @@ class _CameraYaml(LensRecord):
 
 
 def read_camera_yaml(path: Path) -> CameraFile:
-    """Read and check a `camera.yaml`; unknown and missing fields are errors.
+    """Read and check a `camera.yaml`, or the lens in a camera file of another program (`lens_files`); unknown and
+    missing fields are errors.
 
     Raises CameraError, one line with the path, for text that is not YAML, wrong fields, and impossible numbers.
     """
+    if (lens := read_foreign_lens(path)) is not None:
+        return CameraFile(lens)
     # Lax, because YAML 1.1 reads 1e-3 as text.
     record = convert(read_yaml(path, CameraError), _CameraYaml, path, CameraError, strict=False)
     try:

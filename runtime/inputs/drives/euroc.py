@@ -61,6 +61,7 @@ class _Camera(_Sensor):
     resolution: tuple[Side, Side]
     intrinsics: tuple[Coordinate, Coordinate, Coordinate, Coordinate]
     distortion_coefficients: list[Coordinate] = []
+    distortion_model: str = "radial-tangential"
 
 
 def read_euroc(folder: Path) -> Drive:
@@ -115,7 +116,7 @@ def _sensor(path: Path, kind: type[T]) -> T:
 
 def _lens(path: Path, camera: _Camera) -> Intrinsics:
     try:
-        distortion = Distortion("brown_conrady", tuple(camera.distortion_coefficients))
+        distortion = Distortion.named(camera.distortion_model, camera.distortion_coefficients)
         return Intrinsics(*camera.resolution, *camera.intrinsics, distortion)
     except GeometryError as error:
         raise CameraError(f"{path}: {error}") from None

@@ -6,6 +6,7 @@ import math
 import re
 import subprocess
 import sys
+from fractions import Fraction
 
 import cv2
 import numpy as np
@@ -250,8 +251,28 @@ def test_an_item_of_a_programs_frames_that_cannot_be_is_named(item, text):
 
 def test_a_first_pushed_picture_that_is_refused_leaves_nothing_behind():
     camera = PushedCamera(LENS, MOUNT)
-    with pytest.raises(CameraError, match="expected three numbers"):
+    with pytest.raises(CameraError, match="expected three finite numbers"):
         camera.give(GREY, 0.0, wheels=(1.0, 2.0))
     assert (camera.info.size, camera.info.wheel) == ((0, 0), None)
     camera.give(GREY, 0.0)
     assert camera.read().stamp_s == 0.0
+
+
+def test_a_variable_frame_rate_is_no_cut_and_a_cut_is(tmp_path):
+    """Matroska has no count of frames: OpenCV announces its length times its rate."""
+    av = pytest.importorskip("av")
+    with av.open(str(tmp_path / "vfr.mkv"), "w") as container:
+        stream = container.add_stream("mpeg4", rate=10)
+        stream.width, stream.height, stream.pix_fmt = 64, 48, "yuv420p"
+        stream.time_base = stream.codec_context.time_base = Fraction(1, 1000)
+        for index in [*range(60), *range(60, 150, 3)]:
+            frame = av.VideoFrame.from_ndarray(np.full((48, 64, 3), index, np.uint8), "bgr24")
+            frame.pts, frame.time_base = index * 100, Fraction(1, 1000)
+            container.mux(stream.encode(frame))
+        container.mux(stream.encode())
+    with open_camera(str(tmp_path / "vfr.mkv")) as camera:
+        assert len(list(iter(camera.read, None))) == 90
+    whole = (tmp_path / "vfr.mkv").read_bytes()
+    (tmp_path / "cut.mkv").write_bytes(whole[: len(whole) // 2])
+    with open_camera(str(tmp_path / "cut.mkv")) as camera, pytest.raises(CameraError, match="cut off"):
+        list(iter(camera.read, None))

@@ -1,0 +1,194 @@
+"""Camera files of other programs: ROS, Kalibr (and EuRoC), OpenCV, ORB-SLAM, COLMAP and nerfstudio, one reader each."""
+
+import json
+import math
+from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import cv2
+import numpy as np
+
+from edgemap.geometry.camera.intrinsics import Distortion, Intrinsics
+from edgemap.geometry.errors import GeometryError
+from edgemap.runtime.frames.errors import CameraError
+from edgemap.runtime.frames.reading import one_line, read_text
+from edgemap.runtime.frames.yaml_file import read_yaml
+
+Tree = Mapping[str, Any]
+TEXT_BYTES = 64 << 20  # of a transforms.json, which lists all pictures
+STORAGE_BYTES = 1 << 20
+HALF_PX = 0.5  # COLMAP and nerfstudio count from the corner of the first pixel
+OPENCV_KEYS = {
+    "matrix": ("camera_matrix", "Camera_Matrix", "cameraMatrix", "CameraMatrix", "intrinsic_matrix", "K", "M1", "M"),
+    "coefficients": (
+        "distortion_coefficients", "Distortion_Coefficients", "distCoeffs", "dist_coeffs", "distortion", "D", "D1",
+    ),
+    "width": ("image_width", "image_Width", "imageWidth", "width"),
+    "height": ("image_height", "image_Height", "imageHeight", "height"),
+    "size": ("image_size", "imageSize", "resolution"),
+}  # fmt: skip
+BROWN, RATIONAL = "k1 k2 p1 p2 k3", "k1 k2 p1 p2 k3 k4 k5 k6"
+COLMAP = {
+    "SIMPLE_PINHOLE": ("none", "f cx cy"),
+    "PINHOLE": ("none", "fx fy cx cy"),
+    "SIMPLE_RADIAL": ("opencv", "f cx cy k1"),
+    "RADIAL": ("opencv", "f cx cy k1 k2"),
+    "OPENCV": ("opencv", "fx fy cx cy k1 k2 p1 p2"),
+    "FULL_OPENCV": ("full_opencv", f"fx fy cx cy k1 k2 p1 p2 {RATIONAL[12:]}"),
+    "OPENCV_FISHEYE": ("fisheye", "fx fy cx cy k1 k2 k3 k4"),
+    "SIMPLE_RADIAL_FISHEYE": ("fisheye", "f cx cy k1"),
+    "RADIAL_FISHEYE": ("fisheye", "f cx cy k1 k2"),
+}
+
+
+def read_foreign_lens(path: Path) -> Intrinsics | None:
+    """The lens in a camera file of another program; None for one that is none of them. Raises CameraError, one line
+    with the path, for a model that is not supported and for what is missing."""
+    tree = _tree(path)
+    for recognised, read in READERS:
+        if tree is not None and recognised(tree):
+            try:
+                return read(tree)
+            except (GeometryError, CameraError) as error:
+                raise CameraError(f"{path}: {error}") from None
+            except (LookupError, TypeError, ValueError, AttributeError, OverflowError) as error:
+                raise CameraError(f"{path}: not a camera file that is read ({one_line(error)})") from None
+    return None
+
+
+def _tree(path: Path) -> Tree | None:
+    """The file as plain values; `cameras` are the lines of COLMAP's text."""
+    if path.suffix == ".json":
+        try:
+            tree = json.loads(read_text(path, CameraError, TEXT_BYTES))
+        except (ValueError, RecursionError) as error:
+            raise CameraError(f"{path}: not JSON ({one_line(error)})") from None
+    elif path.suffix == ".txt":
+        lines = (line.split() for line in read_text(path, CameraError, STORAGE_BYTES).splitlines())
+        tree = {"cameras": [line for line in lines if line and not line[0].startswith("#")]}
+    elif path.is_file() and path.suffix in (".yml", ".yaml", ".xml"):
+        text = read_text(path, CameraError, STORAGE_BYTES)
+        storage = path.suffix == ".xml" or text.lstrip("\ufeff").startswith("%YAML") or "!!opencv" in text
+        tree = _storage(path, text) if storage else read_yaml(path, CameraError)
+    else:
+        return None
+    return tree if isinstance(tree, Mapping) else None
+
+
+def _storage(path: Path, text: str) -> dict[str, Any]:
+    """OpenCV's own format, to values."""
+    try:
+        file = cv2.FileStorage(text, cv2.FILE_STORAGE_READ | cv2.FILE_STORAGE_MEMORY)
+        root = file.root()
+        return {name: _value(root.getNode(name)) for name in root.keys()}  # noqa: SIM118
+    except (cv2.error, SystemError) as error:
+        raise CameraError(f"{path}: not a file of OpenCV's FileStorage ({one_line(error)})") from None
+
+
+def _value(node: Any) -> Any:
+    if node.isInt() or node.isReal():
+        return node.real()
+    if node.isString():
+        return node.string()
+    if node.isSeq():
+        return [_value(node.at(index)) for index in range(node.size())]
+    found = node.mat() if node.isMap() else None
+    return None if found is None else np.asarray(found).ravel().tolist()
+
+
+def _of_ros(tree: Tree) -> Intrinsics:
+    matrix, coefficients = tree["camera_matrix"]["data"], tree.get("distortion_coefficients", {}).get("data", [])
+    size = tree["image_width"], tree["image_height"]
+    return _lens(size, _of_matrix(matrix), Distortion.named(str(tree.get("distortion_model", "")), coefficients))
+
+
+def _of_kalibr(tree: Tree) -> Intrinsics:
+    camera = tree.get("cam0", tree)
+    if (model := str(camera.get("camera_model", "pinhole"))) != "pinhole":
+        raise CameraError(f"camera_model {one_line(model, 40)!r} is not supported (pinhole is)")
+    coefficients = camera.get("distortion_coeffs", camera.get("distortion_coefficients", []))
+    distortion = Distortion.named(str(camera.get("distortion_model", "none")), coefficients)
+    return _lens(camera["resolution"], camera["intrinsics"], distortion)
+
+
+def _of_opencv(tree: Tree) -> Intrinsics:
+    found = {what: next((tree[key] for key in keys if key in tree), None) for what, keys in OPENCV_KEYS.items()}
+    size = found["size"] or (found["width"], found["height"])
+    if None in size:
+        raise CameraError("lacks the size of the pictures; add image_width: 640 and image_height: 480, as they are")
+    coefficients = found["coefficients"] or []
+    usual = "fisheye" if tree.get("fisheye_model") else "plumb_bob" if len(coefficients) <= 5 else "rational_polynomial"
+    model = str(tree.get("distortion_model") or tree.get("camera_model") or usual)
+    distortion = Distortion.named(usual if model == "pinhole" else model, coefficients)
+    return _lens(size, _of_matrix(found["matrix"] or ()), distortion)
+
+
+def _of_orb_slam(tree: Tree) -> Intrinsics:
+    prefix = "Camera1" if "Camera1.fx" in tree else "Camera"
+    if "Camera.width" not in tree or "Camera.height" not in tree:
+        raise CameraError("lacks the size of the pictures; add Camera.width: 640 and Camera.height: 480, as they are")
+    kind = str(tree.get("Camera.type", "PinHole"))
+    names = {"pinhole": BROWN, "rectified": "", "kannalabrandt8": "k1 k2 k3 k4"}.get(kind.lower())
+    if names is None:
+        raise CameraError(f"Camera.type {one_line(kind, 40)!r} is not supported")
+    coefficients = [float(tree.get(f"{prefix}.{name}", 0.0)) for name in names.split()]
+    distortion = Distortion.named(kind if kind.lower() == "kannalabrandt8" else "radtan", coefficients)
+    numbers = [tree[f"{prefix}.{name}"] for name in ("fx", "fy", "cx", "cy")]
+    return _lens((tree["Camera.width"], tree["Camera.height"]), numbers, distortion)
+
+
+def _of_colmap(tree: Tree) -> Intrinsics:
+    if len({tuple(line[1:]) for line in tree["cameras"]}) != 1:
+        raise CameraError(f"{len(tree['cameras'])} cameras in it; leave the line of the one that is meant")
+    _, model, width, height, *numbers = tree["cameras"][0]
+    if model not in COLMAP:
+        raise CameraError(f"COLMAP's model {one_line(model, 40)!r} is not supported ({', '.join(COLMAP)} are)")
+    named, names = COLMAP[model]
+    values = dict(zip(names.split(), map(float, numbers), strict=True))
+    return _from_corner((width, height), values, named)
+
+
+def _of_nerfstudio(tree: Tree) -> Intrinsics:
+    values = {**next(iter(tree.get("frames") or [{}])), **tree}
+    model = str(values.get("camera_model", "OPENCV"))
+    named, names = COLMAP.get(model, ("", ""))
+    if not names:
+        raise CameraError(f"camera_model {one_line(model, 40)!r} is not supported ({', '.join(COLMAP)} are)")
+    width, height = values["w"], values["h"]
+    angle = values.get("camera_angle_x")
+    fx = values["fl_x"] if "fl_x" in values or angle is None else width / 2.0 / math.tan(angle / 2.0)
+    numbers = {"fx": fx, "fy": values.get("fl_y", fx), "cx": values.get("cx", width / 2.0)}
+    numbers |= {"cy": values.get("cy", height / 2.0)}
+    numbers |= {name: values.get(name, 0.0) for name in RATIONAL.split()}
+    return _from_corner((width, height), {name: float(value) for name, value in numbers.items()}, named)
+
+
+def _from_corner(size: Sequence[Any], values: dict[str, float], model: str) -> Intrinsics:
+    """A lens by named numbers, whose principal point counts from the picture's corner."""
+    focal = values.get("fx", values.get("f")), values.get("fy", values.get("f"))
+    order = {"none": "", "fisheye": "k1 k2 k3 k4"}.get(model, RATIONAL)
+    coefficients = [values.get(name, 0.0) for name in order.split()]
+    distortion = Distortion.named("rational" if order == RATIONAL else model, coefficients)
+    return _lens(size, (*focal, values["cx"] - HALF_PX, values["cy"] - HALF_PX), distortion)
+
+
+def _of_matrix(matrix: Sequence[float]) -> Sequence[float]:
+    if len(matrix) != 9:
+        raise CameraError(f"a camera matrix of {len(matrix)} numbers, expected 9")
+    return matrix[0], matrix[4], matrix[2], matrix[5]
+
+
+def _lens(size: Sequence[Any], numbers: Sequence[Any], distortion: Distortion) -> Intrinsics:
+    (width, height), (fx, fy, cx, cy) = map(int, size), map(float, numbers)
+    return Intrinsics(width, height, fx, fy, cx, cy, distortion)
+
+
+READERS: tuple[tuple[Callable[[Tree], bool], Callable[[Tree], Intrinsics]], ...] = (
+    (lambda tree: "cameras" in tree, _of_colmap),
+    (lambda tree: "fl_x" in tree or "camera_angle_x" in tree or "frames" in tree, _of_nerfstudio),
+    (lambda tree: "Camera.fx" in tree or "Camera1.fx" in tree, _of_orb_slam),
+    (lambda tree: isinstance(tree.get("camera_matrix"), Mapping), _of_ros),
+    (lambda tree: "cam0" in tree or ("intrinsics" in tree and "resolution" in tree), _of_kalibr),
+    (lambda tree: any(key in tree for key in OPENCV_KEYS["matrix"]), _of_opencv),
+)

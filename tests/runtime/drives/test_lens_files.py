@@ -1,0 +1,177 @@
+"""Camera files of other programs, as these write them."""
+
+import json
+
+import cv2
+import numpy as np
+import pytest
+
+from edgemap.runtime.frames.errors import CameraError
+from edgemap.runtime.inputs.drives.camera_yaml import read_camera_yaml
+
+ROS = """image_width: 640
+image_height: 480
+camera_name: narrow_stereo
+camera_matrix:
+  rows: 3
+  cols: 3
+  data: [430.2, 0.0, 306.7, 0.0, 430.5, 227.2, 0.0, 0.0, 1.0]
+distortion_model: {model}
+distortion_coefficients:
+  rows: 1
+  cols: {count}
+  data: {data}
+rectification_matrix: {{rows: 3, cols: 3, data: [1, 0, 0, 0, 1, 0, 0, 0, 1]}}
+projection_matrix: {{rows: 3, cols: 4, data: [400, 0, 300, 0, 0, 400, 220, 0, 0, 0, 1, 0]}}
+"""
+KALIBR = """cam0:
+  cam_overlaps: [1]
+  camera_model: {camera}
+  distortion_coeffs: [-0.01, 0.02, -0.003, 0.0004]
+  distortion_model: {model}
+  intrinsics: [430.2, 430.5, 306.7, 227.2]
+  resolution: [640, 480]
+  rostopic: /cam0/image_raw
+cam1:
+  camera_model: pinhole
+  intrinsics: [1.0, 1.0, 1.0, 1.0]
+  distortion_model: radtan
+  distortion_coeffs: [0.0, 0.0, 0.0, 0.0]
+  resolution: [640, 480]
+"""
+ORB = """%YAML:1.0
+
+#--------------------------------------------------------------------------------------------
+Camera.type: "{kind}"
+{prefix}.fx: 430.2
+{prefix}.fy: 430.5
+{prefix}.cx: 306.7
+{prefix}.cy: 227.2
+{prefix}.k1: -0.01
+{prefix}.k2: 0.02
+{prefix}.{third}: -0.003
+{prefix}.{fourth}: 0.0004
+Camera.fps: 30
+{size}
+ORBextractor.nFeatures: 1000
+"""
+SIZE = "Camera.width: 640\nCamera.height: 480"
+COLMAP = "# Camera list with one line of data per camera:\n#   CAMERA_ID, MODEL, WIDTH, HEIGHT, PARAMS[]\n"
+NERF = {
+    "w": 640,
+    "h": 480,
+    "fl_x": 430.2,
+    "fl_y": 430.5,
+    "cx": 307.2,
+    "cy": 227.7,
+    "k1": -0.01,
+    "k2": 0.02,
+    "frames": [],
+}
+
+
+FOUR, FISH, ROUND = "640 480 430.2 430.5 307.2 227.7", {"camera_model": "OPENCV_FISHEYE"}, {"camera_model": "SPHERE"}
+
+
+def orb(kind="PinHole", prefix="Camera", letter="p", size=SIZE):
+    third, fourth = ("p1", "p2") if letter == "p" else ("k3", "k4")
+    return ORB.format(kind=kind, prefix=prefix, third=third, fourth=fourth, size=size)
+
+
+def opencv(path, coefficients, **more):
+    storage = cv2.FileStorage(str(path), cv2.FILE_STORAGE_WRITE)
+    for name, value in more.items():
+        storage.write(name, value)
+    storage.write("camera_matrix", np.array([[430.2, 0.0, 306.7], [0.0, 430.5, 227.2], [0.0, 0.0, 1.0]]))
+    storage.write("distortion_coefficients", np.array(coefficients)[None])
+    storage.release()
+    return path.read_text()
+
+
+K4, SIX = (-0.01, 0.02, -0.003, 0.0004), {"image_width": 640, "image_height": 480}
+
+
+@pytest.mark.parametrize(
+    ("name", "content", "model", "coefficients"),
+    [
+        ("ost.yaml", ROS.format(model="plumb_bob", count=5, data=[*K4, 0.0]), "brown_conrady", (*K4, 0.0)),
+        ("fish.yaml", ROS.format(model="equidistant", count=4, data=[0.0] * 4), "equidistant", ()),
+        ("wide.yaml", ROS.format(model="rational_polynomial", count=8, data=[0.1] * 8), "rational", (0.1,) * 8),
+        ("camchain.yaml", KALIBR.format(camera="pinhole", model="radtan"), "brown_conrady", K4),
+        ("camchain.yaml", KALIBR.format(camera="pinhole", model="equidistant"), "equidistant", K4),
+        (
+            "orb2.yaml",
+            orb(),
+            "brown_conrady",
+            None,
+        ),
+        (
+            "orb3.yaml",
+            orb("KannalaBrandt8", "Camera1", "k"),
+            "equidistant",
+            K4,
+        ),
+        (
+            "cameras.txt",
+            COLMAP + f"1 OPENCV {FOUR} -0.01 0.02 -0.003 0.0004\n",
+            "brown_conrady",
+            None,
+        ),
+        ("cameras.txt", COLMAP + f"1 OPENCV_FISHEYE {FOUR} 0 0 0 0\n", "equidistant", ()),
+        ("cameras.txt", COLMAP + f"1 PINHOLE {FOUR}\n", "none", ()),
+        (
+            "transforms.json",
+            json.dumps(NERF | FISH),
+            "equidistant",
+            (-0.01, 0.02, 0.0, 0.0),
+        ),
+        ("transforms.json", json.dumps(NERF | {"p1": -0.003, "p2": 0.0004}), "brown_conrady", None),
+        ("calib.yml", lambda path: opencv(path, [*K4, 0.0], **SIX), "brown_conrady", (*K4, 0.0)),
+        ("calib.xml", lambda path: opencv(path, [*K4, 0.0], **SIX), "brown_conrady", (*K4, 0.0)),
+        ("fish.yml", lambda path: opencv(path, K4, fisheye_model=1, **SIX), "equidistant", K4),
+        ("wide.yml", lambda path: opencv(path, [0.1] * 8, **SIX), "rational", (0.1,) * 8),
+    ],
+)
+def test_lenses_of_other_programs(tmp_path, name, content, model, coefficients):
+    path = tmp_path / name
+    path.write_text(content(path) if callable(content) else content)
+    lens = read_camera_yaml(path).intrinsics
+    assert (lens.width, lens.height) == (640, 480)
+    assert (lens.fx, lens.fy, lens.cx, lens.cy) == pytest.approx((430.2, 430.5, 306.7, 227.2))
+    assert lens.distortion.model == model
+    found = (*lens.distortion.coefficients, *[0.0] * 8)
+    np.testing.assert_allclose(found[:8], ((*(K4 if coefficients is None else coefficients), *[0.0] * 8))[:8])
+
+
+@pytest.mark.parametrize(
+    ("name", "content", "words"),
+    [
+        ("ost.yaml", ROS.format(model="double_sphere", count=4, data=[0.0] * 4), "'double_sphere' with 4 coefficients"),
+        ("camchain.yaml", KALIBR.format(camera="omni", model="radtan"), "camera_model 'omni' is not supported"),
+        ("camchain.yaml", KALIBR.format(camera="pinhole", model="fov"), "distortion 'fov'"),
+        (
+            "orb.yaml",
+            orb(size=""),
+            "add Camera.width: 640",
+        ),
+        ("cameras.txt", COLMAP + "1 THIN_PRISM_FISHEYE 640 480 1 2 3\n", "'THIN_PRISM_FISHEYE' is not supported"),
+        ("cameras.txt", COLMAP + "1 PINHOLE 640 480 1 1 3 3\n2 PINHOLE 640 480 2 2 3 3\n", "2 cameras in it; leave"),
+        ("cameras.txt", COLMAP + "1 PINHOLE 640 480 1 1 3\n", "not a camera file that is read"),
+        (
+            "transforms.json",
+            json.dumps(NERF | ROUND),
+            "'SPHERE' is not supported",
+        ),
+        ("transforms.json", "{", "not JSON"),
+        ("calib.yml", lambda path: opencv(path, K4), "add image_width: 640"),
+        ("calib.yml", "%YAML:1.0\ncamera_matrix: !!opencv-matrix\n  rows: [", "FileStorage"),
+        ("ost.yaml", ROS.format(model="plumb_bob", count=5, data=["x"] * 5), "not a camera file that is read"),
+    ],
+)
+def test_what_is_not_supported_is_named_in_one_line(tmp_path, name, content, words):
+    path = tmp_path / name
+    path.write_text(content(path) if callable(content) else content)
+    with pytest.raises(CameraError, match=name) as refused:
+        read_camera_yaml(path)
+    assert words in str(refused.value)
+    assert "\n" not in str(refused.value)
