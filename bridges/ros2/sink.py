@@ -4,6 +4,7 @@ import math
 import time
 from collections import deque
 from collections.abc import Callable
+from concurrent.futures import Future
 from contextlib import suppress
 from dataclasses import dataclass, field, fields
 from typing import Any
@@ -89,7 +90,7 @@ class Ros2Sink(Sink):
         camera: FloorCamera,
         options: Ros2Options,
         offset_s: Callable[[], float] | None = None,
-        edit: Callable[[Edit], object] | None = None,
+        edit: Callable[[Edit], Future[str]] | None = None,
     ) -> None:
         self._options = options
         self._robot_odom = None if options.odom_tf else RobotOdom(node, options.frames)
@@ -98,6 +99,7 @@ class Ros2Sink(Sink):
         )
         self._publishers = {topic: self._publisher(node, topic) for topic in PUBLISHED + PICTURES * options.pictures}
         self._edit = edit
+        self._asked: Future[str] | None = None  # the newest pose, until it is taken or refused
         self._goals: deque[SE2] = deque(maxlen=8)
         self._goal = node.publisher(topics.GOAL, topics.KINDS[topics.GOAL])
         self._initial_pose = edit and node.subscription(INITIAL_POSE, topics.KINDS[topics.POSE])
@@ -116,6 +118,10 @@ class Ros2Sink(Sink):
             publisher = self._publishers.get(outgoing.topic)
             if publisher is not None and publisher.wanted:
                 publisher.write(outgoing.make())
+        if self._asked is not None and self._asked.done():
+            asked, self._asked = self._asked, None
+            if (refusal := asked.exception()) is not None:
+                raise Ros2Error(f"{INITIAL_POSE}: {refusal}")
 
     def send_goal(self, pose_map_base: SE2) -> None:
         """Publish a goal for the robot's base with the next step; from any thread."""
@@ -127,7 +133,7 @@ class Ros2Sink(Sink):
         with suppress(Ros2Error):  # a damaged message of somebody else's
             message = self._initial_pose.newest()
             if message is not None and message.header.frame_id.lstrip("/") == self._options.frames.map:
-                self._edit(pose_edit(message))
+                self._asked = self._edit(pose_edit(message))
 
     def close(self) -> None:
         """Unpublish; may be called twice."""
@@ -142,7 +148,9 @@ class Ros2Sink(Sink):
 def pose_edit(message: Any) -> Edit:
     """The edit that a geometry_msgs/PoseWithCovarianceStamped in the map's frame is: the robot is there."""
     at, turned, covariance = message.pose.pose.position, message.pose.pose.orientation, message.pose.covariance
-    yaw_rad = math.atan2(2.0 * (turned.w * turned.z + turned.x * turned.y), 1.0 - 2.0 * (turned.y**2 + turned.z**2))
+    yaw_rad = math.atan2(
+        2.0 * (turned.w * turned.z + turned.x * turned.y), 1.0 - 2.0 * (turned.y * turned.y + turned.z * turned.z)
+    )
     variances = (covariance[0], covariance[7], covariance[35])
     x_sigma, y_sigma, yaw_sigma = (
         max(math.sqrt(max(value, 0.0)), least) for value, least in zip(variances, SMALLEST_SIGMAS, strict=True)

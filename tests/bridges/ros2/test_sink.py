@@ -3,6 +3,8 @@
 import math
 import os
 import time
+from concurrent.futures import Future
+from types import SimpleNamespace
 from typing import Any
 
 import pytest
@@ -12,14 +14,18 @@ from support.results import CHAIR, POSES, results
 from support.steps import Steps
 
 from edgemap.geometry.camera.floor import FloorCamera
+from edgemap.geometry.objects.events import Edit, EditError
 from edgemap.geometry.se2 import SE2
+from edgemap.runtime.frames.errors import Ros2Error
+from edgemap.runtime.step.edit_queue import Edits
+from edgemap.runtime.step.mapper import Mapper
 
 pytest.importorskip("cyclonedds", reason="cyclonedds is not installed (extra 'ros2')")
 from edgemap.bridges.ros2.dds.discovery import Discovery
 from edgemap.bridges.ros2.dds.node import Node, Reliability, node_for
 from edgemap.bridges.ros2.messages import build
 from edgemap.bridges.ros2.messages.topics import FrameIds
-from edgemap.bridges.ros2.sink import Ros2Options, Ros2Sink
+from edgemap.bridges.ros2.sink import Ros2Options, Ros2Sink, pose_edit
 
 DOMAIN = 1 + os.getpid() % 100
 TF = ("/tf", "tf2_msgs/msg/TFMessage")
@@ -116,8 +122,14 @@ def test_beside_a_robot_that_publishes_its_own_odometry_only_map_to_odom_is_sent
 
 def test_a_pose_of_rviz_is_an_edit(node):
     """2D Pose Estimate: x 1 m, y 2 m, a quarter turn, sigma 0.5 m and 15 degrees; in another frame it is none."""
-    got: list = []
-    sink = Ros2Sink(node, FloorCamera(LENS, MOUNT), Ros2Options("rviz"), offset_s=float, edit=got.append)
+    got, answers = list[Edit](), list[Future[str]]()
+
+    def taken_edit(edit: Edit) -> Future[str]:
+        got.append(edit)
+        answers.append(Future())
+        return answers[-1]
+
+    sink = Ros2Sink(node, FloorCamera(LENS, MOUNT), Ros2Options("rviz"), offset_s=float, edit=taken_edit)
     rviz = node.publisher("/initialpose", "geometry_msgs/msg/PoseWithCovarianceStamped")
     covariance = [0.0] * 36
     covariance[0] = covariance[7] = 0.25
@@ -137,7 +149,21 @@ def test_a_pose_of_rviz_is_an_edit(node):
     assert edit.do == "pose"
     assert edit.pose == pytest.approx((1.0, 2.0, math.pi / 2))
     assert edit.sigmas == pytest.approx((0.5, 0.5, math.radians(15.0)))
+    answers[-1].set_exception(EditError("too far"))
+    with pytest.raises(Ros2Error, match=r"^/initialpose: too far$"):
+        sink.write(result, objects)
     sink.close()
+
+
+@pytest.mark.parametrize("value", [1e308, math.inf, -math.inf, math.nan])
+def test_a_pose_that_cannot_be_is_an_edit_that_is_refused(value):
+    """As RViz's neighbours send it: no number of it ends the run."""
+    point, turned = SimpleNamespace(x=value, y=value, z=value), SimpleNamespace(x=value, y=value, z=value, w=value)
+    pose = SimpleNamespace(pose=SimpleNamespace(position=point, orientation=turned), covariance=[value] * 36)
+    edits, mapper = Edits(), Mapper()
+    asked = edits.submit(pose_edit(SimpleNamespace(pose=pose)))
+    assert edits.apply(mapper, 0) == []
+    assert isinstance(asked.exception(), EditError)
 
 
 def test_a_goal_is_published_with_the_next_step(node):
