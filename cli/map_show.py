@@ -148,15 +148,8 @@ def _print_history(objects: "list[MapObject]", as_json: bool) -> None:
     for record in records:
         places = [f"{word} x {record[key][0]:.2f} y {record[key][1]:.2f} m" for word, key in _PLACES if key in record]
         name, other = (f"({record[key]})" if record.get(key) else "" for key in ("name", "other"))
-        words = (
-            record["at"] or "time unknown",
-            record["id"],
-            name,
-            record["what"],
-            other,
-            *places,
-            f"by {record['by']}",
-        )
+        by = "by a person" if record["by"] == "person" else ""
+        words = (record["at"] or "time unknown", record["id"], name, record["what"], other, *places, by)
         print(printable("  ".join(word for word in words if word)))
     return None
 

@@ -6,7 +6,8 @@ import cv2
 import numpy as np
 import pytest
 
-from edgemap.geometry.map_object import MapObject
+from edgemap.geometry.map_object import MapEvent, MapObject
+from edgemap.geometry.objects.annotations import Annotations, MapIdentity
 from edgemap.runtime.step.map_file import save_map
 
 
@@ -52,3 +53,15 @@ def test_answers_as_text_draw_only_on_request(edgemap, room, tmp_path):
     result = edgemap("map", "show", room, "--label", "chair", "-o", tmp_path / "some.png")
     assert "2 of 3 objects; drawn in" in result.stdout
     assert cv2.imread(str(tmp_path / "some.png")) is not None
+
+
+def test_the_history_and_the_verdict_of_any_map(edgemap, tmp_path):
+    moved = MapEvent("moved", 1.8e9, from_m=(1.0, 2.0), to_m=(3.0, -1.0), other="chair-1")
+    bag = MapObject("chair-2", "chair", np.zeros(2), np.eye(2), 0.5, 0.9, 9, 0.9, 0.0, 1.0, history=(moved,))
+    notes = Annotations(identity=MapIdentity("home", 2, level="care", reasons=("dim light",)))
+    save_map(tmp_path / "map.json", [bag], notes)
+    line = edgemap("map", "show", tmp_path, "--history").stdout
+    assert line == "2027-01-15T08:00:00Z  chair-2  moved  (chair-1)  from x 1.00 y 2.00 m  to x 3.00 y -1.00 m\n"
+    (change,) = json.loads(edgemap("map", "show", tmp_path, "--history", "--json").stdout)["changes"]
+    assert (change["id"], change["what"], change["other"]) == ("chair-2", "moved", "chair-1")
+    assert edgemap("why", tmp_path).stdout == f"{tmp_path}: map: use with care (dim light)\n"
