@@ -13,8 +13,8 @@ from edgemap.runtime.frames.trajectory import Trajectory
 from edgemap.runtime.inputs.cameras.wheels import read_wheels
 from edgemap.runtime.step.slam import build_slam
 from reliability.demo_slam import DemoDrive
-from reliability.lies import GYRO_LIES, WHEEL_LIES, Lie, imu_of
 from reliability.parts import PartReport
+from reliability.sensor_lies import GYRO_LIES, WHEEL_LIES, Lie, imu_of
 
 FRAMES, MOST_SEEDS = 250, 3
 MAX_F1_LOSS = 0.05  # of the map against the camera's alone

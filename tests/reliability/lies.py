@@ -1,126 +1,170 @@
-"""What lying sensors say: wheel poses and inertial samples, well formed and wrong from a stamp on."""
+"""Sixty lies of poses, wheels, depth and IMU on three rendered homes: is the guilty one named, is a wrong map good?"""
 
+import json
 import math
+import shutil
+import subprocess
+import sys
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
+from pathlib import Path
 
+import cv2
 import numpy as np
 from numpy.typing import NDArray
-from scipy.interpolate import CubicSpline
-from scipy.ndimage import gaussian_filter1d
+from scipy.spatial.transform import Rotation
 
-from edgemap.geometry.camera.imu import ImuSamples
-from edgemap.geometry.se2 import SE2
-from edgemap.runtime.frames.trajectory import Trajectory
-from reliability.demo_slam import DemoDrive
+from edgemap.benchmarks.map_variants import true_objects
+from edgemap.evaluation.objects import score_map
+from edgemap.runtime.inputs.drives import open_drive
+from edgemap.runtime.step.map_file import load_map
+from reliability.parts import PartReport
 
 Array = NDArray[np.float64]
-Mask = NDArray[np.bool_]
-Steps = Callable[[Array, Mask, np.random.Generator], Array]
-NEVER = math.inf
-GYRO_FULL_RAD_S, ACCEL_FULL_M_S2 = math.radians(250.0), 2.0 * 9.81  # of common sensors' smallest ranges
+Change = Callable[[Array, float], Array]  # of a table's rows, by a size
+HOMES, FRAMES = (9001, 9003, 9260), 150
+WRONG_F1 = 0.1  # below the map with the honest sensor
+NAMED, LIES_NAMED = 50, 60
+KINDS = {"poses": "poses_", "wheels": "wheels_", "depth": "depth_", "imu": "imu_"}
+SENSORS = tuple(KINDS.values())
 
 
 @dataclass(frozen=True, slots=True)
-class Lie:
-    """One sensor's. sensor: as faults name it; empty for the truth. since_s, until_s: of the drive."""
+class Told:
+    """A lie. sizes: the least and the largest, drawn in between. change: of the sensor's rows; none for depth,
+    whose scale is the size."""
 
-    name: str
     sensor: str
-    since_s: float = 0.0
-    until_s: float = NEVER
-    steps: Steps | None = None
-    samples: Callable[[ImuSamples, Mask], ImuSamples] | None = None
-
-    def wheels(self, true: Trajectory, random: np.random.Generator) -> Trajectory:
-        """Wheel poses with this lie. steps: motions (N, 3) from pose to pose, and which are lies (N,)."""
-        if self.steps is None:
-            return true
-        motions = np.array([(a.inverse() @ b).vector() for a, b in zip(true.poses, true.poses[1:], strict=False)])
-        ends_s = true.stamps_s[1:]
-        lies = (ends_s > self.since_s) & (ends_s <= self.until_s)
-        poses = [true.poses[0]]
-        for motion in self.steps(motions, lies, random):
-            poses.append(poses[-1] @ SE2(*motion))
-        return Trajectory(true.stamps_s, tuple(poses))
-
-    def imu(self, true: ImuSamples) -> ImuSamples:
-        """Samples with this lie."""
-        if self.samples is None:
-            return true
-        return self.samples(true, (true.stamps_s > self.since_s) & (true.stamps_s <= self.until_s))
+    name: str
+    sizes: tuple[float, float]
+    change: Change | None = None
 
 
-def _scaled(*factors: float) -> Steps:
-    def steps(motions: Array, lies: Mask, random: np.random.Generator) -> Array:
-        return np.where(lies[:, None], motions * factors, motions)
+def _columns(*factors: tuple[int, float]) -> Change:
+    """Columns times numbers; 0 stands for the size."""
 
-    return steps
+    def change(rows: Array, size: float) -> Array:
+        rows = rows.copy()
+        for column, factor in factors:
+            rows[:, column] *= factor or size
+        return rows
 
-
-def _jumping(motions: Array, lies: Mask, random: np.random.Generator) -> Array:
-    jumps = random.choice(np.flatnonzero(lies)[20:230], 4, replace=False)
-    jumped = motions.copy()
-    jumped[jumps, 2] += 2.5 * random.choice([-1.0, 1.0], 4)
-    return jumped
+    return change
 
 
-def _gyro(change: Callable[[Array], Array]) -> Callable[[ImuSamples, Mask], ImuSamples]:
-    def samples(true: ImuSamples, lies: Mask) -> ImuSamples:
-        return replace(true, gyro_rad_s=np.where(lies[:, None], change(true.gyro_rad_s), true.gyro_rad_s))
-
-    return samples
+def _late(rows: Array, size: float) -> Array:
+    return rows + np.eye(1, rows.shape[1])[0] * size
 
 
-def _accel(change: Callable[[Array], Array]) -> Callable[[ImuSamples, Mask], ImuSamples]:
-    def samples(true: ImuSamples, lies: Mask) -> ImuSamples:
-        return replace(true, accel_m_s2=np.where(lies[:, None], change(true.accel_m_s2), true.accel_m_s2))
+def _yaw(rows: Array, size: float) -> Array:
+    """Poses whose heading is `size` times as large."""
+    yaw = size * np.unwrap(2.0 * np.arctan2(rows[:, 6], rows[:, 7]))
+    return np.column_stack([rows[:, :4], np.zeros((len(rows), 2)), np.sin(yaw / 2.0), np.cos(yaw / 2.0)])
 
-    return samples
+
+def _optical(rows: Array, size: float) -> Array:
+    """Poses of a camera that looks down by `size`, in the first one's axes, as ORB-SLAM3 writes them."""
+    poses = np.tile(np.eye(4), (len(rows), 1, 1))
+    poses[:, :3, :3], poses[:, :3, 3] = Rotation.from_quat(rows[:, 4:]).as_matrix(), rows[:, 1:4]
+    lens = np.eye(4)
+    lens[:3, :3] = Rotation.from_euler("y", size).as_matrix() @ [[0.0, 0.0, 1.0], [-1.0, 0.0, 0.0], [0.0, -1.0, 0.0]]
+    poses = np.linalg.inv(poses[0] @ lens) @ poses @ lens
+    return np.column_stack([rows[:, 0], poses[:, :3, 3], Rotation.from_matrix(poses[:, :3, :3]).as_quat()])
 
 
-WHEEL_LIES = (
-    Lie("good wheels", ""),
-    Lie("wheels frozen from 10 s", "wheel", 10.0, steps=_scaled(0.0, 0.0, 0.0)),
-    Lie("wheels frozen from 5 to 12 s", "wheel", 5.0, 12.0, steps=_scaled(0.0, 0.0, 0.0)),
-    Lie("heading jumps of 2.5 rad", "wheel", steps=_jumping),
-    Lie("yaw sign reversed", "wheel", steps=_scaled(1.0, 1.0, -1.0)),
-    Lie("yaw sign reversed from 8 s", "wheel", 8.0, steps=_scaled(1.0, 1.0, -1.0)),
-    Lie("yaw 1.6 times", "wheel", steps=_scaled(1.0, 1.0, 1.6)),
-    Lie("all reversed", "wheel", steps=_scaled(-1.0, -1.0, -1.0)),
-    Lie("lengths 1.5 times", "wheel", steps=_scaled(1.5, 1.5, 1.0)),
-    Lie("all 0.6 times", "wheel", steps=_scaled(0.6, 0.6, 0.6)),
+LIES = (
+    Told("poses", "optical axes", (0.1, 0.3), _optical),
+    Told("poses", "w first", (1.0, 1.0), lambda rows, _: rows[:, [0, 1, 2, 3, 7, 4, 5, 6]]),
+    Told("poses", "scale", (0.4, 0.75), _columns((1, 0), (2, 0), (3, 0))),
+    Told("poses", "millimetres", (1000.0, 1000.0), _columns((1, 0), (2, 0), (3, 0))),
+    Told("poses", "mirrored", (1.0, 1.0), _columns((2, -1.0), (6, -1.0))),
+    Told("poses", "late", (0.2, 1.0), _late),
+    Told("poses", "another clock", (100.0, 1e6), _late),
+    Told("poses", "yaw", (1.3, 1.8), _yaw),
+    Told("wheels", "scale", (1.4, 1.8), _columns((1, 0), (2, 0))),
+    Told("wheels", "mirrored", (1.0, 1.0), _columns((2, -1.0), (3, -1.0))),
+    Told("wheels", "degrees", (math.degrees(1.0), math.degrees(1.0)), _columns((3, 0))),
+    Told("wheels", "late", (0.2, 1.0), _late),
+    Told("depth", "too short", (0.2, 0.7)),
+    Told("depth", "too long", (1.5, 4.0)),
+    Told("imu", "gyro reversed", (1.0, 1.0), _columns((1, -1.0), (2, -1.0), (3, -1.0))),
+    Told("imu", "gyro's axes", (1.0, 1.0), lambda rows, _: rows[:, [0, 3, 1, 2, 4, 5, 6]]),
+    Told("imu", "late", (0.2, 0.8), _late),
+    Told("imu", "degrees", (math.degrees(1.0), math.degrees(1.0)), _columns((1, 0), (2, 0), (3, 0))),
+    Told("imu", "gravity reversed", (1.0, 1.0), _columns((4, -1.0), (5, -1.0), (6, -1.0))),
+    Told("imu", "no force", (1.0, 1.0), lambda rows, _: rows * [1, 1, 1, 1, 0, 0, 0]),
 )
-GYRO_LIES = (
-    Lie("good gyro", ""),
-    Lie("gyro saturated", "gyro", samples=_gyro(lambda g: np.full_like(g, GYRO_FULL_RAD_S))),
-    Lie("gyro saturated from 5 to 12 s", "gyro", 5.0, 12.0, samples=_gyro(lambda g: np.full_like(g, GYRO_FULL_RAD_S))),
-    Lie("gyro frozen from 8 s", "gyro", 8.0, samples=_gyro(lambda g: np.zeros_like(g) + g[len(g) // 3])),
-    Lie("gyro reversed", "gyro", samples=_gyro(lambda g: -g)),
-    Lie("accelerometer saturated", "accelerometer", samples=_accel(lambda a: np.full_like(a, ACCEL_FULL_M_S2))),
-)
+FILES = {"poses": "given.tum", "wheels": "wheel.csv", "imu": "imu.csv"}
+ALONE = {"poses": ("--odometry", "given.tum"), "wheels": ("--odometry", "wheel:wheel.csv")}
 
 
-def imu_of(demo: DemoDrive, random: np.random.Generator) -> ImuSamples:
-    """What a BMI055 beside the lens measures on the drive's true poses."""
-    from edgemap.simulation.robot.imu import ImuErrors, measured
+def _edgemap(*words: object) -> subprocess.CompletedProcess[str]:
+    command = [sys.executable, "-m", "edgemap.cli", *map(str, words)]
+    return subprocess.run(command, capture_output=True, text=True, check=False)
 
-    truth, mount = demo.camera.info.truth, demo.floor.mount
-    if truth is None:
-        raise ValueError("the demo has true poses")
-    poses = np.array([pose.vector() for pose in truth.poses])
-    poses[:, 2] = np.unwrap(poses[:, 2])
-    path = CubicSpline(truth.stamps_s, gaussian_filter1d(poses, 1.0, axis=0, mode="nearest"))
-    optical, arm = mount.rotation_base_optical(), mount.position_base_m()
 
-    def lens(stamps_s: Array) -> tuple[Array, Array]:
-        x, y, yaw = path(stamps_s).T
-        c, s, zero = np.cos(yaw), np.sin(yaw), np.zeros_like(yaw)
-        turned = np.stack(
-            [np.stack([c, -s, zero], -1), np.stack([s, c, zero], -1), np.stack([zero, zero, zero + 1], -1)], 1
-        )
-        return turned @ optical, turned @ arm + np.stack([x, y, zero], -1)
+def _drive(home: Path, folder: Path, lie: Told | None, sensor: str, size: float) -> Path:
+    """The home's drive with one sensor beside its pictures, which lies or not."""
+    shutil.rmtree(folder, ignore_errors=True)
+    folder.mkdir(parents=True)
+    for name in ("images", "boxes.json", "objects.json", "camera.yaml", "poses.tum", "floor_plan.json"):
+        (folder / name).symlink_to((home / name).resolve())
+    if sensor == "depth":
+        (folder / "depth").mkdir()
+        for path in sorted((home / "depth").iterdir()):
+            scaled = np.clip(size * np.asarray(cv2.imread(str(path), cv2.IMREAD_UNCHANGED), dtype=np.float64), 0, 65535)
+            cv2.imwrite(str(folder / "depth" / path.name), scaled.astype(np.uint16))
+        return folder
+    source = home / ("poses.tum" if sensor == "poses" else FILES[sensor])
+    comma, header = (" ", "") if sensor == "poses" else (",", source.read_text().splitlines()[0].strip())
+    rows = np.loadtxt(source, delimiter=None if sensor == "poses" else ",", skiprows=int(bool(header)))
+    rows = lie.change(rows, size) if lie and lie.change else rows
+    np.savetxt(folder / FILES[sensor], rows, "%.9f", comma, header=header, comments="")
+    return folder
 
-    errors = ImuErrors()
-    first_s, last_s = float(truth.stamps_s[0]), float(truth.stamps_s[-1])
-    return measured(np.arange(first_s + 0.01, last_s, 1.0 / errors.rate_hz), lens, random, errors)
+
+def _mapped(folder: Path, out: Path, sensor: str) -> tuple[float, str, list[tuple[str, str]]]:
+    """F1, verdict and faults of a run; a run that was refused names its file and makes no map."""
+    shutil.rmtree(out, ignore_errors=True)
+    file = FILES.get(sensor, "depth")
+    alone = [word.replace(file, str(folder / file)) for word in ALONE.get(sensor, ())]
+    done = _edgemap("run", "--camera", f"drive:{folder}", "--frames", FRAMES, "--out", out, *alone)
+    if not (out / "run.json").is_file() or done.returncode:
+        said = done.stdout + done.stderr
+        return math.nan, "refused", [(KINDS[sensor] if file in said else "", said[-200:])]
+    record = json.loads((out / "run.json").read_text())
+    score = score_map(load_map(out), true_objects(open_drive(f"drive:{folder}"), FRAMES))
+    faults = [(fault["kind"], fault["text"]) for fault in record["faults"]]
+    return float(score["f1"] or 0.0), record["verdict"]["level"], faults
+
+
+def run(seed: int, share: float, out: Path) -> PartReport:
+    """Every lie on every home with a size of its own; a share of the lies."""
+    random, table, honest = np.random.default_rng(seed), list[str](), dict[tuple[int, str], float]()
+    named = wrong_good = accused = count = 0
+    for number in HOMES:
+        home = out / "homes" / str(number)
+        if not (home / "poses.tum").is_file():
+            _edgemap("simulate", "--seed", number, "--frames", FRAMES, "--depth", "--imu", "-o", home)
+        for sensor in KINDS:
+            f1, level, faults = _mapped(_drive(home, out / "drive", None, sensor, 1.0), out / "run", sensor)
+            honest[number, sensor] = f1
+            accused += any(kind.startswith(SENSORS) for kind, _ in faults)
+            table.append(f"{number} honest {sensor}: F1 {f1:.2f}, {level} {faults[:1]}")
+            print(table[-1], flush=True)
+        for lie in LIES[:: max(round(1.0 / share), 1)]:
+            size = float(random.uniform(*lie.sizes))
+            f1, level, faults = _mapped(_drive(home, out / "drive", lie, lie.sensor, size), out / "run", lie.sensor)
+            first = next((kind for kind, _ in faults if kind.startswith(SENSORS)), "")
+            guilty = first.startswith(KINDS[lie.sensor])
+            wrong = f1 < honest[number, lie.sensor] - WRONG_F1
+            count, named, wrong_good = count + 1, named + guilty, wrong_good + (wrong and level == "good")
+            said = faults[0][1][:90] if faults else "nothing"
+            names = "named" if guilty else "NOT NAMED"
+            table.append(f"{number} {lie.sensor} {lie.name} {size:.3g}: F1 {f1:.2f}, {level}, {names}: {said}")
+            print(table[-1], flush=True)
+    figures = {"lies": count, "named_first": named, "wrong_and_good": wrong_good, "honest_accused": accused}
+    failures = [f"{wrong_good} wrong maps are good"] if wrong_good else []
+    failures += [f"{named} of {count} named first"] if named < NAMED * count / LIES_NAMED else []
+    failures += [f"{accused} honest sensors accused"] if accused else []
+    return PartReport(tuple(failures), figures, (*table, str(figures)))

@@ -212,7 +212,7 @@ def test_a_good_imu_and_a_knock_of_20_ms_leave_nobody_out():
 def test_through_the_whole_step_mirrored_wheels_cost_the_map_nothing(demo):
     """Against the camera alone, with wheels whose yaw has the wrong sign."""
     from reliability.liars import drive
-    from reliability.lies import WHEEL_LIES
+    from reliability.sensor_lies import WHEEL_LIES
 
     from edgemap.runtime.inputs.cameras.wheels import read_wheels
 
