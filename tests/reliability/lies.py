@@ -17,11 +17,13 @@ from scipy.spatial.transform import Rotation
 from edgemap.benchmarks.map_variants import true_objects
 from edgemap.evaluation.objects import score_map
 from edgemap.runtime.inputs.drives import open_drive
+from edgemap.runtime.inputs.drives.camera_yaml import read_camera_yaml
 from edgemap.runtime.step.map_file import load_map
 from reliability.parts import PartReport
 
 Array = NDArray[np.float64]
 Change = Callable[[Array, float], Array]  # of a table's rows, by a size
+OPTICAL = "optical axes"
 HOMES, FRAMES = (9001, 9003, 9260), 150
 WRONG_F1 = 0.1  # below the map with the honest sensor
 NAMED, LIES_NAMED = 50, 60
@@ -63,7 +65,7 @@ def _yaw(rows: Array, size: float) -> Array:
 
 
 def _optical(rows: Array, size: float) -> Array:
-    """Poses of a camera that looks down by `size`, in the first one's axes, as ORB-SLAM3 writes them."""
+    """Poses of a camera that looks down by `size`, the mount's pitch, in the first one's axes, as of ORB-SLAM3."""
     poses = np.tile(np.eye(4), (len(rows), 1, 1))
     poses[:, :3, :3], poses[:, :3, 3] = Rotation.from_quat(rows[:, 4:]).as_matrix(), rows[:, 1:4]
     lens = np.eye(4)
@@ -73,7 +75,7 @@ def _optical(rows: Array, size: float) -> Array:
 
 
 LIES = (
-    Told("poses", "optical axes", (0.1, 0.3), _optical),
+    Told("poses", OPTICAL, (0.0, 0.0), _optical),
     Told("poses", "w first", (1.0, 1.0), lambda rows, _: rows[:, [0, 1, 2, 3, 7, 4, 5, 6]]),
     Told("poses", "scale", (0.4, 0.75), _columns((1, 0), (2, 0), (3, 0))),
     Told("poses", "millimetres", (1000.0, 1000.0), _columns((1, 0), (2, 0), (3, 0))),
@@ -154,6 +156,8 @@ def run(seed: int, share: float, out: Path) -> PartReport:
             print(table[-1], flush=True)
         for lie in LIES[:: max(round(1.0 / share), 1)]:
             size = float(random.uniform(*lie.sizes))
+            mount = read_camera_yaml(home / "camera.yaml").mount
+            size = mount.pitch_rad if mount and lie.name == OPTICAL else size
             f1, level, faults = _mapped(_drive(home, out / "drive", lie, lie.sensor, size), out / "run", lie.sensor)
             first = next((kind for kind, _ in faults if kind.startswith(SENSORS)), "")
             guilty = first.startswith(KINDS[lie.sensor])
