@@ -35,10 +35,15 @@ Side = Annotated[int, Meta(ge=1, le=65536)]  # of a picture, px
 Name = Annotated[str, Meta(min_length=1, max_length=200, pattern=rf"\A[^{HIDDEN}]*\Z")]
 
 
-# Of a URL: user and password, also where these hold `/` or `@`; values of a query that give access.
-USER_INFO = re.compile(r"""(:/{2,3}|https?:/|rtsps?:/)(?:[^\s/?#"'<>]*|[^\s/@:"'<>]*:(?!\d+(?:[/?#]|$))[^\s"'<>]*)@""")
+# Of a URL: user and password, also where these hold `/` or `@`; values of a query that give access. Lengths are
+# bounded, or a hostile text would take for ever.
+USER_INFO = re.compile(
+    r"""(:/{2,3}|https?:/|rtsps?:/)"""
+    r"""(?:[^\s/?#"'<>]{0,500}|[^\s/@:"'<>]{0,200}:(?!\d+(?:[/?#]|$))[^\s"'<>]{0,300})@"""
+)
 QUERY_SECRET = re.compile(
-    r"""(?i)([?&;][^=&\s?]*(?:token|pass|pwd|secret|key|auth|sig|user|login|cred|session)[^=&\s]*=)[^&\s#"'<>]+"""
+    r"""(?i)([?&;][^=&\s?]{0,40}(?:token|pass|pwd|secret|key|auth|sig|user|login|cred|session)[^=&\s]{0,40}=)"""
+    r"""[^&\s#"'<>]+"""
 )
 
 

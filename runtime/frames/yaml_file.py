@@ -20,6 +20,14 @@ class _Loader(yaml.SafeLoader):
         return super().compose_node(parent, index)
 
 
+def _matrix(loader: yaml.SafeLoader, node: yaml.Node) -> Any:
+    """`!!opencv-matrix` of OpenCV's FileStorage: its rows, cols and data."""
+    return loader.construct_mapping(node, deep=True) if isinstance(node, yaml.MappingNode) else None
+
+
+_Loader.add_constructor("tag:yaml.org,2002:opencv-matrix", _matrix)
+
+
 def read_yaml(path: Path, error: type[EdgemapError]) -> Any:
     """A file's one document: None, bool, int, float, str, list and dict with text keys. Raises `error`, one line."""
     text = read_text(path, error, YAML_BYTES).removeprefix("%YAML:1.0")  # OpenCV's first line, which is no YAML

@@ -31,6 +31,11 @@ def test_addresses_lose_what_gives_access_and_nothing_else(text, hidden):
     assert without_secrets(without_secrets(text)) == (hidden or text)
 
 
+@pytest.mark.parametrize("text", ["://", "://a:", "http:/", "?token", "://x?a:"])
+def test_a_hostile_text_takes_no_time(text):
+    assert without_secrets(text * 20_000)  # seconds per kilobyte with lengths without a bound
+
+
 def test_a_brokers_password_has_its_own_place():
     with pytest.raises(UsageError, match="come from the environment") as refused:
         host_and_port("robot:h0rse@broker:1883", "--mqtt", 1883)

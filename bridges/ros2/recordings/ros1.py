@@ -35,7 +35,7 @@ class Ros1Reading(Reading):
             name = connection.msgtype
             kind = short(RENAMED.get(name, name))
             if kind in FIELDS and name not in self._types.types:
-                self._types.register(get_types_from_msg(connection.msgdef.data, name))
+                self._types.register(get_types_from_msg(FIELDS[kind], name))  # ROS 2's, never the file's
             self.topics.setdefault(connection.topic, Topic(one_line(kind))).count += connection.msgcount
 
     def messages(self, topic: str) -> Iterator[tuple[int, Callable[[], Any]]]:

@@ -6,9 +6,6 @@ from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-import cv2
-import numpy as np
-
 from edgemap.geometry.camera.intrinsics import Distortion, Intrinsics
 from edgemap.geometry.errors import GeometryError
 from edgemap.runtime.frames.errors import CameraError
@@ -17,7 +14,7 @@ from edgemap.runtime.frames.yaml_file import read_yaml
 
 Tree = Mapping[str, Any]
 TEXT_BYTES = 64 << 20  # of a transforms.json, which lists all pictures
-STORAGE_BYTES = 1 << 20
+TABLE_BYTES = 1 << 20
 HALF_PX = 0.5  # COLMAP and nerfstudio count from the corner of the first pixel
 OPENCV_KEYS = {
     "matrix": ("camera_matrix", "Camera_Matrix", "cameraMatrix", "CameraMatrix", "intrinsic_matrix", "K", "M1", "M"),
@@ -65,42 +62,15 @@ def _tree(path: Path) -> Tree | None:
         except (ValueError, RecursionError) as error:
             raise CameraError(f"{path}: not JSON ({one_line(error)})") from None
     elif path.suffix == ".txt":
-        lines = (line.split() for line in read_text(path, CameraError, STORAGE_BYTES).splitlines())
+        lines = (line.split() for line in read_text(path, CameraError, TABLE_BYTES).splitlines())
         tree = {"cameras": [line for line in lines if line and not line[0].startswith("#")]}
-    elif path.is_file() and path.suffix in (".yml", ".yaml", ".xml"):
-        text = read_text(path, CameraError, STORAGE_BYTES)
-        storage = path.suffix == ".xml" or text.lstrip("\ufeff").startswith("%YAML") or "!!opencv" in text
-        tree = _storage(path, text) if storage else read_yaml(path, CameraError)
+    elif path.is_file() and path.suffix in (".yml", ".yaml"):
+        tree = read_yaml(path, CameraError)
+    elif path.suffix == ".xml":
+        raise CameraError(f"{path}: XML is not read: let OpenCV write the same as .yml")
     else:
         return None
     return tree if isinstance(tree, Mapping) else None
-
-
-def _storage(path: Path, text: str) -> dict[str, Any]:
-    """OpenCV's own format, to values."""
-    try:
-        file = cv2.FileStorage(text, cv2.FILE_STORAGE_READ | cv2.FILE_STORAGE_MEMORY)
-        root = file.root()
-        return {name: _value(root.getNode(name)) for name in root.keys()}  # noqa: SIM118
-    except (cv2.error, SystemError) as error:
-        raise CameraError(f"{path}: not a file of OpenCV's FileStorage ({one_line(error)})") from None
-
-
-def _value(node: Any) -> Any:
-    if node.isInt() or node.isReal():
-        return node.real()
-    if node.isString():
-        return node.string()
-    if node.isSeq():
-        return [_value(node.at(index)) for index in range(node.size())]
-    found = node.mat() if node.isMap() else None
-    return None if found is None else np.asarray(found).ravel().tolist()
-
-
-def _of_ros(tree: Tree) -> Intrinsics:
-    matrix, coefficients = tree["camera_matrix"]["data"], tree.get("distortion_coefficients", {}).get("data", [])
-    size = tree["image_width"], tree["image_height"]
-    return _lens(size, _of_matrix(matrix), Distortion.named(str(tree.get("distortion_model", "")), coefficients))
 
 
 def _of_kalibr(tree: Tree) -> Intrinsics:
@@ -113,15 +83,21 @@ def _of_kalibr(tree: Tree) -> Intrinsics:
 
 
 def _of_opencv(tree: Tree) -> Intrinsics:
+    """ROS's too, whose matrices are mappings with `data`."""
     found = {what: next((tree[key] for key in keys if key in tree), None) for what, keys in OPENCV_KEYS.items()}
     size = found["size"] or (found["width"], found["height"])
     if None in size:
         raise CameraError("lacks the size of the pictures; add image_width: 640 and image_height: 480, as they are")
-    coefficients = found["coefficients"] or []
+    matrix, coefficients = (_numbers(found[what]) for what in ("matrix", "coefficients"))
     usual = "fisheye" if tree.get("fisheye_model") else "plumb_bob" if len(coefficients) <= 5 else "rational_polynomial"
     model = str(tree.get("distortion_model") or tree.get("camera_model") or usual)
     distortion = Distortion.named(usual if model == "pinhole" else model, coefficients)
-    return _lens(size, _of_matrix(found["matrix"] or ()), distortion)
+    return _lens(size, _of_matrix(matrix), distortion)
+
+
+def _numbers(matrix: Any) -> Sequence[float]:
+    """Those of a matrix as FileStorage writes it, or of a list; none for nothing."""
+    return (matrix["data"] if isinstance(matrix, Mapping) else matrix) or ()
 
 
 def _of_orb_slam(tree: Tree) -> Intrinsics:
@@ -188,7 +164,6 @@ READERS: tuple[tuple[Callable[[Tree], bool], Callable[[Tree], Intrinsics]], ...]
     (lambda tree: "cameras" in tree, _of_colmap),
     (lambda tree: "fl_x" in tree or "camera_angle_x" in tree or "frames" in tree, _of_nerfstudio),
     (lambda tree: "Camera.fx" in tree or "Camera1.fx" in tree, _of_orb_slam),
-    (lambda tree: isinstance(tree.get("camera_matrix"), Mapping), _of_ros),
     (lambda tree: "cam0" in tree or ("intrinsics" in tree and "resolution" in tree), _of_kalibr),
     (lambda tree: any(key in tree for key in OPENCV_KEYS["matrix"]), _of_opencv),
 )

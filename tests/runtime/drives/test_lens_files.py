@@ -127,7 +127,6 @@ K4, SIX = (-0.01, 0.02, -0.003, 0.0004), {"image_width": 640, "image_height": 48
         ),
         ("transforms.json", json.dumps(NERF | {"p1": -0.003, "p2": 0.0004}), "brown_conrady", None),
         ("calib.yml", lambda path: opencv(path, [*K4, 0.0], **SIX), "brown_conrady", (*K4, 0.0)),
-        ("calib.xml", lambda path: opencv(path, [*K4, 0.0], **SIX), "brown_conrady", (*K4, 0.0)),
         ("fish.yml", lambda path: opencv(path, K4, fisheye_model=1, **SIX), "equidistant", K4),
         ("wide.yml", lambda path: opencv(path, [0.1] * 8, **SIX), "rational", (0.1,) * 8),
     ],
@@ -164,7 +163,8 @@ def test_lenses_of_other_programs(tmp_path, name, content, model, coefficients):
         ),
         ("transforms.json", "{", "not JSON"),
         ("calib.yml", lambda path: opencv(path, K4), "add image_width: 640"),
-        ("calib.yml", "%YAML:1.0\ncamera_matrix: !!opencv-matrix\n  rows: [", "FileStorage"),
+        ("calib.yml", "%YAML:1.0\ncamera_matrix: !!opencv-matrix\n  rows: [", "not YAML"),
+        ("calib.xml", "<opencv_storage/>", "XML is not read"),
         ("ost.yaml", ROS.format(model="plumb_bob", count=5, data=["x"] * 5), "not a camera file that is read"),
     ],
 )
