@@ -9,7 +9,7 @@ moves with the keyframes that observed it.
 import math
 from bisect import bisect_left
 from collections import Counter, defaultdict
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import combinations, islice
 
@@ -69,9 +69,7 @@ class FloorMap:
     ) -> "FloorMap":
         """An empty map whose ids continue after an earlier map's, so that no id is used twice."""
         floor_map = cls(rule, graph)
-        for item in saved:
-            label, number = id_order(item.id)
-            floor_map._issued[label] = max(floor_map._issued[label], number)
+        floor_map.reserve(saved)
         return floor_map
 
     @classmethod
@@ -103,6 +101,12 @@ class FloorMap:
             floor_map._objects[item.id] = floor_map._owner[landmark.number] = entry
             floor_map._change(item.id)
         return floor_map
+
+    def reserve(self, items: Iterable[MapObject]) -> None:
+        """Never gives an id of these to another object."""
+        for item in items:
+            label, number = id_order(item.id)
+            self._issued[label] = max(self._issued[label], number)
 
     @property
     def ids(self) -> frozenset[str]:

@@ -144,6 +144,7 @@ class Mapper:
         saved = annotations.measured(saved)
         self._saved_ids = frozenset(item.id for item in saved)
         self.map = FloorMap.continued(saved, self.config.association, self.config.loop_closure)
+        self.map.reserve(annotations.vanished)
         self.pose_map_base, self.pose_covariance = start, np.diag(np.square(sigmas))
 
     def continue_map(
@@ -183,6 +184,7 @@ class Mapper:
         self._saved_ids = frozenset(item.id for item in saved)
         self.relocaliser = Relocaliser(saved, self.config, guesses, annotations, grid)
         self.map = self.relocaliser.run_map
+        self.map.reserve(annotations.vanished)
 
     def step(self, observed: FrameObservations) -> MapUpdate:
         """Processes one frame's observations: advance, close loops, associate, forget, relocalise."""

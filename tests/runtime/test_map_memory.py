@@ -9,6 +9,7 @@ from support.rooms import mapped
 from support.seen import CAMERA
 
 from edgemap.geometry.grid.occupancy_grid import OccupancyGrid
+from edgemap.geometry.objects.annotations import Annotations
 from edgemap.geometry.objects.events import Edit
 from edgemap.geometry.objects.forgetting import Forgetter
 from edgemap.geometry.observations.detections import Detections
@@ -191,3 +192,11 @@ def test_a_named_object_that_is_not_in_its_place_stays_and_says_so():
     (chair,) = mapper.objects()
     assert [event.what for event in chair.history] == ["appeared", "named", "missed"]
     assert utc_text(chair.last_seen) == "2027-01-15T08:00:02Z"
+
+
+def test_the_id_of_what_has_vanished_is_not_given_again():
+    gone = Annotations(vanished=tuple(mapped([("chair", 9.0, 9.0)])))
+    for enter in (lambda one: one.start_in([], SE2(), annotations=gone), lambda one: one.relocalise_in(ROOM[1:], gone)):
+        mapper = Mapper()
+        enter(mapper)
+        assert [item.id for item in drive(mapper, [("chair", 2.0, 0.0)], NOON)] == ["chair-2"]
