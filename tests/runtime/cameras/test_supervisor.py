@@ -16,6 +16,7 @@ from edgemap.runtime.frames.errors import (
     FaultKind,
     FrameTimeout,
 )
+from edgemap.runtime.inputs.cameras.supervisor import RecoveryClock
 from edgemap.runtime.inputs.cameras.wrappers import CameraAround
 
 
@@ -222,3 +223,12 @@ def test_a_devices_stamps_follow_from_those_of_its_frames_though_its_clock_is_se
     for ahead_s in (0.0, set_s):
         frames = drain(around, 3)
         assert frames[-1].stamp_s - around.clock_offset_s == pytest.approx(clock() - 900.0 + ahead_s)
+
+
+def test_the_rate_of_a_device_is_measured_once_there_are_enough_frames():
+    clock = RecoveryClock(RecoveryRule(), 0.0)
+    for index in range(30):
+        clock.frame(0.1 * index)
+    assert clock.rate_hz is None
+    clock.frame(3.0)
+    assert clock.rate_hz == pytest.approx(10.0)
