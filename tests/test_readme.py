@@ -14,7 +14,7 @@ import pytest
 import yaml
 from support.painted import write_painted
 
-from edgemap.cli import COMMANDS
+from edgemap.cli import BRIDGES, COMMANDS
 
 ROOT = Path(__file__).parents[1]
 MODELS = [ROOT / "models" / name for name in ("README.md", "TRAINING.md")]
@@ -56,7 +56,7 @@ def help_of(edgemap):
 @pytest.mark.parametrize("line", shown_commands())
 def test_every_shown_command_exists_with_its_flags(line, help_of):
     words = shlex.split(line)[1:]
-    command = next((name for name in (" ".join(words[:2]), words[0]) if name in COMMANDS), None)
+    command = next((name for name in (" ".join(words[:2]), words[0]) if name in COMMANDS | BRIDGES), None)
     assert command, f"{line}: no such command"
     for flag in (word.split("=")[0] for word in words if word.startswith("-")):
         assert re.search(rf"(?<![\w-]){re.escape(flag)}(?![\w-])", help_of(command)), f"{line}: {flag} is unknown"
