@@ -160,7 +160,7 @@ def _paper_4() -> str:
 
 
 def _own_row(document: dict[str, Any]) -> list[str]:
-    odometry = "hybrid" if "hybrid" in document["odometry"] else "planar"
+    odometry = "hybrid" if "hybrid" in document["odometry"] else "window"
     parts = "KLT floor corners and ConvLSTM on feature correlation" if odometry == "hybrid" else "KLT floor corners"
     threads = document["threads"]
     hardware = f"{threads} thread{'s' if threads > 1 else ''} of {processor_name()}"

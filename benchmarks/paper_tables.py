@@ -31,7 +31,7 @@ COUNTED = 100  # frames of each sequence in which detections are counted, as in 
 ODOMETRIES = {
     "flow": ("flow", False),
     "hybrid": ("hybrid", False),
-    "planar": ("planar", False),
+    "window": ("window", False),
     "paper head": ("paper", False),
     "hybrid with wheels": ("hybrid", True),
     "wheels": (OWN_WHEELS, True),
@@ -103,7 +103,7 @@ def measure(specs: dict[str, str], bundle: Bundle, frames: int | None, out: Path
 
 def _lacks(bundle: Bundle, odometry: str) -> str:
     """Why the bundle cannot do this odometry from its camera alone, empty where it can."""
-    if odometry == "planar":
+    if odometry == "window":
         return ""
     if odometry == "hybrid":
         return "without a flow head it is planar alone" if _lacks(bundle, "flow") else ""

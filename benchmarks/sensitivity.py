@@ -1,4 +1,4 @@
-"""`python -m edgemap.benchmarks.sensitivity DATA... --fields odometry.planar association`: which tuned numbers matter.
+"""`python -m edgemap.benchmarks.sensitivity DATA... --fields odometry.pictures slam`: which tuned numbers matter.
 
 Each number of those parts of the configuration is halved (and doubled), one at a time, and every drive is followed and
 mapped again. The backbone runs once per picture for all of them. Before, the same with other corner counts shows how
@@ -27,7 +27,7 @@ class SensitivityOptions:
     factors: on each number. frames: the first ones, all by default. camera_alone: without wheels, IMU and depth."""
 
     data: tyro.conf.Positional[tuple[str, ...]]
-    fields: tuple[str, ...] = ("odometry.planar",)
+    fields: tuple[str, ...] = ("odometry.pictures",)
     factors: tuple[float, ...] = (0.5, 2.0)
     frames: int | None = None
     camera_alone: bool = False

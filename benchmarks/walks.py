@@ -79,7 +79,9 @@ def with_corners(count: int) -> "Config":
     from edgemap.runtime.step.config import Config
 
     tree = Config()
-    return replace(tree, odometry=replace(tree.odometry, planar=replace(tree.odometry.planar, corners=count)))
+    rule = tree.odometry.pictures
+    rule = replace(rule, corners=replace(rule.corners, corners=count))
+    return replace(tree, odometry=replace(tree.odometry, pictures=rule))
 
 
 def walk(drive: "Drive", bundle: "Bundle", config: "Config", options: WalksOptions) -> dict[str, float | None]:
@@ -98,7 +100,7 @@ def walk(drive: "Drive", bundle: "Bundle", config: "Config", options: WalksOptio
         steps.append(motion.motion)
         covariances.append(motion.covariance)
         tilts.append(camera.attitude if camera else None)
-        lost += bool(steps[1:]) and motion.members.get("planar", LOST if motion.blind or motion.faults else "") == LOST
+        lost += bool(steps[1:]) and motion.members.get("window", LOST if motion.blind or motion.faults else "") == LOST
 
     how = SlamOptions(options.odometry, not options.without_wheels, not options.without_imu)
     slam = replayed(drive, bundle, {"own": how}, options.frames, config, seen)["own"]

@@ -12,7 +12,7 @@ from edgemap.geometry.se2 import SE2
 from edgemap.runtime.frames.errors import CalibrationError, OdometryError
 from edgemap.runtime.frames.frame import Frame
 from edgemap.runtime.frames.trajectory import PoseTrack
-from edgemap.runtime.motion.odometry.planar import PlanarOdometry
+from edgemap.runtime.motion.odometry.window import WindowOdometry
 
 ASSUMED_M = 0.6  # a height for the odometry to begin with; its motion scales with it
 WINDOW_M, MAXIMUM_YAW_RAD = 0.3, math.radians(15.0)  # of nearly straight travel, of which both ends are compared
@@ -31,12 +31,12 @@ class WheelHeight:
 
 
 def fit_wheel_height(frames: Iterable[Frame], wheels: PoseTrack, lens: Intrinsics, mount: Mount) -> WheelHeight:
-    """The height at which planar odometry travels as far as the wheels did. mount: its angles and lever arm count.
+    """The height at which the pictures travel as far as the wheels did. mount: its angles and lever arm count.
 
     Raises CalibrationError with the numbers where too little was travelled, or the ratio scatters.
     """
     guess = Mount(ASSUMED_M, mount.pitch_rad, mount.roll_rad, mount.forward_m, mount.left_m)
-    odometry = PlanarOdometry(FloorCamera(lens, guess))
+    odometry = WindowOdometry(FloorCamera(lens, guess))
     ratios: list[float] = []
     travelled_m, seen, start = 0.0, SE2(), None
     for frame in frames:

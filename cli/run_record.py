@@ -12,8 +12,6 @@ from edgemap.geometry.camera.floor import FloorCamera
 from edgemap.runtime.frames.camera import Camera
 from edgemap.runtime.frames.inference import Inference
 from edgemap.runtime.inputs.drives.camera_yaml import mount_fields
-from edgemap.runtime.motion.odometry import at_head_height
-from edgemap.runtime.motion.odometry.learned import outside_envelope
 from edgemap.runtime.motion.odometry_names import PICTURE_ODOMETRIES
 from edgemap.runtime.network.bundle import Bundle
 from edgemap.runtime.step.config import Config, config_document
@@ -30,7 +28,6 @@ def run_record(
 ) -> dict[str, Any]:
     """Source, camera, bundle, options and the resolved configuration. confidence: minimum score of a box."""
     camera_mount = floor.mount
-    by_window = options.robot.odometry in ("hybrid", "window") and at_head_height(loaded.manifest, source, floor)
     record: dict[str, Any] = {
         "format": "edgemap.run/1",
         "started_utc": datetime.now(UTC).isoformat(timespec="seconds"),
@@ -51,7 +48,6 @@ def run_record(
         | {name: version(name) for name in ("onnxruntime", "numpy", "opencv-python-headless")},
         "machine": {"system": platform.platform(), "python": platform.python_version()},
         "trajectory": "as known at the end",
-        "envelope": "" if by_window else outside_envelope(loaded.manifest, floor),
     }
     if options.map.saved:
         place = options.map.place()

@@ -21,7 +21,7 @@ from edgemap.runtime.frames.faults import Fault, FaultKind
 from edgemap.runtime.frames.reading import print_message, printable
 from edgemap.runtime.inputs.drives import READERS, open_drive
 from edgemap.runtime.inputs.open import DEMO
-from edgemap.runtime.motion.odometry.corner_odometry import PlanarRule
+from edgemap.runtime.motion.odometry.window import PicturesRule
 from edgemap.runtime.outputs.sinks.run_folder import RunFolder
 from edgemap.runtime.outputs.verdict.verdict import Verdict
 from edgemap.runtime.step.sinks import Sink
@@ -42,7 +42,7 @@ class RunSummary(Sink):
         self.result: StepResult | None = None
         self.objects: list[MapObject] = []
         self.height: HeightEstimate | None = None  # of the lens, as last shown
-        self.rolling = Rolling(PlanarRule().lateral_share)  # for a mount without a lever arm
+        self.rolling = Rolling(PicturesRule().slip_share)  # for a mount without a lever arm
         self.fault_count = 0
         self.faults: dict[FaultKind, str] = {}  # by kind, the first text
         self._mount, self._mount_sources, self._carried = mount, mount_sources, carried

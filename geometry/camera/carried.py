@@ -42,6 +42,10 @@ class Carried:
     steady_m: float = 0.0
     scattered: bool = False
 
+    def certain(self) -> "Carried":
+        """The estimate for a camera that is known to be carried at first."""
+        return replace(self, rate2=self.rule.rate_rad_s[1] ** 2, judged_s=self.rule.rate_s)
+
     def updated(self, nod2: float, span_s: float, path_m: float, gyro: bool = False) -> "Carried":
         """The estimate after one more picture. nod2: mean square of the change of roll and pitch since the last one,
         span_s ago. gyro: whether a gyro measured the rotation, so that the first pictures count fully.

@@ -24,8 +24,7 @@ from edgemap.geometry.se2 import SE2
 Mask = NDArray[np.bool_]
 Indices = NDArray[np.intp]
 
-ROUNDS, MEASURED_ROUNDS = 4, 2  # of Gauss and Newton for each picture; where inverse depths are measured
-SMALLEST_STEP = 1e-5  # m and rad, at which the rounds end
+ROUNDS = 2, 1  # of Gauss and Newton for a picture after a new keyframe, and for any other
 NEAREST, FARTHEST = 20.0, 1e-4  # inverse depths, 1/m
 ORIGIN = np.array([1e-6, 1e-6, 1e6, 1e8, 1e8, 1e-6])  # information that fixes heading and place of the first pose
 UNHELD_RAD = np.radians(2.0)  # standard deviation of a tilt after the mount's angles have changed
@@ -41,17 +40,8 @@ class WindowRule:
     shared: float = 0.6  # a picture becomes a keyframe where a smaller share of the last one's tracks is left
     roughness: float = 0.009  # of the floor, share of the lens's height
     floor_gate: float = 5.0  # standard deviations beyond which a point of the floor has no weight
-    covariance_scale: float = 4.0  # factor on the covariance of a motion, whose errors last
-    gyro_rad: float = math.radians(0.05)  # standard deviation of the rotation that a gyro measures between two pictures
-    gyro_share: float = 0.03  # the same relative to the rotation: samples and pictures are not exactly synchronous
-    # Standard deviation of a track at the working width; larger than a track's error in one picture, because such
-    # errors last.
-    track_px: float = 1.0
     # A picture becomes a keyframe where the tracks have moved by this much since the last one, the rotation aside.
-    parallax_px: float = 15.0
-    height_share: float = 0.025  # standard deviation of the lens's height about the mount's, share of it
-    rise_share: float = 0.012  # standard deviation of its change from picture to picture, share of the height
-    attitude_pictures: float = 10.0  # number of pictures for which an error of the attitude lasts
+    parallax_px: float = 8.0
     # Standard deviation of an inverse depth that a depth camera measures, 1/m; it measures a disparity, whose error is
     # the same at any distance.
     depth_sigma: float = 0.0035
@@ -144,12 +134,14 @@ class KeyframeWindow:
     def __init__(self, rule: WindowRule, focal_px: float, mount: Mount, reach_heights: float) -> None:
         self._rule, self._focal_px, self._reach_heights = rule, focal_px, reach_heights
         self._reverse = SE2(-mount.forward_m, -mount.left_m, 0.0)
+        self.move_axle(0.0)
         self._slots = rule.keyframes + 1
-        self._sigmas = rule.track_px / focal_px, rule.depth_sigma
+        self._track_sigma = 1.0 / focal_px
         self.poses: list[LensPose] = []
         self._factors: list[PoseFactors] = []
         self._prior: tuple[Array, Array, list[LensPose]] = np.zeros((0, 0)), np.zeros(0), []
         self._covariance = np.zeros((0, 0))
+        self._grown = True  # the last picture's predecessor became a keyframe
         none, pair = np.zeros(0), np.zeros((0, self._slots, 2))
         number, index = np.zeros(0, dtype=np.int64), np.zeros(0, dtype=np.intp)
         self.points = WindowPoints(
@@ -164,14 +156,16 @@ class KeyframeWindow:
         points: Array,
         floor: Array,
         measured: Array | None = None,
+        track_px: float = 1.0,
     ) -> float:
         """Adds a picture with its tracks and optimises the window. Returns the weight of the tracks that agree.
 
         start: expected pose. ids (N,), points (N, 2), floor (N,): tracks, their normalised image points, and the
         probability that each lies on the floor. measured (N,): their inverse depths, NaN where none was measured.
+        track_px: standard deviation of a track.
         """
         measured = np.full(len(ids), np.nan) if measured is None else measured
-        first = not self.poses
+        first, self._track_sigma = not self.poses, track_px / self._focal_px
         if first:
             self._prior = np.diag(ORIGIN), np.zeros(6), [start]
         else:
@@ -191,6 +185,10 @@ class KeyframeWindow:
         self._add(ids[new], points[new], floor[new], measured[new])
         return weight
 
+    def move_axle(self, axle_m: float) -> None:
+        """The wheels' axle is so far behind the base's origin."""
+        self._lever_m = np.array([self._reverse.x_m - axle_m, self._reverse.y_m])
+
     def loosen(self, up: Array) -> None:
         """Loosens the gravity constraint of all poses in the window. up: new up vector (3,), optical axes. Discards the
         marginalised prior.
@@ -200,13 +198,13 @@ class KeyframeWindow:
             self._prior = np.diag(ORIGIN), np.zeros(6), self.poses[:1]
 
     def covariance(self) -> Array:
-        """(12, 12) of the poses before the last one and of the last one, as of the last solution.
+        """(12, 12) of the poses before the last one and of the last one, as of the last solution."""
+        return self._covariance[-12:, -12:]
 
-        An error of scale lasts only where depths are not measured.
-        """
+    def unmeasured(self) -> float:
+        """Share of the last picture's points whose depths are not measured."""
         last = len(self.poses) - 1
-        lasting = np.isnan(self.points.measured[self.points.observed[:, last], last]).mean()
-        return self._rule.covariance_scale**lasting * self._covariance[-12:, -12:]
+        return float(np.isnan(self.points.measured[self.points.observed[:, last], last]).mean())
 
     def local(self, ids: NDArray[np.int64], pose: LensPose) -> Array:
         """Points of these tracks in a lens's optical axes, (N, 3); NaN for those that are not in the window."""
@@ -266,14 +264,13 @@ class KeyframeWindow:
         """Gauss-Newton over all poses and points. Factors and prior are linearised once."""
         count, everyone = len(self.poses), np.arange(len(self.poses))
         rotation, position = self._arrays()
-        rows, off = FactorRows(self._factors).rows(rotation, position, everyone, everyone[1:])
+        rows, off = FactorRows(self._factors, self._lever_m).rows(rotation, position, everyone, everyone[1:])
         fixed, fixed_rhs = rows.T @ rows, rows.T @ off
         self._prior_factor(fixed, fixed_rhs)
         fixed[np.diag_indices(6 * count)] += 1e-9
         information = fixed
-        tracks = Tracks(self.points, count, self._sigmas)
-        rounds = MEASURED_ROUNDS if tracks.at.shape[1] == 3 else ROUNDS
-        for round_ in range(rounds):
+        tracks = Tracks(self.points, count, (self._track_sigma, self._rule.depth_sigma))
+        for round_ in range(ROUNDS[0] if self._grown else ROUNDS[1]):
             system = self._system(tracks, self.points, rotation, position, 1.5 if round_ == 0 else 1.0)
             information, right = system.reduced()
             information += fixed
@@ -284,8 +281,6 @@ class KeyframeWindow:
             rotation, position = rotation_of(turns) @ rotation, position + shifts
             inverse = np.clip(self.points.inverse_m + depth, FARTHEST, NEAREST)
             self.points = replace(self.points, inverse_m=inverse, variance=1.0 / system.depths)
-            if np.abs(step).max() < SMALLEST_STEP:
-                break
         self.poses = [LensPose(*pose) for pose in zip(rotation, position, strict=True)]
         unit = np.eye(6 * count)[:, -12:]
         self._covariance = np.asarray(np.linalg.solve(information, unit)[-12:], dtype=np.float64)
@@ -302,7 +297,7 @@ class KeyframeWindow:
     def _system(self, tracks: "Tracks", points: WindowPoints, rotation: Array, position: Array, scale: float) -> System:
         """Normal equations of tracks, measured depths and points on the floor. scale: factor on the gates."""
         rule, count, number = self._rule, len(rotation), len(points)
-        gate, deep = scale * rule.gate_px / rule.track_px, scale * TUKEY
+        gate, deep = scale * rule.gate_px / (self._track_sigma * self._focal_px), scale * TUKEY
         host, inverse, everyone = points.host, points.inverse_m, np.arange(number)
         point, slot = tracks.point, tracks.slot
         size = 6 * count
@@ -381,10 +376,11 @@ class KeyframeWindow:
 
     def _make_room(self) -> None:
         """Before a new picture: the newest one becomes a keyframe or leaves, and so does the oldest keyframe."""
-        last = len(self.poses) - 1
+        last, self._grown = len(self.poses) - 1, True
         used = self.points.observed.sum(axis=1) > 1
         self.points = self.points.chosen(used | self.points.observed[:, last])
         if last >= 2 and not self._is_keyframe(last - 1):
+            self._grown = False
             self._rehost(last - 1, last)
             self._factors[last] = self._factors[last].after(self._factors[last - 1])
             prior, gradient, then = self._prior
@@ -421,9 +417,9 @@ class KeyframeWindow:
     def _marginalise(self) -> None:
         """The oldest keyframe, and the points that it hosts, become a prior on the other poses."""
         points, (rotation, position) = self.points.chosen(self.points.host == 0), self._arrays()
-        tracks = Tracks(points, len(rotation), self._sigmas)
+        tracks = Tracks(points, len(rotation), (self._track_sigma, self._rule.depth_sigma))
         information, right = self._system(tracks, points, rotation, position, 1.0).reduced()
-        rows, off = FactorRows(self._factors).rows(rotation, position, np.array([0]), np.array([1]))
+        rows, off = FactorRows(self._factors, self._lever_m).rows(rotation, position, np.array([0]), np.array([1]))
         information += rows.T @ rows
         right += rows.T @ off
         self._prior_factor(information, right)

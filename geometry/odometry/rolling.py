@@ -3,8 +3,6 @@
 import math
 from dataclasses import dataclass, replace
 
-import numpy as np
-
 from edgemap.geometry.arrays import Array
 from edgemap.geometry.se2 import SE2
 
@@ -12,16 +10,6 @@ ROLLED_M = 1e-3  # least standard deviation of lateral slip
 MEASURED_M = 0.005  # standard deviation of a lateral motion measured in a turn, in addition to its stated one
 UNKNOWN_M = 0.3  # standard deviation of an axle before any measurement
 FOLLOWED_M = 0.005  # least standard deviation of an estimated axle, so that updates continue
-
-
-@dataclass(frozen=True, slots=True)
-class Lateral:
-    """The part of a motion across its chord that the axle does not explain: residual_m. by_motion: (3,), its derivative
-    by a further motion of the base (per m, m, rad). variance_m2: variance of a rolling robot's residual."""
-
-    residual_m: float
-    by_motion: Array
-    variance_m2: float
 
 
 @dataclass(frozen=True, slots=True)
@@ -37,21 +25,22 @@ class Rolling:
     axle_m: float = 0.0
     axle_sigma_m: float = UNKNOWN_M
 
-    def lateral(self, moved: SE2) -> Lateral:
-        """The lateral residual of a motion since the last picture."""
+    def lateral_m(self, moved: SE2) -> float:
+        """The part of a motion across its chord that the axle does not explain."""
         c, s = math.cos(moved.yaw_rad / 2.0), math.sin(moved.yaw_rad / 2.0)
-        along, across = c * moved.x_m + s * moved.y_m, c * moved.y_m - s * moved.x_m
+        return c * moved.y_m - s * moved.x_m - self.axle_m * moved.yaw_rad
+
+    def slip_m(self, moved: SE2) -> float:
+        """Standard deviation of the lateral residual of about this motion."""
         slides = ROLLED_M + self.share * (math.hypot(moved.x_m, moved.y_m) + abs(moved.yaw_rad))
-        variance = slides**2 + (self.axle_sigma_m * moved.yaw_rad) ** 2
-        gradient = np.array([s, c, -along / 2.0 - self.axle_m], dtype=np.float64)
-        return Lateral(across - self.axle_m * moved.yaw_rad, gradient, variance)
+        return math.hypot(slides, self.axle_sigma_m * moved.yaw_rad)
 
     def observe(self, moved: SE2, covariance: Array) -> "Rolling":
         """Update the axle with a motion of the lens and its covariance (3, 3)."""
-        return self.learnt(self.lateral(moved).residual_m, float(covariance[1, 1]), moved.yaw_rad)
+        return self.learnt(self.lateral_m(moved), float(covariance[1, 1]), moved.yaw_rad)
 
     def learnt(self, lateral_m: float, variance_m2: float, yaw_rad: float) -> "Rolling":
-        """Kalman update of the axle with one motion whose lateral residual was measured without this constraint."""
+        """Kalman update of the axle with one motion whose lateral residual was measured."""
         if self.axle_sigma_m == 0.0:
             return self
         prior = self.axle_sigma_m**2

@@ -1,4 +1,4 @@
-"""Measurements of the poses in a window other than its tracks: gravity, height, gyro."""
+"""Measurements of the poses in a window other than its tracks: gravity, height, gyro, wheels."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -11,6 +11,7 @@ from edgemap.geometry.arrays import Array
 
 Indices = NDArray[np.intp]
 
+SLIPPED = 3.0  # standard deviations from which on wheels lose their weight: a robot may drive sideways
 DENIED = 10.0  # standard deviations from which on a gyro loses its weight
 
 
@@ -19,7 +20,8 @@ class PoseFactors:
     """up (3,): direction of gravity's opposite in optical axes; up_rad: its standard deviation. height_m: of the lens
     above the floor, configured or measured; height_sigma_m: its standard deviation, rise_m: of its change since the
     pose before. gyro (3, 3): rotation since the pose before, takes this one's optical directions into the earlier
-    one's; gyro_rad: its standard deviation about each axis, infinite without a gyro.
+    one's; gyro_rad: its standard deviation about each axis, infinite without a gyro. slip_m: standard deviation of the
+    axle's motion across its chord since the pose before, infinite for what may not roll on wheels.
     """
 
     up: Array
@@ -29,6 +31,7 @@ class PoseFactors:
     rise_m: float
     gyro: Array
     gyro_rad: float = np.inf
+    slip_m: float = np.inf
 
     def after(self, other: Self) -> Self:
         """These factors after the previous pose, which had the factors `other`, is removed."""
@@ -37,14 +40,16 @@ class PoseFactors:
             gyro=other.gyro @ self.gyro,
             gyro_rad=float(np.hypot(self.gyro_rad, other.gyro_rad)),
             rise_m=float(np.hypot(self.rise_m, other.rise_m)),
+            slip_m=self.slip_m + other.slip_m,
         )
 
 
 class FactorRows:
     """The factors of S poses as rows of a least-squares problem in six numbers for each pose: a rotation from the left
-    and a displacement, both in world axes."""
+    and a displacement, both in world axes. lever_m (2,): of the axle from the lens, ahead and left."""
 
-    def __init__(self, factors: Sequence[PoseFactors]) -> None:
+    def __init__(self, factors: Sequence[PoseFactors], lever_m: Array) -> None:
+        self._lever_m, self._slip_weight = lever_m, 1.0 / np.array([f.slip_m for f in factors])
         self._up, self._gyro = np.array([f.up for f in factors]), np.array([f.gyro for f in factors])
         self._height_m = np.array([f.height_m for f in factors])
         sigmas = [(f.up_rad, f.height_sigma_m, f.gyro_rad, f.rise_m) for f in factors]
@@ -84,4 +89,27 @@ class FactorRows:
                 gap[indices, row, gaps, column], gap[indices, row, before, column] = weight[:, row], -weight[:, row]
             parts.append(gap.reshape(-1, 6 * count))
             off.append((residual * weight / 2.0).ravel())
+            if self._slip_weight[gaps].any():
+                rolling, slipped = self._rolling(rotation, position, gaps)
+                parts.append(rolling)
+                off.append(slipped)
         return np.concatenate(parts), np.concatenate(off)
+
+    def _rolling(self, rotation: Array, position: Array, gaps: Indices) -> tuple[Array, Array]:
+        """Rows and residuals of the axle's motion across its chord, between some poses and those before."""
+        before, count = gaps - 1, len(rotation)
+        yaw = np.arctan2(rotation[:, 1, 2], rotation[:, 0, 2])
+        c, s = np.cos(yaw), np.sin(yaw)
+        ahead, left = self._lever_m
+        arm = np.column_stack([c * ahead - s * left, s * ahead + c * left])
+        moved = position[gaps, :2] + arm[gaps] - position[before, :2] - arm[before]
+        middle = yaw[before] + ((yaw[gaps] - yaw[before] + np.pi) % (2.0 * np.pi) - np.pi) / 2.0
+        c, s = np.cos(middle), np.sin(middle)
+        along, across = c * moved[:, 0] + s * moved[:, 1], c * moved[:, 1] - s * moved[:, 0]
+        weight = self._slip_weight[gaps]
+        weight = weight / np.sqrt(1.0 + (across * weight / SLIPPED) ** 2)  # Cauchy
+        rows, indices = np.zeros((len(gaps), count, 6)), np.arange(len(gaps))
+        for pose, sign in ((gaps, 1.0), (before, -1.0)):
+            rows[indices, pose, 2] = sign * (c * arm[pose, 0] + s * arm[pose, 1]) - along / 2.0
+            rows[indices, pose, 3], rows[indices, pose, 4] = -sign * s, sign * c
+        return (rows * weight[:, None, None]).reshape(-1, 6 * count), -across * weight

@@ -35,10 +35,10 @@ def open_bundle(
 
 
 def load_companion(folder: Path, threads: int | None = None, pace: Pace = "camera") -> Bundle:
-    """A bundle whose backbone is cut down to the floor mask and the features of the odometry. Raises BundleError."""
+    """A bundle whose backbone is cut down to the floor mask. Raises BundleError."""
     whole = load_bundle(folder, threads, pace=pace)
     detector = whole.manifest.detector
-    kept = {feature.name for feature in detector.features} | ({detector.floor.name} if detector.floor else set())
+    kept = {detector.floor.name} if detector.floor else set()
     model = subgraph(verified_file(folder, whole.manifest, detector.file).read_bytes(), kept)
     reopen = lambda rows: open_onnxruntime(model, whole.compute, rows)  # noqa: E731
     return replace(whole, backbone=reopen(detector.input.height), reopen=reopen)

@@ -25,7 +25,7 @@ from edgemap.runtime.motion.attitude.sources import MountAttitude
 from edgemap.runtime.motion.depth_scale import DepthScale
 from edgemap.runtime.motion.health import HealthMonitor, HealthRule, PictureHealth
 from edgemap.runtime.motion.height_check import HeightCheck, HeightRule
-from edgemap.runtime.motion.odometry.protocol import FramePrior, Motion, Odometry, StartsAhead
+from edgemap.runtime.motion.odometry.protocol import FramePrior, Motion, Odometry
 from edgemap.runtime.motion.rest import RestMonitor, RestRule
 from edgemap.runtime.network.bundle import Bundle
 from edgemap.runtime.network.decode import Decoder, Detector
@@ -62,7 +62,6 @@ class Pipeline:
         guessed_height: float = 0.0,
     ) -> None:
         self.camera, self.odometry = camera, odometry
-        self._begin_odometry = odometry.begin if isinstance(odometry, StartsAhead) else lambda *_: None
         self.attitude = attitude or MountAttitude(camera.mount)
         self.rule = rule or FloorRule()
         self.evidence = BoxEvidence(bundle.mapped if mapped is None else mapped, bundle.full_weight_score(confidence))
@@ -103,7 +102,7 @@ class Pipeline:
         viewed = not at_rest and self._is_informative(health)
         searched = viewed and (frame.search or self.odometry.needs_features)
         sensed = searched or (viewed and self._detector is not None)
-        outputs = self._sense(frame, prior, motion is None) if sensed else {}
+        outputs = self._sense(frame) if sensed else {}
         motion = motion or self._motion_by_picture(frame, outputs, prior)
         with stage("attitude"):
             camera = self.camera.at(attitude_after(self.attitude, attitude, motion))
@@ -138,16 +137,14 @@ class Pipeline:
             worktop=searched and is_worktop(floor, boxes),
         )
 
-    def _sense(self, frame: Frame, prior: FramePrior, measures: bool) -> Tensors:
-        """The backbone's outputs. Keeps boxes and floor mask. measures: whether the picture measures the motion."""
+    def _sense(self, frame: Frame) -> Tensors:
+        """The backbone's outputs. Keeps boxes and floor mask."""
         stage = self._watch.stage
         with stage("preprocess"):
             tensor, placement = self._preprocess(frame.image)
         with stage("backbone"):
             outputs = self._backbone.run({self._input_name: tensor})
         with stage("decode"):
-            if measures:
-                self._begin_odometry(frame, outputs, prior)  # its network runs while this thread decodes
             if self._detector is None:
                 self._detections = self._decode(outputs, placement)
             elif frame.search:

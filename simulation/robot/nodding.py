@@ -6,7 +6,6 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.ndimage import gaussian_filter1d
 
-from edgemap.geometry.odometry.landmarks import AttitudeError
 from edgemap.simulation.render.mesh import Array
 from edgemap.simulation.robot.motion import SAMPLE_S, SampledDrive
 
@@ -54,7 +53,8 @@ class Tilts:
 
 def lean(tilt: Array) -> Array:
     """(3, 3), from axes of the tilted base to the level one's; tilt: roll, pitch and rise."""
-    return AttitudeError(float(tilt[1]), float(tilt[0])).rotation()
+    (sp, sr), (cp, cr) = np.sin(tilt[[1, 0]]), np.cos(tilt[[1, 0]])
+    return np.array([[cp, sp * sr, sp * cr], [0.0, cr, -sr], [-sp, cp * sr, cp * cr]])
 
 
 def nodding_of(motion: SampledDrive, seeds: tuple[int, ...], rule: Nodding | None = None) -> Tilts:

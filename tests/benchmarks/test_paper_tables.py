@@ -122,7 +122,7 @@ def test_an_untrained_head_is_a_dash_with_its_reason_and_files_are_written(drive
     assert "- paper head: the bundle's paper head is untrained." in text
     assert "| demo | – |" in text
     document = json.loads((tmp_path / "out" / "paper_tables.json").read_text())
-    assert list(document["odometry"]) == ["planar", "hybrid with wheels", "wheels"]
+    assert list(document["odometry"]) == ["window", "hybrid with wheels", "wheels"]
     assert capsys.readouterr().out.strip() == str(tmp_path / "out" / "paper_tables.md")
 
 

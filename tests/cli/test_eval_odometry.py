@@ -158,18 +158,18 @@ def test_people_get_lines_and_a_picture(evaluate, tmp_path):
 
 
 def test_the_demo_by_default(evaluate):
-    found = document(evaluate("--frames", "40", "--odometry", "planar", "--json"))
-    assert found["odometry"] == "planar"
+    found = document(evaluate("--frames", "40", "--odometry", "window", "--json"))
+    assert found["odometry"] == "window"
     own = found["sequences"]["demo"]
     assert own["mount"] == {"height_m": 0.6, "pitch_deg": 11.5}
     assert own["paper_rmse"] < 0.1 * own["path_m"]
     assert 0.2 < own["nees"] < 3.0  # 0.37: the demo is the easiest home
-    assert own["availability"] == {"planar": {"used": 1.0, "blind": 0.0, "left_out": 0.0}}
+    assert own["availability"] == {"window": {"used": 1.0, "blind": 0.0, "left_out": 0.0}}
 
 
 def test_tuned_numbers_can_be_given(evaluate, tmp_path):
-    (tmp_path / "few.yaml").write_text("config:\n  odometry:\n    planar: {corners: 60}\n")
-    flags = ("--frames", "40", "--odometry", "planar", "--json")
+    (tmp_path / "few.yaml").write_text("config:\n  odometry:\n    pictures: {corners: {corners: 60}}\n")
+    flags = ("--frames", "40", "--odometry", "window", "--json")
     found, few = (document(evaluate(*flags, *more)) for more in ((), ("--config", tmp_path / "few.yaml")))
     assert found["sequences"]["demo"]["ate_m"] != few["sequences"]["demo"]["ate_m"]
 
@@ -200,4 +200,4 @@ def test_what_cannot_be_done_is_one_line(evaluate, tmp_path):
     (tmp_path / "k" / "camera.yaml").unlink()
     assert "lens unknown: write it into its camera.yaml" in one_line(evaluate("--data", f"kitti:{tmp_path / 'k'}"))
     pictures(tmp_path / "p")
-    assert "brings no true poses" in one_line(evaluate("--camera", tmp_path / "p", "--odometry", "planar"))
+    assert "brings no true poses" in one_line(evaluate("--camera", tmp_path / "p", "--odometry", "window"))

@@ -27,7 +27,7 @@ from edgemap.runtime.step.map_file import load_annotated_map, load_map, save_map
 
 
 def test_three_lines_make_a_map(painted_bundle, pictures, tmp_path):
-    with edgemap_api.open(camera=f"{pictures}", bundle=painted_bundle, odometry="planar") as session:
+    with edgemap_api.open(camera=f"{pictures}", bundle=painted_bundle, odometry="window") as session:
         results = list(session)
     assert [item.id for item in session.map] == ["chair-1"]
     assert results[-1].trajectory is session.slam.mapper.trajectory
@@ -71,7 +71,7 @@ def live_session(painted_bundle, script, sinks=(), **options):
     driver: Any = NoisyDriver(clock, script, size=(64, 64), **options)
     lens, mount = Intrinsics(64, 64, 50.0, 50.0, 31.5, 31.5), Mount.from_degrees(1.0, 0.0)
     camera = LiveCamera(driver, lens, mount, RecoveryRule(restarts=3), clock, clock.wait)
-    return edgemap_api.open(camera=camera, bundle=painted_bundle, odometry="planar", sinks=sinks)
+    return edgemap_api.open(camera=camera, bundle=painted_bundle, odometry="window", sinks=sinks)
 
 
 def test_a_live_camera_that_stalls_and_fails_ends_no_session(painted_bundle):
@@ -103,7 +103,7 @@ def test_a_lost_camera_ends_a_session_with_its_map_and_its_sinks_closed(painted_
 def test_iteration_that_was_left_goes_on_and_closing_closes_the_sinks(painted_bundle, pictures, tmp_path):
     floor = FloorCamera(Intrinsics(64, 64, 50.0, 50.0, 31.5, 31.5), Mount(1.0, 0.0))
     sinks = [RunFolder(tmp_path / "run", floor, {})]
-    with edgemap_api.open(camera=f"{pictures}", bundle=painted_bundle, odometry="planar", sinks=sinks) as session:
+    with edgemap_api.open(camera=f"{pictures}", bundle=painted_bundle, odometry="window", sinks=sinks) as session:
         for result in session:
             if result.frame.index == 3:
                 break

@@ -35,11 +35,12 @@ def test_the_resolved_tree_gives_itself_back(tmp_path):
 
 
 def test_numbers_of_another_version_s_run_are_passed_over_and_printed(tmp_path, capsys):
-    document = {"odometry": {"planar": {"gyro_upright_rad": [0.02, 0.04], "corners": 99}}, "weather": {"rain": 1}}
+    pictures = {"gyro_upright_rad": [0.02, 0.04], "least_weight": 9.5}
+    document = {"odometry": {"pictures": pictures}, "weather": {"rain": 1}}
     config = load_config(written(tmp_path, {"format": "edgemap.run/1", "config": document}, "run.json"))
-    assert config.odometry.planar.corners == 99
+    assert config.odometry.pictures.least_weight == 9.5
     printed = capsys.readouterr().err
-    assert "2 numbers of another version passed over: odometry.planar.gyro_upright_rad, weather" in printed
+    assert "2 numbers of another version passed over: odometry.pictures.gyro_upright_rad, weather" in printed
     load_options(tmp_path / "run.json")
     assert capsys.readouterr().err == ""  # printed once for a run, which asks for both
     with pytest.raises(ConfigError, match=r"planar\.gyro_upright_rad is unknown"):  # a person wrote it
@@ -90,12 +91,12 @@ def test_every_number_survives_the_file(tmp_path_factory, slope, frames):
     ("tree", "told"),
     [
         ({"health": {"sharp": 9.0}}, "blurred"),
-        ({"odometry": {"planar": {"corners": 0}}}, "odometry"),
+        ({"odometry": {"pictures": {"corners": {"corners": 0}}}}, "odometry"),
     ],
 )
 def test_the_stages_take_their_parts_of_the_tree(tmp_path, tree, told):
     config = load_config(written(tmp_path, {"config": {"attitude": {"check": {"tilt": {"nod": 2e-4}}}, **tree}}))
-    with edgemap.open("demo", odometry="planar", config=config) as session:
+    with edgemap.open("demo", odometry="window", config=config) as session:
         _, second = itertools.islice(session, 2)
     assert told in kinds(second.motion.faults)
     assert second.observed.camera is not None

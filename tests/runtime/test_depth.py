@@ -21,9 +21,7 @@ from edgemap.runtime.motion.attitude.depth import DepthAttitude
 from edgemap.runtime.motion.attitude.pictures import PicturesAttitude
 from edgemap.runtime.motion.attitude.sources import MountAttitude
 from edgemap.runtime.motion.height_check import HeightCheck
-from edgemap.runtime.motion.odometry.planar import PlanarOdometry
 from edgemap.runtime.motion.odometry.protocol import FramePrior, Motion
-from edgemap.runtime.motion.odometry.tracked import TrackedOdometry
 from edgemap.runtime.motion.odometry.window import WindowOdometry
 
 MOUNT = Mount.from_degrees(0.5, 15.0)
@@ -162,7 +160,7 @@ def test_corners_keep_the_scale_by_depth_where_the_height_is_wrong():
     depth = np.nan_to_num(CAMERA.optical_depth_m(points)).reshape(240, 320).astype(np.float32)
     lengths = {}
     for given in (None, depth):
-        odometry, pose = TrackedOdometry(PlanarOdometry(believed), WindowOdometry(believed)), SE2()
+        odometry, pose = WindowOdometry(believed), SE2()
         for frame in frames:
             pose = pose @ odometry.step(Frame(frame.index, frame.stamp_s, frame.image, depth=given), {}).motion
         lengths[given is None] = pose.x_m / poses[-1].x_m
@@ -175,7 +173,7 @@ def test_planar_follows_a_camera_that_nods_by_the_floor_in_its_depth():
     _, poses = drive(MOTIONS["straight"])
     source, odometry, pose = (
         DepthAttitude(CAMERA, MountAttitude(CAMERA.mount)),
-        TrackedOdometry(PlanarOdometry(CAMERA), WindowOdometry(CAMERA)),
+        WindowOdometry(CAMERA),
         SE2(),
     )
     v, u = np.mgrid[0:240, 0:320]

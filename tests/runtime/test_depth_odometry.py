@@ -9,8 +9,6 @@ from support.faults import made
 from support.textured_floor import CAMERA, MOTIONS, drive
 
 from edgemap.geometry.se2 import SE2
-from edgemap.runtime.motion.odometry.planar import PlanarOdometry
-from edgemap.runtime.motion.odometry.tracked import TrackedOdometry
 from edgemap.runtime.motion.odometry.window import WindowOdometry
 
 V, U = np.mgrid[0:240, 0:320]
@@ -25,7 +23,7 @@ def with_holes(share, seed=0):
 
 
 def odometry():
-    return TrackedOdometry(PlanarOdometry(CAMERA), WindowOdometry(CAMERA))
+    return WindowOdometry(CAMERA)
 
 
 def followed(frames, source=None):
@@ -66,14 +64,14 @@ def test_a_covered_lens_costs_its_own_pictures_and_not_the_drive():
     assert apart_rad < 0.02
 
 
-def test_depth_that_ends_leaves_planar_odometry():
+def test_motion_goes_on_where_depth_ends():
     frames, poses = drive(MOTIONS["straight"])
     pose, found = followed([replace(f, depth=DEPTH) if f.index < 10 else f for f in frames])
     assert sum(motion.blind for motion in found) == 0
     assert off(pose, poses[-1])[0] < 0.04
 
 
-def test_depth_pictures_without_any_depth_are_followed_by_planar_odometry():
+def test_depth_pictures_without_any_depth_are_followed():
     frames, poses = drive(MOTIONS["straight"])
     blank = np.zeros_like(DEPTH)
     pose, found = followed([replace(f, depth=DEPTH if f.index < 8 else blank) for f in frames])
@@ -81,11 +79,9 @@ def test_depth_pictures_without_any_depth_are_followed_by_planar_odometry():
     assert off(pose, poses[-1])[0] < 0.04
 
 
-def test_depth_of_every_second_picture_keeps_the_window():
+def test_depth_of_every_second_picture_is_used():
     frames, poses = drive(MOTIONS["left arc"])
-    source, pose, used = odometry(), SE2(), []
+    source, pose = odometry(), SE2()
     for frame in frames:
         pose = pose @ source.step(replace(frame, depth=DEPTH) if frame.index % 2 == 0 else frame, {}).motion
-        used.append(source.windowed)
-    assert all(used)
     assert off(pose, poses[-1])[0] < 0.035

@@ -9,7 +9,6 @@ from support.odometry import MadeOdometry
 from edgemap.geometry.camera.attitude import Attitude, GyroRotation, RoomHeading
 from edgemap.geometry.se2 import SE2
 from edgemap.runtime.frames.frame import Frame
-from edgemap.runtime.motion.odometry.coasting import CoastingRule
 from edgemap.runtime.motion.odometry.gyro import GyroOdometry
 from edgemap.runtime.motion.odometry.hybrid import HybridOdometry, HybridRule, Member
 from edgemap.runtime.motion.odometry.protocol import FramePrior, Motion, MotionState, blind_motion, first_motion
@@ -57,10 +56,10 @@ def motion(x_m, sigma_m, yaw_rad=0.0, fault=""):
 
 def test_who_fails_is_left_out_and_its_fault_with_it():
     start, good = motion(0.0, 1.0), motion(0.1, 0.01)
-    failed = motion(9.0, 0.5, fault="planar odometry: nothing agrees")
+    failed = motion(9.0, 0.5, fault="window odometry: nothing agrees")
     hybrid = of(camera=[start, failed, good], wheels=[start, good, good])
     _, second, third = (hybrid.step(FRAME, {}) for _ in range(3))
-    assert (second.motion.x_m, texts(second.faults)) == (0.1, "planar odometry: nothing agrees")
+    assert (second.motion.x_m, texts(second.faults)) == (0.1, "window odometry: nothing agrees")
     assert (third.faults, third.covariance[0, 0]) == ((), pytest.approx(LASTING * 0.5e-4))
 
 
@@ -148,44 +147,6 @@ def test_a_camera_that_is_covered_in_part_counts_less_than_wheels():
     assert moved[0.7] == pytest.approx(0.07, abs=0.001)
 
 
-@pytest.mark.parametrize(("acceleration_m_s2", "most_m"), [(2.0, 0.12), (1e6, 0.81)])
-def test_a_step_of_unknown_length_is_held_to_what_a_robot_can_do(acceleration_m_s2, most_m):
-    """From 0.5 m/s to 4 m/s in 0.2 s, by corners that state 0.4 m."""
-    sure, collapsed = motion(0.1, 0.005), motion(0.8, 0.4)
-    rule = CoastingRule(acceleration_m_s2=(acceleration_m_s2, acceleration_m_s2))
-    hybrid = fusing([Member(Scripted(*[sure] * 4, collapsed), "camera")], coasting=rule)
-    found = [hybrid.step(at(0.2 * k), {}).motion.x_m for k in range(5)]
-    assert found[3] == pytest.approx(0.1)
-    assert most_m - 0.02 < found[4] < most_m
-
-
-def test_a_turn_beyond_a_members_reach_leaves_it_out_and_the_next_step_does_not():
-    still = motion(0.0, 0.01)
-    flow = Scripted(still, motion(0.5, 0.001, -0.02), motion(0.1, 0.001, 0.1))
-    wheels = Scripted(still, motion(0.4, 0.01, -0.5), motion(0.1, 0.01, 0.1))
-    hybrid = fusing([Member(flow, "camera", reach_rad=0.2), Member(wheels, "wheels")])
-    hybrid.step(at(0.0), {})
-    found = hybrid.step(at(0.9), {})
-    assert (found.motion.x_m, found.motion.yaw_rad, found.blind, found.faults) == (0.4, -0.5, False, ())
-    assert hybrid.step(at(1.0), {}).covariance[0, 0] < LASTING * 0.001**2 * 1.01
-
-
-@pytest.mark.parametrize("sigma_m", [0.001, 0.02, None])
-def test_a_network_with_a_memory_is_no_surer_than_the_corners_beside_it(sigma_m):
-    """It states a millimetre whatever it sees: where corners state 2 cm they decide, and where they are lost the last
-    velocity is carried on."""
-    step, off = motion(0.1, 0.001), motion(0.2, 0.001)
-    corners = Scripted(step, step, motion(0.1, sigma_m) if sigma_m else blind_motion(made("lost")))
-    memory = Scripted(step, step, step if sigma_m == 0.001 else off)
-    memory.name = "flow"
-    members = [Member(corners, "camera"), Member(memory, "camera", auxiliary=True)]
-    hybrid = fusing(members, coasting=CoastingRule(acceleration_m_s2=(1e6, 1e6)))
-    found = [hybrid.step(at(stamp_s), {}) for stamp_s in (0.0, 0.1, 0.2)][-1]
-    assert found.motion.x_m == pytest.approx(0.1, abs=0.02)
-    assert found.blind is (sigma_m is None)
-    assert found.covariance[0, 0] >= (sigma_m or 0.04) ** 2
-
-
 @pytest.mark.parametrize(
     ("answers", "still"),
     [((True, False), False), ((True, None), True), ((None, None), None), ((True, True), True), ((False, None), False)],
@@ -203,7 +164,7 @@ def test_each_step_tells_who_was_used_who_was_blind_and_who_was_left_out():
     """Of the camera, flow agrees with the wheels and planar does not; then planar is lost; then all are."""
     start, agrees, lost = motion(0.0, 1.0), motion(0.1, 0.001), motion(0.0, 1.0, fault="lost")
     steps = {
-        "planar": (Scripted(start, motion(0.3, 0.001), lost, lost), "camera"),
+        "window": (Scripted(start, motion(0.3, 0.001), lost, lost), "camera"),
         "flow": (Scripted(start, agrees, agrees, lost), "camera"),
         "wheel:way.csv": (Scripted(start, agrees, agrees, lost), "wheels"),
     }
@@ -212,9 +173,9 @@ def test_each_step_tells_who_was_used_who_was_blind_and_who_was_left_out():
     hybrid = fusing([Member(odometry, source) for odometry, source in steps.values()])
     found = [hybrid.step(at(index / 10), {}).members for index in range(4)]
     assert found[1:] == [
-        {"planar": "left_out", "flow": "used", "wheel": "used"},
-        {"planar": "blind", "flow": "used", "wheel": "used"},
-        {"planar": "blind", "flow": "blind", "wheel": "blind"},
+        {"window": "left_out", "flow": "used", "wheel": "used"},
+        {"window": "blind", "flow": "used", "wheel": "used"},
+        {"window": "blind", "flow": "blind", "wheel": "blind"},
     ]
 
 

@@ -1,8 +1,6 @@
 import itertools
 import math
 from dataclasses import replace
-from types import SimpleNamespace
-from typing import cast
 
 import cv2
 import numpy as np
@@ -15,32 +13,26 @@ from support.textured_floor import CAMERA, MOTIONS, TEXTURE, drive, seen_by
 
 from edgemap.geometry.camera.attitude import Attitude, GyroRotation
 from edgemap.geometry.camera.floor import FloorCamera
-from edgemap.geometry.camera.mount import Mount
-from edgemap.geometry.camera.platform import Platform
 from edgemap.geometry.observations.floor_mask import FloorMask
-from edgemap.geometry.odometry.keyframe_window import WindowRule
 from edgemap.geometry.se2 import SE2
-from edgemap.runtime.frames.camera import Camera
 from edgemap.runtime.frames.errors import OdometryError
 from edgemap.runtime.frames.faults import FaultKind
 from edgemap.runtime.frames.frame import Frame
 from edgemap.runtime.frames.trajectory import Trajectory
 from edgemap.runtime.inputs.open import open_camera
-from edgemap.runtime.motion.odometry import OdometryRules, hybrid_members
 from edgemap.runtime.motion.odometry.learned import LearnedOdometry
-from edgemap.runtime.motion.odometry.planar import PlanarOdometry
 from edgemap.runtime.motion.odometry.protocol import NO_PRIOR, FramePrior, Motion
 from edgemap.runtime.motion.odometry.recorded import WHEEL, RecordedOdometry
-from edgemap.runtime.motion.odometry.window import WindowOdometry
+from edgemap.runtime.motion.odometry.window import PicturesRule, WindowOdometry
 from edgemap.runtime.network.bundle import load_bundle
 from edgemap.runtime.network.preprocess import Preprocessor
 from edgemap.runtime.network.store import bundle_folder
 
 
 @pytest.mark.parametrize("name", MOTIONS)
-def test_planar_follows_a_textured_floor(name):
+def test_the_window_follows_a_textured_floor(name):
     frames, poses = drive(MOTIONS[name])
-    odometry, pose = PlanarOdometry(CAMERA), SE2()
+    odometry, pose = WindowOdometry(CAMERA), SE2()
     first = odometry.step(frames[0], {})
     assert first.motion == SE2()
     for frame in frames[1:]:
@@ -60,7 +52,7 @@ def walked_by(frames, shift_px=12):
         yield frame, FramePrior(movers=np.array([[0.0, 0.0, 240.0, 240.0]]))
 
 
-def test_planar_looks_past_people_who_walk_by():
+def test_the_window_looks_past_people_who_walk_by():
     _, poses = drive(MOTIONS["straight"])
     frames, priors = zip(*walked_by(drive(MOTIONS["straight"])[0]), strict=True)
     off = off_after(frames, poses, priors=priors)
@@ -70,7 +62,7 @@ def test_planar_looks_past_people_who_walk_by():
     assert math.hypot(unknown.x_m, unknown.y_m) > 0.1
 
 
-def test_planar_follows_a_robot_that_moves_sideways_by_itself():
+def test_the_window_follows_a_robot_that_moves_sideways_by_itself():
     """Much floor in view outweighs that most robots cannot."""
     frames, poses = drive([SE2(0.04)] * 55 + [SE2(0.0, 0.03, 0.0)] * 20)
     off = off_after(frames, poses)
@@ -79,13 +71,13 @@ def test_planar_follows_a_robot_that_moves_sideways_by_itself():
 
 
 def off_after(frames, poses, camera=CAMERA, priors=None, odometry=None):
-    odometry, pose = odometry or PlanarOdometry(camera), SE2()
+    odometry, pose = odometry or WindowOdometry(camera), SE2()
     for frame, prior in zip(frames, priors or [NO_PRIOR] * len(frames), strict=True):
         pose = pose @ odometry.step(frame, {}, prior).motion
     return pose.inverse() @ poses[-1]
 
 
-def test_planar_follows_a_camera_that_nods_by_its_attitude():
+def test_the_window_follows_a_camera_that_nods_by_its_attitude():
     """Three degrees up and down over a second: a metre ahead that is 0.2 m of floor."""
     _, poses = drive(MOTIONS["straight"])
     frames, priors = [], []
@@ -136,13 +128,13 @@ def test_what_an_imu_learns_of_its_tilt_is_no_motion(pitch_rad, roll_rad):
 
 
 @pytest.mark.parametrize("first", [300, 400])
-def test_planar_starts_in_a_car_that_drives(shared_data, first):
+def test_the_window_starts_in_a_car_that_drives(shared_data, first):
     """KITTI 00 at 6 and 8 m/s: taken for a room's, all but the floor is 5 m away, and the car drives 1 m/s."""
     with open_camera(f"kitti:{shared_data / 'kitti00'}") as source:
         assert source.info.intrinsics is not None
         assert source.info.mount is not None
         assert source.info.truth is not None
-        odometry, pose, start = PlanarOdometry(FloorCamera(source.info.intrinsics, source.info.mount)), SE2(), SE2()
+        odometry, pose, start = WindowOdometry(FloorCamera(source.info.intrinsics, source.info.mount)), SE2(), SE2()
         for index in range(first + 31):
             frame = source.read()
             assert frame is not None
@@ -156,9 +148,9 @@ def test_planar_starts_in_a_car_that_drives(shared_data, first):
 
 def test_a_gyro_tells_a_carried_cameras_yaw_while_its_tilt_is_unknown():
     frames, poses = drive(MOTIONS["left arc"])
-    sigmas, rule = [], WindowRule(gyro_rad=1e-9, gyro_share=1e-9)
+    sigmas, rule = [], PicturesRule(gyro_rad=1e-9, gyro_share=1e-9)
     for sigma_rad in (0.0001, 0.1):
-        odometry, motion = WindowOdometry(CAMERA, window=rule), Motion()
+        odometry, motion = WindowOdometry(CAMERA, rule), Motion()
         for frame, prior in zip(frames, with_gyro(poses, 0.0, sigma_rad), strict=True):
             assert prior.attitude is not None
             tilted = replace(prior.attitude, covariance_rad2=np.eye(2) * math.radians(8.0) ** 2)
@@ -168,7 +160,7 @@ def test_a_gyro_tells_a_carried_cameras_yaw_while_its_tilt_is_unknown():
 
 
 @pytest.mark.parametrize("gyro", [False, True])
-def test_planar_follows_a_turn_of_seventeen_degrees_between_two_pictures(gyro):
+def test_the_window_follows_a_turn_of_seventeen_degrees_between_two_pictures(gyro):
     yaw_rad = math.radians(17.0)
     frames, poses = drive([*MOTIONS["straight"][:6], SE2(0.02, 0.0, yaw_rad), *MOTIONS["straight"][:3]])
     priors = None
@@ -181,8 +173,8 @@ def test_planar_follows_a_turn_of_seventeen_degrees_between_two_pictures(gyro):
     assert abs(off.yaw_rad) < 0.02
 
 
-def test_planar_says_so_where_there_is_nothing_to_follow():
-    odometry = PlanarOdometry(CAMERA)
+def test_the_window_says_so_where_there_is_nothing_to_follow():
+    odometry = WindowOdometry(CAMERA)
     blank = np.full((240, 320, 3), 128, np.uint8)
     odometry.step(Frame(0, 0.0, blank), {})
     motion = odometry.step(Frame(1, 0.1, blank), {})
@@ -190,9 +182,9 @@ def test_planar_says_so_where_there_is_nothing_to_follow():
     assert motion.covariance[0, 0] >= 0.01
 
 
-def test_planar_carries_the_last_motion_through_a_short_gap_with_large_covariance():
+def test_the_window_carries_the_last_motion_through_a_short_gap_with_large_covariance():
     frames, _ = drive(MOTIONS["straight"][:6])
-    odometry = PlanarOdometry(CAMERA)
+    odometry = WindowOdometry(CAMERA)
     for frame in frames:
         seen = odometry.step(frame, {})
     gap = odometry.step(Frame(7, 0.7, np.full((240, 320, 3), 128, np.uint8)), {})
@@ -201,7 +193,7 @@ def test_planar_carries_the_last_motion_through_a_short_gap_with_large_covarianc
     assert np.trace(gap.covariance) > 100 * np.trace(seen.covariance)
 
 
-def test_planar_is_less_sure_where_part_of_the_picture_moves_by_itself():
+def test_the_window_is_less_sure_where_part_of_the_picture_moves_by_itself():
     """Who agrees says how well it is known; that some do not says that the picture is not what it was taken for."""
     frames, _ = drive(MOTIONS["straight"])
     sliding = []
@@ -211,7 +203,7 @@ def test_planar_is_less_sure_where_part_of_the_picture_moves_by_itself():
         sliding.append(Frame(frame.index, frame.stamp_s, picture))
     traces = []
     for pictures in (frames, sliding):
-        odometry = PlanarOdometry(CAMERA)
+        odometry = WindowOdometry(CAMERA)
         found = [odometry.step(frame, {}) for frame in pictures]
         assert found[-1].motion.x_m == pytest.approx(0.04, abs=0.004)
         traces.append(np.median([motion.covariance[0, 0] for motion in found[8:]]))
@@ -271,22 +263,6 @@ def test_flow_at_three_times_the_rate_adds_up_to_the_same_motion():
     assert np.abs(rarely[:, 0]).max() > 0.02
 
 
-@pytest.mark.parametrize(
-    ("height_m", "pitch_deg", "platform", "heads"),
-    [(0.6, 11.5, Platform.ROBOT, 1), (1.65, 0.0, Platform.CAR, 0), (1.65, 0.0, Platform.ROBOT, 0)],
-)
-def test_a_room_s_head_is_left_out_on_a_road_and_on_a_head(height_m, pitch_deg, platform, heads):
-    """A robot's camera, and one 1.65 m up that looks ahead; no word where the window takes the head's place."""
-    bundle = load_bundle(bundle_folder("edgemap-nano"), 1)
-    floor = FloorCamera(CAMERA.intrinsics, Mount.from_degrees(height_m, pitch_deg, 0.0, platform=platform))
-    source = cast(Camera, SimpleNamespace(info=SimpleNamespace(wheel=None)))
-    members, warning = hybrid_members(bundle, source, floor, True, OdometryRules())
-    names = [member.odometry.name for member in members]
-    assert names.count("flow") == heads
-    assert names[0] == "planar"
-    assert bool(warning) == (platform is Platform.CAR)
-
-
 def test_an_untrained_head_is_refused(tmp_path):
     bundle = load_bundle(painted.write_painted(tmp_path / "b", [], odometry=False))
     with pytest.raises(OdometryError, match="untrained"):
@@ -343,7 +319,7 @@ def test_a_floor_mask_keeps_the_scale_beside_a_table():
     frames, poses = drive(MOTIONS["straight"])
     path_m = {}
     for masked in (True, False):
-        odometry, pose = PlanarOdometry(CAMERA), SE2()
+        odometry, pose = WindowOdometry(CAMERA), SE2()
         for frame, prior in over_a_table(frames, poses):
             pose = pose @ odometry.step(frame, {}, prior if masked else NO_PRIOR).motion
         path_m[masked] = pose.x_m

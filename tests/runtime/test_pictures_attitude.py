@@ -81,7 +81,7 @@ def test_a_nodding_robot_is_followed_about_its_mount():
 def test_a_real_walk_is_seen_level_without_an_imu():
     drive = open_drive(f"c2w:{WALK}")
     camera = drive_camera(replace(drive, depth=()), f"c2w:{WALK}")
-    with edgemap.open(camera, "edgemap-pico", odometry="planar") as session:
+    with edgemap.open(camera, "edgemap-pico", odometry="window") as session:
         found = [step.observed.camera.attitude for step, _ in zip(session, range(80), strict=False)]
     true = [drive.attitudes.at(stamp_s, MOUNT.height_m) for stamp_s in drive.stamps_s[:80]]
     mount = attitude_figures([Attitude.of_mount(drive.mount)] * 45, true[35:])

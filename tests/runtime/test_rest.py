@@ -20,8 +20,8 @@ from edgemap.runtime.inputs.open import open_camera
 from edgemap.runtime.motion.health import PictureHealth
 from edgemap.runtime.motion.odometry.gyro import GyroOdometry
 from edgemap.runtime.motion.odometry.hybrid import HybridOdometry, Member
-from edgemap.runtime.motion.odometry.planar import PlanarOdometry
 from edgemap.runtime.motion.odometry.recorded import RecordedOdometry
+from edgemap.runtime.motion.odometry.window import WindowOdometry
 from edgemap.runtime.motion.rest import RestMonitor
 from edgemap.runtime.network.bundle import load_bundle
 from edgemap.runtime.step.mapper import Mapper
@@ -127,7 +127,7 @@ def test_at_rest_no_network_runs_nothing_is_counted_and_the_first_motion_is_comp
         assert camera.info.intrinsics
         assert camera.info.mount
         floor = FloorCamera(camera.info.intrinsics, camera.info.mount)
-    sleepy, awake = (SemanticSlam(Pipeline(bundle, floor, PlanarOdometry(floor)), Mapper()) for _ in range(2))
+    sleepy, awake = (SemanticSlam(Pipeline(bundle, floor, WindowOdometry(floor)), Mapper()) for _ in range(2))
     moving = [Frame(index, index / 10, picture) for index, picture in enumerate(pictures[:18])]
     for frame in moving[:17]:
         sleepy.step(frame)

@@ -65,7 +65,7 @@ def winding(count):
 
 def fused(true, told, seed=0):
     """Faults by stamp, and how far off the last pose is, (3,). told: by the wheels, None for none."""
-    members = [Member(Noisy("planar", "camera", true, seed), "camera")]
+    members = [Member(Noisy("window", "camera", true, seed), "camera")]
     if told is not None:
         members.append(Member(Noisy("wheel", "wheels", told, seed + 1), "wheels"))
     hybrid, faults, pose, there = HybridOdometry(members), [], SE2(), SE2()

@@ -14,7 +14,6 @@ from support.textured_floor import CAMERA, seen_by
 
 from edgemap.geometry.camera.attitude import Attitude, TrackedRotation
 from edgemap.geometry.camera.floor import FloorCamera
-from edgemap.geometry.camera.intrinsics import Intrinsics
 from edgemap.geometry.camera.level import up_optical
 from edgemap.geometry.camera.mount import Mount
 from edgemap.geometry.camera.platform import Platform
@@ -22,15 +21,10 @@ from edgemap.geometry.se2 import SE2
 from edgemap.runtime.frames.camera import CameraInfo
 from edgemap.runtime.frames.faults import FaultKind
 from edgemap.runtime.frames.frame import Frame
-from edgemap.runtime.motion import odometry as odometries
 from edgemap.runtime.motion.attitude.pictures import PicturesAttitude
-from edgemap.runtime.motion.odometry import open_odometry
-from edgemap.runtime.motion.odometry.planar import PlanarOdometry
+from edgemap.runtime.motion.odometry import OdometryRules, hybrid_members
 from edgemap.runtime.motion.odometry.protocol import FramePrior, Motion
-from edgemap.runtime.motion.odometry.tracked import TrackedOdometry
 from edgemap.runtime.motion.odometry.window import WindowOdometry
-from edgemap.runtime.network.bundle import load_bundle
-from edgemap.runtime.network.store import bundle_folder
 from edgemap.runtime.step.pipeline import attitude_after
 
 HEAD = FloorCamera(CAMERA.intrinsics, Mount.from_degrees(1.5, 25.0))
@@ -123,29 +117,19 @@ def test_steps_without_pictures_are_not_counted_twice():
     assert total(motions).x_m == pytest.approx(poses[-1].x_m, abs=0.08)
 
 
-def test_a_camera_at_head_height_without_wheels_begins_as_a_carried_one(monkeypatch):
-    bundle = load_bundle(bundle_folder("edgemap-pico"))
-    lens = Intrinsics(320, 240, 250.0, 250.0, 159.5, 119.5)
-
-    made = []
-    monkeypatch.setattr(odometries, "TrackedOdometry", lambda *parts: made.append(parts[-1]) or TrackedOdometry(*parts))
-
-    def member(mount, wheel=None):
-        open_odometry(
-            "hybrid",
-            bundle,
-            SimpleNamespace(info=CameraInfo("made", wheel=wheel)),
-            FloorCamera(lens, mount),
-            wheels=False,
-        )
-        return made[-1]
-
-    assert member(Mount.from_degrees(1.64, 20.0))
-    assert not member(Mount.from_degrees(0.5, 15.0))
-    assert not member(Mount.from_degrees(0.5, 35.0))  # outside its envelope too, but a robot's
-    assert not member(Mount.from_degrees(1.64, 20.0), wheel="wheel.csv")
-    car = Mount(1.64, math.radians(5.0), platform=Platform.CAR)
-    assert not member(car)
+@pytest.mark.parametrize(
+    ("mount", "wheel", "carried"),
+    [
+        (Mount.from_degrees(1.64, 20.0), None, True),
+        (Mount.from_degrees(0.5, 35.0), None, False),
+        (Mount.from_degrees(1.64, 20.0), "wheel.csv", False),
+        (Mount(1.64, math.radians(5.0), platform=Platform.CAR), None, False),
+    ],
+)
+def test_a_camera_at_head_height_without_wheels_begins_as_a_carried_one(mount, wheel, carried):
+    source = SimpleNamespace(info=CameraInfo("made", wheel=wheel))
+    pictures = hybrid_members(source, FloorCamera(CAMERA.intrinsics, mount), False, OdometryRules())[0].odometry
+    assert pictures.judged.carried == carried
 
 
 def test_an_imus_tilt_gives_way_to_one_that_the_window_knows_better():
@@ -160,13 +144,13 @@ def test_an_imus_tilt_gives_way_to_one_that_the_window_knows_better():
         assert camera.attitude.source == "imu"
 
 
-def test_the_window_takes_over_where_the_camera_begins_to_sway():
+def test_a_camera_that_begins_to_sway_counts_as_carried():
     """It nods by 1.5 degrees a picture, 15 a second; no motion is counted twice or left out."""
     frames, poses, attitudes = walked([SE2(0.06)] * 24, lambda index: 2.5 * math.sin(0.7 * index))
-    tracked = TrackedOdometry(PlanarOdometry(HEAD), WindowOdometry(HEAD))
+    tracked = WindowOdometry(HEAD)
     used, motions = [], []
     for frame, seen in zip(frames, attitudes, strict=True):
-        used.append(tracked.carried)
+        used.append(tracked.judged.carried)
         motions.append(tracked.step(frame, {}, FramePrior(seen)))
     assert not used[0]
     assert used[-1]

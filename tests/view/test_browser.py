@@ -159,11 +159,11 @@ def test_sightings_come_and_go_and_faults_appear(watched):
         tab.until("edgemap.map.sightings.length === 12")
         tab.click("sightings")
         tab.until("edgemap.map.sightings.length === 0")
-    served.fault("planar odometry: 3 corners on the floor")
+    served.fault("window odometry: 3 corners on the floor")
     tab.until("document.querySelector('#faults li')?.firstChild.textContent === 'frame 7'")
     words = tab.value("document.getElementById('faults').textContent")
     remedy = CAUSES["drift"].remedy.replace("`", "")
-    assert words == f"frame 7planar odometry: 3 corners on the floor{remedy}"
+    assert words == f"frame 7window odometry: 3 corners on the floor{remedy}"
     served.page.close()
     tab.until("edgemap.state === 'finished'")
     assert tab.value("document.getElementById('pause').disabled")
@@ -263,10 +263,10 @@ def test_what_is_wrong_stands_first_in_words(watched):
     wait_for(lambda: served.step() or tab.value(f"{headline}.startsWith('Running')"), "a run without problems")
     assert tab.value("document.getElementById('status').dataset.level") == "ok"
     served.page.camera_state = lambda: "lost"
-    served.fault("planar odometry: 3 corners on the floor")
+    served.fault("window odometry: 3 corners on the floor")
     tab.until(f"{headline} === 'The camera is lost. The map so far is saved.'")
     assert tab.value("[...document.querySelectorAll('#problems li')].map(li => li.textContent)") == [
-        "Odometry: planar odometry: 3 corners on the floor."
+        "Odometry: window odometry: 3 corners on the floor."
     ]
     assert tab.value("document.getElementById('status').dataset.level") == "fault"
     assert tab.value("document.getElementById('status').getBoundingClientRect().top") == 0

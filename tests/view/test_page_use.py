@@ -109,7 +109,7 @@ def test_an_empty_map_says_what_to_do(serve, look):
 def test_engineering_figures_are_folded_away_and_faults_open_them(watched):
     served, tab = watched(3)
     assert tab.value("document.getElementById('stages').checkVisibility()") is False
-    served.fault("planar odometry: 3 corners on the floor")
+    served.fault("window odometry: 3 corners on the floor")
     tab.until("!document.getElementById('faults-link').hidden")
     tab.click("faults-link")
     assert tab.value("document.getElementById('faults').checkVisibility()") is True
@@ -329,7 +329,7 @@ def test_axe_finds_no_serious_fault_on_the_page(serve, look, scheme, size):
     served.step(12)
     api = Api(served.port)
     api("POST", "/api/zones", {"name": "hall", "corners_m": [[0, 0], [4, 0], [4, 3]]})
-    served.fault("planar odometry: 3 corners on the floor")
+    served.fault("window odometry: 3 corners on the floor")
     tab = look(served, prefers_color_scheme=scheme, **size)
     tab.until("edgemap.map.objects.size === 2")
     assert serious_faults(tab) == []

@@ -61,7 +61,7 @@ def test_too_few_steps_are_no_overload(tmp_path, clock):
 def test_a_camera_that_is_away_comes_before_everything_else(tmp_path, clock):
     state = ["running"]
     page, steps = page_of(tmp_path, clock, camera_state=lambda: state[0])
-    page.write(*steps.next(made("planar odometry: 3 corners on the floor")))
+    page.write(*steps.next(made("window odometry: 3 corners on the floor")))
     clock[0] += 7.0
     assert [problem[:2] for problem in items(page)] == [("fault", "camera"), ("degraded", "odometry")]
     state[0] = "degraded"

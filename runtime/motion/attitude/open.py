@@ -35,7 +35,7 @@ def open_attitude(
     rule, rules = rule or AttitudeRule(), rules or OdometryRules()
     pictures = PicturesAttitude(floor.mount, rule.check.tilt, rule.rotation_share)
     clock = _clock_of(camera.info.imu)
-    inertial = InertialAttitude(floor.mount, pictures, rule, rules.planar.carried, rules.hybrid.trust, clock)
+    inertial = InertialAttitude(floor.mount, pictures, rule, rules.pictures.carried, rules.hybrid.trust, clock)
     without_depth = inertial if imu else pictures
     return CheckedMount(floor, DepthAttitude(floor, without_depth, pictures), pictures, rule.check, health)
 

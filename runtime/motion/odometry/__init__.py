@@ -6,40 +6,34 @@ from pathlib import Path
 
 from edgemap.geometry.camera.floor import FloorCamera
 from edgemap.geometry.camera.mount_tilt import MountTiltRule
-from edgemap.geometry.odometry.keyframe_window import WindowRule
 from edgemap.runtime.frames.camera import Camera
 from edgemap.runtime.frames.errors import OdometryError
-from edgemap.runtime.frames.faults import Fault, FaultKind
+from edgemap.runtime.frames.faults import FaultKind
 from edgemap.runtime.frames.trajectory import PoseTrack, TrackFile
 from edgemap.runtime.motion.given_poses import GivenPoses, read_given
 from edgemap.runtime.motion.health import HealthRule
 from edgemap.runtime.motion.judge import JudgeRule, MotionJudge
 from edgemap.runtime.motion.odometry.coasting import CoastingRule
-from edgemap.runtime.motion.odometry.corner_odometry import PlanarRule
 from edgemap.runtime.motion.odometry.gyro import GyroOdometry
 from edgemap.runtime.motion.odometry.hybrid import CAMERA, GYRO, WHEELS, HybridOdometry, HybridRule, Member
 from edgemap.runtime.motion.odometry.judged import JudgedOdometry
 from edgemap.runtime.motion.odometry.learned import LearnedOdometry
-from edgemap.runtime.motion.odometry.planar import PlanarOdometry
 from edgemap.runtime.motion.odometry.protocol import Motion, Odometry
 from edgemap.runtime.motion.odometry.recorded import WHEEL, DriftRate, RecordedOdometry
-from edgemap.runtime.motion.odometry.tracked import TrackedOdometry
-from edgemap.runtime.motion.odometry.window import WindowOdometry
+from edgemap.runtime.motion.odometry.window import PicturesRule, WindowOdometry
 from edgemap.runtime.motion.odometry_names import is_pose_file
 from edgemap.runtime.network.bundle import Bundle
-from edgemap.runtime.network.manifest import Manifest
 
 __all__ = ["Motion", "Odometry", "OdometryRules", "at_head_height", "open_odometry"]
 
 
 @dataclass(frozen=True, slots=True)
 class OdometryRules:
-    """Tuned parameters of the odometries: planar landmarks, the window of keyframes, wheels, the hybrid of all, and the
-    guess while blind.
+    """Tuned parameters of the odometries: corners in a window of keyframes (`pictures`), wheels, the hybrid of all, and
+    the guess while blind.
     """
 
-    planar: PlanarRule = field(default_factory=PlanarRule)
-    window: WindowRule = field(default_factory=WindowRule)
+    pictures: PicturesRule = field(default_factory=PicturesRule)
     wheels: DriftRate = WHEEL
     hybrid: HybridRule = field(default_factory=HybridRule)
     coasting: CoastingRule = field(default_factory=CoastingRule)
@@ -58,7 +52,7 @@ def open_odometry(
     pose_frame: str | None = None,
 ) -> Odometry:
     """The odometry that a name stands for: hybrid, paper, truth, wheel or FILE.tum; for experiments a member of the
-    hybrid alone: flow, planar, window, gyro.
+    hybrid alone: flow, window, gyro.
 
     wheels: whether the hybrid uses the source's wheels, where it has any. health: rule of its pictures. tilt: rule of
     the camera's tilt about its mount. pose_frame: as of `read_given`. Raises OdometryError for one that is unknown or
@@ -67,13 +61,11 @@ def open_odometry(
     rules = rules or OdometryRules()
     coasting = rules.coasting.of_unit(floor.mount.platform.unit_m)
     if spec == "hybrid":
-        return _hybrid(bundle, camera, floor, wheels, rules, health, tilt)
+        return _hybrid(camera, floor, wheels, rules, health, tilt)
     if spec == "gyro":
         return GyroOdometry()
     if spec == "window":
-        return WindowOdometry(floor, rules.planar, rules.coasting, rules.window, tilt)
-    if spec == "planar":
-        return _tracked(floor, rules, tilt)
+        return WindowOdometry(floor, rules.pictures, rules.coasting, tilt)
     if spec in ("flow", "paper"):
         return LearnedOdometry(bundle, spec, floor, coasting)
     if spec == "truth":
@@ -84,7 +76,7 @@ def open_odometry(
         if camera.info.wheel is None:
             raise OdometryError(f"odometry wheel: {camera.info.name} brings no wheel odometry")
         wheel = _wheels(camera.info.wheel, rules)
-        beside = _hybrid(bundle, camera, floor, False, rules, health, tilt)
+        beside = _hybrid(camera, floor, False, rules, health, tilt)
         opened = wheel, wheel.trajectory, None
         return JudgedOdometry(wheel.name, lambda _: opened, beside, MotionJudge(rules.judge), FaultKind.WHEELS_EXCLUDED)
     if is_pose_file(spec):
@@ -96,13 +88,12 @@ def open_odometry(
             poses = file.by_clock(spec, stamp_s, last_s)
             return RecordedOdometry(poses.trajectory, spec, edge_s=POSES_EDGE_S), poses.trajectory, poses
 
-        beside = _hybrid(bundle, camera, floor, False, rules, health, tilt)
+        beside = _hybrid(camera, floor, False, rules, health, tilt)
         return JudgedOdometry(spec, given, beside, MotionJudge(rules.judge), FaultKind.POSES_EXCLUDED)
     raise OdometryError(f"odometry {spec!r} is not hybrid, paper, truth, wheel or FILE.tum")
 
 
 def _hybrid(
-    bundle: Bundle,
     camera: Camera,
     floor: FloorCamera,
     wheels: bool,
@@ -110,9 +101,8 @@ def _hybrid(
     health: HealthRule | None,
     tilt: MountTiltRule | None,
 ) -> HybridOdometry:
-    members, warning = hybrid_members(bundle, camera, floor, wheels, rules, tilt)
     coasting = rules.coasting.of_unit(floor.mount.platform.unit_m)
-    return HybridOdometry(members, rules.hybrid, coasting, warning, health)
+    return HybridOdometry(hybrid_members(camera, floor, wheels, rules, tilt), rules.hybrid, coasting, health)
 
 
 def _wheels(wheels: TrackFile | PoseTrack, rules: OdometryRules) -> RecordedOdometry:
@@ -120,46 +110,24 @@ def _wheels(wheels: TrackFile | PoseTrack, rules: OdometryRules) -> RecordedOdom
     return RecordedOdometry(track, f"wheel:{wheels}", rules.wheels)
 
 
-def _tracked(
-    floor: FloorCamera, rules: OdometryRules, tilt: MountTiltRule | None, carried: bool = False
-) -> TrackedOdometry:
-    """Corners on the floor and elsewhere. carried: from the start."""
-    planar = PlanarOdometry(floor, rules.planar, rules.coasting, tilt)
-    window = WindowOdometry(floor, rules.planar, rules.coasting, rules.window, tilt)
-    return TrackedOdometry(planar, window, carried)
-
-
+HEAD_M = 1.36  # height of the lens of the tallest small robot
 POSES_EDGE_S = 0.15  # poses that are taken as they are may end a frame early
 
 
 def hybrid_members(
-    bundle: Bundle,
-    camera: Camera,
-    floor: FloorCamera,
-    wheels: bool,
-    rules: OdometryRules,
-    tilt: MountTiltRule | None = None,
-) -> tuple[list[Member], Fault | None]:
-    """The hybrid's members: corners on the floor, the bundle's flow head where it is trained for such a camera, wheels
-    where the source has them, and the gyro. Also returns why a robot's camera has no flow head; None otherwise."""
+    camera: Camera, floor: FloorCamera, wheels: bool, rules: OdometryRules, tilt: MountTiltRule | None = None
+) -> list[Member]:
+    """The hybrid's members: corners in the pictures, wheels where the source has them, and the gyro."""
     scale = rules.hybrid.covariance_scale
-    head, flow = bundle.manifest.odometry.get("flow"), None
-    if head is not None and head.trained:
-        coasting = rules.coasting.of_unit(floor.mount.platform.unit_m)
-        flow = LearnedOdometry(bundle, "flow", floor, coasting=coasting)
-    warning = flow.warning if flow else None
-    carried = warning is not None and at_head_height(bundle.manifest, camera, floor)
-    members = [Member(_tracked(floor, rules, tilt, carried), CAMERA, scale**2 if warning else scale)]
-    if flow is not None and not warning:
-        members.append(Member(flow, CAMERA, scale**4, reach_rad=flow.reach_rad, auxiliary=True))
+    pictures = WindowOdometry(floor, rules.pictures, rules.coasting, tilt, at_head_height(camera, floor))
+    members = [Member(pictures, CAMERA, scale)]
     if wheels and camera.info.wheel is not None:
         members.append(Member(_wheels(camera.info.wheel, rules), WHEELS))
     members.append(Member(GyroOdometry(displaced=True), GYRO, scale**2, optional=True))
-    return members, None if carried else warning
+    return members
 
 
-def at_head_height(manifest: Manifest, camera: Camera, floor: FloorCamera) -> bool:
-    """Whether the lens is above those of the robots that the flow head was trained on: such a camera is carried, unless
-    it rides on wheels or on a road."""
-    highest_m = manifest.envelope.get("height_m", (0.0, math.inf))[1]
-    return floor.mount.height_m > highest_m and camera.info.wheel is None and floor.mount.platform.in_room
+def at_head_height(camera: Camera, floor: FloorCamera) -> bool:
+    """Whether the lens is above those of small robots: such a camera counts as carried at first, unless it rides on
+    wheels or on a road."""
+    return floor.mount.height_m > HEAD_M and camera.info.wheel is None and floor.mount.platform.in_room

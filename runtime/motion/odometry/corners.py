@@ -1,7 +1,5 @@
 """Corners that are tracked from picture to picture (Lucas and Kanade 1981, Shi and Tomasi 1994)."""
 
-import math
-from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -14,7 +12,6 @@ from edgemap.geometry.arrays import Array
 from edgemap.geometry.camera.depth_points import patch_depths
 from edgemap.geometry.camera.floor import FloorCamera
 from edgemap.geometry.observations.floor_mask import FloorMask
-from edgemap.geometry.odometry.landmarks import medians
 from edgemap.runtime.frames.frame import Frame
 
 Pixels = NDArray[np.float32]
@@ -69,16 +66,15 @@ class Picture:
 class CornerTracker:
     """Up to `CornersRule.corners` corners, and where they may lie on the floor.
 
-    corners (N, 2), px at the working width; ids (N,). detail: refine corners where large structures count half.
-    returning: drop corners that do not return to where they were when they are tracked back.
+    corners (N, 2), px at the working width; ids (N,). detail: refine corners where large structures count half. Corners
+    that do not return to where they were when they are tracked back are dropped.
     """
 
-    def __init__(self, camera: FloorCamera, rule: CornersRule, detail: bool, returning: bool = False) -> None:
+    def __init__(self, camera: FloorCamera, rule: CornersRule, detail: bool) -> None:
         scale = min(1.0, rule.working_width_px / camera.intrinsics.width)
         self._size = round(camera.intrinsics.width * scale), round(camera.intrinsics.height * scale)
         self.intrinsics = camera.intrinsics.scaled(*self._size)
-        self._rule, self._detail, self._returning = rule, detail, returning
-        self.spacing_px = math.sqrt(self._size[0] * self._size[1] / max(rule.corners, 1))  # mean distance of corners
+        self._rule, self._detail = rule, detail
         self._rays = _ray_table(FloorCamera(self.intrinsics, camera.mount))
         self._coarse = self._rays[MASK_PX // 2 :: MASK_PX, MASK_PX // 2 :: MASK_PX]
         self._window: MatLike | None = None  # suppresses edge effects of the phase correlation
@@ -141,10 +137,8 @@ class CornerTracker:
         """Drops the other corners."""
         self.corners, self.ids = self.corners[which], self.ids[which]
 
-    def seek(self, floors: int | None = None) -> Iterator[Pixels]:
-        """Replaces missing corners separately on the floor and elsewhere: a wall's contrast must not hide the floor.
-        Yields the new ones (N, 2), after they have joined the others. floors: number of corners on the floor, by
-        default of those in its mask."""
+    def seek(self) -> None:
+        """Replaces missing corners separately on the floor and elsewhere: a wall's contrast must not hide the floor."""
         missing = self._rule.corners - len(self.corners)
         if self._picture is None or missing < self._rule.corners // FEW:
             return
@@ -152,7 +146,7 @@ class CornerTracker:
         free = np.full(grey.shape, 255, dtype=np.uint8)
         for corner in self.corners.astype(np.intp).tolist():
             cv2.circle(free, corner, self._rule.apart_px, 0, -1)
-        floors = int(self.on_floor(self.corners).sum()) if floors is None else floors
+        floors = int(self._on_floor(self.corners).sum())
         for mask, have, share in (
             (free & self._mask, floors, self._rule.floor_share),
             (free & ~self._mask, len(self.corners) - floors, 1.0 - self._rule.floor_share),
@@ -171,14 +165,13 @@ class CornerTracker:
             self.ids = np.concatenate([self.ids, self._next_id + np.arange(len(fresh))])
             self._next_id += len(fresh)
             self.corners = np.concatenate([self.corners, fresh])
-            yield fresh
 
-    def on_floor(self, pixels: Pixels) -> Mask:
+    def _on_floor(self, pixels: Pixels) -> Mask:
         """Whether each pixel (N, 2) may lie on the floor, (N,)."""
         columns, rows = pixels.astype(np.intp).T
         return self._mask[rows, columns] > 0
 
-    def doubtful(self, pixels: Pixels) -> Mask:
+    def _doubtful(self, pixels: Pixels) -> Mask:
         """Whether each pixel (N, 2) lies on a person or an animal, (N,)."""
         columns, rows = pixels.astype(np.intp).T
         return self._still[rows, columns] == 0
@@ -188,7 +181,7 @@ class CornerTracker:
 
         depth: (H, W) metres; the depth of a corner is NaN where it was not measured.
         """
-        still = ~self.doubtful(self.corners)
+        still = ~self._doubtful(self.corners)
         corners = self.corners[still]
         columns, rows = corners.astype(np.intp).T
         floor = self._mask > 0 if self._floor is None else self._floor
@@ -223,10 +216,8 @@ class CornerTracker:
             good &= near
         else:  # KITTI from frame 500: 5.6 %, with detail 7.9
             moved, good = self._tracked(last.grey, now.grey, self.corners, expected, LEVELS)
-        if self._returning:
-            back, returned = self._tracked(now.grey, last.grey, moved, self.corners, 1)
-            good &= returned & (np.abs(back - self.corners).max(axis=1) < BACK_PX)
-        return moved, good
+        back, returned = self._tracked(now.grey, last.grey, moved, self.corners, 1)
+        return moved, good & returned & (np.abs(back - self.corners).max(axis=1) < BACK_PX)
 
     def _tracked(
         self, last: MatLike, grey: MatLike, corners: Pixels, expected: Pixels, levels: int
@@ -250,7 +241,7 @@ class CornerTracker:
             still = cv2.resize(self._still, (width, height), interpolation=cv2.INTER_NEAREST)
             small = [np.where(still, p - cv2.mean(p, still)[0], 0.0).astype(np.float32) for p in small]
         shift, response = cv2.phaseCorrelate(small[0], small[1], self._window)
-        surprise = SHIFT_PX * np.array(shift) - medians(expected - self.corners)
+        surprise = SHIFT_PX * np.array(shift) - np.median(expected - self.corners, axis=0)
         clear = response > self._rule.shift_response and np.hypot(*surprise) > self._rule.window_px / 2 * 2**LEVELS
         return surprise.astype(np.float32) if clear else np.zeros(2, dtype=np.float32)
 

@@ -1,8 +1,7 @@
-"""Several odometries fused into one: a network, tracked corners, wheels and gyro fail in different ways."""
+"""Several odometries fused into one: pictures, wheels and gyro fail in different ways."""
 
 import math
 from collections.abc import Iterable, Sequence
-from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -28,7 +27,6 @@ from edgemap.runtime.motion.odometry.protocol import (
     Motion,
     MotionState,
     Odometry,
-    blind_motion,
     first_motion,
     no_motion,
     unknown_covariance,
@@ -46,11 +44,9 @@ CAMERA = "camera"  # the source that judges the wheels
 class HybridRule:
     """Weights of the hybrid's members."""
 
-    # Factor on covariances, so that they agree with the errors: on those of corners and gyro; once more on those of a
-    # carried camera's corners; three times more on those of the flow head, whose errors last longest; and on the fused
-    # one, as errors of landmarks, of scale and of a wheel's radius last for seconds, so that sums over 1 to 10 s vary
-    # more than independent steps would (NEES over 3 without it: camera alone 1.9 to 3.7, with wheels 1.2 to 2.9, camera
-    # and gyro 1.3 to 2.5; homes 8301-8310).
+    # Factor on covariances, so that they agree with the errors: on those of pictures, twice on the gyro's, and on the
+    # fused one, as errors of landmarks, of scale and of a wheel's radius last for seconds, so that sums over 1 to 10 s
+    # vary more than independent steps would.
     covariance_scale: float = 2.0
     # A further factor for the camera where the share of the picture that stays plain while the rest moves reaches
     # `health.part_share`, as a cover and its edge do not move; raised to the power of covered share over that limit.
@@ -70,19 +66,13 @@ class Member:
     """An odometry within the hybrid. source: those of one source share their errors: `camera`, `wheels`, `gyro`.
 
     covariance_scale: factor on its covariance, fitted on validation drives so that errors and covariance agree.
-    optional: its absence is a fault only after it has measured once. reach_rad: largest turn of one step that it can
-    measure. auxiliary: it is used only together with another member of its source, with variances no smaller than that
-    one's. The flow head is one: its recurrent state repeats the last motion where a picture shows nothing. The error of
-    its step is 0.5 cm where corners state 2 mm, 1.7 where they state 2 cm, 3.3 where 10 cm; it states 0.6 (sixteen
-    homes).
+    optional: its absence is a fault only after it has measured once.
     """
 
     odometry: Odometry
     source: str
     covariance_scale: float = 1.0
     optional: bool = False
-    reach_rad: float = math.inf
-    auxiliary: bool = False
 
 
 class HybridOdometry:
@@ -90,67 +80,39 @@ class HybridOdometry:
 
     A member that is blind, reports a fault or is not finite is left out until it measures again, and the fault names
     it; where no member measures, the motion is a guess (`Coasting`).
-    members: the most trusted first. warning: reported with the first motion. health: from which covered share of a
-    picture on the camera is in doubt. Raises ValueError for no members.
+    members: the most trusted first. health: from which covered share of a picture on the camera is in doubt. Raises
+    ValueError for no members.
     """
 
-    name = "hybrid"
+    name, needs_features = "hybrid", False
 
     def __init__(
         self,
         members: Sequence[Member],
         rule: HybridRule | None = None,
         coasting: CoastingRule | None = None,
-        warning: Fault | None = None,
         health: HealthRule | None = None,
     ) -> None:
         if not members:
             raise ValueError("a hybrid odometry needs members")
         self._members = tuple(members)
-        self._networks = {index for index, member in enumerate(members) if member.odometry.needs_features}
-        self.needs_features = len(self._networks) == len(members)
         self._rule, self._coasting = rule or HybridRule(), Coasting(coasting)
-        self._warning, self._covered_limit = warning, (health or HealthRule()).part_share
-        # The others compute in Python while a network runs: 6.3 instead of 8.7 ms a step, paced, two cores.
-        self._executor = ThreadPoolExecutor(1, "odometry")
+        self._covered_limit = (health or HealthRule()).part_share
         self.reset("start")
-
-    def begin(self, frame: Frame, features: Tensors, prior: FramePrior = NO_PRIOR) -> None:
-        """Start the members that are networks, in another thread.
-
-        They sleep and begin again where two frames in a row have features: a network that was trained on neighbouring
-        frames errs over longer intervals, and its covariance does not show it in time.
-        """
-        was_awake, self._awake, self._fed = self._awake, bool(features) and self._fed, bool(features)
-        networks = {index: self._members[index].odometry for index in self._networks}
-        for network in networks.values() if was_awake and not self._awake else ():
-            network.reset("no features")
-        awake = networks.items() if self._awake and not self.needs_features else ()
-        self._begun = {index: self._executor.submit(network.step, frame, features, prior) for index, network in awake}
-        self._begun_with = frame.index
 
     def step(self, frame: Frame, features: Tensors, prior: FramePrior = NO_PRIOR) -> Motion:
         """The members' fused motion since the last frame."""
-        if self._begun_with != frame.index:
-            self.begin(frame, features, prior)
-        motions = [blind_motion()] * len(self._members)
-        for index, member in enumerate(self._members):
-            if index not in self._begun and (self._awake or index not in self._networks):
-                motions[index] = member.odometry.step(frame, features, prior)
-        for index, future in self._begun.items():
-            motions[index] = future.result()
+        motions = [member.odometry.step(frame, features, prior) for member in self._members]
         height, width = frame.image.shape[:2]
         self._movers = share_covered(prior.movers, width, height)
         motion = self._corrected(frame.stamp_s, self._fused(frame.stamp_s, motions, prior.covered), prior.attitude)
-        self._last_s, self._blind_rad = frame.stamp_s, 0.0
+        self._last_s = frame.stamp_s
         return motion
 
     def step_blind(self, stamp_s: float, reason: Fault, attitude: Attitude | None = None) -> Motion:
         """The motion of the members that need no picture."""
         motions = [member.odometry.step_blind(stamp_s, reason, attitude) for member in self._members]
-        motion = self._corrected(stamp_s, self._fused(stamp_s, motions), attitude)
-        self._blind_rad += motion.motion.yaw_rad
-        return motion
+        return self._corrected(stamp_s, self._fused(stamp_s, motions), attitude)
 
     def still(self, stamp_s: float, attitude: Attitude | None) -> bool | None:
         """Whether every member that measures rest reports it; None where none measures it."""
@@ -163,7 +125,7 @@ class HybridOdometry:
         for member in self._members:
             member.odometry.rest(stamp_s)
         self._coasting.saw(SE2(), stamp_s)
-        self._last_s, self._blind_rad = stamp_s, 0.0
+        self._last_s = stamp_s
         return no_motion()
 
     def reset(self, reason: str) -> None:
@@ -173,26 +135,22 @@ class HybridOdometry:
         self._coasting.reset()
         self._measured: set[int] = set()
         self._news = [StreamTimer(REPEATED_S) for _ in self._members]  # of their faults
-        self._fed = self._awake = True  # whether the last frame had features, and the one before it as well
-        self._begun: dict[int, Future[Motion]] = {}  # what is computed of the last frame
-        self._begun_with: int | None = None  # index of that frame
         self._first = True
         self._agreed_s = self._fused_s = -math.inf  # of the last step in which the sources agreed, and of the last one
         self._movers = 0.0  # share of the picture that people and animals cover
         self._compass = RoomCompass(self._rule.compass, unobserved_rad2=0.0 if reason == "start" else math.inf)
         self._wheels = WheelTrust(self._rule.trust)
-        self._last_s, self._blind_rad = math.inf, 0.0  # of the last step with a picture; yaw since then
+        self._last_s = math.inf  # of the last step with a picture
 
     def _fused(self, stamp_s: float, motions: Sequence[Motion], covered: float = 0.0) -> Motion:
         """The motion of a step by those of the members. covered: as of `FramePrior`."""
         motions = [self._checked(index, motion) for index, motion in enumerate(motions)]
-        motions = [self._within_reach(index, motions) for index in range(len(motions))]
         news = self._repeated_faults(stamp_s, motions)
         if self._first:
             self._first, self._agreed_s, self._fused_s = False, stamp_s, stamp_s
             self._coasting.begin(stamp_s)
-            return first_motion(*_distinct([*(fault for motion in motions for fault in motion.faults), self._warning]))
-        alive = self._with_auxiliary(self._estimates(motions, covered))
+            return first_motion(*_distinct(fault for motion in motions for fault in motion.faults))
+        alive = self._estimates(motions, covered)
         wheels, camera = _of(WHEELS, alive), _of(CAMERA, alive)
         judges = max(covered, self._movers) < self._covered_limit
         faults = [self._wheels.judge(wheels, camera if judges else None, stamp_s - self._last_s), *news]
@@ -206,11 +164,8 @@ class HybridOdometry:
         scale, conflict = self._lasting(estimate.conflict, stamp_s)
         moved, covariance = estimate.motion, scale * np.asarray(estimate.covariance)
         rotation = next((motion.rotation for motion in motions if motion.rotation is not None), None)
-        if estimate.conflict:
-            self._coasting.saw(SE2(*moved), stamp_s)
-        else:
-            carried = rotation.carried.share if rotation is not None and rotation.carried is not None else 0.0
-            moved, covariance = self._coasting.held(moved, covariance, stamp_s, carried)
+        self._coasting.saw(SE2(*moved), stamp_s)
+        if not estimate.conflict:
             covariance = covariance * self._wheels.scale
         visual = None if len(others) == len(alive) else consensus(others)
         return Motion(
@@ -255,19 +210,6 @@ class HybridOdometry:
         """Factor on a member's covariance in this picture."""
         return member.covariance_scale * self._rule.covariance_factor(member.source, covered, self._covered_limit)
 
-    def _with_auxiliary(self, alive: Sequence[MotionEstimate]) -> list[MotionEstimate]:
-        """The estimates; an auxiliary one is left out without another of its source, and has at least its variances."""
-        auxiliary = {_short(member) for member in self._members if member.auxiliary}
-        firsts = {item.source: np.diag(item.covariance) for item in alive if not item.members & auxiliary}
-        kept = []
-        for item in alive:
-            if not item.members & auxiliary:
-                kept.append(item)
-            elif item.source in firsts:
-                looser = max(1.0, float((firsts[item.source] / np.diag(item.covariance)).max()))
-                kept.append(replace(item, covariance=looser * item.covariance))
-        return kept
-
     def _corrected(self, stamp_s: float, motion: Motion, attitude: Attitude | None) -> Motion:
         """The motion with its heading corrected by the room's edges."""
         if not self._compass.past:
@@ -307,15 +249,6 @@ class HybridOdometry:
         elif member.optional and index not in self._measured:
             return replace(checked, faults=(), state=MotionState.BLIND)
         return checked
-
-    def _within_reach(self, index: int, motions: Sequence[Motion]) -> Motion:
-        """A member's motion; blind where the robot, by the other members, rotated by more than it can measure."""
-        member, motion = self._members[index], motions[index]
-        if member.reach_rad == math.inf or not motion.measured:
-            return motion
-        others = [other for place, other in enumerate(motions) if place != index and other.measured]
-        far = any(abs(self._blind_rad + other.motion.yaw_rad) > member.reach_rad for other in others)
-        return replace(motion, state=MotionState.BLIND) if far else motion
 
     def _repeated_faults(self, stamp_s: float, motions: Sequence[Motion]) -> list[Fault]:
         """Faults that are new, or were last reported a while ago."""

@@ -47,10 +47,6 @@ class JudgedOdometry:
             return None
         return given.attitudes.at(stamp_s, given.height_m)
 
-    def begin(self, frame: Frame, features: Tensors, prior: FramePrior = NO_PRIOR) -> None:
-        """Starts the camera's networks."""
-        self._camera.begin(frame, features, prior)
-
     def step(self, frame: Frame, features: Tensors, prior: FramePrior = NO_PRIOR) -> Motion:
         """The given motion since the last frame, or the camera's."""
         seen = self._camera.step(frame, features, prior)

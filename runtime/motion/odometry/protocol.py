@@ -4,7 +4,7 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from enum import Enum
-from typing import Protocol, runtime_checkable
+from typing import Protocol
 
 import numpy as np
 
@@ -179,11 +179,3 @@ class Odometry(Protocol):
 
     def reset(self, reason: str) -> None:
         """Resets the state, after a gap in the frames or a change of place."""
-
-
-@runtime_checkable
-class StartsAhead(Protocol):
-    """An odometry that computes with a frame's features while its caller does something else."""
-
-    def begin(self, frame: Frame, features: Tensors, prior: FramePrior = NO_PRIOR) -> None:
-        """Start on a frame in another thread; `step` of that frame, which follows, takes the result."""

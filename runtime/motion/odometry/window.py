@@ -1,86 +1,169 @@
-"""Odometry of a carried camera, or with depth: tracked corners in a sliding window of keyframes, optimised together."""
+"""Odometry by pictures: tracked corners in a sliding window of keyframes, optimised together."""
 
 import math
-from dataclasses import replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from edgemap.geometry.arrays import Array
-from edgemap.geometry.camera.attitude import Attitude, GyroRotation, TrackedRotation
+from edgemap.geometry.camera.attitude import Attitude, GyroRotation, TrackedDirection, TrackedRotation
+from edgemap.geometry.camera.carried import Carried, CarriedRule
 from edgemap.geometry.camera.floor import FloorCamera
 from edgemap.geometry.camera.level import up_optical
+from edgemap.geometry.camera.mount import Mount
 from edgemap.geometry.camera.mount_tilt import MountTiltRule
 from edgemap.geometry.odometry.keyframe_window import KeyframeWindow, WindowRule
 from edgemap.geometry.odometry.resection import LensPose
+from edgemap.geometry.odometry.rolling import Rolling
+from edgemap.geometry.odometry.two_view import travelled
 from edgemap.geometry.odometry.window_factors import PoseFactors
 from edgemap.geometry.se2 import SE2
 from edgemap.runtime.frames.faults import Fault, FaultKind
 from edgemap.runtime.frames.frame import Frame
-from edgemap.runtime.motion.odometry.coasting import CoastingRule
-from edgemap.runtime.motion.odometry.corner_odometry import MINIMUM_COVARIANCE, CornerOdometry, PlanarRule
-from edgemap.runtime.motion.odometry.corners import Pixels
-from edgemap.runtime.motion.odometry.protocol import FramePrior, Motion, first_motion
+from edgemap.runtime.motion.odometry.coasting import LONGEST_DT_S, Coasting, CoastingRule
+from edgemap.runtime.motion.odometry.corners import FEW, CornersRule, CornerTracker, Pixels
+from edgemap.runtime.motion.odometry.protocol import NO_PRIOR, FramePrior, Motion, first_motion, no_motion
+from edgemap.runtime.network.network import Tensors
 
+SHORTEST_S = 1e-3  # minimum time between two pictures
 SMALLEST_SIGMA_RAD = 1e-4  # of a tilt
+MINIMUM_COVARIANCE = np.diag([1e-4, 1e-4, 1e-4]) ** 2
+TURN_M = 0.2  # path of a turn, per radian
+NO_RAYS = np.zeros(0, dtype=np.int64), np.zeros((0, 3))
 
 
-class WindowOdometry(CornerOdometry):
+@dataclass(frozen=True, slots=True)
+class PicturesRule:
+    """How corners are tracked, and how the window weights them. Lengths are in `Platform.unit_m`, one metre for home
+    robots. Pairs are for a robot and for a carried camera; between both, `Carried.share` interpolates."""
+
+    corners: CornersRule = field(default_factory=CornersRule)
+    window: WindowRule = field(default_factory=WindowRule)
+    carried: CarriedRule = field(default_factory=CarriedRule)  # for a carried camera, and for one on wheels
+    # Standard deviation of a track at the working width; larger than a track's error in one picture, because such
+    # errors last.
+    track_px: tuple[float, float] = (0.5, 1.0)
+    # Factor on the covariance of a motion whose scale is not measured by depth: its errors last.
+    covariance_scale: tuple[float, float] = (12.0, 8.0)
+    least_weight: float = 8.0  # minimum total weight of the tracks that agree
+    # Standard deviation of the lens's height about the mount's, and of its change from picture to picture, shares of
+    # it.
+    height_share: tuple[float, float] = (0.004, 0.025)
+    rise_share: tuple[float, float] = (0.002, 0.012)
+    attitude_pictures: float = 10.0  # number of pictures for which an error of a measured attitude lasts
+    slip_share: float = 0.01  # lateral slip of wheels, as of `Rolling`
+    gyro_rad: float = math.radians(0.05)  # standard deviation of the rotation that a gyro measures between two pictures
+    gyro_share: float = 0.03  # the same relative to the rotation: samples and pictures are not exactly synchronous
+    # Median motion of the corners, without the rotation, at which the direction of motion is measured.
+    travelled_rad: float = 0.035
+
+
+class WindowOdometry:
     """Corners (`CornerTracker`) and the lens's poses in a `KeyframeWindow`; the base's motion is planar.
 
     Pitch, roll and height of each keyframe are estimated together with the motion, so an error of the attitude hardly
-    changes the length of a step. Where a frame has depth, the inverse depths of its corners are measured. tilt: a
-    carried camera is about the mount's angles to `tilt.prior`.
+    changes the length of a step. Where a frame has depth, the inverse depths of its corners are measured. A robot is
+    about the mount's angles to half of `tilt.nod`, keeps its height and, once it has proved to be on wheels, rolls; a
+    carried camera is about them to `tilt.prior`. If a step measures no motion, `Coasting` predicts it. Lengths inside
+    are in the platform's unit. carried: whether the camera counts as carried from the start.
     """
+
+    name, needs_features = "window", False
 
     def __init__(
         self,
         camera: FloorCamera,
-        rule: PlanarRule | None = None,
+        rule: PicturesRule | None = None,
         coasting: CoastingRule | None = None,
-        window: WindowRule | None = None,
         tilt: MountTiltRule | None = None,
+        carried: bool = False,
     ) -> None:
-        window, unit_m = window or WindowRule(), camera.mount.platform.unit_m
-        self._window_rule = replace(window, depth_sigma=unit_m * window.depth_sigma)
-        self._carried_rad = (tilt or MountTiltRule()).prior
-        # Not refined by detail: what is carried turns fast, and large turns need large structures.
-        super().__init__(camera, rule, coasting, tilt, detail=False, returning=True)
+        self._rule, tilt = rule or PicturesRule(), tilt or MountTiltRule()
+        self._unit_m, in_room = camera.mount.platform.unit_m, camera.mount.platform.in_room
+        window = self._rule.window
+        self._window_rule = replace(window, depth_sigma=self._unit_m * window.depth_sigma)
+        self._tilt_rad = tilt.nod / 2.0, tilt.prior
+        self._tracker = CornerTracker(camera, self._rule.corners, detail=in_room)
+        self._level = self._camera = FloorCamera(self._tracker.intrinsics, _in_units(camera.mount, self._unit_m))
+        self._mount = camera.mount  # the mount that attitudes refer to
+        begun = Carried(self._rule.carried, tilt.nod)
+        self.judged = begun.certain() if carried else begun
+        self._rolling = Rolling(self._rule.slip_share, 0.0, _axle_sigma_m(self._level.mount))
+        self._coasting = Coasting(coasting)
         self.reset("start")
+
+    def step(self, frame: Frame, features: Tensors, prior: FramePrior = NO_PRIOR) -> Motion:  # noqa: ARG002
+        """Tracks the corners of the previous frame into this frame and estimates the motion between both."""
+        return self._metric(self._followed(frame, prior))
+
+    def step_blind(self, stamp_s: float, reason: Fault, attitude: Attitude | None = None) -> Motion:  # noqa: ARG002
+        """Predicts the motion without a picture. Keeps the tracks: the next picture measures the motion since the
+        previous one.
+        """
+        guess, self._skipped = self._coasting.guess(stamp_s, reason), True
+        self._since, self._since_covariance = self._since @ guess.motion, self._since_covariance + guess.covariance
+        self._motion = guess.motion
+        return self._metric(guess)
+
+    def still(self, stamp_s: float, attitude: Attitude | None) -> bool | None:  # noqa: ARG002
+        """None: pictures alone show whether the robot stands."""
+        return None
+
+    def rest(self, stamp_s: float) -> Motion:
+        """Moves the stamp of the last picture and of its corners to this stamp, while the robot stands still."""
+        if self._tracker.started:
+            self._seen_s = stamp_s
+        self._motion = SE2()
+        self._coasting.saw(SE2(), stamp_s)
+        return no_motion()
+
+    def reset(self, reason: str) -> None:  # noqa: ARG002
+        """Start again at the next frame."""
+        self._first, self._seen_s = True, -math.inf
+        self._coasting.reset()
+        self._start_again()
+
+    def _start_again(self) -> None:
+        """Discards the previous picture and all estimates from it."""
+        self._tracker.restart()
+        self._graph, self._base = self._empty(), SE2()
+        self._motion, self._skipped = SE2(), False
+        self._since, self._since_covariance = SE2(), np.zeros((3, 3))  # of the motion without pictures
+        self._reference = (*NO_RAYS, LensPose(np.eye(3), np.zeros(3)))  # of the direction of motion
 
     def _followed(self, frame: Frame, prior: FramePrior) -> Motion:
         """The motion in the camera's unit of length."""
-        dt_s = self._take(frame, prior)
+        if self._tracker.started and frame.stamp_s - self._seen_s > LONGEST_DT_S:
+            self._start_again()
+        dt_s = frame.stamp_s - self._seen_s
+        self._tracker.take(frame, prior.movers)
         gyro = self._attend(prior.attitude)
         self._tracker.mark_floor(self._camera, prior.floor)
         first, self._first, self._seen_s = self._first, False, frame.stamp_s
         if not self._tracker.follows:
-            self._seek()
+            self._tracker.seek()
             self._begin(frame, self._camera_pose(), self._factors(prior.attitude, gyro))
             if first:
                 self._coasting.begin(frame.stamp_s)
                 return first_motion()
-            fault = Fault(FaultKind.ODOMETRY, f"planar odometry: started again at {frame.stamp_s:.3f} s")
+            fault = Fault(FaultKind.ODOMETRY, f"window odometry: started again at {frame.stamp_s:.3f} s")
             return self._coasting.guess(frame.stamp_s, fault)
         factors = self._factors(prior.attitude, gyro)
         start = self._expected_pose(gyro)
         self._tracker.follow(self._expected(start), gyro is None)
-        self._seek()
-        weight = self._graph.step(start, factors, *self._tracks(frame))
+        self._tracker.seek()
+        weight = self._graph.step(start, factors, *self._tracks(frame), self._held(self._rule.track_px))
         if weight < self._rule.least_weight:
             return self._started_again(frame, start, factors)
         return self._measured(frame.stamp_s, dt_s, gyro is not None)
 
-    def _seek(self) -> None:
-        for _ in self._tracker.seek():
-            pass
-
     def _attend(self, attitude: Attitude | None) -> GyroRotation | None:
         """Updates the camera of this frame; returns the rotation since the last picture by a gyro."""
-        self._scatters(attitude)
+        if attitude is not None and attitude.carried != self.judged.scattered:
+            self.judged = replace(self.judged, scattered=attitude.carried)
         self._camera = self._level if attitude is None else self._level.at(self._in_units(attitude))
         gyro = None if attitude is None or self._skipped else attitude.rotation
-        self._skipped = False
         used = self._mount if attitude is None or attitude.mount is None else attitude.mount.used
         corrected, self._mount = used != self._mount, used
         if corrected:
@@ -92,27 +175,60 @@ class WindowOdometry(CornerOdometry):
         before, pose = self._graph.poses[-2:]
         base = self._graph.base(pose)
         motion = (self._base @ self._since).inverse() @ base
-        covariance = self._graph.covariance()
+        covariance = self._held(self._rule.covariance_scale) ** self._graph.unmeasured() * self._graph.covariance()
         by = np.zeros((3, 12))
         level = self._base.rotation().T
         by[:2, 3:5], by[:2, 9:11], by[2, 2], by[2, 8] = -level, level, -1.0, 1.0
         by[0, 2], by[1, 2] = motion.y_m, -motion.x_m
         total = by @ covariance @ by.T + MINIMUM_COVARIANCE + self._since_covariance
         self._coasting.saw(motion, stamp_s)
-        self._since, self._since_covariance = SE2(), np.zeros((3, 3))
+        self._since, self._since_covariance, self._skipped = SE2(), np.zeros((3, 3)), False
         self._base, self._motion = base, motion
+        self._roll(motion, total)
         nod = pose.rotation[2] - before.rotation[2]
-        carried = self.sways(float(nod @ nod) / 2.0, self._metres(motion), dt_s, gyro)
+        self._swing(float(nod @ nod) / 2.0, motion, dt_s, gyro)
         turned = covariance[:3, :3] + covariance[6:9, 6:9] - covariance[:3, 6:9] - covariance[6:9, :3]
         sigma_rad = math.sqrt(max(float(np.trace(turned)) / 3.0, 0.0))
         up_rad = math.sqrt(max(float(np.trace(covariance[6:8, 6:8])) / 2.0, 0.0))
-        rotation = before.rotation.T @ pose.rotation
-        seen = TrackedRotation(rotation, sigma_rad, carried, up=pose.rotation[2], up_rad=up_rad)
+        rotation, direction = before.rotation.T @ pose.rotation, self._travelled(pose)
+        seen = TrackedRotation(rotation, sigma_rad, self.judged, direction, up=pose.rotation[2], up_rad=up_rad)
         return Motion(motion, total, rotation=seen)
+
+    def _swing(self, nod2: float, motion: SE2, dt_s: float, gyro: bool) -> None:
+        """Updates whether the camera is carried. nod2: mean square of the changes of roll and pitch, rad^2."""
+        path_m = self._unit_m * math.hypot(motion.x_m, motion.y_m) + TURN_M * abs(motion.yaw_rad)
+        self.judged = self.judged.updated(nod2, max(dt_s, SHORTEST_S), path_m, gyro=gyro)
+
+    def _roll(self, motion: SE2, covariance: Array) -> None:
+        """Updates the place of the axle."""
+        self._rolling = self._rolling.observe(motion, covariance)
+        self._graph.move_axle(self._rolling.axle_m)
+
+    def _travelled(self, pose: LensPose) -> TrackedDirection | None:
+        """Direction in which the lens moved since a reference picture, once the corners have moved enough; then this
+        picture is the next reference. It uses no depth of a point, because those of the floor depend on the mount.
+        """
+        rays = unit_depth(self._tracker.bearings(self._tracker.corners))
+        ids, first, start = self._reference
+        both, before, now = np.intersect1d(ids, self._tracker.ids, assume_unique=True, return_indices=True)
+        direction = None
+        if len(both) >= self._rule.corners.corners // FEW:
+            moved = start.inverse() @ pose
+            first, second = first[before], rays[now]
+            turned = second @ moved.rotation.T
+            du, dv = (turned[:, :2] / turned[:, 2:] - first[:, :2]).T
+            if float(np.median(np.hypot(du, dv))) < self._rule.travelled_rad:
+                return None
+            length = float(np.linalg.norm(moved.position_m))
+            if length > 0.0:
+                sigma_rad = self._held(self._rule.track_px) / self._tracker.intrinsics.fx
+                direction = travelled(first, second, moved.rotation, moved.position_m / length, sigma_rad)
+        self._reference = self._tracker.ids, rays, pose
+        return direction
 
     def _started_again(self, frame: Frame, start: LensPose, factors: PoseFactors) -> Motion:
         """A new window, from the expected pose, after a picture that agrees with no motion."""
-        text = f"planar odometry: no motion agrees among {len(self._tracker.corners)} corners"
+        text = f"window odometry: no motion agrees among {len(self._tracker.corners)} corners"
         guess = self._coasting.guess(frame.stamp_s, Fault(FaultKind.ODOMETRY, text))
         self._motion = guess.motion
         self._begin(frame, start, factors)
@@ -123,7 +239,8 @@ class WindowOdometry(CornerOdometry):
         self._graph = self._empty()
         self._graph.step(start, factors, *self._tracks(frame))
         self._base = self._graph.base(start)
-        self._since, self._since_covariance = SE2(), np.zeros((3, 3))
+        self._since, self._since_covariance, self._skipped = SE2(), np.zeros((3, 3)), False
+        self._reference = (*NO_RAYS, start)
 
     def _tracks(self, frame: Frame) -> tuple[NDArray[np.int64], Array, Array, Array]:
         """Ids, normalised image points, probability of floor and measured inverse depth of the corners."""
@@ -132,25 +249,38 @@ class WindowOdometry(CornerOdometry):
 
     def _empty(self) -> KeyframeWindow:
         lens, mount = self._level.intrinsics, self._level.mount
-        return KeyframeWindow(self._window_rule, lens.fx, mount, self._rule.reach_heights)
+        window = KeyframeWindow(self._window_rule, lens.fx, mount, self._rule.corners.reach_heights)
+        window.move_axle(self._rolling.axle_m)
+        return window
 
     def _up(self) -> Array:
         return up_optical(self._camera.mount.pitch_rad, self._camera.mount.roll_rad)
 
     def _factors(self, attitude: Attitude | None, gyro: GyroRotation | None) -> PoseFactors:
-        """Gravity, height and gyro as factors of this picture's pose."""
-        rule, height_m = self._window_rule, self._camera.mount.height_m
-        variance = 0.0 if attitude is None else float(np.trace(attitude.covariance_rad2)) / 2.0
-        # A person does not hold the camera at the mount's angles.
-        unknown = attitude is None or attitude.source == "mount"
-        up_rad = self._carried_rad if unknown else max(math.sqrt(rule.attitude_pictures * variance), SMALLEST_SIGMA_RAD)
+        """Gravity, height, gyro and wheels as factors of this picture's pose."""
+        rule, height_m = self._rule, self._camera.mount.height_m
+        up_rad = self._held(self._tilt_rad)
+        if attitude is not None and attitude.source != "mount":
+            variance = float(np.trace(attitude.covariance_rad2)) / 2.0
+            up_rad = max(math.sqrt(rule.attitude_pictures * variance), SMALLEST_SIGMA_RAD)
         gyro_rad = math.inf
         if gyro is not None:
             gyro_rad = math.hypot(rule.gyro_rad + rule.gyro_share * gyro.angle_rad, gyro.sigma_rad)
         return PoseFactors(
-            self._up(), up_rad, height_m, rule.height_share * height_m, rule.rise_share * height_m,
-            np.eye(3) if gyro is None else gyro.rotation, gyro_rad,
-        )  # fmt: skip
+            up=self._up(),
+            up_rad=up_rad,
+            height_m=height_m,
+            height_sigma_m=self._held(rule.height_share) * height_m,
+            rise_m=self._held(rule.rise_share) * height_m,
+            gyro=np.eye(3) if gyro is None else gyro.rotation,
+            gyro_rad=gyro_rad,
+            slip_m=self._rolling.slip_m(self._motion) if self.judged.on_wheels and not self._skipped else math.inf,
+        )
+
+    def _held(self, pair: tuple[float, float]) -> float:
+        """A value between a robot's and a carried camera's."""
+        robot, carried = pair
+        return robot * (carried / robot) ** self.judged.share
 
     def _camera_pose(self) -> LensPose:
         """The pose of the camera on its mount, above the origin."""
@@ -172,7 +302,29 @@ class WindowOdometry(CornerOdometry):
         expected = self._tracker.intrinsics.project(np.where(local[:, 2:] > 0.1, local, np.nan))
         return np.where(np.isfinite(expected), expected, self._tracker.corners).astype(np.float32)
 
-    def _start_again(self) -> None:
-        super()._start_again()
-        self._graph = self._empty()
-        self._base = SE2()
+    def _metric(self, motion: Motion) -> Motion:
+        """Converts a motion from the camera's unit of length to metres."""
+        units = np.array([self._unit_m, self._unit_m, 1.0])
+        metres = SE2(self._unit_m * motion.motion.x_m, self._unit_m * motion.motion.y_m, motion.motion.yaw_rad)
+        return replace(motion, motion=metres, covariance=motion.covariance * np.outer(units, units))
+
+    def _in_units(self, attitude: Attitude) -> Attitude:
+        """An attitude whose height is in the camera's unit of length."""
+        return attitude if attitude.height_m is None else replace(attitude, height_m=attitude.height_m / self._unit_m)
+
+
+def unit_depth(bearings: Array) -> Array:
+    """Rays (N, 3) with z = 1 of normalised image points (N, 2)."""
+    return np.column_stack([bearings, np.ones(len(bearings))])
+
+
+def _in_units(mount: Mount, unit_m: float) -> Mount:
+    """A mount with its lengths in units of `unit_m`."""
+    return replace(
+        mount, height_m=mount.height_m / unit_m, forward_m=mount.forward_m / unit_m, left_m=mount.left_m / unit_m
+    )
+
+
+def _axle_sigma_m(mount: Mount) -> float:
+    """Standard deviation of the axle's place: a lever arm that was not measured may be as long as the lens is high."""
+    return 0.0 if mount.forward_m != 0.0 or mount.left_m != 0.0 else mount.height_m

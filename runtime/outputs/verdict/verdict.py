@@ -212,13 +212,10 @@ def _motion(run: _Run) -> Iterator[Finding]:
 
 
 def _camera(run: _Run) -> Iterator[Finding]:
-    """A camera unlike those that the network was trained and the map was tested with."""
-    record, quality = run.record, run.quality
-    if record.get("envelope"):
-        yield Finding("care", CAUSES["camera"], str(record["envelope"]))
-    if quality.get("carried_frames", 0) > SOME_SHARE * quality["frames"]:
+    """A camera unlike those that the map was tested with."""
+    if run.quality.get("carried_frames", 0) > SOME_SHARE * run.quality["frames"]:
         yield Finding("care", CAUSES["carried"], "the camera sways as in a hand or on a head")
-    rate = quality.get("rate_hz")
+    rate = run.quality.get("rate_hz")
     if rate is not None and rate < SLOW_HZ:
         yield Finding("care", CAUSES["rate"], f"{rate:.1f} pictures per second")
 
