@@ -103,10 +103,8 @@ def measure(specs: dict[str, str], bundle: Bundle, frames: int | None, out: Path
 
 def _lacks(bundle: Bundle, odometry: str) -> str:
     """Why the bundle cannot do this odometry from its camera alone, empty where it can."""
-    if odometry == "window":
+    if odometry in ("window", "hybrid"):
         return ""
-    if odometry == "hybrid":
-        return "without a flow head it is planar alone" if _lacks(bundle, "flow") else ""
     head = bundle.manifest.odometry.get(odometry)
     if head is None:
         return f"the bundle has no {odometry} head"
