@@ -52,7 +52,7 @@ def followed(
         image = image + rng.normal(0.0, noise_px / FOCAL_PX, image.shape)
         gyro = np.eye(3) if index == 0 else poses[index - 1].rotation.T @ pose.rotation
         start = window.poses[-1] if index else LensPose(LEVEL.rotation_base_optical(), np.array([0.0, 0.0, height_m]))
-        sigmas = rule.height_share * height_m, rule.rise_share * height_m
+        sigmas = 0.025 * height_m, 0.012 * height_m
         factors = PoseFactors(up, math.radians(up_deg), height_m, *sigmas, gyro, gyro_rad)
         measured = np.full(len(points), np.nan)
         if false_depths is not None:  # up to 6 m
@@ -104,7 +104,7 @@ def test_the_covariance_is_that_of_the_errors(false_depths):
         window = followed(poses, np.random.default_rng(seed), noise_px=0.9, false_depths=false_depths)
         by = np.zeros((3, 12))
         by[:, 3:6], by[:, 9:] = -np.eye(3), np.eye(3)
-        covariance = by @ window.covariance() @ by.T
+        covariance = 4.0 * by @ window.covariance() @ by.T
         error = window.poses[-1].position_m - window.poses[-2].position_m
         error -= poses[-1].position_m - poses[-2].position_m
         scaled.append(error @ np.linalg.solve(covariance, error))
@@ -131,8 +131,8 @@ def test_factors_are_the_derivatives_of_their_residuals():
         position.append(np.array([0.1 * index, 0.05 * index, 0.5 + 0.01 * rng.normal()]))
         gyro = np.eye(3) if index == 0 else rotation[-2].T @ rotation[-1] @ small_rotation(*rng.normal(0, 1e-4, 3))
         up = up_optical(mount.pitch_rad, mount.roll_rad)
-        factors.append(PoseFactors(up, 0.005, 0.5, 0.01, 0.005, gyro, 0.002))
-    rows, everyone = FactorRows(factors), np.arange(4)
+        factors.append(PoseFactors(up, 0.005, 0.5, 0.01, 0.005, gyro, 0.002, 0.1))
+    rows, everyone = FactorRows(factors, np.array([-0.1, 0.02])), np.arange(4)
 
     def residuals(delta):
         turned = [small_rotation(*delta[6 * i : 6 * i + 3]) @ rotation[i] for i in range(4)]

@@ -43,9 +43,9 @@ def test_numbers_of_another_version_s_run_are_passed_over_and_printed(tmp_path, 
     assert "2 numbers of another version passed over: odometry.pictures.gyro_upright_rad, weather" in printed
     load_options(tmp_path / "run.json")
     assert capsys.readouterr().err == ""  # printed once for a run, which asks for both
-    with pytest.raises(ConfigError, match=r"planar\.gyro_upright_rad is unknown"):  # a person wrote it
+    with pytest.raises(ConfigError, match=r"pictures\.gyro_upright_rad is unknown"):  # a person wrote it
         load_config(written(tmp_path, {"config": document}))
-    with pytest.raises(ConfigError, match=r"planar\.gyro_upright_rad is unknown"):
+    with pytest.raises(ConfigError, match=r"pictures\.gyro_upright_rad is unknown"):
         load_config(written(tmp_path, {"config": document}, "tuned.json"))
 
 
@@ -59,7 +59,10 @@ def test_numbers_of_another_version_s_run_are_passed_over_and_printed(tmp_path, 
         ),
         ({"config": {"forgetting": {"same_m": float("inf")}}}, "not a finite number"),
         ({"config": {"association": 3}}, "association is 3, not a mapping"),
-        ({"config": {"odometry": {"window": {"keyframes": 0}}}}, r"odometry\.window: keyframes is 0, must be above 0"),
+        (
+            {"config": {"odometry": {"pictures": {"window": {"keyframes": 0}}}}},
+            r"odometry\.pictures\.window: keyframes is 0, must be above 0",
+        ),
         ({"config": {"floor": {"mapped": ["chair"]}}}, r"floor\.mapped is unknown"),
         ({"options": ["frames"]}, "options is a list, not a mapping"),
         ({"other": 1}, "neither a section"),

@@ -11,7 +11,7 @@ from edgemap.geometry.se2 import SE2
 from edgemap.runtime.frames.frame import Frame
 from edgemap.runtime.motion.odometry.gyro import GyroOdometry
 from edgemap.runtime.motion.odometry.hybrid import HybridOdometry, HybridRule, Member
-from edgemap.runtime.motion.odometry.protocol import FramePrior, Motion, MotionState, blind_motion, first_motion
+from edgemap.runtime.motion.odometry.protocol import FramePrior, Motion, MotionState, blind_motion
 from edgemap.runtime.motion.trust import TrustRule
 
 FRAME = Frame(0, 0.0, np.zeros((4, 4, 3), np.uint8))
@@ -218,34 +218,3 @@ def test_its_heading_is_held_to_the_room_that_the_edges_show():
         headings[told] = math.degrees(heading)
     assert headings[False] == pytest.approx(30.0)
     assert abs(headings[True]) < 10.0  # two seconds of its drift
-
-
-class Ahead(MadeOdometry):
-    """Says 0.1 m a frame but the first after a reset, and remembers at which frames it was asked, and after how many
-    resets."""
-
-    def __init__(self, needs_features, sigma_m):
-        self.needs_features, self.asked = needs_features, []
-        self._variance = sigma_m**2
-
-    def step(self, frame, features, prior=None):
-        assert features or not self.needs_features
-        first = self.resets not in [resets for _, resets in self.asked]
-        self.asked.append((frame.index, self.resets))
-        return first_motion() if first else Motion(SE2(0.1), np.eye(3) * self._variance)
-
-
-def test_who_needs_features_sleeps_until_two_frames_in_a_row_have_some():
-    needy, wheels = Ahead(True, 0.001), Ahead(False, 0.05)
-    hybrid = HybridOdometry([Member(needy, "camera"), Member(wheels, "wheels")])
-    assert not hybrid.needs_features
-    assert HybridOdometry([Member(Ahead(True, 0.1), "camera")]).needs_features
-    before, motions = needy.resets, []
-    for index, searched in enumerate([1, 1, 0, 1, 0, 1, 1, 1]):
-        frame = Frame(index, index / 10, np.zeros((2, 2, 3), np.uint8))
-        motions.append(hybrid.step(frame, {"features": np.zeros(1, np.float32)} if searched else {}))
-    assert needy.asked == [(0, before), (1, before), (6, before + 1), (7, before + 1)]
-    assert [motion.motion.x_m for motion in motions[1:]] == pytest.approx([0.1] * 7)
-    told = [motion.covariance[0, 0] < 0.01**2 for motion in motions]
-    assert told == [False, True, False, False, False, False, False, True]
-    assert not any(motion.faults for motion in motions)
