@@ -22,6 +22,7 @@ ELSEWHERE = {
     r"^edgemap( \w+){1,2}$(?<!run)(?<!cameras)(?<!doctor)": "the name of a command, which needs more",
     r"^edgemap pull|\.onnx|\.cfg|my-bundle|my-flat|\.pt\b": "a model that is not here; tests/export",
     r"^edgemap (train|simulate|bench|eval)": "minutes to hours; tests/export, simulation, benchmarks, evaluation",
+    r"^edgemap mcp http": "beside a run; tests/bridges",
     r"--view\b": "ends with Ctrl-C; tests/view",
     r"bag_0\.mcap|--board|lens\.yaml": "other recordings; tests/runtime/recordings, tests/cli/test_calibrate.py",
     r"^edgemap run$": "the whole demo; tests/cli/test_end_to_end.py",

@@ -70,7 +70,8 @@ class Bundle:
             return self
         blank, _ = Preprocessor(whole.input)(np.zeros((height, width, 3), dtype=np.uint8))
         outputs = self.backbone.run({whole.input.name: blank})
-        padding = {item.name: outputs[item.name] for item in whole.features if item.name not in heads}
+        kept = outputs.keys() - heads
+        padding = {item.name: outputs[item.name] for item in whole.features if item.name in kept}
         return replace(self, backbone=with_padding(cut, padding, first / whole.input.height))
 
     @property

@@ -125,7 +125,7 @@ def slam_of(camera: Camera, room: Room, imu: bool, corners: bool) -> SemanticSla
     pictures, which takes longer than all the rest."""
     if corners:
         return build_slam(camera, room.bundle(), FLOOR, SlamOptions(imu=imu))
-    members, _ = hybrid_members(room.bundle(), camera, FLOOR, True, OdometryRules())
+    members = hybrid_members(camera, FLOOR, True, OdometryRules())
     odometry = HybridOdometry(members[1:])
     return SemanticSlam(
         Pipeline(room.bundle(), FLOOR, odometry, attitude=open_attitude("hybrid", camera, FLOOR, imu)),
