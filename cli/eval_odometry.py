@@ -31,7 +31,7 @@ def command(
         str,
         arg(
             metavar="SPEC",
-            help="As of `edgemap run`; wheel: the wheel odometry that comes with the data; flow, planar, window and "
+            help="As of `edgemap run`; wheel: the wheel odometry that comes with the data; flow, window and "
             "gyro: a member of the hybrid alone.",
         ),
     ] = "hybrid",

@@ -24,7 +24,7 @@ ENGINE_TOLERANCE: dict[Precision, float] = {"float32": 1e-3, "int8": 0.1}  # of 
 @dataclass(frozen=True, slots=True)
 class Bundle:
     """A bundle whose backbone is loaded. compute, precision (float32 or int8): of the backbone. reopen: opens it for an
-    input of so many rows. companion: what floor and motion are read from where this backbone has no outputs for them.
+    input of so many rows. companion: what the floor is read from where this backbone has no output for it.
     """
 
     folder: Path

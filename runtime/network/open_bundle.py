@@ -1,4 +1,4 @@
-"""A bundle as a run uses it: one of ours or a detector of another project, with a companion for floor and motion."""
+"""A bundle as a run uses it: one of ours or a detector of another project, with a companion for the floor."""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -25,7 +25,7 @@ def open_bundle(
 ) -> Bundle:
     """A bundle's folder or a detector's FILE.onnx, ready for a run. Raises BundleError.
 
-    companion: the bundle whose trunk serves floor and motion beside a FILE.onnx, which has no heads for them. names: of
+    companion: the bundle whose trunk shows the floor beside a FILE.onnx, which has no head for it. names: of
     the classes of a FILE.onnx.
     """
     if source.suffix != ".onnx":
