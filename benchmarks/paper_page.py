@@ -160,11 +160,9 @@ def _paper_4() -> str:
 
 
 def _own_row(document: dict[str, Any]) -> list[str]:
-    odometry = "hybrid" if "hybrid" in document["odometry"] else "window"
-    parts = "KLT floor corners and ConvLSTM on feature correlation" if odometry == "hybrid" else "KLT floor corners"
     threads = document["threads"]
     hardware = f"{threads} thread{'s' if threads > 1 else ''} of {processor_name()}"
-    return [f"**`{document['bundle']}`**", hardware, f"`{document['bundle']}`", "RGB camera", f"{odometry}: {parts}"]
+    return [f"**`{document['bundle']}`**", hardware, f"`{document['bundle']}`", "RGB camera", "hybrid: KLT corners in a window of keyframes"]
 
 
 def _number(value: float | None) -> str:

@@ -31,7 +31,6 @@ COUNTED = 100  # frames of each sequence in which detections are counted, as in 
 ODOMETRIES = {
     "flow": ("flow", False),
     "hybrid": ("hybrid", False),
-    "window": ("window", False),
     "paper head": ("paper", False),
     "hybrid with wheels": ("hybrid", True),
     "wheels": (OWN_WHEELS, True),
@@ -103,7 +102,7 @@ def measure(specs: dict[str, str], bundle: Bundle, frames: int | None, out: Path
 
 def _lacks(bundle: Bundle, odometry: str) -> str:
     """Why the bundle cannot do this odometry from its camera alone, empty where it can."""
-    if odometry in ("window", "hybrid"):
+    if odometry == "hybrid":
         return ""
     head = bundle.manifest.odometry.get(odometry)
     if head is None:

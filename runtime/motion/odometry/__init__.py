@@ -65,7 +65,7 @@ def open_odometry(
     if spec == "gyro":
         return GyroOdometry()
     if spec == "window":
-        return WindowOdometry(floor, rules.pictures, rules.coasting, tilt)
+        return WindowOdometry(floor, rules.pictures, rules.coasting, tilt, at_head_height(camera, floor))
     if spec in ("flow", "paper"):
         return LearnedOdometry(bundle, spec, floor, coasting)
     if spec == "truth":
