@@ -162,7 +162,8 @@ def _paper_4() -> str:
 def _own_row(document: dict[str, Any]) -> list[str]:
     threads = document["threads"]
     hardware = f"{threads} thread{'s' if threads > 1 else ''} of {processor_name()}"
-    return [f"**`{document['bundle']}`**", hardware, f"`{document['bundle']}`", "RGB camera", "hybrid: KLT corners in a window of keyframes"]
+    name, parts = document["bundle"], "hybrid: KLT corners in a window of keyframes"
+    return [f"**`{name}`**", hardware, f"`{name}`", "RGB camera", parts]
 
 
 def _number(value: float | None) -> str:
