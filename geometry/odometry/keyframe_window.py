@@ -24,7 +24,8 @@ from edgemap.geometry.se2 import SE2
 Mask = NDArray[np.bool_]
 Indices = NDArray[np.intp]
 
-ROUNDS = 2, 1  # of Gauss and Newton for a picture after a new keyframe, and for any other
+# Rounds of Gauss and Newton: of a carried camera, and with measured depths; of a robot after a new keyframe, and else.
+CARRIED_ROUNDS, ROUNDS = (4, 2), (2, 1)
 NEAREST, FARTHEST = 20.0, 1e-4  # inverse depths, 1/m
 ORIGIN = np.array([1e-6, 1e-6, 1e6, 1e8, 1e8, 1e-6])  # information that fixes heading and place of the first pose
 UNHELD_RAD = np.radians(2.0)  # standard deviation of a tilt after the mount's angles have changed
@@ -40,8 +41,6 @@ class WindowRule:
     shared: float = 0.6  # a picture becomes a keyframe where a smaller share of the last one's tracks is left
     roughness: float = 0.009  # of the floor, share of the lens's height
     floor_gate: float = 5.0  # standard deviations beyond which a point of the floor has no weight
-    # A picture becomes a keyframe where the tracks have moved by this much since the last one, the rotation aside.
-    parallax_px: float = 8.0
     # Standard deviation of an inverse depth that a depth camera measures, 1/m; it measures a disparity, whose error is
     # the same at any distance.
     depth_sigma: float = 0.0035
@@ -136,7 +135,8 @@ class KeyframeWindow:
         self._reverse = SE2(-mount.forward_m, -mount.left_m, 0.0)
         self.move_axle(0.0)
         self._slots = rule.keyframes + 1
-        self._track_sigma = 1.0 / focal_px
+        self._track_sigma = self._parallax = 1.0 / focal_px
+        self._carried = True
         self.poses: list[LensPose] = []
         self._factors: list[PoseFactors] = []
         self._prior: tuple[Array, Array, list[LensPose]] = np.zeros((0, 0)), np.zeros(0), []
@@ -157,15 +157,19 @@ class KeyframeWindow:
         floor: Array,
         measured: Array | None = None,
         track_px: float = 1.0,
+        parallax_px: float = 15.0,
+        carried: bool = True,
     ) -> float:
         """Adds a picture with its tracks and optimises the window. Returns the weight of the tracks that agree.
 
         start: expected pose. ids (N,), points (N, 2), floor (N,): tracks, their normalised image points, and the
         probability that each lies on the floor. measured (N,): their inverse depths, NaN where none was measured.
-        track_px: standard deviation of a track.
+        track_px: standard deviation of a track. parallax_px: the picture before becomes a keyframe where the tracks
+        have moved by so much since the last one, the rotation aside. carried: the camera swings: more rounds.
         """
         measured = np.full(len(ids), np.nan) if measured is None else measured
         first, self._track_sigma = not self.poses, track_px / self._focal_px
+        self._parallax, self._carried = parallax_px / self._focal_px, carried
         if first:
             self._prior = np.diag(ORIGIN), np.zeros(6), [start]
         else:
@@ -270,7 +274,9 @@ class KeyframeWindow:
         fixed[np.diag_indices(6 * count)] += 1e-9
         information = fixed
         tracks = Tracks(self.points, count, (self._track_sigma, self._rule.depth_sigma))
-        for round_ in range(ROUNDS[0] if self._grown else ROUNDS[1]):
+        measured = tracks.at.shape[1] == 3
+        rounds = CARRIED_ROUNDS[measured] if self._carried else ROUNDS[not self._grown]
+        for round_ in range(rounds):
             system = self._system(tracks, self.points, rotation, position, 1.5 if round_ == 0 else 1.0)
             information, right = system.reduced()
             information += fixed
@@ -400,7 +406,7 @@ class KeyframeWindow:
         rays = np.column_stack([self.points.at[both, index - 1], np.ones(both.sum())])
         turned = rays @ first.rotation.T @ last.rotation
         parallax = turned[:, :2] / turned[:, 2:] - self.points.at[both, len(self.poses) - 1]
-        return float(np.median(np.hypot(*parallax.T))) > self._rule.parallax_px / self._focal_px
+        return float(np.median(np.hypot(*parallax.T))) > self._parallax
 
     def _rehost(self, old: int, new: int) -> None:
         """Points hosted by one pose start again at another, without their prior depth; those not observed there are

@@ -66,15 +66,15 @@ class Picture:
 class CornerTracker:
     """Up to `CornersRule.corners` corners, and where they may lie on the floor.
 
-    corners (N, 2), px at the working width; ids (N,). detail: refine corners where large structures count half. Corners
-    that do not return to where they were when they are tracked back are dropped.
+    corners (N, 2), px at the working width; ids (N,). detail: refine corners where large structures count half; may
+    change. Corners that do not return to where they were when they are tracked back are dropped.
     """
 
     def __init__(self, camera: FloorCamera, rule: CornersRule, detail: bool) -> None:
         scale = min(1.0, rule.working_width_px / camera.intrinsics.width)
         self._size = round(camera.intrinsics.width * scale), round(camera.intrinsics.height * scale)
         self.intrinsics = camera.intrinsics.scaled(*self._size)
-        self._rule, self._detail = rule, detail
+        self._rule, self.detail = rule, detail
         self._rays = _ray_table(FloorCamera(self.intrinsics, camera.mount))
         self._coarse = self._rays[MASK_PX // 2 :: MASK_PX, MASK_PX // 2 :: MASK_PX]
         self._window: MatLike | None = None  # suppresses edge effects of the phase correlation
@@ -210,7 +210,7 @@ class CornerTracker:
 
     def _moved(self, last: Picture, now: Picture, expected: Pixels) -> tuple[Pixels, Mask]:
         """The corners in the new picture (N, 2), and which were tracked."""
-        if self._detail:
+        if self.detail:
             coarse, near = self._tracked(last.half, now.half, self.corners / 2.0, expected / 2.0, LEVELS - 1)
             moved, good = self._tracked(last.detail, now.detail, self.corners, 2.0 * coarse, 0)
             good &= near

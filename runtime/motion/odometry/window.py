@@ -44,6 +44,8 @@ class PicturesRule:
     # Standard deviation of a track at the working width; larger than a track's error in one picture, because such
     # errors last.
     track_px: tuple[float, float] = (0.5, 1.0)
+    # A picture becomes a keyframe where the tracks have moved by this much since the last one, the rotation aside.
+    parallax_px: tuple[float, float] = (8.0, 15.0)
     # Factor on the covariance of a motion whose scale is not measured by depth: its errors last.
     covariance_scale: tuple[float, float] = (12.0, 8.0)
     least_weight: float = 8.0  # minimum total weight of the tracks that agree
@@ -80,11 +82,11 @@ class WindowOdometry:
         carried: bool = False,
     ) -> None:
         self._rule, tilt = rule or PicturesRule(), tilt or MountTiltRule()
-        self._unit_m, in_room = camera.mount.platform.unit_m, camera.mount.platform.in_room
+        self._unit_m, self._in_room = camera.mount.platform.unit_m, camera.mount.platform.in_room
         window = self._rule.window
         self._window_rule = replace(window, depth_sigma=self._unit_m * window.depth_sigma)
         self._tilt_rad = tilt.nod / 2.0, tilt.prior
-        self._tracker = CornerTracker(camera, self._rule.corners, detail=in_room)
+        self._tracker = CornerTracker(camera, self._rule.corners, detail=False)
         self._level = self._camera = FloorCamera(self._tracker.intrinsics, _in_units(camera.mount, self._unit_m))
         self._mount = camera.mount  # the mount that attitudes refer to
         begun = Carried(self._rule.carried, tilt.nod)
@@ -151,9 +153,12 @@ class WindowOdometry:
             return self._coasting.guess(frame.stamp_s, fault)
         factors = self._factors(prior.attitude, gyro)
         start = self._expected_pose(gyro)
+        # What is carried turns fast, and large turns need large structures; so do roads.
+        self._tracker.detail = self._in_room and not self.judged.carried
         self._tracker.follow(self._expected(start), gyro is None)
         self._tracker.seek()
-        weight = self._graph.step(start, factors, *self._tracks(frame), self._held(self._rule.track_px))
+        pair = self._held(self._rule.track_px), self._held(self._rule.parallax_px)
+        weight = self._graph.step(start, factors, *self._tracks(frame), *pair, self.judged.carried)
         if weight < self._rule.least_weight:
             return self._started_again(frame, start, factors)
         return self._measured(frame.stamp_s, dt_s, gyro is not None)
