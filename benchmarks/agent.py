@@ -1,8 +1,8 @@
 """`python -m edgemap.benchmarks.agent HOME...`: what an agent hears over MCP about homes that the map's drive has seen.
 
-HOME is a drive of `edgemap simulate`. Each is mapped with wheels, and questions are made of its truth: where is the
-CLASS of which the home has one, and where is the CLASS nearest to a place. An answer is right within 0.5 m of the true
-object, wrong elsewhere, and unknown where the map has none.
+HOME is a drive of `edgemap simulate`. Each is mapped with wheels, and questions are generated from its truth: where is
+the CLASS of which the home has one, and where is the CLASS nearest to a place. An answer is right within 0.5 m of the
+true object, wrong elsewhere, and unknown where the map has none.
 """
 
 import asyncio

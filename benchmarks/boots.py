@@ -20,7 +20,7 @@ from typing import Annotated, Any
 import numpy as np
 import tyro
 
-from edgemap.geometry.map_object import MapEvent, MapObject
+from edgemap.geometry.map_object import MapObject
 from edgemap.geometry.se2 import SE2
 from edgemap.runtime.step.wall_clock import ClockReading
 
@@ -32,7 +32,7 @@ Truth = dict[str, tuple[str, tuple[float, float]]]  # label and place by piece, 
 
 @dataclass(frozen=True)
 class BootsOptions:
-    """homes: folders of drives 0 to 4. known_start: each boot is told where it starts."""
+    """homes: folders of drives 0 to 4. known_start: each boot gets its start pose."""
 
     homes: Annotated[tuple[Path, ...], tyro.conf.Positional]
     bundle: str = "edgemap-nano"
@@ -165,7 +165,7 @@ def asked(
         places = [truths[boot].get(piece, ("", (1e9, 1e9)))[1] for boot in boots]
         return bool(places) and all(dist(place, at) <= NEAR_M for place in places)
 
-    item = objects.get(identity) or next((one for one in objects.values() if _was(one, identity)), None)
+    item = objects.get(identity) or next((one for one in objects.values() if identity in one.former_ids), None)
     if item is None:
         if identity not in gone:
             return "unknown", ""
@@ -176,23 +176,17 @@ def asked(
             return "no time", ""
         boot = boot_at(event.at, len(truths))
         text = f"{identity} is gone since boot {boot} from {event.from_m}"
-        return ("wrong" if boot is None or stood(range(boot, boot + 1), event.from_m) else "right"), text
-    moves = [event for event in item.history if event.what == "moved"]
-    since = moves[-1].at if moves else item.first_seen
+        return ("wrong" if boot is None or stood((boot,), event.from_m) else "right"), text
+    since = item.since
     text = f"{item.label} {piece} ({identity}) is {item.id} at {item.place_m}, since {since}, last {item.last_seen}"
     if item.last_seen is None or since is None:
-        ever = any(stood(range(boot, boot + 1), item.place_m) for boot in range(len(truths)))
+        ever = any(stood((boot,), item.place_m) for boot in range(len(truths)))
         return ("no time" if ever else "wrong"), text
     first, last = (boot_at(at, len(truths)) for at in (since, item.last_seen))
     if first is None or last is None:
         return "wrong", text
     boots = [boot for boot in range(first, last + 1) if boot in (first, last, *found)]
     return ("right" if stood(boots, item.place_m) else "wrong"), text
-
-
-def _was(item: MapObject, identity: str) -> bool:
-    events: tuple[MapEvent, ...] = item.history
-    return any(event.other == identity for event in events if event.what == "moved")
 
 
 def boot_at(at: float, count: int) -> int | None:

@@ -42,7 +42,7 @@ def command(
 
     from edgemap.geometry.objects.approach import ApproachRule, approach
     from edgemap.runtime.step.grid_file import load_grid
-    from edgemap.runtime.step.map_file import load_annotated_map, pose_record
+    from edgemap.runtime.step.map_file import goal_record, load_annotated_map
     from edgemap.runtime.step.map_store import saved_map
 
     for name, value in (("standoff", standoff), ("robot-radius", robot_radius)):
@@ -56,8 +56,7 @@ def command(
     if ros2:
         publish_goal(goal.pose)
     if json:
-        record = {"object": item.id, "frame": "map"} | pose_record(goal.pose)
-        print(dumps(record | {"standoff_m": round(goal.standoff_m, 3), "floor": goal.floor}))
+        print(dumps({"object": item.id, "frame": "map"} | goal_record(goal)))
         return
     pose = goal.pose
     floor = {"free": "free floor", "unknown": "floor that nobody has seen: check the way"}[goal.floor]

@@ -78,6 +78,16 @@ class MapObject:
         """The position as plain numbers."""
         return float(self.position_m[0]), float(self.position_m[1])
 
+    @property
+    def since(self) -> float | None:
+        """From when on it has stood in its place, seconds since 1970; None where unknown."""
+        return next((event.at for event in reversed(self.history) if event.what == "moved"), self.first_seen)
+
+    @property
+    def former_ids(self) -> set[str]:
+        """Ids that it had before it was moved."""
+        return {event.other for event in self.history if event.what == "moved" and event.other}
+
 
 def placed_history(history: tuple[MapEvent, ...], place: Callable[[Array], Array]) -> tuple[MapEvent, ...]:
     """A history with its positions moved. place: takes points (1, 2) to others."""

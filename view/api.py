@@ -12,7 +12,7 @@ from starlette.routing import Route
 
 from edgemap.geometry.errors import GeometryError, MapError
 from edgemap.geometry.objects.approach import Approach, ApproachRule, approach
-from edgemap.runtime.step.map_file import pose_record
+from edgemap.runtime.step.map_file import goal_record
 from edgemap.view import answers
 from edgemap.view import edit_routes as edits
 from edgemap.view.page import LivePage
@@ -154,8 +154,7 @@ def _found(page: LivePage, request: Request) -> Approach:
 
 
 def _goal(request: Request, goal: Approach) -> dict[str, Any]:
-    own = {"object": request.path_params["id"], "standoff_m": round(goal.standoff_m, 3), "floor": goal.floor}
-    return own | pose_record(goal.pose)
+    return {"object": request.path_params["id"]} | goal_record(goal)
 
 
 def _reading(state: Callable[[], object]) -> Answer:

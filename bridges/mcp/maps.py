@@ -16,9 +16,9 @@ from edgemap.runtime.frames.disk import lock_folder
 from edgemap.runtime.frames.reading import one_line, read_bytes
 from edgemap.runtime.step.grid_file import load_grid
 from edgemap.runtime.step.map_file import (
+    goal_record,
     load_annotated_map,
     map_path,
-    pose_record,
     read_map,
     replace_map,
     saved_text,
@@ -64,8 +64,7 @@ class SavedMap:
 
     def approach(self, item: MapObject, objects: list[MapObject]) -> dict[str, Any]:
         """By the saved grid."""
-        found = approach(item, objects, load_grid(self.path))
-        return pose_record(found.pose) | {"standoff_m": round(found.standoff_m, 3), "floor": found.floor}
+        return goal_record(approach(item, objects, load_grid(self.path)))
 
     def mark(self, identity: str, edit: dict[str, Any]) -> None:
         """Writes the map, unless a run uses it."""

@@ -133,12 +133,11 @@ def answer(notes: Annotations, **values: Any) -> dict[str, Any]:
 
 
 def rows(objects: list[MapObject], notes: Annotations) -> list[dict[str, Any]]:
-    """What an agent is told of objects."""
+    """Objects as an answer holds them."""
     return [_row(item, notes) for item in objects[:MOST]]
 
 
 def _row(item: MapObject, notes: Annotations) -> dict[str, Any]:
-    since = next((event.at for event in reversed(item.history) if event.what == "moved"), item.first_seen)
     zones = [zone.name for zone in notes.zones if inside_polygon([item], zone.corners_m)]
     last = item.history[-1].what if item.history else ""
     (x_m, y_m), map_id = item.place_m, notes.identity.map_id if notes.identity else "map"
@@ -153,7 +152,7 @@ def _row(item: MapObject, notes: Annotations) -> dict[str, Any]:
         "confidence": round(item.confidence, 3),
         "doubtful": is_doubtful(item),
         "confirmed": item.confirmed,
-        "since": utc_text(since),
+        "since": utc_text(item.since),
         "first_seen": utc_text(item.first_seen),
         "last_seen": utc_text(item.last_seen),
         "missed_in_its_place": last == "missed",
@@ -165,12 +164,8 @@ def matching(objects: list[MapObject], what: str) -> list[MapObject]:
     """Objects of this name, else of this id now or before they were moved, else of this class."""
     wanted = what.strip().casefold()
     named = [item for item in objects if item.name and item.name.casefold() == wanted]
-    known = [item for item in objects if wanted == item.id.casefold() or wanted in _former(item)]
+    known = [item for item in objects if wanted in {one.casefold() for one in (item.id, *item.former_ids)}]
     return named or known or [item for item in objects if item.label.casefold() == wanted]
-
-
-def _former(item: MapObject) -> set[str]:
-    return {event.other.casefold() for event in item.history if event.what == "moved" and event.other}
 
 
 def gone_rows(notes: Annotations, what: str) -> list[dict[str, Any]]:

@@ -232,12 +232,10 @@ def _remembered(item: MapObject) -> tuple[object, ...]:
 def _news(before: MapObject | None, item: MapObject) -> list[MapEvent]:
     """New entries of an object's history, but for those that `write` finds by itself. The first time that an object is
     published, its history is old, but for a move."""
-    told = {
-        (event.what, event.other) for event in (before.history if before else item.history) if event.what != "moved"
-    }
-    told |= {(event.what, event.other) for event in before.history} if before else set()
-    found = [event for event in item.history if event.what != "moved" or event.other]
-    return [event for event in found if event.what != "appeared" and (event.what, event.other) not in told]
+    old = before.history if before else [event for event in item.history if event.what != "moved"]
+    published = {(event.what, event.other) for event in old}
+    events = [event for event in item.history if event.what != "moved" or event.other]
+    return [event for event in events if event.what != "appeared" and (event.what, event.other) not in published]
 
 
 def topic_level(name: str) -> str:

@@ -24,8 +24,9 @@ from edgemap.geometry.se2 import SE2
 Mask = NDArray[np.bool_]
 Indices = NDArray[np.intp]
 
-# Rounds of Gauss and Newton: of a carried camera, and with measured depths; of a robot after a new keyframe, and else.
-CARRIED_ROUNDS, ROUNDS = (4, 2), (2, 1)
+# Rounds of Gauss and Newton of a carried camera, of one with measured depths and of a robot after a new keyframe, and
+# of a robot otherwise.
+CARRIED_ROUNDS, FEWER_ROUNDS, LEAST_ROUNDS = 4, 2, 1
 NEAREST, FARTHEST = 20.0, 1e-4  # inverse depths, 1/m
 ORIGIN = np.array([1e-6, 1e-6, 1e6, 1e8, 1e8, 1e-6])  # information that fixes heading and place of the first pose
 UNHELD_RAD = np.radians(2.0)  # standard deviation of a tilt after the mount's angles have changed
@@ -274,9 +275,7 @@ class KeyframeWindow:
         fixed[np.diag_indices(6 * count)] += 1e-9
         information = fixed
         tracks = Tracks(self.points, count, (self._track_sigma, self._rule.depth_sigma))
-        measured = tracks.at.shape[1] == 3
-        rounds = CARRIED_ROUNDS[measured] if self._carried else ROUNDS[not self._grown]
-        for round_ in range(rounds):
+        for round_ in range(self._rounds(measured=tracks.at.shape[1] == 3)):
             system = self._system(tracks, self.points, rotation, position, 1.5 if round_ == 0 else 1.0)
             information, right = system.reduced()
             information += fixed
@@ -290,6 +289,11 @@ class KeyframeWindow:
         self.poses = [LensPose(*pose) for pose in zip(rotation, position, strict=True)]
         unit = np.eye(6 * count)[:, -12:]
         self._covariance = np.asarray(np.linalg.solve(information, unit)[-12:], dtype=np.float64)
+
+    def _rounds(self, measured: bool) -> int:
+        if self._carried:
+            return FEWER_ROUNDS if measured else CARRIED_ROUNDS
+        return FEWER_ROUNDS if self._grown else LEAST_ROUNDS
 
     def _arrays(self) -> tuple[Array, Array]:
         return np.array([pose.rotation for pose in self.poses]), np.array([pose.position_m for pose in self.poses])

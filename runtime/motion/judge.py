@@ -92,8 +92,8 @@ class MotionJudge:
         return wrong or (self._length(seen, given, variances, block) if lengths else "")
 
     def _yaw(self, path: Path, spans: Array, seen: Array, given: Array, variances: Array, block: Rows) -> str:
-        clear, turns = _blocks(block, np.abs(seen[:, 2]), variances[:, 2], self._least_rad)
-        if turns < FEWEST:
+        clear = _blocks(block, np.abs(seen[:, 2]), variances[:, 2], self._least_rad)
+        if len(clear) < FEWEST:
             return ""
         self.conclusive = True
         match = [_correlation(seen[:, 2], _between(path, spans, lag_s)[:, 2]) for lag_s in LAGS_S]
@@ -109,8 +109,8 @@ class MotionJudge:
 
     def _length(self, seen: Array, given: Array, variances: Array, block: Rows) -> str:
         ahead, other = seen[:, 0] + 1j * seen[:, 1], given[:, 0] + 1j * given[:, 1]
-        clear, moves = _blocks(block, np.abs(ahead), variances[:, 0], self._least_m)
-        if moves < FEWEST:
+        clear = _blocks(block, np.abs(ahead), variances[:, 0], self._least_m)
+        if len(clear) < FEWEST:
             return ""
         product = complex(np.vdot(ahead, other))
         power, given_power = (float(np.vdot(some, some).real) for some in (ahead, other))
@@ -157,11 +157,10 @@ def _correlation(one: Array, other: Array) -> float:
     return math.copysign(product**2 / power, product) if power > 0.0 else 0.0
 
 
-def _blocks(block: Rows, size: Array, variance: Array, least: float) -> tuple[Rows, int]:
-    """The blocks in which a quantity is clear, and how many they are."""
+def _blocks(block: Rows, size: Array, variance: Array, least: float) -> Rows:
+    """The blocks in which a quantity is clear."""
     sums, noise = np.bincount(block, size), np.sqrt(np.bincount(block, variance))
-    clear = np.flatnonzero(sums > np.maximum(least, CLEAR_SIGMAS * noise))
-    return clear, len(clear)
+    return np.flatnonzero(sums > np.maximum(least, CLEAR_SIGMAS * noise))
 
 
 def path_of(stamps_s: Array, poses: Array, wraps: bool = True) -> Path:

@@ -14,6 +14,7 @@ from edgemap.geometry.grid.occupancy_grid import OccupancyGrid
 from edgemap.geometry.grid.walls import walls_of
 from edgemap.geometry.map_object import MapEvent, MapObject
 from edgemap.geometry.objects.annotations import NO_ANNOTATIONS, Annotations, MapIdentity, Zone
+from edgemap.geometry.objects.approach import Approach
 from edgemap.geometry.se2 import SE2
 from edgemap.runtime.frames.disk import write_atomically
 from edgemap.runtime.frames.reading import decode_json, read_bytes
@@ -87,6 +88,11 @@ def change_record(item: MapObject, event: MapEvent) -> dict:
 def pose_record(pose: SE2) -> dict[str, float]:
     """A pose of the base in the map frame as `map.json` holds it."""
     return {"x_m": round(pose.x_m, 4), "y_m": round(pose.y_m, 4), "yaw_rad": round(pose.yaw_rad, 5)}
+
+
+def goal_record(goal: Approach) -> dict:
+    """A pose from which a robot faces an object, as the command line, HTTP and agents get it."""
+    return pose_record(goal.pose) | {"standoff_m": round(goal.standoff_m, 3), "floor": goal.floor}
 
 
 def object_record(item: MapObject) -> dict:

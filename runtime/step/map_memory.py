@@ -69,7 +69,7 @@ class MapMemory:
             self._add(identity, MapEvent("restored"))
 
     def identify(self, first: bytes) -> None:
-        """A map that is made anew takes its id from the first picture: replays of a recording make the same map."""
+        """A new map takes its id from the first picture: replays of a recording make the same map."""
         if self.identity.generation == 1:
             self.identity = MapIdentity(str(uuid.uuid5(uuid.NAMESPACE_OID, hashlib.sha256(first).hexdigest())))
 

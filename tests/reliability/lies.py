@@ -32,7 +32,7 @@ SENSORS = tuple(KINDS.values())
 
 
 @dataclass(frozen=True, slots=True)
-class Told:
+class Lie:
     """A lie. sizes: the least and the largest, drawn in between. change: of the sensor's rows; none for depth,
     whose scale is the size."""
 
@@ -75,26 +75,26 @@ def _optical(rows: Array, size: float) -> Array:
 
 
 LIES = (
-    Told("poses", OPTICAL, (0.0, 0.0), _optical),
-    Told("poses", "w first", (1.0, 1.0), lambda rows, _: rows[:, [0, 1, 2, 3, 7, 4, 5, 6]]),
-    Told("poses", "scale", (0.4, 0.75), _columns((1, 0), (2, 0), (3, 0))),
-    Told("poses", "millimetres", (1000.0, 1000.0), _columns((1, 0), (2, 0), (3, 0))),
-    Told("poses", "mirrored", (1.0, 1.0), _columns((2, -1.0), (6, -1.0))),
-    Told("poses", "late", (0.2, 1.0), _late),
-    Told("poses", "another clock", (100.0, 1e6), _late),
-    Told("poses", "yaw", (1.3, 1.8), _yaw),
-    Told("wheels", "scale", (1.4, 1.8), _columns((1, 0), (2, 0))),
-    Told("wheels", "mirrored", (1.0, 1.0), _columns((2, -1.0), (3, -1.0))),
-    Told("wheels", "degrees", (math.degrees(1.0), math.degrees(1.0)), _columns((3, 0))),
-    Told("wheels", "late", (0.2, 1.0), _late),
-    Told("depth", "too short", (0.2, 0.7)),
-    Told("depth", "too long", (1.5, 4.0)),
-    Told("imu", "gyro reversed", (1.0, 1.0), _columns((1, -1.0), (2, -1.0), (3, -1.0))),
-    Told("imu", "gyro's axes", (1.0, 1.0), lambda rows, _: rows[:, [0, 3, 1, 2, 4, 5, 6]]),
-    Told("imu", "late", (0.2, 0.8), _late),
-    Told("imu", "degrees", (math.degrees(1.0), math.degrees(1.0)), _columns((1, 0), (2, 0), (3, 0))),
-    Told("imu", "gravity reversed", (1.0, 1.0), _columns((4, -1.0), (5, -1.0), (6, -1.0))),
-    Told("imu", "no force", (1.0, 1.0), lambda rows, _: rows * [1, 1, 1, 1, 0, 0, 0]),
+    Lie("poses", OPTICAL, (0.0, 0.0), _optical),
+    Lie("poses", "w first", (1.0, 1.0), lambda rows, _: rows[:, [0, 1, 2, 3, 7, 4, 5, 6]]),
+    Lie("poses", "scale", (0.4, 0.75), _columns((1, 0), (2, 0), (3, 0))),
+    Lie("poses", "millimetres", (1000.0, 1000.0), _columns((1, 0), (2, 0), (3, 0))),
+    Lie("poses", "mirrored", (1.0, 1.0), _columns((2, -1.0), (6, -1.0))),
+    Lie("poses", "late", (0.2, 1.0), _late),
+    Lie("poses", "another clock", (100.0, 1e6), _late),
+    Lie("poses", "yaw", (1.3, 1.8), _yaw),
+    Lie("wheels", "scale", (1.4, 1.8), _columns((1, 0), (2, 0))),
+    Lie("wheels", "mirrored", (1.0, 1.0), _columns((2, -1.0), (3, -1.0))),
+    Lie("wheels", "degrees", (math.degrees(1.0), math.degrees(1.0)), _columns((3, 0))),
+    Lie("wheels", "late", (0.2, 1.0), _late),
+    Lie("depth", "too short", (0.2, 0.7)),
+    Lie("depth", "too long", (1.5, 4.0)),
+    Lie("imu", "gyro reversed", (1.0, 1.0), _columns((1, -1.0), (2, -1.0), (3, -1.0))),
+    Lie("imu", "gyro's axes", (1.0, 1.0), lambda rows, _: rows[:, [0, 3, 1, 2, 4, 5, 6]]),
+    Lie("imu", "late", (0.2, 0.8), _late),
+    Lie("imu", "degrees", (math.degrees(1.0), math.degrees(1.0)), _columns((1, 0), (2, 0), (3, 0))),
+    Lie("imu", "gravity reversed", (1.0, 1.0), _columns((4, -1.0), (5, -1.0), (6, -1.0))),
+    Lie("imu", "no force", (1.0, 1.0), lambda rows, _: rows * [1, 1, 1, 1, 0, 0, 0]),
 )
 FILES = {"poses": "given.tum", "wheels": "wheel.csv", "imu": "imu.csv"}
 ALONE = {"poses": ("--odometry", "given.tum"), "wheels": ("--odometry", "wheel:wheel.csv")}
@@ -105,7 +105,7 @@ def _edgemap(*words: object) -> subprocess.CompletedProcess[str]:
     return subprocess.run(command, capture_output=True, text=True, check=False)
 
 
-def _drive(home: Path, folder: Path, lie: Told | None, sensor: str, size: float) -> Path:
+def _drive(home: Path, folder: Path, lie: Lie | None, sensor: str, size: float) -> Path:
     """The home's drive with one sensor beside its pictures, which lies or not."""
     shutil.rmtree(folder, ignore_errors=True)
     folder.mkdir(parents=True)

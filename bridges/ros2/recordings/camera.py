@@ -257,8 +257,7 @@ class RecordingCamera(Camera):
             mount, text = mount_of(tree, frame_id, self._rotate)
             self._notes += [text] if text else []
         self._imu_topic, imu = imu_of(recording, tree, frame_id, topics.imu)
-        if self._levels.bits > 8:
-            self._notes.append(f"pictures of 16 bits, of which {self._levels.bits} are used: scaled to 8")
+        self._notes += self._levels.notes
         self.update_info(intrinsics=intrinsics, mount=mount, imu=imu, rate_hz=self._rate_hz())
 
     def _lens_message(self) -> Any:

@@ -34,8 +34,6 @@ from edgemap.runtime.inputs.drives.pictures import (
 )
 
 COMPRESSED = ("jpeg", "jpg", "png", "webp", "tiff", "bmp")
-
-
 DEPTH_WORDS, INFRARED_WORDS = {"depth", "disparity"}, {"infra", "infra1", "infra2", "ir", "infrared", "thermal"}
 
 
@@ -108,9 +106,8 @@ SIXTEEN = "16UC1", "mono16"
 FLOATS = "32FC1 in bytes; png"
 ALIGNED = "aligned_depth_to_color", "depth_registered"  # in the topic's name: Intel's driver, ROS's image pipeline
 APART_S = 0.02  # between the stamps of a picture and its depth
-QUANTISED = struct.Struct(
-    "<iff"
-)  # before the PNG of `compressedDepth`: a format, and A and B of depth = A / (value - B)
+# Before the PNG of `compressedDepth`: a format, and A and B of depth = A / (value - B).
+QUANTISED = struct.Struct("<iff")
 
 
 def encoded_depth(depth: Depth) -> tuple[bytes, str]:

@@ -187,9 +187,7 @@ class PicturesCamera(FileCamera):
     ) -> None:
         self._levels = Levels()
         size, count = _first_size(pictures, self._levels), len(pictures)
-        bits = self._levels.bits
-        notes = (f"pictures of 16 bits, of which {bits} are used: scaled to 8",) if bits > 8 else ()
-        info = CameraInfo(name, size, intrinsics, mount, rate_hz=rate_hz, frame_count=count, notes=notes)
+        info = CameraInfo(name, size, intrinsics, mount, rate_hz=rate_hz, frame_count=count, notes=self._levels.notes)
         super().__init__(info)
         self._pictures, self._stamps_s = pictures, stamps_s
         self._next = 0

@@ -59,6 +59,12 @@ class Levels:
     def __init__(self) -> None:
         self.bits = 8
 
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """What was scaled, as a line; none where nothing was."""
+        text = f"pictures of 16 bits, of which {self.bits} are used: scaled to 8"
+        return (text,) if self.bits > 8 else ()
+
     def eight_bits(self, picture: NDArray[np.uint16]) -> NDArray[np.uint8]:
         """The picture with its used bits scaled to 8."""
         used = int(picture.max(initial=0)).bit_length()

@@ -10,7 +10,7 @@ from edgemap.runtime.frames.camera import Camera
 from edgemap.runtime.frames.errors import OdometryError
 from edgemap.runtime.frames.faults import FaultKind
 from edgemap.runtime.frames.trajectory import PoseTrack, TrackFile
-from edgemap.runtime.motion.given_poses import GivenPoses, read_given
+from edgemap.runtime.motion.given_poses import EDGE_S, GivenPoses, read_given
 from edgemap.runtime.motion.health import HealthRule
 from edgemap.runtime.motion.judge import JudgeRule, MotionJudge
 from edgemap.runtime.motion.odometry.coasting import CoastingRule
@@ -25,6 +25,8 @@ from edgemap.runtime.motion.odometry_names import is_pose_file
 from edgemap.runtime.network.bundle import Bundle
 
 __all__ = ["Motion", "Odometry", "OdometryRules", "at_head_height", "open_odometry"]
+
+HEAD_M = 1.36  # height of the lens of the tallest small robot
 
 
 @dataclass(frozen=True, slots=True)
@@ -59,7 +61,6 @@ def open_odometry(
     not available here.
     """
     rules = rules or OdometryRules()
-    coasting = rules.coasting.of_unit(floor.mount.platform.unit_m)
     if spec == "hybrid":
         return _hybrid(camera, floor, wheels, rules, health, tilt)
     if spec == "gyro":
@@ -67,11 +68,11 @@ def open_odometry(
     if spec == "window":
         return WindowOdometry(floor, rules.pictures, rules.coasting, tilt, at_head_height(camera, floor))
     if spec in ("flow", "paper"):
-        return LearnedOdometry(bundle, spec, floor, coasting)
+        return LearnedOdometry(bundle, spec, floor, rules.coasting.of_unit(floor.mount.platform.unit_m))
     if spec == "truth":
         if camera.info.truth is None:
             raise OdometryError(f"odometry truth: {camera.info.name} has no recorded poses")
-        return RecordedOdometry(camera.info.truth, "truth", edge_s=POSES_EDGE_S)
+        return RecordedOdometry(camera.info.truth, "truth", edge_s=EDGE_S)
     if spec == "wheel":
         if camera.info.wheel is None:
             raise OdometryError(f"odometry wheel: {camera.info.name} brings no wheel odometry")
@@ -86,7 +87,7 @@ def open_odometry(
         def given(stamp_s: float) -> tuple[RecordedOdometry, PoseTrack, GivenPoses]:
             last_s = stamp_s + (count - 1) / rate_hz if count and rate_hz else math.inf
             poses = file.by_clock(spec, stamp_s, last_s)
-            return RecordedOdometry(poses.trajectory, spec, edge_s=POSES_EDGE_S), poses.trajectory, poses
+            return RecordedOdometry(poses.trajectory, spec, edge_s=EDGE_S), poses.trajectory, poses
 
         beside = _hybrid(camera, floor, False, rules, health, tilt)
         return JudgedOdometry(spec, given, beside, MotionJudge(rules.judge), FaultKind.POSES_EXCLUDED)
@@ -108,10 +109,6 @@ def _hybrid(
 def _wheels(wheels: TrackFile | PoseTrack, rules: OdometryRules) -> RecordedOdometry:
     track = wheels.track() if isinstance(wheels, TrackFile) else wheels
     return RecordedOdometry(track, f"wheel:{wheels}", rules.wheels)
-
-
-HEAD_M = 1.36  # height of the lens of the tallest small robot
-POSES_EDGE_S = 0.15  # poses that are taken as they are may end a frame early
 
 
 def hybrid_members(

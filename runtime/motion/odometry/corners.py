@@ -66,15 +66,15 @@ class Picture:
 class CornerTracker:
     """Up to `CornersRule.corners` corners, and where they may lie on the floor.
 
-    corners (N, 2), px at the working width; ids (N,). detail: refine corners where large structures count half; may
-    change. Corners that do not return to where they were when they are tracked back are dropped.
+    corners (N, 2), px at the working width; ids (N,). Corners that do not return to where they were when they are
+    tracked back are dropped.
     """
 
-    def __init__(self, camera: FloorCamera, rule: CornersRule, detail: bool) -> None:
+    def __init__(self, camera: FloorCamera, rule: CornersRule) -> None:
         scale = min(1.0, rule.working_width_px / camera.intrinsics.width)
         self._size = round(camera.intrinsics.width * scale), round(camera.intrinsics.height * scale)
         self.intrinsics = camera.intrinsics.scaled(*self._size)
-        self._rule, self.detail = rule, detail
+        self._rule = rule
         self._rays = _ray_table(FloorCamera(self.intrinsics, camera.mount))
         self._coarse = self._rays[MASK_PX // 2 :: MASK_PX, MASK_PX // 2 :: MASK_PX]
         self._window: MatLike | None = None  # suppresses edge effects of the phase correlation
@@ -120,22 +120,17 @@ class CornerTracker:
             self._floor = cv2.resize(seen.floor, self._size, interpolation=cv2.INTER_LINEAR)
             self._mask = np.where(self._floor >= 0.5, self._reached, 0).astype(np.uint8)
 
-    def follow(self, expected: Pixels, shifted: bool) -> Mask:
-        """Tracks the corners into the new picture, from where they are expected (N, 2). Returns which are left: those
-        that fail or leave the picture are dropped. shifted: the picture may have moved farther than expected."""
+    def follow(self, expected: Pixels, shifted: bool, detail: bool) -> None:
+        """Tracks the corners into the new picture, from where they are expected (N, 2); those that fail or leave the
+        picture are dropped. shifted: the picture may have moved farther than expected. detail: corners are refined
+        where large structures count half."""
         if self._last is None or self._picture is None or len(self.corners) == 0:
-            return np.ones(len(self.corners), dtype=bool)
+            return
         if shifted:
             expected = expected + self._surprise(self._last, self._picture, expected)
-        moved, good = self._moved(self._last, self._picture, expected)
+        moved, good = self._moved(self._last, self._picture, expected, detail)
         good &= ((moved >= 0) & (moved <= [self._size[0] - 1.0, self._size[1] - 1.0])).all(axis=1)
-        self.corners = moved
-        self.keep(good)
-        return good
-
-    def keep(self, which: Mask) -> None:
-        """Drops the other corners."""
-        self.corners, self.ids = self.corners[which], self.ids[which]
+        self.corners, self.ids = moved[good], self.ids[good]
 
     def seek(self) -> None:
         """Replaces missing corners separately on the floor and elsewhere: a wall's contrast must not hide the floor."""
@@ -208,9 +203,9 @@ class CornerTracker:
         reaches = (falls * self._rule.reach_heights > 1.0).astype(np.uint8) * 255
         return np.asarray(cv2.resize(reaches, self._size, interpolation=cv2.INTER_NEAREST))
 
-    def _moved(self, last: Picture, now: Picture, expected: Pixels) -> tuple[Pixels, Mask]:
+    def _moved(self, last: Picture, now: Picture, expected: Pixels, detail: bool) -> tuple[Pixels, Mask]:
         """The corners in the new picture (N, 2), and which were tracked."""
-        if self.detail:
+        if detail:
             coarse, near = self._tracked(last.half, now.half, self.corners / 2.0, expected / 2.0, LEVELS - 1)
             moved, good = self._tracked(last.detail, now.detail, self.corners, 2.0 * coarse, 0)
             good &= near

@@ -53,7 +53,7 @@ class JudgedOdometry:
         given = self._given(frame.stamp_s)[0].step(frame, features, prior)
         due, self._last_s = self._judge.add(self._last_s, frame.stamp_s, seen.moved()), frame.stamp_s
         if due and not self._wrong:
-            self._judge_now(self._given(frame.stamp_s)[1])
+            self._judge_now(self._given(frame.stamp_s)[1], frame.stamp_s)
         return self._chosen(replace(given, rotation=seen.rotation), seen)
 
     def step_blind(self, stamp_s: float, reason: Fault, attitude: Attitude | None = None) -> Motion:
@@ -88,9 +88,13 @@ class JudgedOdometry:
                 self._news.append(Fault(FaultKind.POSES_CONVERTED, text))
         return self._opened
 
-    def _judge_now(self, track: PoseTrack) -> None:
-        poses = np.array([pose.vector() for pose in track.poses]).reshape(-1, 3)
-        if wrong := self._judge.judge(path_of(track.stamps_s, poses)):
+    def _judge_now(self, track: PoseTrack, stamp_s: float) -> None:
+        """Judges the poses about a stamp: of a long file no others count."""
+        stamps_s, reach_s = track.stamps_s, self._judge.reach_s
+        first, end = np.searchsorted(stamps_s, [stamp_s - reach_s, stamp_s + reach_s]).tolist()
+        near = slice(max(first - 1, 0), end + 1)
+        poses = np.array([pose.vector() for pose in track.poses[near]]).reshape(-1, 3)
+        if wrong := self._judge.judge(path_of(stamps_s[near], poses)):
             self._wrong = True
             text = f"odometry {self.name}: {wrong}: left out, the camera's own motion is used"
             self._news.append(Fault(self._kind, text))

@@ -86,7 +86,7 @@ class WindowOdometry:
         window = self._rule.window
         self._window_rule = replace(window, depth_sigma=self._unit_m * window.depth_sigma)
         self._tilt_rad = tilt.nod / 2.0, tilt.prior
-        self._tracker = CornerTracker(camera, self._rule.corners, detail=False)
+        self._tracker = CornerTracker(camera, self._rule.corners)
         self._level = self._camera = FloorCamera(self._tracker.intrinsics, _in_units(camera.mount, self._unit_m))
         self._mount = camera.mount  # the mount that attitudes refer to
         begun = Carried(self._rule.carried, tilt.nod)
@@ -132,7 +132,6 @@ class WindowOdometry:
         self._graph, self._base = self._empty(), SE2()
         self._motion, self._skipped = SE2(), False
         self._since, self._since_covariance = SE2(), np.zeros((3, 3))  # of the motion without pictures
-        self._reference = (*NO_RAYS, LensPose(np.eye(3), np.zeros(3)))  # of the direction of motion
 
     def _followed(self, frame: Frame, prior: FramePrior) -> Motion:
         """The motion in the camera's unit of length."""
@@ -154,8 +153,8 @@ class WindowOdometry:
         factors = self._factors(prior.attitude, gyro)
         start = self._expected_pose(gyro)
         # What is carried turns fast, and large turns need large structures; so do roads.
-        self._tracker.detail = self._in_room and not self.judged.carried
-        self._tracker.follow(self._expected(start), gyro is None)
+        detail = self._in_room and not self.judged.carried
+        self._tracker.follow(self._expected(start), gyro is None, detail)
         self._tracker.seek()
         pair = self._held(self._rule.track_px), self._held(self._rule.parallax_px)
         weight = self._graph.step(start, factors, *self._tracks(frame), *pair, self.judged.carried)
@@ -245,7 +244,7 @@ class WindowOdometry:
         self._graph.step(start, factors, *self._tracks(frame))
         self._base = self._graph.base(start)
         self._since, self._since_covariance, self._skipped = SE2(), np.zeros((3, 3)), False
-        self._reference = (*NO_RAYS, start)
+        self._reference = (*NO_RAYS, start)  # of the direction of motion
 
     def _tracks(self, frame: Frame) -> tuple[NDArray[np.int64], Array, Array, Array]:
         """Ids, normalised image points, probability of floor and measured inverse depth of the corners."""
