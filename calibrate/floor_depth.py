@@ -18,6 +18,7 @@ from edgemap.geometry.robust import median_and_scatter
 from edgemap.runtime.frames.errors import CalibrationError
 
 FEWEST_PICTURES = 3
+LOWEST_M, HIGHEST_M = 0.05, 3.0  # of a lens above the floor
 WORST_HEIGHT_SHARE, WORST_TILT_RAD = 0.02, math.radians(0.5)  # one standard deviation
 MAXIMUM_SCATTER_M, MAXIMUM_SCATTER_RAD = 0.03, math.radians(1.5)  # from picture to picture, of a camera that is mounted
 
@@ -49,12 +50,17 @@ class FloorDepthFit:
 
 
 def fit_floor_depth(
-    pictures_m: Iterable[NDArray[np.float32]], lens: Intrinsics, up: Array | None = None, seed: int = 0
+    pictures_m: Iterable[NDArray[np.float32]],
+    lens: Intrinsics,
+    up: Array | None = None,
+    seed: int = 0,
+    mounted: bool = True,
 ) -> FloorDepthFit:
     """The mount whose floor the depth pictures, (H, W) metres along the optical axis, show; NaN or 0 where unknown.
 
     lens: of these pictures. up: (3,) in the optical frame by gravity, where there is an IMU. Medians over the pictures.
-    Raises CalibrationError with the numbers for too few pictures with a floor and for pictures that do not agree.
+    Raises CalibrationError with the numbers for too few pictures with a floor, for a lens outside 0.05 to 3 m, and,
+    where the camera is `mounted` and not carried, for pictures that do not agree.
     """
     rng, examined = np.random.default_rng(seed), 0
     planes: list[FloorPlane] = []
@@ -71,7 +77,12 @@ def fit_floor_depth(
         )
     values = np.array([(plane.height_m, *pitch_roll(plane.up)) for plane in planes])
     middle, scatter = median_and_scatter(values)
-    if scatter[0] > MAXIMUM_SCATTER_M or scatter[1:].max() > MAXIMUM_SCATTER_RAD:
+    if not LOWEST_M <= middle[0] <= HIGHEST_M:
+        raise CalibrationError(
+            f"{len(planes)} depth pictures put the floor {middle[0]:.3g} m below the lens, expected {LOWEST_M:g} to "
+            f"{HIGHEST_M:g} m: which unit is the depth in?"
+        )
+    if mounted and (scatter[0] > MAXIMUM_SCATTER_M or scatter[1:].max() > MAXIMUM_SCATTER_RAD):
         raise CalibrationError(
             f"the floor lies {100 * scatter[0]:.1f} cm and {math.degrees(scatter[1:].max()):.1f} deg apart from "
             f"picture to picture, at most {100 * MAXIMUM_SCATTER_M:g} cm and "
@@ -79,7 +90,7 @@ def fit_floor_depth(
             "hide the floor"
         )
     sigma = scatter / math.sqrt(len(planes))
-    if sigma[0] > WORST_HEIGHT_SHARE * middle[0] or sigma[1:].max() > WORST_TILT_RAD:
+    if mounted and (sigma[0] > WORST_HEIGHT_SHARE * middle[0] or sigma[1:].max() > WORST_TILT_RAD):
         raise CalibrationError(
             f"mount known to {100 * sigma[0]:.1f} cm and {math.degrees(sigma[1:].max()):.2f} deg only: more pictures"
         )

@@ -8,6 +8,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from edgemap.calibrate.floor_depth import HIGHEST_M, LOWEST_M
 from edgemap.calibrate.guess_focal import (
     FEWEST_ROOMS,
     SWAYING_RAD,
@@ -37,7 +38,6 @@ from edgemap.runtime.motion.camera_guess import CameraGuess
 # Of a pitch by edges with the right focal length: 0.34 degrees RMS on twelve rendered homes, where the pitch by sizes
 # errs by 3 degrees.
 SURE_RAD = math.radians(0.35)
-LOWEST_M, HIGHEST_M = 0.05, 3.0
 LEAST_FLOOR = 0.1  # share of the picture below the horizon
 
 Picture = NDArray[np.uint8]

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from edgemap.geometry.camera.intrinsics import Intrinsics
     from edgemap.geometry.camera.mount import HeightEstimate, Mount
     from edgemap.geometry.odometry.rolling import Rolling
-    from edgemap.runtime.frames.camera import Camera
+    from edgemap.runtime.frames.camera import Camera, CameraOptions
     from edgemap.runtime.frames.frame import Frame
     from edgemap.runtime.motion.camera_guess import CameraGuess
     from edgemap.runtime.network.bundle import Bundle
@@ -26,11 +26,14 @@ if TYPE_CHECKING:
 PICTURES, REACH = 40, 400  # pictures that are looked at, or more, of so many first ones of a file
 SURE_AXLE_M = 0.03  # standard deviation; it is below after half a turn
 LIVE_S, LIVE_EVERY_S = 8.0, 0.2  # of a live camera, and between two pictures
+DEPTHS = 15  # live pictures with depth are enough
 
 
-def floor_camera_of(camera: "Source", source: "Camera", bundle: "Bundle") -> "tuple[FloorCamera, CameraGuess | None]":
-    """Intrinsics and mount as given, or guessed where either is missing; a guess is printed with its uncertainty. The
-    guess of an earlier run, in the camera file, is one still.
+def floor_camera_of(
+    camera: "Source", source: "Camera", bundle: "Bundle", how: "CameraOptions | None" = None
+) -> "tuple[FloorCamera, CameraGuess | None]":
+    """Intrinsics and mount as given; a missing mount by the floor in depth pictures, where there are any; else guessed,
+    and printed with its uncertainty. The guess of an earlier run, in the camera file, is one still.
 
     Raises UsageError, or CalibrationError where the pictures show no floor or an impossible mount.
     """
@@ -42,10 +45,13 @@ def floor_camera_of(camera: "Source", source: "Camera", bundle: "Bundle") -> "tu
     lens, mount, height_m, lacking = what_is_given(camera, source)
     if not lacking:
         return (floor := camera.floor_camera(source)), _earlier_guess(camera, source, floor)
+    frames = guessing_frames(camera, source, how)
+    if lens is not None and (measured := _by_depth(frames, lens)):
+        return FloorCamera(lens, measured if height_m is None else replace(measured, height_m=height_m)), None
     print(f"{source.info.name} does not say its {lacking}: guessing from its first pictures", flush=True)
     manifest = bundle.manifest
     detector = Detector(bundle, Decoder(manifest.detector, manifest.confidence, one_name=True))
-    pictures = [frame.image for frame in guessing_frames(camera, source)]
+    pictures = [frame.image for frame in frames]
     guess = guess_camera(pictures, detector, lens, mount, _stated(camera.camera, source), height_m)
     guess = replace(guess, quarter_turns=quarter_turns(pictures, detector))
     print(f"guessed from {len(pictures)} pictures:")
@@ -56,6 +62,30 @@ def floor_camera_of(camera: "Source", source: "Camera", bundle: "Bundle") -> "tu
         print("  the drive corrects the height by sizes of objects; a tape, floor to lens, is exact: --mount HEIGHT_M")
     print("  edgemap calibrate measures all of it without guessing", flush=True)
     return FloorCamera(guess.lens, guess.mount), guess
+
+
+def _by_depth(frames: "list[Frame]", lens: "Intrinsics") -> "Mount | None":
+    """The mount by the floor in the frames' depth; None where they have none, or show no floor, which is printed."""
+    from edgemap.calibrate.floor_depth import fit_floor_depth
+    from edgemap.calibrate.gravity import gravity
+    from edgemap.geometry.camera.imu import ImuSamples
+    from edgemap.runtime.frames.errors import CalibrationError
+
+    depths = [frame.depth for frame in frames if frame.depth is not None]
+    if not depths:
+        return None
+    try:
+        fit = fit_floor_depth(depths, lens, gravity(ImuSamples.joined([frame.imu for frame in frames])), mounted=False)
+    except CalibrationError as error:
+        print(f"no mount by depth: {error}", flush=True)
+        return None
+    mount = fit.mount
+    print(
+        f"mount by the floor in {fit.pictures} of {fit.examined} depth pictures: {mount.height_m:.2f} m, pitch "
+        f"{math.degrees(mount.pitch_rad):.1f} deg down, roll {math.degrees(mount.roll_rad):.1f} deg",
+        flush=True,
+    )
+    return mount
 
 
 def what_is_given(camera: "Source", source: "Camera") -> "tuple[Intrinsics | None, Mount | None, float | None, str]":
@@ -175,9 +205,9 @@ class CameraKeeper:
         write_camera_yaml(self._path, self._floor.intrinsics, self._floor.mount, calibration=calibration)
 
 
-def guessing_frames(camera: "Source", source: "Camera") -> "list[Frame]":
-    """Pictures spread over a live camera's first seconds, or over the first part of a file, which is opened again: of
-    each view one, where that leaves enough, as a camera at rest shows nothing of how it is carried."""
+def guessing_frames(camera: "Source", source: "Camera", how: "CameraOptions | None" = None) -> "list[Frame]":
+    """Pictures spread over a live camera's first seconds, or over the first part of a file, which is opened again as
+    `how` says: of each view one, where that leaves enough, as a camera at rest shows nothing of how it is carried."""
     import time
 
     from edgemap.calibrate.board import frames_of
@@ -191,15 +221,20 @@ def guessing_frames(camera: "Source", source: "Camera") -> "list[Frame]":
             if time.monotonic() >= next_s:
                 next_s = time.monotonic() + LIVE_EVERY_S
                 frames.append(frame)
+                if sum(one.depth is not None for one in frames) >= DEPTHS:
+                    break
         return frames
 
     def sampled(every: int) -> "Iterator[Frame]":
-        with camera.open() as again:
+        with camera.open(replace(how, realtime=False) if how else None) as again:
             yield from (frame for frame in frames_of(again, count) if frame.index % every == 0)
 
     count = min(source.info.frame_count or REACH, REACH)
     every = max(1, count // PICTURES)
     frames = list(sampled(every))
+    if every > 1 and len(frames) < PICTURES // 2:  # a short file that does not say its length
+        every = max(1, every * len(frames) // PICTURES)
+        frames = list(sampled(every))
     views = list(views_of(frames))
     if FEWEST_ROOMS <= len(views) < len(frames):  # as many again from what is not at rest
         return list(views_of(sampled(max(1, every * len(views) // len(frames)))))[: 2 * PICTURES]

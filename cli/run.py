@@ -35,7 +35,7 @@ def command(
     Four examples:
 
       edgemap run                                                  the demo drive
-      edgemap run --camera realsense --mount 0.60,11.5 --view      a camera 0.60 m up, 11.5 degrees down; live page
+      edgemap run --camera realsense --view                        its depth measures how it is mounted; live page
       edgemap run --camera 0 --mount 0.60                          a webcam 0.60 m up; lens and pitch are guessed
       edgemap run --camera drive.mp4 --camera-file camera.yaml -o kitchen/      a video, into a folder of its own
     """
@@ -58,7 +58,7 @@ def command(
         for note in source.info.notes:
             print(printable(note))
         loaded = _load(options, source)
-        floor, guess = floor_camera_of(camera, source, loaded)
+        floor, guess = floor_camera_of(camera, source, loaded, how)
         lens = floor.intrinsics
         # The network for whole inputs may go now.
         loaded = loaded.for_pictures(lens.width, lens.height, robot.odometry == "paper")

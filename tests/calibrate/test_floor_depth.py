@@ -42,6 +42,15 @@ def test_a_slope_larger_than_the_floor_is_neither_floor_nor_in_its_way():
     assert plane.height_m == pytest.approx(0.6, abs=0.005)
 
 
+def test_a_carried_camera_has_the_mount_of_its_middle_picture():
+    pictures = [depth_room(Mount.from_degrees(1.6, pitch)) for pitch in (20.0, 27.0, 36.0)]
+    with pytest.raises(CalibrationError, match="must be mounted"):
+        fit_floor_depth(pictures, LENS)
+    mount = fit_floor_depth(pictures, LENS, mounted=False).mount
+    assert mount.height_m == pytest.approx(1.6, abs=0.02)
+    assert math.degrees(mount.pitch_rad) == pytest.approx(27.0, abs=0.3)
+
+
 def test_gravity_says_which_plane_is_the_floor():
     steep = Mount.from_degrees(0.8, 52.0)  # the wall is nearer to the picture's own up than the floor
     pictures = [depth_room(steep)] * 3

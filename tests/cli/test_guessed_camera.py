@@ -8,6 +8,7 @@ from dataclasses import replace
 import cv2
 import numpy as np
 import pytest
+from support.depth_room import depth_room, record_depth
 
 from edgemap.cli import main
 from edgemap.cli.groups import Source
@@ -161,6 +162,22 @@ def test_who_carries_the_camera_is_asked_for_its_height(tmp_path):
     assert "as people carry a camera it is 1.50 m, to 15 %, and the scale of the map" in text
     assert "from floor to lens as you carry it" in text
     assert f"--camera walk.mp4 --camera-file {tmp_path / 'camera.yaml'} --mount 1.50" in text
+
+
+def test_a_depth_camera_measures_its_mount(edgemap, painted_bundle, tmp_path):
+    """A RealSense recording without --mount: nothing is guessed, unless its depth is left out."""
+    pytest.importorskip("pyrealsense2")
+    mount = Mount.from_degrees(0.62, 19.0, 9.0)
+    path = record_depth(tmp_path / "depth.db3", [depth_room(mount)] * 8)
+    run = ("run", "--camera", f"realsense:{path}", "--bundle", painted_bundle, "--out")
+    done = edgemap(*run, tmp_path / "run")
+    assert done.returncode == 0, done.stderr
+    record = json.loads((tmp_path / "run" / "run.json").read_text())
+    assert "camera_guess" not in record
+    assert record["mount"]["height_m"] == pytest.approx(0.62, abs=0.01)
+    assert record["mount"]["pitch_deg"] == pytest.approx(19.0, abs=0.3)
+    assert record["mount"]["roll_deg"] == pytest.approx(9.0, abs=0.3)
+    assert "guessing" in edgemap(*run, tmp_path / "without", "--without-depth").stdout
 
 
 def test_a_folder_that_begins_at_rest_is_guessed_from_its_views(tmp_path):
