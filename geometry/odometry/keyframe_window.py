@@ -30,6 +30,7 @@ CARRIED_ROUNDS, FEWER_ROUNDS, LEAST_ROUNDS = 4, 2, 1
 NEAREST, FARTHEST = 20.0, 1e-4  # inverse depths, 1/m
 ORIGIN = np.array([1e-6, 1e-6, 1e6, 1e8, 1e8, 1e-6])  # information that fixes heading and place of the first pose
 UNHELD_RAD = np.radians(2.0)  # standard deviation of a tilt after the mount's angles have changed
+NEAR_M = 0.3  # least depth of a point that was triangulated over a gap
 ANY = 0.3, 0.4  # mean inverse depth of a new point off the floor and its standard deviation, 1/m
 
 
@@ -160,11 +161,11 @@ class KeyframeWindow:
         track_px: float = 1.0,
         parallax_px: float = 15.0,
         carried: bool = True,
-    ) -> float:
-        """Adds a picture with its tracks and optimises the window. Returns the weight of the tracks that agree.
+    ) -> None:
+        """Adds a picture with its tracks and optimises the window.
 
-        start: expected pose. ids (N,), points (N, 2), floor (N,): tracks, their normalised image points, and the
-        probability that each lies on the floor. measured (N,): their inverse depths, NaN where none was measured.
+        start: its pose, by `resected`. ids (N,), points (N, 2), floor (N,): tracks, their normalised image points, and
+        the probability that each lies on the floor. measured (N,): their inverse depths, NaN where none was measured.
         track_px: standard deviation of a track. parallax_px: the picture before becomes a keyframe where the tracks
         have moved by so much since the last one, the rotation aside. carried: the camera swings: more rounds.
         """
@@ -183,12 +184,10 @@ class KeyframeWindow:
         self.points.measured[:, last] = np.where(hit, measured[rows], np.nan) if len(ids) else np.nan
         self.points.floor[hit] += floor[rows[hit]]
         self.points.views[hit] += 1.0
-        weight = 0.0 if first else self._resected(hit)
         if not first:
             self._solve()
         new = np.setdiff1d(np.arange(len(ids)), rows[hit])
-        self._add(ids[new], points[new], floor[new], measured[new])
-        return weight
+        self.add(ids[new], points[new], floor[new], measured[new])
 
     def move_axle(self, axle_m: float) -> None:
         """The wheels' axle is so far behind the base's origin."""
@@ -220,15 +219,16 @@ class KeyframeWindow:
             local[rows >= 0] = every[rows[rows >= 0]]
         return local
 
-    def _resected(self, hit: Mask) -> float:
-        """Moves the last pose to where the tracks agree with the points as they are; the weight of those that do."""
-        kept, start = self.points.chosen(hit), self.poses[-1]
+    def resected(self, start: LensPose, ids: NDArray[np.int64], points: Array) -> tuple[LensPose, float]:
+        """The pose near an expected one where tracks, as of `step`, agree with the points as they are, and the weight
+        of those that do."""
+        rows = _rows_of(self.points.ids, ids)
+        kept, seen = self.points.chosen(rows >= 0), points[rows[rows >= 0]]
         if not len(kept):
-            return 0.0
+            return start, 0.0
         world, along = self._world(kept)
         local = (world - start.position_m) @ start.rotation
         ahead = local[:, 2] > 0.05
-        seen = kept.at[:, len(self.poses) - 1]
         if ahead.any():
             shift = np.median(seen[ahead] - local[ahead, :2] / local[ahead, 2:], axis=0)
             turn = small_rotation(float(shift[1]), float(-shift[0]), 0.0)
@@ -237,8 +237,7 @@ class KeyframeWindow:
         landmarks = DepthLandmarks(world, along, np.minimum(sigma_m, 2.0 / kept.inverse_m))
         sigma = self._rule.gate_px / self._focal_px / TUKEY
         estimate = resect(landmarks, seen, resect(landmarks, seen, start, 2.0 * sigma).pose, sigma)
-        self.poses[-1] = estimate.pose
-        return float(estimate.weights.sum())
+        return estimate.pose, float(estimate.weights.sum())
 
     def _world(self, points: WindowPoints) -> tuple[Array, Array]:
         """Points (N, 3) in the world, and their derivative by the depth."""
@@ -247,7 +246,7 @@ class KeyframeWindow:
         along = np.einsum("nij,nj->ni", rotation, points.ray)
         return position + along / points.inverse_m[:, None], along
 
-    def _add(self, ids: NDArray[np.int64], points: Array, floor: Array, measured: Array) -> None:
+    def add(self, ids: NDArray[np.int64], points: Array, floor: Array, measured: Array) -> None:
         """New points, hosted by the last pose."""
         count, last, pose = len(ids), len(self.poses) - 1, self.poses[-1]
         ray = np.column_stack([points, np.ones(count)])
@@ -264,6 +263,30 @@ class KeyframeWindow:
         host, views = np.full(count, last), np.ones(count)
         new = WindowPoints(ids, host, ray, inverse, variance, floor + 0.0, views, at, observed, depths)
         self.points = self.points.joined(new)
+
+    def bridge(
+        self, ids: NDArray[np.int64], points: Array, floor: Array, measured: Array, now: Array, turn: Array, way: Array
+    ) -> LensPose:
+        """Starts again at the last pose, with points that a far picture sees again, as of `step`; that picture's pose.
+
+        now: (N, 2) normalised image points there. turn (3, 3), way (3,): rotation and direction that take points of the
+        last lens into the far one. Points on the floor and measured ones give the length.
+        """
+        last = self.poses[-1]
+        self.poses, self._factors, self._prior = [last], self._factors[-1:], (np.diag(ORIGIN), np.zeros(6), [last])
+        self.points = self.points.chosen(np.zeros(len(self.points), dtype=bool))
+        self.add(ids, points, floor, measured)
+        seen, turned = np.column_stack([now, np.ones(len(now))]), self.points.ray @ turn.T
+        by_depth, by_length = _cross(seen, turned), _cross(seen, way)  # depth * by_depth + length * by_length = 0
+        known = np.isfinite(measured) | (self.points.variance < ANY[1] ** 2)
+        at_m = by_depth[known] / self.points.inverse_m[known, None]
+        lengths = -(at_m * by_length[known]).sum(axis=1) / (by_length[known] ** 2).sum(axis=1)
+        length_m = max(float(np.median(lengths)), 0.0) if len(lengths) else 0.0
+        if length_m > 0.0:  # the others by triangulation
+            inverse = -(by_depth**2).sum(axis=1) / (by_depth * by_length).sum(axis=1) / length_m
+            inverse = np.where(known, self.points.inverse_m, np.clip(inverse, FARTHEST, 1.0 / NEAR_M))
+            self.points = replace(self.points, inverse_m=inverse)
+        return last @ LensPose(turn, length_m * way).inverse()
 
     def _solve(self) -> None:
         """Gauss-Newton over all poses and points. Factors and prior are linearised once."""

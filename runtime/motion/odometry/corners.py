@@ -23,6 +23,9 @@ BACK_PX = 0.7  # largest difference of a corner that is tracked forward and back
 SHIFT_PX = 4  # the picture's shift is estimated on every n-th pixel
 RESPONSE_PX = 3  # radius around a corner in which its response reads the picture
 MASK_PX = 8  # the reach of the floor is computed on every n-th pixel
+# Features that are described in a picture, pixels that agree with a rigid motion, and fewest pairs that do; ORB's own
+# border hides a sixth of a small picture.
+FEATURES, PAIR_PX, FEWEST_PAIRS, ORB_BORDER_PX = 800, 1.5, 12, 15
 FEW = 5  # a fifth of the corners: fewer missing ones are not replaced
 
 
@@ -43,6 +46,19 @@ class CornersRule:
     def apart_px(self) -> int:
         """Minimum distance between two corners, px."""
         return (self.window_px + 1) // 2
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Found:
+    """Corners that were found again in the picture before: there their normalised image points (N, 2), probability of
+    floor and depth (N,), NaN where it was not measured; rotation (3, 3) and direction (3,) of the motion, which take
+    points of the lens before into the lens of now."""
+
+    points: Array
+    floor: Array
+    depth_m: Array
+    turn: Array
+    way: Array
 
 
 class Picture:
@@ -88,6 +104,8 @@ class CornerTracker:
         self._picture: Picture | None = None
         self.corners = np.zeros((0, 2), dtype=np.float32)
         self.ids = np.zeros(0, dtype=np.int64)
+        self._before = self.corners, self.ids
+        self._floor, self._mask = None, np.zeros(self._size[::-1], dtype=np.uint8)
 
     @property
     def started(self) -> bool:
@@ -115,6 +133,7 @@ class CornerTracker:
         """Marks where corners may lie on the floor: within this camera's reach and, with a mask, on its floor."""
         if camera is not self._reached_by:
             self._reached_by, self._reached = camera, self._within_reach(camera)
+        self._floor_before = self._floor, self._mask
         self._floor, self._mask = None, self._reached
         if seen is not None:
             self._floor = cv2.resize(seen.floor, self._size, interpolation=cv2.INTER_LINEAR)
@@ -130,7 +149,42 @@ class CornerTracker:
             expected = expected + self._surprise(self._last, self._picture, expected)
         moved, good = self._moved(self._last, self._picture, expected, detail)
         good &= ((moved >= 0) & (moved <= [self._size[0] - 1.0, self._size[1] - 1.0])).all(axis=1)
+        self._before = self.corners, self.ids
         self.corners, self.ids = moved[good], self.ids[good]
+
+    def back(self) -> None:
+        """The corners as they were before `follow`, in the picture before."""
+        self.corners, self.ids = self._before
+
+    def find_again(self, depth: NDArray[np.float32] | None) -> "Found | None":
+        """New corners by the descriptors of both pictures (ORB, Rublee et al. 2011), where they agree with one rigid
+        motion (Nister 2004). depth: of the picture before."""
+        if self._last is None or self._picture is None:
+            return None
+        orb = cv2.ORB.create(FEATURES, edgeThreshold=ORB_BORDER_PX)
+        first, of_first = orb.detectAndCompute(self._last.grey, None)
+        second, of_second = orb.detectAndCompute(self._picture.grey, self._still)
+        if of_first is None or of_second is None:
+            return None
+        pairs = cv2.BFMatcher.create(cv2.NORM_HAMMING, crossCheck=True).match(of_first, of_second)
+        pairs = sorted(pairs, key=lambda pair: pair.distance)
+        if len(pairs) < FEWEST_PAIRS:
+            return None
+        before = np.array([first[pair.queryIdx].pt for pair in pairs], dtype=np.float32)
+        now = np.array([second[pair.trainIdx].pt for pair in pairs], dtype=np.float32)
+        seen = self.bearings(before), self.bearings(now)
+        essential, inside = cv2.findEssentialMat(*seen, np.eye(3), cv2.RANSAC, 0.999, PAIR_PX / self.intrinsics.fx)
+        if essential is None or inside.sum() < FEWEST_PAIRS:
+            return None
+        _, turn, way, inside = cv2.recoverPose(essential[:3], *seen, np.eye(3), mask=inside)
+        inside = inside.ravel() > 0
+        floor = self._sampled(before, *self._floor_before)
+        others = round((1.0 - self._rule.floor_share) * self._rule.corners)  # else none are sought on the floor
+        inside &= (floor >= 0.5) | (np.cumsum(inside & (floor < 0.5)) <= others)
+        before, self.corners = before[inside], now[inside]
+        self.ids = self._next_id + np.arange(len(before))
+        self._next_id += len(before)
+        return Found(*self._seen(before, floor[inside], depth), turn, way.ravel())
 
     def seek(self) -> None:
         """Replaces missing corners separately on the floor and elsewhere: a wall's contrast must not hide the floor."""
@@ -178,12 +232,22 @@ class CornerTracker:
         """
         still = ~self._doubtful(self.corners)
         corners = self.corners[still]
-        columns, rows = corners.astype(np.intp).T
-        floor = self._mask > 0 if self._floor is None else self._floor
-        depth_m = np.full(len(corners), np.nan)
+        return self.ids[still], *self._seen(corners, self._sampled(corners, self._floor, self._mask), depth)
+
+    def _seen(
+        self, pixels: Pixels, floor: Array, depth: NDArray[np.float32] | None
+    ) -> tuple[Array, Array, Array]:
+        """Normalised image points, probability of floor and depth, as of `tracks`."""
+        depth_m = np.full(len(pixels), np.nan)
         if depth is not None:
-            depth_m = patch_depths(depth, (corners + 0.5) * np.divide(depth.shape[::-1], self._size))
-        return self.ids[still], self.bearings(corners), floor[rows, columns].astype(np.float64), depth_m
+            depth_m = patch_depths(depth, (pixels + 0.5) * np.divide(depth.shape[::-1], self._size))
+        return self.bearings(pixels), floor, depth_m
+
+    @staticmethod
+    def _sampled(pixels: Pixels, floor: MatLike | None, mask: MatLike) -> Array:
+        """Probability of floor at pixels (N, 2), by a floor mask or by the reach alone."""
+        columns, rows = pixels.astype(np.intp).T
+        return (mask > 0 if floor is None else floor)[rows, columns].astype(np.float64)
 
     def bearings(self, pixels: Pixels) -> Array:
         """Normalised image points (N, 2) without lens distortion, interpolated in a table of all pixels."""

@@ -135,8 +135,6 @@ class WindowOdometry:
 
     def _followed(self, frame: Frame, prior: FramePrior) -> Motion:
         """The motion in the camera's unit of length."""
-        if self._tracker.started and frame.stamp_s - self._seen_s > LONGEST_DT_S:
-            self._start_again()
         dt_s = frame.stamp_s - self._seen_s
         self._tracker.take(frame, prior.movers)
         gyro = self._attend(prior.attitude)
@@ -151,16 +149,43 @@ class WindowOdometry:
             fault = Fault(FaultKind.ODOMETRY, f"window odometry: started again at {frame.stamp_s:.3f} s")
             return self._coasting.guess(frame.stamp_s, fault)
         factors = self._factors(prior.attitude, gyro)
+        if dt_s > LONGEST_DT_S:
+            self._motion = SE2()
         start = self._expected_pose(gyro)
-        # What is carried turns fast, and large turns need large structures; so do roads.
-        detail = self._in_room and not self.judged.carried
-        self._tracker.follow(self._expected(start), gyro is None, detail)
+        pose, weight = self._track(start, gyro is None)
+        if surprised := weight < self._rule.least_weight:
+            pose, weight = self._surprised()
         self._tracker.seek()
-        pair = self._held(self._rule.track_px), self._held(self._rule.parallax_px)
-        weight = self._graph.step(start, factors, *self._tracks(frame), *pair, self.judged.carried)
         if weight < self._rule.least_weight:
             return self._started_again(frame, start, factors)
-        return self._measured(frame.stamp_s, dt_s, gyro is not None)
+        pair = self._held(self._rule.track_px), self._held(self._rule.parallax_px)
+        self._graph.step(pose, factors, *self._tracks(frame), *pair, surprised or self.judged.carried)
+        self._depth = frame.depth
+        return self._measured(frame.stamp_s, math.inf if surprised else dt_s, gyro is not None)
+
+    def _track(self, start: LensPose, shifted: bool) -> tuple[LensPose, float]:
+        """Tracks the corners from where this pose expects them; the pose that they agree on, and their weight. shifted:
+        as of `CornerTracker.follow`."""
+        # What is carried turns fast, and large turns need large structures; so do roads.
+        detail = self._in_room and not self.judged.carried
+        self._tracker.follow(self._expected(start), shifted, detail)
+        return self._resected(start)
+
+    def _resected(self, start: LensPose) -> tuple[LensPose, float]:
+        ids, points, *_ = self._tracker.tracks()
+        return self._graph.resected(start, ids, points)
+
+    def _surprised(self) -> tuple[LensPose, float]:
+        """The pose of a picture that does not agree with the expected motion, and the weight of its tracks: the camera
+        has stopped, or pictures were lost while it drove on, and descriptors find corners again."""
+        last = self._graph.poses[-1]
+        self._tracker.back()
+        pose, weight = self._track(last, False)
+        if weight >= self._rule.least_weight or (found := self._tracker.find_again(self._depth)) is None:
+            return pose, weight
+        now, depth = self._tracker.bearings(self._tracker.corners), self._unit_m / found.depth_m
+        way = self._graph.bridge(self._tracker.ids, found.points, found.floor, depth, now, found.turn, found.way)
+        return self._resected(way)
 
     def _attend(self, attitude: Attitude | None) -> GyroRotation | None:
         """Updates the camera of this frame; returns the rotation since the last picture by a gyro."""
@@ -200,6 +225,8 @@ class WindowOdometry:
 
     def _swing(self, nod2: float, motion: SE2, dt_s: float, gyro: bool) -> None:
         """Updates whether the camera is carried. nod2: mean square of the changes of roll and pitch, rad^2."""
+        if not math.isfinite(dt_s):
+            return
         path_m = self._unit_m * math.hypot(motion.x_m, motion.y_m) + TURN_M * abs(motion.yaw_rad)
         self.judged = self.judged.updated(nod2, max(dt_s, SHORTEST_S), path_m, gyro=gyro)
 
@@ -240,7 +267,7 @@ class WindowOdometry:
 
     def _begin(self, frame: Frame, start: LensPose, factors: PoseFactors) -> None:
         """A new window at this pose."""
-        self._graph = self._empty()
+        self._graph, self._depth = self._empty(), frame.depth
         self._graph.step(start, factors, *self._tracks(frame))
         self._base = self._graph.base(start)
         self._since, self._since_covariance, self._skipped = SE2(), np.zeros((3, 3)), False
