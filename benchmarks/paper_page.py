@@ -146,11 +146,8 @@ def _odometry(
 
 
 def _parameters(document: dict[str, Any], columns: Sequence[str]) -> list[str]:
-    kinds = {"flow": "flow", "hybrid": "flow", "hybrid with wheels": "flow", "paper head": "paper"}
-    numbers = []
-    for column in columns:
-        count = document["parameters"].get(kinds.get(column, ""), 0)
-        numbers.append(NONE if column in document["lacking"] else f"{count:,}")
+    counts = {"paper head": document["parameters"].get("paper", 0)}
+    numbers = [NONE if column in document["lacking"] else f"{counts.get(column, 0):,}" for column in columns]
     return ["trainable parameters", *numbers]
 
 

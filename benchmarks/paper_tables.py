@@ -29,7 +29,6 @@ from edgemap.runtime.network.store import bundle_folder
 COUNTED = 100  # frames of each sequence in which detections are counted, as in the paper
 # Column to what it runs; the camera is alone in all but the last two.
 ODOMETRIES = {
-    "flow": ("flow", False),
     "hybrid": ("hybrid", False),
     "paper head": ("paper", False),
     "hybrid with wheels": ("hybrid", True),
@@ -102,12 +101,10 @@ def measure(specs: dict[str, str], bundle: Bundle, frames: int | None, out: Path
 
 def _lacks(bundle: Bundle, odometry: str) -> str:
     """Why the bundle cannot do this odometry from its camera alone, empty where it can."""
-    if odometry == "hybrid":
+    head = bundle.manifest.odometry.get("paper")
+    if odometry != "paper" or (head is not None and head.trained):
         return ""
-    head = bundle.manifest.odometry.get(odometry)
-    if head is None:
-        return f"the bundle has no {odometry} head"
-    return "" if head.trained else f"the bundle's {odometry} head is untrained"
+    return "the bundle has no paper head" if head is None else "the bundle's paper head is untrained"
 
 
 def _detections(spec: str, bundle: Bundle, frames: int | None) -> dict[str, Any] | None:

@@ -31,8 +31,8 @@ def command(
         str,
         arg(
             metavar="SPEC",
-            help="As of `edgemap run`; wheel: the wheel odometry that comes with the data; flow, window and "
-            "gyro: a member of the hybrid alone.",
+            help="As of `edgemap run`; wheel: the wheel odometry that comes with the data; window and gyro: a "
+            "member of the hybrid alone.",
         ),
     ] = "hybrid",
     mount: MountText = None,

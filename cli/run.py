@@ -60,8 +60,8 @@ def command(
         loaded = _load(options, source)
         floor, guess = floor_camera_of(camera, source, loaded, how)
         lens = floor.intrinsics
-        # The network for whole inputs may go now.
-        loaded = loaded.for_pictures(lens.width, lens.height, robot.odometry == "paper")
+        if robot.odometry != "paper":  # the network for whole inputs may go now
+            loaded = loaded.for_pictures(lens.width, lens.height)
         Run(options, source, loaded, floor, tuned, guess).drive()
 
 

@@ -64,10 +64,6 @@ def command(
             "classes that no label of a --data names. By default --bundle's.",
         ),
     ] = None,
-    all_layers: Annotated[
-        bool,
-        arg(help="Train what lies before the odometry head's features, too: the bundle then needs a head of its own."),
-    ] = False,
     blend_loss: Annotated[
         float,
         arg(
@@ -100,8 +96,8 @@ def command(
     from edgemap.export.detector.validate import choose_blend
 
     settings = replace(settings, keep=0.0) if keep == "none" else settings
-    start = load_network(bundle, all_layers)
-    network = start if weights is None else load_network(str(weights), all_layers)
+    start = load_network(bundle)
+    network = start if weights is None else load_network(str(weights))
     reference = start if keep in (None, "none") else load_network(str(keep))
     for other, path in ((network, weights), (reference, keep)):
         if other.names != start.names:

@@ -20,7 +20,7 @@ def check_training(settings: Settings, data: int) -> None:
     --data.
     """
     values = vars(settings)
-    counts = {name: values.get(name) for name in ("batch", "threads", "epochs", "patience")}
+    counts = {name: values.get(name) for name in ("batch", "threads", "epochs")}
     at_least(1, **counts)
     for name in ("minutes", "rate", "validate_minutes"):
         if values[name] is not None and not 0.0 < values[name] < 1e6:

@@ -18,13 +18,11 @@ from edgemap.export.floor.checkpoint import FloorCheckpoint, is_floor, load_floo
 from edgemap.export.floor.features import tapped_network
 from edgemap.export.floor.merge import with_floor
 from edgemap.export.odometry.checkpoint import HeadCheckpoint, load_head
-from edgemap.export.odometry.flow import GRID_STRIDE, FlowHead
 from edgemap.export.odometry.paper import random_head
 from edgemap.export.onnx_export import free_rows, head_to_onnx, save_model, seal
 from edgemap.export.quantise import CalibrationPictures, add_int8, read_calibration
-from edgemap.geometry.odometry.flow_cells import CHANNELS
 from edgemap.runtime.network.bundle import Bundle, load_bundle
-from edgemap.runtime.network.manifest import DetectorSpec, GeometrySpec, Manifest, OdometryHead, Parity, StateSpec
+from edgemap.runtime.network.manifest import DetectorSpec, Manifest, OdometryHead, Parity, StateSpec
 from edgemap.runtime.network.manifest_file import FORMAT, sha256_file, write_manifest
 from edgemap.runtime.network.network import Tensors
 from edgemap.runtime.network.store import BUNDLE_NAME, check_place, staged
@@ -76,7 +74,7 @@ def export_backbone(
     odometry: dict[str, OdometryHead] = {}
     for checkpoint in checkpoints:
         record = _head_record(checkpoint, part)
-        odometry[checkpoint.kind] = record
+        odometry["paper"] = record
         models[record.file] = head_to_onnx(checkpoint.head, record)
     for floor in floors:
         _join(part, floor)
@@ -88,17 +86,15 @@ def export_backbone(
         detector=part.detector,
         sha256={},
         odometry=odometry,
-        envelope={key: value for checkpoint in checkpoints for key, value in checkpoint.envelope.items()},
         confidence=part.confidence,
         sure_confidence=part.sure_confidence,
-        measured=part.measured | {f"odometry.{item.kind}": item.measured for item in checkpoints if item.measured},
+        measured=part.measured | ({"odometry.paper": checkpoints[0].measured} if checkpoints else {}),
         licence=part.licence,
         sources=part.sources,
     )
-    trunks = {checkpoint.kind: checkpoint.head for checkpoint in checkpoints}
 
     def proof(bundle: Bundle) -> dict[str, Parity]:
-        return parity.prove(bundle, part.reference, trunks, part.exact)
+        return parity.prove(bundle, part.reference, [checkpoint.head for checkpoint in checkpoints], part.exact)
 
     return write_bundle(out, manifest, models, proof, calibration)
 
@@ -107,9 +103,10 @@ def _loaded(heads: Sequence[Path], feature: str | None) -> tuple[list[FloorCheck
     """Floor heads and odometry heads. feature: as for `export_backbone`. Raises ExportError."""
     floors = [load_floor(path) for path in heads if is_floor(path)]
     checkpoints = [load_head(path) for path in heads if not is_floor(path)]
-    kinds = [*(checkpoint.kind for checkpoint in checkpoints), *("floor" for _ in floors)]
-    if len(set(kinds)) != len(kinds):
-        raise ExportError(f"--head: two heads of one kind ({', '.join(kinds)})")
+    if len(floors) > 1 or len(checkpoints) > 1:
+        raise ExportError(
+            f"--head: {len(floors)} floor heads and {len(checkpoints)} odometry heads, at most one of each"
+        )
     if checkpoints and feature is not None:
         raise ExportError(f"--feature {feature}: a trained head brings its own ({checkpoints[0].feature})")
     return floors, checkpoints
@@ -170,27 +167,20 @@ def _head_record(checkpoint: HeadCheckpoint, part: Backbone) -> OdometryHead:
     name = part.features[checkpoint.feature]
     shape, head = _feature_shape(part.detector, name), checkpoint.head
     if head.shape != shape:
-        raise ExportError(f"{checkpoint.kind} head takes features {head.shape}, {name} of {part.name} has {shape}")
+        raise ExportError(f"paper head takes features {head.shape}, {name} of {part.name} has {shape}")
     states = tuple(
         StateSpec(input=f"{word}_in", output=f"{word}_out", shape=shape) for word, shape in head.state_shapes.items()
     )
-    geometry = None
-    if isinstance(head, FlowHead):
-        cells = (1, CHANNELS, head.rows, head.columns)
-        geometry = GeometrySpec(
-            cells="cells", shape=cells, stride=GRID_STRIDE, mount="mount", dt="dt", covariance="covariance"
-        )
     forward, left, yaw = checkpoint.sigma
     return OdometryHead(
-        file=f"odometry.{checkpoint.kind}.onnx",
-        kind=checkpoint.kind,
+        file="odometry.paper.onnx",
+        kind="paper",
         feature=name,
         feature_input="feature",
         motion="motion",
         states=states,
         parameters=head.parameters_count,
         trained=checkpoint.trained,
-        geometry=geometry,
         window=checkpoint.window,
         sigma_forward_m=forward,
         sigma_left_m=left,

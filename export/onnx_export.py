@@ -7,6 +7,7 @@ import warnings
 from collections.abc import Sequence
 from pathlib import Path
 
+import numpy as np
 import onnx
 import onnxruntime as ort
 import torch
@@ -15,7 +16,6 @@ from torch import Tensor, nn
 
 from edgemap.export.darknet import Darknet, fold_batch_norm
 from edgemap.export.errors import ExportError
-from edgemap.export.odometry.flow import FlowHead
 from edgemap.export.odometry.paper import PaperHead
 from edgemap.runtime.network.engines import PROVIDERS, ROWS, session_options
 from edgemap.runtime.network.manifest import METADATA_KEY, OPSETS, DetectorSpec, OdometryHead, contract_metadata
@@ -24,6 +24,7 @@ from edgemap.runtime.network.network import Compute
 OPSET = 18
 IR_VERSION = 8  # the newest that onnxruntime 1.17 reads is 9; 8 goes with opset 18
 PROTOBUF_LIMIT = 2_000_000_000  # bytes
+SMALL = 1000  # values of a tensor that is not worth a cast
 
 
 def backbone_to_onnx(network: Darknet, detector: DetectorSpec) -> ModelProto:
@@ -39,17 +40,30 @@ def backbone_to_onnx(network: Darknet, detector: DetectorSpec) -> ModelProto:
     return to_onnx(folded, [example], [detector.input.name], list(dict.fromkeys(names)), detector)
 
 
-def head_to_onnx(head: PaperHead | FlowHead, record: OdometryHead) -> ModelProto:
-    """One step of a head. Inputs: feature, geometry where the head has any, and states; outputs: motion and states."""
+def head_to_onnx(head: PaperHead, record: OdometryHead) -> ModelProto:
+    """One step of a head. Inputs: feature and states; outputs: motion and states. Weights that float16 holds exactly
+    are stored as such."""
     shapes = [head.shape, *(state.shape for state in record.states)]
     inputs = [record.feature_input, *(state.input for state in record.states)]
     outputs = [record.motion, *(state.output for state in record.states)]
-    if (geometry := record.geometry) is not None:
-        shapes[1:1] = [geometry.shape, (1, 12), (1, 1)]
-        inputs[1:1] = [geometry.cells, geometry.mount, geometry.dt]
-        outputs.insert(1, geometry.covariance)
     example = [torch.zeros(shape) for shape in shapes]
-    return to_onnx(head, example, inputs, outputs, record)
+    return seal(_halved(to_onnx(head, example, inputs, outputs, record)), record)
+
+
+def _halved(model: ModelProto) -> ModelProto:
+    graph, casts = model.graph, []
+    for item in graph.initializer:
+        values = numpy_helper.to_array(item)
+        with np.errstate(over="ignore"):
+            half = values.astype(np.float16)
+        if values.dtype == np.float32 and values.size > SMALL and np.array_equal(half.astype(np.float32), values):
+            name = item.name
+            item.CopyFrom(numpy_helper.from_array(half, f"{name}_float16"))
+            casts.append(onnx.helper.make_node("Cast", [item.name], [name], to=onnx.TensorProto.FLOAT))
+    nodes = [*casts, *graph.node]
+    del graph.node[:]
+    graph.node.extend(nodes)
+    return model
 
 
 def to_onnx(

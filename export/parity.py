@@ -1,6 +1,6 @@
 """Proof that a bundle computes what its source computes: random pictures, random states, a chain of steps."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -9,15 +9,10 @@ from numpy.typing import NDArray
 from torch import Tensor
 
 from edgemap.export.errors import ExportError
-from edgemap.export.odometry.flow import FlowHead
 from edgemap.export.odometry.paper import PaperHead
-from edgemap.geometry.camera.floor import FloorCamera
-from edgemap.geometry.camera.intrinsics import Intrinsics
-from edgemap.geometry.camera.mount import Mount
-from edgemap.geometry.odometry.flow_cells import CellGrid, flow_cells
 from edgemap.runtime.network.bundle import Bundle
 from edgemap.runtime.network.engines import open_onnxruntime
-from edgemap.runtime.network.manifest import InputSpec, OdometryHead, Parity
+from edgemap.runtime.network.manifest import InputSpec, Parity
 from edgemap.runtime.network.network import Compute, Network, Tensors
 
 STEPS = 8
@@ -85,9 +80,7 @@ def network_input(picture: NDArray[np.float32], spec: InputSpec) -> NDArray[np.f
     return (picture * np.float32(spec.scale) - mean) / std
 
 
-def prove(
-    bundle: Bundle, reference: Reference, heads: dict[str, PaperHead | FlowHead], exact: bool = False
-) -> dict[str, Parity]:
+def prove(bundle: Bundle, reference: Reference, heads: Sequence[PaperHead], exact: bool = False) -> dict[str, Parity]:
     """Run source and bundle side by side; a Parity per file, relative tolerance 1e-4 for the backbone, 5e-4 for heads.
 
     Each of 2 cases is a chain of 8 steps: a fresh random picture per step, random states at the start, each side fed
@@ -96,10 +89,10 @@ def prove(
     """
     detector, spec = bundle.manifest.detector, bundle.manifest.detector.input
     backbone = Comparison(detector.file, 0.0 if exact else RELATIVE_TOLERANCE)
-    chains = {kind: _Chain(bundle, kind, head) for kind, head in heads.items()}
+    chains = [_Chain(bundle, head) for head in heads]
     for case in range(CASES):
         generator = np.random.default_rng(case)
-        for chain in chains.values():
+        for chain in chains:
             chain.start(generator)
         for step in range(STEPS):
             picture = network_input(random_picture(generator, spec.height, spec.width), spec)
@@ -109,63 +102,34 @@ def prove(
             for name, tensor in expected.items():
                 floor = detector.floor is not None and name == detector.floor.name
                 backbone.check(name, tensor, found[name], when, RELATIVE_TOLERANCE if floor else None)
-            for kind, chain in chains.items():
-                feature = bundle.manifest.odometry[kind].feature
+            for chain in chains:
+                feature = chain.record.feature
                 chain.step(expected.get(feature, found[feature]), found[feature], when)
-    return {detector.file: backbone.result(STEPS, CASES)} | {
-        chain.file: chain.comparison.result(STEPS, CASES) for chain in chains.values()
-    }
+    parts = backbone, *(chain.comparison for chain in chains)
+    return {part.file: part.result(STEPS, CASES) for part in parts}
 
 
 class _Chain:
-    """One head's recurrent run on both sides."""
+    """The head's recurrent run on both sides."""
 
-    def __init__(self, bundle: Bundle, kind: str, head: PaperHead | FlowHead) -> None:
-        self._record, self._network = bundle.odometry_head(kind)
+    def __init__(self, bundle: Bundle, head: PaperHead) -> None:
+        self.record, self._network = bundle.odometry_head("paper")
         self._head = head.eval()
-        self.file = self._record.file
-        self.comparison = Comparison(self.file, CHAIN_TOLERANCE)
+        self.comparison = Comparison(self.record.file, CHAIN_TOLERANCE)
 
     def start(self, generator: np.random.Generator) -> None:
-        states = [generator.standard_normal(state.shape).astype(np.float32) for state in self._record.states]
+        states = [generator.standard_normal(state.shape).astype(np.float32) for state in self.record.states]
         self._theirs: list[Tensor] = [torch.from_numpy(state) for state in states]
-        self._ours = {state.input: values for state, values in zip(self._record.states, states, strict=True)}
-        unit_m = self._head.unit_m if isinstance(self._head, FlowHead) else 1.0
-        self._geometry = random_geometry(generator, self._record, unit_m)
+        self._ours = {state.input: values for state, values in zip(self.record.states, states, strict=True)}
 
     def step(self, expected: NDArray[np.float32], found: NDArray[np.float32], when: str) -> None:
-        given = [torch.from_numpy(tensor) for tensor in self._geometry.values()]
-        names = [self._record.motion]
-        if self._record.geometry is not None:
-            names.append(self._record.geometry.covariance)
         with torch.no_grad():
-            results = list(self._head(torch.from_numpy(expected), *given, *self._theirs))
-        self._theirs = results[len(names) :]
-        outputs = self._network.run({self._record.feature_input: found, **self._geometry, **self._ours})
-        for name, tensor in zip(names, results, strict=False):
-            self.comparison.check(name, tensor.numpy(), outputs[name], when)
-        for state, tensor in zip(self._record.states, self._theirs, strict=True):
+            motion, *self._theirs = self._head(torch.from_numpy(expected), *self._theirs)
+        outputs = self._network.run({self.record.feature_input: found, **self._ours})
+        self.comparison.check(self.record.motion, motion.numpy(), outputs[self.record.motion], when)
+        for state, tensor in zip(self.record.states, self._theirs, strict=True):
             self.comparison.check(state.output, tensor.numpy(), outputs[state.output], when)
-        self._ours = {state.input: outputs[state.output] for state in self._record.states}
-
-
-def random_geometry(generator: np.random.Generator, record: OdometryHead, unit_m: float = 1.0) -> Tensors:
-    """Random geometry inputs of a head that takes the camera's geometry; empty for other heads. unit_m: the head's unit
-    of length, by which the camera's height is scaled: far from its training range a head amplifies rounding.
-    """
-    spec = record.geometry
-    if spec is None:
-        return {}
-    mount = Mount.from_degrees(
-        unit_m * generator.uniform(0.2, 1.2), generator.uniform(5.0, 25.0), generator.uniform(-1.0, 1.0)
-    )
-    _, _, rows, columns = spec.shape
-    width, height = columns * spec.stride, rows * spec.stride
-    focal = width * generator.uniform(0.5, 0.9)
-    lens = Intrinsics(width, height, focal, focal, (width - 1) / 2.0, (height - 1) / 2.0)
-    grid = CellGrid(rows, columns, spec.stride, (1.0, 1.0), 0, 0, width, height)
-    cells, seat = flow_cells(FloorCamera(lens, mount), grid)
-    return {spec.cells: cells, spec.mount: seat, spec.dt: np.array([[0.1]], dtype=np.float32)}
+        self._ours = {state.input: outputs[state.output] for state in self.record.states}
 
 
 def open_network(source: Path | bytes, threads: int = 2) -> Network:

@@ -92,11 +92,7 @@ class OdometrySettings(Settings):
 
     steps: Annotated[int, _arg(metavar="N", help="Budget in batches.")] = 4000
     batch: Annotated[int, _arg(metavar="N", help="Clips per step.")] = 6
-    rate: Annotated[
-        float | None, _arg(metavar="RATE", help="Highest learning rate; by default 0.001, paper 0.005.")
-    ] = None
+    rate: Rate = 5e-3
     validate_minutes: Annotated[float | None, _arg(metavar="M", help="Training time between validations.")] = 5.0
-    patience: Annotated[int | None, _arg(metavar="N", help="Stop after N validations without a better one.")] = None
-    # The gradient's direction stays with it (cosine 0.985).
     bfloat16: Bfloat16 = False
     device: Device = "cpu"

@@ -83,10 +83,6 @@ class Training(ABC, Generic[N, S]):
     def restore(self, state: dict[str, Any], path: Path) -> None:
         """Restores the values of `state`. Raises ExportError where they belong to another run."""
 
-    def ended(self) -> bool:
-        """Whether to stop before the budget is spent; asked after a validation."""
-        return False
-
     def progress(self) -> float:
         """Share of the budget that is spent, 0..1."""
         return self.schedule.progress(self.trained_s, self.spent())
@@ -146,8 +142,6 @@ class Training(ABC, Generic[N, S]):
                 if self.trained_s - validated >= every_s:
                     validated = self.trained_s
                     self.validate()
-                    if self.ended():
-                        break
                 if self.trained_s - saved >= SAVE_EVERY_S:
                     saved = self.trained_s
                     self.save()

@@ -62,20 +62,6 @@ class Graph(nn.Module):
                 found.pop(name, None)
         return tuple(found[name] for name in self.outputs)
 
-    def before(self, feature: str) -> list[str]:
-        """Names of the parameters that an inner value depends on. Raises ExportError for an unknown name."""
-        makers = {name: node for node in self._model.graph.node for name in node.output}
-        if feature not in makers:
-            raise ExportError(f"{feature!r} is no value of the network")
-        wanted, names, seen = [feature], set(), set()
-        while wanted:
-            node = makers.get(wanted.pop())
-            if node is not None and node.output[0] not in seen:
-                seen.add(node.output[0])
-                wanted += node.input
-                names |= {_key(name) for name in node.input if _key(name) in self._parameters}
-        return sorted(names)
-
     def model(self) -> ModelProto:
         """The file again, with the weights of now."""
         model = copy.deepcopy(self._model)

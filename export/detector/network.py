@@ -84,14 +84,13 @@ class TorchNetwork(nn.Module):
     """BGR pictures (B, 3, H, W), 0..255, to the outputs of a bundle's heads.
 
     Batch normalisation is folded into the convolutions of a bundle's graph: there are no statistics, and any batch size
-    works. all_layers: if false, the layers before the features that odometry heads read keep their weights, so that
-    those heads still fit.
+    works.
     """
 
     _factor: Tensor
     _offset: Tensor
 
-    def __init__(self, model: ModelProto, manifest: Manifest, all_layers: bool = False) -> None:
+    def __init__(self, model: ModelProto, manifest: Manifest) -> None:
         super().__init__()
         self.manifest, self.detector = manifest, manifest.detector
         self.names = tuple(entry.name for entry in self.detector.classes)
@@ -103,9 +102,6 @@ class TorchNetwork(nn.Module):
         offset = (torch.tensor(spec.mean) / torch.tensor(spec.std))[:, None, None]
         self.register_buffer("_offset", offset, persistent=False)
         self.to(memory_format=torch.channels_last)  # type: ignore[call-overload]
-        first = [name for feature in self.detector.features for name in self.graph.before(feature.name)]
-        for name in () if all_layers else first:
-            self.graph.get_parameter(name).requires_grad_(False)
 
     def forward(self, image: Tensor) -> tuple[Tensor, ...]:
         """The heads' raw outputs, in the contract's order."""
@@ -128,8 +124,8 @@ class TorchNetwork(nn.Module):
         return copy.deepcopy(self)
 
 
-def load_network(name: str, all_layers: bool = False) -> TorchNetwork:
+def load_network(name: str) -> TorchNetwork:
     """The network of a bundle, by name or folder, or of a `best.pt`. Raises ExportError or BundleError."""
-    network = TorchNetwork(*load_detector(name), all_layers)
+    network = TorchNetwork(*load_detector(name))
     finite(network, Path(name))
     return network

@@ -9,7 +9,7 @@ from torch.nn import functional
 from edgemap.export.errors import ExportError
 
 PARAMETER_LIMIT = 2_509_555  # the paper's count of trainable parameters, section 4.3
-HIDDEN = {3: (64, 64), 5: (48, 48)}  # channels of both layers by the kernel's side, so that the count is kept
+HIDDEN = (64, 64)  # channels of both layers
 WIDEST_DENSE, NARROWEST_DENSE = 128, 16
 SLOPE = 0.1  # of the leaky ReLU, as in Darknet
 
@@ -18,48 +18,38 @@ class ConvLSTMCell(nn.Module):
     """One ConvLSTM step; hidden h and cell c go in and come out, (1, hidden, H, W).
 
     i, f, o = sigmoid and g = leaky ReLU of one convolution over [x, h]; c' = f c + i g; h' = o leaky ReLU(c'). The
-    leaky ReLU stands where the textbook has tanh (paper, section 4.5). The forget gate's bias starts at 1.
-    kernel: side of the convolution's kernel, odd. slope: of the leaky ReLU; 0 makes it a ReLU.
+    leaky ReLU stands where the textbook has tanh, kernels are 3x3 (section 4.5). The forget gate's bias starts at 1.
     """
 
-    def __init__(self, channels: int, hidden: int, kernel: int = 3, slope: float = SLOPE) -> None:
+    def __init__(self, channels: int, hidden: int) -> None:
         super().__init__()
-        self.hidden, self.slope = hidden, slope
-        self.gates = nn.Conv2d(channels + hidden, 4 * hidden, kernel, padding=kernel // 2)
+        self.hidden = hidden
+        self.gates = nn.Conv2d(channels + hidden, 4 * hidden, 3, padding=1)
 
     def forward(self, x: Tensor, h: Tensor, c: Tensor) -> tuple[Tensor, Tensor]:
         """The new state (h, c) from x (1, channels, H, W) and the state before."""
         i, f, o, g = torch.split(self.gates(torch.cat([x, h], dim=1)), self.hidden, dim=1)
-        c = torch.sigmoid(f) * c + torch.sigmoid(i) * functional.leaky_relu(g, self.slope)
-        return torch.sigmoid(o) * functional.leaky_relu(c, self.slope), c
+        c = torch.sigmoid(f) * c + torch.sigmoid(i) * functional.leaky_relu(g, SLOPE)
+        return torch.sigmoid(o) * functional.leaky_relu(c, SLOPE), c
 
 
 class PaperHead(nn.Module):
     """Features of one frame and the state to the base's motion since the previous frame, and the new state.
 
-    Two ConvLSTM layers of 64 channels (48 where kernels are 5x5) on the standardised map, then two dense layers over
-    ALL cells. Pooling over cells would be cheaper, but it discards the position of a motion in the picture, which
-    distinguishes rotation from translation. The first dense layer is as wide (up to 128) as the paper's parameter count
-    allows.
+    Two ConvLSTM layers of 64 channels on the standardised map, then two dense layers over ALL cells. Pooling over cells
+    would be cheaper, but it discards the position of a motion in the picture, which distinguishes rotation from
+    translation. The first dense layer is as wide (up to 128) as the paper's parameter count allows.
 
     shape: (1, C, H, W) of the features. Buffers, not trained by gradient: feature_mean and feature_std, (1, C, 1, 1);
     motion_scale (3,), metres, metres, radians per unit of output. Raises ExportError where the count is exceeded.
     """
 
-    def __init__(
-        self,
-        shape: Sequence[int],
-        hidden: Sequence[int] = HIDDEN[3],
-        dense: int | None = None,
-        kernel: int = 3,
-        slope: float = SLOPE,
-    ) -> None:
+    def __init__(self, shape: Sequence[int], hidden: Sequence[int] = HIDDEN, dense: int | None = None) -> None:
         super().__init__()
         _, channels, height, width = shape
         self.shape, self.hidden = (1, channels, height, width), tuple(hidden)
-        self.kernel, self.slope = kernel, slope
         inputs = [channels, *hidden[:-1]]
-        self.cells = nn.ModuleList(ConvLSTMCell(i, o, kernel, slope) for i, o in zip(inputs, hidden, strict=True))
+        self.cells = nn.ModuleList(ConvLSTMCell(i, o) for i, o in zip(inputs, hidden, strict=True))
         flat = hidden[-1] * height * width
         self.dense = nn.Linear(flat, dense or _dense_units(flat, _count(self.cells), self.shape))
         self.out = nn.Linear(self.dense.out_features, 3)
@@ -91,13 +81,13 @@ class PaperHead(nn.Module):
         for cell, h, c in zip(self.cells, state[0::2], state[1::2], strict=True):
             x, c = cell(x, h, c)
             new += [x, c]
-        x = functional.leaky_relu(self.dense(x.flatten(1)), self.slope)
+        x = functional.leaky_relu(self.dense(x.flatten(1)), SLOPE)
         return self.out(x) * self.motion_scale, *new
 
 
-def random_head(shape: Sequence[int], seed: int = 0, kernel: int = 3, slope: float = SLOPE) -> PaperHead:
+def random_head(shape: Sequence[int], seed: int = 0) -> PaperHead:
     """An untrained head whose weights follow from the seed alone."""
-    head = PaperHead(shape, HIDDEN[kernel], kernel=kernel, slope=slope)
+    head = PaperHead(shape)
     generator = torch.Generator().manual_seed(seed)
     with torch.no_grad():
         for module in head.modules():

@@ -46,7 +46,6 @@ class FaultKind(StrEnum):
     WHEELS_EXCLUDED = "wheels_excluded"  # they contradict the camera
     WHEELS_RESTORED = "wheels_restored"
     DISAGREEMENT = "disagreement"  # sources of the fused motion
-    UNTRAINED_CAMERA = "untrained_camera"  # outside what the odometry's network was trained on
     GYRO = "gyro"  # no samples
     IMU_EXCLUDED = "imu_excluded"
     DEPTH_EXCLUDED = "depth_excluded"  # its scale contradicts the floor

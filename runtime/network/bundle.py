@@ -5,7 +5,6 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 import msgspec
-import numpy as np
 
 from edgemap.runtime.frames.errors import BundleError, MissingExtraError, OdometryError
 from edgemap.runtime.frames.inference import Engine, Precision
@@ -14,8 +13,8 @@ from edgemap.runtime.network.compute import Pace, compute_at, one_blas_thread
 from edgemap.runtime.network.engines import open_network
 from edgemap.runtime.network.manifest import METADATA_KEY, DetectorSpec, Manifest, OdometryHead, contract_metadata
 from edgemap.runtime.network.manifest_file import read_manifest, verified_file
-from edgemap.runtime.network.network import Compute, Network, Shapes, with_padding
-from edgemap.runtime.network.preprocess import Preprocessor, rows_of
+from edgemap.runtime.network.network import Compute, Network, Shapes
+from edgemap.runtime.network.preprocess import rows_of
 
 MODEL_BYTES = 512 << 20
 ENGINE_TOLERANCE: dict[Precision, float] = {"float32": 1e-3, "int8": 0.1}  # of `Network.error`; int8: 0.04, same AP50
@@ -47,32 +46,21 @@ class Bundle:
         rows = self.backbone.inputs[whole.input.name][2]
         return msgspec.structs.replace(whole, input=msgspec.structs.replace(whole.input, height=rows))
 
-    def for_pictures(self, width: int, height: int, learned: bool = False) -> "Bundle":
+    def for_pictures(self, width: int, height: int) -> "Bundle":
         """This bundle with a backbone that leaves off the rows of its input that pictures of this size do not reach.
 
         For 640x480 pictures in a square input that is a quarter of its work, a sixth where they lie in its middle.
-        Features keep all rows: those left off are what padding gives. Itself where pictures reach all rows, the file is
-        of a fixed size, or an odometry reads a head as its feature (the paper's; learned: whether it is that one).
+        Itself where pictures reach all rows or the file is of a fixed size.
         """
         whole = self.manifest.detector
         if any(len(head.shape) != 4 for head in whole.heads):  # lists of boxes, not maps
             return self
         coarsest = max(whole.input.height // head.shape[2] for head in whole.heads)
-        heads = {head.name for head in whole.heads}
-        read = {head.feature for kind, head in self.manifest.odometry.items() if kind == "flow" or learned}
-        if read & heads:
-            return self
-        first, rows = rows_of(whole.input, width, height, coarsest)
+        _, rows = rows_of(whole.input, width, height, coarsest)
         if rows == self.detector.input.height:
             return self
         cut = self.reopen(rows)
-        if cut.inputs[whole.input.name][2] != rows:
-            return self
-        blank, _ = Preprocessor(whole.input)(np.zeros((height, width, 3), dtype=np.uint8))
-        outputs = self.backbone.run({whole.input.name: blank})
-        kept = outputs.keys() - heads
-        padding = {item.name: outputs[item.name] for item in whole.features if item.name in kept}
-        return replace(self, backbone=with_padding(cut, padding, first / whole.input.height))
+        return replace(self, backbone=cut) if cut.inputs[whole.input.name][2] == rows else self
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -100,19 +88,13 @@ class Bundle:
         if head is None:
             has = ", ".join(sorted(self.manifest.odometry)) or "none"
             raise OdometryError(f"bundle {self.manifest.name} has no {kind} odometry (it has: {has})")
-        inputs = {head.feature_input: self._feature_shape(head)} | {state.input: state.shape for state in head.states}
+        feature = self.manifest.detector.outputs().get(head.feature)
+        if feature is None:
+            raise BundleError(f"bundle {self.folder}: {head.file} reads {head.feature!r}, which no output provides")
+        inputs = {head.feature_input: feature} | {state.input: state.shape for state in head.states}
         outputs = {head.motion: (1, 3)} | {state.output: state.shape for state in head.states}
-        if head.geometry is not None:
-            inputs |= {head.geometry.cells: head.geometry.shape, head.geometry.mount: (1, 12), head.geometry.dt: (1, 1)}
-            outputs |= {head.geometry.covariance: (1, 3, 3)}
         opened = _opener(self.folder, self.manifest, head, inputs, outputs)
         return head, opened(Compute(1), None)
-
-    def _feature_shape(self, head: OdometryHead) -> tuple[int, ...]:
-        for feature in self.manifest.detector.features:
-            if feature.name == head.feature:
-                return feature.shape
-        raise BundleError(f"bundle {self.folder}: {head.file} reads feature {head.feature!r}, which no output provides")
 
 
 def load_bundle(

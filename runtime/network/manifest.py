@@ -122,39 +122,23 @@ class DetectorSpec(Strict):
         return {item.name: item.shape for item in (*self.heads, *floor, *self.features)}
 
 
-class GeometrySpec(Strict):
-    """Names of further tensors of an odometry that takes intrinsics, mount and time (`geometry.flow_cells`).
-
-    cells: input, (1, 8, rows, columns), of cells of `stride` input px. mount: input, (1, 12). dt: input, (1, 1),
-    seconds since the previous frame. covariance: output, (1, 3, 3), of the motion.
-    """
-
-    cells: Name
-    shape: Shape
-    stride: Stride
-    mount: Name
-    dt: Name
-    covariance: Name
-
-
-class OdometryHead(Strict):
+class OdometryHead(Strict, forbid_unknown_fields=False):
     """A stepwise learned odometry: features and states in, motion and states out.
 
     feature: the name of the backbone output that it reads. motion: the output's name, (1, 3) float32 holding
-    forward_m, left_m, yaw_rad of the base since the previous frame. trained: false for random weights. geometry: what
-    kind `flow` takes and gives besides. window: frames after which the state starts again from the last frame, because
-    it was trained on clips of so many and runs away beyond; 0 for never.
+    forward_m, left_m, yaw_rad of the base since the previous frame. trained: false for random weights. window:
+    motions after which the state starts again from the last frame, because it was trained on clips of so many and runs
+    away beyond; 0 for never. Older bundles hold a kind `flow` too, which nothing reads.
     """
 
     file: FileName
-    kind: Literal["paper", "flow"]
+    kind: str
     feature: Name
     feature_input: Name
     motion: Name
     states: Annotated[tuple[StateSpec, ...], Meta(max_length=16)]
     parameters: Annotated[int, Meta(ge=0, le=1 << 40)]
     trained: bool
-    geometry: GeometrySpec | None = None
     window: Annotated[int, Meta(ge=0, le=1 << 40)] = 0
     sigma_forward_m: Deviation = 0.05
     sigma_left_m: Deviation = 0.05
@@ -185,8 +169,7 @@ class Manifest(Strict):
 
     variants: by precision, `int8`.
 
-    envelope: camera heights, pitches, fields of view, frame rates and speeds that an odometry was trained on
-    (empty while none is trained). confidence: minimum score of a box unless --confidence is given;
+    envelope: of older bundles; nothing reads it. confidence: minimum score of a box unless --confidence is given;
     sure_confidence: then of one with full weight for a new object. measured: figures with their data. sources: where
     the weights came from.
     """
@@ -199,7 +182,7 @@ class Manifest(Strict):
     odometry: dict[Name, OdometryHead] = msgspec.field(default_factory=dict)
     variants: dict[Literal["int8"], BundleVariant] = msgspec.field(default_factory=dict)
     parity: dict[str, Parity] = msgspec.field(default_factory=dict)
-    envelope: dict[Name, Span] = msgspec.field(default_factory=dict)
+    envelope: dict[Name, Any] = msgspec.field(default_factory=dict)
     confidence: Share = 0.3
     sure_confidence: Share = 0.0
     measured: dict[str, Any] = msgspec.field(default_factory=dict)

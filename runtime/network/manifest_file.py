@@ -51,7 +51,6 @@ def check_shapes(path: Path, manifest: Manifest) -> None:
     shapes = detector.outputs()
     for part in manifest.odometry.values():
         shapes |= {state.input: state.shape for state in part.states}
-        shapes |= {part.geometry.cells: part.geometry.shape} if part.geometry else {}
     for name, shape in shapes.items():
         if math.prod(shape) > VALUES_LIMIT:
             raise BundleError(f"bundle {path}: tensor {name} of shape {shape}, at most {VALUES_LIMIT:,} values")

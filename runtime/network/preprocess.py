@@ -8,7 +8,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from edgemap.geometry.observations.floor_mask import FloorMask
-from edgemap.geometry.odometry.flow_cells import CellGrid
 from edgemap.runtime.network.manifest import FloorSpec, InputSpec
 from edgemap.runtime.network.network import Tensors
 
@@ -65,14 +64,6 @@ def rows_of(spec: InputSpec, image_width: int, image_height: int, stride: int) -
         return 0, spec.height - below
     above = min(max(where.top - EDGE_PX, 0) // stride * stride, below)
     return above, spec.height - 2 * above
-
-
-def cell_grid(spec: InputSpec, image_width: int, image_height: int, stride: int) -> CellGrid:
-    """Cells of `stride` input px over the complete input, for a picture of this size."""
-    where = place(spec, image_width, image_height)
-    scale = where.width / image_width, where.height / image_height
-    rows, columns = spec.height // stride, spec.width // stride
-    return CellGrid(rows, columns, stride, scale, where.left, where.top, where.width, where.height)
 
 
 class Preprocessor:

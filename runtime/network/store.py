@@ -149,7 +149,7 @@ def shipped_bundles() -> list[str]:
 
 
 def shipped_heads(name: str) -> list[Path]:
-    """Trained odometry heads for a backbone that come with the package: `models/heads/NAME.KIND.pt`."""
+    """Trained heads for a backbone that come with the package: `models/heads/NAME.KIND.pt`."""
     return sorted((shipped_folder() / "heads").glob(f"{name}.*.pt"))
 
 

@@ -65,8 +65,9 @@ class Pipeline:
         self.attitude = attitude or MountAttitude(camera.mount)
         self.rule = rule or FloorRule()
         self.evidence = BoxEvidence(bundle.mapped if mapped is None else mapped, bundle.full_weight_score(confidence))
-        sensing = bundle if odometry.needs_features else bundle.companion or bundle
-        fitted = sensing.for_pictures(camera.intrinsics.width, camera.intrinsics.height, odometry.needs_features)
+        sensing = fitted = bundle.companion or bundle
+        if not odometry.needs_features:  # of the whole input
+            fitted = sensing.for_pictures(camera.intrinsics.width, camera.intrinsics.height)
         self._backbone = fitted.backbone
         self._input_name = fitted.detector.input.name
         self._floor_output = fitted.detector.floor if camera.mount.platform.in_room else None
@@ -100,8 +101,8 @@ class Pipeline:
         motion = self._motion_without_picture(frame.stamp_s, health, attitude, at_rest)
         prior = FramePrior(attitude, health.covered)
         viewed = not at_rest and self._is_informative(health)
-        searched = viewed and (frame.search or self.odometry.needs_features)
-        sensed = searched or (viewed and self._detector is not None)
+        searched = viewed and frame.search
+        sensed = searched or (viewed and (self.odometry.needs_features or self._detector is not None))
         outputs = self._sense(frame) if sensed else {}
         motion = motion or self._motion_by_picture(frame, outputs, prior)
         with stage("attitude"):

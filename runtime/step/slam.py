@@ -144,7 +144,7 @@ def build_slam(
     """An empty map and all that fills it. floor: the camera's lens and mount. Raises OdometryError."""
     options, config = options or SlamOptions(), config or Config()
     wheels, rules, health, tilt = options.wheels, config.odometry, config.health, config.attitude.check.tilt
-    moving = bundle if options.odometry == "paper" else bundle.companion or bundle
+    moving = bundle.companion or bundle
     odometry = open_odometry(options.odometry, moving, camera, floor, wheels, rules, health, tilt, options.pose_frame)
     attitude = open_attitude(options.odometry, camera, floor, options.imu, config.attitude, health, rules)
     pipeline = Pipeline(

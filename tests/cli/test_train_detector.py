@@ -76,7 +76,7 @@ def test_the_page_s_commands_train_a_bundle(flat):
     assert "8 pictures with 4 boxes to train on, 3 to validate on" in printed
     assert {path.name for path in (place / "flat/trained").iterdir()} >= {"best.pt", "blended.pt", "last.pt"}
     assert len((place / "flat/trained/curves.csv").read_text().splitlines()) >= 2
-    assert (place / "my-flat/odometry.flow.onnx").is_file()
+    assert (place / "my-flat/backbone.onnx").is_file()
 
 
 @pytest.mark.slow

@@ -131,6 +131,6 @@ def test_a_head_of_another_network_and_two_heads_are_refused(tmp_path):
     path = checkpoint(tmp_path)
     with pytest.raises(ExportError, match="it is of another network"):
         export_backbone("edgemap-nano", tmp_path / "b", heads=[path])
-    with pytest.raises(ExportError, match="two heads of one kind"):
+    with pytest.raises(ExportError, match="2 floor heads and 0 odometry heads, at most one of each"):
         export_backbone("edgemap-pico", tmp_path / "b", heads=[path, path])
     assert not (tmp_path / "b").exists()

@@ -1,3 +1,4 @@
+import json
 import re
 from functools import partial
 
@@ -136,6 +137,16 @@ def test_a_larger_file_than_a_robot_loads_is_refused(tmp_path, monkeypatch):
     assert re.search(
         r"backbone.onnx: [\d,]+ bytes, at most 500 are read", refusal(painted.write_painted(tmp_path / "b", CHAIR))
     )
+
+
+def test_an_older_bundle_with_a_flow_head_loads(tmp_path):
+    folder = painted.write_painted(tmp_path / "b", CHAIR, odometry=True)
+    path = folder / "bundle.json"
+    document = json.loads(path.read_text())
+    head = document["odometry"].pop("paper") | {"kind": "flow", "geometry": {"cells": "cells", "stride": 16}}
+    path.write_text(json.dumps(document | {"odometry": {"flow": head}, "envelope": {"height_m": [0.2, 1.2]}}))
+    with pytest.raises(OdometryError, match=r"no paper odometry \(it has: flow\)"):
+        load_bundle(folder).odometry_head("paper")
 
 
 def test_an_odometry_that_the_bundle_lacks_is_one_line(tmp_path):

@@ -3,21 +3,14 @@
 import importlib.util
 import subprocess
 import sys
-from dataclasses import replace
 
 import numpy as np
 import pytest
 
 from edgemap.cli.network_options import NetworkOptions
-from edgemap.geometry.camera.floor import FloorCamera
 from edgemap.runtime.frames.errors import BundleError
 from edgemap.runtime.frames.inference import Inference
-from edgemap.runtime.inputs.open import open_camera
-from edgemap.runtime.motion.odometry.learned import LearnedOdometry
 from edgemap.runtime.network.bundle import ENGINE_TOLERANCE, load_bundle
-from edgemap.runtime.network.engines import open_network
-from edgemap.runtime.network.network import Compute
-from edgemap.runtime.network.preprocess import Preprocessor
 from edgemap.runtime.network.store import bundle_folder
 
 NANO = bundle_folder("edgemap-nano")
@@ -68,30 +61,6 @@ def test_a_replay_takes_the_recorded_engine_unless_another_is_asked_for(monkeypa
     monkeypatch.setattr(importlib.util, "find_spec", lambda name: None)
     assert NetworkOptions().inference(recorded) == Inference("onnxruntime", "int8")
     assert "recorded with openvino, which is not installed" in capsys.readouterr().err
-
-
-def test_flow_odometry_moves_the_same_in_openvino(monkeypatch):
-    """Its engine, onnxruntime, is a choice of time alone."""
-    pytest.importorskip("openvino")
-    bundle = load_bundle(NANO, 1)
-    with open_camera("demo") as camera:
-        assert camera.info.intrinsics
-        assert camera.info.mount
-        floor = FloorCamera(camera.info.intrinsics, camera.info.mount)
-        frames = [frame for _ in range(6) if (frame := camera.read()) is not None]
-    odometries = [LearnedOdometry(bundle, "flow", floor)]
-    with monkeypatch.context() as patch:
-        head = NANO / "odometry.flow.onnx"
-        contract = open_network(head, Compute()).metadata  # which onnxruntime reads
-        other = replace(open_network(head, Compute(1, engine="openvino")), metadata=contract)
-        patch.setattr("edgemap.runtime.network.bundle.open_network", lambda *_: other)
-        odometries.append(LearnedOdometry(bundle, "flow", floor))
-    fitted = bundle.for_pictures(camera.info.intrinsics.width, camera.info.intrinsics.height)
-    preprocess = Preprocessor(fitted.detector.input)
-    for frame in frames:
-        features = fitted.backbone.run({fitted.detector.input.name: preprocess(frame.image)[0]})
-        ours, theirs = (odometry.step(frame, features).motion.vector() for odometry in odometries)
-        np.testing.assert_allclose(theirs, ours, atol=1e-6)
 
 
 def test_an_engine_that_disagrees_is_refused(monkeypatch):

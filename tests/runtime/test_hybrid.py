@@ -161,11 +161,11 @@ def test_it_stands_still_where_every_member_that_knows_says_so(answers, still):
 
 
 def test_each_step_tells_who_was_used_who_was_blind_and_who_was_left_out():
-    """Of the camera, flow agrees with the wheels and planar does not; then planar is lost; then all are."""
+    """Of the camera, one agrees with the wheels and planar does not; then planar is lost; then all are."""
     start, agrees, lost = motion(0.0, 1.0), motion(0.1, 0.001), motion(0.0, 1.0, fault="lost")
     steps = {
         "window": (Scripted(start, motion(0.3, 0.001), lost, lost), "camera"),
-        "flow": (Scripted(start, agrees, agrees, lost), "camera"),
+        "other": (Scripted(start, agrees, agrees, lost), "camera"),
         "wheel:way.csv": (Scripted(start, agrees, agrees, lost), "wheels"),
     }
     for name, (odometry, _) in steps.items():
@@ -173,9 +173,9 @@ def test_each_step_tells_who_was_used_who_was_blind_and_who_was_left_out():
     hybrid = fusing([Member(odometry, source) for odometry, source in steps.values()])
     found = [hybrid.step(at(index / 10), {}).members for index in range(4)]
     assert found[1:] == [
-        {"window": "left_out", "flow": "used", "wheel": "used"},
-        {"window": "blind", "flow": "used", "wheel": "used"},
-        {"window": "blind", "flow": "blind", "wheel": "blind"},
+        {"window": "left_out", "other": "used", "wheel": "used"},
+        {"window": "blind", "other": "used", "wheel": "used"},
+        {"window": "blind", "other": "blind", "wheel": "blind"},
     ]
 
 

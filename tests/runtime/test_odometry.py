@@ -20,13 +20,11 @@ from edgemap.runtime.frames.faults import FaultKind
 from edgemap.runtime.frames.frame import Frame
 from edgemap.runtime.frames.trajectory import Trajectory
 from edgemap.runtime.inputs.open import open_camera
-from edgemap.runtime.motion.odometry.learned import LearnedOdometry
+from edgemap.runtime.motion.odometry.paper import PaperOdometry
 from edgemap.runtime.motion.odometry.protocol import NO_PRIOR, FramePrior, Motion
 from edgemap.runtime.motion.odometry.recorded import WHEEL, RecordedOdometry
 from edgemap.runtime.motion.odometry.window import PicturesRule, WindowOdometry
 from edgemap.runtime.network.bundle import load_bundle
-from edgemap.runtime.network.preprocess import Preprocessor
-from edgemap.runtime.network.store import bundle_folder
 
 # The large blobs of the drawn floor pull corners along, so 0.8 m are up to this much too short. Rendered homes and real
 # rooms have smaller detail.
@@ -219,7 +217,7 @@ def paper_step(tmp_path):
     def made(window=None):
         options = {} if window is None else {"window": window}
         bundle = load_bundle(painted.write_painted(tmp_path / "b", [], odometry=True, **options))
-        odometry = LearnedOdometry(bundle, "paper", CAMERA)
+        odometry = PaperOdometry(bundle)
         features = bundle.backbone.run({"image": np.zeros((1, 3, 64, 64), np.float32)})
         return odometry, lambda: odometry.step(Frame(0, 0.0, np.zeros((64, 64, 3), np.uint8)), features)
 
@@ -241,34 +239,10 @@ def test_a_head_with_a_window_starts_anew_from_the_last_frame(paper_step):
     assert [step().motion.x_m for _ in range(6)] == pytest.approx([0.0, 0.01, 0.02, 0.01, 0.02, 0.01])
 
 
-def test_flow_at_three_times_the_rate_adds_up_to_the_same_motion():
-    """Each frame is compared with a keyframe 0.1 s old, not with the one before."""
-    bundle, frames = load_bundle(bundle_folder("edgemap-nano"), 1), drive(MOTIONS["straight"][:6])[0]
-    fitted, image = bundle.for_pictures(CAMERA.intrinsics.width, CAMERA.intrinsics.height), frames[0].image
-    preprocess, name = Preprocessor(fitted.detector.input), bundle.manifest.odometry["flow"].feature
-    tensors = [preprocess(frame.image)[0].copy() for frame in frames]
-    features = [{name: fitted.backbone.run({fitted.detector.input.name: tensor})[name].copy()} for tensor in tensors]
-
-    def path(chosen):
-        odometry, pose, ends = LearnedOdometry(bundle, "flow", CAMERA), SE2(), []
-        for index, stamp_s in chosen:
-            step = odometry.step(Frame(index, stamp_s, image), features[index])
-            assert not step.blind
-            pose = pose @ step.motion
-            if stamp_s in (0.1, 0.2):
-                ends.append(pose.vector())
-        return np.array(ends)
-
-    rarely = path([(0, 0.0), (2, 0.1), (5, 0.2)])
-    often = path([(0, 0.0), (1, 0.04), (3, 0.07), (2, 0.1), (3, 0.13), (4, 0.17), (5, 0.2)])
-    np.testing.assert_allclose(often, rarely, atol=1e-6)
-    assert np.abs(rarely[:, 0]).max() > 0.02
-
-
 def test_an_untrained_head_is_refused(tmp_path):
     bundle = load_bundle(painted.write_painted(tmp_path / "b", [], odometry=False))
     with pytest.raises(OdometryError, match="untrained"):
-        LearnedOdometry(bundle, "paper", CAMERA)
+        PaperOdometry(bundle)
 
 
 def test_recorded_poses_become_motions():

@@ -11,7 +11,6 @@ from support import painted
 
 from edgemap.geometry.camera.attitude import Attitude, GyroRotation
 from edgemap.geometry.camera.floor import FloorCamera
-from edgemap.geometry.camera.intrinsics import Intrinsics
 from edgemap.geometry.camera.mount import Mount
 from edgemap.geometry.se2 import SE2
 from edgemap.runtime.frames.frame import Frame
@@ -145,23 +144,3 @@ def test_at_rest_no_network_runs_nothing_is_counted_and_the_first_motion_is_comp
     assert not woken.observed.at_rest
     assert sum(item.count for item in sleepy.objects()) == counted + len(woken.sightings)
     np.testing.assert_allclose(woken.motion.motion.vector(), expected.motion.motion.vector(), atol=0.004)
-
-
-def test_a_learned_odometry_goes_on_as_if_the_last_picture_were_new():
-    """Else ten seconds of rest would be a gap, after which it starts again."""
-    from edgemap.runtime.motion.odometry.learned import LearnedOdometry
-    from edgemap.runtime.network.store import bundle_folder
-
-    lens = Intrinsics(640, 480, 587.0, 587.0, 319.5, 239.5)
-    bundle = load_bundle(bundle_folder("edgemap-nano"))
-    odometry, (head, network) = (
-        LearnedOdometry(bundle, "flow", FloorCamera(lens, Mount(0.6, 0.2))),
-        bundle.odometry_head("flow"),
-    )
-    shape = network.inputs[head.feature_input]
-    features = {head.feature: np.random.default_rng(0).normal(size=shape).astype(np.float32)}
-    frame = Frame(0, 0.0, np.zeros((4, 4, 3), np.uint8))
-    odometry.step(frame, features)
-    for tenth in range(1, 101):
-        odometry.rest(tenth / 10)
-    assert not odometry.step(replace(frame, stamp_s=10.1), features).blind

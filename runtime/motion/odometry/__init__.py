@@ -17,7 +17,7 @@ from edgemap.runtime.motion.odometry.coasting import CoastingRule
 from edgemap.runtime.motion.odometry.gyro import GyroOdometry
 from edgemap.runtime.motion.odometry.hybrid import CAMERA, GYRO, WHEELS, HybridOdometry, HybridRule, Member
 from edgemap.runtime.motion.odometry.judged import JudgedOdometry
-from edgemap.runtime.motion.odometry.learned import LearnedOdometry
+from edgemap.runtime.motion.odometry.paper import PaperOdometry
 from edgemap.runtime.motion.odometry.protocol import Motion, Odometry
 from edgemap.runtime.motion.odometry.recorded import WHEEL, DriftRate, RecordedOdometry
 from edgemap.runtime.motion.odometry.window import PicturesRule, WindowOdometry
@@ -54,7 +54,7 @@ def open_odometry(
     pose_frame: str | None = None,
 ) -> Odometry:
     """The odometry that a name stands for: hybrid, paper, truth, wheel or FILE.tum; for experiments a member of the
-    hybrid alone: flow, window, gyro.
+    hybrid alone: window, gyro.
 
     wheels: whether the hybrid uses the source's wheels, where it has any. health: rule of its pictures. tilt: rule of
     the camera's tilt about its mount. pose_frame: as of `read_given`. Raises OdometryError for one that is unknown or
@@ -67,8 +67,8 @@ def open_odometry(
         return GyroOdometry()
     if spec == "window":
         return WindowOdometry(floor, rules.pictures, rules.coasting, tilt, at_head_height(camera, floor))
-    if spec in ("flow", "paper"):
-        return LearnedOdometry(bundle, spec, floor, rules.coasting.of_unit(floor.mount.platform.unit_m))
+    if spec == "paper":
+        return PaperOdometry(bundle, rules.coasting.of_unit(floor.mount.platform.unit_m))
     if spec == "truth":
         if camera.info.truth is None:
             raise OdometryError(f"odometry truth: {camera.info.name} has no recorded poses")

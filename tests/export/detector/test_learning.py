@@ -205,8 +205,8 @@ def test_a_resumed_run_ends_where_an_unbroken_one_does(start, drawn, tmp_path):
     assert (tmp_path / "broken/best.pt").stat().st_size < 5_000_000
 
 
-def test_training_learns_and_leaves_the_first_layers_alone(start, drawn, tmp_path):
-    """Red squares are chairs: their loss falls in a few steps; what the flow head reads keeps its weights."""
+def test_training_learns(start, drawn, tmp_path):
+    """Red squares are chairs: their loss falls in a few steps."""
     settings = DetectorSettings(batch=8, epochs=9, rate=1e-3, threads=1, mosaic=0.0, keep=0.0)
     trainer = Trainer(start, drawn, {"drawn": drawn[:4]}, tmp_path, settings)
     losses = []
@@ -215,11 +215,6 @@ def test_training_learns_and_leaves_the_first_layers_alone(start, drawn, tmp_pat
         if len(losses) == 12:
             break
     assert np.mean(losses[-3:]) < 0.8 * np.mean(losses[:3])
-    first = start.graph.before(start.detector.features[0].name)
-    ours, theirs = trainer.network.graph.state_dict(), start.graph.state_dict()
-    still = {name for name, tensor in theirs.items() if torch.equal(ours[name], tensor)}
-    assert set(first) <= still
-    assert len(still) < len(theirs) / 2
 
 
 def test_the_blend_nearest_to_the_start_within_the_loss_is_chosen(start, drawn, monkeypatch):
