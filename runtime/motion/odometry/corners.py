@@ -234,9 +234,7 @@ class CornerTracker:
         corners = self.corners[still]
         return self.ids[still], *self._seen(corners, self._sampled(corners, self._floor, self._mask), depth)
 
-    def _seen(
-        self, pixels: Pixels, floor: Array, depth: NDArray[np.float32] | None
-    ) -> tuple[Array, Array, Array]:
+    def _seen(self, pixels: Pixels, floor: Array, depth: NDArray[np.float32] | None) -> tuple[Array, Array, Array]:
         """Normalised image points, probability of floor and depth, as of `tracks`."""
         depth_m = np.full(len(pixels), np.nan)
         if depth is not None:
