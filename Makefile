@@ -22,7 +22,7 @@ $(STAMP): $(PINS) scripts/system-packages
 	@$(PIP) -e '.[all,dev]'
 	@mkdir -p .typing/edgemap
 	@for room in $(ROOMS); do ln -sfn ../../$$room .typing/edgemap/$$room; done
-	@for file in __init__.py py.typed; do ln -sfn ../../api/$$file .typing/edgemap/$$file; done
+	@for file in __init__.py opening.py py.typed; do ln -sfn ../../api/$$file .typing/edgemap/$$file; done
 	@touch $(STAMP)
 
 # What a robot needs: no torch, no renderer, no browser, no development tools.

@@ -9,9 +9,9 @@ from typing import Any
 from edgemap import __version__
 from edgemap.cli.run_options import RunOptions
 from edgemap.geometry.camera.floor import FloorCamera
+from edgemap.runtime.compose import optics_record
 from edgemap.runtime.frames.camera import Camera
 from edgemap.runtime.frames.inference import Inference
-from edgemap.runtime.inputs.drives.camera_yaml import mount_fields
 from edgemap.runtime.motion.odometry_names import PICTURE_ODOMETRIES
 from edgemap.runtime.network.bundle import Bundle
 from edgemap.runtime.step.config import Config, config_document
@@ -27,14 +27,12 @@ def run_record(
     tuned: Config,
 ) -> dict[str, Any]:
     """Source, camera, bundle, options and the resolved configuration. confidence: minimum score of a box."""
-    camera_mount = floor.mount
     record: dict[str, Any] = {
         "format": "edgemap.run/1",
         "started_utc": datetime.now(UTC).isoformat(timespec="seconds"),
         "camera": source.info.name,
         "source": list(source.info.notes),
-        "intrinsics": asdict(floor.intrinsics),
-        "mount": mount_fields(camera_mount, 6) | {"platform": camera_mount.platform},
+        **optics_record(floor),
         "bundle": {"name": loaded.manifest.name, "folder": str(loaded.folder), "sha256": loaded.manifest.sha256},
         "odometry": options.robot.odometry,
         "clustering": options.map.clustering,

@@ -74,9 +74,19 @@ class MapObject:
     earlier: bool = False
 
     @property
+    def x_m(self) -> float:
+        """Forward of the map's origin, metres."""
+        return float(self.position_m[0])
+
+    @property
+    def y_m(self) -> float:
+        """Left of the map's origin, metres."""
+        return float(self.position_m[1])
+
+    @property
     def place_m(self) -> Place:
         """The position as plain numbers."""
-        return float(self.position_m[0]), float(self.position_m[1])
+        return self.x_m, self.y_m
 
     @property
     def since(self) -> float | None:

@@ -1,6 +1,7 @@
 """A camera, the front end and the back end as one object, to iterate over or to push pictures to."""
 
 from collections.abc import Callable, Generator, Sequence
+from inspect import GEN_CLOSED, getgeneratorstate
 from pathlib import Path
 from types import TracebackType
 
@@ -8,19 +9,20 @@ import numpy as np
 from numpy.typing import NDArray
 
 from edgemap.geometry.camera.imu import ImuSamples
-from edgemap.geometry.map_object import MapObject
+from edgemap.geometry.grid.occupancy_grid import OccupancyGrid
 from edgemap.geometry.objects.scale import scaled_map
 from edgemap.geometry.se2 import SE2
 from edgemap.runtime.frames.camera import Camera
 from edgemap.runtime.frames.errors import CameraError
 from edgemap.runtime.frames.program_camera import PushedCamera
+from edgemap.runtime.outputs.map_formats.rooms import Room
+from edgemap.runtime.outputs.map_objects import MapObjects
+from edgemap.runtime.outputs.verdict.run_counts import RunCounts
+from edgemap.runtime.outputs.verdict.verdict import Verdict
 from edgemap.runtime.step.loop import steps
 from edgemap.runtime.step.map_file import save_map
-from edgemap.runtime.step.pose_journal import PoseJournal
 from edgemap.runtime.step.sinks import Sink
 from edgemap.runtime.step.slam import SemanticSlam, StepResult
-
-Listing = Callable[[Sequence[MapObject], PoseJournal | None], list[MapObject]]
 
 
 class Session:
@@ -37,12 +39,13 @@ class Session:
         slam: SemanticSlam | Callable[[Camera], SemanticSlam],
         sinks: Sequence[Sink] = (),
         strict: bool = False,
-        listing: Listing = lambda objects, _: list(objects),
+        counts: RunCounts | None = None,
     ) -> None:
-        """slam: front end and back end, or what makes them once the first pushed picture is there. listing: makes the
-        list that `map` returns of the objects and the trajectory."""
+        """slam: front end and back end, or what makes them once the first pushed picture is there. counts: the sink
+        that judges the map."""
         self.camera = camera
-        self._slam, self._sinks, self._strict, self._listing = slam, sinks, strict, listing
+        self._counts = counts or RunCounts({})
+        self._slam, self._sinks, self._strict = slam, (self._counts, *sinks), strict
         self._steps: Generator[StepResult, None, None] | None = None
 
     @property
@@ -94,16 +97,39 @@ class Session:
         return next(self._running())
 
     @property
-    def map(self) -> list[MapObject]:
-        """The objects as they stand now, ordered by id; in a notebook, the map from above."""
+    def map(self) -> MapObjects:
+        """The objects as they stand now, ordered by id, with zones, trajectory, grid and rooms; in a notebook, the map
+        from above. Once the session has ended, at the scale of a corrected lens height, as a run saves it."""
+        ended = self._steps is not None and getgeneratorstate(self._steps) == GEN_CLOSED
+        return self._map(self.slam.mapper.scale if ended else 1.0)
+
+    def _map(self, scale: float) -> MapObjects:
         if not isinstance(self._slam, SemanticSlam):
-            return self._listing((), None)
-        return self._listing(self.slam.objects(), self.slam.mapper.trajectory)
+            return MapObjects()
+        mapper = self.slam.mapper
+        annotations = self._counts.verdict(scale).on(mapper.annotations())
+        objects, annotations, grid = scaled_map(self.slam.objects(), annotations, mapper.grid.grid(), scale)
+        return MapObjects(objects, mapper.trajectory, annotations, grid, scale)
+
+    @property
+    def grid(self) -> OccupancyGrid | None:
+        """The floor: free, occupied and unknown cells; None before any was seen."""
+        return self.map.grid
+
+    @property
+    def rooms(self) -> tuple[Room, ...]:
+        """The rooms, the largest first; empty where walls enclose none."""
+        return self.map.rooms
+
+    @property
+    def verdict(self) -> Verdict:
+        """How far the map can be trusted so far: level (good, care, unreliable), findings, line."""
+        return self._counts.verdict()
 
     def save(self, path: str | Path) -> None:
         """Write the map as map.json, atomically, at the scale of a corrected lens height. Raises MapError."""
-        mapper = self.slam.mapper
-        save_map(Path(path), *scaled_map(self.map, mapper.annotations(), mapper.grid.grid(), mapper.scale))
+        found = self._map(self.slam.mapper.scale)
+        save_map(Path(path), list(found), found.annotations, found.grid)
 
     def close(self) -> None:
         """Close the sinks and the camera."""

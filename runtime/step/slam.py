@@ -65,6 +65,12 @@ class StepResult(MapUpdate):
         sightings = [placed.sighting for placed in self.sightings]
         return png(draw_detections(self.frame.image, self.detections, sightings))
 
+    def to_supervision(self) -> Any:
+        """All boxes as `supervision.Detections`. Raises MissingExtraError without that package."""
+        from edgemap.runtime.frames.supervision_boxes import to_supervision
+
+        return to_supervision(self.detections)
+
     @property
     def detections(self) -> Detections:
         """All boxes of the frame."""

@@ -10,9 +10,10 @@ import numpy as np
 import pytest
 from support.depth_room import depth_room, record_depth
 
+from edgemap.calibrate.first_pictures import guessing_frames
 from edgemap.cli import main
 from edgemap.cli.groups import Source
-from edgemap.cli.guessed_camera import CameraKeeper, guessing_frames
+from edgemap.cli.guessed_camera import CameraKeeper
 from edgemap.geometry.camera.floor import FloorCamera
 from edgemap.geometry.camera.intrinsics import Intrinsics
 from edgemap.geometry.camera.mount import HeightEstimate, Mount
@@ -188,7 +189,7 @@ def test_a_folder_that_begins_at_rest_is_guessed_from_its_views(tmp_path):
         cv2.imwrite(str(tmp_path / f"{index:03d}.png"), view)
     camera = Source(camera=str(tmp_path))
     with camera.open() as source:
-        assert [frame.index for frame in guessing_frames(camera, source)] == [0, *range(70, 80)]
+        assert [frame.index for frame in guessing_frames(source, camera.open)] == [0, *range(70, 80)]
 
 
 @pytest.mark.parametrize(

@@ -12,7 +12,7 @@ from support.steps import Steps
 
 from edgemap.geometry.observations.detections import Detections
 from edgemap.runtime.frames.supervision_boxes import from_supervision, to_supervision
-from edgemap.runtime.outputs.notebook import MapObjects
+from edgemap.runtime.outputs.map_objects import MapObjects
 
 
 def drive(count=12):

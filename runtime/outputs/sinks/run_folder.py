@@ -1,9 +1,8 @@
 """The run folder: map, trajectory, sightings and the run's own record, on disk from the first second on."""
 
 import json
-import math
 import os
-from collections import Counter, deque
+from collections import deque
 from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
@@ -12,13 +11,12 @@ from typing import Any
 
 import cv2
 
-from edgemap.geometry.camera.attitude import MountEstimate
 from edgemap.geometry.camera.floor import FloorCamera
 from edgemap.geometry.errors import EdgemapError
 from edgemap.geometry.grid.occupancy_grid import OccupancyGrid
 from edgemap.geometry.map_object import MapObject
 from edgemap.geometry.objects.annotations import NO_ANNOTATIONS, Annotations
-from edgemap.geometry.objects.scale import scaled_map, scaled_objects
+from edgemap.geometry.objects.scale import scaled_map
 from edgemap.runtime.frames.disk import SAVE_EVERY_S, LineFile, lock_folder, write_atomically
 from edgemap.runtime.frames.errors import DiskError, RunFolderError
 from edgemap.runtime.frames.faults import Fault
@@ -26,8 +24,8 @@ from edgemap.runtime.frames.frame import jpeg
 from edgemap.runtime.frames.timing import StreamTimer, percentiles
 from edgemap.runtime.frames.trajectory import tum_line
 from edgemap.runtime.outputs.sinks.rewriting import rewrite
-from edgemap.runtime.outputs.verdict.quality import QualityCounter
-from edgemap.runtime.outputs.verdict.verdict import Verdict, verdict_of
+from edgemap.runtime.outputs.verdict.run_counts import RunCounts
+from edgemap.runtime.outputs.verdict.verdict import Verdict
 from edgemap.runtime.step.loop_closing import LoopCorrection
 from edgemap.runtime.step.map_file import save_map
 from edgemap.runtime.step.overlay import draw_floor_grid
@@ -54,7 +52,7 @@ class RunFolder:
 
     def __init__(self, folder: Path, camera: FloorCamera, record: dict[str, Any]) -> None:
         self.folder = folder
-        self._camera, self._record = camera, record
+        self._camera, self._counts = camera, RunCounts(record)
         self._trajectory, self._sightings = LineFile(folder / "trajectory.tum"), LineFile(folder / "sightings.jsonl")
         self._objects: list[MapObject] = []
         self._annotations = NO_ANNOTATIONS
@@ -66,12 +64,8 @@ class RunFolder:
         self._stages: dict[str, dict[str, float]] = {}
         self._saves = 0
         self._faults: list[dict[str, Any]] = []
-        self._fault_kinds: Counter[str] = Counter()
-        self._quality = QualityCounter()
         self.verdict = Verdict("care")  # of the newest save
         self.document: dict[str, Any] = {}  # run.json of the newest save
-        self._mount_seen: dict[str, float] = {}  # as the drive has shown it so far
-        self._attitudes: Counter[str] = Counter()  # frames by where roll and pitch came from
         self._journal: PoseJournal | None = None
         self._rewritten_at = 0  # revision of the journal that the files show
         self._frames = 0
@@ -95,7 +89,7 @@ class RunFolder:
 
     def add_record(self, entries: dict[str, Any]) -> None:
         """More entries of run.json, from the next save on."""
-        self._record = self._record | entries
+        self._counts.record = self._counts.record | entries
 
     def write(self, result: StepResult, objects: list[MapObject]) -> None:
         """Append pose and sightings; save everything by the stream's time.
@@ -115,21 +109,14 @@ class RunFolder:
             self._note_correction(result.correction)
         if result.relocated is not None:
             start = result.relocated.vector().tolist()
-            self._record = self._record | {"relocated": {"frame": self._frames, "pose_map_start": start}}
+            self.add_record({"relocated": {"frame": self._frames, "pose_map_start": start}})
         self._trajectory.append(tum_line(stamp_s, result.pose_map_base))
         for placed, identity in zip(result.sightings, result.object_ids, strict=True):
             record = sighting_record(result, placed.sighting.detection, placed, identity)
             self._sightings.append(json.dumps(record, allow_nan=False) + "\n")
         for stage, time_ms in result.stages_ms.items():
             self._stage_times.setdefault(stage, deque(maxlen=10_000)).append(time_ms)
-        self._attitudes[result.observed.attitude_source] += 1
-        self._quality.add(result)
-        if (seen := result.observed.mount_estimate) is not None:
-            self._mount_seen |= mount_record(seen)
-        if (height := result.observed.height_estimate) is not None:
-            self._mount_seen |= {"height_m": round(height.height_m, 3), "sigma_height_m": round(height.sigma_m, 3)}
-        if self._mount_seen:
-            self._record = self._record | {"mount_seen": dict(self._mount_seen)}
+        self._counts.write(result, objects)
         if result.relocated is not None or self._save_timer.is_due(stamp_s):
             self._save(rewrite=result.relocated is not None)
         if self._failure is not None:
@@ -137,7 +124,7 @@ class RunFolder:
 
     def fault(self, fault: Fault) -> None:
         """Records a fault with its frame; while a camera is disconnected, its faults trigger the saving."""
-        self._fault_kinds[fault.kind.value] += 1
+        self._counts.fault(fault)
         if len(self._faults) < MAX_FAULTS:
             self._faults.append(replace(fault, frame=self._frames).document())
         if perf_counter() - self._saved_at > SAVE_EVERY_S and not self._closed:
@@ -146,6 +133,7 @@ class RunFolder:
     def edited(self, objects: list[MapObject], annotations: Annotations) -> None:
         """The map as a person has just edited it, saved at once; also after the run. Raises DiskError."""
         self._objects, self._annotations = objects, annotations
+        self._counts.edited(objects)
         self._save_map()
 
     def judge(self) -> Verdict:
@@ -202,14 +190,13 @@ class RunFolder:
 
     def _note_correction(self, correction: LoopCorrection) -> None:
         """Count a loop closure in run.json."""
-        before = self._record.get("corrections", {"count": 0, "largest_m": 0.0})
-        self._record = self._record | {
-            "corrections": {
-                "count": before["count"] + 1,
-                "largest_m": max(before["largest_m"], round(correction.moved_m, 4)),
-                "seen_again": correction.links,
-            }
+        before = self._counts.record.get("corrections", {"count": 0, "largest_m": 0.0})
+        corrections = {
+            "count": before["count"] + 1,
+            "largest_m": max(before["largest_m"], round(correction.moved_m, 4)),
+            "seen_again": correction.links,
         }
+        self.add_record({"corrections": corrections})
 
     def _rewrite(self) -> None:
         """Rewrite trajectory and sightings with all corrections so far. Raises DiskError."""
@@ -226,35 +213,17 @@ class RunFolder:
         if finished or self._saves % STAGES_EVERY == 1:
             self._stages = {name: percentiles(times_ms) for name, times_ms in self._stage_times.items()}
         if (scale := self._file_scale) != 1.0:
-            self._mount_seen |= {"used_height_m": round(scale * self._camera.mount.height_m, 4)}
-            self._record = self._record | {"mount_seen": dict(self._mount_seen)}
-        record = self._record | {
+            self._counts.mount_seen |= {"used_height_m": round(scale * self._camera.mount.height_m, 4)}
+        record = self._counts.document(scale) | {
             "finished": finished,
             "frames": self._frames,
             "seconds": round(seconds, 3),
             "stages_ms": self._stages,
-            "attitude_sources": dict(self._attitudes),
-            "quality": self._quality.document(scale),
             "merged": self._merged,
-            "fault_count": self._fault_kinds.total(),
-            "fault_kinds": dict(self._fault_kinds),
             "faults": self._faults,
         }
-        self.verdict = verdict_of(record, scaled_objects(self._objects, scale))
+        self.verdict = self._counts.verdict(scale)
         return record | {"verdict": self.verdict.document()}
-
-
-def mount_record(seen: MountEstimate) -> dict[str, float]:
-    """The estimate of a mount's angles so far, degrees."""
-    angles = {
-        "pitch_deg": seen.mount.pitch_rad,
-        "roll_deg": seen.mount.roll_rad,
-        "used_pitch_deg": seen.used.pitch_rad,
-        "used_roll_deg": seen.used.roll_rad,
-        "sigma_pitch_deg": seen.sigma_rad[1],
-        "sigma_roll_deg": seen.sigma_rad[0],
-    }
-    return {name: round(math.degrees(angle), 2) for name, angle in angles.items()}
 
 
 def sighting_record(result: StepResult, detection: int, placed: Any, identity: str) -> dict[str, Any]:

@@ -7,7 +7,7 @@ from support.made_camera import MadeCamera
 from support.noise import noise
 from support.recordings import FACTS, drain, record
 
-from edgemap.runtime.compose import open_session
+from edgemap.opening import open_session
 from edgemap.runtime.inputs.cameras.wrappers import SearchRate
 from edgemap.runtime.inputs.open import open_camera
 

@@ -1,0 +1,163 @@
+"""`edgemap.open`: what `edgemap run` would drive, or a loop of your own, as a session."""
+
+import warnings
+from collections.abc import Collection, Iterable, Sequence
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from edgemap.calibrate.first_pictures import earlier_guess, guess_of, guessing_frames, mount_by_depth
+from edgemap.geometry.camera.floor import FloorCamera
+from edgemap.geometry.camera.intrinsics import Intrinsics
+from edgemap.runtime.compose import RunSpec, compose, optics_record
+from edgemap.runtime.frames.camera import Camera, CameraOptions
+from edgemap.runtime.frames.errors import CameraError
+from edgemap.runtime.frames.program_camera import (
+    FramesCamera,
+    IntrinsicsLike,
+    MountLike,
+    PushedCamera,
+    as_intrinsics,
+    as_mount,
+)
+from edgemap.runtime.frames.reading import user_path
+from edgemap.runtime.inputs.cameras.checked import CheckedCamera
+from edgemap.runtime.inputs.cameras.kinds import recorded_from
+from edgemap.runtime.inputs.drives.camera_yaml import read_camera_yaml
+from edgemap.runtime.inputs.open import open_camera
+from edgemap.runtime.motion.camera_guess import CameraGuess
+from edgemap.runtime.network.bundle import Bundle
+from edgemap.runtime.network.open_bundle import open_bundle
+from edgemap.runtime.network.store import bundle_folder, default_bundle
+from edgemap.runtime.outputs.sinks.run_folder import RunFolder
+from edgemap.runtime.outputs.verdict.run_counts import RunCounts
+from edgemap.runtime.session import Session
+from edgemap.runtime.step.config import Config, load_config
+from edgemap.runtime.step.sinks import Sink
+from edgemap.runtime.step.slam import SemanticSlam
+
+
+class GuessWarning(UserWarning):
+    """Lens or mount were guessed from the first pictures. guess: the values with their standard deviations."""
+
+    def __init__(self, name: str, count: int, guess: CameraGuess) -> None:
+        lines = "; ".join(guess.lines())
+        super().__init__(f"{name}: guessed from {count} pictures: {lines}. Measure: mount=HEIGHT_M, or camera_file=")
+        self.guess = guess
+
+
+def open_session(
+    camera: str | int | Path | Camera | None = None,
+    bundle: str | Path | None = None,
+    *,
+    frames: Iterable[NDArray[np.uint8] | tuple[float, NDArray[np.uint8]]] | None = None,
+    intrinsics: IntrinsicsLike | None = None,
+    mount: MountLike | float | None = None,
+    camera_file: str | Path | None = None,
+    map: str | Path | None = None,
+    classes: Collection[str] | None = None,
+    odometry: str = "hybrid",
+    clustering: str = "default",
+    loop_closure: bool = True,
+    config: str | Path | Config | None = None,
+    sinks: Sequence[Sink] = (),
+    strict: bool = False,
+) -> Session:
+    """Open what `edgemap run` would drive, or a loop of your own.
+
+    camera: a SPEC, the number of a webcam, a path, or a Camera. frames: any iterable of BGR pictures, uint8 (height,
+    width, 3), 10 a second, or of (stamp_s, picture). With neither, intrinsics and mount make a session for
+    `Session.push`; without those it is the demo. intrinsics: (fx, fy, cx, cy) in pixels, where the source brings none.
+    mount: (height_m, pitch_deg), pitch positive looking down, or the height alone. camera_file: a camera.yaml with
+    both, as `run --camera-file`. What a camera= does not bring is guessed from its first pictures as in `run`, with a
+    `GuessWarning`; a guessed height is corrected in the drive, and the verdict contains the guess. map: a saved map to
+    continue, as `run --map`. classes: those that go on the map. bundle: by default the one for this kind of pictures.
+    config: a tree, or a file of one. sinks, strict: see `Session`. Raises CameraError, BundleError, CalibrationError,
+    UsageError, MapError, OdometryError or ConfigError in one line.
+    """
+    if camera is not None and frames is not None:
+        raise CameraError("give camera= or frames=, not both")
+    described = None if camera_file is None else read_camera_yaml(user_path(camera_file))
+    stated = {name for name, value in (("intrinsics", intrinsics), ("mount", mount)) if value is not None}
+    height_m = None
+    if isinstance(mount, int | float):
+        height_m, mount, stated = float(mount), None, {*stated, "height"} - {"mount"}
+    if described is not None:
+        intrinsics = described.intrinsics if intrinsics is None else intrinsics
+        mount = described.mount if mount is None else mount
+    pose = None if mount is None else as_mount(mount)
+    if pose is not None and height_m is not None:
+        pose = replace(pose, height_m=height_m)
+    tuned = config if isinstance(config, Config) else load_config(Path(config)) if config else Config()
+    spec = RunSpec(
+        odometry=odometry, clustering=clustering, loop_closure=loop_closure, classes=classes, map=map, config=tuned
+    )
+    name = str(camera) if isinstance(camera, str | int | Path) else None
+    if camera is None and frames is None and intrinsics is None:
+        name = "demo"
+    counts = RunCounts({"odometry": odometry})
+
+    def build(source: Camera) -> SemanticSlam:
+        loaded = _load(source, name or source.info.name, bundle)
+        lens, sits = source.info.intrinsics, source.info.mount
+        if (lens is None or sits is None) and (name is not None or source.info.live):
+            again, guess = name or "", None
+            frames = guessing_frames(source, lambda: open_camera(again, how))
+            measured = None if lens is None else mount_by_depth(frames, lens)[0]
+            if measured is not None:
+                source.update_info(mount=measured if height_m is None else replace(measured, height_m=height_m))
+            else:
+                guess = guess_of(frames, source, again, loaded, lens, sits, height_m)
+                warnings.warn(GuessWarning(source.info.name, len(frames), guess), stacklevel=3)
+                source.update_info(intrinsics=guess.lens, mount=guess.mount)
+            floor = _floor_of(source)
+        else:
+            floor = _floor_of(source)
+            given = None if camera_file is None else user_path(camera_file)
+            guess = earlier_guess(name or "", given, source, floor, stated)
+        record = {"camera_guess": guess.record()} if guess else {}
+        for folder in (sink for sink in sinks if isinstance(sink, RunFolder)):
+            folder.add_record(record)
+        counts.record |= record | optics_record(floor)
+        return compose(source, loaded, floor, spec, guess)
+
+    lens = intrinsics if isinstance(intrinsics, Intrinsics) else None  # a webcam is asked for its size
+    how = CameraOptions(lens, pose, recovery=tuned.camera)
+    if camera is None and frames is None and intrinsics is not None:
+        if pose is None:
+            raise CameraError("pushed pictures: pass mount=(height_m, pitch_deg)")
+        return Session(PushedCamera(intrinsics, pose), build, sinks, strict, counts)
+    if frames is not None:
+        source: Camera = FramesCamera(frames, intrinsics, pose)
+    elif isinstance(camera, Camera):
+        source = CheckedCamera(camera)
+    else:
+        source = open_camera(name or "demo", how)
+    try:
+        if intrinsics is not None:
+            source.update_info(intrinsics=as_intrinsics(intrinsics, *source.info.size))
+        if pose is not None:
+            source.update_info(mount=pose)
+        elif height_m is not None and source.info.mount is not None:
+            source.update_info(mount=replace(source.info.mount, height_m=height_m))
+        return Session(source, build(source), sinks, strict, counts)
+    except BaseException:
+        source.close()
+        raise
+
+
+def _load(source: Camera, spec: str, bundle: str | Path | None) -> Bundle:
+    """The bundle of that name, or the default one of the source. Raises BundleError."""
+    usual = default_bundle(recorded_from(spec))[0]
+    return open_bundle(bundle_folder(str(bundle or usual)), usual, pace="camera" if source.info.live else "files")
+
+
+def _floor_of(source: Camera) -> FloorCamera:
+    """Lens and mount of a camera that has both. Raises CameraError."""
+    lens, mount = source.info.intrinsics, source.info.mount
+    if lens is None or mount is None:
+        lacks = "intrinsics=(fx, fy, cx, cy)" if lens is None else "mount=(height_m, pitch_deg)"
+        raise CameraError(f"{source.info.name} brings no {lacks.partition('=')[0]}: pass {lacks} or camera_file=")
+    return FloorCamera(lens, mount)

@@ -1,0 +1,111 @@
+"""A guess of lens and mount from the first pictures of a source, as `run` and `edgemap.open` make it."""
+
+import math
+import time
+from collections.abc import Callable, Collection, Iterator, Sequence
+from dataclasses import replace
+from pathlib import Path
+
+from edgemap.calibrate.board import frames_of
+from edgemap.calibrate.floor_depth import fit_floor_depth
+from edgemap.calibrate.gravity import gravity
+from edgemap.calibrate.guess import Focal, guess_camera
+from edgemap.calibrate.guess_focal import FEWEST_ROOMS
+from edgemap.calibrate.guess_upright import quarter_turns
+from edgemap.geometry.camera.floor import FloorCamera
+from edgemap.geometry.camera.imu import ImuSamples
+from edgemap.geometry.camera.intrinsics import Intrinsics
+from edgemap.geometry.camera.mount import Mount
+from edgemap.runtime.frames.camera import Camera
+from edgemap.runtime.frames.errors import CalibrationError
+from edgemap.runtime.frames.frame import Frame
+from edgemap.runtime.frames.reading import user_path
+from edgemap.runtime.inputs.cameras.stated_focal import stated_focal_px
+from edgemap.runtime.inputs.drives.camera_yaml import read_camera_yaml
+from edgemap.runtime.motion.camera_guess import CameraGuess
+from edgemap.runtime.motion.views import views_of
+from edgemap.runtime.network.bundle import Bundle
+from edgemap.runtime.network.decode import Decoder, Detector
+
+PICTURES, REACH = 40, 400  # pictures that are looked at, or more, of so many first ones of a file
+LIVE_S, LIVE_EVERY_S = 8.0, 0.2  # of a live camera, and between two pictures
+DEPTHS = 15  # live pictures with depth are enough
+
+
+def guess_of(
+    frames: Sequence[Frame],
+    source: Camera,
+    spec: str,
+    bundle: Bundle,
+    lens: Intrinsics | None,
+    mount: Mount | None,
+    height_m: float | None,
+) -> CameraGuess:
+    """The guess from these frames. spec: the source, whose file may state a focal length. lens, mount, height_m: what
+    is given, which stays. Raises CalibrationError where the pictures show no floor or an impossible mount.
+    """
+    manifest = bundle.manifest
+    detector = Detector(bundle, Decoder(manifest.detector, manifest.confidence, one_name=True))
+    pictures = [frame.image for frame in frames]
+    focal = None if source.info.live else stated_focal_px(user_path(spec), *source.info.size)
+    stated = focal and Focal(focal[0], 0.05, focal[1])
+    guess = guess_camera(pictures, detector, lens, mount, stated, height_m)
+    return replace(guess, quarter_turns=quarter_turns(pictures, detector))
+
+
+def mount_by_depth(frames: Sequence[Frame], lens: Intrinsics) -> tuple[Mount | None, str]:
+    """The mount by the floor in the frames' depth, and the result in words; None where they have none, or show no
+    floor."""
+    depths = [frame.depth for frame in frames if frame.depth is not None]
+    if not depths:
+        return None, ""
+    try:
+        fit = fit_floor_depth(depths, lens, gravity(ImuSamples.joined([frame.imu for frame in frames])), mounted=False)
+    except CalibrationError as error:
+        return None, f"no mount by depth: {error}"
+    mount, tilt_deg = fit.mount, [math.degrees(angle) for angle in (fit.mount.pitch_rad, fit.mount.roll_rad)]
+    of = f"mount by the floor in {fit.pictures} of {fit.examined} depth pictures: {mount.height_m:.2f} m"
+    return mount, f"{of}, pitch {tilt_deg[0]:.1f} deg down, roll {tilt_deg[1]:.1f} deg"
+
+
+def earlier_guess(
+    spec: str, camera_file: Path | None, source: Camera, floor: FloorCamera, stated: Collection[str]
+) -> CameraGuess | None:
+    """What lens and mount of a camera file or a recording were guessed in an earlier run, without what is stated now:
+    of intrinsics, mount and height. Raises CameraError."""
+    path = camera_file or (user_path(spec.partition(":")[2] or spec) / "camera.yaml" if spec else None)
+    recorded = {} if camera_file else source.info.calibration
+    if not recorded and (path is None or not path.is_file()):
+        return None
+    calibration, where = (recorded, spec) if recorded else (read_camera_yaml(path or Path()).calibration, str(path))
+    return CameraGuess.of_record(calibration, floor.intrinsics, floor.mount, where, stated)
+
+
+def guessing_frames(source: Camera, again: Callable[[], Camera]) -> list[Frame]:
+    """Pictures spread over a live camera's first seconds, or over the first part of a file, which is opened again: of
+    each view one, where that leaves enough, as a camera at rest shows nothing of how it is carried."""
+    if source.info.live:
+        frames = list[Frame]()
+        until_s, next_s = time.monotonic() + LIVE_S, -math.inf
+        for frame in frames_of(source, None, lambda: time.monotonic() > until_s):
+            if time.monotonic() >= next_s:
+                next_s = time.monotonic() + LIVE_EVERY_S
+                frames.append(frame)
+                if sum(one.depth is not None for one in frames) >= DEPTHS:
+                    break
+        return frames
+
+    def sampled(every: int) -> Iterator[Frame]:
+        with again() as opened:
+            yield from (frame for frame in frames_of(opened, count) if frame.index % every == 0)
+
+    count = min(source.info.frame_count or REACH, REACH)
+    every = max(1, count // PICTURES)
+    frames = list(sampled(every))
+    if every > 1 and len(frames) < PICTURES // 2:  # a short file that does not say its length
+        every = max(1, every * len(frames) // PICTURES)
+        frames = list(sampled(every))
+    views = list(views_of(frames))
+    if FEWEST_ROOMS <= len(views) < len(frames):  # as many again from what is not at rest
+        return list(views_of(sampled(max(1, every * len(views) // len(frames)))))[: 2 * PICTURES]
+    return frames
