@@ -58,7 +58,8 @@ class Viewer:
     async def serve(self) -> None:
         """Serves the browser until it disconnects."""
         await self._socket.accept()
-        await self._socket.send_text(msgspec.json.encode({"type": "hello"} | self._page.about).decode())
+        hello = {"type": "hello", "drives": bool(self._page.goals)} | self._page.about
+        await self._socket.send_text(msgspec.json.encode(hello).decode())
         tasks = {asyncio.create_task(self._send()), asyncio.create_task(self._listen())}
         try:
             done, _ = await asyncio.wait(tasks, return_when=asyncio.FIRST_COMPLETED)

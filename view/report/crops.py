@@ -53,7 +53,7 @@ class BestCrops:
                 continue
             quality = worth * _sharpness(picture)
             if quality > limit:
-                self._best[identity] = Crop(quality, jpeg(_small(picture), 78), result.frame.index)
+                self._best[identity] = Crop(quality, jpeg(small(picture, SIDE_PX), 78), result.frame.index)
 
     def keep(self, identities: Collection[str], merged: dict[str, str]) -> None:
         """Hand pictures of merged objects to those that they became part of; past `MAXIMUM_CROPS`, drop those of
@@ -93,9 +93,9 @@ def _cut(image: NDArray[np.uint8], box: NDArray[np.float64]) -> NDArray[np.uint8
     return image[top:bottom, left:right]
 
 
-def _small(picture: NDArray[np.uint8]) -> NDArray[np.uint8]:
-    """At most `SIDE_PX` long. Linear, because averaging over areas costs ten times as much."""
-    share = SIDE_PX / max(picture.shape[:2])
+def small(picture: NDArray[np.uint8], side_px: int) -> NDArray[np.uint8]:
+    """At most so long. Linear, because averaging over areas costs ten times as much."""
+    share = side_px / max(picture.shape[:2])
     if share >= 1.0:
         return picture
     size = (max(1, round(picture.shape[1] * share)), max(1, round(picture.shape[0] * share)))

@@ -60,6 +60,7 @@ def report_document(content: ReportContent) -> dict[str, Any]:
         | _times(content)
         | {
             "verdict": _verdict(content),
+            "replay": _replay(content.history),
             "truth": _truth(content, trail),
             "mount": data_uri(content.mount_jpeg) if content.mount_jpeg else "",
             "settings": {key: value for key, value in content.record.items() if key not in _NO_SETTINGS},
@@ -74,7 +75,8 @@ def _update(content: ReportContent, objects: Sequence[MapObject], trail: list[tu
     dock, last = content.annotations.dock, content.history.last
     update: dict[str, Any] = {
         "number": 0, "state": "finished", "moved": False, "events": [], "gone": [], "boxes": [],
-        "status": {"level": LEVELS[verdict.level] if verdict else "ok", "headline": f"{headline}.", "problems": []},
+        "status": {"level": LEVELS[verdict.level] if verdict else "ok", "headline": f"{headline}.", "problems": []}
+        | {"verdict": verdict.document() if verdict else None},
         "faults": [_fault(read_fault(entry)) for entry in content.record.get("faults", [])[:MAXIMUM_FAULTS]],
         "fault_count": content.record.get("fault_count", 0),
         "trail": [[round(value, 3) for value in sample] for sample in trail],
@@ -114,6 +116,20 @@ def _verdict(content: ReportContent) -> dict[str, Any] | None:
     return {"level": verdict.level, "title": TITLES[verdict.level], "reasons": reasons}
 
 
+def _replay(history: History) -> list[dict[str, Any]]:
+    """The pictures of the drive with their boxes, the time since its start and the robot's pose."""
+    return [
+        {
+            "frame": still.frame,
+            "time_s": round(still.stamp_s - history.start_s, 2),
+            "pose": [round(value, 3) for value in pose],
+            "boxes": still.boxes,
+            "jpeg": data_uri(still.jpeg),
+        }
+        for still, pose in zip(history.stills, history.still_poses(), strict=True)
+    ]
+
+
 def _figures(content: ReportContent) -> dict[str, Any]:
     """The run in numbers."""
     record, history = content.record, content.history
@@ -122,6 +138,7 @@ def _figures(content: ReportContent) -> dict[str, Any]:
     return {
         "started": str(record.get("started_utc", "")).replace("T", " ").replace("+00:00", " UTC"),
         "clustering": record.get("clustering", ""),
+        "source": record.get("source", []),
         "objects": len(content.objects),
         "frames": frames,
         "rate_hz": frames / seconds if seconds else None,

@@ -2,13 +2,18 @@
 
 from collections import Counter, deque
 from dataclasses import dataclass, field
+from typing import Any
 
 from edgemap.geometry.map_object import ellipse_95
+from edgemap.runtime.frames.frame import jpeg
 from edgemap.runtime.step.pose_journal import PoseJournal
 from edgemap.runtime.step.slam import StepResult
+from edgemap.view.answers import boxes
+from edgemap.view.report.crops import small
 
 MAX_POSES = 1500
 MAX_WINDOWS = 120
+MAX_STILLS, STILL_PX = 40, 320  # pictures for the replay, and their longer side: half a megabyte in the report
 
 
 @dataclass(slots=True)
@@ -27,8 +32,19 @@ class TimeWindow:
         self.stages_ms.update(other.stages_ms)
 
 
+@dataclass(frozen=True, slots=True)
+class Still:
+    """A picture of the replay. boxes: as the page draws them."""
+
+    frame: int
+    stamp_s: float
+    boxes: list[dict[str, Any]]
+    jpeg: bytes
+
+
 class History:
-    """Bounded history of a run: at most `2 * MAX_POSES` poses and `2 * MAX_WINDOWS` windows, whatever its length.
+    """Bounded history of a run: at most `2 * MAX_POSES` poses, `2 * MAX_WINDOWS` windows and `2 * MAX_STILLS` pictures,
+    whatever its length.
 
     last: the newest result, None before the first. detected: number of boxes by label.
     """
@@ -40,7 +56,8 @@ class History:
         self.frames, self.start_s = 0, 0.0
         self.last: StepResult | None = None
         self._bounds: list[tuple[float, float]] = []  # stamp_s, bound_m
-        self._every = self._length = 1
+        self._every = self._length = self._still_every = 1
+        self.stills: list[Still] = []
 
     def add(self, result: StepResult) -> None:
         """Adds one step."""
@@ -51,6 +68,11 @@ class History:
             self._bounds.append((stamp_s, ellipse_95(result.pose_covariance)[0]))
             if len(self._bounds) >= 2 * MAX_POSES:
                 self._bounds, self._every = self._bounds[::2], self._every * 2
+        if self.frames % self._still_every == 0:
+            image = jpeg(small(result.frame.image, STILL_PX), 60)
+            self.stills.append(Still(result.frame.index, stamp_s, boxes(result), image))
+            if len(self.stills) >= 2 * MAX_STILLS:
+                self.stills, self._still_every = self.stills[::2], self._still_every * 2
         self.last, self.frames = result, self.frames + 1
         self.detected.update(result.detections.labels)
         self._time(stamp_s, result.stages_ms)
@@ -81,3 +103,10 @@ class History:
             (scale * x_m, scale * y_m, stamp_s, scale * bound_m)
             for (x_m, y_m, _), (stamp_s, bound_m) in zip(poses, bounds, strict=True)
         ]
+
+    def still_poses(self) -> list[list[float]]:
+        """x, y and yaw in the map frame at each still, with all corrections so far."""
+        if self.last is None:
+            return []
+        rows, scale = self.last.trajectory.at([still.stamp_s for still in self.stills]).tolist(), self.last.scale
+        return [[scale * x_m, scale * y_m, yaw_rad] for x_m, y_m, yaw_rad in rows]

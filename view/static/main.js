@@ -10,6 +10,7 @@ import { Picture } from "/picture.js";
 import { FloorGrid } from "/floor_grid.js";
 import { Guide } from "/guide.js";
 import { Placing } from "/placing.js";
+import { Replay } from "/replay.js";
 import { Robot } from "/robot.js";
 import { Run } from "/run.js";
 import { Sheet } from "/sheet.js";
@@ -149,6 +150,8 @@ document.addEventListener("pointerdown", ({ target }) => { if (!menu.contains(ta
 menu.addEventListener("focusout", ({ relatedTarget }) => { if (relatedTarget && !menu.contains(relatedTarget)) menu.open = false; });
 placing.started = () => sheet.show("peek"); // on a phone the map is worth more then
 byId("faults-link").onclick = () => { byId("diagnostics").open = true; if (sheet.size === "peek") sheet.show("full"); };
+byId("why").onclick = () => byId("why").setAttribute("aria-expanded", byId("why").getAttribute("aria-expanded") !== "true");
+byId("legend").open = matchMedia("(min-width: 1101px) and (min-height: 561px)").matches; // beside the map
 byId("doubtful").onclick = () => {
   map.showDoubtful = !map.showDoubtful;
   press("doubtful", map.showDoubtful);
@@ -170,6 +173,7 @@ byId("sightings").onclick = () => {
 };
 connection.open();
 if (saved) {
+  new Replay(saved.run.replay, picture, map, ({ frame, time_s, boxes }) => caption({ frame, stamp_s: time_s, boxes }));
   new Run(saved.run, saved.update.trail, saved.update.changed.length);
   map.truth.set(saved.run.truth);
   objects.judge(saved.run);

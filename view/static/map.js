@@ -75,6 +75,15 @@ export class FloorMap {
     this.redraw();
   }
 
+  // The robot as it was at a picture of a finished run.
+  replay({ pose, boxes }) {
+    this.replayed = true;
+    this.pose = this.from = pose;
+    this.poseCovariance = null;
+    this.seen = new Set(boxes.map((box) => box.object));
+    this.redraw();
+  }
+
   // The robot between its last two poses, so that it glides and does not jump.
   shownPose() {
     if (!this.pose) return null;
@@ -146,7 +155,7 @@ export class FloorMap {
     this.floor.draw(pen, this.view, this.style);
     const step = this.grid(pen, width, height);
     for (const zone of this.zones) this.zone(pen, zone.corners_m, zone.name);
-    this.path.draw(pen, view, this.trail, robot, this.style);
+    this.path.draw(pen, view, this.trail, this.replayed ? null : robot, this.style);
     ["ramp-from", "ramp-to"].forEach((id, end) => setText(byId(id), this.path.ends(this.trail)[end]));
     this.truth.draw(pen, view, new Map(this.shown().map((item) => [item.id, item])), this.style);
     this.points(pen);

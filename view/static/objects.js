@@ -20,7 +20,10 @@ export class Objects {
     this.clear();
   }
 
-  about(info) { this.corrections.about(info); }
+  about(info) {
+    this.drives = info.drives;
+    this.corrections.about(info);
+  }
 
   // The list in one line, for a sheet that is down.
   summary() {
@@ -42,9 +45,10 @@ export class Objects {
     this.showDetail();
   }
 
-  update({ pose, stamp_s }, items, seen) {
+  update({ pose, stamp_s, state }, items, seen) {
     if (!pose) return;
-    Object.assign(this, { pose, stamp_s, items, seen });
+    Object.assign(this, { pose, stamp_s, items, seen, over: state === "finished" });
+    this.start_s = this.map.trail[0]?.[2] ?? stamp_s;
     if (performance.now() - this.drawnAt < REDRAW_MS) {
       this.late ??= setTimeout(() => this.redraw(), REDRAW_MS);
     } else this.redraw();
@@ -54,7 +58,11 @@ export class Objects {
     this.chosen = this.items.has(id) ? id : null;
     for (const [key, { press }] of this.rows) press.setAttribute("aria-pressed", key === this.chosen);
     this.showDetail();
-    this.rows.get(this.chosen)?.item.scrollIntoView({ block: "nearest" });
+    const row = this.rows.get(this.chosen)?.item, list = byId("objects"), place = byId("detail");
+    if (!row) return;
+    list.scrollTop = Math.min(Math.max(list.scrollTop, row.offsetTop + row.offsetHeight - list.clientHeight), row.offsetTop);
+    place.parentElement.scrollTop = 0;
+    place.scrollIntoView({ block: "start" });
   }
 
   away({ x_m, y_m }) { return Math.hypot(x_m - this.pose[0], y_m - this.pose[1]); }
@@ -113,7 +121,7 @@ export class Objects {
   // While the run goes on, how long ago; of a finished one, when.
   lastSeen({ earlier, last_seen, last_seen_s }) {
     if (earlier) return last_seen ? new Date(last_seen).toLocaleString([], { dateStyle: "medium", timeStyle: "short" }) : "in an earlier run";
-    return this.ask ? ago(Math.max(0, this.stamp_s - last_seen_s)) : `at ${duration(Math.round(Math.max(0, last_seen_s - this.start_s)))}`;
+    return !this.over ? ago(Math.max(0, this.stamp_s - last_seen_s)) : `at ${duration(Math.round(Math.max(0, last_seen_s - this.start_s)))}`;
   }
 
   // What the truth says of an object: found, misplaced, extra or unscored, with the error.
@@ -206,7 +214,7 @@ export class Objects {
     this.corrections.map.ghost = [found.x_m, found.y_m, found.yaw_rad];
     this.corrections.map.redraw();
     const words = `${nameOf(this.items.get(id))}: from x ${found.x_m.toFixed(2)}, y ${found.y_m.toFixed(2)} m${found.floor === "free" ? "" : " (floor unknown)"}`;
-    this.undoable(words, () => this.ask("POST", `${this.path(id)}/go`, {}), "Go there");
+    this.undoable(words, this.drives && !this.over ? () => this.ask("POST", `${this.path(id)}/go`, {}) : null, "Go there");
   }
 
   async delete() {

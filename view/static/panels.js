@@ -25,6 +25,7 @@ export class Panels {
     for (const id of ["stages", "faults"]) byId(id).replaceChildren();
     byId("faults").append(element("li", "none", "muted"));
     this.faultCount = 0;
+    this.remedies = new Map(); // each stands once, with the newest fault that it is for
     byId("faults-link").hidden = true;
     setText(byId("fault-count"), "");
   }
@@ -33,6 +34,7 @@ export class Panels {
 
   update(news) {
     this.over = news.state === "finished";
+    this.costless = news.status.verdict?.level === "good"; // no fault has lowered the trust in the map
     this.faults(news.faults, news.fault_count);
     this.status(news.status, news.state);
     if (news.frame === undefined) return;
@@ -43,15 +45,16 @@ export class Panels {
   // What a person must know first. level: ok, degraded, fault, wait.
   status({ level, headline, problems, verdict }, state) {
     byId("status").dataset.level = level;
-    setText(byId("headline"), headline);
+    told(byId("headline"), headline);
     const trust = byId("trust");
     trust.hidden = !verdict || state === "finished"; // the headline of a finished run says it
     if (verdict) {
       trust.dataset.level = verdict.level;
       const reasons = verdict.reasons.map((reason) => reason.replaceAll("`", ""));
-      setText(trust, `map so far: ${TRUST[verdict.level]}${reasons.length ? ` (${reasons.slice(0, 3).join("; ")})` : ""}`);
+      told(trust, `map so far: ${TRUST[verdict.level]}${reasons.length ? ` (${reasons.slice(0, 3).join("; ")})` : ""}`);
       trust.title = reasons.join("; ");
     }
+    byId("why").hidden = !byId("status").querySelector("p:not([hidden]) .numbers");
     const rest = problems.slice(1).map(({ text }) => text), list = byId("problems"), key = rest.join("\n");
     list.hidden = !rest.length;
     if (list.dataset.told === key) return;
@@ -97,22 +100,35 @@ export class Panels {
 
   // count: of all since the start, where not all are told.
   faults(faults, count = this.faultCount + faults.length) {
-    if (!faults.length) return;
     const list = byId("faults"), link = byId("faults-link");
-    if (!this.faultCount) list.replaceChildren();
-    this.faultCount = count;
+    if (faults.length) {
+      if (!this.faultCount) list.replaceChildren();
+      this.faultCount = count;
+    }
+    if (!this.faultCount) return;
     for (const { frame, text, remedy } of faults) {
       const item = element("li");
       if (frame !== undefined) item.append(element("b", `frame ${frame + 1}`));
       item.append(text);
-      if (remedy) item.append(prose(remedy, element("small")));
+      if (remedy && !this.remedies.has(remedy)) this.remedies.set(remedy, prose(remedy, element("small")));
+      if (remedy) item.append(this.remedies.get(remedy));
       list.prepend(item);
     }
     while (list.children.length > 100) list.lastChild.remove();
     link.hidden = false;
-    setText(byId("fault-count"), this.faultCount === 1 ? "1 fault" : `${this.faultCount} faults`);
+    const word = this.costless ? "note" : "fault";
+    setText(byId("fault-count"), `${this.faultCount} ${word}${this.faultCount === 1 ? "" : "s"}`);
+    setText(byId("faults-title"), this.costless ? "Notes" : "Faults");
+    byId("faults-costless").hidden = !this.costless;
     setText(link, `${byId("fault-count").textContent}${this.over ? "" : " so far"}`);
   }
+}
+
+// A line whose numbers, in brackets at its end, are folded on a phone.
+function told(place, text) {
+  if (place.textContent === text) return;
+  const [, words, numbers, end] = text.match(/^(.*?)( \(.*\))?(\.?)$/s);
+  place.replaceChildren(words, ...(numbers ? [element("span", numbers, "numbers")] : []), end);
 }
 
 function put({ value, more }, text, unit, detail) {

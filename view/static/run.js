@@ -23,11 +23,11 @@ export class Run {
   verdict({ verdict }) {
     if (!verdict?.reasons.length) return null;
     const list = element("ul", "", "reasons");
-    list.append(...verdict.reasons.map(({ text, remedy }) => {
-      const line = element("li", `${text}.`);
+    for (const remedy of new Set(verdict.reasons.map((reason) => reason.remedy))) { // each once, after all that it is for
+      const line = element("li", `${verdict.reasons.filter((reason) => reason.remedy === remedy).map(({ text }) => text).join("; ")}.`);
       line.append(prose(remedy, element("small")));
-      return line;
-    }));
+      list.append(line);
+    }
     return this.part(`Map: ${verdict.title}`, list);
   }
 
@@ -41,7 +41,7 @@ export class Run {
       pair.append(element("dt", name), element("dd", value));
       list.append(pair);
     }
-    return this.part("Run", list, element("p", [run.started, run.clustering && `${run.clustering} clustering`].filter(Boolean).join(" · "), "muted small"));
+    return this.part("Run", list, element("p", [run.started, run.clustering && `${run.clustering} clustering`, ...run.source].filter(Boolean).join(" · "), "muted small"));
   }
 
   truth({ truth }, trail) {

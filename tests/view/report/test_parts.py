@@ -1,6 +1,7 @@
 """What the report gathers while it drives, by hand-made steps; how it embeds its data."""
 
 import json
+from itertools import pairwise
 from types import SimpleNamespace
 from typing import Any
 
@@ -16,7 +17,7 @@ from edgemap.geometry.se2 import SE2
 from edgemap.runtime.step.pose_journal import PoseJournal
 from edgemap.view.report import page as page_module
 from edgemap.view.report.crops import MAXIMUM_CROPS, SIDE_PX, BestCrops
-from edgemap.view.report.history import MAX_POSES, MAX_WINDOWS, History
+from edgemap.view.report.history import MAX_POSES, MAX_STILLS, MAX_WINDOWS, History
 from edgemap.view.report.page import bundled, report_page
 
 NOISE = np.random.default_rng(1).integers(0, 255, (480, 640, 3), dtype=np.uint8)
@@ -78,11 +79,16 @@ def test_merged_objects_hand_on_their_picture_and_memory_is_bounded():
     assert crops.of(["a-1", "b-7"]).keys() == {"a-1", "b-7"}
 
 
+PLAIN = np.zeros((240, 320, 3), np.uint8)
+
+
 def step(journal, index, lap_ms=2.0, x_m=0.0, travelled_m=0.0) -> Any:
     detections = Detections(np.zeros((1, 4)), np.ones(1), np.zeros(1, dtype=np.int64), ("chair",))
     journal.append(index / 10, SE2(x_m, 0, 0))
     return SimpleNamespace(
-        frame=SimpleNamespace(stamp_s=index / 10),
+        frame=SimpleNamespace(stamp_s=index / 10, index=index, image=PLAIN),
+        sightings=[],
+        object_ids=[],
         pose_covariance=np.diag([0.04, 0.01, 0.0]),
         stages_ms={"backbone": lap_ms, "map": 1.0},
         scale=1.0,
@@ -99,6 +105,8 @@ def test_a_history_is_bounded_and_loses_no_sum():
     trail = np.array(history.trail())
     assert len(trail) <= 2 * MAX_POSES + 1
     assert len(history.windows) <= 2 * MAX_WINDOWS
+    assert MAX_STILLS <= len(history.stills) <= 2 * MAX_STILLS
+    assert len({round(b.stamp_s - a.stamp_s, 6) for a, b in pairwise(history.stills)}) == 1
     assert sum(one.frames for one in history.windows) == history.detected["chair"] == count
     assert sum(one.stages_ms["map"] for one in history.windows) == pytest.approx(count)
     assert max(one.worst_ms for one in history.windows) == 51.0

@@ -109,7 +109,11 @@ def test_it_shows_the_map_that_the_run_saved(bundle, tmp_path, show):
     assert f"{saved['count']} times" in detail
     assert "in its 95 % ellipse" in detail
     tab.until("document.querySelector('.mount').naturalWidth > 0")
-    hidden = ".actions, #edit, #follow, .picture, #figures, #sightings"
+    tab.value("document.getElementById('replay-at').value = 10; document.getElementById('replay-at').oninput(); true")
+    place = data["run"]["replay"][10]["pose"][0]
+    tab.until(f"document.getElementById('replay-time').textContent === '1.0 s' && edgemap.map.pose[0] === {place}")
+    tab.until("document.getElementById('caption').textContent.startsWith('frame 11')")
+    hidden = ".actions, #edit, #follow, .mounting, #figures, #sightings"
     assert not tab.value(f"[...document.querySelectorAll('{hidden}')].some(part => part.checkVisibility())")
     assert tab.value("document.querySelectorAll('#detail input, #detail select').length") == 0
 

@@ -1,0 +1,122 @@
+"""`python -m edgemap.benchmarks.score MAPS HOMES`: anybody's maps of the benchmark's homes, scored by its protocol.
+
+MAPS: a map.json, a run folder, or a CSV with the columns label, x_m, y_m (others are optional: confidence, and
+covariance_xx_m2, covariance_xy_m2, covariance_yy_m2). HOMES: the drive that it is of, with objects.json. Of many: two
+folders, where HOME of HOMES goes with HOME/, HOME.json or HOME.csv of MAPS; a home without a map scores 0.
+docs/benchmark.md describes the protocol.
+"""
+
+import csv
+import json
+import sys
+from dataclasses import dataclass
+from pathlib import Path
+from statistics import fmean, stdev
+from typing import Annotated, Any
+
+import numpy as np
+import tyro
+
+from edgemap.benchmarks.map_variants import true_floor, true_objects
+from edgemap.benchmarks.rooms import drives_in
+from edgemap.evaluation.grid import score_grid
+from edgemap.evaluation.objects import score_map
+from edgemap.geometry.errors import EdgemapError, MapError
+from edgemap.geometry.map_object import MapObject
+from edgemap.runtime.inputs.drives import open_drive
+from edgemap.runtime.step.grid_file import load_grid
+from edgemap.runtime.step.map_file import load_map, map_path
+
+NEEDED = ("label", "x_m", "y_m")
+COVARIANCE = ("covariance_xx_m2", "covariance_xy_m2", "covariance_yy_m2")
+FIGURES = ("f1", "precision", "recall", "median_error_m", "p90_error_m")
+BY_COVARIANCE = ("covered95", "anees", "ellipse_m2")
+
+
+@dataclass(frozen=True)
+class ScoreOptions:
+    """maps, homes: see above. frames: the drive's first ones, which is as long as the benchmark's are."""
+
+    maps: tyro.conf.Positional[Path]
+    homes: tyro.conf.Positional[Path]
+    frames: int = 600
+    json: Annotated[bool, tyro.conf.FlagCreatePairsOff] = False
+
+
+def read_csv(path: Path) -> tuple[list[MapObject], bool]:
+    """The objects of a CSV, and whether it states their covariances. Raises MapError with the line for a bad one."""
+    objects = []
+    with path.open(newline="", encoding="utf-8-sig") as file:
+        rows = csv.DictReader(file)
+        columns = rows.fieldnames or ()
+        if missing := [name for name in NEEDED if name not in columns]:
+            raise MapError(f"{path}: no column {', '.join(missing)}; expected {', '.join(NEEDED)}")
+        known = all(name in columns for name in COVARIANCE)
+        for row in rows:
+            names = ("x_m", "y_m", *(COVARIANCE if known else ()), *(["confidence"] if row.get("confidence") else []))
+            try:
+                x_m, y_m, *rest = numbers = [float(row[name]) for name in names]
+            except (TypeError, ValueError):
+                numbers = [np.nan]
+            if not np.isfinite(numbers).all() or not row["label"]:
+                raise MapError(f"{path}:{rows.line_num}: expected a label and finite numbers in {', '.join(names)}")
+            xx, xy, yy = rest[:3] if known else (1.0, 0.0, 1.0)
+            covariance, score = np.array([[xx, xy], [xy, yy]]), rest[-1] if row.get("confidence") else 1.0
+            place = np.array([x_m, y_m])
+            number = f"{row['label']}-{rows.line_num}"
+            objects.append(MapObject(number, row["label"], place, covariance, 0.5, 0.5, 1, score, 0.0, 0.0))
+    return objects, known
+
+
+def scored_home(found: Path | None, home: Path, frames: int) -> dict[str, Any]:
+    """Figures of one home. found: its map, None where there is none. Raises MapError or CameraError."""
+    drive, grid, known = open_drive(f"drive:{home}"), None, True
+    objects: list[MapObject] = []
+    if found is not None and found.suffix == ".csv":
+        objects, known = read_csv(found)
+    elif found is not None:
+        objects, grid = load_map(found), load_grid(map_path(found))
+    figures = score_map(objects, true_objects(drive, frames))
+    row = {"home": home.name, "map": found and str(found)}
+    row |= {name: figures[name] for name in (*FIGURES, *(BY_COVARIANCE if known else ()))}
+    plan = true_floor(drive)
+    return row | ({"grid": score_grid(grid, plan)} if grid is not None and plan is not None else {})
+
+
+def paired(maps: Path, homes: Path) -> list[tuple[Path | None, Path]]:
+    """Maps with their homes."""
+    if (homes / "objects.json").is_file():
+        return [(maps, homes)]
+    tried = list[tuple[Path | None, Path]]()
+    for home in drives_in((homes,)):
+        names = (home.name, f"{home.name}.json", f"{home.name}.csv")
+        tried.append((next((maps / name for name in names if (maps / name).exists()), None), home))
+    if not any(found for found, _ in tried):
+        raise MapError(f"{maps}: no map of the {len(tried)} homes of {homes}: expected HOME/, HOME.json or HOME.csv")
+    return tried
+
+
+def main(options: ScoreOptions) -> None:
+    """Score, and print a line a home and the mean with its spread."""
+    try:
+        rows = [scored_home(found, home, options.frames) for found, home in paired(options.maps, options.homes)]
+    except EdgemapError as error:
+        sys.exit(f"score: {error}")
+    f1 = [row["f1"] or 0.0 for row in rows]
+    total = {"homes": len(rows), "f1": fmean(f1), "f1_spread": stdev(f1) if len(f1) > 1 else None, "f1_worst": min(f1)}
+    if options.json:
+        print(json.dumps({"homes": rows, "total": total}, indent=1))
+        return
+    for row in rows:
+        figures = "  ".join(f"{name} {_text(row[name])}" for name in FIGURES)
+        print(f"{row['home']:<12}{figures}{'' if row['map'] else '  no map'}")
+    spread = "" if total["f1_spread"] is None else f" +- {total['f1_spread']:.3f}"
+    print(f"{len(rows)} homes: F1 {total['f1']:.3f}{spread}, worst {total['f1_worst']:.3f}")
+
+
+def _text(value: float | None) -> str:
+    return "–" if value is None else f"{value:.3f}"
+
+
+if __name__ == "__main__":
+    main(tyro.cli(ScoreOptions, description=__doc__))
