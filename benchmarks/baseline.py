@@ -1,4 +1,4 @@
-"""`python -m edgemap.benchmarks.baseline DRIVE OUT.csv`: the benchmark's baseline, a map in sixty lines.
+"""`python -m edgemap.benchmarks.baseline HOMES OUT`: the benchmark's baseline, a map in sixty lines, and its score.
 
 A detector, the ray through the middle of each box's lower edge to the floor, and the nearest object of the class within
 a metre. Poses are the wheels' (`--poses truth`: the drive's own). Everything that edgemap adds is missing: footprints,
@@ -8,16 +8,18 @@ covariances, loop closure, forgetting.
 import csv
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Literal
+from typing import Annotated, Literal
 
 import numpy as np
 import tyro
 
+from edgemap.benchmarks.score import ScoreOptions, homes_of
+from edgemap.benchmarks.score import main as print_score
 from edgemap.geometry.camera.floor import FloorCamera
 from edgemap.runtime.frames.trajectory import TrackFile
 from edgemap.runtime.inputs.cameras.pictures import drive_camera
 from edgemap.runtime.inputs.drives import open_drive
-from edgemap.runtime.network.bundle import load_bundle
+from edgemap.runtime.network.bundle import Bundle, load_bundle
 from edgemap.runtime.network.decode import Detector
 from edgemap.runtime.network.store import bundle_folder
 
@@ -26,23 +28,37 @@ NEAREST_M, SEEN, FARTHEST_M = 1.0, 5, 6.0  # as one object; sightings of one tha
 
 @dataclass(frozen=True)
 class BaselineOptions:
-    """drive: a folder with pictures, camera.yaml and wheel.csv or poses.tum. out: a CSV, as the scorer takes it."""
+    """homes: a drive with pictures, camera.yaml and wheel.csv or poses.tum, or a folder of them. out: folder of CSVs,
+    as the scorer takes them. seeds, frames, json: as of the scorer."""
 
-    drive: tyro.conf.Positional[Path]
+    homes: tyro.conf.Positional[Path]
     out: tyro.conf.Positional[Path]
     poses: Literal["wheels", "truth"] = "wheels"
     bundle: str = "edgemap-nano"
+    seeds: str = ""
     frames: int = 600
+    json: Annotated[bool, tyro.conf.FlagCreatePairsOff] = False
 
 
 def main(options: BaselineOptions) -> None:
-    """Write the map."""
-    drive, bundle = open_drive(f"drive:{options.drive}"), load_bundle(bundle_folder(options.bundle))
-    camera, detect = drive_camera(drive, str(options.drive)), Detector(bundle)
+    """Map each home, and score them."""
+    homes, bundle = homes_of(options.homes, options.seeds), load_bundle(bundle_folder(options.bundle))
+    options.out.mkdir(parents=True, exist_ok=True)
+    for home in homes:
+        if not (options.out / f"{home.name}.csv").exists():
+            write_map(home, options.out / f"{home.name}.csv", bundle, options)
+    maps = options.out if len(homes) > 1 else options.out / f"{homes[0].name}.csv"
+    print_score(ScoreOptions(maps, options.homes, options.seeds, options.frames, options.json))
+
+
+def write_map(home: Path, out: Path, bundle: Bundle, options: BaselineOptions) -> None:
+    """The map of one home."""
+    drive = open_drive(f"drive:{home}")
+    camera, detect = drive_camera(drive, str(home)), Detector(bundle)
     lens, mount, wheels = camera.info.intrinsics, camera.info.mount, camera.info.wheel
     poses = wheels.track().from_start() if options.poses == "wheels" and isinstance(wheels, TrackFile) else drive.truth
     if lens is None or mount is None or poses is None:
-        raise SystemExit(f"{options.drive}: the baseline needs lens, mount and poses")
+        raise SystemExit(f"{home}: the baseline needs lens, mount and poses")
     floor, objects = FloorCamera(lens, mount), list[tuple[str, list[np.ndarray]]]()
     while (frame := camera.read()) is not None and frame.index < options.frames:
         found, pose = detect(frame.image), poses.at(frame.stamp_s)
@@ -58,7 +74,7 @@ def main(options: BaselineOptions) -> None:
                 seen.append(place)
             else:
                 objects.append((label, [place]))
-    with options.out.open("w", newline="") as file:
+    with out.open("w", newline="") as file:
         rows = csv.writer(file)
         rows.writerow(("label", "x_m", "y_m"))
         rows.writerows((label, *np.mean(seen, axis=0).round(4)) for label, seen in objects if len(seen) >= SEEN)

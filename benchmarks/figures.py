@@ -110,28 +110,39 @@ def main(
 def pages(rows: list[Row]) -> dict[Path, str]:
     """The texts that are made of the figures, by file."""
     root = HERE.parent
-    tables = list(dict.fromkeys(row["table"] for row in rows if row["table"] != BESIDE))
+    tables = list(dict.fromkeys(row["table"] for row in rows if row["table"] not in (BESIDE, "Benchmark")))
     parts = [f"\n## {table}\n\n" + _table([row for row in rows if row["table"] == table]) for table in tables]
     charts = (
         f"\n## By home\n\n![F1 and drift of each home](figures-homes.svg)\n\n## {BESIDE}\n\n"
         "Bars to the right: edgemap is better by that factor. The same data on both sides of a row.\n\n"
         "![edgemap beside other programs](figures-peers.svg)\n"
     )
-    readme = root / "README.md"
-    before, _, rest = readme.read_text().partition(BEGIN)
-    chosen = [row for row in rows if row["figure"] in README_ROWS]
-    after = rest.partition(END)[2]
-    return {
+    chosen = {root / "README.md": README_ROWS, root / "docs" / "benchmark.md": LEADERBOARD}
+    within = {
+        path: _within(path.read_text(), [row for row in rows if row["figure"] in names])
+        for path, names in chosen.items()
+    }
+    return within | {
         root / "docs" / "figures.md": INTRODUCTION + "".join(parts) + charts,
         root / "docs" / "figures-homes.svg": _homes([row for row in rows if "by" in row]),
         root / "docs" / "figures-peers.svg": _peers([row for row in rows if row["table"] == BESIDE]),
-        readme: before + BEGIN + _table(chosen) + END + after,
     }
+
+
+def _within(text: str, rows: list[Row]) -> str:
+    """A page with its table made again."""
+    before, _, rest = text.partition(BEGIN)
+    return before + BEGIN + _table(rows) + END + rest.partition(END)[2]
 
 
 README_ROWS = (
     "F1, with wheels", "F1, camera alone", "drift over 5 m, camera alone, frozen homes, %", "F1, pictures alone",
     "F1, with depth", "drift over 5 m, with depth, %", "F1 with the height by tape alone",
+)  # fmt: skip
+LEADERBOARD = (
+    "F1, true poses", "F1, with wheels", "F1, camera alone", "F1, with wheels, tuning homes",
+    "F1, camera alone, tuning homes", "baseline, true poses: F1", "baseline, with wheels: F1",
+    "baseline, true poses, tuning homes: F1", "baseline, with wheels, tuning homes: F1",
 )  # fmt: skip
 
 

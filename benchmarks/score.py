@@ -35,10 +35,12 @@ BY_COVARIANCE = ("covered95", "anees", "ellipse_m2")
 
 @dataclass(frozen=True)
 class ScoreOptions:
-    """maps, homes: see above. frames: the drive's first ones, which is as long as the benchmark's are."""
+    """maps, homes: see above. seeds: A:B, of many homes those from A up to, not including, B. frames: the drive's first
+    ones, which is as long as the benchmark's are."""
 
     maps: tyro.conf.Positional[Path]
     homes: tyro.conf.Positional[Path]
+    seeds: str = ""
     frames: int = 600
     json: Annotated[bool, tyro.conf.FlagCreatePairsOff] = False
 
@@ -83,12 +85,21 @@ def scored_home(found: Path | None, home: Path, frames: int) -> dict[str, Any]:
     return row | ({"grid": score_grid(grid, plan)} if grid is not None and plan is not None else {})
 
 
-def paired(maps: Path, homes: Path) -> list[tuple[Path | None, Path]]:
+def homes_of(homes: Path, seeds: str) -> list[Path]:
+    """A home, or those of a folder. seeds: A:B, or empty for all."""
+    first, _, end = seeds.partition(":")
+    found = drives_in((homes,))
+    return (
+        [home for home in found if home.name.isdecimal() and int(first) <= int(home.name) < int(end)] if end else found
+    )
+
+
+def paired(maps: Path, homes: Path, seeds: str = "") -> list[tuple[Path | None, Path]]:
     """Maps with their homes."""
     if (homes / "objects.json").is_file():
         return [(maps, homes)]
     tried = list[tuple[Path | None, Path]]()
-    for home in drives_in((homes,)):
+    for home in homes_of(homes, seeds):
         names = (home.name, f"{home.name}.json", f"{home.name}.csv")
         tried.append((next((maps / name for name in names if (maps / name).exists()), None), home))
     if not any(found for found, _ in tried):
@@ -99,7 +110,10 @@ def paired(maps: Path, homes: Path) -> list[tuple[Path | None, Path]]:
 def main(options: ScoreOptions) -> None:
     """Score, and print a line a home and the mean with its spread."""
     try:
-        rows = [scored_home(found, home, options.frames) for found, home in paired(options.maps, options.homes)]
+        rows = [
+            scored_home(found, home, options.frames)
+            for found, home in paired(options.maps, options.homes, options.seeds)
+        ]
     except EdgemapError as error:
         sys.exit(f"score: {error}")
     f1 = [row["f1"] or 0.0 for row in rows]
