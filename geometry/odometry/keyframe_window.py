@@ -30,7 +30,8 @@ CARRIED_ROUNDS, FEWER_ROUNDS, LEAST_ROUNDS = 4, 2, 1
 NEAREST, FARTHEST = 20.0, 1e-4  # inverse depths, 1/m
 ORIGIN = np.array([1e-6, 1e-6, 1e6, 1e8, 1e8, 1e-6])  # information that fixes heading and place of the first pose
 UNHELD_RAD = np.radians(2.0)  # standard deviation of a tilt after the mount's angles have changed
-NEAR_M = 0.3  # least depth of a point that was triangulated over a gap
+# Least depth of a point that was triangulated over a gap; share of its inverse depth to which a known one is known.
+NEAR_M, KNOWN_SHARE = 0.3, 0.2
 ANY = 0.3, 0.4  # mean inverse depth of a new point off the floor and its standard deviation, 1/m
 
 
@@ -264,28 +265,26 @@ class KeyframeWindow:
         new = WindowPoints(ids, host, ray, inverse, variance, floor + 0.0, views, at, observed, depths)
         self.points = self.points.joined(new)
 
-    def bridge(
-        self, ids: NDArray[np.int64], points: Array, floor: Array, measured: Array, now: Array, turn: Array, way: Array
-    ) -> LensPose:
-        """Starts again at the last pose, with points that a far picture sees again, as of `step`; that picture's pose.
+    def bridge(self, ids: NDArray[np.int64], now: Array, turn: Array, way: Array) -> LensPose:
+        """The pose of a picture far from the last one, by the direction of the motion between both.
 
-        now: (N, 2) normalised image points there. turn (3, 3), way (3,): rotation and direction that take points of the
-        last lens into the far one. Points on the floor and measured ones give the length.
+        ids (N,), now (N, 2): tracks, and their normalised image points there. turn (3, 3), way (3,): rotation and
+        direction that take points of the last lens into the far one. Points of known depth give the length; it gives
+        the depths of the others.
         """
-        last = self.poses[-1]
-        self.poses, self._factors, self._prior = [last], self._factors[-1:], (np.diag(ORIGIN), np.zeros(6), [last])
-        self.points = self.points.chosen(np.zeros(len(self.points), dtype=bool))
-        self.add(ids, points, floor, measured)
-        seen, turned = np.column_stack([now, np.ones(len(now))]), self.points.ray @ turn.T
-        by_depth, by_length = _cross(seen, turned), _cross(seen, way)  # depth * by_depth + length * by_length = 0
-        known = np.isfinite(measured) | (self.points.variance < ANY[1] ** 2)
-        at_m = by_depth[known] / self.points.inverse_m[known, None]
-        lengths = -(at_m * by_length[known]).sum(axis=1) / (by_length[known] ** 2).sum(axis=1)
-        length_m = max(float(np.median(lengths)), 0.0) if len(lengths) else 0.0
-        if length_m > 0.0:  # the others by triangulation
+        last, rows = self.poses[-1], _rows_of(self.points.ids, ids)
+        mine, seen = rows >= 0, np.column_stack([now, np.ones(len(now))])[rows[rows >= 0]]
+        local_m = (self._world(self.points.chosen(mine))[0] - last.position_m) @ last.rotation
+        depth_m = local_m[:, 2]
+        by_depth, by_length = _cross(seen, local_m / depth_m[:, None] @ turn.T), _cross(seen, way)
+        known = np.sqrt(self.points.variance[mine]) < KNOWN_SHARE * self.points.inverse_m[mine]
+        lengths = -(depth_m[:, None] * by_depth * by_length).sum(axis=1) / (by_length**2).sum(axis=1)
+        length_m = max(float(np.median(lengths[known])), 0.0) if known.any() else 0.0
+        if length_m > 0.0:
             inverse = -(by_depth**2).sum(axis=1) / (by_depth * by_length).sum(axis=1) / length_m
-            inverse = np.where(known, self.points.inverse_m, np.clip(inverse, FARTHEST, 1.0 / NEAR_M))
-            self.points = replace(self.points, inverse_m=inverse)
+            new = self.points.host[mine] == len(self.poses) - 1
+            inverse = np.where(known | ~new, self.points.inverse_m[mine], np.clip(inverse, FARTHEST, 1.0 / NEAR_M))
+            self.points.inverse_m[mine] = inverse
         return last @ LensPose(turn, length_m * way).inverse()
 
     def _solve(self) -> None:

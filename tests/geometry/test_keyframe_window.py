@@ -59,7 +59,9 @@ def followed(
             measured = 1.0 / np.where((local[:, 2] > 0.3) & (local[:, 2] < 6.0), local[:, 2], np.nan)
             measured = measured + rng.normal(0.0, rule.depth_sigma, len(points))
             measured = np.where(rng.uniform(size=len(points)) < false_depths, 1.5 * measured, measured)
-        weight = window.step(start, factors, np.flatnonzero(seen), image[seen], floor[seen], measured[seen])
+        ids = np.flatnonzero(seen)
+        start, weight = window.resected(start, ids, image[seen]) if index else (start, 0.0)
+        window.step(start, factors, ids, image[seen], floor[seen], measured[seen])
         assert index == 0 or weight > 20.0
     return window
 

@@ -94,7 +94,7 @@ def test_every_number_survives_the_file(tmp_path_factory, slope, frames):
     ("tree", "told"),
     [
         ({"health": {"sharp": 9.0}}, "blurred"),
-        ({"odometry": {"pictures": {"corners": {"corners": 0}}}}, "odometry"),
+        ({"odometry": {"pictures": {"least_weight": 1e6}}}, "odometry"),
     ],
 )
 def test_the_stages_take_their_parts_of_the_tree(tmp_path, tree, told):

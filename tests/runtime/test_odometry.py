@@ -280,6 +280,14 @@ def test_where_a_recording_says_nothing_no_pose_is_made_up(stamps, poses, frames
             assert step.motion.x_m == pytest.approx(now - before)
 
 
+def test_poses_at_both_ends_of_a_gap_in_the_pictures_are_no_hole():
+    stamps = [*TENTHS, *(21 + t for t in TENTHS)]
+    odometry = RecordedOdometry(Trajectory(np.array(stamps), tuple(SE2(t) for t in stamps)), "poses.tum")
+    steps = [odometry.step(Frame(i, t, np.zeros((4, 4, 3), np.uint8)), {}) for i, t in enumerate([0.9, 1.0, 21.0])]
+    assert [step.motion.x_m for step in steps] == pytest.approx([0.0, 0.1, 20.0])
+    assert not any(step.blind for step in steps)
+
+
 def over_a_table(frames, poses, columns=264):
     """The frames with a table top, at a fifth of the lens height, over the left columns; and a floor mask
     that leaves it out."""

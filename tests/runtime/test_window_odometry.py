@@ -105,6 +105,19 @@ def test_a_picture_without_corners_is_a_guess_and_the_next_ones_measure_again():
     assert [motion.motion.x_m for motion in motions[-5:]] == pytest.approx([0.08] * 5, abs=0.01)
 
 
+@pytest.mark.parametrize("lost_s", [0.1, 2.0])
+@pytest.mark.parametrize("gap", [SE2(0.8, 0.0, 0.1), SE2(0.1, 0.0, 0.7), SE2(0.7, 0.1, -0.4)])
+def test_a_gap_between_pictures_is_bridged_by_descriptors(gap, lost_s):
+    frames, poses, attitudes = walked([SE2(0.06)] * 8 + [gap] + [SE2(0.06)] * 4)
+    frames = [replace(frame, stamp_s=frame.stamp_s + lost_s * (frame.index > 8)) for frame in frames]
+    odometry = WindowOdometry(HEAD)
+    motions = [odometry.step(frame, {}, FramePrior(seen)) for frame, seen in zip(frames, attitudes, strict=True)]
+    assert kinds(fault for motion in motions for fault in motion.faults) == []
+    off = total(motions).inverse() @ poses[-1]
+    assert math.hypot(off.x_m, off.y_m) < 0.04
+    assert abs(off.yaw_rad) < 0.01
+
+
 def test_steps_without_pictures_are_not_counted_twice():
     frames, poses, attitudes = walked([SE2(0.08)] * 20)
     odometry = WindowOdometry(HEAD)

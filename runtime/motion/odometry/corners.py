@@ -50,10 +50,11 @@ class CornersRule:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Found:
-    """Corners that were found again in the picture before: there their normalised image points (N, 2), probability of
-    floor and depth (N,), NaN where it was not measured; rotation (3, 3) and direction (3,) of the motion, which take
-    points of the lens before into the lens of now."""
+    """Corners that are found in this picture and the one before: ids (N,); there, normalised image points (N, 2),
+    probability of floor and depth (N,), NaN where it was not measured. turn (3, 3), way (3,): rotation and direction of
+    the motion, which take points of the lens before into the lens of now."""
 
+    ids: NDArray[np.int64]
     points: Array
     floor: Array
     depth_m: Array
@@ -157,7 +158,7 @@ class CornerTracker:
         self.corners, self.ids = self._before
 
     def find_again(self, depth: NDArray[np.float32] | None) -> "Found | None":
-        """New corners by the descriptors of both pictures (ORB, Rublee et al. 2011), where they agree with one rigid
+        """Adds corners by the descriptors of both pictures (ORB, Rublee et al. 2011), where they agree with one rigid
         motion (Nister 2004). depth: of the picture before."""
         if self._last is None or self._picture is None:
             return None
@@ -176,15 +177,21 @@ class CornerTracker:
         essential, inside = cv2.findEssentialMat(*seen, np.eye(3), cv2.RANSAC, 0.999, PAIR_PX / self.intrinsics.fx)
         if essential is None or inside.sum() < FEWEST_PAIRS:
             return None
-        _, turn, way, inside = cv2.recoverPose(essential[:3], *seen, np.eye(3), mask=inside)
+        _, turn, way, _ = cv2.recoverPose(essential[:3], *seen, np.eye(3), mask=inside.copy())
         inside = inside.ravel() > 0
         floor = self._sampled(before, *self._floor_before)
         others = round((1.0 - self._rule.floor_share) * self._rule.corners)  # else none are sought on the floor
         inside &= (floor >= 0.5) | (np.cumsum(inside & (floor < 0.5)) <= others)
-        before, self.corners = before[inside], now[inside]
-        self.ids = self._next_id + np.arange(len(before))
+        before, now = before[inside], now[inside]
+        ids = self._next_id + np.arange(len(before))
         self._next_id += len(before)
-        return Found(*self._seen(before, floor[inside], depth), turn, way.ravel())
+        self.corners, self.ids = np.concatenate([self.corners, now]), np.concatenate([self.ids, ids])
+        return Found(
+            ids,
+            *self._seen(before, floor[inside], depth),
+            np.asarray(turn, np.float64),
+            np.asarray(way, np.float64).ravel(),
+        )
 
     def seek(self) -> None:
         """Replaces missing corners separately on the floor and elsewhere: a wall's contrast must not hide the floor."""

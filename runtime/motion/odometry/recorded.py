@@ -134,7 +134,8 @@ class RecordedOdometry:
         last = min(int(np.searchsorted(stamps, stamp_s)), len(stamps) - 1)
         for at in range(first, last):
             span_s, moved = float(stamps[at + 1] - stamps[at]), poses[at].inverse() @ poses[at + 1]
-            if span_s > self._longest_gap_s:
+            both = abs(stamps[at] - self._last_s) <= EDGE_S and abs(stamps[at + 1] - stamp_s) <= EDGE_S
+            if span_s > self._longest_gap_s and not both:  # between samples at both pictures nothing is interpolated
                 return f"no sample from {stamps[at]:.3f} to {stamps[at + 1]:.3f} s"
             if self._drift.roughness_m and self._drift.rolled_m(moved) > FASTEST_M_S * span_s:
                 far_m = math.hypot(moved.x_m, moved.y_m)

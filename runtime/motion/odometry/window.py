@@ -154,7 +154,7 @@ class WindowOdometry:
         start = self._expected_pose(gyro)
         pose, weight = self._track(start, gyro is None)
         if surprised := weight < self._rule.least_weight:
-            pose, weight = self._surprised()
+            pose, weight = self._surprised(pose, weight)
         self._tracker.seek()
         if weight < self._rule.least_weight:
             return self._started_again(frame, start, factors)
@@ -175,17 +175,22 @@ class WindowOdometry:
         ids, points, *_ = self._tracker.tracks()
         return self._graph.resected(start, ids, points)
 
-    def _surprised(self) -> tuple[LensPose, float]:
+    def _surprised(self, pose: LensPose, weight: float) -> tuple[LensPose, float]:
         """The pose of a picture that does not agree with the expected motion, and the weight of its tracks: the camera
         has stopped, or pictures were lost while it drove on, and descriptors find corners again."""
-        last = self._graph.poses[-1]
-        self._tracker.back()
-        pose, weight = self._track(last, False)
-        if weight >= self._rule.least_weight or (found := self._tracker.find_again(self._depth)) is None:
+        tracker, last, least = self._tracker, self._graph.poses[-1], self._rule.least_weight
+        expected = tracker.corners, tracker.ids
+        tracker.back()
+        rested, by_rest = self._track(last, False)
+        if by_rest > weight:
+            pose, weight = rested, by_rest
+        else:
+            tracker.corners, tracker.ids = expected
+        if weight >= least or (found := tracker.find_again(self._depth)) is None:
             return pose, weight
-        now, depth = self._tracker.bearings(self._tracker.corners), self._unit_m / found.depth_m
-        way = self._graph.bridge(self._tracker.ids, found.points, found.floor, depth, now, found.turn, found.way)
-        return self._resected(way)
+        self._graph.add(found.ids, found.points, found.floor, self._unit_m / found.depth_m)
+        start = self._graph.bridge(*tracker.tracks()[:2], found.turn, found.way)
+        return self._resected(start)
 
     def _attend(self, attitude: Attitude | None) -> GyroRotation | None:
         """Updates the camera of this frame; returns the rotation since the last picture by a gyro."""
