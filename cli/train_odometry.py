@@ -72,7 +72,7 @@ def command(
     print(f"{sum(map(len, train))} frames of {len(data)} drives to train on, {sum(map(len, held_back))} to validate on")
     begun = begin(store, train, backbone, feature, settings.seed, start)
     print(f"paper head: {begun.head.parameters_count:,} parameters", flush=True)
-    trainer = HeadTraining(begun, train, held_back, output, settings, length)
+    trainer = HeadTraining(begun, train, held_back, output, settings, length, store.mirror)
     if resume:
         trainer.resume()
     best = trainer.run()

@@ -53,6 +53,10 @@ class FeatureStore:
         self._name = part.features[feature]
         model = part.model.SerializeToString(deterministic=True)
         self.shape = tuple(next(item.shape for item in part.detector.features if item.name == self._name))
+        # A mirrored picture's raw YOLOv3 map is the mirrored map with negated x offsets of boxes; others: unknown.
+        raw = [head for head in part.detector.heads if part.detector.decode == "yolov3" and head.name == self._name]
+        values = self.shape[1] // max(1, *(len(head.anchors) for head in raw)) if raw else 0
+        self.mirror = np.where(np.arange(self.shape[1]) % values, 1.0, -1.0).astype(np.float32) if raw else None
         about = f"{FORMAT} {hashlib.sha256(model).hexdigest()} {self.input} {self._name}"
         self.folder = folder / hashlib.sha256(about.encode()).hexdigest()[:16]
         self._session = ort.InferenceSession(model, session_options(Compute(threads)), providers=PROVIDERS)

@@ -23,6 +23,7 @@ from edgemap.geometry.se2 import SE2
 CLIP_NORM = 1.0
 FIRST_STEPS, LATER = 100, 0.2  # AdaGrad's rate: 0.005 for 100 iterations, then 0.001
 LAMBDA = 100.0  # of the paper's equation 2: what a radian's square counts against a metre's
+MIRROR = np.array([1.0, -1.0, -1.0], np.float32)  # of a motion
 SAMPLES = 64  # frames that mean and deviation are taken from
 PANELS = (  # the first is the paper's figure 6
     Panel("loss", {"loss": "loss"}, from_zero=False),
@@ -53,7 +54,8 @@ class HeadTraining(Training[PaperHead, OdometrySettings]):
     """One training of a head; writes `best.pt`, `last.pt`, `curves.csv` and `curves.png` to its folder.
 
     start: the initial head. train, validation: drives with features. length: frames of a sequence, which the paper does
-    not state. Raises ExportError for a drive that is shorter.
+    not state. mirror: of a `FeatureStore`: half of the clips are mirrored. Raises ExportError for a drive that is
+    shorter.
     """
 
     resume_format = "edgemap.head-run/2"
@@ -69,6 +71,7 @@ class HeadTraining(Training[PaperHead, OdometrySettings]):
         folder: Path,
         settings: OdometrySettings,
         length: int = 10,
+        mirror: NDArray[np.float32] | None = None,
     ) -> None:
         super().__init__(
             folder, settings, start.head, lambda head: torch.optim.Adagrad(head.parameters()), settings.steps
@@ -77,7 +80,7 @@ class HeadTraining(Training[PaperHead, OdometrySettings]):
         for drive in train:
             if len(drive) < length:
                 raise ExportError(f"{drive.name}: {len(drive)} frames, sequences need {length}")
-        self._motions = [drive.motions for drive in train]
+        self._motions, self._mirror = [drive.motions for drive in train], mirror
         self._starts = np.cumsum([len(drive) - length + 1 for drive in train])
 
     def take_steps(self) -> Iterator[None]:
@@ -97,9 +100,13 @@ class HeadTraining(Training[PaperHead, OdometrySettings]):
         for place in rng.integers(self._starts[-1], size=self.settings.batch):
             index = int(np.searchsorted(self._starts, place, side="right"))
             first = int(place - (self._starts[index - 1] if index else 0))
-            features.append(self.train[index].features[first : first + self.length])
-            motions.append(self._motions[index][first : first + self.length - 1])
-        batch = np.stack(features).astype(np.float32), np.stack(motions)
+            clip = self.train[index].features[first : first + self.length].astype(np.float32)
+            motion = self._motions[index][first : first + self.length - 1]
+            if self._mirror is not None and rng.random() < 0.5:
+                clip, motion = clip[..., ::-1] * self._mirror[:, None, None], motion * MIRROR
+            features.append(clip)
+            motions.append(motion)
+        batch = np.stack(features), np.stack(motions)
         return torch.from_numpy(batch[0]).to(self.device), torch.from_numpy(batch[1]).to(self.device)
 
     def validate(self) -> None:

@@ -10,7 +10,7 @@ import pytest
 from support.noise import noise
 from support.painted import write_painted
 
-from edgemap.benchmarks.paper_page import page, table
+from edgemap.benchmarks.paper_page import page
 from edgemap.benchmarks.paper_tables import TableOptions, main, measure
 from edgemap.geometry.camera.intrinsics import Intrinsics
 from edgemap.geometry.camera.mount import Mount
@@ -108,12 +108,6 @@ def test_rooms_and_roads_have_means_of_their_own(measured):
     assert "| **mean on roads** | – | – | – | 8.00 |" in ate
 
 
-def test_ways_are_drawn(measured, drives):
-    if not measured["ways"]:
-        pytest.skip("no matplotlib")
-    assert list(measured["ways"]) == list(drives)
-
-
 def test_an_untrained_head_is_a_dash_with_its_reason_and_files_are_written(drives, tmp_path, capsys):
     bundle = painted(tmp_path / "b", False)
     main(TableOptions(data=(drives["two"], "demo"), bundle=str(bundle), frames=20, threads=1, out=tmp_path / "out"))
@@ -129,7 +123,3 @@ def test_without_data_the_program_ends_with_a_line(tmp_path):
     bundle = painted(tmp_path / "b", False)
     with pytest.raises(SystemExit, match="expected A:B"):
         main(TableOptions(bundle=str(bundle), out=tmp_path))
-
-
-def test_a_table_is_markdown():
-    assert table(["a", "b"], [["1", "2"]]) == "| a | b |\n| --- | --- |\n| 1 | 2 |"

@@ -127,14 +127,6 @@ def test_a_bundle_that_is_not_to_be_had_is_one_line_and_a_finding_of_doctor(edge
     assert "neither a bundle folder nor a known model" in result.stdout
 
 
-def test_a_groups_name_alone_lists_its_commands(edgemap):
-    shown = edgemap("map").stdout
-    assert "usage: edgemap map COMMAND" in shown
-    assert all(words in shown for words in ("map show", "map export", "map merge"))
-    assert "eval" not in shown
-    assert edgemap("map", "--help").returncode == 0
-
-
 def test_a_picture_that_is_none_is_skipped_counted_and_said_at_once(edgemap, painted_bundle, pictures, tmp_path):
     (pictures / "8.png").write_bytes(b"not a picture")
     result = edgemap("run", "--camera", pictures, "--bundle", painted_bundle, "--out", tmp_path / "run")
@@ -146,17 +138,6 @@ def test_a_picture_that_is_none_is_skipped_counted_and_said_at_once(edgemap, pai
     assert f"{count} fault{'s' if count > 1 else ''}: " in result.stdout
     (fault,) = [fault for fault in record["faults"] if fault["kind"] == "damaged"]
     assert "8.png: not a picture that OpenCV reads (13 bytes)" in fault["text"]
-
-
-def test_a_fault_is_printed_with_the_frame_of_the_record(edgemap, painted_bundle, pictures, tmp_path):
-    dark = np.zeros_like(cv2.imread(str(pictures / "4.png")))
-    cv2.imwrite(str(pictures / "4.png"), dark)  # the fifth
-    result = edgemap("run", "--camera", pictures, "--bundle", painted_bundle, "--out", tmp_path / "run")
-    assert result.returncode == 0, result.stderr
-    printed = [line for line in result.stderr.splitlines() if "picture dark" in line]
-    assert printed[0].startswith("frame 5: blind: ")
-    faults = json.loads((tmp_path / "run" / "run.json").read_text())["faults"]
-    assert printed[0] in [f"frame {fault['frame']}: {fault['text']}" for fault in faults if fault["kind"] == "dark"]
 
 
 @pytest.mark.parametrize("streams", ["2>&-", ">/dev/full 2>&1"])
@@ -172,15 +153,14 @@ def test_a_run_whose_log_takes_nothing_leaves_its_files_alone(painted_bundle, pi
 
 
 def test_a_run_maps_what_evaluation_maps(edgemap, tmp_path):
-    """A false chair of the demo's first 25 s has twelve boxes, which count little by the bundle's own rule."""
     with open_camera("demo") as camera:
         assert camera.info.intrinsics
         assert camera.info.mount
         floor = FloorCamera(camera.info.intrinsics, camera.info.mount)
         slam = build_slam(camera, load_bundle(bundle_folder("edgemap-nano"), 1), floor)
-        for frame in islice(iter(camera.read, None), 250):
+        for frame in islice(iter(camera.read, None), 100):
             slam.step(frame)
-    run = edgemap("run", "--frames", "250", "--out", tmp_path / "run")
+    run = edgemap("run", "--frames", "100", "--out", tmp_path / "run")
     assert run.returncode == 0, run.stderr
     assert [(item.id, item.count) for item in load_map(tmp_path / "run")] == [
         (item.id, item.count) for item in slam.objects()
@@ -327,21 +307,13 @@ def test_ctrl_c_ends_cleanly_with_map_and_report(painted_bundle, pictures, tmp_p
 
 def test_detect_prints_json_and_distances(edgemap, painted_bundle, pictures):
     flags = ("--bundle", painted_bundle, "--camera-file", pictures / "camera.yaml", "--json")
-    result = edgemap("detect", pictures / "0.png", pictures / "1.png", *flags)
-    first, second = json.loads(result.stdout)
-    assert first["detections"] == second["detections"]
+    first, *others = json.loads(edgemap("detect", pictures, *flags).stdout)
+    assert [Path(other["image"]).name for other in others] == [f"{number}.png" for number in range(1, 12)]
+    assert json.loads(edgemap("detect", pictures / "7.png", *flags).stdout) == [others[6]]
     chair = first["detections"][0]
     assert (chair["label"], chair["on_floor"]) == ("chair", True)
     assert chair["distance_m"] == pytest.approx(np.hypot(5.0, 0.8), abs=0.01)
     assert first["horizon_row_px"] == pytest.approx(31.5)
-
-
-def test_detect_takes_the_pictures_of_a_folder(edgemap, painted_bundle, pictures):
-    flags = ("--bundle", painted_bundle, "--camera-file", pictures / "camera.yaml", "--json")
-    documents = json.loads(edgemap("detect", pictures, *flags).stdout)
-    assert [Path(document["image"]).name for document in documents] == [f"{number}.png" for number in range(12)]
-    (alone,) = json.loads(edgemap("detect", pictures / "7.png", *flags).stdout)
-    assert documents[7]["detections"] == alone["detections"] != []
 
 
 def test_bench_prints_the_contract(edgemap, painted_bundle, pictures):
@@ -379,8 +351,7 @@ def test_doctor_says_what_a_run_would_guess_and_that_a_tape_helps(edgemap, paint
     (pictures / "camera.yaml").unlink()
     doctor, lens = ("doctor", "--camera", pictures, "--bundle", painted_bundle, "--json"), "50,50,31.5,31.5"
     for given, lacking in (
-        ((), "lens and mount"), (("--mount", "0.6"), "lens and pitch"), (("--mount", "0.6,5"), "lens"),
-        (("--intrinsics", lens), "mount"), (("--intrinsics", lens, "--mount", "0.6"), "pitch"),
+        ((), "lens and mount"), (("--intrinsics", lens, "--mount", "0.6"), "pitch"),
     ):  # fmt: skip
         result = edgemap(*doctor, *given)
         assert result.returncode == 0, result.stdout

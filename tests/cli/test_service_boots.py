@@ -15,7 +15,7 @@ import numpy as np
 from edgemap.runtime.step.map_file import load_map
 
 UNIT = Path(__file__).parents[2] / "deploy" / "edgemap.service"
-FRAMES = 150  # of each boot at least
+FRAMES = 100  # of each boot at least
 
 
 def read_unit(text):

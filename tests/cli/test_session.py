@@ -192,11 +192,6 @@ def test_a_webcam_is_asked_for_the_size_of_its_lens(pictures, monkeypatch):
         edgemap_api.open(camera=0, camera_file=pictures / "camera.yaml")
 
 
-def test_only_what_is_there_can_be_asked_for():
-    with pytest.raises(AttributeError, match="no attribute 'run'"):
-        _ = edgemap_api.run
-
-
 @pytest.mark.parametrize(
     ("origin", "told"),
     [

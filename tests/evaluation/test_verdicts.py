@@ -43,11 +43,6 @@ def test_what_is_not_on_the_floor_is_neither_wanted_nor_excused():
     ]
 
 
-def test_nothing_is_nothing():
-    assert evaluation_rows([], []) == []
-    assert tally([]) == "nothing to compare"
-
-
 def test_the_table_agrees_with_the_score():
     random = np.random.default_rng(3)
     for _ in range(30):

@@ -17,10 +17,9 @@ from edgemap.runtime.step.slam import SemanticSlam, SlamOptions, build_slam
 
 
 class DemoDrive:
-    """Pictures, stamps, truth, and `slam` for a fresh front and back end. frames: the first so many. drive: a SPEC of
-    another rendered drive."""
+    """Pictures, stamps, truth, and `slam` for a fresh front and back end. frames: the first so many."""
 
-    def __init__(self, frames: int | None = None, drive: str | None = None) -> None:
+    def __init__(self, frames: int | None = None) -> None:
         from edgemap.benchmarks.map_variants import true_objects
 
         loaded = load_bundle(bundle_folder("edgemap-nano"), 1).for_pictures(640, 480)
@@ -29,7 +28,7 @@ class DemoDrive:
         self.bundle: Bundle = replace(loaded, backbone=replace(loaded.backbone, infer=self._once))
         self.images: list[NDArray[np.uint8]] = []
         self.stamps_s: list[float] = []
-        with open_camera(drive or "demo") as camera:
+        with open_camera("demo") as camera:
             self.camera = camera
             while (frames is None or len(self.images) < frames) and (frame := camera.read()) is not None:
                 self.images.append(frame.image)
@@ -37,7 +36,7 @@ class DemoDrive:
         if camera.info.intrinsics is None or camera.info.mount is None:
             raise ValueError("the demo knows its lens and mount")
         self.floor = FloorCamera(camera.info.intrinsics, camera.info.mount)
-        self.truth: list[TrueObject] = true_objects(open_drive(drive or f"drive:{DEMO}"), len(self.images))
+        self.truth: list[TrueObject] = true_objects(open_drive(f"drive:{DEMO}"), len(self.images))
 
     def slam(self, odometry: str = "hybrid") -> SemanticSlam:
         """As `edgemap run` makes it. odometry `wheel` stands for the demo's own wheels."""

@@ -10,7 +10,6 @@ PARTS: dict[str, str] = {
     "kills": "kill -9 in the middle of a run",
     "day": "a day of driving, compressed",
     "hour": "an hour of driving through a rendered home",
-    "liars": "wheels, gyro and accelerometer that lie",
     "lies": "poses, wheels, depth and IMU that lie, on three homes: named, and no wrong map is good",
     "readers": "damaged and hostile files: every reader on mutated files",
     "fuzz": "random clocks, two clocks, headings and maps through the whole of a run",

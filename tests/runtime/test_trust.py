@@ -209,23 +209,6 @@ def test_a_good_imu_and_a_knock_of_20_ms_leave_nobody_out():
         assert all(one.source == "imu" for one in found[1:])
 
 
-def test_through_the_whole_step_mirrored_wheels_cost_the_map_nothing(demo):
-    """Against the camera alone, with wheels whose yaw has the wrong sign."""
-    from reliability.liars import drive
-    from reliability.sensor_lies import WHEEL_LIES
-
-    from edgemap.runtime.inputs.cameras.wheels import read_wheels
-
-    wheels = read_wheels(str(WHEELS))
-    alone = drive(demo, None, None)
-    (lie,) = (lie for lie in WHEEL_LIES if lie.name == "yaw sign reversed")
-    found = drive(demo, lie.wheels(wheels, np.random.default_rng(0)), None)
-    assert found.f1 >= alone.f1 - 0.05
-    assert found.named_s(lie) < 10.0
-    assert not found.blamed_first(lie)
-    assert found.error_m < alone.error_m + 0.1
-
-
 def window_nees(motions, true, steps):
     """Mean squared Mahalanobis distance, per degree of freedom, of motions summed over so many steps."""
     found = []

@@ -193,11 +193,9 @@ def test_on_a_phone_buttons_are_tall_and_two_fingers_zoom(watched):
     assert tab.value("edgemap.map.view.now.scale") == pytest.approx(2 * before, rel=0.05)
 
 
-@pytest.mark.parametrize(
-    ("width", "height", "scale"), [(844, 390, 1.0), (640, 400, 2.0), (720, 450, 2.0), (390, 844, 1.0), (1280, 800, 1.0)]
-)
+@pytest.mark.parametrize(("width", "height", "scale"), [(844, 390, 1.0), (640, 400, 2.0), (390, 844, 1.0)])
 def test_nothing_is_cut_or_lies_over_another_on_small_and_enlarged_screens(watched, width, height, scale):
-    """A phone held sideways, a laptop and a window of 1440x900 at 200 %, a phone, and a laptop."""
+    """A phone held sideways, a laptop at 200 %, and a phone."""
     _, tab = watched(5)
     tab.resize(width, height, scale)
     tab.until("edgemap.frame === 4")
@@ -314,7 +312,7 @@ def test_the_list_is_by_distance_from_the_robot(watched):
     tab.until(f"{rows}.join() === 'couch-10.5 m,chair-12.2 m'")
 
 
-@pytest.mark.parametrize(("width", "height"), [(1440, 900), (390, 844), (844, 390), (720, 450)])
+@pytest.mark.parametrize(("width", "height"), [(1440, 900), (390, 844)])
 def test_fit_shows_all_of_a_large_map(serve, look, width, height):
     """Ellipses and the far ends of a map 300 m long are inside; below the buttons, above the scale."""
     served = serve()

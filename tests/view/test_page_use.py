@@ -79,22 +79,6 @@ def test_on_a_phone_a_tap_on_an_object_shows_its_card(watched):
     assert 400 < top < bottom <= 844
 
 
-def test_on_a_phone_the_numbers_of_the_dock_can_be_read(watched):
-    """The angle had room for one digit."""
-    _, tab = watched(12, **PHONE)
-    tab.click("set-dock")
-    inputs = "[...document.querySelectorAll('#drawing input')]"
-    tab.value(f"{inputs}.forEach((input, k) => {{ input.value = [-12.34, -12.34, -135][k]; }})")
-    hidden = f"{inputs}.map(input => input.scrollWidth - input.clientWidth)"
-    assert tab.value(hidden) == [0, 0, 0]
-    assert tab.value("document.documentElement.scrollWidth") <= 390
-    left, _, right, _ = tab.box("#drawing")
-    assert all(
-        left <= a < b <= right
-        for a, b in tab.value(f"{inputs}.map(input => input.getBoundingClientRect()).map(r => [r.left, r.right])")
-    )
-
-
 def test_an_empty_map_says_what_to_do(serve, look):
     served = serve()
     tab = look(served)
@@ -114,24 +98,6 @@ def test_engineering_figures_are_folded_away_and_faults_open_them(watched):
     tab.click("faults-link")
     assert tab.value("document.getElementById('faults').checkVisibility()") is True
     assert tab.value("document.getElementById('fault-count').textContent") == "1 fault"
-
-
-def test_the_undo_line_lies_on_no_button_and_not_on_the_legend(serve, look):
-    served = serve()
-    served.step(12)
-    for size in ({}, PHONE):
-        tab = look(served, **size)
-        tab.until("edgemap.map.objects.size === 2 && !edgemap.map.asked")
-        tab.value("document.querySelector('#objects li[data-id=couch-1] button').click()")
-        tab.until("document.querySelector('#detail h2')?.textContent === 'couch-1'")
-        tab.value("[...document.querySelectorAll('#detail button')].find(b => b.textContent === 'Delete').click()")
-        tab.until("!document.getElementById('notice').hidden")
-        left, top, right, bottom = tab.box("#notice")
-        for other in ("#legend", "#fit", "#edit", "#pause", "#download"):
-            a, b, c, d = tab.box(other)
-            assert right <= a or c <= left or bottom <= b or d <= top, other
-        tab.value("document.querySelector('#notice button').click()")
-        tab.until("edgemap.map.objects.size === 2")
 
 
 def test_with_the_keyboard_alone_an_object_is_picked_corrected_and_merged(watched):
