@@ -18,7 +18,8 @@ if TYPE_CHECKING:
 def command(
     map: Annotated[tyro.conf.Positional[Path], arg(metavar="MAP", help="A map.json, a run folder or a map's name.")],
     object: Annotated[
-        tyro.conf.Positional[str | None], arg(metavar="ID", help="The object, by its id or its name.")
+        tyro.conf.Positional[str | None],
+        arg(metavar="ID", help="The object, by its id or its name; or a room, by id, name or kind."),
     ] = None,
     *,
     label: Annotated[str | None, arg(metavar="L", help="The nearest object of this class, instead of ID.")] = None,
@@ -32,7 +33,7 @@ def command(
     ] = False,
     json: Json = False,
 ) -> None:
-    """A pose from which an object can be approached: before it, facing it, on free floor.
+    """A pose from which an object can be approached: before it, facing it, on free floor; or a free pose in a room.
 
     Free is what the map's grid shows as free, where it has one; other objects are kept clear of. Before the front,
     where a person has set the way the object faces. Map frame: x forward, y left, metres; yaw counter-clockwise.
@@ -40,16 +41,29 @@ def command(
     from json import dumps
     from math import degrees
 
-    from edgemap.geometry.objects.approach import ApproachRule, approach
+    from edgemap.geometry.objects.approach import ApproachRule, approach, room_pose
+    from edgemap.geometry.objects.rooms import room_called, rooms_of, title_of
     from edgemap.runtime.step.grid_file import load_grid
-    from edgemap.runtime.step.map_file import goal_record, load_annotated_map
+    from edgemap.runtime.step.map_file import goal_record, load_annotated_map, pose_record
     from edgemap.runtime.step.map_store import saved_map
 
     for name, value in (("standoff", standoff), ("robot-radius", robot_radius)):
         if not 0.0 < value <= 10.0:
             raise UsageError(f"--{name} {value:g}: must be above 0 and at most 10 m")
     path = saved_map(map)
-    (objects, _), grid = load_annotated_map(path), load_grid(path)
+    (objects, notes), grid = load_annotated_map(path), load_grid(path)
+    named = object is None or any(object in (item.id, item.name) for item in objects)
+    room = None if named or label else room_called(rooms_of(objects, notes, grid)[0], object or "")
+    if room is not None and grid is not None:
+        pose = room_pose(room, grid, ApproachRule(standoff, robot_radius))
+        if ros2:
+            publish_goal(pose)
+        if json:
+            print(dumps({"room": room.id, "frame": "map"} | pose_record(pose)))
+            return
+        there = "; published on /goal_pose" if ros2 else ""
+        print(f"{room.id} ({title_of(room)}): x {pose.x_m:.2f} m, y {pose.y_m:.2f} m, on free floor{there}")
+        return
     robot_m = numbers(near, "--near", "X,Y") if near else None
     item = _chosen(objects, object, label, robot_m or [0.0, 0.0])
     goal = approach(item, objects, grid, robot_m, ApproachRule(standoff, robot_radius))

@@ -58,6 +58,7 @@ def command(
     floor, what it meets, unknown; of one without, the robot's path is free, objects are occupied, and the rest is
     unknown. All coordinates are metres in the map frame: x forward, y left at the start.
     """
+    from edgemap.geometry.objects.rooms import rooms_of
     from edgemap.runtime.frames.disk import write_atomically
     from edgemap.runtime.frames.trajectory import trajectory_of
     from edgemap.runtime.step.grid_file import load_grid
@@ -93,17 +94,17 @@ def command(
         from edgemap.runtime.outputs.map_formats.drawing import DrawnMap, draw_map
 
         poses = trajectory.poses if trajectory else ()
-        draw_map(path, DrawnMap(mapped, poses, zones=annotations.zones, grid=floor))
+        areas = rooms_of(mapped, annotations, floor)
+        draw_map(path, DrawnMap(mapped, poses, (), (), annotations.zones, floor, *areas))
     else:
         from edgemap.geometry.grid.walls import walls_of
         from edgemap.runtime.outputs.map_formats.geojson import geojson_text
         from edgemap.runtime.outputs.map_formats.nav2 import vector_text
-        from edgemap.runtime.outputs.map_formats.rooms import rooms_of
         from edgemap.runtime.outputs.map_formats.table import csv_text
 
         if format == "geojson":
-            walls, rooms = (walls_of(floor), rooms_of(floor)) if floor is not None else ((), ())
-            text = geojson_text(mapped, trajectory, map_id, annotations, walls, rooms)
+            walls, areas = walls_of(floor) if floor else (), rooms_of(mapped, annotations, floor)
+            text = geojson_text(mapped, trajectory, map_id, annotations, walls, *areas)
         else:
             zones, barred = annotations.zones, _names(keep_out)
             as_csv = format == "csv"

@@ -13,7 +13,7 @@ from edgemap.runtime.frames.option_texts import known_names, numbers
 
 if TYPE_CHECKING:
     from edgemap.geometry.map_object import MapObject
-    from edgemap.geometry.objects.annotations import Zone
+    from edgemap.geometry.objects.annotations import Annotations
     from edgemap.geometry.se2 import SE2
 
 
@@ -63,17 +63,17 @@ def command(
             _print_history(shown, json)
             continue
         if json:
-            _print_json(path, answers)
+            _print_json(path, objects, annotations, answers)
         else:
             _print_lines(answers)
+            if not question.asked:
+                _print_rooms(path, objects, annotations)
         if not (question.asked or json):
-            print(
-                f"{len(objects)} objects; drawn in {_draw(path, objects, annotations.zones, out, with_sightings=True)}"
-            )
+            picture = _draw(path, objects, objects, annotations, out, with_sightings=True)
+            print(f"{len(objects)} objects; drawn in {picture}")
             continue
-        picture = (
-            _draw(path, [item for item, _ in answers], annotations.zones, out, with_sightings=False) if out else None
-        )
+        asked = [item for item, _ in answers]
+        picture = _draw(path, asked, objects, annotations, out, with_sightings=False) if out else None
         if not json:
             print(f"{len(answers)} of {len(objects)} objects" + (f"; drawn in {picture}" if picture else ""))
 
@@ -137,6 +137,19 @@ def _print_lines(answers: Answers) -> None:
         print(f"{item.id:<20} x {x_m:7.2f} m  y {y_m:7.2f} m  +- {sigma_of(item):.2f} m  seen {item.count} times{away}")
 
 
+def _print_rooms(path: Path, objects: "list[MapObject]", annotations: "Annotations") -> None:
+    from edgemap.geometry.objects.rooms import rooms_of, title_of
+    from edgemap.runtime.frames.reading import printable
+    from edgemap.runtime.step.grid_file import load_grid
+
+    rooms, doors = rooms_of(objects, annotations, load_grid(path))
+    for room in rooms:
+        title = "" if title_of(room) == room.id else title_of(room)
+        print(printable(f"{room.id:<20} {room.area_m2:5.1f} m2  {title:<12} {', '.join(room.objects)}".rstrip()))
+    for door in doors:
+        print(f"{door.id:<20} {door.rooms[0]} to {door.rooms[1]}, open with {100.0 * door.open:.0f} %")
+
+
 def _print_history(objects: "list[MapObject]", as_json: bool) -> None:
     from edgemap.geometry.objects.queries import changes
     from edgemap.runtime.frames.reading import printable
@@ -157,11 +170,15 @@ def _print_history(objects: "list[MapObject]", as_json: bool) -> None:
 _PLACES = (("from", "from_m"), ("to", "to_m"))
 
 
-def _print_json(path: Path, answers: Answers) -> None:
+def _print_json(path: Path, objects: "list[MapObject]", annotations: "Annotations", answers: Answers) -> None:
     """One document like map.json, with `distance_m` where a point was given."""
-    from edgemap.runtime.step.map_file import map_document
+    from edgemap.geometry.objects.rooms import rooms_of
+    from edgemap.runtime.step.grid_file import load_grid
+    from edgemap.runtime.step.map_file import door_record, map_document, room_record
 
+    rooms, doors = rooms_of(objects, annotations, load_grid(path))
     document = map_document([item for item, _ in answers])
+    document |= {"rooms": [room_record(room) for room in rooms], "doors": [door_record(door) for door in doors]}
     for record, (_, distance_m) in zip(document["objects"], answers, strict=True):
         if distance_m is not None:
             record["distance_m"] = round(distance_m, 6)
@@ -169,9 +186,15 @@ def _print_json(path: Path, answers: Answers) -> None:
 
 
 def _draw(
-    path: Path, objects: "list[MapObject]", zones: "tuple[Zone, ...]", out: Path | None, with_sightings: bool
+    path: Path,
+    objects: "list[MapObject]",
+    everything: "list[MapObject]",
+    annotations: "Annotations",
+    out: Path | None,
+    with_sightings: bool,
 ) -> Path:
-    """Draws the map; the picture's path."""
+    """Draws some of a map's objects, or everything; the picture's path."""
+    from edgemap.geometry.objects.rooms import rooms_of
     from edgemap.runtime.outputs.map_formats.drawing import DrawnMap, draw_map
     from edgemap.runtime.outputs.sightings_file import read_sightings
     from edgemap.runtime.step.grid_file import load_grid
@@ -180,7 +203,9 @@ def _draw(
     stem = folder / ("map" if path.is_dir() else path.stem)
     is_run = (folder / "sightings.jsonl").is_file()
     seen = read_sightings(folder) if is_run and with_sightings else []
-    drawn = DrawnMap(objects, _poses(folder) if is_run else (), seen, zones=zones, grid=load_grid(path))
+    zones, grid = annotations.zones, load_grid(path)
+    areas = rooms_of(everything, annotations, grid)
+    drawn = DrawnMap(objects, _poses(folder) if is_run else (), seen, (), zones, grid, *areas)
     return draw_map(out or stem.with_suffix(".png"), drawn)
 
 

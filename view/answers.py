@@ -12,11 +12,18 @@ from edgemap.geometry.grid.occupancy_grid import OccupancyGrid
 from edgemap.geometry.map_object import MapObject, footprint_of, radius_m
 from edgemap.geometry.objects.annotations import Annotations, Zone
 from edgemap.geometry.objects.queries import changes, inside_polygon
+from edgemap.geometry.objects.rooms import rooms_of
 from edgemap.geometry.objects.zone_watch import ZoneEvent
-from edgemap.runtime.outputs.map_formats.rooms import rooms_of
 from edgemap.runtime.outputs.verdict.causes import cause_of
 from edgemap.runtime.outputs.verdict.verdict import is_doubtful
-from edgemap.runtime.step.map_file import change_record, object_record, wall_records, zone_record
+from edgemap.runtime.step.map_file import (
+    change_record,
+    door_record,
+    object_record,
+    room_record,
+    wall_records,
+    zone_record,
+)
 from edgemap.runtime.step.slam import StepResult
 from edgemap.view.page import LivePage, PageSnapshot, ShownFault
 from edgemap.view.status import pose_sigma, status, step_ms
@@ -134,13 +141,12 @@ def floor_answer(grid: OccupancyGrid | None) -> dict[str, Any]:
     }
 
 
-def rooms_answer(grid: OccupancyGrid | None) -> list[dict[str, Any]]:
-    """The rooms of the observed floor: their corners, counter-clockwise, as a zone has them, and their area."""
-    rooms = () if grid is None else rooms_of(grid)
-    return [
-        {"corners_m": [[round(x, 3), round(y, 3)] for x, y in room.corners_m], "area_m2": round(room.area_m2, 2)}
-        for room in rooms
-    ]
+def rooms_answer(
+    objects: Sequence[MapObject], annotations: Annotations, grid: OccupancyGrid | None
+) -> dict[str, list[dict[str, Any]]]:
+    """`rooms` and `doors` as in map.json."""
+    rooms, doors = rooms_of(objects, annotations, grid)
+    return {"rooms": [room_record(room) for room in rooms], "doors": [door_record(door) for door in doors]}
 
 
 def fault_answer(shown: ShownFault) -> dict[str, Any]:

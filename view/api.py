@@ -67,11 +67,6 @@ async def saved_map(page: LivePage, request: Request) -> Response:  # noqa: ARG0
     return Response(page.map_text(), media_type="application/json", headers=headers)
 
 
-async def rooms(page: LivePage, request: Request) -> Response:  # noqa: ARG001
-    """The rooms that walls and doors close, the largest first; POST /api/zones names one."""
-    return as_json(await asyncio.to_thread(answers.rooms_answer, newest_of(page).result.grid))
-
-
 async def one_object(page: LivePage, request: Request) -> Response:
     """One object."""
     return as_json(named(page, request))
@@ -183,7 +178,9 @@ def _metres(request: Request, name: str, usual: float) -> float:
 ANSWERS: list[tuple[str, str, Answer]] = [  # method, address and what answers
     ("GET", "/api/picture", picture),
     ("GET", "/api/map", saved_map),
-    ("GET", "/api/rooms", rooms),
+    ("GET", "/api/rooms", edits.rooms),
+    ("PATCH", "/api/rooms/{id}", edits.name_room),
+    ("GET", "/api/doors", edits.doors),
     ("GET", "/api/objects/{id}", one_object),
     ("GET", "/api/objects/{id}/picture", object_picture),
     ("GET", "/api/objects/{id}/approach", goal_pose),

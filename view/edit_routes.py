@@ -1,5 +1,6 @@
-"""The part of the HTTP API that edits: objects, zones, the dock and the robot's pose."""
+"""The part of the HTTP API that edits: objects, zones, rooms, the dock and the robot's pose."""
 
+import asyncio
 import math
 from typing import Annotated
 
@@ -60,6 +61,12 @@ class ZoneRequest(msgspec.Struct, forbid_unknown_fields=True):
 
     name: GivenName
     corners_m: Annotated[list[tuple[Coordinate, Coordinate]], Meta(min_length=3, max_length=MAXIMUM_CORNERS)]
+
+
+class RoomRequest(msgspec.Struct, forbid_unknown_fields=True):
+    """Body of PATCH /api/rooms/{id}."""
+
+    name: GivenName
 
 
 class PoseRequest(msgspec.Struct, forbid_unknown_fields=True):
@@ -156,6 +163,36 @@ async def delete_zone(page: LivePage, request: Request) -> Response:
     if identity not in {zone.id for zone in page.annotations.zones}:
         raise Refused(404, f"no zone {identity[:60]!r}")
     return as_json({"id": await take(page, Edit("undo", identity))})
+
+
+async def rooms(page: LivePage, request: Request) -> Response:  # noqa: ARG001
+    """The rooms."""
+    return as_json((await _areas(page))["rooms"])
+
+
+async def doors(page: LivePage, request: Request) -> Response:  # noqa: ARG001
+    """The doors between rooms."""
+    return as_json((await _areas(page))["doors"])
+
+
+async def name_room(page: LivePage, request: Request) -> Response:
+    """Names a room, or takes its name away."""
+    body, identity = await body_of(request, RoomRequest), request.path_params["id"]
+    room = _one((await _areas(page))["rooms"], identity)
+    corners_m = tuple((x_m, y_m) for x_m, y_m in room["corners_m"])
+    await take(page, Edit("room", identity, name=body.name, corners_m=corners_m))
+    return as_json(_one((await _areas(page))["rooms"], identity))
+
+
+async def _areas(page: LivePage) -> dict[str, list]:
+    return await asyncio.to_thread(answers.rooms_answer, newest_of(page).objects, page.annotations, page.grid)
+
+
+def _one(rooms: list[dict], identity: str) -> dict:
+    for room in rooms:
+        if room["id"] == identity:
+            return room
+    raise Refused(404, f"no room {identity[:60]!r} on the map")
 
 
 async def put_pose(page: LivePage, request: Request) -> Response:

@@ -11,6 +11,7 @@ import cv2
 import psutil
 
 from edgemap.geometry.grid.occupancy_grid import OccupancyGrid
+from edgemap.geometry.grid.rooms import Room
 from edgemap.geometry.map_object import MapObject
 from edgemap.geometry.se2 import SE2
 from edgemap.runtime.frames.frame import Frame, jpeg
@@ -22,6 +23,7 @@ from edgemap.view.answers import (
     frame_answer,
     map_object_answer,
     plain,
+    rooms_answer,
     zones_answer,
 )
 from edgemap.view.page import LivePage
@@ -75,6 +77,7 @@ class Cursor:
         self._zones: list[dict[str, Any]] | None = None  # as sent
         self._dock: SE2 | str | None = "unsent"  # as sent
         self._grid: OccupancyGrid | None = None  # as sent
+        self._rooms: tuple[Room, ...] = ()  # named ones, as sent
         self._objects: dict[str, MapObject] = {}
         self._trail = self._sightings = self._faults = self._epoch = 0
         self._events = -1  # none of those before the first update
@@ -111,8 +114,12 @@ class Cursor:
             dock = page.annotations.dock
             if moved or self._dock == "unsent" or dock != self._dock:
                 self._dock, document["dock"] = dock, dock and list(dock.vector())
-            if (grid := snapshot.result.grid) is not None and grid is not self._grid:
-                document["floor"], self._grid = floor_answer(grid), grid
+            if (grid := snapshot.result.grid) is not None:
+                if grid is not self._grid or page.annotations.rooms != self._rooms:
+                    document |= rooms_answer(page.objects, page.annotations, grid)
+                    self._rooms = page.annotations.rooms
+                if grid is not self._grid:
+                    document["floor"], self._grid = floor_answer(grid), grid
             document |= _step(snapshot.result) | self._object_changes(snapshot.objects)
             document |= {"rate_hz": page.rate_hz(), "age_s": time.monotonic() - snapshot.arrived_s}
             if snapshot.result.frame is not self._frame:

@@ -55,11 +55,18 @@ class OccupancyGrid:
 
     def at(self, points_m: ArrayLike) -> NDArray[np.int8]:
         """Cell states (N,) at points (N, 2), map frame, metres; UNKNOWN outside the grid."""
+        return self._values(self.cells, points_m, UNKNOWN)
+
+    def occupancy(self, points_m: ArrayLike) -> Array:
+        """Probability (N,) that something stands at points (N, 2), map frame, metres; a half where unknown."""
+        return 1.0 / (1.0 + np.exp(self._values(self.log_odds, points_m, 0) / -STEPS))
+
+    def _values(self, array: NDArray[np.int8], points_m: ArrayLike, outside: int) -> NDArray[np.int8]:
         points = np.asarray(points_m, dtype=np.float64).reshape(-1, 2)
         columns, rows = np.floor((points - [self.x_m, self.y_m]) / self.cell_m).astype(np.intp).T
-        inside = (rows >= 0) & (columns >= 0) & (rows < self.cells.shape[0]) & (columns < self.cells.shape[1])
-        values = np.full(len(points), UNKNOWN, np.int8)
-        values[inside] = self.cells[rows[inside], columns[inside]]
+        inside = (rows >= 0) & (columns >= 0) & (rows < array.shape[0]) & (columns < array.shape[1])
+        values = np.full(len(points), outside, np.int8)
+        values[inside] = array[rows[inside], columns[inside]]
         return values
 
     def scaled(self, factor: float) -> "OccupancyGrid":

@@ -1,11 +1,12 @@
 """What people add to a map besides its objects: zones, deletions and the dock."""
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
-from typing import Literal
+from typing import Literal, TypeVar
 
 import numpy as np
 
+from edgemap.geometry.grid.rooms import Door, Room
 from edgemap.geometry.map_object import MapObject, id_order
 from edgemap.geometry.se2 import SE2
 
@@ -23,6 +24,9 @@ class Zone:
     id: str
     name: str
     corners_m: Corners
+
+
+Area = TypeVar("Area", Zone, Room)
 
 
 @dataclass(frozen=True, slots=True)
@@ -54,12 +58,14 @@ class MapIdentity:
 class Annotations:
     """Annotations of a map. deleted: objects that a person has deleted, so that they stay deleted. dock: pose of the
     robot's base when it charges. vanished: objects that are no longer there, the latest last. identity: None of a list
-    of objects that no run has made.
+    of objects that no run has made. rooms, doors: those of the saved map, and rooms that a person has named.
     """
 
     zones: tuple[Zone, ...] = ()
     deleted: tuple[MapObject, ...] = ()
     dock: SE2 | None = None
+    rooms: tuple[Room, ...] = ()
+    doors: tuple[Door, ...] = ()
     vanished: tuple[MapObject, ...] = field(default=(), compare=False)
     identity: MapIdentity | None = field(default=None, compare=False)
 
@@ -74,17 +80,21 @@ class Annotations:
             return self
         return replace(self, identity=replace(self.identity, level=level, reasons=tuple(reasons)))
 
-    def with_zones(self, zones: Sequence[Zone], pose_map_other: SE2) -> "Annotations":
-        """Another map's zones added, in this one's frame and with the next free ids."""
-        last = max((id_order(zone.id)[1] for zone in self.zones), default=0)
-        added = (
-            Zone(f"zone-{number}", zone.name, corners_of(pose_map_other.apply(np.array(zone.corners_m))))
-            for number, zone in enumerate(zones, last + 1)
-        )
-        return replace(self, zones=(*self.zones, *added)[:MAXIMUM_ZONES])
+    def with_areas(self, other: "Annotations", pose_map_other: SE2) -> "Annotations":
+        """Another map's zones and named rooms added, in this one's frame and with the next free ids."""
+        zones = (*self.zones, *_added(other.zones, self.zones, pose_map_other))
+        rooms = _added([room for room in other.rooms if room.name], self.rooms, pose_map_other)
+        return replace(self, zones=zones[:MAXIMUM_ZONES], rooms=(*self.rooms, *rooms))
 
 
 NO_ANNOTATIONS = Annotations()
+
+
+def _added(areas: Sequence[Area], taken: Sequence[Area], pose_map_other: SE2) -> Iterator[Area]:
+    """Areas of another map in this one's frame, with the next free ids."""
+    for number, area in enumerate(areas, 1 + max((id_order(one.id)[1] for one in taken), default=0)):
+        corners_m = corners_of(pose_map_other.apply(np.array(area.corners_m)))
+        yield replace(area, id=f"{id_order(area.id)[0]}-{number}", corners_m=corners_m)
 
 
 def corners_of(points_m: np.ndarray) -> Corners:

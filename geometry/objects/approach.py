@@ -5,10 +5,12 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.ndimage import distance_transform_edt
 
 from edgemap.geometry.arrays import Array
 from edgemap.geometry.errors import MapError
 from edgemap.geometry.grid.occupancy_grid import FREE, OCCUPIED, OccupancyGrid
+from edgemap.geometry.grid.rooms import Room, inside
 from edgemap.geometry.map_object import MapObject, footprint_of, radius_m
 from edgemap.geometry.se2 import SE2, wrap_angle
 
@@ -80,6 +82,21 @@ def approach(
             f"are taken (robot radius {rule.robot_radius_m:g} m)"
         )
     return min(candidates, key=lambda pair: pair[0])[1]
+
+
+def room_pose(room: Room, grid: OccupancyGrid, rule: ApproachRule | None = None) -> SE2:
+    """The pose inside a room that is farthest from everything that is not free floor. Raises MapError where no place
+    in it is wide enough for the robot."""
+    rule = rule or ApproachRule()
+    free = np.pad(grid.cells == FREE, 1)
+    clear_m = np.asarray(distance_transform_edt(free))[1:-1, 1:-1] * grid.cell_m
+    centres_m = grid.centres_m(np.ones(grid.cells.shape, np.bool_))
+    clear_m = np.where(inside(room.corners_m, centres_m), clear_m.ravel(), 0.0)
+    best = int(clear_m.argmax())
+    if clear_m[best] < rule.robot_radius_m:
+        raise MapError(f"no free place in {room.id} for a robot of {rule.robot_radius_m:g} m radius")
+    x_m, y_m = centres_m[best].tolist()
+    return SE2(x_m, y_m, 0.0)
 
 
 def _extent_m(item: MapObject, direction_rad: float) -> float:

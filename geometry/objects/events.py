@@ -13,6 +13,7 @@ import numpy as np
 
 from edgemap.geometry.arrays import Array
 from edgemap.geometry.errors import MapError
+from edgemap.geometry.grid.rooms import Room
 from edgemap.geometry.map_object import MapObject, id_order
 from edgemap.geometry.objects.annotations import (
     LONGEST_NAME,
@@ -32,8 +33,8 @@ from edgemap.geometry.se2 import SE2
 from edgemap.geometry.slam.object_landmarks import LandmarkRule
 from edgemap.geometry.trajectory_correction import TrajectoryCorrection, composed
 
-EditKind = Literal["name", "confirm", "correct", "add", "merge", "delete", "zone", "dock", "pose", "undo"]
-UNDOABLE = ("correct", "merge", "delete", "zone", "dock")
+EditKind = Literal["name", "confirm", "correct", "add", "merge", "delete", "zone", "room", "dock", "pose", "undo"]
+UNDOABLE = ("correct", "merge", "delete", "zone", "room", "dock")
 
 ADDED = "-added"  # between label and number of the id of an object that a person has added
 PLACED_SIGMA_M = 0.05  # for a position that a person sets on a map: a finger's width at the usual zoom
@@ -55,9 +56,10 @@ class Edit:
     name: `id` is called `name`; empty takes the name away. confirm: a person confirms `id` (`on`) or withdraws the
     confirmation. correct: `id` has this `label`, `place_m`, `size_m` and `yaw_rad`, each where set. add: a new object
     with these values, without detections. merge: `id` is the same object as `into`. delete: `id` is not there. zone: a
-    zone `id`, or a new one where it is empty, has `name` and `corners_m`. dock: the dock is at `pose`. pose: the robot
+    zone `id`, or a new one where it is empty, has `name` and `corners_m`. room: the room `id`, whose outline is
+    `corners_m`, is called `name`; empty takes the name away. dock: the dock is at `pose`. pose: the robot
     is at `pose` now, with standard deviations `sigmas`. undo: drops the last of correct, merge and delete of the object
-    `id`, the zone `id`, or the dock (`dock`). Sizes: width, depth, height. Poses: x, y, yaw; m, m, rad.
+    `id`, the zone or room `id`, or the dock (`dock`). Sizes: width, depth, height. Poses: x, y, yaw; m, m, rad.
     """
 
     do: EditKind
@@ -96,6 +98,7 @@ class _Fold:
         self.became: dict[str, str] = {}
         self.deleted: list[MapObject] = []
         self.zones: dict[str, Zone] = {}
+        self.rooms: dict[str, Room] = {}
         self.dock: SE2 | None = None
         for event in events.values():
             FOLDS[event.edit.do](self, event)
@@ -167,6 +170,11 @@ def _fold_zone(fold: _Fold, event: _Event) -> None:
     fold.zones[edit.id] = Zone(edit.id, edit.name, edit.corners_m)
 
 
+def _fold_room(fold: _Fold, event: _Event) -> None:
+    edit = event.edit
+    fold.rooms[edit.id] = Room(edit.id, edit.corners_m, name=edit.name)
+
+
 def _fold_dock(fold: _Fold, event: _Event) -> None:
     fold.dock = event.edit.pose and SE2(*event.edit.pose)
 
@@ -179,6 +187,7 @@ FOLDS: dict[str, Callable[[_Fold, _Event], None]] = {
     "merge": _fold_merge,
     "delete": _fold_delete,
     "zone": _fold_zone,
+    "room": _fold_room,
     "dock": _fold_dock,
 }
 
@@ -240,11 +249,11 @@ class MapEvents:
         return self._fold(measured).shown if self._events else measured.objects()
 
     def annotations(self, measured: FloorMap) -> Annotations:
-        """Current zones, deleted objects and dock; the same object until one changes."""
+        """Current zones, deleted objects, dock and named rooms; the same object until one changes."""
         now = NO_ANNOTATIONS
         if self._events:
             fold = self._fold(measured)
-            now = Annotations(tuple(fold.zones.values()), tuple(fold.deleted), fold.dock)
+            now = Annotations(tuple(fold.zones.values()), tuple(fold.deleted), fold.dock, tuple(fold.rooms.values()))
         self._annotations = self._annotations if now == self._annotations else now
         return self._annotations
 
@@ -302,6 +311,12 @@ class MapEvents:
             if edit.pose is None or not all(map(math.isfinite, edit.pose)):
                 raise EditError("a dock needs a pose: x, y and yaw")
             return replace(edit, id="dock")
+        if edit.do == "room":
+            if not edit.id or not _is_name(edit.name) or not 3 <= len(edit.corners_m) <= MAXIMUM_CORNERS:
+                raise EditError(
+                    f"a room has an id, an outline and a name of at most {LONGEST_NAME} printable characters"
+                )
+            return edit
         if edit.do in ("correct", "add"):
             _check_values(edit)
         if edit.do == "add":
@@ -426,6 +441,7 @@ def _at(edit: Edit, poses: Array) -> Edit:
 
 def _events_of(annotations: Annotations) -> _Events:
     edits = [Edit("zone", zone.id, zone.name, corners_m=zone.corners_m) for zone in annotations.zones]
+    edits += [Edit("room", room.id, room.name, corners_m=room.corners_m) for room in annotations.rooms if room.name]
     if (dock := annotations.dock) is not None:
         edits.append(Edit("dock", "dock", pose=(dock.x_m, dock.y_m, dock.yaw_rad)))
     return {(edit.do, edit.id): _Event(edit) for edit in edits}

@@ -154,7 +154,7 @@ def merge_annotated(
         taken.add(kept[-1].id)
     dock = annotations.dock or (more.dock and alignment.pose_a_b @ more.dock)
     identity = annotations.identity and annotations.identity.merged(more.identity)
-    added = annotations.with_zones(more.zones, alignment.pose_a_b)
+    added = annotations.with_areas(more, alignment.pose_a_b)
     return merged, replace(added, deleted=tuple(kept), dock=dock, identity=identity)
 
 

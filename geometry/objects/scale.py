@@ -5,7 +5,7 @@ from dataclasses import replace
 
 from edgemap.geometry.grid.occupancy_grid import OccupancyGrid
 from edgemap.geometry.map_object import MapObject, placed_history
-from edgemap.geometry.objects.annotations import Annotations, Zone
+from edgemap.geometry.objects.annotations import Annotations, Corners
 
 
 def scaled_map(
@@ -15,14 +15,20 @@ def scaled_map(
     A size that a person has set stays."""
     if factor == 1.0:
         return objects, annotations, grid
-    zones = tuple(
-        Zone(zone.id, zone.name, tuple((factor * x_m, factor * y_m) for x_m, y_m in zone.corners_m))
-        for zone in annotations.zones
+
+    def scaled_points(points_m: Sequence[tuple[float, float]]) -> Corners:
+        return tuple((factor * x_m, factor * y_m) for x_m, y_m in points_m)
+
+    zones, rooms = (
+        tuple(replace(area, corners_m=scaled_points(area.corners_m)) for area in areas)
+        for areas in (annotations.zones, annotations.rooms)
     )
+    ends = ((door, *scaled_points((door.from_m, door.to_m))) for door in annotations.doors)
+    doors = tuple(replace(door, from_m=from_m, to_m=to_m) for door, from_m, to_m in ends)
     dock = annotations.dock and annotations.dock.scaled(factor)
     deleted = tuple(scaled_objects(annotations.deleted, factor))
     vanished = tuple(scaled_objects(annotations.vanished, factor))
-    scaled = replace(annotations, zones=zones, deleted=deleted, dock=dock, vanished=vanished)
+    scaled = replace(annotations, zones=zones, rooms=rooms, doors=doors, deleted=deleted, dock=dock, vanished=vanished)
     return scaled_objects(objects, factor), scaled, grid and grid.scaled(factor)
 
 

@@ -11,10 +11,12 @@ import numpy as np
 
 from edgemap.geometry.errors import MapError
 from edgemap.geometry.grid.occupancy_grid import OccupancyGrid
+from edgemap.geometry.grid.rooms import Door, Room
 from edgemap.geometry.grid.walls import walls_of
 from edgemap.geometry.map_object import MapEvent, MapObject
 from edgemap.geometry.objects.annotations import NO_ANNOTATIONS, Annotations, MapIdentity, Zone
 from edgemap.geometry.objects.approach import Approach
+from edgemap.geometry.objects.rooms import rooms_of
 from edgemap.geometry.se2 import SE2
 from edgemap.runtime.frames.disk import write_atomically
 from edgemap.runtime.frames.reading import decode_json, read_bytes
@@ -44,8 +46,8 @@ def map_document(
     """The map as the JSON document that `map.json` holds. grid_file: name of the grid's file beside it.
 
     Where there are any: `map_id`, `generation` and `verdict`; `seen_from_m`, id to the positions from which it was
-    observed; `zones`; `deleted`, objects that a person has deleted; `vanished`, objects that are gone; `grid` and
-    `walls`; `dock`; `last_pose`, of the robot when the map was saved. Of an object `name`, `confirmed`,
+    observed; `zones`; `deleted`, objects that a person has deleted; `vanished`, objects that are gone; `grid`, `walls`,
+    `rooms` and `doors`; `dock`; `last_pose`, of the robot when the map was saved. Of an object `name`, `confirmed`,
     `corrected`, `yaw_rad` and `depth_m`, where a person has given them.
     """
     seen = [item for item in objects if item.seen_from_m]
@@ -55,6 +57,9 @@ def map_document(
     document |= {"seen_from_m": views} if views else {}
     if grid is not None:
         document |= {"grid": grid_file, "grid_sum": grid_sum(grid), "walls": wall_records(grid)}
+    rooms, doors = rooms_of(objects, annotations, grid)
+    document |= {"rooms": [room_record(room) for room in rooms]} if rooms else {}
+    document |= {"doors": [door_record(door) for door in doors]} if doors else {}
     document |= {"zones": [zone_record(zone) for zone in annotations.zones]} if annotations.zones else {}
     for name in ("deleted", "vanished"):
         some = getattr(annotations, name)
@@ -129,13 +134,24 @@ def wall_records(grid: OccupancyGrid) -> list[dict]:
     ]
 
 
-def zone_record(zone: Zone) -> dict:
+def zone_record(zone: Zone | Room) -> dict:
     """One zone as `map.json` holds it."""
     return {
         "id": zone.id,
         "name": zone.name,
         "corners_m": [[round(float(x), 4), round(float(y), 4)] for x, y in zone.corners_m],
     }
+
+
+def room_record(room: Room) -> dict:
+    """One room as `map.json` holds it."""
+    return zone_record(room) | {"kind": room.kind, "area_m2": round(room.area_m2, 2), "objects": list(room.objects)}
+
+
+def door_record(door: Door) -> dict:
+    """One door as `map.json` holds it."""
+    ends = {key: [round(x, 3) for x in point] for key, point in (("from_m", door.from_m), ("to_m", door.to_m))}
+    return {"id": door.id} | ends | {"rooms": list(door.rooms), "open": round(door.open, 3)}
 
 
 def map_text(
@@ -223,7 +239,7 @@ def read_map(data: bytes, source: str, most: int = MAXIMUM_OBJECTS) -> tuple[lis
         raise MapError(f"{source}: more than {most} objects")
     for what, records in (
         ("objects", (*document.objects, *document.deleted)), ("vanished objects", document.vanished),
-        ("zones", document.zones),
+        ("zones", document.zones), ("rooms", document.rooms), ("doors", document.doors),
     ):  # fmt: skip
         seen: set[str] = set()  # each is a namespace
         for record in records:
@@ -236,7 +252,11 @@ def read_map(data: bytes, source: str, most: int = MAXIMUM_OBJECTS) -> tuple[lis
     )
     zones = tuple(Zone(zone.id, zone.name, tuple(zone.corners_m)) for zone in document.zones)
     dock, identity = document.dock and document.dock.pose, _identity_of(document, data)
-    return objects, Annotations(zones, tuple(deleted), dock, tuple(vanished), identity)
+    rooms = tuple(
+        Room(room.id, tuple(room.corners_m), room.kind, room.name, tuple(room.objects)) for room in document.rooms
+    )
+    doors = tuple(Door(door.id, door.from_m, door.to_m, door.rooms, door.open) for door in document.doors)
+    return objects, Annotations(zones, tuple(deleted), dock, rooms, doors, tuple(vanished), identity)
 
 
 def _identity_of(document: MapRecord, data: bytes) -> MapIdentity:

@@ -13,6 +13,7 @@ import numpy as np
 
 from edgemap.geometry.arrays import CHI2_997
 from edgemap.geometry.grid.occupancy_grid import FREE, OccupancyGrid
+from edgemap.geometry.grid.rooms import Door, Room
 from edgemap.geometry.map_object import MapEvent, MapObject, radius_m
 from edgemap.geometry.objects.annotations import NO_ANNOTATIONS, Annotations, MapIdentity
 from edgemap.geometry.objects.class_posterior import least_spacing_m
@@ -40,6 +41,7 @@ class MapMemory:
         self._events: dict[str, list[tuple[float, MapEvent]]] = {}  # of this run, at stamps
         self._standing: dict[str, MapObject] = {}  # shown last, where each was when it last moved
         self._vanished: dict[str, MapObject] = {}
+        self._areas: tuple[tuple[Room, ...], tuple[Door, ...]] = (), ()  # of the saved map
         self._moved_from: dict[str, str] = {}  # ids of this run's objects, to those that they were in the saved map
         self._raw: Sequence[MapObject] = ()
         self._shown: dict[str, tuple[tuple[object, ...], MapObject]] = {}
@@ -56,6 +58,7 @@ class MapMemory:
         self.identity = annotations.identity.next() if annotations.identity else self.identity
         self._earlier, self._floor = {item.id: item for item in saved}, grid
         self._vanished = {item.id: item for item in annotations.vanished}
+        self._areas = annotations.rooms, annotations.doors
         renamed = became or {}
         for old, name in renamed.items():
             if name in self._earlier and old in self._shown:
@@ -117,7 +120,9 @@ class MapMemory:
         before, key, noted = self._noted
         if before is not annotations or key != self._key():
             gone = (self._annotated(item) if item.id in self._events else item for item in self._vanished.values())
-            noted = replace(annotations, identity=self.identity, vanished=tuple(gone))
+            (rooms, doors), named = self._areas, {room.id for room in annotations.rooms}
+            rooms = (*annotations.rooms, *(room for room in rooms if room.id not in named))
+            noted = replace(annotations, rooms=rooms, doors=doors, identity=self.identity, vanished=tuple(gone))
             self._noted = annotations, self._key(), noted
         return noted
 

@@ -102,11 +102,27 @@ class ZoneRecord(msgspec.Struct, kw_only=True):
     corners_m: Annotated[list[tuple[Coordinate, Coordinate]], Meta(min_length=3, max_length=MAXIMUM_CORNERS)]
 
 
+class RoomRecord(ZoneRecord, kw_only=True):
+    """A room: its outline, the kind that its objects tell, the name that a person gave, and ids of its objects."""
+
+    kind: Annotated[str, Meta(max_length=200)] = ""
+    area_m2: Annotated[float, Meta(ge=0.0, le=1e9)] = 0.0
+    objects: Annotated[list[Name], Meta(max_length=MAXIMUM_OBJECTS)] = msgspec.field(default_factory=list)
+
+
 class WallRecord(msgspec.Struct, kw_only=True):
     """One wall, a straight line."""
 
     from_m: tuple[Coordinate, Coordinate]
     to_m: tuple[Coordinate, Coordinate]
+
+
+class DoorRecord(WallRecord, kw_only=True):
+    """A door: its ends, the ids of its rooms, and the probability that it is open."""
+
+    id: Name
+    rooms: tuple[Name, Name]
+    open: Share
 
 
 class MapRecord(msgspec.Struct, kw_only=True):
@@ -119,6 +135,8 @@ class MapRecord(msgspec.Struct, kw_only=True):
     grid: Name | None = None
     grid_sum: int | None = None
     walls: Annotated[list[WallRecord], Meta(max_length=100_000)] = msgspec.field(default_factory=list)
+    rooms: Annotated[list[RoomRecord], Meta(max_length=10_000)] = msgspec.field(default_factory=list)
+    doors: Annotated[list[DoorRecord], Meta(max_length=10_000)] = msgspec.field(default_factory=list)
     deleted: Annotated[list[MapObjectRecord], Meta(max_length=MAXIMUM_OBJECTS)] = msgspec.field(default_factory=list)
     seen_from_m: dict[Name, Annotated[list[tuple[Coordinate, Coordinate]], Meta(max_length=10_000)]] = msgspec.field(
         default_factory=dict

@@ -255,7 +255,7 @@ class Mapper:
         Edits are inputs as frames are: the same ones after the same frames make the same map. Pose, trajectory and
         measured objects do not depend on them, but on `pose`; a confirmed object is not forgotten.
         """
-        if self.paper is not None and edit.do not in ("zone", "dock", "undo"):
+        if self.paper is not None and edit.do not in ("zone", "room", "dock", "undo"):
             raise EditError(f"{edit.do}: the paper's clustering keeps every sighting as it is")
         points = [point for point in (edit.place_m, edit.pose and edit.pose[:2], *edit.corners_m) if point is not None]
         if far := far_from_map(points, self._places()):

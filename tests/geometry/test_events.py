@@ -33,6 +33,7 @@ EDITS = st.one_of(
     st.builds(Edit, st.just("merge"), st.sampled_from(IDS), into=st.sampled_from(IDS)),
     st.builds(Edit, st.just("add"), label=st.sampled_from(["chair", "tv"]), place_m=PLACES),
     st.builds(Edit, st.just("zone"), name=st.sampled_from(["hall", "bath"]), corners_m=st.just(SQUARE)),
+    st.builds(Edit, st.just("room"), st.just("room-1"), name=st.just("den"), corners_m=st.just(SQUARE)),
     st.builds(Edit, st.just("dock"), pose=st.tuples(METRES, METRES, METRES)),
 )
 

@@ -256,6 +256,11 @@ def test_a_room_of_the_floor_plan_becomes_a_named_zone(robot):
     assert room["area_m2"] == pytest.approx(12.0, rel=0.08)
     status, _, zone = api("POST", "/api/zones", {"name": "kitchen", "corners_m": room["corners_m"]})
     assert (status, zone["name"], zone["objects"]) == (201, "kitchen", ["chair-1"])
+    status, _, room = api("PATCH", "/api/rooms/room-1", {"name": "den"})
+    conforms("/api/rooms/{id}", "PATCH", status, room)
+    assert (room["name"], room["objects"]) == ("den", ["chair-1"])
+    conforms("/api/rooms/{id}", "PATCH", *api("PATCH", "/api/rooms/room-9", {"name": "den"})[::2])
+    conforms("/api/doors", "GET", 200, api.get("/api/doors"))
 
 
 def test_an_object_is_corrected_and_measured_again(robot):

@@ -18,7 +18,7 @@ from edgemap.runtime.frames.timing import percentiles
 from edgemap.runtime.frames.trajectory import Trajectory
 from edgemap.runtime.outputs.verdict.causes import cause_of
 from edgemap.runtime.outputs.verdict.verdict import TITLES, verdict_or_none
-from edgemap.view.answers import floor_answer, map_object_answer, zones_answer
+from edgemap.view.answers import floor_answer, map_object_answer, rooms_answer, zones_answer
 from edgemap.view.report.crops import Crop
 from edgemap.view.report.history import History
 from edgemap.view.status import LEVELS, pose_sigma
@@ -85,7 +85,8 @@ def _update(content: ReportContent, objects: Sequence[MapObject], trail: list[tu
         "dock": dock and list(dock.vector()),
     }  # fmt: skip
     if content.grid is not None:
-        update["floor"] = floor_answer(content.grid)
+        update |= {"floor": floor_answer(content.grid)}
+        update |= rooms_answer(content.objects, content.annotations, content.grid)
     if last is not None:
         units = np.array([last.scale, last.scale, 1.0])  # the map is saved at this scale
         last = replace(

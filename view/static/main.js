@@ -47,7 +47,7 @@ const source = {
     map.update(news);
     panels.update(news);
     objects.update(news, map.objects, map.seen);
-    zones.update(map.zones, map.objects);
+    zones.update(map.zones, map.rooms, map.objects);
     for (const { event_type, id, zone_name } of news.events) notice(`${nameOf(map.objects.get(id) ?? { id })} ${event_type} ${zone_name}`);
     guide.update(news, map.objects.size);
     sheet.tell(objects.summary());

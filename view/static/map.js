@@ -4,6 +4,7 @@ import { markOf, tracePath } from "/marks.js";
 import { drawFootprint } from "/furniture.js";
 import { byId, setText } from "/dom.js";
 import { classDoubt, nameOf } from "/objects.js";
+import { titleOf } from "/zones.js";
 import { Path } from "/path.js";
 import { Truth } from "/truth.js";
 import { Viewport } from "/viewport.js";
@@ -39,7 +40,7 @@ export class FloorMap {
     this.objects = new Map();
     this.floor.clear();
     this.trail = [];
-    this.zones = [];
+    this.zones = this.rooms = this.doors = [];
     this.sightings = [];
     this.seen = new Set();
     this.pose = this.from = this.poseCovariance = null;
@@ -56,7 +57,7 @@ export class FloorMap {
     if (news.moved) this.forget(); // all of it comes anew, in another frame
     for (const item of news.changed ?? []) this.objects.set(item.id, item);
     for (const id of news.gone ?? []) this.objects.delete(id);
-    this.zones = news.zones ?? this.zones;
+    for (const name of ["zones", "rooms", "doors"]) this[name] = news[name] ?? this[name];
     if (news.dock !== undefined) this.dock = news.dock;
     if (news.floor) {
       this.floor.take(news.floor);
@@ -154,6 +155,8 @@ export class FloorMap {
     pen.lineJoin = "round";
     this.floor.draw(pen, this.view, this.style);
     const step = this.grid(pen, width, height);
+    for (const room of this.rooms) this.zone(pen, room.corners_m, titleOf(room));
+    for (const door of this.doors) this.door(pen, door);
     for (const zone of this.zones) this.zone(pen, zone.corners_m, zone.name);
     this.path.draw(pen, view, this.trail, this.replayed ? null : robot, this.style);
     ["ramp-from", "ramp-to"].forEach((id, end) => setText(byId(id), this.path.ends(this.trail)[end]));
@@ -269,6 +272,15 @@ export class FloorMap {
     pen.strokeText(name, middle, top);
     pen.fillText(name, middle, top);
     pen.textAlign = "start";
+  }
+
+  // A gap in the walls; a line across it where it is more likely closed.
+  door(pen, { from_m, to_m, open }) {
+    pen.beginPath();
+    for (const end of [from_m, to_m]) pen.lineTo(...this.view.toScreen(...end));
+    const open_ = open >= .5, lineWidth = Math.max(open_ ? 5 : 2, (open_ ? .14 : .06) * this.view.now.scale);
+    Object.assign(pen, { strokeStyle: open_ ? this.style.floor : this.style.bad, lineWidth });
+    pen.stroke();
   }
 
   // Where the keyboard acts.

@@ -1,6 +1,8 @@
-// Named parts of the floor: drawn by their corners on the map, listed with the objects in them.
+// Parts of the floor, listed with the objects in them: zones, drawn by their corners on the map, and the rooms.
 import { button, byId, element } from "/dom.js";
 import { nameOf } from "/objects.js";
+
+export const titleOf = ({ name, kind, id }) => name || kind || id;
 
 export class Zones {
   constructor(map, placing, ask, undoable) {
@@ -36,32 +38,41 @@ export class Zones {
     });
   }
 
-  update(zones, objects) {
-    const told = zones.map((zone) => ({ ...zone, inside: zone.objects.map((id) => nameOf(objects.get(id) ?? { id })) }));
-    const key = JSON.stringify(told.map(({ id, name, inside }) => [id, name, inside]));
-    if (key === this.drawn) return;
+  update(zones, rooms, objects) {
+    const told = [zones, rooms].map((areas) => areas.map(
+      (area) => ({ ...area, inside: area.objects.map((id) => nameOf(objects.get(id) ?? { id })) })));
+    const key = JSON.stringify(told.map((areas) => areas.map((area) => [area.id, titleOf(area), area.inside])));
+    if (key === this.drawn || document.activeElement?.matches("#zones input")) return; // nor while a person types a name
     this.drawn = key;
-    byId("zones").hidden = !zones.length;
-    const list = element("ul");
-    list.append(...told.map((zone) => this.row(zone)));
-    byId("zones").replaceChildren(element("h2", "Zones"), list);
+    byId("zones").hidden = !zones.length && !rooms.length;
+    byId("zones").replaceChildren(...told.flatMap((areas, isRooms) => {
+      const list = element("ul");
+      list.append(...areas.map((area) => this.row(area, isRooms)));
+      return areas.length ? [element("h2", isRooms ? "Rooms" : "Zones"), list] : [];
+    }));
   }
 
-  row({ id, name, corners_m, inside }) {
+  row(area, isRoom) {
+    const { id, corners_m, inside } = area, name = titleOf(area);
     const row = element("li"), which = element("span", "", "which");
     which.append(element("b", name), element("span", ` ${inside.length ? inside.join(", ") : "nothing in it"}`, "muted small"));
     const rename = button("Rename", () => {
       const input = element("input");
-      Object.assign(input, { value: name, maxLength: 80 });
+      Object.assign(input, { value: area.name, maxLength: 80 });
       input.setAttribute("aria-label", `Name of ${name}`);
-      const keep = () => this.ask("PUT", `zones/${encodeURIComponent(id)}`, { name: input.value.trim(), corners_m });
+      const keep = () => {
+        input.blur();
+        const value = { name: input.value.trim() }, path = `${isRoom ? "rooms" : "zones"}/${encodeURIComponent(id)}`;
+        return this.ask(isRoom ? "PATCH" : "PUT", path, isRoom ? value : { ...value, corners_m });
+      };
       input.onkeydown = (event) => { if (event.key === "Enter") keep(); };
       row.replaceChildren(input, button("Save", keep));
       input.focus();
     });
     row.append(which);
     if (!this.ask) return row;
-    row.append(rename, button("Delete", async () => {
+    row.append(rename);
+    if (!isRoom) row.append(button("Delete", async () => {
       const gone = await this.ask("DELETE", `zones/${encodeURIComponent(id)}`);
       if (gone) this.undoable(`Zone ${name} is deleted`, () => this.ask("POST", "zones", { name, corners_m }));
     }));

@@ -10,9 +10,11 @@ from numpy.typing import ArrayLike, NDArray
 
 from edgemap.geometry.errors import MapError
 from edgemap.geometry.grid.occupancy_grid import FREE, OCCUPIED, UNKNOWN, OccupancyGrid
+from edgemap.geometry.grid.rooms import Door, Room
 from edgemap.geometry.grid.walls import walls_of
 from edgemap.geometry.map_object import MapObject, ellipse_95, radius_m
 from edgemap.geometry.objects.annotations import Zone
+from edgemap.geometry.objects.rooms import title_of
 from edgemap.geometry.se2 import SE2
 from edgemap.runtime.frames.colours import SHAPES, label_colour, label_mark
 from edgemap.runtime.frames.disk import make_folder, write_atomically
@@ -42,6 +44,8 @@ class DrawnMap:
     truth: Sequence[tuple[str, float, float]] = ()
     zones: Sequence[Zone] = ()
     grid: OccupancyGrid | None = None
+    rooms: Sequence[Room] = ()
+    doors: Sequence[Door] = ()
 
 
 @dataclass(frozen=True, slots=True)
@@ -111,7 +115,7 @@ def _moved(item: Item, right: float, down: float) -> Item:
 
 def _sheet(drawn: DrawnMap) -> Sheet:
     """A panel on which everything has room."""
-    points = [np.zeros((1, 2)), *(np.array(zone.corners_m) for zone in drawn.zones)]
+    points = [np.zeros((1, 2)), *(np.array(area.corners_m) for area in (*drawn.zones, *drawn.rooms))]
     points.append(np.array([[pose.x_m, pose.y_m] for pose in drawn.poses]).reshape(-1, 2))
     points.append(np.array([seen.map_m for seen in drawn.sightings]).reshape(-1, 2))
     points.append(np.array([place for _, *place in drawn.truth]).reshape(-1, 2))
@@ -131,7 +135,7 @@ def _sheet(drawn: DrawnMap) -> Sheet:
 
 
 def _floor(sheet: Sheet, drawn: DrawnMap) -> list[Item]:
-    """The observed floor with its walls, the metre grid with its numbers, the zones."""
+    """The observed floor with its walls, the metre grid with its numbers, rooms, doors as gaps, and zones."""
     items: list[Item] = []
     if (grid := drawn.grid) is not None:
         rows, columns = grid.cells.shape
@@ -146,6 +150,10 @@ def _floor(sheet: Sheet, drawn: DrawnMap) -> list[Item]:
         items += [
             Shape(sheet.at([wall.from_m, wall.to_m]), stroke=INK, width=2.5, closed=False) for wall in walls_of(grid)
         ]
+    for room in drawn.rooms:
+        items.append(Shape(sheet.at(room.corners_m), label_colour(title_of(room)), INK, opacity=0.12))
+    for door in drawn.doors:
+        items.append(Shape(sheet.at([door.from_m, door.to_m]), stroke=PAPER, width=5.0, closed=False))
     for zone in drawn.zones:
         corners = sheet.at(zone.corners_m)
         items.append(Shape(corners, MUTED, opacity=0.1))
@@ -200,6 +208,7 @@ def _centres(sheet: Sheet, drawn: DrawnMap) -> list[Item]:
     items += [_spot(sheet, item, is_doubtful(item)) for item in drawn.objects]
     named = [(item.name or item.id, item.position_m) for item in drawn.objects]
     named += [(zone.name, np.mean(zone.corners_m, axis=0)) for zone in drawn.zones]
+    named += [(title_of(room), room.centre_m) for room in drawn.rooms]
     spots = [(name, *sheet.at(place).tolist()) for name, place in named]
     placed = place_labels(spots, sheet.width_px, sheet.height_px)
     items += [Text(name, *place) for (name, _), place in zip(named, placed, strict=True)]

@@ -5,12 +5,20 @@ import math
 from collections.abc import Collection, Sequence
 from itertools import chain
 
+from edgemap.geometry.grid.rooms import Door, Room
 from edgemap.geometry.grid.walls import Wall
 from edgemap.geometry.map_object import MapObject, radius_m
 from edgemap.geometry.objects.annotations import NO_ANNOTATIONS, Annotations, Zone
 from edgemap.runtime.frames.trajectory import Trajectory
-from edgemap.runtime.outputs.map_formats.rooms import Room
-from edgemap.runtime.step.map_file import DEFAULT_MAP_ID, identity_record, object_record, object_uuid, zone_record
+from edgemap.runtime.step.map_file import (
+    DEFAULT_MAP_ID,
+    door_record,
+    identity_record,
+    object_record,
+    object_uuid,
+    room_record,
+    zone_record,
+)
 
 FRAME = "local frame map, metres, REP-103 (x forward, y left, counter-clockwise); NOT WGS 84 longitude and latitude"
 CORNERS = 32
@@ -24,9 +32,10 @@ def geojson_text(
     annotations: Annotations = NO_ANNOTATIONS,
     walls: Sequence[Wall] = (),
     rooms: Sequence[Room] = (),
+    doors: Sequence[Door] = (),
 ) -> str:
     """One FeatureCollection. Each object is a Polygon with the fields of map.json as properties; so is each zone, with
-    its id and name. Each wall is a LineString, each room a Polygon.
+    its id and name. Each wall is a LineString, each room a Polygon, each door a LineString.
 
     RFC 7946 knows WGS 84 only, and other frames by prior arrangement (section 4): the member `frame` says which, and
     `crs: null` (GeoJSON 2008, section 3) that no program should take the numbers for degrees. Exterior rings run
@@ -37,7 +46,8 @@ def geojson_text(
         (_object(item, map_id) for item in objects),
         (_zone(zone, taken) for zone in zones),
         (_wall(number, wall) for number, wall in enumerate(walls, start=1)),
-        (_room(number, room) for number, room in enumerate(rooms, start=1)),
+        (_room(room) for room in rooms),
+        (_door(door) for door in doors),
         (_trajectory(one) for one in (trajectory,) if one is not None),
     )
     document = {
@@ -85,9 +95,14 @@ def _wall(number: int, wall: Wall) -> dict:
     return _feature(f"wall-{number}", "LineString", _rounded((wall.from_m, wall.to_m)), properties)
 
 
-def _room(number: int, room: Room) -> dict:
-    properties = {"room": True, "area_m2": round(room.area_m2, 2), "closed": round(room.closed, 3)}
-    return _feature(f"room-{number}", "Polygon", _rounded(room.corners_m), properties)
+def _room(room: Room) -> dict:
+    record = room_record(room)
+    return _feature(room.id, "Polygon", record.pop("corners_m"), {"room": True} | record)
+
+
+def _door(door: Door) -> dict:
+    record = door_record(door)
+    return _feature(door.id, "LineString", [record.pop("from_m"), record.pop("to_m")], {"door": True} | record)
 
 
 def _trajectory(trajectory: Trajectory) -> dict:
