@@ -10,12 +10,12 @@ from numpy.typing import NDArray
 
 from edgemap.geometry.camera.imu import ImuSamples
 from edgemap.geometry.grid.occupancy_grid import OccupancyGrid
+from edgemap.geometry.grid.rooms import Room
 from edgemap.geometry.objects.scale import scaled_map
 from edgemap.geometry.se2 import SE2
 from edgemap.runtime.frames.camera import Camera
 from edgemap.runtime.frames.errors import CameraError
 from edgemap.runtime.frames.program_camera import PushedCamera
-from edgemap.runtime.outputs.map_formats.rooms import Room
 from edgemap.runtime.outputs.map_objects import MapObjects
 from edgemap.runtime.outputs.verdict.run_counts import RunCounts
 from edgemap.runtime.outputs.verdict.verdict import Verdict
@@ -118,7 +118,7 @@ class Session:
 
     @property
     def rooms(self) -> tuple[Room, ...]:
-        """The rooms, the largest first; empty where walls enclose none."""
+        """The rooms by id, with kind, name, outline and the ids of their objects."""
         return self.map.rooms
 
     @property

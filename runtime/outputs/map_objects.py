@@ -6,14 +6,15 @@ from html import escape
 from pathlib import Path
 
 from edgemap.geometry.grid.occupancy_grid import OccupancyGrid
+from edgemap.geometry.grid.rooms import Door, Room
 from edgemap.geometry.grid.walls import walls_of
 from edgemap.geometry.map_object import MapObject, ellipse_95
 from edgemap.geometry.objects.annotations import NO_ANNOTATIONS, Annotations
+from edgemap.geometry.objects.rooms import rooms_of
 from edgemap.geometry.se2 import SE2
 from edgemap.runtime.frames.trajectory import Trajectory, trajectory_of
 from edgemap.runtime.outputs.map_formats.drawing import MAXIMUM_POSES, DrawnMap, map_svg
 from edgemap.runtime.outputs.map_formats.geojson import geojson_text
-from edgemap.runtime.outputs.map_formats.rooms import Room, rooms_of
 from edgemap.runtime.step.grid_file import load_grid
 from edgemap.runtime.step.map_file import DEFAULT_MAP_ID, load_annotated_map
 from edgemap.runtime.step.map_store import saved_map
@@ -47,20 +48,25 @@ class MapObjects(list[MapObject]):
 
     @property
     def rooms(self) -> tuple[Room, ...]:
-        """The rooms, the largest first; empty where walls enclose none."""
-        return () if self.grid is None else rooms_of(self.grid)
+        """The rooms by id, with kind, name, outline and the ids of their objects."""
+        return rooms_of(self, self.annotations, self.grid)[0]
+
+    @property
+    def doors(self) -> tuple[Door, ...]:
+        """The doors by id, each with its rooms and the probability that it is open."""
+        return rooms_of(self, self.annotations, self.grid)[1]
 
     def to_geojson(self) -> str:
-        """A FeatureCollection, in metres of the map frame: objects, zones, walls, rooms and the trajectory."""
+        """A FeatureCollection, in metres of the map frame: objects, zones, walls, rooms, doors and the trajectory."""
         identity = self.annotations.identity
         walls = () if self.grid is None else walls_of(self.grid)
         map_id = identity.map_id if identity else DEFAULT_MAP_ID
-        return geojson_text(self, self.trajectory, map_id, self.annotations, walls, self.rooms)
+        return geojson_text(self, self.trajectory, map_id, self.annotations, walls, self.rooms, self.doors)
 
     def _repr_html_(self) -> str:
         """The drawing is a picture of its own, so that its styles stay out of the page."""
         poses = self.trajectory.poses if self.trajectory else ()
-        drawn = DrawnMap(self, poses, zones=self.annotations.zones, grid=self.grid)
+        drawn = DrawnMap(self, poses, (), (), self.annotations.zones, self.grid, self.rooms, self.doors)
         address = "data:image/svg+xml;base64," + b64encode(map_svg(drawn).encode()).decode()
         heads = ("object", "x", "y", "± (95 %)", "seen", "confidence")
         rows = [
