@@ -57,8 +57,8 @@ class RoomsOptions:
 
 def main(options: RoomsOptions) -> None:
     """Render where needed, map, score, and print one table."""
-    from edgemap.runtime.network.bundle import load_bundle
-    from edgemap.runtime.network.store import bundle_folder
+    from edgemap.runtime.network.open_bundle import open_bundle
+    from edgemap.runtime.network.store import RENDERED, bundle_folder
     from edgemap.runtime.step.slam import SlamOptions
 
     if options.frozen:
@@ -70,7 +70,7 @@ def main(options: RoomsOptions) -> None:
         name: SlamOptions(odometry or options.odometry, wheels, loop_closure=closes, clustering=clustering)
         for name, (odometry, wheels, closes, clustering) in chosen.items()
     }
-    bundle = load_bundle(bundle_folder(options.bundle))
+    bundle = open_bundle(bundle_folder(options.bundle), RENDERED, pace="files")
     rows: list[dict[str, Any]] = []
     homes = rendered(options.seeds, options.frames, options.out, options.light)
     for folder in drives_in(options.data) if options.data else homes:

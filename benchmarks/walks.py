@@ -57,10 +57,10 @@ class WalksOptions:
 def main(options: WalksOptions) -> None:
     """Follow, map, score, and print a line of means and one of worst figures for each drive."""
     from edgemap.runtime.inputs.drives import open_drive
-    from edgemap.runtime.network.bundle import load_bundle
-    from edgemap.runtime.network.store import bundle_folder
+    from edgemap.runtime.network.open_bundle import open_bundle
+    from edgemap.runtime.network.store import LENS, bundle_folder
 
-    bundle = load_bundle(bundle_folder(options.bundle))
+    bundle = open_bundle(bundle_folder(options.bundle), LENS, pace="files")
     document: dict[str, Any] = {}
     for spec in options.data:
         drive = open_drive(spec)

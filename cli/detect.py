@@ -56,7 +56,7 @@ def command(
         raise UsageError("no pictures given: edgemap detect PICTURE... or a folder of them")
     optics.check()
     images = tuple(path for given in images for path in (list_pictures(given) if given.is_dir() else (given,)))
-    loaded = network.load(str(images[0]))
+    loaded = network.load(str(images[0]), alone=True)
     confidence = minimum_score(confidence, loaded)
     spec = loaded.manifest.detector
     detector, decode = Detector(loaded), Decoder(spec, confidence, one_name=True)

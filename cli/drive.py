@@ -103,7 +103,7 @@ class Run:
         source = SearchRate(self.source, camera.rate) if camera.rate else self.source
         publishers = self._publishers(edits)
         files = self.files = RunFolder(self.folder, self.floor, self.record)
-        if self.loaded.companion is not None:  # how the detector's file was read
+        if self.loaded.manifest.detector.reading is not None:  # how the detector's file was read
             write_manifest(self.folder, self.loaded.manifest)
         self.kept_camera.begin()
         judge = (

@@ -49,7 +49,7 @@ def command(
 
     at_least(1, frames=frames)
     in_unit(confidence=confidence, nms=nms)
-    loaded = network.load(data)
+    loaded = network.load(data, alone=True)
     spec = loaded.manifest.detector
     detector, every = Detector(loaded), Decoder(spec, confidence, nms)
     as_run = Decoder(spec, loaded.manifest.confidence, one_name=True)

@@ -48,7 +48,7 @@ def command(
     folder = user_path(name)
     pairs = floor_pairs(folder)[:frames]
     camera = _camera(folder)
-    loaded = network.load(data)
+    loaded = network.load(data, alone=True)
     spec = loaded.manifest.detector.floor
     if spec is None:
         raise UsageError(f"bundle {loaded.manifest.name} has no floor head (edgemap train floor makes one)")

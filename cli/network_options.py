@@ -55,9 +55,12 @@ class NetworkOptions:
         ),
     ] = None
 
-    def load(self, *specs: str, pace: "Pace" = "files", recorded: "Inference | None" = None) -> "Bundle":
+    def load(
+        self, *specs: str, pace: "Pace" = "files", recorded: "Inference | None" = None, alone: bool = False
+    ) -> "Bundle":
         """The bundle. specs: the sources of the run, which select the default one; standard error then names it with
         the reason. recorded: engine and precision of the run that made a recording, used where none is asked for.
+        alone: without a companion, for boxes in pictures.
         """
         from edgemap.runtime.frames.class_names import read_class_names
         from edgemap.runtime.frames.errors import BundleError
@@ -69,7 +72,7 @@ class NetworkOptions:
         if self.threads is not None and self.threads > MAXIMUM_THREADS:
             raise UsageError(f"--threads {self.threads}: at most {MAXIMUM_THREADS}")
         chosen = self.inference(recorded)
-        companion = default_bundle(*map(recorded_from, specs))[0]
+        companion = None if alone else default_bundle(*map(recorded_from, specs))[0]
         names = self.names and read_class_names(self.names, BundleError)
         return open_bundle(
             bundle_of(self.bundle, *specs), companion, self.threads, chosen.precision, pace, chosen.engine, names

@@ -109,7 +109,7 @@ class LivePage:
             x_m, y_m = placed.position_map_m
             self.sightings.append((placed.label, identity, float(x_m), float(y_m)))
             x_base_m, y_base_m = placed.sighting.position_base_m
-            self._sightings_base.append((result.frame.stamp_s, float(x_base_m), float(y_base_m)))
+            self._sightings_base.append((placed.sighting.stamp_s, float(x_base_m), float(y_base_m)))
         self.newest = PageSnapshot(result, objects, result.annotations, now_s)
         for event in self._zone_watch.update(objects, result.annotations.zones, result.frame.stamp_s):
             self.events.append(event)

@@ -70,7 +70,7 @@ class FoxgloveServer:
             if channel.has_sinks():
                 channel.log(encoder(outgoing.kind)(outgoing.make()), log_time=outgoing.stamp_ns)
         if self.annotations.has_sinks():
-            self.annotations.log(image_annotations(stamp_ns, result), log_time=stamp_ns)
+            self.annotations.log(image_annotations(to_ns(result.pictured.stamp_s), result), log_time=stamp_ns)
         self._server.broadcast_time(stamp_ns)
 
     def fault(self, fault: Fault) -> None:

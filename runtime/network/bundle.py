@@ -23,7 +23,8 @@ ENGINE_TOLERANCE: dict[Precision, float] = {"float32": 1e-3, "int8": 0.1}  # of 
 @dataclass(frozen=True, slots=True)
 class Bundle:
     """A bundle whose backbone is loaded. compute, precision (float32 or int8): of the backbone. reopen: opens it for an
-    input of so many rows. companion: what the floor is read from where this backbone has no output for it.
+    input of so many rows. companion: what the floor is read from where this backbone has no output for it. paced:
+    whether pictures come at a camera's pace.
     """
 
     folder: Path
@@ -33,6 +34,7 @@ class Bundle:
     reopen: Callable[[int], Network]
     precision: Precision = "float32"
     companion: "Bundle | None" = None
+    paced: bool = False
 
     @property
     def engine(self) -> Engine:

@@ -1,6 +1,7 @@
 """Boxes in pictures: YOLOv3, YOLOX and DFL decode rules, then class-wise non-maximum suppression."""
 
 import math
+from concurrent.futures import Future, ThreadPoolExecutor
 
 import cv2
 import numpy as np
@@ -166,3 +167,23 @@ class Detector:
         """The backbone's outputs, for any decoder."""
         tensor, placement = self._preprocess(image)
         return self._backbone.run({self._input_name: tensor}), placement
+
+
+class DetectorBeside:
+    """A detector in a thread of its own, one picture at a time: a call hands it the next one and returns the boxes of
+    the one before, for which it waits; None at first. Which boxes a call returns does not depend on wall time."""
+
+    def __init__(self, detector: Detector) -> None:
+        self._detector, self._worker = detector, ThreadPoolExecutor(1, "detector")
+        self._boxes: Future[Detections] | None = None
+
+    @property
+    def busy(self) -> bool:
+        """Whether a call would have to wait."""
+        return self._boxes is not None and not self._boxes.done()
+
+    def __call__(self, image: NDArray[np.uint8]) -> Detections | None:
+        """Boxes of the picture before. image: BGR uint8 (H, W, 3), which nothing may change from now on."""
+        boxes = self._boxes and self._boxes.result()
+        self._boxes = self._worker.submit(self._detector, image)
+        return boxes

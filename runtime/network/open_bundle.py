@@ -9,14 +9,14 @@ from edgemap.runtime.network.bundle import Bundle, load_bundle
 from edgemap.runtime.network.compute import Pace
 from edgemap.runtime.network.engines import open_onnxruntime
 from edgemap.runtime.network.foreign import load_foreign
-from edgemap.runtime.network.manifest_file import verified_file
+from edgemap.runtime.network.manifest_file import read_manifest, verified_file
 from edgemap.runtime.network.store import bundle_folder
 from edgemap.runtime.network.subgraph import subgraph
 
 
 def open_bundle(
     source: Path,
-    companion: str,
+    companion: str | None,
     threads: int | None = None,
     precision: Precision = "float32",
     pace: Pace = "camera",
@@ -25,13 +25,18 @@ def open_bundle(
 ) -> Bundle:
     """A bundle's folder or a detector's FILE.onnx, ready for a run. Raises BundleError.
 
-    companion: the bundle whose trunk shows the floor beside a FILE.onnx, which has no head for it. names: of
-    the classes of a FILE.onnx.
+    companion: the bundle whose trunk shows the floor beside a detector without a head for it; None where no floor is
+    needed. names: of the classes of a FILE.onnx.
     """
-    if source.suffix != ".onnx":
-        return load_bundle(source, threads, precision, pace, engine)
-    foreign = load_foreign(source, threads, pace, names)
-    return replace(foreign, companion=load_companion(bundle_folder(companion), threads, pace))
+    foreign = source.suffix == ".onnx"
+    beside = companion is not None and (foreign or read_manifest(source).detector.floor is None)
+    threads = (threads or 1) if beside else threads  # two networks at once
+    loaded = (
+        load_foreign(source, threads, pace, names) if foreign else load_bundle(source, threads, precision, pace, engine)
+    )
+    if companion is None or not beside:
+        return loaded
+    return replace(loaded, companion=load_companion(bundle_folder(companion), threads, pace), paced=pace == "camera")
 
 
 def load_companion(folder: Path, threads: int | None = None, pace: Pace = "camera") -> Bundle:

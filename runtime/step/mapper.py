@@ -198,7 +198,7 @@ class Mapper:
             self._retilt(observed.mount_estimate)
             correction = self._close_loops(observed)
         with stage("map"):
-            sightings = self._placed(observed.sightings, observed.placed_by)
+            sightings = self._placed(observed, observed.pictured.placed_by)
             object_ids = self.map.update(sightings)
             self._forget(observed, object_ids)
         with stage("grid"):
@@ -206,7 +206,7 @@ class Mapper:
         with stage("relocalisation"):
             became = self._relocalise()
             if became is not None:
-                sightings = self._placed(observed.sightings)
+                sightings = self._placed(observed)
                 object_ids = [became.get(identity, identity) for identity in object_ids]
             relocated, self._relocated = self._relocated, None
             self.trajectory.append(observed.stamp_s, self.pose_map_base)
@@ -291,9 +291,9 @@ class Mapper:
         if observed.camera is None:
             return
         self._lens_m = observed.camera.mount.height_m
-        movers, detected = mover_boxes(observed.detections), observed.detections.boxes
-        camera, floor, depth = observed.camera, observed.floor, observed.depth
-        self.grid.observe(self.pose_map_base, observed.stamp_s, camera, floor, movers, depth, detected)
+        movers, detected, seen = mover_boxes(observed.detections), observed.detections.boxes, observed.pictured
+        pose, camera = self._pose_of(observed), seen.camera or observed.camera
+        self.grid.observe(pose, seen.stamp_s, camera, seen.floor, movers, seen.depth, detected)
         if self._shown_timer.due(observed.stamp_s):
             self._shown_grid = self.grid.grid()
 
@@ -333,7 +333,8 @@ class Mapper:
         """Weighs each sighting by the time since the last searched picture: evidence does not depend on the rate."""
         if not observed.searched:
             return observed
-        since_s, self._searched_s = observed.stamp_s - self._searched_s, observed.stamp_s
+        stamp_s = observed.pictured.stamp_s
+        since_s, self._searched_s = stamp_s - self._searched_s, stamp_s
         if not math.isfinite(since_s):
             return observed
         pictures = max(round(min(since_s, LONGEST_S) / PICTURE_S, 2), LEAST_PICTURES)
@@ -387,15 +388,22 @@ class Mapper:
             self.edits.moved(correction.past)
         return correction
 
-    def _placed(self, sightings: Sequence[Sighting], mount: Mount | None = None) -> list[PlacedSighting]:
-        """Sightings of this frame in the map. mount: see `Sighting.placed`."""
-        return [one.placed(self.pose_map_base, self.pose_covariance, mount) for one in sightings]
+    def _pose_of(self, observed: FrameObservations) -> SE2:
+        """The pose, as known now, of the picture that detections and sightings are of."""
+        if observed.before is None:
+            return self.pose_map_base
+        return SE2(*self.trajectory.at([observed.before.stamp_s])[0].tolist())
+
+    def _placed(self, observed: FrameObservations, mount: Mount | None = None) -> list[PlacedSighting]:
+        """This step's sightings in the map. mount: see `Sighting.placed`."""
+        pose = self._pose_of(observed)
+        return [one.placed(pose, self.pose_covariance, mount) for one in observed.sightings]
 
     def _forget(self, observed: FrameObservations, object_ids: Sequence[str]) -> None:
         """Lowers the presence of objects that should be visible but were not detected. object_ids: those detected."""
         if observed.searched and self.forgetter is not None:
-            kept, pose, camera = self.edits.kept(self.map), self.pose_map_base, observed.camera
-            self.forgetter.observe(self.map, observed.detections, pose, object_ids, camera, kept, observed.floor)
+            kept, pose, seen = self.edits.kept(self.map), self._pose_of(observed), observed.pictured
+            self.forgetter.observe(self.map, observed.detections, pose, object_ids, seen.camera, kept, seen.floor)
             self.memory.missed(self.forgetter.missing)
 
     def _relocalise(self) -> dict[str, str] | None:

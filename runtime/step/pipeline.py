@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Collection
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -28,7 +28,7 @@ from edgemap.runtime.motion.height_check import HeightCheck, HeightRule
 from edgemap.runtime.motion.odometry.protocol import FramePrior, Motion, Odometry
 from edgemap.runtime.motion.rest import RestMonitor, RestRule
 from edgemap.runtime.network.bundle import Bundle
-from edgemap.runtime.network.decode import Decoder, Detector
+from edgemap.runtime.network.decode import Decoder, Detector, DetectorBeside
 from edgemap.runtime.network.network import Tensors
 from edgemap.runtime.network.preprocess import Preprocessor, floor_mask
 from edgemap.runtime.step.frame_observations import FrameObservations
@@ -38,10 +38,21 @@ PREDICTED_RAD = math.radians(2.5)  # standard deviation of an odometry's tilt, u
 SAME_VIEW_M, SAME_VIEW_RAD = 0.02, math.radians(0.5)
 
 
+@dataclass(frozen=True, slots=True, eq=False)
+class _Searched:
+    """A picture that the detector searches, and what the step knows of it."""
+
+    frame: Frame
+    attitude: Attitude
+    observed: FrameObservations
+
+
 class Pipeline:
     """Health, prediction, backbone, decoding, motion, observations: one camera's frames, in order.
 
-    It depends on the frames and their stamps only, never on wall time. mapped: labels, the bundle's where None.
+    It depends on the frames and their stamps only, never on wall time. A detector beside a companion runs in a thread
+    of its own: its boxes come with the next picture that is searched, as those of the one before. mapped: labels, the
+    bundle's where None.
     confidence: lowest score, the bundle's where None; the score of full weight follows it. guessed_height: standard
     deviation of the mount's height as a share, where it is a guess; 0 where it was given.
     """
@@ -74,7 +85,10 @@ class Pipeline:
         self._preprocess = Preprocessor(fitted.detector.input)
         min_score = bundle.manifest.confidence if confidence is None else confidence
         self._decode = Decoder((fitted if sensing is bundle else bundle).detector, min_score, one_name=True)
-        self._detector = None if sensing is bundle else Detector(bundle, self._decode)  # beside the companion
+        self._beside = None if sensing is bundle else DetectorBeside(Detector(bundle, self._decode))
+        self._paced = bundle.paced
+        self._waiting: _Searched | None = None  # for its boxes
+        self.pictured: Frame | None = None  # that the boxes of the last step are of
         self._names = bundle.names
         self._detections = Detections.none(bundle.names)  # of the last picture that was searched
         self._floor: FloorMask | None = None  # of that picture
@@ -85,12 +99,18 @@ class Pipeline:
         self._moved: Moved | None = None  # in the step before
         self._watch = Stopwatch()
 
+    def marked(self, frame: Frame) -> Frame:
+        """The frame, not to be searched where it comes at a camera's pace and the detector beside the step is busy."""
+        busy = frame.search and self._paced and self._beside is not None and self._beside.busy
+        return replace(frame, search=False) if busy else frame
+
     def step(self, frame: Frame) -> FrameObservations:
-        """A frame's boxes, positions on the floor and motion. Raises CameraError for a frame of another size."""
+        """A frame's motion, and boxes and positions on the floor: of it, or of the picture before that was searched.
+        Raises CameraError for a frame of another size."""
         self._check_size(frame)
         self._watch.start()
         frame = replace(frame, depth=None) if self._depth.wrong else frame
-        stage, faults, sightings = self._watch.stage, list[Fault | None](), []
+        stage = self._watch.stage
         with stage("health"):
             health = self._health.judge(frame)
         with stage("attitude"):
@@ -102,54 +122,65 @@ class Pipeline:
         prior = FramePrior(attitude, health.covered)
         viewed = not at_rest and self._is_informative(health)
         searched = viewed and frame.search
-        sensed = searched or (viewed and (self.odometry.needs_features or self._detector is not None))
+        sensed = searched or (viewed and (self.odometry.needs_features or self._beside is not None))
         outputs = self._sense(frame) if sensed else {}
         motion = motion or self._motion_by_picture(frame, outputs, prior)
         with stage("attitude"):
             camera = self.camera.at(attitude_after(self.attitude, attitude, motion))
-        boxes = self._detections if searched or at_rest else Detections.none(self._names)
-        floor, depth = (self._floor, SparseDepth.of(frame.depth)) if sensed else (None, None)
-        if searched:
-            with stage("floor"):
-                sightings = sightings_of(
-                    boxes, camera, self.rule, frame.index, frame.stamp_s, frame.depth, floor, self.evidence
-                )
-            with stage("height"):
-                faults.append(self._depth.judge(depth, floor, camera, self._height.estimate))
-                faults.append(
-                    self._height.judge(frame.stamp_s, camera, attitude, boxes, motion, frame.depth is not None)
-                )
-        return FrameObservations(
+        observed = FrameObservations(
             index=frame.index,
             stamp_s=frame.stamp_s,
-            detections=boxes,
-            sightings=sightings,
+            detections=self._detections if at_rest else Detections.none(self._names),
+            sightings=[],
             motion=motion,
             stages_ms=self._watch.stages_ms,
             health=health,
             camera=camera,
-            searched=searched,
+            searched=False,
             at_rest=at_rest,
-            faults=self._faults(health, faults, motion),
-            height_estimate=self._height.estimate,
-            scale=self._height.scale,
-            floor=floor,
-            depth=depth,
-            worktop=searched and is_worktop(floor, boxes),
+            floor=self._floor if sensed else None,
+            depth=SparseDepth.of(frame.depth) if sensed else None,
         )
+        found = _Searched(frame, attitude, observed) if searched else None
+        if searched and self._beside is not None:
+            found, self._waiting = self._waiting, found
+        self.pictured, faults = frame, list[Fault | None]()
+        if found is not None:
+            observed = self._with_boxes(observed, found, faults)
+        height, faults = self._height, self._faults(health, faults, motion)
+        return replace(observed, faults=faults, height_estimate=height.estimate, scale=height.scale)
+
+    def _with_boxes(
+        self, observed: FrameObservations, found: _Searched, faults: list[Fault | None]
+    ) -> FrameObservations:
+        """This frame's observations with the newest boxes, those of `found`. faults: gets those of depth and height."""
+        frame, seen, boxes, stage = found.frame, found.observed, self._detections, self._watch.stage
+        camera, floor, self.pictured = seen.camera or self.camera, seen.floor, frame
+        with stage("floor"):
+            sightings = sightings_of(
+                boxes, camera, self.rule, frame.index, frame.stamp_s, frame.depth, floor, self.evidence
+            )
+        with stage("height"):
+            faults.append(self._depth.judge(seen.depth, floor, camera, self._height.estimate))
+            known = found.attitude, boxes, seen.motion, frame.depth is not None
+            faults.append(self._height.judge(frame.stamp_s, camera, *known))
+        return replace(
+            observed, detections=boxes, sightings=sightings, searched=True, worktop=is_worktop(floor, boxes),
+            before=None if seen is observed else seen,
+        )  # fmt: skip
 
     def _sense(self, frame: Frame) -> Tensors:
-        """The backbone's outputs. Keeps boxes and floor mask."""
+        """The backbone's outputs. Keeps the newest boxes, and the floor mask."""
         stage = self._watch.stage
         with stage("preprocess"):
             tensor, placement = self._preprocess(frame.image)
         with stage("backbone"):
             outputs = self._backbone.run({self._input_name: tensor})
-        with stage("decode"):
-            if self._detector is None:
+        with stage("decode" if self._beside is None else "detector"):
+            if self._beside is None:
                 self._detections = self._decode(outputs, placement)
-            elif frame.search:
-                self._detections = self._detector(frame.image)
+            elif frame.search and (boxes := self._beside(frame.image)) is not None:
+                self._detections = boxes
         with stage("floor_mask"):
             self._floor = floor_mask(outputs, placement, self._floor_output)
         return outputs

@@ -34,20 +34,28 @@ from edgemap.runtime.step.wall_clock import ClockReading, stream_clock
 class StepResult(MapUpdate):
     """Result of one step: the frame, the front end's observations, and the back end's update. faults: all
     since the previous result: of delivery, of sinks, of picture, mount and motion. stages_ms: time of every stage of
-    the step, in order.
+    the step, in order. pictured: the frame that detections, sightings and floor_scan are of: an earlier one where the
+    detector runs beside the step.
     """
 
     frame: Frame
     observed: FrameObservations
+    pictured: Frame
     faults: tuple[Fault, ...] = ()
 
     @classmethod
     def of(
-        cls, frame: Frame, observed: FrameObservations, update: MapUpdate, faults: Sequence[Fault] = ()
+        cls,
+        frame: Frame,
+        observed: FrameObservations,
+        update: MapUpdate,
+        faults: Sequence[Fault] = (),
+        pictured: Frame | None = None,
     ) -> "StepResult":
         """The result of a frame's observations and the update by them. faults: outside of the step, since the last."""
         updated: dict[str, Any] = vars(update) | {"stages_ms": observed.stages_ms | update.stages_ms}
-        return cls(frame=frame, observed=observed, faults=(*faults, *observed.faults), **updated)
+        every = (*faults, *observed.faults)
+        return cls(frame=frame, observed=observed, pictured=pictured or frame, faults=every, **updated)
 
     def __repr__(self) -> str:
         """One line; the fields hold whole pictures."""
@@ -63,7 +71,7 @@ class StepResult(MapUpdate):
         from edgemap.runtime.step.overlay import draw_detections
 
         sightings = [placed.sighting for placed in self.sightings]
-        return png(draw_detections(self.frame.image, self.detections, sightings))
+        return png(draw_detections(self.pictured.image, self.detections, sightings))
 
     def to_supervision(self) -> Any:
         """All boxes as `supervision.Detections`. Raises MissingExtraError without that package."""
@@ -73,7 +81,7 @@ class StepResult(MapUpdate):
 
     @property
     def detections(self) -> Detections:
-        """All boxes of the frame."""
+        """All boxes of the frame `pictured`."""
         return self.observed.detections
 
     @property
@@ -109,8 +117,9 @@ class SemanticSlam:
         if frame.index == 0:
             self.mapper.memory.identify(repr(frame.stamp_s).encode() + frame.image.tobytes())
         self.mapper.memory.clock.note(frame.stamp_s, self.clock(frame.stamp_s))
+        frame = self.pipeline.marked(frame)
         observed = self.pipeline.step(frame)
-        return StepResult.of(frame, observed, self.mapper.step(observed), faults)
+        return StepResult.of(frame, observed, self.mapper.step(observed), faults, self.pipeline.pictured)
 
     def step_blind(self, stamp_s: float, reason: Fault) -> tuple[SE2, NDArray[np.float64]]:
         """A step without a frame: pose and covariance from sources that need no picture. The map stays unchanged."""

@@ -29,7 +29,7 @@ class Slam(SemanticSlam):
     def step(self, frame) -> Any:
         self.seen.append(int(frame.image[0, 0, 0]))
         self._step(frame)
-        return SimpleNamespace(stages_ms={"all": 1.0}, observed=SimpleNamespace(at_rest=False))
+        return SimpleNamespace(stages_ms={"all": 1.0}, observed=SimpleNamespace(at_rest=False, searched=True))
 
     def objects(self):
         return []

@@ -36,6 +36,7 @@ def results(frames: list[Frame], poses: list[SE2]) -> Iterator[StepResult]:
         )
         yield StepResult(
             frame=frame,
+            pictured=frame,
             observed=observed,
             sightings=placed,
             object_ids=["chair-1"],

@@ -40,7 +40,7 @@ class BestCrops:
 
     def consider(self, result: StepResult) -> None:
         """Considers one step's sightings; a picture is cropped only where it could be better than the stored one."""
-        image = result.frame.image
+        image = result.pictured.image
         for placed, identity in zip(result.sightings, result.object_ids, strict=True):
             box = result.detections.boxes[placed.sighting.detection]
             kept = self._best.get(identity)
@@ -53,7 +53,7 @@ class BestCrops:
                 continue
             quality = worth * _sharpness(picture)
             if quality > limit:
-                self._best[identity] = Crop(quality, jpeg(small(picture, SIDE_PX), 78), result.frame.index)
+                self._best[identity] = Crop(quality, jpeg(small(picture, SIDE_PX), 78), result.pictured.index)
 
     def keep(self, identities: Collection[str], merged: dict[str, str]) -> None:
         """Hand pictures of merged objects to those that they became part of; past `MAXIMUM_CROPS`, drop those of

@@ -103,9 +103,10 @@ class MessageStream:
             own = self.robot_odom is None
             transforms = build.pose_transforms(stamp_ns, result.pose_map_base, pose_odom_base, ids)
             yield Outgoing(topics.TF, stamp_ns, lambda: build.tf(*(transforms if own else transforms[:1])))
-        yield Outgoing(topics.BOXES, stamp_ns, lambda: build.detections_2d(stamp_ns, result, ids))
+        pictured_ns = stamp_ns - to_ns(result.frame.stamp_s) + to_ns(result.pictured.stamp_s)
+        yield Outgoing(topics.BOXES, stamp_ns, lambda: build.detections_2d(pictured_ns, result, ids))
         if (scan := result.floor_scan) is not None:
-            yield Outgoing(topics.FLOOR_SCAN, stamp_ns, lambda: scan_message(stamp_ns, scan, ids))
+            yield Outgoing(topics.FLOOR_SCAN, stamp_ns, lambda: scan_message(pictured_ns, scan, ids))
         if (grid := result.grid) is not None and grid is not self._grid:
             self._grid = grid
             yield Outgoing(topics.MAP, stamp_ns, lambda: grid_message(stamp_ns, grid, ids))

@@ -18,8 +18,9 @@ class QualityCounter:
     the source or an option declares wheel odometry, with data or without. wheel_frames, gyro_frames: that member of the
     odometry was used. object_frames: with an object on the floor. carried_frames: the camera sways as in a hand or on a
     head. mount_frames: roll and pitch were the mount's, unmeasured. worktop_frames: cups, books or the like stood on
-    the floor mask. travelled_m. sigma_m, heading_sigma_deg: standard deviation of the pose, at the end and the largest
-    along the way. duration_s: of stream. rate_hz: median.
+    the floor mask. searched_frames: with a detector's boxes, searched_hz a second. travelled_m. sigma_m,
+    heading_sigma_deg: standard deviation of the pose, at the end and the largest along the way. duration_s: of stream.
+    rate_hz: median.
     """
 
     def __init__(self) -> None:
@@ -52,6 +53,7 @@ class QualityCounter:
         self._counts["object_frames"] += bool(result.sightings)
         self._counts["carried_frames"] += bool(attitude and attitude.carried)
         self._counts["worktop_frames"] += observed.worktop
+        self._counts["searched_frames"] += observed.searched
         self._counts["mount_frames"] += observed.attitude_source == "mount"
         self._travelled_m = result.travelled_m
         covariance = result.pose_covariance
@@ -64,8 +66,9 @@ class QualityCounter:
 
     def document(self, scale: float = 1.0) -> dict[str, Any]:
         """The counts so far. scale: by which lengths are multiplied."""
-        names = ("guessed", "still", "wheel", "gyro", "object", "carried", "mount", "worktop")
+        names = ("guessed", "still", "wheel", "gyro", "object", "carried", "mount", "worktop", "searched")
         step_s = float(np.median(self._steps_s)) if self._steps_s else 0.0
+        duration_s = self._last_s - self._first_s if self._counts["frames"] else 0.0
         return {
             "frames": self._counts["frames"],
             "blind_frames": sum(self._blind.values()),
@@ -78,8 +81,9 @@ class QualityCounter:
                 "end": round(math.degrees(self._heading_rad), 3),
                 "largest": round(math.degrees(self._largest_rad), 3),
             },
-            "duration_s": round(self._last_s - self._first_s, 3) if self._counts["frames"] else 0.0,
+            "duration_s": round(duration_s, 3),
             "rate_hz": round(1.0 / step_s, 2) if step_s > 0.0 else None,
+            "searched_hz": round(self._counts["searched_frames"] / duration_s, 2) if duration_s > 0.0 else None,
         }
 
 
