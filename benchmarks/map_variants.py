@@ -1,5 +1,6 @@
 """Maps of one drive made in several ways at once: its pictures are read and the backbone runs once for all of them."""
 
+import math
 import zlib
 from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
@@ -11,7 +12,9 @@ from numpy.typing import NDArray
 
 from edgemap.evaluation.grid import FLAT_M, OVERHEAD_M, TrueFloor
 from edgemap.evaluation.objects import TrueObject
+from edgemap.evaluation.rooms import TruePlan, score_rooms
 from edgemap.geometry.camera.floor import FloorCamera
+from edgemap.geometry.objects.rooms import rooms_of
 from edgemap.runtime.frames.errors import CameraError
 from edgemap.runtime.inputs.cameras.pictures import drive_camera
 from edgemap.runtime.inputs.drives import Drive
@@ -85,6 +88,20 @@ def true_floor(drive: Drive) -> TrueFloor | None:
         [np.array(area.corners_m) for area in areas] for areas in ([*plan.rooms, *plan.doorways], plan.walls, standing)
     )
     return TrueFloor(floor, walls, footprints)
+
+
+def room_figures(slam: SemanticSlam, drive: Drive, frames: int | None = None) -> dict[str, Any]:
+    """Rooms and doors of a map against the drive's floor plan; empty where it has none. Raises CameraError."""
+    plan = read_floor_plan(drive.folder)
+    if plan is None or drive.truth is None or drive.intrinsics is None:
+        return {}
+    rooms, walls, doorways = (
+        [np.array(area.corners_m) for area in areas] for areas in (plan.rooms, plan.walls, plan.doorways)
+    )
+    truth = TruePlan(rooms, [room.kind for room in plan.rooms], doorways, walls)
+    view_rad = 2.0 * math.atan(drive.intrinsics.width / 2.0 / drive.intrinsics.fx)
+    mapped = rooms_of(slam.objects(), slam.mapper.annotations(), slam.mapper.grid.grid())
+    return score_rooms(*mapped, truth, drive.truth.poses[:frames], view_rad)
 
 
 def true_objects(drive: Drive, frames: int | None = None) -> list[TrueObject]:

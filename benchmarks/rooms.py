@@ -22,6 +22,12 @@ import tyro
 from edgemap.benchmarks.walks import summary
 
 FIGURES = ("f1", "precision", "recall", "median_error_m", "covered95", "anees", "ellipse_m2")
+AREAS = {
+    "rooms_found": ("rooms", "found"),
+    "rooms_iou": ("rooms", "mean_iou"),
+    "doors_precision": ("doors", "precision"),
+    "doors_recall": ("doors", "recall"),
+}
 # Name, odometry (None: the one asked for), wheels, loop closure, clustering.
 VARIANTS = {
     "true poses": ("truth", True, False, "default"),
@@ -117,11 +123,11 @@ def check_sums(folder: Path) -> None:
 
 def table(rows: list[dict[str, Any]]) -> list[str]:
     """Means and worst homes of every variant, a line each, and what loop closure gave at worst."""
-    lines = [f"{'':<28} {'':<5} " + " ".join(f"{key:>14}" for key in FIGURES)]
+    lines = [f"{'':<28} {'':<5} " + " ".join(f"{key:>15}" for key in (*FIGURES, *AREAS))]
     for variant in rows[0]["maps"]:
         for kind, figures in over_homes(rows, variant).items():
             name = variant if kind == "mean" else ""
-            lines.append(f"{name:<28} {kind:<5} " + " ".join(f"{_number(figures[key]):>14}" for key in FIGURES))
+            lines.append(f"{name:<28} {kind:<5} " + " ".join(f"{_number(value):>15}" for value in figures.values()))
     for closed, none in CLOSURES:
         if found := gains(rows, closed, none):
             home = min(found, key=lambda name: found[name])
@@ -131,7 +137,7 @@ def table(rows: list[dict[str, Any]]) -> list[str]:
 
 def over_homes(rows: list[dict[str, Any]], variant: str) -> dict[str, dict[str, float | None]]:
     """Means over the homes of one variant, and every figure's worst home."""
-    return summary([row["maps"][variant] for row in rows], FIGURES)
+    return summary([row["maps"][variant] for row in rows], (*FIGURES, *AREAS))
 
 
 def gains(rows: list[dict[str, Any]], closed: str, none: str) -> dict[str, float]:
@@ -145,7 +151,7 @@ def gains(rows: list[dict[str, Any]], closed: str, none: str) -> dict[str, float
 
 
 def _scored(folder: Path, bundle: Any, variants: dict[str, Any], frames: int) -> dict[str, Any]:
-    from edgemap.benchmarks.map_variants import replayed, true_objects
+    from edgemap.benchmarks.map_variants import replayed, room_figures, true_objects
     from edgemap.evaluation.objects import score_map, scored
     from edgemap.runtime.inputs.drives import open_drive
 
@@ -154,7 +160,12 @@ def _scored(folder: Path, bundle: Any, variants: dict[str, Any], frames: int) ->
     slams = replayed(drive, bundle, variants, frames)
     mount = drive.mount and {"height_m": drive.mount.height_m, "pitch_deg": round(degrees(drive.mount.pitch_rad), 3)}
     facts = {"home": folder.name, "objects_true": len(scored(truth)), "mount": mount}
-    return {**facts, "maps": {name: score_map(slam.objects(), truth) for name, slam in slams.items()}}
+    maps = {}
+    for name, slam in slams.items():
+        found = room_figures(slam, drive, frames)
+        areas = {key: found.get(kind, {}).get(figure) for key, (kind, figure) in AREAS.items()}
+        maps[name] = score_map(slam.objects(), truth) | areas
+    return {**facts, "maps": maps}
 
 
 def rendered(seeds: str, frames: int, out: Path, light: str | None = None) -> Iterator[Path]:

@@ -42,13 +42,14 @@ def command(
     of that ellipse are over all mapped objects with a true one of their class within 1.5 m. ECE is the mean difference
     of confidence and share of real objects. `shape` is F1 once more after alignments by the objects themselves: a map
     with a good shape and a poor F1 has its origin, heading or scale wrong. Where the drive has a floor_plan.json,
-    `grid` judges free and occupied cells and seen walls, without alignment.
+    `grid` judges free and occupied cells and seen walls, `rooms` the true rooms found (IoU of 0.5 and more, of those
+    half seen) and `doors` those within 0.5 m, without alignment.
     """
     from dataclasses import replace
     from itertools import pairwise
     from math import degrees
 
-    from edgemap.benchmarks.map_variants import replayed, true_floor, true_objects
+    from edgemap.benchmarks.map_variants import replayed, room_figures, true_floor, true_objects
     from edgemap.cli.simulated import as_data
     from edgemap.evaluation.grid import score_grid
     from edgemap.evaluation.map_alignment import aligned_figures
@@ -105,7 +106,7 @@ def command(
             objects, grid = slam.objects(), slam.mapper.grid.grid()
             document[name] = score_map(objects, truth) | aligned_figures(objects, truth)
             if plan is not None:
-                document[name]["grid"] = score_grid(grid, plan)
+                document[name] |= {"grid": score_grid(grid, plan)} | room_figures(slam, drive, count)
             if plot:
                 from edgemap.plots.charts import plot_reliability
                 from edgemap.runtime.outputs.map_formats.drawing import DrawnMap, draw_map
@@ -123,6 +124,7 @@ def command(
         poses = {"true": "true poses", "estimated": f"{motion.odometry} poses"}.get(name, "without wheels")
         if figures.get("grid"):
             print(f"  {poses:<14} {_grid_line(figures['grid'])}")
+            print(f"  {poses:<14} {_rooms_line(figures['rooms'], figures['doors'])}")
         print(f"  {poses:<14} {_line(figures)}  ECE {figure(figures['reliability']['ece'])}")
         print(f"  {poses:<14} {_shape_line(figures)}")
         for label, row in figures["per_class"].items():
@@ -143,6 +145,14 @@ def _shape_line(figures: dict[str, Any]) -> str:
     return (
         f"shape: F1 {figure(figures['f1_aligned'])} after the best rigid alignment, {figure(figures['f1_scaled'])} "
         f"after one that scales too; map {figure(figures['scale'])} times its true size"
+    )
+
+
+def _rooms_line(rooms: dict[str, Any], doors: dict[str, Any]) -> str:
+    return (
+        f"rooms: found {figure(rooms['found'])}, IoU {figure(rooms['mean_iou'])}, precision "
+        f"{figure(rooms['precision'])}, kinds right {figure(rooms['kinds'])}; doors: precision "
+        f"{figure(doors['precision'])}, recall {figure(doors['recall'])}"
     )
 
 

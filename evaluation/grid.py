@@ -10,6 +10,7 @@ from scipy.ndimage import distance_transform_edt
 
 from edgemap.geometry.arrays import Array
 from edgemap.geometry.grid.occupancy_grid import FREE, OCCUPIED, OccupancyGrid
+from edgemap.geometry.grid.rooms import inside
 from edgemap.geometry.grid.rule import GridRule
 
 NEAR_M = 0.10  # two cells: what a map may be off and still keep a robot from a wall
@@ -66,23 +67,12 @@ def _on_one_lattice(grid: OccupancyGrid, truth: TrueFloor) -> tuple[NDArray[np.i
     cells[-first[1] : size[1] - first[1], -first[0] : size[0] - first[0]] = grid.cells
     x = origin[0] + (first[0] + np.arange(columns) + 0.5) * cell_m
     y = origin[1] + (first[1] + np.arange(rows) + 0.5) * cell_m
+    centres = np.stack(np.meshgrid(x, y), axis=-1)
     kinds = np.full((rows, columns), OUTSIDE, np.uint8)
     for kind, polygons in ((FLOOR, truth.floor), (FURNITURE, truth.footprints), (WALL, truth.walls)):
         for polygon in polygons:
-            inside = _inside(polygon, x, y)
-            kinds[inside & ((kinds == FLOOR) | (kind != FURNITURE))] = kind
+            kinds[inside(polygon, centres) & ((kinds == FLOOR) | (kind != FURNITURE))] = kind
     return cells, kinds
-
-
-def _inside(polygon: Array, x: Array, y: Array) -> NDArray[np.bool_]:
-    """Which cells, by the middles of columns and rows, lie in a polygon (K, 2): even-odd rule."""
-    inside = np.zeros((len(y), len(x)), np.bool_)
-    for (x0, y0), (x1, y1) in zip(polygon, np.roll(polygon, -1, axis=0), strict=True):
-        if y0 != y1:
-            crosses = (y0 > y) != (y1 > y)
-            at = x0 + (y - y0) * (x1 - x0) / (y1 - y0)
-            inside ^= crosses[:, None] & (x[None, :] < at[:, None])
-    return inside
 
 
 def _away_m(mask: NDArray[np.bool_], cell_m: float) -> Array:

@@ -90,8 +90,18 @@ def floor_plan_record(apartment: Apartment, pose_home_map: SE2) -> dict[str, Any
         "format": PLAN_FORMAT,
         "frame": "map",
         "walls": [{"corners_m": rectangle(wall)} for wall in plan.walls],
-        "rooms": [{"kind": room.kind, "corners_m": rectangle(room.rectangle)} for room in plan.rooms],
-        "doorways": [{"corners_m": rectangle(door.rectangle)} for door in plan.doorways],
+        "rooms": [
+            {"id": f"room-{number}", "kind": room.kind, "corners_m": rectangle(room.rectangle)}
+            for number, room in enumerate(plan.rooms, 1)
+        ],
+        "doorways": [
+            {
+                "id": f"door-{number}",
+                "rooms": [f"room-{room + 1}" for room in door.rooms],
+                "corners_m": rectangle(door.rectangle),
+            }
+            for number, door in enumerate(plan.doorways, 1)
+        ],
         "footprints": [
             {
                 "id": item.id,
@@ -139,7 +149,7 @@ def record(
     settings = _settings(world, layout, video, depth)
     store = FrameStore(folder, settings, "rgb" if locobot else None if video else "images", depth or locobot)
     if store.complete:
-        if not locobot and not (folder / PLAN_NAME).is_file():  # rendered before plans were written
+        if not locobot:  # it may have been rendered when plans held less
             write_floor_plan(world, store)
         progress(world.frames, world.frames)
         return
