@@ -16,7 +16,7 @@ from torch import Tensor, nn
 
 from edgemap.export.darknet import Darknet, fold_batch_norm
 from edgemap.export.errors import ExportError
-from edgemap.export.odometry.paper import PaperHead
+from edgemap.export.odometry.paper import LARGE, PaperHead, eight_bits
 from edgemap.runtime.network.engines import PROVIDERS, ROWS, session_options
 from edgemap.runtime.network.manifest import METADATA_KEY, OPSETS, DetectorSpec, OdometryHead, contract_metadata
 from edgemap.runtime.network.network import Compute
@@ -24,7 +24,6 @@ from edgemap.runtime.network.network import Compute
 OPSET = 18
 IR_VERSION = 8  # the newest that onnxruntime 1.17 reads is 9; 8 goes with opset 18
 PROTOBUF_LIMIT = 2_000_000_000  # bytes
-SMALL = 1000  # values of a tensor that is not worth a cast
 
 
 def backbone_to_onnx(network: Darknet, detector: DetectorSpec) -> ModelProto:
@@ -41,26 +40,28 @@ def backbone_to_onnx(network: Darknet, detector: DetectorSpec) -> ModelProto:
 
 
 def head_to_onnx(head: PaperHead, record: OdometryHead) -> ModelProto:
-    """One step of a head. Inputs: feature and states; outputs: motion and states. Weights that float16 holds exactly
-    are stored as such."""
+    """One step of a head. Inputs: feature and states; outputs: motion and states. Weights of 8 bits are stored as
+    such."""
     shapes = [head.shape, *(state.shape for state in record.states)]
     inputs = [record.feature_input, *(state.input for state in record.states)]
     outputs = [record.motion, *(state.output for state in record.states)]
     example = [torch.zeros(shape) for shape in shapes]
-    return seal(_halved(to_onnx(head, example, inputs, outputs, record)), record)
+    return seal(_in_bytes(to_onnx(head, example, inputs, outputs, record)), record)
 
 
-def _halved(model: ModelProto) -> ModelProto:
-    graph, casts = model.graph, []
+def _in_bytes(model: ModelProto) -> ModelProto:
+    graph, nodes = model.graph, []
     for item in graph.initializer:
         values = numpy_helper.to_array(item)
-        with np.errstate(over="ignore"):
-            half = values.astype(np.float16)
-        if values.dtype == np.float32 and values.size > SMALL and np.array_equal(half.astype(np.float32), values):
-            name = item.name
-            item.CopyFrom(numpy_helper.from_array(half, f"{name}_float16"))
-            casts.append(onnx.helper.make_node("Cast", [item.name], [name], to=onnx.TensorProto.FLOAT))
-    nodes = [*casts, *graph.node]
+        if values.dtype != np.float32 or values.ndim < 2 or values.size < LARGE:
+            continue
+        whole, scale = eight_bits(torch.from_numpy(values.copy()))
+        if np.allclose((whole * scale).numpy(), values, rtol=1e-5, atol=0.0):
+            name, parts = item.name, [f"{item.name}_int8", f"{item.name}_scale"]
+            item.CopyFrom(numpy_helper.from_array(whole.numpy().astype(np.int8), parts[0]))
+            graph.initializer.append(numpy_helper.from_array(scale.numpy().ravel(), parts[1]))
+            nodes.append(onnx.helper.make_node("DequantizeLinear", parts, [name], axis=0))
+    nodes += graph.node
     del graph.node[:]
     graph.node.extend(nodes)
     return model

@@ -8,7 +8,7 @@ import msgspec
 from msgspec import Meta
 
 from edgemap.export.errors import ExportError
-from edgemap.export.odometry.paper import PARAMETER_LIMIT, PaperHead
+from edgemap.export.odometry.paper import LARGE, PARAMETER_LIMIT, PaperHead, eight_bits
 from edgemap.export.torch_files import fill, read_checkpoint, save_whole
 from edgemap.runtime.frames.reading import Name
 from edgemap.runtime.network.manifest import Deviation
@@ -49,13 +49,17 @@ class _OdometryRecord(msgspec.Struct):
 
 
 def save_head(checkpoint: HeadCheckpoint, path: Path) -> None:
-    """Write a checkpoint: plain values and float16 tensors, nothing that needs unpickling of code."""
+    """Write a checkpoint: plain values and tensors, whose weights are rounded to 8 bits."""
     head = checkpoint.head
     document: dict[str, Any] = {
         item.name: getattr(checkpoint, item.name) for item in fields(checkpoint) if item.name != "head"
     }
     document |= {"format": FORMAT, "kind": "paper", "shape": list(head.shape), "hidden": list(head.hidden)}
-    weights = {name: tensor.half() for name, tensor in head.state_dict().items()}
+    weights = head.state_dict()
+    for name, tensor in weights.items():
+        if tensor.ndim > 1 and tensor.numel() >= LARGE:
+            whole, scale = eight_bits(tensor)
+            weights[name] = whole * scale
     save_whole(document | {"dense": head.dense.out_features, "state_dict": weights}, path)
 
 

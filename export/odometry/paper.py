@@ -11,6 +11,7 @@ from edgemap.export.errors import ExportError
 PARAMETER_LIMIT = 2_509_555  # the paper's count of trainable parameters, section 4.3
 HIDDEN = (64, 64)  # channels of both layers
 WIDEST_DENSE, NARROWEST_DENSE = 128, 16
+LARGE = 1000  # values of a tensor that is kept in 8 bits
 SLOPE = 0.1  # of the leaky ReLU, as in Darknet
 
 
@@ -101,6 +102,12 @@ def random_head(shape: Sequence[int], seed: int = 0) -> PaperHead:
             assert cell.gates.bias is not None
             cell.gates.bias[cell.hidden : 2 * cell.hidden] = 1.0
     return head
+
+
+def eight_bits(weight: Tensor) -> tuple[Tensor, Tensor]:
+    """Whole numbers from -127 to 127 and a scale for each output, (N, 1, …): their product is nearly the weight."""
+    scale = weight.abs().amax(dim=tuple(range(1, weight.ndim)), keepdim=True).clamp_min(1e-12) / 127.0
+    return (weight / scale).round(), scale
 
 
 def _dense_units(flat: int, used: int, shape: tuple[int, ...]) -> int:

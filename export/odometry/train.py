@@ -59,7 +59,7 @@ class HeadTraining(Training[PaperHead, OdometrySettings]):
     """
 
     resume_format = "edgemap.head-run/2"
-    highest = False  # the least drift is the best
+    highest = False  # the least error is the best
     average_steps = 300
     panels = PANELS
 
@@ -159,7 +159,7 @@ def estimate(head: PaperHead, features: NDArray[np.float16], window: int) -> lis
 
 
 def validate(head: PaperHead, drives: Sequence[FeatureDrive], window: int) -> dict[str, Any]:
-    """Drift in per cent over the lengths that fit and RMSE of a step over all drives; `score` is what chooses."""
+    """Drift in per cent over the lengths that fit and RMSE of a step over all drives; `score`, equation 2, chooses."""
     found = figures(
         [
             errors_of([SE2(*row) for row in drive.poses], integrated(estimate(head, drive.features, window)))
@@ -167,6 +167,6 @@ def validate(head: PaperHead, drives: Sequence[FeatureDrive], window: int) -> di
         ]
     )
     drifts = {f"t{length}_percent": value for length, value in found["t_rel_percent"].items() if value is not None}
-    score = sum(drifts.values()) / len(drifts) if drifts else found["rmse_yaw_rad"]
     rmse = {name: found[name] for name in ("rmse_forward_m", "rmse_left_m", "rmse_yaw_rad")}
-    return drifts | rmse | {"path_m": round(found["path_m"], 1), "score": score}
+    forward, left, yaw = rmse.values()
+    return drifts | rmse | {"path_m": round(found["path_m"], 1), "score": forward**2 + left**2 + LAMBDA * yaw**2}

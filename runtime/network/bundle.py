@@ -88,8 +88,7 @@ class Bundle:
         """
         head = self.manifest.odometry.get(kind)
         if head is None:
-            has = ", ".join(sorted(self.manifest.odometry)) or "none"
-            raise OdometryError(f"bundle {self.manifest.name} has no {kind} odometry (it has: {has})")
+            raise OdometryError(f"bundle {self.manifest.name} has no {kind} odometry; edgemap-nano has one")
         feature = self.manifest.detector.outputs().get(head.feature)
         if feature is None:
             raise BundleError(f"bundle {self.folder}: {head.file} reads {head.feature!r}, which no output provides")

@@ -47,6 +47,7 @@ def test_both_come_with_the_package(name, tmp_path, monkeypatch):
     monkeypatch.setenv("EDGEMAP_CACHE", str(tmp_path))
     manifest = read_manifest(bundle_folder(name))
     assert manifest.licence.startswith("Apache-2.0")
+    assert [head.trained for head in manifest.odometry.values()] == ([True] if name == RENDERED else [])
     load_bundle(bundle_folder(name), 1)
 
 

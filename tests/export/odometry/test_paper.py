@@ -84,7 +84,8 @@ def test_checkpoint_comes_back_whole(tmp_path):
     assert (back.backbone, back.feature, back.trained, back.sigma) == ("yolov3-tiny", "neck", True, sigma)
     assert back.measured == {"n": 3}
     for name, tensor in head.state_dict().items():
-        assert torch.equal(tensor.half().float(), back.head.state_dict()[name]), name
+        tensor_back = back.head.state_dict()[name]
+        assert (tensor_back - tensor).abs().max() <= tensor.abs().max() / 250.0, name  # 8 bits
     document = torch.load(tmp_path / "best.pt") | {"kind": "flow"}
     torch.save(document, tmp_path / "old.pt")
     with pytest.raises(ExportError, match=r"old\.pt: a flow head; the only odometry head is the paper's"):
