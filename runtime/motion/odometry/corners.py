@@ -74,6 +74,11 @@ class Picture:
         return cv2.pyrDown(self.grey)
 
     @cached_property
+    def level(self) -> "Picture":
+        """The same with an even histogram, as bright as any other: lights are switched."""
+        return Picture(cv2.equalizeHist(self.grey))
+
+    @cached_property
     def detail(self) -> MatLike:
         """Large structures have half their contrast: they pull corners of weakly textured floors along, which makes a
         robot appear slower (home 9001: by 16 % before a wall)."""
@@ -153,9 +158,14 @@ class CornerTracker:
         self._before = self.corners, self.ids
         self.corners, self.ids = moved[good], self.ids[good]
 
-    def back(self) -> None:
-        """The corners as they were before `follow`, in the picture before."""
+    def follow_again(self, detail: bool) -> None:
+        """Tracks the corners from where they were before `follow`, in pictures of equal brightness."""
         self.corners, self.ids = self._before
+        last, now = self._last, self._picture
+        if last is not None and now is not None:
+            self._last, self._picture = last.level, now.level
+            self.follow(self.corners, False, detail)
+            self._last, self._picture = last, now
 
     def find_again(self, depth: NDArray[np.float32] | None) -> "Found | None":
         """Adds corners by the descriptors of both pictures (ORB, Rublee et al. 2011), where they agree with one rigid

@@ -166,10 +166,12 @@ class WindowOdometry:
     def _track(self, start: LensPose, shifted: bool) -> tuple[LensPose, float]:
         """Tracks the corners from where this pose expects them; the pose that they agree on, and their weight. shifted:
         as of `CornerTracker.follow`."""
-        # What is carried turns fast, and large turns need large structures; so do roads.
-        detail = self._in_room and not self.judged.carried
-        self._tracker.follow(self._expected(start), shifted, detail)
+        self._tracker.follow(self._expected(start), shifted, self._detail())
         return self._resected(start)
+
+    def _detail(self) -> bool:
+        """Whether large structures count half: what is carried turns fast, and large turns need them; so do roads."""
+        return self._in_room and not self.judged.carried
 
     def _resected(self, start: LensPose) -> tuple[LensPose, float]:
         ids, points, *_ = self._tracker.tracks()
@@ -177,11 +179,11 @@ class WindowOdometry:
 
     def _surprised(self, pose: LensPose, weight: float) -> tuple[LensPose, float]:
         """The pose of a picture that does not agree with the expected motion, and the weight of its tracks: the camera
-        has stopped, or pictures were lost while it drove on, and descriptors find corners again."""
+        has stopped, or a light was switched, or pictures were lost while it drove on, and descriptors find corners."""
         tracker, last, least = self._tracker, self._graph.poses[-1], self._rule.least_weight
         expected = tracker.corners, tracker.ids
-        tracker.back()
-        rested, by_rest = self._track(last, False)
+        tracker.follow_again(self._detail())
+        rested, by_rest = self._resected(last)
         if by_rest > weight:
             pose, weight = rested, by_rest
         else:
