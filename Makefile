@@ -11,7 +11,7 @@ PIP := $(BIN)/python -m pip install --quiet --disable-pip-version-check -c const
 ROOMS := geometry runtime bridges calibrate evaluation simulation export benchmarks plots view cli
 SYSTEM := libusb-1.0-0 libegl1 libegl-mesa0 libgl1 libgl1-mesa-dri sweethome3d-furniture
 
-.PHONY: setup system run view foxglove test check lint audit docs bench figures reliability paper-tables demo release release-check integration clean
+.PHONY: setup system run view foxglove test check lint audit docs bench figures reliability paper-tables demo demo-drive release release-check integration clean
 
 setup: system $(STAMP)
 
@@ -139,8 +139,12 @@ PAPER_OUT ?= runs/paper-tables
 paper-tables: setup
 	$(BIN)/python -m edgemap.benchmarks.paper_tables --seeds $(PAPER_SEEDS) -o $(PAPER_OUT)
 
-# Renders the demo drive again (runtime/inputs/demo/); some minutes.
+# The moving picture of the README and the pictures of the docs, from today's page; needs chromium.
 demo: setup
+	$(BIN)/python scripts/demo_picture.py
+
+# Renders the demo drive again (runtime/inputs/demo/); some minutes.
+demo-drive: setup
 	$(BIN)/edgemap simulate --plain --seed 9160 --frames 600 --video -o runtime/inputs/demo
 
 # Wheel and source archive of the version in api/__init__.py, checked; publishing them is done by hand.

@@ -25,7 +25,7 @@ import tyro
 Row = dict[str, Any]
 HERE, OUT = Path(__file__).parent, Path("runs/figures")
 JSON, BESIDE = HERE / "figures.json", "Beside others"
-BEGIN, END = "<!-- made of benchmarks/figures.json -->\n", "<!-- end -->\n"
+BEGIN, END = "<!-- made of benchmarks/figures.json -->\n\n", "\n<!-- end -->\n"
 INTRODUCTION = f"""# Figures
 
 {BEGIN}What was measured, with its data, commit and date. In brackets: lowest to highest home or run, or a 95 %
@@ -137,7 +137,7 @@ def _within(text: str, rows: list[Row]) -> str:
 
 README_ROWS = (
     "F1, with wheels", "F1, camera alone", "drift over 5 m, camera alone, frozen homes, %", "F1, pictures alone",
-    "F1, with depth", "drift over 5 m, with depth, %", "F1 with the height by tape alone",
+    "F1, with depth", "drift over 5 m, with depth, %",
 )  # fmt: skip
 LEADERBOARD = (
     "F1, true poses", "F1, with wheels", "F1, camera alone", "F1, with wheels, tuning homes",

@@ -1,13 +1,15 @@
 #!/usr/bin/env python
-"""The moving picture of the README: `python scripts/demo_picture.py [docs/demo.webp]`, some minutes.
+"""The pictures of README and docs: `make demo`, some minutes.
 
 Runs the demo with its live page, looks at that in chromium without a window, and keeps what it shows at every
-`EVERY`th frame of the drive as one animated WebP. Needs chromium and the extras view and simulation.
+`EVERY`th frame of the drive as one animated WebP, docs/demo.webp; then the page and the report, on a desktop and a
+phone. Needs chromium and the extras view and simulation.
 """
 
 import io
 import sys
 import tempfile
+import time
 from pathlib import Path
 
 from PIL import Image
@@ -18,7 +20,7 @@ from support.browser import Browser, Page  # noqa: E402
 from support.live_run import begin_live_run  # noqa: E402
 
 EVERY, SHOWN_MS, LAST_MS = 10, 125, 3000  # frames of the drive at 10 Hz between two pictures: it plays 8 times as fast
-SIZE, SCALE = (1280, 800), 0.75  # of the window, and of the picture
+SIZE, PHONE, SCALE = (1440, 900), (390, 844), 0.67  # of the windows, and of the moving picture
 LARGEST_BYTES = 3 << 20
 
 
@@ -34,9 +36,29 @@ def pictures(page: Page, frames: int) -> list[Image.Image]:
     return found
 
 
+def stills(browser: Browser, url: str, report: Path) -> None:
+    """The pictures of docs/live-page.md and docs/first-map.md."""
+    choose, slider = "edgemap.map.pickedBy('chair-1')", "document.getElementById('replay-at')"
+    for name, address, size, scheme, action in (
+        ("page.webp", url, SIZE, "light", "0"),
+        ("page-object.webp", url, SIZE, "light", choose),
+        ("page-dark.webp", url, SIZE, "dark", "0"),
+        ("page-phone.webp", url, PHONE, "light", choose),
+        ("report.webp", report.as_uri(), SIZE, "light", f"{slider}.value = 40; {slider}.oninput()"),
+    ):
+        page = browser.open(address, *size, prefers_color_scheme=scheme)
+        page.until("window.edgemap?.updates > 0 && edgemap.map.objects.size > 0")
+        time.sleep(2.0)
+        page.value(f"{action}; true")
+        time.sleep(1.5)  # the map eases to its new place
+        shown = Image.open(io.BytesIO(page.picture())).convert("RGB")
+        shown.save(ROOT / "docs" / name, quality=80, method=6)
+        page.close()
+
+
 def main() -> None:
-    """Make it."""
-    out = Path(sys.argv[1]) if len(sys.argv) > 1 else ROOT / "docs" / "demo.webp"
+    """Make them."""
+    out = ROOT / "docs" / "demo.webp"
     with tempfile.TemporaryDirectory() as folder:
         run = begin_live_run("--out", f"{folder}/run")
         assert run.stdout is not None
@@ -46,6 +68,8 @@ def main() -> None:
             page = browser.open(url, *SIZE, prefers_color_scheme="light")
             page.until("window.edgemap?.updates > 0")
             shown = pictures(page, 600)
+            page.until("edgemap.state === 'finished'")
+            stills(browser, url, Path(folder) / "run" / "report.html")
         finally:
             browser.close()
             run.terminate()

@@ -22,7 +22,6 @@ UNDERSTOOD = (
 STREAMS = ("rtsp", "rtsps", "http", "https")
 KINDS = ("kitti", "tum", "c2w", "drive", "euroc", "locobot", "yolo")
 DEMO = Path(__file__).parent / "demo"
-DEMO_NOTE = "demo: a minute in a rendered home (synthetic); close to a plain wall some pictures show nothing"
 
 
 def open_camera(spec: str = "demo", how: CameraOptions = CameraOptions()) -> Camera:  # noqa: B008
@@ -47,9 +46,7 @@ def _open(spec: str, how: CameraOptions) -> Camera:
     if how.topics.depth and plugin is None:
         raise CameraError(f"camera {spec}: a topic of depth goes with pictures of a ROS 2 topic or a recording only")
     if spec == "demo":
-        camera = _open_drive(f"drive:{DEMO}", spec, how)
-        camera.update_info(notes=(*camera.info.notes, DEMO_NOTE))
-        return camera
+        return _open_drive(f"drive:{DEMO}", spec, how)
     if kind in KINDS:
         return _open_drive(spec, spec, how)
     if kind == "realsense":

@@ -25,6 +25,7 @@ from edgemap.view.status import LEVELS, pose_sigma
 
 MAXIMUM_OBJECTS = 1000  # those observed most often
 MAXIMUM_FAULTS = 60
+DEMO_NOTE = "a minute in a rendered home (synthetic); close to a plain wall some pictures show nothing"
 _NO_SETTINGS = {"stages_ms", "faults", "verdict", "fault_count", "merged", "format", "finished", "frames", "seconds"}
 
 
@@ -139,7 +140,7 @@ def _figures(content: ReportContent) -> dict[str, Any]:
     return {
         "started": str(record.get("started_utc", "")).replace("T", " ").replace("+00:00", " UTC"),
         "clustering": record.get("clustering", ""),
-        "source": record.get("source", []),
+        "source": [*record.get("source", []), *([DEMO_NOTE] if content.about["camera"] == "demo" else [])],
         "objects": len(content.objects),
         "frames": frames,
         "rate_hz": frames / seconds if seconds else None,
