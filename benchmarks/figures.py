@@ -25,10 +25,12 @@ import tyro
 Row = dict[str, Any]
 HERE, OUT = Path(__file__).parent, Path("runs/figures")
 JSON, BESIDE = HERE / "figures.json", "Beside others"
-BEGIN, END = "<!-- made of benchmarks/figures.json -->\n\n", "\n<!-- end -->\n"
+BEGIN, END = "<!-- made of benchmarks/figures.json -->", "<!-- end -->"
 INTRODUCTION = f"""# Figures
 
-{BEGIN}What was measured, with its data, commit and date. In brackets: lowest to highest home or run, or a 95 %
+{BEGIN}
+
+What was measured, with its data, commit and date. In brackets: lowest to highest home or run, or a 95 %
 interval. *Tuned on* data had a say in some rule or weight, so its figures flatter. Rendered homes are synthetic.
 `make figures` measures again where the data is here, and `benchmarks/figures.json` holds the command of each;
 [evaluation](evaluation.md) explains the terms, and with the [benchmark](benchmark.md) you measure another system.
@@ -132,7 +134,7 @@ def pages(rows: list[Row]) -> dict[Path, str]:
 def _within(text: str, rows: list[Row]) -> str:
     """A page with its table made again."""
     before, _, rest = text.partition(BEGIN)
-    return before + BEGIN + _table(rows) + END + rest.partition(END)[2]
+    return f"{before}{BEGIN}\n\n{_table(rows)}\n{END}{rest.partition(END)[2]}"
 
 
 README_ROWS = (
