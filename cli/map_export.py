@@ -10,7 +10,7 @@ from edgemap.runtime.frames.errors import UsageError
 
 NAMES = {
     "geojson": "map.geojson", "nav2": "map.yaml", "nav2-vector": "vector_objects.yaml", "csv": "map.csv",
-    "nav2-masks": "zones.yaml", "png": "map.png", "svg": "map.svg",
+    "nav2-masks": "zones.yaml", "png": "map.png", "svg": "map.svg", "route": "route.geojson",
 }  # fmt: skip
 
 
@@ -18,11 +18,12 @@ def command(
     map: Annotated[tyro.conf.Positional[Path], arg(metavar="MAP", help="A map.json or a run folder.")],
     *,
     format: Annotated[
-        Literal["geojson", "nav2", "nav2-vector", "nav2-masks", "csv", "png", "svg"],
+        Literal["geojson", "nav2", "nav2-vector", "nav2-masks", "route", "csv", "png", "svg"],
         arg(
             help="geojson: circles as polygons, metres of the map frame; nav2: occupancy map, PGM and YAML; "
             "nav2-vector: circles and zones for Nav2's Vector Object server; nav2-masks: zones for Nav2's keep-out and "
-            "speed filters; csv: one line per object; png, svg: drawn."
+            "speed filters; route: a graph of rooms and doors for Nav2's route server; csv: one line per object; "
+            "png, svg: drawn."
         ),
     ],
     out: Annotated[
@@ -33,7 +34,8 @@ def command(
         float, arg(metavar="M", help="nav2, of a map without a grid: side of a cell, metres.")
     ] = 0.05,
     robot_width: Annotated[
-        float, arg(metavar="M", help="nav2: width along the robot's path that counts as free, metres.")
+        float,
+        arg(metavar="M", help="nav2: width of the robot's path that counts as free; route: of the robot; metres."),
     ] = 0.35,
     objects: Annotated[
         bool, arg(help="nav2, of a map with a grid: lay the objects' circles over it as obstacles.")
@@ -89,6 +91,12 @@ def command(
             raise UsageError("--format nav2-masks needs --keep-out ZONE,… or --speed ZONE=PERCENT,…")
         written = write_masks(path, annotations.zones, _names(keep_out), _percentages(speed), resolution)
         print(f"masks of zones written to {' and '.join(str(one) for one in written)}")
+        return
+    elif format == "route":
+        from edgemap.runtime.outputs.map_formats.route import route_text
+
+        write_atomically(path, route_text(*rooms_of(mapped, annotations, floor), floor, robot_width / 2.0))
+        print(f"route graph written to {path}")
         return
     elif format in ("png", "svg"):
         from edgemap.runtime.outputs.map_formats.drawing import DrawnMap, draw_map

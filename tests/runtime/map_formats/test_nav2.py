@@ -1,5 +1,6 @@
 """Nav2's files, read back by what its documentation says of them."""
 
+import json
 import uuid
 
 import numpy as np
@@ -8,6 +9,8 @@ import yaml
 from support.rooms import mapped
 
 from edgemap.geometry.errors import MapError
+from edgemap.geometry.grid.occupancy_grid import OccupancyGrid
+from edgemap.geometry.grid.rooms import floor_parts
 from edgemap.geometry.objects.annotations import Zone
 from edgemap.geometry.se2 import SE2
 from edgemap.runtime.frames.trajectory import Trajectory
@@ -21,6 +24,7 @@ from edgemap.runtime.outputs.map_formats.grid import (
     live_grid,
 )
 from edgemap.runtime.outputs.map_formats.nav2 import vector_text, write_masks, write_nav2, write_picture
+from edgemap.runtime.outputs.map_formats.route import route_text
 
 # An L: three chairs along x, one to the left (+y) of the first. No mirror image or transpose of it is itself.
 CROOKED = [("chair", 1.0, 0.0), ("chair", 3.0, 0.0), ("chair", 6.0, 0.0), ("chair", 1.0, 2.0)]
@@ -200,3 +204,30 @@ def test_a_name_of_any_letters_is_the_picture_that_the_file_names(name, tmp_path
     path = tmp_path / f"{name}.yaml"
     picture = write_picture(path, np.zeros((2, 3), np.uint8), "trinary", 0.05, (0.0, 0.0))
     assert (tmp_path / yaml.safe_load(path.read_text())["image"]).read_bytes() == picture.read_bytes()
+
+
+def test_a_route_graph_leads_over_free_floor_from_room_to_room():
+    odds = np.full((84, 126), 40, np.int8)  # two rooms of 3 x 4 m, a door, and a cupboard before it
+    odds[2:82, 2:62] = odds[2:82, 64:124] = odds[33:51, 62:64] = -40
+    odds[30:54, 80:84] = 40
+    grid = OccupancyGrid(odds, -1.0, 2.0, 0.05)
+    rooms, doors = floor_parts(grid)
+    features = json.loads(route_text(rooms, doors, grid, 0.2))["features"]
+    nodes = {one["properties"]["id"]: one for one in features if one["geometry"]["type"] == "Point"}
+    edges = [one for one in features if one["geometry"]["type"] == "LineString"]
+    assert len({one["properties"]["id"] for one in features}) == len(features)
+    graph = {number: set() for number in nodes}
+    for edge in edges:  # as nav2_route reads them
+        a, b = (edge["properties"][end] for end in ("startid", "endid"))
+        graph[a].add(b)
+        ends = np.array([nodes[a]["geometry"]["coordinates"], nodes[b]["geometry"]["coordinates"]])
+        assert edge["geometry"]["coordinates"] == ends.tolist()
+        assert (grid.at(ends[0] + np.linspace(0.0, 1.0, 99)[:, None] * (ends[1] - ends[0])) == 0).all()
+    reached, waiting = set(), [0]
+    while waiting:
+        reached.add(waiting.pop())
+        waiting += [one for number in reached for one in graph[number] if one not in reached]
+    assert reached == set(nodes)
+    assert [one["properties"]["metadata"]["class"] for one in nodes.values()][:3] == ["room", "room", "door"]
+    with pytest.raises(MapError, match="no door between two rooms"):
+        route_text(rooms, [], grid, 0.2)
