@@ -77,7 +77,7 @@ def test_a_map_with_edits_is_saved_and_gone_on_with(edits):
 
 
 @given(st.lists(EDITS, max_size=8), EDITS)
-@settings(max_examples=150)
+@settings(max_examples=60)
 def test_undo_takes_back_the_last_edit_as_if_it_had_never_been(edits, edit):
     base, events = measured(), MapEvents()
     done = taken(events, base, edits)

@@ -31,7 +31,7 @@ from edgemap.runtime.step.mapper import new_mapper
 from edgemap.runtime.step.pipeline import Pipeline
 from edgemap.runtime.step.slam import SemanticSlam, SlamOptions, StepResult, build_slam
 
-STEPS = int(os.environ.get("EDGEMAP_FUZZ_STEPS", "400"))  # of each fuzz
+STEPS = int(os.environ.get("EDGEMAP_FUZZ_STEPS", "240"))  # of each fuzz
 SIZE, STRIDE, ANCHOR = 64, 8, 20.0
 FLOOR = FloorCamera(Intrinsics(SIZE, SIZE, 50.0, 50.0, 31.5, 31.5), Mount.from_degrees(0.6, 12.0))
 # One label: of objects with two names at one place the map shows one, which is none of what is checked here.

@@ -200,7 +200,7 @@ def kept(tmp_path_factory):
 
 
 @given(st.sampled_from(["map", "pose"]), st.sampled_from(["good", "bad", "..", "x" * 80, ""]), DAMAGED)
-@settings(max_examples=150, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@settings(max_examples=60, suppress_health_check=[HealthCheck.function_scoped_fixture])
 def test_no_message_ends_the_keeper_or_loses_the_merged_map(kept, kind, name, message):
     keeper, before = kept
     keeper._receive(kind, sample(kind, name, message))
