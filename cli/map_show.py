@@ -12,9 +12,10 @@ from edgemap.runtime.frames.errors import UsageError
 from edgemap.runtime.frames.option_texts import known_names, numbers
 
 if TYPE_CHECKING:
+    from edgemap.geometry.grid.rooms import Door, Room
     from edgemap.geometry.map_object import MapObject
-    from edgemap.geometry.objects.annotations import Annotations
     from edgemap.geometry.se2 import SE2
+    from edgemap.runtime.outputs.map_formats.drawing import DrawnMap
 
 
 def command(
@@ -48,6 +49,9 @@ def command(
     With a question (--label, --near, --inside, --since) or --json it answers in text and draws only where --out is
     given: the centres of the objects asked for.
     """
+    from edgemap.geometry.objects.rooms import rooms_of
+    from edgemap.runtime.outputs.map_formats.drawing import DrawnMap
+    from edgemap.runtime.step.grid_file import load_grid
     from edgemap.runtime.step.map_file import load_annotated_map
     from edgemap.runtime.step.map_store import saved_map
 
@@ -62,22 +66,22 @@ def command(
             shown = [item for item, _ in answers] + ([] if question.asked else list(annotations.vanished))
             _print_history(shown, json)
             continue
+        grid = load_grid(path)
+        areas, everything = rooms_of(objects, annotations, grid), not (question.asked or json)
         if json:
-            _print_json(path, objects, annotations, answers)
+            _print_json(path, areas, answers)
         else:
             _print_lines(answers)
-            if not question.asked:
-                _print_rooms(path, objects, annotations)
-        if not (question.asked or json):
-            picture = _draw(path, objects, objects, annotations, out, with_sightings=True)
-            print(f"{len(objects)} objects; drawn in {picture}")
-            continue
-        asked = [item for item, _ in answers]
-        picture = _draw(path, asked, objects, annotations, out, with_sightings=False) if out else None
+        if everything:
+            _print_rooms(areas)
+        drawn = DrawnMap([item for item, _ in answers], (), (), (), annotations.zones, grid, *areas)
+        picture = _draw(path, drawn, out, everything) if out or everything else None
         if not json:
-            print(f"{len(answers)} of {len(objects)} objects" + (f"; drawn in {picture}" if picture else ""))
+            count = f"{len(objects)} objects" if everything else f"{len(answers)} of {len(objects)} objects"
+            print(count + (f"; drawn in {picture}" if picture else ""))
 
 
+Areas = tuple[tuple["Room", ...], tuple["Door", ...]]
 Answers = list[tuple["MapObject", "float | None"]]
 
 
@@ -137,16 +141,13 @@ def _print_lines(answers: Answers) -> None:
         print(f"{item.id:<20} x {x_m:7.2f} m  y {y_m:7.2f} m  +- {sigma_of(item):.2f} m  seen {item.count} times{away}")
 
 
-def _print_rooms(path: Path, objects: "list[MapObject]", annotations: "Annotations") -> None:
-    from edgemap.geometry.objects.rooms import rooms_of, title_of
+def _print_rooms(areas: Areas) -> None:
     from edgemap.runtime.frames.reading import printable
-    from edgemap.runtime.step.grid_file import load_grid
 
-    rooms, doors = rooms_of(objects, annotations, load_grid(path))
-    for room in rooms:
-        title = "" if title_of(room) == room.id else title_of(room)
+    for room in areas[0]:
+        title = " ".join(word for word in (room.kind, room.name) if word)
         print(printable(f"{room.id:<20} {room.area_m2:5.1f} m2  {title:<12} {', '.join(room.objects)}".rstrip()))
-    for door in doors:
+    for door in areas[1]:
         print(f"{door.id:<20} {door.rooms[0]} to {door.rooms[1]}, open with {100.0 * door.open:.0f} %")
 
 
@@ -170,42 +171,30 @@ def _print_history(objects: "list[MapObject]", as_json: bool) -> None:
 _PLACES = (("from", "from_m"), ("to", "to_m"))
 
 
-def _print_json(path: Path, objects: "list[MapObject]", annotations: "Annotations", answers: Answers) -> None:
+def _print_json(path: Path, areas: Areas, answers: Answers) -> None:
     """One document like map.json, with `distance_m` where a point was given."""
-    from edgemap.geometry.objects.rooms import rooms_of
-    from edgemap.runtime.step.grid_file import load_grid
     from edgemap.runtime.step.map_file import door_record, map_document, room_record
 
-    rooms, doors = rooms_of(objects, annotations, load_grid(path))
     document = map_document([item for item, _ in answers])
-    document |= {"rooms": [room_record(room) for room in rooms], "doors": [door_record(door) for door in doors]}
+    document |= {"rooms": [room_record(room) for room in areas[0]], "doors": [door_record(door) for door in areas[1]]}
     for record, (_, distance_m) in zip(document["objects"], answers, strict=True):
         if distance_m is not None:
             record["distance_m"] = round(distance_m, 6)
     print_json({"map": str(path)} | document)
 
 
-def _draw(
-    path: Path,
-    objects: "list[MapObject]",
-    everything: "list[MapObject]",
-    annotations: "Annotations",
-    out: Path | None,
-    with_sightings: bool,
-) -> Path:
-    """Draws some of a map's objects, or everything; the picture's path."""
-    from edgemap.geometry.objects.rooms import rooms_of
-    from edgemap.runtime.outputs.map_formats.drawing import DrawnMap, draw_map
+def _draw(path: Path, drawn: "DrawnMap", out: Path | None, with_sightings: bool) -> Path:
+    """Draws the map, with the run's trajectory where it lies beside it; the picture's path."""
+    from dataclasses import replace
+
+    from edgemap.runtime.outputs.map_formats.drawing import draw_map
     from edgemap.runtime.outputs.sightings_file import read_sightings
-    from edgemap.runtime.step.grid_file import load_grid
 
     folder = path if path.is_dir() else path.parent
     stem = folder / ("map" if path.is_dir() else path.stem)
     is_run = (folder / "sightings.jsonl").is_file()
-    seen = read_sightings(folder) if is_run and with_sightings else []
-    zones, grid = annotations.zones, load_grid(path)
-    areas = rooms_of(everything, annotations, grid)
-    drawn = DrawnMap(objects, _poses(folder) if is_run else (), seen, (), zones, grid, *areas)
+    if is_run:
+        drawn = replace(drawn, poses=_poses(folder), sightings=read_sightings(folder) if with_sightings else ())
     return draw_map(out or stem.with_suffix(".png"), drawn)
 
 

@@ -236,7 +236,8 @@ def _best_line(floor: Mask, through: Mask, wall: Mask, cell_m: float) -> tuple[f
     floor_m = np.bincount(lines.line, (lines.last - lines.first) * cell_m, count)
     below = np.append(0.0, np.cumsum(floor.sum(axis=1)))[:-1] * cell_m**2
     between = (jambs == 1) & (np.bincount(lines.line, minlength=count) == 1)  # a door that all floor goes through
-    good = (np.minimum(below, floor.sum() * cell_m**2 - below) >= LEAST_M2) & (wall_m + JAMB * between >= SHORTEST_M)
+    parts = (wall_m + JAMB * between >= SHORTEST_M) | (floor_m == 0.0)
+    good = parts & (np.minimum(below, floor.sum() * cell_m**2 - below) >= LEAST_M2)
     score = np.where(good, wall_m - PASSAGE * floor_m + JAMB * jambs, -1.0)
     best = int(score.argmax())
     near = np.flatnonzero(score >= score[best] - 2.0 * cell_m)
