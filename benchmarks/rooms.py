@@ -14,7 +14,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from math import degrees
 from pathlib import Path
-from statistics import fmean
+from statistics import fmean, median
 from typing import Annotated, Any, Literal
 
 import tyro
@@ -28,6 +28,7 @@ AREAS = {
     "doors_precision": ("doors", "precision"),
     "doors_recall": ("doors", "recall"),
 }
+FOOTPRINT = ("f1_iou25", "mean_iou", "yaw_error_deg")
 # Name, odometry (None: the one asked for), wheels, loop closure, clustering.
 VARIANTS = {
     "true poses": ("truth", True, False, "default"),
@@ -123,7 +124,7 @@ def check_sums(folder: Path) -> None:
 
 def table(rows: list[dict[str, Any]]) -> list[str]:
     """Means and worst homes of every variant, a line each, and what loop closure gave at worst."""
-    lines = [f"{'':<28} {'':<5} " + " ".join(f"{key:>15}" for key in (*FIGURES, *AREAS))]
+    lines = [f"{'':<28} {'':<5} " + " ".join(f"{key:>15}" for key in (*FIGURES, *AREAS, *FOOTPRINT))]
     for variant in rows[0]["maps"]:
         for kind, figures in over_homes(rows, variant).items():
             name = variant if kind == "mean" else ""
@@ -137,7 +138,13 @@ def table(rows: list[dict[str, Any]]) -> list[str]:
 
 def over_homes(rows: list[dict[str, Any]], variant: str) -> dict[str, dict[str, float | None]]:
     """Means over the homes of one variant, and every figure's worst home."""
-    return summary([row["maps"][variant] for row in rows], (*FIGURES, *AREAS))
+    maps = [row["maps"][variant] for row in rows]
+    found = summary(
+        [dict.fromkeys(FOOTPRINT) | one | one.get("footprint", {}) for one in maps], (*FIGURES, *AREAS, *FOOTPRINT)
+    )
+    errors = [error for one in maps for error in one.get("footprint", {}).get("yaw_errors_deg", ())]
+    found["mean"]["yaw_error_deg"] = median(errors) if errors else None  # of all objects: a home has a few
+    return found
 
 
 def gains(rows: list[dict[str, Any]], closed: str, none: str) -> dict[str, float]:
@@ -152,6 +159,7 @@ def gains(rows: list[dict[str, Any]], closed: str, none: str) -> dict[str, float
 
 def _scored(folder: Path, bundle: Any, variants: dict[str, Any], frames: int) -> dict[str, Any]:
     from edgemap.benchmarks.map_variants import replayed, room_figures, true_objects
+    from edgemap.evaluation.footprints import score_footprints
     from edgemap.evaluation.objects import score_map, scored
     from edgemap.runtime.inputs.drives import open_drive
 
@@ -165,6 +173,8 @@ def _scored(folder: Path, bundle: Any, variants: dict[str, Any], frames: int) ->
         found = room_figures(slam, drive, frames)
         areas = {key: found.get(kind, {}).get(figure) for key, (kind, figure) in AREAS.items()}
         maps[name] = score_map(slam.objects(), truth) | areas
+        if footprint := score_footprints(slam.objects(), truth):
+            maps[name]["footprint"] = footprint
     return {**facts, "maps": maps}
 
 

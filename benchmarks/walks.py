@@ -36,7 +36,8 @@ WINDOWS_S = (1.0, 5.0)
 LOST = "blind"  # as of `Motion.members`
 FIGURES = ("t_rel_1", "t_rel_2", "t_rel_5", "r_rel_5", "scale", "lost", "tilt", "tilt_max", "nees_1", "nees_5", "f1")
 LOW_IS_WORSE = (
-    "f1", "precision", "recall", "covered95", "rooms_found", "rooms_iou", "doors_precision", "doors_recall"
+    "f1", "precision", "recall", "covered95", "rooms_found", "rooms_iou", "doors_precision", "doors_recall",
+    "f1_iou25", "mean_iou",
 )  # fmt: skip
 
 

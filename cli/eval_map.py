@@ -43,7 +43,9 @@ def command(
     of confidence and share of real objects. `shape` is F1 once more after alignments by the objects themselves: a map
     with a good shape and a poor F1 has its origin, heading or scale wrong. Where the drive has a floor_plan.json,
     `grid` judges free and occupied cells and seen walls, `rooms` the true rooms found (IoU of 0.5 and more, of those
-    half seen) and `doors` those within 0.5 m, without alignment.
+    half seen) and `doors` those within 0.5 m, without alignment. `footprint`, where the truth has footprint_m: F1 of
+    footprints that overlap by an IoU of 0.25, mean IoU of objects found, and the median error of the yaw of couches,
+    beds, tables and refrigerators.
     """
     from dataclasses import replace
     from itertools import pairwise
@@ -51,6 +53,7 @@ def command(
 
     from edgemap.benchmarks.map_variants import replayed, room_figures, true_floor, true_objects
     from edgemap.cli.simulated import as_data
+    from edgemap.evaluation.footprints import score_footprints
     from edgemap.evaluation.grid import score_grid
     from edgemap.evaluation.map_alignment import aligned_figures
     from edgemap.evaluation.objects import score_map, scored
@@ -105,6 +108,8 @@ def command(
         for name, slam in replayed(drive, loaded, variants, count, tuned).items():
             objects, grid = slam.objects(), slam.mapper.grid.grid()
             document[name] = score_map(objects, truth) | aligned_figures(objects, truth)
+            if footprint := score_footprints(objects, truth):
+                document[name]["footprint"] = footprint
             if plan is not None:
                 document[name] |= {"grid": score_grid(grid, plan)} | room_figures(slam, drive, count)
             if plot:
@@ -127,6 +132,8 @@ def command(
             print(f"  {poses:<14} {_rooms_line(figures['rooms'], figures['doors'])}")
         print(f"  {poses:<14} {_line(figures)}  ECE {figure(figures['reliability']['ece'])}")
         print(f"  {poses:<14} {_shape_line(figures)}")
+        if found := figures.get("footprint"):
+            print(f"  {poses:<14} {_footprint_line(found)}")
         for label, row in figures["per_class"].items():
             print(f"    {label:<14} {_line(row)}")
 
@@ -153,6 +160,13 @@ def _rooms_line(rooms: dict[str, Any], doors: dict[str, Any]) -> str:
         f"rooms: found {figure(rooms['found'])}, IoU {figure(rooms['mean_iou'])}, precision "
         f"{figure(rooms['precision'])}, kinds right {figure(rooms['kinds'])}; doors: precision "
         f"{figure(doors['precision'])}, recall {figure(doors['recall'])}"
+    )
+
+
+def _footprint_line(found: dict[str, Any]) -> str:
+    return (
+        f"footprints: F1 {figure(found['f1_iou25'])} at IoU 0.25, mean IoU {figure(found['mean_iou'])}; yaw error "
+        f"{figure(found['yaw_error_deg'], unit=' deg')}, known for {figure(found['oriented'])} of those judged"
     )
 
 

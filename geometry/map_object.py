@@ -10,8 +10,10 @@ import numpy as np
 from edgemap.geometry.arrays import Array
 from edgemap.geometry.observations.class_extents import footprint_m
 from edgemap.geometry.observations.sighting import PlacedSighting
+from edgemap.geometry.se2 import SE2, wrap_angle
 
 CHI2_95 = 5.991  # 95 % quantile of the squared Mahalanobis distance in two dimensions
+CIRCLE = 32  # corners of a footprint whose yaw is unknown
 REPEATED = 4.0  # consecutive pictures of 0.1 s that weigh as much as one: each repeats the error of the previous one
 
 
@@ -39,6 +41,25 @@ class MapEvent:
     other: str = ""
 
 
+@dataclass(frozen=True, slots=True)
+class MeasuredFootprint:
+    """A measured rectangle about an object's position. width_m: across its front. depth_m: along it. yaw_rad: direction
+    of the front, map frame; None where unknown. yaw_sigma_rad: standard deviation, infinite then."""
+
+    width_m: float
+    depth_m: float
+    yaw_rad: float | None = None
+    yaw_sigma_rad: float = math.inf
+
+    def turned(self, yaw_rad: float) -> "MeasuredFootprint":
+        """In a frame in which its current frame has this yaw."""
+        return self if self.yaw_rad is None else replace(self, yaw_rad=wrap_angle(self.yaw_rad + yaw_rad))
+
+    def scaled(self, factor: float) -> "MeasuredFootprint":
+        """With its sides times `factor`."""
+        return replace(self, width_m=factor * self.width_m, depth_m=factor * self.depth_m)
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class MapObject:
     """One object on the floor. position_m: (2,), x and y, map frame. covariance_m2: (2, 2), of the position.
@@ -47,8 +68,9 @@ class MapObject:
     positions from which it was observed, the farthest in each direction; older maps have none. labels: probability of
     each detected class. name, confirmed: edited by a person. corrected: which of label, position, size and yaw a
     person has set. yaw_rad: direction of the front. depth_m: depth of the footprint. Only a person sets yaw_rad and
-    depth_m; no camera measures them. first_seen, last_seen: of all runs, seconds since 1970, None where unknown.
-    history: oldest first. earlier: not observed by this run, so that its stamps are of an earlier run's stream.
+    depth_m; measured ones are in `measured`, and `yaw_of` and `footprint_of` give what counts. first_seen, last_seen:
+    of all runs, seconds since 1970, None where unknown. history: oldest first. earlier: not observed by this run, so
+    that its stamps are of an earlier run's stream.
     """
 
     id: str
@@ -72,6 +94,7 @@ class MapObject:
     last_seen: float | None = None
     history: tuple[MapEvent, ...] = ()
     earlier: bool = False
+    measured: MeasuredFootprint | None = None
 
     @property
     def x_m(self) -> float:
@@ -190,15 +213,44 @@ def id_order(identity: str) -> tuple[str, int]:
 
 
 def footprint_of(item: MapObject) -> tuple[float, float]:
-    """Width and depth of an object's footprint, m: those that a person has set, otherwise those usual for its class."""
-    return footprint_m(item.label, item.width_m) if item.depth_m is None else (item.width_m, item.depth_m)
+    """Width and depth of an object's footprint, m: those that a person has set, else measured ones, else those usual
+    for its class."""
+    if item.depth_m is not None:
+        return item.width_m, item.depth_m
+    if item.measured is not None:
+        return item.measured.width_m, item.measured.depth_m
+    return footprint_m(item.label, item.width_m)
+
+
+def yaw_of(item: MapObject) -> float | None:
+    """Direction of an object's front, rad: that which a person has set, else the measured one; None where unknown."""
+    return item.yaw_rad if item.yaw_rad is not None or item.measured is None else item.measured.yaw_rad
+
+
+def yaw_sigma_of(item: MapObject) -> float | None:
+    """Standard deviation of a measured yaw, rad; None where it is unknown or a person has set it."""
+    known = item.yaw_rad is None and item.measured is not None and item.measured.yaw_rad is not None
+    return item.measured.yaw_sigma_rad if known and item.measured is not None else None
+
+
+def outline_m(item: MapObject) -> Array:
+    """Corners of an object's footprint, counter-clockwise, map frame: its rectangle (4, 2), front right corner first;
+    where its yaw is unknown the circle (`CIRCLE`, 2) of the same area."""
+    yaw = yaw_of(item)
+    if yaw is None:
+        around = np.arange(CIRCLE) * (2.0 * math.pi / CIRCLE)
+        return item.position_m + radius_m(item) * np.column_stack([np.cos(around), np.sin(around)])
+    width, depth = footprint_of(item)
+    corners = np.array([(depth, -width), (depth, width), (-depth, width), (-depth, -width)]) / 2.0
+    return SE2(float(item.position_m[0]), float(item.position_m[1]), yaw).apply(corners)
+
+
+def reach_m(item: MapObject) -> float:
+    """Greatest distance of an object's footprint from its position, m."""
+    return radius_m(item) if yaw_of(item) is None else math.hypot(*footprint_of(item)) / 2.0
 
 
 def radius_m(item: MapObject) -> float:
-    """Radius of the circle around an object's position with the same area as its footprint, m; at least 5 cm.
-
-    A circle is used because the yaw of an object is unknown. A couch extends beyond the circle at both ends, and does
-    not fill it in front and behind.
-    """
+    """Radius of the circle around an object's position with the same area as its footprint, m; at least 5 cm."""
     width, depth = footprint_of(item)
     return max(math.sqrt(width * depth / math.pi), 0.05)

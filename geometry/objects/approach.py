@@ -11,7 +11,7 @@ from edgemap.geometry.arrays import Array
 from edgemap.geometry.errors import MapError
 from edgemap.geometry.grid.occupancy_grid import FREE, OCCUPIED, OccupancyGrid
 from edgemap.geometry.grid.rooms import Room, inside
-from edgemap.geometry.map_object import MapObject, footprint_of, radius_m
+from edgemap.geometry.map_object import MapObject, footprint_of, radius_m, yaw_of
 from edgemap.geometry.se2 import SE2, wrap_angle
 
 DIRECTIONS = 48  # about the object, in which a pose is tried
@@ -48,14 +48,14 @@ def approach(
     robot_m: Sequence[float] | None = None,
     rule: ApproachRule | None = None,
 ) -> Approach:
-    """The cheapest pose about an object: near the requested standoff, in front of it where a person has set its yaw, on
+    """The cheapest pose about an object: near the requested standoff, in front of it where its yaw is known, on
     free floor, clear of other objects, near the robot (robot_m: x, y).
 
     Where there is a grid, the robot's circle may not overlap an occupied cell, and free floor is preferred to unknown.
     Raises MapError with the numbers where every place is taken.
     """
     rule = rule or ApproachRule()
-    others = [other for other in objects if other.id != item.id]
+    others, yaw_rad = [other for other in objects if other.id != item.id], yaw_of(item)
     around = np.arange(DIRECTIONS) * 2.0 * math.pi / DIRECTIONS
     candidates: list[tuple[float, Approach]] = []
     taken = 0
@@ -70,8 +70,8 @@ def approach(
                 taken += 1
                 continue
             cost = standoff_m + (UNKNOWN_M if floor == "unknown" else 0.0)
-            if item.yaw_rad is not None:
-                cost += SIDE_M * abs(wrap_angle(direction - item.yaw_rad)) / (math.pi / 2.0)
+            if yaw_rad is not None:
+                cost += SIDE_M * abs(wrap_angle(direction - yaw_rad)) / (math.pi / 2.0)
             if robot_m is not None:
                 cost += WALK_SHARE * float(np.linalg.norm(at - np.asarray(robot_m)))
             pose = SE2(float(at[0]), float(at[1]), wrap_angle(direction + math.pi))
@@ -100,13 +100,12 @@ def room_pose(room: Room, grid: OccupancyGrid, rule: ApproachRule | None = None)
 
 
 def _extent_m(item: MapObject, direction_rad: float) -> float:
-    """Distance from an object's centre to its edge in one direction: of its rectangle where a person has set its yaw,
-    else of the circle of equal area."""
-    if item.yaw_rad is None:
+    """Distance from an object's centre to its edge in one direction: of its rectangle where its yaw is known, else
+    of the circle of equal area."""
+    if (yaw_rad := yaw_of(item)) is None:
         return radius_m(item)
     width, depth = footprint_of(item)
-    along = abs(math.cos(direction_rad - item.yaw_rad))
-    across = abs(math.sin(direction_rad - item.yaw_rad))
+    along, across = abs(math.cos(direction_rad - yaw_rad)), abs(math.sin(direction_rad - yaw_rad))
     return min(depth / 2.0 / max(along, 1e-9), width / 2.0 / max(across, 1e-9))
 
 

@@ -9,6 +9,7 @@ import numpy as np
 from edgemap.geometry.arrays import CHI2_997, Array
 from edgemap.geometry.map_object import REPEATED, MapObject, SightingSums
 from edgemap.geometry.objects.class_posterior import OverlapRule
+from edgemap.geometry.objects.footprint import FootprintRule
 from edgemap.geometry.slam.object_landmarks import Landmark, LandmarkRule
 
 
@@ -20,6 +21,7 @@ class AssociationRule:
     # used to close loops.
     min_count: int = 4
     overlap: OverlapRule = field(default_factory=OverlapRule)
+    footprint: FootprintRule = field(default_factory=FootprintRule)
 
 
 class Estimate:

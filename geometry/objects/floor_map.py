@@ -17,30 +17,34 @@ import numpy as np
 
 from edgemap.geometry.arrays import Array
 from edgemap.geometry.errors import MapError
+from edgemap.geometry.grid.occupancy_grid import OccupancyGrid
 from edgemap.geometry.map_object import MapObject, id_order
 from edgemap.geometry.objects.association import AssociationRule, Estimate, grouped
 from edgemap.geometry.objects.cells import Cells
 from edgemap.geometry.objects.class_posterior import Candidate, Overlaps, label_posterior
+from edgemap.geometry.objects.footprint import FittedFootprint, fitted
 from edgemap.geometry.observations.sighting import PlacedSighting
-from edgemap.geometry.slam.object_landmarks import VIEW, Landmark
+from edgemap.geometry.slam.object_landmarks import OUTLINE, OUTLINED, VIEW, Landmark, rotations
 from edgemap.geometry.slam.pose_graph import GraphRule, PoseGraph
 from edgemap.geometry.slam.pruning import drop_keyframes
 from edgemap.geometry.trajectory_correction import composed
 
 MERGED_IDS = 4096  # merged ids that are reported; older ones are dropped
+FITTED = 2  # footprints at most in one update, which bounds its time
 DIRECTIONS = 24  # about an object; in each the farthest position from which it was observed is kept
 
 
 @dataclass(slots=True, eq=False)
 class _Object:
     """Landmarks of one label that are one object. presence: probability that it still stands there. estimate: None
-    until asked for."""
+    until asked for. footprint: as last fitted."""
 
     id: str
     label: str
     landmarks: list[Landmark]
     presence: float = 1.0
     estimate: Estimate | None = None
+    footprint: FittedFootprint | None = None
 
 
 class FloorMap:
@@ -62,6 +66,8 @@ class FloorMap:
         self._order: list[tuple[tuple[str, int], str]] = []  # of what is shown, sorted
         self._ordered: list[MapObject] = []  # in that order
         self._listed: list[MapObject] | None = []
+        self.grid: OccupancyGrid | None = None  # that footprints are fitted to
+        self._unfitted: dict[str, None] = {}  # ids of objects whose outlines have changed, oldest first
 
     @classmethod
     def after(
@@ -127,6 +133,8 @@ class FloorMap:
                 self._group(label, changed)
             for one in same_label:
                 self._change(self._owner[one.number].id)
+            self._unfitted |= dict.fromkeys(self._owner[one.number].id for one in changed)
+        self._fit_footprints()
         return [self._owner[one.number].id for one in landmarks]
 
     def bound(self) -> None:
@@ -181,6 +189,7 @@ class FloorMap:
             self._group(label, landmarks)
             for one in landmarks:
                 self._change(self._owner[one.number].id)
+                self._unfitted[self._owner[one.number].id] = None
 
     def set_presence(self, identity: str, probability: float) -> None:
         """Sets the probability that an object is still there, which scales its confidence."""
@@ -219,7 +228,8 @@ class FloorMap:
         for group, names in zip(groups, homes, strict=True):
             identity = names[0] if names else self._new_id(label)
             presence = max((before[name].presence for name in names), default=1.0)
-            item = self._objects[identity] = _Object(identity, label, group, presence)
+            footprint = before[names[0]].footprint if names else None
+            item = self._objects[identity] = _Object(identity, label, group, presence, footprint=footprint)
             self._change(identity)
             for one in group:
                 self._owner[one.number] = item
@@ -339,7 +349,31 @@ class FloorMap:
             return replace(estimate.saved, confidence=confidence, labels=estimate.saved.labels or labels)
         plain = estimate.as_object(best.id, best.label, self.rule)
         places = outermost(self._views(best.landmarks), plain.position_m)
-        return replace(plain, confidence=plain.confidence * best.presence, seen_from_m=places, labels=labels)
+        shape, at = estimate.saved and estimate.saved.measured, plain.position_m
+        if best.footprint is not None:
+            shape, at = best.footprint.shape, at + best.footprint.offset_m
+        confidence = plain.confidence * best.presence
+        return replace(plain, position_m=at, confidence=confidence, seen_from_m=places, labels=labels, measured=shape)
+
+    def _fit_footprints(self) -> None:
+        """Fits the footprints of a few objects whose outlines have changed, the oldest change first."""
+        for identity in list(islice(self._unfitted, FITTED)):
+            del self._unfitted[identity]
+            if (item := self._objects.get(identity)) is not None:
+                self._change(identity)
+                estimate = self._estimate(item)
+                width_m, saved = estimate.sums.width_m / estimate.sums.count, estimate.saved and estimate.saved.measured
+                outlines, rule = self._outlines(item.landmarks), self.rule.footprint
+                item.footprint = fitted(item.label, width_m, estimate.position_m, outlines, self.grid, rule, saved)
+
+    def _outlines(self, landmarks: Sequence[Landmark]) -> Array:
+        """Mean outline of a box in each keyframe that has any, (N, 3, 2), map frame."""
+        keyframes = np.array([keyframe for one in landmarks for keyframe in one.keyframes], dtype=np.intp)
+        rows = np.concatenate([one.rows for one in landmarks])
+        some = rows[:, OUTLINED].ravel() > 0.0
+        local = (rows[some, OUTLINE] / rows[some, OUTLINED]).reshape(-1, 3, 2)
+        poses = self.graph.trajectory.vectors()[keyframes[some]].reshape(-1, 3)
+        return local @ rotations(poses[:, 2]).transpose(0, 2, 1) + poses[:, None, :2]
 
     def _views(self, landmarks: Sequence[Landmark]) -> Array:
         """Positions (N, 2) that landmarks were observed from, those of an earlier map first."""

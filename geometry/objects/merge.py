@@ -32,7 +32,9 @@ def moved(item: MapObject, alignment: Alignment) -> MapObject:
     covariance = rotation @ item.covariance_m2 @ rotation.T + wrt_pose @ alignment.covariance @ wrt_pose.T
     views = tuple((float(x), float(y)) for x, y in pose.apply(np.reshape(item.seen_from_m, (-1, 2))))
     yaw_rad = None if item.yaw_rad is None else wrap_angle(item.yaw_rad + pose.yaw_rad)
-    placed = replace(item, position_m=pose.apply(item.position_m), seen_from_m=views, yaw_rad=yaw_rad)
+    shape = item.measured and item.measured.turned(pose.yaw_rad)
+    at_m = pose.apply(item.position_m)
+    placed = replace(item, position_m=at_m, seen_from_m=views, yaw_rad=yaw_rad, measured=shape)
     return replace(placed, covariance_m2=covariance, history=placed_history(item.history, pose.apply))
 
 
@@ -234,6 +236,9 @@ def fused(ours: MapObject, theirs: MapObject, rule: LandmarkRule) -> MapObject:
         labels=labels,
         name=ours.name or theirs.name,
         confirmed=ours.confirmed or theirs.confirmed,
+        measured=min(ours.measured, theirs.measured, key=lambda one: one.yaw_sigma_rad)
+        if ours.measured and theirs.measured
+        else ours.measured or theirs.measured,
     )
     return with_stated(estimate, parts)
 

@@ -43,7 +43,7 @@ def _scaled(item: MapObject, factor: float) -> MapObject:
     history = placed_history(item.history, lambda point_m: factor * point_m)
     placed = replace(
         item, position_m=factor * item.position_m, covariance_m2=factor**2 * item.covariance_m2, seen_from_m=views,
-        history=history,
+        history=history, measured=item.measured and item.measured.scaled(factor),
     )  # fmt: skip
     if "size" in item.corrected:
         return placed

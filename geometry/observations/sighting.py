@@ -34,7 +34,8 @@ class Sighting:
     distance_m: horizontal, from the lens to the foot. detection: index into the frame's Detections. weight: 0..1, its
     evidence for a new object; low-confidence ones only update existing objects, as in ByteTrack (Zhang et al. 2022).
     pictures: number of 0.1 s intervals that it represents, so that evidence grows with time in view and not with the
-    frame rate.
+    frame rate. outline_base_m: (3, 2) the lens and both ends of the box's lower edge on the floor; None where the
+    picture or a nearer box cuts one of them.
     """
 
     label: str
@@ -51,6 +52,7 @@ class Sighting:
     stamp_s: float = 0.0
     weight: float = 1.0
     pictures: float = 1.0
+    outline_base_m: Array | None = None
 
     def placed(self, pose_map_base: SE2, pose_covariance: Array, mount: Mount | None = None) -> "PlacedSighting":
         """This sighting in the map, seen from a pose whose 3x3 covariance (m, m, rad) is additive in the map frame.
@@ -189,11 +191,13 @@ def sightings_of(
         if box.cut:  # and with it, often, its nearest corner
             along_m = box.direction * box.shape.cut_sigma_m(box.width_m)
             covariance_m2 = covariance_m2 + np.outer(along_m, along_m)
+        part = box.is_hidden or box.cut
         sightings.append(
             Sighting(
                 label, score, foot.position_m + box.direction * middle_m, covariance_m2, shared_m2,
                 width_m, height_m, box.extent_m, distance_m, row, frame, stamp_s,
-                evidence.weight(score) * (PART_COUNTS if box.is_hidden or box.cut else 1.0),
+                evidence.weight(score) * (PART_COUNTS if part else 1.0),
+                outline_base_m=None if part else np.vstack([box.lens_m, _lower_edge_m(detections.boxes[row], camera)]),
             )
         )  # fmt: skip
     return _without_doubles(sightings, detections.boxes)
@@ -249,6 +253,11 @@ def _on_floor(
         flags = bool(cut[at]), bool(low[at]), float(cover[at]), nearest_m
         place = lens, near[at], random[at], direction, reach_m
         yield row, BoxOnFloor(shapes[at], *place, width_m, height_m, extent, *flags, *ranges[at].tolist()), shared[at]
+
+
+def _lower_edge_m(box: Array, camera: FloorCamera) -> Array:
+    """Both ends of a box's lower edge on the floor, (2, 2), base frame."""
+    return camera.floor_points([(box[0] - 0.5, box[3] - 0.5), (box[2] - 0.5, box[3] - 0.5)])
 
 
 def _floor_begins_m(box: Array, camera: FloorCamera, floor: FloorMask | None) -> float:

@@ -20,11 +20,13 @@ from edgemap.geometry.slam.keyframes import KeyframeTrajectory
 from edgemap.geometry.slam.least_squares import ObservationFactors, inverse
 
 # Columns of an observation's sums: sightings, information xx xy yy, information times position, bias, range, derivative
-# by the mount's tilt, that times the tilt it was placed by; the base's position at the first.
-COUNT, INFORMATION, VECTOR, BIAS, RANGE, BY_TILT, TILTED, VIEW = (
+# by the mount's tilt, that times the tilt it was placed by; the base's position at the first; how many have an outline,
+# and the sum of these.
+COUNT, INFORMATION, VECTOR, BIAS, RANGE, BY_TILT, TILTED, VIEW, OUTLINED, OUTLINE = (
     slice(0, 1), slice(1, 4), slice(4, 6), slice(6, 8), slice(8, 10), slice(10, 14), slice(14, 16), slice(16, 18),
+    slice(18, 19), slice(19, 25),
 )  # fmt: skip
-COLUMNS = 18
+COLUMNS = 25
 IMPOSSIBLE = 1e6  # cost of a pair that may not be
 
 
@@ -152,6 +154,8 @@ def observed(placed: PlacedSighting, since: SE2, tilt_rad: Array, repeated: floa
     row = np.zeros(COLUMNS)
     row[:6] = 1.0, xx, xy, yy, xx * x_m + xy * y_m, xy * x_m + yy * y_m
     row[BIAS], row[RANGE], row[VIEW] = rotation @ bias_m, rotation @ range_m, (since.x_m, since.y_m)
+    if sighting.outline_base_m is not None:
+        row[OUTLINED], row[OUTLINE] = 1.0, since.apply(sighting.outline_base_m).ravel()
     if placed.mount is not None:
         by_tilt = rotation @ placed.mount.floor_by_tilt(place_m)
         row[BY_TILT], row[TILTED] = by_tilt.ravel(), by_tilt @ tilt_rad
@@ -326,5 +330,6 @@ def _in_frame(row: NDArray[np.float64], pose: SE2) -> Array:
     for part in (BIAS, RANGE, TILTED):
         moved[part] = rotation @ row[part]
     moved[VIEW] = pose.apply(row[VIEW])
+    moved[OUTLINE] = (row[OUTLINE].reshape(3, 2) @ rotation.T + row[OUTLINED] * [pose.x_m, pose.y_m]).ravel()
     moved[BY_TILT] = (rotation @ row[BY_TILT].reshape(2, 2)).ravel()
     return moved

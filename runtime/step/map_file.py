@@ -2,6 +2,7 @@
 
 import hashlib
 import json
+import math
 import uuid
 from contextlib import suppress
 from dataclasses import replace
@@ -13,10 +14,11 @@ from edgemap.geometry.errors import MapError
 from edgemap.geometry.grid.occupancy_grid import OccupancyGrid
 from edgemap.geometry.grid.rooms import Door, Room
 from edgemap.geometry.grid.walls import walls_of
-from edgemap.geometry.map_object import MapEvent, MapObject
+from edgemap.geometry.map_object import MapEvent, MapObject, MeasuredFootprint, outline_m, yaw_of, yaw_sigma_of
 from edgemap.geometry.objects.annotations import NO_ANNOTATIONS, Annotations, MapIdentity, Zone
 from edgemap.geometry.objects.approach import Approach
 from edgemap.geometry.objects.rooms import rooms_of
+from edgemap.geometry.observations.class_extents import footprint_m
 from edgemap.geometry.se2 import SE2
 from edgemap.runtime.frames.disk import write_atomically
 from edgemap.runtime.frames.reading import decode_json, read_bytes
@@ -33,6 +35,7 @@ from edgemap.runtime.step.wall_clock import host_clock, utc_text
 
 FORMAT = "edgemap.map/1"
 ROUNDING_M2 = 1e-9  # of the file's covariances
+SAME_M = 1e-3  # difference of a circle of the usual size, as the file rounds it
 DEFAULT_MAP_ID = "map"
 
 
@@ -48,7 +51,7 @@ def map_document(
     Where there are any: `map_id`, `generation` and `verdict`; `seen_from_m`, id to the positions from which it was
     observed; `zones`; `deleted`, objects that a person has deleted; `vanished`, objects that are gone; `grid`, `walls`,
     `rooms` and `doors`; `dock`; `last_pose`, of the robot when the map was saved. Of an object `name`, `confirmed`,
-    `corrected`, `yaw_rad` and `depth_m`, where a person has given them.
+    `corrected` and `depth_m`, where a person has given them; `yaw_rad` is null where its `footprint` is a circle.
     """
     seen = [item for item in objects if item.seen_from_m]
     views = {item.id: [[round(x_m, 3), round(y_m, 3)] for x_m, y_m in item.seen_from_m] for item in seen}
@@ -105,9 +108,12 @@ def object_record(item: MapObject) -> dict:
     stated: dict[str, object] = {"name": item.name} if item.name else {}
     stated |= {"confirmed": True} if item.confirmed else {}
     stated |= {"corrected": list(item.corrected)} if item.corrected else {}
-    stated |= {"yaw_rad": round(item.yaw_rad, 5)} if item.yaw_rad is not None else {}
     stated |= {"depth_m": round(item.depth_m, 4)} if item.depth_m is not None else {}
+    yaw_rad, sigma_rad = yaw_of(item), yaw_sigma_of(item)
     return stated | {
+        "yaw_rad": None if yaw_rad is None else round(yaw_rad, 5),
+        "yaw_sigma_rad": None if sigma_rad is None else round(sigma_rad, 5),
+        "footprint": [[round(x_m, 4), round(y_m, 4)] for x_m, y_m in outline_m(item).tolist()],
         "id": item.id,
         "label": item.label,
         "x_m": round(float(item.position_m[0]), 6),
@@ -279,12 +285,27 @@ def _object_of(record: MapObjectRecord, views: list[tuple[float, float]], where:
         )
     covariance[0, 1] = covariance[1, 0] = (xy + yx) / 2.0
     covariance += np.eye(2) * max(0.0, 2.0 * ROUNDING_M2 - float(np.linalg.eigvalsh(covariance)[0]))
+    by_person = record.yaw_rad if "yaw" in record.corrected else None
     return MapObject(
         record.id, record.label, np.array([record.x_m, record.y_m]), covariance, record.width_m, record.height_m,
         record.count, record.confidence, record.first_seen_s, record.last_seen_s, tuple(views),
-        record.labels, record.name, record.confirmed, tuple(record.corrected), record.yaw_rad, record.depth_m,
+        record.labels, record.name, record.confirmed, tuple(record.corrected), by_person, record.depth_m,
         seconds(record.first_seen), seconds(record.last_seen), tuple(one.event for one in record.history),
+        measured=_measured(record),
     )  # fmt: skip
+
+
+def _measured(record: MapObjectRecord) -> MeasuredFootprint | None:
+    """The measured footprint of an object; None of older maps."""
+    corners = np.array(record.footprint)
+    if len(corners) < 4:
+        return None
+    if record.yaw_rad is not None and record.yaw_sigma_rad is not None:
+        depth_m, width_m = np.linalg.norm(corners[[0, 1]] - corners[[3, 0]], axis=1).tolist()
+        return MeasuredFootprint(width_m, depth_m, record.yaw_rad, record.yaw_sigma_rad)
+    side_m = math.sqrt(math.pi) * float(np.linalg.norm(corners - corners.mean(axis=0), axis=1).mean())
+    usual_m = math.sqrt(math.prod(footprint_m(record.label, record.width_m)))
+    return None if record.yaw_rad is not None or abs(side_m - usual_m) < SAME_M else MeasuredFootprint(side_m, side_m)
 
 
 def object_uuid(object_id: str, map_id: str = DEFAULT_MAP_ID) -> str:

@@ -75,6 +75,10 @@ class MapObjectRecord(msgspec.Struct, kw_only=True):
         default_factory=list
     )
     yaw_rad: Yaw | None = None
+    yaw_sigma_rad: Annotated[float, Meta(ge=0.0, le=7.0)] | None = None
+    footprint: Annotated[list[tuple[Coordinate, Coordinate]], Meta(max_length=100)] = msgspec.field(
+        default_factory=list
+    )
     depth_m: Size | None = None
     first_seen: Utc | None = None
     last_seen: Utc | None = None

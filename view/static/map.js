@@ -162,7 +162,7 @@ export class FloorMap {
     ["ramp-from", "ramp-to"].forEach((id, end) => setText(byId(id), this.path.ends(this.trail)[end]));
     this.truth.draw(pen, view, new Map(this.shown().map((item) => [item.id, item])), this.style);
     this.points(pen);
-    for (const item of this.shown()) drawFootprint(pen, item, view, this.walls, this.style, item.id === this.chosen);
+    for (const item of this.shown()) drawFootprint(pen, item, view, this.style, item.id === this.chosen);
     if (this.dock) this.home(pen, this.dock);
     if (robot) this.robot(pen, robot);
     this.things(pen, robot);

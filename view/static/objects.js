@@ -263,6 +263,7 @@ export class Objects {
       "Position": `x ${item.x_m.toFixed(2)}, y ${item.y_m.toFixed(2)} m`.replaceAll("-", "−"),
       "Uncertainty": `± ${Math.sqrt((xx + yy) / 2).toFixed(2)} m`,
       "Size": `${item.footprint_m.map((side) => side.toFixed(2)).join(" × ")} m, ${item.height_m.toFixed(2)} m high`,
+      "Facing": facingOf(item),
       "Confidence": percent(item.confidence),
       "Seen": `${item.count} times, ${this.seen.has(item.id) ? "in view" : `last ${this.lastSeen(item)}`}`,
     };
@@ -286,6 +287,11 @@ export class Objects {
       return line;
     }));
   }
+}
+
+function facingOf({ yaw_rad, yaw_sigma_rad }) {
+  const degrees = (angle) => `${(angle * 180 / Math.PI).toFixed(0)}°`.replace("-", "−");
+  return yaw_rad === null ? "unknown: a circle of its area" : degrees(yaw_rad) + (yaw_sigma_rad === null ? "" : ` ± ${degrees(yaw_sigma_rad)}`);
 }
 
 function percent(share) { return `${(100 * share).toFixed(0)} %`; }

@@ -9,7 +9,7 @@ from edgemap.bridges.ros2.messages.definitions import Message
 from edgemap.bridges.ros2.messages.topics import IDS, FrameIds
 from edgemap.geometry.grid.floor_scan import FloorScan
 from edgemap.geometry.grid.occupancy_grid import OccupancyGrid
-from edgemap.geometry.map_object import MapObject, ellipse_95
+from edgemap.geometry.map_object import MapObject, ellipse_95, footprint_of, yaw_of
 from edgemap.geometry.objects.annotations import MapIdentity
 from edgemap.geometry.se2 import SE2
 from edgemap.runtime.frames.colours import label_rgb
@@ -29,7 +29,7 @@ def detections_3d(
     for item in objects:
         covariance = np.zeros((6, 6))
         covariance[:2, :2] = item.covariance_m2
-        pose = {"position": _place(item, _height_m(item) / 2.0)}
+        pose = _pose(item)
         hypothesis = {"class_id": item.label, "score": float(item.confidence)}
         entries.append(
             {
@@ -54,9 +54,9 @@ def markers(stamp_ns: int, objects: list[MapObject], ids: FrameIds = IDS) -> Mes
         red, green, blue = label_rgb(item.label)
         tint = {"r": red, "g": green, "b": blue}
         long_m, short_m, yaw_rad = ellipse_95(item.covariance_m2)
-        rotated = {"x": 0.0, "y": 0.0, "z": float(np.sin(yaw_rad / 2.0)), "w": float(np.cos(yaw_rad / 2.0))}
+        rotated = _rotation(yaw_rad)
         common = {"header": header(stamp_ns, ids.map), "id": number}
-        box = {"pose": {"position": _place(item, _height_m(item) / 2.0)}, "scale": _box(item)}
+        box = {"pose": _pose(item), "scale": _box(item)}
         entries.append(common | box | {"ns": "objects", "type": CUBE, "color": tint | {"a": 0.5}})
         name = {"pose": {"position": _place(item, _height_m(item) + LETTER_M)}, "scale": {"z": LETTER_M}}
         white = {"r": 1.0, "g": 1.0, "b": 1.0, "a": 1.0}
@@ -83,9 +83,20 @@ def _height_m(item: MapObject) -> float:
     return min(max(float(item.height_m), FLAT_M), TALLEST_M)
 
 
+def _rotation(yaw_rad: float) -> dict[str, float]:
+    return {"x": 0.0, "y": 0.0, "z": math.sin(yaw_rad / 2.0), "w": math.cos(yaw_rad / 2.0)}
+
+
+def _pose(item: MapObject) -> dict[str, dict[str, float]]:
+    """Of the middle of its box; x is forward where its yaw is known."""
+    pose, yaw_rad = {"position": _place(item, _height_m(item) / 2.0)}, yaw_of(item)
+    return pose if yaw_rad is None else pose | {"orientation": _rotation(yaw_rad)}
+
+
 def _box(item: MapObject) -> dict[str, float]:
-    side_m = max(float(item.width_m), FLAT_M)  # its depth is not seen: as deep as wide
-    return {"x": side_m, "y": side_m, "z": _height_m(item)}
+    """Sides of its box; as deep as wide, as it appears, where its yaw is unknown."""
+    width_m, depth_m = (item.width_m, item.width_m) if yaw_of(item) is None else footprint_of(item)
+    return {"x": max(float(depth_m), FLAT_M), "y": max(float(width_m), FLAT_M), "z": _height_m(item)}
 
 
 def grid_message(stamp_ns: int, grid: OccupancyGrid, ids: FrameIds = IDS) -> Message:

@@ -12,7 +12,7 @@ from edgemap.geometry.errors import MapError
 from edgemap.geometry.grid.occupancy_grid import FREE, OCCUPIED, UNKNOWN, OccupancyGrid
 from edgemap.geometry.grid.rooms import Door, Room
 from edgemap.geometry.grid.walls import walls_of
-from edgemap.geometry.map_object import MapObject, ellipse_95, radius_m
+from edgemap.geometry.map_object import MapObject, ellipse_95, outline_m, radius_m, reach_m
 from edgemap.geometry.objects.annotations import Zone
 from edgemap.geometry.objects.rooms import title_of
 from edgemap.geometry.se2 import SE2
@@ -123,7 +123,7 @@ def _sheet(drawn: DrawnMap) -> Sheet:
         points.append(drawn.grid.centres_m(drawn.grid.cells != UNKNOWN))
     for item in drawn.objects:
         ellipse_m = 0.0 if is_doubtful(item) else min(ellipse_95(item.covariance_m2)[0], LONGEST_AXIS_M)
-        reach = max(radius_m(item), ellipse_m)
+        reach = max(reach_m(item), ellipse_m)
         points.append(item.position_m + reach * np.array([[1, 1], [-1, -1]]))
     every = np.concatenate(points)
     low, high = every.min(axis=0) - MARGIN_M, every.max(axis=0) + MARGIN_M
@@ -201,7 +201,7 @@ def _centres(sheet: Sheet, drawn: DrawnMap) -> list[Item]:
     for item in sorted(drawn.objects, key=radius_m, reverse=True):  # small ones on top
         at, colour = sheet.at(item.position_m), label_colour(item.label)
         if not is_doubtful(item):
-            items.append(Shape(at + _circle(radius_m(item) * sheet.px_per_m), colour, opacity=0.2))
+            items.append(Shape(sheet.at(outline_m(item)), colour, opacity=0.2))
             items.append(Shape(at + _ellipse(item) * sheet.px_per_m, stroke=colour, width=1.0))
     for label, *place in drawn.truth:
         items.append(Shape(sheet.at(place) + _mark(label, 9.0), stroke=label_colour(label)))

@@ -1,4 +1,4 @@
-"""A map as GeoJSON: circles on the floor as polygons, the trajectory as a line; in metres of the map's own frame."""
+"""A map as GeoJSON: footprints as polygons, the trajectory as a line; in metres of the map's own frame."""
 
 import json
 import math
@@ -21,7 +21,6 @@ from edgemap.runtime.step.map_file import (
 )
 
 FRAME = "local frame map, metres, REP-103 (x forward, y left, counter-clockwise); NOT WGS 84 longitude and latitude"
-CORNERS = 32
 STEP_M = 0.05  # spacing of the trajectory's points
 
 
@@ -74,12 +73,8 @@ def _rounded(points_m: Sequence[Sequence[float]]) -> list[list[float]]:
 
 
 def _object(item: MapObject, map_id: str) -> dict:
-    radius = radius_m(item)
-    x_m, y_m = (float(value) for value in item.position_m)
-    turns = [math.tau * k / CORNERS for k in range(CORNERS)]
-    ring = _rounded([(x_m + radius * math.cos(t), y_m + radius * math.sin(t)) for t in turns])
-    further = {"uuid": object_uuid(item.id, map_id), "radius_m": round(radius, 4)}
-    return _feature(item.id, "Polygon", ring, object_record(item) | further)
+    record = object_record(item) | {"uuid": object_uuid(item.id, map_id), "radius_m": round(radius_m(item), 4)}
+    return _feature(item.id, "Polygon", record.pop("footprint"), record)
 
 
 def _zone(zone: Zone, taken: Collection[str]) -> dict:

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from edgemap.geometry.errors import MapError
 from edgemap.geometry.grid.occupancy_grid import FREE, OCCUPIED, UNKNOWN, OccupancyGrid
-from edgemap.geometry.map_object import MapObject, radius_m
+from edgemap.geometry.map_object import MapObject, footprint_of, reach_m, yaw_of
 from edgemap.geometry.se2 import SE2
 from edgemap.runtime.frames.trajectory import Trajectory
 
@@ -52,7 +52,7 @@ def grid_of(
     rule = rule or CellsRule()
     res = rule.resolution_m
     path_m = np.array([(pose.x_m, pose.y_m) for pose in trajectory.poses] if trajectory else []).reshape(-1, 2)
-    discs = [(item.position_m, radius_m(item)) for item in objects]
+    discs = [(item.position_m, reach_m(item)) for item in objects]
     reach = [*((centre, radius) for centre, radius in discs), *((point, rule.robot_width_m / 2.0) for point in path_m)]
     if not reach:
         raise MapError("the map has neither objects nor a trajectory: there is no floor to draw")
@@ -72,9 +72,10 @@ def grid_of(
     trail = [(point, rule.robot_width_m / 2.0) for point in _points(trajectory, res / 2.0)]
     x_m, y_m = (round(float(value) * res, 9) for value in first)
     grid = FloorCells(np.full((rows, columns), UNKNOWN, np.int8), x_m, y_m, res)
-    for value, some in ((FREE, trail), (OCCUPIED, discs)):
-        for centre, radius in some:
-            _fill(grid, np.asarray(centre), radius, value)
+    for centre, radius in trail:
+        _fill(grid, np.asarray(centre), radius, FREE)
+    for item in objects:
+        _fill(grid, item.position_m, reach_m(item), OCCUPIED, item)
     return grid
 
 
@@ -104,14 +105,17 @@ def live_grid(objects: Sequence[MapObject], x_m: float, y_m: float) -> FloorCell
     rule = CellsRule()
     here = Trajectory(np.zeros(1), (SE2(x_m, y_m),))
     points = np.array([[x_m, y_m], *(item.position_m for item in objects)])
-    sides_m = np.ptp(points, axis=0) + 2.0 * (rule.margin_m + max([radius_m(item) for item in objects], default=1.0))
+    sides_m = np.ptp(points, axis=0) + 2.0 * (rule.margin_m + max([reach_m(item) for item in objects], default=1.0))
     while float(np.prod(np.ceil(sides_m / rule.resolution_m) + 2.0)) > MAXIMUM_LIVE_CELLS:
         rule = replace(rule, resolution_m=2.0 * rule.resolution_m)
     return grid_of(objects, here, rule)
 
 
-def _fill(grid: FloorCells, centre_m: NDArray[np.float64], radius: float, value: int) -> None:
-    """Set the cells whose centre is within a disc, and always the cell of its centre."""
+def _fill(
+    grid: FloorCells, centre_m: NDArray[np.float64], radius: float, value: int, item: MapObject | None = None
+) -> None:
+    """Set the cells whose centre is within a disc, or within an object's rectangle inside of it, and always the cell of
+    its centre."""
     res = grid.resolution_m
     at = (centre_m - [grid.x_m, grid.y_m]) / res
     c0, r0 = np.floor(at - radius / res).astype(int)
@@ -119,6 +123,10 @@ def _fill(grid: FloorCells, centre_m: NDArray[np.float64], radius: float, value:
     x = np.arange(c0, c1) + 0.5 - at[0]
     y = np.arange(r0, r1) + 0.5 - at[1]
     inside = x[None, :] ** 2 + y[:, None] ** 2 <= (radius / res) ** 2
+    if item is not None and (yaw_rad := yaw_of(item)) is not None:
+        (width, depth), cosine, sine = footprint_of(item), math.cos(yaw_rad) * res, math.sin(yaw_rad) * res
+        inside = np.abs(cosine * x[None, :] + sine * y[:, None]) <= depth / 2.0
+        inside &= np.abs(cosine * y[:, None] - sine * x[None, :]) <= width / 2.0
     grid.cells[r0:r1, c0:c1][inside] = value
     grid.cells[int(at[1]), int(at[0])] = value
 

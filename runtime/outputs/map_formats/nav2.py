@@ -1,4 +1,4 @@
-"""A map for Nav2: an occupancy picture with its YAML for the map_server, circles for the Vector Object server, and
+"""A map for Nav2: an occupancy picture with its YAML for the map_server, shapes for the Vector Object server, and
 zones as masks for the costmap filters: where a robot must not go, and how fast it may be."""
 
 import math
@@ -14,7 +14,7 @@ import yaml
 from numpy.typing import NDArray
 
 from edgemap.geometry.errors import MapError
-from edgemap.geometry.map_object import MapObject, radius_m
+from edgemap.geometry.map_object import MapObject, outline_m, radius_m, yaw_of
 from edgemap.geometry.objects.annotations import Zone
 from edgemap.runtime.frames.disk import write_atomically
 from edgemap.runtime.outputs.map_formats.grid import FREE, MAXIMUM_CELLS, OCCUPIED, UNKNOWN, FloorCells
@@ -73,8 +73,9 @@ def vector_text(
     keep_out: Sequence[str] = (),
 ) -> str:
     """A ROS 2 parameter file: `shapes` names them, and under each name are type, uuid, frame_id, value, and a circle's
-    center, radius and fill. Circles, because an object's yaw is unknown. Zones are polygons, before the objects, which
-    lie over them: those named in keep_out are filled and occupied, the others outlines of unknown cells.
+    center, radius and fill or a polygon's points. Objects are rectangles, and circles where their yaw is unknown. Zones
+    are polygons, before the objects, which lie over them: those named in keep_out are filled and occupied, the others
+    outlines of unknown cells.
 
     Source: https://docs.nav2.org/configuration/packages/map_server/configuring-vector-object-server.html and
     nav2_map_server's vector_object_shapes.cpp: centre and radius must be floating-point numbers, an integer is refused.
@@ -95,15 +96,14 @@ def vector_text(
             "points": [round(float(value), 4) for corner in zone.corners_m for value in corner],
         }
     for item in objects:
-        shapes[_unused(_name(item.id), shapes, tried)] = {
-            "type": "circle",
-            "uuid": object_uuid(item.id, map_id),
-            "frame_id": FRAME_ID,
-            "fill": True,
-            "value": 100,
-            "center": [round(float(value), 4) for value in item.position_m],
-            "radius": round(radius_m(item), 4),
-        }
+        known = {"uuid": object_uuid(item.id, map_id), "frame_id": FRAME_ID, "value": 100}
+        if yaw_of(item) is None:
+            centre = [round(float(value), 4) for value in item.position_m]
+            shape = {"type": "circle", "fill": True, "center": centre, "radius": round(radius_m(item), 4)}
+        else:
+            points = [round(value, 4) for value in outline_m(item).ravel().tolist()]
+            shape = {"type": "polygon", "closed": True, "points": points}
+        shapes[_unused(_name(item.id), shapes, tried)] = known | shape
     parameters: dict[str, Any] = {
         "map_topic": "vo_map", "global_frame_id": FRAME_ID, "resolution": float(resolution_m), "default_value": -1,
         "overlay_type": 0, "update_frequency": 1.0, "transform_tolerance": 0.1,
