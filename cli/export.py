@@ -35,15 +35,15 @@ def command(
         tuple[Path, ...],
         arg(
             metavar="CHECKPOINT",
-            help="Trained heads: of odometry and of the floor mask; without any of odometry, an untrained paper head.",
+            help="Trained heads: of the paper's odometry and of the floor mask.",
         ),
     ] = (),
     feature: Annotated[
         str | None,
         arg(
             metavar="NAME",
-            help="What the untrained head reads: head (raw coarse map, the default), neck, stride8, stride16, layer:N; "
-            "for ONNX files a tensor's name or stride8, stride16, stride32 (the default).",
+            help="Adds an untrained paper head that reads this, for timing: head (raw coarse map), neck, stride8, "
+            "stride16, layer:N; for ONNX files a tensor's name or stride8, stride16, stride32.",
         ),
     ] = None,
     size: Annotated[

@@ -189,9 +189,9 @@ def adopted_backbone(backbone: str, weights: Path | None, wanted: list[str], sou
     if path is None:
         assert entry is not None
         path, sources = obtain(entry)
-    if len(set(wanted)) != 1:
+    if len(set(wanted)) > 1:
         raise ExportError(f"{path}: heads that read different features ({', '.join(wanted)}) do not fit one ONNX file")
-    model, detector = adopt(path, wanted[0])
+    model, detector = adopt(path, wanted[0] if wanted else None)
     exact = detector.decode == "yolox"
     original = parity.open_network(path if exact else with_outputs(path, [head.name for head in detector.heads]))
 
@@ -202,7 +202,7 @@ def adopted_backbone(backbone: str, weights: Path | None, wanted: list[str], sou
         name=name,
         model=model,
         detector=detector,
-        features={wanted[0]: detector.features[0].name},
+        features={word: feature.name for word in wanted for feature in detector.features},
         reference=reference,
         exact=exact,
         measured={"weights": {"file": path.name, "sha256": sha256_file(path)}},

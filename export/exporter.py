@@ -47,10 +47,8 @@ def export_backbone(
     The bundle is named after its folder, where that is a bundle's name. backbone: yolov3, yolov3-tiny, yolox-nano; a
     Darknet .cfg, an .onnx file, or the best.pt of a detector that was trained here. weights: its .weights (for
     yolox-nano its .onnx) file; without one a known name's is fetched. heads: checkpoints of trained heads; without any,
-    an untrained paper head on `feature` (default `head`, the raw coarse map; for ONNX files `stride32`) is created and
-    marked as untrained, except for a detector trained here without `feature`. size: (width, height) in px of a Darknet
-    input. random_seed: random weights instead of a file, for timing.
-    sources: where the weights came from, for the manifest. calibrate: a folder of pictures, for an int8 variant. Raises
+    an untrained paper head on `feature`, where that is given. size: (width, height) in px of a Darknet input.
+    random_seed: random weights instead of a file, for timing. sources: where the weights came from, for the manifest. calibrate: a folder of pictures, for an int8 variant. Raises
     ExportError or another EdgemapError; then nothing is left at `out`.
     """
     check_place(out)
@@ -63,8 +61,8 @@ def export_backbone(
     if weights is not None and (random_seed is not None or trained_here or backbone.endswith(".onnx")):
         raise ExportError(f"--weights {weights}: {backbone} takes no weights file here")
     wanted = [checkpoint.feature for checkpoint in checkpoints]
-    if not checkpoints and (feature is not None or not trained_here):
-        wanted = [feature or ("stride32" if adopted else "head")]
+    if not checkpoints and feature is not None:
+        wanted = [feature]
     part = open_backbone(backbone, weights, wanted, size, random_seed, sources)
     part.name = out.name if backbone.endswith(".pt") else part.name
     if wanted and not checkpoints:

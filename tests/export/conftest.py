@@ -98,7 +98,7 @@ def exported_once(tmp_path_factory, small_files) -> Path:
     from edgemap.export.exporter import export_backbone
 
     cfg, weights = small_files
-    return export_backbone(str(cfg), tmp_path_factory.mktemp("exported") / "small", weights=weights)
+    return export_backbone(str(cfg), tmp_path_factory.mktemp("exported") / "small", weights=weights, feature="head")
 
 
 @pytest.fixture

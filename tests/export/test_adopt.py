@@ -113,9 +113,8 @@ def test_yolox_nano(real_bundles, shared_data):
     path = shared_data / "weights" / "yolox_nano.onnx"
     manifest = read_manifest(real_bundles / "yolox-nano")
     assert manifest.detector.heads[0].shape == (1, 3549, 85)
-    assert [(f.shape, f.stride) for f in manifest.detector.features] == [((1, 256, 13, 13), 32)]
+    assert (manifest.detector.features, manifest.odometry) == ((), {})
     assert manifest.parity["backbone.onnx"].max_abs_difference == 0.0
-    assert manifest.odometry["paper"].parameters <= 2_509_555
     tensors = static_tensors(onnx.load(path))
     found = [find_tap(tensors, stride, 416, 416) for stride in (8, 16, 32)]
     assert [(tensor.channels, tensor.height) for tensor in found] == [(64, 52), (128, 26), (256, 13)]
