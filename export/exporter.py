@@ -48,8 +48,9 @@ def export_backbone(
     Darknet .cfg, an .onnx file, or the best.pt of a detector that was trained here. weights: its .weights (for
     yolox-nano its .onnx) file; without one a known name's is fetched. heads: checkpoints of trained heads; without any,
     an untrained paper head on `feature`, where that is given. size: (width, height) in px of a Darknet input.
-    random_seed: random weights instead of a file, for timing. sources: where the weights came from, for the manifest. calibrate: a folder of pictures, for an int8 variant. Raises
-    ExportError or another EdgemapError; then nothing is left at `out`.
+    random_seed: random weights instead of a file, for timing. sources: where the weights came from, for the manifest.
+    calibrate: a folder of pictures, for an int8 variant. Raises ExportError or another EdgemapError; then nothing is
+    left at `out`.
     """
     check_place(out)
     calibration = None if calibrate is None else read_calibration(calibrate)
