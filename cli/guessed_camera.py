@@ -134,7 +134,7 @@ class CameraKeeper:
         height = f"{mount.height_m:.2f}"
         again = shlex.join(["edgemap", "run", "--camera", self._spec, "--camera-file", str(self._path)])
         folder = self._path.parent
-        scale = shlex.join(["edgemap", "map", "scale", str(folder), "--height", height, "-o", f"{folder}-scaled"])
+        scale = shlex.join(["edgemap", "map", "scale", str(folder), "--height", "HEIGHT_M", "-o", f"{folder}-scaled"])
         what = "the scale of the map" if alone else "the distance of each object"
         height_by, lens = f"by the sizes of objects it is {height} m, to {100 * guess.height_sigma:.0f} %", "lens"
         if guess.sway_rad:
@@ -145,8 +145,8 @@ class CameraKeeper:
         lines = [
             self._line,
             f"nobody measured the height of the lens: {height_by}, and {what}",
-            f"with it; measure it with a tape, from floor to {lens}, and run again with it instead of {height}:",
-            f"  {again} --mount {height}",
+            f"with it; measure it with a tape, from floor to {lens}, in metres, and run again:",
+            f"  {again} --mount HEIGHT_M",
             *(["or scale this map by it:", f"  {scale}"] if alone else []),
         ]
         return "\n".join(lines)
