@@ -129,7 +129,7 @@ export class FloorMap {
       xs.push(x_m - radius_m, x_m + radius_m);
       ys.push(y_m - radius_m, y_m + radius_m);
     }
-    for (const [x, y] of this.zones.flatMap(({ corners_m }) => corners_m)) { xs.push(x); ys.push(y); }
+    for (const [x, y] of [...this.zones, ...this.rooms].flatMap(({ corners_m }) => corners_m)) { xs.push(x); ys.push(y); }
     for (const place of [...this.floor.corners(), ...this.trail, ...this.truth.places()]) { xs.push(place[0]); ys.push(place[1]); }
     const least = (values) => values.reduce((a, b) => Math.min(a, b)), most = (values) => values.reduce((a, b) => Math.max(a, b));
     return { x0: least(xs), x1: most(xs), y0: least(ys), y1: most(ys) };
@@ -155,7 +155,7 @@ export class FloorMap {
     pen.lineJoin = "round";
     this.floor.draw(pen, this.view, this.style);
     const step = this.grid(pen, width, height);
-    for (const room of this.rooms) this.zone(pen, room.corners_m, titleOf(room));
+    for (const room of this.rooms) this.zone(pen, room.corners_m, titleOf(room), false, this.style.muted);
     for (const door of this.doors) this.door(pen, door);
     for (const zone of this.zones) this.zone(pen, zone.corners_m, zone.name);
     this.path.draw(pen, view, this.trail, this.replayed ? null : robot, this.style);
@@ -254,13 +254,13 @@ export class FloorMap {
     for (const row of missed) this.name(pen, row, placed, this.style.bad);
   }
 
-  // A named part of the floor; drawn: its corners so far.
-  zone(pen, corners, name, drawn = false) {
+  // A zone or a room, by the colour of its outline; drawn: its corners so far.
+  zone(pen, corners, name, drawn = false, ink = this.style.ink) {
     const places = corners.map(([x, y]) => this.view.toScreen(x, y));
     pen.beginPath();
     for (const place of places) pen.lineTo(...place);
     pen.closePath();
-    Object.assign(pen, { fillStyle: this.style.zone, strokeStyle: this.style.ink, lineWidth: drawn ? 2.5 : 1.5 });
+    Object.assign(pen, { fillStyle: this.style.zone, strokeStyle: ink, lineWidth: drawn ? 2.5 : 1.5 });
     pen.fill();
     pen.stroke();
     for (const [left, top] of drawn ? places : []) pen.strokeRect(left - 4, top - 4, 8, 8);
@@ -268,7 +268,7 @@ export class FloorMap {
     const xs = places.map(([left]) => left), middle = (Math.min(...xs) + Math.max(...xs)) / 2;
     const top = Math.min(...places.map(([, y]) => y)) - 4;
     pen.font = "600 12.5px system-ui, sans-serif";
-    Object.assign(pen, { textAlign: "center", textBaseline: "bottom", lineWidth: 3.5, strokeStyle: this.style.card, fillStyle: this.style.ink });
+    Object.assign(pen, { textAlign: "center", textBaseline: "bottom", lineWidth: 3.5, strokeStyle: this.style.card, fillStyle: ink });
     pen.strokeText(name, middle, top);
     pen.fillText(name, middle, top);
     pen.textAlign = "start";
