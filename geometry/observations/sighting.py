@@ -191,13 +191,14 @@ def sightings_of(
         if box.cut:  # and with it, often, its nearest corner
             along_m = box.direction * box.shape.cut_sigma_m(box.width_m)
             covariance_m2 = covariance_m2 + np.outer(along_m, along_m)
-        part = box.is_hidden or box.cut
+        part, outline_m = box.is_hidden or box.cut, None
+        if width_m > 0.0 and not part:
+            outline_m = np.vstack([box.lens_m, _lower_edge_m(detections.boxes[row], camera)])
         sightings.append(
             Sighting(
                 label, score, foot.position_m + box.direction * middle_m, covariance_m2, shared_m2,
                 width_m, height_m, box.extent_m, distance_m, row, frame, stamp_s,
-                evidence.weight(score) * (PART_COUNTS if part else 1.0),
-                outline_base_m=None if part else np.vstack([box.lens_m, _lower_edge_m(detections.boxes[row], camera)]),
+                evidence.weight(score) * (PART_COUNTS if part else 1.0), outline_base_m=outline_m,
             )
         )  # fmt: skip
     return _without_doubles(sightings, detections.boxes)

@@ -154,7 +154,7 @@ def observed(placed: PlacedSighting, since: SE2, tilt_rad: Array, repeated: floa
     row = np.zeros(COLUMNS)
     row[:6] = 1.0, xx, xy, yy, xx * x_m + xy * y_m, xy * x_m + yy * y_m
     row[BIAS], row[RANGE], row[VIEW] = rotation @ bias_m, rotation @ range_m, (since.x_m, since.y_m)
-    if sighting.outline_base_m is not None:
+    if sighting.outline_base_m is not None and np.isfinite(sighting.outline_base_m).all():
         row[OUTLINED], row[OUTLINE] = 1.0, since.apply(sighting.outline_base_m).ravel()
     if placed.mount is not None:
         by_tilt = rotation @ placed.mount.floor_by_tilt(place_m)
