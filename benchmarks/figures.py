@@ -206,7 +206,7 @@ def _peers(rows: list[Row]) -> str:
     )
     for row in rows:
         gain = row["peer"] / row["value"] if row["lower_is_better"] else row["value"] / row["peer"]
-        end = 420 + 160 * math.log2(gain)
+        end = 420 + 80 * math.log2(gain)
         left, kind = min(end, 420.0), "a" if gain >= 1.0 else "b"
         parts.append(f'<rect class="{kind}" x="{left:.1f}" y="{y - 12}" width="{abs(end - 420):.1f}" height="16"/>')
         parts.append(_text(0, y - 4, row["figure"].strip()))
