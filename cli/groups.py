@@ -84,8 +84,8 @@ class MotionOptions:
             metavar="SPEC",
             help="Where the robot's motion comes from: hybrid (pictures, and gyro and wheels where the source brings "
             "them); paper (the bundle's ConvLSTM head); truth (the drive's own poses); wheel:FILE.csv "
-            "(stamp_s,x_m,y_m,yaw_rad) or wheel:FILE.mcap; FILE.tum (poses of another program). The camera's own "
-            "motion judges wheels and poses.",
+            "(stamp_s,x_m,y_m,yaw_rad) or wheel:FILE.mcap; FILE.tum (poses of another program); tf[:MAP,BASE] (a "
+            "SLAM's in a bag's /tf, with its corrections). The camera's own motion judges wheels and poses.",
         ),
     ] = "hybrid"
     pose_frame: Annotated[
@@ -97,16 +97,17 @@ class MotionOptions:
 
     def check(self) -> None:
         """Refuse a SPEC that names no odometry. Raises UsageError with the one that is meant."""
-        from edgemap.runtime.motion.odometry_names import is_pose_file
+        from edgemap.runtime.motion.odometry_names import is_pose_file, is_tf
 
-        if self.odometry in ODOMETRIES or self.odometry.startswith("wheel:") or is_pose_file(self.odometry):
+        spec = self.odometry
+        if spec in ODOMETRIES or spec.startswith("wheel:") or is_pose_file(spec) or is_tf(spec):
             return
         from difflib import get_close_matches
 
         close = get_close_matches(self.odometry.casefold(), [*ODOMETRIES, "wheel"], 1, 0.6)
         meant = "wheel:FILE.csv" if close == ["wheel"] else next(iter(close), None)
         hint = f"did you mean {meant}? Known are" if meant else "expected"
-        known = f"{', '.join(ODOMETRIES)}, wheel:FILE.csv|.mcap or FILE.tum"
+        known = f"{', '.join(ODOMETRIES)}, wheel:FILE.csv|.mcap, FILE.tum or tf[:MAP,BASE]"
         raise UsageError(f"--odometry {self.odometry!r}: {hint} {known}")
 
 

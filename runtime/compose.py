@@ -2,7 +2,7 @@
 
 from collections.abc import Collection
 from dataclasses import asdict, dataclass, field, replace
-from math import hypot, radians
+from math import degrees, hypot, radians
 from pathlib import Path
 from typing import Any
 
@@ -16,6 +16,7 @@ from edgemap.runtime.frames.option_texts import known_names, numbers
 from edgemap.runtime.inputs.cameras.wheels import replace_wheels
 from edgemap.runtime.inputs.drives.camera_yaml import mount_fields
 from edgemap.runtime.motion.camera_guess import CameraGuess
+from edgemap.runtime.motion.odometry.judged import JudgedOdometry
 from edgemap.runtime.network.bundle import Bundle
 from edgemap.runtime.step.config import Config
 from edgemap.runtime.step.grid_file import load_grid
@@ -76,6 +77,11 @@ def compose(
         slam = build_slam(camera, bundle, floor, options, config)
     if found:
         camera.update_info(faults=(*camera.info.faults, *found))
+    begun = slam.pipeline.odometry.start if isinstance(slam.pipeline.odometry, JudgedOdometry) else None
+    if begun is not None and spec.map is None:
+        slam.mapper.pose_map_base = begun
+    elif begun is not None and spec.start is None:
+        spec = replace(spec, start=f"{begun.x_m},{begun.y_m},{degrees(begun.yaw_rad)}")
     _enter_saved_map(slam.mapper, None if spec.map is None else find_map(spec.map), spec)
     return slam
 

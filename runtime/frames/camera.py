@@ -38,7 +38,8 @@ class CameraInfo:
     file or poses that come live, None where there is none. imu: all inertial samples of a recording. inference: of the
     run that made this recording, None where there is none. edits: of that run, as lines of edits.jsonl. calibration: of
     a recording, how intrinsics and mount were determined, as in camera.yaml. notes: what was taken of the source and
-    what was not, as lines. faults: of what was read before the first frame.
+    what was not, as lines. faults: of what was read before the first frame. tf: gives the base's poses by a recording's
+    tf (`motion.given_poses.GivenPoses`) for `MAP,BASE` and a mount; None where there is none.
     """
 
     name: str
@@ -57,6 +58,7 @@ class CameraInfo:
     calibration: Mapping[str, Any] = field(default_factory=dict)
     notes: tuple[str, ...] = ()
     faults: tuple[Fault, ...] = ()
+    tf: Callable[[str, Mount], Any] | None = None
 
     def __post_init__(self) -> None:
         lens, (width, height) = self.intrinsics, self.size if isinstance(self.size, tuple) else (0, 0)

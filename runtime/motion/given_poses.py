@@ -35,12 +35,13 @@ PERIODS_S = 0.001, 2.0  # between two poses of a trajectory; other medians are s
 @dataclass(frozen=True, slots=True, eq=False)
 class GivenPoses:
     """The base's planar poses; the camera's attitude at them, None where the poses are planar. height_m: of the lens at
-    the first pose. read_as: how the file was read, where that is not as usual."""
+    the first pose. read_as: how the file was read, where that is not as usual. start: where the map begins."""
 
     trajectory: Trajectory
     attitudes: AttitudeTrack | None
     height_m: float
     read_as: tuple[str, ...] = ()
+    start: SE2 | None = None
 
     def by_clock(self, name: str, from_s: float, to_s: float) -> "GivenPoses":
         """These poses with stamps in seconds: of the unit, seconds if possible, in which they overlap the pictures'

@@ -6,3 +6,8 @@ PICTURE_ODOMETRIES = ("hybrid", "window")  # lengths are in proportion to the he
 def is_pose_file(spec: str) -> bool:
     """Whether an odometry is poses in a file: FILE.tum, or FILE.txt as ORB-SLAM3 names them."""
     return spec.endswith((".tum", ".txt")) and not spec.startswith("wheel:")
+
+
+def is_tf(spec: str) -> bool:
+    """Whether an odometry is poses by tf: tf, or tf:MAP,BASE."""
+    return spec.partition(":")[0] == "tf"

@@ -28,7 +28,7 @@ from edgemap.geometry.registration.alignment import Alignment
 from edgemap.geometry.se2 import SE2, compose_covariance
 from edgemap.runtime.frames.timing import Stopwatch, StreamTimer
 from edgemap.runtime.motion.odometry.protocol import FARTHEST_M, Motion, is_covariance
-from edgemap.runtime.motion.odometry_names import is_pose_file
+from edgemap.runtime.motion.odometry_names import is_pose_file, is_tf
 from edgemap.runtime.step.config import Config
 from edgemap.runtime.step.frame_observations import FrameObservations
 from edgemap.runtime.step.loop_closing import LoopCloser, LoopCorrection
@@ -463,7 +463,7 @@ def new_mapper(
 ) -> Mapper:
     """An empty back end; with recorded poses it closes no loops. clustering: default or paper. forgets: the camera by
     whose view objects that are gone leave the map."""
-    recorded = odometry == "truth" or is_pose_file(odometry)
+    recorded = odometry == "truth" or is_pose_file(odometry) or is_tf(odometry)
     return Mapper(
         config=config,
         paper=PaperMap() if clustering == "paper" else None,

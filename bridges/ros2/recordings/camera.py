@@ -2,12 +2,13 @@
 
 import math
 from collections.abc import Iterator
+from contextlib import closing
 from dataclasses import replace
 from itertools import islice
 from typing import Any
 
 from edgemap.bridges.ros2.messages.definitions import to_s
-from edgemap.bridges.ros2.messages.topics import DEPTH, EDITS, SEARCHED, STAMPS
+from edgemap.bridges.ros2.messages.topics import DEPTH, EDITS, SEARCHED, STAMPS, TF
 from edgemap.bridges.ros2.recordings.facts import RECORD, TRUTH_FILE, WHEEL_FILE, read_facts, read_trajectory_file
 from edgemap.bridges.ros2.recordings.foreign import (
     IMU_KIND,
@@ -30,6 +31,7 @@ from edgemap.bridges.ros2.recordings.pictures import (
 )
 from edgemap.bridges.ros2.recordings.reader import open_reading
 from edgemap.bridges.ros2.recordings.reading import Reading
+from edgemap.bridges.ros2.recordings.tf_poses import tf_poses
 from edgemap.geometry.camera.intrinsics import Intrinsics
 from edgemap.geometry.camera.mount import Mount
 from edgemap.geometry.errors import EdgemapError
@@ -40,6 +42,7 @@ from edgemap.runtime.frames.frame import Frame
 from edgemap.runtime.frames.reading import user_path
 from edgemap.runtime.frames.trajectory import TrackFile
 from edgemap.runtime.inputs.drives.pictures import Levels
+from edgemap.runtime.motion.given_poses import GivenPoses
 
 PICTURE_KINDS = {"sensor_msgs/Image": raw_picture, "sensor_msgs/CompressedImage": compressed_picture}
 INFO_KIND = "sensor_msgs/CameraInfo"
@@ -93,6 +96,8 @@ class RecordingCamera(Camera):
             self._samples = recording.samples(self.topic)
             self._ahead = self._first_complete()
             _, _, image, frame_id = self._ahead
+            if TF in recording.topics:
+                self.update_info(tf=self._tf)
             size, count = (image.shape[1], image.shape[0]), recording.topics[self.topic].count
             self.update_info(size=size, frame_count=count)
             self._describe(intrinsics, mount, frame_id, topics or SensorTopics())
@@ -224,6 +229,12 @@ class RecordingCamera(Camera):
         except CameraError as error:
             raise CameraFault(FaultKind.DAMAGED, f"{error}, skipped") from None
         return stamp_ns, own_ns, image, message.header.frame_id
+
+    def _tf(self, frames: str, mount: Mount) -> GivenPoses:
+        """The base's poses by the tf of the whole file, from its first picture on."""
+        stamp_ns = self._ahead[0] if self._ahead else 0
+        with closing(open_reading(self._path)) as recording:
+            return tf_poses(recording, frames, mount, to_s(stamp_ns))
 
     def _describe(
         self, intrinsics: Intrinsics | None, mount: Mount | None, frame_id: str, topics: SensorTopics

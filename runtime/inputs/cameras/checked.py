@@ -26,7 +26,7 @@ FAILURES = 100  # reads in a row without a frame, after which the camera is at i
 TYPES: dict[str, Any] = {
     "intrinsics": Intrinsics, "mount": Mount, "truth": Trajectory, "attitudes": AttitudeTrack, "inference": Inference,
     "wheel": TrackFile | PoseTrack, "edits": tuple, "live": bool, "frame_count": int,
-    "imu": ImuSamples, "calibration": Mapping, "notes": tuple, "faults": tuple,
+    "imu": ImuSamples, "calibration": Mapping, "notes": tuple, "faults": tuple, "tf": Callable,
 }  # fmt: skip
 
 

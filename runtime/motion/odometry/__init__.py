@@ -21,7 +21,7 @@ from edgemap.runtime.motion.odometry.paper import PaperOdometry
 from edgemap.runtime.motion.odometry.protocol import Motion, Odometry
 from edgemap.runtime.motion.odometry.recorded import WHEEL, DriftRate, RecordedOdometry
 from edgemap.runtime.motion.odometry.window import PicturesRule, WindowOdometry
-from edgemap.runtime.motion.odometry_names import is_pose_file
+from edgemap.runtime.motion.odometry_names import is_pose_file, is_tf
 from edgemap.runtime.network.bundle import Bundle
 
 __all__ = ["Motion", "Odometry", "OdometryRules", "at_head_height", "open_odometry"]
@@ -91,7 +91,15 @@ def open_odometry(
 
         beside = _hybrid(camera, floor, False, rules, health, tilt)
         return JudgedOdometry(spec, given, beside, MotionJudge(rules.judge), FaultKind.POSES_EXCLUDED)
-    raise OdometryError(f"odometry {spec!r} is not hybrid, paper, truth, wheel or FILE.tum")
+    if is_tf(spec):
+        if camera.info.tf is None:
+            raise OdometryError(f"odometry {spec}: {camera.info.name} has no tf; a recording with /tf has")
+        poses = camera.info.tf(spec.partition(":")[2], floor.mount)
+        opened = RecordedOdometry(poses.trajectory, spec, edge_s=EDGE_S), poses.trajectory, poses
+        beside = _hybrid(camera, floor, False, rules, health, tilt)
+        judge, kind = MotionJudge(rules.judge), FaultKind.POSES_EXCLUDED
+        return JudgedOdometry(spec, lambda _: opened, beside, judge, kind, poses.start)
+    raise OdometryError(f"odometry {spec!r} is not hybrid, paper, truth, wheel, FILE.tum or tf")
 
 
 def _hybrid(

@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 
 from edgemap.geometry.camera.attitude import Attitude
+from edgemap.geometry.se2 import SE2
 from edgemap.runtime.frames.faults import Fault, FaultKind
 from edgemap.runtime.frames.frame import Frame
 from edgemap.runtime.frames.trajectory import PoseTrack
@@ -22,7 +23,8 @@ class JudgedOdometry:
     """The given motion, until the camera's contradicts it; from then on the camera's.
 
     open_poses: makes the given odometry at the first frame's stamp, with the file's attitudes where there are any.
-    kind: of the fault that leaves the source out.
+    kind: of the fault that leaves the source out. start: the first frame's pose in the source's map; None where that
+    begins there.
     """
 
     needs_features = False
@@ -34,8 +36,10 @@ class JudgedOdometry:
         camera: HybridOdometry,
         judge: MotionJudge,
         kind: FaultKind,
+        start: SE2 | None = None,
     ) -> None:
         self.name, self._open, self._camera, self._judge, self._kind = name, open_poses, camera, judge, kind
+        self.start = start
         self._opened: tuple[RecordedOdometry, PoseTrack, GivenPoses | None] | None = None
         self._wrong, self._news = False, list[Fault]()
         self._last_s = -math.inf

@@ -1,0 +1,128 @@
+"""The base's poses by the tf of a recording: those of a SLAM that ran beside it, with its corrections."""
+
+from collections import defaultdict
+
+import numpy as np
+from scipy.linalg import expm, logm
+from scipy.spatial.transform import Rotation
+
+from edgemap.bridges.ros2.messages.definitions import ns_of, to_s
+from edgemap.bridges.ros2.messages.topics import TF, TF_STATIC
+from edgemap.bridges.ros2.recordings.reading import Reading
+from edgemap.geometry.arrays import Array
+from edgemap.geometry.camera.mount import Mount
+from edgemap.geometry.se2 import SE2
+from edgemap.runtime.frames.errors import CameraError, OdometryError
+from edgemap.runtime.frames.notes import note_dropped
+from edgemap.runtime.frames.reading import one_line
+from edgemap.runtime.frames.spatial_poses import base_attitudes
+from edgemap.runtime.frames.trajectory import QUATERNION_TOLERANCE, Trajectory
+from edgemap.runtime.motion.given_poses import EDGE_S, GivenPoses
+
+MAP, BASES = "map", ("base_footprint", "base_link")  # REP 105 and 120
+SAME = 1e-6  # m and rad; a correction that is smaller is none
+
+
+def tf_poses(recording: Reading, frames: str, mount: Mount, first_s: float) -> GivenPoses:
+    """The base's poses in the map frame at the stamps of tf. frames: `MAP,BASE`, empty for the usual names. first_s: at
+    which the map begins, `GivenPoses.start`.
+
+    A change of the transform from map to its child (odom) is a correction, by which earlier poses move too, in
+    proportion to the path: as far back as the mean drift, all corrections over all path, makes such an error. Raises
+    CameraError where tf does not join both frames, OdometryError where it has no pose at the start.
+    """
+    steps = _steps(recording)
+    parents = {child: parent for child, (parent, *_) in steps.items()}
+    names = [name.strip().lstrip("/") for name in frames.split(",")] if frames else []
+    top, bases = (names[0] or MAP if names else MAP), (names[1:] or list(BASES))
+    chains = [_chain(parents, base, top) for base in bases]
+    chain = next((one for one in chains if one), [])
+    if not chain:
+        known = ", ".join(sorted({*parents, *parents.values()})[:12]) or "none"
+        raise CameraError(
+            f"{recording.path}: tf does not join {one_line(top)} to {' or '.join(map(one_line, bases))} (its frames: "
+            f"{known}); --odometry tf:MAP,BASE names others"
+        )
+    moving = max(chain[1:] or chain, key=lambda child: len(steps[child][1]))
+    stamps_ns = steps[moving][1]
+    stamps_ns = stamps_ns[stamps_ns >= max(steps[child][1][0] for child in chain)]
+    poses = np.tile(np.eye(4), (len(stamps_ns), 1, 1))
+    held = {c: np.searchsorted(steps[c][1], stamps_ns, side="right") - 1 for c in chain}
+    for child in chain:
+        poses = poses @ steps[child][2][held[child]]
+    if len(stamps_ns) < 2:
+        raise CameraError(f"{recording.path}: tf has {len(stamps_ns)} poses of {one_line(chain[-1])}, need 2 or more")
+    if len(chain) > 1:
+        poses = _corrected(poses, steps[chain[0]][2][held[chain[0]]])
+    stamps_s = np.array([to_s(int(stamp)) for stamp in stamps_ns])
+    yaw = np.arctan2(poses[:, 1, 0], poses[:, 0, 0])
+    planar = tuple(SE2(*row) for row in np.column_stack([poses[:, :2, 3], yaw]).tolist())
+    track = Trajectory(stamps_s, planar)
+    try:
+        start = track.at(first_s, EDGE_S)
+    except OdometryError as error:
+        raise OdometryError(f"{recording.path}: the first picture: {error} (of tf)") from None
+    return GivenPoses(track, base_attitudes(stamps_s, poses, "z", mount), mount.height_m, start=start)
+
+
+def _steps(recording: Reading) -> dict[str, tuple[str, Array, Array]]:
+    """By child frame: its parent, stamps in ns (N,) in order, and transforms (N, 4, 4)."""
+    rows: dict[str, dict[int, list[float]]] = defaultdict(dict)
+    parents: dict[str, str] = {}
+    for topic in (TF_STATIC, TF):
+        for log_ns, decode in recording.messages(topic) if topic in recording.topics else ():
+            for step in decode().transforms:
+                child, parent = step.child_frame_id.lstrip("/"), step.header.frame_id.lstrip("/")
+                place, turn = step.transform.translation, step.transform.rotation
+                stamp_ns = 0 if topic == TF_STATIC else ns_of(step.header.stamp) or log_ns
+                if parents.setdefault(child, parent) == parent:
+                    rows[child][stamp_ns] = [place.x, place.y, place.z, turn.x, turn.y, turn.z, turn.w]
+    found = {}
+    for child, by_stamp in rows.items():
+        stamps = np.array(sorted(by_stamp))
+        values = np.array([by_stamp[stamp] for stamp in stamps.tolist()])
+        length = np.linalg.norm(np.nan_to_num(values[:, 3:], posinf=0.0, neginf=0.0), axis=1)
+        good = np.asarray(np.isfinite(values).all(axis=1) & (np.abs(length - 1.0) < QUATERNION_TOLERANCE))
+        if not good.all():
+            note_dropped(f"{recording.path}: tf to {one_line(child)}", ["no transform"] * int((~good).sum()), len(good))
+        if good.any():
+            poses = np.tile(np.eye(4), (int(good.sum()), 1, 1))
+            poses[:, :3, :3] = Rotation.from_quat(values[good, 3:]).as_matrix()
+            poses[:, :3, 3] = values[good, :3]
+            found[child] = parents[child], stamps[good], poses
+    return found
+
+
+def _chain(parents: dict[str, str], base: str, top: str) -> list[str]:
+    """The frames from below `top` down to the base; empty where they are not joined."""
+    chain: list[str] = []
+    while base in parents and base not in chain:
+        chain.append(base)
+        base = parents[base]
+        if base == top:
+            return chain[::-1]
+    return []
+
+
+def _corrected(poses: Array, odom: Array) -> Array:
+    """The poses (N, 4, 4) with each correction of the map-to-odom transforms (N, 4, 4) spread over the path before."""
+    jumps = np.flatnonzero((np.abs(np.diff(odom, axis=0)) > SAME).any(axis=(1, 2))) + 1
+    places_m = (np.linalg.inv(odom) @ poses)[:, :3, 3]  # in the frame that does not jump
+    path_m = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(places_m, axis=0), axis=1))])
+    moves = [odom[jump] @ np.linalg.inv(odom[jump - 1]) for jump in jumps]
+    sizes = np.array([_size_m(moved, poses[jump - 1]) for moved, jump in zip(moves, jumps, strict=True)])
+    for jump, moved, size in zip(jumps.tolist(), moves, sizes.tolist(), strict=True):
+        since_m = path_m[jump - 1] - path_m[jumps[-1] - 1] * size / sizes.sum()
+        first = int(np.searchsorted(path_m[:jump], since_m))
+        span_m = path_m[jump - 1] - path_m[first]
+        shares = (path_m[first:jump] - path_m[first]) / span_m if span_m > SAME else np.ones(jump - first)
+        twist = np.real(logm(moved))
+        for index, share in zip(range(first, jump), shares.tolist(), strict=True):
+            poses[index] = expm(share * twist) @ poses[index]
+    return poses
+
+
+def _size_m(moved: Array, pose: Array) -> float:
+    """How far a correction moves the robot, a radian counting as a metre."""
+    shift = (moved @ pose)[:2, 3] - pose[:2, 3]
+    return float(np.hypot(*shift) + abs(np.arctan2(moved[1, 0], moved[0, 0])))
