@@ -295,7 +295,7 @@ class Mapper:
         pose, camera = self._pose_of(observed), seen.camera or observed.camera
         self.grid.observe(pose, seen.stamp_s, camera, seen.floor, movers, seen.depth, detected)
         if self._shown_timer.due(observed.stamp_s):
-            self._shown_grid = self.grid.grid()
+            self._shown_grid = self.map.grid = self.grid.grid()
 
     def _set_pose(self, edit: Edit) -> str:
         """Set the robot's pose in the map, which stays as it is, and end a relocalisation. Raises EditError."""
