@@ -1,12 +1,18 @@
 """`edgemap eval detection`: how good the boxes are."""
 
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 from edgemap.cli.arguments import arg
 from edgemap.cli.network_options import NetworkOptions
 from edgemap.cli.options import Json, at_least, figure, in_unit, print_json
-from edgemap.runtime.frames.errors import UsageError
+from edgemap.runtime.frames.errors import BundleError, UsageError
+
+if TYPE_CHECKING:
+    from edgemap.evaluation.detection import ScoredPicture
+    from edgemap.runtime.network.bundle import Bundle
+
+LOWEST = 0.05  # score of a box that a calibration looks at
 
 
 def command(
@@ -32,6 +38,13 @@ def command(
         Path | None,
         arg(metavar="DIR", help="Draw the worst false boxes and the largest misses into this folder."),
     ] = None,
+    calibrate: Annotated[
+        bool,
+        arg(
+            help="Write into the bundle from which score on boxes of each class are more often right than wrong: from "
+            "there on a box counts fully as evidence of an object, at 0.1 below half, at 0.2 below not at all."
+        ),
+    ] = False,
     json: Json = False,
 ) -> None:
     """Average precision on labelled pictures, COCO protocol: AP over IoU 0.50 to 0.95, and AP50.
@@ -59,7 +72,8 @@ def command(
         if not chosen or chosen - set(number):
             raise UsageError(f"--classes {classes!r}: the bundle knows {', '.join(loaded.names)}")
         number = {name: index for name, index in number.items() if name in chosen}
-    pictures, shown, unknown = [], [], 0
+    every_name = Decoder(spec, LOWEST, one_name=True)
+    pictures, shown, possible, unknown = [], [], [], 0
     mistakes = None
     if plot:
         from edgemap.plots.detection import Mistakes
@@ -73,6 +87,10 @@ def command(
             detections, thresholded = every(*outputs), as_run(*outputs)
             pictures.append(ScoredPicture.compare(size, truth.boxes, truth.labels, ignored, detections, number))
             shown.append(ScoredPicture.compare(size, truth.boxes, truth.labels, ignored, thresholded, number))
+            if calibrate:
+                possible.append(
+                    ScoredPicture.compare(size, truth.boxes, truth.labels, ignored, every_name(*outputs), number)
+                )
             if mistakes:
                 mistakes.add(image, shown[-1])
     document: dict[str, Any] = {"data": data, "bundle": loaded.manifest.name}
@@ -85,6 +103,8 @@ def command(
     document |= {"threshold": loaded.manifest.confidence, **point}
     drawn = mistakes.save(plot) if mistakes and plot else []
     document["boxes_of_unknown_classes"] = unknown
+    if calibrate:
+        document["calibrated"] = _calibrate(loaded, possible)
     if json:
         print_json(document)
         return
@@ -96,9 +116,38 @@ def command(
         line = f"AP {figures['ap']:.3f}   AP50 {figures['ap50']:.3f}"
         point = "   ".join(f"{key} {figure(figures[key], '.3f')}" for key in ("precision", "recall"))
         print(f"  {name:<16} {line}   {point}")
+    if calibrate:
+        shown_scores = (f"{one or 'all'} {score:g}" for one, score in document["calibrated"].items())
+        print(f"  counts fully from: {', '.join(shown_scores)}")
     for path in drawn:
         print(f"  {path}")
     if unknown:
         print(f"  ({unknown} true boxes of classes that are not scored were left out)")
     if document["boxes_ignored"]:
         print(f"  ({document['boxes_ignored']} true boxes that are seen too little were ignored)")
+
+
+def _calibrate(loaded: "Bundle", pictures: "list[ScoredPicture]") -> dict[str, float]:
+    """Writes the scores at which boxes count fully into the bundle, or FILE.bundle.json beside FILE.onnx; all under "".
+    Raises BundleError."""
+    import msgspec
+
+    from edgemap.evaluation.detection import break_even_scores
+    from edgemap.geometry.observations.sighting import WEIGHT_SPAN
+    from edgemap.runtime.network.manifest_file import MANIFEST_NAME, write_manifest
+    from edgemap.runtime.network.store import shipped_folder
+
+    spec, found = loaded.manifest.detector, break_even_scores(pictures, loaded.names)
+    half = {name: round(max(score - WEIGHT_SPAN / 2.0, 0.0), 3) for name, score in found.items()}
+    all_classes = half.pop("")
+    name = MANIFEST_NAME if spec.reading is None else f"{Path(spec.file).stem}.bundle.json"
+    if loaded.folder.parent == shipped_folder():
+        raise UsageError(
+            f"--calibrate: {loaded.manifest.name} comes with edgemap, which stays as it is: copy its folder"
+        )
+    manifest = msgspec.structs.replace(loaded.manifest, sure_confidence=all_classes, class_scores=half)
+    try:
+        write_manifest(loaded.folder, manifest, name)
+    except OSError as error:
+        raise BundleError(f"{loaded.folder / name}: cannot be written ({error.strerror})") from None
+    return found

@@ -14,6 +14,7 @@ from edgemap.geometry.objects.visibility import iou, shares_inside
 from edgemap.geometry.observations.detections import Detections
 
 IOU = 0.5  # least overlap of a match
+PRIOR_BOXES = 20.0  # of all classes, beside a class's own: some classes have few
 
 
 class EvaluationError(EdgemapError):
@@ -191,6 +192,29 @@ def operating_point(pictures: Sequence[ScoredPicture], names: Sequence[str]) -> 
     counts = counts_by_class(pictures)
     per_class = {names[label]: _point(counts[label]) for label in sorted(counts)}
     return {**_point(sum(counts.values(), Counts())), "per_class": per_class}
+
+
+def break_even_scores(pictures: Sequence[ScoredPicture], names: Sequence[str]) -> dict[str, float]:
+    """Score of each detected class from which on the boxes above it hold the most hits over false ones at IoU 0.5, and
+    that of all classes under "". Boxes of all classes have a say as large as `PRIOR_BOXES` of each. Raises
+    EvaluationError where nothing is detected.
+    """
+    matches = [match_boxes(picture) for picture in pictures]
+    hit, free = (np.concatenate([getattr(one, key) for one in matches] or [[]]).astype(bool) for key in ("hit", "free"))
+    scores = np.concatenate([picture.scores for picture in pictures] or [[]])[~free]
+    labels, gain = (
+        np.concatenate([picture.labels for picture in pictures] or [[]])[~free],
+        np.where(hit[~free], 1.0, -1.0),
+    )
+    if not len(scores):
+        raise EvaluationError(f"no boxes in {len(pictures)} pictures: nothing to calibrate")
+    order = np.argsort(-scores, kind="stable")
+    scores, labels, gain = scores[order], labels[order], gain[order]
+    prior = np.cumsum(gain) * PRIOR_BOXES / len(gain)
+    found: dict[str, NDArray[np.float64]] = {"": prior}
+    for label in np.unique(labels):
+        found[names[int(label)]] = prior + np.cumsum(gain * (labels == label))
+    return {name: round(float(scores[sums.argmax()]), 3) for name, sums in found.items()}
 
 
 def _point(counts: Counts) -> dict[str, float | None]:

@@ -1,7 +1,7 @@
 """From boxes to positions on the floor: which objects stand on it, their positions and covariances."""
 
 import math
-from collections.abc import Collection, Iterator
+from collections.abc import Collection, Iterator, Mapping
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -120,15 +120,17 @@ class FloorRule:
 class BoxEvidence:
     """Which boxes are evidence of an object, as the bundle and `--classes` state. mapped: labels that may be mapped;
     None means all. full_weight_score: at which a sighting counts half towards making an object; fully from 0.1 above it
-    on, not at all from 0.1 below.
+    on, not at all from 0.1 below. class_scores: the same of single labels.
     """
 
     mapped: Collection[str] | None = None
     full_weight_score: float = 0.0
+    class_scores: Mapping[str, float] = field(default_factory=dict)
 
-    def weight(self, score: float) -> float:
+    def weight(self, score: float, label: str = "") -> float:
         """Weight, 0..1, of a sighting of this score as evidence for an object."""
-        return min(1.0, max(0.0, 0.5 + (score - self.full_weight_score) / WEIGHT_SPAN))
+        half = self.class_scores.get(label, self.full_weight_score)
+        return min(1.0, max(0.0, 0.5 + (score - half) / WEIGHT_SPAN))
 
     def allowed(self, detections: Detections) -> NDArray[np.bool_]:
         """Which boxes may be mapped at all, (N,)."""
@@ -198,7 +200,7 @@ def sightings_of(
             Sighting(
                 label, score, foot.position_m + box.direction * middle_m, covariance_m2, shared_m2,
                 width_m, height_m, box.extent_m, distance_m, row, frame, stamp_s,
-                evidence.weight(score) * (PART_COUNTS if part else 1.0), outline_base_m=outline_m,
+                evidence.weight(score, label) * (PART_COUNTS if part else 1.0), outline_base_m=outline_m,
             )
         )  # fmt: skip
     return _without_doubles(sightings, detections.boxes)

@@ -1,11 +1,12 @@
 """Loads a bundle: every file's sum, contract and graph are checked before a network runs."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Collection
 from dataclasses import dataclass, replace
 from pathlib import Path
 
 import msgspec
 
+from edgemap.geometry.observations.sighting import BoxEvidence
 from edgemap.runtime.frames.errors import BundleError, MissingExtraError, OdometryError
 from edgemap.runtime.frames.inference import Engine, Precision
 from edgemap.runtime.frames.reading import one_line
@@ -69,11 +70,13 @@ class Bundle:
         """Class names by class id."""
         return tuple(entry.name for entry in self.manifest.detector.classes)
 
-    def full_weight_score(self, confidence: float | None) -> float:
-        """Score of a box with half the weight as evidence for an object. confidence: the user's minimum score; below
-        the bundle's own it lowers this one as much, so that the boxes asked for count."""
+    def evidence(self, mapped: Collection[str] | None, confidence: float | None) -> BoxEvidence:
+        """Which boxes are evidence of an object. mapped: labels, the bundle's where None. confidence: the user's
+        minimum score; below the bundle's own it lowers the scores of full weight as much, so that the boxes asked for
+        count."""
         lowered = 0.0 if confidence is None else min(0.0, confidence - self.manifest.confidence)
-        return self.manifest.sure_confidence + lowered
+        scores = {label: score + lowered for label, score in self.manifest.class_scores.items()}
+        return BoxEvidence(self.mapped if mapped is None else mapped, self.manifest.sure_confidence + lowered, scores)
 
     @property
     def mapped(self) -> frozenset[str]:

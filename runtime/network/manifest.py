@@ -170,8 +170,8 @@ class Manifest(Strict):
     variants: by precision, `int8`.
 
     envelope: of older bundles; nothing reads it. confidence: minimum score of a box unless --confidence is given;
-    sure_confidence: then of one with full weight for a new object. measured: figures with their data. sources: where
-    the weights came from.
+    sure_confidence: then of one with half the weight for a new object; class_scores: of single classes. measured:
+    figures with their data. sources: where the weights came from.
     """
 
     format: str
@@ -185,6 +185,7 @@ class Manifest(Strict):
     envelope: dict[Name, Any] = msgspec.field(default_factory=dict)
     confidence: Share = 0.3
     sure_confidence: Share = 0.0
+    class_scores: dict[Name, Share] = msgspec.field(default_factory=dict)
     measured: dict[str, Any] = msgspec.field(default_factory=dict)
     licence: Text = ""
     sources: tuple[Text, ...] = ()

@@ -81,10 +81,10 @@ def check_shapes(path: Path, manifest: Manifest) -> None:
             )
 
 
-def write_manifest(folder: Path, manifest: Manifest) -> None:
-    """Writes `bundle.json`, indented."""
+def write_manifest(folder: Path, manifest: Manifest, name: str = MANIFEST_NAME) -> None:
+    """Writes `bundle.json`, or a file of another name, indented. Raises OSError."""
     text = msgspec.json.format(msgspec.json.encode(manifest), indent=2)
-    (folder / MANIFEST_NAME).write_bytes(text + b"\n")
+    (folder / name).write_bytes(text + b"\n")
 
 
 def _inside(folder: Path, name: str) -> Path:

@@ -11,7 +11,7 @@ from edgemap.geometry.camera.floor import FloorCamera
 from edgemap.geometry.observations.detections import Detections
 from edgemap.geometry.observations.floor_mask import FloorMask
 from edgemap.geometry.observations.movers import mover_boxes
-from edgemap.geometry.observations.sighting import BoxEvidence, FloorRule, sightings_of
+from edgemap.geometry.observations.sighting import FloorRule, sightings_of
 from edgemap.geometry.observations.sparse_depth import SparseDepth
 from edgemap.geometry.observations.worktop import is_worktop
 from edgemap.geometry.se2 import SE2
@@ -75,7 +75,7 @@ class Pipeline:
         self.camera, self.odometry = camera, odometry
         self.attitude = attitude or MountAttitude(camera.mount)
         self.rule = rule or FloorRule()
-        self.evidence = BoxEvidence(bundle.mapped if mapped is None else mapped, bundle.full_weight_score(confidence))
+        self.evidence = bundle.evidence(mapped, confidence)
         sensing = fitted = bundle.companion or bundle
         if not odometry.needs_features:  # of the whole input
             fitted = sensing.for_pictures(camera.intrinsics.width, camera.intrinsics.height)

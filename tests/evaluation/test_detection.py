@@ -5,6 +5,7 @@ from edgemap.evaluation.detection import (
     EvaluationError,
     ScoredPicture,
     average_precision,
+    break_even_scores,
     match_boxes,
     operating_point,
 )
@@ -119,3 +120,17 @@ def test_mistakes_are_drawn(tmp_path):
         drawn = cv2.imread(str(path))
         assert (drawn[:, :240] == colour).all(axis=2).any()
         assert not (drawn[:, 240:] == colour).all(axis=2).any()  # one tile only
+
+
+def test_a_class_counts_from_where_its_boxes_are_more_often_right_than_wrong():
+    """Of 40 chairs those from 0.6 on are right; couches have no truth, so that their one box says little."""
+    scores = np.linspace(0.2, 0.98, 40)
+    shown = [picture(TRUE[:1] if score >= 0.6 else [[0, 0, 5, 5]], [0], [score], TRUE[:1], (0,)) for score in scores]
+    found = break_even_scores([*shown, picture(TRUE[:1], [1], [0.9])], NAMES)
+    assert found["chair"] == pytest.approx(0.6, abs=0.01)
+    assert found["couch"] == pytest.approx(0.6, abs=0.01)
+
+
+def test_calibrating_on_pictures_without_boxes_is_an_error():
+    with pytest.raises(EvaluationError, match="nothing to calibrate"):
+        break_even_scores([picture([], [], [])], NAMES)

@@ -158,5 +158,5 @@ def test_an_odometry_that_the_bundle_lacks_is_one_line(tmp_path):
 def test_the_minimum_score_that_a_bundle_states_weighs_boxes_as_without_one(tmp_path):
     folder = painted.write_painted(tmp_path / "b", CHAIR)
     change(folder, confidence=0.3, sure_confidence=0.5)
-    scores = [load_bundle(folder).full_weight_score(confidence) for confidence in (None, 0.3, 0.2, 0.6)]
+    scores = [load_bundle(folder).evidence(None, confidence).full_weight_score for confidence in (None, 0.3, 0.2, 0.6)]
     assert scores == pytest.approx([0.5, 0.5, 0.4, 0.5])
