@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import Literal
 
 import msgspec
+import numpy as np
 import onnx
 from google.protobuf.message import DecodeError
 from onnx import ModelProto, version_converter
@@ -15,7 +16,9 @@ from edgemap.export.onnx_export import default_opset
 from edgemap.export.picodet import is_picodet, picodet_contract, trim
 from edgemap.runtime.frames.class_names import COCO_NAMES, is_mapped
 from edgemap.runtime.frames.reading import one_line, read_bytes
+from edgemap.runtime.network.foreign import ForeignFile, recognise
 from edgemap.runtime.network.manifest import OPSETS, ClassEntry, DetectorSpec, FeatureSpec, HeadSpec, InputSpec
+from edgemap.runtime.network.network import Compute
 
 CLASSES = tuple(ClassEntry(name=name, mapped=is_mapped(name)) for name in COCO_NAMES)
 
@@ -34,6 +37,7 @@ def of_home(detector: DetectorSpec) -> DetectorSpec:
 
 MODEL_BYTES = 1 << 30
 YOLOX_STRIDES = (8, 16, 32)
+LOGARITHMS = 10.0  # of a width in cells: none of a picture is larger, and widths in pixels are
 # Nodes that only rearrange, or that stand inside a convolution-activation pair: no features of their own.
 NO_FEATURE = frozenset({"Conv", "Sigmoid", "Concat", "Slice", "Split", "Reshape", "Transpose", "Resize", "Constant"})
 
@@ -108,17 +112,23 @@ def adopt(path: Path, feature: str | None = None) -> tuple[ModelProto, DetectorS
     """Recognise a detector and tap its feature tensor as one more output.
 
     feature: a tensor's name, or `stride8`, `stride16`, `stride32`; None taps nothing. Known are YOLOX's output, (1,
-    cells of strides 8, 16, 32, 5 + classes) of BGR pictures, 0..255, letterboxed to the top left with grey 114; and
-    PicoDet's (`export.picodet`). Raises ExportError.
+    cells of strides 8, 16, 32, 5 + classes) of BGR pictures, 0..255, letterboxed to the top left with grey 114, or
+    recognised on pictures where the graph decodes its boxes itself; and PicoDet's (`export.picodet`). Raises
+    ExportError, or BundleError where no reading of decoded boxes fits.
     """
-    model = load_onnx(path)
+    model, reading = load_onnx(path), None
     if is_picodet(model):
         model = trim(model)
         spec, heads, classes = picodet_contract(model)
-        decode: Literal["yolox", "dfl"] = "dfl"
+        decode: Literal["yolox", "dfl", "reading"] = "dfl"
     else:
         spec, head, classes = _yolox(model, path)
         heads, decode = (head,), "yolox"
+        file, names = ForeignFile(path, Compute()), [entry.name for entry in class_entries(classes)]
+        black = np.zeros((1, 3, spec.height, spec.width), np.float32)
+        if np.abs(file.run(black)[head.name][..., 2:4]).max() > LOGARITHMS:
+            best = recognise(file, names)
+            spec, reading, decode = best.input, best.reading, "reading"
     features: tuple[FeatureSpec, ...] = ()
     if feature is not None:
         features = (_tap(model, path, feature, spec),)
@@ -129,6 +139,7 @@ def adopt(path: Path, feature: str | None = None) -> tuple[ModelProto, DetectorS
         heads=heads,
         features=features,
         classes=class_entries(classes),
+        reading=reading,
     )
     return model, detector
 

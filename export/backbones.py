@@ -192,7 +192,7 @@ def adopted_backbone(backbone: str, weights: Path | None, wanted: list[str], sou
     if len(set(wanted)) > 1:
         raise ExportError(f"{path}: heads that read different features ({', '.join(wanted)}) do not fit one ONNX file")
     model, detector = adopt(path, wanted[0] if wanted else None)
-    exact = detector.decode == "yolox"
+    exact = detector.decode != "dfl"
     original = parity.open_network(path if exact else with_outputs(path, [head.name for head in detector.heads]))
 
     def reference(picture: NDArray[np.float32]) -> Tensors:

@@ -16,8 +16,9 @@ from edgemap.runtime.network.bundle import load_bundle
 from edgemap.runtime.network.manifest_file import read_manifest
 
 
-def little_yolox(path, classes=3, size=64, opset=11, rows=None, batch=1):
-    """A graph of YOLOX's form: three strided Relu convolutions, each grid a few rows of the one output."""
+def little_yolox(path, classes=3, size=64, opset=11, rows=None, batch=1, sides_px=0.0):
+    """A graph of YOLOX's form: three strided Relu convolutions, each grid a few rows of the one output. sides_px: added
+    to the boxes' sides, as of a graph that decodes them itself."""
     rng = np.random.default_rng(0)
     nodes, weights, parts, source, channels, scale = [], [], [], "images", 3, 1.0 / 255.0
     for stride, width in ((8, 6), (16, 10), (32, 12)):
@@ -41,7 +42,9 @@ def little_yolox(path, classes=3, size=64, opset=11, rows=None, batch=1):
         parts.append(f"r{stride}")
         source, channels, scale = f"feature{stride}", width, 1.0
     nodes.append(helper.make_node("Concat", parts, ["all"], axis=2))
-    nodes.append(helper.make_node("Transpose", ["all"], ["output"], perm=[0, 2, 1]))
+    nodes.append(helper.make_node("Transpose", ["all"], ["raw"], perm=[0, 2, 1]))
+    nodes.append(helper.make_node("Add", ["raw", "sides"], ["output"]))
+    weights.append(numpy_helper.from_array(np.float32([0, 0, sides_px, sides_px] + [0] * (1 + classes)), "sides"))
     total = rows or sum((size // stride) ** 2 for stride in (8, 16, 32))
     graph = helper.make_graph(
         nodes,
@@ -86,6 +89,14 @@ def test_the_adopted_bundle_gives_the_same_bits_and_the_tapped_tensor(tmp_path):
     weight = next(numpy_helper.to_array(w) for w in onnx.load(path).graph.initializer if w.name == "h16")
     rows = np.einsum("oc,chw->hwo", weight[:, :, 0, 0], found["feature16"][0]).reshape(16, 8)
     np.testing.assert_allclose(rows, theirs[0, 64:80], rtol=1e-4, atol=1e-5)
+
+
+def test_boxes_that_the_graph_decodes_are_not_decoded_again(tmp_path):
+    _, raw = adopt(little_yolox(tmp_path / "raw.onnx"))
+    _, decoded = adopt(little_yolox(tmp_path / "decoded.onnx", sides_px=20.0))
+    assert (raw.decode, raw.reading, decoded.decode) == ("yolox", None, "reading")
+    assert decoded.reading
+    assert decoded.reading.form == "cxcywh"
 
 
 def test_what_is_no_detector_is_refused(tmp_path):
