@@ -114,6 +114,8 @@ class Camera:
             spans = f"{imu.stamps_s[0]:.3f} to {imu.stamps_s[-1]:.3f} s, the pictures' end at {self._last_s:.3f} s"
             text = f"IMU: samples for {self._with_imu} of {self._delivered} pictures (its stamps: {spans})"
             found.append(Fault(FaultKind.SAMPLES, text))
+        if imu is not None and 0 < (zeros := int((~imu.accel_m_s2.any(axis=1)).sum())) < len(imu):
+            found.append(Fault(FaultKind.SAMPLES, f"IMU: {zeros} of {len(imu)} samples have no force, left out"))
         whole, used = self._depths.total(), self._depths[""]
         causes = [(why, count) for why, count in self._depths.most_common() if why not in ("", NO_DEPTH)]
         if not whole or (used and not causes):
@@ -171,11 +173,11 @@ def check_size(camera: Camera) -> None:
 
 class Picture(NamedTuple):
     """A picture as a device delivers it. stamp_s: by the device's clock. image: BGR, (H, W, 3). depth: (H, W) metres of
-    its pixels, 0 where unknown; None without a depth camera."""
+    its pixels, 0 where unknown, or why there is none; None without a depth camera."""
 
     stamp_s: float
     image: NDArray[np.uint8]
-    depth: NDArray[np.float32] | None = None
+    depth: NDArray[np.float32] | str | None = None
 
 
 class Device(Protocol):

@@ -57,11 +57,6 @@ class Trajectory:
         return Trajectory(self.stamps_s, tuple(origin @ pose for pose in self.poses))
 
 
-def read_tum(path: Path) -> Trajectory:
-    """Read planar poses from a TUM file. Raises OdometryError as `parse_tum` does."""
-    return parse_tum(read_bytes(path, OdometryError), str(path))
-
-
 def parse_tum(data: bytes | str, path: str) -> Trajectory:
     """Planar poses from TUM text: `stamp x y z qx qy qz qw` per line, z up, `#` starts a comment. path: for messages.
 

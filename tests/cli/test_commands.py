@@ -145,7 +145,7 @@ def test_a_run_whose_log_takes_nothing_leaves_its_files_alone(painted_bundle, pi
     """`2>&-` leaves number 2 free, which the next file opened would get."""
     (pictures / "8.png").write_bytes(b"not a picture")
     words = ["run", "--camera", str(pictures), "--bundle", str(painted_bundle), "--out", str(tmp_path / "run")]
-    line = shlex.join([sys.executable, "-m", "edgemap.cli", *words])
+    line = shlex.join([sys.executable, "-u", "-m", "edgemap.cli", *words])
     result = subprocess.run(["sh", "-c", f"{line} {streams}"], capture_output=True, text=True, check=False)
     assert result.returncode == 0
     assert "\nframe 8:" not in result.stdout  # faults went to standard error, which is none

@@ -18,14 +18,14 @@ from support.refusal import refused
 from edgemap.bridges.ros2.recordings.camera import RecordingCamera
 from edgemap.bridges.ros2.recordings.reader import McapReading
 from edgemap.geometry.errors import MapError
-from edgemap.runtime.frames.errors import BundleError, CameraError, OdometryError
+from edgemap.runtime.frames.errors import BundleError, CameraError
 from edgemap.runtime.frames.reading import one_line, read_bytes
-from edgemap.runtime.frames.trajectory import read_tum
 from edgemap.runtime.inputs.cameras.pictures import VideoCamera
 from edgemap.runtime.inputs.cameras.stated_focal import stated_focal_px
 from edgemap.runtime.inputs.drives import open_drive
 from edgemap.runtime.inputs.drives.camera_yaml import read_camera_yaml
 from edgemap.runtime.inputs.drives.pictures import list_pictures, read_picture
+from edgemap.runtime.inputs.drives.pose_files import read_tum_3d
 from edgemap.runtime.inputs.drives.sensor_csv import read_wheel_csv
 from edgemap.runtime.network.engines import open_onnxruntime
 from edgemap.runtime.network.manifest_file import read_manifest
@@ -68,7 +68,7 @@ def euroc(stamp="1000000000", fx="60.0", truth="1000000000 0 0 0 0 0 0 1\n"):
         ("euroc", euroc(stamp="first"), "named after its stamp in nanoseconds"),
         ("euroc", euroc(fx="-1.0"), "fx is -1"),
         ("euroc", euroc(truth="9000000000 0 0 0 0 0 0 1\n"), "no picture lies in it"),
-        ("tum", {"rgb.txt": "# nothing\n"}, "no pictures listed in it"),
+        ("tum", {"rgb.txt": "# nothing\n"}, "nothing is listed in it"),
         ("tum", {"rgb.txt": "soon rgb/a.png\n"}, "expected `stamp file`"),
         ("tum", {"rgb.txt": "1.0 rgb/a\x1b.png\n"}, "expected `stamp file`"),
         ("yolo", {"images/a.png": ""}, "labels: no such folder"),
@@ -190,7 +190,7 @@ def test_wheels_that_jump_or_leave_the_world(tmp_path):
 @pytest.mark.parametrize("quaternion", ["0 0 0 0", "0 0 0 5", "nan 0 0 1"])
 def test_quaternions_that_are_none(tmp_path, quaternion):
     (tmp_path / "a.tum").write_text(f"0 0 0 0 0 0 0 1\n1 0 0 0 {quaternion}\n")
-    assert "a.tum:2: " in refused(OdometryError, read_tum, tmp_path / "a.tum")
+    assert "a.tum:2: " in refused(CameraError, read_tum_3d, tmp_path / "a.tum")
 
 
 def test_a_small_file_of_a_huge_picture_is_refused_before_it_is_decoded(tmp_path):

@@ -117,7 +117,7 @@ UP = MOUNT.rotation_base_optical().T @ [0.0, 0.0, 1.0]
         (np.eye(3), 0.0, 9.81, ""),
         (np.eye(3), 0.3, 9.81, "0.30 s late"),
         (-np.eye(3), 0.0, 9.81, "gyro: its yaw is"),
-        (Rotation.from_euler("x", 90, degrees=True).as_matrix(), 0.0, 9.81, "axis it does"),
+        (Rotation.from_euler("x", 90, degrees=True).as_matrix(), 0.0, 9.81, "turns gravity"),
         (np.eye(3), 0.0, 0.0, "accelerometer: it measures 0.0 m/s2"),
         (np.eye(3), 0.0, 1.0, "(in g?)"),
         (np.eye(3), 0.0, -9.81, "180 deg off the mount's up"),

@@ -11,6 +11,7 @@ from edgemap.bridges.ros2.messages.topics import INFO, KINDS
 from edgemap.bridges.ros2.recordings.foreign import info_topics, lens_of
 from edgemap.bridges.ros2.recordings.pictures import APART_S, READERS, aligned
 from edgemap.geometry.camera.intrinsics import Intrinsics
+from edgemap.runtime.frames.camera import NO_DEPTH
 from edgemap.runtime.frames.errors import CameraError
 from edgemap.runtime.inputs.drives.pictures import Depth
 
@@ -21,9 +22,9 @@ SAME_SHARE = 0.01  # of the picture's width: focal lengths and centres that diff
 
 
 class DepthTopic:
-    """Depth registered to the colour pictures, looked up by increasing stamps. Errors are ignored, since depth is
-    optional. topic: None for the aligned topic of Intel's driver, once it is published. Late or damaged pictures, and
-    those with other intrinsics in their CameraInfo, are dropped.
+    """Depth registered to the colour pictures, looked up by increasing stamps; a text says why there is none, since
+    depth is optional. topic: None for the aligned topic of Intel's driver, once it is published. Late or damaged
+    pictures, and those with other intrinsics in their CameraInfo, are dropped.
     """
 
     def __init__(self, node: Node, topic: str | None = None) -> None:
@@ -32,14 +33,14 @@ class DepthTopic:
         self._infos: list[Subscription] = []
         self._waiting: deque[tuple[float, Any]] = deque(maxlen=KEPT)
         self._lens: Intrinsics | None = None
-        self._came = False  # with the last picture
+        self._came, self._kind = False, ""  # with the last picture; of the topic's messages
         self._asked_s = -ASK_S
 
-    def at(self, stamp_s: float, lens: Intrinsics | None) -> Depth | None:
-        """The depth picture of a colour picture and its lens."""
+    def at(self, stamp_s: float, lens: Intrinsics | None) -> Depth | str | None:
+        """The depth picture of a colour picture and its lens, or why there is none; None where no topic has any."""
         messages = self._messages or self._open()
         if messages is None:
-            return None
+            return f"{self._topic} is {self._kind or 'not published'}, no depth" if self._topic else None
         until_s = time.monotonic() + (WAIT_S if self._came else 0.0)
         self._take(messages)
         while self._newest_s() < stamp_s - APART_S and messages.wait(until_s - time.monotonic()):
@@ -47,11 +48,14 @@ class DepthTopic:
         while self._waiting and self._waiting[0][0] < stamp_s - APART_S:
             self._waiting.popleft()
         self._came = bool(self._waiting) and self._waiting[0][0] <= stamp_s + APART_S
-        if not self._came or not self._of(lens):
-            return None
-        with suppress(CameraError):
+        if not self._came:
+            return NO_DEPTH
+        if not self._of(lens):
+            return f"{messages.topic} is of another lens than the pictures, by its CameraInfo"
+        try:
             return READERS[self._kind](self._waiting.popleft()[1], messages.topic)
-        return None
+        except CameraError as error:
+            return str(error)
 
     def close(self) -> None:
         """Unsubscribe."""
@@ -68,9 +72,9 @@ class DepthTopic:
         self._asked_s = now_s
         kinds = {name: kind.replace("/msg/", "/") for name, kind in self._node.published().items()}
         topic = self._topic or aligned(kinds)
-        if topic is None or kinds.get(topic) not in READERS:
+        self._kind = kinds.get(topic or "", "")
+        if topic is None or self._kind not in READERS:
             return None
-        self._kind = kinds[topic]
         self._infos = [self._node.subscription(info, KINDS[INFO], depth=1) for info in info_topics(topic)]
         self._messages = self._node.subscription(topic, self._kind.replace("/", "/msg/"), depth=KEPT)
         return self._messages

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from edgemap.runtime.frames.camera import Picture
 from edgemap.runtime.frames.errors import CameraFault
 from edgemap.runtime.frames.faults import FaultKind
+from edgemap.runtime.frames.reading import one_line
 from edgemap.runtime.inputs.cameras.checked import PictureCheck, stamp_of
 
 SAMPLE_STEP = 8  # px between the pixels that are compared
@@ -39,14 +40,15 @@ class DeliveryCheck:
             text = f"a grab gave a {type(grabbed).__name__}, not (stamp_s, image) or a Picture"
             self._check.note(FaultKind.FORMAT, text)
             return None
-        stamp_s, checked = stamp_of(given.stamp_s), self._check.picture(given.image, given.depth, grey=True)
+        why, depth = (one_line(given.depth), None) if isinstance(given.depth, str) else ("", given.depth)
+        stamp_s, checked = stamp_of(given.stamp_s), self._check.picture(given.image, depth, grey=True)
         if checked is None or (self._same(checked[0]) and stamp_s == self._stamp_s):
             return None
         stream_s, wrong = self.clock.stamp(stamp_s, arrived_s)
         if wrong is not None:
             self._check.note(wrong, f"stamp {stamp_s:.6g} s after {self._stamp_s or 0.0:.6g} s, host's taken")
         self._stamp_s = stamp_s
-        return Picture(stream_s, *checked)
+        return Picture(stream_s, checked[0], why or checked[1])
 
     def _same(self, image: NDArray[np.uint8]) -> bool:
         sample = image[::SAMPLE_STEP, ::SAMPLE_STEP].copy()

@@ -32,7 +32,6 @@ from edgemap.runtime.inputs.drives.drive import Drive, LabelledBoxes
 from edgemap.runtime.inputs.drives.pictures import list_pictures
 from edgemap.runtime.inputs.drives.pose_files import (
     check_count,
-    check_increasing,
     depth_beside,
     rate_of_stamps,
     read_stamps,
@@ -53,7 +52,6 @@ def read_own(folder: Path) -> Drive:
     images, video = _pictures(folder)
     path = folder / "poses.tum"
     stamps, matrices = read_tum_3d(path)
-    check_increasing(path, stamps)
     world_up = camera.world_up or "z"
     truth = trajectory(path, stamps, planarise_base(matrices, world_up))
     attitudes = base_attitudes(stamps, matrices, world_up, camera.mount) if camera.mount else None

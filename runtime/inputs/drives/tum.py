@@ -1,6 +1,5 @@
 """TUM RGB-D: `rgb.txt` (stamp, file) with `groundtruth.txt`, or pictures with `poses.tum`; poses of the CAMERA."""
 
-import math
 from pathlib import Path
 
 import numpy as np
@@ -8,18 +7,17 @@ import numpy as np
 from edgemap.geometry.arrays import Array
 from edgemap.geometry.se2 import SE2
 from edgemap.runtime.frames.errors import CameraError
-from edgemap.runtime.frames.reading import one_line, read_text
 from edgemap.runtime.frames.spatial_poses import camera_attitudes, planarise_camera
-from edgemap.runtime.frames.tables import STAMP
 from edgemap.runtime.frames.trajectory import AttitudeTrack, Trajectory
 from edgemap.runtime.inputs.drives.camera_yaml import Setup, read_setup
 from edgemap.runtime.inputs.drives.drive import Drive
 from edgemap.runtime.inputs.drives.pictures import first_folder, list_pictures
 from edgemap.runtime.inputs.drives.pose_files import (
     check_count,
-    check_increasing,
     rate_of_stamps,
+    read_lines,
     read_tum_3d,
+    stamps_of,
     trajectory,
 )
 
@@ -40,7 +38,6 @@ def read_tum_drive(folder: Path) -> Drive:
     path = folder / "poses.tum"
     stamps, poses = read_tum_3d(path)
     check_count(path, len(stamps), len(images), pictures_folder)
-    check_increasing(path, stamps)
     truth = trajectory(path, stamps, planarise_camera(poses, setup.world_up, setup.mount))
     return _drive(folder, images, stamps, setup, truth, camera_attitudes(stamps, poses, setup.world_up))
 
@@ -52,7 +49,6 @@ def _read_listed(folder: Path, setup: Setup) -> Drive:
     if not truth_path.is_file():
         return _drive(folder, images, stamps, setup, None)
     truth_stamps, poses = read_tum_3d(truth_path)
-    check_increasing(truth_path, truth_stamps)
     recorded = Trajectory(truth_stamps, planarise_camera(poses, setup.world_up, setup.mount))
     known = [i for i, stamp in enumerate(stamps) if _is_covered(truth_stamps, stamp)]
     if not known:
@@ -80,23 +76,12 @@ def _drive(
 
 
 def _read_listing(path: Path) -> tuple[Array, tuple[Path, ...]]:
-    stamps, images = [], []
-    for number, line in enumerate(read_text(path, CameraError).splitlines(), start=1):
-        words = line.split(maxsplit=1)
-        if not words or words[0].startswith("#"):
-            continue
-        try:
-            stamp_s = float(words[0])
-        except ValueError:
-            stamp_s = math.nan
-        if len(words) != 2 or not STAMP.minimum <= stamp_s <= STAMP.maximum or not words[1].isprintable():
-            raise CameraError(f"{path}:{number}: expected `stamp file`, found {one_line(line, 60)!r}")
-        stamps.append(stamp_s)
-        images.append(path.parent / words[1].strip())
-    if not images:
-        raise CameraError(f"{path}: no pictures listed in it")
-    check_increasing(path, np.array(stamps))
-    return np.array(stamps), tuple(images)
+    """Stamps and files; lines that are none are counted. Raises CameraError."""
+    lines = read_lines(path)
+    stamps = stamps_of(path, lines, files=True)
+    known = np.isfinite(stamps)
+    images = (path.parent / line.split(maxsplit=1)[1] for (_, line), good in zip(lines, known, strict=True) if good)
+    return stamps[known], tuple(images)
 
 
 def _is_covered(truth_stamps: Array, stamp: float) -> bool:

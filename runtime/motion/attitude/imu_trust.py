@@ -6,9 +6,11 @@ from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
 
 from edgemap.geometry.camera.imu import ImuSamples
 from edgemap.geometry.camera.inertial import GRAVITY_M_S2
+from edgemap.geometry.robust import CLEAR_SIGMAS
 from edgemap.geometry.se2 import SE2
 from edgemap.runtime.frames.faults import Fault, FaultKind
 from edgemap.runtime.motion.judge import MotionJudge, path_of
@@ -73,11 +75,13 @@ class ImuTrust:
         what is wrong with the stamps of a recording's samples, all of which are left out then."""
         self._gyro = _Sensor("gyro", "rad/s", GYRO_RAD_S, window_s, freezes=True)
         self._accel = _Sensor("accelerometer", "m/s2", ACCEL_M_S2, window_s, freezes=False)
-        self._yaw = Agreement(trust, trust.least[0])
+        self._least_rad, self._yaw = trust.least[0], Agreement(trust, trust.least[0])
         self._judge, self._contrary = MotionJudge(), ""  # of delay, sign and axes
         self._turns = deque[tuple[float, Array]]()  # stamps, and rotations about the axes up to them
         self._spans = (math.nan, math.nan)  # of the step that was judged last: stamps of both frames
         self._force, self.forceless = np.zeros(3), ""  # mean of a second; why the accelerometer is not used
+        # Gravity's direction as a second's mean, turned by the gyro and not turned; squared errors of both; the fault.
+        self._level, self._off_rad2, self._turns_gravity = np.zeros((2, 3)), np.zeros(2), ""
         self._clock = clock
         self._turned_rad = self._span_s = 0.0  # over the last step, by the gyro
         self._seen_s, self._reason = math.nan, ""
@@ -114,6 +118,7 @@ class ImuTrust:
             return samples, None
         span_s = stamp_s - self._seen_s if math.isfinite(self._seen_s) else 0.0
         self._turned(samples)
+        self._weigh_turns(samples, span_s)
         self._compare(moved, up, bias)
         good = self._gyro.judge(samples.gyro_rad_s, span_s)
         good &= self._accel.judge(samples.accel_m_s2, span_s)
@@ -181,6 +186,23 @@ class ImuTrust:
         while self._turns[-1][0] - self._turns[0][0] > self._judge.reach_s:
             self._turns.popleft()
 
+    def _weigh_turns(self, samples: ImuSamples, span_s: float) -> None:
+        """Compares where gravity is by gyro and accelerometer with where it is by the accelerometer alone: wrong axes
+        or units turn it, without any picture."""
+        force = samples.accel_m_s2.mean(axis=0)
+        force = force / max(float(np.linalg.norm(force)), 1e-9)
+        if not self._level.any() or self.forceless or span_s > APART_S:
+            self._level, self._off_rad2 = np.stack([force, force]), np.zeros(2)
+            return
+        self._level[0] = Rotation.from_rotvec(-span_s * samples.gyro_rad_s.mean(axis=0)).apply(self._level[0])
+        off = force - self._level
+        self._level += span_s * off / APART_S
+        self._off_rad2 += span_s * ((off**2).sum(axis=1) - self._off_rad2) / APART_S
+        turned_rad, fixed_rad = np.sqrt(self._off_rad2).tolist()
+        if turned_rad > max(CLEAR_SIGMAS * fixed_rad, self._least_rad) and not self._turns_gravity:
+            by = f"{math.degrees(turned_rad):.0f} deg, {math.degrees(fixed_rad):.0f} without the gyro"
+            self._turns_gravity = f"it turns gravity away from the accelerometer's (by {by}): axes or unit?"
+
     def _weighed(self, samples: ImuSamples, up: Array) -> tuple[ImuSamples, Fault | None]:
         """The samples with a force. While the accelerometer's mean is not gravity, that of a level camera takes its
         place and the gyro goes on alone; a single sample without force is left out."""
@@ -220,8 +242,8 @@ class ImuTrust:
         self._slow = len(self._per_sample) == SINGLE and frames > (1.5 if self._slow else 2.0)
         if self._slow:
             return f"IMU: one sample in {frames:.1f} frames, at least one in two is needed"
-        if self._contrary:
-            return f"gyro: {self._contrary}"
+        if contrary := self._turns_gravity or self._contrary:
+            return f"gyro: {contrary}"
         if self._yaw.state is Trust.DISTRUSTED and (self._judge.conclusive or self._yaw.ratio < -CONTRARY):
             return f"gyro: its yaw is {100.0 * self._yaw.ratio:.0f} % of what the camera measures"
         return ""

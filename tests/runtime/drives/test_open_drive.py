@@ -19,6 +19,7 @@ from edgemap.runtime.frames.errors import CameraError
 from edgemap.runtime.frames.trajectory import Trajectory
 from edgemap.runtime.inputs.cameras.pictures import drive_camera
 from edgemap.runtime.inputs.drives import open_drive, write_drive, write_locobot
+from edgemap.runtime.inputs.drives.pose_files import read_stamps
 
 LENS, MOUNT = Intrinsics(64, 48, 58.0, 58.0, 31.5, 23.5), Mount.from_degrees(0.6, 11.5)
 IDENTITY_12 = "1 0 0 0 0 1 0 0 0 0 1 0"
@@ -131,6 +132,19 @@ def test_tum_interpolates_its_truth_and_leaves_out_pictures_without(tmp_path):
     assert [path.name for path in drive.images] == ["0.png", "1.png", "2.png", "3.png"]
     found = [pose.vector().tolist() for pose in drive.truth.poses]
     assert found[2] == pytest.approx([0.15, 0.0, 0.0], abs=1e-6)  # the first picture's truth is that at 10.05 s
+
+
+def test_wrong_stamps_of_pictures_are_one_fault(tmp_path, capsys):
+    write_pictures(tmp_path / "rgb", 9)
+    stamps = ["stamp", "10.0", "10.1", "nan", "10.3", "10.3", "10.2", "10.6", "10.7"]
+    (tmp_path / "rgb.txt").write_text("".join(f"{stamp} rgb/{i}.png\n" for i, stamp in enumerate(stamps)))
+    drive = open_drive(f"tum:{tmp_path}")
+    assert [path.name for path in drive.images] == ["1.png", "2.png", "4.png", "7.png", "8.png"]
+    assert "4 of 9 samples dropped (line 1: expected `stamp file`, found 'stamp rgb/0.png'" in capsys.readouterr().err
+    (tmp_path / "stamps.txt").write_text("\n".join(stamps))  # where each picture needs one
+    np.testing.assert_allclose(
+        read_stamps(tmp_path / "stamps.txt"), [9.9, 10.0, 10.1, 10.2, 10.3, 10.4, 10.5, 10.6, 10.7]
+    )
 
 
 def test_tum_drops_what_lies_outside(tmp_path):
