@@ -1,8 +1,9 @@
 """The trajectory: keyframe poses with the odometry between them, and its correction."""
 
 import math
-from collections.abc import Set
+from collections.abc import Callable, Set
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 
@@ -138,6 +139,13 @@ class KeyframeTrajectory:
             np.concatenate([now, self.pose.vector()[None]]),
             np.concatenate([covariances, self.covariance[None]]),
         )
+
+    def replace_motions(self, path: Callable[[float], SE2 | None], now_s: float) -> TrajectoryCorrection:
+        """The motions between keyframes are those of another path, by stamp, wherever that is known."""
+        at = [path(stamp_s) for stamp_s in (*self.stamps_s, now_s)]
+        moved = [None if a is None or b is None else a.inverse() @ b for a, b in pairwise(at)]
+        *self._motions, self.since = [new or old for new, old in zip(moved, [*self._motions, self.since], strict=True)]
+        return self.set_poses(self.vectors()[:1], np.array(self.covariances[:1]), now_s)
 
     def drop(self, gone: Set[int]) -> None:
         """Removes keyframes, except the first and the last; the motions before and after each are composed."""

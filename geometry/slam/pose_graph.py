@@ -1,7 +1,7 @@
 """A drive as a graph: keyframes, the odometry between them, observations of landmarks, and links between landmarks."""
 
 import math
-from collections.abc import Generator, Mapping, Sequence, Set
+from collections.abc import Callable, Generator, Mapping, Sequence, Set
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -281,6 +281,12 @@ class PoseGraph:
             return None
         self._biases = solution.biases
         correction = self.trajectory.set_poses(poses, solution.pose_covariances, now_s)
+        self.place(list(self.landmarks.all.values()))
+        return correction
+
+    def replace_motions(self, path: Callable[[float], SE2 | None], now_s: float) -> TrajectoryCorrection:
+        """As `KeyframeTrajectory.replace_motions`; landmarks move along."""
+        correction = self.trajectory.replace_motions(path, now_s)
         self.place(list(self.landmarks.all.values()))
         return correction
 

@@ -379,6 +379,11 @@ class Mapper:
         was_busy, correction = self.loop_closer.busy, self.loop_closer.step(graph, observed.stamp_s)
         if was_busy and not self.loop_closer.busy:
             self.pose_covariance = graph.trajectory.covariance
+        if motion.instead is not None and self.paper is None:
+            past, before = graph.replace_motions(motion.instead, observed.stamp_s), self.pose_map_base
+            moved_m = float(np.linalg.norm((before.inverse() @ graph.trajectory.pose).vector()[:2]))
+            links = self.loop_closer.accepted
+            correction = LoopCorrection(graph.trajectory.pose, past.covariances[-1], past, moved_m, links)
         if correction is not None:
             self.pose_map_base = correction.pose_map_base
             self.trajectory.correct(correction.past)
@@ -475,7 +480,8 @@ def new_mapper(
 def _composed(first: Motion, second: Motion) -> Motion:
     """Two motions, one after the other, as one."""
     covariance = compose_covariance(first.motion, first.covariance, second.motion, second.covariance)
-    return Motion(first.motion @ second.motion, covariance, second.faults, first.state if first.blind else second.state)
+    state = first.state if first.blind else second.state
+    return Motion(first.motion @ second.motion, covariance, second.faults, state, instead=second.instead)
 
 
 def _sound(observed: FrameObservations) -> FrameObservations:

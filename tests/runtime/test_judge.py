@@ -1,11 +1,13 @@
 """Poses, wheels and gyro that contradict the camera are named, and honest ones are not."""
 
 import math
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
+from support.drives import drive, exact, round_trip
 
 from edgemap.geometry.arrays import Array
 from edgemap.geometry.camera.floor import FloorCamera
@@ -16,11 +18,13 @@ from edgemap.geometry.observations.floor_mask import FloorMask
 from edgemap.geometry.observations.sparse_depth import SparseDepth
 from edgemap.geometry.se2 import SE2
 from edgemap.runtime.frames.errors import OdometryError
+from edgemap.runtime.frames.trajectory import Trajectory
 from edgemap.runtime.motion.attitude.imu_trust import ImuTrust
 from edgemap.runtime.motion.depth_scale import DepthScale
 from edgemap.runtime.motion.given_poses import read_given
 from edgemap.runtime.motion.judge import MotionJudge, path_of
 from edgemap.runtime.motion.trust import TrustRule
+from edgemap.runtime.step.mapper import Mapper
 
 MOUNT = Mount.from_degrees(0.6, 11.5, forward_m=0.15)
 STAMPS_S = np.arange(0.0, 20.0, 0.1)
@@ -153,3 +157,20 @@ def test_a_scale_of_depth_is_named_and_a_table_that_looks_like_floor_is_none(
     faults = [judge.judge(SparseDepth.of((scale * low_m).astype(np.float32)), mask, camera, None) for _ in range(15)]
     assert judge.wrong == (wrong and not (table and scale == 2.0))
     assert any(faults) == judge.wrong
+
+
+def test_the_map_moves_to_the_camera_s_path_where_given_poses_have_proved_wrong() -> None:
+    room = [("chair", 1.0, 1.0), ("bed", 7.0, 5.0), ("tv", 4.0, 5.7), ("plant", 7.6, 3.0), ("table", 0.4, 3.0)]
+    poses, mapper = round_trip(120), Mapper()
+    true = exact(poses)
+    motions = [replace(one, motion=SE2(0.5 * one.motion.x_m, one.motion.y_m, 0.7 * one.motion.yaw_rad)) for one in true]
+    motions[100:] = true[100:]
+    path = Trajectory(np.arange(120) / 10.0, tuple(poses))
+    motions[100] = replace(true[100], instead=lambda stamp_s: path.at(stamp_s) if stamp_s >= 0.0 else None)
+    (*_, (_, objects)) = drive(mapper, room, poses, motions)
+    expected = poses[0].inverse() @ poses[-1]
+    np.testing.assert_allclose(mapper.pose_map_base.vector(), expected.vector(), atol=1e-6)
+    places = {item.label: item.position_m for item in objects}
+    for label, x_m, y_m in room:
+        np.testing.assert_allclose(places[label], poses[0].inverse().apply(np.array([x_m, y_m])), atol=0.25)
+    assert len(objects) == len(places)

@@ -1,6 +1,7 @@
 """Poses that carry the map, judged by the camera's own motion, which takes their place where they are wrong."""
 
 import math
+from collections import deque
 from collections.abc import Callable
 from dataclasses import replace
 
@@ -10,7 +11,7 @@ from edgemap.geometry.camera.attitude import Attitude
 from edgemap.geometry.se2 import SE2
 from edgemap.runtime.frames.faults import Fault, FaultKind
 from edgemap.runtime.frames.frame import Frame
-from edgemap.runtime.frames.trajectory import PoseTrack
+from edgemap.runtime.frames.trajectory import PoseTrack, Trajectory
 from edgemap.runtime.motion.given_poses import GivenPoses
 from edgemap.runtime.motion.judge import MotionJudge, path_of
 from edgemap.runtime.motion.odometry.hybrid import HybridOdometry
@@ -23,8 +24,8 @@ class JudgedOdometry:
     """The given motion, until the camera's contradicts it; from then on the camera's.
 
     open_poses: makes the given odometry at the first frame's stamp, with the file's attitudes where there are any.
-    kind: of the fault that leaves the source out. start: the first frame's pose in the source's map; None where that
-    begins there.
+    The map's latest poses become the camera's then. kind: of the fault that leaves the source out. start: the first
+    frame's pose in the source's map; None where that begins there.
     """
 
     needs_features = False
@@ -43,6 +44,7 @@ class JudgedOdometry:
         self._opened: tuple[RecordedOdometry, PoseTrack, GivenPoses | None] | None = None
         self._wrong, self._news = False, list[Fault]()
         self._last_s = -math.inf
+        self._path = deque[tuple[float, SE2]]()  # the camera's, as long as the judge looks back
 
     def attitude(self, stamp_s: float) -> Attitude | None:
         """The camera's attitude by poses of six dimensions; None where they have three, or are wrong."""
@@ -58,13 +60,13 @@ class JudgedOdometry:
         due, self._last_s = self._judge.add(self._last_s, frame.stamp_s, seen.moved()), frame.stamp_s
         if due and not self._wrong:
             self._judge_now(self._given(frame.stamp_s)[1], frame.stamp_s)
-        return self._chosen(replace(given, rotation=seen.rotation), seen)
+        return self._chosen(replace(given, rotation=seen.rotation), seen, frame.stamp_s)
 
     def step_blind(self, stamp_s: float, reason: Fault, attitude: Attitude | None = None) -> Motion:
         """The given motion; it needs no picture."""
         seen = self._camera.step_blind(stamp_s, reason, attitude)
         self._last_s = -math.inf
-        return self._chosen(self._given(stamp_s)[0].step_blind(stamp_s, reason, attitude), seen)
+        return self._chosen(self._given(stamp_s)[0].step_blind(stamp_s, reason, attitude), seen, stamp_s)
 
     def still(self, stamp_s: float, attitude: Attitude | None) -> bool | None:
         """Whether the source that is used stands still."""
@@ -103,7 +105,17 @@ class JudgedOdometry:
             text = f"odometry {self.name}: {wrong}: left out, the camera's own motion is used"
             self._news.append(Fault(self._kind, text))
 
-    def _chosen(self, given: Motion, seen: Motion) -> Motion:
+    def _chosen(self, given: Motion, seen: Motion, stamp_s: float) -> Motion:
         """The motion that is used, with what there is to report."""
         motion, news, self._news = seen if self._wrong else given, tuple(self._news), []
-        return replace(motion, faults=(*motion.faults, *news)) if news else motion
+        excluded = any(fault.kind is self._kind for fault in news)
+        self._path.append((stamp_s, self._path[-1][1] @ seen.motion if self._path else SE2()))
+        while self._path[0][0] < stamp_s - self._judge.reach_s:
+            self._path.popleft()
+        instead = self._seen_at if excluded else None
+        return replace(motion, faults=(*motion.faults, *news), instead=instead) if news else motion
+
+    def _seen_at(self, stamp_s: float) -> SE2 | None:
+        """The camera's pose at a stamp, in a frame of its own; None where it is not known."""
+        path = Trajectory(np.array([row[0] for row in self._path]), tuple(row[1] for row in self._path))
+        return path.at(stamp_s) if path.stamps_s[0] <= stamp_s <= path.stamps_s[-1] else None

@@ -1,7 +1,7 @@
 """Interface of an odometry: frames in, motion of the base with its covariance out."""
 
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from enum import Enum
 from typing import Protocol
@@ -67,7 +67,8 @@ class Motion:
     name: `used`, `blind` (no measurement) or `left_out` (it disagrees). without_gyro: of a hybrid with a gyro, motion
     and covariance from its other members. rotation: of the camera, where tracked corners measure it. lengths: of a
     hybrid, ahead by the camera and by the wheels, m. heading_rad2: variance of the sum of all yaws since the start,
-    where a compass bounds it; infinite without one."""
+    where a compass bounds it; infinite without one. instead: poses by stamp that replace those of the steps before,
+    where their source has proved wrong."""
 
     motion: SE2 = field(default_factory=SE2)
     covariance: Array = field(default_factory=unknown_covariance)
@@ -78,6 +79,7 @@ class Motion:
     rotation: TrackedRotation | None = None
     lengths: tuple[float, float] | None = None
     heading_rad2: float = math.inf
+    instead: Callable[[float], SE2 | None] | None = None
 
     @property
     def measured(self) -> bool:
