@@ -96,6 +96,11 @@ class ImuTrust:
         return self._yaw.state is Trust.TRUSTED and not self._yaw.doubted
 
     @property
+    def follows_gravity(self) -> bool:
+        """Whether the accelerometer's gravity turns as the gyro says, so that its axes and unit are right."""
+        return bool(self._off_rad2[0] < self._off_rad2[1])
+
+    @property
     def left_out(self) -> bool:
         """Whether the samples are not to be used."""
         return bool(self._reason)
@@ -118,13 +123,15 @@ class ImuTrust:
             return samples, None
         span_s = stamp_s - self._seen_s if math.isfinite(self._seen_s) else 0.0
         self._turned(samples)
-        self._weigh_turns(samples, span_s)
+        doubted = self._weigh_turns(samples, span_s, moved, bias)
         self._compare(moved, up, bias)
         good = self._gyro.judge(samples.gyro_rad_s, span_s)
         good &= self._accel.judge(samples.accel_m_s2, span_s)
         self._spans, self._seen_s, self._span_s = (self._seen_s, stamp_s), stamp_s, span_s
         self._turned_rad = float((samples.gyro_rad_s.mean(axis=0) - bias) @ up) * span_s
-        if not good.all():
+        if doubted:
+            samples = ImuSamples.none()
+        elif not good.all():
             samples = ImuSamples(samples.stamps_s[good], samples.gyro_rad_s[good], samples.accel_m_s2[good])
         return self._with_fault(samples)
 
@@ -186,15 +193,18 @@ class ImuTrust:
         while self._turns[-1][0] - self._turns[0][0] > self._judge.reach_s:
             self._turns.popleft()
 
-    def _weigh_turns(self, samples: ImuSamples, span_s: float) -> None:
+    def _weigh_turns(self, samples: ImuSamples, span_s: float, moved: tuple[SE2, Array] | None, bias: Array) -> bool:
         """Compares where gravity is by gyro and accelerometer with where it is by the accelerometer alone: wrong axes
-        or units turn it, without any picture."""
+        or units turn it, without any picture. Returns whether the gyro is in doubt. Skipped at rest: its bias is not
+        known before."""
         force = samples.accel_m_s2.mean(axis=0)
         force = force / max(float(np.linalg.norm(force)), 1e-9)
-        if not self._level.any() or self.forceless or span_s > APART_S:
+        resting = moved is not None and moved[0] == SE2()
+        if not self._level.any() or self.forceless or span_s > APART_S or resting:
             self._level, self._off_rad2 = np.stack([force, force]), np.zeros(2)
-            return
-        self._level[0] = Rotation.from_rotvec(-span_s * samples.gyro_rad_s.mean(axis=0)).apply(self._level[0])
+            return False
+        rate = samples.gyro_rad_s.mean(axis=0) - bias
+        self._level[0] = Rotation.from_rotvec(-span_s * rate).apply(self._level[0])
         off = force - self._level
         self._level += span_s * off / APART_S
         self._off_rad2 += span_s * ((off**2).sum(axis=1) - self._off_rad2) / APART_S
@@ -202,6 +212,7 @@ class ImuTrust:
         if turned_rad > max(CLEAR_SIGMAS * fixed_rad, self._least_rad) and not self._turns_gravity:
             by = f"{math.degrees(turned_rad):.0f} deg, {math.degrees(fixed_rad):.0f} without the gyro"
             self._turns_gravity = f"it turns gravity away from the accelerometer's (by {by}): axes or unit?"
+        return turned_rad > max(CLEAR_SIGMAS * fixed_rad, self._least_rad / 2.0)
 
     def _weighed(self, samples: ImuSamples, up: Array) -> tuple[ImuSamples, Fault | None]:
         """The samples with a force. While the accelerometer's mean is not gravity, that of a level camera takes its

@@ -87,8 +87,9 @@ class InertialAttitude:
         else:
             state, rotation = self._continued(self._state, samples, frame.stamp_s, before_s, moved)
         self._state = state
-        if rotation is not None and self._calm():
-            rotation = replace(rotation, proved=self._trust.proved)
+        if rotation is not None:
+            swings = not self._calm() and self._trust.follows_gravity
+            rotation = replace(rotation, proved=swings or self._trust.proved)
         attitude = Attitude.of_up(state.up_optical, state.tilt_covariance(), self.name)
         return replace(attitude, rotation=rotation, force_rad=_angles(state.force_optical))
 

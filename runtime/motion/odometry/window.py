@@ -200,6 +200,7 @@ class WindowOdometry:
             self.judged = replace(self.judged, scattered=attitude.carried)
         self._camera = self._level if attitude is None else self._level.at(self._in_units(attitude))
         gyro = None if attitude is None or self._skipped else attitude.rotation
+        gyro = gyro if gyro is not None and gyro.proved else None  # of wrong axes it would lose the tracks
         used = self._mount if attitude is None or attitude.mount is None else attitude.mount.used
         corrected, self._mount = used != self._mount, used
         if corrected:
