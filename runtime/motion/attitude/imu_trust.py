@@ -123,10 +123,11 @@ class ImuTrust:
             return samples, None
         span_s = stamp_s - self._seen_s if math.isfinite(self._seen_s) else 0.0
         self._turned(samples)
-        doubted = self._weigh_turns(samples, span_s, moved, bias)
         self._compare(moved, up, bias)
         good = self._gyro.judge(samples.gyro_rad_s, span_s)
         good &= self._accel.judge(samples.accel_m_s2, span_s)
+        known = good.all() and not self.forceless and 0.0 < span_s < APART_S and (moved is None or moved[0] != SE2())
+        doubted = self._weigh_turns(samples, span_s if known else 0.0, bias)
         self._spans, self._seen_s, self._span_s = (self._seen_s, stamp_s), stamp_s, span_s
         self._turned_rad = float((samples.gyro_rad_s.mean(axis=0) - bias) @ up) * span_s
         if doubted:
@@ -193,14 +194,13 @@ class ImuTrust:
         while self._turns[-1][0] - self._turns[0][0] > self._judge.reach_s:
             self._turns.popleft()
 
-    def _weigh_turns(self, samples: ImuSamples, span_s: float, moved: tuple[SE2, Array] | None, bias: Array) -> bool:
+    def _weigh_turns(self, samples: ImuSamples, span_s: float, bias: Array) -> bool:
         """Compares where gravity is by gyro and accelerometer with where it is by the accelerometer alone: wrong axes
-        or units turn it, without any picture. Returns whether the gyro is in doubt. Skipped at rest: its bias is not
-        known before."""
+        or units turn it, without any picture. Returns whether the gyro is in doubt. Starts again where the span is 0:
+        one of both is known to be wrong, or the camera rests, before which the gyro's bias is not known."""
         force = samples.accel_m_s2.mean(axis=0)
         force = force / max(float(np.linalg.norm(force)), 1e-9)
-        resting = moved is not None and moved[0] == SE2()
-        if not self._level.any() or self.forceless or span_s > APART_S or resting:
+        if not self._level.any() or not span_s:
             self._level, self._off_rad2 = np.stack([force, force]), np.zeros(2)
             return False
         rate = samples.gyro_rad_s.mean(axis=0) - bias
