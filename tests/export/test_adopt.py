@@ -44,7 +44,9 @@ def little_yolox(path, classes=3, size=64, opset=11, rows=None, batch=1, sides_p
     nodes.append(helper.make_node("Concat", parts, ["all"], axis=2))
     nodes.append(helper.make_node("Transpose", ["all"], ["raw"], perm=[0, 2, 1]))
     nodes.append(helper.make_node("Add", ["raw", "sides"], ["output"]))
-    weights.append(numpy_helper.from_array(np.float32([0, 0, sides_px, sides_px] + [0] * (1 + classes)), "sides"))
+    weights.append(
+        numpy_helper.from_array(np.array([0, 0, sides_px, sides_px] + [0] * (1 + classes), np.float32), "sides")
+    )
     total = rows or sum((size // stride) ** 2 for stride in (8, 16, 32))
     graph = helper.make_graph(
         nodes,

@@ -11,7 +11,7 @@ from edgemap.geometry.camera.mount import Mount
 from edgemap.geometry.errors import MapError
 from edgemap.geometry.objects.floor_map import FloorMap
 from edgemap.geometry.se2 import SE2
-from edgemap.runtime.frames.trajectory import trajectory_of
+from edgemap.runtime.frames.trajectory import parse_tum
 from edgemap.runtime.outputs.sinks.run_folder import RunFolder
 from edgemap.runtime.step.map_file import load_map, map_document
 from edgemap.runtime.step.mapper import Mapper
@@ -90,7 +90,7 @@ def test_an_unknown_start_is_found_by_the_objects(tmp_path):
     assert {identity: now[identity] for identity in known} == known
     assert len(set(now.values())) == len(now)
     # What was written before the place was known is in the saved map's frame too.
-    written = trajectory_of(tmp_path / "run")
+    written = parse_tum((tmp_path / "run" / "trajectory.tum").read_bytes(), "")
     assert len(written.poses) == 80
     for pose, true in zip(written.poses, way, strict=True):
         assert start.inverse().apply([true.x_m, true.y_m]) == pytest.approx([pose.x_m, pose.y_m], abs=0.15)
