@@ -1,7 +1,7 @@
 """The step as one object: front end and back end, from parts or from a camera, a bundle and options."""
 
 from collections.abc import Callable, Collection, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from math import degrees
 from typing import Any
@@ -159,6 +159,8 @@ def build_slam(
     """An empty map and all that fills it. floor: the camera's lens and mount. Raises OdometryError."""
     options, config = options or SlamOptions(), config or Config()
     wheels, rules, health, tilt = options.wheels, config.odometry, config.health, config.attitude.check.tilt
+    if options.odometry == "paper":  # reads the detector's own map
+        bundle = replace(bundle, companion=None)
     moving = bundle.companion or bundle
     odometry = open_odometry(options.odometry, moving, camera, floor, wheels, rules, health, tilt, options.pose_frame)
     attitude = open_attitude(options.odometry, camera, floor, options.imu, config.attitude, health, rules)
