@@ -23,9 +23,9 @@ BACK_PX = 0.7  # largest difference of a corner that is tracked forward and back
 SHIFT_PX = 4  # the picture's shift is estimated on every n-th pixel
 RESPONSE_PX = 3  # radius around a corner in which its response reads the picture
 MASK_PX = 8  # the reach of the floor is computed on every n-th pixel
-# Features that are described in a picture, pixels that agree with a rigid motion, and fewest pairs that do; ORB's own
-# border hides a sixth of a small picture.
-FEATURES, PAIR_PX, FEWEST_PAIRS, ORB_BORDER_PX = 800, 1.5, 12, 15
+# Features that are described in a picture, pixels within which a pair agrees with a rigid motion, and fewest pairs that
+# do (over a real gap 130 and more, of noise up to 28 by chance); ORB's own border hides a sixth of a small picture.
+FEATURES, PAIR_PX, FEWEST_PAIRS, ORB_BORDER_PX = 800, 1.5, 40, 15
 FEW = 5  # a fifth of the corners: fewer missing ones are not replaced
 
 
