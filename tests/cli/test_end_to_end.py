@@ -5,8 +5,8 @@ import json
 import cv2
 import numpy as np
 import pytest
+from support.tum import read_tum
 
-from edgemap.runtime.frames.trajectory import read_tum
 from edgemap.runtime.inputs.drives.pictures import read_picture
 from edgemap.runtime.step.map_file import load_map
 

@@ -6,11 +6,11 @@ import pytest
 from support.drifting import drifting, integrated, worst_m
 from support.drives import drive, round_trip
 from support.rooms import furnished
+from support.tum import read_tum
 
 from edgemap.geometry.objects.floor_map import FloorMap
 from edgemap.geometry.se2 import SE2
 from edgemap.geometry.trajectory_correction import TrajectoryCorrection
-from edgemap.runtime.frames.trajectory import read_tum
 from edgemap.runtime.outputs.sinks.run_folder import RunFolder
 from edgemap.runtime.step.loop_closing import LoopCloser
 from edgemap.runtime.step.map_file import load_map, save_map

@@ -26,6 +26,7 @@ from support.mutations import (
     mutated_tree,
     refused_or,
 )
+from support.tum import read_tum
 
 from edgemap.geometry.errors import EdgemapError
 from edgemap.geometry.objects import queries
@@ -34,7 +35,7 @@ from edgemap.geometry.registration.alignment import align
 from edgemap.runtime.frames.camera import Camera
 from edgemap.runtime.frames.class_names import read_class_names
 from edgemap.runtime.frames.errors import CameraError, CameraFault
-from edgemap.runtime.frames.trajectory import Trajectory, read_tum
+from edgemap.runtime.frames.trajectory import Trajectory
 from edgemap.runtime.inputs.cameras.pictures import VideoCamera, drive_camera
 from edgemap.runtime.inputs.cameras.stated_focal import stated_focal_px
 from edgemap.runtime.inputs.drives import open_drive

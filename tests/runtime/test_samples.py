@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from support.tum import read_tum
 
 from edgemap.runtime.frames.notes import collected, note_dropped
 from edgemap.runtime.frames.stamps import followed
-from edgemap.runtime.frames.trajectory import read_tum
 from edgemap.runtime.inputs.drives.sensor_csv import read_imu_csv, read_wheel_csv
 
 RISING = st.lists(st.floats(0.001, 3600.0), min_size=6, max_size=40).map(lambda steps: list(np.cumsum(steps)))
