@@ -42,6 +42,9 @@ class Told:
         pass
 
 
+DISK_KIB = 96  # holds the map twice, and the lines
+
+
 def told_beside(folder):
     """A run folder in the group that a run makes of its sinks, and the faults told there."""
     told = Told()

@@ -27,8 +27,10 @@ SMOOTH = np.asarray(cv2.GaussianBlur(NOISE, (0, 0), 8), np.uint8)
 def seen(identity, box, score=0.8, image=NOISE, index=0) -> Any:
     """A step with one sighting, as far as the crops look at it."""
     detections = Detections(np.array([box], float), np.array([score]), np.zeros(1, np.int64), ("chair",))
+    frame = SimpleNamespace(image=image, index=index)
     return SimpleNamespace(
-        frame=SimpleNamespace(image=image, index=index),
+        frame=frame,
+        pictured=frame,
         detections=detections,
         sightings=[SimpleNamespace(sighting=SimpleNamespace(detection=0, score=score))],
         object_ids=[identity],
