@@ -42,7 +42,7 @@ class Told:
         pass
 
 
-DISK_KIB = 96  # holds the map twice, and the lines
+DISK_KIB = 192  # holds the picture of the mount, the map twice, and the lines
 
 
 def told_beside(folder):
