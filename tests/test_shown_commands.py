@@ -19,7 +19,7 @@ ELSEWHERE = {
     r"realsense|/dev/video|camera 0\b|rpicam|camera ros2:": "a device, or a program, that is not here",
     r"broker\.local|keeper\.local|ROUTER|fleet (serve|show)": "others; tests/cli/test_publishers.py",
     r"\b(DIR2?|FILE|NAME|SPEC|DATA|H,P)\b|\b[XBO]\b|…|\|": "words to be filled in",
-    r"^edgemap( \w+){1,2}$(?<!run)(?<!cameras)(?<!doctor)": "the name of a command, which needs more",
+    r"^edgemap( \w+){1,2}$(?<!run)(?<!cameras)(?<!doctor)|--int8$": "the name of a command, which needs more",
     r"^edgemap pull|\.onnx|\.cfg|my-bundle|my-flat|\.pt\b": "a model that is not here; tests/export",
     r"^edgemap (train|simulate|bench|eval)": "minutes to hours; tests/export, simulation, benchmarks, evaluation",
     r"^edgemap mcp http": "beside a run; tests/bridges",
@@ -44,7 +44,7 @@ def desk(tmp_path_factory):
     with pytest.MonkeyPatch.context() as patch:
         patch.chdir(folder)
         main(["run", "--frames", "150", "--out", "runs/20260101T000000Z", "--record", "drive.mcap"])
-    for name in ("first", "runs/kitchen", "home", "monday", "tuesday"):
+    for name in ("first", "runs/kitchen", "home", "monday", "tuesday", "room"):
         shutil.copytree(folder / "runs" / "20260101T000000Z", folder / name)
     alone = json.loads((folder / "first" / "run.json").read_text())
     alone["quality"]["wheel_frames"] = 0  # as of a phone's video
@@ -59,6 +59,8 @@ def desk(tmp_path_factory):
     shutil.copy(DEMO / "video.mp4", folder / "phone.mp4")
     shutil.copy(folder / "drive.mcap", folder / "cut.mcap")
     shutil.copy(DEMO / "video.mp4", folder / "drive.mp4")
+    shutil.copy(DEMO / "video.mp4", folder / "walk.mp4")
+    shutil.copy(folder / "first" / "trajectory.tum", folder / "poses.tum")
     shutil.copy(DEMO / "wheel.csv", folder)
     shutil.copy(DEMO / "camera.yaml", folder)
     shutil.copy(DEMO / "camera.yaml", folder / "first")

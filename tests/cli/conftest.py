@@ -1,5 +1,6 @@
 import json
 
+import numpy as np
 import pytest
 from support import painted
 from support.pictures import write_scene
@@ -9,7 +10,8 @@ from support.pictures import write_scene
 def painted_bundle(tmp_path_factory):
     """A bundle that sees a chair 5 m ahead and a person, whatever the picture."""
     scene = [("chair", 40.0, 30.0, 12.0, 24.0, 0.9), ("person", 10.0, 40.0, 8.0, 20.0, 0.8)]
-    return painted.write_painted(tmp_path_factory.mktemp("painted") / "bundle", scene, odometry=False)
+    folder = painted.write_painted(tmp_path_factory.mktemp("painted") / "bundle", scene, odometry=False)
+    return painted.with_floor(folder, np.ones((1, 1, 8, 8)), 8)  # else a companion would search noise for floor
 
 
 @pytest.fixture

@@ -161,7 +161,7 @@ def test_who_carries_the_camera_is_asked_for_its_height(tmp_path):
     assert text is not None
     assert "as people carry a camera it is 1.50 m, to 15 %, and the scale of the map" in text
     assert "from floor to lens as you carry it" in text
-    assert f"--camera walk.mp4 --camera-file {tmp_path / 'camera.yaml'} --mount 1.50" in text
+    assert f"--camera walk.mp4 --camera-file {tmp_path / 'camera.yaml'} --mount HEIGHT_M" in text
 
 
 def test_a_depth_camera_measures_its_mount(edgemap, painted_bundle, tmp_path):

@@ -152,11 +152,11 @@ def test_one_run_at_a_time(tmp_path):
 
 def test_dock_and_last_pose_survive_the_file(tmp_path):
     (chair,) = mapped([("chair", 1.0, 2.0)])
-    chair = replace(chair, corrected=("position", "size"), depth_m=0.4, yaw_rad=1.0)
+    chair = replace(chair, corrected=("position", "size", "yaw"), depth_m=0.4, yaw_rad=1.0)
     save_map(tmp_path / "map.json", [chair], Annotations(dock=SE2(1.0, -2.0, 0.5)))
     (again,), annotations = load_annotated_map(tmp_path / "map.json")
     assert annotations.dock == SE2(1.0, -2.0, 0.5)
-    assert (again.corrected, again.depth_m, again.yaw_rad) == (("position", "size"), 0.4, 1.0)
+    assert (again.corrected, again.depth_m, again.yaw_rad) == (("position", "size", "yaw"), 0.4, 1.0)
     assert load_last_pose(tmp_path / "map.json") is None
     document = json.loads((tmp_path / "map.json").read_text())
     document["dock"]["yaw_rad"] = 99.0

@@ -4,6 +4,7 @@ from typing import Any, cast
 
 import numpy as np
 import pytest
+from support import painted
 from support.live_camera import Clock, ScriptedDriver
 from support.rooms import content_of
 
@@ -26,6 +27,13 @@ from edgemap.runtime.motion.height_check import HeightRule
 from edgemap.runtime.outputs.sinks.run_folder import RunFolder
 from edgemap.runtime.step.config import Config
 from edgemap.runtime.step.map_file import load_annotated_map, load_map, save_map
+
+
+@pytest.fixture(scope="module")
+def painted_bundle(tmp_path_factory):
+    """Without a floor: of noise it would be floor that moves."""
+    scene = [("chair", 40.0, 30.0, 12.0, 24.0, 0.9), ("person", 10.0, 40.0, 8.0, 20.0, 0.8)]
+    return painted.write_painted(tmp_path_factory.mktemp("painted") / "bundle", scene, odometry=False)
 
 
 def test_three_lines_make_a_map(painted_bundle, pictures, tmp_path):

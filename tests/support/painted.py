@@ -153,7 +153,10 @@ def with_int8(
     """Give a painted bundle an "int8" variant that sees other boxes, so that one can tell which file ran."""
     manifest = read_manifest(folder)
     file = "backbone.int8.onnx"
-    save(folder / file, backbone_model(head_with(boxes)), contract_metadata(manifest.detector))
+    model, floor = backbone_model(head_with(boxes)), manifest.detector.floor
+    if floor is not None:
+        _add_floor(model, np.ones(floor.shape))
+    save(folder / file, model, contract_metadata(manifest.detector))
     manifest.sha256[file] = sha256_file(folder / file)
     manifest.variants["int8"] = BundleVariant(file=file, measured=measured)
     write_manifest(folder, manifest)
@@ -167,14 +170,18 @@ def with_floor(folder: Path, floor: np.ndarray, stride: int) -> Path:
     spec = FloorSpec(name="floor", shape=floor.shape, stride=stride, labels=labels)
     detector = msgspec.structs.replace(manifest.detector, floor=spec)
     model = onnx.load(folder / detector.file)
-    model.graph.initializer.append(numpy_helper.from_array(floor.astype(np.float32), "painted_floor"))
-    model.graph.node.append(helper.make_node("Add", ["painted_floor", "nothing"], ["floor"]))
-    model.graph.output.append(helper.make_tensor_value_info("floor", TensorProto.FLOAT, floor.shape))
+    _add_floor(model, floor)
     del model.metadata_props[:]
     save(folder / detector.file, model, contract_metadata(detector))
     write_manifest(folder, msgspec.structs.replace(manifest, detector=detector))
     resum(folder)
     return folder
+
+
+def _add_floor(model: onnx.ModelProto, floor: np.ndarray) -> None:
+    model.graph.initializer.append(numpy_helper.from_array(floor.astype(np.float32), "painted_floor"))
+    model.graph.node.append(helper.make_node("Add", ["painted_floor", "nothing"], ["floor"]))
+    model.graph.output.append(helper.make_tensor_value_info("floor", TensorProto.FLOAT, floor.shape))
 
 
 def save(path: Path, model: onnx.ModelProto, contract: str) -> None:
