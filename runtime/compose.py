@@ -2,7 +2,7 @@
 
 from collections.abc import Collection
 from dataclasses import asdict, dataclass, field, replace
-from math import degrees, hypot, radians
+from math import hypot, radians
 from pathlib import Path
 from typing import Any
 
@@ -77,12 +77,8 @@ def compose(
         slam = build_slam(camera, bundle, floor, options, config)
     if found:
         camera.update_info(faults=(*camera.info.faults, *found))
-    begun = slam.pipeline.odometry.start if isinstance(slam.pipeline.odometry, JudgedOdometry) else None
-    if begun is not None and spec.map is None:
-        slam.mapper.pose_map_base = begun
-    elif begun is not None and spec.start is None:
-        spec = replace(spec, start=f"{begun.x_m},{begun.y_m},{degrees(begun.yaw_rad)}")
-    _enter_saved_map(slam.mapper, None if spec.map is None else find_map(spec.map), spec)
+    given = slam.pipeline.odometry.start if isinstance(slam.pipeline.odometry, JudgedOdometry) else None
+    _enter_saved_map(slam.mapper, None if spec.map is None else find_map(spec.map), spec, given)
     return slam
 
 
@@ -98,9 +94,12 @@ def mapped_classes(classes: Collection[str] | None, bundle: Bundle) -> frozenset
     return chosen
 
 
-def _enter_saved_map(mapper: Mapper, place: MapPlace | None, spec: RunSpec) -> None:
-    """Has the mapper continue a map, where there is one. Raises UsageError or MapError."""
+def _enter_saved_map(mapper: Mapper, place: MapPlace | None, spec: RunSpec, given: SE2 | None) -> None:
+    """Has the mapper continue a map, where there is one. given: the first pose, by a source that has a map frame.
+    Raises UsageError or MapError."""
     start = spec.start
+    if given is not None and start is None:
+        mapper.pose_map_base = given  # in which a new map begins
     if place is None:
         if start is not None:
             raise UsageError(f"start {start}: a start pose is one in a saved map: name it with --map")
@@ -113,8 +112,9 @@ def _enter_saved_map(mapper: Mapper, place: MapPlace | None, spec: RunSpec) -> N
         return
     (objects, annotations), grid = load_annotated_map(place.path), load_grid(place.path)
     last = load_last_pose(place.path)
-    if start is not None:
-        mapper.start_in(objects, _start_pose(start, annotations, last), annotations=annotations, grid=grid)
+    begin = given if start is None else _start_pose(start, annotations, last)
+    if begin is not None:
+        mapper.start_in(objects, begin, annotations=annotations, grid=grid)
     else:
         mapper.continue_map(objects, annotations, grid, last)
 

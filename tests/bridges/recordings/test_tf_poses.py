@@ -76,30 +76,34 @@ def test_a_large_correction_reaches_back_and_a_small_one_beside_it_does_not(tmp_
     assert given[30, 0] - raw[30, 0] == pytest.approx(0.25, abs=0.06)
 
 
-@pytest.mark.parametrize(("frames", "told"), [
+@pytest.mark.parametrize(("frames", "message"), [
     ("world,base_link", "does not join world to base_link"), ("map,wheel", "does not join map to wheel"),
 ])  # fmt: skip
-def test_frames_that_tf_does_not_join_are_named(tmp_path, frames, told):
-    with pytest.raises(CameraError, match=told + r".*base_link, map, odom"):
+def test_frames_that_tf_does_not_join_are_named(tmp_path, frames, message):
+    with pytest.raises(CameraError, match=message + r".*base_link, map, odom"):
         read(tmp_path / "bag", drive(10)[1], frames)
     with pytest.raises(OdometryError, match="the first picture: no pose at"):
         read(tmp_path / "late", drive(10)[1], first_s=T0 / 1e9 + 60.0)
 
 
-def test_a_run_begins_where_the_slam_is_in_its_map(edgemap, tmp_path):
+def test_a_run_begins_where_the_slam_is_in_its_map(edgemap, tmp_path, monkeypatch):
+    """Also where it begins a named map, and where it continues that."""
+    monkeypatch.setenv("XDG_DATA_HOME", str(tmp_path / "data"))
     poses, messages = drive(12)
     mount = tf(transform("base_link", "base_footprint", (0.0, 0.0, 0.0), (0.0, 0.0, 0.0)),
                transform("base_footprint", "cam_optical", (0.0, 0.0, 0.6), (-101.5, 0.0, -90.0)))  # fmt: skip
     k = [58.0, 0.0, 31.5, 0.0, 58.0, 23.5, 0.0, 0.0, 1.0]
     messages = [("/tf_static", T0, mount), ("/camera_info", T0, camera_info(64, 48, k, [0.0] * 5)), *messages]
     messages += [("/image", T0 + i * STEP, image(T0 + i * STEP, np.roll(BGR, i), "bgr8")) for i in range(12)]
-    path, out = write_bag(tmp_path / "bag", messages), tmp_path / "run"
-    done = edgemap("run", "--camera", path, "--odometry", "tf", "--out", out)
-    assert done.returncode == 0, done.stderr
-    rows = np.loadtxt(out / "trajectory.tum")
-    assert rows[0, 1:3] == pytest.approx(START.vector()[:2], abs=1e-3)
-    assert rows[-1, 1:3] == pytest.approx(poses[-1].vector()[:2], abs=0.05)
-    assert json.loads((out / "run.json").read_text())["odometry"] == "tf"
+    path = write_bag(tmp_path / "bag", messages)
+    for name, options in (("run", ()), ("new", ("--map", "home")), ("again", ("--map", "home"))):
+        out = tmp_path / name
+        done = edgemap("run", "--camera", path, "--odometry", "tf", "--out", out, *options)
+        assert done.returncode == 0, done.stderr
+        rows = np.loadtxt(out / "trajectory.tum")
+        assert rows[0, 1:3] == pytest.approx(START.vector()[:2], abs=1e-3)
+        assert rows[-1, 1:3] == pytest.approx(poses[-1].vector()[:2], abs=0.05)
+        assert json.loads((out / "run.json").read_text())["odometry"] == "tf"
     wrong = edgemap("run", "--camera", "demo", "--odometry", "tf", "--out", tmp_path / "none")
     assert wrong.returncode == 1
     assert "has no tf" in wrong.stderr
