@@ -63,10 +63,10 @@ class Found:
 
 
 class Picture:
-    """A grey picture at the working width, and its cached filtered versions."""
+    """A grey picture at the working width, and its cached filtered versions. depth: (H, W) metres of the frame."""
 
-    def __init__(self, grey: MatLike) -> None:
-        self.grey = grey
+    def __init__(self, grey: MatLike, depth: NDArray[np.float32] | None = None) -> None:
+        self.grey, self.depth = grey, depth
 
     @cached_property
     def half(self) -> MatLike:
@@ -128,7 +128,7 @@ class CornerTracker:
         grey = cv2.cvtColor(frame.image, cv2.COLOR_BGR2GRAY)
         if (grey.shape[1], grey.shape[0]) != self._size:
             grey = cv2.resize(grey, self._size, interpolation=cv2.INTER_AREA)
-        self._last, self._picture = self._picture, Picture(grey)
+        self._last, self._picture = self._picture, Picture(grey, frame.depth)
         self._movers = (movers * (self._size[0] / frame.image.shape[1])).astype(np.intp)
         self._still = np.full(self._size[::-1], 255, dtype=np.uint8)
         margin = self._rule.apart_px
@@ -149,13 +149,13 @@ class CornerTracker:
         """Tracks the corners into the new picture, from where they are expected (N, 2); those that fail or leave the
         picture are dropped. shifted: the picture may have moved farther than expected. detail: corners are refined
         where large structures count half."""
+        self._before = self.corners, self.ids
         if self._last is None or self._picture is None or len(self.corners) == 0:
             return
         if shifted:
             expected = expected + self._surprise(self._last, self._picture, expected)
         moved, good = self._moved(self._last, self._picture, expected, detail)
         good &= ((moved >= 0) & (moved <= [self._size[0] - 1.0, self._size[1] - 1.0])).all(axis=1)
-        self._before = self.corners, self.ids
         self.corners, self.ids = moved[good], self.ids[good]
 
     def follow_again(self, detail: bool) -> None:
@@ -167,9 +167,9 @@ class CornerTracker:
             self.follow(self.corners, False, detail)
             self._last, self._picture = last, now
 
-    def find_again(self, depth: NDArray[np.float32] | None) -> "Found | None":
+    def find_again(self) -> Found | None:
         """Adds corners by the descriptors of both pictures (ORB, Rublee et al. 2011), where they agree with one rigid
-        motion (Nister 2004). depth: of the picture before."""
+        motion (Nister 2004)."""
         if self._last is None or self._picture is None:
             return None
         orb = cv2.ORB.create(FEATURES, edgeThreshold=ORB_BORDER_PX)
@@ -198,7 +198,9 @@ class CornerTracker:
         self.corners, self.ids = np.concatenate([self.corners, now]), np.concatenate([self.ids, ids])
         return Found(
             ids,
-            *self._seen(before, floor[inside], depth),
+            self.bearings(before),
+            floor[inside],
+            self._depths_m(before, self._last.depth),
             np.asarray(turn, np.float64),
             np.asarray(way, np.float64).ravel(),
         )
@@ -242,21 +244,23 @@ class CornerTracker:
         columns, rows = pixels.astype(np.intp).T
         return self._still[rows, columns] == 0
 
-    def tracks(self, depth: NDArray[np.float32] | None = None) -> tuple[NDArray[np.int64], Array, Array, Array]:
-        """Ids, normalised image points, probability of floor and depth of the corners that do not lie on people.
+    def tracks(self) -> tuple[NDArray[np.int64], Array, Array, Array]:
+        """As of `observed`, with probability of floor and depth, metres, NaN where it was not measured."""
+        corners = self.corners[~self._doubtful(self.corners)]
+        depth = None if self._picture is None else self._picture.depth
+        floor = self._sampled(corners, self._floor, self._mask)
+        return *self.observed(), floor, self._depths_m(corners, depth)
 
-        depth: (H, W) metres; the depth of a corner is NaN where it was not measured.
-        """
+    def observed(self) -> tuple[NDArray[np.int64], Array]:
+        """Ids and normalised image points of the corners that do not lie on people or animals."""
         still = ~self._doubtful(self.corners)
-        corners = self.corners[still]
-        return self.ids[still], *self._seen(corners, self._sampled(corners, self._floor, self._mask), depth)
+        return self.ids[still], self.bearings(self.corners[still])
 
-    def _seen(self, pixels: Pixels, floor: Array, depth: NDArray[np.float32] | None) -> tuple[Array, Array, Array]:
-        """Normalised image points, probability of floor and depth, as of `tracks`."""
-        depth_m = np.full(len(pixels), np.nan)
-        if depth is not None:
-            depth_m = patch_depths(depth, (pixels + 0.5) * np.divide(depth.shape[::-1], self._size))
-        return self.bearings(pixels), floor, depth_m
+    def _depths_m(self, pixels: Pixels, depth: NDArray[np.float32] | None) -> Array:
+        """Depth (N,) at pixels (N, 2), NaN where it was not measured."""
+        if depth is None:
+            return np.full(len(pixels), np.nan)
+        return patch_depths(depth, (pixels + 0.5) * np.divide(depth.shape[::-1], self._size))
 
     @staticmethod
     def _sampled(pixels: Pixels, floor: MatLike | None, mask: MatLike) -> Array:

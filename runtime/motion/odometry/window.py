@@ -142,7 +142,7 @@ class WindowOdometry:
         first, self._first, self._seen_s = self._first, False, frame.stamp_s
         if not self._tracker.follows:
             self._tracker.seek()
-            self._begin(frame, self._camera_pose(), self._factors(prior.attitude, gyro))
+            self._begin(self._camera_pose(), self._factors(prior.attitude, gyro))
             if first:
                 self._coasting.begin(frame.stamp_s)
                 return first_motion()
@@ -159,9 +159,8 @@ class WindowOdometry:
         if weight < self._rule.least_weight:
             return self._started_again(frame, start, factors)
         pair = self._held(self._rule.track_px), self._held(self._rule.parallax_px)
-        self._graph.step(pose, factors, *self._tracks(frame), *pair, surprised or self.judged.carried)
-        self._depth = frame.depth
-        return self._measured(frame.stamp_s, math.inf if surprised else dt_s, gyro is not None)
+        self._graph.step(pose, factors, *self._tracks(), *pair, surprised or self.judged.carried)
+        return self._measured(frame.stamp_s, None if surprised else dt_s, gyro is not None)
 
     def _track(self, start: LensPose, shifted: bool) -> tuple[LensPose, float]:
         """Tracks the corners from where this pose expects them; the pose that they agree on, and their weight. shifted:
@@ -174,8 +173,7 @@ class WindowOdometry:
         return self._in_room and not self.judged.carried
 
     def _resected(self, start: LensPose) -> tuple[LensPose, float]:
-        ids, points, *_ = self._tracker.tracks()
-        return self._graph.resected(start, ids, points)
+        return self._graph.resected(start, *self._tracker.observed())
 
     def _surprised(self, pose: LensPose, weight: float) -> tuple[LensPose, float]:
         """The pose of a picture that does not agree with the expected motion, and the weight of its tracks: the camera
@@ -188,10 +186,10 @@ class WindowOdometry:
             pose, weight = rested, by_rest
         else:
             tracker.corners, tracker.ids = expected
-        if weight >= least or (found := tracker.find_again(self._depth)) is None:
+        if weight >= least or (found := tracker.find_again()) is None:
             return pose, weight
         self._graph.add(found.ids, found.points, found.floor, self._unit_m / found.depth_m)
-        start = self._graph.bridge(*tracker.tracks()[:2], found.turn, found.way)
+        start = self._graph.bridge(*tracker.observed(), found.turn, found.way)
         return self._resected(start)
 
     def _attend(self, attitude: Attitude | None) -> GyroRotation | None:
@@ -207,8 +205,9 @@ class WindowOdometry:
             self._graph.loosen(self._up())
         return gyro
 
-    def _measured(self, stamp_s: float, dt_s: float, gyro: bool) -> Motion:
-        """The motion since the last picture, by the window's last two poses."""
+    def _measured(self, stamp_s: float, dt_s: float | None, gyro: bool) -> Motion:
+        """The motion since the last picture, by the window's last two poses. dt_s: between both; None over a gap, whose
+        nod does not show how the camera is held."""
         before, pose = self._graph.poses[-2:]
         base = self._graph.base(pose)
         motion = (self._base @ self._since).inverse() @ base
@@ -222,8 +221,9 @@ class WindowOdometry:
         self._since, self._since_covariance, self._skipped = SE2(), np.zeros((3, 3)), False
         self._base, self._motion = base, motion
         self._roll(motion, total)
-        nod = pose.rotation[2] - before.rotation[2]
-        self._swing(float(nod @ nod) / 2.0, motion, dt_s, gyro)
+        if dt_s is not None:
+            nod = pose.rotation[2] - before.rotation[2]
+            self._swing(float(nod @ nod) / 2.0, motion, dt_s, gyro)
         turned = covariance[:3, :3] + covariance[6:9, 6:9] - covariance[:3, 6:9] - covariance[6:9, :3]
         sigma_rad = math.sqrt(max(float(np.trace(turned)) / 3.0, 0.0))
         up_rad = math.sqrt(max(float(np.trace(covariance[6:8, 6:8])) / 2.0, 0.0))
@@ -233,8 +233,6 @@ class WindowOdometry:
 
     def _swing(self, nod2: float, motion: SE2, dt_s: float, gyro: bool) -> None:
         """Updates whether the camera is carried. nod2: mean square of the changes of roll and pitch, rad^2."""
-        if not math.isfinite(dt_s):
-            return
         path_m = self._unit_m * math.hypot(motion.x_m, motion.y_m) + TURN_M * abs(motion.yaw_rad)
         self.judged = self.judged.updated(nod2, max(dt_s, SHORTEST_S), path_m, gyro=gyro)
 
@@ -270,20 +268,20 @@ class WindowOdometry:
         text = f"window odometry: no motion agrees among {len(self._tracker.corners)} corners"
         guess = self._coasting.guess(frame.stamp_s, Fault(FaultKind.ODOMETRY, text))
         self._motion = guess.motion
-        self._begin(frame, start, factors)
+        self._begin(start, factors)
         return guess
 
-    def _begin(self, frame: Frame, start: LensPose, factors: PoseFactors) -> None:
+    def _begin(self, start: LensPose, factors: PoseFactors) -> None:
         """A new window at this pose."""
-        self._graph, self._depth = self._empty(), frame.depth
-        self._graph.step(start, factors, *self._tracks(frame))
+        self._graph = self._empty()
+        self._graph.step(start, factors, *self._tracks())
         self._base = self._graph.base(start)
         self._since, self._since_covariance, self._skipped = SE2(), np.zeros((3, 3)), False
         self._reference = (*NO_RAYS, start)  # of the direction of motion
 
-    def _tracks(self, frame: Frame) -> tuple[NDArray[np.int64], Array, Array, Array]:
+    def _tracks(self) -> tuple[NDArray[np.int64], Array, Array, Array]:
         """Ids, normalised image points, probability of floor and measured inverse depth of the corners."""
-        ids, points, floor, depth_m = self._tracker.tracks(frame.depth)
+        ids, points, floor, depth_m = self._tracker.tracks()
         return ids, points, floor, self._unit_m / depth_m
 
     def _empty(self) -> KeyframeWindow:
