@@ -4,7 +4,6 @@ from typing import Any, cast
 
 import numpy as np
 import pytest
-from support import painted
 from support.live_camera import Clock, ScriptedDriver
 from support.rooms import content_of
 
@@ -29,11 +28,10 @@ from edgemap.runtime.step.config import Config
 from edgemap.runtime.step.map_file import load_annotated_map, load_map, save_map
 
 
-@pytest.fixture(scope="module")
-def painted_bundle(tmp_path_factory):
-    """Without a floor: of noise it would be floor that moves."""
-    scene = [("chair", 40.0, 30.0, 12.0, 24.0, 0.9), ("person", 10.0, 40.0, 8.0, 20.0, 0.8)]
-    return painted.write_painted(tmp_path_factory.mktemp("painted") / "bundle", scene, odometry=False)
+@pytest.fixture
+def painted_bundle(floorless_bundle):
+    """Of noise a floor would move."""
+    return floorless_bundle
 
 
 def test_three_lines_make_a_map(painted_bundle, pictures, tmp_path):

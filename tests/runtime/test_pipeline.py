@@ -7,6 +7,7 @@ from support import painted
 from support.made_camera import MadeCamera, raising
 from support.noise import noise
 from support.rooms import content_of
+from support.tum import read_tum
 
 from edgemap.geometry.camera.floor import FloorCamera
 from edgemap.geometry.camera.intrinsics import Intrinsics
@@ -15,7 +16,7 @@ from edgemap.geometry.paper.paper_map import PaperMap
 from edgemap.geometry.se2 import SE2
 from edgemap.runtime.frames.errors import CameraError, RunFolderError
 from edgemap.runtime.frames.frame import Frame
-from edgemap.runtime.frames.trajectory import Trajectory, parse_tum
+from edgemap.runtime.frames.trajectory import Trajectory
 from edgemap.runtime.motion.odometry.recorded import RecordedOdometry
 from edgemap.runtime.network.bundle import load_bundle
 from edgemap.runtime.outputs.sinks.run_folder import RunFolder
@@ -91,7 +92,7 @@ def test_the_run_folder_holds_the_contract(bundle, tmp_path):
         "map.json", "grid.npz", "trajectory.tum", "sightings.jsonl", "run.json", "mount.jpg",
     }  # fmt: skip
     assert [item.id for item in load_map(tmp_path / "run")] == ["chair-1"]
-    assert len(parse_tum((tmp_path / "run" / "trajectory.tum").read_bytes(), "").poses) == 25
+    assert len(read_tum(tmp_path / "run" / "trajectory.tum").poses) == 25
     sightings = [json.loads(line) for line in (tmp_path / "run" / "sightings.jsonl").read_text().splitlines()]
     assert len(sightings) == 25
     assert {"frame", "label", "map_m", "object", "distance_m"} <= set(sightings[0])

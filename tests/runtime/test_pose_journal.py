@@ -7,13 +7,13 @@ import pytest
 from support.drifting import drifting
 from support.drives import drive, round_trip
 from support.rooms import furnished
+from support.tum import read_tum
 
 from edgemap.geometry.camera.floor import FloorCamera
 from edgemap.geometry.camera.intrinsics import Intrinsics
 from edgemap.geometry.camera.mount import Mount
 from edgemap.geometry.se2 import SE2
 from edgemap.geometry.trajectory_correction import TrajectoryCorrection
-from edgemap.runtime.frames.trajectory import parse_tum
 from edgemap.runtime.outputs.sinks import rewriting
 from edgemap.runtime.outputs.sinks.run_folder import RunFolder
 from edgemap.runtime.step import pose_journal
@@ -27,9 +27,7 @@ FLOOR = FloorCamera(Intrinsics(64, 64, 50.0, 50.0, 31.5, 31.5), Mount(1.0))
 def told(folder):
     """Poses (N, 3) of the trajectory file, and each sighting's place (N, 2)."""
     seen = [json.loads(line)["map_m"] for line in (folder / "sightings.jsonl").read_text().splitlines()]
-    return np.array(
-        [pose.vector() for pose in parse_tum((folder / "trajectory.tum").read_bytes(), "").poses]
-    ), np.array(seen)
+    return np.array([pose.vector() for pose in read_tum(folder / "trajectory.tum").poses]), np.array(seen)
 
 
 def test_a_long_drive_keeps_few_poses_and_its_files_are_as_known_now(monkeypatch, tmp_path):

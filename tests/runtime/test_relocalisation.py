@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from support.drives import drive, exact, round_trip
 from support.rooms import furnished, mapped
+from support.tum import read_tum
 
 from edgemap.geometry.camera.floor import FloorCamera
 from edgemap.geometry.camera.intrinsics import Intrinsics
@@ -11,7 +12,6 @@ from edgemap.geometry.camera.mount import Mount
 from edgemap.geometry.errors import MapError
 from edgemap.geometry.objects.floor_map import FloorMap
 from edgemap.geometry.se2 import SE2
-from edgemap.runtime.frames.trajectory import parse_tum
 from edgemap.runtime.outputs.sinks.run_folder import RunFolder
 from edgemap.runtime.step.map_file import load_map, map_document
 from edgemap.runtime.step.mapper import Mapper
@@ -90,7 +90,7 @@ def test_an_unknown_start_is_found_by_the_objects(tmp_path):
     assert {identity: now[identity] for identity in known} == known
     assert len(set(now.values())) == len(now)
     # What was written before the place was known is in the saved map's frame too.
-    written = parse_tum((tmp_path / "run" / "trajectory.tum").read_bytes(), "")
+    written = read_tum(tmp_path / "run" / "trajectory.tum")
     assert len(written.poses) == 80
     for pose, true in zip(written.poses, way, strict=True):
         assert start.inverse().apply([true.x_m, true.y_m]) == pytest.approx([pose.x_m, pose.y_m], abs=0.15)

@@ -175,6 +175,7 @@ class HybridOdometry:
             members=self._answers(alive, [estimate]),
             without_gyro=visual and (SE2(*visual.motion), np.asarray(visual.covariance)),
             rotation=rotation,
+            gap=any(motion.gap for motion in motions),
             lengths=(float(camera.motion[0]), float(wheels.motion[0])) if camera and wheels else None,
         )
 

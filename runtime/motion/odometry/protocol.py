@@ -68,7 +68,8 @@ class Motion:
     and covariance from its other members. rotation: of the camera, where tracked corners measure it. lengths: of a
     hybrid, ahead by the camera and by the wheels, m. heading_rad2: variance of the sum of all yaws since the start,
     where a compass bounds it; infinite without one. instead: poses by stamp that replace those of the steps before,
-    where their source has proved wrong."""
+    where their source has proved wrong. gap: pictures were lost on the way, so that the stamps do not give its speed.
+    """
 
     motion: SE2 = field(default_factory=SE2)
     covariance: Array = field(default_factory=unknown_covariance)
@@ -80,6 +81,7 @@ class Motion:
     lengths: tuple[float, float] | None = None
     heading_rad2: float = math.inf
     instead: Callable[[float], SE2 | None] | None = None
+    gap: bool = False
 
     @property
     def measured(self) -> bool:
@@ -92,8 +94,9 @@ class Motion:
         return self.state in (MotionState.COASTING, MotionState.BLIND)
 
     def moved(self) -> tuple[SE2, Array] | None:
-        """The motion for the next frame's attitude, without the gyro's contribution."""
-        return self.without_gyro or (self.motion, self.covariance) if self.measured else None
+        """The motion that the next frame is judged by, without the gyro's contribution; None where it was not measured,
+        or over a gap."""
+        return self.without_gyro or (self.motion, self.covariance) if self.measured and not self.gap else None
 
     def checked(self, name: str) -> "Motion":
         """This motion if it is valid, else a blind one with a fault that names the odometry. Invalid: a motion or

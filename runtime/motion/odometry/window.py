@@ -229,7 +229,7 @@ class WindowOdometry:
         up_rad = math.sqrt(max(float(np.trace(covariance[6:8, 6:8])) / 2.0, 0.0))
         rotation, direction = before.rotation.T @ pose.rotation, self._travelled(pose)
         seen = TrackedRotation(rotation, sigma_rad, self.judged, direction, up=pose.rotation[2], up_rad=up_rad)
-        return Motion(motion, total, rotation=seen)
+        return Motion(motion, total, rotation=seen, gap=dt_s is None)
 
     def _swing(self, nod2: float, motion: SE2, dt_s: float, gyro: bool) -> None:
         """Updates whether the camera is carried. nod2: mean square of the changes of roll and pitch, rad^2."""

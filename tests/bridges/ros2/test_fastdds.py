@@ -37,7 +37,7 @@ from edgemap.bridges.ros2.dds.sources import WheelTopic
 from edgemap.bridges.ros2.recordings.facts import Facts
 from edgemap.bridges.ros2.recordings.recorder import Recorder
 from edgemap.bridges.ros2.sink import Ros2Options, Ros2Sink
-from edgemap.runtime.frames.camera import SensorTopics, next_frame
+from edgemap.runtime.frames.camera import NO_DEPTH, SensorTopics, next_frame
 from edgemap.runtime.frames.errors import CameraError
 from edgemap.runtime.inputs.open import open_camera
 from edgemap.runtime.motion.odometry.recorded import RecordedOdometry
@@ -322,7 +322,8 @@ def test_pictures_come_without_depth_that_is_missing_or_none(program, node, monk
     frames = frames_with_depth(program, node, monkeypatch, depth, "/other/depth", most=5)
     assert len(frames) == 5
     assert all(frame.depth is None for frame in frames)
-    assert isinstance(DepthTopic(node, "/other/depth").at(0.0, None), str)  # why there is none
+    why = NO_DEPTH if depth else "/other/depth is not published, no depth"
+    assert DepthTopic(node, "/other/depth").at(0.0, None) == why
 
 
 def test_a_topic_that_nobody_publishes_is_one_line(node, monkeypatch):
