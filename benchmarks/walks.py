@@ -103,7 +103,7 @@ def walk(drive: "Drive", bundle: "Bundle", config: "Config", options: WalksOptio
         steps.append(motion.motion)
         covariances.append(motion.covariance)
         tilts.append(camera.attitude if camera else None)
-        lost += bool(steps[1:]) and motion.members.get("window", LOST if motion.blind or motion.faults else "") == LOST
+        lost += bool(steps[1:]) and motion.members.get("camera", LOST if motion.blind or motion.faults else "") == LOST
 
     how = SlamOptions(options.odometry, not options.without_wheels, not options.without_imu)
     slam = replayed(drive, bundle, {"own": how}, options.frames, config, seen)["own"]

@@ -29,7 +29,7 @@ def test_what_is_counted():
     given[3] = changed(given[3], health=PictureHealth(Fault(FaultKind.REPEATED, "as before")), at_rest=True)
     motion = given[4].observed.motion
     given[4] = changed(given[4], motion=replace(motion, state=MotionState.BLIND))
-    given[5] = changed(given[5], motion=replace(motion, members={"wheel:a.csv": "used", "gyro": "left_out"}))
+    given[5] = changed(given[5], motion=replace(motion, members={"wheels": "used", "gyro": "left_out"}))
     counter = QualityCounter()
     for result in given:
         counter.add(result)

@@ -18,7 +18,7 @@ from edgemap.runtime.frames.trajectory import Trajectory
 from edgemap.runtime.inputs.open import open_camera
 from edgemap.runtime.motion.health import PictureHealth
 from edgemap.runtime.motion.odometry.gyro import GyroOdometry
-from edgemap.runtime.motion.odometry.hybrid import HybridOdometry, Member
+from edgemap.runtime.motion.odometry.hybrid import HybridOdometry
 from edgemap.runtime.motion.odometry.recorded import RecordedOdometry
 from edgemap.runtime.motion.odometry.window import WindowOdometry
 from edgemap.runtime.motion.rest import RestMonitor
@@ -114,9 +114,9 @@ def test_wheels_and_gyro_say_still_or_moving_or_nothing():
     assert wheels.still(2.0, None) is False
     gyro = GyroOdometry()
     assert [gyro.still(1.0, attitude) for attitude in (None, rotation(0.001), rotation(0.02))] == [None, True, False]
-    hybrid = HybridOdometry([Member(wheels, "wheels"), Member(gyro, "gyro")])
+    hybrid = HybridOdometry({"wheels": wheels, "gyro": gyro})
     assert [hybrid.still(1.0, rotation(yaw_rad)) for yaw_rad in (0.001, 0.02)] == [True, False]
-    assert HybridOdometry([Member(gyro, "gyro")]).still(1.0, None) is None
+    assert HybridOdometry({"gyro": gyro}).still(1.0, None) is None
 
 
 def test_at_rest_no_network_runs_nothing_is_counted_and_the_first_motion_is_complete(pictures, tmp_path):

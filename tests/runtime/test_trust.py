@@ -21,7 +21,7 @@ from edgemap.runtime.inputs.open import DEMO
 from edgemap.runtime.motion.attitude.imu_trust import ImuTrust
 from edgemap.runtime.motion.attitude.inertial import InertialAttitude
 from edgemap.runtime.motion.attitude.sources import MountAttitude
-from edgemap.runtime.motion.odometry.hybrid import HybridOdometry, Member
+from edgemap.runtime.motion.odometry.hybrid import HybridOdometry
 from edgemap.runtime.motion.odometry.protocol import Motion, first_motion
 from edgemap.runtime.motion.odometry.recorded import WHEEL, RecordedOdometry
 from edgemap.runtime.motion.trust import TrustRule
@@ -65,10 +65,10 @@ def winding(count):
 
 def fused(true, told, seed=0):
     """Faults by stamp, and how far off the last pose is, (3,). told: by the wheels, None for none."""
-    members = [Member(Noisy("window", "camera", true, seed), "camera")]
+    sources = {"camera": Noisy("window", "camera", true, seed)}
     if told is not None:
-        members.append(Member(Noisy("wheel", "wheels", told, seed + 1), "wheels"))
-    hybrid, faults, pose, there = HybridOdometry(members), [], SE2(), SE2()
+        sources["wheels"] = Noisy("wheel", "wheels", told, seed + 1)
+    hybrid, faults, pose, there = HybridOdometry(sources), [], SE2(), SE2()
     for index, motion in enumerate(true):
         found = hybrid.step(Frame(index, index / 10.0, BLANK), {})
         if index:

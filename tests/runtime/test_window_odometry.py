@@ -22,7 +22,7 @@ from edgemap.runtime.frames.camera import CameraInfo
 from edgemap.runtime.frames.faults import FaultKind
 from edgemap.runtime.frames.frame import Frame
 from edgemap.runtime.motion.attitude.pictures import PicturesAttitude
-from edgemap.runtime.motion.odometry import OdometryRules, hybrid_members
+from edgemap.runtime.motion.odometry import OdometryRules, hybrid_sources
 from edgemap.runtime.motion.odometry.protocol import FramePrior, Motion
 from edgemap.runtime.motion.odometry.window import WindowOdometry
 from edgemap.runtime.step.pipeline import attitude_after
@@ -141,7 +141,7 @@ def test_steps_without_pictures_are_not_counted_twice():
 )
 def test_a_camera_at_head_height_without_wheels_begins_as_a_carried_one(mount, wheel, carried):
     source = SimpleNamespace(info=CameraInfo("made", wheel=wheel))
-    pictures = hybrid_members(source, FloorCamera(CAMERA.intrinsics, mount), False, OdometryRules())[0].odometry
+    pictures = hybrid_sources(source, FloorCamera(CAMERA.intrinsics, mount), False, OdometryRules())["camera"]
     assert pictures.judged.carried == carried
 
 

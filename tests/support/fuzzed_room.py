@@ -18,7 +18,7 @@ from edgemap.geometry.map_object import MapObject
 from edgemap.geometry.se2 import SE2
 from edgemap.runtime.frames.camera import Camera
 from edgemap.runtime.motion.attitude.open import open_attitude
-from edgemap.runtime.motion.odometry import OdometryRules, hybrid_members
+from edgemap.runtime.motion.odometry import OdometryRules, hybrid_sources
 from edgemap.runtime.motion.odometry.hybrid import HybridOdometry
 from edgemap.runtime.motion.odometry.protocol import is_covariance
 from edgemap.runtime.network.bundle import Bundle
@@ -125,8 +125,8 @@ def slam_of(camera: Camera, room: Room, imu: bool, corners: bool) -> SemanticSla
     pictures, which takes longer than all the rest."""
     if corners:
         return build_slam(camera, room.bundle(), FLOOR, SlamOptions(imu=imu))
-    members = hybrid_members(camera, FLOOR, True, OdometryRules())
-    odometry = HybridOdometry(members[1:])
+    sources = hybrid_sources(camera, FLOOR, True, OdometryRules())
+    odometry = HybridOdometry({name: source for name, source in sources.items() if name != "camera"})
     return SemanticSlam(
         Pipeline(room.bundle(), FLOOR, odometry, attitude=open_attitude("hybrid", camera, FLOOR, imu)),
         new_mapper(Config()),

@@ -15,7 +15,7 @@ from edgemap.runtime.motion.health import HealthRule
 from edgemap.runtime.motion.judge import JudgeRule, MotionJudge
 from edgemap.runtime.motion.odometry.coasting import CoastingRule
 from edgemap.runtime.motion.odometry.gyro import GyroOdometry
-from edgemap.runtime.motion.odometry.hybrid import CAMERA, GYRO, WHEELS, HybridOdometry, HybridRule, Member
+from edgemap.runtime.motion.odometry.hybrid import CAMERA, GYRO, WHEELS, HybridOdometry, HybridRule
 from edgemap.runtime.motion.odometry.judged import JudgedOdometry
 from edgemap.runtime.motion.odometry.paper import PaperOdometry
 from edgemap.runtime.motion.odometry.protocol import Motion, Odometry
@@ -111,7 +111,7 @@ def _hybrid(
     tilt: MountTiltRule | None,
 ) -> HybridOdometry:
     coasting = rules.coasting.of_unit(floor.mount.platform.unit_m)
-    return HybridOdometry(hybrid_members(camera, floor, wheels, rules, tilt), rules.hybrid, coasting, health)
+    return HybridOdometry(hybrid_sources(camera, floor, wheels, rules, tilt), rules.hybrid, coasting, health)
 
 
 def _wheels(wheels: TrackFile | PoseTrack, rules: OdometryRules) -> RecordedOdometry:
@@ -119,17 +119,15 @@ def _wheels(wheels: TrackFile | PoseTrack, rules: OdometryRules) -> RecordedOdom
     return RecordedOdometry(track, f"wheel:{wheels}", rules.wheels)
 
 
-def hybrid_members(
+def hybrid_sources(
     camera: Camera, floor: FloorCamera, wheels: bool, rules: OdometryRules, tilt: MountTiltRule | None = None
-) -> list[Member]:
-    """The hybrid's members: corners in the pictures, wheels where the source has them, and the gyro."""
-    scale = rules.hybrid.covariance_scale
+) -> dict[str, Odometry]:
+    """The hybrid's sources: corners in the pictures, wheels where the camera has them, and the gyro."""
     pictures = WindowOdometry(floor, rules.pictures, rules.coasting, tilt, at_head_height(camera, floor))
-    members = [Member(pictures, CAMERA, scale)]
+    sources: dict[str, Odometry] = {CAMERA: pictures}
     if wheels and camera.info.wheel is not None:
-        members.append(Member(_wheels(camera.info.wheel, rules), WHEELS))
-    members.append(Member(GyroOdometry(displaced=True), GYRO, scale**2, optional=True))
-    return members
+        sources[WHEELS] = _wheels(camera.info.wheel, rules)
+    return sources | {GYRO: GyroOdometry(displaced=True)}
 
 
 def at_head_height(camera: Camera, floor: FloorCamera) -> bool:

@@ -1,19 +1,14 @@
 """Several odometries fused into one: pictures, wheels and gyro fail in different ways."""
 
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Collection, Iterable, Mapping
 from dataclasses import dataclass, field, replace
 
 import numpy as np
 
 from edgemap.geometry.camera.attitude import Attitude
 from edgemap.geometry.observations.movers import share_covered
-from edgemap.geometry.odometry.covariance_intersection import (
-    MotionEstimate,
-    consensus,
-    distance,
-    fused,
-)
+from edgemap.geometry.odometry.consensus import MotionEstimate, consensus, distance, fused
 from edgemap.geometry.odometry.room_compass import CompassRule, RoomCompass
 from edgemap.geometry.se2 import SE2
 from edgemap.runtime.frames.faults import Fault, FaultKind
@@ -36,13 +31,13 @@ from edgemap.runtime.motion.trust import TrustRule
 from edgemap.runtime.network.network import Tensors
 
 UNKNOWN = np.diag(unknown_covariance())  # variances from which a motion is worth less than a guess
-GYRO = "gyro"  # the source whose translation, if any, depends on the others
 CAMERA = "camera"  # the source that judges the wheels
+GYRO = "gyro"  # the source whose translation, if any, depends on the others; a device may lack it
 
 
 @dataclass(frozen=True, slots=True)
 class HybridRule:
-    """Weights of the hybrid's members."""
+    """Weights of the hybrid's sources."""
 
     # Factor on covariances, so that they agree with the errors: on those of pictures, twice on the gyro's, and on the
     # fused one, as errors of landmarks, of scale and of a wheel's radius last for seconds, so that sums over 1 to 10 s
@@ -57,52 +52,38 @@ class HybridRule:
 
     def covariance_factor(self, source: str, covered: float, limit: float) -> float:
         """Factor on a source's covariance where this share of the picture is covered. limit: `health.part_share`."""
-        counts = source == CAMERA and covered >= limit
-        return self.covered_covariance_scale ** (covered / limit) if counts else 1.0
-
-
-@dataclass(frozen=True, slots=True)
-class Member:
-    """An odometry within the hybrid. source: those of one source share their errors: `camera`, `wheels`, `gyro`.
-
-    covariance_scale: factor on its covariance, fitted on validation drives so that errors and covariance agree.
-    optional: its absence is a fault only after it has measured once.
-    """
-
-    odometry: Odometry
-    source: str
-    covariance_scale: float = 1.0
-    optional: bool = False
+        if source == CAMERA and covered >= limit:
+            return self.covariance_scale * self.covered_covariance_scale ** (covered / limit)
+        return {CAMERA: self.covariance_scale, GYRO: self.covariance_scale**2}.get(source, 1.0)
 
 
 class HybridOdometry:
-    """The fused motion of its members (`geometry.odometry.covariance_intersection.consensus`).
+    """The fused motion of camera, wheels and gyro (`geometry.odometry.consensus`).
 
-    A member that is blind, reports a fault or is not finite is left out until it measures again, and the fault names
-    it; where no member measures, the motion is a guess (`Coasting`).
-    members: the most trusted first. health: from which covered share of a picture on the camera is in doubt. Raises
-    ValueError for no members.
+    A source that is blind, reports a fault or is not finite is left out until it measures again, and the fault names
+    it; where none measures, the motion is a guess (`Coasting`). sources: by name, the most trusted first. health: from
+    which covered share of a picture on the camera is in doubt. Raises ValueError without a source.
     """
 
     name, needs_features = "hybrid", False
 
     def __init__(
         self,
-        members: Sequence[Member],
+        sources: Mapping[str, Odometry],
         rule: HybridRule | None = None,
         coasting: CoastingRule | None = None,
         health: HealthRule | None = None,
     ) -> None:
-        if not members:
-            raise ValueError("a hybrid odometry needs members")
-        self._members = tuple(members)
+        if not sources:
+            raise ValueError("a hybrid odometry needs a source")
+        self._sources = dict(sources)
         self._rule, self._coasting = rule or HybridRule(), Coasting(coasting)
         self._covered_limit = (health or HealthRule()).part_share
         self.reset("start")
 
     def step(self, frame: Frame, features: Tensors, prior: FramePrior = NO_PRIOR) -> Motion:
-        """The members' fused motion since the last frame."""
-        motions = [member.odometry.step(frame, features, prior) for member in self._members]
+        """The fused motion since the last frame."""
+        motions = {name: source.step(frame, features, prior) for name, source in self._sources.items()}
         height, width = frame.image.shape[:2]
         self._movers = share_covered(prior.movers, width, height)
         motion = self._corrected(frame.stamp_s, self._fused(frame.stamp_s, motions, prior.covered), prior.attitude)
@@ -110,31 +91,31 @@ class HybridOdometry:
         return motion
 
     def step_blind(self, stamp_s: float, reason: Fault, attitude: Attitude | None = None) -> Motion:
-        """The motion of the members that need no picture."""
-        motions = [member.odometry.step_blind(stamp_s, reason, attitude) for member in self._members]
+        """The motion by the sources that need no picture."""
+        motions = {name: source.step_blind(stamp_s, reason, attitude) for name, source in self._sources.items()}
         return self._corrected(stamp_s, self._fused(stamp_s, motions), attitude)
 
     def still(self, stamp_s: float, attitude: Attitude | None) -> bool | None:
-        """Whether every member that measures rest reports it; None where none measures it."""
-        answers = [member.odometry.still(stamp_s, attitude) for member in self._members]
+        """Whether every source that measures rest reports it; None where none measures it."""
+        answers = [source.still(stamp_s, attitude) for source in self._sources.values()]
         answers = [answer for answer in answers if answer is not None]
         return all(answers) if answers else None
 
     def rest(self, stamp_s: float) -> Motion:
-        """Every member rests."""
-        for member in self._members:
-            member.odometry.rest(stamp_s)
+        """Every source rests."""
+        for source in self._sources.values():
+            source.rest(stamp_s)
         self._coasting.saw(SE2(), stamp_s)
         self._last_s = stamp_s
         return no_motion()
 
     def reset(self, reason: str) -> None:
-        """Every member starts again."""
-        for member in self._members:
-            member.odometry.reset(reason)
+        """Every source starts again."""
+        for source in self._sources.values():
+            source.reset(reason)
         self._coasting.reset()
-        self._measured: set[int] = set()
-        self._news = [StreamTimer(REPEATED_S) for _ in self._members]  # of their faults
+        self._measured = set[str]()
+        self._news = {name: StreamTimer(REPEATED_S) for name in self._sources}  # of their faults
         self._first = True
         self._agreed_s = self._fused_s = -math.inf  # of the last step in which the sources agreed, and of the last one
         self._movers = 0.0  # share of the picture that people and animals cover
@@ -142,28 +123,28 @@ class HybridOdometry:
         self._wheels = WheelTrust(self._rule.trust)
         self._last_s = math.inf  # of the last step with a picture
 
-    def _fused(self, stamp_s: float, motions: Sequence[Motion], covered: float = 0.0) -> Motion:
-        """The motion of a step by those of the members. covered: as of `FramePrior`."""
-        motions = [self._checked(index, motion) for index, motion in enumerate(motions)]
+    def _fused(self, stamp_s: float, motions: Mapping[str, Motion], covered: float = 0.0) -> Motion:
+        """The motion of a step by those of the sources. covered: as of `FramePrior`."""
+        motions = {name: self._checked(name, motion) for name, motion in motions.items()}
         news = self._repeated_faults(stamp_s, motions)
         if self._first:
             self._first, self._agreed_s, self._fused_s = False, stamp_s, stamp_s
             self._coasting.begin(stamp_s)
-            return first_motion(*_distinct(fault for motion in motions for fault in motion.faults))
+            return first_motion(*_distinct(fault for motion in motions.values() for fault in motion.faults))
         alive = self._estimates(motions, covered)
-        wheels, camera = _of(WHEELS, alive), _of(CAMERA, alive)
+        wheels, camera = alive.get(WHEELS), alive.get(CAMERA)
         judges = max(covered, self._movers) < self._covered_limit
         faults = [self._wheels.judge(wheels, camera if judges else None, stamp_s - self._last_s), *news]
         alive = self._wheels.trusted(alive, camera is not None)
-        others = [item for item in alive if item.source != GYRO]
+        others = {name: item for name, item in alive.items() if name != GYRO}
         if not others:
             guess = self._coasting.guess(stamp_s, *_distinct(faults))
-            guess = guess if not alive else _with_gyro(guess, alive[0])
-            return replace(guess, members=self._answers(alive, alive))
+            guess = _with_gyro(guess, alive[GYRO]) if alive else guess
+            return replace(guess, members=self._roles(alive, alive))
         estimate = consensus(self._reweighted_by_gyro(alive))
         scale, conflict = self._lasting(estimate.conflict, stamp_s)
         moved, covariance = estimate.motion, scale * np.asarray(estimate.covariance)
-        rotation = next((motion.rotation for motion in motions if motion.rotation is not None), None)
+        rotation = next((motion.rotation for motion in motions.values() if motion.rotation is not None), None)
         self._coasting.saw(SE2(*moved), stamp_s)
         if not estimate.conflict:
             covariance = covariance * self._wheels.scale
@@ -172,26 +153,25 @@ class HybridOdometry:
             SE2(*moved),
             covariance,
             _distinct([*faults, conflict]),
-            members=self._answers(alive, [estimate]),
+            members=self._roles(alive, estimate.sources),
             without_gyro=visual and (SE2(*visual.motion), np.asarray(visual.covariance)),
             rotation=rotation,
-            gap=any(motion.gap for motion in motions),
+            gap=any(motion.gap for motion in motions.values()),
             lengths=(float(camera.motion[0]), float(wheels.motion[0])) if camera and wheels else None,
         )
 
-    def _estimates(self, motions: Sequence[Motion], covered: float) -> list[MotionEstimate]:
-        """The members' measurements, with their factors on the covariance; without those less certain than a guess."""
-        estimates = [
-            MotionEstimate(
+    def _estimates(self, motions: Mapping[str, Motion], covered: float) -> dict[str, MotionEstimate]:
+        """The sources' measurements, with their factors on the covariance; without those less certain than a guess."""
+        estimates = {
+            name: MotionEstimate(
                 motion.motion.vector(),
-                self._scale_of(member, covered) * motion.covariance,
-                member.source,
-                members=frozenset([_short(member)]),
+                self._rule.covariance_factor(name, covered, self._covered_limit) * motion.covariance,
             )
-            for member, motion in zip(self._members, motions, strict=True)
+            for name, motion in motions.items()
             if motion.measured
-        ]
-        return [item for item in estimates if item.source == GYRO or (np.diag(item.covariance) < UNKNOWN).all()]
+        }
+        certain = {name: name == GYRO or (np.diag(item.covariance) < UNKNOWN).all() for name, item in estimates.items()}
+        return {name: item for name, item in estimates.items() if certain[name]}
 
     def _lasting(self, conflict: str, stamp_s: float) -> tuple[float, Fault | None]:
         """Factor on the covariance of a step for errors that last longer, and the fault, where sources have disagreed
@@ -206,10 +186,6 @@ class HybridOdometry:
         new = before_s < LONGEST_DT_S - SHORTEST_DT_S <= conflict_s  # wheels slip for less
         fault = Fault(FaultKind.DISAGREEMENT, f"hybrid odometry: {conflict}: they disagree")
         return factor, fault if new else None
-
-    def _scale_of(self, member: Member, covered: float) -> float:
-        """Factor on a member's covariance in this picture."""
-        return member.covariance_scale * self._rule.covariance_factor(member.source, covered, self._covered_limit)
 
     def _corrected(self, stamp_s: float, motion: Motion, attitude: Attitude | None) -> Motion:
         """The motion with its heading corrected by the room's edges."""
@@ -226,38 +202,35 @@ class HybridOdometry:
         heading = SE2(x_m, y_m, yaw_rad + turned_rad)
         return replace(motion, motion=heading, covariance=covariance, heading_rad2=self._compass.heading_rad2)
 
-    def _reweighted_by_gyro(self, alive: Sequence[MotionEstimate]) -> list[MotionEstimate]:
+    def _reweighted_by_gyro(self, alive: Mapping[str, MotionEstimate]) -> Mapping[str, MotionEstimate]:
         """The estimates; the covariance of one whose yaw disagrees with the gyro's is inflated until they agree. A
         gyro's covariance includes its bias and scale; no covariance includes moving objects and slipping wheels."""
-        gyro = next((item for item in alive if item.source == GYRO), None)
+        gyro = alive.get(GYRO)
         if gyro is None:
-            return list(alive)
-        yaw = replace(gyro, covariance=gyro.covariance + np.diag([*UNPROVEN[:2], 0.0]))
-        excess = [max(distance(item, yaw), 1.0) for item in alive]
-        return [replace(item, covariance=item.covariance * share) for item, share in zip(alive, excess, strict=True)]
+            return alive
+        yaw = MotionEstimate(gyro.motion, gyro.covariance + np.diag([*UNPROVEN[:2], 0.0]))
+        excess = {name: max(distance(item, yaw), 1.0) for name, item in alive.items()}
+        return {name: replace(item, covariance=item.covariance * excess[name]) for name, item in alive.items()}
 
-    def _answers(self, alive: Sequence[MotionEstimate], used: Sequence[MotionEstimate]) -> dict[str, str]:
-        """The role of each member in a step, as of `Motion.members`."""
-        measured, taken = ({name for item in items for name in item.members} for items in (alive, used))
-        names = [_short(member) for member in self._members]
-        return {n: "used" if n in taken else "left_out" if n in measured else "blind" for n in names}
+    def _roles(self, alive: Collection[str], used: Collection[str]) -> dict[str, str]:
+        """The role of each source in a step, as of `Motion.members`."""
+        return {n: "used" if n in used else "left_out" if n in alive else "blind" for n in self._sources}
 
-    def _checked(self, index: int, motion: Motion) -> Motion:
-        member = self._members[index]
-        checked = motion.checked(member.odometry.name)
+    def _checked(self, name: str, motion: Motion) -> Motion:
+        checked = motion.checked(self._sources[name].name)
         if checked.measured:
-            self._measured.add(index)
-        elif member.optional and index not in self._measured:
+            self._measured.add(name)
+        elif name == GYRO and name not in self._measured:  # there is none
             return replace(checked, faults=(), state=MotionState.BLIND)
         return checked
 
-    def _repeated_faults(self, stamp_s: float, motions: Sequence[Motion]) -> list[Fault]:
+    def _repeated_faults(self, stamp_s: float, motions: Mapping[str, Motion]) -> list[Fault]:
         """Faults that are new, or were last reported a while ago."""
         news: list[Fault] = []
-        for timer, motion in zip(self._news, motions, strict=True):
+        for name, motion in motions.items():
             if not motion.faults:
-                timer.done()
-            elif timer.due(stamp_s):
+                self._news[name].done()
+            elif self._news[name].due(stamp_s):
                 news += motion.faults
         return news
 
@@ -267,18 +240,7 @@ def _distinct(faults: Iterable[Fault | None]) -> tuple[Fault, ...]:
     return tuple(dict.fromkeys(filter(None, faults)))
 
 
-def _of(source: str, estimates: Sequence[MotionEstimate]) -> MotionEstimate | None:
-    """The fused measurements of one source."""
-    measured = [item for item in estimates if item.source == source]
-    return consensus(measured) if measured else None
-
-
-def _short(member: Member) -> str:
-    """Its name without the file that it reads."""
-    return member.odometry.name.partition(":")[0]
-
-
 def _with_gyro(guess: Motion, gyro: MotionEstimate) -> Motion:
     """A guess, fused with what gyro and accelerometer measure."""
-    estimate = fused(MotionEstimate(guess.motion.vector(), guess.covariance, "guess"), gyro)
+    estimate = fused(MotionEstimate(guess.motion.vector(), guess.covariance), gyro)
     return replace(guess, motion=SE2(*estimate.motion), covariance=np.asarray(estimate.covariance))

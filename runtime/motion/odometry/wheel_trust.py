@@ -1,11 +1,10 @@
 """Whether the hybrid trusts its wheels, by comparing them with the camera."""
 
-from collections.abc import Sequence
-from dataclasses import replace
+from collections.abc import Mapping
 
 import numpy as np
 
-from edgemap.geometry.odometry.covariance_intersection import MotionEstimate, difference
+from edgemap.geometry.odometry.consensus import MotionEstimate, difference
 from edgemap.runtime.frames.faults import Fault, FaultKind
 from edgemap.runtime.motion.trust import Agreement, Innovation, Trust, TrustRule
 
@@ -49,19 +48,19 @@ class WheelTrust:
         text = f"{WHEELS}: its {name} is {100.0 * part.ratio:.0f} % of what the camera measures: left out"
         return Fault(FaultKind.WHEELS_EXCLUDED, text)
 
-    def trusted(self, estimates: Sequence[MotionEstimate], camera: bool) -> list[MotionEstimate]:
+    def trusted(self, estimates: Mapping[str, MotionEstimate], camera: bool) -> dict[str, MotionEstimate]:
         """The estimates without distrusted wheels. With a camera, quantities of the wheels that have not been confirmed
         yet have no weight."""
-        if self._excluded:
-            return [item for item in estimates if item.source != WHEELS]
+        trusted = dict(estimates)
+        wheels = trusted.pop(WHEELS, None)
+        if wheels is None or self._excluded:
+            return trusted
         doubted = self._yaw.doubted or self._length.doubted
         yaw, length = (part.state is Trust.TRUSTED and not doubted for _, part in self._parts)
-        if not camera or (yaw and length):
-            return list(estimates)
-        loose = np.diag(np.where([length, length, yaw], 0.0, UNPROVEN))
-        return [
-            replace(item, covariance=item.covariance + loose) if item.source == WHEELS else item for item in estimates
-        ]
+        if camera and not (yaw and length):
+            loose = np.diag(np.where([length, length, yaw], 0.0, UNPROVEN))
+            wheels = MotionEstimate(wheels.motion, wheels.covariance + loose)
+        return {name: wheels if name == WHEELS else item for name, item in estimates.items()}
 
     @property
     def _parts(self) -> tuple[tuple[str, Agreement], tuple[str, Agreement]]:

@@ -47,9 +47,9 @@ class QualityCounter:
             self._blind[kind] += not health.stale or (kind is FaultKind.FROZEN and result.motion.blind)
         self._counts["guessed_frames"] += result.motion.blind
         self._counts["still_frames"] += observed.at_rest
-        self._wheels |= any(name.startswith("wheel") for name in members)
-        self._counts["wheel_frames"] += _used(members, "wheel")
-        self._counts["gyro_frames"] += _used(members, "gyro")
+        self._wheels |= "wheels" in members
+        self._counts["wheel_frames"] += members.get("wheels") == "used"
+        self._counts["gyro_frames"] += members.get("gyro") == "used"
         self._counts["object_frames"] += bool(result.sightings)
         self._counts["carried_frames"] += bool(attitude and attitude.carried)
         self._counts["worktop_frames"] += observed.worktop
@@ -85,7 +85,3 @@ class QualityCounter:
             "rate_hz": round(1.0 / step_s, 2) if step_s > 0.0 else None,
             "searched_hz": round(self._counts["searched_frames"] / duration_s, 2) if duration_s > 0.0 else None,
         }
-
-
-def _used(members: Any, start: str) -> bool:
-    return any(answer == "used" and name.startswith(start) for name, answer in members.items())
