@@ -32,7 +32,7 @@ from edgemap.runtime.frames.errors import OdometryError
 from edgemap.runtime.inputs.cameras.pictures import drive_camera
 from edgemap.runtime.inputs.drives import READERS, open_drive
 from edgemap.runtime.inputs.open import open_camera
-from edgemap.runtime.motion.attitude.open import open_attitude
+from edgemap.runtime.motion.attitude.estimator import open_attitude
 from edgemap.runtime.motion.odometry import open_odometry
 from edgemap.runtime.motion.rest import RestRule
 from edgemap.runtime.network.bundle import Bundle

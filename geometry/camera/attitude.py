@@ -1,7 +1,7 @@
 """The camera's attitude against gravity in one frame, and its rotation since the previous one."""
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -128,3 +128,10 @@ class Attitude:
         roll_rad = math.atan2(-right, -down)
         pitch_rad = math.atan2(-forward, math.hypot(right, down))
         return cls(roll_rad, pitch_rad, covariance_rad2, source=source)
+
+    def held_to(self, measured: "Attitude", height_m: float | None) -> "Attitude":
+        """This attitude with roll, pitch and their covariance as measured by another source, and this height."""
+        return replace(
+            self, roll_rad=measured.roll_rad, pitch_rad=measured.pitch_rad, covariance_rad2=measured.covariance_rad2,
+            height_m=height_m, source=measured.source, predicted=False,
+        )  # fmt: skip

@@ -16,8 +16,7 @@ from edgemap.geometry.se2 import SE2
 from edgemap.runtime.frames.camera import Camera
 from edgemap.runtime.frames.faults import Fault
 from edgemap.runtime.frames.frame import Frame
-from edgemap.runtime.motion.attitude.open import open_attitude
-from edgemap.runtime.motion.attitude.sources import GivenAttitude
+from edgemap.runtime.motion.attitude.estimator import open_attitude
 from edgemap.runtime.motion.health import PictureHealth
 from edgemap.runtime.motion.odometry import open_odometry
 from edgemap.runtime.motion.odometry.judged import JudgedOdometry
@@ -163,14 +162,15 @@ def build_slam(
         bundle = replace(bundle, companion=None)
     moving = bundle.companion or bundle
     odometry = open_odometry(options.odometry, moving, camera, floor, wheels, rules, health, tilt, options.pose_frame)
-    attitude = open_attitude(options.odometry, camera, floor, options.imu, config.attitude, health, rules)
+    given = odometry.attitude if isinstance(odometry, JudgedOdometry) else None
+    attitude = open_attitude(options.odometry, camera, floor, options.imu, config.attitude, health, rules, given)
     pipeline = Pipeline(
         bundle,
         floor,
         odometry,
         rule=config.floor,
         mapped=options.mapped,
-        attitude=GivenAttitude(odometry.attitude, attitude) if isinstance(odometry, JudgedOdometry) else attitude,
+        attitude=attitude,
         confidence=options.confidence,
         health=config.health,
         rest=config.rest,

@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
+from support.inertial import AboutMount
 
 from edgemap.geometry.camera.attitude import Attitude
 from edgemap.geometry.camera.floor import FloorCamera
@@ -20,10 +21,9 @@ from edgemap.geometry.se2 import SE2
 from edgemap.runtime.frames.frame import Frame
 from edgemap.runtime.inputs.drives import open_drive
 from edgemap.runtime.inputs.drives.drive import Drive
-from edgemap.runtime.motion.attitude.checked_mount import CheckedMount, MountRule
-from edgemap.runtime.motion.attitude.inertial import AttitudeRule, InertialAttitude
-from edgemap.runtime.motion.attitude.pictures import PicturesAttitude
-from edgemap.runtime.motion.attitude.sources import MountAttitude
+from edgemap.runtime.motion.attitude.estimator import EstimatedAttitude
+from edgemap.runtime.motion.attitude.inertial import AttitudeRule
+from edgemap.runtime.motion.attitude.mount_check import MountRule
 from edgemap.simulation.carried_imu import carried_imu
 
 BLANK = np.zeros((4, 4, 3), np.uint8)
@@ -52,7 +52,7 @@ def test_a_nodding_robot_is_followed_and_its_gyro_bias_is_learnt_at_rest():
     nod = np.where(stamps > 4.0, math.radians(3.0) * np.sin(2.0 * math.pi * 0.7 * (stamps - 4.0)), 0.0)
     mount = Mount.from_degrees(0.5, 10.0)
     samples = samples_of(mount.pitch_rad + nod, stamps, bias=(0.02, -0.03, 0.04))
-    source = InertialAttitude(mount, MountAttitude(mount))
+    source = AboutMount(mount)
     errors, yaw = [], 0.0
     for frame in frames_of(samples, 10.0):
         attitude = source.predict(frame)
@@ -67,7 +67,7 @@ def test_a_constant_tilt_between_imu_and_mount_is_learnt():
     stamps = np.arange(0.0, 60.0, 0.01)
     mount = Mount.from_degrees(0.5, 10.0)
     samples = samples_of(np.full(len(stamps), mount.pitch_rad), stamps, offset_rad=math.radians(3.0))
-    source = InertialAttitude(mount, MountAttitude(mount))
+    source = AboutMount(mount)
     attitudes = [source.predict(frame) for frame in frames_of(samples, 10.0)]
     last = attitudes[-1]
     assert math.degrees(last.pitch_rad) == pytest.approx(10.0, abs=0.2)
@@ -77,7 +77,7 @@ def test_a_constant_tilt_between_imu_and_mount_is_learnt():
 
 def test_without_samples_the_other_source_speaks_and_a_hole_starts_the_filter_again():
     mount = Mount.from_degrees(0.5, 10.0)
-    source = InertialAttitude(mount, MountAttitude(mount, math.radians(0.7)))
+    source = AboutMount(mount, sigma_rad=math.radians(0.7))
     bare = source.predict(Frame(0, 0.0, BLANK))
     assert bare.source == "mount"
     assert bare.covariance_rad2[0, 0] == pytest.approx(math.radians(0.7) ** 2)
@@ -137,8 +137,7 @@ def test_a_mount_that_is_5_degrees_wrong_by_gravity_alone_is_a_fault_within_20_s
     told = {}
     for pitch_deg in (17.0, 11.5):
         mount = Mount.from_degrees(0.6, pitch_deg)
-        pictures = PicturesAttitude(mount)
-        source = CheckedMount(FloorCamera(LENS, mount), InertialAttitude(mount, pictures), pictures)
+        source = EstimatedAttitude(FloorCamera(LENS, mount))
         attitudes, told[pitch_deg] = [], []
         for frame in frames_of(samples, 10.0):
             attitudes.append(source.predict(frame))
@@ -158,7 +157,7 @@ def test_a_roll_of_a_camera_that_looks_down_is_no_yaw_of_the_base():
     rates[:, 2] = np.gradient(rolls, stamps)  # about the optical axis
     ups = [Mount(1.0, math.radians(30.0), roll).rotation_base_optical().T @ [0, 0, 9.81] for roll in rolls]
     mount = Mount.from_degrees(1.0, 30.0)
-    source = InertialAttitude(mount, MountAttitude(mount))
+    source = AboutMount(mount)
     attitudes = [source.predict(frame) for frame in frames_of(ImuSamples(stamps, rates, np.array(ups)), 10.0)]
     yaws = [attitude.rotation.yaw_rad for attitude in attitudes if attitude.rotation is not None]
     assert math.degrees(max(map(abs, yaws[20:]))) < 0.1  # the rate about the vertical is sin 30 deg of 2.5 deg a frame
@@ -180,7 +179,7 @@ def test_a_slow_steady_turn_is_no_rest_that_teaches_the_bias():
     up = mount.rotation_base_optical().T @ [0.0, 0.0, 1.0]
     rates = np.outer(np.full(len(stamps), math.radians(4.0)), up)
     samples = ImuSamples(stamps, rates, np.outer(np.full(len(stamps), 9.81), up))
-    source = InertialAttitude(mount, MountAttitude(mount))
+    source = AboutMount(mount)
     found, ends = driving(source, samples, lambda a, b: SE2(0.1 * (b - a), 0.0, math.radians(3.0) * (b - a)))
     late = [attitude.rotation.yaw_rad for attitude, end_s in zip(found, ends, strict=True) if end_s > 10.0]
     assert math.degrees(sum(late)) / (len(late) / 10.0) == pytest.approx(3.0, abs=0.1)
@@ -193,7 +192,7 @@ def test_first_samples_are_held_against_the_mount_as_far_as_it_may_be_wrong(give
     stamps, up = np.arange(0.0, 0.5, 0.005), looks.rotation_base_optical().T @ [0.0, 0.0, 9.81]
     samples = ImuSamples(stamps, np.zeros((len(stamps), 3)), np.tile(up, (len(stamps), 1)))
     rule = AttitudeRule(check=MountRule(tilt=MountTiltRule(prior=math.radians(given_deg))))
-    source = InertialAttitude(mount, MountAttitude(mount), rule)
+    source = AboutMount(mount, rule)
     found = source.predict(next(iter(frames_of(samples, 10.0))))
     assert math.degrees(found.pitch_rad) == pytest.approx(begins_deg, abs=2.0)
 
@@ -209,7 +208,7 @@ def test_the_accelerometer_tells_the_displacement_of_a_step_that_odometry_has_no
         late_s = min(max(stamp_s - 10.0, 0.0), 0.5)
         return 0.5 * stamp_s - late_s**2 / 2.0
 
-    source = InertialAttitude(mount, MountAttitude(mount))
+    source = AboutMount(mount)
     found, ends = driving(source, samples, lambda a, b: SE2(path_m(b) - path_m(a), 0.0, 0.0))
     steps = [attitude.rotation.displaced for attitude, end_s in zip(found, ends, strict=True) if end_s > 10.05][:5]
     assert [float(moved[0]) for moved, _ in steps] == pytest.approx([0.045, 0.035, 0.025, 0.015, 0.005], abs=0.003)
@@ -227,7 +226,7 @@ def test_the_robots_own_acceleration_is_no_tilt():
     samples = ImuSamples(stamps, np.zeros((len(stamps), 3)), base @ mount.rotation_base_optical())
     loose = MountRule(tilt=MountTiltRule(nod=math.radians(20.0)))
     rule = AttitudeRule(check=loose, noise=InertialNoise(offset=1e-4))
-    source, deaf = (InertialAttitude(mount, MountAttitude(mount), rule) for _ in range(2))
+    source, deaf = (AboutMount(mount, rule) for _ in range(2))
     found, _ = driving(source, samples, lambda a, b: SE2(float(np.diff(np.interp([a, b], stamps, place))[0]), 0.0, 0.0))
     alone = [deaf.predict(frame) for frame in frames_of(samples, 10.0)]
     errors, before = (np.degrees([a.pitch_rad - mount.pitch_rad for a in told[50:]]) for told in (found, alone))
@@ -256,7 +255,7 @@ def test_a_head_in_motion_from_the_start_is_levelled_and_its_covariance_says_how
     scaled, late = [], []
     for seed in range(8):
         mount, poses, stamps, samples = carried_head(seed)
-        source, random = InertialAttitude(mount, MountAttitude(mount)), np.random.default_rng(seed)
+        source, random = AboutMount(mount), np.random.default_rng(seed)
         headings = np.unwrap(np.arctan2(poses[:, 1, 0], poses[:, 0, 0]))
         bases = [SE2(x, y, yaw) for (x, y), yaw in zip(poses[:, :2, 3], headings, strict=True)]
         for index in range(1, len(stamps) - 1):
@@ -290,7 +289,7 @@ def test_a_turn_that_no_sample_shows_is_within_what_the_gyro_states(hole_s):
     mount, stamps = Mount.from_degrees(0.5, 10.0), np.arange(1, 201) / 100.0
     rate, turned_rad = 3.0 * np.maximum(hole_s / 2.0 - np.abs(stamps - 1.5), 0.0), 3.0 * (hole_s / 2.0) ** 2
     samples = turning(rate, mount, (1.5 - hole_s / 2.0, 1.5 + hole_s / 2.0))
-    source = InertialAttitude(mount, MountAttitude(mount))
+    source = AboutMount(mount)
     found = [source.predict(Frame(k, float(k), BLANK, imu=samples.between(k - 1.0, k))).rotation for k in (0, 1, 2)]
     whole, rotation = found[1:]
     assert whole is not None
@@ -307,7 +306,7 @@ def test_a_hole_across_a_frame_is_stated_in_both_steps():
     for seed in range(60):
         rate = np.cumsum(np.random.default_rng(seed).normal(0.0, 0.1, 200))
         samples = turning(rate, mount, (1.25, 1.75))
-        source = InertialAttitude(mount, MountAttitude(mount))
+        source = AboutMount(mount)
         stamps = [0.0, 1.0, border_s, 2.0]
         found = [
             source.predict(Frame(k, until_s, BLANK, imu=samples.between(from_s, until_s))).rotation
@@ -324,11 +323,11 @@ def test_the_rotation_is_known_from_the_first_frame_on_whose_samples_reach_back_
     stamps, mount = np.arange(0.01, 1.0, 0.01), Mount.from_degrees(0.5, 10.0)
     up = mount.rotation_base_optical().T @ [0.0, 0.0, 1.0]
     samples = ImuSamples(stamps, np.full((len(stamps), 3), rate_rad_s * up), np.full((len(stamps), 3), 9.81 * up))
-    source = InertialAttitude(mount, MountAttitude(mount))
+    source = AboutMount(mount)
     assert source.predict(Frame(0, 0.0, BLANK)).rotation is None
     rotation = source.predict(Frame(1, 0.1, BLANK, imu=samples.between(0.0, 0.1))).rotation
     assert rotation is not None
     assert rotation.yaw_rad == pytest.approx(0.1 * rate_rad_s, rel=0.04)
     np.testing.assert_allclose(rotation.rotation, Rotation.from_rotvec(0.1 * rate_rad_s * up).as_matrix(), atol=5e-5)
-    source.reset("elsewhere")
+    source.reset()
     assert source.predict(Frame(2, 0.3, BLANK, imu=samples.between(0.2, 0.3))).rotation is None

@@ -16,10 +16,8 @@ from edgemap.geometry.observations.sighting import FloorRule, sightings_of
 from edgemap.geometry.se2 import SE2
 from edgemap.runtime.frames.faults import FaultKind
 from edgemap.runtime.frames.frame import Frame
-from edgemap.runtime.motion.attitude.checked_mount import CheckedMount
 from edgemap.runtime.motion.attitude.depth import DepthAttitude
-from edgemap.runtime.motion.attitude.pictures import PicturesAttitude
-from edgemap.runtime.motion.attitude.sources import MountAttitude
+from edgemap.runtime.motion.attitude.estimator import EstimatedAttitude
 from edgemap.runtime.motion.height_check import HeightCheck
 from edgemap.runtime.motion.odometry.protocol import FramePrior, Motion
 from edgemap.runtime.motion.odometry.window import WindowOdometry
@@ -28,43 +26,31 @@ MOUNT = Mount.from_degrees(0.5, 15.0)
 BLANK = np.zeros((480, 640, 3), np.uint8)
 
 
-class Other:
-    """A source that says the mount's attitude, and a gyro's rotation."""
+OTHER = Attitude(0.0, MOUNT.pitch_rad, np.eye(2) * 1e-4, rotation=GyroRotation(np.eye(3), 0.1, 0.01))
 
-    name = "other"
-    faults = ()
-    attitude = Attitude(0.0, MOUNT.pitch_rad, np.eye(2) * 1e-4, rotation=GyroRotation(np.eye(3), 0.1, 0.01))
 
-    def predict(self, frame, moved=None):
-        return self.attitude
-
-    def update(self, rotation):
-        return self.attitude
-
-    def correct_mount(self, mount):
-        pass
-
-    def reset(self, reason):
-        pass
+def by_depth(depth):
+    """The attitude of one frame, beside another source's."""
+    return DepthAttitude(FloorCamera(LENS, MOUNT)).predict(Frame(0, 0.0, BLANK, depth=depth), OTHER)
 
 
 @pytest.mark.parametrize(("pitch_deg", "roll_deg", "rise_m"), [(0.0, 0.0, 0.0), (3.0, -2.0, 0.03), (-3.0, 1.0, -0.02)])
 def test_the_floor_tells_attitude_and_height_beside_a_wall_and_a_table(pitch_deg, roll_deg, rise_m):
     depth = depth_room(Mount.from_degrees(0.5 + rise_m, 15.0 + pitch_deg, roll_deg), noise=0.005)
-    found = DepthAttitude(FloorCamera(LENS, MOUNT), Other()).predict(Frame(0, 0.0, BLANK, depth=depth))
+    found = by_depth(depth)
     assert found.source == "depth"
     assert math.degrees(found.pitch_rad) == pytest.approx(15.0 + pitch_deg, abs=0.1)
     assert math.degrees(found.roll_rad) == pytest.approx(roll_deg, abs=0.1)
     assert found.height_m == pytest.approx(0.5 + rise_m, abs=0.003)
-    assert found.rotation is Other.attitude.rotation
+    assert found.rotation is OTHER.rotation
     assert np.degrees(np.sqrt(np.diag(found.covariance_rad2))).max() < 0.3
 
 
 def test_a_nodding_camera_is_followed_farther_than_it_would_be_found():
-    source = DepthAttitude(FloorCamera(LENS, MOUNT), Other())
+    source = DepthAttitude(FloorCamera(LENS, MOUNT))
     for index in range(8):  # a degree and a half a picture
         depth = depth_room(Mount.from_degrees(0.5, 15.0 + 1.5 * index))
-        found = source.predict(Frame(index, index / 10, BLANK, depth=depth))
+        found = source.predict(Frame(index, index / 10, BLANK, depth=depth), OTHER)
     assert math.degrees(found.pitch_rad) == pytest.approx(25.5, abs=0.1)
 
 
@@ -79,20 +65,20 @@ def test_a_nodding_camera_is_followed_farther_than_it_would_be_found():
     ],
 )
 def test_depth_that_shows_no_floor_changes_nothing(depth):
-    found = DepthAttitude(FloorCamera(LENS, MOUNT), Other()).predict(Frame(0, 0.0, BLANK, depth=depth))
-    assert found is Other.attitude
+    found = by_depth(depth)
+    assert found is OTHER
 
 
 def test_a_table_that_fills_the_picture_is_no_floor():
     depth = depth_room(Mount.from_degrees(0.25, 15.0))  # a plane a quarter of a metre higher, and nothing below
-    found = DepthAttitude(FloorCamera(LENS, MOUNT), Other()).predict(Frame(0, 0.0, BLANK, depth=depth))
-    assert found is Other.attitude
+    found = by_depth(depth)
+    assert found is OTHER
 
 
 def faults_of(mounted, believed=MOUNT, frames=45):
     """Of a camera that nods a little on its mount, 4 pictures a second."""
-    camera, pictures = FloorCamera(LENS, believed), PicturesAttitude(believed)
-    source = CheckedMount(camera, DepthAttitude(camera, MountAttitude(believed)), pictures)
+    camera = FloorCamera(LENS, believed)
+    source = EstimatedAttitude(camera)
     check, none = HeightCheck(believed), Detections.none(("chair",))
     told = []
     for index in range(frames):
@@ -171,11 +157,7 @@ def test_corners_keep_the_scale_by_depth_where_the_height_is_wrong():
 def test_planar_follows_a_camera_that_nods_by_the_floor_in_its_depth():
     """Three degrees up and down over a second, and nobody tells but the depth."""
     _, poses = drive(MOTIONS["straight"])
-    source, odometry, pose = (
-        DepthAttitude(CAMERA, MountAttitude(CAMERA.mount)),
-        WindowOdometry(CAMERA),
-        SE2(),
-    )
+    source, odometry, pose = EstimatedAttitude(CAMERA), WindowOdometry(CAMERA), SE2()
     v, u = np.mgrid[0:240, 0:320]
     pixels = np.column_stack([u.ravel(), v.ravel()])
     for index, true in enumerate(poses):

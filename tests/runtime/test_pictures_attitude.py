@@ -18,7 +18,6 @@ from edgemap.geometry.camera.attitude import Attitude, TrackedRotation
 from edgemap.geometry.camera.carried import Carried
 from edgemap.geometry.camera.inertial import rotation_of
 from edgemap.geometry.camera.mount import Mount
-from edgemap.runtime.frames.frame import Frame
 from edgemap.runtime.inputs.cameras.pictures import drive_camera
 from edgemap.runtime.inputs.drives import open_drive
 from edgemap.runtime.motion.attitude.pictures import PicturesAttitude
@@ -43,7 +42,7 @@ def followed(poses, noise_rad, edges_every=None):
     found, true, carried = [], [], Carried()
     for index, (before, now) in enumerate(pairwise([poses[0], *poses])):
         attitude = Attitude.of_up(now[2], np.zeros((2, 2)), "truth")
-        source.predict(Frame(index, index / 10.0, BLANK))
+        source.predict(index / 10.0)
         if edges_every and index % edges_every == 0:
             source.begin_edges()
         rotation = before.T @ now @ rotation_of(rng.normal(0.0, noise_rad, (1, 3)))[0]

@@ -9,6 +9,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from support.faults import texts
+from support.inertial import AboutMount
 from support.odometry import MadeOdometry
 
 from edgemap.geometry.camera.imu import ImuSamples
@@ -19,8 +20,6 @@ from edgemap.runtime.frames.frame import Frame
 from edgemap.runtime.frames.trajectory import Trajectory
 from edgemap.runtime.inputs.open import DEMO
 from edgemap.runtime.motion.attitude.imu_trust import ImuTrust
-from edgemap.runtime.motion.attitude.inertial import InertialAttitude
-from edgemap.runtime.motion.attitude.sources import MountAttitude
 from edgemap.runtime.motion.odometry.hybrid import HybridOdometry
 from edgemap.runtime.motion.odometry.protocol import Motion, first_motion
 from edgemap.runtime.motion.odometry.recorded import WHEEL, RecordedOdometry
@@ -132,7 +131,7 @@ def imu(change=lambda gyro, accel, lies: None):
     gyro = random.normal(0.0, 0.004, (len(stamps), 3))
     accel = up + random.normal(0.0, 0.03, (len(stamps), 3))
     change(gyro, accel, (stamps > 4.0) & (stamps <= 8.0))
-    source, samples = InertialAttitude(mount, MountAttitude(mount)), ImuSamples(stamps, gyro, accel)
+    source, samples = AboutMount(mount), ImuSamples(stamps, gyro, accel)
     ends, found, faults = np.arange(1, 120) / 10.0, [], []
     for row, end_s in enumerate(ends.tolist()):
         found.append(source.predict(Frame(row, end_s, BLANK, imu=samples.between(end_s - 0.1, end_s))))
@@ -146,7 +145,7 @@ def test_an_imu_slower_than_half_the_frames_is_named_once_and_left_out(rate_hz, 
     up = mount.rotation_base_optical().T @ [0.0, 0.0, 9.81]
     gyro = np.random.default_rng(0).normal(0.0, 0.004, (len(stamps), 3))
     samples = ImuSamples(stamps, gyro, np.tile(up, (len(stamps), 1)))
-    source, found, told = InertialAttitude(mount, MountAttitude(mount)), [], []
+    source, found, told = AboutMount(mount), [], []
     for row, end_s in enumerate((np.arange(1, 300) / 10.0).tolist()):
         hole = 15.0 < end_s < 16.0
         part = samples.between(100.0, 101.0) if hole else samples.between(end_s - 0.1, end_s)
@@ -244,7 +243,7 @@ def test_what_a_mirrored_gyro_turns_is_not_what_the_odometry_turns():
     up = mount.rotation_base_optical().T @ [0.0, 0.0, 1.0]
     gyro = np.outer(np.where(stamps > 1.0, -0.5, 0.0), up) + random.normal(0.0, 0.004, (len(stamps), 3))
     samples = ImuSamples(stamps, gyro, 9.81 * up + random.normal(0.0, 0.03, (len(stamps), 3)))
-    source, faults = InertialAttitude(mount, MountAttitude(mount)), []
+    source, faults = AboutMount(mount), []
     for row, end_s in enumerate((np.arange(1, 79) / 10.0).tolist()):
         moved = SE2(0.0, 0.0, 0.05 if end_s > 1.15 else 0.0), np.diag([1e-6, 1e-6, 1e-5])
         frame = Frame(row, end_s, BLANK, imu=samples.between(end_s - 0.1, end_s))

@@ -21,7 +21,7 @@ from edgemap.geometry.se2 import SE2
 from edgemap.runtime.frames.camera import CameraInfo
 from edgemap.runtime.frames.faults import FaultKind
 from edgemap.runtime.frames.frame import Frame
-from edgemap.runtime.motion.attitude.pictures import PicturesAttitude
+from edgemap.runtime.motion.attitude.estimator import EstimatedAttitude
 from edgemap.runtime.motion.odometry import OdometryRules, hybrid_sources
 from edgemap.runtime.motion.odometry.protocol import FramePrior, Motion
 from edgemap.runtime.motion.odometry.window import WindowOdometry
@@ -87,7 +87,7 @@ def test_window_finds_the_tilt_of_a_camera_that_is_not_at_its_mounts_angles():
 
 def test_the_windows_tilt_takes_the_place_of_the_pictures_tilt_and_they_keep_their_own():
     """Theirs is what the window takes as a prior: the window's must not come back to it."""
-    source, up = PicturesAttitude(CAMERA.mount), up_optical(CAMERA.mount.pitch_rad + 0.1, 0.05)
+    source, up = EstimatedAttitude(CAMERA), up_optical(CAMERA.mount.pitch_rad + 0.1, 0.05)
     for index, (up_rad, angles) in enumerate([(0.01, (0.1, 0.05)), (0.2, (0.0, 0.0))]):
         given = source.predict(Frame(index, 0.1 * index, BLANK))
         assert given.pitch_rad == pytest.approx(CAMERA.mount.pitch_rad, abs=1e-3)

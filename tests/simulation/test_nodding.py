@@ -5,6 +5,7 @@ from dataclasses import fields
 
 import numpy as np
 import pytest
+from support.inertial import AboutMount
 
 from edgemap.geometry.camera.attitude import Attitude
 from edgemap.geometry.camera.intrinsics import Intrinsics
@@ -14,8 +15,6 @@ from edgemap.runtime.frames.frame import Frame
 from edgemap.runtime.frames.trajectory import Trajectory
 from edgemap.runtime.inputs.drives import open_drive
 from edgemap.runtime.inputs.drives.own import write_drive
-from edgemap.runtime.motion.attitude.inertial import InertialAttitude
-from edgemap.runtime.motion.attitude.sources import MountAttitude
 from edgemap.simulation.render.view import View
 from edgemap.simulation.robot.imu import GRAVITY_M_S2, ImuErrors, imu_samples
 from edgemap.simulation.robot.motion import SAMPLE_S, Limits, SampledDrive, stand, straight, turn
@@ -74,7 +73,7 @@ def test_a_datasheets_imu_follows_the_nods():
     tilts, rng = nodding_of(motion, (2,)), np.random.default_rng(4)
     duration_s = (len(motion.samples) - 1) * SAMPLE_S
     samples = imu_samples(motion, tilts, MOUNT, duration_s, rng)
-    source, blank, errors = InertialAttitude(MOUNT, MountAttitude(MOUNT)), np.zeros((4, 4, 3), np.uint8), []
+    source, blank, errors = AboutMount(MOUNT), np.zeros((4, 4, 3), np.uint8), []
     for index in range(1, int(duration_s * 10)):
         stamp_s = index / 10
         frame = Frame(index, stamp_s, blank, imu=samples.between(stamp_s - 0.1, stamp_s))

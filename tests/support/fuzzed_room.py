@@ -17,7 +17,7 @@ from edgemap.geometry.camera.mount import Mount
 from edgemap.geometry.map_object import MapObject
 from edgemap.geometry.se2 import SE2
 from edgemap.runtime.frames.camera import Camera
-from edgemap.runtime.motion.attitude.open import open_attitude
+from edgemap.runtime.motion.attitude.estimator import open_attitude
 from edgemap.runtime.motion.odometry import OdometryRules, hybrid_sources
 from edgemap.runtime.motion.odometry.hybrid import HybridOdometry
 from edgemap.runtime.motion.odometry.protocol import is_covariance

@@ -1,22 +1,16 @@
 """Attitude and height of each frame from the floor in its depth picture."""
 
 import math
-from collections.abc import Sequence
-from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 
-from edgemap.geometry.camera.attitude import Attitude, TrackedRotation
+from edgemap.geometry.camera.attitude import Attitude
 from edgemap.geometry.camera.depth_points import DepthPoints
 from edgemap.geometry.camera.floor import FloorCamera
 from edgemap.geometry.camera.floor_plane import FloorPlane, find_floor, follow_floor
 from edgemap.geometry.camera.level import up_optical
-from edgemap.geometry.camera.mount import Mount
-from edgemap.runtime.frames.faults import Fault
 from edgemap.runtime.frames.frame import Frame
-from edgemap.runtime.motion.attitude.pictures import PicturesAttitude
-from edgemap.runtime.motion.attitude.protocol import AttitudeSource, Moved
 
 EVERY_PX = 12  # between the depths that are read
 KEPT_S = 1.0  # for which a plane is where the next one is looked for
@@ -26,67 +20,48 @@ LEVEL_RAD = math.radians(0.2)  # standard deviation of the floor's slope: rugs, 
 
 
 class DepthAttitude:
-    """Roll, pitch and height by the floor plane, where the depth picture shows one; else the `other` source's.
-
-    A gyro's rotation stays the other source's. pictures: is updated with each plane.
-    """
+    """Roll, pitch and height by the floor plane, where the depth picture shows one. plane: with its covariance, of the
+    last frame."""
 
     name = "depth"
 
-    def __init__(self, camera: FloorCamera, other: AttitudeSource, pictures: PicturesAttitude | None = None) -> None:
-        self._other, self._pictures, self._height_m = other, pictures, camera.mount.height_m
-        self._points = DepthPoints(camera.intrinsics, EVERY_PX)
-        self._plane: FloorPlane | None = None
-        self._floor: tuple[FloorPlane, NDArray[np.float64]] | None = None  # in the last picture
-        self._seen_s = self._sought_s = -math.inf
+    def __init__(self, camera: FloorCamera) -> None:
+        self._height_m, self._points = camera.mount.height_m, DepthPoints(camera.intrinsics, EVERY_PX)
+        self.reset()
 
-    def predict(self, frame: Frame, moved: Moved | None = None) -> Attitude:
-        """The attitude at the frame's stamp."""
-        other = self._other.predict(frame, moved)
-        self._floor = None
+    def predict(self, frame: Frame, other: Attitude) -> Attitude:
+        """The attitude at the frame's stamp: another source's, with roll, pitch and height of the floor."""
+        self.plane = None
         if frame.depth is None:
             return other
-        points = self._points.of(frame.depth)
-        self._floor = plane = self._follow(points, other, frame.stamp_s)
-        if plane is None:
+        self.plane = self._follow(self._points.of(frame.depth), other, frame.stamp_s)
+        if self.plane is None:
             return other
-        self._plane, self._seen_s = plane[0], frame.stamp_s
-        plain = Attitude.of_up(plane[0].up, np.diag(np.diag(plane[1])[[1, 0]] + LEVEL_RAD**2), self.name)
-        return replace(
-            other, roll_rad=plain.roll_rad, pitch_rad=plain.pitch_rad, covariance_rad2=plain.covariance_rad2,
-            height_m=plane[0].height_m, source=self.name, predicted=False,
-        )  # fmt: skip
+        plane, covariance = self.plane
+        self._last, self._seen_s = plane, frame.stamp_s
+        level = Attitude.of_up(plane.up, np.diag(np.diag(covariance)[[1, 0]] + LEVEL_RAD**2), self.name)
+        return other.held_to(level, plane.height_m)
 
-    @property
-    def faults(self) -> Sequence[Fault]:
-        """Those of the other source."""
-        return self._other.faults
+    def up(self) -> tuple[NDArray[np.float64], float] | None:
+        """Up (3,), optical axes, by the last frame's floor, and its standard deviation; None without floor in view."""
+        if self.plane is None:
+            return None
+        plane, covariance = self.plane
+        return plane.up, math.hypot(math.sqrt(covariance[:2, :2].trace() / 2.0), LEVEL_RAD)
 
-    def update(self, rotation: TrackedRotation | None) -> Attitude:
-        """The attitude from depth, which also updates the other source; without floor in view, the other source's."""
-        other = self._other.update(rotation)
-        if self._floor is not None and self._pictures is not None:
-            plane, covariance = self._floor
-            self._pictures.see_up(plane.up, math.hypot(math.sqrt(covariance[:2, :2].trace() / 2.0), LEVEL_RAD))
-        return other
-
-    def correct_mount(self, mount: Mount) -> None:
-        """Passes the mount to the source that is corrected."""
-        self._other.correct_mount(mount)
-
-    def reset(self, reason: str) -> None:
-        """Start again from the other source's attitude."""
-        self._other.reset(reason)
-        self._plane = self._floor = None
-        self._sought_s = -math.inf
+    def reset(self) -> None:
+        """Start again from another source's attitude."""
+        self.plane: tuple[FloorPlane, NDArray[np.float64]] | None = None
+        self._last: FloorPlane | None = None
+        self._seen_s = self._sought_s = -math.inf
 
     def _follow(
         self, points: NDArray[np.float64], other: Attitude, stamp_s: float
     ) -> tuple[FloorPlane, NDArray[np.float64]] | None:
         up = up_optical(other.pitch_rad, other.roll_rad)
         expected = [(up, other.height_m or self._height_m)]
-        if self._plane is not None and stamp_s - self._seen_s < KEPT_S:
-            expected.insert(0, (self._plane.up, self._plane.height_m))
+        if self._last is not None and stamp_s - self._seen_s < KEPT_S:
+            expected.insert(0, (self._last.up, self._last.height_m))
         for direction, height_m in expected:
             plane = follow_floor(points, direction, height_m)
             if plane is None:

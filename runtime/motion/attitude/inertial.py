@@ -5,7 +5,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from edgemap.geometry.camera.attitude import Attitude, GyroRotation, TrackedRotation
+from edgemap.geometry.camera.attitude import Attitude, GyroRotation
 from edgemap.geometry.camera.carried import CarriedRule
 from edgemap.geometry.camera.imu import ImuSamples
 from edgemap.geometry.camera.inertial import (
@@ -20,12 +20,11 @@ from edgemap.geometry.camera.inertial import (
 )
 from edgemap.geometry.camera.level import pitch_roll, up_optical
 from edgemap.geometry.camera.mount import Mount
-from edgemap.runtime.frames.faults import Fault
 from edgemap.runtime.frames.frame import Frame
-from edgemap.runtime.motion.attitude.checked_mount import MountRule
 from edgemap.runtime.motion.attitude.imu_trust import ImuTrust
+from edgemap.runtime.motion.attitude.mount_check import MountRule
 from edgemap.runtime.motion.attitude.pictures import LONGEST_S, NOD_S, ROTATION_SHARE
-from edgemap.runtime.motion.attitude.protocol import AttitudeSource, Moved
+from edgemap.runtime.motion.attitude.protocol import Moved
 from edgemap.runtime.motion.trust import TrustRule
 
 LIKELY = 2.0  # standard deviations of nodding, at which the mount has half the weight for the tilt
@@ -46,8 +45,8 @@ class AttitudeRule:
 
 
 class InertialAttitude:
-    """Roll, pitch and rotation by gyro, accelerometer and the odometry's last motion, about the mount; without samples
-    the `other` source. Starts with the first samples, and again after a hole of `LONGEST_S`.
+    """Roll, pitch and rotation by gyro, accelerometer and the odometry's last motion, about the mount. Starts with the
+    first samples, and again after a hole of `LONGEST_S`. fault: of the last frame.
     """
 
     name = "imu"
@@ -55,7 +54,6 @@ class InertialAttitude:
     def __init__(
         self,
         mount: Mount,
-        other: AttitudeSource,
         rule: AttitudeRule | None = None,
         carried: CarriedRule | None = None,
         trust: TrustRule | None = None,
@@ -65,19 +63,16 @@ class InertialAttitude:
         self._up = up_optical(mount.pitch_rad, mount.roll_rad)
         arms = [(0.0, 0.0, mount.height_m), (mount.forward_m, mount.left_m, 0.0)]
         self._arm = np.array(arms) @ mount.rotation_base_optical()
-        self._other, self._noise = other, self._rule.noise
-        self.faults: tuple[Fault, ...] = ()
+        self._noise, self.fault = self._rule.noise, None
         self._state: InertialState | None = None
         self._trust = ImuTrust(self._noise.rest_window_s, trust or TrustRule(), clock)
         self._seen_s = -math.inf
         self._rate2, self._judged_s = 0.0, 0.0  # mean square of the tilt's rate, and over how long
 
-    def predict(self, frame: Frame, moved: Moved | None = None) -> Attitude:
-        """The attitude at the frame's stamp."""
-        other = self._other.predict(frame, moved)
+    def predict(self, frame: Frame, moved: Moved | None, other: Attitude) -> Attitude:
+        """The attitude at the frame's stamp; without samples another source's. moved: as of `AttitudeSource`."""
         bias = np.zeros(3) if self._state is None else self._state.bias
-        samples, fault = self._trust.judge(frame.imu, frame.stamp_s, moved, self._up, bias)
-        self.faults = (*self._other.faults, *([fault] if fault else []))
+        samples, self.fault = self._trust.judge(frame.imu, frame.stamp_s, moved, self._up, bias)
         before_s, self._seen_s = self._seen_s, frame.stamp_s
         if self._trust.left_out or not len(samples):
             self._state = None if self._trust.left_out else self._waiting(frame.stamp_s)
@@ -93,21 +88,15 @@ class InertialAttitude:
         attitude = Attitude.of_up(state.up_optical, state.tilt_covariance(), self.name)
         return replace(attitude, rotation=rotation, force_rad=_angles(state.force_optical))
 
-    def update(self, rotation: TrackedRotation | None) -> Attitude:
-        """The other source's, where no samples came."""
-        return self._other.update(rotation)
-
     def correct_mount(self, mount: Mount) -> None:
         """Corrects the mount's angles, and with them the tilt and the accelerometer's offset that it determined."""
-        self._other.correct_mount(mount)
         before, self._up = self._up, up_optical(mount.pitch_rad, mount.roll_rad)
         if self._state is not None:
             self._state = inertial_remounted(self._state, before, self._up)
 
-    def reset(self, reason: str) -> None:
+    def reset(self) -> None:
         """Start again with the next samples."""
         self._state, self._seen_s = None, -math.inf
-        self._other.reset(reason)
 
     def _begun(self, samples: ImuSamples, stamp_s: float, before_s: float) -> tuple[InertialState, GyroRotation | None]:
         """Starts with the earliest samples and integrates to the frame; samples at rest before it determine the bias.

@@ -14,8 +14,6 @@ from edgemap.geometry.camera.mount_tilt import MountTiltRule
 from edgemap.geometry.camera.room_edges import RoomAxes, room_axes
 from edgemap.geometry.camera.tilt import Tilt
 from edgemap.geometry.robust import CLEAR_SIGMAS
-from edgemap.runtime.frames.frame import Frame
-from edgemap.runtime.motion.attitude.protocol import Moved
 
 Array = NDArray[np.float64]
 
@@ -36,20 +34,19 @@ class PicturesAttitude:
     """
 
     name = "pictures"
-    faults = ()
 
     def __init__(self, mount: Mount, tilt: MountTiltRule | None = None, rotation_share: float = ROTATION_SHARE) -> None:
         tilt = tilt or MountTiltRule()
         self._carried_rad, self._nodding_rad, self._rotation_share = tilt.prior, tilt.nod / 2.0, rotation_share
         self.correct_mount(mount)
-        self.reset("start")
+        self.reset()
 
-    def predict(self, frame: Frame, moved: Moved | None = None) -> Attitude:  # noqa: ARG002
+    def predict(self, stamp_s: float) -> Attitude:
         """The prediction before this frame's rotation is measured: the mount's angles, or for a carried camera the
         previous frame's attitude with a covariance that allows for its rotation since.
         """
-        span_s = frame.stamp_s - self._seen_s
-        self._span_s, self._seen_s = span_s if 0.0 < span_s < LONGEST_S else LONGEST_S, frame.stamp_s
+        span_s = stamp_s - self._seen_s
+        self._span_s, self._seen_s = span_s if 0.0 < span_s < LONGEST_S else LONGEST_S, stamp_s
         if self._carried.share == 0.0 or not self._converged():
             return self._given
         ahead = self._unseen()
@@ -73,7 +70,7 @@ class PicturesAttitude:
             return replace(self._given, predicted=False)
         return Attitude.of_up(tilt.up, tilt.angles_covariance(), self.name)
 
-    def reset(self, reason: str) -> None:  # noqa: ARG002
+    def reset(self) -> None:
         """Start again at the mount."""
         self._tilt = Tilt.about(self._mounted, self._nodding_rad)
         self._seen_s, self._span_s = -math.inf, LONGEST_S

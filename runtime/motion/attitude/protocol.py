@@ -5,7 +5,6 @@ from typing import Protocol
 
 from edgemap.geometry.arrays import Array
 from edgemap.geometry.camera.attitude import Attitude, TrackedRotation
-from edgemap.geometry.camera.mount import Mount
 from edgemap.geometry.se2 import SE2
 from edgemap.runtime.frames.faults import Fault
 from edgemap.runtime.frames.frame import Frame
@@ -15,8 +14,6 @@ Moved = tuple[SE2, Array]  # motion of the base over the step before, the gyro l
 
 class AttitudeSource(Protocol):
     """Fed every frame in order; depends on frames, their stamps and their IMU samples only."""
-
-    name: str
 
     @property
     def faults(self) -> Sequence[Fault]:
@@ -29,10 +26,6 @@ class AttitudeSource(Protocol):
 
     def update(self, rotation: TrackedRotation | None) -> Attitude:
         """The last frame's attitude, updated with its rotation by the odometry; None where it measured none."""
-        ...
-
-    def correct_mount(self, mount: Mount) -> None:
-        """From now on the mount has these angles."""
         ...
 
     def reset(self, reason: str) -> None:

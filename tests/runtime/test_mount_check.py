@@ -19,8 +19,7 @@ from edgemap.geometry.camera.platform import Platform
 from edgemap.geometry.camera.room_edges import room_axes
 from edgemap.runtime.frames.errors import EdgemapError
 from edgemap.runtime.inputs.open import open_camera
-from edgemap.runtime.motion.attitude.checked_mount import CheckedMount
-from edgemap.runtime.motion.attitude.pictures import PicturesAttitude
+from edgemap.runtime.motion.attitude.estimator import EstimatedAttitude
 
 
 @pytest.mark.parametrize(("pitch", "roll"), [(11.5, 0.0), (3.0, -2.0), (17.5, 4.0), (21.0, -1.0)])
@@ -48,8 +47,7 @@ def told(off_deg, frames=80, still=False, hz=10.0):
     faults, attitude = [], None
     with open_camera("demo") as camera:
         mount = replace(camera.info.mount, pitch_rad=camera.info.mount.pitch_rad + math.radians(off_deg))
-        pictures = PicturesAttitude(mount)
-        source = CheckedMount(FloorCamera(camera.info.intrinsics, mount), pictures, pictures)
+        source = EstimatedAttitude(FloorCamera(camera.info.intrinsics, mount))
         first = camera.read()
         for index in range(frames):
             frame = first if still else camera.read()
@@ -85,10 +83,10 @@ def test_a_known_mount_stays_known_while_the_robot_sways():
     calm = Carried(steady_m=3.0)
     swaying = replace(calm, rate2=math.radians(10.0) ** 2)
     with open_camera("demo") as camera:
-        lens, pictures = camera.info.intrinsics, PicturesAttitude(camera.info.mount)
+        lens = camera.info.intrinsics
         matrix = np.array([[lens.fx, 0.0, lens.cx], [0.0, lens.fy, lens.cy], [0.0, 0.0, 1.0]])
         down = matrix @ cv2.Rodrigues(np.array([math.radians(5.0), 0.0, 0.0]))[0] @ np.linalg.inv(matrix)
-        source = CheckedMount(FloorCamera(lens, camera.info.mount), pictures, pictures)
+        source = EstimatedAttitude(FloorCamera(lens, camera.info.mount))
         for index in range(130):
             frame, sways = camera.read(), 100 <= index < 120
             if sways:
@@ -115,8 +113,7 @@ def test_edges_that_scatter_show_a_carried_camera_in_rooms_and_nothing_on_a_road
         lens = camera.info.intrinsics
         mount = Mount.from_degrees(height_m, pitch_deg, platform=Platform(platform))
         matrix = np.array([[lens.fx, 0.0, lens.cx], [0.0, lens.fy, lens.cy], [0.0, 0.0, 1.0]])
-        pictures = PicturesAttitude(mount)
-        source = CheckedMount(FloorCamera(lens, mount), pictures, pictures)
+        source = EstimatedAttitude(FloorCamera(lens, mount))
         for index in range(80):
             frame = camera.read()
             nod = cv2.Rodrigues(np.array([math.radians(4.0 * math.sin(index / 6.0)), 0.0, 0.0]))[0]

@@ -18,7 +18,6 @@ from edgemap.runtime.frames.faults import Fault, FaultKind
 from edgemap.runtime.frames.frame import Frame
 from edgemap.runtime.motion.attitude.edge_reader import EdgeReader
 from edgemap.runtime.motion.attitude.pictures import PicturesAttitude
-from edgemap.runtime.motion.attitude.protocol import AttitudeSource, Moved
 from edgemap.runtime.motion.attitude.segments import Segments
 from edgemap.runtime.motion.health import HealthRule
 
@@ -37,74 +36,56 @@ class MountRule:
     tilt: MountTiltRule = field(default_factory=MountTiltRule)  # weights of the measurements
 
 
-class CheckedMount:
-    """Another source's attitude, about a mount whose angles all measurements together estimate (`MountTilt`).
+class MountCheck:
+    """The mount's angles as all measurements together estimate them (`MountTilt`).
 
     Where they clearly contradict the mount, a fault is reported once, and their estimate is used from then on. A
-    carried camera has no mount and is not checked. Edge measurements of single frames are passed to `pictures`, which
-    may be the wrapped source or one behind it. health: by which a picture shows another view (`moved`).
+    carried camera has no mount and is not checked. Edges of single frames update `pictures`. health: by which a picture
+    shows another view (`moved`). used: the mount that attitudes refer to. estimate: None before the first judgement.
+    carried: whether the tilt by edges scatters more than a mounted camera's. room: its heading by the edges of the last
+    frame, if just computed.
     """
 
     def __init__(
         self,
         camera: FloorCamera,
-        other: AttitudeSource,
         pictures: PicturesAttitude,
         rule: MountRule | None = None,
         health: HealthRule | None = None,
     ) -> None:
-        self.name = other.name
-        self.faults: tuple[Fault, ...] = ()
-        self._other, self._pictures, self._rule = other, pictures, rule or MountRule()
+        self._pictures, self._rule = pictures, rule or MountRule()
         self._mount, self._in_room = camera.mount, camera.mount.platform.in_room
         self._configured = np.array([self._mount.roll_rad, self._mount.pitch_rad])
         self._to_base = self._mount.rotation_base_optical()
         self._tilt = MountTilt.prior(self._rule.tilt)
-        self._estimated: MountEstimate | None = None
         self._wrong, self._corrected = np.zeros(2, dtype=bool), np.zeros(2)  # which angle is wrong, and by how much
-        self._correct = self._mount
-        self._answer = Attitude.of_mount(self._mount)
+        self.used = self._mount
+        self.estimate: MountEstimate | None = None
+        self.room: RoomHeading | None = None
         self._now_s = self._judged_s = -math.inf  # of the last frame, and of the last judgement
         self._turned, self._turned_s = np.eye(3), -math.inf  # rotation since a stamp
         self._forces: list[tuple[float, float, float]] = []  # stamp, roll and pitch by the accelerometer
         self._steady: bool | None = None  # whether the estimates by edges scatter as little as a mounted camera's
         self._on_wheels = self._sways = False  # by the odometry; at the last picture, as if carried
         self._settled = False  # the mount's angles have converged for the whole drive
-        self._room: RoomHeading | None = None  # by the edges of the last picture, if just computed
         self._edges = EdgeReader(camera.intrinsics, (health or HealthRule()).moved)
         self._estimates: deque[tuple[float, float, float]] = deque()  # stamp, roll and pitch against the mount
 
-    def predict(self, frame: Frame, moved: Moved | None = None) -> Attitude:
-        """The attitude at the frame's stamp."""
+    @property
+    def carried(self) -> bool:
+        """Whether the estimates by edges scatter more than a mounted camera's."""
+        return self._steady is False
+
+    def see(self, frame: Frame) -> Fault | None:
+        """Processes a part of a frame's edges. Returns a fault when the mount has just proved wrong."""
         self._now_s = frame.stamp_s
-        self._room = self._by_edges(frame)
-        fault = self._judge()
-        other = self._other.predict(frame, moved)
-        self.faults = (*self._other.faults, *([fault] if fault else []))
-        self._measure(other)
-        self._answer = self._about_mount(other)
-        return self._answer
+        self.room = self._by_edges(frame)
+        return self._judge()
 
-    def update(self, rotation: TrackedRotation | None) -> Attitude:
-        """The other source's, where it could only predict."""
-        self._travel(rotation)
-        other = self._other.update(rotation)
-        return self._about_mount(other) if self._answer.predicted else self._answer
-
-    def correct_mount(self, mount: Mount) -> None:
-        """Passes the mount to the source that is checked."""
-        self._other.correct_mount(mount)
-
-    def reset(self, reason: str) -> None:
-        """Resets the wrapped source; the estimate of the mount stays."""
-        self._other.reset(reason)
+    def reset(self) -> None:
+        """Discards the picture that is being read; the estimate of the mount stays."""
         self._estimates.clear()
         self._edges.stop()
-
-    def _about_mount(self, other: Attitude) -> Attitude:
-        """Another source's attitude with the estimate of the mount."""
-        carried = self._steady is False
-        return replace(other, carried=carried, room=self._room, mount=self._estimated)
 
     def _by_edges(self, frame: Frame) -> RoomHeading | None:
         """Processes a part of a picture's edges. Returns the heading of the room when the picture is finished."""
@@ -139,7 +120,7 @@ class CheckedMount:
             self._steady = bool(scatter.max() < 2.0 * rule.tilt.nod)
         return None if room.level_rad is None else RoomHeading(stamp_s, room.level_rad, room.level_sigma_rad)
 
-    def _travel(self, rotation: TrackedRotation | None) -> None:
+    def moved(self, rotation: TrackedRotation | None) -> None:
         """Updates the mount with motion and turns of a robot on wheels."""
         rule, carried = self._rule, rotation and rotation.carried
         self._sways = bool(carried and carried.share > 0.0)
@@ -163,7 +144,7 @@ class CheckedMount:
         if not self._settled:
             self._tilt = MountTilt.prior(self._rule.tilt)
 
-    def _measure(self, attitude: Attitude) -> None:
+    def measure(self, attitude: Attitude) -> None:
         """Updates the mount with gravity and the floor in a depth picture."""
         rule = self._rule
         if attitude.force_rad is not None and GRAVITY not in self._tilt.measurements:
@@ -198,9 +179,8 @@ class CheckedMount:
         used = self._wrong if self._in_room else self._wrong | tilt.converged()
         error_rad = np.where(used, tilt.error_rad, 0.0)
         if np.abs(error_rad - self._corrected).max() > rule.tilt.lasting / 2.0:
-            self._corrected, self._correct = error_rad, self._with(error_rad)
-            self._other.correct_mount(self._correct)
-        self._estimated = MountEstimate(self._with(tilt.error_rad), sigma, self._correct, self._mount)
+            self._corrected, self.used = error_rad, self._with(error_rad)
+        self.estimate = MountEstimate(self._with(tilt.error_rad), sigma, self.used, self._mount)
         if not (wrong & ~reported).any():
             return None
         stated, estimate = np.degrees(self._configured), np.degrees(self._configured + error_rad)
