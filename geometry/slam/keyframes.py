@@ -140,12 +140,16 @@ class KeyframeTrajectory:
             np.concatenate([covariances, self.covariance[None]]),
         )
 
-    def replace_motions(self, path: Callable[[float], SE2 | None], now_s: float) -> TrajectoryCorrection:
-        """The motions between keyframes are those of another path, by stamp, wherever that is known."""
+    def replace_motions(
+        self, path: Callable[[float], SE2 | None], now_s: float, in_map: bool = False
+    ) -> TrajectoryCorrection:
+        """The motions between keyframes are those of another path, by stamp, wherever that is known. in_map: it is in
+        the map's frame, so that the first pose is its too."""
         at = [path(stamp_s) for stamp_s in (*self.stamps_s, now_s)]
         moved = [None if a is None or b is None else a.inverse() @ b for a, b in pairwise(at)]
         *self._motions, self.since = [new or old for new, old in zip(moved, [*self._motions, self.since], strict=True)]
-        return self.set_poses(self.vectors()[:1], np.array(self.covariances[:1]), now_s)
+        first = at[0].vector()[None] if in_map and at[0] is not None else self.vectors()[:1]
+        return self.set_poses(first, np.array(self.covariances[:1]), now_s)
 
     def drop(self, gone: Set[int]) -> None:
         """Removes keyframes, except the first and the last; the motions before and after each are composed."""

@@ -284,9 +284,11 @@ class PoseGraph:
         self.place(list(self.landmarks.all.values()))
         return correction
 
-    def replace_motions(self, path: Callable[[float], SE2 | None], now_s: float) -> TrajectoryCorrection:
+    def replace_motions(
+        self, path: Callable[[float], SE2 | None], now_s: float, in_map: bool = False
+    ) -> TrajectoryCorrection:
         """As `KeyframeTrajectory.replace_motions`; landmarks move along."""
-        correction = self.trajectory.replace_motions(path, now_s)
+        correction = self.trajectory.replace_motions(path, now_s, in_map)
         self.place(list(self.landmarks.all.values()))
         return correction
 

@@ -1,6 +1,7 @@
 """Poses of another program in a file: what their axes, units and order are, and what they say of the base."""
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -8,6 +9,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from edgemap.geometry.arrays import Array
+from edgemap.geometry.camera.attitude import Attitude
 from edgemap.geometry.camera.mount import Mount
 from edgemap.geometry.se2 import SE2
 from edgemap.runtime.frames.errors import CameraError, OdometryError
@@ -20,7 +22,7 @@ from edgemap.runtime.frames.spatial_poses import (
     poses_of,
 )
 from edgemap.runtime.frames.tables import Column, NumberTable
-from edgemap.runtime.frames.trajectory import TUM, AttitudeTrack, Trajectory, tum_rows
+from edgemap.runtime.frames.trajectory import TUM, AttitudeTrack, PoseTrack, Trajectory, tum_rows
 
 # ORB-SLAM3 writes nanoseconds.
 TUM_OF_OTHERS = NumberTable((Column("stamp", -1e19, 1e19), *TUM.columns[1:]), samples=True)
@@ -37,11 +39,19 @@ class GivenPoses:
     """The base's planar poses; the camera's attitude at them, None where the poses are planar. height_m: of the lens at
     the first pose. read_as: how the file was read, where that is not as usual. start: where the map begins."""
 
-    trajectory: Trajectory
+    trajectory: PoseTrack
     attitudes: AttitudeTrack | None
     height_m: float
     read_as: tuple[str, ...] = ()
     start: SE2 | None = None
+
+    def attitude(self, stamp_s: float) -> Attitude | None:
+        """The camera's attitude; None where the poses are planar."""
+        return self.attitudes and self.attitudes.at(stamp_s, self.height_m)
+
+    def correction(self, stamp_s: float) -> Callable[[float], SE2 | None] | None:  # noqa: ARG002
+        """Called at each frame: all poses so far in the map, by stamp, where a live source has corrected them."""
+        return None
 
     def by_clock(self, name: str, from_s: float, to_s: float) -> "GivenPoses":
         """These poses with stamps in seconds: of the unit, seconds if possible, in which they overlap the pictures'

@@ -380,7 +380,8 @@ class Mapper:
         if was_busy and not self.loop_closer.busy:
             self.pose_covariance = graph.trajectory.covariance
         if motion.instead is not None and self.paper is None:
-            past, before = graph.replace_motions(motion.instead, observed.stamp_s), self.pose_map_base
+            before = self.pose_map_base
+            past = graph.replace_motions(motion.instead, observed.stamp_s, motion.in_map)
             moved_m = float(np.linalg.norm((before.inverse() @ graph.trajectory.pose).vector()[:2]))
             links = self.loop_closer.accepted
             correction = LoopCorrection(graph.trajectory.pose, past.covariances[-1], past, moved_m, links)
@@ -481,7 +482,9 @@ def _composed(first: Motion, second: Motion) -> Motion:
     """Two motions, one after the other, as one."""
     covariance = compose_covariance(first.motion, first.covariance, second.motion, second.covariance)
     state = first.state if first.blind else second.state
-    return Motion(first.motion @ second.motion, covariance, second.faults, state, instead=second.instead)
+    path = second if second.instead else first
+    made = Motion(first.motion @ second.motion, covariance, second.faults, state)
+    return replace(made, instead=path.instead, in_map=path.in_map)
 
 
 def _sound(observed: FrameObservations) -> FrameObservations:

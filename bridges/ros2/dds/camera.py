@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from edgemap.bridges.ros2.dds.depth import DepthTopic
 from edgemap.bridges.ros2.dds.node import Node, Subscription
 from edgemap.bridges.ros2.dds.sources import TfListener, WheelTopic
+from edgemap.bridges.ros2.dds.tf_poses import live_tf_poses
 from edgemap.bridges.ros2.messages.definitions import RosClock, ns_of, to_s
 from edgemap.bridges.ros2.messages.topics import IMU, INFO, KINDS
 from edgemap.bridges.ros2.recordings.foreign import FLOOR_FRAME, info_topics, lens_of, mount_of, push_message
@@ -122,7 +123,8 @@ class Ros2Camera(LiveCamera):
         driver = Ros2Driver(node, topic, depth)
         super().__init__(driver, intrinsics, mount, rule)
         self.optical = driver.frame_id
-        self.update_info(mount=mount or driver.mount(rotate))
+        tf = live_tf_poses(node, driver.name, lambda: -self.clock_offset_s)
+        self.update_info(mount=mount or driver.mount(rotate), tf=tf)
 
 
 class Ros2SensorsCamera(CameraAround):

@@ -5,7 +5,7 @@ from collections.abc import Callable
 from contextlib import suppress
 from typing import TypeVar
 
-from edgemap.bridges.ros2.dds.node import Node, Reliability
+from edgemap.bridges.ros2.dds.node import Node, Reliability, Subscription
 from edgemap.bridges.ros2.messages.definitions import ns_of, to_s
 from edgemap.bridges.ros2.messages.tf_tree import TfTree, planar, planar_pose
 from edgemap.bridges.ros2.messages.topics import KINDS, TF, TF_STATIC, WHEEL, FrameIds
@@ -67,16 +67,12 @@ class RobotOdom:
 LATE_S = 0.05  # how long a step waits for the wheels' pose of its own stamp
 
 
-class WheelTopic(GrowingTrack):
-    """nav_msgs/Odometry of the wheels, looked up by stamps of the stream, s. offset_s: from there to ROS time."""
+class TopicTrack(GrowingTrack):
+    """Poses of a topic, looked up by stamps of the stream, s. A subclass takes its messages to `push`."""
 
-    def __init__(self, node: Node, topic: str) -> None:
+    def __init__(self, messages: Subscription) -> None:
         super().__init__()
-        self._name, self.offset_s = f"ros2:{topic}", 0.0
-        self._messages = node.subscription(topic, KINDS[WHEEL], depth=500)
-
-    def __str__(self) -> str:
-        return self._name
+        self._messages = messages
 
     def at(self, stamp_s: float, tolerance_s: float = 0.0) -> SE2:
         """The pose as of a GrowingTrack, after waiting up to `LATE_S` for messages."""
@@ -85,6 +81,20 @@ class WheelTopic(GrowingTrack):
         while self._newest_s < stamp_s and self._messages.wait(until_s - time.monotonic()):
             self._take()
         return super().at(stamp_s, tolerance_s)
+
+    def _take(self) -> None:
+        raise NotImplementedError
+
+
+class WheelTopic(TopicTrack):
+    """nav_msgs/Odometry of the wheels. offset_s: from stamps of the stream to ROS time."""
+
+    def __init__(self, node: Node, topic: str) -> None:
+        super().__init__(node.subscription(topic, KINDS[WHEEL], depth=500))
+        self._name, self.offset_s = f"ros2:{topic}", 0.0
+
+    def __str__(self) -> str:
+        return self._name
 
     def _take(self) -> None:
         for message in self._messages.take():

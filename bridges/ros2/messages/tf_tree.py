@@ -52,19 +52,19 @@ class TfTree:
         while frame in self._parents and self._parents[frame][0] not in ancestors:
             rotation, place_m = ancestors[frame]
             frame, step = self._parents[frame]
-            step_rotation, step_m = self._checked(frame, step)
+            step_rotation, step_m = transform_of(step, f"{self._where}: tf to {one_line(frame, 60)}")
             ancestors[frame] = step_rotation @ rotation, step_rotation @ place_m + step_m
         return ancestors
 
-    def _checked(self, frame: str, step: Any) -> tuple[Array, Array]:
-        quaternion = [step.rotation.x, step.rotation.y, step.rotation.z, step.rotation.w]
-        moved_m = [step.translation.x, step.translation.y, step.translation.z]
-        if not abs(math.hypot(*quaternion) - 1.0) < QUATERNION_TOLERANCE or not max(map(abs, moved_m)) < FARTHEST_M:
-            raise CameraError(
-                f"{self._where}: tf to {one_line(frame, 60)}: translation {moved_m} m, quaternion {quaternion}: "
-                "no transform"
-            )
-        return Rotation.from_quat(quaternion).as_matrix(), np.array(moved_m)
+
+def transform_of(transform: Any, where: str) -> tuple[Array, Array]:
+    """Rotation (3, 3) and translation (3,) of a decoded `geometry_msgs/Transform`. Raises CameraError for none."""
+    rotation, translation = transform.rotation, transform.translation
+    quaternion = [rotation.x, rotation.y, rotation.z, rotation.w]
+    moved_m = [translation.x, translation.y, translation.z]
+    if not abs(math.hypot(*quaternion) - 1.0) < QUATERNION_TOLERANCE or not max(map(abs, moved_m)) < FARTHEST_M:
+        raise CameraError(f"{where}: translation {moved_m} m, quaternion {quaternion}: no transform")
+    return Rotation.from_quat(quaternion).as_matrix(), np.array(moved_m)
 
 
 def planar_pose(pose: Any, where: str) -> SE2:

@@ -3,10 +3,10 @@
 from collections import defaultdict
 
 import numpy as np
-from scipy.linalg import expm, logm
 from scipy.spatial.transform import Rotation
 
 from edgemap.bridges.ros2.messages.definitions import ns_of, to_s
+from edgemap.bridges.ros2.messages.tf_chain import SAME, Corrections, TfFrames
 from edgemap.bridges.ros2.messages.topics import TF, TF_STATIC
 from edgemap.bridges.ros2.recordings.reading import Reading
 from edgemap.geometry.arrays import Array
@@ -19,30 +19,17 @@ from edgemap.runtime.frames.spatial_poses import base_attitudes
 from edgemap.runtime.frames.trajectory import QUATERNION_TOLERANCE, Trajectory
 from edgemap.runtime.motion.given_poses import EDGE_S, GivenPoses
 
-MAP, BASES = "map", ("base_footprint", "base_link")  # REP 105 and 120
-SAME = 1e-6  # m and rad; a correction that is smaller is none
-
 
 def tf_poses(recording: Reading, frames: str, mount: Mount, first_s: float) -> GivenPoses:
     """The base's poses in the map frame at the stamps of tf. frames: `MAP,BASE`, empty for the usual names. first_s: at
     which the map begins, `GivenPoses.start`.
 
-    A change of the transform from map to its child (odom) is a correction, by which earlier poses move too, in
-    proportion to the path: as far back as the mean drift, all corrections over all path, makes such an error. Raises
+    A change of the transform from map to its child (odom) is a correction, by which earlier poses move too. Raises
     CameraError where tf does not join both frames, OdometryError where it has no pose at the start.
     """
     steps = _steps(recording)
     parents = {child: parent for child, (parent, *_) in steps.items()}
-    names = [name.strip().lstrip("/") for name in frames.split(",")] if frames else []
-    top, bases = (names[0] or MAP if names else MAP), (names[1:] or list(BASES))
-    chains = [_chain(parents, base, top) for base in bases]
-    chain = next((one for one in chains if one), [])
-    if not chain:
-        known = ", ".join(sorted({*parents, *parents.values()})[:12]) or "none"
-        raise CameraError(
-            f"{recording.path}: tf does not join {one_line(top)} to {' or '.join(map(one_line, bases))} (its frames: "
-            f"{known}); --odometry tf:MAP,BASE names others"
-        )
+    chain = TfFrames(frames, f"{recording.path}").chain(parents)
     moving = max(chain[1:] or chain, key=lambda child: len(steps[child][1]))
     stamps_ns = steps[moving][1]
     stamps_ns = stamps_ns[stamps_ns >= max(steps[child][1][0] for child in chain)]
@@ -93,36 +80,12 @@ def _steps(recording: Reading) -> dict[str, tuple[str, Array, Array]]:
     return found
 
 
-def _chain(parents: dict[str, str], base: str, top: str) -> list[str]:
-    """The frames from below `top` down to the base; empty where they are not joined."""
-    chain: list[str] = []
-    while base in parents and base not in chain:
-        chain.append(base)
-        base = parents[base]
-        if base == top:
-            return chain[::-1]
-    return []
-
-
 def _corrected(poses: Array, odom: Array) -> Array:
     """The poses (N, 4, 4) with each correction of the map-to-odom transforms (N, 4, 4) spread over the path before."""
     jumps = np.flatnonzero((np.abs(np.diff(odom, axis=0)) > SAME).any(axis=(1, 2))) + 1
     places_m = (np.linalg.inv(odom) @ poses)[:, :3, 3]  # in the frame that does not jump
     path_m = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(places_m, axis=0), axis=1))])
-    moves = [odom[jump] @ np.linalg.inv(odom[jump - 1]) for jump in jumps]
-    sizes = np.array([_size_m(moved, poses[jump - 1]) for moved, jump in zip(moves, jumps, strict=True)])
-    for jump, moved, size in zip(jumps.tolist(), moves, sizes.tolist(), strict=True):
-        since_m = path_m[jump - 1] - path_m[jumps[-1] - 1] * size / sizes.sum()
-        first = int(np.searchsorted(path_m[:jump], since_m))
-        span_m = path_m[jump - 1] - path_m[first]
-        shares = (path_m[first:jump] - path_m[first]) / span_m if span_m > SAME else np.ones(jump - first)
-        twist = np.real(logm(moved))
-        for index, share in zip(range(first, jump), shares.tolist(), strict=True):
-            poses[index] = expm(share * twist) @ poses[index]
+    corrections = Corrections()
+    for jump in jumps.tolist():
+        corrections.spread(poses[:jump], path_m[:jump], odom[jump] @ np.linalg.inv(odom[jump - 1]))
     return poses
-
-
-def _size_m(moved: Array, pose: Array) -> float:
-    """How far a correction moves the robot, a radian counting as a metre."""
-    shift = (moved @ pose)[:2, 3] - pose[:2, 3]
-    return float(np.hypot(*shift) + abs(np.arctan2(moved[1, 0], moved[0, 0])))

@@ -93,7 +93,9 @@ def open_odometry(
         return JudgedOdometry(spec, given, beside, MotionJudge(rules.judge), FaultKind.POSES_EXCLUDED)
     if is_tf(spec):
         if camera.info.tf is None:
-            raise OdometryError(f"odometry {spec}: {camera.info.name} has no tf; a recording with /tf has")
+            raise OdometryError(
+                f"odometry {spec}: {camera.info.name} has no tf; a recording with /tf or ros2:/TOPIC has"
+            )
         poses = camera.info.tf(spec.partition(":")[2], floor.mount)
         opened = RecordedOdometry(poses.trajectory, spec, edge_s=EDGE_S), poses.trajectory, poses
         beside = _hybrid(camera, floor, False, rules, health, tilt)

@@ -49,9 +49,7 @@ class JudgedOdometry:
     def attitude(self, stamp_s: float) -> Attitude | None:
         """The camera's attitude by poses of six dimensions; None where they have three, or are wrong."""
         given = self._given(stamp_s)[2]
-        if self._wrong or given is None or given.attitudes is None:
-            return None
-        return given.attitudes.at(stamp_s, given.height_m)
+        return None if self._wrong or given is None else given.attitude(stamp_s)
 
     def step(self, frame: Frame, features: Tensors, prior: FramePrior = NO_PRIOR) -> Motion:
         """The given motion since the last frame, or the camera's."""
@@ -74,9 +72,8 @@ class JudgedOdometry:
 
     def rest(self, stamp_s: float) -> Motion:
         """Both rest."""
-        self._given(stamp_s)[0].rest(stamp_s)
         self._last_s = stamp_s
-        return self._camera.rest(stamp_s)
+        return self._chosen(self._given(stamp_s)[0].rest(stamp_s), self._camera.rest(stamp_s), stamp_s)
 
     def reset(self, reason: str) -> None:
         """Both start again."""
@@ -112,8 +109,12 @@ class JudgedOdometry:
         self._path.append((stamp_s, self._path[-1][1] @ seen.motion if self._path else SE2()))
         while self._path[0][0] < stamp_s - self._judge.reach_s:
             self._path.popleft()
-        instead = self._seen_at if excluded else None
-        return replace(motion, faults=(*motion.faults, *news), instead=instead) if news else motion
+        poses = None if self._wrong else self._given(stamp_s)[2]
+        if excluded:
+            motion = replace(motion, instead=self._seen_at)
+        elif poses is not None and (corrected := poses.correction(stamp_s)) is not None:
+            motion = replace(motion, instead=corrected, in_map=True)
+        return replace(motion, faults=(*motion.faults, *news)) if news else motion
 
     def _seen_at(self, stamp_s: float) -> SE2 | None:
         """The camera's pose at a stamp, in a frame of its own; None where it is not known."""

@@ -68,7 +68,8 @@ class Motion:
     and covariance from its other members. rotation: of the camera, where tracked corners measure it. lengths: of a
     hybrid, ahead by the camera and by the wheels, m. heading_rad2: variance of the sum of all yaws since the start,
     where a compass bounds it; infinite without one. instead: poses by stamp that replace those of the steps before,
-    where their source has proved wrong. gap: pictures were lost on the way, so that the stamps do not give its speed.
+    where their source has proved wrong or corrects itself; in_map: in the map's frame. gap: pictures were lost on the
+    way, so that the stamps do not give its speed.
     """
 
     motion: SE2 = field(default_factory=SE2)
@@ -81,6 +82,7 @@ class Motion:
     lengths: tuple[float, float] | None = None
     heading_rad2: float = math.inf
     instead: Callable[[float], SE2 | None] | None = None
+    in_map: bool = False
     gap: bool = False
 
     @property

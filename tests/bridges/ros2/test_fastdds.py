@@ -9,6 +9,7 @@ import json
 import math
 import os
 import shutil
+import signal
 import subprocess
 import sys
 import time
@@ -273,6 +274,33 @@ def test_a_camera_with_wheels_and_imu_comes_from_topics(program, node, monkeypat
     expected_gyro = np.column_stack([np.full(len(ticks), -0.02), -0.1 * ticks, np.full(len(ticks), 0.01)])
     np.testing.assert_allclose(samples.gyro_rad_s, expected_gyro, atol=1e-6)
     np.testing.assert_allclose(samples.accel_m_s2, [[-0.2, -9.81, 0.1]] * len(samples), atol=1e-9)
+
+
+def test_a_run_follows_the_tf_of_a_slam_and_its_correction(program, tmp_path):
+    """In the SLAM's map frame; a jump of 0.5 m to the left is spread over the path before it."""
+    corrects, path = tmp_path / "corrects", tmp_path / "run" / "trajectory.tum"
+    wanted = [f"rt/front/{topic},reliable,10000" for topic in ("image_raw,Image", "camera_info,CameraInfo")]
+    wanted += [f"rt/tf,TFMessage,reliable,10000,{corrects}", "rt/tf_static,TFMessage,latched,1"]
+    command = [sys.executable, "-m", "edgemap.cli", "run", "--camera", "ros2:/front/image_raw", "--mount", "0.6"]
+    environment = os.environ | {"ROS_DOMAIN_ID": str(DOMAIN)}
+    with Peer(program, "publish", *wanted, seconds=400.0):
+        run = subprocess.Popen([*command, "--odometry", "tf", "--out", path.parent], env=environment)
+        for rows in (40, 80):  # on a busy machine too
+            until_s = time.monotonic() + 200.0
+            while not path.exists() or len(path.read_text().splitlines()) < rows:
+                assert time.monotonic() < until_s
+                time.sleep(0.1)
+            corrects.touch()
+        run.send_signal(signal.SIGINT)
+        assert run.wait(60.0) == 0
+    stamp_s, x_m, y_m = np.loadtxt(path)[:, :3].T
+    assert x_m == pytest.approx(3.0 + 0.05 * (stamp_s - 100.0) * 20, abs=0.002)
+    assert y_m[-10:] == pytest.approx(0.5, abs=1e-6)
+    before = y_m < 0.499
+    assert before.sum() > 30
+    assert y_m[0] == 0.0
+    share = (x_m[before] - x_m[0]) / (x_m[~before][0] - x_m[0])
+    assert y_m[before] == pytest.approx(0.5 * share, abs=0.1)  # keyframes move as one piece with what follows them
 
 
 def frames_with_depth(program, node, monkeypatch, depth, asked=None, count=3, most=100):

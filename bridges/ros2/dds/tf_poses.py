@@ -1,0 +1,192 @@
+"""`--odometry tf` beside a live camera: the base's poses by a running SLAM's tf, and its corrections."""
+
+import time
+from bisect import bisect_left
+from collections import deque
+from collections.abc import Callable
+from contextlib import suppress
+from dataclasses import dataclass, field
+from functools import reduce
+from typing import Any
+
+import numpy as np
+
+from edgemap.bridges.ros2.dds.node import Node, Reliability
+from edgemap.bridges.ros2.dds.sources import WAIT_S, TopicTrack
+from edgemap.bridges.ros2.messages.definitions import ns_of, to_s
+from edgemap.bridges.ros2.messages.tf_chain import Corrections, TfFrames, size_of
+from edgemap.bridges.ros2.messages.tf_tree import transform_of
+from edgemap.bridges.ros2.messages.topics import KINDS, TF, TF_STATIC
+from edgemap.geometry.arrays import Array
+from edgemap.geometry.camera.attitude import Attitude
+from edgemap.geometry.camera.mount import Mount
+from edgemap.geometry.se2 import SE2
+from edgemap.runtime.frames.errors import CameraError, OdometryError
+from edgemap.runtime.frames.spatial_poses import base_attitudes
+from edgemap.runtime.motion.given_poses import GivenPoses
+
+FOLLOWED = 0.05  # m, and rad: a cell of the grid; smaller corrections wait until they add up to it
+RECENT = 50  # poses with tilt that are kept: those about a picture
+
+
+class TfTrack(TopicTrack):
+    """Poses of the base in the frame below the map's (odom), as they come. offset_s: from stamps of the stream to ROS
+    time. map_odom: the newest transform from the map to there, (4, 4); the identity where the SLAM has no such frame.
+    recent: stamps and poses (4, 4) in the map. restarts: of the odometry."""
+
+    def __init__(self, node: Node, frames: TfFrames, offset_s: Callable[[], float]) -> None:
+        super().__init__(node.subscription(TF, KINDS[TF], Reliability.RELIABLE, depth=500))
+        self._static = node.subscription(TF_STATIC, KINDS[TF_STATIC], Reliability.LATCHED, depth=100)
+        self._frames, self._offset_s = frames, offset_s
+        self._parents, self._links = dict[str, str](), dict[str, Array]()
+        self._chain: list[str] = []
+        self.recent = deque[tuple[float, Array]](maxlen=RECENT)
+        self.restarts = 0
+
+    @property
+    def map_odom(self) -> Array:
+        """See the class."""
+        return self._links[self._chain[0]] if len(self._chain) > 1 else np.eye(4)
+
+    def join(self, wait_s: float = WAIT_S) -> None:
+        """Waits for the frames and a first pose. Raises CameraError where there is none in time."""
+        until_s = time.monotonic() + wait_s
+        while not self._stamps:
+            self._take()
+            if time.monotonic() > until_s:
+                self._frames.chain(self._parents)
+                raise CameraError(f"{TF}: no pose of {self._chain[-1]} within {wait_s:.0f} s")
+            self._messages.wait(0.05)
+
+    def push(self, stamp_s: float, pose: SE2) -> None:
+        """As of a GrowingTrack."""
+        restarted, self._restarted = self._restarted, False
+        super().push(stamp_s, pose)
+        self.restarts += self._restarted
+        self._restarted |= restarted
+
+    def _take(self) -> None:
+        for message in self._static.take():
+            self._links |= self._found(message)
+        for message in self._messages.take():
+            found = self._found(message)
+            self._links |= found
+            if not self._chain:
+                with suppress(CameraError):
+                    self._chain = self._frames.chain(self._parents)
+            below = self._chain[1:] or self._chain
+            if below and found.keys() & set(below) and all(child in self._links for child in self._chain):
+                stamps_ns = [ns_of(step.header.stamp) for step in message.transforms if _child(step) in below]
+                pose = reduce(np.matmul, [self._links[child] for child in below])
+                stamp_s = to_s(max(stamps_ns)) - self._offset_s()
+                self.recent.append((stamp_s, self.map_odom @ pose))
+                self.push(stamp_s, planar_of(pose))
+
+    def _found(self, message: Any) -> dict[str, Array]:
+        """The valid transforms of a message, by child frame; a frame keeps its first parent."""
+        found: dict[str, Array] = {}
+        for step in message.transforms:
+            child, parent = _child(step), step.header.frame_id.lstrip("/")
+            with suppress(CameraError):
+                rotation, place_m = transform_of(step.transform, TF)
+                if self._parents.setdefault(child, parent) == parent:
+                    found[child] = matrix_of(rotation, place_m)
+        return found
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class LivePoses(GivenPoses):
+    """Poses that come while the map is made. The trajectory has no jumps; `correction` has them."""
+
+    tf: TfTrack = field(kw_only=True)
+    mount: Mount = field(kw_only=True)
+    path: "MapPath" = field(kw_only=True)
+
+    def attitude(self, stamp_s: float) -> Attitude | None:
+        """By the poses about a stamp; None where the base is level."""
+        later = [row for row in self.tf.recent if row[0] > self.path.first[0]]
+        after = bisect_left([row[0] for row in later], stamp_s)
+        near = [self.path.first, *later[max(after - 1, 0) : after + 1]]
+        stamps_s, poses = np.array([row[0] for row in near]), np.array([row[1] for row in near])
+        track = base_attitudes(stamps_s, poses, "z", self.mount)
+        return track and track.at(stamp_s, self.height_m)
+
+    def correction(self, stamp_s: float) -> Callable[[float], SE2 | None] | None:
+        """All poses so far in the map, where the map has moved against odom since."""
+        try:
+            pose = self.tf.at(stamp_s)
+        except OdometryError:
+            return None
+        return self.path.at if self.path.add(stamp_s, pose, self.tf.map_odom, self.tf.restarts) else None
+
+
+class MapPath:
+    """Poses of the base in the map at the frames' stamps, as the corrections so far move them."""
+
+    def __init__(self, first: tuple[float, Array]) -> None:
+        """first: stamp and pose (4, 4) when the source was opened."""
+        self.first = first
+        self._stamps_s, self._poses, self._path_m = list[float](), list[Array](), list[float]()
+        self._map_odom, self._restarts = np.eye(4), -1
+        self._odom: SE2 | None = None
+        self._corrections = Corrections()
+
+    def add(self, stamp_s: float, odom: SE2, map_odom: Array, restarts: int) -> bool:
+        """Adds a frame's pose in odom. Returns whether poses so far are others than those that were used."""
+        restarted, self._restarts = restarts != self._restarts, restarts
+        if restarted:
+            self._map_odom = map_odom
+        step = SE2() if self._odom is None or restarted else self._odom.inverse() @ odom
+        self._odom = odom
+        self._stamps_s.append(stamp_s)
+        self._poses.append(self._map_odom @ matrix_of_pose(odom))
+        self._path_m.append((self._path_m[-1] if self._path_m else 0.0) + float(np.hypot(step.x_m, step.y_m)))
+        moved = map_odom @ np.linalg.inv(self._map_odom)
+        if size_of(moved, self._poses[-1]) > FOLLOWED:
+            poses = np.array(self._poses)
+            self._corrections.spread(poses, np.array(self._path_m), moved)
+            self._poses, self._map_odom = list(poses), map_odom
+            return True
+        return restarted or len(self._poses) == 2  # before the first frame the robot was elsewhere
+
+    def at(self, stamp_s: float) -> SE2 | None:
+        """The pose at a frame's stamp."""
+        row = bisect_left(self._stamps_s, stamp_s)
+        found = row < len(self._stamps_s) and self._stamps_s[row] == stamp_s
+        return planar_of(self._poses[row]) if found else None
+
+
+def live_tf_poses(node: Node, where: str, offset_s: Callable[[], float]) -> Callable[[str, Mount], GivenPoses]:
+    """What `CameraInfo.tf` is of a live camera: subscribes to tf. offset_s: from stamps of the stream to ROS time."""
+
+    def poses(frames: str, mount: Mount) -> GivenPoses:
+        track = TfTrack(node, TfFrames(frames, where), offset_s)
+        track.join()
+        first = track.recent[-1]
+        start = planar_of(first[1])
+        return LivePoses(track, None, mount.height_m, (), start, tf=track, mount=mount, path=MapPath(first))
+
+    return poses
+
+
+def planar_of(pose: Array) -> SE2:
+    """A pose (4, 4) on the floor."""
+    return SE2(float(pose[0, 3]), float(pose[1, 3]), float(np.arctan2(pose[1, 0], pose[0, 0])))
+
+
+def matrix_of(rotation: Array, place_m: Array) -> Array:
+    """A pose (4, 4)."""
+    pose = np.eye(4)
+    pose[:3, :3], pose[:3, 3] = rotation, place_m
+    return pose
+
+
+def matrix_of_pose(pose: SE2) -> Array:
+    """A planar pose as (4, 4)."""
+    cosine, sine = np.cos(pose.yaw_rad), np.sin(pose.yaw_rad)
+    turned = np.array([[cosine, -sine, 0.0], [sine, cosine, 0.0], [0.0, 0.0, 1.0]])
+    return matrix_of(turned, np.array([pose.x_m, pose.y_m, 0.0]))
+
+
+def _child(step: Any) -> str:
+    return step.child_frame_id.lstrip("/")
