@@ -1,6 +1,7 @@
 """A run's results, published live as ROS 2 topics."""
 
 import math
+import os
 import time
 from collections import deque
 from collections.abc import Callable
@@ -9,11 +10,13 @@ from contextlib import suppress
 from dataclasses import dataclass, field, fields
 from typing import Any
 
+from edgemap.bridges.ros2.dds.discovery import discovery_from
 from edgemap.bridges.ros2.dds.node import Node, Publisher, Reliability, shared_node
 from edgemap.bridges.ros2.dds.sources import RobotOdom
 from edgemap.bridges.ros2.dds.types import in_namespace
 from edgemap.bridges.ros2.messages import build, topics
 from edgemap.bridges.ros2.messages.definitions import RosClock, to_ns
+from edgemap.bridges.ros2.messages.diagnostics import RunDiagnostics, label_info
 from edgemap.bridges.ros2.messages.stream import MessageStream
 from edgemap.bridges.ros2.messages.topics import FrameIds
 from edgemap.geometry.camera.floor import FloorCamera
@@ -21,21 +24,24 @@ from edgemap.geometry.map_object import MapObject
 from edgemap.geometry.objects.events import Edit
 from edgemap.geometry.se2 import SE2
 from edgemap.runtime.frames.errors import Ros2Error, UsageError
+from edgemap.runtime.frames.faults import Fault
 from edgemap.runtime.frames.option_texts import words_of
+from edgemap.runtime.frames.reading import print_message
 from edgemap.runtime.outputs.sinks.kinds import RunInfo
 from edgemap.runtime.step.sinks import Sink
 from edgemap.runtime.step.slam import StepResult
 
-GLOBAL = (topics.TF, topics.TF_STATIC)  # one tree for all robots' programs: never below a namespace
+GLOBAL = (topics.TF, topics.TF_STATIC, topics.DIAGNOSTICS)  # one for all robots' programs: never below a namespace
 PUBLISHED = (
     *GLOBAL, topics.POSE, topics.ODOMETRY, topics.BOXES, topics.OBJECTS, topics.MARKERS, topics.GRID, topics.MAP,
-    topics.FLOOR_SCAN,
+    topics.FLOOR_SCAN, topics.LABELS,
 )  # fmt: skip
 PICTURES = (topics.PICTURES, topics.INFO)
-LATCHED = (topics.TF_STATIC, topics.OBJECTS, topics.MARKERS, topics.GRID, topics.MAP)
+LATCHED = (topics.TF_STATIC, topics.OBJECTS, topics.MARKERS, topics.GRID, topics.MAP, topics.LABELS)
 INITIAL_POSE = "/initialpose"  # RViz's 2D Pose Estimate, as AMCL takes it
 SMALLEST_SIGMAS = (0.01, 0.01, 0.005)  # m, m, rad: a covariance of zeros would be a certainty that nobody has
 DEPTHS = {topics.TF: 100, topics.PICTURES: 5, topics.INFO: 5} | dict.fromkeys(LATCHED[1:], 1)
+DIAGNOSED_S = 1.0  # between two diagnostics, as diagnostic_updater's
 NAMESPACE = "edgemap"  # a robot of its own name has its own /map
 
 
@@ -69,6 +75,11 @@ class Ros2Options:
         odom_tf = words.get("odom_tf", "yes") == "yes"
         return cls(words.get("namespace", NAMESPACE), ids, on["pictures"], not on["reliable"], odom_tf)
 
+    def topic(self, topic: str) -> str:
+        """Its name with the namespace."""
+        shared = (*GLOBAL, topics.MAP) if self.namespace.strip("/") == NAMESPACE else GLOBAL
+        return topic if topic in shared else in_namespace(self.namespace, topic)
+
     def reliability(self, topic: str) -> Reliability:
         """Reliability of one topic."""
         if topic in LATCHED:
@@ -91,8 +102,11 @@ class Ros2Sink(Sink):
         options: Ros2Options,
         offset_s: Callable[[], float] | None = None,
         edit: Callable[[Edit], Future[str]] | None = None,
+        run: RunInfo | None = None,
     ) -> None:
-        self._options = options
+        self._options, self._run = options, run
+        self._diagnostics = RunDiagnostics(options.namespace.strip("/") or NAMESPACE, run.robot if run else "")
+        self._diagnosed_s = -math.inf
         self._robot_odom = None if options.odom_tf else RobotOdom(node, options.frames)
         self._stream = MessageStream(
             camera.intrinsics, camera.mount, options.frames, static_mount=True, robot_odom=self._robot_odom
@@ -104,6 +118,9 @@ class Ros2Sink(Sink):
         self._goal = node.publisher(topics.GOAL, topics.KINDS[topics.GOAL])
         self._initial_pose = edit and node.subscription(INITIAL_POSE, topics.KINDS[topics.POSE])
         self._clock = RosClock(offset_s)
+        if run is not None:
+            info = label_info(time.time_ns(), run.classes, run.threshold, options.frames.optical)
+            self._publishers[topics.LABELS].write(info)
 
     def write(self, result: StepResult, objects: list[MapObject]) -> None:
         """Publish one step, and apply a pose that a person has set. Raises Ros2Error."""
@@ -118,10 +135,25 @@ class Ros2Sink(Sink):
             publisher = self._publishers.get(outgoing.topic)
             if publisher is not None and publisher.wanted:
                 publisher.write(outgoing.make())
+        self._diagnostics.step(result)
+        if time.monotonic() - self._diagnosed_s >= DIAGNOSED_S:
+            self._diagnose()
         if self._asked is not None and self._asked.done():
             asked, self._asked = self._asked, None
             if (refusal := asked.exception()) is not None:
                 raise Ros2Error(f"{INITIAL_POSE}: {refusal}")
+
+    def fault(self, fault: Fault) -> None:
+        """Among the diagnostics at once: while the camera is away no step brings them."""
+        self._diagnostics.fault(fault, time.monotonic())
+        self._diagnose()
+
+    def _diagnose(self) -> None:
+        self._diagnosed_s, publisher = time.monotonic(), self._publishers.get(topics.DIAGNOSTICS)
+        if self._run is None or publisher is None or not publisher.wanted:
+            return
+        state, verdict = self._run.camera.state, self._run.verdict()
+        publisher.write(self._diagnostics.message(time.time_ns(), state, verdict, self._diagnosed_s))
 
     def send_goal(self, pose_map_base: SE2) -> None:
         """Publish a goal for the robot's base with the next step; from any thread."""
@@ -140,8 +172,7 @@ class Ros2Sink(Sink):
         self._publishers.clear()
 
     def _publisher(self, node: Node, topic: str) -> Publisher:
-        shared = (*GLOBAL, topics.MAP) if self._options.namespace.strip("/") == NAMESPACE else GLOBAL
-        name = topic if topic in shared else in_namespace(self._options.namespace, topic)
+        name = self._options.topic(topic)
         return node.publisher(name, topics.KINDS[topic], self._options.reliability(topic), DEPTHS.get(topic, 10))
 
 
@@ -162,4 +193,7 @@ def open(address: str, run: RunInfo) -> Ros2Sink:
     """The sink of `--ros2 NAME=VALUE,…`. Raises UsageError, Ros2Error or MissingExtraError."""
     by_ros = run.camera.info.name.startswith("ros2:")
     offset_s = (lambda: -run.camera.clock_offset_s) if by_ros else None
-    return Ros2Sink(shared_node(), run.floor, Ros2Options.of(address), offset_s, run.edits.submit)
+    options, node = Ros2Options.of(address), shared_node()
+    names = [options.topic(topic) for topic in PUBLISHED + PICTURES * options.pictures]
+    print_message(f"ROS 2: {discovery_from(os.environ)}; topics {', '.join(names)}")
+    return Ros2Sink(node, run.floor, options, offset_s, run.edits.submit, run)

@@ -1,7 +1,8 @@
 """Converts the discovery variables of ROS 2 to a configuration of Cyclone DDS.
 
 Source: https://docs.ros.org/en/jazzy/Tutorials/Advanced/Improved-Dynamic-Discovery.html. If none of them is set,
-the range is this machine (in ROS 2: the subnet). A robot therefore publishes to other machines only on request.
+programs on this machine are found and find it whatever their own settings are, and no other machine is contacted (in
+ROS 2: the subnet); one whose programs search the subnet finds it nevertheless. LOCALHOST is the loopback interface.
 """
 
 from collections.abc import Mapping
@@ -13,30 +14,34 @@ LAST_DOMAIN = 232  # higher domains would need ports above the maximum
 PARTICIPANTS = 32  # maximum number on one machine; they are discovered by port
 LOOK_EVERY = "1s"  # older ROS 2 versions announce themselves by multicast only, which the loopback interface lacks
 RANGES = ("LOCALHOST", "SUBNET", "OFF", "SYSTEM_DEFAULT")
+UNSET = "this machine"
 
 
 @dataclass(frozen=True, slots=True)
 class Discovery:
-    """Discovery settings. domain: ROS_DOMAIN_ID. range: one of RANGES. peers: additional addresses to contact."""
+    """Discovery settings. domain: ROS_DOMAIN_ID. range: one of RANGES, or UNSET. peers: more addresses to contact."""
 
     domain: int = 0
-    range: str = "LOCALHOST"
+    range: str = UNSET
     peers: tuple[str, ...] = ()
 
-    def cyclone_config(self, before: str = "", loopback: bool = True) -> str:
-        """Configuration for `cyclonedds.domain.Domain`. before: the user's CYCLONEDDS_URI, which has priority.
+    def __str__(self) -> str:
+        """For people."""
+        among = self.range if self.range == UNSET else f"range {self.range}"
+        return f"domain {self.domain}, {among}" + "".join(f", {peer}" for peer in self.peers)
 
-        loopback: for the range of this machine, listen on the loopback interface only. Otherwise listen on all
-        interfaces, as ROS 2 does, and contact no other host.
-        """
+    def cyclone_config(self, before: str = "") -> str:
+        """Configuration for `cyclonedds.domain.Domain`. before: the user's CYCLONEDDS_URI, which has priority."""
         if self.range == "SYSTEM_DEFAULT":
             return before
-        local = loopback and self.range == "LOCALHOST" and not self.peers
+        local = self.range == "LOCALHOST" and not self.peers
         interface = '<Interfaces><NetworkInterface address="127.0.0.1"/></Interfaces>' if local else ""
-        multicast = "spdp" if self.range == "SUBNET" else "false"
+        # Cyclone's default participants listen to multicast alone, on the network's interface; 0 hops is this machine.
+        multicast = "spdp" if self.range in ("SUBNET", UNSET) else "false"
+        hops = "<MulticastTimeToLive>0</MulticastTimeToLive>" if self.range == UNSET else ""
         peers = (*self.peers, *(("localhost",) if self.range != "OFF" else ()))
         listed = "".join(f'<Peer address="{peer}"/>' for peer in peers)
-        general = f"{interface}<AllowMulticast>{multicast}</AllowMulticast>"
+        general = f"{interface}<AllowMulticast>{multicast}</AllowMulticast>{hops}"
         discovery = (
             f"<ParticipantIndex>auto</ParticipantIndex><MaxAutoParticipantIndex>{PARTICIPANTS}</MaxAutoParticipantIndex>"
             f"<SPDPInterval>{LOOK_EVERY}</SPDPInterval><Peers>{listed}</Peers>"
@@ -60,7 +65,7 @@ def discovery_from(environment: Mapping[str, str]) -> Discovery:
     if bad := [peer for peer in peers if set(peer) & set("<>&\"' ")]:
         raise Ros2Error(f"ROS_STATIC_PEERS: {bad[0]!r} is no address")
     if local == "1":
-        return Discovery(int(text))
+        return Discovery(int(text), "LOCALHOST")
     if local == "0" and not asked:
         asked = "SUBNET"
-    return Discovery(int(text), asked or "LOCALHOST", peers)
+    return Discovery(int(text), asked or UNSET, peers)

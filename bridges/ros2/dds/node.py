@@ -5,7 +5,6 @@ import time
 from collections.abc import Iterator
 from enum import StrEnum
 from functools import cache
-from importlib.metadata import version
 from typing import Any
 
 from edgemap.bridges.ros2.dds.discovery import Discovery, discovery_from
@@ -160,9 +159,7 @@ def shared_node() -> Node:
 
 def node_for(discovery: Discovery, before: str = "") -> Node:
     """Creates a separate node. before: additional configuration of Cyclone DDS. Raises Ros2Error."""
-    # On the loopback interface, versions before 0.11 do not discover programs that listen on another interface.
-    loopback = not version("cyclonedds").startswith(("0.9", "0.10"))
-    return Node(discovery.domain, discovery.cyclone_config(before, loopback))
+    return Node(discovery.domain, discovery.cyclone_config(before))
 
 
 @cache

@@ -11,6 +11,7 @@ EDITS = "/edits"  # lines of edits.jsonl
 POSE, ODOMETRY, BOXES = "/pose", "/odometry", "/detections"
 OBJECTS, MARKERS, GRID = "/map/objects", "/map/markers", "/map/grid"
 GOAL = "/goal_pose"  # which Nav2's bt_navigator drives to
+DIAGNOSTICS, LABELS = "/diagnostics", "/labels"  # for robot monitors; the detector's classes
 MAP, FLOOR_SCAN = "/map", "/floor_scan"  # the mapped floor, and where this picture's floor ends
 
 KINDS = {
@@ -34,6 +35,8 @@ KINDS = {
     GOAL: "geometry_msgs/msg/PoseStamped",
     MAP: "nav_msgs/msg/OccupancyGrid",
     FLOOR_SCAN: "sensor_msgs/msg/LaserScan",
+    DIAGNOSTICS: "diagnostic_msgs/msg/DiagnosticArray",
+    LABELS: "vision_msgs/msg/LabelInfo",
 }
 
 

@@ -30,7 +30,8 @@ class RunInfo:
 
     folder: of the run. camera: the source; floor: its lens and mount. edits: of the map; a sink may submit some. robot:
     name of the robot, $EDGEMAP_ROBOT or the machine's. inference: engine and precision. saved: a map that is continued.
-    guess: of lens and mount, as in run.json. verdict: how far the map can be trusted so far.
+    guess: of lens and mount, as in run.json. verdict: how far the map can be trusted so far. classes: of the detector;
+    threshold: of their scores.
     """
 
     folder: Path
@@ -41,6 +42,8 @@ class RunInfo:
     saved: Path | None = None
     guess: dict[str, Any] | None = None
     verdict: Callable[[], Verdict] = lambda: Verdict("care")
+    classes: tuple[str, ...] = ()
+    threshold: float = 0.0
     robot: str = field(default_factory=lambda: os.environ.get("EDGEMAP_ROBOT") or socket.gethostname())
 
 

@@ -189,7 +189,7 @@ def test_an_empty_map_still_clears_the_markers():
     assert [marker["action"] for marker in markers(0, [])["markers"]] == [3]
 
 
-@pytest.mark.parametrize("distribution", ["ROS2_HUMBLE", "ROS2_JAZZY"])
+@pytest.mark.parametrize("distribution", ["ROS2_HUMBLE", "ROS2_JAZZY", "ROS2_LYRICAL"])
 @pytest.mark.parametrize("kind", [kind for kind in FIELDS if not kind.startswith("vision_msgs/")])
 def test_definitions_are_ros_own(kind, distribution):
     """Field by field as rosbags knows them of each distribution; constants and defaults apart."""

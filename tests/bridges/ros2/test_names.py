@@ -28,14 +28,15 @@ def test_what_ros_2_refuses_is_refused(topic):
 
 @pytest.mark.parametrize("kind", sorted(HASHES))
 def test_type_hashes_are_those_of_rosbags(kind):
-    """From our definitions; and of Jazzy's own type, where rosbags has it (vision_msgs it has not)."""
+    """From our definitions; and of Jazzy's and Lyrical's own, where rosbags has them (vision_msgs it has not)."""
     typesys: Any = pytest.importorskip("rosbags.typesys")
     store = typesys.get_typestore(typesys.Stores.EMPTY)
     store.register(typesys.get_types_from_msg(definition(kind), kind))
     assert store.hash_rihs01(kind) == f"RIHS01_{HASHES[kind]}"
-    jazzy = typesys.get_typestore(typesys.Stores.ROS2_JAZZY)
-    if not kind.startswith("vision_msgs/"):
-        assert jazzy.hash_rihs01(kind) == f"RIHS01_{HASHES[kind]}"
+    for distribution in ("ROS2_JAZZY", "ROS2_LYRICAL"):
+        theirs = typesys.get_typestore(getattr(typesys.Stores, distribution))
+        if not kind.startswith("vision_msgs/"):
+            assert theirs.hash_rihs01(kind) == f"RIHS01_{HASHES[kind]}"
 
 
 def test_every_topic_has_a_hash():
@@ -45,13 +46,13 @@ def test_every_topic_has_a_hash():
 @pytest.mark.parametrize(
     ("environment", "expected"),
     [
-        ({}, Discovery(0, "LOCALHOST")),
-        ({"ROS_DOMAIN_ID": "42"}, Discovery(42, "LOCALHOST")),
+        ({}, Discovery(0, "this machine")),
+        ({"ROS_DOMAIN_ID": "42"}, Discovery(42, "this machine")),
         ({"ROS_AUTOMATIC_DISCOVERY_RANGE": "subnet"}, Discovery(0, "SUBNET")),
         ({"ROS_AUTOMATIC_DISCOVERY_RANGE": "SUBNET", "ROS_LOCALHOST_ONLY": "1"}, Discovery(0, "LOCALHOST")),
         ({"ROS_LOCALHOST_ONLY": "0"}, Discovery(0, "SUBNET")),
         ({"ROS_AUTOMATIC_DISCOVERY_RANGE": "OFF"}, Discovery(0, "OFF")),
-        ({"ROS_STATIC_PEERS": "192.168.1.7;robot.local"}, Discovery(0, "LOCALHOST", ("192.168.1.7", "robot.local"))),
+        ({"ROS_STATIC_PEERS": "192.168.1.7;robot.local"}, Discovery(0, "this machine", ("192.168.1.7", "robot.local"))),
     ],
 )
 def test_discovery_follows_the_environment(environment, expected):
@@ -72,10 +73,12 @@ def test_settings_that_cannot_be_are_named(environment):
         discovery_from(environment)
 
 
-def test_this_machine_alone_by_default():
-    config = Discovery().cyclone_config()
-    assert '<NetworkInterface address="127.0.0.1"/>' in config
-    assert '<Peer address="localhost"/>' in config
+def test_no_other_machine_is_contacted_by_default_and_none_found_on_the_loopback_interface():
+    assert "<MulticastTimeToLive>0</MulticastTimeToLive>" in Discovery().cyclone_config()
+    assert '<Peer address="localhost"/>' in Discovery().cyclone_config()
+    local = Discovery(range="LOCALHOST").cyclone_config()
+    assert '<NetworkInterface address="127.0.0.1"/>' in local
+    assert "<AllowMulticast>false</AllowMulticast>" in local
     assert "127.0.0.1" not in Discovery(range="SUBNET").cyclone_config()
     assert "localhost" not in Discovery(range="OFF").cyclone_config()
     assert Discovery(range="SYSTEM_DEFAULT").cyclone_config("<mine/>") == "<mine/>"

@@ -1,7 +1,10 @@
 """What `--ros2` publishes, through Cyclone DDS within one process."""
 
+import json
 import math
 import os
+import subprocess
+import sys
 import time
 from concurrent.futures import Future
 from types import SimpleNamespace
@@ -16,7 +19,9 @@ from support.steps import Steps
 from edgemap.geometry.camera.floor import FloorCamera
 from edgemap.geometry.objects.events import Edit, EditError
 from edgemap.geometry.se2 import SE2
-from edgemap.runtime.frames.errors import Ros2Error
+from edgemap.runtime.frames.errors import CameraState, Ros2Error
+from edgemap.runtime.frames.faults import Fault, FaultKind
+from edgemap.runtime.outputs.verdict.verdict import Verdict
 from edgemap.runtime.step.edit_queue import Edits
 from edgemap.runtime.step.mapper import Mapper
 
@@ -24,6 +29,7 @@ pytest.importorskip("cyclonedds", reason="cyclonedds is not installed (extra 'ro
 from edgemap.bridges.ros2.dds.discovery import Discovery
 from edgemap.bridges.ros2.dds.node import Node, Reliability, node_for
 from edgemap.bridges.ros2.messages import build
+from edgemap.bridges.ros2.messages.diagnostics import RunDiagnostics
 from edgemap.bridges.ros2.messages.topics import FrameIds
 from edgemap.bridges.ros2.sink import Ros2Options, Ros2Sink, pose_edit
 
@@ -178,3 +184,79 @@ def test_a_goal_is_published_with_the_next_step(node):
     assert (goal.header.frame_id, goal.pose.position.x, goal.pose.position.y) == ("map", 1.0, -2.0)
     assert goal.pose.orientation.z == pytest.approx(math.sqrt(0.5))
     sink.close()
+
+
+READER = """
+import json, sys, time
+from cyclonedds.core import Policy, Qos
+from cyclonedds.domain import DomainParticipant
+from cyclonedds.sub import DataReader
+from cyclonedds.topic import Topic
+from edgemap.bridges.ros2.dds.types import dds_topic, sample_type
+from edgemap.bridges.ros2.messages.definitions import decoder
+
+participant, readers = DomainParticipant(int(sys.argv[1])), {}
+topics = {"/diagnostics": "diagnostic_msgs/msg/DiagnosticArray", "/edgemap/labels": "vision_msgs/msg/LabelInfo"}
+for name, kind in topics.items():
+    latched = Policy.Durability.TransientLocal if name == "/edgemap/labels" else Policy.Durability.Volatile
+    cdr = Policy.DataRepresentation(use_cdrv0_representation=True, use_xcdrv2_representation=False)
+    qos = Qos(Policy.Reliability.Reliable(10**8), latched, cdr)
+    readers[kind] = DataReader(participant, Topic(participant, dds_topic(name), sample_type(kind)), qos)
+while len(readers):
+    for kind, reader in list(readers.items()):
+        for sample in reader.take(10):
+            message = decoder(kind)(sample.cdr)
+            if kind.startswith("vision"):
+                rows = [(one.class_id, one.class_name) for one in message.class_map], message.threshold
+            else:
+                rows = [(one.name, one.level, one.message, one.hardware_id) for one in message.status], 0
+            print(json.dumps([kind, *rows]))
+            readers.pop(kind, None)
+    time.sleep(0.05)
+"""
+
+
+def test_a_cyclone_participant_with_its_defaults_reads_diagnostics_and_classes(tmp_path):
+    """Of `edgemap run --ros2` as typed, from another process, neither with any configuration."""
+    environment = {name: text for name, text in os.environ.items() if name != "CYCLONEDDS_URI"}
+    environment |= {"ROS_DOMAIN_ID": str(DOMAIN + 100), "EDGEMAP_ROBOT": "vacuum"}
+    command = [sys.executable, "-m", "edgemap.cli", "run", "--ros2", "--out", str(tmp_path / "run")]
+    with subprocess.Popen(
+        [sys.executable, "-c", READER, str(DOMAIN + 100)], stdout=subprocess.PIPE, text=True
+    ) as reader:
+        run = subprocess.Popen(command, env=environment, stderr=subprocess.PIPE, text=True)
+        try:
+            said, _ = reader.communicate(timeout=200.0)
+        finally:
+            reader.kill()
+            run.terminate()
+            _, printed = run.communicate(timeout=60.0)
+    found = {kind: rows for kind, *rows in map(json.loads, said.splitlines())}
+    (labels, threshold), (statuses, _) = (
+        found["vision_msgs/msg/LabelInfo"],
+        found["diagnostic_msgs/msg/DiagnosticArray"],
+    )
+    assert [5, "chair"] in labels
+    assert 0.0 < threshold < 1.0
+    named = {name: (level, text, robot) for name, level, text, robot in statuses}
+    assert named["edgemap: camera"] == (0, "running", "vacuum")
+    assert named["edgemap: map"][1].startswith("map: ")
+    assert named["edgemap: pose"][0] in (0, 1)
+    assert f"domain {DOMAIN + 100}, this machine; topics /tf, " in printed
+
+
+def test_diagnostics_name_each_kind_of_fault_and_warn_while_it_is_new():
+    diagnostics = RunDiagnostics("kitchen", "robo")
+    for text, at_s in (("a", 1.0), ("b", 2.0)):
+        diagnostics.fault(Fault(FaultKind.DARK, text), at_s)
+    diagnostics.fault(Fault(FaultKind.RECOVERED, "back"), 2.0)
+    levels = []
+    for now_s in (3.0, 8.0):
+        message = diagnostics.message(5, CameraState.LOST, Verdict("unreliable"), now_s)
+        named = {status["name"]: status for status in message["status"]}
+        levels.append(
+            [named[f"kitchen: {name}"]["level"] for name in ("camera", "map", "fault dark", "fault recovered")]
+        )
+        assert named["kitchen: fault dark"]["message"] == "b"
+        assert named["kitchen: fault dark"]["values"] == [{"key": "count", "value": "2"}]
+    assert levels == [[2, 2, 1, 0], [2, 2, 0, 0]]
