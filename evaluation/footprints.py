@@ -4,11 +4,11 @@ from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.optimize import linear_sum_assignment
 
 from edgemap.evaluation.objects import FOUND_M, TrueObject, pairs_within, scored
 from edgemap.geometry.arrays import Array
+from edgemap.geometry.grid.rooms import inside
 from edgemap.geometry.map_object import MapObject, outline_m, yaw_of
 
 LEAST_IOU = 0.25  # of a mapped footprint that is right
@@ -63,16 +63,8 @@ def iou(a: Array, b: Array) -> float:
         return 0.0
     steps = (np.arange(SAMPLES) + 0.5) / SAMPLES
     places = low + np.stack(np.meshgrid(steps, steps), axis=-1).reshape(-1, 2) * (high - low)
-    in_a, in_b = _inside(a, places), _inside(b, places)
+    in_a, in_b = inside(a, places), inside(b, places)
     return float((in_a & in_b).sum() / max((in_a | in_b).sum(), 1))
-
-
-def _inside(corners: Array, places: Array) -> NDArray[np.bool_]:
-    """Which places (K, 2) lie in a convex polygon (N, 2) of either turn, (K,)."""
-    sides = np.roll(corners, -1, axis=0) - corners
-    offsets = places[:, None] - corners
-    across = sides[:, 0] * offsets[..., 1] - sides[:, 1] * offsets[..., 0]
-    return np.logical_or((across >= 0.0).all(axis=1), (across <= 0.0).all(axis=1))
 
 
 def yaw_error_deg(mapped: Array, true: Array) -> float:

@@ -19,7 +19,7 @@ class GyroRotation:
     rotation: (3, 3), takes directions of this frame's optical axes into the previous frame's. yaw_rad: of it as the
     change of the optical axis's heading, counter-clockwise. sigma_rad: standard deviation of yaw_rad. proved: whether
     an odometry has confirmed its sign and scale; also true for a swinging camera, whose rotation only a gyro measures
-    well, where gravity turns as it says. displaced: as of `inertial_displaced`, by the accelerometer; None where it
+    well, where gravity turns by its rates. displaced: as of `inertial_displaced`, by the accelerometer; None where it
     integrated nothing.
     """
 

@@ -34,7 +34,7 @@ Point = tuple[float, float]
 
 @dataclass(frozen=True, slots=True)
 class Room:
-    """corners_m: outline, counter-clockwise, map frame. kind: by its objects, empty where they do not tell. name: by a
+    """corners_m: outline, counter-clockwise, map frame. kind: by its objects, empty where none shows it. name: by a
     person. objects: ids of those in it."""
 
     id: str

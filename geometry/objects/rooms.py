@@ -66,10 +66,10 @@ def title_of(room: Room) -> str:
 
 
 def _furnished(room: Room, objects: Sequence[MapObject]) -> Room:
-    """The room with its objects, and with the kind that most of them tell."""
+    """The room with its objects, and with the kind that most of them indicate."""
     within = [item for item in objects if inside(room.corners_m, item.position_m)]
     labels = [item.labels or {item.label: 1.0} for item in within]
-    votes = {kind: sum(one.get(label, 0.0) for one in labels for label in told) for kind, told in KINDS.items()}
+    votes = {kind: sum(one.get(label, 0.0) for one in labels for label in typical) for kind, typical in KINDS.items()}
     kind = max(votes, key=lambda kind: votes[kind])
     return replace(room, kind=kind if votes[kind] >= 0.5 else "", objects=tuple(item.id for item in within))
 

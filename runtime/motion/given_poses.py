@@ -1,4 +1,4 @@
-"""Poses of another program in a file: what their axes, units and order are, and what they say of the base."""
+"""Poses of another program in a file: their axes, units and order, and the poses of the base."""
 
 import math
 from collections.abc import Callable
@@ -72,8 +72,10 @@ class GivenPoses:
             return self
         seconds = stamps / UNITS[unit]
         attitudes = self.attitudes and replace(self.attitudes, stamps_s=seconds)
-        said = (f"its stamps are in {unit}", *self.read_as)
-        return replace(self, trajectory=Trajectory(seconds, self.trajectory.poses), attitudes=attitudes, read_as=said)
+        read_as = (f"its stamps are in {unit}", *self.read_as)
+        return replace(
+            self, trajectory=Trajectory(seconds, self.trajectory.poses), attitudes=attitudes, read_as=read_as
+        )
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -95,11 +97,11 @@ def read_given(path: Path, mount: Mount, frame: str | None = None) -> GivenPoses
     readings = [_read(rows, mount, one, w_first) for w_first in (False, True) for one in frames]
     enough = max(one.score for one in readings) - CLEARLY
     best = next(one for one in readings if one.score >= enough)
-    said = ["its quaternions have w first"] if best.w_first else []
-    said += ["it holds poses of the camera's optical axes"] if best.frame not in frames[:1] else []
+    read_as = ["its quaternions have w first"] if best.w_first else []
+    read_as += ["it holds poses of the camera's optical axes"] if best.frame not in frames[:1] else []
     try:
         planar, attitudes = _of_base(best, rows[:, 0], mount)
-        return GivenPoses(Trajectory(rows[:, 0], planar), attitudes, mount.height_m, tuple(said))
+        return GivenPoses(Trajectory(rows[:, 0], planar), attitudes, mount.height_m, tuple(read_as))
     except (OdometryError, CameraError) as error:
         raise OdometryError(f"{path}: {error}") from None
 

@@ -75,7 +75,7 @@ class MotionJudge:
         return self._timer.due(to_s)
 
     def judge(self, path: Path, lengths: bool = True) -> str:
-        """What is wrong with a source, in words; empty where nothing is, or nothing can be said yet. lengths: whether
+        """What is wrong with a source, in words; empty where nothing is, or it cannot be judged yet. lengths: whether
         it measures lengths, or yaw alone."""
         if len(self._steps) < 2:
             return ""
@@ -115,7 +115,7 @@ class MotionJudge:
         product = complex(np.vdot(ahead, other))
         power, given_power = (float(np.vdot(some, some).real) for some in (ahead, other))
         if given_power < 1e-4 * power:
-            return "it says that the robot stands while the camera moves"
+            return "it reports standstill while the camera moves"
         if abs(product) ** 2 < self._rule.follows * power * given_power:
             return "its motion does not follow the camera's: are its axes x forward, y left, z up?"
         if abs(angle := cmath.phase(product)) > self._rule.turned_rad:

@@ -107,7 +107,7 @@ class ZoneRecord(msgspec.Struct, kw_only=True):
 
 
 class RoomRecord(ZoneRecord, kw_only=True):
-    """A room: its outline, the kind that its objects tell, the name that a person gave, and ids of its objects."""
+    """A room: its outline, the kind by its objects, its name by a person, and ids of its objects."""
 
     kind: Annotated[str, Meta(max_length=200)] = ""
     area_m2: Annotated[float, Meta(ge=0.0, le=1e9)] = 0.0

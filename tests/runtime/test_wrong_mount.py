@@ -13,8 +13,8 @@ from edgemap.geometry.camera.floor import FloorCamera
 from edgemap.geometry.camera.level import mount_text
 from edgemap.runtime.frames.faults import FaultKind
 from edgemap.runtime.frames.frame import Frame
-from edgemap.runtime.motion.attitude.mount_check import MountRule
 from edgemap.runtime.motion.attitude.inertial import AttitudeRule
+from edgemap.runtime.motion.attitude.mount_check import MountRule
 from edgemap.runtime.step.config import Config
 from edgemap.runtime.step.slam import SlamOptions, build_slam
 

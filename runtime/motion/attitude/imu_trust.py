@@ -97,7 +97,7 @@ class ImuTrust:
 
     @property
     def follows_gravity(self) -> bool:
-        """Whether the accelerometer's gravity turns as the gyro says, so that its axes and unit are right."""
+        """Whether the accelerometer's gravity turns by the gyro's rates, so that its axes and unit are right."""
         return bool(self._off_rad2[0] < self._off_rad2[1])
 
     @property

@@ -21,7 +21,7 @@ from edgemap.runtime.motion.attitude.pictures import PicturesAttitude
 from edgemap.runtime.motion.attitude.segments import Segments
 from edgemap.runtime.motion.health import HealthRule
 
-FEWEST = 4  # estimates; the median deviation of fewer says nothing
+FEWEST = 4  # estimates; the median deviation of fewer is no measure
 # Between two judgements, and between two pictures of a confirmed mount: more cost time and change nothing.
 EVERY_S = 1.0
 EDGES, GRAVITY, DEPTH = "the room's edges", "gravity", "the floor in depth pictures"

@@ -17,7 +17,7 @@ from edgemap.runtime.frames.frame import Frame
 from edgemap.runtime.network.network import Tensors
 
 FARTHEST_M = 100.0  # of one step
-STILL_M, STILL_RAD = 0.002, 0.002  # of one step, below which wheels and gyro say still; their noise is less
+STILL_M, STILL_RAD = 0.002, 0.002  # of one step, below which wheels and gyro report rest; their noise is less
 REST_M, REST_RAD = 1e-5, 1e-5  # standard deviations of no motion
 ROUNDING = 1e-6  # of a covariance, as a share of its largest entry; networks answer in float32
 
@@ -32,7 +32,7 @@ def is_covariance(matrix: Array) -> bool:
 
 def _clearly_positive(rows: list[list[float]]) -> bool:
     """Whether a 2x2 or 3x3 is symmetric but for rounding, with leading minors well above zero (Sylvester): nearly all
-    are, and numpy takes ten times as long to say so."""
+    are, and numpy takes ten times as long."""
     (xx, xy, *_), (yx, yy, *_) = rows[:2]
     slack = ROUNDING * min(xx, yy)
     minor = xx * yy - xy * yx
