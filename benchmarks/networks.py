@@ -15,7 +15,7 @@ from edgemap.benchmarks.bench import in_turn
 from edgemap.runtime.frames.inference import Engine, Precision
 from edgemap.runtime.frames.reading import print_message
 from edgemap.runtime.network.bundle import load_bundle
-from edgemap.runtime.network.compute import processor_name
+from edgemap.runtime.network.engines import processor_name
 
 FOLDER = Path("runs/networks")
 PICTURES = 4

@@ -4,7 +4,7 @@ from collections.abc import Callable, Sequence
 from statistics import fmean
 from typing import Any
 
-from edgemap.runtime.network.compute import processor_name
+from edgemap.runtime.network.engines import processor_name
 
 TABLE_2 = {"1": (124, 116, 2, 10), "2": (388, 356, 9, 41), "3": (402, 358, 11, 55), "4": (206, 192, 8, 22)}
 """Sequence to total chairs, chairs detected, false detections, not detected."""

@@ -17,8 +17,8 @@ from edgemap.benchmarks.bench import OpenDrive, drive_chunks, in_turn
 from edgemap.runtime.frames.errors import MissingExtraError
 from edgemap.runtime.frames.extras import install_hint
 from edgemap.runtime.frames.reading import library_path
+from edgemap.runtime.network.engines import openvino_core
 from edgemap.runtime.network.manifest import DetectorSpec
-from edgemap.runtime.network.openvino import openvino_core
 
 Infer = Callable[[NDArray[np.float32]], Sequence[NDArray[np.float32]]]
 PAD, NMS_IOU = 114, 0.45

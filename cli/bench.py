@@ -49,7 +49,7 @@ def command(
     from edgemap.runtime.frames.camera import Camera, next_frame
     from edgemap.runtime.frames.errors import CameraError
     from edgemap.runtime.network.bundle import Bundle
-    from edgemap.runtime.network.compute import processor_name
+    from edgemap.runtime.network.engines import processor_name
     from edgemap.runtime.step.slam import SemanticSlam, build_slam
 
     if not 0.0 < seconds < 1e6:

@@ -12,7 +12,7 @@ from edgemap.runtime.frames.option_texts import known_names
 if TYPE_CHECKING:
     from edgemap.runtime.frames.inference import Inference
     from edgemap.runtime.network.bundle import Bundle
-    from edgemap.runtime.network.compute import Pace
+    from edgemap.runtime.network.engines import Pace
 
 MAXIMUM_THREADS = 64
 

@@ -4,11 +4,11 @@ import onnx
 from onnx import ModelProto, NodeProto, helper, numpy_helper, version_converter
 
 from edgemap.export.onnx_export import drop_unused
-from edgemap.runtime.network.decode import DFL_BINS
+from edgemap.runtime.network.layouts import BINS
 from edgemap.runtime.network.manifest import HeadSpec, InputSpec
 
 STRIDES = (8, 16, 32, 64)
-SIDES = 4 * DFL_BINS
+SIDES = 4 * BINS
 OPSET = 14  # the first with HardSwish; written as add, clip, multiply, divide it takes a third of the network's time
 MEAN, STD = (0.485, 0.456, 0.406), (0.229, 0.224, 0.225)
 

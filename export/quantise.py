@@ -22,8 +22,8 @@ from edgemap.runtime.inputs.drives.drive import LabelledBoxes
 from edgemap.runtime.inputs.drives.pictures import first_folder, list_pictures, read_picture
 from edgemap.runtime.inputs.drives.yolo import read_yolo
 from edgemap.runtime.network.bundle import Bundle, load_bundle
-from edgemap.runtime.network.compute import processor_name
 from edgemap.runtime.network.decode import Decoder
+from edgemap.runtime.network.engines import processor_name
 from edgemap.runtime.network.manifest import BundleVariant, DetectorSpec
 from edgemap.runtime.network.manifest_file import read_manifest, sha256_file, verified_file, write_manifest
 from edgemap.runtime.network.network import Tensors

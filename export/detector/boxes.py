@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import torch
 from torch import Tensor
 
-from edgemap.runtime.network.decode import DFL_BINS
+from edgemap.runtime.network.layouts import BINS
 from edgemap.runtime.network.manifest import DetectorSpec, HeadSpec
 
 RADIUS = 2.5  # greatest distance of a box's centre from the cell's, in cells per axis
@@ -72,9 +72,9 @@ def _dfl(output: Tensor, head: HeadSpec, size: tuple[int, int]) -> Rows:
     del size  # 416 px are 7 cells of stride 64
     centres, strides = _cells(output.shape[2:], float(head.strides[0]), float(head.strides[0]), output.device)
     rows = output.flatten(2).transpose(1, 2)
-    classes = rows.shape[-1] - 4 * DFL_BINS
-    bins = rows[..., classes:].unflatten(-1, (4, DFL_BINS))
-    far = (bins.softmax(-1) @ torch.arange(DFL_BINS, dtype=bins.dtype, device=bins.device)) * strides[:, None]
+    classes = rows.shape[-1] - 4 * BINS
+    bins = rows[..., classes:].unflatten(-1, (4, BINS))
+    far = (bins.softmax(-1) @ torch.arange(BINS, dtype=bins.dtype, device=bins.device)) * strides[:, None]
     boxes = torch.cat([centres - far[..., :2], centres + far[..., 2:]], dim=-1)
     return Rows(rows[..., :classes], boxes, bins, centres, strides, torch.full_like(strides, RADIUS))
 

@@ -12,7 +12,7 @@ from torch import Tensor
 from torch.nn import functional
 
 from edgemap.export.detector.boxes import Rows, generalised_iou, overlap
-from edgemap.runtime.network.decode import DFL_BINS
+from edgemap.runtime.network.layouts import BINS
 
 MAXIMUM_CELLS = 10  # of one box
 IGNORED_OVERLAP = 0.5
@@ -155,7 +155,7 @@ def distance_loss(rows: Rows, reference: Rows, kept: Tensor) -> tuple[Tensor, Te
 
 def _focal_bins(bins: Tensor, sides: Tensor) -> Tensor:
     """Distribution focal loss of bins (..., 4, 8) towards distances (..., 4) in strides, mean of the four."""
-    sides = sides.clamp(0.0, DFL_BINS - 1 - 0.01)
+    sides = sides.clamp(0.0, BINS - 1 - 0.01)
     low = sides.long()
     share = (sides - low)[..., None]
     likely = bins.log_softmax(-1)

@@ -10,14 +10,12 @@ from edgemap.geometry.observations.sighting import BoxEvidence
 from edgemap.runtime.frames.errors import BundleError, MissingExtraError, OdometryError
 from edgemap.runtime.frames.inference import Engine, Precision
 from edgemap.runtime.frames.reading import one_line
-from edgemap.runtime.network.compute import Pace, compute_at, one_blas_thread
-from edgemap.runtime.network.engines import open_network
+from edgemap.runtime.network.engines import Pace, compute_at, one_blas_thread, open_network
 from edgemap.runtime.network.manifest import METADATA_KEY, DetectorSpec, Manifest, OdometryHead, contract_metadata
 from edgemap.runtime.network.manifest_file import read_manifest, verified_file
 from edgemap.runtime.network.network import Compute, Network, Shapes
 from edgemap.runtime.network.preprocess import rows_of
 
-MODEL_BYTES = 512 << 20
 ENGINE_TOLERANCE: dict[Precision, float] = {"float32": 1e-3, "int8": 0.1}  # of `Network.error`; int8: 0.04, same AP50
 
 
@@ -120,30 +118,19 @@ def load_bundle(
         if precision not in manifest.variants:
             raise BundleError(f"bundle {manifest.name} has no {precision} variant (edgemap export --int8 makes one)")
         detector = msgspec.structs.replace(detector, file=manifest.variants[precision].file)
-    inputs = {detector.input.name: _input_shape(detector)}
-    outputs = detector.outputs()
-    opened, height = _opener(folder, manifest, detector, inputs, outputs), detector.input.height
-    compute = compute_at(pace, threads, engine)
+    height, compute = detector.input.height, compute_at(pace, threads, engine)
+    inputs = {detector.input.name: (1, 3, height, detector.input.width)}
+    opened = _opener(folder, manifest, detector, inputs, detector.outputs())
     return Bundle(folder, manifest, opened(compute, height), compute, lambda rows: opened(compute, rows), precision)
 
 
-def _input_shape(detector: DetectorSpec) -> tuple[int, ...]:
-    return (1, 3, detector.input.height, detector.input.width)
-
-
 def _opener(
-    folder: Path,
-    manifest: Manifest,
-    record: DetectorSpec | OdometryHead,
-    inputs: Shapes,
-    outputs: Shapes,
+    folder: Path, manifest: Manifest, record: DetectorSpec | OdometryHead, inputs: Shapes, outputs: Shapes
 ) -> Callable[[Compute, int | None], Network]:
     """Check a file's sum; what opens it, for so many rows of input where those are open, and checks its contract and
     its tensors."""
     path = verified_file(folder, manifest, record.file)
-    where, size = f"bundle {folder}: {record.file}", path.stat().st_size
-    if size > MODEL_BYTES:
-        raise BundleError(f"{where}: {size:,} bytes, at most {MODEL_BYTES:,} are read")
+    where = f"bundle {folder}: {record.file}"
 
     def opened(compute: Compute, rows: int | None) -> Network:
         onnxruntime = compute.engine == "onnxruntime"

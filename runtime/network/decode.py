@@ -11,7 +11,7 @@ from edgemap.geometry.arrays import Array
 from edgemap.geometry.objects.visibility import iou
 from edgemap.geometry.observations.detections import Detections
 from edgemap.runtime.network.bundle import Bundle
-from edgemap.runtime.network.layouts import rows_of
+from edgemap.runtime.network.layouts import Reading, rows_of, sigmoid
 from edgemap.runtime.network.manifest import DetectorSpec, HeadSpec
 from edgemap.runtime.network.network import Tensors
 from edgemap.runtime.network.preprocess import Placement, Preprocessor
@@ -19,7 +19,11 @@ from edgemap.runtime.network.preprocess import Placement, Preprocessor
 NMS_IOU = 0.45
 SAME_PLACE = 0.8  # IoU of boxes that are one object under two names
 MAX_CANDIDATES = 1000  # before suppression; the best scores stay
-DFL_BINS = 8  # per side of a box, whole strides 0 to 7
+# YOLOX (Ge et al. 2021) and generalized focal loss (Li et al. 2020), as PicoDet has it, in the terms of `layouts`.
+READINGS = {
+    "yolox": Reading(layout="objectness rows", form="cells"),
+    "dfl": Reading(layout="bin rows", form="bins", activation="sigmoid"),
+}
 
 
 class Decoder:
@@ -54,13 +58,17 @@ class Decoder:
 
     def _candidates(self, outputs: Tensors) -> tuple[Array, Array, NDArray[np.int64]]:
         """Boxes (N, 4) xyxy in px of the input with their scores and classes, before suppression."""
-        if (reading := self._detector.reading) is not None:
-            return rows_of(outputs, reading, len(self._names), self.confidence, self._size)
-        rule = {"yolov3": _yolov3, "yolox": _yolox, "dfl": _dfl}[self._detector.decode]
-        parts = [rule(outputs[head.name], head, self.confidence, self._size) for head in self._detector.heads]
-        centres, scores, classes = (np.concatenate(column) for column in zip(*parts, strict=True))
-        half = centres[:, 2:] / 2.0
-        return np.concatenate([centres[:, :2] - half, centres[:, :2] + half], axis=1), scores, classes
+        count, heads, strides = len(self._names), self._detector.heads, ()
+        if self._detector.decode == "yolov3":
+            parts = [_yolov3(outputs[head.name], head, self.confidence, self._size) for head in heads]
+            corners, scores, classes = (np.concatenate(column) for column in zip(*parts, strict=True))
+            return corners, scores, classes
+        if (reading := self._detector.reading) is None:
+            reading, strides = READINGS[self._detector.decode], tuple(one for head in heads for one in head.strides)
+            maps = (outputs[head.name] for head in heads)  # (1, N, C), or (1, C, H, W) with a row of cells for each C
+            rows = [one[0] if one.ndim == 3 else one.reshape(one.shape[1], -1).T for one in maps]
+            outputs = {"rows": np.concatenate(rows)[None]}
+        return rows_of(outputs, reading, count, self.confidence, self._size, strides)
 
 
 def suppress(boxes: Array, scores: Array, classes: NDArray[np.int64], nms_iou: float) -> NDArray[np.int64]:
@@ -84,7 +92,7 @@ def _elected(kept: NDArray[np.int64], boxes: Array, scores: Array, classes: NDAr
 
 
 def _yolov3(output: NDArray[np.float32], head: HeadSpec, confidence: float, size: tuple[int, int]) -> tuple:
-    """YOLOv3 (Redmon and Farhadi 2018, section 2.1): logits (1, A*(5+C), H, W) to centre boxes in input px.
+    """YOLOv3 (Redmon and Farhadi 2018, section 2.1): logits (1, A*(5+C), H, W) to boxes xyxy in input px.
 
     Only cells whose objectness logit passes the threshold are looked at: score = objectness * class <= objectness.
     """
@@ -94,55 +102,13 @@ def _yolov3(output: NDArray[np.float32], head: HeadSpec, confidence: float, size
     anchor, cell = np.nonzero(grid[:, 4] > _logit(confidence))
     logits = grid[anchor, :, cell].astype(np.float64)
     classes = logits[:, 5:].argmax(axis=1)
-    scores = _sigmoid(logits[:, 4]) * _sigmoid(logits[np.arange(len(logits)), 5 + classes])
+    scores = sigmoid(logits[:, 4]) * sigmoid(logits[np.arange(len(logits)), 5 + classes])
     strong = scores >= confidence
     logits, anchor, cell = logits[strong], anchor[strong], cell[strong]
     offset = (head.scale_xy - 1.0) / 2.0
-    xy = _sigmoid(logits[:, :2]) * head.scale_xy - offset + np.column_stack([cell % columns, cell // columns])
-    wh = np.exp(logits[:, 2:4]) * anchors[anchor]
-    return np.concatenate([xy * [size[0] / columns, size[1] / rows], wh], axis=1), scores[strong], classes[strong]
-
-
-def _yolox(output: NDArray[np.float32], head: HeadSpec, confidence: float, size: tuple[int, int]) -> tuple:
-    """YOLOX (Ge et al. 2021): rows (1, N, 5+C), stride by stride; scores are probabilities already."""
-    rows = output[0]
-    strong = np.flatnonzero(rows[:, 4] >= confidence)
-    picked = rows[strong].astype(np.float64)
-    classes = picked[:, 5:].argmax(axis=1)
-    scores = picked[:, 4] * picked[np.arange(len(picked)), 5 + classes]
-    strong, picked, classes = strong[scores >= confidence], picked[scores >= confidence], classes[scores >= confidence]
-    centres, first = np.zeros((len(strong), 4)), 0
-    for stride in head.strides:
-        columns, lines = size[0] // stride, size[1] // stride
-        here = (strong >= first) & (strong < first + columns * lines)
-        cell = strong[here] - first
-        centres[here, :2] = (picked[here, :2] + np.column_stack([cell % columns, cell // columns])) * stride
-        centres[here, 2:] = np.exp(picked[here, 2:4]) * stride
-        first += columns * lines
-    return centres, scores[scores >= confidence], classes
-
-
-def _dfl(output: NDArray[np.float32], head: HeadSpec, confidence: float, _size: tuple[int, int]) -> tuple:
-    """Generalized focal loss's heads (Li et al. 2020), as PicoDet has them: logits (1, C+32, H, W) to centre boxes.
-
-    No objectness: score = sigmoid of the best class. A side's distance from the cell's centre is the mean of its bins,
-    in strides.
-    """
-    columns, classes = output.shape[3], output.shape[1] - 4 * DFL_BINS
-    grid = output[0].reshape(output.shape[1], -1)
-    cell = np.flatnonzero(grid[:classes].max(axis=0) >= _logit(confidence))
-    logits = grid[:, cell].astype(np.float64)
-    labels = logits[:classes].argmax(axis=0)
-    bins = logits[classes:].reshape(4, DFL_BINS, len(cell))
-    weights = np.exp(bins - bins.max(axis=1, keepdims=True))
-    left, top, right, bottom = np.einsum("sbn,b->sn", weights / weights.sum(axis=1, keepdims=True), np.arange(DFL_BINS))
-    x, y = cell % columns + 0.5, cell // columns + 0.5
-    boxes = np.stack([x + (right - left) / 2.0, y + (bottom - top) / 2.0, left + right, top + bottom], axis=1)
-    return boxes * head.strides[0], _sigmoid(logits[labels, np.arange(len(cell))]), labels
-
-
-def _sigmoid(x: Array) -> Array:
-    return 1.0 / (1.0 + np.exp(-x))
+    xy = sigmoid(logits[:, :2]) * head.scale_xy - offset + np.column_stack([cell % columns, cell // columns])
+    centres, half = xy * [size[0] / columns, size[1] / rows], np.exp(logits[:, 2:4]) * anchors[anchor] / 2.0
+    return np.concatenate([centres - half, centres + half], axis=1), scores[strong], classes[strong]
 
 
 def _logit(probability: float) -> float:

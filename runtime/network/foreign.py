@@ -20,8 +20,7 @@ from edgemap.runtime.frames.class_names import COCO_91, COCO_NAMES, is_mapped
 from edgemap.runtime.frames.errors import BundleError
 from edgemap.runtime.frames.reading import decode_json, library_path, one_line, print_message, read_bytes
 from edgemap.runtime.network.bundle import Bundle
-from edgemap.runtime.network.compute import Pace, compute_at
-from edgemap.runtime.network.engines import PROVIDERS, session_options
+from edgemap.runtime.network.engines import PROVIDERS, Pace, compute_at, session_options
 from edgemap.runtime.network.layouts import FORMS, Arrays, Layout, Reading, classes_in, in_unit, layouts, parts, rows_of
 from edgemap.runtime.network.manifest import ClassEntry, DetectorSpec, HeadSpec, InputSpec, Manifest
 from edgemap.runtime.network.manifest_file import FORMAT, sha256_file

@@ -1,6 +1,7 @@
 """Outputs of detectors as other projects export them: which arrays hold boxes, scores and labels, and in what form."""
 
 from collections.abc import Mapping, Sequence
+from functools import cache
 from typing import Literal
 
 import numpy as np
@@ -95,29 +96,36 @@ def classes_in(outputs: Arrays, layout: Layout) -> int | None:
     return None
 
 
-def rows_of(outputs: Arrays, reading: Reading, classes: int, confidence: float, size: tuple[int, int]) -> tuple:
+def rows_of(
+    outputs: Arrays,
+    reading: Reading,
+    classes: int,
+    confidence: float,
+    size: tuple[int, int],
+    strides: tuple[int, ...] = (),
+) -> tuple[Array, Array, NDArray[np.int64]]:
     """Boxes (N, 4) xyxy in px of an input of this size (width, height), their scores and class numbers.
 
-    Only boxes of at least this score and of a class of the names are returned. Raises ValueError where the cells are
-    none of this input's.
+    Only boxes of at least this score and of a class of the names are returned. strides: of the cells, those of the form
+    by default. Raises ValueError where the cells are none of this input's.
     """
     geometry, scores, labels = parts(outputs, reading.layout, classes)
-    if reading.activation == "sigmoid":
-        scores = 1.0 / (1.0 + np.exp(-np.clip(scores.astype(np.float64), -50.0, 50.0)))
-    elif reading.activation == "softmax":
+    if reading.activation == "softmax":
         powers = np.exp(scores - scores.max(axis=1, keepdims=True))
         scores = (powers / powers.sum(axis=1, keepdims=True))[:, :classes]
-    if labels is None:
-        best = scores.max(axis=1) if len(scores) else np.zeros(0)
-        strong = np.flatnonzero(best >= confidence)
-        labels, scores = scores[strong].argmax(axis=1), best[strong]
-    else:
-        strong = np.flatnonzero(scores >= confidence)
-        labels, scores = labels[strong], scores[strong]
-    labels = labels.astype(np.int64) - reading.first
-    boxes = _corners(geometry, strong, reading, size)
-    known = (labels >= 0) & (labels < classes) & np.isfinite(boxes).all(axis=1)
-    return boxes[known], scores[known].astype(np.float64), labels[known]
+    best = (scores.max(axis=1, initial=-np.inf) if labels is None else scores).astype(np.float64)
+    if reading.activation == "sigmoid":
+        best = sigmoid(best)
+    strong = np.flatnonzero(best >= confidence)
+    numbers = (scores[strong].argmax(axis=1) if labels is None else labels[strong]).astype(np.int64) - reading.first
+    boxes = _corners(geometry, strong, reading, size, strides)
+    known = (numbers >= 0) & (numbers < classes) & np.isfinite(boxes).all(axis=1)
+    return boxes[known], best[strong][known], numbers[known]
+
+
+def sigmoid(x: Array) -> Array:
+    """Logits to probabilities."""
+    return 1.0 / (1.0 + np.exp(-np.clip(x, -50.0, 50.0)))
 
 
 def parts(outputs: Arrays, layout: Layout, classes: int) -> tuple[NDArray, NDArray, NDArray | None]:
@@ -163,16 +171,18 @@ def parts(outputs: Arrays, layout: Layout, classes: int) -> tuple[NDArray, NDArr
     return boxes.reshape(-1, 4)[:total], scores[:total], labels[:total]
 
 
-def _corners(geometry: NDArray, rows: NDArray, reading: Reading, size: tuple[int, int]) -> Array:
+def _corners(
+    geometry: NDArray, rows: NDArray, reading: Reading, size: tuple[int, int], strides_px: tuple[int, ...]
+) -> Array:
     """Corners (N, 4) xyxy in px of the input, of the chosen rows of a file's geometry."""
     chosen, form = geometry[rows].astype(np.float64), reading.form
     if form == "cells":
-        cells, strides = _cells(CELL_STRIDES, len(geometry), size)
+        cells, strides = _cells(strides_px or CELL_STRIDES, len(geometry), size)
         centres = (chosen[:, :2] + cells[rows]) * strides[rows, None]
         half = np.exp(np.minimum(chosen[:, 2:], 20.0)) * strides[rows, None] / 2.0
         return np.concatenate([centres - half, centres + half], axis=1)
     if form in ("bins", "corner bins"):
-        cells, strides = _cells(BIN_STRIDES, len(geometry), size)
+        cells, strides = _cells(strides_px or BIN_STRIDES, len(geometry), size)
         bins = chosen.reshape(len(chosen), 4, BINS)
         weights = np.exp(bins - bins.max(axis=2, keepdims=True, initial=-np.inf))
         sides = (weights / weights.sum(axis=2, keepdims=True)) @ np.arange(BINS)
@@ -187,6 +197,7 @@ def _corners(geometry: NDArray, rows: NDArray, reading: Reading, size: tuple[int
     return chosen
 
 
+@cache
 def _cells(strides: Sequence[int], count: int, size: tuple[int, int]) -> tuple[Array, Array]:
     """Column and row (N, 2) and stride (N,) of every cell. Raises ValueError where there are not `count`."""
     grids = [(-(-size[0] // stride), -(-size[1] // stride), stride) for stride in strides]

@@ -8,12 +8,12 @@ import msgspec
 
 from edgemap.runtime.frames.errors import BundleError
 from edgemap.runtime.frames.reading import SHOWN, decode_json, one_line, read_bytes
+from edgemap.runtime.network.layouts import BINS
 from edgemap.runtime.network.manifest import Manifest
 
 FORMAT = "edgemap.bundle/1"
 MANIFEST_NAME = "bundle.json"
 VALUES_LIMIT = 1 << 26  # of one tensor
-DFL_CHANNELS = 32  # 8 bins for each side of a box
 
 
 def sha256_file(path: Path) -> str:
@@ -73,7 +73,7 @@ def check_shapes(path: Path, manifest: Manifest) -> None:
         elif detector.decode == "dfl":
             (stride, *others) = head.strides
             rows, columns = -(-height // stride), -(-width // stride)  # 416 px are 7 cells of stride 64
-            expected = (1, values + DFL_CHANNELS - 5, rows, columns) if not others else ()
+            expected = (1, values + 4 * BINS - 5, rows, columns) if not others else ()
         if head.shape != expected:
             raise BundleError(
                 f"bundle {path}: head {head.name} has shape {head.shape}, {detector.decode} with {len(head.anchors)} "

@@ -6,8 +6,7 @@ from pathlib import Path
 
 from edgemap.runtime.frames.inference import Engine, Precision
 from edgemap.runtime.network.bundle import Bundle, load_bundle
-from edgemap.runtime.network.compute import Pace
-from edgemap.runtime.network.engines import open_onnxruntime
+from edgemap.runtime.network.engines import Pace, open_onnxruntime
 from edgemap.runtime.network.foreign import load_foreign
 from edgemap.runtime.network.manifest_file import read_manifest, verified_file
 from edgemap.runtime.network.store import bundle_folder

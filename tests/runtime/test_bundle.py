@@ -9,7 +9,6 @@ from support import painted
 from support.refusal import refused
 
 from edgemap.runtime.frames.errors import BundleError, OdometryError
-from edgemap.runtime.network import bundle
 from edgemap.runtime.network.bundle import load_bundle
 from edgemap.runtime.network.manifest_file import read_manifest, write_manifest
 
@@ -130,13 +129,6 @@ def test_a_side_that_the_model_leaves_open_is_named(tmp_path, rows):
     painted.save(folder / "backbone.onnx", model, painted.contract_metadata(read_manifest(folder).detector))
     painted.resum(folder)
     assert f"input image has shape (1, 3, {rows!r}, 64), manifest says (1, 3, 64, 64)" in refusal(folder)
-
-
-def test_a_larger_file_than_a_robot_loads_is_refused(tmp_path, monkeypatch):
-    monkeypatch.setattr(bundle, "MODEL_BYTES", 500)
-    assert re.search(
-        r"backbone.onnx: [\d,]+ bytes, at most 500 are read", refusal(painted.write_painted(tmp_path / "b", CHAIR))
-    )
 
 
 def test_an_older_bundle_with_a_flow_head_loads(tmp_path):

@@ -4,8 +4,7 @@ import numpy as np
 import pytest
 
 from edgemap.runtime.network.bundle import load_bundle
-from edgemap.runtime.network.compute import compute_at
-from edgemap.runtime.network.engines import open_onnxruntime
+from edgemap.runtime.network.engines import compute_at, open_onnxruntime
 from edgemap.runtime.network.network import Compute
 from edgemap.runtime.network.store import bundle_folder
 
@@ -23,7 +22,7 @@ SLEEPING, SPINNING = Compute(2), Compute(2, spin=True)
     ],
 )
 def test_threads_follow_the_pace_unless_they_are_stated(monkeypatch, pace, cores, threads, expected):
-    monkeypatch.setattr("edgemap.runtime.network.compute._cores", lambda: cores)
+    monkeypatch.setattr("edgemap.runtime.network.engines._cores", lambda: cores)
     assert compute_at(pace, threads) == expected
 
 
