@@ -21,7 +21,6 @@ from edgemap.runtime.frames.inference import Inference
 from edgemap.runtime.frames.reading import printable
 from edgemap.runtime.frames.trajectory import AttitudeTrack, PoseTrack, TrackFile, Trajectory
 
-TICK_S = 0.5  # longest wait of a read
 DEFAULT_RATE_HZ = 10.0  # of pictures without stamps
 NO_DEPTH = "none at the time of the picture"
 
@@ -233,12 +232,11 @@ class RecoveryRule:
     """Timeouts and retries of a live camera's supervisor.
 
     first_frame_limit_s: maximum time before the first frame, because devices start slowly. After a reopening the limit
-    is three times the stall limit, doubled with each consecutive reopening, and at most first_frame_limit_s.
-    stall_limit_s: a frame is late after ten median frame intervals of the camera, and not before this time. A hardware
-    reset precedes every second reopening, if the camera supports it. The wait before the second consecutive reopening
-    is half a second, doubled each time, at most half a minute. A frame ends the sequence. The next sequence starts at
-    the number of outages that had less than two seconds of frames between them. restarts: budget of reopenings; half a
-    minute of frames restores one. strict: a run ends at its first fault (a damaged picture, a late frame).
+    is three times the stall limit, doubled with each reopening, and at most first_frame_limit_s. stall_limit_s: a frame
+    is late after ten median frame intervals of the camera, and not before this time. A hardware reset precedes every
+    second reopening, if the camera supports it. The wait before the second reopening is half a second, doubled each
+    time, at most half a minute. restarts: budget of reopenings; half a minute of frames restores one. strict: a run
+    ends at its first fault (a damaged picture, a late frame).
     """
 
     first_frame_limit_s: float = 10.0

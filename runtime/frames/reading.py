@@ -17,13 +17,13 @@ import msgspec
 from msgspec import Meta
 
 from edgemap.geometry.errors import EdgemapError
+from edgemap.runtime.frames.limits import FILE_BYTES
 
 T = TypeVar("T")
 
 MESSAGE_LENGTH = 200
 LINE_LENGTH = 1000  # of what is printed
 SHOWN = 60  # of a value
-FILE_BYTES = 256 << 20  # of a file that is read whole
 HIDDEN = r"\x00-\x1f\x7f-\x9f\u200b-\u200f\u2028-\u202e\u2060-\u206f\ufeff"  # control characters, text directions
 
 # Numbers and names as files may hold them. NaN and infinity satisfy no bound, so they are refused.

@@ -5,10 +5,9 @@ from pathlib import Path
 from urllib.parse import urlsplit
 
 from edgemap.geometry.errors import EdgemapError
+from edgemap.runtime.frames.limits import SILENCE_S
 from edgemap.runtime.frames.reading import one_line
 from edgemap.runtime.network.manifest_file import sha256_file
-
-TIMEOUT_S = 10.0  # to connect, and between two pieces
 
 
 class DownloadError(EdgemapError):
@@ -44,7 +43,7 @@ def download(url: str, target: Path, *, sums: tuple[str, ...] = (), label: str =
             return target
         target.parent.mkdir(parents=True, exist_ok=True)
         part.unlink(missing_ok=True)
-        fetch = pooch.HTTPDownloader(progressbar=progress, timeout=TIMEOUT_S)
+        fetch = pooch.HTTPDownloader(progressbar=progress, timeout=SILENCE_S)
         pooch.retrieve(url, None, part.name, target.parent, downloader=fetch)  # pyright: ignore[reportArgumentType]
         if sums and (seen := sha256_file(part)) not in sums:
             wanted = " or ".join(value[:12] + "…" for value in sums)
@@ -55,7 +54,7 @@ def download(url: str, target: Path, *, sums: tuple[str, ...] = (), label: str =
         why = "" if answer is None else f"{answer.status_code} {one_line(answer.reason)}"
         raise DownloadError(f"{label}: HTTP {why}") from None
     except requests.Timeout:
-        raise DownloadError(f"{label}: no answer within {TIMEOUT_S:g} s") from None
+        raise DownloadError(f"{label}: no answer within {SILENCE_S:g} s") from None
     except (requests.RequestException, OSError, ValueError) as error:
         raise DownloadError(f"{label}: {_cause(error).replace(url, label)}") from None
     finally:

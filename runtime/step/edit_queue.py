@@ -17,6 +17,7 @@ from edgemap.geometry.objects.events import Edit, EditError, EditKind
 from edgemap.runtime.frames.disk import LineFile
 from edgemap.runtime.frames.errors import DiskError
 from edgemap.runtime.frames.faults import Fault, FaultKind
+from edgemap.runtime.frames.limits import QUEUE
 from edgemap.runtime.frames.reading import (
     HIDDEN,
     Coordinate,
@@ -30,7 +31,6 @@ from edgemap.runtime.frames.reading import (
 from edgemap.runtime.step.map_records import Yaw
 from edgemap.runtime.step.mapper import Mapper
 
-MAXIMUM_WAITING = 100
 KINDS = get_args(EditKind)
 FORMER_KINDS = {"rename": "name", "restore": "undo", "drop_zone": "undo", "drop_dock": "undo"}  # in recordings
 Text = Annotated[str, Meta(max_length=200, pattern=rf"\A[^{HIDDEN}]*\Z")]
@@ -74,8 +74,8 @@ class Edits:
         """Ask for an edit, from any thread; the id of its object or zone once it is done. The future raises EditError
         where the map does not allow it."""
         future: Future[str] = Future()
-        if len(self._waiting) >= MAXIMUM_WAITING:
-            future.set_exception(EditError(f"{MAXIMUM_WAITING} edits are waiting already"))
+        if len(self._waiting) >= QUEUE:
+            future.set_exception(EditError(f"{QUEUE} edits are waiting already"))
         else:
             self._waiting.append((edit, future))
         if self._ended:

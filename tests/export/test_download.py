@@ -51,7 +51,7 @@ def test_a_wrong_sum_is_refused_and_deleted(server, tmp_path):
 
 def test_unreachable_sources_are_one_line_each(server, tmp_path, monkeypatch):
     server.slow.add("/slow")
-    monkeypatch.setattr(downloading, "TIMEOUT_S", 0.2)
+    monkeypatch.setattr(downloading, "SILENCE_S", 0.2)
     assert refusal(get, server, tmp_path / "f", "/none").endswith("/none: HTTP 404 Not Found")
     assert "no answer within 0.2 s" in refusal(get, server, tmp_path / "f", "/slow")
     assert "Connection refused" in refusal(download, "http://127.0.0.1:9/f", tmp_path / "f", progress=False)

@@ -10,10 +10,10 @@ from numpy.typing import NDArray
 from edgemap.geometry.camera.imu import ImuSamples
 from edgemap.runtime.frames.camera import Camera
 from edgemap.runtime.frames.frame import Frame
+from edgemap.runtime.frames.limits import QUEUE
 from edgemap.runtime.inputs.cameras.delivery import clock_jumps
 from edgemap.runtime.inputs.cameras.wrappers import CameraAround
 
-KEPT = 20_000  # maximum number of samples of each kind that wait for a reader
 OVERLAP_S = 0.1  # forces of this time are kept for interpolation
 
 _Row = tuple[float, float, float, float]
@@ -30,7 +30,7 @@ class ImuBuffer:
     def __init__(
         self,
         rotation: NDArray[np.float64] | None = None,
-        kept: int | None = KEPT,
+        kept: int | None = QUEUE,
         clock_s: Callable[[], float] | None = None,
     ) -> None:
         self.rotation = np.eye(3) if rotation is None else rotation

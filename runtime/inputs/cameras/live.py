@@ -7,15 +7,14 @@ from collections.abc import Callable
 
 from edgemap.geometry.camera.intrinsics import Intrinsics
 from edgemap.geometry.camera.mount import Mount
-from edgemap.runtime.frames.camera import TICK_S, Camera, CameraInfo, Driver, Picture, RecoveryRule
+from edgemap.runtime.frames.camera import Camera, CameraInfo, Driver, Picture, RecoveryRule
 from edgemap.runtime.frames.errors import CameraFault, CameraLostError, CameraState, FrameTimeout
 from edgemap.runtime.frames.frame import Frame
+from edgemap.runtime.frames.limits import QUEUE, TICK_S
 from edgemap.runtime.inputs.cameras.checked import rate_of, size_of
 from edgemap.runtime.inputs.cameras.supervisor import Supervisor
 
 HANG_LIMIT_S = 60.0  # a poll that lasts longer hangs in the driver, which only a new process gets out of
-CLOSE_LIMIT_S = 1.0
-MAX_FAULTS = 1000  # kept for a reader that does not read
 
 
 class LiveCamera(Camera):
@@ -41,7 +40,7 @@ class LiveCamera(Camera):
         super().__init__(CameraInfo(driver.name, size, lens, mount, live=True, rate_hz=rate_hz))
         self._clock_s = clock_s or time.monotonic
         self._changed = threading.Condition()
-        self._faults: deque[CameraFault] = deque(maxlen=MAX_FAULTS)
+        self._faults: deque[CameraFault] = deque(maxlen=QUEUE)
         self._slot: Picture | None = None
         self._lost: BaseException | None = None
         self._closing = False
@@ -94,7 +93,7 @@ class LiveCamera(Camera):
         return self.frame(picture.image, picture.stamp_s, f"{self.info.name}#{self._delivered}", picture.depth)
 
     def close(self) -> None:
-        """Stops the thread and releases the device; waits at most a second for a grab in progress."""
+        """Stops the thread and releases the device; waits at most `TICK_S` for a grab in progress."""
         with self._changed:
             self._closing = True
             self._slot = None
@@ -103,7 +102,7 @@ class LiveCamera(Camera):
         if self._thread is None:
             self._supervisor.close()
         elif self._thread is not threading.current_thread():
-            self._thread.join(timeout=CLOSE_LIMIT_S)
+            self._thread.join(timeout=TICK_S)
 
     def _await(self, limit_s: float) -> None:
         if self._thread is None:

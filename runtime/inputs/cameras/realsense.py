@@ -13,11 +13,11 @@ from edgemap.geometry.camera.intrinsics import Distortion, Intrinsics
 from edgemap.runtime.frames.camera import Picture
 from edgemap.runtime.frames.errors import CameraError, MissingExtraError
 from edgemap.runtime.frames.extras import install_hint
+from edgemap.runtime.frames.limits import SILENCE_S
 from edgemap.runtime.inputs.cameras.imu_buffer import ImuBuffer
 from edgemap.runtime.inputs.cameras.realsense_frames import POLL_MS, Aligned, start_motion, started, stop, to_bgr
 
 WIDTH, HEIGHT, RATE_HZ = 640, 480, 30
-DEPTH_LIMIT_MS = 3000  # for the first pictures with depth
 
 
 def import_realsense() -> ModuleType:
@@ -147,7 +147,7 @@ class RealSenseDriver:
             except RuntimeError as error:
                 failure = " ".join(str(error).split())
                 continue
-            if with_depth and not pipeline.try_wait_for_frames(DEPTH_LIMIT_MS)[0]:
+            if with_depth and not pipeline.try_wait_for_frames(round(1e3 * SILENCE_S))[0]:
                 stop(pipeline)  # without depth no pictures would be delivered either
                 continue
             self._opened = pipeline.get_active_profile().get_device()

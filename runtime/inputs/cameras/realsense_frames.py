@@ -1,7 +1,7 @@
 """Frames and motion samples of librealsense's pipelines: colour as BGR with depth, gyro and accelerometer."""
 
 import time
-from collections.abc import Callable, Generator
+from collections.abc import Callable, Generator, Iterator
 from pathlib import Path
 from types import ModuleType
 from typing import Any
@@ -13,13 +13,13 @@ from numpy.typing import NDArray
 from edgemap.geometry.arrays import Array
 from edgemap.geometry.camera.imu import ImuSamples
 from edgemap.runtime.frames.errors import CameraError
+from edgemap.runtime.frames.limits import SILENCE_S
 from edgemap.runtime.frames.reading import library_path
 from edgemap.runtime.inputs.cameras.imu_buffer import ImuBuffer
 from edgemap.runtime.inputs.drives.pictures import ENCODINGS, Depth, DepthBeside, bgr_of
 
 LATE_S = 0.02  # between a picture and the depth that belongs to it
 POLL_MS = 200  # of one wait for a frame
-SILENT_POLLS = 50  # 10 s of a recording that neither delivers nor ends
 BEGIN_LIMIT_S = 2.0
 
 
@@ -49,30 +49,42 @@ def depth_beside(rs: ModuleType, path: Path) -> DepthBeside | None:
         started(rs, pipeline, config)
     except RuntimeError:  # no depth stream; the camera itself says what else is wrong
         return None
-    return DepthBeside(_aligned_pictures(rs, pipeline, playback), LATE_S)
+    return DepthBeside(_aligned_pictures(rs, pipeline, playback, path), LATE_S)
 
 
 def _aligned_pictures(
-    rs: ModuleType, pipeline: Any, playback: Any
+    rs: ModuleType, pipeline: Any, playback: Any, path: Path
 ) -> Generator[tuple[float, Callable[[], Depth]], None, None]:
     """Stamps and depth pictures of a playback until it ends or is silent; then it is stopped."""
-    align, last, silent = Aligned(rs), -1, 0
+    align, last = Aligned(rs), -1
     try:
-        while silent < SILENT_POLLS:
-            stopped = playback.current_status() == rs.playback_status.stopped
-            there, frames = pipeline.try_wait_for_frames(POLL_MS)
-            if stopped and not there:
-                return
-            silent = 0 if there else silent + 1
-            measured = frames.get_depth_frame() if there else None
+        for frames in frame_sets(rs, pipeline, playback, path):
+            measured = frames.get_depth_frame()
             if not measured or measured.get_frame_number() == last:
                 continue
             depth = align(frames)
             if depth is not None:
                 last = measured.get_frame_number()
                 yield measured.get_timestamp() / 1000.0, lambda depth=depth: depth
+    except CameraError:  # silence; the camera itself reports it
+        return
     finally:
         stop(pipeline)
+
+
+def frame_sets(rs: ModuleType, pipeline: Any, playback: Any, path: Path) -> Iterator[Any]:
+    """Sets of frames of a playback until it ends. Raises CameraError where it falls silent before."""
+    heard_s = time.monotonic()
+    while time.monotonic() - heard_s < SILENCE_S:
+        # Asked first: what was queued when playback stopped is still there to be waited for.
+        stopped = playback.current_status() == rs.playback_status.stopped
+        there, frames = pipeline.try_wait_for_frames(POLL_MS)
+        if there:
+            yield frames
+            heard_s = time.monotonic()
+        elif stopped:
+            return
+    raise CameraError(f"{path}: no frame for {SILENCE_S:.0f} s and no end either")
 
 
 def as_fast_as_read(rs: ModuleType, pipeline: Any, config: Any) -> Any:

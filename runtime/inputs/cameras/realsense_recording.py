@@ -13,10 +13,9 @@ from edgemap.runtime.frames.frame import Frame
 from edgemap.runtime.frames.reading import library_path, one_line
 from edgemap.runtime.inputs.cameras.realsense import import_realsense, lens_of, picture_size
 from edgemap.runtime.inputs.cameras.realsense_frames import (
-    POLL_MS,
-    SILENT_POLLS,
     as_fast_as_read,
     depth_beside,
+    frame_sets,
     recorded_motion,
     started,
     stop,
@@ -53,6 +52,7 @@ class RealSenseRecording(Camera):
             config.enable_stream(rs.stream.color)
             self._playback = as_fast_as_read(rs, self._pipeline, config)
             profile = started(rs, self._pipeline, config).get_stream(rs.stream.color)
+            self._sets = frame_sets(rs, self._pipeline, self._playback, path)
             self._running = True
         except RuntimeError as error:
             self.close()
@@ -76,18 +76,10 @@ class RealSenseRecording(Camera):
 
     def read(self) -> Frame | None:
         """The next frame; None at the end. Raises CameraError where the recording is damaged or falls silent."""
-        for _ in range(SILENT_POLLS):
-            if not self._running:
-                return None
-            # Asked first: what was queued when playback stopped is still there to be waited for.
-            stopped = self.stopped
-            there, frames = self._pipeline.try_wait_for_frames(POLL_MS)
-            colour = frames.get_color_frame() if there else None
-            if colour:
-                return self._frame(colour)
-            if stopped and not there:
-                return None
-        raise CameraError(f"{self._path}: no frame for {SILENT_POLLS * POLL_MS / 1000:.0f} s and no end either")
+        if not self._running:
+            return None
+        colour = next((colour for frames in self._sets if (colour := frames.get_color_frame())), None)
+        return None if colour is None else self._frame(colour)
 
     @property
     def stopped(self) -> bool:

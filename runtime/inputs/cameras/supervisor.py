@@ -9,26 +9,31 @@ from collections.abc import Callable
 from edgemap.runtime.frames.camera import Device, Driver, Picture, RecoveryRule
 from edgemap.runtime.frames.errors import CameraFault, CameraLostError, CameraState
 from edgemap.runtime.frames.faults import FaultKind
+from edgemap.runtime.frames.limits import TICK_S
 from edgemap.runtime.frames.reading import error_line
 from edgemap.runtime.inputs.cameras.checked import size_of
 from edgemap.runtime.inputs.cameras.delivery import DeliveryCheck, StreamClock
 
-STALL_INTERVALS, RESET_EVERY = 10, 2
-BACK_OFF_S, BACK_OFF_LIMIT_S, SETTLE_S, REFILL_S = 0.5, 30.0, 2.0, 30.0
+STALL_INTERVALS = 10  # median frame intervals after which a frame is late
+RESET_EVERY = 2  # restarts, of which the last begins with a reset of the hardware
+BACK_OFF_LIMIT_S = 30.0  # longest wait before a restart; so many seconds of frames restore one
+RETRY_S, RETRIES = 0.05, 3  # wait after a failed grab, and consecutive ones before the device is reopened
 
 
 class RecoveryClock:
-    """Tracks the frame intervals, the remaining restarts, and the wait before the next restart."""
+    """Tracks the frame intervals, the restarts that frames have not restored, and the wait before the next restart."""
 
     def __init__(self, rule: RecoveryRule, now_s: float) -> None:
         self.rule = rule
-        self.restarts = 0  # consecutive
-        self._outages = 0  # consecutive, each ended by a frame
         self.spent = 0.0
         self.heard_s = now_s
         self._intervals_s: deque[float] = deque(maxlen=30)
         self.fresh = True  # no frame since the device was opened
-        self._restarted_s = now_s
+
+    @property
+    def restarts(self) -> int:
+        """Restarts that frames have not restored."""
+        return round(self.spent)
 
     @property
     def rate_hz(self) -> float | None:
@@ -52,34 +57,20 @@ class RecoveryClock:
 
     def frame(self, now_s: float) -> None:
         """Records the arrival of a good frame."""
-        if self.fresh and self.restarts:
-            self._outages += 1
-            self.restarts = self._outages
         if not self.fresh:
             self._intervals_s.append(now_s - self.heard_s)
-            self.spent = max(0.0, self.spent - (now_s - self.heard_s) / REFILL_S)
+            self.spent = max(0.0, self.spent - (now_s - self.heard_s) / BACK_OFF_LIMIT_S)
         self.heard_s, self.fresh = now_s, False
-        if now_s - self._restarted_s >= SETTLE_S:
-            self.restarts = self._outages = 0
 
     def restart(self, now_s: float) -> bool:
         """Uses one restart. Returns whether it should begin with a hardware reset."""
-        self.restarts += 1
         self.spent += 1.0
-        self.heard_s = self._restarted_s = now_s
-        self.fresh = True
+        self.heard_s, self.fresh = now_s, True
         return self.restarts % RESET_EVERY == 0
 
     def back_off_s(self) -> float:
         """Wait before the next restart, s; 0 before the first of a sequence."""
-        if self.restarts == 0:
-            return 0.0
-        return min(BACK_OFF_LIMIT_S, BACK_OFF_S * 2.0 ** (self.restarts - 1))
-
-
-POLL_S = 0.2  # maximum wait of one poll without an open device
-RETRY_S = 0.05  # wait after a failed grab
-RETRIES = 3  # consecutive failed grabs before the device is reopened
+        return min(BACK_OFF_LIMIT_S, TICK_S * 2.0 ** (self.restarts - 1)) if self.restarts else 0.0
 
 
 class Supervisor:
@@ -135,7 +126,7 @@ class Supervisor:
     def poll(self) -> Picture | None:
         """The next good picture, with its stamp on the stream clock; None if there is none yet.
 
-        Blocks no longer than one grab, one opening or `POLL_S`. Raises CameraLostError once the budget is spent.
+        Blocks no longer than one grab, one opening or `TICK_S`. Raises CameraLostError once the budget is spent.
         """
         if self._removed and self._device is not None:
             self._removed = False
@@ -218,7 +209,7 @@ class Supervisor:
         now_s = self._clock_s()
         if now_s < self._due_s:
             self._wake.clear()
-            self._wait(min(POLL_S, self._due_s - now_s))
+            self._wait(min(TICK_S, self._due_s - now_s))
             return
         if self._recovery.exhausted:
             self.state = CameraState.LOST

@@ -9,10 +9,11 @@ from typing import Any
 import numpy as np
 
 from edgemap.geometry.camera.mount import QUARTER_TURN
-from edgemap.runtime.frames.camera import TICK_S, Camera, CameraInfo
+from edgemap.runtime.frames.camera import Camera, CameraInfo
 from edgemap.runtime.frames.errors import CameraState, FrameTimeout
 from edgemap.runtime.frames.faults import Fault
 from edgemap.runtime.frames.frame import Frame
+from edgemap.runtime.frames.limits import TICK_S
 
 
 class CameraAround(Camera):

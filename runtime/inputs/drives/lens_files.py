@@ -13,8 +13,6 @@ from edgemap.runtime.frames.reading import one_line, read_text
 from edgemap.runtime.frames.yaml_file import read_yaml
 
 Tree = Mapping[str, Any]
-TEXT_BYTES = 64 << 20  # of a transforms.json, which lists all pictures
-TABLE_BYTES = 1 << 20
 HALF_PX = 0.5  # COLMAP and nerfstudio count from the corner of the first pixel
 OPENCV_KEYS = {
     "matrix": ("camera_matrix", "Camera_Matrix", "cameraMatrix", "CameraMatrix", "intrinsic_matrix", "K", "M1", "M"),
@@ -58,11 +56,11 @@ def _tree(path: Path) -> Tree | None:
     """The file as plain values; `cameras` are the lines of COLMAP's text."""
     if path.suffix == ".json":
         try:
-            tree = json.loads(read_text(path, CameraError, TEXT_BYTES))
+            tree = json.loads(read_text(path, CameraError))
         except (ValueError, RecursionError) as error:
             raise CameraError(f"{path}: not JSON ({one_line(error)})") from None
     elif path.suffix == ".txt":
-        lines = (line.split() for line in read_text(path, CameraError, TABLE_BYTES).splitlines())
+        lines = (line.split() for line in read_text(path, CameraError).splitlines())
         tree = {"cameras": [line for line in lines if line and not line[0].startswith("#")]}
     elif path.is_file() and path.suffix in (".yml", ".yaml"):
         tree = read_yaml(path, CameraError)
