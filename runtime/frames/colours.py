@@ -15,33 +15,22 @@ class Mark:
     colour: str
 
 
-def _rotated(polygon: Polygon, by_rad: float) -> Polygon:
-    c, s = math.cos(by_rad), math.sin(by_rad)
-    return tuple((c * x - s * y, s * x + c * y) for x, y in polygon)
+def _around(part: Polygon, times: int, by_rad: float = 0.0) -> Polygon:
+    """A polygon of equal parts around its centre. part: the corners of one of them."""
+    turns = [(math.cos(turn), math.sin(turn)) for turn in (by_rad + math.tau * k / times for k in range(times))]
+    return tuple((c * x - s * y, s * x + c * y) for c, s in turns for x, y in part)
 
-
-def _star(points: int, inner: float, outer: float) -> Polygon:
-    polar = ((math.pi * k / points - math.pi / 2, inner if k % 2 else outer) for k in range(2 * points))
-    return tuple((radius * math.cos(angle), radius * math.sin(angle)) for angle, radius in polar)
-
-
-_ARM, _REACH = 0.42, 1.2
-_PLUS: Polygon = (
-    (-_ARM, -_REACH), (_ARM, -_REACH), (_ARM, -_ARM), (_REACH, -_ARM), (_REACH, _ARM), (_ARM, _ARM),
-    (_ARM, _REACH), (-_ARM, _REACH), (-_ARM, _ARM), (-_REACH, _ARM), (-_REACH, -_ARM), (-_ARM, -_ARM),
-)  # fmt: skip
-_TRIANGLE: Polygon = ((0.0, -1.25), (1.2, 0.85), (-1.2, 0.85))
 
 # Corners (right, down) about the centre, in units of a circle's radius with about the same ink; none for the circle.
 SHAPES: dict[str, Polygon] = {
     "circle": (),
-    "square": ((-0.9, -0.9), (0.9, -0.9), (0.9, 0.9), (-0.9, 0.9)),
-    "triangle": _TRIANGLE,
-    "diamond": ((0.0, -1.3), (1.05, 0.0), (0.0, 1.3), (-1.05, 0.0)),
-    "wedge": tuple((x, -y) for x, y in _TRIANGLE),
-    "plus": _PLUS,
-    "star": _star(5, 0.6, 1.4),
-    "cross": _rotated(_PLUS, math.pi / 4),
+    "square": _around(((-0.9, -0.9),), 4),
+    "triangle": _around(((0.0, -1.3),), 3),
+    "diamond": _around(((0.0, -1.3), (1.05, 0.0)), 2),
+    "wedge": _around(((0.0, 1.3),), 3),
+    "plus": _around(((-0.42, -1.2), (0.42, -1.2), (0.42, -0.42)), 4),
+    "star": _around(((0.0, -1.4), (0.353, -0.485)), 5),
+    "cross": _around(((-0.42, -1.2), (0.42, -1.2), (0.42, -0.42)), 4, math.pi / 4.0),
 }
 
 # Two sets of three colours, each 3:1 against white and against the dark page's cards (WCAG 2.2, 1.4.11). Within a set

@@ -9,8 +9,6 @@ from edgemap.geometry.se2 import SE2
 from edgemap.runtime.frames.errors import CameraError
 from edgemap.runtime.frames.trajectory import AttitudeTrack
 
-OPTICAL_FORWARD = (0.0, 0.0, 1.0)
-BASE_FORWARD = (1.0, 0.0, 0.0)
 LEVEL = 1e-4  # rad and m; files round
 
 
@@ -44,7 +42,7 @@ def planarise_camera(poses_world_camera: Array, world_up: str | Array, mount: Mo
     horizontal part of the optical axis; the mount's lever arm (none without a mount) takes the lens to the turn axis.
     Raises CameraError where the camera looks straight up or down.
     """
-    lens = _planar(poses_world_camera, world_up, OPTICAL_FORWARD)
+    lens = _planar(poses_world_camera, world_up, poses_world_camera[:, :3, 2])
     lever = SE2(mount.forward_m, mount.left_m, 0.0) if mount else SE2()
     return _from_first([pose @ lever.inverse() for pose in lens])
 
@@ -53,7 +51,7 @@ def upright_camera(poses_world_camera: Array, world_up: str, mount: Mount | None
     """Camera-to-world poses as (N, 4, 4) of the lens, base axes, in a z-up frame that starts where the first one is
     and heads where it looks: all six dimensions, levelled by the mount's angles alone."""
     up = up_vector(world_up)
-    headings = poses_world_camera[:, :3, :3] @ np.array(OPTICAL_FORWARD)
+    headings = poses_world_camera[:, :3, 2]
     ahead = headings[0] - (headings[0] @ up) * up
     ahead /= np.linalg.norm(ahead)
     start_world = np.array([ahead, np.cross(up, ahead), up])
@@ -86,12 +84,11 @@ def base_attitudes(
 
 def planarise_base(poses_world_base: Array, world_up: str | Array) -> tuple[SE2, ...]:
     """Base-to-world poses, (N, 4, 4), base axes as in REP-103, to `pose_start_base`."""
-    return _from_first(_planar(poses_world_base, world_up, BASE_FORWARD))
+    return _from_first(_planar(poses_world_base, world_up, poses_world_base[:, :3, 0]))
 
 
-def _planar(poses: Array, world_up: str | Array, forward_axis: tuple[float, float, float]) -> list[SE2]:
+def _planar(poses: Array, world_up: str | Array, headings: Array) -> list[SE2]:
     up = up_vector(world_up)
-    headings = poses[:, :3, :3] @ np.array(forward_axis)
     headings = headings - np.outer(headings @ up, up)
     lengths = np.linalg.norm(headings, axis=1)
     if lengths.min() < 1e-3:

@@ -13,8 +13,9 @@ from edgemap.geometry.objects.annotations import NO_ANNOTATIONS, Annotations
 from edgemap.geometry.objects.rooms import rooms_of
 from edgemap.geometry.se2 import SE2
 from edgemap.runtime.frames.trajectory import Trajectory, trajectory_of
-from edgemap.runtime.outputs.map_formats.drawing import MAXIMUM_POSES, DrawnMap, map_svg
+from edgemap.runtime.outputs.map_formats.drawing import DrawnMap, map_svg
 from edgemap.runtime.outputs.map_formats.geojson import geojson_text
+from edgemap.runtime.outputs.map_formats.shapes import MAXIMUM_SHAPES
 from edgemap.runtime.step.grid_file import load_grid
 from edgemap.runtime.step.map_file import DEFAULT_MAP_ID, load_annotated_map
 from edgemap.runtime.step.map_store import saved_map
@@ -43,7 +44,7 @@ class MapObjects(list[MapObject]):
         driven = self._driven
         if not isinstance(driven, PoseJournal) or not len(driven):
             return None if isinstance(driven, PoseJournal) else driven
-        stamps_s = driven.stamps_s[:: max(1, len(driven) // MAXIMUM_POSES)]
+        stamps_s = driven.stamps_s[:: max(1, len(driven) // MAXIMUM_SHAPES)]
         return Trajectory(stamps_s, tuple(SE2(*row).scaled(self._scale) for row in driven.at(stamps_s).tolist()))
 
     @property

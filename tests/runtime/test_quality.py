@@ -11,7 +11,7 @@ from edgemap.runtime.frames.faults import Fault, FaultKind
 from edgemap.runtime.frames.frame import Frame
 from edgemap.runtime.motion.health import PictureHealth
 from edgemap.runtime.motion.odometry.protocol import MotionState
-from edgemap.runtime.outputs.verdict.quality import QualityCounter
+from edgemap.runtime.outputs.verdict.run_counts import QualityCounter
 
 
 def made(count=10):

@@ -32,7 +32,6 @@ from edgemap.runtime.inputs.drives.pictures import (
 
 # A header's frame count is an estimate in some containers; a file that lacks more than this was cut off.
 MISSING_FRAMES, MISSING_SHARE = 3, 0.05
-FALLBACK_RATE_HZ = 30.0
 
 
 class FileCamera(Camera):
@@ -142,7 +141,7 @@ class VideoCamera(FileCamera):
             return float(self._stamps_s[self._delivered])
         if math.isfinite(file_stamp_s) and file_stamp_s > self._last_s:
             return file_stamp_s
-        return self._last_s + 1.0 / (self.info.rate_hz or FALLBACK_RATE_HZ) if self._delivered else 0.0
+        return self._last_s + 1.0 / (self.info.rate_hz or DEFAULT_RATE_HZ) if self._delivered else 0.0
 
     def _check_end(self) -> None:
         if self._stamps_s is not None and self._delivered < len(self._stamps_s):
@@ -153,7 +152,7 @@ class VideoCamera(FileCamera):
             return
         allowed = max(MISSING_FRAMES, MISSING_SHARE * self._announced)
         # Containers without a count announce their length times the rate: of a variable rate only the length holds.
-        until = 1 + round((self._last_s - self._first_s) * (self.info.rate_hz or FALLBACK_RATE_HZ))
+        until = 1 + round((self._last_s - self._first_s) * (self.info.rate_hz or DEFAULT_RATE_HZ))
         if self._announced - max(self._delivered, until) > allowed:
             raise CameraError(f"{self._path}: cut off, {self._delivered} of {self._announced} announced frames decoded")
 

@@ -8,7 +8,6 @@ from edgemap.runtime.frames.reading import library_path
 
 PICTURE_KINDS = (".jpg", ".jpeg", ".png", ".tif", ".tiff")
 FILM_DIAGONAL_MM = math.hypot(36.0, 24.0)
-EXIF, FOCAL_35MM = 0x8769, 0xA405  # tags: the EXIF block, FocalLengthIn35mmFilm
 VIDEO_KEYS = ("com.apple.quicktime.camera.focal_length.35mm_equivalent",)
 LEAST_MM, MOST_MM = 8.0, 400.0
 
@@ -32,11 +31,12 @@ def stated_focal_px(path: Path, width: int, height: int) -> tuple[float, str] | 
 
 
 def _of_picture(path: Path) -> float | None:
-    from PIL import Image
+    from PIL import ExifTags, Image
 
     try:
         with Image.open(path) as picture:
-            return _number(picture.getexif().get_ifd(EXIF).get(FOCAL_35MM))
+            exif = picture.getexif().get_ifd(ExifTags.IFD.Exif)
+            return _number(exif.get(ExifTags.Base.FocalLengthIn35mmFilm))
     except (OSError, ValueError, SyntaxError, KeyError, Image.DecompressionBombError):  # of damaged files
         return None
 

@@ -21,6 +21,7 @@ from edgemap.runtime.frames.disk import write_atomically
 from edgemap.runtime.frames.errors import CameraError
 from edgemap.runtime.frames.reading import Coordinate, Name, Side, Strict, convert
 from edgemap.runtime.frames.spatial_poses import poses_of, quaternion_of
+from edgemap.runtime.frames.trajectory import QUATERNION_TOLERANCE
 from edgemap.runtime.frames.yaml_file import read_yaml
 from edgemap.runtime.inputs.drives.lens_files import read_foreign_lens
 from edgemap.runtime.inputs.drives.pose_files import check_count, read_stamps
@@ -30,7 +31,6 @@ Angle = Annotated[float, Meta(gt=-90.0, lt=90.0)]  # degrees
 Arm = Annotated[float, Meta(ge=-100.0, le=100.0)]  # metres
 Focal = Annotated[float, Meta(gt=0.0, le=1e6)]  # px
 Part = Annotated[float, Meta(ge=-1.1, le=1.1)]  # of a unit quaternion
-UNIT = 0.01  # of its length; files round
 
 
 @dataclass(frozen=True, slots=True)
@@ -90,7 +90,7 @@ class _Depth(LensRecord):
         """The depth camera. Raises GeometryError."""
         quaternion = np.array(self.quaternion_xyzw)
         length = float(np.linalg.norm(quaternion))
-        if abs(length - 1.0) > UNIT:
+        if abs(length - 1.0) > QUATERNION_TOLERANCE:
             raise GeometryError(f"depth: quaternion_xyzw has length {length:.4f}, expected 1")
         (pose,) = poses_of(np.array([self.position_m]), quaternion[None] / length)
         return DepthCamera(self.intrinsics(), pose[:3, :3], pose[:3, 3])

@@ -30,7 +30,6 @@ def label_table(names: Sequence[str], scored: bool = False) -> NumberTable:
 
 
 LABELS = label_table(COCO_NAMES)
-SCORED_COLUMNS = 6
 
 
 def read_yolo(folder: Path) -> Drive:
@@ -78,7 +77,7 @@ def _read_labels(path: Path, image: Path, names: tuple[str, ...]) -> LabelledBox
     data = read_bytes(path, CameraError) if path.is_file() else b""
     if not data.strip():
         return LabelledBoxes(np.zeros((0, 4)), ())
-    scored = len(data.split(b"\n", 1)[0].split()) == SCORED_COLUMNS
+    scored = len(data.split(b"\n", 1)[0].split()) == len(label_table(names, True).columns)
     numbers, rows = label_table(names, scored).parse(data, str(path), CameraError)
     classes = rows[:, 0].astype(np.int64)
     if len(odd := np.flatnonzero(classes != rows[:, 0])):

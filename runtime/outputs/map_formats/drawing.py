@@ -20,17 +20,26 @@ from edgemap.runtime.frames.colours import SHAPES, label_colour, label_mark
 from edgemap.runtime.frames.disk import make_folder, write_atomically
 from edgemap.runtime.frames.frame import png
 from edgemap.runtime.outputs.map_formats.labels import place_labels
-from edgemap.runtime.outputs.map_formats.shapes import INK, PAPER, Item, Points, Raster, Shape, Text, picture_of, svg_of
+from edgemap.runtime.outputs.map_formats.shapes import (
+    INK,
+    MAXIMUM_SHAPES,
+    PAPER,
+    Item,
+    Points,
+    Raster,
+    Shape,
+    Text,
+    bgr,
+    picture_of,
+    svg_of,
+)
 from edgemap.runtime.outputs.sightings_file import SeenRecord
 from edgemap.runtime.outputs.verdict.verdict import is_doubtful
 
 WIDEST_PX, TALLEST_PX, TITLE_PX, MARGIN_M = 960.0, 720.0, 28.0, 0.5  # of one panel
 LONGEST_AXIS_M = 3.0  # an ellipse larger than this does not enlarge the drawing
-MAXIMUM_DRAWN, MAXIMUM_SIGHTINGS, MAXIMUM_POSES = 5000, 5000, 4000
 GRID, MUTED, PATH, LONE = "#e6e8eb", "#5d6672", "#7f8a97", "#8d96a1"
-# Blue, green, red, opacity.
-FREE_BGRA, OBSTACLE_BGRA = (242, 237, 230, 255), (133, 117, 107, 255)
-_STEPS_M = (0.25, 0.5, 1.0, 2.0, 5.0, 10.0, 20.0, 50.0, 100.0, 200.0, 500.0, 1000.0)
+FLOOR_COLOUR, OBSTACLE_COLOUR = "#e6edf2", "#6b7585"
 
 
 @dataclass(frozen=True, slots=True)
@@ -66,12 +75,12 @@ class Sheet:
 
 def draw_map(path: Path, drawn: DrawnMap) -> Path:
     """Writes the drawing, as PNG or SVG by the path's ending, and makes its folder; returns the path. Raises MapError
-    for another ending and for more than `MAXIMUM_DRAWN` objects, DiskError where it cannot be written."""
+    for another ending and for more than `MAXIMUM_SHAPES` objects, DiskError where it cannot be written."""
     kind = path.suffix.lower()
     if kind not in (".png", ".svg"):
         raise MapError(f"{path}: pictures are .png or .svg")
-    if len(drawn.objects) > MAXIMUM_DRAWN:
-        raise MapError(f"{path}: {len(drawn.objects)} objects, at most {MAXIMUM_DRAWN} are drawn")
+    if len(drawn.objects) > MAXIMUM_SHAPES:
+        raise MapError(f"{path}: {len(drawn.objects)} objects, at most {MAXIMUM_SHAPES} are drawn")
     make_folder(path.parent)
     write_atomically(path, map_svg(drawn) if kind == ".svg" else png(map_picture(drawn)))
     return path
@@ -93,7 +102,7 @@ def _panels(drawn: DrawnMap) -> tuple[list[Item], float, float]:
     below = [*_floor(sheet, drawn), *_path(sheet, drawn.poses)]
     panels = [(f"{len(objects)} objects with 95 % ellipses", _centres(sheet, drawn))]
     if drawn.sightings:
-        seen = drawn.sightings[:: 1 + len(drawn.sightings) // MAXIMUM_SIGHTINGS]
+        seen = drawn.sightings[:: 1 + len(drawn.sightings) // MAXIMUM_SHAPES]
         panels = [
             (f"(a) all {len(drawn.sightings)} sightings", _points(sheet, seen)),
             (f"(b) {len(objects)} clusters", _clusters(sheet, seen, objects)),
@@ -141,7 +150,8 @@ def _floor(sheet: Sheet, drawn: DrawnMap) -> list[Item]:
         rows, columns = grid.cells.shape
         picture = np.zeros((columns, rows, 4), np.uint8)
         turned = grid.cells.T[::-1, ::-1]  # x up, y to the left
-        picture[turned == FREE], picture[turned == OCCUPIED] = FREE_BGRA, OBSTACLE_BGRA
+        for value, colour in ((FREE, FLOOR_COLOUR), (OCCUPIED, OBSTACLE_COLOUR)):
+            picture[turned == value] = (*bgr(colour), 255)
         (x, y), scale = sheet.at([grid.x_m + columns * grid.cell_m, grid.y_m + rows * grid.cell_m]), grid.cell_m
         scale *= sheet.px_per_m
         items.append(Raster(picture, float(x), float(y), rows * scale, columns * scale))
@@ -162,7 +172,9 @@ def _floor(sheet: Sheet, drawn: DrawnMap) -> list[Item]:
 
 
 def _metre_grid(sheet: Sheet) -> list[Item]:
-    step = next((step for step in _STEPS_M if step * sheet.px_per_m >= 56.0), _STEPS_M[-1])
+    least_m = 56.0 / sheet.px_per_m  # between two lines
+    power_m = 10.0 ** math.floor(math.log10(least_m))
+    step = next(power_m * number for number in (1, 2, 5, 10) if power_m * number >= least_m)
     wide, deep, scale = sheet.width_px, sheet.height_px, sheet.px_per_m
     items: list[Item] = []
     for n in range(math.ceil((sheet.top_x_m - deep / scale) / step), math.floor(sheet.top_x_m / step) + 1):
@@ -184,7 +196,7 @@ def _path(sheet: Sheet, poses: Sequence[SE2]) -> list[Item]:
     if not poses:
         return []
     points = sheet.at([[pose.x_m, pose.y_m] for pose in poses])
-    thin = points[:: 1 + len(points) // MAXIMUM_POSES]
+    thin = points[:: 1 + len(points) // MAXIMUM_SHAPES]
     yaw = -poses[-1].yaw_rad
     turn = np.array([[math.cos(yaw), math.sin(yaw)], [-math.sin(yaw), math.cos(yaw)]])
     arrow = points[-1] + np.array([[0.0, -12.0], [8.5, 9.0], [0.0, 4.5], [-8.5, 9.0]]) @ turn

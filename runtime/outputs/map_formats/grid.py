@@ -4,6 +4,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
+import cv2
 import numpy as np
 from numpy.typing import NDArray
 
@@ -14,8 +15,6 @@ from edgemap.geometry.se2 import SE2
 from edgemap.runtime.frames.trajectory import Trajectory
 
 MAXIMUM_CELLS, MAXIMUM_LIVE_CELLS = 100_000_000, 1_000_000
-MAXIMUM_POINTS = 2_000_000  # along the path: 50 km at half a cell of 5 cm
-MAXIMUM_DRAWN = 2_000_000_000  # cells of all discs together: some ten seconds
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -62,20 +61,12 @@ def grid_of(
     columns, rows = (int(count) for count in np.ceil(high / res) - first)
     if rows * columns > MAXIMUM_CELLS:
         raise MapError(f"{columns} x {rows} cells of {res:g} m: more than {MAXIMUM_CELLS}, take a coarser resolution")
-    points = _point_count(path_m, res / 2.0)
-    drawn = points * (rule.robot_width_m / res + 1.0) ** 2 + sum((2.0 * radius / res + 1.0) ** 2 for _, radius in discs)
-    if points > MAXIMUM_POINTS or drawn > MAXIMUM_DRAWN:
-        raise MapError(
-            f"a trajectory of {points:,.0f} points and {len(discs)} objects take {drawn:,.0f} cells to draw: more than "
-            f"{MAXIMUM_POINTS:,} and {MAXIMUM_DRAWN:,}, take a coarser resolution"
-        )
-    trail = [(point, rule.robot_width_m / 2.0) for point in _points(trajectory, res / 2.0)]
     x_m, y_m = (round(float(value) * res, 9) for value in first)
     grid = FloorCells(np.full((rows, columns), UNKNOWN, np.int8), x_m, y_m, res)
-    for centre, radius in trail:
-        _fill(grid, np.asarray(centre), radius, FREE)
+    if len(path_m):
+        _sweep(grid, path_m, rule.robot_width_m / 2.0)
     for item in objects:
-        _fill(grid, item.position_m, reach_m(item), OCCUPIED, item)
+        _occupy(grid, item)
     return grid
 
 
@@ -111,40 +102,28 @@ def live_grid(objects: Sequence[MapObject], x_m: float, y_m: float) -> FloorCell
     return grid_of(objects, here, rule)
 
 
-def _fill(
-    grid: FloorCells, centre_m: NDArray[np.float64], radius: float, value: int, item: MapObject | None = None
-) -> None:
-    """Set the cells whose centre is within a disc, or within an object's rectangle inside of it, and always the cell of
-    its centre."""
-    res = grid.resolution_m
-    at = (centre_m - [grid.x_m, grid.y_m]) / res
-    c0, r0 = np.floor(at - radius / res).astype(int)
-    c1, r1 = np.ceil(at + radius / res).astype(int)
-    x = np.arange(c0, c1) + 0.5 - at[0]
-    y = np.arange(r0, r1) + 0.5 - at[1]
-    inside = x[None, :] ** 2 + y[:, None] ** 2 <= (radius / res) ** 2
-    if item is not None and (yaw_rad := yaw_of(item)) is not None:
+def _sweep(grid: FloorCells, path_m: NDArray[np.float64], radius_m: float) -> None:
+    """Frees the cells whose centre is within a radius of the path, to half a cell."""
+    res, at = grid.resolution_m, np.floor((path_m - [grid.x_m, grid.y_m]) / grid.resolution_m).astype(np.int32)
+    around = math.ceil(radius_m / res) + 1
+    (c0, r0), (c1, r1) = np.maximum(at.min(axis=0) - around, 0), at.max(axis=0) + around + 1
+    part = grid.cells[r0:r1, c0:c1]
+    off, at = np.ones(part.shape, np.uint8), at - np.array([c0, r0], np.int32)
+    off[at[:, 1], at[:, 0]] = 0
+    cv2.polylines(off, [at], False, 0)
+    part[cv2.distanceTransform(off, cv2.DIST_L2, cv2.DIST_MASK_PRECISE) * res <= radius_m] = FREE
+
+
+def _occupy(grid: FloorCells, item: MapObject) -> None:
+    """Occupies the cells whose centre is within an object's footprint, and always the cell of its centre."""
+    res, radius = grid.resolution_m, reach_m(item) / grid.resolution_m
+    at = (item.position_m - [grid.x_m, grid.y_m]) / res
+    c0, r0 = np.floor(at - radius).astype(int)
+    c1, r1 = np.ceil(at + radius).astype(int)
+    x, y = (np.arange(c0, c1) + 0.5 - at[0])[None, :], (np.arange(r0, r1) + 0.5 - at[1])[:, None]
+    inside = x**2 + y**2 <= radius**2
+    if (yaw_rad := yaw_of(item)) is not None:
         (width, depth), cosine, sine = footprint_of(item), math.cos(yaw_rad) * res, math.sin(yaw_rad) * res
-        inside = np.abs(cosine * x[None, :] + sine * y[:, None]) <= depth / 2.0
-        inside &= np.abs(cosine * y[:, None] - sine * x[None, :]) <= width / 2.0
-    grid.cells[r0:r1, c0:c1][inside] = value
-    grid.cells[int(at[1]), int(at[0])] = value
-
-
-def _point_count(path_m: NDArray[np.float64], step_m: float) -> float:
-    """At most how many points `_points` makes, before it makes them."""
-    return len(path_m) + float((np.hypot(*np.diff(path_m, axis=0).T) / step_m).sum()) if len(path_m) else 0.0
-
-
-def _points(trajectory: Trajectory | None, step_m: float) -> list[tuple[float, float]]:
-    """Points along the path, no farther than a step apart."""
-    if trajectory is None:
-        return []
-    points = [(trajectory.poses[0].x_m, trajectory.poses[0].y_m)]
-    for pose in trajectory.poses[1:]:
-        x, y = points[-1]
-        length = math.hypot(pose.x_m - x, pose.y_m - y)
-        if length >= step_m:
-            count = math.ceil(length / step_m)
-            points += [(x + (pose.x_m - x) * k / count, y + (pose.y_m - y) * k / count) for k in range(1, count + 1)]
-    return points
+        inside = (np.abs(cosine * x + sine * y) <= depth / 2.0) & (np.abs(cosine * y - sine * x) <= width / 2.0)
+    grid.cells[r0:r1, c0:c1][inside] = OCCUPIED
+    grid.cells[int(at[1]), int(at[0])] = OCCUPIED

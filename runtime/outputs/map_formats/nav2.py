@@ -18,6 +18,7 @@ from edgemap.geometry.map_object import MapObject, outline_m, radius_m, yaw_of
 from edgemap.geometry.objects.annotations import Zone
 from edgemap.runtime.frames.disk import write_atomically
 from edgemap.runtime.outputs.map_formats.grid import FREE, MAXIMUM_CELLS, OCCUPIED, UNKNOWN, FloorCells
+from edgemap.runtime.outputs.map_formats.shapes import MAXIMUM_SHAPES
 from edgemap.runtime.step.map_file import DEFAULT_MAP_ID, object_uuid
 
 # What map_saver writes: darkness is occupancy, (255 - value) / 255; unknown lies between both thresholds.
@@ -26,7 +27,6 @@ FREE_THRESH, OCCUPIED_THRESH = 0.196, 0.65
 KEEP_OUT = 100  # of the mask; 0 elsewhere
 MARGIN_M = 1.0  # of empty mask around the zones
 FRAME_ID = "map"
-MAXIMUM_SHAPES = 5000  # yaml writes some thousand lines a second
 
 
 def write_nav2(path: Path, grid: FloorCells) -> tuple[Path, Path]:

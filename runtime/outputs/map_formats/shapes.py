@@ -14,6 +14,7 @@ from edgemap.runtime.frames.reading import printable
 from edgemap.runtime.outputs.map_formats.labels import TEXT_PX
 
 Points = NDArray[np.float64]
+MAXIMUM_SHAPES = 5000  # objects, sightings or poses of one drawing or parameter file: some seconds
 INK, PAPER = "#22272e", "#ffffff"
 PNG_SCALE, SUBPIXEL_BITS = 2, 4  # pixels of a PNG for each of the drawing; fractions of a pixel that OpenCV takes
 

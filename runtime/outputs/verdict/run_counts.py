@@ -4,14 +4,92 @@ import math
 from collections import Counter
 from typing import Any
 
+import numpy as np
+
 from edgemap.geometry.camera.attitude import MountEstimate
 from edgemap.geometry.map_object import MapObject
 from edgemap.geometry.objects.scale import scaled_objects
-from edgemap.runtime.frames.faults import Fault
-from edgemap.runtime.outputs.verdict.quality import QualityCounter
+from edgemap.runtime.frames.faults import Fault, FaultKind
 from edgemap.runtime.outputs.verdict.verdict import Verdict, verdict_of
 from edgemap.runtime.step.sinks import Sink
 from edgemap.runtime.step.slam import StepResult
+
+
+class QualityCounter:
+    """Feed it every result; `document` holds the counts as plain values.
+
+    frames: all. blind_frames: pictures without information, by kind in `blind`; one that only repeats while the robot
+    rests does not count. guessed_frames: nothing measured the motion. still_frames: the robot at rest. wheels: whether
+    the source or an option declares wheel odometry, with data or without. wheel_frames, gyro_frames: that member of the
+    odometry was used. object_frames: with an object on the floor. carried_frames: the camera sways as in a hand or on a
+    head. mount_frames: roll and pitch were the mount's, unmeasured. worktop_frames: cups, books or the like stood on
+    the floor mask. searched_frames: with a detector's boxes, searched_hz a second. travelled_m. sigma_m,
+    heading_sigma_deg: standard deviation of the pose, at the end and the largest along the way. duration_s: of stream.
+    rate_hz: median.
+    """
+
+    def __init__(self) -> None:
+        self._counts: Counter[str] = Counter()
+        self._blind: Counter[FaultKind] = Counter()
+        self._wheels = False
+        self._first_s = self._last_s = math.nan
+        self._steps_s: list[float] = []
+        self._sigma_m = self._heading_rad = self._largest_m = self._largest_rad = self._travelled_m = 0.0
+
+    def add(self, result: StepResult) -> None:
+        """Counts one step."""
+        observed, health = result.observed, result.health
+        stamp_s = result.frame.stamp_s
+        if self._counts["frames"] and len(self._steps_s) < 10_000:
+            self._steps_s.append(stamp_s - self._last_s)
+        self._first_s = stamp_s if math.isnan(self._first_s) else self._first_s
+        self._last_s = stamp_s
+        members = result.motion.members
+        attitude = observed.camera.attitude if observed.camera else None
+        self._counts["frames"] += 1
+        if health.blindness is not None:
+            kind = health.blindness.kind
+            self._blind[kind] += not health.stale or (kind is FaultKind.FROZEN and result.motion.blind)
+        self._counts["guessed_frames"] += result.motion.blind
+        self._counts["still_frames"] += observed.at_rest
+        self._wheels |= "wheels" in members
+        self._counts["wheel_frames"] += members.get("wheels") == "used"
+        self._counts["gyro_frames"] += members.get("gyro") == "used"
+        self._counts["object_frames"] += bool(result.sightings)
+        self._counts["carried_frames"] += bool(attitude and attitude.carried)
+        self._counts["worktop_frames"] += observed.worktop
+        self._counts["searched_frames"] += observed.searched
+        self._counts["mount_frames"] += observed.attitude_source == "mount"
+        self._travelled_m = result.travelled_m
+        covariance = result.pose_covariance
+        if not np.isfinite(covariance).all():  # nothing to count, and nothing that JSON can hold
+            return
+        self._sigma_m = math.sqrt(max(float(np.linalg.eigvalsh(covariance[:2, :2])[-1]), 0.0))
+        self._heading_rad = math.sqrt(max(float(covariance[2, 2]), 0.0))
+        self._largest_m = max(self._largest_m, self._sigma_m)
+        self._largest_rad = max(self._largest_rad, self._heading_rad)
+
+    def document(self, scale: float = 1.0) -> dict[str, Any]:
+        """The counts so far. scale: by which lengths are multiplied."""
+        names = ("guessed", "still", "wheel", "gyro", "object", "carried", "mount", "worktop", "searched")
+        step_s = float(np.median(self._steps_s)) if self._steps_s else 0.0
+        duration_s = self._last_s - self._first_s if self._counts["frames"] else 0.0
+        return {
+            "frames": self._counts["frames"],
+            "blind_frames": sum(self._blind.values()),
+            "blind": {kind.value: count for kind, count in self._blind.items() if count},
+            **{f"{name}_frames": self._counts[f"{name}_frames"] for name in names},
+            "wheels": self._wheels,
+            "travelled_m": round(scale * self._travelled_m, 3),
+            "sigma_m": {"end": round(scale * self._sigma_m, 4), "largest": round(scale * self._largest_m, 4)},
+            "heading_sigma_deg": {
+                "end": round(math.degrees(self._heading_rad), 3),
+                "largest": round(math.degrees(self._largest_rad), 3),
+            },
+            "duration_s": round(duration_s, 3),
+            "rate_hz": round(1.0 / step_s, 2) if step_s > 0.0 else None,
+            "searched_hz": round(self._counts["searched_frames"] / duration_s, 2) if duration_s > 0.0 else None,
+        }
 
 
 class RunCounts(Sink):

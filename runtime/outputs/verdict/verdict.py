@@ -30,9 +30,8 @@ LOST_SHARE, SOME_SHARE = 0.25, 0.05
 DOUBTFUL = 0.5
 OFF_MOUNT_DEG = 2.0  # of pitch or roll: moves what is 3 m before a lens 0.6 m up by half a metre
 SLOW_HZ = 4.0  # at 0.5 m/s and 60 degrees/s a picture shares three quarters of its view with the one before
-LOW_M = 0.31  # below, half a degree of tilt moves what is 3 m away by a quarter of a metre
-SEEN_M = 3.0  # from where most objects are seen
-FAR_FLOOR_M = 3.0  # nearest floor in view; nearer objects do not show where they stand
+SEEN_M = 3.0  # from where most objects are seen; what is nearer than the nearest floor does not show where it stands
+TILT_RAD = math.radians(0.5)  # standard deviation of an attitude
 
 
 @dataclass(frozen=True, slots=True)
@@ -158,9 +157,9 @@ def _floor(run: _Run) -> Iterator[Finding]:
     if "fy" in lens and "height_m" in mount:
         below = math.atan((lens["height"] - 1.0 - lens["cy"]) / lens["fy"]) + math.radians(mount["pitch_deg"])
         nearest_m = mount["height_m"] / math.tan(below) if below > 0.0 else math.inf
-        if nearest_m > FAR_FLOOR_M and mount["height_m"] < FAR_FLOOR_M:
+        if nearest_m > SEEN_M and mount["height_m"] < SEEN_M:
             text = f"the nearest floor in view is {nearest_m:.1f} m away" if below > 0.0 else "no floor is in view"
-            yield Finding(_level(nearest_m, 2.0 * FAR_FLOOR_M), CAUSES["floor"], text)
+            yield Finding(_level(nearest_m, 2.0 * SEEN_M), CAUSES["floor"], text)
     moving = run.quality["frames"] - run.quality.get("still_frames", 0)  # at rest no length is measured
     share = run.quality.get("worktop_frames", 0) / max(moving, 1)
     if share > SOME_SHARE and _measures_by_floor(run):
@@ -251,7 +250,9 @@ def _objects(run: _Run) -> Iterator[Finding]:
     typical_m, height_m = median(sigma_of(item) for item in objects), record.get("mount", {}).get("height_m", math.inf)
     if typical_m > 0.5 * WRONG_M:
         text = f"the objects' positions are known to {typical_m:.2f} m"
-        low = f", with a lens {height_m:.2f} m above the floor" if height_m < LOW_M else ""
+        low = (
+            f", with a lens {height_m:.2f} m above the floor" if TILT_RAD * SEEN_M**2 / height_m > 0.5 * WRONG_M else ""
+        )
         yield Finding(_level(typical_m, WRONG_M), CAUSES["low" if low else "other"], text + low)
 
 

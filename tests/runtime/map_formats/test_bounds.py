@@ -45,8 +45,6 @@ def many(count):
     ("trajectory", "rule", "told"),
     [
         (path_of((0, 0), (1e6, 1e6), (-1e6, -1e6)), CellsRule(), f"cells of 0.05 m: more than {MAXIMUM_CELLS}"),
-        (path_of(*((400.0 * (k % 2), 0.0) for k in range(2000))), CellsRule(), "a trajectory of 31,9"),
-        (path_of(*((0.4 * (k % 2), 0.0) for k in range(2000))), CellsRule(0.05, 99.0), "cells to draw"),
         (path_of((0, 0), (1, 1)), CellsRule(1e-12), "cells of 1e-12 m"),
     ],
 )
