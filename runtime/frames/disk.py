@@ -1,6 +1,5 @@
 """Atomic writes: a file is replaced as a whole, or extended by complete records, even when the disk fails."""
 
-import errno
 import fcntl
 import os
 from collections import deque
@@ -38,32 +37,17 @@ def append(path: Path, data: bytes, create: bool = True) -> None:
 def write_atomically(path: Path, text: str | bytes | Callable[[], Iterable[bytes]]) -> None:
     """Replace a file's content at once: readers and a power cut see the old text or the new one, never a part.
 
-    text: or what gives it block by block, each time that it is called. Where the file system can, the new file has no
-    name until it is complete: a process that is killed leaves none behind. Raises DiskError where the folder does not
-    take it.
+    text: or what gives it block by block. Raises DiskError where the folder does not take it.
     """
     whole = text.encode("utf-8", "backslashreplace") if isinstance(text, str) else text
-
-    def blocks() -> Iterable[bytes]:
-        return whole() if callable(whole) else (whole,)
-
     temporary = path.with_name(f".{path.name}.{os.getpid()}")
     try:
+        temporary.unlink(missing_ok=True)  # of a killed process that had this number
         try:
-            handle = _write(os.open(path.parent, os.O_TMPFILE | os.O_WRONLY | os.O_CLOEXEC, 0o644), blocks())
-            try:
-                temporary.unlink(missing_ok=True)
-                # src_dir_fd, unused with an absolute path, is what makes Python follow the link (AT_SYMLINK_FOLLOW).
-                os.link(f"/proc/self/fd/{handle}", temporary, src_dir_fd=handle, follow_symlinks=True)
-            finally:
-                os.close(handle)
-        except (AttributeError, IsADirectoryError, OSError) as error:
-            if getattr(error, "errno", None) in (errno.ENOSPC, errno.EDQUOT, errno.EROFS):
-                raise
-            temporary.unlink(missing_ok=True)
-            flags = os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_CLOEXEC
-            os.close(_write(os.open(temporary, flags, 0o644), blocks()))
-        try:
+            with temporary.open("xb") as file:
+                file.writelines(whole() if callable(whole) else (whole,))
+                file.flush()
+                os.fsync(file.fileno())
             temporary.replace(path)
         except BaseException:
             temporary.unlink(missing_ok=True)
@@ -75,20 +59,6 @@ def write_atomically(path: Path, text: str | bytes | Callable[[], Iterable[bytes
             os.close(folder)
     except OSError as error:
         raise DiskError(f"{path}: cannot be written ({error.strerror})") from None
-
-
-def _write(handle: int, blocks: Iterable[bytes]) -> int:
-    """Write all of them and wait for the disk; the handle stays open, but where that fails."""
-    try:
-        for block in blocks:
-            left = memoryview(block)
-            while left:
-                left = left[os.write(handle, left) :]
-        os.fsync(handle)
-    except BaseException:
-        os.close(handle)
-        raise
-    return handle
 
 
 def make_folder(folder: Path, parents: bool = True) -> Path:

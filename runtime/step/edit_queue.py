@@ -6,7 +6,7 @@ from concurrent.futures import Future
 from contextlib import suppress
 from dataclasses import asdict
 from pathlib import Path
-from typing import Annotated, get_args
+from typing import Annotated
 
 import msgspec
 from msgspec import Meta
@@ -25,14 +25,11 @@ from edgemap.runtime.frames.reading import (
     Strict,
     decode_json,
     error_line,
-    one_line,
     read_text,
 )
 from edgemap.runtime.step.map_records import Yaw
 from edgemap.runtime.step.mapper import Mapper
 
-KINDS = get_args(EditKind)
-FORMER_KINDS = {"rename": "name", "restore": "undo", "drop_zone": "undo", "drop_dock": "undo"}  # in recordings
 Text = Annotated[str, Meta(max_length=200, pattern=rf"\A[^{HIDDEN}]*\Z")]
 Edited = Callable[[list[MapObject], Annotations], None]
 
@@ -41,7 +38,7 @@ class _Line(Strict, omit_defaults=True):
     """A line of edits.jsonl. frames: steps done before the edit."""
 
     frames: Annotated[int, Meta(ge=0, le=1 << 40)]
-    do: str
+    do: EditKind
     id: Text = ""
     name: Text = ""
     on: bool = True
@@ -167,9 +164,5 @@ def read_edits(lines: Iterable[str], source: str) -> list[tuple[int, Edit]]:
     edits = list[tuple[int, Edit]]()
     for number, line in enumerate(lines, 1):
         values = msgspec.structs.asdict(decode_json(line, _Line, f"{source}:{number}", EditError))
-        kind, frames = values["do"], values.pop("frames")
-        if kind not in (*KINDS, *FORMER_KINDS):
-            raise EditError(f"{source}:{number}: no edit is called {one_line(kind, 40)!r} (known: {', '.join(KINDS)})")
-        values |= {"do": FORMER_KINDS.get(kind, kind)} | ({"id": "dock"} if kind == "drop_dock" else {})
-        edits.append((frames, Edit(**values)))
+        edits.append((values.pop("frames"), Edit(**values)))
     return edits

@@ -7,14 +7,13 @@ import numpy as np
 from edgemap.geometry.arrays import Array
 from edgemap.geometry.se2 import SE2
 from edgemap.runtime.frames.errors import CameraError, OdometryError
-from edgemap.runtime.frames.notes import note_dropped
-from edgemap.runtime.frames.reading import one_line, read_bytes, read_text
+from edgemap.runtime.frames.reading import read_bytes, read_text
 from edgemap.runtime.frames.spatial_poses import poses_of
-from edgemap.runtime.frames.stamps import followed
 from edgemap.runtime.frames.tables import STAMP, Column, NumberTable
 from edgemap.runtime.frames.trajectory import Trajectory, tum_rows
 from edgemap.runtime.inputs.drives.pictures import list_pictures
 
+STAMPS = NumberTable((STAMP,), samples=True)
 MATRICES = {
     count: NumberTable(tuple(Column("xyzw"[i // 4] + "xyzt"[i % 4]) for i in range(count))) for count in (12, 16)
 }
@@ -51,45 +50,32 @@ def read_tum_3d(path: Path) -> tuple[Array, Array]:
 def read_stamps(path: Path) -> Array:
     """Stamps in seconds, one number per line, for one picture each: a wrong one is counted, and that between its
     neighbours taken. Raises CameraError."""
-    stamps = stamps_of(path, read_lines(path))
-    good = np.flatnonzero(np.isfinite(stamps))
-    step_s = float(np.median(np.diff(stamps[good]) / np.diff(good))) if len(good) > 1 else 0.0
-    at = np.arange(len(stamps))
+    good, stamps, count = listed(path, 1)
+    step_s = float(np.median(np.diff(stamps) / np.diff(good))) if len(good) > 1 else 0.0
+    at = np.arange(count)
     beyond = np.minimum(at - good[0], 0) + np.maximum(at - good[-1], 0)
-    return np.interp(at, good, stamps[good]) + step_s * beyond
+    return np.interp(at, good, stamps) + step_s * beyond
 
 
-def read_lines(path: Path) -> list[tuple[int, str]]:
+def listed(path: Path, words: int) -> tuple[Array, Array, int]:
+    """Numbers (N,) and stamps (N,) of the entries in a file that lists them, by lines of so many words that begin with
+    one, and how many entries there are; those whose stamp is none, or does not follow, are counted. Raises CameraError.
+    """
+    lines = entries(path)
+    split = ((number, line.split(maxsplit=1), line.isprintable()) for number, line in lines)
+    texts = {number: parts[0] if len(parts) == words and printable else "?" for number, parts, printable in split}
+    data = "\n".join(texts.get(number, "") for number in range(1, 1 + max(texts)))
+    numbers, rows = STAMPS.parse(data.encode(), str(path), CameraError)
+    return np.searchsorted(list(texts), numbers), rows[:, 0], len(lines)
+
+
+def entries(path: Path) -> list[tuple[int, str]]:
     """Numbers and texts of a file's lines that are no comments. Raises CameraError where there are none."""
     lines = enumerate(read_text(path, CameraError).lstrip("\ufeff").splitlines(), 1)
     found = [(number, line.strip()) for number, line in lines if line.strip() and not line.lstrip().startswith("#")]
     if not found:
         raise CameraError(f"{path}: nothing is listed in it")
     return found
-
-
-def stamps_of(path: Path, lines: list[tuple[int, str]], files: bool = False) -> Array:
-    """The stamps (N,) in seconds at the begin of these lines; those that are none, or do not follow, are NaN and
-    counted. files: whether each line names a file behind it. Raises CameraError where half of them are none."""
-    expected = "`stamp file`" if files else "a stamp in seconds"
-    stamps, reasons, numbers = np.full(len(lines), np.nan), list[str](), list[tuple[float, int]]()
-    for at, (number, line) in enumerate(lines):
-        words = line.split(maxsplit=1)
-        try:
-            stamp_s = float(words[0]) if len(words) == 1 + files and line.isprintable() else np.nan
-        except ValueError:
-            stamp_s = np.nan
-        if STAMP.minimum <= stamp_s <= STAMP.maximum:
-            numbers.append((stamp_s, at))
-        else:
-            reasons.append(f"line {number}: expected {expected}, found {one_line(line, 60)!r}")
-    for stamp_s, at, fault in followed(numbers):
-        reasons += [f"line {lines[at][0]}: {fault}"] if fault else []
-        stamps[at] = np.nan if stamp_s is None else stamp_s
-    if 2 * np.isnan(stamps).sum() >= len(lines):
-        raise CameraError(f"{path}: {reasons[0]} ({len(reasons)} of {len(lines)} lines)")
-    note_dropped(path, reasons, len(lines))
-    return stamps
 
 
 def check_increasing(path: Path, stamps_s: Array) -> None:

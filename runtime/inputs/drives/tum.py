@@ -14,10 +14,10 @@ from edgemap.runtime.inputs.drives.drive import Drive
 from edgemap.runtime.inputs.drives.pictures import first_folder, list_pictures
 from edgemap.runtime.inputs.drives.pose_files import (
     check_count,
+    entries,
+    listed,
     rate_of_stamps,
-    read_lines,
     read_tum_3d,
-    stamps_of,
     trajectory,
 )
 
@@ -77,11 +77,9 @@ def _drive(
 
 def _read_listing(path: Path) -> tuple[Array, tuple[Path, ...]]:
     """Stamps and files; lines that are none are counted. Raises CameraError."""
-    lines = read_lines(path)
-    stamps = stamps_of(path, lines, files=True)
-    known = np.isfinite(stamps)
-    images = (path.parent / line.split(maxsplit=1)[1] for (_, line), good in zip(lines, known, strict=True) if good)
-    return stamps[known], tuple(images)
+    good, stamps, _ = listed(path, 2)
+    lines = entries(path)
+    return stamps, tuple(path.parent / lines[at][1].split(maxsplit=1)[1] for at in good)
 
 
 def _is_covered(truth_stamps: Array, stamp: float) -> bool:

@@ -250,9 +250,8 @@ def _objects(run: _Run) -> Iterator[Finding]:
     typical_m, height_m = median(sigma_of(item) for item in objects), record.get("mount", {}).get("height_m", math.inf)
     if typical_m > 0.5 * WRONG_M:
         text = f"the objects' positions are known to {typical_m:.2f} m"
-        low = (
-            f", with a lens {height_m:.2f} m above the floor" if TILT_RAD * SEEN_M**2 / height_m > 0.5 * WRONG_M else ""
-        )
+        is_low = TILT_RAD * SEEN_M**2 / height_m > 0.5 * WRONG_M  # an uncertain tilt alone moves objects that far
+        low = f", with a lens {height_m:.2f} m above the floor" if is_low else ""
         yield Finding(_level(typical_m, WRONG_M), CAUSES["low" if low else "other"], text + low)
 
 

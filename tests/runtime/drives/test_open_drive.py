@@ -140,7 +140,7 @@ def test_wrong_stamps_of_pictures_are_one_fault(tmp_path, capsys):
     (tmp_path / "rgb.txt").write_text("".join(f"{stamp} rgb/{i}.png\n" for i, stamp in enumerate(stamps)))
     drive = open_drive(f"tum:{tmp_path}")
     assert [path.name for path in drive.images] == ["1.png", "2.png", "4.png", "7.png", "8.png"]
-    assert "4 of 9 samples dropped (line 1: expected `stamp file`, found 'stamp rgb/0.png'" in capsys.readouterr().err
+    assert "4 of 9 samples dropped (line 1: 'stamp'" in capsys.readouterr().err
     (tmp_path / "stamps.txt").write_text("\n".join(stamps))  # where each picture needs one
     np.testing.assert_allclose(
         read_stamps(tmp_path / "stamps.txt"), [9.9, 10.0, 10.1, 10.2, 10.3, 10.4, 10.5, 10.6, 10.7]
