@@ -14,7 +14,8 @@ from edgemap.runtime.frames.errors import CalibrationError
 from edgemap.runtime.frames.frame import Frame
 
 NEW_SHARE = 0.02  # of the picture's width: a board none of whose corners moved more is the same view again
-MAXIMUM_VIEWS = 40
+PICTURES = 40  # of a source, from which on more add nothing: views of a board, and pictures for a guess
+FEWEST = 3  # views, pictures or windows: below, their scatter says nothing
 
 
 @dataclass(frozen=True, slots=True)
@@ -93,7 +94,7 @@ def board_views(
         if corners is not None and all(_is_new(corners, view.corners_px, camera.info.size[0]) for view in views):
             views.append(BoardView(frame.name, corners))
             yield views[-1]
-            if len(views) == MAXIMUM_VIEWS:
+            if len(views) == PICTURES:
                 return
 
 

@@ -6,9 +6,8 @@ from collections.abc import Callable, Collection, Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
 
-from edgemap.calibrate.board import frames_of
-from edgemap.calibrate.floor_depth import fit_floor_depth
-from edgemap.calibrate.gravity import gravity
+from edgemap.calibrate.board import PICTURES, frames_of
+from edgemap.calibrate.floor_depth import fit_floor_depth, gravity
 from edgemap.calibrate.guess import Focal, guess_camera
 from edgemap.calibrate.guess_focal import FEWEST_ROOMS
 from edgemap.calibrate.guess_upright import quarter_turns
@@ -27,8 +26,8 @@ from edgemap.runtime.motion.views import views_of
 from edgemap.runtime.network.bundle import Bundle
 from edgemap.runtime.network.decode import Decoder, Detector
 
-PICTURES, REACH = 40, 400  # pictures that are looked at, or more, of so many first ones of a file
-LIVE_S, LIVE_EVERY_S = 8.0, 0.2  # of a live camera, and between two pictures
+REACH = 400  # first pictures of a file, among which `PICTURES` or more are used
+LIVE_S = 8.0  # of a live camera
 DEPTHS = 15  # live pictures with depth are enough
 
 
@@ -89,7 +88,7 @@ def guessing_frames(source: Camera, again: Callable[[], Camera]) -> list[Frame]:
         until_s, next_s = time.monotonic() + LIVE_S, -math.inf
         for frame in frames_of(source, None, lambda: time.monotonic() > until_s):
             if time.monotonic() >= next_s:
-                next_s = time.monotonic() + LIVE_EVERY_S
+                next_s = time.monotonic() + LIVE_S / PICTURES
                 frames.append(frame)
                 if sum(one.depth is not None for one in frames) >= DEPTHS:
                     break

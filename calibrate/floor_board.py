@@ -8,7 +8,7 @@ import cv2
 import numpy as np
 from scipy.optimize import least_squares
 
-from edgemap.calibrate.board import Board, BoardView
+from edgemap.calibrate.board import FEWEST, Board, BoardView
 from edgemap.calibrate.floor_depth import WORST_HEIGHT_SHARE, WORST_TILT_RAD
 from edgemap.calibrate.lens import WORST_RMS_PX
 from edgemap.geometry.arrays import Array
@@ -18,8 +18,6 @@ from edgemap.geometry.camera.level import pitch_roll
 from edgemap.geometry.camera.mount import Mount
 from edgemap.geometry.errors import GeometryError
 from edgemap.runtime.frames.errors import CalibrationError
-
-FEWEST_VIEWS = 3
 
 
 @dataclass(frozen=True, slots=True)
@@ -51,9 +49,9 @@ def fit_mount(views: list[BoardView], board: Board, lens: Intrinsics, thickness_
     Started from each view's own pose (planar PnP), then all corners at once by least squares on pixels. thickness_m: of
     the board. The lever arm is left at zero. Raises CalibrationError with the numbers for too few views and bad fits.
     """
-    if len(views) < FEWEST_VIEWS:
+    if len(views) < FEWEST:
         raise CalibrationError(
-            f"{len(views)} different views of the complete board found, need {FEWEST_VIEWS} or more: put it on other "
+            f"{len(views)} different views of the complete board found, need {FEWEST} or more: put it on other "
             "places of the floor (is --board its number of INNER corners?)"
         )
     starts = [_pose_of(view, board, lens) for view in views]

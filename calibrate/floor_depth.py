@@ -1,4 +1,4 @@
-"""The mount from depth pictures: the floor's plane gives height, pitch and roll without any pattern."""
+"""The mount from depth pictures: the floor's plane gives height, pitch and roll without any pattern. Up by gravity."""
 
 import math
 from collections.abc import Iterable
@@ -8,16 +8,18 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from edgemap.calibrate.board import FEWEST
 from edgemap.geometry.arrays import Array
 from edgemap.geometry.camera.depth_points import FARTHEST_M, NEAREST_M, DepthPoints
 from edgemap.geometry.camera.floor_plane import FloorPlane, find_floor
+from edgemap.geometry.camera.imu import ImuSamples
+from edgemap.geometry.camera.inertial import GRAVITY_M_S2
 from edgemap.geometry.camera.intrinsics import Intrinsics
 from edgemap.geometry.camera.level import pitch_roll
 from edgemap.geometry.camera.mount import Mount
 from edgemap.geometry.robust import median_and_scatter
 from edgemap.runtime.frames.errors import CalibrationError
 
-FEWEST_PICTURES = 3
 LOWEST_M, HIGHEST_M = 0.05, 3.0  # of a lens above the floor
 WORST_HEIGHT_SHARE, WORST_TILT_RAD = 0.02, math.radians(0.5)  # one standard deviation
 MAXIMUM_SCATTER_M, MAXIMUM_SCATTER_RAD = 0.03, math.radians(1.5)  # from picture to picture, of a camera that is mounted
@@ -70,9 +72,9 @@ def fit_floor_depth(
         plane = find_floor(_points(depth, lens, cloud), rng, up)
         if plane is not None:
             planes.append(plane)
-    if len(planes) < FEWEST_PICTURES:
+    if len(planes) < FEWEST:
         raise CalibrationError(
-            f"{len(planes)} of {examined} depth pictures show a floor, need {FEWEST_PICTURES} or more: let the camera "
+            f"{len(planes)} of {examined} depth pictures show a floor, need {FEWEST} or more: let the camera "
             f"see two square metres of free floor, {NEAREST_M:g} to {FARTHEST_M:g} m away"
         )
     values = np.array([(plane.height_m, *pitch_roll(plane.up)) for plane in planes])
@@ -107,3 +109,26 @@ def _points(depth: NDArray[np.float32], lens: Intrinsics, cloud: DepthPoints) ->
             f"depth picture of {depth.shape[1]}x{depth.shape[0]} px, the lens is for {lens.width}x{lens.height} px"
         )
     return cloud.of(depth)
+
+
+WINDOW_S = 0.5  # of samples of an accelerometer that are averaged
+WORST_M_S2 = 1.0  # by which a window's mean may differ from gravity; a sensor's offset is 0.7
+
+
+def gravity(samples: ImuSamples) -> Array | None:
+    """Up, (3,) unit vector of the optical frame: the median over half seconds; None where samples are too few.
+
+    Its accuracy is `inertial.OFFSET_RAD`: at rest an accelerometer's offset cannot be separated from a tilt.
+    """
+    if not len(samples):
+        return None
+    window = ((samples.stamps_s - samples.stamps_s[0]) / WINDOW_S).astype(int)
+    counts = np.bincount(window)
+    means = np.stack([np.bincount(window, samples.accel_m_s2[:, axis]) for axis in range(3)], axis=1)
+    means = means[counts > 0] / counts[counts > 0, None]
+    size = np.linalg.norm(means, axis=1)
+    means = means[np.abs(size - GRAVITY_M_S2) < WORST_M_S2]
+    if len(means) < FEWEST:
+        return None
+    middle = np.median(means, axis=0)
+    return middle / np.linalg.norm(middle)

@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 
+from edgemap.calibrate.board import FEWEST
 from edgemap.geometry.arrays import Array
 from edgemap.geometry.camera.inertial import small_rotation
 from edgemap.geometry.camera.level import pitch_roll
@@ -15,10 +16,9 @@ from edgemap.runtime.motion.attitude.segments import Segments
 
 STEEPEST_RAD, REACH_RAD = math.radians(50.0), math.radians(12.0)  # search for up: first, then refined
 ROUNDS, GROUPS = 4, 10  # rounds of refinement; groups of pictures for the jackknife
-FEWEST_VERTICAL, FEWEST_LEVEL, FEWEST_PICTURES = 20, 20, 3
+FEWEST_EDGES = 20  # vertical, and level
 MINIMUM_SHARE = 0.35  # minimum share of the edges' total length that the three directions explain
-MAXIMUM_NODDING_RAD = math.radians(1.0)
-WORST_TILT_RAD = math.radians(1.0)  # one standard deviation
+WORST_TILT_RAD = math.radians(1.0)  # one standard deviation, and of single pictures in the median
 
 
 @dataclass(frozen=True, slots=True)
@@ -57,8 +57,8 @@ def fit_tilt(pictures: list[Segments]) -> TiltFit:
     tilt.
     """
     used = [edges for edges in pictures if len(edges)]
-    if len(used) < FEWEST_PICTURES:
-        raise CalibrationError(f"{len(used)} pictures with straight edges, need {FEWEST_PICTURES} or more")
+    if len(used) < FEWEST:
+        raise CalibrationError(f"{len(used)} pictures with straight edges, need {FEWEST} or more")
     lengths = np.concatenate([edges.lengths for edges in used])
     normals = np.concatenate([edges.normals for edges in used])
     up = most_upright(normals, lengths, np.array([0.0, -1.0, 0.0]), STEEPEST_RAD)
@@ -73,17 +73,17 @@ def fit_tilt(pictures: list[Segments]) -> TiltFit:
     near = miss < NEAR_RAD
     vertical, level = int((near & (kind == 0)).sum()), int((near & (kind > 0)).sum())
     share = float(lengths[near].sum() / lengths.sum())
-    if vertical < FEWEST_VERTICAL or level < FEWEST_LEVEL or share < MINIMUM_SHARE:
+    if vertical < FEWEST_EDGES or level < FEWEST_EDGES or share < MINIMUM_SHARE:
         raise CalibrationError(
             f"{vertical} vertical and {level} level edges in {len(used)} pictures, {100 * share:.0f} % of all, "
-            f"need {FEWEST_VERTICAL}, {FEWEST_LEVEL} and {100 * MINIMUM_SHARE:.0f} %: show walls, doors, shelves"
+            f"need {FEWEST_EDGES} of either and {100 * MINIMUM_SHARE:.0f} %: show walls, doors, shelves"
         )
     rooms = [room_axes(edges.normals, edges.lengths, up, REACH_RAD) for edges in used]
     nodding_rad = float(np.median([math.acos(min(1.0, float(room.up @ up))) for room in rooms if room] or [0.0]))
-    if nodding_rad > MAXIMUM_NODDING_RAD:
+    if nodding_rad > WORST_TILT_RAD:
         raise CalibrationError(
             f"the camera's tilt changes by {math.degrees(nodding_rad):.1f} deg (median) from picture to picture, at "
-            f"most {math.degrees(MAXIMUM_NODDING_RAD):g} allowed: pictures must come from the robot on a flat floor"
+            f"most {math.degrees(WORST_TILT_RAD):g} allowed: pictures must come from the robot on a flat floor"
         )
     groups = min(len(used), GROUPS)
     left_out = [[edges for at, edges in enumerate(used) if at % groups != group] for group in range(groups)]

@@ -4,6 +4,8 @@ import math
 from collections.abc import Iterable
 from dataclasses import dataclass
 
+from edgemap.calibrate.board import FEWEST
+from edgemap.calibrate.guess_sizes import USUAL_HEIGHT_M
 from edgemap.geometry.camera.floor import FloorCamera
 from edgemap.geometry.camera.intrinsics import Intrinsics
 from edgemap.geometry.camera.mount import Mount
@@ -14,9 +16,7 @@ from edgemap.runtime.frames.frame import Frame
 from edgemap.runtime.frames.trajectory import PoseTrack
 from edgemap.runtime.motion.odometry.window import WindowOdometry
 
-ASSUMED_M = 0.6  # a height for the odometry to begin with; its motion scales with it
 WINDOW_M, MAXIMUM_YAW_RAD = 0.3, math.radians(15.0)  # of nearly straight travel, of which both ends are compared
-FEWEST_WINDOWS = 5
 WORST_SHARE = 0.05  # one standard deviation of the mean
 
 
@@ -35,7 +35,8 @@ def fit_wheel_height(frames: Iterable[Frame], wheels: PoseTrack, lens: Intrinsic
 
     Raises CalibrationError with the numbers where too little was travelled, or the ratio scatters.
     """
-    guess = Mount(ASSUMED_M, mount.pitch_rad, mount.roll_rad, mount.forward_m, mount.left_m)
+    # The odometry begins with a usual height, and its motion scales with it.
+    guess = Mount(USUAL_HEIGHT_M, mount.pitch_rad, mount.roll_rad, mount.forward_m, mount.left_m)
     odometry = WindowOdometry(FloorCamera(lens, guess))
     ratios: list[float] = []
     travelled_m, seen, start = 0.0, SE2(), None
@@ -58,10 +59,10 @@ def fit_wheel_height(frames: Iterable[Frame], wheels: PoseTrack, lens: Intrinsic
             ratios.append(rolled_m / max(math.hypot(seen.x_m, seen.y_m), 1e-3))
             travelled_m += rolled_m
         start, seen = here, SE2()
-    if len(ratios) < FEWEST_WINDOWS:
+    if len(ratios) < FEWEST:
         raise CalibrationError(
             f"the wheels rolled {travelled_m:.1f} m straight on with a floor in view, need "
-            f"{FEWEST_WINDOWS * WINDOW_M:g} m or more: drive on, or pass --height METRES"
+            f"{FEWEST * WINDOW_M:g} m or more: drive on, or pass --height METRES"
         )
     middle, scatter = map(float, median_and_scatter(ratios))
     sigma = scatter / math.sqrt(len(ratios))
@@ -70,4 +71,4 @@ def fit_wheel_height(frames: Iterable[Frame], wheels: PoseTrack, lens: Intrinsic
             f"wheels and floor give the height to {100 * sigma / middle:.0f} % only, expected {100 * WORST_SHARE:g} %: "
             "drive on a floor with texture, or pass --height METRES"
         )
-    return WheelHeight(ASSUMED_M * middle, ASSUMED_M * sigma, len(ratios), travelled_m)
+    return WheelHeight(USUAL_HEIGHT_M * middle, USUAL_HEIGHT_M * sigma, len(ratios), travelled_m)

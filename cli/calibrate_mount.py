@@ -65,7 +65,7 @@ def _by_room(
     calibration: MountCalibrationOptions, height: float | None, topics: str | None
 ) -> "tuple[Intrinsics, Fit]":
     from edgemap.calibrate.board import frames_of
-    from edgemap.calibrate.gravity import gravity
+    from edgemap.calibrate.floor_depth import gravity
     from edgemap.geometry.camera.imu import ImuSamples
     from edgemap.runtime.step.loop import stop_on_signals
 

@@ -3,12 +3,12 @@
 from typing import TYPE_CHECKING, Annotated
 
 from edgemap.cli.arguments import arg
+from edgemap.cli.groups import MotionOptions
 from edgemap.cli.run_options import (
     AdvancedGroup,
     CameraGroup,
     MapGroup,
     OutputGroup,
-    RobotGroup,
     RunOptions,
     WatchGroup,
 )
@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
 def command(
     camera: Annotated[CameraGroup, arg(name="Camera")],
-    robot: Annotated[RobotGroup, arg(name="Robot")],
+    robot: Annotated[MotionOptions, arg(name="Robot")],
     map: Annotated[MapGroup, arg(name="Map")],
     watch: Annotated[WatchGroup, arg(name="Watch")],
     outputs: Annotated[OutputGroup, arg(name="Outputs")],

@@ -42,13 +42,8 @@ class CameraGroup(Source):
 
 
 @dataclass(frozen=True)
-class RobotGroup(MotionOptions):
-    """Source of the robot's motion."""
-
-
-@dataclass(frozen=True)
-class SavedMapOptions:
-    """A saved map to continue."""
+class MapGroup(MappingOptions):
+    """Objects to map, and the saved map to continue."""
 
     saved: Annotated[
         Path | None,
@@ -68,22 +63,16 @@ class SavedMapOptions:
             "counter-clockwise; dock: at the map's dock; last: where the last run ended.",
         ),
     ] = None
+    classes: Annotated[
+        str | None,
+        arg(metavar="A,B,…", help="Classes that go on the map, any that the bundle knows; by default those of homes."),
+    ] = None
 
     def place(self) -> "MapPlace | None":
         """The place of `--map`; None without it."""
         from edgemap.runtime.step.map_store import find_map
 
         return None if self.saved is None else find_map(self.saved)
-
-
-@dataclass(frozen=True)
-class MapGroup(MappingOptions, SavedMapOptions):
-    """Objects to map, and the saved map to continue."""
-
-    classes: Annotated[
-        str | None,
-        arg(metavar="A,B,…", help="Classes that go on the map, any that the bundle knows; by default those of homes."),
-    ] = None
 
     @property
     def named_classes(self) -> frozenset[str] | None:
@@ -114,7 +103,7 @@ class RunOptions:
     """All options of a run."""
 
     camera: CameraGroup
-    robot: RobotGroup
+    robot: MotionOptions
     map: MapGroup
     watch: WatchGroup
     outputs: OutputGroup

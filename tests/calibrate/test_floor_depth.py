@@ -7,8 +7,7 @@ import pytest
 from support.depth_room import LENS, depth_room, record_depth
 from support.recordings import drain
 
-from edgemap.calibrate.floor_depth import fit_floor_depth
-from edgemap.calibrate.gravity import gravity
+from edgemap.calibrate.floor_depth import fit_floor_depth, gravity
 from edgemap.geometry.camera.floor_plane import find_floor
 from edgemap.geometry.camera.imu import ImuSamples
 from edgemap.geometry.camera.level import up_optical
