@@ -29,15 +29,17 @@ from edgemap.runtime.network.preprocess import Placement, Preprocessor
 
 Scaling = Mapping[str, Any]
 MEAN, STD = (0.485, 0.456, 0.406), (0.229, 0.224, 0.225)  # of ImageNet
-RGB: Scaling = {"colour": "rgb", "scale": 1 / 255}
-RGB_255: Scaling = {"colour": "rgb", "scale": 1.0}
-SCALINGS: tuple[Scaling, ...] = (
-    RGB,
-    {"colour": "rgb", "scale": 1 / 255, "mean": MEAN, "std": STD},
-    {"colour": "bgr", "scale": 1.0},
-    {"colour": "bgr", "scale": 1 / 255, "mean": MEAN[::-1], "std": STD[::-1]},
-    RGB_255,
-)
+
+
+def _scaling(colour: str, in_unit: bool, normalised: bool = False) -> Scaling:
+    """Order of the channels, and whether they are in 0..1 rather than 0..255, and normalised as ImageNet is."""
+    order = slice(None, None, 1 if colour == "rgb" else -1)
+    normal = {"mean": MEAN[order], "std": STD[order]} if normalised else {}
+    return {"colour": colour, "scale": 1 / 255 if in_unit else 1.0} | normal
+
+
+RGB, RGB_255, BGR_255 = _scaling("rgb", True), _scaling("rgb", False), _scaling("bgr", False)
+SCALINGS = (RGB, _scaling("rgb", True, True), BGR_255, _scaling("bgr", True, True), RGB_255)
 RESIZES = ("letterbox", "letterbox_topleft", "stretch")
 STRETCHED: frozenset[Layout] = frozenset({"queries", "lists", "bin rows", "bin levels", "label score box rows"})
 FREE_SIDE_PX = 640  # of an input whose sides are open and that states none
@@ -45,8 +47,7 @@ MASKS, KEYPOINTS = 32, 51  # values behind the classes of a segmentation and of 
 PROBES = (270, 370, 420)  # frames of the demo: chairs, a couch, a plant that detectors of photographs recognise
 PROBE_LABELS, PROBE_VISIBLE, PROBE_AREA_PX2 = frozenset({"chair", "couch", "potted plant"}), 0.6, 2000.0
 MINIMUM_SCORE, OVERLAP = 0.25, 0.5  # of a box of a probe, and with the true one
-CLEARLY = 0.9  # of the best reading's agreement; from there on the family's usual one is taken
-EVERYWHERE = 0.9  # share of the picture that a box of a wrong reading covers
+NEARLY = 0.9  # of the best agreement, from where on the family's usual reading is taken; of a picture that a box covers
 SHARES = 2.0  # coordinates of the strongest boxes up to this are shares of the input, not pixels
 
 
@@ -212,7 +213,7 @@ def _best(
         hint = "" if stated else ", or its number of classes is not COCO's: state them with --names"
         raise BundleError(f"{file.path}: outputs {file.described()} have no layout that edgemap reads{hint}")
     most = max(one.agreement for one in tried)
-    return next(one for one in tried if one.agreement >= CLEARLY * most)
+    return next(one for one in tried if one.agreement >= NEARLY * most)
 
 
 def _readings(
@@ -258,7 +259,7 @@ def _judged(spec: InputSpec, reading: Reading, names: tuple[str, ...], answers: 
         corners, scores, labels = rows_of(outputs, reading, len(names), MINIMUM_SCORE, (spec.width, spec.height))
         boxes = placement.to_image(corners)
         areas = np.prod(boxes[:, 2:] - boxes[:, :2], axis=1) / (placement.image_width * placement.image_height)
-        count, whole = count + len(areas), whole + int((areas > EVERYWHERE).sum())
+        count, whole = count + len(areas), whole + int((areas > NEARLY).sum())
         for box, label in zip(probe.boxes, probe.labels, strict=True):
             if label in names:
                 same = labels == names.index(label)

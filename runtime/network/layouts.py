@@ -37,7 +37,7 @@ FORMS: dict[Layout, tuple[Form, ...]] = {
     "queries": ("cxcywh", "xyxy"),
     "lists": ("xyxy", "yxyx", "cxcywh"),
 }
-CELL_STRIDES, BIN_STRIDES, BINS = (8, 16, 32), (8, 16, 32, 64), 8  # of YOLOX; of PicoDet and NanoDet-Plus
+STRIDES, BINS = (8, 16, 32, 64), 8  # of PicoDet and NanoDet-Plus; of YOLOX the first three
 
 
 class Reading(Strict):
@@ -177,12 +177,12 @@ def _corners(
     """Corners (N, 4) xyxy in px of the input, of the chosen rows of a file's geometry."""
     chosen, form = geometry[rows].astype(np.float64), reading.form
     if form == "cells":
-        cells, strides = _cells(strides_px or CELL_STRIDES, len(geometry), size)
+        cells, strides = _cells(strides_px or STRIDES[:3], len(geometry), size)
         centres = (chosen[:, :2] + cells[rows]) * strides[rows, None]
         half = np.exp(np.minimum(chosen[:, 2:], 20.0)) * strides[rows, None] / 2.0
         return np.concatenate([centres - half, centres + half], axis=1)
     if form in ("bins", "corner bins"):
-        cells, strides = _cells(strides_px or BIN_STRIDES, len(geometry), size)
+        cells, strides = _cells(strides_px or STRIDES, len(geometry), size)
         bins = chosen.reshape(len(chosen), 4, BINS)
         weights = np.exp(bins - bins.max(axis=2, keepdims=True, initial=-np.inf))
         sides = (weights / weights.sum(axis=2, keepdims=True)) @ np.arange(BINS)

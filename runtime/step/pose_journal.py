@@ -7,7 +7,6 @@ from edgemap.geometry.arrays import Array
 from edgemap.geometry.se2 import SE2
 from edgemap.geometry.trajectory_correction import TrajectoryCorrection, composed
 
-SETTLE_AT = 4096  # stamps of corrections that wait to be applied
 MAXIMUM = 65_536  # poses kept, 2 MB: all of 1.8 hours of motion at 10 Hz
 SAME_S = 1e-6  # files round stamps to this
 
@@ -52,7 +51,7 @@ class PoseJournal:
         """A loop closure moved the past."""
         self._pending = correction if self._pending is None else self._pending.compose(correction)
         self.revision += 1
-        if len(self._pending.stamps_s) > SETTLE_AT:
+        if len(self._pending.stamps_s) > self._count:  # applied, it takes less memory
             self._settle()
 
     def transform(self, pose_map_start: SE2) -> None:

@@ -13,7 +13,7 @@ VIDEO_NODES, SYSFS = Path("/dev"), Path("/sys/class/video4linux")
 # linux/videodev2.h: VIDIOC_QUERYCAP and struct v4l2_capability (driver, card, bus_info, version, capabilities,
 # device_caps, reserved). A USB camera also has nodes for metadata, which capture no video.
 QUERYCAP, CAPABILITY = 0x80685600, "16s32s32s3I3I"
-VIDEO_CAPTURE, VIDEO_CAPTURE_MPLANE = 0x1, 0x1000
+VIDEO_CAPTURE = 0x1001  # single- or multi-planar
 
 
 @dataclass(frozen=True, slots=True)
@@ -90,4 +90,4 @@ def _captures(node: Path) -> bool:
         return False
     finally:
         os.close(handle)
-    return bool(struct.unpack(CAPABILITY, answer)[5] & (VIDEO_CAPTURE | VIDEO_CAPTURE_MPLANE))
+    return bool(struct.unpack(CAPABILITY, answer)[5] & VIDEO_CAPTURE)

@@ -11,8 +11,6 @@ from edgemap.runtime.frames.plugins import CAMERAS, load_plugin, plugins
 from edgemap.runtime.frames.reading import user_path
 from edgemap.runtime.frames.trajectory import Trajectory
 
-RECORDED_DEPTH = 3  # recordings of recordings that are followed: a file may name itself
-
 
 class CameraKind(Protocol):
     """Interface of the object of an entry point `KIND = module:object`. A module with both functions is sufficient.
@@ -74,7 +72,9 @@ def file_kind(spec: str) -> FileKind | None:
 
 def recorded_from(spec: str) -> str:
     """SPEC of the camera that a recording of ours was made with, through recordings of recordings; else as it is."""
-    for _ in range(RECORDED_DEPTH):
+    followed: set[str] = set()  # a file may name itself
+    while spec not in followed:
+        followed.add(spec)
         try:
             kind = file_kind(spec)
         except EdgemapError:  # opening the camera reports it

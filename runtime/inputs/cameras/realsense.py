@@ -17,7 +17,7 @@ from edgemap.runtime.frames.limits import SILENCE_S
 from edgemap.runtime.inputs.cameras.imu_buffer import ImuBuffer
 from edgemap.runtime.inputs.cameras.realsense_frames import POLL_MS, Aligned, start_motion, started, stop, to_bgr
 
-WIDTH, HEIGHT, RATE_HZ = 640, 480, 30
+USUAL_MODE = 640, 480, 30  # px, px, Hz
 
 
 def import_realsense() -> ModuleType:
@@ -135,7 +135,8 @@ class RealSenseDriver:
         """Start the colour stream. Raises CameraError where no such device is found or it does not start."""
         rs, failure = self._rs, None
         config = self.config()
-        usual, any_size = (rs.stream.color, WIDTH, HEIGHT, rs.format.bgr8, RATE_HZ), (rs.stream.color,)
+        width, height, rate_hz = USUAL_MODE
+        usual, any_size = (rs.stream.color, width, height, rs.format.bgr8, rate_hz), (rs.stream.color,)
         for wish, with_depth in product((usual, any_size), (True, False) if self._depth else (False,)):
             pipeline = rs.pipeline(self._context)
             config.disable_all_streams()

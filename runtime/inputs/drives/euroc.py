@@ -18,9 +18,10 @@ from edgemap.geometry.camera.imu import ImuSamples
 from edgemap.geometry.camera.intrinsics import Distortion, Intrinsics
 from edgemap.geometry.errors import GeometryError
 from edgemap.runtime.frames.errors import CameraError
-from edgemap.runtime.frames.reading import Coordinate, Side, convert
+from edgemap.runtime.frames.reading import Coordinate, Side, convert, read_bytes
 from edgemap.runtime.frames.spatial_poses import camera_attitudes, planarise_camera, poses_of
 from edgemap.runtime.frames.tables import Column, NumberTable, columns
+from edgemap.runtime.frames.trajectory import tum_rows
 from edgemap.runtime.frames.yaml_file import read_yaml
 from edgemap.runtime.inputs.drives.camera_yaml import read_setup
 from edgemap.runtime.inputs.drives.drive import Drive
@@ -35,7 +36,7 @@ SAMPLES = NumberTable((STAMP_NS, *RATES), samples=True)
 BODY = NumberTable(
     (STAMP_NS, *columns("x y z"), *columns("qw qx qy qz", -1.01, 1.01), *columns("vx vy vz bgx bgy bgz bax bay baz"))
 )
-CAMERA = NumberTable((STAMP_NS, *columns("x y z"), *columns("qx qy qz qw", -1.01, 1.01)))
+CAMERA = NumberTable((STAMP_NS, *columns("x y z qx qy qz qw")))
 
 # Pictures, camera, IMU samples, IMU, truth.
 PUBLISHED = (
@@ -99,12 +100,13 @@ def read_euroc(folder: Path) -> Drive:
 def _poses(path: Path, start_ns: float, camera_body: Array | None) -> tuple[Array, Array]:
     """Stamps (N,) in seconds and poses (N, 4, 4) with the camera's rotation. camera_body: that of the camera on the
     body, for poses of the body."""
-    _, rows = (CAMERA if camera_body is None else BODY).read(path, CameraError)
-    stamps = (rows[:, 0] - start_ns) * 1e-9
-    check_increasing(path, stamps)
     if camera_body is None:
-        return stamps, poses_of(rows[:, 1:4], rows[:, 4:8])
-    poses = poses_of(rows[:, 1:4], rows[:, [5, 6, 7, 4]])
+        rows = tum_rows(read_bytes(path, CameraError), str(path), CameraError, CAMERA)
+        camera_body = np.eye(3)
+    else:
+        rows = BODY.read(path, CameraError)[1][:, [0, 1, 2, 3, 5, 6, 7, 4]]
+    stamps, poses = (rows[:, 0] - start_ns) * 1e-9, poses_of(rows[:, 1:4], rows[:, 4:])
+    check_increasing(path, stamps)
     poses[:, :3, :3] = poses[:, :3, :3] @ camera_body
     return stamps, poses
 

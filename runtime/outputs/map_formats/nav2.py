@@ -24,7 +24,6 @@ from edgemap.runtime.step.map_file import DEFAULT_MAP_ID, object_uuid
 # What map_saver writes: darkness is occupancy, (255 - value) / 255; unknown lies between both thresholds.
 VALUES = {FREE: 254, OCCUPIED: 0, UNKNOWN: 205}
 FREE_THRESH, OCCUPIED_THRESH = 0.196, 0.65
-KEEP_OUT = 100  # of the mask; 0 elsewhere
 MARGIN_M = 1.0  # of empty mask around the zones
 FRAME_ID = "map"
 
@@ -150,7 +149,7 @@ def write_masks(
             raise MapError(f"no zone {name!r} on the map; it has {known}")
     written = []
     if keep_out:
-        values = [(zone, KEEP_OUT) for zone in zones if zone.name in keep_out or zone.id in keep_out]
+        values = [(zone, OCCUPIED) for zone in zones if zone.name in keep_out or zone.id in keep_out]
         written.append(_write(path, "keepout", values, resolution_m))
     if speeds:
         limits = [(zone, speeds.get(zone.name, speeds.get(zone.id, 0))) for zone in zones]
