@@ -99,14 +99,12 @@ def bundle_of(name: str | None, *specs: str) -> Path:
     """
     from edgemap.runtime.frames.reading import print_message
     from edgemap.runtime.inputs.cameras.kinds import recorded_from
-    from edgemap.runtime.network.store import bundle_folder, default_bundle, passed_over, shipped_bundles
+    from edgemap.runtime.network.store import bundle_folder, default_bundle, shipped_bundles
 
     if name is None:
         name, reason = default_bundle(*map(recorded_from, specs))
         print_message(f"bundle {name}: {reason}")
     folder = bundle_folder(name)
-    if (other := passed_over(name)) is not None:
-        print_message(f"bundle {name}: the one that comes with edgemap, not another of its name (--bundle {other})")
     if folder.suffix == ".onnx" and folder.is_file():
         return folder
     if folder.is_file():

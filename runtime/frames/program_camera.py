@@ -62,9 +62,13 @@ def as_mount(given: MountLike) -> Mount:
 def as_picture(given: Any, name: str) -> Picture:
     """A BGR picture, (H, W, 3) uint8. Raises CameraError with the type and shape that it has instead."""
     if not isinstance(given, np.ndarray) or given.dtype != np.uint8 or given.ndim != 3 or given.shape[2] != 3:
-        what = f"{given.dtype} {given.shape}" if isinstance(given, np.ndarray) else type(given).__name__
-        raise CameraError(f"{name} is {what}, expected a BGR picture: uint8 (height, width, 3)")
+        raise CameraError(f"{name} is {described(given)}, expected a BGR picture: uint8 (height, width, 3)")
     return given
+
+
+def described(given: Any) -> str:
+    """What stands in place of a picture, for messages."""
+    return f"{given.dtype} {given.shape}" if isinstance(given, np.ndarray) else type(given).__name__
 
 
 class Stamps:

@@ -36,27 +36,14 @@ def downloads_folder() -> Path:
 def bundle_folder(name: str) -> Path:
     """The folder that a `--bundle` text means: a folder that holds a bundle, any path, or a name.
 
-    A name is looked up among the bundles that come with the package, then in the cache: a cached bundle with a shipped
-    name may belong to an earlier version (`passed_over`).
+    A name is looked up among the bundles that come with the package, then in the cache, where one of a shipped name may
+    belong to an earlier version.
     """
     path = user_path(name)
     if (path / MANIFEST_NAME).is_file() or not BUNDLE_NAME.fullmatch(name):
         return path
     shipped = shipped_folder() / name
     return shipped if (shipped / MANIFEST_NAME).is_file() else cache_folder() / "bundles" / name
-
-
-def passed_over(name: str) -> Path | None:
-    """The bundle in the cache that is not used because a different one in the package has its name.
-
-    Raises BundleError where either has no manifest that can be read.
-    """
-    if not BUNDLE_NAME.fullmatch(name):
-        return None
-    cached, shipped = cache_folder() / "bundles" / name, shipped_folder() / name
-    if not all((folder / MANIFEST_NAME).is_file() for folder in (cached, shipped)):
-        return None
-    return None if read_manifest(cached).sha256 == read_manifest(shipped).sha256 else cached
 
 
 def install_folder(folder: Path) -> Path:

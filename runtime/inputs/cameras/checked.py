@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Callable, Mapping
+from contextlib import suppress
 from dataclasses import replace
 from numbers import Real
 from typing import Any
@@ -18,6 +19,7 @@ from edgemap.runtime.frames.errors import CameraError, CameraFault, CameraState,
 from edgemap.runtime.frames.faults import FaultKind
 from edgemap.runtime.frames.frame import LARGEST_STAMP_S, Frame
 from edgemap.runtime.frames.inference import Inference
+from edgemap.runtime.frames.program_camera import as_picture, described
 from edgemap.runtime.frames.reading import THEIRS, error_line, one_line, printable
 from edgemap.runtime.frames.trajectory import AttitudeTrack, PoseTrack, TrackFile, Trajectory
 
@@ -84,15 +86,14 @@ class PictureCheck:
     ) -> tuple[NDArray[np.uint8], NDArray[np.float32] | None] | None:
         """The picture as BGR, (H, W, 3), and its depth, None where it is invalid; None for an invalid picture.
         grey: whether one of a single channel is taken, with a fault."""
-        if not isinstance(given, np.ndarray):
-            self.note(FaultKind.FORMAT, f"picture is a {type(given).__name__}, not uint8 (H, W, 3)")
-            return None
-        image = given
-        if grey and image.dtype == np.uint8 and (image.ndim == 2 or (image.ndim == 3 and image.shape[2] == 1)):
+        one_channel = isinstance(given, np.ndarray) and given.ndim > 1 and given.shape[2:] in ((), (1,))
+        if grey and one_channel and given.dtype == np.uint8:
             self.note(FaultKind.GREY, "picture has one channel")
-            image = np.repeat(image.reshape(*image.shape[:2], 1), 3, axis=2)
-        if image.dtype != np.uint8 or image.ndim != 3 or image.shape[2] != 3:
-            self.note(FaultKind.FORMAT, f"picture is {image.dtype} {image.shape}, not uint8 (H, W, 3)")
+            given = np.repeat(given.reshape(*given.shape[:2], 1), 3, axis=2)
+        try:
+            image = as_picture(given, "picture")
+        except CameraError as error:
+            self.note(FaultKind.FORMAT, str(error))
             return None
         height, width = image.shape[:2]
         if (width, height) != self._size:
@@ -105,8 +106,7 @@ class PictureCheck:
         if given is None:
             return None
         if not isinstance(given, np.ndarray) or given.dtype.kind not in "fiu" or given.shape != shape:
-            what = f"{given.dtype} {given.shape}" if isinstance(given, np.ndarray) else type(given).__name__
-            self.note(FaultKind.FORMAT, f"depth is {what}, not numbers {shape}; left out")
+            self.note(FaultKind.FORMAT, f"depth is {described(given)}, not numbers {shape}; left out")
             return None
         with np.errstate(over="ignore"):  # what is beyond float32 is infinite there
             depth = given.astype(np.float32, copy=False)
@@ -133,10 +133,9 @@ class CheckedCamera(Camera):
     @property
     def state(self) -> CameraState:
         """The camera's state, where it is a valid one."""
-        try:
+        with suppress(*THEIRS):
             return CameraState(self._camera.state)
-        except THEIRS:
-            return CameraState.RUNNING
+        return CameraState.RUNNING
 
     def read(self) -> Frame | None:
         """The next frame; None at the end. Raises CameraFault once for each error, FrameTimeout while it lasts, and
@@ -168,21 +167,15 @@ class CheckedCamera(Camera):
 
     def object_records(self) -> list[dict[str, Any]] | None:
         """The true objects, where the camera provides records."""
-        try:
+        with suppress(*THEIRS):
             records: list[dict[str, Any]] = list(self._camera.object_records() or ())
-        except EdgemapError:
-            raise
-        except THEIRS:
-            return None
-        return records if records and all(isinstance(record, dict) for record in records) else None
+            return records if records and all(isinstance(record, dict) for record in records) else None
+        return None
 
     def close(self) -> None:
         """Close it; errors of its own code are ignored."""
-        try:
+        with suppress(*THEIRS):
             self._camera.close()
-        except THEIRS as error:
-            text = f"camera {self.info.name}: does not close: {error_line(error)}"
-            self._new.append(CameraFault(FaultKind.FAILED, text))
 
     def _checked(self, given: Any) -> Frame | None:
         """A frame made of what was returned; None where it has no picture of this camera. Raises a returned error."""
