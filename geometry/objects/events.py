@@ -38,9 +38,8 @@ UNDOABLE = ("correct", "merge", "delete", "zone", "room", "dock")
 
 ADDED = "-added"  # between label and number of the id of an object that a person has added
 PLACED_SIGMA_M = 0.05  # for a position that a person sets on a map: a finger's width at the usual zoom
-SMALLEST_M, LARGEST_M = 0.02, 20.0  # limits of a size that a person sets
+SMALLEST_M, LARGEST_M = 0.02, 20.0  # limits of a size that a person sets; a zone is larger than the smallest square
 USUAL_WIDTH_M = 0.5  # of an added object whose class has no usual size
-MINIMUM_ZONE_M2 = 0.01
 
 Anchors = Callable[[Corners], np.ndarray]
 
@@ -346,8 +345,8 @@ class MapEvents:
             raise EditError(f"no zone {edit.id!r}")
         if not edit.id and len(zones) >= MAXIMUM_ZONES:
             raise EditError(f"{MAXIMUM_ZONES} zones are drawn already")
-        if not 3 <= len(edit.corners_m) <= MAXIMUM_CORNERS or _area_m2(edit.corners_m) < MINIMUM_ZONE_M2:
-            raise EditError(f"a zone has 3 to {MAXIMUM_CORNERS} corners around at least {MINIMUM_ZONE_M2} m2")
+        if not 3 <= len(edit.corners_m) <= MAXIMUM_CORNERS or _area_m2(edit.corners_m) < SMALLEST_M**2:
+            raise EditError(f"a zone has 3 to {MAXIMUM_CORNERS} corners around at least {SMALLEST_M**2:g} m2")
         if not edit.name or len(edit.name) > LONGEST_NAME or not edit.name.isprintable():
             raise EditError(f"a zone has a name of at most {LONGEST_NAME} printable characters")
         self._zones_issued += not edit.id

@@ -23,7 +23,6 @@ T = TypeVar("T")
 
 MESSAGE_LENGTH = 200
 LINE_LENGTH = 1000  # of what is printed
-SHOWN = 60  # of a value
 HIDDEN = r"\x00-\x1f\x7f-\x9f\u200b-\u200f\u2028-\u202e\u2060-\u206f\ufeff"  # control characters, text directions
 
 # Numbers and names as files may hold them. NaN and infinity satisfy no bound, so they are refused.
@@ -163,7 +162,7 @@ def _reason(why: Exception, tree: Any) -> str:
             return one_line(why)
     if place is None or not isinstance(tree, str | int | float | None) or "missing" in str(why):
         return one_line(why)
-    return f"{one_line(why)}, found {one_line(_short(tree), SHOWN)}"
+    return f"{one_line(why)}, found {one_line(_short(tree), MESSAGE_LENGTH // 2)}"
 
 
 def _short(value: object) -> str:

@@ -104,7 +104,7 @@ def trajectory_of(path: Path) -> Trajectory | None:
     return parse_tum(whole, str(path)) if whole.strip() else None
 
 
-KEPT = 500
+KEPT = 500  # poses, which are read again for every frame
 AHEAD_S = 0.2  # beyond the newest pose, at the latest speed
 SPEED_OVER_S = 0.02  # least interval between the two poses of a speed
 JUMP_M = 0.5  # least length of a jump; a longer step is a jump where it is faster than wheels

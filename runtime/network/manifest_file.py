@@ -7,13 +7,13 @@ from pathlib import Path, PurePosixPath
 import msgspec
 
 from edgemap.runtime.frames.errors import BundleError
-from edgemap.runtime.frames.reading import SHOWN, decode_json, one_line, read_bytes
+from edgemap.runtime.frames.limits import FILE_BYTES
+from edgemap.runtime.frames.reading import decode_json, one_line, read_bytes
 from edgemap.runtime.network.layouts import BINS
 from edgemap.runtime.network.manifest import Manifest
 
 FORMAT = "edgemap.bundle/1"
 MANIFEST_NAME = "bundle.json"
-VALUES_LIMIT = 1 << 26  # of one tensor
 
 
 def sha256_file(path: Path) -> str:
@@ -31,7 +31,7 @@ def read_manifest(folder: Path) -> Manifest:
         raise BundleError(f"bundle {folder}: no {MANIFEST_NAME} in it")
     manifest = decode_json(read_bytes(path, BundleError), Manifest, f"bundle {path}", BundleError)
     if manifest.format != FORMAT:
-        found = one_line(repr(manifest.format), SHOWN)
+        found = one_line(repr(manifest.format))
         raise BundleError(f"bundle {path}: format {found}, this edgemap reads {FORMAT!r}")
     parts = (manifest.detector, *manifest.odometry.values(), *manifest.variants.values())
     files = [part.file for part in parts]
@@ -52,8 +52,8 @@ def check_shapes(path: Path, manifest: Manifest) -> None:
     for part in manifest.odometry.values():
         shapes |= {state.input: state.shape for state in part.states}
     for name, shape in shapes.items():
-        if math.prod(shape) > VALUES_LIMIT:
-            raise BundleError(f"bundle {path}: tensor {name} of shape {shape}, at most {VALUES_LIMIT:,} values")
+        if 4 * math.prod(shape) > FILE_BYTES:
+            raise BundleError(f"bundle {path}: tensor {name} of shape {shape}, at most {FILE_BYTES:,} bytes")
     if (floor := detector.floor) is not None:
         expected = (1, len(floor.labels), height // floor.stride, width // floor.stride)
         if floor.labels not in (("floor",), ("floor", "wall")):

@@ -14,7 +14,7 @@ from edgemap.runtime.frames.reading import one_line
 from edgemap.runtime.inputs.cameras.checked import PictureCheck, stamp_of
 
 SAMPLE_STEP = 8  # px between the pixels that are compared
-DARKEST, BRIGHTEST = 8.0, 247.0  # mean levels beyond which a colour picture may well have no colour
+EXTREME = 8.0  # levels from black and white, within which the mean of a colour picture may well have no colour
 CLOCK_JUMP_LIMIT_S = 1.0  # stamps may run ahead of the host's clock by this much: frames that lay in a queue
 SMALLEST_STEP_S = 1e-4
 BACKWARD_LIMIT_S = 0.05  # a clock that is being disciplined steps back a little; less than a frame is not a fault
@@ -57,7 +57,7 @@ class DeliveryCheck:
         if same:
             self._check.note(FaultKind.STALE, "the same picture again")
         grey = bool((sample[..., :1] == sample).all())
-        if grey and self._coloured and DARKEST < sample.mean() < BRIGHTEST:
+        if grey and self._coloured and EXTREME < sample.mean() < 255.0 - EXTREME:
             self._check.note(FaultKind.GREY, "pictures have lost their colour")
         self._coloured |= not grey
         return same

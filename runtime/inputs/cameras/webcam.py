@@ -13,9 +13,10 @@ import numpy as np
 from edgemap.geometry.camera.intrinsics import Intrinsics
 from edgemap.runtime.frames.camera import Driver, Picture
 from edgemap.runtime.frames.errors import CameraError
+from edgemap.runtime.frames.limits import SILENCE_S
 from edgemap.runtime.frames.reading import library_path, one_line, without_secrets
 
-OPEN_LIMIT_MS, READ_LIMIT_MS = 5000, 2000  # FFmpeg's own would be 30 s each
+READ_LIMIT_MS = 2000  # FFmpeg's own would be 30 s
 
 
 class CaptureDevice:
@@ -84,8 +85,8 @@ class StreamDriver(Driver):
         self._url = url
 
     def open(self) -> CaptureDevice:
-        """Connect, within 5 s, and decode the header. Raises CameraError."""
-        limits = [cv2.CAP_PROP_OPEN_TIMEOUT_MSEC, OPEN_LIMIT_MS, cv2.CAP_PROP_READ_TIMEOUT_MSEC, READ_LIMIT_MS]
+        """Connect, within `SILENCE_S`, and decode the header. Raises CameraError."""
+        limits = [cv2.CAP_PROP_OPEN_TIMEOUT_MSEC, round(1e3 * SILENCE_S), cv2.CAP_PROP_READ_TIMEOUT_MSEC, READ_LIMIT_MS]
         capture = cv2.VideoCapture(library_path(self._url), cv2.CAP_FFMPEG, limits)
         if not capture.isOpened():
             capture.release()
