@@ -62,8 +62,11 @@ def listed(path: Path, words: int) -> tuple[Array, Array, int]:
     one, and how many entries there are; those whose stamp is none, or does not follow, are counted. Raises CameraError.
     """
     lines = entries(path)
-    split = ((number, line.split(maxsplit=1), line.isprintable()) for number, line in lines)
-    texts = {number: parts[0] if len(parts) == words and printable else "?" for number, parts, printable in split}
+    texts = {number: f"? {line}" for number, line in lines}
+    for number, line in lines:
+        stamp, *others = line.split(maxsplit=1)
+        if len(others) == words - 1 and line.isprintable():
+            texts[number] = stamp
     data = "\n".join(texts.get(number, "") for number in range(1, 1 + max(texts)))
     numbers, rows = STAMPS.parse(data.encode(), str(path), CameraError)
     return np.searchsorted(list(texts), numbers), rows[:, 0], len(lines)
