@@ -3,6 +3,7 @@
 from pathlib import Path
 
 import numpy as np
+from numpy.typing import NDArray
 
 from edgemap.geometry.arrays import Array
 from edgemap.geometry.se2 import SE2
@@ -57,7 +58,7 @@ def read_stamps(path: Path) -> Array:
     return np.interp(at, good, stamps) + step_s * beyond
 
 
-def listed(path: Path, words: int) -> tuple[Array, Array, int]:
+def listed(path: Path, words: int) -> tuple[NDArray[np.intp], Array, int]:
     """Numbers (N,) and stamps (N,) of the entries in a file that lists them, by lines of so many words that begin with
     one, and how many entries there are; those whose stamp is none, or does not follow, are counted. Raises CameraError.
     """
