@@ -6,6 +6,8 @@ BIN := $(VENV)/bin
 STAMP := $(VENV)/.edgemap-setup
 BASE := $(VENV)/.edgemap-base
 VIEW := $(VENV)/.edgemap-view
+FOXGLOVE := $(VENV)/.edgemap-foxglove
+SITE := $(VENV)/.edgemap-site
 PINS := pyproject.toml constraints.txt
 PIP := $(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt
 ROOMS := geometry runtime bridges calibrate evaluation simulation export benchmarks plots view cli
@@ -20,9 +22,7 @@ $(STAMP): $(PINS) scripts/system-packages
 	@echo "edgemap: installing every extra and the development tools into $(VENV) (torch is most of it) ..."
 	@$(PIP) torch
 	@$(PIP) -e '.[all,dev]'
-	@mkdir -p .typing/edgemap
-	@for room in $(ROOMS); do ln -sfn ../../$$room .typing/edgemap/$$room; done
-	@for file in __init__.py opening.py py.typed; do ln -sfn ../../api/$$file .typing/edgemap/$$file; done
+	@$(rooms)
 	@touch $(STAMP)
 
 # What a robot needs: no torch, no renderer, no browser, no development tools.
@@ -37,11 +37,30 @@ $(VIEW): $(BASE)
 	@$(PIP) --no-compile -e '.[view]'
 	@touch $(VIEW)
 
+$(FOXGLOVE): $(BASE)
+	@echo "edgemap: installing Foxglove's server ..."
+	@$(PIP) --no-compile -e '.[foxglove]'
+	@touch $(FOXGLOVE)
+
+# The API reference is read from the sources, without importing them.
+$(SITE): $(BASE)
+	@echo "edgemap: installing what the site needs ..."
+	@$(PIP) --no-compile mkdocs-material 'mkdocstrings[python]'
+	@$(rooms)
+	@touch $(SITE)
+
 define venv
 $(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11))' || { echo "needs Python 3.11 or newer"; exit 1; }; \
 $(PYTHON) -c 'import ensurepip, venv' 2>/dev/null || scripts/system-packages python3-venv; \
 $(PYTHON) -c 'import ensurepip, venv' || { echo "needs Python's venv: apt-get install python3-venv"; exit 1; }; \
 test -x $(BIN)/python || { echo "edgemap: making $(VENV) ..."; $(PYTHON) -m venv $(VENV); }
+endef
+
+# Every room under one package, as a checker of types and the site's reference read them.
+define rooms
+mkdir -p .typing/edgemap; \
+for room in $(ROOMS); do ln -sfn ../../$$room .typing/edgemap/$$room; done; \
+for file in __init__.py opening.py py.typed; do ln -sfn ../../api/$$file .typing/edgemap/$$file; done
 endef
 
 # Where the complete setup was made, it is kept up to date instead.
@@ -53,7 +72,6 @@ system:
 run: $(call installed,$(BASE))
 	@echo "edgemap: driving the demo, one minute in a rendered home ..."
 	$(BIN)/edgemap run
-	$(BIN)/edgemap map show
 
 # The demo's live page: open the address that it prints; Ctrl-C ends it. Beyond this machine: make view VIEW_HOST=0.0.0.0
 VIEW_HOST ?= 127.0.0.1
@@ -78,7 +96,7 @@ check: setup
 	@$(BIN)/pyright & types=$$!; $(BIN)/python -m pytest -q -n 2 $(QUICK); tests=$$?; wait $$types && exit $$tests
 
 # The demo live in Foxglove's protocol, on ws://127.0.0.1:8765.
-foxglove: setup
+foxglove: $(call installed,$(FOXGLOVE))
 	$(BIN)/edgemap run --foxglove
 
 lint: setup
@@ -88,7 +106,7 @@ lint: setup
 	PYTHONPATH=.typing $(BIN)/lint-imports  # .typing/ shows every room under one package
 
 # The whole site, API reference included, into site/.
-docs: setup
+docs: $(call installed,$(SITE))
 	$(BIN)/python -m mkdocs build --clean
 
 bench: setup

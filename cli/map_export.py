@@ -1,5 +1,6 @@
 """`edgemap map export`: a map in another program's format."""
 
+from collections.abc import Sized
 from pathlib import Path
 from typing import Annotated, Literal
 
@@ -74,7 +75,7 @@ def command(
     (mapped, annotations), trajectory, floor = load_annotated_map(map), trajectory_of(map), load_grid(map)
     map_id = map_id or (annotations.identity.map_id if annotations.identity else "map")
     path = _target(map, format, out)
-    written = [path]
+    written, what = [path], f"{len(mapped)} objects"
     if format == "nav2":
         from edgemap.runtime.outputs.map_formats.grid import CellsRule, grid_of, observed_cells
         from edgemap.runtime.outputs.map_formats.nav2 import write_nav2
@@ -84,26 +85,29 @@ def command(
         else:
             grid = observed_cells(floor, mapped if objects else ())
         written = list(write_nav2(path, grid))
+        rows, columns = grid.cells.shape
+        what = f"occupancy map of {columns} x {rows} cells of {grid.resolution_m:g} m, "
+        what += f"with {len(mapped)} objects," if floor is None or objects else "without objects (--objects adds them),"
     elif format == "nav2-masks":
         from edgemap.runtime.outputs.map_formats.nav2 import write_masks
 
         if keep_out is None and speed is None:
             raise UsageError("--format nav2-masks needs --keep-out ZONE,… or --speed ZONE=PERCENT,…")
         written = write_masks(path, annotations.zones, _names(keep_out), _percentages(speed), resolution)
-        print(f"masks of zones written to {' and '.join(str(one) for one in written)}")
-        return
+        what = "masks of zones"
     elif format == "route":
         from edgemap.runtime.outputs.map_formats.route import route_text
 
-        write_atomically(path, route_text(*rooms_of(mapped, annotations, floor), floor, robot_width / 2.0))
-        print(f"route graph written to {path}")
-        return
+        areas = rooms_of(mapped, annotations, floor)
+        write_atomically(path, route_text(*areas, floor, robot_width / 2.0))
+        what = f"route graph of {_counted(rooms=areas[0], doors=areas[1])}"
     elif format in ("png", "svg"):
         from edgemap.runtime.outputs.map_formats.drawing import DrawnMap, draw_map
 
         poses = trajectory.poses if trajectory else ()
         areas = rooms_of(mapped, annotations, floor)
         draw_map(path, DrawnMap(mapped, poses, (), (), annotations.zones, floor, *areas))
+        what = f"drawing of {len(mapped)} objects"
     else:
         from edgemap.geometry.grid.walls import walls_of
         from edgemap.runtime.outputs.map_formats.geojson import geojson_text
@@ -113,13 +117,22 @@ def command(
         if format == "geojson":
             walls, areas = walls_of(floor) if floor else (), rooms_of(mapped, annotations, floor)
             text = geojson_text(mapped, trajectory, map_id, annotations, walls, *areas)
+            what = _counted(objects=mapped, rooms=areas[0], doors=areas[1], walls=walls, zones=annotations.zones)
         else:
             zones, barred = annotations.zones, _names(keep_out)
             as_csv = format == "csv"
             text = csv_text(mapped, zones) if as_csv else vector_text(mapped, map_id, resolution, zones, barred)
+            what = what if as_csv else _counted(objects=mapped, zones=zones)
         write_atomically(path, text)
     hint = "" if trajectory or floor else "; no trajectory.tum beside it" if format == "nav2" else ""
-    print(f"{len(mapped)} objects written to {' and '.join(str(path) for path in written)}{hint}")
+    print(f"{what} written to {' and '.join(str(path) for path in written)}{hint}")
+
+
+def _counted(**parts: Sized) -> str:
+    """How many of each, those alone that are there; of the first always."""
+    first = next(iter(parts))
+    there = {name: len(some) for name, some in parts.items() if some or name == first}
+    return ", ".join(f"{count} {name.removesuffix('s') if count == 1 else name}" for name, count in there.items())
 
 
 def _names(text: str | None) -> list[str]:

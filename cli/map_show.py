@@ -133,12 +133,13 @@ class Question:
 
 
 def _print_lines(answers: Answers) -> None:
-    from edgemap.runtime.outputs.verdict.verdict import sigma_of
+    from edgemap.runtime.outputs.verdict.verdict import is_doubtful, sigma_of
 
     for item, distance_m in answers:
         x_m, y_m = item.position_m
         away = "" if distance_m is None else f"  {distance_m:6.2f} m away"
-        print(f"{item.id:<20} x {x_m:7.2f} m  y {y_m:7.2f} m  +- {sigma_of(item):.2f} m  seen {item.count} times{away}")
+        seen = f"seen {item.count} times{away}" + ("  doubtful" if is_doubtful(item) else "")
+        print(f"{item.id:<20} x {x_m:7.2f} m  y {y_m:7.2f} m  +- {sigma_of(item):.2f} m  {seen}")
 
 
 def _print_rooms(areas: Areas) -> None:

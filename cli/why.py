@@ -1,12 +1,15 @@
 """`edgemap why RUN`: how far a run's map can be trusted, and what to do about it."""
 
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import tyro
 
 from edgemap.cli.arguments import arg
 from edgemap.cli.options import Json, last_run, print_json
+
+if TYPE_CHECKING:
+    from edgemap.geometry.objects.annotations import MapIdentity
 
 
 def command(
@@ -21,17 +24,19 @@ def command(
     Reads run.json and map.json of a run folder. The gravest cause comes first. Of a saved map without its run it shows
     the verdict of the run that saved it.
     """
-    from edgemap.runtime.outputs.verdict.verdict import TITLES, explain, read_run, saved_line
+    from edgemap.runtime.outputs.verdict.verdict import TITLES, explain, read_run
     from edgemap.runtime.step.map_file import identity_record, load_annotated_map
     from edgemap.runtime.step.map_store import saved_map
 
     folder = run or last_run()
+    if folder.name == "map.json" and (folder.parent / "run.json").is_file():
+        folder = folder.parent
     if not (folder / "run.json").is_file():
         identity = load_annotated_map(saved_map(folder))[1].identity
         if json:
             print_json({"map": str(folder)} | identity_record(identity))
         else:
-            print(f"{folder}: {saved_line(identity)}")
+            _print_saved(folder, identity)
         return
     record, objects = read_run(folder)
     verdict, steps = explain(record, objects)
@@ -64,3 +69,17 @@ def command(
         for evidence in step.evidence:
             print(f"   seen: {evidence}")
         print(f"   do:   {step.cause.remedy}\n   more: {step.cause.link}")
+
+
+def _print_saved(place: Path, identity: "MapIdentity | None") -> None:
+    """The verdict that a map without its run carries."""
+    from edgemap.runtime.outputs.verdict.verdict import TITLES
+
+    if identity is None or identity.level is None:
+        print(f"{place}: map: no verdict (an older edgemap, or no run, has saved it)")
+        return
+    print(f"{place}: map: {TITLES[identity.level]}, by the run that saved it")
+    for reason in identity.reasons:
+        print(f"   seen: {reason}")
+    if identity.reasons:
+        print("   do:   see edgemap why RUN, with the folder of that run")

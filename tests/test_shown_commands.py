@@ -19,7 +19,7 @@ ELSEWHERE = {
     r"realsense|/dev/video|camera 0\b|rpicam|camera ros2:": "a device, or a program, that is not here",
     r"broker\.local|keeper\.local|ROUTER|fleet (serve|show)": "others; tests/cli/test_publishers.py",
     r"\b(DIR2?|FILE|NAME|SPEC|DATA|H,P)\b|\b[XBO]\b|…|\|": "words to be filled in",
-    r"^edgemap( \w+){1,2}$(?<!run)(?<!cameras)(?<!doctor)|--int8$": "the name of a command, which needs more",
+    r"^edgemap( \w+){1,2}$(?<!run)(?<!cameras)(?<!doctor)$|^edgemap export --int8$": "a command that needs more",
     r"^edgemap pull|\.onnx|\.cfg|my-bundle|my-flat|\.pt\b": "a model that is not here; tests/export",
     r"^edgemap (train|simulate|bench|eval)": "minutes to hours; tests/export, simulation, benchmarks, evaluation",
     r"^edgemap mcp http": "beside a run; tests/bridges",

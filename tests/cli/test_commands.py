@@ -218,7 +218,9 @@ def test_map_show_and_why_take_the_last_run(edgemap, run_folder, tmp_path):
         shutil.copytree(run_folder, place / "runs" / name)
     assert "20260102T000000Z/map.png" in edgemap("map", "show", cwd=place).stdout
     shutil.copytree(run_folder, place / "kitchen", copy_function=shutil.copy)  # as by `run --out kitchen`
-    assert edgemap("why", cwd=place).stdout.startswith("kitchen: map:")
+    explained = edgemap("why", cwd=place).stdout
+    assert explained.startswith("kitchen: map:")
+    assert edgemap("why", "kitchen/map.json", cwd=place).stdout == explained
 
 
 def test_detect_draws_boxes_without_a_mount(edgemap, painted_bundle, pictures, tmp_path):

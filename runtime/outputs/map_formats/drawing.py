@@ -100,7 +100,9 @@ def _panels(drawn: DrawnMap) -> tuple[list[Item], float, float]:
     """All shapes of the drawing, its width and its height. Source of the three panels: the paper's Fig. 5."""
     sheet, objects = _sheet(drawn), drawn.objects
     below = [*_floor(sheet, drawn), *_path(sheet, drawn.poses)]
-    panels = [(f"{len(objects)} objects with 95 % ellipses", _centres(sheet, drawn))]
+    hollow = sum(map(is_doubtful, objects))
+    title = f"{len(objects)} objects with 95 % ellipses" + (f", {hollow} doubtful (hollow)" if hollow else "")
+    panels = [(title, _centres(sheet, drawn))]
     if drawn.sightings:
         seen = drawn.sightings[:: 1 + len(drawn.sightings) // MAXIMUM_SHAPES]
         panels = [

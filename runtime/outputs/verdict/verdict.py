@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 
 from edgemap.geometry.errors import EdgemapError
 from edgemap.geometry.map_object import MapObject
-from edgemap.geometry.objects.annotations import LEVELS, Annotations, Level, MapIdentity
+from edgemap.geometry.objects.annotations import LEVELS, Annotations, Level
 from edgemap.runtime.frames.errors import RunFolderError
 from edgemap.runtime.frames.faults import FaultKind, read_fault
 from edgemap.runtime.frames.reading import decode_json, error_line, printable, read_bytes
@@ -54,7 +54,8 @@ class Verdict:
     @property
     def line(self) -> str:
         """The verdict in one line, for a terminal or a headline."""
-        return _line(self.level, [finding.text for finding in self.findings])
+        shown = "; ".join(finding.text for finding in self.findings[:3])
+        return f"map: {TITLES[self.level]}" + (f" ({shown})" if shown else "")
 
     def document(self) -> dict[str, Any]:
         """The verdict as plain values, as in run.json."""
@@ -63,18 +64,6 @@ class Verdict:
     def on(self, annotations: Annotations) -> Annotations:
         """A map's annotations with this verdict."""
         return annotations.judged(self.level, [finding.text for finding in self.findings])
-
-
-def _line(level: Level, reasons: Sequence[str]) -> str:
-    shown = "; ".join(reasons[:3])
-    return f"map: {TITLES[level]}" + (f" ({shown})" if shown else "")
-
-
-def saved_line(identity: MapIdentity | None) -> str:
-    """The verdict that a saved map carries, in one line."""
-    if identity is None or identity.level is None:
-        return "map: no verdict (an older edgemap, or no run, has saved it)"
-    return _line(identity.level, identity.reasons)
 
 
 def verdict_of(record: Mapping[str, Any], objects: Sequence[MapObject]) -> Verdict:
