@@ -23,7 +23,7 @@ from typing import Annotated, Any
 import tyro
 
 Row = dict[str, Any]
-HERE, OUT = Path(__file__).parent, Path("runs/figures")
+HERE, OUT = Path(__file__).resolve().parent, Path("runs/figures")
 JSON, BESIDE = HERE / "figures.json", "Beside others"
 BEGIN, END = "<!-- made of benchmarks/figures.json -->", "<!-- end -->"
 INTRODUCTION = f"""# Figures

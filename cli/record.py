@@ -30,7 +30,7 @@ def command(
 ) -> None:
     """Record a camera: pictures, lens, mount and odometry as ROS 2 messages in one MCAP file.
 
-    Ctrl-C ends it. `edgemap run --camera FILE.mcap` replays it; Foxglove and ROS 2 tools open it (docs/ros2.md). A
+    Ctrl-C ends it. `edgemap run --camera FILE.mcap` replays it; Foxglove and ROS 2 tools open it (docs/bags.md). A
     RealSense recording or another MCAP file as --camera is converted.
     """
     from edgemap.bridges.ros2.recordings.facts import Facts

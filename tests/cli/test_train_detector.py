@@ -40,9 +40,9 @@ def squares(tmp_path_factory):
 
 @pytest.fixture(scope="module")
 def flat(squares, tmp_path_factory):
-    """The commands of docs/own-model.md as they stand, on three sets of four squares with the labels and classes.txt of
+    """The commands of docs/train.md as they stand, on three sets of four squares with the labels and classes.txt of
     a labelling tool: the folder that they leave, and what they print."""
-    page = (ROOT / "docs/own-model.md").read_text().split("## Your own flat")[1]
+    page = (ROOT / "docs/train.md").read_text().split("## Your own flat")[1]
     commands, place = page.split("```sh\n")[1].split("```")[0].splitlines(), tmp_path_factory.mktemp("flat")
     folders = [place / "flat" / part for part in ("mine", "choose", "other")]
     for folder in (*(one / "images" for one in folders), place / "photographs"):
