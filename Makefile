@@ -13,7 +13,7 @@ PIP := $(BIN)/python -m pip install --quiet --disable-pip-version-check -c const
 ROOMS := geometry runtime bridges calibrate evaluation simulation export benchmarks plots view cli
 SYSTEM := libusb-1.0-0 libegl1 libegl-mesa0 libgl1 libgl1-mesa-dri sweethome3d-furniture
 
-.PHONY: setup system run view foxglove test check lint audit docs bench figures reliability paper-tables demo demo-drive release release-check integration clean
+.PHONY: setup system run view foxglove test check lint audit docs bench figures reliability paper-tables demo demo-drive sbom release release-check integration clean
 
 setup: system $(STAMP)
 
@@ -119,6 +119,15 @@ FIGURES ?=
 figures: setup
 	$(BIN)/python -m edgemap.benchmarks.figures $(FIGURES)
 
+# The libraries that an install of the wheel brings, as CycloneDX, into sbom/; the tool and the install have environments of
+# their own.
+sbom:
+	rm -rf .sbom sbom && mkdir sbom
+	$(PYTHON) -m venv .sbom/tool && .sbom/tool/bin/python -m pip install -q cyclonedx-bom==7.5.0
+	$(PYTHON) -m venv --without-pip .sbom/edgemap
+	.sbom/tool/bin/python -m pip --python .sbom/edgemap/bin/python install -q -c constraints.txt dist/*.whl
+	.sbom/tool/bin/cyclonedx-py environment --output-reproducible -o sbom/edgemap.cdx.json .sbom/edgemap/bin/python
+
 # Known vulnerabilities of the pinned libraries: fails where one has any, and where the service cannot be reached.
 # ADVISORIES is one of pip-audit's services; it has an environment of its own, since its libraries are none of edgemap's.
 ADVISORIES ?= pypi
@@ -165,12 +174,14 @@ demo: setup
 demo-drive: setup
 	$(BIN)/edgemap simulate --plain --seed 9160 --frames 600 --video -o runtime/inputs/demo
 
-# Wheel and source archive of the version in api/__init__.py, checked; publishing them is done by hand.
+# Wheel and source archive of the version in api/__init__.py, checked; a tag publishes them (.github/workflows/release.yml).
 release: setup
 	rm -rf dist
 	$(BIN)/python scripts/check_release.py --build dist
 	$(BIN)/python -m twine check --strict dist/*
-	@grep -q "^## $$($(BIN)/python -c 'import edgemap; print(edgemap.__version__)')" CHANGELOG.md || { echo "CHANGELOG.md has no section for this version"; exit 1; }
+	@version=$$($(BIN)/python -c 'import edgemap; print(edgemap.__version__)'); \
+	grep -q "^## $$version" CHANGELOG.md || { echo "CHANGELOG.md has no section for this version"; exit 1; }; \
+	grep -qx "version: $$version" CITATION.cff || { echo "CITATION.cff has another version"; exit 1; }
 
 clean:
 	rm -rf $(VENV) .typing site build dist *.egg-info

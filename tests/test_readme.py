@@ -116,10 +116,18 @@ def test_make_targets_exist():
     assert set(phony.split()) == rules
 
 
-def test_the_public_workflow_calls_what_exists(help_of):
-    """Every `run` line is a make target or a command with its flags; nothing is published from it."""
-    workflow = yaml.safe_load((ROOT / ".github" / "workflows" / "ci.yml").read_text())
-    lines = [step["run"] for job in workflow["jobs"].values() for step in job["steps"] if "run" in step]
+def test_the_public_workflows_call_what_exists(help_of):
+    """Every `run` line is a make target or a command with its flags; only a tag publishes, after the build."""
+    folder = ROOT / ".github" / "workflows"
+    jobs = {
+        f"{path.name} {name}": job
+        for path in folder.glob("*.yml")
+        for name, job in yaml.safe_load(path.read_text())["jobs"].items()
+    }
+    publish = {name for name, job in jobs.items() if any("publish" in step.get("uses", "") for step in job["steps"])}
+    assert publish == {"release.yml publish"}
+    assert yaml.safe_load((folder / "release.yml").read_text())[True] == {"push": {"tags": ["v*"]}}  # `on` in YAML 1.1
+    lines = [step["run"] for job in jobs.values() for step in job["steps"] if "run" in step]
     assert {"make lint", "make test", "make release"} <= set(lines)
     for line in lines:
         if line.startswith("make "):
