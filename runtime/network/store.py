@@ -34,13 +34,13 @@ def downloads_folder() -> Path:
 
 
 def bundle_folder(name: str) -> Path:
-    """The folder that a `--bundle` text means: a folder that holds a bundle, any path, or a name.
+    """The path that a `--bundle` text means: a folder that holds a bundle, a file, any path, or a name.
 
     A name is looked up among the bundles that come with the package, then in the cache, where one of a shipped name may
     belong to an earlier version.
     """
     path = user_path(name)
-    if (path / MANIFEST_NAME).is_file() or not BUNDLE_NAME.fullmatch(name):
+    if path.is_file() or (path / MANIFEST_NAME).is_file() or not BUNDLE_NAME.fullmatch(name):
         return path
     shipped = shipped_folder() / name
     return shipped if (shipped / MANIFEST_NAME).is_file() else cache_folder() / "bundles" / name

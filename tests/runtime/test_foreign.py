@@ -29,6 +29,13 @@ def expected():
     return [detector(probe.image) for probe in probes()]
 
 
+def test_a_file_in_the_current_folder_is_not_taken_for_a_bundles_name(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    assert bundle_folder("detector.onnx") != Path("detector.onnx")
+    Path("detector.onnx").touch()
+    assert bundle_folder("detector.onnx") == Path("detector.onnx")
+
+
 @pytest.mark.parametrize("name", MODELS)
 def test_a_layout_is_recognised_and_gives_the_same_boxes(name, expected, tmp_path):
     file = ForeignFile(write(MODELS[name](), tmp_path / "a.onnx"), Compute(1))
