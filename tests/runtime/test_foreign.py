@@ -1,5 +1,7 @@
 """ONNX files of other projects: the layout is recognised, the boxes are the detector's own, wrong files are refused."""
 
+from pathlib import Path
+
 import numpy as np
 import onnx
 import pytest
