@@ -108,19 +108,19 @@ class Camera:
 
     def account(self) -> list[Fault]:
         """What the frames delivered so far did not use, one fault for each kind."""
-        found: list[Fault] = []
+        faults: list[Fault] = []
         if (imu := self.info.imu) is not None and 2 * self._with_imu < self._delivered and len(imu):
             spans = f"{imu.stamps_s[0]:.3f} to {imu.stamps_s[-1]:.3f} s, the pictures' end at {self._last_s:.3f} s"
             text = f"IMU: samples for {self._with_imu} of {self._delivered} pictures (its stamps: {spans})"
-            found.append(Fault(FaultKind.SAMPLES, text))
+            faults.append(Fault(FaultKind.SAMPLES, text))
         if imu is not None and 0 < (zeros := int((~imu.accel_m_s2.any(axis=1)).sum())) < len(imu):
-            found.append(Fault(FaultKind.SAMPLES, f"IMU: {zeros} of {len(imu)} samples have no force, left out"))
+            faults.append(Fault(FaultKind.SAMPLES, f"IMU: {zeros} of {len(imu)} samples have no force, left out"))
         whole, used = self._depths.total(), self._depths[""]
         causes = [(why, count) for why, count in self._depths.most_common() if why not in ("", NO_DEPTH)]
         if not whole or (used and not causes):
-            return found
+            return faults
         why = "; ".join(f"{why} ({count})" for why, count in causes[:2]) if used else (*causes, (NO_DEPTH, 0))[0][0]
-        return [*found, Fault(FaultKind.DEPTH, f"depth: {used} of {whole} pictures usable: {why}")]
+        return [*faults, Fault(FaultKind.DEPTH, f"depth: {used} of {whole} pictures usable: {why}")]
 
     def object_records(self) -> list[dict[str, Any]] | None:
         """The true objects, as in objects.json, visible in the frames delivered so far; None where unknown."""

@@ -49,8 +49,8 @@ def install_hint(extra: str) -> str:
 
 def pip() -> str:
     """The command of this environment's pip: `pip` where it is on the PATH, else through the path of Python."""
-    found, programs = shutil.which("pip"), Path(sys.executable).parent
-    if found and Path(found).parent.resolve() == programs.resolve():
+    program, programs = shutil.which("pip"), Path(sys.executable).parent
+    if program and Path(program).parent.resolve() == programs.resolve():
         return "pip"
     python = Path(sys.executable)
     if python.is_relative_to(Path.cwd()):

@@ -7,31 +7,31 @@ from contextvars import ContextVar
 from edgemap.runtime.frames.faults import Fault, FaultKind
 from edgemap.runtime.frames.reading import print_message
 
-_FOUND: ContextVar[list[Fault] | None] = ContextVar("found", default=None)
+_COLLECTED: ContextVar[list[Fault] | None] = ContextVar("faults", default=None)
 
 
 @contextmanager
 def collected() -> Iterator[list[Fault]]:
     """Collects the notes of the block, for who reports them; prints them where the block fails."""
-    found: list[Fault] = []
-    token = _FOUND.set(found)
+    faults: list[Fault] = []
+    token = _COLLECTED.set(faults)
     try:
-        yield found
+        yield faults
     except BaseException:
-        for fault in found:
+        for fault in faults:
             print_message(fault.text)
         raise
     finally:
-        _FOUND.reset(token)
+        _COLLECTED.reset(token)
 
 
 def note(kind: FaultKind, text: str) -> None:
     """Reports something that is left out. text: one line with the numbers."""
-    found = _FOUND.get()
-    if found is None:
+    faults = _COLLECTED.get()
+    if faults is None:
         print_message(text)
     else:
-        found.append(Fault(kind, text))
+        faults.append(Fault(kind, text))
 
 
 def note_dropped(where: object, reasons: list[str], count: int) -> None:

@@ -104,13 +104,13 @@ def user_path(text: str | Path) -> Path:
 def read_bytes(path: Path, error: type[EdgemapError], limit_bytes: int = FILE_BYTES) -> bytes:
     """All of a regular file. Raises `error` where it is missing, no file, unreadable or larger than the limit."""
     try:
-        found = path.stat()
-        if not stat.S_ISREG(found.st_mode):  # a pipe would block, a device never end
+        status = path.stat()
+        if not stat.S_ISREG(status.st_mode):  # a pipe would block, a device never end
             raise error(f"{path}: cannot be read (not a file)")
-        if found.st_size > limit_bytes:
-            raise error(f"{path}: {found.st_size:,} bytes, at most {limit_bytes:,} are read")
+        if status.st_size > limit_bytes:
+            raise error(f"{path}: {status.st_size:,} bytes, at most {limit_bytes:,} are read")
         with path.open("rb") as stream:
-            data = stream.read(min(found.st_size, limit_bytes) + 1)  # takes memory for as much as it is asked for
+            data = stream.read(min(status.st_size, limit_bytes) + 1)  # takes memory for as much as it is asked for
     except (OSError, ValueError) as why:  # ValueError: a NUL in the path
         raise error(f"{one_line(path)}: cannot be read ({one_line(getattr(why, 'strerror', None) or why)})") from None
     return data

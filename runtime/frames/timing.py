@@ -41,8 +41,8 @@ def _now_s() -> float:
 def percentiles(values_ms: Sequence[float]) -> dict[str, float]:
     """p50, p95 and p99 of stage times, ms, rounded to a microsecond; empty for none."""
     quantiles = (50, 95, 99)
-    found = np.percentile(np.asarray(values_ms), quantiles).tolist() if len(values_ms) else []
-    return {f"p{q}": round(value, 3) for q, value in zip(quantiles, found, strict=False)}
+    values = np.percentile(np.asarray(values_ms), quantiles).tolist() if len(values_ms) else []
+    return {f"p{q}": round(value, 3) for q, value in zip(quantiles, values, strict=False)}
 
 
 class StreamTimer:

@@ -29,10 +29,10 @@ def open_camera(spec: str = "demo", how: CameraOptions = CameraOptions()) -> Cam
 
     Raises CameraError or PluginError, one line, for an invalid SPEC or a source that cannot be opened.
     """
-    with collected() as found:
+    with collected() as faults:
         camera = _open(spec, how)
-    if found:
-        camera.update_info(faults=(*camera.info.faults, *found))
+    if faults:
+        camera.update_info(faults=(*camera.info.faults, *faults))
     if how.realtime and not camera.info.live:
         from edgemap.runtime.inputs.cameras.wrappers import PacedCamera
 

@@ -31,8 +31,8 @@ def read_manifest(folder: Path) -> Manifest:
         raise BundleError(f"bundle {folder}: no {MANIFEST_NAME} in it")
     manifest = decode_json(read_bytes(path, BundleError), Manifest, f"bundle {path}", BundleError)
     if manifest.format != FORMAT:
-        found = one_line(repr(manifest.format))
-        raise BundleError(f"bundle {path}: format {found}, this edgemap reads {FORMAT!r}")
+        stated = one_line(repr(manifest.format))
+        raise BundleError(f"bundle {path}: format {stated}, this edgemap reads {FORMAT!r}")
     parts = (manifest.detector, *manifest.odometry.values(), *manifest.variants.values())
     files = [part.file for part in parts]
     for name in [*files, *manifest.sha256]:

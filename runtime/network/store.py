@@ -131,8 +131,8 @@ def shipped_folder() -> Path:
 
 def shipped_bundles() -> list[str]:
     """Names of the bundles that come with the package, the default ones first."""
-    found = (path.parent.name for path in shipped_folder().glob(f"*/{MANIFEST_NAME}"))
-    return sorted(found, key=lambda name: (name not in (LENS, RENDERED), name))
+    names = (path.parent.name for path in shipped_folder().glob(f"*/{MANIFEST_NAME}"))
+    return sorted(names, key=lambda name: (name not in (LENS, RENDERED), name))
 
 
 def shipped_heads(name: str) -> list[Path]:

@@ -51,8 +51,9 @@ class FileCamera(Camera):
             if self.info.intrinsics is None:
                 return None
             self._registration = DepthRegistration(self.depth_camera, self.info.intrinsics)
-        found = self._registration.registered(depth)
-        return f"{depth.shape[1]}x{depth.shape[0]} px, its camera has another size" if found is None else found
+        if (registered := self._registration.registered(depth)) is None:
+            return f"{depth.shape[1]}x{depth.shape[0]} px, its camera has another size"
+        return registered
 
 
 class VideoCamera(FileCamera):

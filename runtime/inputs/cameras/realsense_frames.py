@@ -201,9 +201,9 @@ def recorded_motion(rs: ModuleType, path: Path) -> ImuSamples | None:
     sensors = [
         (sensor, profiles)
         for sensor in device.query_sensors()
-        if (profiles := [found for found in sensor.get_stream_profiles() if found.stream_type() in kinds])
+        if (profiles := [profile for profile in sensor.get_stream_profiles() if profile.stream_type() in kinds])
     ]
-    if {found.stream_type() for _, profiles in sensors for found in profiles} != set(kinds):
+    if {profile.stream_type() for _, profiles in sensors for profile in profiles} != set(kinds):
         return None
     buffer, until_s = ImuBuffer(kept=None), time.monotonic() + PLAYBACK_LIMIT_S
     for sensor, profiles in sensors:

@@ -82,11 +82,11 @@ def _of_kalibr(tree: Tree) -> Intrinsics:
 
 def _of_opencv(tree: Tree) -> Intrinsics:
     """ROS's too, whose matrices are mappings with `data`."""
-    found = {what: next((tree[key] for key in keys if key in tree), None) for what, keys in OPENCV_KEYS.items()}
-    size = found["size"] or (found["width"], found["height"])
+    values = {what: next((tree[key] for key in keys if key in tree), None) for what, keys in OPENCV_KEYS.items()}
+    size = values["size"] or (values["width"], values["height"])
     if None in size:
         raise CameraError("lacks the size of the pictures; add image_width: 640 and image_height: 480, as they are")
-    matrix, coefficients = (_numbers(found[what]) for what in ("matrix", "coefficients"))
+    matrix, coefficients = (_numbers(values[what]) for what in ("matrix", "coefficients"))
     usual = "fisheye" if tree.get("fisheye_model") else "plumb_bob" if len(coefficients) <= 5 else "rational_polynomial"
     model = str(tree.get("distortion_model") or tree.get("camera_model") or usual)
     distortion = Distortion.named(usual if model == "pinhole" else model, coefficients)

@@ -75,11 +75,11 @@ def listed(path: Path, words: int) -> tuple[NDArray[np.intp], Array, int]:
 
 def entries(path: Path) -> list[tuple[int, str]]:
     """Numbers and texts of a file's lines that are no comments. Raises CameraError where there are none."""
-    lines = enumerate(read_text(path, CameraError).lstrip("\ufeff").splitlines(), 1)
-    found = [(number, line.strip()) for number, line in lines if line.strip() and not line.lstrip().startswith("#")]
-    if not found:
+    lines = enumerate(map(str.strip, read_text(path, CameraError).lstrip("\ufeff").splitlines()), 1)
+    kept = [(number, line) for number, line in lines if line and not line.startswith("#")]
+    if not kept:
         raise CameraError(f"{path}: nothing is listed in it")
-    return found
+    return kept
 
 
 def check_increasing(path: Path, stamps_s: Array) -> None:
