@@ -25,14 +25,14 @@ MountLike = Mount | tuple[float, float]
 
 
 def as_intrinsics(
-    given: IntrinsicsLike, width: int, height: int, where: str = "", warn: Callable[[str], object] = warnings.warn
+    value: IntrinsicsLike, width: int, height: int, where: str = "", warn: Callable[[str], object] = warnings.warn
 ) -> Intrinsics:
     """Intrinsics, or (fx, fy, cx, cy) in px of pictures of this size. where: for messages. Raises CameraError."""
-    if isinstance(given, Intrinsics):
-        return given
-    where = where or f"intrinsics={given!r}"
+    if isinstance(value, Intrinsics):
+        return value
+    where = where or f"intrinsics={value!r}"
     try:
-        fx, fy, cx, cy = map(float, given)
+        fx, fy, cx, cy = map(float, value)
         lens = Intrinsics(width, height, fx, fy, cx, cy)
     except GeometryError as error:
         raise CameraError(f"{where}: {error}") from None
@@ -48,27 +48,27 @@ def as_intrinsics(
     return lens
 
 
-def as_mount(given: MountLike) -> Mount:
+def as_mount(value: MountLike) -> Mount:
     """A Mount, or (height_m, pitch_deg), pitch positive looking down. Raises CameraError or GeometryError."""
-    if isinstance(given, Mount):
-        return given
+    if isinstance(value, Mount):
+        return value
     try:
-        height_m, pitch_deg = (float(value) for value in given)
+        height_m, pitch_deg = map(float, value)
     except (TypeError, ValueError):
-        raise CameraError(f"mount={given!r}: expected two numbers, (height_m, pitch_deg)") from None
+        raise CameraError(f"mount={value!r}: expected two numbers, (height_m, pitch_deg)") from None
     return Mount.from_degrees(height_m, pitch_deg)
 
 
-def as_picture(given: Any, name: str) -> Picture:
+def as_picture(value: Any, name: str) -> Picture:
     """A BGR picture, (H, W, 3) uint8. Raises CameraError with the type and shape that it has instead."""
-    if not isinstance(given, np.ndarray) or given.dtype != np.uint8 or given.ndim != 3 or given.shape[2] != 3:
-        raise CameraError(f"{name} is {described(given)}, expected a BGR picture: uint8 (height, width, 3)")
-    return given
+    if not isinstance(value, np.ndarray) or value.dtype != np.uint8 or value.ndim != 3 or value.shape[2] != 3:
+        raise CameraError(f"{name} is {described(value)}, expected a BGR picture: uint8 (height, width, 3)")
+    return value
 
 
-def described(given: Any) -> str:
+def described(value: Any) -> str:
     """What stands in place of a picture, for messages."""
-    return f"{given.dtype} {given.shape}" if isinstance(given, np.ndarray) else type(given).__name__
+    return f"{value.dtype} {value.shape}" if isinstance(value, np.ndarray) else type(value).__name__
 
 
 class Stamps:
@@ -82,19 +82,19 @@ class Stamps:
     def __init__(self) -> None:
         self._last_s, self._count, self._seconds = -math.inf, 0, False
 
-    def checked(self, given: Any, name: str) -> float:
+    def checked(self, value: Any, name: str) -> float:
         """A stamp in seconds after the last one. Raises CameraError."""
         try:
-            stamp_s = float(given)
+            stamp_s = float(value)
         except (TypeError, ValueError):
             stamp_s = math.nan
         if not math.isfinite(stamp_s) or stamp_s <= self._last_s:
-            raise CameraError(f"{name}={given!r}: expected seconds after the picture before, {self._last_s}")
+            raise CameraError(f"{name}={value!r}: expected seconds after the picture before, {self._last_s}")
         pause_s, self._last_s, self._count = stamp_s - self._last_s, stamp_s, self._count + 1
         self._seconds |= pause_s <= self.PAUSE_S
         if abs(stamp_s) > LARGEST_STAMP_S or (not self._seconds and self._count > self.PAUSES):
             raise CameraError(
-                f"{name}={given!r}, {pause_s:g} s after the one before: stamps are seconds, not milliseconds or "
+                f"{name}={value!r}, {pause_s:g} s after the one before: stamps are seconds, not milliseconds or "
                 "nanoseconds"
             )
         return stamp_s
@@ -128,8 +128,8 @@ class FramesCamera(Camera):
 
     def read(self) -> Frame | None:
         """The next picture; None after the last. Raises CameraError for an invalid picture."""
-        for given in self._pictures:
-            stamp_s, image = _timed(given, self._delivered)
+        for value in self._pictures:
+            stamp_s, image = _timed(value, self._delivered)
             stamp_s = self._stamps.checked(stamp_s, f"frames[{self._delivered}][0]")
             return self.frame(image, stamp_s, f"frames[{self._delivered}]")
         return None
@@ -139,11 +139,11 @@ class FramesCamera(Camera):
         self._pictures = iter(())
 
 
-def _timed(given: Any, number: int) -> tuple[Any, Picture]:
+def _timed(value: Any, number: int) -> tuple[Any, Picture]:
     """The stamp, unchecked, and the picture of an item. Raises CameraError."""
-    if isinstance(given, tuple) and len(given) == 2:
-        return given[0], as_picture(given[1], f"frames[{number}][1]")
-    return number / DEFAULT_RATE_HZ, as_picture(given, f"frames[{number}]")
+    if isinstance(value, tuple) and len(value) == 2:
+        return value[0], as_picture(value[1], f"frames[{number}][1]")
+    return number / DEFAULT_RATE_HZ, as_picture(value, f"frames[{number}]")
 
 
 class PushedCamera(Camera):
@@ -186,11 +186,11 @@ class PushedCamera(Camera):
         return frame
 
 
-def _samples(given: Any) -> ImuSamples | None:
+def _samples(value: Any) -> ImuSamples | None:
     """ImuSamples, or (N, 7): stamp_s, gyro x y z in rad/s, accelerometer x y z in m/s^2, optical axes."""
-    if given is None or isinstance(given, ImuSamples):
-        return given
-    rows = np.atleast_2d(np.asarray(given, dtype=np.float64))
+    if value is None or isinstance(value, ImuSamples):
+        return value
+    rows = np.atleast_2d(np.asarray(value, dtype=np.float64))
     if rows.ndim != 2 or rows.shape[1] != 7 or not np.isfinite(rows).all():
         raise CameraError(
             f"imu= has shape {rows.shape}, expected finite (N, 7): stamp_s, gyro x y z, accelerometer x y z"
@@ -198,12 +198,12 @@ def _samples(given: Any) -> ImuSamples | None:
     return ImuSamples(rows[:, 0], rows[:, 1:4], rows[:, 4:])
 
 
-def _pose(given: Any) -> SE2:
+def _pose(value: Any) -> SE2:
     """SE2, or (x_m, y_m, yaw_rad) of the wheels' own odometry."""
     try:
-        x_m, y_m, yaw_rad = (float(value) for value in (given.vector() if isinstance(given, SE2) else given))
+        x_m, y_m, yaw_rad = map(float, value.vector() if isinstance(value, SE2) else value)
     except (TypeError, ValueError):
         x_m = y_m = yaw_rad = math.nan
     if not all(map(math.isfinite, (x_m, y_m, yaw_rad))):
-        raise CameraError(f"wheels={given!r}: expected three finite numbers, (x_m, y_m, yaw_rad)")
+        raise CameraError(f"wheels={value!r}: expected three finite numbers, (x_m, y_m, yaw_rad)")
     return SE2(x_m, y_m, yaw_rad)

@@ -42,10 +42,10 @@ def from_supervision(boxes: Any, names: Sequence[str] | None = None) -> Detectio
         raise ValueError("supervision's detections without class_id: which class each box is must be known")
     class_ids = np.zeros(0, np.int64) if boxes.class_id is None else np.asarray(boxes.class_id, dtype=np.int64)
     if names is None:
-        given = boxes.data.get("class_name")
-        if count and given is None:
+        labels = boxes.data.get("class_name")
+        if count and labels is None:
             raise ValueError("supervision's detections without class_name: pass names")
-        known = {int(number): str(name) for number, name in zip(class_ids, given if count else (), strict=True)}
+        known = {int(number): str(name) for number, name in zip(class_ids, labels if count else (), strict=True)}
         names = [known.get(number, "") for number in range(max(known, default=-1) + 1)]
     if count and not (class_ids.min() >= 0 and class_ids.max() < len(names)):
         raise ValueError(f"class_id {class_ids.min()} to {class_ids.max()} for {len(names)} names")

@@ -32,31 +32,31 @@ TYPES: dict[str, Any] = {
 }  # fmt: skip
 
 
-def stamp_of(given: Any) -> float:
+def stamp_of(value: Any) -> float:
     """A stamp in seconds; NaN where it is not a number, or so large that frames could not be distinguished."""
-    if isinstance(given, bool) or not isinstance(given, Real):
+    if isinstance(value, bool) or not isinstance(value, Real):
         return math.nan
     try:
-        stamp_s = float(given)
+        stamp_s = float(value)
     except (OverflowError, ValueError):
         return math.nan
     return stamp_s if abs(stamp_s) < LARGEST_STAMP_S else math.nan
 
 
-def size_of(given: Any, name: str) -> tuple[int, int]:
+def size_of(value: Any, name: str) -> tuple[int, int]:
     """(width, height) in px of a camera or device. Raises CameraError."""
     try:
-        width, height = (int(side) for side in given)
+        width, height = (int(side) for side in value)
     except (TypeError, ValueError, OverflowError):
         width = height = 0
     if width < 1 or height < 1:
-        raise CameraError(f"camera {name}: its size is {one_line(repr(given), 60)}, not (width, height) in pixels")
+        raise CameraError(f"camera {name}: its size is {one_line(repr(value), 60)}, not (width, height) in pixels")
     return width, height
 
 
-def rate_of(given: Any) -> float | None:
+def rate_of(value: Any) -> float | None:
     """A nominal frame rate in Hz; None where the value is invalid."""
-    rate = stamp_of(given)
+    rate = stamp_of(value)
     return rate if rate > 0.0 else None
 
 
@@ -82,16 +82,16 @@ class PictureCheck:
         self._now.add(kind)
 
     def picture(
-        self, given: Any, depth: Any, grey: bool = False
+        self, value: Any, depth: Any, grey: bool = False
     ) -> tuple[NDArray[np.uint8], NDArray[np.float32] | None] | None:
         """The picture as BGR, (H, W, 3), and its depth, None where it is invalid; None for an invalid picture.
         grey: whether one of a single channel is taken, with a fault."""
-        one_channel = isinstance(given, np.ndarray) and given.ndim > 1 and given.shape[2:] in ((), (1,))
-        if grey and one_channel and given.dtype == np.uint8:
+        one_channel = isinstance(value, np.ndarray) and value.ndim > 1 and value.shape[2:] in ((), (1,))
+        if grey and one_channel and value.dtype == np.uint8:
             self.note(FaultKind.GREY, "picture has one channel")
-            given = np.repeat(given.reshape(*given.shape[:2], 1), 3, axis=2)
+            value = np.repeat(value.reshape(*value.shape[:2], 1), 3, axis=2)
         try:
-            image = as_picture(given, "picture")
+            image = as_picture(value, "picture")
         except CameraError as error:
             self.note(FaultKind.FORMAT, str(error))
             return None
@@ -101,15 +101,15 @@ class PictureCheck:
             return None
         return image, self._depth(depth, (height, width))
 
-    def _depth(self, given: Any, shape: tuple[int, int]) -> NDArray[np.float32] | None:
+    def _depth(self, value: Any, shape: tuple[int, int]) -> NDArray[np.float32] | None:
         """Metres, 0 where it is unknown, infinite or negative."""
-        if given is None:
+        if value is None:
             return None
-        if not isinstance(given, np.ndarray) or given.dtype.kind not in "fiu" or given.shape != shape:
-            self.note(FaultKind.FORMAT, f"depth is {described(given)}, not numbers {shape}; left out")
+        if not isinstance(value, np.ndarray) or value.dtype.kind not in "fiu" or value.shape != shape:
+            self.note(FaultKind.FORMAT, f"depth is {described(value)}, not numbers {shape}; left out")
             return None
         with np.errstate(over="ignore"):  # what is beyond float32 is infinite there
-            depth = given.astype(np.float32, copy=False)
+            depth = value.astype(np.float32, copy=False)
         valid = (depth > 0.0) & (depth < np.float32(np.inf))
         return depth if valid.all() else np.where(valid, depth, np.float32(0.0))
 
@@ -143,16 +143,16 @@ class CheckedCamera(Camera):
         """
         if not self._new and self._ahead is None:
             try:
-                given: Any = self._camera.read()
+                value: Any = self._camera.read()
             except EdgemapError:
                 raise
             except THEIRS as error:
-                given = error
-            if given is None:
+                value = error
+            if value is None:
                 return None
             self._check.begin()
             try:
-                self._ahead = self._checked(given)
+                self._ahead = self._checked(value)
             except Exception as error:
                 self._check.note(FaultKind.FAILED, f"read raised {error_line(error)}")
             self._failures = 0 if self._ahead is not None else self._failures + 1
@@ -177,33 +177,33 @@ class CheckedCamera(Camera):
         with suppress(*THEIRS):
             self._camera.close()
 
-    def _checked(self, given: Any) -> Frame | None:
+    def _checked(self, value: Any) -> Frame | None:
         """A frame made of what was returned; None where it has no picture of this camera. Raises a returned error."""
-        if isinstance(given, Exception):
-            raise given
-        if not isinstance(given, Frame):
-            self._check.note(FaultKind.FORMAT, f"read gave a {type(given).__name__}, not a Frame")
+        if isinstance(value, Exception):
+            raise value
+        if not isinstance(value, Frame):
+            self._check.note(FaultKind.FORMAT, f"read gave a {type(value).__name__}, not a Frame")
             return None
-        if (picture := self._check.picture(given.image, given.depth)) is None:
+        if (picture := self._check.picture(value.image, value.depth)) is None:
             return None
-        imu = given.imu
+        imu = value.imu
         if not isinstance(imu, ImuSamples) or not _sound(imu):
             self._check.note(FaultKind.FORMAT, "inertial samples are none, or not finite in order of time; left out")
             imu = ImuSamples.none()
-        stamp_s = self._stamp(given.stamp_s)
+        stamp_s = self._stamp(value.stamp_s)
         if self._offset_s:
             imu = replace(imu, stamps_s=imu.stamps_s + self._offset_s)  # the camera's clock is also theirs
-        name = printable(given.name) if isinstance(given.name, str) else f"{self.info.name}#{self._delivered}"
+        name = printable(value.name) if isinstance(value.name, str) else f"{self.info.name}#{self._delivered}"
         image, depth = picture
-        frame = Frame(self._delivered, stamp_s, image, name, imu, depth, search=given.search is not False)
+        frame = Frame(self._delivered, stamp_s, image, name, imu, depth, search=value.search is not False)
         self._delivered += 1
         return frame
 
-    def _stamp(self, given: Any) -> float:
-        stamp_s = stamp_of(given)
+    def _stamp(self, value: Any) -> float:
+        stamp_s = stamp_of(value)
         next_s = self._last_s + 1.0 / (self.info.rate_hz or DEFAULT_RATE_HZ) if math.isfinite(self._last_s) else 0.0
         if math.isnan(stamp_s):
-            self._check.note(FaultKind.STAMP, f"stamp {one_line(repr(given), 40)} is no time; one frame interval taken")
+            self._check.note(FaultKind.STAMP, f"stamp {one_line(repr(value), 40)} is no time; one frame interval taken")
             stamp_s = next_s
         elif stamp_s + self._offset_s <= self._last_s:
             text = f"stamp {stamp_s:.6g} s is not after {self._last_s - self._offset_s:.6g} s; one interval taken"

@@ -35,13 +35,13 @@ class DeliveryCheck:
         driver returned."""
         self._check.begin()
         try:
-            given = Picture(*grabbed)
+            picture = Picture(*grabbed)
         except TypeError:
             text = f"a grab gave a {type(grabbed).__name__}, not (stamp_s, image) or a Picture"
             self._check.note(FaultKind.FORMAT, text)
             return None
-        why, depth = (one_line(given.depth), None) if isinstance(given.depth, str) else ("", given.depth)
-        stamp_s, checked = stamp_of(given.stamp_s), self._check.picture(given.image, depth, grey=True)
+        why, depth = (one_line(picture.depth), None) if isinstance(picture.depth, str) else ("", picture.depth)
+        stamp_s, checked = stamp_of(picture.stamp_s), self._check.picture(picture.image, depth, grey=True)
         if checked is None or (self._same(checked[0]) and stamp_s == self._stamp_s):
             return None
         stream_s, wrong = self.clock.stamp(stamp_s, arrived_s)
