@@ -6,8 +6,7 @@ from typing import Annotated, Any, Literal
 from edgemap.cli.arguments import arg
 from edgemap.cli.groups import Source
 from edgemap.cli.network_options import NetworkOptions
-from edgemap.cli.options import Json, print_json
-from edgemap.runtime.frames.errors import UsageError
+from edgemap.cli.options import Json, above_zero, print_json
 
 
 def command(
@@ -52,12 +51,7 @@ def command(
     from edgemap.runtime.network.engines import processor_name
     from edgemap.runtime.step.slam import SemanticSlam, build_slam
 
-    if not 0.0 < seconds < 1e6:
-        raise UsageError(f"--seconds {seconds}: must be a positive number")
-    if not rate or not all(0.0 < hz < 1e4 for hz in rate):
-        raise UsageError(f"--rate {' '.join(f'{hz:g}' for hz in rate)}: must be positive numbers")
-    if soak is not None and not 0.0 < soak < 1e5:
-        raise UsageError(f"--soak {soak}: must be a positive number of minutes")
+    above_zero(seconds=seconds, rate=min(rate, default=0.0), soak=soak)
     source.check()
     paced = network.load(source.camera, pace="camera")
 

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
     from edgemap.geometry.camera.floor import FloorCamera
     from edgemap.geometry.observations.detections import Detections
-    from edgemap.geometry.observations.sighting import FloorRule, Sighting
+    from edgemap.geometry.observations.sighting import Sighting
 
 
 def command(
@@ -45,7 +45,7 @@ def command(
     them when it stands on the floor by the rule of `run`, whose maps leave out people, pets and what is far. Without
     --intrinsics or a camera file a lens of 60 degrees across is assumed, and the output states it.
     """
-    from edgemap.geometry.observations.sighting import sightings_of
+    from edgemap.geometry.observations.sighting import FloorRule, sightings_of
     from edgemap.runtime.frames.errors import UsageError
     from edgemap.runtime.inputs.drives.pictures import list_pictures, read_picture
     from edgemap.runtime.network.decode import Decoder, Detector
@@ -60,14 +60,14 @@ def command(
     confidence = minimum_score(confidence, loaded)
     spec = loaded.manifest.detector
     detector, decode = Detector(loaded), Decoder(spec, confidence, one_name=True)
-    documents = []
+    documents, every_box = [], FloorRule(max_sigma_m=inf)  # people and pets too, and however far
     try:
         for path in images:
             picture = read_picture(path)
             outputs = detector.raw(picture)
             detections = decode(*outputs)
             camera, guessed = _floor_camera(picture.shape[1], picture.shape[0], optics)
-            sightings = sightings_of(detections, camera, _every_floor_box()) if camera else []
+            sightings = sightings_of(detections, camera, every_box) if camera else []
             document = {"image": str(path), "width": picture.shape[1], "height": picture.shape[0]}
             document |= _found(detections, sightings, camera, guessed)
             if plot:
@@ -101,13 +101,6 @@ def _plot(
     make_folder(path.parent)
     write_atomically(path, png(draw_detections(picture, detections, None)))
     return path
-
-
-def _every_floor_box() -> "FloorRule":
-    """People and pets too, and however far: only maps are choosy."""
-    from edgemap.geometry.observations.sighting import FloorRule
-
-    return FloorRule(max_sigma_m=inf)
 
 
 def _found(

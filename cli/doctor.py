@@ -153,9 +153,9 @@ def _bundle(name: str | None, camera: str) -> Diagnosis:
     try:
         folder = bundle_folder(name)
         if not folder.exists():
-            from edgemap.cli.pull import known
+            from edgemap.cli.pull import KNOWN
 
-            if known(name):
+            if name in KNOWN:
                 return Diagnosis("bundle", "missing", f"{name} is not in the cache", f"edgemap pull {name}")
             return Diagnosis(
                 "bundle", "broken", f"{name} is neither a bundle folder nor a known model", "edgemap pull --help"

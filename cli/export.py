@@ -1,12 +1,15 @@
 """`edgemap export`: trained weights to a bundle."""
 
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import tyro
 
 from edgemap.cli.arguments import arg
 from edgemap.runtime.frames.errors import UsageError
+
+if TYPE_CHECKING:
+    from edgemap.runtime.network.manifest import Manifest
 
 
 def command(
@@ -106,11 +109,8 @@ def command(
     describe(output, read_manifest(output))
 
 
-def describe(folder: Path, manifest: object) -> None:
+def describe(folder: Path, manifest: "Manifest") -> None:
     """Prints a bundle's contents and its deviation from the source."""
-    from edgemap.runtime.network.manifest import Manifest
-
-    assert isinstance(manifest, Manifest)
     size = manifest.detector.input
     print(
         f"bundle {manifest.name} in {folder}/: {size.width}x{size.height} input, "

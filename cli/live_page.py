@@ -64,9 +64,6 @@ def live_page(
     if options.view is None:
         yield None
         return
-    from edgemap.runtime.frames.extras import need
-
-    need("view", "--view")
     from edgemap.view.page import LivePage
     from edgemap.view.pause import Pause
     from edgemap.view.server import PageServer

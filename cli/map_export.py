@@ -7,6 +7,7 @@ from typing import Annotated, Literal
 import tyro
 
 from edgemap.cli.arguments import arg
+from edgemap.cli.options import above_zero
 from edgemap.runtime.frames.errors import UsageError
 
 NAMES = {
@@ -68,9 +69,7 @@ def command(
     from edgemap.runtime.step.map_file import load_annotated_map
     from edgemap.runtime.step.map_store import saved_map
 
-    for name, value in (("resolution", resolution), ("robot-width", robot_width)):
-        if not 0.0 < value < 100.0:
-            raise UsageError(f"--{name} {value}: must be above 0 and below 100 m")
+    above_zero(resolution=resolution, **{"robot-width": robot_width})
     map = saved_map(map)
     (mapped, annotations), trajectory, floor = load_annotated_map(map), trajectory_of(map), load_grid(map)
     map_id = map_id or (annotations.identity.map_id if annotations.identity else "map")

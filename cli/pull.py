@@ -39,16 +39,11 @@ def command(
                 "only show that it arrived complete"
             )
         folder = install_url(source)
-    elif not known(source) and user_path(source).exists():
+    elif source not in KNOWN and user_path(source).exists():
         folder = install_folder(user_path(source))
     else:
         folder = pull_known(source, given)
     print(f"ready: {folder}")
-
-
-def known(name: str) -> bool:
-    """Whether a name is one of the models that can be fetched."""
-    return name in KNOWN
 
 
 def pull_known(name: str, given: str | None = None) -> Path:

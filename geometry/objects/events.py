@@ -89,7 +89,8 @@ _Events = dict[tuple[str, str], _Event]  # by kind and id: of one kind and id th
 
 
 class _Fold:
-    """The map while events are folded over it. objects: by id. became: merged ids with those they became part of."""
+    """The map while events are folded over it, a method for each kind of edit. objects: by id. became: merged ids with
+    those they became part of."""
 
     def __init__(self, measured: FloorMap, events: _Events) -> None:
         self.measured, self.events = measured, events
@@ -100,7 +101,7 @@ class _Fold:
         self.rooms: dict[str, Room] = {}
         self.dock: SE2 | None = None
         for event in events.values():
-            FOLDS[event.edit.do](self, event)
+            getattr(self, f"_{event.edit.do}")(event)
         for item in [item for item in self.objects.values() if item.confirmed and item.confidence < 1.0]:
             self.objects[item.id] = replace(item, confidence=1.0)
         self.shown = sorted(self.objects.values(), key=lambda item: id_order(item.id))
@@ -125,70 +126,47 @@ class _Fold:
             self.objects[into] = joined([self.objects[into], self.objects.pop(identity)])
             self.became[identity] = into
 
+    def _name(self, event: _Event) -> None:
+        self.change(event.edit.id, lambda item: replace(item, name=event.edit.name))
 
-def _fold_name(fold: _Fold, event: _Event) -> None:
-    fold.change(event.edit.id, lambda item: replace(item, name=event.edit.name))
+    def _confirm(self, event: _Event) -> None:
+        self.change(event.edit.id, lambda item: replace(item, confirmed=event.edit.on))
 
+    def _correct(self, event: _Event) -> None:
+        self.change(event.edit.id, lambda item: _corrected(item, event.edit))
 
-def _fold_confirm(fold: _Fold, event: _Event) -> None:
-    fold.change(event.edit.id, lambda item: replace(item, confirmed=event.edit.on))
+    def _merge(self, event: _Event) -> None:
+        self.join(event.edit.id, event.edit.into)
 
+    def _add(self, event: _Event) -> None:
+        """Detections of its class in its place become part of it; the place is that of the latest correction."""
+        edit = event.edit
+        if edit.id in self.objects:  # saved with a map
+            return
+        stamp_s = 0.0 if event.anchors_s is None else float(event.anchors_s[0])
+        none = np.zeros(2), np.eye(2)
+        item = MapObject(edit.id, edit.label, *none, 0.0, 0.0, 1, 1.0, stamp_s, stamp_s, confirmed=True)
+        item = self.objects[edit.id] = _corrected(item, edit)
+        correction = self.events.get(("correct", edit.id))
+        final = item if correction is None else _corrected(item, correction.edit)
+        for other in [one for one in self.objects.values() if ("add", one.id) not in self.events]:
+            near_m = float(np.linalg.norm(other.position_m - final.position_m))
+            if other.label == final.label and near_m < least_spacing_m(final, other):
+                self.join(other.id, edit.id)
 
-def _fold_correct(fold: _Fold, event: _Event) -> None:
-    fold.change(event.edit.id, lambda item: _corrected(item, event.edit))
+    def _delete(self, event: _Event) -> None:
+        item = self.objects.get(self.root(event.edit.id))
+        if item is not None and item.label in event.labels:  # under another label it is something else by now
+            self.deleted.append(self.objects.pop(item.id))
 
+    def _zone(self, event: _Event) -> None:
+        self.zones[event.edit.id] = Zone(event.edit.id, event.edit.name, event.edit.corners_m)
 
-def _fold_merge(fold: _Fold, event: _Event) -> None:
-    fold.join(event.edit.id, event.edit.into)
+    def _room(self, event: _Event) -> None:
+        self.rooms[event.edit.id] = Room(event.edit.id, event.edit.corners_m, name=event.edit.name)
 
-
-def _fold_add(fold: _Fold, event: _Event) -> None:
-    """Detections of its class in its place become part of it; the place is that of the latest correction."""
-    edit = event.edit
-    if edit.id in fold.objects:  # saved with a map
-        return
-    stamp_s = 0.0 if event.anchors_s is None else float(event.anchors_s[0])
-    item = MapObject(edit.id, edit.label, np.zeros(2), np.eye(2), 0.0, 0.0, 1, 1.0, stamp_s, stamp_s, confirmed=True)
-    item = fold.objects[edit.id] = _corrected(item, edit)
-    correction = fold.events.get(("correct", edit.id))
-    final = item if correction is None else _corrected(item, correction.edit)
-    for other in [one for one in fold.objects.values() if ("add", one.id) not in fold.events]:
-        near_m = float(np.linalg.norm(other.position_m - final.position_m))
-        if other.label == final.label and near_m < least_spacing_m(final, other):
-            fold.join(other.id, edit.id)
-
-
-def _fold_delete(fold: _Fold, event: _Event) -> None:
-    item = fold.objects.get(fold.root(event.edit.id))
-    if item is not None and item.label in event.labels:  # under another label it is something else by now
-        fold.deleted.append(fold.objects.pop(item.id))
-
-
-def _fold_zone(fold: _Fold, event: _Event) -> None:
-    edit = event.edit
-    fold.zones[edit.id] = Zone(edit.id, edit.name, edit.corners_m)
-
-
-def _fold_room(fold: _Fold, event: _Event) -> None:
-    edit = event.edit
-    fold.rooms[edit.id] = Room(edit.id, edit.corners_m, name=edit.name)
-
-
-def _fold_dock(fold: _Fold, event: _Event) -> None:
-    fold.dock = event.edit.pose and SE2(*event.edit.pose)
-
-
-FOLDS: dict[str, Callable[[_Fold, _Event], None]] = {
-    "name": _fold_name,
-    "confirm": _fold_confirm,
-    "correct": _fold_correct,
-    "add": _fold_add,
-    "merge": _fold_merge,
-    "delete": _fold_delete,
-    "zone": _fold_zone,
-    "room": _fold_room,
-    "dock": _fold_dock,
-}
+    def _dock(self, event: _Event) -> None:
+        self.dock = event.edit.pose and SE2(*event.edit.pose)
 
 
 @dataclass(slots=True)

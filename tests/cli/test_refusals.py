@@ -131,7 +131,7 @@ REFUSED = [
     ("map approach room.json chair-1 --near 1", 2, "2 numbers"),
     ("map export room.json --format csv -o room.json", 2, "map itself"),
     ("map export room.json --format png -o x.svg", 2, ".png"),
-    ("map export room.json --format nav2 --resolution 0", 2, "--resolution 0.0"),
+    ("map export room.json --format nav2 --resolution 0", 2, "--resolution 0:"),
     ("map merge room.json -o out.json", 2, "two"),
     (f"{SCALE}", 2, "one length"),
     (f"{SCALE} --height 0.6 --between a,b,1", 2, "one length"),
