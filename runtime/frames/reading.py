@@ -34,16 +34,12 @@ Side = Annotated[int, Meta(ge=1, le=65536)]  # of a picture, px
 Name = Annotated[str, Meta(min_length=1, max_length=200, pattern=rf"\A[^{HIDDEN}]*\Z")]
 
 
-# Of a URL: user and password, also where these hold `/` or `@`; values of a query that give access. Lengths are
-# bounded, or a hostile text would take for ever.
-USER_INFO = re.compile(
-    r"""(:/{2,3}|https?:/|rtsps?:/)"""
-    r"""(?:[^\s/?#"'<>]{0,500}|[^\s/@:"'<>]{0,200}:(?!\d+(?:[/?#]|$))[^\s"'<>]{0,300})@"""
-)
-QUERY_SECRET = re.compile(
-    r"""(?i)([?&;][^=&\s?]{0,40}(?:token|pass|pwd|secret|key|auth|sig|user|login|cred|session)[^=&\s]{0,40}=)"""
-    r"""[^&\s#"'<>]+"""
-)
+# Of a URL: user and password, also where these hold `/` or `@`; a whole query or fragment, whatever its names; parts of
+# a path that give access, as cheap cameras have them. Lengths are bounded, or a hostile text would take for ever.
+URL = r"""(:/{2,3}|https?:/|rtsps?:/)"""
+USER_INFO = re.compile(URL + r"""(?:[^\s/?#"'<>]{0,1000}|[^\s/@:"'<>]{0,200}:(?!\d+(?:[/?#]|$))[^\n"'<>]{0,1000})@""")
+PATH_SECRET = r"""/[^/\s?#="'<>]{0,40}(?:pass|pwd|psw|user|token|auth|key)[^/\s?#="'<>]{0,20}="""
+QUERY = re.compile(URL + rf"""([^\s?#"'<>]{{0,300}}?)(?:[?#]|{PATH_SECRET})[^\s"'<>]+""")
 
 
 def without_secrets(text: str) -> str:
@@ -51,7 +47,7 @@ def without_secrets(text: str) -> str:
     and may hold an address goes through it."""
     if ":/" not in text:
         return text
-    return QUERY_SECRET.sub(r"\1***", USER_INFO.sub(r"\1***@", text))
+    return QUERY.sub(r"\1\2?***", USER_INFO.sub(r"\1***@", text))
 
 
 class Strict(msgspec.Struct, kw_only=True, forbid_unknown_fields=True):

@@ -20,7 +20,11 @@ SECRETS = "h0rse", "battery"
         ("rtsp://admin:pw@10.0.0.2:554/live", "rtsp://***@10.0.0.2:554/live"),
         ("rtsp://admin:p@ss@h/x", "rtsp://***@h/x"),
         ("rtsp://admin:p/w@h/x", "rtsp://***@h/x"),
-        ("http://h:80/x?user=a&pwd=b&x=1", "http://h:80/x?user=***&pwd=***&x=1"),
+        ("http://h:80/x?user=a&pwd=b&x=1", "http://h:80/x?***"),
+        ("http://h/x#code=b, then", "http://h/x?*** then"),
+        ("rtsp://h/user=a_password=b_channel=1.sdp", "rtsp://h?***"),
+        ("rtsp://admin:p s@h/x", "rtsp://***@h/x"),
+        ("rtsp://admin:" + "p" * 900 + "@h/x", "rtsp://***@h/x"),
         ("rtsp:/u:p@h/x.jpg", "rtsp:/***@h/x.jpg"),  # as a path has it
         ('{"a": "rtsp://u:p@h/x", "b": "c@d"}', '{"a": "rtsp://***@h/x", "b": "c@d"}'),
         ("http://h:8554/user@x wheel:/data/u@x.csv file:///home/x@y", None),
