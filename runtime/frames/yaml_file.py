@@ -31,6 +31,7 @@ _Loader.add_constructor("tag:yaml.org,2002:opencv-matrix", _matrix)
 def read_yaml(path: Path, error: type[EdgemapError]) -> Any:
     """A file's one document: None, bool, int, float, str, list and dict with text keys. Raises `error`, one line."""
     text = read_text(path, error, YAML_BYTES).removeprefix("%YAML:1.0")  # OpenCV's first line, which is no YAML
+    text = text.rstrip().removesuffix("\n---")  # as `ros2 topic echo` ends a message
     try:
         tree = msgspec.to_builtins(yaml.load(text, _Loader), str_keys=True)
         msgspec.json.encode(tree)  # raises for halves of characters (`\ud800`), which no file can hold

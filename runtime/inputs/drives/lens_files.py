@@ -6,24 +6,30 @@ from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from edgemap.geometry.camera.intrinsics import Distortion, Intrinsics
 from edgemap.geometry.errors import GeometryError
 from edgemap.runtime.frames.errors import CameraError
-from edgemap.runtime.frames.reading import one_line, read_text
+from edgemap.runtime.frames.reading import Side, convert, one_line, read_text
 from edgemap.runtime.frames.yaml_file import read_yaml
 
 Tree = Mapping[str, Any]
 HALF_PX = 0.5  # COLMAP and nerfstudio count from the corner of the first pixel
 OPENCV_KEYS = {
-    "matrix": ("camera_matrix", "Camera_Matrix", "cameraMatrix", "CameraMatrix", "intrinsic_matrix", "K", "M1", "M"),
+    "matrix": (
+        "camera_matrix", "Camera_Matrix", "cameraMatrix", "CameraMatrix", "intrinsic_matrix", "K", "k", "M1", "M",
+    ),
     "coefficients": (
-        "distortion_coefficients", "Distortion_Coefficients", "distCoeffs", "dist_coeffs", "distortion", "D", "D1",
+        "distortion_coefficients", "Distortion_Coefficients", "distCoeffs", "dist_coeffs", "dist_coeff",
+        "distortion", "D", "d", "D1",
     ),
     "width": ("image_width", "image_Width", "imageWidth", "width"),
     "height": ("image_height", "image_Height", "imageHeight", "height"),
     "size": ("image_size", "imageSize", "resolution"),
 }  # fmt: skip
 BROWN, RATIONAL = "k1 k2 p1 p2 k3", "k1 k2 p1 p2 k3 k4 k5 k6"
+NERFSTUDIO = ("camera_model", "is_fisheye", "w", "h", "fl_x", "fl_y", "cx", "cy", "camera_angle_x", *RATIONAL.split())
 COLMAP = {
     "SIMPLE_PINHOLE": ("none", "f cx cy"),
     "PINHOLE": ("none", "fx fy cx cy"),
@@ -86,6 +92,11 @@ def _of_opencv(tree: Tree) -> Intrinsics:
     size = values["size"] or (values["width"], values["height"])
     if None in size:
         raise CameraError("lacks the size of the pictures; add image_width: 640 and image_height: 480, as they are")
+    if values["coefficients"] is None:
+        raise CameraError("lacks the distortion; add distortion_coefficients: [] where there is none")
+    roi = tree.get("roi") or {}
+    if max(tree.get("binning_x", 0), tree.get("binning_y", 0)) > 1 or any(map(roi.get, ("x_offset", "y_offset"))):
+        raise CameraError("is of binned or cut pictures; write the camera matrix of the pictures as they are")
     matrix, coefficients = (_numbers(values[what]) for what in ("matrix", "coefficients"))
     usual = "fisheye" if tree.get("fisheye_model") else "plumb_bob" if len(coefficients) <= 5 else "rational_polynomial"
     model = str(tree.get("distortion_model") or tree.get("camera_model") or usual)
@@ -94,8 +105,8 @@ def _of_opencv(tree: Tree) -> Intrinsics:
 
 
 def _numbers(matrix: Any) -> Sequence[float]:
-    """Those of a matrix as FileStorage writes it, or of a list; none for nothing."""
-    return (matrix["data"] if isinstance(matrix, Mapping) else matrix) or ()
+    """Those of a matrix as FileStorage writes it, or of a list, or of one of rows."""
+    return np.ravel(matrix["data"] if isinstance(matrix, Mapping) else matrix).astype(float).tolist()
 
 
 def _of_orb_slam(tree: Tree) -> Intrinsics:
@@ -124,8 +135,11 @@ def _of_colmap(tree: Tree) -> Intrinsics:
 
 
 def _of_nerfstudio(tree: Tree) -> Intrinsics:
-    values = {**next(iter(tree.get("frames") or [{}])), **tree}
-    model = str(values.get("camera_model", "OPENCV"))
+    lenses = [{key: frame[key] for key in NERFSTUDIO if key in frame} for frame in tree.get("frames") or [{}]]
+    if any(lens != lenses[0] for lens in lenses):
+        raise CameraError("its frames are of several lenses; leave those of the one that is meant")
+    values = {**lenses[0], **tree}
+    model = str(values.get("camera_model", "OPENCV_FISHEYE" if values.get("is_fisheye") else "OPENCV"))
     named, names = COLMAP.get(model, ("", ""))
     if not names:
         raise CameraError(f"camera_model {one_line(model, 40)!r} is not supported ({', '.join(COLMAP)} are)")
@@ -148,13 +162,14 @@ def _from_corner(size: Sequence[Any], values: dict[str, float], model: str) -> I
 
 
 def _of_matrix(matrix: Sequence[float]) -> Sequence[float]:
-    if len(matrix) != 9:
-        raise CameraError(f"a camera matrix of {len(matrix)} numbers, expected 9")
+    if len(matrix) != 9 or any(abs(matrix[place]) > 1.0 for place in (1, 3, 6, 7)):
+        raise CameraError(f"camera matrix {one_line(matrix)}, expected fx, 0, cx, 0, fy, cy, 0, 0, 1")
     return matrix[0], matrix[4], matrix[2], matrix[5]
 
 
 def _lens(size: Sequence[Any], numbers: Sequence[Any], distortion: Distortion) -> Intrinsics:
-    (width, height), (fx, fy, cx, cy) = map(int, size), map(float, numbers)
+    width, height = convert([*size], tuple[Side, Side], "size", CameraError, strict=False)
+    fx, fy, cx, cy = map(float, numbers)
     return Intrinsics(width, height, fx, fy, cx, cy, distortion)
 
 

@@ -88,6 +88,20 @@ def opencv(path, coefficients, **more):
     return path.read_text()
 
 
+PLAIN = "height: 480\nwidth: 640\n"
+MATRIX = [430.2, 0.0, 306.7, 0.0, 430.5, 227.2, 0.0, 0.0, 1.0]
+# As `ros2 topic echo` prints a CameraInfo.
+ECHO = (
+    PLAIN
+    + """distortion_model: plumb_bob
+d: [-0.01, 0.02, -0.003, 0.0004, 0.0]
+k: {matrix}
+binning_x: {binning}
+roi:
+  x_offset: 0
+---
+"""
+)
 K4, SIX = (-0.01, 0.02, -0.003, 0.0004), {"image_width": 640, "image_height": 480}
 
 
@@ -99,33 +113,21 @@ K4, SIX = (-0.01, 0.02, -0.003, 0.0004), {"image_width": 640, "image_height": 48
         ("wide.yaml", ROS.format(model="rational_polynomial", count=8, data=[0.1] * 8), "rational", (0.1,) * 8),
         ("camchain.yaml", KALIBR.format(camera="pinhole", model="radtan"), "brown_conrady", K4),
         ("camchain.yaml", KALIBR.format(camera="pinhole", model="equidistant"), "equidistant", K4),
-        (
-            "orb2.yaml",
-            orb(),
-            "brown_conrady",
-            None,
-        ),
-        (
-            "orb3.yaml",
-            orb("KannalaBrandt8", "Camera1", "k"),
-            "equidistant",
-            K4,
-        ),
-        (
-            "cameras.txt",
-            COLMAP + f"1 OPENCV {FOUR} -0.01 0.02 -0.003 0.0004\n",
-            "brown_conrady",
-            None,
-        ),
+        ("orb2.yaml", orb(), "brown_conrady", None),
+        ("orb3.yaml", orb("KannalaBrandt8", "Camera1", "k"), "equidistant", K4),
+        ("cameras.txt", COLMAP + f"1 OPENCV {FOUR} -0.01 0.02 -0.003 0.0004\n", "brown_conrady", None),
         ("cameras.txt", COLMAP + f"1 OPENCV_FISHEYE {FOUR} 0 0 0 0\n", "equidistant", ()),
         ("cameras.txt", COLMAP + f"1 PINHOLE {FOUR}\n", "none", ()),
-        (
-            "transforms.json",
-            json.dumps(NERF | FISH),
-            "equidistant",
-            (-0.01, 0.02, 0.0, 0.0),
-        ),
+        ("transforms.json", json.dumps(NERF | FISH), "equidistant", (-0.01, 0.02, 0.0, 0.0)),
+        ("transforms.json", json.dumps(NERF | {"is_fisheye": True}), "equidistant", (-0.01, 0.02, 0.0, 0.0)),
         ("transforms.json", json.dumps(NERF | {"p1": -0.003, "p2": 0.0004}), "brown_conrady", None),
+        ("echo.yaml", ECHO.format(matrix=MATRIX, binning=0), "brown_conrady", (*K4, 0.0)),
+        (
+            "rows.yaml",
+            f"{PLAIN}K: [[430.2, 0, 306.7], [0, 430.5, 227.2], [0, 0, 1]]\ndist_coeff: [{[*K4]}]\n",
+            "brown_conrady",
+            None,
+        ),
         ("calib.yml", lambda path: opencv(path, [*K4, 0.0], **SIX), "brown_conrady", (*K4, 0.0)),
         ("fish.yml", lambda path: opencv(path, K4, fisheye_model=1, **SIX), "equidistant", K4),
         ("wide.yml", lambda path: opencv(path, [0.1] * 8, **SIX), "rational", (0.1,) * 8),
@@ -148,20 +150,21 @@ def test_lenses_of_other_programs(tmp_path, name, content, model, coefficients):
         ("ost.yaml", ROS.format(model="double_sphere", count=4, data=[0.0] * 4), "'double_sphere' with 4 coefficients"),
         ("camchain.yaml", KALIBR.format(camera="omni", model="radtan"), "camera_model 'omni' is not supported"),
         ("camchain.yaml", KALIBR.format(camera="pinhole", model="fov"), "distortion 'fov'"),
-        (
-            "orb.yaml",
-            orb(size=""),
-            "add Camera.width: 640",
-        ),
+        ("orb.yaml", orb(size=""), "add Camera.width: 640"),
         ("cameras.txt", COLMAP + "1 THIN_PRISM_FISHEYE 640 480 1 2 3\n", "'THIN_PRISM_FISHEYE' is not supported"),
         ("cameras.txt", COLMAP + "1 PINHOLE 640 480 1 1 3 3\n2 PINHOLE 640 480 2 2 3 3\n", "2 cameras in it; leave"),
         ("cameras.txt", COLMAP + "1 PINHOLE 640 480 1 1 3\n", "not a camera file that is read"),
-        (
-            "transforms.json",
-            json.dumps(NERF | ROUND),
-            "'SPHERE' is not supported",
-        ),
+        ("transforms.json", json.dumps(NERF | ROUND), "'SPHERE' is not supported"),
+        ("transforms.json", json.dumps(NERF | {"frames": [{"w": 1}, {"w": 2}]}), "several lenses"),
         ("transforms.json", "{", "not JSON"),
+        ("echo.yaml", ECHO.format(matrix=MATRIX, binning=2), "binned"),
+        (
+            "echo.yaml",
+            ECHO.format(matrix=np.reshape(MATRIX, (3, 3)).T.ravel().tolist(), binning=0),
+            "expected fx, 0, cx",
+        ),
+        ("plain.yaml", f"{PLAIN}K: {MATRIX}\n", "lacks the distortion"),
+        ("cameras.txt", COLMAP + "1 PINHOLE 1e9 480 1 1 3 3\n", "size"),
         ("calib.yml", lambda path: opencv(path, K4), "add image_width: 640"),
         ("calib.yml", "%YAML:1.0\ncamera_matrix: !!opencv-matrix\n  rows: [", "not YAML"),
         ("calib.xml", "<opencv_storage/>", "XML is not read"),
