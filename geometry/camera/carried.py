@@ -53,7 +53,7 @@ class Carried:
         rule, judged_s = self.rule, self.judged_s + span_s
         share = max(rule.share, 1.0 / (3.0 + self.pictures) if gyro else 0.0)
         nodding2 = self.nodding2 + share * (nod2 - self.nodding2)
-        rate_share = span_s / min(judged_s + 3.0 * span_s, rule.rate_s)
+        rate_share = min(span_s / min(judged_s + 3.0 * span_s, rule.rate_s), 1.0)
         return replace(
             self,
             pictures=self.pictures + 1,

@@ -258,16 +258,18 @@ class FloorMap:
         return False
 
     def _homes(self, groups: list[list[Landmark]], ids: list[str]) -> list[list[str]]:
-        """Ids that each group keeps, oldest first: an id goes to the group with most of its sightings."""
+        """Ids that each group keeps, oldest first: an id stays with the object of an earlier map that had it,
+        else it goes to the group with most of its sightings."""
         shares: dict[str, Counter[int]] = {identity: Counter() for identity in ids}
         for number, group in enumerate(groups):
             for one in group:
                 if (owner := self._owner.get(one.number)) is not None:
                     shares[owner.id][number] += one.sums.count
+        saved = {one.saved.id: number for number, group in enumerate(groups) for one in group if one.saved}
         homes: list[list[str]] = [[] for _ in groups]
         for identity in sorted(ids, key=id_order):
-            share = shares[identity]
-            homes[min(share, key=lambda number: (-share[number], number))].append(identity)
+            share, home = shares[identity], saved.get(identity)
+            homes[min(share, key=lambda number: (number != home, -share[number], number))].append(identity)
         return homes
 
     def _new_id(self, label: str) -> str:
@@ -346,7 +348,8 @@ class FloorMap:
         labels = label_posterior(named, self._overlaps.rule)
         if estimate.saved is not None and len(best.landmarks) == 1:  # not seen since
             confidence = estimate.saved.confidence * best.presence
-            return replace(estimate.saved, confidence=confidence, labels=estimate.saved.labels or labels)
+            labels = estimate.saved.labels or labels
+            return replace(estimate.saved, id=best.id, confidence=confidence, labels=labels)
         plain = estimate.as_object(best.id, best.label, self.rule)
         places = outermost(self._views(best.landmarks), plain.position_m)
         shape, at = estimate.saved and estimate.saved.measured, plain.position_m

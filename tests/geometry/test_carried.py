@@ -40,3 +40,4 @@ def test_a_rate_is_of_time_and_a_nod_of_pictures():
     assert slow.share == 0.0
     assert fast.share == 1.0
     assert slow.nodding2 == fast.nodding2
+    assert after([3.0, 0.0, 0.0], rate_hz=0.1).share == 0.0  # pictures farther than its averaging window

@@ -100,6 +100,17 @@ def test_objects_that_move_keep_their_ids_and_what_comes_to_one_place_merges(pla
     assert only.position_m == pytest.approx([2.5, 0.5])
 
 
+def test_a_saved_object_keeps_its_id_when_what_was_taken_for_it_proves_another(placed):
+    before = FloorMap()
+    visited(before, placed, 2.0, 0.0, range(5))
+    (saved,) = before.objects()
+    chairs = FloorMap.continued([saved])
+    visited(chairs, placed, 2.0, 0.0, range(10, 30))
+    assert [item.id for item in chairs.objects()] == ["chair-1"]
+    moved(chairs, [3.0, 0.0])
+    assert {item.id: item.position_m[0] for item in chairs.objects()} == pytest.approx({"chair-1": 2.0, "chair-2": 5.0})
+
+
 def test_many_visits_are_joined_and_no_sighting_is_lost(placed):
     chairs = FloorMap()
     for visit in range(12):

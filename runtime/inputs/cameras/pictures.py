@@ -2,7 +2,6 @@
 
 import math
 import shlex
-import string
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -159,12 +158,11 @@ class VideoCamera(FileCamera):
 
 
 def _is_text(path: Path) -> bool:
-    """Whether a file begins as texts do; of videos only AVI and YUV4MPEG2 may."""
+    """Whether a file begins as texts do, without control characters; of videos only AVI and YUV4MPEG2 may."""
     with path.open("rb") as file:
         begin = file.read(8)
-    return (
-        begin != b"" and set(begin) <= set(string.printable.encode()) and not begin.startswith((b"RIFF", b"YUV4MPEG"))
-    )
+    text = not any(byte < 9 or 13 < byte < 32 for byte in begin)
+    return begin != b"" and text and not begin.startswith((b"RIFF", b"YUV4MPEG"))
 
 
 def _open(path: Path) -> cv2.VideoCapture:

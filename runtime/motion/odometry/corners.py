@@ -310,7 +310,7 @@ class CornerTracker:
 
     def _surprise(self, last: Picture, now: Picture, expected: Pixels) -> Pixels:
         """Unexpected shift of the picture, (2,) px; zero unless it is more than the tracker can follow."""
-        width, height = self._size[0] // SHIFT_PX, self._size[1] // SHIFT_PX
+        width, height = (max(side // SHIFT_PX, 2) for side in self._size)  # OpenCV's window needs two
         if self._window is None:
             self._window = cv2.createHanningWindow((width, height), cv2.CV_32F)
         pictures = last.grey, now.grey

@@ -86,6 +86,8 @@ def test_a_cut_off_video_delivers_what_is_good_and_then_says_so(tmp_path):
         (b"", "not a video that OpenCV reads (0 bytes): cut off, or another format"),
         (b"\0\1 no video", "not a video that OpenCV reads (11 bytes): cut off, or another format"),
         (b"ffconcat version 1.0\nfile other.mp4\n", "a text, not a video"),
+        (b"\xef\xbb\xbf<?xml?><MPD>", "a text, not a video"),
+        (b"\xffx\nc=IN IP4 127.0.0.1\n", "a text, not a video"),
     ],
 )
 def test_a_file_that_is_no_video_is_one_line(tmp_path, content, why):
