@@ -109,7 +109,7 @@ def object_record(item: MapObject) -> dict:
     stated |= {"confirmed": True} if item.confirmed else {}
     stated |= {"corrected": list(item.corrected)} if item.corrected else {}
     stated |= {"depth_m": round(item.depth_m, 4)} if item.depth_m is not None else {}
-    yaw_rad, sigma_rad = yaw_of(item), yaw_sigma_of(item)
+    yaw_rad, sigma_rad, symmetric = yaw_of(item), yaw_sigma_of(item), (item.covariance_m2 + item.covariance_m2.T) / 2.0
     return stated | {
         "yaw_rad": None if yaw_rad is None else round(yaw_rad, 5),
         "yaw_sigma_rad": None if sigma_rad is None else round(sigma_rad, 5),
@@ -118,7 +118,7 @@ def object_record(item: MapObject) -> dict:
         "label": item.label,
         "x_m": round(float(item.position_m[0]), 6),
         "y_m": round(float(item.position_m[1]), 6),
-        "covariance_m2": [[round(float(v), 9) for v in row] for row in item.covariance_m2],
+        "covariance_m2": [[round(float(v), 9) for v in row] for row in symmetric],
         "width_m": round(item.width_m, 4),
         "height_m": round(item.height_m, 4),
         "count": item.count,

@@ -1,11 +1,12 @@
 import json
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
 from edgemap.geometry.errors import MapError
 from edgemap.geometry.objects.floor_map import FloorMap
-from edgemap.runtime.step.map_file import load_map, map_document, save_map
+from edgemap.runtime.step.map_file import load_map, map_document, map_text, read_map, save_map
 
 
 @pytest.fixture
@@ -20,6 +21,12 @@ def test_a_map_comes_back_as_it_was_saved(tmp_path, objects):
     save_map(tmp_path / "map.json", objects)
     for path in (tmp_path, tmp_path / "map.json"):
         assert map_document(load_map(path)) == map_document(objects)
+
+
+def test_a_covariance_that_rounds_to_two_values_reads_back(objects):
+    odd = np.array([[29.0, 15.0223826305], [15.022382630499997, 110.0]])  # the fuzz of edits made such a one
+    read, _ = read_map(map_text([replace(objects[0], covariance_m2=odd)]).encode(), "map")
+    np.testing.assert_allclose(read[0].covariance_m2, odd)
 
 
 def test_the_document_is_the_contract(objects):
