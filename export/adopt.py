@@ -189,7 +189,10 @@ def _yolox(model: ModelProto, path: Path) -> tuple[InputSpec, HeadSpec, int]:
     outputs = {value.name: shapes[value.name] for value in model.graph.output}
     name, shape = next(iter(outputs.items()))
     if len(outputs) != 1 or len(shape) != 3 or shape[:2] != (1, cells) or shape[2] < 6:
-        raise ExportError(f"{path}: outputs {outputs} fit no known rule; yolox has one, (1, {cells}, 5 + classes)")
+        raise ExportError(
+            f"{path}: outputs {outputs} fit no known rule; yolox has one, (1, {cells}, 5 + classes); "
+            "`edgemap run --bundle FILE.onnx` takes other detectors as they are"
+        )
     spec = InputSpec(
         name=inputs[0].name, width=width, height=height, resize="letterbox_topleft", colour="bgr", scale=1.0, pad=114
     )
