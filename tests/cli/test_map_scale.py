@@ -89,14 +89,6 @@ def test_what_is_no_scale_is_one_line(edgemap, run_folder, tmp_path, arguments, 
     assert not (tmp_path / "scaled").exists()
 
 
-def test_the_run_itself_is_not_overwritten(edgemap, run_folder):
-    scale = ("map", "scale", run_folder, "-o", run_folder)
-    assert "a folder of its own" in one_line(edgemap(*scale, "--height", "0.6"), 2)
-    (run_folder / "run.json").unlink()
-    assert "a folder of its own" in one_line(edgemap(*scale, "--between", "chair-1,couch-1,3"), 2)
-    assert edgemap("map", "scale", run_folder.parent, "--height", "0.6", "-o", "x").returncode != 0
-
-
 @pytest.mark.parametrize("height", ["1" + "0" * 400, "[]", "null", '"x"'])
 def test_a_damaged_run_json_is_one_line(edgemap, run_folder, tmp_path, height):
     record = run_folder / "run.json"

@@ -142,6 +142,7 @@ REFUSED = [
     (f"{SCALE} --between chair-1,couch-1,-2", 2, "ID,ID,METRES"),
     (f"{SCALE} --between chair-1,chair-1,2", 2, "0.00 m"),
     ("map scale run -o run --height 0.6", 2, "folder of its own"),
+    ("map scale run -o run --between chair-1,couch-1,3", 2, "folder of its own"),
     ("calibrate intrinsics --camera demo --board " + NINES + "x6", 2, "COLSxROWS"),
     ("calibrate intrinsics --camera pictures --board nine", 2, "COLSxROWS"),
     ("calibrate intrinsics --camera plain -o out.yaml", 1, "need 8"),

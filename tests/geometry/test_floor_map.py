@@ -59,24 +59,3 @@ def test_a_failed_save_keeps_the_old_map(tmp_path, objects, monkeypatch):
     monkeypatch.undo()
     assert len(load_map(tmp_path)) == 2
     assert [path.name for path in tmp_path.iterdir()] == ["map.json"]
-
-
-@pytest.mark.parametrize(
-    ("text", "message"),
-    [
-        ("", "not JSON"),
-        ("[]", "not an edgemap.map/1"),
-        ('{"format": "edgemap.map/1"}', "damaged map"),
-        ('{"format": "edgemap.map/1", "objects": [{"id": "a-1"}]}', "damaged map"),
-    ],
-)
-def test_a_damaged_map_is_one_line(tmp_path, text, message):
-    (tmp_path / "map.json").write_text(text)
-    with pytest.raises(MapError, match=message) as caught:
-        load_map(tmp_path / "map.json")
-    assert "\n" not in str(caught.value)
-
-
-def test_a_missing_map_is_one_line(tmp_path):
-    with pytest.raises(MapError, match="cannot be read"):
-        load_map(tmp_path / "none.json")

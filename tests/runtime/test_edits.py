@@ -12,7 +12,7 @@ from support.faults import texts
 from support.rooms import furnished
 from support.seen import CAMERA
 
-from edgemap.geometry.objects.annotations import NO_ANNOTATIONS, Annotations, Zone
+from edgemap.geometry.objects.annotations import Annotations, Zone
 from edgemap.geometry.objects.events import Edit, EditError
 from edgemap.geometry.objects.forgetting import Forgetter
 from edgemap.geometry.observations.detections import Detections
@@ -49,12 +49,6 @@ def ids(mapper):
     return [item.id for item in mapper.objects()]
 
 
-def test_without_edits_the_map_is_the_measured_one_itself():
-    mapper = driven()
-    assert [(item.id, item.place_m) for item in mapper.objects()] == [(i.id, i.place_m) for i in mapper.map.objects()]
-    assert mapper.annotations() == NO_ANNOTATIONS
-
-
 def test_edits_change_neither_pose_nor_measured_map():
     plain, edited = driven(), Mapper()
     results = list(drive(edited, ROOM, POSES[:40], exact(POSES)[:40]))
@@ -72,19 +66,6 @@ def test_edits_change_neither_pose_nor_measured_map():
     assert map_document(edited.map.objects()) == map_document(plain.map.objects())
     assert edited.pose_map_base == plain.pose_map_base
     assert len(edited.objects()) == len(plain.objects()) - 1
-
-
-def test_a_deleted_object_stays_off_though_it_is_seen_again_until_it_is_restored():
-    mapper = driven()
-    gone = mapper.objects()[0]
-    mapper.edit(Edit("delete", gone.id))
-    again(mapper)
-    assert gone.id not in ids(mapper)
-    assert len(ids(mapper)) == len(mapper.map.objects()) - 1  # and no other has come in its place
-    assert [item.id for item in mapper.annotations().deleted] == [gone.id]
-    mapper.edit(Edit("undo", gone.id))
-    assert gone.id in ids(mapper)
-    assert mapper.annotations() == NO_ANNOTATIONS
 
 
 def test_two_objects_that_a_person_merges_are_one_from_then_on():

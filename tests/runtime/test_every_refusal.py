@@ -25,7 +25,6 @@ from edgemap.runtime.inputs.cameras.stated_focal import stated_focal_px
 from edgemap.runtime.inputs.drives import open_drive
 from edgemap.runtime.inputs.drives.camera_yaml import read_camera_yaml
 from edgemap.runtime.inputs.drives.pictures import list_pictures, read_picture
-from edgemap.runtime.inputs.drives.pose_files import read_tum_3d
 from edgemap.runtime.inputs.drives.sensor_csv import read_wheel_csv
 from edgemap.runtime.network.engines import open_onnxruntime
 from edgemap.runtime.network.manifest_file import read_manifest
@@ -185,12 +184,6 @@ def test_wheels_that_jump_or_leave_the_world(tmp_path):
     ):
         path.write_text("stamp_s,x_m,y_m,yaw_rad\n" + rows)
         assert words in refused(CameraError, read_wheel_csv, path)
-
-
-@pytest.mark.parametrize("quaternion", ["0 0 0 0", "0 0 0 5", "nan 0 0 1"])
-def test_quaternions_that_are_none(tmp_path, quaternion):
-    (tmp_path / "a.tum").write_text(f"0 0 0 0 0 0 0 1\n1 0 0 0 {quaternion}\n")
-    assert "a.tum:2: " in refused(CameraError, read_tum_3d, tmp_path / "a.tum")
 
 
 def test_a_small_file_of_a_huge_picture_is_refused_before_it_is_decoded(tmp_path):

@@ -5,7 +5,6 @@ import signal
 import subprocess
 import sys
 import time
-from importlib.util import find_spec
 from pathlib import Path
 
 import numpy as np
@@ -17,7 +16,6 @@ from support.live_run import begin_live_run
 from support.rooms import content_of
 
 from edgemap.cli import main
-from edgemap.runtime.frames import extras
 
 
 @pytest.fixture(scope="module")
@@ -143,11 +141,3 @@ def test_a_taken_port_ends_the_run_before_it_begins(start, bundle, tmp_path, cap
     (line,) = capsys.readouterr().err.splitlines()
     assert f"127.0.0.1:{port} (Address already in use)" in line
     assert not (tmp_path / "other").exists()
-
-
-def test_without_the_extra_the_flag_names_it(bundle, tmp_path, monkeypatch, capsys):
-    monkeypatch.setattr(extras, "find_spec", lambda name: None if name == "uvicorn" else find_spec(name))
-    with pytest.raises(SystemExit) as ended:
-        main(["run", "--view", "--bundle", str(bundle), "--out", str(tmp_path / "run")])
-    assert ended.value.code == 1
-    assert "[view]'" in capsys.readouterr().err

@@ -9,7 +9,6 @@ from hypothesis import given
 from hypothesis import strategies as st
 from support.faults import made
 from support.made_camera import MadeCamera
-from support.rooms import content_of
 from support.steps import Steps
 
 from edgemap.geometry.se2 import SE2
@@ -18,7 +17,6 @@ from edgemap.runtime.frames.errors import FrameTimeout
 from edgemap.runtime.frames.frame import Frame
 from edgemap.runtime.inputs.cameras.wrappers import PacedCamera
 from edgemap.runtime.inputs.open import open_camera
-from edgemap.runtime.step.map_file import load_map
 from edgemap.runtime.step.sinks import SinkGroup
 from edgemap.view.page import LivePage
 from edgemap.view.pause import PausableCamera, Pause
@@ -40,24 +38,6 @@ def test_readers_of_a_tail_get_every_item_that_is_still_there_once(limit, moves)
             tail.append(len(everything))
             everything.append(len(everything))
     assert read == sorted(set(read))
-
-
-def test_the_newest_step_takes_the_slot_and_nothing_is_copied(tmp_path):
-    page, steps = LivePage({}, tmp_path), Steps()
-    steps.into(page, 2)
-    result, objects = steps.next()
-    page.write(result, objects)
-    assert page.newest is not None
-    assert page.newest.result is result
-    assert page.newest.objects is objects
-
-
-def test_a_waiting_viewer_is_woken_once(tmp_path):
-    page, steps, calls = LivePage({}, tmp_path), Steps(), []
-    steps.into(page, 3)
-    page.wake_once(lambda: calls.append(page.revision))
-    steps.into(page, 3)
-    assert calls == [4]
 
 
 def test_the_trail_is_the_way_and_a_lasting_fault_is_told_once(tmp_path):
@@ -95,30 +75,6 @@ def test_way_and_sightings_move_into_the_map_that_the_run_found_itself_in(tmp_pa
     sightings, _ = page.sightings.since(0, 99)
     np.testing.assert_allclose([seen[2:] for seen in sightings[:2]], [(9.0, 3.0), (11.5, 4.0)], atol=1e-12)
     assert (len(sightings), page.epoch) == (6, 1)
-
-
-def test_a_saved_map_is_the_map(tmp_path):
-    page, steps = LivePage({}, tmp_path), Steps()
-    steps.into(page, 12)
-    saved = page.save()
-    assert saved.name == "map-000011.json"
-    (tmp_path / "map.json").write_text(page.map_text())
-    assert content_of(saved) == content_of(tmp_path)
-    assert [item.id for item in load_map(saved)] == ["chair-1", "couch-1"]
-
-
-def test_the_state_follows_pause_and_end(tmp_path):
-    page = LivePage({}, tmp_path, Pause())
-    assert page.state == "running"
-    page.set_paused(True)
-    assert page.state == "paused"
-    page.set_paused(False)
-    page.close()
-    page.set_paused(True)
-    assert page.state == "finished"
-    live = LivePage({}, tmp_path, None)
-    live.set_paused(True)
-    assert live.state == "running"
 
 
 def five_frames():

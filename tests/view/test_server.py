@@ -429,16 +429,3 @@ def test_an_edit_that_waits_when_the_page_closes_is_answered(serve, capfd):
     assert (status, body) == (409, {"error": "the run has ended"})
     assert served.page.edits.submit(Edit("name", "x", name="y")).exception() is not None
     assert capfd.readouterr().err == ""
-
-
-def test_a_pause_reaches_every_viewer(serve):
-    served = serve()
-    served.step(3)
-    with raw_viewer(served.port) as viewer:
-        viewer.say("stream")
-        assert viewer.update()["state"] == "running"
-        for paused, state in ((True, "paused"), (False, "running")):
-            Api(served.port)("POST", "/api/pause", {"paused": paused})
-            viewer.say("shown")
-            while viewer.update()["state"] != state:
-                viewer.say("shown")
