@@ -125,6 +125,9 @@ class RecordingCamera(Camera):
         stamp_s = self._exact.get(own_ns, to_s(stamp_ns)) if stamp_ns == own_ns else to_s(stamp_ns)
         if stamp_s < self._last_s:  # a float may be the same for two nanoseconds
             raise CameraFault(FaultKind.CLOCK, f"{name}: at {stamp_s:.6f} s, not after {self._last_s:.6f} s, skipped")
+        height, width = image.shape[:2]
+        if self._delivered and self.info.size != (width, height):
+            raise CameraFault(FaultKind.SIZE, f"{name}: picture is {width}x{height}, not as those before, skipped")
         depth = None if self._depth is None else self._depth.at(stamp_ns)
         return replace(self.frame(image, stamp_s, name, depth), search=own_ns not in self._unsearched)
 

@@ -199,6 +199,13 @@ def test_one_bad_stamp_is_one_fault_and_a_clock_that_was_set_is_followed(tmp_pat
     assert wheels.stamps_s[-1] == pytest.approx(frames[-1].stamp_s, abs=0.11)
 
 
+def test_one_picture_of_another_size_is_one_fault(tmp_path):
+    pictures = [BGR[:40] if i == 3 else BGR for i in range(6)]
+    messages = [("/cam/image_raw", T0 + i * STEP, image(T0 + i * STEP, one, "bgr8")) for i, one in enumerate(pictures)]
+    frames, faults, _ = played(write_bag(tmp_path / "bag", messages))
+    assert (len(frames), [fault.kind for fault in faults]) == (5, ["size"])
+
+
 def test_one_zero_quaternion_and_one_jump_of_the_wheels_are_dropped_and_counted(tmp_path):
     poses = [odometry(T0 + i * STEP, 99.0 if i == 7 else 0.01 * i, 0.0, 0.0) for i in range(20)]
     poses[0].pose.pose.orientation.w = 0.0
