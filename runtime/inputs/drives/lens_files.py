@@ -16,18 +16,13 @@ from edgemap.runtime.frames.yaml_file import read_yaml
 
 Tree = Mapping[str, Any]
 HALF_PX = 0.5  # COLMAP and nerfstudio count from the corner of the first pixel
-OPENCV_KEYS = {
-    "matrix": (
-        "camera_matrix", "Camera_Matrix", "cameraMatrix", "CameraMatrix", "intrinsic_matrix", "K", "k", "M1", "M",
-    ),
-    "coefficients": (
-        "distortion_coefficients", "Distortion_Coefficients", "distCoeffs", "dist_coeffs", "dist_coeff",
-        "distortion", "D", "d", "D1",
-    ),
-    "width": ("image_width", "image_Width", "imageWidth", "width"),
-    "height": ("image_height", "image_Height", "imageHeight", "height"),
-    "size": ("image_size", "imageSize", "resolution"),
-}  # fmt: skip
+OPENCV_KEYS = {  # in small letters without underscores
+    "matrix": ("cameramatrix", "intrinsicmatrix", "k", "m1", "m"),
+    "coefficients": ("distortioncoefficients", "distcoeffs", "distcoeff", "distortion", "d", "d1"),
+    "width": ("imagewidth", "width"),
+    "height": ("imageheight", "height"),
+    "size": ("imagesize", "resolution"),
+}
 BROWN, RATIONAL = "k1 k2 p1 p2 k3", "k1 k2 p1 p2 k3 k4 k5 k6"
 NERFSTUDIO = ("camera_model", "is_fisheye", "w", "h", "fl_x", "fl_y", "cx", "cy", "camera_angle_x", *RATIONAL.split())
 COLMAP = {
@@ -88,7 +83,8 @@ def _of_kalibr(tree: Tree) -> Intrinsics:
 
 def _of_opencv(tree: Tree) -> Intrinsics:
     """ROS's too, whose matrices are mappings with `data`."""
-    values = {what: next((tree[key] for key in keys if key in tree), None) for what, keys in OPENCV_KEYS.items()}
+    plain = {key.lower().replace("_", ""): value for key, value in tree.items()}
+    values = {what: next((plain[key] for key in keys if key in plain), None) for what, keys in OPENCV_KEYS.items()}
     size = values["size"] or (values["width"], values["height"])
     if None in size:
         raise CameraError("lacks the size of the pictures; add image_width: 640 and image_height: 480, as they are")
@@ -101,7 +97,9 @@ def _of_opencv(tree: Tree) -> Intrinsics:
     usual = "fisheye" if tree.get("fisheye_model") else "plumb_bob" if len(coefficients) <= 5 else "rational_polynomial"
     model = str(tree.get("distortion_model") or tree.get("camera_model") or usual)
     distortion = Distortion.named(usual if model == "pinhole" else model, coefficients)
-    return _lens(size, _of_matrix(matrix), distortion)
+    if len(matrix) != 9 or any(abs(matrix[place]) > 1.0 for place in (1, 3, 6, 7)):
+        raise CameraError(f"camera matrix {one_line(matrix)}, expected fx, 0, cx, 0, fy, cy, 0, 0, 1")
+    return _lens(size, [matrix[place] for place in (0, 4, 2, 5)], distortion)
 
 
 def _numbers(matrix: Any) -> Sequence[float]:
@@ -147,8 +145,7 @@ def _of_nerfstudio(tree: Tree) -> Intrinsics:
     angle = values.get("camera_angle_x")
     fx = values["fl_x"] if "fl_x" in values or angle is None else width / 2.0 / math.tan(angle / 2.0)
     numbers = {"fx": fx, "fy": values.get("fl_y", fx), "cx": values.get("cx", width / 2.0)}
-    numbers |= {"cy": values.get("cy", height / 2.0)}
-    numbers |= {name: values.get(name, 0.0) for name in RATIONAL.split()}
+    numbers |= {"cy": values.get("cy", height / 2.0), **{name: values.get(name, 0.0) for name in RATIONAL.split()}}
     return _from_corner((width, height), {name: float(value) for name, value in numbers.items()}, named)
 
 
@@ -159,12 +156,6 @@ def _from_corner(size: Sequence[Any], values: dict[str, float], model: str) -> I
     coefficients = [values.get(name, 0.0) for name in order.split()]
     distortion = Distortion.named("rational" if order == RATIONAL else model, coefficients)
     return _lens(size, (*focal, values["cx"] - HALF_PX, values["cy"] - HALF_PX), distortion)
-
-
-def _of_matrix(matrix: Sequence[float]) -> Sequence[float]:
-    if len(matrix) != 9 or any(abs(matrix[place]) > 1.0 for place in (1, 3, 6, 7)):
-        raise CameraError(f"camera matrix {one_line(matrix)}, expected fx, 0, cx, 0, fy, cy, 0, 0, 1")
-    return matrix[0], matrix[4], matrix[2], matrix[5]
 
 
 def _lens(size: Sequence[Any], numbers: Sequence[Any], distortion: Distortion) -> Intrinsics:
@@ -178,5 +169,5 @@ READERS: tuple[tuple[Callable[[Tree], bool], Callable[[Tree], Intrinsics]], ...]
     (lambda tree: "fl_x" in tree or "camera_angle_x" in tree or "frames" in tree, _of_nerfstudio),
     (lambda tree: "Camera.fx" in tree or "Camera1.fx" in tree, _of_orb_slam),
     (lambda tree: "cam0" in tree or ("intrinsics" in tree and "resolution" in tree), _of_kalibr),
-    (lambda tree: any(key in tree for key in OPENCV_KEYS["matrix"]), _of_opencv),
+    (lambda tree: any(key.lower().replace("_", "") in OPENCV_KEYS["matrix"] for key in tree), _of_opencv),
 )
