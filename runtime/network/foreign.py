@@ -10,7 +10,6 @@ from pathlib import Path
 from typing import Any
 
 import cv2
-import msgspec
 import numpy as np
 import onnxruntime as ort
 from numpy.typing import NDArray
@@ -18,7 +17,7 @@ from numpy.typing import NDArray
 from edgemap.geometry.objects.visibility import iou
 from edgemap.runtime.frames.class_names import COCO_91, COCO_NAMES, is_mapped
 from edgemap.runtime.frames.errors import BundleError
-from edgemap.runtime.frames.reading import decode_json, library_path, one_line, print_message, read_bytes
+from edgemap.runtime.frames.reading import convert, decode_json, library_path, one_line, print_message, read_bytes
 from edgemap.runtime.network.bundle import Bundle
 from edgemap.runtime.network.engines import PROVIDERS, Pace, compute_at, session_options
 from edgemap.runtime.network.layouts import FORMS, Arrays, Layout, Reading, classes_in, in_unit, layouts, parts, rows_of
@@ -203,7 +202,7 @@ def _best(
     tried: list[Recognised] = []
     for scaling, resize in ways:
         fields = {"name": file.picture.name, "width": file.width, "height": file.height, "resize": resize, **scaling}
-        spec, answers = msgspec.convert(fields, InputSpec), Answers()
+        spec, answers = convert(fields, InputSpec, file.path, BundleError), Answers()
         preprocess = Preprocessor(spec)
         for probe in pictures:
             tensor, placement = preprocess(probe.image)

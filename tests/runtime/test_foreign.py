@@ -96,6 +96,7 @@ def whole_picture():
         ({"a": np.zeros((1, 16, 200), np.float32)}, ((1, 3, 64, 64),), "--names"),  # 12 classes without names
         ({"a": np.zeros((1, 84, 200), np.float32)}, ((1, 3, 64, 64),), "7 chairs"),  # detects nothing
         ({"a": whole_picture()}, ((1, 3, 64, 64),), "whole picture"),
+        ({"a": np.zeros((1, 84, 200), np.float32)}, ((1, 3, 64, 60_000),), "width"),
     ],
 )
 def test_a_file_that_is_no_detector_is_refused_with_what_was_seen(outputs, inputs, reason, tmp_path):
