@@ -11,7 +11,7 @@ from hypothesis import settings
 
 # A busy machine is no failure. The same examples each time; `make reliability` states a number and draws new ones.
 ASKED = {"EDGEMAP_EXAMPLES", "EDGEMAP_FUZZ_STEPS"} & set(os.environ)
-settings.register_profile("edgemap", deadline=None, derandomize=not ASKED, max_examples=100 if ASKED else 40)
+settings.register_profile("edgemap", deadline=None, derandomize=not ASKED, max_examples=100 if ASKED else 25)
 settings.load_profile("edgemap")
 
 import_module("edgemap")  # before a test imports OpenCV, which reads its limits from the environment

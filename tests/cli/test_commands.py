@@ -1,7 +1,6 @@
 """The command line as a user meets it: real processes, exit codes, one line per known failure."""
 
 import json
-import os
 import shlex
 import shutil
 import signal
@@ -118,10 +117,7 @@ def test_classes_choose_what_is_mapped(edgemap, painted_bundle, pictures, tmp_pa
     assert {one.label for one in load_map(tmp_path / "named")} == {"person"}  # mapped where it is named
 
 
-def test_a_bundle_that_is_not_to_be_had_is_one_line_and_a_finding_of_doctor(edgemap, pictures, tmp_path):
-    line = one_line(edgemap("run", "--bundle", "nonsense", env=os.environ | {"EDGEMAP_CACHE": str(tmp_path)}), 2)
-    assert "nonsense" in line
-    assert "edgemap-nano, edgemap-pico" in line
+def test_a_bundle_that_is_not_to_be_had_is_a_finding_of_doctor(edgemap, pictures):
     result = edgemap("doctor", "--camera", pictures, "--bundle", "nope")
     assert result.returncode == 1
     assert "neither a bundle folder nor a known model" in result.stdout
@@ -158,9 +154,10 @@ def test_a_run_maps_what_evaluation_maps(edgemap, tmp_path):
         assert camera.info.mount
         floor = FloorCamera(camera.info.intrinsics, camera.info.mount)
         slam = build_slam(camera, load_bundle(bundle_folder("edgemap-nano"), 1), floor)
-        for frame in islice(iter(camera.read, None), 100):
+        for frame in islice(iter(camera.read, None), 50):
             slam.step(frame)
-    run = edgemap("run", "--frames", "100", "--out", tmp_path / "run")
+    assert slam.objects()
+    run = edgemap("run", "--frames", "50", "--out", tmp_path / "run")
     assert run.returncode == 0, run.stderr
     assert [(item.id, item.count) for item in load_map(tmp_path / "run")] == [
         (item.id, item.count) for item in slam.objects()
@@ -297,7 +294,7 @@ def test_ctrl_c_ends_cleanly_with_map_and_report(painted_bundle, pictures, tmp_p
     wait_for((out / "mount.jpg").exists, "the first picture")
     time.sleep(1.6)
     process.send_signal(signal.SIGINT)
-    stdout, stderr = process.communicate(timeout=30)
+    stdout, stderr = process.communicate(timeout=120)
     assert process.returncode == 0, stderr
     assert "stopped after" in stdout
     record = json.loads((out / "run.json").read_text())

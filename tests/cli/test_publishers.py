@@ -39,12 +39,12 @@ def test_one_command_to_a_live_map_in_foxgloves_protocol(start):
     line = start("--foxglove", "127.0.0.1:0").stdout.readline()
     assert line.startswith("Foxglove:  ws://127.0.0.1:")
     with client.connect(line.split()[1], subprotocols=["foxglove.sdk.v1"]) as socket:
-        assert json.loads(socket.recv(timeout=20))["name"] == "edgemap"
-        channels = {item["topic"]: item["id"] for item in json.loads(socket.recv(timeout=20))["channels"]}
+        assert json.loads(socket.recv(timeout=60))["name"] == "edgemap"
+        channels = {item["topic"]: item["id"] for item in json.loads(socket.recv(timeout=60))["channels"]}
         wish = {"op": "subscribe", "subscriptions": [{"id": 1, "channelId": channels["/map/markers"]}]}
         socket.send(json.dumps(wish))
         while True:
-            message = socket.recv(timeout=20)
+            message = socket.recv(timeout=60)
             if message[0] == 1 and b"chair-1\x00" in message:
                 break
 
@@ -146,7 +146,7 @@ def test_two_robots_one_map_by_commands_alone(start, tmp_path, capsys, monkeypat
         assert "what they saw would count twice" in capsys.readouterr().err
     finally:
         keeper.terminate()
-        keeper.communicate(timeout=30)
+        keeper.communicate(timeout=120)
     assert keeper.returncode == 0
     assert [item.id for item in load_map(place)] == [item.id for item in late]
 

@@ -157,7 +157,7 @@ def test_ctrl_c_ends_a_recording_properly(tmp_path, pictures):
     while process.poll() is None and not (out.exists() and out.stat().st_size > picture.size // 2):
         time.sleep(0.02)
     process.send_signal(signal.SIGINT)
-    said, _ = process.communicate(timeout=30)
+    said, _ = process.communicate(timeout=120)
     assert process.returncode == 0
     with open_camera(str(out)) as camera:
         count = camera.info.frame_count or 0

@@ -360,8 +360,7 @@ def test_intrinsics_of_pictures_of_another_size_are_warned_of(painted_bundle):
         edgemap_api.open(frames=half, intrinsics=(50.0, 50.0, 31.5, 31.5), mount=(1.0, 40.0), bundle=painted_bundle)
 
 
-@pytest.mark.parametrize("begin_s", [0.0, 1.7e9])
-@pytest.mark.parametrize("unit", [1e3, 1e6, 1e9])
+@pytest.mark.parametrize(("unit", "begin_s"), [(1e3, 0.0), (1e6, 1.7e9), (1e9, 0.0)])
 def test_stamps_that_cannot_be_seconds_are_refused(unit, begin_s, painted_bundle):
     options = {"intrinsics": LENS, "mount": MOUNT, "bundle": painted_bundle}
     wanted = pytest.raises(CameraError, match="stamps are seconds, not milliseconds")

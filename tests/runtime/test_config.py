@@ -58,6 +58,7 @@ def test_numbers_of_another_version_s_run_are_passed_over_and_printed(tmp_path, 
             r"forgetting\.same_m is 'wide', not a float",
         ),
         ({"config": {"forgetting": {"same_m": float("inf")}}}, "not a finite number"),
+        ({"config": {"forgetting": {"same_m": 1e15}}}, "not a finite number"),
         ({"config": {"association": 3}}, "association is 3, not a mapping"),
         (
             {"config": {"odometry": {"pictures": {"window": {"keyframes": 0}}}}},

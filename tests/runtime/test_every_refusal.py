@@ -31,7 +31,6 @@ from edgemap.runtime.network.manifest_file import read_manifest
 from edgemap.runtime.network.network import Compute
 from edgemap.runtime.network.store import install_folder
 from edgemap.runtime.outputs import sightings_file
-from edgemap.runtime.step import config
 from edgemap.runtime.step.grid_file import load_grid, read_grid
 
 POSE = "1 0 0 0 0 1 0 0 0 0 1 0 0 0 0 1\n"
@@ -91,12 +90,6 @@ def test_what_is_not_there(tmp_path):
     ):
         with pytest.raises(CameraError, match="no such f"):
             attempt()
-
-
-def test_a_tuned_number_beyond_all_sense(tmp_path):
-    (tmp_path / "run.json").write_text(json.dumps({"config": {"floor": {"max_sigma_m": 1e15}}}))
-    with pytest.raises(config.ConfigError, match="not a finite number"):
-        config.load_config(tmp_path / "run.json")
 
 
 def test_a_network_that_fails_as_it_runs_is_the_bundles_failure(tmp_path):

@@ -31,7 +31,7 @@ def ended_by_sigterm(run: subprocess.Popen[str], limit_s: float = 120.0) -> Endi
         seen |= _threads(run.pid)
         time.sleep(POLL_S)
     took_s = time.monotonic() - asked_s
-    output, errors = run.communicate(timeout=10)
+    output, errors = run.communicate(timeout=120)
     used = [(now[0] - then[0], now[1] - then[1]) for now, then in ((seen[t], before.get(t, (0.0, 0.0))) for t in seen)]
     waited_s = max((waited for _, waited in used), default=0.0)
     return Ending(run.returncode, output, errors, took_s - waited_s, sum(busy for busy, _ in used))

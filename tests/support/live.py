@@ -12,12 +12,12 @@ class RawViewer:
 
     def __init__(self, socket):
         self.socket = socket
-        self.hello = json.loads(socket.recv(timeout=10))
+        self.hello = json.loads(socket.recv(timeout=60))
 
     def say(self, what, on=True):
         self.socket.send(json.dumps({"do": what, "on": on}))
 
-    def update(self, limit_s=10.0):
+    def update(self, limit_s=60.0):
         message = self.socket.recv(timeout=limit_s)
         length = struct.unpack("<I", message[:4])[0]
         return json.loads(message[4 : 4 + length]) | {"jpeg": message[4 + length :]}

@@ -15,7 +15,7 @@ from hypothesis import strategies as st
 from edgemap.geometry.errors import EdgemapError
 
 MUTATED = settings(
-    max_examples=int(os.environ.get("EDGEMAP_EXAMPLES", "25")),
+    max_examples=int(os.environ.get("EDGEMAP_EXAMPLES", "15")),
     suppress_health_check=[HealthCheck.too_slow, HealthCheck.function_scoped_fixture, HealthCheck.data_too_large],
 )
 VALUES: tuple[Any, ...] = (

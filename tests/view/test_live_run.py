@@ -2,6 +2,7 @@
 
 import json
 import signal
+import socket
 import subprocess
 import sys
 import time
@@ -65,7 +66,7 @@ def test_the_page_stays_after_the_last_frame_until_ctrl_c(start, tmp_path):
         assert (update["frame"], update["state"]) == (2, "finished")
         assert (tmp_path / "run0" / "map.json").is_file()
         process.send_signal(signal.SIGINT)
-        assert process.wait(timeout=20) == 0
+        assert process.wait(timeout=120) == 0
         assert process.stderr.read() == ""
 
 
@@ -90,7 +91,7 @@ def test_a_held_run_goes_on_where_it_was_and_ctrl_c_ends_a_held_one(start, tmp_p
         Api(port)("POST", "/api/pause", {"paused": True})
         until(lambda update: update["state"] == "paused")
         process.send_signal(signal.SIGINT)
-        output, errors = process.communicate(timeout=20)
+        output, errors = process.communicate(timeout=120)
     assert process.returncode == 0, errors
     assert "the page stays" not in output
     stamps = np.loadtxt(tmp_path / "run0" / "trajectory.tum")[:, 0]
@@ -119,7 +120,7 @@ def test_edits_reach_the_map_on_disk_while_the_run_is_held_and_after_its_end(sta
     assert "held" in {item.get("name") for item in saved["objects"]}
     assert "hall" in (folder / "report.html").read_text()
     process.send_signal(signal.SIGINT)
-    assert process.wait(timeout=20) == 0
+    assert process.wait(timeout=120) == 0
     edits = [json.loads(line) for line in (folder / "edits.jsonl").read_text().splitlines()]
     assert [edit["do"] for edit in edits] == ["name", "zone"]
     assert 0 < edits[0]["frames"] < edits[1]["frames"] == 25
@@ -132,12 +133,12 @@ def test_edits_reach_the_map_on_disk_while_the_run_is_held_and_after_its_end(sta
     assert "zones" not in replayed  # drawn after the recording's end
 
 
-def test_a_taken_port_ends_the_run_before_it_begins(start, bundle, tmp_path, capsys):
-    _, port = start("--camera", "demo")
-    command = ["run", "--view", f"127.0.0.1:{port}", "--bundle", str(bundle), "--out", str(tmp_path / "other")]
-    with pytest.raises(SystemExit) as ended:
-        main(command)
+def test_a_taken_port_ends_the_run_before_it_begins(bundle, tmp_path, capsys):
+    with socket.create_server(("127.0.0.1", 0)) as taken:
+        address = f"127.0.0.1:{taken.getsockname()[1]}"
+        with pytest.raises(SystemExit) as ended:
+            main(["run", "--view", address, "--bundle", str(bundle), "--out", str(tmp_path / "other")])
     assert ended.value.code == 1
     (line,) = capsys.readouterr().err.splitlines()
-    assert f"127.0.0.1:{port} (Address already in use)" in line
+    assert f"{address} (Address already in use)" in line
     assert not (tmp_path / "other").exists()

@@ -5,7 +5,6 @@ import http.client
 import json
 import socket
 import threading
-import time
 from contextlib import suppress
 from dataclasses import replace
 from typing import Any, cast
@@ -29,7 +28,7 @@ from edgemap.view.viewer import IN_FLIGHT
 
 def ask(port, path="/", method="GET", **headers):
     """Status, headers and text of one request; headers as given, with - for _."""
-    connection = http.client.HTTPConnection("127.0.0.1", port, timeout=10)
+    connection = http.client.HTTPConnection("127.0.0.1", port, timeout=60)
     given = {name.replace("_", "-"): value for name, value in headers.items()}
     connection.request(method, path, headers=given)
     answer = connection.getresponse()
@@ -116,7 +115,7 @@ def test_what_is_not_in_the_api_is_json_too(serve, path, method, status):
 @pytest.mark.parametrize("target", ["/?a=\xff", "/nothing?a=\xc3", "/api/map?\xe9", "/\xff"])
 def test_an_address_that_is_not_ascii_is_refused(serve, target):
     port = serve().port
-    with socket.create_connection(("127.0.0.1", port), timeout=10) as raw:
+    with socket.create_connection(("127.0.0.1", port), timeout=60) as raw:
         raw.sendall(f"GET {target} HTTP/1.1\r\nHost: 127.0.0.1:{port}\r\n\r\n".encode("latin-1"))
         assert raw.recv(100).startswith(b"HTTP/1.1 400")
 
@@ -182,7 +181,7 @@ def test_a_long_cookie_of_quoted_backslashes_costs_nothing(serve):
 
 def test_headers_are_bounded_whatever_parser_is_installed(serve):
     assert issubclass(WaitingLimited, H11Protocol)
-    with socket.create_connection(("127.0.0.1", serve().port), timeout=10) as rude:
+    with socket.create_connection(("127.0.0.1", serve().port), timeout=60) as rude:
         rude.sendall(b"GET / HTTP/1.1\r\n")
         with suppress(ConnectionError):
             for _ in range(2000):
@@ -340,7 +339,7 @@ def test_a_rude_viewer_is_shown_out_and_the_rest_stay(serve):
             with raw_viewer(served.port) as viewer:
                 viewer.socket.send(rude)
                 with pytest.raises(ConnectionClosed):
-                    viewer.socket.recv(timeout=10)
+                    viewer.socket.recv(timeout=60)
         good.say("stream")
         assert good.update()["frame"] == 0
 
@@ -348,8 +347,8 @@ def test_a_rude_viewer_is_shown_out_and_the_rest_stay(serve):
 def test_silent_connections_do_not_keep_the_owner_out(serve):
     """Seventy that say nothing and seventy that send half a header; whoever asks is answered."""
     served = serve(host="0.0.0.0")
-    silent = [socket.create_connection(("127.0.0.1", served.port), timeout=10) for _ in range(70)]
-    slow = [socket.create_connection(("127.0.0.1", served.port), timeout=10) for _ in range(70)]
+    silent = [socket.create_connection(("127.0.0.1", served.port), timeout=60) for _ in range(70)]
+    slow = [socket.create_connection(("127.0.0.1", served.port), timeout=60) for _ in range(70)]
     for connection in slow:
         with suppress(OSError):
             connection.sendall(b"GET / HTTP/1.1\r\nHost: ")
@@ -411,7 +410,7 @@ def test_closing_frees_the_port_even_with_viewers(serve):
         again = serve(port=served.port)
         assert again.port == served.port
         with pytest.raises(ConnectionClosed):
-            viewer.drain(10.0)
+            viewer.drain(60.0)
 
 
 def test_an_edit_that_waits_when_the_page_closes_is_answered(serve, capfd):
@@ -422,7 +421,7 @@ def test_an_edit_that_waits_when_the_page_closes_is_answered(serve, capfd):
         path = f"/api/objects/{served.page.newest.objects[0].id}"
         asking = threading.Thread(target=lambda: answers.append(Api(served.port)("PATCH", path, {"name": "x"})))
         asking.start()
-        time.sleep(1.0)  # for the request to wait
+        wait_for(lambda: served.page.edits._waiting, "the request")
         served.server.close()
         asking.join(10.0)
     ((status, _, body),) = answers

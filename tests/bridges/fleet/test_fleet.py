@@ -28,8 +28,6 @@ from edgemap.bridges.fleet.keeper import MAXIMUM_OBJECTS, PlaceKeeper
 from edgemap.bridges.fleet.network import open_session
 from edgemap.bridges.fleet.sink import MAP_EVERY_S, FleetSink
 
-PATIENCE_S = 30.0
-
 
 @pytest.fixture
 def address():
@@ -73,7 +71,7 @@ def until(keeper, true):
         robots = keeper.update()
         return robots if true(robots) else None
 
-    return wait_for(updated, keeper.update, PATIENCE_S)
+    return wait_for(updated, keeper.update)
 
 
 def together(*names):

@@ -64,6 +64,14 @@ def data_of(folder):
     return json.loads(data)
 
 
+@pytest.fixture(scope="module")
+def driven(bundle, tmp_path_factory):
+    """The report of a judged drive, which nobody changes."""
+    folder = tmp_path_factory.mktemp("driven") / "r"
+    drive(bundle, folder, judge=lambda *_: ROWS)
+    return folder / "report.html"
+
+
 @pytest.fixture
 def show(browser):
     """show(path, …) -> a tab with the report; at the end all are closed, and none complained or asked for anything."""
@@ -118,9 +126,8 @@ def test_it_shows_the_map_that_the_run_saved(bundle, tmp_path, show):
     assert tab.value("document.querySelectorAll('#detail input, #detail select').length") == 0
 
 
-def test_the_path_is_coloured_by_time_and_by_trust(bundle, tmp_path, show):
-    drive(bundle, tmp_path / "r")
-    tab = show(tmp_path / "r" / "report.html")
+def test_the_path_is_coloured_by_time_and_by_trust(driven, show):
+    tab = show(driven)
     colours = "[0, 1].map(share => edgemap.map.path.colour(edgemap.map.style, share))"
     assert text_of(tab, "#ramp-to") == "2.9 s"
     by_time = tab.value(colours)
@@ -129,13 +136,12 @@ def test_the_path_is_coloured_by_time_and_by_trust(bundle, tmp_path, show):
     assert len({*by_time, *tab.value(colours)}) == 4
 
 
-def test_doubtful_objects_are_hidden_until_asked_for(bundle, tmp_path, show):
-    drive(bundle, tmp_path / "r")
-    path, data = tmp_path / "r" / "report.html", data_of(tmp_path / "r")
+def test_doubtful_objects_are_hidden_until_asked_for(driven, tmp_path, show):
+    path, data = tmp_path / "report.html", data_of(driven.parent)
     (item,) = data["update"]["changed"]
     data["update"]["changed"] = [item, item | {"id": "chair-2", "x_m": 1.0, "doubtful": True}]
     path.write_text(re.sub(r'(<script id="run-data"[^>]*>).*?(</script>)', lambda m: m[1] + json.dumps(data) + m[2],
-                           path.read_text()))  # fmt: skip
+                           driven.read_text()))  # fmt: skip
     tab = show(path)
     names = "[...document.querySelectorAll('#objects li')].map(li => li.dataset.id).sort()"
     assert tab.value(names) == ["chair-1"]
@@ -147,22 +153,22 @@ def test_doubtful_objects_are_hidden_until_asked_for(bundle, tmp_path, show):
     assert tab.value(names) == ["chair-1"]
 
 
-@pytest.mark.parametrize(("width", "height"), [(1440, 900), (844, 390), (390, 844)])
-def test_map_and_list_are_seen_at_once_on_every_screen(bundle, tmp_path, show, width, height):
-    drive(bundle, tmp_path / "r", judge=lambda *_: ROWS)
-    tab = show(tmp_path / "r" / "report.html", width=width, height=height)
-    for part, least in ((".map", 200), ("#objects", 30)):
-        left, top, right, bottom = tab.box(part)
-        assert 0 <= left <= right - 200 <= width - 200, part
-        assert 0 <= top <= min(bottom, height) - least, part
-    assert tab.value("document.documentElement.scrollWidth") <= width
+def test_map_and_list_are_seen_at_once_on_every_screen(driven, show):
+    tab = show(driven)
+    for width, height in ((1440, 900), (844, 390), (390, 844)):
+        tab.resize(width, height, 1.0)
+        tab.until(f"window.innerWidth === {width} && !edgemap.map.asked")
+        for part, least in ((".map", 200), ("#objects", 30)):
+            left, top, right, bottom = tab.box(part)
+            assert 0 <= left <= right - 200 <= width - 200, part
+            assert 0 <= top <= min(bottom, height) - least, part
+        assert tab.value("document.documentElement.scrollWidth") <= width
 
 
 @pytest.mark.skipif(find_axe() is None, reason="needs axe-core")
 @pytest.mark.parametrize(("scheme", "size"), [("light", {}), ("dark", PHONE)])
-def test_axe_finds_no_serious_fault_and_all_fits(bundle, tmp_path, show, scheme, size):
-    drive(bundle, tmp_path / "r", judge=lambda *_: ROWS)
-    tab = show(tmp_path / "r" / "report.html", prefers_color_scheme=scheme, **size)
+def test_axe_finds_no_serious_fault_and_all_fits(driven, show, scheme, size):
+    tab = show(driven, prefers_color_scheme=scheme, **size)
     assert tab.value("document.documentElement.scrollWidth") <= size.get("width", 1440)
     assert serious_faults(tab) == []
     tab.value("document.querySelector('#objects button').click()")
