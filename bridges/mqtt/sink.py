@@ -5,12 +5,18 @@ import math
 import os
 import re
 import threading
+from base64 import b64encode
 from collections.abc import Callable
 from contextlib import suppress
-from typing import Any, get_args
+from pathlib import Path
+from typing import Any
 
-from edgemap.geometry.map_object import EventKind, MapEvent, MapObject
+from edgemap.bridges.mqtt.home_assistant import config_topic, discovery, occupied_by, zone_discovery
+from edgemap.bridges.mqtt.picture import MapPicture
+from edgemap.geometry.map_object import MapEvent, MapObject
 from edgemap.geometry.objects.annotations import MapIdentity
+from edgemap.geometry.objects.queries import inside_polygon
+from edgemap.geometry.objects.scale import scaled_map
 from edgemap.geometry.objects.zone_watch import ZoneWatch
 from edgemap.runtime.frames.errors import PublishError
 from edgemap.runtime.frames.extras import need
@@ -20,7 +26,7 @@ from edgemap.runtime.frames.timing import StreamTimer
 from edgemap.runtime.frames.version import VERSION
 from edgemap.runtime.outputs.sinks.kinds import RunInfo
 from edgemap.runtime.outputs.verdict.verdict import Verdict
-from edgemap.runtime.step.map_file import event_record, object_record, object_uuid
+from edgemap.runtime.step.map_file import event_record, object_record, object_uuid, save_map
 from edgemap.runtime.step.map_memory import MOVED_M
 from edgemap.runtime.step.slam import StepResult
 from edgemap.runtime.step.wall_clock import utc_text
@@ -31,8 +37,9 @@ CONNECT_LIMIT_S = 2.0  # for which the run's start waits
 RETRY_S = (1, 30)  # shortest and longest pause before the broker is tried again
 QUEUED = 1000  # messages kept for a broker that does not take them
 PACKET_BYTES = 1 << 18  # of one packet from the broker: more than any object's
-EVENTS = (*get_args(EventKind), "entered", "left")
+PICTURE_EVERY_S = 10.0  # of stream, between two pictures of the map
 NO_IDENTITY = MapIdentity("map")
+REMEMBERED = ("objects", "zones")  # retained topics that an earlier run may have left
 
 
 class MqttPublisher:
@@ -56,7 +63,10 @@ class MqttPublisher:
         password: str | None = None,
         version: str = "",
         verdict: Callable[[], Verdict] = lambda: Verdict("care"),
+        camera: Callable[[], str] = lambda: "running",
+        folder: Path | None = None,
     ) -> None:
+        """camera: its state. folder: where `save` writes; None for nowhere."""
         need("mqtt", "--mqtt")
         from paho.mqtt.client import Client
         from paho.mqtt.enums import CallbackAPIVersion
@@ -72,8 +82,10 @@ class MqttPublisher:
         self._address, self._robot, self._version = f"{host}:{port}", robot, version
         self._published: dict[str, MapObject] = {}
         self._at: float | None = None  # wall time of the newest step
-        self._identity, self._verdict = NO_IDENTITY, verdict
-        self._zones = ZoneWatch()
+        self._identity, self._verdict, self._camera, self._folder = NO_IDENTITY, verdict, camera, folder
+        self._zones, self._in_zones = ZoneWatch(), dict[str, str]()  # payloads by id
+        self._picture = MapPicture(lambda data: self._publish("map", b64encode(data), retain=True))
+        self._picture_timer, self._save_asked = StreamTimer(PICTURE_EVERY_S), threading.Event()
         self._fault, self._faults, self._state_timer = "", 0, StreamTimer(STATE_EVERY_S)
         self._state: dict[str, Any] = {}  # the newest
         self._connected, self._refused = threading.Event(), "no answer"
@@ -83,6 +95,7 @@ class MqttPublisher:
         self._client.suppress_exceptions = True  # a message that a callback cannot read does not end the thread
         self._cleaned = self._cleaning = False  # of objects of an earlier run
         self._client.max_queued_messages_set(QUEUED)
+        self._client.max_inflight_messages_set(QUEUED)
         self._client.reconnect_delay_set(*RETRY_S)
         if user:
             self._client.username_pw_set(user, password)
@@ -130,6 +143,12 @@ class MqttPublisher:
             self._publish("events", json.dumps(event.record()))
         if self._state_timer.due(stamp_s):
             self._publish_state(result, objects)
+            self._publish_zones(result, objects)
+        if self._picture_timer.due(stamp_s):
+            self._picture.draw(result, objects)
+        if self._save_asked.is_set():
+            self._save_asked.clear()
+            self._save(result, objects)
 
     def fault(self, fault: Fault) -> None:
         """In the state at once: while the camera is away no step brings one."""
@@ -142,6 +161,7 @@ class MqttPublisher:
         if self._connected.is_set():
             with suppress(ValueError, RuntimeError):  # a broker that takes nothing: the queue is full
                 self._publish("status", "offline", retain=True).wait_for_publish(CONNECT_LIMIT_S)
+        self._picture.close()
         self._client.disconnect()
         self._client.loop_stop()
 
@@ -150,10 +170,12 @@ class MqttPublisher:
         for topic, payload in discovery(self._robot, self.root, self._version).items():
             self._client.publish(topic, payload, qos=1, retain=True)
         self._publish("status", "online", retain=True)
+        self._client.subscribe(f"{self.root}/command", qos=1)
+        self._in_zones.clear()
         for item in self._published.values():
             self._publish_object(item)
         if not self._cleaned:
-            self._client.subscribe(f"{self.root}/objects/+", qos=1)
+            self._client.subscribe([(f"{self.root}/{kind}/+", 1) for kind in REMEMBERED])
             self._cleaned = self._cleaning = True
         self._state_timer.done()
 
@@ -178,7 +200,7 @@ class MqttPublisher:
 
     def _publish_state(self, result: StepResult, objects: list[MapObject]) -> None:
         if self._cleaning and self._state:
-            self._client.unsubscribe(f"{self.root}/objects/+")
+            self._client.unsubscribe([f"{self.root}/{kind}/+" for kind in REMEMBERED])
             self._cleaning = False
         pose = result.pose_map_base
         self._state = {
@@ -187,6 +209,7 @@ class MqttPublisher:
             "x_m": round(pose.x_m, 3),
             "y_m": round(pose.y_m, 3),
             "yaw_rad": round(pose.yaw_rad, 4),
+            "room": self._picture.room(pose),
             "objects": len(objects),
             "map_id": self._identity.map_id,
             "verdict": self._verdict().document(),
@@ -194,10 +217,38 @@ class MqttPublisher:
         self._send_state()
 
     def _send_state(self) -> None:
-        state = self._state | {"fault_count": self._faults, "fault": self._fault}
+        state = self._state | {"camera": self._camera(), "fault_count": self._faults, "fault": self._fault}
         self._publish("state", json.dumps(state), retain=True)
 
-    def _publish(self, topic: str, payload: str, retain: bool = False):
+    def _publish_zones(self, result: StepResult, objects: list[MapObject]) -> None:
+        """What is in each zone, where that has changed; a zone that is gone leaves Home Assistant."""
+        now = {
+            topic_level(zone.id): (zone.name, occupied_by(inside_polygon(objects, zone.corners_m)))
+            for zone in result.annotations.zones
+        }
+        for identity, (name, held) in now.items():
+            payload = json.dumps({"name": name, "occupied_by": held, "count": len(held)})
+            if self._in_zones.get(identity) != payload:
+                topic, config = zone_discovery(self._robot, self.root, self._version, identity, name)
+                self._client.publish(topic, config, qos=1, retain=True)
+                self._publish(f"zones/{identity}", payload, retain=True)
+                self._in_zones[identity] = payload
+        for identity in self._in_zones.keys() - now.keys():
+            del self._in_zones[identity]
+            self._clear_zone(identity)
+
+    def _clear_zone(self, identity: str) -> None:
+        self._client.publish(config_topic(self._robot, "sensor", identity), "", qos=1, retain=True)
+        self._publish(f"zones/{identity}", "", retain=True)
+
+    def _save(self, result: StepResult, objects: list[MapObject]) -> None:
+        """Writes the map to a file of its own in the run folder. Raises MapError."""
+        if self._folder is not None:
+            annotations = self._verdict().on(result.annotations)
+            path = self._folder / f"map-{result.frame.index:06d}.json"
+            save_map(path, *scaled_map(objects, annotations, result.grid, result.scale))
+
+    def _publish(self, topic: str, payload: str | bytes, retain: bool = False):
         return self._client.publish(f"{self.root}/{topic}", payload, qos=1, retain=retain)
 
     # On the client's thread.
@@ -217,10 +268,19 @@ class MqttPublisher:
         self._refused = "cannot be reached"
 
     def _on_message(self, client: Any, userdata: Any, message: Any) -> None:  # noqa: ARG002
-        """An object that is retained at the broker: removed unless this run has published it."""
+        """A command; or what an earlier run has left at the broker, removed unless this run has published it."""
+        if message.topic == f"{self.root}/command":
+            if message.payload == b"save" and not message.retain:
+                self._save_asked.set()
+            return
+        kind, _, identity = message.topic.removeprefix(f"{self.root}/").partition("/")
+        if not message.retain or not message.payload:
+            return
+        if kind == "zones" and identity not in self._in_zones:
+            self._clear_zone(identity)
         with self._objects:
-            topics = {f"{self.root}/objects/{topic_level(identity)}" for identity in self._published}
-            if message.retain and message.payload and message.topic not in topics:
+            published = {topic_level(identity) for identity in self._published}
+            if kind == "objects" and identity not in published:
                 client.publish(message.topic, "", qos=1, retain=True)
 
 
@@ -243,34 +303,6 @@ def topic_level(name: str) -> str:
     return re.sub(r"[+#/\x00-\x1f$]", "_", name) or "_"
 
 
-def discovery(robot: str, root: str, version: str) -> dict[str, str]:
-    """Topics and payloads that make a robot a device of Home Assistant (2023.8 or newer), one for each entity."""
-    identity = "edgemap-" + re.sub(r"[^A-Za-z0-9_-]", "_", robot)
-    state = {"state_topic": f"{root}/state"}
-    components: dict[str, dict[str, Any]] = {
-        "objects": state | {"name": "Objects", "value_template": "{{ value_json.objects }}"},
-        "x": state | {"name": "X", "value_template": "{{ value_json.x_m }}"},
-        "y": state | {"name": "Y", "value_template": "{{ value_json.y_m }}"},
-        "fault": state | {"name": "Last fault", "value_template": "{{ value_json.fault[:255] }}"},
-        "changes": {"name": "Map", "state_topic": f"{root}/events", "event_types": EVENTS},
-    }
-    components["objects"] |= {"state_class": "measurement", "json_attributes_topic": f"{root}/state"}
-    for axis in ("x", "y"):
-        components[axis] |= {"device_class": "distance", "unit_of_measurement": "m", "state_class": "measurement"}
-    components["fault"] |= {"entity_category": "diagnostic"}
-    shared = {
-        "device": {"identifiers": [identity], "name": robot, "manufacturer": "edgemap", "sw_version": version},
-        "origin": {"name": "edgemap", "sw_version": version},
-        "availability_topic": f"{root}/status",
-    }
-    return {
-        f"homeassistant/{'event' if name == 'changes' else 'sensor'}/{identity}/{name}/config": json.dumps(
-            component | shared | {"unique_id": f"{identity}-{name}"}
-        )
-        for name, component in components.items()
-    }
-
-
 def open(address: str, run: RunInfo) -> MqttPublisher:
     """The sink of `--mqtt HOST[:PORT]`; user and password are in EDGEMAP_MQTT_USER and EDGEMAP_MQTT_PASSWORD.
 
@@ -278,4 +310,7 @@ def open(address: str, run: RunInfo) -> MqttPublisher:
     """
     user, password = (os.environ.get(f"EDGEMAP_MQTT_{name}") for name in ("USER", "PASSWORD"))
     host, port = host_and_port(address, "--mqtt", PORT)
-    return MqttPublisher(host, port, run.robot, user, password, VERSION, run.verdict)
+    camera = run.camera
+    return MqttPublisher(
+        host, port, run.robot, user, password, VERSION, run.verdict, lambda: str(camera.state), run.folder
+    )

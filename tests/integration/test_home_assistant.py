@@ -68,12 +68,19 @@ def test_home_assistant_shows_the_robot_its_objects_events_and_that_it_is_gone(t
         )
         home.until("device", lambda name, more: name == "robo" and more == {"manufacturer": "edgemap"})
         home.until(
-            "event.robo_map", lambda _, more: (more.get("event_type"), more.get("label")) == ("appeared", "chair")
+            "event.robo_changes", lambda _, more: (more.get("event_type"), more.get("label")) == ("appeared", "chair")
         )
         home.until("sensor.robo_objects", lambda state, _: state.isdigit() and int(state) >= 3)
+        home.until("image.robo_map_picture", lambda state, more: "entity_picture" in more and state[:2] == "20")
+        home.until(
+            "binary_sensor.robo_camera", lambda state, more: (state, more["device_class"]) == ("on", "connectivity")
+        )
+        home.until("binary_sensor.robo_map", lambda state, more: state in ("on", "off") and "level" in more)
+        home.until("button.robo_save_map", lambda state, _: state == "unknown")
+        home.until("sensor.robo_room", lambda state, _: state != "unavailable")
         shown = home.until("sensor.robo_x", lambda state, more: more["unit_of_measurement"] == "m" and "." in state)
         assert robot.wait(PATIENCE_S) == 0
-        for entity in ("sensor.robo_objects", "sensor.robo_last_fault", "event.robo_map"):
+        for entity in ("sensor.robo_objects", "sensor.robo_last_fault", "event.robo_changes"):
             home.until(entity, lambda state, _: state == "unavailable", shown)
     finally:
         if robot is not None and robot.returncode is None:

@@ -49,6 +49,11 @@ class Broker:
             if (heard and until(told)) or time.monotonic() > until_s:
                 return told
 
+    def publish(self, topic, payload):
+        """One message, not retained."""
+        address = ["-h", "127.0.0.1", "-p", str(self.port)]
+        subprocess.run(["mosquitto_pub", *address, "-t", topic, "-m", payload], check=True)
+
     def listen(self, topic) -> Any:
         """A process that prints one `topic<TAB>payload` line a message, once it is subscribed."""
         address = ["-h", "127.0.0.1", "-p", str(self.port)]

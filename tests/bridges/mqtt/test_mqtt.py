@@ -9,6 +9,7 @@ import time
 from contextlib import closing, suppress
 from dataclasses import replace
 
+import cv2
 import numpy as np
 import pytest
 from support.broker import MISSING, Broker
@@ -16,6 +17,7 @@ from support.faults import made
 from support.steps import Steps
 from support.waiting import wait_for
 
+from edgemap.geometry.objects.annotations import Zone
 from edgemap.runtime.frames.errors import PublishError
 
 pytest.importorskip("paho.mqtt")
@@ -67,19 +69,72 @@ def test_a_newcomer_is_told_state_objects_and_the_device(broker):
         assert (record["id"], record["label"]) == (item.id, item.label)
         assert [record["x_m"], record["y_m"]] == pytest.approx(item.position_m.tolist(), abs=0.25)
     entities = {topic: json.loads(text) for topic, text in told.items() if topic.startswith("homeassistant/")}
-    assert sorted(entities) == [
-        "homeassistant/event/edgemap-robo/changes/config",
-        *(f"homeassistant/sensor/edgemap-robo/{name}/config" for name in ("fault", "objects", "x", "y")),
-    ]
+    kinds = {"changes": "event", "picture": "image", "save": "button", "camera": "binary_sensor"}
+    kinds |= {"unreliable": "binary_sensor"} | dict.fromkeys(
+        ("fault", "heading", "objects", "room", "x", "y"), "sensor"
+    )
+    assert sorted(entities) == sorted(
+        f"homeassistant/{kind}/edgemap-robo/{name}/config" for name, kind in kinds.items()
+    )
     device = {"identifiers": ["edgemap-robo"], "name": "robo", "manufacturer": "edgemap", "sw_version": "1.2.3"}
     assert all(entity["device"] == device for entity in entities.values())
-    assert all(entity["availability_topic"] == "edgemap/robo/status" for entity in entities.values())
-    topics = {entity["state_topic"] for entity in entities.values()}
-    assert topics == {"edgemap/robo/state", "edgemap/robo/events"}
-    assert len({entity["unique_id"] for entity in entities.values()}) == 5
+    assert all(
+        (entity["~"], entity["availability_topic"]) == ("edgemap/robo", "~/status") for entity in entities.values()
+    )
+    topics = {value for entity in entities.values() for key, value in entity.items() if key.endswith("_topic")}
+    assert topics == {f"~/{name}" for name in ("status", "state", "events", "map", "command")}
+    assert len({entity["unique_id"] for entity in entities.values()}) == len(kinds)
     status = "edgemap/robo/status"
     assert broker.retained(status, lambda told: told[status] == "offline") == {status: "offline"}  # closed by now
     assert f"edgemap/robo/objects/{objects[0].id}" in broker.retained()  # the map stays known
+
+
+def test_zones_the_camera_the_room_and_a_saved_map(broker, tmp_path):
+    """A zone says what is in it and leaves with its entity; the command `save` writes the map."""
+    result, objects = two_objects()
+    x_m, y_m = objects[0].position_m.tolist()
+    zone = Zone(
+        "zone-1", "corner", [(x_m + dx, y_m + dy) for dx, dy in ((-0.2, -0.2), (0.2, -0.2), (0.2, 0.2), (-0.2, 0.2))]
+    )
+    zoned = replace(result, annotations=replace(result.annotations, zones=(zone,)))
+    state, config = ["running"], "homeassistant/sensor/edgemap-robo/zone-1/config"
+    with closing(MqttPublisher("127.0.0.1", broker.port, "robo", camera=lambda: state[0], folder=tmp_path)) as sink:
+        sink.write(zoned, objects)
+        told = broker.retained(until=lambda told: "edgemap/robo/zones/zone-1" in told and "edgemap/robo/map" in told)
+        assert json.loads(told["edgemap/robo/zones/zone-1"]) == {
+            "name": "corner",
+            "occupied_by": [objects[0].id],
+            "count": 1,
+        }
+        assert json.loads(told[config])["name"] == "corner"
+        assert (json.loads(told[STATE])["camera"], json.loads(told[STATE])["room"]) == ("running", None)
+        state[0] = "lost"
+        sink.fault(made("camera x: lost"))
+        broker.retained(STATE, lambda told: json.loads(told[STATE])["camera"] == "lost")
+        broker.publish("edgemap/robo/command", "save")
+        later = replace(result, frame=replace(result.frame, stamp_s=result.frame.stamp_s + 2.0))
+        wait_for(lambda: sink.write(later, objects) or [*tmp_path.glob("map-*.json")], "a saved map")
+        told = broker.retained(until=lambda told: config not in told)
+    assert config not in told
+    assert "edgemap/robo/zones/zone-1" not in told
+    saved = json.loads(next(tmp_path.glob("map-*.json")).read_text())
+    assert [one["id"] for one in saved["objects"]] == [item.id for item in objects]
+
+
+def test_the_picture_has_nothing_of_the_camera(broker):
+    """Two runs whose pictures differ in every pixel send the same bytes."""
+    result, objects = two_objects()
+    sent = []
+    for value in (0, 255):
+        frame = replace(result.frame, image=np.full_like(result.frame.image, value))
+        with publisher(broker) as sink:
+            drawn = []
+            sink._picture.send = drawn.append
+            sink.write(replace(result, frame=frame, pictured=frame), objects)
+            wait_for(lambda: drawn, "a picture")  # noqa: B023
+            sent += drawn
+    assert sent[0] == sent[1]
+    assert cv2.imdecode(np.frombuffer(sent[0], np.uint8), cv2.IMREAD_COLOR).std() > 1.0
 
 
 def test_objects_appear_move_and_vanish(broker):
