@@ -1,11 +1,13 @@
 """One run of the command: the step, its sinks, and what is printed."""
 
+from collections.abc import Sequence
 from datetime import UTC, datetime
 from pathlib import Path
 from threading import Event
 
 from edgemap.cli.guessed_camera import CameraKeeper
 from edgemap.cli.live_page import OpenPage, live_page
+from edgemap.cli.named_maps import FoundMap, find_place
 from edgemap.cli.options import minimum_score
 from edgemap.cli.run_options import RunOptions
 from edgemap.cli.run_record import run_record, scale_source
@@ -59,6 +61,7 @@ class Run:
             start=chosen.start, config=tuned,
         )  # fmt: skip
         self.slam, self.mapped = compose(source, loaded, floor, spec, guess), mapped_classes(spec.classes, loaded)
+        self.finder = find_place(self.slam.mapper) if chosen.auto else None
         self.folder = options.outputs.out or Path("runs") / datetime.now(UTC).strftime("%Y%m%dT%H%M%SZ")
         self.kept_camera = CameraKeeper(self.folder, floor, guess, options.camera.camera)
         self.record = run_record(options, source, loaded, floor, threshold, self.mapped, tuned)
@@ -80,7 +83,7 @@ class Run:
         edits = self._edits()
         with (
             stop_on_signals() as stop,  # from here on there is something to save
-            living_map(self.place, self.slam.mapper, self._verdict) as kept,
+            living_map(self.place, self.slam.mapper, self._verdict, self.finder) as kept,
             live_page(
                 options.watch, self.source, self.about, self.folder, self.crops, edits, self.kept_camera.set_mount,
                 lambda: self.slam.mapper.searching,
@@ -97,7 +100,9 @@ class Run:
         found = load_edits(given) if given else read_edits(self.source.info.edits, f"{spec}: edits")
         return Edits(self.folder / "edits.jsonl", found)
 
-    def _drive_with(self, page: OpenPage | None, stop: Event, edits: Edits, kept: list[LivingMap]) -> None:
+    def _drive_with(
+        self, page: OpenPage | None, stop: Event, edits: Edits, kept: Sequence[LivingMap | FoundMap]
+    ) -> None:
         camera, saved = self.options.camera, self.options.map.saved
         notifier, summary = ServiceNotifier(), RunSummary(self.floor.mount, self.mount_sources, self.carried)
         source = SearchRate(self.source, camera.rate) if camera.rate else self.source

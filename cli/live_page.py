@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 from edgemap.cli.publishers import WatchGroup
 from edgemap.runtime.frames.camera import Camera
+from edgemap.runtime.frames.errors import UsageError
 from edgemap.runtime.frames.option_texts import host_and_port
 from edgemap.runtime.inputs.cameras.wrappers import PacedCamera
 from edgemap.runtime.step.edit_queue import Edits
@@ -62,6 +63,8 @@ def live_page(
     Raises MissingExtraError, or ViewError where the address is taken.
     """
     if options.view is None:
+        if options.view_without_pictures:
+            raise UsageError("--view-without-pictures is about a page: add --view")
         yield None
         return
     from edgemap.view.page import LivePage
@@ -69,7 +72,7 @@ def live_page(
     from edgemap.view.server import PageServer
 
     pause = None if source.info.live else Pause()
-    page = LivePage(about, folder, pause, lambda: source.state, crops, edits)
+    page = LivePage(about, folder, pause, lambda: source.state, crops, edits, not options.view_without_pictures)
     page.searching, page.keep_mount = searching, keep_mount
     server = PageServer(page, *host_and_port(options.view, "--view", 8090))
     try:

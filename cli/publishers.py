@@ -21,6 +21,9 @@ class WatchGroup:
             "frame until Ctrl-C."
         ),
     ] = None
+    view_without_pictures: Annotated[
+        bool, arg(help="The page and its API show the map, and nothing of the camera's pictures.")
+    ] = False
     foxglove: Annotated[
         str | None,
         may_be_left_out("HOST:PORT", "127.0.0.1:8765"),

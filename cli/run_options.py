@@ -52,7 +52,8 @@ class MapGroup(MappingOptions):
             metavar="MAP",
             help="Continue a map. A name (home) or a folder opens it or makes a new one, and saves back into it; a "
             "map.json or a run folder is only read. Objects keep their ids. The run starts at the last pose or the "
-            "dock where the objects agree, else the robot's place is found by its objects; --start sets it.",
+            "dock where the objects agree, else the robot's place is found by its objects; --start sets it. auto: the "
+            "named map that the objects fit alone.",
         ),
     ] = None
     start: Annotated[
@@ -69,10 +70,15 @@ class MapGroup(MappingOptions):
     ] = None
 
     def place(self) -> "MapPlace | None":
-        """The place of `--map`; None without it."""
+        """The place of `--map`; None without it, and for auto."""
         from edgemap.runtime.step.map_store import find_map
 
-        return None if self.saved is None else find_map(self.saved)
+        return None if self.saved is None or self.auto else find_map(self.saved)
+
+    @property
+    def auto(self) -> bool:
+        """Whether the run finds out in which named map it is."""
+        return str(self.saved) == "auto"
 
     @property
     def named_classes(self) -> frozenset[str] | None:

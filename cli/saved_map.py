@@ -1,10 +1,11 @@
 """`edgemap run --map MAP [--start X,Y,YAW_DEG|dock|last]`: continuing a saved map, or one that lives over runs."""
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from math import degrees
 from pathlib import Path
 
+from edgemap.cli.named_maps import FoundMap, PlaceFinder
 from edgemap.runtime.outputs.sinks.living_map import LivingMap
 from edgemap.runtime.outputs.verdict.verdict import Verdict
 from edgemap.runtime.step.map_store import MapPlace
@@ -12,8 +13,18 @@ from edgemap.runtime.step.mapper import Mapper
 
 
 @contextmanager
-def living_map(place: MapPlace | None, mapper: Mapper, verdict: Callable[[], Verdict]) -> Iterator[list[LivingMap]]:
-    """The sink that saves a map that lives back, while the block lasts. Raises DiskError or RunFolderError."""
+def living_map(
+    place: MapPlace | None, mapper: Mapper, verdict: Callable[[], Verdict], finder: PlaceFinder | None = None
+) -> Iterator[Sequence[LivingMap | FoundMap]]:
+    """The sink that saves a map that lives back, while the block lasts. finder: of the place of `--map auto`. Raises
+    DiskError or RunFolderError."""
+    if finder is not None:
+        found = FoundMap(lambda: finder.path, verdict)
+        try:
+            yield [found]
+        finally:
+            found.release()
+        return
     if place is None or not place.lives:
         yield []
         return
@@ -30,6 +41,8 @@ def where_it_was(mapper: Mapper, saved: Path | None) -> str | None:
     search = mapper.relocaliser
     if search is None:
         return None
+    if isinstance(search, PlaceFinder):
+        saved = search.path or Path("any named map")
     if search.alignment is None:
         return f"not found in {saved}, so this run's map stands alone in its own frame: {search.reason}"
     pose, count = search.alignment.pose_a_b, len(search.alignment.pairs)

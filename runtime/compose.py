@@ -21,7 +21,7 @@ from edgemap.runtime.network.bundle import Bundle
 from edgemap.runtime.step.config import Config
 from edgemap.runtime.step.grid_file import load_grid
 from edgemap.runtime.step.map_file import load_annotated_map, load_last_pose
-from edgemap.runtime.step.map_store import MapPlace, find_map
+from edgemap.runtime.step.map_store import AUTO, MapPlace, find_map
 from edgemap.runtime.step.mapper import Mapper
 from edgemap.runtime.step.slam import SemanticSlam, SlamOptions, build_slam
 
@@ -78,7 +78,9 @@ def compose(
     if found:
         camera.update_info(faults=(*camera.info.faults, *found))
     given = slam.pipeline.odometry.start if isinstance(slam.pipeline.odometry, JudgedOdometry) else None
-    _enter_saved_map(slam.mapper, None if spec.map is None else find_map(spec.map), spec, given)
+    _enter_saved_map(
+        slam.mapper, None if spec.map is None or str(spec.map) == AUTO else find_map(spec.map), spec, given
+    )
     return slam
 
 

@@ -58,7 +58,14 @@ def api_routes(page: LivePage, usage: ProcessUsage) -> list[Route]:
 async def picture(page: LivePage, request: Request) -> Response:  # noqa: ARG001
     """The newest picture."""
     frame = newest_of(page).result.frame
+    _must_show(page)
     return Response(shown_jpeg(frame), media_type="image/jpeg", headers={"X-Frame": str(frame.index)})
+
+
+def _must_show(page: LivePage) -> None:
+    """Raises Refused where no picture may leave."""
+    if not page.pictures:
+        raise Refused(403, "this run shows no pictures (--view-without-pictures)")
 
 
 async def saved_map(page: LivePage, request: Request) -> Response:  # noqa: ARG001
@@ -75,6 +82,7 @@ async def one_object(page: LivePage, request: Request) -> Response:
 async def object_picture(page: LivePage, request: Request) -> Response:
     """The best picture of an object that this run has."""
     identity = named(page, request)["id"]
+    _must_show(page)
     crop = page.crops.of([identity]).get(identity)
     if crop is None:
         raise Refused(404, f"no picture of {identity} yet: it was not seen by this run")

@@ -54,7 +54,7 @@ class LivePage:
 
     about: description of the run for the page (plain JSON values). folder: where `save` writes. pause: None for live
     cameras. camera_state: running, degraded or lost. crops: the best picture of each object, collected by the report.
-    edits: receives the edits of viewers.
+    edits: receives the edits of viewers. pictures: whether anything of the camera's pictures may leave.
     """
 
     name = "live page"
@@ -67,8 +67,10 @@ class LivePage:
         camera_state: Callable[[], str] = lambda: "running",
         crops: BestCrops | None = None,
         edits: Edits | None = None,
+        pictures: bool = True,
     ) -> None:
         self.about, self.folder, self.pause, self.camera_state = about, folder, pause, camera_state
+        self.pictures = pictures
         self.crops = BestCrops() if crops is None else crops
         self.edits = edits or Edits()
         self.edits.listeners.append(self.edited)

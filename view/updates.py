@@ -124,7 +124,7 @@ class Cursor:
             document |= {"rate_hz": page.rate_hz(), "age_s": time.monotonic() - snapshot.arrived_s}
             if snapshot.result.frame is not self._frame:
                 self._frame = snapshot.result.frame
-                picture = shown_jpeg(self._frame)
+                picture = shown_jpeg(self._frame) if page.pictures else b""
         head = plain(document)
         return struct.pack("<I", len(head)) + head + picture
 

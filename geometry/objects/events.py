@@ -252,12 +252,12 @@ class MapEvents:
         """Applies a loop closure: each place that was set in this run moves with the pose nearest to it."""
         self._move(correction.moved_poses)
 
-    def enter(self, annotations: Annotations, pose_saved_own: SE2) -> None:
+    def enter(self, annotations: Annotations, pose_saved_own: SE2, saved: Iterable[MapObject] = ()) -> None:
         """This run's edits move into a saved map's frame, and that map's zones and dock come first. annotations: of the
-        saved map. pose_saved_own: pose of this run's map in it.
+        saved map. pose_saved_own: pose of this run's map in it. saved: its objects where their edits are not here yet.
         """
         self._move(lambda _, poses: composed(pose_saved_own.vector()[None], poses))
-        self._events = _events_of(annotations) | self._events
+        self._events = (MapEvents.of(saved, annotations)._events if saved else _events_of(annotations)) | self._events
 
     def _move(self, move: Callable[[np.ndarray, Array], Array]) -> None:
         """Moves the places that were set in this run. move: takes stamps (N,) and poses (N, 3) to poses now."""

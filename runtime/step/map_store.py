@@ -10,6 +10,7 @@ import platformdirs
 from edgemap.geometry.errors import MapError
 from edgemap.runtime.frames.reading import one_line, user_path
 
+AUTO = "auto"  # the named map of the place where the robot is
 NAME = re.compile(r"[^\W_][\w .-]{0,62}")  # 63 letters of any script fit a file name of 255 bytes
 
 

@@ -178,13 +178,15 @@ class Mapper:
         numbered after the saved ones, so ids stay unique; `merged` maps new objects to matching saved ones. grid: the
         saved map's.
         """
-        self._has_scale = True
-        self.edits = MapEvents.of(saved, annotations, placed=False)
-        saved = annotations.measured(saved)
-        self._saved_ids = frozenset(item.id for item in saved)
-        self.relocaliser = Relocaliser(saved, self.config, guesses, annotations, grid)
+        self.relocaliser = Relocaliser(annotations.measured(saved), self.config, guesses, annotations, grid)
         self.map = self.relocaliser.run_map
         self.map.reserve(annotations.vanished)
+        self.edits = MapEvents.of(saved, annotations, placed=False)
+        self.enter_place(self.relocaliser)
+
+    def enter_place(self, place: Relocaliser) -> None:
+        """The saved map is the one that this run continues."""
+        self._has_scale, self._saved_ids = True, frozenset(item.id for item in place.saved)
 
     def step(self, observed: FrameObservations) -> MapUpdate:
         """Processes one frame's observations: advance, close loops, associate, forget, relocalise."""
@@ -435,7 +437,7 @@ class Mapper:
         deleted = {item.id for item in saved.annotations.deleted}
         remembered = [item for item in saved.saved if item.id not in deleted]
         self.memory.enter(remembered, saved.annotations, saved.grid, became)
-        self.edits.enter(saved.annotations, alignment.pose_a_b)
+        self.edits.enter(saved.annotations, alignment.pose_a_b, saved.edited)
         self._relocated = alignment.pose_a_b
         return became
 

@@ -37,6 +37,7 @@ class Relocaliser:
         grid: OccupancyGrid | None = None,
     ) -> None:
         self.saved, self.annotations, self.grid = list(saved), annotations, grid
+        self.edited: Sequence[MapObject] = ()  # the saved ones, where their edits come with the alignment
         self.run_map: FloorMap = FloorMap.after(saved, config.association, config.loop_closure)
         self._registration, self._guesses = config.registration, tuple(guesses)
         self.alignment: Alignment | None = None

@@ -113,6 +113,27 @@ def test_pictures_are_jpegs_of_the_newest_frame_and_of_the_object(robot):
     assert (status, body) == (404, {"error": "no object 'chair-9' on the map"})
 
 
+def test_without_pictures_no_pixel_leaves(serve):
+    """No address that is read, nor the stream, has bytes of a JPEG or PNG, plain or in base64."""
+    served = serve()
+    served.page.pictures = False
+    served.step(12)
+    served.page.crops.consider(served.page.newest.result)
+    api, sent = Api(served.port), b""
+    for path in (path for path, methods in SPEC["paths"].items() if "get" in methods):
+        status, headers, body = api("GET", path.replace("{id}", "chair-1"))
+        sent += body if isinstance(body, bytes) else repr(body).encode()
+        assert (status == 403) == path.endswith("/picture")
+        assert not headers.get("content-type", "").startswith("image/")
+    with raw_viewer(served.port) as viewer:
+        viewer.say("stream")
+        update = viewer.update()
+    assert update.pop("jpeg") == b""
+    sent += json.dumps(update).encode()
+    assert b"chair-1" in sent
+    assert not re.search(rb"\xff\xd8\xff|\x89PNG|/9j/|iVBORw0KGgo|\\xff\\xd8", sent)
+
+
 def test_pause_and_save_act_and_answer(robot, tmp_path):
     served, api = robot
     for paused, state in ((True, "paused"), (False, "running")):

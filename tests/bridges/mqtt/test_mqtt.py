@@ -93,9 +93,8 @@ def test_zones_the_camera_the_room_and_a_saved_map(broker, tmp_path):
     """A zone says what is in it and leaves with its entity; the command `save` writes the map."""
     result, objects = two_objects()
     x_m, y_m = objects[0].position_m.tolist()
-    zone = Zone(
-        "zone-1", "corner", [(x_m + dx, y_m + dy) for dx, dy in ((-0.2, -0.2), (0.2, -0.2), (0.2, 0.2), (-0.2, 0.2))]
-    )
+    around = ((-0.2, -0.2), (0.2, -0.2), (0.2, 0.2), (-0.2, 0.2))
+    zone = Zone("zone-1", "corner", tuple((x_m + dx, y_m + dy) for dx, dy in around))
     zoned = replace(result, annotations=replace(result.annotations, zones=(zone,)))
     state, config = ["running"], "homeassistant/sensor/edgemap-robo/zone-1/config"
     with closing(MqttPublisher("127.0.0.1", broker.port, "robo", camera=lambda: state[0], folder=tmp_path)) as sink:
@@ -134,7 +133,9 @@ def test_the_picture_has_nothing_of_the_camera(broker):
             wait_for(lambda: drawn, "a picture")  # noqa: B023
             sent += drawn
     assert sent[0] == sent[1]
-    assert cv2.imdecode(np.frombuffer(sent[0], np.uint8), cv2.IMREAD_COLOR).std() > 1.0
+    picture = cv2.imdecode(np.frombuffer(sent[0], np.uint8), cv2.IMREAD_COLOR)
+    assert picture is not None
+    assert picture.std() > 1.0
 
 
 def test_objects_appear_move_and_vanish(broker):

@@ -1,0 +1,138 @@
+"""`edgemap run --map auto`: which of the named maps the robot is in, by the objects that it sees."""
+
+from collections.abc import Callable, Generator
+from dataclasses import replace
+from pathlib import Path
+
+from edgemap.geometry.errors import MapError
+from edgemap.geometry.map_object import MapObject
+from edgemap.geometry.objects.annotations import Annotations
+from edgemap.geometry.objects.events import MapEvents
+from edgemap.geometry.objects.floor_map import FloorMap
+from edgemap.geometry.registration.alignment import Alignment, AlignmentError, aligning, realigned
+from edgemap.runtime.outputs.sinks.living_map import LivingMap
+from edgemap.runtime.outputs.verdict.verdict import Verdict
+from edgemap.runtime.step.config import Config
+from edgemap.runtime.step.grid_file import load_grid
+from edgemap.runtime.step.map_file import load_annotated_map
+from edgemap.runtime.step.map_store import maps_folder
+from edgemap.runtime.step.mapper import Mapper
+from edgemap.runtime.step.relocalisation import Relocaliser
+from edgemap.runtime.step.sinks import Sink
+from edgemap.runtime.step.slam import StepResult
+
+
+class PlaceFinder(Relocaliser):
+    """As a Relocaliser, for several saved maps: all are compared with this run's whenever that has grown, and the one
+    that fits alone is the place. Chance is counted over all of them.
+
+    found: called with the map of the place before it is joined. path: its folder, None until then.
+    """
+
+    def __init__(self, folders: list[Path], config: Config, found: Callable[[Relocaliser], None]) -> None:
+        super().__init__([], config)
+        self._folders, self._found, self.path = folders, found, None
+        self._maps: list[Relocaliser] = []
+        for folder in folders:
+            objects, annotations = load_annotated_map(folder)
+            place = Relocaliser(annotations.measured(objects), config, annotations=annotations, grid=load_grid(folder))
+            place.edited = objects
+            self._maps.append(place)
+        everything = [item for place in self._maps for item in (*place.saved, *place.annotations.vanished)]
+        self.run_map = FloorMap.after(everything, config.association, config.loop_closure)
+        self._registration = replace(self._registration, chance=self._registration.chance / max(len(folders), 1))
+        self._comparison: Generator[None, None, dict[int, Alignment]] | None = None
+
+    @property
+    def zones(self) -> Annotations:
+        """All maps' zones, whose ids are not used again."""
+        return Annotations(tuple(zone for place in self._maps for zone in place.annotations.zones))
+
+    @property
+    def searching(self) -> bool:
+        """Whether the place is not known yet."""
+        return self.path is None and self.alignment is None
+
+    def align(self) -> Alignment | None:
+        """The alignment with the map of the place, in the one call that finds it."""
+        if not self.searching or (self._comparison is None and not self._is_due()):
+            return None
+        self._comparison = self._comparison or self._compare()
+        try:
+            next(self._comparison)
+        except StopIteration as end:
+            self._comparison = None
+            return self._choose(end.value)
+        return None
+
+    def _compare(self) -> Generator[None, None, dict[int, Alignment]]:
+        """The alignments that are accepted, by the map's number, a bounded unit of work at each step."""
+        fits, seen = dict[int, Alignment](), self.run_map.objects()
+        for number, place in enumerate(self._maps):
+            yield
+            try:
+                fits[number] = yield from aligning(place.saved, seen, self._registration)
+            except AlignmentError as error:
+                self.reason = f"{self._folders[number].name}: {error}"
+        return fits
+
+    def _choose(self, fits: dict[int, Alignment]) -> Alignment | None:
+        if len(fits) != 1:
+            self.reason = f"{' and '.join(self._folders[at].name for at in fits)} both fit" if fits else self.reason
+            return None
+        ((number, alignment),) = fits.items()
+        place = self._maps[number]
+        try:
+            self.alignment = realigned(alignment, place.saved, self.run_map.objects(), self._registration)
+        except AlignmentError as error:
+            self.reason = f"{self._folders[number].name}: {error}"
+            return None
+        self.saved, self.annotations, self.grid = place.saved, place.annotations, place.grid
+        self.edited, self.path = place.edited, self._folders[number]
+        self._found(self)
+        return self.alignment
+
+
+class FoundMap(Sink):
+    """The living map of the place, once that is known. path: its folder, None until then."""
+
+    def __init__(self, path: Callable[[], Path | None], verdict: Callable[[], Verdict]) -> None:
+        self.name, self._path, self._verdict = "map of the place", path, verdict
+        self._map: LivingMap | None = None
+
+    @property
+    def beside(self) -> str:
+        """As of the living map."""
+        return self._map.beside if self._map else ""
+
+    def write(self, result: StepResult, objects: list[MapObject]) -> None:
+        """Passes a step on. Raises DiskError, or RunFolderError where another run uses the map."""
+        if self._map is None and (path := self._path()) is not None:
+            self._map = LivingMap(path, bool, self._verdict)
+        if self._map is not None:
+            self._map.write(result, objects)
+
+    def edited(self, objects: list[MapObject], annotations: Annotations) -> None:
+        """Passes an edit on."""
+        if self._map is not None:
+            self._map.edited(objects, annotations)
+
+    def close(self) -> None:
+        """Saves it."""
+        if self._map is not None:
+            self._map.close()
+
+    def release(self) -> None:
+        """Unlocks it."""
+        if self._map is not None:
+            self._map.release()
+
+
+def find_place(mapper: Mapper) -> PlaceFinder:
+    """Has the mapper find out in which named map it is. Raises MapError where there is none, or one is damaged."""
+    folders = sorted(path.parent for path in maps_folder().glob("*/map.json"))
+    if not folders:
+        raise MapError(f"--map auto: no named map in {maps_folder()}; make one with --map NAME")
+    finder = PlaceFinder(folders, mapper.config, mapper.enter_place)
+    mapper.relocaliser, mapper.map, mapper.edits = finder, finder.run_map, MapEvents.of((), finder.zones, placed=False)
+    return finder
