@@ -74,6 +74,8 @@ def replayed(
         while (frame := camera.read()) is not None and (frames is None or frame.index < frames):
             for name, slam in slams.items():
                 seen(name, slam.step(frame))
+    for slam in slams.values():
+        slam.finish()
     return slams
 
 

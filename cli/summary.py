@@ -54,6 +54,10 @@ class RunSummary(Sink):
         if result.motion.measured:
             self.rolling = self.rolling.observe(result.motion.motion, result.motion.covariance)
 
+    def last(self, result: StepResult, objects: list[MapObject]) -> None:  # noqa: ARG002
+        """Stores the map."""
+        self.objects = objects
+
     def fault(self, fault: Fault) -> None:
         """Count it."""
         self.fault_count += 1

@@ -117,6 +117,8 @@ class LivePage:
             self.events.append(event)
         self._changed()
 
+    last = write
+
     def edited(self, objects: list[MapObject], annotations: Annotations) -> None:
         """Stores the map after a person has edited it between two steps."""
         if self.newest is not None:

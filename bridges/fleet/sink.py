@@ -50,6 +50,8 @@ class FleetSink(Sink):
         if not self._kept:
             raise PublishError(self._missing)
 
+    last = write
+
     def close(self) -> None:
         """Sends the last map and leaves; may be called twice."""
         if not self._session.is_closed():

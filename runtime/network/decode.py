@@ -150,6 +150,11 @@ class DetectorBeside:
 
     def __call__(self, image: NDArray[np.uint8]) -> Detections | None:
         """Boxes of the picture before. image: BGR uint8 (H, W, 3), which nothing may change from now on."""
-        boxes = self._boxes and self._boxes.result()
+        boxes = self.last()
         self._boxes = self._worker.submit(self._detector, image)
         return boxes
+
+    def last(self) -> Detections | None:
+        """Boxes of the picture that it was handed last, once; None without one."""
+        boxes, self._boxes = self._boxes, None
+        return boxes and boxes.result()

@@ -68,6 +68,8 @@ def steps(
         for fault in camera.account():
             group.fault(fault)
         take_edits()
+        if (late := slam.finish()) is not None:
+            group.last(late, slam.objects())
     except EdgemapError as error:
         group.ending(error)
         raise

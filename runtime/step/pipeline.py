@@ -25,7 +25,7 @@ from edgemap.runtime.motion.attitude.sources import MountAttitude
 from edgemap.runtime.motion.depth_scale import DepthScale
 from edgemap.runtime.motion.health import HealthMonitor, HealthRule, PictureHealth
 from edgemap.runtime.motion.height_check import HeightCheck, HeightRule
-from edgemap.runtime.motion.odometry.protocol import FramePrior, Motion, Odometry
+from edgemap.runtime.motion.odometry.protocol import FramePrior, Motion, Odometry, no_motion
 from edgemap.runtime.motion.rest import RestMonitor, RestRule
 from edgemap.runtime.network.bundle import Bundle
 from edgemap.runtime.network.decode import Decoder, Detector, DetectorBeside
@@ -88,6 +88,7 @@ class Pipeline:
         self._beside = None if sensing is bundle else DetectorBeside(Detector(bundle, self._decode))
         self._paced = bundle.paced
         self._waiting: _Searched | None = None  # for its boxes
+        self._newest: tuple[Frame, FrameObservations] | None = None
         self.pictured: Frame | None = None  # that the boxes of the last step are of
         self._names = bundle.names
         self._detections = Detections.none(bundle.names)  # of the last picture that was searched
@@ -148,7 +149,19 @@ class Pipeline:
         if found is not None:
             observed = self._with_boxes(observed, found, faults)
         height, faults = self._height, self._faults(health, faults, motion)
-        return replace(observed, faults=faults, height_estimate=height.estimate, scale=height.scale)
+        observed = replace(observed, faults=faults, height_estimate=height.estimate, scale=height.scale)
+        self._newest = frame, observed
+        return observed
+
+    def finish(self) -> tuple[Frame, FrameObservations] | None:
+        """The last frame once more, without a motion and with the boxes that the detector beside the step still owes,
+        for which it waits; None where it owes none."""
+        found, self._waiting = self._waiting, None
+        if found is None or self._newest is None or self._beside is None:
+            return None
+        self._detections = self._beside.last() or self._detections
+        frame, observed = self._newest
+        return frame, self._with_boxes(replace(observed, motion=no_motion(), faults=(), stages_ms={}), found, [])
 
     def _with_boxes(
         self, observed: FrameObservations, found: _Searched, faults: list[Fault | None]

@@ -38,6 +38,9 @@ class Sink(Protocol):
     def write(self, result: StepResult, objects: list[MapObject]) -> None:
         """Receives one step's result; `objects` is the map after the step. May raise anything."""
 
+    def last(self, result: StepResult, objects: list[MapObject]) -> None:
+        """Receives boxes that came after the last frame, and the map with them; `result` is of that frame again."""
+
     def fault(self, fault: Fault) -> None:
         """Receives each fault of the run, those of a step after its result; run.json holds them in any case. Its
         exceptions are ignored."""
@@ -87,6 +90,14 @@ class SinkGroup:
                 self.fault(Fault(FaultKind.OUTPUT_RESTORED, text))
         for fault in result.observed.faults:
             self._report(fault)
+
+    def last(self, result: StepResult, objects: list[MapObject]) -> None:
+        """Offer the boxes that came after the last frame to every sink."""
+        for sink in self._sinks:
+            try:
+                sink.last(result, objects)
+            except THEIRS as error:  # as in `write`
+                self.fault(Fault(FaultKind.OUTPUT, f"{sink.name}: {_line(error)}"))
 
     def fault(self, fault: Fault) -> None:
         """Report a fault outside of a step to every sink; it is in the next result too."""

@@ -120,6 +120,13 @@ class SemanticSlam:
         observed = self.pipeline.step(frame)
         return StepResult.of(frame, observed, self.mapper.step(observed), faults, self.pipeline.pictured)
 
+    def finish(self) -> StepResult | None:
+        """After the last frame: the map's update by the boxes that a detector beside the step still owes; None where it
+        owes none."""
+        if (newest := self.pipeline.finish()) is None:
+            return None
+        return StepResult.of(*newest, self.mapper.step(newest[1]), pictured=self.pipeline.pictured)
+
     def step_blind(self, stamp_s: float, reason: Fault) -> tuple[SE2, NDArray[np.float64]]:
         """A step without a frame: pose and covariance from sources that need no picture. The map stays unchanged."""
         return self.mapper.step_blind(self.pipeline.odometry.step_blind(stamp_s, reason))

@@ -1,8 +1,10 @@
 """A detector beside the step: its boxes belong to the picture that they were found in, and no step waits for it."""
 
+import json
 import threading
 from dataclasses import replace
 
+import cv2
 import numpy as np
 import pytest
 from support import painted
@@ -14,8 +16,11 @@ from edgemap.geometry.camera.mount import Mount
 from edgemap.geometry.se2 import SE2
 from edgemap.runtime.frames.frame import Frame
 from edgemap.runtime.frames.trajectory import Trajectory
+from edgemap.runtime.inputs.cameras.pictures import PicturesCamera
 from edgemap.runtime.motion.odometry.recorded import RecordedOdometry
 from edgemap.runtime.network.bundle import load_bundle
+from edgemap.runtime.outputs.sinks.run_folder import RunFolder
+from edgemap.runtime.step.loop import run
 from edgemap.runtime.step.mapper import Mapper
 from edgemap.runtime.step.pipeline import Pipeline
 from edgemap.runtime.step.slam import SemanticSlam
@@ -53,6 +58,28 @@ def test_boxes_are_placed_by_the_pose_of_their_picture(bundle, every):
             assert [placed.sighting.frame for placed in late.sightings] == [index - every]
             np.testing.assert_allclose([one.position_map_m for one in late.sightings], expected[index - every])
     np.testing.assert_allclose(late.pose_map_base.vector(), result.pose_map_base.vector())
+    late = beside.finish()
+    assert late is not None
+    newest = max(expected) // every * every
+    assert [placed.sighting.frame for placed in late.sightings] == [newest]
+    np.testing.assert_allclose([one.position_map_m for one in late.sightings], expected[newest])
+    assert (late.frame.index, late.pictured.index) == (8, newest)
+    assert beside.finish() is alone.finish() is None
+
+
+def test_a_run_writes_the_boxes_of_the_last_picture_too(bundle, tmp_path):
+    written, pictures = {}, [tmp_path / f"{index}.png" for index in range(9)]
+    for index, path in enumerate(pictures):
+        cv2.imwrite(str(path), noise(index))
+    for name, one in {"alone": bundle, "beside": replace(bundle, companion=bundle)}.items():
+        camera = PicturesCamera(name, pictures, np.arange(9) / 10, FLOOR.intrinsics)
+        slam = slam_of(one)
+        assert run(camera, slam, [RunFolder(tmp_path / name, FLOOR, {})]) == 9
+        lines = (tmp_path / name / "sightings.jsonl").read_text().splitlines()
+        frames = len((tmp_path / name / "trajectory.tum").read_text().splitlines())
+        written[name] = [(json.loads(line)["frame"], json.loads(line)["map_m"]) for line in lines], frames
+    assert [frame for frame, _ in written["alone"][0]] == list(range(9))
+    assert written["alone"] == written["beside"]
 
 
 def test_at_a_cameras_pace_no_step_waits_and_a_replay_of_its_marks_gives_the_same(bundle):

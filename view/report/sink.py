@@ -63,6 +63,10 @@ class ReportFile(Sink):
         if self._history.frames % _TIDY_EVERY == 0:
             self._crops.keep({item.id for item in objects}, result.merged)
 
+    def last(self, result: StepResult, objects: list[MapObject]) -> None:  # noqa: ARG002
+        """Adds the last boxes."""
+        self._crops.consider(result)
+
     def close(self) -> None:
         """Write the page; never raises."""
         if self._closed:

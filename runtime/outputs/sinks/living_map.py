@@ -54,6 +54,8 @@ class LivingMap(Sink):
         if self._save_timer.due(result.frame.stamp_s):
             self._save()
 
+    last = write
+
     def edited(self, objects: list[MapObject], annotations: Annotations) -> None:
         """The map as a person has just edited it, saved at once; also after the run. Raises DiskError."""
         if self._state is not None:

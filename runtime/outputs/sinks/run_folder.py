@@ -103,17 +103,8 @@ class RunFolder:
                 write_atomically(self.folder / "mount.jpg", jpeg(picture))
         self._frames += 1
         self._stamp_s = stamp_s = result.frame.stamp_s
-        self._objects, self._merged, self._annotations = objects, result.merged, result.annotations
-        self._journal, self._grid, self._scale = result.trajectory, result.grid, result.scale
-        if result.correction is not None:
-            self._note_correction(result.correction)
-        if result.relocated is not None:
-            start = result.relocated.vector().tolist()
-            self.add_record({"relocated": {"frame": self._frames, "pose_map_start": start}})
         self._trajectory.append(tum_line(stamp_s, result.pose_map_base))
-        for placed, identity in zip(result.sightings, result.object_ids, strict=True):
-            record = sighting_record(result, placed.sighting.detection, placed, identity)
-            self._sightings.append(json.dumps(record, allow_nan=False) + "\n")
+        self.last(result, objects)
         for stage, time_ms in result.stages_ms.items():
             self._stage_times.setdefault(stage, deque(maxlen=10_000)).append(time_ms)
         self._counts.write(result, objects)
@@ -121,6 +112,20 @@ class RunFolder:
             self._save(rewrite=result.relocated is not None)
         if self._failure is not None:
             raise self._failure
+
+    def last(self, result: StepResult, objects: list[MapObject]) -> None:
+        """The map of a result and its sightings, without a step."""
+        self._objects, self._merged, self._annotations = objects, result.merged, result.annotations
+        self._journal, self._grid, self._scale = result.trajectory, result.grid, result.scale
+        self._counts.edited(objects)
+        if result.correction is not None:
+            self._note_correction(result.correction)
+        if result.relocated is not None:
+            start = result.relocated.vector().tolist()
+            self.add_record({"relocated": {"frame": self._frames, "pose_map_start": start}})
+        for placed, identity in zip(result.sightings, result.object_ids, strict=True):
+            record = sighting_record(result, placed.sighting.detection, placed, identity)
+            self._sightings.append(json.dumps(record, allow_nan=False) + "\n")
 
     def fault(self, fault: Fault) -> None:
         """Records a fault with its frame; while a camera is disconnected, its faults trigger the saving."""

@@ -120,6 +120,10 @@ class RunCounts(Sink):
         """Counts a fault by its kind."""
         self._kinds[fault.kind.value] += 1
 
+    def last(self, result: StepResult, objects: list[MapObject]) -> None:  # noqa: ARG002
+        """The objects with the last boxes."""
+        self._objects = objects
+
     def edited(self, objects: list[MapObject]) -> None:
         """The objects as a person has just edited them."""
         self._objects = objects
