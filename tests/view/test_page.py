@@ -40,6 +40,14 @@ def test_readers_of_a_tail_get_every_item_that_is_still_there_once(limit, moves)
     assert read == sorted(set(read))
 
 
+def test_a_waiting_viewer_is_woken_once(tmp_path):
+    page, steps, calls = LivePage({}, tmp_path), Steps(), []
+    steps.into(page, 3)
+    page.wake_once(lambda: calls.append(page.revision))
+    steps.into(page, 3)
+    assert calls == [4]
+
+
 def test_the_trail_is_the_way_and_a_lasting_fault_is_told_once(tmp_path):
     page, steps, few = LivePage({}, tmp_path), Steps(), made("few corners")
     for fault in (None, few, few, None, few):

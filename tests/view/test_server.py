@@ -81,6 +81,7 @@ def test_a_name_that_was_made_to_point_here_is_refused(serve):
 def test_another_sites_script_gets_neither_map_nor_socket(serve, origin):
     port = serve().port
     assert ask(port, "/api/map", Origin=origin)[0] == 403
+    assert ask(port, "/api/pause", "POST", Origin=origin)[0] == 403
     with pytest.raises(InvalidStatus, match="403"), raw_viewer(port, origin=origin):
         pass
     own = f"http://127.0.0.1:{port}"
@@ -144,7 +145,8 @@ def test_beyond_loopback_nothing_comes_without_the_token(serve):
     wrong = ("", "?token=", "?token=wrong", f"?token={token[:-1]}", f"?token={token}x", "?token=%C3%A4%FF")
     for query in wrong:
         for path in ("/", "/api/map", "/main.js", "/api/stream", "/nowhere"):
-            assert ask(port, path + query)[0] == 401, path + query
+            for method in ("GET", "POST"):
+                assert ask(port, path + query, method)[0] == 401, path + query
         with pytest.raises(InvalidStatus, match="403"), raw_viewer(port, query):
             pass
     assert token not in ask(port)[2]
