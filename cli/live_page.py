@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING, Any
 
 from edgemap.cli.publishers import WatchGroup
 from edgemap.runtime.frames.camera import Camera
-from edgemap.runtime.frames.errors import UsageError
 from edgemap.runtime.frames.option_texts import host_and_port
 from edgemap.runtime.inputs.cameras.wrappers import PacedCamera
 from edgemap.runtime.step.edit_queue import Edits
@@ -20,6 +19,7 @@ if TYPE_CHECKING:
     from edgemap.view.page import LivePage
 
 LOOK_EVERY_S = 0.1
+WITHOUT = ",without-pictures"
 
 
 class OpenPage:
@@ -63,18 +63,17 @@ def live_page(
     Raises MissingExtraError, or ViewError where the address is taken.
     """
     if options.view is None:
-        if options.view_without_pictures:
-            raise UsageError("--view-without-pictures is about a page: add --view")
         yield None
         return
     from edgemap.view.page import LivePage
     from edgemap.view.pause import Pause
     from edgemap.view.server import PageServer
 
+    address, alone = options.view.removesuffix(WITHOUT), options.view.endswith(WITHOUT)
     pause = None if source.info.live else Pause()
-    page = LivePage(about, folder, pause, lambda: source.state, crops, edits, not options.view_without_pictures)
+    page = LivePage(about, folder, pause, lambda: source.state, crops, edits, not alone)
     page.searching, page.keep_mount = searching, keep_mount
-    server = PageServer(page, *host_and_port(options.view, "--view", 8090))
+    server = PageServer(page, *host_and_port(address or "127.0.0.1", "--view", 8090))
     try:
         print(f"live page:  {server.url}", flush=True)
         yield OpenPage(page, server.url)

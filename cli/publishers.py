@@ -13,17 +13,14 @@ class WatchGroup:
 
     view: Annotated[
         str | None,
-        may_be_left_out("HOST:PORT", "127.0.0.1:8090"),
+        may_be_left_out("HOST:PORT[,without-pictures]", "127.0.0.1:8090"),
         arg(
             help="Serve a live page for browsers, on 127.0.0.1:8090 where HOST:PORT is left out; port 0: any free one. "
             "0.0.0.0 serves every network: beyond this machine viewers need the token that is printed with the page's "
             "address. Files are then paced by their stamps, as --realtime does, and the page stays after the last "
-            "frame until Ctrl-C."
+            "frame until Ctrl-C. without-pictures: the map alone, nothing of the camera's pictures."
         ),
     ] = None
-    view_without_pictures: Annotated[
-        bool, arg(help="The page and its API show the map, and nothing of the camera's pictures.")
-    ] = False
     foxglove: Annotated[
         str | None,
         may_be_left_out("HOST:PORT", "127.0.0.1:8765"),

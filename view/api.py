@@ -65,7 +65,7 @@ async def picture(page: LivePage, request: Request) -> Response:  # noqa: ARG001
 def _must_show(page: LivePage) -> None:
     """Raises Refused where no picture may leave."""
     if not page.pictures:
-        raise Refused(403, "this run shows no pictures (--view-without-pictures)")
+        raise Refused(403, "this run shows no pictures (--view …,without-pictures)")
 
 
 async def saved_map(page: LivePage, request: Request) -> Response:  # noqa: ARG001
