@@ -24,6 +24,7 @@ from edgemap.geometry.se2 import SE2
 from edgemap.runtime.frames.errors import CameraError, OdometryError
 from edgemap.runtime.frames.spatial_poses import base_attitudes
 from edgemap.runtime.motion.given_poses import GivenPoses
+from edgemap.runtime.step.pose_journal import MAXIMUM
 
 FOLLOWED = 0.05  # m, and rad: a cell of the grid; smaller corrections wait until they add up to it
 RECENT = 50  # poses with tilt that are kept: those about a picture
@@ -141,6 +142,9 @@ class MapPath:
         self._stamps_s.append(stamp_s)
         self._poses.append(self._map_odom @ matrix_of_pose(odom))
         self._path_m.append((self._path_m[-1] if self._path_m else 0.0) + float(np.hypot(step.x_m, step.y_m)))
+        if len(self._poses) > MAXIMUM:  # the older half gets coarser, as in the journal of poses
+            for rows in (self._stamps_s, self._poses, self._path_m):
+                del rows[1 : MAXIMUM // 2 : 2]
         moved = map_odom @ np.linalg.inv(self._map_odom)
         if size_of(moved, self._poses[-1]) > FOLLOWED:
             poses = np.array(self._poses)
