@@ -68,12 +68,12 @@ def steps(
         for fault in camera.account():
             group.fault(fault)
         take_edits()
-        if (late := slam.finish()) is not None:
-            group.last(late, slam.objects())
     except EdgemapError as error:
         group.ending(error)
         raise
     finally:
+        if (late := slam.finish()) is not None:
+            group.last(late, slam.objects())
         group.close()
 
 

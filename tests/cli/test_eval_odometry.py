@@ -189,10 +189,10 @@ def test_the_share_of_frames_of_each_member_is_told(evaluate, tmp_path):
     rows = (tmp_path / "a" / "wheel.csv").read_text().splitlines(keepends=True)
     (tmp_path / "a" / "wheel.csv").write_text("".join(rows[:-20]))
     own = document(evaluate("--data", spec, "--json"))
-    assert own["sequences"]["a"]["availability"]["wheel"] == {"used": 0.6667, "blind": 0.3333, "left_out": 0.0}
+    assert own["sequences"]["a"]["availability"]["wheels"] == {"used": 0.6667, "blind": 0.3333, "left_out": 0.0}
     assert own["total"]["availability"] == own["sequences"]["a"]["availability"]
     told = evaluate("--data", spec).stdout
-    assert "  wheel     used 66.7 %, blind 33.3 %, left out 0.0 %" in told.splitlines()
+    assert "  wheels    used 66.7 %, blind 33.3 %, left out 0.0 %" in told.splitlines()
 
 
 def test_what_cannot_be_done_is_one_line(evaluate, tmp_path):

@@ -261,7 +261,7 @@ def test_pushed_pictures_make_the_map_of_the_same_frames(painted_bundle):
     with edgemap_api.open(**options) as pushed:
         assert pushed.map == []
         poses = [pushed.push(picture, stamp_s).pose_map_base for stamp_s, picture in stamped]
-        found = pushed.map
+    found = pushed.map
     assert poses == [result.pose_map_base for result in results]
     assert [(item.id, *item.position_m) for item in found] == [(item.id, *item.position_m) for item in session.map]
 

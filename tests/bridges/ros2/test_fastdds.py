@@ -189,7 +189,8 @@ def test_edgemap_reads_what_fast_dds_publishes(program, node, tmp_path):
     picture = np.random.default_rng(4).integers(0, 256, (540, 720, 3), dtype=np.uint8)
     good, encoded = cv2.imencode(".jpg", picture, [cv2.IMWRITE_JPEG_QUALITY, 90])
     assert good
-    (tmp_path / "a.jpg").write_bytes(encoded.tobytes())
+    jpeg = tmp_path / "a.jpg"
+    jpeg.write_bytes(encoded.tobytes())
     topics = {
         "odom": ("nav_msgs/msg/Odometry", "Odometry", 5),
         "imu": ("sensor_msgs/msg/Imu", "Imu", 5),
@@ -197,7 +198,7 @@ def test_edgemap_reads_what_fast_dds_publishes(program, node, tmp_path):
         "picture": ("sensor_msgs/msg/CompressedImage", "CompressedImage", 1),
     }
     wanted = [
-        f"rt/in/{name},{kind},{'latched' if name == 'picture' else 'reliable'},{count},{tmp_path / 'a.jpg'}"
+        f"rt/in/{name},{kind},reliable,{count}" if name != "picture" else f"rt/in/{name},{kind},latched,{count},{jpeg}"
         for name, (_, kind, count) in topics.items()
     ]
     with Peer(program, "publish", *wanted):
