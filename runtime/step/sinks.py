@@ -30,16 +30,14 @@ class Sink(Protocol):
 
     name: what messages call it, as "run folder" or "recording drive.mcap". A sink with a true attribute `for_caller`
     writes for the user who started the run; it does not receive the failure that ends the run, which the caller
-    reports.
+    reports. A sink with a method `last(result, objects)` receives the boxes that came after the last frame, and the map
+    with them; `result` is of that frame again.
     """
 
     name: str
 
     def write(self, result: StepResult, objects: list[MapObject]) -> None:
         """Receives one step's result; `objects` is the map after the step. May raise anything."""
-
-    def last(self, result: StepResult, objects: list[MapObject]) -> None:
-        """Receives boxes that came after the last frame, and the map with them; `result` is of that frame again."""
 
     def fault(self, fault: Fault) -> None:
         """Receives each fault of the run, those of a step after its result; run.json holds them in any case. Its
@@ -92,10 +90,10 @@ class SinkGroup:
             self._report(fault)
 
     def last(self, result: StepResult, objects: list[MapObject]) -> None:
-        """Offer the boxes that came after the last frame to every sink."""
+        """Offer the boxes that came after the last frame to the sinks that take them."""
         for sink in self._sinks:
             try:
-                sink.last(result, objects)
+                getattr(sink, "last", lambda *_: None)(result, objects)
             except THEIRS as error:  # as in `write`
                 self.fault(Fault(FaultKind.OUTPUT, f"{sink.name}: {_line(error)}"))
 
