@@ -33,7 +33,7 @@ from edgemap.bridges.ros2.messages.diagnostics import RunDiagnostics
 from edgemap.bridges.ros2.messages.topics import FrameIds
 from edgemap.bridges.ros2.sink import Ros2Options, Ros2Sink, pose_edit
 
-DOMAIN = 101 + os.getpid() % 100  # not that of test_fastdds, which a failed test keeps open
+DOMAIN = 1 + (os.getpid() + 50) % 100  # not that of test_fastdds, which a failed test keeps open
 TF = ("/tf", "tf2_msgs/msg/TFMessage")
 
 
