@@ -112,6 +112,8 @@ class FoundMap(Sink):
         if self._map is not None:
             self._map.write(result, objects)
 
+    last = write
+
     def edited(self, objects: list[MapObject], annotations: Annotations) -> None:
         """Passes an edit on."""
         if self._map is not None:

@@ -78,7 +78,9 @@ class MapGroup(MappingOptions):
     @property
     def auto(self) -> bool:
         """Whether the run finds out in which named map it is."""
-        return str(self.saved) == "auto"
+        from edgemap.runtime.step.map_store import AUTO
+
+        return str(self.saved) == AUTO
 
     @property
     def named_classes(self) -> frozenset[str] | None:

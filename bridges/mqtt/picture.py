@@ -12,7 +12,7 @@ from edgemap.runtime.frames.frame import png
 from edgemap.runtime.outputs.map_formats.drawing import DrawnMap, map_picture
 from edgemap.runtime.step.slam import StepResult
 
-MAXIMUM_POSES = 400  # of the path
+POSES = 400  # of the path, about
 
 
 @dataclass(slots=True)
@@ -28,10 +28,7 @@ class MapPicture:
         """Begins a drawing, unless one is under way."""
         if self._drawing is not None and not self._drawing.done():
             return
-        stamps_s = result.trajectory.stamps_s
-        kept = stamps_s[:: 1 + len(stamps_s) // MAXIMUM_POSES]
-        poses = [SE2(*row) for row in result.trajectory.at(kept).tolist()] if len(kept) else []
-        self._drawing = self._worker.submit(self._draw, result, objects, poses)
+        self._drawing = self._worker.submit(self._draw, result, objects, result.trajectory.thinned(POSES)[1])
 
     def room(self, pose: SE2) -> str | None:
         """What a person calls the room of a pose, by the newest drawing; None where that is unknown."""

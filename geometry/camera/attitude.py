@@ -129,9 +129,9 @@ class Attitude:
         pitch_rad = math.atan2(-forward, math.hypot(right, down))
         return cls(roll_rad, pitch_rad, covariance_rad2, source=source)
 
-    def held_to(self, measured: "Attitude", height_m: float | None) -> "Attitude":
-        """This attitude with roll, pitch and their covariance as measured by another source, and this height."""
+    def held_to(self, measured: "Attitude") -> "Attitude":
+        """This attitude with roll, pitch, their covariance and the height as measured by another source."""
         return replace(
             self, roll_rad=measured.roll_rad, pitch_rad=measured.pitch_rad, covariance_rad2=measured.covariance_rad2,
-            height_m=height_m, source=measured.source, predicted=False,
+            height_m=measured.height_m, source=measured.source, predicted=False,
         )  # fmt: skip

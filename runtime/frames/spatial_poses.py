@@ -20,6 +20,13 @@ def poses_of(positions_m: Array, quaternions: Array) -> Array:
     return poses
 
 
+def pose_of(rotation: Array, position_m: Array) -> Array:
+    """A pose (4, 4) from a rotation (3, 3) and a position (3,)."""
+    pose = np.eye(4)
+    pose[:3, :3], pose[:3, 3] = rotation, position_m
+    return pose
+
+
 def quaternion_of(rotation: Array) -> Array:
     """The unit quaternion (4,) in the order x, y, z, w of a rotation (3, 3)."""
     quaternion = Rotation.from_matrix(rotation).as_quat()

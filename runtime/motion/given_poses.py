@@ -19,6 +19,7 @@ from edgemap.runtime.frames.spatial_poses import (
     camera_attitudes,
     planarise_base,
     planarise_camera,
+    pose_of,
     poses_of,
 )
 from edgemap.runtime.frames.tables import Column, NumberTable
@@ -114,16 +115,10 @@ def _of_base(read: _Reading, stamps_s: Array, mount: Mount) -> tuple[tuple[SE2, 
         planar = planarise_base(read.poses, read.up)
         if base_attitudes(stamps_s, read.poses, read.up, mount) is None:
             return planar, None
-        lens = [read.poses @ _mounted(mount, arm) for arm in (mount.position_base_m(), np.zeros(3))]
+        to_base = mount.rotation_base_optical()
+        lens = [read.poses @ pose_of(to_base, arm_m) for arm_m in (mount.position_base_m(), np.zeros(3))]
     poses = min(lens, key=lambda some: float(np.std(some[:, :3, 3] @ read.up)))
     return planarise_camera(poses, read.up, mount), camera_attitudes(stamps_s, poses, read.up)
-
-
-def _mounted(mount: Mount, arm_m: Array) -> Array:
-    """Pose (4, 4) of the optical frame in a body with base axes, whose lens is at arm_m (3,)."""
-    pose = np.eye(4)
-    pose[:3, :3], pose[:3, 3] = mount.rotation_base_optical(), arm_m
-    return pose
 
 
 def _read(rows: Array, mount: Mount, frame: str, w_first: bool) -> _Reading:

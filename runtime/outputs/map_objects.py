@@ -11,7 +11,6 @@ from edgemap.geometry.grid.walls import walls_of
 from edgemap.geometry.map_object import MapObject, ellipse_95
 from edgemap.geometry.objects.annotations import NO_ANNOTATIONS, Annotations
 from edgemap.geometry.objects.rooms import rooms_of
-from edgemap.geometry.se2 import SE2
 from edgemap.runtime.frames.trajectory import Trajectory, trajectory_of
 from edgemap.runtime.outputs.map_formats.drawing import DrawnMap, map_svg
 from edgemap.runtime.outputs.map_formats.geojson import geojson_text
@@ -44,8 +43,8 @@ class MapObjects(list[MapObject]):
         driven = self._driven
         if not isinstance(driven, PoseJournal) or not len(driven):
             return None if isinstance(driven, PoseJournal) else driven
-        stamps_s = driven.stamps_s[:: max(1, len(driven) // MAXIMUM_SHAPES)]
-        return Trajectory(stamps_s, tuple(SE2(*row).scaled(self._scale) for row in driven.at(stamps_s).tolist()))
+        stamps_s, poses = driven.thinned(MAXIMUM_SHAPES)
+        return Trajectory(stamps_s, tuple(pose.scaled(self._scale) for pose in poses))
 
     @property
     def rooms(self) -> tuple[Room, ...]:

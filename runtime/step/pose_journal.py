@@ -31,6 +31,11 @@ class PoseJournal:
         """Stamps (N,) of the poses that are kept, in order."""
         return self._rows[: self._count, 0].copy()
 
+    def thinned(self, count: int) -> tuple[Array, list[SE2]]:
+        """Stamps (N,) and poses of every so many that fewer than twice this count are left."""
+        stamps_s = self.stamps_s[:: max(1, len(self) // count)]
+        return stamps_s, [SE2(*row) for row in self.at(stamps_s).tolist()] if len(stamps_s) else []
+
     def append(self, stamp_s: float, pose_map_base: SE2) -> None:
         """The pose of the newest step; stamps must not run backwards."""
         row = np.array([stamp_s, *pose_map_base.vector()])

@@ -14,7 +14,7 @@ import numpy as np
 from edgemap.bridges.ros2.dds.node import Node, Reliability
 from edgemap.bridges.ros2.dds.sources import WAIT_S, TopicTrack
 from edgemap.bridges.ros2.messages.definitions import ns_of, to_s
-from edgemap.bridges.ros2.messages.tf_chain import Corrections, TfFrames, size_of
+from edgemap.bridges.ros2.messages.tf_chain import Corrections, TfFrames, planar_of, size_of
 from edgemap.bridges.ros2.messages.tf_tree import transform_of
 from edgemap.bridges.ros2.messages.topics import KINDS, TF, TF_STATIC
 from edgemap.geometry.arrays import Array
@@ -22,7 +22,7 @@ from edgemap.geometry.camera.attitude import Attitude
 from edgemap.geometry.camera.mount import Mount
 from edgemap.geometry.se2 import SE2
 from edgemap.runtime.frames.errors import CameraError, OdometryError
-from edgemap.runtime.frames.spatial_poses import base_attitudes
+from edgemap.runtime.frames.spatial_poses import base_attitudes, pose_of
 from edgemap.runtime.motion.given_poses import GivenPoses
 from edgemap.runtime.step.pose_journal import MAXIMUM
 
@@ -91,7 +91,7 @@ class TfTrack(TopicTrack):
             with suppress(CameraError):
                 rotation, place_m = transform_of(step.transform, TF)
                 if self._parents.setdefault(child, parent) == parent:
-                    found[child] = matrix_of(rotation, place_m)
+                    found[child] = pose_of(rotation, place_m)
         return found
 
 
@@ -173,23 +173,11 @@ def live_tf_poses(node: Node, where: str, offset_s: Callable[[], float]) -> Call
     return poses
 
 
-def planar_of(pose: Array) -> SE2:
-    """A pose (4, 4) on the floor."""
-    return SE2(float(pose[0, 3]), float(pose[1, 3]), float(np.arctan2(pose[1, 0], pose[0, 0])))
-
-
-def matrix_of(rotation: Array, place_m: Array) -> Array:
-    """A pose (4, 4)."""
-    pose = np.eye(4)
-    pose[:3, :3], pose[:3, 3] = rotation, place_m
-    return pose
-
-
 def matrix_of_pose(pose: SE2) -> Array:
     """A planar pose as (4, 4)."""
     cosine, sine = np.cos(pose.yaw_rad), np.sin(pose.yaw_rad)
     turned = np.array([[cosine, -sine, 0.0], [sine, cosine, 0.0], [0.0, 0.0, 1.0]])
-    return matrix_of(turned, np.array([pose.x_m, pose.y_m, 0.0]))
+    return pose_of(turned, np.array([pose.x_m, pose.y_m, 0.0]))
 
 
 def _child(step: Any) -> str:

@@ -6,6 +6,7 @@ import numpy as np
 from scipy.linalg import expm, logm
 
 from edgemap.geometry.arrays import Array
+from edgemap.geometry.se2 import SE2
 from edgemap.runtime.frames.errors import CameraError
 from edgemap.runtime.frames.reading import one_line
 
@@ -54,6 +55,11 @@ class Corrections:
         since_m = path_m[first:] - path_m[first]
         shares = since_m / since_m[-1] if since_m[-1] > SAME else np.ones(len(since_m))
         poses[first:] = expm(shares[:, None, None] * np.real(logm(moved))) @ poses[first:]
+
+
+def planar_of(pose: Array) -> SE2:
+    """A pose (4, 4) on the floor."""
+    return SE2(float(pose[0, 3]), float(pose[1, 3]), float(np.arctan2(pose[1, 0], pose[0, 0])))
 
 
 def size_of(moved: Array, pose: Array) -> float:

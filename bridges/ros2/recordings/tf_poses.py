@@ -3,19 +3,17 @@
 from collections import defaultdict
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 from edgemap.bridges.ros2.messages.definitions import ns_of, to_s
-from edgemap.bridges.ros2.messages.tf_chain import SAME, Corrections, TfFrames
+from edgemap.bridges.ros2.messages.tf_chain import SAME, Corrections, TfFrames, planar_of
 from edgemap.bridges.ros2.messages.topics import TF, TF_STATIC
 from edgemap.bridges.ros2.recordings.reading import Reading
 from edgemap.geometry.arrays import Array
 from edgemap.geometry.camera.mount import Mount
-from edgemap.geometry.se2 import SE2
 from edgemap.runtime.frames.errors import CameraError, OdometryError
 from edgemap.runtime.frames.notes import note_dropped
 from edgemap.runtime.frames.reading import one_line
-from edgemap.runtime.frames.spatial_poses import base_attitudes
+from edgemap.runtime.frames.spatial_poses import base_attitudes, poses_of
 from edgemap.runtime.frames.trajectory import QUATERNION_TOLERANCE, Trajectory
 from edgemap.runtime.motion.given_poses import EDGE_S, GivenPoses
 
@@ -42,9 +40,7 @@ def tf_poses(recording: Reading, frames: str, mount: Mount, first_s: float) -> G
     if len(chain) > 1:
         poses = _corrected(poses, steps[chain[0]][2][held[chain[0]]])
     stamps_s = np.array([to_s(int(stamp)) for stamp in stamps_ns])
-    yaw = np.arctan2(poses[:, 1, 0], poses[:, 0, 0])
-    planar = tuple(SE2(*row) for row in np.column_stack([poses[:, :2, 3], yaw]).tolist())
-    track = Trajectory(stamps_s, planar)
+    track = Trajectory(stamps_s, tuple(map(planar_of, poses)))
     try:
         start = track.at(first_s, EDGE_S)
     except OdometryError as error:
@@ -73,10 +69,7 @@ def _steps(recording: Reading) -> dict[str, tuple[str, Array, Array]]:
         if not good.all():
             note_dropped(f"{recording.path}: tf to {one_line(child)}", ["no transform"] * int((~good).sum()), len(good))
         if good.any():
-            poses = np.tile(np.eye(4), (int(good.sum()), 1, 1))
-            poses[:, :3, :3] = Rotation.from_quat(values[good, 3:]).as_matrix()
-            poses[:, :3, 3] = values[good, :3]
-            found[child] = parents[child], stamps[good], poses
+            found[child] = parents[child], stamps[good], poses_of(values[good, :3], values[good, 3:])
     return found
 
 

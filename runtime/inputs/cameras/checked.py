@@ -167,10 +167,13 @@ class CheckedCamera(Camera):
 
     def object_records(self) -> list[dict[str, Any]] | None:
         """The true objects, where the camera provides records."""
-        with suppress(*THEIRS):
+        try:
             records: list[dict[str, Any]] = list(self._camera.object_records() or ())
-            return records if records and all(isinstance(record, dict) for record in records) else None
-        return None
+        except EdgemapError:
+            raise
+        except THEIRS:
+            return None
+        return records if records and all(isinstance(record, dict) for record in records) else None
 
     def close(self) -> None:
         """Close it; errors of its own code are ignored."""

@@ -51,18 +51,18 @@ def read_tum_3d(path: Path) -> tuple[Array, Array]:
 def read_stamps(path: Path) -> Array:
     """Stamps in seconds, one number per line, for one picture each: a wrong one is counted, and that between its
     neighbours taken. Raises CameraError."""
-    good, stamps, count = listed(path, 1)
+    good, stamps, lines = listed(path, 1)
     step_s = float(np.median(np.diff(stamps) / np.diff(good))) if len(good) > 1 else 0.0
-    at = np.arange(count)
+    at = np.arange(len(lines))
     beyond = np.minimum(at - good[0], 0) + np.maximum(at - good[-1], 0)
     return np.interp(at, good, stamps) + step_s * beyond
 
 
-def listed(path: Path, words: int) -> tuple[NDArray[np.intp], Array, int]:
+def listed(path: Path, words: int) -> tuple[NDArray[np.intp], Array, list[str]]:
     """Numbers (N,) and stamps (N,) of the entries in a file that lists them, by lines of so many words that begin with
-    one, and how many entries there are; those whose stamp is none, or does not follow, are counted. Raises CameraError.
+    one, and the texts of all entries; those whose stamp is none, or does not follow, are counted. Raises CameraError.
     """
-    lines = entries(path)
+    lines = _entries(path)
     texts = {number: f"? {line}" for number, line in lines}
     for number, line in lines:
         stamp, *others = line.split(maxsplit=1)
@@ -70,10 +70,10 @@ def listed(path: Path, words: int) -> tuple[NDArray[np.intp], Array, int]:
             texts[number] = stamp
     data = "\n".join(texts.get(number, "") for number in range(1, 1 + max(texts)))
     numbers, rows = STAMPS.parse(data.encode(), str(path), CameraError)
-    return np.searchsorted(list(texts), numbers), rows[:, 0], len(lines)
+    return np.searchsorted(list(texts), numbers), rows[:, 0], [line for _, line in lines]
 
 
-def entries(path: Path) -> list[tuple[int, str]]:
+def _entries(path: Path) -> list[tuple[int, str]]:
     """Numbers and texts of a file's lines that are no comments. Raises CameraError where there are none."""
     lines = enumerate(map(str.strip, read_text(path, CameraError).lstrip("\ufeff").splitlines()), 1)
     kept = [(number, line) for number, line in lines if line and not line.startswith("#")]

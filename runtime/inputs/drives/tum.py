@@ -14,7 +14,6 @@ from edgemap.runtime.inputs.drives.drive import Drive
 from edgemap.runtime.inputs.drives.pictures import first_folder, list_pictures
 from edgemap.runtime.inputs.drives.pose_files import (
     check_count,
-    entries,
     listed,
     rate_of_stamps,
     read_tum_3d,
@@ -77,9 +76,8 @@ def _drive(
 
 def _read_listing(path: Path) -> tuple[Array, tuple[Path, ...]]:
     """Stamps and files; lines that are none are counted. Raises CameraError."""
-    good, stamps, _ = listed(path, 2)
-    lines = entries(path)
-    return stamps, tuple(path.parent / lines[at][1].split(maxsplit=1)[1] for at in good)
+    good, stamps, lines = listed(path, 2)
+    return stamps, tuple(path.parent / lines[at].split(maxsplit=1)[1] for at in good)
 
 
 def _is_covered(truth_stamps: Array, stamp: float) -> bool:

@@ -77,7 +77,7 @@ def _read_labels(path: Path, image: Path, names: tuple[str, ...]) -> LabelledBox
     data = read_bytes(path, CameraError) if path.is_file() else b""
     if not data.strip():
         return LabelledBoxes(np.zeros((0, 4)), ())
-    scored = len(data.split(b"\n", 1)[0].split()) == len(label_table(names, True).columns)
+    scored = len(data.split(b"\n", 1)[0].split()) == 1 + len(LABELS.columns)
     numbers, rows = label_table(names, scored).parse(data, str(path), CameraError)
     classes = rows[:, 0].astype(np.int64)
     if len(odd := np.flatnonzero(classes != rows[:, 0])):

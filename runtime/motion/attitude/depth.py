@@ -1,6 +1,7 @@
 """Attitude and height of each frame from the floor in its depth picture."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,8 +21,7 @@ LEVEL_RAD = math.radians(0.2)  # standard deviation of the floor's slope: rugs, 
 
 
 class DepthAttitude:
-    """Roll, pitch and height by the floor plane, where the depth picture shows one. plane: with its covariance, of the
-    last frame."""
+    """Roll, pitch and height by the floor plane, where the depth picture shows one."""
 
     name = "depth"
 
@@ -31,27 +31,27 @@ class DepthAttitude:
 
     def predict(self, frame: Frame, other: Attitude) -> Attitude:
         """The attitude at the frame's stamp: another source's, with roll, pitch and height of the floor."""
-        self.plane = None
+        self._floor = None
         if frame.depth is None:
             return other
-        self.plane = self._follow(self._points.of(frame.depth), other, frame.stamp_s)
-        if self.plane is None:
+        self._floor = self._follow(self._points.of(frame.depth), other, frame.stamp_s)
+        if self._floor is None:
             return other
-        plane, covariance = self.plane
+        plane, covariance = self._floor
         self._last, self._seen_s = plane, frame.stamp_s
         level = Attitude.of_up(plane.up, np.diag(np.diag(covariance)[[1, 0]] + LEVEL_RAD**2), self.name)
-        return other.held_to(level, plane.height_m)
+        return other.held_to(replace(level, height_m=plane.height_m))
 
     def up(self) -> tuple[NDArray[np.float64], float] | None:
         """Up (3,), optical axes, by the last frame's floor, and its standard deviation; None without floor in view."""
-        if self.plane is None:
+        if self._floor is None:
             return None
-        plane, covariance = self.plane
+        plane, covariance = self._floor
         return plane.up, math.hypot(math.sqrt(covariance[:2, :2].trace() / 2.0), LEVEL_RAD)
 
     def reset(self) -> None:
         """Start again from another source's attitude."""
-        self.plane: tuple[FloorPlane, NDArray[np.float64]] | None = None
+        self._floor: tuple[FloorPlane, NDArray[np.float64]] | None = None  # in the last picture
         self._last: FloorPlane | None = None
         self._seen_s = self._sought_s = -math.inf
 

@@ -68,7 +68,7 @@ class EstimatedAttitude:
         self._check.measure(attitude)
         self._attitude = self._about_mount(attitude)
         if self._given is not None and (given := self._given(frame.stamp_s)) is not None:
-            self._attitude = self._attitude.held_to(replace(given, source="poses"), given.height_m)
+            self._attitude = self._attitude.held_to(replace(given, source="poses"))
         return self._attitude
 
     def update(self, rotation: TrackedRotation | None) -> Attitude:

@@ -170,8 +170,9 @@ class HybridOdometry:
             for name, motion in motions.items()
             if motion.measured
         }
-        certain = {name: name == GYRO or (np.diag(item.covariance) < UNKNOWN).all() for name, item in estimates.items()}
-        return {name: item for name, item in estimates.items() if certain[name]}
+        return {
+            name: item for name, item in estimates.items() if name == GYRO or (np.diag(item.covariance) < UNKNOWN).all()
+        }
 
     def _lasting(self, conflict: str, stamp_s: float) -> tuple[float, Fault | None]:
         """Factor on the covariance of a step for errors that last longer, and the fault, where sources have disagreed

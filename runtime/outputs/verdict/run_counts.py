@@ -122,7 +122,7 @@ class RunCounts(Sink):
 
     def last(self, result: StepResult, objects: list[MapObject]) -> None:  # noqa: ARG002
         """The objects with the last boxes."""
-        self._objects = objects
+        self.edited(objects)
 
     def edited(self, objects: list[MapObject]) -> None:
         """The objects as a person has just edited them."""

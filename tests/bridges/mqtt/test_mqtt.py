@@ -99,23 +99,23 @@ def test_zones_the_camera_the_room_and_a_saved_map(broker, tmp_path):
     state, config = ["running"], "homeassistant/sensor/edgemap-robo/zone-1/config"
     with closing(MqttPublisher("127.0.0.1", broker.port, "robo", camera=lambda: state[0], folder=tmp_path)) as sink:
         sink.write(zoned, objects)
-        told = broker.retained(until=lambda told: "edgemap/robo/zones/zone-1" in told and "edgemap/robo/map" in told)
-        assert json.loads(told["edgemap/robo/zones/zone-1"]) == {
+        sent = broker.retained(until=lambda sent: "edgemap/robo/zones/zone-1" in sent and "edgemap/robo/map" in sent)
+        assert json.loads(sent["edgemap/robo/zones/zone-1"]) == {
             "name": "corner",
             "occupied_by": [objects[0].id],
             "count": 1,
         }
-        assert json.loads(told[config])["name"] == "corner"
-        assert (json.loads(told[STATE])["camera"], json.loads(told[STATE])["room"]) == ("running", None)
+        assert json.loads(sent[config])["name"] == "corner"
+        assert (json.loads(sent[STATE])["camera"], json.loads(sent[STATE])["room"]) == ("running", None)
         state[0] = "lost"
         sink.fault(made("camera x: lost"))
-        broker.retained(STATE, lambda told: json.loads(told[STATE])["camera"] == "lost")
+        broker.retained(STATE, lambda sent: json.loads(sent[STATE])["camera"] == "lost")
         broker.publish("edgemap/robo/command", "save")
         later = replace(result, frame=replace(result.frame, stamp_s=result.frame.stamp_s + 2.0))
         wait_for(lambda: sink.write(later, objects) or [*tmp_path.glob("map-*.json")], "a saved map")
-        told = broker.retained(until=lambda told: config not in told)
-    assert config not in told
-    assert "edgemap/robo/zones/zone-1" not in told
+        sent = broker.retained(until=lambda sent: config not in sent)
+    assert config not in sent
+    assert "edgemap/robo/zones/zone-1" not in sent
     saved = json.loads(next(tmp_path.glob("map-*.json")).read_text())
     assert [one["id"] for one in saved["objects"]] == [item.id for item in objects]
 
