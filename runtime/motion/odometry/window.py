@@ -186,7 +186,8 @@ class WindowOdometry:
             pose, weight = rested, by_rest
         else:
             tracker.corners, tracker.ids = expected
-        if weight >= least or (found := tracker.find_again()) is None:
+        one = len(self._graph.poses) == 1  # after one surprise follows another, as of noise
+        if weight >= least or one or (found := tracker.find_again()) is None:
             return pose, weight
         self._graph.add(found.ids, found.points, found.floor, self._unit_m / found.depth_m)
         start = self._graph.bridge(*tracker.observed(), found.turn, found.way)
