@@ -75,4 +75,4 @@ def test_a_drive_about_pi_is_as_one_about_zero(off_rad, swing_rad, seed):
     np.testing.assert_allclose(turned, poses, atol=1e-4)
     assert turned_places.keys() == places.keys()
     for identity, at in places.items():
-        np.testing.assert_allclose(turned_places[identity], at, atol=0.02)  # footprints are fitted at yaws of the map
+        np.testing.assert_allclose(turned_places[identity], at, atol=1e-4)
