@@ -51,6 +51,10 @@ class Reading:
     def stamped(self, topic: str) -> Iterator[tuple[int, Any]]:
         """(stamp in ns, message) for each message of a topic: its header's stamp, 0 where it has none, or the log time
         where no header has one: two clocks never mix. Raises CameraError."""
+        return ((stamp_ns, message) for stamp_ns, _, message in self._timed(topic))
+
+    def _timed(self, topic: str) -> Iterator[tuple[int, int, Any]]:
+        """As of `stamped`, with the log time in ns."""
         decoded = ((log_ns, decode()) for log_ns, decode in self.messages(topic))
         first: list[tuple[int, Any]] = []
         failed: CameraError | None = None
@@ -60,14 +64,18 @@ class Reading:
             failed = error
         by_log = not any(ns_of(message.header.stamp) for _, message in first)
         for log_ns, message in chain(first, decoded):
-            yield log_ns if by_log else ns_of(message.header.stamp), message
+            yield log_ns if by_log else ns_of(message.header.stamp), log_ns, message
         if failed is not None:
             raise failed
 
     def samples(self, topic: str) -> Iterator[tuple[int | None, int, Any, str]]:
-        """(stamp in ns, header's stamp, message, fault) as `followed` has it; a zero stamp among others is dropped."""
-        stamped = ((max(stamp_ns, -1), (stamp_ns, message)) for stamp_ns, message in self.stamped(topic))
-        for stamp_ns, (own_ns, message), fault in followed(stamped, SECOND_NS):
+        """(stamp in ns, header's stamp, message, fault) as `followed` has it; a zero stamp among others is dropped. The
+        first fault says where log times are taken."""
+        unstamped = "its headers have no stamps, the times of recording are taken"
+        stamped = ((max(row[0], -1), row) for row in self._timed(topic))
+        for stamp_ns, (own_ns, _, message), fault in followed(stamped, SECOND_NS, lambda row: row[1]):
+            if stamp_ns is not None and own_ns and not ns_of(message.header.stamp):
+                fault, unstamped = fault or unstamped, ""
             yield None if stamp_ns is None else int(stamp_ns), own_ns, message, fault
 
     def close(self) -> None:

@@ -178,8 +178,10 @@ def test_a_recording_of_librealsense_is_not_taken_for_a_bag(tmp_path):
         (lambda i: T0 + (i - (i == 10)) * STEP, 29, "not after"),
         (lambda i: T0 + (i - 36_000 * (i >= 10)) * STEP, 30, "the clock was set by -3600.000 s"),
         (lambda i: i * STEP + 10**9 if i < 10 else T0 + i * STEP, 30, r"the clock was set by \+"),
+        (lambda i: T0 + (i + 36_000 * (i >= 10)) * STEP, 30, r"the clock was set by \+3600.000 s"),
+        (lambda i: 0, 30, "no stamps, the times of recording are taken"),
     ],
-    ids=["zero", "zero first", "far future", "duplicate", "set back", "set by NTP"],
+    ids=["zero", "zero first", "far future", "duplicate", "set back", "set by NTP", "set forward", "no stamps"],
 )
 def test_one_bad_stamp_is_one_fault_and_a_clock_that_was_set_is_followed(tmp_path, stamp, used, fault):
     messages = [("/cam/image_raw", T0 + i * STEP, image(stamp(i), BGR, "bgr8")) for i in range(30)]
@@ -197,6 +199,15 @@ def test_one_bad_stamp_is_one_fault_and_a_clock_that_was_set_is_followed(tmp_pat
     assert len(wheels.poses) == used
     assert len(notes) == 1
     assert wheels.stamps_s[-1] == pytest.approx(frames[-1].stamp_s, abs=0.11)
+
+
+def test_a_pause_and_messages_that_waited_are_no_clock_that_was_set(tmp_path):
+    stamps = [T0 + (i + 100 * (i >= 10) + 50 * (i >= 20)) * STEP for i in range(30)]
+    logged = [max(at, T0 + 155 * STEP) if i < 20 and i >= 15 else at for i, at in enumerate(stamps)]
+    messages = [("/cam/image_raw", log, image(at, BGR, "bgr8")) for log, at in zip(logged, stamps, strict=True)]
+    frames, faults, _ = played(write_bag(tmp_path / "bag", messages))
+    assert [round(frame.stamp_s * 1e9) - T0 for frame in frames] == pytest.approx([at - T0 for at in stamps], abs=1000)
+    assert faults == []
 
 
 def test_one_picture_of_another_size_is_one_fault(tmp_path):
