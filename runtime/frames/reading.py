@@ -34,20 +34,31 @@ Side = Annotated[int, Meta(ge=1, le=65536)]  # of a picture, px
 Name = Annotated[str, Meta(min_length=1, max_length=200, pattern=rf"\A[^{HIDDEN}]*\Z")]
 
 
-# Of a URL: user and password, also where these hold `/` or `@`; a whole query or fragment, whatever its names; parts of
-# a path that give access, as cheap cameras have them. Lengths are bounded, or a hostile text would take for ever.
+# Of a URL: user and password, also where these hold `/`, `@` or quotes, but for one that ends a text; a whole query or
+# fragment, whatever its names; parts of a path that give access, as cheap cameras have them. Without a scheme, a user
+# and password before a host, unless the first is a kind of input, and values of such names. Lengths are bounded, or a
+# hostile text would take for ever.
 URL = r"""(:/{2,3}|https?:/|rtsps?:/)"""
-USER_INFO = re.compile(URL + r"""(?:[^\s/?#"'<>]{0,1000}|[^\s/@:"'<>]{0,200}:(?!\d+(?:[/?#]|$))[^\n"'<>]{0,1000})@""")
-PATH_SECRET = r"""/[^/\s?#="'<>]{0,40}(?:pass|pwd|psw|user|token|auth|key)[^/\s?#="'<>]{0,20}="""
-QUERY = re.compile(URL + rf"""([^\s?#"'<>]{{0,300}}?)(?:[?#]|{PATH_SECRET})[^\s"'<>]+""")
+INNER_QUOTE = r"""["'](?![\s,:;}\])>]|$)"""
+USER_INFO = re.compile(
+    URL + rf"""(?:(?:[^\s/?#"']|{INNER_QUOTE}){{0,1000}}"""
+    rf"""|[^\s/@:"'<>]{{0,200}}:(?!\d+(?:[/?#]|$))(?:[^\n"']|{INNER_QUOTE}){{0,1000}})@"""
+)
+LOGIN = re.compile(
+    r"""(?<![\w/.:@*-])(?!(?:wheel|tf|drive|kitti|tum|c2w|euroc|locobot|yolo|realsense|record|bundle):)[\w.+-]{1,64}:"""
+    r"""[^\s/@<>]{1,200}@(?=localhost|[\w-]{1,64}[.:/])"""
+)
+SECRET = r"""(?:pass|pwd|psw|user|token|auth|key)[^/&\s?#="'<>]{0,20}="""
+QUERY = re.compile(URL + rf"""([^\s?#"'<>]{{0,300}}?)(?:[?#]|/[^/\s?#="'<>]{{0,40}}{SECRET})[^\s"'<>]+""")
+VALUE = re.compile(rf"""([?&][^/&\s?#="'<>]{{0,40}}{SECRET})[^\s&"'<>]+""")
 
 
 def without_secrets(text: str) -> str:
-    """The text without user, password and access tokens of the URLs in it. Everything that is printed, written or sent
-    and may hold an address goes through it."""
-    if ":/" not in text:
-        return text
-    return QUERY.sub(r"\1\2?***", USER_INFO.sub(r"\1***@", text))
+    """The text without user, password and access tokens of the addresses in it. Everything that is printed, written or
+    sent and may hold one goes through it."""
+    if ":/" in text:
+        text = QUERY.sub(r"\1\2?***", USER_INFO.sub(r"\1***@", text))
+    return VALUE.sub(r"\1***", LOGIN.sub("***@", text)) if "@" in text or "=" in text else text
 
 
 class Strict(msgspec.Struct, kw_only=True, forbid_unknown_fields=True):
