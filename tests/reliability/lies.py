@@ -23,6 +23,7 @@ from reliability.parts import PartReport
 
 Array = NDArray[np.float64]
 Change = Callable[[Array, float], Array]  # of a table's rows, by a size
+Faults = list[tuple[str, str]]  # kind and text
 OPTICAL = "optical axes"
 HOMES, FRAMES = (9001, 9003, 9260), 150
 WRONG_F1 = 0.1  # below the map with the honest sensor
@@ -100,7 +101,7 @@ FILES = {"poses": "given.tum", "wheels": "wheel.csv", "imu": "imu.csv"}
 ALONE = {"poses": ("--odometry", "given.tum"), "wheels": ("--odometry", "wheel:wheel.csv")}
 
 
-def _edgemap(*words: object) -> subprocess.CompletedProcess[str]:
+def edgemap(*words: object) -> subprocess.CompletedProcess[str]:
     command = [sys.executable, "-m", "edgemap.cli", *map(str, words)]
     return subprocess.run(command, capture_output=True, text=True, check=False)
 
@@ -125,50 +126,73 @@ def _drive(home: Path, folder: Path, lie: Lie | None, sensor: str, size: float) 
     return folder
 
 
-def _mapped(folder: Path, out: Path, sensor: str) -> tuple[float, str, list[tuple[str, str]]]:
-    """F1, verdict and faults of a run; a run that was refused names its file and makes no map."""
+def accused(faults: Faults) -> Faults:
+    """Those that name a sensor, in order."""
+    return [fault for fault in faults if fault[0].startswith(SENSORS)]
+
+
+def rendered(homes: Path, number: int) -> Path:
+    """The drive through a home, with all sensors; rendered once."""
+    if not (homes / str(number) / "poses.tum").is_file():
+        edgemap("simulate", "--seed", number, "--frames", FRAMES, "--depth", "--imu", "-o", homes / str(number))
+    return homes / str(number)
+
+
+def mapped(spec: str, out: Path, *words: object) -> tuple[str, Faults]:
+    """Verdict and faults of a run; one that is refused makes no map, and its message is the fault."""
     shutil.rmtree(out, ignore_errors=True)
-    file = FILES.get(sensor, "depth")
-    alone = [word.replace(file, str(folder / file)) for word in ALONE.get(sensor, ())]
-    done = _edgemap("run", "--camera", f"drive:{folder}", "--frames", FRAMES, "--out", out, *alone)
+    done = edgemap("run", "--camera", spec, "--frames", FRAMES, "--out", out, *words)
     if not (out / "run.json").is_file() or done.returncode:
-        said = done.stdout + done.stderr
-        return math.nan, "refused", [(KINDS[sensor] if file in said else "", said[-200:])]
+        return "refused", [("ended", (done.stdout + done.stderr)[-200:])]
     record = json.loads((out / "run.json").read_text())
-    score = score_map(load_map(out), true_objects(open_drive(f"drive:{folder}"), FRAMES))
-    faults = [(fault["kind"], fault["text"]) for fault in record["faults"]]
-    return float(score["f1"] or 0.0), record["verdict"]["level"], faults
+    return record["verdict"]["level"], [(fault["kind"], fault["text"]) for fault in record["faults"]]
+
+
+def judged(home: Path, out: Path, lie: Lie | None, sensor: str, size: float) -> tuple[float, str, Faults]:
+    """F1, verdict and faults of a run with one sensor that may lie; a run that is refused may name the sensor's file.
+    Kept in `out/results`, so that a part that was ended goes on."""
+    kept = out / "results" / f"{home.name}-{sensor}-{lie.name if lie else 'honest'}-{size:.6g}.json"
+    if kept.is_file():
+        return tuple(json.loads(kept.read_text()))
+    folder, file = _drive(home, out / "drive", lie, sensor, size), FILES.get(sensor, "depth")
+    alone = [word.replace(file, str(folder / file)) for word in ALONE.get(sensor, ())]
+    level, faults = mapped(f"drive:{folder}", out / "run", *alone)
+    if level == "refused":
+        f1, faults = math.nan, [(KINDS[sensor] if file in faults[0][1] else "", faults[0][1])]
+    else:
+        f1 = float(score_map(load_map(out / "run"), true_objects(open_drive(f"drive:{folder}"), FRAMES))["f1"] or 0.0)
+    kept.parent.mkdir(exist_ok=True)
+    kept.write_text(json.dumps((f1, level, faults)))
+    return f1, level, faults
 
 
 def run(seed: int, share: float, out: Path) -> PartReport:
     """Every lie on every home with a size of its own; a share of the lies."""
     random, table, honest = np.random.default_rng(seed), list[str](), dict[tuple[int, str], float]()
-    named = wrong_good = accused = count = 0
+    named = wrong_good = wrongly = count = 0
     for number in HOMES:
-        home = out / "homes" / str(number)
-        if not (home / "poses.tum").is_file():
-            _edgemap("simulate", "--seed", number, "--frames", FRAMES, "--depth", "--imu", "-o", home)
+        home = rendered(out / "homes", number)
         for sensor in KINDS:
-            f1, level, faults = _mapped(_drive(home, out / "drive", None, sensor, 1.0), out / "run", sensor)
+            f1, level, faults = judged(home, out, None, sensor, 1.0)
             honest[number, sensor] = f1
-            accused += any(kind.startswith(SENSORS) for kind, _ in faults)
+            wrongly += bool(accused(faults))
             table.append(f"{number} honest {sensor}: F1 {f1:.2f}, {level} {faults[:1]}")
             print(table[-1], flush=True)
         for lie in LIES[:: max(round(1.0 / share), 1)]:
             size = float(random.uniform(*lie.sizes))
             mount = read_camera_yaml(home / "camera.yaml").mount
             size = mount.pitch_rad if mount and lie.name == OPTICAL else size
-            f1, level, faults = _mapped(_drive(home, out / "drive", lie, lie.sensor, size), out / "run", lie.sensor)
-            first = next((kind for kind, _ in faults if kind.startswith(SENSORS)), "")
-            guilty = first.startswith(KINDS[lie.sensor])
+            f1, level, faults = judged(home, out, lie, lie.sensor, size)
+            guilty = [kind for kind, _ in accused(faults)[:1] if kind.startswith(KINDS[lie.sensor])]
             wrong = f1 < honest[number, lie.sensor] - WRONG_F1
-            count, named, wrong_good = count + 1, named + guilty, wrong_good + (wrong and level == "good")
+            count, named, wrong_good = count + 1, named + bool(guilty), wrong_good + (wrong and level == "good")
             said = faults[0][1][:90] if faults else "nothing"
             names = "named" if guilty else "NOT NAMED"
             table.append(f"{number} {lie.sensor} {lie.name} {size:.3g}: F1 {f1:.2f}, {level}, {names}: {said}")
             print(table[-1], flush=True)
-    figures = {"lies": count, "named_first": named, "wrong_and_good": wrong_good, "honest_accused": accused}
+    figures = {"lies": count, "named_first": named, "wrong_and_good": wrong_good, "honest_accused": wrongly}
     failures = [f"{wrong_good} wrong maps are good"] if wrong_good else []
     failures += [f"{named} of {count} named first"] if named < NAMED * count / LIES_NAMED else []
-    failures += [f"{accused} honest sensors accused"] if accused else []
+    failures += [f"{wrongly} honest sensors accused"] if wrongly else []
+    shutil.rmtree(out / "results", ignore_errors=True)
     return PartReport(tuple(failures), figures, (*table, str(figures)))

@@ -11,6 +11,7 @@ PARTS: dict[str, str] = {
     "day": "a day of driving, compressed",
     "hour": "an hour of driving through a rendered home",
     "lies": "poses, wheels, depth and IMU that lie, on three homes: named, and no wrong map is good",
+    "honest": "honest poses, wheels, depth and IMU on 30 homes and real walks: nobody is accused",
     "readers": "damaged and hostile files: every reader on mutated files",
     "fuzz": "random clocks, two clocks, headings and maps through the whole of a run",
 }
