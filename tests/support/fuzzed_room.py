@@ -42,7 +42,7 @@ ROOM = tuple(
     (size * 4.5 * math.cos(angle), size * 3.5 * math.sin(angle))
     for size, angle in zip(3 * (1.0, 0.85, 1.1, 0.95), np.linspace(0.0, math.tau, 12, endpoint=False), strict=True)
 )
-WALL = cv2.GaussianBlur(noise(0, (SIZE + 8, SIZE + 8, 3)), (5, 5), 0)
+WALL = np.asarray(cv2.GaussianBlur(noise(0, (SIZE + 8, SIZE + 8, 3)), (5, 5), 0), dtype=np.uint8)
 # Corners are tracked from one to the next: searching noise for known places takes a quarter of a second.
 PICTURES = [np.ascontiguousarray(WALL[at : at + SIZE, at : at + SIZE]) for at in (*range(8), *range(8, 0, -1))]
 followed = st.sampled_from((*7 * (False,), True))  # `corners` of `slam_of`
