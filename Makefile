@@ -20,8 +20,8 @@ setup: system $(STAMP)
 $(STAMP): $(PINS) scripts/system-packages
 	@$(venv)
 	@echo "edgemap: installing every extra and the development tools into $(VENV) (torch is most of it) ..."
-	@$(PIP) torch
-	@$(PIP) -e '.[all,dev]'
+	@$(PIP) --no-compile torch
+	@$(PIP) --no-compile -e '.[all,dev]'
 	@$(rooms)
 	@touch $(STAMP)
 
@@ -102,7 +102,7 @@ foxglove: $(call installed,$(FOXGLOVE))
 lint: setup
 	$(BIN)/ruff check
 	$(BIN)/ruff format --check
-	$(BIN)/pyright
+	$(BIN)/pyright --threads 2
 	PYTHONPATH=.typing $(BIN)/lint-imports  # .typing/ shows every room under one package
 
 # The whole site, API reference included, into site/.
