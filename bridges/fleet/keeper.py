@@ -85,7 +85,7 @@ class PlaceKeeper:
                 robot.refused = str(error)
         maps = {name: robot.latest for name, robot in sorted(self.robots.items()) if robot.latest is not None}
         if self._stale and maps:
-            merged = merge_all(self._reference | maps, "" if self._reference else None, self.merged.alignments)
+            merged = merge_all(self._reference | maps, "" if self._reference else None)
             text = saved_text(self._document(merged))
             read_map(text.encode(), f"map of {self.place}")
             write_atomically(self.folder / "map.json", text)

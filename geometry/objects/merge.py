@@ -2,7 +2,6 @@
 
 from collections import Counter
 from collections.abc import Callable, Collection, Mapping, Sequence
-from contextlib import suppress
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -12,7 +11,7 @@ from edgemap.geometry.map_object import MapObject, id_order, placed_history
 from edgemap.geometry.objects.annotations import NO_ANNOTATIONS, Annotations
 from edgemap.geometry.objects.class_posterior import APART
 from edgemap.geometry.observations.class_extents import extent_m
-from edgemap.geometry.registration.alignment import Alignment, AlignmentError, Pairs, align, jacobian, realigned
+from edgemap.geometry.registration.alignment import Alignment, AlignmentError, Pairs, align, jacobian
 from edgemap.geometry.se2 import SE2, wrap_angle
 from edgemap.geometry.slam.object_landmarks import LandmarkRule
 
@@ -84,30 +83,25 @@ class MergedMaps:
     refused: dict[str, str] = field(default_factory=dict)
 
 
-def merge_all(
-    maps: Mapping[str, AnnotatedMap], base: str | None = None, before: Mapping[str, Alignment] | None = None
-) -> MergedMaps:
+def merge_all(maps: Mapping[str, AnnotatedMap], base: str | None = None) -> MergedMaps:
     """One map of all that fit together by their objects.
 
     base: the map whose frame counts and onto which the others are laid. Without one the largest group of maps that fit
-    together is merged, in the frame of its first map; a map of another place is then left out. before: alignments of an
-    earlier merge, which save time where the maps have changed a little.
+    together is merged, in the frame of its first map; a map of another place is then left out.
     """
     groups, rest = list[MergedMaps](), list(maps) if base is None else [base]
     while rest:
         objects, annotations = maps[rest[0]]
         single = MergedMaps(list(objects), annotations, {rest[0]: Alignment.exact(SE2())})
-        groups.append(_grown(single, maps, rest, before or {}))
+        groups.append(_grown(single, maps, rest))
         rest = [name for name in rest if name not in groups[-1].alignments]
     if not groups:
         return MergedMaps()
     largest = max(groups, key=lambda group: (len(group.alignments), len(group.objects)))
-    return _grown(largest, maps, maps, before or {})
+    return _grown(largest, maps, maps)
 
 
-def _grown(
-    group: MergedMaps, maps: Mapping[str, AnnotatedMap], names: Collection[str], before: Mapping[str, Alignment]
-) -> MergedMaps:
+def _grown(group: MergedMaps, maps: Mapping[str, AnnotatedMap], names: Collection[str]) -> MergedMaps:
     """Adds every map that fits to the group, largest first. One that does not fit is tried again after others have
     added objects.
     """
@@ -115,22 +109,15 @@ def _grown(
     refused: dict[str, str] = {}
     for name in waiting:
         try:
-            alignment = _aligned(group.objects, maps[name][0], before.get(name))
+            alignment = align(group.objects, maps[name][0])
         except AlignmentError as error:
             refused[name] = str(error)
             continue
         objects, annotations = merge_annotated((group.objects, group.annotations), maps[name], alignment)
         group = MergedMaps(objects, annotations, group.alignments | {name: alignment})
     if refused and len(refused) < len(waiting):
-        return _grown(group, maps, list(refused), before)
+        return _grown(group, maps, list(refused))
     return replace(group, refused=refused)
-
-
-def _aligned(first: Sequence[MapObject], second: Sequence[MapObject], before: Alignment | None) -> Alignment:
-    if before is not None and before.pairs:
-        with suppress(AlignmentError):
-            return realigned(before, first, second)
-    return align(first, second)
 
 
 def merge_annotated(
