@@ -98,14 +98,3 @@ def test_a_map_that_fits_onto_two_others_together_alone():
     assert sorted(merge_all(maps).alignments) == ["a", "b", "c"]
     assert len(merge_all(maps).objects) == len(room)
     assert list(merge_all({"a": maps["a"], "c": maps["c"]}).alignments) == ["a"]
-
-
-def test_an_earlier_merge_makes_the_same_map():
-    random = np.random.default_rng(2)
-    room = furnished(random, 14)
-    maps = {name: (mapped(room, somewhere(random), random, 0.04, 0.1), NO_ANNOTATIONS) for name in "abcd"}
-    first = merge_all(maps)
-    again = merge_all(maps, before=first.alignments)
-    for one, other in zip(first.objects, again.objects, strict=True):
-        assert one.id == other.id
-        assert one.position_m == pytest.approx(other.position_m, abs=1e-6)
