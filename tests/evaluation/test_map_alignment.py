@@ -71,7 +71,7 @@ def test_what_was_hardly_seen_aligns_nothing():
 
 
 def test_hundreds_of_objects_of_one_label_take_bounded_work():
-    many = [("bed", 1.5 * (i % 20), 1.5 * (i // 20)) for i in range(300)]
+    many = [("bed", 1.5 * (i % 15), 1.5 * (i // 15)) for i in range(200)]
     assert aligned_figures(mapped(many), truth(many))["f1_aligned"] == 1.0
 
 
