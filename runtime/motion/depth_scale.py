@@ -21,7 +21,8 @@ SOME = 90.0  # percentile over pictures: in a tenth of those with floor, the low
 
 
 class DepthScale:
-    """Call `judge` with every picture that was searched. wrong: whether depth is left out from now on. share: least
+    """Call `judge` with every picture that was searched. wrong: whether depth is left out from now on. fit: whether the
+    map may rest on it: not before it was judged, or twice as many pictures showed too little floor. share: least
     relative error that is one of depth; smaller ones may be the mount's, which `HeightCheck` reports.
 
     Depth is too long where what looks like floor lies too low, and too short where nothing lies as low as the floor:
@@ -31,12 +32,19 @@ class DepthScale:
     def __init__(self, stated_m: float, share: float) -> None:
         self._stated_m, self._log_share, self.wrong = stated_m, math.log1p(share), False
         self._logs = deque[tuple[float, float]](maxlen=KEPT)  # of what looks like floor, and of the lowest
+        self._pictures = 0  # with depth
+
+    @property
+    def fit(self) -> bool:
+        """See the class."""
+        return not self.wrong and (len(self._logs) >= PICTURES or self._pictures >= 2 * PICTURES)
 
     def judge(
         self, depth: SparseDepth | None, floor: FloorMask | None, camera: FloorCamera, estimate: HeightEstimate | None
     ) -> Fault | None:
         """The fault with which depth is left out. camera: of the frame. estimate: of the lens's height by other
         sensors: where it agrees with depth, the mount is wrong."""
+        self._pictures += depth is not None
         if depth is None or floor is None or self.wrong:
             return None
         points, pixels = depth.points(camera.intrinsics, FARTHEST_M)

@@ -45,6 +45,7 @@ class _Searched:
     frame: Frame
     attitude: Attitude
     observed: FrameObservations
+    depth: SparseDepth | None
 
 
 class Pipeline:
@@ -128,6 +129,7 @@ class Pipeline:
         motion = motion or self._motion_by_picture(frame, outputs, prior)
         with stage("attitude"):
             camera = self.camera.at(attitude_after(self.attitude, attitude, motion))
+        depth = SparseDepth.of(frame.depth) if sensed else None
         observed = FrameObservations(
             index=frame.index,
             stamp_s=frame.stamp_s,
@@ -140,9 +142,9 @@ class Pipeline:
             searched=False,
             at_rest=at_rest,
             floor=self._floor if sensed else None,
-            depth=SparseDepth.of(frame.depth) if sensed else None,
+            depth=depth if self._depth.fit else None,
         )
-        found = _Searched(frame, attitude, observed) if searched else None
+        found = _Searched(frame, attitude, observed, depth) if searched else None
         if searched and self._beside is not None:
             found, self._waiting = self._waiting, found
         self.pictured, faults = frame, list[Fault | None]()
@@ -170,11 +172,10 @@ class Pipeline:
         frame, seen, boxes, stage = found.frame, found.observed, self._detections, self._watch.stage
         camera, floor, self.pictured = seen.camera or self.camera, seen.floor, frame
         with stage("floor"):
-            sightings = sightings_of(
-                boxes, camera, self.rule, frame.index, frame.stamp_s, frame.depth, floor, self.evidence
-            )
+            depth = frame.depth if self._depth.fit else None
+            sightings = sightings_of(boxes, camera, self.rule, frame.index, frame.stamp_s, depth, floor, self.evidence)
         with stage("height"):
-            faults.append(self._depth.judge(seen.depth, floor, camera, self._height.estimate))
+            faults.append(self._depth.judge(found.depth, floor, camera, self._height.estimate))
             known = found.attitude, boxes, seen.motion, frame.depth is not None
             faults.append(self._height.judge(frame.stamp_s, camera, *known))
         return replace(

@@ -154,9 +154,22 @@ def test_a_scale_of_depth_is_named_and_a_table_that_looks_like_floor_is_none(
     depth_m = np.where(down > 0.05, MOUNT.height_m / np.maximum(down, 0.05), 0.0)
     mask = FloorMask(np.where(depth_m[::16, ::16] > 0.0, 1.0, 0.0).astype(np.float32), 640, 480)
     low_m = depth_m * np.where(table & (v < 400), 0.55, 1.0)  # looks like floor but for the last rows
-    faults = [judge.judge(SparseDepth.of((scale * low_m).astype(np.float32)), mask, camera, None) for _ in range(15)]
+    depth, faults, fit = SparseDepth.of((scale * low_m).astype(np.float32)), [], []
+    for _ in range(15):
+        fit.append(judge.fit)  # what the map takes in before
+        faults.append(judge.judge(depth, mask, camera, None))
     assert judge.wrong == (wrong and not (table and scale == 2.0))
     assert any(faults) == judge.wrong
+    assert fit == [not judge.wrong and picture >= 10 for picture in range(15)]
+
+
+def test_depth_of_a_camera_that_sees_no_floor_is_used_after_twice_as_many_pictures() -> None:
+    camera, judge = FloorCamera(Intrinsics(64, 48, 58.0, 58.0, 31.5, 23.5), MOUNT), DepthScale(MOUNT.height_m, 0.25)
+    wall, fit = SparseDepth.of(np.full((48, 64), 2.0, np.float32)), list[bool]()
+    for _ in range(25):
+        fit.append(judge.fit)
+        assert judge.judge(wall, None, camera, None) is None
+    assert fit == [picture >= 20 for picture in range(25)]
 
 
 def test_the_map_moves_to_the_camera_s_path_where_given_poses_have_proved_wrong() -> None:
