@@ -41,7 +41,7 @@ class FoxgloveServer:
         self.name = "Foxglove"
         self._stream, self._closed = stream, False
         self._context = context = foxglove.Context()  # channels and server do not keep it alive
-        foxglove.set_log_level("ERROR")
+        foxglove.set_log_level("CRITICAL")  # others' messages stand in its errors
         try:
             self._server = foxglove.start_server(
                 name="edgemap", host=host, port=port, context=context, capabilities=[foxglove.Capability.Time],

@@ -176,6 +176,13 @@ def test_faults_reach_the_viewer(server):
         assert [status["message"] for status in viewer.statuses] == ["wheels: silent for 1.2 s"]
 
 
+def test_what_a_client_sends_reaches_no_terminal(server, caplog):
+    with closing(Client(server.url)) as viewer:
+        viewer._socket.send(json.dumps({"op": "\x1b]0;title\x07"}))
+        assert "unknown variant" in viewer._json("status")["message"]
+    assert caplog.records == []
+
+
 def test_an_address_that_is_taken_is_one_line(server):
     port = int(server.url.rsplit(":", 1)[1])
     with pytest.raises(PublishError, match=rf"^--foxglove 127\.0\.0\.1:{port}: .*in use"):
