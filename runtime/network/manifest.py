@@ -32,7 +32,6 @@ Stride = Annotated[int, Meta(ge=1, le=4096)]
 InputSide = Annotated[int, Meta(ge=8, le=4096)]  # px
 Deviation = Annotated[float, Meta(gt=0.0, le=1e6)]
 Text = Annotated[str, Meta(max_length=10_000)]
-Span = tuple[Coordinate, Coordinate]
 
 
 class ClassEntry(Strict):

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 from functools import partial
 from importlib.metadata import EntryPoint
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Any
 
 from edgemap.geometry.camera.floor import FloorCamera
 from edgemap.geometry.errors import EdgemapError
@@ -45,14 +45,6 @@ class RunInfo:
     classes: tuple[str, ...] = ()
     threshold: float = 0.0
     robot: str = field(default_factory=lambda: os.environ.get("EDGEMAP_ROBOT") or socket.gethostname())
-
-
-class SinkKind(Protocol):
-    """Interface of the object of an entry point `NAME = module:object`. A module with this function is sufficient."""
-
-    def open(self, address: str, run: RunInfo) -> Sink:
-        """The sink of `--sink NAME[:ADDRESS]`; the address is empty where none is typed. Raises EdgemapError."""
-        ...
 
 
 def open_sinks(asked: Mapping[str, str], run: RunInfo) -> list[Sink]:
