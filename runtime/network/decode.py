@@ -1,6 +1,5 @@
 """Boxes in pictures: YOLOv3, YOLOX and DFL decode rules, then class-wise non-maximum suppression."""
 
-import math
 from concurrent.futures import Future, ThreadPoolExecutor
 
 import cv2
@@ -10,6 +9,7 @@ from numpy.typing import NDArray
 from edgemap.geometry.arrays import Array
 from edgemap.geometry.objects.visibility import iou
 from edgemap.geometry.observations.detections import Detections
+from edgemap.runtime.frames.errors import BundleError
 from edgemap.runtime.network.bundle import Bundle
 from edgemap.runtime.network.layouts import Reading, rows_of, sigmoid
 from edgemap.runtime.network.manifest import DetectorSpec, HeadSpec
@@ -45,8 +45,11 @@ class Decoder:
         self.one_name = one_name
 
     def __call__(self, outputs: Tensors, placement: Placement) -> Detections:
-        """Boxes in picture px from the backbone's outputs, best first."""
-        corners, scores, classes = self._candidates(outputs)
+        """Boxes in picture px from the backbone's outputs, best first. Raises BundleError where a label has no name."""
+        try:
+            corners, scores, classes = self._candidates(outputs)
+        except ValueError as error:
+            raise BundleError(f"{self._detector.file}: {error}: state them with --names") from None
         if len(scores) == 0:
             return Detections.none(self._names)
         best = np.argsort(-scores, kind="stable")[:MAX_CANDIDATES]
@@ -94,12 +97,12 @@ def _elected(kept: NDArray[np.int64], boxes: Array, scores: Array, classes: NDAr
 def _yolov3(output: NDArray[np.float32], head: HeadSpec, confidence: float, size: tuple[int, int]) -> tuple:
     """YOLOv3 (Redmon and Farhadi 2018, section 2.1): logits (1, A*(5+C), H, W) to boxes xyxy in input px.
 
-    Only cells whose objectness logit passes the threshold are looked at: score = objectness * class <= objectness.
+    Only cells whose objectness passes the threshold are looked at: score = objectness * class <= objectness.
     """
     _, channels, rows, columns = output.shape
     anchors = np.array(head.anchors, dtype=np.float64)
     grid = output.reshape(len(anchors), channels // len(anchors), rows * columns)
-    anchor, cell = np.nonzero(grid[:, 4] > _logit(confidence))
+    anchor, cell = np.nonzero(sigmoid(grid[:, 4]) >= confidence)
     logits = grid[anchor, :, cell].astype(np.float64)
     classes = logits[:, 5:].argmax(axis=1)
     scores = sigmoid(logits[:, 4]) * sigmoid(logits[np.arange(len(logits)), 5 + classes])
@@ -109,11 +112,6 @@ def _yolov3(output: NDArray[np.float32], head: HeadSpec, confidence: float, size
     xy = sigmoid(logits[:, :2]) * head.scale_xy - offset + np.column_stack([cell % columns, cell // columns])
     centres, half = xy * [size[0] / columns, size[1] / rows], np.exp(logits[:, 2:4]) * anchors[anchor] / 2.0
     return np.concatenate([centres - half, centres + half], axis=1), scores[strong], classes[strong]
-
-
-def _logit(probability: float) -> float:
-    p = min(max(probability, 1e-9), 1.0 - 1e-9)
-    return math.log(p / (1.0 - p))
 
 
 class Detector:

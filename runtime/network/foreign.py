@@ -38,8 +38,10 @@ def _scaling(colour: str, in_unit: bool, normalised: bool = False) -> Scaling:
 
 
 RGB, RGB_255, BGR_255 = _scaling("rgb", True), _scaling("rgb", False), _scaling("bgr", False)
-SCALINGS = (RGB, _scaling("rgb", True, True), BGR_255, _scaling("bgr", True, True), RGB_255)
+RGB_NORMAL, BGR_NORMAL = _scaling("rgb", True, True), _scaling("bgr", True, True)
+SCALINGS = (RGB, RGB_NORMAL, BGR_255, BGR_NORMAL, RGB_255)
 RESIZES = ("letterbox", "letterbox_topleft", "stretch")
+USUAL = {"cells": BGR_255, "bins": RGB_NORMAL, "corner bins": BGR_NORMAL}  # of one family each: their authors'
 STRETCHED: frozenset[Layout] = frozenset({"queries", "lists", "bin rows", "bin levels", "label score box rows"})
 FREE_SIDE_PX = 640  # of an input whose sides are open and that states none
 MASKS, KEYPOINTS = 32, 51  # values behind the classes of a segmentation and of a pose file of Ultralytics
@@ -180,10 +182,11 @@ def recognise(file: ForeignFile, names: Sequence[str] | None = None, checked: bo
     scalings = (RGB_255,) if file.type is np.uint8 else (RGB,) if ours else SCALINGS
     best = _best(file, stated, pictures, [(scaling, RESIZES[0]) for scaling in scalings])
     if not ours:
-        usual = "letterbox_topleft" if best.reading.form == "cells" else RESIZES[0]
-        usual = "stretch" if best.reading.layout in STRETCHED else usual
+        form, layout = best.reading.form, best.reading.layout
+        resize = "stretch" if layout in STRETCHED else "letterbox_topleft" if form == "cells" else RESIZES[0]
         scaling = {key: getattr(best.input, key) for key in ("colour", "scale", "mean", "std")}
-        ways = [(scaling, resize) for resize in sorted(RESIZES, key=lambda resize: resize != usual)]
+        ways = [(scaling, one) for one in sorted(RESIZES, key=lambda one: one != resize)]
+        ways = [(USUAL[form], resize), *ways] if form in USUAL else ways
         best = _best(file, stated, pictures, ways)
     if best.everywhere and checked:
         raise BundleError(f"{file.path}: as {best}, every box is the whole picture: state its classes with --names")
@@ -209,8 +212,8 @@ def _best(
             answers.append((probe, file.run(tensor), placement))
         tried += [_judged(spec, reading, names, answers) for reading, names in _readings(answers, stated, spec)]
     if not tried:
-        hint = "" if stated else ", or its number of classes is not COCO's: state them with --names"
-        raise BundleError(f"{file.path}: outputs {file.described()} have no layout that edgemap reads{hint}")
+        lacking = f"no layout that edgemap reads, or more classes than {len(stated) if stated else 'COCO has'}"
+        raise BundleError(f"{file.path}: outputs {file.described()} have {lacking}: state them with --names")
     most = max(one.agreement for one in tried)
     return next(one for one in tried if one.agreement >= NEARLY * most)
 
@@ -226,20 +229,17 @@ def _readings(
             surplus = arrays[0][1].ndim == 2 and arrays[0][1].shape[1] == len(names) + 1  # DETR's class of no object
             inside = all(in_unit(scores) for _, scores, _ in arrays)
             activation = "none" if inside else "softmax" if surplus else "sigmoid"
-            strongest = [boxes[np.argsort(-_weights(scores), kind="stable")[:10]] for boxes, scores, _ in arrays]
+            strongest = [boxes[np.argsort(-np.atleast_2d(scores.T).max(axis=0))[:10]] for boxes, scores, _ in arrays]
             largest = max(float(np.abs(boxes).max(initial=0.0)) for boxes in strongest)
             for form in FORMS[layout]:
                 share = largest <= SHARES and form in ("cxcywh", "xyxy", "yxyx")
                 reading = Reading(layout=layout, form=form, share=share, activation=activation)
                 try:
-                    rows_of(outputs, reading, len(names), 2.0, (spec.width, spec.height))
-                except ValueError:  # cells that are none of this input's
+                    for _, one, _ in answers:
+                        rows_of(one, reading, len(names), MINIMUM_SCORE, (spec.width, spec.height))
+                except ValueError:  # cells that are none of this input's, labels that have no name
                     continue
                 yield reading, names
-
-
-def _weights(scores: NDArray) -> NDArray:
-    return scores.max(axis=1) if scores.ndim == 2 else scores
 
 
 def _names(count: int | None, layout: Layout, stated: tuple[str, ...] | None) -> list[tuple[str, ...]]:

@@ -70,10 +70,8 @@ def layouts(outputs: Arrays) -> list[Layout]:
         if any(array.ndim == 3 and array.shape[1] == count and array is not boxes for array in floats):
             return ["queries"]
     if len(arrays) == 1 and arrays[0].ndim == 2 and arrays[0].shape[1] in (6, 7):
-        by_columns: dict[int, list[Layout]] = {
-            6: ["box score label rows", "label score box rows"], 7: ["batch box label score rows"]
-        }  # fmt: skip
-        return by_columns[arrays[0].shape[1]]
+        seven = arrays[0].shape[1] == 7
+        return ["batch box label score rows"] if seven else ["box score label rows", "label score box rows"]
     table = next((array for array in floats if array.ndim == 3 and min(array.shape[1:]) > 4), None)
     if table is None:
         return []
@@ -106,8 +104,8 @@ def rows_of(
 ) -> tuple[Array, Array, NDArray[np.int64]]:
     """Boxes (N, 4) xyxy in px of an input of this size (width, height), their scores and class numbers.
 
-    Only boxes of at least this score and of a class of the names are returned. strides: of the cells, those of the form
-    by default. Raises ValueError where the cells are none of this input's.
+    Only boxes of at least this score are returned. strides: of the cells, those of the form by default. Raises
+    ValueError where the cells are none of this input's, or a label has no name.
     """
     geometry, scores, labels = parts(outputs, reading.layout, classes)
     if reading.activation == "softmax":
@@ -118,12 +116,14 @@ def rows_of(
         best = sigmoid(best)
     strong = np.flatnonzero(best >= confidence)
     numbers = (scores[strong].argmax(axis=1) if labels is None else labels[strong]).astype(np.int64) - reading.first
+    if labels is not None and (last := numbers.max(initial=0)) >= classes:
+        raise ValueError(f"a box has the label {last}, and the names are of {classes} classes")
     boxes = _corners(geometry, strong, reading, size, strides)
     known = (numbers >= 0) & (numbers < classes) & np.isfinite(boxes).all(axis=1)
     return boxes[known], best[strong][known], numbers[known]
 
 
-def sigmoid(x: Array) -> Array:
+def sigmoid(x: NDArray) -> NDArray:
     """Logits to probabilities."""
     return 1.0 / (1.0 + np.exp(-np.clip(x, -50.0, 50.0)))
 

@@ -106,8 +106,44 @@ def transformers(name: str, folder: Path) -> tuple:
     return tensor, found["boxes"], found["scores"], found["labels"]
 
 
+def rfdetr(name: str, folder: Path) -> tuple:
+    torchvision_with_nms()
+    from rfdetr import RFDETRNano
+    from rfdetr.models.postprocess import PostProcess
+
+    network = RFDETRNano(pretrain_weights=None, device="cpu").model.model.eval()
+    network.export()
+    tensor = tensor_of(picture(384))
+    torch.onnx.export(
+        network, (tensor,), str(folder / "model.onnx"), input_names=["input"], output_names=["dets", "labels"],
+        opset_version=17, dynamo=False,
+    )  # fmt: skip
+    session = onnxruntime.InferenceSession(folder / "model.onnx")  # as for transformers
+    boxes, logits = map(torch.from_numpy, session.run(None, {"input": tensor.numpy()}))
+    found = PostProcess()({"pred_logits": logits, "pred_boxes": boxes}, torch.tensor([[384, 384]]))[0]
+    return tensor, found["boxes"], found["scores"], found["labels"]
+
+
+def torchvision(name: str, folder: Path) -> tuple:
+    torchvision_with_nms()
+    from torchvision.models.detection import ssdlite320_mobilenet_v3_large
+
+    model = ssdlite320_mobilenet_v3_large(weights=None, weights_backbone=None, num_classes=91).eval()
+    for key, parameter in model.head.classification_head.named_parameters():
+        if key.endswith("1.bias"):
+            torch.nn.init.normal_(parameter, 0.0, 2.0)  # as above
+    tensor = tensor_of(picture())
+    torch.onnx.export(
+        model, ([tensor[0]],), str(folder / "model.onnx"), input_names=["image"],
+        output_names=["boxes", "scores", "labels"], opset_version=17, dynamo=False,
+    )  # fmt: skip
+    with torch.no_grad():
+        found = model([tensor[0]])[0]
+    return tensor, found["boxes"], found["scores"], found["labels"]
+
+
 PACKAGES = {"yolov8n": ultralytics, "yolo11n": ultralytics, "yolov10n": ultralytics, "yolo26n": ultralytics,
-            "rt-detr": transformers, "d-fine": transformers}  # fmt: skip
+            "rt-detr": transformers, "d-fine": transformers, "rf-detr": rfdetr, "ssdlite": torchvision}  # fmt: skip
 
 if __name__ == "__main__":
     name, out = sys.argv[1], Path(sys.argv[2]).resolve()

@@ -13,6 +13,7 @@ import numpy as np
 import pytest
 
 from edgemap.geometry.objects.visibility import iou
+from edgemap.runtime.frames.class_names import COCO_91
 from edgemap.runtime.network.foreign import ForeignFile, recognise
 from edgemap.runtime.network.layouts import rows_of
 from edgemap.runtime.network.network import Compute
@@ -27,6 +28,8 @@ PACKAGES = {
     "yolo26n": ULTRALYTICS,
     "rt-detr": ("transformers==5.24.0",),
     "d-fine": ("transformers==5.24.0",),
+    "rf-detr": ("rfdetr==1.11.2", "transformers==5.24.0", "torchvision==0.28.0"),
+    "ssdlite": ULTRALYTICS,
 }
 
 
@@ -53,7 +56,7 @@ def test_boxes_are_those_of_the_package(name, python_of, tmp_path):
     script = Path(__file__).with_name("detectors.py")
     subprocess.run([python_of(PACKAGES[name]), script, name, tmp_path], check=True, timeout=600)
     file, own = ForeignFile(tmp_path / "model.onnx", Compute(1)), np.load(tmp_path / "boxes.npz")
-    read = recognise(file, checked=False)
+    read = recognise(file, COCO_91 if name == "ssdlite" else None, checked=False)
     limits = [read.input.width, read.input.height] * 2
     size = (read.input.width, read.input.height)
     boxes, scores, labels = rows_of(file.run(own["tensor"]), read.reading, len(read.names), 0.001, size)

@@ -5,6 +5,7 @@ from pathlib import Path
 import numpy as np
 import onnx
 import pytest
+from msgspec.structs import replace
 from onnx import TensorProto, helper, numpy_helper
 from support.foreign_models import MODELS, SIDE, class_columns, write
 
@@ -14,12 +15,12 @@ from edgemap.runtime.frames.class_names import read_class_names
 from edgemap.runtime.frames.errors import BundleError
 from edgemap.runtime.inputs.open import open_camera
 from edgemap.runtime.network.bundle import load_bundle
-from edgemap.runtime.network.decode import Detector
-from edgemap.runtime.network.foreign import ForeignFile, probes, recognise
+from edgemap.runtime.network.decode import Decoder, Detector
+from edgemap.runtime.network.foreign import ForeignFile, _manifest, probes, recognise
 from edgemap.runtime.network.layouts import rows_of
 from edgemap.runtime.network.network import Compute
 from edgemap.runtime.network.open_bundle import open_bundle
-from edgemap.runtime.network.preprocess import Preprocessor
+from edgemap.runtime.network.preprocess import Placement, Preprocessor
 from edgemap.runtime.network.store import bundle_folder
 from edgemap.runtime.step.slam import build_slam
 
@@ -81,6 +82,12 @@ def made(path, outputs, inputs=((1, 3, 64, 64),)):
     return path
 
 
+def labelled(label):
+    """Three boxes of one label."""
+    boxes = np.array([[[5, 5, 20, 20], [30, 5, 60, 60], [1, 30, 20, 60]]], np.float32)
+    return {"boxes": boxes, "scores": np.full((1, 3), 0.9, np.float32), "labels": np.full((1, 3), label, np.int64)}
+
+
 def whole_picture():
     table = np.zeros((1, 84, 200), np.float32)
     table[0, :4], table[0, 4] = [[32], [32], [64], [64]], 0.9
@@ -97,6 +104,7 @@ def whole_picture():
         ({"a": np.zeros((1, 84, 200), np.float32)}, ((1, 3, 64, 64),), "7 chairs"),  # detects nothing
         ({"a": whole_picture()}, ((1, 3, 64, 64),), "whole picture"),
         ({"a": np.zeros((1, 84, 200), np.float32)}, ((1, 3, 64, 60_000),), "width"),
+        (labelled(364), ((1, 3, 64, 64),), "more classes than COCO has"),
     ],
 )
 def test_a_file_that_is_no_detector_is_refused_with_what_was_seen(outputs, inputs, reason, tmp_path):
@@ -104,6 +112,17 @@ def test_a_file_that_is_no_detector_is_refused_with_what_was_seen(outputs, input
     with pytest.raises(BundleError, match=reason) as caught:
         recognise(ForeignFile(path, Compute(1)))
     assert "\n" not in str(caught.value)
+
+
+def test_a_label_without_a_name_is_refused_when_it_comes_up(tmp_path):
+    path = made(tmp_path / "a.onnx", labelled(7))
+    manifest = _manifest(file := ForeignFile(path, Compute(1)), recognise(file, [*"abcdefgh"], checked=False))
+    fewer = replace(manifest.detector, classes=manifest.detector.classes[:7])
+    where = Placement(64, 64, 0, 0, 64, 64)
+    outputs = file.run(np.zeros((1, 3, 64, 64), np.float32))
+    assert Decoder(manifest.detector)(outputs, where).labels == ["h"] * 3
+    with pytest.raises(BundleError, match=r"label 7, and the names are of 7 classes: .*--names"):
+        Decoder(fewer)(outputs, where)
 
 
 def test_a_task_other_than_detection_is_refused_by_its_name(tmp_path):
