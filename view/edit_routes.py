@@ -70,11 +70,12 @@ class RoomRequest(msgspec.Struct, forbid_unknown_fields=True):
 
 
 class PoseRequest(msgspec.Struct, forbid_unknown_fields=True):
-    """Body of PUT /api/pose."""
+    """Body of PUT /api/pose: a pose, or that the robot is in its dock."""
 
-    x_m: Coordinate
-    y_m: Coordinate
-    yaw_rad: Yaw
+    x_m: Coordinate | None = None
+    y_m: Coordinate | None = None
+    yaw_rad: Yaw | None = None
+    in_dock: bool = False
     sigma_m: Annotated[float, Meta(gt=0.0, le=100.0)] = SIGMA_M
     sigma_yaw_rad: Annotated[float, Meta(gt=0.0, le=math.pi)] = SIGMA_RAD
 
@@ -199,6 +200,11 @@ async def put_pose(page: LivePage, request: Request) -> Response:
     """Sets the robot's pose."""
     body = await body_of(request, PoseRequest)
     sigmas = (body.sigma_m, body.sigma_m, body.sigma_yaw_rad)
+    if body.x_m is None or body.y_m is None or body.yaw_rad is None:
+        if not body.in_dock or not body.x_m is body.y_m is body.yaw_rad is None:
+            raise Refused(400, "a pose is x_m, y_m and yaw_rad together, or in_dock alone")
+        await take(page, Edit("pose", "dock", sigmas=sigmas))
+        return await dock(page, request)
     await take(page, Edit("pose", pose=(body.x_m, body.y_m, body.yaw_rad), sigmas=sigmas))
     return as_json({"x_m": body.x_m, "y_m": body.y_m, "yaw_rad": body.yaw_rad})
 

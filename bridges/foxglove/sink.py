@@ -1,10 +1,11 @@
 """`--foxglove`: a WebSocket server that Foxglove connects to, with the messages of the recordings."""
 
 import threading
+from collections.abc import Iterable
 
 from edgemap.bridges.ros2.messages import topics
 from edgemap.bridges.ros2.messages.definitions import definition, encoder, to_ns
-from edgemap.bridges.ros2.messages.stream import MessageStream
+from edgemap.bridges.ros2.messages.stream import MessageStream, Outgoing
 from edgemap.geometry.map_object import MapObject
 from edgemap.runtime.frames.colours import label_rgb
 from edgemap.runtime.frames.errors import PublishError
@@ -64,8 +65,15 @@ class FoxgloveServer:
 
     def write(self, result: StepResult, objects: list[MapObject]) -> None:
         """Sends the step to subscribed clients. The server's time is that of the frame."""
+        self._send(self._stream.step(result, objects), result)
+
+    def last(self, result: StepResult, objects: list[MapObject]) -> None:
+        """Sends the boxes that came after the last frame, and the map."""
+        self._send(self._stream.last(result, objects), result)
+
+    def _send(self, messages: Iterable[Outgoing], result: StepResult) -> None:
         stamp_ns = to_ns(result.frame.stamp_s)
-        for outgoing in self._stream.step(result, objects):
+        for outgoing in messages:
             channel = self._channels[outgoing.topic]
             if channel.has_sinks():
                 channel.log(encoder(outgoing.kind)(outgoing.make()), log_time=outgoing.stamp_ns)

@@ -39,6 +39,7 @@ ENTITIES: dict[str, tuple[str, dict[str, Any]]] = {
         "image",
         {"name": "Map picture", "image_topic": "~/map", "content_type": "image/png", "image_encoding": "b64"},
     ),
+    "relocalise": ("button", {"name": "Relocalise in dock", "command_topic": "~/command", "payload_press": "in dock"}),
     "save": ("button", {"name": "Save map", "command_topic": "~/command", "payload_press": "save"}),
 }  # fmt: skip
 

@@ -7,6 +7,7 @@ import re
 import threading
 from base64 import b64encode
 from collections.abc import Callable
+from concurrent.futures import Future
 from contextlib import suppress
 from pathlib import Path
 from typing import Any
@@ -15,6 +16,7 @@ from edgemap.bridges.mqtt.home_assistant import config_topic, discovery, occupie
 from edgemap.bridges.mqtt.picture import MapPicture
 from edgemap.geometry.map_object import MapEvent, MapObject
 from edgemap.geometry.objects.annotations import MapIdentity
+from edgemap.geometry.objects.events import Edit
 from edgemap.geometry.objects.queries import inside_polygon
 from edgemap.geometry.objects.scale import scaled_map
 from edgemap.geometry.objects.zone_watch import ZoneWatch
@@ -65,8 +67,9 @@ class MqttPublisher:
         verdict: Callable[[], Verdict] = lambda: Verdict("care"),
         camera: Callable[[], str] = lambda: "running",
         folder: Path | None = None,
+        edit: Callable[[Edit], Future[str]] | None = None,
     ) -> None:
-        """camera: its state. folder: where `save` writes; None for nowhere."""
+        """camera: its state. folder: where `save` writes; None for nowhere. edit: takes `in dock`."""
         need("mqtt", "--mqtt")
         from paho.mqtt.client import Client
         from paho.mqtt.enums import CallbackAPIVersion
@@ -83,6 +86,8 @@ class MqttPublisher:
         self._published: dict[str, MapObject] = {}
         self._at: float | None = None  # wall time of the newest step
         self._identity, self._verdict, self._camera, self._folder = NO_IDENTITY, verdict, camera, folder
+        self._edit = edit
+        self._asked: Future[str] | None = None  # the newest edit, until it is taken or refused
         self._zones, self._in_zones = ZoneWatch(), dict[str, str]()  # payloads by id
         self._picture = MapPicture(lambda data: self._publish("map", b64encode(data), retain=True))
         self._picture_timer, self._save_asked = StreamTimer(PICTURE_EVERY_S), threading.Event()
@@ -149,6 +154,12 @@ class MqttPublisher:
         if self._save_asked.is_set():
             self._save_asked.clear()
             self._save(result, objects)
+        if self._asked is not None and self._asked.done():
+            asked, self._asked = self._asked, None
+            if (refusal := asked.exception()) is not None:
+                raise PublishError(f"in dock: {refusal}")
+
+    last = write
 
     def fault(self, fault: Fault) -> None:
         """In the state at once: while the camera is away no step brings one."""
@@ -272,6 +283,8 @@ class MqttPublisher:
         if message.topic == f"{self.root}/command":
             if message.payload == b"save" and not message.retain:
                 self._save_asked.set()
+            if message.payload == b"in dock" and not message.retain and self._edit is not None:
+                self._asked = self._edit(Edit("pose", "dock"))
             return
         kind, _, identity = message.topic.removeprefix(f"{self.root}/").partition("/")
         if not message.retain or not message.payload:
@@ -312,5 +325,14 @@ def open(address: str, run: RunInfo) -> MqttPublisher:
     host, port = host_and_port(address, "--mqtt", PORT)
     camera = run.camera
     return MqttPublisher(
-        host, port, run.robot, user, password, VERSION, run.verdict, lambda: str(camera.state), run.folder
+        host,
+        port,
+        run.robot,
+        user,
+        password,
+        VERSION,
+        run.verdict,
+        lambda: str(camera.state),
+        run.folder,
+        run.edits.submit,
     )

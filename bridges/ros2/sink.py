@@ -4,7 +4,7 @@ import math
 import os
 import time
 from collections import deque
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from concurrent.futures import Future
 from contextlib import suppress
 from dataclasses import dataclass, field, fields
@@ -17,7 +17,7 @@ from edgemap.bridges.ros2.dds.types import in_namespace
 from edgemap.bridges.ros2.messages import build, topics
 from edgemap.bridges.ros2.messages.definitions import RosClock, to_ns
 from edgemap.bridges.ros2.messages.diagnostics import RunDiagnostics, label_info
-from edgemap.bridges.ros2.messages.stream import MessageStream
+from edgemap.bridges.ros2.messages.stream import MessageStream, Outgoing
 from edgemap.bridges.ros2.messages.topics import FrameIds
 from edgemap.geometry.camera.floor import FloorCamera
 from edgemap.geometry.map_object import MapObject
@@ -131,10 +131,7 @@ class Ros2Sink(Sink):
         if self._robot_odom is not None:
             self._robot_odom.offset_s = offset_s
         stamp_ns = to_ns(result.frame.stamp_s + offset_s)
-        for outgoing in self._stream.step(result, objects, stamp_ns):
-            publisher = self._publishers.get(outgoing.topic)
-            if publisher is not None and publisher.wanted:
-                publisher.write(outgoing.make())
+        self._send(self._stream.step(result, objects, stamp_ns))
         self._diagnostics.step(result)
         if time.monotonic() - self._diagnosed_s >= DIAGNOSED_S:
             self._diagnose()
@@ -142,6 +139,17 @@ class Ros2Sink(Sink):
             asked, self._asked = self._asked, None
             if (refusal := asked.exception()) is not None:
                 raise Ros2Error(f"{INITIAL_POSE}: {refusal}")
+
+    def last(self, result: StepResult, objects: list[MapObject]) -> None:
+        """Publish the boxes that came after the last frame, and the map. Raises Ros2Error."""
+        offset_s = self._clock.offset_s(result.frame.stamp_s)
+        self._send(self._stream.last(result, objects, to_ns(result.frame.stamp_s + offset_s)))
+
+    def _send(self, messages: Iterable[Outgoing]) -> None:
+        for outgoing in messages:
+            publisher = self._publishers.get(outgoing.topic)
+            if publisher is not None and publisher.wanted:
+                publisher.write(outgoing.make())
 
     def fault(self, fault: Fault) -> None:
         """Among the diagnostics at once: while the camera is away no step brings them."""

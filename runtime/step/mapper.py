@@ -301,6 +301,11 @@ class Mapper:
 
     def _set_pose(self, edit: Edit) -> str:
         """Set the robot's pose in the map, which stays as it is, and end a relocalisation. Raises EditError."""
+        if edit.id == "dock":
+            place = self.relocaliser if self.searching else None
+            if (dock := (place.annotations if place else self.annotations()).dock) is None:
+                raise EditError("the map has no dock")
+            edit = replace(edit, pose=(dock.x_m, dock.y_m, dock.yaw_rad))
         if edit.pose is None or not np.isfinite(edit.pose).all():
             raise EditError("a pose is x, y and yaw: three finite numbers")
         sigmas = edit.sigmas or START_SIGMAS

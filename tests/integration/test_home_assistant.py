@@ -76,7 +76,8 @@ def test_home_assistant_shows_the_robot_its_objects_events_and_that_it_is_gone(t
             "binary_sensor.robo_camera", lambda state, more: (state, more["device_class"]) == ("on", "connectivity")
         )
         home.until("binary_sensor.robo_map", lambda state, more: state in ("on", "off") and "level" in more)
-        home.until("button.robo_save_map", lambda state, _: state == "unknown")
+        for button in ("save_map", "relocalise_in_dock"):
+            home.until(f"button.robo_{button}", lambda state, _: state == "unknown")
         home.until("sensor.robo_room", lambda state, _: state != "unavailable")
         shown = home.until("sensor.robo_x", lambda state, more: more["unit_of_measurement"] == "m" and "." in state)
         assert robot.wait(PATIENCE_S) == 0

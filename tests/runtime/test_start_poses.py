@@ -77,16 +77,18 @@ def test_chance_proves_no_guess(seed):
         aligned_near([SE2(), SE2(1.0, 0.0, 0.5)], room, other[:4])
 
 
-def test_a_pose_that_is_set_ends_the_search():
+@pytest.mark.parametrize("in_dock", [False, True])
+def test_a_pose_that_is_set_ends_the_search(in_dock):
     saved, start = saved_map(), round_trip(80)[0]
     there = start.inverse() @ round_trip(80, start_rad=2.0)[0]
     mapper = Mapper()
-    mapper.relocalise_in(saved, Annotations(dock=SE2(1.0, 1.0, 0.0)))
+    mapper.relocalise_in(saved, Annotations(dock=there))
     assert mapper.searching
     assert mapper.annotations().dock is None  # it is in a frame that the robot has yet to find
-    assert mapper.edit(Edit("pose", pose=(there.x_m, there.y_m, there.yaw_rad))) == "pose"
+    pose = Edit("pose", "dock") if in_dock else Edit("pose", pose=(there.x_m, there.y_m, there.yaw_rad))
+    assert mapper.edit(pose) == "pose"
     assert not mapper.searching
-    assert mapper.annotations().dock == SE2(1.0, 1.0, 0.0)
+    assert mapper.annotations().dock == there
     results = driven(mapper, 2.0)
     assert first_found(results) == 0
     at, truth = results[-1][0].pose_map_base, start.inverse() @ round_trip(80, start_rad=2.0)[-1]

@@ -342,7 +342,11 @@ def test_the_pose_and_the_dock_are_set(robot):
     served.step()
     now = api.get("/api/pose")
     assert (now["x_m"], now["y_m"]) == (pytest.approx(-1.95, abs=0.1), pytest.approx(1.0, abs=0.1))
-    assert api("PUT", "/api/dock", {"x_m": 1.0, "y_m": 2.0, "yaw_rad": 3.0})[2] == api.get("/api/dock")
+    place = {"x_m": 1.0, "y_m": 2.0, "yaw_rad": 3.0}
+    assert api("PUT", "/api/dock", place)[2] == api.get("/api/dock") == api("PUT", "/api/pose", {"in_dock": True})[2]
+    served.step()
+    now = api.get("/api/pose")
+    assert (now["x_m"], now["y_m"]) == (pytest.approx(1.0, abs=0.1), pytest.approx(2.0, abs=0.1))
     assert api("DELETE", "/api/dock")[0] == 200
     assert "dock" not in api.get("/api/map")
 
@@ -396,6 +400,7 @@ def test_edits_that_cannot_be_are_refused_in_one_line(robot):
         ("GET", "/api/objects/chair-1/merge?into=chair-9", None, 404),
         ("GET", "/api/objects/chair-1/merge?into=chair-1", None, 409),
         ("PUT", "/api/pose", {"x_m": 1.0, "y_m": 0.0}, 400),
+        ("PUT", "/api/pose", {"in_dock": True}, 409),
         ("PUT", "/api/pose", {"x_m": 1.0, "y_m": 0.0, "yaw_rad": 0.0, "sigma_m": 0.0}, 400),
         ("PUT", "/api/dock", {"x_m": 1.0}, 400),
         ("GET", "/api/dock", None, 404),

@@ -104,7 +104,7 @@ class MessageStream:
             transforms = build.pose_transforms(stamp_ns, result.pose_map_base, pose_odom_base, ids)
             yield Outgoing(topics.TF, stamp_ns, lambda: build.tf(*(transforms if own else transforms[:1])))
         pictured_ns = stamp_ns - to_ns(result.frame.stamp_s) + to_ns(result.pictured.stamp_s)
-        yield Outgoing(topics.BOXES, stamp_ns, lambda: build.detections_2d(pictured_ns, result, ids))
+        yield self._boxes(result, stamp_ns)
         if (scan := result.floor_scan) is not None:
             yield Outgoing(topics.FLOOR_SCAN, stamp_ns, lambda: scan_message(pictured_ns, scan, ids))
         if (grid := result.grid) is not None and grid is not self._grid:
@@ -113,6 +113,16 @@ class MessageStream:
         self._steps += 1
         if self._steps % MAP_EVERY == 1:
             yield from self.map(stamp_ns, objects, result.pose_map_base)
+
+    def last(self, result: StepResult, objects: list[MapObject], stamp_ns: int | None = None) -> Iterator[Outgoing]:
+        """The boxes that came after the last frame, and the map with them."""
+        stamp_ns = to_ns(result.frame.stamp_s) if stamp_ns is None else stamp_ns
+        yield self._boxes(result, stamp_ns)
+        yield from self.map(stamp_ns, objects, result.pose_map_base)
+
+    def _boxes(self, result: StepResult, stamp_ns: int) -> Outgoing:
+        pictured_ns = stamp_ns - to_ns(result.frame.stamp_s) + to_ns(result.pictured.stamp_s)
+        return Outgoing(topics.BOXES, stamp_ns, lambda: build.detections_2d(pictured_ns, result, self.frames))
 
     def map(self, stamp_ns: int, objects: list[MapObject], pose_map_base: SE2) -> Iterator[Outgoing]:
         """The objects on the map, for programs, for eyes, and as obstacles around the robot for planners."""

@@ -98,6 +98,11 @@ class Recorder:
         for outgoing in self._stream.results(result, objects):
             self._write(outgoing)
 
+    def last(self, result: StepResult, objects: list[MapObject]) -> None:
+        """Records the boxes that came after the last frame, and the map with them."""
+        for outgoing in self._stream.last(result, objects):
+            self._write(outgoing)
+
     def edit(self, line: str) -> None:
         """Record an edit, as a line of edits.jsonl, at the picture before it."""
         stamp_ns = self._last[0] if self._last is not None else 0
@@ -154,6 +159,10 @@ class RecordingSink(Sink):
         if path.parent.is_dir() and not path.exists():
             self._recorder = self._start()
         self._recorder.results(self._recorder.picture(result.frame), result, objects)
+
+    def last(self, result: StepResult, objects: list[MapObject]) -> None:
+        """Records the boxes that came after the last frame."""
+        self._recorder.last(result, objects)
 
     def edit(self, line: str) -> None:
         """Record an edit as a line of edits.jsonl; one that the disk does not take, or that comes after the end of the

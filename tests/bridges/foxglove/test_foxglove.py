@@ -5,6 +5,7 @@ import math
 import struct
 import time
 from contextlib import closing
+from dataclasses import replace
 
 import cv2
 import numpy as np
@@ -86,9 +87,14 @@ def test_a_client_reads_poses_objects_pictures_and_boxes(server):
         assert viewer.info["capabilities"] == ["time"]  # no client publishes, calls or changes anything
         viewer.subscribe(*viewer.channels)
         drawn = [steps.next() for _ in range(10)]
-        for result, objects in drawn:
+        for result, objects in drawn[:-1]:
             server.write(result, objects)
-        found = viewer.until(1.2)
+        found = viewer.until(1.1)
+        result, objects = drawn[-1]
+        late = replace(result.observed.detections, scores=np.full(3, 0.5))
+        server.last(replace(result, observed=replace(result.observed, detections=late)), objects)
+        server.write(result, objects)
+        found += viewer.until(1.2)
         decoded = {}
         for topic, stamp_ns, data in found:
             if topic != "/detections/annotations":
@@ -112,6 +118,8 @@ def test_a_client_reads_poses_objects_pictures_and_boxes(server):
     assert ellipses[0].scale.x == pytest.approx(axis_m, rel=0.05)  # of the map some steps before
     boxes = decoded["/detections"][4][1].detections
     assert [box.results[0].hypothesis.class_id for box in boxes] == ["chair", "couch", "person"]
+    assert [box.results[0].hypothesis.score for box in decoded["/detections"][9][1].detections] == [0.5] * 3
+    assert [stamp_ns for stamp_ns, _ in decoded["/map/objects"]] == [1_000_000_000, 1_200_000_000]
 
 
 def test_annotations_hold_every_box(server):

@@ -6,7 +6,7 @@ import subprocess
 import sys
 import threading
 import time
-from contextlib import closing, suppress
+from contextlib import closing, nullcontext, suppress
 from dataclasses import replace
 
 import cv2
@@ -18,7 +18,10 @@ from support.steps import Steps
 from support.waiting import wait_for
 
 from edgemap.geometry.objects.annotations import Zone
+from edgemap.geometry.objects.events import Edit
 from edgemap.runtime.frames.errors import PublishError
+from edgemap.runtime.step.edit_queue import Edits
+from edgemap.runtime.step.mapper import Mapper
 
 pytest.importorskip("paho.mqtt")
 pytestmark = pytest.mark.skipif(
@@ -69,7 +72,13 @@ def test_a_newcomer_is_told_state_objects_and_the_device(broker):
         assert (record["id"], record["label"]) == (item.id, item.label)
         assert [record["x_m"], record["y_m"]] == pytest.approx(item.position_m.tolist(), abs=0.25)
     entities = {topic: json.loads(text) for topic, text in told.items() if topic.startswith("homeassistant/")}
-    kinds = {"changes": "event", "picture": "image", "save": "button", "camera": "binary_sensor"}
+    kinds = {
+        "changes": "event",
+        "picture": "image",
+        "save": "button",
+        "relocalise": "button",
+        "camera": "binary_sensor",
+    }
     kinds |= {"unreliable": "binary_sensor"} | dict.fromkeys(
         ("fault", "heading", "objects", "room", "x", "y"), "sensor"
     )
@@ -90,14 +99,16 @@ def test_a_newcomer_is_told_state_objects_and_the_device(broker):
 
 
 def test_zones_the_camera_the_room_and_a_saved_map(broker, tmp_path):
-    """A zone says what is in it and leaves with its entity; the command `save` writes the map."""
+    """A zone says what is in it and leaves with its entity; the commands write the map and edit the pose."""
     result, objects = two_objects()
     x_m, y_m = objects[0].position_m.tolist()
     around = ((-0.2, -0.2), (0.2, -0.2), (0.2, 0.2), (-0.2, 0.2))
     zone = Zone("zone-1", "corner", tuple((x_m + dx, y_m + dy) for dx, dy in around))
     zoned = replace(result, annotations=replace(result.annotations, zones=(zone,)))
     state, config = ["running"], "homeassistant/sensor/edgemap-robo/zone-1/config"
-    with closing(MqttPublisher("127.0.0.1", broker.port, "robo", camera=lambda: state[0], folder=tmp_path)) as sink:
+    edits, address = Edits(), ("127.0.0.1", broker.port, "robo")
+    publisher = MqttPublisher(*address, camera=lambda: state[0], folder=tmp_path, edit=edits.submit)
+    with closing(publisher) as sink:
         sink.write(zoned, objects)
         sent = broker.retained(until=lambda sent: "edgemap/robo/zones/zone-1" in sent and "edgemap/robo/map" in sent)
         assert json.loads(sent["edgemap/robo/zones/zone-1"]) == {
@@ -106,6 +117,7 @@ def test_zones_the_camera_the_room_and_a_saved_map(broker, tmp_path):
             "count": 1,
         }
         assert json.loads(sent[config])["name"] == "corner"
+        entity = json.loads(sent["homeassistant/button/edgemap-robo/relocalise/config"])
         assert (json.loads(sent[STATE])["camera"], json.loads(sent[STATE])["room"]) == ("running", None)
         state[0] = "lost"
         sink.fault(made("camera x: lost"))
@@ -114,6 +126,15 @@ def test_zones_the_camera_the_room_and_a_saved_map(broker, tmp_path):
         later = replace(result, frame=replace(result.frame, stamp_s=result.frame.stamp_s + 2.0))
         wait_for(lambda: sink.write(later, objects) or [*tmp_path.glob("map-*.json")], "a saved map")
         sent = broker.retained(until=lambda sent: config not in sent)
+        mapper = Mapper()
+        for dock in ("dock", ""):  # without one, and with one
+            broker.publish("edgemap/robo/command", entity["payload_press"])
+            wait_for(lambda: edits._waiting, "the command")
+            edits.apply(mapper, 0)
+            with pytest.raises(PublishError, match="no dock") if dock else nullcontext():
+                sink.write(later, objects)
+            mapper.edit(Edit("dock", pose=(1.0, 2.0, 0.5)))
+    assert mapper.pose_map_base.vector().tolist() == [1.0, 2.0, 0.5]
     assert config not in sent
     assert "edgemap/robo/zones/zone-1" not in sent
     saved = json.loads(next(tmp_path.glob("map-*.json")).read_text())
