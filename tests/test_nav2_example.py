@@ -1,16 +1,19 @@
 """deploy/nav2: its parameters by Nav2's documented names, its topics and frames by what edgemap publishes."""
 
-import ast
+import importlib.util
+import sys
 from pathlib import Path
+from types import ModuleType, SimpleNamespace
+from typing import Any
 
+import pytest
 import yaml
 
 from edgemap.bridges.ros2.messages import topics
 from edgemap.bridges.ros2.messages.topics import FrameIds
 
 FOLDER = Path(__file__).parents[1] / "deploy" / "nav2"
-PARAMS = yaml.safe_load((FOLDER / "params.yaml").read_text())
-# By https://docs.nav2.org/configuration/index.html and nav2_bringup's own parameters (Humble to Jazzy).
+# By https://docs.nav2.org/configuration/index.html, its migration guides and nav2_bringup's own parameters.
 COSTMAP = {
     "update_frequency", "publish_frequency", "global_frame", "robot_base_frame", "rolling_window", "width", "height",
     "resolution", "robot_radius", "transform_tolerance", "plugins", "filters", "track_unknown_space",
@@ -30,14 +33,13 @@ SERVERS = {
     "bt_navigator": {"global_frame", "robot_base_frame", "odom_topic", "bt_loop_duration", "default_server_timeout"},
     "controller_server": {
         "controller_frequency", "min_x_velocity_threshold", "min_theta_velocity_threshold", "failure_tolerance",
-        "progress_checker_plugins", "goal_checker_plugins", "controller_plugins", "speed_limit_topic",
-        "progress_checker", "general_goal_checker", "FollowPath",
+        "goal_checker_plugins", "controller_plugins", "speed_limit_topic", "progress_checker", "general_goal_checker",
+        "FollowPath",
     },
     "planner_server": {"expected_planner_frequency", "planner_plugins", "GridBased"},
     "behavior_server": {
-        "costmap_topic", "footprint_topic", "cycle_frequency", "behavior_plugins", "spin", "backup", "wait",
-        "global_frame", "robot_base_frame", "transform_tolerance", "simulate_ahead_time", "max_rotational_vel",
-        "min_rotational_vel", "rotational_acc_lim",
+        "cycle_frequency", "behavior_plugins", "spin", "backup", "wait", "global_frame", "robot_base_frame",
+        "transform_tolerance", "simulate_ahead_time", "max_rotational_vel", "min_rotational_vel", "rotational_acc_lim",
     },
     "keepout_mask_server": {"yaml_filename", "topic_name", "frame_id"},
     "speed_mask_server": {"yaml_filename", "topic_name", "frame_id"},
@@ -45,63 +47,129 @@ SERVERS = {
     "speed_info_server": {"type", "filter_info_topic", "mask_topic", "base", "multiplier"},
 }  # fmt: skip
 FOLLOW_PATH = {
-    "plugin", "desired_linear_vel", "lookahead_dist", "min_lookahead_dist", "max_lookahead_dist",
-    "rotate_to_heading_angular_vel", "max_angular_accel", "use_rotate_to_heading", "transform_tolerance",
-    "use_collision_detection",
+    "plugin", "lookahead_dist", "min_lookahead_dist", "max_lookahead_dist", "rotate_to_heading_angular_vel",
+    "max_angular_accel", "use_rotate_to_heading", "use_collision_detection",
+}  # fmt: skip
+# What each distribution calls by a name of its own: parameters of controller, path follower and behaviours, and what
+# stands between package and class of planner and behaviours.
+TWO = {"local_costmap_topic", "global_costmap_topic", "local_footprint_topic", "global_footprint_topic", "local_frame"}
+OWN: dict[str, tuple[set[str], set[str], set[str], str]] = {
+    "humble": (
+        {"progress_checker_plugin"}, {"desired_linear_vel", "transform_tolerance"},
+        {"costmap_topic", "footprint_topic"}, "/",
+    ),
+    "jazzy": ({"progress_checker_plugins"}, {"desired_linear_vel", "transform_tolerance"}, TWO, "::"),
+    "lyrical": ({"progress_checker_plugins"}, {"max_linear_vel"}, TWO, "::"),
 }  # fmt: skip
 
 
-def parameters(name):
-    return PARAMS[name]["ros__parameters"]
+class Launched:
+    """What nav2.launch.py starts: keywords of its nodes by name, and the parameters of each as its files add up."""
+
+    def __init__(self, monkeypatch, distribution, zones=""):
+        class Substitution(str):
+            def perform(self, context):
+                return context[self]
+
+        actions = SimpleNamespace(
+            DeclareLaunchArgument=lambda *words, **more: (words, more), OpaqueFunction=lambda function: function
+        )
+        modules: dict[str, Any] = {
+            "launch": SimpleNamespace(LaunchContext=dict, LaunchDescription=list),
+            "launch.actions": actions,
+            "launch.substitutions": SimpleNamespace(LaunchConfiguration=Substitution),
+            "launch_ros": ModuleType("launch_ros"),
+            "launch_ros.actions": SimpleNamespace(Node=lambda **more: more),
+        }
+        for name, module in modules.items():
+            monkeypatch.setitem(sys.modules, name, module)
+        spec = importlib.util.spec_from_file_location("nav2_launch", FOLDER / "nav2.launch.py")
+        assert spec is not None
+        assert spec.loader is not None
+        module = importlib.util.module_from_spec(spec)
+        spec.loader.exec_module(module)
+        *_, function = module.generate_launch_description()
+        nodes = function({"distribution": distribution, "zones": str(zones), "params": ""})
+        self.nodes = {node["name"]: node for node in nodes}
+        self.all: dict[str, Any] = {}
+        for part in self.nodes["planner_server"]["parameters"]:
+            added(self.all, yaml.safe_load(Path(part).read_text()))
+
+    def of(self, name) -> dict[str, Any]:
+        return self.all[name]["ros__parameters"]
+
+    def costmaps(self):
+        return [self.all[name][name]["ros__parameters"] for name in ("local_costmap", "global_costmap")]
 
 
-def costmaps():
-    return [PARAMS[name][name]["ros__parameters"] for name in ("local_costmap", "global_costmap")]
+def added(whole, more):
+    for key, value in more.items():
+        if isinstance(value, dict):
+            added(whole.setdefault(key, {}), value)
+        else:
+            whole[key] = value
 
 
-def test_every_parameter_is_one_that_nav2_documents():
-    assert set(PARAMS) == set(SERVERS) | {"local_costmap", "global_costmap"}
+@pytest.fixture
+def zones(tmp_path):
+    for kind in ("keepout", "speed"):
+        (tmp_path / f"zones.{kind}.yaml").touch()
+    return tmp_path
+
+
+@pytest.mark.parametrize("distribution", OWN)
+def test_every_parameter_is_one_that_nav2_documents(distribution, zones, monkeypatch):
+    launched = Launched(monkeypatch, distribution, zones)
+    controller, follower, behaviours, separator = OWN[distribution]
+    assert set(launched.all) == set(SERVERS) | {"local_costmap", "global_costmap"}
+    own = {"controller_server": controller, "behavior_server": behaviours}
     for name, known in SERVERS.items():
-        assert set(parameters(name)) <= known, name
-    assert set(parameters("controller_server")["FollowPath"]) <= FOLLOW_PATH
-    for costmap in costmaps():
+        assert set(launched.of(name)) == known | own.get(name, set()), name
+    follow_path, behaving = launched.of("controller_server")["FollowPath"], launched.of("behavior_server")
+    assert set(follow_path) == FOLLOW_PATH | follower
+    plugins = [launched.of("planner_server")["GridBased"], *(behaving[one] for one in behaving["behavior_plugins"])]
+    assert [one["plugin"] for one in plugins] == [
+        f"nav2_{package}{separator}{name}"
+        for package, name in (
+            ("navfn_planner", "NavfnPlanner"),
+            *(("behaviors", one) for one in ("Spin", "BackUp", "Wait")),
+        )
+    ]
+    for costmap in launched.costmaps():
         layers = [*costmap["plugins"], *costmap.get("filters", [])]
         assert set(costmap) <= COSTMAP | set(layers)
         for layer in layers:
-            own = costmap[layer]
-            assert set(own) <= LAYERS[own["plugin"]] | {"plugin"}, layer
-            assert set(own.get("floor_scan", {})) <= SOURCE
+            own_names = costmap[layer]
+            assert set(own_names) <= LAYERS[own_names["plugin"]] | {"plugin"}, layer
+            assert set(own_names.get("floor_scan", {})) <= SOURCE
 
 
-def test_its_topics_and_frames_are_those_that_edgemap_publishes():
-    frames = FrameIds()
+def test_its_topics_and_frames_are_those_that_edgemap_publishes(monkeypatch):
+    launched, frames = Launched(monkeypatch, "jazzy"), FrameIds()
     published = {topics.MAP, *(f"/edgemap{topic}" for topic in topics.KINDS)}
-    local, whole = costmaps()
+    local, whole = launched.costmaps()
     assert (local["global_frame"], whole["global_frame"]) == (frames.odom, frames.map)
     assert local["robot_base_frame"] == whole["robot_base_frame"] == frames.base
     used = [whole["floor_layer"]["map_topic"], whole["furniture_layer"]["map_topic"]]
-    used += [costmap["obstacle_layer"]["floor_scan"]["topic"] for costmap in costmaps()]
+    used += [costmap["obstacle_layer"]["floor_scan"]["topic"] for costmap in launched.costmaps()]
     assert set(used) <= published
-    assert parameters("bt_navigator")["odom_topic"] in published
+    assert launched.of("bt_navigator")["odom_topic"] in published
 
 
-def test_filters_masks_and_servers_belong_together():
-    _, whole = costmaps()
+def test_masks_and_filters_run_only_where_there_are_zones(zones, monkeypatch):
+    both = Launched(monkeypatch, "jazzy", zones)
+    (zones / "zones.speed.yaml").unlink()
+    keepout, none = Launched(monkeypatch, "humble", zones), Launched(monkeypatch, "lyrical")
+    for launched, kinds in ((both, ["keepout", "speed"]), (keepout, ["keepout"]), (none, [])):
+        assert launched.costmaps()[1].get("filters", []) == [f"{kind}_filter" for kind in kinds]
+        masks = [name for name in launched.nodes if name.endswith(("mask_server", "info_server"))]
+        assert masks == [f"{kind}_{what}_server" for kind in kinds for what in ("mask", "info")]
+        manager = launched.nodes["lifecycle_manager_navigation"]["parameters"][0]
+        assert manager["node_names"] == [name for name in launched.nodes if name != "lifecycle_manager_navigation"]
     for kind, number in (("keepout", 0), ("speed", 1)):
-        info, mask = parameters(f"{kind}_info_server"), parameters(f"{kind}_mask_server")
+        info, mask = both.of(f"{kind}_info_server"), both.of(f"{kind}_mask_server")
         assert info["type"] == number
         assert info["mask_topic"] == mask["topic_name"]
+        whole = both.costmaps()[1]
         assert whole[f"{kind}_filter"]["filter_info_topic"] == info["filter_info_topic"]
-        assert mask["yaml_filename"] == f"zones.{kind}.yaml"  # as `map export --format nav2-masks` names it
-    assert whole["speed_filter"]["speed_limit_topic"].strip("/") == parameters("controller_server")["speed_limit_topic"]
-
-
-def test_the_launch_file_starts_what_the_parameters_describe():
-    tree = ast.parse((FOLDER / "nav2.launch.py").read_text())
-    (servers,) = [
-        ast.literal_eval(node.value)
-        for node in tree.body
-        if isinstance(node, ast.Assign) and getattr(node.targets[0], "id", "") == "SERVERS"
-    ]
-    assert set(servers) == {name for name in SERVERS if not name.endswith(("mask_server", "info_server"))}
-    assert any(isinstance(node, ast.FunctionDef) and node.name == "generate_launch_description" for node in tree.body)
+    assert whole["speed_filter"]["speed_limit_topic"].strip("/") == both.of("controller_server")["speed_limit_topic"]

@@ -1,9 +1,13 @@
 """Nav2 on edgemap: `ros2 launch deploy/nav2/nav2.launch.py`, beside `edgemap run … --ros2`.
 
-zones: a folder with zones.keepout.yaml and zones.speed.yaml, as `edgemap map export --format nav2-masks` writes them;
-where it is given, the masks and their filters run too (params.yaml names the filters).
+distribution: humble, jazzy or lyrical, $ROS_DISTRO by default. zones: a folder with zones.keepout.yaml and
+zones.speed.yaml, or one of them, as `edgemap map export --format nav2-masks` writes them; those masks and their filters
+run too. params: more parameters, which count before these.
 """
 
+import json
+import os
+import tempfile
 from pathlib import Path
 
 from launch import LaunchContext, LaunchDescription
@@ -22,22 +26,29 @@ SERVERS = {
 
 def nodes(context: LaunchContext) -> list[Node]:
     """The servers, and the manager that brings them up in order."""
-    params = LaunchConfiguration("params").perform(context)
-    zones = LaunchConfiguration("zones").perform(context)
+    distribution, zones, more = (
+        LaunchConfiguration(name).perform(context) for name in ("distribution", "zones", "params")
+    )
+    masks = {kind: Path(zones) / f"zones.{kind}.yaml" for kind in ("keepout", "speed") if zones}
+    masks = {kind: mask for kind, mask in masks.items() if mask.is_file()}
+    params = [str(HERE / name) for name in ("params.yaml", f"{distribution}.yaml", *["zones.yaml"] * bool(masks))]
+    if masks:
+        with tempfile.NamedTemporaryFile("w", suffix=".yaml", delete=False) as file:
+            filters = {"filters": [f"{kind}_filter" for kind in masks]}
+            json.dump({"global_costmap": {"global_costmap": {"ros__parameters": filters}}}, file)  # YAML too
+        params.append(file.name)
+    params += [more] * bool(more)
     found = [
-        Node(package=package, executable=name, name=name, output="screen", parameters=[params])
+        Node(package=package, executable=name, name=name, output="screen", parameters=params)
         for name, package in SERVERS.items()
     ]
     managed = list(SERVERS)
-    for kind in ("keepout", "speed"):
-        mask = Path(zones) / f"zones.{kind}.yaml"
-        if not zones or not mask.is_file():
-            continue
+    for kind, mask in masks.items():
         server = {"package": "nav2_map_server", "output": "screen"}
         found += [
             Node(executable="map_server", name=f"{kind}_mask_server",
-                 parameters=[params, {"yaml_filename": str(mask)}], **server),
-            Node(executable="costmap_filter_info_server", name=f"{kind}_info_server", parameters=[params], **server),
+                 parameters=[*params, {"yaml_filename": str(mask)}], **server),
+            Node(executable="costmap_filter_info_server", name=f"{kind}_info_server", parameters=params, **server),
         ]  # fmt: skip
         managed += [f"{kind}_mask_server", f"{kind}_info_server"]
     manager = {"autostart": True, "node_names": managed}
@@ -52,7 +63,8 @@ def generate_launch_description() -> LaunchDescription:
     """What `ros2 launch` asks for."""
     return LaunchDescription(
         [
-            DeclareLaunchArgument("params", default_value=str(HERE / "params.yaml")),
+            DeclareLaunchArgument("distribution", default_value=os.environ.get("ROS_DISTRO", "jazzy")),
+            DeclareLaunchArgument("params", default_value=""),
             DeclareLaunchArgument("zones", default_value=""),
             OpaqueFunction(function=nodes),
         ]
