@@ -1,8 +1,9 @@
 """`python -m edgemap.benchmarks.agent HOME...`: what an agent hears over MCP about homes that the map's drive has seen.
 
 HOME is a drive of `edgemap simulate`. Each is mapped with wheels, and questions are generated from its truth: where is
-the CLASS of which the home has one, and where is the CLASS nearest to a place. An answer is right within 0.5 m of the
-true object, wrong elsewhere, and unknown where the map has none.
+the CLASS of which the home has one, in which room is it, and where is the CLASS nearest to a place. A place is right
+within 0.5 m of the true object; a room is right where it covers most of the true object's room of all rooms. Unknown is
+what the map does not have.
 """
 
 import asyncio
@@ -19,8 +20,11 @@ import tyro
 
 from edgemap.benchmarks.boots import NEAR_M
 from edgemap.evaluation.objects import TrueObject
+from edgemap.geometry.arrays import Array
+from edgemap.geometry.grid.rooms import inside
 
 Question = tuple[str, dict[str, Any], list[tuple[float, float]]]  # tool, arguments, right places
+CELL_M = 0.1  # in which rooms are compared
 
 
 @dataclass(frozen=True)
@@ -52,6 +56,7 @@ async def asked(home: Path, options: AgentOptions, count: int) -> Counter[str]:
     from edgemap.bridges.mcp.server import server
     from edgemap.evaluation.objects import scored
     from edgemap.runtime.inputs.drives import open_drive
+    from edgemap.runtime.inputs.drives.truth import read_floor_plan
     from edgemap.runtime.network.bundle import load_bundle
     from edgemap.runtime.network.store import bundle_folder
     from edgemap.runtime.step.map_file import save_map
@@ -61,12 +66,17 @@ async def asked(home: Path, options: AgentOptions, count: int) -> Counter[str]:
     slam = replayed(drive, load_bundle(bundle_folder(options.bundle)), {"own": SlamOptions()})["own"]
     truth, answers = scored(true_objects(drive)), Counter[str]()
     with tempfile.TemporaryDirectory() as folder:
-        save_map(Path(folder) / "map.json", slam.objects(), slam.mapper.annotations())
+        grid, plan = slam.mapper.grid.grid(), read_floor_plan(home)
+        save_map(Path(folder) / "map.json", slam.objects(), slam.mapper.annotations(), grid)
+        true_rooms = [np.array(room.corners_m) for room in plan.rooms] if plan else []
         async with Client(server(open_source(folder))) as client:
             for tool, arguments, places in questions(truth, count):
                 result = await client.call_tool(tool, arguments)
-                rows = (result.structured_content or {}).get("objects", [])
-                answers[verdict(rows, places)] += 1
+                answer = result.structured_content or {}
+                if tool == "room_of":
+                    answers[f"room {room_verdict(list(answer.get('rooms', {}).values()), places[0], true_rooms)}"] += 1
+                else:
+                    answers[verdict(answer.get("objects", []), places)] += 1
     return answers
 
 
@@ -76,8 +86,10 @@ def questions(truth: list[TrueObject], count: int) -> Iterator[Question]:
     single: list[Question] = [
         ("where_is", {"what": item.label}, [(item.x_m, item.y_m)]) for item in truth if labels[item.label] == 1
     ]
-    yield from single[: count // 2]
-    for _ in range(count - len(single[: count // 2])):
+    single = single[: count // 4]
+    yield from single
+    yield from (("room_of", arguments, places) for _, arguments, places in single)
+    for _ in range(count - 2 * len(single)):
         item = truth[random.integers(len(truth))]
         here = tuple((np.array([item.x_m, item.y_m]) + random.normal(0.0, 1.0, 2)).tolist())
         kin = sorted((dist(here, (one.x_m, one.y_m)), one.x_m, one.y_m) for one in truth if one.label == item.label)
@@ -92,6 +104,19 @@ def verdict(rows: list[dict[str, Any]], places: list[tuple[float, float]]) -> st
     if not rows:
         return "unknown"
     return "right" if min(dist((rows[0]["x_m"], rows[0]["y_m"]), at) for at in places) <= NEAR_M else "wrong"
+
+
+def room_verdict(rows: list[dict[str, Any] | None], at: tuple[float, float], true_rooms: list[Array]) -> str:
+    """right, wrong or unknown, by the first answer. at: the true object. true_rooms: corners (K, 2) of each."""
+    if not rows or rows[0] is None:
+        return "unknown"
+    corners = np.array(rows[0]["corners_m"])
+    low, high = corners.min(axis=0), corners.max(axis=0)
+    points = np.stack(np.meshgrid(*(np.arange(a, b, CELL_M) for a, b in zip(low, high, strict=True))), axis=-1)
+    mine = inside(corners, points)
+    shares = [int((mine & inside(room, points)).sum()) for room in true_rooms]
+    there = [bool(inside(room, np.array(at)[None])[0]) for room in true_rooms]
+    return "right" if there[int(np.argmax(shares))] else "wrong"
 
 
 if __name__ == "__main__":

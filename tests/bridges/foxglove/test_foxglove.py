@@ -6,6 +6,7 @@ import struct
 import time
 from contextlib import closing
 from dataclasses import replace
+from pathlib import Path
 
 import cv2
 import numpy as np
@@ -17,6 +18,7 @@ from support.steps import Steps
 
 from edgemap.bridges.ros2.messages import stream
 from edgemap.bridges.ros2.messages.stream import MessageStream
+from edgemap.bridges.ros2.messages.topics import FrameIds
 from edgemap.runtime.frames.errors import PublishError
 
 pytest.importorskip("foxglove")
@@ -120,6 +122,36 @@ def test_a_client_reads_poses_objects_pictures_and_boxes(server):
     assert [box.results[0].hypothesis.class_id for box in boxes] == ["chair", "couch", "person"]
     assert [box.results[0].hypothesis.score for box in decoded["/detections"][9][1].detections] == [0.5] * 3
     assert [stamp_ns for stamp_ns, _ in decoded["/map/objects"]] == [1_000_000_000, 1_200_000_000]
+
+
+def test_the_layout_shows_topics_that_are_sent_in_panels_that_take_their_types(server):
+    """Every panel is drawn once, and takes the type of its topics by Foxglove's documentation."""
+    layout = json.loads((Path(__file__).parents[3] / "deploy/foxglove-layout.json").read_text())
+    with closing(Client(server.url)) as viewer:
+        kinds = {topic: channel["schemaName"].split("/")[-1] for topic, channel in viewer.channels.items()}
+        viewer.subscribe("/pose")
+        Steps().into(server, 2)
+        pose = viewer.decode(*next((topic, data) for topic, _, data in viewer.until(0.1)))
+    panels, drawn = layout["configById"], list[str]()
+    waiting = [layout["layout"]]
+    while waiting:
+        if isinstance(part := waiting.pop(), str):
+            drawn.append(part)
+        else:
+            waiting += [part["first"], part["second"]]
+    assert sorted(drawn) == sorted(panels)
+    three, image = panels["3D!map"], panels["Image!camera"]["imageMode"]
+    drawable = {"OccupancyGrid", "MarkerArray", "LaserScan", "PoseWithCovarianceStamped", "Odometry", "CameraInfo"}
+    assert {kinds[topic] for topic in three["topics"]} == drawable
+    assert three["followTf"] == FrameIds().map
+    assert {f"frame:{FrameIds().optical}"} == set(three["transforms"])
+    assert kinds[image["imageTopic"]] == "CompressedImage"
+    assert kinds[image["calibrationTopic"]] == "CameraInfo"
+    assert [kinds[topic] for topic in image["annotations"]] == ["foxglove.ImageAnnotations"]
+    assert kinds[panels["RawMessages!objects"]["topicPath"]] == "Detection3DArray"
+    for path in panels["Plot!pose"]["paths"]:
+        topic, names = path["value"].split(".", 1)
+        assert (topic, isinstance(eval(f"pose.{names}", {"pose": pose}), float)) == ("/pose", True)
 
 
 def test_annotations_hold_every_box(server):
