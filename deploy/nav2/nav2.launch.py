@@ -4,6 +4,7 @@ distribution: humble, jazzy or lyrical, $ROS_DISTRO by default. zones: a folder 
 zones.speed.yaml, or one of them, as `edgemap map export --format nav2-masks` writes them; those masks and their filters
 run too. params: more parameters, which count before these.
 """
+# pyright: reportMissingImports=false
 
 import json
 import os

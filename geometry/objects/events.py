@@ -56,9 +56,10 @@ class Edit:
     confirmation. correct: `id` has this `label`, `place_m`, `size_m` and `yaw_rad`, each where set. add: a new object
     with these values, without detections. merge: `id` is the same object as `into`. delete: `id` is not there. zone: a
     zone `id`, or a new one where it is empty, has `name` and `corners_m`. room: the room `id`, whose outline is
-    `corners_m`, is called `name`; empty takes the name away. dock: the dock is at `pose`. pose: the robot
-    is at `pose` now, or in the dock (`id` dock), with standard deviations `sigmas`. undo: drops the last of correct, merge and delete of the object
-    `id`, the zone or room `id`, or the dock (`dock`). Sizes: width, depth, height. Poses: x, y, yaw; m, m, rad.
+    `corners_m`, is called `name`; empty takes the name away. dock: the dock is at `pose`. pose: the robot is at `pose`
+    now, or in the dock (`id` dock), with standard deviations `sigmas`. undo: drops the last of correct, merge and
+    delete of the object `id`, the zone or room `id`, or the dock (`dock`). Sizes: width, depth, height. Poses: x, y,
+    yaw; m, m, rad.
     """
 
     do: EditKind
