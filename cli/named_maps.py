@@ -1,4 +1,4 @@
-"""`edgemap run --map auto`: which of the named maps the robot is in, by the objects that it sees."""
+"""`edgemap run --map auto`: which of the named maps the robot is in, by objects and floor."""
 
 from collections.abc import Callable, Generator
 from dataclasses import replace
@@ -71,7 +71,8 @@ class PlaceFinder(Relocaliser):
         for number, place in enumerate(self._maps):
             yield
             try:
-                fits[number] = yield from aligning(place.saved, seen, self._registration)
+                grids = place.grid, self.run_map.grid
+                fits[number] = yield from aligning(place.saved, seen, self._registration, grids)
             except AlignmentError as error:
                 self.reason = f"{self._folders[number].name}: {error}"
         return fits
@@ -83,7 +84,8 @@ class PlaceFinder(Relocaliser):
         ((number, alignment),) = fits.items()
         place = self._maps[number]
         try:
-            self.alignment = realigned(alignment, place.saved, self.run_map.objects(), self._registration)
+            grids = place.grid, self.run_map.grid
+            self.alignment = realigned(alignment, place.saved, self.run_map.objects(), self._registration, grids)
         except AlignmentError as error:
             self.reason = f"{self._folders[number].name}: {error}"
             return None

@@ -1,8 +1,8 @@
-"""Alignment of two maps: a rigid motion of the plane that matches objects of one label.
+"""Alignment of two maps: a rigid motion of the plane that matches objects of one label, and the grids.
 
 Every two label-consistent correspondences whose mutual distances agree give a motion; the one that explains the most
-objects is refined by weighted least squares. It is rejected where chance explains it, or where a clearly different
-motion explains nearly as many objects.
+objects is refined by weighted least squares, and where both maps have a grid, by the occupied cells. It is rejected
+where chance explains it, or where a clearly different motion explains nearly as much.
 """
 
 import math
@@ -16,8 +16,9 @@ from scipy.special import bdtrc
 from edgemap.geometry.arrays import CHI2_997, Array
 from edgemap.geometry.errors import MapError
 from edgemap.geometry.map_object import MapObject
-from edgemap.geometry.registration.hypotheses import best_modes, hypotheses
-from edgemap.geometry.se2 import SE2
+from edgemap.geometry.registration.grid_overlap import GridFit, Grids, fitted_grid
+from edgemap.geometry.registration.hypotheses import SAME_PLACE_M, SAME_TURN_RAD, best_modes, hypotheses
+from edgemap.geometry.se2 import SE2, wrap_angle
 
 ROUNDS = 10  # of refinement, at most: it ends where the pairs stay
 Pairs = tuple[tuple[int, int], ...]
@@ -35,10 +36,10 @@ class AlignmentRule:
     """Acceptance criteria for two maps of one place."""
 
     reach_m: float = 1.0  # greatest distance of a pair of objects
-    least_pairs: int = 4  # minimum number of pairs
+    least_pairs: int = 4  # minimum number of pairs, where no grids are compared
     chance: float = 0.001  # greatest expected number of alignments as good as this one between unrelated maps
-    # A clearly different alignment may explain at most this share of the best one's objects; of maps that have changed
-    # since, more must still match.
+    # A clearly different alignment may explain at most this share of the best one's objects, or of minus the logarithm
+    # of its chance where grids are compared; of maps that have changed since, more must still match.
     rival_share: float = 0.8
 
 
@@ -76,9 +77,13 @@ def align(first: Sequence[MapObject], second: Sequence[MapObject]) -> Alignment:
 
 
 def aligning(
-    first: Sequence[MapObject], second: Sequence[MapObject], rule: AlignmentRule | None = None
+    first: Sequence[MapObject],
+    second: Sequence[MapObject],
+    rule: AlignmentRule | None = None,
+    grids: Grids = (None, None),
 ) -> Generator[None, None, Alignment]:
-    """Aligns two maps as `align` does, and yields after every unit of work; each unit has bounded size.
+    """Aligns two maps as `align` does, and yields after every unit of work; each unit has bounded size. grids: of both
+    maps; they are evidence as the objects are, and two pairs suffice.
 
     Chance is counted a contrario (Moisan and Stival 2004): the number of motions tried, times the probability that as
     many of the other objects fall as near to one of their label at random.
@@ -89,11 +94,11 @@ def aligning(
             f"maps of {len(first)} and {len(second)} objects are too large to compare: "
             f"{MAXIMUM_PAIRS:,} pairs of objects at most"
         )
-    shared = _shared(first, second)
-    if shared < rule.least_pairs:
+    shared, least = _shared(first, second), rule.least_pairs if None in grids else 2
+    if shared < least:
         raise AlignmentError(
             f"the maps ({len(first)} and {len(second)} objects) share {shared} objects by label, "
-            f"at least {rule.least_pairs} are needed"
+            f"at least {least} are needed"
         )
     tried = hypotheses(first, second)
     yield
@@ -101,24 +106,26 @@ def aligning(
     for mode in modes:
         yield
         if fit := _refined(mode, first, second, rule):
-            fits.append(fit)
+            chance = _chance(fit, first, second, shared, len(tried.yaw_rad))
+            fits.append(_with_grid(fit, fitted_grid(grids, fit.pose), chance, first, second, rule))
     yield
     if not fits:
         raise AlignmentError(f"no motion lays more than one of {shared} objects with a common label onto its like")
-    best = max(fits, key=lambda fit: (len(fit.pairs), -fit.chi2))
-    rivals = [fit for fit in fits if 2 * len(set(fit.pairs) & set(best.pairs)) < len(fit.pairs)]
-    rival = max(rivals, key=lambda fit: len(fit.pairs), default=None)
-    chance = _chance(best, first, second, shared, len(tried.yaw_rad))
+    weight = _pair_count if None in grids else _surprise
+    best = max(fits, key=lambda fit: (weight(fit), -fit.chi2))
+    rivals = [fit for fit in fits if best.differs(fit, second)]
+    rival = max(rivals, key=weight, default=None)
+    chance = best.chance
     summary = f"the best alignment explains {len(best.pairs)} of {shared} objects with a common label"
-    if len(best.pairs) < rule.least_pairs:
-        raise AlignmentError(f"{summary}, at least {rule.least_pairs} are needed")
+    if len(best.pairs) < least:
+        raise AlignmentError(f"{summary}, at least {least} are needed")
     if chance > rule.chance:
         raise AlignmentError(
             f"{summary}, which maps of unrelated places would do {chance:.2g} times "
             f"(at most {rule.chance:g} is accepted)"
         )
     count = len(rival.pairs) if rival else 0
-    if rival and count > rule.rival_share * len(best.pairs):
+    if rival and weight(rival) > rule.rival_share * weight(best):
         raise AlignmentError(
             f"ambiguous: {summary} ({_words(best.pose)}), and a clearly different one {count} ({_words(rival.pose)})"
         )
@@ -128,25 +135,35 @@ def aligning(
 
 
 def realigned(
-    alignment: Alignment, first: Sequence[MapObject], second: Sequence[MapObject], rule: AlignmentRule | None = None
+    alignment: Alignment,
+    first: Sequence[MapObject],
+    second: Sequence[MapObject],
+    rule: AlignmentRule | None = None,
+    grids: Grids = (None, None),
 ) -> Alignment:
     """Updates an alignment of maps that have changed a little since. Raises AlignmentError where too few objects still
     match."""
     rule = rule or AlignmentRule()
     fit = _refined(alignment.pose_a_b, first, second, rule)
-    if fit is None or len(fit.pairs) < max(rule.least_pairs, rule.rival_share * len(alignment.pairs)):
+    if fit is not None:
+        fit = _with_grid(fit, fitted_grid(grids, alignment.pose_a_b), alignment.chance, first, second, rule)
+    if fit is None or len(fit.pairs) < max(2, rule.rival_share * len(alignment.pairs)):
         raise AlignmentError(f"{len(alignment.pairs)} objects matched, and no longer do")
     return replace(alignment, pose_a_b=fit.pose, covariance=fit.covariance, pairs=fit.pairs)
 
 
 def aligned_near(
-    guesses: Sequence[SE2], first: Sequence[MapObject], second: Sequence[MapObject], rule: AlignmentRule | None = None
+    guesses: Sequence[SE2],
+    first: Sequence[MapObject],
+    second: Sequence[MapObject],
+    rule: AlignmentRule | None = None,
+    grids: Grids = (None, None),
 ) -> Alignment:
     """Aligns the second map to the first one from a few guessed poses of the second map in the first map's frame.
 
     A prior guess is one hypothesis among few, while `align` tries thousands, so fewer objects confirm it. Chance is the
     number of guesses, times the probability that as many of the second map's objects fall onto one of their label at
-    random. Raises AlignmentError where no guess is certain.
+    random, times that of the grids. Raises AlignmentError where no guess is certain.
     """
     rule = rule or AlignmentRule()
     candidates: list[Alignment] = []
@@ -159,9 +176,10 @@ def aligned_near(
             continue
         near = [_probability(theirs, fit.pose, first, rule) for theirs in second]
         chance = len(guesses) * float(bdtrc(len(fit.pairs) - 1, len(second), float(np.mean(near))))
+        fit = _with_grid(fit, fitted_grid(grids, fit.pose), chance, first, second, rule)
         pairs = [np.linalg.norm(first[i].position_m - fit.pose.apply(second[j].position_m)) for i, j in fit.pairs]
         rms_m = math.sqrt(float(np.mean(np.square(pairs))))
-        candidates.append(Alignment(fit.pose, fit.covariance, fit.pairs, _shared(first, second), 0, chance, rms_m))
+        candidates.append(Alignment(fit.pose, fit.covariance, fit.pairs, _shared(first, second), 0, fit.chance, rms_m))
     best = min(candidates, key=lambda one: one.chance, default=None)
     if best is None or best.chance > rule.chance:
         reason = f"by chance {best.chance:.2g} times" if best else "no two objects agree"
@@ -182,16 +200,51 @@ def _probability(theirs: MapObject, pose: SE2, first: Sequence[MapObject], rule:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Fit:
-    """A refined motion. distances2: squared Mahalanobis distance of each pair; chi2: their sum."""
+    """A refined motion. distances2: squared Mahalanobis distance of each pair; chi2: their sum. chance: see
+    `Alignment`, with that of the grids."""
 
     pose: SE2
     covariance: Array
     pairs: Pairs
     distances2: Array
+    chance: float = 1.0
 
     @property
     def chi2(self) -> float:
         return float(self.distances2.sum())
+
+    def differs(self, other: "_Fit", second: Sequence[MapObject]) -> bool:
+        """Whether another motion is clearly a different one: of the pairs, and of where it lays the second map."""
+        middle = np.mean([item.position_m for item in second], axis=0)
+        apart_m = float(np.linalg.norm(self.pose.apply(middle) - other.pose.apply(middle)))
+        turn_rad = abs(wrap_angle(self.pose.yaw_rad - other.pose.yaw_rad))
+        if apart_m <= SAME_PLACE_M and turn_rad <= SAME_TURN_RAD:
+            return False
+        return 2 * len(set(other.pairs) & set(self.pairs)) < len(other.pairs)
+
+
+def _pair_count(fit: _Fit) -> float:
+    return len(fit.pairs)
+
+
+def _surprise(fit: _Fit) -> float:
+    return max(-math.log(max(fit.chance, 1e-300)), 0.0)
+
+
+def _with_grid(
+    fit: _Fit,
+    grid: GridFit | None,
+    chance: float,
+    first: Sequence[MapObject],
+    second: Sequence[MapObject],
+    rule: AlignmentRule,
+) -> _Fit:
+    """The fit with the chance of both; by the grids where these agree for certain."""
+    fit = replace(fit, chance=chance * (grid.chance if grid else 1.0))
+    if grid is None or grid.chance > rule.chance:
+        return fit
+    pairs = _paired(grid.pose, first, second, rule) or fit.pairs
+    return replace(fit, pose=grid.pose, covariance=grid.covariance, pairs=pairs)
 
 
 def _shared(first: Sequence[MapObject], second: Sequence[MapObject]) -> int:
@@ -280,7 +333,7 @@ def _chance(fit: _Fit, first: Sequence[MapObject], second: Sequence[MapObject], 
             area_m2 = math.pi * CHI2_997 * float(np.sqrt(np.linalg.det(alike)).sum())
             probabilities.append(min(1.0, area_m2 / float(np.prod(span))))
     probability = float(np.mean(probabilities))
-    minimum = math.inf
+    minimum = float(max(tried, 1))  # of the two objects that gave the motion
     others = shared - 2
     for rank, distance2 in enumerate(np.sort(fit.distances2), start=1):
         if rank > 2:

@@ -1,4 +1,4 @@
-"""Finding the robot in a saved map by its objects."""
+"""Relocalises the robot in a saved map by its objects and its floor."""
 
 from collections.abc import Generator, Sequence
 
@@ -13,6 +13,7 @@ from edgemap.geometry.registration.alignment import (
     aligning,
     realigned,
 )
+from edgemap.geometry.registration.grid_overlap import Grids
 from edgemap.geometry.se2 import SE2
 from edgemap.runtime.step.config import Config
 
@@ -57,7 +58,7 @@ class Relocaliser:
         if self._work is None:
             if self._guesses and (alignment := self._guessed()):
                 return alignment
-            self._work = aligning(self.saved, self.run_map.objects(), self._registration)
+            self._work = aligning(self.saved, self.run_map.objects(), self._registration, self._grids())
         try:
             next(self._work)
         except StopIteration as end:
@@ -69,7 +70,8 @@ class Relocaliser:
 
     def _guessed(self) -> Alignment | None:
         try:
-            self.alignment = aligned_near(self._guesses, self.saved, self.run_map.objects(), self._registration)
+            seen = self.run_map.objects()
+            self.alignment = aligned_near(self._guesses, self.saved, seen, self._registration, self._grids())
         except AlignmentError as error:
             self.reason = str(error)
         return self.alignment
@@ -77,10 +79,13 @@ class Relocaliser:
     def _as_it_is_now(self, alignment: Alignment) -> Alignment | None:
         """The map of this run has grown and moved since the work began."""
         try:
-            return realigned(alignment, self.saved, self.run_map.objects(), self._registration)
+            return realigned(alignment, self.saved, self.run_map.objects(), self._registration, self._grids())
         except AlignmentError as error:
             self.reason = str(error)
             return None
+
+    def _grids(self) -> Grids:
+        return self.grid, self.run_map.grid
 
     def _is_due(self) -> bool:
         """While a search is unfinished, and when there are more or better objects than at the last attempt."""
