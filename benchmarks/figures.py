@@ -34,6 +34,7 @@ What was measured, with its data, commit and date. In brackets: lowest to highes
 interval. *Tuned on* data had a say in some rule or weight, so its figures flatter. Rendered homes are synthetic.
 `make figures` measures again where the data is here, and `benchmarks/figures.json` holds the command of each;
 [evaluation](evaluation.md) explains the terms, and with the [benchmark](benchmark.md) you measure another system.
+The [data](#data) is described at the end.
 """
 
 
@@ -113,12 +114,18 @@ def pages(rows: list[Row]) -> dict[Path, str]:
     """The texts that are made of the figures, by file."""
     root = HERE.parent
     tables = list(dict.fromkeys(row["table"] for row in rows if row["table"] not in (BESIDE, "Benchmark")))
-    parts = [f"\n## {table}\n\n" + _table([row for row in rows if row["table"] == table]) for table in tables]
+    parts = [
+        f"\n## {table}\n\n" + _table([row for row in rows if row["table"] == table], names=True) for table in tables
+    ]
     charts = (
         f"\n## By home\n\n![F1 and drift of each home](figures-homes.svg)\n\n## {BESIDE}\n\n"
         "Bars to the right: edgemap is better by that factor. The same data on both sides of a row.\n\n"
-        "![edgemap beside other programs](figures-peers.svg)\n"
+        "![edgemap beside other programs](figures-peers.svg)\n\n## Data\n\n"
     )
+    about: dict[str, list[str]] = {}
+    for name, _, words in dict.fromkeys(row["data"].partition(", ") for row in rows if row["table"] in tables):
+        about.setdefault(name, []).append(words)
+    charts += "".join(f"- {name}: {'; '.join(words)}.\n" for name, words in about.items() if any(words))
     chosen = {root / "README.md": README_ROWS, root / "docs" / "benchmark.md": LEADERBOARD}
     within = {
         path: _within(path.read_text(), [row for row in rows if row["figure"] in names])
@@ -148,12 +155,14 @@ LEADERBOARD = (
 )  # fmt: skip
 
 
-def _table(rows: list[Row]) -> str:
+def _table(rows: list[Row], names: bool = False) -> str:
+    """A table of rows. names: data by its name alone, which is the text before the first comma."""
     lines = ["| figure | value | data | measured |", "| --- | --- | --- | --- |"]
     for row in rows:
+        data = row["data"].partition(",")[0] if names else row["data"]
         say = ", tuned on" if row["had_a_say"] else ""
         when = " ".join(filter(None, (row["date"], row["commit"])))
-        lines.append(f"| {row['figure'].strip()} | {_interval(row)} | {row['data']}{say} | {when} |")
+        lines.append(f"| {row['figure'].strip()} | {_interval(row)} | {data}{say} | {when} |")
     return "\n".join(lines) + "\n"
 
 
