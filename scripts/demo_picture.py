@@ -2,11 +2,13 @@
 """The pictures of README and docs: `make demo`, some minutes.
 
 Runs the demo with its live page, looks at that in chromium without a window, and keeps what it shows at every
-`EVERY`th frame of the drive as one animated WebP, docs/demo.webp; then the page and the report, on a desktop and a
-phone. Needs chromium and the extras view and simulation.
+`EVERY`th frame of the drive and at its end as one animated WebP, docs/demo.webp; then the page and the report, on a
+desktop and a phone. The page states the drive's own rate instead of the measured one, so that a busy machine makes the
+same pictures. Needs chromium and the extras view and simulation.
 """
 
 import io
+import subprocess
 import sys
 import tempfile
 import time
@@ -17,23 +19,30 @@ from PIL import Image
 ROOT = Path(__file__).parents[1]
 sys.path.insert(0, str(ROOT / "tests"))
 from support.browser import Browser, Page  # noqa: E402
-from support.live_run import begin_live_run  # noqa: E402
 
 EVERY, SHOWN_MS, LAST_MS = 10, 125, 3000  # frames of the drive at 10 Hz between two pictures: it plays 8 times as fast
 SIZE, PHONE, SCALE = (1440, 900), (390, 844), 0.67  # of the windows, and of the moving picture
 LARGEST_BYTES = 3 << 20
+RUN = """
+from edgemap.cli import main
+from edgemap.view import status
+from edgemap.view.page import LivePage
+
+LivePage.rate_hz = lambda page: page.camera_hz()
+status.SILENT_S = float("inf")
+main()
+"""
 
 
 def pictures(page: Page, frames: int) -> list[Image.Image]:
-    """What the page shows at every `EVERY`th frame, at most one picture for each."""
-    found = []
-    for frame in range(0, frames, EVERY):
-        page.until(f"edgemap.frame >= {frame}")
-        data = page.picture()
-        whole = Image.open(io.BytesIO(data)).convert("RGB")
-        found.append(whole.resize((round(SIZE[0] * SCALE), round(SIZE[1] * SCALE)), Image.Resampling.LANCZOS))
+    """What the page shows at every `EVERY`th frame, at most one picture for each, and at the end."""
+    shown = []
+    for frame in [*range(0, frames, EVERY), frames]:
+        page.until(f"edgemap.frame >= {frame} || edgemap.state === 'finished'")
+        whole = Image.open(io.BytesIO(page.picture())).convert("RGB")
+        shown.append(whole.resize((round(SIZE[0] * SCALE), round(SIZE[1] * SCALE)), Image.Resampling.LANCZOS))
         print(f"\r{frame} of {frames}", end="", file=sys.stderr, flush=True)
-    return found
+    return shown
 
 
 def stills(browser: Browser, url: str, report: Path) -> None:
@@ -60,7 +69,8 @@ def main() -> None:
     """Make them."""
     out = ROOT / "docs" / "demo.webp"
     with tempfile.TemporaryDirectory() as folder:
-        run = begin_live_run("--out", f"{folder}/run")
+        command = [sys.executable, "-u", "-c", RUN, "run", "--view", "127.0.0.1:0", "--out", f"{folder}/run"]
+        run = subprocess.Popen(command, stdout=subprocess.PIPE, text=True)
         assert run.stdout is not None
         url = run.stdout.readline().split()[-1]
         browser = Browser(Path(folder) / "chromium")
@@ -68,7 +78,6 @@ def main() -> None:
             page = browser.open(url, *SIZE, prefers_color_scheme="light")
             page.until("window.edgemap?.updates > 0")
             shown = pictures(page, 600)
-            page.until("edgemap.state === 'finished'")
             stills(browser, url, Path(folder) / "run" / "report.html")
         finally:
             browser.close()

@@ -157,6 +157,7 @@ byId("doubtful").onclick = () => {
   press("doubtful", map.showDoubtful);
   map.redraw();
   objects.redraw();
+  zones.update(map.zones, map.rooms, map.objects);
 };
 byId("by-trust").onclick = () => {
   map.path.byTrust = !map.path.byTrust;

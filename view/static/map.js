@@ -4,12 +4,12 @@ import { markOf, tracePath } from "/marks.js";
 import { drawFootprint } from "/furniture.js";
 import { byId, setText } from "/dom.js";
 import { classDoubt, nameOf } from "/objects.js";
-import { titleOf } from "/zones.js";
+import { titleOf, within } from "/zones.js";
 import { Path } from "/path.js";
 import { Truth } from "/truth.js";
 import { Viewport } from "/viewport.js";
 
-const PICK_PX = 22, TOOLS_PX = 50, LONGEST_AXIS_M = 10, SIGHT_M = 3;
+const PICK_PX = 22, TOOLS_PX = 50, LONGEST_AXIS_M = 10, SIGHT_M = 3, TITLE_STEPS = 12;
 
 export class FloorMap {
   // chosen(id or null): somebody picks an object.
@@ -155,9 +155,9 @@ export class FloorMap {
     pen.lineJoin = "round";
     this.floor.draw(pen, this.view, this.style);
     const step = this.grid(pen, width, height);
-    for (const room of this.rooms) this.zone(pen, room.corners_m, titleOf(room), false, this.style.muted);
+    for (const room of this.rooms) this.zone(pen, room.corners_m, false, this.style.muted);
     for (const door of this.doors) this.door(pen, door);
-    for (const zone of this.zones) this.zone(pen, zone.corners_m, zone.name);
+    for (const zone of this.zones) this.zone(pen, zone.corners_m);
     this.path.draw(pen, view, this.trail, this.replayed ? null : robot, this.style);
     ["ramp-from", "ramp-to"].forEach((id, end) => setText(byId(id), this.path.ends(this.trail)[end]));
     this.truth.draw(pen, view, new Map(this.shown().map((item) => [item.id, item])), this.style);
@@ -166,7 +166,7 @@ export class FloorMap {
     if (this.dock) this.home(pen, this.dock);
     if (robot) this.robot(pen, robot);
     this.things(pen, robot);
-    if (this.corners && this.placing === "zone") this.zone(pen, this.corners, "", true);
+    if (this.corners && this.placing === "zone") this.zone(pen, this.corners, true);
     else if (this.corners?.length) this.cross(pen, view.toScreen(...this.corners[0]), this.style.ink);
     if (this.ghost) this.arrow(pen, this.ghost, .6);
     if (canvas.matches(":focus-visible") || this.corners) this.cross(pen, [width / 2, height / 2], this.style.muted);
@@ -252,10 +252,12 @@ export class FloorMap {
     }
     for (const item of items.sort((a, b) => (b.id === this.chosen) - (a.id === this.chosen) || b.count - a.count)) this.name(pen, item, placed);
     for (const row of missed) this.name(pen, row, placed, this.style.bad);
+    for (const room of this.rooms) this.title(pen, room, placed, this.style.muted);
+    for (const zone of this.zones) this.title(pen, zone, placed, this.style.ink);
   }
 
   // A zone or a room, by the colour of its outline; drawn: its corners so far.
-  zone(pen, corners, name, drawn = false, ink = this.style.ink) {
+  zone(pen, corners, drawn = false, ink = this.style.ink) {
     const places = corners.map(([x, y]) => this.view.toScreen(x, y));
     pen.beginPath();
     for (const place of places) pen.lineTo(...place);
@@ -264,13 +266,23 @@ export class FloorMap {
     pen.fill();
     pen.stroke();
     for (const [left, top] of drawn ? places : []) pen.strokeRect(left - 4, top - 4, 8, 8);
-    if (!name) return;
-    const xs = places.map(([left]) => left), middle = (Math.min(...xs) + Math.max(...xs)) / 2;
-    const top = Math.min(...places.map(([, y]) => y)) - 4;
+  }
+
+  // The name of a room or zone: inside it, as near to its middle as nothing else is written; else above it.
+  title(pen, area, placed, ink) {
+    const name = titleOf(area), corners = area.corners_m.map(([x, y]) => this.view.toScreen(x, y));
+    const [xs, ys] = [0, 1].map((axis) => corners.map((corner) => corner[axis])), [x0, y0] = [Math.min(...xs), Math.min(...ys)];
+    const [width, height] = [Math.max(...xs) - x0, Math.max(...ys) - y0], shares = Array.from({ length: TITLE_STEPS - 1 }, (_, k) => (k + 1) / TITLE_STEPS);
     pen.font = "600 12.5px system-ui, sans-serif";
-    Object.assign(pen, { textAlign: "center", textBaseline: "bottom", lineWidth: 3.5, strokeStyle: this.style.card, fillStyle: ink });
-    pen.strokeText(name, middle, top);
-    pen.fillText(name, middle, top);
+    const half = pen.measureText(name).width / 2, rect = ([x, y]) => [x - half, y - 8, x + half, y + 8];
+    const spots = shares.flatMap((across) => shares.map((down) => [x0 + across * width, y0 + down * height]));
+    spots.sort((a, b) => Math.hypot(a[0] - x0 - width / 2, a[1] - y0 - height / 2) - Math.hypot(b[0] - x0 - width / 2, b[1] - y0 - height / 2));
+    const free = (box) => [[0, 1], [2, 1], [0, 3], [2, 3]].every(([x, y]) => within(corners, [box[x], box[y]])) && placed.every((other) => apart(box, other));
+    const at = spots.find((spot) => free(rect(spot))) ?? [x0 + width / 2, y0 - 12];
+    placed.push(rect(at));
+    Object.assign(pen, { textAlign: "center", textBaseline: "middle", lineWidth: 3.5, strokeStyle: this.style.card, fillStyle: ink });
+    pen.strokeText(name, ...at);
+    pen.fillText(name, ...at);
     pen.textAlign = "start";
   }
 

@@ -83,7 +83,7 @@ export class Objects {
       if (list.children[place] !== row.item) list.insertBefore(row.item, list.children[place] ?? null);
       this.fill(row, item);
     });
-    this.legend([...new Set(all.map(({ label }) => label))].sort());
+    this.legend(all);
     if (this.chosen && !this.items.has(this.chosen)) this.choose(null);
     else this.fillDetail();
   }
@@ -148,8 +148,15 @@ export class Objects {
     this.redraw();
   }
 
-  legend(labels) {
-    const list = byId("legend-labels"), drawn = labels.join("\n");
+  // What the map draws, and no more.
+  legend(all) {
+    const labels = [...new Set(all.map(({ label }) => label))].sort(), list = byId("legend-labels"), drawn = labels.join("\n");
+    const { zones, rooms, dock, truth } = this.map, drawnToo = {
+      doubtful: all.some(({ doubtful }) => doubtful), unsure: all.some(classDoubt), confirmed: all.some(({ confirmed }) => confirmed),
+      turned: all.some(({ yaw_rad }) => yaw_rad !== null), circle: all.some(({ yaw_rad }) => yaw_rad === null),
+      zone: zones.length, room: rooms.length, dock, truth: truth.rows.length, missed: truth.missed().length,
+    };
+    for (const row of document.querySelectorAll("[data-when]")) row.hidden = !drawnToo[row.dataset.when];
     if (list.dataset.drawn === drawn) return;
     list.dataset.drawn = drawn;
     list.replaceChildren(...labels.map((label) => {
@@ -276,7 +283,7 @@ export class Objects {
         return pair;
       }));
     }
-    Object.values(told).forEach((text, place) => setText(facts.children[place].lastChild, text));
+    Object.values(told).forEach((text, place) => setText(facts.children[place].lastChild, text.replace(/(\d) (m|s|%)(?=\W|$)/g, "$1\u00a0$2")));
     const shares = Object.entries(item.labels).filter(([, share]) => share >= .005).slice(0, 4), drawn = JSON.stringify(shares);
     if (labels.dataset.drawn === drawn) return;
     labels.dataset.drawn = drawn;

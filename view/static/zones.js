@@ -39,8 +39,11 @@ export class Zones {
   }
 
   update(zones, rooms, objects) {
-    const told = [zones, rooms].map((areas) => areas.map(
-      (area) => ({ ...area, inside: area.objects.map((id) => nameOf(objects.get(id) ?? { id })) })));
+    const told = [zones, rooms].map((areas) => areas.map((area) => {
+      const inside = area.objects.map((id) => objects.get(id) ?? { id }), hidden = this.map.showDoubtful ? [] : inside.filter(({ doubtful }) => doubtful);
+      const names = inside.filter((item) => !hidden.includes(item)).map(nameOf);
+      return { ...area, inside: hidden.length ? [...names, `${hidden.length} doubtful`] : names };
+    }));
     const key = JSON.stringify(told.map((areas) => areas.map((area) => [area.id, titleOf(area), area.inside])));
     if (key === this.drawn || document.activeElement?.matches("#zones input")) return; // nor while a person types a name
     this.drawn = key;
@@ -80,9 +83,12 @@ export class Zones {
   }
 }
 
-function roomAt(rooms, [x, y]) {
-  return rooms.find(({ corners_m }) => corners_m.reduce((inside, [ax, ay], k) => {
-    const [bx, by] = corners_m.at(k - 1);
+function roomAt(rooms, place) { return rooms.find(({ corners_m }) => within(corners_m, place)); }
+
+// Whether a polygon holds a point.
+export function within(corners, [x, y]) {
+  return corners.reduce((inside, [ax, ay], k) => {
+    const [bx, by] = corners.at(k - 1);
     return (ay > y) !== (by > y) && x < ax + (y - ay) * (bx - ax) / (by - ay) ? !inside : inside;
-  }, false));
+  }, false);
 }
