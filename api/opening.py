@@ -9,8 +9,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from edgemap.calibrate.first_pictures import earlier_guess, guess_of, guessing_frames, mount_by_depth
+from edgemap.calibrate.floor_depth import HIGHEST_M, LOWEST_M
 from edgemap.geometry.camera.floor import FloorCamera
 from edgemap.geometry.camera.intrinsics import Intrinsics
+from edgemap.geometry.camera.mount import Mount
 from edgemap.runtime.compose import RunSpec, compose, optics_record
 from edgemap.runtime.frames.camera import Camera, CameraOptions
 from edgemap.runtime.frames.errors import CameraError
@@ -44,7 +46,8 @@ class GuessWarning(UserWarning):
 
     def __init__(self, name: str, count: int, guess: CameraGuess) -> None:
         lines = "; ".join(guess.lines())
-        super().__init__(f"{name}: guessed from {count} pictures: {lines}. Measure: mount=HEIGHT_M, or camera_file=")
+        measure = "mount=HEIGHT_M, or camera_file=" if guess.height_sigma else "camera_file="
+        super().__init__(f"{name}: guessed from {count} pictures: {lines}. Measure: {measure}")
         self.guess = guess
 
 
@@ -79,6 +82,8 @@ def open_session(
     """
     if camera is not None and frames is not None:
         raise CameraError("give camera= or frames=, not both")
+    if frames is not None and not isinstance(frames, Iterable):
+        raise CameraError(f"frames={frames!r}: expected pictures, or (stamp_s, picture) pairs")
     described = None if camera_file is None else read_camera_yaml(user_path(camera_file))
     stated = {name for name, value in (("intrinsics", intrinsics), ("mount", mount)) if value is not None}
     height_m = None
@@ -88,6 +93,9 @@ def open_session(
         intrinsics = described.intrinsics if intrinsics is None else intrinsics
         mount = described.mount if mount is None else mount
     pose = None if mount is None else as_mount(mount)
+    above_m = height_m if height_m is not None else pose.height_m if pose and not isinstance(mount, Mount) else LOWEST_M
+    if not LOWEST_M <= above_m <= HIGHEST_M:
+        raise CameraError(f"mount: a lens {above_m:g} m above the floor, expected {LOWEST_M:g} to {HIGHEST_M:g} m")
     if pose is not None and height_m is not None:
         pose = replace(pose, height_m=height_m)
     tuned = config if isinstance(config, Config) else load_config(Path(config)) if config else Config()

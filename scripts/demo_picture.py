@@ -39,6 +39,7 @@ def pictures(page: Page, frames: int) -> list[Image.Image]:
     shown = []
     for frame in [*range(0, frames, EVERY), frames]:
         page.until(f"edgemap.frame >= {frame} || edgemap.state === 'finished'")
+        time.sleep(1.0 if frame == frames else 0.0)  # the list draws the end
         whole = Image.open(io.BytesIO(page.picture())).convert("RGB")
         shown.append(whole.resize((round(SIZE[0] * SCALE), round(SIZE[1] * SCALE)), Image.Resampling.LANCZOS))
         print(f"\r{frame} of {frames}", end="", file=sys.stderr, flush=True)

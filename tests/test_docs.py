@@ -2,6 +2,7 @@
 
 import html
 import re
+import statistics
 from pathlib import Path
 
 import pytest
@@ -81,8 +82,30 @@ def test_every_page_is_in_the_menu_and_every_entry_is_a_page():
 def test_the_readme_is_short_and_names_each_models_licence():
     text = (ROOT / "README.md").read_text()
     assert len(text.splitlines()) <= 130
+    assert len((ROOT / "models" / "README.md").read_text().splitlines()) <= 120
     for bundle in (path.parent.name for path in (ROOT / "models").glob("*/bundle.json")):
         assert re.search(rf"`{bundle}`: Apache-2.0", text)
     first_screen = "\n".join(text.splitlines()[:20])
     assert "**Use it if**" in first_screen
     assert "**Do not use it if**" in first_screen
+
+
+def sentences(text):
+    """Lengths in words, of paragraphs and list items; code, tables, headings and addresses are none."""
+    text = re.sub(r"```.*?```|<!--.*?-->", "", text, flags=re.S)
+    text = re.sub(r"\]\([^)]*\)", "]", re.sub(r"`[^`]*`", "X", text))
+    blocks = re.split(r"\n\s*\n|\n\s*(?=(?:[-*]|\d+\.) )", "\n" + text)
+    prose = [block for block in blocks if not block.lstrip().startswith(("|", "#", "!", "    "))]
+    return [len(part.split()) for block in prose for part in re.split(r"(?<=[.!?:;])\s", block) if part.strip()]
+
+
+@pytest.mark.parametrize("page", [*PAGES, ROOT / "benchmarks" / "README.md"], ids=lambda page: page.name)
+def test_pages_are_read_in_minutes(page):
+    assert len(page.read_text().split()) <= 1200
+    assert statistics.median(sentences(page.read_text())) <= 18
+
+
+def test_a_change_is_one_line_of_fifteen_words():
+    lines = (ROOT / "CHANGELOG.md").read_text().splitlines()
+    assert not [line for line in lines if line and not line.startswith(("#", "- "))]
+    assert not [line for line in lines if len(line.removeprefix("- ").split()) > 15]

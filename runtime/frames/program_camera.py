@@ -55,7 +55,7 @@ def as_mount(value: MountLike) -> Mount:
     try:
         height_m, pitch_deg = map(float, value)
     except (TypeError, ValueError):
-        raise CameraError(f"mount={value!r}: expected two numbers, (height_m, pitch_deg)") from None
+        raise CameraError(f"mount={value!r}: expected a height in metres, or (height_m, pitch_deg)") from None
     return Mount.from_degrees(height_m, pitch_deg)
 
 

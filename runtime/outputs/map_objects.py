@@ -63,6 +63,10 @@ class MapObjects(list[MapObject]):
         map_id = identity.map_id if identity else DEFAULT_MAP_ID
         return geojson_text(self, self.trajectory, map_id, self.annotations, walls, self.rooms, self.doors)
 
+    def __str__(self) -> str:
+        """A line for each object."""
+        return "\n".join(f"{item.id}: x {item.x_m:.2f} m, y {item.y_m:.2f} m, {item.confidence:.2f}" for item in self)
+
     def _repr_html_(self) -> str:
         """The drawing is a picture of its own, so that its styles stay out of the page."""
         poses = self.trajectory.poses if self.trajectory else ()

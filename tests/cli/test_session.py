@@ -291,7 +291,9 @@ def test_only_the_classes_asked_for_are_mapped(painted_bundle):
         ({"frames": noise(2), "mount": MOUNT}, r"pass intrinsics=\(fx, fy, cx, cy\)"),
         ({"frames": noise(2), "intrinsics": LENS}, r"pass mount=\(height_m, pitch_deg\)"),
         ({"intrinsics": LENS}, r"pass mount=\(height_m, pitch_deg\)"),
-        ({"frames": noise(2), "intrinsics": LENS, "mount": (1.0,)}, r"mount=\(1.0,\): expected two numbers"),
+        ({"frames": noise(2), "intrinsics": LENS, "mount": (1.0,)}, r"mount=\(1.0,\): expected a height"),
+        ({"camera": "demo", "mount": 60}, "a lens 60 m above the floor"),
+        ({"frames": 5}, "frames=5: expected pictures"),
         ({"frames": noise(2), "intrinsics": (50.0, 50.0), "mount": MOUNT}, "expected four numbers"),
         (
             {"frames": noise(2), "intrinsics": (31.5, 31.5, 500.0, 500.0), "mount": MOUNT},

@@ -184,7 +184,7 @@ export class Objects {
     close.onclick = () => this.choose(null);
     words.append(name, kind);
     head.append(picture, words, close);
-    place.replaceChildren(head, ...(this.ask ? this.editing(item) : []), facts, labels);
+    place.replaceChildren(head, facts, labels, ...(this.ask ? this.editing(item) : []));
     this.detail = { ...this.detail, name, kind, facts, labels };
     this.fillDetail();
   }
