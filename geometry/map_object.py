@@ -25,12 +25,13 @@ Place = tuple[float, float]
 
 @dataclass(frozen=True, slots=True)
 class MapEvent:
-    """An entry of an object's history. at: seconds since 1970, None where unknown. by: who found or stated it.
+    """An entry of an object's history. at: seconds since 1970, None where unknown. by: who observed or stated it.
     from_m, to_m: position before and after, map frame. other: id of the object that it was before it moved, or that
     became part of it.
 
-    vanished: no longer in its place, and the floor there is free. missed: not found in its place, which may have been
-    hidden; it stays on the map where a person has named or confirmed it. restored: first observed again by a later run.
+    vanished: no longer in its place, and the floor there is free. missed: not detected in its place, which may have
+    been hidden; it stays on the map where a person has named or confirmed it. restored: first observed again by a later
+    run.
     """
 
     what: EventKind

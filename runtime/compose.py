@@ -28,7 +28,7 @@ from edgemap.runtime.step.slam import SemanticSlam, SlamOptions, build_slam
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RunSpec:
-    """What a run is made of beside its camera, bundle and sinks.
+    """What a run is made of besides its camera, bundle and sinks.
 
     odometry, pose_frame: as of `run`. wheels, imu: whether the source's are used. classes: those that go on the map,
     the bundle's where None. confidence: minimum score of a box, the bundle's where None. map: a saved map to continue.

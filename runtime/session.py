@@ -63,7 +63,7 @@ class Session:
         imu: ImuSamples | NDArray[np.float64] | None = None,
         wheels: SE2 | tuple[float, float, float] | None = None,
     ) -> StepResult:
-        """One step with a picture of your own: BGR, uint8 (height, width, 3), at a stamp that rises.
+        """One step with a picture of yours: BGR, uint8 (height, width, 3), at a stamp that rises.
 
         imu: samples since the picture before: (N, 7) stamp_s, gyro x y z (rad/s), accelerometer x y z (m/s^2) in the
         camera's optical axes. wheels: pose of the wheel odometry at the stamp, (x_m, y_m, yaw_rad), with every picture

@@ -43,7 +43,7 @@ class Carried:
     scattered: bool = False
 
     def certain(self) -> "Carried":
-        """The estimate for a camera that is known to be carried at first."""
+        """The estimate for a camera that starts as carried."""
         return replace(self, rate2=self.rule.rate_rad_s[1] ** 2, judged_s=self.rule.rate_s)
 
     def updated(self, nod2: float, span_s: float, path_m: float, gyro: bool = False) -> "Carried":

@@ -2,7 +2,7 @@
 
 The grid is turned so that its walls run along rows and columns. Its floor is then cut in two, and each part again,
 along the row or column with the most wall and the least floor across it. A room is the rectangle around one part, up to
-the cuts beside it; a door is a passage through a cut.
+its cuts; a door is a passage through a cut.
 """
 
 import math
@@ -93,7 +93,7 @@ class _Window(NamedTuple):
 
 
 class _Cut(NamedTuple):
-    """A line below row `at`, or beside a column of it (upright), over a window."""
+    """A line below row `at`, or next to a column of it (upright), over a window."""
 
     upright: bool
     at: int

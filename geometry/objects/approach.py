@@ -48,8 +48,8 @@ def approach(
     robot_m: Sequence[float] | None = None,
     rule: ApproachRule | None = None,
 ) -> Approach:
-    """The cheapest pose about an object: near the requested standoff, in front of it where its yaw is known, on
-    free floor, clear of other objects, near the robot (robot_m: x, y).
+    """The cheapest pose about an object: near the requested standoff, in front of it where it has a yaw, on free floor,
+    clear of other objects, near the robot (robot_m: x, y).
 
     Where there is a grid, the robot's circle may not overlap an occupied cell, and free floor is preferred to unknown.
     Raises MapError with the numbers where every place is taken.
@@ -100,8 +100,8 @@ def room_pose(room: Room, grid: OccupancyGrid, rule: ApproachRule | None = None)
 
 
 def _extent_m(item: MapObject, direction_rad: float) -> float:
-    """Distance from an object's centre to its edge in one direction: of its rectangle where its yaw is known, else
-    of the circle of equal area."""
+    """Distance from an object's centre to its edge in one direction: of its rectangle where it has a yaw, else of the
+    circle of equal area."""
     if (yaw_rad := yaw_of(item)) is None:
         return radius_m(item)
     width, depth = footprint_of(item)

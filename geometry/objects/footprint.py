@@ -1,6 +1,6 @@
 """Rectangle of an object on the floor, fitted to the outlines of its boxes.
 
-The sides and the lower edge of a box are lines that touch the footprint. For a given yaw the distance of each line from
+The sides and the lower edge of a box are lines that touch the footprint. At a fixed yaw the distance of each line from
 the origin is linear in the rectangle's centre and half sides, so every yaw is one linear least squares problem.
 """
 

@@ -30,8 +30,8 @@ def rooms_of(
     objects: Sequence[MapObject], annotations: Annotations, grid: OccupancyGrid | None
 ) -> tuple[tuple[Room, ...], tuple[Door, ...]]:
     """Rooms and doors of a map, by id. Those that the annotations know keep their ids and names where the floor is the
-    same; named ones stay in any case, and a known door stays between its rooms when it is closed. Without a grid they
-    are the known ones."""
+    same; named ones stay in any case, and an earlier door stays between its rooms when it is closed. Without a grid
+    they are the earlier ones."""
     if grid is None:
         rooms, doors = annotations.rooms, annotations.doors
     else:

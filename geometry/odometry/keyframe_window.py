@@ -269,8 +269,8 @@ class KeyframeWindow:
         """The pose of a picture far from the last one, by the direction of the motion between both.
 
         ids (N,), now (N, 2): tracks, and their normalised image points there. turn (3, 3), way (3,): rotation and
-        direction that take points of the last lens into the far one. Points of known depth give the length; it gives
-        the depths of the others.
+        direction that take points of the last lens into the far one. Points with depth give the length; it gives the
+        depths of the others.
         """
         last, rows = self.poses[-1], _rows_of(self.points.ids, ids)
         mine, seen = rows >= 0, np.column_stack([now, np.ones(len(now))])[rows[rows >= 0]]

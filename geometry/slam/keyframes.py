@@ -143,8 +143,8 @@ class KeyframeTrajectory:
     def replace_motions(
         self, path: Callable[[float], SE2 | None], now_s: float, in_map: bool = False
     ) -> TrajectoryCorrection:
-        """The motions between keyframes are those of another path, by stamp, wherever that is known. in_map: it is in
-        the map's frame, so that the first pose is its too."""
+        """The motions between keyframes are those of another path, by stamp, where it has one. in_map: it is in the
+        map's frame, so that the first pose is its too."""
         at = [path(stamp_s) for stamp_s in (*self.stamps_s, now_s)]
         moved = [None if a is None or b is None else a.inverse() @ b for a, b in pairwise(at)]
         *self._motions, self.since = [new or old for new, old in zip(moved, [*self._motions, self.since], strict=True)]

@@ -30,15 +30,15 @@ class CameraInfo:
     """What is constant of a camera while it is read.
 
     name: the SPEC it was opened from. size: (width, height) of its pictures, px. intrinsics, mount: None where unknown;
-    intrinsics for another size of the same shape are scaled.
-    live: true for devices that produce frames independently of `read`. rate_hz: nominal frame rate, None if unknown.
-    frame_count: None for live sources. truth: the drive's own poses from its start, None where unknown. attitudes:
-    those of the lens with them, None where the poses are planar. wheel: wheel odometry that came with the pictures, a
-    file or poses that come live, None where there is none. imu: all inertial samples of a recording. inference: of the
-    run that made this recording, None where there is none. edits: of that run, as lines of edits.jsonl. calibration: of
-    a recording, how intrinsics and mount were determined, as in camera.yaml. notes: what was taken of the source and
-    what was not, as lines. faults: of what was read before the first frame. tf: gives the base's poses by a recording's
-    tf (`motion.given_poses.GivenPoses`) for `MAP,BASE` and a mount; None where there is none.
+    intrinsics for another size of the same shape are scaled. live: true for devices that produce frames independently
+    of `read`. rate_hz: nominal frame rate, None if unknown. frame_count: None for live sources. truth: the drive's
+    poses from its start, None where unknown. attitudes: those of the lens with them, None where the poses are planar.
+    wheel: wheel odometry that came with the pictures, a file or poses that come live, None where there is none. imu:
+    all inertial samples of a recording. inference: of the run that made this recording, None where there is none.
+    edits: of that run, as lines of edits.jsonl. calibration: of a recording, how intrinsics and mount were determined,
+    as in camera.yaml. notes: what was taken of the source and what was not, as lines. faults: of what was read before
+    the first frame. tf: gives the base's poses by a recording's tf (`motion.given_poses.GivenPoses`) for `MAP,BASE` and
+    a mount; None where there is none.
     """
 
     name: str
@@ -85,7 +85,7 @@ class Camera:
         return self._info
 
     def update_info(self, **changes: Any) -> None:
-        """Changes what is known of it, as a mount that was stated or corrected. changes: fields of `CameraInfo`."""
+        """Changes its constants, as a mount that was stated or corrected. changes: fields of `CameraInfo`."""
         self._info = replace(self._info, **changes)
 
     @property
@@ -135,7 +135,7 @@ class Camera:
         """The picture as the next delivered frame, with the samples of `info.imu` since the last. Raises CameraError
         where its size is not the lens's.
 
-        depth: of its pixels; of another size, it is left out. A text says why there is none.
+        depth: of its pixels; of another size, it is left out. A text states why there is none.
         """
         height, width = image.shape[:2]
         lens, imu = self.info.intrinsics, self.info.imu
@@ -217,7 +217,7 @@ class Driver(Protocol):
 
 @dataclass(frozen=True, slots=True)
 class SensorTopics:
-    """ROS 2 topics beside a camera: of the recording where that is one, else live. wheels: nav_msgs/Odometry. imu:
+    """Further ROS 2 topics of a camera: of the recording where that is one, else live. wheels: nav_msgs/Odometry. imu:
     sensor_msgs/Imu. depth: of the pictures' pixels, sensor_msgs/Image, or CompressedImage as compressedDepth. optical:
     the camera's frame in tf, where its messages do not name it."""
 
@@ -247,9 +247,9 @@ class RecoveryRule:
 
 @dataclass(frozen=True, slots=True)
 class CameraOptions:
-    """How a source is opened. intrinsics, mount: stated by the user; they override the source's own. realtime: pace a
-    file source by its stamps. recovery: of live devices. topics: further sensors, on ROS 2 topics. depth: whether
-    frames contain the source's depth. frames: length of a rendered drive. rotate: degrees by which pictures are turned
+    """How a source is opened. intrinsics, mount: stated by the user; they override the source's. realtime: pace a file
+    source by its stamps. recovery: of live devices. topics: further sensors, on ROS 2 topics. depth: whether frames
+    contain the source's depth. frames: length of a rendered drive. rotate: degrees by which pictures are turned
     clockwise: 0, 90, 180 or 270; intrinsics and mount are those of the turned ones.
     """
 

@@ -1,4 +1,4 @@
-"""The runtime's known failures: each message is one line with what, where, and the numbers."""
+"""The runtime's failures: each message is one line with what, where, and the numbers."""
 
 from enum import StrEnum
 
@@ -50,7 +50,7 @@ class CalibrationError(EdgemapError):
 
 class CameraState(StrEnum):
     """running: frames arrive. degraded: none arrive, and the supervisor recovers the camera. lost: the supervisor has
-    given up.
+    stopped.
     """
 
     RUNNING = "running"
@@ -94,6 +94,6 @@ class FrameTimeout(CameraError):
 
 
 class CameraLostError(CameraError):
-    """A live camera that its supervisor has given up on."""
+    """A live camera whose restart budget is spent."""
 
     exit_code = 3

@@ -60,7 +60,7 @@ def pip() -> str:
 
 def need(extra: str, purpose: str, modules: tuple[str, ...] = ()) -> None:
     """Raise MissingExtraError where a module of an extra cannot be imported. purpose: what asks for it. modules: those
-    that it needs; all of the extra where none are given."""
+    that it needs; all of the extra by default."""
     missing = [name for name in modules or EXTRAS[extra][1] if find_spec(name) is None]
     if missing:
         raise MissingExtraError(f"{purpose} needs {', '.join(missing)}: {install_hint(extra)}")

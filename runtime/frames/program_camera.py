@@ -147,7 +147,7 @@ def _timed(value: Any, number: int) -> tuple[Any, Picture]:
 
 
 class PushedCamera(Camera):
-    """One picture at a time from a program that has its own loop; without one it is at its end.
+    """One picture at a time from a program with a loop; without one it is at its end.
 
     size and sensors are known from the first picture on.
     """
@@ -199,7 +199,7 @@ def _samples(value: Any) -> ImuSamples | None:
 
 
 def _pose(value: Any) -> SE2:
-    """SE2, or (x_m, y_m, yaw_rad) of the wheels' own odometry."""
+    """SE2, or (x_m, y_m, yaw_rad) of the wheel odometry."""
     try:
         x_m, y_m, yaw_rad = map(float, value.vector() if isinstance(value, SE2) else value)
     except (TypeError, ValueError):

@@ -91,8 +91,8 @@ class _Reading:
 
 
 def read_given(path: Path, mount: Mount, frame: str | None = None) -> GivenPoses:
-    """Reads FILE.tum; its stamps are the file's until `by_clock`. frame: base or camera, whose poses they are,
-    found out from the motion where None. Raises OdometryError with the line number, or where stamps do not increase."""
+    """Reads FILE.tum; its stamps are the file's until `by_clock`. frame: base or camera, whose poses they are; None: by
+    the motion. Raises OdometryError with the line number, or where stamps do not increase."""
     rows = tum_rows(read_bytes(path, OdometryError), str(path), OdometryError, TUM_OF_OTHERS)
     frames = [frame] if frame else [BASE, CAMERA]
     readings = [_read(rows, mount, one, w_first) for w_first in (False, True) for one in frames]

@@ -1,4 +1,4 @@
-"""Judges a source of motion by the camera's own: delay, sign, axes, and scale of rotations and of lengths."""
+"""Judges a source of motion by the camera: delay, sign, axes, and scale of rotations and of lengths."""
 
 import cmath
 import math
@@ -140,7 +140,7 @@ UNITS_OF_LENGTH = {"millimetres": 1000.0, "centimetres": 100.0, "kilometres": 0.
 
 
 def _between(path: Path, spans: Array, lag_s: float) -> Array:
-    """Motions x, y, yaw (N, 3) of a path over spans (N, 2) that are later by a lag, each in its own first frame."""
+    """Motions x, y, yaw (N, 3) of a path over spans (N, 2) that are later by a lag, each in its first frame."""
     first, last = path(spans[:, 0] + lag_s), path(spans[:, 1] + lag_s)
     moved = last - first
     c, s = np.cos(first[:, 2]), np.sin(first[:, 2])
@@ -148,7 +148,7 @@ def _between(path: Path, spans: Array, lag_s: float) -> Array:
 
 
 def _correlation(one: Array, other: Array) -> float:
-    """Their product over their sizes, squared, with its sign; of what is known of both."""
+    """Their product over their sizes, squared, with its sign, of the entries that both have."""
     known = np.isfinite(other)
     one, other = one[known], other[known]
     if known.mean() < 0.5:

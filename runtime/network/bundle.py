@@ -70,7 +70,7 @@ class Bundle:
 
     def evidence(self, mapped: Collection[str] | None, confidence: float | None) -> BoxEvidence:
         """Which boxes are evidence of an object. mapped: labels, the bundle's where None. confidence: the user's
-        minimum score; below the bundle's own it lowers the scores of full weight as much, so that the boxes asked for
+        minimum score; below the bundle's it lowers the scores of full weight as much, so that the boxes asked for
         count."""
         lowered = 0.0 if confidence is None else min(0.0, confidence - self.manifest.confidence)
         scores = {label: score + lowered for label, score in self.manifest.class_scores.items()}
@@ -109,7 +109,7 @@ def load_bundle(
     """Check and load a bundle folder. Raises BundleError, one line that names the file and the error.
 
     threads: of the backbone; None: those of the pace (`compute_at`). BLAS gets one thread. precision: int8 where the
-    bundle has that variant. engine: the outputs of another than onnxruntime must agree with its own.
+    bundle has that variant. engine: the outputs of another than onnxruntime must agree with its.
     """
     one_blas_thread()
     manifest = read_manifest(folder)

@@ -134,8 +134,8 @@ class Detector:
 
 
 class DetectorBeside:
-    """A detector in a thread of its own, one picture at a time: a call hands it the next one and returns the boxes of
-    the one before, for which it waits; None at first. Which boxes a call returns does not depend on wall time."""
+    """A detector in a separate thread, one picture at a time: a call hands it the next one and returns the boxes of the
+    one before, for which it waits; None at first. Which boxes a call returns does not depend on wall time."""
 
     def __init__(self, detector: Detector) -> None:
         self._detector, self._worker = detector, ThreadPoolExecutor(1, "detector")

@@ -64,7 +64,7 @@ def download(url: str, target: Path, *, sums: tuple[str, ...] = (), label: str =
 
 
 def _cause(error: BaseException) -> str:
-    """The first error of a chain in words: requests' own texts hold addresses of objects."""
+    """The first error of a chain in words: texts of requests hold addresses of objects."""
     while (before := error.__cause__ or error.__context__) is not None:
         error = before
     return one_line(getattr(error, "strerror", None) or str(error).strip() or type(error).__name__)

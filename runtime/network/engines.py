@@ -97,9 +97,9 @@ def open_onnxruntime(source: Path | bytes, compute: Compute, rows: int | None = 
 def openvino_core() -> Any:
     """The one `openvino.Core` of this process; it is never released.
 
-    Every core gives its thread a signal stack of its own, and restores the previous one when it is released. With
-    two, the one released last restores the stack of the first, which is unmapped by then: the next signal (Ctrl-C)
-    ends the process (SIGSEGV).
+    Every core gives its thread a signal stack, and restores the previous one when it is released. With two, the one
+    released last restores the stack of the first, which is unmapped by then: the next signal (Ctrl-C) ends the process
+    (SIGSEGV).
     """
     import openvino as ov
 

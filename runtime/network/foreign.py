@@ -1,5 +1,5 @@
-"""Detectors as other projects export them: an ONNX file's input and outputs are recognised on pictures whose boxes are
-known."""
+"""Detectors as other projects export them: an ONNX file's input and outputs are recognised on pictures with labelled
+boxes."""
 
 import ast
 import json
@@ -109,7 +109,7 @@ class ForeignFile:
         self.outputs = tuple(one.name for one in self._session.get_outputs())
 
     def _filled(self, one: Any) -> NDArray:
-        """What exports take beside the picture: the size that boxes are wanted in, or how the picture was scaled."""
+        """What exports take besides the picture: the size that boxes are wanted in, or how the picture was scaled."""
         kind = np.int64 if "int64" in one.type else np.int32 if "int32" in one.type else np.float32
         if "scale" in one.name:
             return np.ones((1, 2), kind)
@@ -169,7 +169,7 @@ def probes() -> Iterator[Probe]:
 
 
 def recognise(file: ForeignFile, names: Sequence[str] | None = None, checked: bool = True) -> Recognised:
-    """Input and reading of a file, by its metadata and by what gives boxes on the probes where they are known.
+    """Input and reading of a file, by its metadata and by which reading gives the probes' boxes.
 
     names: of the classes, where the user states them. checked: refuse what detects nothing on the probes, as random
     weights do. Raises BundleError, in one line with what was tried.
@@ -288,8 +288,8 @@ def load_foreign(
 ) -> Bundle:
     """A detector of another project as a bundle that has boxes alone. Raises BundleError.
 
-    How it is read stands in a FILE.bundle.json beside FILE.onnx where there is one, else it is recognised; standard
-    error says what was recognised. names: of its classes, where neither its metadata nor COCO have them.
+    How it is read stands in a FILE.bundle.json next to FILE.onnx where there is one, else it is recognised; standard
+    error states what was recognised. names: of its classes, where neither its metadata nor COCO have them.
     """
     compute, beside = compute_at(pace, threads), path.with_suffix(".bundle.json")
     file = ForeignFile(path, compute)

@@ -1,7 +1,7 @@
 """The bundle: what export writes and the robot loads, checked before anything runs.
 
-A bundle is a folder with `bundle.json` (this module's `Manifest`) beside ONNX files. Sums are checked before
-a file is parsed; the contract in each ONNX file's metadata must equal the manifest's.
+A bundle is a folder of `bundle.json` (this module's `Manifest`) and ONNX files. Sums are checked before a file is
+parsed; the contract in each ONNX file's metadata must equal the manifest's.
 """
 
 import json
@@ -168,7 +168,7 @@ class Manifest(Strict):
 
     variants: by precision, `int8`.
 
-    envelope: of older bundles; nothing reads it. confidence: minimum score of a box unless --confidence is given;
+    envelope: of older bundles; nothing reads it. confidence: minimum score of a box without --confidence;
     sure_confidence: then of one with half the weight for a new object; class_scores: of single classes. measured:
     figures with their data. sources: where the weights came from.
     """

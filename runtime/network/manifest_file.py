@@ -1,4 +1,4 @@
-"""Reads, checks and writes a bundle's `bundle.json`, and checks the sums of the files beside it."""
+"""Reads, checks and writes a bundle's `bundle.json`, and checks the sums of its files."""
 
 import hashlib
 import math

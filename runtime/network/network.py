@@ -25,7 +25,7 @@ class Compute:
 class Network:
     """An ONNX file, ready to run. inputs, outputs: name to shape, all static. infer: outputs in that order.
 
-    metadata: the file's own keys and values, where onnxruntime runs it.
+    metadata: the file's keys and values, where onnxruntime runs it.
     """
 
     inputs: Shapes

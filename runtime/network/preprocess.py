@@ -14,7 +14,7 @@ from edgemap.runtime.network.network import Tensors
 
 @dataclass(frozen=True, slots=True)
 class Placement:
-    """Placement of the picture inside the input tensor: size and offset in input px, and the picture's own size."""
+    """Placement of the picture inside the input tensor: size and offset in input px, and the size of the picture."""
 
     width: int
     height: int

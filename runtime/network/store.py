@@ -47,7 +47,7 @@ def bundle_folder(name: str) -> Path:
 
 
 def install_folder(folder: Path) -> Path:
-    """Copy a finished bundle into the cache under its own name, every file checked. Raises BundleError."""
+    """Copy a finished bundle into the cache under its name, every file checked. Raises BundleError."""
     manifest = read_manifest(folder)
     target = _place(manifest.name, str(folder))
     if target.exists() and target.resolve() == folder.resolve():
@@ -97,7 +97,7 @@ def check_place(target: Path) -> None:
 
 @contextmanager
 def staged(target: Path) -> Iterator[Path]:
-    """An empty folder beside `target` that replaces it by one rename when the block succeeds and is removed otherwise.
+    """An empty folder next to `target` that replaces it by one rename when the block succeeds and is removed otherwise.
     Raises BundleError where `target` exists and is not a bundle; it is never overwritten.
     """
     check_place(target)

@@ -68,7 +68,7 @@ class MapObjects(list[MapObject]):
         return "\n".join(f"{item.id}: x {item.x_m:.2f} m, y {item.y_m:.2f} m, {item.confidence:.2f}" for item in self)
 
     def _repr_html_(self) -> str:
-        """The drawing is a picture of its own, so that its styles stay out of the page."""
+        """The drawing is a separate picture, so that its styles stay out of the page."""
         poses = self.trajectory.poses if self.trajectory else ()
         drawn = DrawnMap(self, poses, (), (), self.annotations.zones, self.grid, self.rooms, self.doors)
         address = "data:image/svg+xml;base64," + b64encode(map_svg(drawn).encode()).decode()

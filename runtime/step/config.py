@@ -29,12 +29,12 @@ class ConfigError(EdgemapError):
 
 @dataclass(frozen=True, slots=True)
 class Config:
-    """The step's tuned numbers by stage; each class documents meaning, unit and reason of its own.
+    """The step's tuned numbers by stage; each class documents meaning, unit and reason.
 
     floor: boxes to observations. association, registration, forgetting: the map's objects. loop_closure: keyframes,
     landmarks and loop hypotheses. odometry: planar landmarks, wheels, hybrid, coasting. camera: when a live one is
-    opened again. health: of pictures. rest: when a robot stands. attitude: gravity and gyro against the mount.
-    height: of the lens, by sizes, wheels and depth. grid: free and occupied floor.
+    opened again. health: of pictures. rest: when a robot stands. attitude: gravity and gyro against the mount. height:
+    of the lens, by sizes, wheels and depth. grid: free and occupied floor.
     """
 
     floor: FloorRule = field(default_factory=FloorRule)
@@ -123,7 +123,7 @@ def _merged(default: Any, values: Any, where: str, unknown: list[tuple[str, str]
 
 
 def _number(before: Any, value: Any, where: str) -> Any:
-    """A value of the default's own type."""
+    """A value of the default's type."""
     try:
         number = msgspec.convert(value, type(before), strict=True)
     except msgspec.ValidationError:

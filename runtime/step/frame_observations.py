@@ -16,19 +16,18 @@ from edgemap.runtime.motion.odometry.protocol import Motion
 
 @dataclass(frozen=True, slots=True, eq=False)
 class FrameObservations:
-    """Boxes, objects on the floor and the robot's own motion of one frame, without its picture.
+    """Boxes, objects on the floor and the robot's motion of one frame, without its picture.
 
     motion: of the base since the frame before. stages_ms: time of each stage so far, in order. health: of the picture;
     a blind one gives observations only where it is stale and the robot at rest. camera: with the attitude of this
     frame, None for the level robot's. searched: whether it brings a detector's boxes, so that a missing detection is
     evidence of absence. before: observations of the earlier picture that detections and sightings are of, where the
-    detector runs beside the step. at_rest: the robot stands and nothing changed, so the boxes are those of the last
-    searched picture. faults: of picture, mount and motion, each where it begins. height_estimate: estimate of the
-    lens's height so far; None without one. floor: the floor mask of this picture; None where it was not searched or the
-    bundle has no floor head. depth: every few pixels of the depth picture, where there is one and it was searched.
-    scale: estimated over guessed height of the lens, by which all lengths are too short; 1 where the height was given,
-    or wheels or depth measure lengths. worktop: something that people put on furniture stands on what the mask takes
-    for floor.
+    detector is asynchronous. at_rest: the robot stands and nothing changed, so the boxes are those of the last searched
+    picture. faults: of picture, mount and motion, each where it begins. height_estimate: estimate of the lens's height
+    so far; None without one. floor: the floor mask of this picture; None where it was not searched or the bundle has no
+    floor head. depth: every few pixels of the depth picture, where there is one and it was searched. scale: estimated
+    over guessed height of the lens, by which all lengths are too short; 1 where the height was stated, or wheels or
+    depth measure lengths. worktop: something that people put on furniture stands on what the mask takes for floor.
     """
 
     index: int

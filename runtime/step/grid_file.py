@@ -1,4 +1,4 @@
-"""`grid.npz`: the occupancy grid beside map.json, written atomically and read with every size checked first."""
+"""`grid.npz`: the occupancy grid of a map.json, written atomically and read with every size checked first."""
 
 import io
 import os
@@ -34,7 +34,7 @@ class _Named(msgspec.Struct):
 
 
 def grid_name(map_path: Path) -> str:
-    """The grid's file beside a map: grid.npz, or NAME.grid.npz of a map that is not called map.json."""
+    """The grid's file of a map: grid.npz, or NAME.grid.npz of a map that is not called map.json."""
     return "grid.npz" if map_path.name == "map.json" else f"{map_path.stem}.grid.npz"
 
 
@@ -50,9 +50,7 @@ def grid_sum(grid: OccupancyGrid) -> int:
 
 
 def save_grid(path: Path, grid: OccupancyGrid) -> None:
-    """Write the grid atomically; the one before stays beside it, for the map.json that is yet to be replaced. Raises
-    DiskError.
-    """
+    """Write the grid atomically; the one before stays for the map.json yet to be replaced. Raises DiskError."""
     with suppress(OSError):  # a file system without hard links
         grid_before(path).unlink(missing_ok=True)
         os.link(path, grid_before(path))

@@ -27,11 +27,11 @@ def steps(
 ) -> Generator[StepResult, None, None]:
     """Drive until the camera ends, `frames` are done, `stop` is set or the iterator is closed; one result a frame.
 
-    Camera faults are reported to the sinks and the run continues; strict: the first one ends it. While a live camera
-    is disconnected, sources that need no picture update the pose. beat: called with one line at every step, and every
-    half second without a frame. edits: applied between two steps. A sink that fails is reported as a fault
-    (`SinkGroup`). Sinks are closed in every case, so the map so far is on disk. A known failure is reported to the
-    sinks before it is raised again.
+    Camera faults are reported to the sinks and the run continues; strict: the first one ends it. While a live camera is
+    disconnected, sources that need no picture update the pose. beat: called with one line at every step, and every half
+    second without a frame. edits: applied between two steps. A sink that fails is reported as a fault (`SinkGroup`).
+    Sinks are closed in every case, so the map so far is on disk. An EdgemapError is reported to the sinks before it is
+    raised again.
     """
     done = 0
     group, edits = SinkGroup(sinks), edits or Edits()

@@ -46,12 +46,12 @@ def map_document(
     grid_file: str = "grid.npz",
     last_pose: SE2 | None = None,
 ) -> dict:
-    """The map as the JSON document that `map.json` holds. grid_file: name of the grid's file beside it.
+    """The map as the JSON document that `map.json` holds. grid_file: name of the grid's file.
 
     Where there are any: `map_id`, `generation` and `verdict`; `seen_from_m`, id to the positions from which it was
     observed; `zones`; `deleted`, objects that a person has deleted; `vanished`, objects that are gone; `grid`, `walls`,
     `rooms` and `doors`; `dock`; `last_pose`, of the robot when the map was saved. Of an object `name`, `confirmed`,
-    `corrected` and `depth_m`, where a person has given them; `yaw_rad` is null where its `footprint` is a circle.
+    `corrected` and `depth_m`, stated by a person; `yaw_rad` is null where its `footprint` is a circle.
     """
     seen = [item for item in objects if item.seen_from_m]
     views = {item.id: [[round(x_m, 3), round(y_m, 3)] for x_m, y_m in item.seen_from_m] for item in seen}
@@ -184,7 +184,7 @@ def save_map(
     grid: OccupancyGrid | None = None,
     grid_saved: bool = False,
 ) -> None:
-    """Write `map.json` and the grid beside it, each atomically. grid_saved: the grid's file is up to date."""
+    """Write `map.json` and the grid, each atomically. grid_saved: the grid's file is up to date."""
     if grid is not None and not grid_saved:
         save_grid(path.with_name(grid_name(path)), grid)
     replace_map(path, saved_text(map_document(objects, annotations, grid, grid_name(path))))
@@ -212,7 +212,7 @@ def load_annotated_map(path: Path) -> tuple[list[MapObject], Annotations]:
     """Read a map.json, or the one of a run folder: objects, and what people have added; unknown fields are left out.
 
     Raises MapError in one line for anything that is not a map: numbers out of range, covariances that are not symmetric
-    and positive, ids given twice.
+    and positive, repeated ids.
     """
     path = map_path(path)
     return read_map(read_bytes(path, MapError), str(path))

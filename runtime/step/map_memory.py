@@ -1,4 +1,4 @@
-"""What a map remembers beside its objects' positions: its identity, wall times, and each object's history.
+"""What a map keeps besides its objects' positions: its identity, wall times, and each object's history.
 
 It is derived from what the map shows after each step; the measured map does not depend on it.
 """
@@ -54,7 +54,7 @@ class MapMemory:
         grid: OccupancyGrid | None,
         became: Mapping[str, str] | None = None,
     ) -> None:
-        """A saved map goes on. became: new ids of this run's objects so far, which were in a frame of their own."""
+        """A saved map goes on. became: new ids of this run's objects so far, which were in a separate frame."""
         self.identity = annotations.identity.next() if annotations.identity else self.identity
         self._earlier, self._floor = {item.id: item for item in saved}, grid
         self._vanished = {item.id: item for item in annotations.vanished}
@@ -243,7 +243,7 @@ def _bounded(before: tuple[MapEvent, ...], events: Sequence[MapEvent]) -> tuple[
 
 
 def _is_free(floor: OccupancyGrid | None, item: MapObject) -> bool:
-    """Whether the floor is known to be free where an object stands or stood."""
+    """Whether the floor was observed to be free where an object stands or stood."""
     if floor is None:
         return False
     turns, r_m = np.linspace(0.0, math.tau, 8, endpoint=False), 0.7 * radius_m(item)

@@ -52,11 +52,10 @@ class MapUpdate:
     (3, 3) of x, y, yaw: m, m, rad. trajectory: current estimates of all poses so far. travelled_m: path length by
     odometry. correction: of a loop closure in this step. relocated: pose of the old map frame in the saved map's frame;
     set only in the update that switches frames. pose_odom_base, odom_covariance: by odometry alone since the first
-    frame, continuous whatever loop closure and relocalisation move (REP-105).
-    annotations: zones and deleted objects. grid: at most one stream second old; None before any floor is known.
-    floor_scan: of this frame's picture, where the grid took it in. scale: see `FrameObservations`; a saved map is
-    `scale` times as large as this one. 1 where an earlier map is continued. at: wall time, seconds since 1970; None
-    where unknown.
+    frame, continuous whatever loop closure and relocalisation move (REP-105). annotations: zones and deleted objects.
+    grid: at most one stream second old; None before the first floor. floor_scan: of this frame's picture, where the
+    grid took it in. scale: see `FrameObservations`; a saved map is `scale` times as large as this one. 1 where an
+    earlier map is continued. at: wall time, seconds since 1970; None where unknown.
     """
 
     sightings: list[PlacedSighting]
@@ -402,7 +401,7 @@ class Mapper:
         return correction
 
     def _pose_of(self, observed: FrameObservations) -> SE2:
-        """The pose, as known now, of the picture that detections and sightings are of."""
+        """The pose, as estimated now, of the picture that detections and sightings are of."""
         if observed.before is None:
             return self.pose_map_base
         return SE2(*self.trajectory.at([observed.before.stamp_s])[0].tolist())

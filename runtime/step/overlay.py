@@ -68,7 +68,7 @@ def grid_step_m(camera: FloorCamera) -> int:
 def draw_detections(image: Picture, detections: Detections, sightings: list[Sighting] | None) -> Picture:
     """A copy of the picture with all boxes: green with a distance for those on the floor, grey for the others.
 
-    sightings: None where no mount is known, which leaves all boxes green and without a distance.
+    sightings: None without a mount, which leaves all boxes green and without a distance.
     """
     picture = image.copy()
     thickness = max(2, image.shape[1] // 320)

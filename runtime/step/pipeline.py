@@ -51,11 +51,10 @@ class _Searched:
 class Pipeline:
     """Health, prediction, backbone, decoding, motion, observations: one camera's frames, in order.
 
-    It depends on the frames and their stamps only, never on wall time. A detector beside a companion runs in a thread
-    of its own: its boxes come with the next picture that is searched, as those of the one before. mapped: labels, the
-    bundle's where None.
-    confidence: lowest score, the bundle's where None; the score of full weight follows it. guessed_height: standard
-    deviation of the mount's height as a share, where it is a guess; 0 where it was given.
+    It depends on the frames and their stamps only, never on wall time. A detector with a companion runs in a separate
+    thread: its boxes come with the next picture that is searched, as those of the one before. mapped: labels, the
+    bundle's where None. confidence: lowest score, the bundle's where None; the score of full weight follows it.
+    guessed_height: standard deviation of the mount's height as a share, where it is a guess; 0 where it was stated.
     """
 
     def __init__(
@@ -102,7 +101,7 @@ class Pipeline:
         self._watch = Stopwatch()
 
     def marked(self, frame: Frame) -> Frame:
-        """The frame, not to be searched where it comes at a camera's pace and the detector beside the step is busy."""
+        """The frame, not to be searched where it comes at a camera's pace and the asynchronous detector is busy."""
         busy = frame.search and self._paced and self._beside is not None and self._beside.busy
         return replace(frame, search=False) if busy else frame
 
@@ -156,8 +155,8 @@ class Pipeline:
         return observed
 
     def finish(self) -> tuple[Frame, FrameObservations] | None:
-        """The last frame once more, without a motion and with the boxes that the detector beside the step still owes,
-        for which it waits; None where it owes none."""
+        """The last frame once more, without a motion and with the boxes still due from the asynchronous detector, for
+        which it waits; None where it owes none."""
         found, self._waiting = self._waiting, None
         if found is None or self._newest is None or self._beside is None:
             return None
@@ -245,9 +244,9 @@ class Pipeline:
 
 def attitude_after(source: AttitudeSource, attitude: Attitude, motion: Motion) -> Attitude:
     """The attitude of a frame after its motion. An attitude that was only predicted is updated by the odometry's
-    rotation. An odometry's own tilt replaces a predicted one where its standard deviation is below PREDICTED_RAD, as
-    errors of the room's edges last longer than their covariance states, and a measured one where its covariance is
-    smaller. source: of `attitude`; it keeps its own estimate.
+    rotation. An odometry's tilt replaces a predicted one where its standard deviation is below PREDICTED_RAD, as errors
+    of the room's edges last longer than their covariance states, and a measured one where its covariance is smaller.
+    source: of `attitude`; it keeps its own estimate.
     """
     rotation, updated = motion.rotation, source.update(motion.rotation)
     name, limit_rad = attitude.source, math.sqrt(float(np.trace(attitude.covariance_rad2)) / 2.0)

@@ -16,7 +16,7 @@ _log = logging.getLogger(__name__)
 
 
 class Sink(Protocol):
-    """Takes results while a run lasts: a file, a page, a publisher. All calls come from the run's own thread.
+    """Takes results while a run lasts: a file, a page, a publisher. All calls come from the run's thread.
 
     To write one: derive from this class, give it a `name` and the methods that it needs; raise any error. `SinkGroup`
     implements the rule for every sink: an exception never ends the run. Its failure is reported to all sinks once, as a

@@ -31,10 +31,10 @@ from edgemap.runtime.step.wall_clock import ClockReading, stream_clock
 
 @dataclass(frozen=True, eq=False, repr=False, kw_only=True)
 class StepResult(MapUpdate):
-    """Result of one step: the frame, the front end's observations, and the back end's update. faults: all
-    since the previous result: of delivery, of sinks, of picture, mount and motion. stages_ms: time of every stage of
-    the step, in order. pictured: the frame that detections, sightings and floor_scan are of: an earlier one where the
-    detector runs beside the step.
+    """Result of one step: the frame, the front end's observations, and the back end's update. faults: all since the
+    previous result: of delivery, of sinks, of picture, mount and motion. stages_ms: time of every stage of the step, in
+    order. pictured: the frame that detections, sightings and floor_scan are of: an earlier one where the detector is
+    asynchronous.
     """
 
     frame: Frame
@@ -121,7 +121,7 @@ class SemanticSlam:
         return StepResult.of(frame, observed, self.mapper.step(observed), faults, self.pipeline.pictured)
 
     def finish(self) -> StepResult | None:
-        """After the last frame: the map's update by the boxes that a detector beside the step still owes; None where it
+        """After the last frame: the map's update by the boxes still due from an asynchronous detector; None where it
         owes none."""
         if (newest := self.pipeline.finish()) is None:
             return None
@@ -140,11 +140,10 @@ class SemanticSlam:
 class SlamOptions:
     """Options of a run, as opposed to tuned parameters. The defaults are those of `edgemap run`.
 
-    odometry: a SPEC. wheels, imu: whether the source's own are used. clustering: default or paper. forgets: whether
-    objects that have disappeared are removed from the map. mapped, confidence: the bundle's own where None.
-    guessed_height: standard deviation of the mount's height as a share, where it is a guess: the map is saved with
-    the lengths of its estimate; 0 where it was given, or the odometry's lengths do not depend on it. pose_frame: as of
-    `read_given`.
+    odometry: a SPEC. wheels, imu: whether the source's are used. clustering: default or paper. forgets: whether objects
+    that have disappeared are removed from the map. mapped, confidence: the bundle's where None. guessed_height:
+    standard deviation of the mount's height as a share, where it is a guess: the map is saved with the lengths of its
+    estimate; 0 where it was stated, or the odometry's lengths do not depend on it. pose_frame: as of `read_given`.
     """
 
     odometry: str = "hybrid"

@@ -1,4 +1,4 @@
-"""Wall time of a stream's stamps, as far as the host's clock is known to be right."""
+"""Wall time of a stream's stamps, as far as the host's clock is right."""
 
 import ctypes
 import sys
@@ -57,7 +57,7 @@ def stream_clock(live: bool, stamp_s: float) -> ClockReading:
 
 class WallClock:
     """Wall time of the stamps of one stream. When the host's clock is set, all stamps of the stream take the new time;
-    when the stream's own clock jumps, as in suspend, only those after it do."""
+    when the stream's clock jumps, as in suspend, only those after it do."""
 
     def __init__(self) -> None:
         self._starts_s, self._offsets_s = list[float](), list[float]()  # from each stamp on, elapsed time minus stamp

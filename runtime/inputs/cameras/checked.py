@@ -176,7 +176,7 @@ class CheckedCamera(Camera):
         return records if records and all(isinstance(record, dict) for record in records) else None
 
     def close(self) -> None:
-        """Close it; errors of its own code are ignored."""
+        """Close it; errors of its code are ignored."""
         with suppress(*THEIRS):
             self._camera.close()
 

@@ -1,4 +1,4 @@
-"""A live camera: a supervisor on a thread of its own, and a mailbox with one slot for the newest frame."""
+"""A live camera: a supervisor on a separate thread, and a mailbox with one slot for the newest frame."""
 
 import threading
 import time
@@ -21,8 +21,8 @@ class LiveCamera(Camera):
     """The newest frame of a device, with recovery from its failures: see `Supervisor`.
 
     The thread overwrites the slot, so a slow reader skips frames and never sees an old one or one twice. The device is
-    closed on the thread that grabs from it. clock_s, wait: a clock of the caller's own, on which everything then
-    happens within `read`, without a thread. Raises what the driver's first `open` raises.
+    closed on the thread that grabs from it. clock_s, wait: a clock of the caller, on which everything then happens
+    within `read`, without a thread. Raises what the driver's first `open` raises.
     """
 
     def __init__(

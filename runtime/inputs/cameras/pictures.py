@@ -34,8 +34,8 @@ MISSING_FRAMES, MISSING_SHARE = 3, 0.05
 
 
 class FileCamera(Camera):
-    """Pictures with depth pictures on disk beside them, where there are any, one a picture. depth_camera: theirs, None
-    where they are registered to the pictures."""
+    """Pictures with depth pictures on disk, where there are any, one a picture. depth_camera: theirs, None where they
+    are registered to the pictures."""
 
     depth: Sequence[Path] = ()
     depth_camera: DepthCamera | None = None
@@ -239,9 +239,9 @@ def open_folder(folder: Path, name: str, intrinsics: Intrinsics | None, mount: M
 def drive_camera(
     drive: Drive, name: str, intrinsics: Intrinsics | None = None, mount: Mount | None = None
 ) -> PicturesCamera | VideoCamera:
-    """The drive's frames at the drive's stamps; given intrinsics or mount go before its own.
+    """The drive's frames at the drive's stamps; stated intrinsics or mount override its.
 
-    A mount that was given does not move the truth: that was taken to the turn axis by the drive's own lever arm.
+    A stated mount does not move the truth: that was taken to the turn axis by the drive's lever arm.
     """
     intrinsics, mount = intrinsics or drive.intrinsics, ridden(drive.kind, mount or drive.mount)
     if drive.video is not None:

@@ -1,4 +1,4 @@
-"""Intel RealSense: colour and depth of a device, with its own intrinsics and stamps."""
+"""Intel RealSense: colour and depth of a device, with intrinsics and stamps."""
 
 import time
 from collections.abc import Callable
@@ -87,7 +87,7 @@ def devices() -> list[tuple[str, str]]:
 
 
 class RealSenseDevice:
-    """A running colour stream of a device or of a recording, with depth where `aligned` is given."""
+    """A running colour stream of a device or of a recording, with depth if `aligned`."""
 
     def __init__(
         self, rs: ModuleType, pipeline: Any, profile: Any, name: str, motion: Any = None, aligned: Aligned | None = None
@@ -132,7 +132,7 @@ class RealSenseDriver:
         self._opened: Any = None
 
     def open(self) -> RealSenseDevice:
-        """Start the colour stream. Raises CameraError where no such device is found or it does not start."""
+        """Start the colour stream. Raises CameraError where there is no such device or it does not start."""
         rs, failure = self._rs, None
         config = self.config()
         width, height, rate_hz = USUAL_MODE

@@ -132,7 +132,7 @@ def caught_up(playback: Any) -> None:
 
 
 def to_bgr(rs: ModuleType, frame: Any, name: str) -> NDArray[np.uint8]:
-    """The frame's picture as BGR, (H, W, 3) uint8, its own copy. Raises CameraError for an unknown format."""
+    """The frame's picture as BGR, (H, W, 3) uint8, a copy. Raises CameraError for an unknown format."""
     pixel_format = frame.get_profile().format()
     data = np.frombuffer(memoryview(np.asanyarray(frame.get_data())).cast("B"), np.uint8)
     if pixel_format == rs.format.mjpeg:
@@ -190,8 +190,8 @@ def start_motion(rs: ModuleType, context: Any, serial: str, colour_profile: Any,
 def recorded_motion(rs: ModuleType, path: Path) -> ImuSamples | None:
     """All inertial samples of a recording; None where it has no gyro and accelerometer.
 
-    They are read through the playback's own sensor: waiting for frame sets gives one sample a picture only.
-    Its status is polled: a callback would be Python on the thread that is joined at the end.
+    They are read through the playback's sensor: waiting for frame sets gives one sample a picture only. Its status is
+    polled: a callback would be Python on the thread that is joined at the end.
     """
     context = rs.context()
     device = context.load_device(library_path(path))

@@ -26,7 +26,7 @@ from edgemap.runtime.inputs.cameras.realsense_frames import (
 class RealSenseRecording(Camera):
     """A `.db3` or `.bag` recorded by librealsense: every colour frame, in order, as fast as it is read.
 
-    depth: whether those of its depth stream come with them, aligned by librealsense in a playback of its own, so that
+    depth: whether those of its depth stream come with them, aligned by librealsense in a separate playback, so that
     colour is the same with and without.
     """
 

@@ -77,7 +77,7 @@ class Supervisor:
     """Reads frames from a device that its driver has opened, and reopens the device after a failure.
 
     Call `poll` from one thread only. report: called with each fault. clock_s: monotonic clock, s. wait: waits for a
-    number of seconds or until `wake`. Tests pass their own clock_s and wait.
+    number of seconds or until `wake`. Tests pass other clock_s and wait.
     """
 
     def __init__(
@@ -116,7 +116,7 @@ class Supervisor:
 
     @property
     def rate_hz(self) -> float | None:
-        """Rate at which the device delivers, as measured; None where that is not known yet."""
+        """Rate at which the device delivers, as measured; None where not yet estimated."""
         return self._recovery.rate_hz
 
     def stream_s(self) -> float | None:

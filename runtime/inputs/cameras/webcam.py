@@ -48,7 +48,7 @@ class CaptureDevice:
 
 
 class WebcamDriver(Driver):
-    """`/dev/videoN`, at the intrinsics' size where they are given, else at the driver's default."""
+    """`/dev/videoN`, at the size of the intrinsics if stated, else at the driver's default."""
 
     def __init__(self, device: Path, name: str, intrinsics: Intrinsics | None = None) -> None:
         self.name = name

@@ -81,7 +81,7 @@ class RotatedCamera(CameraAround):
         return self._turned
 
     def update_info(self, **changes: Any) -> None:
-        """Changes what is known of the turned pictures."""
+        """Changes the constants of the turned pictures."""
         self._turned = replace(self._turned, **changes)
 
     def read(self) -> Frame | None:
@@ -99,7 +99,7 @@ class RotatedCamera(CameraAround):
 class PacedCamera(CameraAround):
     """Delivers every frame of a file camera at its stamp, never earlier; a slow reader receives them late.
 
-    clock_s, sleep: a monotonic clock in seconds, and how to wait; tests pass their own.
+    clock_s, sleep: a monotonic clock in seconds, and how to wait; tests pass others.
     """
 
     def __init__(

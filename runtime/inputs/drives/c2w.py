@@ -15,7 +15,7 @@ from edgemap.runtime.inputs.drives.pose_files import check_count, depth_beside, 
 
 
 def read_kitti(folder: Path) -> Drive:
-    """Read a KITTI sequence. The world is the first camera's: its y points down, so up is `-y` unless said otherwise.
+    """Read a KITTI sequence. The world is the first camera's: its y points down, so up is `-y` by default.
 
     Its mount is a car's. `times.txt`, one stamp in seconds per line, is used where present. Raises CameraError.
     """
@@ -23,12 +23,11 @@ def read_kitti(folder: Path) -> Drive:
 
 
 def read_c2w(folder: Path) -> Drive:
-    """Read pictures with 4x4 camera-to-world lines, optical camera axes, metres; the world is z-up unless said.
+    """Read pictures with 4x4 camera-to-world lines, optical camera axes, metres; the world is z-up by default.
 
     `K.txt`, 3x3 in px, is used where no camera.yaml is. `stamps.txt` or `times.txt` in seconds where present. `depth/`:
-    a 16-bit picture of millimetres for each picture, 0 where unknown, registered to it unless `camera.yaml` says where
-    its camera is.
-    Raises CameraError.
+    a 16-bit picture of millimetres for each picture, 0 where unknown, registered to it unless `camera.yaml` states its
+    camera's pose. Raises CameraError.
     """
     return _read("c2w", folder, ("image", "images"), 16, "z", ("stamps.txt", "times.txt"), "K.txt")
 

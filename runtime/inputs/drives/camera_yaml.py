@@ -35,10 +35,10 @@ Part = Annotated[float, Meta(ge=-1.1, le=1.1)]  # of a unit quaternion
 
 @dataclass(frozen=True, slots=True)
 class CameraFile:
-    """The contents of a `camera.yaml`. world_up: the axis of the recorded poses that points up, e.g. `-y`;
-    None where the file leaves it to the layout's own custom. rate_hz, mount: None where not given. calibration: for
-    each calibrated part, the method and its accuracy, as text. depth: the camera of the depth pictures; None where they
-    are registered to the pictures."""
+    """The contents of a `camera.yaml`. world_up: the axis of the recorded poses that points up, e.g. `-y`; None where
+    the file leaves it to the layout's own custom. rate_hz, mount: None where absent. calibration: for each calibrated
+    part, the method and its accuracy, as text. depth: the camera of the depth pictures; None where they are registered
+    to the pictures."""
 
     intrinsics: Intrinsics
     mount: Mount | None = None

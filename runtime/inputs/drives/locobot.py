@@ -6,8 +6,8 @@
     camera.yaml            lens and mount
     poses.tum              optional; base poses from something better than wheels, one per picture
 
-No public data in this form exists; the layout is edgemap's own. Truth is `poses.tum` where it is there, else the
-wheel odometry itself, which drifts.
+No public data in this form exists; the layout is edgemap's. Truth is `poses.tum` where it is there, else the wheel
+odometry itself, which drifts.
 """
 
 from collections.abc import Iterable, Sequence
@@ -53,7 +53,7 @@ def write_locobot(
     odometry: Iterable[Sequence[float]],
     poses: Trajectory | None = None,
 ) -> None:
-    """Write everything beside the pictures: `camera.yaml`, `odometry.csv`, and `poses.tum` where truth is given.
+    """Write everything next to the pictures: `camera.yaml`, `odometry.csv`, and `poses.tum` with a truth.
 
     odometry: rows (stamp_s, x_m, y_m, yaw_rad), one per picture. Pictures in `rgb/` and `depth/` are the caller's.
     """

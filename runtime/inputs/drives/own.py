@@ -1,4 +1,4 @@
-"""Our own layout, KIND `drive`: pictures or a video, `camera.yaml`, base poses, truth; read and written.
+"""edgemap's layout, KIND `drive`: pictures or a video, `camera.yaml`, base poses, truth; read and written.
 
 images/…  or  video.mp4    pictures in natural order of names, or one compact video
 camera.yaml                lens and mount
@@ -45,7 +45,7 @@ VIDEO_NAME = "video.mp4"
 
 
 def read_own(folder: Path) -> Drive:
-    """Read a drive of our own layout. Raises CameraError for what is missing, broken, or does not match."""
+    """Read a drive of edgemap's layout. Raises CameraError for what is missing, broken, or does not match."""
     if not folder.is_dir():
         raise CameraError(f"{folder}: no such folder")
     camera = read_camera_yaml(folder / "camera.yaml")
@@ -98,14 +98,14 @@ def write_drive(
     wheel: Iterable[Sequence[float]] | None = None,
     tilts: NDArray[np.float64] | None = None,
 ) -> None:
-    """Write `camera.yaml`, `poses.tum` and, where given, `objects.json`, `boxes.json` and `wheel.csv`.
+    """Write `camera.yaml`, `poses.tum` and optionally `objects.json`, `boxes.json` and `wheel.csv`.
 
-    poses: of the base, one per picture, at the pictures' stamps. objects: records in the start-pose frame,
-    `{"id", "label", "x_m", "y_m", "on_floor", "footprint_m": [[x, y], ...], "width_m", "depth_m", "height_m",
-    "visible_frames"}`. boxes: one list per picture of `{"id", "label", "box": [x0, y0, x1, y1] in px,
-    "visible": 0..1}`. wheel: rows (stamp_s, x_m, y_m, yaw_rad), the wheels' own integrated pose.
-    tilts: (N, 3) of the base at each pose: roll, pitch (positive down) in rad, and rise in metres.
-    Pictures go to `images/` (natural order of names) or one `video.mp4`; both are the caller's. Makes the folder.
+    poses: of the base, one per picture, at the pictures' stamps. objects: records in the start-pose frame, `{"id",
+    "label", "x_m", "y_m", "on_floor", "footprint_m": [[x, y], ...], "width_m", "depth_m", "height_m",
+    "visible_frames"}`. boxes: one list per picture of `{"id", "label", "box": [x0, y0, x1, y1] in px, "visible":
+    0..1}`. wheel: rows (stamp_s, x_m, y_m, yaw_rad), the integrated pose of the wheels. tilts: (N, 3) of the base at
+    each pose: roll, pitch (positive down) in rad, and rise in metres. Pictures go to `images/` (natural order of names)
+    or one `video.mp4`; both are the caller's. Makes the folder.
     """
     folder = Path(folder)
     folder.mkdir(parents=True, exist_ok=True)

@@ -148,7 +148,7 @@ ENCODINGS: dict[str, tuple[int, int | None]] = {
 
 
 def bgr_of(pixels: NDArray[np.uint8], encoding: str) -> NDArray[np.uint8]:
-    """Pixels (H, W * channels) of one of `ENCODINGS` as BGR, (H, W, 3), their own copy."""
+    """Pixels (H, W * channels) of one of `ENCODINGS` as BGR, (H, W, 3), a copy."""
     channels, conversion = ENCODINGS[encoding]
     image = pixels.reshape(len(pixels), -1, channels)
     if conversion is None:
@@ -157,7 +157,7 @@ def bgr_of(pixels: NDArray[np.uint8], encoding: str) -> NDArray[np.uint8]:
 
 
 class DepthBeside:
-    """Depth pictures beside pictures, asked for by stamps that increase.
+    """Depth of pictures, asked for by stamps that increase.
 
     pictures: stamp, and what decodes it (CameraError for a damaged one), in order of time. apart: greatest distance of
     a stamp from its picture's, in the stamps' unit.

@@ -1,4 +1,4 @@
-"""Truth beside a drive's pictures: objects.json, boxes.json, floor_plan.json and floor labels."""
+"""Truth of a drive: objects.json, boxes.json, floor_plan.json and floor labels."""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -19,7 +19,7 @@ Id = Annotated[int, Meta(ge=-(2**53), le=2**53)] | Name
 
 
 class ObjectRecord(msgspec.Struct):
-    """One object of a room, in the start-pose frame; metres. visible_frames: None where the file does not say."""
+    """One object of a room, in the start-pose frame; metres. visible_frames: None where the file states none."""
 
     id: Id
     label: Name
@@ -49,7 +49,7 @@ class _Boxes(msgspec.Struct):
 
 
 def read_objects(path: Path) -> tuple[ObjectRecord, ...]:
-    """Read `objects.json`. Raises CameraError naming the field or object that is wrong, or an id given twice."""
+    """Read `objects.json`. Raises CameraError naming the field or object that is wrong, or a repeated id."""
     records = tuple(decode_json(read_bytes(path, CameraError), _Objects, path, CameraError).objects)
     seen = set()
     for record in records:

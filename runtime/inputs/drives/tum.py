@@ -24,7 +24,7 @@ MAX_GAP_S = 0.2  # truth is not interpolated over longer holes (the tracker lost
 
 
 def read_tum_drive(folder: Path) -> Drive:
-    """Read a TUM folder. Poses are the optical frame's in a world that is z-up unless camera.yaml says otherwise.
+    """Read a TUM folder. Poses are the optical frame's in a world that is z-up unless camera.yaml states another axis.
 
     With `rgb.txt` the truth is interpolated at the pictures' stamps, and pictures without truth are left out. Without
     it, `poses.tum` has one line per picture. Raises CameraError.

@@ -35,10 +35,10 @@ LABELS = label_table(COCO_NAMES)
 def read_yolo(folder: Path) -> Drive:
     """Read labelled pictures; class numbers are those of `classes.txt` or `data.yaml`, of COCO where there is neither.
 
-    `classes.txt`, a name per line, lies beside `images/` or in `labels/`, where labelling tools write it; `data.yaml`
-    lies beside `images/` or in the folder above, as Ultralytics and Roboflow have it. A picture without a label file
-    shows no object. A `boxes.json` beside them, one entry per picture in order of names, takes precedence: it also has
-    the visibility. The pictures have no poses. Raises CameraError.
+    `classes.txt`, a name per line, lies next to `images/` or in `labels/`, where labelling tools write it; `data.yaml`
+    lies next to `images/` or in the folder above, as Ultralytics and Roboflow have it. A picture without a label file
+    shows no object. A `boxes.json`, one entry per picture in order of names, takes precedence: it also has the
+    visibility. The pictures have no poses. Raises CameraError.
     """
     images = list_pictures(folder / "images")
     if (folder / "boxes.json").is_file():

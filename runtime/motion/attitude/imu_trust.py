@@ -197,7 +197,7 @@ class ImuTrust:
     def _weigh_turns(self, samples: ImuSamples, span_s: float, bias: Array) -> bool:
         """Compares where gravity is by gyro and accelerometer with where it is by the accelerometer alone: wrong axes
         or units turn it, without any picture. Returns whether the gyro is in doubt. Starts again where the span is 0:
-        one of both is known to be wrong, or the camera rests, before which the gyro's bias is not known."""
+        one of both is wrong, or the camera rests, before which the gyro's bias is not known."""
         force = samples.accel_m_s2.mean(axis=0)
         force = force / max(float(np.linalg.norm(force)), 1e-9)
         if not self._level.any() or not span_s:

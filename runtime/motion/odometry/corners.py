@@ -50,9 +50,9 @@ class CornersRule:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Found:
-    """Corners that are found in this picture and the one before: ids (N,); there, normalised image points (N, 2),
-    probability of floor and depth (N,), NaN where it was not measured. turn (3, 3), way (3,): rotation and direction of
-    the motion, which take points of the lens before into the lens of now."""
+    """Corners tracked from the picture before: ids (N,); there, normalised image points (N, 2), probability of floor
+    and depth (N,), NaN where it was not measured. turn (3, 3), way (3,): rotation and direction of the motion, which
+    take points of the lens before into the lens of now."""
 
     ids: NDArray[np.int64]
     points: Array

@@ -1,4 +1,4 @@
-"""Poses that carry the map, judged by the camera's own motion, which takes their place where they are wrong."""
+"""Poses that carry the map, judged by the camera's motion, which takes their place where they are wrong."""
 
 import math
 from collections import deque
@@ -21,9 +21,9 @@ from edgemap.runtime.network.network import Tensors
 
 
 class JudgedOdometry:
-    """The given motion, until the camera's contradicts it; from then on the camera's.
+    """The external motion, until the camera's contradicts it; from then on the camera's.
 
-    open_poses: makes the given odometry at the first frame's stamp, with the file's attitudes where there are any.
+    open_poses: makes the external odometry at the first frame's stamp, with the file's attitudes where there are any.
     The map's latest poses become the camera's then. kind: of the fault that leaves the source out. start: the first
     frame's pose in the source's map; None where that begins there.
     """
@@ -52,7 +52,7 @@ class JudgedOdometry:
         return None if self._wrong or given is None else given.attitude(stamp_s)
 
     def step(self, frame: Frame, features: Tensors, prior: FramePrior = NO_PRIOR) -> Motion:
-        """The given motion since the last frame, or the camera's."""
+        """The external motion since the last frame, or the camera's."""
         seen = self._camera.step(frame, features, prior)
         given = self._given(frame.stamp_s)[0].step(frame, features, prior)
         due, self._last_s = self._judge.add(self._last_s, frame.stamp_s, seen.moved()), frame.stamp_s
@@ -61,7 +61,7 @@ class JudgedOdometry:
         return self._chosen(replace(given, rotation=seen.rotation), seen, frame.stamp_s)
 
     def step_blind(self, stamp_s: float, reason: Fault, attitude: Attitude | None = None) -> Motion:
-        """The given motion; it needs no picture."""
+        """The external motion; it needs no picture."""
         seen = self._camera.step_blind(stamp_s, reason, attitude)
         self._last_s = -math.inf
         return self._chosen(self._given(stamp_s)[0].step_blind(stamp_s, reason, attitude), seen, stamp_s)
@@ -117,6 +117,6 @@ class JudgedOdometry:
         return replace(motion, faults=(*motion.faults, *news)) if news else motion
 
     def _seen_at(self, stamp_s: float) -> SE2 | None:
-        """The camera's pose at a stamp, in a frame of its own; None where it is not known."""
+        """The camera's pose at a stamp, in a separate frame; None where unknown."""
         path = Trajectory(np.array([row[0] for row in self._path]), tuple(row[1] for row in self._path))
         return path.at(stamp_s) if path.stamps_s[0] <= stamp_s <= path.stamps_s[-1] else None

@@ -1,4 +1,4 @@
-"""A map as GeoJSON: footprints as polygons, the trajectory as a line; in metres of the map's own frame."""
+"""A map as GeoJSON: footprints as polygons, the trajectory as a line; in metres of the map frame."""
 
 import json
 import math
@@ -36,7 +36,7 @@ def geojson_text(
     """One FeatureCollection. Each object is a Polygon with the fields of map.json as properties; so is each zone, with
     its id and name. Each wall is a LineString, each room a Polygon, each door a LineString.
 
-    RFC 7946 knows WGS 84 only, and other frames by prior arrangement (section 4): the member `frame` says which, and
+    RFC 7946 knows WGS 84 only, and other frames by prior arrangement (section 4): the member `frame` states which, and
     `crs: null` (GeoJSON 2008, section 3) that no program should take the numbers for degrees. Exterior rings run
     counter-clockwise (section 3.1.6).
     """
@@ -78,7 +78,7 @@ def _object(item: MapObject, map_id: str) -> dict:
 
 
 def _zone(zone: Zone, taken: Collection[str]) -> dict:
-    """taken: ids of objects, beside which zones have a namespace of their own and features have not."""
+    """taken: ids of objects, beside which zones have another namespace and features have not."""
     ring = zone_record(zone)["corners_m"]
     if sum(x0 * y1 - x1 * y0 for (x0, y0), (x1, y1) in zip(ring, ring[1:] + ring[:1], strict=True)) < 0.0:
         ring.reverse()

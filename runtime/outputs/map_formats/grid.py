@@ -71,7 +71,7 @@ def grid_of(
 
 
 def observed_cells(grid: OccupancyGrid, objects: Sequence[MapObject] = ()) -> FloorCells:
-    """The observed floor, with the given objects drawn over it. Raises MapError as `grid_of`."""
+    """The observed floor, with objects drawn over it. Raises MapError as `grid_of`."""
     cells = FloorCells(grid.cells, grid.x_m, grid.y_m, grid.cell_m)
     if not objects:
         return cells

@@ -1,4 +1,4 @@
-"""Places labels beside their dots with little overlap."""
+"""Places labels next to their dots with little overlap."""
 
 from collections.abc import Sequence
 
@@ -12,7 +12,7 @@ Box = tuple[float, float, float, float]
 def place_labels(
     marks: Sequence[tuple[str, float, float]], width_px: float, height_px: float
 ) -> list[tuple[float, float, str]]:
-    """Positions of the texts (text, x, y) beside their dots: x, baseline y and SVG's text-anchor of each.
+    """Positions of the texts (text, x, y) next to their dots: x, baseline y and SVG's text-anchor of each.
 
     Greedy: of eight places around its dot each text takes the one that overlaps least with dots, earlier texts and the
     border. Beyond `MAXIMUM_PLACED` texts all are placed to the right of their dots.

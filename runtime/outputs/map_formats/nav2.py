@@ -29,7 +29,7 @@ FRAME_ID = "map"
 
 
 def write_nav2(path: Path, grid: FloorCells) -> tuple[Path, Path]:
-    """Write `path` (YAML) and the picture of the same name beside it; both paths. Raises MapError.
+    """Write `path` (YAML) and the picture of the same name; both paths. Raises MapError.
 
     The picture's first row is its top: the greatest y. Its lower left corner lies at `origin` (x, y, yaw) of the map
     frame, columns run along x. Source: https://docs.nav2.org/configuration/packages/configuring-map-server.html and
@@ -134,12 +134,12 @@ def write_masks(
     speed_percent: Mapping[str, int] | None = None,
     resolution_m: float = 0.05,
 ) -> list[Path]:
-    """Masks of zones by name, beside `path`: NAME.keepout.yaml and .pgm, NAME.speed.yaml and .pgm; the YAML files.
+    """Masks of zones by name, next to `path`: NAME.keepout.yaml and .pgm, NAME.speed.yaml and .pgm; the YAML files.
 
     speed_percent: of the robot's highest speed, 1 to 100, in each zone; the lowest counts where zones overlap. Pixels
     are the mask's values as they are (mode raw): 100 for keep-out with a filter of type 0, the percentage with a filter
-    of type 1, base 0.0 and multiplier 1.0, whose 0 is no limit. Raises MapError for a zone that is not there.
-    Source: https://docs.nav2.org/configuration/packages/map_server/configuring-costmap-filter-info-server.html and
+    of type 1, base 0.0 and multiplier 1.0, whose 0 is no limit. Raises MapError for a zone that is not there. Source:
+    https://docs.nav2.org/configuration/packages/map_server/configuring-costmap-filter-info-server.html and
     https://docs.nav2.org/configuration/packages/costmap-plugins/speed_filter.html
     """
     speeds = dict(speed_percent or {})

@@ -24,11 +24,10 @@ class LivingMap(Sink):
     """Writes `map.json` of a folder that several runs share, one after the other: objects, annotations, last pose.
 
     searching: whether the robot is not yet relocalised in the map; nothing is written until then, so a run without
-    relocalisation leaves the map unchanged. verdict: on the run so far. While it is unreliable and the map of the runs
-    before was not, that map stays, and this run's is written beside it as `map.unreliable.json`. A new map takes the
-    scale of a corrected lens height once, at the end. The folder is locked while the run lasts; `map.before.json` keeps
-    the map of the run before.
-    Raises DiskError where the folder cannot be made, RunFolderError where another run uses it.
+    relocalisation leaves the map unchanged. verdict: on the run so far. While it is unreliable and the earlier map was
+    not, that map stays, and this run's is written as `map.unreliable.json`. A new map takes the scale of a corrected
+    lens height once, at the end. The folder is locked while the run lasts; `map.before.json` keeps the map of the run
+    before. Raises DiskError where the folder cannot be made, RunFolderError where another run uses it.
     """
 
     def __init__(
@@ -84,7 +83,7 @@ class LivingMap(Sink):
         return {path: read_bytes(path, MapError) for path in files if path.is_file()}
 
     def _choose(self, verdict: Verdict) -> None:
-        """Where to save: beside a better map, or in its place."""
+        """Where to save: next to a better map, or in its place."""
         apart = bool(self._better) and verdict.level == "unreliable"
         path = self.path.with_name("map.unreliable.json" if apart else "map.json")
         if path == self.path:

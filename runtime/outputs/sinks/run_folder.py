@@ -1,4 +1,4 @@
-"""The run folder: map, trajectory, sightings and the run's own record, on disk from the first second on."""
+"""The run folder: map, trajectory, sightings and the run's record, on disk from the first second on."""
 
 import json
 import os
@@ -38,14 +38,13 @@ IN_USE = "another run writes into it; choose another --out"
 
 
 class RunFolder:
-    """Writes `map.json`, `trajectory.tum`, `sightings.jsonl`, `run.json` and `mount.jpg` into a folder of its own.
+    """Writes `map.json`, `trajectory.tum`, `sightings.jsonl`, `run.json` and `mount.jpg` into a new folder.
 
     record: the run's entries of run.json (configuration, sums, versions). An empty valid map exists at once. Trajectory
     and sightings are first written as estimated at the time; where loop closure or relocalisation moved the past, they
     are rewritten at the end. There all files take the scale of a corrected lens height, once. Data that the disk cannot
-    take is kept and saved once it can. The folder is locked while the run lasts.
-    Raises DiskError where the folder cannot be made, RunFolderError where it holds another run or another process
-    writes into it.
+    take is kept and saved once it can. The folder is locked while the run lasts. Raises DiskError where the folder
+    cannot be made, RunFolderError where it holds another run or another process writes into it.
     """
 
     name = "run folder"

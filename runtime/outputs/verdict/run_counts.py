@@ -93,7 +93,7 @@ class QualityCounter:
 
 
 class RunCounts(Sink):
-    """A sink that counts. record: other entries of run.json; lens, mount, odometry and camera_guess have a say in the
+    """A sink that counts. record: other entries of run.json; lens, mount, odometry and camera_guess count in the
     verdict."""
 
     name = "verdict"

@@ -102,7 +102,7 @@ def _pictures(run: _Run) -> Iterator[Finding]:
 
 
 def _mount(run: _Run) -> Iterator[Finding]:
-    """The mount as given against the mount as observed, angles and height; and whether it was given at all."""
+    """Stated against observed mount, angles and height; and whether it was stated."""
     record, carried = run.record, _is_carried(run)
     if guess := record.get("camera_guess"):
         if turned_by := guess.get("turned_by"):
@@ -162,7 +162,7 @@ def _floor(run: _Run) -> Iterator[Finding]:
 
 
 def _measures_by_floor(run: _Run) -> bool:
-    """Whether the floor in the pictures is what gives lengths: neither wheels nor depth nor given poses do."""
+    """Whether the floor in the pictures is what gives lengths: neither wheels nor depth nor external poses do."""
     depth = run.record.get("attitude_sources", {}).get("depth", 0)
     measured = depth or run.quality.get("wheel_frames", 0)
     return not measured and run.record.get("odometry", "hybrid") in PICTURE_ODOMETRIES
@@ -228,7 +228,7 @@ def _sources(run: _Run) -> Iterator[Finding]:
 
 
 def _objects(run: _Run) -> Iterator[Finding]:
-    """How sure the map is of its own objects."""
+    """How sure the map is of its objects."""
     record, objects = run.record, run.objects
     if not objects:
         return
