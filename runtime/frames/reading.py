@@ -34,10 +34,9 @@ Side = Annotated[int, Meta(ge=1, le=65536)]  # of a picture, px
 Name = Annotated[str, Meta(min_length=1, max_length=200, pattern=rf"\A[^{HIDDEN}]*\Z")]
 
 
-# Of a URL: user and password, also where these hold `/`, `@` or quotes, but for one that ends a text; a whole query or
-# fragment, whatever its names; parts of a path that give access, as cheap cameras have them. Without a scheme, a user
-# and password before a host, unless the first is a kind of input, and values of such names. Lengths are bounded, or a
-# hostile text would take for ever.
+# Of a URL: user and password, also where these hold `/`, `@` or quotes; a whole query or fragment, whatever its names;
+# parts of a path that give access, as cheap cameras have them. Without a scheme: user and password before a host, but for
+# kinds of inputs, and values of such names. Lengths are bounded, or a hostile text would take for ever.
 URL = r"""(:/{2,3}|https?:/|rtsps?:/)"""
 INNER_QUOTE = r"""["'](?![\s,:;}\])>]|$)"""
 USER_INFO = re.compile(

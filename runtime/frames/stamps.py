@@ -19,12 +19,12 @@ def followed(
     A stamp that is not after the last one, or that all later ones come before, has None for its stamp and a fault: the
     sample is to be dropped. Where three stamps in a row lie before the last one in order, or more than a day after it,
     the clock was set: the stream continues by the new clock, shifted, with one fault. Stamps are unchanged otherwise,
-    to the bit. second: of the stamps' unit; 1e9 for whole nanoseconds. recorded: stamp of a sample by the recorder's
-    clock, if there is one: it shows a clock that was set forward by more than a second, and which pauses are none.
+    to the bit. second: of the stamps' unit; 1e9 for whole nanoseconds. recorded: stamp by the recorder's clock, which
+    shows a clock that was set forward by more than a second.
     """
     source, ahead = iter(samples), deque[tuple[float, T]]()
     last, offset, ended = -float("inf"), 0, False
-    most = float("inf")  # that a stamp was ahead of the recorder's
+    most = last  # that a stamp was ahead of the recorder's
     failure: EdgemapError | None = None
     while True:
         while not ended and len(ahead) < AGREEING:
@@ -39,7 +39,6 @@ def followed(
                 raise failure
             return
         leads = [other + offset - recorded(one) for other, one in ahead] if recorded else [0.0]
-        set_ahead = max(leads) - second < min(leads) > most + second
         raw, sample = ahead.popleft()
         stamp, later = raw + offset, [other + offset for other, _ in ahead]
         agree = len(later) == AGREEING - 1 and stamp < later[0] < later[1]
@@ -48,7 +47,7 @@ def followed(
             fault = f"at {raw / second:.6f} s, more than a day before the stamps that follow, skipped"
         elif agree and (
             later[1] <= last
-            or (set_ahead and stamp > last + second)
+            or (stamp > last + second > -float("inf") and max(leads) - second < min(leads) > most + second)
             or (stamp > last + PAUSE * second > -float("inf") and later[1] - stamp < PAUSE * second)
         ):
             moved = 2 * stamp - last - later[0]  # beyond one interval
@@ -60,7 +59,5 @@ def followed(
         elif len(later) > 1 and last < later[0] < later[1] < stamp:
             fault = f"at {raw / second:.6f} s, after the stamps that follow, skipped"
         dropped = fault.endswith("skipped")
-        if not dropped:
-            lead = stamp - recorded(sample) if recorded else 0.0
-            last, most = stamp, lead if last == -float("inf") else max(most, lead)
+        last, most = last if dropped else stamp, most if fault else max(most, leads[0])
         yield None if dropped else stamp, sample, fault
