@@ -25,10 +25,6 @@ SAMPLES = np.stack(np.meshgrid(*[np.linspace(-0.9, 0.9, 10)] * 2), axis=-1).resh
 NEAR_RAD = math.radians(12.0)  # of the most probable yaw: averaged
 
 
-# Outward normals (N, 2), distances from the origin (N,), standard deviations outside and inside (2, N), weights (N,).
-Lines = tuple[Array, Array, Array, Array]
-
-
 @dataclass(frozen=True, slots=True)
 class FootprintRule:
     """Errors of what a footprint is fitted to, by calibration on rendered tuning homes."""
@@ -75,8 +71,7 @@ def fitted(
     yaws: Array = seen_rad + np.linspace(0.0, math.pi, YAWS, endpoint=False, dtype=np.float64)
     front = np.column_stack([np.cos(yaws), np.sin(yaws)])
     across = np.column_stack([-front[:, 1], front[:, 0]])
-    lines = _lines(outlines, seen_rad, rule)
-    rectangles, cost = _rectangles(np.array([*position_m, deep / 2.0, wide / 2.0]), lines, front, across, rule)
+    rectangles, cost = _rectangles(np.array([*position_m, deep / 2.0, wide / 2.0]), outlines, front, across, rule)
     fit = -cost / 2.0
     if grid is not None:
         fit += _along_walls(yaws, position_m, grid, rule)
@@ -103,10 +98,10 @@ def fitted(
     return FittedFootprint(shape, np.array([x_m, y_m]) - position_m)
 
 
-def _rectangles(prior: Array, lines: Lines, front: Array, across: Array, rule: FootprintRule) -> tuple[Array, Array]:
+def _rectangles(prior: Array, outlines: Array, front: Array, across: Array, rule: FootprintRule) -> tuple[Array, Array]:
     """Centre, half depth and half width of the best rectangle (Y, 4) for each direction of its front (Y, 2), and twice
     its negative log-likelihood (Y,); robust and asymmetric least squares about a prior (4,)."""
-    normals, offsets, sigmas_m, weights = lines
+    normals, offsets, sigmas_m, weights = _lines(outlines, front[0], rule)
     sizes = np.concatenate([np.full(2, rule.centre_share * 2.0 * prior[2:].max()), rule.size_share * prior[2:]])
     design = np.concatenate(
         [
@@ -135,8 +130,9 @@ def _residuals(design: Array, rectangles: Array, offsets: Array, sigmas_m: Array
     return scale_m, (residuals_m / scale_m) ** 2
 
 
-def _lines(outlines: Array, seen_rad: float, rule: FootprintRule) -> Lines:
-    """The lines of N outlines (N, 3, 2). seen_rad: direction that those of view are counted from."""
+def _lines(outlines: Array, front: Array, rule: FootprintRule) -> tuple[Array, Array, Array, Array]:
+    """The lines of N outlines (N, 3, 2): outward normals (3 N, 2), distances from the origin (3 N,), standard
+    deviations outside and inside (2, 3 N), weights (3 N,). front (2,): where directions of view are counted from."""
     lens, left, right = outlines.transpose(1, 0, 2)
     sides = np.stack([left - lens, lens - right, left - right])
     normals = np.stack([-sides[..., 1], sides[..., 0]], axis=-1) / np.linalg.norm(sides, axis=-1, keepdims=True)
@@ -145,7 +141,7 @@ def _lines(outlines: Array, seen_rad: float, rule: FootprintRule) -> Lines:
     sigmas_m = np.array(
         [[rule.side_m, rule.side_m, rule.foot_m], [rule.side_inside_m, rule.side_inside_m, rule.foot_inside_m]]
     )
-    turned = np.arctan2(normals[2, :, 1], normals[2, :, 0]) - seen_rad
+    turned = np.arctan2(normals[2, :, 1], normals[2, :, 0]) - math.atan2(front[1], front[0])
     seen = np.floor(turned % math.tau * DIRECTIONS / math.tau).astype(np.intp)
     weights: Array = np.bincount(seen)[seen].astype(np.float64) ** -0.5
     return (

@@ -35,8 +35,8 @@ Name = Annotated[str, Meta(min_length=1, max_length=200, pattern=rf"\A[^{HIDDEN}
 
 
 # Of a URL: user and password, also where these hold `/`, `@` or quotes; a whole query or fragment, whatever its names;
-# parts of a path that give access, as cheap cameras have them. Without a scheme: user and password before a host, but for
-# kinds of inputs, and values of such names. Lengths are bounded, or a hostile text would take for ever.
+# parts of a path that give access, as cheap cameras have them. Without a scheme: user and password before a host, and
+# values of such names. Lengths are bounded, or a hostile text would take for ever.
 URL = r"""(:/{2,3}|https?:/|rtsps?:/)"""
 INNER_QUOTE = r"""["'](?![\s,:;}\])>]|$)"""
 USER_INFO = re.compile(
