@@ -112,7 +112,7 @@ def test_it_shows_the_map_that_the_run_saved(bundle, tmp_path, show):
     assert all(stage in words for stage in data["run"]["stages"])
     tab.value("document.querySelector('#objects button').click()")
     tab.until("document.querySelector('#detail img').naturalWidth > 0 && edgemap.map.chosen === 'chair-1'")
-    detail = text_of(tab, "#detail")
+    detail = text_of(tab, "#detail").replace("\u00a0", " ")
     assert f"x {saved['x_m']:.2f}, y {saved['y_m']:.2f} m".replace("-", "−") in detail
     assert f"{saved['count']} times" in detail
     assert "in its 95 % ellipse" in detail
