@@ -81,4 +81,4 @@ def write_map(home: Path, out: Path, bundle: Bundle, options: BaselineOptions) -
 
 
 if __name__ == "__main__":
-    main(tyro.cli(BaselineOptions, description=__doc__))
+    main(tyro.cli(BaselineOptions, prog="python -m edgemap.benchmarks.baseline", description=__doc__))

@@ -14,6 +14,9 @@ from edgemap.evaluation.grid import FLAT_M, OVERHEAD_M, TrueFloor
 from edgemap.evaluation.objects import TrueObject
 from edgemap.evaluation.rooms import TruePlan, score_rooms
 from edgemap.geometry.camera.floor import FloorCamera
+from edgemap.geometry.grid.occupancy_grid import OccupancyGrid
+from edgemap.geometry.map_object import MapObject
+from edgemap.geometry.objects.annotations import Annotations
 from edgemap.geometry.objects.rooms import rooms_of
 from edgemap.runtime.frames.errors import CameraError
 from edgemap.runtime.inputs.cameras.pictures import drive_camera
@@ -92,7 +95,13 @@ def true_floor(drive: Drive) -> TrueFloor | None:
     return TrueFloor(floor, walls, footprints)
 
 
-def room_figures(slam: SemanticSlam, drive: Drive, frames: int | None = None) -> dict[str, Any]:
+def room_figures(
+    objects: Sequence[MapObject],
+    annotations: Annotations,
+    grid: OccupancyGrid | None,
+    drive: Drive,
+    frames: int | None = None,
+) -> dict[str, Any]:
     """Rooms and doors of a map against the drive's floor plan; empty where it has none. Raises CameraError."""
     plan = read_floor_plan(drive.folder)
     if plan is None or drive.truth is None or drive.intrinsics is None:
@@ -102,8 +111,7 @@ def room_figures(slam: SemanticSlam, drive: Drive, frames: int | None = None) ->
     )
     truth = TruePlan(rooms, [room.kind for room in plan.rooms], doorways, walls)
     view_rad = 2.0 * math.atan(drive.intrinsics.width / 2.0 / drive.intrinsics.fx)
-    mapped = rooms_of(slam.objects(), slam.mapper.annotations(), slam.mapper.grid.grid())
-    return score_rooms(*mapped, truth, drive.truth.poses[:frames], view_rad)
+    return score_rooms(*rooms_of(objects, annotations, grid), truth, drive.truth.poses[:frames], view_rad)
 
 
 def true_objects(drive: Drive, frames: int | None = None) -> list[TrueObject]:

@@ -170,7 +170,7 @@ def _scored(folder: Path, bundle: Any, variants: dict[str, Any], frames: int) ->
     facts = {"home": folder.name, "objects_true": len(scored(truth)), "mount": mount}
     maps = {}
     for name, slam in slams.items():
-        found = room_figures(slam, drive, frames)
+        found = room_figures(slam.objects(), slam.mapper.annotations(), slam.mapper.grid.grid(), drive, frames)
         areas = {key: found.get(kind, {}).get(figure) for key, (kind, figure) in AREAS.items()}
         maps[name] = score_map(slam.objects(), truth) | areas
         if footprint := score_footprints(slam.objects(), truth):

@@ -1,15 +1,16 @@
 """`python -m edgemap.benchmarks.score MAPS HOMES`: anybody's maps of the benchmark's homes, scored by its protocol.
 
 MAPS: a map.json, a run folder, or a CSV with the columns label, x_m, y_m (others are optional: confidence, and
-covariance_xx_m2, covariance_xy_m2, covariance_yy_m2). HOMES: the drive that it is of, with objects.json. Of many: two
-folders, where HOME of HOMES goes with HOME/, HOME.json or HOME.csv of MAPS; a home without a map scores 0.
-docs/benchmark.md describes the protocol.
+covariance_xx_m2, covariance_xy_m2, covariance_yy_m2, and width_m, depth_m, yaw_rad of footprints). HOMES: the drive
+that it is of, with objects.json. Of many: two folders, where HOME of HOMES goes with HOME/, HOME.json or HOME.csv of
+MAPS; a home without a map scores 0. docs/benchmark.md describes the protocol.
 """
 
 import csv
 import json
 import sys
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from functools import reduce
 from pathlib import Path
 from statistics import fmean, stdev
 from typing import Annotated, Any
@@ -17,20 +18,29 @@ from typing import Annotated, Any
 import numpy as np
 import tyro
 
-from edgemap.benchmarks.map_variants import true_floor, true_objects
+from edgemap.benchmarks.map_variants import room_figures, true_floor, true_objects
 from edgemap.benchmarks.rooms import drives_in
+from edgemap.evaluation.footprints import score_footprints
 from edgemap.evaluation.grid import score_grid
 from edgemap.evaluation.objects import score_map
 from edgemap.geometry.errors import EdgemapError, MapError
-from edgemap.geometry.map_object import MapObject
+from edgemap.geometry.map_object import MapObject, MeasuredFootprint
+from edgemap.geometry.objects.annotations import NO_ANNOTATIONS
 from edgemap.runtime.inputs.drives import open_drive
 from edgemap.runtime.step.grid_file import load_grid
-from edgemap.runtime.step.map_file import load_map, map_path
+from edgemap.runtime.step.map_file import load_annotated_map, map_path
 
 NEEDED = ("label", "x_m", "y_m")
 COVARIANCE = ("covariance_xx_m2", "covariance_xy_m2", "covariance_yy_m2")
 FIGURES = ("f1", "precision", "recall", "median_error_m", "p90_error_m")
+FOOTPRINT = ("width_m", "depth_m", "yaw_rad")
 BY_COVARIANCE = ("covered95", "anees", "ellipse_m2")
+# What a line shows besides FIGURES, where the map has it.
+PARTS = {
+    "footprints": ("footprint", "f1_iou25"),
+    "free": ("grid", "free", "precision_10cm"),
+    "rooms": ("rooms", "found"),
+}
 
 
 @dataclass(frozen=True)
@@ -54,35 +64,42 @@ def read_csv(path: Path) -> tuple[list[MapObject], bool]:
         if missing := [name for name in NEEDED if name not in columns]:
             raise MapError(f"{path}: no column {', '.join(missing)}; expected {', '.join(NEEDED)}")
         known = all(name in columns for name in COVARIANCE)
+        optional = (*(COVARIANCE if known else ()), *(name for name in ("confidence", *FOOTPRINT) if name in columns))
         for row in rows:
-            names = ("x_m", "y_m", *(COVARIANCE if known else ()), *(["confidence"] if row.get("confidence") else []))
+            names = ("x_m", "y_m", *(name for name in optional if row[name]))
             try:
-                x_m, y_m, *rest = numbers = [float(row[name]) for name in names]
+                value = {name: float(row[name]) for name in names}
             except (TypeError, ValueError):
-                numbers = [np.nan]
-            if not np.isfinite(numbers).all() or not row["label"]:
+                value = {"": np.nan}
+            if not np.isfinite([*value.values()]).all() or not row["label"]:
                 raise MapError(f"{path}:{rows.line_num}: expected a label and finite numbers in {', '.join(names)}")
-            xx, xy, yy = rest[:3] if known else (1.0, 0.0, 1.0)
-            covariance, score = np.array([[xx, xy], [xy, yy]]), rest[-1] if row.get("confidence") else 1.0
-            place = np.array([x_m, y_m])
-            number = f"{row['label']}-{rows.line_num}"
-            objects.append(MapObject(number, row["label"], place, covariance, 0.5, 0.5, 1, score, 0.0, 0.0))
+            xx, xy, yy = (value.get(name, 1.0 - (name == COVARIANCE[1])) for name in COVARIANCE)
+            covariance, place = np.array([[xx, xy], [xy, yy]]), np.array([value["x_m"], value["y_m"]])
+            sides = [value.get(name, 0.5) for name in FOOTPRINT[:2]]
+            shape = MeasuredFootprint(sides[0], sides[1], value.get("yaw_rad")) if FOOTPRINT[0] in value else None
+            number, score = f"{row['label']}-{rows.line_num}", value.get("confidence", 1.0)
+            item = MapObject(number, row["label"], place, covariance, sides[0], 0.5, 1, score, 0.0, 0.0)
+            objects.append(replace(item, measured=shape))
     return objects, known
 
 
 def scored_home(found: Path | None, home: Path, frames: int) -> dict[str, Any]:
     """Figures of one home. found: its map, None where there is none. Raises MapError or CameraError."""
-    drive, grid, known = open_drive(f"drive:{home}"), None, True
+    drive, grid, known, annotations = open_drive(f"drive:{home}"), None, True, NO_ANNOTATIONS
     objects: list[MapObject] = []
     if found is not None and found.suffix == ".csv":
         objects, known = read_csv(found)
     elif found is not None:
-        objects, grid = load_map(found), load_grid(map_path(found))
-    figures = score_map(objects, true_objects(drive, frames))
+        (objects, annotations), grid = load_annotated_map(found), load_grid(map_path(found))
+    truth = true_objects(drive, frames)
+    figures, shapes = score_map(objects, truth), score_footprints(objects, truth)
     row = {"home": home.name, "map": found and str(found)}
     row |= {name: figures[name] for name in (*FIGURES, *(BY_COVARIANCE if known else ()))}
+    row |= {"footprint": shapes} if shapes and any(item.measured for item in objects) else {}
     plan = true_floor(drive)
-    return row | ({"grid": score_grid(grid, plan)} if grid is not None and plan is not None else {})
+    if grid is None or plan is None:
+        return row
+    return row | {"grid": score_grid(grid, plan)} | room_figures(objects, annotations, grid, drive, frames)
 
 
 def homes_of(homes: Path, seeds: str) -> list[Path]:
@@ -122,7 +139,11 @@ def main(options: ScoreOptions) -> None:
         print(json.dumps({"homes": rows, "total": total}, indent=1))
         return
     for row in rows:
-        figures = "  ".join(f"{name} {_text(row[name])}" for name in FIGURES)
+        parts = {name: reduce(lambda part, key: (part or {}).get(key), path, row) for name, path in PARTS.items()}
+        shown = {name: row[name] for name in FIGURES} | {
+            name: value for name, value in parts.items() if value is not None
+        }
+        figures = "  ".join(f"{name} {_text(value)}" for name, value in shown.items())
         print(f"{row['home']:<12}{figures}{'' if row['map'] else '  no map'}")
     spread = "" if total["f1_spread"] is None else f" +- {total['f1_spread']:.3f}"
     print(f"{len(rows)} homes: F1 {total['f1']:.3f}{spread}, worst {total['f1_worst']:.3f}")
@@ -133,4 +154,4 @@ def _text(value: float | None) -> str:
 
 
 if __name__ == "__main__":
-    main(tyro.cli(ScoreOptions, description=__doc__))
+    main(tyro.cli(ScoreOptions, prog="python -m edgemap.benchmarks.score", description=__doc__))

@@ -111,7 +111,8 @@ def command(
             if footprint := score_footprints(objects, truth):
                 document[name]["footprint"] = footprint
             if plan is not None:
-                document[name] |= {"grid": score_grid(grid, plan)} | room_figures(slam, drive, count)
+                rooms = room_figures(objects, slam.mapper.annotations(), grid, drive, count)
+                document[name] |= {"grid": score_grid(grid, plan)} | rooms
             if plot:
                 from edgemap.plots.charts import plot_reliability
                 from edgemap.runtime.outputs.map_formats.drawing import DrawnMap, draw_map

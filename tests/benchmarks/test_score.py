@@ -43,3 +43,19 @@ def test_a_line_that_is_no_object_is_named(tmp_path, text, words):
     (tmp_path / "map.csv").write_text(text)
     with pytest.raises(MapError, match=words):
         read_csv(tmp_path / "map.csv")
+
+
+def test_footprints_of_a_table_are_scored(tmp_path, monkeypatch, capsys):
+    """A bed of 2 x 1 m along y, mapped right, and across."""
+    corners = ((2.5, -1.0), (3.5, -1.0), (3.5, 1.0), (2.5, 1.0))
+    monkeypatch.setattr(score, "open_drive", lambda spec: spec)
+    monkeypatch.setattr(score, "true_objects", lambda *_: [TrueObject("bed", 3.0, 0.0, True, 50, corners)])
+    monkeypatch.setattr(score, "true_floor", lambda _: None)
+    (tmp_path / "objects.json").write_text("[]")
+    table = tmp_path / "map.csv"
+    for yaw, mean_iou, error in ((0.0, 1.0, 0.0), (1.5708, 0.33, 90.0)):
+        table.write_text(f"label,x_m,y_m,width_m,depth_m,yaw_rad\nbed,3.0,0.0,2.0,1.0,{yaw}\n")
+        main(ScoreOptions(table, tmp_path, json=True))
+        (row,) = json.loads(capsys.readouterr().out)["homes"]
+        assert row["footprint"]["mean_iou"] == pytest.approx(mean_iou, abs=0.03)
+        assert row["footprint"]["yaw_error_deg"] == pytest.approx(error, abs=0.1)
