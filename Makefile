@@ -166,7 +166,7 @@ PAPER_OUT ?= runs/paper-tables
 paper-tables: setup
 	$(BIN)/python -m edgemap.benchmarks.paper_tables --seeds $(PAPER_SEEDS) -o $(PAPER_OUT)
 
-# The moving picture of the README and the pictures of the docs, from today's page; needs chromium.
+# The moving picture of the README and the pictures of the docs, from today's page, the same on a busy machine; needs chromium.
 demo: setup
 	$(BIN)/python scripts/demo_picture.py
 
