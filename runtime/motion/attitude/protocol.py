@@ -27,7 +27,3 @@ class AttitudeSource(Protocol):
     def update(self, rotation: TrackedRotation | None) -> Attitude:
         """The last frame's attitude, updated with its rotation by the odometry; None where it measured none."""
         ...
-
-    def reset(self, reason: str) -> None:
-        """Resets the state."""
-        ...

@@ -26,9 +26,6 @@ class MountAttitude:
         """The mount's attitude, whatever was tracked."""
         return self._attitude
 
-    def reset(self, reason: str) -> None:
-        """Does nothing: there is no state."""
-
 
 class RecordedAttitude:
     """The attitude of recorded 6-DoF poses."""
@@ -46,6 +43,3 @@ class RecordedAttitude:
     def update(self, rotation: TrackedRotation | None) -> Attitude:  # noqa: ARG002
         """Returns the same attitude: there is no prediction to correct."""
         return self._track.at(self._seen_s, self._height_m)
-
-    def reset(self, reason: str) -> None:
-        """Does nothing: there is no state."""
