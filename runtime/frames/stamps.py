@@ -23,8 +23,8 @@ def followed(
     shows a clock that was set forward by more than a second.
     """
     source, ahead = iter(samples), deque[tuple[float, T]]()
-    last, offset, ended = -float("inf"), 0, False
-    most = last  # that a stamp was ahead of the recorder's
+    last = most = -float("inf")  # most: by which a stamp was ahead of the recorder's
+    offset, ended = 0, False
     failure: EdgemapError | None = None
     while True:
         while not ended and len(ahead) < AGREEING:
