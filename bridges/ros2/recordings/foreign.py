@@ -17,7 +17,8 @@ from edgemap.geometry.camera.mount import QUARTER_TURN, Mount
 from edgemap.geometry.errors import GeometryError
 from edgemap.geometry.se2 import SE2
 from edgemap.runtime.frames.errors import CameraError, OdometryError
-from edgemap.runtime.frames.notes import note_dropped
+from edgemap.runtime.frames.faults import FaultKind
+from edgemap.runtime.frames.notes import note, note_dropped
 from edgemap.runtime.frames.reading import one_line, user_path
 from edgemap.runtime.frames.trajectory import Trajectory
 from edgemap.runtime.inputs.cameras.imu_buffer import ImuBuffer
@@ -180,12 +181,20 @@ def _read(recording: Reading, topic: str, buffer: ImuBuffer) -> ImuSamples | Non
     for stamp_ns, _, message, fault in recording.samples(topic):
         count += 1
         if fault:
-            wrong.append(fault)
+            _report(recording, topic, fault, stamp_ns, wrong)
         if stamp_ns is not None:
             push_message(buffer, message, to_s(stamp_ns))
     samples = buffer.take(np.inf)
     note_dropped(f"{recording.path}: {topic}", wrong + buffer.dropped, count)
     return samples if len(samples) else None
+
+
+def _report(recording: Reading, topic: str, fault: str, stamp_ns: int | None, wrong: list[str]) -> None:
+    """A fault of one sample. wrong: those of dropped samples, which are reported together."""
+    if stamp_ns is None:
+        wrong.append(fault)
+    else:
+        note(FaultKind.SAMPLES, f"{recording.path}: {topic}: {fault}")
 
 
 def read_wheel(spec: str) -> Trajectory:
@@ -207,7 +216,7 @@ def read_wheel(spec: str) -> Trajectory:
         for stamp_ns, own_ns, message, fault in recording.samples(topic or found[0]):
             count += 1
             if fault:
-                wrong.append(fault)
+                _report(recording, topic or found[0], fault, stamp_ns, wrong)
             try:
                 pose = planar_pose(message.pose.pose, f"at {to_s(own_ns):.3f} s")
             except CameraError as error:
