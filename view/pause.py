@@ -14,7 +14,7 @@ LOOK_EVERY_S, HELD_S = 0.05, 0.25  # while held: between two looks, and until th
 class Pause:
     """A switch that any thread may turn, and the seconds that pass while it is off.
 
-    clock_s: seconds that only go forward; tests pass their own.
+    clock_s: seconds that only go forward; tests pass others.
     """
 
     def __init__(self, clock_s: Callable[[], float] = time.monotonic) -> None:

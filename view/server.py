@@ -1,5 +1,5 @@
-"""The page's web server: bound at once, served from a thread of its own, and never the end of the run. The number of
-idle connections is limited: a new one closes the oldest."""
+"""The page's web server: bound at once, served from a separate thread, and never the end of the run. The number of idle
+connections is limited: a new one closes the oldest."""
 
 import asyncio
 import ipaddress

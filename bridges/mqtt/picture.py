@@ -1,4 +1,4 @@
-"""The map as a picture without anything of the camera, drawn on a thread of its own."""
+"""The map as a picture without anything of the camera, drawn on a separate thread."""
 
 from collections.abc import Callable
 from concurrent.futures import Future, ThreadPoolExecutor

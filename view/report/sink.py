@@ -33,10 +33,10 @@ Judge = Callable[[list[MapObject], int], list[EvaluationRow]]
 class ReportFile(Sink):
     """Writes `report.html` into a run folder. It must come AFTER the folder's own sink, whose files the page shows.
 
-    about: of `about_run`. truth: the drive's own poses from its start, None where unknown. judge: function from the
-    map and the number of frames to evaluation rows; None without truth. crops: collects the pictures, also for other
-    readers. A report that fails never ends the run: `failure` gives the reason in one line, and `evaluation_rows` are
-    there either way.
+    about: of `about_run`. truth: the drive's poses from its start, None where unknown. judge: function from the map and
+    the number of frames to evaluation rows; None without truth. crops: collects the pictures, also for other readers. A
+    report that fails never ends the run: `failure` gives the reason in one line, and `evaluation_rows` are there either
+    way.
     """
 
     name = "report"

@@ -88,7 +88,7 @@ def _rotation(yaw_rad: float) -> dict[str, float]:
 
 
 def _pose(item: MapObject) -> dict[str, dict[str, float]]:
-    """Of the middle of its box; x is forward where its yaw is known."""
+    """Of the middle of its box; x is forward where it has a yaw."""
     pose, yaw_rad = {"position": _place(item, _height_m(item) / 2.0)}, yaw_of(item)
     return pose if yaw_rad is None else pose | {"orientation": _rotation(yaw_rad)}
 

@@ -42,7 +42,7 @@ TRUTH_IDS = FrameIds(odom=IDS.map)  # true poses start where the map does, and n
 class Recorder:
     """Frames, and perhaps a run's results, into an MCAP file. lossless: PNG instead of JPEG.
 
-    wheel: the wheels' own integrated poses; truth: the drive's own poses from its start. Raises RecordingError.
+    wheel: integrated poses of the wheels; truth: the drive's poses from its start. Raises RecordingError.
     """
 
     def __init__(
