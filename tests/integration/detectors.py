@@ -128,10 +128,11 @@ def torchvision(name: str, folder: Path) -> tuple:
     torchvision_with_nms()
     from torchvision.models.detection import ssdlite320_mobilenet_v3_large
 
-    model = ssdlite320_mobilenet_v3_large(weights=None, weights_backbone=None, num_classes=91).eval()
-    for key, parameter in model.head.classification_head.named_parameters():
-        if key.endswith("1.bias"):
-            torch.nn.init.normal_(parameter, 0.0, 2.0)  # as above
+    model = ssdlite320_mobilenet_v3_large(
+        weights=None, weights_backbone=None, num_classes=91, score_thresh=0.05, topk_candidates=20
+    ).eval()
+    for kernel in (one for one in model.parameters() if one.dim() == 4):
+        torch.nn.init.kaiming_normal_(kernel)  # the package's own start lets every activation vanish
     tensor = tensor_of(picture())
     torch.onnx.export(
         model, ([tensor[0]],), str(folder / "model.onnx"), input_names=["image"],
