@@ -40,7 +40,7 @@ MIN_VARIANCE_M2 = 1e-10  # of an observation: no box is that exact, and its inve
 GRID_EVERY_S = 1.0  # of stream between two grids that a step shows: planners and people need no more
 PICTURE_S = 0.1  # that evidence is counted in: thresholds were chosen at 10 Hz
 LEAST_PICTURES = 0.01  # after however short a step of the clock: evidence is divided by it
-LONGEST_S = 0.3  # that one picture stands for at most: what was in view before it is not known
+LONGEST_S = 0.4  # that one picture stands for at most, more than a third of a second: one search at 3 Hz
 WIDEST_M = 50.0  # that a map becomes by what somebody states: homes are smaller, and memory grows with its square
 START_SIGMAS = (0.10, 0.10, math.radians(3.0))  # m, m, rad: how well a person knows where the robot stands
 
