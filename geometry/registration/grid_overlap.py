@@ -67,8 +67,8 @@ def fitted_grid(grids: Grids, pose: SE2) -> GridFit | None:
     _, hits, seen, pose = best
     independent = second.cell_m / APART_M * len(contour) / len(points)
     tried = (SAME_PLACE_M / NEAR_M) ** 2 * SAME_TURN_RAD / STEP_RAD
-    count = np.floor(seen * independent)
-    chance = tried * float(bdtrc(max(np.floor(hits * independent) - 1.0, -1.0), count, share)) if count else 1.0
+    matched, count = int(hits * independent), int(seen * independent)
+    chance = tried * float(bdtrc(matched - 1, count, share)) if matched else 1.0
     x_m, y_m = SE2(0.0, 0.0, pose.yaw_rad).apply(middle)
     wrt_middle = np.array([[1.0, 0.0, y_m], [0.0, 1.0, -x_m], [0.0, 0.0, 1.0]])  # which the grid turns about
     covariance = wrt_middle @ np.diag([NEAR_M**2, NEAR_M**2, STEP_RAD**2]) @ wrt_middle.T
