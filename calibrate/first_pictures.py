@@ -11,6 +11,7 @@ from edgemap.calibrate.floor_depth import fit_floor_depth, gravity
 from edgemap.calibrate.guess import Focal, guess_camera
 from edgemap.calibrate.guess_focal import FEWEST_ROOMS
 from edgemap.calibrate.guess_upright import quarter_turns
+from edgemap.calibrate.stated_focal import stated_focal_px
 from edgemap.geometry.camera.floor import FloorCamera
 from edgemap.geometry.camera.imu import ImuSamples
 from edgemap.geometry.camera.intrinsics import Intrinsics
@@ -19,7 +20,6 @@ from edgemap.runtime.frames.camera import Camera
 from edgemap.runtime.frames.errors import CalibrationError
 from edgemap.runtime.frames.frame import Frame
 from edgemap.runtime.frames.reading import user_path
-from edgemap.runtime.inputs.cameras.stated_focal import stated_focal_px
 from edgemap.runtime.inputs.drives.camera_yaml import read_camera_yaml
 from edgemap.runtime.motion.camera_guess import CameraGuess
 from edgemap.runtime.motion.views import views_of

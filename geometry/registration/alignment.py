@@ -16,7 +16,7 @@ from scipy.special import bdtrc
 from edgemap.geometry.arrays import CHI2_997, Array
 from edgemap.geometry.errors import MapError
 from edgemap.geometry.map_object import MapObject
-from edgemap.geometry.registration.grid_overlap import GridFit, Grids, fitted_grid
+from edgemap.geometry.registration.grid_overlap import Grids, fitted_grid
 from edgemap.geometry.registration.hypotheses import SAME_PLACE_M, SAME_TURN_RAD, best_modes, hypotheses
 from edgemap.geometry.se2 import SE2, wrap_angle
 
@@ -107,21 +107,20 @@ def aligning(
         yield
         if fit := _refined(mode, first, second, rule):
             chance = _chance(fit, first, second, shared, len(tried.yaw_rad))
-            fits.append(_with_grid(fit, fitted_grid(grids, fit.pose), chance, first, second, rule))
+            fits.append(_with_grid(fit, grids, chance, first, second, rule))
     yield
     if not fits:
         raise AlignmentError(f"no motion lays more than one of {shared} objects with a common label onto its like")
-    weight = _pair_count if None in grids else _surprise
+    weight = (lambda fit: len(fit.pairs)) if None in grids else _surprise
     best = max(fits, key=lambda fit: (weight(fit), -fit.chi2))
     rivals = [fit for fit in fits if best.differs(fit, second)]
     rival = max(rivals, key=weight, default=None)
-    chance = best.chance
     summary = f"the best alignment explains {len(best.pairs)} of {shared} objects with a common label"
     if len(best.pairs) < least:
         raise AlignmentError(f"{summary}, at least {least} are needed")
-    if chance > rule.chance:
+    if best.chance > rule.chance:
         raise AlignmentError(
-            f"{summary}, which maps of unrelated places would do {chance:.2g} times "
+            f"{summary}, which maps of unrelated places would do {best.chance:.2g} times "
             f"(at most {rule.chance:g} is accepted)"
         )
     count = len(rival.pairs) if rival else 0
@@ -129,9 +128,15 @@ def aligning(
         raise AlignmentError(
             f"ambiguous: {summary} ({_words(best.pose)}), and a clearly different one {count} ({_words(rival.pose)})"
         )
-    distances = [np.linalg.norm(first[i].position_m - best.pose.apply(second[j].position_m)) for i, j in best.pairs]
+    return _alignment(best, first, second, shared, count)
+
+
+def _alignment(
+    fit: "_Fit", first: Sequence[MapObject], second: Sequence[MapObject], shared: int, rival: int = 0
+) -> Alignment:
+    distances = [np.linalg.norm(first[i].position_m - fit.pose.apply(second[j].position_m)) for i, j in fit.pairs]
     rms_m = math.sqrt(float(np.mean(np.square(distances))))
-    return Alignment(best.pose, best.covariance, best.pairs, shared, count, chance, rms_m)
+    return Alignment(fit.pose, fit.covariance, fit.pairs, shared, rival, fit.chance, rms_m)
 
 
 def realigned(
@@ -144,9 +149,8 @@ def realigned(
     """Updates an alignment of maps that have changed a little since. Raises AlignmentError where too few objects still
     match."""
     rule = rule or AlignmentRule()
-    fit = _refined(alignment.pose_a_b, first, second, rule)
-    if fit is not None:
-        fit = _with_grid(fit, fitted_grid(grids, alignment.pose_a_b), alignment.chance, first, second, rule)
+    if fit := _refined(alignment.pose_a_b, first, second, rule):
+        fit = _with_grid(fit, grids, alignment.chance, first, second, rule)
     if fit is None or len(fit.pairs) < max(2, rule.rival_share * len(alignment.pairs)):
         raise AlignmentError(f"{len(alignment.pairs)} objects matched, and no longer do")
     return replace(alignment, pose_a_b=fit.pose, covariance=fit.covariance, pairs=fit.pairs)
@@ -166,25 +170,18 @@ def aligned_near(
     random, times that of the grids. Raises AlignmentError where no guess is certain.
     """
     rule = rule or AlignmentRule()
-    candidates: list[Alignment] = []
+    fits = list[_Fit]()
     for guess in guesses:
         fit = _refined(guess, first, second, rule)
-        if fit is None:
-            continue
-        moved_m = math.hypot(fit.pose.x_m - guess.x_m, fit.pose.y_m - guess.y_m)
-        if moved_m > rule.reach_m:
-            continue
-        near = [_probability(theirs, fit.pose, first, rule) for theirs in second]
-        chance = len(guesses) * float(bdtrc(len(fit.pairs) - 1, len(second), float(np.mean(near))))
-        fit = _with_grid(fit, fitted_grid(grids, fit.pose), chance, first, second, rule)
-        pairs = [np.linalg.norm(first[i].position_m - fit.pose.apply(second[j].position_m)) for i, j in fit.pairs]
-        rms_m = math.sqrt(float(np.mean(np.square(pairs))))
-        candidates.append(Alignment(fit.pose, fit.covariance, fit.pairs, _shared(first, second), 0, fit.chance, rms_m))
-    best = min(candidates, key=lambda one: one.chance, default=None)
+        if fit and math.hypot(fit.pose.x_m - guess.x_m, fit.pose.y_m - guess.y_m) <= rule.reach_m:
+            near = [_probability(theirs, fit.pose, first, rule) for theirs in second]
+            chance = len(guesses) * float(bdtrc(len(fit.pairs) - 1, len(second), float(np.mean(near))))
+            fits.append(_with_grid(fit, grids, chance, first, second, rule))
+    best = min(fits, key=lambda fit: fit.chance, default=None)
     if best is None or best.chance > rule.chance:
         reason = f"by chance {best.chance:.2g} times" if best else "no two objects agree"
         raise AlignmentError(f"no guessed start fits ({reason}; at most {rule.chance:g} is accepted)")
-    return best
+    return _alignment(best, first, second, _shared(first, second))
 
 
 def _probability(theirs: MapObject, pose: SE2, first: Sequence[MapObject], rule: AlignmentRule) -> float:
@@ -223,28 +220,19 @@ class _Fit:
         return 2 * len(set(other.pairs) & set(self.pairs)) < len(other.pairs)
 
 
-def _pair_count(fit: _Fit) -> float:
-    return len(fit.pairs)
-
-
 def _surprise(fit: _Fit) -> float:
     return max(-math.log(max(fit.chance, 1e-300)), 0.0)
 
 
 def _with_grid(
-    fit: _Fit,
-    grid: GridFit | None,
-    chance: float,
-    first: Sequence[MapObject],
-    second: Sequence[MapObject],
-    rule: AlignmentRule,
+    fit: _Fit, grids: Grids, chance: float, first: Sequence[MapObject], second: Sequence[MapObject], rule: AlignmentRule
 ) -> _Fit:
     """The fit with the chance of both; by the grids where these agree for certain."""
-    fit = replace(fit, chance=chance * (grid.chance if grid else 1.0))
+    grid = fitted_grid(grids, fit.pose)
     if grid is None or grid.chance > rule.chance:
-        return fit
+        return replace(fit, chance=chance * (grid.chance if grid else 1.0))
     pairs = _paired(grid.pose, first, second, rule) or fit.pairs
-    return replace(fit, pose=grid.pose, covariance=grid.covariance, pairs=pairs)
+    return replace(fit, pose=grid.pose, covariance=grid.covariance, pairs=pairs, chance=chance * grid.chance)
 
 
 def _shared(first: Sequence[MapObject], second: Sequence[MapObject]) -> int:

@@ -7,13 +7,13 @@ import pytest
 
 from edgemap.calibrate.board import frames_of
 from edgemap.calibrate.guess import Focal, guess_camera
+from edgemap.calibrate.stated_focal import stated_focal_px
 from edgemap.geometry.camera.floor import FloorCamera
 from edgemap.geometry.camera.intrinsics import Intrinsics
 from edgemap.geometry.camera.mount import Mount
 from edgemap.geometry.observations.class_extents import HEIGHT_M, MEASURED
 from edgemap.geometry.observations.detections import Detections
 from edgemap.runtime.frames.errors import CalibrationError
-from edgemap.runtime.inputs.cameras.stated_focal import stated_focal_px
 from edgemap.runtime.inputs.drives.pictures import read_picture
 from edgemap.runtime.inputs.open import open_camera
 from edgemap.runtime.network.bundle import load_bundle

@@ -172,7 +172,7 @@ PAIRS = [("chair", 0.6, 0.5), ("potted plant", 3.4, 0.5), ("chair", 6.5, 1.5), (
 
 
 def floor(rooms, pose=None, cut_m=9.0):
-    """The grid of a floor as far as x, in the frame of a map at a pose: samples every 3 cm, occupied round each room."""
+    """The grid of a floor as far as x, in the frame of a map at a pose: 3 cm samples, occupied round each room."""
     axes = [np.arange(-2.5, 8.0, 0.03)] * 2
     points = np.stack(np.meshgrid(*axes), axis=-1)
     away = np.min(

@@ -17,11 +17,11 @@ from support.refusal import refused
 
 from edgemap.bridges.ros2.recordings.camera import RecordingCamera
 from edgemap.bridges.ros2.recordings.reader import McapReading
+from edgemap.calibrate.stated_focal import stated_focal_px
 from edgemap.geometry.errors import MapError
 from edgemap.runtime.frames.errors import BundleError, CameraError
 from edgemap.runtime.frames.reading import one_line, read_bytes
 from edgemap.runtime.inputs.cameras.pictures import VideoCamera
-from edgemap.runtime.inputs.cameras.stated_focal import stated_focal_px
 from edgemap.runtime.inputs.drives import open_drive
 from edgemap.runtime.inputs.drives.camera_yaml import read_camera_yaml
 from edgemap.runtime.inputs.drives.pictures import list_pictures, read_picture

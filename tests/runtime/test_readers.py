@@ -28,6 +28,7 @@ from support.mutations import (
 )
 from support.tum import read_tum
 
+from edgemap.calibrate.stated_focal import stated_focal_px
 from edgemap.geometry.errors import EdgemapError
 from edgemap.geometry.objects import queries
 from edgemap.geometry.objects.merge import merge_maps
@@ -37,7 +38,6 @@ from edgemap.runtime.frames.class_names import read_class_names
 from edgemap.runtime.frames.errors import CameraError, CameraFault
 from edgemap.runtime.frames.trajectory import Trajectory
 from edgemap.runtime.inputs.cameras.pictures import VideoCamera, drive_camera
-from edgemap.runtime.inputs.cameras.stated_focal import stated_focal_px
 from edgemap.runtime.inputs.drives import open_drive
 from edgemap.runtime.inputs.drives.camera_yaml import CameraFile, read_camera_yaml
 from edgemap.runtime.inputs.drives.pictures import read_picture

@@ -7,10 +7,10 @@ from pathlib import Path
 import pytest
 from support.steps import Steps
 
+from edgemap.bridges.schemas import KINDS, schema, schema_text
 from edgemap.geometry.objects.annotations import NO_ANNOTATIONS, MapIdentity
 from edgemap.geometry.objects.events import Edit
 from edgemap.geometry.objects.zone_watch import ZoneWatch
-from edgemap.runtime.outputs.schemas import KINDS, schema, schema_text
 from edgemap.runtime.outputs.verdict.verdict import verdict_of
 from edgemap.runtime.step.map_file import change_record, map_document, saved_text
 
@@ -41,9 +41,7 @@ def documents():
 
 @pytest.mark.parametrize("kind", KINDS)
 def test_documents_meet_their_published_schema(documents, kind):
-    assert (FOLDER / f"{kind}.json").read_text() == schema_text(kind), (
-        "python -m edgemap.runtime.outputs.schemas docs/schema"
-    )
+    assert (FOLDER / f"{kind}.json").read_text() == schema_text(kind), "python -m edgemap.bridges.schemas docs/schema"
     assert documents[kind]
     for document in documents[kind]:
         jsonschema.validate(json.loads(json.dumps(document)), schema(kind))

@@ -1,6 +1,6 @@
 """JSON Schemas of what other programs read, from the types that write and read it.
 
-`python -m edgemap.runtime.outputs.schemas DIR` writes them; docs/schema/ holds them.
+`python -m edgemap.bridges.schemas DIR` writes them; docs/schema/ holds them.
 """
 
 import json
