@@ -52,8 +52,8 @@ class MapGroup(MappingOptions):
             metavar="MAP",
             help="Continue a map. A name (home) or a folder opens it or makes a new one, and saves back into it; a "
             "map.json or a run folder is only read. Objects keep their ids. The run starts at the last pose or the "
-            "dock where the objects agree, else the robot's place is found by objects and floor; --start sets it. auto: "
-            "the named map that objects and floor fit alone.",
+            "dock where the objects agree, else it is found by objects and floor; --start sets it. auto: the named map "
+            "that objects and floor fit alone.",
         ),
     ] = None
     start: Annotated[

@@ -184,7 +184,8 @@ def floor(rooms, pose=None, cut_m=9.0):
     for chosen, value in (((away > 0) & (away < 0.08), 40), (away < 0, -40)):
         x, y = cells[chosen & (points[..., 0] < cut_m)].T
         log_odds[y, x] = value
-    return OccupancyGrid(log_odds, *places.min(axis=(0, 1)).tolist(), 0.05)
+    x_m, y_m = places.min(axis=(0, 1)).tolist()
+    return OccupancyGrid(log_odds, x_m, y_m, 0.05)
 
 
 def yield_from(work):
