@@ -1,6 +1,5 @@
 """`edgemap detect`: single pictures."""
 
-from math import inf
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -60,7 +59,7 @@ def command(
     confidence = minimum_score(confidence, loaded)
     spec = loaded.manifest.detector
     detector, decode = Detector(loaded), Decoder(spec, confidence, one_name=True)
-    documents, every_box = [], FloorRule(max_sigma_m=inf)  # people and pets too, and however far
+    documents, every_box = [], FloorRule()  # people and pets too
     try:
         for path in images:
             picture = read_picture(path)

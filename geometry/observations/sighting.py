@@ -111,7 +111,6 @@ class BoxNoise:
 class FloorRule:
     """When a box counts as an object on the floor."""
 
-    max_sigma_m: float = 0.75  # largest standard deviation, pixel and mount together; less certain ones are dropped
     noise: FloorNoise = field(default_factory=FloorNoise)
     box: BoxNoise = field(default_factory=BoxNoise)
 
@@ -182,8 +181,6 @@ def sightings_of(
     allowed = evidence.allowed(detections)
     for row, box, shared_m2 in _on_floor(detections, allowed, camera, rule, depth, floor):
         label, score, foot = detections.labels[row], float(detections.scores[row]), box.foot()
-        if box.is_out_of_sight and not box.low and _largest_sigma(foot.covariance_m2 + shared_m2) > rule.max_sigma_m:
-            continue
         width_m, height_m = box.width_m, box.height_m
         distance_m = float(np.linalg.norm(foot.position_m - box.lens_m))
         if box.is_out_of_sight or box.has_depth:
@@ -214,8 +211,8 @@ def _on_floor(
     depth: NDArray[np.float32] | None,
     floor: FloorMask | None,
 ) -> Iterator[tuple[int, BoxOnFloor, Array]]:
-    """Boxes among the allowed ones (N,) whose lower edge is on the floor, certain enough and not too wide for their
-    class: row of each, the box, and the covariance (2, 2) of the edge by the mount.
+    """Boxes among the allowed ones (N,) whose lower edge is on the floor and that are not too wide for their class:
+    row of each, the box, and the covariance (2, 2) of the edge by the mount.
     """
     feet = feet_px(detections)
     rows = np.flatnonzero(camera.below_horizon(feet) & allowed)
@@ -244,10 +241,10 @@ def _on_floor(
         height_m = depth_m * (y1 - y0) / camera.intrinsics.fy
         bearing = near[at] - lens
         reach_m = float(np.linalg.norm(bearing))
-        sigma_m = _largest_sigma(random[at] + shared[at])
-        if sigma_m > rule.max_sigma_m * (1.0 + cover[at]):
+        nearest_share = 1.0 - 2.0 * _largest_sigma(random[at] + shared[at]) / max(reach_m, 1e-9)  # two deviations
+        if nearest_share < 0.0:  # the edge may as well be at the horizon
             continue
-        if width_m * (1.0 - 2.0 * sigma_m / reach_m) > WIDEST_M.get(labels[row], math.inf):  # it is something else
+        if width_m * nearest_share > WIDEST_M.get(labels[row], math.inf):  # it is something else
             continue
         direction, extent = bearing / max(reach_m, 1e-9), extent_m(labels[row], float(widths_m[at]))
         nearest_m = (

@@ -60,8 +60,8 @@ def test_a_configuration_of_strange_keys_and_values_is_one_short_line(capsys, tm
     for name, config in (
         ("config.yaml", {"config": {"a\n\x1b[31m": 1}}),  # a run.json's unknown names are passed over
         ("run.json", {"config": ["a" * 100_000]}),
-        ("run.json", {"config": {"floor": {"max_sigma_m": ["b" * 100_000]}}}),
-        ("run.json", {"config": {"floor": {"max_sigma_m": "c" * 100_000}}}),
+        ("run.json", {"config": {"grid": {"cell_m": ["b" * 100_000]}}}),
+        ("run.json", {"config": {"grid": {"cell_m": "c" * 100_000}}}),
     ):
         path = tmp_path / name
         path.write_text(json.dumps(config))
