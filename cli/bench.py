@@ -39,7 +39,6 @@ def command(
     machine.
     """
     import time
-    from dataclasses import replace
 
     import psutil
 
@@ -74,7 +73,7 @@ def command(
         decode_ms = 1e3 * (time.perf_counter() - start) / max(1, decoded)
     legs = {f"{hz:g}": bench.measure(open_drive, seconds, hz) for hz in rate}
     peak_rss_mb = bench.peak_rss_mb()
-    files = replace(network, bundle=str(paced.folder)).load()
+    files = network.load(source.camera)
     legs["unpaced"] = bench.measure(lambda: open_drive(files), seconds)
     lead, unpaced = legs[f"{rate[0]:g}"], legs["unpaced"]
     other = max(leg["other_cpu_percent"] for leg in legs.values())
