@@ -51,3 +51,14 @@ def test_doctor_tells_what_the_variant_is_worth_and_that_it_is_whole(edgemap, wi
     result = edgemap(*doctor)
     assert result.returncode == 1
     assert "backbone.int8.onnx has sha256" in result.stdout
+
+
+def test_bench_takes_a_detectors_file_and_counts_its_searches(edgemap, tmp_path):
+    from support.foreign_models import class_columns, write
+
+    file = write(class_columns(), tmp_path / "a.onnx")
+    result = edgemap("bench", "--bundle", file, "--seconds", "0.2", "--rate", "10", "--json")
+    assert result.returncode == 0, result.stderr
+    figures = json.loads(result.stdout)
+    assert {"fps", "searched_hz"} <= figures.keys()
+    assert figures["paced"]["10"]["searched_hz"] > 0.0
