@@ -71,8 +71,7 @@ class PlaceFinder(Relocaliser):
         for number, place in enumerate(self._maps):
             yield
             try:
-                grids = place.grid, self.run_map.grid
-                fits[number] = yield from aligning(place.saved, seen, self._registration, grids)
+                fits[number] = yield from aligning(place.saved, seen, self._registration, self._grids(place.grid))
             except AlignmentError as error:
                 self.reason = f"{self._folders[number].name}: {error}"
         return fits
@@ -84,8 +83,8 @@ class PlaceFinder(Relocaliser):
         ((number, alignment),) = fits.items()
         place = self._maps[number]
         try:
-            grids = place.grid, self.run_map.grid
-            self.alignment = realigned(alignment, place.saved, self.run_map.objects(), self._registration, grids)
+            seen, grids = self.run_map.objects(), self._grids(place.grid)
+            self.alignment = realigned(alignment, place.saved, seen, self._registration, grids)
         except AlignmentError as error:
             self.reason = f"{self._folders[number].name}: {error}"
             return None

@@ -58,7 +58,7 @@ class Relocaliser:
         if self._work is None:
             if self._guesses and (alignment := self._guessed()):
                 return alignment
-            self._work = aligning(self.saved, self.run_map.objects(), self._registration, self._grids())
+            self._work = aligning(self.saved, self.run_map.objects(), self._registration, self._grids(self.grid))
         try:
             next(self._work)
         except StopIteration as end:
@@ -71,7 +71,7 @@ class Relocaliser:
     def _guessed(self) -> Alignment | None:
         try:
             seen = self.run_map.objects()
-            self.alignment = aligned_near(self._guesses, self.saved, seen, self._registration, self._grids())
+            self.alignment = aligned_near(self._guesses, self.saved, seen, self._registration, self._grids(self.grid))
         except AlignmentError as error:
             self.reason = str(error)
         return self.alignment
@@ -79,13 +79,14 @@ class Relocaliser:
     def _as_it_is_now(self, alignment: Alignment) -> Alignment | None:
         """The map of this run has grown and moved since the work began."""
         try:
-            return realigned(alignment, self.saved, self.run_map.objects(), self._registration, self._grids())
+            return realigned(alignment, self.saved, self.run_map.objects(), self._registration, self._grids(self.grid))
         except AlignmentError as error:
             self.reason = str(error)
             return None
 
-    def _grids(self) -> Grids:
-        return self.grid, self.run_map.grid
+    def _grids(self, saved: OccupancyGrid | None) -> Grids:
+        """The grids that are compared: a saved map's, and that of this run so far."""
+        return saved, self.run_map.grid
 
     def _is_due(self) -> bool:
         """While a search is unfinished, and when there are more or better objects than at the last attempt."""
