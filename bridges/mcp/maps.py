@@ -13,7 +13,7 @@ from edgemap.geometry.map_object import MapObject
 from edgemap.geometry.objects.annotations import Annotations
 from edgemap.geometry.objects.approach import approach
 from edgemap.runtime.frames.disk import lock_folder
-from edgemap.runtime.frames.reading import one_line, read_bytes
+from edgemap.runtime.frames.reading import decode_json, one_line, read_bytes
 from edgemap.runtime.step.grid_file import load_grid
 from edgemap.runtime.step.map_file import (
     goal_record,
@@ -70,7 +70,7 @@ class SavedMap:
         """Writes the map, unless a run uses it."""
         lock = lock_folder(self.path.parent, "a run uses this map: give the address of its page, http://…")
         try:
-            document = json.loads(read_bytes(self.path, MapError))
+            document = decode_json(read_bytes(self.path, MapError), dict[str, Any], self.path, MapError)
             record = next(one for one in document["objects"] if one["id"] == identity)
             what = {"name": "named", "confirmed": "confirmed"}
             at = utc_text(host_clock().utc_s)

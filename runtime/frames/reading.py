@@ -17,7 +17,7 @@ import msgspec
 from msgspec import Meta
 
 from edgemap.geometry.errors import EdgemapError
-from edgemap.runtime.frames.limits import FILE_BYTES
+from edgemap.runtime.frames.limits import FILE_BYTES, TEXT_BYTES, VALUES
 
 T = TypeVar("T")
 
@@ -122,7 +122,7 @@ def read_bytes(path: Path, error: type[EdgemapError], limit_bytes: int = FILE_BY
     return data
 
 
-def read_text(path: Path, error: type[EdgemapError], limit_bytes: int = FILE_BYTES) -> str:
+def read_text(path: Path, error: type[EdgemapError], limit_bytes: int = TEXT_BYTES) -> str:
     """All of a UTF-8 file. Raises `error` as `read_bytes` does, and where it is not UTF-8."""
     try:
         return read_bytes(path, error, limit_bytes).decode("utf-8")
@@ -131,10 +131,13 @@ def read_text(path: Path, error: type[EdgemapError], limit_bytes: int = FILE_BYT
 
 
 def decode_json(data: bytes | str, kind: type[T], where: object, error: type[EdgemapError]) -> T:
-    """A JSON document as a checked record. Raises `error`, which names the place in the document."""
+    """A JSON document as a checked record. Raises `error`, which names the place in the document, and where it has too
+    many values to be held in memory."""
     try:
         if isinstance(data, bytes):
             data = data.decode("utf-8")  # msgspec would take other bytes inside of strings
+        if (values := sum(map(data.count, ",:[{"))) > VALUES:
+            raise error(f"{where}: about {values:,} values, at most {VALUES:,} are read")
         return msgspec.json.decode(data, type=kind)
     except msgspec.ValidationError as why:
         try:

@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from edgemap.geometry.errors import EdgemapError
+from edgemap.runtime.frames.limits import LINE, VALUES
 from edgemap.runtime.frames.notes import note_dropped
 from edgemap.runtime.frames.reading import one_line, read_bytes
 from edgemap.runtime.frames.stamps import followed
@@ -47,7 +48,11 @@ class NumberTable:
     def parse(self, data: bytes, path: str, error: type[EdgemapError]) -> tuple[list[int], NDArray[np.float64]]:
         """Parses the bytes of a file as `read` does. path: for messages."""
         names = [column.name for column in self.columns]
-        lines = _text(data).replace(",", " ").splitlines()
+        if (count := data.count(b"\n")) > VALUES // 2:
+            raise error(f"{path}: {count:,} lines, at most {VALUES // 2:,} are read")
+        lines = _text(data).replace(",", " ").split("\n")
+        if (longest := max(map(len, lines))) > LINE:
+            raise error(f"{path}: a line of {longest:,} characters, at most {LINE:,} are read")
         if self.header and (not lines or lines.pop(0).split() != names):
             raise error(f"{path}: first line must be {','.join(names)}")
         numbers = [

@@ -4,6 +4,7 @@ import io
 import json
 import math
 import shutil
+import tracemalloc
 from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import dataclass
@@ -40,6 +41,7 @@ from edgemap.runtime.frames.trajectory import Trajectory
 from edgemap.runtime.inputs.cameras.pictures import VideoCamera, drive_camera
 from edgemap.runtime.inputs.drives import open_drive
 from edgemap.runtime.inputs.drives.camera_yaml import CameraFile, read_camera_yaml
+from edgemap.runtime.inputs.drives.lens_files import read_foreign_lens
 from edgemap.runtime.inputs.drives.pictures import read_picture
 from edgemap.runtime.inputs.drives.pose_files import read_matrices, read_stamps, read_tum_3d
 from edgemap.runtime.inputs.drives.sensor_csv import read_imu_csv, read_wheel_csv
@@ -340,3 +342,22 @@ def test_a_folder_with_damaged_files_is_read_or_refused_in_one_line(kind, data, 
         (folder / name).parent.mkdir(exist_ok=True, parents=True)
         (folder / name).write_bytes(content)
     refused_or(use_drive, f"{kind}:{folder}")
+
+
+@pytest.mark.parametrize(
+    ("name", "read", "begin", "times"),
+    [
+        ("map.json", load_annotated_map, b'{"format":"edgemap.map/1","frame":"map","objects":[[],', 9_000_000),
+        ("line.tum", read_tum_3d, b"1 ", 10_000),
+        ("lines.tum", read_tum_3d, b"1\n", 4_100_000),
+        ("calibration.json", read_foreign_lens, b'{"cameras":[[],', 5_000_000),
+    ],
+)
+def test_a_file_of_too_many_values_is_refused_before_they_are_made(name, read, begin, times, tmp_path):
+    data = begin + begin[-3:] * times
+    (tmp_path / name).write_bytes(data)
+    tracemalloc.start()
+    with pytest.raises(EdgemapError, match="at most"):
+        read(tmp_path / name)
+    assert tracemalloc.get_traced_memory()[1] < 5 * len(data) + 1_000_000
+    tracemalloc.stop()

@@ -1,6 +1,5 @@
 """Camera files of other programs: ROS, Kalibr (and EuRoC), OpenCV, ORB-SLAM, COLMAP and nerfstudio, one reader each."""
 
-import json
 import math
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
@@ -11,7 +10,7 @@ import numpy as np
 from edgemap.geometry.camera.intrinsics import Distortion, Intrinsics
 from edgemap.geometry.errors import GeometryError
 from edgemap.runtime.frames.errors import CameraError
-from edgemap.runtime.frames.reading import Side, convert, one_line, read_text
+from edgemap.runtime.frames.reading import Side, convert, decode_json, one_line, read_text
 from edgemap.runtime.frames.yaml_file import read_yaml
 
 Tree = Mapping[str, Any]
@@ -56,10 +55,7 @@ def read_foreign_lens(path: Path) -> Intrinsics | None:
 def _tree(path: Path) -> Tree | None:
     """The file as plain values; `cameras` are the lines of COLMAP's text."""
     if path.suffix == ".json":
-        try:
-            tree = json.loads(read_text(path, CameraError))
-        except (ValueError, RecursionError) as error:
-            raise CameraError(f"{path}: not JSON ({one_line(error)})") from None
+        tree = decode_json(read_text(path, CameraError), object, path, CameraError)
     elif path.suffix == ".txt":
         lines = (line.split() for line in read_text(path, CameraError).splitlines())
         tree = {"cameras": [line for line in lines if line and not line[0].startswith("#")]}
