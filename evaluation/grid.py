@@ -9,9 +9,8 @@ from numpy.typing import NDArray
 from scipy.ndimage import distance_transform_edt
 
 from edgemap.geometry.arrays import Array
-from edgemap.geometry.grid.occupancy_grid import FREE, OCCUPIED, OccupancyGrid
+from edgemap.geometry.grid.occupancy_grid import FREE, OCCUPIED, GridRule, OccupancyGrid
 from edgemap.geometry.grid.rooms import inside
-from edgemap.geometry.grid.rule import GridRule
 
 NEAR_M = 0.10  # two cells: what a map may be off and still keep a robot from a wall
 SEEN_M = 0.25  # an edge this close to floor that the grid has as free was in view

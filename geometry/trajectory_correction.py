@@ -1,4 +1,4 @@
-"""The correction that a loop closure applies to the past trajectory and to linked landmarks."""
+"""The correction that a loop closure applies to the past trajectory and to linked landmarks; thinning."""
 
 from dataclasses import dataclass
 
@@ -40,3 +40,20 @@ def composed(a: Array, b: Array) -> Array:
     c, s = np.cos(a[:, 2]), np.sin(a[:, 2])
     yaw = np.angle(np.exp(1j * (a[:, 2] + b[:, 2])))
     return np.column_stack([a[:, 0] + c * b[:, 0] - s * b[:, 1], a[:, 1] + s * b[:, 0] + c * b[:, 1], yaw])
+
+
+def nearest_earlier(poses: Array, excess: int) -> dict[int, int]:
+    """Of poses (N, 3), x, y, yaw in order of time, `excess` that are nearest to an earlier one, a radian counting as a
+    metre: the row of each, with the row of the pose that stands for it. The first poses of a place remain."""
+    if excess <= 0:
+        return {}
+    difference = poses[:, None] - poses[None]
+    difference[..., 2] = np.angle(np.exp(1j * difference[..., 2]))
+    distance = np.linalg.norm(difference, axis=2)
+    distance[np.triu_indices(len(poses))] = np.inf  # to earlier ones only
+    into: dict[int, int] = {}
+    for _ in range(excess):
+        gone, kept = divmod(int(distance.argmin()), len(poses))
+        distance[gone] = distance[:, gone] = np.inf
+        into[gone] = kept
+    return into

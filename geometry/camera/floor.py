@@ -70,7 +70,7 @@ class FloorCamera:
         With zero roll, and in the column of the optical axis, this is the paper's equation 3.
         """
         rotation, lens = self.mount.rotation_base_optical(), self.mount.position_base_m()
-        return _on_floor(self.intrinsics.rays(pixels), rotation, lens)
+        return on_floor(self.intrinsics.rays(pixels), rotation, lens)
 
     def project(self, points_base_m: ArrayLike) -> Array:
         """Projects points (N, 3), or (N, 2) on the floor, base frame, to pixels (N, 2); NaN behind the camera."""
@@ -130,14 +130,14 @@ def floor_covariances(
     around = pixels + _HALF_PIXELS[:, None]  # all five in one call: the lens model is the most expensive part
     rays = camera.intrinsics.rays(around.reshape(-1, 2))
     lens = mount.position_base_m()
-    points = _on_floor(rays, mount.rotation_base_optical(), lens).reshape(len(_HALF_PIXELS), -1, 2)
+    points = on_floor(rays, mount.rotation_base_optical(), lens).reshape(len(_HALF_PIXELS), -1, 2)
     right, left, below, above, here = points
     wrt_u, wrt_v = right - left, below - above
     from_pixels = variance_px2[:, 0] * _outer(wrt_u) + variance_px2[:, 1] * _outer(wrt_v)
     middle = rays[-len(pixels) :]
 
     def moved(pitch_rad: float, roll_rad: float) -> Array:
-        return _on_floor(middle, rotation_base_optical(mount.pitch_rad + pitch_rad, mount.roll_rad + roll_rad), lens)
+        return on_floor(middle, rotation_base_optical(mount.pitch_rad + pitch_rad, mount.roll_rad + roll_rad), lens)
 
     wrt_roll = (moved(0.0, _STEP) - moved(0.0, -_STEP)) / (2.0 * _STEP)
     wrt_pitch = (moved(_STEP, 0.0) - moved(-_STEP, 0.0)) / (2.0 * _STEP)
@@ -153,7 +153,7 @@ _HALF_PIXELS = np.array([[0.5, 0.0], [-0.5, 0.0], [0.0, 0.5], [0.0, -0.5], [0.0,
 _STEP = 1e-4  # rad
 
 
-def _on_floor(rays_optical: Array, rotation: Array, lens: Array) -> Array:
+def on_floor(rays_optical: Array, rotation: Array, lens: Array) -> Array:
     """Intersections (N, 2) of rays (N, 3) from the lens, (3,), with the floor, base frame; NaN if there is none."""
     rays = rays_optical @ rotation.T
     down = np.where(rays[:, 2] < -1e-9, -rays[:, 2], np.nan)

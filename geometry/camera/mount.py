@@ -2,17 +2,38 @@
 
 import math
 from dataclasses import dataclass
+from enum import StrEnum
 from functools import lru_cache
 
 import numpy as np
 
 from edgemap.geometry.arrays import Array
-from edgemap.geometry.camera.platform import Platform
 from edgemap.geometry.errors import GeometryError
 
-# Columns are the optical axes (right, down, forward) in base axes (forward, left, up).
 QUARTER_TURN = np.array([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])  # of optical axes, pictures clockwise
 _BASE_OPTICAL = np.array([[0.0, 0.0, 1.0], [-1.0, 0.0, 0.0], [0.0, -1.0, 0.0]])
+
+
+class Platform(StrEnum):
+    """robot: on wheels or carried, in rooms. car: on a road, as in KITTI."""
+
+    ROBOT = "robot"
+    CAR = "car"
+
+    @property
+    def unit_m(self) -> float:
+        """Unit of length, metres, in which noise and priors of odometries are stated: about the distance to the nearest
+        floor in view."""
+        return 8.0 if self is Platform.CAR else 1.0
+
+    @property
+    def in_room(self) -> bool:
+        """Whether straight edges are those of a room, upright or along two directions, a floor head (trained on rooms)
+        knows the floor, and corners are refined by detail."""
+        return self is Platform.ROBOT
+
+
+# Columns are the optical axes (right, down, forward) in base axes (forward, left, up).
 
 
 @dataclass(frozen=True, slots=True)

@@ -1,4 +1,4 @@
-"""One picture's floor mask as evidence: free floor, and contacts where an obstacle begins."""
+"""One picture as evidence, by its floor mask or its depth: free floor, and contacts where an obstacle begins."""
 
 from dataclasses import dataclass
 from functools import lru_cache
@@ -7,11 +7,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from edgemap.geometry.arrays import Array
-from edgemap.geometry.camera.floor import FloorCamera
+from edgemap.geometry.camera.floor import FloorCamera, on_floor
 from edgemap.geometry.camera.intrinsics import Intrinsics
+from edgemap.geometry.grid.occupancy_grid import GridRule
 from edgemap.geometry.grid.patch import Cells
-from edgemap.geometry.grid.rule import GridRule
 from edgemap.geometry.observations.floor_mask import FloorMask
+from edgemap.geometry.observations.sparse_depth import EVERY_PX, SparseDepth
 from edgemap.geometry.se2 import SE2
 
 Mask = NDArray[np.bool_]
@@ -55,8 +56,9 @@ class FloorScan:
             for lattice in _middles(camera.intrinsics, *floor.shape)
         )
         still = ~inside_boxes(pixels, movers_px, mask.width / floor.shape[1])
-        points = _on_floor(rays[still], camera)
-        away_m2 = np.square(points - camera.mount.position_base_m()[:2]).sum(axis=1)
+        lens = camera.mount.position_base_m()
+        points = on_floor(rays[still], camera.mount.rotation_base_optical(), lens)
+        away_m2 = np.square(points - lens[:2]).sum(axis=1)
         weights = row_weights(away_m2, camera, mask.height / len(floor), rule)
         if mask.wall is not None:
             weights *= (1.0 + mask.wall[row - 2, column][still]) / 1.5
@@ -104,13 +106,6 @@ def _in_cells(boxes_px: Array, mask: FloorMask, cells: NDArray[np.float32]) -> l
     """Boxes (N, 4) in cells of the mask, each x0, y0, x1, y1."""
     size = np.array([mask.width, mask.height], dtype=np.float64) / cells.shape[::-1]
     return np.rint(np.maximum(boxes_px, 0.0) / np.tile(size, 2)).astype(int).tolist()
-
-
-def _on_floor(rays: Array, camera: FloorCamera) -> Array:
-    """Where rays (N, 3) of the optical frame meet the floor, (N, 2) base frame; NaN at or above the horizon."""
-    base, lens = rays @ camera.mount.rotation_base_optical().T, camera.mount.position_base_m()
-    down = np.where(base[:, 2] < -1e-6, -base[:, 2], np.nan)
-    return lens[:2] + base[:, :2] * (lens[2] / down)[:, None]
 
 
 def row_weights(away_m2: Array, camera: FloorCamera, row_px: float, rule: GridRule) -> Array:
@@ -187,3 +182,26 @@ def inside_boxes(pixels: Array, boxes: Array, margin_px: float) -> NDArray[np.bo
     x0, y0, x1, y1 = np.asarray(boxes, dtype=np.float64).reshape(-1, 4).T
     hit = (x > x0 - margin_px) & (x < x1 + margin_px) & (y > y0 - margin_px) & (y < y1 + margin_px)
     return np.asarray(hit.any(axis=1), dtype=np.bool_)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class DepthScan:
+    """floor_base_m, obstacles_base_m: (N, 2) each, base frame."""
+
+    floor_base_m: Array
+    obstacles_base_m: Array
+
+    @classmethod
+    def of(cls, depth: SparseDepth, camera: FloorCamera, movers_px: Array, rule: GridRule) -> "DepthScan":
+        """Classifies points by their height above the floor, whose error grows with range through the attitude. Points
+        above the robot are no evidence. movers_px: boxes (M, 4) of people and animals, which make no obstacle
+        within one point of the lattice.
+        """
+        points, pixels = depth.points(camera.intrinsics, rule.reach_m)
+        base = points @ camera.mount.rotation_base_optical().T + camera.mount.position_base_m()
+        unsure_m = rule.obstacle_m + rule.obstacle_per_m * np.hypot(base[:, 0], base[:, 1])
+        top_m = max(camera.mount.height_m, rule.robot_height_m)
+        stands = (base[:, 2] > unsure_m) & (base[:, 2] < top_m)
+        at = np.flatnonzero(stands)
+        at = at[~inside_boxes(pixels[at], movers_px, EVERY_PX)]
+        return cls(base[np.abs(base[:, 2]) <= unsure_m, :2], base[at, :2])

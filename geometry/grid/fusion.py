@@ -8,18 +8,14 @@ import numpy as np
 from edgemap.geometry.arrays import Array
 from edgemap.geometry.camera.floor import FloorCamera
 from edgemap.geometry.grid.canvas import Canvas
-from edgemap.geometry.grid.depth_scan import DepthScan
-from edgemap.geometry.grid.evidence import Evidence, repeated
-from edgemap.geometry.grid.floor_scan import NOTHING, FloorScan
+from edgemap.geometry.grid.floor_scan import NOTHING, DepthScan, FloorScan
 from edgemap.geometry.grid.merge import grid_of, saved_patch, step_bounds
-from edgemap.geometry.grid.occupancy_grid import OccupancyGrid
-from edgemap.geometry.grid.patch import Cells, Patch, columns_rows, joined, moved_m
-from edgemap.geometry.grid.rule import GridRule
+from edgemap.geometry.grid.occupancy_grid import GridRule, OccupancyGrid
+from edgemap.geometry.grid.patch import Cells, Evidence, Patch, columns_rows, joined, moved_m, repeated
 from edgemap.geometry.observations.floor_mask import FloorMask
 from edgemap.geometry.observations.sparse_depth import SparseDepth
 from edgemap.geometry.se2 import SE2
-from edgemap.geometry.thinning import nearest_earlier
-from edgemap.geometry.trajectory_correction import TrajectoryCorrection
+from edgemap.geometry.trajectory_correction import TrajectoryCorrection, nearest_earlier
 
 PATCHES = 96  # at most: with more, those of one place become one, so that a drive of hours takes no more memory
 REDRAW_CELLS = 16_000  # drawn per step at least, so that a closure costs a bounded part of each of some steps

@@ -5,9 +5,8 @@ import math
 import numpy as np
 
 from edgemap.geometry.grid.canvas import Canvas
-from edgemap.geometry.grid.occupancy_grid import STEPS, OccupancyGrid
+from edgemap.geometry.grid.occupancy_grid import STEPS, GridRule, OccupancyGrid
 from edgemap.geometry.grid.patch import UNIT, Patch, columns_rows
-from edgemap.geometry.grid.rule import GridRule
 from edgemap.geometry.se2 import SE2
 
 

@@ -25,8 +25,7 @@ from edgemap.geometry.objects.class_posterior import Candidate, Overlaps, label_
 from edgemap.geometry.objects.footprint import FittedFootprint, fitted
 from edgemap.geometry.observations.sighting import PlacedSighting
 from edgemap.geometry.slam.object_landmarks import OUTLINE, OUTLINED, VIEW, Landmark, rotations
-from edgemap.geometry.slam.pose_graph import GraphRule, PoseGraph
-from edgemap.geometry.slam.pruning import drop_keyframes
+from edgemap.geometry.slam.pose_graph import GraphRule, PoseGraph, drop_keyframes
 from edgemap.geometry.trajectory_correction import composed
 
 MERGED_IDS = 4096  # merged ids that are reported; older ones are dropped

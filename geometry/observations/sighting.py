@@ -10,10 +10,9 @@ from numpy.typing import NDArray
 from edgemap.geometry.arrays import Array
 from edgemap.geometry.camera.floor import FloorCamera, FloorNoise, floor_covariances
 from edgemap.geometry.camera.mount import Mount
-from edgemap.geometry.observations.box_ranges import box_ranges
 from edgemap.geometry.observations.class_extents import WIDEST_M, Shape, extent_m, shape_of
 from edgemap.geometry.observations.detections import Detections
-from edgemap.geometry.observations.feet import BoxOnFloor
+from edgemap.geometry.observations.feet import BoxOnFloor, box_ranges
 from edgemap.geometry.observations.floor_mask import FloorMask
 from edgemap.geometry.observations.occlusion import carried, covered
 from edgemap.geometry.se2 import SE2

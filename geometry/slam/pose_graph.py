@@ -32,7 +32,7 @@ from edgemap.geometry.slam.object_landmarks import (
     place,
     rotations,
 )
-from edgemap.geometry.trajectory_correction import TrajectoryCorrection, composed
+from edgemap.geometry.trajectory_correction import TrajectoryCorrection, composed, nearest_earlier
 
 Links = Mapping[int, int]  # of a later landmark to the first one of its object
 
@@ -295,3 +295,23 @@ class PoseGraph:
 
 def _rows(numbers: list[int]) -> Rows:
     return np.array(numbers, dtype=np.intp)
+
+
+def drop_keyframes(graph: PoseGraph) -> None:
+    """Drops those keyframes of the older half that are nearest to an earlier one, a radian counting as a metre. The
+    first keyframes of a place remain, so later observations are relative to them. Observations move to the remaining
+    keyframe.
+    """
+    trajectory = graph.trajectory
+    excess, half = len(trajectory) - graph.rule.keyframes.maximum, len(trajectory) // 2
+    if excess <= 0:
+        return
+    into = nearest_earlier(trajectory.vectors()[:half], excess)
+    left = [row for row in range(len(trajectory)) if row not in into]
+    onto: dict[int, tuple[int, SE2 | None]] = {row: (new, None) for new, row in enumerate(left)}
+    for gone, kept in into.items():
+        while kept in into:
+            kept = into[kept]
+        onto[gone] = onto[kept][0], trajectory.poses[kept].inverse() @ trajectory.poses[gone]
+    trajectory.drop(into.keys())
+    graph.place([landmark for landmark in graph.landmarks.all.values() if landmark.move_to(onto)])

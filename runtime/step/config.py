@@ -7,7 +7,7 @@ from typing import Any
 import msgspec
 
 from edgemap.geometry.errors import EdgemapError, GeometryError
-from edgemap.geometry.grid.rule import GridRule
+from edgemap.geometry.grid.occupancy_grid import GridRule
 from edgemap.geometry.objects.association import AssociationRule
 from edgemap.geometry.objects.forgetting import ForgetRule
 from edgemap.geometry.observations.sighting import FloorRule

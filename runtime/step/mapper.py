@@ -16,12 +16,11 @@ from edgemap.geometry.grid.fusion import GridFusion
 from edgemap.geometry.grid.occupancy_grid import OccupancyGrid
 from edgemap.geometry.map_object import MapObject
 from edgemap.geometry.objects.annotations import NO_ANNOTATIONS, Annotations
-from edgemap.geometry.objects.crossed import is_crossed
 from edgemap.geometry.objects.events import Edit, EditError, MapEvents
 from edgemap.geometry.objects.floor_map import FloorMap
-from edgemap.geometry.objects.forgetting import Forgetter
+from edgemap.geometry.objects.forgetting import Forgetter, is_crossed
 from edgemap.geometry.objects.merge import merge_maps
-from edgemap.geometry.observations.movers import mover_boxes
+from edgemap.geometry.observations.detections import mover_boxes
 from edgemap.geometry.observations.sighting import PlacedSighting, Sighting
 from edgemap.geometry.paper.paper_map import PaperMap
 from edgemap.geometry.registration.alignment import Alignment

@@ -8,9 +8,8 @@ import numpy as np
 
 from edgemap.geometry.camera.attitude import Attitude
 from edgemap.geometry.camera.floor import FloorCamera
-from edgemap.geometry.observations.detections import Detections
+from edgemap.geometry.observations.detections import Detections, mover_boxes
 from edgemap.geometry.observations.floor_mask import FloorMask
-from edgemap.geometry.observations.movers import mover_boxes
 from edgemap.geometry.observations.sighting import FloorRule, sightings_of
 from edgemap.geometry.observations.sparse_depth import SparseDepth
 from edgemap.geometry.observations.worktop import is_worktop

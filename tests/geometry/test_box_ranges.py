@@ -4,7 +4,7 @@ import pytest
 from edgemap.geometry.camera.floor import FloorCamera
 from edgemap.geometry.camera.intrinsics import Intrinsics
 from edgemap.geometry.camera.mount import Mount
-from edgemap.geometry.observations.box_ranges import box_ranges
+from edgemap.geometry.observations.feet import box_ranges
 
 CAMERA = FloorCamera(Intrinsics(640, 480, 500.0, 500.0, 319.5, 239.5), Mount(1.0, 0.0))
 BOX = np.array([[220.0, 120.0, 420.0, 320.0]])  # its lower edge is floor from 6.2 m on

@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from edgemap.geometry.observations.movers import share_covered
+from edgemap.geometry.observations.detections import share_covered
 
 
 @pytest.mark.parametrize(

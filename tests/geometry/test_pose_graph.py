@@ -8,8 +8,14 @@ from scipy.optimize import least_squares
 
 from edgemap.geometry.se2 import SE2
 from edgemap.geometry.slam import least_squares as graph
-from edgemap.geometry.slam.banded import solve_banded
-from edgemap.geometry.slam.least_squares import LandmarkFactors, ObservationFactors, OdometryFactors, Problem, inverse
+from edgemap.geometry.slam.least_squares import (
+    LandmarkFactors,
+    ObservationFactors,
+    OdometryFactors,
+    Problem,
+    inverse,
+    solve_banded,
+)
 
 FIXED = np.eye(3) * 1e8
 NOTHING = LandmarkFactors(np.zeros((3, 2)), np.zeros((3, 2, 2)))

@@ -10,8 +10,7 @@ from support.drives import drive, exact, observed, round_trip
 from support.rooms import furnished, mapped
 from support.seen import CAMERA, look
 
-from edgemap.geometry.objects.crossed import is_crossed
-from edgemap.geometry.objects.forgetting import Forgetter
+from edgemap.geometry.objects.forgetting import Forgetter, is_crossed
 from edgemap.geometry.observations.detections import Detections
 from edgemap.geometry.observations.floor_mask import FloorMask
 from edgemap.geometry.observations.sighting import FloorRule, Sighting, sightings_of

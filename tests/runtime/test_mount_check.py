@@ -14,8 +14,7 @@ from edgemap.geometry.camera.attitude import TrackedRotation
 from edgemap.geometry.camera.carried import Carried
 from edgemap.geometry.camera.floor import FloorCamera
 from edgemap.geometry.camera.level import pitch_roll, up_optical
-from edgemap.geometry.camera.mount import Mount
-from edgemap.geometry.camera.platform import Platform
+from edgemap.geometry.camera.mount import Mount, Platform
 from edgemap.geometry.camera.room_edges import room_axes
 from edgemap.runtime.frames.errors import EdgemapError
 from edgemap.runtime.inputs.open import open_camera

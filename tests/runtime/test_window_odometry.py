@@ -15,8 +15,7 @@ from support.textured_floor import CAMERA, seen_by
 from edgemap.geometry.camera.attitude import Attitude, TrackedRotation
 from edgemap.geometry.camera.floor import FloorCamera
 from edgemap.geometry.camera.level import up_optical
-from edgemap.geometry.camera.mount import Mount
-from edgemap.geometry.camera.platform import Platform
+from edgemap.geometry.camera.mount import Mount, Platform
 from edgemap.geometry.se2 import SE2
 from edgemap.runtime.frames.camera import CameraInfo
 from edgemap.runtime.frames.faults import FaultKind

@@ -13,8 +13,7 @@ from numpy.typing import NDArray
 
 from edgemap.geometry.camera.depth_camera import DepthCamera
 from edgemap.geometry.camera.intrinsics import Distortion, Intrinsics
-from edgemap.geometry.camera.mount import Mount
-from edgemap.geometry.camera.platform import Platform
+from edgemap.geometry.camera.mount import Mount, Platform
 from edgemap.geometry.errors import GeometryError
 from edgemap.runtime.frames.camera import DEFAULT_RATE_HZ
 from edgemap.runtime.frames.disk import write_atomically

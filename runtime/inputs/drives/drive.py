@@ -10,8 +10,7 @@ from numpy.typing import NDArray
 from edgemap.geometry.camera.depth_camera import DepthCamera
 from edgemap.geometry.camera.imu import ImuSamples
 from edgemap.geometry.camera.intrinsics import Intrinsics
-from edgemap.geometry.camera.mount import Mount
-from edgemap.geometry.camera.platform import Platform
+from edgemap.geometry.camera.mount import Mount, Platform
 from edgemap.runtime.frames.trajectory import AttitudeTrack, Trajectory
 
 # An object counts as visible in a picture from this visible share and this length of its box's longer side on.

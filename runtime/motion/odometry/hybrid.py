@@ -7,7 +7,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from edgemap.geometry.camera.attitude import Attitude
-from edgemap.geometry.observations.movers import share_covered
+from edgemap.geometry.observations.detections import share_covered
 from edgemap.geometry.odometry.consensus import MotionEstimate, consensus, distance, fused
 from edgemap.geometry.odometry.room_compass import CompassRule, RoomCompass
 from edgemap.geometry.se2 import SE2

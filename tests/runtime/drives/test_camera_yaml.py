@@ -8,8 +8,7 @@ import numpy as np
 import pytest
 
 from edgemap.geometry.camera.intrinsics import Distortion, Intrinsics
-from edgemap.geometry.camera.mount import Mount
-from edgemap.geometry.camera.platform import Platform
+from edgemap.geometry.camera.mount import Mount, Platform
 from edgemap.runtime.frames.errors import CameraError
 from edgemap.runtime.inputs.drives.camera_yaml import read_camera_yaml, write_camera_yaml
 

@@ -12,8 +12,7 @@ import pytest
 from support.refusal import refused
 
 from edgemap.geometry.camera.intrinsics import Intrinsics
-from edgemap.geometry.camera.mount import Mount
-from edgemap.geometry.camera.platform import Platform
+from edgemap.geometry.camera.mount import Mount, Platform
 from edgemap.geometry.se2 import SE2
 from edgemap.runtime.frames.errors import CameraError
 from edgemap.runtime.frames.trajectory import Trajectory
