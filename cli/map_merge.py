@@ -20,14 +20,13 @@ def command(
     *,
     out: Annotated[Path, arg(aliases=["-o"], metavar="OUT", help="map.json to write, or a folder to write it into.")],
 ) -> None:
-    """Lay maps of one place onto each other by their objects, and join them into one.
+    """Lay maps of one place onto each other by their objects and floors, and join them into one.
 
-    Labels and mutual distances decide; no start pose is needed, and no mirror image fits. Refuses, with the reason,
-    where too few objects agree, where chance explains it, or where a clearly different alignment fits nearly as well.
+    Labels, mutual distances and walls decide; no start pose is needed, and no mirror image fits. Refuses, with the
+    reason, where too few objects agree, chance explains it, or a clearly different alignment fits nearly as well.
     The first map's frame and ids stay; what only later maps have gets ids of its own. Zones and edits of all maps are
     kept, and their floors become one.
     """
-    from edgemap.geometry.grid.merge import merged_grid
     from edgemap.geometry.objects.merge import merge_all
     from edgemap.geometry.registration.alignment import AlignmentError
     from edgemap.runtime.frames.disk import make_folder
@@ -40,16 +39,14 @@ def command(
     path = out if out.suffix == ".json" else out / "map.json"
     places = {str(number): saved_map(one) for number, one in enumerate(maps)}
     loaded = {number: load_annotated_map(place) for number, place in places.items()}
-    merged = merge_all(loaded, base="0")
+    merged = merge_all(loaded, "0", {number: load_grid(place) for number, place in places.items()})
     for number, reason in merged.refused.items():
         raise AlignmentError(f"{places[number]} does not fit onto {places['0']}: {reason}")
-    grid = load_grid(places["0"])
     print(f"{places['0']}: {len(loaded['0'][0])} objects")
     for number, alignment in list(merged.alignments.items())[1:]:
-        grid = merged_grid(grid, load_grid(places[number]), alignment.pose_a_b)
         print(f"{places[number]}: {len(loaded[number][0])} objects, {alignment_text(alignment)}")
     make_folder(path.parent)
-    save_map(path, merged.objects, merged.annotations, grid)
+    save_map(path, merged.objects, merged.annotations, merged.grid)
     print(f"map of {len(merged.objects)} objects saved in {path}")
 
 

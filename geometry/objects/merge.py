@@ -3,10 +3,13 @@
 from collections import Counter
 from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from types import MappingProxyType
 
 import numpy as np
 
 from edgemap.geometry.arrays import CHI2_997, Array, positive
+from edgemap.geometry.grid.merge import merged_grid
+from edgemap.geometry.grid.occupancy_grid import OccupancyGrid
 from edgemap.geometry.map_object import MapObject, id_order, placed_history
 from edgemap.geometry.objects.annotations import NO_ANNOTATIONS, Annotations
 from edgemap.geometry.objects.class_posterior import APART
@@ -74,17 +77,22 @@ def merge_maps(
 @dataclass(frozen=True, slots=True, eq=False)
 class MergedMaps:
     """Maps that fit together as one, in the first one's frame. alignments: of each map that is in it, in the order of
-    merging; pairs and shared count objects. refused: why each other map is not in it.
+    merging; pairs and shared count objects. refused: why each other map is not in it. grid: of those that have one.
     """
 
     objects: list[MapObject] = field(default_factory=list)
     annotations: Annotations = NO_ANNOTATIONS
     alignments: dict[str, Alignment] = field(default_factory=dict)
     refused: dict[str, str] = field(default_factory=dict)
+    grid: OccupancyGrid | None = None
 
 
-def merge_all(maps: Mapping[str, AnnotatedMap], base: str | None = None) -> MergedMaps:
-    """One map of all that fit together by their objects.
+def merge_all(
+    maps: Mapping[str, AnnotatedMap],
+    base: str | None = None,
+    grids: Mapping[str, OccupancyGrid | None] = MappingProxyType({}),
+) -> MergedMaps:
+    """One map of all that fit together by their objects and grids.
 
     base: the map whose frame counts and onto which the others are laid. Without one the largest group of maps that fit
     together is merged, in the frame of its first map; a map of another place is then left out.
@@ -92,16 +100,21 @@ def merge_all(maps: Mapping[str, AnnotatedMap], base: str | None = None) -> Merg
     groups, rest = list[MergedMaps](), list(maps) if base is None else [base]
     while rest:
         objects, annotations = maps[rest[0]]
-        single = MergedMaps(list(objects), annotations, {rest[0]: Alignment.exact(SE2())})
-        groups.append(_grown(single, maps, rest))
+        exact = {rest[0]: Alignment.exact(SE2())}
+        groups.append(_grown(MergedMaps(list(objects), annotations, exact, {}, grids.get(rest[0])), maps, rest, grids))
         rest = [name for name in rest if name not in groups[-1].alignments]
     if not groups:
         return MergedMaps()
     largest = max(groups, key=lambda group: (len(group.alignments), len(group.objects)))
-    return _grown(largest, maps, maps)
+    return _grown(largest, maps, maps, grids)
 
 
-def _grown(group: MergedMaps, maps: Mapping[str, AnnotatedMap], names: Collection[str]) -> MergedMaps:
+def _grown(
+    group: MergedMaps,
+    maps: Mapping[str, AnnotatedMap],
+    names: Collection[str],
+    grids: Mapping[str, OccupancyGrid | None],
+) -> MergedMaps:
     """Adds every map that fits to the group, largest first. One that does not fit is tried again after others have
     added objects.
     """
@@ -109,14 +122,15 @@ def _grown(group: MergedMaps, maps: Mapping[str, AnnotatedMap], names: Collectio
     refused: dict[str, str] = {}
     for name in waiting:
         try:
-            alignment = align(group.objects, maps[name][0])
+            alignment = align(group.objects, maps[name][0], (group.grid, grids.get(name)))
         except AlignmentError as error:
             refused[name] = str(error)
             continue
         objects, annotations = merge_annotated((group.objects, group.annotations), maps[name], alignment)
-        group = MergedMaps(objects, annotations, group.alignments | {name: alignment})
+        grid = merged_grid(group.grid, grids.get(name), alignment.pose_a_b)
+        group = MergedMaps(objects, annotations, group.alignments | {name: alignment}, {}, grid)
     if refused and len(refused) < len(waiting):
-        return _grown(group, maps, list(refused))
+        return _grown(group, maps, list(refused), grids)
     return replace(group, refused=refused)
 
 

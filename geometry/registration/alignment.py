@@ -65,9 +65,9 @@ class Alignment:
         return cls(pose_a_b, np.zeros((3, 3)), (), 0, 0, 0.0, 0.0)
 
 
-def align(first: Sequence[MapObject], second: Sequence[MapObject]) -> Alignment:
+def align(first: Sequence[MapObject], second: Sequence[MapObject], grids: Grids = (None, None)) -> Alignment:
     """Find the second map's place in the first one's frame. Raises AlignmentError where that is not certain."""
-    work = aligning(first, second)
+    work = aligning(first, second, grids=grids)
     try:
         for _ in range(UNITS_OF_WORK):
             next(work)

@@ -8,6 +8,8 @@ from hypothesis import strategies as st
 from support.rooms import furnished, mapped, somewhere
 
 from edgemap.geometry.grid.occupancy_grid import OccupancyGrid
+from edgemap.geometry.objects.annotations import NO_ANNOTATIONS
+from edgemap.geometry.objects.merge import merge_all
 from edgemap.geometry.registration.alignment import AlignmentError, align, aligning, realigned
 from edgemap.geometry.registration.hypotheses import CHUNK, Motions
 from edgemap.geometry.se2 import SE2
@@ -211,3 +213,8 @@ def test_two_objects_and_the_floor_are_enough_and_either_alone_is_not(motion):
     for first, second in ((None, None), (whole, None), (floor(OTHER), part)):
         with pytest.raises(AlignmentError):
             aligned(first, second)
+    maps = {"a": (mapped(PAIRS), NO_ANNOTATIONS), "b": (mapped(PAIRS[:2], motion), NO_ANNOTATIONS)}
+    merged = merge_all(maps, "a", {"a": whole, "b": part})
+    assert (len(merged.objects), merged.refused) == (len(PAIRS), {})
+    assert merged.grid is not None
+    assert "b" in merge_all(maps, "a").refused
