@@ -5,7 +5,7 @@ HOME is a folder of five drives, 0 to 4, through one home: `edgemap simulate --s
 right, missing, set on the way, or wrong at first. After each boot, every piece of furniture that the map has had is
 asked for: where is it, and since when? An answer is wrong where the piece did not stand within 0.5 m of the place at
 the first or last boot of which the answer speaks, or at one between that found its place in the map; a place, a time or
-an object that the map does not state is unknown.
+an object that the map does not state is unknown, and so is a place that it does not state to 0.5 m (95 %).
 """
 
 import json
@@ -20,7 +20,7 @@ from typing import Annotated, Any
 import numpy as np
 import tyro
 
-from edgemap.geometry.map_object import MapObject
+from edgemap.geometry.map_object import MapObject, ellipse_95
 from edgemap.geometry.se2 import SE2
 from edgemap.runtime.step.wall_clock import ClockReading
 
@@ -177,6 +177,8 @@ def asked(
         boot = boot_at(event.at, len(truths))
         text = f"{identity} is gone since boot {boot} from {event.from_m}"
         return ("wrong" if boot is None or stood((boot,), event.from_m) else "right"), text
+    if ellipse_95(item.covariance_m2)[0] > NEAR_M:
+        return "unknown", ""
     since = item.since
     text = f"{item.label} {piece} ({identity}) is {item.id} at {item.place_m}, since {since}, last {item.last_seen}"
     if item.last_seen is None or since is None:

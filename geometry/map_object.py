@@ -70,7 +70,8 @@ class MapObject:
     each detected class. name, confirmed: edited by a person. corrected: which of label, position, size and yaw a
     person has set. yaw_rad: direction of the front. depth_m: depth of the footprint. Only a person sets yaw_rad and
     depth_m; measured ones are in `measured`, and `yaw_of` and `footprint_of` give what counts. first_seen, last_seen:
-    of all runs, seconds since 1970, None where unknown. history: oldest first. earlier: not observed by this run, so
+    of all runs, seconds since 1970, None where unknown. since: it has stood in its place from then until last_seen, by
+    what each run between has observed; None where unknown. history: oldest first. earlier: not observed by this run, so
     that its stamps are of an earlier run's stream.
     """
 
@@ -93,6 +94,7 @@ class MapObject:
     depth_m: float | None = None
     first_seen: float | None = None
     last_seen: float | None = None
+    since: float | None = None
     history: tuple[MapEvent, ...] = ()
     earlier: bool = False
     measured: MeasuredFootprint | None = None
@@ -111,11 +113,6 @@ class MapObject:
     def place_m(self) -> Place:
         """The position as plain numbers."""
         return self.x_m, self.y_m
-
-    @property
-    def since(self) -> float | None:
-        """From when on it has stood in its place, seconds since 1970; None where unknown."""
-        return next((event.at for event in reversed(self.history) if event.what == "moved"), self.first_seen)
 
     @property
     def former_ids(self) -> set[str]:

@@ -78,7 +78,6 @@ def map_object_answer(item: MapObject) -> dict[str, Any]:
     footprint_m = [round(side, 3) for side in footprint_of(item)]
     return object_record(item) | {
         "doubtful": is_doubtful(item),
-        "earlier": item.earlier,
         "radius_m": round(radius_m(item), 3),
         "footprint_m": footprint_m,
     }

@@ -3,7 +3,6 @@
 from collections import Counter
 from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from types import MappingProxyType
 
 import numpy as np
 
@@ -90,48 +89,41 @@ class MergedMaps:
 def merge_all(
     maps: Mapping[str, AnnotatedMap],
     base: str | None = None,
-    grids: Mapping[str, OccupancyGrid | None] = MappingProxyType({}),
+    grids: Mapping[str, OccupancyGrid | None] | None = None,
 ) -> MergedMaps:
     """One map of all that fit together by their objects and grids.
 
     base: the map whose frame counts and onto which the others are laid. Without one the largest group of maps that fit
     together is merged, in the frame of its first map; a map of another place is then left out.
     """
+    grids = grids or {}
+
+    def grown(group: MergedMaps, names: Collection[str]) -> MergedMaps:
+        """Adds every map that fits, largest first. One that does not is tried again after others have added objects."""
+        waiting = sorted((name for name in names if name not in group.alignments), key=lambda name: -len(maps[name][0]))
+        refused: dict[str, str] = {}
+        for name in waiting:
+            try:
+                alignment = align(group.objects, maps[name][0], (group.grid, grids.get(name)))
+            except AlignmentError as error:
+                refused[name] = str(error)
+                continue
+            merged = merge_annotated((group.objects, group.annotations), maps[name], alignment)
+            grid = merged_grid(group.grid, grids.get(name), alignment.pose_a_b)
+            group = MergedMaps(*merged, group.alignments | {name: alignment}, {}, grid)
+        if refused and len(refused) < len(waiting):
+            return grown(group, list(refused))
+        return replace(group, refused=refused)
+
     groups, rest = list[MergedMaps](), list(maps) if base is None else [base]
     while rest:
         objects, annotations = maps[rest[0]]
         exact = {rest[0]: Alignment.exact(SE2())}
-        groups.append(_grown(MergedMaps(list(objects), annotations, exact, {}, grids.get(rest[0])), maps, rest, grids))
+        groups.append(grown(MergedMaps(list(objects), annotations, exact, {}, grids.get(rest[0])), rest))
         rest = [name for name in rest if name not in groups[-1].alignments]
     if not groups:
         return MergedMaps()
-    largest = max(groups, key=lambda group: (len(group.alignments), len(group.objects)))
-    return _grown(largest, maps, maps, grids)
-
-
-def _grown(
-    group: MergedMaps,
-    maps: Mapping[str, AnnotatedMap],
-    names: Collection[str],
-    grids: Mapping[str, OccupancyGrid | None],
-) -> MergedMaps:
-    """Adds every map that fits to the group, largest first. One that does not fit is tried again after others have
-    added objects.
-    """
-    waiting = sorted((name for name in names if name not in group.alignments), key=lambda name: -len(maps[name][0]))
-    refused: dict[str, str] = {}
-    for name in waiting:
-        try:
-            alignment = align(group.objects, maps[name][0], (group.grid, grids.get(name)))
-        except AlignmentError as error:
-            refused[name] = str(error)
-            continue
-        objects, annotations = merge_annotated((group.objects, group.annotations), maps[name], alignment)
-        grid = merged_grid(group.grid, grids.get(name), alignment.pose_a_b)
-        group = MergedMaps(objects, annotations, group.alignments | {name: alignment}, {}, grid)
-    if refused and len(refused) < len(waiting):
-        return _grown(group, maps, list(refused), grids)
-    return replace(group, refused=refused)
+    return grown(max(groups, key=lambda group: (len(group.alignments), len(group.objects))), maps)
 
 
 def merge_annotated(
@@ -233,6 +225,7 @@ def fused(ours: MapObject, theirs: MapObject, rule: LandmarkRule) -> MapObject:
         last_seen_s=max(ours.last_seen_s, theirs.last_seen_s),
         first_seen=_known(min, ours.first_seen, theirs.first_seen),
         last_seen=_known(max, ours.last_seen, theirs.last_seen),
+        since=_known(max, ours.since, theirs.since),
         seen_from_m=ours.seen_from_m + theirs.seen_from_m,
         labels=labels,
         name=ours.name or theirs.name,

@@ -106,7 +106,7 @@ def aligning(
     for mode in modes:
         yield
         if fit := _refined(mode, first, second, rule):
-            chance = _chance(fit, first, second, shared, len(tried.yaw_rad))
+            chance = _chance(fit, first, second, shared, len(tried.yaw_rad), rule)
             fits.append(_with_grid(fit, grids, chance, first, second, rule))
     yield
     if not fits:
@@ -174,8 +174,8 @@ def aligned_near(
     for guess in guesses:
         fit = _refined(guess, first, second, rule)
         if fit and math.hypot(fit.pose.x_m - guess.x_m, fit.pose.y_m - guess.y_m) <= rule.reach_m:
-            near = [_probability(theirs, fit.pose, first, rule) for theirs in second]
-            chance = len(guesses) * float(bdtrc(len(fit.pairs) - 1, len(second), float(np.mean(near))))
+            near = float(_probabilities(fit.pose, first, second, rule).mean())
+            chance = len(guesses) * float(bdtrc(len(fit.pairs) - 1, len(second), near))
             fits.append(_with_grid(fit, grids, chance, first, second, rule))
     best = min(fits, key=lambda fit: fit.chance, default=None)
     if best is None or best.chance > rule.chance:
@@ -184,15 +184,16 @@ def aligned_near(
     return _alignment(best, first, second, _shared(first, second))
 
 
-def _probability(theirs: MapObject, pose: SE2, first: Sequence[MapObject], rule: AlignmentRule) -> float:
-    """Probability that a randomly placed object falls within the gate of one of its class."""
+def _probabilities(pose: SE2, first: Sequence[MapObject], second: Sequence[MapObject], rule: AlignmentRule) -> Array:
+    """Probability of each object of the second map (N,) that it falls within the gate of one of its label at random."""
     span = np.ptp([item.position_m for item in first], axis=0) + 1.0
-    rotation, area_m2 = pose.rotation(), 0.0
-    for ours in first:
-        if ours.label == theirs.label:
-            covariance = ours.covariance_m2 + rotation @ theirs.covariance_m2 @ rotation.T
-            area_m2 += math.pi * min(rule.reach_m**2, CHI2_997 * math.sqrt(float(np.linalg.det(covariance))))
-    return min(1.0, area_m2 / float(np.prod(span)))
+    covariances, labels = np.array([ours.covariance_m2 for ours in first]), np.array([ours.label for ours in first])
+    rotation, areas_m2 = pose.rotation(), list[float]()
+    for theirs in second:
+        alike = covariances[labels == theirs.label] + rotation @ theirs.covariance_m2 @ rotation.T
+        gates_m2 = np.minimum(rule.reach_m**2, CHI2_997 * np.sqrt(np.linalg.det(alike)))
+        areas_m2.append(math.pi * float(gates_m2.sum()))
+    return np.minimum(np.array(areas_m2) / float(np.prod(span)), 1.0)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -308,19 +309,13 @@ def jacobian(pose_a_b: SE2, point_b_m: Array) -> Array:
     return np.array([[1.0, 0.0, -rotated[1]], [0.0, 1.0, rotated[0]]])
 
 
-def _chance(fit: _Fit, first: Sequence[MapObject], second: Sequence[MapObject], shared: int, tried: int) -> float:
+def _chance(
+    fit: _Fit, first: Sequence[MapObject], second: Sequence[MapObject], shared: int, tried: int, rule: AlignmentRule
+) -> float:
     """Expected number of motions between unrelated maps that explain as many objects as closely: the minimum over the
     number of nearest pairs that are compared."""
-    span = np.ptp([item.position_m for item in first], axis=0) + 1.0
-    probabilities = []
-    covariances, labels = np.array([ours.covariance_m2 for ours in first]), np.array([ours.label for ours in first])
-    rotation = fit.pose.rotation()
-    for theirs in second:
-        alike = covariances[labels == theirs.label] + rotation @ theirs.covariance_m2 @ rotation.T
-        if len(alike):
-            area_m2 = math.pi * CHI2_997 * float(np.sqrt(np.linalg.det(alike)).sum())
-            probabilities.append(min(1.0, area_m2 / float(np.prod(span))))
-    probability = float(np.mean(probabilities))
+    probabilities = _probabilities(fit.pose, first, second, rule)
+    probability = float(probabilities[probabilities > 0.0].mean())
     minimum = float(max(tried, 1))  # of the two objects that gave the motion
     others = shared - 2
     for rank, distance2 in enumerate(np.sort(fit.distances2), start=1):

@@ -128,6 +128,8 @@ def object_record(item: MapObject) -> dict:
         "labels": {label: round(share, 6) for label, share in item.labels.items()},
         "first_seen": utc_text(item.first_seen),
         "last_seen": utc_text(item.last_seen),
+        "since": utc_text(item.since),
+        "earlier": item.earlier,
         "history": [event_record(event) for event in item.history],
     }
 
@@ -290,8 +292,8 @@ def _object_of(record: MapObjectRecord, views: list[tuple[float, float]], where:
         record.id, record.label, np.array([record.x_m, record.y_m]), covariance, record.width_m, record.height_m,
         record.count, record.confidence, record.first_seen_s, record.last_seen_s, tuple(views),
         record.labels, record.name, record.confirmed, tuple(record.corrected), by_person, record.depth_m,
-        seconds(record.first_seen), seconds(record.last_seen), tuple(one.event for one in record.history),
-        measured=_measured(record),
+        seconds(record.first_seen), seconds(record.last_seen), seconds(record.since),
+        tuple(one.event for one in record.history), record.earlier, measured=_measured(record),
     )  # fmt: skip
 
 

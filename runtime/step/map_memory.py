@@ -11,13 +11,15 @@ from dataclasses import replace
 
 import numpy as np
 
-from edgemap.geometry.arrays import CHI2_997
+from edgemap.geometry.arrays import CHI2_997, positive
 from edgemap.geometry.grid.occupancy_grid import FREE, OccupancyGrid
 from edgemap.geometry.grid.rooms import Door, Room
-from edgemap.geometry.map_object import MapEvent, MapObject, radius_m
+from edgemap.geometry.map_object import CHI2_95, MapEvent, MapObject, radius_m
 from edgemap.geometry.objects.annotations import NO_ANNOTATIONS, Annotations, MapIdentity
 from edgemap.geometry.objects.class_posterior import least_spacing_m
 from edgemap.geometry.objects.events import Edit
+from edgemap.geometry.observations.class_extents import extent_m
+from edgemap.geometry.slam.object_landmarks import LandmarkRule
 from edgemap.runtime.step.wall_clock import WallClock
 
 MOVED_M = 0.25  # a shorter way is no move: estimates settle by as much
@@ -222,11 +224,17 @@ class MapMemory:
         if (shown := self._shown.get(item.id)) and shown[0] == key:
             return shown[1]
         first, last, before = utc(first_s), utc(last_s), tuple[MapEvent, ...]()
+        since = first
         if earlier is not None:
             first, before = earlier.first_seen, earlier.history
             last = last if stamps_s else earlier.last_seen
+            if stamps_s is None or not earlier.earlier:  # else the run before has not observed it in its place
+                since = earlier.since
+            if stamps_s is not None and not _is_in_place(earlier, item):
+                since = None
+        since = next((utc(stamp_s) for stamp_s, event in reversed(events) if event.what == "moved"), since)
         annotated = replace(
-            item, first_seen_s=first_s, last_seen_s=last_s, first_seen=first, last_seen=last,
+            item, first_seen_s=first_s, last_seen_s=last_s, first_seen=first, last_seen=last, since=since,
             history=_bounded(before, [replace(event, at=utc(stamp_s)) for stamp_s, event in events]),
             earlier=earlier is not None and stamps_s is None,
         )  # fmt: skip
@@ -249,6 +257,14 @@ def _is_free(floor: OccupancyGrid | None, item: MapObject) -> bool:
     turns, r_m = np.linspace(0.0, math.tau, 8, endpoint=False), 0.7 * radius_m(item)
     points_m = item.position_m + np.vstack([np.zeros(2), r_m * np.column_stack([np.cos(turns), np.sin(turns)])])
     return float(np.mean(floor.at(points_m) == FREE)) >= FREE_SHARE
+
+
+def _is_in_place(saved: MapObject, item: MapObject) -> bool:
+    """Whether a later run has observed an object where the saved map has it (95 %), rather than another one near: its
+    observations shift the estimate by the covariance that they take from it, or where the object's footprint is."""
+    shift_m, least_m2 = item.position_m - saved.position_m, LandmarkRule().centre_m2(extent_m(item.label, item.width_m))
+    gained_m2 = positive(saved.covariance_m2 - item.covariance_m2, least_m2)
+    return float(shift_m @ np.linalg.solve(gained_m2, shift_m)) <= CHI2_95
 
 
 def _has_moved(stood: MapObject, item: MapObject) -> bool:

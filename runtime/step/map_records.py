@@ -82,6 +82,8 @@ class MapObjectRecord(msgspec.Struct, kw_only=True):
     depth_m: Size | None = None
     first_seen: Utc | None = None
     last_seen: Utc | None = None
+    since: Utc | None = None
+    earlier: bool = False
     history: Annotated[list[EventRecord], Meta(max_length=100)] = msgspec.field(default_factory=list)
 
 

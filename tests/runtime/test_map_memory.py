@@ -96,6 +96,27 @@ def test_times_are_right_over_boots_with_and_without_a_clock(tmp_path):
     assert [event.what for event in chair.history] == ["appeared", "restored"]
 
 
+@pytest.mark.parametrize(
+    ("places_m", "since"),
+    [
+        ((2.0, 2.0, 2.0), 0.0),
+        ((2.0, None, 2.0), 200.0),  # it may have been away in the run that did not observe it
+        ((2.0, None, None), 0.0),  # until it was last observed
+        ((2.0, 2.0, 2.8), None),  # it may be another chair
+    ],
+)
+def test_since_when_it_stands_there_is_what_each_run_between_has_observed(tmp_path, places_m, since):
+    for boot, x_m in enumerate(places_m):
+        mapper, things = Mapper(), [("couch", 3.0, 2.0), *([("chair", x_m, 0.0)] if x_m else [])]
+        if boot:
+            objects, annotations = load_annotated_map(tmp_path)
+            mapper.start_in(objects, SE2(), annotations=annotations)
+        drive(mapper, things, NOON + 100.0 * boot)
+        save_map(tmp_path / "map.json", mapper.objects(), mapper.annotations())
+    chair, couch = load_annotated_map(tmp_path)[0]
+    assert (chair.label, chair.since and chair.since - NOON, couch.since) == ("chair", since, NOON)
+
+
 def test_an_older_map_gets_an_id_of_its_content_and_keeps_it(tmp_path):
     save_map(tmp_path / "map.json", mapped([("chair", 2.0, 0.0)]))
     objects, annotations = load_annotated_map(tmp_path)

@@ -11,8 +11,8 @@ from edgemap.runtime.step.map_file import map_document
 
 COLUMNS = (
     "id", "label", "x_m", "y_m", "covariance_xx_m2", "covariance_xy_m2", "covariance_yy_m2", "width_m", "height_m",
-    "radius_m", "count", "confidence", "first_seen_s", "last_seen_s", "first_seen", "last_seen", "name", "confirmed",
-    "corrected", "yaw_rad", "yaw_sigma_rad", "depth_m", "zones",
+    "radius_m", "count", "confidence", "first_seen_s", "last_seen_s", "first_seen", "last_seen", "since", "name",
+    "confirmed", "corrected", "yaw_rad", "yaw_sigma_rad", "depth_m", "zones",
 )  # fmt: skip
 
 
@@ -24,7 +24,7 @@ def csv_text(objects: Sequence[MapObject], zones: Sequence[Zone] = ()) -> str:
     writer = csv.DictWriter(text, COLUMNS, restval="", lineterminator="\r\n")
     writer.writeheader()
     for item, record in zip(objects, map_document(list(objects))["objects"], strict=True):
-        del record["labels"], record["history"], record["footprint"]
+        del record["labels"], record["history"], record["footprint"], record["earlier"]
         record["corrected"] = " ".join(record.get("corrected", []))
         record["zones"] = "; ".join(zone.name for zone in zones if inside_polygon([item], zone.corners_m))
         (xx, xy), (_, yy) = record.pop("covariance_m2")
