@@ -11,6 +11,7 @@ SITE := $(VENV)/.edgemap-site
 PINS := pyproject.toml constraints.txt
 PIP := $(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt
 ROOMS := geometry runtime bridges calibrate evaluation simulation export benchmarks plots view cli
+unexport PYTHONDONTWRITEBYTECODE # else every process that a test starts compiles its modules again
 SYSTEM := libusb-1.0-0 libegl1 libegl-mesa0 libgl1 libgl1-mesa-dri sweethome3d-furniture
 
 .PHONY: setup system run view foxglove test check lint audit docs bench figures reliability paper-tables demo demo-drive sbom release release-check integration clean

@@ -148,16 +148,16 @@ def test_a_run_whose_log_takes_nothing_leaves_its_files_alone(painted_bundle, pi
     assert len(load_map(tmp_path / "run")) == 1
 
 
-def test_a_run_maps_what_evaluation_maps(edgemap, tmp_path):
+def test_a_run_maps_what_evaluation_maps(edgemap, painted_bundle, tmp_path):
     with open_camera("demo") as camera:
         assert camera.info.intrinsics
         assert camera.info.mount
         floor = FloorCamera(camera.info.intrinsics, camera.info.mount)
-        slam = build_slam(camera, load_bundle(bundle_folder("edgemap-nano"), 1), floor)
-        for frame in islice(iter(camera.read, None), 50):
+        slam = build_slam(camera, load_bundle(painted_bundle, 1), floor)
+        for frame in islice(iter(camera.read, None), 15):
             slam.step(frame)
     assert slam.objects()
-    run = edgemap("run", "--frames", "50", "--out", tmp_path / "run")
+    run = edgemap("run", "--frames", "15", "--bundle", painted_bundle, "--out", tmp_path / "run")
     assert run.returncode == 0, run.stderr
     assert [(item.id, item.count) for item in load_map(tmp_path / "run")] == [
         (item.id, item.count) for item in slam.objects()
@@ -178,14 +178,15 @@ def test_why_names_black_pictures_first(edgemap, painted_bundle, pictures, tmp_p
 
 
 @pytest.mark.parametrize(("shift_s", "kept", "share"), [(1e6, 600, 100), (0.0, 20, 65)], ids=["clock", "stop"])
-def test_why_names_first_the_wheels_that_bring_nothing_or_stop(edgemap, tmp_path, shift_s, kept, share):
+def test_why_names_first_the_wheels_that_bring_nothing_or_stop(edgemap, painted_bundle, tmp_path, shift_s, kept, share):
     """The demo's first 50 frames: the robot drives from the fourth on, and wheels bring the first 20."""
     drive = shutil.copytree(DEMO, tmp_path / "drive")
     header, *rows = (DEMO / "wheel.csv").read_text().splitlines()
     samples = [row.split(",", 1) for row in rows[:kept]]
     shifted = [f"{float(stamp) + shift_s:.3f},{pose}" for stamp, pose in samples]
     (drive / "wheel.csv").write_text("\n".join([header, *shifted]) + "\n")
-    run = edgemap("run", "--camera", f"drive:{drive}", "--frames", "50", "--out", tmp_path / "run")
+    flags = ("--frames", "50", "--bundle", painted_bundle, "--out", tmp_path / "run")
+    run = edgemap("run", "--camera", f"drive:{drive}", *flags)
     assert run.returncode == 0, run.stderr
     first = json.loads(edgemap("why", tmp_path / "run", "--json").stdout)["causes"][0]
     assert first["docs"].endswith("#wheels")

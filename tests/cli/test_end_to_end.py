@@ -30,11 +30,11 @@ def test_the_well_known_pictures(edgemap, real_bundles, shared_data, name):
 @pytest.mark.parametrize(("name", "odometry"), [("yolov3-tiny", "hybrid"), ("yolox-nano", "truth")])
 def test_a_real_living_room_becomes_a_map(edgemap, real_bundles, shared_data, tmp_path, name, odometry):
     camera = f"c2w:{shared_data / 'hololens'}"
-    flags = ("--frames", "60", "--odometry", odometry, "--out", tmp_path / "run")
+    flags = ("--frames", "30", "--odometry", odometry, "--out", tmp_path / "run")
     result = edgemap("run", "--camera", camera, "--bundle", real_bundles / name, *flags)
     assert result.returncode == 0, result.stderr
     assert load_map(tmp_path / "run")
-    assert len(read_tum(tmp_path / "run" / "trajectory.tum").poses) == 60
+    assert len(read_tum(tmp_path / "run" / "trajectory.tum").poses) == 30
     assert edgemap("map", "show", tmp_path / "run").returncode == 0
 
 

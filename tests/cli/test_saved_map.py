@@ -38,10 +38,10 @@ def test_a_run_goes_on_with_a_saved_map(edgemap, painted_bundle, pictures, saved
 @pytest.mark.parametrize(("misses", "stays"), [(5, False), (1000000, True)])
 def test_a_chair_that_is_gone_leaves_the_map(edgemap, painted_bundle, pictures, tmp_path, misses, stays):
     # Saved 3 m ahead and seen from here before; the detector sees only the chair 5 m ahead. Ten looks from two places.
-    for index in range(160):  # of noise, which shows no tilt
+    for index in range(80):  # of noise, which shows no tilt
         noise = np.random.default_rng(index).integers(0, 255, (64, 64, 3), dtype=np.uint8)
         cv2.imwrite(str(pictures / f"{index}.png"), noise)
-    places = ((index / 10, 0.1 if index // 15 % 2 else -0.1) for index in range(160))
+    places = ((index / 10, 0.1 if index // 7 % 2 else -0.1) for index in range(80))
     (tmp_path / "poses.tum").write_text("".join(f"{stamp:.1f} 0 {y} 0 0 0 0 1\n" for stamp, y in places))
     chair, other = mapped([("chair", 3.0, 0.8), ("chair", 5.25, 0.0)])
     objects = [replace(item, seen_from_m=((0.25, 0.25), (-1.75, 0.25))) for item in (chair, other)]

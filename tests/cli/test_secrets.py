@@ -1,9 +1,5 @@
 """A camera's password and token: nowhere in what a run prints, writes or serves."""
 
-import os
-import subprocess
-import sys
-
 import pytest
 from support.mjpeg import MjpegServer
 
@@ -43,7 +39,7 @@ def test_addresses_lose_what_gives_access_and_nothing_else(text, hidden):
 
 @pytest.mark.parametrize("text", ["://", "://a:", "http:/", "?token", "://x?a:", 'a:"', "a:b@", "?token=", "&key"])
 def test_a_hostile_text_takes_no_time(text):
-    assert without_secrets(text * 20_000)  # seconds per kilobyte with lengths without a bound
+    assert without_secrets(text * 5_000)  # seconds per kilobyte with lengths without a bound
 
 
 def test_a_brokers_password_has_its_own_place():
@@ -52,11 +48,10 @@ def test_a_brokers_password_has_its_own_place():
     assert "h0rse" not in str(refused.value)
 
 
-def test_nothing_that_a_command_prints_or_writes_holds_them(painted_bundle, tmp_path):
+def test_nothing_that_a_command_prints_or_writes_holds_them(edgemap, painted_bundle, tmp_path):
     def said(*words):
-        command = [sys.executable, "-m", "edgemap.cli", *map(str, words)]
-        done = subprocess.run(command, capture_output=True, cwd=tmp_path, env=os.environ, timeout=300, check=False)
-        return done.stdout + done.stderr
+        done = edgemap(*words, cwd=tmp_path)
+        return (done.stdout + done.stderr).encode()
 
     lens = ("--mount", "0.6,11.5", "--intrinsics", "60,60,31.5,23.5", "--bundle", painted_bundle)
     with MjpegServer() as server:

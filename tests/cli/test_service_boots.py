@@ -11,11 +11,12 @@ from itertools import combinations
 from pathlib import Path
 
 import numpy as np
+from support.pictures import write_round
 
 from edgemap.runtime.step.map_file import load_map
 
 UNIT = Path(__file__).parents[2] / "deploy" / "edgemap.service"
-FRAMES = 100  # of each boot at least
+FRAMES = 40  # of each boot at least: once round
 
 
 def read_unit(text):
@@ -71,12 +72,14 @@ def boot(settings, notify, home):
     return printed
 
 
-def test_two_boots_of_the_service_keep_one_map_without_twins(tmp_path):
+def test_two_boots_of_the_service_keep_one_map_without_twins(painted_bundle, tmp_path):
     text = UNIT.read_text()
     for folder in ("var/lib/edgemap", "var/cache/edgemap", "etc/edgemap", "home"):
         (tmp_path / folder).mkdir(parents=True)
         text = text.replace(f"/{folder}", str(tmp_path / folder))
-    (tmp_path / "etc/edgemap/edgemap.conf").write_text("CAMERA=demo\nMOUNT=0.60,11.5\nOPTIONS=--map home\n")
+    _, camera, *odometry = write_round(tmp_path, rounds=100)
+    options = " ".join(map(str, ["--map", "home", "--bundle", painted_bundle, *odometry]))
+    (tmp_path / "etc/edgemap/edgemap.conf").write_text(f"CAMERA={camera}\nMOUNT=1.0,0\nOPTIONS={options}\n")
     settings, state = read_unit(text), tmp_path / "var/lib/edgemap"
     printed = boot(settings, tmp_path / "first", tmp_path / "home")
     assert f"new map: {state}/maps/home/" in printed

@@ -11,12 +11,12 @@ pytest.importorskip("torch")
 
 @pytest.fixture(scope="module")
 def carpets(tmp_path_factory):
-    """Sixteen pictures of a speckled carpet below a plain wall, at many heights."""
+    """Eight pictures of a speckled carpet below a plain wall, at many heights."""
     folder = tmp_path_factory.mktemp("carpets")
     (folder / "images").mkdir()
     (folder / "floor").mkdir()
     generator = np.random.default_rng(0)
-    for number in range(16):
+    for number in range(8):
         row = int(generator.integers(60, 160))
         picture = np.full((240, 320, 3), generator.integers(150, 220, 3), np.uint8)
         picture[row:] = cv2.resize(generator.integers(0, 120, (60, 80, 3), np.uint8), (320, 240))[: 240 - row]
@@ -41,7 +41,7 @@ def test_train_export_and_eval(edgemap, carpets, tmp_path):
     assert "labels by hand" in manifest["sources"]
     result = edgemap("eval", "floor", "--data", data, "--bundle", tmp_path / "bundle", "--json")
     figures = json.loads(result.stdout)
-    assert figures["pictures"] == 16
+    assert figures["pictures"] == 8
     assert figures["iou"] > 0.8
     assert figures["contact_m"] is None
     picture = carpets / "images" / "0.png"

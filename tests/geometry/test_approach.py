@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from support.rooms import mapped
 
@@ -68,7 +68,6 @@ def test_walls_other_objects_and_unknown_floor_are_avoided():
     assert far.floor == "free"
 
 
-@settings(max_examples=40)
 @given(
     x=st.floats(-3.0, 3.0), y=st.floats(-3.0, 3.0), radius=st.floats(0.1, 0.5), standoff=st.floats(0.1, 0.8),
     wall=st.floats(-3.5, 3.5),

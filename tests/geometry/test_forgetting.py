@@ -158,7 +158,7 @@ def test_a_hit_restores_and_a_box_of_its_like_in_its_place_is_no_miss():
 def test_furniture_moved_between_two_drives():
     """Issue's figures in pure geometry: 80 % detections; four of about twelve things move to elsewhere in the room."""
     removed = gone = present = lost = appeared = moved = 0
-    for seed in range(6):
+    for seed in range(3):
         random = np.random.default_rng(seed)
         way = round_trip(160, radius_m=1.5, turns=1.9)
         room = [t for t in furnished(random, 18, apart_m=0.9) if min(_away(t, p) for p in way) > 0.7]
@@ -181,7 +181,7 @@ def test_furniture_moved_between_two_drives():
                 item.label == new.label and np.linalg.norm(item.position_m - new.position_m) < 0.3
                 for item in later.objects()
             )
-    assert removed >= 15
+    assert removed >= 7
     assert gone / removed >= 0.9
     assert lost / present <= 0.02
     assert appeared / moved >= 0.8

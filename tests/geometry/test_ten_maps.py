@@ -10,7 +10,7 @@ from edgemap.geometry.objects.annotations import NO_ANNOTATIONS
 from edgemap.geometry.objects.merge import merge_all
 
 NEAR_M = 0.5
-HOMES = 2  # 8 for the figures of docs/fleet.md
+HOMES = 1  # 8 for the figures of docs/fleet.md
 
 
 @dataclass

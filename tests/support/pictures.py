@@ -1,5 +1,6 @@
-"""Twelve pictures of one scene with a camera.yaml: the smallest drive that a painted bundle maps."""
+"""Pictures with a camera.yaml that a painted bundle maps: twelve of one scene, and a drive round a room."""
 
+import math
 from pathlib import Path
 
 import cv2
@@ -20,3 +21,23 @@ def write_scene(folder: Path) -> Path:
         cv2.imwrite(str(made / f"{index}.png"), scene)
     (made / "camera.yaml").write_text(CAMERA_YAML)
     return made
+
+
+STATIONS = ((0.0, 0.0, 0.0), (0.3, 0.5, 0.9), (-0.4, 0.3, 2.2), (0.2, -0.6, 3.6), (0.6, 0.1, 5.1))  # x, y, yaw
+
+
+def write_round(folder: Path, rounds: int = 1) -> list[str | Path]:
+    """Eight pictures at each of five poses, so often: what is seen 5 m ahead stands at five places. The options of
+    `edgemap run` for it."""
+    made, random, lines = folder / "round", np.random.default_rng(0), []
+    made.mkdir()
+    (made / "camera.yaml").write_text(CAMERA_YAML)
+    for index in range(40 * rounds):
+        x, y, yaw = STATIONS[index // 8 % 5]
+        lines.append(f"{index / 10:.1f} {x} {y} 0 0 0 {math.sin(yaw / 2)} {math.cos(yaw / 2)}\n")
+        if index < 40:
+            cv2.imwrite(str(made / f"{index:05d}.png"), random.integers(0, 255, (64, 64, 3), dtype=np.uint8))
+        else:
+            (made / f"{index:05d}.png").symlink_to(made / f"{index % 40:05d}.png")
+    (folder / "round.tum").write_text("".join(lines))
+    return ["--camera", made, "--odometry", folder / "round.tum"]

@@ -1,5 +1,7 @@
 """`--rate`: which pictures are searched follows from their stamps alone."""
 
+from itertools import islice
+
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
@@ -59,7 +61,6 @@ def test_a_recording_keeps_which_pictures_were_searched(tmp_path):
 @pytest.mark.slow
 def test_the_demo_keeps_its_objects_at_three_hertz():
     session = open_session(SearchRate(open_camera("demo"), 3.0))
-    searched = [step.observed.searched for step in session]
-    assert len(searched) == 600
-    assert 0.9 * 180 <= sum(searched) <= 181  # 60 s; a blind picture is not searched
-    assert len(session.map) >= 12  # 14 at 10 Hz
+    searched = [step.observed.searched for step in islice(session, 200)]
+    assert 0.9 * 60 <= sum(searched) <= 61  # 20 s; a blind picture is not searched
+    assert len(session.map) >= 5, len(session.map)
