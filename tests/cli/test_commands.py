@@ -22,7 +22,6 @@ from edgemap.geometry.camera.floor import FloorCamera
 from edgemap.runtime.frames.errors import DiskError
 from edgemap.runtime.inputs.open import open_camera
 from edgemap.runtime.network.bundle import load_bundle
-from edgemap.runtime.network.store import bundle_folder
 from edgemap.runtime.step.map_file import load_map
 from edgemap.runtime.step.slam import build_slam
 
