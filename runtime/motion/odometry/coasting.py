@@ -4,6 +4,7 @@ import math
 from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from edgemap.geometry.se2 import SE2
 from edgemap.runtime.frames.faults import Fault
@@ -12,6 +13,7 @@ from edgemap.runtime.motion.odometry.protocol import Motion, MotionState
 # Between two steps, for a velocity; so long the last one is extrapolated, about a robot's turn before a blank wall (16
 # homes, the camera alone, over 5 m: 2.9 % with 0.5 s, 2.6 with 1 s and with more); after that it may as well stand.
 SHORTEST_DT_S, LONGEST_DT_S = 0.01, 1.0
+EXACT = np.zeros((3, 3))
 
 
 @dataclass(frozen=True, slots=True)
@@ -29,20 +31,28 @@ class CoastingRule:
 class Coasting:
     """Guesses motion while blind.
 
-    An unknown velocity stays unknown: its error grows with the time of blindness, not with its root, so the covariance
-    of each step includes its correlation with the steps before: sigma^2 (t^2 - t_before^2).
+    The velocity is filtered, so that an uncertain last motion, as by the few corners before a blank wall, is not
+    repeated while nothing is seen: within LONGEST_DT_S it changes by the rule's sigmas. An unknown velocity stays
+    unknown: its error grows with the time of blindness, not with its root, so the covariance of each step includes its
+    correlation with the steps before: sigma^2 (t^2 - t_before^2).
     """
 
     def __init__(self, rule: CoastingRule | None = None) -> None:
-        self._rule = rule or CoastingRule()
+        rule = rule or CoastingRule()
+        speed, turn = rule.speed_sigma_m_s, rule.yaw_rate_sigma_rad_s
+        self._change = np.array([speed, 0.5 * speed, turn])
         self.reset()
 
-    def saw(self, motion: SE2, stamp_s: float) -> None:
-        """A measured motion that ended at a stamp."""
+    def saw(self, motion: SE2, stamp_s: float, covariance: NDArray[np.float64] = EXACT) -> None:
+        """A measured motion that ended at a stamp, with its covariance (3, 3)."""
         dt_s = stamp_s - self._last_s
         if SHORTEST_DT_S < dt_s < LONGEST_DT_S:
-            self._velocity, speed = motion.vector() / dt_s, self._rule.speed_sigma_m_s
-            self._sigmas = np.array([speed, 0.5 * speed, self._rule.yaw_rate_sigma_rad_s]) + abs(self._velocity)
+            share = min((stamp_s - self._measured_s) / LONGEST_DT_S, 1.0)
+            before = self._variance + self._change**2 * share
+            gain = before / (before + np.diag(covariance) / dt_s**2)
+            self._velocity = self._velocity + gain * (motion.vector() / dt_s - self._velocity)
+            self._variance, self._sigmas = (1.0 - gain) * before, self._change + abs(self._velocity)
+            self._measured_s = stamp_s
         self.begin(stamp_s)
 
     def begin(self, stamp_s: float) -> None:
@@ -63,5 +73,5 @@ class Coasting:
 
     def reset(self) -> None:
         """Discards the velocity."""
-        self._velocity, self._sigmas = np.zeros(3), np.ones(3)
-        self._last_s = self._blind_from_s = -math.inf
+        self._velocity, self._variance, self._sigmas = np.zeros(3), np.full(3, 1e9), np.ones(3)
+        self._last_s = self._blind_from_s = self._measured_s = -math.inf

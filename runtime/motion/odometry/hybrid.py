@@ -145,7 +145,7 @@ class HybridOdometry:
         scale, conflict = self._lasting(estimate.conflict, stamp_s)
         moved, covariance = estimate.motion, scale * np.asarray(estimate.covariance)
         rotation = next((motion.rotation for motion in motions.values() if motion.rotation is not None), None)
-        self._coasting.saw(SE2(*moved), stamp_s)
+        self._coasting.saw(SE2(*moved), stamp_s, covariance)
         if not estimate.conflict:
             covariance = covariance * self._wheels.scale
         visual = None if len(others) == len(alive) else consensus(others)

@@ -55,7 +55,7 @@ class PaperOdometry:
             text = f"paper odometry: motion not finite at frame {frame.index}, state reset"
             return blind_motion(Fault(FaultKind.OUT_OF_RANGE, text))
         motion = guessed.inverse() @ motion
-        self._coasting.saw(motion, frame.stamp_s)
+        self._coasting.saw(motion, frame.stamp_s, self._covariance)
         return Motion(motion, self._covariance + blind)
 
     def step_blind(self, stamp_s: float, reason: Fault, attitude: Attitude | None = None) -> Motion:  # noqa: ARG002

@@ -218,7 +218,7 @@ class WindowOdometry:
         by[:2, 3:5], by[:2, 9:11], by[2, 2], by[2, 8] = -level, level, -1.0, 1.0
         by[0, 2], by[1, 2] = motion.y_m, -motion.x_m
         total = by @ covariance @ by.T + MINIMUM_COVARIANCE + self._since_covariance
-        self._coasting.saw(motion, stamp_s)
+        self._coasting.saw(motion, stamp_s, total)
         self._since, self._since_covariance, self._skipped = SE2(), np.zeros((3, 3)), False
         self._base, self._motion = base, motion
         self._roll(motion, total)
