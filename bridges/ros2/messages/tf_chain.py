@@ -3,7 +3,7 @@
 from collections.abc import Mapping
 
 import numpy as np
-from scipy.linalg import expm, logm
+from scipy.spatial.transform import Rotation
 
 from edgemap.geometry.arrays import Array
 from edgemap.geometry.se2 import SE2
@@ -41,7 +41,8 @@ class TfFrames:
 
 class Corrections:
     """Spreads each correction of the map over the path before it: as far back as the mean drift, all corrections so far
-    over all path so far, makes such an error."""
+    over all path so far, makes such an error. Each step of that path turns by its share; what is then left of the error
+    of the last place is spread likewise, as a pose graph of odometry does with one loop."""
 
     def __init__(self) -> None:
         self._sum_m = 0.0
@@ -52,9 +53,14 @@ class Corrections:
         size_m = size_of(moved, poses[-1])
         self._sum_m += size_m
         first = int(np.searchsorted(path_m, path_m[-1] * (1.0 - size_m / max(self._sum_m, SAME))))
-        since_m = path_m[first:] - path_m[first]
-        shares = since_m / since_m[-1] if since_m[-1] > SAME else np.ones(len(since_m))
-        poses[first:] = expm(shares[:, None, None] * np.real(logm(moved))) @ poses[first:]
+        past, since_m = poses[first:], path_m[first:] - path_m[first]
+        shares = (since_m / since_m[-1] if since_m[-1] > SAME else np.ones(len(since_m)))[:, None]
+        turn, end_m = Rotation.from_matrix(moved[:3, :3]).as_rotvec(), (moved @ past[-1])[:3, 3]
+        half = shares - np.diff(shares, axis=0, prepend=shares[:1]) / 2.0
+        steps_m = np.diff(past[:, :3, 3], axis=0, prepend=past[:1, :3, 3])
+        places_m = past[0, :3, 3] + np.cumsum(Rotation.from_rotvec(half * turn).apply(steps_m), axis=0)
+        past[:, :3, 3] = places_m + shares * (end_m - places_m[-1])
+        past[:, :3, :3] = Rotation.from_rotvec(shares * turn).as_matrix() @ past[:, :3, :3]
 
 
 def planar_of(pose: Array) -> SE2:
