@@ -3,7 +3,7 @@
 HOME is a drive of `edgemap simulate`. Each is mapped with wheels, and questions are generated from its truth: where is
 the CLASS of which the home has one, in which room is it, and where is the CLASS nearest to a place. A place is right
 within 0.5 m of the true object; a room is right where it covers most of the true object's room of all rooms. Unknown is
-what the map does not have.
+what the map does not have, or marks as doubtful.
 """
 
 import asyncio
@@ -101,7 +101,7 @@ def questions(truth: list[TrueObject], count: int) -> Iterator[Question]:
 
 def verdict(rows: list[dict[str, Any]], places: list[tuple[float, float]]) -> str:
     """right, wrong or unknown, by the first answer."""
-    if not rows:
+    if not rows or rows[0]["doubtful"]:
         return "unknown"
     return "right" if min(dist((rows[0]["x_m"], rows[0]["y_m"]), at) for at in places) <= NEAR_M else "wrong"
 

@@ -20,7 +20,7 @@ from edgemap.runtime.motion.odometry.judged import JudgedOdometry
 from edgemap.runtime.network.bundle import Bundle
 from edgemap.runtime.step.config import Config
 from edgemap.runtime.step.grid_file import load_grid
-from edgemap.runtime.step.map_file import load_annotated_map, load_last_pose
+from edgemap.runtime.step.map_file import load_annotated_map
 from edgemap.runtime.step.map_store import AUTO, MapPlace, find_map
 from edgemap.runtime.step.mapper import Mapper
 from edgemap.runtime.step.slam import SemanticSlam, SlamOptions, build_slam
@@ -113,17 +113,16 @@ def _enter_saved_map(mapper: Mapper, place: MapPlace | None, spec: RunSpec, give
             raise UsageError(f"start {start}: {place.path} is a new map, whose first pose is its origin")
         return
     (objects, annotations), grid = load_annotated_map(place.path), load_grid(place.path)
-    last = load_last_pose(place.path)
-    begin = given if start is None else _start_pose(start, annotations, last)
+    begin = given if start is None else _start_pose(start, annotations)
     if begin is not None:
         mapper.start_in(objects, begin, annotations=annotations, grid=grid)
     else:
-        mapper.continue_map(objects, annotations, grid, last)
+        mapper.continue_map(objects, annotations, grid)
 
 
-def _start_pose(start: str, annotations: Annotations, last: SE2 | None) -> SE2:
+def _start_pose(start: str, annotations: Annotations) -> SE2:
     """The pose that a start means. Raises UsageError."""
-    starts = {"dock": annotations.dock, "last": last}
+    starts = {"dock": annotations.dock, "last": annotations.last_pose}
     if start not in starts:
         x_m, y_m, yaw_deg = numbers(start, "start", "X,Y,YAW_DEG")
         return SE2(x_m, y_m, radians(yaw_deg))

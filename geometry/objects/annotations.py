@@ -58,7 +58,8 @@ class MapIdentity:
 class Annotations:
     """Annotations of a map. deleted: objects that a person has deleted, so that they stay deleted. dock: pose of the
     robot's base when it charges. vanished: objects that are no longer there, the latest last. identity: None of a list
-    of objects that no run has made. rooms, doors: those of the saved map, and rooms that a person has named.
+    of objects that no run has made. rooms, doors: those of the saved map, and rooms that a person has named. last_pose:
+    of the robot's base when the map was saved, None of a map that is being made.
     """
 
     zones: tuple[Zone, ...] = ()
@@ -68,6 +69,7 @@ class Annotations:
     doors: tuple[Door, ...] = ()
     vanished: tuple[MapObject, ...] = field(default=(), compare=False)
     identity: MapIdentity | None = field(default=None, compare=False)
+    last_pose: SE2 | None = field(default=None, compare=False)
 
     def measured(self, saved: Sequence[MapObject]) -> list[MapObject]:
         """The measured objects of a saved map, deleted ones included, without edits."""

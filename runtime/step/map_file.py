@@ -26,7 +26,6 @@ from edgemap.runtime.step.grid_file import grid_before, grid_name, grid_sum, sav
 from edgemap.runtime.step.map_records import (
     MAXIMUM_OBJECTS,
     HeadRecord,
-    LastPoseRecord,
     MapObjectRecord,
     MapRecord,
     seconds,
@@ -225,14 +224,6 @@ def map_path(path: Path) -> Path:
     return path / "map.json" if path.is_dir() else path
 
 
-def load_last_pose(path: Path) -> SE2 | None:
-    """The robot's pose when the map of a map.json or folder was saved, None where it is missing. Raises MapError."""
-    path = map_path(path)
-    data = read_bytes(path, MapError)
-    record = decode_json(data, LastPoseRecord, f"{path}: damaged map", MapError).last_pose
-    return record and record.pose
-
-
 def read_map(data: bytes, source: str, most: int = MAXIMUM_OBJECTS) -> tuple[list[MapObject], Annotations]:
     """Parses the text of a map.json as `load_annotated_map` does. source: for messages. most: greatest number of
     objects, counted before any is made."""
@@ -259,12 +250,14 @@ def read_map(data: bytes, source: str, most: int = MAXIMUM_OBJECTS) -> tuple[lis
         for records in (document.objects, document.deleted, document.vanished)
     )
     zones = tuple(Zone(zone.id, zone.name, tuple(zone.corners_m)) for zone in document.zones)
-    dock, identity = document.dock and document.dock.pose, _identity_of(document, data)
+    dock, last = (record and record.pose for record in (document.dock, document.last_pose))
     rooms = tuple(
         Room(room.id, tuple(room.corners_m), room.kind, room.name, tuple(room.objects)) for room in document.rooms
     )
     doors = tuple(Door(door.id, door.from_m, door.to_m, door.rooms, door.open) for door in document.doors)
-    return objects, Annotations(zones, tuple(deleted), dock, rooms, doors, tuple(vanished), identity)
+    return objects, Annotations(
+        zones, tuple(deleted), dock, rooms, doors, tuple(vanished), _identity_of(document, data), last
+    )
 
 
 def _identity_of(document: MapRecord, data: bytes) -> MapIdentity:

@@ -223,8 +223,7 @@ class MapMemory:
         key = (item, first_s, last_s, len(events), utc(last_s), earlier)
         if (shown := self._shown.get(item.id)) and shown[0] == key:
             return shown[1]
-        first, last, before = utc(first_s), utc(last_s), tuple[MapEvent, ...]()
-        since = first
+        first, last, since, before = utc(first_s), utc(last_s), utc(first_s), tuple[MapEvent, ...]()
         if earlier is not None:
             first, before = earlier.first_seen, earlier.history
             last = last if stamps_s else earlier.last_seen

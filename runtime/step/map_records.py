@@ -25,12 +25,6 @@ class HeadRecord(msgspec.Struct):
     format: str = ""
 
 
-class LastPoseRecord(msgspec.Struct):
-    """The pose at which the run that wrote the file ended."""
-
-    last_pose: "PoseRecord | None" = None
-
-
 class EventRecord(msgspec.Struct, kw_only=True):
     """An entry of an object's history; `at` is null where the wall time is unknown."""
 

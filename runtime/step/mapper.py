@@ -145,17 +145,11 @@ class Mapper:
         self.map.reserve(annotations.vanished)
         self.pose_map_base, self.pose_covariance = start, np.diag(np.square(sigmas))
 
-    def continue_map(
-        self,
-        saved: Sequence[MapObject],
-        annotations: Annotations,
-        grid: OccupancyGrid | None,
-        last: SE2 | None,
-    ) -> None:
+    def continue_map(self, saved: Sequence[MapObject], annotations: Annotations, grid: OccupancyGrid | None) -> None:
         """Continues a saved map from an unknown pose: relocalises by its objects, from its last pose and its dock (the
         origin without one) first. Where it has no object, the robot is taken to stand at the first of these, or at the
         origin or in the middle of its grid where that is far away."""
-        dock = annotations.dock or SE2()
+        dock, last = annotations.dock or SE2(), annotations.last_pose
         if saved:
             self.relocalise_in(saved, annotations, grid, [dock] if last is None else [last, dock])
         else:

@@ -19,7 +19,7 @@ from edgemap.geometry.se2 import SE2
 from edgemap.runtime.frames.errors import RunFolderError
 from edgemap.runtime.outputs.sinks.living_map import LivingMap
 from edgemap.runtime.outputs.verdict.verdict import Verdict
-from edgemap.runtime.step.map_file import load_annotated_map, load_last_pose, save_map
+from edgemap.runtime.step.map_file import load_annotated_map, save_map
 from edgemap.runtime.step.map_store import find_map, saved_map
 
 MAIN = "import sys; from edgemap.cli import main; sys.exit(main())"
@@ -48,7 +48,7 @@ def test_two_boots_keep_one_map(boot):
     assert first.returncode == 0, first.stderr
     assert f"new map: {home}/" in first.stdout
     (chair,), _ = load_annotated_map(home)
-    assert load_last_pose(home) == SE2()
+    assert load_annotated_map(home)[1].last_pose == SE2()
     second, _, out = boot("home", "--start", "last")
     assert second.returncode == 0, second.stderr
     (again,), _ = load_annotated_map(home)
@@ -82,7 +82,7 @@ def test_the_dock_is_a_start(boot, tmp_path):
     assert done.returncode == 0, done.stderr
     (chair,), annotations = load_annotated_map(home)
     assert chair.id == "chair-1"  # 2 m + 5 m + half a chair: the saved one
-    assert load_last_pose(home) == annotations.dock == SE2(2.0, 0.0, 0.0)
+    assert load_annotated_map(home)[1].last_pose == annotations.dock == SE2(2.0, 0.0, 0.0)
 
 
 @pytest.mark.parametrize("before", ["good", "care", None, "unreliable"])
@@ -157,7 +157,7 @@ def test_dock_and_last_pose_survive_the_file(tmp_path):
     (again,), annotations = load_annotated_map(tmp_path / "map.json")
     assert annotations.dock == SE2(1.0, -2.0, 0.5)
     assert (again.corrected, again.depth_m, again.yaw_rad) == (("position", "size", "yaw"), 0.4, 1.0)
-    assert load_last_pose(tmp_path / "map.json") is None
+    assert load_annotated_map(tmp_path / "map.json")[1].last_pose is None
     document = json.loads((tmp_path / "map.json").read_text())
     document["dock"]["yaw_rad"] = 99.0
     (tmp_path / "map.json").write_text(json.dumps(document))

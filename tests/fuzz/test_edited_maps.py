@@ -22,7 +22,7 @@ from edgemap.geometry.objects.forgetting import Forgetter
 from edgemap.geometry.se2 import SE2
 from edgemap.runtime.step.edit_queue import Edits, load_edits
 from edgemap.runtime.step.grid_file import load_grid
-from edgemap.runtime.step.map_file import load_annotated_map, load_last_pose, map_text, replace_map, save_map
+from edgemap.runtime.step.map_file import load_annotated_map, map_text, replace_map, save_map
 from edgemap.runtime.step.mapper import WIDEST_M, Mapper
 
 LENGTH = 50  # actions of one drive
@@ -109,7 +109,7 @@ class Edited:
         read, notes = load_annotated_map(self.folder)
         assert [item.id for item in read] == [item.id for item in objects]
         assert [zone.id for zone in notes.zones] == [zone.id for zone in annotations.zones]
-        assert (load_last_pose(path) is not None) == last_pose
+        assert (load_annotated_map(path)[1].last_pose is not None) == last_pose
         floor = load_grid(self.folder)
         assert (floor is None) == (grid is None)
         if floor is not None:
@@ -118,12 +118,12 @@ class Edited:
     def start(self, where):
         """Go on in the saved map, as another run does."""
         objects, annotations = load_annotated_map(self.folder)
-        grid, last = load_grid(self.folder), load_last_pose(self.folder)
+        grid = load_grid(self.folder)
         mapper = Mapper(forgetter=Forgetter(CAMERA))
         if where == "search":
             mapper.relocalise_in(objects, annotations, grid)
         elif where == "continue":
-            mapper.continue_map(objects, annotations, grid, last)
+            mapper.continue_map(objects, annotations, grid)
         else:
             try:
                 mapper.start_in(objects, SE2(*where), annotations=annotations, grid=grid)

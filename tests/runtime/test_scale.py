@@ -25,7 +25,7 @@ from edgemap.runtime.motion.height_check import HeightCheck, HeightRule
 from edgemap.runtime.motion.odometry.protocol import Motion
 from edgemap.runtime.outputs.sinks.living_map import LivingMap
 from edgemap.runtime.outputs.sinks.run_folder import RunFolder
-from edgemap.runtime.step.map_file import load_annotated_map, load_last_pose
+from edgemap.runtime.step.map_file import load_annotated_map
 from edgemap.runtime.step.mapper import Mapper
 from edgemap.runtime.step.slam import StepResult
 
@@ -84,7 +84,7 @@ def test_a_map_is_saved_at_the_scale_of_the_estimate(saved, name):
     np.testing.assert_allclose(next(corners), FACTOR * next(corners), atol=1e-3)
     assert scaled_zones.dock.vector() == pytest.approx(zones.dock.vector() * [FACTOR, FACTOR, 1.0], abs=1e-3)
     if name == "home":
-        last = load_last_pose(guessed / name)
+        last = load_annotated_map(guessed / name)[1].last_pose
         assert last.vector() == pytest.approx(result.pose_map_base.scaled(FACTOR).vector(), abs=1e-3)
 
 

@@ -63,7 +63,7 @@ def test_a_map_is_continued_at_its_last_pose_or_its_dock_whichever_is_right(at_l
     guess = start.inverse() @ there
     docked, found = Mapper(), Mapper()
     dock, last = (SE2(30.0, 0.0, 0.0), guess) if at_last else (guess, None)
-    docked.continue_map(saved, Annotations(dock=dock), None, last)
+    docked.continue_map(saved, Annotations(dock=dock, last_pose=last), None)
     found.relocalise_in(saved, guesses=[guess])
     assert first_found(driven(docked, 2.0)) == first_found(driven(found, 2.0))
 

@@ -28,12 +28,16 @@ TOOLS = {"list_objects", "where_is", "objects_near", "rooms", "room_of", "approa
 def home(tmp_path):
     chair, bag, other = mapped([("chair", 1.0, 2.0), ("backpack", 3.0, -1.0), ("chair", 4.0, 4.0)])
     moved = MapEvent("moved", NOON, from_m=(0.0, 0.0), to_m=(3.0, -1.0), other="backpack-9")
-    bag = replace(bag, first_seen=NOON - 99.0, last_seen=NOON + 60.0, history=(moved,))
+    bag = replace(bag, first_seen=NOON - 99.0, since=NOON, last_seen=NOON + 60.0, history=(moved,))
     gone = replace(mapped([("tv", 9.0, 0.0)])[0], history=(MapEvent("vanished", NOON, from_m=(9.0, 0.0)),))
     hall = Zone("zone-1", "hall", ((2.0, -2.0), (5.0, -2.0), (5.0, 0.0), (2.0, 0.0)))
     identity = MapIdentity("the-home", 3, level="care", reasons=("dim light",))
     den = Room("room-1", hall.corners_m, "bedroom", "den")
-    notes = Annotations((hall,), rooms=(den,), vanished=(gone,), identity=identity)
+    beside = [
+        Room(f"room-{n}", tuple((x + x_m, y) for x, y in ((0.0, 3.0), (2.0, 3.0), (2.0, 5.0), (0.0, 5.0))))
+        for n, x_m in ((2, 2.1), (3, 4.1))
+    ]
+    notes = Annotations((hall,), rooms=(den, *beside), vanished=(gone,), identity=identity)
     save_map(tmp_path / "map.json", [replace(chair, name=HOSTILE), bag, other], notes)
     return tmp_path
 
@@ -81,11 +85,14 @@ def test_lists_what_is_near_what_changed_and_a_pose(home):
         ("objects_near", {"x_m": 1.0, "y_m": 0.0, "radius_m": 3.0}),
         ("approach_pose", {"id": "chair-2"}),
         ("room_of", {"what": "backpack"}),
+        ("room_of", {"what": "chair-2"}),
         ("changes_since", {"time": "2027-01-01"}),
         ("changes_since", {"time": "2028-01-01T00:00:00Z"}),
     )
-    chairs, near, pose, room, changed, later = map(value, results)
+    chairs, near, pose, room, border, changed, later = map(value, results)
     assert room["rooms"]["backpack-1"]["name"] == "den"
+    assert border["rooms"] == {"chair-2": None}  # 0.1 m from the next room, with a standard deviation of 0.12 m
+    assert near["objects"][0]["within_m"] == pytest.approx(0.294, abs=1e-3)
     assert [one["id"] for one in chairs["objects"]] == ["chair-1", "chair-2"]
     assert [(one["id"], one["distance_m"]) for one in near["objects"]] == [("chair-1", 2.0), ("backpack-1", 2.236)]
     assert set(pose["pose"]) == {"x_m", "y_m", "yaw_rad", "standoff_m", "floor"}
