@@ -111,3 +111,16 @@ def demo(whole_demo):
     wheel = whole_demo.camera.info.wheel
     yield whole_demo
     whole_demo.camera.update_info(wheel=wheel)
+
+
+@pytest.fixture(scope="session")
+def painted(tmp_path_factory):
+    """A folder of bundles under the names of those that come along, all of which see a chair in every picture."""
+    import numpy as np
+    from support.painted import with_floor, write_painted
+
+    folder = tmp_path_factory.mktemp("shipped")
+    for name in ("edgemap-nano", "edgemap-pico"):
+        bundle = write_painted(folder / name, [("chair", 32.0, 33.0, 14.0, 42.0, 0.9)], odometry=True)
+        with_floor(bundle, np.ones((1, 1, 8, 8)), 8)
+    return folder

@@ -26,10 +26,10 @@ def test_side_by_side_is_the_same_as_alone(demo):
     """Each has an attitude, a tracker and a map of its own; they share the pictures and the backbone's outputs."""
     drive, bundle = demo
     variants = {"wheels": SlamOptions(), "none": SlamOptions(wheels=False), "true": SlamOptions("truth")}
-    together = replayed(drive, bundle, variants, 28)
+    together = replayed(drive, bundle, variants, 16)
     assert places(together["wheels"]) != places(together["none"]) != places(together["true"])
     for name, variant in variants.items():
-        assert places(replayed(drive, bundle, {name: variant}, 28)[name]) == places(together[name])
+        assert places(replayed(drive, bundle, {name: variant}, 16)[name]) == places(together[name])
 
 
 @pytest.mark.parametrize("most", [None, 1])

@@ -19,6 +19,7 @@ from edgemap.runtime.frames.trajectory import Trajectory
 from edgemap.runtime.inputs.drives import write_drive
 from edgemap.runtime.network.bundle import load_bundle
 
+pytestmark = pytest.mark.slow
 COUNT = 121
 STAMPS_S = np.arange(COUNT) / 10
 CHAIR = [68.0, 27.0, 92.0, 63.0]  # where the network below sees one, in the 128x96 picture

@@ -25,6 +25,7 @@ from edgemap.runtime.network.bundle import load_bundle
 from edgemap.runtime.step.map_file import load_map
 from edgemap.runtime.step.slam import build_slam
 
+pytestmark = pytest.mark.slow
 DEMO = Path(__file__).parents[2] / "runtime" / "inputs" / "demo"
 
 

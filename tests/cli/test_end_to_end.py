@@ -10,6 +10,8 @@ from support.tum import read_tum
 from edgemap.runtime.inputs.drives.pictures import read_picture
 from edgemap.runtime.step.map_file import load_map
 
+pytestmark = pytest.mark.slow
+
 
 def found_in(edgemap, bundle, picture, *flags):
     document = json.loads(edgemap("detect", picture, "--bundle", bundle, "--json", *flags).stdout)
@@ -27,14 +29,14 @@ def test_the_well_known_pictures(edgemap, real_bundles, shared_data, name):
         assert "horse" in person
 
 
-@pytest.mark.parametrize(("name", "odometry"), [("yolov3-tiny", "hybrid"), ("yolox-nano", "truth")])
-def test_a_real_living_room_becomes_a_map(edgemap, real_bundles, shared_data, tmp_path, name, odometry):
+@pytest.mark.parametrize(("name", "odometry", "frames"), [("yolov3-tiny", "hybrid", 60), ("yolox-nano", "truth", 30)])
+def test_a_real_living_room_becomes_a_map(edgemap, real_bundles, shared_data, tmp_path, name, odometry, frames):
     camera = f"c2w:{shared_data / 'hololens'}"
-    flags = ("--frames", "30", "--odometry", odometry, "--out", tmp_path / "run")
+    flags = ("--frames", frames, "--odometry", odometry, "--out", tmp_path / "run")
     result = edgemap("run", "--camera", camera, "--bundle", real_bundles / name, *flags)
     assert result.returncode == 0, result.stderr
     assert load_map(tmp_path / "run")
-    assert len(read_tum(tmp_path / "run" / "trajectory.tum").poses) == 30
+    assert len(read_tum(tmp_path / "run" / "trajectory.tum").poses) == frames
     assert edgemap("map", "show", tmp_path / "run").returncode == 0
 
 

@@ -23,7 +23,7 @@ from edgemap.runtime.frames.errors import DiskError, RecordingError
 from edgemap.runtime.inputs.open import open_camera
 from edgemap.runtime.step.map_file import load_map
 
-FRAMES = 25
+FRAMES = 12
 WHEEL = Path(__file__).parents[2] / "runtime" / "inputs" / "demo" / "wheel.csv"
 
 
@@ -182,7 +182,7 @@ def test_a_recording_cut_off_still_gives_its_map(edgemap, painted_bundle, live, 
     result = edgemap("run", "--camera", cut, "--bundle", painted_bundle, "--out", tmp_path / "run")
     assert "cut off" in one_line(result)
     assert load_map(tmp_path / "run")
-    assert json.loads((tmp_path / "run" / "run.json").read_text())["frames"] > 5
+    assert json.loads((tmp_path / "run" / "run.json").read_text())["frames"] > 2
     mended = edgemap("record", "--camera", cut, "-o", tmp_path / "mended.mcap", "--lossless")
     assert "pictures so far are in" in one_line(mended)
     with open_camera(str(tmp_path / "mended.mcap")) as camera:

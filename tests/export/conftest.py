@@ -1,3 +1,4 @@
+import copy
 import http.server
 import shutil
 import threading
@@ -114,6 +115,28 @@ def brief(monkeypatch):
 
     monkeypatch.setattr(parity, "CASES", 1)
     monkeypatch.setattr(parity, "STEPS", 2)
+
+
+@pytest.fixture(scope="session")
+def graphs():
+    """ONNX graphs that `traced_once` has made."""
+    return {}
+
+
+@pytest.fixture
+def traced_once(monkeypatch, graphs):
+    """Each Darknet network with each contract is traced once, which takes seconds: for tests of what comes after."""
+    from edgemap.export import backbones
+
+    trace = backbones.backbone_to_onnx
+
+    def traced(network, detector):
+        key = repr(detector), float(sum(parameter.abs().sum() for parameter in network.parameters()))
+        if key not in graphs:
+            graphs[key] = trace(network, detector)
+        return copy.deepcopy(graphs[key])
+
+    monkeypatch.setattr(backbones, "backbone_to_onnx", traced)
 
 
 @pytest.fixture

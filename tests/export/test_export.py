@@ -101,6 +101,7 @@ def test_failed_parity_refuses_and_leaves_nothing(tmp_path, small_cfg, small_wei
     assert list(out.parent.iterdir()) == []
 
 
+@pytest.mark.usefixtures("traced_once")
 def test_failed_parity_of_the_final_state_alone_is_seen(tmp_path, small_cfg, small_weights, monkeypatch):
     """The cell state of the last layer is wrong by 1 % in the graph; motion of the same step is right."""
     true_forward, tracing = PaperHead.forward, {"on": False}
@@ -127,6 +128,7 @@ def test_failed_parity_of_the_final_state_alone_is_seen(tmp_path, small_cfg, sma
     assert not (tmp_path / "out").exists()
 
 
+@pytest.mark.usefixtures("traced_once")
 def test_a_failed_export_keeps_the_older_bundle_and_a_good_one_replaces_it(
     small, small_cfg, small_weights, monkeypatch
 ):
@@ -160,6 +162,7 @@ def test_a_manifest_that_differs_from_the_graphs_contract_is_refused(small, fiel
         load_bundle(small)
 
 
+@pytest.mark.usefixtures("traced_once")
 def test_a_trained_head_brings_its_facts_along(tmp_path, small_cfg, small_weights):
     head = random_head((1, 8, 4, 4), seed=9)
     path = tmp_path / "best.pt"
@@ -187,6 +190,7 @@ def test_yolov3_tiny_with_its_real_weights(real_bundles):
     assert manifest.odometry == {}
 
 
+@pytest.mark.usefixtures("traced_once")
 def test_a_bundle_of_an_own_network_has_the_name_of_its_folder_on_the_robot_too(
     tmp_path, small_cfg, small_weights, monkeypatch
 ):

@@ -69,7 +69,7 @@ def test_the_joined_output_is_torchs_and_all_others_stay_bit_for_bit(name):
     assert contract == manifest.detector
 
 
-def test_a_head_that_knows_no_row_is_trained_on_the_rows_that_a_picture_reaches(tmp_path):
+def test_a_head_that_knows_no_row_is_trained_on_the_rows_that_a_picture_reaches(tmp_path, brief):
     features = Features("edgemap-nano")
     head = random_head(tuple(tap.channels for tap in features.taps), rows=0)
     names = tuple(tap.name for tap in features.taps)

@@ -39,7 +39,6 @@ def test_a_map_without_noise_is_laid_exactly_onto_itself(motion):
 
 
 @given(SEEDS, MOTIONS)
-@settings(max_examples=60)
 def test_a_found_alignment_is_right_whatever_was_missed_or_made_up(seed, motion):
     random = np.random.default_rng(seed)
     room = furnished(random, int(random.integers(6, 20)))

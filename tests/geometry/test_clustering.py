@@ -83,7 +83,7 @@ def test_objects_that_turn_out_to_be_one_merge_and_the_older_id_stays(placed):
 
 def test_shared_error_is_a_floor_that_more_sightings_do_not_lower(placed):
     chairs = FloorMap()
-    for frame in range(2000):
+    for frame in range(500):
         chairs.update([placed("chair", 2.0, 0.0, frame, sigma_m=0.1, shared_m=0.05)])
     (chair,) = chairs.objects()
     rule = chairs.graph.rule.landmarks
@@ -113,7 +113,7 @@ def test_an_uncertain_heading_at_first_sight_moves_an_object_on_a_circle(placed)
 
 def test_weak_objects_that_are_not_seen_again_are_forgotten(placed):
     chairs = FloorMap(graph=GraphRule(maximum=50))
-    for frame in range(2000):  # a false box somewhere else in every frame, and one chair that is really there
+    for frame in range(600):  # a false box somewhere else in every frame, and one chair that is really there
         real = [placed("chair", 0.0, 0.0, frame)] if frame < 50 else []
         chairs.update([placed("chair", 5.0 + 3.0 * frame, 0.0, frame, score=0.35), *real])
         chairs.bound()

@@ -32,11 +32,11 @@ def told(folder):
 
 def test_a_long_drive_keeps_few_poses_and_its_files_are_as_known_now(monkeypatch, tmp_path):
     """The same drive with all of its poses in memory, and with fewer than half of them."""
-    way, files = round_trip(600, turns=3), {}
-    for maximum in (pose_journal.MAXIMUM, 256):
+    way, files = round_trip(400, turns=3), {}
+    for maximum in (pose_journal.MAXIMUM, 200):
         poses: list[SE2] = []
         monkeypatch.setattr(pose_journal, "MAXIMUM", maximum)
-        monkeypatch.setattr(rewriting, "BLOCK", 4096 if maximum > 256 else 50)
+        monkeypatch.setattr(rewriting, "BLOCK", 4096 if maximum > 200 else 50)
         mapper, folder = Mapper(closes_loops=True), RunFolder(tmp_path / str(maximum), FLOOR, {})
         for result, objects in drive(mapper, ROOM, way, drifting(way), 0):
             folder.write(result, objects)
@@ -46,9 +46,9 @@ def test_a_long_drive_keeps_few_poses_and_its_files_are_as_known_now(monkeypatch
         folder.close()
         files[maximum] = told(folder.folder)
         assert mapper.trajectory.revision > 3
-    assert len(files[256][0]) == 600
+    assert len(files[200][0]) == 400
     off_m = [np.linalg.norm((few - every)[:, :2], axis=1) for every, few in zip(*files.values(), strict=True)]
-    moved_m = np.linalg.norm((at_the_time - files[256][0])[:, :2], axis=1)
+    moved_m = np.linalg.norm((at_the_time - files[200][0])[:, :2], axis=1)
     assert moved_m.max() > 0.3
     for off in off_m:  # where a correction fell between a kept pose and one that follows it, by that correction's size
         assert np.median(off) < 1e-3

@@ -17,7 +17,7 @@ LABELS = {
     "person", "cat", "dog", "backpack", "suitcase", "chair", "couch", "potted plant", "bed", "dining table", "toilet",
     "tv", "laptop", "microwave", "oven", "sink", "refrigerator", "vase",
 }  # fmt: skip
-SEEDS = (3, 17, 42, 256, 8123, 9101, 9102, 9103, 9110, 9150)
+SEEDS = (3, 42, 8123, 9101, 9110)
 
 
 @pytest.fixture(scope="module")

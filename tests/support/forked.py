@@ -2,7 +2,9 @@
 
 import atexit
 import contextlib
+import gc
 import importlib
+import io
 import json
 import os
 import select
@@ -16,7 +18,11 @@ from functools import cache
 from pathlib import Path
 from typing import NoReturn
 
-LIBRARIES = ("cv2", "onnxruntime", "tyro", "edgemap.runtime.session", "edgemap.cli.drive")
+LIBRARIES = (
+    "cv2", "onnxruntime", "tyro", "threadpoolctl", "edgemap.runtime.session", "edgemap.cli.drive", "edgemap.cli.run",
+    "edgemap.calibrate.first_pictures", "edgemap.runtime.network.open_bundle", "edgemap.bridges.ros2.cameras",
+    "edgemap.cli.map_show", "edgemap.cli.doctor",
+)  # fmt: skip
 HOST_LIBRARIES = ("torch", "onnx")  # of `export` and `train`: imported before the first of them
 TIMEOUT_S = 100.0
 
@@ -55,6 +61,8 @@ def serve() -> None:
     answers = os.fdopen(os.dup(1), "w")
     os.dup2(2, 1)
     _import(LIBRARIES)
+    _ask_for_help()
+    gc.freeze()  # so that no child's collector writes to the memory that it shares
     while line := sys.stdin.readline():
         request = json.loads(line)
         if request["words"][:1] in (["export"], ["train"]) and len(request["words"]) > 1:
@@ -68,6 +76,14 @@ def serve() -> None:
         if not select.select([os.pidfd_open(child)], [], [], TIMEOUT_S)[0]:
             os.kill(child, signal.SIGKILL)
         print(os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]), file=answers, flush=True)
+
+
+def _ask_for_help() -> None:
+    """What the first help costs, its parser and the metadata of packages, is then known to each child."""
+    from edgemap.cli import main
+
+    with contextlib.redirect_stdout(io.StringIO()), contextlib.suppress(SystemExit):
+        main(["run", "--help"])
 
 
 def _import(names: tuple[str, ...]) -> None:

@@ -1,10 +1,13 @@
-"""Pictures with a camera.yaml that a painted bundle maps: twelve of one scene, and a drive round a room."""
+"""Pictures that a painted bundle maps, of one scene and of a drive round a room; the start of the demo as a video."""
 
 import math
+from itertools import islice
 from pathlib import Path
 
 import cv2
 import numpy as np
+
+from edgemap.runtime.inputs.open import open_camera
 
 CAMERA_YAML = """{width: 64, height: 64, fx: 50.0, fy: 50.0, cx: 31.5, cy: 31.5, fps: 10.0,
  distortion: {model: none, coefficients: []}, world_up: z,
@@ -41,3 +44,12 @@ def write_round(folder: Path, rounds: int = 1) -> list[str | Path]:
             (made / f"{index:05d}.png").symlink_to(made / f"{index % 40:05d}.png")
     (folder / "round.tum").write_text("".join(lines))
     return ["--camera", made, "--odometry", folder / "round.tum"]
+
+
+def write_video(path: Path, count: int = 12) -> None:
+    """The demo's first pictures as a video."""
+    video = cv2.VideoWriter(str(path), cv2.VideoWriter.fourcc(*"mp4v"), 10.0, (640, 480))
+    with open_camera("demo") as demo:
+        for frame in islice(iter(demo.read, None), count):
+            video.write(frame.image)
+    video.release()

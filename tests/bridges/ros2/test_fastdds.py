@@ -43,6 +43,7 @@ from edgemap.runtime.frames.errors import CameraError
 from edgemap.runtime.inputs.open import open_camera
 from edgemap.runtime.motion.odometry.recorded import RecordedOdometry
 
+pytestmark = pytest.mark.slow
 SOURCE = Path(__file__).with_name("fastdds_peer.cpp")
 DOMAIN = 1 + os.getpid() % 100  # runs beside this one have their own
 

@@ -17,6 +17,7 @@ from edgemap.export.detector.validate import blend, choose_blend  # noqa: E402
 from edgemap.export.settings import DetectorSettings  # noqa: E402
 from edgemap.runtime.frames.class_names import COCO_NAMES  # noqa: E402
 
+pytestmark = pytest.mark.slow
 CLASSES = ("chair", "couch")
 CHAIR, COUCH = map(COCO_NAMES.index, CLASSES)
 TOLD = np.array([name in CLASSES for name in COCO_NAMES])

@@ -58,7 +58,6 @@ def test_a_recording_keeps_which_pictures_were_searched(tmp_path):
         assert [frame.search for frame in drain(tape)] == [frame.search for frame in frames]
 
 
-@pytest.mark.slow
 def test_the_demo_keeps_its_objects_at_three_hertz():
     session = open_session(SearchRate(open_camera("demo"), 3.0))
     searched = [step.observed.searched for step in islice(session, 200)]
