@@ -1,4 +1,4 @@
-"""Middle and scatter of values among which some are wrong."""
+"""Middle, scatter and weights of values among which some are wrong."""
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -7,6 +7,8 @@ from edgemap.geometry.arrays import Array
 
 CLEAR_SIGMAS = 3.29  # standard deviations that hold 99.9 % of a normal distribution: the one probability of all gates
 HUBER = 1.345  # standard deviations beyond which a measurement loses weight (95 % efficiency: Huber 1981)
+TUKEY = 4.6851  # standard deviations from which on one has none (95 % efficiency: Beaton and Tukey 1974)
+ANNEALING = (3.0, 2.0, 1.0, 1.0, 1.0)  # factors on TUKEY, round by round, of an estimate whose start is coarse
 NORMAL = 1.4826  # standard deviation of a normal distribution over its median absolute deviation (Hampel 1974)
 
 
@@ -15,3 +17,8 @@ def median_and_scatter(values: ArrayLike) -> tuple[Array, Array]:
     array = np.asarray(values, dtype=np.float64)
     middle = np.asarray(np.median(array, axis=0))
     return middle, NORMAL * np.asarray(np.median(np.abs(array - middle), axis=0))
+
+
+def tukey(distance2: Array, scale: float = 1.0) -> Array:
+    """Tukey's weights (N,) of squared normalised residuals (N,). scale: of `ANNEALING`."""
+    return np.maximum(1.0 - distance2 / (scale * TUKEY) ** 2, 0.0) ** 2

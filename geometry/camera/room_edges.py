@@ -7,12 +7,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from edgemap.geometry.camera.inertial import SKEW, small_rotation
+from edgemap.geometry.robust import ANNEALING, tukey
 
 Array = NDArray[np.float64]
 
 STEP_RAD, COARSE_RAD = math.radians(2.0), math.radians(2.5)  # between directions tried, and how near edges count then
 NEAR_RAD = math.radians(1.5)  # an edge belongs to a direction that its plane misses by less, at last
-ANNEALING = (2.0, 1.5, 1.0, 1.0, 1.0)
 SIGMA_RAD = math.radians(0.7)  # of an edge of REFERENCE_RAD; shorter ones are less certain
 REFERENCE_RAD = 0.15
 FEWEST, MINIMUM_LENGTH_RAD = 6, 0.6  # upright edges, and their length as seen
@@ -53,7 +53,7 @@ def room_axes(normals: Array, lengths: Array, expected: Array, reach_rad: float)
         misses = normals @ directions.T
         kind = np.abs(misses).argmin(axis=1)
         miss = misses[each, kind]
-        share = np.maximum(1.0 - (miss / (scale * 2.0 * NEAR_RAD)) ** 2, 0.0) ** 2
+        share = tukey((miss / SIGMA_RAD) ** 2, scale)
         slopes = (normals @ (directions @ SKEW).reshape(3, 3, 3).transpose(0, 2, 1))[kind, each]  # their cross products
         weighted = slopes * (weight * share)[:, None]
         step = -np.linalg.solve(weighted.T @ slopes + np.eye(3), weighted.T @ miss)

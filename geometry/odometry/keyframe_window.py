@@ -17,8 +17,9 @@ from edgemap.geometry.arrays import Array
 from edgemap.geometry.camera.inertial import rotation_of, small_rotation
 from edgemap.geometry.camera.mount import Mount
 from edgemap.geometry.errors import GeometryError
-from edgemap.geometry.odometry.resection import TUKEY, DepthLandmarks, LensPose, resect, rotation_vector
+from edgemap.geometry.odometry.resection import DepthLandmarks, LensPose, resect, rotation_vector
 from edgemap.geometry.odometry.window_factors import FactorRows, PoseFactors
+from edgemap.geometry.robust import TUKEY, tukey
 from edgemap.geometry.se2 import SE2
 
 Mask = NDArray[np.bool_]
@@ -329,7 +330,7 @@ class KeyframeWindow:
     def _system(self, tracks: "Tracks", points: WindowPoints, rotation: Array, position: Array, scale: float) -> System:
         """Normal equations of tracks, measured depths and points on the floor. scale: factor on the gates."""
         rule, count, number = self._rule, len(rotation), len(points)
-        gate, deep = scale * rule.gate_px / (self._track_sigma * self._focal_px), scale * TUKEY
+        gate = scale * rule.gate_px / (self._track_sigma * self._focal_px)
         host, inverse, everyone = points.host, points.inverse_m, np.arange(number)
         point, slot = tracks.point, tracks.slot
         size = 6 * count
@@ -346,7 +347,7 @@ class KeyframeWindow:
         residual = (tracks.at - predicted) * tracks.weight
         distance2 = (residual[:, :2] ** 2).sum(axis=1)
         root = np.where(ahead, np.maximum(1.0 - distance2 / gate**2, 0.0), 0.0)[:, None].repeat(parts, axis=1)
-        root[:, 2:] *= np.maximum(1.0 - (residual[:, 2:] / deep) ** 2, 0.0)
+        root[:, 2:] *= np.sqrt(tukey(residual[:, 2:] ** 2, scale))
         residual *= root
         # Derivative of the image point and of the inverse depth by the direction in world axes.
         root *= tracks.weight / depth[:, None]
@@ -389,7 +390,7 @@ class KeyframeWindow:
             between[tracks.owners] += np.add.reduceat(products, tracks.first, axis=0)
         loose = np.maximum(ANY[1], 0.5 * on_floor) ** -2
         nearer = (points.measured[everyone, host] - inverse) / rule.depth_sigma
-        held = np.nan_to_num(np.maximum(1.0 - (nearer / deep) ** 2, 0.0) ** 2) / rule.depth_sigma
+        held = np.nan_to_num(tukey(nearer**2, scale)) / rule.depth_sigma
         depths = height**2 + loose + held / rule.depth_sigma + np.bincount(point, (by_depth**2).sum(axis=1), number)
         depths_right = height * above + loose * (np.maximum(ANY[0], on_floor) - inverse) + held * np.nan_to_num(nearer)
         depths_right += np.bincount(point, (by_depth * residual).sum(axis=1), number)

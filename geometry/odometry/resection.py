@@ -5,9 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from edgemap.geometry.arrays import Array
-
-TUKEY = 4.6851  # standard deviations beyond which a residual has no weight (95 % efficiency)
-ANNEALING = (3.0, 2.0, 1.0, 1.0, 1.0)
+from edgemap.geometry.robust import ANNEALING, tukey
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -81,7 +79,7 @@ def resect(landmarks: DepthLandmarks, observed: Array, start: LensPose, sigma: f
         across = by_depth[:, :1] * jacobian[:, 0] + by_depth[:, 1:] * jacobian[:, 1]
         jacobian = (jacobian - (lost[:, None] * by_depth)[:, :, None] * across[:, None]) / sigma
         distance2 = (white**2).sum(axis=1)
-        weights = np.where(ahead, np.clip(1.0 - distance2 / (TUKEY * scale) ** 2, 0.0, 1.0) ** 2, 0.0)
+        weights = np.where(ahead, tukey(distance2, scale), 0.0)
         rows, whitened = jacobian.reshape(-1, 6), white.ravel()
         weighted = rows * np.repeat(weights, 2)[:, None]
         inverse = np.asarray(np.linalg.inv(weighted.T @ rows + 1e-6 * np.eye(6)), dtype=np.float64)

@@ -11,7 +11,7 @@ from edgemap.geometry.arrays import Array
 
 Indices = NDArray[np.intp]
 
-SLIPPED = 3.0  # standard deviations from which on wheels lose their weight: a robot may drive sideways
+SLIPPED = 6.0  # standard deviations from which on wheels lose their weight: a robot may drive sideways
 DENIED = 10.0  # standard deviations from which on a gyro loses its weight
 
 

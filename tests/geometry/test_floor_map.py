@@ -35,7 +35,8 @@ def test_the_document_is_the_contract(objects):
     assert document["frame"] == "map"
     assert set(document["objects"][0]) == {
         "id", "label", "x_m", "y_m", "covariance_m2", "width_m", "height_m", "count", "confidence", "first_seen_s",
-        "last_seen_s", "labels", "first_seen", "last_seen", "history", "yaw_rad", "yaw_sigma_rad", "footprint",
+        "last_seen_s", "labels", "first_seen", "last_seen", "since", "earlier", "history", "yaw_rad", "yaw_sigma_rad",
+        "footprint",
     }  # fmt: skip
     assert document["objects"][0]["labels"] == {"chair": 1.0}
     assert document["objects"][0]["id"] == "chair-1"

@@ -58,8 +58,8 @@ def test_a_carried_camera_follows_a_textured_floor(name):
     odometry = WindowOdometry(HEAD)
     steps = zip(frames, attitudes, strict=True)
     off = total(odometry.step(frame, {}, FramePrior(attitude)) for frame, attitude in steps).inverse() @ poses[-1]
-    assert math.hypot(off.x_m, off.y_m) < 0.05  # of 1.2 to 1.6 m
-    assert abs(off.yaw_rad) < 0.01
+    assert math.hypot(off.x_m, off.y_m) < 0.07  # of 1.2 to 1.6 m; until it swings it may be on wheels
+    assert abs(off.yaw_rad) < 0.015
 
 
 @pytest.mark.parametrize("platform", Platform)
