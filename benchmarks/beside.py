@@ -3,52 +3,49 @@
 Each build is a process of its own that imports its own tree and keeps its bundle and its map; blocks of steps alternate
 between the two, so that what else the machine does meets both. Only the step is timed; its processor time includes
 threads that wait in circles. The other build needs the packages of this environment and its commit in this repository;
-it must have a `SemanticSlam`, as all do since 2026-11-22.
+it must have the modules that `WORKER` imports.
 """
 
 import argparse
 import json
-import shutil
 import subprocess
 import sys
 import tempfile
 from pathlib import Path
 from typing import Any
 
-import msgspec
 import numpy as np
 
 ROOMS = ("geometry", "runtime", "evaluation", "simulation", "export", "benchmarks", "plots", "view", "cli", "models")
 FRAMES = 30  # in a block
 LEGS = {"10": 10.0, "30": 30.0, "unpaced": 0.0}
 
-# Runs in either build, so it finds names of both by trial.
+# Runs in either build.
 WORKER = """
 import os, sys, time
-from importlib import import_module
 from pathlib import Path
 os.environ.setdefault("OPENBLAS_NUM_THREADS", sys.argv[1])
 bundle_name, engine = sys.argv[2], sys.argv[3]
 # An editable install would answer for modules that this tree does not have.
 sys.meta_path[:] = [finder for finder in sys.meta_path if "__editable__" not in getattr(finder, "__module__", "")]
+import edgemap.runtime
 from edgemap.geometry.camera.floor import FloorCamera
-from edgemap.runtime import bundle_folder, load_bundle, open_camera, open_odometry, Pipeline
-def own(module):
-    root, path = Path(os.environ["PYTHONPATH"]), Path(module.__file__)
-    assert path.is_relative_to(root), f"{module.__name__} is {path}, not of {root}"
-    return module
-def named(module):
-    # The parts of the step have a room of their own since 2026-11-24.
-    try:
-        return own(import_module("edgemap.runtime.step." + module))
-    except ModuleNotFoundError:
-        return own(import_module("edgemap.runtime." + module))
+from edgemap.runtime.inputs.open import open_camera
+from edgemap.runtime.motion.odometry import open_odometry
+from edgemap.runtime.network.bundle import load_bundle
+from edgemap.runtime.network.store import bundle_folder
+from edgemap.runtime.step.config import Config
+from edgemap.runtime.step.mapper import new_mapper
+from edgemap.runtime.step.pipeline import Pipeline
+from edgemap.runtime.step.slam import SemanticSlam
+root, path = Path(os.environ["PYTHONPATH"]), Path(edgemap.runtime.__file__)
+assert path.is_relative_to(root), f"edgemap.runtime is {path}, not of {root}"
 def build(paced):
     bundle = load_bundle(bundle_folder(bundle_name), pace="camera" if paced else "files", engine=engine)
     def new(camera):
         floor = FloorCamera(camera.info.intrinsics, camera.info.mount)
         pipeline = Pipeline(bundle, floor, open_odometry("hybrid", bundle, camera, floor))
-        return named("slam").SemanticSlam(pipeline, named("mapper").new_mapper(named("config").Config()))
+        return SemanticSlam(pipeline, new_mapper(Config()))
     return new
 camera = slam = None
 new, was = None, None
@@ -84,12 +81,11 @@ for line in sys.stdin:
 """
 
 
-def beside(there: Path, bundle: str, engine: str, blocks: int, own_bundle: str = "") -> dict[str, Any]:
-    """Ratios this / other of the step's median and processor time a frame, for each leg; and both builds' figures.
-    own_bundle: of this build; by default the one of that name, as the other build uses its own."""
+def beside(there: Path, bundle: str, engine: str, blocks: int) -> dict[str, Any]:
+    """Ratios this / other of the step's median and processor time a frame, for each leg; and both builds' figures."""
     workers = {
         "other": start_worker(there, "2", bundle, "onnxruntime"),
-        "this": start_worker(Path(__file__).resolve().parents[1], "1", own_bundle or bundle, engine),
+        "this": start_worker(Path(__file__).resolve().parents[1], "1", bundle, engine),
     }
     document: dict[str, Any] = {"bundle": bundle, "engine": engine, "frames": blocks * FRAMES}
     for leg, rate in LEGS.items():
@@ -131,9 +127,7 @@ def start_worker(root: Path, blas: str, bundle: str, engine: str) -> subprocess.
     package.mkdir()
     for room in ROOMS:
         (package / room).symlink_to(root.resolve() / room)
-    # The package's own file: an installed edgemap would otherwise answer for a commit that has none.
-    own = root.resolve() / "api" / "__init__.py"
-    (package / "__init__.py").write_text(own.read_text() if own.is_file() else "")
+    (package / "__init__.py").write_text((root.resolve() / "api" / "__init__.py").read_text())
     command = [sys.executable, "-c", WORKER, blas, bundle, engine]
     environment = {"PYTHONPATH": str(package.parent), "PATH": "/usr/bin:/bin", "HOME": str(Path.home())}
     return subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True, env=environment)
@@ -152,25 +146,6 @@ def timed_block(worker: subprocess.Popen[str], rate: float) -> tuple[list[float]
     return [float(value) for value in times.split(", ")], float(spent), float(wall)
 
 
-def without_floor_head(bundle: str, folder: Path) -> Path:
-    """A copy of a bundle without its floor head."""
-    import onnx
-
-    from edgemap.export.adopt import load_onnx
-    from edgemap.export.floor.merge import without_floor
-    from edgemap.export.onnx_export import seal
-    from edgemap.runtime.network.manifest_file import read_manifest, sha256_file, write_manifest
-    from edgemap.runtime.network.store import bundle_folder
-
-    shutil.copytree(bundle_folder(bundle), folder)
-    manifest = read_manifest(folder)
-    model, detector = without_floor(load_onnx(folder / manifest.detector.file), manifest.detector)
-    onnx.save(seal(model, detector), str(folder / detector.file))
-    sums = manifest.sha256 | {detector.file: sha256_file(folder / detector.file)}
-    write_manifest(folder, msgspec.structs.replace(manifest, detector=detector, sha256=sums))
-    return folder
-
-
 def main() -> None:
     """Check the commit out into a temporary worktree, measure, print one JSON document."""
     parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
@@ -178,16 +153,13 @@ def main() -> None:
     parser.add_argument("--bundle", default="edgemap-nano")
     parser.add_argument("--engine", default="onnxruntime")
     parser.add_argument("--blocks", type=int, default=10, help=f"of {FRAMES} frames, for each build and rate")
-    parser.add_argument("--without-floor-head", action="store_true", help="of this build's bundle")
     given = parser.parse_args()
     repository = Path(__file__).resolve().parents[1]
     with tempfile.TemporaryDirectory() as folder:
-        there, own = Path(folder) / "other", ""
-        if given.without_floor_head:
-            own = str(without_floor_head(given.bundle, Path(folder) / "bundle"))
+        there = Path(folder) / "other"
         subprocess.run(["git", "-C", repository, "worktree", "add", "-q", "--detach", there, given.commit], check=True)
         try:
-            print(json.dumps(beside(there, given.bundle, given.engine, given.blocks, own), indent=1))
+            print(json.dumps(beside(there, given.bundle, given.engine, given.blocks), indent=1))
         finally:
             subprocess.run(["git", "-C", repository, "worktree", "remove", "--force", there], check=True)
 

@@ -8,9 +8,8 @@ from pathlib import Path
 
 from edgemap.calibrate.board import PICTURES, frames_of
 from edgemap.calibrate.floor_depth import fit_floor_depth, gravity
-from edgemap.calibrate.guess import Focal, guess_camera
+from edgemap.calibrate.guess import Focal, guess_camera, quarter_turns
 from edgemap.calibrate.guess_focal import FEWEST_ROOMS
-from edgemap.calibrate.guess_upright import quarter_turns
 from edgemap.calibrate.stated_focal import stated_focal_px
 from edgemap.geometry.camera.floor import FloorCamera
 from edgemap.geometry.camera.imu import ImuSamples
@@ -22,7 +21,7 @@ from edgemap.runtime.frames.frame import Frame
 from edgemap.runtime.frames.reading import user_path
 from edgemap.runtime.inputs.drives.camera_yaml import read_camera_yaml
 from edgemap.runtime.motion.camera_guess import CameraGuess
-from edgemap.runtime.motion.views import views_of
+from edgemap.runtime.motion.health import views_of
 from edgemap.runtime.network.bundle import Bundle
 from edgemap.runtime.network.decode import Decoder, Detector
 

@@ -42,6 +42,8 @@ LEAST_FLOOR = 0.1  # share of the picture below the horizon
 
 Picture = NDArray[np.uint8]
 Detector = Callable[[Picture], Detections]
+TRIED = 10  # pictures
+CLEAR = 2.0  # times the scores: 3 to 8 on three real walks and a rendered home that were turned by 90 degrees
 
 
 @dataclass(frozen=True, slots=True)
@@ -146,3 +148,19 @@ def _floor_share(lens: Intrinsics, mount: Mount) -> float:
     """Share of the picture's height below the horizon, in the middle column."""
     row = FloorCamera(lens, mount).horizon_row()
     return float(np.clip((lens.height - row) / lens.height, 0.0, 1.0))
+
+
+def quarter_turns(pictures: Sequence[Picture], detect: Detector) -> int:
+    """Number of quarter turns, counterclockwise, that make the pictures upright; 0 where they are, or where none is
+    clearly better: the sum of all scores is CLEAR times as large, and larger in most pictures."""
+    tried = pictures[:: max(1, len(pictures) // TRIED)][:TRIED]
+    sums = np.array([[_score(picture, turns, detect) for turns in range(4)] for picture in tried])
+    if not len(tried):
+        return 0
+    best = int(sums.sum(axis=0).argmax())
+    more, most = sums[:, best].sum() > CLEAR * sums[:, 0].sum(), (sums[:, best] > sums[:, 0]).mean() > 0.5
+    return best if more and most else 0
+
+
+def _score(picture: Picture, turns: int, detect: Detector) -> float:
+    return float(detect(np.ascontiguousarray(np.rot90(picture, turns))).scores.sum())

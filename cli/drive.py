@@ -1,23 +1,27 @@
 """One run of the command: the step, its sinks, and what is printed."""
 
-from collections.abc import Sequence
+import time
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 from datetime import UTC, datetime
+from math import degrees
 from pathlib import Path
 from threading import Event
+from typing import TYPE_CHECKING, Any
 
 from edgemap.cli.guessed_camera import CameraKeeper
-from edgemap.cli.live_page import OpenPage, live_page
-from edgemap.cli.named_maps import FoundMap, find_place
+from edgemap.cli.named_maps import FoundMap, PlaceFinder, find_place
 from edgemap.cli.options import minimum_score
+from edgemap.cli.publishers import WatchGroup
 from edgemap.cli.run_options import RunOptions
 from edgemap.cli.run_record import run_record, scale_source
-from edgemap.cli.saved_map import living_map, where_it_was
 from edgemap.cli.summary import RunSummary, judge_of, with_map_so_far
 from edgemap.geometry.camera.floor import FloorCamera
 from edgemap.runtime.compose import RunSpec, compose, mapped_classes
 from edgemap.runtime.frames.camera import Camera
 from edgemap.runtime.frames.inference import Inference
-from edgemap.runtime.inputs.cameras.wrappers import SearchRate
+from edgemap.runtime.frames.option_texts import host_and_port
+from edgemap.runtime.inputs.cameras.wrappers import PacedCamera, SearchRate
 from edgemap.runtime.motion.camera_guess import CameraGuess
 from edgemap.runtime.network.bundle import Bundle
 from edgemap.runtime.network.manifest_file import write_manifest
@@ -30,10 +34,118 @@ from edgemap.runtime.outputs.verdict.verdict import Verdict
 from edgemap.runtime.step.config import Config
 from edgemap.runtime.step.edit_queue import Edits, load_edits, read_edits
 from edgemap.runtime.step.loop import run, stop_on_signals
+from edgemap.runtime.step.map_store import MapPlace
+from edgemap.runtime.step.mapper import Mapper
 from edgemap.runtime.step.sinks import Sink
 from edgemap.view.about import about_run
 from edgemap.view.report.crops import BestCrops
 from edgemap.view.report.sink import ReportFile
+
+if TYPE_CHECKING:
+    from edgemap.view.page import LivePage
+
+LOOK_EVERY_S = 0.1
+WITHOUT = ",without-pictures"
+
+
+class OpenPage:
+    """A run's page and its server. A file source is paced by its stamps and can be paused; a live camera runs on."""
+
+    def __init__(self, page: "LivePage", url: str) -> None:
+        self.page, self._url = page, url
+
+    def camera(self, source: Camera, stop: Event) -> Camera:
+        """The camera that the run reads from."""
+        from edgemap.view.pause import PausableCamera
+
+        pause = self.page.pause
+        self.page.camera_hz = lambda: source.info.rate_hz
+        return source if pause is None else PausableCamera(PacedCamera(source, pause.running_s), pause, stop.is_set)
+
+    def stay(self, stop: Event, meanwhile: Callable[[], object]) -> None:
+        """Keeps serving after the end of a run, until Ctrl-C. meanwhile: called repeatedly."""
+        if stop.is_set():
+            return
+        print(f"the page stays at {self._url}  (Ctrl-C ends it)", flush=True)
+        with stop_on_signals() as enough:
+            while not enough.is_set():
+                meanwhile()
+                time.sleep(LOOK_EVERY_S)
+
+
+@contextmanager
+def live_page(
+    options: WatchGroup,
+    source: Camera,
+    about: dict[str, Any],
+    folder: Path,
+    crops: BestCrops,
+    edits: Edits,
+    keep_mount: Callable[[float, float], Path],
+    searching: Callable[[], bool] = bool,
+) -> Iterator[OpenPage | None]:
+    """The page of a run while the block lasts, None without `--view`. about: of `about_run`.
+
+    Raises MissingExtraError, or ViewError where the address is taken.
+    """
+    if options.view is None:
+        yield None
+        return
+    from edgemap.view.page import LivePage
+    from edgemap.view.pause import Pause
+    from edgemap.view.server import PageServer
+
+    address, alone = options.view.removesuffix(WITHOUT), options.view.endswith(WITHOUT)
+    pause = None if source.info.live else Pause()
+    page = LivePage(about, folder, pause, lambda: source.state, crops, edits, not alone)
+    page.searching, page.keep_mount = searching, keep_mount
+    server = PageServer(page, *host_and_port(address or "127.0.0.1", "--view", 8090))
+    try:
+        print(f"live page:  {server.url}", flush=True)
+        yield OpenPage(page, server.url)
+    finally:
+        server.close()
+
+
+@contextmanager
+def living_map(
+    place: MapPlace | None, mapper: Mapper, verdict: Callable[[], Verdict], finder: PlaceFinder | None = None
+) -> Iterator[Sequence[LivingMap | FoundMap]]:
+    """The sink that saves a map that lives back, while the block lasts. finder: of the place of `--map auto`. Raises
+    DiskError or RunFolderError."""
+    if finder is not None:
+        found = FoundMap(lambda: finder.path, verdict)
+        try:
+            yield [found]
+        finally:
+            found.release()
+        return
+    if place is None or not place.lives:
+        yield []
+        return
+
+    sink = LivingMap(place.path, lambda: mapper.searching, verdict)
+    try:
+        yield [sink]
+    finally:
+        sink.release()
+
+
+def where_it_was(mapper: Mapper, saved: Path | None) -> str | None:
+    """Result of the relocalisation in the saved map, in one line; None where there was none."""
+    search = mapper.relocaliser
+    if search is None:
+        return None
+    if isinstance(search, PlaceFinder):
+        saved = search.path or Path("any named map")
+    if search.alignment is None:
+        return f"not found in {saved}, so this run's map stands alone in its own frame: {search.reason}"
+    pose, count = search.alignment.pose_a_b, len(search.alignment.pairs)
+    how = f"{count} objects" if count else "a pose that was set"
+    return (
+        f"found in {saved} by {how}: the start was at x {pose.x_m:.2f} m, "
+        f"y {pose.y_m:.2f} m, yaw {degrees(pose.yaw_rad):.1f} deg"
+    )
 
 
 class Run:

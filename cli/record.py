@@ -40,7 +40,7 @@ def command(
     from edgemap.runtime.frames.errors import RecordingError
     from edgemap.runtime.frames.reading import print_message
     from edgemap.runtime.frames.trajectory import TrackFile
-    from edgemap.runtime.inputs.cameras.wheels import read_wheels
+    from edgemap.runtime.inputs.cameras.kinds import read_wheels
     from edgemap.runtime.step.loop import stop_on_signals
 
     at_least(1, frames=frames)

@@ -13,7 +13,7 @@ from edgemap.runtime.frames.camera import Camera, check_size
 from edgemap.runtime.frames.errors import UsageError
 from edgemap.runtime.frames.notes import collected
 from edgemap.runtime.frames.option_texts import known_names, numbers
-from edgemap.runtime.inputs.cameras.wheels import replace_wheels
+from edgemap.runtime.inputs.cameras.kinds import replace_wheels
 from edgemap.runtime.inputs.drives.camera_yaml import mount_fields
 from edgemap.runtime.motion.camera_guess import CameraGuess
 from edgemap.runtime.motion.odometry.judged import JudgedOdometry

@@ -2,6 +2,7 @@
 
 import math
 from collections import deque
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, replace
 
 import cv2
@@ -20,6 +21,7 @@ REPEATED_S = 10.0  # of stream, between two faults that report one lasting condi
 DECODER_GREY = 128  # what decoders leave where data is missing
 TILES = 16, 12  # across and down, of a picture that may be covered in part; a torn one lacks a row of them
 BLACK = 16  # grey level of black in video (ITU-R BT.601)
+VIEW_PX = 40, 30  # size at which views are compared
 
 
 @dataclass(frozen=True, slots=True)
@@ -210,3 +212,26 @@ def _run(flags: NDArray[np.bool_]) -> int:
 def _percentile(values: MatLike) -> int:
     counts = cv2.calcHist([values], [0], None, [256], [0, 256]).ravel()
     return int(np.searchsorted(np.cumsum(counts), PERCENTILE * values.size))
+
+
+class Views:
+    """Compares pictures with the last one that showed another view. moved: mean grey levels by which one differs, as
+    of `HealthRule`."""
+
+    def __init__(self, moved: float) -> None:
+        self._moved = moved
+        self._last: MatLike | None = None
+
+    def is_another(self, grey: MatLike) -> bool:
+        """Whether a grey picture of any size shows another view than the last one that did; the first one does."""
+        coarse = cv2.resize(grey, VIEW_PX, interpolation=cv2.INTER_AREA)
+        if self._last is not None and float(cv2.absdiff(coarse, self._last).mean()) < self._moved:
+            return False
+        self._last = coarse
+        return True
+
+
+def views_of(frames: Iterable[Frame]) -> Iterator[Frame]:
+    """The pictures that show another view than the previous one of the result; the first one is included."""
+    views = Views(HealthRule().moved)
+    return (frame for frame in frames if views.is_another(cv2.cvtColor(frame.image, cv2.COLOR_BGR2GRAY)))

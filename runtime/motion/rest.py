@@ -13,7 +13,7 @@ from edgemap.geometry.robust import CLEAR_SIGMAS
 from edgemap.runtime.frames.faults import Fault, FaultKind
 from edgemap.runtime.frames.frame import Frame
 from edgemap.runtime.frames.timing import StreamTimer
-from edgemap.runtime.motion.attitude.protocol import Moved
+from edgemap.runtime.motion.attitude.source import Moved
 from edgemap.runtime.motion.health import REPEATED_S, HealthRule, PictureHealth
 from edgemap.runtime.motion.odometry.protocol import STILL_RAD
 

@@ -2,7 +2,11 @@
 
 from collections.abc import Sequence
 from dataclasses import replace
+from functools import cache
 from pathlib import Path
+from typing import Any
+
+from google.protobuf import descriptor_pb2, descriptor_pool, message_factory
 
 from edgemap.runtime.frames.inference import Engine, Precision
 from edgemap.runtime.network.bundle import Bundle, load_bundle
@@ -10,7 +14,60 @@ from edgemap.runtime.network.engines import Pace, open_onnxruntime
 from edgemap.runtime.network.foreign import load_foreign
 from edgemap.runtime.network.manifest_file import read_manifest, verified_file
 from edgemap.runtime.network.store import bundle_folder
-from edgemap.runtime.network.subgraph import subgraph
+
+STRING, MESSAGE = descriptor_pb2.FieldDescriptorProto.TYPE_STRING, descriptor_pb2.FieldDescriptorProto.TYPE_MESSAGE
+# Messages of onnx.proto by name: the fields that are read here, with number, type and whether they repeat. All other
+# fields are kept as they are.
+MESSAGES: dict[str, dict[str, tuple[int, str, bool]]] = {
+    "Model": {"graph": (7, "Graph", False)},
+    "Graph": {"node": (1, "Node", True), "initializer": (5, "Tensor", True), "output": (12, "Value", True)},
+    "Node": {"input": (1, "", True), "output": (2, "", True)},
+    "Tensor": {"name": (8, "", False)},
+    "Value": {"name": (1, "", False)},
+}
+
+
+@cache
+def _model_class() -> type[Any]:
+    file = descriptor_pb2.FileDescriptorProto(name="edgemap_subgraph.proto", package="edgemap_subgraph")
+    for name, fields in MESSAGES.items():
+        message = file.message_type.add(name=name)
+        for field, (number, kind, repeated) in fields.items():
+            made = message.field.add(name=field, number=number, label=3 if repeated else 1)
+            made.type = MESSAGE if kind else STRING
+            if kind:
+                made.type_name = f".edgemap_subgraph.{kind}"
+    pool = descriptor_pool.DescriptorPool()
+    pool.Add(file)
+    return message_factory.GetMessageClass(pool.FindMessageTypeByName("edgemap_subgraph.Model"))
+
+
+def subgraph(model: bytes, outputs: set[str]) -> bytes:
+    """An ONNX model with these outputs alone, and the nodes and weights that they need.
+
+    Nodes with graphs of their own (If, Loop) keep what they name as inputs only. Raises KeyError for an unknown output,
+    ValueError where the bytes are no model.
+    """
+    try:
+        tree = _model_class().FromString(model)
+    except Exception as error:  # protobuf's DecodeError is no public base
+        raise ValueError("no ONNX model") from error
+    graph = tree.graph
+    if missing := outputs - {one.name for one in graph.output}:
+        raise KeyError(", ".join(sorted(missing)))
+    needed, kept = set(outputs), []
+    for node in reversed(graph.node):  # ONNX orders nodes so that inputs come first
+        if needed.intersection(node.output):
+            needed.update(node.input)
+            kept.append(node)
+    kept.reverse()
+    weights = [one for one in graph.initializer if one.name in needed]
+    ends = [one for one in graph.output if one.name in outputs]
+    for field, items in (("node", kept), ("initializer", weights), ("output", ends)):
+        copies = [type(one).FromString(one.SerializeToString()) for one in items]
+        graph.ClearField(field)
+        getattr(graph, field).extend(copies)
+    return tree.SerializeToString()
 
 
 def open_bundle(

@@ -19,8 +19,7 @@ from edgemap.runtime.frames.faults import Fault
 from edgemap.runtime.frames.frame import Frame
 from edgemap.runtime.frames.timing import Stopwatch
 from edgemap.runtime.motion.attitude.pictures import PicturesAttitude
-from edgemap.runtime.motion.attitude.protocol import AttitudeSource, Moved
-from edgemap.runtime.motion.attitude.sources import MountAttitude
+from edgemap.runtime.motion.attitude.source import AttitudeSource, MountAttitude, Moved
 from edgemap.runtime.motion.depth_scale import DepthScale
 from edgemap.runtime.motion.health import HealthMonitor, HealthRule, PictureHealth
 from edgemap.runtime.motion.height_check import HeightCheck, HeightRule

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from edgemap.calibrate.guess_upright import quarter_turns
+from edgemap.calibrate.guess import quarter_turns
 from edgemap.geometry.observations.detections import Detections
 
 

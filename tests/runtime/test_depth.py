@@ -16,8 +16,7 @@ from edgemap.geometry.observations.sighting import FloorRule, sightings_of
 from edgemap.geometry.se2 import SE2
 from edgemap.runtime.frames.faults import FaultKind
 from edgemap.runtime.frames.frame import Frame
-from edgemap.runtime.motion.attitude.depth import DepthAttitude
-from edgemap.runtime.motion.attitude.estimator import EstimatedAttitude
+from edgemap.runtime.motion.attitude.estimator import DepthAttitude, EstimatedAttitude
 from edgemap.runtime.motion.height_check import HeightCheck
 from edgemap.runtime.motion.odometry.protocol import FramePrior, Motion
 from edgemap.runtime.motion.odometry.window import WindowOdometry

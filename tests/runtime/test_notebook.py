@@ -11,7 +11,7 @@ import pytest
 from support.steps import Steps
 
 from edgemap.geometry.observations.detections import Detections
-from edgemap.runtime.frames.supervision_boxes import from_supervision, to_supervision
+from edgemap.runtime.frames.supervision_boxes import to_supervision
 from edgemap.runtime.outputs.map_objects import MapObjects
 
 
@@ -60,28 +60,10 @@ FOUND = Detections(
 )
 
 
-def test_detections_go_to_supervision_and_back():
+def test_detections_go_to_supervision():
     supervision = pytest.importorskip("supervision")
     theirs = to_supervision(FOUND)
     assert isinstance(theirs, supervision.Detections)
     assert theirs.area.tolist() == [29 * 38, 65 * 74]
     assert list(theirs.data["class_name"]) == ["chair", "bed"]
-    back = from_supervision(theirs[np.array([1, 0])], FOUND.names)  # theirs in another order
-    np.testing.assert_array_equal(back.boxes, FOUND.boxes)
-    np.testing.assert_array_equal(back.scores, FOUND.scores)
-    assert (back.names, back.labels) == (FOUND.names, FOUND.labels)
-    assert from_supervision(theirs).labels == FOUND.labels
-    assert len(from_supervision(supervision.Detections.empty())) == 0
     assert len(to_supervision(Detections.none(FOUND.names))) == 0
-
-
-def test_boxes_without_a_class_are_refused():
-    supervision = pytest.importorskip("supervision")
-    bare = supervision.Detections(xyxy=FOUND.boxes)
-    with pytest.raises(ValueError, match="without class_id"):
-        from_supervision(bare, FOUND.names)
-    bare.class_id = np.array([0, 3])
-    with pytest.raises(ValueError, match="without class_name: pass names"):
-        from_supervision(bare)
-    with pytest.raises(ValueError, match="class_id 0 to 3 for 3 names"):
-        from_supervision(bare, FOUND.names)

@@ -5,8 +5,8 @@ import onnx
 import onnxruntime as ort
 import pytest
 
+from edgemap.runtime.network.open_bundle import subgraph
 from edgemap.runtime.network.store import bundle_folder
-from edgemap.runtime.network.subgraph import subgraph
 
 
 def test_outputs_are_those_of_the_whole_file_and_the_rest_is_gone():

@@ -224,7 +224,7 @@ def window_nees(motions, true, steps):
 
 @pytest.mark.parametrize("wheels", [False, True])
 def test_the_demos_motion_errs_by_what_it_states_and_not_by_much_less(demo, wheels):
-    from edgemap.runtime.inputs.cameras.wheels import read_wheels
+    from edgemap.runtime.inputs.cameras.kinds import read_wheels
     from edgemap.runtime.step.slam import build_slam
 
     demo.camera.update_info(wheel=read_wheels(str(WHEELS)) if wheels else None)

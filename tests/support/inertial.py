@@ -1,6 +1,6 @@
 from edgemap.geometry.camera.attitude import Attitude
 from edgemap.runtime.motion.attitude.inertial import InertialAttitude
-from edgemap.runtime.motion.attitude.sources import NODDING_RAD
+from edgemap.runtime.motion.attitude.source import NODDING_RAD
 
 
 class AboutMount(InertialAttitude):

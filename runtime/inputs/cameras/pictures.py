@@ -17,7 +17,7 @@ from edgemap.runtime.frames.errors import CameraError, CameraFault
 from edgemap.runtime.frames.faults import FaultKind
 from edgemap.runtime.frames.frame import Frame
 from edgemap.runtime.frames.reading import library_path, one_line
-from edgemap.runtime.inputs.cameras.wheels import wheel_file
+from edgemap.runtime.inputs.cameras.kinds import wheel_file
 from edgemap.runtime.inputs.drives.camera_yaml import read_setup
 from edgemap.runtime.inputs.drives.drive import Drive, ridden
 from edgemap.runtime.inputs.drives.pictures import (

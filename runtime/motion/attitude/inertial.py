@@ -24,7 +24,7 @@ from edgemap.runtime.frames.frame import Frame
 from edgemap.runtime.motion.attitude.imu_trust import ImuTrust
 from edgemap.runtime.motion.attitude.mount_check import MountRule
 from edgemap.runtime.motion.attitude.pictures import LONGEST_S, NOD_S, ROTATION_SHARE
-from edgemap.runtime.motion.attitude.protocol import Moved
+from edgemap.runtime.motion.attitude.source import Moved
 from edgemap.runtime.motion.trust import TrustRule
 
 LIKELY = 2.0  # standard deviations of nodding, at which the mount has half the weight for the tilt

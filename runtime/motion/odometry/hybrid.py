@@ -26,8 +26,7 @@ from edgemap.runtime.motion.odometry.protocol import (
     no_motion,
     unknown_covariance,
 )
-from edgemap.runtime.motion.odometry.wheel_trust import UNPROVEN, WHEELS, WheelTrust
-from edgemap.runtime.motion.trust import TrustRule
+from edgemap.runtime.motion.trust import UNPROVEN, WHEELS, TrustRule, WheelTrust
 from edgemap.runtime.network.network import Tensors
 
 UNKNOWN = np.diag(unknown_covariance())  # variances from which a motion is worth less than a guess

@@ -19,7 +19,6 @@ from edgemap.geometry.se2 import SE2
 from edgemap.runtime.frames.colours import SHAPES, label_colour, label_mark
 from edgemap.runtime.frames.disk import make_folder, write_atomically
 from edgemap.runtime.frames.frame import png
-from edgemap.runtime.outputs.map_formats.labels import place_labels
 from edgemap.runtime.outputs.map_formats.shapes import (
     INK,
     MAXIMUM_SHAPES,
@@ -31,6 +30,7 @@ from edgemap.runtime.outputs.map_formats.shapes import (
     Text,
     bgr,
     picture_of,
+    place_labels,
     svg_of,
 )
 from edgemap.runtime.outputs.sightings_file import SeenRecord

@@ -16,8 +16,8 @@ from edgemap.runtime.frames.trajectory import Trajectory
 from edgemap.runtime.outputs.map_formats.drawing import DrawnMap, draw_map
 from edgemap.runtime.outputs.map_formats.geojson import geojson_text
 from edgemap.runtime.outputs.map_formats.grid import MAXIMUM_CELLS, CellsRule, grid_of
-from edgemap.runtime.outputs.map_formats.labels import place_labels
 from edgemap.runtime.outputs.map_formats.nav2 import MAXIMUM_SHAPES, vector_text
+from edgemap.runtime.outputs.map_formats.shapes import place_labels
 from edgemap.runtime.step.map_file import map_document, read_map
 from edgemap.view.report.document import MAXIMUM_OBJECTS, ReportContent, report_document
 from edgemap.view.report.history import History

@@ -15,8 +15,7 @@ from edgemap.geometry.map_object import CHI2_95, MapObject
 from edgemap.geometry.objects.annotations import Zone
 from edgemap.geometry.se2 import SE2
 from edgemap.runtime.outputs.map_formats.drawing import TITLE_PX, DrawnMap, _ellipse, _panels, _sheet, draw_map, map_svg
-from edgemap.runtime.outputs.map_formats.labels import place_labels
-from edgemap.runtime.outputs.map_formats.shapes import PNG_SCALE, Raster, Shape, Text, bgr, picture_of
+from edgemap.runtime.outputs.map_formats.shapes import PNG_SCALE, Raster, Shape, Text, bgr, picture_of, place_labels
 from edgemap.runtime.outputs.sightings_file import SeenRecord
 
 SVG = "{http://www.w3.org/2000/svg}"

@@ -1,13 +1,36 @@
-"""Attitudes that need no measurement: recorded ones, and the mount's."""
+"""Sources of the camera's tilt in each step."""
 
+from collections.abc import Sequence
+from typing import Protocol
+
+from edgemap.geometry.arrays import Array
 from edgemap.geometry.camera.attitude import Attitude, TrackedRotation
 from edgemap.geometry.camera.mount import Mount
 from edgemap.geometry.camera.mount_tilt import MountTiltRule
+from edgemap.geometry.se2 import SE2
+from edgemap.runtime.frames.faults import Fault
 from edgemap.runtime.frames.frame import Frame
 from edgemap.runtime.frames.trajectory import AttitudeTrack
-from edgemap.runtime.motion.attitude.protocol import Moved
 
+Moved = tuple[SE2, Array]  # motion of the base over the step before, the gyro left out, and covariance (3, 3)
 NODDING_RAD = MountTiltRule().nod / 2.0  # of a robot on wheels that brakes and rolls over hard floors
+
+
+class AttitudeSource(Protocol):
+    """Fed every frame in order; depends on frames, their stamps and their IMU samples only."""
+
+    @property
+    def faults(self) -> Sequence[Fault]:
+        """Those that began in the last `predict`."""
+        ...
+
+    def predict(self, frame: Frame, moved: Moved | None = None) -> Attitude:
+        """The camera's attitude at this frame. moved: of the last step; None where it was not measured."""
+        ...
+
+    def update(self, rotation: TrackedRotation | None) -> Attitude:
+        """The last frame's attitude, updated with its rotation by the odometry; None where it measured none."""
+        ...
 
 
 class MountAttitude:
