@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from edgemap.geometry.camera.intrinsics import Intrinsics
 from edgemap.geometry.se2 import SE2
 from edgemap.runtime.inputs.drives.drive import SEEN_SHARE, SEEN_SIDE_PX
-from edgemap.runtime.inputs.drives.truth import FLOOR, OTHER, WALL
+from edgemap.runtime.inputs.drives.truth import FloorLabel
 from edgemap.simulation.apartment.apartment import Apartment
 from edgemap.simulation.apartment.layout import ALIVE
 from edgemap.simulation.render.movers import Mover
@@ -107,5 +107,6 @@ def floor_labels(frame: RenderedFrame, view: View, lens: Intrinsics, ceiling_m: 
     rays = lens.rays(np.column_stack([u.ravel(), v.ravel()]))
     up = (rays @ view.rotation_home_optical.T)[:, 2].reshape(rows, columns)
     height_m = view.position_home_m[2] + up * frame.depth_m
-    labels = np.where(height_m < RUG_M, FLOOR, np.where(height_m < ceiling_m - BELOW_CEILING_M, WALL, OTHER))
-    return np.where(frame.ids == ROOM_ID, labels, OTHER).astype(np.uint8)
+    upper = np.where(height_m < ceiling_m - BELOW_CEILING_M, FloorLabel.WALL, FloorLabel.OTHER)
+    labels = np.where(height_m < RUG_M, FloorLabel.FLOOR, upper)
+    return np.where(frame.ids == ROOM_ID, labels, FloorLabel.OTHER).astype(np.uint8)

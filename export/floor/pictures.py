@@ -12,14 +12,14 @@ from numpy.typing import NDArray
 from edgemap.runtime.frames.errors import CameraError
 from edgemap.runtime.frames.reading import read_bytes
 from edgemap.runtime.inputs.drives.pictures import decoded, read_picture
-from edgemap.runtime.inputs.drives.truth import FLOOR, OTHER, UNKNOWN, WALL, read_floor_labels
+from edgemap.runtime.inputs.drives.truth import FloorLabel, read_floor_labels
 from edgemap.runtime.network.preprocess import Placement
 
 Image = NDArray[np.uint8]
 Float = NDArray[np.float32]
 SMALLEST = 0.55  # side of a cut, of the picture's
 ASPECT = (0.8, 1.25)
-CLASSES = (OTHER, FLOOR, WALL)  # of the channels of the shares
+CLASSES = (FloorLabel.OTHER, FloorLabel.FLOOR, FloorLabel.WALL)  # of the channels of the shares
 SURE = 0.6  # share of a label where one must be named; below it a pixel is unknown
 KEPT_PX = 512  # longer side of a picture in training
 WHOLE = 0.3  # share of pictures that are not cut
@@ -54,7 +54,7 @@ def read_shares(path: Path, size: tuple[int, int]) -> Image:
 def named(shares: Image) -> Image:
     """Floor labels (H, W) of the largest shares; unknown where none reaches SURE."""
     labels = np.array(CLASSES, np.uint8)[shares.argmax(axis=2)]
-    labels[shares.max(axis=2) < 255 * SURE] = UNKNOWN
+    labels[shares.max(axis=2) < 255 * SURE] = FloorLabel.UNKNOWN
     return labels
 
 
@@ -65,7 +65,7 @@ def varied(image: Image, shares: Image, rng: np.random.Generator) -> tuple[Image
     if rng.random() < 0.5:
         image, shares = image[:, ::-1], shares[:, ::-1]
     light, shares = image.astype(np.float32), shares.copy()
-    floor = (named(shares) == FLOOR).astype(np.float32)
+    floor = (named(shares) == FloorLabel.FLOOR).astype(np.float32)
     for share, change in ((TINTED, _tinted), (RUGGED, _rugged), (WET, _wet), (SUNLIT, _sunlit)):
         if rng.random() < share:
             light = change(light, floor, rng)

@@ -8,13 +8,12 @@ from numpy.typing import ArrayLike, NDArray
 
 from edgemap.geometry.arrays import Array
 from edgemap.geometry.camera.attitude import Attitude
-from edgemap.geometry.camera.intrinsics import Distortion, Intrinsics
+from edgemap.geometry.camera.intrinsics import STEEPEST_RAD, Distortion, Intrinsics
 from edgemap.geometry.camera.mount import Mount, rotation_base_optical
 from edgemap.geometry.errors import GeometryError
 
 FARTHEST_HEIGHTS = 20.0  # maximum range of the nearest visible floor; 3 degrees below the horizon, boxes give no range
 LOWEST_M = 0.02  # minimum height of the lens above the floor in one frame
-STEEPEST_RAD = math.radians(89.0)  # beyond it a picture has no floor ahead
 
 
 @dataclass(frozen=True, slots=True)

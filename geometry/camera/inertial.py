@@ -23,11 +23,22 @@ Array = NDArray[np.float64]
 
 GRAVITY_M_S2 = 9.81
 OFFSET_RAD = math.radians(2.5)  # tilt that an uncalibrated accelerometer's offset shows (BMI055: 70 mg, 4 deg at most)
-_TILT, _BIAS, _VELOCITY, _OFFSET = slice(0, 3), slice(3, 6), slice(6, 9), slice(9, 12)
-STATES = 12
-_IDENTITY, _DIAGONAL, _AXES = np.eye(STATES), np.diag_indices(STATES), np.diag_indices(3)
 # Of a vector v (3,): (v @ SKEW).reshape(3, 3) @ w is v x w.
 SKEW = np.array([[0, 0, 0, 0, 0, -1, 0, 1, 0], [0, 0, 1, 0, 0, 0, -1, 0, 0], [0, -1, 0, 1, 0, 0, 0, 0, 0]], dtype=float)
+
+
+class _States:
+    """Rows of the covariance."""
+
+    TILT = slice(0, 3)
+    BIAS = slice(3, 6)
+    VELOCITY = slice(6, 9)
+    OFFSET = slice(9, 12)
+    ALL = 12
+
+
+_IDENTITY, _DIAGONAL = np.eye(_States.ALL), np.diag_indices(_States.ALL)
+_AXES = np.diag_indices(3)
 
 
 @dataclass(frozen=True, slots=True)
@@ -119,12 +130,12 @@ def inertial_start(
     offset = noise.offset * GRAVITY_M_S2
     sigmas = [tilt] * 2 + [1e-6] + [noise.start_bias] * 3 + [speed] * 3 + [offset] * 3
     rotation = np.array([side, np.cross(up, side), up])
-    zero, mixed, covariance = np.zeros(3), np.eye(STATES), np.diag(np.square(sigmas))
+    zero, mixed, covariance = np.zeros(3), np.eye(_States.ALL), np.diag(np.square(sigmas))
     if up_optical is None:  # the offset that the mean force holds is a tilt
-        mixed[:2, _OFFSET] = np.array([-rotation[1], rotation[0]]) / GRAVITY_M_S2
+        mixed[:2, _States.OFFSET] = np.array([-rotation[1], rotation[0]]) / GRAVITY_M_S2
         return InertialState(rotation, zero, zero, zero, mixed @ covariance @ mixed.T, stamp_s, samples)
     share = offset**2 / (offset**2 + noise.accel**2)  # against what a second of the robot's acceleration leaves
-    covariance[_OFFSET, _OFFSET] *= 1.0 - share
+    covariance[_States.OFFSET, _States.OFFSET] *= 1.0 - share
     return InertialState(rotation, zero, zero, share * (force - GRAVITY_M_S2 * up), covariance, stamp_s, samples)
 
 
@@ -147,10 +158,10 @@ def inertial_moved(
     variance = axes @ covariance[:2, :2] @ axes.T
     variance[_AXES] += [loose, loose, noise.resting**2]
     residual = displaced / span_s + axes @ [motion.x_m, motion.y_m] - (state.velocity + before.velocity) / 2.0
-    moved = _corrected(state, _selected(_VELOCITY), residual, variance, learns_vertical_bias=False, robust=True)
+    moved = _corrected(state, _selected(_States.VELOCITY), residual, variance, learns_vertical_bias=False, robust=True)
     variance = float(covariance[2, 2]) + noise.gyro**2 * span_s + (noise.turned_share * motion.yaw_rad) ** 2
-    about = np.zeros((1, STATES))
-    about[0, _BIAS] = moved.up_optical
+    about = np.zeros((1, _States.ALL))
+    about[0, _States.BIAS] = moved.up_optical
     turned_rad = _turned_rad(before.rotation, state.rotation)
     off = np.array([wrap_angle(turned_rad - motion.yaw_rad) / span_s])
     moved = _corrected(moved, about, off, np.array([[variance / span_s**2]]), learns_vertical_bias=True, robust=True)
@@ -168,7 +179,7 @@ def inertial_displaced(state: InertialState, arm_optical_m: Array) -> tuple[Arra
     x, y = before.heading.tolist()
     axes = np.array([[x, y, 0.0], [-y, x, 0.0]])
     arm = (state.rotation - before.rotation) @ arm_optical_m[1]
-    covariance = (before.covariance + state.covariance)[_VELOCITY, _VELOCITY] / 2.0
+    covariance = (before.covariance + state.covariance)[_States.VELOCITY, _States.VELOCITY] / 2.0
     moved = axes @ ((state.velocity + before.velocity) / 2.0 * span_s - arm)
     return moved, axes @ covariance @ axes.T * span_s**2
 
@@ -179,7 +190,7 @@ def inertial_mounted(state: InertialState, up_optical: Array, sigmas_rad: Array)
     up_optical: (3,) on the level robot. sigmas_rad: (2,) of the nods, about the world's axes.
     """
     off = state.rotation @ up_optical
-    selected = _selected(_TILT)[:2]
+    selected = _selected(_States.TILT)[:2]
     variance = np.diag(np.square(sigmas_rad))
     return _corrected(state, selected, np.array([off[1], -off[0]]), variance, learns_vertical_bias=False)
 
@@ -204,9 +215,9 @@ def inertial_step(
     before, force = state.rotation, state.rotation @ gained
     x, y, z = force.tolist()
     transition = _IDENTITY.copy()
-    transition[_TILT, _BIAS] = transition[_VELOCITY, _OFFSET] = -span_s * before
+    transition[_States.TILT, _States.BIAS] = transition[_States.VELOCITY, _States.OFFSET] = -span_s * before
     # The heading moves no velocity that a heading-free frame could know.
-    transition[_VELOCITY, _TILT] = [[0.0, z, 0.0], [-z, 0.0, 0.0], [y, -x, 0.0]]
+    transition[_States.VELOCITY, _States.TILT] = [[0.0, z, 0.0], [-z, 0.0, 0.0], [y, -x, 0.0]]
     angle2 = noise.gyro**2 * span_s + noise.gyro_share**2 * rotation_angle(rotated)
     angle2 += noise.hole**2 * unseen_s3
     gained2 = noise.accel**2 * span_s + (GRAVITY_M_S2 / 2.0 * float(holes_s.sum())) ** 2
@@ -225,7 +236,7 @@ def inertial_step(
         replace(state, before=None),
         state.calm,
     )
-    about = state.up_optical @ state.covariance[_BIAS, _BIAS] @ state.up_optical
+    about = state.up_optical @ state.covariance[_States.BIAS, _States.BIAS] @ state.up_optical
     axis = before @ (SKEW @ rotated.ravel())
     nodded2, tilt2 = float(axis[:2] @ axis[:2]) / 4.0, float(state.covariance[0, 0] + state.covariance[1, 1]) / 2.0
     sigma_rad = math.sqrt(angle2 + about * span_s**2 + nodded2 * tilt2)  # of a nod, a wrong tilt makes yaw
@@ -242,7 +253,7 @@ def _turned_rad(before: Array, after: Array) -> float:
 def _held(state: InertialState, span_s: float, noise: InertialNoise) -> InertialState:
     """Bounds velocities that no odometry measures. At rest the velocity is zero and the mean rate is the bias; about
     the vertical only without odometry, which distinguishes a slow turn from rest."""
-    selected = _selected(_VELOCITY)
+    selected = _selected(_States.VELOCITY)
     if state.calm is None:
         variance = noise.speed**2 * max(1.0 / span_s, 1.0) * np.eye(3)
         state = _corrected(state, selected, -state.velocity, variance, learns_vertical_bias=False)
@@ -253,7 +264,7 @@ def _held(state: InertialState, span_s: float, noise: InertialNoise) -> Inertial
     # The window's mean is nearly the same one frame later: each counts for its share of a second.
     variance = noise.resting**2 / len(state.recent) / span_s * np.eye(3)
     vertical = state.calm is None
-    return _corrected(state, _selected(_BIAS), rate - state.bias, variance, learns_vertical_bias=vertical)
+    return _corrected(state, _selected(_States.BIAS), rate - state.bias, variance, learns_vertical_bias=vertical)
 
 
 def _corrected(
@@ -276,15 +287,15 @@ def _corrected(
         variance, gain = variance + (excess - 1.0) * expected, gain / excess
     if not learns_vertical_bias:
         up = state.up_optical
-        gain[_BIAS] -= up[:, None] * (up @ gain[_BIAS])
+        gain[_States.BIAS] -= up[:, None] * (up @ gain[_States.BIAS])
     change = gain @ residual
     left = _IDENTITY - gain @ selected
     return replace(
         state,
-        rotation=small_rotation(*change[_TILT].tolist()) @ state.rotation,
-        bias=state.bias + change[_BIAS],
-        velocity=state.velocity + change[_VELOCITY],
-        offset=state.offset + change[_OFFSET],
+        rotation=small_rotation(*change[_States.TILT].tolist()) @ state.rotation,
+        bias=state.bias + change[_States.BIAS],
+        velocity=state.velocity + change[_States.VELOCITY],
+        offset=state.offset + change[_States.OFFSET],
         covariance=left @ state.covariance @ left.T + gain @ variance @ gain.T,
     )
 
@@ -343,7 +354,7 @@ def _at_rest(state: InertialState, recent: ImuSamples, noise: InertialNoise) -> 
         return False
     unlike = np.abs(recent.gyro_rad_s.mean(axis=0) - state.bias)
     # An IMU may be poorer than a BMI055: EuRoC's gyro has 4.5 deg/s of bias before it rests.
-    likely = 5.0 * np.sqrt(np.diag(state.covariance)[_BIAS]) + 0.003
+    likely = 5.0 * np.sqrt(np.diag(state.covariance)[_States.BIAS]) + 0.003
     return bool(recent.gyro_rad_s.std(axis=0).max() < noise.resting and (unlike < likely).all())
 
 

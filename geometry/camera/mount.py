@@ -11,7 +11,7 @@ from edgemap.geometry.arrays import Array
 from edgemap.geometry.errors import GeometryError
 
 QUARTER_TURN = np.array([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])  # of optical axes, pictures clockwise
-_BASE_OPTICAL = np.array([[0.0, 0.0, 1.0], [-1.0, 0.0, 0.0], [0.0, -1.0, 0.0]])
+BASE_OPTICAL = np.array([[0.0, 0.0, 1.0], [-1.0, 0.0, 0.0], [0.0, -1.0, 0.0]])
 
 
 class Platform(StrEnum):
@@ -108,6 +108,6 @@ def rotation_base_optical(pitch_rad: float, roll_rad: float) -> Array:
     cr, sr = math.cos(roll_rad), math.sin(roll_rad)
     pitch = np.array([[cp, 0.0, sp], [0.0, 1.0, 0.0], [-sp, 0.0, cp]])  # about y (left): x tips down
     roll = np.array([[1.0, 0.0, 0.0], [0.0, cr, -sr], [0.0, sr, cr]])  # about x (forward)
-    rotation = pitch @ roll @ _BASE_OPTICAL
+    rotation = pitch @ roll @ BASE_OPTICAL
     rotation.setflags(write=False)
     return rotation

@@ -24,7 +24,7 @@ from edgemap.geometry.objects.cells import Cells
 from edgemap.geometry.objects.class_posterior import Candidate, Overlaps, label_posterior
 from edgemap.geometry.objects.footprint import FittedFootprint, fitted
 from edgemap.geometry.observations.sighting import PlacedSighting
-from edgemap.geometry.slam.object_landmarks import OUTLINE, OUTLINED, VIEW, Landmark, rotations
+from edgemap.geometry.slam.object_landmarks import Landmark, Sums, rotations
 from edgemap.geometry.slam.pose_graph import GraphRule, PoseGraph, drop_keyframes
 from edgemap.geometry.trajectory_correction import composed
 
@@ -372,8 +372,8 @@ class FloorMap:
         """Mean outline of a box in each keyframe that has any, (N, 3, 2), map frame."""
         keyframes = np.array([keyframe for one in landmarks for keyframe in one.keyframes], dtype=np.intp)
         rows = np.concatenate([one.rows for one in landmarks])
-        some = rows[:, OUTLINED].ravel() > 0.0
-        local = (rows[some, OUTLINE] / rows[some, OUTLINED]).reshape(-1, 3, 2)
+        some = rows[:, Sums.OUTLINED].ravel() > 0.0
+        local = (rows[some, Sums.OUTLINE] / rows[some, Sums.OUTLINED]).reshape(-1, 3, 2)
         poses = self.graph.trajectory.vectors()[keyframes[some]].reshape(-1, 3)
         return local @ rotations(poses[:, 2]).transpose(0, 2, 1) + poses[:, None, :2]
 
@@ -382,7 +382,7 @@ class FloorMap:
         saved = [view for one in landmarks if one.saved for view in one.saved.seen_from_m]
         keyframes = np.array([keyframe for one in landmarks for keyframe in one.keyframes], dtype=np.intp)
         rows = np.concatenate([one.rows for one in landmarks])
-        local = np.column_stack([rows[:, VIEW], np.zeros(len(rows))])
+        local = np.column_stack([rows[:, Sums.VIEW], np.zeros(len(rows))])
         poses = self.graph.trajectory.vectors()[keyframes].reshape(-1, 3)
         return np.concatenate([np.array(saved).reshape(-1, 2), composed(poses, local)[:, :2]])
 

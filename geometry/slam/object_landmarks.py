@@ -19,15 +19,23 @@ from edgemap.geometry.se2 import SE2
 from edgemap.geometry.slam.keyframes import KeyframeTrajectory
 from edgemap.geometry.slam.least_squares import ObservationFactors, inverse
 
-# Columns of an observation's sums: sightings, information xx xy yy, information times position, bias, range, derivative
-# by the mount's tilt, that times the tilt it was placed by; the base's position at the first; how many have an outline,
-# and the sum of these.
-COUNT, INFORMATION, VECTOR, BIAS, RANGE, BY_TILT, TILTED, VIEW, OUTLINED, OUTLINE = (
-    slice(0, 1), slice(1, 4), slice(4, 6), slice(6, 8), slice(8, 10), slice(10, 14), slice(14, 16), slice(16, 18),
-    slice(18, 19), slice(19, 25),
-)  # fmt: skip
-COLUMNS = 25
 IMPOSSIBLE = 1e6  # cost of a pair that may not be
+
+
+class Sums:
+    """Columns of an observation's sums."""
+
+    COUNT = slice(0, 1)  # sightings
+    INFORMATION = slice(1, 4)  # xx, xy, yy
+    VECTOR = slice(4, 6)  # information times position
+    BIAS = slice(6, 8)
+    RANGE = slice(8, 10)
+    BY_TILT = slice(10, 14)  # derivative by the mount's tilt
+    TILTED = slice(14, 16)  # that times the tilt it was placed by
+    VIEW = slice(16, 18)  # the base's position at the first
+    OUTLINED = slice(18, 19)  # how many have an outline
+    OUTLINE = slice(19, 25)  # sum of these
+    COLUMNS = 25
 
 
 @dataclass(frozen=True, slots=True)
@@ -56,10 +64,10 @@ class LandmarkRule:
 
 @dataclass(slots=True, eq=False)
 class Landmark:
-    """One object in one visit. keyframes (N,): rows of the trajectory that observed it; rows (N, COLUMNS): sums of the
-    sightings of each. observed_at_m: the odometer at the last sighting. sums: evidence. distinct: numbers of landmarks
-    of its label observed in the same frame, so other objects. saved: the object of an earlier map, which has no
-    observations here. updated: number of the last frame. gone: marked for removal.
+    """One object in one visit. keyframes (N,): rows of the trajectory that observed it; rows (N, Sums.COLUMNS): sums of
+    the sightings of each. observed_at_m: the odometer at the last sighting. sums: evidence. distinct: numbers of
+    landmarks of its label observed in the same frame, so other objects. saved: the object of an earlier map, which has
+    no observations here. updated: number of the last frame. gone: marked for removal.
 
     position_m (2,), own_m2 (2, 2): for fixed keyframe poses. first_m2 (2, 2), variance_m2: what the pose of the first
     observation, and of all in the mean, adds. shared_m2 (2, 2): what the mount adds.
@@ -71,7 +79,7 @@ class Landmark:
     observed_at_m: float
     saved: MapObject | None = None
     keyframes: list[int] = field(default_factory=list)
-    rows: Array = field(default_factory=lambda: np.zeros((0, COLUMNS)))
+    rows: Array = field(default_factory=lambda: np.zeros((0, Sums.COLUMNS)))
     sums: SightingSums = field(default_factory=SightingSums)
     distinct: set[int] = field(default_factory=set)
     updated: int = 0
@@ -112,7 +120,7 @@ class Landmark:
         for keyframe, row in zip(other.keyframes, other.rows, strict=True):
             rows[keyframe] = _both(rows[keyframe], row) if keyframe in rows else row
         self.keyframes = sorted(rows)
-        self.rows = np.array([rows[keyframe] for keyframe in self.keyframes]).reshape(-1, COLUMNS)
+        self.rows = np.array([rows[keyframe] for keyframe in self.keyframes]).reshape(-1, Sums.COLUMNS)
         weight = max(self.sums.weight, other.sums.weight)
         self.sums.join(other.sums)
         self.sums.weight = weight
@@ -151,32 +159,32 @@ def observed(placed: PlacedSighting, since: SE2, tilt_rad: Array, repeated: floa
     determinant = a * d - b * b
     xx, xy, yy = d / determinant, -b / determinant, a / determinant
     x_m, y_m = since.apply(place_m)
-    row = np.zeros(COLUMNS)
+    row = np.zeros(Sums.COLUMNS)
     row[:6] = 1.0, xx, xy, yy, xx * x_m + xy * y_m, xy * x_m + yy * y_m
-    row[BIAS], row[RANGE], row[VIEW] = rotation @ bias_m, rotation @ range_m, (since.x_m, since.y_m)
+    row[Sums.BIAS], row[Sums.RANGE], row[Sums.VIEW] = rotation @ bias_m, rotation @ range_m, (since.x_m, since.y_m)
     if sighting.outline_base_m is not None and np.isfinite(sighting.outline_base_m).all():
-        row[OUTLINED], row[OUTLINE] = 1.0, since.apply(sighting.outline_base_m).ravel()
+        row[Sums.OUTLINED], row[Sums.OUTLINE] = 1.0, since.apply(sighting.outline_base_m).ravel()
     if placed.mount is not None:
         by_tilt = rotation @ placed.mount.floor_by_tilt(place_m)
-        row[BY_TILT], row[TILTED] = by_tilt.ravel(), by_tilt @ tilt_rad
+        row[Sums.BY_TILT], row[Sums.TILTED] = by_tilt.ravel(), by_tilt @ tilt_rad
     return row
 
 
 def factors(rows: Array, tilt_rad: Array, view_m: float) -> tuple[Array, Array, Array, Array]:
-    """Observations (N, COLUMNS) as factors: positions (N, 2), information (N, 2, 2), and how one standard deviation of
-    the mount's error and of the landmark's range error move each, (N, 2). Repeated frames of one keyframe repeat each
-    other's error, so they weigh as one."""
+    """Observations (N, Sums.COLUMNS) as factors: positions (N, 2), information (N, 2, 2), and how one standard
+    deviation of the mount's error and of the landmark's range error move each, (N, 2). Repeated frames of one keyframe
+    repeat each other's error, so they weigh as one."""
     count = rows[:, 0]
-    xx, xy, yy = rows[:, INFORMATION].T
-    vx, vy = rows[:, VECTOR].T
+    xx, xy, yy = rows[:, Sums.INFORMATION].T
+    vx, vy = rows[:, Sums.VECTOR].T
     scale = 1.0 / (xx * yy - xy * xy)
     place = np.column_stack([(yy * vx - xy * vy) * scale, (xx * vy - xy * vx) * scale])
-    place += (rows[:, BY_TILT].reshape(-1, 2, 2) @ tilt_rad - rows[:, TILTED]) / count[:, None]
+    place += (rows[:, Sums.BY_TILT].reshape(-1, 2, 2) @ tilt_rad - rows[:, Sums.TILTED]) / count[:, None]
     scale = scale * count
     a, b, d = yy * scale + view_m**2, -xy * scale, xx * scale + view_m**2
     scale = 1.0 / (a * d - b * b)
     information = np.stack([d * scale, -b * scale, -b * scale, a * scale], axis=-1).reshape(-1, 2, 2)
-    return place, information, rows[:, BIAS] / count[:, None], rows[:, RANGE] / count[:, None]
+    return place, information, rows[:, Sums.BIAS] / count[:, None], rows[:, Sums.RANGE] / count[:, None]
 
 
 def place(landmarks: Sequence[Landmark], trajectory: KeyframeTrajectory, tilt_rad: Array, view_m: float) -> None:
@@ -220,7 +228,7 @@ def place(landmarks: Sequence[Landmark], trajectory: KeyframeTrajectory, tilt_ra
 def observations(landmarks: Sequence[Landmark], tilt_rad: Array, rule: LandmarkRule) -> ObservationFactors:
     """Factors of these landmarks, one for each keyframe that observed one. The error of each includes those of the
     range and of the side from which the object was observed."""
-    rows = np.concatenate([np.zeros((0, COLUMNS)), *(one.rows for one in landmarks)])
+    rows = np.concatenate([np.zeros((0, Sums.COLUMNS)), *(one.rows for one in landmarks)])
     position_m, information, bias_m, range_m = factors(rows, tilt_rad, rule.view_m)
     sizes = [len(one.keyframes) for one in landmarks]
     side_m2 = np.repeat([rule.side_m2(one.extent_m) for one in landmarks], sizes)
@@ -316,20 +324,22 @@ def rotations(yaw_rad: Array) -> Array:
 def _both(first: Array, second: Array) -> Array:
     """Adds the sums of two observations, in the frame of the first."""
     row = first + second
-    row[VIEW] = first[VIEW]
+    row[Sums.VIEW] = first[Sums.VIEW]
     return row
 
 
 def _in_frame(row: NDArray[np.float64], pose: SE2) -> Array:
     """An observation's sums in the frame in which its current frame has this pose."""
     rotation, moved = pose.rotation(), row.copy()
-    xx, xy, yy = row[INFORMATION]
+    xx, xy, yy = row[Sums.INFORMATION]
     information = rotation @ np.array([[xx, xy], [xy, yy]]) @ rotation.T
-    moved[INFORMATION] = information[0, 0], information[0, 1], information[1, 1]
-    moved[VECTOR] = rotation @ row[VECTOR] + information @ [pose.x_m, pose.y_m]
-    for part in (BIAS, RANGE, TILTED):
+    moved[Sums.INFORMATION] = information[0, 0], information[0, 1], information[1, 1]
+    moved[Sums.VECTOR] = rotation @ row[Sums.VECTOR] + information @ [pose.x_m, pose.y_m]
+    for part in (Sums.BIAS, Sums.RANGE, Sums.TILTED):
         moved[part] = rotation @ row[part]
-    moved[VIEW] = pose.apply(row[VIEW])
-    moved[OUTLINE] = (row[OUTLINE].reshape(3, 2) @ rotation.T + row[OUTLINED] * [pose.x_m, pose.y_m]).ravel()
-    moved[BY_TILT] = (rotation @ row[BY_TILT].reshape(2, 2)).ravel()
+    moved[Sums.VIEW] = pose.apply(row[Sums.VIEW])
+    moved[Sums.OUTLINE] = (
+        row[Sums.OUTLINE].reshape(3, 2) @ rotation.T + row[Sums.OUTLINED] * [pose.x_m, pose.y_m]
+    ).ravel()
+    moved[Sums.BY_TILT] = (rotation @ row[Sums.BY_TILT].reshape(2, 2)).ravel()
     return moved

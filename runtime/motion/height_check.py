@@ -14,9 +14,9 @@ from edgemap.geometry.observations.lens_height import HeightBySizes, HeightMeasu
 from edgemap.geometry.robust import CLEAR_SIGMAS, median_and_scatter
 from edgemap.runtime.frames.faults import Fault, FaultKind
 from edgemap.runtime.frames.timing import StreamTimer
+from edgemap.runtime.motion.judge import EVERY_S
 from edgemap.runtime.motion.odometry.protocol import Motion
 
-EVERY_S = 1.0  # of stream, between two pictures whose boxes count, and between two estimates
 FEWEST = 3  # measurements of one kind: the median deviation of fewer is no measure
 KEPT = 100  # of each kind, a bound on memory
 DEPTH_SIGMA = 0.02  # of a depth camera's scale, by its datasheet (RealSense D435: 2 % at 2 m)

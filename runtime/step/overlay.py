@@ -14,9 +14,19 @@ from edgemap.geometry.observations.sighting import Sighting
 Picture = NDArray[np.uint8]
 Plate = tuple[int, int, int, int]  # left, top, right, bottom, px
 
-HORIZON, GRID, FLOOR_BOX, OTHER_BOX = (60, 60, 255), (255, 220, 80), (90, 200, 60), (160, 160, 160)  # BGR
 GRID_LINES = 6
-FLOOR, WALL, TINT = (80, 200, 60), (230, 120, 40), 0.45  # BGR of what the floor head sees, and how much of it shows
+TINT = 0.45  # how much of what the floor head sees shows
+
+
+class Bgr:
+    """Colours of what is drawn."""
+
+    HORIZON = 60, 60, 255
+    GRID = 255, 220, 80
+    FLOOR_BOX = 90, 200, 60
+    OTHER_BOX = 160, 160, 160
+    FLOOR = 80, 200, 60
+    WALL = 230, 120, 40
 
 
 def draw_floor_grid(image: Picture, camera: FloorCamera) -> Picture:
@@ -30,19 +40,19 @@ def draw_floor_grid(image: Picture, camera: FloorCamera) -> Picture:
     reach = GRID_LINES * step
     for metre in range(step, reach + 1, step):
         across = np.column_stack([np.full(81, float(metre)), np.linspace(-reach, reach, 81)])
-        _polyline(picture, camera.project(across), GRID, thickness)
+        _polyline(picture, camera.project(across), Bgr.GRID, thickness)
         along = camera.project(np.array([[float(metre), 0.0]]))[0]
         if _inside(picture, along) and not (taken and taken[-1][1] - along[1] < 4):  # far lines crowd each other
-            _text(picture, f"{metre} m", along + [4, -4], GRID, taken)
+            _text(picture, f"{metre} m", along + [4, -4], Bgr.GRID, taken)
     for left in range(-reach, reach + 1, step):
         along = np.column_stack([np.linspace(0.3 * step, reach, 120), np.full(120, float(left))])
-        _polyline(picture, camera.project(along), GRID, thickness)
+        _polyline(picture, camera.project(along), Bgr.GRID, thickness)
     columns = np.linspace(0, image.shape[1] - 1, 33)
     horizon = np.array([[column, camera.horizon_row(float(column))] for column in columns])
-    _polyline(picture, horizon, HORIZON, thickness + 1)
+    _polyline(picture, horizon, Bgr.HORIZON, thickness + 1)
     row = camera.horizon_row()
     label = np.array([8.0, min(max(row - 6, 14), image.shape[0] - 6)])
-    _text(picture, f"horizon, row {row:.0f} px", label, HORIZON, taken)
+    _text(picture, f"horizon, row {row:.0f} px", label, Bgr.HORIZON, taken)
     return picture
 
 
@@ -52,7 +62,7 @@ def draw_floor_mask(image: Picture, mask: FloorMask) -> Picture:
     """
     picture = image.astype(np.float32)
     size = image.shape[1], image.shape[0]
-    for shares, colour in ((mask.floor, FLOOR), (mask.wall, WALL)):
+    for shares, colour in ((mask.floor, Bgr.FLOOR), (mask.wall, Bgr.WALL)):
         if shares is not None:
             weight = TINT * cv2.resize(shares, size, interpolation=cv2.INTER_LINEAR)[..., None]
             picture += weight * (np.array(colour, np.float32) - picture)
@@ -78,7 +88,7 @@ def draw_detections(image: Picture, detections: Detections, sightings: list[Sigh
     for index in np.argsort([index in placed for index in range(len(detections))], kind="stable"):
         x0, y0, x1, y1 = detections.boxes[index].round().astype(int).tolist()
         sighting = placed.get(int(index))
-        colour = OTHER_BOX if sighting is None and sightings is not None else FLOOR_BOX
+        colour = Bgr.OTHER_BOX if sighting is None and sightings is not None else Bgr.FLOOR_BOX
         where = f", {sighting.distance_m:.2f} m" if sighting else ", not floor" if sightings is not None else ""
         cv2.rectangle(picture, (x0, y0), (x1, y1), colour, thickness)
         text = f"{detections.labels[index]} {detections.scores[index]:.2f}{where}"

@@ -14,7 +14,7 @@ pytest.importorskip("embreex")
 from edgemap.geometry.errors import EdgemapError
 from edgemap.runtime.frames.camera import Camera
 from edgemap.runtime.inputs.drives import open_drive
-from edgemap.runtime.inputs.drives.truth import FLOOR, WALL, floor_pairs, read_floor_labels
+from edgemap.runtime.inputs.drives.truth import FloorLabel, floor_pairs, read_floor_labels
 from edgemap.simulation.errors import SimulationError
 
 FRAMES = 5
@@ -183,8 +183,8 @@ def test_floor_labels_are_what_depth_and_mount_say(recorded, drawn, monkeypatch,
         depth_m = depth_mm / 1000.0
         height_m = camera.mount.height_m + rays * depth_m
         near = (depth_m > 0.0) & (depth_m < 3.0)
-        floor = near & (labels == FLOOR)
+        floor = near & (labels == FloorLabel.FLOOR)
         assert floor.sum() > 1000
         assert np.percentile(np.abs(height_m[floor]), 99) < 0.05
-        assert np.percentile(height_m[near & (labels == WALL)], 5) > 0.0
-        assert (labels[near & (np.abs(height_m) < 0.003)] == FLOOR).mean() > 0.9
+        assert np.percentile(height_m[near & (labels == FloorLabel.WALL)], 5) > 0.0
+        assert (labels[near & (np.abs(height_m) < 0.003)] == FloorLabel.FLOOR).mean() > 0.9

@@ -3,6 +3,7 @@
 import math
 from collections import Counter
 from collections.abc import Mapping, Sequence
+from enum import IntEnum
 
 from edgemap.bridges.ros2.messages.build import header
 from edgemap.bridges.ros2.messages.definitions import Message
@@ -11,9 +12,17 @@ from edgemap.runtime.frames.faults import Fault, FaultKind
 from edgemap.runtime.outputs.verdict.verdict import WRONG_DEG, WRONG_M, Verdict
 from edgemap.runtime.step.slam import StepResult
 
-OK, WARN, ERROR = 0, 1, 2
-LEVELS = {"good": OK, "care": WARN, "unreliable": ERROR}
-CAMERA = {CameraState.RUNNING: OK, CameraState.DEGRADED: WARN, CameraState.LOST: ERROR}
+
+class Level(IntEnum):
+    """Of diagnostic_msgs/DiagnosticStatus."""
+
+    OK = 0
+    WARN = 1
+    ERROR = 2
+
+
+LEVELS = {"good": Level.OK, "care": Level.WARN, "unreliable": Level.ERROR}
+CAMERA = {CameraState.RUNNING: Level.OK, CameraState.DEGRADED: Level.WARN, CameraState.LOST: Level.ERROR}
 NEWS_S = 5.0  # for which a fault is a warning: diagnostic_aggregator's own timeout
 
 
@@ -36,11 +45,11 @@ class RunDiagnostics:
         sigma_m = math.sqrt(max(float(result.pose_covariance[0, 0] + result.pose_covariance[1, 1]), 0.0))
         sigma_deg = math.degrees(math.sqrt(max(float(result.pose_covariance[2, 2]), 0.0)))
         values = {"x_m": x_m, "y_m": y_m, "yaw_deg": math.degrees(yaw_rad), "sigma_m": sigma_m, "sigma_deg": sigma_deg}
-        level, text = OK, "measured"
+        level, text = Level.OK, "measured"
         if result.motion.blind:
-            level, text = WARN, "not measured: the pose is a guess"
+            level, text = Level.WARN, "not measured: the pose is a guess"
         if sigma_m > WRONG_M or sigma_deg > WRONG_DEG:
-            level, text = WARN, f"uncertain by {sigma_m:.2f} m, {sigma_deg:.0f} degrees"
+            level, text = Level.WARN, f"uncertain by {sigma_m:.2f} m, {sigma_deg:.0f} degrees"
         self._pose = self._status("pose", level, text, {key: f"{value:.3f}" for key, value in values.items()})
 
     def message(self, stamp_ns: int, camera: CameraState, verdict: Verdict, now_s: float) -> Message:
@@ -56,7 +65,7 @@ class RunDiagnostics:
         for kind, (at_s, text) in self._last.items():
             news = now_s - at_s < NEWS_S and not kind.notice
             values = {"count": str(self._counts[kind])}
-            statuses.append(self._status(f"fault {kind}", WARN if news else OK, text, values))
+            statuses.append(self._status(f"fault {kind}", Level.WARN if news else Level.OK, text, values))
         return {"header": header(stamp_ns, ""), "status": statuses}
 
     def _status(self, name: str, level: int, text: str, values: Mapping[str, str]) -> Message:

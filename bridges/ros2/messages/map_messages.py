@@ -1,6 +1,7 @@
 """The map as ROS 2 messages: its objects, for programs (Detection3DArray) and for eyes (MarkerArray), and the floor."""
 
 import math
+from enum import IntEnum
 
 import numpy as np
 
@@ -15,9 +16,16 @@ from edgemap.geometry.se2 import SE2
 from edgemap.runtime.frames.colours import label_rgb
 from edgemap.runtime.outputs.map_formats.grid import live_grid
 
-CUBE, CYLINDER, TEXT, DELETE_ALL = 1, 3, 9, 3  # visualization_msgs/Marker: three types, one action
 TALLEST_M, FLAT_M, LETTER_M, THIN_M = 2.5, 0.01, 0.15, 5e-4
 BEAM_RAD, NEAREST_M = math.radians(0.5), 0.05  # of the floor's scan
+
+
+class Shape(IntEnum):
+    """Type of a visualization_msgs/Marker."""
+
+    CUBE = 1
+    CYLINDER = 3
+    TEXT = 9
 
 
 def detections_3d(
@@ -47,9 +55,9 @@ def detections_3d(
 def markers(stamp_ns: int, objects: list[MapObject], ids: FrameIds = IDS) -> Message:
     """`visualization_msgs/MarkerArray`: for each object a box, its name, and its 95 % ellipse on the floor.
 
-    Starts with a marker that takes away all older ones, so that objects that merged do not stay.
+    Starts with a marker that takes away all older ones (action DELETEALL), so that objects that merged do not stay.
     """
-    entries: list[Message] = [{"header": header(stamp_ns, ids.map), "action": DELETE_ALL}]
+    entries: list[Message] = [{"header": header(stamp_ns, ids.map), "action": 3}]
     for number, item in enumerate(objects):
         red, green, blue = label_rgb(item.label)
         tint = {"r": red, "g": green, "b": blue}
@@ -57,15 +65,15 @@ def markers(stamp_ns: int, objects: list[MapObject], ids: FrameIds = IDS) -> Mes
         rotated = _rotation(yaw_rad)
         common = {"header": header(stamp_ns, ids.map), "id": number}
         box = {"pose": _pose(item), "scale": _box(item)}
-        entries.append(common | box | {"ns": "objects", "type": CUBE, "color": tint | {"a": 0.5}})
+        entries.append(common | box | {"ns": "objects", "type": Shape.CUBE, "color": tint | {"a": 0.5}})
         name = {"pose": {"position": _place(item, _height_m(item) + LETTER_M)}, "scale": {"z": LETTER_M}}
         white = {"r": 1.0, "g": 1.0, "b": 1.0, "a": 1.0}
-        entries.append(common | name | {"ns": "names", "type": TEXT, "text": item.id, "color": white})
+        entries.append(common | name | {"ns": "names", "type": Shape.TEXT, "text": item.id, "color": white})
         ellipse = {
             "pose": {"position": _place(item, FLAT_M / 2.0), "orientation": rotated},
             "scale": {"x": max(2.0 * long_m, THIN_M), "y": max(2.0 * short_m, THIN_M), "z": FLAT_M},
         }
-        entries.append(common | ellipse | {"ns": "ellipses", "type": CYLINDER, "color": tint | {"a": 0.8}})
+        entries.append(common | ellipse | {"ns": "ellipses", "type": Shape.CYLINDER, "color": tint | {"a": 0.8}})
     return {"markers": entries}
 
 

@@ -13,7 +13,7 @@ from edgemap.bridges.ros2.recordings.reader import open_reading
 from edgemap.bridges.ros2.recordings.reading import Reading
 from edgemap.geometry.camera.imu import ImuSamples
 from edgemap.geometry.camera.intrinsics import Distortion, Intrinsics
-from edgemap.geometry.camera.mount import QUARTER_TURN, Mount
+from edgemap.geometry.camera.mount import BASE_OPTICAL, QUARTER_TURN, Mount
 from edgemap.geometry.errors import GeometryError
 from edgemap.geometry.se2 import SE2
 from edgemap.runtime.frames.errors import CameraError, OdometryError
@@ -96,7 +96,7 @@ def mount_of(tree: TfTree, frame_id: str, rotate: int = 0) -> tuple[Mount | None
         return None, f"tf does not join {FLOOR_FRAME} to {one_line(frame_id) or 'the pictures (no frame_id)'}: no mount"
     (rotation, place_m), text = found, ""
     if rotation[2, 2] > math.cos(math.pi / 4.0):  # z points up: axes of a body, x ahead
-        rotation, text = rotation @ BODY_OPTICAL, f"{one_line(frame_id)} has the axes of a body in tf, x ahead"
+        rotation, text = rotation @ BASE_OPTICAL, f"{one_line(frame_id)} has the axes of a body in tf, x ahead"
         text += ": taken as an optical frame by REP 103"
     turns = round(math.atan2(-rotation[2, 0], -rotation[2, 1]) / (math.pi / 2.0)) % 4  # roll in quarter turns
     if 90 * turns != rotate and turns:
@@ -110,9 +110,6 @@ def mount_of(tree: TfTree, frame_id: str, rotate: int = 0) -> tuple[Mount | None
             f"left: no mount, which looks ahead; --mount {max(place_m[2], 0.0):.2f},{down_deg:.1f} makes that ahead"
         )
     return mount, text
-
-
-BODY_OPTICAL = np.array([[0.0, 0.0, 1.0], [-1.0, 0.0, 0.0], [0.0, -1.0, 0.0]])  # REP 103: optical axes in a body's
 
 
 def _directions(rotation_base_optical: Any) -> tuple[float, float]:

@@ -9,13 +9,12 @@ from typing import Any
 
 from edgemap.bridges.ros2.messages.definitions import FIELDS, decoder
 from edgemap.bridges.ros2.recordings.facts import RECORD, TRUTH_FILE, WHEEL_FILE
-from edgemap.bridges.ros2.recordings.reading import Reading, SplitReading, SqliteReading, Topic, short
+from edgemap.bridges.ros2.recordings.reading import SECOND_NS, Reading, SplitReading, SqliteReading, Topic, short
 from edgemap.runtime.frames.errors import CameraError
 from edgemap.runtime.frames.extras import need
 from edgemap.runtime.frames.reading import one_line
 from edgemap.runtime.inputs.drives.pictures import natural_key
 
-SET_BACK_NS = 1_000_000_000  # of the recorder's clock: such a file is read in its own order
 MAGIC = b"\x89MCAP0\r\n"
 
 
@@ -99,7 +98,7 @@ class McapReading(Reading):
             return None
         chunks = sorted(summary.chunk_indexes, key=lambda chunk: chunk.chunk_start_offset)
         self._set_back = any(
-            later.message_start_time < earlier.message_end_time - SET_BACK_NS for earlier, later in pairwise(chunks)
+            later.message_start_time < earlier.message_end_time - SECOND_NS for earlier, later in pairwise(chunks)
         )
         for channel in summary.channels.values():
             counts = summary.statistics.channel_message_counts

@@ -1,6 +1,7 @@
 """Truth of a drive: objects.json, boxes.json, floor_plan.json and floor labels."""
 
 from collections.abc import Sequence
+from enum import IntEnum
 from pathlib import Path
 from typing import Annotated
 
@@ -114,7 +115,13 @@ def read_floor_plan(folder: Path) -> FloorPlan | None:
     return plan
 
 
-OTHER, FLOOR, WALL, UNKNOWN = 0, 1, 2, 255
+class FloorLabel(IntEnum):
+    """Label of a picture's pixel."""
+
+    OTHER = 0
+    FLOOR = 1
+    WALL = 2
+    UNKNOWN = 255
 
 
 def floor_pairs(folder: Path) -> list[tuple[Path, Path]]:
@@ -144,7 +151,7 @@ def read_floor_labels(path: Path, size: tuple[int, int]) -> NDArray[np.uint8]:
         raise CameraError(f"{path}: expected floor labels of one channel of 8 bits")
     if (data.shape[1], data.shape[0]) != size:
         raise CameraError(f"{path}: {data.shape[1]}x{data.shape[0]} px, its picture has {size[0]}x{size[1]}")
-    odd = sorted(set(np.unique(data).tolist()) - {OTHER, FLOOR, WALL, UNKNOWN})
+    odd = sorted(set(np.unique(data).tolist()) - set(FloorLabel))
     if odd:
         raise CameraError(f"{path}: holds {odd[0]}, expected 1 floor, 2 wall, 0 other, 255 unknown")
     return np.asarray(data, dtype=np.uint8)
