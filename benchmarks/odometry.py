@@ -170,7 +170,7 @@ def score_drive(
         rules = tuned.odometry, tuned.health, tuned.attitude.check.tilt
         motion = open_odometry(odometry, bundle, camera, floor, selection.wheels, *rules)
         attitude = open_attitude(odometry, camera, floor, selection.imu, tuned.attitude, tuned.health, tuned.odometry)
-        step = Pipeline(bundle, floor, motion, rule=tuned.floor, attitude=attitude, health=tuned.health, rest=NO_REST)
+        step = Pipeline(bundle, floor, motion, config=replace(tuned, rest=NO_REST), attitude=attitude)
         followed = follow(
             camera, step, first=selection.first, every=selection.every, frames=selection.frames, progress=progress
         )

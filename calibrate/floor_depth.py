@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from edgemap.calibrate.board import FEWEST
 from edgemap.geometry.arrays import Array
-from edgemap.geometry.camera.depth_points import FARTHEST_M, NEAREST_M, DepthPoints
+from edgemap.geometry.camera.depth_points import FARTHEST_M, NEAREST_M, SparseDepth
 from edgemap.geometry.camera.floor_plane import FloorPlane, find_floor
 from edgemap.geometry.camera.imu import ImuSamples
 from edgemap.geometry.camera.inertial import GRAVITY_M_S2
@@ -20,6 +20,7 @@ from edgemap.geometry.camera.mount import Mount
 from edgemap.geometry.robust import median_and_scatter
 from edgemap.runtime.frames.errors import CalibrationError
 
+EVERY_PX = 8  # between the depths that are read
 LOWEST_M, HIGHEST_M = 0.05, 3.0  # of a lens above the floor
 WORST_HEIGHT_SHARE, WORST_TILT_RAD = 0.02, math.radians(0.5)  # one standard deviation
 MAXIMUM_SCATTER_M, MAXIMUM_SCATTER_RAD = 0.03, math.radians(1.5)  # from picture to picture, of a camera that is mounted
@@ -66,10 +67,9 @@ def fit_floor_depth(
     """
     rng, examined = np.random.default_rng(seed), 0
     planes: list[FloorPlane] = []
-    cloud = DepthPoints(lens)
     for depth in pictures_m:
         examined += 1
-        plane = find_floor(_points(depth, lens, cloud), rng, up)
+        plane = find_floor(_points(depth, lens), rng, up)
         if plane is not None:
             planes.append(plane)
     if len(planes) < FEWEST:
@@ -103,12 +103,12 @@ def fit_floor_depth(
     return FloorDepthFit(mount, sigmas, rms_m, share, len(planes), examined)
 
 
-def _points(depth: NDArray[np.float32], lens: Intrinsics, cloud: DepthPoints) -> Array:
+def _points(depth: NDArray[np.float32], lens: Intrinsics) -> Array:
     if depth.shape != (lens.height, lens.width):
         raise CalibrationError(
             f"depth picture of {depth.shape[1]}x{depth.shape[0]} px, the lens is for {lens.width}x{lens.height} px"
         )
-    return cloud.of(depth)
+    return SparseDepth.of(depth, EVERY_PX).points(lens)[0]
 
 
 WINDOW_S = 0.5  # of samples of an accelerometer that are averaged

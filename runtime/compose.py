@@ -27,22 +27,11 @@ from edgemap.runtime.step.slam import SemanticSlam, SlamOptions, build_slam
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class RunSpec:
-    """What a run is made of besides its camera, bundle and sinks.
-
-    odometry, pose_frame: as of `run`. wheels, imu: whether the source's are used. classes: those that go on the map,
-    the bundle's where None. confidence: minimum score of a box, the bundle's where None. map: a saved map to continue.
-    start: X,Y,YAW_DEG in it, dock or last.
+class RunSpec(SlamOptions):
+    """What a run is made of besides its camera, bundle and sinks. map: a saved map to continue. start: X,Y,YAW_DEG in
+    it, dock or last.
     """
 
-    odometry: str = "hybrid"
-    pose_frame: str | None = None
-    wheels: bool = True
-    imu: bool = True
-    clustering: str = "default"
-    loop_closure: bool = True
-    classes: Collection[str] | None = None
-    confidence: float | None = None
     map: str | Path | None = None
     start: str | None = None
     config: Config = field(default_factory=Config)
@@ -57,17 +46,12 @@ def compose(
     """
     check_size(camera)
     odometry = replace_wheels(camera, spec.odometry)
-    options = SlamOptions(
-        odometry,
-        spec.wheels,
-        spec.imu,
-        spec.clustering,
-        spec.loop_closure,
-        spec.map is not None,
-        mapped_classes(spec.classes, bundle),
-        spec.confidence,
-        guess.scale_sigma(odometry) if guess else 0.0,
-        spec.pose_frame,
+    options = replace(
+        spec,
+        odometry=odometry,
+        forgets=spec.map is not None,
+        classes=mapped_classes(spec.classes, bundle),
+        guessed_height=guess.scale_sigma(odometry) if guess else 0.0,
     )
     config = spec.config
     if guess:  # which the camera's own lengths and rotations depend on

@@ -7,12 +7,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from edgemap.geometry.arrays import Array
+from edgemap.geometry.camera.depth_points import SparseDepth
 from edgemap.geometry.camera.floor import FloorCamera, on_floor
 from edgemap.geometry.camera.intrinsics import Intrinsics
 from edgemap.geometry.grid.occupancy_grid import GridRule
 from edgemap.geometry.grid.patch import Cells
 from edgemap.geometry.observations.floor_mask import FloorMask
-from edgemap.geometry.observations.sparse_depth import EVERY_PX, SparseDepth
 from edgemap.geometry.se2 import SE2
 
 Mask = NDArray[np.bool_]
@@ -203,5 +203,5 @@ class DepthScan:
         top_m = max(camera.mount.height_m, rule.robot_height_m)
         stands = (base[:, 2] > unsure_m) & (base[:, 2] < top_m)
         at = np.flatnonzero(stands)
-        at = at[~inside_boxes(pixels[at], movers_px, EVERY_PX)]
+        at = at[~inside_boxes(pixels[at], movers_px, depth.every_px)]
         return cls(base[np.abs(base[:, 2]) <= unsure_m, :2], base[at, :2])

@@ -6,6 +6,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from edgemap.geometry.arrays import Array
+from edgemap.geometry.camera.depth_points import SparseDepth
 from edgemap.geometry.camera.floor import FloorCamera
 from edgemap.geometry.grid.canvas import Canvas
 from edgemap.geometry.grid.floor_scan import NOTHING, DepthScan, FloorScan
@@ -13,7 +14,6 @@ from edgemap.geometry.grid.merge import grid_of, saved_patch, step_bounds
 from edgemap.geometry.grid.occupancy_grid import GridRule, OccupancyGrid
 from edgemap.geometry.grid.patch import Cells, Evidence, Patch, columns_rows, joined, moved_m, repeated
 from edgemap.geometry.observations.floor_mask import FloorMask
-from edgemap.geometry.observations.sparse_depth import SparseDepth
 from edgemap.geometry.se2 import SE2
 from edgemap.geometry.trajectory_correction import TrajectoryCorrection, nearest_earlier
 

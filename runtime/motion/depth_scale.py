@@ -5,10 +5,10 @@ from collections import deque
 
 import numpy as np
 
+from edgemap.geometry.camera.depth_points import SparseDepth
 from edgemap.geometry.camera.floor import FloorCamera
 from edgemap.geometry.camera.mount import HeightEstimate
 from edgemap.geometry.observations.floor_mask import FloorMask
-from edgemap.geometry.observations.sparse_depth import SparseDepth
 from edgemap.runtime.frames.faults import Fault, FaultKind
 
 PICTURES, KEPT = 10, 100  # with floor, before depth is judged; the latest ones that are

@@ -3,12 +3,12 @@
 from dataclasses import dataclass, field
 
 from edgemap.geometry.camera.attitude import MountEstimate
+from edgemap.geometry.camera.depth_points import SparseDepth
 from edgemap.geometry.camera.floor import FloorCamera
 from edgemap.geometry.camera.mount import HeightEstimate, Mount
 from edgemap.geometry.observations.detections import Detections
 from edgemap.geometry.observations.floor_mask import FloorMask
 from edgemap.geometry.observations.sighting import Sighting
-from edgemap.geometry.observations.sparse_depth import SparseDepth
 from edgemap.runtime.frames.faults import Fault
 from edgemap.runtime.motion.health import PictureHealth
 from edgemap.runtime.motion.odometry.protocol import Motion

@@ -7,11 +7,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from edgemap.geometry.camera.attitude import Attitude
+from edgemap.geometry.camera.depth_points import SparseDepth
 from edgemap.geometry.camera.floor import FloorCamera
 from edgemap.geometry.observations.detections import Detections, mover_boxes
 from edgemap.geometry.observations.floor_mask import FloorMask
-from edgemap.geometry.observations.sighting import FloorRule, sightings_of
-from edgemap.geometry.observations.sparse_depth import SparseDepth
+from edgemap.geometry.observations.sighting import sightings_of
 from edgemap.geometry.observations.worktop import is_worktop
 from edgemap.geometry.se2 import SE2
 from edgemap.runtime.frames.errors import CameraError
@@ -21,14 +21,15 @@ from edgemap.runtime.frames.timing import Stopwatch
 from edgemap.runtime.motion.attitude.pictures import PicturesAttitude
 from edgemap.runtime.motion.attitude.source import AttitudeSource, MountAttitude, Moved
 from edgemap.runtime.motion.depth_scale import DepthScale
-from edgemap.runtime.motion.health import HealthMonitor, HealthRule, PictureHealth
-from edgemap.runtime.motion.height_check import HeightCheck, HeightRule
+from edgemap.runtime.motion.health import HealthMonitor, PictureHealth
+from edgemap.runtime.motion.height_check import HeightCheck
 from edgemap.runtime.motion.odometry.protocol import FramePrior, Motion, Odometry, no_motion
-from edgemap.runtime.motion.rest import RestMonitor, RestRule
+from edgemap.runtime.motion.rest import RestMonitor
 from edgemap.runtime.network.bundle import Bundle
 from edgemap.runtime.network.decode import Decoder, Detector, DetectorBeside
 from edgemap.runtime.network.network import Tensors
 from edgemap.runtime.network.preprocess import Preprocessor, floor_mask
+from edgemap.runtime.step.config import Config
 from edgemap.runtime.step.frame_observations import FrameObservations
 
 PREDICTED_RAD = math.radians(2.5)  # standard deviation of an odometry's tilt, up to which it is used beside edges
@@ -61,18 +62,15 @@ class Pipeline:
         camera: FloorCamera,
         odometry: Odometry,
         *,
-        rule: FloorRule | None = None,
+        config: Config | None = None,
         mapped: Collection[str] | None = None,
         attitude: AttitudeSource | None = None,
         confidence: float | None = None,
-        health: HealthRule | None = None,
-        rest: RestRule | None = None,
-        height: HeightRule | None = None,
         guessed_height: float = 0.0,
     ) -> None:
-        self.camera, self.odometry = camera, odometry
+        config = config or Config()
+        self.camera, self.odometry, self.rule = camera, odometry, config.floor
         self.attitude = attitude or MountAttitude(camera.mount)
-        self.rule = rule or FloorRule()
         self.evidence = bundle.evidence(mapped, confidence)
         sensing = fitted = bundle.companion or bundle
         if not odometry.needs_features:  # of the whole input
@@ -91,9 +89,9 @@ class Pipeline:
         self._names = bundle.names
         self._detections = Detections.none(bundle.names)  # of the last picture that was searched
         self._floor: FloorMask | None = None  # of that picture
-        self._health, self._rest = HealthMonitor(health), RestMonitor(rest, health)
-        self._height = HeightCheck(camera.mount, height, guessed_height)
-        self._depth = DepthScale(camera.mount.height_m, (height or HeightRule()).wrong_share)
+        self._health, self._rest = HealthMonitor(config.health), RestMonitor(config.rest, config.health)
+        self._height = HeightCheck(camera.mount, config.height, guessed_height)
+        self._depth = DepthScale(camera.mount.height_m, config.height.wrong_share)
         self._since_view = SE2()  # motion since the last picture with information
         self._moved: Moved | None = None  # in the step before
         self._watch = Stopwatch()
@@ -126,7 +124,7 @@ class Pipeline:
         motion = motion or self._motion_by_picture(frame, outputs, prior)
         with stage("attitude"):
             camera = self.camera.at(attitude_after(self.attitude, attitude, motion))
-        depth = SparseDepth.of(frame.depth) if sensed else None
+        depth = SparseDepth.of(frame.depth) if sensed and frame.depth is not None else None
         observed = FrameObservations(
             index=frame.index,
             stamp_s=frame.stamp_s,

@@ -141,7 +141,8 @@ class SlamOptions:
     """Options of a run, as opposed to tuned parameters. The defaults are those of `edgemap run`.
 
     odometry: a SPEC. wheels, imu: whether the source's are used. clustering: default or paper. forgets: whether objects
-    that have disappeared are removed from the map. mapped, confidence: the bundle's where None. guessed_height:
+    that have disappeared are removed from the map. classes: those that go on the map, the bundle's where None.
+    confidence: minimum score of a box, the bundle's where None. guessed_height:
     standard deviation of the mount's height as a share, where it is a guess: the map is saved with the lengths of its
     estimate; 0 where it was stated, or the odometry's lengths do not depend on it. pose_frame: as of `read_given`.
     """
@@ -152,7 +153,7 @@ class SlamOptions:
     clustering: str = "default"
     loop_closure: bool = True
     forgets: bool = False
-    mapped: Collection[str] | None = None
+    classes: Collection[str] | None = None
     confidence: float | None = None
     guessed_height: float = 0.0
     pose_frame: str | None = None
@@ -174,13 +175,10 @@ def build_slam(
         bundle,
         floor,
         odometry,
-        rule=config.floor,
-        mapped=options.mapped,
+        config=config,
+        mapped=options.classes,
         attitude=attitude,
         confidence=options.confidence,
-        health=config.health,
-        rest=config.rest,
-        height=config.height,
         guessed_height=options.guessed_height,
     )
     forgets = floor if options.forgets else None

@@ -10,12 +10,12 @@ from scipy.spatial.transform import Rotation
 from support.drives import drive, exact, round_trip
 
 from edgemap.geometry.arrays import Array
+from edgemap.geometry.camera.depth_points import SparseDepth
 from edgemap.geometry.camera.floor import FloorCamera
 from edgemap.geometry.camera.imu import ImuSamples
 from edgemap.geometry.camera.intrinsics import Intrinsics
 from edgemap.geometry.camera.mount import Mount
 from edgemap.geometry.observations.floor_mask import FloorMask
-from edgemap.geometry.observations.sparse_depth import SparseDepth
 from edgemap.geometry.se2 import SE2
 from edgemap.runtime.frames.errors import OdometryError
 from edgemap.runtime.frames.trajectory import Trajectory

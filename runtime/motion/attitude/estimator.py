@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from edgemap.geometry.camera.attitude import Attitude, TrackedRotation
-from edgemap.geometry.camera.depth_points import DepthPoints
+from edgemap.geometry.camera.depth_points import SparseDepth
 from edgemap.geometry.camera.floor import FloorCamera
 from edgemap.geometry.camera.floor_plane import FloorPlane, find_floor, follow_floor
 from edgemap.geometry.camera.imu import ImuSamples
@@ -38,7 +38,7 @@ class DepthAttitude:
     name = "depth"
 
     def __init__(self, camera: FloorCamera) -> None:
-        self._height_m, self._points = camera.mount.height_m, DepthPoints(camera.intrinsics, EVERY_PX)
+        self._height_m, self._lens = camera.mount.height_m, camera.intrinsics
         self.reset()
 
     def predict(self, frame: Frame, other: Attitude) -> Attitude:
@@ -46,7 +46,8 @@ class DepthAttitude:
         self._floor = None
         if frame.depth is None:
             return other
-        self._floor = self._follow(self._points.of(frame.depth), other, frame.stamp_s)
+        points = SparseDepth.of(frame.depth, EVERY_PX).points(self._lens)[0]
+        self._floor = self._follow(points, other, frame.stamp_s)
         if self._floor is None:
             return other
         plane, covariance = self._floor

@@ -9,11 +9,11 @@ from hypothesis import given
 from hypothesis import strategies as st
 from support.boxed_room import CAMERA, depth_picture, floor_mask, walls
 
+from edgemap.geometry.camera.depth_points import SparseDepth
 from edgemap.geometry.grid.fusion import GridFusion
 from edgemap.geometry.grid.merge import merged_grid
 from edgemap.geometry.grid.occupancy_grid import FREE, OCCUPIED, UNKNOWN
 from edgemap.geometry.grid.patch import after
-from edgemap.geometry.observations.sparse_depth import SparseDepth
 from edgemap.geometry.se2 import SE2
 from edgemap.geometry.trajectory_correction import TrajectoryCorrection
 from edgemap.runtime.step.grid_file import save_grid
