@@ -31,7 +31,7 @@ def carpets(tmp_path_factory):
 def test_train_export_and_eval(edgemap, carpets, tmp_path):
     data = f"floor:{carpets}"
     trained = ("--data", data, "--validation", data, "--backbone", "edgemap-nano", "--rate", "0.01")
-    brief = ("--epochs", "10", "--views", "1")
+    brief = ("--epochs", "8", "--batch", "8", "--views", "1")
     made = edgemap("train", "floor", *trained, *brief, "--source", "labels by hand", "-o", tmp_path / "out")
     assert made.returncode == 0, made.stderr
     head = tmp_path / "out" / "best.pt"
