@@ -16,7 +16,7 @@ GLIBC = "manylinux_2_35"
 PROCESSORS = ("x86_64", "aarch64")
 PYTHONS = ("3.11", "3.12", "3.13", "3.14")
 # The base without its optional RealSense part, extras of robots, and that part by itself.
-INSTALLS = ("base", "view", "record", "foxglove", "mqtt", "ros2", "fleet", "openvino", "realsense")
+INSTALLS = ("base", "view", "record", "foxglove", "mqtt", "ros2", "fleet", "mcp", "openvino", "realsense")
 
 
 def resolved(install: str, processor: str, python: str) -> str:
