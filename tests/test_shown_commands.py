@@ -46,7 +46,7 @@ def desk(tmp_path_factory):
     folder = tmp_path_factory.mktemp("desk")
     with pytest.MonkeyPatch.context() as patch:
         patch.chdir(folder)
-        main(["run", "--frames", "150", "--out", "runs/20260101T000000Z", "--record", "drive.mcap"])
+        main(["run", "--frames", "150", "--rate", "4", "--out", "runs/20260101T000000Z", "--record", "drive.mcap"])
     for name in ("first", "runs/kitchen", "home", "monday", "tuesday", "room"):
         shutil.copytree(folder / "runs" / "20260101T000000Z", folder / name)
     alone = json.loads((folder / "first" / "run.json").read_text())
