@@ -1,11 +1,13 @@
 """The sink of the live page. It keeps the newest result, and the history for viewers that connect late."""
 
+import threading
 import time
 from collections import deque
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from itertools import islice
 from pathlib import Path
-from typing import Any
+from typing import Any, Generic, TypeVar
 
 import numpy as np
 
@@ -23,11 +25,48 @@ from edgemap.runtime.step.pose_journal import PoseJournal
 from edgemap.runtime.step.slam import StepResult
 from edgemap.view.pause import Pause
 from edgemap.view.report.crops import BestCrops
-from edgemap.view.tail import Tail
 
+T = TypeVar("T")
 TRAIL_STEP_M = 0.03
 MOVED_M = 0.1  # loop corrections after which the trail is sent again
 RATE_OVER = 20  # frames over which the frame rate is averaged
+
+
+class Tail(Generic[T]):
+    """The last `limit` of all appended items, numbered from 0."""
+
+    def __init__(self, limit: int) -> None:
+        self._items: deque[T] = deque(maxlen=limit)
+        self._total = 0
+        self._lock = threading.Lock()
+
+    def append(self, item: T) -> None:
+        """Adds an item, and drops the oldest beyond the limit."""
+        with self._lock:
+            self._items.append(item)
+            self._total += 1
+
+    def replace(self, change: Callable[[T], T]) -> None:
+        """Replaces each item by its changed version."""
+        with self._lock:
+            self._items = deque(map(change, self._items), maxlen=self._items.maxlen)
+
+    def all(self) -> list[T]:
+        """All stored items, oldest first."""
+        return list(self._items)
+
+    @property
+    def total(self) -> int:
+        """Number of items appended so far."""
+        return self._total
+
+    def since(self, number: int, most: int) -> tuple[list[T], int]:
+        """At most `most` items from `number` on, oldest first, and the number of the next one."""
+        with self._lock:
+            oldest = self._total - len(self._items)
+            first = min(max(number, oldest), self._total)
+            items = list(islice(self._items, first - oldest, first - oldest + most))
+        return items, first + len(items)
 
 
 @dataclass(frozen=True, slots=True)

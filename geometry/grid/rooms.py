@@ -46,8 +46,7 @@ class Room:
     @property
     def area_m2(self) -> float:
         """Area inside the outline."""
-        x, y = np.array(self.corners_m).T
-        return abs(float(x @ np.roll(y, 1) - y @ np.roll(x, 1))) / 2.0
+        return polygon_m2(self.corners_m)
 
     @property
     def centre_m(self) -> Array:
@@ -109,6 +108,12 @@ class _Lines(NamedTuple):
     last: NDArray[np.intp]
     jambs: Mask
     wall: Mask
+
+
+def polygon_m2(corners_m: ArrayLike) -> float:
+    """Area of a polygon (N, 2), metres."""
+    x, y = np.asarray(corners_m).T
+    return abs(float(x @ np.roll(y, 1) - y @ np.roll(x, 1))) / 2.0
 
 
 def inside(corners_m: ArrayLike, points_m: Array) -> Mask:

@@ -13,7 +13,7 @@ import numpy as np
 
 from edgemap.geometry.arrays import Array
 from edgemap.geometry.errors import MapError
-from edgemap.geometry.grid.rooms import Room
+from edgemap.geometry.grid.rooms import Room, polygon_m2
 from edgemap.geometry.map_object import MapObject, id_order
 from edgemap.geometry.objects.annotations import (
     LONGEST_NAME,
@@ -324,7 +324,7 @@ class MapEvents:
             raise EditError(f"no zone {edit.id!r}")
         if not edit.id and len(zones) >= MAXIMUM_ZONES:
             raise EditError(f"{MAXIMUM_ZONES} zones are drawn already")
-        if not 3 <= len(edit.corners_m) <= MAXIMUM_CORNERS or _area_m2(edit.corners_m) < SMALLEST_M**2:
+        if not 3 <= len(edit.corners_m) <= MAXIMUM_CORNERS or polygon_m2(edit.corners_m) < SMALLEST_M**2:
             raise EditError(f"a zone has 3 to {MAXIMUM_CORNERS} corners around at least {SMALLEST_M**2:g} m2")
         if not edit.name or len(edit.name) > LONGEST_NAME or not edit.name.isprintable():
             raise EditError(f"a zone has a name of at most {LONGEST_NAME} printable characters")
@@ -431,8 +431,3 @@ def _labels(item: MapObject) -> frozenset[str]:
 
 def _is_name(text: str) -> bool:
     return len(text) <= LONGEST_NAME and text.isprintable() and text == text.strip()
-
-
-def _area_m2(corners_m: Corners) -> float:
-    x, y = np.array(corners_m).T
-    return abs(float(x @ np.roll(y, 1) - y @ np.roll(x, 1))) / 2.0

@@ -18,9 +18,8 @@ from edgemap.runtime.frames.frame import Frame
 from edgemap.runtime.inputs.cameras.wrappers import PacedCamera
 from edgemap.runtime.inputs.open import open_camera
 from edgemap.runtime.step.sinks import SinkGroup
-from edgemap.view.page import LivePage
+from edgemap.view.page import LivePage, Tail
 from edgemap.view.pause import PausableCamera, Pause
-from edgemap.view.tail import Tail
 from edgemap.view.updates import WIDEST_PX, shown_jpeg
 
 
