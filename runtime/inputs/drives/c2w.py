@@ -6,6 +6,8 @@ from pathlib import Path
 from edgemap.geometry.camera.intrinsics import Intrinsics
 from edgemap.geometry.errors import GeometryError
 from edgemap.runtime.frames.errors import CameraError
+from edgemap.runtime.frames.faults import FaultKind
+from edgemap.runtime.frames.notes import note
 from edgemap.runtime.frames.reading import read_text
 from edgemap.runtime.frames.spatial_poses import camera_attitudes, planarise_camera, upright_camera
 from edgemap.runtime.inputs.drives.camera_yaml import read_setup, stamps_for
@@ -45,14 +47,19 @@ def _read(
     poses = read_matrices(path, columns)
     check_count(path, len(poses), len(images), pictures_folder)
     stamps = stamps_for(folder, times, len(images), pictures_folder, setup.rate_hz)
-    recorded = poses, setup.world_up, setup.mount
     depth = depth_beside(folder, len(images), pictures_folder) if kind == "c2w" else ()
-    return Drive(
-        kind, folder, images, stamps, setup.intrinsics, setup.mount, setup.rate_hz,
-        trajectory(path, stamps, planarise_camera(*recorded)), full_poses=upright_camera(*recorded),
-        attitudes=camera_attitudes(stamps, poses, setup.world_up) if kind == "c2w" else None, depth=depth,
+    drive = Drive(
+        kind, folder, images, stamps, setup.intrinsics, setup.mount, setup.rate_hz, None, depth=depth,
         depth_camera=setup.depth,
     )  # fmt: skip
+    recorded = poses, setup.world_up, setup.mount
+    try:
+        planar, full = planarise_camera(*recorded), upright_camera(*recorded)
+    except CameraError as error:  # the pictures can be driven without
+        note(FaultKind.SAMPLES, f"{path}: no true poses: {error}")
+        return drive
+    attitudes = camera_attitudes(stamps, poses, setup.world_up) if kind == "c2w" else None
+    return replace(drive, truth=trajectory(path, stamps, planar), full_poses=full, attitudes=attitudes)
 
 
 def _read_k(path: Path, first_picture: Path) -> Intrinsics:

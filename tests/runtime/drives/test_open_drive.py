@@ -104,6 +104,17 @@ def test_c2w_reads_k_and_pictures_in_the_folder_itself(tmp_path):
     assert drive.depth == ()
 
 
+def test_poses_of_no_upright_world_leave_the_pictures(tmp_path, capsys):
+    """A world that is the first camera's: its z is ahead, not up."""
+    folder = tmp_path / "walk"
+    write_pictures(folder / "image", 2)
+    (folder / "K.txt").write_text("50 0 32 0 51 24 0 0 1")
+    (folder / "poses.txt").write_text("1 0 0 0 0 1 0 0 0 0 1 0 0 0 0 1\n" * 2)
+    drive = open_drive(f"c2w:{folder}")
+    assert (len(drive.images), drive.truth, drive.attitudes) == (2, None, None)
+    assert "no true poses: pose 0 looks straight along world_up 'z'" in capsys.readouterr().err
+
+
 def test_c2w_reads_its_depth_pictures(tmp_path):
     folder = tmp_path / "c"
     write_pictures(folder / "image", 2)
