@@ -19,6 +19,11 @@ def median_and_scatter(values: ArrayLike) -> tuple[Array, Array]:
     return middle, NORMAL * np.asarray(np.median(np.abs(array - middle), axis=0))
 
 
-def tukey(distance2: Array, scale: float = 1.0) -> Array:
-    """Tukey's weights (N,) of squared normalised residuals (N,). scale: of `ANNEALING`."""
-    return np.maximum(1.0 - distance2 / (scale * TUKEY) ** 2, 0.0) ** 2
+def tukey(distance2: Array, limit: float = TUKEY) -> Array:
+    """Tukey's weights of squared normalised residuals. limit: standard deviations from which on they are 0."""
+    return tukey_root(distance2, limit) ** 2
+
+
+def tukey_root(distance2: Array, limit: float = TUKEY) -> Array:
+    """Square roots of Tukey's weights: what the rows of a least-squares problem are multiplied by."""
+    return np.maximum(1.0 - distance2 / limit**2, 0.0)

@@ -1,4 +1,4 @@
-"""The detections of one picture, and the part of it that things which move cover."""
+"""The detections of one picture, and the share of it that people and animals cover."""
 
 from dataclasses import dataclass
 

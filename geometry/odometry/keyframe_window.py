@@ -19,7 +19,7 @@ from edgemap.geometry.camera.mount import Mount
 from edgemap.geometry.errors import GeometryError
 from edgemap.geometry.odometry.resection import DepthLandmarks, LensPose, resect, rotation_vector
 from edgemap.geometry.odometry.window_factors import FactorRows, PoseFactors
-from edgemap.geometry.robust import TUKEY, tukey
+from edgemap.geometry.robust import TUKEY, tukey, tukey_root
 from edgemap.geometry.se2 import SE2
 
 Mask = NDArray[np.bool_]
@@ -346,8 +346,8 @@ class KeyframeWindow:
         predicted = np.column_stack([local[:, :2], inverse[point]])[:, :parts] / depth[:, None]
         residual = (tracks.at - predicted) * tracks.weight
         distance2 = (residual[:, :2] ** 2).sum(axis=1)
-        root = np.where(ahead, np.maximum(1.0 - distance2 / gate**2, 0.0), 0.0)[:, None].repeat(parts, axis=1)
-        root[:, 2:] *= np.sqrt(tukey(residual[:, 2:] ** 2, scale))
+        root = np.where(ahead, tukey_root(distance2, gate), 0.0)[:, None].repeat(parts, axis=1)
+        root[:, 2:] *= tukey_root(residual[:, 2:] ** 2, scale * TUKEY)
         residual *= root
         # Derivative of the image point and of the inverse depth by the direction in world axes.
         root *= tracks.weight / depth[:, None]
@@ -373,7 +373,7 @@ class KeyframeWindow:
         sigma = rule.roughness * height * on_floor
         distance2 = (above / sigma) ** 2
         is_floor = (points.floor >= 0.5 * points.views) & (ray[:, 2] < 0.0)
-        weight = np.where(is_floor, np.maximum(1.0 - distance2 / (rule.floor_gate * scale) ** 2, 0.0) ** 2, 0.0)
+        weight = np.where(is_floor, tukey(distance2, rule.floor_gate * scale), 0.0)
         # Nothing lies below the floor.
         below = (above > 0.0) & (weight == 0.0) & (on_floor * height > 1.0 / self._reach_heights)
         root = np.sqrt(weight + np.where(below, 1.0 / (9.0 * np.sqrt(1.0 + distance2 / 9.0)), 0.0)) / sigma
@@ -390,7 +390,7 @@ class KeyframeWindow:
             between[tracks.owners] += np.add.reduceat(products, tracks.first, axis=0)
         loose = np.maximum(ANY[1], 0.5 * on_floor) ** -2
         nearer = (points.measured[everyone, host] - inverse) / rule.depth_sigma
-        held = np.nan_to_num(tukey(nearer**2, scale)) / rule.depth_sigma
+        held = np.nan_to_num(tukey(nearer**2, scale * TUKEY)) / rule.depth_sigma
         depths = height**2 + loose + held / rule.depth_sigma + np.bincount(point, (by_depth**2).sum(axis=1), number)
         depths_right = height * above + loose * (np.maximum(ANY[0], on_floor) - inverse) + held * np.nan_to_num(nearer)
         depths_right += np.bincount(point, (by_depth * residual).sum(axis=1), number)

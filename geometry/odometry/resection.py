@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from edgemap.geometry.arrays import Array
-from edgemap.geometry.robust import ANNEALING, tukey
+from edgemap.geometry.robust import ANNEALING, TUKEY, tukey
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -79,7 +79,7 @@ def resect(landmarks: DepthLandmarks, observed: Array, start: LensPose, sigma: f
         across = by_depth[:, :1] * jacobian[:, 0] + by_depth[:, 1:] * jacobian[:, 1]
         jacobian = (jacobian - (lost[:, None] * by_depth)[:, :, None] * across[:, None]) / sigma
         distance2 = (white**2).sum(axis=1)
-        weights = np.where(ahead, tukey(distance2, scale), 0.0)
+        weights = np.where(ahead, tukey(distance2, scale * TUKEY), 0.0)
         rows, whitened = jacobian.reshape(-1, 6), white.ravel()
         weighted = rows * np.repeat(weights, 2)[:, None]
         inverse = np.asarray(np.linalg.inv(weighted.T @ rows + 1e-6 * np.eye(6)), dtype=np.float64)

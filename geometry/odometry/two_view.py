@@ -5,7 +5,7 @@ import numpy as np
 from edgemap.geometry.arrays import Array
 from edgemap.geometry.camera.attitude import TrackedDirection
 from edgemap.geometry.camera.inertial import small_rotation
-from edgemap.geometry.robust import ANNEALING, tukey
+from edgemap.geometry.robust import ANNEALING, TUKEY, tukey
 
 ROTATION_RAD, DIRECTION_RAD = 0.03, 1.0  # standard deviations of the start
 LARGEST_STEP_RAD = 0.3
@@ -27,7 +27,7 @@ def travelled(first: Array, second: Array, rotation: Array, direction: Array, si
         across = np.linalg.svd(direction[None])[2][1:]
         distance, by_pose = _sampson(first.T, second.T, rotation, direction, across)
         distance, by_pose = distance / sigma_rad, by_pose / sigma_rad
-        weights = tukey(distance**2, scale)
+        weights = tukey(distance**2, scale * TUKEY)
         weighted = by_pose * weights
         information = weighted @ by_pose.T + np.diag(prior)
         gradient = weighted @ distance

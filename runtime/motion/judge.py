@@ -15,7 +15,7 @@ from edgemap.geometry.se2 import SE2
 from edgemap.runtime.frames.timing import StreamTimer
 from edgemap.runtime.motion.trust import TrustRule
 
-EVERY_S = 1.0  # of stream, between two judgements of one thing; also the length of the blocks that are compared
+EVERY_S = 1.0  # between two judgements of one source, in time of the stream; also the length of the blocks compared
 FEWEST = 4  # blocks with a clear motion
 CLEARER = 0.8  # of what a delay leaves unexplained against none (0.1 s: 0.1 to 0.7)
 OFTEN = 0.1  # share of steps of over a radian, from which on yaw is in degrees: wraps at pi are rare

@@ -4,8 +4,8 @@ import math
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from edgemap.geometry.arrays import Array
 from edgemap.geometry.se2 import SE2
 from edgemap.runtime.frames.faults import Fault
 from edgemap.runtime.motion.odometry.protocol import Motion, MotionState
@@ -13,7 +13,7 @@ from edgemap.runtime.motion.odometry.protocol import Motion, MotionState
 # Between two steps, for a velocity; so long the last one is extrapolated, about a robot's turn before a blank wall (16
 # homes, the camera alone, over 5 m: 2.9 % with 0.5 s, 2.6 with 1 s and with more); after that it may as well stand.
 SHORTEST_DT_S, LONGEST_DT_S = 0.01, 1.0
-EXACT = np.zeros((3, 3))
+EXACT, UNKNOWN = np.zeros((3, 3)), np.full(3, 1e9)  # covariance of rest; variances of a velocity before the first
 
 
 @dataclass(frozen=True, slots=True)
@@ -43,7 +43,7 @@ class Coasting:
         self._change = np.array([speed, 0.5 * speed, turn])
         self.reset()
 
-    def saw(self, motion: SE2, stamp_s: float, covariance: NDArray[np.float64] = EXACT) -> None:
+    def saw(self, motion: SE2, stamp_s: float, covariance: Array = EXACT) -> None:
         """A measured motion that ended at a stamp, with its covariance (3, 3)."""
         dt_s = stamp_s - self._last_s
         if SHORTEST_DT_S < dt_s < LONGEST_DT_S:
@@ -73,5 +73,5 @@ class Coasting:
 
     def reset(self) -> None:
         """Discards the velocity."""
-        self._velocity, self._variance, self._sigmas = np.zeros(3), np.full(3, 1e9), np.ones(3)
+        self._velocity, self._variance, self._sigmas = np.zeros(3), UNKNOWN, np.ones(3)
         self._last_s = self._blind_from_s = self._measured_s = -math.inf
