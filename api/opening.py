@@ -3,6 +3,7 @@
 import warnings
 from collections.abc import Collection, Iterable, Sequence
 from dataclasses import replace
+from math import degrees, inf
 from pathlib import Path
 
 import numpy as np
@@ -13,9 +14,11 @@ from edgemap.calibrate.floor_depth import HIGHEST_M, LOWEST_M
 from edgemap.geometry.camera.floor import FloorCamera
 from edgemap.geometry.camera.intrinsics import Intrinsics
 from edgemap.geometry.camera.mount import Mount
+from edgemap.geometry.se2 import SE2
 from edgemap.runtime.compose import RunSpec, compose, optics_record
 from edgemap.runtime.frames.camera import Camera, CameraOptions
-from edgemap.runtime.frames.errors import CameraError
+from edgemap.runtime.frames.class_names import read_class_names
+from edgemap.runtime.frames.errors import BundleError, CameraError, UsageError
 from edgemap.runtime.frames.program_camera import (
     FramesCamera,
     IntrinsicsLike,
@@ -60,10 +63,18 @@ def open_session(
     mount: MountLike | float | None = None,
     camera_file: str | Path | None = None,
     map: str | Path | None = None,
+    start: str | SE2 | tuple[float, float, float] | None = None,
     classes: Collection[str] | None = None,
+    names: str | Path | Sequence[str] | None = None,
+    confidence: float | None = None,
     odometry: str = "hybrid",
+    pose_frame: str | None = None,
+    wheels: bool = True,
+    imu: bool = True,
     clustering: str = "default",
     loop_closure: bool = True,
+    rate: float | None = None,
+    rotate: int = 0,
     config: str | Path | Config | None = None,
     sinks: Sequence[Sink] = (),
     strict: bool = False,
@@ -76,14 +87,21 @@ def open_session(
     mount: (height_m, pitch_deg), pitch positive looking down, or the height alone. camera_file: a camera.yaml with
     both, as `run --camera-file`. What a camera= does not bring is guessed from its first pictures as in `run`, with a
     `GuessWarning`; a guessed height is corrected in the drive, and the verdict contains the guess. map: a saved map to
-    continue, as `run --map`. classes: those that go on the map. bundle: by default the one for this kind of pictures.
-    config: a tree, or a file of one. sinks, strict: see `Session`. Raises CameraError, BundleError, CalibrationError,
-    UsageError, MapError, OdometryError or ConfigError in one line.
+    continue, as `run --map`. start: the pose in it where the run begins, (x_m, y_m, yaw_rad), or dock or last. classes:
+    those that go on the map. bundle: by default the one for this kind of pictures. names: of a detector's FILE.onnx
+    that states none. wheels, imu: whether those of the source are used. pose_frame, confidence, rate, rotate: as the
+    options of `run`. config: a tree, or a file of one. sinks, strict: see `Session`. Raises CameraError, BundleError,
+    CalibrationError, UsageError, MapError, OdometryError or ConfigError in one line.
     """
     if camera is not None and frames is not None:
         raise CameraError("give camera= or frames=, not both")
     if frames is not None and not isinstance(frames, Iterable):
         raise CameraError(f"frames={frames!r}: expected pictures, or (stamp_s, picture) pairs")
+    if rotate and not isinstance(camera, str | int | Path):
+        raise CameraError(f"rotate={rotate}: only the source of a SPEC is turned")
+    for word, value, most in (("confidence", confidence, 1.0), ("rate", rate, inf)):
+        if value is not None and not 0.0 < value <= most:
+            raise UsageError(f"{word}={value:g}: expected more than 0" + (", at most 1" if most == 1.0 else ""))
     described = None if camera_file is None else read_camera_yaml(user_path(camera_file))
     stated = {name for name, value in (("intrinsics", intrinsics), ("mount", mount)) if value is not None}
     height_m = None
@@ -100,15 +118,16 @@ def open_session(
         pose = replace(pose, height_m=height_m)
     tuned = config if isinstance(config, Config) else load_config(Path(config)) if config else Config()
     spec = RunSpec(
-        odometry=odometry, clustering=clustering, loop_closure=loop_closure, classes=classes, map=map, config=tuned
-    )
+        odometry, wheels, imu, clustering, loop_closure, classes=classes, confidence=confidence, pose_frame=pose_frame,
+        map=map, start=_start_text(start), config=tuned,
+    )  # fmt: skip
     name = str(camera) if isinstance(camera, str | int | Path) else None
     if camera is None and frames is None and intrinsics is None:
         name = "demo"
     counts = RunCounts({"odometry": odometry})
 
     def build(source: Camera) -> SemanticSlam:
-        loaded = _load(source, name or source.info.name, bundle)
+        loaded = _load(source, name or source.info.name, bundle, names)
         lens, sits = source.info.intrinsics, source.info.mount
         if (lens is None or sits is None) and (name is not None or source.info.live):
             again, guess = name or "", None
@@ -132,11 +151,11 @@ def open_session(
         return compose(source, loaded, floor, spec, guess)
 
     lens = intrinsics if isinstance(intrinsics, Intrinsics) else None  # a webcam is asked for its size
-    how = CameraOptions(lens, pose, recovery=tuned.camera)
+    how = CameraOptions(lens, pose, recovery=tuned.camera, rotate=rotate)
     if camera is None and frames is None and intrinsics is not None:
         if pose is None:
             raise CameraError("pushed pictures: pass mount=(height_m, pitch_deg)")
-        return Session(PushedCamera(intrinsics, pose), build, sinks, strict, counts)
+        return Session(PushedCamera(intrinsics, pose), build, sinks, strict, counts, rate)
     if frames is not None:
         source: Camera = FramesCamera(frames, intrinsics, pose)
     elif isinstance(camera, Camera):
@@ -150,16 +169,25 @@ def open_session(
             source.update_info(mount=pose)
         elif height_m is not None and source.info.mount is not None:
             source.update_info(mount=replace(source.info.mount, height_m=height_m))
-        return Session(source, build(source), sinks, strict, counts)
+        return Session(source, build(source), sinks, strict, counts, rate)
     except BaseException:
         source.close()
         raise
 
 
-def _load(source: Camera, spec: str, bundle: str | Path | None) -> Bundle:
+def _load(source: Camera, spec: str, bundle: str | Path | None, names: str | Path | Sequence[str] | None) -> Bundle:
     """The bundle of that name, or the default one of the source. Raises BundleError."""
-    usual = default_bundle(recorded_from(spec))[0]
-    return open_bundle(bundle_folder(str(bundle or usual)), usual, pace="camera" if source.info.live else "files")
+    usual, pace = default_bundle(recorded_from(spec))[0], "camera" if source.info.live else "files"
+    known = read_class_names(Path(names), BundleError) if isinstance(names, str | Path) else names
+    return open_bundle(bundle_folder(str(bundle or usual)), usual, pace=pace, names=known)
+
+
+def _start_text(start: str | SE2 | tuple[float, float, float] | None) -> str | None:
+    """A start as `run --start` has it."""
+    if start is None or isinstance(start, str):
+        return start
+    pose = start if isinstance(start, SE2) else SE2(*start)
+    return f"{pose.x_m},{pose.y_m},{degrees(pose.yaw_rad)}"
 
 
 def _floor_of(source: Camera) -> FloorCamera:

@@ -88,7 +88,7 @@ def _enter_saved_map(mapper: Mapper, place: MapPlace | None, spec: RunSpec, give
         mapper.pose_map_base = given  # in which a new map begins
     if place is None:
         if start is not None:
-            raise UsageError(f"start {start}: a start pose is one in a saved map: name it with --map")
+            raise UsageError(f"start {start}: a start pose is one in a saved map (--map, map=)")
         return
     if spec.clustering == "paper":
         raise UsageError("a saved map goes on by association: the paper's clustering needs every sighting")

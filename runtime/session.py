@@ -16,6 +16,7 @@ from edgemap.geometry.se2 import SE2
 from edgemap.runtime.frames.camera import Camera
 from edgemap.runtime.frames.errors import CameraError
 from edgemap.runtime.frames.program_camera import PushedCamera
+from edgemap.runtime.inputs.cameras.wrappers import SearchRate
 from edgemap.runtime.outputs.map_objects import MapObjects
 from edgemap.runtime.outputs.verdict.run_counts import RunCounts
 from edgemap.runtime.outputs.verdict.verdict import Verdict
@@ -40,10 +41,11 @@ class Session:
         sinks: Sequence[Sink] = (),
         strict: bool = False,
         counts: RunCounts | None = None,
+        rate_hz: float | None = None,
     ) -> None:
         """slam: front end and back end, or what makes them once the first pushed picture is there. counts: the sink
-        that judges the map."""
-        self.camera = camera
+        that judges the map. rate_hz: pictures a second that are searched, all for None."""
+        self.camera, self._rate_hz = camera, rate_hz
         self._counts = counts or RunCounts({})
         self._slam, self._sinks, self._strict = slam, (self._counts, *sinks), strict
         self._steps: Generator[StepResult, None, None] | None = None
@@ -84,7 +86,8 @@ class Session:
     def _running(self) -> Generator[StepResult, None, None]:
         """The loop, begun with the first step."""
         if self._steps is None:
-            self._steps = steps(self.camera, self.slam, self._sinks, strict=self._strict)
+            source = SearchRate(self.camera, self._rate_hz) if self._rate_hz else self.camera
+            self._steps = steps(source, self.slam, self._sinks, strict=self._strict)
         return self._steps
 
     def __iter__(self) -> "Session":

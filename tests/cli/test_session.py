@@ -306,6 +306,10 @@ def test_only_the_classes_asked_for_are_mapped(painted_bundle):
             {"frames": noise(2), "intrinsics": LENS, "mount": MOUNT, "map": "home", "clustering": "paper"},
             "a saved map goes on by association",
         ),
+        ({"intrinsics": LENS, "mount": MOUNT, "confidence": 3.0}, "confidence=3: expected more than 0, at most 1"),
+        ({"frames": noise(1), "intrinsics": LENS, "mount": MOUNT, "rate": -1.0}, "rate=-1: expected more than 0"),
+        ({"frames": noise(1), "intrinsics": LENS, "mount": MOUNT, "rotate": 90}, "rotate=90: only the source"),
+        ({"frames": noise(1), "intrinsics": LENS, "mount": MOUNT, "start": "dock"}, r"in a saved map \(--map, map=\)"),
     ],
 )
 def test_errors_name_a_parameter_that_exists(painted_bundle, options, words):
@@ -335,6 +339,24 @@ def test_a_saved_map_goes_on(painted_bundle, tmp_path):
         next(later)
         assert later.slam.mapper.relocaliser is not None
         assert later.slam.mapper.relocaliser.saved
+
+
+@pytest.mark.parametrize("start", [(1.0, -2.0, 0.5), SE2(1.0, -2.0, 0.5), "1,-2,28.64788975654116", "dock"])
+def test_a_saved_map_goes_on_at_a_stated_pose(painted_bundle, tmp_path, start):
+    options = {"intrinsics": LENS, "mount": MOUNT, "bundle": painted_bundle}
+    save_map(tmp_path / "map.json", [], Annotations(dock=SE2(1.0, -2.0, 0.5)))
+    with edgemap_api.open(map=tmp_path / "map.json", start=start, **options) as session:
+        pose = session.push(noise(1)[0], 0.0).pose_map_base
+        assert pose.vector() == pytest.approx([1.0, -2.0, 0.5])
+
+
+def test_what_is_searched_believed_and_used_of_the_source_is_stated(painted_bundle):
+    pushed = {"intrinsics": LENS, "mount": MOUNT, "bundle": painted_bundle}
+    with edgemap_api.open(rate=2.0, wheels=False, confidence=0.99, **pushed) as session:
+        steps = [session.push(one, 0.1 * n, wheels=(0.05 * n, 0.0, 0.0)) for n, one in enumerate(noise(11))]
+    assert [step.frame.index for step in steps if step.frame.search] == [0, 5, 10]
+    assert session.map == []
+    assert abs(steps[-1].pose_map_base.x_m) < 0.3  # wheels alone: 0.5
 
 
 def test_a_saved_map_without_objects_keeps_its_zones(painted_bundle, tmp_path):
