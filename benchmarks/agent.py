@@ -3,7 +3,7 @@
 HOME is a drive of `edgemap simulate`. Each is mapped with wheels, and questions are generated from its truth: where is
 the CLASS of which the home has one, in which room is it, and where is the CLASS nearest to a place. A place is right
 within 0.5 m of the true object; a room is right where it covers most of the true object's room of all rooms. Unknown is
-what the map does not have, or marks as doubtful.
+what the map does not have, or marks as doubtful; `sure` counts what it is not sure of within 0.5 m as unknown too.
 """
 
 import asyncio
@@ -38,13 +38,12 @@ class AgentOptions:
 
 def main(options: AgentOptions) -> None:
     """Map, ask, score, print."""
-    total: Counter[str] = Counter()
-    share = -(-options.questions // len(options.homes))
-    for home in options.homes:
-        found = asyncio.run(asked(home, options, min(share, options.questions - total.total())))
+    total, share = Counter[str](), -(-options.questions // len(options.homes))
+    for number, home in enumerate(options.homes):
+        found = asyncio.run(asked(home, options, min(share, options.questions - number * share)))
         print(f"{home.name}: {dict(found)}", flush=True)
         total += found
-    print(f"all {total.total()}: {dict(total)}")
+    print(f"all {options.questions}: {dict(total)}")
 
 
 async def asked(home: Path, options: AgentOptions, count: int) -> Counter[str]:
@@ -71,12 +70,15 @@ async def asked(home: Path, options: AgentOptions, count: int) -> Counter[str]:
         true_rooms = [np.array(room.corners_m) for room in plan.rooms] if plan else []
         async with Client(server(open_source(folder))) as client:
             for tool, arguments, places in questions(truth, count):
-                result = await client.call_tool(tool, arguments)
+                within = {} if tool == "room_of" else {"within_m": NEAR_M}
+                result = await client.call_tool(tool, arguments | within)
                 answer = result.structured_content or {}
                 if tool == "room_of":
                     answers[f"room {room_verdict(list(answer.get('rooms', {}).values()), places[0], true_rooms)}"] += 1
                 else:
-                    answers[verdict(answer.get("objects", []), places)] += 1
+                    rows = answer.get("objects", [])
+                    answers[verdict(rows, places)] += 1
+                    answers[f"sure {verdict(rows if rows and rows[0]['sure'] else [], places)}"] += 1
     return answers
 
 

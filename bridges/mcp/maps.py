@@ -8,7 +8,10 @@ from pathlib import Path
 from typing import Any, Protocol
 from urllib.parse import quote, urlsplit
 
+import numpy as np
+
 from edgemap.geometry.errors import MapError
+from edgemap.geometry.grid.occupancy_grid import FREE, OCCUPIED, STEPS, GridRule, OccupancyGrid
 from edgemap.geometry.map_object import MapObject
 from edgemap.geometry.objects.annotations import Annotations
 from edgemap.geometry.objects.approach import approach
@@ -28,6 +31,7 @@ from edgemap.runtime.step.wall_clock import host_clock, utc_text
 
 LIMIT_S = 10.0
 LARGEST_BYTES = 64 << 20
+BOUND = round(GridRule().highest * STEPS)
 
 
 class MapSource(Protocol):
@@ -35,6 +39,10 @@ class MapSource(Protocol):
 
     def read(self) -> tuple[list[MapObject], Annotations]:
         """The map as it stands now."""
+        ...
+
+    def grid(self) -> OccupancyGrid | None:
+        """The floor; None where there is none yet."""
         ...
 
     def approach(self, item: MapObject, objects: list[MapObject]) -> dict[str, Any]:
@@ -62,9 +70,13 @@ class SavedMap:
         """The map on disk."""
         return load_annotated_map(self.path)
 
+    def grid(self) -> OccupancyGrid | None:
+        """The saved one."""
+        return load_grid(self.path)
+
     def approach(self, item: MapObject, objects: list[MapObject]) -> dict[str, Any]:
         """By the saved grid."""
-        return goal_record(approach(item, objects, load_grid(self.path)))
+        return goal_record(approach(item, objects, self.grid()))
 
     def mark(self, identity: str, edit: dict[str, Any]) -> None:
         """Writes the map, unless a run uses it."""
@@ -97,6 +109,10 @@ class RunningMap:
         """The map after the newest step."""
         return read_map(self._ask("GET", "map"), self._root)
 
+    def grid(self) -> OccupancyGrid | None:
+        """The floor after the newest step."""
+        return floor_grid(json.loads(self._ask("GET", "floor")))
+
     def approach(self, item: MapObject, objects: list[MapObject]) -> dict[str, Any]:  # noqa: ARG002
         """From where the robot is now."""
         return json.loads(self._ask("GET", f"objects/{quote(item.id, safe='')}/approach"))
@@ -121,6 +137,16 @@ class RunningMap:
             raise MapError(f"{self._root}/{what}: {one_line(error.read(500).decode(errors='replace'))}") from None
         except (OSError, ValueError) as error:
             raise MapError(f"{self._root}: no run answers ({one_line(getattr(error, 'reason', error))})") from None
+
+
+def floor_grid(floor: dict[str, Any]) -> OccupancyGrid | None:
+    """The grid of an answer of `GET /api/floor`: its cells, each as free or occupied as a bound of log-odds."""
+    if not floor["rows"]:
+        return None
+    values, counts = np.reshape(floor["runs"], (-1, 2)).T
+    cells = np.repeat(values, counts).reshape(floor["rows"], floor["columns"])
+    odds = np.select([cells == FREE, cells == OCCUPIED], [-BOUND, BOUND]).astype(np.int8)
+    return OccupancyGrid(odds, floor["x_m"], floor["y_m"], floor["cell_m"])
 
 
 def open_source(text: str) -> MapSource:

@@ -1,5 +1,6 @@
 """`edgemap mcp`: the tools that an agent calls. Every answer carries the map's identity and verdict."""
 
+import math
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -9,10 +10,10 @@ import tyro
 from edgemap.bridges.mcp.maps import MapSource, open_source
 from edgemap.geometry.errors import EdgemapError, MapError
 from edgemap.geometry.grid.rooms import Room
-from edgemap.geometry.map_object import MapObject, ellipse_95
+from edgemap.geometry.map_object import CHI2_95, MapObject, ellipse_95
 from edgemap.geometry.objects.annotations import Annotations
 from edgemap.geometry.objects.queries import changes, inside_polygon, labelled, nearest
-from edgemap.geometry.objects.rooms import room_at, rooms_of
+from edgemap.geometry.objects.rooms import parts_of, room_at, rooms_of, shared_m2
 from edgemap.geometry.se2 import SE2
 from edgemap.runtime.frames.extras import need
 from edgemap.runtime.frames.version import VERSION
@@ -88,17 +89,21 @@ def server(source: MapSource, write: bool = False, pictures: bool = False) -> "M
         return answer(notes, objects=rows(labelled(objects, label) if label else objects, notes))
 
     @tool
-    def where_is(what: str) -> dict[str, Any]:
-        """Where an object is and since when: by its name, id or class. `gone`: what was there and has vanished."""
+    def where_is(what: str, within_m: float | None = None) -> dict[str, Any]:
+        """Where an object is and since when: by its name, id or class. `gone`: what was there and has vanished.
+        within_m: an error that you can accept; `sure`: with 95 % the object is there, and its position as near."""
         objects, notes = source.read()
-        return answer(notes, objects=rows(matching(objects, what), notes), gone=gone_rows(notes, what))
+        return answer(notes, objects=rows(matching(objects, what), notes, within_m), gone=gone_rows(notes, what))
 
     @tool
-    def objects_near(x_m: float, y_m: float, radius_m: float = 2.0, label: str | None = None) -> dict[str, Any]:
-        """Objects within a distance of a point of the map, nearest first, with `distance_m`."""
+    def objects_near(
+        x_m: float, y_m: float, radius_m: float = 2.0, label: str | None = None, within_m: float | None = None
+    ) -> dict[str, Any]:
+        """Objects within a distance of a point of the map, nearest first, with `distance_m`; `sure` as in where_is. One
+        that no picture showed may be nearer."""
         objects, notes = source.read()
         near = [(far_m, item) for far_m, item in nearest(objects, (x_m, y_m), label) if far_m <= radius_m]
-        found = rows([item for _, item in near], notes)
+        found = rows([item for _, item in near], notes, within_m)
         for row, (far_m, _) in zip(found, near, strict=False):
             row["distance_m"] = round(far_m, 3)
         return answer(notes, objects=found)
@@ -114,9 +119,10 @@ def server(source: MapSource, write: bool = False, pictures: bool = False) -> "M
     @tool
     def room_of(what: str) -> dict[str, Any]:
         """The room of an object, by the object's name, id or class: null where it stands in none or may be in two."""
-        objects, notes = source.read()
+        (objects, notes), grid = source.read(), source.grid()
         found, _ = rooms_of(objects, notes, None)
-        pairs = [(item.id, room_around(found, item)) for item in matching(objects, what)[:MOST]]
+        parts = found if grid is None else parts_of(objects, grid, fine=True)[0]
+        pairs = [(item.id, room_around(found, parts, item)) for item in matching(objects, what)[:MOST]]
         return answer(notes, rooms={name: room and room_record(room) for name, room in pairs})
 
     @tool
@@ -162,9 +168,17 @@ def answer(notes: Annotations, **values: Any) -> dict[str, Any]:
     return values | {"map": {"verdict": None} | identity_record(notes.identity) | {"saved_at": saved_at}}
 
 
-def rows(objects: list[MapObject], notes: Annotations) -> list[dict[str, Any]]:
-    """Objects as an answer holds them."""
-    return [_row(item, notes) for item in objects[:MOST]]
+def rows(objects: list[MapObject], notes: Annotations, within_m: float | None = None) -> list[dict[str, Any]]:
+    """Objects as an answer holds them, `sure` where a distance is asked for."""
+    some = objects[:MOST]
+    return [_row(item, notes) | ({} if within_m is None else {"sure": is_sure(item, within_m)}) for item in some]
+
+
+def is_sure(item: MapObject, within_m: float) -> bool:
+    """Whether an object is there, and its position not farther from the true one, with 95 %."""
+    share = (within_m / max(ellipse_95(item.covariance_m2)[0], 1e-9)) ** 2
+    near, sure = (-math.expm1(-chi2 / 2.0) for chi2 in (share * CHI2_95, CHI2_95))
+    return (1.0 if item.confirmed else item.confidence) * near >= sure
 
 
 def _row(item: MapObject, notes: Annotations) -> dict[str, Any]:
@@ -191,20 +205,24 @@ def _row(item: MapObject, notes: Annotations) -> dict[str, Any]:
     }
 
 
-def room_around(rooms: Sequence[Room], item: MapObject) -> Room | None:
-    """The room of an object; None where it stands in none, or its 95 % ellipse reaches into another one."""
+def room_around(rooms: Sequence[Room], parts: Sequence[Room], item: MapObject) -> Room | None:
+    """The room of an object; None where the object is doubtful or in none, its 95 % ellipse reaches into another room,
+    or a hidden wall may part it from most of the room. parts: of the floor, cut at such walls too."""
     (long_m, short_m, yaw_rad), here = ellipse_95(item.covariance_m2), room_at(rooms, item.position_m)
+    part = room_at(parts, item.position_m)
+    if here is None or part is None or is_doubtful(item) or shared_m2(here, part) < here.area_m2 / 2.0:
+        return None
     axes_m = np.array([(long_m, 0.0), (-long_m, 0.0), (0.0, short_m), (0.0, -short_m)])
     others = (room_at(rooms, end_m) for end_m in SE2(*item.place_m, yaw_rad).apply(axes_m))
     return None if any(other not in (here, None) for other in others) else here
 
 
 def matching(objects: list[MapObject], what: str) -> list[MapObject]:
-    """Objects of this name, else of this id now or before they were moved, else of this class."""
+    """Objects of this name, else of this id now or before they were moved, else of this class; doubtful ones last."""
     wanted = what.strip().casefold()
     named = [item for item in objects if item.name and item.name.casefold() == wanted]
     known = [item for item in objects if wanted in {one.casefold() for one in (item.id, *item.former_ids)}]
-    return named or known or [item for item in objects if item.label.casefold() == wanted]
+    return sorted(named or known or (one for one in objects if one.label.casefold() == wanted), key=is_doubtful)
 
 
 def gone_rows(notes: Annotations, what: str) -> list[dict[str, Any]]:

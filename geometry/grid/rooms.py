@@ -19,7 +19,7 @@ from edgemap.geometry.grid.occupancy_grid import FREE, OCCUPIED, OccupancyGrid
 from edgemap.geometry.grid.walls import SHORTEST_M
 
 DOOR_M = (0.5, 1.6)  # width of the free cells in a door: they show a true width of 0.6 to 1.4 m to a cell or two
-LEAST_M2 = 3.0  # observed floor of a room
+LEAST_M2 = 3.0  # observed floor of a room, but for one behind a door that was observed
 SPECK_M2 = 1.0  # less floor that nothing connects is an error
 PASSAGE = 0.75  # metres of wall in a cut that a metre of floor across it outweighs
 JAMB = 0.3  # metres of wall that a passage between two ends of wall counts for
@@ -127,9 +127,12 @@ def inside(corners_m: ArrayLike, points_m: Array) -> Mask:
 
 
 @lru_cache(maxsize=2)
-def floor_parts(grid: OccupancyGrid, discs: tuple[Disc, ...] = ()) -> tuple[tuple[Room, ...], tuple[Door, ...]]:
+def floor_parts(
+    grid: OccupancyGrid, discs: tuple[Disc, ...] = (), fine: bool = False
+) -> tuple[tuple[Room, ...], tuple[Door, ...]]:
     """Rooms, the nearest to the map's origin first, and the doors between them; their ids are numbers. discs: of the
-    objects, which stand on the floor of a room and are no wall."""
+    objects, which stand on the floor of a room and are no wall. fine: parts of rooms, cut where furniture may hide one
+    more wall."""
     cell_m, occupied = grid.cell_m, grid.cells == OCCUPIED
     if not occupied.any():
         return (), ()
@@ -140,29 +143,20 @@ def floor_parts(grid: OccupancyGrid, discs: tuple[Disc, ...] = ()) -> tuple[tupl
     taken = np.zeros(cells.shape, np.bool_)
     for (x, y), radius_m in placed:
         taken |= np.square(x_m - x) + np.square(y_m - y)[:, None] < (OBJECT_SHARE * radius_m) ** 2
-    floor, occupied = cells == FREE, cells == OCCUPIED
-    parts, count = cast(tuple[NDArray[np.int32], int], label(floor | occupied))
-    part = np.bincount(parts.ravel(), minlength=count + 1) * cell_m**2 >= SPECK_M2
-    part[0] = False
-    floor, occupied = floor & part[parts], occupied & part[parts]
-    windows, cuts = _cut_up(floor, floor | taken, occupied & ~taken, cell_m)
-    owner = np.zeros(cells.shape, np.intp)
-    for number, window in enumerate(windows, 1):
-        owner[window.cells][floor[window.cells]] = number
-    from_origin_m = np.hypot(x_m, y_m[:, None])
-    order = np.argsort(np.argsort([from_origin_m[owner == number].min() for number in range(1, len(windows) + 1)]))
-    owner = np.append(0, order + 1)[owner]
-    rooms = {}
-    for number, window in zip(order.tolist(), windows, strict=True):
-        seen, beside = floor[window.cells], [(place_m - low_m, radius_m) for place_m, radius_m in placed]
-        box_m = _box(window, seen, beside, cells.shape, cell_m)
-        rooms[number] = Room(str(number + 1), _points(box_m + low_m, turn))
-    doors = [door for cut in cuts for door in _doors(cut, floor, occupied & ~taken, owner, cell_m)]
-    found = []
-    for number, (ends_m, sides) in enumerate(doors, 1):
+    part = _without_specks((cells == FREE) | (cells == OCCUPIED), cell_m)
+    floor, occupied = part & (cells == FREE), part & (cells == OCCUPIED)
+    windows, cuts = _cut_up(floor, floor | taken, occupied & ~taken, cell_m, fine)
+    owner, from_origin_m = np.zeros(cells.shape, np.intp), np.hypot(x_m, y_m[:, None])
+    parts = [(window, _without_specks(floor[window.cells], cell_m)) for window in windows]
+    parts.sort(key=lambda part: from_origin_m[part[0].cells][part[1]].min())
+    near, rooms, doors = [(place_m - low_m, radius_m) for place_m, radius_m in placed], list[Room](), list[Door]()
+    for number, (window, mine) in enumerate(parts, 1):
+        owner[window.cells][mine] = number
+        rooms.append(Room(str(number), _points(_box(window, mine, near, cells.shape, cell_m) + low_m, turn)))
+    for ends_m, sides in (door for cut in cuts for door in _doors(cut, floor, occupied & ~taken, owner, cell_m)):
         from_m, to_m = _points(ends_m + low_m, turn)
-        found.append(Door(str(number), from_m, to_m, sides, passable(grid, from_m, to_m)))
-    return tuple(rooms[number] for number in sorted(rooms)), tuple(found)
+        doors.append(Door(str(len(doors) + 1), from_m, to_m, sides, passable(grid, from_m, to_m)))
+    return tuple(rooms), tuple(doors)
 
 
 def passable(grid: OccupancyGrid, from_m: ArrayLike, to_m: ArrayLike) -> float:
@@ -175,6 +169,14 @@ def passable(grid: OccupancyGrid, from_m: ArrayLike, to_m: ArrayLike) -> float:
     points = ends[0] + steps[:, None, None] * along + offsets
     blocked = grid.occupancy(points.reshape(-1, 2)).reshape(points.shape[:2]).max(axis=1)
     return float(1.0 - np.median(blocked))
+
+
+def _without_specks(mask: Mask, cell_m: float) -> Mask:
+    """The connected parts that are no error."""
+    parts, count = cast(tuple[NDArray[np.int32], int], label(mask))
+    large = np.bincount(parts.ravel(), minlength=count + 1) * cell_m**2 >= SPECK_M2
+    large[0] = False
+    return large[parts]
 
 
 def _points(points_m: Array, turn: Array) -> tuple[Point, ...]:
@@ -211,27 +213,27 @@ def _lattice(grid: OccupancyGrid, turn: Array) -> tuple[Array, Array, Array]:
     return low, x_m, y_m
 
 
-def _cut_up(floor: Mask, through: Mask, wall: Mask, cell_m: float) -> tuple[list[_Window], list[_Cut]]:
+def _cut_up(floor: Mask, through: Mask, wall: Mask, cell_m: float, fine: bool) -> tuple[list[_Window], list[_Cut]]:
     """The windows of the rooms, and the cuts between them. through: floor and what stands on it."""
     waiting, windows, cuts = [_Window(0, len(floor), 0, len(floor[0]))], list[_Window](), list[_Cut]()
     while waiting:
         window = waiting.pop()
         masks = [mask[window.cells] for mask in (floor, through, wall)]
-        if masks[0].sum() * cell_m**2 < LEAST_M2:
+        if not _without_specks(masks[0], cell_m).any():
             continue
-        (level, row), (upright, column) = _best_line(*masks, cell_m), _best_line(*(m.T for m in masks), cell_m)
-        if max(level, upright) < 0.0:
+        lines = [_best_line(*some, cell_m, fine) for some in (masks, [mask.T for mask in masks])]
+        upright = lines[1][0] > lines[0][0]
+        if lines[upright][0] < 0.0:
             windows.append(window)
-        elif level >= upright:
-            cuts.append(_Cut(False, at := window.top + row, window))
-            waiting += [window._replace(bottom=at), window._replace(top=at)]
-        else:
-            cuts.append(_Cut(True, at := window.left + column, window))
-            waiting += [window._replace(right=at), window._replace(left=at)]
+            continue
+        first, last = ("left", "right") if upright else ("top", "bottom")
+        at = getattr(window, first) + lines[upright][1]
+        cuts.append(_Cut(upright, at, window))
+        waiting += [window._replace(**{last: at}), window._replace(**{first: at})]
     return windows, cuts
 
 
-def _best_line(floor: Mask, through: Mask, wall: Mask, cell_m: float) -> tuple[float, int]:
+def _best_line(floor: Mask, through: Mask, wall: Mask, cell_m: float, fine: bool) -> tuple[float, int]:
     """The row along which to cut, with its metres of wall less those of floor across it; negative where none is good:
     each side needs the floor of a room."""
     lines = _lines(through, wall, cell_m)
@@ -240,10 +242,14 @@ def _best_line(floor: Mask, through: Mask, wall: Mask, cell_m: float) -> tuple[f
     wall_m = lines.wall.sum(axis=1) * cell_m
     floor_m = np.bincount(lines.line, (lines.last - lines.first) * cell_m, count)
     below = np.append(0.0, np.cumsum(floor.sum(axis=1)))[:-1] * cell_m**2
-    between = (jambs == 1) & (np.bincount(lines.line, minlength=count) == 1)  # a door that all floor goes through
+    smaller = np.minimum(below, floor.sum() * cell_m**2 - below)
+    alone = np.bincount(lines.line, minlength=count) == 1  # all floor goes through it
+    between = alone & (jambs == 1) & (floor_m <= DOOR_M[1])
+    neck = fine & alone & (floor_m <= np.mean(DOOR_M)) & (smaller >= LEAST_M2)
     parts = (wall_m + JAMB * between >= SHORTEST_M) | (floor_m == 0.0)
-    good = parts & (np.minimum(below, floor.sum() * cell_m**2 - below) >= LEAST_M2)
+    good = parts & (smaller >= np.where(between | fine, SPECK_M2, LEAST_M2))
     score = np.where(good, wall_m - PASSAGE * floor_m + JAMB * jambs, -1.0)
+    score = np.where(neck, np.maximum(score, 0.0), score)
     best = int(score.argmax())
     near = np.flatnonzero(score >= score[best] - 2.0 * cell_m)
     return float(score[best]), int(np.median(near[np.abs(near - best) <= 2 * ACROSS_CELLS]))  # the middle of the wall

@@ -2,7 +2,6 @@
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
-from typing import TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -23,7 +22,6 @@ KINDS: Mapping[str, frozenset[str]] = {
 SAME_SHARE = 0.3  # of the floor that two outlines cover together, from which on they are one room
 SAME_M = 0.5  # between the middles of one door in two runs, at most
 BESIDE_M = 0.4  # from a door into the rooms on its sides
-Found = TypeVar("Found", Room, Door)
 
 
 def rooms_of(
@@ -35,12 +33,19 @@ def rooms_of(
     if grid is None:
         rooms, doors = annotations.rooms, annotations.doors
     else:
-        discs = tuple(Disc(*(round(value, 2) for value in (*item.place_m, radius_m(item)))) for item in objects)
-        parts, openings = floor_parts(grid, discs)
+        parts, openings = parts_of(objects, grid)
         rooms, became = _known_rooms(parts, annotations.rooms)
         doors = [replace(door, rooms=(became[door.rooms[0]], became[door.rooms[1]])) for door in openings]
         doors = _known_doors(doors, annotations.doors, rooms, grid)
     return tuple(_furnished(room, objects) for room in sorted(rooms, key=_order)), tuple(sorted(doors, key=_order))
+
+
+def parts_of(
+    objects: Sequence[MapObject], grid: OccupancyGrid, fine: bool = False
+) -> tuple[tuple[Room, ...], tuple[Door, ...]]:
+    """As `floor_parts`, around the objects."""
+    discs = tuple(Disc(*(round(value, 2) for value in (*item.place_m, radius_m(item)))) for item in objects)
+    return floor_parts(grid, discs, fine)
 
 
 def room_at(rooms: Iterable[Room], point_m: ArrayLike) -> Room | None:
@@ -76,9 +81,9 @@ def _furnished(room: Room, objects: Sequence[MapObject]) -> Room:
 
 def _known_rooms(parts: Sequence[Room], known: Sequence[Room]) -> tuple[list[Room], dict[str, str]]:
     """The parts with ids and names, and their ids by their numbers."""
-    shared_m2 = np.array([[_shared_m2(room, part) for part in parts] for room in known]).reshape(len(known), len(parts))
+    both_m2 = np.array([[shared_m2(room, part) for part in parts] for room in known]).reshape(len(known), len(parts))
     areas_m2 = [np.array([room.area_m2 for room in some]) for some in (known, parts)]
-    same = shared_m2 / (areas_m2[0][:, None] + areas_m2[1] - shared_m2)
+    same = both_m2 / (areas_m2[0][:, None] + areas_m2[1] - both_m2)
     rows, columns = linear_sum_assignment(same, maximize=True)
     pairs = {int(b): known[a] for a, b in zip(rows, columns, strict=True) if same[a, b] >= SAME_SHARE}
     last = max((id_order(room.id)[1] for room in known), default=0)
@@ -89,15 +94,15 @@ def _known_rooms(parts: Sequence[Room], known: Sequence[Room]) -> tuple[list[Roo
     ]
     became = {part.id: room.id for part, room in zip(parts, rooms, strict=True)}
     for row in [row for row, room in enumerate(known) if room.name and room not in pairs.values()]:
-        most = int(shared_m2[row].argmax()) if parts else 0
-        if parts and shared_m2[row, most] > areas_m2[0][row] / 2.0 and not rooms[most].name:
+        most = int(both_m2[row].argmax()) if parts else 0
+        if parts and both_m2[row, most] > areas_m2[0][row] / 2.0 and not rooms[most].name:
             rooms[most] = replace(rooms[most], name=known[row].name)  # it has become part of that one
         else:
             rooms.append(known[row])
     return rooms, became
 
 
-def _shared_m2(a: Room, b: Room) -> float:
+def shared_m2(a: Room, b: Room) -> float:
     """Area of the floor that two outlines both cover, by points."""
     low, high = np.min(a.corners_m, axis=0), np.max(a.corners_m, axis=0)
     points = low + (high - low) * (np.stack(np.meshgrid(*[np.arange(40)] * 2), axis=-1) + 0.5) / 40

@@ -80,17 +80,12 @@ class BoxOnFloor:
 
     def foot(self) -> Foot:
         """The foot by all models that apply."""
-        foot = by_lower_edge(self)
+        foot = Foot(self.edge_m, self.edge_m2, self.reach_m)
         if self.is_out_of_sight:
             foot = behind_cover(self, foot)
         if self.is_hidden and not self.cut:
             foot = by_usual_width(self, foot)
         return by_depth(self, foot) if self.has_depth else foot
-
-
-def by_lower_edge(box: BoxOnFloor) -> Foot:
-    """The lower edge is on the floor."""
-    return Foot(box.edge_m, box.edge_m2, box.reach_m)
 
 
 def behind_cover(box: BoxOnFloor, foot: Foot) -> Foot:

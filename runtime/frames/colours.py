@@ -41,7 +41,6 @@ MARKS = tuple(
     for shift in range(3)
     for number, shape in enumerate(SHAPES)
 )
-PALETTE = tuple(colour for colours in _SETS for colour in colours)
 
 # Classes that bundles map by default have marks of their own; other labels may share one, beside their name.
 USUAL = (

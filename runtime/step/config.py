@@ -86,7 +86,10 @@ def load_options(path: Path) -> dict[str, Any]:
 def _document(path: Path) -> tuple[Path, dict[str, Any]]:
     """The file, and its content with at least one of its two sections."""
     path = _file(path)
-    document = _run_json(path) if path.suffix == ".json" else read_yaml(path, ConfigError)
+    is_json = path.suffix == ".json"
+    document = (
+        decode_json(read_bytes(path, ConfigError), dict, path, ConfigError) if is_json else read_yaml(path, ConfigError)
+    )
     if not isinstance(document, dict) or not ({"config", "options"} & document.keys()):
         raise ConfigError(f"{path}: has neither a section `config` nor `options`")
     return path, document
@@ -95,10 +98,6 @@ def _document(path: Path) -> tuple[Path, dict[str, Any]]:
 def _file(path: Path) -> Path:
     """A run folder's run.json; a file as it is."""
     return path / "run.json" if path.is_dir() else path
-
-
-def _run_json(path: Path) -> dict[str, Any]:
-    return decode_json(read_bytes(path, ConfigError), dict, path, ConfigError)
 
 
 def _merged(default: Any, values: Any, where: str, unknown: list[tuple[str, str]]) -> Any:

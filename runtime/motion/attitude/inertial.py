@@ -86,7 +86,7 @@ class InertialAttitude:
             swings = not self._calm() and self._trust.follows_gravity
             rotation = replace(rotation, proved=swings or self._trust.proved)
         attitude = Attitude.of_up(state.up_optical, state.tilt_covariance(), self.name)
-        return replace(attitude, rotation=rotation, force_rad=_angles(state.force_optical))
+        return replace(attitude, rotation=rotation, force_rad=np.array(pitch_roll(state.force_optical)[::-1]))
 
     def correct_mount(self, mount: Mount) -> None:
         """Corrects the mount's angles, and with them the tilt and the accelerometer's offset that it determined."""
@@ -161,8 +161,3 @@ class InertialAttitude:
         rate -= (rate @ state.up_optical) * state.up_optical
         self._judged_s += span_s
         self._rate2 += min(span_s / min(self._judged_s, self._carried.rate_s), 1.0) * (float(rate @ rate) - self._rate2)
-
-
-def _angles(up: np.ndarray) -> np.ndarray:
-    """Roll and pitch (2,), rad, of a direction (3,) of the optical frame that points up."""
-    return np.array(pitch_roll(up)[::-1])

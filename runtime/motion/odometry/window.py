@@ -246,7 +246,7 @@ class WindowOdometry:
         """Direction in which the lens moved since a reference picture, once the corners have moved enough; then this
         picture is the next reference. It uses no depth of a point, because those of the floor depend on the mount.
         """
-        rays = unit_depth(self._tracker.bearings(self._tracker.corners))
+        rays = np.pad(self._tracker.bearings(self._tracker.corners), ((0, 0), (0, 1)), constant_values=1.0)  # z = 1
         ids, first, start = self._reference
         both, before, now = np.intersect1d(ids, self._tracker.ids, assume_unique=True, return_indices=True)
         direction = None
@@ -349,11 +349,6 @@ class WindowOdometry:
     def _in_units(self, attitude: Attitude) -> Attitude:
         """An attitude whose height is in the camera's unit of length."""
         return attitude if attitude.height_m is None else replace(attitude, height_m=attitude.height_m / self._unit_m)
-
-
-def unit_depth(bearings: Array) -> Array:
-    """Rays (N, 3) with z = 1 of normalised image points (N, 2)."""
-    return np.column_stack([bearings, np.ones(len(bearings))])
 
 
 def _in_units(mount: Mount, unit_m: float) -> Mount:

@@ -38,7 +38,7 @@ def home(tmp_path):
         for n, x_m in ((2, 2.1), (3, 4.1))
     ]
     notes = Annotations((hall,), rooms=(den, *beside), vanished=(gone,), identity=identity)
-    save_map(tmp_path / "map.json", [replace(chair, name=HOSTILE), bag, other], notes)
+    save_map(tmp_path / "map.json", [replace(chair, name=HOSTILE), bag, replace(other, confidence=0.98)], notes)
     return tmp_path
 
 
@@ -86,10 +86,13 @@ def test_lists_what_is_near_what_changed_and_a_pose(home):
         ("approach_pose", {"id": "chair-2"}),
         ("room_of", {"what": "backpack"}),
         ("room_of", {"what": "chair-2"}),
+        ("where_is", {"what": "chair-2", "within_m": 0.4}),
+        ("where_is", {"what": "chair-2", "within_m": 0.2}),
         ("changes_since", {"time": "2027-01-01"}),
         ("changes_since", {"time": "2028-01-01T00:00:00Z"}),
     )
-    chairs, near, pose, room, border, changed, later = map(value, results)
+    chairs, near, pose, room, border, wide, narrow, changed, later = map(value, results)
+    assert [one["objects"][0]["sure"] for one in (wide, narrow)] == [True, False]  # 0.294 m with 95 %
     assert room["rooms"]["backpack-1"]["name"] == "den"
     assert border["rooms"] == {"chair-2": None}  # 0.1 m from the next room, with a standard deviation of 0.12 m
     assert near["objects"][0]["within_m"] == pytest.approx(0.294, abs=1e-3)

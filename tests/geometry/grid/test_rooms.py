@@ -38,6 +38,23 @@ def test_a_door_parts_two_rooms_and_a_wide_opening_does_not():
     assert [len(parts) for parts in floor_parts(home(3.0))] == [1, 0]
 
 
+def test_little_floor_behind_a_door_is_a_room_and_specks_beyond_a_wall_extend_none():
+    rooms, (door,) = floor_parts(home(0.9, 50))  # 2 m2 of the left one were seen
+    assert [round(np.ptp(room.corners_m, axis=0)[0], 1) for room in rooms] == pytest.approx([0.6, 3.1], abs=0.15)
+    assert door.centre_m == pytest.approx([2.15, 4.1], abs=0.1)
+    odds = np.pad(home(0.9).log_odds, ((0, 0), (0, 40)))
+    odds[20:23, 126:150] = -40
+    right = floor_parts(OccupancyGrid(odds, -1.0, 2.0, 0.05))[0][1]
+    assert np.ptp(right.corners_m, axis=0) == pytest.approx([3.0, 4.0], abs=0.25)
+
+
+def test_a_wall_that_furniture_hides_may_part_a_room():
+    odds = home(0.9).log_odds.copy()
+    odds[:33, 55:72] = odds[51:, 55:72] = 0
+    hidden = OccupancyGrid(odds, -1.0, 2.0, 0.05)
+    assert [len(floor_parts(hidden, (), fine)[0]) for fine in (False, True)] == [1, 2]
+
+
 @pytest.mark.parametrize("angle", [0.3, 1.2])
 def test_rooms_turn_with_the_grid(angle):
     straight = home(0.9)
