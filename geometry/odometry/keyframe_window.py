@@ -8,6 +8,7 @@ window are marginalised (Schur complement).
 
 import math
 from dataclasses import dataclass, fields, replace
+from functools import partial
 from typing import Self
 
 import numpy as np
@@ -30,6 +31,7 @@ Indices = NDArray[np.intp]
 CARRIED_ROUNDS, FEWER_ROUNDS, LEAST_ROUNDS = 4, 2, 1
 NEAREST, FARTHEST = 20.0, 1e-4  # inverse depths, 1/m
 ORIGIN = np.array([1e-6, 1e-6, 1e6, 1e8, 1e8, 1e-6])  # information that fixes heading and place of the first pose
+FIRST, NONE = np.array([0]), np.array([], dtype=np.intp)
 UNHELD_RAD = np.radians(2.0)  # standard deviation of a tilt after the mount's angles have changed
 # Least depth of a point that was triangulated over a gap; share of its inverse depth to which a known one is known.
 NEAR_M, KNOWN_SHARE = 0.3, 0.2
@@ -221,9 +223,11 @@ class KeyframeWindow:
             local[rows >= 0] = every[rows[rows >= 0]]
         return local
 
-    def resected(self, start: LensPose, ids: NDArray[np.int64], points: Array) -> tuple[LensPose, float]:
-        """The pose near an expected one where tracks, as of `step`, agree with the points as they are, and the weight
-        of those that do."""
+    def resected(
+        self, start: LensPose, ids: NDArray[np.int64], points: Array, factors: PoseFactors | None = None
+    ) -> tuple[LensPose, float]:
+        """The pose near an expected one where tracks, as of `step`, agree with the points as they are and with the
+        picture's gravity and height, and the weight of those that do."""
         rows = _rows_of(self.points.ids, ids)
         kept, seen = self.points.chosen(rows >= 0), points[rows[rows >= 0]]
         if not len(kept):
@@ -238,7 +242,9 @@ class KeyframeWindow:
         sigma_m = np.sqrt(kept.variance) / kept.inverse_m**2
         landmarks = DepthLandmarks(world, along, np.minimum(sigma_m, 2.0 / kept.inverse_m))
         sigma = self._rule.gate_px / self._focal_px / TUKEY
-        estimate = resect(landmarks, seen, resect(landmarks, seen, start, 2.0 * sigma).pose, sigma)
+        prior = factors and partial(_held, FactorRows([factors], self._lever_m))
+        start = resect(landmarks, seen, start, 2.0 * sigma, prior).pose
+        estimate = resect(landmarks, seen, start, sigma, prior)
         return estimate.pose, float(estimate.weights.sum())
 
     def _world(self, points: WindowPoints) -> tuple[Array, Array]:
@@ -469,6 +475,11 @@ class KeyframeWindow:
         self.points.observed[:, -1] = False
         host = self.points.host
         host[host > index] -= 1
+
+
+def _held(factors: FactorRows, pose: LensPose) -> tuple[Array, Array]:
+    """One picture's gravity and height as a prior of its pose."""
+    return factors.rows(pose.rotation[None], pose.position_m[None], FIRST, NONE)
 
 
 def _rows_of(ids: NDArray[np.int64], among: NDArray[np.int64]) -> Indices:

@@ -1,11 +1,16 @@
 """A camera's pose in six dimensions from points with measured depth: spatial resection (perspective-n-point)."""
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
 
 from edgemap.geometry.arrays import Array
 from edgemap.geometry.robust import ANNEALING, TUKEY, tukey
+
+# Of a pose: whitened rows (K, 6) by rotation from the left and displacement, both in the fixed frame's axes, and
+# residuals (K,).
+Prior = Callable[["LensPose"], tuple[Array, Array]]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -49,11 +54,14 @@ class Resected:
     weights: Array
 
 
-def resect(landmarks: DepthLandmarks, observed: Array, start: LensPose, sigma: float) -> Resected:
+def resect(
+    landmarks: DepthLandmarks, observed: Array, start: LensPose, sigma: float, prior: Prior | None = None
+) -> Resected:
     """The pose that fits normalised image points (N, 2) best: Gauss-Newton from a start, Tukey's weights, annealed.
 
-    sigma: standard deviation of an image point. The error of a landmark's depth widens its residual along the epipolar
-    line, so that a far one determines the rotation and a near one the displacement.
+    sigma: standard deviation of an image point. prior: what else is measured of a pose. The error of a landmark's depth
+    widens its residual along the epipolar line, so that a far one determines the rotation and a near one the
+    displacement.
     """
     pose, weights, inverse, excess = start, np.zeros(len(observed)), np.eye(6), 1.0
     for scale in ANNEALING:
@@ -82,8 +90,13 @@ def resect(landmarks: DepthLandmarks, observed: Array, start: LensPose, sigma: f
         weights = np.where(ahead, tukey(distance2, scale * TUKEY), 0.0)
         rows, whitened = jacobian.reshape(-1, 6), white.ravel()
         weighted = rows * np.repeat(weights, 2)[:, None]
-        inverse = np.asarray(np.linalg.inv(weighted.T @ rows + 1e-6 * np.eye(6)), dtype=np.float64)
-        pose = pose @ _small(inverse @ weighted.T @ whitened)
+        information, right = weighted.T @ rows + 1e-6 * np.eye(6), weighted.T @ whitened
+        if prior is not None:
+            turned, off = prior(pose)
+            turned = np.hstack([turned[:, 3:] @ pose.rotation, turned[:, :3] @ pose.rotation])
+            information, right = information + turned.T @ turned, right + turned.T @ off
+        inverse = np.asarray(np.linalg.inv(information), dtype=np.float64)
+        pose = pose @ _small(inverse @ right)
         excess = max(1.0, float(weights @ distance2) / max(2.0 * float(weights.sum()) - 6.0, 1.0))
     return Resected(pose, inverse * excess, weights)
 

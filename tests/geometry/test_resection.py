@@ -57,6 +57,23 @@ def test_the_covariance_is_that_of_the_errors():
     assert 4.5 < np.mean(scaled) < 7.5
 
 
+def test_what_is_measured_of_a_pose_outweighs_points_that_agree_on_another():
+    """More points agree on a lens 0.4 m lower than on the true one; its height is known better than all points tell it."""
+    true, low = LensPose(np.eye(3), np.array([0.1, 0.0, 0.2])), LensPose(np.eye(3), np.array([0.0, 0.4, 0.0]))
+    landmarks, seen = scene(0, true)
+    seen[::3], seen[1::3] = scene(0, low)[1][::3], scene(0, low)[1][1::3]
+    lower, held = (resect(landmarks, seen, low, SIGMA, prior) for prior in (None, at_height(0.0, 1e-4)))
+    np.testing.assert_allclose(lower.pose.position_m, low.position_m, atol=2e-3)
+    assert abs(held.pose.position_m[1]) < 0.03
+    assert held.weights[1::3].mean() < 0.05
+
+
+def at_height(y_m, sigma_m):
+    """The y coordinate of a pose, measured."""
+    row = np.array([[0.0, 0.0, 0.0, 0.0, 1.0 / sigma_m, 0.0]])
+    return lambda pose: (row, np.array([(y_m - pose.position_m[1]) / sigma_m]))
+
+
 def test_poses_compose_and_invert():
     a, b = LensPose(turned(0.3, -0.1), np.array([1.0, 2.0, 3.0])), LensPose(turned(-0.2), np.array([0.1, 0.0, 0.4]))
     point = np.array([0.5, -0.3, 2.0])

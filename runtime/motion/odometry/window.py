@@ -152,36 +152,39 @@ class WindowOdometry:
         if dt_s > LONGEST_DT_S:
             self._motion = SE2()
         start = self._expected_pose(gyro)
-        pose, weight = self._track(start, gyro is None)
+        pose, weight = self._track(start, gyro is None, factors)
         if surprised := weight < self._rule.least_weight:
-            pose, weight = self._surprised(pose, weight)
+            pose, weight = self._surprised(pose, weight, factors)
         self._tracker.seek()
         if weight < self._rule.least_weight:
             return self._started_again(frame, start, factors)
         pair = self._held(self._rule.track_px), self._held(self._rule.parallax_px)
         self._graph.step(pose, factors, *self._tracks(), *pair, surprised or self.judged.carried)
-        return self._measured(frame.stamp_s, None if surprised else dt_s, gyro is not None)
+        step = self._by_window()
+        if not step.checked(self.name).measured:  # no track ties the picture to those before
+            return self._started_again(frame, start, factors)
+        return self._measured(step, frame.stamp_s, None if surprised else dt_s, gyro is not None)
 
-    def _track(self, start: LensPose, shifted: bool) -> tuple[LensPose, float]:
+    def _track(self, start: LensPose, shifted: bool, factors: PoseFactors) -> tuple[LensPose, float]:
         """Tracks the corners from where this pose expects them; the pose that they agree on, and their weight. shifted:
         as of `CornerTracker.follow`."""
         self._tracker.follow(self._expected(start), shifted, self._detail())
-        return self._resected(start)
+        return self._resected(start, factors)
 
     def _detail(self) -> bool:
         """Whether large structures count half: what is carried turns fast, and large turns need them; so do roads."""
         return self._in_room and not self.judged.carried
 
-    def _resected(self, start: LensPose) -> tuple[LensPose, float]:
-        return self._graph.resected(start, *self._tracker.observed())
+    def _resected(self, start: LensPose, factors: PoseFactors) -> tuple[LensPose, float]:
+        return self._graph.resected(start, *self._tracker.observed(), factors)
 
-    def _surprised(self, pose: LensPose, weight: float) -> tuple[LensPose, float]:
+    def _surprised(self, pose: LensPose, weight: float, factors: PoseFactors) -> tuple[LensPose, float]:
         """The pose of a picture that does not agree with the expected motion, and the weight of its tracks: the camera
         has stopped, or a light was switched, or pictures were lost while it drove on, and descriptors find corners."""
         tracker, last, least = self._tracker, self._graph.poses[-1], self._rule.least_weight
         expected = tracker.corners, tracker.ids
         tracker.follow_again(self._detail())
-        rested, by_rest = self._resected(last)
+        rested, by_rest = self._resected(last, factors)
         if by_rest > weight:
             pose, weight = rested, by_rest
         else:
@@ -191,7 +194,7 @@ class WindowOdometry:
             return pose, weight
         self._graph.add(found.ids, found.points, found.floor, self._unit_m / found.depth_m)
         start = self._graph.bridge(*tracker.observed(), found.turn, found.way)
-        return self._resected(start)
+        return self._resected(start, factors)
 
     def _attend(self, attitude: Attitude | None) -> GyroRotation | None:
         """Updates the camera of this frame; returns the rotation since the last picture by a gyro."""
@@ -206,21 +209,29 @@ class WindowOdometry:
             self._graph.loosen(self._up())
         return gyro
 
-    def _measured(self, stamp_s: float, dt_s: float | None, gyro: bool) -> Motion:
-        """The motion since the last picture, by the window's last two poses. dt_s: between both; None over a gap, whose
-        nod does not show how the camera is held."""
-        before, pose = self._graph.poses[-2:]
-        base = self._graph.base(pose)
+    def _by_window(self) -> Motion:
+        """The motion since the last picture, by the window's last two poses."""
+        base = self._graph.base(self._graph.poses[-1])
         motion = (self._base @ self._since).inverse() @ base
-        covariance = self._held(self._rule.covariance_scale) ** self._graph.unmeasured() * self._graph.covariance()
+        covariance = self._covariance()
         by = np.zeros((3, 12))
         level = self._base.rotation().T
         by[:2, 3:5], by[:2, 9:11], by[2, 2], by[2, 8] = -level, level, -1.0, 1.0
         by[0, 2], by[1, 2] = motion.y_m, -motion.x_m
-        total = by @ covariance @ by.T + MINIMUM_COVARIANCE + self._since_covariance
+        return Motion(motion, by @ covariance @ by.T + MINIMUM_COVARIANCE + self._since_covariance)
+
+    def _covariance(self) -> Array:
+        """Of the window's last two poses, (12, 12)."""
+        return self._held(self._rule.covariance_scale) ** self._graph.unmeasured() * self._graph.covariance()
+
+    def _measured(self, step: Motion, stamp_s: float, dt_s: float | None, gyro: bool) -> Motion:
+        """The motion up to the last picture, and what it shows of the camera. dt_s: between both pictures; None over a
+        gap, whose nod does not show how the camera is held."""
+        (before, pose), motion, total = self._graph.poses[-2:], step.motion, step.covariance
+        covariance = self._covariance()
         self._coasting.saw(motion, stamp_s, total)
         self._since, self._since_covariance, self._skipped = SE2(), np.zeros((3, 3)), False
-        self._base, self._motion = base, motion
+        self._base, self._motion = self._graph.base(pose), motion
         self._roll(motion, total)
         if dt_s is not None:
             nod = pose.rotation[2] - before.rotation[2]
@@ -230,7 +241,7 @@ class WindowOdometry:
         up_rad = math.sqrt(max(float(np.trace(covariance[6:8, 6:8])) / 2.0, 0.0))
         rotation, direction = before.rotation.T @ pose.rotation, self._travelled(pose)
         seen = TrackedRotation(rotation, sigma_rad, self.judged, direction, up=pose.rotation[2], up_rad=up_rad)
-        return Motion(motion, total, rotation=seen, gap=dt_s is None)
+        return replace(step, rotation=seen, gap=dt_s is None)
 
     def _swing(self, nod2: float, motion: SE2, dt_s: float, gyro: bool) -> None:
         """Updates whether the camera is carried. nod2: mean square of the changes of roll and pitch, rad^2."""
