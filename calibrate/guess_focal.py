@@ -7,7 +7,7 @@ import numpy as np
 from edgemap.geometry.arrays import Array
 from edgemap.geometry.camera.intrinsics import Distortion, Intrinsics
 from edgemap.geometry.camera.room_edges import level_axes, room_axes
-from edgemap.runtime.motion.attitude.segments import segments_between
+from edgemap.runtime.motion.attitude.segments import longest, segments_between
 
 # Of the picture's longer side: webcams, phones that film and the colour cameras of depth cameras have 0.65 to 1.
 USUAL_FOCAL, FOCAL_SIGMA = 0.8, 0.22
@@ -60,9 +60,12 @@ def focal_by_edges(ends: list[Array], width: int, height: int) -> tuple[float, f
 def _peaks(ends: list[Array], width: int, height: int, bend: float) -> Array:
     """For each picture whose edges show the room: logarithm of the focal length (share) with the greatest agreement,
     and that agreement; (N, 2)."""
-    lenses, peaks = [plain_lens(width, height, share, bend) for share in FOCALS], []
+    lenses, peaks = [plain_lens(width, height, share) for share in FOCALS], []
+    bent, straight = plain_lens(width, height, 1.0, bend), plain_lens(width, height, 1.0)
     for lines in ends:
-        fits = np.array([_explained(lines, lens) for lens in lenses])
+        # A bend is the same pixels under each focal length, so that it is taken out once.
+        flat = straight.project(bent.rays(longest(lines, width))).reshape(-1, 2, 2)
+        fits = np.array([_explained(flat, lens) for lens in lenses])
         if np.isfinite(fits).mean() >= SHOWN_SHARE:
             peaks.append(_vertex(np.log(FOCALS), fits, int(np.nanargmax(fits))))
     return np.array(peaks).reshape(-1, 2)

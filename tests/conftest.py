@@ -1,6 +1,5 @@
 """What several rooms' tests share."""
 
-import fcntl
 import os
 import signal
 from importlib import import_module
@@ -66,21 +65,6 @@ def browser(tmp_path_factory):
     browser = Browser(tmp_path_factory.mktemp("chromium"))
     yield browser
     browser.close()
-
-
-@pytest.fixture(scope="session")
-def real_bundles(shared_data, tmp_path_factory, edgemap):
-    """yolov3-tiny and yolox-nano as `edgemap export` writes them from the real weights, made by the first worker that
-    wants them."""
-    base, weights = tmp_path_factory.getbasetemp(), shared_data / "weights"
-    folder = (base.parent if "PYTEST_XDIST_WORKER" in os.environ else base) / "real-bundles"
-    with folder.with_suffix(".lock").open("w") as lock:
-        fcntl.flock(lock, fcntl.LOCK_EX)
-        for name, file in (("yolov3-tiny", "yolov3-tiny.weights"), ("yolox-nano", "yolox_nano.onnx")):
-            if not (folder / name).exists():
-                result = edgemap("export", "--backbone", name, "--weights", weights / file, "-o", folder / name)
-                assert result.returncode == 0, result.stderr
-    return folder
 
 
 @pytest.fixture(scope="session")

@@ -53,7 +53,8 @@ def test_the_page_shows_the_example():
 
 
 def test_a_camera_a_sink_and_a_command_of_a_package(lab, tmp_path):
-    ran = run(lab, "run", "--camera", "lab:6", "--sink", "lab:poses.txt", "-o", "noise", folder=tmp_path)
+    flags = ("--mount", "0.6,11", "--intrinsics", "587,587,319.5,239.5", "--sink", "lab:poses.txt", "-o", "noise")
+    ran = run(lab, "run", "--camera", "lab:6", *flags, folder=tmp_path)
     assert ran.returncode == 0, ran.stderr
     assert json.loads((tmp_path / "noise" / "run.json").read_text())["frames"] == 6
     told = run(lab, "lab", "poses.txt", folder=tmp_path)

@@ -114,6 +114,6 @@ def room_heading(normals: Array, lengths: Array, up: Array) -> float:
 
 def level_axes(up: Array) -> tuple[Array, Array]:
     """Two level directions at right angles, optical frame: to the right in the picture, and away from the lens."""
-    away = np.array([0.0, 0.0, 1.0]) - up[2] * up
-    away = away / max(float(np.linalg.norm(away)), 1e-9)
-    return np.asarray(np.cross(away, up), dtype=np.float64), away
+    x, y, z = up.tolist()
+    size = max(math.hypot(x, y), 1e-9)
+    return np.array([-y, x, 0.0]) / size, np.array([-z * x, -z * y, 1.0 - z * z]) / size

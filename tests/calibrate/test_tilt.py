@@ -20,12 +20,12 @@ BENT = Distortion("brown_conrady", (-0.1, 0.03, 0.0005, -0.0004, 0.0))
 
 @pytest.mark.parametrize(
     ("pitch_deg", "roll_deg", "distortion"),
-    [(-3.0, 2.5, Distortion()), (24.0, -4.0, Distortion()), (8.0, 1.0, BENT)],
+    [(24.0, -4.0, Distortion()), (-3.0, 2.5, BENT)],
 )
 def test_rendered_rooms(pitch_deg, roll_deg, distortion):
     lens = Intrinsics(640, 480, 480.0, 482.0, 318.0, 241.0, distortion)
     mount = Mount.from_degrees(0.6, pitch_deg, roll_deg)
-    pictures = [find_segments(room(lens, mount, 0.7 * i, i), lens) for i in range(6)]
+    pictures = [find_segments(room(lens, mount, 0.7 * i, i), lens) for i in range(4)]
     fit = fit_tilt(pictures)
     assert math.degrees(fit.pitch_rad) == pytest.approx(pitch_deg, abs=0.15)
     assert math.degrees(fit.roll_rad) == pytest.approx(roll_deg, abs=0.15)
@@ -66,7 +66,7 @@ def test_bare_pictures_are_refused():
 def test_a_camera_that_nods_is_refused():
     """Pictures from a hand, not from a robot: no one pitch is right."""
     lens = Intrinsics(640, 480, 480.0, 482.0, 318.0, 241.0)
-    pitches = [0.0, 4.0, 8.0, 12.0, 16.0, 20.0]
+    pitches = [0.0, 5.0, 10.0, 15.0]
     pictures = [
         find_segments(room(lens, Mount.from_degrees(0.6, pitch), 0.7 * i, i), lens) for i, pitch in enumerate(pitches)
     ]

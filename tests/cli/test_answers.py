@@ -45,14 +45,14 @@ def test_the_lens_of_a_camera_file_is_doubted_as_a_given_one(capsys, tmp_path):
 def test_map_show_draws_without_matplotlib(tmp_path):
     """As on a robot with the base install."""
     (tmp_path / "map.json").write_text(json.dumps({"format": "edgemap.map/1", "frame": "map", "objects": [CHAIR]}))
-    for picture in ("map.png", "map.svg"):
-        code = (
-            "import sys\nsys.modules['matplotlib'] = None\nfrom edgemap.cli import main\n"
-            f"main(['map', 'show', {str(tmp_path)!r}, '--out', {str(tmp_path / picture)!r}])"
-        )
-        result = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
-        assert result.returncode == 0, result.stderr
-        assert f"1 objects; drawn in {tmp_path}/{picture}" in result.stdout
+    drawn = [str(tmp_path / name) for name in ("map.png", "map.svg")]
+    code = (
+        "import sys\nsys.modules['matplotlib'] = None\nfrom edgemap.cli import main\n"
+        f"for path in {drawn}:\n    main(['map', 'show', {str(tmp_path)!r}, '--out', path])"
+    )
+    result = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
+    assert result.returncode == 0, result.stderr
+    assert all(f"1 objects; drawn in {path}" in result.stdout for path in drawn)
     assert "chair-1" in " ".join(ElementTree.parse(tmp_path / "map.svg").getroot().itertext())
 
 

@@ -29,11 +29,15 @@ def server():
         yield server
 
 
-def begin(camera, out, *words, **environment):
-    command = [sys.executable, "-m", "edgemap.cli", "run", "--camera", camera, "--bundle", "edgemap-nano", *words]
-    command += ["--out", out, "--mount", "0.6,11.5", "--intrinsics", "587,587,319.5,239.5"]
-    pipes = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE, "text": True}
-    return subprocess.Popen([str(word) for word in command], env=os.environ | environment, **pipes)
+@pytest.fixture
+def begin(painted_bundle):
+    def start(camera, out, *words, **environment):
+        command = [sys.executable, "-m", "edgemap.cli", "run", "--camera", camera, "--bundle", painted_bundle, *words]
+        command += ["--out", out, "--mount", "0.6,11.5", "--intrinsics", "587,587,319.5,239.5"]
+        pipes = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE, "text": True}
+        return subprocess.Popen([str(word) for word in command], env=os.environ | environment, **pipes)
+
+    return start
 
 
 def frames_done(out):
@@ -52,7 +56,7 @@ def stopped_cleanly(ending):
     assert ending.busy_s < 2.0
 
 
-def test_a_stall_and_a_stop_do_not_end_a_run_and_sigterm_does_within_two_seconds(server, tmp_path):
+def test_a_stall_and_a_stop_do_not_end_a_run_and_sigterm_does_within_two_seconds(begin, server, tmp_path):
     out, heard = tmp_path / "run", []
 
     def frames_now():
@@ -93,7 +97,7 @@ def test_a_stall_and_a_stop_do_not_end_a_run_and_sigterm_does_within_two_seconds
     assert heard[-1] == "STOPPING=1"
 
 
-def test_sigterm_in_the_middle_of_a_realsense_recording(realsense_recording, tmp_path):
+def test_sigterm_in_the_middle_of_a_realsense_recording(begin, realsense_recording, tmp_path):
     pytest.importorskip("pyrealsense2")
     out = tmp_path / "run"
     run = begin(f"realsense:{realsense_recording[0]}", out, "--realtime")
@@ -106,7 +110,7 @@ def test_sigterm_in_the_middle_of_a_realsense_recording(realsense_recording, tmp
     assert json.loads((out / "run.json").read_text())["finished"]
 
 
-def test_sigterm_while_the_camera_is_away(server, tmp_path):
+def test_sigterm_while_the_camera_is_away(begin, server, tmp_path):
     """The supervisor sleeps between two attempts to open it, or is in the middle of one."""
     out = tmp_path / "run"
     with socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as manager:

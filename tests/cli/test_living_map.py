@@ -2,8 +2,6 @@
 
 import json
 import os
-import subprocess
-import sys
 from dataclasses import replace
 from pathlib import Path
 
@@ -22,23 +20,18 @@ from edgemap.runtime.outputs.verdict.verdict import Verdict
 from edgemap.runtime.step.map_file import load_annotated_map, save_map
 from edgemap.runtime.step.map_store import find_map, saved_map
 
-MAIN = "import sys; from edgemap.cli import main; sys.exit(main())"
-
 
 @pytest.fixture
-def boot(tmp_path, painted_bundle, pictures):
+def boot(edgemap, tmp_path, painted_bundle, pictures):
     """boot(NAME, *arguments) -> one start of the service, as systemd makes it: the user's data folder, a new run."""
     data = tmp_path / "data"
 
     def start(name, *arguments):
         out = tmp_path / "runs" / str(len(list(tmp_path.glob("runs/*"))))
-        command = ["run", "--camera", pictures, "--bundle", painted_bundle, "--map", name, "--out", out, *arguments]
-        environment = {**os.environ, "XDG_DATA_HOME": str(data), "OMP_NUM_THREADS": "1"}
+        flags = ("--camera", pictures, "--bundle", painted_bundle, "--map", name, "--out", out)
+        environment = {**os.environ, "XDG_DATA_HOME": str(data)}
         environment.pop("EDGEMAP_DATA", None)
-        done = subprocess.run(
-            [sys.executable, "-c", MAIN, *map(str, command)], capture_output=True, text=True, env=environment
-        )
-        return done, data / "edgemap" / "maps" / name, out
+        return edgemap("run", *flags, *arguments, env=environment), data / "edgemap" / "maps" / name, out
 
     return start
 

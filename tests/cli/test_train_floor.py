@@ -11,12 +11,12 @@ pytest.importorskip("torch")
 
 @pytest.fixture(scope="module")
 def carpets(tmp_path_factory):
-    """Eight pictures of a speckled carpet below a plain wall, at many heights."""
+    """Four pictures of a speckled carpet below a plain wall, at many heights."""
     folder = tmp_path_factory.mktemp("carpets")
     (folder / "images").mkdir()
     (folder / "floor").mkdir()
     generator = np.random.default_rng(0)
-    for number in range(8):
+    for number in range(4):
         row = int(generator.integers(60, 160))
         picture = np.full((240, 320, 3), generator.integers(150, 220, 3), np.uint8)
         picture[row:] = cv2.resize(generator.integers(0, 120, (60, 80, 3), np.uint8), (320, 240))[: 240 - row]
@@ -31,7 +31,7 @@ def carpets(tmp_path_factory):
 def test_train_export_and_eval(edgemap, carpets, tmp_path):
     data = f"floor:{carpets}"
     trained = ("--data", data, "--validation", data, "--backbone", "edgemap-nano", "--rate", "0.01")
-    brief = ("--epochs", "8", "--batch", "8", "--views", "1")
+    brief = ("--epochs", "8", "--batch", "4", "--views", "1")
     made = edgemap("train", "floor", *trained, *brief, "--source", "labels by hand", "-o", tmp_path / "out")
     assert made.returncode == 0, made.stderr
     head = tmp_path / "out" / "best.pt"
@@ -41,7 +41,7 @@ def test_train_export_and_eval(edgemap, carpets, tmp_path):
     assert "labels by hand" in manifest["sources"]
     result = edgemap("eval", "floor", "--data", data, "--bundle", tmp_path / "bundle", "--json")
     figures = json.loads(result.stdout)
-    assert figures["pictures"] == 8
+    assert figures["pictures"] == 4
     assert figures["iou"] > 0.8
     assert figures["contact_m"] is None
     picture = carpets / "images" / "0.png"

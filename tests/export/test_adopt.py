@@ -9,7 +9,7 @@ import pytest
 from onnx import TensorProto, helper, numpy_helper
 from support.refusal import refused
 
-from edgemap.export.adopt import adopt, find_tap, static_tensors
+from edgemap.export.adopt import adopt
 from edgemap.export.errors import ExportError
 from edgemap.export.exporter import export_backbone
 from edgemap.runtime.network.bundle import load_bundle
@@ -120,14 +120,3 @@ def test_an_opset_outside_of_the_contract_is_converted(tmp_path, opset, kept):
     path = little_yolox(tmp_path / "m.onnx", opset=opset)
     model, _ = adopt(path, "stride32")
     assert [item.version for item in model.opset_import if item.domain == ""] == [kept]
-
-
-def test_yolox_nano(real_bundles, shared_data):
-    path = shared_data / "weights" / "yolox_nano.onnx"
-    manifest = read_manifest(real_bundles / "yolox-nano")
-    assert manifest.detector.heads[0].shape == (1, 3549, 85)
-    assert (manifest.detector.features, manifest.odometry) == ((), {})
-    assert manifest.parity["backbone.onnx"].max_abs_difference == 0.0
-    tensors = static_tensors(onnx.load(path))
-    found = [find_tap(tensors, stride, 416, 416) for stride in (8, 16, 32)]
-    assert [(tensor.channels, tensor.height) for tensor in found] == [(64, 52), (128, 26), (256, 13)]

@@ -180,16 +180,6 @@ def test_a_trained_head_brings_its_facts_along(tmp_path, small_cfg, small_weight
         export_backbone(str(small_cfg), tmp_path / "c", weights=small_weights, heads=[path])
 
 
-def test_yolov3_tiny_with_its_real_weights(real_bundles):
-    manifest = read_manifest(real_bundles / "yolov3-tiny")
-    assert [head.shape for head in manifest.detector.heads] == [(1, 255, 13, 13), (1, 255, 26, 26)]
-    assert manifest.measured["weights"]["float32_values"] == 8_858_734
-    assert manifest.measured["weights"]["sha256"].startswith("dccea06f59b7")
-    assert {entry.name for entry in manifest.detector.classes if not entry.mapped} >= {"person", "dog", "giraffe"}
-    assert manifest.parity["backbone.onnx"].max_abs_difference < 1e-3
-    assert manifest.odometry == {}
-
-
 @pytest.mark.usefixtures("traced_once")
 def test_a_bundle_of_an_own_network_has_the_name_of_its_folder_on_the_robot_too(
     tmp_path, small_cfg, small_weights, monkeypatch

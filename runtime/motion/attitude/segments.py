@@ -47,13 +47,17 @@ def line_ends(grey: MatLike, scale: float = LSD_SCALE) -> Array:
 
 def segments_between(ends: Array, lens: Intrinsics) -> Segments:
     """Lines of a picture by their ends (N, 2, 2) px, short ones left out."""
-    px = np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1)
-    keep = np.argsort(-px)[:MAXIMUM_SEGMENTS]
-    keep = keep[px[keep] > SHORTEST_SHARE * lens.width]
-    ends = ends[keep]
+    ends = longest(ends, lens.width)
     first, last = (_unit(lens.rays(ends[:, i])) for i in (0, 1))
     planes = np.cross(first, last)
     return Segments(_unit(planes), np.arcsin(np.clip(np.linalg.norm(planes, axis=1), 0.0, 1.0)))
+
+
+def longest(ends: Array, width: int) -> Array:
+    """The lines (N, 2, 2) px that `segments_between` uses of a picture of this width."""
+    px = np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1)
+    keep = np.argsort(-px)[:MAXIMUM_SEGMENTS]
+    return ends[keep[px[keep] > SHORTEST_SHARE * width]]
 
 
 def _unit(vectors: Array) -> Array:

@@ -4,7 +4,6 @@
 
 import math
 from importlib.metadata import EntryPoint
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -176,7 +175,7 @@ def open_plugin(monkeypatch, given_by):
 
     point = EntryPoint("lab", "somewhere:kind", plugins.CAMERAS)
     monkeypatch.setattr(EntryPoint, "load", lambda self: Kind)
-    monkeypatch.setattr(plugins, "distributions", lambda: [SimpleNamespace(entry_points=[point])])
+    monkeypatch.setattr(plugins, "declared", lambda: [point])
     return open_camera("lab")
 
 

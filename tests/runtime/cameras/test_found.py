@@ -7,7 +7,6 @@ import struct
 import subprocess
 import sys
 from pathlib import Path
-from types import SimpleNamespace
 
 import cv2
 import numpy as np
@@ -55,14 +54,14 @@ def test_video_devices_are_those_that_capture(tmp_path, monkeypatch):
 
 def test_two_packages_with_one_kind_are_refused(monkeypatch):
     points = [plugins.EntryPoint("lab", "one", plugins.CAMERAS), plugins.EntryPoint("lab", "other", plugins.CAMERAS)]
-    monkeypatch.setattr(plugins, "distributions", lambda: [SimpleNamespace(entry_points=points)])
+    monkeypatch.setattr(plugins, "declared", lambda: points)
     with pytest.raises(PluginError, match="'lab' comes from two packages, one and other"):
         open_camera("lab:1")
 
 
 def test_a_package_that_does_not_import_is_one_line(monkeypatch):
     point = plugins.EntryPoint("lab", "no_such_module_here", plugins.CAMERAS)
-    monkeypatch.setattr(plugins, "distributions", lambda: [SimpleNamespace(entry_points=[point])])
+    monkeypatch.setattr(plugins, "declared", lambda: [point])
     with pytest.raises(PluginError, match=r"'lab' of no_such_module_here does not load .ModuleNotFoundError"):
         open_camera("lab")
 
