@@ -58,7 +58,7 @@ def test_the_covariance_is_that_of_the_errors():
 
 
 def test_what_is_measured_of_a_pose_outweighs_points_that_agree_on_another():
-    """More points agree on a lens 0.4 m lower than on the true one; its height is known better than all points tell it."""
+    """More points agree on a lens 0.4 m lower than on the true one; its height is known better than they tell."""
     true, low = LensPose(np.eye(3), np.array([0.1, 0.0, 0.2])), LensPose(np.eye(3), np.array([0.0, 0.4, 0.0]))
     landmarks, seen = scene(0, true)
     seen[::3], seen[1::3] = scene(0, low)[1][::3], scene(0, low)[1][1::3]
