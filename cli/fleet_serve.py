@@ -25,7 +25,8 @@ def command(
     """Keep one map of a place from the latest map of each robot that runs with `--sink fleet:PLACE`, until Ctrl-C.
 
     DIR/map.json is the merged map, DIR/robots/NAME.json the latest map of each robot. Maps are aligned by their
-    objects, as `map merge` does; one that does not fit with certainty stays apart, with the reason, until it does.
+    objects and floors, as `map merge` does; one that does not fit with certainty stays apart, with the reason, until it
+    does.
     """
     from edgemap.bridges.fleet.keeper import PlaceKeeper
     from edgemap.bridges.fleet.network import place_and_address, zenoh_address

@@ -5,6 +5,7 @@ from collections.abc import Callable
 from typing import Any
 
 from edgemap.bridges.fleet.network import ROOT, checked_name, open_session, place_and_address
+from edgemap.geometry.grid.occupancy_grid import OccupancyGrid
 from edgemap.geometry.map_object import MapObject
 from edgemap.geometry.objects.annotations import NO_ANNOTATIONS
 from edgemap.runtime.frames.errors import PublishError, UsageError
@@ -12,6 +13,7 @@ from edgemap.runtime.frames.reading import read_bytes
 from edgemap.runtime.frames.timing import StreamTimer
 from edgemap.runtime.outputs.sinks.kinds import RunInfo
 from edgemap.runtime.outputs.verdict.verdict import Verdict
+from edgemap.runtime.step.grid_file import grid_bytes
 from edgemap.runtime.step.map_file import map_document, map_path, pose_record
 from edgemap.runtime.step.sinks import Sink
 from edgemap.runtime.step.slam import StepResult
@@ -34,6 +36,8 @@ class FleetSink(Sink):
         self._session: Any = open_session(connect=address)
         self._message, self._kept, self._verdict = "", False, verdict
         self._objects, self._annotations = list[MapObject](), NO_ANNOTATIONS
+        self._grid: OccupancyGrid | None = None
+        self._grid_bytes = b""
         self._pose_timer, self._map_timer = StreamTimer(POSE_EVERY_S), StreamTimer(MAP_EVERY_S)
         self._map, self._pose = (self._session.declare_publisher(f"{key}/{what}") for what in ("map", "pose"))
         alive = self._session.liveliness()
@@ -43,6 +47,7 @@ class FleetSink(Sink):
     def write(self, result: StepResult, objects: list[MapObject]) -> None:
         """Sends what is due."""
         stamp_s, self._objects, self._annotations = result.frame.stamp_s, objects, result.annotations
+        self._grid = result.grid
         if self._map_timer.due(stamp_s):
             self._send_map()
         if self._pose_timer.due(stamp_s):
@@ -59,15 +64,15 @@ class FleetSink(Sink):
             self._session.close()
 
     def _send_map(self) -> None:
-        message = json.dumps(map_document(self._objects, self._verdict().on(self._annotations)))
+        message = json.dumps(map_document(self._objects, self._verdict().on(self._annotations), self._grid))
         if message != self._message and (self._message or self._objects):
-            self._message = message
-            self._map.put(message)
+            self._message, self._grid_bytes = message, b"" if self._grid is None else grid_bytes(self._grid)
+            self._map.put(message, attachment=self._grid_bytes)
 
     def _on_keeper(self, sample: Any) -> None:  # on a thread of zenoh's
         self._kept = str(sample.kind).endswith("PUT")
         if self._kept and self._message:
-            self._map.put(self._message)
+            self._map.put(self._message, attachment=self._grid_bytes)
 
 
 def open(address: str, run: RunInfo) -> FleetSink:

@@ -54,6 +54,11 @@ def save_grid(path: Path, grid: OccupancyGrid) -> None:
     with suppress(OSError):  # a file system without hard links
         grid_before(path).unlink(missing_ok=True)
         os.link(path, grid_before(path))
+    write_atomically(path, grid_bytes(grid))
+
+
+def grid_bytes(grid: OccupancyGrid) -> bytes:
+    """The content of a grid's file."""
     data = io.BytesIO()
     np.savez_compressed(
         data,
@@ -62,7 +67,7 @@ def save_grid(path: Path, grid: OccupancyGrid) -> None:
         resolution_m=np.array(grid.cell_m),
         thresholds=np.array([grid.free_below, grid.occupied_above]),
     )
-    write_atomically(path, data.getvalue())
+    return data.getvalue()
 
 
 def load_grid(path: Path) -> OccupancyGrid | None:

@@ -5,9 +5,8 @@ import numpy as np
 import pytest
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
-from support.rooms import furnished, mapped, somewhere
+from support.rooms import PAIRS, ROOMS, floor, furnished, mapped, somewhere
 
-from edgemap.geometry.grid.occupancy_grid import OccupancyGrid
 from edgemap.geometry.objects.annotations import NO_ANNOTATIONS
 from edgemap.geometry.objects.merge import merge_all
 from edgemap.geometry.registration.alignment import AlignmentError, align, aligning, realigned
@@ -167,26 +166,7 @@ def test_objects_a_thousand_kilometres_off_with_no_doubt_at_all_are_aligned_or_r
     assert (np.linalg.eigvalsh(found.covariance) > 0.0).all()
 
 
-ROOMS = [((0, 0), (4, 3)), ((4, 1), (7, 3)), ((1, 3), (3, 5.5))]  # of a floor: lower and upper corner, metres
 OTHER = [((0, 0), (3, 4)), ((3, 0), (6.5, 2)), ((-2, 1), (0, 4))]
-PAIRS = [("chair", 0.6, 0.5), ("potted plant", 3.4, 0.5), ("chair", 6.5, 1.5), ("potted plant", 6.5, 4.3)]
-
-
-def floor(rooms, pose=None, cut_m=9.0):
-    """The grid of a floor as far as x, in the frame of a map at a pose: 3 cm samples, occupied round each room."""
-    axes = [np.arange(-2.5, 8.0, 0.03)] * 2
-    points = np.stack(np.meshgrid(*axes), axis=-1)
-    away = np.min(
-        [np.maximum(low - points, points - high).max(axis=-1) for low, high in np.array(rooms, float)], axis=0
-    )
-    places = (pose or SE2()).inverse().apply(points.reshape(-1, 2)).reshape(points.shape)
-    cells = np.floor((places - places.min(axis=(0, 1))) / 0.05).astype(int)
-    log_odds = np.zeros(cells.max(axis=(0, 1))[::-1] + 1, np.int8)
-    for chosen, value in (((away > 0) & (away < 0.08), 40), (away < 0, -40)):
-        x, y = cells[chosen & (points[..., 0] < cut_m)].T
-        log_odds[y, x] = value
-    x_m, y_m = places.min(axis=(0, 1)).tolist()
-    return OccupancyGrid(log_odds, x_m, y_m, 0.05)
 
 
 def yield_from(work):

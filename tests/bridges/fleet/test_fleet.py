@@ -11,14 +11,16 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from support.recordings import LENS
 from support.results import POSES, results
-from support.rooms import furnished, mapped, somewhere
+from support.rooms import PAIRS, ROOMS, floor, furnished, mapped, somewhere
 from support.waiting import free_port, wait_for
 
 from edgemap.cli import main
 from edgemap.geometry.errors import MapError
 from edgemap.geometry.objects.annotations import Annotations, MapIdentity
+from edgemap.geometry.se2 import SE2
 from edgemap.runtime.frames.errors import PublishError
 from edgemap.runtime.frames.frame import Frame
+from edgemap.runtime.step.grid_file import load_grid
 from edgemap.runtime.step.map_file import load_annotated_map, load_map, map_document, save_map
 
 pytest.importorskip("zenoh", reason="zenoh is not installed (extra 'fleet')")
@@ -56,12 +58,12 @@ def home(robots, seed=3):
     return began, [mapped(room, pose, random, sigma_m=0.04, missed=0.1) for pose in began]
 
 
-def drive(sink, objects, stamp_s=0.0):
+def drive(sink, objects, stamp_s=0.0, grid=None):
     """One step of a robot at (0.1, 0.02) of its own map."""
     picture = np.zeros((LENS.height, LENS.width, 3), np.uint8)
     (result,) = results([Frame(0, stamp_s, picture)], [POSES[1]])
     with suppress(PublishError):  # until the keeper is there
-        sink.write(result, objects)
+        sink.write(replace(result, grid=grid), objects)
 
 
 def until(keeper, true):
@@ -151,6 +153,26 @@ def test_a_map_that_does_not_fit_stays_apart_until_it_does(tmp_path, address, op
     fresh.close()
 
 
+def test_walls_join_maps_with_few_objects_and_the_place_has_the_floor(tmp_path, address, opened, capsys):
+    began = SE2(2.0, 1.0, 0.7)
+    keeper = opened(PlaceKeeper("home", tmp_path, listen=address))
+    drive(opened(FleetSink("home", "one", address)), mapped(PAIRS), grid=floor(ROOMS))
+    drive(opened(FleetSink("home", "two", address)), mapped(PAIRS[:2], began), grid=floor(ROOMS, began))
+    robots = until(keeper, together("one", "two"))
+    assert robots["two"]["pose_place_map"] == pytest.approx(began.vector(), abs=0.05)
+    late = tmp_path / "late.json"
+    main(["fleet", "show", f"home@{address}", "-o", str(late)])
+    assert f"saved in {late}" in capsys.readouterr().out
+    for path in (late, tmp_path, tmp_path / "robots" / "two.json"):
+        grid = load_grid(path)
+        assert grid is not None
+        assert (grid.at(began.inverse().apply([[2.0, 1.5]]) if path.name == "two.json" else [[2.0, 1.5]]) == 0).all()
+    keeper.close()
+    again = PlaceKeeper("home", tmp_path, listen=address)
+    assert together("one", "two")(again.update())
+    again.close()
+
+
 def test_through_a_router(tmp_path, address, opened, monkeypatch):
     """Neither listens: a zenoh router in between, and for one of them a file of zenoh's own settings."""
     config = zenoh.Config()
@@ -171,7 +193,8 @@ def test_through_a_router(tmp_path, address, opened, monkeypatch):
 def sample(kind, name, message):
     """What zenoh hands to a subscriber."""
     payload = SimpleNamespace(to_bytes=lambda: message)
-    return SimpleNamespace(key_expr=f"edgemap/fleet/home/robots/{name}/{kind}", kind="PUT", payload=payload)
+    key = f"edgemap/fleet/home/robots/{name}/{kind}"
+    return SimpleNamespace(key_expr=key, kind="PUT", payload=payload, attachment=None)
 
 
 _, (GOOD, OTHER) = home(2)
