@@ -60,17 +60,26 @@ def tf(*transforms: Any) -> Any:
     return make("tf2_msgs/msg/TFMessage", list(transforms))
 
 
-def odometry(stamp_ns: int, x: float, y: float, yaw: float) -> Any:
-    pose = make(
+def pose(x: float, y: float, yaw: float) -> Any:
+    return make(
         "geometry_msgs/msg/Pose",
         make("geometry_msgs/msg/Point", x, y, 0.0),
         make("geometry_msgs/msg/Quaternion", 0.0, 0.0, np.sin(yaw / 2), np.cos(yaw / 2)),
     )
+
+
+def path(stamp_ns: int, nodes: list[tuple[int, Any]], frame: str = "map") -> Any:
+    """nav_msgs/Path of (stamp in ns, `pose`)."""
+    poses = [make("geometry_msgs/msg/PoseStamped", header(own_ns, frame), one) for own_ns, one in nodes]
+    return make("nav_msgs/msg/Path", header(stamp_ns, frame), poses)
+
+
+def odometry(stamp_ns: int, x: float, y: float, yaw: float) -> Any:
     zero = make("geometry_msgs/msg/Vector3", 0.0, 0.0, 0.0)
     twist = make("geometry_msgs/msg/Twist", zero, zero)
     return make(
         "nav_msgs/msg/Odometry", header(stamp_ns, "odom"), "base_footprint",
-        make("geometry_msgs/msg/PoseWithCovariance", pose, np.zeros(36)),
+        make("geometry_msgs/msg/PoseWithCovariance", pose(x, y, yaw), np.zeros(36)),
         make("geometry_msgs/msg/TwistWithCovariance", twist, np.zeros(36)),
     )  # fmt: skip
 

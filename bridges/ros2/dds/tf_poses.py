@@ -3,7 +3,7 @@
 import time
 from bisect import bisect_left
 from collections import deque
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field
 from functools import reduce
@@ -11,23 +11,26 @@ from typing import Any
 
 import numpy as np
 
-from edgemap.bridges.ros2.dds.node import Node, Reliability
+from edgemap.bridges.ros2.dds.node import Node, Reliability, Subscription
 from edgemap.bridges.ros2.dds.sources import WAIT_S, TopicTrack
 from edgemap.bridges.ros2.messages.definitions import ns_of, to_s
-from edgemap.bridges.ros2.messages.tf_chain import Corrections, TfFrames, planar_of, size_of
+from edgemap.bridges.ros2.messages.tf_chain import PATH, Corrections, NodePath, TfFrames, apart, planar_of, size_of
 from edgemap.bridges.ros2.messages.tf_tree import transform_of
 from edgemap.bridges.ros2.messages.topics import KINDS, TF, TF_STATIC
+from edgemap.bridges.ros2.recordings.reading import short
 from edgemap.geometry.arrays import Array
 from edgemap.geometry.camera.attitude import Attitude
 from edgemap.geometry.camera.mount import Mount
 from edgemap.geometry.se2 import SE2
 from edgemap.runtime.frames.errors import CameraError, OdometryError
 from edgemap.runtime.frames.spatial_poses import base_attitudes, pose_of
+from edgemap.runtime.frames.timing import StreamTimer
 from edgemap.runtime.motion.given_poses import GivenPoses
 from edgemap.runtime.step.pose_journal import MAXIMUM
 
 FOLLOWED = 0.05  # m, and rad: a cell of the grid; smaller corrections wait until they add up to it
 RECENT = 50  # poses with tilt that are kept: those about a picture
+LOOK_S = 5.0  # between two looks for topics with paths
 
 
 class TfTrack(TopicTrack):
@@ -38,7 +41,7 @@ class TfTrack(TopicTrack):
     def __init__(self, node: Node, frames: TfFrames, offset_s: Callable[[], float]) -> None:
         super().__init__(node.subscription(TF, KINDS[TF], Reliability.RELIABLE, depth=500))
         self._static = node.subscription(TF_STATIC, KINDS[TF_STATIC], Reliability.LATCHED, depth=100)
-        self._frames, self._offset_s = frames, offset_s
+        self._frames, self.offset_s = frames, offset_s
         self._parents, self._links = dict[str, str](), dict[str, Array]()
         self._chain: list[str] = []
         self.recent = deque[tuple[float, Array]](maxlen=RECENT)
@@ -79,7 +82,7 @@ class TfTrack(TopicTrack):
             if below and found.keys() & set(below) and all(child in self._links for child in self._chain):
                 stamps_ns = [ns_of(step.header.stamp) for step in message.transforms if _child(step) in below]
                 pose = reduce(np.matmul, [self._links[child] for child in below])
-                stamp_s = to_s(max(stamps_ns)) - self._offset_s()
+                stamp_s = to_s(max(stamps_ns)) - self.offset_s()
                 self.recent.append((stamp_s, self.map_odom @ pose))
                 self.push(stamp_s, planar_of(pose))
 
@@ -95,6 +98,31 @@ class TfTrack(TopicTrack):
         return found
 
 
+class PathTopics:
+    """The paths that are published in the map's frame. top: that frame."""
+
+    def __init__(self, node: Node, top: str) -> None:
+        self._node, self._top, self._look_timer = node, top, StreamTimer(LOOK_S)
+        self._topics: dict[str, tuple[Subscription, NodePath]] = {}
+
+    @property
+    def paths(self) -> list[NodePath]:
+        """The newest of each topic."""
+        return [nodes for _, nodes in self._topics.values()]
+
+    def take(self, stamp_s: float, offset_s: float) -> bool:
+        """Whether a message came since. stamp_s, offset_s: of the stream, and from there to ROS time."""
+        for topic, kind in self._node.published().items() if self._look_timer.due(stamp_s) else ():
+            if short(kind) == PATH and topic not in self._topics:
+                self._topics[topic] = self._node.subscription(topic, kind), NodePath(self._top)
+        came = False
+        for messages, nodes in self._topics.values():
+            for message in messages.take():
+                nodes.take(message, offset_s)
+                came = True
+        return came
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class LivePoses(GivenPoses):
     """Poses that come while the map is made. The trajectory has no jumps; `correction` has them."""
@@ -102,6 +130,7 @@ class LivePoses(GivenPoses):
     tf: TfTrack = field(kw_only=True)
     mount: Mount = field(kw_only=True)
     path: "MapPath" = field(kw_only=True)
+    topics: PathTopics = field(kw_only=True)
 
     def attitude(self, stamp_s: float) -> Attitude | None:
         """By the poses about a stamp; None where the base is level."""
@@ -118,7 +147,8 @@ class LivePoses(GivenPoses):
             pose = self.tf.at(stamp_s)
         except OdometryError:
             return None
-        return self.path.at if self.path.add(stamp_s, pose, self.tf.map_odom, self.tf.restarts) else None
+        paths = self.topics.paths if self.topics.take(stamp_s, self.tf.offset_s()) else ()
+        return self.path.at if self.path.add(stamp_s, pose, self.tf.map_odom, self.tf.restarts, paths) else None
 
 
 class MapPath:
@@ -127,13 +157,15 @@ class MapPath:
     def __init__(self, first: tuple[float, Array]) -> None:
         """first: stamp and pose (4, 4) when the source was opened."""
         self.first = first
-        self._stamps_s, self._poses, self._path_m = list[float](), list[Array](), list[float]()
+        self._stamps_s, self._path_m = list[float](), list[float]()
+        self._poses, self._odoms = list[Array](), list[Array]()  # in the map; in odom, over its restarts
         self._map_odom, self._restarts = np.eye(4), -1
         self._odom: SE2 | None = None
-        self._corrections = Corrections()
+        self._corrections, self._paths = Corrections(), tuple[NodePath, ...]()
 
-    def add(self, stamp_s: float, odom: SE2, map_odom: Array, restarts: int) -> bool:
-        """Adds a frame's pose in odom. Returns whether poses so far are others than those that were used."""
+    def add(self, stamp_s: float, odom: SE2, map_odom: Array, restarts: int, paths: Sequence[NodePath] = ()) -> bool:
+        """Adds a frame's pose in odom. Returns whether poses so far are others than those that were used. paths: of the
+        SLAM, where one came since."""
         restarted, self._restarts = restarts != self._restarts, restarts
         if restarted:
             self._map_odom = map_odom
@@ -141,17 +173,25 @@ class MapPath:
         self._odom = odom
         self._stamps_s.append(stamp_s)
         self._poses.append(self._map_odom @ matrix_of_pose(odom))
+        self._odoms.append((self._odoms[-1] if self._odoms else np.eye(4)) @ matrix_of_pose(step))
         self._path_m.append((self._path_m[-1] if self._path_m else 0.0) + float(np.hypot(step.x_m, step.y_m)))
         if len(self._poses) > MAXIMUM:  # the older half gets coarser, as in the journal of poses
-            for rows in (self._stamps_s, self._poses, self._path_m):
+            for rows in (self._stamps_s, self._poses, self._odoms, self._path_m):
                 del rows[1 : MAXIMUM // 2 : 2]
-        moved = map_odom @ np.linalg.inv(self._map_odom)
-        if size_of(moved, self._poses[-1]) > FOLLOWED:
+        moved, self._paths = map_odom @ np.linalg.inv(self._map_odom), tuple(paths) or self._paths
+        jumped = size_of(moved, self._poses[-1]) > FOLLOWED
+        changed = jumped or restarted or len(self._poses) == 2  # before the first frame the robot was elsewhere
+        if jumped or paths:
             poses = np.array(self._poses)
-            self._corrections.spread(poses, np.array(self._path_m), moved)
-            self._poses, self._map_odom = list(poses), map_odom
-            return True
-        return restarted or len(self._poses) == 2  # before the first frame the robot was elsewhere
+            if jumped:
+                self._corrections.spread(poses, np.array(self._path_m), moved, stamp_s)
+                self._map_odom = map_odom
+            for path in self._paths:
+                through = path.through(np.array(self._stamps_s), np.array(self._odoms), poses, self._corrections)
+                if through is not None and (jumped or apart(through, poses).max() > FOLLOWED):
+                    poses, changed = through, True
+            self._poses = list(poses)
+        return changed
 
     def at(self, stamp_s: float) -> SE2 | None:
         """The pose at a frame's stamp."""
@@ -164,11 +204,13 @@ def live_tf_poses(node: Node, where: str, offset_s: Callable[[], float]) -> Call
     """What `CameraInfo.tf` is of a live camera: subscribes to tf. offset_s: from stamps of the stream to ROS time."""
 
     def poses(frames: str, mount: Mount) -> GivenPoses:
-        track = TfTrack(node, TfFrames(frames, where), offset_s)
+        named = TfFrames(frames, where)
+        track, topics = TfTrack(node, named, offset_s), PathTopics(node, named.top)
         track.join()
         first = track.recent[-1]
         start = planar_of(first[1])
-        return LivePoses(track, None, mount.height_m, (), start, tf=track, mount=mount, path=MapPath(first))
+        path = MapPath(first)
+        return LivePoses(track, None, mount.height_m, (), start, tf=track, mount=mount, path=path, topics=topics)
 
     return poses
 

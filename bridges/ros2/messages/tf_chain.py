@@ -1,17 +1,24 @@
 """What tf says of a base in a map: the frames between both, and corrections of the map, which move earlier poses."""
 
 from collections.abc import Mapping
+from typing import Any
 
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from edgemap.bridges.ros2.messages.definitions import ns_of, to_s
 from edgemap.geometry.arrays import Array
 from edgemap.geometry.se2 import SE2
 from edgemap.runtime.frames.errors import CameraError
 from edgemap.runtime.frames.reading import one_line
+from edgemap.runtime.frames.spatial_poses import poses_of
+from edgemap.runtime.frames.trajectory import QUATERNION_TOLERANCE
 
 MAP, BASES = "map", ("base_footprint", "base_link")  # REP 105 and 120
 SAME = 1e-6  # m and rad; a correction that is smaller is none
+PATH = "nav_msgs/Path"
+TF_AGREES = 0.1  # m, and rad: how near tf's pose the newest node is, if the nodes are poses of the base
+LOGGED = 0.75  # of the largest correction: a path with such a step at its time logs tf as it was
 
 
 class TfFrames:
@@ -42,16 +49,18 @@ class TfFrames:
 class Corrections:
     """Spreads each correction of the map over the path before it: as far back as the mean drift, all corrections so far
     over all path so far, makes such an error. Each step of that path turns by its share; what is then left of the error
-    of the last place is spread likewise, as a pose graph of odometry does with one loop."""
+    of the last place is spread likewise, as a pose graph of odometry does with one loop.
+
+    largest: size in m and stamp of the largest so far."""
 
     def __init__(self) -> None:
-        self._sum_m = 0.0
+        self._sum_m, self.largest = 0.0, (0.0, 0.0)
 
-    def spread(self, poses: Array, path_m: Array, moved: Array) -> None:
-        """Moves poses (N, 4, 4) in place, the last of them by all of a correction (4, 4). path_m: travelled up to each,
-        (N,)."""
+    def spread(self, poses: Array, path_m: Array, moved: Array, stamp_s: float) -> None:
+        """Moves poses (N, 4, 4) in place, the last of them by all of a correction (4, 4) at a stamp. path_m: travelled
+        up to each, (N,)."""
         size_m = size_of(moved, poses[-1])
-        self._sum_m += size_m
+        self._sum_m, self.largest = self._sum_m + size_m, max(self.largest, (size_m, stamp_s))
         first = int(np.searchsorted(path_m, path_m[-1] * (1.0 - size_m / max(self._sum_m, SAME))))
         past, since_m = poses[first:], path_m[first:] - path_m[first]
         shares = (since_m / since_m[-1] if since_m[-1] > SAME else np.ones(len(since_m)))[:, None]
@@ -63,6 +72,65 @@ class Corrections:
         past[:, :3, :3] = Rotation.from_rotvec(shares * turn).as_matrix() @ past[:, :3, :3]
 
 
+class NodePath:
+    """Nodes of a SLAM's pose graph in the map, as corrected so far: the newest path that it publishes (nav_msgs/Path).
+
+    RTAB-Map stamps all poses of its mapPath as the message: then a node has the stamp of the last message that it
+    ended. top: the map's frame.
+    """
+
+    def __init__(self, top: str) -> None:
+        self._top, self._ended_ns = top, dict[int, int]()  # by number of poses
+        self._stamps_s, self._poses = np.zeros(0), np.zeros((0, 4, 4))
+
+    def take(self, message: Any, offset_s: float = 0.0) -> None:
+        """Takes a decoded message. offset_s: from the stream's stamps to the message's."""
+        count = len(message.poses)
+        if message.header.frame_id.lstrip("/") != self._top or not count:
+            return
+        self._ended_ns = {n: ns for n, ns in self._ended_ns.items() if n < count} | {count: ns_of(message.header.stamp)}
+        stamps = [ns_of(node.header.stamp) for node in message.poses]
+        if len(set(stamps)) == 1:
+            stamps = [self._ended_ns.get(n + 1, 0) for n in range(count)]
+        parts = [(node.pose.position, node.pose.orientation) for node in message.poses]
+        rows = np.array([[at.x, at.y, at.z, turn.x, turn.y, turn.z, turn.w] for at, turn in parts])
+        good = (np.diff(np.maximum.accumulate(stamps), prepend=0) > 0) & np.isfinite(rows).all(axis=1)
+        good &= np.abs(np.linalg.norm(rows[:, 3:], axis=1) - 1.0) < QUATERNION_TOLERANCE
+        self._stamps_s = np.array([to_s(ns) - offset_s for ns in np.array(stamps)[good].tolist()])
+        self._poses = poses_of(rows[good, :3], rows[good, 3:])
+
+    def through(self, stamps_s: Array, odom: Array, poses: Array, corrections: Corrections) -> Array | None:
+        """The poses (N, 4, 4) at stamps (N,), moved: odometry's (N, 4, 4) through first, nodes and last. None
+        where the nodes are poses of another frame, or a log of tf. corrections: those that the poses have."""
+        inside = (self._stamps_s >= stamps_s[0]) & (self._stamps_s < stamps_s[-1])
+        nodes_s, nodes = self._stamps_s[inside], self._poses[inside]
+        largest_m, largest_s = corrections.largest
+        if len(nodes) < 2 or not largest_m:
+            return None
+        after = np.searchsorted(stamps_s, nodes_s, side="right")
+        share = (nodes_s - stamps_s[after - 1]) / (stamps_s[after] - stamps_s[after - 1])
+        at_nodes, by_tf = (_between(rows[after - 1], rows[after], share) for rows in (odom, poses))
+        joined = nodes @ np.linalg.inv(at_nodes)  # the map to odom
+        at = int(np.clip(np.searchsorted(nodes_s, largest_s), 1, len(nodes) - 1))
+        ends = np.array([by_tf[-1], joined[at - 1] @ at_nodes[at]])
+        apart_m, step_m = apart(ends, nodes[[-1, at]]).tolist()
+        if apart_m > TF_AGREES or step_m > LOGGED * largest_m:
+            return None
+        first, last = poses[[0, -1]] @ np.linalg.inv(odom[[0, -1]])
+        joined, joined_s = np.array([first, *joined, last]), np.array([stamps_s[0], *nodes_s, stamps_s[-1]])
+        after = np.minimum(np.searchsorted(joined_s, stamps_s, side="right"), len(joined) - 1)
+        share = (stamps_s - joined_s[after - 1]) / (joined_s[after] - joined_s[after - 1])
+        return _between(joined[after - 1] @ odom, joined[after] @ odom, share)
+
+
+def _between(before: Array, after: Array, share: Array) -> Array:
+    """Poses (N, 4, 4) at a share (N,) of the motion from those before to those after."""
+    turn = Rotation.from_matrix(before[:, :3, :3].transpose(0, 2, 1) @ after[:, :3, :3]).as_rotvec()
+    poses = before + share[:, None, None] * (after - before)
+    poses[:, :3, :3] = before[:, :3, :3] @ Rotation.from_rotvec(share[:, None] * turn).as_matrix()
+    return poses
+
+
 def planar_of(pose: Array) -> SE2:
     """A pose (4, 4) on the floor."""
     return SE2(float(pose[0, 3]), float(pose[1, 3]), float(np.arctan2(pose[1, 0], pose[0, 0])))
@@ -72,3 +140,9 @@ def size_of(moved: Array, pose: Array) -> float:
     """How far a correction moves a robot, a radian counting as a metre."""
     shift = (moved @ pose)[:2, 3] - pose[:2, 3]
     return float(np.hypot(*shift) + abs(np.arctan2(moved[1, 0], moved[0, 0])))
+
+
+def apart(one: Array, other: Array) -> Array:
+    """How far poses (N, 4, 4) are apart, (N,), a radian counting as a metre."""
+    turn = Rotation.from_matrix(one[:, :3, :3].transpose(0, 2, 1) @ other[:, :3, :3])
+    return np.linalg.norm(other[:, :3, 3] - one[:, :3, 3], axis=1) + turn.magnitude()

@@ -8,6 +8,7 @@ from itertools import islice
 from typing import Any
 
 from edgemap.bridges.ros2.messages.definitions import to_s
+from edgemap.bridges.ros2.messages.tf_chain import PATH
 from edgemap.bridges.ros2.messages.topics import DEPTH, EDITS, SEARCHED, STAMPS, TF
 from edgemap.bridges.ros2.recordings.facts import RECORD, TRUTH_FILE, WHEEL_FILE, read_facts, read_trajectory_file
 from edgemap.bridges.ros2.recordings.foreign import (
@@ -193,6 +194,8 @@ class RecordingCamera(Camera):
                 (taken if used else left)[name] = (
                     "IMU" if used else "tf does not join it to the pictures, or another is used"
                 )
+            elif topic.kind == PATH:
+                left[name] = "used by --odometry tf"
             else:
                 left[name] = topic.kind
         lines = [f"{title}: " + ", ".join(f"{name} ({what})" for name, what in some.items())

@@ -1,18 +1,19 @@
 """The base's poses by the tf of a recording: those of a SLAM that ran beside it, with its corrections."""
 
 from collections import defaultdict
+from contextlib import suppress
 
 import numpy as np
 
 from edgemap.bridges.ros2.messages.definitions import ns_of, to_s
-from edgemap.bridges.ros2.messages.tf_chain import SAME, Corrections, TfFrames, planar_of
+from edgemap.bridges.ros2.messages.tf_chain import PATH, SAME, Corrections, NodePath, TfFrames, planar_of
 from edgemap.bridges.ros2.messages.topics import TF, TF_STATIC
 from edgemap.bridges.ros2.recordings.reading import Reading
 from edgemap.geometry.arrays import Array
 from edgemap.geometry.camera.mount import Mount
 from edgemap.runtime.frames.errors import CameraError, OdometryError
 from edgemap.runtime.frames.notes import note_dropped
-from edgemap.runtime.frames.reading import one_line
+from edgemap.runtime.frames.reading import one_line, print_message
 from edgemap.runtime.frames.spatial_poses import base_attitudes, poses_of
 from edgemap.runtime.frames.trajectory import QUATERNION_TOLERANCE, Trajectory
 from edgemap.runtime.motion.given_poses import EDGE_S, GivenPoses
@@ -22,12 +23,14 @@ def tf_poses(recording: Reading, frames: str, mount: Mount, first_s: float) -> G
     """The base's poses in the map frame at the stamps of tf. frames: `MAP,BASE`, empty for the usual names. first_s: at
     which the map begins, `GivenPoses.start`.
 
-    A change of the transform from map to its child (odom) is a correction, by which earlier poses move too. Raises
-    CameraError where tf does not join both frames, OdometryError where it has no pose at the start.
+    A change of the transform from map to its child (odom) is a correction, by which earlier poses move too: onto the
+    path that the SLAM published, where there is one. Raises CameraError where tf does not join both frames,
+    OdometryError where it has no pose at the start.
     """
     steps = _steps(recording)
     parents = {child: parent for child, (parent, *_) in steps.items()}
-    chain = TfFrames(frames, f"{recording.path}").chain(parents)
+    named = TfFrames(frames, f"{recording.path}")
+    chain = named.chain(parents)
     moving = max(chain[1:] or chain, key=lambda child: len(steps[child][1]))
     stamps_ns = steps[moving][1]
     stamps_ns = stamps_ns[stamps_ns >= max(steps[child][1][0] for child in chain)]
@@ -37,9 +40,9 @@ def tf_poses(recording: Reading, frames: str, mount: Mount, first_s: float) -> G
         poses = poses @ steps[child][2][held[child]]
     if len(stamps_ns) < 2:
         raise CameraError(f"{recording.path}: tf has {len(stamps_ns)} poses of {one_line(chain[-1])}, need 2 or more")
-    if len(chain) > 1:
-        poses = _corrected(poses, steps[chain[0]][2][held[chain[0]]])
     stamps_s = np.array([to_s(int(stamp)) for stamp in stamps_ns])
+    if len(chain) > 1:
+        poses = _corrected(recording, named.top, stamps_s, poses, steps[chain[0]][2][held[chain[0]]])
     track = Trajectory(stamps_s, tuple(map(planar_of, poses)))
     try:
         start = track.at(first_s, EDGE_S)
@@ -73,12 +76,22 @@ def _steps(recording: Reading) -> dict[str, tuple[str, Array, Array]]:
     return found
 
 
-def _corrected(poses: Array, odom: Array) -> Array:
-    """The poses (N, 4, 4) with each correction of the map-to-odom transforms (N, 4, 4) spread over the path before."""
-    jumps = np.flatnonzero((np.abs(np.diff(odom, axis=0)) > SAME).any(axis=(1, 2))) + 1
-    places_m = (np.linalg.inv(odom) @ poses)[:, :3, 3]  # in the frame that does not jump
-    path_m = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(places_m, axis=0), axis=1))])
+def _corrected(recording: Reading, top: str, stamps_s: Array, poses: Array, map_odom: Array) -> Array:
+    """The poses (N, 4, 4) with each correction of the map-to-odom transforms (N, 4, 4) spread over the path before it,
+    or as a path of the SLAM has them."""
+    jumps = np.flatnonzero((np.abs(np.diff(map_odom, axis=0)) > SAME).any(axis=(1, 2))) + 1
+    odom = np.linalg.inv(map_odom) @ poses  # in the frame that does not jump
+    path_m = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(odom[:, :3, 3], axis=0), axis=1))])
     corrections = Corrections()
     for jump in jumps.tolist():
-        corrections.spread(poses[:jump], path_m[:jump], odom[jump] @ np.linalg.inv(odom[jump - 1]))
+        moved = map_odom[jump] @ np.linalg.inv(map_odom[jump - 1])
+        corrections.spread(poses[:jump], path_m[:jump], moved, stamps_s[jump])
+    for topic in recording.topics_of(PATH):
+        nodes = NodePath(top)
+        with suppress(CameraError):  # damaged: those before count
+            for _, decode in recording.messages(topic):
+                nodes.take(decode())
+        if (moved := nodes.through(stamps_s, odom, poses, corrections)) is not None:
+            print_message(f"{recording.path}: corrections of tf are spread as {topic} has them")
+            return moved
     return poses

@@ -11,7 +11,7 @@ import pytest
 
 pytest.importorskip("rosbags")
 
-from support.ros_bag import camera_info, header, image, tf, transform, write_bag
+from support.ros_bag import camera_info, header, image, path, pose, tf, transform, write_bag
 
 from edgemap.bridges.ros2.recordings.reader import open_reading
 from edgemap.bridges.ros2.recordings.tf_poses import tf_poses
@@ -74,6 +74,45 @@ def test_a_large_correction_reaches_back_and_a_small_one_beside_it_does_not(tmp_
     assert given[0] == pytest.approx(raw[0])  # the start holds
     assert np.abs(np.diff(given[:, 0])).max() < 0.08  # and nothing jumps
     assert given[30, 0] - raw[30, 0] == pytest.approx(0.25, abs=0.06)
+
+
+def with_paths(poses, messages, kind, every=50):
+    """A path of every tenth pose twice a second: by its kind as a graph corrects them, or as tf has had them."""
+    true, odom, joined, log = poses, [], [], []
+    for _, _, message in messages:
+        for step in message.transforms:
+            place, turn = step.transform.translation, step.transform.rotation
+            (joined if step.child_frame_id == "odom" else odom).append(
+                SE2(place.x, place.y, 2.0 * math.atan2(turn.z, turn.w))
+            )
+        log.append(joined[-1] @ odom[-1])
+    found = []
+    for end in range(10, len(poses), 10):
+        stamp_ns, corrected = T0 + end * STEP, end // every * every
+        nodes = [true[i] if i <= corrected else log[i] for i in range(0, end + 1, 10)]
+        nodes = {"log": log[: end + 1 : 10], "lens": [node @ SE2(0.3, 0.0, 0.0) for node in nodes]}.get(kind, nodes)
+        own = [T0 + i * STEP if kind != "rtabmap" else stamp_ns for i in range(0, end + 1, 10)]
+        nodes = [pose(*node.vector()) for node in nodes]
+        found.append(
+            (
+                "/mapPath",
+                stamp_ns + 1,
+                path(stamp_ns, list(zip(own, nodes, strict=True)), "odom" if kind == "odom" else "map"),
+            )
+        )
+    return sorted([*messages, *found], key=lambda row: row[1])
+
+
+@pytest.mark.parametrize(("kind", "error_m"), [
+    ("graph", 0.0015), ("rtabmap", 0.0015), ("log", 0.018), ("lens", 0.018), ("odom", 0.018),
+])  # fmt: skip
+def test_corrections_are_those_of_a_path_in_the_bag(tmp_path, kind, error_m, capsys):
+    """Poses of the base that its corrections move; other paths are left alone."""
+    poses, messages = drive()
+    given = read(tmp_path / "bag", with_paths(poses, messages, kind)).trajectory.poses
+    off = np.array([(one.inverse() @ true).vector() for one, true in zip(given, poses, strict=True)])[:151]
+    assert error_m / 2 < np.hypot(*off[:, :2].T).max() < error_m
+    assert ("/mapPath has" in capsys.readouterr().err) == (error_m < 0.01)
 
 
 @pytest.mark.parametrize(("frames", "message"), [
