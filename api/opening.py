@@ -111,9 +111,9 @@ def open_session(
         intrinsics = described.intrinsics if intrinsics is None else intrinsics
         mount = described.mount if mount is None else mount
     pose = None if mount is None else as_mount(mount)
-    above_m = height_m if height_m is not None else pose.height_m if pose and not isinstance(mount, Mount) else LOWEST_M
-    if not LOWEST_M <= above_m <= HIGHEST_M:
-        raise CameraError(f"mount: a lens {above_m:g} m above the floor, expected {LOWEST_M:g} to {HIGHEST_M:g} m")
+    stated_m = pose.height_m if pose and height_m is None and not isinstance(mount, Mount) else height_m
+    if stated_m is not None and not LOWEST_M <= stated_m <= HIGHEST_M:
+        raise CameraError(f"mount: a lens {stated_m:g} m above the floor, expected {LOWEST_M:g} to {HIGHEST_M:g} m")
     if pose is not None and height_m is not None:
         pose = replace(pose, height_m=height_m)
     tuned = config if isinstance(config, Config) else load_config(Path(config)) if config else Config()

@@ -40,6 +40,7 @@ RETRY_S = (1, 30)  # shortest and longest pause before the broker is tried again
 QUEUED = 1000  # messages kept for a broker that does not take them
 PACKET_BYTES = 1 << 18  # of one packet from the broker: more than any object's
 PICTURE_EVERY_S = 10.0  # of stream, between two pictures of the map
+ASKED_SAVE_EVERY_S = 10.0  # of stream, between two maps that commands ask for
 NO_IDENTITY = MapIdentity("map")
 REMEMBERED = ("objects", "zones")  # retained topics that an earlier run may have left
 
@@ -90,7 +91,8 @@ class MqttPublisher:
         self._asked: Future[str] | None = None  # the newest edit, until it is taken or refused
         self._zones, self._in_zones = ZoneWatch(), dict[str, str]()  # payloads by id
         self._picture = MapPicture(lambda data: self._publish("map", b64encode(data), retain=True))
-        self._picture_timer, self._save_asked = StreamTimer(PICTURE_EVERY_S), threading.Event()
+        self._picture_timer = StreamTimer(PICTURE_EVERY_S)
+        self._save_timer, self._save_asked = StreamTimer(ASKED_SAVE_EVERY_S), threading.Event()
         self._fault, self._faults, self._state_timer = "", 0, StreamTimer(STATE_EVERY_S)
         self._state: dict[str, Any] = {}  # the newest
         self._connected, self._refused = threading.Event(), "no answer"
@@ -151,7 +153,7 @@ class MqttPublisher:
             self._publish_zones(result, objects)
         if self._picture_timer.due(stamp_s):
             self._picture.draw(result, objects)
-        if self._save_asked.is_set():
+        if self._save_asked.is_set() and self._save_timer.due(stamp_s):
             self._save_asked.clear()
             self._save(result, objects)
         if self._asked is not None and self._asked.done():

@@ -1,5 +1,6 @@
 """What people add to a map besides its objects: zones, deletions and the dock."""
 
+import re
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Literal, TypeVar
@@ -15,6 +16,7 @@ Corners = tuple[tuple[float, float], ...]
 MAXIMUM_CORNERS, MAXIMUM_ZONES, LONGEST_NAME = 100, 200, 80
 Level = Literal["good", "care", "unreliable"]
 LEVELS: tuple[Level, ...] = ("good", "care", "unreliable")
+NUMBER = re.compile(r"\d[\d,.]*")
 
 
 @dataclass(frozen=True, slots=True)
@@ -50,8 +52,10 @@ class MapIdentity:
         """Of this map with another one merged into it: no better than either."""
         if other is None or other.level is None or self.level is None:
             return self.next()
-        worst = max(self.level, other.level, key=LEVELS.index)
-        return replace(self.next(), level=worst, reasons=tuple(dict.fromkeys(self.reasons + other.reasons)))
+        worst, reasons = max(self.level, other.level, key=LEVELS.index), dict[str, str]()
+        for reason in self.reasons + other.reasons:
+            reasons.setdefault(NUMBER.sub("", reason), reason)  # two runs have the same one with other numbers
+        return replace(self.next(), level=worst, reasons=tuple(reasons.values()))
 
 
 @dataclass(frozen=True, slots=True)

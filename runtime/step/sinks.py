@@ -1,6 +1,7 @@
 """Sinks of a run's results. A sink that fails is reported, and the run continues."""
 
 import logging
+from asyncio import CancelledError
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Protocol
@@ -11,6 +12,8 @@ from edgemap.runtime.frames.errors import CameraFault, CameraLostError
 from edgemap.runtime.frames.faults import Fault, FaultKind
 from edgemap.runtime.frames.reading import THEIRS, error_line, printable
 from edgemap.runtime.step.slam import StepResult
+
+RAISED = (*THEIRS, CancelledError)  # what a sink may raise: one with an event loop is cancelled with it
 
 _log = logging.getLogger(__name__)
 
@@ -74,7 +77,7 @@ class SinkGroup:
             outage = self._outages.get(place)
             try:
                 sink.write(result, objects)
-            except THEIRS as error:  # a sink may raise anything; mapping continues
+            except RAISED as error:  # a sink may raise anything; mapping continues
                 if outage is not None:
                     outage.steps += 1
                     continue
@@ -94,7 +97,7 @@ class SinkGroup:
         for sink in self._sinks:
             try:
                 getattr(sink, "last", lambda *_: None)(result, objects)
-            except THEIRS as error:  # as in `write`
+            except RAISED as error:  # as in `write`
                 self.fault(Fault(FaultKind.OUTPUT, f"{sink.name}: {_line(error)}"))
 
     def fault(self, fault: Fault) -> None:
@@ -113,7 +116,7 @@ class SinkGroup:
         for sink in self._sinks:
             try:
                 sink.fault(fault)
-            except THEIRS as error:  # a sink that cannot take note of a fault keeps no other from it
+            except RAISED as error:  # a sink that cannot take note of a fault keeps no other from it
                 _log.debug("%s: %s", sink.name, error)
 
     def ending(self, error: EdgemapError) -> None:
@@ -129,7 +132,7 @@ class SinkGroup:
         for sink in self._sinks:
             try:
                 sink.close()
-            except THEIRS as error:  # raised again below
+            except RAISED as error:  # raised again below
                 self.fault(Fault(FaultKind.OUTPUT, f"{sink.name}: {_line(error)}"))
                 failure = failure or error
         if failure is not None:

@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from support.rooms import furnished, mapped, somewhere
 
-from edgemap.geometry.objects.annotations import Annotations, Zone
+from edgemap.geometry.objects.annotations import Annotations, MapIdentity, Zone
 from edgemap.geometry.objects.merge import fused, merge_annotated, merge_maps, moved
 from edgemap.geometry.registration.alignment import Alignment, align
 from edgemap.geometry.se2 import SE2
@@ -157,3 +157,9 @@ def test_deletions_zones_and_dock_of_both_maps_are_kept():
     merged, annotations = merge_annotated((first[1:], ours), (named, theirs), here)
     assert "grandfather's" in [item.name for item in merged]
     read_map(json.dumps(map_document(merged, annotations)).encode(), "the merged map")
+
+
+def test_a_reason_that_two_runs_have_with_other_numbers_stands_once():
+    one = MapIdentity("a", 3, level="care", reasons=("12 of 450 pictures were blurred",))
+    two = MapIdentity("b", 1, level="unreliable", reasons=("9 of 1,300 pictures were blurred", "no floor was in view"))
+    assert one.merged(two) == MapIdentity("a", 4, level="unreliable", reasons=(*one.reasons, "no floor was in view"))

@@ -1,6 +1,7 @@
 """Sinks that fail: the run goes on, the failure is told once, and so is its end; what can be kept is kept."""
 
 import shutil
+from asyncio import CancelledError
 
 import pytest
 from support.faults import kinds, texts
@@ -20,7 +21,7 @@ DISK_KIB = 2048
 class Listener:
     """Keeps what it is given; fails in the steps of `bad`, with `error`."""
 
-    def __init__(self, name="listener", bad=(), error: Exception | None = None):
+    def __init__(self, name="listener", bad=(), error: BaseException | None = None):
         self.name, self.bad, self.error = name, bad, error
         self.frames, self.faults, self.closed = [], [], False
 
@@ -50,6 +51,7 @@ def write(sinks, steps, count):
     [
         (OdometryError("no broker at 10.0.0.1:1883"), "no broker at 10.0.0.1:1883"),
         (RuntimeError("the context\nis gone"), "RuntimeError: the context is gone"),
+        (CancelledError("its loop"), "CancelledError: its loop"),
     ],
 )
 def test_a_sink_that_fails_is_told_once_and_gets_every_later_result(error, text):

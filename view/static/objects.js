@@ -265,7 +265,7 @@ export class Objects {
       confirm.setAttribute("aria-pressed", Boolean(item.confirmed));
     }
     setText(kind, [item.name ? item.id : "", item.label, item.corrected ? `corrected: ${item.corrected.join(", ")}` : ""].filter(Boolean).join(", "));
-    const told = {
+    const values = {
       "From the robot": `${this.away(item).toFixed(2)} m`,
       "Position": `x ${item.x_m.toFixed(2)}, y ${item.y_m.toFixed(2)} m`.replaceAll("-", "−"),
       "Uncertainty": `± ${Math.sqrt((xx + yy) / 2).toFixed(2)} m`,
@@ -275,15 +275,15 @@ export class Objects {
       "Seen": `${item.count} times, ${this.seen.has(item.id) ? "in view" : `last ${this.lastSeen(item)}`}`,
     };
     const row = this.rowOf.get(item.id);
-    if (row) told["Against the truth"] = `${this.judged(item.id)}${row.covered === null ? "" : row.covered ? ", in its 95 % ellipse" : ", outside its 95 % ellipse"}`;
-    if (facts.children.length !== Object.keys(told).length) {
-      facts.replaceChildren(...Object.keys(told).map((key) => {
+    if (row) values["Against the truth"] = `${this.judged(item.id)}${row.covered === null ? "" : row.covered ? ", in its 95 % ellipse" : ", outside its 95 % ellipse"}`;
+    if (facts.children.length !== Object.keys(values).length) {
+      facts.replaceChildren(...Object.keys(values).map((key) => {
         const pair = element("div");
         pair.append(element("dt", key), element("dd"));
         return pair;
       }));
     }
-    Object.values(told).forEach((text, place) => setText(facts.children[place].lastChild, text.replace(/(\d) (m|s|%)(?=\W|$)/g, "$1\u00a0$2")));
+    Object.values(values).forEach((text, place) => setText(facts.children[place].lastChild, text.replace(/(\d) (m|s|%)(?=\W|$)/g, "$1\u00a0$2")));
     const shares = Object.entries(item.labels).filter(([, share]) => share >= .005).slice(0, 4), drawn = JSON.stringify(shares);
     if (labels.dataset.drawn === drawn) return;
     labels.dataset.drawn = drawn;

@@ -39,16 +39,16 @@ export class Zones {
   }
 
   update(zones, rooms, objects) {
-    const told = [zones, rooms].map((areas) => areas.map((area) => {
+    const shown = [zones, rooms].map((areas) => areas.map((area) => {
       const inside = area.objects.map((id) => objects.get(id) ?? { id }), hidden = this.map.showDoubtful ? [] : inside.filter(({ doubtful }) => doubtful);
       const names = inside.filter((item) => !hidden.includes(item)).map(nameOf);
       return { ...area, inside: hidden.length ? [...names, `${hidden.length} doubtful`] : names };
     }));
-    const key = JSON.stringify(told.map((areas) => areas.map((area) => [area.id, titleOf(area), area.inside])));
+    const key = JSON.stringify(shown.map((areas) => areas.map((area) => [area.id, titleOf(area), area.inside])));
     if (key === this.drawn || document.activeElement?.matches("#zones input")) return; // nor while a person types a name
     this.drawn = key;
     byId("zones").hidden = !zones.length && !rooms.length;
-    byId("zones").replaceChildren(...told.flatMap((areas, isRooms) => {
+    byId("zones").replaceChildren(...shown.flatMap((areas, isRooms) => {
       const list = element("ul");
       list.append(...areas.map((area) => this.row(area, isRooms)));
       return areas.length ? [element("h2", isRooms ? "Rooms" : "Zones"), list] : [];

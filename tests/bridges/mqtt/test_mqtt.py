@@ -125,6 +125,8 @@ def test_zones_the_camera_the_room_and_a_saved_map(broker, tmp_path):
         broker.publish("edgemap/robo/command", "save")
         later = replace(result, frame=replace(result.frame, stamp_s=result.frame.stamp_s + 2.0))
         wait_for(lambda: sink.write(later, objects) or [*tmp_path.glob("map-*.json")], "a saved map")
+        sink._save_asked.set()  # again, in the next step
+        sink.write(replace(later, frame=replace(later.frame, index=9)), objects)
         sent = broker.retained(until=lambda sent: config not in sent)
         mapper = Mapper()
         for dock in ("dock", ""):  # without one, and with one
@@ -137,7 +139,7 @@ def test_zones_the_camera_the_room_and_a_saved_map(broker, tmp_path):
     assert mapper.pose_map_base.vector().tolist() == [1.0, 2.0, 0.5]
     assert config not in sent
     assert "edgemap/robo/zones/zone-1" not in sent
-    saved = json.loads(next(tmp_path.glob("map-*.json")).read_text())
+    (saved,) = [json.loads(path.read_text()) for path in tmp_path.glob("map-*.json")]
     assert [one["id"] for one in saved["objects"]] == [item.id for item in objects]
 
 
