@@ -99,9 +99,9 @@ class Attitude:
     height_m: the lens above the floor in this frame, None for the mount's. rotation: None without a gyro.
     source: name of the sensor or method, for display. predicted: whether it was computed before the odometry measured
     this frame's rotation. carried: whether the tilt measured from a room's edges scatters more than that of a mounted
-    camera. room: the heading of the room, where the edges of an earlier frame have just been evaluated. force_rad: roll
-    and pitch (2,) by the accelerometer alone. mount: estimate of the mount's angles so far, None where there is none
-    yet.
+    camera. room, seen_up: heading of the room, and up (3,) in the previous frame's optical axes, where the edges of an
+    earlier frame have just been evaluated. force_rad: roll and pitch (2,) by the accelerometer alone. mount: estimate
+    of the mount's angles so far, None where there is none yet.
     """
 
     roll_rad: float
@@ -113,6 +113,7 @@ class Attitude:
     predicted: bool = False
     carried: bool = False
     room: RoomHeading | None = None
+    seen_up: Array | None = None
     force_rad: Array | None = None
     mount: MountEstimate | None = None
 

@@ -28,13 +28,12 @@ DIRECTION_SIGMA_RAD, LEVEL_SIGMA_RAD3 = math.radians(0.4), math.radians(6.0)
 @dataclass(frozen=True, slots=True, eq=False)
 class RoomAxes:
     """up: (3,), unit vector of the optical frame. level_rad: from the optical axis's heading to a level direction of
-    the room, counter-clockwise, modulo a right angle; None where too few level edges show it. up_sigma_rad,
-    level_sigma_rad: their standard deviations."""
+    the room, counter-clockwise, modulo a right angle; None where too few level edges show it. level_sigma_rad: its
+    standard deviation."""
 
     up: Array
     level_rad: float | None
     level_sigma_rad: float
-    up_sigma_rad: float = DIRECTION_SIGMA_RAD
 
 
 def room_axes(normals: Array, lengths: Array, expected: Array, reach_rad: float) -> RoomAxes | None:

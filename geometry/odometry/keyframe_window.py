@@ -20,7 +20,7 @@ from edgemap.geometry.camera.mount import Mount
 from edgemap.geometry.errors import GeometryError
 from edgemap.geometry.odometry.resection import DepthLandmarks, LensPose, resect, rotation_vector
 from edgemap.geometry.odometry.window_factors import FactorRows, PoseFactors
-from edgemap.geometry.robust import TUKEY, tukey, tukey_root
+from edgemap.geometry.robust import CLEAR_SIGMAS, TUKEY, tukey, tukey_root
 from edgemap.geometry.se2 import SE2
 
 Mask = NDArray[np.bool_]
@@ -196,6 +196,17 @@ class KeyframeWindow:
     def move_axle(self, axle_m: float) -> None:
         """The wheels' axle is so far behind the base's origin."""
         self._lever_m = np.array([self._reverse.x_m - axle_m, self._reverse.y_m])
+
+    def see_up(self, up: Array, sigma_rad: float) -> None:
+        """Adds up (3,), optical axes of the last pose, as a room's edges show it; beyond `CLEAR_SIGMAS` from the
+        estimate with less weight."""
+        if not self.poses:
+            return
+        alone = len(self.poses) == 1
+        variance = self._factors[-1].up_rad ** 2 if alone else float(np.trace(self.covariance()[6:8, 6:8])) / 2.0
+        off = float(np.linalg.norm(_cross(up, self.poses[-1].rotation[2])))
+        wide_rad = sigma_rad * max(off / (CLEAR_SIGMAS * math.hypot(sigma_rad, math.sqrt(variance))), 1.0)
+        self._factors[-1] = replace(self._factors[-1], edges=up, edges_rad=wide_rad)
 
     def loosen(self, up: Array) -> None:
         """Loosens the gravity constraint of all poses in the window. up: new up vector (3,), optical axes. Discards the
@@ -421,7 +432,8 @@ class KeyframeWindow:
         if last >= 2 and not self._is_keyframe(last - 1):
             self._grown = False
             self._rehost(last - 1, last)
-            self._factors[last] = self._factors[last].after(self._factors[last - 1])
+            turn = self.poses[last].rotation.T @ self.poses[last - 1].rotation
+            self._factors[last] = self._factors[last].after(self._factors[last - 1], turn)
             prior, gradient, then = self._prior
             if last - 1 < len(then):
                 self._prior = *_without(prior, gradient, last - 1), then[: last - 1] + then[last:]

@@ -1,7 +1,7 @@
 """Measurements of the poses in a window other than its tracks: gravity, height, gyro, wheels."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Self
 
 import numpy as np
@@ -17,7 +17,8 @@ DENIED = 10.0  # standard deviations from which on a gyro loses its weight
 
 @dataclass(frozen=True, slots=True, eq=False)
 class PoseFactors:
-    """up (3,): direction of gravity's opposite in optical axes; up_rad: its standard deviation. height_m: of the lens
+    """up (3,): direction of gravity's opposite in optical axes; up_rad: its standard deviation. edges (3,), edges_rad:
+    the same by a room's edges, infinite where they show none. height_m: of the lens
     above the floor, configured or measured; height_sigma_m: its standard deviation, rise_m: of its change since the
     pose before. gyro (3, 3): rotation since the pose before, takes this one's optical directions into the earlier
     one's; gyro_rad: its standard deviation about each axis, infinite without a gyro. slip_m: standard deviation of the
@@ -32,15 +33,21 @@ class PoseFactors:
     gyro: Array
     gyro_rad: float = np.inf
     slip_m: float = np.inf
+    edges: Array = field(default_factory=lambda: np.zeros(3))
+    edges_rad: float = np.inf
 
-    def after(self, other: Self) -> Self:
-        """These factors after the previous pose, which had the factors `other`, is removed."""
+    def after(self, other: Self, turn: Array) -> Self:
+        """These factors after the previous pose, which had the factors `other`, is removed. turn (3, 3): takes that
+        pose's optical directions into this one's."""
+        kept = self.edges_rad < np.inf
         return replace(
             self,
             gyro=other.gyro @ self.gyro,
             gyro_rad=float(np.hypot(self.gyro_rad, other.gyro_rad)),
             rise_m=float(np.hypot(self.rise_m, other.rise_m)),
             slip_m=self.slip_m + other.slip_m,
+            edges=self.edges if kept else turn @ other.edges,
+            edges_rad=self.edges_rad if kept else other.edges_rad,
         )
 
 
@@ -50,10 +57,14 @@ class FactorRows:
 
     def __init__(self, factors: Sequence[PoseFactors], lever_m: Array) -> None:
         self._lever_m, self._slip_weight = lever_m, 1.0 / np.array([f.slip_m for f in factors])
-        self._up, self._gyro = np.array([f.up for f in factors]), np.array([f.gyro for f in factors])
+        self._gyro = np.array([f.gyro for f in factors])
+        by_edges = np.array([(f.up_rad / f.edges_rad) ** 2 for f in factors])  # their weight over gravity's
+        up = np.array([f.up for f in factors]) + by_edges[:, None] * [f.edges for f in factors]
+        self._up = up / np.linalg.norm(up, axis=1, keepdims=True)
         self._height_m = np.array([f.height_m for f in factors])
         sigmas = [(f.up_rad, f.height_sigma_m, f.gyro_rad, f.rise_m) for f in factors]
         self._weights = 1.0 / np.array(sigmas).T
+        self._weights[0] *= np.sqrt(1.0 + by_edges)
 
     def rows(self, rotation: Array, position: Array, poses: Indices, gaps: Indices) -> tuple[Array, Array]:
         """Whitened rows (K, 6 S) and residuals (K,) of gravity and height of some poses, and of what lies between some

@@ -18,7 +18,6 @@ from edgemap.runtime.frames.errors import CameraError
 from edgemap.runtime.frames.faults import Fault
 from edgemap.runtime.frames.frame import Frame
 from edgemap.runtime.frames.timing import Stopwatch
-from edgemap.runtime.motion.attitude.pictures import PicturesAttitude
 from edgemap.runtime.motion.attitude.source import AttitudeSource, MountAttitude, Moved
 from edgemap.runtime.motion.depth_scale import DepthScale
 from edgemap.runtime.motion.health import HealthMonitor, PictureHealth
@@ -32,7 +31,6 @@ from edgemap.runtime.network.preprocess import Preprocessor, floor_mask
 from edgemap.runtime.step.config import Config
 from edgemap.runtime.step.frame_observations import FrameObservations
 
-PREDICTED_RAD = math.radians(2.5)  # standard deviation of an odometry's tilt, up to which it is used beside edges
 # A repeated picture is still searched while the robot has moved by less since it was new.
 SAME_VIEW_M, SAME_VIEW_RAD = 0.02, math.radians(0.5)
 
@@ -239,18 +237,14 @@ class Pipeline:
 
 
 def attitude_after(source: AttitudeSource, attitude: Attitude, motion: Motion) -> Attitude:
-    """The attitude of a frame after its motion. An attitude that was only predicted is updated by the odometry's
-    rotation. An odometry's tilt replaces a predicted one where its standard deviation is below PREDICTED_RAD, as errors
-    of the room's edges last longer than their covariance states, and a measured one where its covariance is smaller.
-    source: of `attitude`; it keeps its own estimate.
+    """The attitude of a frame after its motion: the odometry's tilt in place of a predicted one, and of a measured one
+    where its covariance is smaller. source: of `attitude`; it keeps its own estimate.
     """
     rotation, updated = motion.rotation, source.update(motion.rotation)
-    name, limit_rad = attitude.source, math.sqrt(float(np.trace(attitude.covariance_rad2)) / 2.0)
     if attitude.predicted:
-        name, limit_rad = PicturesAttitude.name, PREDICTED_RAD
-        attitude = updated
+        return updated
+    limit_rad = math.sqrt(float(np.trace(attitude.covariance_rad2)) / 2.0)
     if rotation is not None and rotation.up is not None and rotation.up_rad < limit_rad:
-        tracked = Attitude.of_up(rotation.up, np.eye(2) * rotation.up_rad**2, name)
-        angles = {field: getattr(tracked, field) for field in ("roll_rad", "pitch_rad", "covariance_rad2", "source")}
-        attitude = replace(attitude, **angles)
+        tracked = Attitude.of_up(rotation.up, np.eye(2) * rotation.up_rad**2, attitude.source)
+        attitude = attitude.held_to(replace(tracked, height_m=attitude.height_m))
     return attitude

@@ -25,22 +25,25 @@ def scene(rng, count=400):
     return points, points[:, 2] == 0.0
 
 
-def walk(pictures, nod_deg=3.0):
+def walk(pictures, nod_deg=3.0, pitch_deg=20.0):
     """Poses of a lens that moves ahead and nods, and the given attitude's up, which does not nod."""
     poses = []
     for index in range(pictures):
-        mount = Mount.from_degrees(HEIGHT_M, 20.0 + nod_deg * math.sin(0.5 * index), 1.0)
+        mount = Mount.from_degrees(HEIGHT_M, pitch_deg + nod_deg * math.sin(0.5 * index), 1.0)
         turn = small_rotation(0.0, 0.0, 0.01 * index)
         poses.append(LensPose(turn @ mount.rotation_base_optical(), np.array([0.06 * index, 0.0, HEIGHT_M])))
     return poses
 
 
 def followed(
-    poses, rng, noise_px=0.3, wrong=0.0, gyro_rad=math.inf, rule=None, up_deg=10.0, height_m=HEIGHT_M, false_depths=None
-):
+    poses, rng, noise_px=0.3, wrong=0.0, gyro_rad=math.inf, rule=None, up_deg=10.0, height_m=HEIGHT_M,
+    false_depths=None, edges_rad=None, walls=False,
+):  # fmt: skip
     """A window after these poses. wrong: share of the points off the floor that the mask takes for floor. height_m: as
-    given. false_depths: share of the points whose measured depths are wrong; None: no depth is measured."""
+    given. false_depths: share of the points whose measured depths are wrong; None: no depth is measured. edges_rad:
+    standard deviation of up by edges of every third picture. walls: no point is on the floor."""
     points, on_floor = scene(rng)
+    points, on_floor = (points[~on_floor], on_floor[~on_floor]) if walls else (points, on_floor)
     floor = np.where(on_floor | (rng.uniform(size=len(points)) < wrong), 0.9, 0.1)
     rule, up = rule or WindowRule(), up_optical(LEVEL.pitch_rad, 0.0)
     window = KeyframeWindow(rule, FOCAL_PX, LEVEL, 12.0)
@@ -59,6 +62,8 @@ def followed(
             measured = 1.0 / np.where((local[:, 2] > 0.3) & (local[:, 2] < 6.0), local[:, 2], np.nan)
             measured = measured + rng.normal(0.0, rule.depth_sigma, len(points))
             measured = np.where(rng.uniform(size=len(points)) < false_depths, 1.5 * measured, measured)
+        if edges_rad and index % 3 == 1:
+            window.see_up(poses[index - 1].rotation[2] + rng.normal(0.0, edges_rad, 3), edges_rad)
         ids = np.flatnonzero(seen)
         start, weight = window.resected(start, ids, image[seen]) if index else (start, 0.0)
         window.step(start, factors, ids, image[seen], floor[seen], measured[seen])
@@ -75,6 +80,30 @@ def test_motion_pitch_and_roll_are_found_from_a_mount_that_is_two_degrees_off():
     np.testing.assert_allclose(window.poses[-1].rotation[2], poses[-1].rotation[2], atol=math.radians(0.5))
     off = window.poses[-1].position_m - poses[-1].position_m
     assert np.linalg.norm(off) < 0.06  # of 1.74 m
+
+
+def test_edges_of_the_room_show_the_tilt_of_a_camera_eight_degrees_off_its_mount():
+    poses = walk(30, pitch_deg=28.0)
+    for edges_rad, low_deg, high_deg in ((math.radians(0.7), 0.0, 1.2), (None, 1.8, 10.0)):
+        window = followed(poses, np.random.default_rng(0), edges_rad=edges_rad, walls=True)
+        off_rad = np.linalg.norm(np.cross(window.poses[-1].rotation[2], poses[-1].rotation[2]))
+        assert low_deg < math.degrees(off_rad) < high_deg
+        assert off_rad < 3.0 * math.sqrt(np.trace(window.covariance()[6:8, 6:8]) / 2.0)
+
+
+def test_edges_are_kept_when_their_picture_leaves_and_a_wrong_direction_loses_weight():
+    first, second = walk(2, nod_deg=20.0)
+    up = up_optical(LEVEL.pitch_rad, 0.0)
+    seen = PoseFactors(up, 0.1, HEIGHT_M, 0.01, 0.01, np.eye(3), edges=first.rotation[2], edges_rad=0.01)
+    kept = PoseFactors(up, 0.1, HEIGHT_M, 0.01, 0.01, np.eye(3)).after(seen, second.rotation.T @ first.rotation)
+    np.testing.assert_allclose(kept.edges, second.rotation[2], atol=1e-9)
+    assert kept.edges_rad == seen.edges_rad
+    window = followed(walk(10), np.random.default_rng(0))
+    window.see_up(walk(10)[-1].rotation[2], 0.01)
+    near_rad = window._factors[-1].edges_rad
+    window.see_up(up_optical(LEVEL.pitch_rad + 0.5, 0.3), 0.01)
+    assert near_rad == 0.01
+    assert window._factors[-1].edges_rad > 0.05
 
 
 @pytest.mark.parametrize(("false_depths", "share"), [(0.0, 0.005), (0.25, 0.01)])

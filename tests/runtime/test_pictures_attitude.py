@@ -1,11 +1,10 @@
-"""Attitude from pictures alone: a carried camera and a nodding robot by made rotations, and a real walk."""
+"""Attitude from pictures alone: edges and the odometry's tilt, and a real walk."""
 
 # pyright: reportOptionalMemberAccess=false, reportArgumentType=false
 
 import math
 import os
 from dataclasses import replace
-from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -16,7 +15,8 @@ import edgemap
 from edgemap.evaluation.trajectory import attitude_figures
 from edgemap.geometry.camera.attitude import Attitude, TrackedRotation
 from edgemap.geometry.camera.carried import Carried
-from edgemap.geometry.camera.inertial import rotation_of
+from edgemap.geometry.camera.inertial import small_rotation
+from edgemap.geometry.camera.level import up_optical
 from edgemap.geometry.camera.mount import Mount
 from edgemap.runtime.inputs.cameras.pictures import drive_camera
 from edgemap.runtime.inputs.drives import open_drive
@@ -24,56 +24,39 @@ from edgemap.runtime.motion.attitude.pictures import PicturesAttitude
 
 WALK = Path(os.environ.get("EDGEMAP_SHARED", "../shared")) / "data" / "hololens"
 MOUNT = Mount.from_degrees(1.7, 20.0)
-BLANK = np.zeros((4, 4, 3), np.uint8)
 
 
-def swinging(pitches_deg, rolls_deg, yaws_deg):
-    """Rotations (N, 3, 3) of optical directions into a level frame of a camera that swings so."""
-    return [
-        rotation_of(np.array([[0.0, 0.0, math.radians(yaw)]]))[0]
-        @ Mount.from_degrees(1.0, pitch, roll).rotation_base_optical()
-        for pitch, roll, yaw in zip(pitches_deg, rolls_deg, yaws_deg, strict=True)
-    ]
-
-
-def followed(poses, noise_rad, edges_every=None):
-    """The attitudes of cameras (rotations as of `swinging`) at 10 Hz, and the true ones."""
-    source, rng = PicturesAttitude(MOUNT), np.random.default_rng(1)
-    found, true, carried = [], [], Carried()
-    for index, (before, now) in enumerate(pairwise([poses[0], *poses])):
-        attitude = Attitude.of_up(now[2], np.zeros((2, 2)), "truth")
+def test_edges_of_the_room_show_up_in_the_frame_before_while_the_camera_turns():
+    source, rng, turn = PicturesAttitude(MOUNT), np.random.default_rng(1), small_rotation(0.03, 0.02, 0.1)
+    up, rotation = up_optical(MOUNT.pitch_rad, 0.0), TrackedRotation(turn, 0.01, Carried().certain())
+    for index in range(2):
         source.predict(index / 10.0)
-        if edges_every and index % edges_every == 0:
-            source.begin_edges()
-        rotation = before.T @ now @ rotation_of(rng.normal(0.0, noise_rad, (1, 3)))[0]
-        carried = carried.updated(float(((now[2] - before[2]) ** 2).sum()) / 2.0, 0.1, 0.0)
-        found.append(source.update(TrackedRotation(rotation, noise_rad, carried) if index else None))
-        true.append(attitude)
-        if edges_every and index % edges_every == 0:
-            pitch_deg, roll_deg = np.degrees([attitude.pitch_rad, attitude.roll_rad]).tolist()
-            source.see_edges(*room_edges(pitch_deg, roll_deg, rng))
-    return found, true
+        source.begin_edges()
+        source.update(rotation)
+        begun = Attitude.of_up(turn.T @ up, np.zeros((2, 2)), "truth")
+        source.predict(index / 10.0 + 0.05)
+        source.update(rotation)
+        up = turn.T @ turn.T @ up
+        assert source.seen_up is None
+        pitch_deg, roll_deg = np.degrees([begun.pitch_rad, begun.roll_rad]).tolist()
+        assert source.see_edges(*room_edges(pitch_deg, roll_deg, rng)) is not None
+        assert np.linalg.norm(np.cross(source.seen_up, up)) < math.radians(1.0)
 
 
-def test_a_carried_camera_far_off_its_mount_is_found_by_the_edges_of_the_room():
-    stamps = np.arange(80) / 10.0
-    pitches, rolls = 8.0 + 8.0 * np.sin(2.0 * stamps), 6.0 + 3.0 * np.sin(3.0 * stamps)
-    found, true = followed(swinging(pitches, rolls, 20.0 * stamps), math.radians(0.2), edges_every=3)
-    figures = attitude_figures(found[20:], true[20:])
-    assert max(figures["pitch_rms_deg"], figures["roll_rms_deg"]) < 0.7
-    assert 0.2 < figures["nees"] < 4.0  # 0.38: it states a little more than it errs
-    assert figures["sources"] == {"pictures": 1.0}
-    blank, _ = followed(swinging(pitches, rolls, 20.0 * stamps), math.radians(0.2))
-    assert {attitude.source for attitude in blank[5:]} == {"mount"}  # no edges: nothing tells where up is
-
-
-def test_a_nodding_robot_is_followed_about_its_mount():
-    rng = np.random.default_rng(0)
-    nods = np.convolve(rng.normal(size=300), np.exp(-np.arange(8) / 3.0), "same") * 0.3
-    poses = swinging(20.0 + nods, np.zeros(300), np.cumsum(rng.normal(0.0, 2.0, 300)))
-    figures = attitude_figures(*followed(poses, math.radians(0.05)))
-    assert figures["pitch_rms_deg"] < 0.9 * np.sqrt((nods**2).mean())
-    assert 0.5 < figures["nees"] < 4.0
+def test_a_carried_camera_has_the_tilt_of_the_odometry_and_a_mounted_one_begins_each_frame_at_its_mount():
+    source, up = PicturesAttitude(MOUNT), up_optical(math.radians(30.0), math.radians(5.0))
+    assert source.predict(0.0).source == "mount"
+    tracked = TrackedRotation(np.eye(3), 0.01, Carried(), up=up, up_rad=math.radians(0.5))
+    assert math.degrees(source.update(tracked).pitch_rad) == pytest.approx(30.0)
+    mounted = source.predict(0.1)
+    assert mounted.source == "mount"
+    assert math.degrees(mounted.pitch_rad) == pytest.approx(20.0)
+    source.update(replace(tracked, carried=Carried().certain()))
+    carried, later = source.predict(0.2), source.predict(0.3)
+    assert math.degrees(carried.roll_rad) == pytest.approx(5.0)
+    assert later.covariance_rad2[0, 0] > carried.covariance_rad2[0, 0] > math.radians(0.5) ** 2
+    source.update(replace(tracked, up_rad=math.radians(5.0)))
+    assert source.predict(0.7).source == "mount"  # too uncertain to show that the mount's angles are wrong
 
 
 @pytest.mark.skipif(not WALK.is_dir(), reason=f"{WALK}: no recorded walk")

@@ -55,13 +55,6 @@ class DepthAttitude:
         level = Attitude.of_up(plane.up, np.diag(np.diag(covariance)[[1, 0]] + LEVEL_RAD**2), self.name)
         return other.held_to(replace(level, height_m=plane.height_m))
 
-    def up(self) -> tuple[NDArray[np.float64], float] | None:
-        """Up (3,), optical axes, by the last frame's floor, and its standard deviation; None without floor in view."""
-        if self._floor is None:
-            return None
-        plane, covariance = self._floor
-        return plane.up, math.hypot(math.sqrt(covariance[:2, :2].trace() / 2.0), LEVEL_RAD)
-
     def reset(self) -> None:
         """Start again from another source's attitude."""
         self._floor: tuple[FloorPlane, NDArray[np.float64]] | None = None  # in the last picture
@@ -98,7 +91,7 @@ class DepthAttitude:
 
 
 class EstimatedAttitude:
-    """Attitude by pictures, by the IMU where frames bring samples, and by the floor where they bring depth, about a
+    """Attitude by the odometry, by the IMU where frames bring samples, and by the floor where they bring depth, about a
     mount that all of them check. Each source takes precedence over the one before, poses of others over all; a gyro's
     rotation stays.
 
@@ -118,7 +111,7 @@ class EstimatedAttitude:
         health: HealthRule | None = None,
     ) -> None:
         rule, rules, mount = rule or AttitudeRule(), rules or OdometryRules(), camera.mount
-        self._pictures = PicturesAttitude(mount, rule.check.tilt, rule.rotation_share)
+        self._pictures = PicturesAttitude(mount, rule.check.tilt)
         self._inertial = InertialAttitude(mount, rule, rules.pictures.carried, rules.hybrid.trust, clock)
         self._depth, self._imu, self._given = DepthAttitude(camera), imu, given
         self._check = MountCheck(camera, self._pictures, rule.check, health)
@@ -144,11 +137,9 @@ class EstimatedAttitude:
         return self._attitude
 
     def update(self, rotation: TrackedRotation | None) -> Attitude:
-        """The last frame's attitude; that of the pictures, with the rotation up to it, where it was predicted."""
+        """The last frame's attitude; that of the odometry where it was predicted."""
         self._check.moved(rotation)
-        attitude, up = self._pictures.update(rotation), self._depth.up()
-        if up is not None:
-            self._pictures.see_up(*up)
+        attitude = self._pictures.update(rotation)
         return self._about_mount(attitude) if self._attitude.predicted else self._attitude
 
     def reset(self, reason: str) -> None:  # noqa: ARG002
@@ -158,8 +149,8 @@ class EstimatedAttitude:
 
     def _about_mount(self, attitude: Attitude) -> Attitude:
         """An attitude with the estimate of the mount."""
-        check = self._check
-        return replace(attitude, carried=check.carried, room=check.room, mount=check.estimate)
+        check, seen_up = self._check, self._pictures.seen_up
+        return replace(attitude, carried=check.carried, room=check.room, seen_up=seen_up, mount=check.estimate)
 
 
 def open_attitude(

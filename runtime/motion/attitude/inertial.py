@@ -23,10 +23,11 @@ from edgemap.geometry.camera.mount import Mount
 from edgemap.runtime.frames.frame import Frame
 from edgemap.runtime.motion.attitude.imu_trust import ImuTrust
 from edgemap.runtime.motion.attitude.mount_check import MountRule
-from edgemap.runtime.motion.attitude.pictures import LONGEST_S, NOD_S, ROTATION_SHARE
+from edgemap.runtime.motion.attitude.pictures import LONGEST_S
 from edgemap.runtime.motion.attitude.source import Moved
 from edgemap.runtime.motion.trust import TrustRule
 
+NOD_S = 1.0 / math.tau  # swing of a nod against its rate, at 1 Hz
 LIKELY = 2.0  # standard deviations of nodding, at which the mount has half the weight for the tilt
 START_S = 0.1  # of samples, whose mean force is the first guess of where up is
 
@@ -38,8 +39,6 @@ class AttitudeRule:
     """
 
     noise: InertialNoise = field(default_factory=InertialNoise)  # of the sensor and the filter
-    # Standard deviation of the rotation between two pictures, relative to it, in addition to that of the corners.
-    rotation_share: float = ROTATION_SHARE
     # Of the mount; its `tilt.nod` is how far a robot nods about the mount, as one measurement per second.
     check: MountRule = field(default_factory=MountRule)
 

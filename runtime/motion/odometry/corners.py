@@ -35,7 +35,7 @@ class CornersRule:
 
     working_width_px: int = 320  # wider pictures are scaled down to this width
     window_px: int = 11  # size of the tracker's window; the spacing of corners is at least half of it
-    corners: int = 160  # number of corners
+    corners: int = 160  # number of corners; of a carried camera twice as many
     floor_share: float = 0.6  # share of the corners that are sought where the floor is within reach
     # Minimum response of the phase correlation; the picture's shift is then used for motions beyond the tracker's
     # reach.
@@ -205,10 +205,11 @@ class CornerTracker:
             np.asarray(way, np.float64).ravel(),
         )
 
-    def seek(self) -> None:
-        """Replaces missing corners separately on the floor and elsewhere: a wall's contrast must not hide the floor."""
-        missing = self._rule.corners - len(self.corners)
-        if self._picture is None or missing < self._rule.corners // FEW:
+    def seek(self, carried: float) -> None:
+        """Replaces missing corners separately on the floor and elsewhere: a wall's contrast must not hide the floor.
+        carried: from 0, of a camera on a robot, to 1."""
+        count = round((1.0 + carried) * self._rule.corners)
+        if self._picture is None or count - len(self.corners) < count // FEW:
             return
         grey = self._picture.grey
         free = np.full(grey.shape, 255, dtype=np.uint8)
@@ -219,7 +220,7 @@ class CornerTracker:
             (free & self._mask, floors, self._rule.floor_share),
             (free & ~self._mask, len(self.corners) - floors, 1.0 - self._rule.floor_share),
         ):
-            wanted = round(share * self._rule.corners) - have
+            wanted = round(share * count) - have
             lines = np.flatnonzero(mask.any(axis=1))
             if wanted <= 0 or not len(lines):
                 continue

@@ -67,8 +67,9 @@ class WindowOdometry:
     Pitch, roll and height of each keyframe are estimated together with the motion, so an error of the attitude hardly
     changes the length of a step. Where a frame has depth, the inverse depths of its corners are measured. A robot is
     about the mount's angles to half of `tilt.nod`, keeps its height and, once it has proved to be on wheels, rolls; a
-    carried camera is about them to `tilt.prior`. If a step measures no motion, `Coasting` predicts it. Lengths inside
-    are in the platform's unit. carried: whether the camera counts as carried from the start.
+    carried camera is about them to `tilt.prior`. A room's edges show the tilt to `tilt.seen`. If a step measures no
+    motion, `Coasting` predicts it. Lengths inside are in the platform's unit. carried: whether the camera counts as
+    carried from the start.
     """
 
     name, needs_features = "window", False
@@ -85,7 +86,7 @@ class WindowOdometry:
         self._unit_m, self._in_room = camera.mount.platform.unit_m, camera.mount.platform.in_room
         window = self._rule.window
         self._window_rule = replace(window, depth_sigma=self._unit_m * window.depth_sigma)
-        self._tilt_rad = tilt.nod / 2.0, tilt.prior
+        self._tilt_rad, self._edges_rad = (tilt.nod / 2.0, tilt.prior), tilt.seen
         self._tracker = CornerTracker(camera, self._rule.corners)
         self._level = self._camera = FloorCamera(self._tracker.intrinsics, _in_units(camera.mount, self._unit_m))
         self._mount = camera.mount  # the mount that attitudes refer to
@@ -141,7 +142,7 @@ class WindowOdometry:
         self._tracker.mark_floor(self._camera, prior.floor)
         first, self._first, self._seen_s = self._first, False, frame.stamp_s
         if not self._tracker.follows:
-            self._tracker.seek()
+            self._tracker.seek(self.judged.share)
             self._begin(self._camera_pose(), self._factors(prior.attitude, gyro))
             if first:
                 self._coasting.begin(frame.stamp_s)
@@ -155,7 +156,7 @@ class WindowOdometry:
         pose, weight = self._track(start, gyro is None, factors)
         if surprised := weight < self._rule.least_weight:
             pose, weight = self._surprised(pose, weight, factors)
-        self._tracker.seek()
+        self._tracker.seek(self.judged.share)
         if weight < self._rule.least_weight:
             return self._started_again(frame, start, factors)
         pair = self._held(self._rule.track_px), self._held(self._rule.parallax_px)
@@ -207,6 +208,8 @@ class WindowOdometry:
         corrected, self._mount = used != self._mount, used
         if corrected:
             self._graph.loosen(self._up())
+        if attitude is not None and attitude.predicted and attitude.seen_up is not None and not self._skipped:
+            self._graph.see_up(attitude.seen_up, self._edges_rad)
         return gyro
 
     def _by_window(self) -> Motion:
@@ -309,7 +312,7 @@ class WindowOdometry:
         """Gravity, height, gyro and wheels as factors of this picture's pose."""
         rule, height_m = self._rule, self._camera.mount.height_m
         up_rad = self._held(self._tilt_rad)
-        if attitude is not None and attitude.source != "mount":
+        if attitude is not None and attitude.source != "mount" and not attitude.predicted:
             variance = float(np.trace(attitude.covariance_rad2)) / 2.0
             up_rad = max(math.sqrt(rule.attitude_pictures * variance), SMALLEST_SIGMA_RAD)
         gyro_rad = math.inf
