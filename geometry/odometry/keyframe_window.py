@@ -221,9 +221,10 @@ class KeyframeWindow:
         return self._covariance[-12:, -12:]
 
     def unmeasured(self) -> float:
-        """Share of the last picture's points whose depths are not measured."""
+        """Share of the last picture's points whose depths are not measured; 1 without points."""
         last = len(self.poses) - 1
-        return float(np.isnan(self.points.measured[self.points.observed[:, last], last]).mean())
+        depths = self.points.measured[self.points.observed[:, last], last]
+        return float(np.isnan(depths).mean()) if len(depths) else 1.0
 
     def local(self, ids: NDArray[np.int64], pose: LensPose) -> Array:
         """Points of these tracks in a lens's optical axes, (N, 3); NaN for those that are not in the window."""

@@ -35,7 +35,7 @@ class CornersRule:
 
     working_width_px: int = 320  # wider pictures are scaled down to this width
     window_px: int = 11  # size of the tracker's window; the spacing of corners is at least half of it
-    corners: int = 160  # number of corners; of a carried camera twice as many
+    corners: int = 160  # number of corners; of a carried camera without depth twice as many
     floor_share: float = 0.6  # share of the corners that are sought where the floor is within reach
     # Minimum response of the phase correlation; the picture's shift is then used for motions beyond the tracker's
     # reach.
@@ -205,10 +205,10 @@ class CornerTracker:
             np.asarray(way, np.float64).ravel(),
         )
 
-    def seek(self, carried: float) -> None:
+    def seek(self, more: float) -> None:
         """Replaces missing corners separately on the floor and elsewhere: a wall's contrast must not hide the floor.
-        carried: from 0, of a camera on a robot, to 1."""
-        count = round((1.0 + carried) * self._rule.corners)
+        more: share of `CornersRule.corners` that is sought in addition."""
+        count = round((1.0 + more) * self._rule.corners)
         if self._picture is None or count - len(self.corners) < count // FEW:
             return
         grey = self._picture.grey

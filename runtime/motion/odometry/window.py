@@ -142,7 +142,7 @@ class WindowOdometry:
         self._tracker.mark_floor(self._camera, prior.floor)
         first, self._first, self._seen_s = self._first, False, frame.stamp_s
         if not self._tracker.follows:
-            self._tracker.seek(self.judged.share)
+            self._tracker.seek(self.judged.share * self._graph.unmeasured())
             self._begin(self._camera_pose(), self._factors(prior.attitude, gyro))
             if first:
                 self._coasting.begin(frame.stamp_s)
@@ -156,7 +156,7 @@ class WindowOdometry:
         pose, weight = self._track(start, gyro is None, factors)
         if surprised := weight < self._rule.least_weight:
             pose, weight = self._surprised(pose, weight, factors)
-        self._tracker.seek(self.judged.share)
+        self._tracker.seek(self.judged.share * self._graph.unmeasured())
         if weight < self._rule.least_weight:
             return self._started_again(frame, start, factors)
         pair = self._held(self._rule.track_px), self._held(self._rule.parallax_px)
