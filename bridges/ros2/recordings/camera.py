@@ -46,7 +46,7 @@ from edgemap.runtime.inputs.drives.pictures import Levels
 from edgemap.runtime.motion.given_poses import GivenPoses
 
 PICTURE_KINDS = {"sensor_msgs/Image": raw_picture, "sensor_msgs/CompressedImage": compressed_picture}
-INFO_KIND = "sensor_msgs/CameraInfo"
+INFO_KIND, TF_KIND = "sensor_msgs/CameraInfo", "tf2_msgs/TFMessage"
 USABLE = "colour", "infrared"  # kinds of pictures, the first that there is
 STAMP_TOLERANCE_S = 1e-6  # between a stamp and its whole nanoseconds
 
@@ -180,8 +180,8 @@ class RecordingCamera(Camera):
                 taken[name] = "depth"
             elif name == self._info_topic and info.intrinsics is not None:
                 taken[name] = "lens"
-            elif topic.kind == "tf2_msgs/TFMessage":
-                taken[name] = "tf"
+            elif topic.kind in (TF_KIND, PATH):
+                taken[name] = "tf" if topic.kind == TF_KIND else "path, for --odometry tf"
             elif not topic.count:
                 left[name] = "no messages"
             elif topic.kind in PICTURE_KINDS:
@@ -194,8 +194,6 @@ class RecordingCamera(Camera):
                 (taken if used else left)[name] = (
                     "IMU" if used else "tf does not join it to the pictures, or another is used"
                 )
-            elif topic.kind == PATH:
-                left[name] = "used by --odometry tf"
             else:
                 left[name] = topic.kind
         lines = [f"{title}: " + ", ".join(f"{name} ({what})" for name, what in some.items())
