@@ -50,10 +50,10 @@ class MqttPublisher:
 
     status: `online` or `offline`, retained; the last will. state: pose, frames, number of objects and the last fault,
     retained. objects/ID: each object as in map.json, retained, and cleared when the object is removed. events:
-    `event_type` appeared, moved or vanished with the object; `into` where it became part of another one; entered and
-    left with the zone. A second broker connection
-    with the same robot's name replaces this one. A separate thread sends and reconnects; after an outage the broker
-    gets all retained messages again and the events since then as one step.
+    `event_type` appeared, vanished or an entry of its history with the object; `into` where it became part of another
+    one; entered and left with the zone. A second broker connection with the same robot's name replaces this one. A
+    separate thread sends and reconnects; after an outage the broker gets all retained messages again and the events
+    since then as one step.
     Raises MissingExtraError. `write` raises PublishError while there is no connection.
     """
 
@@ -132,9 +132,7 @@ class MqttPublisher:
             before = self._published.get(identity)
             if before is None:
                 self._event("appeared", item)
-            elif math.dist(before.position_m, item.position_m) > MOVED_M:
-                self._event("moved", item, moved_m=round(math.dist(before.position_m, item.position_m), 3))
-            elif _remembered(before) != _remembered(item):
+            elif _remembered(before) != _remembered(item) or math.dist(before.position_m, item.position_m) > MOVED_M:
                 with self._objects:
                     self._published[identity] = item
                     self._publish_object(item)
@@ -305,12 +303,16 @@ def _remembered(item: MapObject) -> tuple[object, ...]:
 
 
 def _news(before: MapObject | None, item: MapObject) -> list[MapEvent]:
-    """New entries of an object's history, but for those that `write` finds by itself. The first time that an object is
-    published, its history is old, but for a move."""
-    old = before.history if before else [event for event in item.history if event.what != "moved"]
-    published = {(event.what, event.other) for event in old}
-    events = [event for event in item.history if event.what != "moved" or event.other]
-    return [event for event in events if event.what != "appeared" and (event.what, event.other) not in published]
+    """New entries of an object's history, but for `appeared`. The first time that an object is published, its history
+    is old, but for a move by which it got its id."""
+    if before is None:
+        return [event for event in item.history[-1:] if event.what == "moved" and event.other and not item.earlier]
+    published = {(event.what, event.other, event.to_m) for event in before.history}
+    again = before.earlier and not item.earlier  # of `restored` the history keeps the latest
+    return [
+        event for event in item.history if event.what != "appeared"
+        and ((event.what, event.other, event.to_m) not in published or (again and event.what == "restored"))
+    ]  # fmt: skip
 
 
 def topic_level(name: str) -> str:

@@ -17,6 +17,7 @@ from support.faults import made
 from support.steps import Steps
 from support.waiting import wait_for
 
+from edgemap.geometry.map_object import MapEvent
 from edgemap.geometry.objects.annotations import Zone
 from edgemap.geometry.objects.events import Edit
 from edgemap.runtime.frames.errors import PublishError
@@ -164,16 +165,18 @@ def test_the_picture_has_nothing_of_the_camera(broker):
 def test_objects_appear_move_and_vanish(broker):
     result, objects = two_objects()
     chair, couch = sorted(objects, key=lambda item: item.label)
-    moved = replace(chair, position_m=chair.position_m + [0.3, 0.0])
+    better = replace(chair, position_m=chair.position_m + [0.3, 0.0])  # an estimate, and no news
+    moved = replace(better, history=(MapEvent("moved", 1.8e9, from_m=chair.place_m, to_m=better.place_m),))
+    later = replace(couch, id="couch-9", history=(MapEvent("moved", 1.8e9, to_m=couch.place_m, other="couch-1"),))
     listener = broker.listen("edgemap/robo/events")
     with publisher(broker) as sink:
         sink.write(result, [chair, couch])
-        sink.write(result, [replace(chair, position_m=chair.position_m + [0.2, 0.0]), couch])  # noise, not told
+        sink.write(result, [better, couch])
         sink.write(result, [moved, couch])
         result = replace(result, merged={couch.id: moved.id})
-        sink.write(result, [moved])
+        sink.write(result, [moved, later])
         sink.write(result, [])
-        events = [json.loads(listener.stdout.readline().split("\t")[1]) for _ in range(5)]
+        events = [json.loads(listener.stdout.readline().split("\t")[1]) for _ in range(8)]
         assert not objects_in(broker.retained(until=lambda told: not objects_in(told)))
     listener.kill()
     listener.communicate()
@@ -181,10 +184,13 @@ def test_objects_appear_move_and_vanish(broker):
         ("appeared", chair.id, None),
         ("appeared", couch.id, None),
         ("moved", chair.id, None),
+        ("appeared", later.id, None),
+        ("moved", later.id, None),
         ("vanished", couch.id, chair.id),
         ("vanished", chair.id, None),
+        ("vanished", later.id, None),
     ]
-    assert events[2]["moved_m"] == 0.3
+    assert (events[2]["to_m"], events[4]["other"]) == (pytest.approx(better.place_m), "couch-1")
     np.testing.assert_allclose([events[2]["x_m"], events[2]["y_m"]], moved.position_m, atol=1e-6)
 
 
