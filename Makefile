@@ -18,11 +18,10 @@ SYSTEM := libusb-1.0-0 libegl1 libegl-mesa0 libgl1 libgl1-mesa-dri sweethome3d-f
 
 setup: system $(STAMP)
 
-$(STAMP): $(PINS) scripts/system-packages
+$(STAMP): $(PINS) scripts/system-packages scripts/pip-install
 	@$(venv)
 	@echo "edgemap: installing every extra and the development tools into $(VENV) (torch is most of it) ..."
-	@$(PIP) --no-compile torch
-	@$(PIP) --no-compile -e '.[all,dev]'
+	@scripts/pip-install $(BIN)/python -c constraints.txt -e '.[all,dev]'
 	@$(rooms)
 	@touch $(STAMP)
 
