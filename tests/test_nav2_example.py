@@ -84,8 +84,6 @@ class Launched:
         for name, module in modules.items():
             monkeypatch.setitem(sys.modules, name, module)
         spec = importlib.util.spec_from_file_location("nav2_launch", FOLDER / "nav2.launch.py")
-        assert spec is not None
-        assert spec.loader is not None
         module = importlib.util.module_from_spec(spec)
         spec.loader.exec_module(module)
         *_, function = module.generate_launch_description()

@@ -44,8 +44,7 @@ def help_of(edgemap):
 
     @functools.cache
     def ask(command):
-        result = edgemap(*command.split(), "--help")
-        assert result.returncode == 0, result.stderr
+        result = edgemap.ok(*command.split(), "--help")
         return result.stdout
 
     return ask

@@ -1,21 +1,24 @@
-"""Lens and mount guessed from pictures: of boxes of furniture projected by a known camera, and of the demo."""
+"""Lens, mount and tilt: guessed from furniture, made pictures and the demo, and measured by edges of rooms."""
 
 import math
 
 import numpy as np
 import pytest
+from support.scenes import room
 
 from edgemap.calibrate.board import frames_of
-from edgemap.calibrate.guess import Focal, guess_camera
+from edgemap.calibrate.guess import Focal, guess_camera, quarter_turns
 from edgemap.calibrate.stated_focal import stated_focal_px
+from edgemap.calibrate.tilt import fit_tilt
 from edgemap.geometry.camera.floor import FloorCamera
-from edgemap.geometry.camera.intrinsics import Intrinsics
+from edgemap.geometry.camera.intrinsics import Distortion, Intrinsics
 from edgemap.geometry.camera.mount import Mount
 from edgemap.geometry.observations.class_extents import HEIGHT_M, MEASURED
 from edgemap.geometry.observations.detections import Detections
 from edgemap.runtime.frames.errors import CalibrationError
 from edgemap.runtime.inputs.drives.pictures import read_picture
 from edgemap.runtime.inputs.open import open_camera
+from edgemap.runtime.motion.attitude.segments import Segments, find_segments
 from edgemap.runtime.network.bundle import load_bundle
 from edgemap.runtime.network.decode import Decoder, Detector
 from edgemap.runtime.network.store import bundle_folder
@@ -115,8 +118,6 @@ def test_the_demo_is_guessed_within_its_own_sigmas():
     """Rendered pictures and the real network: focal length, height and pitch of the demo's camera."""
     with open_camera("demo") as source:
         lens, mount = source.info.intrinsics, source.info.mount
-        assert lens is not None
-        assert mount is not None
         pictures = [frame.image for frame in frames_of(source, 200) if frame.index % 12 == 0]
     bundle = load_bundle(bundle_folder("edgemap-nano"), 1)
     guess = guess_camera(pictures, Detector(bundle, Decoder(bundle.manifest.detector, 0.3, one_name=True)))
@@ -138,3 +139,77 @@ def test_a_phones_picture_states_its_focal_length(tmp_path):
     assert stated_focal_px(tmp_path / "a.jpg", 640, 480) is None
     (tmp_path / "b.jpg").write_bytes(b"no picture")
     assert stated_focal_px(tmp_path / "b.jpg", 640, 480) is None
+
+
+def bright_top(picture):
+    """A detector that recognises a picture with a bright top for sure, and others hardly."""
+    score = 0.9 if picture[: len(picture) // 4].mean() > 200 else 0.2
+    return Detections(np.zeros((1, 4)), np.array([score]), np.array([0]), ("chair",))
+
+
+@pytest.mark.parametrize("turns", range(4))
+def test_the_turn_that_makes_pictures_upright_is_found(turns):
+    upright = np.zeros((40, 60, 3), dtype=np.uint8)
+    upright[:15] = 255
+    assert quarter_turns([np.rot90(upright, -turns)] * 25, bright_top) == turns
+
+
+def test_where_none_is_clearly_better_pictures_stay():
+    assert quarter_turns([np.zeros((40, 60, 3), dtype=np.uint8)] * 3, bright_top) == 0
+    assert quarter_turns([], bright_top) == 0
+
+
+BENT = Distortion("brown_conrady", (-0.1, 0.03, 0.0005, -0.0004, 0.0))
+
+
+@pytest.mark.parametrize(
+    ("pitch_deg", "roll_deg", "distortion"),
+    [(24.0, -4.0, Distortion()), (-3.0, 2.5, BENT)],
+)
+def test_rendered_rooms(pitch_deg, roll_deg, distortion):
+    lens = Intrinsics(640, 480, 480.0, 482.0, 318.0, 241.0, distortion)
+    mount = Mount.from_degrees(0.6, pitch_deg, roll_deg)
+    pictures = [find_segments(room(lens, mount, 0.7 * i, i), lens) for i in range(6)]
+    fit = fit_tilt(pictures)
+    assert math.degrees(fit.pitch_rad) == pytest.approx(pitch_deg, abs=0.15)
+    assert math.degrees(fit.roll_rad) == pytest.approx(roll_deg, abs=0.15)
+    assert fit.share > 0.8
+    assert max(fit.sigma) < math.radians(0.3)
+
+
+def test_the_demo_drive():
+    """Furniture, textures, video compression: the truth is in the demo's camera file."""
+    with open_camera("demo") as camera:
+        pictures = []
+        while (frame := camera.read()) is not None:
+            if frame.index % 10 == 0 and frame.index < 200:
+                pictures.append(find_segments(frame.image, camera.info.intrinsics))
+    fit = fit_tilt(pictures)
+    assert math.degrees(fit.pitch_rad - camera.info.mount.pitch_rad) == pytest.approx(0.0, abs=0.3)
+    assert math.degrees(fit.roll_rad - camera.info.mount.roll_rad) == pytest.approx(0.0, abs=0.3)
+
+
+def random_segments(random, count):
+    normals = random.normal(size=(count, 3))
+    return Segments(normals / np.linalg.norm(normals, axis=1, keepdims=True), np.full(count, 0.2))
+
+
+def test_edges_that_do_not_agree_and_bare_pictures_are_refused():
+    random = np.random.default_rng(4)
+    with pytest.raises(CalibrationError, match=r"need|known to"):
+        fit_tilt([random_segments(random, 60) for _ in range(8)])
+    lens = Intrinsics(640, 480, 480.0, 482.0, 318.0, 241.0)
+    grey = np.full((480, 640, 3), 128, np.uint8)
+    with pytest.raises(CalibrationError, match=r"^0 pictures with straight edges, need 3"):
+        fit_tilt([find_segments(grey, lens)] * 5)
+
+
+def test_a_camera_that_nods_is_refused():
+    """Pictures from a hand, not from a robot: no one pitch is right."""
+    lens = Intrinsics(640, 480, 480.0, 482.0, 318.0, 241.0)
+    pitches = [0.0, 4.0, 8.0, 12.0, 16.0, 20.0]
+    pictures = [
+        find_segments(room(lens, Mount.from_degrees(0.6, pitch), 0.7 * i, i), lens) for i, pitch in enumerate(pitches)
+    ]
+    with pytest.raises(CalibrationError, match=r"tilt changes by \d+\.\d deg"):
+        fit_tilt(pictures)

@@ -14,18 +14,8 @@ from edgemap.runtime.frames.errors import UsageError
 def test_a_run_from_its_own_record_is_the_same_run(tmp_path):
     tuned = tmp_path / "tuned.yaml"
     tuned.write_text("options: {frames: 40, odometry: truth}\nconfig: {association: {min_count: 2}}\n")
-    main(
-        [
-            "run",
-            "--config",
-            str(tuned),
-            "--config-options",
-            "--classes",
-            "chair,couch",
-            "--out",
-            str(tmp_path / "first"),
-        ]
-    )
+    flags = ["--config", str(tuned), "--config-options", "--classes", "chair,couch"]
+    main(["run", *flags, "--out", str(tmp_path / "first")])
     record = json.loads((tmp_path / "first" / "run.json").read_text())
     assert record["options"] == {"frames": 40, "odometry": "truth", "classes": "chair,couch"}
     assert record["config"]["association"]["min_count"] == 2
@@ -47,7 +37,7 @@ def written(folder, options):
     return path
 
 
-def test_a_strangers_file_sets_tuning_only(tmp_path, monkeypatch, capsys):
+def test_options_come_before_what_is_typed_and_a_strangers_file_sets_tuning_only(tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
     main(["run", "--config", str(written(tmp_path, STRANGER)), "--frames", "3", "--out", "mine"])
     assert sorted(path.name for path in tmp_path.iterdir()) == ["c.yaml", "mine"]
@@ -55,9 +45,6 @@ def test_a_strangers_file_sets_tuning_only(tmp_path, monkeypatch, capsys):
     assert "tuning only; its options (fleet, mqtt, out, record, view) are used with --config-options" in told
     record = json.loads((tmp_path / "mine" / "run.json").read_text())
     assert (record["config"]["association"]["min_count"], record["options"]) == (2, {"frames": 3})
-
-
-def test_options_come_before_what_is_typed_and_are_printed(tmp_path, capsys):
     path = written(tmp_path, {"odometry": "truth", "loop-closure": False, "without_imu": True, "out": "theirs"})
     typed = ["--config", str(path), "--config-options", "--odometry", "hybrid", "-o", "mine"]
     assert config_arguments(typed, command) == ["--no-loop-closure", "--without-imu", *typed]
@@ -75,19 +62,13 @@ def test_every_switch_may_be_false_and_true(tmp_path, capsys):
         assert "--frames 0: must be 1 or more" in capsys.readouterr().err  # every option was understood
 
 
-@pytest.mark.parametrize(
-    "options",
-    [
-        {"nonsense": 1},
-        {"config": "x"},
-        {"config-options": True},
-        {"realtime": "yes"},
-        {"frames": True},
-        {"camera": ["demo"]},
-        {"out": "a\nb"},
-        {"out": {"a": 1}},
-    ],
-)
+NO_OPTIONS = (
+    {"nonsense": 1}, {"config": "x"}, {"config-options": True}, {"realtime": "yes"}, {"frames": True},
+    {"camera": ["demo"]}, {"out": "a\nb"}, {"out": {"a": 1}},
+)  # fmt: skip
+
+
+@pytest.mark.parametrize("options", NO_OPTIONS)
 def test_what_is_no_option_is_one_line(tmp_path, options):
     with pytest.raises(UsageError, match=next(iter(options))):
         config_arguments(["--config", str(written(tmp_path, options)), "--config-options"], command)

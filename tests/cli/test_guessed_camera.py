@@ -24,26 +24,25 @@ from edgemap.runtime.motion.camera_guess import CameraGuess
 
 
 def test_pictures_without_camera_yaml_are_mapped_by_a_guess(edgemap, painted_bundle, pictures, tmp_path):
+    """What the run suggests runs as it stands, in a folder with spaces too."""
     (pictures / "camera.yaml").unlink()
-    out = tmp_path / "run"
-    done = edgemap("run", "--camera", pictures, "--bundle", painted_bundle, "--out", out)
-    assert done.returncode == 0, done.stderr
-    assert (
-        "does not say its lens and mount: guessing from its first pictures\nguessed from 12 pictures:\n" in done.stdout
-    )
+    out, run = tmp_path / "first floor", ("run", "--camera", pictures, "--bundle", painted_bundle)
+    done = edgemap.ok(*run, "--out", out)
+    lines = done.stdout.splitlines()
+    asked = lines.index(next(line for line in lines if "does not say its lens and mount: guessing" in line))
+    assert lines[asked + 1] == "guessed from 12 pictures:"
     assert "focal length 51 +- 22 % px (usual field of view)" in done.stdout  # 0.8 of 64 px
     assert "map: good" not in done.stdout  # never of a guess
     record = json.loads((out / "run.json").read_text())
     assert record["camera_guess"]["focal_sigma_share"] == 0.22
     assert any("guessed" in reason for reason in record["verdict"]["reasons"])
     kept = read_camera_yaml(out / "camera.yaml")
-    assert kept.mount is not None
     assert abs(kept.mount.height_m - record["mount"]["height_m"]) < 1e-6
-    again = edgemap(
-        "run", "--camera", pictures, "--bundle", painted_bundle, "--camera-file", out / "camera.yaml", "--out",
-        tmp_path / "again",
-    )  # fmt: skip
-    assert again.returncode == 0, again.stderr
+    (why,) = (line.partition("see ")[2] for line in lines if "see edgemap why" in line)
+    assert edgemap(*shlex.split(why)[1:]).returncode == 0
+    (more,) = (line.partition("the next run: ")[2][:-1] for line in lines if "the next run: -" in line)
+    assert shlex.split(more) == ["--camera-file", str(out / "camera.yaml")]
+    again = edgemap.ok(*run, *shlex.split(more), "--out", tmp_path / "again")
     assert "guessed from" not in again.stdout  # not once more, and still a guess:
     assert "map: good" not in again.stdout
     assert json.loads((tmp_path / "again" / "run.json").read_text())["camera_guess"]["height_sigma_share"] > 0.0
@@ -60,7 +59,6 @@ def test_a_run_that_does_not_reach_its_end_keeps_its_guess(edgemap, painted_bund
     record = json.loads((tmp_path / "run" / "run.json").read_text())
     assert 0 < record["frames"] < 12
     kept = read_camera_yaml(tmp_path / "run" / "camera.yaml")
-    assert kept.mount is not None
     assert abs(kept.mount.height_m - record["mount"]["height_m"]) < 1e-6
 
 
@@ -68,17 +66,14 @@ def test_a_run_by_a_guess_asks_for_the_height_alone(edgemap, painted_bundle, pic
     """The commands that it prints run as they stand, with another height too. Lens and pitch remain guesses, so the
     map is not called good."""
     (pictures / "camera.yaml").unlink()
-    first = edgemap("run", "--camera", pictures, "--bundle", painted_bundle, "--out", tmp_path / "run")
-    assert first.returncode == 0, first.stderr
+    first = edgemap.ok("run", "--camera", pictures, "--bundle", painted_bundle, "--out", tmp_path / "run")
     (scale,) = (line for line in first.stdout.splitlines() if line.startswith("  edgemap map scale "))
-    scaled = edgemap(*shlex.split(scale.replace("HEIGHT_M", "0.83"))[1:])
-    assert scaled.returncode == 0, scaled.stderr
+    edgemap.ok(*shlex.split(scale.replace("HEIGHT_M", "0.83"))[1:])
     assert (tmp_path / "run-scaled" / "map.json").is_file()
     (line,) = (line for line in first.stdout.splitlines() if line.startswith("  edgemap run "))
     *command, height = shlex.split(line)[1:]
     assert (command[-1], height) == ("--mount", "HEIGHT_M")  # no guess looks like a measurement
-    second = edgemap(*command, "0.83", "--bundle", painted_bundle, "--out", tmp_path / "again")
-    assert second.returncode == 0, second.stderr
+    second = edgemap.ok(*command, "0.83", "--bundle", painted_bundle, "--out", tmp_path / "again")
     assert "  edgemap run " not in second.stdout
     assert "height 0.83 m guessed" not in second.stdout
     before, after = (json.loads((tmp_path / name / "run.json").read_text()) for name in ("run", "again"))
@@ -87,7 +82,6 @@ def test_a_run_by_a_guess_asks_for_the_height_alone(edgemap, painted_bundle, pic
     assert after["camera_guess"]["focal_sigma_share"] == before["camera_guess"]["focal_sigma_share"]
     assert after["verdict"]["level"] != "good"
     kept = read_camera_yaml(tmp_path / "again" / "camera.yaml").mount
-    assert kept is not None
     assert kept.height_m == 0.83
 
 
@@ -95,11 +89,9 @@ def test_a_recording_of_a_run_by_a_guess_is_one_still(edgemap, painted_bundle, p
     pytest.importorskip("mcap_ros2", reason="no mcap here (extra record)")
     (pictures / "camera.yaml").unlink()
     run = ("run", "--bundle", painted_bundle)
-    first = edgemap(*run, "--camera", pictures, "--record", tmp_path / "a.mcap", "--out", tmp_path / "run")
-    assert first.returncode == 0, first.stderr
+    edgemap.ok(*run, "--camera", pictures, "--record", tmp_path / "a.mcap", "--out", tmp_path / "run")
     for name, given in (("replay", ()), ("tape", ("--mount", "0.83"))):
-        done = edgemap(*run, "--camera", tmp_path / "a.mcap", *given, "--out", tmp_path / name)
-        assert done.returncode == 0, done.stderr
+        edgemap.ok(*run, "--camera", tmp_path / "a.mcap", *given, "--out", tmp_path / name)
         record = json.loads((tmp_path / name / "run.json").read_text())
         assert record["verdict"]["level"] != "good"
         assert (record["camera_guess"]["height_sigma_share"] == 0.0) == (name == "tape")
@@ -142,26 +134,32 @@ def test_what_was_calibrated_since_is_no_guess():
         read(height_sigma_share="high")
 
 
-def test_the_command_to_copy_holds_no_password(tmp_path):
+@pytest.mark.parametrize(
+    ("record", "source", "seen", "said"),
+    [
+        (  # carried by a person
+            {"height_sigma_share": 0.15, "sigma_pitch_deg": 5.5, "sway_deg": 5.0}, "walk.mp4",
+            HeightEstimate(0.5, 0.04),
+            ("as people carry a camera it is 0.60 m, to 15 %", "from floor to lens as you carry it",
+             "--camera walk.mp4 --camera-file"),
+        ),
+        (  # no object has shown it
+            {"focal_sigma_share": 0.22, "height_sigma_share": 1.0, "sigma_pitch_deg": 9.3}, "walk.mp4", None,
+            ("no object of a usual size was seen; 0.60 m is usual for a robot",),
+        ),
+        ({"height_sigma_share": 0.09}, "rtsp://user:s3cret@10.0.0.2/live", None,
+         ("rtsp://***@10.0.0.2/live", "by the sizes of objects")),
+    ],
+)  # fmt: skip
+def test_the_height_is_asked_for_by_what_is_known_of_it(tmp_path, record, source, seen, said):
     floor = FloorCamera(Intrinsics(640, 480, 587.0, 587.0, 319.5, 239.5), Mount(0.6, 0.2))
-    guess = CameraGuess.of_record(
-        {"method": "guessed", "height_sigma_share": 0.09}, floor.intrinsics, floor.mount, "camera.yaml"
-    )
-    text = CameraKeeper(tmp_path, floor, guess, "rtsp://user:s3cret@10.0.0.2/live").at_end(None)
-    assert text is not None
-    assert "rtsp://***@10.0.0.2/live" in text
-    assert "s3cret" not in text
-
-
-def test_who_carries_the_camera_is_asked_for_its_height(tmp_path):
-    floor = FloorCamera(Intrinsics(540, 360, 511.0, 511.0, 269.5, 179.5), Mount(1.5, 0.33))
-    record = {"method": "guessed", "height_sigma_share": 0.15, "sigma_pitch_deg": 5.5, "sway_deg": 5.0}
+    record = {"method": "guessed"} | record
     guess = CameraGuess.of_record(record, floor.intrinsics, floor.mount, "camera.yaml")
-    text = CameraKeeper(tmp_path, floor, guess, "walk.mp4").at_end(None, HeightEstimate(0.5, 0.04))
-    assert text is not None
-    assert "as people carry a camera it is 1.50 m, to 15 %, and the scale of the map" in text
-    assert "from floor to lens as you carry it" in text
-    assert f"--camera walk.mp4 --camera-file {tmp_path / 'camera.yaml'} --mount HEIGHT_M" in text
+    text = CameraKeeper(tmp_path, floor, guess, source).at_end(None, seen)
+    assert [one for one in said if one not in text] == []
+    assert "--mount HEIGHT_M" in text
+    assert "s3cret" not in text
+    assert ("by the sizes of objects" in text) == ("by the sizes of objects" in said)
 
 
 def test_a_depth_camera_measures_its_mount(edgemap, painted_bundle, tmp_path):
@@ -170,8 +168,7 @@ def test_a_depth_camera_measures_its_mount(edgemap, painted_bundle, tmp_path):
     mount = Mount.from_degrees(0.62, 19.0, 9.0)
     path = record_depth(tmp_path / "depth.db3", [depth_room(mount)] * 8)
     run = ("run", "--camera", f"realsense:{path}", "--bundle", painted_bundle, "--out")
-    done = edgemap(*run, tmp_path / "run")
-    assert done.returncode == 0, done.stderr
+    edgemap.ok(*run, tmp_path / "run")
     record = json.loads((tmp_path / "run" / "run.json").read_text())
     assert "camera_guess" not in record
     assert record["mount"]["height_m"] == pytest.approx(0.62, abs=0.01)
@@ -201,8 +198,7 @@ def test_a_folder_that_begins_at_rest_is_guessed_from_its_views(tmp_path):
 )
 def test_what_is_given_is_not_guessed(edgemap, painted_bundle, pictures, tmp_path, given, lacking, expected):
     (pictures / "camera.yaml").unlink()
-    done = edgemap("run", "--camera", pictures, "--bundle", painted_bundle, "--out", tmp_path / "run", *given)
-    assert done.returncode == 0, done.stderr
+    done = edgemap.ok("run", "--camera", pictures, "--bundle", painted_bundle, "--out", tmp_path / "run", *given)
     assert f"does not say its {lacking}: guessing from its first pictures\nguessed from 12 pictures:\n" in done.stdout
     record = json.loads((tmp_path / "run" / "run.json").read_text())
     known = record["mount"] | record["intrinsics"]
@@ -225,38 +221,11 @@ def test_the_camera_file_of_a_guess_holds_what_the_drive_has_shown(tmp_path):
         guess = CameraGuess.of_record(record, lens, floor.mount, "camera.yaml")
         text = CameraKeeper(folder, floor, guess).at_end(None, seen, turned)
         kept = read_camera_yaml(folder / "camera.yaml")
-        assert kept.mount is not None
         assert (kept.mount.height_m, kept.mount.forward_m) == (0.5, forward_m)
         assert kept.calibration["height_sigma_share"] == 0.08
-        assert text is not None
         assert "by the sizes of objects it is 0.50 m, to 8 %, and the scale of the map" in text
         assert ("0.23 +- 0.01 m before the turn axis" in text) == (arm_m == 0.0)
     behind = CameraKeeper(tmp_path, FloorCamera(lens, mount), guess).at_end(None, seen, Rolling(0.01, -0.08, 0.01))
-    assert behind is not None
     assert "the lens is 0.08 +- 0.01 m behind the turn axis" in behind
     with_wheels = CameraKeeper(tmp_path, FloorCamera(lens, mount), guess).at_end(None, seen, turned, alone=False)
-    assert with_wheels is not None
     assert "turn axis" not in with_wheels
-
-
-def test_a_height_that_no_object_has_shown_is_not_called_one_by_sizes(tmp_path):
-    lens, mount = Intrinsics(640, 480, 587.0, 587.0, 319.5, 239.5), Mount(0.6, 0.2)
-    record = {"method": "guessed", "focal_sigma_share": 0.22, "height_sigma_share": 1.0, "sigma_pitch_deg": 9.3}
-    guess = CameraGuess.of_record(record, lens, mount, "camera.yaml")
-    text = CameraKeeper(tmp_path, FloorCamera(lens, mount), guess).at_end()
-    assert text is not None
-    assert "no object of a usual size was seen; 0.60 m is usual for a robot, and the scale of the map" in text
-    assert "by the sizes" not in text
-
-
-def test_what_a_run_suggests_runs_in_a_folder_with_spaces(edgemap, painted_bundle, pictures, tmp_path):
-    (pictures / "camera.yaml").unlink()
-    out = tmp_path / "first floor"
-    done = edgemap("run", "--camera", pictures, "--bundle", painted_bundle, "--out", out)
-    assert done.returncode == 0, done.stderr
-    (why,) = (line.partition("see ")[2] for line in done.stdout.splitlines() if "see edgemap why" in line)
-    assert edgemap(*shlex.split(why)[1:]).returncode == 0
-    (kept,) = (
-        line.partition("the next run: ")[2][:-1] for line in done.stdout.splitlines() if "the next run: -" in line
-    )
-    assert shlex.split(kept) == ["--camera-file", str(out / "camera.yaml")]

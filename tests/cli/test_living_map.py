@@ -1,24 +1,30 @@
-"""`run --map NAME`: one map over several starts of the real command line, as a service makes them."""
+"""`run --map`: one map over several starts, runs that go on with a saved one, and the place among named maps."""
 
 import json
 import os
 from dataclasses import replace
 from pathlib import Path
 
+import cv2
+import numpy as np
 import pytest
+from support.drives import drive, exact, round_trip
 from support.refusal import one_line
-from support.rooms import content_of, mapped
+from support.rooms import content_of, furnished, mapped
 from support.steps import Steps
 
+from edgemap.cli.named_maps import FoundMap, find_place
 from edgemap.cli.run_record import scale_source
 from edgemap.geometry.errors import MapError
-from edgemap.geometry.objects.annotations import Annotations, Level, MapIdentity
+from edgemap.geometry.objects.annotations import Annotations, Level, MapIdentity, Zone
+from edgemap.geometry.objects.events import Edit
 from edgemap.geometry.se2 import SE2
 from edgemap.runtime.frames.errors import RunFolderError
 from edgemap.runtime.outputs.sinks.living_map import LivingMap
 from edgemap.runtime.outputs.verdict.verdict import Verdict
-from edgemap.runtime.step.map_file import load_annotated_map, save_map
+from edgemap.runtime.step.map_file import load_annotated_map, load_map, save_map
 from edgemap.runtime.step.map_store import find_map, saved_map
+from edgemap.runtime.step.mapper import Mapper
 
 
 @pytest.fixture
@@ -163,3 +169,112 @@ def test_the_first_run_by_a_name_has_the_scale_of_its_own_camera(boot):
     runs = [boot("home")[2] for _ in range(2)]
     first, second = (scale_source(json.loads((run / "run.json").read_text())) for run in runs)
     assert (first, second) == ("", "a saved map, and the runs before it,")
+
+
+@pytest.fixture
+def saved(tmp_path):
+    chair, table = mapped([("chair", 7.2, 0.0), ("dining table", 0.0, 4.0)])
+    save_map(tmp_path / "saved.json", [replace(chair, id="chair-5"), table])
+    return tmp_path / "saved.json"
+
+
+def run(edgemap, bundle, pictures, out, *arguments):
+    return edgemap("run", "--camera", pictures, "--bundle", bundle, "--out", out, *arguments)
+
+
+def test_a_run_goes_on_with_a_saved_map(edgemap, painted_bundle, pictures, saved, tmp_path):
+    done = run(edgemap, painted_bundle, pictures, tmp_path / "run", "--map", saved, "--start", "2,0,0")
+    assert done.returncode == 0, done.stderr
+    before, after = load_map(saved), load_map(tmp_path / "run")
+    assert [item.id for item in after] == ["chair-5", "dining table-1"]  # 2 m + 5 m + half a chair: the saved one
+    assert (after[0].count, after[1].count) == (before[0].count + 12, before[1].count)
+    assert after[1].position_m == pytest.approx(before[1].position_m)
+    first = (tmp_path / "run" / "trajectory.tum").read_text().split()
+    assert [float(value) for value in first[1:3]] == [2.0, 0.0]
+    record = json.loads((tmp_path / "run" / "run.json").read_text())
+    assert (record["map"], record["start"]) == (str(saved), "2,0,0")
+
+
+@pytest.mark.parametrize(("misses", "stays"), [(5, False), (1000000, True)])
+def test_a_chair_that_is_gone_leaves_the_map(edgemap, painted_bundle, pictures, tmp_path, misses, stays):
+    # Saved 3 m ahead and seen from here before; the detector sees only the chair 5 m ahead. Ten looks from two places.
+    for index in range(80):  # of noise, which shows no tilt
+        noise = np.random.default_rng(index).integers(0, 255, (64, 64, 3), dtype=np.uint8)
+        cv2.imwrite(str(pictures / f"{index}.png"), noise)
+    places = ((index / 10, 0.1 if index // 7 % 2 else -0.1) for index in range(80))
+    (tmp_path / "poses.tum").write_text("".join(f"{stamp:.1f} 0 {y} 0 0 0 0 1\n" for stamp, y in places))
+    chair, other = mapped([("chair", 3.0, 0.8), ("chair", 5.25, 0.0)])
+    objects = [replace(item, seen_from_m=((0.25, 0.25), (-1.75, 0.25))) for item in (chair, other)]
+    save_map(tmp_path / "saved.json", objects)
+    saved, out = tmp_path / "saved.json", tmp_path / "run"
+    driven = "--odometry", tmp_path / "poses.tum", "--start", "0,0,0", "--config", tmp_path / "c.yaml"
+    (tmp_path / "c.yaml").write_text(f"config: {{forgetting: {{misses: {misses}}}}}")
+    done = run(edgemap, painted_bundle, pictures, out, "--map", saved, *driven)
+    assert done.returncode == 0, done.stderr
+    assert [item.id for item in load_map(out)] == (["chair-1", "chair-2"] if stays else ["chair-2"])
+
+
+ROOMS = {name: furnished(np.random.default_rng(seed), 16, apart_m=0.8) for name, seed in (("home", 11), ("office", 12))}
+ZONE = Zone("zone-1", "corner", ((0.0, 0.0), (1.0, 0.0), (1.0, 1.0)))
+
+
+def go(mapper, room, start_rad=0.0):
+    poses = round_trip(80, start_rad=start_rad)
+    return drive(mapper, room, poses, exact(poses), 7)
+
+
+@pytest.fixture
+def maps(tmp_path, monkeypatch):
+    """Named maps of both rooms, one with a named chair and a zone."""
+    monkeypatch.setenv("EDGEMAP_DATA", str(tmp_path))
+    for name, room in ROOMS.items():
+        mapper = Mapper()
+        *_, (result, objects) = go(mapper, room)
+        mapper.edit(Edit("name", objects[0].id, name="mine"))
+        identity = result.annotations.identity
+        (tmp_path / "maps" / name).mkdir(parents=True)
+        save_map(tmp_path / "maps" / name / "map.json", mapper.objects(), Annotations((ZONE,), identity=identity))
+    return tmp_path / "maps"
+
+
+def test_the_place_is_the_map_that_fits_and_is_continued_with_its_names_and_zones(maps):
+    before = {one.id: one for one in load_annotated_map(maps / "office")[0]}
+    mapper = Mapper()
+    finder = find_place(mapper)
+    sink = FoundMap(lambda: finder.path, lambda: Verdict("good"))
+    for result, objects in go(mapper, ROOMS["office"], start_rad=2.0):
+        sink.write(result, objects)
+    sink.close()
+    sink.release()
+    assert finder.path == maps / "office"
+    now = {one.id: one for one in mapper.objects()}
+    assert [now[one].name for one in before if before[one].name] == ["mine"]
+    assert all(np.hypot(*(now[one].position_m - before[one].position_m)) < 0.3 for one in before)
+    assert [zone.name for zone in mapper.annotations().zones] == ["corner"]
+    saved, annotations = load_annotated_map(maps / "office")
+    assert sum(one.count for one in saved) > sum(one.count for one in before.values())
+    assert annotations.identity.generation == 2
+
+
+def test_a_place_that_no_map_is_of_stays_unknown_and_no_map_changes(maps):
+    texts = {path: path.read_bytes() for path in maps.glob("*/map.json")}
+    mapper = Mapper()
+    finder = find_place(mapper)
+    sink = FoundMap(lambda: finder.path, lambda: Verdict("good"))
+    for result, objects in go(mapper, furnished(np.random.default_rng(13), 16, apart_m=0.8)):
+        sink.write(result, objects)
+    assert (finder.path, finder.searching) == (None, True)
+    assert {path: path.read_bytes() for path in maps.glob("*/map.json")} == texts
+
+
+def test_two_maps_of_one_place_are_no_answer_and_without_a_named_map_there_is_none(maps, tmp_path, monkeypatch):
+    (maps / "copy").mkdir()
+    (maps / "copy" / "map.json").write_bytes((maps / "home" / "map.json").read_bytes())
+    mapper = Mapper()
+    finder = find_place(mapper)
+    list(go(mapper, ROOMS["home"], start_rad=2.0))
+    assert finder.path is None
+    assert "copy and home both fit" in finder.reason
+    monkeypatch.setenv("EDGEMAP_DATA", str(tmp_path / "empty"))
+    with pytest.raises(MapError, match="no named map"):
+        find_place(Mapper())

@@ -5,6 +5,8 @@ import shutil
 import subprocess
 import sys
 
+import cv2
+import numpy as np
 import pytest
 
 from edgemap.runtime.inputs.open import DEMO
@@ -65,9 +67,6 @@ def test_a_run_folder_of_such_a_name_holds_all_that_a_run_writes(edgemap, tmp_pa
 
 
 def test_pictures_in_such_a_folder_are_a_camera(edgemap, tmp_path):
-    import cv2
-    import numpy as np
-
     folder = tmp_path / f"p{ODD}"
     folder.mkdir()
     good, jpeg = cv2.imencode(".jpg", np.random.default_rng(0).integers(0, 255, (96, 128, 3), np.uint8))

@@ -22,29 +22,21 @@ def labels(result):
     return [entry["label"] for document in json.loads(result.stdout) for entry in document["detections"]]
 
 
-def test_detect_uses_the_file_that_is_asked_for(edgemap, with_int8, pictures):
+def test_detect_and_run_use_the_file_that_is_asked_for(edgemap, with_int8, pictures, tmp_path):
     detect = ("detect", pictures / "0.png", "--bundle", with_int8, "--json")
     assert labels(edgemap(*detect)) == ["chair", "person"]
     assert labels(edgemap(*detect, "--precision", "int8")) == ["couch"]
-
-
-def test_run_maps_with_it_and_says_so(edgemap, with_int8, pictures, tmp_path):
     out = tmp_path / "run"
-    result = edgemap("run", "--camera", pictures, "--bundle", with_int8, "--out", out, "--precision", "int8")
-    assert result.returncode == 0, result.stderr
+    edgemap.ok("run", "--camera", pictures, "--bundle", with_int8, "--out", out, "--precision", "int8")
     assert [item.id for item in load_map(out)] == ["couch-1"]
     assert json.loads((out / "run.json").read_text())["precision"] == "int8"
-
-
-def test_bench_says_which_one_ran(edgemap, with_int8, pictures):
     bench = ("bench", "--camera", pictures, "--bundle", with_int8, "--seconds", "0.2", "--precision", "int8", "--json")
     assert json.loads(edgemap(*bench).stdout)["precision"] == "int8"
 
 
 def test_doctor_tells_what_the_variant_is_worth_and_that_it_is_whole(edgemap, with_int8, pictures):
     doctor = ("doctor", "--camera", pictures, "--bundle", with_int8)
-    result = edgemap(*doctor)
-    assert result.returncode == 0, result.stdout
+    result = edgemap.ok(*doctor)
     assert "int8: 0.50 of float32's time on Abacus 9, AP50 0.695 against 0.700" in result.stdout
     with (with_int8 / "backbone.int8.onnx").open("ab") as stream:
         stream.write(b"x")
@@ -57,8 +49,7 @@ def test_bench_takes_a_detectors_file_and_counts_its_searches(edgemap, tmp_path)
     from support.foreign_models import class_columns, write
 
     file = write(class_columns(), tmp_path / "a.onnx")
-    result = edgemap("bench", "--bundle", file, "--seconds", "0.2", "--rate", "10", "--json")
-    assert result.returncode == 0, result.stderr
+    result = edgemap.ok("bench", "--bundle", file, "--seconds", "0.2", "--rate", "10", "--json")
     figures = json.loads(result.stdout)
     assert {"fps", "searched_hz"} <= figures.keys()
     assert figures["paced"]["10"]["searched_hz"] > 0.0

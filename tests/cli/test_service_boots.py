@@ -1,8 +1,9 @@
-"""deploy/edgemap.service, started twice as systemd starts it: one map, with the objects of the first boot."""
+"""The service file as systemd reads it, what a run tells systemd, and two boots of the service with one map."""
 
 import os
 import re
 import shlex
+import shutil
 import socket
 import subprocess
 import sys
@@ -11,8 +12,10 @@ from itertools import combinations
 from pathlib import Path
 
 import numpy as np
+import pytest
 from support.pictures import write_round
 
+from edgemap.runtime.outputs.service import ServiceNotifier
 from edgemap.runtime.step.map_file import load_map
 
 UNIT = Path(__file__).parents[2] / "deploy" / "edgemap.service"
@@ -42,13 +45,9 @@ def started(settings, listener, home):
     assert program == "/opt/edgemap/bin/edgemap"
     system = {"PATH": os.environ["PATH"], "HOME": str(home), "NOTIFY_SOCKET": listener.getsockname()}
     return subprocess.Popen(
-        [sys.executable, "-m", "edgemap.cli", *arguments],
-        env=named | system,
-        cwd=settings["WorkingDirectory"][-1],
-        stdout=subprocess.PIPE,
-        stderr=subprocess.STDOUT,
-        text=True,
-    )
+        [sys.executable, "-m", "edgemap.cli", *arguments], env=named | system, cwd=settings["WorkingDirectory"][-1],
+        stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True,
+    )  # fmt: skip
 
 
 def boot(settings, notify, home):
@@ -97,3 +96,65 @@ def test_two_boots_of_the_service_keep_one_map_without_twins(painted_bundle, tmp
         assert np.linalg.norm(second[name].position_m - item.position_m) < 0.3
     for one, other in combinations(second.values(), 2):
         assert one.label != other.label or np.linalg.norm(one.position_m - other.position_m) > 0.5
+
+
+@pytest.fixture
+def manager(tmp_path):
+    """A notify socket, as systemd's."""
+    with socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as listener:
+        listener.bind(str(tmp_path / "notify"))
+        listener.settimeout(0.2)
+        yield listener
+
+
+def heard(manager):
+    messages = []
+    while True:
+        try:
+            messages += manager.recv(4096).decode().split("\n")
+        except TimeoutError:
+            return messages
+
+
+def test_systemd_finds_nothing_wrong_with_the_unit(tmp_path):
+    if shutil.which("systemd-analyze") is None:
+        pytest.skip("systemd-analyze is not installed")
+    text = UNIT.read_text().replace("/opt/edgemap/bin/edgemap", sys.executable)
+    unit = tmp_path / "edgemap.service"
+    unit.write_text(text)
+    run = subprocess.run(["systemd-analyze", "verify", "--man=no", str(unit)], capture_output=True, text=True)
+    assert (run.returncode, run.stderr) == (0, "")
+
+
+def test_ready_once_then_the_watchdog_four_times_within_its_time(manager):
+    now = [0.0]
+    environment = {"NOTIFY_SOCKET": manager.getsockname(), "WATCHDOG_USEC": "8000000"}
+    notifier = ServiceNotifier(environment, lambda: now[0])
+    for step in range(100):  # 10 s
+        now[0] = step / 10
+        notifier.beat(f"camera running, {step // 30} objects")
+    notifier.stopping()
+    messages = heard(manager)
+    assert messages[0] == "READY=1"
+    assert messages.count("READY=1") == 1
+    assert messages.count("WATCHDOG=1") == 5  # at 0, 2, 4, 6 and 8 s
+    assert [m for m in messages if m.startswith("STATUS")][-1] == "STATUS=camera running, 2 objects"
+    assert messages[-1] == "STOPPING=1"
+
+
+def test_the_watchdog_of_another_process_is_not_fed(manager):
+    environment = {"NOTIFY_SOCKET": manager.getsockname(), "WATCHDOG_USEC": "8000000", "WATCHDOG_PID": "1"}
+    ServiceNotifier(environment).beat("on")
+    assert heard(manager) == ["READY=1", "STATUS=on"]
+
+
+def test_an_abstract_socket_and_a_manager_that_is_gone():
+    name = f"@edgemap-test-{os.getpid()}"
+    with socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as listener:
+        listener.bind("\0" + name[1:])
+        listener.settimeout(0.2)
+        notifier = ServiceNotifier({"NOTIFY_SOCKET": name})
+        notifier.beat("on")
+        assert heard(listener)[0] == "READY=1"
+    notifier.stopping()
+    ServiceNotifier({}).beat("nobody listens")

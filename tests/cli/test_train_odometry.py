@@ -79,23 +79,19 @@ def test_train_export_and_run(edgemap, floor_drive, backbone, cache, tmp_path):
     data = f"drive:{floor_drive}"
     flags = ("--data", data, "--validation", data, "--backbone", backbone, "--length", "4")
     spent = ("--batch", "2", "--cache", cache, "-o", tmp_path / "run")
-    result = edgemap("train", "odometry", *flags, *spent, "--steps", "2")
-    assert result.returncode == 0, result.stderr
+    result = edgemap.ok("train", "odometry", *flags, *spent, "--steps", "2")
     assert "16 frames of 1 drives to train on, 16 to validate on" in result.stdout
     assert {path.name for path in (tmp_path / "run").iterdir()} >= {"best.pt", "last.pt", "curves.csv"}
     features = list(cache.rglob("*.npy"))
     written = features[0].stat().st_mtime_ns
-    result = edgemap("train", "odometry", *flags, *spent, "--steps", "3", "--resume", "--bfloat16")
-    assert result.returncode == 0, result.stderr
+    result = edgemap.ok("train", "odometry", *flags, *spent, "--steps", "3", "--resume", "--bfloat16")
     assert "after 3 steps" in result.stdout or "after 2 steps" in result.stdout
     assert features[0].stat().st_mtime_ns == written, "features were computed anew"
 
-    result = edgemap("export", tmp_path / "run/best.pt", "-o", tmp_path / "bundle")
-    assert result.returncode == 0, result.stderr
+    result = edgemap.ok("export", tmp_path / "run/best.pt", "-o", tmp_path / "bundle")
     assert "paper odometry" in result.stdout
     run = ("--bundle", tmp_path / "bundle", "--camera", data, "--odometry", "paper", "--out", tmp_path / "out")
-    result = edgemap("run", *run)
-    assert result.returncode == 0, result.stderr
+    result = edgemap.ok("run", *run)
     assert len((tmp_path / "out/trajectory.tum").read_text().splitlines()) >= 16
     document = json.loads((tmp_path / "bundle/bundle.json").read_text())
     assert document["odometry"]["paper"]["trained"] is True

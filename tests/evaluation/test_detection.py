@@ -2,10 +2,12 @@ import numpy as np
 import pytest
 
 from edgemap.evaluation.detection import (
+    Counts,
     EvaluationError,
     ScoredPicture,
     average_precision,
     break_even_scores,
+    counts_by_class,
     match_boxes,
     operating_point,
 )
@@ -17,53 +19,40 @@ TRUE = np.array([[10.0, 10.0, 50.0, 50.0], [60.0, 60.0, 90.0, 90.0]])
 
 def picture(boxes, labels, scores, true=TRUE, true_labels=(0, 0)):
     return ScoredPicture(
-        100,
-        100,
-        true,
-        np.array(true_labels),
-        np.array(boxes, float).reshape(-1, 4),
-        np.array(labels, int),
+        100, 100, true, np.array(true_labels), np.array(boxes, float).reshape(-1, 4), np.array(labels, int),
         np.array(scores),
-    )
+    )  # fmt: skip
 
 
-def test_perfect_boxes_score_one():
-    figures = average_precision([picture(TRUE, [0, 0], [0.9, 0.8])], NAMES)
-    assert (figures["ap"], figures["ap50"]) == (1.0, 1.0)
+@pytest.mark.parametrize(
+    ("boxes", "labels", "scores", "true", "ap50", "ap"),
+    [
+        (TRUE, [0, 0], [0.9, 0.8], TRUE, 1.0, 1.0),
+        (TRUE[:1], [0], [0.9], TRUE, 51 / 101, None),  # precision 1 up to recall 0.5: 51 of COCO's 101 recall points
+        # A false box ranked first, one miss: precisions 1/2 and 2/3, interpolated to 2/3 over the whole curve.
+        ([[0, 0, 5, 5], *TRUE], [0, 0, 0], [0.99, 0.9, 0.8], TRUE, 2 / 3, None),
+        # Shifted by a fifth of its side: IoU 32/48 = 0.667, found at 0.50, 0.55, 0.60 and 0.65 only.
+        ([[18.0, 10.0, 58.0, 50.0]], [0], [0.9], TRUE[:1], 1.0, 0.4),
+        (TRUE, [1, 1], [0.9, 0.8], TRUE, 0.0, 0.0),  # the right box with the wrong label
+        ([], [], [], TRUE, 0.0, 0.0),
+    ],
+)
+def test_average_precision_by_hand(boxes, labels, scores, true, ap50, ap):
+    figures = average_precision([picture(boxes, labels, scores, true, (0,) * len(true))], NAMES)
+    assert figures["ap50"] == pytest.approx(ap50, abs=1e-6)
+    assert ap is None or figures["ap"] == pytest.approx(ap)
     assert list(figures["per_class"]) == ["chair"]
 
 
-def test_one_of_two_found_is_half_the_recall():
-    """Precision 1 up to recall 0.5: 51 of COCO's 101 recall points."""
-    figures = average_precision([picture(TRUE[:1], [0], [0.9])], NAMES)
-    assert figures["ap50"] == pytest.approx(51 / 101, abs=1e-6)
-
-
-def test_a_false_box_ranked_first_halves_precision():
-    """Ranked first, one miss: precisions 1/2 and 2/3, interpolated to 2/3 over the whole curve."""
-    figures = average_precision([picture([[0, 0, 5, 5], *TRUE], [0, 0, 0], [0.99, 0.9, 0.8])], NAMES)
-    assert figures["ap50"] == pytest.approx(2 / 3, abs=1e-6)
-
-
-def test_a_box_of_iou_two_thirds_counts_up_to_that_threshold():
-    """Shifted by a fifth of its side: IoU 32/48 = 0.667, found at 0.50, 0.55, 0.60 and 0.65 only."""
-    shifted = [[18.0, 10.0, 58.0, 50.0]]
-    figures = average_precision([picture(shifted, [0], [0.9], TRUE[:1], (0,))], NAMES)
-    assert (figures["ap50"], figures["ap"]) == (pytest.approx(1.0), pytest.approx(0.4))
-
-
-def test_the_right_box_with_the_wrong_label_is_a_miss():
-    assert average_precision([picture(TRUE, [1, 1], [0.9, 0.8])], NAMES)["ap50"] == 0.0
-
-
-def test_nothing_found_is_zero_and_nothing_true_is_an_error():
-    assert average_precision([picture([], [], [])], NAMES)["ap"] == 0.0
+def test_pictures_without_true_boxes_are_an_error():
     with pytest.raises(EvaluationError, match="no true boxes in 1 pictures"):
         average_precision([picture(TRUE, [0, 0], [0.9, 0.8], np.zeros((0, 4)), ())], NAMES)
+    with pytest.raises(EvaluationError, match="nothing to calibrate"):
+        break_even_scores([picture([], [], [])], NAMES)
 
 
-def test_an_ignored_box_is_neither_hit_nor_miss():
-    """Half of the truth is ignored: finding the other half is perfect, and boxes on the ignored one cost nothing."""
+def test_an_ignored_box_is_neither_right_nor_wrong():
+    # Half of the truth is ignored: finding the other half is perfect, and boxes on the ignored one cost nothing.
     half = np.array([False, True])
     one = ScoredPicture(100, 100, TRUE, np.array([0, 0]), TRUE[:1], np.array([0]), np.array([0.5]), half)
     both = ScoredPicture(100, 100, TRUE, np.array([0, 0]), TRUE[::-1], np.array([0, 0]), np.array([0.9, 0.5]), half)
@@ -73,6 +62,12 @@ def test_an_ignored_box_is_neither_hit_nor_miss():
     nobody = ScoredPicture(100, 100, TRUE, np.array([0, 0]), TRUE, np.array([0, 0]), np.array([0.9, 0.5]), ~half | half)
     with pytest.raises(EvaluationError, match="no true boxes"):
         average_precision([nobody], NAMES)
+    seen = ScoredPicture(
+        100, 100, TRUE, np.array([0, 0]), np.array([[60.0, 60, 80, 80]]), np.array([0]), np.array([0.9]),
+        np.array([False, True]),
+    )  # fmt: skip
+    point = operating_point([seen], NAMES)
+    assert (point["precision"], point["recall"]) == (None, 0.0)
 
 
 def test_only_classes_that_are_asked_for_are_compared():
@@ -83,7 +78,6 @@ def test_only_classes_that_are_asked_for_are_compared():
     np.testing.assert_array_equal(one.true_boxes, TRUE[1:])
     np.testing.assert_array_equal(one.boxes, TRUE[1:])
     assert (one.true_labels.tolist(), one.labels.tolist(), one.scores.tolist()) == ([0], [0], [0.8])
-    assert one.ignored is not None
     assert one.ignored.tolist() == [True]
 
 
@@ -97,15 +91,6 @@ def test_precision_and_recall_by_hand():
     matches = match_boxes(picture(found, [0, 0, 1], [0.7, 0.9, 0.8]))
     assert matches.hit.tolist() == [False, True, False]  # the better score took the chair
     assert matches.found.tolist() == [True, False]
-
-
-def test_a_box_inside_an_ignored_one_is_neither_right_nor_wrong():
-    seen = ScoredPicture(
-        100, 100, TRUE, np.array([0, 0]), np.array([[60.0, 60, 80, 80]]), np.array([0]), np.array([0.9]),
-        np.array([False, True]),
-    )  # fmt: skip
-    point = operating_point([seen], NAMES)
-    assert (point["precision"], point["recall"]) == (None, 0.0)
 
 
 def test_mistakes_are_drawn(tmp_path):
@@ -131,6 +116,51 @@ def test_a_class_counts_from_where_its_boxes_are_more_often_right_than_wrong():
     assert found["couch"] == pytest.approx(0.6, abs=0.01)
 
 
-def test_calibrating_on_pictures_without_boxes_is_an_error():
-    with pytest.raises(EvaluationError, match="nothing to calibrate"):
-        break_even_scores([picture([], [], [])], NAMES)
+CHAIR, TABLE = 0, 1
+
+
+def pictured(true, found, ignored=()):
+    """true: (label, box); found: (label, box, score); boxes are (x, y) of a 10x10 square, or xyxy."""
+
+    def xyxy(box):
+        return box if len(box) == 4 else (box[0], box[1], box[0] + 10, box[1] + 10)
+
+    def boxes(rows):
+        return np.array([xyxy(row[1]) for row in rows], dtype=np.float64).reshape(-1, 4)
+
+    def labels(rows):
+        return np.array([row[0] for row in rows], dtype=np.int64)
+
+    mask = np.array([index in ignored for index in range(len(true))], dtype=bool)
+    return ScoredPicture(
+        100, 100, boxes(true), labels(true), boxes(found), labels(found), np.array([row[2] for row in found]), mask
+    )
+
+
+def chairs(*pictures):
+    return counts_by_class(pictures).get(CHAIR, Counts())
+
+
+@pytest.mark.parametrize(
+    ("true", "found", "ignored", "counts"),
+    [
+        (  # a chair where a table stands is none
+            [(CHAIR, (0, 0)), (CHAIR, (50, 50)), (TABLE, (80, 80))],
+            [(CHAIR, (1, 0), 0.9), (CHAIR, (80, 80), 0.8), (TABLE, (50, 50), 0.7)], (), (2, 1, 1),
+        ),
+        ([(CHAIR, (0, 0))], [(CHAIR, (2, 0), 0.6), (CHAIR, (0, 0), 0.9)], (), (1, 1, 1)),  # found once
+        # (3, 0) overlaps both by half or more; the better one is left to it because the best score takes the other.
+        ([(CHAIR, (0, 0)), (CHAIR, (4, 0))], [(CHAIR, (3, 0), 0.9), (CHAIR, (1, 0), 0.8)], (), (2, 2, 0)),
+        ([(CHAIR, (0, 0))], [(CHAIR, (4, 0), 0.9)], (), (1, 0, 1)),  # IoU 6/14
+        ([(CHAIR, (0, 0))], [(CHAIR, (3, 0), 0.9)], (), (1, 1, 0)),  # IoU 7/13
+        # What nobody is asked for is neither found nor false; the second lies in it by a quarter.
+        ([(CHAIR, (0, 0, 40, 40))], [(CHAIR, (5, 5), 0.9), (CHAIR, (35, 35), 0.8)], (0,), (0, 0, 1)),
+        ([], [], (), (0, 0, 0)),
+    ],
+)  # fmt: skip
+def test_counts_by_hand(true, found, ignored, counts):
+    seen = pictured(true, found, ignored)
+    assert chairs(seen) == Counts(*counts)
+    assert chairs(seen, seen) == Counts(*(2 * count for count in counts))
+    assert chairs(seen).missed == counts[0] - counts[1]
+    assert chairs() == Counts()

@@ -1,8 +1,17 @@
+"""Maps against true objects: figures, verdicts of each object, footprints, alignment."""
+
+import math
+
 import numpy as np
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
-from edgemap.evaluation.objects import TrueObject, reliability, score_map
-from edgemap.geometry.map_object import MapObject
+from edgemap.evaluation.footprints import iou, score_footprints, yaw_error_deg
+from edgemap.evaluation.map_alignment import aligned_figures, best_alignment
+from edgemap.evaluation.objects import TrueObject, evaluation_rows, score_map
+from edgemap.geometry.map_object import MapObject, MeasuredFootprint, outline_m
+from edgemap.geometry.objects.evaluation_row import tally
 
 
 def mapped(label, x, y, sigma=0.1):
@@ -26,32 +35,26 @@ def test_by_hand():
     assert figures["per_class"]["couch"]["recall"] is None
 
 
-def test_one_object_serves_one_truth_only():
-    figures = score_map([mapped("chair", 1, 0), mapped("chair", 1.1, 0)], [true("chair", 1, 0)])
-    assert (figures["precision"], figures["recall"]) == (0.5, 1.0)
-
-
-def test_the_most_pairs_win_over_the_nearest():
-    """Greedy would take the 0.1 m pair and leave the other object without a partner."""
-    objects = [mapped("chair", 0.4, 0), mapped("chair", 0.0, 0)]
-    truth = [true("chair", 0.5, 0), true("chair", 0.85, 0)]
-    assert score_map(objects, truth)["objects_found"] == 2
-
-
-def test_too_far_or_another_class_is_no_match():
-    assert score_map([mapped("chair", 0, 0.51)], [true("chair", 0, 0)])["f1"] == 0.0
-    assert score_map([mapped("couch", 0, 0)], [true("chair", 0, 0)])["f1"] == 0.0
-
-
-def test_what_was_hardly_seen_is_neither_hit_nor_miss():
-    figures = score_map([mapped("chair", 0, 0)], [true("chair", 0, 0, frames=9), true("chair", 5, 5, frames=3)])
-    assert (figures["objects_mapped"], figures["objects_true"], figures["f1"]) == (0, 0, None)
-    assert score_map([], [true("chair", 0, 0, frames=10)])["objects_true"] == 1
-
-
-def test_what_is_not_on_the_floor_is_a_false_positive():
-    figures = score_map([mapped("tv", 0, 0)], [true("tv", 0, 0, on_floor=False)])
-    assert (figures["precision"], figures["objects_true"]) == (0.0, 0)
+@pytest.mark.parametrize(
+    ("objects", "truth", "figures"),
+    [
+        # One object serves one truth only.
+        ([("chair", 1, 0), ("chair", 1.1, 0)], [("chair", 1, 0)], {"precision": 0.5, "recall": 1.0}),
+        # The most pairs win over the nearest: greedy would take the 0.1 m pair and leave the other without a partner.
+        ([("chair", 0.4, 0), ("chair", 0.0, 0)], [("chair", 0.5, 0), ("chair", 0.85, 0)], {"objects_found": 2}),
+        ([("chair", 0, 0.51)], [("chair", 0, 0)], {"f1": 0.0}),  # too far
+        ([("couch", 0, 0)], [("chair", 0, 0)], {"f1": 0.0}),
+        # What was hardly seen is neither hit nor miss.
+        ([("chair", 0, 0)], [("chair", 0, 0, True, 9), ("chair", 5, 5, True, 3)],
+         {"objects_mapped": 0, "objects_true": 0, "f1": None}),
+        ([], [("chair", 0, 0, True, 10)], {"objects_true": 1}),
+        # What is not on the floor is a false positive.
+        ([("tv", 0, 0)], [("tv", 0, 0, False)], {"precision": 0.0, "objects_true": 0}),
+    ],
+)  # fmt: skip
+def test_what_matches_what(objects, truth, figures):
+    found = score_map([mapped(*one) for one in objects], [true(*one) for one in truth])
+    assert {name: found[name] for name in figures} == figures
 
 
 def test_consistency_counts_every_mapped_object_near_a_true_one():
@@ -76,18 +79,149 @@ def test_normalised_nees_is_one_where_covariances_are_right():
     assert figures["anees"] == pytest.approx(1.0, abs=0.15)
 
 
-def test_reliability_by_hand():
-    """Two of 0.95 and 0.93 of which one is real, one of 0.55 that is, one of 1.0 that is: |1 - 1.88| in a bin of its
-    own with the 1.0, so |2 - 2.88| + |1 - 0.55| of four."""
-    told = reliability([(0.95, True), (0.93, False), (0.55, True), (1.0, True)])
-    assert [(one["from"], one["objects"], one["real"]) for one in told["bins"]] == [(0.5, 1, 1), (0.9, 3, 2)]
-    assert told["ece"] == pytest.approx((abs(2 - 2.88) + abs(1 - 0.55)) / 4, abs=1e-3)
-    assert reliability([]) == {"ece": None, "bins": []}
-
-
 def test_a_map_tells_how_true_its_confidences_are():
     """What was hardly seen is not judged; what is matched is real, and a second object on it is not."""
     objects = [mapped("chair", 1, 0), mapped("chair", 1.2, 0), mapped("chair", 7, 0)]
     truth = [true("chair", 1, 0), true("chair", 7, 0, frames=3)]
     (one,) = score_map(objects, truth)["reliability"]["bins"]
     assert (one["objects"], one["real"], one["mean_confidence"]) == (2, 1, 1.0)
+
+
+def named(identity, x, y, sigma=0.1):
+    label = identity.rpartition("-")[0]
+    return MapObject(identity, label, np.array([x, y]), np.eye(2) * sigma**2, 0.5, 0.9, 9, 1.0, 0.0, 1.0)
+
+
+def real(label, x, y, frames=50, on_floor=True):
+    return TrueObject(label, x, y, on_floor, frames)
+
+
+def test_every_state_by_hand():
+    objects = [named("chair-1", 1.2, 0), named("chair-2", 4, 1.2), named("chair-3", 9, 9), named("couch-1", 1, 0)]
+    truth = [real("chair", 1, 0), real("chair", 4, 0), real("bed", -3, 0), real("couch", 1, 0.1, frames=3)]
+    rows = evaluation_rows(objects, truth)
+    assert [(row.state, row.label, row.object_id) for row in rows] == [
+        ("found", "chair", "chair-1"),
+        ("misplaced", "chair", "chair-2"),
+        ("missed", "bed", None),
+        ("extra", "chair", "chair-3"),
+        ("unscored", "couch", "couch-1"),
+    ]
+    assert [row.error_m for row in rows[:2]] == pytest.approx([0.2, 1.2])
+    assert [row.covered for row in rows[:2]] == [True, False]  # 2 sigma inside the ellipse (2.45), 12 sigma not
+    assert rows[2].true_m == (-3, 0)
+    assert tally(rows) == "1 found, 1 misplaced, 1 missed, 1 extra, 1 unscored"
+
+
+def test_too_far_for_misplaced_is_missed_and_extra_and_what_is_not_on_the_floor_is_extra():
+    rows = evaluation_rows([named("chair-1", 1.6, 0)], [real("chair", 0, 0)])
+    assert [row.state for row in rows] == ["missed", "extra"]
+    rows = evaluation_rows([named("tv-1", 0, 0)], [real("tv", 0, 0, on_floor=False)])
+    assert [row.state for row in rows] == ["extra"]
+
+
+def test_the_table_agrees_with_the_score():
+    random = np.random.default_rng(3)
+    for _ in range(30):
+        objects = [named(f"chair-{i}", *random.uniform(0, 3, 2)) for i in range(random.integers(0, 7))]
+        truth = [real("chair", *random.uniform(0, 3, 2), frames=int(random.integers(5, 20))) for _ in range(5)]
+        rows, figures = evaluation_rows(objects, truth), score_map(objects, truth)
+        states = [row.state for row in rows]
+        assert states.count("found") == figures["objects_found"]
+        assert len(states) - states.count("missed") == len(objects)
+        assert sum(states.count(name) for name in ("found", "misplaced", "missed")) == figures["objects_true"]
+
+
+SQUARE = np.array([(0.0, 0.0), (1.0, 0.0), (1.0, 1.0), (0.0, 1.0)])
+
+
+def test_overlap_and_turn_of_footprints_by_hand():
+    assert iou(SQUARE, SQUARE[::-1]) == pytest.approx(1.0)
+    assert iou(SQUARE, SQUARE + [0.5, 0.0]) == pytest.approx(1 / 3, abs=0.02)
+    assert iou(SQUARE, SQUARE + [3.0, 0.0]) == 0.0
+    assert yaw_error_deg(SQUARE[[1, 2, 3, 0]] * [1.0, 0.9], SQUARE) == pytest.approx(0.0)
+
+
+def shaped(shape: MeasuredFootprint | None, x_m: float = 2.0) -> MapObject:
+    return MapObject("couch-1", "couch", np.array([x_m, 0.0]), np.eye(2), 1.0, 1.0, 9, 0.9, 0.0, 1.0, measured=shape)
+
+
+def test_figures_of_one_couch():
+    corners = outline_m(shaped(MeasuredFootprint(2.0, 0.8, math.radians(10.0), 0.1)))
+    truth = [TrueObject("couch", 2.0, 0.0, True, 20, tuple(map(tuple, corners.tolist())))]
+    turned = score_footprints([shaped(MeasuredFootprint(2.0, 0.8, math.radians(178.0), 0.1))], truth)
+    assert turned["f1_iou25"] == 1.0
+    assert turned["yaw_error_deg"] == pytest.approx(12.0, abs=0.1)
+    circle = score_footprints([shaped(None)], truth)
+    assert (circle["oriented"], circle["yaw_error_deg"]) == (0.0, None)
+    assert circle["mean_iou"] < turned["mean_iou"]
+    away = score_footprints([shaped(None, 9.0)], truth)
+    assert (away["f1_iou25"], away["mean_iou"]) == (0.0, None)
+    assert score_footprints([shaped(None)], [TrueObject("couch", 2.0, 0.0, True, 20)]) is None
+
+
+ROOM = [
+    ("chair", 0, 0), ("chair", 2, 0.5), ("chair", 5, 1), ("couch", 1, 3), ("bed", 6, 4), ("oven", 4, 5), ("vase", 3, 2),
+]  # fmt: skip
+
+
+def truth(room=ROOM):
+    return [TrueObject(label, x, y, True, 50) for label, x, y in room]
+
+
+def seen_as(room=ROOM, yaw=0.0, shift=(0.0, 0.0), scale=1.0):
+    """The room as a map with another origin, heading and scale shows it."""
+    rotation = scale * np.array([[math.cos(yaw), -math.sin(yaw)], [math.sin(yaw), math.cos(yaw)]])
+    places = [rotation @ np.array([x, y], dtype=float) + shift for _, x, y in room]
+    return [
+        MapObject(f"{label}-{row}", label, place, np.eye(2) * 0.01, 0.5, 0.9, 9, 1.0, 0.0, 1.0)
+        for row, ((label, _, _), place) in enumerate(zip(room, places, strict=True))
+    ]
+
+
+def test_alignments_by_hand():
+    """Another origin and heading; too large; a mirror image; too few pairs; empty maps; hundreds of one label."""
+    objects = seen_as(yaw=0.7, shift=(3.0, -2.0))
+    assert score_map(objects, truth())["f1"] < 0.3
+    assert aligned_figures(objects, truth()) == {"f1_aligned": 1.0, "f1_scaled": 1.0, "scale": pytest.approx(1.0)}
+    figures = aligned_figures(seen_as(yaw=-0.4, shift=(1.0, 1.0), scale=1.3), truth())
+    assert figures["f1_scaled"] == 1.0
+    assert figures["scale"] == pytest.approx(1.3, abs=1e-3)
+    assert figures["f1_aligned"] < 1.0  # the outer objects are 0.9 m too far out
+    mirrored = [(label, x, -y) for label, x, y in ROOM]
+    assert aligned_figures(seen_as(mirrored), truth())["f1_scaled"] < 0.7
+    few = ROOM[:4]
+    figures = aligned_figures(seen_as(few, scale=1.2), truth(few))
+    assert (figures["f1_scaled"], figures["scale"]) == (1.0, None)
+    nothing = {"f1_aligned": 0.0, "f1_scaled": 0.0, "scale": None}
+    assert aligned_figures([], truth()) == nothing
+    assert aligned_figures(seen_as(), [])["f1_aligned"] == 0.0
+    assert aligned_figures([], [])["f1_aligned"] is None
+    many = [("bed", 1.5 * (i % 15), 1.5 * (i // 15)) for i in range(200)]
+    assert aligned_figures(seen_as(many), truth(many))["f1_aligned"] == 1.0
+
+
+def test_what_was_hardly_seen_aligns_nothing():
+    """The only couch counts in neither map, so the chairs alone decide."""
+    seldom = [TrueObject("couch", 9.0, 9.0, True, 3), TrueObject("chair", 0, 0, True, 50), *truth(ROOM[1:3])]
+    similar, count = best_alignment(seen_as(ROOM[:4]), seldom, scales=False)
+    assert count == 3
+    assert abs(similar.factor - 1.0) < 1e-6
+    assert abs(similar.shift) < 1e-6
+
+
+@settings(max_examples=25)
+@given(
+    st.lists(st.tuples(st.sampled_from(["chair", "bed"]), st.floats(-4, 4), st.floats(-4, 4)), max_size=7), st.data()
+)
+def test_no_alignment_makes_a_map_worse(room, data):
+    """The order holds as well: what may scale finds at least as many pairs as nothing at all."""
+    noise = data.draw(st.lists(st.tuples(st.floats(-1, 1), st.floats(-1, 1)), min_size=len(room), max_size=len(room)))
+    moved = [(label, x + dx, y + dy) for (label, x, y), (dx, dy) in zip(room, noise, strict=True)]
+    objects, wanted = seen_as(moved), truth(room)
+    plain = score_map(objects, wanted)["objects_found"]
+    assert best_alignment(objects, wanted, scales=False)[1] >= plain
+    assert best_alignment(objects, wanted, scales=True)[1] >= plain
+    figures = aligned_figures(objects, [*wanted, TrueObject("bed", 0.0, 0.0, True, 3)])
+    least = score_map(objects, [*wanted, TrueObject("bed", 0.0, 0.0, True, 3)])["f1"]
+    assert figures["f1_aligned"] is None or figures["f1_scaled"] >= figures["f1_aligned"] >= (least or 0.0)

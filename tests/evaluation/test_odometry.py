@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 
 from edgemap.evaluation.odometry import INDOOR_LENGTHS_M, errors_of, figures, worst_drive
-from edgemap.evaluation.trajectory import integrated
+from edgemap.evaluation.trajectory import attitude_figures, integrated
+from edgemap.geometry.camera.attitude import Attitude
 from edgemap.geometry.se2 import SE2
 
 STRAIGHT = [SE2(0.1 * i, 0, 0) for i in range(101)]
@@ -31,15 +32,12 @@ def test_drift_is_a_share_of_the_segments_length():
     )
 
 
-def test_a_drive_too_short_for_all_lengths_has_null_and_no_nan():
+def test_a_drive_too_short_for_all_lengths_has_null_and_one_pose_is_refused():
     found = score_trajectory(STRAIGHT[:3], STRAIGHT[:3])
     assert found["t_rel_percent"] == {"1": None, "2": None, "5": None}
     assert found["t_rel_mean_percent"] is None
     assert found["nees"] is None
     assert found["ate_m"] == pytest.approx(0.0, abs=1e-12)
-
-
-def test_one_pose_is_refused():
     with pytest.raises(ValueError, match="a motion needs two"):
         errors_of(STRAIGHT[:1], STRAIGHT[:1])
 
@@ -80,13 +78,8 @@ def test_nees_is_of_those_with_covariances():
 
 def test_creep_is_what_is_estimated_while_nothing_moves():
     true = [
-        SE2(),
-        SE2(0.0004, 0, 0),
-        SE2(0.0010, 0, 0),
-        SE2(0.0010, 0, math.radians(0.02)),
-        SE2(0.1, 0, 0),
-        SE2(0.1, 0, 0),
-    ]
+        SE2(), SE2(0.0004, 0, 0), SE2(0.0010, 0, 0), SE2(0.0010, 0, math.radians(0.02)), SE2(0.1, 0, 0), SE2(0.1, 0, 0),
+    ]  # fmt: skip
     found = integrated([SE2(0.001, 0, 0), SE2(0.5, 0, 0.1), SE2(0.5, 0, 0.1), SE2(0.5, 0, 0.1), SE2(0, 0.003, -0.01)])
     still = score_trajectory(true, found)["still"]
     # The first and the last frame stand still; the second moves 0.6 mm, the third turns 0.02 degrees.
@@ -107,7 +100,29 @@ def test_the_worst_is_judged_over_the_longest_length_that_most_have():
         "short": errors_of(STRAIGHT[:40], longer(0.03)[:40]),
     }
     worst = worst_drive(drives)
-    assert worst is not None
     assert (worst["sequence"], worst["length_m"]) == ("bad", 2.0)
     assert worst["t_rel_percent"] == pytest.approx(4.0, rel=0.06)
     assert worst_drive({"short": errors_of(STRAIGHT[:4], STRAIGHT[:4])}) is None
+
+
+def attitude(roll_deg, pitch_deg, sigma_deg=0.5, source="imu"):
+    return Attitude(
+        math.radians(roll_deg), math.radians(pitch_deg), np.eye(2) * math.radians(sigma_deg) ** 2, source=source
+    )
+
+
+def test_errors_by_hand():
+    found = [attitude(0.0, 11.0), attitude(0.0, 9.0, source="depth"), attitude(-1.0, 10.0), None]
+    figures = attitude_figures(found, [attitude(0.0, 10.0)] * 4)
+    assert figures["sources"] == {"imu": 0.5, "depth": 0.25, "none": 0.25}
+    assert figures["pitch_rms_deg"] == pytest.approx(math.sqrt(2.0 / 3.0))
+    assert figures["roll_rms_deg"] == pytest.approx(math.sqrt(1.0 / 3.0))
+    assert figures["max_deg"] == pytest.approx(1.0)
+    assert figures["nees"] == pytest.approx(4.0)  # each is two standard deviations off
+
+
+def test_a_turn_round_is_no_error_and_without_truth_there_are_sources_only():
+    assert attitude_figures([attitude(179.5, 0.0)], [attitude(-179.5, 0.0)])["max_deg"] == pytest.approx(1.0)
+    assert attitude_figures([attitude(0.0, 1.0)], None) == {
+        "sources": {"imu": 1.0}, "pitch_rms_deg": None, "roll_rms_deg": None, "max_deg": None, "nees": None,
+    }  # fmt: skip

@@ -1,7 +1,10 @@
-"""A floor head joined to a detector: what torch computes, and nothing else changed."""
+"""The floor head and its labels: joined without changing another output, trained on what pictures reach."""
 
 import copy
+import sys
+from types import SimpleNamespace
 
+import cv2
 import numpy as np
 import onnx
 import pytest
@@ -14,12 +17,16 @@ from edgemap.export.exporter import export_backbone
 from edgemap.export.floor.checkpoint import FloorCheckpoint, is_floor, load_floor, save_floor
 from edgemap.export.floor.features import Features
 from edgemap.export.floor.head import FloorHead
+from edgemap.export.floor.labels import open_teacher
 from edgemap.export.floor.merge import floor_taps, with_floor, without_floor
+from edgemap.export.floor.pictures import named, read_shares, targets, varied
+from edgemap.runtime.frames.errors import CameraError
 from edgemap.runtime.network.bundle import load_bundle
 from edgemap.runtime.network.decode import Detector
 from edgemap.runtime.network.engines import open_onnxruntime
 from edgemap.runtime.network.manifest_file import read_manifest
 from edgemap.runtime.network.network import Compute
+from edgemap.runtime.network.preprocess import Placement
 from edgemap.runtime.network.store import bundle_folder
 
 SHIPPED = ["edgemap-pico", "edgemap-nano", "yolox-nano"]
@@ -93,7 +100,6 @@ def test_a_head_that_knows_no_row_is_trained_on_the_rows_that_a_picture_reaches(
 def test_what_ships_gives_the_boxes_of_the_network_without_its_floor_head(name):
     bundle = load_bundle(bundle_folder(name), 1)
     detector = bundle.manifest.detector
-    assert detector.floor is not None
     bare, _ = without_floor(load_onnx(bundle.folder / detector.file), detector)
     picture = np.random.default_rng(2).standard_normal(bundle.backbone.inputs[detector.input.name]).astype(np.float32)
     network = open_onnxruntime(bare.SerializeToString(), Compute(), detector.input.height)
@@ -118,7 +124,6 @@ def test_export_joins_a_trained_head_and_says_where_it_came_from(tmp_path, brief
     assert is_floor(path)
     out = export_backbone("edgemap-pico", tmp_path / "b", heads=[path])
     manifest = read_manifest(out)
-    assert manifest.detector.floor is not None
     assert (manifest.detector.floor.labels, manifest.detector.floor.stride) == (("floor", "wall"), 4)
     assert "labels by hand" in manifest.sources
     assert manifest.measured["floor"]["parameters"] == load_floor(path).head.parameters_count
@@ -134,3 +139,84 @@ def test_a_head_of_another_network_and_two_heads_are_refused(tmp_path):
     with pytest.raises(ExportError, match="2 floor heads and 0 odometry heads, at most one of each"):
         export_backbone("edgemap-pico", tmp_path / "b", heads=[path, path])
     assert not (tmp_path / "b").exists()
+
+
+OTHER, FLOOR, WALL, UNKNOWN = (255, 0, 0), (0, 255, 0), (0, 0, 255), (0, 0, 0)
+
+
+def test_label_files_of_one_channel_are_whole_shares_and_of_three_are_scaled_to_the_picture(tmp_path):
+    cv2.imwrite(str(tmp_path / "hard.png"), np.array([[0, 1], [2, 255]], np.uint8))
+    expected = np.array([[OTHER, FLOOR], [WALL, UNKNOWN]], np.uint8)
+    np.testing.assert_array_equal(read_shares(tmp_path / "hard.png", (2, 2)), expected)
+    cv2.imwrite(str(tmp_path / "soft.png"), np.full((4, 4, 3), (100, 130, 25), np.uint8))
+    np.testing.assert_array_equal(read_shares(tmp_path / "soft.png", (6, 5)), np.full((5, 6, 3), (100, 130, 25)))
+    with pytest.raises(CameraError, match="2x2 px, its picture has 3x2"):
+        read_shares(tmp_path / "hard.png", (3, 2))
+
+
+def test_labels_and_targets_are_shares_of_each_cells_labelled_part():
+    shares = np.array([[(50, 200, 5), (120, 130, 5), (10, 20, 225), UNKNOWN]], np.uint8)
+    np.testing.assert_array_equal(named(shares), [[1, 255, 2, 255]])
+    shares = np.array([[FLOOR, FLOOR, OTHER, UNKNOWN], [FLOOR, WALL, UNKNOWN, UNKNOWN]], np.uint8)
+    shares = np.concatenate([shares, np.full((2, 4, 3), (51, 204, 0), np.uint8)])
+    parts, labelled = targets(shares, Placement(4, 4, 0, 0, 4, 4), 2, (2, 3))
+    np.testing.assert_allclose(labelled, [[1.0, 0.25, 0.0], [1.0, 1.0, 0.0]], atol=1e-6)
+    np.testing.assert_allclose(parts[0], [[0.75, 0.0, 0.0], [0.8, 0.8, 0.0]], atol=1e-6)
+    np.testing.assert_allclose(parts[1], [[0.25, 0.0, 0.0], [0.0, 0.0, 0.0]], atol=1e-6)
+
+
+def test_views_are_cut_and_mirrored_with_their_shares():
+    shares = np.zeros((60, 80, 3), np.uint8)
+    shares[:, :40, 0] = shares[:, 40:, 1] = 255
+    picture = np.repeat(255 - shares[..., :1], 3, axis=2)  # white on the right, where the floor is
+    agree = []
+    for seed in range(30):
+        view, kept = varied(picture, shares, np.random.default_rng(seed))
+        assert view.shape == kept.shape
+        bright = view.mean(axis=2)
+        floor = kept[..., 1] > 0
+        if 0.1 < floor.mean() < 0.9:
+            agree.append(bright[floor].mean() > bright[~floor].mean())
+    assert len(agree) > 15
+    assert np.mean(agree) > 0.8  # a floor may be dyed darker
+
+
+class LeftToRight:
+    """Stands for the teacher's network: what is bright is floor, the more the farther right it lies."""
+
+    def __init__(self, path, num_threads):
+        pass
+
+    def allocate_tensors(self):
+        pass
+
+    def get_input_details(self):
+        return [{"index": 0, "shape": np.array([1, 8, 8, 3]), "dtype": np.uint8}]
+
+    def get_output_details(self):
+        return [{"index": 1, "shape": np.array([1, 8, 8, 32]), "quantization": (0.125, 10)}]
+
+    def set_tensor(self, index, value):
+        self.picture = value
+
+    def invoke(self):
+        self.logits = np.full((1, 8, 8, 32), 10, np.uint8)
+        self.logits[..., 0] = 58  # 6 after scaling: other
+        self.logits[0, :, :, 4] = np.where(self.picture[0, :, :, 0] > 128, 50 + 4 * np.arange(8), 10)
+
+    def get_tensor(self, index):
+        return self.logits
+
+
+def test_the_teacher_sees_a_picture_and_its_mirror_image(monkeypatch, tmp_path):
+    monkeypatch.setitem(sys.modules, "ai_edge_litert", SimpleNamespace())
+    monkeypatch.setitem(sys.modules, "ai_edge_litert.interpreter", SimpleNamespace(Interpreter=LeftToRight))
+    label = open_teacher(tmp_path / "any.tflite")
+    picture = np.zeros((8, 8, 3), np.uint8)
+    picture[4:] = 255
+    shares = label(picture)
+    np.testing.assert_array_equal(shares, label(picture[:, ::-1])[:, ::-1])
+    odds = np.exp([(40 + 4 * column) / 8.0 - 6.0 for column in (2, 5)])  # of floor against other, columns 2 and 5
+    floor = (odds / (odds + 1.0 + 30.0 * np.exp(-6.0))).mean()
+    assert shares[5, 2, 1] == pytest.approx(255.0 * floor, abs=1.0)
+    assert (named(shares[:4]) == 0).all()

@@ -1,4 +1,4 @@
-"""Random clocks, from the device to the saved map: stamps that jump, repeat, stand, go back, are far off or none."""
+"""Random clocks, from the device to the saved map: stamps that jump, stand or go back; two sensors in two clocks."""
 
 import math
 from typing import Any
@@ -22,10 +22,11 @@ from support.fuzzed_room import (
 )
 from support.live_camera import Clock
 
+from edgemap.geometry.camera.imu import ImuSamples
 from edgemap.geometry.se2 import SE2
 from edgemap.runtime.frames.camera import Camera, CameraInfo, Picture
 from edgemap.runtime.frames.frame import Frame
-from edgemap.runtime.frames.trajectory import GrowingTrack
+from edgemap.runtime.frames.trajectory import GrowingTrack, Trajectory
 from edgemap.runtime.inputs.cameras.checked import CheckedCamera
 from edgemap.runtime.inputs.cameras.imu_buffer import ImuBuffer, ImuCamera
 from edgemap.runtime.inputs.cameras.live import LiveCamera
@@ -155,3 +156,99 @@ def drive(drawn, begin_s, imu, live, placed, corners):
 @given(drives, st.sampled_from((5.0, 1.7e9, -5.0)), st.booleans(), followed)
 def test_any_clock_gives_a_map(live, imu, drawn, begin_s, placed, corners):
     drive(drawn, begin_s, imu, live, placed, corners)
+
+
+RATE_HZ, IMU_HZ = 10.0, 100.0
+
+offsets = st.sampled_from((0.0, 0.0, 0.02, -0.3, 2.0, -50.0, 3600.0, -1e5, 1.7e9, -1.7e9)) | st.floats(-1e10, 1e10)
+changes = st.lists(st.tuples(st.integers(1, LENGTH - 1), offsets), max_size=2)  # frame from which on the clock is off
+
+
+class SteadyDrive(Camera):
+    """Pictures at a steady rate. imu, wheel: of the whole drive, in their own clock."""
+
+    def __init__(self, room):
+        lens, mount = FLOOR.intrinsics, FLOOR.mount
+        super().__init__(CameraInfo("drive", (SIZE, SIZE), lens, mount, rate_hz=RATE_HZ, frame_count=LENGTH))
+        self._room = room
+
+    def read(self):
+        index = self._delivered
+        if index >= LENGTH:
+            return None
+        self._room.pose = pose_at(0.05 * index)
+        return self.frame(PICTURES[index % 16], stamp_of(index), "")
+
+
+def stamp_of(index):
+    return 1000.0 + index / RATE_HZ
+
+
+def other_clock(stamps_s, offset_s, changed):
+    """The stamps by a clock that is off, by as much as the last change says from its frame on."""
+    shifted = stamps_s + offset_s
+    for frame, off_s in sorted(changed):
+        shifted[stamps_s >= stamp_of(frame)] = stamps_s[stamps_s >= stamp_of(frame)] + off_s
+    return shifted
+
+
+def in_order(stamps_s):
+    """Rows whose stamps are after all before: what readers of recordings leave of a clock that is set back."""
+    return np.concatenate([[True], stamps_s[1:] > np.maximum.accumulate(stamps_s)[:-1]])
+
+
+def driven_with(camera, room, imu, corners=False):
+    slam, saved = slam_of(camera, room, imu, corners), saved_map()
+    slam.mapper.start_in(saved, SE2())
+    checked = Checked(slam, saved)
+    for result in steps(camera, slam):
+        checked(result)
+    assert checked.steps == LENGTH
+    checked.end()
+    return checked
+
+
+def measured(offset_s, changed):
+    """The IMU's samples of the drive, in its own clock."""
+    true_s = np.arange(stamp_of(0) - 0.5, stamp_of(LENGTH), 1.0 / IMU_HZ)
+    return samples(other_clock(true_s, offset_s, changed).tolist(), 0.2, np.random.default_rng(0))
+
+
+@pytest.mark.parametrize("live", [False, True])
+@fuzz
+@given(offsets, changes, followed)
+def test_samples_of_another_clock(live, offset_s, changed, corners):
+    room = Room(1)
+    imu = measured(offset_s, changed)
+    camera = SteadyDrive(room)
+    if live:
+        buffer = ImuBuffer(kept=None)
+        for row in range(len(imu)):
+            buffer.push(float(imu.stamps_s[row]), imu.gyro_rad_s[row].tolist(), imu.accel_m_s2[row].tolist())
+        camera = ImuCamera(camera, buffer)
+    else:
+        rows = in_order(imu.stamps_s)
+        samples = ImuSamples(imu.stamps_s[rows], imu.gyro_rad_s[rows], imu.accel_m_s2[rows])
+        camera.update_info(imu=samples)
+    driven_with(camera, room, True, corners)
+
+
+@pytest.mark.parametrize("offset_s", [-1.7e9, -3600.0])
+def test_samples_of_another_clock_are_named_once(offset_s):
+    camera = SteadyDrive(Room(1))
+    camera.update_info(imu=measured(offset_s, []))
+    checked = driven_with(camera, Room(1), True)
+    assert len([fault for fault in checked.faults if "IMU" in fault]) == 1
+
+
+@fuzz
+@given(offsets, changes, followed)
+def test_wheels_of_another_clock(offset_s, changed, corners):
+    room = Room(1)
+    true_s = np.arange(stamp_of(-5), stamp_of(LENGTH + 5), 0.02)
+    stamps_s = other_clock(true_s, offset_s, changed)
+    rows = in_order(stamps_s)
+    poses = tuple(pose_at(0.05 * (stamp_s - 1000.0) * RATE_HZ) for stamp_s in true_s[rows].tolist())
+    camera = SteadyDrive(room)
+    camera.update_info(wheel=Trajectory(stamps_s[rows], poses))
+    driven_with(camera, room, False, corners)

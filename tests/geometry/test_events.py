@@ -140,7 +140,6 @@ def test_edits_of_this_run_turn_into_the_saved_maps_frame():
     assert shown["chair-1"].yaw_rad == pytest.approx(0.5 + np.pi / 2)
     assert shown["tv-1"].yaw_rad == pytest.approx(0.25 + np.pi / 2)
     annotations = events.annotations(base)
-    assert annotations.dock is not None
     assert annotations.dock.vector() == pytest.approx([1.0, 2.0, np.pi / 2])
     assert np.array(annotations.zones[0].corners_m) == pytest.approx(np.array([(1.0, 0.0), (1.0, 2.0), (0.0, 2.0)]))
 

@@ -37,7 +37,6 @@ def drive(room, way, random, rate=0.8, saved=None, forgetter=None):
         found = sightings_of(detections, CAMERA, FloorRule(), number, number / 10)
         ids = floor_map.update([sighting.placed(here, np.zeros((3, 3))) for sighting in found])
         for identity in forgetter.observe(floor_map, detections, here, ids) if forgetter else ():
-            assert forgetter is not None
             left[identity] = forgetter.observations[identity]
     return floor_map, left
 

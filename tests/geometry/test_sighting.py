@@ -1,3 +1,5 @@
+"""Sightings from boxes: places and sizes by hand, hidden feet, usual shapes, ranges by depth, worktops."""
+
 import math
 from dataclasses import replace
 
@@ -9,10 +11,13 @@ from hypothesis import strategies as st
 from edgemap.geometry.camera.floor import FloorCamera, FloorNoise, floor_covariances
 from edgemap.geometry.camera.intrinsics import Intrinsics
 from edgemap.geometry.camera.mount import Mount
-from edgemap.geometry.observations.detections import Detections
+from edgemap.geometry.observations.class_extents import FOOTPRINT_M, MEASURED, shape_of
+from edgemap.geometry.observations.detections import Detections, share_covered
+from edgemap.geometry.observations.feet import box_ranges
 from edgemap.geometry.observations.floor_mask import FloorMask
 from edgemap.geometry.observations.occlusion import covered
 from edgemap.geometry.observations.sighting import BoxEvidence, BoxNoise, FloorRule, sightings_of
+from edgemap.geometry.observations.worktop import is_worktop
 from edgemap.geometry.se2 import SE2
 
 NAMES = ("chair", "person", "vase", "dining table", "tv", "refrigerator", "suitcase", "couch")
@@ -184,3 +189,76 @@ def test_a_box_whose_foot_may_be_at_the_horizon_is_dropped(x0, y1):
     longer_m = math.sqrt(np.linalg.eigvalsh(own[0] + shared[0])[1])
     range_m = float(np.linalg.norm(CAMERA.floor_points([foot])[0] - CAMERA.mount.position_base_m()[:2]))
     assert len(sightings_of(box, CAMERA, replace(FloorRule(), box=pixel))) == (2.0 * longer_m < range_m)
+
+
+def test_usual_shapes_and_where_their_middle_lies():
+    assert MEASURED.keys() <= FOOTPRINT_M.keys()
+    # Couch: 0.87 - 0.15 x 1.61 = 0.6285 m; wider than 1.61 + 2 x 0.35 = 2.31 m counts as 2.31 m: 0.5235 m.
+    couch = shape_of("couch", 1.0)
+    assert couch.reach_m(1.61) == pytest.approx(0.6285)
+    assert couch.reach_m(9.0) == pytest.approx(0.5235)
+    # Bench, 1.40 x 0.50 m: the middle is half the depth behind the edge, 0.25 m, however wide it looks.
+    bench = shape_of("bench", 3.0)
+    assert (bench.reach_m(0.2), bench.reach_m(3.0), bench.width) == pytest.approx((0.25, 0.25, 0.95))
+    assert bench.width_sigma == pytest.approx(0.42)
+
+
+WIDE = FloorCamera(Intrinsics(640, 480, 500.0, 500.0, 319.5, 239.5), Mount(1.0, 0.0))
+BOX = np.array([[220.0, 120.0, 420.0, 320.0]])  # its lower edge is floor from 6.2 m on
+
+
+@pytest.mark.parametrize(
+    ("near", "known", "range_m"),
+    [
+        (1.0, 1.0, 2.0),
+        (0.55, 1.0, 2.0),  # what shows through, 4 m away, is not the object
+        (0.2, 1.0, 4.0),  # nor is what stands before a part of it
+        (1.0, 0.4, 2.0),
+        (1.0, 0.15, np.nan),
+    ],
+)
+def test_the_range_is_that_of_the_nearer_part_that_is_large_enough(near, known, range_m):
+    """near: share of the columns that show something 2 m away, the others 4 m. known: share of the rows with depth."""
+    depth = np.full((480, 640), 4.0, np.float32)
+    depth[:, : 220 + 40 + round(120 * near)] = 2.0  # the box is read from a fifth of it to four fifths
+    depth[120 + round(30 + 150 * known) :] = 0.0
+    ((found_m, sigma_m),) = box_ranges(depth, BOX, WIDE)
+    assert found_m == pytest.approx(range_m, rel=0.02, nan_ok=True)
+    assert np.isnan(range_m) or 0.0 < sigma_m < 0.1 * range_m
+
+
+KITCHEN = ("chair", "cup")
+LOWER_HALF = FloorMask(np.repeat([[0.0], [1.0]], 8, axis=1).repeat(3, axis=0).astype(np.float32), 640, 480)
+
+
+def box(label, foot_px):
+    return Detections(
+        np.array([[300.0, foot_px - 50.0, 340.0, foot_px]]), np.array([0.9]), np.array([KITCHEN.index(label)]), KITCHEN
+    )
+
+
+@pytest.mark.parametrize(
+    ("label", "foot_px", "found"),
+    [("cup", 400.0, True), ("cup", 200.0, False), ("chair", 400.0, False), ("cup", 480.0, True)],
+)
+def test_a_cup_on_the_mask_shows_a_worktop(label, foot_px, found):
+    assert is_worktop(LOWER_HALF, box(label, foot_px)) is found
+
+
+def test_without_mask_or_boxes_there_is_none():
+    assert not is_worktop(None, box("cup", 400.0))
+    assert not is_worktop(LOWER_HALF, Detections.none(KITCHEN))
+
+
+@pytest.mark.parametrize(
+    ("boxes", "share"),
+    [
+        ([], 0.0),
+        ([[0, 0, 320, 240]], 1.0),
+        ([[-50, -50, 160, 240]], 0.5),
+        ([[0, 0, 160, 240], [80, 0, 240, 240]], 0.75),  # together, not one after the other
+        ([[160, 112, 400, 400]], 0.5 * 8 / 15),
+    ],
+)
+def test_boxes_cover_a_share_of_the_picture_together(boxes, share):
+    assert share_covered(np.array(boxes, dtype=float).reshape(-1, 4), 320, 240) == pytest.approx(share)

@@ -22,15 +22,10 @@ pytestmark = pytest.mark.skipif("EDGEMAP_INTEGRATION" not in os.environ, reason=
 # torchvision 0.28 is the one for torch 2.13; its wheels hold no kernels for a processor.
 ULTRALYTICS = ("ultralytics==8.4.190", "torchvision==0.28.0")
 PACKAGES = {
-    "yolov8n": ULTRALYTICS,
-    "yolov10n": ULTRALYTICS,
-    "yolo11n": ULTRALYTICS,
-    "yolo26n": ULTRALYTICS,
-    "rt-detr": ("transformers==5.24.0",),
-    "d-fine": ("transformers==5.24.0",),
-    "rf-detr": ("rfdetr==1.11.2", "transformers==5.24.0", "torchvision==0.28.0"),
-    "ssdlite": ULTRALYTICS,
-}
+    "yolov8n": ULTRALYTICS, "yolov10n": ULTRALYTICS, "yolo11n": ULTRALYTICS, "yolo26n": ULTRALYTICS, "rt-detr":
+    ("transformers==5.24.0",), "d-fine": ("transformers==5.24.0",), "rf-detr": ("rfdetr==1.11.2",
+    "transformers==5.24.0", "torchvision==0.28.0"), "ssdlite": ULTRALYTICS,
+}  # fmt: skip
 
 
 @pytest.fixture(scope="module")

@@ -36,7 +36,6 @@ class HomeAssistant:
         threading.Thread(target=self._read, daemon=True).start()
 
     def _read(self):
-        assert self.process.stdout is not None
         self.shown.extend(json.loads(line) for line in self.process.stdout if line.startswith("["))
 
     def until(self, entity, true, after=0):

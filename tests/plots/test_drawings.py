@@ -40,5 +40,4 @@ def test_a_reliability_diagram_is_drawn_without_objects_too(tmp_path):
     bins = [{"from": 0.9, "to": 1.0, "objects": 4, "real": 3, "mean_confidence": 0.95}]
     for name, told in (("some", {"ece": 0.2, "bins": bins}), ("none", {"ece": None, "bins": []})):
         drawing = cv2.imread(str(plot_reliability(tmp_path / f"{name}.png", told)))
-        assert drawing is not None
         assert drawing.std() > 1.0

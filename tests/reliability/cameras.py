@@ -112,14 +112,9 @@ def _one(
         failure = f"traceback: {traceback.format_exc()}"
     recovered = [(fault.kind, _recovery_s(fault, watch.frames_s)) for fault in faults if fault.begun]
     return {
-        "f1": score_map(slam.objects(), demo.truth)["f1"] or 0.0,
-        "failure": failure,
-        "frames": len(watch.frames_s),
-        "told": dict(watch.told),
-        "recover_s": recovered,
-        "lost": watch.lost,
-        "unsound": watch.unsound,
-    }
+        "f1": score_map(slam.objects(), demo.truth)["f1"] or 0.0, "failure": failure, "frames": len(watch.frames_s),
+        "told": dict(watch.told), "recover_s": recovered, "lost": watch.lost, "unsound": watch.unsound,
+    }  # fmt: skip
 
 
 def _recovery_s(fault: PlannedFault, frames_s: list[float]) -> float | None:

@@ -71,7 +71,6 @@ def test_a_constant_tilt_between_imu_and_mount_is_learnt():
     attitudes = [source.predict(frame) for frame in frames_of(samples, 10.0)]
     last = attitudes[-1]
     assert math.degrees(last.pitch_rad) == pytest.approx(10.0, abs=0.2)
-    assert last.force_rad is not None
     assert math.degrees(last.force_rad[1] - last.pitch_rad) == pytest.approx(3.0, abs=0.2)
 
 
@@ -95,7 +94,6 @@ def test_a_real_lounge_has_attitudes_heights_and_objects(shared_data):
     drive = open_drive(f"c2w:{shared_data / 'lounge'}")
     assert len(drive.objects) > 15
     track = drive.attitudes
-    assert track is not None
     assert math.degrees(track.pitch_rad[0]) == pytest.approx(35.4, abs=0.1)  # asin(0.5795), line 1 of poses.txt
     assert track.risen_m.max() == pytest.approx(0.1085, abs=1e-3)
 
@@ -104,9 +102,6 @@ def test_a_real_flight_is_levelled_within_a_degree_and_keeps_its_heading_to_a_de
     """EuRoC V1_01: 145 s. Truth and IMU frame differ by a constant rotation, which is taken out. Heading: what follows
     the first 3 s, in which the bias is learnt."""
     drive = open_drive(f"euroc:{shared_data / 'euroc'}")
-    assert drive.imu is not None
-    assert drive.attitudes is not None
-    assert drive.truth is not None
     noise, given_rad, state, last_s = InertialNoise(), MountTiltRule().prior, None, -math.inf
     found, true, turned_rad, rate_hz = [], [], [], 20.0
     for end_s in np.arange(0.05, drive.imu.stamps_s[-1], 1.0 / rate_hz):
@@ -292,8 +287,6 @@ def test_a_turn_that_no_sample_shows_is_within_what_the_gyro_states(hole_s):
     source = AboutMount(mount)
     found = [source.predict(Frame(k, float(k), BLANK, imu=samples.between(k - 1.0, k))).rotation for k in (0, 1, 2)]
     whole, rotation = found[1:]
-    assert whole is not None
-    assert rotation is not None
     assert whole.sigma_rad < 0.02
     missed_rad = abs(turned_rad - rotation.yaw_rad)
     assert 0.9 * turned_rad < missed_rad < 3.0 * rotation.sigma_rad < 1.0
@@ -326,7 +319,6 @@ def test_the_rotation_is_known_from_the_first_frame_on_whose_samples_reach_back_
     source = AboutMount(mount)
     assert source.predict(Frame(0, 0.0, BLANK)).rotation is None
     rotation = source.predict(Frame(1, 0.1, BLANK, imu=samples.between(0.0, 0.1))).rotation
-    assert rotation is not None
     assert rotation.yaw_rad == pytest.approx(0.1 * rate_rad_s, rel=0.04)
     np.testing.assert_allclose(rotation.rotation, Rotation.from_rotvec(0.1 * rate_rad_s * up).as_matrix(), atol=5e-5)
     source.reset()

@@ -1,18 +1,14 @@
 """Five seconds without a picture that shows anything, through the real Pipeline and Mapper, on the demo."""
 
 import math
-from dataclasses import replace
 
 import cv2
 import numpy as np
 import pytest
 from support.faults import kinds
 
-from edgemap.geometry.camera.floor import FloorCamera
-from edgemap.runtime.inputs.open import open_camera
+from edgemap.runtime.frames.frame import Frame
 from edgemap.runtime.motion.odometry import open_odometry
-from edgemap.runtime.network.bundle import load_bundle
-from edgemap.runtime.network.store import bundle_folder
 from edgemap.runtime.step.mapper import Mapper
 from edgemap.runtime.step.pipeline import Pipeline
 from edgemap.runtime.step.slam import SemanticSlam
@@ -45,38 +41,23 @@ RUINED = {
 }
 
 
-@pytest.fixture(scope="module")
-def bundle():
-    return load_bundle(bundle_folder("edgemap-nano"))
-
-
-def drive(bundle, ruin, wheels):
+def drive(demo, ruin, wheels):
     """The steps of the demo with ruined pictures, and how far the last pose is off the true one, (3,)."""
-    with open_camera("demo") as camera:
-        assert camera.info.intrinsics
-        assert camera.info.mount
-        assert camera.info.truth
-        floor = FloorCamera(camera.info.intrinsics, camera.info.mount)
-        odometry = open_odometry("hybrid", bundle, camera, floor, wheels=wheels)
-        slam = SemanticSlam(Pipeline(bundle, floor, odometry), Mapper())
-        steps, first = [], np.zeros(0)
-        while (frame := camera.read()) is not None and frame.index <= END:
-            if frame.index < START:
-                continue
-            if frame.index == FIRST - 1:
-                first = frame.image
-            if FIRST <= frame.index < LAST:
-                frame = replace(frame, image=ruin(frame.image, first))
-            steps.append(slam.step(frame))
-        error = (
-            camera.info.truth.at(steps[0].frame.stamp_s).inverse() @ camera.info.truth.at(steps[-1].frame.stamp_s)
-        ).inverse()
-        return steps, (error @ steps[-1].pose_map_base).vector()
+    odometry = open_odometry("hybrid", demo.bundle, demo.camera, demo.floor, wheels=wheels)
+    slam, truth = SemanticSlam(Pipeline(demo.bundle, demo.floor, odometry), Mapper()), demo.camera.info.truth
+    steps = []
+    for index in range(START, END + 1):
+        image = demo.images[index]
+        if FIRST <= index < LAST:
+            image = ruin(image, demo.images[FIRST - 1])
+        steps.append(slam.step(Frame(index, demo.stamps_s[index], image)))
+    error = (truth.at(steps[0].frame.stamp_s).inverse() @ truth.at(steps[-1].frame.stamp_s)).inverse()
+    return steps, (error @ steps[-1].pose_map_base).vector()
 
 
 @pytest.mark.parametrize("kind", RUINED)
-def test_with_wheels_the_pose_holds_and_the_blindness_is_a_fault(bundle, kind):
-    steps, off = drive(bundle, RUINED[kind], wheels=True)
+def test_with_wheels_the_pose_holds_and_the_blindness_is_a_fault(demo, kind):
+    steps, off = drive(demo, RUINED[kind], wheels=True)
     assert math.hypot(off[0], off[1]) < 0.25
     covariance = steps[-1].pose_covariance
     assert off @ np.linalg.solve(_in_base(steps[-1], covariance), off) < 16.3  # chi-square, 99.9 %
@@ -90,14 +71,14 @@ def test_with_wheels_the_pose_holds_and_the_blindness_is_a_fault(bundle, kind):
 
 
 @pytest.mark.parametrize("share", [2 / 3, 0.9])
-def test_what_covers_much_of_the_lens_is_a_fault_and_does_not_outvote_the_wheels(bundle, share):
+def test_what_covers_much_of_the_lens_is_a_fault_and_does_not_outvote_the_wheels(demo, share):
     def held(image, _):
         rows = round(len(image) * (1.0 - share))
         ruined = image.copy()
         ruined[rows:] = covered(image, None)[rows:]
         return ruined
 
-    steps, off = drive(bundle, held, wheels=True)
+    steps, off = drive(demo, held, wheels=True)
     assert math.hypot(off[0], off[1]) < 0.3  # 0.7 and 0.8 m where the camera counted as ever
     assert any("covered_in_part" in kinds(step.observed.faults) for step in steps[BLIND])
     assert not any("covered_in_part" in kinds(step.observed.faults) for step in steps[: BLIND.start])
@@ -105,8 +86,8 @@ def test_what_covers_much_of_the_lens_is_a_fault_and_does_not_outvote_the_wheels
 
 
 @pytest.mark.parametrize("kind", ["dark", "frozen", "frozen, with noise"])
-def test_without_wheels_the_covariance_covers_the_error(bundle, kind):
-    steps, off = drive(bundle, RUINED[kind], wheels=False)
+def test_without_wheels_the_covariance_covers_the_error(demo, kind):
+    steps, off = drive(demo, RUINED[kind], wheels=False)
     assert off @ np.linalg.solve(_in_base(steps[-1], steps[-1].pose_covariance), off) < 9.0
     assert math.sqrt(np.trace(steps[-1].pose_covariance[:2, :2])) < 1.35 * 5.0  # 5 s at any speed of a guess; 4.9
     assert all(step.motion.blind for step in steps[BLIND])

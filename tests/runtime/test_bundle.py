@@ -1,16 +1,24 @@
+"""Bundles: what is damaged is refused, variants of a network, and which bundle a source gets."""
+
 import json
 import re
+import shutil
 from functools import partial
 
 import msgspec
 import numpy as np
 import pytest
 from support import painted
+from support.recordings import noise, record
 from support.refusal import refused
 
+from edgemap.bridges.ros2.recordings.facts import Facts
 from edgemap.runtime.frames.errors import BundleError, OdometryError
+from edgemap.runtime.inputs.cameras.kinds import recorded_from
 from edgemap.runtime.network.bundle import load_bundle
+from edgemap.runtime.network.manifest import BundleVariant
 from edgemap.runtime.network.manifest_file import read_manifest, write_manifest
+from edgemap.runtime.network.store import LENS, RENDERED, bundle_folder, default_bundle
 
 CHAIR = [("chair", 40.0, 30.0, 20.0, 24.0, 0.9)]
 
@@ -141,14 +149,75 @@ def test_an_older_bundle_with_a_flow_head_loads(tmp_path):
         load_bundle(folder).odometry_head("paper")
 
 
-def test_an_odometry_that_the_bundle_lacks_is_one_line(tmp_path):
-    bundle = load_bundle(painted.write_painted(tmp_path / "b", CHAIR))
-    with pytest.raises(OdometryError, match="painted has no paper odometry; edgemap-nano has one"):
-        bundle.odometry_head("paper")
-
-
 def test_the_minimum_score_that_a_bundle_states_weighs_boxes_as_without_one(tmp_path):
     folder = painted.write_painted(tmp_path / "b", CHAIR)
     change(folder, confidence=0.3, sure_confidence=0.5)
     scores = [load_bundle(folder).evidence(None, confidence).full_weight_score for confidence in (None, 0.3, 0.2, 0.6)]
     assert scores == pytest.approx([0.5, 0.5, 0.4, 0.5])
+
+
+CHAIRS, COUCH = ("chair", 40.0, 30.0, 20.0, 24.0, 0.9), ("couch", 40.0, 30.0, 20.0, 24.0, 0.9)
+
+
+def test_int8_runs_its_own_file_and_without_one_is_refused(tmp_path):
+    folder = painted.write_painted(tmp_path / "b", [CHAIRS])
+    with pytest.raises(BundleError, match=r"^bundle painted has no int8 variant \(edgemap export --int8 makes one\)$"):
+        load_bundle(folder, precision="int8")
+    folder = painted.with_int8(painted.write_painted(tmp_path / "b", [CHAIRS]), [COUCH], {})
+    bundle = load_bundle(folder, precision="int8")
+    found = bundle.backbone.run({"image": np.zeros((1, 3, 64, 64), np.float32)})["head"]
+    np.testing.assert_array_equal(found, painted.head_with([COUCH]))
+
+
+@pytest.mark.parametrize(("file", "words"), [("../x.onnx", "leaves the bundle's folder"), ("x.onnx", "has no sha256")])
+def test_a_variants_file_is_checked_like_any_other(tmp_path, file, words):
+    folder = painted.write_painted(tmp_path / "b", [CHAIRS])
+    manifest = msgspec.structs.replace(read_manifest(folder), variants={"int8": BundleVariant(file=file)})
+    write_manifest(folder, manifest)
+    with pytest.raises(BundleError, match=words):
+        load_bundle(folder)
+
+
+def test_a_variant_with_another_contract_is_refused(tmp_path):
+    folder = painted.with_int8(painted.write_painted(tmp_path / "b", [CHAIRS]), [COUCH], {})
+    painted.save(folder / "backbone.int8.onnx", painted.backbone_model(painted.head_with([COUCH])), "{}")
+    painted.resum(folder)
+    with pytest.raises(BundleError, match=r"backbone\.int8\.onnx: the contract in its metadata differs"):
+        load_bundle(folder, precision="int8")
+
+
+def test_rendered_pictures_and_those_of_a_lens_get_the_bundle_that_was_trained_for_them(tmp_path):
+    (tmp_path / "simulation.json").write_text("{}")
+    for spec in ("demo", "sim:8000", "drive:home", f"yolo:{tmp_path}"):
+        assert default_bundle(spec) == (RENDERED, f"trained for rendered pictures, as those of {spec}")
+    photographs = "realsense realsense:a.db3 0 /dev/video0 drive.mp4 pictures/ kitti:a tum:a c2w:a locobot:a yolo:a"
+    for spec in (*photographs.split(), "rtsp://robot/camera", "gone.mcap", "photo.jpg"):
+        assert default_bundle(spec) == (LENS, f"trained for real cameras, as {spec} is")
+    assert default_bundle("demo", "kitti:a") == (LENS, "trained for real cameras, as kitti:a is")  # one lens decides
+
+
+@pytest.mark.parametrize(("camera", "expected"), [("demo", RENDERED), ("sim:4", RENDERED), ("realsense", LENS)])
+def test_a_recording_gets_the_bundle_of_what_was_recorded(tmp_path, camera, expected):
+    tape = record(tmp_path / "a.mcap", Facts(camera), noise(2))
+    assert default_bundle(recorded_from(f"{tape}#/camera"))[0] == expected
+
+
+@pytest.mark.parametrize("name", [LENS, RENDERED])
+def test_both_come_with_the_package(name, tmp_path, monkeypatch):
+    monkeypatch.setenv("EDGEMAP_CACHE", str(tmp_path))
+    manifest = read_manifest(bundle_folder(name))
+    assert manifest.licence.startswith("Apache-2.0")
+    assert [head.trained for head in manifest.odometry.values()] == ([True] if name == RENDERED else [])
+    load_bundle(bundle_folder(name), 1)
+
+
+def test_a_bundle_in_the_cache_does_not_stand_for_the_one_of_its_name_that_comes_with_edgemap(tmp_path, monkeypatch):
+    monkeypatch.setenv("EDGEMAP_CACHE", str(tmp_path))
+    shipped = bundle_folder(RENDERED)
+    cached = tmp_path / "bundles" / RENDERED
+    shutil.copytree(shipped, cached)
+    manifest = cached / "bundle.json"
+    manifest.write_text(re.sub(r'("backbone.onnx": ")[0-9a-f]{8}', r"\g<1>00000000", manifest.read_text()))
+    assert bundle_folder(RENDERED) == shipped
+    shutil.copytree(shipped, tmp_path / "bundles" / "my-flat")
+    assert bundle_folder("my-flat") == tmp_path / "bundles" / "my-flat"

@@ -1,14 +1,24 @@
 import itertools
 import json
+from dataclasses import replace
+from pathlib import Path
 
+import jsonschema
 import pytest
 import yaml
 from hypothesis import given
 from hypothesis import strategies as st
 from support.faults import kinds
+from support.steps import Steps
 
 import edgemap
+from edgemap.bridges.schemas import KINDS, schema, schema_text
+from edgemap.geometry.objects.annotations import NO_ANNOTATIONS, MapIdentity
+from edgemap.geometry.objects.events import Edit
+from edgemap.geometry.objects.zone_watch import ZoneWatch
+from edgemap.runtime.outputs.verdict.verdict import verdict_of
 from edgemap.runtime.step.config import Config, ConfigError, config_document, load_config, load_options
+from edgemap.runtime.step.map_file import change_record, map_document, saved_text
 
 
 def written(folder, document, name="c.yaml"):
@@ -18,20 +28,14 @@ def written(folder, document, name="c.yaml"):
 
 
 def test_a_part_of_the_tree_changes_that_part_alone(tmp_path):
-    path = written(
-        tmp_path,
-        {"config": {"forgetting": {"same_m": 0.5}, "loop_closure": {"keyframes": {"keyframe_m": 0.5}}}},
-    )
+    tree = {"forgetting": {"same_m": 0.5}, "loop_closure": {"keyframes": {"keyframe_m": 0.5}}}
+    path = written(tmp_path, {"config": tree})
     config, options = load_config(path), load_options(path)
     assert (config.forgetting.same_m, config.loop_closure.keyframes.keyframe_m, options) == (0.5, 0.5, {})
     assert config.association.min_count == Config().association.min_count
     assert config.floor == Config().floor
-
-
-def test_the_resolved_tree_gives_itself_back(tmp_path):
-    config = load_config(written(tmp_path, {"config": {"odometry": {"wheels": {"roughness_m": 0.05}}}}))
     again = load_config(written(tmp_path, {"config": config_document(config)}, "run.json"))
-    assert again == config
+    assert again == config  # the resolved tree gives itself back
 
 
 def test_numbers_of_another_version_s_run_are_passed_over_and_printed(tmp_path, capsys):
@@ -103,6 +107,42 @@ def test_the_stages_take_their_parts_of_the_tree(tmp_path, tree, told):
     with edgemap.open("demo", odometry="window", config=config) as session:
         _, second = itertools.islice(session, 2)
     assert told in kinds(second.motion.faults)
-    assert second.observed.camera is not None
-    assert second.observed.camera.attitude is not None
     assert second.observed.camera.attitude.covariance_rad2[0, 0] <= 1e-4**2
+
+
+FOLDER = Path(__file__).parents[2] / "docs" / "schema"
+
+
+@pytest.fixture(scope="module")
+def documents():
+    """Documents of each kind, as a run makes them."""
+    steps, watch = Steps(), ZoneWatch()
+    for _ in range(20):
+        steps.next()
+    steps.mapper.edit(Edit("name", "chair-1", name="mine"))
+    steps.mapper.edit(Edit("dock", pose=(0.0, 1.0, 0.5)))
+    steps.mapper.edit(Edit("zone", name="hall", corners_m=((2.0, 0.0), (4.0, 0.0), (4.0, 2.0), (2.0, 2.0))))
+    objects, annotations = steps.mapper.objects(), steps.mapper.annotations().judged("care", ["dim light"])
+    annotations = replace(annotations, vanished=(replace(objects[1], id="couch-9"),))
+    watch.update([], annotations.zones, 0.0)
+    events = [event for stamp_s in (1.0, 3.0) for event in watch.update(objects, annotations.zones, stamp_s)]
+    return {
+        "map": [map_document(objects, annotations), json.loads(saved_text(map_document(objects, annotations)))],
+        "verdict": [verdict_of({}, objects).document()],
+        "change": [change_record(item, event) for item in objects for event in item.history],
+        "zone-event": [event.record() | {"stamp_s": event.stamp_s} for event in events],
+    }
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_documents_meet_their_published_schema(documents, kind):
+    assert (FOLDER / f"{kind}.json").read_text() == schema_text(kind), "python -m edgemap.bridges.schemas docs/schema"
+    assert documents[kind]
+    for document in documents[kind]:
+        jsonschema.validate(json.loads(json.dumps(document)), schema(kind))
+
+
+def test_what_no_map_may_hold_fails():
+    document = map_document([], replace(NO_ANNOTATIONS, identity=MapIdentity("home", 0)))
+    with pytest.raises(jsonschema.ValidationError, match="0 is less than the minimum of 1"):
+        jsonschema.validate(document, schema("map"))

@@ -95,15 +95,10 @@ def test_what_is_not_there(tmp_path):
 def test_a_network_that_fails_as_it_runs_is_the_bundles_failure(tmp_path):
     onnx = pytest.importorskip("onnx")
     helper = onnx.helper
-    graph = helper.make_graph(
-        [helper.make_node("Reshape", ["x", "shape"], ["y"])],
-        "g",
-        [
-            helper.make_tensor_value_info("x", onnx.TensorProto.FLOAT, (1, 4)),
-            helper.make_tensor_value_info("shape", onnx.TensorProto.INT64, (2,)),
-        ],
-        [helper.make_tensor_value_info("y", onnx.TensorProto.FLOAT, (None, None))],
-    )
+    kinds = onnx.TensorProto
+    values = (("x", kinds.FLOAT, (1, 4)), ("shape", kinds.INT64, (2,)), ("y", kinds.FLOAT, (None, None)))
+    *given, made = (helper.make_tensor_value_info(*value) for value in values)
+    graph = helper.make_graph([helper.make_node("Reshape", ["x", "shape"], ["y"])], "g", given, [made])
     model = helper.make_model(graph, opset_imports=[helper.make_opsetid("", 17)], ir_version=8)
     path = tmp_path / "a.onnx"
     onnx.save(model, path)
@@ -179,12 +174,6 @@ def test_wheels_that_jump_or_leave_the_world(tmp_path):
         assert words in refused(CameraError, read_wheel_csv, path)
 
 
-def test_a_small_file_of_a_huge_picture_is_refused_before_it_is_decoded(tmp_path):
-    (tmp_path / "a.png").write_bytes(png(20_000, 20_000))
-    assert "picture of more than 67,108,864 px" in refused(CameraError, read_picture, tmp_path / "a.png")
-    assert stated_focal_px(tmp_path / "a.png", 640, 480) is None
-
-
 def test_sightings_of_a_run(tmp_path):
     good = {"label": "chair", "object": "chair-9", "map_m": [1.0, 2.0]}
     (tmp_path / "sightings.jsonl").write_text(json.dumps(good) + "\n" + '{"label": "torn')
@@ -197,17 +186,17 @@ def test_sightings_of_a_run(tmp_path):
         assert "sightings.jsonl:2: damaged line" in refused(MapError, sightings_file.read_sightings, tmp_path)
 
 
-def test_a_pipe_a_folder_and_a_nul_are_no_files(tmp_path):
+def test_messages_stay_one_line_and_what_is_no_file_is_refused(tmp_path):
     os.mkfifo(tmp_path / "pipe")
     for path in (tmp_path / "pipe", tmp_path, tmp_path / "none", Path("a\0b")):
         assert "cannot be read" in refused(MapError, read_bytes, path, MapError, 100)
     (tmp_path / "large").write_bytes(bytes(101))
     assert "101 bytes, at most 100" in refused(MapError, read_bytes, tmp_path / "large", MapError, 100)
-
-
-def test_messages_stay_one_line():
     assert one_line("a\r\nb\x1b[31m\u2028c\udc80") == "a b [31m c"
     assert len(one_line("x" * 10_000)) == 200
+    (tmp_path / "a.png").write_bytes(png(20_000, 20_000))
+    assert "picture of more than 67,108,864 px" in refused(CameraError, read_picture, tmp_path / "a.png")
+    assert stated_focal_px(tmp_path / "a.png", 640, 480) is None
 
 
 def test_a_picture_whose_name_a_terminal_would_act_on_is_refused(tmp_path):

@@ -75,7 +75,6 @@ def test_a_picture_that_ends_within_a_cell_keeps_its_geometry():
     spec = FloorSpec(name="floor", shape=(1, 1, 16, 16), stride=4, labels=("floor",))
     tensors = {"floor": np.repeat(rows[:, None], 16, axis=1)[None, None]}
     mask = floor_mask(tensors, Placement(64, 43, 0, 10, 640, 430), spec)
-    assert mask is not None
     assert mask.floor.shape == (11, 16)  # 43 px are 10.75 cells
     expected = 10.0 + (np.arange(11) + 0.5) * 43.0 / 11.0
     np.testing.assert_allclose(mask.floor[:, 5], expected, atol=1e-4)
@@ -92,7 +91,6 @@ def test_a_picture_that_ends_within_a_cell_keeps_its_geometry():
 def test_a_floor_mask_that_cannot_be_is_refused(tmp_path, change, message):
     folder = painted.with_floor(painted.write_painted(tmp_path / "b", CHAIR), PAINTED, 4)
     manifest = read_manifest(folder)
-    assert manifest.detector.floor is not None
     floor = msgspec.structs.replace(manifest.detector.floor, **change)
     detector = msgspec.structs.replace(manifest.detector, floor=floor)
     write_manifest(folder, msgspec.structs.replace(manifest, detector=detector))

@@ -55,6 +55,10 @@ def test_half_a_picture_that_stays_plain_while_the_rest_moves_is_a_fault(drive, 
 
 def test_good_pictures_are_trusted(pictures):
     assert kinds(pictures) == [""] * 20
+    barred = [picture.copy() for picture in (pictures[0], pictures[5])]
+    for picture in barred:  # a levelled or letterboxed picture has borders that never change: no torn rows
+        picture[: len(picture) // 4] = 114
+    assert kinds(barred) == ["", ""]
 
 
 RUINED = {
@@ -70,18 +74,12 @@ def test_a_ruined_picture_is_named_and_forgiven_at_the_next_good_one(pictures, k
     assert kinds([pictures[0], RUINED[kind](pictures[1]), pictures[2]]) == ["", kind, ""]
 
 
-def test_pictures_that_do_not_change_are_repeated_and_after_a_second_frozen(pictures):
+def test_pictures_that_stand_still_or_are_torn_are_named(pictures):
     found = kinds([pictures[0]] * 13 + [pictures[1]])
     assert found == ["", *["repeated"] * 9, *["frozen"] * 3, ""]
-
-
-def test_a_robot_at_rest_is_not_frozen():
-    """A sensor's noise of one grey level is enough."""
+    # A sensor's noise of one grey level is enough.
     scene = np.kron(np.random.default_rng(0).integers(0, 255, (60, 80, 3)), np.ones((8, 8, 1))).astype(np.uint8)
     assert kinds([noisy(scene, 1.0, seed) for seed in range(15)]) == [""] * 15
-
-
-def test_rows_of_the_last_picture_and_rows_that_are_missing_are_a_torn_picture(pictures):
     top, missing = pictures[19].copy(), pictures[10].copy()
     top[:200] = pictures[0][:200]
     missing[360:] = 128
@@ -93,7 +91,6 @@ def test_a_blindness_is_a_fault_when_it_begins_and_every_ten_seconds(pictures):
     monitor = HealthMonitor()
     found = [monitor.judge(Frame(i, i / 10, noisy(pictures[0] // 30, 1.0, i))) for i in range(121)]
     assert [i for i, health in enumerate(found) if health.fault] == [0, 100]
-    assert found[0].fault is not None
     assert found[0].fault.kind is FaultKind.DARK
 
 
@@ -103,11 +100,3 @@ def test_photographs_are_trusted(folder):
         pytest.skip(f"{SHARED / folder} is not there: set EDGEMAP_SHARED")
     paths = [path for path in sorted((SHARED / folder).rglob("*")) if path.suffix in (".jpg", ".png")][::10]
     assert set(kinds(cv2.imread(str(path)) for path in paths)) == {""}
-
-
-def test_bars_of_one_colour_are_not_torn_rows(pictures):
-    """A levelled or letterboxed picture has borders that never change."""
-    barred = [picture.copy() for picture in (pictures[0], pictures[5])]
-    for picture in barred:
-        picture[: len(picture) // 4] = 114
-    assert kinds(barred) == ["", ""]

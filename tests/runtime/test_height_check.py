@@ -1,8 +1,5 @@
 """A mount's height is checked by what stands on the floor, and by the wheels."""
 
-# pyright: reportOptionalMemberAccess=false, reportArgumentType=false, reportOptionalSubscript=false
-# pyright: reportGeneralTypeIssues=false
-
 import math
 import re
 from dataclasses import replace

@@ -190,7 +190,6 @@ def test_the_gyro_is_told_what_the_others_measured_and_not_its_own_yaw():
     found = [hybrid.step(at(index / 10), {}, FramePrior(attitude)) for index in range(2)][1]
     assert found.motion.yaw_rad == pytest.approx(0.03, abs=2e-4)
     moved = found.moved()
-    assert moved is not None
     assert (moved[0].yaw_rad, moved[1][2, 2]) == pytest.approx((0.02, LASTING * 1e-4))
     assert hybrid.step_blind(0.2, made("dark"), attitude).moved() is None
 

@@ -1,7 +1,5 @@
 """Attitude from pictures alone: edges and the odometry's tilt, and a real walk."""
 
-# pyright: reportOptionalMemberAccess=false, reportArgumentType=false
-
 import math
 import os
 from dataclasses import replace

@@ -1,12 +1,14 @@
 import json
 import threading
+from dataclasses import replace
 
 import numpy as np
 import pytest
 from support import painted
+from support.drives import exact, observed, round_trip, sighted
 from support.made_camera import MadeCamera, raising
 from support.noise import noise
-from support.rooms import content_of
+from support.rooms import content_of, furnished
 from support.tum import read_tum
 
 from edgemap.geometry.camera.floor import FloorCamera
@@ -17,6 +19,7 @@ from edgemap.geometry.se2 import SE2
 from edgemap.runtime.frames.errors import CameraError, RunFolderError
 from edgemap.runtime.frames.frame import Frame
 from edgemap.runtime.frames.trajectory import Trajectory
+from edgemap.runtime.motion.odometry.protocol import Motion
 from edgemap.runtime.motion.odometry.recorded import RecordedOdometry
 from edgemap.runtime.network.bundle import load_bundle
 from edgemap.runtime.outputs.sinks.run_folder import RunFolder
@@ -78,9 +81,12 @@ def test_the_first_pose_is_the_origin_and_motion_adds_up(bundle):
     np.testing.assert_allclose(result.pose_map_base.vector(), (poses[0].inverse() @ poses[2]).vector(), atol=1e-9)
 
 
-def test_a_frame_of_another_size_is_named(bundle):
+def test_a_frame_of_another_size_is_named_and_stop_ends_after_the_frame_in_hand(bundle, tmp_path):
     with pytest.raises(CameraError, match=r"frame 0 x\.png is 32x64 px, the intrinsics are for 64x64"):
         pipeline(bundle).step(Frame(0, 0.0, np.zeros((64, 32, 3), np.uint8), "x.png"))
+    stop = threading.Event()
+    camera = memory(50, lambda index: stop.set() if index == 4 else None)
+    assert run(camera, pipeline(bundle), [RunFolder(tmp_path / "run", FLOOR, {})], stop=stop) == 5
 
 
 def test_the_run_folder_holds_the_contract(bundle, tmp_path):
@@ -120,12 +126,6 @@ def test_an_unknown_failure_keeps_the_map_too(bundle, tmp_path):
     assert load_map(tmp_path / "run")[0].count == 7
 
 
-def test_stop_ends_the_run_after_the_frame_in_hand(bundle, tmp_path):
-    stop = threading.Event()
-    camera = memory(50, lambda index: stop.set() if index == 4 else None)
-    assert run(camera, pipeline(bundle), [RunFolder(tmp_path / "run", FLOOR, {})], stop=stop) == 5
-
-
 def test_the_same_frames_give_the_same_map(bundle, tmp_path):
     for name in ("a", "b"):
         run(memory(30), pipeline(bundle), [RunFolder(tmp_path / name, FLOOR, {})])
@@ -150,3 +150,55 @@ def test_one_sink_that_fails_to_close_does_not_keep_the_others_from_saving(bundl
         run(memory(5), pipeline(bundle), [Full(), RunFolder(tmp_path / "run", FLOOR, {})])
     assert load_map(tmp_path / "run")[0].count == 5
     assert json.loads((tmp_path / "run" / "run.json").read_text())["finished"]
+
+
+ROOM = furnished(np.random.default_rng(5), 12, apart_m=1.0)
+WAY = round_trip(3 * 120, turns=1.1)  # 12 s at 30 Hz
+
+
+def mapped(every, room=ROOM, way=WAY):
+    """The map of a drive of which every so many pictures of 30 Hz are taken."""
+    mapper, random = Mapper(), np.random.default_rng(0)
+    poses = way[::every]
+    for index, (pose, motion) in enumerate(zip(poses, exact(poses), strict=True)):
+        stamp_s = index * every / 30.0
+        sightings = [replace(seen, stamp_s=stamp_s) for seen in sighted(room, pose, index, random)]
+        known = Motion(motion.motion, np.eye(3) * 1e-8)
+        mapper.step(replace(observed(index, sightings, known), stamp_s=stamp_s))
+    return mapper.objects()
+
+
+def off_m(a, b):
+    """Distance of two objects."""
+    return float(np.linalg.norm(a.position_m - b.position_m))
+
+
+@pytest.mark.parametrize("every", [1, 6, 9])
+def test_the_map_does_not_depend_on_the_rate(every):
+    usual, other = mapped(3), mapped(every)
+    assert len(usual) >= 8
+    assert abs(len(other) - len(usual)) <= 1  # one may be in view for just long enough
+    for item in usual if len(usual) <= len(other) else other:
+        there = other if len(usual) <= len(other) else usual
+        near = min((seen for seen in there if seen.label == item.label), key=lambda seen: off_m(seen, item))
+        assert off_m(near, item) < 0.15
+        assert near.confidence == pytest.approx(item.confidence, abs=0.08)
+
+
+@pytest.mark.parametrize(("rate_hz", "pictures"), [(30, 6), (10, 2), (60, 12)])
+def test_a_glimpse_is_no_object_however_many_pictures_show_it(rate_hz, pictures):
+    """A fifth of a second in view is on no map, six tenths are."""
+    mapper = Mapper()
+
+    def see(count, start):
+        for index in range(start, start + count):
+            stamp_s = index / rate_hz
+            (seen,) = sighted([("chair", 2.0, 0.1)], SE2(), index, np.random.default_rng(index))
+            seen = replace(seen, stamp_s=stamp_s)
+            motion = Motion(SE2(), np.zeros((3, 3)))
+            mapper.step(replace(observed(index, [seen], motion), stamp_s=stamp_s))
+
+    see(pictures, 0)
+    assert mapper.objects() == []
+    see(2 * pictures, pictures)
+    assert len(mapper.objects()) == 1

@@ -1,4 +1,5 @@
 import json
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -10,10 +11,13 @@ from edgemap.geometry.camera.floor import FloorCamera
 from edgemap.geometry.camera.intrinsics import Intrinsics
 from edgemap.geometry.camera.mount import Mount
 from edgemap.geometry.errors import MapError
+from edgemap.geometry.objects.annotations import Annotations
+from edgemap.geometry.objects.events import Edit, EditError
 from edgemap.geometry.objects.floor_map import FloorMap
+from edgemap.geometry.registration.alignment import AlignmentError, aligned_near
 from edgemap.geometry.se2 import SE2
 from edgemap.runtime.outputs.sinks.run_folder import RunFolder
-from edgemap.runtime.step.map_file import load_map, map_document
+from edgemap.runtime.step.map_file import load_map, map_document, save_map
 from edgemap.runtime.step.mapper import Mapper
 
 ROOM = furnished(np.random.default_rng(11), 16, apart_m=0.8)
@@ -108,7 +112,6 @@ def test_an_id_means_one_thing_before_and_after():
     saved = first_drive()
     mapper = Mapper()
     mapper.relocalise_in(saved)
-    assert mapper.relocaliser is not None
     taken, own = {item.id for item in saved}, set()
     for result, _ in go(mapper, start_rad=2.0):
         if mapper.relocaliser.alignment is None:
@@ -121,7 +124,6 @@ def test_another_room_is_not_taken_for_the_saved_one():
     other = furnished(np.random.default_rng(12), 16, apart_m=0.8)
     mapper = Mapper()
     mapper.relocalise_in(first_drive())
-    assert mapper.relocaliser is not None
     for result, _ in go(mapper, room=other):
         assert result.relocated is None
     assert mapper.relocaliser.alignment is None
@@ -142,3 +144,134 @@ def test_ids_given_twice_are_refused():
     saved = mapped([("chair", 2.0, 0.0)])
     with pytest.raises(MapError, match="2 objects share 1 ids"):
         FloorMap.continued(saved + saved)
+
+
+def driven(mapper, start_rad=0.0, seed=1, count=80):
+    poses = round_trip(80, start_rad=start_rad)[:count]
+    return [(result, list(objects)) for result, objects in drive(mapper, ROOM, poses, exact(poses), seed)]
+
+
+def saved_map():
+    *_, (_, objects) = driven(Mapper(), seed=7)
+    return objects
+
+
+def first_found(results):
+    return next(index for index, (result, _) in enumerate(results) if result.relocated)
+
+
+def test_a_right_guess_is_proved_sooner_than_a_search_finds_it():
+    saved, start, there = saved_map(), round_trip(80)[0], round_trip(80, start_rad=2.0)[0]
+    guess = start.inverse() @ there
+    searching, guessing = Mapper(), Mapper()
+    searching.relocalise_in(saved)
+    guessing.relocalise_in(saved, guesses=[SE2(30.0, 0.0, 0.0), guess])
+    searched, guessed = driven(searching, 2.0), driven(guessing, 2.0)
+    assert first_found(guessed) < first_found(searched)
+    at = guessed[-1][0].pose_map_base
+    truth = start.inverse() @ round_trip(80, start_rad=2.0)[-1]
+    assert np.hypot(at.x_m - truth.x_m, at.y_m - truth.y_m) < 0.3
+
+
+def test_a_robot_that_was_carried_off_is_not_where_it_was_left():
+    """A wrong guess costs nothing: the objects refute it, and find the place as without it."""
+    saved, start = saved_map(), round_trip(80)[0]
+    there = start.inverse() @ round_trip(80, start_rad=2.0)[0]
+    mapper = Mapper()
+    mapper.relocalise_in(saved, guesses=[SE2(there.x_m + 2.0, there.y_m, there.yaw_rad + 1.5), SE2()])
+    *_, (result, _) = driven(mapper, 2.0)
+    truth = start.inverse() @ round_trip(80, start_rad=2.0)[-1]
+    at = result.pose_map_base
+    assert np.hypot(at.x_m - truth.x_m, at.y_m - truth.y_m) < 0.3
+
+
+@pytest.mark.parametrize("at_last", [False, True])
+def test_a_map_is_continued_at_its_last_pose_or_its_dock_whichever_is_right(at_last):
+    saved, start, there = saved_map(), round_trip(80)[0], round_trip(80, start_rad=2.0)[0]
+    guess = start.inverse() @ there
+    docked, found = Mapper(), Mapper()
+    dock, last = (SE2(30.0, 0.0, 0.0), guess) if at_last else (guess, None)
+    docked.continue_map(saved, Annotations(dock=dock, last_pose=last), None)
+    found.relocalise_in(saved, guesses=[guess])
+    assert first_found(driven(docked, 2.0)) == first_found(driven(found, 2.0))
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_chance_proves_no_guess(seed):
+    """Rooms with nothing in common but their classes."""
+    random = np.random.default_rng(seed)
+    room, other = (mapped(furnished(random, 12, apart_m=0.8)) for _ in range(2))
+    with pytest.raises(AlignmentError, match="no guessed start fits"):
+        aligned_near([SE2(), SE2(1.0, 0.0, 0.5)], room, other[:4])
+
+
+@pytest.mark.parametrize("in_dock", [False, True])
+def test_a_pose_that_is_set_ends_the_search(in_dock):
+    saved, start = saved_map(), round_trip(80)[0]
+    there = start.inverse() @ round_trip(80, start_rad=2.0)[0]
+    mapper = Mapper()
+    mapper.relocalise_in(saved, Annotations(dock=there))
+    assert mapper.searching
+    assert mapper.annotations().dock is None  # it is in a frame that the robot has yet to find
+    pose = Edit("pose", "dock") if in_dock else Edit("pose", pose=(there.x_m, there.y_m, there.yaw_rad))
+    assert mapper.edit(pose) == "pose"
+    assert not mapper.searching
+    assert mapper.annotations().dock == there
+    results = driven(mapper, 2.0)
+    assert first_found(results) == 0
+    at, truth = results[-1][0].pose_map_base, start.inverse() @ round_trip(80, start_rad=2.0)[-1]
+    assert np.hypot(at.x_m - truth.x_m, at.y_m - truth.y_m) < 0.3
+    assert len(results[-1][1]) <= len(saved) + 2  # nothing twice
+
+
+def test_a_robot_that_was_lifted_and_set_down_goes_on_in_its_map():
+    mapper = Mapper()
+    before = driven(mapper, count=40)[-1][1]
+    places = {item.id: item.position_m for item in before}
+    mapper.edit(Edit("pose", pose=(1.0, 2.0, 0.5), sigmas=(0.2, 0.2, 0.1)))
+    assert (mapper.pose_map_base.x_m, mapper.pose_map_base.y_m) == (1.0, 2.0)
+    assert np.diag(mapper.pose_covariance) == pytest.approx([0.04, 0.04, 0.01])
+    for item in mapper.objects():
+        assert item.position_m == pytest.approx(places[item.id], abs=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("edit", "message"),
+    [
+        (Edit("pose"), "three finite numbers"),
+        (Edit("pose", pose=(np.nan, 0.0, 0.0)), "x nan m"),
+        (Edit("pose", pose=(0.0, 0.0, np.inf)), "three finite numbers"),
+        (Edit("pose", pose=(0.0, 0.0, 0.0), sigmas=(0.0, 1.0, 1.0)), "above 0"),
+        (Edit("dock"), "a dock needs a pose"),
+    ],
+)
+def test_what_is_no_pose_is_refused(edit, message):
+    with pytest.raises(EditError, match=message):
+        Mapper().edit(edit)
+
+
+@pytest.mark.parametrize("far", [(1e6, 1e6, 0.0), (2e6, 0.0, 0.0), (0.0, -1e308, 0.0), (400.0, 0.0, 0.0)])
+def test_a_pose_far_from_the_map_is_refused_and_loses_nothing(far):
+    mapper = Mapper()
+    driven(mapper, count=40)
+    before = mapper.pose_map_base, [item.id for item in mapper.objects()]
+    for edit in (
+        Edit("pose", pose=far), Edit("dock", pose=far), Edit("add", label="chair", place_m=far[:2]),
+        Edit("correct", "chair-1", place_m=far[:2]),
+        Edit("zone", name="far", corners_m=((0.0, 0.0), (0.0, 1.0), far[:2])),
+    ):  # fmt: skip
+        with pytest.raises(EditError, match="too far: the map would be more than 50 m wide"):
+            mapper.edit(edit)
+    assert (mapper.pose_map_base, [item.id for item in mapper.objects()]) == before
+    with pytest.raises(MapError, match="too far: the map would be more than 50 m wide"):
+        Mapper().start_in(saved_map(), SE2(*far))
+
+
+@pytest.mark.parametrize("x_m", [1e6 + 1.0, float("nan"), float("inf")])
+def test_a_map_that_no_reader_takes_does_not_replace_one_that_they_do(x_m, tmp_path):
+    good = saved_map()
+    save_map(tmp_path / "map.json", good)
+    bad = [replace(good[0], position_m=np.array([x_m, 0.0])), *good[1:]]
+    with pytest.raises(MapError, match="not saved"):
+        save_map(tmp_path / "map.json", bad)
+    assert [item.id for item in load_map(tmp_path / "map.json")] == [item.id for item in good]

@@ -96,7 +96,6 @@ def test_of_many_runs_at_once_one_gets_the_folder(tmp_path):
     command = [sys.executable, "-c", program, str(tmp_path / "run")]
     runs = [subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True) for _ in range(3)]
     for run in runs:
-        assert run.stdin is not None
         run.stdin.write("\n")
         run.stdin.flush()
     assert sorted(run.communicate()[0].strip() for run in runs) == ["mine", "refused", "refused"]

@@ -1,7 +1,5 @@
 """A guessed height of the lens proves another: the map is saved at the scale of its estimate."""
 
-# pyright: reportOptionalMemberAccess=false, reportArgumentType=false, reportAttributeAccessIssue=false
-
 import json
 import math
 from dataclasses import replace
@@ -137,7 +135,6 @@ def test_a_guess_moves_to_the_sizes_of_objects_and_a_given_height_never(guessed)
         fault = check.judge(index / 10, FloorCamera(LENS, mount), Attitude.of_mount(mount), boxes, Motion())
         assert not fault
     assert check.scale == (pytest.approx(0.6 / 0.72, abs=0.04) if guessed else 1.0)
-    assert check.estimate is not None
     assert check.estimate.height_m == pytest.approx(0.6, abs=0.03)
 
 
@@ -148,7 +145,6 @@ def test_wheels_measure_the_path_so_its_scale_stays():
         motion = Motion(SE2(0.05, 0.0, 0.0), np.eye(3) * 1e-6, lengths=(0.06, 0.05))
         check.judge(index / 10, FloorCamera(LENS, mount), Attitude.of_mount(mount), boxes, motion)
     assert check.scale == 1.0
-    assert check.estimate is not None
     assert check.estimate.height_m == pytest.approx(0.6, abs=0.02)
 
 
@@ -162,7 +158,6 @@ def test_a_robot_that_turns_in_place_has_wheels_or_depth_all_the_same(measures, 
         given = usual | measures if index >= begins else usual
         check.judge(index / 10, FloorCamera(LENS, mount), Attitude.of_mount(mount), boxes, **given)
         assert (check.scale == 1.0) == (index < 100 or index >= begins)
-    assert check.estimate is not None
     assert check.estimate.height_m == pytest.approx(0.6, abs=0.03)
 
 
@@ -178,13 +173,11 @@ def test_a_correction_of_the_mount_keeps_the_sizes_of_a_guess():
         for index in range(200):
             check.judge(index / 10, FloorCamera(LENS, mount), Attitude.of_mount(mount), boxes, Motion())
         wrong = check.estimate
-        assert wrong is not None
         assert wrong.height_m > 0.66
         for index in range(200, 400):
             check.judge(index / 10, FloorCamera(LENS, right), corrected, Detections.none(("chair",)), Motion())
         if guessed:
             assert check.scale == pytest.approx(0.6 / 0.72, abs=0.04)
-            assert check.estimate is not None
             assert check.estimate.height_m == pytest.approx(0.6, abs=0.03)
         else:
             assert check.estimate is wrong

@@ -29,12 +29,9 @@ WHEELS = Path(DEMO) / "wheel.csv"
 BLANK = np.zeros((4, 4, 3), np.uint8)
 SIGMAS = {"camera": (0.004, 0.004, 0.002), "wheels": (0.002, 0.002, 0.002)}
 LIES = {
-    "mirrored yaw": (1.0, 1.0, -1.0),
-    "yaw by half more": (1.0, 1.0, 1.5),
-    "frozen": (0.0, 0.0, 0.0),
-    "backwards": (-1.0, -1.0, -1.0),
-    "twice as long": (2.0, 2.0, 1.0),
-}
+    "mirrored yaw": (1.0, 1.0, -1.0), "yaw by half more": (1.0, 1.0, 1.5), "frozen": (0.0, 0.0, 0.0), "backwards":
+    (-1.0, -1.0, -1.0), "twice as long": (2.0, 2.0, 1.0),
+}  # fmt: skip
 
 
 class Noisy(MadeOdometry):

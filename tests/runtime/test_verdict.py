@@ -1,4 +1,4 @@
-"""How far a map can be trusted: what was counted decides, the gravest cause comes first, faults lead to the docs."""
+"""How far a map can be trusted: what is counted decides, the gravest cause comes first, faults lead to the docs."""
 
 import json
 import re
@@ -10,11 +10,16 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from support.results import COVARIANCE, POSES, results
 
 from edgemap.geometry.map_object import MapObject
 from edgemap.runtime.frames.errors import RunFolderError
 from edgemap.runtime.frames.faults import Fault, FaultKind, read_fault
+from edgemap.runtime.frames.frame import Frame
+from edgemap.runtime.motion.health import PictureHealth
+from edgemap.runtime.motion.odometry.protocol import MotionState
 from edgemap.runtime.outputs.verdict.causes import CAUSES, cause_of
+from edgemap.runtime.outputs.verdict.run_counts import QualityCounter
 from edgemap.runtime.outputs.verdict.verdict import LEVELS, explain, is_doubtful, verdict_of
 
 CHAIR = MapObject("chair-1", "chair", np.array([1.0, 2.0]), np.diag([0.01, 0.01]), 0.5, 0.9, 40, 0.95, 0.0, 9.0)
@@ -37,10 +42,11 @@ def record(quality=None, **changed):
     return RECORD | {"quality": QUALITY | (quality or {})} | changed
 
 
-def test_a_calm_drive_is_good():
+def test_a_calm_drive_is_good_and_a_record_of_an_older_run_is_used_with_care():
     verdict = verdict_of(record(), [CHAIR])
     assert verdict.document() == {"level": "good", "reasons": []}
     assert verdict.line == "map: good"
+    assert verdict_of({"faults": []}, [CHAIR]).level == "care"
 
 
 @pytest.mark.parametrize("measured", [{}, {"attitude_sources": {"depth": 400}}, {"odometry": "poses.tum"}])
@@ -174,14 +180,11 @@ def test_more_that_is_wrong_is_never_better(sigma_m, heading, blind, guessed, mo
     assert level(sigma_m + more_m) >= level(sigma_m)
 
 
-def test_every_cause_leads_to_a_section_of_the_docs():
+def test_every_kind_of_fault_has_one_cause_and_every_cause_a_section_of_the_docs():
     page = (Path(__file__).parents[2] / "docs" / "troubleshooting.md").read_text()
     anchors = {re.sub(r"[^a-z]+", "-", title.lower()).strip("-") for title in re.findall(r"^## (.+)$", page, re.M)}
     assert {cause.anchor for cause in CAUSES.values()} <= anchors
-
-
-def test_every_kind_but_those_of_the_run_has_one_cause():
-    """That a kind leads to two causes, or to none, shows as a wrong number."""
+    # That a kind leads to two causes, or to none, shows as a wrong number.
     without = {FaultKind.EDIT, FaultKind.ENDED, FaultKind.OTHER}
     assert {kind for kind in FaultKind if cause_of(kind) is None} == without
     assert sum(len(cause.kinds) for cause in CAUSES.values()) == len(FaultKind) - len(without)
@@ -199,13 +202,54 @@ def test_faults_of_any_version_are_read(entry, fault):
     assert read_fault(entry) == fault
 
 
-def test_a_record_of_an_older_run_is_used_with_care():
-    assert verdict_of({"faults": []}, [CHAIR]).level == "care"
-
-
 @pytest.mark.parametrize("changed", [{"sigma_m": 3}, {"frames": "many"}, {"blind_frames": None}, {"sigma_m": {}}])
 def test_a_damaged_run_json_is_one_line(changed):
     with pytest.raises(RunFolderError, match=r"^run\.json: damaged, or of another version \(.+\)$"):
         explain(record(changed), [CHAIR])
     with pytest.raises(RunFolderError):
         explain(record(faults=3), [CHAIR])
+
+
+def made(count=10):
+    frames = [Frame(i, 0.2 * i, np.zeros((48, 64, 3), dtype=np.uint8)) for i in range(count)]
+    return list(results(frames, POSES[:count]))
+
+
+def changed(result, **observed):
+    return replace(result, observed=replace(result.observed, **observed))
+
+
+def test_what_is_counted():
+    given = made()
+    given[2] = changed(given[2], health=PictureHealth(Fault(FaultKind.DARK, "dark")))
+    given[3] = changed(given[3], health=PictureHealth(Fault(FaultKind.REPEATED, "as before")), at_rest=True)
+    motion = given[4].observed.motion
+    given[4] = changed(given[4], motion=replace(motion, state=MotionState.BLIND))
+    given[5] = changed(given[5], motion=replace(motion, members={"wheels": "used", "gyro": "left_out"}))
+    counter = QualityCounter()
+    for result in given:
+        counter.add(result)
+    found = counter.document()
+    assert (found["frames"], found["blind_frames"], found["blind"]) == (10, 1, {"dark": 1})
+    assert (found["guessed_frames"], found["still_frames"]) == (1, 1)
+    assert (found["wheel_frames"], found["gyro_frames"], found["object_frames"]) == (1, 0, 10)
+    assert found["wheels"]
+    assert found["rate_hz"] == pytest.approx(5.0)
+    assert found["duration_s"] == pytest.approx(1.8)
+    largest = np.sqrt(np.linalg.eigvalsh(COVARIANCE[:2, :2])[-1])
+    assert found["sigma_m"] == {"end": pytest.approx(largest, abs=1e-4), "largest": pytest.approx(largest, abs=1e-4)}
+    assert found["heading_sigma_deg"]["end"] == pytest.approx(np.degrees(np.sqrt(0.03)), abs=1e-3)
+
+
+def test_a_covariance_that_is_none_is_left_out():
+    counter = QualityCounter()
+    first, second = made(2)
+    counter.add(first)
+    counter.add(replace(second, pose_covariance=np.full((3, 3), np.nan)))
+    assert json.dumps(counter.document(), allow_nan=False)
+    assert counter.document()["sigma_m"]["end"] > 0.1
+    assert not counter.document()["wheels"]
+
+
+def test_before_the_first_frame_there_is_a_document():
+    assert json.dumps(QualityCounter().document(), allow_nan=False)

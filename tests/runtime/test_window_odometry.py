@@ -1,8 +1,5 @@
 """Odometry of a carried camera, over a textured floor that it sees at other angles than its mount's."""
 
-# pyright: reportOptionalMemberAccess=false, reportOptionalOperand=false, reportArgumentType=false
-# pyright: reportAttributeAccessIssue=false
-
 import math
 from dataclasses import replace
 from types import SimpleNamespace

@@ -1,18 +1,25 @@
-"""A mount whose pitch is given wrong, through the real Pipeline on the demo: found, told once, and used."""
-
-# pyright: reportOptionalMemberAccess=false, reportArgumentType=false
+"""Mounts that are given wrong: found by edges, motion and depth, told once, and used."""
 
 import math
 import re
 from dataclasses import replace
 
+import cv2
 import numpy as np
 import pytest
+from support.edges import room_edges
 
+from edgemap.geometry.camera.attitude import TrackedRotation
+from edgemap.geometry.camera.carried import Carried
 from edgemap.geometry.camera.floor import FloorCamera
-from edgemap.geometry.camera.level import mount_text
+from edgemap.geometry.camera.level import mount_text, pitch_roll, up_optical
+from edgemap.geometry.camera.mount import Mount, Platform
+from edgemap.geometry.camera.room_edges import room_axes
+from edgemap.runtime.frames.errors import EdgemapError
 from edgemap.runtime.frames.faults import FaultKind
 from edgemap.runtime.frames.frame import Frame
+from edgemap.runtime.inputs.open import open_camera
+from edgemap.runtime.motion.attitude.estimator import EstimatedAttitude
 from edgemap.runtime.motion.attitude.inertial import AttitudeRule
 from edgemap.runtime.motion.attitude.mount_check import MountRule
 from edgemap.runtime.step.config import Config
@@ -85,3 +92,122 @@ def test_nothing_stays_on_the_map_where_the_wrong_mount_has_put_it(right, wrong)
     for item in objects:
         same = [other.position_m for other in right[3] if other.label == item.label]
         assert min(np.linalg.norm(np.subtract(place, item.position_m)) for place in same) < 0.3, item.id
+
+
+@pytest.mark.parametrize(("pitch", "roll"), [(11.5, 0.0), (3.0, -2.0), (17.5, 4.0), (21.0, -1.0)])
+def test_up_of_a_room_seven_degrees_from_where_it_is_expected(pitch, roll):
+    normals, lengths = room_edges(pitch, roll, np.random.default_rng(3))
+    found = room_axes(
+        normals, lengths, up_optical(math.radians(pitch - 5.0), math.radians(roll + 5.0)), math.radians(12)
+    )
+    assert np.degrees(pitch_roll(found.up)) == pytest.approx((pitch, roll), abs=0.5)
+
+
+def test_the_room_lies_as_its_level_edges_do():
+    normals, lengths = room_edges(11.5, 0.0, np.random.default_rng(3))
+    found = room_axes(normals, lengths, up_optical(math.radians(9.0), 0.0), math.radians(12))
+    off = (found.level_rad - math.radians(25.0) + math.pi / 4) % (math.pi / 2) - math.pi / 4  # as of `room_edges`
+    assert abs(off) < math.radians(0.7)
+    assert math.radians(0.4) < found.level_sigma_rad < math.radians(3.1)
+    few = np.arange(24) < 14  # upright edges, and two level ones
+    assert room_axes(normals[:24][few], lengths[:24][few], found.up, math.radians(6)).level_rad is None
+
+
+def told(off_deg, frames=80, still=False, hz=10.0):
+    """Faults with the stamps of their frames, and the last attitude, for the demo under a mount so far off."""
+    faults, attitude = [], None
+    with open_camera("demo") as camera:
+        mount = replace(camera.info.mount, pitch_rad=camera.info.mount.pitch_rad + math.radians(off_deg))
+        source = EstimatedAttitude(FloorCamera(camera.info.intrinsics, mount))
+        first = camera.read()
+        for index in range(frames):
+            frame = first if still else camera.read()
+            attitude = source.predict(replace(frame, index=index, stamp_s=index / hz))
+            faults += [(index / hz, fault) for fault in source.faults]
+    return faults, attitude
+
+
+def test_the_right_mount_is_no_fault_and_holds():
+    faults, attitude = told(0.0)
+    assert not faults
+    assert (attitude.pitch_rad, attitude.source) == (math.radians(11.5), "mount")
+
+
+@pytest.mark.parametrize("hz", [2.5, 30.0])
+def test_a_wrong_mount_is_found_in_time_at_any_rate(hz):
+    faults, _ = told(5.5, frames=int(15 * hz), hz=hz)
+    assert len(faults) == 1
+
+
+@pytest.mark.parametrize("off_deg", [5.5, -5.5])
+def test_a_pitch_5_degrees_wrong_is_one_fault_that_names_the_likelier_and_is_mended(off_deg):
+    faults, attitude = told(off_deg)
+    assert len(faults) == 1
+    stamp_s, fault = faults[0]
+    assert stamp_s < 20.0
+    assert f"mount: pitch {11.5 + off_deg:.1f} and roll 0.0 deg given, the room's edges give pitch 11." in fault.text
+    assert math.degrees(attitude.pitch_rad) == pytest.approx(11.5, abs=0.6)
+
+
+def test_a_known_mount_stays_known_while_the_robot_sways():
+    """Two seconds that look 5 degrees further down, as over a threshold, after ten that told the mount."""
+    calm = Carried(steady_m=3.0)
+    swaying = replace(calm, rate2=math.radians(10.0) ** 2)
+    with open_camera("demo") as camera:
+        lens = camera.info.intrinsics
+        matrix = np.array([[lens.fx, 0.0, lens.cx], [0.0, lens.fy, lens.cy], [0.0, 0.0, 1.0]])
+        down = matrix @ cv2.Rodrigues(np.array([math.radians(5.0), 0.0, 0.0]))[0] @ np.linalg.inv(matrix)
+        source = EstimatedAttitude(FloorCamera(lens, camera.info.mount))
+        for index in range(130):
+            frame, sways = camera.read(), 100 <= index < 120
+            if sways:
+                image = cv2.warpPerspective(
+                    frame.image, down, (lens.width, lens.height), borderMode=cv2.BORDER_REPLICATE
+                )
+                frame = replace(frame, image=image)
+            source.predict(frame)
+            assert not source.faults
+            attitude = source.update(TrackedRotation(np.eye(3), 0.01, swaying if sways else calm))
+    assert np.degrees(attitude.mount.sigma_rad).max() < 0.5
+    assert attitude.mount.used == camera.info.mount
+
+
+@pytest.mark.parametrize(
+    ("height_m", "pitch_deg", "platform", "carried"),
+    [(0.6, 11.5, "robot", True), (1.25, 0.0, "robot", True), (2.4, 11.5, "car", False)],
+)
+def test_edges_that_scatter_show_a_carried_camera_in_rooms_and_nothing_on_a_road(
+    height_m, pitch_deg, platform, carried
+):
+    """A level lens on a pole is in a room; a car's mount stays as given whatever the edges show."""
+    with open_camera("demo") as camera:
+        lens = camera.info.intrinsics
+        mount = Mount.from_degrees(height_m, pitch_deg, platform=Platform(platform))
+        matrix = np.array([[lens.fx, 0.0, lens.cx], [0.0, lens.fy, lens.cy], [0.0, 0.0, 1.0]])
+        source = EstimatedAttitude(FloorCamera(lens, mount))
+        for index in range(80):
+            frame = camera.read()
+            nod = cv2.Rodrigues(np.array([math.radians(4.0 * math.sin(index / 6.0)), 0.0, 0.0]))[0]
+            image = cv2.warpPerspective(
+                frame.image, matrix @ nod @ np.linalg.inv(matrix), (lens.width, lens.height),
+                borderMode=cv2.BORDER_REPLICATE,
+            )  # fmt: skip
+            attitude = source.predict(replace(frame, image=image))
+            source.update(TrackedRotation(np.eye(3), 0.01))
+    assert attitude.carried is carried
+    assert attitude.mount is None or attitude.mount.used == mount
+
+
+def test_one_picture_of_a_robot_at_rest_is_one_view():
+    assert told(5.5, still=True)[0] == []
+
+
+def test_a_mount_that_never_sees_the_floor_is_refused_with_its_numbers():
+    with open_camera("demo") as camera:
+        for pitch_deg in (-25.0, -21.0):  # 22.2 deg of view below the axis
+            mount = replace(camera.info.mount, pitch_rad=math.radians(pitch_deg))
+            with pytest.raises(
+                EdgemapError, match=rf"pitch {pitch_deg:.1f} deg .* 22\.\d deg of view below .* no floor"
+            ):
+                FloorCamera(camera.info.intrinsics, mount)
+        FloorCamera(camera.info.intrinsics, replace(camera.info.mount, pitch_rad=math.radians(-18.0)))

@@ -10,11 +10,14 @@ from hypothesis import strategies as st
 from edgemap.geometry.camera.intrinsics import Intrinsics
 from edgemap.geometry.camera.mount import Mount
 from edgemap.geometry.se2 import SE2
+from edgemap.simulation.apartment.apartment import furnish
 from edgemap.simulation.camera.exposure import LightScript, gains
 from edgemap.simulation.camera.film import noisy
 from edgemap.simulation.camera.shutter import exposed, flow_px_s, optical_twist
 from edgemap.simulation.envelope import Envelope
 from edgemap.simulation.robot.motion import SampledDrive
+from edgemap.simulation.robot.plan_grid import PlanGrid
+from edgemap.simulation.views import draw_views
 
 LENS = Intrinsics(160, 120, 150.0, 145.0, 81.0, 57.0)
 MOUNT = Mount.from_degrees(0.5, 12.0, roll_deg=3.0, forward_m=0.2, left_m=-0.05)
@@ -109,3 +112,20 @@ def test_draws_stay_in_the_envelope(seed):
     assert (lamp >= 0).all()
     assert (lamp <= 1).all()
     assert 0.0 < envelope.draw_effects(rng, light).exposure_s <= 0.033
+
+
+def ahead_m(grid, view):
+    """How far the floor is free straight ahead."""
+    pose, steps = view.pose_home_base, np.arange(0.0, 12.0, 0.02)
+    points = np.array([pose.x_m, pose.y_m]) + steps[:, None] * [np.cos(pose.yaw_rad), np.sin(pose.yaw_rad)]
+    return steps[np.argmax(grid.tops_m[grid.cells_of(points)] > 0.0)]
+
+
+def test_close_views_have_less_floor_ahead_and_leave_the_others_alone():
+    home = furnish(3)
+    usual, mixed = draw_views(home, 3, 8), draw_views(home, 3, 8, close=0.5)
+    grid = PlanGrid(home)
+    assert [view.pose_home_base for view in mixed[:4]] == [view.pose_home_base for view in usual[:4]]
+    assert [view.camera for view in mixed] == [view.camera for view in usual]
+    near, far = ([ahead_m(grid, view) for view in views[4:]] for views in (mixed, usual))
+    assert np.median(near) < 0.5 * np.median(far)

@@ -1,6 +1,8 @@
-"""Our own furniture: the pieces that homes have always shown, as large as real ones, faces outwards."""
+"""Our own furniture: the pieces that homes have always shown, as large as real ones, faces outwards; their meshes."""
 
 import hashlib
+import io
+import zipfile
 from functools import cache
 
 import numpy as np
@@ -8,6 +10,8 @@ import pytest
 
 from edgemap.simulation.apartment.furniture import kinds
 from edgemap.simulation.apartment.made import KINDS, made
+from edgemap.simulation.render.mesh import Material, box, quad, subdivided
+from edgemap.simulation.render.obj import read_obj
 
 # Of pieces 1, 5 and 101 of each kind, recorded at commit 70b7955, which drew them.
 SUM = "d60397eec7dbea6a"
@@ -93,3 +97,47 @@ def test_closed_bodies_enclose_their_inside():
             triangles = piece(kind, number).triangles()
             volume = np.einsum("td,td->", triangles[:, 0], np.cross(triangles[:, 1], triangles[:, 2])) / 6.0
             assert volume > share * np.ptp(triangles.reshape(-1, 3), axis=0).prod() * 0.6, (kind, number)
+
+
+def area(part):
+    edges = part.positions[:, 1:] - part.positions[:, :1]
+    return float(np.linalg.norm(np.cross(edges[:, 0], edges[:, 1]), axis=1).sum() / 2.0)
+
+
+def test_subdividing_keeps_area_and_bounds_edges():
+    part = quad((0, 0, 0), (2.0, 0, 0), (0, 1.0, 0), Material())
+    fine = subdivided(part, 0.3)
+    edges = np.linalg.norm(fine.positions[:, [1, 2, 0]] - fine.positions, axis=2)
+    assert edges.max() <= 0.3
+    assert area(fine) == pytest.approx(2.0)
+    assert fine.uv[..., 0].max() == pytest.approx(2.0)
+
+
+def test_box_faces_look_outward():
+    for part in box((1, 2, 3), (2, 4, 6), Material()).parts:
+        outward = part.positions.mean(axis=(0, 1)) - [1.5, 3.0, 4.5]
+        assert part.normals[0, 0] @ outward > 0
+
+
+def test_obj_is_scaled_and_turned_to_rep103():
+    """A wedge with its tip to the model's front (+z of the file): metres, front along +x, file's x to the left."""
+    text = "mtllib m.mtl\nv -1 0 -1\nv 1 0 -1\nv 0 0 3\nv 0 2 -1\nusemtl red\nf 1 2 3\nf 1 4 2\nf -4 -2 -1\nf 2 4 3\n"
+    data = io.BytesIO()
+    with zipfile.ZipFile(data, "w") as archive:
+        archive.writestr("a/b.obj", text)
+        archive.writestr("a/m.mtl", "newmtl red\nKd 1 0 0\n")
+    mesh = read_obj(zipfile.ZipFile(data), "a/b.obj", (1, 0, 0, 0, 1, 0, 0, 0, 1), (0.5, 0.8, 1.2))
+    points = mesh.triangles().reshape(-1, 3)
+    np.testing.assert_allclose(points.min(axis=0), [-0.6, -0.25, 0.0], atol=1e-12)
+    np.testing.assert_allclose(points.max(axis=0), [0.6, 0.25, 0.8], atol=1e-12)
+    tip = points[points[:, 0].argmax()]
+    np.testing.assert_allclose(tip, [0.6, 0.0, 0.0], atol=1e-12)
+    assert mesh.parts[0].material.colour == pytest.approx((1.0, 0.0, 0.0))
+
+
+def test_missing_extra_is_one_line():
+    from edgemap.runtime.frames.errors import MissingExtraError
+    from edgemap.simulation.errors import require
+
+    with pytest.raises(MissingExtraError, match=r"\[simulation\]"):
+        require("no_such_renderer")

@@ -1,20 +1,25 @@
-"""A robot that nods and its IMU: truth, samples and pictures agree, and nothing else changes."""
+"""A robot or a head that nods, and its IMU: truth, samples and pictures agree, and nothing else changes."""
 
 import math
-from dataclasses import fields
+from dataclasses import fields, replace
+from pathlib import Path
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 from support.inertial import AboutMount
 
 from edgemap.geometry.camera.attitude import Attitude
 from edgemap.geometry.camera.intrinsics import Intrinsics
 from edgemap.geometry.camera.mount import Mount
 from edgemap.geometry.se2 import SE2
+from edgemap.runtime.frames.errors import CameraError
 from edgemap.runtime.frames.frame import Frame
 from edgemap.runtime.frames.trajectory import Trajectory
 from edgemap.runtime.inputs.drives import open_drive
+from edgemap.runtime.inputs.drives.drive import Drive
 from edgemap.runtime.inputs.drives.own import write_drive
+from edgemap.simulation.carried_imu import carried_imu
 from edgemap.simulation.render.view import View
 from edgemap.simulation.robot.imu import GRAVITY_M_S2, ImuErrors, imu_samples
 from edgemap.simulation.robot.motion import SAMPLE_S, Limits, SampledDrive, stand, straight, turn
@@ -98,8 +103,6 @@ def test_the_truth_of_a_drive_holds_the_tilts(tmp_path):
     for index in range(5):
         (tmp_path / f"images/{index}.png").write_bytes(b"")
     drive = open_drive(f"drive:{tmp_path}")
-    assert drive.truth is not None
-    assert drive.attitudes is not None
     for index, (pose, tilt) in enumerate(zip(poses, tilts, strict=True)):
         assert drive.truth.poses[index].vector() == pytest.approx(pose.vector(), abs=1e-3)
         found = drive.attitudes.at(stamps[index], MOUNT.height_m)
@@ -121,3 +124,52 @@ def test_options_change_nothing_else_that_a_seed_draws(furniture_catalogue):
     )  # fmt: skip
     assert level.tilts is None
     assert nodding.tilts is not None
+
+
+HEAD = Mount.from_degrees(1.7, 20.0)
+
+
+def carried() -> Drive:
+    """A head that turns by 0.5 rad/s, nods and walks on at 1 m/s, 10 pictures a second."""
+    stamps = np.arange(0.0, 5.0, 0.1)
+    poses = np.tile(np.eye(4), (len(stamps), 1, 1))
+    angles = np.column_stack([0.5 * stamps, 0.2 * np.sin(2.0 * stamps), np.zeros(len(stamps))])
+    poses[:, :3, :3] = Rotation.from_euler("ZYX", angles).as_matrix()
+    poses[:, 0, 3] = stamps
+    return Drive("c2w", Path(), (), stamps, mount=HEAD, full_poses=poses)
+
+
+def test_the_gyro_adds_up_to_the_recorded_rotation():
+    drive = carried()
+    samples = carried_imu(drive, np.random.default_rng(0), errors=PERFECT)
+    part = samples.between(1.0, 3.0)
+    turned = Rotation.identity()
+    for rate in part.gyro_rad_s:
+        turned = turned * Rotation.from_rotvec(rate / 200.0)
+    optical = drive.full_poses[:, :3, :3] @ HEAD.rotation_base_optical()
+    true = Rotation.from_matrix(optical[10].T @ optical[30])
+    assert (true.inv() * turned).magnitude() < 0.01
+
+
+def test_a_camera_at_rest_before_it_sets_off_feels_gravity_alone():
+    samples = carried_imu(carried(), np.random.default_rng(0), rest_s=3.0, errors=PERFECT)
+    at_rest = samples.between(-3.8, -2.0)
+    assert len(at_rest) > 300
+    up = HEAD.rotation_base_optical().T @ [0.0, 0.0, GRAVITY_M_S2]
+    assert at_rest.accel_m_s2.mean(axis=0) == pytest.approx(up, abs=0.02)
+    assert np.abs(at_rest.gyro_rad_s).max() < 0.01
+
+
+def test_a_camera_in_steady_motion_feels_gravity_alone_from_its_first_sample_to_its_last():
+    stamps = np.arange(0.0, 5.0, 0.1)
+    poses = np.tile(np.eye(4), (len(stamps), 1, 1))
+    poses[:, 0, 3] = stamps
+    drive = Drive("c2w", Path(), (), stamps, mount=HEAD, full_poses=poses)
+    samples = carried_imu(drive, np.random.default_rng(0), errors=PERFECT)
+    up = HEAD.rotation_base_optical().T @ [0.0, 0.0, GRAVITY_M_S2]
+    assert np.abs(samples.accel_m_s2 - up).max() < 0.01
+
+
+def test_planar_poses_make_no_imu():
+    with pytest.raises(CameraError, match="poses of six dimensions"):
+        carried_imu(replace(carried(), full_poses=None), np.random.default_rng(0))

@@ -1,5 +1,4 @@
 """Recordings: what was stopped goes on and ends with the same bytes; what they hold fits together."""
-# pyright: reportOptionalMemberAccess=false, reportArgumentType=false
 
 from dataclasses import replace
 from itertools import islice
@@ -179,7 +178,6 @@ def test_floor_labels_are_what_depth_and_mount_say(recorded, drawn, monkeypatch,
     for picture, path in pairs:
         labels = read_floor_labels(path, size)
         depth_mm = cv2.imread(str(recorded / "depth" / f"{picture.stem}.png"), cv2.IMREAD_UNCHANGED)
-        assert depth_mm is not None
         depth_m = depth_mm / 1000.0
         height_m = camera.mount.height_m + rays * depth_m
         near = (depth_m > 0.0) & (depth_m < 3.0)

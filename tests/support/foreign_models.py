@@ -233,22 +233,12 @@ def labelled_rows() -> onnx.ModelProto:
 
 
 MODELS: dict[str, Callable[[], onnx.ModelProto]] = {
-    "class columns": class_columns,
-    "class columns, shares": lambda: class_columns(share=True),
-    "segmentation": segmentation,
-    "objectness rows": objectness_rows,
-    "cells": cells,
-    "class rows": class_rows,
-    "end to end": end_to_end,
-    "queries": queries,
-    "categories": categories,
-    "sized lists": sized_lists,
-    "counted lists": counted_lists,
-    "tensorflow": tensorflow,
-    "torchvision": torchvision,
-    "batched rows": batched_rows,
-    "labelled rows": labelled_rows,
-}
+    "class columns": class_columns, "class columns, shares": lambda: class_columns(share=True), "segmentation":
+    segmentation, "objectness rows": objectness_rows, "cells": cells, "class rows": class_rows, "end to end":
+    end_to_end, "queries": queries, "categories": categories, "sized lists": sized_lists, "counted lists":
+    counted_lists, "tensorflow": tensorflow, "torchvision": torchvision, "batched rows": batched_rows, "labelled rows":
+    labelled_rows,
+}  # fmt: skip
 
 
 def write(model: onnx.ModelProto, path: Path) -> Path:

@@ -51,6 +51,12 @@ class ForkedCommands:
                 words, code, *(Path(file).read_text("utf-8", "replace") for file in files)
             )
 
+    def ok(self, *arguments, cwd=None, env=None) -> subprocess.CompletedProcess[str]:
+        """The same, of a command that must succeed."""
+        done = self(*arguments, cwd=cwd, env=env)
+        assert done.returncode == 0, done.stdout + done.stderr
+        return done
+
     def close(self) -> None:
         """Ends the process that forks."""
         self._server.communicate()

@@ -68,27 +68,19 @@ def backbone_model(head: np.ndarray, opset: int = 17, outputs: tuple[str, ...] =
     ]
     nodes += [helper.make_node("Add", ["painted", "nothing"], [name]) for name in outputs]
     graph = helper.make_graph(
-        nodes,
-        "painted",
-        [helper.make_tensor_value_info("image", TensorProto.FLOAT, (1, 3, SIZE, SIZE))],
+        nodes, "painted", [helper.make_tensor_value_info("image", TensorProto.FLOAT, (1, 3, SIZE, SIZE))],
         [helper.make_tensor_value_info(name, TensorProto.FLOAT, head.shape) for name in outputs],
         [numpy_helper.from_array(head, "painted"), numpy_helper.from_array(np.zeros((), np.float32), "zero")],
-    )
+    )  # fmt: skip
     return helper.make_model(graph, opset_imports=[helper.make_opsetid("", opset)], ir_version=8)
 
 
 def odometry_spec(trained: bool, window: int = 0) -> OdometryHead:
     return OdometryHead(
-        file="odometry.paper.onnx",
-        kind="paper",
-        feature="head",
-        feature_input="feature",
-        motion="motion",
-        states=(StateSpec(input="count_in", output="count_out", shape=(1, 1)),),
-        parameters=0,
-        trained=trained,
+        file="odometry.paper.onnx", kind="paper", feature="head", feature_input="feature", motion="motion",
+        states=(StateSpec(input="count_in", output="count_out", shape=(1, 1)),), parameters=0, trained=trained,
         window=window,
-    )
+    )  # fmt: skip
 
 
 def odometry_model(feature_shape: tuple[int, ...]) -> onnx.ModelProto:
@@ -101,23 +93,14 @@ def odometry_model(feature_shape: tuple[int, ...]) -> onnx.ModelProto:
         helper.make_node("Add", ["added", "nothing"], ["count_out"]),
         helper.make_node("Mul", ["count_in", "scale"], ["motion"]),
     ]
-    graph = helper.make_graph(
-        nodes,
-        "counter",
-        [
-            helper.make_tensor_value_info("feature", TensorProto.FLOAT, feature_shape),
-            helper.make_tensor_value_info("count_in", TensorProto.FLOAT, (1, 1)),
-        ],
-        [
-            helper.make_tensor_value_info("motion", TensorProto.FLOAT, (1, 3)),
-            helper.make_tensor_value_info("count_out", TensorProto.FLOAT, (1, 1)),
-        ],
-        [
-            numpy_helper.from_array(np.zeros((), np.float32), "zero"),
-            numpy_helper.from_array(np.ones((), np.float32), "one"),
-            numpy_helper.from_array(np.array([[0.01, 0, 0]], np.float32), "scale"),
-        ],
-    )
+
+    def value(name: str, shape: tuple[int, ...]) -> onnx.ValueInfoProto:
+        return helper.make_tensor_value_info(name, TensorProto.FLOAT, shape)
+
+    weights = {"zero": np.zeros(()), "one": np.ones(()), "scale": np.array([[0.01, 0, 0]])}
+    constants = [numpy_helper.from_array(np.asarray(array, np.float32), name) for name, array in weights.items()]
+    given, made = [value("feature", feature_shape), value("count_in", (1, 1))], [value("motion", (1, 3))]
+    graph = helper.make_graph(nodes, "counter", given, [*made, value("count_out", (1, 1))], constants)
     return helper.make_model(graph, opset_imports=[helper.make_opsetid("", 17)], ir_version=8)
 
 

@@ -35,17 +35,7 @@ def results(frames: list[Frame], poses: list[SE2]) -> Iterator[StepResult]:
             frame.index, frame.stamp_s, detections, seen, Motion(SE2(0.1, 0.0, 0.05), np.eye(3))
         )
         yield StepResult(
-            frame=frame,
-            pictured=frame,
-            observed=observed,
-            sightings=placed,
-            object_ids=["chair-1"],
-            merged={},
-            pose_map_base=pose,
-            pose_covariance=COVARIANCE,
-            trajectory=PoseJournal(),
-            travelled_m=0.0,
-            stages_ms={},
-            pose_odom_base=OFF @ pose,
-            odom_covariance=2.0 * COVARIANCE,
-        )
+            frame=frame, pictured=frame, observed=observed, sightings=placed, object_ids=["chair-1"], merged={},
+            pose_map_base=pose, pose_covariance=COVARIANCE, trajectory=PoseJournal(), travelled_m=0.0, stages_ms={},
+            pose_odom_base=OFF @ pose, odom_covariance=2.0 * COVARIANCE,
+        )  # fmt: skip

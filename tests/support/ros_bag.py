@@ -1,7 +1,5 @@
 """Writes ROS 2 bags in MCAP as other people's robots do, with rosbags: nothing of edgemap in it."""
 
-# pyright: reportMissingImports=false
-
 from pathlib import Path
 from typing import Any
 

@@ -45,9 +45,6 @@ def drive(steps):
 
 
 MOTIONS = {
-    "straight": [SE2(0.04, 0, 0)] * 20,
-    "left arc": [SE2(0.03, 0, 0.04)] * 20,
-    "spin right": [SE2(0, 0, -0.06)] * 20,
-    "reverse": [SE2(-0.03, 0, 0.01)] * 20,
-    "stand": [SE2()] * 10,
-}
+    "straight": [SE2(0.04, 0, 0)] * 20, "left arc": [SE2(0.03, 0, 0.04)] * 20, "spin right": [SE2(0, 0, -0.06)] * 20,
+    "reverse": [SE2(-0.03, 0, 0.01)] * 20, "stand": [SE2()] * 10,
+}  # fmt: skip

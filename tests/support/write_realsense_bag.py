@@ -1,7 +1,5 @@
 """Writes a ROS 1 bag in librealsense's topic layout, file version 4, with depth beside colour as devices record it."""
 
-# pyright: reportMissingImports=false
-
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any

@@ -34,7 +34,6 @@ def start(tmp_path, bundle):
         out = str(tmp_path / f"run{len(processes)}")
         process = begin_live_run("--bundle", str(bundle), "--out", out, *arguments, stderr=subprocess.PIPE)
         processes.append(process)
-        assert process.stdout is not None
         line = process.stdout.readline()
         assert line.startswith("live page:  http://127.0.0.1:"), line + process.communicate()[1]
         return process, int(line.rsplit(":", 1)[1].strip().rstrip("/"))

@@ -1,3 +1,5 @@
+"""The page's state: what viewers get, pauses, pictures, and the sentence that comes first."""
+
 import math
 import threading
 from dataclasses import replace
@@ -14,12 +16,15 @@ from support.steps import Steps
 from edgemap.geometry.se2 import SE2
 from edgemap.runtime.frames.camera import Camera
 from edgemap.runtime.frames.errors import FrameTimeout
+from edgemap.runtime.frames.faults import Fault, FaultKind
 from edgemap.runtime.frames.frame import Frame
 from edgemap.runtime.inputs.cameras.wrappers import PacedCamera
 from edgemap.runtime.inputs.open import open_camera
+from edgemap.runtime.motion.health import PictureHealth
 from edgemap.runtime.step.sinks import SinkGroup
-from edgemap.view.page import LivePage, Tail
+from edgemap.view.page import RATE_OVER, LivePage, Tail
 from edgemap.view.pause import PausableCamera, Pause
+from edgemap.view.status import NEWS_S, status
 from edgemap.view.updates import WIDEST_PX, shown_jpeg
 
 
@@ -39,32 +44,17 @@ def test_readers_of_a_tail_get_every_item_that_is_still_there_once(limit, moves)
     assert read == sorted(set(read))
 
 
-def test_a_waiting_viewer_is_woken_once(tmp_path):
-    page, steps, calls = LivePage({}, tmp_path), Steps(), []
-    steps.into(page, 3)
-    page.wake_once(lambda: calls.append(page.revision))
-    steps.into(page, 3)
-    assert calls == [4]
-
-
 def test_the_trail_is_the_way_and_a_lasting_fault_is_told_once(tmp_path):
     page, steps, few = LivePage({}, tmp_path), Steps(), made("few corners")
     for fault in (None, few, few, None, few):
         SinkGroup([page]).write(*steps.next(fault))
     trail, _ = page.trail.since(0, 99)
     np.testing.assert_allclose([sample[:3] for sample in trail], [(0.05 * i, 0.0, 0.1 * i) for i in range(5)])
-    assert [(shown.frame, shown.fault) for shown in page.faults.since(0, 99)[0]] == [
-        (1, few),
-        (4, few),
-    ]
-
-
-def test_a_robot_that_stands_leaves_no_trail(tmp_path):
-    page, steps = LivePage({}, tmp_path), Steps()
+    assert [(shown.frame, shown.fault) for shown in page.faults.since(0, 99)[0]] == [(1, few), (4, few)]
     result, objects = steps.next()
-    for _ in range(5):
+    for _ in range(5):  # a robot that stands leaves no trail
         page.write(result, objects)
-    assert len(page.trail.since(0, 99)[0]) == 1
+    assert len(page.trail.since(0, 99)[0]) == 6
 
 
 def test_way_and_sightings_move_into_the_map_that_the_run_found_itself_in(tmp_path):
@@ -134,14 +124,101 @@ def test_a_camera_that_can_be_held_knows_all_that_the_one_behind_it_knows():
             assert getattr(camera, name) is getattr(demo, name), name
 
 
-def test_a_frame_is_encoded_once_and_shrunk_to_the_screen():
+def test_a_frame_is_encoded_once_and_a_waiting_viewer_is_woken_once(tmp_path):
     image = np.zeros((600, 2 * WIDEST_PX, 3), np.uint8)
     image[:, WIDEST_PX:] = (0, 0, 255)  # the right half is red
     frame = Frame(0, 0.0, image)
     jpeg = shown_jpeg(frame)
     assert shown_jpeg(frame) is jpeg
     shown = cv2.imdecode(np.frombuffer(jpeg, np.uint8), cv2.IMREAD_COLOR)
-    assert shown is not None
     assert shown.shape == (300, WIDEST_PX, 3)
     np.testing.assert_allclose(shown[150, WIDEST_PX - 20], (0, 0, 255), atol=6)
     np.testing.assert_allclose(shown[150, 20], (0, 0, 0), atol=6)
+    page, steps, calls = LivePage({}, tmp_path), Steps(), []
+    steps.into(page, 3)
+    page.wake_once(lambda: calls.append(page.revision))
+    steps.into(page, 3)
+    assert calls == [4]
+
+
+@pytest.fixture
+def clock(monkeypatch):
+    """now[0]: what `time.monotonic` tells page and status."""
+    now = [1000.0]
+    monkeypatch.setattr("edgemap.view.page.time.monotonic", lambda: now[0])
+    return now
+
+
+def page_of(tmp_path, clock, count=RATE_OVER, rate_hz=10.0, **more):
+    page, steps = LivePage({"rate_hz": 10.0}, tmp_path, Pause(), **more), Steps()
+    for _ in range(count):
+        clock[0] += 1.0 / rate_hz
+        page.write(*steps.next())
+    return page, steps
+
+
+def items(page):
+    return [(problem.level, problem.what, problem.text) for problem in status(page)["problems"]]
+
+
+def test_overload_is_told_with_its_figures_once_there_are_enough_steps(tmp_path, clock, monkeypatch):
+    monkeypatch.setattr(LivePage, "step_ms", lambda page: 141.7)  # a step's own time is the machine's
+    page, _ = page_of(tmp_path, clock, rate_hz=6.0)
+    text = "Overloaded: 6.0 of 10 pictures a second, 142 ms each."
+    assert items(page) == [("degraded", "speed", text)]
+    assert status(page)["headline"] == text
+    assert items(page_of(tmp_path, clock, count=RATE_OVER - 1, rate_hz=6.0)[0]) == []
+
+
+def test_a_camera_slower_than_it_states_is_no_overload(tmp_path, clock):
+    """As a webcam in dim light, and every MJPEG stream, which FFmpeg takes for 25 Hz."""
+    for rate_hz in (10.0, 6.0):
+        page, _ = page_of(tmp_path, clock, rate_hz=rate_hz)
+        assert 10.0 < page.step_ms() < 80.0
+        headline = f"Running, {rate_hz} pictures a second."
+        assert status(page) == {"level": "ok", "headline": headline, "problems": []}
+
+
+def test_a_camera_that_is_away_comes_before_everything_else(tmp_path, clock):
+    state = ["running"]
+    page, steps = page_of(tmp_path, clock, camera_state=lambda: state[0])
+    page.write(*steps.next(made("window odometry: 3 corners on the floor")))
+    clock[0] += 7.0
+    assert [problem[:2] for problem in items(page)] == [("fault", "camera"), ("degraded", "odometry")]
+    state[0] = "degraded"
+    assert status(page)["headline"] == "No picture for 7 s. The camera is being restarted."
+    state[0] = "lost"
+    assert status(page)["headline"] == "The camera is lost. The map so far is saved."
+
+
+def test_a_blind_picture_is_a_fault_and_a_repeated_one_is_not(tmp_path, clock):
+    page, steps = page_of(tmp_path, clock)
+    for kind, level in ((FaultKind.DARK, "fault"), (FaultKind.FROZEN, "degraded")):
+        result, objects = steps.next()
+        clock[0] += 0.1
+        blindness = Fault(kind, "why")
+        page.write(replace(result, observed=replace(result.observed, health=PictureHealth(blindness))), objects)
+        page.fault(blindness)
+        assert items(page) == [(level, "picture", "The picture has no information: why.")]
+
+
+def test_an_uncertain_pose_is_told_and_a_held_or_finished_run_has_no_problems(tmp_path, clock):
+    page, steps = page_of(tmp_path, clock)
+    result, objects = steps.next()
+    page.write(replace(result, pose_covariance=np.diag([0.64, 0.64, 0.01])), objects)
+    assert items(page) == [("degraded", "pose", "The position is uncertain: ± 0.8 m, ± 6°.")]
+    page, _ = page_of(tmp_path, clock, rate_hz=6.0)
+    page.set_paused(True)
+    assert status(page) == {"level": "ok", "headline": "Paused.", "problems": []}
+    page.close()
+    assert status(page)["headline"] == "The run is over. This is the map it saved."
+
+
+def test_what_somebody_reports_stays_for_a_while(tmp_path, clock):
+    page, steps = page_of(tmp_path, clock)
+    page.fault(Fault(FaultKind.OUTPUT, "map.json: cannot be written (No space left on device)"))
+    assert status(page)["headline"] == "map.json: cannot be written (No space left on device)."
+    for _ in range(RATE_OVER):
+        clock[0] += NEWS_S / RATE_OVER
+        page.write(*steps.next())
+    assert "report" not in {what for _, what, _ in items(page)}

@@ -189,7 +189,6 @@ def test_the_robots_pose_and_the_dock_are_set_on_the_map(watched):
     tab.value(press("Set dock"))
     tab.until("edgemap.map.dock !== null")
     dock = served.page.annotations.dock
-    assert dock is not None
     assert dock.vector() == pytest.approx([1.0, 1.0, np.pi / 2], abs=0.02)
     tab.click("set-pose")
     inputs = "[...document.querySelectorAll('#drawing input')]"
@@ -266,7 +265,6 @@ def test_the_floor_grid_is_dragged_until_it_lies_flat_and_saved(serve, look, tmp
     assert tab.value("document.getElementById('mount-form').hidden")
     kept = read_camera_yaml(tmp_path / "camera.yaml")
     assert kept.intrinsics == CAMERA.intrinsics
-    assert kept.mount is not None
     assert (kept.mount.height_m, math.degrees(kept.mount.pitch_rad)) == pytest.approx((0.63, pitch_deg), abs=1e-6)
     assert (kept.mount.forward_m, math.degrees(kept.mount.roll_rad)) == pytest.approx((0.1, 2.0), abs=1e-6)
     shows = tab.value("edgemap.frame")

@@ -253,7 +253,6 @@ def test_an_unreadable_merge_leaves_the_saved_map(tmp_path, address, opened):
     assert together("one", "two")(robots)
     assert [robots[name]["map_id"] for name in ("one", "two")] == ["one", "two"]
     place = load_annotated_map(tmp_path)[1].identity
-    assert place is not None
     assert place == replace(keeper.identity, saved_at=place.saved_at)  # of its own, and kept
 
 

@@ -1,8 +1,5 @@
 """Bags of others: which topics are taken, their containers, clocks, lenses, mounts and depth; nothing in silence."""
 
-# pyright: reportOptionalMemberAccess=false, reportMissingImports=false, reportAttributeAccessIssue=false
-# pyright: reportArgumentType=false, reportCallIssue=false
-
 import re
 import sqlite3
 import struct
@@ -64,16 +61,13 @@ def test_colour_is_taken_before_what_was_recorded_before_it_and_the_rest_is_list
     assert "--topics wheels=/odom" in left
 
 
-def test_infrared_is_taken_where_there_is_no_colour_and_depth_never(tmp_path):
+def test_infrared_and_ten_bits_of_grey_are_taken_and_named(tmp_path):
     depth = ("/camera/depth/image_rect_raw", T0, depth_image(T0, DEPTH))
     grey = ("/camera/infra1/image_rect_raw", T0, image(T0, BGR[:, :, :1], "mono8"))
     assert "infrared" in played(write_bag(tmp_path / "a", [depth, grey]))[2].notes[0]
     two = ("/other/depth/image", T0, depth_image(T0, DEPTH))
     with pytest.raises(CameraError, match=r"no topic .* of colour or grey; has /camera/depth/image_rect_raw \(depth\)"):
         open_camera(str(write_bag(tmp_path / "b", [depth, two])))
-
-
-def test_ten_bits_in_sixteen_are_scaled_and_named(tmp_path):
     grey = BGR[:, :, 0].astype(np.uint16) * 4
     frames, _, info = played(write_bag(tmp_path / "bag", [("/cam/image_raw", T0, depth_image(T0, grey, "mono16"))]))
     np.testing.assert_array_equal(frames[0].image[:, :, 1], BGR[:, :, 0])
@@ -212,28 +206,22 @@ def test_a_pause_and_messages_that_waited_are_no_clock_that_was_set(tmp_path):
     assert faults == []
 
 
-def test_one_picture_of_another_size_is_one_fault(tmp_path):
+def test_one_picture_of_another_size_and_samples_that_are_none_are_counted(tmp_path):
     pictures = [BGR[:40] if i == 3 else BGR for i in range(6)]
     messages = [("/cam/image_raw", T0 + i * STEP, image(T0 + i * STEP, one, "bgr8")) for i, one in enumerate(pictures)]
     frames, faults, _ = played(write_bag(tmp_path / "bag", messages))
     assert (len(frames), [fault.kind for fault in faults]) == (5, ["size"])
-
-
-def test_one_zero_quaternion_and_one_jump_of_the_wheels_are_dropped_and_counted(tmp_path):
     poses = [odometry(T0 + i * STEP, 99.0 if i == 7 else 0.01 * i, 0.0, 0.0) for i in range(20)]
     poses[0].pose.pose.orientation.w = 0.0
-    path = write_bag(tmp_path / "bag", [("/odom", T0 + i * STEP, pose) for i, pose in enumerate(poses)])
+    path = write_bag(tmp_path / "wheels", [("/odom", T0 + i * STEP, pose) for i, pose in enumerate(poses)])
     with collected() as notes:
         assert len(read_wheel(str(path)).poses) == 18
     assert "2 of 20 samples dropped" in notes[0].text
-
-
-def test_imu_samples_that_are_none_are_counted(tmp_path):
     parts = tf(*MOUNT.transforms, transform("cam_optical", "imu_link", (0.0, 0.0, 0.0), (0.0, 0.0, 0.0)))
     samples = [imu(T0 + i * 10**7, (0.0, float("nan") if i == 5 else 0.0, 0.0), (0.0, -9.8, 0.0)) for i in range(20)]
     messages = [("/tf_static", T0, parts), ("/cam/image_raw", T0, image(T0, BGR, "bgr8"))]
     messages += [("/imu", T0 + i * 10**7, sample) for i, sample in enumerate(samples)]
-    _, faults, info = played(write_bag(tmp_path / "bag", messages))
+    _, faults, info = played(write_bag(tmp_path / "imu", messages))
     assert len(info.imu) == 19
     assert "1 of 20 samples dropped" in faults[0].text
 

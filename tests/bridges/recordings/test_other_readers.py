@@ -127,10 +127,16 @@ def test_tf_leads_from_the_map_to_the_lens(topics):
     np.testing.assert_allclose(floor, [*ours, 0.0], atol=1e-9)
 
 
-def test_a_level_camera_has_the_quaternion_that_everybody_knows():
+def test_odometry_carries_speed_and_a_level_camera_the_usual_quaternion(topics):
     rotation = mount_transform(0, Mount(0.5))["transform"]["rotation"]
     x, y, z, w = (rotation[axis] for axis in "xyzw")
     np.testing.assert_allclose(np.array([x, y, z, w]) * np.sign(w), [-0.5, 0.5, -0.5, 0.5])
+    message = topics["/odometry"][5][1]
+    assert message.child_frame_id == "base_link"
+    assert message.twist.covariance[0] == pytest.approx(900.0, rel=1e-4)  # 1 m² in a thirtieth of a second
+    assert message.twist.twist.linear.x == pytest.approx(3.0, rel=1e-4)  # 0.1 m in a thirtieth of a second
+    assert message.twist.twist.angular.z == pytest.approx(1.5, rel=1e-4)
+    assert topics["/odometry"][0][1].twist.twist.linear.x == 0.0
 
 
 @pytest.mark.parametrize(
@@ -145,15 +151,6 @@ def test_poses_carry_their_covariance(topics, topic, frame, pose, covariance):
     assert 2.0 * math.atan2(at.orientation.z, at.orientation.w) == pytest.approx(pose.yaw_rad)
     full = np.array(message.pose.covariance).reshape(6, 6)
     np.testing.assert_allclose(full[np.ix_([0, 1, 5], [0, 1, 5])], covariance)
-
-
-def test_odometry_carries_speed(topics):
-    message = topics["/odometry"][5][1]
-    assert message.child_frame_id == "base_link"
-    assert message.twist.covariance[0] == pytest.approx(900.0, rel=1e-4)  # 1 m² in a thirtieth of a second
-    assert message.twist.twist.linear.x == pytest.approx(3.0, rel=1e-4)  # 0.1 m in a thirtieth of a second
-    assert message.twist.twist.angular.z == pytest.approx(1.5, rel=1e-4)
-    assert topics["/odometry"][0][1].twist.twist.linear.x == 0.0
 
 
 def test_boxes_and_objects(topics):
@@ -185,8 +182,12 @@ def test_markers_show_box_name_and_ellipse(topics):
     np.testing.assert_allclose(turn @ spread @ turn.T, CHAIR.covariance_m2, atol=1e-9)
 
 
-def test_an_empty_map_still_clears_the_markers():
+def test_an_empty_map_clears_the_markers_and_without_lens_and_mount_there_are_no_topics_of_them(tmp_path):
     assert [marker["action"] for marker in markers(0, [])["markers"]] == [3]
+    recorder = Recorder(tmp_path / "a.mcap", Facts("webcam"))
+    recorder.picture(noise(1)[0])
+    recorder.close()
+    assert set(with_rosbags(tmp_path / "a.mcap")) == {"/camera/image/compressed"}
 
 
 @pytest.mark.parametrize("distribution", ["ROS2_HUMBLE", "ROS2_JAZZY", "ROS2_LYRICAL"])
@@ -208,10 +209,3 @@ def fields(text):
         lines = [line for line in part.splitlines() if line and "=" not in line and not line.startswith("MSG:")]
         found["" if number == 0 else head[1]] = [" ".join(line.split()[:2]) for line in lines]  # type: ignore[index]
     return found
-
-
-def test_a_recording_without_lens_and_mount_has_neither_topic(tmp_path):
-    recorder = Recorder(tmp_path / "a.mcap", Facts("webcam"))
-    recorder.picture(noise(1)[0])
-    recorder.close()
-    assert set(with_rosbags(tmp_path / "a.mcap")) == {"/camera/image/compressed"}

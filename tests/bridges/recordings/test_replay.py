@@ -1,7 +1,5 @@
 """What was recorded comes back: pictures, stamps, lens, mount, wheels, truth; and what a cut or a kill leaves."""
 
-# pyright: reportOptionalMemberAccess=false, reportArgumentType=false, reportOptionalOperand=false
-
 import signal
 import subprocess
 import sys
@@ -151,12 +149,17 @@ def test_given_lens_and_mount_go_first_and_another_size_is_refused(tmp_path):
         camera.read()
 
 
-def test_nothing_is_written_over(tmp_path):
+def test_nothing_is_written_over_and_a_flipped_bit_is_noticed(tmp_path, whole):
     path = record(tmp_path / "a.mcap", FACTS, noise(2))
     before = path.read_bytes()
     with pytest.raises(RecordingError, match=r"a\.mcap exists already"):
         record(path, FACTS, noise(2))
     assert path.read_bytes() == before
+    data = bytearray(whole)
+    data[len(data) // 2] ^= 1
+    (tmp_path / "a.mcap").write_bytes(data)
+    with open_camera(str(tmp_path / "a.mcap")) as camera, pytest.raises(CameraError, match=r"damaged recording.*crc"):
+        drain(camera)
 
 
 def test_a_killed_recording_still_opens(tmp_path):
@@ -219,14 +222,6 @@ def test_a_recording_cut_off_is_read_to_its_last_complete_chunk(tmp_path):
         rolled = read_wheel(f"{path}#{WHEEL}")
         assert rolled.poses[-1].x_m == pytest.approx((len(expected) - 1) / 30)
         assert read_wheel(str(path)).poses == wheel.poses  # the attachment stands before the first chunk
-
-
-def test_a_flipped_bit_is_noticed(whole, tmp_path):
-    data = bytearray(whole)
-    data[len(data) // 2] ^= 1
-    (tmp_path / "a.mcap").write_bytes(data)
-    with open_camera(str(tmp_path / "a.mcap")) as camera, pytest.raises(CameraError, match=r"damaged recording.*crc"):
-        drain(camera)
 
 
 @pytest.mark.parametrize("content", [b"", b"no recording", b"\x89MCAP0\r\n"])

@@ -3,8 +3,6 @@
 Debian's Fast DDS stands for ROS 2: names, types and QoS as rmw_fastrtps has them, CDR by Fast CDR (fastdds_peer.cpp).
 """
 
-# pyright: reportOptionalMemberAccess=false, reportOptionalSubscript=false
-
 import json
 import math
 import os
@@ -113,10 +111,9 @@ def test_fast_dds_reads_what_a_run_publishes(program, node):
     steps = list(results(frames, POSES))
     sink = Ros2Sink(node, FloorCamera(LENS, MOUNT), Ros2Options("robot1", pictures=True), offset_s=float)
     wanted = (
-        "rt/tf,TFMessage,reliable,3",
-        "rt/robot1/odometry,Odometry,reliable,3",
+        "rt/tf,TFMessage,reliable,3", "rt/robot1/odometry,Odometry,reliable,3",
         "rt/robot1/camera/image/compressed,CompressedImage,reliable,2",
-    )
+    )  # fmt: skip
     sent = 0
     with Peer(program, "subscribe", *wanted) as peer:
         while peer.running:
@@ -249,7 +246,6 @@ def test_a_camera_with_wheels_and_imu_comes_from_topics(program, node, monkeypat
     )
     with Peer(program, "publish", *wanted, seconds=60.0), Ros2Camera(node, "/front/image_raw") as pictures:
         assert pictures.info.intrinsics == Intrinsics(64, 48, 58.25, 58.5, 31.5, 23.5)
-        assert pictures.info.mount is not None
         assert (pictures.info.mount.height_m, pictures.info.mount.forward_m) == pytest.approx((0.6, 0.1))
         assert pictures.info.mount.pitch_rad == pytest.approx(0.0, abs=1e-9)
         camera = Ros2SensorsCamera(pictures, node, SensorTopics("/odom", "/imu"))
@@ -258,7 +254,6 @@ def test_a_camera_with_wheels_and_imu_comes_from_topics(program, node, monkeypat
         moved, frames = [], []
         while len(frames) < 8:
             frame = next_frame(camera, lambda fault: pytest.fail(str(fault)))
-            assert frame is not None
             frames.append(frame)
             moved.append(odometry.step(frame, {}))
     for frame in frames:

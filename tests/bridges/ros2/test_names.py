@@ -1,15 +1,20 @@
-"""Names, types and discovery as ROS 2 has them, against hand-made expectations and rosbags' own types."""
+"""Names, types and discovery as ROS 2 has them; poses of a topic between its messages."""
 
+import math
 from typing import Any
 
 import pytest
+from support.faults import made, texts
 
 from edgemap.bridges.ros2.dds.discovery import Discovery, discovery_from
 from edgemap.bridges.ros2.dds.types import HASHES, dds_topic, dds_type, in_namespace, ros_kind
 from edgemap.bridges.ros2.messages.definitions import RosClock, definition, ros_offset_s
 from edgemap.bridges.ros2.messages.topics import KINDS, FrameIds
 from edgemap.bridges.ros2.sink import Ros2Options
-from edgemap.runtime.frames.errors import Ros2Error, UsageError
+from edgemap.geometry.se2 import SE2
+from edgemap.runtime.frames.errors import OdometryError, Ros2Error, UsageError
+from edgemap.runtime.frames.trajectory import AHEAD_S, GrowingTrack
+from edgemap.runtime.motion.odometry.recorded import RecordedOdometry
 
 
 def test_topics_and_types_are_mangled_as_ros_2_does():
@@ -59,15 +64,10 @@ def test_discovery_follows_the_environment(environment, expected):
     assert discovery_from(environment) == expected
 
 
-@pytest.mark.parametrize(
-    "environment",
-    [
-        {"ROS_DOMAIN_ID": "233"},
-        {"ROS_DOMAIN_ID": "-1"},
-        {"ROS_AUTOMATIC_DISCOVERY_RANGE": "WORLD"},
-        {"ROS_STATIC_PEERS": "<a>"},
-    ],
-)
+WRONG = ({"ROS_DOMAIN_ID": "233"}, {"ROS_DOMAIN_ID": "-1"}, {"ROS_AUTOMATIC_DISCOVERY_RANGE": "WORLD"})
+
+
+@pytest.mark.parametrize("environment", [*WRONG, {"ROS_STATIC_PEERS": "<a>"}])
 def test_settings_that_cannot_be_are_named(environment):
     with pytest.raises(Ros2Error, match=next(iter(environment))):
         discovery_from(environment)
@@ -84,11 +84,15 @@ def test_no_other_machine_is_contacted_by_default_and_none_found_on_the_loopback
     assert Discovery(range="SYSTEM_DEFAULT").cyclone_config("<mine/>") == "<mine/>"
 
 
-def test_stamps_become_ros_time():
-    """A camera stamps by the wall clock, by the monotonic one, or by one of its own; a file by its own."""
+def test_stamps_become_ros_time_and_options_are_read():
+    # A camera stamps by the wall clock, by the monotonic one, or by one of its own; a file by its own.
     assert ros_offset_s(1.7e9, 1.7e9 + 0.05, 5000.0) == 0.0
     assert ros_offset_s(4999.9, 1.7e9, 5000.0) == 1.7e9 - 5000.0
     assert ros_offset_s(3.5, 1.7e9, 5000.0) == 1.7e9 - 3.5
+    options = Ros2Options.of("namespace=robot1, base=base_footprint,pictures=yes,reliable=no,odom_tf=no")
+    frames = FrameIds(base="base_footprint")
+    assert options == Ros2Options("robot1", frames, pictures=True, best_effort=True, odom_tf=False)
+    assert Ros2Options.of("") == Ros2Options()
 
 
 @pytest.mark.parametrize("stamp_s", [50.0, 3.5, 1000.0])
@@ -110,8 +114,53 @@ def test_a_wrong_option_of_ros2_is_refused(text):
         Ros2Options.of(text)
 
 
-def test_options_of_ros2_are_read():
-    options = Ros2Options.of("namespace=robot1, base=base_footprint,pictures=yes,reliable=no,odom_tf=no")
-    frames = FrameIds(base="base_footprint")
-    assert options == Ros2Options("robot1", frames, pictures=True, best_effort=True, odom_tf=False)
-    assert Ros2Options.of("") == Ros2Options()
+def track(*rows: tuple[float, float]) -> GrowingTrack:
+    made = GrowingTrack()
+    for stamp_s, x_m in rows:
+        made.push(stamp_s, SE2(x_m, 0.0, 0.0))
+    return made
+
+
+def test_between_two_poses_and_beyond_the_newest():
+    poses = track((10.0, 1.0), (10.05, 1.02), (10.1, 1.05))
+    assert poses.at(10.025).x_m == pytest.approx(1.01)
+    assert poses.at(10.1).x_m == pytest.approx(1.05)
+    assert poses.at(10.2).x_m == pytest.approx(1.11)  # 0.03 m in 50 ms goes on
+    for stamp_s in (9.99, 10.1 + AHEAD_S + 0.01):
+        with pytest.raises(OdometryError, match=r"those that came are from 10\.000 to 10\.100 s"):
+            poses.at(stamp_s)
+
+
+def test_a_topic_without_poses_says_nothing_and_broken_ones_are_left_out():
+    with pytest.raises(OdometryError, match="no pose has come yet"):
+        GrowingTrack().at(1.0)
+    poses = track((1.0, 0.0), (1.2, 0.2), (1.1, 9.0), (1.2, 9.0), (math.nan, 9.0), (1.4, math.inf), (1.4, 0.4))
+    assert poses.stamps_s.tolist() == [1.0, 1.2, 1.4]
+    assert poses.at(1.3).x_m == pytest.approx(0.3)
+
+
+def test_a_robot_that_turns_is_carried_on_along_its_arc():
+    poses = GrowingTrack()
+    for index in range(3):
+        angle = 0.1 * index  # on a circle of 1 m
+        poses.push(0.1 * index, SE2(math.sin(angle), 1.0 - math.cos(angle), angle))
+    found = poses.at(0.25)
+    assert found.vector() == pytest.approx([math.sin(0.25), 1.0 - math.cos(0.25), 0.25], abs=3e-3)
+
+
+@pytest.mark.parametrize(("stamps", "x_m"), [((1.1, 1.2, 1.3, 1.4), 0.0), ((-50.0, -49.9, -49.8, -49.7), 50.1)])
+def test_odometry_that_begins_anew_is_no_motion(stamps, x_m):
+    """A driver that starts again counts from zero; a clock is set back. One step is blind, the next one moves on."""
+    poses = track((0.9, 50.0), (1.0, 50.1))
+    odometry = RecordedOdometry(poses, "wheels")
+    odometry.step_blind(1.0, made("no picture"))
+    for stamp_s, moved_m in zip(stamps[:2], (0.0, 0.1), strict=True):
+        poses.push(stamp_s, SE2(x_m + moved_m, 0.0, 0.0))
+    blind = odometry.step_blind(stamps[1], made("no picture"))
+    assert blind.blind
+    assert "began again" in texts(blind.faults)
+    for stamp_s, moved_m in zip(stamps[2:], (0.2, 0.3), strict=True):
+        poses.push(stamp_s, SE2(x_m + moved_m, 0.0, 0.0))
+    assert odometry.step_blind(stamps[2], made("no picture")).blind
+    motion = odometry.step_blind(stamps[3], made("no picture"))
+    assert (motion.motion.x_m, motion.blind) == (pytest.approx(0.1), False)

@@ -12,7 +12,7 @@ from support.boxed_room import CAMERA, depth_picture, floor_mask, walls
 from edgemap.geometry.camera.depth_points import SparseDepth
 from edgemap.geometry.grid.fusion import GridFusion
 from edgemap.geometry.grid.merge import merged_grid
-from edgemap.geometry.grid.occupancy_grid import FREE, OCCUPIED, UNKNOWN
+from edgemap.geometry.grid.occupancy_grid import FREE, OCCUPIED, UNKNOWN, OccupancyGrid
 from edgemap.geometry.grid.patch import after
 from edgemap.geometry.se2 import SE2
 from edgemap.geometry.trajectory_correction import TrajectoryCorrection
@@ -195,8 +195,6 @@ def test_two_saved_grids_become_one_by_their_alignment():
         second.observe(pose_a_b.inverse() @ pose, index / 10, CAMERA, floor_mask(ROOM, pose), NOBODY)
     merged = merged_grid(shown(first), shown(second), pose_a_b)
     alone = merged_grid(shown(first), None, pose_a_b)
-    assert merged is not None
-    assert alone is not None
     assert (merged.at([(2.0, 0.0), (-0.2, 0.0)]) == FREE).all()
     assert shown(first).at([(-0.5, 0.0)])[0] == UNKNOWN
     assert not (np.abs(occupied_m(merged) - [1.5, 0.0]) > [2.66, 2.16]).any()
@@ -245,3 +243,22 @@ def test_evidence_that_is_joined_does_what_its_parts_do_in_turn(first, second, s
     for step in (*first, *second):
         x = min(max(x + step, low), high)
     assert int(np.clip(start + int(shift[0]), least[0], most[0])) == x
+
+
+@given(
+    st.floats(0.4, 2.5), st.integers(1, 12), st.integers(1, 12), st.floats(-2.0, 2.0), st.floats(-2.0, 2.0),
+    st.integers(0, 99),
+)  # fmt: skip
+def test_each_cell_of_a_scaled_grid_takes_the_nearest_old_one(factor, rows, columns, x_m, y_m, seed):
+    odds = np.random.default_rng(seed).integers(-100, 100, (rows, columns), dtype=np.int8)
+    grid = OccupancyGrid(odds, x_m, y_m, 0.05)
+    scaled = grid.scaled(factor)
+    height, width = scaled.log_odds.shape
+    assert (width * 0.05, height * 0.05) >= (columns * 0.05 * factor - 1e-6, rows * 0.05 * factor - 1e-6)
+    for row in range(height):
+        for column in range(width):
+            x = ((column + 0.5) * 0.05 + scaled.x_m) / factor - x_m
+            y = ((row + 0.5) * 0.05 + scaled.y_m) / factor - y_m
+            near = [[int(np.clip(np.floor(at / 0.05 + e), 0, count - 1)) for e in (-1e-6, 1e-6)]
+                    for at, count in ((y, rows), (x, columns))]  # fmt: skip
+            assert scaled.log_odds[row, column] in odds[np.ix_(*near)]

@@ -1,7 +1,5 @@
 """Whatever a plugin's camera or driver returns is a frame or a fault; the run goes on."""
 
-# pyright: reportOptionalMemberAccess=false, reportArgumentType=false
-
 import math
 from importlib.metadata import EntryPoint
 
@@ -139,15 +137,12 @@ def test_a_frame_with_a_wrong_field_is_one_fault(wrong, kind, left):
     assert all(got.name.isprintable() for got in frames)
 
 
-def test_reads_that_raise_and_return_anything_are_faults():
+def test_reads_that_raise_and_return_anything_are_faults_and_come_to_an_end():
     odd = [ValueError("?"), RuntimeError("a\nb"), "text", 7, Bare(stamp_s=1.0, image=GREY)]
     source = Theirs([frame(0), *odd, frame(9)])
     frames, faults = read_all(CheckedCamera(source, "lab"))
     assert (len(frames), [fault.kind.value for fault in faults]) == (2, ["failed", "format"])
     assert all("\n" not in str(fault) for fault in faults)
-
-
-def test_a_camera_that_never_gives_a_frame_comes_to_its_end():
     with pytest.raises(CameraError, match=f"{FAILURES} reads in a row"):
         read_all(CheckedCamera(Theirs(["text"] * 5 * FAILURES), "lab"))
 

@@ -1,7 +1,5 @@
 """Videos, folders and drives as cameras: every frame, in order, and one line for what is broken."""
 
-# pyright: reportOptionalMemberAccess=false
-
 import math
 import re
 import subprocess
@@ -113,15 +111,6 @@ def test_a_folder_is_read_in_natural_order(tmp_path):
         assert camera.read() is None
 
 
-def test_a_damaged_picture_is_named(tmp_path):
-    write_pictures(tmp_path / "p", 2)
-    (tmp_path / "p" / "1.png").write_bytes(b"broken")
-    with open_camera(str(tmp_path / "p")) as camera:
-        camera.read()
-        with pytest.raises(CameraError, match=r"1\.png: not a picture that OpenCV reads \(6 bytes\)"):
-            camera.read()
-
-
 def test_a_picture_of_another_size_is_refused_with_both_sizes(tmp_path):
     write_pictures(tmp_path / "p", 1, size=(20, 30))
     complaint = pytest.raises(CameraError, match="picture is 30x20, the intrinsics are for 64x48")
@@ -202,20 +191,16 @@ def test_a_wrapper_shows_what_changes_later():
     assert (outer.info.mount, outer.info.rate_hz) == (Mount(0.7), 7.0)
 
 
-@pytest.mark.parametrize("spec", ["", "nonsense", "realsens", "kity:/tmp"])
-def test_an_unknown_spec_lists_what_is_understood(spec):
-    with pytest.raises(CameraError, match=r"understood.*demo.*realsense.*video file.*KIND:DIR") as caught:
-        open_camera(spec)
-    assert "\n" not in str(caught.value)
-
-
-def test_a_camera_that_is_not_there_is_one_line():
+def test_an_unknown_spec_lists_what_is_understood_and_a_camera_that_is_not_there_is_one_line():
+    for spec in ("", "nonsense", "realsens", "kity:/tmp"):
+        with pytest.raises(CameraError, match=r"understood.*demo.*realsense.*video file.*KIND:DIR") as caught:
+            open_camera(spec)
+        assert "\n" not in str(caught.value)
     with pytest.raises(CameraError, match=r"^/dev/video97: no such camera"):
         open_camera("97")
 
 
 def test_reading_goes_on_past_a_damaged_picture_and_one_of_another_size(tmp_path):
-
     write_pictures(tmp_path / "p", 5)
     (tmp_path / "p" / "0.png").write_bytes(b"broken")
     (tmp_path / "p" / "2.png").unlink()

@@ -1,7 +1,5 @@
 """RealSense through librealsense's own recorder and playback: nothing is faked but the lens in front."""
 
-# pyright: reportOptionalMemberAccess=false
-
 import os
 import subprocess
 import sys

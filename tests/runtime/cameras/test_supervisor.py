@@ -1,7 +1,5 @@
 """The ladder from a late frame to a lost camera, on a clock that the test owns."""
 
-# pyright: reportOptionalMemberAccess=false, reportOptionalCall=false
-
 import cv2
 import numpy as np
 import pytest

@@ -1,6 +1,4 @@
-"""Every layout read from files that the tests write, and one line for each thing that is wrong with them."""
-
-# pyright: reportOptionalMemberAccess=false
+"""Every layout read from files that the tests write; poses of any world as a way on the floor."""
 
 import json
 import math
@@ -15,6 +13,7 @@ from edgemap.geometry.camera.intrinsics import Intrinsics
 from edgemap.geometry.camera.mount import Mount, Platform
 from edgemap.geometry.se2 import SE2
 from edgemap.runtime.frames.errors import CameraError
+from edgemap.runtime.frames.spatial_poses import planarise_base, planarise_camera, up_vector, upright_camera
 from edgemap.runtime.frames.trajectory import Trajectory
 from edgemap.runtime.inputs.cameras.pictures import drive_camera
 from edgemap.runtime.inputs.drives import open_drive, write_drive, write_locobot
@@ -46,24 +45,18 @@ def own(folder, count=3, **extra):
 refusal = partial(refused, CameraError, open_drive)
 
 
-def test_kitti_without_a_camera_file(tmp_path):
-    drive = open_drive(kitti(tmp_path / "k"))
+def test_kitti_without_a_camera_file_and_with_a_cars_mount_and_times(tmp_path):
+    spec = kitti(tmp_path / "k")
+    drive = open_drive(spec)
     assert (drive.intrinsics, drive.mount) == (None, None)
     np.testing.assert_allclose(drive.stamps_s, [0.0, 0.1, 0.2])
-
-
-def test_the_mount_of_kitti_is_a_cars(tmp_path):
-    spec = kitti(tmp_path / "k")
     (tmp_path / "k" / "camera.yaml").write_text(
         "{width: 8, height: 6, fx: 5.0, fy: 5.0, cx: 3.5, cy: 2.5, mount: {height_m: 1.65, pitch_deg: 0.0}}"
     )
-    assert open_drive(spec).mount == Mount(1.65, platform=Platform.CAR)
-
-
-def test_kitti_times_are_used(tmp_path):
-    spec = kitti(tmp_path / "k")
     (tmp_path / "k" / "times.txt").write_text("0.0\n1.04e-01\n2.07e-01\n")
-    np.testing.assert_allclose(open_drive(spec).stamps_s, [0.0, 0.104, 0.207])
+    drive = open_drive(spec)
+    assert drive.mount == Mount(1.65, platform=Platform.CAR)
+    np.testing.assert_allclose(drive.stamps_s, [0.0, 0.104, 0.207])
 
 
 @pytest.mark.parametrize(
@@ -91,19 +84,6 @@ def test_missing_things_are_named(tmp_path):
     assert "not KIND:DIR with KIND one of kitti, tum, c2w, drive, euroc, locobot, yolo" in refusal("kity:here")
 
 
-def test_c2w_reads_k_and_pictures_in_the_folder_itself(tmp_path):
-    folder = tmp_path / "c"
-    write_pictures(folder, 2)
-    # z up, camera level and facing world x; then one metre on
-    line = "0 0 1 {} -1 0 0 0 0 -1 0 1 0 0 0 1\n"
-    (folder / "poses.txt").write_text(line.format(0) + line.format(1))
-    (folder / "K.txt").write_text("50 0 32\n0 51 24\n0 0 1\n")
-    drive = open_drive(f"c2w:{folder}")
-    assert drive.intrinsics == Intrinsics(64, 48, 50.0, 51.0, 32.0, 24.0)
-    assert drive.truth.poses[1].vector() == pytest.approx([1.0, 0.0, 0.0])
-    assert drive.depth == ()
-
-
 def test_poses_of_no_upright_world_leave_the_pictures(tmp_path, capsys):
     """A world that is the first camera's: its z is ahead, not up."""
     folder = tmp_path / "walk"
@@ -115,19 +95,26 @@ def test_poses_of_no_upright_world_leave_the_pictures(tmp_path, capsys):
     assert "no true poses: pose 0 looks straight along world_up 'z'" in capsys.readouterr().err
 
 
-def test_c2w_reads_its_depth_pictures(tmp_path):
+def test_c2w_reads_its_lens_and_its_depth_pictures(tmp_path):
     folder = tmp_path / "c"
     write_pictures(folder / "image", 2)
-    (folder / "poses.txt").write_text("0 0 1 0 -1 0 0 0 0 -1 0 1 0 0 0 1\n" * 2)
+    # z up, camera level and facing world x; then one metre on
+    line = "0 0 1 {} -1 0 0 0 0 -1 0 1 0 0 0 1\n"
+    (folder / "poses.txt").write_text(line.format(0) + line.format(1))
     (folder / "K.txt").write_text("50 0 32\n0 51 24\n0 0 1\n")
+    drive = open_drive(f"c2w:{folder}")
+    assert drive.intrinsics == Intrinsics(64, 48, 50.0, 51.0, 32.0, 24.0)
+    assert drive.truth.poses[1].vector() == pytest.approx([1.0, 0.0, 0.0])
+    assert drive.depth == ()
+    for path in (folder / "image").iterdir():  # as well in the folder itself
+        path.rename(folder / path.name)
+    (folder / "image").rmdir()
     (folder / "depth").mkdir()
     cv2.imwrite(str(folder / "depth" / "0.png"), np.full((48, 64), 1500, np.uint16))
     assert "1 lines for the 2 pictures" in refusal(f"c2w:{folder}")
     cv2.imwrite(str(folder / "depth" / "1.png"), np.full((48, 64), 0, np.uint16))
     with drive_camera(open_drive(f"c2w:{folder}"), "c") as camera:
         depths = [camera.read().depth, camera.read().depth]
-    assert depths[0] is not None
-    assert depths[1] is not None
     assert depths[0][20, 30] == pytest.approx(1.5)
     assert not depths[1].any()
 
@@ -181,17 +168,9 @@ def test_tum_with_pictures_and_poses(tmp_path):
 
 def test_our_own_layout_comes_back(tmp_path):
     chair = {
-        "id": "chair-1",
-        "label": "chair",
-        "x_m": 1.5,
-        "y_m": -0.5,
-        "on_floor": True,
-        "footprint_m": [[1, -1], [2, -1], [2, 0], [1, 0]],
-        "width_m": 0.5,
-        "depth_m": 0.5,
-        "height_m": 0.9,
-        "visible_frames": 3,
-    }
+        "id": "chair-1", "label": "chair", "x_m": 1.5, "y_m": -0.5, "on_floor": True, "footprint_m": [[1, -1], [2, -1],
+        [2, 0], [1, 0]], "width_m": 0.5, "depth_m": 0.5, "height_m": 0.9, "visible_frames": 3,
+    }  # fmt: skip
     box = {"id": "chair-1", "label": "chair", "box": [1, 2, 30, 40], "visible": 0.5}
     spec = own(tmp_path / "d", objects=[chair], boxes=[[box], [], [box]], wheel=[(7.0, 0, 0, 0), (7.1, 0.1, 0, 0.01)])
     drive = open_drive(spec)
@@ -274,7 +253,6 @@ def test_yolo_names_are_those_of_a_data_yaml(above, tmp_path):
     (folder / "labels" / "0.txt").write_text("1 0.5 0.5 0.2 0.2\n")
     ((tmp_path if above else folder) / "data.yaml").write_text("nc: 2\nnames: {0: chair, 1: couch}\n")
     drive = open_drive(f"yolo:{folder}")
-    assert drive.boxes is not None
     assert drive.boxes[0].labels == ("couch",)
 
 
@@ -297,3 +275,96 @@ def test_real_coco_pictures(shared_data):
         if (shared_data / "coco128" / "labels" / f"{path.stem}.txt").is_file()
     )
     assert sum(len(frame.labels) for frame in drive.boxes) == lines == 929
+
+
+def camera_pose(right, down, forward, position):
+    pose = np.eye(4)
+    pose[:3, :3] = np.column_stack([right, down, forward])
+    pose[:3, 3] = position
+    return pose
+
+
+def test_ways_of_worlds_by_hand():
+    """KITTI's; z up, from a start that faces y; a lever arm that turns on the spot; base poses; no heading."""
+    start = camera_pose([1, 0, 0], [0, 1, 0], [0, 0, 1], [0, 0, 0])
+    # 2 m ahead, 0.5 m to the left (world -x), facing left
+    turned = camera_pose([0, 0, 1], [0, 1, 0], [-1, 0, 0], [-0.5, 0.1, 2.0])
+    first, second = planarise_camera(np.array([start, turned]), "-y", None)
+    assert first == SE2()
+    assert second.vector() == pytest.approx([2.0, 0.5, math.pi / 2])
+    start = camera_pose([1, 0, 0], [0, 0, -1], [0, 1, 0], [5, 5, 1])
+    turned = camera_pose([0, -1, 0], [0, 0, -1], [1, 0, 0], [6, 8, 1])  # now facing world x: a right turn
+    second = planarise_camera(np.array([start, turned]), "z", None)[1]
+    assert second.vector() == pytest.approx([3.0, -1.0, -math.pi / 2])
+    # The lens 0.2 m ahead and 0.1 m left of the turn axis, which stands at the world's origin; z up.
+    start = camera_pose([0, -1, 0], [0, 0, -1], [1, 0, 0], [0.2, 0.1, 0.6])
+    turned = camera_pose([1, 0, 0], [0, 0, -1], [0, 1, 0], [-0.1, 0.2, 0.6])
+    mount = Mount(0.6, forward_m=0.2, left_m=0.1)
+    second = planarise_camera(np.array([start, turned]), "z", mount)[1]
+    assert second.vector() == pytest.approx([0.0, 0.0, math.pi / 2], abs=1e-12)
+    start, moved = np.eye(4), np.eye(4)
+    start[:2, :2] = [[0, -1], [1, 0]]  # facing world y
+    moved[:2, :2] = [[-1, 0], [0, -1]]
+    moved[:2, 3] = (-1, 4)
+    assert planarise_base(np.array([start, moved]), "z")[1].vector() == pytest.approx([4.0, 1.0, math.pi / 2])
+    with pytest.raises(CameraError, match="pose 0 looks straight along world_up 'z'"):
+        planarise_camera(np.eye(4)[None], "z", None)
+
+
+@pytest.mark.parametrize("pitch_deg", [0.0, 20.0, -35.0])
+@pytest.mark.parametrize("roll_deg", [0.0, 8.0])
+@pytest.mark.parametrize("up", ["x", "y", "z", "-x", "-y", "-z"])
+def test_any_world_axis_pitch_and_roll_give_back_the_way(pitch_deg, roll_deg, up):
+    mount = Mount.from_degrees(0.8, pitch_deg, roll_deg, forward_m=0.15, left_m=-0.05)
+    way = [SE2(), SE2(0.5, 0.1, 0.4), SE2(0.7, 0.5, 2.0), SE2(0.1, -0.4, -2.8)]
+    axis = up_vector(up)
+    other = np.roll(axis, 1)
+    world_base = np.column_stack([other, np.cross(axis, other), axis])  # where base x, y, z lie in the world
+    poses = []
+    for pose in way:
+        base = np.eye(4)
+        base[:2, :2], base[:2, 3] = pose.rotation(), (pose.x_m, pose.y_m)
+        lens = np.eye(4)
+        lens[:3, :3], lens[:3, 3] = mount.rotation_base_optical(), mount.position_base_m()
+        world = np.eye(4)
+        world[:3, :3], world[:3, 3] = world_base, (3.0, -2.0, 1.0)
+        poses.append(world @ base @ lens)
+    found = planarise_camera(np.array(poses), up, mount)
+    for ours, true in zip(found, way, strict=True):
+        assert ours.vector() == pytest.approx(true.vector(), abs=1e-9)
+    lever = np.array([mount.forward_m, mount.left_m])
+    for full, true in zip(upright_camera(np.array(poses), up, mount), way, strict=True):
+        turn = np.eye(3)
+        turn[:2, :2] = true.rotation()
+        np.testing.assert_allclose(full[:3, :3], turn, atol=1e-9)
+        np.testing.assert_allclose(full[:3, 3], [*(true.apply(lever) - lever), 0.0], atol=1e-9)
+
+
+def test_real_kitti_drives_ahead_and_its_left_turn_is_positive(shared_data):
+    folder = shared_data / "kitti00"
+    drive = open_drive(f"kitti:{folder}")
+    matrices = np.loadtxt(folder / "poses.txt").reshape(-1, 3, 4)
+    found = np.array([pose.vector() for pose in drive.truth.poses])
+    np.testing.assert_allclose(found[:, 0], matrices[:, 2, 3], atol=1e-6)  # ahead is the world's z
+    np.testing.assert_allclose(found[:, 1], -matrices[:, 0, 3], atol=1e-6)  # left is against its x
+    # scipy's yaw about the downward y axis, turned round
+    from scipy.spatial.transform import Rotation
+
+    about_down = Rotation.from_matrix(matrices[:, :, :3]).as_euler("YXZ")[:, 0]
+    np.testing.assert_allclose(np.sin(found[:, 2] + about_down), 0.0, atol=1e-6)
+    np.testing.assert_allclose(drive.full_poses[:, :2, 3], found[:, :2], atol=1e-6)
+    np.testing.assert_allclose(drive.full_poses[:, 2, 3], -matrices[:, 1, 3], atol=1e-6)
+    assert drive.rate_hz == 10.0
+    assert len(drive.images) == 700
+    assert drive.mount.height_m == 1.65
+
+
+def test_real_hololens_way_keeps_its_horizontal_steps(shared_data):
+    folder = shared_data / "hololens"
+    drive = open_drive(f"c2w:{folder}")
+    positions = np.loadtxt(folder / "poses.txt").reshape(-1, 4, 4)[:, :3, 3]
+    steps = np.hypot(*np.diff(positions[:, [0, 2]], axis=0).T)  # y is up
+    found = np.array([pose.vector() for pose in drive.truth.poses])
+    np.testing.assert_allclose(np.hypot(*np.diff(found[:, :2], axis=0).T), steps, atol=1e-9)
+    assert drive.intrinsics.fx == 495.57
+    assert len(drive.images) == len(found) == 200

@@ -1,8 +1,10 @@
-"""The map from above as SVG and PNG: the same shapes, names that cover nothing, everything within the sheet."""
+"""The map from above as SVG and PNG, everything within the sheet; marks that every eye tells apart."""
 
+import json
 import math
 import xml.etree.ElementTree as ElementTree
 from itertools import combinations
+from pathlib import Path
 from typing import Any
 
 import cv2
@@ -14,6 +16,7 @@ from edgemap.geometry.grid.occupancy_grid import OccupancyGrid
 from edgemap.geometry.map_object import CHI2_95, MapObject
 from edgemap.geometry.objects.annotations import Zone
 from edgemap.geometry.se2 import SE2
+from edgemap.runtime.frames.colours import MARKS, SHAPES, USUAL, label_colour, label_mark
 from edgemap.runtime.outputs.map_formats.drawing import TITLE_PX, DrawnMap, _ellipse, _panels, _sheet, draw_map, map_svg
 from edgemap.runtime.outputs.map_formats.shapes import PNG_SCALE, Raster, Shape, Text, bgr, picture_of, place_labels
 from edgemap.runtime.outputs.sightings_file import SeenRecord
@@ -49,7 +52,6 @@ def test_forward_is_up_and_left_is_left_and_the_picture_shows_it_there(tmp_path)
     assert origin - ahead == pytest.approx([0.0, 2.0 * sheet.px_per_m])
     assert origin - left == pytest.approx([2.0 * sheet.px_per_m, 0.0])
     picture = cv2.imread(str(draw_map(tmp_path / "made" / "map.png", drawn)))
-    assert picture is not None
     for at, colour in ((ahead, "#0072b2"), (left, "#c77700")):
         right, down = (PNG_SCALE * (at + (0.0, TITLE_PX))).round().astype(int)
         assert tuple(picture[down, right].tolist()) in (bgr(colour), (255, 255, 255)) or picture[down, right].std() > 20
@@ -57,12 +59,9 @@ def test_forward_is_up_and_left_is_left_and_the_picture_shows_it_there(tmp_path)
 
 def test_a_run_has_three_panels_and_a_map_alone_has_one():
     assert {
-        "(a) all 2 sightings",
-        "(b) 3 clusters",
-        "(c) 3 objects with 95 % ellipses, 1 doubtful (hollow)",
-        "kitchen",
+        "(a) all 2 sightings", "(b) 3 clusters", "(c) 3 objects with 95 % ellipses, 1 doubtful (hollow)", "kitchen",
         "chair-1",
-    } <= set(texts(FULL))
+    } <= set(texts(FULL))  # fmt: skip
     alone = DrawnMap(FULL.objects, FULL.poses)
     assert not [text for text in texts(alone) if text.startswith("(")]
     assert _panels(FULL)[1] > 2.8 * _panels(alone)[1]
@@ -81,16 +80,13 @@ def test_all_that_is_drawn_lies_on_the_sheet(drawn):
             assert 0 <= one.y <= height
 
 
-def test_doubtful_objects_are_a_hollow_mark_without_an_ellipse():
-    """The vase's position is known to a metre."""
+def test_doubtful_objects_are_hollow_and_the_ellipse_lies_along_its_uncertainty():
+    # The vase's position is known to a metre.
     shapes = [one for one in _panels(DrawnMap(FULL.objects))[0] if isinstance(one, Shape)]
     assert [shape for shape in shapes if len(shape.points) == 48] != []
     assert len([shape for shape in shapes if len(shape.points) == 48]) == 2  # ellipses
     assert len([shape for shape in shapes if shape.fill == "#ffffff"]) == 1
-
-
-def test_the_ellipse_lies_along_its_uncertainty():
-    """Long along x + y (ahead and to the left): in the drawing that runs from lower right to upper left."""
+    # Long along x + y (ahead and to the left): in the drawing that runs from lower right to upper left.
     along = np.array([1.0, 1.0]) / math.sqrt(2)
     points = _ellipse(item("a-1", 0, 0, 0.04 * np.outer(along, along) + 0.0001 * np.eye(2)))
     longest = points[np.argmax(np.linalg.norm(points, axis=1))]
@@ -111,12 +107,17 @@ def test_names_of_objects_that_stand_close_do_not_cover_each_other():
     ]  # fmt: skip
 
 
-def test_names_are_text_whatever_they_hold():
+def test_names_are_text_whatever_they_hold_and_what_cannot_be_drawn_is_one_line(tmp_path):
     hostile = '</text><script>x</script> & "q" \u202e\ud800'
     drawn = DrawnMap([item("chair-1", 1, 0, name=hostile)])
     tree = ElementTree.fromstring(map_svg(drawn))
     assert {part.tag for part in tree.iter()} == {f"{SVG}{tag}" for tag in ("svg", "style", "rect", "path", "text")}
     assert any('</text><script>x</script> & "q"' in (text or "") for text in texts(drawn))
+    with pytest.raises(MapError, match=r"pictures are \.png or \.svg"):
+        draw_map(tmp_path / "map.jpg", FULL)
+    (tmp_path / "file").write_text("in the way")
+    with pytest.raises(MapError, match="cannot be"):
+        draw_map(tmp_path / "file" / "map.png", FULL)
 
 
 def test_a_picture_is_laid_where_it_belongs_and_cut_at_the_border():
@@ -128,9 +129,66 @@ def test_a_picture_is_laid_where_it_belongs_and_cut_at_the_border():
     assert image[5, 10].tolist() == [255, 255, 255]
 
 
-def test_what_cannot_be_drawn_is_one_line(tmp_path):
-    with pytest.raises(MapError, match=r"pictures are \.png or \.svg"):
-        draw_map(tmp_path / "map.jpg", FULL)
-    (tmp_path / "file").write_text("in the way")
-    with pytest.raises(MapError, match="cannot be"):
-        draw_map(tmp_path / "file" / "map.png", FULL)
+# Machado, Oliveira and Fernandes 2009, severity 1, on linear RGB.
+EYES = {
+    "usual": np.eye(3),
+    "protan": [[0.152286, 1.052583, -0.204868], [0.114503, 0.786281, 0.099216], [-0.003882, -0.048116, 1.051998]],
+    "deutan": [[0.367322, 0.860646, -0.227968], [0.280085, 0.672501, 0.047413], [-0.011820, 0.042940, 0.968881]],
+    "tritan": [[1.255528, -0.076749, -0.178779], [-0.078411, 0.930809, 0.147602], [0.004733, 0.691367, 0.303900]],
+}
+XYZ = np.array(
+    [[0.4124564, 0.3575761, 0.1804375], [0.2126729, 0.7151522, 0.0721750], [0.0193339, 0.1191920, 0.9503041]]
+)
+WHITE = XYZ @ np.ones(3)
+APART = 25.0  # CIE 1976 colour difference; 2.3 is just noticeable side by side
+MODELS = Path(__file__).parents[2] / "models"
+
+
+def linear(colour):
+    """sRGB `#rrggbb` to linear light, (3,)."""
+    v = np.array([int(colour[i : i + 2], 16) for i in (1, 3, 5)]) / 255
+    return np.where(v <= 0.04045, v / 12.92, ((v + 0.055) / 1.055) ** 2.4)
+
+
+def luminance(colour):
+    return float(linear(colour) @ [0.2126, 0.7152, 0.0722])
+
+
+def lab(light):
+    f = np.cbrt(np.maximum(XYZ @ light / WHITE, 0.008856))
+    return np.array([116 * f[1] - 16, 500 * (f[0] - f[1]), 200 * (f[1] - f[2])])
+
+
+def difference(one, other, eye):
+    seen = [lab(np.clip(np.array(EYES[eye]) @ linear(colour), 0, 1)) for colour in (one, other)]
+    return float(np.linalg.norm(seen[0] - seen[1]))
+
+
+@pytest.mark.parametrize("colour", sorted({mark.colour for mark in MARKS}))
+@pytest.mark.parametrize("ground", ["#ffffff", "#1b1f25"])
+def test_every_mark_has_3_to_1_contrast_on_both_pages(colour, ground):
+    """WCAG 2.2, 1.4.11: white paper and light cards, dark cards."""
+    low, high = sorted((luminance(colour), luminance(ground)))
+    assert (high + 0.05) / (low + 0.05) >= 3.0
+
+
+@pytest.mark.parametrize("eye", EYES)
+def test_any_two_marks_differ_by_shape_or_by_a_colour_that_this_eye_tells(eye):
+    assert len(set(MARKS)) == len(MARKS) == 3 * len(SHAPES)
+    for one, other in combinations(MARKS, 2):
+        assert one.shape != other.shape or difference(one.colour, other.colour, eye) >= APART, (one, other)
+
+
+@pytest.mark.parametrize("bundle", sorted(path.parent.name for path in MODELS.glob("*/bundle.json")))
+def test_all_that_a_bundle_maps_has_a_mark_of_its_own(bundle):
+    classes = json.loads((MODELS / bundle / "bundle.json").read_text())["detector"]["classes"]
+    mapped = [item["name"] for item in classes if item["mapped"]]
+    assert mapped
+    assert len({label_mark(name) for name in mapped}) == len(mapped)
+
+
+def test_the_usual_have_marks_of_their_own_and_others_share():
+    assert len({label_mark(label) for label in USUAL}) == len(USUAL) <= len(MARKS)
+    assert len({label_mark(label).shape for label in USUAL[: len(SHAPES)]}) == len(SHAPES)
+    assert label_mark("unicorn") == label_mark("unicorn") in MARKS
+    assert label_colour("unicorn") == label_mark("unicorn").colour

@@ -110,19 +110,13 @@ def test_cells_lie_where_the_origin_says_to_half_a_cell(tmp_path, shift):
         assert value(*(np.array(shift) + (edge + 0.02) * way)) == -1
 
 
-def test_an_object_on_the_way_stays_occupied():
+def test_an_object_on_the_way_stays_occupied_and_a_standing_robot_has_swept_its_own_circle():
     grid = grid_of(mapped([("chair", 1.0, 0.0)]), straight((0.0, 0.0), (2.0, 0.0)))
     values, counts = np.unique(grid.cells, return_counts=True)
     assert values.tolist() == [UNKNOWN, FREE, OCCUPIED]
     assert counts[2] * 0.05**2 == pytest.approx(0.25, rel=0.05)  # a chair's 0.5 m by 0.5 m
-
-
-def test_a_standing_robot_has_swept_its_own_circle():
     grid = grid_of([], straight((0.0, 0.0), (0.0, 0.0)), CellsRule(resolution_m=0.01, robot_width_m=1.0))
     assert (grid.cells == FREE).sum() * 0.01**2 == pytest.approx(np.pi / 4, rel=0.01)
-
-
-def test_nothing_to_draw_and_too_much_are_one_line():
     with pytest.raises(MapError, match="neither objects nor a trajectory"):
         grid_of([])
     with pytest.raises(MapError, match="coarser resolution"):

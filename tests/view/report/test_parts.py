@@ -29,12 +29,9 @@ def seen(identity, box, score=0.8, image=NOISE, index=0) -> Any:
     detections = Detections(np.array([box], float), np.array([score]), np.zeros(1, np.int64), ("chair",))
     frame = SimpleNamespace(image=image, index=index)
     return SimpleNamespace(
-        frame=frame,
-        pictured=frame,
-        detections=detections,
-        sightings=[SimpleNamespace(sighting=SimpleNamespace(detection=0, score=score))],
-        object_ids=[identity],
-    )
+        frame=frame, pictured=frame, detections=detections,
+        sightings=[SimpleNamespace(sighting=SimpleNamespace(detection=0, score=score))], object_ids=[identity],
+    )  # fmt: skip
 
 
 WHOLE, CUT, SMALL = (100, 100, 200, 300), (540, 100, 640, 300), (100, 100, 130, 150)
@@ -62,7 +59,6 @@ def test_a_picture_is_small_and_shows_the_box_with_a_margin():
     crops = BestCrops()
     crops.consider(seen("a-1", (100, 50, 300, 450)))
     picture = cv2.imdecode(np.frombuffer(crops.of(["a-1"])["a-1"].jpeg, np.uint8), cv2.IMREAD_COLOR)
-    assert picture is not None
     assert picture.shape[0] == SIDE_PX
     assert picture.shape[1] == pytest.approx(SIDE_PX * 240 / 470, abs=1)  # 480 tall, cut by the picture's lower border
 
@@ -88,16 +84,10 @@ def step(journal, index, lap_ms=2.0, x_m=0.0, travelled_m=0.0) -> Any:
     detections = Detections(np.zeros((1, 4)), np.ones(1), np.zeros(1, dtype=np.int64), ("chair",))
     journal.append(index / 10, SE2(x_m, 0, 0))
     return SimpleNamespace(
-        frame=SimpleNamespace(stamp_s=index / 10, index=index, image=PLAIN),
-        sightings=[],
-        object_ids=[],
-        pose_covariance=np.diag([0.04, 0.01, 0.0]),
-        stages_ms={"backbone": lap_ms, "map": 1.0},
-        scale=1.0,
-        detections=detections,
-        trajectory=journal,
-        travelled_m=travelled_m,
-    )
+        frame=SimpleNamespace(stamp_s=index / 10, index=index, image=PLAIN), sightings=[], object_ids=[],
+        pose_covariance=np.diag([0.04, 0.01, 0.0]), stages_ms={"backbone": lap_ms, "map": 1.0}, scale=1.0,
+        detections=detections, trajectory=journal, travelled_m=travelled_m,
+    )  # fmt: skip
 
 
 def test_a_history_is_bounded_and_loses_no_sum():

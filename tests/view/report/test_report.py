@@ -207,13 +207,16 @@ def test_hostile_names_are_text_in_a_browser_even_without_the_policy(bundle, tmp
     assert [name for name in plain if name not in rendered] == []
 
 
-def test_after_a_fault_it_is_there_with_the_fault(bundle, tmp_path):
+def test_runs_that_end_early_still_give_a_page_with_their_fault(bundle, tmp_path, show):
     with pytest.raises(CameraError):
         drive(bundle, tmp_path / "r", fails_at=8)
     update = data_of(tmp_path / "r")["update"]
     assert "memory: the cable came off" in json.dumps(update["faults"])
     assert update["fault_count"] == 1
     assert update["changed"][0]["id"] == "chair-1"
+    with pytest.raises(CameraError):
+        drive(bundle, tmp_path / "none", 3, fails_at=0)
+    assert "No object on the map" in text_of(show(tmp_path / "none" / "report.html"), "#guide")
 
 
 @pytest.mark.parametrize("count", [1, 2])
@@ -221,12 +224,6 @@ def test_short_runs_without_truth(bundle, tmp_path, count, show):
     assert drive(bundle, tmp_path / "r", count, truth=False).failure == ""
     assert data_of(tmp_path / "r")["run"]["truth"] is None
     assert "Against the truth" not in text_of(show(tmp_path / "r" / "report.html"), "#run")
-
-
-def test_no_frame_at_all_still_gives_a_page(bundle, tmp_path, show):
-    with pytest.raises(CameraError):
-        drive(bundle, tmp_path / "r", 3, fails_at=0)
-    assert "No object on the map" in text_of(show(tmp_path / "r" / "report.html"), "#guide")
 
 
 @pytest.mark.parametrize("where", ["report_page", "BestCrops"])

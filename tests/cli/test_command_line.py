@@ -1,21 +1,92 @@
-"""Mistakes at the command line: each is answered by one line that says what to type."""
+"""The command line itself: Ctrl-C, flags, shards of `simulate`; mistakes, each answered by one line."""
 
 import json
 import re
+import signal
 import subprocess
 import sys
 import tomllib
 import xml.etree.ElementTree as ElementTree
 from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
 
 import cv2
 import numpy as np
 import pytest
 
+import edgemap.cli
 from edgemap.cli import main
 from edgemap.cli.camera_options import known_lens, open_described
+from edgemap.cli.summary import with_map_so_far
 from edgemap.cli.usage import parse_and_call
 from edgemap.runtime.frames.extras import EXTRAS
+
+
+def test_ctrl_c_that_a_library_turns_into_its_own_error_is_one_line(monkeypatch, capsys):
+    """As extension modules do that are interrupted while they start: initialization failed."""
+
+    def command(*_):
+        try:
+            signal.raise_signal(signal.SIGINT)
+        except KeyboardInterrupt:
+            raise ImportError("initialization failed") from None
+
+    monkeypatch.setattr("edgemap.cli._command", command)
+    with pytest.raises(SystemExit) as ended:
+        edgemap.cli.main(["cameras"])
+    assert (ended.value.code, capsys.readouterr().err) == (130, "edgemap cameras: interrupted\n")
+    assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
+
+
+@pytest.mark.parametrize(("result", "said"), [(object(), "the map so far is in runs/a/\n"), (None, "")])
+def test_a_second_one_in_a_run_names_the_folder_of_its_map(capsys, result, said):
+    summary: Any = SimpleNamespace(result=result)
+    files: Any = SimpleNamespace(folder=Path("runs/a"))
+    with pytest.raises(KeyboardInterrupt), with_map_so_far(summary, files):
+        raise KeyboardInterrupt
+    assert capsys.readouterr().err == said
+
+
+LIMIT = 34
+CONTRACT = """camera bundle rate rotate pose-frame
+odometry without-wheels without-imu mount intrinsics camera-file config config-options
+classes confidence clustering no-loop-closure out frames realtime map view record engine ros2 foxglove mqtt threads
+precision"""
+
+
+def test_run_has_few_flags_and_doctor_knows_every_extra_and_every_package_of_it(capsys):
+    with pytest.raises(SystemExit):
+        main(["run", "--help"])
+    flags = set(re.findall(r"^. (?:-\w [A-Z]+, )?--(\w[\w-]*)", capsys.readouterr().out, re.MULTILINE)) - {"help"}
+    print(f"edgemap run: {len(flags)} flags: {', '.join(sorted(flags))}")
+    assert set(CONTRACT.split()) <= flags
+    assert len(flags) <= LIMIT
+    project = tomllib.loads((Path(__file__).parents[2] / "pyproject.toml").read_text())["project"]
+    extras = {
+        extra: {re.split(r"[><=;\[ ]", package)[0] for package in packages}
+        for extra, packages in project["optional-dependencies"].items()
+        if extra not in ("all", "dev")
+    }
+    assert {extra: set(modules.values()) for extra, (_, modules) in EXTRAS.items()} == extras
+
+
+def test_shards_share_the_homes():
+    from edgemap.cli.simulate import homes_of
+
+    parts = [homes_of("3:14", f"{part}/4") for part in range(1, 5)]
+    assert list(parts[1]) == [4, 8, 12]
+    assert sorted(home for part in parts for home in part) == list(homes_of("3:14", None)) == list(range(3, 14))
+
+
+def test_without_the_extra_one_line_names_it(monkeypatch):
+    from edgemap.runtime.frames.errors import MissingExtraError
+    from edgemap.runtime.inputs.open import open_camera
+
+    monkeypatch.setitem(sys.modules, "moderngl", None)
+    with pytest.raises(MissingExtraError, match=r"^sim:3 needs moderngl: .*pip install .*\[simulation\]'$"):
+        open_camera("sim:3")
+
 
 CHAIR = {
     "id": "chair-1", "label": "chair", "x_m": 1.0, "y_m": 2.0, "covariance_m2": [[0.01, 0.0], [0.0, 0.02]],
@@ -69,16 +140,6 @@ def test_a_configuration_of_strange_keys_and_values_is_one_short_line(capsys, tm
         assert code == 1
         assert line.isprintable()
         assert len(line) < 600
-
-
-def test_doctor_knows_every_extra_and_every_package_of_it():
-    project = tomllib.loads((Path(__file__).parents[2] / "pyproject.toml").read_text())["project"]
-    extras = {
-        extra: {re.split(r"[><=;\[ ]", package)[0] for package in packages}
-        for extra, packages in project["optional-dependencies"].items()
-        if extra not in ("all", "dev")
-    }
-    assert {extra: set(modules.values()) for extra, (_, modules) in EXTRAS.items()} == extras
 
 
 def test_doctor_prints_extras_that_are_not_installed_as_one(monkeypatch, capsys):
