@@ -147,7 +147,7 @@ class RestMonitor:
         self, stamp_s: float, reference: _Reference, moved: Moved | None, turned: GyroRotation | None
     ) -> bool:
         """Whether the robot moves in spite of an unchanged picture: by the gyro, or because it stopped too fast."""
-        if turned is not None:
+        if turned is not None and turned.proved:  # samples that come late turn while the picture rests
             self._turned_rad += turned.yaw_rad
             self._turned_sigma_rad += turned.sigma_rad  # its bias errs in every step alike
         must = abs(self._turned_rad) > STILL_RAD + CLEAR_SIGMAS * self._turned_sigma_rad

@@ -85,6 +85,15 @@ def test_a_person_who_walks_by_wakes_it_and_a_change_of_exposure_does_not(pictur
     assert found[40]
 
 
+@pytest.mark.parametrize("proved", [True, False])
+def test_a_gyro_that_turns_shows_a_frozen_picture_once_the_camera_has_confirmed_it(pictures, proved):
+    monitor, turned = RestMonitor(), GyroRotation(np.eye(3), 0.05, 0.001, proved)
+    for index in range(8):
+        frame = Frame(index, index / 10, noisy(pictures[0], index))
+        monitor.judge(frame, GOOD, False, None, turned)
+    assert (monitor.frozen_since_s is not None) == proved  # samples may be late, and no turn of now
+
+
 @pytest.mark.parametrize("folder", ["hololens/image", "lounge/image", "redkitchen", "kitti00"])
 def test_real_cameras_that_move_never_rest(folder):
     if not (SHARED / folder).is_dir():
