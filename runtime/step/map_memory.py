@@ -154,7 +154,18 @@ class MapMemory:
             elif _has_moved(stood, item):
                 self._standing[identity] = item
                 self._add(identity, MapEvent("moved", from_m=stood.place_m, to_m=item.place_m))
+        self._confirm()
         self._link(now)
+
+    def _confirm(self) -> None:
+        """What was missed has vanished, once the floor is seen to be free there."""
+        for item in list(self._vanished.values()):
+            events = self._events.get(item.id, ())
+            if events and events[-1][1].what == "missed" and _is_free(self._floor_now, item):
+                events[-1] = events[-1][0], replace(events[-1][1], what="vanished")
+                self._shown.pop(item.id, None)
+                self._vanished[item.id] = self._annotated(item)
+                self._noted = NO_ANNOTATIONS, (), NO_ANNOTATIONS
 
     def _come(self, item: MapObject) -> None:
         """An object is shown that was not before."""

@@ -175,6 +175,20 @@ def test_what_vanished_and_came_elsewhere_is_moved_only_where_nothing_else_expla
     assert ([event.what for event in chair.history], chair.first_seen) == (["appeared"], NOON + 9.0)
 
 
+def test_what_was_missed_is_moved_once_its_place_is_seen_to_be_free():
+    memory = remembering(ROOM)
+    memory.begin(11.0, None)
+    memory.annotated([ROOM[1], MOVED], {})
+    assert memory.annotations(NO).vanished[0].history[-1].what == "missed"
+    memory.begin(12.0, FREE_FLOOR)
+    memory.annotated([ROOM[1], MOVED, OTHER], {})  # which one of the two?
+    assert memory.annotations(NO).vanished[0].history[-1].what == "vanished"
+    memory.annotated([ROOM[1], MOVED], {})
+    memory.annotated([ROOM[1], MOVED], {})
+    shown = memory.annotated([ROOM[1], MOVED], {})
+    assert [event.what for event in shown[1].history] == ["moved"]
+
+
 def test_what_is_there_under_a_new_id_has_not_vanished():
     memory = remembering(ROOM)
     new = replace(ROOM[0], id="chair-7", first_seen_s=9.0, last_seen_s=10.0, position_m=np.array([1.05, 0.0]))
