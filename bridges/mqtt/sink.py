@@ -140,7 +140,7 @@ class MqttPublisher:
                 self._publish(
                     "events", json.dumps(self._named(item) | {"event_type": event.what} | event_record(event))
                 )
-        for identity in self._published.keys() - known.keys():
+        for identity in [one for one in self._published if one not in known]:
             into = result.merged.get(identity)
             self._event("vanished", self._published[identity], **({"into": into} if into else {}))
         stamp_s = result.frame.stamp_s
