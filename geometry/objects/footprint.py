@@ -38,7 +38,7 @@ class FootprintRule:
     margin_m: float = 0.025  # by which a line lies inside of the bounding rectangle on the mean: corners are not filled
     size_share: float = 0.2  # standard deviation of a side, of the class's usual one
     centre_share: float = 0.08  # of the position, of the class's longer side
-    aligned: float = 5.0  # odds of a yaw along the walls nearby to any other
+    aligned: float = 20.0  # odds of a yaw along the walls nearby to any other
     free: float = 6.0  # log-odds against a rectangle that holds nothing but free floor
     unknown_rad: float = 0.6  # standard deviation of a yaw from which on it is unknown
 
