@@ -90,7 +90,8 @@ class PlaceKeeper:
             except MapError as error:
                 robot.refused = str(error)
         maps = {name: robot.latest for name, robot in sorted(self.robots.items()) if robot.latest is not None}
-        if self._stale and maps:
+        changed = self._stale and bool(maps)
+        if changed:
             grids = {name: robot.grid for name, robot in self.robots.items()} | {"": self._grid}
             merged = merge_all(self._reference | maps, "" if self._reference else None, grids)
             document = self._map_of(merged)
@@ -101,9 +102,10 @@ class PlaceKeeper:
             replace_map(self.folder / "map.json", text)
             self.merged, self._map, self._stale = merged, document, False
             self._grid_bytes = b"" if merged.grid is None else grid_bytes(merged.grid)
-            self._publisher.put(json.dumps(document | self._fleet(merged)), attachment=self._grid_bytes)
         state = self._fleet(self.merged)
         self._answer = json.dumps(self._map | state), self._grid_bytes
+        if changed:
+            self._publisher.put(self._answer[0], attachment=self._answer[1])
         return state["fleet"]["robots"]
 
     def close(self) -> None:

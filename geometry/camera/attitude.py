@@ -48,15 +48,13 @@ class TrackedDirection:
 class TrackedRotation:
     """The camera's rotation from the previous frame to this one, as tracked corners show it.
 
-    rotation: (3, 3), takes directions of this frame's optical axes into the previous frame's. sigma_rad: standard
-    deviation about each level axis. carried: the estimate of whether the camera is carried, None for a camera at rest.
-    travelled: direction of the lens's motion over the last few frames, None where this frame did not measure it.
-    up (3,): direction of up in this frame's optical axes, where the odometry estimates it, and up_rad: its standard
-    deviation.
+    rotation: (3, 3), takes directions of this frame's optical axes into the previous frame's. carried: the estimate of
+    whether the camera is carried, None for a camera at rest. travelled: direction of the lens's motion over the last
+    few frames, None where this frame did not measure it. up (3,): direction of up in this frame's optical axes, where
+    the odometry estimates it, and up_rad: its standard deviation.
     """
 
     rotation: Array
-    sigma_rad: float
     carried: Carried | None = None
     travelled: TrackedDirection | None = None
     up: Array | None = None

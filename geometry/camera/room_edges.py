@@ -19,9 +19,9 @@ REFERENCE_RAD = 0.15
 FEWEST, MINIMUM_LENGTH_RAD = 6, 0.6  # upright edges, and their length as seen
 MINIMUM_SHARE = 0.4  # of all edges' length that the three directions explain
 LEVEL_LENGTH_RAD = 1.5  # of level edges that show the room's direction; fewer may be those of one piece of furniture
-# Of up and of that direction by the edges of many pictures (up by one: median error 0.3 degrees in rendered homes, 0.8
-# in two real rooms, 1.7 in a kitchen, 1.2 on a street; one in ten is off by 3 degrees and more); and of that direction
-# times the square of its edges' length: 3 degrees with 1.5 rad, 0.5 with 7 (homes 8301-8310).
+# Of that direction by the edges of many pictures (up by one picture: median error 0.3 degrees in rendered homes, 0.8 in
+# two real rooms, 1.7 in a kitchen, 1.2 on a street; one in ten is off by 3 degrees and more); and of it, times the
+# square of its edges' length: 3 degrees with 1.5 rad, 0.5 with 7 (homes 8301-8310).
 DIRECTION_SIGMA_RAD, LEVEL_SIGMA_RAD3 = math.radians(0.4), math.radians(6.0)
 
 

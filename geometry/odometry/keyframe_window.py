@@ -205,7 +205,7 @@ class KeyframeWindow:
         alone = len(self.poses) == 1
         variance = self._factors[-1].up_rad ** 2 if alone else float(np.trace(self.covariance()[6:8, 6:8])) / 2.0
         off = float(np.linalg.norm(_cross(up, self.poses[-1].rotation[2])))
-        wide_rad = sigma_rad * max(off / (CLEAR_SIGMAS * math.hypot(sigma_rad, math.sqrt(variance))), 1.0)
+        wide_rad = sigma_rad * max(off / (CLEAR_SIGMAS * math.sqrt(sigma_rad**2 + variance)), 1.0)
         self._factors[-1] = replace(self._factors[-1], edges=up, edges_rad=wide_rad)
 
     def loosen(self, up: Array) -> None:

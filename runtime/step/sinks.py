@@ -1,7 +1,6 @@
 """Sinks of a run's results. A sink that fails is reported, and the run continues."""
 
 import logging
-from asyncio import CancelledError
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Protocol
@@ -13,9 +12,14 @@ from edgemap.runtime.frames.faults import Fault, FaultKind
 from edgemap.runtime.frames.reading import THEIRS, error_line, printable
 from edgemap.runtime.step.slam import StepResult
 
-RAISED = (*THEIRS, CancelledError)  # what a sink may raise: one with an event loop is cancelled with it
-
 _log = logging.getLogger(__name__)
+
+
+def raised() -> tuple[type[BaseException], ...]:
+    """What a sink may raise: one with an event loop is cancelled with it. Imported only then: a run needs none."""
+    from asyncio import CancelledError
+
+    return (*THEIRS, CancelledError)
 
 
 class Sink(Protocol):
@@ -77,7 +81,7 @@ class SinkGroup:
             outage = self._outages.get(place)
             try:
                 sink.write(result, objects)
-            except RAISED as error:  # a sink may raise anything; mapping continues
+            except raised() as error:  # a sink may raise anything; mapping continues
                 if outage is not None:
                     outage.steps += 1
                     continue
@@ -97,7 +101,7 @@ class SinkGroup:
         for sink in self._sinks:
             try:
                 getattr(sink, "last", lambda *_: None)(result, objects)
-            except RAISED as error:  # as in `write`
+            except raised() as error:  # as in `write`
                 self.fault(Fault(FaultKind.OUTPUT, f"{sink.name}: {_line(error)}"))
 
     def fault(self, fault: Fault) -> None:
@@ -116,7 +120,7 @@ class SinkGroup:
         for sink in self._sinks:
             try:
                 sink.fault(fault)
-            except RAISED as error:  # a sink that cannot take note of a fault keeps no other from it
+            except raised() as error:  # a sink that cannot take note of a fault keeps no other from it
                 _log.debug("%s: %s", sink.name, error)
 
     def ending(self, error: EdgemapError) -> None:
@@ -132,7 +136,7 @@ class SinkGroup:
         for sink in self._sinks:
             try:
                 sink.close()
-            except RAISED as error:  # raised again below
+            except raised() as error:  # raised again below
                 self.fault(Fault(FaultKind.OUTPUT, f"{sink.name}: {_line(error)}"))
                 failure = failure or error
         if failure is not None:

@@ -82,12 +82,12 @@ def test_views_that_cannot_give_a_lens_are_refused(held):
     random = np.random.default_rng(0)
     small = [BoardView(view.name, (view.corners_px - [320, 240]) * 0.3 + [320, 240]) for view in held]
     wild = [BoardView(view.name, view.corners_px + random.normal(0, 3, (54, 2))) for view in held]
-    for views, told in (
+    for views, message in (
         (held[:7], r"^7 different views of the complete board found, need 8"),
         (small, r"cover \d+ % of the picture's width and \d+ % of its height"),
         (wild, r"fit a lens to [3-6]\.\d\d px, expected at most 1.0 px"),
     ):
-        with pytest.raises(CalibrationError, match=told):
+        with pytest.raises(CalibrationError, match=message):
             fit_lens(views, BOARD, (640, 480))
 
 

@@ -182,9 +182,9 @@ def test_why_says_that_a_run_has_not_ended_and_that_an_older_one_has_faults_with
     record = json.loads((run_folder / "run.json").read_text()) | {"faults": ["frame 3: blind: picture dark"]}
     for ended in (True, False):
         (run_folder / "run.json").write_text(json.dumps(record | {"finished": ended}))
-        told = edgemap("why", run_folder).stdout
-        assert ("The run has not ended" in told) is not ended
-        assert told.count("have no kinds") == 1
+        answer = edgemap("why", run_folder).stdout
+        assert ("The run has not ended" in answer) is not ended
+        assert answer.count("have no kinds") == 1
     assert json.loads(edgemap("why", run_folder, "--json").stdout)["ended"] is False
 
 

@@ -83,8 +83,8 @@ def room(tmp_path):
         label = identity.rpartition("-")[0]
         return MapObject(identity, label, np.array([x, y]), np.eye(2) * 0.01, 0.5, 0.9, 9, 0.9, 0.0, last_s)
 
-    things = [item("chair-1", 3.0, 0.0, 5.0), item("chair-2", -1.0, 0.5, 9.0), item("couch-1", 1.0, 1.0, 7.0)]
-    save_map(tmp_path / "room.json", things)
+    objects = [item("chair-1", 3.0, 0.0, 5.0), item("chair-2", -1.0, 0.5, 9.0), item("couch-1", 1.0, 1.0, 7.0)]
+    save_map(tmp_path / "room.json", objects)
     return tmp_path / "room.json"
 
 
@@ -323,12 +323,12 @@ def test_geojson_has_the_walls_as_lines_and_an_older_map_has_no_grid(edgemap, fo
 
 def test_merged_maps_keep_the_floor_of_both(edgemap, tmp_path, grid):
     rng = np.random.default_rng(3)
-    things = mapped(
+    objects = mapped(
         [(label, *rng.uniform(-1, 4, 2)) for label in ("chair", "couch", "tv", "vase", "bed", "sink", "oven")]
     )
     for name in ("a", "b"):
         (tmp_path / name).mkdir()
-        save_map(tmp_path / name / "map.json", things, grid=grid if name == "b" else None)
+        save_map(tmp_path / name / "map.json", objects, grid=grid if name == "b" else None)
     edgemap.ok("map", "merge", tmp_path / "a", tmp_path / "b", "-o", tmp_path / "both")
     both = load_grid(tmp_path / "both")
     assert both.area_m2(0) == pytest.approx(grid.area_m2(0), rel=0.05)

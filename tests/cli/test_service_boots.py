@@ -1,4 +1,4 @@
-"""The service file as systemd reads it, what a run tells systemd, and two boots of the service with one map."""
+"""The service file as systemd reads it, what a run reports to systemd, and two boots of the service with one map."""
 
 import os
 import re

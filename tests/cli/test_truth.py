@@ -1,4 +1,4 @@
-"""What a camera's source knows, as `run` judges a map by it; how that is told; what a run leaves to look at."""
+"""What a camera's source knows, as `run` judges a map by it; how that is reported; what a run leaves to look at."""
 
 import gc
 
@@ -62,8 +62,8 @@ def test_a_drive_with_truth_ends_with_verdicts(edgemap, painted_bundle, known_dr
     page = (tmp_path / "run" / "report.html").read_text()
     assert "1 found, 1 missed" in page
     assert str(tmp_path / "run" / "report.html") in result.stdout
-    told = edgemap("run", "--camera", f"drive:{known_drive}", *flags[:-1], tmp_path / "chairs", "--classes", "chair")
-    assert "truth: 1 found;" in told.stdout  # classes that were not asked for are not missed
+    done = edgemap("run", "--camera", f"drive:{known_drive}", *flags[:-1], tmp_path / "chairs", "--classes", "chair")
+    assert "truth: 1 found;" in done.stdout  # classes that were not asked for are not missed
 
 
 def test_a_run_keeps_no_network_for_rows_that_its_pictures_do_not_reach(tmp_path, monkeypatch):

@@ -26,7 +26,7 @@ MOUNT = Mount.from_degrees(1.7, 20.0)
 
 def test_edges_of_the_room_show_up_in_the_frame_before_while_the_camera_turns():
     source, rng, turn = PicturesAttitude(MOUNT), np.random.default_rng(1), small_rotation(0.03, 0.02, 0.1)
-    up, rotation = up_optical(MOUNT.pitch_rad, 0.0), TrackedRotation(turn, 0.01, Carried().certain())
+    up, rotation = up_optical(MOUNT.pitch_rad, 0.0), TrackedRotation(turn, Carried().certain())
     for index in range(2):
         source.predict(index / 10.0)
         source.begin_edges()
@@ -44,7 +44,7 @@ def test_edges_of_the_room_show_up_in_the_frame_before_while_the_camera_turns():
 def test_a_carried_camera_has_the_tilt_of_the_odometry_and_a_mounted_one_begins_each_frame_at_its_mount():
     source, up = PicturesAttitude(MOUNT), up_optical(math.radians(30.0), math.radians(5.0))
     assert source.predict(0.0).source == "mount"
-    tracked = TrackedRotation(np.eye(3), 0.01, Carried(), up=up, up_rad=math.radians(0.5))
+    tracked = TrackedRotation(np.eye(3), Carried(), up=up, up_rad=math.radians(0.5))
     assert math.degrees(source.update(tracked).pitch_rad) == pytest.approx(30.0)
     mounted = source.predict(0.1)
     assert mounted.source == "mount"

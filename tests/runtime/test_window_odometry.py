@@ -87,7 +87,7 @@ def test_the_windows_tilt_takes_the_place_of_the_pictures_tilt_and_they_keep_the
     for index, (up_rad, angles) in enumerate([(0.01, (0.1, 0.05)), (0.2, (0.0, 0.0))]):
         given = source.predict(Frame(index, 0.1 * index, BLANK))
         assert given.pitch_rad == pytest.approx(CAMERA.mount.pitch_rad, abs=1e-3)
-        motion = Motion(rotation=TrackedRotation(np.eye(3), 0.001, up=up, up_rad=up_rad))
+        motion = Motion(rotation=TrackedRotation(np.eye(3), up=up, up_rad=up_rad))
         mount = CAMERA.at(attitude_after(source, given, motion)).mount
         assert (mount.pitch_rad - CAMERA.mount.pitch_rad, mount.roll_rad) == pytest.approx(angles, abs=1e-3)
 
@@ -147,7 +147,7 @@ def test_an_imus_tilt_gives_way_to_one_that_the_window_knows_better():
     source = SimpleNamespace(update=lambda rotation: given)
     up = up_optical(HEAD.mount.pitch_rad, 0.0)
     for up_rad, pitch_rad in ((0.01, HEAD.mount.pitch_rad), (0.05, given.pitch_rad)):
-        motion = Motion(rotation=TrackedRotation(np.eye(3), 0.001, up=up, up_rad=up_rad))
+        motion = Motion(rotation=TrackedRotation(np.eye(3), up=up, up_rad=up_rad))
         camera = HEAD.at(attitude_after(source, given, motion))
         assert camera.mount.pitch_rad == pytest.approx(pitch_rad)
         assert camera.attitude.source == "imu"

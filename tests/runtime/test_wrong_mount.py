@@ -167,7 +167,7 @@ def test_a_known_mount_stays_known_while_the_robot_sways():
                 frame = replace(frame, image=image)
             source.predict(frame)
             assert not source.faults
-            attitude = source.update(TrackedRotation(np.eye(3), 0.01, swaying if sways else calm))
+            attitude = source.update(TrackedRotation(np.eye(3), swaying if sways else calm))
     assert np.degrees(attitude.mount.sigma_rad).max() < 0.5
     assert attitude.mount.used == camera.info.mount
 
@@ -193,7 +193,7 @@ def test_edges_that_scatter_show_a_carried_camera_in_rooms_and_nothing_on_a_road
                 borderMode=cv2.BORDER_REPLICATE,
             )  # fmt: skip
             attitude = source.predict(replace(frame, image=image))
-            source.update(TrackedRotation(np.eye(3), 0.01))
+            source.update(TrackedRotation(np.eye(3)))
     assert attitude.carried is carried
     assert attitude.mount is None or attitude.mount.used == mount
 

@@ -4,6 +4,7 @@ from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from edgemap.bridges.ros2.messages.definitions import ns_of, to_s
@@ -107,8 +108,7 @@ class NodePath:
         largest_m, largest_s = corrections.largest
         if len(nodes) < 2 or not largest_m:
             return None
-        after = np.searchsorted(stamps_s, nodes_s, side="right")
-        share = (nodes_s - stamps_s[after - 1]) / (stamps_s[after] - stamps_s[after - 1])
+        after, share = _between_stamps(stamps_s, nodes_s)
         at_nodes, by_tf = (_between(rows[after - 1], rows[after], share) for rows in (odom, poses))
         joined = nodes @ np.linalg.inv(at_nodes)  # the map to odom
         at = int(np.clip(np.searchsorted(nodes_s, largest_s), 1, len(nodes) - 1))
@@ -118,9 +118,14 @@ class NodePath:
             return None
         first, last = poses[[0, -1]] @ np.linalg.inv(odom[[0, -1]])
         joined, joined_s = np.array([first, *joined, last]), np.array([stamps_s[0], *nodes_s, stamps_s[-1]])
-        after = np.minimum(np.searchsorted(joined_s, stamps_s, side="right"), len(joined) - 1)
-        share = (stamps_s - joined_s[after - 1]) / (joined_s[after] - joined_s[after - 1])
+        after, share = _between_stamps(joined_s, stamps_s)
         return _between(joined[after - 1] @ odom, joined[after] @ odom, share)
+
+
+def _between_stamps(stamps_s: Array, at_s: Array) -> tuple[NDArray[np.intp], Array]:
+    """Index (N,) of the stamp after each time among stamps (K,), and the share of the way to it from the one before."""
+    after = np.minimum(np.searchsorted(stamps_s, at_s, side="right"), len(stamps_s) - 1)
+    return after, (at_s - stamps_s[after - 1]) / (stamps_s[after] - stamps_s[after - 1])
 
 
 def _between(before: Array, after: Array, share: Array) -> Array:

@@ -120,7 +120,7 @@ class Motion:
 
 def no_motion() -> Motion:
     """The motion of one frame at rest. Any motion missed here is part of the first measured motion after it."""
-    rest = TrackedRotation(np.eye(3), REST_RAD)
+    rest = TrackedRotation(np.eye(3))
     return Motion(covariance=np.diag(np.square([REST_M, REST_M, REST_RAD])), rotation=rest)
 
 

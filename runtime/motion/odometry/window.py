@@ -239,11 +239,9 @@ class WindowOdometry:
         if dt_s is not None:
             nod = pose.rotation[2] - before.rotation[2]
             self._swing(float(nod @ nod) / 2.0, motion, dt_s, gyro)
-        turned = covariance[:3, :3] + covariance[6:9, 6:9] - covariance[:3, 6:9] - covariance[6:9, :3]
-        sigma_rad = math.sqrt(max(float(np.trace(turned)) / 3.0, 0.0))
         up_rad = math.sqrt(max(float(np.trace(covariance[6:8, 6:8])) / 2.0, 0.0))
         rotation, direction = before.rotation.T @ pose.rotation, self._travelled(pose)
-        seen = TrackedRotation(rotation, sigma_rad, self.judged, direction, up=pose.rotation[2], up_rad=up_rad)
+        seen = TrackedRotation(rotation, self.judged, direction, up=pose.rotation[2], up_rad=up_rad)
         return replace(step, rotation=seen, gap=dt_s is None)
 
     def _swing(self, nod2: float, motion: SE2, dt_s: float, gyro: bool) -> None:

@@ -20,7 +20,7 @@ from edgemap.runtime.frames.plugins import SINKS, load_plugin, plugins
 from edgemap.runtime.frames.reading import error_line, print_message
 from edgemap.runtime.outputs.verdict.verdict import Verdict
 from edgemap.runtime.step.edit_queue import Edits
-from edgemap.runtime.step.sinks import RAISED, Sink
+from edgemap.runtime.step.sinks import Sink, raised
 from edgemap.runtime.step.slam import StepResult
 
 
@@ -82,7 +82,7 @@ class PluginSink(Sink):
             self._sink = opened()
         except EdgemapError as error:
             self._failure = error
-        except RAISED as error:
+        except raised() as error:
             self._failure = PluginError(f"does not open ({error_line(error)})")
 
     def write(self, result: StepResult, objects: list[MapObject]) -> None:
@@ -101,5 +101,5 @@ class PluginSink(Sink):
         try:
             if self._sink is not None:
                 self._sink.close()
-        except RAISED as error:  # as when it is opened
+        except raised() as error:  # as when it is opened
             print_message(f"sink {self.name}: does not close ({error_line(error)})")
