@@ -8,10 +8,9 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from edgemap.calibrate.floor_depth import HIGHEST_M, LOWEST_M
+from edgemap.calibrate.floor_depth import HIGHEST_M, LOWEST_M, MAXIMUM_SCATTER_RAD
 from edgemap.calibrate.guess_focal import (
     FEWEST_ROOMS,
-    SWAYING_RAD,
     focal_by_edges,
     plain_lens,
     ups_by_edges,
@@ -139,9 +138,8 @@ def _tilt_by_edges(ends: list[Array], lens: Intrinsics, focal_sigma: float) -> _
     (pitch, roll), (scatter, roll_scatter) = (pair.tolist() for pair in median_and_scatter(angles))
     # With a wrong focal length the horizon's row gives another pitch.
     sigma = math.hypot(abs(pitch) * focal_sigma, SURE_RAD)
-    return _EdgesTilt(
-        pitch, roll, sigma, scatter if roll_scatter > SWAYING_RAD else 0.0, f"the edges of {len(angles)} pictures"
-    )
+    sways = scatter if roll_scatter > MAXIMUM_SCATTER_RAD else 0.0
+    return _EdgesTilt(pitch, roll, sigma, sways, f"the edges of {len(angles)} pictures")
 
 
 def _floor_share(lens: Intrinsics, mount: Mount) -> float:

@@ -20,9 +20,6 @@ BENDS = (0.0, -0.04, -0.08, -0.12)
 PEAK_SIGMA, PEAK_SHARE, EDGES_SIGMA, SHOWN_SHARE = 0.05, 0.6, 0.02, 0.5
 EDGE_SIGMA_RAD, EDGE_LIMIT, STEEPEST_RAD = math.radians(0.7), 6.0, math.radians(40.0)
 FEWEST_ROOMS = 4  # pictures whose edges show the room
-# Scatter of the roll from picture to picture (1.48 times the median deviation) of a carried camera: 2.5 to
-# 3.6 degrees on the lounge, hololens and redkitchen walks, 0.2 to 0.7 on tuning homes 9000-9005.
-SWAYING_RAD = math.radians(1.5)
 
 
 def plain_lens(width: int, height: int, share: float, bend: float = 0.0) -> Intrinsics:

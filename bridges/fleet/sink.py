@@ -9,6 +9,7 @@ from edgemap.geometry.grid.occupancy_grid import OccupancyGrid
 from edgemap.geometry.map_object import MapObject
 from edgemap.geometry.objects.annotations import NO_ANNOTATIONS
 from edgemap.runtime.frames.errors import PublishError, UsageError
+from edgemap.runtime.frames.limits import EVERY_S
 from edgemap.runtime.frames.reading import read_bytes
 from edgemap.runtime.frames.timing import StreamTimer
 from edgemap.runtime.outputs.sinks.kinds import RunInfo
@@ -18,7 +19,7 @@ from edgemap.runtime.step.map_file import map_document, map_path, pose_record
 from edgemap.runtime.step.sinks import Sink
 from edgemap.runtime.step.slam import StepResult
 
-POSE_EVERY_S, MAP_EVERY_S = 1.0, 5.0  # of stream
+MAP_EVERY_S = 5.0  # of stream
 
 
 class FleetSink(Sink):
@@ -38,7 +39,7 @@ class FleetSink(Sink):
         self._objects, self._annotations = list[MapObject](), NO_ANNOTATIONS
         self._grid: OccupancyGrid | None = None
         self._grid_bytes = b""
-        self._pose_timer, self._map_timer = StreamTimer(POSE_EVERY_S), StreamTimer(MAP_EVERY_S)
+        self._pose_timer, self._map_timer = StreamTimer(EVERY_S), StreamTimer(MAP_EVERY_S)
         self._map, self._pose = (self._session.declare_publisher(f"{key}/{what}") for what in ("map", "pose"))
         alive = self._session.liveliness()
         self._token = alive.declare_token(key)

@@ -11,6 +11,7 @@ from edgemap.runtime.frames.colours import label_rgb
 from edgemap.runtime.frames.errors import PublishError
 from edgemap.runtime.frames.extras import need
 from edgemap.runtime.frames.faults import Fault
+from edgemap.runtime.frames.limits import PATIENCE_S
 from edgemap.runtime.frames.option_texts import host_and_port
 from edgemap.runtime.outputs.sinks.kinds import RunInfo
 from edgemap.runtime.step.slam import StepResult
@@ -23,7 +24,6 @@ SENT = (
 LETTER_PX, LINE_PX = 14.0, 2.0
 BACKLOG = 128  # messages kept for a client that is slow: a second or two at 10 Hz
 PORT = 8765
-CLOSE_LIMIT_S = 2.0  # for a client that does not answer; the server's own patience is 40 s
 
 
 class FoxgloveServer:
@@ -93,7 +93,7 @@ class FoxgloveServer:
             self._closed = True
             farewell = threading.Thread(target=self._server.stop, name="Foxglove farewell", daemon=True)
             farewell.start()
-            farewell.join(CLOSE_LIMIT_S)
+            farewell.join(PATIENCE_S)  # the server's own would be 40 s
 
 
 def image_annotations(stamp_ns: int, result: StepResult):  # noqa: ANN201  (a type of an extra)

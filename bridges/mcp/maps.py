@@ -16,6 +16,7 @@ from edgemap.geometry.map_object import MapObject
 from edgemap.geometry.objects.annotations import Annotations
 from edgemap.geometry.objects.approach import approach
 from edgemap.runtime.frames.disk import lock_folder
+from edgemap.runtime.frames.limits import FILE_BYTES, SILENCE_S
 from edgemap.runtime.frames.reading import decode_json, one_line, read_bytes
 from edgemap.runtime.step.grid_file import load_grid
 from edgemap.runtime.step.map_file import (
@@ -29,8 +30,6 @@ from edgemap.runtime.step.map_file import (
 from edgemap.runtime.step.map_store import saved_map
 from edgemap.runtime.step.wall_clock import host_clock, utc_text
 
-LIMIT_S = 10.0
-LARGEST_BYTES = 64 << 20
 BOUND = round(GridRule().highest * STEPS)
 
 
@@ -131,8 +130,8 @@ class RunningMap:
             f"{self._root}/{what}{self._query}", data, {"Content-Type": "application/json"}, method=method
         )
         try:
-            with urllib.request.urlopen(request, timeout=LIMIT_S) as answer:
-                return answer.read(LARGEST_BYTES)
+            with urllib.request.urlopen(request, timeout=SILENCE_S) as answer:
+                return answer.read(FILE_BYTES)
         except urllib.error.HTTPError as error:
             raise MapError(f"{self._root}/{what}: {one_line(error.read(500).decode(errors='replace'))}") from None
         except (OSError, ValueError) as error:

@@ -23,6 +23,7 @@ from edgemap.geometry.objects.zone_watch import ZoneWatch
 from edgemap.runtime.frames.errors import PublishError
 from edgemap.runtime.frames.extras import need
 from edgemap.runtime.frames.faults import Fault
+from edgemap.runtime.frames.limits import EVERY_S, PATIENCE_S
 from edgemap.runtime.frames.option_texts import host_and_port
 from edgemap.runtime.frames.timing import StreamTimer
 from edgemap.runtime.frames.version import VERSION
@@ -33,14 +34,11 @@ from edgemap.runtime.step.map_memory import MOVED_M
 from edgemap.runtime.step.slam import StepResult
 from edgemap.runtime.step.wall_clock import utc_text
 
-STATE_EVERY_S = 1.0  # of stream
 PORT = 1883
-CONNECT_LIMIT_S = 2.0  # for which the run's start waits
 RETRY_S = (1, 30)  # shortest and longest pause before the broker is tried again
 QUEUED = 1000  # messages kept for a broker that does not take them
 PACKET_BYTES = 1 << 18  # of one packet from the broker: more than any object's
-PICTURE_EVERY_S = 10.0  # of stream, between two pictures of the map
-ASKED_SAVE_EVERY_S = 10.0  # of stream, between two maps that commands ask for
+COSTLY_EVERY_S = 10.0  # of stream, between two pictures of the map, and two maps that commands ask for
 NO_IDENTITY = MapIdentity("map")
 REMEMBERED = ("objects", "zones")  # retained topics that an earlier run may have left
 
@@ -91,9 +89,9 @@ class MqttPublisher:
         self._asked: Future[str] | None = None  # the newest edit, until it is taken or refused
         self._zones, self._in_zones = ZoneWatch(), dict[str, str]()  # payloads by id
         self._picture = MapPicture(lambda data: self._publish("map", b64encode(data), retain=True))
-        self._picture_timer = StreamTimer(PICTURE_EVERY_S)
-        self._save_timer, self._save_asked = StreamTimer(ASKED_SAVE_EVERY_S), threading.Event()
-        self._fault, self._faults, self._state_timer = "", 0, StreamTimer(STATE_EVERY_S)
+        self._picture_timer = StreamTimer(COSTLY_EVERY_S)
+        self._save_timer, self._save_asked = StreamTimer(COSTLY_EVERY_S), threading.Event()
+        self._fault, self._faults, self._state_timer = "", 0, StreamTimer(EVERY_S)
         self._state: dict[str, Any] = {}  # the newest
         self._connected, self._refused = threading.Event(), "no answer"
         self._new_connection = False
@@ -115,7 +113,7 @@ class MqttPublisher:
         except ValueError as error:
             raise PublishError(f"--mqtt {host}:{port}: {error}") from None
         self._client.loop_start()
-        self._connected.wait(CONNECT_LIMIT_S)
+        self._connected.wait(PATIENCE_S)
 
     def write(self, result: StepResult, objects: list[MapObject]) -> None:
         """Publishes the changes."""
@@ -171,7 +169,7 @@ class MqttPublisher:
         """Publishes that the robot is offline; its state and objects stay retained. May be called twice."""
         if self._connected.is_set():
             with suppress(ValueError, RuntimeError):  # a broker that takes nothing: the queue is full
-                self._publish("status", "offline", retain=True).wait_for_publish(CONNECT_LIMIT_S)
+                self._publish("status", "offline", retain=True).wait_for_publish(PATIENCE_S)
         self._picture.close()
         self._client.disconnect()
         self._client.loop_stop()

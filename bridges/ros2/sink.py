@@ -25,6 +25,7 @@ from edgemap.geometry.objects.events import Edit
 from edgemap.geometry.se2 import SE2
 from edgemap.runtime.frames.errors import Ros2Error, UsageError
 from edgemap.runtime.frames.faults import Fault
+from edgemap.runtime.frames.limits import EVERY_S
 from edgemap.runtime.frames.option_texts import words_of
 from edgemap.runtime.frames.reading import print_message
 from edgemap.runtime.outputs.sinks.kinds import RunInfo
@@ -41,7 +42,6 @@ LATCHED = (topics.TF_STATIC, topics.OBJECTS, topics.MARKERS, topics.GRID, topics
 INITIAL_POSE = "/initialpose"  # RViz's 2D Pose Estimate, as AMCL takes it
 SMALLEST_SIGMAS = (0.01, 0.01, 0.005)  # m, m, rad: a covariance of zeros would be a certainty that nobody has
 DEPTHS = {topics.TF: 100, topics.PICTURES: 5, topics.INFO: 5} | dict.fromkeys(LATCHED[1:], 1)
-DIAGNOSED_S = 1.0  # between two diagnostics, as diagnostic_updater's
 NAMESPACE = "edgemap"  # a robot of its own name has its own /map
 
 
@@ -133,7 +133,7 @@ class Ros2Sink(Sink):
         stamp_ns = to_ns(result.frame.stamp_s + offset_s)
         self._send(self._stream.step(result, objects, stamp_ns))
         self._diagnostics.step(result)
-        if time.monotonic() - self._diagnosed_s >= DIAGNOSED_S:
+        if time.monotonic() - self._diagnosed_s >= EVERY_S:  # as diagnostic_updater
             self._diagnose()
         if self._asked is not None and self._asked.done():
             asked, self._asked = self._asked, None

@@ -17,12 +17,11 @@ import msgspec
 from msgspec import Meta
 
 from edgemap.geometry.errors import EdgemapError
-from edgemap.runtime.frames.limits import FILE_BYTES, TEXT_BYTES, VALUES
+from edgemap.runtime.frames.limits import FILE_BYTES, LINE, TEXT_BYTES, VALUES
 
 T = TypeVar("T")
 
 MESSAGE_LENGTH = 200
-LINE_LENGTH = 1000  # of what is printed
 HIDDEN = r"\x00-\x1f\x7f-\x9f\u200b-\u200f\u2028-\u202e\u2060-\u206f\ufeff"  # control characters, text directions
 
 # Numbers and names as files may hold them. NaN and infinity satisfy no bound, so they are refused.
@@ -87,11 +86,11 @@ def printable(text: object) -> str:
     """A message for a terminal, one line: line breaks, control characters and halves of characters, as file names may
     hold, as escapes (`\\n`), and without the middle of what is too long."""
     text = without_secrets(str(text))
-    if len(text) <= LINE_LENGTH and text.isprintable():
+    if len(text) <= LINE and text.isprintable():
         return text
     line = "".join(c if c.isprintable() else c.encode("unicode_escape").decode("ascii") for c in text)
-    half = (LINE_LENGTH - 1) // 2
-    return line if len(line) <= LINE_LENGTH else f"{line[:half]}…{line[-half:]}"
+    half = (LINE - 1) // 2
+    return line if len(line) <= LINE else f"{line[:half]}…{line[-half:]}"
 
 
 def print_message(text: object) -> None:

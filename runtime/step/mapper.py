@@ -25,6 +25,7 @@ from edgemap.geometry.observations.sighting import PlacedSighting, Sighting
 from edgemap.geometry.paper.paper_map import PaperMap
 from edgemap.geometry.registration.alignment import Alignment
 from edgemap.geometry.se2 import SE2, compose_covariance
+from edgemap.runtime.frames.limits import EVERY_S
 from edgemap.runtime.frames.timing import Stopwatch, StreamTimer
 from edgemap.runtime.motion.odometry.protocol import FARTHEST_M, Motion, is_covariance
 from edgemap.runtime.motion.odometry_names import is_pose_file, is_tf
@@ -36,7 +37,6 @@ from edgemap.runtime.step.pose_journal import PoseJournal
 from edgemap.runtime.step.relocalisation import Relocaliser
 
 MIN_VARIANCE_M2 = 1e-10  # of an observation: no box is that exact, and its inverse stays finite
-GRID_EVERY_S = 1.0  # of stream between two grids that a step shows: planners and people need no more
 PICTURE_S = 0.1  # that evidence is counted in: thresholds were chosen at 10 Hz
 LEAST_PICTURES = 0.01  # after however short a step of the clock: evidence is divided by it
 LONGEST_S = 0.4  # that one picture stands for at most, more than a third of a second: one search at 3 Hz
@@ -100,7 +100,7 @@ class Mapper:
         self.relocaliser: Relocaliser | None = None
         self.grid = GridFusion(self.config.grid)
         self._shown_grid: OccupancyGrid | None = None
-        self._shown_timer = StreamTimer(GRID_EVERY_S)
+        self._shown_timer = StreamTimer(EVERY_S)
         self.edits, self.memory = MapEvents(), MapMemory()
         self._saved_ids: frozenset[str] = frozenset()  # of the saved map's objects
         self.trajectory = PoseJournal()

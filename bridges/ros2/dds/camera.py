@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from edgemap.bridges.ros2.dds.depth import DepthTopic
 from edgemap.bridges.ros2.dds.node import Node, Subscription
-from edgemap.bridges.ros2.dds.sources import TfListener, WheelTopic
+from edgemap.bridges.ros2.dds.sources import WAIT_S, TfListener, WheelTopic
 from edgemap.bridges.ros2.dds.tf_poses import live_tf_poses
 from edgemap.bridges.ros2.messages.definitions import RosClock, ns_of, to_s
 from edgemap.bridges.ros2.messages.topics import IMU, INFO, KINDS
@@ -22,6 +22,7 @@ from edgemap.geometry.camera.mount import Mount
 from edgemap.runtime.frames.camera import Camera, Driver, Picture, RecoveryRule, SensorTopics
 from edgemap.runtime.frames.errors import CameraError
 from edgemap.runtime.frames.frame import Frame
+from edgemap.runtime.frames.limits import EVERY_S, TICK_S
 from edgemap.runtime.frames.reading import print_message
 from edgemap.runtime.inputs.cameras.imu_buffer import ImuBuffer
 from edgemap.runtime.inputs.cameras.live import LiveCamera
@@ -31,8 +32,6 @@ PICTURES: dict[str, Callable[[Any, str], Any]] = {
     "sensor_msgs/msg/Image": raw_picture,
     "sensor_msgs/msg/CompressedImage": compressed_picture,
 }
-PUBLISHER_S, PICTURE_S, BESIDE_S, GRAB_S = 5.0, 5.0, 1.0, 0.5  # waits: for each of them
-FIRST_S = 5.0  # wait for the first sample
 
 
 class Ros2Device:
@@ -44,26 +43,26 @@ class Ros2Device:
     def __init__(self, node: Node, topic: str, name: str, depth: DepthTopic | None = None) -> None:
         self.rate_hz: float | None = None
         self._name, self._depth = name, depth
-        kind = node.kind_of(topic, PUBLISHER_S)
+        kind = node.kind_of(topic, WAIT_S)
         if kind not in PICTURES:
             others = ", ".join(name for name, known in sorted(node.published().items()) if known in PICTURES) or "none"
             what = f"{topic} is {kind}, not pictures" if kind else f"nobody publishes {topic}"
-            raise CameraError(f"camera {name}: {what} within {PUBLISHER_S:.0f} s (topics with pictures: {others})")
+            raise CameraError(f"camera {name}: {what} within {WAIT_S:.0f} s (topics with pictures: {others})")
         self._decode = PICTURES[kind]
         # Asked for before the first picture, so that they come beside it.
         infos = [node.subscription(info, KINDS[INFO]) for info in info_topics(topic)]
         self._pictures = node.subscription(topic, kind, depth=2)
-        self._first = self._next(PICTURE_S)
+        self._first = self._next(WAIT_S)
         if self._first is None:
-            raise CameraError(f"camera {name}: no picture on {topic} within {PICTURE_S:.0f} s")
+            raise CameraError(f"camera {name}: no picture on {topic} within {WAIT_S:.0f} s")
         _, image, self.frame_id = self._first
         self.size = (image.shape[1], image.shape[0])
-        info = _first_of(infos, BESIDE_S)
+        info = _first_of(infos, EVERY_S)
         self.intrinsics: Intrinsics | None = lens_of(info, topic, name, self.size) if info else None
 
     def grab(self) -> Picture | None:
         """The newest picture; None where none came. Raises CameraError or Ros2Error for one that is damaged."""
-        grabbed, self._first = self._first or self._next(GRAB_S), None
+        grabbed, self._first = self._first or self._next(TICK_S), None
         if grabbed is None:
             return None
         stamp_s, image, _ = grabbed
@@ -164,9 +163,9 @@ class Ros2SensorsCamera(CameraAround):
 def _rotation(node: Node, imu: str, samples: Subscription, optical: str) -> NDArray[np.float64]:
     """From the IMU's axes to the camera's optical ones. Raises CameraError."""
     listener = TfListener(node, f"ros2:{imu}")
-    first = samples.newest() if samples.wait(FIRST_S) else None
+    first = samples.newest() if samples.wait(WAIT_S) else None
     if first is None:
-        raise CameraError(f"ros2:{imu}: no sensor_msgs/Imu within {FIRST_S:.0f} s")
+        raise CameraError(f"ros2:{imu}: no sensor_msgs/Imu within {WAIT_S:.0f} s")
     frame = first.header.frame_id
     pose = listener.ask(lambda tree: tree.pose(optical, frame))
     if pose is None:

@@ -6,17 +6,17 @@ from contextlib import suppress
 from typing import Any
 
 from edgemap.bridges.ros2.dds.node import Node, Subscription
+from edgemap.bridges.ros2.dds.sources import LATE_S
 from edgemap.bridges.ros2.messages.definitions import ns_of, to_s
 from edgemap.bridges.ros2.messages.topics import INFO, KINDS
 from edgemap.bridges.ros2.recordings.foreign import info_topics, lens_of
-from edgemap.bridges.ros2.recordings.pictures import APART_S, READERS, aligned
+from edgemap.bridges.ros2.recordings.pictures import READERS, aligned
 from edgemap.geometry.camera.intrinsics import Intrinsics
 from edgemap.runtime.frames.camera import NO_DEPTH
 from edgemap.runtime.frames.errors import CameraError
-from edgemap.runtime.inputs.drives.pictures import Depth
+from edgemap.runtime.frames.limits import EVERY_S
+from edgemap.runtime.inputs.drives.pictures import APART_S, Depth
 
-WAIT_S = 0.05  # for the depth of a picture, where the picture before had depth
-ASK_S = 1.0  # between two searches for a topic that is not published
 KEPT = 6  # depth pictures that may belong to a picture yet to come
 SAME_SHARE = 0.01  # of the picture's width: focal lengths and centres that differ by less are one lens
 
@@ -34,14 +34,14 @@ class DepthTopic:
         self._waiting: deque[tuple[float, Any]] = deque(maxlen=KEPT)
         self._lens: Intrinsics | None = None
         self._came, self._kind = False, ""  # with the last picture; of the topic's messages
-        self._asked_s = -ASK_S
+        self._asked_s = -EVERY_S
 
     def at(self, stamp_s: float, lens: Intrinsics | None) -> Depth | str | None:
         """The depth picture of a colour picture and its lens, or why there is none; None where no topic has any."""
         messages = self._messages or self._open()
         if messages is None:
             return f"{self._topic} is {self._kind or 'not published'}, no depth" if self._topic else None
-        until_s = time.monotonic() + (WAIT_S if self._came else 0.0)
+        until_s = time.monotonic() + (LATE_S if self._came else 0.0)
         self._take(messages)
         while self._newest_s() < stamp_s - APART_S and messages.wait(until_s - time.monotonic()):
             self._take(messages)
@@ -67,7 +67,7 @@ class DepthTopic:
 
     def _open(self) -> Subscription | None:
         """Subscribe once the topic is published."""
-        if (now_s := time.monotonic()) - self._asked_s < ASK_S:
+        if (now_s := time.monotonic()) - self._asked_s < EVERY_S:
             return None
         self._asked_s = now_s
         kinds = {name: kind.replace("/msg/", "/") for name, kind in self._node.published().items()}

@@ -13,7 +13,8 @@ from edgemap.geometry.se2 import SE2
 from edgemap.runtime.frames.errors import CameraError, OdometryError
 from edgemap.runtime.frames.trajectory import GrowingTrack
 
-WAIT_S = 6.0  # Fast DDS announces latched topics to late readers every 3 s
+WAIT_S = 6.0  # for what somebody publishes: Fast DDS announces latched topics to late readers every 3 s
+LATE_S = 0.05  # how long a step waits for the wheels' pose of its own stamp, or its picture's depth
 Answer = TypeVar("Answer")
 
 
@@ -62,9 +63,6 @@ class RobotOdom:
             return self._track.at(stamp_s + self.offset_s)
         except OdometryError:
             return None
-
-
-LATE_S = 0.05  # how long a step waits for the wheels' pose of its own stamp
 
 
 class TopicTrack(GrowingTrack):

@@ -44,11 +44,11 @@ from edgemap.runtime.frames.reading import user_path
 from edgemap.runtime.frames.trajectory import TrackFile
 from edgemap.runtime.inputs.drives.pictures import Levels
 from edgemap.runtime.motion.given_poses import GivenPoses
+from edgemap.runtime.step.pose_journal import SAME_S
 
 PICTURE_KINDS = {"sensor_msgs/Image": raw_picture, "sensor_msgs/CompressedImage": compressed_picture}
 INFO_KIND, TF_KIND = "sensor_msgs/CameraInfo", "tf2_msgs/TFMessage"
 USABLE = "colour", "infrared"  # kinds of pictures, the first that there is
-STAMP_TOLERANCE_S = 1e-6  # between a stamp and its whole nanoseconds
 
 
 class RecordingCamera(Camera):
@@ -307,6 +307,6 @@ def _unsearched(recording: Reading) -> frozenset[int]:
 def _exact_stamps(recording: Reading) -> dict[int, float]:
     """Stamps that are finer than a nanosecond, by their nearest one."""
     stamps = {log_ns: float(stamp_s) for log_ns, stamp_s in _values(recording, STAMPS)}
-    if wrong := [ns for ns, stamp_s in stamps.items() if not abs(stamp_s - to_s(ns)) < STAMP_TOLERANCE_S]:
+    if wrong := [ns for ns, stamp_s in stamps.items() if not abs(stamp_s - to_s(ns)) < SAME_S]:
         raise CameraError(f"{recording.path}: {STAMPS} says {stamps[wrong[0]]} s at {to_s(wrong[0]):.9f} s")
     return stamps

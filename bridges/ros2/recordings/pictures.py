@@ -23,6 +23,7 @@ from edgemap.runtime.frames.frame import png
 from edgemap.runtime.frames.notes import note
 from edgemap.runtime.frames.reading import one_line
 from edgemap.runtime.inputs.drives.pictures import (
+    APART_S,
     ENCODINGS,
     PIXEL_LIMIT,
     Depth,
@@ -105,7 +106,6 @@ PER_METRE = 1000, 10000  # steps of a metre: of nearly every depth camera, and o
 SIXTEEN = "16UC1", "mono16"
 FLOATS = "32FC1 in bytes; png"
 ALIGNED = "aligned_depth_to_color", "depth_registered"  # in the topic's name: Intel's driver, ROS's image pipeline
-APART_S = 0.02  # between the stamps of a picture and its depth
 # Before the PNG of `compressedDepth`: a format, and A and B of depth = A / (value - B).
 QUANTISED = struct.Struct("<iff")
 

@@ -13,14 +13,12 @@ from numpy.typing import NDArray
 from edgemap.geometry.arrays import Array
 from edgemap.geometry.camera.imu import ImuSamples
 from edgemap.runtime.frames.errors import CameraError
-from edgemap.runtime.frames.limits import SILENCE_S
+from edgemap.runtime.frames.limits import PATIENCE_S, SILENCE_S
 from edgemap.runtime.frames.reading import library_path
 from edgemap.runtime.inputs.cameras.imu_buffer import ImuBuffer
-from edgemap.runtime.inputs.drives.pictures import ENCODINGS, Depth, DepthBeside, bgr_of
+from edgemap.runtime.inputs.drives.pictures import APART_S, ENCODINGS, Depth, DepthBeside, bgr_of
 
-LATE_S = 0.02  # between a picture and the depth that belongs to it
 POLL_MS = 200  # of one wait for a frame
-BEGIN_LIMIT_S = 2.0
 
 
 class Aligned:
@@ -32,7 +30,7 @@ class Aligned:
     def __call__(self, frames: Any) -> Depth | None:
         """(H, W) metres, 0 where unknown; None where the set has no depth, or one of another time."""
         depth, colour = frames.get_depth_frame(), frames.get_color_frame()
-        if not depth or not colour or abs(depth.get_timestamp() - colour.get_timestamp()) > 1000.0 * LATE_S:
+        if not depth or not colour or abs(depth.get_timestamp() - colour.get_timestamp()) > 1000.0 * APART_S:
             return None
         aligned = self._align.process(frames).get_depth_frame()
         return np.asanyarray(aligned.get_data()).astype(np.float32) / np.float32(round(1.0 / aligned.get_units()))
@@ -49,7 +47,7 @@ def depth_beside(rs: ModuleType, path: Path) -> DepthBeside | None:
         started(rs, pipeline, config)
     except RuntimeError:  # no depth stream; the camera itself says what else is wrong
         return None
-    return DepthBeside(_aligned_pictures(rs, pipeline, playback, path), LATE_S)
+    return DepthBeside(_aligned_pictures(rs, pipeline, playback, path), APART_S)
 
 
 def _aligned_pictures(
@@ -105,9 +103,9 @@ def started(rs: ModuleType, pipeline: Any, config: Any) -> Any:
 
 def await_begin(rs: ModuleType, playback: Any) -> None:
     """Waits until the thread reading a recording has started. Before that its status equals that of an ended one, and
-    the start would follow a stop. For a recording that ended before this call it waits `BEGIN_LIMIT_S`.
+    the start would follow a stop. For a recording that ended before this call it waits `PATIENCE_S`.
     """
-    until_s = time.monotonic() + BEGIN_LIMIT_S
+    until_s = time.monotonic() + PATIENCE_S
     while playback.current_status() == rs.playback_status.stopped and time.monotonic() < until_s:
         time.sleep(0.001)
 

@@ -13,10 +13,8 @@ import numpy as np
 from edgemap.geometry.camera.intrinsics import Intrinsics
 from edgemap.runtime.frames.camera import Driver, Picture
 from edgemap.runtime.frames.errors import CameraError
-from edgemap.runtime.frames.limits import SILENCE_S
+from edgemap.runtime.frames.limits import PATIENCE_S, SILENCE_S
 from edgemap.runtime.frames.reading import library_path, one_line, without_secrets
-
-READ_LIMIT_MS = 2000  # FFmpeg's own would be 30 s
 
 
 class CaptureDevice:
@@ -33,7 +31,7 @@ class CaptureDevice:
         self._device_clock: bool | None = None
 
     def grab(self) -> Picture:
-        """The next picture. Raises CameraError where none comes; from a stream, within `READ_LIMIT_MS`."""
+        """The next picture. Raises CameraError where none comes; from a stream, within `PATIENCE_S`."""
         good, image = self._capture.read()
         if not good or image is None:
             raise CameraError(f"{self._name} gives no picture (unplugged?)")
@@ -86,7 +84,8 @@ class StreamDriver(Driver):
 
     def open(self) -> CaptureDevice:
         """Connect, within `SILENCE_S`, and decode the header. Raises CameraError."""
-        limits = [cv2.CAP_PROP_OPEN_TIMEOUT_MSEC, round(1e3 * SILENCE_S), cv2.CAP_PROP_READ_TIMEOUT_MSEC, READ_LIMIT_MS]
+        limits = [cv2.CAP_PROP_OPEN_TIMEOUT_MSEC, round(1e3 * SILENCE_S)]
+        limits += [cv2.CAP_PROP_READ_TIMEOUT_MSEC, round(1e3 * PATIENCE_S)]  # FFmpeg's own would be 30 s
         capture = cv2.VideoCapture(library_path(self._url), cv2.CAP_FFMPEG, limits)
         if not capture.isOpened():
             capture.release()

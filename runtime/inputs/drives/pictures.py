@@ -18,6 +18,7 @@ from edgemap.runtime.frames.reading import printable, read_bytes
 
 SUFFIXES = frozenset({".jpg", ".jpeg", ".png", ".bmp", ".ppm", ".pgm", ".tif", ".tiff", ".webp"})
 PIXEL_LIMIT = int(os.environ["OPENCV_IO_MAX_IMAGE_PIXELS"])  # set in edgemap's __init__ for OpenCV's decoders
+APART_S = 0.02  # between the stamps of a picture and its depth
 Depth = NDArray[np.float32]  # (H, W) metres along the optical axis, 0 where unknown
 
 

@@ -235,8 +235,7 @@ def tick(message) -> int:
 
 def test_a_camera_with_wheels_and_imu_comes_from_topics(program, node, monkeypatch):
     """Padded rows, lens from CameraInfo, mount and the IMU's axes from tf, wheels between their stamps."""
-    for wait in ("camera.PUBLISHER_S", "camera.PICTURE_S", "camera.FIRST_S"):  # whatever else the machine does
-        monkeypatch.setattr(f"edgemap.bridges.ros2.dds.{wait}", 30.0)
+    monkeypatch.setattr("edgemap.bridges.ros2.dds.camera.WAIT_S", 30.0)  # whatever else the machine does
     wanted = (
         "rt/front/image_raw,Image,reliable,1000",
         "rt/front/camera_info,CameraInfo,reliable,1000",
@@ -302,7 +301,7 @@ def test_a_run_follows_the_tf_of_a_slam_and_its_correction(program, tmp_path):
 
 def frames_with_depth(program, node, monkeypatch, depth, asked=None, count=3, most=100):
     """Frames of a camera beside whose pictures these topics are published, until so many have brought depth."""
-    for wait, limit_s in (("camera.PUBLISHER_S", 30.0), ("camera.PICTURE_S", 30.0), ("depth.WAIT_S", 0.3)):
+    for wait, limit_s in (("camera.WAIT_S", 30.0), ("depth.LATE_S", 0.3)):
         monkeypatch.setattr(f"edgemap.bridges.ros2.dds.{wait}", limit_s)
     wanted = ("rt/front/image_raw,Image,reliable,1000", "rt/front/camera_info,CameraInfo,reliable,1000", *depth)
     topic, frames = DepthTopic(node, asked), []
@@ -352,6 +351,6 @@ def test_pictures_come_without_depth_that_is_missing_or_none(program, node, monk
 
 
 def test_a_topic_that_nobody_publishes_is_one_line(node, monkeypatch):
-    monkeypatch.setattr("edgemap.bridges.ros2.dds.camera.PUBLISHER_S", 0.1)
+    monkeypatch.setattr("edgemap.bridges.ros2.dds.camera.WAIT_S", 0.1)
     with pytest.raises(CameraError, match=r"nobody publishes /nothing/here within 0 s \(topics with pictures: "):
         Ros2Camera(node, "/nothing/here")

@@ -115,9 +115,8 @@ def test_a_picture_of_another_size_is_refused_and_after_close_is_the_end(source)
 
 @pytest.mark.parametrize("serve", [MjpegServer, lambda: RtspServer(gradients())], ids=["http", "rtsp"])
 def test_a_stream_that_goes_away_comes_back(serve, monkeypatch):
-    monkeypatch.setattr(
-        "edgemap.runtime.inputs.cameras.webcam.READ_LIMIT_MS", 500
-    )  # RTSP's four attempts take it in full
+    # RTSP's four attempts take it in full.
+    monkeypatch.setattr("edgemap.runtime.inputs.cameras.webcam.PATIENCE_S", 0.5)
     # This process may be kept waiting by others, so only a driver that says so is a fault.
     patient = RecoveryRule(first_frame_limit_s=300.0, stall_limit_s=300.0)
     with serve() as server, LiveCamera(StreamDriver(server.url), rule=patient) as camera:
