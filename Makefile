@@ -135,7 +135,7 @@ audit:
 	test -x .audit/bin/pip-audit || { $(PYTHON) -m venv .audit && .audit/bin/python -m pip install -q pip-audit==2.10.1; }
 	.audit/bin/pip-audit -r constraints.txt --no-deps --disable-pip --strict --vulnerability-service $(ADVISORIES)
 
-# Camera faults, kills, sensors that lie, 100,000 fuzzed steps, a long day, an hour of rendered drive; one part alone: make reliability PARTS=fuzz; a tenth: SHARE=0.1
+# Kills, sensors that lie, 100,000 fuzzed steps with camera faults, a long day, an hour of rendered drive; one part alone: make reliability PARTS=fuzz; a tenth: SHARE=0.1
 PARTS ?=
 SHARE ?= 1
 SEED ?= 0

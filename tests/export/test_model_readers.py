@@ -8,9 +8,9 @@ from typing import Any
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from support import painted
 from support.mutations import MUTATED, mutated_bytes, mutated_json, mutated_rows, mutated_tree, refused_or
 from support.refusal import refused
-from support.tiny_bundle import write_tiny
 
 torch = pytest.importorskip("torch")
 
@@ -72,7 +72,7 @@ num=3
 @pytest.fixture(scope="module")
 def tiny(tmp_path_factory) -> tuple[dict[str, Any], bytes]:
     """Manifest and ONNX file of a valid bundle."""
-    folder = write_tiny(tmp_path_factory.mktemp("tiny"))
+    folder = painted.write_painted(tmp_path_factory.mktemp("tiny"), [("chair", 40.0, 30.0, 20.0, 24.0, 0.9)])
     return json.loads((folder / MANIFEST_NAME).read_text()), (folder / "backbone.onnx").read_bytes()
 
 

@@ -1,11 +1,13 @@
-"""Random clocks, from the device to the saved map: stamps that jump, stand or go back; two sensors in two clocks."""
+"""Random clocks and devices that fail, from the device to the saved map: stamps that jump, stand or go back; faults of
+every kind of camera; two sensors in two clocks."""
 
 import math
+from functools import partial
 from typing import Any
 
 import numpy as np
 import pytest
-from hypothesis import HealthCheck, Phase, given, settings
+from hypothesis import HealthCheck, Phase, example, given, settings
 from hypothesis import strategies as st
 from support.fuzzed_room import (
     FLOOR,
@@ -24,7 +26,7 @@ from support.live_camera import Clock
 
 from edgemap.geometry.camera.imu import ImuSamples
 from edgemap.geometry.se2 import SE2
-from edgemap.runtime.frames.camera import Camera, CameraInfo, Picture
+from edgemap.runtime.frames.camera import Camera, CameraInfo, CameraState, Picture
 from edgemap.runtime.frames.frame import Frame
 from edgemap.runtime.frames.trajectory import GrowingTrack, Trajectory
 from edgemap.runtime.inputs.cameras.checked import CheckedCamera
@@ -103,6 +105,57 @@ class Clocks:
         pass
 
 
+REASONS = (RuntimeError("USB\nreset"), OSError(19, "No such device"), MemoryError(), ValueError("?"))
+DEAD, WEDGED = "dead", "wedged"  # raises, or is silent, until it is opened again
+SPOILT = (
+    *REASONS,
+    DEAD,
+    WEDGED,
+    None,
+    "text",
+    (1.0, None),
+    (1.0, PICTURES[0][::2, ::2]),
+    (1.0, PICTURES[0].astype(np.float32)),
+)
+# Before which frames the device fails, with what grabs give or raise, and how often it then does not open.
+failures = st.dictionaries(
+    st.integers(1, LENGTH - 1),
+    st.tuples(st.lists(st.sampled_from(SPOILT), min_size=1, max_size=25), st.integers(0, 3)),
+    max_size=4,
+)
+
+
+class Failing(Clocks):
+    """The same, steady, which fails before some frames."""
+
+    def __init__(self, failing, resets, *more):
+        super().__init__(*more)
+        self._failing, self._resets, self._shut = {at: list(grabs) for at, (grabs, _) in failing.items()}, resets, 0
+        self._shuts = {at: times for at, (_, times) in failing.items()}
+
+    def open(self):
+        self._shut = self._shut or self._shuts.pop(self.number, 0)
+        if self._shut > 0:
+            self._shut -= 1
+            raise RuntimeError("failed to set power state")
+        spoilt = self._failing.get(self.number, [])
+        if spoilt and (spoilt[0] is DEAD or spoilt[0] is WEDGED):
+            del spoilt[0]
+        return self
+
+    def grab(self):
+        if spoilt := self._failing.get(self.number):
+            self.clock.wait(0.1)
+            what = spoilt[0] if spoilt[0] is DEAD or spoilt[0] is WEDGED else spoilt.pop(0)
+            if what is DEAD or isinstance(what, Exception):
+                raise REASONS[0] if what is DEAD else what
+            return None if what is WEDGED else what
+        return super().grab()
+
+    def reset(self):
+        return self._resets
+
+
 class Theirs(Camera):
     """Another package's camera, which delivers the device's stamps as they are."""
 
@@ -119,11 +172,12 @@ class Theirs(Camera):
         return Frame(0, stamp_s, image, imu=imu) if self._imu else frame
 
 
-def drive(drawn, begin_s, imu, live, placed, corners):
-    """One drive with these clocks through the real camera classes, front end and back end."""
+def drive(drawn, begin_s, imu, live, placed, corners, device_of=Clocks):
+    """One drive with these clocks through the real camera classes, front end and back end; the camera, and what is on
+    the map."""
     room, clock = Room(1), Clock()
     buffer = ImuBuffer(clock_s=clock) if imu and live else None
-    device: Any = Clocks(room, drawn, clock, begin_s, buffer)
+    device: Any = device_of(room, drawn, clock, begin_s, buffer)
     if live:
         camera = LiveCamera(device, FLOOR.intrinsics, FLOOR.mount, None, clock, clock.wait)
         camera = camera if buffer is None else ImuCamera(camera, buffer)
@@ -148,6 +202,7 @@ def drive(drawn, begin_s, imu, live, placed, corners):
         checked(result)
     assert checked.steps == len(drawn)
     checked.end()
+    return camera, checked
 
 
 @pytest.mark.parametrize("imu", [False, True])
@@ -156,6 +211,18 @@ def drive(drawn, begin_s, imu, live, placed, corners):
 @given(drives, st.sampled_from((5.0, 1.7e9, -5.0)), st.booleans(), followed)
 def test_any_clock_gives_a_map(live, imu, drawn, begin_s, placed, corners):
     drive(drawn, begin_s, imu, live, placed, corners)
+
+
+@settings(fuzz, max_examples=max(STEPS // LENGTH, 1))
+@example({5: (list(SPOILT), 0), 20: ([OSError()] * 25, 3)}, False, True, False)
+@given(failures, st.booleans(), st.booleans(), followed)
+def test_a_camera_that_fails_comes_back_and_its_map_stays(failing, resets, imu, corners):
+    """Whatever grabs raise and give, however often it does not open: every frame comes, and no object is lost."""
+    steady = [(0.1, 0.1, None)] * LENGTH
+    camera, checked = drive(steady, 5.0, imu, True, True, corners, partial(Failing, failing, resets))
+    assert camera.state is CameraState.RUNNING
+    raised = any(isinstance(what, Exception) for grabs, _ in failing.values() for what in grabs)
+    assert {"failed", "recovered"} <= checked.told or not raised
 
 
 RATE_HZ, IMU_HZ = 10.0, 100.0

@@ -6,14 +6,13 @@ from typing import Any, Protocol
 
 # Module name to one line. Each module has a function `run`, a `ReliabilityPart`.
 PARTS: dict[str, str] = {
-    "cameras": "random camera faults in runs of the demo",
     "kills": "kill -9 in the middle of a run",
     "day": "a day of driving, compressed",
     "hour": "an hour of driving through a rendered home",
     "lies": "poses, wheels, depth and IMU that lie, on three homes: named, and no wrong map is good",
     "honest": "honest poses, wheels, depth and IMU on 30 homes and real walks: nobody is accused",
     "readers": "damaged and hostile files: every reader on mutated files",
-    "fuzz": "random clocks, two clocks, headings and maps through the whole of a run",
+    "fuzz": "random camera faults, clocks, two clocks, headings and maps through the whole of a run",
 }
 
 

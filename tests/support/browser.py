@@ -112,9 +112,6 @@ class Page:
         """What it shows, as PNG."""
         return base64.b64decode(self.call("Page.captureScreenshot", format="png")["data"])
 
-    def screenshot(self, path: Path) -> None:
-        path.write_bytes(self.picture())
-
     def said(self, *methods: str) -> list[dict]:
         """What happened in this tab so far, of these kinds."""
         self.value("0")

@@ -141,7 +141,7 @@ XYZ = np.array(
 )
 WHITE = XYZ @ np.ones(3)
 APART = 25.0  # CIE 1976 colour difference; 2.3 is just noticeable side by side
-MODELS = Path(__file__).parents[2] / "models"
+MODELS = Path(__file__).parents[3] / "models"
 
 
 def linear(colour):
