@@ -10,7 +10,7 @@ from threading import Event
 from typing import TYPE_CHECKING, Any
 
 from edgemap.cli.guessed_camera import CameraKeeper
-from edgemap.cli.named_maps import FoundMap, PlaceFinder, find_place
+from edgemap.cli.named_maps import PlaceFinder, find_place
 from edgemap.cli.options import minimum_score
 from edgemap.cli.publishers import WatchGroup
 from edgemap.cli.run_options import RunOptions
@@ -110,21 +110,16 @@ def live_page(
 @contextmanager
 def living_map(
     place: MapPlace | None, mapper: Mapper, verdict: Callable[[], Verdict], finder: PlaceFinder | None = None
-) -> Iterator[Sequence[LivingMap | FoundMap]]:
+) -> Iterator[Sequence[LivingMap]]:
     """The sink that saves a map that lives back, while the block lasts. finder: of the place of `--map auto`. Raises
     DiskError or RunFolderError."""
     if finder is not None:
-        found = FoundMap(lambda: finder.path, verdict)
-        try:
-            yield [found]
-        finally:
-            found.release()
-        return
-    if place is None or not place.lives:
+        sink = LivingMap(lambda: finder.path, bool, verdict)
+    elif place is not None and place.lives:
+        sink = LivingMap(place.path, lambda: mapper.searching, verdict)
+    else:
         yield []
         return
-
-    sink = LivingMap(place.path, lambda: mapper.searching, verdict)
     try:
         yield [sink]
     finally:
@@ -212,9 +207,7 @@ class Run:
         found = load_edits(given) if given else read_edits(self.source.info.edits, f"{spec}: edits")
         return Edits(self.folder / "edits.jsonl", found)
 
-    def _drive_with(
-        self, page: OpenPage | None, stop: Event, edits: Edits, kept: Sequence[LivingMap | FoundMap]
-    ) -> None:
+    def _drive_with(self, page: OpenPage | None, stop: Event, edits: Edits, kept: Sequence[LivingMap]) -> None:
         camera, saved = self.options.camera, self.options.map.saved
         notifier, summary = ServiceNotifier(), RunSummary(self.floor.mount, self.mount_sources, self.carried)
         source = SearchRate(self.source, camera.rate) if camera.rate else self.source

@@ -5,21 +5,16 @@ from dataclasses import replace
 from pathlib import Path
 
 from edgemap.geometry.errors import MapError
-from edgemap.geometry.map_object import MapObject
 from edgemap.geometry.objects.annotations import Annotations
 from edgemap.geometry.objects.events import MapEvents
 from edgemap.geometry.objects.floor_map import FloorMap
 from edgemap.geometry.registration.alignment import Alignment, AlignmentError, aligning, realigned
-from edgemap.runtime.outputs.sinks.living_map import LivingMap
-from edgemap.runtime.outputs.verdict.verdict import Verdict
 from edgemap.runtime.step.config import Config
 from edgemap.runtime.step.grid_file import load_grid
 from edgemap.runtime.step.map_file import load_annotated_map
 from edgemap.runtime.step.map_store import maps_folder
 from edgemap.runtime.step.mapper import Mapper
 from edgemap.runtime.step.relocalisation import Relocaliser
-from edgemap.runtime.step.sinks import Sink
-from edgemap.runtime.step.slam import StepResult
 
 
 class PlaceFinder(Relocaliser):
@@ -92,43 +87,6 @@ class PlaceFinder(Relocaliser):
         self.edited, self.path = place.edited, self._folders[number]
         self._found(self)
         return self.alignment
-
-
-class FoundMap(Sink):
-    """The living map of the place, once that is known. path: its folder, None until then."""
-
-    def __init__(self, path: Callable[[], Path | None], verdict: Callable[[], Verdict]) -> None:
-        self.name, self._path, self._verdict = "map of the place", path, verdict
-        self._map: LivingMap | None = None
-
-    @property
-    def beside(self) -> str:
-        """As of the living map."""
-        return self._map.beside if self._map else ""
-
-    def write(self, result: StepResult, objects: list[MapObject]) -> None:
-        """Passes a step on. Raises DiskError, or RunFolderError where another run uses the map."""
-        if self._map is None and (path := self._path()) is not None:
-            self._map = LivingMap(path, bool, self._verdict)
-        if self._map is not None:
-            self._map.write(result, objects)
-
-    last = write
-
-    def edited(self, objects: list[MapObject], annotations: Annotations) -> None:
-        """Passes an edit on."""
-        if self._map is not None:
-            self._map.edited(objects, annotations)
-
-    def close(self) -> None:
-        """Saves it."""
-        if self._map is not None:
-            self._map.close()
-
-    def release(self) -> None:
-        """Unlocks it."""
-        if self._map is not None:
-            self._map.release()
 
 
 def find_place(mapper: Mapper) -> PlaceFinder:

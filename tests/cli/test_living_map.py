@@ -13,7 +13,7 @@ from support.refusal import one_line
 from support.rooms import content_of, furnished, mapped
 from support.steps import Steps
 
-from edgemap.cli.named_maps import FoundMap, find_place
+from edgemap.cli.named_maps import find_place
 from edgemap.cli.run_record import scale_source
 from edgemap.geometry.errors import MapError
 from edgemap.geometry.objects.annotations import Annotations, Level, MapIdentity, Zone
@@ -241,7 +241,7 @@ def test_the_place_is_the_map_that_fits_and_is_continued_with_its_names_and_zone
     before = {one.id: one for one in load_annotated_map(maps / "office")[0]}
     mapper = Mapper()
     finder = find_place(mapper)
-    sink = FoundMap(lambda: finder.path, lambda: Verdict("good"))
+    sink = LivingMap(lambda: finder.path, bool, lambda: Verdict("good"))
     for result, objects in go(mapper, ROOMS["office"], start_rad=2.0):
         sink.write(result, objects)
     sink.close()
@@ -260,7 +260,7 @@ def test_a_place_that_no_map_is_of_stays_unknown_and_no_map_changes(maps):
     texts = {path: path.read_bytes() for path in maps.glob("*/map.json")}
     mapper = Mapper()
     finder = find_place(mapper)
-    sink = FoundMap(lambda: finder.path, lambda: Verdict("good"))
+    sink = LivingMap(lambda: finder.path, bool, lambda: Verdict("good"))
     for result, objects in go(mapper, furnished(np.random.default_rng(13), 16, apart_m=0.8)):
         sink.write(result, objects)
     assert (finder.path, finder.searching) == (None, True)

@@ -23,18 +23,23 @@ from edgemap.runtime.step.slam import StepResult
 class LivingMap(Sink):
     """Writes `map.json` of a folder that several runs share, one after the other: objects, annotations, last pose.
 
-    searching: whether the robot is not yet relocalised in the map; nothing is written until then, so a run without
-    relocalisation leaves the map unchanged. verdict: on the run so far. While it is unreliable and the earlier map was
+    folder: or what gives it once it is known, which is asked and then opened by `write`. searching: whether the robot
+    is not yet relocalised in the map; nothing is written until then, so a run without relocalisation leaves the map
+    unchanged. verdict: on the run so far. While it is unreliable and the earlier map was
     not, that map stays, and this run's is written as `map.unreliable.json`. A new map takes the scale of a corrected
     lens height once, at the end. The folder is locked while the run lasts; `map.before.json` keeps the map of the run
     before. Raises DiskError where the folder cannot be made, RunFolderError where another run uses it.
     """
 
     def __init__(
-        self, folder: Path, searching: Callable[[], bool], verdict: Callable[[], Verdict] = lambda: Verdict("care")
+        self,
+        folder: Path | Callable[[], Path | None],
+        searching: Callable[[], bool],
+        verdict: Callable[[], Verdict] = lambda: Verdict("care"),
     ) -> None:
-        self.name = f"map {folder}"
-        self.path = folder / "map.json"
+        self.name = f"map {folder}" if isinstance(folder, Path) else "map of the place"
+        self.path = Path("map.json")
+        self._folder = folder
         self._searching, self._verdict = searching, verdict
         self._state: tuple[list[MapObject], Annotations, SE2, OccupancyGrid | None] | None = None
         self._saved_grid: tuple[OccupancyGrid, float] | None = None  # and its scale
@@ -42,12 +47,23 @@ class LivingMap(Sink):
         self._written: dict | None = None
         self._replaced = False  # the map of the runs before, which is kept once
         self._save_timer = StreamTimer(SAVE_EVERY_S)
-        self._lock: int | None = lock_folder(folder, "another run uses this map")
-        self._better = self._earlier_map()
+        self._lock: int | None = None
+        self._better: dict[Path, bytes] = {}
         self.beside = ""  # where this run's map was saved instead, in one line
+        if isinstance(folder, Path):
+            self._open(folder)
+
+    def _open(self, folder: Path) -> None:
+        self._lock = lock_folder(folder, "another run uses this map")
+        self.path = folder / "map.json"
+        self._better = self._earlier_map()
 
     def write(self, result: StepResult, objects: list[MapObject]) -> None:
-        """Save by the stream's time. Raises DiskError."""
+        """Save by the stream's time. Raises DiskError, or RunFolderError where another run uses the found folder."""
+        if self._lock is None and not isinstance(self._folder, Path):
+            if (found := self._folder()) is None:
+                return
+            self._open(found)
         self._state = (objects, result.annotations, result.pose_map_base, result.grid)
         self._scale = result.scale
         if self._save_timer.due(result.frame.stamp_s):
