@@ -14,7 +14,7 @@ from edgemap.geometry.objects.evaluation_row import STATES, EvaluationRow, State
 FOUND_M = 0.5  # from its true one, an object is found
 MINIMUM_FRAMES = 10  # seen in fewer, a true object is neither hit nor miss
 CONFIDENCE_BINS = (0.0, 0.5, 0.6, 0.7, 0.8, 0.9, 1.0)
-CONSISTENCY_M = 1.5  # farther from its true object, a mapped one is not used to judge covariances
+MISPLACED_M = 1.5  # farther from any true one, it is extra, and not used to judge covariances
 
 
 @dataclass(frozen=True, slots=True)
@@ -31,6 +31,9 @@ class TrueObject:
     on_floor: bool
     frames: int
     footprint_m: tuple[tuple[float, float], ...] = ()
+
+
+Pair = tuple[MapObject, TrueObject]
 
 
 def scored(truth: Sequence[TrueObject]) -> list[TrueObject]:
@@ -50,8 +53,11 @@ def score_map(objects: Sequence[MapObject], truth: Sequence[TrueObject]) -> dict
     labels = sorted({item.label for item in objects} | {item.label for item in truth})
     matches = {label: _match(label, objects, truth) for label in labels}
     figures = _figures(list(matches.values()))
-    figures["reliability"] = reliability([outcome for match in matches.values() for outcome in match.outcomes])
-    figures["per_class"] = {label: _figures([match]) for label, match in matches.items() if match.counts}
+    outcomes = [(item.confidence, True) for match in matches.values() for item, _ in match.found]
+    outcomes += [(item.confidence, False) for match in matches.values() for item in match.left]
+    figures["reliability"] = reliability(outcomes)
+    counted = {label: match for label, match in matches.items() if match.found or match.left or match.missed}
+    figures["per_class"] = {label: _figures([match]) for label, match in counted.items()}
     return figures
 
 
@@ -79,38 +85,37 @@ def reliability(outcomes: Sequence[tuple[float, bool]]) -> dict[str, Any]:
 
 @dataclass(frozen=True, slots=True)
 class _Match:
-    """Errors and coverage of the pairs found; mapped and true: how many count. nees and ellipses_m2: of every mapped
-    object near a true one. outcomes: confidence of every mapped object that counts, and whether it was matched."""
+    """One class, sorted out: pairs found; pairs with true objects seen too seldom; what is left of both; every mapped
+    object near a true one, with the nearest."""
 
-    errors_m: list[float]
-    covered: list[bool]
-    nees: list[float]
-    ellipses_m2: list[float]
-    outcomes: list[tuple[float, bool]]
-    mapped: int
-    true: int
-
-    @property
-    def counts(self) -> bool:
-        return self.mapped > 0 or self.true > 0
+    found: list[Pair]
+    unscored: list[Pair]
+    left: list[MapObject]
+    missed: list[TrueObject]
+    near: list[Pair]
 
 
 def _match(label: str, objects: Sequence[MapObject], truth: Sequence[TrueObject]) -> _Match:
     mapped = [item for item in objects if item.label == label]
     standing = [item for item in truth if item.label == label and item.on_floor]
-    wanted = scored(standing)
-    pairs = pairs_within(mapped, wanted, FOUND_M)
-    matched = {row for row, _ in pairs}
-    left = [item for row, item in enumerate(mapped) if row not in matched]
-    ignored = pairs_within(left, [item for item in standing if item.frames < MINIMUM_FRAMES], FOUND_M)
-    errors = [float(np.linalg.norm(_offset_m(mapped[row], wanted[column]))) for row, column in pairs]
-    covered = [_mahalanobis2(mapped[row], wanted[column]) <= CHI2_95 for row, column in pairs]
+    found, left, missed = _take(mapped, scored(standing), FOUND_M)
+    unscored, left, _ = _take(left, [item for item in standing if item.frames < MINIMUM_FRAMES], FOUND_M)
     near = [(item, real) for item in mapped if (real := _nearest(item, standing)) is not None]
-    nees = [_mahalanobis2(item, real) / 2.0 for item, real in near]
-    ellipses = [np.pi * CHI2_95 * float(np.sqrt(np.linalg.det(item.covariance_m2))) for item, _ in near]
-    unjudged = {id(left[row]) for row, _ in ignored}
-    outcomes = [(item.confidence, row in matched) for row, item in enumerate(mapped) if id(item) not in unjudged]
-    return _Match(errors, covered, nees, ellipses, outcomes, len(mapped) - len(ignored), len(wanted))
+    return _Match(found, unscored, left, missed, near)
+
+
+def _take(
+    mapped: list[MapObject], true: list[TrueObject], radius_m: float
+) -> tuple[list[Pair], list[MapObject], list[TrueObject]]:
+    """The pairs within the radius, and what is left of both."""
+    pairs = pairs_within(mapped, true, radius_m)
+    rows, columns = {row for row, _ in pairs}, {column for _, column in pairs}
+    left = [item for row, item in enumerate(mapped) if row not in rows]
+    return (
+        [(mapped[row], true[column]) for row, column in pairs],
+        left,
+        [item for column, item in enumerate(true) if column not in columns],
+    )
 
 
 def _offset_m(item: MapObject, real: TrueObject) -> NDArray[np.float64]:
@@ -125,7 +130,7 @@ def _mahalanobis2(item: MapObject, real: TrueObject) -> float:
 def _nearest(item: MapObject, standing: list[TrueObject]) -> TrueObject | None:
     """The nearest true object, None where all are farther than 1.5 m."""
     nearest = min(standing, key=lambda real: np.linalg.norm(_offset_m(item, real)), default=None)
-    return nearest if nearest and np.linalg.norm(_offset_m(item, nearest)) <= CONSISTENCY_M else None
+    return nearest if nearest and np.linalg.norm(_offset_m(item, nearest)) <= MISPLACED_M else None
 
 
 def pairs_within(mapped: list[MapObject], true: list[TrueObject], radius_m: float) -> list[tuple[int, int]]:
@@ -140,11 +145,14 @@ def pairs_within(mapped: list[MapObject], true: list[TrueObject], radius_m: floa
 
 
 def _figures(matches: list[_Match]) -> dict[str, Any]:
-    errors = [error for match in matches for error in match.errors_m]
-    covered = [inside for match in matches for inside in match.covered]
-    nees = [value for match in matches for value in match.nees]
-    ellipses = [area for match in matches for area in match.ellipses_m2]
-    mapped, true = sum(match.mapped for match in matches), sum(match.true for match in matches)
+    found = [pair for match in matches for pair in match.found]
+    near = [pair for match in matches for pair in match.near]
+    errors = [float(np.linalg.norm(_offset_m(*pair))) for pair in found]
+    covered = [_mahalanobis2(*pair) <= CHI2_95 for pair in found]
+    nees = [_mahalanobis2(*pair) / 2.0 for pair in near]
+    ellipses = [np.pi * CHI2_95 * float(np.sqrt(np.linalg.det(item.covariance_m2))) for item, _ in near]
+    mapped = len(found) + sum(len(match.left) for match in matches)
+    true = len(found) + sum(len(match.missed) for match in matches)
     return {
         "precision": _share(len(errors), mapped),
         "recall": _share(len(errors), true),
@@ -164,9 +172,6 @@ def _share(part: int, whole: int) -> float | None:
     return round(part / whole, 4) if whole else None
 
 
-MISPLACED_M = 1.5
-
-
 def evaluation_rows(objects: Sequence[MapObject], truth: Sequence[TrueObject]) -> list[EvaluationRow]:
     """A row for each mapped object and for each true one that counts; ordered by state, then label.
 
@@ -175,35 +180,17 @@ def evaluation_rows(objects: Sequence[MapObject], truth: Sequence[TrueObject]) -
     """
     rows: list[EvaluationRow] = []
     for label in sorted({item.label for item in objects} | {item.label for item in truth}):
-        mapped = [item for item in objects if item.label == label]
-        standing = [item for item in truth if item.label == label and item.on_floor]
-        wanted = scored(standing)
-        seldom = [item for item in standing if item.frames < MINIMUM_FRAMES]
-        mapped, wanted = _take(rows, "found", mapped, wanted, FOUND_M)
-        mapped, _ = _take(rows, "unscored", mapped, seldom, FOUND_M)
-        mapped, wanted = _take(rows, "misplaced", mapped, wanted, MISPLACED_M)
-        rows += [EvaluationRow("missed", label, None, _place(item), footprint_m=item.footprint_m) for item in wanted]
-        rows += [EvaluationRow("extra", label, item.id) for item in mapped]
+        match = _match(label, objects, truth)
+        misplaced, extra, missed = _take(match.left, match.missed, MISPLACED_M)
+        pairs: dict[State, list[Pair]] = {"found": match.found, "unscored": match.unscored, "misplaced": misplaced}
+        rows += [_row(state, *pair) for state, found in pairs.items() for pair in found]
+        rows += [
+            EvaluationRow("missed", label, None, (item.x_m, item.y_m), footprint_m=item.footprint_m) for item in missed
+        ]
+        rows += [EvaluationRow("extra", label, item.id) for item in extra]
     return sorted(rows, key=lambda row: (STATES.index(row.state), row.label))
 
 
-def _take(
-    rows: list[EvaluationRow], state: State, mapped: list[MapObject], true: list[TrueObject], radius_m: float
-) -> tuple[list[MapObject], list[TrueObject]]:
-    """Pair what lies within the radius, add the pairs to the rows; what is left of both."""
-    pairs = pairs_within(mapped, true, radius_m)
-    for row, column in pairs:
-        item, real = mapped[row], true[column]
-        off = item.position_m - _place(real)
-        covered = bool(off @ np.linalg.solve(item.covariance_m2, off) <= CHI2_95)
-        error_m = float(np.linalg.norm(off))
-        rows.append(EvaluationRow(state, item.label, item.id, _place(real), error_m, covered, real.footprint_m))
-    used_rows, used_columns = {row for row, _ in pairs}, {column for _, column in pairs}
-    return (
-        [item for index, item in enumerate(mapped) if index not in used_rows],
-        [item for index, item in enumerate(true) if index not in used_columns],
-    )
-
-
-def _place(item: TrueObject) -> tuple[float, float]:
-    return (item.x_m, item.y_m)
+def _row(state: State, item: MapObject, real: TrueObject) -> EvaluationRow:
+    error_m, covered = float(np.linalg.norm(_offset_m(item, real))), _mahalanobis2(item, real) <= CHI2_95
+    return EvaluationRow(state, item.label, item.id, (real.x_m, real.y_m), error_m, covered, real.footprint_m)
