@@ -8,7 +8,7 @@ from edgemap.geometry.errors import MapError
 from edgemap.geometry.objects.annotations import Annotations
 from edgemap.geometry.objects.events import MapEvents
 from edgemap.geometry.objects.floor_map import FloorMap
-from edgemap.geometry.registration.alignment import Alignment, AlignmentError, aligning, realigned
+from edgemap.geometry.registration.alignment import Alignment, AlignmentError, aligning
 from edgemap.runtime.step.config import Config
 from edgemap.runtime.step.grid_file import load_grid
 from edgemap.runtime.step.map_file import load_annotated_map
@@ -35,8 +35,9 @@ class PlaceFinder(Relocaliser):
             self._maps.append(place)
         everything = [item for place in self._maps for item in (*place.saved, *place.annotations.vanished)]
         self.run_map = FloorMap.after(everything, config.association, config.loop_closure)
-        self._registration = replace(self._registration, chance=self._registration.chance / max(len(folders), 1))
-        self._comparison: Generator[None, None, dict[int, Alignment]] | None = None
+        rule = replace(config.registration, chance=config.registration.chance / max(len(folders), 1))
+        for place in self._maps:
+            place.run_map, place._registration = self.run_map, rule
 
     @property
     def zones(self) -> Annotations:
@@ -46,47 +47,28 @@ class PlaceFinder(Relocaliser):
     @property
     def searching(self) -> bool:
         """Whether the place is not known yet."""
-        return self.path is None and self.alignment is None
+        return self.alignment is None
 
-    def align(self) -> Alignment | None:
-        """The alignment with the map of the place, in the one call that finds it."""
-        if not self.searching or (self._comparison is None and not self._is_due()):
-            return None
-        self._comparison = self._comparison or self._compare()
-        try:
-            next(self._comparison)
-        except StopIteration as end:
-            self._comparison = None
-            return self._choose(end.value)
-        return None
-
-    def _compare(self) -> Generator[None, None, dict[int, Alignment]]:
-        """The alignments that are accepted, by the map's number, a bounded unit of work at each step."""
+    def _search(self) -> Generator[None, None, Alignment]:
+        """The alignment with the one map that is accepted."""
         fits, seen = dict[int, Alignment](), self.run_map.objects()
         for number, place in enumerate(self._maps):
             yield
             try:
-                fits[number] = yield from aligning(place.saved, seen, self._registration, self._grids(place.grid))
+                fits[number] = yield from aligning(place.saved, seen, place._registration, place._grids)
             except AlignmentError as error:
                 self.reason = f"{self._folders[number].name}: {error}"
-        return fits
-
-    def _choose(self, fits: dict[int, Alignment]) -> Alignment | None:
+        self._frames = 0  # the next comparison comes as long after this one's end
         if len(fits) != 1:
-            self.reason = f"{' and '.join(self._folders[at].name for at in fits)} both fit" if fits else self.reason
-            return None
-        ((number, alignment),) = fits.items()
+            both = " and ".join(self._folders[number].name for number in fits)
+            raise AlignmentError(f"{both} both fit" if fits else self.reason)
+        ((number, found),) = fits.items()
         place = self._maps[number]
-        try:
-            seen, grids = self.run_map.objects(), self._grids(place.grid)
-            self.alignment = realigned(alignment, place.saved, seen, self._registration, grids)
-        except AlignmentError as error:
-            self.reason = f"{self._folders[number].name}: {error}"
-            return None
+        alignment = place._as_it_is_now(found)
         self.saved, self.annotations, self.grid = place.saved, place.annotations, place.grid
         self.edited, self.path = place.edited, self._folders[number]
         self._found(self)
-        return self.alignment
+        return alignment
 
 
 def find_place(mapper: Mapper) -> PlaceFinder:

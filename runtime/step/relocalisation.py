@@ -58,12 +58,11 @@ class Relocaliser:
         if self._work is None:
             if self._guesses and (alignment := self._guessed()):
                 return alignment
-            self._work = aligning(self.saved, self.run_map.objects(), self._registration, self._grids(self.grid))
+            self._work = self._search()
         try:
             next(self._work)
         except StopIteration as end:
-            self._work = None
-            self.alignment = self._as_it_is_now(end.value)
+            self._work, self.alignment = None, end.value
         except AlignmentError as error:
             self._work, self.reason = None, str(error)
         return self.alignment
@@ -71,22 +70,24 @@ class Relocaliser:
     def _guessed(self) -> Alignment | None:
         try:
             seen = self.run_map.objects()
-            self.alignment = aligned_near(self._guesses, self.saved, seen, self._registration, self._grids(self.grid))
+            self.alignment = aligned_near(self._guesses, self.saved, seen, self._registration, self._grids)
         except AlignmentError as error:
             self.reason = str(error)
         return self.alignment
 
-    def _as_it_is_now(self, alignment: Alignment) -> Alignment | None:
-        """The map of this run has grown and moved since the work began."""
-        try:
-            return realigned(alignment, self.saved, self.run_map.objects(), self._registration, self._grids(self.grid))
-        except AlignmentError as error:
-            self.reason = str(error)
-            return None
+    def _search(self) -> Generator[None, None, Alignment]:
+        """The alignment, a bounded unit of work at each step. Raises AlignmentError."""
+        found = yield from aligning(self.saved, self.run_map.objects(), self._registration, self._grids)
+        return self._as_it_is_now(found)
 
-    def _grids(self, saved: OccupancyGrid | None) -> Grids:
-        """The grids that are compared: a saved map's, and that of this run so far."""
-        return saved, self.run_map.grid
+    def _as_it_is_now(self, alignment: Alignment) -> Alignment:
+        """The map of this run has grown and moved since the work began. Raises AlignmentError."""
+        return realigned(alignment, self.saved, self.run_map.objects(), self._registration, self._grids)
+
+    @property
+    def _grids(self) -> Grids:
+        """The grids that are compared: the saved map's, and that of this run so far."""
+        return self.grid, self.run_map.grid
 
     def _is_due(self) -> bool:
         """While a search is unfinished, and when there are more or better objects than at the last attempt."""

@@ -217,9 +217,9 @@ def live_tf_poses(node: Node, where: str, offset_s: Callable[[], float]) -> Call
 
 def matrix_of_pose(pose: SE2) -> Array:
     """A planar pose as (4, 4)."""
-    cosine, sine = np.cos(pose.yaw_rad), np.sin(pose.yaw_rad)
-    turned = np.array([[cosine, -sine, 0.0], [sine, cosine, 0.0], [0.0, 0.0, 1.0]])
-    return pose_of(turned, np.array([pose.x_m, pose.y_m, 0.0]))
+    matrix = np.eye(4)
+    matrix[np.ix_([0, 1, 3], [0, 1, 3])] = pose.matrix()
+    return matrix
 
 
 def _child(step: Any) -> str:

@@ -1,15 +1,24 @@
 """Reads any MCAP file of ROS 2 messages, complete or cut off: its topics, and messages in order of time."""
 
-import struct
 from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from functools import partial
 from io import SEEK_END
 from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
-from edgemap.bridges.ros2.messages.definitions import FIELDS, decoder
+from edgemap.bridges.ros2.messages.definitions import DAMAGE
 from edgemap.bridges.ros2.recordings.facts import RECORD, TRUTH_FILE, WHEEL_FILE
-from edgemap.bridges.ros2.recordings.reading import SECOND_NS, Reading, SplitReading, SqliteReading, Topic, short
+from edgemap.bridges.ros2.recordings.reading import (
+    SECOND_NS,
+    Reading,
+    SplitReading,
+    SqliteReading,
+    Topic,
+    decoded,
+    short,
+)
 from edgemap.runtime.frames.errors import CameraError
 from edgemap.runtime.frames.extras import need
 from edgemap.runtime.frames.reading import one_line
@@ -41,10 +50,10 @@ class McapReading(Reading):
         try:
             if start != MAGIC:
                 raise CameraError(f"{path}: not an MCAP recording ({size} bytes)")
-            self._index = self._guarded_call(self._read_index) if self.complete else None
-            if self._index is None:
-                for _ in self._guarded(self._scan()):
-                    pass
+            with self._guarded():
+                self._index = self._read_index() if self.complete else None
+                if self._index is None:
+                    self._scan()
         except CameraError:
             self.close()
             raise
@@ -54,28 +63,23 @@ class McapReading(Reading):
 
         Raises CameraError at damage, and at a message that is not CDR with a `ros2msg` definition.
         """
-        for schema, channel, message in self._guarded(self._raw(topic)):
-            decoder = self._decoder(topic, schema, channel)
-
-            def decode(decoder: Any = decoder, data: bytes = message.data) -> Any:
-                return self._guarded_call(decoder, data)
-
-            yield message.log_time, decode
+        with self._guarded():
+            for schema, channel, message in self._raw(topic):
+                kind = self._kind(topic, schema, channel)
+                yield message.log_time, partial(decoded, self.path, topic, kind, message.data)
 
     def close(self) -> None:
         """Close the file."""
         self._stream.close()
 
-    def _decoder(self, topic: str, schema: Any, channel: Any) -> Callable[[bytes], Any]:
+    def _kind(self, topic: str, schema: Any, channel: Any) -> str:
         if channel.message_encoding != "cdr" or schema is None or schema.encoding != "ros2msg":
             how = f"{channel.message_encoding or 'unnamed'}/{schema.encoding if schema else 'no schema'}"
             raise CameraError(f"{self.path}: {topic} is encoded as {one_line(how)}, edgemap reads cdr/ros2msg")
         kind = short(schema.name)
-        if kind not in FIELDS:
-            raise CameraError(f"{self.path}: {topic} is {one_line(kind)}, a kind that edgemap does not read")
         if kind != self.topics[topic].kind:
             raise CameraError(f"{self.path}: {topic} is {self.topics[topic].kind} and {kind}; a topic has one kind")
-        return decoder(kind)
+        return kind
 
     def _raw(self, topic: str) -> Iterator[tuple[Any, Any, Any]]:
         from mcap.reader import NonSeekingReader
@@ -107,7 +111,7 @@ class McapReading(Reading):
             self._keep(record)
         return reader
 
-    def _scan(self) -> Iterator[None]:
+    def _scan(self) -> None:
         """Reads a file without index through: topics and their counts, metadata, attachments."""
         from mcap.records import Channel, Message, Schema
         from mcap.stream_reader import StreamReader
@@ -124,7 +128,6 @@ class McapReading(Reading):
                     self._topic(channels[record.channel_id], schemas).count += 1
                 else:
                     self._keep(record)
-                yield
 
     def _topic(self, channel: Any, schemas: dict[int, Any]) -> Topic:
         if not channel.topic.isprintable():
@@ -152,18 +155,14 @@ class McapReading(Reading):
             if self.complete:
                 raise
 
-    def _guarded(self, items: Iterator[Any]) -> Iterator[Any]:
+    @contextmanager
+    def _guarded(self) -> Iterator[None]:
         damage = _damage()
         try:
-            yield from items
+            yield
         except damage as error:
-            raise CameraError(f"{self.path}: damaged recording ({_what(error)})") from None
-
-    def _guarded_call(self, function: Callable[..., Any], *arguments: Any) -> Any:
-        try:
-            return function(*arguments)
-        except _damage() as error:
-            raise CameraError(f"{self.path}: damaged recording ({_what(error)})") from None
+            what = one_line(f"{type(error).__name__} {error}")
+            raise CameraError(f"{self.path}: damaged recording ({what})") from None
 
 
 def _damage() -> tuple[type[Exception], ...]:
@@ -171,22 +170,7 @@ def _damage() -> tuple[type[Exception], ...]:
     from mcap.exceptions import McapError
     from zstandard import ZstdError
 
-    return (
-        McapError,
-        ZstdError,
-        struct.error,
-        ValueError,
-        LookupError,
-        RuntimeError,
-        OverflowError,
-        MemoryError,
-        EOFError,
-        OSError,
-    )
-
-
-def _what(error: Exception) -> str:
-    return one_line(f"{type(error).__name__} {error}")
+    return (McapError, ZstdError, *DAMAGE, MemoryError, EOFError, OSError)
 
 
 def open_reading(path: Path) -> Reading:
