@@ -104,8 +104,8 @@ def test_a_confirmed_or_named_object_is_not_forgotten():
             there = SE2(0.3 + 0.2 * (index % 2), 0.0, 0.0)
             mapper.step(observed(index, [], replace(exact([SE2()])[0], motion=place.inverse() @ there), nothing))
             place = there
-        left[edit and edit.do] = [item.id for item in mapper.objects()]
-    assert left == {None: [], "confirm": ["chair-1"], "name": ["chair-1"]}
+        left[edit and edit.do] = [(item.id, item.history[-1].what) for item in mapper.objects()]
+    assert left == {None: [], "confirm": [("chair-1", "missed")], "name": [("chair-1", "missed")]}
 
 
 def test_what_was_edited_is_kept_by_the_map_and_by_later_runs(tmp_path):

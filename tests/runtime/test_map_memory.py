@@ -6,19 +6,16 @@ import numpy as np
 import pytest
 from support.drives import exact, observed, sighted
 from support.rooms import mapped
-from support.seen import CAMERA
 
 from edgemap.geometry.grid.occupancy_grid import OccupancyGrid
 from edgemap.geometry.objects.annotations import Annotations
 from edgemap.geometry.objects.events import Edit
-from edgemap.geometry.objects.forgetting import Forgetter
-from edgemap.geometry.observations.detections import Detections
 from edgemap.geometry.se2 import SE2
 from edgemap.runtime.step import wall_clock
 from edgemap.runtime.step.map_file import load_annotated_map, save_map
 from edgemap.runtime.step.map_memory import MapMemory
 from edgemap.runtime.step.mapper import Mapper
-from edgemap.runtime.step.wall_clock import ClockReading, WallClock, stream_clock, utc_text
+from edgemap.runtime.step.wall_clock import ClockReading, WallClock, stream_clock
 
 NOON = 1.8e9
 FREE_FLOOR = OccupancyGrid(np.full((200, 200), -60, np.int8), -5.0, -5.0, 0.05)
@@ -210,20 +207,6 @@ def test_a_persons_edits_and_a_shift_are_in_the_history_and_a_loop_closure_is_no
     assert [(event.what, event.by) for event in shown.history] == [
         ("appeared", "sensor"), ("named", "person"), ("moved", "sensor"),
     ]  # fmt: skip
-
-
-def test_a_named_object_that_is_not_in_its_place_stays_and_says_so():
-    mapper = Mapper(forgetter=Forgetter(CAMERA))
-    drive(mapper, [("chair", 2.0, 0.0)], NOON)
-    mapper.edit(Edit("name", "chair-1", name="mine"))
-    place, nothing = SE2(), Detections.none(("chair",))
-    for index in range(20, 120):
-        there = SE2(0.3 + 0.2 * (index % 2), 0.0, 0.0)
-        mapper.step(observed(index, [], replace(exact([SE2()])[0], motion=place.inverse() @ there), nothing))
-        place = there
-    (chair,) = mapper.objects()
-    assert [event.what for event in chair.history] == ["appeared", "named", "missed"]
-    assert utc_text(chair.last_seen) == "2027-01-15T08:00:02Z"
 
 
 def test_the_id_of_what_has_vanished_is_not_given_again():

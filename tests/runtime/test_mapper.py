@@ -254,14 +254,19 @@ def test_of_objects_told_with_0_9_nine_in_ten_are_real():
 
 
 def test_a_motion_without_a_picture_follows_the_pose():
-    """Two of them, after a turn: both are in the frame of the pose before."""
+    """Two of them, after a turn: both are in the frame of the pose before, which is less and less certain."""
     mapper, turned, ahead = Mapper(), SE2(1.0, 0.5, 0.8), SE2(0.3, 0.1, 0.2)
     for index, motion in enumerate(exact([SE2(), turned])):
         mapper.step(observed(index, [], motion))
-    for count in (1, 2):
-        pose, _ = mapper.step_blind(Motion(ahead))
-        expected = turned @ ahead if count == 1 else turned @ ahead @ ahead
+    traces = [0.0]
+    for expected in (turned @ ahead, turned @ ahead @ ahead):
+        pose, covariance = mapper.step_blind(Motion(ahead, 1e-4 * np.eye(3)))
         assert pose.vector() == pytest.approx(expected.vector())
+        traces.append(covariance.trace())
+    assert traces == sorted(set(traces))
+    next_one = mapper.step(observed(2, [], Motion(ahead, 1e-4 * np.eye(3))))
+    assert next_one.pose_map_base.vector() == pytest.approx((expected @ ahead).vector())
+    assert next_one.pose_covariance.trace() > traces[-1]
 
 
 WILD = st.one_of(

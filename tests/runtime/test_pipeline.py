@@ -8,7 +8,7 @@ from support import painted
 from support.drives import exact, observed, round_trip, sighted
 from support.made_camera import MadeCamera, raising
 from support.noise import noise
-from support.rooms import content_of, furnished
+from support.rooms import furnished
 from support.tum import read_tum
 
 from edgemap.geometry.camera.floor import FloorCamera
@@ -16,7 +16,7 @@ from edgemap.geometry.camera.intrinsics import Intrinsics
 from edgemap.geometry.camera.mount import Mount
 from edgemap.geometry.paper.paper_map import PaperMap
 from edgemap.geometry.se2 import SE2
-from edgemap.runtime.frames.errors import CameraError, RunFolderError
+from edgemap.runtime.frames.errors import CameraError
 from edgemap.runtime.frames.frame import Frame
 from edgemap.runtime.frames.trajectory import Trajectory
 from edgemap.runtime.motion.odometry.protocol import Motion
@@ -124,32 +124,6 @@ def test_an_unknown_failure_keeps_the_map_too(bundle, tmp_path):
     with pytest.raises(ZeroDivisionError):
         run(memory(50, raising(7, ZeroDivisionError())), pipeline(bundle), [sink])
     assert load_map(tmp_path / "run")[0].count == 7
-
-
-def test_the_same_frames_give_the_same_map(bundle, tmp_path):
-    for name in ("a", "b"):
-        run(memory(30), pipeline(bundle), [RunFolder(tmp_path / name, FLOOR, {})])
-    assert content_of(tmp_path / "a") == content_of(tmp_path / "b")
-    assert (tmp_path / "a" / "sightings.jsonl").read_bytes() == (tmp_path / "b" / "sightings.jsonl").read_bytes()
-
-
-def test_one_sink_that_fails_to_close_does_not_keep_the_others_from_saving(bundle, tmp_path):
-    class Full:
-        name = "full"
-
-        def write(self, result, objects):
-            pass
-
-        def fault(self, fault):
-            pass
-
-        def close(self):
-            raise RunFolderError("disk full")
-
-    with pytest.raises(RunFolderError, match="disk full"):
-        run(memory(5), pipeline(bundle), [Full(), RunFolder(tmp_path / "run", FLOOR, {})])
-    assert load_map(tmp_path / "run")[0].count == 5
-    assert json.loads((tmp_path / "run" / "run.json").read_text())["finished"]
 
 
 ROOM = furnished(np.random.default_rng(5), 12, apart_m=1.0)

@@ -4,42 +4,20 @@ import json
 import subprocess
 import sys
 
-import numpy as np
 import pytest
 from support.small_disk import fill
-from support.steps import Steps
+from support.steps import Listener, Steps
 
 from edgemap.geometry.camera.floor import FloorCamera
 from edgemap.geometry.camera.intrinsics import Intrinsics
 from edgemap.geometry.camera.mount import Mount
-from edgemap.geometry.se2 import SE2
 from edgemap.runtime.frames.errors import DiskError, RunFolderError
 from edgemap.runtime.frames.faults import FaultKind
-from edgemap.runtime.motion.odometry.protocol import Motion
 from edgemap.runtime.outputs.sinks.run_folder import RunFolder
 from edgemap.runtime.step.map_file import load_map
-from edgemap.runtime.step.mapper import Mapper
 from edgemap.runtime.step.sinks import SinkGroup
 
 FLOOR = FloorCamera(Intrinsics(320, 240, 250.0, 250.0, 159.5, 119.5), Mount.from_degrees(0.6, 11.5))
-
-
-class Told:
-    """A sink that keeps the faults that it is told of."""
-
-    name = "told"
-
-    def __init__(self):
-        self.faults = []
-
-    def write(self, result, objects):
-        pass
-
-    def fault(self, fault):
-        self.faults.append(fault)
-
-    def close(self):
-        pass
 
 
 DISK_KIB = 192  # holds the picture of the mount, the map twice, and the lines
@@ -47,13 +25,8 @@ DISK_KIB = 192  # holds the picture of the mount, the map twice, and the lines
 
 def told_beside(folder):
     """A run folder in the group that a run makes of its sinks, and the faults told there."""
-    told = Told()
+    told = Listener()
     return SinkGroup([RunFolder(folder, FLOOR, {}), told]), told.faults
-
-
-def drive(sinks, steps, count):
-    for _ in range(count):
-        sinks.write(*steps.next())
 
 
 def stamps(path):
@@ -103,14 +76,14 @@ def test_of_many_runs_at_once_one_gets_the_folder(tmp_path):
 
 def test_a_full_disk_costs_no_step_and_saving_resumes(small_disk):
     (files, told), steps = told_beside(small_disk / "run"), Steps()
-    drive(files, steps, 20)
+    steps.into(files, 20)
     hog = fill(small_disk)
-    drive(files, steps, 60)
+    steps.into(files, 60)
     assert len(told) == 1
     assert "cannot be written (No space left on device); the run goes on" in told[0].text
     assert load_map(small_disk / "run")  # the one before is whole
     hog.unlink()
-    drive(files, steps, 20)
+    steps.into(files, 20)
     assert len(told) == 2
     assert told[1].kind is FaultKind.OUTPUT_RESTORED
     files.close()
@@ -123,9 +96,9 @@ def test_a_full_disk_costs_no_step_and_saving_resumes(small_disk):
 
 def test_a_read_only_disk_is_told_and_the_last_save_fails_with_a_code_of_its_own(small_disk):
     (files, told), steps = told_beside(small_disk / "run"), Steps()
-    drive(files, steps, 5)
+    steps.into(files, 5)
     subprocess.run(["mount", "-o", "remount,ro", str(small_disk)], check=True)
-    drive(files, steps, 20)
+    steps.into(files, 20)
     assert len(told) == 1
     assert "Read-only file system" in told[0].text
     with pytest.raises(DiskError, match="Read-only file system") as caught:
@@ -139,34 +112,16 @@ def test_a_folder_that_vanishes_is_made_again_where_its_place_is_there(tmp_path)
     place = tmp_path / "stick"
     place.mkdir()
     (files, told), steps = told_beside(place / "run"), Steps()
-    drive(files, steps, 5)
+    steps.into(files, 5)
     shutil.rmtree(place)
-    drive(files, steps, 20)
+    steps.into(files, 20)
     assert len(told) == 1
     assert "is gone" in told[0].text
     place.mkdir()
-    drive(files, steps, 20)
+    steps.into(files, 20)
     files.close()
     assert [objects.label for objects in load_map(place / "run")] == ["chair", "couch"]
     assert stamps(place / "run")[-1] == pytest.approx(4.4)
-
-
-def test_without_frames_the_pose_goes_on_the_covariance_grows_and_the_map_stays():
-    steps = Steps()
-    for _ in range(5):
-        result, objects = steps.next()
-    mapper: Mapper = steps.mapper
-    before, sizes = result.pose_map_base, []
-    for i in range(1, 4):
-        pose, covariance = mapper.step_blind(Motion(SE2(0.2, 0.0, 0.0), 1e-4 * i * np.eye(3)))
-        assert pose.x_m == pytest.approx(before.x_m + 0.2 * i)
-        sizes.append(covariance.trace())
-    assert sizes == sorted(sizes)
-    assert sizes[0] > result.pose_covariance.trace()
-    assert [item.id for item in mapper.objects()] == [item.id for item in objects]
-    result, _ = steps.next()
-    assert result.pose_map_base.x_m == pytest.approx(before.x_m + 0.6 + 0.05)
-    assert result.pose_covariance.trace() > sizes[-1]
 
 
 @pytest.mark.parametrize("name", ["run.json", "trajectory.tum", "sightings.jsonl"])

@@ -7,7 +7,7 @@ import pytest
 from support.faults import kinds, texts
 from support.recordings import FACTS, drain
 from support.small_disk import fill
-from support.steps import Steps
+from support.steps import Listener, Steps
 
 from edgemap.bridges.ros2.recordings.recorder import Recorder, RecordingSink
 from edgemap.runtime.frames.errors import DiskError, OdometryError
@@ -16,34 +16,6 @@ from edgemap.runtime.step.sinks import SinkGroup
 from edgemap.view.page import LivePage
 
 DISK_KIB = 2048
-
-
-class Listener:
-    """Keeps what it is given; fails in the steps of `bad`, with `error`."""
-
-    def __init__(self, name="listener", bad=(), error: BaseException | None = None):
-        self.name, self.bad, self.error = name, bad, error
-        self.frames, self.faults, self.closed = [], [], False
-
-    def write(self, result, objects):
-        if self.error is not None and result.frame.index in self.bad:
-            raise self.error
-        self.frames.append(result.frame.index)
-
-    def fault(self, fault):
-        if self.error is not None:
-            raise self.error
-        self.faults.append(fault)
-
-    def close(self):
-        self.closed = True
-        if self.error is not None:
-            raise self.error
-
-
-def write(sinks, steps, count):
-    for _ in range(count):
-        sinks.write(*steps.next())
 
 
 @pytest.mark.parametrize(
@@ -57,7 +29,7 @@ def write(sinks, steps, count):
 def test_a_sink_that_fails_is_told_once_and_gets_every_later_result(error, text):
     bad, good = Listener("MQTT", range(2, 7), error), Listener()
     sinks = SinkGroup([bad, good])
-    write(sinks, Steps(), 10)
+    Steps().into(sinks, 10)
     assert good.frames == list(range(10))
     assert bad.frames == [0, 1, 7, 8, 9]
     assert kinds(good.faults) == ["output", "output_restored"]
@@ -72,7 +44,7 @@ def test_a_sink_that_fails_is_told_once_and_gets_every_later_result(error, text)
 
 
 def test_an_unknown_failure_keeps_its_traceback_in_the_log(caplog):
-    write(SinkGroup([Listener("ROS 2", range(10), TypeError("a bug"))]), Steps(), 3)
+    Steps().into(SinkGroup([Listener("ROS 2", range(10), TypeError("a bug"))]), 3)
     (record,) = [record for record in caplog.records if record.levelname == "ERROR"]
     assert record.exc_info[0] is TypeError
 
@@ -84,7 +56,7 @@ def test_a_page_whose_server_is_gone_costs_no_step(tmp_path):
     page, listener = LivePage({}, tmp_path), Listener()
     sinks, steps = SinkGroup([page, listener]), Steps()
     page.wake_once(gone)
-    write(sinks, steps, 3)
+    steps.into(sinks, 3)
     assert listener.frames == [0, 1, 2]
     assert listener.faults[0].text == "live page: RuntimeError: Event loop is closed; the run goes on"
 
@@ -92,13 +64,13 @@ def test_a_page_whose_server_is_gone_costs_no_step(tmp_path):
 def test_a_recording_goes_on_in_the_same_file_once_the_disk_has_room(small_disk):
     path, listener, steps = small_disk / "a.mcap", Listener(), Steps(64, 48)
     sinks = SinkGroup([RecordingSink(lambda: Recorder(path, FACTS, lossless=True)), listener])
-    write(sinks, steps, 60)
+    steps.into(sinks, 60)
     hog = fill(small_disk)
-    write(sinks, steps, 120)
+    steps.into(sinks, 120)
     full = f"{path}: cannot be written (No space left on device)"
     assert texts(listener.faults) == f"recording a.mcap: {full}; the run goes on"
     hog.unlink()
-    write(sinks, steps, 20)
+    steps.into(sinks, 20)
     sinks.close()
     assert len(listener.frames) == 200
     assert kinds(listener.faults) == ["output", "output_restored"]
@@ -112,9 +84,9 @@ def test_a_recording_goes_on_in_the_same_file_once_the_disk_has_room(small_disk)
 def test_a_recording_whose_end_the_disk_does_not_take_is_good_up_to_its_last_chunk(small_disk):
     path, steps = small_disk / "a.mcap", Steps(64, 48)
     sinks = SinkGroup([RecordingSink(lambda: Recorder(path, FACTS, lossless=True))])
-    write(sinks, steps, 100)
+    steps.into(sinks, 100)
     fill(small_disk)
-    write(sinks, steps, 100)
+    steps.into(sinks, 100)
     with pytest.raises(DiskError, match="No space left") as caught:
         sinks.close()
     assert caught.value.exit_code == 4
@@ -125,12 +97,12 @@ def test_a_recording_whose_end_the_disk_does_not_take_is_good_up_to_its_last_chu
 def test_a_recording_begins_again_where_its_folder_vanished_and_is_back(tmp_path):
     path, listener, steps = tmp_path / "stick" / "a.mcap", Listener(), Steps(64, 48)
     sinks = SinkGroup([RecordingSink(lambda: Recorder(path, FACTS, lossless=True)), listener])
-    write(sinks, steps, 20)
+    steps.into(sinks, 20)
     shutil.rmtree(path.parent)
-    write(sinks, steps, 100)
+    steps.into(sinks, 100)
     assert "cannot be written (No such file or directory)" in listener.faults[0].text
     path.parent.mkdir()
-    write(sinks, steps, 20)
+    steps.into(sinks, 20)
     sinks.close()
     assert kinds(listener.faults) == ["output", "output_restored"]
     with open_camera(str(path)) as camera:

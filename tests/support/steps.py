@@ -24,6 +24,29 @@ NAMES = ("chair", "couch", "person")
 THINGS = (("chair", 3.0, 1.0), ("couch", 4.0, -1.5))  # label and place on the map, metres
 
 
+class Listener:
+    """A sink that keeps what it is given; fails in the steps of `bad`, with `error`."""
+
+    def __init__(self, name="listener", bad=(), error: BaseException | None = None):
+        self.name, self.bad, self.error = name, bad, error
+        self.frames, self.faults, self.closed = [], [], False
+
+    def write(self, result, objects):
+        if self.error is not None and result.frame.index in self.bad:
+            raise self.error
+        self.frames.append(result.frame.index)
+
+    def fault(self, fault):
+        if self.error is not None:
+            raise self.error
+        self.faults.append(fault)
+
+    def close(self):
+        self.closed = True
+        if self.error is not None:
+            raise self.error
+
+
 class Steps:
     """Drives straight ahead by 5 cm a step past a chair and a couch; a person stands by, boxed and never mapped."""
 

@@ -59,14 +59,6 @@ def test_a_live_device_brings_depth_beside_its_pictures(recording):
     assert all(any(shows(depth, room) for room in rooms) for depth in depths)
 
 
-def test_a_recording_without_depth_brings_none(realsense_recording):
-    path, pictures, _ = realsense_recording
-    with open_camera(f"realsense:{path}") as camera:
-        frames = recordings.drain(camera)
-    assert len(frames) == len(pictures)
-    assert all(frame.depth is None for frame in frames)
-
-
 def test_a_drive_brings_its_depth_and_goes_on_past_what_is_damaged(tmp_path):
     (tmp_path / "images").mkdir()
     (tmp_path / "depth").mkdir()

@@ -11,8 +11,7 @@ from support.rtsp import RtspServer, gradients
 
 from edgemap.geometry.camera.intrinsics import Intrinsics
 from edgemap.runtime.frames.camera import Driver, RecoveryRule
-from edgemap.runtime.frames.errors import CameraError, CameraFault, CameraState, FrameTimeout
-from edgemap.runtime.frames.faults import FaultKind
+from edgemap.runtime.frames.errors import CameraError, CameraState, FrameTimeout
 from edgemap.runtime.inputs.cameras.live import LiveCamera
 from edgemap.runtime.inputs.cameras.webcam import StreamDriver
 from edgemap.runtime.inputs.open import open_camera
@@ -74,20 +73,6 @@ def test_a_slow_reader_gets_the_newest_and_none_twice(source):
         second = camera.read()
         assert (second.index, second.stamp_s) == (1, 1.0)
     assert source.closed == 1
-
-
-def test_a_failing_grab_is_a_fault_and_the_next_frame_comes(source):
-    with LiveCamera(source, rule=PATIENT) as camera:
-        source.put(1.0)
-        assert camera.read().stamp_s == 1.0
-        source.items.put(MemoryError("cannot allocate"))
-        with pytest.raises(CameraFault, match=r"fake: stopped delivering \(MemoryError: cannot allocate\)") as caught:
-            camera.read()
-        assert caught.value.kind is FaultKind.FAILED
-        source.put(1.1)
-        with pytest.raises(CameraFault, match=r"delivers again after \d+\.\d s \(opened 0 times, reset 0 times\)"):
-            camera.read()
-        assert camera.read().index == 1
 
 
 def test_a_read_without_a_frame_comes_back_soon(source):

@@ -32,6 +32,7 @@ def test_every_frame_comes_back_bit_exact_in_order(realsense_recording):
     assert (lens.fx, lens.fy, lens.cx, lens.cy) == (615.2, 615.4, 321.1, 239.7)
     assert lens.distortion.is_identity
     assert [frame.index for frame in frames] == list(range(60))
+    assert all(frame.depth is None for frame in frames)
     np.testing.assert_allclose([frame.stamp_s for frame in frames], stamps, atol=1e-6)
     for frame, picture in zip(frames, pictures, strict=True):
         np.testing.assert_array_equal(frame.image[..., ::-1], picture)
