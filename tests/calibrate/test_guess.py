@@ -43,9 +43,10 @@ def boxes_of(mount, places):
     return Detections(np.array(corners)[rows], np.full(len(rows), 0.9), np.array(kinds)[rows], NAMES)
 
 
-@pytest.mark.parametrize(("height_m", "pitch_deg", "share"), [(1.1, 20.0, 0.15), (0.4, 6.0, 0.4)])
+@pytest.mark.parametrize(("height_m", "pitch_deg", "share"), [(1.1, 20.0, 0.15), (0.4, 6.0, 0.4), (0.4, 6.0, 0.0)])
 def test_furniture_of_usual_size_shows_height_and_pitch(height_m, pitch_deg, share):
-    """A low lens that looks far hardly tells its pitch from its height."""
+    """A low lens that looks far hardly tells its pitch from its height. share: of the height's error, 0 where it is
+    given."""
     random, mount = np.random.default_rng(3), Mount.from_degrees(height_m, pitch_deg)
     scenes = [
         boxes_of(mount, [(int(random.integers(3)), random.uniform(1.5, 5.0), random.uniform(-1.5, 1.5))])
@@ -53,24 +54,13 @@ def test_furniture_of_usual_size_shows_height_and_pitch(height_m, pitch_deg, sha
     ]
     scenes = [scene for scene in scenes if len(scene.boxes)][:40]
     rest = iter(scenes)
-    guess = guess_camera([GREY] * len(scenes), lambda _: next(rest), LENS)
+    given_m = None if share else height_m
+    guess = guess_camera([GREY] * len(scenes), lambda _: next(rest), LENS, height_m=given_m)
     assert guess.lens is LENS
+    assert (guess.height_sigma == 0.0) == ("as given" in guess.lines()[1]) == (share == 0.0)
     assert guess.mount.height_m == pytest.approx(height_m, rel=share)
     assert math.degrees(guess.mount.pitch_rad) == pytest.approx(pitch_deg, abs=3.0)
     assert guess.record()["height_sigma_share"] == guess.height_sigma  # as a replay weighs it
-
-
-def test_a_given_height_stays_and_leaves_the_pitch_to_be_guessed():
-    height_m, pitch_deg = 0.4, 6.0
-    random, mount = np.random.default_rng(3), Mount.from_degrees(height_m, pitch_deg)
-    places = [(int(random.integers(3)), random.uniform(1.5, 5.0), random.uniform(-1.5, 1.5)) for _ in range(120)]
-    scenes = [scene for scene in (boxes_of(mount, [place]) for place in places) if len(scene.boxes)][:40]
-    rest = iter(scenes)
-    guess = guess_camera([GREY] * len(scenes), lambda _: next(rest), LENS, height_m=height_m)
-    assert (guess.mount.height_m, guess.height_sigma) == (height_m, 0.0)
-    assert math.degrees(guess.mount.pitch_rad) == pytest.approx(pitch_deg, abs=3.0)
-    assert guess.record()["height_sigma_share"] == 0.0
-    assert "as given" in guess.lines()[1]
 
 
 def test_a_camera_on_a_head_is_reported_as_carried_with_a_height_that_covers_the_truth(shared_data):

@@ -3,10 +3,7 @@
 import json
 import re
 import signal
-import subprocess
-import sys
 import tomllib
-import xml.etree.ElementTree as ElementTree
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -79,15 +76,6 @@ def test_shards_share_the_homes():
     assert sorted(home for part in parts for home in part) == list(homes_of("3:14", None)) == list(range(3, 14))
 
 
-def test_without_the_extra_one_line_names_it(monkeypatch):
-    from edgemap.runtime.frames.errors import MissingExtraError
-    from edgemap.runtime.inputs.open import open_camera
-
-    monkeypatch.setitem(sys.modules, "moderngl", None)
-    with pytest.raises(MissingExtraError, match=r"^sim:3 needs moderngl: .*pip install .*\[simulation\]'$"):
-        open_camera("sim:3")
-
-
 CHAIR = {
     "id": "chair-1", "label": "chair", "x_m": 1.0, "y_m": 2.0, "covariance_m2": [[0.01, 0.0], [0.0, 0.02]],
     "width_m": 0.5, "height_m": 0.9, "count": 7, "confidence": 0.9, "first_seen_s": 0.0, "last_seen_s": 3.0,
@@ -111,20 +99,6 @@ def test_the_lens_of_a_camera_file_is_doubted_as_a_given_one(capsys, tmp_path):
     with open_described(str(tmp_path), None) as camera:
         known_lens(camera, "60,60,32,24")
     assert capsys.readouterr().err == ""
-
-
-def test_map_show_draws_without_matplotlib(tmp_path):
-    """As on a robot with the base install."""
-    (tmp_path / "map.json").write_text(json.dumps({"format": "edgemap.map/1", "frame": "map", "objects": [CHAIR]}))
-    drawn = [str(tmp_path / name) for name in ("map.png", "map.svg")]
-    code = (
-        "import sys\nsys.modules['matplotlib'] = None\nfrom edgemap.cli import main\n"
-        f"for path in {drawn}:\n    main(['map', 'show', {str(tmp_path)!r}, '--out', path])"
-    )
-    result = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
-    assert result.returncode == 0, result.stderr
-    assert all(f"1 objects; drawn in {path}" in result.stdout for path in drawn)
-    assert "chair-1" in " ".join(ElementTree.parse(tmp_path / "map.svg").getroot().itertext())
 
 
 def test_a_configuration_of_strange_keys_and_values_is_one_short_line(capsys, tmp_path):

@@ -243,25 +243,6 @@ def test_a_recording_that_cannot_be_ended_leaves_the_map_and_names_its_folder(
     assert load_map(out)[0].count > 0
 
 
-def write_video(path, count=40):
-    writer = cv2.VideoWriter(str(path), cv2.VideoWriter.fourcc(*"mp4v"), 10.0, (64, 64))
-    scene = np.random.default_rng(0).integers(0, 255, (64, 64, 3), dtype=np.uint8)
-    for _ in range(count):
-        writer.write(scene)
-    writer.release()
-
-
-def test_a_video_that_ends_early_keeps_the_map(edgemap, painted_bundle, tmp_path):
-    write_video(tmp_path / "whole.avi")
-    data = (tmp_path / "whole.avi").read_bytes()
-    (tmp_path / "cut.avi").write_bytes(data[: len(data) // 2])
-    flags = ("--bundle", painted_bundle, "--mount", "1,0", "--intrinsics", "50,50,31.5,31.5", "--out")
-    assert edgemap("run", "--camera", tmp_path / "whole.avi", *flags, tmp_path / "a").returncode == 0
-    line = one_line(edgemap("run", "--camera", tmp_path / "cut.avi", *flags, tmp_path / "b"))
-    assert "40" in line
-    assert 3 <= load_map(tmp_path / "b")[0].count < 40
-
-
 def test_ctrl_c_ends_cleanly_with_map_and_report(painted_bundle, pictures, tmp_path):
     out = tmp_path / "run"
     (pictures / "camera.yaml").write_text((pictures / "camera.yaml").read_text().replace("fps: 10.0", "fps: 0.5"))

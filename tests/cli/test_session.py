@@ -309,16 +309,6 @@ def test_errors_name_a_parameter_that_exists(painted_bundle, options, words):
     assert named <= set(inspect.signature(edgemap_api.open).parameters)
 
 
-def test_a_saved_map_goes_on(painted_bundle, tmp_path):
-    options = {"intrinsics": LENS, "mount": MOUNT, "bundle": painted_bundle}
-    with edgemap_api.open(frames=noise(16), **options) as session:
-        list(session)
-    session.save(tmp_path / "map.json")
-    with edgemap_api.open(frames=noise(1), map=tmp_path / "map.json", **options) as later:
-        next(later)
-        assert later.slam.mapper.relocaliser.saved
-
-
 @pytest.mark.parametrize("start", [(1.0, -2.0, 0.5), SE2(1.0, -2.0, 0.5), "1,-2,28.64788975654116", "dock"])
 def test_a_saved_map_goes_on_at_a_stated_pose(painted_bundle, tmp_path, start):
     options = {"intrinsics": LENS, "mount": MOUNT, "bundle": painted_bundle}

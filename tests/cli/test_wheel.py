@@ -6,6 +6,7 @@ import sys
 import zipfile
 from importlib.metadata import distribution
 from pathlib import Path
+from xml.etree import ElementTree
 
 import pytest
 from packaging.requirements import Requirement
@@ -60,6 +61,9 @@ def test_the_robot_runs_detects_and_benches(robot, painted_bundle, pictures, tmp
 
     edgemap("run", "--camera", pictures, "--bundle", painted_bundle, "--out", tmp_path / "run")
     assert json.loads((tmp_path / "run" / "map.json").read_text())["objects"][0]["id"] == "chair-1"
+    for name in ("map.png", "map.svg"):  # without matplotlib
+        assert f"1 objects; drawn in {name}" in edgemap("map", "show", tmp_path / "run", "--out", name)
+    assert "chair-1" in " ".join(ElementTree.parse(tmp_path / "map.svg").getroot().itertext())
     flags = ("--bundle", painted_bundle, "--camera-file", pictures / "camera.yaml", "--json")
     assert json.loads(edgemap("detect", pictures / "0.png", *flags))[0]["detections"]
     figures = json.loads(
@@ -74,6 +78,7 @@ def test_a_missing_extra_is_named(robot, painted_bundle, pictures, tmp_path):
         command = [robot, "-m", "edgemap.cli", *map(str, arguments)]
         return one_line(subprocess.run(command, capture_output=True, text=True, check=False, cwd=tmp_path))
 
+    assert "[simulation]" in refusal("run", "--camera", "sim:3", "--out", tmp_path / "sim")
     assert "[export]" in refusal("export", "--backbone", "yolov3-tiny", "-o", tmp_path / "b")
     flags = ("--bundle", painted_bundle, "--camera-file", pictures / "camera.yaml", "--plot", tmp_path / "p")
     assert "[plot]" in refusal("detect", pictures / "0.png", *flags)

@@ -44,16 +44,6 @@ def test_a_frame_that_looks_at_the_sky_sees_no_floor_and_is_no_error():
     assert camera.at(Attitude(math.pi, math.pi / 2, EXACT)).mount.roll_rad < math.pi / 2
 
 
-def test_the_attitudes_covariance_reaches_the_floor():
-    mount, pixel = Mount.from_degrees(0.3, 0.0), [[319.5, 299.5]]
-    # d = h / tan(a) with tan(a) = 0.1 gives 3 m; its slope is -(d^2 + h^2) / h = -30.3 m per radian.
-    sigma = math.radians(0.5)
-    camera = FloorCamera(PLAIN, mount).at(Attitude(0.0, 0.0, np.diag([0.0, sigma**2])))
-    own, shared = floor_covariances(camera, pixel, [[0.0, 0.0]], FloorNoise(0.0, 0.0))
-    assert math.sqrt(own[0, 0, 0]) == pytest.approx(30.3 * sigma, rel=1e-3)
-    assert np.abs(shared).max() == 0.0
-
-
 def test_the_attitudes_covariance_reaches_the_floor_beside_the_axis_as_sampling_has_it():
     """Roll and pitch that err together, for a pixel below and to the right of the middle."""
     mount, pixel, rng = Mount.from_degrees(0.5, 10.0), [[500.0, 400.0]], np.random.default_rng(0)

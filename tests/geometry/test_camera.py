@@ -119,11 +119,6 @@ def test_floor_projection_is_opencvs_projection_of_the_same_scene():
     np.testing.assert_allclose(camera.floor_points(pixels.reshape(-1, 2)), floor[:, :2], atol=1e-6)
 
 
-def test_horizon_row_by_hand():
-    camera = FloorCamera(PLAIN, Mount.from_degrees(0.6, 10.0))
-    assert camera.horizon_row() == pytest.approx(239.5 - 585.0 * math.tan(math.radians(10.0)))
-
-
 @given(mounts, st.floats(0, 639))
 def test_horizon_row_parts_floor_from_sky(mount, column):
     camera = FloorCamera(PLAIN, mount)

@@ -44,15 +44,6 @@ def dining_frames(placed, frames=40, seed=0):
         yield [placed("chair", x + rng.normal(0, 0.06), y + rng.normal(0, 0.06), frame) for x, y in visible]
 
 
-def test_the_papers_rule_merges_four_dining_chairs(placed):
-    chairs = PaperMap()
-    for sightings in dining_frames(placed):
-        chairs.update(sightings)
-    (merged,) = chairs.objects()
-    assert merged.id == "chair-1"
-    assert merged.position_m == pytest.approx([2.35, 0.0], abs=0.05)
-
-
 @pytest.mark.parametrize("seed", range(5))
 def test_ours_keeps_four_dining_chairs_apart(placed, seed):
     chairs = FloorMap()

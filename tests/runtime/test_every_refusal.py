@@ -23,7 +23,6 @@ from edgemap.runtime.frames.errors import BundleError, CameraError
 from edgemap.runtime.frames.reading import one_line, read_bytes
 from edgemap.runtime.inputs.cameras.pictures import VideoCamera
 from edgemap.runtime.inputs.drives import open_drive
-from edgemap.runtime.inputs.drives.camera_yaml import read_camera_yaml
 from edgemap.runtime.inputs.drives.pictures import list_pictures, read_picture
 from edgemap.runtime.inputs.drives.sensor_csv import read_wheel_csv
 from edgemap.runtime.network.engines import open_onnxruntime
@@ -137,26 +136,6 @@ def test_a_file_that_would_be_a_folder_too_is_one_line(tmp_path, monkeypatch):
     folder = with_sums(tmp_path / "b", {"x": EMPTY, "x/y": EMPTY})
     (folder / "x").write_bytes(b"")
     refused(BundleError, install_folder, folder)
-
-
-LENS = "{width: 640, height: 480, fx: 587.0, fy: 587.0, cx: 319.5, cy: 239.5"
-
-
-@pytest.mark.parametrize(
-    ("text", "words"),
-    [
-        (LENS + ", calibration: !!python/object:os.system {}}", "could not determine a constructor"),
-        ("a: &a [x]\nb: [*a, *a]", "an alias"),
-        ("{" * 5000, "not YAML"),
-        ("a: " + "9" * 5000, "not YAML"),
-        (LENS + ", distortion: {model: brown_conrady, coefficients: [1,2,3,4,5,6]}}", "coefficients"),
-        (LENS.replace("640", "100000") + "}", "width`, found 100000"),
-        ("", "Expected `object`"),
-    ],
-)
-def test_camera_files(tmp_path, text, words):
-    (tmp_path / "camera.yaml").write_text(text)
-    assert words in refused(CameraError, read_camera_yaml, tmp_path / "camera.yaml")
 
 
 def test_wheels_that_jump_or_leave_the_world(tmp_path):

@@ -1,6 +1,5 @@
 """The server as any program meets it: who is let in, what is sent, and what a slow or rude viewer does to others."""
 
-import json
 import socket
 import threading
 from contextlib import ExitStack, suppress

@@ -16,7 +16,7 @@ from edgemap.geometry.camera.imu import ImuSamples
 from edgemap.geometry.camera.intrinsics import Intrinsics
 from edgemap.geometry.camera.mount import Mount
 from edgemap.geometry.se2 import SE2
-from edgemap.runtime.frames.camera import Camera, CameraInfo, CameraOptions, next_frame
+from edgemap.runtime.frames.camera import Camera, CameraOptions, next_frame
 from edgemap.runtime.frames.errors import CameraError
 from edgemap.runtime.frames.program_camera import FramesCamera, PushedCamera
 from edgemap.runtime.frames.trajectory import Trajectory
@@ -165,21 +165,6 @@ def test_pacing_waits_for_each_stamp_and_drops_nothing(tmp_path):
     assert [camera.read().index, camera.read().index] == [2, 3]
     assert waits == pytest.approx([0.07])
     assert camera.read() is None
-
-
-def test_a_paced_camera_knows_all_that_the_camera_behind_it_knows():
-    class Knowing(Camera):
-        def object_records(self):
-            return [{"id": "chair-1"}]
-
-    with open_camera("demo") as camera, open_camera("demo", CameraOptions(realtime=True)) as paced:
-        assert isinstance(paced, PacedCamera)
-        assert isinstance(paced, Camera)
-        assert paced.info.name == camera.info.name
-        assert paced.info.truth.poses == camera.info.truth.poses
-        assert str(paced.info.wheel).endswith("wheel.csv")
-        assert paced.object_records() is None
-    assert PacedCamera(Knowing(CameraInfo("sim"))).object_records() == [{"id": "chair-1"}]
 
 
 def test_a_wrapper_shows_what_changes_later():

@@ -240,6 +240,13 @@ def test_without_a_pose_the_depth_camera_is_where_the_lens_is(tmp_path):
         ("fps: 10.0", f"{DEPTH}, quaternion_xyzw: [0, 0, 0, 0.9]}}", "quaternion_xyzw has length 0.9000, expected 1"),
         ("fps: 10.0", f"{DEPTH}, position_m: [0, .nan, 0]}}", r"\$\.depth\.position_m\[1\]`, found nan"),
         ("{width", "{{width", "not YAML"),
+        ("{width", "{" * 5000 + "width", "not YAML"),
+        ("fx: 587.0", "fx: " + "9" * 5000, "not YAML"),
+        ("fps: 10.0", "calibration: !!python/object:os.system {}", "could not determine a constructor"),
+        ("fps: 10.0", "a: &a [x], b: [*a, *a]", "an alias"),
+        ("model: none, coefficients: []", "model: brown_conrady, coefficients: [1,2,3,4,5,6]", "coefficients"),
+        ("width: 640", "width: 100000", "width`, found 100000"),
+        (TEXT, "", "Expected `object`"),
     ],
 )
 def test_what_cannot_be_is_one_line_with_the_path(tmp_path, old, new, text):
