@@ -42,7 +42,7 @@ class PicturesRule:
     window: WindowRule = field(default_factory=WindowRule)
     carried: CarriedRule = field(default_factory=CarriedRule)  # for a carried camera, and for one on wheels
     # Standard deviation of a track at the working width; larger than a track's error in one picture, because such
-    # errors last.
+    # errors last. Measured depths hold a carried camera as its mount holds a robot: it is then as small.
     track_px: tuple[float, float] = (0.5, 1.0)
     # A picture becomes a keyframe where the tracks have moved by this much since the last one, the rotation aside.
     parallax_px: tuple[float, float] = (8.0, 15.0)
@@ -142,7 +142,7 @@ class WindowOdometry:
         self._tracker.mark_floor(self._camera, prior.floor)
         first, self._first, self._seen_s = self._first, False, frame.stamp_s
         if not self._tracker.follows:
-            self._tracker.seek(self.judged.share * self._graph.unmeasured())
+            self._tracker.seek(self._by_tracks_alone())
             self._begin(self._camera_pose(), self._factors(prior.attitude, gyro))
             if first:
                 self._coasting.begin(frame.stamp_s)
@@ -156,10 +156,10 @@ class WindowOdometry:
         pose, weight = self._track(start, gyro is None, factors)
         if surprised := weight < self._rule.least_weight:
             pose, weight = self._surprised(pose, weight, factors)
-        self._tracker.seek(self.judged.share * self._graph.unmeasured())
+        self._tracker.seek(self._by_tracks_alone())
         if weight < self._rule.least_weight:
             return self._started_again(frame, start, factors)
-        pair = self._held(self._rule.track_px), self._held(self._rule.parallax_px)
+        pair = self._held(self._rule.track_px, self._by_tracks_alone()), self._held(self._rule.parallax_px)
         self._graph.step(pose, factors, *self._tracks(), *pair, surprised or self.judged.carried)
         step = self._by_window()
         if not step.checked(self.name).measured:  # no track ties the picture to those before
@@ -327,10 +327,14 @@ class WindowOdometry:
             slip_m=self._rolling.slip_m(self._motion) if self.judged.on_wheels and not self._skipped else math.inf,
         )
 
-    def _held(self, pair: tuple[float, float]) -> float:
-        """A value between a robot's and a carried camera's."""
+    def _by_tracks_alone(self) -> float:
+        """`Carried.share` times the share of the corners whose depths are not measured."""
+        return self.judged.share * self._graph.unmeasured()
+
+    def _held(self, pair: tuple[float, float], share: float | None = None) -> float:
+        """A value between a robot's and a carried camera's. share: of the latter; by default `Carried.share`."""
         robot, carried = pair
-        return robot * (carried / robot) ** self.judged.share
+        return robot * (carried / robot) ** (self.judged.share if share is None else share)
 
     def _camera_pose(self) -> LensPose:
         """The pose of the camera on its mount, above the origin."""
