@@ -11,7 +11,7 @@ from edgemap.geometry.slam.loop_hypotheses import Pairing, certain_pairings
 from edgemap.geometry.slam.object_landmarks import Landmark
 from edgemap.geometry.slam.pose_graph import PoseGraph, Snapshot
 
-Closure = Generator[None, None, "tuple[Solution, bool] | None"]
+Closure = Generator[None, None, "tuple[Solution, Array, bool] | None"]
 
 Evidence = frozenset[tuple[int, int, int]]  # of a hypothesis: its links, and how often each later landmark was observed
 
@@ -28,8 +28,8 @@ class LoopSearch:
 
     def closure(self) -> Closure:
         """Links landmarks of one object and solves the graph; revokes links that do not fit. Yields after every unit of
-        work; until the end no landmark and no keyframe may leave the graph. Returns the solution and whether links
-        changed, None without links.
+        work; until the end no landmark and no keyframe may leave the graph. Returns the solution, the covariances of
+        its poses (K, 3, 3) and whether links changed, None without links.
         """
         graph = self.graph
         before, groups = dict(graph.links), graph.groups()
@@ -62,9 +62,8 @@ class LoopSearch:
             after = yield from at.solved(graph.links, PLAIN)
         self.accepted += len(graph.links) - len(before)
         yield
-        after.state_covariances()
-        yield
-        return after, graph.links != before
+        covariances = yield from after.pose_covariances()
+        return after, covariances, graph.links != before
 
     def _hypothesis(
         self,

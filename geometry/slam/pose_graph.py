@@ -267,20 +267,22 @@ class PoseGraph:
             self.rule.freedom,
         )
 
-    def correct(self, solution: Solution, relinked: bool, now_s: float) -> TrajectoryCorrection | None:
-        """Moves poses and landmarks to the solution. Where links are as before and no pose moves by more than its
-        standard deviation, only covariances change and the result is None. relinked: whether links changed; poses move
-        then in any case. now_s: stamp of the frame of the last motion, s."""
+    def correct(
+        self, solution: Solution, covariances: Array, relinked: bool, now_s: float
+    ) -> TrajectoryCorrection | None:
+        """Moves poses and landmarks to the solution, with its poses' covariances (K, 3, 3). Where links are as before
+        and no pose moves by more than its standard deviation, only covariances change and the result is None. relinked:
+        whether links changed; poses move then in any case. now_s: stamp of the frame of the last motion, s."""
         poses = solution.poses
         before = self.trajectory.vectors()[: len(poses)]
-        sigmas = np.sqrt(np.diagonal(solution.pose_covariances, axis1=1, axis2=2))
+        sigmas = np.sqrt(np.diagonal(covariances, axis1=1, axis2=2))
         moved = poses - before
         moved[:, 2] = np.angle(np.exp(1j * moved[:, 2]))
         if not relinked and (np.abs(moved) <= sigmas).all():
-            self.trajectory.set_poses(before, solution.pose_covariances, now_s)
+            self.trajectory.set_poses(before, covariances, now_s)
             return None
         self._biases = solution.biases
-        correction = self.trajectory.set_poses(poses, solution.pose_covariances, now_s)
+        correction = self.trajectory.set_poses(poses, covariances, now_s)
         self.place(list(self.landmarks.all.values()))
         return correction
 

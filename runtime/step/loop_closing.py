@@ -61,8 +61,8 @@ class LoopCloser:
         if solved is None:
             return None
         before = graph.trajectory.pose
-        solution, relinked = solved
-        past = graph.correct(solution, relinked, now_s)
+        solution, covariances, relinked = solved
+        past = graph.correct(solution, covariances, relinked, now_s)
         if past is None:
             return None
         pose = graph.trajectory.pose
