@@ -207,6 +207,15 @@ def test_a_picture_that_errs_in_yaw_leaves_the_gyro_alone():
     )  # it may be as wrong as it is in yaw
 
 
+def test_a_gyro_that_is_not_confirmed_has_no_weight_beside_the_camera():
+    """A late one says that the robot rests as it begins to turn."""
+    hybrid = fusing(camera=Scripted(motion(0.0, 1.0), motion(0.1, 0.01, 0.1)), gyro=GyroOdometry())
+    rotation = GyroRotation(np.eye(3), 0.0, 0.001, proved=False)
+    attitude = replace(Attitude(0.0, 0.0, np.zeros((2, 2))), rotation=rotation)
+    found = [hybrid.step(at(index / 10), {}, FramePrior(attitude)) for index in range(2)][1]
+    assert found.motion.yaw_rad == pytest.approx(0.1, abs=1e-4)
+
+
 def test_its_heading_is_held_to_the_room_that_the_edges_show():
     """A yaw that errs by 0.5 degrees a step, 30 degrees after 60, in a room that is seen every fifth."""
     headings = {}

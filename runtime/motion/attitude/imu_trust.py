@@ -92,8 +92,8 @@ class ImuTrust:
 
     @property
     def proved(self) -> bool:
-        """Whether the odometry has confirmed the gyro's yaw and still does."""
-        return self._yaw.state is Trust.TRUSTED and not self._yaw.doubted
+        """Whether the odometry has confirmed the gyro's yaw, enough of it to show a delay, and still does."""
+        return self._judge.conclusive and self._yaw.state is Trust.TRUSTED and not self._yaw.doubted
 
     @property
     def follows_gravity(self) -> bool:

@@ -17,6 +17,7 @@ from edgemap.runtime.motion.odometry.protocol import (
     first_motion,
     no_motion,
 )
+from edgemap.runtime.motion.trust import UNPROVEN
 from edgemap.runtime.network.network import Tensors
 
 UNKNOWN_M = 10.0  # standard deviation of a step's translation
@@ -72,6 +73,6 @@ class GyroOdometry:
 
 def yaw_motion(rotation: GyroRotation) -> Motion:
     """A gyro's rotation as a motion of unknown translation."""
-    unproved_rad = 0.0 if rotation.proved else rotation.yaw_rad  # its sign and scale are not confirmed yet
-    variances = UNKNOWN_M**2, UNKNOWN_M**2, rotation.sigma_rad**2 + unproved_rad**2
+    unproved = 0.0 if rotation.proved else UNPROVEN[2]  # it may be late, and its sign and scale wrong
+    variances = UNKNOWN_M**2, UNKNOWN_M**2, rotation.sigma_rad**2 + unproved
     return Motion(SE2(0.0, 0.0, rotation.yaw_rad), np.diag(variances))
