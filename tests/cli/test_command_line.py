@@ -56,7 +56,6 @@ def test_run_has_few_flags_and_doctor_knows_every_extra_and_every_package_of_it(
     with pytest.raises(SystemExit):
         main(["run", "--help"])
     flags = set(re.findall(r"^. (?:-\w [A-Z]+, )?--(\w[\w-]*)", capsys.readouterr().out, re.MULTILINE)) - {"help"}
-    print(f"edgemap run: {len(flags)} flags: {', '.join(sorted(flags))}")
     assert set(CONTRACT.split()) <= flags
     assert len(flags) <= LIMIT
     project = tomllib.loads((Path(__file__).parents[2] / "pyproject.toml").read_text())["project"]

@@ -25,17 +25,6 @@ def test_what_rolls_has_no_lateral_part(length_m, yaw_rad):
     assert abs(ROLLING.lateral_m(arc(length_m, yaw_rad))) < 1e-12
 
 
-def test_the_axle_is_learnt_from_turns():
-    rolling, rng = ROLLING, np.random.default_rng(0)
-    before = abs(rolling.lateral_m(arc(0.05, 0.1, 0.2)))
-    for yaw_rad in rng.uniform(-0.1, 0.1, 60).tolist():
-        seen = rolling.lateral_m(arc(0.03, yaw_rad, 0.2)) + rng.normal(0.0, 0.003)
-        rolling = rolling.learnt(seen, 0.003**2, yaw_rad)
-    assert rolling.axle_m == pytest.approx(0.2, abs=0.02)
-    assert before > 0.015
-    assert abs(rolling.lateral_m(arc(0.05, 0.1, 0.2))) < 0.002
-
-
 def test_a_straight_way_teaches_no_axle():
     assert ROLLING.learnt(0.05, 1e-6, 0.0) == ROLLING
 

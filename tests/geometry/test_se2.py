@@ -84,13 +84,6 @@ def measured(x_m, sigma_m=0.01):
     return MotionEstimate(np.array([x_m, 0.0, 0.0]), np.diag([sigma_m**2, sigma_m**2, 0.01**2]))
 
 
-def test_independent_ones_are_weighted_by_what_they_know():
-    """0.10 +- 0.01 and 0.12 +- 0.02: weights 4 to 1, so 0.104; variance 1 / (1e4 + 2.5e3) = 8e-5."""
-    found = fused(measured(0.10), measured(0.12, 0.02))
-    assert found.motion[0] == pytest.approx(0.104)
-    assert found.covariance[0, 0] == pytest.approx(8e-5)
-
-
 def test_two_of_three_sources_outvote_the_third():
     gyro = MotionEstimate(np.zeros(3), np.diag([1.0, 1.0, 1e-8]))
     spinning = MotionEstimate(np.array([0.0, 0.0, 0.3]), np.diag([1e-6, 1e-6, 1e-6]))

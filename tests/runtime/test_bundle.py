@@ -2,7 +2,6 @@
 
 import json
 import re
-import shutil
 from functools import partial
 
 import msgspec
@@ -159,16 +158,6 @@ def test_the_minimum_score_that_a_bundle_states_weighs_boxes_as_without_one(tmp_
 CHAIRS, COUCH = ("chair", 40.0, 30.0, 20.0, 24.0, 0.9), ("couch", 40.0, 30.0, 20.0, 24.0, 0.9)
 
 
-def test_int8_runs_its_own_file_and_without_one_is_refused(tmp_path):
-    folder = painted.write_painted(tmp_path / "b", [CHAIRS])
-    with pytest.raises(BundleError, match=r"^bundle painted has no int8 variant \(edgemap export --int8 makes one\)$"):
-        load_bundle(folder, precision="int8")
-    folder = painted.with_int8(painted.write_painted(tmp_path / "b", [CHAIRS]), [COUCH], {})
-    bundle = load_bundle(folder, precision="int8")
-    found = bundle.backbone.run({"image": np.zeros((1, 3, 64, 64), np.float32)})["head"]
-    np.testing.assert_array_equal(found, painted.head_with([COUCH]))
-
-
 @pytest.mark.parametrize(("file", "words"), [("../x.onnx", "leaves the bundle's folder"), ("x.onnx", "has no sha256")])
 def test_a_variants_file_is_checked_like_any_other(tmp_path, file, words):
     folder = painted.write_painted(tmp_path / "b", [CHAIRS])
@@ -209,15 +198,3 @@ def test_both_come_with_the_package(name, tmp_path, monkeypatch):
     assert manifest.licence.startswith("Apache-2.0")
     assert [head.trained for head in manifest.odometry.values()] == ([True] if name == RENDERED else [])
     load_bundle(bundle_folder(name), 1)
-
-
-def test_a_bundle_in_the_cache_does_not_stand_for_the_one_of_its_name_that_comes_with_edgemap(tmp_path, monkeypatch):
-    monkeypatch.setenv("EDGEMAP_CACHE", str(tmp_path))
-    shipped = bundle_folder(RENDERED)
-    cached = tmp_path / "bundles" / RENDERED
-    shutil.copytree(shipped, cached)
-    manifest = cached / "bundle.json"
-    manifest.write_text(re.sub(r'("backbone.onnx": ")[0-9a-f]{8}', r"\g<1>00000000", manifest.read_text()))
-    assert bundle_folder(RENDERED) == shipped
-    shutil.copytree(shipped, tmp_path / "bundles" / "my-flat")
-    assert bundle_folder("my-flat") == tmp_path / "bundles" / "my-flat"

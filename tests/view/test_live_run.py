@@ -2,6 +2,7 @@
 
 import json
 import signal
+import socket
 import subprocess
 import sys
 import time
@@ -12,8 +13,9 @@ import pytest
 from support import painted
 from support.http_client import Api
 from support.live import raw_viewer
-from support.live_run import begin_live_run
 from support.rooms import content_of
+
+from edgemap.cli import main
 
 
 @pytest.fixture(scope="module")
@@ -29,7 +31,9 @@ def start(tmp_path, bundle):
 
     def begin(*arguments):
         out = str(tmp_path / f"run{len(processes)}")
-        process = begin_live_run("--bundle", str(bundle), "--out", out, *arguments, stderr=subprocess.PIPE)
+        command = [sys.executable, "-u", "-m", "edgemap.cli", "run", "--view", "127.0.0.1:0", "--bundle", str(bundle)]
+        pipes = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE, "text": True}
+        process = subprocess.Popen([*command, "--out", out, *arguments], **pipes)
         processes.append(process)
         line = process.stdout.readline()
         assert line.startswith("live page:  http://127.0.0.1:"), line + process.communicate()[1]
@@ -127,3 +131,14 @@ def test_edits_reach_the_map_on_disk_while_the_run_is_held_and_after_its_end(sta
     replayed = json.loads((tmp_path / "tape" / "map.json").read_text())
     assert replayed["objects"] == saved["objects"]
     assert "zones" not in replayed  # drawn after the recording's end
+
+
+def test_a_taken_port_ends_the_run_before_it_begins(bundle, tmp_path, capsys):
+    with socket.create_server(("127.0.0.1", 0)) as taken:
+        address = f"127.0.0.1:{taken.getsockname()[1]}"
+        with pytest.raises(SystemExit) as ended:
+            main(["run", "--view", address, "--bundle", str(bundle), "--out", str(tmp_path / "other")])
+    assert ended.value.code == 1
+    (line,) = capsys.readouterr().err.splitlines()
+    assert f"{address} (Address already in use)" in line
+    assert not (tmp_path / "other").exists()

@@ -170,7 +170,7 @@ def test_a_device_clock_that_jumps_shifts_samples_and_pictures_alike(by_s):
 
 def test_a_realsense_recording_brings_all_of_its_samples(tmp_path):
     pytest.importorskip("pyrealsense2")
-    from support.record_motion import record_motion
+    from reliability.record_realsense import record_motion
 
     with open_camera(f"realsense:{record_motion(tmp_path / 'motion.db3')}") as camera:
         frames = []
