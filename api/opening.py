@@ -10,7 +10,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from edgemap.calibrate.first_pictures import earlier_guess, guess_of, guessing_frames, mount_by_depth
-from edgemap.calibrate.floor_depth import HIGHEST_M, LOWEST_M
 from edgemap.geometry.camera.floor import FloorCamera
 from edgemap.geometry.camera.intrinsics import Intrinsics
 from edgemap.geometry.camera.mount import Mount
@@ -19,6 +18,7 @@ from edgemap.runtime.compose import RunSpec, compose, optics_record
 from edgemap.runtime.frames.camera import Camera, CameraOptions
 from edgemap.runtime.frames.class_names import read_class_names
 from edgemap.runtime.frames.errors import BundleError, CameraError, UsageError
+from edgemap.runtime.frames.limits import HIGHEST_M, LOWEST_M
 from edgemap.runtime.frames.program_camera import (
     FramesCamera,
     IntrinsicsLike,

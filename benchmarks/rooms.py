@@ -128,7 +128,7 @@ def table(rows: list[dict[str, Any]]) -> list[str]:
     for variant in rows[0]["maps"]:
         for kind, figures in over_homes(rows, variant).items():
             name = variant if kind == "mean" else ""
-            lines.append(f"{name:<28} {kind:<5} " + " ".join(f"{_number(value):>15}" for value in figures.values()))
+            lines.append(f"{name:<28} {kind:<5} " + " ".join(f"{number(value):>15}" for value in figures.values()))
     for closed, none in CLOSURES:
         if found := gains(rows, closed, none):
             home = min(found, key=lambda name: found[name])
@@ -195,13 +195,14 @@ def rendered(seeds: str, frames: int, out: Path, light: str | None = None) -> It
         yield drive
 
 
-def _number(value: float | None) -> str:
+def number(value: float | None) -> str:
+    """A figure of a table, or a dash."""
     return "–" if value is None else f"{value:.3f}"
 
 
 def _home(row: dict[str, Any]) -> str:
     mount = f"{row['mount']['height_m']:.2f} m {row['mount']['pitch_deg']:.0f} deg"
-    scores = "  ".join(f"{name} {_number(figures['f1'])}" for name, figures in row["maps"].items())
+    scores = "  ".join(f"{name} {number(figures['f1'])}" for name, figures in row["maps"].items())
     return f"{row['home']}: {row['objects_true']} objects, camera {mount}; F1 {scores}"
 
 

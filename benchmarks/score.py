@@ -19,7 +19,7 @@ import numpy as np
 import tyro
 
 from edgemap.benchmarks.map_variants import room_figures, true_floor, true_objects
-from edgemap.benchmarks.rooms import drives_in
+from edgemap.benchmarks.rooms import drives_in, number
 from edgemap.evaluation.footprints import score_footprints
 from edgemap.evaluation.grid import score_grid
 from edgemap.evaluation.objects import score_map
@@ -143,14 +143,10 @@ def main(options: ScoreOptions) -> None:
         shown = {name: row[name] for name in FIGURES} | {
             name: value for name, value in parts.items() if value is not None
         }
-        figures = "  ".join(f"{name} {_text(value)}" for name, value in shown.items())
+        figures = "  ".join(f"{name} {number(value)}" for name, value in shown.items())
         print(f"{row['home']:<12}{figures}{'' if row['map'] else '  no map'}")
     spread = "" if total["f1_spread"] is None else f" +- {total['f1_spread']:.3f}"
     print(f"{len(rows)} homes: F1 {total['f1']:.3f}{spread}, worst {total['f1_worst']:.3f}")
-
-
-def _text(value: float | None) -> str:
-    return "–" if value is None else f"{value:.3f}"
 
 
 if __name__ == "__main__":

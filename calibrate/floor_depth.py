@@ -19,9 +19,9 @@ from edgemap.geometry.camera.level import pitch_roll
 from edgemap.geometry.camera.mount import Mount
 from edgemap.geometry.robust import median_and_scatter
 from edgemap.runtime.frames.errors import CalibrationError
+from edgemap.runtime.frames.limits import HIGHEST_M, LOWEST_M
 
 EVERY_PX = 8  # between the depths that are read
-LOWEST_M, HIGHEST_M = 0.05, 3.0  # of a lens above the floor
 WORST_HEIGHT_SHARE, WORST_TILT_RAD = 0.02, math.radians(0.5)  # one standard deviation
 # From picture to picture, of a camera that is mounted. The roll of a carried one has a scatter of 2.5 to 3.6 degrees on
 # the lounge, hololens and redkitchen walks, against 0.2 to 0.7 on tuning homes 9000-9005.
@@ -58,7 +58,6 @@ def fit_floor_depth(
     pictures_m: Iterable[NDArray[np.float32]],
     lens: Intrinsics,
     up: Array | None = None,
-    seed: int = 0,
     mounted: bool = True,
 ) -> FloorDepthFit:
     """The mount whose floor the depth pictures, (H, W) metres along the optical axis, show; NaN or 0 where unknown.
@@ -67,7 +66,7 @@ def fit_floor_depth(
     Raises CalibrationError with the numbers for too few pictures with a floor, for a lens outside 0.05 to 3 m, and,
     where the camera is `mounted` and not carried, for pictures that do not agree.
     """
-    rng, examined = np.random.default_rng(seed), 0
+    rng, examined = np.random.default_rng(0), 0
     planes: list[FloorPlane] = []
     for depth in pictures_m:
         examined += 1

@@ -8,7 +8,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from edgemap.calibrate.floor_depth import HIGHEST_M, LOWEST_M, MAXIMUM_SCATTER_RAD
+from edgemap.calibrate.floor_depth import MAXIMUM_SCATTER_RAD
 from edgemap.calibrate.guess_focal import (
     FEWEST_ROOMS,
     focal_by_edges,
@@ -31,6 +31,7 @@ from edgemap.geometry.camera.mount import Mount
 from edgemap.geometry.observations.detections import Detections
 from edgemap.geometry.robust import median_and_scatter
 from edgemap.runtime.frames.errors import CalibrationError
+from edgemap.runtime.frames.limits import HIGHEST_M, LOWEST_M
 from edgemap.runtime.motion.attitude.segments import line_ends
 from edgemap.runtime.motion.camera_guess import CameraGuess
 

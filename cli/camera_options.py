@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 from edgemap.cli.arguments import arg
 from edgemap.runtime.frames.errors import UsageError
+from edgemap.runtime.frames.limits import HIGHEST_M, LOWEST_M
 from edgemap.runtime.frames.option_texts import numbers
 
 if TYPE_CHECKING:
@@ -13,7 +14,6 @@ if TYPE_CHECKING:
     from edgemap.geometry.camera.mount import Mount
     from edgemap.runtime.frames.camera import Camera, CameraOptions
 
-LOWEST_M, HIGHEST_M = 0.05, 3.0  # of a lens above the floor; higher ones stand in a camera file
 CameraSpec = Annotated[
     str,
     arg(

@@ -8,6 +8,7 @@ import tyro
 
 from edgemap.cli.arguments import arg
 from edgemap.runtime.frames.errors import UsageError
+from edgemap.runtime.frames.limits import HIGHEST_M, LOWEST_M
 
 LARGEST = 3.0  # factor, and its inverse; beyond them a length was probably mistyped
 
@@ -74,8 +75,10 @@ def _by_height(path: Path, height_m: float) -> float:
         raise RunFolderError(f"{run}: it has no mount") from None
     if measured:
         raise UsageError(f"{path}: {measured} measured this run's path, so its scale is not that of the height")
-    if not (0.05 <= height_m <= 3.0 and 0.0 < before_m < math.inf):
-        raise UsageError(f"--height {height_m:g}: expected 0.05 to 3 m (the run had {before_m:g} m)")
+    if not (LOWEST_M <= height_m <= HIGHEST_M and 0.0 < before_m < math.inf):
+        raise UsageError(
+            f"--height {height_m:g}: expected {LOWEST_M:g} to {HIGHEST_M:g} m (the run had {before_m:g} m)"
+        )
     return height_m / before_m
 
 

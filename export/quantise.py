@@ -16,6 +16,7 @@ from onnx import ModelProto, NodeProto, version_converter
 from onnxruntime.quantization import CalibrationDataReader, CalibrationMethod, QuantFormat, QuantType, quantize_static
 
 from edgemap.evaluation.detection import ScoredPicture, average_precision
+from edgemap.export.detector.store import evenly
 from edgemap.export.detector.validate import CONFIDENCE, NMS_IOU
 from edgemap.export.onnx_export import IR_VERSION, default_opset, save_model, seal
 from edgemap.runtime.inputs.drives.drive import LabelledBoxes
@@ -50,14 +51,10 @@ def read_calibration(folder: Path) -> CalibrationPictures:
         pictures = list(zip(drive.images, drive.boxes, strict=True))
     else:
         pictures = [(path, None) for path in list_pictures(first_folder(folder, ("images",)))]
-    shown = _evenly(len(pictures), min(MAXIMUM_SHOWN, (len(pictures) + 1) // 2))
+    shown = evenly(len(pictures), min(MAXIMUM_SHOWN, (len(pictures) + 1) // 2))
     others = [index for index in range(len(pictures)) if index not in set(shown)] or shown
-    judged = [others[index] for index in _evenly(len(others), MAXIMUM_JUDGED)]
+    judged = [others[index] for index in evenly(len(others), MAXIMUM_JUDGED)]
     return CalibrationPictures(folder, tuple(pictures[i][0] for i in shown), tuple(pictures[i] for i in judged))
-
-
-def _evenly(count: int, wanted: int) -> list[int]:
-    return np.linspace(0, count - 1, min(count, wanted)).astype(int).tolist()
 
 
 WARM_UP, TIMED = 2, 30  # runs of each network

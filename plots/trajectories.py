@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from edgemap.evaluation.trajectory import path_m
 from edgemap.geometry.se2 import SE2
-from edgemap.plots.style import GRID, INK, Axes, floor_axes, plt, save
+from edgemap.plots.style import GRID, INK, plt, save
 
 TRUTH = "#9aa4b0"
 COLOURS = ("#d1495b", "#00798c", "#c98a1b", "#6a4c93", "#3d7a3a")
@@ -36,8 +36,21 @@ def plot_ways(path: Path, title: str, true: Sequence[SE2], estimated: Mapping[st
     floor.plot(wanted[-1, 1], wanted[-1, 0], "s", color=TRUTH, markersize=9, zorder=1)
     floor.plot(0.0, 0.0, "^", color=INK, markersize=9, label="start", linestyle="")
     floor.plot([], [], "s", color=INK, markersize=6, label="end", linestyle="")
-    floor_axes(floor, f"{title}: {gone_m[-1]:.1f} m in {len(true)} frames", "start")
-    _apart_axes(apart)
+    for axes, across, up in (
+        (floor, "y left (m), start frame", "x forward (m), start frame"),
+        (apart, "path length (m)", "apart (m)"),
+    ):
+        axes.set_xlabel(across, fontsize=9)
+        axes.set_ylabel(up, fontsize=9)
+        axes.grid(color=GRID, linewidth=0.8)
+        axes.set_axisbelow(True)
+        axes.tick_params(labelsize=8)
+        axes.spines[["top", "right"]].set_visible(False)
+    title = f"{title}: {gone_m[-1]:.1f} m in {len(true)} frames"
+    floor.set_title(title, fontsize=11, color=INK, loc="left")
+    floor.set_aspect("equal", adjustable="box")
+    floor.invert_xaxis()
+    apart.set(xlim=(0.0, None), ylim=(0.0, None))
     figure.legend(*floor.get_legend_handles_labels(), loc="outside lower center", ncols=6, frameon=False, fontsize=9)
     return save(figure, path)
 
@@ -50,13 +63,3 @@ def _size(places: NDArray[np.float64]) -> tuple[float, float]:
     """Width and height in inches of the view from above, shaped like what it shows."""
     up, across = np.ptp(places, axis=0) + 0.05 * np.ptp(places) + 1e-3
     return float(np.clip(6.0 * across / up, 4.5, 8.5)), float(np.clip(7.0 * up / across, 3.0, 6.5))
-
-
-def _apart_axes(axes: Axes) -> None:
-    axes.set_xlabel("path length (m)", fontsize=9)
-    axes.set_ylabel("apart (m)", fontsize=9)
-    axes.set_xlim(left=0.0)
-    axes.set_ylim(bottom=0.0)
-    axes.grid(color=GRID, linewidth=0.8)
-    axes.tick_params(labelsize=8)
-    axes.spines[["top", "right"]].set_visible(False)

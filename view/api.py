@@ -12,6 +12,7 @@ from starlette.routing import Route
 
 from edgemap.geometry.errors import GeometryError, MapError
 from edgemap.geometry.objects.approach import Approach, ApproachRule, approach
+from edgemap.runtime.frames.limits import HIGHEST_M, LOWEST_M
 from edgemap.runtime.step.map_file import goal_record
 from edgemap.view import answers
 from edgemap.view import edit_routes as edits
@@ -33,7 +34,7 @@ class PauseRequest(msgspec.Struct, forbid_unknown_fields=True):
 class MountRequest(msgspec.Struct, forbid_unknown_fields=True):
     """Body of PUT /api/mount."""
 
-    height_m: Annotated[float, msgspec.Meta(ge=0.05, le=3.0)]
+    height_m: Annotated[float, msgspec.Meta(ge=LOWEST_M, le=HIGHEST_M)]
     pitch_deg: Annotated[float, msgspec.Meta(ge=-45.0, le=85.0)]
 
 

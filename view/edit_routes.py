@@ -14,16 +14,23 @@ from edgemap.geometry.objects.events import LARGEST_M, SMALLEST_M, Edit, joined
 from edgemap.runtime.frames.reading import Coordinate
 from edgemap.runtime.step.map_file import pose_record
 from edgemap.runtime.step.map_records import GivenName, Yaw
+from edgemap.runtime.step.mapper import START_SIGMAS
 from edgemap.view import answers
 from edgemap.view.page import LivePage
 from edgemap.view.questions import Nothing, Refused, as_json, body_of, find, named, newest_of, take
 
 Side = Annotated[float, Meta(ge=SMALLEST_M, le=LARGEST_M)]
 Label = Annotated[str, Meta(min_length=1, max_length=LONGEST_NAME)]
-SIGMA_M, SIGMA_RAD = 0.10, math.radians(3.0)  # of a pose that a person sets, where the body gives none
 
 
-class ObjectRequest(msgspec.Struct, forbid_unknown_fields=True):
+class _Solid(msgspec.Struct, forbid_unknown_fields=True, kw_only=True):
+    width_m: Side | None = None
+    depth_m: Side | None = None
+    height_m: Side | None = None
+    yaw_rad: Yaw | None = None
+
+
+class ObjectRequest(_Solid):
     """Body of PATCH /api/objects/{id}: the fields to change."""
 
     name: GivenName | None = None
@@ -31,23 +38,15 @@ class ObjectRequest(msgspec.Struct, forbid_unknown_fields=True):
     label: Label | None = None
     x_m: Coordinate | None = None
     y_m: Coordinate | None = None
-    width_m: Side | None = None
-    depth_m: Side | None = None
-    height_m: Side | None = None
-    yaw_rad: Yaw | None = None
 
 
-class NewObjectRequest(msgspec.Struct, forbid_unknown_fields=True):
+class NewObjectRequest(_Solid):
     """Body of POST /api/objects."""
 
     label: Label
     x_m: Coordinate
     y_m: Coordinate
     name: GivenName = ""
-    width_m: Side | None = None
-    depth_m: Side | None = None
-    height_m: Side | None = None
-    yaw_rad: Yaw | None = None
 
 
 class MergeRequest(msgspec.Struct, forbid_unknown_fields=True):
@@ -69,23 +68,20 @@ class RoomRequest(msgspec.Struct, forbid_unknown_fields=True):
     name: GivenName
 
 
-class PoseRequest(msgspec.Struct, forbid_unknown_fields=True):
-    """Body of PUT /api/pose: a pose, or that the robot is in its dock."""
-
-    x_m: Coordinate | None = None
-    y_m: Coordinate | None = None
-    yaw_rad: Yaw | None = None
-    in_dock: bool = False
-    sigma_m: Annotated[float, Meta(gt=0.0, le=100.0)] = SIGMA_M
-    sigma_yaw_rad: Annotated[float, Meta(gt=0.0, le=math.pi)] = SIGMA_RAD
-
-
 class DockRequest(msgspec.Struct, forbid_unknown_fields=True):
     """Body of PUT /api/dock: a pose, or `{}` for where the robot is now."""
 
     x_m: Coordinate | None = None
     y_m: Coordinate | None = None
     yaw_rad: Yaw | None = None
+
+
+class PoseRequest(DockRequest):
+    """Body of PUT /api/pose: a pose, or that the robot is in its dock."""
+
+    in_dock: bool = False
+    sigma_m: Annotated[float, Meta(gt=0.0, le=100.0)] = START_SIGMAS[0]
+    sigma_yaw_rad: Annotated[float, Meta(gt=0.0, le=math.pi)] = START_SIGMAS[2]
 
 
 async def add_object(page: LivePage, request: Request) -> Response:

@@ -7,7 +7,6 @@ import time
 from functools import lru_cache
 from typing import Any
 
-import cv2
 import psutil
 
 from edgemap.geometry.grid.occupancy_grid import OccupancyGrid
@@ -27,22 +26,18 @@ from edgemap.view.answers import (
     zones_answer,
 )
 from edgemap.view.page import LivePage
+from edgemap.view.report.crops import small
 from edgemap.view.status import pose_sigma, status
 
 JPEG_QUALITY = 75
-WIDEST_PX = 960
+LONGEST_PX = 960
 MAXIMUM_ITEMS = 4000  # of a history in one update; the rest follows in the next ones
 
 
 @lru_cache(maxsize=1)  # each frame is encoded once for all viewers
 def shown_jpeg(frame: Frame) -> bytes:
-    """The frame's picture as JPEG, at most `WIDEST_PX` wide."""
-    image = frame.image
-    height, width = image.shape[:2]
-    if width > WIDEST_PX:
-        size = (WIDEST_PX, max(1, round(height * WIDEST_PX / width)))
-        image = cv2.resize(image, size, interpolation=cv2.INTER_AREA)
-    return jpeg(image, JPEG_QUALITY)
+    """The frame's picture as JPEG, at most `LONGEST_PX` wide and high."""
+    return jpeg(small(frame.image, LONGEST_PX), JPEG_QUALITY)
 
 
 class ProcessUsage:

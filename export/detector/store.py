@@ -65,10 +65,10 @@ def averaged(found: Sequence[Detections]) -> tuple[NDArray[np.float64], list[str
 def taught_pictures(folder: Path, teach: Teacher, limit: int | None = None) -> list[tuple[Path, LabelledBoxes]]:
     """The pictures of a folder, evenly chosen up to `limit`, each with its teachers' boxes. Raises CameraError."""
     paths = list_pictures(folder)
-    return [(paths[at], teach(read_picture(paths[at]))) for at in _evenly(len(paths), limit)]
+    return [(paths[at], teach(read_picture(paths[at]))) for at in evenly(len(paths), limit)]
 
 
-def _evenly(count: int, limit: int | None) -> list[int]:
+def evenly(count: int, limit: int | None) -> list[int]:
     """Indices of at most so many of `count`, evenly apart."""
     return np.unique(np.linspace(0, count - 1, min(limit or count, count)).astype(int)).tolist() if count else []
 
@@ -148,7 +148,7 @@ def _load(spec: str, number: dict[str, int], size: int, limit: int | None, teach
             yield _example(image, boxes, number, size)
         return
     count = min(len(drive.images), len(drive.boxes))
-    chosen = _evenly(count, limit)
+    chosen = evenly(count, limit)
     with ThreadPoolExecutor(2) as pool:
         yield from pool.map(lambda at: _example(read_picture(drive.images[at]), drive.boxes[at], number, size), chosen)
 

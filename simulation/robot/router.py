@@ -3,9 +3,10 @@
 import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import gaussian_filter1d
-from scipy.sparse import coo_array, csr_array
+from scipy.sparse import csr_array
 from scipy.sparse.csgraph import connected_components, dijkstra
 
+from edgemap.runtime.outputs.map_formats.route import cell_links
 from edgemap.simulation.errors import SimulationError
 from edgemap.simulation.render.mesh import Array
 from edgemap.simulation.robot.motion import Limits
@@ -33,7 +34,8 @@ class Router:
         points = np.stack([x.ravel(), y.ravel()], axis=1).astype(np.float64)
         clearance = grid.clearance_m(points)
         free = clearance > self._need_m
-        links = _links(free.reshape(rows, columns), clearance.reshape(rows, columns) - self._need_m)
+        dear = 1.0 + _SHY * np.exp(-np.maximum(clearance - self._need_m, 0.0) / _SHY_M)
+        links = cell_links(free.reshape(rows, columns), dear.reshape(rows, columns), _SPACING_M)
         count, part = connected_components(links, directed=False)
         sizes = np.bincount(part[free], minlength=count)
         if sizes.max(initial=0) < 20:
@@ -97,20 +99,3 @@ def _even(line: Array) -> Array:
     travelled = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(line, axis=0), axis=1))])
     at = np.linspace(0.0, travelled[-1], max(8, int(travelled[-1] / _STEP_M)))
     return np.stack([np.interp(at, travelled, line[:, axis]) for axis in range(2)], axis=1)
-
-
-def _links(free: NDArray[np.bool_], spare_m: Array) -> csr_array:
-    """Costs between neighbouring free cells, to eight sides, each pair once."""
-    index = np.arange(free.size).reshape(free.shape)
-    dear = 1.0 + _SHY * np.exp(-np.maximum(spare_m, 0.0) / _SHY_M)
-    rows, columns, costs = [], [], []
-    for down, right in ((0, 1), (1, 0), (1, 1), (1, -1)):
-        height, width = free.shape
-        here = (slice(0, height - down), slice(max(0, -right), width - max(0, right)))
-        there = (slice(down, height), slice(max(0, right), width + min(0, right)))
-        both = free[here] & free[there]
-        rows.append(index[here][both])
-        columns.append(index[there][both])
-        costs.append(np.hypot(down, right) * _SPACING_M * (dear[here][both] + dear[there][both]) / 2.0)
-    shape = (free.size, free.size)
-    return csr_array(coo_array((np.concatenate(costs), (np.concatenate(rows), np.concatenate(columns))), shape=shape))

@@ -25,7 +25,7 @@ from edgemap.runtime.step.sinks import SinkGroup
 from edgemap.view.page import RATE_OVER, LivePage, Tail
 from edgemap.view.pause import PausableCamera, Pause
 from edgemap.view.status import NEWS_S, status
-from edgemap.view.updates import WIDEST_PX, shown_jpeg
+from edgemap.view.updates import LONGEST_PX, shown_jpeg
 
 
 @given(st.integers(1, 6), st.lists(st.tuples(st.booleans(), st.integers(1, 4)), max_size=40))
@@ -125,14 +125,14 @@ def test_a_camera_that_can_be_held_knows_all_that_the_one_behind_it_knows():
 
 
 def test_a_frame_is_encoded_once_and_a_waiting_viewer_is_woken_once(tmp_path):
-    image = np.zeros((600, 2 * WIDEST_PX, 3), np.uint8)
-    image[:, WIDEST_PX:] = (0, 0, 255)  # the right half is red
+    image = np.zeros((600, 2 * LONGEST_PX, 3), np.uint8)
+    image[:, LONGEST_PX:] = (0, 0, 255)  # the right half is red
     frame = Frame(0, 0.0, image)
     jpeg = shown_jpeg(frame)
     assert shown_jpeg(frame) is jpeg
     shown = cv2.imdecode(np.frombuffer(jpeg, np.uint8), cv2.IMREAD_COLOR)
-    assert shown.shape == (300, WIDEST_PX, 3)
-    np.testing.assert_allclose(shown[150, WIDEST_PX - 20], (0, 0, 255), atol=6)
+    assert shown.shape == (300, LONGEST_PX, 3)
+    np.testing.assert_allclose(shown[150, LONGEST_PX - 20], (0, 0, 255), atol=6)
     np.testing.assert_allclose(shown[150, 20], (0, 0, 0), atol=6)
     page, steps, calls = LivePage({}, tmp_path), Steps(), []
     steps.into(page, 3)

@@ -5,8 +5,6 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-import cv2
-
 from edgemap.geometry.map_object import MapObject
 from edgemap.geometry.objects.annotations import Annotations
 from edgemap.geometry.objects.evaluation_row import EvaluationRow
@@ -19,13 +17,13 @@ from edgemap.runtime.step.grid_file import load_grid
 from edgemap.runtime.step.map_file import load_annotated_map
 from edgemap.runtime.step.sinks import Sink
 from edgemap.runtime.step.slam import StepResult
-from edgemap.view.report.crops import BestCrops
+from edgemap.view.report.crops import BestCrops, small
 from edgemap.view.report.document import ReportContent, report_document
 from edgemap.view.report.history import History
 from edgemap.view.report.page import report_page
 
 _TIDY_EVERY = 50  # frames between two looks at which pictures are still wanted
-_MOUNT_WIDTH_PX = 640
+_MOUNT_PX = 640  # longer side
 
 Judge = Callable[[list[MapObject], int], list[EvaluationRow]]
 
@@ -104,7 +102,4 @@ class ReportFile(Sink):
             picture = read_picture(path)
         except CameraError:
             return None
-        share = _MOUNT_WIDTH_PX / picture.shape[1]
-        if share < 1.0:
-            picture = cv2.resize(picture, None, fx=share, fy=share, interpolation=cv2.INTER_AREA)
-        return jpeg(picture, 72)
+        return jpeg(small(picture, _MOUNT_PX), 72)

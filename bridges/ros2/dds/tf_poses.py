@@ -23,6 +23,7 @@ from edgemap.geometry.camera.attitude import Attitude
 from edgemap.geometry.camera.mount import Mount
 from edgemap.geometry.se2 import SE2
 from edgemap.runtime.frames.errors import CameraError, OdometryError
+from edgemap.runtime.frames.limits import EVERY_S
 from edgemap.runtime.frames.spatial_poses import base_attitudes, pose_of
 from edgemap.runtime.frames.timing import StreamTimer
 from edgemap.runtime.motion.given_poses import GivenPoses
@@ -30,7 +31,6 @@ from edgemap.runtime.step.pose_journal import MAXIMUM
 
 FOLLOWED = 0.05  # m, and rad: a cell of the grid; smaller corrections wait until they add up to it
 RECENT = 50  # poses with tilt that are kept: those about a picture
-LOOK_S = 5.0  # between two looks for topics with paths
 
 
 class TfTrack(TopicTrack):
@@ -102,7 +102,7 @@ class PathTopics:
     """The paths that are published in the map's frame. top: that frame."""
 
     def __init__(self, node: Node, top: str) -> None:
-        self._node, self._top, self._look_timer = node, top, StreamTimer(LOOK_S)
+        self._node, self._top, self._look_timer = node, top, StreamTimer(EVERY_S)
         self._topics: dict[str, tuple[Subscription, NodePath]] = {}
 
     @property

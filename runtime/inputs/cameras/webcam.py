@@ -3,7 +3,6 @@
 import math
 import os
 import time
-from collections.abc import Callable
 from pathlib import Path
 from urllib.parse import urlsplit
 
@@ -22,8 +21,8 @@ class CaptureDevice:
 
     intrinsics: Intrinsics | None = None
 
-    def __init__(self, capture: cv2.VideoCapture, name: str, clock_s: Callable[[], float] = time.monotonic) -> None:
-        self._capture, self._name, self._clock_s = capture, name, clock_s
+    def __init__(self, capture: cv2.VideoCapture, name: str) -> None:
+        self._capture, self._name = capture, name
         rate = capture.get(cv2.CAP_PROP_FPS)
         self.rate_hz: float | None = float(rate) if math.isfinite(rate) and 0.0 < rate <= 1000.0 else None
         width, height = capture.get(cv2.CAP_PROP_FRAME_WIDTH), capture.get(cv2.CAP_PROP_FRAME_HEIGHT)
@@ -38,7 +37,7 @@ class CaptureDevice:
         stamp_s = self._capture.get(cv2.CAP_PROP_POS_MSEC) / 1000.0
         if self._device_clock is None:  # decided once: two clocks must not mix
             self._device_clock = stamp_s > 0
-        return Picture(stamp_s if self._device_clock else self._clock_s(), np.asarray(image, dtype=np.uint8))
+        return Picture(stamp_s if self._device_clock else time.monotonic(), np.asarray(image, dtype=np.uint8))
 
     def close(self) -> None:
         """Releases the device."""

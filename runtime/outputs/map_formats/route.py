@@ -5,9 +5,9 @@ from collections.abc import Sequence
 from itertools import pairwise
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 from scipy.ndimage import distance_transform_edt
-from scipy.sparse import coo_array
+from scipy.sparse import coo_array, csr_array
 from scipy.sparse.csgraph import dijkstra
 
 from edgemap.geometry.arrays import Array
@@ -67,24 +67,29 @@ def _feature(kind: str, coordinates: list, properties: dict) -> dict:
     return {"type": "Feature", "properties": properties, "geometry": {"type": kind, "coordinates": coordinates}}
 
 
+def cell_links(free: NDArray[np.bool_], cost: Array, cell_m: float) -> csr_array:
+    """Costs between neighbouring free cells, to eight sides, each pair once. cost: of a metre in each cell."""
+    number, (rows, columns) = np.arange(free.size).reshape(free.shape), free.shape
+    starts, ends, costs = [], [], []
+    for down, right in ((0, 1), (1, 0), (1, 1), (1, -1)):
+        a = slice(0, rows - down), slice(max(-right, 0), columns - max(right, 0))
+        b = slice(down, rows), slice(max(right, 0), columns + min(right, 0))
+        both = free[a] & free[b]
+        starts.append(number[a][both])
+        ends.append(number[b][both])
+        costs.append(np.hypot(down, right) * cell_m * (cost[a][both] + cost[b][both]) / 2.0)
+    pairs = np.concatenate(starts), np.concatenate(ends)
+    return csr_array(coo_array((np.concatenate(costs), pairs), shape=(free.size, free.size)))
+
+
 class _Ways:
     """Ways over the free cells of a grid, the clearer the better."""
 
     def __init__(self, grid: OccupancyGrid, robot_m: float) -> None:
         self._grid, self._least_m, free = grid, robot_m, grid.cells == FREE
         self._clear_m = clear_m = np.asarray(distance_transform_edt(np.pad(free, 1)))[1:-1, 1:-1] * grid.cell_m
-        number, (rows, columns) = np.arange(free.size).reshape(free.shape), free.shape
         cost = 1.0 + np.square(np.clip(2.0 * robot_m - clear_m, 0.0, None) / grid.cell_m)
-        starts, ends, lengths = [], [], []
-        for down, right in ((0, 1), (1, 0), (1, 1), (1, -1)):
-            a = slice(0, rows - down), slice(max(-right, 0), columns - max(right, 0))
-            b = slice(down, rows), slice(max(right, 0), columns + min(right, 0))
-            both = free[a] & free[b]
-            starts.append(number[a][both])
-            ends.append(number[b][both])
-            lengths.append(np.hypot(down, right) * (cost[a] + cost[b])[both])
-        pairs = np.concatenate(starts), np.concatenate(ends)
-        self._graph = coo_array((np.concatenate(lengths), pairs), shape=(free.size,) * 2).tocsr()
+        self._graph = cell_links(free, cost, grid.cell_m)
 
     def between(self, start_m: Array, end_m: Array) -> Array:
         """Corners (N, 2) of a way from one point to another, N at least 2; none where there is no way."""
