@@ -111,18 +111,6 @@ def test_classes_choose_what_is_mapped(edgemap, painted_bundle, pictures, tmp_pa
     assert {one.label for one in load_map(tmp_path / "named")} == {"person"}  # mapped where it is named
 
 
-def test_a_picture_that_is_none_is_skipped_counted_and_said_at_once(edgemap, painted_bundle, pictures, tmp_path):
-    (pictures / "8.png").write_bytes(b"not a picture")
-    result = edgemap.ok("run", "--camera", pictures, "--bundle", painted_bundle, "--out", tmp_path / "run")
-    (line,) = [line for line in result.stderr.splitlines() if "8.png" in line]
-    assert line.startswith("frame 8: ")
-    record = json.loads((tmp_path / "run" / "run.json").read_text())
-    count = record["fault_count"]
-    assert f"{count} fault{'s' if count > 1 else ''}: " in result.stdout
-    (fault,) = [fault for fault in record["faults"] if fault["kind"] == "damaged"]
-    assert "8.png: not a picture that OpenCV reads (13 bytes)" in fault["text"]
-
-
 @pytest.mark.parametrize("streams", ["2>&-", ">/dev/full 2>&1"])
 def test_a_run_whose_log_takes_nothing_leaves_its_files_alone(painted_bundle, pictures, tmp_path, streams):
     """`2>&-` leaves number 2 free, which the next file opened would get."""

@@ -10,6 +10,8 @@ import pytest
 
 pytest.importorskip("torch")
 
+from support.textured_floor import seen_by
+
 from edgemap import models
 from edgemap.export.detector.network import load_detector, save_detector
 from edgemap.geometry.camera.floor import FloorCamera
@@ -28,16 +30,9 @@ def floor_drive(tmp_path_factory):
     """Sixteen small pictures of a textured floor, driving and turning, with their poses."""
     folder = tmp_path_factory.mktemp("drive")
     (folder / "images").mkdir()
-    noise = np.random.default_rng(0).integers(0, 255, (120, 120, 3), dtype=np.uint8)
-    texture = cv2.resize(noise, (1200, 1200), interpolation=cv2.INTER_CUBIC)
-    v, u = np.mgrid[0:96, 0:128]
-    pixels = np.column_stack([u.ravel(), v.ravel()])
-    floor = np.nan_to_num(CAMERA.floor_points(pixels), nan=1e3)
     poses = [SE2()]
     for index in range(16):
-        texel = ((poses[-1].apply(floor) + 6.0) * 100).astype(np.float32).reshape(96, 128, 2)
-        picture = cv2.remap(texture, texel[..., 0], texel[..., 1], cv2.INTER_LINEAR, borderValue=(90, 90, 90))
-        cv2.imwrite(str(folder / f"images/{index:03d}.png"), picture)
+        cv2.imwrite(str(folder / f"images/{index:03d}.png"), seen_by(CAMERA, poses[-1]))
         poses.append(poses[-1] @ SE2(0.04, 0.0, 0.05))
     truth = Trajectory(np.arange(16) / 10.0, tuple(poses[:16]))
     write_drive(folder, CAMERA.intrinsics, CAMERA.mount, 10.0, truth)

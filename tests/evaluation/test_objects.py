@@ -14,8 +14,9 @@ from edgemap.geometry.map_object import MapObject, MeasuredFootprint, outline_m
 from edgemap.geometry.objects.evaluation_row import tally
 
 
-def mapped(label, x, y, sigma=0.1):
-    return MapObject(f"{label}-1", label, np.array([x, y]), np.eye(2) * sigma**2, 0.5, 0.9, 9, 1.0, 0.0, 1.0)
+def mapped(name, x, y, sigma=0.1):
+    label = name.partition("-")[0]
+    return MapObject(name, label, np.array([x, y]), np.eye(2) * sigma**2, 0.5, 0.9, 9, 1.0, 0.0, 1.0)
 
 
 def true(label, x, y, on_floor=True, frames=50):
@@ -87,18 +88,9 @@ def test_a_map_tells_how_true_its_confidences_are():
     assert (one["objects"], one["real"], one["mean_confidence"]) == (2, 1, 1.0)
 
 
-def named(identity, x, y, sigma=0.1):
-    label = identity.rpartition("-")[0]
-    return MapObject(identity, label, np.array([x, y]), np.eye(2) * sigma**2, 0.5, 0.9, 9, 1.0, 0.0, 1.0)
-
-
-def real(label, x, y, frames=50, on_floor=True):
-    return TrueObject(label, x, y, on_floor, frames)
-
-
 def test_every_state_by_hand():
-    objects = [named("chair-1", 1.2, 0), named("chair-2", 4, 1.2), named("chair-3", 9, 9), named("couch-1", 1, 0)]
-    truth = [real("chair", 1, 0), real("chair", 4, 0), real("bed", -3, 0), real("couch", 1, 0.1, frames=3)]
+    objects = [mapped("chair-1", 1.2, 0), mapped("chair-2", 4, 1.2), mapped("chair-3", 9, 9), mapped("couch-1", 1, 0)]
+    truth = [true("chair", 1, 0), true("chair", 4, 0), true("bed", -3, 0), true("couch", 1, 0.1, frames=3)]
     rows = evaluation_rows(objects, truth)
     assert [(row.state, row.label, row.object_id) for row in rows] == [
         ("found", "chair", "chair-1"),
@@ -114,17 +106,17 @@ def test_every_state_by_hand():
 
 
 def test_too_far_for_misplaced_is_missed_and_extra_and_what_is_not_on_the_floor_is_extra():
-    rows = evaluation_rows([named("chair-1", 1.6, 0)], [real("chair", 0, 0)])
+    rows = evaluation_rows([mapped("chair-1", 1.6, 0)], [true("chair", 0, 0)])
     assert [row.state for row in rows] == ["missed", "extra"]
-    rows = evaluation_rows([named("tv-1", 0, 0)], [real("tv", 0, 0, on_floor=False)])
+    rows = evaluation_rows([mapped("tv-1", 0, 0)], [true("tv", 0, 0, on_floor=False)])
     assert [row.state for row in rows] == ["extra"]
 
 
 def test_the_table_agrees_with_the_score():
     random = np.random.default_rng(3)
     for _ in range(30):
-        objects = [named(f"chair-{i}", *random.uniform(0, 3, 2)) for i in range(random.integers(0, 7))]
-        truth = [real("chair", *random.uniform(0, 3, 2), frames=int(random.integers(5, 20))) for _ in range(5)]
+        objects = [mapped(f"chair-{i}", *random.uniform(0, 3, 2)) for i in range(random.integers(0, 7))]
+        truth = [true("chair", *random.uniform(0, 3, 2), frames=int(random.integers(5, 20))) for _ in range(5)]
         rows, figures = evaluation_rows(objects, truth), score_map(objects, truth)
         states = [row.state for row in rows]
         assert states.count("found") == figures["objects_found"]

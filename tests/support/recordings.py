@@ -3,7 +3,9 @@
 from pathlib import Path
 
 import numpy as np
+from mcap.writer import Writer
 
+from edgemap.bridges.ros2.messages.definitions import definition, encoder
 from edgemap.bridges.ros2.recordings.facts import Facts
 from edgemap.bridges.ros2.recordings.recorder import Recorder
 from edgemap.geometry.camera.intrinsics import Distortion, Intrinsics
@@ -32,6 +34,21 @@ def record(path: Path, facts: Facts, frames: list[Frame], **options) -> Path:
             recorder.picture(frame)
     finally:
         recorder.close()
+    return path
+
+
+def bag(path: Path, messages, encodings=("ros2msg", "cdr"), **options) -> Path:
+    """An MCAP file of (topic, kind, stamp_ns, fields or bytes), written by mcap's own writer."""
+    with path.open("wb") as file:
+        writer, channels = Writer(file, **options), {}
+        writer.start("ros2", "test")
+        for topic, kind, stamp_ns, fields in messages:
+            if (topic, kind) not in channels:
+                schema = writer.register_schema(kind, encodings[0], definition(kind).encode())
+                channels[topic, kind] = writer.register_channel(topic, encodings[1], schema)
+            data = fields if isinstance(fields, bytes) else encoder(kind)(fields)
+            writer.add_message(channels[topic, kind], stamp_ns, bytes(data), stamp_ns)
+        writer.finish()
     return path
 
 

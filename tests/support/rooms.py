@@ -61,6 +61,17 @@ ROOMS = [((0, 0), (4, 3)), ((4, 1), (7, 3)), ((1, 3), (3, 5.5))]  # of a floor: 
 PAIRS = [("chair", 0.6, 0.5), ("potted plant", 3.4, 0.5), ("chair", 6.5, 1.5), ("potted plant", 6.5, 4.3)]
 
 
+def two_rooms(door_m: float, cut: int = 0) -> OccupancyGrid:
+    """Two rooms of 3 x 4 m side by side along x, a wall of 10 cm with a door in its middle; the first `cut` columns
+    were not seen."""
+    odds = np.full((84, 126), 40, np.int8)
+    odds[2:82, 2:62] = odds[2:82, 64:124] = -40
+    half = round(door_m / 0.1)
+    odds[42 - half : 42 + half, 62:64] = -40
+    odds[:, :cut] = 0
+    return OccupancyGrid(odds, -1.0, 2.0, 0.05)
+
+
 def floor(rooms, pose=None, cut_m=9.0):
     """The grid of a floor as far as x, in the frame of a map at a pose: 3 cm samples, occupied round each room."""
     axes = [np.arange(-2.5, 8.0, 0.03)] * 2

@@ -27,10 +27,11 @@ def picture_from(pose: SE2) -> np.ndarray:
 
 
 def seen_by(camera: FloorCamera, pose: SE2) -> np.ndarray:
-    """The same by a camera that is tilted otherwise."""
-    v, u = np.mgrid[0:240, 0:320]
+    """The same by another camera."""
+    shape = camera.intrinsics.height, camera.intrinsics.width
+    v, u = np.mgrid[: shape[0], : shape[1]]
     points = pose.apply(np.nan_to_num(camera.floor_points(np.column_stack([u.ravel(), v.ravel()])), nan=1e3))
-    texel = ((points + 7.5) * 100).astype(np.float32).reshape(240, 320, 2)
+    texel = ((points + 7.5) * 100).astype(np.float32).reshape(*shape, 2)
     return cv2.remap(TEXTURE, texel[..., 0], texel[..., 1], cv2.INTER_LINEAR, borderValue=(90, 90, 90))
 
 

@@ -11,17 +11,17 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from mcap.writer import CompressionType, IndexType, Writer
+from mcap.writer import CompressionType, IndexType
 from scipy.spatial.transform import Rotation
 from support.mutations import MUTATED, mutated_bytes, mutated_json, mutated_tree, refused_or
-from support.recordings import FACTS, LENS, MOUNT, drain, noise, record
+from support.recordings import FACTS, LENS, MOUNT, bag, drain, noise, record
 
 from edgemap.bridges.ros2.messages import build
-from edgemap.bridges.ros2.messages.definitions import DAMAGE, decoder, definition, encoder
+from edgemap.bridges.ros2.messages.definitions import DAMAGE, decoder, encoder
 from edgemap.bridges.ros2.messages.tf_tree import TfTree
 from edgemap.bridges.ros2.recordings import foreign
 from edgemap.bridges.ros2.recordings.camera import RecordingCamera
-from edgemap.bridges.ros2.recordings.facts import RECORD, Facts, facts_record, read_facts, read_trajectory_file
+from edgemap.bridges.ros2.recordings.facts import Facts, facts_record, read_facts, read_trajectory_file
 from edgemap.bridges.ros2.recordings.pictures import raw_picture
 from edgemap.geometry.se2 import SE2
 from edgemap.runtime.frames.errors import CameraError, CameraFault
@@ -32,23 +32,6 @@ from edgemap.runtime.network.store import default_bundle
 
 WHEEL = Trajectory(np.arange(8) / 10, tuple(SE2(i / 20, 0.1, 0.2) for i in range(8)))
 PNG = cv2.imencode(".png", np.full((48, 64, 3), 90, np.uint8))[1].tobytes()
-
-
-def bag(path: Path, messages, metadata=None, **options) -> Path:
-    """An MCAP file of (topic, kind, stamp_ns, fields or bytes)."""
-    with path.open("wb") as file:
-        writer, channels = Writer(file, **options), {}
-        writer.start("ros2", "test")
-        if metadata:
-            writer.add_metadata(RECORD, metadata)
-        for topic, kind, stamp_ns, fields in messages:
-            if (topic, kind) not in channels:
-                schema = writer.register_schema(kind, "ros2msg", definition(kind).encode())
-                channels[topic, kind] = writer.register_channel(topic, "cdr", schema)
-            data = fields if isinstance(fields, bytes) else encoder(kind)(fields)
-            writer.add_message(channels[topic, kind], stamp_ns, bytes(data), stamp_ns)
-        writer.finish()
-    return path
 
 
 def header(frame="lens"):

@@ -1,6 +1,5 @@
 """ROS 2 bags of other people's robots as cameras: encodings, lens, mount, wheels, and one line for what is missing."""
 
-import io
 import struct
 
 import cv2
@@ -9,8 +8,9 @@ import pytest
 
 pytest.importorskip("rosbags")
 
-from support.recordings import drain
-from support.ros_bag import camera_info, compressed, image, imu, odometry, tf, transform, write_bag
+from mcap.writer import CompressionType, IndexType
+from support.recordings import bag, drain
+from support.ros_bag import STORE, camera_info, compressed, image, imu, odometry, tf, transform, write_bag
 
 from edgemap.bridges.ros2.recordings.foreign import read_wheel
 from edgemap.geometry.camera.intrinsics import Distortion, Intrinsics
@@ -208,27 +208,17 @@ def test_an_unknown_lens_is_refused_by_name_unless_another_is_given(tmp_path):
 @pytest.mark.parametrize("compression", ["ZSTD", "LZ4", "NONE"])
 @pytest.mark.parametrize("indexed", [True, False])
 def test_chunk_compressions_with_and_without_index(tmp_path, compression, indexed):
-    """Written by mcap's own writer, for it knows every variant."""
-    from mcap.writer import CompressionType, IndexType, Writer
-    from support.ros_bag import STORE
-
-    out = io.BytesIO()
+    pictures = (image(T0 + i, np.full((48, 64, 3), i, np.uint8), "bgr8") for i in range(5))
+    coded = [bytes(STORE.serialize_cdr(message, "sensor_msgs/msg/Image")) for message in pictures]
+    messages = [("/cam/image_raw", "sensor_msgs/msg/Image", T0 + i, data) for i, data in enumerate(coded)]
     index = IndexType.ALL if indexed else IndexType.NONE
-    writer = Writer(out, chunk_size=20_000, compression=CompressionType[compression], index_types=index)
-    writer.start("ros2")
-    text, _ = STORE.generate_msgdef("sensor_msgs/msg/Image", ros_version=2)
-    schema = writer.register_schema("sensor_msgs/msg/Image", "ros2msg", text.encode())
-    channel = writer.register_channel("/cam/image_raw", "cdr", schema)
-    for i in range(5):
-        message = image(T0 + i, np.full((48, 64, 3), i, np.uint8), "bgr8")
-        writer.add_message(channel, T0 + i, bytes(STORE.serialize_cdr(message, "sensor_msgs/msg/Image")), T0 + i)
-    writer.finish()
-    (tmp_path / "a.mcap").write_bytes(out.getvalue())
-    with open_camera(str(tmp_path / "a.mcap")) as camera:
+    options = {"chunk_size": 20_000, "compression": CompressionType[compression], "index_types": index}
+    path = bag(tmp_path / "a.mcap", messages, **options)
+    with open_camera(str(path)) as camera:
         assert camera.info.frame_count == 5
         # Nanoseconds apart are the same float on a Unix clock, but not to be taken for time that stands still.
         assert [int(frame.image[0, 0, 0]) for frame in drain(camera)] == [0, 1, 2, 3, 4]
-    data = out.getvalue().replace(compression.lower().encode(), b"br!!"[: len(compression)])
+    data = path.read_bytes().replace(compression.lower().encode(), b"br!!"[: len(compression)])
     (tmp_path / "b.mcap").write_bytes(data)
     if compression != "NONE":
         with pytest.raises(CameraError, match=r"b\.mcap: (chunks compressed with 'br!|damaged)"):
@@ -236,17 +226,9 @@ def test_chunk_compressions_with_and_without_index(tmp_path, compression, indexe
 
 
 def test_other_encodings_than_cdr_are_named(tmp_path):
-    from mcap.writer import Writer
-
-    out = io.BytesIO()
-    writer = Writer(out)
-    writer.start()
-    schema = writer.register_schema("sensor_msgs/Image", "jsonschema", b"{}")
-    writer.add_message(writer.register_channel("/cam", "json", schema), T0, b"{}", T0)
-    writer.finish()
-    (tmp_path / "a.mcap").write_bytes(out.getvalue())
+    path = bag(tmp_path / "a.mcap", [("/cam", "sensor_msgs/msg/Image", T0, b"{}")], ("jsonschema", "json"))
     with pytest.raises(CameraError, match="/cam is encoded as json/jsonschema, edgemap reads cdr/ros2msg"):
-        open_camera(str(tmp_path / "a.mcap"))
+        open_camera(str(path))
 
 
 def test_damaged_first_pictures_are_told_and_skipped(tmp_path):

@@ -6,10 +6,9 @@ import uuid
 import numpy as np
 import pytest
 import yaml
-from support.rooms import mapped
+from support.rooms import mapped, two_rooms
 
 from edgemap.geometry.errors import MapError
-from edgemap.geometry.grid.occupancy_grid import OccupancyGrid
 from edgemap.geometry.grid.rooms import floor_parts
 from edgemap.geometry.objects.annotations import Zone
 from edgemap.geometry.se2 import SE2
@@ -201,10 +200,8 @@ def test_a_name_of_any_letters_is_the_picture_that_the_file_names(name, tmp_path
 
 
 def test_a_route_graph_leads_over_free_floor_from_room_to_room():
-    odds = np.full((84, 126), 40, np.int8)  # two rooms of 3 x 4 m, a door, and a cupboard before it
-    odds[2:82, 2:62] = odds[2:82, 64:124] = odds[33:51, 62:64] = -40
-    odds[30:54, 80:84] = 40
-    grid = OccupancyGrid(odds, -1.0, 2.0, 0.05)
+    grid = two_rooms(0.9)
+    grid.log_odds[30:54, 80:84] = 40  # a cupboard before the door
     rooms, doors = floor_parts(grid)
     features = json.loads(route_text(rooms, doors, grid, 0.2))["features"]
     nodes = {one["properties"]["id"]: one for one in features if one["geometry"]["type"] == "Point"}
