@@ -13,9 +13,9 @@ from edgemap.geometry.arrays import Array
 from edgemap.geometry.robust import CLEAR_SIGMAS, median_and_scatter
 from edgemap.geometry.se2 import SE2
 from edgemap.runtime.frames.timing import StreamTimer
-from edgemap.runtime.motion.trust import TrustRule
 
 EVERY_S = 1.0  # between two judgements of one source, in time of the stream; also the length of the blocks compared
+LEAST = 0.12, 0.2  # yaw in rad and length in m of a motion that is compared
 FEWEST = 4  # blocks with a clear motion
 CLEARER = 0.8  # of what a delay leaves unexplained against none (0.1 s: 0.1 to 0.7)
 OFTEN = 0.1  # share of steps of over a radian, from which on yaw is in degrees: wraps at pi are rare
@@ -48,13 +48,26 @@ class Step:
     variances: Array
 
 
+@dataclass(frozen=True, slots=True, eq=False)
+class _Compared:
+    """N steps of both: spans (N, 2) in s, the camera's motions (N, 3) with variances, the source's motions, the block
+    of each step, and the blocks with a clear turn."""
+
+    spans: Array
+    seen: Array
+    given: Array
+    variances: Array
+    block: Rows
+    turned: Rows
+
+
 class MotionJudge:
     """Call `add` with every step of the camera and `judge` with the source's path; the same for every kind of source.
 
     conclusive: whether the camera has turned enough to judge.
     """
 
-    def __init__(self, rule: JudgeRule | None = None, least: tuple[float, float] = TrustRule().least) -> None:
+    def __init__(self, rule: JudgeRule | None = None, least: tuple[float, float] = LEAST) -> None:
         """least: yaw in rad and length in m of a block that counts."""
         self._rule, (self._least_rad, self._least_m) = rule or JudgeRule(), least
         self._steps, self._timer = deque[Step](), StreamTimer(EVERY_S)
@@ -77,39 +90,58 @@ class MotionJudge:
     def judge(self, path: Path, lengths: bool = True) -> str:
         """What is wrong with a source, in words; empty where nothing is, or it cannot be judged yet. lengths: whether
         it measures lengths, or yaw alone."""
-        if len(self._steps) < 2:
+        compared = self._compared(path)
+        if compared is None:
             return ""
+        wrong = self._late(path, compared) or self._yaw(compared)
+        return wrong or (self._length(compared) if lengths else "")
+
+    def delay(self, path: Path) -> str:
+        """By how much a source's yaw follows late or early, in words; empty as of `judge`."""
+        compared = self._compared(path)
+        return self._late(path, compared) if compared is not None else ""
+
+    def _compared(self, path: Path) -> "_Compared | None":
+        """The steps that the source measured too; None of too few."""
+        if len(self._steps) < 2:
+            return None
         spans = np.array([(step.from_s, step.to_s) for step in self._steps])
         seen = np.array([step.motion for step in self._steps])
         variances = np.array([step.variances for step in self._steps])
         given = _between(path, spans, 0.0)
         known = np.isfinite(given).all(axis=1)
+        if known.sum() < 2:
+            return None
         spans, seen, given, variances = spans[known], seen[known], given[known], variances[known]
-        if len(spans) < 2:
-            return ""
         block = np.unique(np.floor(spans[:, 1] / EVERY_S), return_inverse=True)[1]
-        wrong = self._yaw(path, spans, seen, given, variances, block)
-        return wrong or (self._length(seen, given, variances, block) if lengths else "")
+        turned = _blocks(block, np.abs(seen[:, 2]), variances[:, 2], self._least_rad)
+        self.conclusive |= len(turned) >= FEWEST
+        return _Compared(spans, seen, given, variances, block, turned)
 
-    def _yaw(self, path: Path, spans: Array, seen: Array, given: Array, variances: Array, block: Rows) -> str:
-        clear = _blocks(block, np.abs(seen[:, 2]), variances[:, 2], self._least_rad)
-        if len(clear) < FEWEST:
+    def _late(self, path: Path, compared: "_Compared") -> str:
+        if len(compared.turned) < FEWEST:
             return ""
-        self.conclusive = True
-        match = [_correlation(seen[:, 2], _between(path, spans, lag_s)[:, 2]) for lag_s in LAGS_S]
-        here = _correlation(seen[:, 2], given[:, 2])
-        best = int(np.argmax(match))
+        yaw = compared.seen[:, 2]
+        match = [_correlation(yaw, _between(path, compared.spans, lag_s)[:, 2]) for lag_s in LAGS_S]
+        here, best = _correlation(yaw, compared.given[:, 2]), int(np.argmax(match))
         better = 1.0 - match[best] < CLEARER * (1.0 - here)
         if match[best] > self._rule.follows and abs(LAGS_S[best]) > self._rule.lag_s and better:
             late = "late" if LAGS_S[best] > 0.0 else "early"
             return f"it is {abs(LAGS_S[best]):.2f} s {late} against the pictures"
-        if abs(here) < self._rule.follows:
-            return f"its yaw does not follow the camera's (correlation {here:.2f})"
-        return self._ratio("yaw", given[:, 2], seen[:, 2], clear, block, UNITS_OF_YAW)
+        return ""
 
-    def _length(self, seen: Array, given: Array, variances: Array, block: Rows) -> str:
+    def _yaw(self, compared: "_Compared") -> str:
+        if len(compared.turned) < FEWEST:
+            return ""
+        yaw, given = compared.seen[:, 2], compared.given[:, 2]
+        if abs(here := _correlation(yaw, given)) < self._rule.follows:
+            return f"its yaw does not follow the camera's (correlation {here:.2f})"
+        return self._ratio("yaw", given, yaw, compared.turned, compared.block, UNITS_OF_YAW)
+
+    def _length(self, compared: "_Compared") -> str:
+        seen, given, block = compared.seen, compared.given, compared.block
         ahead, other = seen[:, 0] + 1j * seen[:, 1], given[:, 0] + 1j * given[:, 1]
-        clear = _blocks(block, np.abs(ahead), variances[:, 0], self._least_m)
+        clear = _blocks(block, np.abs(ahead), compared.variances[:, 0], self._least_m)
         if len(clear) < FEWEST:
             return ""
         product = complex(np.vdot(ahead, other))

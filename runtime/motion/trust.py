@@ -1,22 +1,22 @@
 """Decides whether a motion source is trusted, by comparing its motions with those of the camera."""
 
 import math
+from collections import deque
 from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from enum import Enum
 
 import numpy as np
 
-from edgemap.geometry.arrays import Array
-from edgemap.geometry.odometry.consensus import MotionEstimate, difference
+from edgemap.geometry.odometry.consensus import MotionEstimate
 from edgemap.geometry.robust import CLEAR_SIGMAS
+from edgemap.geometry.se2 import SE2
 from edgemap.runtime.frames.faults import Fault, FaultKind
+from edgemap.runtime.motion.judge import LEAST, MotionJudge, path_of
 
 # Ratio of the source's motion to the camera's. On two bad drives, the camera was compared with correct wheels in 470
 # windows. 8 windows were outside `ratio`, two of them in a row, and none was below 0.15: these are camera errors.
 CONTRARY = 0.1
-# Length of a window, s; weight of the newest window in the mean; maximum squared distance of one window.
-INNOVATION_S, INNOVATION_SHARE, MOST_SQUARED = 1.0, 0.3, 30.0
 WHEELS = "wheels"  # the source
 UNPROVEN = np.array([100.0, 100.0, 10.0])  # variances added to quantities that a source has not confirmed yet
 
@@ -35,7 +35,7 @@ class Trust(Enum):
 class TrustRule:
     """Decides when a source with valid numbers is wrong."""
 
-    least: tuple[float, float] = (0.12, 0.2)  # motion of the reference in a conclusive window: yaw in rad, length in m
+    least: tuple[float, float] = LEAST  # motion of the reference in a conclusive window: yaw in rad, length in m
     # Minimum ratio of the source's motion to the reference's, and of the reference's to the source's. Up to it, a scale
     # error explains the difference: for yaw of a lens or a wheel track, for length of a height or a wheel radius.
     ratio: float = 0.75
@@ -100,48 +100,21 @@ class Agreement:
         return replace(self.restarted(), ratio=ratio, row=row, state=state)
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Innovation:
-    """Consistency of two sources: their difference relative to both stated covariances. If it exceeds them, the stated
-    covariances are too small. difference (3,), covariance (3, 3), span_s: sums over the current window. mean: recent
-    mean of the windows' squared Mahalanobis distances per degree of freedom (innovation-based adaptive estimation:
-    Mehra 1970).
-    """
-
-    difference: Array = field(default_factory=lambda: np.zeros(3))
-    covariance: Array = field(default_factory=lambda: np.zeros((3, 3)))
-    span_s: float = 0.0
-    mean: float = 1.0
-
-    @property
-    def scale(self) -> float:
-        """Factor by which the stated covariances are multiplied, at least 1."""
-        return max(self.mean, 1.0)
-
-    def updated(self, difference: Array, covariance: Array, span_s: float) -> "Innovation":
-        """The state after one more step. covariance: of the difference of both motions, as stated by the sources."""
-        summed, together, span_s = self.difference + difference, self.covariance + covariance, self.span_s + span_s
-        if span_s < INNOVATION_S:
-            return Innovation(summed, together, span_s, self.mean)
-        squared = min(float(summed @ np.linalg.solve(together, summed)) / len(summed), MOST_SQUARED)
-        return Innovation(mean=self.mean + INNOVATION_SHARE * (squared - self.mean))
-
-
 class WheelTrust:
-    """Judges wheels by yaw and length, and by their difference from the camera beyond both covariances."""
+    """Judges wheels by the camera: yaw and length, and their delay."""
 
     def __init__(self, rule: TrustRule) -> None:
         state = Trust.UNPROVEN if rule.windows else Trust.TRUSTED
         self._yaw, self._length = (Agreement(rule, least, state) for least in rule.least)
-        self._innovation, self._excluded = Innovation(), False
+        self._judge, self._path = MotionJudge(least=rule.least), deque[tuple[float, SE2]]()
+        self._judges, self._late, self._excluded = rule.windows > 0, "", False
 
-    @property
-    def scale(self) -> float:
-        """Factor on the fused covariance."""
-        return self._innovation.scale
-
-    def judge(self, wheels: MotionEstimate | None, camera: MotionEstimate | None, dt_s: float) -> Fault | None:
-        """Compare one step; a fault in the step from which on the wheels are excluded, or used again."""
+    def judge(
+        self, wheels: MotionEstimate | None, camera: MotionEstimate | None, from_s: float, to_s: float
+    ) -> Fault | None:
+        """Compare one step; a fault in the step from which on the wheels are excluded, or used again. from_s: stamp of
+        the picture before."""
+        self._follow(wheels, to_s)
         if wheels is None or camera is None:
             self._yaw, self._length = self._yaw.restarted(), self._length.restarted()
             return None
@@ -149,19 +122,34 @@ class WheelTrust:
         together = np.asarray(camera.covariance + wheels.covariance)
         self._yaw = self._yaw.updated(yaw_rad, camera_rad, float(together[2, 2]))
         self._length = self._length.updated(x_m, camera_m, float(together[0, 0]))
-        wrong = [(name, part) for name, part in self._parts if part.state is Trust.DISTRUSTED]
+        if self._judges and self._judge.add(from_s, to_s, (SE2(*camera.motion.tolist()), camera.covariance)):
+            stamps_s, poses = zip(*self._path, strict=True)
+            self._late = self._judge.delay(path_of(np.array(stamps_s), np.array([pose.vector() for pose in poses])))
+        wrong = self._wrong()
         news, self._excluded = bool(wrong) != self._excluded, bool(wrong)
-        if wrong:
-            self._innovation = Innovation()  # the difference from a faulty source is no error of the others
-        else:
-            self._innovation = self._innovation.updated(difference(camera, wheels), together, dt_s)
         if not news:
             return None
         if not wrong:
             return Fault(FaultKind.WHEELS_RESTORED, f"{WHEELS}: agrees with the camera again: used again")
-        name, part = wrong[0]
-        text = f"{WHEELS}: its {name} is {100.0 * part.ratio:.0f} % of what the camera measures: left out"
-        return Fault(FaultKind.WHEELS_EXCLUDED, text)
+        return Fault(FaultKind.WHEELS_EXCLUDED, f"{WHEELS}: {wrong}: left out")
+
+    def _follow(self, wheels: MotionEstimate | None, to_s: float) -> None:
+        """Adds a step to the wheels' path, which begins again where they measured none."""
+        before = self._path[-1][1] if self._path else SE2()
+        if wheels is None:
+            self._path.clear()
+        self._path.append((to_s, before if wheels is None else before @ SE2(*wheels.motion.tolist())))
+        while self._path[-1][0] - self._path[0][0] > self._judge.reach_s:
+            self._path.popleft()
+
+    def _wrong(self) -> str:
+        """Why the wheels are left out; empty where they are not."""
+        if self._late:
+            return self._late
+        for name, part in self._parts:
+            if part.state is Trust.DISTRUSTED:
+                return f"its {name} is {100.0 * part.ratio:.0f} % of what the camera measures"
+        return ""
 
     def trusted(self, estimates: Mapping[str, MotionEstimate], camera: bool) -> dict[str, MotionEstimate]:
         """The estimates without distrusted wheels. With a camera, quantities of the wheels that have not been confirmed
@@ -172,6 +160,7 @@ class WheelTrust:
             return trusted
         doubted = self._yaw.doubted or self._length.doubted
         yaw, length = (part.state is Trust.TRUSTED and not doubted for _, part in self._parts)
+        yaw &= self._judge.conclusive or not self._judges  # late wheels turn in other pictures
         if camera and not (yaw and length):
             loose = np.diag(np.where([length, length, yaw], 0.0, UNPROVEN))
             wheels = MotionEstimate(wheels.motion, wheels.covariance + loose)

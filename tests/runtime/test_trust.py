@@ -86,6 +86,17 @@ def test_lying_wheels_are_named_within_20_s_and_the_pose_stays_the_cameras(lie):
     assert abs(off[2]) < abs(alone[2]) + 0.05
 
 
+def test_wheels_that_are_late_are_named_and_turn_no_picture_before():
+    true = winding(300)
+    told = np.concatenate([np.zeros((5, 3)), true[:-5]])
+    ((stamp_s, fault),), off = fused(true, told)
+    assert fault == "wheels: it is 0.50 s late against the pictures: left out"
+    assert stamp_s < 20.0
+    alone = fused(true, None)[1]
+    assert math.hypot(off[0], off[1]) < math.hypot(alone[0], alone[1]) + 0.25  # of 12 m
+    assert abs(off[2]) < abs(alone[2]) + 0.05
+
+
 @pytest.mark.parametrize("lie", ["mirrored yaw", "frozen", "backwards"])
 def test_wheels_that_recover_are_used_again(lie):
     true = winding(400)

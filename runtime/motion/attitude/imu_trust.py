@@ -3,6 +3,7 @@
 import math
 from collections import deque
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,7 +14,7 @@ from edgemap.geometry.camera.inertial import GRAVITY_M_S2
 from edgemap.geometry.robust import CLEAR_SIGMAS
 from edgemap.geometry.se2 import SE2
 from edgemap.runtime.frames.faults import Fault, FaultKind
-from edgemap.runtime.motion.judge import MotionJudge, path_of
+from edgemap.runtime.motion.judge import MotionJudge, Path, path_of
 from edgemap.runtime.motion.trust import CONTRARY, Agreement, Trust, TrustRule
 
 Array = NDArray[np.float64]
@@ -173,13 +174,13 @@ class ImuTrust:
             stamps_s, turns = np.array([row[0] for row in self._turns]), np.array([row[1] for row in self._turns])
             turns = turns - np.outer(stamps_s, bias)
 
-            def wrong(axis: Array) -> str:
-                yaw = (turns @ axis)[:, None] * [0.0, 0.0, 1.0]
-                return self._judge.judge(path_of(stamps_s, yaw, wraps=False), lengths=False)
+            def about(axis: Array) -> Path:
+                return path_of(stamps_s, (turns @ axis)[:, None] * [0.0, 0.0, 1.0], wraps=False)
 
-            self._contrary = wrong(up)
-            if self._contrary and "against" not in self._contrary:
-                right = next((name for name, axis in AXES.items() if not wrong(axis)), "")
+            late, wrong = self._judge.delay(about(up)), partial(self._judge.judge, lengths=False)
+            self._contrary = late or wrong(about(up))
+            if self._contrary and not late:
+                right = next((name for name, axis in AXES.items() if not wrong(about(axis))), "")
                 self._contrary += (
                     f"; about its {right} axis it does (are its axes right, down, ahead?)" if right else ""
                 )

@@ -120,7 +120,7 @@ class HybridOdometry:
         self._movers = 0.0  # share of the picture that people and animals cover
         self._compass = RoomCompass(self._rule.compass, unobserved_rad2=0.0 if reason == "start" else math.inf)
         self._wheels = WheelTrust(self._rule.trust)
-        self._last_s = math.inf  # of the last step with a picture
+        self._last_s = -math.inf  # of the last step with a picture
 
     def _fused(self, stamp_s: float, motions: Mapping[str, Motion], covered: float = 0.0) -> Motion:
         """The motion of a step by those of the sources. covered: as of `FramePrior`."""
@@ -133,7 +133,7 @@ class HybridOdometry:
         alive = self._estimates(motions, covered)
         wheels, camera = alive.get(WHEELS), alive.get(CAMERA)
         judges = max(covered, self._movers) < self._covered_limit
-        faults = [self._wheels.judge(wheels, camera if judges else None, stamp_s - self._last_s), *news]
+        faults = [self._wheels.judge(wheels, camera if judges else None, self._last_s, stamp_s), *news]
         alive = self._wheels.trusted(alive, camera is not None)
         others = {name: item for name, item in alive.items() if name != GYRO}
         if not others:
@@ -145,8 +145,6 @@ class HybridOdometry:
         moved, covariance = estimate.motion, scale * np.asarray(estimate.covariance)
         rotation = next((motion.rotation for motion in motions.values() if motion.rotation is not None), None)
         self._coasting.saw(SE2(*moved), stamp_s, covariance)
-        if not estimate.conflict:
-            covariance = covariance * self._wheels.scale
         visual = None if len(others) == len(alive) else consensus(others)
         return Motion(
             SE2(*moved),
