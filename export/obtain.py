@@ -2,12 +2,13 @@
 
 import hashlib
 import os
+import re
 import shutil
 import subprocess
 import sys
 import tarfile
 import tempfile
-from html.parser import HTMLParser
+from html import unescape
 from pathlib import Path
 from urllib.parse import urldefrag, urljoin
 
@@ -20,6 +21,7 @@ from edgemap.runtime.network.store import downloads_folder
 
 # The default index is read from pip, so that all index settings of this machine are in one place.
 _DEFAULT_INDEX = "from pip._internal.models.index import PyPI; print(PyPI.simple_url)"
+ANCHOR = re.compile(r"""<a\s[^>]*?href=["']([^"']+)["'][^>]*>([^<]*)</a>""", re.IGNORECASE)
 
 
 def obtain(model: KnownModel, given: str | None = None, progress: bool = True) -> tuple[Path, tuple[str, ...]]:
@@ -84,17 +86,16 @@ def index_url() -> str:
 
 def archive_link(page: str, base: str, source: SourceArchive) -> tuple[str, str]:
     """Reads the URL and the SHA-256 of a source archive from a project's page (PEP 503). Raises DownloadError."""
-    links = _Links()
-    links.feed(page)
+    links = ANCHOR.findall(page)
     wanted = f"{source.project}-{source.version}.tar.gz"
-    for href, text in links.found:
+    for href, text in links:
         if text.strip() == wanted:
-            url, fragment = urldefrag(urljoin(base, href))
+            url, fragment = urldefrag(urljoin(base, unescape(href)))
             algorithm, _, value = fragment.partition("=")
             if algorithm != "sha256" or len(value) != 64:
                 raise DownloadError(f"{source}: its link carries no sha256")
             return url, value
-    raise DownloadError(f"{source}: not on the project's page ({len(links.found)} files there)")
+    raise DownloadError(f"{source}: not on the project's page ({len(links)} files there)")
 
 
 def fetch_member(source: SourceArchive, target: Path, *, sums: tuple[str, ...], progress: bool = True) -> Path:
@@ -134,28 +135,6 @@ def extract_member(archive: Path, source: SourceArchive, target: Path, sums: tup
         raise DownloadError(f"{source}: archive cannot be read ({error})") from None
     finally:
         part.unlink(missing_ok=True)
-
-
-class _Links(HTMLParser):
-    """Collects (href, text) of each anchor of an HTML page."""
-
-    def __init__(self) -> None:
-        super().__init__()
-        self.found: list[tuple[str, str]] = []
-        self._href: str | None = None
-        self._text = ""
-
-    def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
-        if tag == "a":
-            self._href, self._text = dict(attrs).get("href"), ""
-
-    def handle_data(self, data: str) -> None:
-        self._text += data
-
-    def handle_endtag(self, tag: str) -> None:
-        if tag == "a" and self._href:
-            self.found.append((self._href, self._text))
-            self._href = None
 
 
 def _ask(*arguments: str) -> str:

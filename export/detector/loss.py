@@ -44,11 +44,10 @@ class Targets:
 
 @dataclass(frozen=True)
 class Assignment:
-    """Per cell (B, N): whether it answers for a box, which of its picture's, their IoU, and whether it is exempt."""
+    """Per cell (B, N): whether it answers for a box, which of its picture's, and whether it is exempt."""
 
     positive: Tensor
     box: Tensor
-    iou: Tensor
     exempt: Tensor
 
 
@@ -71,9 +70,8 @@ def assign(rows: Rows, targets: Targets) -> Assignment:
     chosen = _cheapest(cost, torch.where(near, iou, 0.0))
     best = torch.where(chosen, cost, torch.inf).argmin(dim=1)
     positive = chosen.any(dim=1)
-    matched = iou.gather(1, best[:, None]).squeeze(1)
     hidden = torch.where(targets.ignored[..., None], iou, 0.0).amax(dim=1) > IGNORED_OVERLAP
-    return Assignment(positive, best, matched, hidden & ~positive)
+    return Assignment(positive, best, hidden & ~positive)
 
 
 def _class_cost(scores: Tensor, labels: Tensor, iou: Tensor) -> Tensor:
