@@ -209,6 +209,11 @@ def test_ten_maps_of_a_home_are_one_and_another_home_stays_out(reach_m):
     objects, found, duplicates = (
         sum(getattr(run, what) for run in runs) for what in ("objects", "found", "duplicates")
     )
+    print(
+        f"\nreach {reach_m:g} m: {np.mean(joined):.2f} of 10 maps joined (at least {min(joined)}), {objects} objects, "
+        f"{found} of {32 * len(runs)} true ones, {duplicates} twice, position error {np.median(errors_m):.3f} m "
+        f"(median), {max(errors_m):.2f} m (largest)"
+    )
     assert not any("another home" in run.joined for run in runs)
     assert duplicates == 0
     assert objects == found
