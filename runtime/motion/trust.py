@@ -113,7 +113,7 @@ class WheelTrust:
         self, wheels: MotionEstimate | None, camera: MotionEstimate | None, from_s: float, to_s: float
     ) -> Fault | None:
         """Compare one step; a fault in the step from which on the wheels are excluded, or used again. from_s: stamp of
-        the picture before."""
+        the step before."""
         self._follow(wheels, to_s)
         if wheels is None or camera is None:
             self._yaw, self._length = self._yaw.restarted(), self._length.restarted()

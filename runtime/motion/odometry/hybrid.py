@@ -92,7 +92,9 @@ class HybridOdometry:
     def step_blind(self, stamp_s: float, reason: Fault, attitude: Attitude | None = None) -> Motion:
         """The motion by the sources that need no picture."""
         motions = {name: source.step_blind(stamp_s, reason, attitude) for name, source in self._sources.items()}
-        return self._corrected(stamp_s, self._fused(stamp_s, motions), attitude)
+        motion = self._corrected(stamp_s, self._fused(stamp_s, motions), attitude)
+        self._last_s = stamp_s
+        return motion
 
     def still(self, stamp_s: float, attitude: Attitude | None) -> bool | None:
         """Whether every source that measures rest reports it; None where none measures it."""
@@ -120,7 +122,7 @@ class HybridOdometry:
         self._movers = 0.0  # share of the picture that people and animals cover
         self._compass = RoomCompass(self._rule.compass, unobserved_rad2=0.0 if reason == "start" else math.inf)
         self._wheels = WheelTrust(self._rule.trust)
-        self._last_s = -math.inf  # of the last step with a picture
+        self._last_s = -math.inf  # of the last step
 
     def _fused(self, stamp_s: float, motions: Mapping[str, Motion], covered: float = 0.0) -> Motion:
         """The motion of a step by those of the sources. covered: as of `FramePrior`."""
