@@ -6,6 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from edgemap.geometry.arrays import Array
+from edgemap.geometry.camera.inertial import small_rotation
 from edgemap.geometry.robust import ANNEALING, TUKEY, tukey
 
 # Of a pose: whitened rows (K, 6) by rotation from the left and displacement, both in the fixed frame's axes, and
@@ -96,7 +97,8 @@ def resect(
             turned = np.hstack([turned[:, 3:] @ pose.rotation, turned[:, :3] @ pose.rotation])
             information, right = information + turned.T @ turned, right + turned.T @ off
         inverse = np.asarray(np.linalg.inv(information), dtype=np.float64)
-        pose = pose @ _small(inverse @ right)
+        step = inverse @ right
+        pose = pose @ LensPose(small_rotation(*step[3:].tolist()), step[:3])
         excess = max(1.0, float(weights @ distance2) / max(2.0 * float(weights.sum()) - 6.0, 1.0))
     return Resected(pose, inverse * excess, weights)
 
@@ -105,11 +107,3 @@ def rotation_vector(rotation: Array) -> Array:
     """Axis times angle (3,) of a small rotation (3, 3), rad."""
     skew = rotation - rotation.T
     return np.array([skew[2, 1], skew[0, 2], skew[1, 0]]) / 2.0
-
-
-def _small(step: Array) -> LensPose:
-    """A small displacement and rotation vector (6,) as a pose (Rodrigues)."""
-    angle = float(np.linalg.norm(step[3:]))
-    axis = step[3:] / max(angle, 1e-12)
-    cross = np.array([[0.0, -axis[2], axis[1]], [axis[2], 0.0, -axis[0]], [-axis[1], axis[0], 0.0]])
-    return LensPose(np.eye(3) + np.sin(angle) * cross + (1.0 - np.cos(angle)) * cross @ cross, step[:3])

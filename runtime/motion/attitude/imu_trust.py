@@ -7,10 +7,9 @@ from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.spatial.transform import Rotation
 
 from edgemap.geometry.camera.imu import ImuSamples
-from edgemap.geometry.camera.inertial import GRAVITY_M_S2
+from edgemap.geometry.camera.inertial import GRAVITY_M_S2, small_rotation
 from edgemap.geometry.robust import CLEAR_SIGMAS
 from edgemap.geometry.se2 import SE2
 from edgemap.runtime.frames.faults import Fault, FaultKind
@@ -205,7 +204,7 @@ class ImuTrust:
             self._level, self._off_rad2 = np.stack([force, force]), np.zeros(2)
             return False
         rate = samples.gyro_rad_s.mean(axis=0) - bias
-        self._level[0] = Rotation.from_rotvec(-span_s * rate).apply(self._level[0])
+        self._level[0] = small_rotation(*(-span_s * rate).tolist()) @ self._level[0]
         off = force - self._level
         self._level += span_s * off / APART_S
         self._off_rad2 += span_s * ((off**2).sum(axis=1) - self._off_rad2) / APART_S
