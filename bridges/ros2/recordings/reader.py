@@ -76,9 +76,9 @@ class McapReading(Reading):
         if channel.message_encoding != "cdr" or schema is None or schema.encoding != "ros2msg":
             how = f"{channel.message_encoding or 'unnamed'}/{schema.encoding if schema else 'no schema'}"
             raise CameraError(f"{self.path}: {topic} is encoded as {one_line(how)}, edgemap reads cdr/ros2msg")
-        kind = short(schema.name)
-        if kind != self.topics[topic].kind:
-            raise CameraError(f"{self.path}: {topic} is {self.topics[topic].kind} and {kind}; a topic has one kind")
+        kind, first = short(schema.name), self.topics[topic].kind
+        if kind != first:
+            raise CameraError(f"{self.path}: {topic} is {first} and {one_line(kind)}; a topic has one kind")
         return kind
 
     def _raw(self, topic: str) -> Iterator[tuple[Any, Any, Any]]:
