@@ -14,6 +14,11 @@ def wrap_angle(angle_rad: float) -> float:
     return math.pi - (math.pi - angle_rad) % (2.0 * math.pi)
 
 
+def wrap_angles(angles_rad: Array) -> Array:
+    """The same of an array of any shape, rad."""
+    return np.angle(np.exp(1j * angles_rad))
+
+
 @dataclass(frozen=True, slots=True)
 class SE2:
     """A planar pose or motion: `pose_a_b` takes points of frame b into frame a.

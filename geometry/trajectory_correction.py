@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from edgemap.geometry.arrays import Array
+from edgemap.geometry.se2 import wrap_angles
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -38,7 +39,7 @@ class TrajectoryCorrection:
 def composed(a: Array, b: Array) -> Array:
     """`SE2 @ SE2` of rows (N, 3); a single row is broadcast."""
     c, s = np.cos(a[:, 2]), np.sin(a[:, 2])
-    yaw = np.angle(np.exp(1j * (a[:, 2] + b[:, 2])))
+    yaw = wrap_angles(a[:, 2] + b[:, 2])
     return np.column_stack([a[:, 0] + c * b[:, 0] - s * b[:, 1], a[:, 1] + s * b[:, 0] + c * b[:, 1], yaw])
 
 
@@ -48,7 +49,7 @@ def nearest_earlier(poses: Array, excess: int) -> dict[int, int]:
     if excess <= 0:
         return {}
     difference = poses[:, None] - poses[None]
-    difference[..., 2] = np.angle(np.exp(1j * difference[..., 2]))
+    difference[..., 2] = wrap_angles(difference[..., 2])
     distance = np.linalg.norm(difference, axis=2)
     distance[np.triu_indices(len(poses))] = np.inf  # to earlier ones only
     into: dict[int, int] = {}

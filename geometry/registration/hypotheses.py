@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from edgemap.geometry.arrays import CHI2_997, Array
 from edgemap.geometry.map_object import MapObject
-from edgemap.geometry.se2 import SE2
+from edgemap.geometry.se2 import SE2, wrap_angles
 
 SHORTEST_M = 0.7  # nearer objects constrain the rotation too little
 MAXIMUM_CORRESPONDENCES = 200  # of which every two are tried; more are drawn from, rarest labels first
@@ -84,7 +84,7 @@ def best_modes(
     while alive.any() and len(modes) < MAXIMUM_MODES:
         row = int(np.argmax(np.where(alive, scores, -1.0)))
         modes.append(motions.pose(row))
-        rotation = np.abs(np.angle(np.exp(1j * (motions.yaw_rad - motions.yaw_rad[row]))))
+        rotation = np.abs(wrap_angles(motions.yaw_rad - motions.yaw_rad[row]))
         alive &= (((centre - centre[row]) ** 2).sum(axis=1) > SAME_PLACE_M**2) | (rotation > SAME_TURN_RAD)
     return modes
 

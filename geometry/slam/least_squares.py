@@ -11,6 +11,7 @@ from scipy.sparse import csc_array
 from scipy.sparse.linalg import splu
 
 from edgemap.geometry.arrays import Array
+from edgemap.geometry.se2 import wrap_angles
 
 Rows = NDArray[np.intp]
 
@@ -117,7 +118,7 @@ def solve(
         yield
         if system.gain(step) < CONVERGED:
             break
-    poses = np.column_stack([poses[:, :2], _wrapped(poses[:, 2])])
+    poses = np.column_stack([poses[:, :2], wrap_angles(poses[:, 2])])
     odometry = replace(problem.odometry, gains=(0.0, 0.0))
     gaussian = replace(problem, odometry=odometry, freedom=math.inf)
     stated = partial(_System, gaussian, poses, landmarks, biases)
@@ -173,14 +174,13 @@ class _System:
     def _add_odometry(self, odometry: OdometryFactors, freedom: float, poses: Array, biases: Array) -> None:
         count = len(poses)
         first = poses[:1] - odometry.first
-        first[:, 2] = _wrapped(first[:, 2])
-        root = _root(odometry.first_information[None])
-        first = (root @ first[:, :, None])[:, :, 0]
+        first[:, 2] = wrap_angles(first[:, 2])
+        root, first = _whitened(odometry.first_information[None], first)
         self._add(first, (np.zeros(1, dtype=np.intp), root))
         self._cost += 0.5 * float((first**2).sum())
         if len(odometry.headings):
             weight = np.sqrt(odometry.heading_information)
-            off = weight * _wrapped(poses[:, 2] - odometry.headings)
+            off = weight * wrap_angles(poses[:, 2] - odometry.headings)
             self._add(off[:, None], (3 * np.arange(count) + 2, weight[:, None, None]))
             self._cost += 0.5 * float(off @ off)
         x, y, by_before, by_after = _seen_from(poses[:-1], poses[1:, :2])
@@ -188,20 +188,21 @@ class _System:
         by_gain[:, :2, 0] = -odometry.gains[0] * odometry.motions[:, :2]
         by_gain[:, 2, 1] = -odometry.gains[1] * odometry.motions[:, 2]
         residual = np.column_stack([x, y, poses[1:, 2] - poses[:-1, 2]]) - odometry.motions + by_gain @ biases[:2]
-        residual[:, 2] = _wrapped(residual[:, 2])
+        residual[:, 2] = wrap_angles(residual[:, 2])
         turn = np.tile([0.0, 0.0, 1.0], (count - 1, 1, 1))
         by_before = np.concatenate([by_before, -turn], axis=1)
         by_after = np.concatenate([np.pad(by_after, ((0, 0), (0, 0), (0, 1))), turn], axis=1)
-        root = _root(odometry.information)
-        chi2 = ((root @ residual[:, :, None]) ** 2).sum(axis=(1, 2))
+        root, residual = _whitened(odometry.information, residual)
+        chi2, weight = (residual**2).sum(axis=1), np.ones(count - 1)
         if math.isfinite(freedom):
-            root = root * np.sqrt((freedom + 3.0) / (freedom + chi2))[:, None, None]
+            weight = np.sqrt((freedom + 3.0) / (freedom + chi2))
             self._cost += 0.5 * (freedom + 3.0) * float(np.log1p(chi2 / freedom).sum())
         else:
             self._cost += 0.5 * float(chi2.sum())
+        root *= weight[:, None, None]
         before, gains = 3 * np.arange(count - 1), np.full(count - 1, self._bias)
         blocks = (before, root @ by_before), (before + 3, root @ by_after), (gains, root @ by_gain)
-        self._add((root @ residual[:, :, None])[:, :, 0], *blocks)
+        self._add(residual * weight[:, None], *blocks)
 
     def _add_observations(
         self, seen: ObservationFactors, kernel: float, poses: Array, landmarks: Array, biases: Array
@@ -209,37 +210,33 @@ class _System:
         """Returns the squared Mahalanobis distances (N,)."""
         x, y, by_pose, by_landmark = _seen_from(poses[seen.pose], landmarks[seen.landmark])
         residual = np.column_stack([x, y]) + biases[2] * seen.bias_m - seen.position_m
-        root = _root(seen.information)
-        chi2 = ((root @ residual[:, :, None]) ** 2).sum(axis=(1, 2))
+        root, residual = _whitened(seen.information, residual)
+        chi2, weight = (residual**2).sum(axis=1), np.ones(len(x))
         self._cost += _normalisation(seen.information)
         if math.isfinite(kernel):
-            root = root / np.sqrt(1.0 + chi2 / kernel)[:, None, None]
+            weight = 1.0 / np.sqrt(1.0 + chi2 / kernel)
             self._cost += 0.5 * kernel * float(np.log1p(chi2 / kernel).sum())
         else:
             self._cost += 0.5 * float(chi2.sum())
+        root *= weight[:, None, None]
         by_mount, mount = root @ seen.bias_m[:, :, None], np.full(len(x), self._bias + 2)
         blocks = (3 * seen.pose, root @ by_pose), (self._landmark + 2 * seen.landmark, root @ by_landmark)
-        self._add((root @ residual[:, :, None])[:, :, 0], *blocks, (mount, by_mount))
+        self._add(residual * weight[:, None], *blocks, (mount, by_mount))
         return chi2
 
     def _add_priors(self, factors: LandmarkFactors, landmarks: Array) -> None:
         known = np.flatnonzero(factors.information.any(axis=(1, 2)))
         information = factors.information[known]
-        root = _root(information)
-        residual = (root @ (landmarks - factors.prior_m)[known, :, None])[:, :, 0]
+        root, residual = _whitened(information, (landmarks - factors.prior_m)[known])
         self._add(residual, (self._landmark + 2 * known, root))
         self._cost += 0.5 * float((residual**2).sum()) + _normalisation(information)
         self._cost -= len(landmarks) * math.log(2.0 * math.pi)  # of the integral over their positions
 
 
-def _wrapped(angles_rad: Array) -> Array:
-    """Angles in (-pi, pi]."""
-    return np.angle(np.exp(1j * angles_rad))
-
-
-def _root(information: Array) -> Array:
-    """What whitens residuals by their information (N, D, D)."""
-    return np.asarray(np.linalg.cholesky(information).transpose(0, 2, 1), dtype=np.float64)
+def _whitened(information: Array, residual: Array) -> tuple[Array, Array]:
+    """Roots (N, D, D) of information, and residuals (N, D) multiplied by them: of unit variance."""
+    root = np.asarray(np.linalg.cholesky(information).transpose(0, 2, 1), dtype=np.float64)
+    return root, (root @ residual[:, :, None])[:, :, 0]
 
 
 def _normalisation(information: Array) -> float:

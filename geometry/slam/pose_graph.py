@@ -10,7 +10,7 @@ from edgemap.geometry.arrays import CHI2_997, Array, positive
 from edgemap.geometry.map_object import MapObject, SightingSums
 from edgemap.geometry.observations.class_extents import footprint_m
 from edgemap.geometry.observations.sighting import PlacedSighting
-from edgemap.geometry.se2 import SE2
+from edgemap.geometry.se2 import SE2, wrap_angles
 from edgemap.geometry.slam.keyframes import KeyframeRule, KeyframeTrajectory
 from edgemap.geometry.slam.least_squares import (
     LandmarkFactors,
@@ -277,7 +277,7 @@ class PoseGraph:
         before = self.trajectory.vectors()[: len(poses)]
         sigmas = np.sqrt(np.diagonal(covariances, axis1=1, axis2=2))
         moved = poses - before
-        moved[:, 2] = np.angle(np.exp(1j * moved[:, 2]))
+        moved[:, 2] = wrap_angles(moved[:, 2])
         if not relinked and (np.abs(moved) <= sigmas).all():
             self.trajectory.set_poses(before, covariances, now_s)
             return None

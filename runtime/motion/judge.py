@@ -93,13 +93,17 @@ class MotionJudge:
         compared = self._compared(path)
         if compared is None:
             return ""
-        wrong = self._late(path, compared) or self._yaw(compared)
-        return wrong or (self._length(compared) if lengths else "")
+        return self._late(path, compared) or self._differs(compared, lengths)
 
     def delay(self, path: Path) -> str:
         """By how much a source's yaw follows late or early, in words; empty as of `judge`."""
         compared = self._compared(path)
         return self._late(path, compared) if compared is not None else ""
+
+    def difference(self, path: Path, lengths: bool = True) -> str:
+        """As `judge`, without a delay."""
+        compared = self._compared(path)
+        return self._differs(compared, lengths) if compared is not None else ""
 
     def _compared(self, path: Path) -> "_Compared | None":
         """The steps that the source measured too; None of too few."""
@@ -129,6 +133,9 @@ class MotionJudge:
             late = "late" if LAGS_S[best] > 0.0 else "early"
             return f"it is {abs(LAGS_S[best]):.2f} s {late} against the pictures"
         return ""
+
+    def _differs(self, compared: "_Compared", lengths: bool) -> str:
+        return self._yaw(compared) or (self._length(compared) if lengths else "")
 
     def _yaw(self, compared: "_Compared") -> str:
         if len(compared.turned) < FEWEST:

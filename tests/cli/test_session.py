@@ -41,12 +41,12 @@ def test_a_damaged_picture_ends_no_session_and_the_map_is_the_commands(painted_b
     assert len(results) == 11
     assert [[fault.kind.value for fault in result.faults] for result in results[4:7]] == [[], ["damaged"], []]
     session.save(tmp_path / "map.json")
-    told = edgemap.ok("run", "--camera", pictures, "--bundle", painted_bundle, "--out", tmp_path / "run")
+    done = edgemap.ok("run", "--camera", pictures, "--bundle", painted_bundle, "--out", tmp_path / "run")
     assert content_of(tmp_path) == content_of(tmp_path / "run")
-    (line,) = [line for line in told.stderr.splitlines() if "5.png" in line]
+    (line,) = [line for line in done.stderr.splitlines() if "5.png" in line]
     assert line.startswith("frame 5: ")
     record = json.loads((tmp_path / "run" / "run.json").read_text())
-    assert f"{record['fault_count']} fault" in told.stdout
+    assert f"{record['fault_count']} fault" in done.stdout
     (fault,) = [fault for fault in record["faults"] if fault["kind"] == "damaged"]
     assert "5.png: not a picture that OpenCV reads (10 bytes)" in fault["text"]
 

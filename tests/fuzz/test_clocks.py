@@ -222,7 +222,7 @@ def test_a_camera_that_fails_comes_back_and_its_map_stays(failing, resets, imu, 
     camera, checked = drive(steady, 5.0, imu, True, True, corners, partial(Failing, failing, resets))
     assert camera.state is CameraState.RUNNING
     raised = any(isinstance(what, Exception) for grabs, _ in failing.values() for what in grabs)
-    assert {"failed", "recovered"} <= checked.told or not raised
+    assert {"failed", "recovered"} <= checked.kinds or not raised
 
 
 RATE_HZ, IMU_HZ = 10.0, 100.0

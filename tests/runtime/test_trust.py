@@ -88,8 +88,8 @@ def test_lying_wheels_are_named_within_20_s_and_the_pose_stays_the_cameras(lie):
 
 def test_wheels_that_are_late_are_named_and_turn_no_picture_before():
     true = winding(300)
-    told = np.concatenate([np.zeros((5, 3)), true[:-5]])
-    ((stamp_s, fault),), off = fused(true, told)
+    late = np.concatenate([np.zeros((5, 3)), true[:-5]])
+    ((stamp_s, fault),), off = fused(true, late)
     assert fault == "wheels: it is 0.50 s late against the pictures: left out"
     assert stamp_s < 20.0
     alone = fused(true, None)[1]

@@ -144,7 +144,7 @@ class Checked:
     def __init__(self, slam: SemanticSlam, saved: list[MapObject] | None = None) -> None:
         self._slam, self._saved, self._before = slam, saved or [], list[MapObject]()
         self.steps, self._stamp_s = 0, -math.inf
-        self.faults, self.told = list[str](), set[str]()  # texts of the front end; kinds of all
+        self.faults, self.kinds = list[str](), set[str]()  # texts of the front end; kinds of all
 
     def __call__(self, result: StepResult) -> None:
         """One more step."""
@@ -162,7 +162,7 @@ class Checked:
             assert _missing(self._before, objects, result.merged) == []
         self._stamp_s, self._before, self.steps = result.frame.stamp_s, objects, self.steps + 1
         self.faults += map(str, result.observed.faults)
-        self.told |= {fault.kind.value for fault in result.faults}
+        self.kinds |= {fault.kind.value for fault in result.faults}
 
     def end(self) -> list[MapObject]:
         """The map, after it was written and read."""

@@ -6,7 +6,7 @@ programs read the messages.
 
 import json
 from dataclasses import asdict, dataclass
-from typing import Annotated, Any
+from typing import Annotated, Any, Optional
 
 import msgspec
 import numpy as np
@@ -63,14 +63,11 @@ class _RecordedMount(Strict):
     platform: Platform = Platform.ROBOT
 
 
-class _Values(Strict):
-    """The entries of a record that are JSON."""
-
-    intrinsics: LensRecord | None
-    mount: _RecordedMount | None
-    rate_hz: Annotated[float, Meta(gt=0.0, le=1e5)] | None
-    inference: Inference | None = None
-    calibration: dict[str, Any] | None = None
+_INFERENCE: Any = Inference | None
+_LENS: Any = LensRecord | None
+_MOUNT: Any = _RecordedMount | None
+_CALIBRATION: Any = dict[str, Any] | None
+_RATE: Any = Optional[Annotated[float, Meta(gt=0.0, le=1e5)]]  # noqa: UP045
 
 
 def read_facts(record: dict[str, str], where: str) -> Facts:
@@ -80,14 +77,21 @@ def read_facts(record: dict[str, str], where: str) -> Facts:
         raise CameraError(f"{where}: lacks {', '.join(sorted(missing))}")
     if record["format"] != FORMAT:
         raise CameraError(f"{where}: format {one_line(record['format'])!r}, this edgemap reads {FORMAT!r}")
-    texts = ", ".join(f'"{name}": {record[name]}' for name in _Values.__struct_fields__ if name in record)
-    found = decode_json(f"{{{texts}}}", _Values, where, CameraError)
+    lens, mount, rate_hz = (
+        decode_json(record[name], kind, f"{where}: {name}", CameraError)
+        for name, kind in (("intrinsics", _LENS), ("mount", _MOUNT), ("rate_hz", _RATE))
+    )
     try:
-        lens = found.intrinsics and found.intrinsics.intrinsics()
-        mount = found.mount and Mount(**msgspec.structs.asdict(found.mount))
+        return Facts(
+            one_line(record["camera"]),
+            lens and lens.intrinsics(),
+            mount and Mount(**msgspec.structs.asdict(mount)),
+            rate_hz,
+            decode_json(record.get("inference", "null"), _INFERENCE, f"{where}: inference", CameraError),
+            decode_json(record.get("calibration", "null"), _CALIBRATION, f"{where}: calibration", CameraError),
+        )
     except GeometryError as error:
         raise CameraError(f"{where}: {error}") from None
-    return Facts(one_line(record["camera"]), lens, mount, found.rate_hz, found.inference, found.calibration)
 
 
 def trajectory_file(trajectory: Trajectory) -> bytes:

@@ -85,16 +85,12 @@ class HybridOdometry:
         motions = {name: source.step(frame, features, prior) for name, source in self._sources.items()}
         height, width = frame.image.shape[:2]
         self._movers = share_covered(prior.movers, width, height)
-        motion = self._corrected(frame.stamp_s, self._fused(frame.stamp_s, motions, prior.covered), prior.attitude)
-        self._last_s = frame.stamp_s
-        return motion
+        return self._corrected(frame.stamp_s, self._fused(frame.stamp_s, motions, prior.covered), prior.attitude)
 
     def step_blind(self, stamp_s: float, reason: Fault, attitude: Attitude | None = None) -> Motion:
         """The motion by the sources that need no picture."""
         motions = {name: source.step_blind(stamp_s, reason, attitude) for name, source in self._sources.items()}
-        motion = self._corrected(stamp_s, self._fused(stamp_s, motions), attitude)
-        self._last_s = stamp_s
-        return motion
+        return self._corrected(stamp_s, self._fused(stamp_s, motions), attitude)
 
     def still(self, stamp_s: float, attitude: Attitude | None) -> bool | None:
         """Whether every source that measures rest reports it; None where none measures it."""
@@ -127,6 +123,7 @@ class HybridOdometry:
     def _fused(self, stamp_s: float, motions: Mapping[str, Motion], covered: float = 0.0) -> Motion:
         """The motion of a step by those of the sources. covered: as of `FramePrior`."""
         motions = {name: self._checked(name, motion) for name, motion in motions.items()}
+        from_s, self._last_s = self._last_s, stamp_s
         news = self._repeated_faults(stamp_s, motions)
         if self._first:
             self._first, self._agreed_s, self._fused_s = False, stamp_s, stamp_s
@@ -135,7 +132,7 @@ class HybridOdometry:
         alive = self._estimates(motions, covered)
         wheels, camera = alive.get(WHEELS), alive.get(CAMERA)
         judges = max(covered, self._movers) < self._covered_limit
-        faults = [self._wheels.judge(wheels, camera if judges else None, self._last_s, stamp_s), *news]
+        faults = [self._wheels.judge(wheels, camera if judges else None, from_s, stamp_s), *news]
         alive = self._wheels.trusted(alive, camera is not None)
         others = {name: item for name, item in alive.items() if name != GYRO}
         if not others:

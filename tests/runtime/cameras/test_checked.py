@@ -37,12 +37,12 @@ ANYTHING = st.recursive(
 def test_whatever_a_grab_returns_is_a_fault_or_a_picture(returned):
     """A fault for all that stays no picture; the camera goes on without being opened again."""
     camera, driver, _ = scripted(dict(enumerate(returned, 3)))
-    told = []
-    assert len(drain(camera, 12, told)) == 12
-    assert {fault.kind.value for fault in told if not fault.kind.notice} <= {
+    faults = []
+    assert len(drain(camera, 12, faults)) == 12
+    assert {fault.kind.value for fault in faults if not fault.kind.notice} <= {
         "format", "size", "stamp", "clock", "stale",
     }  # fmt: skip
-    assert told or all(
+    assert faults or all(
         value is None or (isinstance(value, tuple) and len(value) > 1 and value[1] is GREY) for value in returned
     )
     assert camera.state is CameraState.RUNNING
