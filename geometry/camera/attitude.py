@@ -36,27 +36,16 @@ class GyroRotation:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class TrackedDirection:
-    """direction: (3,), unit, in which the lens moved since an earlier frame, that frame's optical axes. covariance:
-    (3, 3) of it, rad^2, rank 2."""
-
-    direction: Array
-    covariance: Array
-
-
-@dataclass(frozen=True, slots=True, eq=False)
 class TrackedRotation:
     """The camera's rotation from the previous frame to this one, as tracked corners show it.
 
     rotation: (3, 3), takes directions of this frame's optical axes into the previous frame's. carried: the estimate of
-    whether the camera is carried, None for a camera at rest. travelled: direction of the lens's motion over the last
-    few frames, None where this frame did not measure it. up (3,): direction of up in this frame's optical axes, where
-    the odometry estimates it, and up_rad: its standard deviation.
+    whether the camera is carried, None for a camera at rest. up (3,): direction of up in this frame's optical axes,
+    where the odometry estimates it, and up_rad: its standard deviation.
     """
 
     rotation: Array
     carried: Carried | None = None
-    travelled: TrackedDirection | None = None
     up: Array | None = None
     up_rad: float = math.inf
 

@@ -15,8 +15,8 @@ class MountTiltRule:
     """Standard deviations, in radians, of the measurements of a mount's angles."""
 
     prior: float = math.radians(10.0)  # of the configured mount; wide, so that measurements can override it
-    # Of the tilt in one picture, and of the lens's path, against the floor; a turn has one at each end. Twice the
-    # standard deviation of a robot that nods about its mount: a camera whose tilt changes by more is carried.
+    # Of the tilt in one picture; a turn has one at each end. Twice the standard deviation of a robot that nods about
+    # its mount: a camera whose tilt changes by more is carried.
     nod: float = math.radians(0.6)
     # Of one view of the room's edges or of the floor in depth, whose neighbours repeat each other, and of an
     # accelerometer's offset (BMI055: 70 mg, 4 degrees at most).
@@ -39,17 +39,6 @@ class MountTilt:
     def prior(cls, rule: MountTiltRule) -> "MountTilt":
         """The prior: the configured mount without measurements."""
         return cls(rule, np.zeros(2), np.eye(2) * rule.prior**2)
-
-    def by_direction(self, direction: Array, covariance: Array) -> "MountTilt":
-        """Update with a direction of motion: a robot on wheels moves parallel to the floor. direction: (3,), unit, of
-        the lens's motion, base axes by the configured mount; covariance: (3, 3) of it.
-        """
-        across = math.hypot(float(direction[0]), float(direction[1]))
-        variance = float(covariance[2, 2]) + self.rule.nod**2
-        slope = np.array([[-direction[1], direction[0]]]) / max(across, 1e-6)
-        return self._updated(
-            "the direction of motion", slope, direction[2:] / max(across, 1e-6), np.array([[variance]])
-        )
 
     def by_turn(self, turned_rad: Array) -> "MountTilt":
         """Update with a rotation: a robot on wheels turns about the floor's normal. turned_rad: (3,), rotation vector,

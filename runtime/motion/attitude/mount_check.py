@@ -1,4 +1,4 @@
-"""Checks a mount's angles against a room's edges, motion parallel to the floor, rotations, gravity and depth."""
+"""Checks a mount's angles against a room's edges, rotations, gravity and depth."""
 
 import math
 from collections import deque
@@ -175,7 +175,7 @@ class MountCheck:
         return None if room.level_rad is None else RoomHeading(stamp_s, room.level_rad, room.level_sigma_rad)
 
     def moved(self, rotation: TrackedRotation | None) -> None:
-        """Updates the mount with motion and turns of a robot on wheels."""
+        """Updates the mount with turns of a robot on wheels."""
         rule, carried = self._rule, rotation and rotation.carried
         self._sways = bool(carried and carried.share > 0.0)
         if self._sways:
@@ -184,9 +184,6 @@ class MountCheck:
         if rotation is None or carried is None or not carried.on_wheels:
             self._turned, self._turned_s = np.eye(3), self._now_s
             return
-        if rotation.travelled is not None:
-            covariance = self._to_base @ rotation.travelled.covariance @ self._to_base.T
-            self._tilt = self._tilt.by_direction(self._to_base @ rotation.travelled.direction, covariance)
         self._turned = self._turned @ rotation.rotation
         if self._now_s - self._turned_s > rule.judged_s:
             if self._in_room:  # a car leans in turns, and its road rises
@@ -229,9 +226,7 @@ class MountCheck:
         wrong = (not waits) & (np.abs(tilt.error_rad) > CLEAR_SIGMAS * sigma)
         self._settled |= self._on_wheels and bool(tilt.converged().all())
         self._wrong = reported | wrong
-        # A small error counts on a road: 0.3 degrees are 2 % of all distances (KITTI 00).
-        used = self._wrong if self._in_room else self._wrong | tilt.converged()
-        error_rad = np.where(used, tilt.error_rad, 0.0)
+        error_rad = np.where(self._wrong, tilt.error_rad, 0.0)
         if np.abs(error_rad - self._corrected).max() > rule.tilt.lasting / 2.0:
             self._corrected, self.used = error_rad, self._with(error_rad)
         self.estimate = MountEstimate(self._with(tilt.error_rad), sigma, self.used, self._mount)

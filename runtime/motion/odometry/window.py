@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from edgemap.geometry.arrays import Array
-from edgemap.geometry.camera.attitude import Attitude, GyroRotation, TrackedDirection, TrackedRotation
+from edgemap.geometry.camera.attitude import Attitude, GyroRotation, TrackedRotation
 from edgemap.geometry.camera.carried import Carried, CarriedRule
 from edgemap.geometry.camera.floor import FloorCamera
 from edgemap.geometry.camera.level import up_optical
@@ -16,13 +16,12 @@ from edgemap.geometry.camera.mount_tilt import MountTiltRule
 from edgemap.geometry.odometry.keyframe_window import KeyframeWindow, WindowRule
 from edgemap.geometry.odometry.resection import LensPose
 from edgemap.geometry.odometry.rolling import Rolling
-from edgemap.geometry.odometry.two_view import travelled
 from edgemap.geometry.odometry.window_factors import PoseFactors
 from edgemap.geometry.se2 import SE2
 from edgemap.runtime.frames.faults import Fault, FaultKind
 from edgemap.runtime.frames.frame import Frame
 from edgemap.runtime.motion.odometry.coasting import LONGEST_DT_S, Coasting, CoastingRule
-from edgemap.runtime.motion.odometry.corners import FEW, CornersRule, CornerTracker, Pixels
+from edgemap.runtime.motion.odometry.corners import CornersRule, CornerTracker, Pixels
 from edgemap.runtime.motion.odometry.protocol import NO_PRIOR, FramePrior, Motion, first_motion, no_motion
 from edgemap.runtime.network.network import Tensors
 
@@ -30,7 +29,6 @@ SHORTEST_S = 1e-3  # minimum time between two pictures
 SMALLEST_SIGMA_RAD = 1e-4  # of a tilt
 MINIMUM_COVARIANCE = np.diag([1e-4, 1e-4, 1e-4]) ** 2
 TURN_M = 0.2  # path of a turn, per radian
-NO_RAYS = np.zeros(0, dtype=np.int64), np.zeros((0, 3))
 
 
 @dataclass(frozen=True, slots=True)
@@ -57,8 +55,6 @@ class PicturesRule:
     slip_share: float = 0.01  # lateral slip of wheels, as of `Rolling`
     gyro_rad: float = math.radians(0.05)  # standard deviation of the rotation that a gyro measures between two pictures
     gyro_share: float = 0.03  # the same relative to the rotation: samples and pictures are not exactly synchronous
-    # Median motion of the corners, without the rotation, at which the direction of motion is measured.
-    travelled_rad: float = 0.035
 
 
 class WindowOdometry:
@@ -240,8 +236,8 @@ class WindowOdometry:
             nod = pose.rotation[2] - before.rotation[2]
             self._swing(float(nod @ nod) / 2.0, motion, dt_s, gyro)
         up_rad = math.sqrt(max(float(np.trace(covariance[6:8, 6:8])) / 2.0, 0.0))
-        rotation, direction = before.rotation.T @ pose.rotation, self._travelled(pose)
-        seen = TrackedRotation(rotation, self.judged, direction, up=pose.rotation[2], up_rad=up_rad)
+        rotation = before.rotation.T @ pose.rotation
+        seen = TrackedRotation(rotation, self.judged, up=pose.rotation[2], up_rad=up_rad)
         return replace(step, rotation=seen, gap=dt_s is None)
 
     def _swing(self, nod2: float, motion: SE2, dt_s: float, gyro: bool) -> None:
@@ -253,28 +249,6 @@ class WindowOdometry:
         """Updates the place of the axle."""
         self._rolling = self._rolling.observe(motion, covariance)
         self._graph.move_axle(self._rolling.axle_m)
-
-    def _travelled(self, pose: LensPose) -> TrackedDirection | None:
-        """Direction in which the lens moved since a reference picture, once the corners have moved enough; then this
-        picture is the next reference. It uses no depth of a point, because those of the floor depend on the mount.
-        """
-        rays = np.pad(self._tracker.bearings(self._tracker.corners), ((0, 0), (0, 1)), constant_values=1.0)  # z = 1
-        ids, first, start = self._reference
-        both, before, now = np.intersect1d(ids, self._tracker.ids, assume_unique=True, return_indices=True)
-        direction = None
-        if len(both) >= self._rule.corners.corners // FEW:
-            moved = start.inverse() @ pose
-            first, second = first[before], rays[now]
-            turned = second @ moved.rotation.T
-            du, dv = (turned[:, :2] / turned[:, 2:] - first[:, :2]).T
-            if float(np.median(np.hypot(du, dv))) < self._rule.travelled_rad:
-                return None
-            length = float(np.linalg.norm(moved.position_m))
-            if length > 0.0:
-                sigma_rad = self._held(self._rule.track_px) / self._tracker.intrinsics.fx
-                direction = travelled(first, second, moved.rotation, moved.position_m / length, sigma_rad)
-        self._reference = self._tracker.ids, rays, pose
-        return direction
 
     def _started_again(self, frame: Frame, start: LensPose, factors: PoseFactors) -> Motion:
         """A new window, from the expected pose, after a picture that agrees with no motion."""
@@ -290,7 +264,6 @@ class WindowOdometry:
         self._graph.step(start, factors, *self._tracks())
         self._base = self._graph.base(start)
         self._since, self._since_covariance, self._skipped = SE2(), np.zeros((3, 3)), False
-        self._reference = (*NO_RAYS, start)  # of the direction of motion
 
     def _tracks(self) -> tuple[NDArray[np.int64], Array, Array, Array]:
         """Ids, normalised image points, probability of floor and measured inverse depth of the corners."""
