@@ -1,4 +1,5 @@
-"""A sliding window of keyframes and points, optimised together: bundle adjustment with a floor, gravity and a gyro.
+"""A sliding window of keyframes and points, optimised together: bundle adjustment with a floor, gravity, a gyro and a
+rolling shutter.
 
 Optical axes are those of a camera (z ahead); the world has the floor at z = 0 and z up. A pose is perturbed by a
 rotation from the left and a displacement, both in world axes: six numbers. A point lies on a ray of its host, the first
@@ -18,6 +19,7 @@ from edgemap.geometry.arrays import Array
 from edgemap.geometry.camera.inertial import rotation_of, small_rotation
 from edgemap.geometry.camera.mount import Mount
 from edgemap.geometry.errors import GeometryError
+from edgemap.geometry.odometry.readout import Readout
 from edgemap.geometry.odometry.resection import DepthLandmarks, LensPose, resect, rotation_vector
 from edgemap.geometry.odometry.window_factors import FactorRows, PoseFactors
 from edgemap.geometry.robust import CLEAR_SIGMAS, TUKEY, tukey, tukey_root
@@ -63,7 +65,8 @@ class WindowPoints:
     """N points. ids (N,): of their tracks. host (N,): index of the first pose that observed each. ray (N, 3): there,
     with z = 1. inverse_m (N,): inverse depth along the optical axis; variance (N,): of it. floor (N,), views (N,): sum
     of the floor mask's probability and its number of pictures. at (N, S, 2): normalised image points by pose; observed
-    (N, S): where there is one. measured (N, S): inverse depth by pose; NaN where it was not measured.
+    (N, S): where there is one. measured (N, S): inverse depth by pose; NaN where it was not measured. late (N, S, 2):
+    how far `at` would move for each second of the shutter's readout, which `at` and `ray` are corrected by.
     """
 
     ids: NDArray[np.int64]
@@ -76,6 +79,7 @@ class WindowPoints:
     at: Array
     observed: Mask
     measured: Array
+    late: Array
 
     def __len__(self) -> int:
         return len(self.ids)
@@ -93,7 +97,7 @@ class Tracks:
     """The observations of points from other poses than their hosts, sorted by points.
 
     at (M, K): normalised image points and, where any is measured, inverse depths (K is 3, else 2). weight (M, K):
-    inverse standard deviations, 0 of a depth that was not measured.
+    inverse standard deviations, 0 of a depth that was not measured. late (M, 2): as of the points.
     """
 
     def __init__(self, points: WindowPoints, count: int, sigmas: tuple[float, float]) -> None:
@@ -107,14 +111,15 @@ class Tracks:
         if finite.any():
             at = np.column_stack([at, np.where(finite, measured, 0.0)])
             weight = np.column_stack([weight, finite / depth_sigma])
-        self.at, self.weight = at, weight
+        self.at, self.weight, self.late = at, weight, points.late[self.point, self.slot]
         self.first = np.flatnonzero(np.diff(self.point, prepend=-1))
         self.owners = self.point[self.first]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class System:
-    """Normal equations: of the poses (6 S, 6 S) and (6 S,), of the inverse depths (N,), and between both (N, 6 S)."""
+    """Normal equations: of the poses and the readout (6 S + 1, 6 S + 1) and (6 S + 1,), of the inverse depths (N,), and
+    between both (N, 6 S + 1)."""
 
     poses: Array
     right: Array
@@ -133,16 +138,19 @@ class KeyframeWindow:
     """The window's state. The last pose is the newest picture; those before it are keyframes.
 
     focal_px: of the pictures in which tracks are. reach_heights: range, in heights of the lens, beyond which no point
-    counts as floor.
+    counts as floor. readout: of the shutter, estimated with the poses. late (N, 2) of any method: as of `WindowPoints`.
     """
 
-    def __init__(self, rule: WindowRule, focal_px: float, mount: Mount, reach_heights: float) -> None:
+    def __init__(
+        self, rule: WindowRule, focal_px: float, mount: Mount, reach_heights: float, readout: Readout | None = None
+    ) -> None:
         self._rule, self._focal_px, self._reach_heights = rule, focal_px, reach_heights
         self._reverse = SE2(-mount.forward_m, -mount.left_m, 0.0)
         self.move_axle(0.0)
         self._slots = rule.keyframes + 1
         self._track_sigma = self._parallax = 1.0 / focal_px
-        self._carried = True
+        self._carried, self.readout = True, readout or Readout()
+        self._readout_s = self.readout.time_s  # that the points are corrected by
         self.poses: list[LensPose] = []
         self._factors: list[PoseFactors] = []
         self._prior: tuple[Array, Array, list[LensPose]] = np.zeros((0, 0)), np.zeros(0), []
@@ -151,7 +159,7 @@ class KeyframeWindow:
         none, pair = np.zeros(0), np.zeros((0, self._slots, 2))
         number, index = np.zeros(0, dtype=np.int64), np.zeros(0, dtype=np.intp)
         self.points = WindowPoints(
-            number, index, np.zeros((0, 3)), none, none, none, none, pair, pair[..., 0].astype(bool), pair[..., 0]
+            number, index, np.zeros((0, 3)), none, none, none, none, pair, pair[..., 0].astype(bool), pair[..., 0], pair
         )
 
     def step(
@@ -162,6 +170,7 @@ class KeyframeWindow:
         points: Array,
         floor: Array,
         measured: Array | None = None,
+        late: Array | None = None,
         track_px: float = 1.0,
         parallax_px: float = 15.0,
         carried: bool = True,
@@ -174,6 +183,7 @@ class KeyframeWindow:
         have moved by so much since the last one, the rotation aside. carried: the camera swings: more rounds.
         """
         measured = np.full(len(ids), np.nan) if measured is None else measured
+        late = np.zeros((len(ids), 2)) if late is None else late
         first, self._track_sigma = not self.poses, track_px / self._focal_px
         self._parallax, self._carried = parallax_px / self._focal_px, carried
         if first:
@@ -184,14 +194,15 @@ class KeyframeWindow:
         rows = _rows_of(self.points.ids, ids)
         hit, last = rows >= 0, len(self.poses) - 1
         self.points.observed[:, last] = hit
-        self.points.at[hit, last] = points[rows[hit]]
+        self.points.at[hit, last] = (points - self._readout_s * late)[rows[hit]]
+        self.points.late[hit, last] = late[rows[hit]]
         self.points.measured[:, last] = np.where(hit, measured[rows], np.nan) if len(ids) else np.nan
         self.points.floor[hit] += floor[rows[hit]]
         self.points.views[hit] += 1.0
         if not first:
             self._solve()
         new = np.setdiff1d(np.arange(len(ids)), rows[hit])
-        self.add(ids[new], points[new], floor[new], measured[new])
+        self.add(ids[new], points[new], floor[new], measured[new], late[new])
 
     def move_axle(self, axle_m: float) -> None:
         """The wheels' axle is so far behind the base's origin."""
@@ -236,11 +247,17 @@ class KeyframeWindow:
         return local
 
     def resected(
-        self, start: LensPose, ids: NDArray[np.int64], points: Array, factors: PoseFactors | None = None
+        self,
+        start: LensPose,
+        ids: NDArray[np.int64],
+        points: Array,
+        late: Array | None = None,
+        factors: PoseFactors | None = None,
     ) -> tuple[LensPose, float]:
         """The pose near an expected one where tracks, as of `step`, agree with the points as they are and with the
         picture's gravity and height, and the weight of those that do."""
         rows = _rows_of(self.points.ids, ids)
+        points = points if late is None else points - self._readout_s * late
         kept, seen = self.points.chosen(rows >= 0), points[rows[rows >= 0]]
         if not len(kept):
             return start, 0.0
@@ -266,9 +283,19 @@ class KeyframeWindow:
         along = np.einsum("nij,nj->ni", rotation, points.ray)
         return position + along / points.inverse_m[:, None], along
 
-    def add(self, ids: NDArray[np.int64], points: Array, floor: Array, measured: Array) -> None:
+    def begin_again(self, ids: NDArray[np.int64], points: Array, late: Array) -> None:
+        """The points that only the last picture shows start again, as their motion since shows when their rows were
+        exposed. points (N, 2): of these tracks in that picture."""
+        last, rows = len(self.poses) - 1, _rows_of(self.points.ids, ids)
+        new = (rows >= 0) & (self.points.host == last) & (self.points.observed.sum(axis=1) == 1)
+        mine, rows = self.points.chosen(new), rows[new]
+        self.points = self.points.chosen(~new)
+        self.add(mine.ids, points[rows], mine.floor, mine.measured[:, last], late[rows])
+
+    def add(self, ids: NDArray[np.int64], points: Array, floor: Array, measured: Array, late: Array) -> None:
         """New points, hosted by the last pose."""
         count, last, pose = len(ids), len(self.poses) - 1, self.poses[-1]
+        points = points - self._readout_s * late
         ray = np.column_stack([points, np.ones(count)])
         on_floor = -(ray @ pose.rotation[2]) / pose.position_m[2]
         is_floor = (floor >= 0.5) & (on_floor * pose.position_m[2] > 1.0 / self._reach_heights)
@@ -280,8 +307,10 @@ class KeyframeWindow:
         at, observed = np.zeros((count, self._slots, 2)), np.zeros((count, self._slots), dtype=bool)
         depths = np.full((count, self._slots), np.nan)
         at[:, last], observed[:, last], depths[:, last] = points, True, measured
+        moves = np.zeros_like(at)
+        moves[:, last] = late
         host, views = np.full(count, last), np.ones(count)
-        new = WindowPoints(ids, host, ray, inverse, variance, floor + 0.0, views, at, observed, depths)
+        new = WindowPoints(ids, host, ray, inverse, variance, floor + 0.0, views, at, observed, depths, moves)
         self.points = self.points.joined(new)
 
     def bridge(self, ids: NDArray[np.int64], now: Array, turn: Array, way: Array) -> LensPose:
@@ -311,9 +340,13 @@ class KeyframeWindow:
         count, everyone = len(self.poses), np.arange(len(self.poses))
         rotation, position = self._arrays()
         rows, off = FactorRows(self._factors, self._lever_m).rows(rotation, position, everyone, everyone[1:])
-        fixed, fixed_rhs = rows.T @ rows, rows.T @ off
+        size, prior = 6 * count, self.readout
+        fixed, fixed_rhs = np.zeros((size + 1, size + 1)), np.zeros(size + 1)
+        fixed[:size, :size], fixed_rhs[:size] = rows.T @ rows, rows.T @ off
         self._prior_factor(fixed, fixed_rhs)
-        fixed[np.diag_indices(6 * count)] += 1e-9
+        fixed[np.diag_indices(size + 1)] += 1e-9
+        fixed[size, size] += prior.information
+        fixed_rhs[size] = prior.information * (prior.time_s - self._readout_s)
         information = fixed
         tracks = Tracks(self.points, count, (self._track_sigma, self._rule.depth_sigma))
         for round_ in range(self._rounds(measured=tracks.at.shape[1] == 3)):
@@ -323,13 +356,25 @@ class KeyframeWindow:
             step = np.asarray(np.linalg.solve(information, right + fixed_rhs), dtype=np.float64)
             fixed_rhs -= fixed @ step
             depth = (system.depths_right - system.between @ step) / system.depths
-            turns, shifts = np.hsplit(step.reshape(count, 6), 2)
+            turns, shifts = np.hsplit(step[:size].reshape(count, 6), 2)
             rotation, position = rotation_of(turns) @ rotation, position + shifts
             inverse = np.clip(self.points.inverse_m + depth, FARTHEST, NEAREST)
             self.points = replace(self.points, inverse_m=inverse, variance=1.0 / system.depths)
+            self._retime(float(step[size]), tracks)
         self.poses = [LensPose(*pose) for pose in zip(rotation, position, strict=True)]
-        unit = np.eye(6 * count)[:, -12:]
-        self._covariance = np.asarray(np.linalg.solve(information, unit)[-12:], dtype=np.float64)
+        covariance = np.asarray(np.linalg.solve(information, np.eye(size + 1)[:, size - 12 :]), dtype=np.float64)
+        self._covariance = covariance[size - 12 : size, :12]
+        if self._grown:
+            added = 1.0 / float(covariance[size, 12]) - prior.information
+            self.readout = prior.updated(self._readout_s, added, 1.0 / self._rule.keyframes)
+
+    def _retime(self, longer_s: float, tracks: "Tracks") -> None:
+        """The readout takes so much longer."""
+        points, everyone = self.points, np.arange(len(self.points))
+        self._readout_s += longer_s
+        points.at[:] -= longer_s * points.late
+        points.ray[:, :2] -= longer_s * points.late[everyone, points.host]
+        tracks.at[:, :2] -= longer_s * tracks.late
 
     def _rounds(self, measured: bool) -> int:
         if self._carried:
@@ -369,13 +414,17 @@ class KeyframeWindow:
         residual *= root
         # Derivative of the image point and of the inverse depth by the direction in world axes.
         root *= tracks.weight / depth[:, None]
+        by_late = np.zeros_like(residual)
+        by_late[:, :2] = root[:, :2] * depth[:, None] * tracks.late
         by_away = -predicted[..., None] * axes[:, 2:]
         by_away[:, :2] += axes[:, :2]
         by_away *= root[..., None]
         shifted = inverse[point, None, None] * by_away
         by_depth = (by_away @ base[:, :, None])[..., 0]
         by_depth[:, 2:] += root[:, 2:]
-        # One row for each coordinate of a track, and one for each point's height: six columns for each pose.
+        hosted = (rotation[host, :, :2] @ points.late[everyone, host][:, :, None])[..., 0]
+        by_late -= (by_away @ hosted[point, :, None])[..., 0]
+        # One row for each coordinate of a track, and one for each point's height: six columns for each pose, and one.
         many = parts * len(point)
         rows = np.zeros((many + number, count, 6))
         pair = rows[:many].reshape(-1, parts, count, 6)
@@ -399,12 +448,10 @@ class KeyframeWindow:
         slopes[:, 0], slopes[:, 1], slopes[:, 5] = ray[:, 1] * root, -ray[:, 0] * root, inverse * root
         rows[many + everyone, host] = slopes
         height, above = height * root, above * root
-        between = np.zeros((number, count, 6))
-        between[everyone, host] = slopes * height[:, None]
-        between = between.reshape(number, size)
-        rows = rows.reshape(-1, size)
+        rows = np.column_stack([rows.reshape(-1, size), np.concatenate([by_late.ravel(), -hosted[:, 2] * root])])
+        between = rows[many:] * height[:, None]
         if many:
-            products = (by_depth[:, None] @ rows[:many].reshape(-1, parts, size))[:, 0]
+            products = (by_depth[:, None] @ rows[:many].reshape(-1, parts, size + 1))[:, 0]
             between[tracks.owners] += np.add.reduceat(products, tracks.first, axis=0)
         loose = np.maximum(ANY[1], 0.5 * on_floor) ** -2
         nearer = (points.measured[everyone, host] - inverse) / rule.depth_sigma
@@ -471,6 +518,7 @@ class KeyframeWindow:
         points, (rotation, position) = self.points.chosen(self.points.host == 0), self._arrays()
         tracks = Tracks(points, len(rotation), (self._track_sigma, self._rule.depth_sigma))
         information, right = self._system(tracks, points, rotation, position, 1.0).reduced()
+        information, right = information[:-1, :-1], right[:-1]  # as if the readout were known
         rows, off = FactorRows(self._factors, self._lever_m).rows(rotation, position, np.array([0]), np.array([1]))
         information += rows.T @ rows
         right += rows.T @ off
@@ -482,7 +530,7 @@ class KeyframeWindow:
     def _remove(self, index: int) -> None:
         """Removes one pose from all arrays."""
         del self.poses[index], self._factors[index]
-        for name in ("at", "observed", "measured"):
+        for name in ("at", "observed", "measured", "late"):
             array = getattr(self.points, name)
             array[:, index:-1] = array[:, index + 1 :].copy()
         self.points.observed[:, -1] = False

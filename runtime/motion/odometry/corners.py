@@ -1,5 +1,6 @@
 """Corners that are tracked from picture to picture (Lucas and Kanade 1981, Shi and Tomasi 1994)."""
 
+import math
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -110,7 +111,7 @@ class CornerTracker:
         self._picture: Picture | None = None
         self.corners = np.zeros((0, 2), dtype=np.float32)
         self.ids = np.zeros(0, dtype=np.int64)
-        self._before = self.corners, self.ids
+        self._before, self._span_s = (self.corners, self.ids), math.inf
         self._floor, self._mask = None, np.zeros(self._size[::-1], dtype=np.uint8)
 
     @property
@@ -123,12 +124,12 @@ class CornerTracker:
         """Whether there is a picture before the last one."""
         return self._last is not None
 
-    def take(self, frame: Frame, movers: Array) -> None:
-        """A new picture. movers: (N, 4) boxes of people and animals, px of the frame."""
+    def take(self, frame: Frame, movers: Array, span_s: float) -> None:
+        """A new picture. movers: (N, 4) boxes of people and animals, px of the frame. span_s: since the last one."""
         grey = cv2.cvtColor(frame.image, cv2.COLOR_BGR2GRAY)
         if (grey.shape[1], grey.shape[0]) != self._size:
             grey = cv2.resize(grey, self._size, interpolation=cv2.INTER_AREA)
-        self._last, self._picture = self._picture, Picture(grey, frame.depth)
+        self._last, self._picture, self._span_s = self._picture, Picture(grey, frame.depth), span_s
         self._movers = (movers * (self._size[0] / frame.image.shape[1])).astype(np.intp)
         self._still = np.full(self._size[::-1], 255, dtype=np.uint8)
         margin = self._rule.apart_px
@@ -196,6 +197,7 @@ class CornerTracker:
         ids = self._next_id + np.arange(len(before))
         self._next_id += len(before)
         self.corners, self.ids = np.concatenate([self.corners, now]), np.concatenate([self.ids, ids])
+        self._before = np.concatenate([self._before[0], before]), np.concatenate([self._before[1], ids])
         return Found(
             ids,
             self.bearings(before),
@@ -245,17 +247,43 @@ class CornerTracker:
         columns, rows = pixels.astype(np.intp).T
         return self._still[rows, columns] == 0
 
-    def tracks(self) -> tuple[NDArray[np.int64], Array, Array, Array]:
-        """As of `observed`, with probability of floor and depth, metres, NaN where it was not measured."""
+    def tracks(self) -> tuple[NDArray[np.int64], Array, Array, Array, Array]:
+        """Ids, normalised image points, probability of floor, depth in metres, NaN where it was not measured, and
+        `late` as of `observed`."""
         corners = self.corners[~self._doubtful(self.corners)]
         depth = None if self._picture is None else self._picture.depth
         floor = self._sampled(corners, self._floor, self._mask)
-        return *self.observed(), floor, self._depths_m(corners, depth)
+        ids, points, late = self.observed()
+        return ids, points, floor, self._depths_m(corners, depth), late
 
-    def observed(self) -> tuple[NDArray[np.int64], Array]:
-        """Ids and normalised image points of the corners that do not lie on people or animals."""
+    def observed(self) -> tuple[NDArray[np.int64], Array, Array]:
+        """Ids and normalised image points of the corners that do not lie on people or animals, and how far they would
+        move for each second of the shutter's readout (N, 2), 0 of new ones."""
         still = ~self._doubtful(self.corners)
-        return self.ids[still], self.bearings(self.corners[still])
+        late = self._late(self.corners, self._moved_px())
+        return self.ids[still], self.bearings(self.corners[still]), late[still]
+
+    def observed_before(self) -> tuple[NDArray[np.int64], Array, Array]:
+        """As `observed`, of all corners that were tracked, in the picture before."""
+        moved = self._moved_px()
+        tracked = np.isfinite(moved[:, 0])
+        before = np.asarray(self.corners[tracked] - moved[tracked], dtype=np.float32)
+        return self.ids[tracked], self.bearings(before), self._late(before, moved[tracked])
+
+    def _moved_px(self) -> Array:
+        """The corners' motion since the picture before, (N, 2) px; NaN of new ones."""
+        corners, ids = self._before
+        if not len(ids):
+            return np.full((len(self.ids), 2), np.nan)
+        rows = np.minimum(np.searchsorted(ids, self.ids), len(ids) - 1)  # ids ascend
+        return np.where((ids[rows] == self.ids)[:, None], self.corners - corners[rows], np.nan).astype(np.float64)
+
+    def _late(self, pixels: Array | Pixels, moved_px: Array) -> Array:
+        """How far normalised image points at pixels (N, 2) would move for each second of the shutter's readout, as its
+        middle row counts as the picture's moment."""
+        late = (pixels[:, 1:] + 0.5) / self._size[1] - 0.5
+        speed = np.nan_to_num(moved_px) / [self.intrinsics.fx, self.intrinsics.fy] / self._span_s
+        return late * speed
 
     def _depths_m(self, pixels: Pixels, depth: NDArray[np.float32] | None) -> Array:
         """Depth (N,) at pixels (N, 2), NaN where it was not measured."""

@@ -14,6 +14,7 @@ from edgemap.geometry.camera.level import up_optical
 from edgemap.geometry.camera.mount import Mount
 from edgemap.geometry.camera.mount_tilt import MountTiltRule
 from edgemap.geometry.odometry.keyframe_window import KeyframeWindow, WindowRule
+from edgemap.geometry.odometry.readout import Readout
 from edgemap.geometry.odometry.resection import LensPose
 from edgemap.geometry.odometry.rolling import Rolling
 from edgemap.geometry.odometry.window_factors import PoseFactors
@@ -65,7 +66,7 @@ class WindowOdometry:
     about the mount's angles to half of `tilt.nod`, keeps its height and, once it has proved to be on wheels, rolls; a
     carried camera is about them to `tilt.prior`. A room's edges show the tilt to `tilt.seen`. If a step measures no
     motion, `Coasting` predicts it. Lengths inside are in the platform's unit. carried: whether the camera counts as
-    carried from the start.
+    carried from the start. readout: of the shutter, estimated with the motion.
     """
 
     name, needs_features = "window", False
@@ -89,7 +90,7 @@ class WindowOdometry:
         begun = Carried(self._rule.carried, tilt.nod)
         self.judged = begun.certain() if carried else begun
         self._rolling = Rolling(self._rule.slip_share, 0.0, _axle_sigma_m(self._level.mount))
-        self._coasting = Coasting(coasting)
+        self._coasting, self.readout = Coasting(coasting), Readout()
         self.reset("start")
 
     def step(self, frame: Frame, features: Tensors, prior: FramePrior = NO_PRIOR) -> Motion:  # noqa: ARG002
@@ -133,7 +134,7 @@ class WindowOdometry:
     def _followed(self, frame: Frame, prior: FramePrior) -> Motion:
         """The motion in the camera's unit of length."""
         dt_s = frame.stamp_s - self._seen_s
-        self._tracker.take(frame, prior.movers)
+        self._tracker.take(frame, prior.movers, dt_s if dt_s >= SHORTEST_S else math.inf)
         gyro = self._attend(prior.attitude)
         self._tracker.mark_floor(self._camera, prior.floor)
         first, self._first, self._seen_s = self._first, False, frame.stamp_s
@@ -157,6 +158,7 @@ class WindowOdometry:
             return self._started_again(frame, start, factors)
         pair = self._held(self._rule.track_px, self._by_tracks_alone()), self._held(self._rule.parallax_px)
         self._graph.step(pose, factors, *self._tracks(), *pair, surprised or self.judged.carried)
+        self.readout = self._graph.readout
         step = self._by_window()
         if not step.checked(self.name).measured:  # no track ties the picture to those before
             return self._started_again(frame, start, factors)
@@ -166,6 +168,7 @@ class WindowOdometry:
         """Tracks the corners from where this pose expects them; the pose that they agree on, and their weight. shifted:
         as of `CornerTracker.follow`."""
         self._tracker.follow(self._expected(start), shifted, self._detail())
+        self._graph.begin_again(*self._tracker.observed_before())
         return self._resected(start, factors)
 
     def _detail(self) -> bool:
@@ -189,8 +192,9 @@ class WindowOdometry:
         one = len(self._graph.poses) == 1  # after one surprise follows another, as of noise
         if weight >= least or one or (found := tracker.find_again()) is None:
             return pose, weight
-        self._graph.add(found.ids, found.points, found.floor, self._unit_m / found.depth_m)
-        start = self._graph.bridge(*tracker.observed(), found.turn, found.way)
+        still = np.zeros_like(found.points)
+        self._graph.add(found.ids, found.points, found.floor, self._unit_m / found.depth_m, still)
+        start = self._graph.bridge(*tracker.observed()[:2], found.turn, found.way)
         return self._resected(start, factors)
 
     def _attend(self, attitude: Attitude | None) -> GyroRotation | None:
@@ -265,14 +269,14 @@ class WindowOdometry:
         self._base = self._graph.base(start)
         self._since, self._since_covariance, self._skipped = SE2(), np.zeros((3, 3)), False
 
-    def _tracks(self) -> tuple[NDArray[np.int64], Array, Array, Array]:
-        """Ids, normalised image points, probability of floor and measured inverse depth of the corners."""
-        ids, points, floor, depth_m = self._tracker.tracks()
-        return ids, points, floor, self._unit_m / depth_m
+    def _tracks(self) -> tuple[NDArray[np.int64], Array, Array, Array, Array]:
+        """Ids, normalised image points, probability of floor, measured inverse depth and `late` of the corners."""
+        ids, points, floor, depth_m, late = self._tracker.tracks()
+        return ids, points, floor, self._unit_m / depth_m, late
 
     def _empty(self) -> KeyframeWindow:
         lens, mount = self._level.intrinsics, self._level.mount
-        window = KeyframeWindow(self._window_rule, lens.fx, mount, self._rule.corners.reach_heights)
+        window = KeyframeWindow(self._window_rule, lens.fx, mount, self._rule.corners.reach_heights, self.readout)
         window.move_axle(self._rolling.axle_m)
         return window
 
