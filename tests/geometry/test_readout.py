@@ -14,7 +14,6 @@ from edgemap.geometry.odometry.readout import Readout
 from edgemap.geometry.odometry.resection import LensPose
 from edgemap.geometry.odometry.window_factors import PoseFactors
 
-
 MOUNT, FOCAL_PX, SPAN_S = Mount.from_degrees(0.8, 12.0), 250.0, 0.1
 SIDES = np.array([0.64, 0.48])  # of the picture from its middle, normalised
 
