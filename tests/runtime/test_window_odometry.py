@@ -6,6 +6,8 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 from support.faults import kinds, made
 from support.textured_floor import CAMERA, seen_by
 
@@ -19,6 +21,7 @@ from edgemap.runtime.frames.faults import FaultKind
 from edgemap.runtime.frames.frame import Frame
 from edgemap.runtime.motion.attitude.estimator import EstimatedAttitude
 from edgemap.runtime.motion.odometry import OdometryRules, hybrid_sources
+from edgemap.runtime.motion.odometry.corners import spread
 from edgemap.runtime.motion.odometry.protocol import FramePrior, Motion
 from edgemap.runtime.motion.odometry.window import WindowOdometry
 from edgemap.runtime.step.pipeline import attitude_after
@@ -166,3 +169,19 @@ def test_a_camera_that_begins_to_sway_counts_as_carried():
     assert sorted(used) == used
     assert not any(motion.blind for motion in motions)
     assert total(motions).x_m == pytest.approx(poses[-1].x_m, abs=0.08)
+
+
+@given(st.integers(0, 10**6), st.integers(1, 60), st.integers(0, 20))
+def test_corners_are_spread_and_the_strongest_is_kept(seed, count, kept):
+    rng = np.random.default_rng(seed)
+    detected, others = (rng.uniform(0.0, 300.0, (size, 2)).astype(np.float32) for size in (60, kept))
+    chosen = spread(detected, others, count)
+    assert len(chosen) == min(count, len(detected))
+    rows = [np.flatnonzero((detected == corner).all(axis=1))[0] for corner in chosen]
+    assert rows == sorted(set(rows))
+    if not kept:
+        assert rows[0] == 0
+    before = [np.vstack([detected[:row], others]) - detected[row] for row in range(60)]
+    distance = [np.linalg.norm(apart, axis=1).min(initial=np.inf) for apart in before]
+    left = [distance[row] for row in range(60) if row not in rows]
+    assert not left or max(left) <= min(distance[row] for row in rows) + 1e-3

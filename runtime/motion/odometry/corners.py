@@ -8,6 +8,7 @@ import cv2
 import numpy as np
 from cv2.typing import MatLike
 from numpy.typing import NDArray
+from scipy.spatial.distance import cdist
 
 from edgemap.geometry.arrays import Array
 from edgemap.geometry.camera.depth_points import patch_depths
@@ -28,6 +29,7 @@ MASK_PX = 8  # the reach of the floor is computed on every n-th pixel
 # do (over a real gap 130 and more, of noise up to 28 by chance); ORB's own border hides a sixth of a small picture.
 FEATURES, PAIR_PX, FEWEST_PAIRS, ORB_BORDER_PX = 800, 1.5, 40, 15
 FEW = 5  # a fifth of the corners: fewer missing ones are not replaced
+CANDIDATES = 4  # corners that are detected for each one that is missing
 
 
 @dataclass(frozen=True, slots=True)
@@ -207,9 +209,10 @@ class CornerTracker:
             np.asarray(way, np.float64).ravel(),
         )
 
-    def seek(self, more: float) -> None:
+    def seek(self, more: float, scattered: bool) -> None:
         """Replaces missing corners separately on the floor and elsewhere: a wall's contrast must not hide the floor.
-        more: share of `CornersRule.corners` that is sought in addition."""
+        more: share of `CornersRule.corners` that is sought in addition. scattered: they are spread over the picture, as
+        one piece of furniture must not hide the room; else the strongest are taken, which large motions need."""
         count = round((1.0 + more) * self._rule.corners)
         if self._picture is None or count - len(self.corners) < count // FEW:
             return
@@ -228,11 +231,17 @@ class CornerTracker:
                 continue
             top, bottom = max(lines[0] - RESPONSE_PX, 0), lines[-1] + 1 + RESPONSE_PX
             detected = cv2.goodFeaturesToTrack(
-                grey[top:bottom], wanted, 0.005, self._rule.apart_px, mask=mask[top:bottom], blockSize=3
+                grey[top:bottom],
+                CANDIDATES * wanted if scattered else wanted,
+                0.005,
+                self._rule.apart_px,
+                mask=mask[top:bottom],
+                blockSize=3,
             )
             if detected is None:
                 continue
             fresh = np.asarray(detected.reshape(-1, 2) + [0.0, top], dtype=np.float32)
+            fresh = spread(fresh, self.corners, wanted)
             self.ids = np.concatenate([self.ids, self._next_id + np.arange(len(fresh))])
             self._next_id += len(fresh)
             self.corners = np.concatenate([self.corners, fresh])
@@ -351,6 +360,17 @@ class CornerTracker:
         surprise = SHIFT_PX * np.array(shift) - np.median(expected - self.corners, axis=0)
         clear = response > self._rule.shift_response and np.hypot(*surprise) > self._rule.window_px / 2 * 2**LEVELS
         return surprise.astype(np.float32) if clear else np.zeros(2, dtype=np.float32)
+
+
+def spread(detected: Pixels, kept: Pixels, count: int) -> Pixels:
+    """Of detected corners (N, 2), the strongest first, those farthest from any stronger one and from any kept one
+    (M, 2): adaptive non-maximal suppression (Brown, Szeliski and Winder 2005)."""
+    if len(detected) <= count:
+        return detected
+    stronger = np.tri(len(detected), k=-1, dtype=np.bool_)
+    nearest = cdist(detected, detected, "sqeuclidean").min(axis=1, initial=np.inf, where=stronger)
+    nearest = np.minimum(nearest, cdist(detected, kept, "sqeuclidean").min(axis=1, initial=np.inf))
+    return detected[np.sort(np.argsort(-nearest, kind="stable")[:count])]
 
 
 def _ray_table(camera: FloorCamera) -> Array:

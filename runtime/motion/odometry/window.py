@@ -139,7 +139,7 @@ class WindowOdometry:
         self._tracker.mark_floor(self._camera, prior.floor)
         first, self._first, self._seen_s = self._first, False, frame.stamp_s
         if not self._tracker.follows:
-            self._tracker.seek(self._by_tracks_alone())
+            self._tracker.seek(self._by_tracks_alone(), self._detail())
             self._begin(self._camera_pose(), self._factors(prior.attitude, gyro))
             if first:
                 self._coasting.begin(frame.stamp_s)
@@ -153,7 +153,7 @@ class WindowOdometry:
         pose, weight = self._track(start, gyro is None, factors)
         if surprised := weight < self._rule.least_weight:
             pose, weight = self._surprised(pose, weight, factors)
-        self._tracker.seek(self._by_tracks_alone())
+        self._tracker.seek(self._by_tracks_alone(), self._detail())
         if weight < self._rule.least_weight:
             return self._started_again(frame, start, factors)
         pair = self._held(self._rule.track_px, self._by_tracks_alone()), self._held(self._rule.parallax_px)
@@ -172,7 +172,8 @@ class WindowOdometry:
         return self._resected(start, factors)
 
     def _detail(self) -> bool:
-        """Whether large structures count half: what is carried turns fast, and large turns need them; so do roads."""
+        """Whether large structures count half and corners are spread: what is carried turns fast, and large turns need
+        large structures and strong corners; so do roads."""
         return self._in_room and not self.judged.carried
 
     def _resected(self, start: LensPose, factors: PoseFactors) -> tuple[LensPose, float]:
