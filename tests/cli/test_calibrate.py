@@ -68,7 +68,7 @@ def test_tilt_of_the_demo_keeps_the_rest(edgemap, tmp_path):
 
 def test_mount_of_the_demo_without_pattern_or_ruler(edgemap, tmp_path):
     out = tmp_path / "camera.yaml"
-    result = edgemap.ok("calibrate", "mount", "--camera", "demo", "--frames", "150", "-o", out)
+    result = edgemap.ok("calibrate", "mount", "--camera", "demo", "-o", out)
     assert "windows of wheel travel" in result.stdout
     demo = read_camera_yaml(Path(__file__).parents[2] / "runtime" / "inputs" / "demo" / "camera.yaml").mount
     found = read_camera_yaml(out).mount
