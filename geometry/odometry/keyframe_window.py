@@ -191,7 +191,7 @@ class KeyframeWindow:
         else:
             self._make_room()
         self.poses, self._factors = [*self.poses, start], [*self._factors, factors]
-        rows = _rows_of(self.points.ids, ids)
+        rows = rows_of(self.points.ids, ids)
         hit, last = rows >= 0, len(self.poses) - 1
         self.points.observed[:, last] = hit
         self.points.at[hit, last] = (points - self._readout_s * late)[rows[hit]]
@@ -239,7 +239,7 @@ class KeyframeWindow:
 
     def local(self, ids: NDArray[np.int64], pose: LensPose) -> Array:
         """Points of these tracks in a lens's optical axes, (N, 3); NaN for those that are not in the window."""
-        rows = _rows_of(ids, self.points.ids)
+        rows = rows_of(ids, self.points.ids)
         local = np.full((len(ids), 3), np.nan)
         if len(self.points):
             every = (self._world(self.points)[0] - pose.position_m) @ pose.rotation
@@ -256,7 +256,7 @@ class KeyframeWindow:
     ) -> tuple[LensPose, float]:
         """The pose near an expected one where tracks, as of `step`, agree with the points as they are and with the
         picture's gravity and height, and the weight of those that do."""
-        rows = _rows_of(self.points.ids, ids)
+        rows = rows_of(self.points.ids, ids)
         points = points if late is None else points - self._readout_s * late
         kept, seen = self.points.chosen(rows >= 0), points[rows[rows >= 0]]
         if not len(kept):
@@ -286,7 +286,7 @@ class KeyframeWindow:
     def begin_again(self, ids: NDArray[np.int64], points: Array, late: Array) -> None:
         """The points that only the last picture shows start again, as their motion since shows when their rows were
         exposed. points (N, 2): of these tracks in that picture."""
-        last, rows = len(self.poses) - 1, _rows_of(self.points.ids, ids)
+        last, rows = len(self.poses) - 1, rows_of(self.points.ids, ids)
         new = (rows >= 0) & (self.points.host == last) & (self.points.observed.sum(axis=1) == 1)
         mine, rows = self.points.chosen(new), rows[new]
         self.points = self.points.chosen(~new)
@@ -320,7 +320,7 @@ class KeyframeWindow:
         direction that take points of the last lens into the far one. Points with depth give the length; it gives the
         depths of the others.
         """
-        last, rows = self.poses[-1], _rows_of(self.points.ids, ids)
+        last, rows = self.poses[-1], rows_of(self.points.ids, ids)
         mine, seen = rows >= 0, np.column_stack([now, np.ones(len(now))])[rows[rows >= 0]]
         local_m = (self._world(self.points.chosen(mine))[0] - last.position_m) @ last.rotation
         depth_m = local_m[:, 2]
@@ -543,7 +543,7 @@ def _held(factors: FactorRows, pose: LensPose) -> tuple[Array, Array]:
     return factors.rows(pose.rotation[None], pose.position_m[None], FIRST, NONE)
 
 
-def _rows_of(ids: NDArray[np.int64], among: NDArray[np.int64]) -> Indices:
+def rows_of(ids: NDArray[np.int64], among: NDArray[np.int64]) -> Indices:
     """Row of each id among others, -1 where it is not there."""
     place = {one: row for row, one in enumerate(among.tolist())}
     return np.array([place.get(one, -1) for one in ids.tolist()], dtype=np.intp)

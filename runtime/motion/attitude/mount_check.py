@@ -181,13 +181,12 @@ class MountCheck:
         if self._sways:
             self._void()
         self._on_wheels = carried.on_wheels if carried else self._on_wheels
-        if rotation is None or carried is None or not carried.on_wheels:
+        if rotation is None or carried is None or not carried.on_wheels or not self._in_room:  # a car leans in turns
             self._turned, self._turned_s = np.eye(3), self._now_s
             return
         self._turned = self._turned @ rotation.rotation
         if self._now_s - self._turned_s > rule.judged_s:
-            if self._in_room:  # a car leans in turns, and its road rises
-                self._tilt = self._tilt.by_turn(self._to_base @ cv2.Rodrigues(self._turned)[0].ravel())
+            self._tilt = self._tilt.by_turn(self._to_base @ cv2.Rodrigues(self._turned)[0].ravel())
             self._turned, self._turned_s = np.eye(3), self._now_s
 
     def _void(self) -> None:

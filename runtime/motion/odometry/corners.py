@@ -14,6 +14,7 @@ from edgemap.geometry.arrays import Array
 from edgemap.geometry.camera.depth_points import patch_depths
 from edgemap.geometry.camera.floor import FloorCamera
 from edgemap.geometry.observations.floor_mask import FloorMask
+from edgemap.geometry.odometry.keyframe_window import rows_of
 from edgemap.runtime.frames.frame import Frame
 
 Pixels = NDArray[np.float32]
@@ -282,10 +283,10 @@ class CornerTracker:
     def _moved_px(self) -> Array:
         """The corners' motion since the picture before, (N, 2) px; NaN of new ones."""
         corners, ids = self._before
-        if not len(ids):
-            return np.full((len(self.ids), 2), np.nan)
-        rows = np.minimum(np.searchsorted(ids, self.ids), len(ids) - 1)  # ids ascend
-        return np.where((ids[rows] == self.ids)[:, None], self.corners - corners[rows], np.nan).astype(np.float64)
+        rows, moved = rows_of(self.ids, ids), np.full((len(self.ids), 2), np.nan)
+        known = rows >= 0
+        moved[known] = self.corners[known] - corners[rows[known]]
+        return moved
 
     def _late(self, pixels: Array | Pixels, moved_px: Array) -> Array:
         """How far normalised image points at pixels (N, 2) would move for each second of the shutter's readout, as its
