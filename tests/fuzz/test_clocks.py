@@ -7,17 +7,18 @@ from typing import Any
 
 import numpy as np
 import pytest
-from hypothesis import HealthCheck, Phase, example, given, settings
+from hypothesis import example, given
 from hypothesis import strategies as st
 from support.fuzzed_room import (
     FLOOR,
     PICTURES,
     SIZE,
-    STEPS,
     Checked,
     Room,
     followed,
+    fuzz,
     pose_at,
+    room_camera,
     samples,
     saved_map,
     slam_of,
@@ -26,7 +27,7 @@ from support.live_camera import Clock
 
 from edgemap.geometry.camera.imu import ImuSamples
 from edgemap.geometry.se2 import SE2
-from edgemap.runtime.frames.camera import Camera, CameraInfo, CameraState, Picture
+from edgemap.runtime.frames.camera import Camera, CameraInfo, CameraState, Driver, Picture
 from edgemap.runtime.frames.frame import Frame
 from edgemap.runtime.frames.trajectory import GrowingTrack, Trajectory
 from edgemap.runtime.inputs.cameras.checked import CheckedCamera
@@ -45,15 +46,9 @@ step = st.tuples(
     st.none() | st.none() | st.sampled_from(ODD) | st.floats(),
 )
 drives = st.lists(step, min_size=LENGTH, max_size=LENGTH)
-fuzz = settings(
-    max_examples=max(STEPS // LENGTH // 4, 1),
-    phases=(Phase.explicit, Phase.generate),
-    suppress_health_check=list(HealthCheck),  # pyright: ignore[reportArgumentType]
-    database=None,
-)
 
 
-class Clocks:
+class Clocks(Driver):
     """A device whose clock goes as drawn, 1.7e9 s or 5 s at first, and its IMU on that clock; the robot drives on with
     each picture. wheels: where it was, on the clock of the delivered frames."""
 
@@ -94,12 +89,6 @@ class Clocks:
             for row in range(len(imu)):
                 self.imu.push(float(imu.stamps_s[row]), imu.gyro_rad_s[row], imu.accel_m_s2[row])
         return Picture(stamp_s, image)
-
-    def reset(self):
-        return False
-
-    def watch(self, changed):
-        pass
 
     def close(self):
         pass
@@ -207,13 +196,13 @@ def drive(drawn, begin_s, imu, live, placed, corners, device_of=Clocks):
 
 @pytest.mark.parametrize("imu", [False, True])
 @pytest.mark.parametrize("live", [False, True])
-@fuzz
+@fuzz(LENGTH, 0.25)
 @given(drives, st.sampled_from((5.0, 1.7e9, -5.0)), st.booleans(), followed)
 def test_any_clock_gives_a_map(live, imu, drawn, begin_s, placed, corners):
     drive(drawn, begin_s, imu, live, placed, corners)
 
 
-@settings(fuzz, max_examples=max(STEPS // LENGTH, 1))
+@fuzz(LENGTH)
 @example({5: (list(SPOILT), 0), 20: ([OSError()] * 25, 3)}, False, True, False)
 @given(failures, st.booleans(), st.booleans(), followed)
 def test_a_camera_that_fails_comes_back_and_its_map_stays(failing, resets, imu, corners):
@@ -231,20 +220,13 @@ offsets = st.sampled_from((0.0, 0.0, 0.02, -0.3, 2.0, -50.0, 3600.0, -1e5, 1.7e9
 changes = st.lists(st.tuples(st.integers(1, LENGTH - 1), offsets), max_size=2)  # frame from which on the clock is off
 
 
-class SteadyDrive(Camera):
-    """Pictures at a steady rate. imu, wheel: of the whole drive, in their own clock."""
+def steady_drive(room):
+    """A camera at a steady rate on a robot that drives on."""
 
-    def __init__(self, room):
-        lens, mount = FLOOR.intrinsics, FLOOR.mount
-        super().__init__(CameraInfo("drive", (SIZE, SIZE), lens, mount, rate_hz=RATE_HZ, frame_count=LENGTH))
-        self._room = room
+    def drive_on(index):
+        room.pose = pose_at(0.05 * index)
 
-    def read(self):
-        index = self._delivered
-        if index >= LENGTH:
-            return None
-        self._room.pose = pose_at(0.05 * index)
-        return self.frame(PICTURES[index % 16], stamp_of(index), "")
+    return room_camera(LENGTH, drive_on, rate_hz=RATE_HZ, start_s=1000.0, frame_count=LENGTH)
 
 
 def stamp_of(index):
@@ -282,12 +264,12 @@ def measured(offset_s, changed):
 
 
 @pytest.mark.parametrize("live", [False, True])
-@fuzz
+@fuzz(LENGTH, 0.25)
 @given(offsets, changes, followed)
 def test_samples_of_another_clock(live, offset_s, changed, corners):
     room = Room(1)
     imu = measured(offset_s, changed)
-    camera = SteadyDrive(room)
+    camera = steady_drive(room)
     if live:
         buffer = ImuBuffer(kept=None)
         for row in range(len(imu)):
@@ -302,13 +284,13 @@ def test_samples_of_another_clock(live, offset_s, changed, corners):
 
 @pytest.mark.parametrize("offset_s", [-1.7e9, -3600.0])
 def test_samples_of_another_clock_are_named_once(offset_s):
-    camera = SteadyDrive(Room(1))
+    camera = steady_drive(Room(1))
     camera.update_info(imu=measured(offset_s, []))
     checked = driven_with(camera, Room(1), True)
     assert len([fault for fault in checked.faults if "IMU" in fault]) == 1
 
 
-@fuzz
+@fuzz(LENGTH, 0.25)
 @given(offsets, changes, followed)
 def test_wheels_of_another_clock(offset_s, changed, corners):
     room = Room(1)
@@ -316,6 +298,6 @@ def test_wheels_of_another_clock(offset_s, changed, corners):
     stamps_s = other_clock(true_s, offset_s, changed)
     rows = in_order(stamps_s)
     poses = tuple(pose_at(0.05 * (stamp_s - 1000.0) * RATE_HZ) for stamp_s in true_s[rows].tolist())
-    camera = SteadyDrive(room)
+    camera = steady_drive(room)
     camera.update_info(wheel=Trajectory(stamps_s[rows], poses))
     driven_with(camera, room, False, corners)

@@ -3,18 +3,17 @@ and none is larger than what was seen."""
 
 import json
 import math
-import random
 import shutil
 from dataclasses import replace
 from functools import cache
 
 import numpy as np
-from hypothesis import HealthCheck, Phase, given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from support.boxed_room import CAMERA, floor_mask, walls
 from support.drives import exact, observed, round_trip, sighted
-from support.fuzzed_room import STEPS
-from support.mutations import BYTES, VALUES, refused_or
+from support.fuzzed_room import fuzz
+from support.mutations import mutated_json, refused_or
 
 from edgemap.geometry.errors import MapError
 from edgemap.geometry.objects.events import Edit, EditError
@@ -59,13 +58,7 @@ action = st.one_of(
     st.tuples(st.just("edit"), edit),
     st.tuples(st.just("save"), st.booleans()),
     st.tuples(st.just("start"), pose | st.sampled_from(("search", "continue"))),
-    st.tuples(st.just("damage"), st.integers(0, 1 << 30)),
-)
-fuzz = settings(
-    max_examples=max(STEPS // LENGTH, 1),
-    phases=(Phase.explicit, Phase.generate),
-    suppress_health_check=list(HealthCheck),  # pyright: ignore[reportArgumentType]
-    database=None,
+    st.tuples(st.just("damage"), st.none()),
 )
 
 
@@ -75,10 +68,11 @@ def mask(index):
 
 
 class Edited:
-    """A robot that drives round a room while people edit its map. folder: where it is saved."""
+    """A robot that drives round a room while people edit its map. folder: where it is saved. draw: of hypothesis."""
 
-    def __init__(self, folder):
-        self.folder, self.count, self.random, self.damaged = folder, 0, np.random.default_rng(0), False
+    def __init__(self, folder, draw):
+        self.folder, self.draw, self.count, self.damaged = folder, draw, 0, False
+        self.random = np.random.default_rng(0)
         self.mapper = Mapper(forgetter=Forgetter(CAMERA))
         self.edits = Edits(folder / "edits.jsonl")
         self.save(True)
@@ -131,11 +125,12 @@ class Edited:
                 return
         self.mapper = mapper
 
-    def damage(self, seed):
-        """Another run goes on in the saved map with a value of it changed, where that is read."""
+    def damage(self, _):
+        """Another run goes on in the saved map with values of it changed, where that is read."""
         path, other = self.folder / "map.json", Edited.__new__(Edited)
         path.with_name("other").mkdir(exist_ok=True)
-        (path.with_name("other") / "map.json").write_bytes(damaged(path.read_bytes(), random.Random(seed)))
+        changed = self.draw(mutated_json(json.loads(path.read_bytes())))
+        (path.with_name("other") / "map.json").write_bytes(changed)
         vars(other).update(vars(self) | {"folder": path.with_name("other"), "mapper": None, "damaged": True})
         if refused_or(load_annotated_map, other.folder) is None:
             return
@@ -147,33 +142,11 @@ class Edited:
         other.save(True)
 
 
-def damaged(text, chance):
-    """The text of a map with one value of it replaced, or with bytes of it changed."""
-    if chance.random() < 0.2:
-        at = chance.randrange(len(text))
-        return text[:at] + chance.choice(BYTES) + text[at + chance.randrange(9) :]
-    tree = json.loads(text)
-    holder, key = chance.choice([(holder, key) for holder in holders(tree) for key in list_of(holder)])
-    holder[key] = chance.choice(VALUES)
-    return json.dumps(tree).encode()
-
-
-def list_of(holder):
-    """Keys of a dict, or numbers of a list's items."""
-    return list(holder) if isinstance(holder, dict) else range(len(holder))
-
-
-def holders(tree):
-    """All dicts and lists that hold something."""
-    found = [tree] if isinstance(tree, dict | list) and tree else []
-    return found + [one for holder in found for key in list_of(holder) for one in holders(holder[key])]
-
-
-@fuzz
-@given(st.lists(action, min_size=LENGTH, max_size=LENGTH))
-def test_whatever_people_do_the_saved_map_reads_back(tmp_path_factory, actions):
+@fuzz(LENGTH)
+@given(st.lists(action, min_size=LENGTH, max_size=LENGTH), st.data())
+def test_whatever_people_do_the_saved_map_reads_back(tmp_path_factory, actions, data):
     folder = tmp_path_factory.mktemp("map", numbered=True)
-    edited = Edited(folder)
+    edited = Edited(folder, data.draw)
     for what, value in actions:
         getattr(edited, what)(value)
     edited.save(True)

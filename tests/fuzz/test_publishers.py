@@ -10,9 +10,10 @@ from xml.etree import ElementTree
 import numpy as np
 import pytest
 import yaml
-from hypothesis import HealthCheck, Phase, given, reject, settings
+from hypothesis import given, reject, settings
 from hypothesis import strategies as st
 from support.broker import MISSING, Broker
+from support.fuzzed_room import fuzz
 from support.recordings import LENS, MOUNT, noise
 from support.results import POSES, results
 from support.steps import Steps
@@ -60,12 +61,7 @@ def maps(draw):
         reject()
 
 
-few = settings(
-    max_examples=20,
-    phases=(Phase.generate,),
-    suppress_health_check=list(HealthCheck),  # pyright: ignore[reportArgumentType]
-    database=None,
-)
+few = settings(fuzz(1), max_examples=20)
 (STEP,) = results(noise(1), POSES[:1])
 
 

@@ -3,22 +3,15 @@
 import math
 
 import numpy as np
-from hypothesis import HealthCheck, Phase, given, settings
+from hypothesis import given
 from hypothesis import strategies as st
-from support.fuzzed_room import FLOOR, PICTURES, SIZE, STEPS, Checked, Room, saved_map, slam_of
+from support.fuzzed_room import Checked, Room, fuzz, room_camera, saved_map, slam_of
 
 from edgemap.geometry.se2 import SE2
-from edgemap.runtime.frames.camera import Camera, CameraInfo
 from edgemap.runtime.frames.trajectory import GrowingTrack
 from edgemap.runtime.step.loop import steps
 
 LENGTH = 100
-fuzz = settings(
-    max_examples=max(STEPS // LENGTH // 2, 1),
-    phases=(Phase.explicit, Phase.generate),
-    suppress_health_check=list(HealthCheck),  # pyright: ignore[reportArgumentType]
-    database=None,
-)
 
 
 def straight(index, swing_rad):
@@ -27,32 +20,24 @@ def straight(index, swing_rad):
     return SE2(1.2 * (1.0 - math.cos(a)), 0.1 * math.sin(2.0 * a), swing_rad * math.sin(3.0 * a))
 
 
-class Drive(Camera):
-    """Pictures at 10 Hz; the wheels drift a little. room: what the pictures show."""
+def drive(room, swing_rad, seed):
+    """A camera at 10 Hz, and wheels that drift a little. room: what the pictures show."""
+    wheels, odometry, random = GrowingTrack(), [SE2()], np.random.default_rng(seed)
 
-    def __init__(self, room, swing_rad, seed):
-        self._wheels = GrowingTrack()
-        lens, mount = FLOOR.intrinsics, FLOOR.mount
-        super().__init__(CameraInfo("drive", (SIZE, SIZE), lens, mount, rate_hz=10.0, wheel=self._wheels))
-        self._room, self._swing_rad = room, swing_rad
-        self._odometry, self._random = SE2(), np.random.default_rng(seed)
+    def drive_on(index):
+        before, room.pose = room.pose, straight(index, swing_rad)
+        motion = (before.inverse() @ room.pose).vector()
+        odometry.append(odometry[-1] @ SE2(*(motion * 1.01 + random.normal(0.0, [2e-3, 1e-3, 2e-3]))))
+        wheels.push(index / 10.0, odometry[-1])
 
-    def read(self):
-        index = self._delivered
-        if index >= LENGTH:
-            return None
-        before, self._room.pose = self._room.pose, straight(index, self._swing_rad)
-        motion = (before.inverse() @ self._room.pose).vector()
-        self._odometry = self._odometry @ SE2(*(motion * 1.01 + self._random.normal(0.0, [2e-3, 1e-3, 2e-3])))
-        self._wheels.push(index / 10.0, self._odometry)
-        return self.frame(PICTURES[index % 16], index / 10.0, "")
+    return room_camera(LENGTH, drive_on, wheel=wheels)
 
 
 def driven(start, swing_rad, seed):
     """Poses relative to the start, stamps of corrections, and objects of one drive that starts at this pose of its
     map."""
     room = Room(seed, straight(0, swing_rad))
-    camera = Drive(room, swing_rad, seed)
+    camera = drive(room, swing_rad, seed)
     slam = slam_of(camera, room, False, False)
     saved = saved_map(straight(0, swing_rad), start)
     slam.mapper.start_in(saved, start)
@@ -66,7 +51,7 @@ def driven(start, swing_rad, seed):
     return np.array(poses), corrected, places
 
 
-@fuzz
+@fuzz(LENGTH, 0.5)
 @given(st.floats(-0.05, 0.05), st.floats(0.0, 0.1), st.integers(0, 1 << 30))
 def test_a_drive_about_pi_is_as_one_about_zero(off_rad, swing_rad, seed):
     poses, corrected, places = driven(SE2(), swing_rad, seed)

@@ -4,11 +4,16 @@ in `Checked`."""
 
 import math
 import os
+from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import cv2
 import numpy as np
+from hypothesis import HealthCheck, Phase, settings
 from hypothesis import strategies as st
+from support import painted
+from support.made_camera import MadeCamera
 from support.noise import noise
 from support.seen import HEIGHT_M, RADIUS_M
 
@@ -24,7 +29,7 @@ from edgemap.runtime.motion.odometry import OdometryRules, hybrid_sources
 from edgemap.runtime.motion.odometry.hybrid import HybridOdometry
 from edgemap.runtime.motion.odometry.protocol import is_covariance
 from edgemap.runtime.network.bundle import Bundle
-from edgemap.runtime.network.manifest import ClassEntry, DetectorSpec, FeatureSpec, HeadSpec, InputSpec, Manifest
+from edgemap.runtime.network.manifest import Manifest
 from edgemap.runtime.network.manifest_file import FORMAT
 from edgemap.runtime.network.network import Compute, Network
 from edgemap.runtime.step.config import Config
@@ -34,7 +39,7 @@ from edgemap.runtime.step.pipeline import Pipeline
 from edgemap.runtime.step.slam import SemanticSlam, SlamOptions, StepResult, build_slam
 
 STEPS = int(os.environ.get("EDGEMAP_FUZZ_STEPS", "240"))  # of each fuzz
-SIZE, STRIDE, ANCHOR = 64, 8, 20.0
+SIZE, CELLS = painted.SIZE, 8
 FLOOR = FloorCamera(Intrinsics(SIZE, SIZE, 50.0, 50.0, 31.5, 31.5), Mount.from_degrees(0.6, 12.0))
 # One label: of objects with two names at one place the map shows one, which is none of what is checked here.
 LABEL = "chair"
@@ -47,6 +52,16 @@ WALL = np.asarray(cv2.GaussianBlur(noise(0, (SIZE + 8, SIZE + 8, 3)), (5, 5), 0)
 PICTURES = [np.ascontiguousarray(WALL[at : at + SIZE, at : at + SIZE]) for at in (*range(8), *range(8, 0, -1))]
 followed = st.sampled_from((*7 * (False,), True))  # `corners` of `slam_of`
 GRAVITY_M_S2 = 9.81
+
+
+def fuzz(length: int, share: float = 1.0) -> settings:
+    """As many examples of so many steps as make STEPS together, or a share of them."""
+    return settings(
+        max_examples=max(int(STEPS * share) // length, 1),
+        phases=(Phase.explicit, Phase.generate),
+        suppress_health_check=list(HealthCheck),  # pyright: ignore[reportArgumentType]
+        database=None,
+    )
 
 
 def pose_at(path_m: float) -> SE2:
@@ -64,33 +79,15 @@ class Room:
 
     def bundle(self) -> Bundle:
         """A bundle of this network, without files."""
-        cells = SIZE // STRIDE
-        shape = (1, 6, cells, cells)
-        detector = DetectorSpec(
-            file="backbone.onnx",
-            input=InputSpec(name="image", width=SIZE, height=SIZE, resize="stretch", colour="rgb", scale=1 / 255),
-            decode="yolov3",
-            heads=(HeadSpec(name="head", shape=shape, strides=(STRIDE,), anchors=((ANCHOR, ANCHOR),)),),
-            features=(FeatureSpec(name="head", shape=shape, stride=STRIDE),),
-            classes=(ClassEntry(name=LABEL),),
-        )
+        detector = painted.detector_spec(cells=CELLS)
         manifest = Manifest(format=FORMAT, name="room", version="1", detector=detector, sha256={})
-        network = Network({"image": (1, 3, SIZE, SIZE)}, {"head": shape}, lambda _: [self._head(shape)])
+        shapes = {"image": (1, 3, SIZE, SIZE)}, {"head": detector.heads[0].shape}
+        network = Network(*shapes, lambda _: [self._head()])
         return Bundle(Path("room"), manifest, network, Compute(), lambda _: network)
 
-    def _head(self, shape: tuple[int, ...]) -> np.ndarray:
-        head = np.full(shape, -12.0, dtype=np.float32)
-        for x_m, y_m in ROOM:
-            box = self._box(x_m, y_m)
-            if box is None:
-                continue
-            x, y, width, height = box
-            column, row = int(x // STRIDE), int(y // STRIDE)
-            inside = np.clip([x / STRIDE - column, y / STRIDE - row], 1e-6, 1.0 - 1e-6)
-            head[0, :2, row, column] = np.log(inside / (1.0 - inside))
-            head[0, 2:4, row, column] = math.log(width / ANCHOR), math.log(height / ANCHOR)
-            head[0, 4, row, column], head[0, 5, row, column] = 12.0, 2.0
-        return head
+    def _head(self) -> np.ndarray:
+        boxes = filter(None, (self._box(x_m, y_m) for x_m, y_m in ROOM))
+        return painted.head_with([(LABEL, *box, 0.88) for box in boxes], CELLS)
 
     def _box(self, x_m: float, y_m: float) -> tuple[float, float, float, float] | None:
         ahead_m, left_m = self.pose.inverse().apply(np.array([x_m, y_m]))
@@ -105,6 +102,12 @@ class Room:
         if x0 < 0.0 or y0 < 0.0 or x1 > SIZE - 1 or y1 > SIZE - 1 or x1 - x0 < 2.0 or y1 - y0 < 2.0:
             return None
         return (x0 + x1) / 2.0, (y0 + y1) / 2.0, x1 - x0, y1 - y0
+
+
+def room_camera(count: float, before: Callable[[int], None], **options: Any) -> MadeCamera:
+    """Pictures from the robot. before: called with the index of each. options: of `MadeCamera`."""
+    known = {"size": (SIZE, SIZE), "intrinsics": FLOOR.intrinsics, "mount": FLOOR.mount}
+    return MadeCamera(count, lambda index: PICTURES[index % 16], before=before, **known, **options)
 
 
 def saved_map(first: SE2 | None = None, start: SE2 | None = None) -> list[MapObject]:

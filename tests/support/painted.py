@@ -36,25 +36,25 @@ def logit(p: float) -> float:
 
 def head_with(boxes: list[tuple[str, float, float, float, float, float]], cells: int = SIZE // STRIDE) -> np.ndarray:
     """A YOLOv3 head (1, 8, cells, cells) that decodes to the boxes: (label, centre x, y, w, h in input px, score)."""
-    head = np.full((1, 5 + len(NAMES), cells, cells), -12.0, dtype=np.float32)
+    head, stride = np.full((1, 5 + len(NAMES), cells, cells), -12.0, dtype=np.float32), SIZE // cells
     for label, x, y, w, h, score in boxes:
-        column, row = int(x // STRIDE), int(y // STRIDE)
-        head[0, 0, row, column] = logit(min(max(x / STRIDE - column, 1e-6), 1 - 1e-6))
-        head[0, 1, row, column] = logit(min(max(y / STRIDE - row, 1e-6), 1 - 1e-6))
+        column, row = int(x // stride), int(y // stride)
+        head[0, 0, row, column] = logit(min(max(x / stride - column, 1e-6), 1 - 1e-6))
+        head[0, 1, row, column] = logit(min(max(y / stride - row, 1e-6), 1 - 1e-6))
         head[0, 2, row, column], head[0, 3, row, column] = np.log(w / ANCHOR[0]), np.log(h / ANCHOR[1])
         head[0, 4, row, column] = 12.0
         head[0, 5 + NAMES.index(label), row, column] = logit(score)
     return head
 
 
-def detector_spec(file: str = "backbone.onnx", resize: Resize = "stretch") -> DetectorSpec:
-    shape = (1, 5 + len(NAMES), SIZE // STRIDE, SIZE // STRIDE)
+def detector_spec(file: str = "backbone.onnx", resize: Resize = "stretch", cells: int = SIZE // STRIDE) -> DetectorSpec:
+    shape, stride = (1, 5 + len(NAMES), cells, cells), SIZE // cells
     return DetectorSpec(
         file=file,
         input=InputSpec(name="image", width=SIZE, height=SIZE, resize=resize, colour="rgb", scale=1 / 255, pad=127),
         decode="yolov3",
-        heads=(HeadSpec(name="head", shape=shape, strides=(STRIDE,), anchors=(ANCHOR,)),),
-        features=(FeatureSpec(name="head", shape=shape, stride=STRIDE),),
+        heads=(HeadSpec(name="head", shape=shape, strides=(stride,), anchors=(ANCHOR,)),),
+        features=(FeatureSpec(name="head", shape=shape, stride=stride),),
         classes=tuple(ClassEntry(name=name, mapped=name != "person") for name in NAMES),
     )
 

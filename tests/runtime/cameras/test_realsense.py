@@ -1,23 +1,31 @@
-"""RealSense through librealsense's own recorder and playback: nothing is faked but the lens in front."""
+"""RealSense through librealsense's own recorder and playback, and a bag that an independent library writes: nothing is
+faked but the lens in front. Hardware resets a recording cannot prove."""
 
 import os
 import subprocess
 import sys
 import textwrap
+import threading
 from typing import Any
 
 import numpy as np
 import pytest
+from support import live_camera
+from support.realsense_playback import Playback
 from support.recordings import drain
 from support.refusal import refused
 
+from edgemap.runtime.frames.camera import RecoveryRule
 from edgemap.runtime.frames.errors import CameraError
+from edgemap.runtime.inputs.cameras.live import LiveCamera
 from edgemap.runtime.inputs.cameras.realsense_recording import RealSenseRecording
 from edgemap.runtime.inputs.open import open_camera
 
 rs: Any = pytest.importorskip("pyrealsense2")
 
 from reliability.record_realsense import record_realsense  # noqa: E402
+
+LENS = (615.2, 615.4, 321.1, 239.7)
 
 
 def test_every_frame_comes_back_bit_exact_in_order(realsense_recording):
@@ -29,10 +37,23 @@ def test_every_frame_comes_back_bit_exact_in_order(realsense_recording):
         lens = camera.info.intrinsics
         frames = drain(camera)
         assert camera.read() is None
-    assert (lens.fx, lens.fy, lens.cx, lens.cy) == (615.2, 615.4, 321.1, 239.7)
+    assert (lens.fx, lens.fy, lens.cx, lens.cy) == LENS
     assert lens.distortion.is_identity
     assert [frame.index for frame in frames] == list(range(60))
     assert all(frame.depth is None for frame in frames)
+    np.testing.assert_allclose([frame.stamp_s for frame in frames], stamps, atol=1e-6)
+    for frame, picture in zip(frames, pictures, strict=True):
+        np.testing.assert_array_equal(frame.image[..., ::-1], picture)
+
+
+def test_a_bag_with_depth_and_colour_gives_every_colour_frame(tmp_path, realsense_recording):
+    pytest.importorskip("rosbags", reason="the ROS bag writer `rosbags` is not installed")
+    from support.write_realsense_bag import write_realsense_bag
+
+    _, pictures, stamps = realsense_recording
+    with open_camera(f"realsense:{write_realsense_bag(tmp_path / 'drive.bag', pictures, stamps, LENS)}") as camera:
+        lens, frames = camera.info.intrinsics, drain(camera)
+    assert (lens.fx, lens.fy, lens.cx, lens.cy) == LENS
     np.testing.assert_allclose([frame.stamp_s for frame in frames], stamps, atol=1e-6)
     for frame, picture in zip(frames, pictures, strict=True):
         np.testing.assert_array_equal(frame.image[..., ::-1], picture)
@@ -127,3 +148,39 @@ def test_what_librealsense_says_of_damaged_motion_or_depth_is_one_line(realsense
     monkeypatch.setattr(f"edgemap.runtime.inputs.cameras.realsense_recording.{room}", fails)
     with pytest.raises(CameraError, match=r"drive\.db3: motion or depth in it is damaged \(Failed to read the file\)"):
         open_camera(f"realsense:{realsense_recording[0]}")
+
+
+def test_a_stream_that_ends_is_late_and_then_opened_again(realsense_recording):
+    path, pictures, _ = realsense_recording
+    driver, told = Playback(path), []
+    with LiveCamera(driver, rule=RecoveryRule(stall_limit_s=0.4)) as camera:
+        assert (camera.info.live, camera.info.size, camera.info.rate_hz) == (True, (640, 480), 30.0)
+        assert camera.info.intrinsics.fx == 615.2
+        driver.broken = 1
+        frames = live_camera.drain(camera, len(pictures) + 5, told)
+    kinds = [fault.kind.value for fault in told]  # on a busy machine it is late before that, too
+    ended = kinds.index("closed")
+    assert "late" in kinds[:ended]
+    assert "recovered" in kinds[ended:]
+    stamps = np.diff([frame.stamp_s for frame in frames])
+    assert (stamps > 0).all()  # the second playback's stamps begin again, the stream's do not
+    assert any((frames[0].image[..., ::-1] == picture).all() for picture in pictures)
+
+
+def test_librealsenses_device_change_callback_says_what_came(realsense_recording):
+    # That something went, librealsense does not say of recordings.
+    path, _, _ = realsense_recording
+    driver, told, changed = Playback(path), [], threading.Event()
+
+    def tell(present):
+        told.append(present)
+        changed.set()
+
+    driver.watch(tell)
+    driver.plug_in()
+    assert changed.wait(5.0)
+    assert told == [True]
+
+
+def test_a_reset_without_a_device_does_nothing(realsense_recording):
+    assert not Playback(realsense_recording[0]).reset()
