@@ -13,7 +13,7 @@ from edgemap.geometry.camera.intrinsics import Intrinsics
 from edgemap.geometry.camera.mount import Mount, Platform
 from edgemap.geometry.se2 import SE2
 from edgemap.runtime.frames.errors import CameraError
-from edgemap.runtime.frames.spatial_poses import planarise_base, planarise_camera, up_vector, upright_camera
+from edgemap.runtime.frames.spatial_poses import planarise_camera, up_vector, upright_camera
 from edgemap.runtime.frames.trajectory import Trajectory
 from edgemap.runtime.inputs.cameras.pictures import drive_camera
 from edgemap.runtime.inputs.drives import open_drive, write_drive, write_locobot
@@ -267,50 +267,6 @@ def test_boxes_json_beside_yolo_labels_tells_what_is_hidden(tmp_path):
     assert "1 lines for the 2 pictures" in refusal(f"yolo:{tmp_path}")
 
 
-def test_real_coco_pictures(shared_data):
-    drive = open_drive(f"yolo:{shared_data / 'coco128'}")
-    lines = sum(
-        len((shared_data / "coco128" / "labels" / f"{path.stem}.txt").read_text().splitlines())
-        for path in drive.images
-        if (shared_data / "coco128" / "labels" / f"{path.stem}.txt").is_file()
-    )
-    assert sum(len(frame.labels) for frame in drive.boxes) == lines == 929
-
-
-def camera_pose(right, down, forward, position):
-    pose = np.eye(4)
-    pose[:3, :3] = np.column_stack([right, down, forward])
-    pose[:3, 3] = position
-    return pose
-
-
-def test_ways_of_worlds_by_hand():
-    """KITTI's; z up, from a start that faces y; a lever arm that turns on the spot; base poses; no heading."""
-    start = camera_pose([1, 0, 0], [0, 1, 0], [0, 0, 1], [0, 0, 0])
-    # 2 m ahead, 0.5 m to the left (world -x), facing left
-    turned = camera_pose([0, 0, 1], [0, 1, 0], [-1, 0, 0], [-0.5, 0.1, 2.0])
-    first, second = planarise_camera(np.array([start, turned]), "-y", None)
-    assert first == SE2()
-    assert second.vector() == pytest.approx([2.0, 0.5, math.pi / 2])
-    start = camera_pose([1, 0, 0], [0, 0, -1], [0, 1, 0], [5, 5, 1])
-    turned = camera_pose([0, -1, 0], [0, 0, -1], [1, 0, 0], [6, 8, 1])  # now facing world x: a right turn
-    second = planarise_camera(np.array([start, turned]), "z", None)[1]
-    assert second.vector() == pytest.approx([3.0, -1.0, -math.pi / 2])
-    # The lens 0.2 m ahead and 0.1 m left of the turn axis, which stands at the world's origin; z up.
-    start = camera_pose([0, -1, 0], [0, 0, -1], [1, 0, 0], [0.2, 0.1, 0.6])
-    turned = camera_pose([1, 0, 0], [0, 0, -1], [0, 1, 0], [-0.1, 0.2, 0.6])
-    mount = Mount(0.6, forward_m=0.2, left_m=0.1)
-    second = planarise_camera(np.array([start, turned]), "z", mount)[1]
-    assert second.vector() == pytest.approx([0.0, 0.0, math.pi / 2], abs=1e-12)
-    start, moved = np.eye(4), np.eye(4)
-    start[:2, :2] = [[0, -1], [1, 0]]  # facing world y
-    moved[:2, :2] = [[-1, 0], [0, -1]]
-    moved[:2, 3] = (-1, 4)
-    assert planarise_base(np.array([start, moved]), "z")[1].vector() == pytest.approx([4.0, 1.0, math.pi / 2])
-    with pytest.raises(CameraError, match="pose 0 looks straight along world_up 'z'"):
-        planarise_camera(np.eye(4)[None], "z", None)
-
-
 @pytest.mark.parametrize("pitch_deg", [0.0, 20.0, -35.0])
 @pytest.mark.parametrize("roll_deg", [0.0, 8.0])
 @pytest.mark.parametrize("up", ["x", "y", "z", "-x", "-y", "-z"])
@@ -357,14 +313,3 @@ def test_real_kitti_drives_ahead_and_its_left_turn_is_positive(shared_data):
     assert drive.rate_hz == 10.0
     assert len(drive.images) == 700
     assert drive.mount.height_m == 1.65
-
-
-def test_real_hololens_way_keeps_its_horizontal_steps(shared_data):
-    folder = shared_data / "hololens"
-    drive = open_drive(f"c2w:{folder}")
-    positions = np.loadtxt(folder / "poses.txt").reshape(-1, 4, 4)[:, :3, 3]
-    steps = np.hypot(*np.diff(positions[:, [0, 2]], axis=0).T)  # y is up
-    found = np.array([pose.vector() for pose in drive.truth.poses])
-    np.testing.assert_allclose(np.hypot(*np.diff(found[:, :2], axis=0).T), steps, atol=1e-9)
-    assert drive.intrinsics.fx == 495.57
-    assert len(drive.images) == len(found) == 200
