@@ -6,8 +6,6 @@ from pathlib import Path
 import jsonschema
 import pytest
 import yaml
-from hypothesis import given
-from hypothesis import strategies as st
 from support.faults import kinds
 from support.steps import Steps
 
@@ -86,13 +84,6 @@ def test_what_is_no_file_or_no_document_is_told_in_one_line(tmp_path):
     (tmp_path / "deep.json").write_text("[" * 100_000)
     with pytest.raises(ConfigError, match=r"deep\.json"):
         load_config(tmp_path / "deep.json")
-
-
-@given(st.floats(0.1, 100.0), st.integers(1, 1000))
-def test_every_number_survives_the_file(tmp_path_factory, slope, frames):
-    folder = tmp_path_factory.mktemp("c")
-    config = load_config(written(folder, {"config": {"forgetting": {"same_m": slope, "misses": frames}}}))
-    assert (config.forgetting.same_m, config.forgetting.misses) == (slope, frames)
 
 
 @pytest.mark.parametrize(

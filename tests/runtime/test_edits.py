@@ -162,22 +162,6 @@ def test_what_was_placed_by_hand_moves_with_the_part_of_the_path_near_it():
     assert tv.position_m == pytest.approx([9.0, 2.5])
 
 
-def test_what_cannot_be_changes_nothing():
-    mapper = driven()
-    before = map_document(mapper.objects(), mapper.annotations())
-    for edit in (
-        Edit("name", "chair-99", name="x"), Edit("delete", "chair-99"), Edit("undo", "chair-1"),
-        Edit("name", "chair-1", name="x" * 81), Edit("name", "chair-1", name="a\nb"),
-        Edit("zone", name="", corners_m=SQUARE), Edit("zone", name="x", corners_m=SQUARE[:2]),
-        Edit("zone", name="x", corners_m=((0.0, 0.0), (1.0, 1.0), (2.0, 2.0))),
-        Edit("zone", "zone-9", "x", corners_m=SQUARE), Edit("undo", "zone-1"),
-        Edit("merge", "chair-1", into="chair-1"),
-    ):  # fmt: skip
-        with pytest.raises(EditError):
-            mapper.edit(edit)
-        assert map_document(mapper.objects(), mapper.annotations()) == before
-
-
 def test_recorded_edits_make_the_same_map_again_and_a_replay_without_them_the_measured_one(tmp_path):
     def run(edits, asked=()):
         mapper, random = Mapper(), np.random.default_rng(0)

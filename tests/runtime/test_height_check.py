@@ -1,4 +1,4 @@
-"""A mount's height is checked by what stands on the floor, and by the wheels."""
+"""A mount's height is checked by what stands on the floor, and by the wheels; one that was guessed is corrected."""
 
 import math
 import re
@@ -7,12 +7,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from edgemap.geometry.camera.attitude import Attitude
+from edgemap.geometry.camera.attitude import Attitude, MountEstimate
 from edgemap.geometry.camera.floor import FloorCamera
 from edgemap.geometry.camera.intrinsics import Intrinsics
 from edgemap.geometry.camera.mount import Mount
 from edgemap.geometry.observations.detections import Detections
-from edgemap.geometry.observations.lens_height import lens_heights
 from edgemap.geometry.se2 import SE2
 from edgemap.runtime.frames.faults import FaultKind
 from edgemap.runtime.frames.frame import Frame
@@ -31,21 +30,6 @@ def chair(camera, away_m, label=0, height_m=0.85, depth_m=0.5):
     pixels = camera.project(corners) + 0.5
     box = np.concatenate([pixels.min(axis=0), pixels.max(axis=0)])
     return Detections(box[None], np.array([0.9]), np.array([label]), NAMES)
-
-
-@pytest.mark.parametrize(("height", "pitch_deg"), [(0.4, 0.0), (0.6, 5.0), (1.4, 20.0)])
-@pytest.mark.parametrize("given", [0.5, 1.0, 1.5])
-def test_a_chair_tells_the_height_of_the_lens_whatever_is_given(height, pitch_deg, given):
-    camera = FloorCamera(LENS, Mount(height, math.radians(pitch_deg)))
-    wrong = FloorCamera(LENS, Mount(given * height, math.radians(pitch_deg)))
-    (found,) = lens_heights(chair(camera, 2.5), wrong)
-    assert found.height_m == pytest.approx(height, rel=0.01)
-
-
-def test_what_has_no_usual_height_or_is_cut_tells_nothing():
-    camera = FloorCamera(LENS, Mount(0.6, 0.0))
-    assert not lens_heights(chair(camera, 2.5, label=1), camera)
-    assert not lens_heights(chair(camera, 0.9), camera)  # its foot lies below the picture
 
 
 @pytest.mark.parametrize(("given", "wrong"), [(0.4, True), (0.6, False)])
@@ -104,3 +88,62 @@ def test_wheels_are_wrong_where_objects_are_nearer_to_the_given_height(true, hei
     assert len(found) == (height is not None)
     if height is not None:
         assert re.search(f"usual height of chair and the wheels would make it {height} m", found[0][1].text)
+
+
+# A lens 0.6 m up that is taken for 0.72 m, and what it sees.
+TAKEN, BOXES = Mount(0.72, 0.1), chair(FloorCamera(LENS, Mount(0.6, 0.1)), 2.5)
+BY_SIZES = 0.6 / 0.72
+
+
+def seen(check, indices, boxes=BOXES, mount=TAKEN, attitude=None, **measured):
+    """Judges so many frames, ten a second, which are no fault. measured: motion, depth."""
+    for index in indices:
+        given = {"motion": Motion()} | measured
+        told = attitude or Attitude.of_mount(mount)
+        assert not check.judge(index / 10, FloorCamera(LENS, mount), told, boxes, **given)
+
+
+@pytest.mark.parametrize("guessed", [0.0, 0.3])
+def test_a_guess_moves_to_the_sizes_of_objects_and_a_given_height_never(guessed):
+    """The sizes (13 %) weigh five times as much as a guess of 30 %."""
+    check = HeightCheck(TAKEN, guessed=guessed)
+    seen(check, range(200))
+    assert check.scale == (pytest.approx(BY_SIZES, abs=0.04) if guessed else 1.0)
+    assert check.estimate.height_m == pytest.approx(0.6, abs=0.03)
+
+
+def test_wheels_measure_the_path_so_its_scale_stays():
+    check = HeightCheck(TAKEN, guessed=0.3)
+    seen(check, range(200), motion=Motion(SE2(0.05, 0.0, 0.0), np.eye(3) * 1e-6, lengths=(0.06, 0.05)))
+    assert check.scale == 1.0
+    assert check.estimate.height_m == pytest.approx(0.6, abs=0.02)
+
+
+@pytest.mark.parametrize("measured", [{"depth": True}, {"motion": Motion(lengths=(0.0, 0.0))}])
+@pytest.mark.parametrize("begins", [0, 150])
+def test_a_robot_that_turns_in_place_has_wheels_or_depth_all_the_same(measured, begins):
+    """The path is measured from then on, whatever the sizes have shown: 50 cm rolled are not waited for."""
+    check = HeightCheck(TAKEN, guessed=0.3)
+    for index in range(200):
+        seen(check, [index], **(measured if index >= begins else {}))
+        assert (check.scale == 1.0) == (index < 100 or index >= begins)
+    assert check.estimate.height_m == pytest.approx(0.6, abs=0.03)
+
+
+def test_a_correction_of_the_mount_keeps_the_sizes_of_a_guess():
+    """Pitch 3 degrees too steep for 20 s, then right, and no box more: the boxes so far give the scale by the right
+    pitch. A given height is judged by boxes after the correction alone."""
+    steep = replace(TAKEN, pitch_rad=0.1 + math.radians(3.0))
+    estimate = MountEstimate(TAKEN, np.full(2, 0.005), TAKEN, steep)
+    corrected = replace(Attitude.of_mount(TAKEN), mount=estimate)
+    for guessed in (0.3, 0.0):
+        check = HeightCheck(steep, guessed=guessed)
+        seen(check, range(200), mount=steep)
+        wrong = check.estimate
+        assert wrong.height_m > 0.66
+        seen(check, range(200, 400), Detections.none(NAMES), attitude=corrected)
+        if guessed:
+            assert check.scale == pytest.approx(BY_SIZES, abs=0.04)
+            assert check.estimate.height_m == pytest.approx(0.6, abs=0.03)
+        else:
+            assert check.estimate is wrong

@@ -1,7 +1,6 @@
 """A guessed height of the lens proves another: the map is saved at the scale of its estimate."""
 
 import json
-import math
 from dataclasses import replace
 
 import numpy as np
@@ -9,7 +8,6 @@ import pytest
 from support.drives import exact, observed, round_trip, sighted
 from support.rooms import content_of, furnished
 
-from edgemap.geometry.camera.attitude import Attitude, MountEstimate
 from edgemap.geometry.camera.floor import FloorCamera
 from edgemap.geometry.camera.intrinsics import Intrinsics
 from edgemap.geometry.camera.mount import Mount
@@ -19,8 +17,6 @@ from edgemap.geometry.observations.detections import Detections
 from edgemap.geometry.se2 import SE2
 from edgemap.runtime.frames.frame import Frame
 from edgemap.runtime.frames.trajectory import trajectory_of
-from edgemap.runtime.motion.height_check import HeightCheck, HeightRule
-from edgemap.runtime.motion.odometry.protocol import Motion
 from edgemap.runtime.outputs.sinks.living_map import LivingMap
 from edgemap.runtime.outputs.sinks.run_folder import RunFolder
 from edgemap.runtime.step.map_file import load_annotated_map
@@ -30,6 +26,7 @@ from edgemap.runtime.step.slam import StepResult
 ROOM = furnished(np.random.default_rng(5), 12, apart_m=1.5)
 POSES = round_trip(200, turns=1.8)
 FACTOR = 1.25
+FLOOR = FloorCamera(Intrinsics(640, 480, 500.0, 500.0, 319.5, 239.5), Mount(0.6))
 
 
 def results(mapper, changes_at):
@@ -50,7 +47,7 @@ def saved(tmp_path_factory):
     folders = []
     for changes_at in (1000, 120):
         where, mapper = tmp_path_factory.mktemp("scale"), Mapper(closes_loops=True)
-        sinks = [RunFolder(where / "run", FloorCamera(LENS, Mount(0.6)), {}), LivingMap(where / "home", bool)]
+        sinks = [RunFolder(where / "run", FLOOR, {}), LivingMap(where / "home", bool)]
         for index, (result, objects) in enumerate(results(mapper, changes_at)):
             if index == 1:
                 mapper.edit(Edit("zone", name="rug", corners_m=((1.0, 0.0), (2.0, 0.0), (2.0, 1.0))))
@@ -111,73 +108,3 @@ def test_an_earlier_map_keeps_its_scale():
     for mapper in (known, lost):
         result, _ = next(results(mapper, 0))
         assert (result.observed.scale, result.scale) == (FACTOR, 1.0)
-
-
-LENS = Intrinsics(640, 480, 500.0, 500.0, 319.5, 239.5)
-
-
-def chairs(mount):
-    """Boxes of chairs of usual size, seen by a camera on this mount."""
-    camera, boxes = FloorCamera(LENS, mount), []
-    for x, y in ((2.2, 0.3), (3.0, -0.6)):
-        corners = [(x + a, y + b, z) for a in (0.0, 0.5) for b in (-0.25, 0.25) for z in (0.0, 0.85)]
-        pixels = camera.project(corners) + 0.5
-        boxes.append(np.concatenate([pixels.min(axis=0), pixels.max(axis=0)]))
-    return Detections(np.array(boxes), np.full(2, 0.9), np.zeros(2, np.int64), ("chair",))
-
-
-@pytest.mark.parametrize("guessed", [0.0, 0.3])
-def test_a_guess_moves_to_the_sizes_of_objects_and_a_given_height_never(guessed):
-    """Lens 0.6 m up, taken for 0.72: the sizes (13 %) weigh five times as much as a guess of 30 %."""
-    mount = Mount(0.72, 0.1)
-    check, boxes = HeightCheck(mount, guessed=guessed), chairs(Mount(0.6, 0.1))
-    for index in range(200):
-        fault = check.judge(index / 10, FloorCamera(LENS, mount), Attitude.of_mount(mount), boxes, Motion())
-        assert not fault
-    assert check.scale == (pytest.approx(0.6 / 0.72, abs=0.04) if guessed else 1.0)
-    assert check.estimate.height_m == pytest.approx(0.6, abs=0.03)
-
-
-def test_wheels_measure_the_path_so_its_scale_stays():
-    mount, boxes = Mount(0.72, 0.1), chairs(Mount(0.6, 0.1))
-    check = HeightCheck(mount, HeightRule(), 0.3)
-    for index in range(200):
-        motion = Motion(SE2(0.05, 0.0, 0.0), np.eye(3) * 1e-6, lengths=(0.06, 0.05))
-        check.judge(index / 10, FloorCamera(LENS, mount), Attitude.of_mount(mount), boxes, motion)
-    assert check.scale == 1.0
-    assert check.estimate.height_m == pytest.approx(0.6, abs=0.02)
-
-
-@pytest.mark.parametrize("measures", [{"depth": True}, {"motion": Motion(lengths=(0.0, 0.0))}])
-@pytest.mark.parametrize("begins", [0, 150])
-def test_a_robot_that_turns_in_place_has_wheels_or_depth_all_the_same(measures, begins):
-    """The path is measured from then on, whatever the sizes have shown: 50 cm rolled are not waited for."""
-    mount, boxes = Mount(0.72, 0.1), chairs(Mount(0.6, 0.1))
-    check, usual = HeightCheck(mount, HeightRule(), 0.3), {"motion": Motion()}
-    for index in range(200):
-        given = usual | measures if index >= begins else usual
-        check.judge(index / 10, FloorCamera(LENS, mount), Attitude.of_mount(mount), boxes, **given)
-        assert (check.scale == 1.0) == (index < 100 or index >= begins)
-    assert check.estimate.height_m == pytest.approx(0.6, abs=0.03)
-
-
-def test_a_correction_of_the_mount_keeps_the_sizes_of_a_guess():
-    """Pitch 3 degrees too steep for 20 s, then right, and no box more: the boxes so far give the scale by the right
-    pitch. A given height is judged by boxes after the correction alone."""
-    mount, boxes = Mount(0.72, 0.1 + math.radians(3.0)), chairs(Mount(0.6, 0.1))
-    right = replace(mount, pitch_rad=0.1)
-    estimate = MountEstimate(right, np.full(2, 0.005), right, mount)
-    corrected = replace(Attitude.of_mount(right), mount=estimate)
-    for guessed in (0.3, 0.0):
-        check = HeightCheck(mount, guessed=guessed)
-        for index in range(200):
-            check.judge(index / 10, FloorCamera(LENS, mount), Attitude.of_mount(mount), boxes, Motion())
-        wrong = check.estimate
-        assert wrong.height_m > 0.66
-        for index in range(200, 400):
-            check.judge(index / 10, FloorCamera(LENS, right), corrected, Detections.none(("chair",)), Motion())
-        if guessed:
-            assert check.scale == pytest.approx(0.6 / 0.72, abs=0.04)
-            assert check.estimate.height_m == pytest.approx(0.6, abs=0.03)
-        else:
-            assert check.estimate is wrong

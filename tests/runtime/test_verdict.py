@@ -249,7 +249,3 @@ def test_a_covariance_that_is_none_is_left_out():
     assert json.dumps(counter.document(), allow_nan=False)
     assert counter.document()["sigma_m"]["end"] > 0.1
     assert not counter.document()["wheels"]
-
-
-def test_before_the_first_frame_there_is_a_document():
-    assert json.dumps(QualityCounter().document(), allow_nan=False)

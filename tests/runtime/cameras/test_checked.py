@@ -2,6 +2,7 @@
 
 import math
 from importlib.metadata import EntryPoint
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -64,27 +65,8 @@ class Theirs:
             raise value
         return value
 
-    def object_records(self):
-        return None
-
     def close(self):
         raise OSError("gone")
-
-    def __enter__(self):
-        return self
-
-    def __exit__(self, *exception):
-        self.close()
-
-
-class Bare:
-    """What looks like a frame and was never checked."""
-
-    index, name, search = 0, "", True
-
-    def __init__(self, **fields):
-        self.imu, self.depth = ImuSamples.none(), None
-        vars(self).update(fields)
 
 
 def frame(number, **fields):
@@ -137,7 +119,7 @@ def test_a_frame_with_a_wrong_field_is_one_fault(wrong, kind, left):
 
 
 def test_reads_that_raise_and_return_anything_are_faults_and_come_to_an_end():
-    odd = [ValueError("?"), RuntimeError("a\nb"), "text", 7, Bare(stamp_s=1.0, image=GREY)]
+    odd = [ValueError("?"), RuntimeError("a\nb"), "text", 7, SimpleNamespace(stamp_s=1.0, image=GREY)]
     source = Theirs([frame(0), *odd, frame(9)])
     frames, faults = read_all(CheckedCamera(source, "lab"))
     assert (len(frames), [fault.kind.value for fault in faults]) == (2, ["failed", "format"])

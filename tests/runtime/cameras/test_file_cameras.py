@@ -16,7 +16,7 @@ from edgemap.geometry.camera.imu import ImuSamples
 from edgemap.geometry.camera.intrinsics import Intrinsics
 from edgemap.geometry.camera.mount import Mount
 from edgemap.geometry.se2 import SE2
-from edgemap.runtime.frames.camera import Camera, CameraOptions, next_frame
+from edgemap.runtime.frames.camera import Camera, next_frame
 from edgemap.runtime.frames.errors import CameraError
 from edgemap.runtime.frames.program_camera import FramesCamera, PushedCamera
 from edgemap.runtime.frames.trajectory import Trajectory
@@ -109,13 +109,6 @@ def test_a_folder_is_read_in_natural_order(tmp_path):
         assert (camera.info.frame_count, camera.info.size, camera.info.intrinsics) == (12, (64, 48), None)
         assert [int(camera.read().image[0, 0, 0]) for _ in range(12)] == list(range(12))
         assert camera.read() is None
-
-
-def test_a_picture_of_another_size_is_refused_with_both_sizes(tmp_path):
-    write_pictures(tmp_path / "p", 1, size=(20, 30))
-    complaint = pytest.raises(CameraError, match="picture is 30x20, the intrinsics are for 64x48")
-    with open_camera(str(tmp_path / "p"), CameraOptions(intrinsics=LENS)) as camera, complaint:
-        camera.read()
 
 
 def write_own(folder, poses):

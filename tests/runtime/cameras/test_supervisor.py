@@ -3,6 +3,7 @@
 import cv2
 import numpy as np
 import pytest
+from support.faults import kinds
 from support.live_camera import drain, picture, scripted
 
 from edgemap.runtime.frames.camera import RecoveryRule
@@ -21,10 +22,6 @@ from edgemap.runtime.inputs.cameras.wrappers import CameraAround
 class Unprintable(Exception):
     def __str__(self):
         raise ValueError("no text")
-
-
-def kinds(faults):
-    return [fault.kind.value for fault in faults]
 
 
 def increasing(frames):
