@@ -133,20 +133,20 @@ def test_the_right_mount_is_no_fault_and_holds():
     assert (attitude.pitch_rad, attitude.source) == (math.radians(11.5), "mount")
 
 
-@pytest.mark.parametrize("hz", [2.5, 30.0])
-def test_a_wrong_mount_is_found_in_time_at_any_rate(hz):
-    faults, _ = told(5.5, frames=int(15 * hz), hz=hz)
-    assert len(faults) == 1
-
-
-@pytest.mark.parametrize("off_deg", [5.5, -5.5])
-def test_a_pitch_5_degrees_wrong_is_one_fault_that_names_the_likelier_and_is_mended(off_deg):
-    faults, attitude = told(off_deg)
-    assert len(faults) == 1
-    stamp_s, fault = faults[0]
+@pytest.mark.parametrize(("off_deg", "hz"), [(5.5, 10.0), (-5.5, 10.0), (5.5, 2.5), (5.5, 30.0)])
+def test_a_pitch_5_degrees_wrong_is_one_fault_that_names_the_likelier_and_is_mended_at_any_rate(off_deg, hz):
+    ((stamp_s, fault),), attitude = told(off_deg, frames=int(15 * hz), hz=hz)
     assert stamp_s < 20.0
     assert f"mount: pitch {11.5 + off_deg:.1f} and roll 0.0 deg given, the room's edges give pitch 11." in fault.text
     assert math.degrees(attitude.pitch_rad) == pytest.approx(11.5, abs=0.6)
+
+
+def tilted(frame, lens, down_rad):
+    """The frame of a camera that looks farther down."""
+    matrix = np.array([[lens.fx, 0.0, lens.cx], [0.0, lens.fy, lens.cy], [0.0, 0.0, 1.0]])
+    turn = matrix @ cv2.Rodrigues(np.array([down_rad, 0.0, 0.0]))[0] @ np.linalg.inv(matrix)
+    size = (lens.width, lens.height)
+    return replace(frame, image=cv2.warpPerspective(frame.image, turn, size, borderMode=cv2.BORDER_REPLICATE))
 
 
 def test_a_known_mount_stays_known_while_the_robot_sways():
@@ -155,17 +155,10 @@ def test_a_known_mount_stays_known_while_the_robot_sways():
     swaying = replace(calm, rate2=math.radians(10.0) ** 2)
     with open_camera("demo") as camera:
         lens = camera.info.intrinsics
-        matrix = np.array([[lens.fx, 0.0, lens.cx], [0.0, lens.fy, lens.cy], [0.0, 0.0, 1.0]])
-        down = matrix @ cv2.Rodrigues(np.array([math.radians(5.0), 0.0, 0.0]))[0] @ np.linalg.inv(matrix)
         source = EstimatedAttitude(FloorCamera(lens, camera.info.mount))
         for index in range(130):
             frame, sways = camera.read(), 100 <= index < 120
-            if sways:
-                image = cv2.warpPerspective(
-                    frame.image, down, (lens.width, lens.height), borderMode=cv2.BORDER_REPLICATE
-                )
-                frame = replace(frame, image=image)
-            source.predict(frame)
+            source.predict(tilted(frame, lens, math.radians(5.0)) if sways else frame)
             assert not source.faults
             attitude = source.update(TrackedRotation(np.eye(3), swaying if sways else calm))
     assert np.degrees(attitude.mount.sigma_rad).max() < 0.5
@@ -183,16 +176,9 @@ def test_edges_that_scatter_show_a_carried_camera_in_rooms_and_nothing_on_a_road
     with open_camera("demo") as camera:
         lens = camera.info.intrinsics
         mount = Mount.from_degrees(height_m, pitch_deg, platform=Platform(platform))
-        matrix = np.array([[lens.fx, 0.0, lens.cx], [0.0, lens.fy, lens.cy], [0.0, 0.0, 1.0]])
         source = EstimatedAttitude(FloorCamera(lens, mount))
         for index in range(80):
-            frame = camera.read()
-            nod = cv2.Rodrigues(np.array([math.radians(4.0 * math.sin(index / 6.0)), 0.0, 0.0]))[0]
-            image = cv2.warpPerspective(
-                frame.image, matrix @ nod @ np.linalg.inv(matrix), (lens.width, lens.height),
-                borderMode=cv2.BORDER_REPLICATE,
-            )  # fmt: skip
-            attitude = source.predict(replace(frame, image=image))
+            attitude = source.predict(tilted(camera.read(), lens, math.radians(4.0 * math.sin(index / 6.0))))
             source.update(TrackedRotation(np.eye(3)))
     assert attitude.carried is carried
     assert attitude.mount is None or attitude.mount.used == mount
