@@ -17,7 +17,7 @@ from edgemap.runtime.inputs.cameras.kinds import recorded_from
 from edgemap.runtime.network.bundle import load_bundle
 from edgemap.runtime.network.manifest import BundleVariant
 from edgemap.runtime.network.manifest_file import read_manifest, write_manifest
-from edgemap.runtime.network.store import LENS, RENDERED, bundle_folder, default_bundle
+from edgemap.runtime.network.store import LENS, RENDERED, bundle_folder, default_bundle, install_folder
 
 CHAIR = [("chair", 40.0, 30.0, 20.0, 24.0, 0.9)]
 
@@ -194,3 +194,34 @@ def test_both_come_with_the_package(name, tmp_path, monkeypatch):
     assert manifest.licence.startswith("Apache-2.0")
     assert [head.trained for head in manifest.odometry.values()] == ([True] if name == RENDERED else [])
     load_bundle(bundle_folder(name), 1)
+
+
+EMPTY = "e3b0c44298fc1c149afbf4c8996fb92427ae41e4649b934ca495991b7852b855"  # of no bytes at all
+
+
+def with_sums(folder, sums):
+    """A bundle whose manifest names these files as well."""
+    painted.write_painted(folder, [])
+    document = json.loads((folder / "bundle.json").read_text())
+    document["sha256"] |= sums
+    (folder / "bundle.json").write_text(json.dumps(document))
+    return folder
+
+
+@pytest.mark.parametrize("digest", ["/home/u/evil", "../../evil", "A" * 64, "0" * 63, "0" * 64 + "\n", ""])
+def test_a_sum_that_is_a_path_never_becomes_one(tmp_path, digest):
+    assert "sha256" in refused(BundleError, read_manifest, with_sums(tmp_path / "b", {"extra.bin": digest}))
+
+
+@pytest.mark.parametrize("name", ["bundle.json", "a/bundle.json", "../x", "/x", "a\\b", "x\x00", "\u202ex", "."])
+def test_a_name_that_leaves_the_folder_is_never_copied(tmp_path, monkeypatch, name):
+    monkeypatch.setenv("EDGEMAP_CACHE", str(tmp_path / "cache"))
+    refused(BundleError, install_folder, with_sums(tmp_path / "b", {name: EMPTY}))
+    assert not (tmp_path / "cache").exists()
+
+
+def test_a_file_that_would_be_a_folder_too_is_one_line(tmp_path, monkeypatch):
+    monkeypatch.setenv("EDGEMAP_CACHE", str(tmp_path / "cache"))
+    folder = with_sums(tmp_path / "b", {"x": EMPTY, "x/y": EMPTY})
+    (folder / "x").write_bytes(b"")
+    refused(BundleError, install_folder, folder)

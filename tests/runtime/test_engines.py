@@ -105,3 +105,19 @@ def test_blas_computes_on_one_thread_once_a_bundle_is_loaded():
 
     load_bundle(bundle_folder("edgemap-nano"), threads=1)
     assert {pool["num_threads"] for pool in threadpool_info() if pool["user_api"] == "blas"} == {1}
+
+
+def test_a_network_that_fails_as_it_runs_is_the_bundles_failure(tmp_path):
+    onnx = pytest.importorskip("onnx")
+    helper = onnx.helper
+    kinds = onnx.TensorProto
+    values = (("x", kinds.FLOAT, (1, 4)), ("shape", kinds.INT64, (2,)), ("y", kinds.FLOAT, (None, None)))
+    *given, made = (helper.make_tensor_value_info(*value) for value in values)
+    graph = helper.make_graph([helper.make_node("Reshape", ["x", "shape"], ["y"])], "g", given, [made])
+    model = helper.make_model(graph, opset_imports=[helper.make_opsetid("", 17)], ir_version=8)
+    path = tmp_path / "a.onnx"
+    onnx.save(model, path)
+    network = open_onnxruntime(path, Compute(1))
+    with pytest.raises(BundleError, match="the network fails as it runs") as caught:
+        network.run({"x": np.zeros((1, 4), np.float32), "shape": np.array([3, 3])})
+    assert str(caught.value).isprintable()

@@ -3,8 +3,10 @@
 import io
 import json
 import math
+import os
 import shutil
 import tracemalloc
+import zipfile
 from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import dataclass
@@ -18,6 +20,7 @@ import yaml
 from hypothesis import given
 from hypothesis import strategies as st
 from PIL import Image
+from support.huge_png import png
 from support.mutations import (
     MUTATED,
     mutated_bytes,
@@ -27,22 +30,24 @@ from support.mutations import (
     mutated_tree,
     refused_or,
 )
+from support.refusal import refused
 from support.tum import read_tum
 
 from edgemap.calibrate.stated_focal import stated_focal_px
-from edgemap.geometry.errors import EdgemapError
+from edgemap.geometry.errors import EdgemapError, MapError
 from edgemap.geometry.objects import queries
 from edgemap.geometry.objects.merge import merge_maps
 from edgemap.geometry.registration.alignment import align
 from edgemap.runtime.frames.camera import Camera
 from edgemap.runtime.frames.class_names import read_class_names
 from edgemap.runtime.frames.errors import CameraError, CameraFault
+from edgemap.runtime.frames.reading import one_line, read_bytes
 from edgemap.runtime.frames.trajectory import Trajectory
 from edgemap.runtime.inputs.cameras.pictures import VideoCamera, drive_camera
 from edgemap.runtime.inputs.drives import open_drive
 from edgemap.runtime.inputs.drives.camera_yaml import CameraFile, read_camera_yaml
 from edgemap.runtime.inputs.drives.lens_files import read_foreign_lens
-from edgemap.runtime.inputs.drives.pictures import read_picture
+from edgemap.runtime.inputs.drives.pictures import list_pictures, read_picture
 from edgemap.runtime.inputs.drives.pose_files import read_matrices, read_stamps, read_tum_3d
 from edgemap.runtime.inputs.drives.sensor_csv import read_imu_csv, read_wheel_csv
 from edgemap.runtime.inputs.drives.truth import read_boxes, read_objects
@@ -54,7 +59,7 @@ from edgemap.runtime.outputs.map_formats.table import csv_text
 from edgemap.runtime.outputs.sightings_file import read_sightings
 from edgemap.runtime.step.config import Config, config_document, load_config
 from edgemap.runtime.step.edit_queue import load_edits
-from edgemap.runtime.step.grid_file import read_grid
+from edgemap.runtime.step.grid_file import load_grid, read_grid
 from edgemap.runtime.step.map_file import load_annotated_map, save_map
 
 OBJECTS = [
@@ -361,3 +366,64 @@ def test_a_file_of_too_many_values_is_refused_before_they_are_made(name, read, b
         read(tmp_path / name)
     assert tracemalloc.get_traced_memory()[1] < 5 * len(data) + 1_000_000
     tracemalloc.stop()
+
+
+def test_sightings_of_a_run(tmp_path):
+    good = {"label": "chair", "object": "chair-9", "map_m": [1.0, 2.0]}
+    (tmp_path / "sightings.jsonl").write_text(json.dumps(good) + "\n" + '{"label": "torn')
+    (tmp_path / "run.json").write_text('{"merged": ' + "[" * 100_000)
+    assert [record.object for record in read_sightings(tmp_path)] == ["chair-9"]
+    (tmp_path / "run.json").write_text('{"merged": {"chair-9": "chair-1"}}')
+    assert [record.object for record in read_sightings(tmp_path)] == ["chair-1"]
+    for line in ("[" * 100_000, "{}", json.dumps(good | {"map_m": [1.0]}), json.dumps(good | {"label": None}), "\0"):
+        (tmp_path / "sightings.jsonl").write_text(json.dumps(good) + "\n" + line + "\n")
+        assert "sightings.jsonl:2: damaged line" in refused(MapError, read_sightings, tmp_path)
+
+
+def test_messages_stay_one_line_and_what_is_no_file_is_refused(tmp_path):
+    os.mkfifo(tmp_path / "pipe")
+    for path in (tmp_path / "pipe", tmp_path, tmp_path / "none", Path("a\0b")):
+        assert "cannot be read" in refused(MapError, read_bytes, path, MapError, 100)
+    (tmp_path / "large").write_bytes(bytes(101))
+    assert "101 bytes, at most 100" in refused(MapError, read_bytes, tmp_path / "large", MapError, 100)
+    assert one_line("a\r\nb\x1b[31m\u2028c\udc80") == "a b [31m c"
+    assert len(one_line("x" * 10_000)) == 200
+    (tmp_path / "a.png").write_bytes(png(20_000, 20_000))
+    assert "picture of more than 67,108,864 px" in refused(CameraError, read_picture, tmp_path / "a.png")
+    assert stated_focal_px(tmp_path / "a.png", 640, 480) is None
+
+
+def test_a_picture_whose_name_a_terminal_would_act_on_is_refused(tmp_path):
+    for name in ("a\x1b[2J.png", "a\nb.png", os.fsdecode(b"\xff.png")):
+        folder = tmp_path / f"{len(name)}{ord(name[0])}"
+        folder.mkdir()
+        (folder / name).write_bytes(b"")
+        with pytest.raises(CameraError, match="characters that do not print") as caught:
+            list_pictures(folder)
+        assert str(caught.value).isprintable()
+
+
+def test_a_small_grid_of_many_bytes_takes_no_memory_for_them():
+    head, data = io.BytesIO(), io.BytesIO()
+    np.lib.format.write_array_header_1_0(head, {"descr": "|i1", "fortran_order": False, "shape": (8192, 8191)})
+    parts: Any = {
+        "origin_m": np.array([-0.5, 1.0]),
+        "resolution_m": np.array(0.05),
+        "thresholds": np.array([-1.1, 0.6]),
+    }
+    np.savez_compressed(data, **parts)
+    with zipfile.ZipFile(data, "a", zipfile.ZIP_DEFLATED) as file:
+        file.writestr("log_odds.npy", head.getvalue() + bytes(400 << 20))
+    tracemalloc.start()
+    with pytest.raises(MapError, match="at most"):
+        read_grid(data.getvalue(), "bomb")
+    assert tracemalloc.get_traced_memory()[1] < 8 << 20
+    tracemalloc.stop()
+
+
+@pytest.mark.parametrize("name", ["../grid.npz", "/etc/passwd", "a/grid.npz", "..", "a\\b.npz", ""])
+def test_a_name_that_leaves_the_folder_is_refused(tmp_path, name):
+    text = json.dumps({"format": "edgemap.map/1", "objects": [], "grid": name})
+    (tmp_path / "map.json").write_text(text)
+    with pytest.raises(MapError):
+        load_grid(tmp_path)

@@ -4,8 +4,10 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from support.refusal import refused
 from support.tum import read_tum
 
+from edgemap.runtime.frames.errors import CameraError
 from edgemap.runtime.frames.notes import collected, note_dropped
 from edgemap.runtime.frames.stamps import followed
 from edgemap.runtime.inputs.drives.sensor_csv import read_imu_csv, read_wheel_csv
@@ -60,3 +62,18 @@ def test_rows_that_are_none_are_dropped_and_counted(tmp_path, coding, kind, good
 def test_what_nobody_collects_is_printed(capsys):
     note_dropped("a.csv", ["line 3: x"], 9)
     assert capsys.readouterr().err == "a.csv: 1 of 9 samples dropped (line 3: x)\n"
+
+
+def test_wheels_that_jump_or_leave_the_world(tmp_path):
+    path = tmp_path / "wheel{0}.csv"
+    for rows, words in (
+        ("0,0,0,0\n0.1,1000,0,0\n", "at 0.100 s the pose jumps 1000.0 m in 0.100 s"),
+        ("0,0,0,0\n0.1,1e300,0,0\n", ":3: x_m is 1e+300, must be -1e+06 to 1e+06"),
+        ("0,0,0,0\n\n0.1,nan,0,0\n", ":4: x_m is nan"),
+        ("0,0,0\n", "expected 4 finite numbers"),
+        ("0,0,0,x\n", ":2: '0 0 0 x', expected 4 finite numbers a line, stamp_s x_m y_m yaw_rad"),
+        ("0,0,0,0\n0,0,0,0\n", "not after 0.000000 s"),
+        ("", "no rows"),
+    ):
+        path.write_text("stamp_s,x_m,y_m,yaw_rad\n" + rows)
+        assert words in refused(CameraError, read_wheel_csv, path)

@@ -15,7 +15,7 @@ from edgemap.geometry.se2 import SE2
 from edgemap.runtime.frames.errors import CameraError
 from edgemap.runtime.frames.spatial_poses import planarise_camera, up_vector, upright_camera
 from edgemap.runtime.frames.trajectory import Trajectory
-from edgemap.runtime.inputs.cameras.pictures import drive_camera
+from edgemap.runtime.inputs.cameras.pictures import VideoCamera, drive_camera
 from edgemap.runtime.inputs.drives import open_drive, write_drive, write_locobot
 from edgemap.runtime.inputs.drives.pose_files import read_stamps
 
@@ -74,8 +74,59 @@ def test_broken_poses_are_named(tmp_path, options, text):
     assert text in refusal(kitti(tmp_path / "k", **options))
 
 
+POSE = "1 0 0 0 0 1 0 0 0 0 1 0 0 0 0 1\n"
+EUROC_CAMERA = (
+    "T_BS: {data: [1.0, 0, 0, 0, 0, 1.0, 0, 0, 0, 0, 1.0, 0, 0, 0, 0, 1.0]}\n"
+    "resolution: [64, 48]\nintrinsics: [FX, 60.0, 32.0, 24.0]\n"
+)
+
+
+def folder_of(tmp_path, files):
+    """files: text by relative path; a name that ends with .png gets a picture."""
+    for name, text in files.items():
+        path = tmp_path / name
+        path.parent.mkdir(parents=True, exist_ok=True)
+        if name.endswith(".png"):
+            cv2.imwrite(str(path), np.zeros((48, 64, 3), np.uint8))
+        else:
+            path.write_text(text)
+    return tmp_path
+
+
+def euroc(stamp="1000000000", fx="60.0", truth="1000000000 0 0 0 0 0 0 1\n"):
+    camera = EUROC_CAMERA.replace("FX", fx)
+    return {f"image/{stamp}.png": "", "cam0.yaml": camera, "imu.csv": "1000000000,0,0,0,0,0,9.8\n", "truth.txt": truth}
+
+
+@pytest.mark.parametrize(
+    ("kind", "files", "words"),
+    [
+        ("c2w", {"a.png": "", "poses.txt": POSE, "K.txt": "1 2 3"}, "3 numbers, expected a 3x3 matrix"),
+        ("c2w", {"a.png": "", "poses.txt": POSE, "K.txt": "60 0 x 0 60 24 0 0 1"}, "not numbers, expected a 3x3"),
+        ("c2w", {"a.png": "", "poses.txt": POSE, "K.txt": "-60 0 32 0 60 24 0 0 1"}, "fx is -60"),
+        ("euroc", euroc(stamp="first"), "named after its stamp in nanoseconds"),
+        ("euroc", euroc(fx="-1.0"), "fx is -1"),
+        ("euroc", euroc(truth="9000000000 0 0 0 0 0 0 1\n"), "no picture lies in it"),
+        ("tum", {"rgb.txt": "# nothing\n"}, "nothing is listed in it"),
+        ("tum", {"rgb.txt": "soon rgb/a.png\n"}, "expected 1 finite numbers a line, stamp_s"),
+        ("tum", {"rgb.txt": "1.0 rgb/a\x1b.png\n"}, "expected 1 finite numbers a line, stamp_s"),
+        ("yolo", {"images/a.png": ""}, "labels: no such folder"),
+        ("yolo", {"images/a.png": "", "labels/b.txt": ""}, "no label file for any of the 1 pictures"),
+        ("yolo", {"images/a.png": "", "labels/a.txt": "0.5 0.5 0.5 0.1 0.1\n"}, "class 0.5 is not a whole number"),
+        ("drive", {"camera.yaml": "{width: 64, height: 48, fx: 60, fy: 60, cx: 32, cy: 24}"}, "neither images/ nor"),
+    ],
+)  # fmt: skip
+def test_a_folder_that_cannot_be(tmp_path, kind, files, words):
+    text = refusal(f"{kind}:{folder_of(tmp_path, files)}")
+    assert words in text
+    assert text.isprintable()
+
+
 def test_missing_things_are_named(tmp_path):
-    assert f"{tmp_path / 'none'}: no such folder" in refusal(f"kitti:{tmp_path / 'none'}")
+    for kind in ("kitti", "drive"):
+        assert f"{tmp_path / 'none'}: no such folder" in refusal(f"{kind}:{tmp_path / 'none'}")
+    with pytest.raises(CameraError, match="no such file"):
+        VideoCamera("none", tmp_path / "none.mp4")
     (tmp_path / "empty").mkdir()
     assert f"{tmp_path / 'empty'}: no pictures in it" in refusal(f"kitti:{tmp_path / 'empty'}")
     kitti(tmp_path / "k")
