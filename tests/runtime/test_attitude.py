@@ -1,29 +1,37 @@
-"""Where attitudes come from: recorded poses, inertial samples, the mount."""
+"""Where attitudes come from: recorded poses, inertial samples, the mount, pictures alone."""
 
 import math
 import re
+from dataclasses import replace
 from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
-from support.inertial import AboutMount
+from support.edges import room_edges
+from support.inertial import MOUNT, AboutMount, level_samples
 
-from edgemap.geometry.camera.attitude import Attitude
+import edgemap
+from edgemap.evaluation.trajectory import attitude_figures
+from edgemap.geometry.camera.attitude import Attitude, TrackedRotation
+from edgemap.geometry.camera.carried import Carried
 from edgemap.geometry.camera.floor import FloorCamera
 from edgemap.geometry.camera.imu import ImuSamples
-from edgemap.geometry.camera.inertial import InertialNoise, inertial_start, inertial_step
+from edgemap.geometry.camera.inertial import InertialNoise, inertial_start, inertial_step, small_rotation
 from edgemap.geometry.camera.intrinsics import Intrinsics
+from edgemap.geometry.camera.level import up_optical
 from edgemap.geometry.camera.mount import Mount
 from edgemap.geometry.camera.mount_tilt import MountTiltRule
 from edgemap.geometry.se2 import SE2
 from edgemap.runtime.frames.frame import Frame
+from edgemap.runtime.inputs.cameras.pictures import drive_camera
 from edgemap.runtime.inputs.drives import open_drive
 from edgemap.runtime.inputs.drives.drive import Drive
 from edgemap.runtime.motion.attitude.estimator import EstimatedAttitude
 from edgemap.runtime.motion.attitude.inertial import AttitudeRule
 from edgemap.runtime.motion.attitude.mount_check import MountRule
+from edgemap.runtime.motion.attitude.pictures import PicturesAttitude
 from edgemap.simulation.carried_imu import carried_imu
 
 BLANK = np.zeros((4, 4, 3), np.uint8)
@@ -50,13 +58,12 @@ def frames_of(samples, rate_hz):
 def test_a_nodding_robot_is_followed_and_its_gyro_bias_is_learnt_at_rest():
     stamps = np.arange(0.0, 30.0, 0.005)
     nod = np.where(stamps > 4.0, math.radians(3.0) * np.sin(2.0 * math.pi * 0.7 * (stamps - 4.0)), 0.0)
-    mount = Mount.from_degrees(0.5, 10.0)
-    samples = samples_of(mount.pitch_rad + nod, stamps, bias=(0.02, -0.03, 0.04))
-    source = AboutMount(mount)
+    samples = samples_of(MOUNT.pitch_rad + nod, stamps, bias=(0.02, -0.03, 0.04))
+    source = AboutMount(MOUNT)
     errors, yaw = [], 0.0
     for frame in frames_of(samples, 10.0):
         attitude = source.predict(frame)
-        errors.append(attitude.pitch_rad - mount.pitch_rad - np.interp(frame.stamp_s, stamps, nod))
+        errors.append(attitude.pitch_rad - MOUNT.pitch_rad - np.interp(frame.stamp_s, stamps, nod))
         if frame.stamp_s > 4.0 and attitude.rotation is not None:
             yaw += attitude.rotation.yaw_rad
     assert math.degrees(np.sqrt(np.mean(np.square(errors[50:])))) < 0.3
@@ -65,25 +72,20 @@ def test_a_nodding_robot_is_followed_and_its_gyro_bias_is_learnt_at_rest():
 
 def test_a_constant_tilt_between_imu_and_mount_is_learnt():
     stamps = np.arange(0.0, 60.0, 0.01)
-    mount = Mount.from_degrees(0.5, 10.0)
-    samples = samples_of(np.full(len(stamps), mount.pitch_rad), stamps, offset_rad=math.radians(3.0))
-    source = AboutMount(mount)
-    attitudes = [source.predict(frame) for frame in frames_of(samples, 10.0)]
-    last = attitudes[-1]
+    samples = samples_of(np.full(len(stamps), MOUNT.pitch_rad), stamps, offset_rad=math.radians(3.0))
+    source = AboutMount(MOUNT)
+    *_, last = (source.predict(frame) for frame in frames_of(samples, 10.0))
     assert math.degrees(last.pitch_rad) == pytest.approx(10.0, abs=0.2)
     assert math.degrees(last.force_rad[1] - last.pitch_rad) == pytest.approx(3.0, abs=0.2)
 
 
 def test_without_samples_the_other_source_speaks_and_a_hole_starts_the_filter_again():
-    mount = Mount.from_degrees(0.5, 10.0)
-    source = AboutMount(mount, sigma_rad=math.radians(0.7))
+    source = AboutMount(MOUNT, sigma_rad=math.radians(0.7))
     bare = source.predict(Frame(0, 0.0, BLANK))
     assert bare.source == "mount"
     assert bare.covariance_rad2[0, 0] == pytest.approx(math.radians(0.7) ** 2)
-    stamps = np.arange(1.0, 8.0, 0.01)
-    samples = samples_of(np.full(len(stamps), mount.pitch_rad), stamps)
     told = []
-    for frame in frames_of(samples, 10.0):
+    for frame in frames_of(level_samples(np.arange(1.0, 8.0, 0.01)), 10.0):
         hole = Frame(frame.index, frame.stamp_s, BLANK) if 3.0 < frame.stamp_s < 5.0 else frame
         told.append((source.predict(hole).source, round(frame.stamp_s, 2)))
     assert {name for name, stamp_s in told if 3.05 < stamp_s < 4.95} == {"mount"}
@@ -127,8 +129,7 @@ def test_a_real_flight_is_levelled_within_a_degree_and_keeps_its_heading_to_a_de
 
 
 def test_a_mount_that_is_5_degrees_wrong_by_gravity_alone_is_a_fault_within_20_seconds():
-    stamps = np.arange(0.0, 20.0, 0.01)
-    samples = samples_of(np.full(len(stamps), math.radians(11.5)), stamps)
+    samples = level_samples(np.arange(0.0, 20.0, 0.01), mount=Mount.from_degrees(0.6, 11.5))
     told = {}
     for pitch_deg in (17.0, 11.5):
         mount = Mount.from_degrees(0.6, pitch_deg)
@@ -168,13 +169,14 @@ def driving(source, samples, motion_of, rate_hz=10.0):
     return found, np.array(ends)
 
 
+def forces(ahead_m_s2):
+    """By base axes, of a robot that speeds up by so much at each sample."""
+    return np.column_stack([ahead_m_s2, np.zeros(len(ahead_m_s2)), np.full(len(ahead_m_s2), 9.81)])
+
+
 def test_a_slow_steady_turn_is_no_rest_that_teaches_the_bias():
     """3 deg/s of turn and 1 deg/s of bias: calm samples, which alone would be taken for 4 deg/s of bias at rest."""
-    stamps, mount = np.arange(0.0, 20.0, 0.005), Mount.from_degrees(0.5, 10.0)
-    up = mount.rotation_base_optical().T @ [0.0, 0.0, 1.0]
-    rates = np.outer(np.full(len(stamps), math.radians(4.0)), up)
-    samples = ImuSamples(stamps, rates, np.outer(np.full(len(stamps), 9.81), up))
-    source = AboutMount(mount)
+    samples, source = level_samples(np.arange(0.0, 20.0, 0.005), math.radians(4.0)), AboutMount(MOUNT)
     found, ends = driving(source, samples, lambda a, b: SE2(0.1 * (b - a), 0.0, math.radians(3.0) * (b - a)))
     late = [attitude.rotation.yaw_rad for attitude, end_s in zip(found, ends, strict=True) if end_s > 10.0]
     assert math.degrees(sum(late)) / (len(late) / 10.0) == pytest.approx(3.0, abs=0.1)
@@ -183,11 +185,9 @@ def test_a_slow_steady_turn_is_no_rest_that_teaches_the_bias():
 @pytest.mark.parametrize(("given_deg", "begins_deg"), [(10.0, 25.0), (20.0, 10.0)])
 def test_first_samples_are_held_against_the_mount_as_far_as_it_may_be_wrong(given_deg, begins_deg):
     """Gravity says 25 degrees, the mount 10: a mount that may be 20 degrees wrong is taken, one of 10 is not."""
-    mount, looks = Mount.from_degrees(0.5, 10.0), Mount.from_degrees(0.5, 25.0)
-    stamps, up = np.arange(0.0, 0.5, 0.005), looks.rotation_base_optical().T @ [0.0, 0.0, 9.81]
-    samples = ImuSamples(stamps, np.zeros((len(stamps), 3)), np.tile(up, (len(stamps), 1)))
+    samples = level_samples(np.arange(0.0, 0.5, 0.005), mount=Mount.from_degrees(0.5, 25.0))
     rule = AttitudeRule(check=MountRule(tilt=MountTiltRule(prior=math.radians(given_deg))))
-    source = AboutMount(mount, rule)
+    source = AboutMount(MOUNT, rule)
     found = source.predict(next(iter(frames_of(samples, 10.0))))
     assert math.degrees(found.pitch_rad) == pytest.approx(begins_deg, abs=2.0)
 
@@ -195,9 +195,7 @@ def test_first_samples_are_held_against_the_mount_as_far_as_it_may_be_wrong(give
 def test_the_accelerometer_tells_the_displacement_of_a_step_that_odometry_has_not_measured_yet():
     """A robot at 0.5 m/s brakes by 1 m/s^2: 4.5 cm in the first step, 0.5 cm in the fifth; by pictures up to there."""
     mount, stamps = Mount(0.5, math.radians(10.0), 0.0, 0.2, 0.1), np.arange(0.0, 10.6, 0.005)
-    brakes = np.where(stamps > 10.0, -1.0, 0.0)
-    base = np.column_stack([brakes, np.zeros(len(stamps)), np.full(len(stamps), 9.81)])
-    samples = ImuSamples(stamps, np.zeros((len(stamps), 3)), base @ mount.rotation_base_optical())
+    samples = level_samples(stamps, 0.0, forces(np.where(stamps > 10.0, -1.0, 0.0)), mount)
 
     def path_m(stamp_s):
         late_s = min(max(stamp_s - 10.0, 0.0), 0.5)
@@ -213,18 +211,17 @@ def test_the_accelerometer_tells_the_displacement_of_a_step_that_odometry_has_no
 
 def test_the_robots_own_acceleration_is_no_tilt():
     """It speeds up and brakes by 0.5 m/s^2 (3 degrees of false tilt) on a loose mount, with a calibrated IMU."""
-    stamps, mount = np.arange(0.0, 20.0, 0.005), Mount.from_degrees(0.5, 10.0)
+    stamps = np.arange(0.0, 20.0, 0.005)
     accel = 0.5 * np.sign(np.sin(2.0 * math.pi * stamps / 8.0))
     speed = np.cumsum(accel) * 0.005
     place = np.cumsum(speed) * 0.005
-    base = np.column_stack([accel, np.zeros(len(stamps)), np.full(len(stamps), 9.81)])
-    samples = ImuSamples(stamps, np.zeros((len(stamps), 3)), base @ mount.rotation_base_optical())
+    samples = level_samples(stamps, 0.0, forces(accel))
     loose = MountRule(tilt=MountTiltRule(nod=math.radians(20.0)))
     rule = AttitudeRule(check=loose, noise=InertialNoise(offset=1e-4))
-    source, deaf = (AboutMount(mount, rule) for _ in range(2))
+    source, deaf = (AboutMount(MOUNT, rule) for _ in range(2))
     found, _ = driving(source, samples, lambda a, b: SE2(float(np.diff(np.interp([a, b], stamps, place))[0]), 0.0, 0.0))
     alone = [deaf.predict(frame) for frame in frames_of(samples, 10.0)]
-    errors, before = (np.degrees([a.pitch_rad - mount.pitch_rad for a in told[50:]]) for told in (found, alone))
+    errors, before = (np.degrees([a.pitch_rad - MOUNT.pitch_rad for a in told[50:]]) for told in (found, alone))
     assert np.abs(errors).max() < 0.5
     assert np.abs(before).max() > 2.0 * np.abs(errors).max()
 
@@ -271,20 +268,20 @@ def test_a_head_in_motion_from_the_start_is_levelled_and_its_covariance_says_how
     assert math.degrees(np.sqrt(np.mean(np.square(late)))) < 2.0
 
 
-def turning(rate_rad_s, mount, lost):
+def turning(rate_rad_s, lost):
     """A level robot that turns about the vertical at a rate (N,), 100 samples a second; lost: from where to where."""
-    stamps, up = np.arange(1, len(rate_rad_s) + 1) / 100.0, mount.rotation_base_optical().T @ [0.0, 0.0, 1.0]
+    stamps = np.arange(1, len(rate_rad_s) + 1) / 100.0
     kept = (stamps <= lost[0]) | (stamps > lost[1])
-    return ImuSamples(stamps[kept], (rate_rad_s[:, None] * up)[kept], np.tile(9.81 * up, (kept.sum(), 1)))
+    return level_samples(stamps[kept], rate_rad_s[kept])
 
 
 @pytest.mark.parametrize("hole_s", [0.2, 0.5, 0.8])
 def test_a_turn_that_no_sample_shows_is_within_what_the_gyro_states(hole_s):
     """From rest and back to rest within a hole between two frames, at 3 rad/s2: the rates beside it show nothing."""
-    mount, stamps = Mount.from_degrees(0.5, 10.0), np.arange(1, 201) / 100.0
+    stamps = np.arange(1, 201) / 100.0
     rate, turned_rad = 3.0 * np.maximum(hole_s / 2.0 - np.abs(stamps - 1.5), 0.0), 3.0 * (hole_s / 2.0) ** 2
-    samples = turning(rate, mount, (1.5 - hole_s / 2.0, 1.5 + hole_s / 2.0))
-    source = AboutMount(mount)
+    samples = turning(rate, (1.5 - hole_s / 2.0, 1.5 + hole_s / 2.0))
+    source = AboutMount(MOUNT)
     found = [source.predict(Frame(k, float(k), BLANK, imu=samples.between(k - 1.0, k))).rotation for k in (0, 1, 2)]
     whole, rotation = found[1:]
     assert whole.sigma_rad < 0.02
@@ -294,13 +291,10 @@ def test_a_turn_that_no_sample_shows_is_within_what_the_gyro_states(hole_s):
 
 def test_a_hole_across_a_frame_is_stated_in_both_steps():
     """Rates that walk as the filter assumes: errors of both rotations are as large as stated, in the mean of 60."""
-    mount, border_s = Mount.from_degrees(0.5, 10.0), 1.5
-    ratios = []
+    ratios, stamps = [], [0.0, 1.0, 1.5, 2.0]
     for seed in range(60):
         rate = np.cumsum(np.random.default_rng(seed).normal(0.0, 0.1, 200))
-        samples = turning(rate, mount, (1.25, 1.75))
-        source = AboutMount(mount)
-        stamps = [0.0, 1.0, border_s, 2.0]
+        samples, source = turning(rate, (1.25, 1.75)), AboutMount(MOUNT)
         found = [
             source.predict(Frame(k, until_s, BLANK, imu=samples.between(from_s, until_s))).rotation
             for k, (from_s, until_s) in enumerate(pairwise([-1.0, *stamps]))
@@ -313,13 +307,61 @@ def test_a_hole_across_a_frame_is_stated_in_both_steps():
 
 @pytest.mark.parametrize("rate_rad_s", [0.5, 1.4])  # faster ones that repeat are full scale
 def test_the_rotation_is_known_from_the_first_frame_on_whose_samples_reach_back_to_the_one_before(rate_rad_s):
-    stamps, mount = np.arange(0.01, 1.0, 0.01), Mount.from_degrees(0.5, 10.0)
-    up = mount.rotation_base_optical().T @ [0.0, 0.0, 1.0]
-    samples = ImuSamples(stamps, np.full((len(stamps), 3), rate_rad_s * up), np.full((len(stamps), 3), 9.81 * up))
-    source = AboutMount(mount)
+    samples, source = level_samples(np.arange(0.01, 1.0, 0.01), rate_rad_s), AboutMount(MOUNT)
+    up = MOUNT.rotation_base_optical().T @ [0.0, 0.0, 1.0]
     assert source.predict(Frame(0, 0.0, BLANK)).rotation is None
     rotation = source.predict(Frame(1, 0.1, BLANK, imu=samples.between(0.0, 0.1))).rotation
     assert rotation.yaw_rad == pytest.approx(0.1 * rate_rad_s, rel=0.04)
     np.testing.assert_allclose(rotation.rotation, Rotation.from_rotvec(0.1 * rate_rad_s * up).as_matrix(), atol=5e-5)
     source.reset()
     assert source.predict(Frame(2, 0.3, BLANK, imu=samples.between(0.2, 0.3))).rotation is None
+
+
+HEAD = Mount.from_degrees(1.7, 20.0)
+
+
+def test_edges_of_the_room_show_up_in_the_frame_before_while_the_camera_turns():
+    source, rng, turn = PicturesAttitude(HEAD), np.random.default_rng(1), small_rotation(0.03, 0.02, 0.1)
+    up, rotation = up_optical(HEAD.pitch_rad, 0.0), TrackedRotation(turn, Carried().certain())
+    for index in range(2):
+        source.predict(index / 10.0)
+        source.begin_edges()
+        source.update(rotation)
+        begun = Attitude.of_up(turn.T @ up, np.zeros((2, 2)), "truth")
+        source.predict(index / 10.0 + 0.05)
+        source.update(rotation)
+        up = turn.T @ turn.T @ up
+        assert source.seen_up is None
+        pitch_deg, roll_deg = np.degrees([begun.pitch_rad, begun.roll_rad]).tolist()
+        assert source.see_edges(*room_edges(pitch_deg, roll_deg, rng)) is not None
+        assert np.linalg.norm(np.cross(source.seen_up, up)) < math.radians(1.0)
+
+
+def test_a_carried_camera_has_the_tilt_of_the_odometry_and_a_mounted_one_begins_each_frame_at_its_mount():
+    source, up = PicturesAttitude(HEAD), up_optical(math.radians(30.0), math.radians(5.0))
+    assert source.predict(0.0).source == "mount"
+    tracked = TrackedRotation(np.eye(3), Carried(), up=up, up_rad=math.radians(0.5))
+    assert math.degrees(source.update(tracked).pitch_rad) == pytest.approx(30.0)
+    mounted = source.predict(0.1)
+    assert mounted.source == "mount"
+    assert math.degrees(mounted.pitch_rad) == pytest.approx(20.0)
+    source.update(replace(tracked, carried=Carried().certain()))
+    carried, later = source.predict(0.2), source.predict(0.3)
+    assert math.degrees(carried.roll_rad) == pytest.approx(5.0)
+    assert later.covariance_rad2[0, 0] > carried.covariance_rad2[0, 0] > math.radians(0.5) ** 2
+    source.update(replace(tracked, up_rad=math.radians(5.0)))
+    assert source.predict(0.7).source == "mount"  # too uncertain to show that the mount's angles are wrong
+
+
+def test_a_real_walk_is_seen_level_without_an_imu(shared_data):
+    drive = open_drive(f"c2w:{shared_data / 'hololens'}")
+    camera = drive_camera(replace(drive, depth=()), "a walk")
+    with edgemap.open(camera, "edgemap-pico", odometry="window") as session:
+        found = [step.observed.camera.attitude for step, _ in zip(session, range(80), strict=False)]
+    true = [drive.attitudes.at(stamp_s, HEAD.height_m) for stamp_s in drive.stamps_s[:80]]
+    mount = attitude_figures([Attitude.of_mount(drive.mount)] * 45, true[35:])
+    told = [(own, level) for own, level in zip(found[35:], true[35:], strict=True) if own.source == "pictures"]
+    assert len(told) > 40  # of 45; the others are the mount's
+    figures = attitude_figures(*zip(*told, strict=True))
+    assert figures["pitch_rms_deg"] < 0.3 * mount["pitch_rms_deg"]
+    assert 0.15 < figures["nees"] < 6.0  # 0.33

@@ -1,6 +1,22 @@
+"""An IMU on a level robot without errors, and its filter beside the mount's attitude."""
+
+import numpy as np
+
 from edgemap.geometry.camera.attitude import Attitude
+from edgemap.geometry.camera.imu import ImuSamples
+from edgemap.geometry.camera.mount import Mount
 from edgemap.runtime.motion.attitude.inertial import InertialAttitude
 from edgemap.runtime.motion.attitude.source import NODDING_RAD
+
+MOUNT = Mount.from_degrees(0.5, 10.0)
+
+
+def level_samples(stamps_s, yaw_rad_s=0.0, force_m_s2=(0.0, 0.0, 9.81), mount=MOUNT):
+    """Rate about the vertical and force by base axes: of each stamp, or the same at all."""
+    rates, forces = np.zeros((2, len(stamps_s), 3))
+    rates[:, 2], forces[:] = yaw_rad_s, force_m_s2
+    base_optical = mount.rotation_base_optical()
+    return ImuSamples(np.asarray(stamps_s), rates @ base_optical, forces @ base_optical)
 
 
 class AboutMount(InertialAttitude):
