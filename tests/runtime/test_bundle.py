@@ -5,7 +5,6 @@ import re
 from functools import partial
 
 import msgspec
-import numpy as np
 import pytest
 from support import painted
 from support.recordings import noise, record
@@ -30,14 +29,6 @@ def change(folder, **fields):
 refusal = partial(refused, BundleError, load_bundle)
 
 
-def test_a_good_bundle_loads_and_runs(tmp_path):
-    bundle = load_bundle(painted.write_painted(tmp_path / "b", CHAIR))
-    assert bundle.names == painted.NAMES
-    assert bundle.mapped == {"chair", "couch"}
-    out = bundle.backbone.run({"image": np.zeros((1, 3, 64, 64), np.float32)})
-    np.testing.assert_array_equal(out["head"], painted.head_with(CHAIR))
-
-
 @pytest.mark.parametrize("share", [0.0, 0.3, 0.7, 0.99])
 def test_a_truncated_file_is_refused_even_where_its_sum_was_made_right(tmp_path, share):
     folder = painted.write_painted(tmp_path / "b", CHAIR)
@@ -46,16 +37,6 @@ def test_a_truncated_file_is_refused_even_where_its_sum_was_made_right(tmp_path,
     assert "has sha256" in refusal(folder)
     painted.resum(folder)
     assert re.search(r"not a model|no edgemap.contract", refusal(folder))
-
-
-@pytest.mark.parametrize("name", ["../backbone.onnx", "/etc/passwd", "a/../../backbone.onnx", "..\\x.onnx", ""])
-def test_a_path_that_leaves_the_folder_is_refused(tmp_path, name):
-    folder = painted.write_painted(tmp_path / "b", CHAIR)
-    (tmp_path / "backbone.onnx").write_bytes((folder / "backbone.onnx").read_bytes())
-    manifest = read_manifest(folder)
-    detector = msgspec.structs.replace(manifest.detector, file=name)
-    change(folder, detector=detector, sha256={**manifest.sha256, name: manifest.sha256["backbone.onnx"]})
-    assert "leaves the bundle's folder" in refusal(folder)
 
 
 @pytest.mark.parametrize(

@@ -55,12 +55,6 @@ def test_the_mask_reaches_observations_and_odometry(tmp_path):
     assert list(result.stages_ms).index("floor_mask") == list(result.stages_ms).index("decode") + 1
 
 
-def test_a_bundle_without_a_floor_head_gives_none(tmp_path):
-    result, odometry = observed(painted.write_painted(tmp_path / "b", CHAIR))
-    assert result.floor is None
-    assert odometry.floor is None
-
-
 @pytest.mark.parametrize(("resize", "rows"), [("letterbox_topleft", slice(0, 8)), ("letterbox", slice(4, 12))])
 def test_letterbox_padding_is_cut_off(tmp_path, resize, rows):
     folder = painted.with_floor(painted.write_painted(tmp_path / "b", CHAIR, resize=resize), PAINTED, 4)

@@ -120,23 +120,6 @@ def test_a_saved_map_keeps_the_furniture_that_the_path_crosses():
     assert [item.id for item in mapper.objects()] == [bed.id]
 
 
-def test_objects_move_with_a_closure(closed):
-    """In the step that corrects, objects come nearer to where they stand, as those that see them do."""
-    largest = max((result for result, _ in closed if result.correction), key=lambda r: r.correction.moved_m)
-    (_, before), (result, after) = closed[largest.observed.index - 1], closed[largest.observed.index]
-    assert result.correction.moved_m > 0.25  # or this drive shows nothing
-    start = POSES[0].inverse()
-
-    def median_m(objects):
-        truth = [(label, start.apply([x, y])) for label, x, y in ROOM]
-        return np.median([
-            min(np.linalg.norm(item.position_m - place) for label, place in truth if label == item.label)
-            for item in objects
-        ])  # fmt: skip
-
-    assert median_m(after) < 0.75 * median_m(before)
-
-
 def test_what_was_always_seen_may_be_missed_for_a_while_before_it_is_gone():
     """Twelve looks show it, each from 0.15 m beside the one before; of those that miss it five are needed."""
     random, chair = np.random.default_rng(0), [("chair", 2.0, 0.0)]

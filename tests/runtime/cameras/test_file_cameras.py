@@ -5,6 +5,7 @@ import re
 import subprocess
 import sys
 from fractions import Fraction
+from pathlib import Path
 
 import cv2
 import numpy as np
@@ -17,12 +18,13 @@ from edgemap.geometry.camera.intrinsics import Intrinsics
 from edgemap.geometry.camera.mount import Mount
 from edgemap.geometry.se2 import SE2
 from edgemap.runtime.frames.camera import Camera, next_frame
-from edgemap.runtime.frames.errors import CameraError
+from edgemap.runtime.frames.errors import CameraError, CameraFault
 from edgemap.runtime.frames.program_camera import FramesCamera, PushedCamera
 from edgemap.runtime.frames.trajectory import Trajectory
+from edgemap.runtime.inputs.cameras.pictures import VideoCamera
 from edgemap.runtime.inputs.cameras.wrappers import PacedCamera, SearchRate
 from edgemap.runtime.inputs.drives import write_drive
-from edgemap.runtime.inputs.open import open_camera
+from edgemap.runtime.inputs.open import DEMO, open_camera
 
 LENS = Intrinsics(64, 48, 58.0, 58.0, 31.5, 23.5)
 MOUNT = Mount.from_degrees(0.6, 11.5)
@@ -92,7 +94,7 @@ def test_a_file_that_is_no_video_is_one_line(tmp_path, content, why):
     path = tmp_path / "v.mp4"
     path.write_bytes(content)
     program = f"""
-from edgemap.runtime.inputs.open import open_camera
+from edgemap.runtime.inputs.open import DEMO, open_camera
 try:
     open_camera({str(path)!r})
 except Exception as error:
@@ -115,17 +117,6 @@ def write_own(folder, poses):
     stamps = 100.0 + np.arange(poses) / 10
     way = Trajectory(stamps, tuple(SE2(2.0 + 0.1 * i, 1.0, 0.0) for i in range(poses)))
     write_drive(folder, LENS, MOUNT, 10.0, way)
-
-
-def test_a_drive_with_a_video_has_its_stamps_lens_mount_and_truth(tmp_path):
-    write_own(tmp_path, 20)
-    write_video(tmp_path / "video.mp4", 20)
-    with open_camera(f"drive:{tmp_path}") as camera:
-        assert (camera.info.intrinsics, camera.info.frame_count, camera.info.rate_hz) == (LENS, 20, 10.0)
-        assert camera.info.mount.pitch_rad == pytest.approx(MOUNT.pitch_rad)
-        assert camera.info.truth.poses[0] == SE2()
-        assert camera.info.truth.poses[-1].x_m == pytest.approx(1.9)
-        np.testing.assert_allclose(stamps_of(camera), 100.0 + np.arange(20) / 10)
 
 
 @pytest.mark.parametrize(("frames", "text"), [(15, "ends after 15 frames, 20 poses"), (25, "more frames than the 20")])
@@ -241,3 +232,59 @@ def test_a_variable_frame_rate_is_no_cut_and_a_cut_is(tmp_path):
     (tmp_path / "cut.mkv").write_bytes(whole[: len(whole) // 2])
     with open_camera(str(tmp_path / "cut.mkv")) as camera, pytest.raises(CameraError, match="cut off"):
         list(iter(camera.read, None))
+
+
+READ = """
+import sys
+from pathlib import Path
+sys.path[:0] = sys.argv[2:]
+from test_file_cameras import read_all
+sizes, _, end = read_all(Path(sys.argv[1]))
+assert len(set(sizes)) <= 1
+assert "\\n" not in end
+"""
+
+
+def jpeg(size, level):
+    image = np.random.default_rng(level).integers(0, 255, (size[1], size[0], 3), np.uint8)
+    return cv2.imencode(".jpg", image)[1].tobytes()
+
+
+def read_all(path):
+    """Frames, and how it ended."""
+    sizes, faults = [], 0
+    with VideoCamera("video", path) as camera:
+        for _ in range(10_000):
+            try:
+                frame = camera.read()
+            except CameraFault:
+                faults += 1
+                continue
+            except CameraError as error:
+                return sizes, faults, str(error)
+            if frame is None:
+                break
+            sizes.append(frame.image.shape[:2])
+    return sizes, faults, ""
+
+
+def test_a_video_that_changes_its_size_delivers_one_size_or_says_so(tmp_path):
+    path = tmp_path / "changing.mjpeg"
+    path.write_bytes(b"".join([jpeg((64, 48), k) for k in range(5)] + [jpeg((128, 96), k) for k in range(5, 10)]))
+    sizes, _, end = read_all(path)
+    assert set(sizes) == {(48, 64)}
+    assert "\n" not in end
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_a_video_with_a_broken_middle_ends_in_order(tmp_path, seed):
+    random = np.random.default_rng(seed)
+    data = bytearray(next(DEMO.glob("*.mp4")).read_bytes())
+    start = int(random.integers(len(data) // 4, len(data) // 2))
+    data[start : start + 20_000] = random.bytes(20_000)
+    path = tmp_path / "broken.mp4"
+    path.write_bytes(data)
+    folders = [str(Path(__file__).parent), str(Path(__file__).parents[2])]
+    command = [sys.executable, "-c", READ, str(path), *folders]  # what ends the process ends this one
+    ended = subprocess.run(command, capture_output=True, text=True, timeout=120)
+    assert ended.returncode == 0, ended.stderr[-500:]

@@ -2,10 +2,8 @@
 
 import json
 import os
-import shutil
 import struct
-import subprocess
-import sys
+import tomllib
 from pathlib import Path
 
 import cv2
@@ -13,6 +11,7 @@ import numpy as np
 import pytest
 from support.live_camera import drain
 
+from edgemap.cli import main
 from edgemap.runtime.frames import plugins
 from edgemap.runtime.frames.errors import CameraError, PluginError
 from edgemap.runtime.inputs.cameras import connected
@@ -66,20 +65,18 @@ def test_a_package_that_does_not_import_is_one_line(monkeypatch):
         open_camera("lab")
 
 
-@pytest.fixture(scope="module")
-def raspberry_pi(tmp_path_factory):
-    """The documented example, installed, and programs that answer as a Raspberry Pi's do: PATH and PYTHONPATH."""
-    pytest.importorskip("setuptools")
-    folder = tmp_path_factory.mktemp("pi")
-    source = shutil.copytree(EXAMPLE, folder / "source")  # building leaves files behind
-    install = ["-m", "pip", "install", "-q", "--no-deps", "--no-build-isolation", "--no-index", "-t", folder / "site"]
-    if subprocess.run([sys.executable, "-m", "pip", "--version"], capture_output=True, check=False).returncode:
-        pytest.skip("no pip here")
-    subprocess.run([sys.executable, *install, source], check=True, capture_output=True)
+@pytest.fixture
+def raspberry_pi(tmp_path, monkeypatch):
+    """The documented example, declared as its package declares it, and programs that answer as a Raspberry Pi's do."""
+    points = tomllib.loads((EXAMPLE / "pyproject.toml").read_text())["project"]["entry-points"][plugins.CAMERAS]
+    made = [plugins.EntryPoint(name, value, plugins.CAMERAS) for name, value in points.items()]
+    monkeypatch.setattr(plugins, "declared", lambda: made)
+    monkeypatch.syspath_prepend(EXAMPLE)
+    folder, programs = tmp_path, tmp_path / "bin"
+    monkeypatch.setenv("PATH", f"{programs}:{os.environ['PATH']}")
     for number in range(3):
         picture = np.full((480, 640, 3), 40 * number + 20, np.uint8)
         cv2.imwrite(str(folder / f"{number}.jpg"), picture)
-    programs = folder / "bin"
     programs.mkdir()
     (programs / "rpicam-hello").write_text(
         "#!/bin/sh\nprintf 'Available cameras\\n-----------------\\n"
@@ -95,24 +92,19 @@ def raspberry_pi(tmp_path_factory):
     return folder
 
 
-def test_the_example_lists_its_cameras(raspberry_pi):
-    environment = os.environ | {"PYTHONPATH": str(raspberry_pi / "site")}
-    environment["PATH"] = f"{raspberry_pi / 'bin'}:{os.environ['PATH']}"
-    command = [sys.executable, "-m", "edgemap.cli", "cameras"]
-    shown = subprocess.run(command, env=environment, capture_output=True, text=True, check=True).stdout
+def test_the_example_lists_its_cameras(raspberry_pi, capsys):
+    main(["cameras"])
+    shown = capsys.readouterr().out
     assert "rpicam:1 " in shown
     assert "edgemap run --camera rpicam:0 --mount HEIGHT_M,PITCH_DEG --intrinsics FX,FY,CX,CY" in shown
     assert "edgemap run --camera rpicam:0 --mount HEIGHT_M      (lens and pitch are guessed)" in shown
-    told = json.loads(subprocess.run([*command, "--json"], env=environment, capture_output=True, check=True).stdout)
-    cameras = [camera for camera in told["cameras"] if camera["kind"] == "rpicam"]
+    main(["cameras", "--json"])
+    cameras = [one for one in json.loads(capsys.readouterr().out)["cameras"] if one["kind"] == "rpicam"]
     assert [(camera["spec"], camera["name"]) for camera in cameras] == [("rpicam:0", "imx708"), ("rpicam:1", "ov5647")]
 
 
-def test_the_example_delivers_and_is_recovered(raspberry_pi, monkeypatch):
-    """In this process: frames arrive whole and in order, and a program that ends is started again."""
-    monkeypatch.setenv("PATH", f"{raspberry_pi / 'bin'}:{os.environ['PATH']}")
-    monkeypatch.syspath_prepend(raspberry_pi / "site")
-    monkeypatch.setattr(plugins, "declared", plugins.declared.__wrapped__)  # packages were read before
+def test_the_example_delivers_and_is_recovered(raspberry_pi):
+    """Frames arrive whole and in order, and a program that ends is started again."""
     faults = []
     with open_camera("rpicam:1") as camera:
         assert camera.info.live
