@@ -14,16 +14,12 @@ from hypothesis import given
 from hypothesis import strategies as st
 from support import painted
 from support.noise import noise
+from support.painted import FLOOR, slam_of
 
-from edgemap.geometry.camera.floor import FloorCamera
-from edgemap.geometry.camera.intrinsics import Intrinsics
-from edgemap.geometry.camera.mount import Mount
 from edgemap.geometry.se2 import SE2
 from edgemap.runtime.frames.frame import Frame
-from edgemap.runtime.frames.trajectory import Trajectory
 from edgemap.runtime.inputs.cameras.pictures import PicturesCamera
 from edgemap.runtime.inputs.open import open_camera
-from edgemap.runtime.motion.odometry.recorded import RecordedOdometry
 from edgemap.runtime.network.bundle import load_bundle
 from edgemap.runtime.network.decode import Decoder, Detector
 from edgemap.runtime.network.manifest import InputSpec
@@ -32,11 +28,7 @@ from edgemap.runtime.network.preprocess import EDGE_PX, place, rows_of
 from edgemap.runtime.network.store import bundle_folder
 from edgemap.runtime.outputs.sinks.run_folder import RunFolder
 from edgemap.runtime.step.loop import run
-from edgemap.runtime.step.mapper import Mapper
-from edgemap.runtime.step.pipeline import Pipeline
-from edgemap.runtime.step.slam import SemanticSlam
 
-FLOOR = FloorCamera(Intrinsics(64, 64, 50.0, 50.0, 31.5, 31.5), Mount(1.0))
 POSES = tuple(SE2(0.3 * index, 0.05 * index, 0.1 * index) for index in range(9))
 
 
@@ -46,18 +38,13 @@ def bundle(tmp_path_factory):
     return load_bundle(painted.write_painted(tmp_path_factory.mktemp("bundles") / "b", scene), 1)
 
 
-def slam_of(bundle):
-    odometry = RecordedOdometry(Trajectory(np.arange(9) / 10, POSES), "test")
-    return SemanticSlam(Pipeline(bundle, FLOOR, odometry), Mapper())
-
-
 def frame(index, search=True):
     return Frame(index, index / 10, noise(index), search=search)
 
 
 @pytest.mark.parametrize("every", [1, 3])
 def test_boxes_are_placed_by_the_pose_of_their_picture(bundle, every):
-    alone, beside = slam_of(bundle), slam_of(replace(bundle, companion=bundle))
+    alone, beside = slam_of(bundle, POSES), slam_of(replace(bundle, companion=bundle), POSES)
     expected = {}
     for index in range(9):
         result = alone.step(frame(index, index % every == 0))
@@ -83,7 +70,7 @@ def test_a_run_writes_the_boxes_of_the_last_picture_too(bundle, tmp_path):
         cv2.imwrite(str(path), noise(index))
     for name, one in {"alone": bundle, "beside": replace(bundle, companion=bundle)}.items():
         camera = PicturesCamera(name, pictures, np.arange(9) / 10, FLOOR.intrinsics)
-        slam = slam_of(one)
+        slam = slam_of(one, POSES)
         assert run(camera, slam, [RunFolder(tmp_path / name, FLOOR, {})]) == 9
         lines = (tmp_path / name / "sightings.jsonl").read_text().splitlines()
         frames = len((tmp_path / name / "trajectory.tum").read_text().splitlines())
@@ -95,7 +82,7 @@ def test_a_run_writes_the_boxes_of_the_last_picture_too(bundle, tmp_path):
 def test_at_a_cameras_pace_no_step_waits_and_a_replay_of_its_marks_gives_the_same(bundle):
     gate = threading.Event()
     network = replace(bundle.backbone, infer=lambda tensors: gate.wait(10.0) and bundle.backbone.infer(tensors))
-    live = slam_of(replace(bundle, backbone=network, companion=bundle, paced=True))
+    live = slam_of(replace(bundle, backbone=network, companion=bundle, paced=True), POSES)
     results = [live.step(frame(index)) for index in range(4)]  # returns, as nothing waits for the gate
     assert [result.frame.search for result in results] == [True, False, False, False]
     gate.set()
@@ -103,7 +90,7 @@ def test_at_a_cameras_pace_no_step_waits_and_a_replay_of_its_marks_gives_the_sam
         pass
     results.append(live.step(frame(4)))
     assert results[-1].pictured.index == 0
-    replay = slam_of(replace(bundle, companion=bundle))
+    replay = slam_of(replace(bundle, companion=bundle), POSES)
     for result in results:
         again = replay.step(result.frame)
         assert [one.position_map_m.tolist() for one in again.sightings] == [

@@ -10,6 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from support.drifting import drifting, integrated, worst_m
 from support.drives import drive, observed, round_trip
+from support.painted import FLOOR
 from support.rooms import furnished
 from support.tum import read_tum
 
@@ -86,12 +87,7 @@ def test_the_pose_is_known_as_well_as_its_correction_says(corrected):
 
 
 def test_the_run_folder_is_written_anew_as_known_at_the_end(corrected, tmp_path):
-    from edgemap.geometry.camera.floor import FloorCamera
-    from edgemap.geometry.camera.intrinsics import Intrinsics
-    from edgemap.geometry.camera.mount import Mount
-
-    floor = FloorCamera(Intrinsics(64, 64, 50.0, 50.0, 31.5, 31.5), Mount(1.0))
-    folder = RunFolder(tmp_path / "run", floor, {})
+    folder = RunFolder(tmp_path / "run", FLOOR, {})
     for result, objects in corrected:
         folder.write(result, objects)
     at_the_time = [result.pose_map_base for result, _ in corrected]

@@ -8,28 +8,21 @@ from support import painted
 from support.drives import exact, observed, round_trip, sighted
 from support.made_camera import MadeCamera, raising
 from support.noise import noise
+from support.painted import FLOOR, slam_of
 from support.rooms import furnished
 from support.tum import read_tum
 
-from edgemap.geometry.camera.floor import FloorCamera
-from edgemap.geometry.camera.intrinsics import Intrinsics
-from edgemap.geometry.camera.mount import Mount
 from edgemap.geometry.paper.paper_map import PaperMap
 from edgemap.geometry.se2 import SE2
 from edgemap.runtime.frames.errors import CameraError
 from edgemap.runtime.frames.frame import Frame
-from edgemap.runtime.frames.trajectory import Trajectory
 from edgemap.runtime.motion.odometry.protocol import Motion
-from edgemap.runtime.motion.odometry.recorded import RecordedOdometry
 from edgemap.runtime.network.bundle import load_bundle
 from edgemap.runtime.outputs.sinks.run_folder import RunFolder
 from edgemap.runtime.step.loop import run
 from edgemap.runtime.step.map_file import load_map
 from edgemap.runtime.step.mapper import Mapper
-from edgemap.runtime.step.pipeline import Pipeline
-from edgemap.runtime.step.slam import SemanticSlam
 
-FLOOR = FloorCamera(Intrinsics(64, 64, 50.0, 50.0, 31.5, 31.5), Mount(1.0))
 # Lower edge at row 42: 10 px below the horizon, hence 5 m ahead; the person is never mapped.
 SCENE = [("chair", 40.0, 30.0, 12.0, 24.0, 0.9), ("person", 10.0, 40.0, 8.0, 20.0, 0.8)]
 
@@ -44,16 +37,14 @@ def bundle(tmp_path_factory):
     return load_bundle(painted.write_painted(tmp_path_factory.mktemp("bundles") / "b", SCENE))
 
 
-def pipeline(bundle, paper=None, poses=None):
-    poses = poses or [SE2()] * 100
-    trajectory = Trajectory(np.arange(len(poses)) / 10, tuple(poses))
-    return SemanticSlam(Pipeline(bundle, FLOOR, RecordedOdometry(trajectory, "test")), Mapper(paper=paper))
+def pipeline(bundle, paper=None):
+    return slam_of(bundle, [SE2()] * 100, paper)
 
 
 def test_a_picture_that_is_not_searched_shows_no_worktop(bundle):
-    front = Pipeline(bundle, FLOOR, RecordedOdometry(Trajectory(np.arange(3) / 10, (SE2(),) * 3), "test"))
-    front.step(Frame(0, 0.0, noise(0)))
-    dark = front.step(Frame(1, 0.1, np.zeros((64, 64, 3), np.uint8)))
+    slam = pipeline(bundle)
+    slam.step(Frame(0, 0.0, noise(0)))
+    dark = slam.step(Frame(1, 0.1, np.zeros((64, 64, 3), np.uint8))).observed
     assert (dark.searched, dark.worktop) == (False, False)
 
 

@@ -8,14 +8,13 @@ import pytest
 from scipy.spatial.transform import Rotation
 from support.drifting import drifting
 from support.drives import drive, round_trip
+from support.painted import FLOOR
 from support.rooms import furnished
 from support.tum import read_tum
 
 from edgemap.bridges.ros2.messages.tf_tree import TfTree
-from edgemap.geometry.camera.floor import FloorCamera
-from edgemap.geometry.camera.intrinsics import Intrinsics
-from edgemap.geometry.camera.mount import Mount
 from edgemap.geometry.se2 import SE2
+from edgemap.geometry.trajectory_correction import TrajectoryCorrection
 from edgemap.runtime.outputs.sinks import rewriting
 from edgemap.runtime.outputs.sinks.run_folder import RunFolder
 from edgemap.runtime.step import pose_journal
@@ -23,7 +22,6 @@ from edgemap.runtime.step.mapper import Mapper
 from edgemap.runtime.step.pose_journal import PoseJournal
 
 ROOM = furnished(np.random.default_rng(11), 16, apart_m=0.8)
-FLOOR = FloorCamera(Intrinsics(64, 64, 50.0, 50.0, 31.5, 31.5), Mount(1.0))
 
 
 def told(folder):
@@ -63,6 +61,17 @@ def test_a_stamp_that_a_file_has_rounded_down_is_still_that_poses():
         journal.append(stamp_s, SE2(float(k), 0.0, 0.0))
     written = [float(f"{stamp_s - 3e-7:.6f}") for stamp_s in stamps]
     assert journal.at(written)[:, 0] == pytest.approx(range(10))
+
+
+def test_a_correction_counts_from_the_next_question_on():
+    journal = PoseJournal()
+    for k in range(4):
+        journal.append(float(k), SE2(float(k), 0.0, 0.0))
+    journal.correct(
+        TrajectoryCorrection(np.array([0.0]), np.array([[2.0, 0.0, 0.0]]), np.zeros((1, 3)), np.zeros((1, 3, 3)))
+    )
+    journal.append(4.0, SE2(9.0, 0.0, 0.0))
+    assert journal.stamps_near([[2.1, 0.0], [9.1, 0.0]]).tolist() == [0.0, 4.0]
 
 
 def transform(parent, child, rotation, position_m):

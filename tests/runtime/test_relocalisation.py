@@ -4,12 +4,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from support.drives import drive, exact, round_trip
+from support.painted import FLOOR
 from support.rooms import furnished, mapped
 from support.tum import read_tum
 
-from edgemap.geometry.camera.floor import FloorCamera
-from edgemap.geometry.camera.intrinsics import Intrinsics
-from edgemap.geometry.camera.mount import Mount
 from edgemap.geometry.errors import MapError
 from edgemap.geometry.objects.annotations import Annotations
 from edgemap.geometry.objects.events import Edit, EditError
@@ -21,7 +19,6 @@ from edgemap.runtime.step.map_file import load_map, map_document, save_map
 from edgemap.runtime.step.mapper import Mapper
 
 ROOM = furnished(np.random.default_rng(11), 16, apart_m=0.8)
-FLOOR = FloorCamera(Intrinsics(64, 64, 50.0, 50.0, 31.5, 31.5), Mount(1.0))
 
 
 def go(mapper, start_rad=0.0, seed=1, room=ROOM, count=80):

@@ -1,12 +1,11 @@
 """A real MQTT broker (mosquitto) on this machine, and its own client to read what is published."""
 
 import shutil
-import socket
 import subprocess
 import time
 from typing import Any
 
-from support.waiting import answers, wait_for
+from support.waiting import answers, free_port, wait_for
 
 PATH = "/usr/sbin:/usr/bin:/usr/local/bin"  # Debian keeps the broker where only root's shell looks
 READY = "ready"  # a retained topic of the tests' own
@@ -17,9 +16,7 @@ class Broker:
     """mosquitto on a port of its own, until `stop`; `start` takes the same port. Retained messages go with it."""
 
     def __init__(self, folder):
-        with socket.socket() as probe:
-            probe.bind(("127.0.0.1", 0))
-            self.port = probe.getsockname()[1]
+        self.port = free_port()
         self._config = folder / "mosquitto.conf"
         self._config.write_text(f"listener {self.port} 127.0.0.1\nallow_anonymous true\npersistence false\n")
         self._process = None

@@ -4,7 +4,7 @@ from typing import Any
 
 import numpy as np
 
-from edgemap.runtime.frames.errors import CameraError
+from edgemap.runtime.frames.camera import next_frame
 from edgemap.runtime.inputs.cameras.live import LiveCamera
 
 
@@ -77,20 +77,7 @@ def scripted(script=None, rule=None, **options) -> Any:
     return LiveCamera(driver, rule=rule, clock_s=clock, wait=clock.wait), driver, clock
 
 
-def drain(camera, frames, told=None, limit=100_000):
+def drain(camera, frames, told=None):
     """The next frames; faults go to `told`, and timeouts are waited through."""
-    from edgemap.runtime.frames.errors import CameraFault, FrameTimeout
-
-    got = []
-    while len(got) < frames:
-        limit -= 1
-        if limit < 0:
-            raise CameraError("no frames any more")
-        try:
-            got.append(camera.read())
-        except CameraFault as fault:
-            if told is not None:
-                told.append(fault)
-        except FrameTimeout:
-            pass
-    return got
+    told = [] if told is None else told
+    return [next_frame(camera, told.append) for _ in range(frames)]

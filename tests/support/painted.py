@@ -1,5 +1,6 @@
 """Bundles whose detector sees what a test paints: real ONNX files for onnxruntime, outputs fixed in advance."""
 
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, Literal
 
@@ -8,6 +9,14 @@ import numpy as np
 import onnx
 from onnx import TensorProto, helper, numpy_helper
 
+from edgemap.geometry.camera.floor import FloorCamera
+from edgemap.geometry.camera.intrinsics import Intrinsics
+from edgemap.geometry.camera.mount import Mount
+from edgemap.geometry.paper.paper_map import PaperMap
+from edgemap.geometry.se2 import SE2
+from edgemap.runtime.frames.trajectory import Trajectory
+from edgemap.runtime.motion.odometry.recorded import RecordedOdometry
+from edgemap.runtime.network.bundle import Bundle
 from edgemap.runtime.network.manifest import (
     METADATA_KEY,
     BundleVariant,
@@ -23,11 +32,15 @@ from edgemap.runtime.network.manifest import (
     contract_metadata,
 )
 from edgemap.runtime.network.manifest_file import FORMAT, read_manifest, sha256_file, write_manifest
+from edgemap.runtime.step.mapper import Mapper
+from edgemap.runtime.step.pipeline import Pipeline
+from edgemap.runtime.step.slam import SemanticSlam
 
 Resize = Literal["stretch", "letterbox", "letterbox_topleft"]
 
 SIZE, STRIDE, ANCHOR = 64, 32, (20.0, 30.0)
 NAMES = ("chair", "person", "couch")
+FLOOR = FloorCamera(Intrinsics(SIZE, SIZE, 50.0, 50.0, 31.5, 31.5), Mount(1.0))
 
 
 def logit(p: float) -> float:
@@ -177,3 +190,9 @@ def resum(folder: Path) -> None:
     manifest = msgspec.json.decode((folder / "bundle.json").read_bytes(), type=Manifest)
     manifest.sha256 = {name: sha256_file(folder / name) for name in manifest.sha256}
     write_manifest(folder, manifest)
+
+
+def slam_of(bundle: Bundle, poses: Sequence[SE2], paper: PaperMap | None = None) -> SemanticSlam:
+    """The real front and back end over `FLOOR`, on recorded poses, ten a second."""
+    odometry = RecordedOdometry(Trajectory(np.arange(len(poses)) / 10, tuple(poses)), "test")
+    return SemanticSlam(Pipeline(bundle, FLOOR, odometry), Mapper(paper=paper))

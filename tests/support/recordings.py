@@ -53,7 +53,4 @@ def bag(path: Path, messages, encodings=("ros2msg", "cdr"), **options) -> Path:
 
 
 def drain(camera: Camera) -> list[Frame]:
-    frames = []
-    while (frame := camera.read()) is not None:
-        frames.append(frame)
-    return frames
+    return list(iter(camera.read, None))

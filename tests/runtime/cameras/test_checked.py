@@ -12,8 +12,8 @@ from support.live_camera import drain, picture, scripted
 
 from edgemap.geometry.camera.imu import ImuSamples
 from edgemap.runtime.frames import plugins
-from edgemap.runtime.frames.camera import CameraInfo
-from edgemap.runtime.frames.errors import CameraError, CameraFault, CameraState, FrameTimeout
+from edgemap.runtime.frames.camera import CameraInfo, next_frame
+from edgemap.runtime.frames.errors import CameraError, CameraState
 from edgemap.runtime.frames.frame import Frame
 from edgemap.runtime.inputs.cameras.checked import FAILURES, CheckedCamera
 from edgemap.runtime.inputs.open import open_camera
@@ -78,19 +78,9 @@ def frame(number, **fields):
 
 
 def read_all(camera):
-    frames, faults = [], []
-    for _ in range(10_000):
-        try:
-            got = camera.read()
-        except CameraFault as fault:
-            faults.append(fault)
-        except FrameTimeout:
-            continue
-        else:
-            if got is None:
-                break
-            frames.append(got)
-    return frames, faults
+    """Frames and faults."""
+    faults = []
+    return list(iter(lambda: next_frame(camera, faults.append), None)), faults
 
 
 @pytest.mark.parametrize(
