@@ -9,6 +9,7 @@ from typing import Any, Protocol
 
 import numpy as np
 import psutil
+from support.fuzzed_room import pose_at
 
 from edgemap.evaluation.objects import TrueObject, score_map
 from edgemap.geometry.map_object import MapObject
@@ -128,9 +129,7 @@ class RoundTrip:
 
 
 def _pose(step: int) -> SE2:
-    """On an ellipse of 2.5 m by 1.5 m, counter-clockwise."""
-    a = SPEED_M_S * step / 2.0
-    return SE2(2.5 * math.cos(a), 1.5 * math.sin(a), math.atan2(1.5 * math.cos(a), -2.5 * math.sin(a)))
+    return pose_at(SPEED_M_S * step)
 
 
 def _observed(

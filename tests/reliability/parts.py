@@ -1,10 +1,10 @@
 """What a part of `make reliability` is: a module with `run`, callable alone, bounded and seeded."""
 
 from dataclasses import dataclass, field
-from pathlib import Path
-from typing import Any, Protocol
+from typing import Any
 
-# Module name to one line. Each module has a function `run`, a `ReliabilityPart`.
+# Module name to one line. Each module has `run(seed, share, out)`: share of its full size, 1 for the published figures;
+# out: a folder of its own. A missed target is in the report, never an exception.
 PARTS: dict[str, str] = {
     "kills": "kill -9 in the middle of a run",
     "day": "a day of driving, compressed",
@@ -23,11 +23,3 @@ class PartReport:
     failures: tuple[str, ...]
     figures: dict[str, Any] = field(default_factory=dict)
     table: tuple[str, ...] = ()
-
-
-class ReliabilityPart(Protocol):
-    """One part. share: of its full size, 1 for the issue's numbers, less for a quick look. out: its own folder."""
-
-    def __call__(self, seed: int, share: float, out: Path) -> PartReport:
-        """Run the part; a missed target is in the report, never an exception."""
-        ...

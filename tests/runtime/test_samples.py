@@ -8,7 +8,7 @@ from support.refusal import refused
 from support.tum import read_tum
 
 from edgemap.runtime.frames.errors import CameraError
-from edgemap.runtime.frames.notes import collected, note_dropped
+from edgemap.runtime.frames.notes import collected
 from edgemap.runtime.frames.stamps import followed
 from edgemap.runtime.inputs.drives.sensor_csv import read_imu_csv, read_wheel_csv
 
@@ -57,11 +57,6 @@ def test_rows_that_are_none_are_dropped_and_counted(tmp_path, coding, kind, good
     np.testing.assert_array_equal(stamps, np.arange(1.0, 21.0))
     wrong = sum(not line.startswith("#") for line in bad)
     assert sum(int(note.text.split(": ")[1].split()[0]) for note in notes) == wrong
-
-
-def test_what_nobody_collects_is_printed(capsys):
-    note_dropped("a.csv", ["line 3: x"], 9)
-    assert capsys.readouterr().err == "a.csv: 1 of 9 samples dropped (line 3: x)\n"
 
 
 def test_wheels_that_jump_or_leave_the_world(tmp_path):

@@ -9,11 +9,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from support.faults import texts
-from support.inertial import AboutMount
+from support.inertial import MOUNT, AboutMount, level_samples
 from support.odometry import MadeOdometry
 
 from edgemap.geometry.camera.imu import ImuSamples
-from edgemap.geometry.camera.mount import Mount
 from edgemap.geometry.se2 import SE2, compose_covariance, wrap_angle
 from edgemap.runtime.frames.faults import FaultKind
 from edgemap.runtime.frames.frame import Frame
@@ -131,15 +130,19 @@ def test_a_jump_of_the_heading_costs_one_step():
 FULL = math.radians(250.0)
 
 
+def noisy(samples, gyro_rad_s=0.004, accel_m_s2=0.03):
+    """The samples with a BMI055's noise."""
+    random, size = np.random.default_rng(0), (len(samples), 3)
+    gyro = samples.gyro_rad_s + random.normal(0.0, gyro_rad_s, size)
+    return ImuSamples(samples.stamps_s, gyro, samples.accel_m_s2 + random.normal(0.0, accel_m_s2, size))
+
+
 def imu(change=lambda gyro, accel, lies: None):
     """12 s of a BMI055 at rest on its mount; `change` writes the lie into the samples of 4 to 8 s."""
-    stamps, mount = np.arange(0.005, 12.0, 0.005), Mount.from_degrees(0.5, 10.0)
-    random = np.random.default_rng(0)
-    up = mount.rotation_base_optical().T @ [0.0, 0.0, 9.81]
-    gyro = random.normal(0.0, 0.004, (len(stamps), 3))
-    accel = up + random.normal(0.0, 0.03, (len(stamps), 3))
-    change(gyro, accel, (stamps > 4.0) & (stamps <= 8.0))
-    source, samples = AboutMount(mount), ImuSamples(stamps, gyro, accel)
+    stamps = np.arange(0.005, 12.0, 0.005)
+    samples = noisy(level_samples(stamps))
+    change(samples.gyro_rad_s, samples.accel_m_s2, (stamps > 4.0) & (stamps <= 8.0))
+    source = AboutMount(MOUNT)
     ends, found, faults = np.arange(1, 120) / 10.0, [], []
     for row, end_s in enumerate(ends.tolist()):
         found.append(source.predict(Frame(row, end_s, BLANK, imu=samples.between(end_s - 0.1, end_s))))
@@ -149,11 +152,8 @@ def imu(change=lambda gyro, accel, lies: None):
 
 @pytest.mark.parametrize(("rate_hz", "faults"), [(4.0, 1), (4.5, 1), (5.5, 0), (20.0, 0)])
 def test_an_imu_slower_than_half_the_frames_is_named_once_and_left_out(rate_hz, faults):
-    stamps, mount = np.arange(0.0, 30.0, 1.0 / rate_hz), Mount.from_degrees(0.5, 10.0)
-    up = mount.rotation_base_optical().T @ [0.0, 0.0, 9.81]
-    gyro = np.random.default_rng(0).normal(0.0, 0.004, (len(stamps), 3))
-    samples = ImuSamples(stamps, gyro, np.tile(up, (len(stamps), 1)))
-    source, found, told = AboutMount(mount), [], []
+    samples = noisy(level_samples(np.arange(0.0, 30.0, 1.0 / rate_hz)), accel_m_s2=0.0)
+    source, found, told = AboutMount(MOUNT), [], []
     for row, end_s in enumerate((np.arange(1, 300) / 10.0).tolist()):
         hole = 15.0 < end_s < 16.0
         part = samples.between(100.0, 101.0) if hole else samples.between(end_s - 0.1, end_s)
@@ -246,12 +246,9 @@ def test_the_demos_motion_errs_by_what_it_states_and_not_by_much_less(demo, whee
 
 
 def test_what_a_mirrored_gyro_turns_is_not_what_the_odometry_turns():
-    stamps, mount = np.arange(0.005, 8.0, 0.005), Mount.from_degrees(0.5, 10.0)
-    random = np.random.default_rng(0)
-    up = mount.rotation_base_optical().T @ [0.0, 0.0, 1.0]
-    gyro = np.outer(np.where(stamps > 1.0, -0.5, 0.0), up) + random.normal(0.0, 0.004, (len(stamps), 3))
-    samples = ImuSamples(stamps, gyro, 9.81 * up + random.normal(0.0, 0.03, (len(stamps), 3)))
-    source, faults = AboutMount(mount), []
+    stamps = np.arange(0.005, 8.0, 0.005)
+    samples = noisy(level_samples(stamps, np.where(stamps > 1.0, -0.5, 0.0)))
+    source, faults = AboutMount(MOUNT), []
     for row, end_s in enumerate((np.arange(1, 79) / 10.0).tolist()):
         moved = SE2(0.0, 0.0, 0.05 if end_s > 1.15 else 0.0), np.diag([1e-6, 1e-6, 1e-5])
         frame = Frame(row, end_s, BLANK, imu=samples.between(end_s - 0.1, end_s))

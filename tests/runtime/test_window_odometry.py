@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from support.faults import kinds, made
+from support.faults import kinds
 from support.textured_floor import CAMERA, seen_by
 
 from edgemap.geometry.camera.attitude import Attitude, TrackedRotation
@@ -17,7 +17,6 @@ from edgemap.geometry.camera.level import up_optical
 from edgemap.geometry.camera.mount import Mount, Platform
 from edgemap.geometry.se2 import SE2
 from edgemap.runtime.frames.camera import CameraInfo
-from edgemap.runtime.frames.faults import FaultKind
 from edgemap.runtime.frames.frame import Frame
 from edgemap.runtime.motion.attitude.estimator import EstimatedAttitude
 from edgemap.runtime.motion.odometry import OdometryRules, hybrid_sources
@@ -115,18 +114,6 @@ def test_a_gap_between_pictures_is_bridged_by_descriptors(gap, lost_s):
     off = total(motions).inverse() @ poses[-1]
     assert math.hypot(off.x_m, off.y_m) < 0.04
     assert abs(off.yaw_rad) < 0.01
-
-
-def test_steps_without_pictures_are_not_counted_twice():
-    frames, poses, attitudes = walked([SE2(0.08)] * 20)
-    odometry = WindowOdometry(HEAD)
-    motions = [
-        odometry.step(frame, {}, FramePrior(attitudes[index]))
-        if index not in (8, 9)
-        else odometry.step_blind(frame.stamp_s, made("dark", FaultKind.DARK))
-        for index, frame in enumerate(frames)
-    ]
-    assert total(motions).x_m == pytest.approx(poses[-1].x_m, abs=0.08)
 
 
 @pytest.mark.parametrize(

@@ -58,13 +58,6 @@ def test_two_packages_with_one_kind_are_refused(monkeypatch):
         open_camera("lab:1")
 
 
-def test_a_package_that_does_not_import_is_one_line(monkeypatch):
-    point = plugins.EntryPoint("lab", "no_such_module_here", plugins.CAMERAS)
-    monkeypatch.setattr(plugins, "declared", lambda: [point])
-    with pytest.raises(PluginError, match=r"'lab' of no_such_module_here does not load .ModuleNotFoundError"):
-        open_camera("lab")
-
-
 @pytest.fixture
 def raspberry_pi(tmp_path, monkeypatch):
     """The documented example, declared as its package declares it, and programs that answer as a Raspberry Pi's do."""
