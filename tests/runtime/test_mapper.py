@@ -190,31 +190,6 @@ def test_the_alignment_is_part_of_the_pose_covariance_after_relocalisation():
     assert np.trace(excess) < 2.0 * np.trace(before.pose_covariance) + 1e-4  # and the drive's own little
 
 
-@pytest.mark.parametrize("quarters", [1, 2, 3])
-def test_a_room_seen_from_a_map_that_is_turned_is_the_same_room(quarters):
-    """Nothing in the back end prefers an axis of the map: same objects, covariances, poses, turned by right angles."""
-    way = round_trip(200, turns=1.8)
-    maps = []
-    for turn in (SE2(), SE2(0.0, 0.0, quarters * math.pi / 2.0)):
-        mapper = Mapper(closes_loops=True)
-        mapper.start_in([], turn, (1e-4, 1e-4, 1e-4))
-        *_, (result, objects) = drive(mapper, ROOM, way, drifting(way), 0)
-        assert result.trajectory.revision > 2
-        maps.append((result, objects))
-    (plain, before), (turned, after) = maps
-    rotation = SE2(0.0, 0.0, quarters * math.pi / 2.0)
-    assert turned.pose_map_base.vector()[:2] == pytest.approx(
-        rotation.apply(plain.pose_map_base.vector()[:2]), abs=1e-6
-    )
-    assert sorted(item.id for item in after) == sorted(item.id for item in before)
-    for item, same in zip(before, after, strict=True):
-        assert (same.id, same.count) == (item.id, item.count)
-        assert same.position_m == pytest.approx(rotation.apply(item.position_m), abs=1e-6)
-        covariance = rotation.rotation() @ item.covariance_m2 @ rotation.rotation().T
-        np.testing.assert_allclose(same.covariance_m2, covariance, rtol=1e-5, atol=1e-8)
-        assert len(same.seen_from_m) == len(item.seen_from_m)
-
-
 def test_of_objects_told_with_0_9_nine_in_ten_are_real():
     """A detector finds true objects more often and with higher scores: 30 chairs in three frames of five with 0.5 to
     0.95, 30 of something else in one of five with 0.3 to 0.6."""

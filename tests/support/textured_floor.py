@@ -21,13 +21,8 @@ def floor_texture():
 TEXTURE = floor_texture()
 
 
-def picture_from(pose: SE2) -> np.ndarray:
-    """What the camera sees of a textured floor (1 cm a texel, x and y from -7.5 m): sampled ray by ray."""
-    return seen_by(CAMERA, pose)
-
-
 def seen_by(camera: FloorCamera, pose: SE2) -> np.ndarray:
-    """The same by another camera."""
+    """What a camera sees of a textured floor (1 cm a texel, x and y from -7.5 m): sampled ray by ray."""
     shape = camera.intrinsics.height, camera.intrinsics.width
     v, u = np.mgrid[: shape[0], : shape[1]]
     points = pose.apply(np.nan_to_num(camera.floor_points(np.column_stack([u.ravel(), v.ravel()])), nan=1e3))
@@ -37,10 +32,10 @@ def seen_by(camera: FloorCamera, pose: SE2) -> np.ndarray:
 
 def drive(steps):
     """Frames and true poses of a drive with the given motions."""
-    pose, frames, poses = SE2(), [Frame(0, 0.0, picture_from(SE2()))], [SE2()]
+    pose, frames, poses = SE2(), [Frame(0, 0.0, seen_by(CAMERA, SE2()))], [SE2()]
     for index, motion in enumerate(steps, start=1):
         pose = pose @ motion
-        frames.append(Frame(index, index / 10, picture_from(pose)))
+        frames.append(Frame(index, index / 10, seen_by(CAMERA, pose)))
         poses.append(pose)
     return frames, poses
 

@@ -15,7 +15,7 @@ from edgemap.geometry.se2 import SE2
 from edgemap.runtime.frames.errors import CameraError
 from edgemap.runtime.frames.spatial_poses import planarise_camera, up_vector, upright_camera
 from edgemap.runtime.frames.trajectory import Trajectory
-from edgemap.runtime.inputs.cameras.pictures import VideoCamera, drive_camera
+from edgemap.runtime.inputs.cameras.pictures import VideoCamera
 from edgemap.runtime.inputs.drives import open_drive, write_drive, write_locobot
 from edgemap.runtime.inputs.drives.pose_files import read_stamps
 
@@ -92,6 +92,7 @@ def euroc(stamp="1000000000", fx="60.0", truth="1000000000 0 0 0 0 0 0 1\n"):
         ("kitti", THREE | {"poses.txt": 3 * "a b c\n"}, "poses.txt: expected 12 finite numbers a line"),
         ("kitti", THREE | {"poses.txt": 3 * POSE_12.replace("1", "2")}, "pose 0 is no rigid motion"),
         ("kitti", THREE | {"poses.txt": "\n\n\n"}, "poses.txt: no rows of numbers in it"),
+        ("c2w", {"a.png": "", "b.png": "", "poses.txt": 2 * POSE, "depth/a.png": ""}, "1 lines for the 2 pictures"),
         ("c2w", {"a.png": "", "poses.txt": POSE, "K.txt": "1 2 3"}, "3 numbers, expected a 3x3 matrix"),
         ("c2w", {"a.png": "", "poses.txt": POSE, "K.txt": "60 0 x 0 60 24 0 0 1"}, "not numbers, expected a 3x3"),
         ("c2w", {"a.png": "", "poses.txt": POSE, "K.txt": "-60 0 32 0 60 24 0 0 1"}, "fx is -60"),
@@ -137,7 +138,7 @@ def test_poses_of_no_upright_world_leave_the_pictures(tmp_path, capsys):
     assert "no true poses: pose 0 looks straight along world_up 'z'" in capsys.readouterr().err
 
 
-def test_c2w_reads_its_lens_and_its_depth_pictures(tmp_path):
+def test_c2w_reads_its_lens(tmp_path):
     folder = tmp_path / "c"
     write_pictures(folder / "image", 2)
     # z up, camera level and facing world x; then one metre on
@@ -151,14 +152,7 @@ def test_c2w_reads_its_lens_and_its_depth_pictures(tmp_path):
     for path in (folder / "image").iterdir():  # as well in the folder itself
         path.rename(folder / path.name)
     (folder / "image").rmdir()
-    (folder / "depth").mkdir()
-    cv2.imwrite(str(folder / "depth" / "0.png"), np.full((48, 64), 1500, np.uint16))
-    assert "1 lines for the 2 pictures" in refusal(f"c2w:{folder}")
-    cv2.imwrite(str(folder / "depth" / "1.png"), np.full((48, 64), 0, np.uint16))
-    with drive_camera(open_drive(f"c2w:{folder}"), "c") as camera:
-        depths = [camera.read().depth, camera.read().depth]
-    assert depths[0][20, 30] == pytest.approx(1.5)
-    assert not depths[1].any()
+    assert len(open_drive(f"c2w:{folder}").images) == 2
 
 
 def test_tum_interpolates_its_truth_and_leaves_out_pictures_without(tmp_path):

@@ -29,11 +29,10 @@ from edgemap.runtime.outputs.map_formats.route import route_text
 CROOKED = [("chair", 1.0, 0.0), ("chair", 3.0, 0.0), ("chair", 6.0, 0.0), ("chair", 1.0, 2.0)]
 
 
-def served(path):
-    """What map_server answers for a point: `value(x, y)` in 0 free, 100 occupied, -1 unknown, None outside.
+def read_back(path, mode, meaning):
+    """What map_server answers for a point of a map in this mode: `meaning` of its pixel, None outside.
 
-    Written from the documentation of map_server, not from our writer: probability is (255 - pixel) / 255 unless
-    negated; above occupied_thresh occupied, below free_thresh free; origin is the pose of the lower left pixel.
+    Written from the documentation of map_server, not from our writer: origin is the pose of the lower left pixel.
     """
     described = yaml.safe_load(path.read_text())
     with (path.parent / described["image"]).open("rb") as stream:
@@ -43,24 +42,33 @@ def served(path):
             line = stream.readline()
         width, height = map(int, line.split())
         assert stream.readline() == b"255\n"
-        pixels = np.frombuffer(stream.read(), np.uint8)
-    assert len(pixels) == width * height
+        pixels = np.frombuffer(stream.read(), np.uint8).reshape(height, width)[::-1]
     x0, y0, yaw = described["origin"]
     assert yaw == 0.0
     assert described["negate"] == 0
-    assert described["mode"] == "trinary"
+    assert described["mode"] == mode
 
     def value(x, y):
         column = int(np.floor((x - x0) / described["resolution"]))
-        from_bottom = int(np.floor((y - y0) / described["resolution"]))
-        if not (0 <= column < width and 0 <= from_bottom < height):
+        row = int(np.floor((y - y0) / described["resolution"]))
+        if not (0 <= column < width and 0 <= row < height):
             return None
-        occupancy = (255 - int(pixels[(height - 1 - from_bottom) * width + column])) / 255.0
+        return meaning(int(pixels[row, column]), described)
+
+    return value
+
+
+def served(path):
+    """0 free, 100 occupied, -1 unknown: probability is (255 - pixel) / 255; above occupied_thresh occupied, below
+    free_thresh free."""
+
+    def meaning(pixel, described):
+        occupancy = (255 - pixel) / 255.0
         if occupancy > described["occupied_thresh"]:
             return 100
         return 0 if occupancy < described["free_thresh"] else -1
 
-    return value
+    return read_back(path, "trinary", meaning)
 
 
 def test_a_live_grid_is_bounded_however_far_objects_are():
@@ -155,19 +163,8 @@ STAIRS = Zone("zone-2", "stairs", ((3.0, 1.0), (5.0, 1.0), (5.0, 3.0)))
 
 
 def masked(path):
-    """What map_server publishes of a mask in raw mode, for a point: the pixel's value, None outside."""
-    described = yaml.safe_load(path.read_text())
-    assert described["mode"] == "raw"
-    lines = (path.parent / described["image"]).read_bytes().split(b"\n", 3)
-    width, height = map(int, lines[1].split())
-    pixels = np.frombuffer(lines[3], np.uint8).reshape(height, width)[::-1]
-    x0, y0, _ = described["origin"]
-
-    def value(x, y):
-        column, row = int((x - x0) / described["resolution"]), int((y - y0) / described["resolution"])
-        return int(pixels[row, column]) if 0 <= row < height and 0 <= column < width else None
-
-    return value
+    """The pixel's value."""
+    return read_back(path, "raw", lambda pixel, _: pixel)
 
 
 def test_zones_are_masks_of_nav2s_filters(tmp_path):
