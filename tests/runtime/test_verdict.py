@@ -55,14 +55,6 @@ def test_a_worktop_taken_for_floor_matters_only_where_the_floor_gives_lengths(me
     assert verdict_of(record({"worktop_frames": 300, "wheel_frames": wheels}, **measured), [CHAIR]).findings == ()
 
 
-def test_pictures_on_their_side_are_the_first_thing_to_mend():
-    guess = GUESS | {"turned_by": "90 degrees clockwise", "sway_deg": 17.0}
-    verdict = verdict_of(record(camera_guess=guess), [CHAIR])
-    assert verdict.level == "unreliable"
-    assert verdict.findings[0].cause is CAUSES["turned"]
-    assert "turn them by 90 degrees clockwise" in verdict.line
-
-
 def test_a_carried_camera_of_a_guessed_height_is_advised_to_measure_it():
     guess = {"focal_sigma_share": 0.04, "height_sigma_share": 0.15, "sigma_pitch_deg": 5.5, "sway_deg": 5.0}
     verdict = verdict_of(record({"wheel_frames": 0}, camera_guess=guess), [CHAIR])
@@ -102,6 +94,8 @@ LISTED = {"faults": [{"kind": "mount_height", "frame": 90, "text": "mount: measu
         ({"quality": {"guessed_frames": 200}}, "unreliable", "drift", "33 % of the frames is a guess"),
         ({"quality": {"rate_hz": 2.0}}, "care", "rate", "2.0 pictures per second"),
         ({"quality": {"carried_frames": 200}}, "care", "carried", "sways"),
+        ({"camera_guess": GUESS | {"turned_by": "90 degrees clockwise", "sway_deg": 17.0}}, "unreliable", "turned",
+         "turn them by 90 degrees clockwise"),
         ({"camera_guess": GUESS}, "care", "height_guess", "lens and mount are guessed (focal length to 18 %, height"),
         ({"camera_guess": GUESS | {"height_sigma_share": 0.2}}, "unreliable", "height_guess", "to 20 %"),
         ({"camera_guess": GUESS | {"height_sigma_share": 0.0}}, "care", "guess", "the lens is guessed (focal length"),

@@ -15,7 +15,7 @@ from hypothesis import strategies as st
 from support import painted
 from support.made_camera import MadeCamera
 from support.noise import noise
-from support.seen import HEIGHT_M, RADIUS_M
+from support.seen import HEIGHT_M, box_of
 
 from edgemap.geometry.camera.floor import FloorCamera
 from edgemap.geometry.camera.imu import ImuSamples
@@ -90,16 +90,12 @@ class Room:
         return painted.head_with([(LABEL, *box, 0.88) for box in boxes], CELLS)
 
     def _box(self, x_m: float, y_m: float) -> tuple[float, float, float, float] | None:
-        ahead_m, left_m = self.pose.inverse().apply(np.array([x_m, y_m]))
-        if not 0.8 < ahead_m < 5.0:
+        ahead_m, _ = self.pose.inverse().apply(np.array([x_m, y_m]))
+        box = box_of(LABEL, x_m, y_m, self.pose, FLOOR) if 0.8 < ahead_m < 5.0 else None
+        if box is None:
             return None
-        radius_m = RADIUS_M[LABEL]
-        rim = np.array([[ahead_m + dx, left_m + dy, z] for z in (0.0, HEIGHT_M)
-                        for dx, dy in ((-radius_m, 0.0), (0.0, radius_m), (0.0, -radius_m))])  # fmt: skip
-        optical = (rim - FLOOR.mount.position_base_m()) @ FLOOR.mount.rotation_base_optical()
-        edges = 50.0 * optical[:, :2] / optical[:, 2:] + 32.0
-        x0, y0, x1, y1 = np.concatenate([edges.min(axis=0), edges.max(axis=0)]) + self._random.normal(0.0, 0.3, 4)
-        if x0 < 0.0 or y0 < 0.0 or x1 > SIZE - 1 or y1 > SIZE - 1 or x1 - x0 < 2.0 or y1 - y0 < 2.0:
+        x0, y0, x1, y1 = box + self._random.normal(0.0, 0.3, 4)
+        if min(x0, y0, SIZE - 1 - x1, SIZE - 1 - y1) < 0.0 or min(x1 - x0, y1 - y0) < 2.0:
             return None
         return (x0 + x1) / 2.0, (y0 + y1) / 2.0, x1 - x0, y1 - y0
 

@@ -15,6 +15,13 @@ CAMERA_YAML = """{width: 64, height: 64, fx: 50.0, fy: 50.0, cx: 31.5, cy: 31.5,
 """
 
 
+def write_pictures(folder: Path, count: int, size: tuple[int, int] = (48, 64)) -> None:
+    """`0.png` and so on, (H, W), each in the grey of its number."""
+    folder.mkdir(parents=True, exist_ok=True)
+    for number in range(count):
+        cv2.imwrite(str(folder / f"{number}.png"), np.full((*size, 3), number, np.uint8))
+
+
 def write_scene(folder: Path) -> Path:
     """The folder `pictures` in this one, made."""
     made = folder / "pictures"

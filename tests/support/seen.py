@@ -14,19 +14,18 @@ HEIGHT_M = 0.7
 RADIUS_M = {"chair": 0.25, "potted plant": 0.2, "couch": 0.7, "tv": 0.28, "bed": 0.9, "refrigerator": 0.32}
 
 
-def box_of(label, x, y, pose):
+def box_of(label, x, y, pose, camera=CAMERA):
     """x0 y0 x1 y1 of a thing at (x, y) of the room; None where it is not whole before the camera."""
     turns = np.linspace(0, math.tau, 36)
     radius = RADIUS_M.get(label, 0.3)
     rim = pose.inverse().apply(np.column_stack([x + radius * np.cos(turns), y + radius * np.sin(turns)]))
     points = np.concatenate([np.column_stack([rim, np.full(len(rim), z)]) for z in (0.0, HEIGHT_M)])
-    optical = (points - CAMERA.mount.position_base_m()) @ CAMERA.mount.rotation_base_optical()
+    optical, lens = (points - camera.mount.position_base_m()) @ camera.mount.rotation_base_optical(), camera.intrinsics
     if optical[:, 2].min() < 0.1:
         return None
-    u = 400.0 * optical[:, 0] / optical[:, 2] + 320.0
-    v = 400.0 * optical[:, 1] / optical[:, 2] + 240.0
-    box = np.array([u.min(), v.min(), u.max(), v.max()])
-    return box if box[0] > 0 and box[1] > 0 and box[2] < 640 and box[3] < 480 else None
+    edges = lens.fx * optical[:, :2] / optical[:, 2:] + (lens.cx + 0.5, lens.cy + 0.5)
+    box = np.concatenate([edges.min(axis=0), edges.max(axis=0)])
+    return box if box[:2].min() > 0 and (box[2:] < (lens.width, lens.height)).all() else None
 
 
 def look(room, pose, random, rate=0.8, farthest_m=4.5, noise_px=1.5):

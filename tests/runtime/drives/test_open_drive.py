@@ -7,6 +7,7 @@ from functools import partial
 import cv2
 import numpy as np
 import pytest
+from support.pictures import write_pictures
 from support.refusal import refused
 
 from edgemap.geometry.camera.intrinsics import Intrinsics
@@ -22,12 +23,6 @@ from edgemap.runtime.inputs.drives.pose_files import read_stamps
 LENS, MOUNT = Intrinsics(64, 48, 58.0, 58.0, 31.5, 23.5), Mount.from_degrees(0.6, 11.5)
 POSE_12, POSE = "1 0 0 0 0 1 0 0 0 0 1 0\n", "1 0 0 0 0 1 0 0 0 0 1 0 0 0 0 1\n"
 THREE = {f"image/{number}.png": "" for number in range(3)}
-
-
-def write_pictures(folder, count):
-    folder.mkdir(parents=True)
-    for i in range(count):
-        cv2.imwrite(str(folder / f"{i}.png"), np.full((48, 64, 3), i, np.uint8))
 
 
 def kitti(folder):
