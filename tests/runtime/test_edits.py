@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from support.drives import drive, exact, observed, round_trip, sighted
 from support.faults import texts
-from support.rooms import furnished
+from support.rooms import ROOM
 from support.seen import CAMERA
 
 from edgemap.geometry.objects.annotations import Annotations, Zone
@@ -23,7 +23,6 @@ from edgemap.runtime.step.edit_queue import Edits, load_edits
 from edgemap.runtime.step.map_file import load_annotated_map, map_document, save_map
 from edgemap.runtime.step.mapper import Mapper
 
-ROOM = furnished(np.random.default_rng(11), 16, apart_m=0.8)
 POSES = round_trip(80)
 SQUARE = ((0.0, 0.0), (2.0, 0.0), (2.0, 1.0), (0.0, 1.0))
 
@@ -34,15 +33,6 @@ def driven(mapper=None, poses=POSES, **options):
     for _ in drive(mapper, ROOM, poses, exact(poses), **options):
         pass
     return mapper
-
-
-def again(mapper, count=20, seed=5):
-    """The same round's first poses once more."""
-    random = np.random.default_rng(seed)
-    for index in range(count):
-        motion = exact(POSES)[index] if index else exact([POSES[-1], POSES[0]])[1]
-        number = 80 + index
-        mapper.step(observed(number, sighted(ROOM, POSES[index], number, random), motion))
 
 
 def ids(mapper):

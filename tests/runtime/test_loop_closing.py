@@ -14,7 +14,7 @@ from scipy.spatial.transform import Rotation
 from support.drifting import drifting, integrated, worst_m
 from support.drives import drive, observed, round_trip
 from support.painted import FLOOR
-from support.rooms import furnished
+from support.rooms import ROOM, furnished
 from support.tum import read_tum
 
 from edgemap.bridges.ros2.messages.tf_tree import TfTree
@@ -34,7 +34,6 @@ from edgemap.runtime.step.pose_journal import PoseJournal
 from edgemap.view.page import LivePage
 from edgemap.view.report.history import History
 
-ROOM = furnished(np.random.default_rng(11), 16, apart_m=0.8)
 WAY = round_trip(260, turns=2.4)
 
 

@@ -9,7 +9,7 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from support.drifting import drifting, integrated
 from support.drives import drive, exact, observed, round_trip
-from support.rooms import furnished, mapped
+from support.rooms import ROOM, mapped
 from support.seen import CAMERA, look
 
 from edgemap.geometry.objects.forgetting import Forgetter, is_crossed
@@ -22,7 +22,6 @@ from edgemap.runtime.motion.odometry.protocol import Motion
 from edgemap.runtime.step.frame_observations import FrameObservations
 from edgemap.runtime.step.mapper import Mapper
 
-ROOM = furnished(np.random.default_rng(11), 16, apart_m=0.8)
 POSES = round_trip(260, turns=2.4)
 
 

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 from support.drives import drive, exact, round_trip
 from support.painted import FLOOR
-from support.rooms import furnished, mapped
+from support.rooms import ROOM, furnished, mapped
 from support.tum import read_tum
 
 from edgemap.geometry.errors import MapError
@@ -17,8 +17,6 @@ from edgemap.geometry.se2 import SE2
 from edgemap.runtime.outputs.sinks.run_folder import RunFolder
 from edgemap.runtime.step.map_file import load_map, map_document, save_map
 from edgemap.runtime.step.mapper import Mapper
-
-ROOM = furnished(np.random.default_rng(11), 16, apart_m=0.8)
 
 
 def go(mapper, start_rad=0.0, seed=1, room=ROOM, count=80):

@@ -57,6 +57,7 @@ def mapped(room, pose_room_map=None, random=None, sigma_m=0.0, missed=0.0, false
     return objects
 
 
+ROOM = furnished(np.random.default_rng(11), 16, apart_m=0.8)
 ROOMS = [((0, 0), (4, 3)), ((4, 1), (7, 3)), ((1, 3), (3, 5.5))]  # of a floor: lower and upper corner, metres
 PAIRS = [("chair", 0.6, 0.5), ("potted plant", 3.4, 0.5), ("chair", 6.5, 1.5), ("potted plant", 6.5, 4.3)]
 

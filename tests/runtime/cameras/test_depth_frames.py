@@ -20,8 +20,6 @@ from edgemap.runtime.inputs.cameras.imu_buffer import ImuBuffer, ImuCamera
 from edgemap.runtime.inputs.cameras.live import LiveCamera
 from edgemap.runtime.inputs.open import open_camera
 
-MOUNT = Mount.from_degrees(0.62, 17.0)
-
 
 @pytest.fixture(scope="module")
 def recording(tmp_path_factory):
