@@ -35,12 +35,12 @@ LENS = Intrinsics(640, 480, 600.0, 600.0, 319.5, 239.5)
 NAMES = ("chair", "tv")
 
 
-def chair(camera, away_m, label=0, height_m=0.85, depth_m=0.5):
-    """The box of an upright thing whose near side stands straight ahead."""
-    corners = [(x, y, z) for x in (away_m, away_m + depth_m) for y in (-0.25, 0.25) for z in (0.0, height_m)]
+def chair(camera, away_m):
+    """The box of one whose near side stands straight ahead."""
+    corners = [(x, y, z) for x in (away_m, away_m + 0.5) for y in (-0.25, 0.25) for z in (0.0, 0.85)]
     pixels = camera.project(corners) + 0.5
     box = np.concatenate([pixels.min(axis=0), pixels.max(axis=0)])
-    return Detections(box[None], np.array([0.9]), np.array([label]), NAMES)
+    return Detections(box[None], np.array([0.9]), np.zeros(1, np.int64), NAMES)
 
 
 @pytest.mark.parametrize(("given", "wrong"), [(0.4, True), (0.6, False)])

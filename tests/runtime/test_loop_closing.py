@@ -4,7 +4,6 @@ of a long drive in bounded memory; chains of tf."""
 import json
 import math
 from itertools import pairwise
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -328,30 +327,25 @@ def test_a_correction_counts_from_the_next_question_on():
     assert journal.stamps_near([[2.1, 0.0], [9.1, 0.0]]).tolist() == [0.0, 4.0]
 
 
-def transform(parent, child, rotation, position_m):
-    """One transform of a `tf2_msgs/TFMessage`."""
-    quaternion = SimpleNamespace(**dict(zip("xyzw", rotation.as_quat(), strict=True)))
-    moved = SimpleNamespace(**dict(zip("xyz", position_m, strict=True)))
-    value = SimpleNamespace(rotation=quaternion, translation=moved)
-    return SimpleNamespace(header=SimpleNamespace(frame_id=parent), child_frame_id=child, transform=value)
-
-
-def matrix(rotation, position_m):
+def matrix(position_m, rpy_deg):
     """Homogeneous, (4, 4)."""
-    return np.vstack([np.column_stack([rotation.as_matrix(), position_m]), [0.0, 0.0, 0.0, 1.0]])
+    rotation = Rotation.from_euler("xyz", rpy_deg, degrees=True).as_matrix()
+    return np.vstack([np.column_stack([rotation, position_m]), [0.0, 0.0, 0.0, 1.0]])
 
 
 def test_a_chain_of_rotations_about_different_axes_is_their_product():
     """The camera on an arm on the base, and a lidar on the base: rotations of a chain do not commute."""
-    arm = Rotation.from_euler("z", 40, degrees=True), [0.1, 0.2, 0.3]
-    camera = Rotation.from_euler("xyz", [-90, 10, -90], degrees=True), [0.0, 0.5, -0.1]
-    lidar = Rotation.from_euler("y", 25, degrees=True), [-0.3, 0.0, 0.4]
-    steps = [transform("base", "arm", *arm), transform("arm", "camera", *camera), transform("/base", "lidar", *lidar)]
+    pytest.importorskip("rosbags")
+    from support.ros_bag import tf, transform
+
+    arm, camera = ((0.1, 0.2, 0.3), (0, 0, 40)), ((0.0, 0.5, -0.1), (-90, 10, -90))
+    lidar = (-0.3, 0.0, 0.4), (0, 25, 0)
     tree = TfTree("bag")
-    tree.add(SimpleNamespace(transforms=steps))
-    base_arm, arm_camera, base_lidar = (matrix(*step) for step in (arm, camera, lidar))
-    base_camera = base_arm @ arm_camera
-    for parent, expected in (("base", base_camera), ("lidar", np.linalg.inv(base_lidar) @ base_camera)):
+    tree.add(
+        tf(transform("base", "arm", *arm), transform("arm", "camera", *camera), transform("/base", "lidar", *lidar))
+    )
+    base_camera = matrix(*arm) @ matrix(*camera)
+    for parent, expected in (("base", base_camera), ("lidar", np.linalg.inv(matrix(*lidar)) @ base_camera)):
         pose = tree.pose(parent, "camera")
         assert pose is not None
         rotation, position_m = pose
