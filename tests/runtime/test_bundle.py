@@ -5,6 +5,7 @@ import re
 from functools import partial
 
 import msgspec
+import numpy as np
 import pytest
 from support import painted
 from support.recordings import noise, record
@@ -60,6 +61,17 @@ def painted_with(**options):
     return lambda folder: painted.write_painted(folder, CHAIR, **options)
 
 
+def with_floor(**changes):
+    """A floor mask of two labels in cells of 4 px, of which the manifest says something else."""
+
+    def harm(folder):
+        detector = read_manifest(painted.with_floor(folder, np.ones((1, 2, 16, 16)), 4)).detector
+        floor = msgspec.structs.replace(detector.floor, **changes)
+        change(folder, detector=msgspec.structs.replace(detector, floor=floor))
+
+    return harm
+
+
 def with_variant(file):
     return lambda folder: change(folder, variants={"int8": BundleVariant(file=file)})
 
@@ -75,6 +87,9 @@ def rename_field(folder):
         (painted_with(outputs=("head", "surprise")), "output surprise is not in the manifest"),
         (painted_with(outputs=("other",)), "output head is missing"),
         (painted_with(metadata="{}"), "contract in its metadata differs"),
+        (with_floor(stride=8), "2 labels at stride 8 have (1, 2, 8, 8)"),
+        (with_floor(labels=("floor",)), "1 labels at stride 4 have (1, 1, 16, 16)"),
+        (with_floor(labels=("wall", "floor")), "floor is the first"),
         (with_variant("../x.onnx"), "leaves the bundle's folder"),
         (with_variant("x.onnx"), "has no sha256"),
         (flip, "backbone.onnx has sha256"),

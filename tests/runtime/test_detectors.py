@@ -15,7 +15,6 @@ from onnx import TensorProto, helper, numpy_helper
 from support import painted
 from support.foreign_models import MODELS, SIDE, class_columns, write
 from support.noise import noise
-from support.refusal import refused
 
 from edgemap.geometry.camera.floor import FloorCamera
 from edgemap.geometry.camera.intrinsics import Intrinsics
@@ -34,7 +33,6 @@ from edgemap.runtime.network.decode import Decoder, Detector, suppress
 from edgemap.runtime.network.foreign import ForeignFile, _manifest, probes, recognise
 from edgemap.runtime.network.layouts import rows_of
 from edgemap.runtime.network.manifest import DetectorSpec, FloorSpec, HeadSpec, InputSpec
-from edgemap.runtime.network.manifest_file import read_manifest, write_manifest
 from edgemap.runtime.network.network import Compute
 from edgemap.runtime.network.open_bundle import open_bundle
 from edgemap.runtime.network.preprocess import Placement, Preprocessor, floor_mask, place
@@ -210,23 +208,6 @@ def test_a_picture_that_ends_within_a_cell_keeps_its_geometry():
     assert mask.floor.shape == (11, 16)  # 43 px are 10.75 cells
     expected = 10.0 + (np.arange(11) + 0.5) * 43.0 / 11.0
     np.testing.assert_allclose(mask.floor[:, 5], expected, atol=1e-4)
-
-
-@pytest.mark.parametrize(
-    ("change", "message"),
-    [
-        ({"stride": 8}, "2 labels at stride 8 have (1, 2, 8, 8)"),
-        ({"labels": ("floor",)}, "1 labels at stride 4 have (1, 1, 16, 16)"),
-        ({"labels": ("wall", "floor")}, "floor is the first"),
-    ],
-)
-def test_a_floor_mask_that_cannot_be_is_refused(tmp_path, change, message):
-    folder = painted.with_floor(painted.write_painted(tmp_path / "b", CHAIR), PAINTED, 4)
-    manifest = read_manifest(folder)
-    floor = msgspec.structs.replace(manifest.detector.floor, **change)
-    detector = msgspec.structs.replace(manifest.detector, floor=floor)
-    write_manifest(folder, msgspec.structs.replace(manifest, detector=detector))
-    assert message in refused(BundleError, load_bundle, folder)
 
 
 @pytest.fixture(scope="module")
