@@ -33,16 +33,3 @@ def lit(drawn):
 
     coarse = BakeSettings(texel_m=0.3, vertex_spacing_m=1.0, lamp_samples=1, hemisphere_samples=2, bounces=1)
     return lit_home(drawn, coarse)
-
-
-@pytest.fixture(scope="session")
-def renderer(lit):
-    from edgemap.simulation.render.renderer import Renderer
-    from edgemap.simulation.world import CameraSetup
-
-    try:
-        made = Renderer(lit, CameraSetup().intrinsics)
-    except EdgemapError as error:
-        pytest.skip(str(error))
-    yield made
-    made.close()

@@ -15,7 +15,6 @@ from edgemap.simulation.robot.explore import drive
 from edgemap.simulation.robot.imu import Wheels, wheel_odometry
 from edgemap.simulation.robot.motion import SAMPLE_S, Limits, SampledDrive
 from edgemap.simulation.robot.plan_grid import PlanGrid, VisibilityEstimate
-from edgemap.simulation.robot.router import Router
 from edgemap.simulation.truth import object_records
 
 LIMITS = Limits(speed_m_s=0.6, yaw_rate_rad_s=1.1)
@@ -86,17 +85,6 @@ def test_a_longer_drive_begins_as_the_shorter_one(place):
     short = drive(grid, sight, LIMITS, np.random.default_rng(7), 20.0)
     long = drive(grid, sight, LIMITS, np.random.default_rng(7), 60.0)
     assert np.array_equal(long.samples[: len(short.samples)], short.samples)
-
-
-def test_ways_keep_clear_and_hold_their_ends(place):
-    _, grid, _ = place
-    router = Router(grid, LIMITS)
-    start, goal = router.nearest(np.array([1.5, 2.0])), router.nearest(np.array([9.0, 3.9]))
-    _, before = router.reach(start)
-    way = router.rounded(router.chain(before, goal))
-    np.testing.assert_allclose(way[[0, -1]], router.nodes_m[[start, goal]], atol=0.03)
-    assert grid.clearance_m(way).min() > LIMITS.radius_m + 0.04
-    assert np.linalg.norm(np.diff(way, axis=0), axis=1).max() < 0.03
 
 
 def test_a_wall_hides_and_a_table_hides_only_what_is_lower():
