@@ -10,7 +10,6 @@ from edgemap.calibrate.floor_board import fit_mount
 from edgemap.calibrate.lens import fit_lens
 from edgemap.geometry.camera.floor import FloorCamera
 from edgemap.geometry.camera.intrinsics import Distortion, Intrinsics
-from edgemap.geometry.camera.level import pitch_roll, up_optical
 from edgemap.geometry.camera.mount import Mount
 from edgemap.runtime.frames.errors import CalibrationError
 
@@ -145,15 +144,6 @@ def test_a_wrong_lens_and_too_few_or_too_small_boards_are_refused(lying):
     far = [BoardView(f"{i}", camera.project(flat + [1.6, 0.05 * i]) + random.normal(0, 0.3, (9, 2))) for i in range(3)]
     with pytest.raises(CalibrationError, match=r"mount known to \d+\.\d cm and \d+\.\d\d deg only|horizon|impossible"):
         fit_mount(far, tiny, LENS)
-
-
-@pytest.mark.parametrize(("pitch_deg", "roll_deg"), [(0, 0), (11.5, 3.0), (-20, -5), (60, 40)])
-def test_up_is_what_the_mount_says(pitch_deg, roll_deg):
-    mount = Mount.from_degrees(1.0, pitch_deg, roll_deg)
-    np.testing.assert_allclose(
-        up_optical(mount.pitch_rad, mount.roll_rad), mount.rotation_base_optical()[2], atol=1e-12
-    )
-    assert pitch_roll(mount.rotation_base_optical()[2]) == pytest.approx((mount.pitch_rad, mount.roll_rad))
 
 
 @pytest.mark.parametrize(("columns", "rows", "square_m"), [(2, 6, 0.02), (9, 1, 0.02), (9, 6, 0.0), (9, 6, -1.0)])

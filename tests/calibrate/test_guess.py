@@ -167,18 +167,6 @@ def test_rendered_rooms(pitch_deg, roll_deg, distortion):
     assert max(fit.sigma) < math.radians(0.3)
 
 
-def test_the_demo_drive():
-    """Furniture, textures, video compression: the truth is in the demo's camera file."""
-    with open_camera("demo") as camera:
-        pictures = []
-        while (frame := camera.read()) is not None:
-            if frame.index % 10 == 0 and frame.index < 200:
-                pictures.append(find_segments(frame.image, camera.info.intrinsics))
-    fit = fit_tilt(pictures)
-    assert math.degrees(fit.pitch_rad - camera.info.mount.pitch_rad) == pytest.approx(0.0, abs=0.3)
-    assert math.degrees(fit.roll_rad - camera.info.mount.roll_rad) == pytest.approx(0.0, abs=0.3)
-
-
 def random_segments(random, count):
     normals = random.normal(size=(count, 3))
     return Segments(normals / np.linalg.norm(normals, axis=1, keepdims=True), np.full(count, 0.2))

@@ -62,7 +62,8 @@ def test_tilt_of_the_demo_keeps_the_rest(edgemap, tmp_path):
     found = read_camera_yaml(out)
     assert found.intrinsics == demo.intrinsics
     assert (found.mount.height_m, found.mount.forward_m) == (0.7, demo.mount.forward_m)
-    assert np.degrees(found.mount.pitch_rad - demo.mount.pitch_rad) == pytest.approx(0.0, abs=0.3)
+    off = [found.mount.pitch_rad - demo.mount.pitch_rad, found.mount.roll_rad - demo.mount.roll_rad]
+    assert np.degrees(off) == pytest.approx([0.0, 0.0], abs=0.3)
     assert yaml.safe_load(out.read_text())["calibration"]["tilt"]["sigma_pitch_deg"] < 0.3
 
 

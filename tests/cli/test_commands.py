@@ -6,8 +6,6 @@ import shutil
 import signal
 import subprocess
 import sys
-import time
-from itertools import islice
 from pathlib import Path
 
 import cv2
@@ -18,12 +16,8 @@ from support.refusal import one_line
 from support.waiting import wait_for
 
 from edgemap.cli import main
-from edgemap.geometry.camera.floor import FloorCamera
 from edgemap.runtime.frames.errors import DiskError
-from edgemap.runtime.inputs.open import open_camera
-from edgemap.runtime.network.bundle import load_bundle
 from edgemap.runtime.step.map_file import load_map
-from edgemap.runtime.step.slam import build_slam
 
 pytestmark = pytest.mark.slow
 DEMO = Path(__file__).parents[2] / "runtime" / "inputs" / "demo"
@@ -89,18 +83,11 @@ def test_run_on_pictures_makes_a_map(made_once):
     assert '"truth":null' in (out / "report.html").read_text()
 
 
-def test_map_show_draws_and_paper_clustering_runs(edgemap, painted_bundle, pictures, tmp_path):
+def test_map_show_draws_a_run_of_paper_clustering(edgemap, painted_bundle, pictures, tmp_path):
     out = tmp_path / "run"
     edgemap("run", "--camera", pictures, "--bundle", painted_bundle, "-o", out, "--clustering", "paper")
-    result = edgemap("map", "show", out)
-    assert "chair-1" in result.stdout
-    alone = tmp_path / "alone.json"
-    alone.write_bytes((out / "map.json").read_bytes())
-    edgemap("map", "show", alone, "--out", tmp_path / "only.png")
-    three, one = cv2.imread(str(out / "map.png")), cv2.imread(str(tmp_path / "only.png"))
-    assert three.shape[1] > 1.8 * one.shape[1]  # three panels beside one
-    assert edgemap("map", "show", alone, "--out", tmp_path / "only.svg").returncode == 0
-    assert "<svg" in (tmp_path / "only.svg").read_text()
+    assert "chair-1" in edgemap("map", "show", out).stdout
+    assert cv2.imread(str(out / "map.png")) is not None
 
 
 def test_classes_choose_what_is_mapped(edgemap, painted_bundle, pictures, tmp_path):
@@ -121,21 +108,6 @@ def test_a_run_whose_log_takes_nothing_leaves_its_files_alone(painted_bundle, pi
     assert result.returncode == 0
     assert "\nframe 8:" not in result.stdout  # faults went to standard error, which is none
     assert len(load_map(tmp_path / "run")) == 1
-
-
-def test_a_run_maps_what_evaluation_maps(edgemap, painted_bundle, tmp_path):
-    with open_camera("demo") as camera:
-        assert camera.info.intrinsics
-        assert camera.info.mount
-        floor = FloorCamera(camera.info.intrinsics, camera.info.mount)
-        slam = build_slam(camera, load_bundle(painted_bundle, 1), floor)
-        for frame in islice(iter(camera.read, None), 15):
-            slam.step(frame)
-    assert slam.objects()
-    edgemap.ok("run", "--frames", "15", "--bundle", painted_bundle, "--out", tmp_path / "run")
-    assert [(item.id, item.count) for item in load_map(tmp_path / "run")] == [
-        (item.id, item.count) for item in slam.objects()
-    ]
 
 
 def test_why_names_black_pictures_first(edgemap, painted_bundle, pictures, tmp_path):
@@ -229,26 +201,6 @@ def test_a_recording_that_cannot_be_ended_leaves_the_map_and_names_its_folder(
     assert ended.value.code == 4
     assert f"(No space left on device); the map so far (1 objects) is in {out}/" in capsys.readouterr().err
     assert load_map(out)[0].count > 0
-
-
-def test_ctrl_c_ends_cleanly_with_map_and_report(painted_bundle, pictures, tmp_path):
-    out = tmp_path / "run"
-    (pictures / "camera.yaml").write_text((pictures / "camera.yaml").read_text().replace("fps: 10.0", "fps: 0.5"))
-    command = [sys.executable, "-m", "edgemap.cli", "run", "--camera", str(pictures), "--bundle", str(painted_bundle)]
-    process = subprocess.Popen(
-        [*command, "--out", str(out), "--realtime"], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
-    )
-    wait_for((out / "mount.jpg").exists, "the first picture")
-    time.sleep(1.6)
-    process.send_signal(signal.SIGINT)
-    stdout, stderr = process.communicate(timeout=120)
-    assert process.returncode == 0, stderr
-    assert "stopped after" in stdout
-    record = json.loads((out / "run.json").read_text())
-    assert record["finished"]
-    assert 0 < record["frames"] < 12
-    assert load_map(out) is not None
-    assert "</html>" in (out / "report.html").read_text()
 
 
 def test_detect_prints_json_and_distances(edgemap, painted_bundle, pictures):

@@ -59,26 +59,6 @@ def locobot(folder):
     return f"locobot:{folder}"
 
 
-def c2w(folder):
-    """The world's z is up; the camera is level and looks along its x."""
-    pictures(folder)
-    (folder / "camera.yaml").write_text(LEVEL_YAML)
-    (folder / "poses.txt").write_text("".join(f"0 0 1 {p.x_m} -1 0 0 0 0 -1 0 1.5 0 0 0 1\n" for p in WAY))
-    return f"c2w:{folder}"
-
-
-def tum(folder):
-    """The same as a listing with poses at other times, twice as often."""
-    pictures(folder / "rgb")
-    (folder / "camera.yaml").write_text(LEVEL_YAML)
-    (folder / "rgb.txt").write_text("".join(f"{s:.3f} rgb/{i}.png\n" for i, s in enumerate(STAMPS_S)))
-    times = np.arange(-1, 2 * COUNT) / 20 + 0.01
-    places = np.clip(times - 1.0, 0.0, 5.0)
-    lines = [f"{s:.3f} {x:.6f} 0 1.5 -0.5 0.5 -0.5 0.5\n" for s, x in zip(times, places, strict=True)]
-    (folder / "groundtruth.txt").write_text("".join(lines))
-    return f"tum:{folder}"
-
-
 @pytest.fixture
 def evaluate(edgemap, painted_bundle):
     def run(*arguments):
@@ -131,16 +111,6 @@ def test_kitti_has_its_own_lengths_and_tells_what_three_values_leave_out(evaluat
     assert own["planar_fit"]["max_m"] == pytest.approx(0.0, abs=1e-6)  # the nose is level, only the height is lost
     assert own["planar_fit"]["height_max_m"] == pytest.approx(5 * math.sin(0.1))
     assert own["planar_fit"]["t_rel_percent"] is None
-
-
-def test_other_layouts(evaluate, tmp_path):
-    found = document(evaluate("--data", c2w(tmp_path / "c"), tum(tmp_path / "t"), "--odometry", "truth", "--json"))
-    for name in ("c", "t"):
-        own = found["sequences"][name]
-        assert own["frames"] == COUNT
-        assert own["path_m"] == pytest.approx(5.0, abs=0.01)  # the corners of the way, between two poses
-        assert own["t_rel_percent"]["2"] == pytest.approx(0.0, abs=1e-6)
-    assert found["sequences"]["c"]["planar_fit"]["max_m"] == pytest.approx(0.0, abs=1e-6)
 
 
 def test_people_get_lines_and_a_picture(evaluate, tmp_path):

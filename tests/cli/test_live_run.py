@@ -98,19 +98,6 @@ def test_a_stall_and_a_stop_do_not_end_a_run_and_sigterm_does_within_two_seconds
     assert heard[-1] == "STOPPING=1"
 
 
-def test_sigterm_in_the_middle_of_a_realsense_recording(begin, realsense_recording, tmp_path):
-    pytest.importorskip("pyrealsense2")
-    out = tmp_path / "run"
-    run = begin(f"realsense:{realsense_recording[0]}", out, "--realtime")
-    try:
-        wait_for(lambda: frames_done(out) >= 1)
-        ending = ended_by_sigterm(run)
-    finally:
-        run.kill()
-    stopped_cleanly(ending)
-    assert json.loads((out / "run.json").read_text())["finished"]
-
-
 def test_sigterm_while_the_camera_is_away(begin, server, tmp_path):
     """The supervisor sleeps between two attempts to open it, or is in the middle of one."""
     out = tmp_path / "run"

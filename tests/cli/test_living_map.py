@@ -149,21 +149,6 @@ def test_one_run_at_a_time(tmp_path):
     LivingMap(tmp_path / "home", bool).release()
 
 
-def test_dock_and_last_pose_survive_the_file(tmp_path):
-    (chair,) = mapped([("chair", 1.0, 2.0)])
-    chair = replace(chair, corrected=("position", "size", "yaw"), depth_m=0.4, yaw_rad=1.0)
-    save_map(tmp_path / "map.json", [chair], Annotations(dock=SE2(1.0, -2.0, 0.5)))
-    (again,), annotations = load_annotated_map(tmp_path / "map.json")
-    assert annotations.dock == SE2(1.0, -2.0, 0.5)
-    assert (again.corrected, again.depth_m, again.yaw_rad) == (("position", "size", "yaw"), 0.4, 1.0)
-    assert load_annotated_map(tmp_path / "map.json")[1].last_pose is None
-    document = json.loads((tmp_path / "map.json").read_text())
-    document["dock"]["yaw_rad"] = 99.0
-    (tmp_path / "map.json").write_text(json.dumps(document))
-    with pytest.raises(Exception, match="damaged map"):
-        load_annotated_map(Path(tmp_path / "map.json"))
-
-
 def test_the_first_run_by_a_name_has_the_scale_of_its_own_camera(boot):
     """So its map may be scaled by a measured height; that of a run that continues one may not."""
     runs = [boot("home")[2] for _ in range(2)]

@@ -48,7 +48,7 @@ def test_exports_land_beside_the_map_in_a_file_or_in_a_folder(edgemap, run_folde
     assert (tmp_path / "b" / "map.csv").is_file()
 
 
-def test_two_drives_of_one_room_become_one_map(edgemap, tmp_path):
+def test_two_drives_of_one_room_become_one_map(edgemap, tmp_path, grid):
     random = np.random.default_rng(3)
     room = furnished(random, 14)
     first, second = mapped(room[:12]), mapped(room[2:], SE2(4.0, -1.0, 2.5))
@@ -56,7 +56,8 @@ def test_two_drives_of_one_room_become_one_map(edgemap, tmp_path):
     zone = Zone("zone-1", "hall", ((0.0, 0.0), (1.0, 0.0), (1.0, 1.0)))
     save_map(tmp_path / "a.json", first, Annotations((zone,)))
     there = SE2(4.0, -1.0, 2.5).inverse().apply(np.array(zone.corners_m))
-    save_map(tmp_path / "b.json", second, Annotations((replace(zone, corners_m=tuple(map(tuple, there.tolist()))),)))
+    there = replace(zone, corners_m=tuple(map(tuple, there.tolist())))
+    save_map(tmp_path / "b.json", second, Annotations((there,)), grid)
     done = edgemap.ok("map", "merge", tmp_path / "a.json", tmp_path / "b.json", "-o", tmp_path / "merged")
     assert "10 of " in done.stdout
     assert "yaw 143.2 deg" in done.stdout
@@ -68,6 +69,7 @@ def test_two_drives_of_one_room_become_one_map(edgemap, tmp_path):
     assert {item.id for item in first} <= {item.id for item in merged}
     for label, x, y in room:
         assert any(item.label == label and np.allclose(item.position_m, [x, y], atol=1e-4) for item in merged)
+    assert load_grid(tmp_path / "merged").area_m2(FREE) == pytest.approx(grid.area_m2(FREE), rel=0.05)
 
 
 def test_maps_that_do_not_fit_are_refused_with_numbers(edgemap, tmp_path):
@@ -319,16 +321,3 @@ def test_geojson_has_the_walls_as_lines_and_an_older_map_has_no_grid(edgemap, fo
     assert load_grid(older) is None
     done = edgemap("map", "export", older, "--format", "nav2")
     assert (done.returncode, done.stderr) == (0, "")
-
-
-def test_merged_maps_keep_the_floor_of_both(edgemap, tmp_path, grid):
-    rng = np.random.default_rng(3)
-    objects = mapped(
-        [(label, *rng.uniform(-1, 4, 2)) for label in ("chair", "couch", "tv", "vase", "bed", "sink", "oven")]
-    )
-    for name in ("a", "b"):
-        (tmp_path / name).mkdir()
-        save_map(tmp_path / name / "map.json", objects, grid=grid if name == "b" else None)
-    edgemap.ok("map", "merge", tmp_path / "a", tmp_path / "b", "-o", tmp_path / "both")
-    both = load_grid(tmp_path / "both")
-    assert both.area_m2(0) == pytest.approx(grid.area_m2(0), rel=0.05)

@@ -78,25 +78,6 @@ def test_pictures_in_such_a_folder_are_a_camera(edgemap, tmp_path):
     assert (tmp_path / "o" / "report.html").is_file()
 
 
-@pytest.mark.parametrize(
-    "arguments",
-    [
-        ["detect", f"{ODD}.jpg"],
-        ["run", "--camera", f"rtsp://127.0.0.1:9/{ODD}"],
-        ["run", "--camera", f"realsense:{ODD}.db3"],
-        ["run", "--bundle", f"b{ODD}", "--frames", "2"],
-        ["run", "--mqtt", f"h{ODD}", "--frames", "2", "--out", "o"],
-        ["run", "--sink", f"fleet:127.0.0.1:9/{ODD}", "--frames", "2", "--out", "o"],
-        ["map", "show", f"{ODD}"],
-        ["eval", "odometry", "--data", f"kitti:{ODD}"],
-        [f"{ODD}"],
-    ],
-    ids=lambda words: words[0] if len(words) == 1 else f"{words[0]} {words[1]}",
-)
-def test_everything_that_takes_a_name_takes_this_one(edgemap, tmp_path, arguments):
-    ended(edgemap(*arguments, cwd=tmp_path))
-
-
 def test_names_beyond_the_locale(tmp_path):
     (tmp_path / "café").mkdir()
     for path in DEMO.iterdir():

@@ -85,44 +85,6 @@ def test_wheels_that_are_given_go_on_the_tape_before_the_sources_own(edgemap, tm
     assert read_wheel(str(tape)).poses == (SE2(), SE2(0.25, 0.0, 0.5))
 
 
-def test_what_a_run_records_is_what_it_wrote(live):
-    rosbags = pytest.importorskip("rosbags.highlevel")
-    seen, poses, boxes = [], [], 0
-    with rosbags.AnyReader([live.parent / "live.mcap"]) as reader:
-        for connection, _, data in reader.messages():
-            message = reader.deserialize(data, connection.msgtype)
-            if connection.topic == "/odometry":
-                poses.append((message.pose.pose.position.x, message.pose.pose.position.y))
-            elif connection.topic == "/detections":
-                boxes += len(message.detections)
-            elif connection.topic == "/map/objects":
-                seen = [
-                    (item.id.rpartition("/")[2], item.bbox.center.position.x, item.bbox.center.position.y)
-                    for item in message.detections
-                ]
-    way = np.loadtxt(live / "trajectory.tum")
-    np.testing.assert_allclose(poses, way[:, 1:3], atol=1e-6)
-    assert boxes == 2 * FRAMES  # the painted bundle always sees a chair and a person
-    written = [(item.id, *item.position_m) for item in load_map(live)]
-    assert [item[0] for item in seen] == [item[0] for item in written]
-    np.testing.assert_allclose([item[1:] for item in seen], [item[1:] for item in written], atol=1e-6)
-
-
-def test_a_realsense_recording_is_converted(edgemap, realsense_recording, tmp_path):
-    path, pictures, stamps = realsense_recording
-    out = tmp_path / "drive.mcap"
-    edgemap.ok("record", "--camera", f"realsense:{path}", "-o", out, "--lossless", "--mount", "0.6,11.5")
-    with open_camera(f"realsense:{path}") as original, open_camera(str(out)) as camera:
-        assert camera.info.intrinsics == original.info.intrinsics
-        assert (camera.info.rate_hz, camera.info.frame_count, camera.info.size) == (30.0, 60, (640, 480))
-        assert camera.info.mount.height_m == 0.6
-        for picture, stamp in zip(pictures, stamps, strict=True):
-            frame, was = camera.read(), original.read()
-            assert frame.stamp_s == was.stamp_s == pytest.approx(stamp, abs=1e-6)
-            np.testing.assert_array_equal(frame.image[..., ::-1], picture)
-        assert camera.read() is None
-
-
 def test_a_full_disk_names_the_recording_so_far(monkeypatch, capsys, pictures, tmp_path):
     def full(recorder):
         raise DiskError("a.mcap: cannot be written (No space left on device)")

@@ -104,18 +104,6 @@ def test_a_lost_camera_ends_a_session_with_its_map_and_its_sinks_closed(painted_
     assert record["faults"][-1]["kind"] == "lost"
 
 
-def test_iteration_that_was_left_goes_on_and_closing_closes_the_sinks(painted_bundle, pictures, tmp_path):
-    floor = FloorCamera(Intrinsics(64, 64, 50.0, 50.0, 31.5, 31.5), Mount(1.0, 0.0))
-    sinks = [RunFolder(tmp_path / "run", floor, {})]
-    with edgemap_api.open(camera=f"{pictures}", bundle=painted_bundle, odometry="window", sinks=sinks) as session:
-        for result in session:
-            if result.frame.index == 3:
-                break
-        assert next(iter(session)).frame.index == 4
-    record = json.loads((tmp_path / "run" / "run.json").read_text())
-    assert (record["finished"], record["frames"]) == (True, 5)
-
-
 @pytest.mark.parametrize(("mount", "height_m"), [(None, None), (0.83, 0.83), ((0.7, 3.0), 0.7)])
 def test_what_a_source_does_not_bring_is_guessed_as_by_the_command(painted_bundle, pictures, tmp_path, mount, height_m):
     (pictures / "camera.yaml").unlink()

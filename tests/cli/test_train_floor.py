@@ -38,6 +38,7 @@ def test_train_export_and_eval(edgemap, carpets, tmp_path):
     manifest = json.loads((tmp_path / "bundle" / "bundle.json").read_text())
     assert manifest["detector"]["floor"]["labels"] == ["floor", "wall"]
     assert "labels by hand" in manifest["sources"]
+    assert manifest["measured"]["floor"]["parameters"] > 0
     result = edgemap("eval", "floor", "--data", data, "--bundle", tmp_path / "bundle", "--json")
     figures = json.loads(result.stdout)
     assert figures["pictures"] == 4

@@ -7,7 +7,7 @@ import pytest
 import torch
 from support.refusal import refused
 
-from edgemap.export.darknet import Darknet, fold_batch_norm
+from edgemap.export.darknet import Darknet
 from edgemap.export.darknet_cfg import yolov3, yolov3_tiny
 from edgemap.export.darknet_weights import load_weights, value_count
 from edgemap.export.errors import ExportError
@@ -147,18 +147,6 @@ def test_maxpool_pads_as_darknet_does(size, stride, cells):
     network.outputs = (0,)
     (found,) = network(torch.from_numpy(image)[None, None])
     np.testing.assert_array_equal(found[0, 0].numpy(), expected)
-
-
-def test_folding_batch_norm_changes_nothing_but_rounding(small_cfg, small_weights):
-    network = Darknet.from_cfg(small_cfg).eval()
-    load_weights(network, small_weights)
-    picture = torch.rand(1, 3, 32, 32)
-    with torch.no_grad():
-        (before,) = network(picture)
-        fold_batch_norm(network)
-        (after,) = network(picture)
-    assert all(layer.norm is None for layer in network.convolutions())
-    torch.testing.assert_close(before, after, rtol=1e-5, atol=1e-5)
 
 
 def test_yolov3_tiny_sees_the_dog(shared_data):

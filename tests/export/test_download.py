@@ -3,7 +3,6 @@
 import io
 import json
 import shutil
-import subprocess
 import sys
 import tarfile
 from functools import partial
@@ -234,23 +233,3 @@ def test_pull_makes_a_ready_bundle_and_a_second_pull_is_at_once(cache, shared_da
     with pytest.raises(Exception, match=r"needs torch, onnx, onnxscript: .*pip install .*\[export\]'"):
         pull.pull_known("yolox-nano")
     assert "neither a bundle's folder nor URL, nor a known model" in refusal(pull.pull_known, "nix")
-
-
-def test_a_robot_without_torch_and_onnx_pulls_a_finished_bundle(cache, small, server):
-    for path in small.iterdir():
-        server.files[f"/b/{path.name}"] = path.read_bytes()
-    script = """
-import sys
-class Absent:
-    def find_spec(self, name, path=None, target=None):
-        if name.split(".")[0] in ("torch", "onnx", "onnxscript"):
-            raise ModuleNotFoundError(name)
-sys.meta_path.insert(0, Absent())
-from edgemap.cli import main
-main(["pull", sys.argv[1]])
-"""
-    for source in (str(small), server.url("/b")):
-        done = subprocess.run([sys.executable, "-c", script, source], capture_output=True, text=True, check=False)
-        assert (done.returncode, done.stdout) == (0, f"ready: {cache / 'bundles' / 'small'}\n"), done.stderr
-        load_bundle(cache / "bundles" / "small")
-        shutil.rmtree(cache / "bundles" / "small")

@@ -10,11 +10,10 @@ import onnx
 import pytest
 import torch
 
-from edgemap.export.adopt import load_onnx
 from edgemap.export.detector.network import load_detector
 from edgemap.export.errors import ExportError
 from edgemap.export.exporter import export_backbone
-from edgemap.export.floor.checkpoint import FloorCheckpoint, is_floor, load_floor, save_floor
+from edgemap.export.floor.checkpoint import FloorCheckpoint, save_floor
 from edgemap.export.floor.features import Features
 from edgemap.export.floor.head import FloorHead
 from edgemap.export.floor.labels import open_teacher
@@ -27,7 +26,6 @@ from edgemap.runtime.network.engines import open_onnxruntime
 from edgemap.runtime.network.manifest_file import read_manifest
 from edgemap.runtime.network.network import Compute
 from edgemap.runtime.network.preprocess import Placement
-from edgemap.runtime.network.store import bundle_folder
 
 SHIPPED = ["edgemap-pico", "edgemap-nano", "yolox-nano"]
 
@@ -96,19 +94,6 @@ def test_a_head_that_knows_no_row_is_trained_on_the_rows_that_a_picture_reaches(
     assert (placement.width, placement.height) == (416, 312)
 
 
-@pytest.mark.parametrize("name", ["edgemap-pico", "edgemap-nano"])
-def test_what_ships_gives_the_boxes_of_the_network_without_its_floor_head(name):
-    bundle = load_bundle(bundle_folder(name), 1)
-    detector = bundle.manifest.detector
-    bare, _ = without_floor(load_onnx(bundle.folder / detector.file), detector)
-    picture = np.random.default_rng(2).standard_normal(bundle.backbone.inputs[detector.input.name]).astype(np.float32)
-    network = open_onnxruntime(bare.SerializeToString(), Compute(), detector.input.height)
-    expected, found = network.run({detector.input.name: picture}), bundle.backbone.run({detector.input.name: picture})
-    assert set(found) - set(expected) == {detector.floor.name}
-    for key, values in expected.items():
-        np.testing.assert_array_equal(found[key], values)
-
-
 def checkpoint(tmp_path, name="edgemap-pico", **changes):
     model, manifest = load_detector(name)
     taps = floor_taps(model, manifest.detector)
@@ -117,19 +102,6 @@ def checkpoint(tmp_path, name="edgemap-pico", **changes):
     options = {"head": head, "backbone": name, "taps": names, "sources": ("labels by hand",)} | changes
     save_floor(FloorCheckpoint(**options), tmp_path / "best.pt")
     return tmp_path / "best.pt"
-
-
-def test_export_joins_a_trained_head_and_says_where_it_came_from(tmp_path, brief):
-    path = checkpoint(tmp_path)
-    assert is_floor(path)
-    out = export_backbone("edgemap-pico", tmp_path / "b", heads=[path])
-    manifest = read_manifest(out)
-    assert (manifest.detector.floor.labels, manifest.detector.floor.stride) == (("floor", "wall"), 4)
-    assert "labels by hand" in manifest.sources
-    assert manifest.measured["floor"]["parameters"] == load_floor(path).head.parameters_count
-    assert 0.0 < manifest.parity["backbone.onnx"].max_abs_difference <= manifest.parity["backbone.onnx"].tolerance
-    again = export_backbone("edgemap-pico", tmp_path / "c", heads=[path])
-    assert (again / "backbone.onnx").read_bytes() == (out / "backbone.onnx").read_bytes()
 
 
 def test_a_head_of_another_network_and_two_heads_are_refused(tmp_path):

@@ -24,49 +24,14 @@ from edgemap.export.odometry.paper import PaperHead  # noqa: E402
 from edgemap.runtime.network.bundle import load_bundle  # noqa: E402
 from edgemap.runtime.network.manifest_file import MANIFEST_NAME, read_manifest, sha256_file  # noqa: E402
 
-CFG = """[net]
-width=64
-height=64
-channels=3
-[convolutional]
-batch_normalize=1
-filters=8
-size=3
-stride=2
-pad=1
-activation=leaky
-[maxpool]
-size=2
-stride=2
-[convolutional]
-filters=16
-size=3
-stride=1
-pad=1
-groups=2
-activation=mish
-[route]
-layers=-1,-2
-[route]
-layers=-2
-[shortcut]
-from=-3
-activation=linear
-[upsample]
-stride=2
-[avgpool]
-[route]
-layers=5
-[convolutional]
-filters=16
-size=1
-activation=linear
-[yolo]
-mask=0,1
-anchors=10,14, 23,27, 37,58
-classes=3
-num=3
-"""
+LAST = "[maxpool]\nsize=2\nstride=1\n"
+MORE = "[upsample]\nstride=2\n\n[avgpool]\n\n[route]\nlayers=4\n\n"  # kinds of layers that the small network lacks
+
+
+@pytest.fixture(scope="module")
+def cfg(small_files) -> str:
+    """A Darknet network with every kind of layer."""
+    return small_files[0].read_text().replace(LAST, MORE + LAST)
 
 
 @pytest.fixture(scope="module")
@@ -96,11 +61,11 @@ def test_a_damaged_network_in_a_bundle_and_to_adopt(tiny, tmp_path, data):
 
 @MUTATED
 @given(data=st.data())
-def test_a_damaged_darknet_network(tmp_path, data):
+def test_a_damaged_darknet_network(cfg, tmp_path, data):
     path = tmp_path / "a.cfg"
-    path.write_bytes(data.draw(mutated_rows(CFG)))
+    path.write_bytes(data.draw(mutated_rows(cfg)))
     refused_or(Darknet.from_cfg, path)
-    network = Darknet.from_cfg(CFG)
+    network = Darknet.from_cfg(cfg)
     random_weights(network)
     save_weights(network, tmp_path / "a.weights")
     weights = (tmp_path / "a.weights").read_bytes()
@@ -192,15 +157,15 @@ def test_a_checkpoint_that_lies_about_its_size_takes_no_memory(tmp_path, head):
     ("old", "new", "words"),
     [
         ("size=3\n", "size=1000000000000\n", "size=1000000000000, at most 100,000"),
-        ("filters=8", "filters=99999\nstride=1", "values, at most"),
+        ("filters=4", "filters=99999\nstride=1", "values, at most"),
         ("size=3\n", "size=99999\npad=1\n", "more than 134,217,728 weights"),
-        ("width=64\nheight=64\nchannels=3", "width=99999\nheight=64\nchannels=99999", "is too large"),
-        ("from=-3\n", "from=-3\nweights_type=per_feature\n", "weights_type=per_feature"),
-        ("layers=5\n", "layers=5\ngroups=5\n", "group_id=0 of groups=5 does not fit"),
-        ("stride=2\n[avgpool]", "scale=2\n[avgpool]", "scale=2 is not supported"),
+        ("width=32\nheight=32\nchannels=3", "width=99999\nheight=64\nchannels=99999", "is too large"),
+        ("from=-2\n", "from=-2\nweights_type=per_feature\n", "weights_type=per_feature"),
+        ("layers=4\n", "layers=4\ngroups=5\n", "group_id=0 of groups=5 does not fit"),
+        ("[upsample]\nstride=2", "[upsample]\nscale=2", "scale=2 is not supported"),
     ],
 )
-def test_a_cfg_that_asks_for_too_much_or_fits_nothing(tmp_path, old, new, words):
-    assert old in CFG
-    Path(tmp_path / "a.cfg").write_text(CFG.replace(old, new, 1))
+def test_a_cfg_that_asks_for_too_much_or_fits_nothing(cfg, tmp_path, old, new, words):
+    assert old in cfg
+    Path(tmp_path / "a.cfg").write_text(cfg.replace(old, new, 1))
     assert words in refusal(Darknet.from_cfg, tmp_path / "a.cfg")
