@@ -2,6 +2,7 @@
 
 import json
 import os
+from importlib.util import find_spec
 from pathlib import Path
 
 import cv2
@@ -13,6 +14,10 @@ from support.rooms import mapped
 
 from edgemap.cli import main
 from edgemap.geometry.camera.intrinsics import Intrinsics
+from edgemap.geometry.camera.mount import Mount
+from edgemap.geometry.se2 import SE2
+from edgemap.runtime.frames.trajectory import Trajectory
+from edgemap.runtime.inputs.drives import write_drive
 from edgemap.runtime.inputs.drives.camera_yaml import write_camera_yaml
 from edgemap.runtime.step.map_file import save_map
 
@@ -41,7 +46,10 @@ USAGE = [  # tyro's own errors in one line that names the help
 ]
 RUN = "run --camera pictures --bundle bundle --out out"
 SCALE = "map scale run -o out"
-DETECTOR = "train detector --data yolo:pictures --validation yolo:pictures -o out"
+DETECTOR = "train detector --data yolo:carpets --validation yolo:carpets -o out"
+ODOMETRY = "train odometry --data drive:carpets --validation drive:carpets --backbone edgemap-nano -o out"
+FLOOR = "train floor --validation floor:carpets -o out"
+TEACHER = "not a TensorFlow Lite file" if find_spec("ai_edge_litert") else "--teacher needs ai-edge-litert"
 REFUSED = [
     ("rnu", 2, "'run'"),
     ("map shw", 2, "'map show'"),
@@ -171,6 +179,24 @@ REFUSED = [
     (f"{DETECTOR} --minutes 0", 2, "0.0"),
     (f"{DETECTOR} --input 100", 2, "multiple of 32"),
     (f"{DETECTOR} --mix 1 2", 2, "1 shares"),
+    (f"{DETECTOR} --bundle resnet", 1, "no such folder"),
+    (f"{DETECTOR} --start none.pt", 1, "none.pt: no such checkpoint"),
+    (f"{DETECTOR} --weights none.pt", 1, "none.pt: no such checkpoint"),
+    (f"{DETECTOR} --keep edgemap-nano", 2, "edgemap-nano: knows 18 other classes than yolox-nano with 80"),
+    (f"{DETECTOR} --device cuda", 1, "--device cuda: torch finds no GPU here"),
+    (f"{ODOMETRY} --steps -1", 2, "--steps -1"),
+    (f"{ODOMETRY} --length 1", 2, "--length 1"),
+    (f"{ODOMETRY} --rate -1", 2, "--rate -1.0"),
+    (f"{ODOMETRY} --head flow", 2, "--head flow: the only learned odometry is paper"),
+    (f"{ODOMETRY} --feature nose", 1, "no tensor 'nose'"),
+    (f"{ODOMETRY} --frames 1", 1, "4 pictures, wanted are those from 0 to 1"),
+    (f"{FLOOR} --data plain", 1, "need a --teacher"),
+    (f"{FLOOR} --data plain --teacher net.onnx", 1, TEACHER),
+    (f"{FLOOR} --data floor:carpets --mix 0.5 0.5", 2, "--mix 0.5 0.5: expected 1 shares"),
+    ("eval floor --data floor:empty", 1, "no floor labels NAME.png for 1 pictures"),
+    ("eval floor --data floor:carpets --bundle yolox-nano", 2, "has no floor head"),
+    ("eval floor --data floor:small", 1, "8x4 px, its picture has 640x480"),
+    ("eval floor --data floor:sevens", 1, "holds 7, expected 1 floor"),
     ("export --backbone yolov3-tiny --random-weights --int8 -o out", 2, "--calibrate"),
     ("export --backbone yolov3-tiny --random-weights --calibrate empty -o out", 2, "--int8"),
     ("export --backbone yolov3-tiny --random-weights --int8 --calibrate nowhere -o out", 1, "nowhere"),
@@ -183,13 +209,20 @@ def world(tmp_path_factory) -> Path:
     folder = tmp_path_factory.mktemp("world")
     write_scene(folder)
     painted.write_painted(folder / "bundle", [("chair", 40.0, 30.0, 12.0, 24.0, 0.9)])
-    for name in ("plain", "run", "empty", "empty/images"):
-        (folder / name).mkdir()
+    floors = {"carpets": np.ones((480, 640)), "small": np.ones((4, 8)), "sevens": np.full((480, 640), 7)}
+    for name in ("plain", "run", "empty/images", *(f"{one}/{part}" for one in floors for part in ("images", "floor"))):
+        (folder / name).mkdir(parents=True)
     for index in range(4):
-        cv2.imwrite(str(folder / "plain" / f"{index}.png"), np.full((480, 640, 3), 90, np.uint8))
+        for name in ("plain", *(f"{one}/images" for one in floors)):
+            cv2.imwrite(str(folder / name / f"{index}.png"), np.full((480, 640, 3), 90, np.uint8))
+        for name, labels in floors.items():
+            cv2.imwrite(str(folder / name / "floor" / f"{index}.png"), labels.astype(np.uint8))
+    way, chair = Trajectory(np.arange(4) / 10.0, (SE2(),) * 4), {"id": 1, "label": "chair", "box": [9, 9, 99, 99]}
+    lens, boxes = Intrinsics(640, 480, 587.0, 587.0, 319.5, 239.5), [[chair | {"visible": 1.0}]] * 4
+    write_drive(folder / "carpets", lens, Mount(0.6), 10.0, way, boxes=boxes)
     for name in ("empty/images/0.png", "net.onnx", "there.mcap"):
         (folder / name).touch()
-    write_camera_yaml(folder / "lens.yaml", Intrinsics(640, 480, 587.0, 587.0, 319.5, 239.5))
+    write_camera_yaml(folder / "lens.yaml", lens)
     save_map(folder / "room.json", mapped([("chair", 3.0, 0.0), ("chair", -1.0, 0.5), ("couch", 1.0, 1.0)]))
     save_map(folder / "run" / "map.json", mapped([("chair", 1.0, 0.0), ("couch", 3.0, 2.0)]))
     record = {"mount": {"height_m": 0.75}, "odometry": "hybrid", "quality": {"wheel_frames": 0}}
@@ -221,6 +254,7 @@ def test_wrong_usage_is_one_line_that_names_the_help(world, monkeypatch, capsys,
 def test_what_cannot_be_done_is_one_line_and_writes_nothing(world, monkeypatch, capsys, command, code, fragment):
     monkeypatch.chdir(world)
     monkeypatch.setenv("EDGEMAP_CACHE", str(world / "none"))
+    monkeypatch.setenv("CUDA_VISIBLE_DEVICES", "")
     before = sorted(os.walk(world))
     ended, line = answer(capsys, command if isinstance(command, list) else command.split())
     assert fragment in line

@@ -1,9 +1,8 @@
-"""From labelled pictures to a bundle's figures, as a user types it; mistakes are one line."""
+"""From labelled pictures to a bundle's figures, as a user types it."""
 
 import contextlib
 import io
 import json
-import os
 import shlex
 import shutil
 from pathlib import Path
@@ -90,20 +89,14 @@ def test_a_trained_bundle_is_judged_and_a_checkpoint_is_a_detector_itself(edgema
         main(["export", str(place / "flat/trained/best.pt"), "--backbone", "yolov3", "-o", str(tmp_path / "x")])
     assert ended.value.code == 2
     assert "is a detector itself" in capsys.readouterr().err
-
-
-@pytest.mark.parametrize(
-    ("flags", "code", "message"),
-    [
-        (("--bundle", "resnet"), 1, "no such folder"),
-        (("--start", "none.pt"), 1, "none.pt: no such checkpoint"),
-        (("--weights", "none.pt"), 1, "none.pt: no such checkpoint"),
-        (("--keep", "edgemap-nano"), 2, "edgemap-nano: knows 18 other classes than yolox-nano with 80"),
-        (("--device", "cuda"), 1, "--device cuda: torch finds no GPU here"),
-        (("--resume",), 1, "last.pt: no such checkpoint"),
-    ],
-)
-def test_mistakes_are_one_line(edgemap, squares, tmp_path, flags, code, message):
-    hidden = os.environ | {"CUDA_VISIBLE_DEVICES": ""}
-    data = ("--data", f"yolo:{squares}", "--validation", f"yolo:{squares}")
-    assert message in one_line(edgemap("train", "detector", *data, "-o", tmp_path, *flags, env=hidden), code)
+    train = (
+        "train",
+        "detector",
+        "--data",
+        f"yolo:{squares}",
+        "--validation",
+        f"yolo:{squares}",
+        "-o",
+        tmp_path / "none",
+    )
+    assert "last.pt: no such checkpoint" in one_line(edgemap(*train, "--resume"))
