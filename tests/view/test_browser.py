@@ -62,22 +62,6 @@ def test_on_the_map_forward_is_up_and_left_is_left(watched):
         assert pixel == pytest.approx([*colour, 255], abs=12)
 
 
-def test_two_look_and_the_slow_one_holds_up_nobody(serve, look):
-    """One page draws no frame to its end (its answer is held back); the other sees every one."""
-    served = serve()
-    served.step()
-    slow, quick = look(served), look(served)
-    slow.until("edgemap.drawn > 0")
-    slow.value("edgemap.connection.shown = () => {}")
-    before = slow.value("edgemap.updates")
-    quick.until("edgemap.frame === 0")
-    shows(quick, served, 12)
-    assert slow.value("edgemap.updates") - before <= IN_FLIGHT
-    slow.value("delete edgemap.connection.shown; edgemap.connection.shown(); edgemap.connection.shown()")
-    slow.until("edgemap.frame === 12")  # the newest at once, nothing in between had queued
-    assert slow.value("edgemap.updates") - before <= 2 * IN_FLIGHT + 1
-
-
 def test_a_hidden_tab_gets_nothing_until_it_is_seen_again(serve, look, browser):
     served = serve()
     tab = look(served)
@@ -240,19 +224,6 @@ def test_the_mouse_drags_the_floor_and_the_wheel_zooms_about_the_pointer(watched
     assert tab.value(under(400, 250)) == pytest.approx(held, abs=0.02)
     tab.click("fit")
     tab.until(f"Math.abs(edgemap.map.view.now.scale - {scale}) < 1")
-
-
-def test_a_browser_is_let_in_by_the_token_and_keeps_it_to_itself(serve, look, browser):
-    served = serve(host="0.0.0.0")
-    port = served.port
-    stranger = browser.open(f"http://127.0.0.1:{port}/")
-    stranger.until("document.body && document.body.innerText.includes('needs its token')")
-    stranger.close()
-    served.url = f"http://127.0.0.1:{port}/?token={served.token}"
-    tab = look(served)
-    shows(tab, served, 2)
-    assert tab.value("location.href") == f"http://127.0.0.1:{port}/"
-    assert tab.value("document.cookie") == ""  # scripts cannot read it
 
 
 def test_what_is_wrong_stands_first_in_words(watched):

@@ -55,21 +55,6 @@ def read_until(process, text):
     raise AssertionError(f"never said {text!r}: {lines} {process.stderr.read()}")
 
 
-def test_the_page_stays_after_the_last_frame_until_ctrl_c(start, tmp_path):
-    process, port = start("--camera", "demo", "--frames", "3")
-    read_until(process, f"the page stays at http://127.0.0.1:{port}/")
-    with raw_viewer(port) as viewer:
-        assert viewer.hello["camera"] == "demo"
-        assert viewer.hello["frames"] == 3  # of 600
-        viewer.say("stream")
-        update = viewer.update()
-        assert (update["frame"], update["state"]) == (2, "finished")
-        assert (tmp_path / "run0" / "map.json").is_file()
-        process.send_signal(signal.SIGINT)
-        assert process.wait(timeout=120) == 0
-        assert process.stderr.read() == ""
-
-
 def test_a_held_run_goes_on_where_it_was_and_ctrl_c_ends_a_held_one(start, tmp_path):
     process, port = start("--camera", "demo")
     with raw_viewer(port) as viewer:

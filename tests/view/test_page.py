@@ -1,7 +1,5 @@
 """The page's state: what viewers get, pauses, pictures, and the sentence that comes first."""
 
-import math
-import threading
 from dataclasses import replace
 
 import cv2
@@ -13,13 +11,9 @@ from support.faults import made
 from support.made_camera import MadeCamera
 from support.steps import Steps
 
-from edgemap.geometry.se2 import SE2
-from edgemap.runtime.frames.camera import Camera
-from edgemap.runtime.frames.errors import FrameTimeout
 from edgemap.runtime.frames.faults import Fault, FaultKind
 from edgemap.runtime.frames.frame import Frame
 from edgemap.runtime.inputs.cameras.wrappers import PacedCamera
-from edgemap.runtime.inputs.open import open_camera
 from edgemap.runtime.motion.health import PictureHealth
 from edgemap.runtime.step.sinks import SinkGroup
 from edgemap.view.page import RATE_OVER, LivePage, Tail
@@ -57,23 +51,6 @@ def test_the_trail_is_the_way_and_a_lasting_fault_is_told_once(tmp_path):
     assert len(page.trail.since(0, 99)[0]) == 6
 
 
-def test_way_and_sightings_move_into_the_map_that_the_run_found_itself_in(tmp_path):
-    """A quarter turn to the left and 10 m ahead: (1, 0) becomes (10, 1)."""
-    page, steps = LivePage({}, tmp_path), Steps()
-    steps.into(page, 3)
-    result, objects = steps.next()
-    turn = SE2(10.0, 0.0, math.pi / 2)
-    result.trajectory.transform(turn)
-    pose = SE2(10.0, 0.15, math.pi / 2)
-    moved = replace(result, relocated=turn, pose_map_base=pose, sightings=[], object_ids=[])
-    page.write(moved, objects)
-    trail, _ = page.trail.since(0, 99)
-    np.testing.assert_allclose([sample[:2] for sample in trail], [(10.0, 0.05 * i) for i in range(4)], atol=1e-12)
-    sightings, _ = page.sightings.since(0, 99)
-    np.testing.assert_allclose([seen[2:] for seen in sightings[:2]], [(9.0, 3.0), (11.5, 4.0)], atol=1e-12)
-    assert (len(sightings), page.epoch) == (6, 1)
-
-
 def five_frames():
     """Stamped 0, 0.4, … 1.6 seconds."""
     return MadeCamera(5, lambda _: np.zeros((4, 4, 3), np.uint8), rate_hz=2.5)
@@ -100,28 +77,6 @@ def test_after_a_pause_frames_keep_their_pace_and_none_is_lost():
     pause.set(False)
     assert indices(camera, 4) == [2, 3, 4, None]
     assert waits == pytest.approx([0.4] * 4)
-
-
-def test_a_held_camera_gives_nothing_until_resumed_and_ends_when_stopped():
-    pause, stop = Pause(), threading.Event()
-    camera = PausableCamera(five_frames(), pause, stop.is_set)
-    pause.set(True)
-    for _ in range(2):  # its reader may do something else meanwhile, such as take an edit
-        with pytest.raises(FrameTimeout, match="held"):
-            camera.read()
-    pause.set(False)
-    assert indices(camera, 2) == [0, 1]
-    pause.set(True)
-    stop.set()
-    assert camera.read() is None
-
-
-def test_a_camera_that_can_be_held_knows_all_that_the_one_behind_it_knows():
-    with open_camera("demo") as demo:
-        camera = PausableCamera(PacedCamera(demo), Pause(), lambda: False)
-        assert isinstance(camera, Camera)
-        for name in Camera.__annotations__:
-            assert getattr(camera, name) is getattr(demo, name), name
 
 
 def test_a_frame_is_encoded_once_and_a_waiting_viewer_is_woken_once(tmp_path):

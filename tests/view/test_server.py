@@ -198,6 +198,10 @@ def test_after_a_relocation_all_is_sent_anew(serve):
         assert second["moved"]
         assert [place[0] for place in second["trail"][:3]] == pytest.approx([10.0, 10.05, 10.1])
         assert {item["id"] for item in second["changed"]} == {"chair-1", "couch-1"}
+        viewer.say("sightings")
+        while not (found := viewer.update().get("sightings")):
+            viewer.say("shown")
+        assert found[0][2:] == pytest.approx([13.0, 1.0])
 
 
 def test_a_viewer_that_shows_nothing_is_sent_a_few_and_stops_nobody(serve):

@@ -11,7 +11,7 @@ import pytest
 
 pytest.importorskip("rosbags")
 
-from rosbags.rosbag1 import Writer as Ros1Writer
+from rosbags.convert import convert
 from rosbags.rosbag2 import StoragePlugin, Writer
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 from support.ros_bag import STORE, camera_info, compressed, image, imu, make, odometry, tf, transform, write_bag
@@ -85,8 +85,10 @@ def test_every_container_of_a_bag_plays_alike(tmp_path, kind):
         ]
     folder, spec = tmp_path / "bag", tmp_path / "bag"
     if kind == "ros1":
-        spec = tmp_path / "bag.bag"
-        write_ros1(spec, messages)
+        spec, store = tmp_path / "bag.bag", get_typestore(Stores.ROS1_NOETIC)
+        store.register(get_types_from_msg("geometry_msgs/TransformStamped[] transforms", "tf2_msgs/msg/TFMessage"))
+        bag = write_bag(folder, messages).parent
+        convert([bag], spec, "sqlite3", 8, None, "file", None, store, (), (), (), ())
     elif kind == "split":
         for part, chosen in enumerate((messages[:6], messages[6:])):
             file = write_bag(tmp_path / f"part{part}", chosen)
@@ -110,35 +112,6 @@ def test_every_container_of_a_bag_plays_alike(tmp_path, kind):
     assert info.mount.height_m == pytest.approx(0.6)
     np.testing.assert_array_equal(frames[3].image, BGR)
     assert read_wheel(str(spec)).poses[-1].x_m == pytest.approx(0.1)
-
-
-def write_ros1(path, messages):
-    """The same messages as ROS 1 has them."""
-    store = get_typestore(Stores.ROS1_NOETIC)
-    store.register(get_types_from_msg("geometry_msgs/TransformStamped[] transforms", "tf2_msgs/msg/TFMessage"))
-
-    def old(message):
-        kind = message.__msgtype__
-        if kind == "builtin_interfaces/msg/Time":
-            return store.types[kind](message.sec, message.nanosec)
-        values = {name: value for name, value in vars(message).items() if not name.startswith("_")}
-        made = store.types[kind]
-        names = {field.lower(): field for field in made.__dataclass_fields__ if field != "__msgtype__"}
-        converted = {names[name.lower()]: convert(value) for name, value in values.items() if name.lower() in names}
-        return made(**({"seq": 0} if "seq" in names else {}), **converted)
-
-    def convert(value):
-        if hasattr(value, "__msgtype__"):
-            return old(value)
-        return [convert(item) for item in value] if isinstance(value, list) else value
-
-    with Ros1Writer(path) as writer:
-        connections = {}
-        for topic, stamp, message in messages:
-            name = message.__msgtype__
-            if topic not in connections:
-                connections[topic] = writer.add_connection(topic, name, typestore=store)
-            writer.write(connections[topic], stamp, store.serialize_ros1(old(message), name))
 
 
 @pytest.mark.parametrize("damage", [b"SQLite format 3\0" + bytes(100), b"rubbish", b""])

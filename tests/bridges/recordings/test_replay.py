@@ -19,7 +19,7 @@ from support.recordings import FACTS, LENS, MOUNT, drain, noise, record
 from edgemap.bridges.ros2.messages.definitions import to_ns, to_s
 from edgemap.bridges.ros2.messages.topics import WHEEL
 from edgemap.bridges.ros2.recordings import recorder as recorder_module
-from edgemap.bridges.ros2.recordings.facts import Facts, facts_record, read_facts
+from edgemap.bridges.ros2.recordings.facts import facts_record, read_facts
 from edgemap.bridges.ros2.recordings.foreign import read_wheel
 from edgemap.bridges.ros2.recordings.pictures import encoded_depth
 from edgemap.bridges.ros2.recordings.recorder import Recorder
@@ -64,16 +64,6 @@ def test_what_a_run_decided_comes_back_and_an_older_recording_has_none(tmp_path)
     older = facts_record(FACTS)
     del older["inference"]
     assert read_facts(older, "a.mcap").inference is None
-
-
-def test_jpeg_is_near_and_much_smaller(tmp_path):
-    ramp = np.linspace(0, 255, 640).astype(np.uint8)
-    picture = cv2.merge([np.tile(ramp, (480, 1)), np.tile(ramp[::-1], (480, 1)), np.full((480, 640), 80, np.uint8)])
-    path = record(tmp_path / "a.mcap", Facts("ramp"), [Frame(0, 1.0, picture)])
-    with open_camera(str(path)) as camera:
-        assert (camera.info.intrinsics, camera.info.mount) == (None, None)
-        assert np.abs(camera.read().image.astype(int) - picture).mean() < 2.0
-    assert path.stat().st_size < picture.nbytes / 10
 
 
 @given(st.floats(0.0, 2.0**31 - 1))

@@ -12,9 +12,7 @@ from mcap.writer import CompressionType, IndexType
 from support.recordings import bag, drain
 from support.ros_bag import STORE, camera_info, compressed, image, imu, odometry, tf, transform, write_bag
 
-from edgemap.bridges.ros2.recordings.foreign import read_wheel
 from edgemap.geometry.camera.intrinsics import Distortion, Intrinsics
-from edgemap.geometry.se2 import SE2
 from edgemap.runtime.frames.camera import CameraOptions, SensorTopics
 from edgemap.runtime.frames.errors import CameraError, CameraFault
 from edgemap.runtime.inputs.open import open_camera
@@ -55,15 +53,6 @@ def test_raw_pictures(tmp_path, encoding, sent, expected, pad):
 def test_compressed_pictures(tmp_path, form):
     path = write_bag(tmp_path / "bag", [("/cam/image_raw/compressed", T0, compressed(T0, PNG, form))])
     np.testing.assert_array_equal(play(path)[0].image, BGR)
-
-
-def test_headers_without_time_have_the_time_of_recording(tmp_path):
-    messages = [("/cam/image_raw", T0 + i, image(0, BGR, "bgr8")) for i in (0, 10**9)]
-    with open_camera(str(write_bag(tmp_path / "bag", messages))) as camera:
-        assert camera.info.rate_hz == pytest.approx(1.0)
-        with pytest.raises(CameraFault, match="no stamps, the times of recording are taken"):
-            camera.read()
-        assert [frame.stamp_s for frame in iter(camera.read, None)] == [T0 / 10**9, (T0 + 10**9) / 10**9]
 
 
 def test_lens_and_mount_are_found(tmp_path):
@@ -146,18 +135,6 @@ def test_the_first_picture_topic_is_played_or_the_named_one(tmp_path):
         open_camera(f"{path}#/up")
     with pytest.raises(CameraError, match=f"/odom is nav_msgs/Odometry, not pictures {there}"):
         open_camera(f"{path}#/odom")
-
-
-def test_wheels_of_a_bag(tmp_path):
-    messages = [("/odom", T0 + i * 10**8, odometry(T0 + i * 10**8, 0.1 * i, 0.0, 0.05 * i)) for i in range(4)]
-    path = write_bag(tmp_path / "bag", messages)
-    way = read_wheel(str(path))
-    np.testing.assert_allclose(way.stamps_s, [(T0 + i * 10**8) / 10**9 for i in range(4)])
-    for i, pose in enumerate(way.poses):
-        np.testing.assert_allclose([pose.x_m, pose.y_m, pose.yaw_rad], [0.1 * i, 0.0, 0.05 * i], atol=1e-12)
-    assert isinstance(way.poses[0], SE2)
-    with pytest.raises(CameraError, match=r"no nav_msgs/Odometry topic /wheels \(there are: /odom\)"):
-        read_wheel(f"{path}#/wheels")
 
 
 def test_what_has_no_pictures_or_goes_back_in_time_is_one_line(tmp_path):

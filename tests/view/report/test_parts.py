@@ -120,19 +120,10 @@ def test_a_trajectory_that_finds_its_saved_map_is_that_of_the_map():
     assert [sample[:2] for sample in history.trail()] == [(14, 4), (16, 4), (18, 0)]
 
 
-def test_modules_become_one_script_in_the_order_of_their_imports(tmp_path, monkeypatch):
+def test_a_module_that_cannot_be_bundled_is_named(tmp_path, monkeypatch):
     monkeypatch.setattr(page_module, "STATIC", tmp_path)
-    (tmp_path / "a.js").write_text('import { b, C } from "/b.js";\nimport { d } from "/d.js";\nb(new C(d));\n')
-    (tmp_path / "b.js").write_text('import { d } from "/d.js";\nexport function b() {}\nexport class C {}\n')
-    (tmp_path / "d.js").write_text("const own = 1;\nexport const d = own;\n")
-    script = bundled("a")
-    assert [script.count(f"const module_{name} = ") for name in "abd"] == [1, 1, 1]
-    assert script.index("module_d = ") < script.index("module_b = ") < script.index("module_a = ")
-    assert "const { b, C } = module_b;" in script
-    assert "return { b, C };" in script
-    assert "export" not in script
-    (tmp_path / "d.js").write_text("export default 1;\n")
-    with pytest.raises(ValueError, match=r"d\.js: an import or export that cannot be bundled"):
+    (tmp_path / "a.js").write_text("export default 1;\n")
+    with pytest.raises(ValueError, match=r"a\.js: an import or export that cannot be bundled"):
         bundled("a")
 
 
