@@ -71,18 +71,6 @@ def run_folder(made_once, tmp_path):
     return shutil.copytree(made_once[1], tmp_path / "run")
 
 
-def test_run_on_pictures_makes_a_map(made_once):
-    result, out = made_once
-    assert result.returncode == 0, result.stderr
-    assert [item.id for item in load_map(out)] == ["chair-1"]
-    record = json.loads((out / "run.json").read_text())
-    assert record["mount"]["height_m"] == 1.0
-    assert record["bundle"]["sha256"]
-    assert cv2.imread(str(out / "mount.jpg")) is not None
-    assert "against the truth" not in result.stdout  # which is not known here
-    assert '"truth":null' in (out / "report.html").read_text()
-
-
 def test_map_show_draws_a_run_of_paper_clustering(edgemap, painted_bundle, pictures, tmp_path):
     out = tmp_path / "run"
     edgemap("run", "--camera", pictures, "--bundle", painted_bundle, "-o", out, "--clustering", "paper")

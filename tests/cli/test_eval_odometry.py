@@ -127,16 +127,6 @@ def test_people_get_lines_and_a_picture(evaluate, tmp_path):
     assert all(cv2.imread(str(path)) is not None for path in drawn)
 
 
-def test_the_demo_by_default(evaluate):
-    found = document(evaluate("--frames", "40", "--odometry", "window", "--json"))
-    assert found["odometry"] == "window"
-    own = found["sequences"]["demo"]
-    assert own["mount"] == {"height_m": 0.6, "pitch_deg": 11.5}
-    assert own["paper_rmse"] < 0.1 * own["path_m"]
-    assert 0.2 < own["nees"] < 3.0  # 0.37: the demo is the easiest home
-    assert own["availability"] == {"window": {"used": 1.0, "blind": 0.0, "left_out": 0.0}}
-
-
 def test_tuned_numbers_can_be_given(evaluate, tmp_path):
     (tmp_path / "few.yaml").write_text("config:\n  odometry:\n    pictures: {corners: {corners: 60}}\n")
     flags = ("--frames", "40", "--odometry", "window", "--json")

@@ -43,7 +43,8 @@ def boot(edgemap, tmp_path, painted_bundle, pictures):
 
 
 def test_two_boots_keep_one_map(boot):
-    first, home, _ = boot("home")
+    """The map of the first may be scaled by a measured height: it is of its own camera alone."""
+    first, home, alone = boot("home")
     assert first.returncode == 0, first.stderr
     assert f"new map: {home}/" in first.stdout
     (chair,), _ = load_annotated_map(home)
@@ -54,6 +55,8 @@ def test_two_boots_keep_one_map(boot):
     assert (again.id, again.count) == (chair.id, 2 * chair.count)  # the very same chair, seen in both runs
     last_pose = json.loads((home / "map.json").read_text())["last_pose"]
     assert content_of(home) == content_of(out) | {"last_pose": last_pose}
+    sources = [scale_source(json.loads((run / "run.json").read_text())) for run in (alone, out)]
+    assert sources == ["", "a saved map, and the runs before it,"]
 
 
 def test_a_boot_that_does_not_find_its_place_leaves_the_map_alone(boot, tmp_path):
@@ -149,37 +152,6 @@ def test_one_run_at_a_time(tmp_path):
     LivingMap(tmp_path / "home", bool).release()
 
 
-def test_the_first_run_by_a_name_has_the_scale_of_its_own_camera(boot):
-    """So its map may be scaled by a measured height; that of a run that continues one may not."""
-    runs = [boot("home")[2] for _ in range(2)]
-    first, second = (scale_source(json.loads((run / "run.json").read_text())) for run in runs)
-    assert (first, second) == ("", "a saved map, and the runs before it,")
-
-
-@pytest.fixture
-def saved(tmp_path):
-    chair, table = mapped([("chair", 7.2, 0.0), ("dining table", 0.0, 4.0)])
-    save_map(tmp_path / "saved.json", [replace(chair, id="chair-5"), table])
-    return tmp_path / "saved.json"
-
-
-def run(edgemap, bundle, pictures, out, *arguments):
-    return edgemap("run", "--camera", pictures, "--bundle", bundle, "--out", out, *arguments)
-
-
-def test_a_run_goes_on_with_a_saved_map(edgemap, painted_bundle, pictures, saved, tmp_path):
-    done = run(edgemap, painted_bundle, pictures, tmp_path / "run", "--map", saved, "--start", "2,0,0")
-    assert done.returncode == 0, done.stderr
-    before, after = load_map(saved), load_map(tmp_path / "run")
-    assert [item.id for item in after] == ["chair-5", "dining table-1"]  # 2 m + 5 m + half a chair: the saved one
-    assert (after[0].count, after[1].count) == (before[0].count + 12, before[1].count)
-    assert after[1].position_m == pytest.approx(before[1].position_m)
-    first = (tmp_path / "run" / "trajectory.tum").read_text().split()
-    assert [float(value) for value in first[1:3]] == [2.0, 0.0]
-    record = json.loads((tmp_path / "run" / "run.json").read_text())
-    assert (record["map"], record["start"]) == (str(saved), "2,0,0")
-
-
 @pytest.mark.parametrize(("misses", "stays"), [(5, False), (1000000, True)])
 def test_a_chair_that_is_gone_leaves_the_map(edgemap, painted_bundle, pictures, tmp_path, misses, stays):
     # Saved 3 m ahead and seen from here before; the detector sees only the chair 5 m ahead. Ten looks from two places.
@@ -194,8 +166,7 @@ def test_a_chair_that_is_gone_leaves_the_map(edgemap, painted_bundle, pictures, 
     saved, out = tmp_path / "saved.json", tmp_path / "run"
     driven = "--odometry", tmp_path / "poses.tum", "--start", "0,0,0", "--config", tmp_path / "c.yaml"
     (tmp_path / "c.yaml").write_text(f"config: {{forgetting: {{misses: {misses}}}}}")
-    done = run(edgemap, painted_bundle, pictures, out, "--map", saved, *driven)
-    assert done.returncode == 0, done.stderr
+    edgemap.ok("run", "--camera", pictures, "--bundle", painted_bundle, "--out", out, "--map", saved, *driven)
     assert [item.id for item in load_map(out)] == (["chair-1", "chair-2"] if stays else ["chair-2"])
 
 

@@ -42,16 +42,6 @@ def test_a_simulated_world_judges_by_what_it_has_shown_and_lines_tell_it():
     assert object_lines([], []) == []
 
 
-def test_the_demo_is_judged_and_a_webcam_is_not():
-    from edgemap.runtime.inputs.open import open_camera
-
-    with open_camera("demo") as camera:
-        judge = judge_of("demo", camera, None)
-        assert {row.state for row in judge([], 10_000)} == {"missed"}
-        assert judge([], 0) == []  # nothing was seen yet, nothing is asked for
-    assert judge_of("0", Camera(CameraInfo("0")), None) is None
-
-
 def test_a_drive_with_truth_ends_with_verdicts(edgemap, painted_bundle, known_drive, tmp_path):
     flags = ("--bundle", painted_bundle, "--out", tmp_path / "run")
     result = edgemap.ok("run", "--camera", f"drive:{known_drive}", *flags)

@@ -156,10 +156,6 @@ class Handler(http.server.BaseHTTPRequestHandler):
         server.asked.append(self.path)
         if self.path in server.slow:
             server.release.wait(5)
-        elif self.path in server.moved:
-            self.send_response(302)
-            self.send_header("Location", server.moved[self.path])
-            self.end_headers()
         elif self.path not in server.files:
             self.send_error(404)
         else:
@@ -174,15 +170,13 @@ class Handler(http.server.BaseHTTPRequestHandler):
 
 
 class FileServer(http.server.ThreadingHTTPServer):
-    """A local web server. files: path to bytes; moved: path to where it redirects; slow: paths that get no answer;
-    asked: paths that were asked for."""
+    """A local web server. files: path to bytes; slow: paths that get no answer; asked: paths that were asked for."""
 
     daemon_threads = True
 
     def __init__(self):
         super().__init__(("127.0.0.1", 0), Handler)
         self.files: dict[str, bytes] = {}
-        self.moved: dict[str, str] = {}
         self.asked: list[str] = []
         self.slow: set[str] = set()
         self.cut: int | None = None

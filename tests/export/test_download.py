@@ -64,13 +64,6 @@ def test_what_is_no_url(text, tmp_path):
     assert "not an http or https URL" in refusal(download, text, tmp_path / "f", progress=False)
 
 
-@pytest.mark.parametrize("to", ["file:///etc/passwd", "ftp://127.0.0.1/x", "/moved"])
-def test_a_redirect_leaves_the_web_for_nothing_else_and_has_an_end(server, tmp_path, to):
-    server.moved["/moved"] = to
-    refusal(get, server, tmp_path / "f", "/moved")
-    assert list(tmp_path.iterdir()) == []
-
-
 def test_what_is_there_and_right_is_not_fetched_again_and_progress_goes_to_stderr(server, tmp_path, capsys):
     (tmp_path / "f").write_bytes(DATA)
     get(server, tmp_path / "f", sums=(SUM,))

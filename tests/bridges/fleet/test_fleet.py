@@ -24,7 +24,6 @@ from edgemap.runtime.step.grid_file import load_grid
 from edgemap.runtime.step.map_file import load_annotated_map, load_map, map_document, save_map
 
 pytest.importorskip("zenoh", reason="zenoh is not installed (extra 'fleet')")
-import zenoh
 
 from edgemap.bridges.fleet.keeper import MAXIMUM_OBJECTS, PlaceKeeper
 from edgemap.bridges.fleet.network import open_session
@@ -171,23 +170,6 @@ def test_walls_join_maps_with_few_objects_and_the_place_has_the_floor(tmp_path, 
     again = PlaceKeeper("home", tmp_path, listen=address)
     assert together("one", "two")(again.update())
     again.close()
-
-
-def test_through_a_router(tmp_path, address, opened, monkeypatch):
-    """Neither listens: a zenoh router in between, and for one of them a file of zenoh's own settings."""
-    config = zenoh.Config()
-    config.insert_json5("mode", '"router"')
-    config.insert_json5("listen/endpoints", json.dumps([f"tcp/{address}"]))
-    config.insert_json5("scouting/multicast/enabled", "false")
-    opened(zenoh.open(config))
-    _, maps = home(2)
-    keeper = opened(PlaceKeeper("home", tmp_path, connect=address))
-    drive(opened(FleetSink("home", "one", address)), maps[0])
-    settings = tmp_path / "client.json5"
-    settings.write_text(json.dumps({"mode": "client", "connect": {"endpoints": [f"tcp/{address}"]}}))
-    monkeypatch.setenv("ZENOH_CONFIG", str(settings))
-    drive(opened(FleetSink("home", "two", "nowhere:1")), maps[1])
-    until(keeper, together("one", "two"))
 
 
 def sample(kind, name, message):

@@ -20,7 +20,6 @@ from edgemap.bridges.ros2.messages.definitions import DAMAGE, decoder, encoder
 from edgemap.bridges.ros2.recordings import foreign
 from edgemap.bridges.ros2.recordings.camera import RecordingCamera
 from edgemap.bridges.ros2.recordings.facts import Facts, facts_record, read_facts, read_trajectory_file
-from edgemap.bridges.ros2.recordings.pictures import raw_picture
 from edgemap.geometry.se2 import SE2
 from edgemap.runtime.frames.errors import CameraError, CameraFault
 from edgemap.runtime.frames.trajectory import Trajectory
@@ -141,14 +140,6 @@ def test_a_damaged_message_from_the_network_raises_what_is_caught(kind, data):
     message = next(fields for _, name, _, fields in sent(10**9) if name == kind)
     with suppress(*DAMAGE):
         decoder(kind)(data.draw(mutated_bytes(encoder(kind)(message)[:400])))
-
-
-@pytest.mark.parametrize("encoding", ["yuv422", "yuyv", "uyvy", "yuv422_yuy2"])
-def test_a_picture_whose_colours_come_in_pairs_has_an_even_width(encoding):
-    """OpenCV asserts that, in eight lines."""
-    message = SimpleNamespace(encoding=encoding, width=3, height=2, step=6, data=bytes(12))
-    with pytest.raises(CameraError, match=f"Image of 3x2 px {encoding}"):
-        raw_picture(message, "a.mcap picture 0")
 
 
 def test_a_camera_that_looks_straight_down_by_tf_has_a_mount_or_none():

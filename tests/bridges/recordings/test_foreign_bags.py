@@ -5,7 +5,6 @@ import sqlite3
 import struct
 from dataclasses import replace
 
-import cv2
 import numpy as np
 import pytest
 
@@ -16,7 +15,7 @@ from rosbags.rosbag2 import StoragePlugin, Writer
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 from support.ros_bag import STORE, camera_info, compressed, image, imu, make, odometry, tf, transform, write_bag
 
-from edgemap.bridges.ros2.recordings.foreign import is_rectified, read_wheel
+from edgemap.bridges.ros2.recordings.foreign import read_wheel
 from edgemap.runtime.frames.camera import CameraOptions, next_frame
 from edgemap.runtime.frames.errors import CameraError
 from edgemap.runtime.frames.notes import collected
@@ -225,13 +224,6 @@ def test_depth_at_other_times_is_a_fault(tmp_path):
     assert "0 of 1 pictures usable: none at the time" in played(write_bag(tmp_path / "bag", messages))[1][0].text
 
 
-def with_lens(tmp_path, width, height, model="plumb_bob", binning=0, roi=(0, 0, 0, 0), d=(0.0,) * 5):
-    region = make("sensor_msgs/msg/RegionOfInterest", *roi, False)
-    info = replace(camera_info(width, height, K, list(d), model), binning_x=binning, binning_y=binning, roi=region)
-    messages = [("/cam/camera_info", T0, info), ("/cam/image_raw", T0, image(T0, BGR, "bgr8"))]
-    return open_camera(str(write_bag(tmp_path / "bag", messages)))
-
-
 @pytest.mark.parametrize(
     ("size", "binning", "roi", "expected"),
     [
@@ -243,35 +235,14 @@ def with_lens(tmp_path, width, height, model="plumb_bob", binning=0, roi=(0, 0, 
     ],
 )
 def test_numbers_of_the_sensor_become_those_of_the_pictures(tmp_path, size, binning, roi, expected):
-    with with_lens(tmp_path, *size, binning=binning, roi=roi) as camera:
+    region = make("sensor_msgs/msg/RegionOfInterest", *roi, False)
+    info = replace(camera_info(*size, K, [0.0] * 5), binning_x=binning, binning_y=binning, roi=region)
+    messages = [("/cam/camera_info", T0, info), ("/cam/image_raw", T0, image(T0, BGR, "bgr8"))]
+    with open_camera(str(write_bag(tmp_path / "bag", messages))) as camera:
         lens = camera.info.intrinsics
         assert (lens.width, lens.height) == (64, 48)
         assert (lens.fx, lens.cx) == pytest.approx(expected)
         assert camera.read() is not None
-
-
-def test_numbers_of_another_shape_of_picture_are_refused_with_both_sizes(tmp_path):
-    with with_lens(tmp_path, 80, 80) as camera, pytest.raises(CameraError, match=r"picture is 64x48, .* for 80x80"):
-        camera.read()
-
-
-def test_the_name_of_the_lens_counts_even_where_its_coefficients_are_zero(tmp_path):
-    with with_lens(tmp_path, 64, 48, "equidistant", d=(0.0,) * 4) as camera:
-        lens = camera.info.intrinsics
-        assert lens.distortion.model == "equidistant"
-        points = np.array([[[5.0, 7.0]], [[60.0, 40.0]]])
-        matrix = np.array(K).reshape(3, 3)
-        np.testing.assert_allclose(
-            lens.rays(points[:, 0])[:, :2], cv2.fisheye.undistortPoints(points, matrix, np.zeros(4))[:, 0], atol=1e-8
-        )
-
-
-@pytest.mark.parametrize(("topic", "rectified"), [
-    ("/cam/image_rect", True), ("/cam/image_rect_color/compressed", True), ("/infra1/image_rect_raw", True),
-    ("/rectify/image_raw", False), ("/rect/image_raw/compressed", False), ("/direct/image", False),
-])  # fmt: skip
-def test_pictures_are_rectified_by_the_last_part_of_their_topic(topic, rectified):
-    assert is_rectified(topic) is rectified
 
 
 @pytest.mark.parametrize(
