@@ -2,6 +2,8 @@
 
 import os
 import signal
+import subprocess
+import sys
 from importlib import import_module
 from pathlib import Path
 
@@ -55,6 +57,22 @@ def edgemap():
     commands.close()
 
 
+@pytest.fixture
+def started():
+    """started("run", …) -> the command line in a process of its own, its output in a pipe; killed at the end."""
+    processes = []
+
+    def begin(*words, **options):
+        command = [sys.executable, "-u", "-m", "edgemap.cli", *map(str, words)]
+        processes.append(subprocess.Popen(command, **{"stdout": subprocess.PIPE, "text": True} | options))
+        return processes[-1]
+
+    yield begin
+    for process in processes:
+        process.kill()
+        process.communicate()
+
+
 @pytest.fixture(scope="session")
 def browser(tmp_path_factory):
     """One chromium for all tests; skips where there is none."""
@@ -95,6 +113,15 @@ def demo(whole_demo):
     wheel = whole_demo.camera.info.wheel
     yield whole_demo
     whole_demo.camera.update_info(wheel=wheel)
+
+
+@pytest.fixture(scope="session")
+def floorless_bundle(tmp_path_factory):
+    """A bundle that sees a chair 5 m ahead and a person, whatever the picture."""
+    from support.painted import write_painted
+
+    scene = [("chair", 40.0, 30.0, 12.0, 24.0, 0.9), ("person", 10.0, 40.0, 8.0, 20.0, 0.8)]
+    return write_painted(tmp_path_factory.mktemp("painted") / "bundle", scene, odometry=False)
 
 
 @pytest.fixture(scope="session")

@@ -54,17 +54,6 @@ def test_lists_are_lists_and_code_is_code(page):
     assert not faults_of(page.read_text())
 
 
-@pytest.mark.parametrize(
-    "broken",
-    [
-        "1. **Measure.** First:\n\n```sh\nedgemap run\n```\n\n   With depth, more.\n2. **Next.** Then.\n",
-        "Text\n- one\n- two\n",
-    ],
-)
-def test_what_used_to_break_is_found(broken):
-    assert faults_of(broken)
-
-
 def test_every_page_is_in_the_menu_and_every_entry_is_a_page():
     def entries(part):
         if isinstance(part, str):

@@ -8,13 +8,6 @@ from support.pictures import write_scene
 
 
 @pytest.fixture(scope="session")
-def floorless_bundle(tmp_path_factory):
-    """A bundle that sees a chair 5 m ahead and a person, whatever the picture."""
-    scene = [("chair", 40.0, 30.0, 12.0, 24.0, 0.9), ("person", 10.0, 40.0, 8.0, 20.0, 0.8)]
-    return painted.write_painted(tmp_path_factory.mktemp("painted") / "bundle", scene, odometry=False)
-
-
-@pytest.fixture(scope="session")
 def painted_bundle(floorless_bundle, tmp_path_factory):
     """The same with floor everywhere: else a companion would search noise for it."""
     folder = shutil.copytree(floorless_bundle, tmp_path_factory.mktemp("painted") / "bundle")

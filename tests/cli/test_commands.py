@@ -275,9 +275,8 @@ def test_mount_flag_keeps_roll_and_lever_arm(edgemap, painted_bundle, pictures, 
     assert mount == {"height_m": 0.9, **angles, "forward_m": 0.15, "left_m": 0.0, "platform": "robot"}
 
 
-def test_ctrl_c_before_the_first_frame_is_no_traceback(painted_bundle, tmp_path):
-    command = [sys.executable, "-m", "edgemap.cli", "bench", "--bundle", str(painted_bundle), "--seconds", "60"]
-    process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, cwd=tmp_path)
+def test_ctrl_c_before_the_first_frame_is_no_traceback(started, painted_bundle, tmp_path):
+    process = started("bench", "--bundle", painted_bundle, "--seconds", "60", stderr=subprocess.PIPE, cwd=tmp_path)
     maps = Path(f"/proc/{process.pid}/maps")  # in the middle of its import, or soon after
     wait_for(lambda: "onnxruntime" in maps.read_text(), "the import", pause_s=0.001)
     process.send_signal(signal.SIGINT)

@@ -6,7 +6,6 @@ import re
 import signal
 import socket
 import subprocess
-import sys
 import time
 from contextlib import suppress
 from functools import partial
@@ -30,12 +29,11 @@ def server():
 
 
 @pytest.fixture
-def begin(painted_bundle):
+def begin(started, painted_bundle):
     def start(camera, out, *words, **environment):
-        command = [sys.executable, "-m", "edgemap.cli", "run", "--camera", camera, "--bundle", painted_bundle, *words]
-        command += ["--out", out, "--mount", "0.6,11.5", "--intrinsics", "587,587,319.5,239.5"]
-        pipes = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE, "text": True}
-        return subprocess.Popen([str(word) for word in command], env=os.environ | environment, **pipes)
+        lens = ("--mount", "0.6,11.5", "--intrinsics", "587,587,319.5,239.5")
+        command = ("run", "--camera", camera, "--bundle", painted_bundle, "--out", out, *lens, *words)
+        return started(*command, env=os.environ | environment, stderr=subprocess.PIPE)
 
     return start
 
@@ -70,22 +68,19 @@ def test_a_stall_and_a_stop_do_not_end_a_run_and_sigterm_does_within_two_seconds
         manager.bind(str(tmp_path / "notify"))
         manager.setblocking(False)
         run = begin(server.url, out, NOTIFY_SOCKET=str(tmp_path / "notify"), WATCHDOG_USEC="4000000")
-        try:
-            wait_for(lambda: frames_now() >= 5)
-            run.send_signal(signal.SIGSTOP)
-            time.sleep(2.0)
-            run.send_signal(signal.SIGCONT)
-            done = frames_now()
-            wait_for(lambda: frames_now() > done + 10)
-            server.stalled = True
-            time.sleep(3.0)
-            server.stalled = False
-            done = frames_now()
-            wait_for(lambda: frames_now() > done + 10)
-            ending = ended_by_sigterm(run)
-            frames_now()
-        finally:
-            run.kill()
+        wait_for(lambda: frames_now() >= 5)
+        run.send_signal(signal.SIGSTOP)
+        time.sleep(2.0)
+        run.send_signal(signal.SIGCONT)
+        done = frames_now()
+        wait_for(lambda: frames_now() > done + 10)
+        server.stalled = True
+        time.sleep(3.0)
+        server.stalled = False
+        done = frames_now()
+        wait_for(lambda: frames_now() > done + 10)
+        ending = ended_by_sigterm(run)
+        frames_now()
     stopped_cleanly(ending)
     record = json.loads((out / "run.json").read_text())
     assert record["finished"]
@@ -113,7 +108,6 @@ def test_sigterm_while_the_camera_is_away(begin, server, tmp_path):
             wait_for(lambda: "does not open" in (out / "run.json").read_text())  # tried again in vain
             ending = ended_by_sigterm(run)
         finally:
-            run.kill()
             server.start()
     stopped_cleanly(ending)
     record = json.loads((out / "run.json").read_text())

@@ -1,8 +1,7 @@
 """Live outputs as a user starts them: a process, and a client beside it."""
 
 import json
-import subprocess
-import sys
+from functools import partial
 from importlib.util import find_spec
 
 import pytest
@@ -18,20 +17,9 @@ from edgemap.runtime.step.map_file import load_map
 
 
 @pytest.fixture
-def start(tmp_path, painted_bundle):
-    """start("--foxglove", …) -> a run of the demo in a process of its own, which is killed at the end."""
-    processes = []
-
-    def begin(*arguments):
-        command = [sys.executable, "-u", "-m", "edgemap.cli", "run", "--bundle", painted_bundle]
-        command += [*([] if "--out" in arguments else ["--out", tmp_path / "run"]), *arguments]
-        processes.append(subprocess.Popen([*map(str, command)], stdout=subprocess.PIPE, text=True))
-        return processes[-1]
-
-    yield begin
-    for process in processes:
-        process.kill()
-        process.communicate()
+def start(started, tmp_path, painted_bundle):
+    """start("--foxglove", …) -> a run of the demo in a process of its own."""
+    return partial(started, "run", "--bundle", painted_bundle, "--out", tmp_path / "run")
 
 
 def test_one_command_to_a_live_map_in_foxgloves_protocol(start):
@@ -105,37 +93,34 @@ def test_without_the_extra_one_line_names_it_at_once(tmp_path, painted_bundle, o
     assert not (tmp_path / "run").exists()
 
 
-def test_two_robots_one_map_by_commands_alone(edgemap, painted_bundle, tmp_path, capsys, monkeypatch):
+def test_two_robots_one_map_by_commands_alone(edgemap, started, painted_bundle, tmp_path, capsys, monkeypatch):
     """A keeper and two robots that see the same, as processes of their own, and somebody who asks late."""
     pytest.importorskip("zenoh", reason="zenoh is not installed (extra 'fleet')")
     address = f"127.0.0.1:{free_port()}"
     place = tmp_path / "home"
-    command = [sys.executable, "-u", "-m", "edgemap.cli", "fleet", "serve", "home", "-o", place, "--listen", address]
-    keeper = subprocess.Popen([*map(str, command), "--every", "0.2"], stdout=subprocess.PIPE, text=True)
-    try:
-        assert keeper.stdout.readline() == f"map of home: {place}/map.json\n"
-        drive = ("run", *write_round(tmp_path), "--bundle", painted_bundle, "--sink", f"fleet:home@{address}", "--out")
-        for name in ("one", "two"):
-            monkeypatch.setenv("EDGEMAP_ROBOT", name)
-            edgemap.ok(*drive, tmp_path / name)
-            assert "output" not in json.loads((tmp_path / name / "run.json").read_text())["fault_kinds"]
-        while True:
-            main(["fleet", "show", f"home@{address}", "--json"])
-            document = json.loads(capsys.readouterr().out)
-            robots = document["fleet"]["robots"]
-            if all(robots.get(name, {}).get("objects") and not robots[name]["here"] for name in ("one", "two")):
-                break
-        main(["fleet", "show", f"home@{address}", "-o", str(tmp_path / "late.json")])
-        assert f"{len(document['objects'])} objects in home, saved in" in capsys.readouterr().out
-        one, two = (load_map(tmp_path / name) for name in ("one", "two"))
-        late = load_map(tmp_path / "late.json")
-        assert len(late) == len(one) == len(two) == 5
-        assert sum(item.count for item in late) == sum(item.count for item in [*one, *two])
-        again = edgemap(*drive, tmp_path / "x", "--map", tmp_path / "late.json")
-        assert "what they saw would count twice" in again.stderr
-    finally:
-        keeper.terminate()
-        keeper.communicate(timeout=120)
+    keeper = started("fleet", "serve", "home", "-o", place, "--listen", address, "--every", "0.2")
+    assert keeper.stdout.readline() == f"map of home: {place}/map.json\n"
+    drive = ("run", *write_round(tmp_path), "--bundle", painted_bundle, "--sink", f"fleet:home@{address}", "--out")
+    for name in ("one", "two"):
+        monkeypatch.setenv("EDGEMAP_ROBOT", name)
+        edgemap.ok(*drive, tmp_path / name)
+        assert "output" not in json.loads((tmp_path / name / "run.json").read_text())["fault_kinds"]
+    while True:
+        main(["fleet", "show", f"home@{address}", "--json"])
+        document = json.loads(capsys.readouterr().out)
+        robots = document["fleet"]["robots"]
+        if all(robots.get(name, {}).get("objects") and not robots[name]["here"] for name in ("one", "two")):
+            break
+    main(["fleet", "show", f"home@{address}", "-o", str(tmp_path / "late.json")])
+    assert f"{len(document['objects'])} objects in home, saved in" in capsys.readouterr().out
+    one, two = (load_map(tmp_path / name) for name in ("one", "two"))
+    late = load_map(tmp_path / "late.json")
+    assert len(late) == len(one) == len(two) == 5
+    assert sum(item.count for item in late) == sum(item.count for item in [*one, *two])
+    again = edgemap(*drive, tmp_path / "x", "--map", tmp_path / "late.json")
+    assert "what they saw would count twice" in again.stderr
+    keeper.terminate()
+    keeper.communicate(timeout=120)
     assert keeper.returncode == 0
     assert [item.id for item in load_map(place)] == [item.id for item in late]
 

@@ -2,8 +2,6 @@
 
 import json
 import signal
-import subprocess
-import sys
 import time
 from pathlib import Path
 
@@ -97,7 +95,7 @@ def test_a_full_disk_names_the_recording_so_far(monkeypatch, capsys, pictures, t
     assert capsys.readouterr().err.endswith(line)
 
 
-def test_ctrl_c_ends_a_recording_properly(tmp_path, pictures):
+def test_ctrl_c_ends_a_recording_properly(started, tmp_path, pictures):
     picture = np.random.default_rng(0).integers(0, 255, (480, 640, 3), dtype=np.uint8)  # fills a chunk by itself
     cv2.imwrite(str(pictures / "0.png"), picture)
     for index in range(1, 300):  # half a minute
@@ -105,8 +103,7 @@ def test_ctrl_c_ends_a_recording_properly(tmp_path, pictures):
         (pictures / f"{index}.png").symlink_to("0.png")
     (pictures / "camera.yaml").unlink()
     out = tmp_path / "a.mcap"
-    command = [sys.executable, "-m", "edgemap.cli", "record", "--camera", str(pictures), "-o", str(out), "--realtime"]
-    process = subprocess.Popen([*command, "--lossless"], stdout=subprocess.PIPE, text=True)
+    process = started("record", "--camera", pictures, "-o", out, "--realtime", "--lossless")
     while process.poll() is None and not (out.exists() and out.stat().st_size > picture.size // 2):
         time.sleep(0.02)
     process.send_signal(signal.SIGINT)

@@ -4,13 +4,11 @@ import json
 import signal
 import socket
 import subprocess
-import sys
 import time
 from pathlib import Path
 
 import numpy as np
 import pytest
-from support import painted
 from support.http_client import Api
 from support.live import raw_viewer
 from support.rooms import content_of
@@ -18,31 +16,18 @@ from support.rooms import content_of
 from edgemap.cli import main
 
 
-@pytest.fixture(scope="module")
-def bundle(tmp_path_factory):
-    scene = [("chair", 40.0, 30.0, 12.0, 24.0, 0.9)]
-    return painted.write_painted(tmp_path_factory.mktemp("painted") / "bundle", scene, odometry=False)
-
-
 @pytest.fixture
-def start(tmp_path, bundle):
-    """start("--frames", "3") -> (process, port): a run with a page, once it has said where; the process is killed."""
-    processes = []
+def start(started, tmp_path, floorless_bundle):
+    """start("--frames", "3") -> (process, port): a run with a page, once it has said where."""
 
     def begin(*arguments):
-        out = str(tmp_path / f"run{len(processes)}")
-        command = [sys.executable, "-u", "-m", "edgemap.cli", "run", "--view", "127.0.0.1:0", "--bundle", str(bundle)]
-        pipes = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE, "text": True}
-        process = subprocess.Popen([*command, "--out", out, *arguments], **pipes)
-        processes.append(process)
+        command = ("run", "--view", "127.0.0.1:0", "--bundle", floorless_bundle, "--out", tmp_path / "run0", *arguments)
+        process = started(*command, stderr=subprocess.PIPE)
         line = process.stdout.readline()
         assert line.startswith("live page:  http://127.0.0.1:"), line + process.communicate()[1]
         return process, int(line.rsplit(":", 1)[1].strip().rstrip("/"))
 
-    yield begin
-    for process in processes:
-        process.kill()
-        process.communicate()
+    return begin
 
 
 def read_until(process, text):
@@ -85,7 +70,9 @@ def test_a_held_run_goes_on_where_it_was_and_ctrl_c_ends_a_held_one(start, tmp_p
     assert json.loads((tmp_path / "run0" / "run.json").read_text())["finished"]
 
 
-def test_edits_reach_the_map_on_disk_while_the_run_is_held_and_after_its_end(start, bundle, tmp_path):
+def test_edits_reach_the_map_on_disk_while_the_run_is_held_and_after_its_end(
+    start, edgemap, floorless_bundle, tmp_path
+):
     """And `--config-options`, or a recording that holds them, takes them at the same frames again."""
     tape = tmp_path / "tape.mcap"
     process, port = start("--camera", "demo", "--frames", "25", "--record", f"lossless:{tape}")
@@ -110,19 +97,19 @@ def test_edits_reach_the_map_on_disk_while_the_run_is_held_and_after_its_end(sta
     assert [edit["do"] for edit in edits] == ["name", "zone"]
     assert 0 < edits[0]["frames"] < edits[1]["frames"] == 25
     for name, source in (("demo", ["--config", str(folder), "--config-options"]), (str(tape), [])):
-        again = [sys.executable, "-m", "edgemap.cli", "run", "--bundle", str(bundle), "--camera", name, *source]
-        subprocess.run([*again, "--out", str(tmp_path / Path(name).stem)], check=True, capture_output=True)
+        again = ("run", "--bundle", floorless_bundle, "--camera", name, *source)
+        edgemap.ok(*again, "--out", tmp_path / Path(name).stem)
     assert content_of(tmp_path / "demo") == content_of(folder)
     replayed = json.loads((tmp_path / "tape" / "map.json").read_text())
     assert replayed["objects"] == saved["objects"]
     assert "zones" not in replayed  # drawn after the recording's end
 
 
-def test_a_taken_port_ends_the_run_before_it_begins(bundle, tmp_path, capsys):
+def test_a_taken_port_ends_the_run_before_it_begins(floorless_bundle, tmp_path, capsys):
     with socket.create_server(("127.0.0.1", 0)) as taken:
         address = f"127.0.0.1:{taken.getsockname()[1]}"
         with pytest.raises(SystemExit) as ended:
-            main(["run", "--view", address, "--bundle", str(bundle), "--out", str(tmp_path / "other")])
+            main(["run", "--view", address, "--bundle", str(floorless_bundle), "--out", str(tmp_path / "other")])
     assert ended.value.code == 1
     (line,) = capsys.readouterr().err.splitlines()
     assert f"{address} (Address already in use)" in line

@@ -272,15 +272,15 @@ def test_a_camera_with_wheels_and_imu_comes_from_topics(program, node, monkeypat
     np.testing.assert_allclose(samples.accel_m_s2, [[-0.2, -9.81, 0.1]] * len(samples), atol=1e-9)
 
 
-def test_a_run_follows_the_tf_of_a_slam_and_its_correction(program, tmp_path):
+def test_a_run_follows_the_tf_of_a_slam_and_its_correction(program, started, tmp_path):
     """In the SLAM's map frame; a jump of 0.5 m to the left is spread over the path before it."""
     corrects, path = tmp_path / "corrects", tmp_path / "run" / "trajectory.tum"
     wanted = [f"rt/front/{topic},reliable,10000" for topic in ("image_raw,Image", "camera_info,CameraInfo")]
     wanted += [f"rt/tf,TFMessage,reliable,10000,{corrects}", "rt/tf_static,TFMessage,latched,1"]
-    command = [sys.executable, "-m", "edgemap.cli", "run", "--camera", "ros2:/front/image_raw", "--mount", "0.6"]
+    command = ("run", "--camera", "ros2:/front/image_raw", "--mount", "0.6", "--odometry", "tf", "--out", path.parent)
     environment = os.environ | {"ROS_DOMAIN_ID": str(DOMAIN)}
     with Peer(program, "publish", *wanted, seconds=400.0):
-        run = subprocess.Popen([*command, "--odometry", "tf", "--out", path.parent], env=environment)
+        run = started(*command, env=environment, stdout=None)
         for rows in (40, 80):  # on a busy machine too
             until_s = time.monotonic() + 200.0
             while not path.exists() or len(path.read_text().splitlines()) < rows:

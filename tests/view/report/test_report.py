@@ -5,7 +5,6 @@ import re
 
 import numpy as np
 import pytest
-from support import painted
 from support.axe import find_axe, serious_faults
 from support.made_camera import MadeCamera, raising
 
@@ -30,7 +29,6 @@ from edgemap.view.report import sink as sink_module
 from edgemap.view.report.sink import ReportFile
 
 FLOOR = FloorCamera(Intrinsics(64, 64, 50.0, 50.0, 31.5, 31.5), Mount(1.0))
-SCENE = [("chair", 40.0, 30.0, 12.0, 24.0, 0.9), ("person", 10.0, 40.0, 8.0, 20.0, 0.8)]
 SCENERY = np.random.default_rng(0).integers(0, 255, (64, 64, 3), dtype=np.uint8)
 ROWS = [
     EvaluationRow("found", "chair", "chair-1", (5.0, -0.9), 0.25, True, ((4, -1), (6, -1), (6, 0))),
@@ -40,8 +38,8 @@ PHONE = {"width": 390, "height": 844}
 
 
 @pytest.fixture(scope="module")
-def bundle(tmp_path_factory):
-    return load_bundle(painted.write_painted(tmp_path_factory.mktemp("bundles") / "b", SCENE, odometry=False))
+def bundle(floorless_bundle):
+    return load_bundle(floorless_bundle)
 
 
 def drive(bundle, folder, count=30, fails_at=None, record=None, truth=True, judge=None, edits=None):
