@@ -98,18 +98,6 @@ def test_a_run_whose_log_takes_nothing_leaves_its_files_alone(painted_bundle, pi
     assert len(load_map(tmp_path / "run")) == 1
 
 
-def test_why_names_black_pictures_first(edgemap, painted_bundle, pictures, tmp_path):
-    for number in range(4, 12):
-        cv2.imwrite(str(pictures / f"{number}.png"), np.zeros((64, 64, 3), dtype=np.uint8))
-    out = tmp_path / "run"
-    run = edgemap.ok("run", "--camera", pictures, "--bundle", painted_bundle, "--out", out)
-    assert "map: not reliable (67 % of the pictures are" in run.stdout
-    assert json.loads((out / "run.json").read_text())["verdict"]["level"] == "unreliable"
-    lines = edgemap("why", out).stdout.splitlines()
-    assert next(line for line in lines if line.startswith("1. ")) == "1. light or lens: pictures without information"
-    assert json.loads(edgemap("why", out, "--json").stdout)["causes"][0]["docs"].endswith("#light-and-lens")
-
-
 @pytest.mark.parametrize(("shift_s", "kept", "share"), [(1e6, 600, 100), (0.0, 20, 65)], ids=["clock", "stop"])
 def test_why_names_first_the_wheels_that_bring_nothing_or_stop(edgemap, painted_bundle, tmp_path, shift_s, kept, share):
     """The demo's first 50 frames: the robot drives from the fourth on, and wheels bring the first 20."""

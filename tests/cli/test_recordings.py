@@ -1,6 +1,5 @@
 """Record, replay, convert, as a user types it: the map of a replay is the map of the drive, byte for byte."""
 
-import json
 import signal
 import time
 from pathlib import Path
@@ -8,7 +7,6 @@ from pathlib import Path
 import cv2
 import numpy as np
 import pytest
-from support.refusal import one_line
 from support.rooms import content_of
 
 from edgemap.bridges.ros2.recordings.foreign import read_wheel
@@ -123,19 +121,3 @@ def test_ctrl_c_before_the_first_picture_leaves_no_empty_recording(tmp_path, pic
     with pytest.raises(RecordingError, match="before the first picture"):
         record(tmp_path / "a.mcap", Source(camera=str(pictures)))
     assert not (tmp_path / "a.mcap").exists()
-
-
-def test_a_recording_cut_off_still_gives_its_map(edgemap, painted_bundle, live, tmp_path):
-    cut = tmp_path / "cut.mcap"
-    data = (live.parent / "live.mcap").read_bytes()
-    cut.write_bytes(data[: len(data) // 2])
-    result = edgemap("run", "--camera", cut, "--bundle", painted_bundle, "--out", tmp_path / "run")
-    assert "cut off" in one_line(result)
-    assert load_map(tmp_path / "run")
-    assert json.loads((tmp_path / "run" / "run.json").read_text())["frames"] > 2
-    mended = edgemap("record", "--camera", cut, "-o", tmp_path / "mended.mcap", "--lossless")
-    assert "pictures so far are in" in one_line(mended)
-    with open_camera(str(tmp_path / "mended.mcap")) as camera:
-        for _ in range(camera.info.frame_count or 0):
-            camera.read()
-        assert camera.read() is None

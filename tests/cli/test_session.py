@@ -4,28 +4,24 @@ from typing import Any, cast
 
 import numpy as np
 import pytest
-from support.live_camera import Clock, ScriptedDriver
 from support.rooms import content_of
 
 import edgemap as edgemap_api
 from edgemap.cli import main
 from edgemap.geometry.camera.floor import FloorCamera
-from edgemap.geometry.camera.intrinsics import Intrinsics
 from edgemap.geometry.camera.mount import Mount
 from edgemap.geometry.errors import EdgemapError
 from edgemap.geometry.objects.annotations import Annotations, Zone
 from edgemap.geometry.se2 import SE2
 from edgemap.opening import GuessWarning
 from edgemap.runtime.frames import extras
-from edgemap.runtime.frames.camera import RecoveryRule
-from edgemap.runtime.frames.errors import CameraError, CameraFault, CameraLostError, MissingExtraError
-from edgemap.runtime.inputs.cameras.live import LiveCamera
+from edgemap.runtime.frames.errors import CameraError, CameraFault, MissingExtraError
 from edgemap.runtime.inputs.drives.camera_yaml import read_camera_yaml, write_camera_yaml
 from edgemap.runtime.motion import height_check
 from edgemap.runtime.motion.height_check import HeightRule
 from edgemap.runtime.outputs.sinks.run_folder import RunFolder
 from edgemap.runtime.step.config import Config
-from edgemap.runtime.step.map_file import load_annotated_map, load_map, save_map
+from edgemap.runtime.step.map_file import load_annotated_map, save_map
 
 
 @pytest.fixture
@@ -57,51 +53,6 @@ def test_strict_raises_the_first_fault(painted_bundle, pictures):
         assert [next(session).frame.index for _ in range(5)] == [0, 1, 2, 3, 4]
         with pytest.raises(CameraFault, match="skipped"):
             next(session)
-
-
-class NoisyDriver(ScriptedDriver):
-    """Its good pictures are noise, never the same twice: something to see."""
-
-    def grab(self):
-        found = super().grab()
-        random = np.random.default_rng(self.grabs)
-        return found and (found[0], random.integers(0, 255, (64, 64, 3), dtype=np.uint8))
-
-
-def live_session(painted_bundle, script, sinks=(), **options):
-    """A live camera of 64x64 px on a clock of its own, on the map of a chair."""
-    clock = Clock()
-    driver: Any = NoisyDriver(clock, script, size=(64, 64), **options)
-    lens, mount = Intrinsics(64, 64, 50.0, 50.0, 31.5, 31.5), Mount.from_degrees(1.0, 0.0)
-    camera = LiveCamera(driver, lens, mount, RecoveryRule(restarts=3), clock, clock.wait)
-    return edgemap_api.open(camera=camera, bundle=painted_bundle, odometry="window", sinks=sinks)
-
-
-def test_a_live_camera_that_stalls_and_fails_ends_no_session(painted_bundle):
-    script = dict.fromkeys(range(20, 50)) | {80: RuntimeError("USB")}  # silent for 3 s; one failed grab
-    with live_session(painted_bundle, script) as session:
-        results = [next(session) for _ in range(60)]
-        assert session.camera.state.value == "running"
-    told = [fault.kind.value for result in results for fault in result.faults]
-    of_noise = {"odometry", "out_of_range"}  # it has no corners to follow
-    assert set(told) >= {"late", "recovered", "failed", "odometry"}
-    assert [kind for kind in told if kind not in of_noise] == ["late", "recovered", "failed", "recovered"]
-    stamps = [result.frame.stamp_s for result in results]
-    assert stamps == sorted(set(stamps))
-    assert {item.label for item in session.map} == {"chair"}
-
-
-def test_a_lost_camera_ends_a_session_with_its_map_and_its_sinks_closed(painted_bundle, tmp_path):
-    folder = RunFolder(tmp_path / "run", FloorCamera(Intrinsics(64, 64, 50.0, 50.0, 31.5, 31.5), Mount(1.0, 0.0)), {})
-    dead = {n: RuntimeError("dead") for n in range(20, 30)}
-    with live_session(painted_bundle, dead, [folder], closed=1000) as session:
-        with pytest.raises(CameraLostError, match="3 restarts are spent"):
-            list(session)
-        assert [item.label for item in session.map] == ["chair"]
-    assert load_map(tmp_path / "run")[0].count > 5  # noise shows no motion, so the pose is soon unknown
-    record = json.loads((tmp_path / "run" / "run.json").read_text())
-    assert record["finished"]
-    assert record["faults"][-1]["kind"] == "lost"
 
 
 @pytest.mark.parametrize(("mount", "height_m"), [(None, None), (0.83, 0.83), ((0.7, 3.0), 0.7)])

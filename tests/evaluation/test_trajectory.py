@@ -121,15 +121,6 @@ def pose(x, y, z, yaw=0.0, pitch=0.0):
     return full
 
 
-def test_what_moves_in_the_plane_loses_nothing():
-    angles = np.linspace(0, 3, 60)
-    circle = np.array([pose(5 * math.sin(a), 5 - 5 * math.cos(a), 0, a) for a in angles])
-    fit = planar_fit(circle, (2.0,))
-    assert fit["max_m"] == pytest.approx(0.0, abs=1e-9)
-    assert fit["t_rel_percent"] == pytest.approx(0.0, abs=1e-9)
-    assert fit["height_max_m"] == 0.0
-
-
 def test_a_hill_is_longer_than_its_shadow():
     # Up a slope of 0.1 rad with the nose along it: every motion is 1 m forward, seen from above cos(0.1).
     slope = np.array([pose(i * math.cos(0.1), 0, i * math.sin(0.1), 0, -0.1) for i in range(41)])

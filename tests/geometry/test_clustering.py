@@ -82,15 +82,6 @@ def test_shared_error_is_a_floor_that_more_sightings_do_not_lower(placed):
     assert floor < chair.covariance_m2[0, 0] < 1.2 * floor
 
 
-def test_pose_uncertainty_at_first_sight_stays_in_the_covariance(placed):
-    pose = np.diag([0.2**2, 0.2**2, 0.0])
-    chairs = FloorMap()
-    for frame in range(50):
-        chairs.update([replace(placed("chair", 2.0, 0.0, frame), pose_covariance=pose)])
-    (chair,) = chairs.objects()
-    assert chair.covariance_m2[0, 0] > 0.2**2
-
-
 def test_an_uncertain_heading_at_first_sight_moves_an_object_on_a_circle(placed):
     """0.1 rad at (2, 1): 0.1 m against x and 0.2 m along y, together."""
     chairs = FloorMap()

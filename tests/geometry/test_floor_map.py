@@ -17,12 +17,6 @@ def objects(placed):
     return chairs.objects()
 
 
-def test_a_map_comes_back_as_it_was_saved(tmp_path, objects):
-    save_map(tmp_path / "map.json", objects)
-    for path in (tmp_path, tmp_path / "map.json"):
-        assert map_document(load_map(path)) == map_document(objects)
-
-
 def test_a_covariance_that_rounds_to_two_values_reads_back(objects):
     odd = np.array([[29.0, 15.02238263051], [15.02238263049, 110.0]])  # the fuzz of edits made such a one
     read, _ = read_map(map_text([replace(objects[0], covariance_m2=odd)]).encode(), "map")
@@ -42,14 +36,6 @@ def test_the_document_is_the_contract(objects):
     assert document["objects"][0]["id"] == "chair-1"
     assert document["objects"][0]["last_seen_s"] == pytest.approx(0.7)
     assert np.linalg.eigvalsh(document["objects"][0]["covariance_m2"]).min() > 0
-
-
-def test_saving_leaves_no_temporary_file_and_replaces(tmp_path, objects):
-    save_map(tmp_path / "map.json", [])
-    assert load_map(tmp_path) == []
-    save_map(tmp_path / "map.json", objects)
-    assert [path.name for path in tmp_path.iterdir()] == ["map.json"]
-    assert len(load_map(tmp_path)) == 2
 
 
 def test_a_failed_save_keeps_the_old_map(tmp_path, objects, monkeypatch):

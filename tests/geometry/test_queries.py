@@ -16,7 +16,7 @@ from edgemap.geometry.objects.annotations import Zone
 from edgemap.geometry.objects.approach import ApproachRule, approach
 from edgemap.geometry.objects.footprint import FootprintRule, fitted
 from edgemap.geometry.objects.merge import fused
-from edgemap.geometry.objects.queries import inside_polygon, nearest
+from edgemap.geometry.objects.queries import inside_polygon
 from edgemap.geometry.objects.zone_watch import ZoneWatch
 from edgemap.geometry.se2 import wrap_angle
 from edgemap.geometry.slam.object_landmarks import LandmarkRule
@@ -33,17 +33,6 @@ ROOM = [item("chair-1", 3, 0, 5.0), item("couch-1", 1, 1, 9.0), item("chair-2", 
 
 def ids(objects):
     return [found.id for found in objects]
-
-
-def test_nearest_first_with_distances():
-    found = nearest(ROOM, (0, 0))
-    assert [(round(distance, 6), found.id) for distance, found in found] == [
-        (1.0, "chair-2"),
-        (1.414214, "couch-1"),
-        (3.0, "chair-1"),
-    ]
-    assert [found.id for _, found in nearest(ROOM, (4, 0), "chair", count=1)] == ["chair-1"]
-    assert nearest(ROOM, (0, 0), "bed") == []
 
 
 def test_a_polygon_with_a_notch():
