@@ -4,8 +4,7 @@ import math
 
 import numpy as np
 import pytest
-from support.depth_room import LENS, depth_room, record_depth
-from support.recordings import drain
+from support.depth_room import LENS, depth_room
 
 from edgemap.calibrate.floor_depth import fit_floor_depth, gravity
 from edgemap.geometry.camera.floor_plane import find_floor
@@ -13,7 +12,6 @@ from edgemap.geometry.camera.imu import ImuSamples
 from edgemap.geometry.camera.level import up_optical
 from edgemap.geometry.camera.mount import Mount
 from edgemap.runtime.frames.errors import CalibrationError
-from edgemap.runtime.inputs.open import open_camera
 
 MOUNT = Mount.from_degrees(0.62, 17.0, 2.0)
 
@@ -54,19 +52,6 @@ def test_gravity_says_which_plane_is_the_floor():
     pictures = [depth_room(steep)] * 3
     fit = fit_floor_depth(pictures, LENS, up_optical(math.radians(50.0), 0.0))
     assert math.degrees(fit.mount.pitch_rad) == pytest.approx(52.0, abs=0.2)
-
-
-def test_a_recording_of_a_realsense_with_depth_apart_from_colour(tmp_path):
-    pytest.importorskip("pyrealsense2")
-    path = record_depth(tmp_path / "depth.db3", [depth_room(MOUNT)] * 6, apart_m=0.015)
-    with open_camera(f"realsense:{path}") as camera:
-        assert camera.info.intrinsics is not None
-        fit = fit_floor_depth(
-            [frame.depth for frame in drain(camera) if frame.depth is not None], camera.info.intrinsics
-        )
-    assert fit.pictures == fit.examined >= 4  # a colour picture may have no depth beside it
-    assert fit.mount.height_m == pytest.approx(MOUNT.height_m + 0.015 * math.sin(MOUNT.roll_rad), abs=0.004)
-    assert math.degrees(fit.mount.pitch_rad) == pytest.approx(17.0, abs=0.2)
 
 
 def test_refusals_say_the_numbers():

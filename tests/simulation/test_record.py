@@ -1,7 +1,6 @@
 """Recordings: what was stopped goes on and ends with the same bytes; what they hold fits together."""
 
 from dataclasses import replace
-from itertools import islice
 
 import cv2
 import numpy as np
@@ -125,13 +124,6 @@ def test_the_live_camera_delivers_the_recorded_pictures(recorded, drawn):
         assert len(camera.info.truth.poses) == FRAMES
         camera.close()
         assert camera.read() is None
-
-
-def test_any_picture_can_be_made_by_itself(recorded, drawn):
-    from edgemap.simulation.shots import shots
-
-    (third,) = islice(shots(drawn, [3], workers=1), 1)
-    assert (recorded / "images" / f"000003{third.suffix}").read_bytes() == third.picture
 
 
 def test_the_floor_plan_lies_beside_the_drive_and_comes_to_one_that_was_rendered_without(recorded, drawn, tmp_path):

@@ -96,20 +96,6 @@ def check_decode(detector, found):
     return rows
 
 
-@pytest.mark.parametrize("name", SHIPPED)
-def test_pictures_go_in_as_on_the_robot(small, name):
-    """The preprocessor's tensor: colour order, mean and deviation."""
-    start = small(name)
-    image = np.random.default_rng(1).integers(0, 256, (64, 64, 3)).astype(np.uint8)
-    tensor, _ = Preprocessor(start.detector.input)(image)
-    with torch.no_grad():
-        direct = dict(zip(start.graph.outputs, start.graph(torch.from_numpy(tensor)), strict=True))
-        ours = start(torch.from_numpy(image).permute(2, 0, 1)[None])
-    assert len(ours) == len(start.detector.heads)
-    for head, one in zip(start.detector.heads, ours, strict=True):
-        torch.testing.assert_close(one, direct[head.name], atol=1e-4, rtol=1e-4)
-
-
 def test_a_copy_is_another_network(start):
     image = torch.rand(1, 3, 64, 64) * 255.0
     before = start(image)[0].detach()
