@@ -1,14 +1,140 @@
+"""Errors of trajectories and odometries by hand, and by KITTI's own way of counting."""
+
 import math
 
 import numpy as np
 import pytest
 
 from edgemap.evaluation.odometry import INDOOR_LENGTHS_M, errors_of, figures, worst_drive
-from edgemap.evaluation.trajectory import attitude_figures, integrated
+from edgemap.evaluation.trajectory import (
+    aligned_errors_m,
+    attitude_figures,
+    integrated,
+    motion_errors,
+    motions,
+    normalised_errors,
+    path_m,
+    planar_fit,
+    segment_errors,
+    window_errors,
+)
 from edgemap.geometry.camera.attitude import Attitude
 from edgemap.geometry.se2 import SE2
 
 STRAIGHT = [SE2(0.1 * i, 0, 0) for i in range(101)]
+
+
+def test_a_segment_ends_at_the_first_frame_beyond_its_length_not_at_it():
+    """Frames of half a metre, exact in binary: 2 m are reached at frame 4 and exceeded at frame 5, 2.5 m away."""
+    true = [SE2(0.5 * i, 0, 0) for i in range(21)]
+    longer = [SE2(0.55 * i, 0, 0) for i in range(21)]
+    np.testing.assert_allclose(segment_errors(true, longer, 2.0, step=5)[:, 0], [0.25] * 4)
+    assert len(segment_errors(true, longer, 2.0, step=1)) == 16  # starts 0 to 15
+    assert len(segment_errors(true, longer, 9.5)) == 1  # frame 20 alone is farther than 9.5 m
+    assert segment_errors(STRAIGHT, STRAIGHT, 11.0).shape == (0, 2)
+
+
+def test_segments_agree_with_the_development_kits_way_of_counting():
+    """KITTI's devkit in its own terms: 4x4 matrices, distances summed frame by frame, inv(inv(P0) P1) (inv(Q0) Q1)."""
+    rng = np.random.default_rng(3)
+    true = integrated([SE2(*row) for row in rng.normal([0.1, 0, 0], [0.05, 0.02, 0.2], (150, 3))])
+    found = integrated([SE2(*row) for row in rng.normal([0.1, 0, 0], [0.05, 0.02, 0.2], (150, 3))])
+    expected = []
+    for first in range(0, len(true), 10):
+        gone, last = 0.0, None
+        for i in range(first + 1, len(true)):
+            gone += math.dist((true[i].x_m, true[i].y_m), (true[i - 1].x_m, true[i - 1].y_m))
+            if gone > 3.0:
+                last = i
+                break
+        if last is None:
+            continue
+        delta_true = np.linalg.inv(true[first].matrix()) @ true[last].matrix()
+        delta_found = np.linalg.inv(found[first].matrix()) @ found[last].matrix()
+        error = np.linalg.inv(delta_found) @ delta_true
+        expected.append((np.hypot(*error[:2, 2]), math.acos(np.clip(error[0, 0], -1, 1))))
+    assert len(expected) > 8
+    np.testing.assert_allclose(segment_errors(true, found, 3.0), expected, atol=1e-9)
+
+
+def test_the_absolute_error_is_blind_to_the_start_and_to_nothing_else():
+    rng = np.random.default_rng(0)
+    true = integrated([SE2(0.1, 0, float(yaw)) for yaw in rng.normal(0, 0.1, 60)])
+    elsewhere = [SE2(3, -2, 1.1) @ pose for pose in true]
+    np.testing.assert_allclose(aligned_errors_m(true, elsewhere), 0.0, atol=1e-9)
+    bent = [SE2(pose.x_m, 0.2 * (-1) ** i, 0) for i, pose in enumerate(STRAIGHT)]
+    np.testing.assert_allclose(aligned_errors_m(STRAIGHT, bent), 0.2, atol=5e-3)
+
+
+def test_motions_and_poses_are_each_others_inverse_and_yaw_errors_wrapped():
+    steps = [SE2(0.1, 0.02, 0.3), SE2(-0.1, 0, -0.2), SE2()]
+    for wanted, found in zip(steps, motions(integrated(steps)), strict=True):
+        np.testing.assert_allclose(found.vector(), wanted.vector(), atol=1e-12)
+    assert path_m(integrated([SE2(3, 4, 1), SE2(0, 2, 0)])) == pytest.approx([0, 5, 7])
+    assert motion_errors([SE2(0, 0, 3.1)], [SE2(0, 0, -3.1)])[0, 2] == pytest.approx(2 * math.pi - 6.2)
+
+
+def test_honest_covariances_give_three():
+    rng = np.random.default_rng(1)
+    covariance = np.array([[4e-4, 1e-4, 0], [1e-4, 1e-4, 0], [0, 0, 1e-6]])
+    errors = rng.multivariate_normal(np.zeros(3), covariance, 4000)
+    nees = normalised_errors(errors, np.broadcast_to(covariance, (4000, 3, 3)))
+    assert nees.mean() == pytest.approx(3.0, abs=0.15)
+    assert normalised_errors(np.array([[0.02, 0, 0]]), np.diag([1e-4, 1, 1])[None]) == pytest.approx([4.0])
+
+
+def test_errors_that_last_show_in_the_nees_over_windows():
+    rng = np.random.default_rng(2)
+    covariances, stamps_s = np.broadcast_to(np.eye(3) * 1e-6, (4000, 3, 3)), np.arange(4001) / 10.0
+    still = [SE2()] * 4001
+    errors = rng.normal(0.0, 1e-3, (4000, 3))
+    found = window_errors(still, integrated([SE2(*row) for row in errors]), covariances, stamps_s, (0.1, 1.0, 500.0))
+    assert found[0.1].mean() == pytest.approx(3.0, abs=0.4)
+    assert found[1.0].mean() == pytest.approx(3.0, abs=0.4)
+    assert len(found[500.0]) == 0
+    lasting = np.repeat(errors[::10], 10, axis=0)  # the same error in ten steps: ten times the variance after them
+    found = window_errors(still, integrated([SE2(*row) for row in lasting]), covariances, stamps_s, (0.1, 1.0))
+    assert found[0.1].mean() == pytest.approx(3.0, abs=0.4)
+    assert found[1.0].mean() == pytest.approx(30.0, abs=4.0)
+
+
+def test_another_number_of_poses_is_refused():
+    with pytest.raises(ValueError, match="101 true poses or motions against 100"):
+        segment_errors(STRAIGHT, STRAIGHT[1:], 1.0)
+    for errors in (aligned_errors_m, motion_errors):
+        with pytest.raises(ValueError, match="101 true poses or motions against 100"):
+            errors(STRAIGHT, STRAIGHT[1:])
+
+
+@pytest.mark.parametrize(("stamp_s", "whole"), [(0.995, True), (0.985, False)])
+def test_a_window_may_end_a_hundredth_of_a_second_early_and_no_more(stamp_s, whole):
+    """A window of a second: the step after the frame at this stamp errs, and counts where that frame came too early."""
+    stamps_s = np.arange(12) / 10.0
+    stamps_s[10] = stamp_s
+    covariances = np.broadcast_to(np.eye(3) * 1e-6, (11, 3, 3))
+    estimated = integrated([SE2()] * 10 + [SE2(0.001)])
+    found = window_errors([SE2()] * 12, estimated, covariances, stamps_s, (1.0,))[1.0]
+    assert found == pytest.approx([0.0] if whole else [1.0 / 11.0])
+
+
+def pose(x, y, z, yaw=0.0, pitch=0.0):
+    """Base to world, z up; pitch positive looking down."""
+    c, s, cp, sp = math.cos(yaw), math.sin(yaw), math.cos(pitch), math.sin(pitch)
+    turn = np.array([[c, -s, 0], [s, c, 0], [0, 0, 1]]) @ np.array([[cp, 0, sp], [0, 1, 0], [-sp, 0, cp]])
+    full = np.eye(4)
+    full[:3, :3], full[:3, 3] = turn, (x, y, z)
+    return full
+
+
+def test_a_hill_is_longer_than_its_shadow():
+    # Up a slope of 0.1 rad with the nose along it: every motion is 1 m forward, seen from above cos(0.1).
+    slope = np.array([pose(i * math.cos(0.1), 0, i * math.sin(0.1), 0, -0.1) for i in range(41)])
+    fit = planar_fit(slope, (9.5, 100.0))
+    assert fit["max_m"] == pytest.approx(40 * (1 - math.cos(0.1)))
+    assert fit["mean_percent"] == pytest.approx(100 * 20 * (1 - math.cos(0.1)) / 40)
+    assert fit["t_rel_percent"] == pytest.approx(100 * 10 * (1 - math.cos(0.1)) / 9.5)
+    assert fit["height_max_m"] == pytest.approx(40 * math.sin(0.1))
+    assert planar_fit(slope, (100.0,))["t_rel_percent"] is None
 
 
 def score_trajectory(true, estimated, lengths_m=INDOOR_LENGTHS_M):

@@ -1,4 +1,4 @@
-"""Rendered frames and the demo's: boxes, shares and lenses, and enough to map."""
+"""Rendered pictures against edgemap.geometry: boxes, shares, lenses, depths; the demo has enough to map."""
 
 from dataclasses import replace
 from pathlib import Path
@@ -208,3 +208,51 @@ def test_every_model_is_credited(furniture_catalogue):
     assert len(keys) > 8
     for key in keys:
         assert furniture_catalogue[key].creator in text
+
+
+POSE = SE2(1.0, 2.0, 0.4)
+# Nothing square, nothing centred: every sign and offset must be right.
+UNEVEN = Intrinsics(320, 240, 290.0, 270.0, 150.3, 128.9)
+TILTED = Mount.from_degrees(0.55, 14.0, roll_deg=6.0, forward_m=0.2, left_m=-0.07)
+
+
+@pytest.fixture(scope="module")
+def markers():
+    """Small boxes (2 cm) in front of the robot, their middles (N, 3), and a renderer of them."""
+    pytest.importorskip("moderngl")
+    from edgemap.geometry.errors import EdgemapError
+    from edgemap.simulation.render.renderer import Renderer
+
+    base = np.array([[1.5, 0.0, 0.02], [2.0, 0.5, 0.3], [3.0, -0.9, 0.7], [2.5, 0.9, 0.05], [1.2, -0.2, 0.3]])
+    middles = np.column_stack([POSE.apply(base[:, :2]), base[:, 2]])
+    parts = []
+    for id_, middle in enumerate(middles, start=1):
+        for part in box(middle - 0.01, middle + 0.01, Material()).parts:
+            light = np.ones(part.positions.shape, dtype=np.float32)
+            parts.append(LitPart(id_, part, light, light))
+    try:
+        made = Renderer(LitScene((), tuple(parts), ()), UNEVEN)
+    except EdgemapError as error:
+        pytest.skip(str(error))
+    yield middles, made
+    made.close()
+
+
+def optical(points_room):
+    """Points of the room in the optical frame, written from the mount alone, apart from the renderer's View."""
+    base = POSE.inverse().apply(points_room[:, :2])
+    return (np.column_stack([base, points_room[:, 2]]) - TILTED.position_base_m()) @ TILTED.rotation_base_optical()
+
+
+def test_ids_stand_where_geometry_projects_them(markers):
+    from edgemap.simulation.render.view import View
+
+    middles, renderer = markers
+    frame = renderer.frame(View.of_base(POSE, TILTED))
+    expected = optical(middles)
+    pixels = UNEVEN.project(expected)
+    for id_, (pixel, point) in enumerate(zip(pixels, expected, strict=True), start=1):
+        rows, columns = np.nonzero(frame.ids == id_)
+        assert len(rows) > 3, f"marker {id_} is not in the picture"
+        assert np.hypot(columns.mean() - pixel[0], rows.mean() - pixel[1]) < 1.0
+        assert abs(np.median(frame.depth_m[rows, columns]) - point[2]) < 0.02
