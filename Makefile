@@ -142,8 +142,8 @@ SEED ?= 0
 reliability: setup
 	PYTHONPATH=tests $(BIN)/python -m reliability $(PARTS) --seed $(SEED) --share $(SHARE)
 
-# Real counterparts in processes of their own: fleet keepers and robots; Home Assistant (the last for Python
-# 3.11) in an environment of its own, skipped where that cannot be made; published weights with the AP50 known of them.
+# Real counterparts: Home Assistant (the last for Python 3.11) and other packages' detectors in environments of their own, skipped
+# where one cannot be made; published weights with the AP50 known of them.
 HOME_ASSISTANT := homeassistant==2024.3.3 home-assistant-frontend==20240307.0 paho-mqtt==1.6.1 Pillow==10.2.0 SQLAlchemy==2.0.27 \
 	fnv-hash-fast==0.5.0 psutil-home-assistant==0.0.1 janus==1.0.0 josepy==1.14.0 mutagen==1.47.0 hassil==1.6.1 \
 	home-assistant-intents==2024.3.12

@@ -29,7 +29,7 @@ ELSEWHERE = {
     r"--view\b": "ends with Ctrl-C; tests/view",
     r"bag_0\.mcap|--board|lens\.yaml": "other recordings; tests/runtime/recordings, tests/cli/test_calibrate.py",
     r"--format route": "needs a door; tests/runtime/map_formats",
-    r"^edgemap run$": "the whole demo; tests/cli/test_end_to_end.py",
+    r"^edgemap run$": "the whole demo; tests/cli/test_config.py",
 }
 
 

@@ -279,3 +279,15 @@ def test_a_map_is_drawn_from_what_a_power_cut_left(edgemap, run_folder):
     (run_folder / "run.json").unlink()
     result = edgemap.ok("map", "show", run_folder)
     assert "chair-1" in result.stdout
+
+
+def test_the_well_known_pictures_and_a_real_living_room_that_becomes_a_map(edgemap, shared_data, tmp_path):
+    flags = ("--bundle", "yolox-nano", "--json")
+    for picture, labels in (("dog.jpg", {"dog", "bicycle"}), ("person.jpg", {"person", "dog", "horse"})):
+        (document,) = json.loads(edgemap("detect", shared_data / "pictures" / picture, *flags).stdout)
+        assert labels <= {entry["label"] for entry in document["detections"]}
+    flags = ("--frames", 30, "--bundle", "yolox-nano", "--odometry", "truth", "--out", tmp_path / "run")
+    edgemap.ok("run", "--camera", f"c2w:{shared_data / 'hololens'}", *flags)
+    assert load_map(tmp_path / "run")
+    assert len((tmp_path / "run" / "trajectory.tum").read_text().splitlines()) == 30
+    assert edgemap("map", "show", tmp_path / "run").returncode == 0

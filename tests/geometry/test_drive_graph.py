@@ -48,20 +48,6 @@ def test_things_seen_again_put_the_whole_way_right(seed):
     assert worst_m(poses, TWO_ROUNDS) < 0.3 * alone
 
 
-def test_what_is_linked_is_one_thing():
-    graph, _ = driven(ROOM, TWO_ROUNDS)
-    start = TWO_ROUNDS[0].inverse()
-    for visits in graph.groups().values():
-        assert len({one.label for one in visits}) == 1
-        if len(visits) > 1:
-            distances = [
-                np.linalg.norm(visits[0].position_m - start.apply([x, y]))
-                for label, x, y in ROOM
-                if label == visits[0].label
-            ]
-            assert min(distances) < 0.4  # nearer than half the way to any neighbour
-
-
 def test_a_way_that_never_returns_is_left_as_it_is():
     corridor = [("chair", 1.5 * k, 1.0) for k in range(14)] + [("chair", 1.5 * k + 0.4, -1.0) for k in range(14)]
     ahead = [SE2(0.1 * k, 0.0, 0.0) for k in range(180)]  # 28 twins, none seen twice

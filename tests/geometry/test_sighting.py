@@ -34,17 +34,6 @@ def seen(*boxes):
     )
 
 
-def test_position_and_size_by_hand():
-    """Lower edge 100 px below the horizon: 5 m from the lens, which sits 0.2 m ahead; a chair that looks 0.6 m wide has
-    its middle 0.13 + 0.23 * 0.6 = 0.268 m behind its lower edge."""
-    (chair,) = sightings_of(seen(("chair", 290, 240, 350, 340)), CAMERA, FloorRule())
-    assert chair.distance_m == pytest.approx(5.0)
-    assert chair.position_base_m == pytest.approx([0.2 + 5.0 + 0.268, 0.0])
-    assert chair.width_m == pytest.approx(0.6)
-    assert chair.height_m == pytest.approx(1.0)
-    assert (chair.frame, chair.stamp_s) == (0, 0.0)  # where nothing is said of them
-
-
 TABLE, CHAIR = ("dining table", 200, 250, 440, 400), ("chair", 270, 100, 370, 400)
 STANDING = [  # boxes, rule, rows of those that stand on the floor
     ([], FloorRule(), []),
@@ -148,13 +137,6 @@ def test_a_foot_behind_what_is_no_floor_is_between_that_and_the_lower_edge():
     assert hidden.position_base_m[0] == pytest.approx(0.2 + 2.966 + 0.13 + 0.23 * 0.475, abs=2e-3)
     assert hidden.covariance_m2[0, 0] == pytest.approx(1.0 / (1.0 / 0.2406**2 + 1.0 / 0.875**2), rel=0.02)
     assert (hidden.weight, standing.weight) == (pytest.approx(0.5), pytest.approx(1.0))
-
-
-def test_a_foot_that_could_be_anywhere_is_known_to_metres():
-    """No floor down to the picture's lower border: between 2.08 m and 12.5 m."""
-    box, nowhere = seen(("chair", 310, 200, 330, 280)), FloorMask(np.zeros((96, 64), dtype=np.float32), 640, 480)
-    (hidden,) = sightings_of(box, CAMERA, FloorRule(), floor=nowhere)
-    assert math.sqrt(hidden.covariance_m2[0, 0]) > 2.0
 
 
 @given(st.lists(st.tuples(*[st.floats(0, 640)] * 4), min_size=1, max_size=6))

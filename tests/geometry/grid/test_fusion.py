@@ -11,7 +11,6 @@ from support.boxed_room import CAMERA, depth_picture, floor_mask, walls
 
 from edgemap.geometry.camera.depth_points import SparseDepth
 from edgemap.geometry.grid.fusion import GridFusion
-from edgemap.geometry.grid.merge import merged_grid
 from edgemap.geometry.grid.occupancy_grid import FREE, OCCUPIED, UNKNOWN, OccupancyGrid
 from edgemap.geometry.grid.patch import after
 from edgemap.geometry.se2 import SE2
@@ -185,21 +184,6 @@ def test_a_run_that_finds_itself_lays_its_floor_into_the_saved_one():
     outside = (np.abs(occupied_m(grid) - [1.5, 0.0]) > [2.71, 2.21]).any(axis=1)
     assert not outside.any()
     assert grid.area_m2(FREE) > shown(saved).area_m2(FREE)
-
-
-def test_two_saved_grids_become_one_by_their_alignment():
-    first, second = GridFusion(), GridFusion()
-    drive(first, ROOM, [SE2(0.0, 0.0, 0.05 * k) for k in range(-16, 17) for _ in range(4)])
-    pose_a_b = SE2(1.0, 0.5, 2.5)
-    for index, pose in enumerate(SE2(1.0, 0.0, math.pi + 0.05 * k) for k in range(-16, 17) for _ in range(4)):
-        second.observe(pose_a_b.inverse() @ pose, index / 10, CAMERA, floor_mask(ROOM, pose), NOBODY)
-    merged = merged_grid(shown(first), shown(second), pose_a_b)
-    alone = merged_grid(shown(first), None, pose_a_b)
-    assert (merged.at([(2.0, 0.0), (-0.2, 0.0)]) == FREE).all()
-    assert shown(first).at([(-0.5, 0.0)])[0] == UNKNOWN
-    assert not (np.abs(occupied_m(merged) - [1.5, 0.0]) > [2.66, 2.16]).any()
-    assert merged_grid(None, None, pose_a_b) is None
-    assert (alone.cells == shown(first).cells).all()
 
 
 def test_an_office_of_500_square_metres_takes_less_than_20_mb(tmp_path):

@@ -108,18 +108,6 @@ def test_a_history_is_bounded_and_loses_no_sum():
     np.testing.assert_allclose(trail[:, 3], np.sqrt(CHI2_95 * 0.04))
 
 
-def test_a_trajectory_that_finds_its_saved_map_is_that_of_the_map():
-    history, journal = History(), PoseJournal()
-    history.add(step(journal, 0))
-    history.add(step(journal, 1, x_m=1.0))
-    journal.transform(SE2(7.0, 2.0, 0.0))
-    history.add(step(journal, 2, x_m=9.0, travelled_m=1.0))
-    assert [sample[:2] for sample in history.trail()] == [(7, 2), (8, 2), (9, 0)]
-    last: Any = history.last
-    last.scale = 2.0  # of a guessed lens height, known at the end
-    assert [sample[:2] for sample in history.trail()] == [(14, 4), (16, 4), (18, 0)]
-
-
 def test_a_module_that_cannot_be_bundled_is_named(tmp_path, monkeypatch):
     monkeypatch.setattr(page_module, "STATIC", tmp_path)
     (tmp_path / "a.js").write_text("export default 1;\n")
