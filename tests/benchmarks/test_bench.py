@@ -13,8 +13,9 @@ from support.made_camera import MadeCamera
 from edgemap.benchmarks import rivals as contest
 from edgemap.benchmarks.bench import CHUNK, WARM_UP, drive_chunks, measure
 from edgemap.benchmarks.map_variants import remembering, replayed
+from edgemap.benchmarks.odometry import follow
 from edgemap.benchmarks.rivals import picture_to_boxes
-from edgemap.runtime.frames.errors import CameraError
+from edgemap.runtime.frames.errors import CameraError, OdometryError
 from edgemap.runtime.inputs.drives import open_drive
 from edgemap.runtime.inputs.open import DEMO, open_camera
 from edgemap.runtime.network.bundle import load_bundle
@@ -59,6 +60,12 @@ def test_drives_go_in_order_and_begin_again_with_an_empty_map():
 def test_a_source_of_one_frame_is_refused():
     with pytest.raises(CameraError, match="two frames or more, counting gave 1"):
         list(zip(range(2), drive_chunks(lambda: (counting(1), Slam())), strict=False))
+
+
+def test_a_source_without_true_poses_is_refused():
+    nothing: Any = None
+    with pytest.raises(OdometryError, match="counting brings no true poses"):
+        follow(counting(2), nothing)
 
 
 def test_processor_time_is_counted_and_sleeping_is_not():

@@ -66,9 +66,9 @@ def test_addresses(text, address):
     assert host_and_port(text, "--x", 9) == address
 
 
-@pytest.mark.parametrize("text", ["", ":80", "x:", "x:http", "x:65536", "x:-1", "x:²", "x:" + "9" * 5000])
+@pytest.mark.parametrize("text", ["", ":80", "x:", "x:http", "x:65536", "x:-1", "x:²", "x:" + "9" * 5000, "h\udcff1"])
 def test_addresses_that_are_none(text):
-    with pytest.raises(UsageError, match=r"--x .* expected HOST or HOST:PORT"):
+    with pytest.raises(UsageError, match=r"--x .* (expected HOST or HOST:PORT|no name of a host)"):
         host_and_port(text, "--x", 9)
 
 

@@ -54,6 +54,7 @@ REFUSED = [
     ("rnu", 2, "'run'"),
     ("map shw", 2, "'map show'"),
     ("mapp", 2, "'map'"),
+    ("\udcff1", 2, "there are: bench"),
     ("eval odometri", 2, "'eval odometry'"),
     (f"{RUN} --intrinsics nan,50,32,32", 2, "finite"),
     (f"{RUN} --intrinsics=-50,50,32,32", 2, "-50.0"),

@@ -175,5 +175,6 @@ def test_alignments_by_hand():
     assert aligned_figures([], truth()) == nothing
     assert aligned_figures(seen_as(), [])["f1_aligned"] == 0.0
     assert aligned_figures([], [])["f1_aligned"] is None
+    assert aligned_figures(seen_as(ROOM[:1], shift=(0.2, 0.0)), truth(ROOM[:1]))["f1_aligned"] == 1.0
     many = [("bed", 1.5 * (i % 15), 1.5 * (i // 15)) for i in range(200)]
     assert aligned_figures(seen_as(many), truth(many))["f1_aligned"] == 1.0

@@ -11,6 +11,7 @@ from hashlib import sha256
 import pytest
 from support.refusal import refused
 
+from edgemap.cli import pull
 from edgemap.export import obtain as obtaining
 from edgemap.export.obtain import obtain
 from edgemap.export.sources import KNOWN, KnownModel, SourceArchive
@@ -173,7 +174,8 @@ def test_a_finished_bundle_comes_by_folder(cache, small):
 def test_a_finished_bundle_comes_by_url_and_a_damaged_one_does_not(cache, small, server):
     for path in small.iterdir():
         server.files[f"/b/{path.name}"] = path.read_bytes()
-    folder = store.install_url(server.url("/b/"), progress=False)
+    pull.command(server.url("/b/"))
+    folder = cache / "bundles" / "small"
     load_bundle(folder)
     shutil.rmtree(folder)
     assert store.install_url(server.url("/b/bundle.json"), progress=False) == folder
@@ -213,8 +215,6 @@ def test_where_a_bundle_is_looked_for(cache, small, tmp_path, monkeypatch):
 
 
 def test_pull_makes_a_ready_bundle_and_a_second_pull_is_at_once(cache, shared_data, monkeypatch, capsys, brief):
-    from edgemap.cli import pull
-
     pull.command("yolox-nano", given=str(shared_data / "weights" / "yolox_nano.onnx"))
     folder = cache / "bundles" / "yolox-nano"
     assert capsys.readouterr().out == f"ready: {folder}\n"
