@@ -1,7 +1,6 @@
 """Programs that are not edgemap read its recordings: mcap with its ROS 2 decoder, and rosbags, which shares no code."""
 
 import math
-import re
 from pathlib import Path
 from typing import Any
 
@@ -12,7 +11,6 @@ from support.recordings import FACTS, LENS, MOUNT, noise
 from support.results import CHAIR, COVARIANCE, OFF, POSES, results
 
 from edgemap.bridges.ros2.messages.build import mount_transform
-from edgemap.bridges.ros2.messages.definitions import FIELDS, definition
 from edgemap.bridges.ros2.messages.map_messages import markers
 from edgemap.bridges.ros2.recordings.facts import Facts
 from edgemap.bridges.ros2.recordings.recorder import Recorder
@@ -188,24 +186,3 @@ def test_an_empty_map_clears_the_markers_and_without_lens_and_mount_there_are_no
     recorder.picture(noise(1)[0])
     recorder.close()
     assert set(with_rosbags(tmp_path / "a.mcap")) == {"/camera/image/compressed"}
-
-
-@pytest.mark.parametrize("distribution", ["ROS2_HUMBLE", "ROS2_JAZZY", "ROS2_LYRICAL"])
-@pytest.mark.parametrize("kind", [kind for kind in FIELDS if not kind.startswith("vision_msgs/")])
-def test_definitions_are_ros_own(kind, distribution):
-    """Field by field as rosbags knows them of each distribution; constants and defaults apart."""
-    store = typesys.get_typestore(getattr(typesys.Stores, distribution))
-    name = kind.replace("/", "/msg/")
-    theirs, _ = store.generate_msgdef(name, ros_version=2)
-    assert fields(definition(name)) == fields(theirs)
-
-
-def fields(text):
-    """Type name to its fields, in order."""
-    parts = re.split(r"^={80}\n", text, flags=re.MULTILINE)
-    found = {}
-    for number, part in enumerate(parts):
-        head = re.match(r"MSG: (\S+)\n", part)
-        lines = [line for line in part.splitlines() if line and "=" not in line and not line.startswith("MSG:")]
-        found["" if number == 0 else head[1]] = [" ".join(line.split()[:2]) for line in lines]  # type: ignore[index]
-    return found

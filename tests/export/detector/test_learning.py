@@ -1,4 +1,4 @@
-"""Assignment, loss, augmentation and the training loop."""
+"""Assignment, loss, augmentation, teachers' boxes and the training loop."""
 
 from dataclasses import replace
 
@@ -10,12 +10,15 @@ torch = pytest.importorskip("torch")
 
 from edgemap.export.detector.augment import flip, mosaic, single  # noqa: E402
 from edgemap.export.detector.boxes import generalised_iou, overlap, read_heads  # noqa: E402
+from edgemap.export.detector.loader import Batches  # noqa: E402
 from edgemap.export.detector.loss import Targets, assign, detection_loss, distance_loss  # noqa: E402
-from edgemap.export.detector.store import Example  # noqa: E402
+from edgemap.export.detector.store import Example, averaged, load_examples  # noqa: E402
 from edgemap.export.detector.train import Trainer  # noqa: E402
 from edgemap.export.detector.validate import blend, choose_blend  # noqa: E402
 from edgemap.export.settings import DetectorSettings  # noqa: E402
+from edgemap.geometry.observations.detections import Detections  # noqa: E402
 from edgemap.runtime.frames.class_names import COCO_NAMES  # noqa: E402
+from edgemap.runtime.inputs.drives.yolo import predicted_boxes  # noqa: E402
 
 pytestmark = pytest.mark.slow
 CLASSES = ("chair", "couch")
@@ -232,3 +235,56 @@ def test_the_blend_nearest_to_the_start_within_the_loss_is_chosen(start, drawn, 
     assert [row["share"] for row in rows] == [1.0, 0.95, 0.9]
     for name, tensor in blend(start, tuned, 0.95).state_dict().items():
         assert torch.equal(chosen.state_dict()[name], tensor), name
+
+
+def seen(*rows):
+    boxes = np.array([row[2:] for row in rows], np.float64).reshape(-1, 4)
+    return Detections(
+        boxes, np.array([row[1] for row in rows]), np.array([CLASSES.index(row[0]) for row in rows], np.int64), CLASSES
+    )
+
+
+def test_boxes_of_two_teachers_by_hand():
+    """Chairs at 0.8 and 0.4: 0.6, edges weighted two to one. A lone couch at 0.5 is one of 0.25."""
+    one = seen(("chair", 0.8, 0, 0, 30, 30))
+    other = seen(("couch", 0.5, 0, 0, 30, 30), ("chair", 0.4, 3, 0, 33, 30))
+    boxes, labels, scores = averaged([one, other])
+    assert labels == ["chair", "couch"]
+    assert scores == pytest.approx([0.6, 0.25])
+    np.testing.assert_allclose(boxes, [[1, 0, 31, 30], [0, 0, 30, 30]])
+
+
+def test_pictures_without_labels_take_the_teachers(tmp_path):
+    import cv2
+
+    for number in range(3):
+        cv2.imwrite(str(tmp_path / f"{number}.png"), np.full((50, 100, 3), number, np.uint8))
+
+    def teach(_image):
+        return predicted_boxes(np.array([[10.0, 10, 30, 40], [50, 0, 90, 50]]), CLASSES, np.array([0.9, 0.3]))
+
+    examples = load_examples([str(tmp_path)], CLASSES, 40, limit=2, teach=teach)
+    assert [int(one.image[0, 0, 0]) for one in examples] == [0, 2]
+    np.testing.assert_allclose(examples[0].boxes[0], [4.6, 4.6, 13.8, 18.4], atol=1e-5)  # 46 px of 100
+    assert examples[0].ignored().tolist() == [False, True]  # what teachers doubt is not asked for
+    assert examples[0].complete.all()
+    assert examples[0].kept.all()
+    (bare, *_) = load_examples([str(tmp_path)], CLASSES, 40)
+    assert len(bare.boxes) == 0
+    assert bare.kept.all()
+    assert not bare.complete.any()
+
+
+def test_a_mix_shows_each_source_by_its_share():
+    """Two pictures of one source and eight of another at 3 to 1: of 10, 8 are of the first, evenly."""
+    examples = [
+        Example(np.full((8, 8, 3), at, np.uint8), np.zeros((0, 4), np.float32), np.zeros(0, np.int64),
+                np.zeros(0, np.float32), source=int(at > 1))
+        for at in range(10)
+    ]  # fmt: skip
+    for epoch in range(4):
+        order = Batches(examples, 8, 2, 0, 0.0, mix=(0.75, 0.25)).order(epoch)
+        counts = np.bincount(order, minlength=10)
+        assert counts[:2].tolist() == [4, 4]
+        assert counts[2:].sum() == 2
+        assert counts[2:].max() == 1

@@ -151,18 +151,6 @@ def test_doubtful_objects_are_hidden_until_asked_for(driven, tmp_path, show):
     assert tab.value(names) == ["chair-1"]
 
 
-def test_map_and_list_are_seen_at_once_on_every_screen(driven, show):
-    tab = show(driven)
-    for width, height in ((1440, 900), (844, 390), (390, 844)):
-        tab.resize(width, height, 1.0)
-        tab.until(f"window.innerWidth === {width} && !edgemap.map.asked")
-        for part, least in ((".map", 200), ("#objects", 30)):
-            left, top, right, bottom = tab.box(part)
-            assert 0 <= left <= right - 200 <= width - 200, part
-            assert 0 <= top <= min(bottom, height) - least, part
-        assert tab.value("document.documentElement.scrollWidth") <= width
-
-
 @pytest.mark.skipif(find_axe() is None, reason="needs axe-core")
 @pytest.mark.parametrize(("scheme", "size"), [("light", {}), ("dark", PHONE)])
 def test_axe_finds_no_serious_fault_and_all_fits(driven, show, scheme, size):
