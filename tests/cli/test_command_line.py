@@ -4,6 +4,7 @@ import json
 import re
 import signal
 import tomllib
+from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -11,6 +12,7 @@ from typing import Any
 import cv2
 import numpy as np
 import pytest
+from support.rooms import mapped
 
 import edgemap.cli
 from edgemap.cli import main
@@ -18,6 +20,7 @@ from edgemap.cli.camera_options import known_lens, open_described
 from edgemap.cli.summary import with_map_so_far
 from edgemap.cli.usage import parse_and_call
 from edgemap.runtime.frames.extras import EXTRAS
+from edgemap.runtime.step.map_file import save_map
 
 
 def test_ctrl_c_that_a_library_turns_into_its_own_error_is_one_line(monkeypatch, capsys):
@@ -75,20 +78,6 @@ def test_shards_share_the_homes():
     assert sorted(home for part in parts for home in part) == list(homes_of("3:14", None)) == list(range(3, 14))
 
 
-CHAIR = {
-    "id": "chair-1", "label": "chair", "x_m": 1.0, "y_m": 2.0, "covariance_m2": [[0.01, 0.0], [0.0, 0.02]],
-    "width_m": 0.5, "height_m": 0.9, "count": 7, "confidence": 0.9, "first_seen_s": 0.0, "last_seen_s": 3.0,
-}  # fmt: skip
-
-
-def answer(capsys, *arguments):
-    with pytest.raises(SystemExit) as ended:
-        main([str(argument) for argument in arguments])
-    lines = capsys.readouterr().err.splitlines()
-    assert len(lines) == 1, lines
-    return ended.value.code, lines[0]
-
-
 def test_the_lens_of_a_camera_file_is_doubted_as_a_given_one(capsys, tmp_path):
     cv2.imwrite(str(tmp_path / "0.jpg"), np.full((48, 64, 3), 90, np.uint8))
     (tmp_path / "camera.yaml").write_text("{width: 64, height: 48, fx: 60.0, fy: 60.0, cx: 16.0, cy: 12.0}")
@@ -109,8 +98,10 @@ def test_a_configuration_of_strange_keys_and_values_is_one_short_line(capsys, tm
     ):
         path = tmp_path / name
         path.write_text(json.dumps(config))
-        code, line = answer(capsys, "run", "--config", path)
-        assert code == 1
+        with pytest.raises(SystemExit) as ended:
+            main(["run", "--config", str(path)])
+        (line,) = capsys.readouterr().err.splitlines()
+        assert ended.value.code == 1
         assert line.isprintable()
         assert len(line) < 600
 
@@ -134,8 +125,7 @@ def test_a_strangers_map_is_drawn_whatever_its_names_and_links_say(tmp_path):
     kept = tmp_path / "kept"
     kept.write_text("mine")
     (tmp_path / "map.png").symlink_to(kept)
-    objects = [CHAIR | {"id": "$\\frac{", "label": "$\\x$"}]
-    (tmp_path / "map.json").write_text(json.dumps({"format": "edgemap.map/1", "objects": objects}))
+    save_map(tmp_path / "map.json", [replace(mapped([("chair", 1.0, 2.0)])[0], id="$\\frac{", label="$\\x$")])
     main(["map", "show", str(tmp_path / "map.json")])
     assert kept.read_text() == "mine"
     assert (tmp_path / "map.png").read_bytes().startswith(b"\x89PNG")

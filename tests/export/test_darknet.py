@@ -99,6 +99,13 @@ def test_short_and_long_files_are_refused_with_both_counts(small_cfg, small_weig
         ("[net]", "[convolutional]", "does not start with [net]"),
         ("stride=2\npad=1\nactivation=leaky", "stride=2\nxnor=1\nactivation=leaky", "xnor=1 is not supported"),
         ("size=3\npad=1\ngroups", "what is this\ngroups", "neither [section] nor key=value"),
+        ("size=3\n", "size=1000000000000\n", "size=1000000000000, at most 100,000"),
+        ("filters=4", "filters=99999\nstride=1", "values, at most"),
+        ("size=3\n", "size=99999\npad=1\n", "more than 134,217,728 weights"),
+        ("width=32\nheight=32\nchannels=3", "width=99999\nheight=64\nchannels=99999", "is too large"),
+        ("from=-2\n", "from=-2\nweights_type=per_feature\n", "weights_type=per_feature"),
+        ("[maxpool]", "[route]\nlayers=0\ngroups=5\n[maxpool]", "group_id=0 of groups=5 does not fit"),
+        ("[maxpool]", "[upsample]\nscale=2\n[maxpool]", "scale=2 is not supported"),
     ],
 )
 def test_a_cfg_that_is_wrong_says_where(small_cfg, old, new, words):
