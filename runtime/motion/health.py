@@ -76,7 +76,14 @@ class HealthMonitor:
 
     def __init__(self, rule: HealthRule | None = None) -> None:
         self._rule = rule or HealthRule()
-        self.reset()
+        self._history: deque[tuple[float, MatLike, NDArray[np.uint8]]] = deque()
+        self._covered, self._part_since_s = 0.0, math.inf  # share that is covered, and since when it is too much
+        self._plain: NDArray[np.bool_] | None = None  # which tiles of the last picture are plain
+        self._cover = np.zeros(TILES[::-1], dtype=np.bool_)  # what suddenly became plain, until lasts_s has passed
+        self._last: NDArray[np.uint8] | None = None
+        self._changed_s = -math.inf
+        self._news, self._part_news = StreamTimer(REPEATED_S), StreamTimer(REPEATED_S)
+        self._blindness: Fault | None = None  # of the last picture
 
     def judge(self, frame: Frame) -> PictureHealth:
         """The health of a frame's picture."""
@@ -98,17 +105,6 @@ class HealthMonitor:
             kind, detail = _torn(grid, last, self._rule)
         health = self._reported(kind, detail, frame.stamp_s)
         return health if health.blind else self._covered_in_part(health, small, structure, frame.stamp_s)
-
-    def reset(self) -> None:
-        """Discards the last picture."""
-        self._history: deque[tuple[float, MatLike, NDArray[np.uint8]]] = deque()
-        self._covered, self._part_since_s = 0.0, math.inf  # share that is covered, and since when it is too much
-        self._plain: NDArray[np.bool_] | None = None  # which tiles of the last picture are plain
-        self._cover = np.zeros(TILES[::-1], dtype=np.bool_)  # what suddenly became plain, until lasts_s has passed
-        self._last: NDArray[np.uint8] | None = None
-        self._changed_s = -math.inf
-        self._news, self._part_news = StreamTimer(REPEATED_S), StreamTimer(REPEATED_S)
-        self._blindness: Fault | None = None  # of the last picture
 
     def _covered_in_part(
         self, health: PictureHealth, small: MatLike, structure: MatLike, stamp_s: float

@@ -81,7 +81,13 @@ class RestMonitor:
 
     def __init__(self, rule: RestRule | None = None, health: HealthRule | None = None) -> None:
         self.rule, self._health = rule or RestRule(), health or HealthRule()
-        self.reset()
+        self._reference: _Reference | None = None
+        self._before_s = self._last_s = -math.inf  # of the last frames
+        self._step_s = math.inf  # that ended at the reference
+        self._news = StreamTimer(REPEATED_S)  # of a frozen picture
+        self._turned_rad = self._turned_sigma_rad = 0.0  # by the gyro, since the reference
+        self.frozen_since_s: float | None = None
+        self._since_s = -math.inf
 
     def judge(
         self,
@@ -160,16 +166,6 @@ class RestMonitor:
     def _textured(self, reference: _Reference) -> bool:
         """Whether enough of the picture shows a shift."""
         return reference.textured(self.rule.texture) >= self._health.part_share
-
-    def reset(self) -> None:
-        """Discards the last picture."""
-        self._reference: _Reference | None = None
-        self._before_s = self._last_s = -math.inf  # of the last frames
-        self._step_s = math.inf  # that ended at the reference
-        self._news = StreamTimer(REPEATED_S)  # of a frozen picture
-        self._turned_rad = self._turned_sigma_rad = 0.0  # by the gyro, since the reference
-        self.frozen_since_s: float | None = None
-        self._since_s = -math.inf
 
 
 def _averaged(image: NDArray[np.uint8]) -> Array:

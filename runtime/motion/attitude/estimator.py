@@ -18,13 +18,12 @@ from edgemap.runtime.frames.faults import Fault
 from edgemap.runtime.frames.frame import Frame
 from edgemap.runtime.motion.attitude.inertial import AttitudeRule, InertialAttitude
 from edgemap.runtime.motion.attitude.mount_check import MountCheck
-from edgemap.runtime.motion.attitude.pictures import PicturesAttitude
+from edgemap.runtime.motion.attitude.pictures import LONGEST_S, PicturesAttitude
 from edgemap.runtime.motion.attitude.source import AttitudeSource, Moved, RecordedAttitude
 from edgemap.runtime.motion.health import HealthRule
 from edgemap.runtime.motion.odometry import OdometryRules
 
 EVERY_PX = 12  # between the depths that are read
-KEPT_S = 1.0  # for which a plane is where the next one is looked for
 FARTHEST_RAD, FARTHEST_SHARE = math.radians(15.0), 0.3  # from the other source's up direction; of the mount's height
 SOUGHT_S, SOUGHT_RAD, SOUGHT_SHARE = 0.5, math.radians(25.0), 0.15  # a lost floor: how often, how far off, and high
 LEVEL_RAD = math.radians(0.2)  # standard deviation of the floor's slope: rugs, sills
@@ -39,7 +38,9 @@ class DepthAttitude:
 
     def __init__(self, camera: FloorCamera) -> None:
         self._height_m, self._lens = camera.mount.height_m, camera.intrinsics
-        self.reset()
+        self._floor: tuple[FloorPlane, NDArray[np.float64]] | None = None  # in the last picture
+        self._last: FloorPlane | None = None
+        self._seen_s = self._sought_s = -math.inf
 
     def predict(self, frame: Frame, other: Attitude) -> Attitude:
         """The attitude at the frame's stamp: another source's, with roll, pitch and height of the floor."""
@@ -55,18 +56,12 @@ class DepthAttitude:
         level = Attitude.of_up(plane.up, np.diag(np.diag(covariance)[[1, 0]] + LEVEL_RAD**2), self.name)
         return other.held_to(replace(level, height_m=plane.height_m))
 
-    def reset(self) -> None:
-        """Start again from another source's attitude."""
-        self._floor: tuple[FloorPlane, NDArray[np.float64]] | None = None  # in the last picture
-        self._last: FloorPlane | None = None
-        self._seen_s = self._sought_s = -math.inf
-
     def _follow(
         self, points: NDArray[np.float64], other: Attitude, stamp_s: float
     ) -> tuple[FloorPlane, NDArray[np.float64]] | None:
         up = up_optical(other.pitch_rad, other.roll_rad)
         expected = [(up, other.height_m or self._height_m)]
-        if self._last is not None and stamp_s - self._seen_s < KEPT_S:
+        if self._last is not None and stamp_s - self._seen_s < LONGEST_S:
             expected.insert(0, (self._last.up, self._last.height_m))
         for direction, height_m in expected:
             plane = follow_floor(points, direction, height_m)
@@ -141,11 +136,6 @@ class EstimatedAttitude:
         self._check.moved(rotation)
         attitude = self._pictures.update(rotation)
         return self._about_mount(attitude) if self._attitude.predicted else self._attitude
-
-    def reset(self, reason: str) -> None:  # noqa: ARG002
-        """Starts all sources again; the estimate of the mount stays."""
-        for source in (self._pictures, self._inertial, self._depth, self._check):
-            source.reset()
 
     def _about_mount(self, attitude: Attitude) -> Attitude:
         """An attitude with the estimate of the mount."""

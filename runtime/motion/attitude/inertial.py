@@ -93,10 +93,6 @@ class InertialAttitude:
         if self._state is not None:
             self._state = inertial_remounted(self._state, before, self._up)
 
-    def reset(self) -> None:
-        """Start again with the next samples."""
-        self._state, self._seen_s = None, -math.inf
-
     def _begun(self, samples: ImuSamples, stamp_s: float, before_s: float) -> tuple[InertialState, GyroRotation | None]:
         """Starts with the earliest samples and integrates to the frame; samples at rest before it determine the bias.
         Also returns the rotation since the previous frame, where the samples reach back to it."""

@@ -19,15 +19,15 @@ from edgemap.geometry.camera.mount_tilt import MountTilt, MountTiltRule
 from edgemap.geometry.robust import CLEAR_SIGMAS, median_and_scatter
 from edgemap.runtime.frames.faults import Fault, FaultKind
 from edgemap.runtime.frames.frame import Frame
+from edgemap.runtime.frames.limits import EVERY_S
 from edgemap.runtime.motion.attitude.pictures import PicturesAttitude
 from edgemap.runtime.motion.attitude.segments import Segments, line_ends, segments_between
 from edgemap.runtime.motion.health import HealthRule, Views
-from edgemap.runtime.motion.judge import EVERY_S
+from edgemap.runtime.motion.judge import FEWEST
 
 # What a step can afford: pictures are scaled down to so many (192 x 144) and cut into strips, one of which is read a
 # frame. Edges at twice the size are no more precise.
 PIXELS, STRIPS = 27_648, 3
-FEWEST = 4  # estimates; the median deviation of fewer is no measure
 EDGES, GRAVITY, DEPTH = "the room's edges", "gravity", "the floor in depth pictures"
 
 
@@ -40,7 +40,8 @@ class EdgeReader:
         self._lens = intrinsics.scaled(round(intrinsics.width * share), round(intrinsics.height * share))
         self._views, self._first = Views(moved), True
         self.stamp_s = -math.inf
-        self.stop()
+        self._strips: list[tuple[int, MatLike]] = []  # not read yet, with their first columns
+        self._ends: list[Array] = []  # of the edges in the others
 
     @property
     def reading(self) -> bool:
@@ -71,14 +72,6 @@ class EdgeReader:
             return None
         ends, self._ends = np.concatenate(self._ends), []
         return segments_between(ends, self._lens)
-
-    def stop(self) -> None:
-        """Discards the picture that is being read."""
-        self._strips: list[tuple[int, MatLike]] = []  # not read yet, with their first columns
-        self._ends: list[Array] = []  # of the edges in the others
-
-
-# Between two judgements, and between two pictures of a confirmed mount: more cost time and change nothing.
 
 
 @dataclass(frozen=True, slots=True)
@@ -135,11 +128,6 @@ class MountCheck:
         self._now_s = frame.stamp_s
         self.room = self._by_edges(frame)
         return self._judge()
-
-    def reset(self) -> None:
-        """Discards the picture that is being read; the estimate of the mount stays."""
-        self._estimates.clear()
-        self._edges.stop()
 
     def _by_edges(self, frame: Frame) -> RoomHeading | None:
         """Processes a part of a picture's edges. Returns the heading of the room when the picture is finished."""

@@ -34,7 +34,11 @@ class PicturesAttitude:
         tilt = tilt or MountTiltRule()
         self._carried_rad, self._nodding_rad = tilt.prior, tilt.nod / 2.0
         self.correct_mount(mount)
-        self.reset()
+        self._up, self._up_rad = self._mounted, math.inf
+        self._seen_s, self._begun, self._carried = -math.inf, False, Carried()
+        self.seen_up: Array | None = None
+        self._since: Array | None = None  # rotation since the picture whose edges are looked for
+        self._before: tuple[Array, Array] | None = None  # the last edges, normals and lengths, in its axes
 
     def predict(self, stamp_s: float) -> Attitude:
         """The prediction before this frame is tracked: the mount's angles, or for a carried camera the tilt of the
@@ -53,14 +57,6 @@ class PicturesAttitude:
             self._up = rotation.rotation.T @ self._up if rotation.up is None else rotation.up
             self._up_rad = self._up_rad if rotation.up is None else rotation.up_rad
         return self._attitude(measured=True, predicted=False)
-
-    def reset(self) -> None:
-        """Start again at the mount."""
-        self._up, self._up_rad = self._mounted, math.inf
-        self._seen_s, self._begun, self._carried = -math.inf, False, Carried()
-        self.seen_up: Array | None = None
-        self._since: Array | None = None  # rotation since the picture whose edges are looked for
-        self._before: tuple[Array, Array] | None = None  # the last edges, normals and lengths, in its axes
 
     def begin_edges(self) -> None:
         """Starts the edge detection on this frame's picture."""
