@@ -23,18 +23,17 @@ class Cells(Generic[Key]):
 
     def set(self, key: Key, position_m: Array) -> None:
         """Add a key at (2,), or move it there."""
-        x_m, y_m = position_m.tolist()
-        before, cell = self._places.get(key), _cell(x_m, y_m)
-        self._places[key] = x_m, y_m
-        if before is not None:
-            if _cell(*before) == cell:
-                return
-            self._leave(key, *before)
-        self._cells.setdefault(cell, {})[key] = None
+        if key in self._places:
+            self.remove(key)
+        x_m, y_m = self._places[key] = position_m.tolist()
+        self._cells.setdefault(_cell(x_m, y_m), {})[key] = None
 
     def remove(self, key: Key) -> None:
         """Removes an existing key."""
-        self._leave(key, *self._places.pop(key))
+        cell = _cell(*self._places.pop(key))
+        del self._cells[cell][key]
+        if not self._cells[cell]:
+            del self._cells[cell]
 
     def within(self, point_m: Array, reach_m: float) -> list[Key]:
         """Keys within a distance of a point (2,), in a deterministic order."""
@@ -47,12 +46,6 @@ class Cells(Generic[Key]):
                     if (at_x_m - x_m) ** 2 + (at_y_m - y_m) ** 2 <= reach_m * reach_m:
                         near.append(key)
         return near
-
-    def _leave(self, key: Key, x_m: float, y_m: float) -> None:
-        cell = _cell(x_m, y_m)
-        del self._cells[cell][key]
-        if not self._cells[cell]:
-            del self._cells[cell]
 
 
 def _cell(x_m: float, y_m: float) -> tuple[int, int]:

@@ -22,7 +22,7 @@ from edgemap.geometry.map_object import MapObject, id_order
 from edgemap.geometry.objects.association import AssociationRule, Estimate, grouped
 from edgemap.geometry.objects.cells import Cells
 from edgemap.geometry.objects.class_posterior import Candidate, Overlaps, label_posterior
-from edgemap.geometry.objects.footprint import FittedFootprint, fitted
+from edgemap.geometry.objects.footprint import DIRECTIONS, FittedFootprint, fitted
 from edgemap.geometry.observations.sighting import PlacedSighting
 from edgemap.geometry.slam.object_landmarks import Landmark, Sums, rotations
 from edgemap.geometry.slam.pose_graph import GraphRule, PoseGraph, drop_keyframes
@@ -30,7 +30,6 @@ from edgemap.geometry.trajectory_correction import composed
 
 MERGED_IDS = 4096  # merged ids that are reported; older ones are dropped
 FITTED = 2  # footprints at most in one update, which bounds its time
-DIRECTIONS = 24  # about an object; in each the farthest position from which it was observed is kept
 
 
 @dataclass(slots=True, eq=False)
@@ -62,8 +61,7 @@ class FloorMap:
         self._changed: dict[str, None] = {}
         self._overlaps = Overlaps(self.rule.overlap)
         self._shown: dict[str, MapObject] = {}
-        self._order: list[tuple[tuple[str, int], str]] = []  # of what is shown, sorted
-        self._ordered: list[MapObject] = []  # in that order
+        self._ordered: list[MapObject] = []  # what is shown, by id
         self._listed: list[MapObject] | None = []
         self.grid: OccupancyGrid | None = None  # that footprints are fitted to
         self._unfitted: dict[str, None] = {}  # ids of objects whose outlines have changed, oldest first
@@ -325,13 +323,13 @@ class FloorMap:
 
     def _show(self, identity: str, shown: MapObject | None) -> None:
         """Shows or hides an object at its place in the order, so that a large map is not sorted again."""
-        key = id_order(identity), identity
-        at, listed = bisect_left(self._order, key), identity in self._shown
+        listed, key = identity in self._shown, (id_order(identity), identity)
+        at = bisect_left(self._ordered, key, key=lambda item: (id_order(item.id), item.id))
         if shown is None and listed:
-            del self._shown[identity], self._order[at], self._ordered[at]
+            del self._shown[identity], self._ordered[at]
         elif shown is not None:
             self._shown[identity] = shown
-            self._order[at : at + listed], self._ordered[at : at + listed] = [key], [shown]
+            self._ordered[at : at + listed] = [shown]
 
     def _as_map_object(self, members: list[Candidate]) -> MapObject | None:
         """Candidates in one place as one object; None where their evidence together does not suffice."""

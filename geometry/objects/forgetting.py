@@ -51,7 +51,7 @@ class Forgetter:
     def __init__(self, camera: FloorCamera, rule: ForgetRule | None = None) -> None:
         self.camera, self.rule = camera, rule or ForgetRule()
         self.observations: dict[str, int] = defaultdict(int)
-        self.missing: set[str] = set()  # objects that would have left, but are kept
+        self.missing: set[str] = set()
         self._open: dict[str, _Visit] = {}
         self._missed: dict[str, int] = defaultdict(int)
 

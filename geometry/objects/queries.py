@@ -6,7 +6,9 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import ArrayLike
 
+from edgemap.geometry.arrays import Array
 from edgemap.geometry.errors import MapError
+from edgemap.geometry.grid.rooms import Mask, inside
 from edgemap.geometry.map_object import MapEvent, MapObject
 
 _EDGE_M = 1e-9  # this near to a polygon's side, a point counts as inside
@@ -41,8 +43,9 @@ def inside_polygon(objects: Sequence[MapObject], corners_m: ArrayLike) -> list[M
     corners = np.asarray(corners_m, dtype=np.float64)
     if corners.ndim != 2 or corners.shape[1] != 2 or len(corners) < 3 or not np.isfinite(corners).all():
         raise MapError("inside_polygon: needs three corners or more, each two finite numbers, x and y in metres")
-    starts, ends = corners, np.roll(corners, -1, axis=0)
-    return [item for item in objects if _inside(item.position_m, starts, ends)]
+    points = np.array([item.position_m for item in objects]).reshape(-1, 2)
+    within = inside(corners, points) | _on_side(corners, points)
+    return [item for item, is_in in zip(objects, within, strict=True) if is_in]
 
 
 def since(objects: Sequence[MapObject], stamp_s: float) -> list[MapObject]:
@@ -59,14 +62,9 @@ def changes(objects: Sequence[MapObject], since_utc: float | None = None) -> lis
     return sorted(pairs, key=lambda pair: -math.inf if pair[1].at is None else pair[1].at)
 
 
-def _inside(point: np.ndarray, starts: np.ndarray, ends: np.ndarray) -> bool:
-    """Even-odd rule: a ray to +x crosses an odd number of sides; a point on a side is inside."""
-    along, to_point = ends - starts, point - starts
+def _on_side(corners: Array, points: Array) -> Mask:
+    """Which points (N, 2) lie on a side of a polygon (K, 2)."""
+    along, to_point = np.roll(corners, -1, axis=0) - corners, points[:, None] - corners
     length_m2 = np.maximum((along**2).sum(axis=1), 1e-300)
-    share = np.clip((to_point * along).sum(axis=1) / length_m2, 0.0, 1.0)
-    if np.linalg.norm(to_point - share[:, None] * along, axis=1).min() <= _EDGE_M:
-        return True
-    straddles = (starts[:, 1] > point[1]) != (ends[:, 1] > point[1])
-    rise = np.where(straddles, along[:, 1], 1.0)
-    crossing_x = starts[:, 0] + (point[1] - starts[:, 1]) / rise * along[:, 0]
-    return bool(np.count_nonzero(straddles & (crossing_x > point[0])) % 2)
+    share = np.clip((to_point * along).sum(axis=-1) / length_m2, 0.0, 1.0)
+    return np.linalg.norm(to_point - share[..., None] * along, axis=-1).min(axis=1) <= _EDGE_M
