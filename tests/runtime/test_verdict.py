@@ -19,7 +19,7 @@ from edgemap.runtime.frames.frame import Frame
 from edgemap.runtime.motion.health import PictureHealth
 from edgemap.runtime.motion.odometry.protocol import MotionState
 from edgemap.runtime.outputs.verdict.causes import CAUSES, cause_of
-from edgemap.runtime.outputs.verdict.run_counts import QualityCounter
+from edgemap.runtime.outputs.verdict.run_counts import RunCounts
 from edgemap.runtime.outputs.verdict.verdict import LEVELS, explain, is_doubtful, verdict_of
 
 CHAIR = MapObject("chair-1", "chair", np.array([1.0, 2.0]), np.diag([0.01, 0.01]), 0.5, 0.9, 40, 0.95, 0.0, 9.0)
@@ -220,10 +220,10 @@ def test_what_is_counted():
     motion = given[4].observed.motion
     given[4] = changed(given[4], motion=replace(motion, state=MotionState.BLIND))
     given[5] = changed(given[5], motion=replace(motion, members={"wheels": "used", "gyro": "left_out"}))
-    counter = QualityCounter()
+    counter = RunCounts({})
     for result in given:
-        counter.add(result)
-    found = counter.document()
+        counter.write(result, [])
+    found = counter.quality()
     assert (found["frames"], found["blind_frames"], found["blind"]) == (10, 1, {"dark": 1})
     assert (found["guessed_frames"], found["still_frames"]) == (1, 1)
     assert (found["wheel_frames"], found["gyro_frames"], found["object_frames"]) == (1, 0, 10)
@@ -236,10 +236,10 @@ def test_what_is_counted():
 
 
 def test_a_covariance_that_is_none_is_left_out():
-    counter = QualityCounter()
+    counter = RunCounts({})
     first, second = made(2)
-    counter.add(first)
-    counter.add(replace(second, pose_covariance=np.full((3, 3), np.nan)))
-    assert json.dumps(counter.document(), allow_nan=False)
-    assert counter.document()["sigma_m"]["end"] > 0.1
-    assert not counter.document()["wheels"]
+    counter.write(first, [])
+    counter.write(replace(second, pose_covariance=np.full((3, 3), np.nan)), [])
+    assert json.dumps(counter.quality(), allow_nan=False)
+    assert counter.quality()["sigma_m"]["end"] > 0.1
+    assert not counter.quality()["wheels"]

@@ -15,20 +15,18 @@ from edgemap.runtime.step.sinks import Sink
 from edgemap.runtime.step.slam import StepResult
 
 
-class QualityCounter:
-    """Feed it every result; `document` holds the counts as plain values.
+class RunCounts(Sink):
+    """A sink that counts. record: other entries of run.json; lens, mount, odometry and camera_guess count in the
+    verdict."""
 
-    frames: all. blind_frames: pictures without information, by kind in `blind`; one that only repeats while the robot
-    rests does not count. guessed_frames: nothing measured the motion. still_frames: the robot at rest. wheels: whether
-    the source or an option declares wheel odometry, with data or without. wheel_frames, gyro_frames: that member of the
-    odometry was used. object_frames: with an object on the floor. carried_frames: the camera sways as in a hand or on a
-    head. mount_frames: roll and pitch were the mount's, unmeasured. worktop_frames: cups, books or the like stood on
-    the floor mask. searched_frames: with a detector's boxes, searched_hz a second. travelled_m. sigma_m,
-    heading_sigma_deg: standard deviation of the pose, at the end and the largest along the way. duration_s: of stream.
-    rate_hz: median.
-    """
+    name = "verdict"
 
-    def __init__(self) -> None:
+    def __init__(self, record: dict[str, Any]) -> None:
+        self.record = record
+        self.mount_seen: dict[str, float] = {}  # as the drive has shown it so far
+        self._objects: list[MapObject] = []
+        self._kinds: Counter[str] = Counter()
+        self._attitudes: Counter[str] = Counter()  # frames by where roll and pitch came from
         self._counts: Counter[str] = Counter()
         self._blind: Counter[FaultKind] = Counter()
         self._wheels = False
@@ -36,9 +34,14 @@ class QualityCounter:
         self._steps_s: list[float] = []
         self._sigma_m = self._heading_rad = self._largest_m = self._largest_rad = self._travelled_m = 0.0
 
-    def add(self, result: StepResult) -> None:
+    def write(self, result: StepResult, objects: list[MapObject]) -> None:
         """Counts one step."""
+        self._objects = objects
         observed, health = result.observed, result.health
+        if (seen := observed.mount_estimate) is not None:
+            self.mount_seen |= mount_record(seen)
+        if (height := observed.height_estimate) is not None:
+            self.mount_seen |= {"height_m": round(height.height_m, 3), "sigma_height_m": round(height.sigma_m, 3)}
         stamp_s = result.frame.stamp_s
         if self._counts["frames"] and len(self._steps_s) < 10_000:
             self._steps_s.append(stamp_s - self._last_s)
@@ -46,20 +49,23 @@ class QualityCounter:
         self._last_s = stamp_s
         members = result.motion.members
         attitude = observed.camera.attitude if observed.camera else None
+        self._attitudes[observed.attitude_source] += 1
         self._counts["frames"] += 1
         if health.blindness is not None:
             kind = health.blindness.kind
             self._blind[kind] += not health.stale or (kind is FaultKind.FROZEN and result.motion.blind)
-        self._counts["guessed_frames"] += result.motion.blind
-        self._counts["still_frames"] += observed.at_rest
         self._wheels |= "wheels" in members
-        self._counts["wheel_frames"] += members.get("wheels") == "used"
-        self._counts["gyro_frames"] += members.get("gyro") == "used"
-        self._counts["object_frames"] += bool(result.sightings)
-        self._counts["carried_frames"] += bool(attitude and attitude.carried)
-        self._counts["worktop_frames"] += observed.worktop
-        self._counts["searched_frames"] += observed.searched
-        self._counts["mount_frames"] += observed.attitude_source == "mount"
+        self._counts.update(
+            guessed_frames=result.motion.blind,
+            still_frames=observed.at_rest,
+            wheel_frames=members.get("wheels") == "used",
+            gyro_frames=members.get("gyro") == "used",
+            object_frames=bool(result.sightings),
+            carried_frames=bool(attitude and attitude.carried),
+            mount_frames=observed.attitude_source == "mount",
+            worktop_frames=observed.worktop,
+            searched_frames=observed.searched,
+        )
         self._travelled_m = result.travelled_m
         covariance = result.pose_covariance
         if not np.isfinite(covariance).all():  # nothing to count, and nothing that JSON can hold
@@ -69,8 +75,18 @@ class QualityCounter:
         self._largest_m = max(self._largest_m, self._sigma_m)
         self._largest_rad = max(self._largest_rad, self._heading_rad)
 
-    def document(self, scale: float = 1.0) -> dict[str, Any]:
-        """The counts so far. scale: by which lengths are multiplied."""
+    def quality(self, scale: float = 1.0) -> dict[str, Any]:
+        """The counts so far, as plain values. scale: by which lengths are multiplied.
+
+        frames: all. blind_frames: pictures without information, by kind in `blind`; one that only repeats while the
+        robot rests does not count. guessed_frames: nothing measured the motion. still_frames: the robot at rest.
+        wheels: whether the source or an option declares wheel odometry, with data or without. wheel_frames,
+        gyro_frames: that member of the odometry was used. object_frames: with an object on the floor. carried_frames:
+        the camera sways as in a hand or on a head. mount_frames: roll and pitch were the mount's, unmeasured.
+        worktop_frames: cups, books or the like stood on the floor mask. searched_frames: with a detector's boxes,
+        searched_hz a second. travelled_m. sigma_m, heading_sigma_deg: standard deviation of the pose, at the end and
+        the largest along the way. duration_s: of stream. rate_hz: median.
+        """
         names = ("guessed", "still", "wheel", "gyro", "object", "carried", "mount", "worktop", "searched")
         step_s = float(np.median(self._steps_s)) if self._steps_s else 0.0
         duration_s = self._last_s - self._first_s if self._counts["frames"] else 0.0
@@ -91,31 +107,6 @@ class QualityCounter:
             "searched_hz": round(self._counts["searched_frames"] / duration_s, 2) if duration_s > 0.0 else None,
         }
 
-
-class RunCounts(Sink):
-    """A sink that counts. record: other entries of run.json; lens, mount, odometry and camera_guess count in the
-    verdict."""
-
-    name = "verdict"
-
-    def __init__(self, record: dict[str, Any]) -> None:
-        self.record = record
-        self.mount_seen: dict[str, float] = {}  # as the drive has shown it so far
-        self._objects: list[MapObject] = []
-        self._kinds: Counter[str] = Counter()
-        self._quality = QualityCounter()
-        self._attitudes: Counter[str] = Counter()  # frames by where roll and pitch came from
-
-    def write(self, result: StepResult, objects: list[MapObject]) -> None:
-        """Counts one step."""
-        self._objects = objects
-        self._attitudes[result.observed.attitude_source] += 1
-        self._quality.add(result)
-        if (seen := result.observed.mount_estimate) is not None:
-            self.mount_seen |= mount_record(seen)
-        if (height := result.observed.height_estimate) is not None:
-            self.mount_seen |= {"height_m": round(height.height_m, 3), "sigma_height_m": round(height.sigma_m, 3)}
-
     def fault(self, fault: Fault) -> None:
         """Counts a fault by its kind."""
         self._kinds[fault.kind.value] += 1
@@ -133,7 +124,7 @@ class RunCounts(Sink):
         seen = {"mount_seen": dict(self.mount_seen)} if self.mount_seen else {}
         counts = {
             "attitude_sources": dict(self._attitudes),
-            "quality": self._quality.document(scale),
+            "quality": self.quality(scale),
             "fault_count": self._kinds.total(),
             "fault_kinds": dict(self._kinds),
         }
