@@ -13,8 +13,8 @@ from edgemap.geometry.observations.detections import Detections
 from edgemap.geometry.observations.lens_height import HeightBySizes, HeightMeasurement, agreed_height
 from edgemap.geometry.robust import CLEAR_SIGMAS, median_and_scatter
 from edgemap.runtime.frames.faults import Fault, FaultKind
+from edgemap.runtime.frames.limits import EVERY_S
 from edgemap.runtime.frames.timing import StreamTimer
-from edgemap.runtime.motion.judge import EVERY_S
 from edgemap.runtime.motion.odometry.protocol import Motion
 
 FEWEST = 3  # measurements of one kind: the median deviation of fewer is no measure

@@ -12,9 +12,9 @@ from numpy.typing import NDArray
 from edgemap.geometry.arrays import Array
 from edgemap.geometry.robust import CLEAR_SIGMAS, median_and_scatter
 from edgemap.geometry.se2 import SE2
+from edgemap.runtime.frames.limits import EVERY_S
 from edgemap.runtime.frames.timing import StreamTimer
 
-EVERY_S = 1.0  # between two judgements of one source, in time of the stream; also the length of the blocks compared
 LEAST = 0.12, 0.2  # yaw in rad and length in m of a motion that is compared
 FEWEST = 4  # blocks with a clear motion
 CLEARER = 0.8  # of what a delay leaves unexplained against none (0.1 s: 0.1 to 0.7)
@@ -90,20 +90,28 @@ class MotionJudge:
     def judge(self, path: Path, lengths: bool = True) -> str:
         """What is wrong with a source, in words; empty where nothing is, or it cannot be judged yet. lengths: whether
         it measures lengths, or yaw alone."""
-        compared = self._compared(path)
-        if compared is None:
-            return ""
-        return self._late(path, compared) or self._differs(compared, lengths)
+        return self.delay(path) or self.difference(path, lengths)
 
     def delay(self, path: Path) -> str:
         """By how much a source's yaw follows late or early, in words; empty as of `judge`."""
         compared = self._compared(path)
-        return self._late(path, compared) if compared is not None else ""
+        if compared is None or len(compared.turned) < FEWEST:
+            return ""
+        yaw = compared.seen[:, 2]
+        match = [_correlation(yaw, _between(path, compared.spans, lag_s)[:, 2]) for lag_s in LAGS_S]
+        here, best = _correlation(yaw, compared.given[:, 2]), int(np.argmax(match))
+        better = 1.0 - match[best] < CLEARER * (1.0 - here)
+        if match[best] > self._rule.follows and abs(LAGS_S[best]) > self._rule.lag_s and better:
+            late = "late" if LAGS_S[best] > 0.0 else "early"
+            return f"it is {abs(LAGS_S[best]):.2f} s {late} against the pictures"
+        return ""
 
     def difference(self, path: Path, lengths: bool = True) -> str:
         """As `judge`, without a delay."""
         compared = self._compared(path)
-        return self._differs(compared, lengths) if compared is not None else ""
+        if compared is None:
+            return ""
+        return self._yaw(compared) or (self._length(compared) if lengths else "")
 
     def _compared(self, path: Path) -> "_Compared | None":
         """The steps that the source measured too; None of too few."""
@@ -117,25 +125,10 @@ class MotionJudge:
         if known.sum() < 2:
             return None
         spans, seen, given, variances = spans[known], seen[known], given[known], variances[known]
-        block = np.unique(np.floor(spans[:, 1] / EVERY_S), return_inverse=True)[1]
+        block = np.unique(np.floor(spans[:, 1] / EVERY_S), return_inverse=True)[1]  # as long as between two judgements
         turned = _blocks(block, np.abs(seen[:, 2]), variances[:, 2], self._least_rad)
         self.conclusive |= len(turned) >= FEWEST
         return _Compared(spans, seen, given, variances, block, turned)
-
-    def _late(self, path: Path, compared: "_Compared") -> str:
-        if len(compared.turned) < FEWEST:
-            return ""
-        yaw = compared.seen[:, 2]
-        match = [_correlation(yaw, _between(path, compared.spans, lag_s)[:, 2]) for lag_s in LAGS_S]
-        here, best = _correlation(yaw, compared.given[:, 2]), int(np.argmax(match))
-        better = 1.0 - match[best] < CLEARER * (1.0 - here)
-        if match[best] > self._rule.follows and abs(LAGS_S[best]) > self._rule.lag_s and better:
-            late = "late" if LAGS_S[best] > 0.0 else "early"
-            return f"it is {abs(LAGS_S[best]):.2f} s {late} against the pictures"
-        return ""
-
-    def _differs(self, compared: "_Compared", lengths: bool) -> str:
-        return self._yaw(compared) or (self._length(compared) if lengths else "")
 
     def _yaw(self, compared: "_Compared") -> str:
         if len(compared.turned) < FEWEST:
