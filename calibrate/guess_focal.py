@@ -6,7 +6,7 @@ import numpy as np
 
 from edgemap.geometry.arrays import Array
 from edgemap.geometry.camera.intrinsics import Distortion, Intrinsics
-from edgemap.geometry.camera.room_edges import level_axes, room_axes
+from edgemap.geometry.camera.room_edges import SIGMA_RAD, level_axes, room_axes
 from edgemap.runtime.motion.attitude.segments import longest, segments_between
 
 # Of the picture's longer side: webcams, phones that film and the colour cameras of depth cameras have 0.65 to 1.
@@ -18,7 +18,7 @@ BENDS = (0.0, -0.04, -0.08, -0.12)
 # the mean (2 % RMS on tuning homes 9000-9004 and 9100). SHOWN_SHARE: of the focal lengths at which a picture must show
 # the room.
 PEAK_SIGMA, PEAK_SHARE, EDGES_SIGMA, SHOWN_SHARE = 0.05, 0.6, 0.02, 0.5
-EDGE_SIGMA_RAD, EDGE_LIMIT, STEEPEST_RAD = math.radians(0.7), 6.0, math.radians(40.0)
+EDGE_LIMIT, STEEPEST_RAD = 6.0, math.radians(40.0)
 FEWEST_ROOMS = 4  # pictures whose edges show the room
 
 
@@ -92,7 +92,7 @@ def _explained(lines: Array, lens: Intrinsics) -> float:
     first = math.cos(room.level_rad) * away - math.sin(room.level_rad) * right
     directions = np.stack([room.up, first, np.cross(room.up, first)])
     miss = np.arcsin(np.clip(np.abs(edges.normals @ directions.T).min(axis=1), 0.0, 1.0))
-    worth = EDGE_LIMIT - np.minimum((miss / EDGE_SIGMA_RAD) ** 2, EDGE_LIMIT)
+    worth = EDGE_LIMIT - np.minimum((miss / SIGMA_RAD) ** 2, EDGE_LIMIT)
     weight = np.minimum(edges.lengths * lens.fx / (0.15 * lens.width), 2.0)
     return float(weight @ worth / weight.sum())
 

@@ -16,7 +16,7 @@ from scipy.ndimage import label, maximum_filter1d, minimum_filter1d
 
 from edgemap.geometry.arrays import Array
 from edgemap.geometry.grid.occupancy_grid import FREE, OCCUPIED, OccupancyGrid
-from edgemap.geometry.grid.walls import SHORTEST_M
+from edgemap.geometry.grid.walls import ASIDE_CELLS, SHORTEST_M
 
 DOOR_M = (0.5, 1.6)  # width of the free cells in a door: they show a true width of 0.6 to 1.4 m to a cell or two
 LEAST_M2 = 3.0  # observed floor of a room, but for one behind a door that was observed
@@ -24,7 +24,6 @@ SPECK_M2 = 1.0  # less floor that nothing connects is an error
 PASSAGE = 0.75  # metres of wall in a cut that a metre of floor across it outweighs
 JAMB = 0.3  # metres of wall that a passage between two ends of wall counts for
 BEYOND_M = 1.2  # from a room's observed floor and objects to the cut that bounds it, at most
-ACROSS_CELLS = 2  # to each side of a cut its wall may bend, and its passages are free
 OBJECT_SHARE = 0.85  # of an object's radius: occupied cells there are the object, not wall
 TURN_POINTS = 800  # by which the direction of the walls is chosen
 
@@ -165,7 +164,7 @@ def passable(grid: OccupancyGrid, from_m: ArrayLike, to_m: ArrayLike) -> float:
     ends, steps = np.array([from_m, to_m]), np.linspace(0.1, 0.9, 9)
     along = ends[1] - ends[0]
     across = np.array([-along[1], along[0]]) / max(float(np.hypot(*along)), 1e-9)
-    offsets = np.arange(-ACROSS_CELLS, ACROSS_CELLS + 1)[:, None] * grid.cell_m * across
+    offsets = np.arange(-ASIDE_CELLS, ASIDE_CELLS + 1)[:, None] * grid.cell_m * across
     points = ends[0] + steps[:, None, None] * along + offsets
     blocked = grid.occupancy(points.reshape(-1, 2)).reshape(points.shape[:2]).max(axis=1)
     return float(1.0 - np.median(blocked))
@@ -252,16 +251,16 @@ def _best_line(floor: Mask, through: Mask, wall: Mask, cell_m: float, fine: bool
     score = np.where(neck, np.maximum(score, 0.0), score)
     best = int(score.argmax())
     near = np.flatnonzero(score >= score[best] - 2.0 * cell_m)
-    return float(score[best]), int(np.median(near[np.abs(near - best) <= 2 * ACROSS_CELLS]))  # the middle of the wall
+    return float(score[best]), int(np.median(near[np.abs(near - best) <= 2 * ASIDE_CELLS]))  # the middle of the wall
 
 
 def _lines(through: Mask, wall: Mask, cell_m: float) -> _Lines:
     """What each row meets."""
-    free = minimum_filter1d(through.view(np.int8), 2 * ACROSS_CELLS + 1, axis=0)
-    solid = maximum_filter1d(wall.view(np.int8), 2 * ACROSS_CELLS - 1, axis=0)
+    free = minimum_filter1d(through.view(np.int8), 2 * ASIDE_CELLS + 1, axis=0)
+    solid = maximum_filter1d(wall.view(np.int8), 2 * ASIDE_CELLS - 1, axis=0)
     edges = np.diff(np.pad(free, ((0, 0), (1, 1))), axis=1)
     (line, first), (_, last) = np.nonzero(edges == 1), np.nonzero(edges == -1)
-    beside = maximum_filter1d(solid, 4 * ACROSS_CELLS + 1, axis=1) > 0
+    beside = maximum_filter1d(solid, 4 * ASIDE_CELLS + 1, axis=1) > 0
     jambs = ((last - first) * cell_m >= DOOR_M[0]) & beside[line, first] & beside[line, last - 1]
     return _Lines(line, first, last, cast(Mask, jambs), solid > 0)
 
@@ -287,7 +286,7 @@ def _doors(
     cut: _Cut, floor: Mask, wall: Mask, owner: NDArray[np.intp], cell_m: float
 ) -> list[tuple[Array, tuple[str, str]]]:
     """The doors in a cut: their ends (2, 2), metres from the lattice's corner, and the numbers of their rooms."""
-    reach, left, right = 4 * ACROSS_CELLS, cut.window.left, cut.window.right
+    reach, left, right = 4 * ASIDE_CELLS, cut.window.left, cut.window.right
     if cut.upright:
         floor, wall, owner, left, right = floor.T, wall.T, owner.T, cut.window.top, cut.window.bottom
     strip = slice(max(cut.at - reach, 0), min(cut.at + reach, len(floor))), slice(left, right)

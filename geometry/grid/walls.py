@@ -14,8 +14,9 @@ from edgemap.geometry.grid.occupancy_grid import FREE, OCCUPIED, OccupancyGrid
 SHORTEST_M = 0.8  # of a wall: the edge of a chair or a shelf is shorter
 FILLED = 0.6  # least share of a wall's length that has a cell
 GAP_M = (1.0 - FILLED) * SHORTEST_M  # the one gap that the shortest wall may have: a lamp makes it, a doorway does not
-ASIDE_CELLS = 2.0  # distance of a wall's cells from its line: an edge observed from two sides is a band of two cells
-TURN_CELLS = 2.0  # by which the ends of the shortest wall move, of two directions that are tried in turn
+# Distance of a wall's cells from its line, as an edge observed from two sides is a band of two cells; so far the ends
+# of the shortest wall move between two directions that are tried in turn, and a wall bends beside a cut between rooms.
+ASIDE_CELLS = 2
 MOST = 60  # walls of a grid, which bounds the work
 
 Point = tuple[float, float]
@@ -77,7 +78,7 @@ def _fewest(cell_m: float) -> int:
 
 def _step_rad(cell_m: float) -> float:
     """Between two directions that are tried."""
-    return TURN_CELLS * cell_m / SHORTEST_M
+    return ASIDE_CELLS * cell_m / SHORTEST_M
 
 
 def _parts(

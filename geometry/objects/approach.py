@@ -9,7 +9,7 @@ from scipy.ndimage import distance_transform_edt
 
 from edgemap.geometry.arrays import Array
 from edgemap.geometry.errors import MapError
-from edgemap.geometry.grid.occupancy_grid import FREE, OCCUPIED, OccupancyGrid
+from edgemap.geometry.grid.occupancy_grid import BESIDE_M, FREE, OCCUPIED, OccupancyGrid
 from edgemap.geometry.grid.rooms import Room, inside
 from edgemap.geometry.map_object import MapObject, footprint_of, radius_m, yaw_of
 from edgemap.geometry.se2 import SE2, wrap_angle
@@ -18,7 +18,6 @@ DIRECTIONS = 48  # about the object, in which a pose is tried
 STEP_M, REACH_M = 0.1, 1.0  # how much farther than the wished standoff, where that is taken
 # Costs, in metres: of a pose a quarter turn away from the object's front, and of floor that nobody has seen.
 SIDE_M, UNKNOWN_M = 1.0, 10.0
-OWN_M = 0.15  # beyond an object's edge, cells belong to it: three cells of the grid
 WALK_SHARE = 0.1  # of the distance from the robot: of two good poses the nearer one
 
 
@@ -110,8 +109,9 @@ def _extent_m(item: MapObject, direction_rad: float) -> float:
 
 
 def _wall_between(centre: Array, away: Array, from_m: float, to_m: float, grid: OccupancyGrid) -> bool:
-    """Whether something occupied lies between an object's edge, which the grid may have moved, and the robot's."""
-    along = np.arange(from_m + OWN_M, to_m, grid.cell_m)
+    """Whether something occupied lies between an object's edge and the robot's. Cells up to `BESIDE_M` beyond the
+    edge are the object's, as the grid may have moved it."""
+    along = np.arange(from_m + BESIDE_M, to_m, grid.cell_m)
     return bool((grid.at(centre + along[:, None] * away) == OCCUPIED).any()) if len(along) else False
 
 

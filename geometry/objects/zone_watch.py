@@ -9,8 +9,9 @@ from edgemap.geometry.map_object import MapObject
 from edgemap.geometry.objects.annotations import Zone
 from edgemap.geometry.objects.queries import inside_polygon
 
-EVERY_S = 0.5  # of stream, between two looks
-SETTLED_S = 1.0  # for which an object must be in or out before it counts: a centre on the border wavers
+# Of stream, for which an object must be in or out before it counts, as a centre on the border wavers; in that time two
+# looks are taken.
+SETTLED_S = 1.0
 
 Places = dict[tuple[str, str], MapObject]  # by ids of zone and object
 
@@ -44,7 +45,7 @@ class ZoneWatch:
 
     def update(self, objects: Sequence[MapObject], zones: Sequence[Zone], stamp_s: float) -> list[ZoneEvent]:
         """The events since the last call."""
-        if 0.0 <= stamp_s - self._looked_s < EVERY_S:
+        if 0.0 <= stamp_s - self._looked_s < SETTLED_S / 2.0:
             return []
         self._looked_s = stamp_s
         now = {(zone.id, item.id): item for zone in zones for item in inside_polygon(objects, zone.corners_m)}

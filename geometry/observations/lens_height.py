@@ -20,7 +20,7 @@ from edgemap.geometry.robust import median_and_scatter
 BORDER_PX = 3.0  # a box this near the picture's border may be cut
 HIDDEN = 0.1  # share of a lower edge that nearer boxes cover; from it on, the foot may belong to another object
 LEAST_SCORE = 0.5
-LEAST_FALL, LEAST_RISE = 0.05, 0.05  # minimum slopes: to the foot; foot to top. Less shows pitch
+LEAST_SLOPE = 0.05  # to the foot, and from foot to top; less shows pitch
 WORST_SHARE = 0.3  # beds and refrigerators scatter more, and many a door is called a refrigerator
 BOX_SHARE = 0.1  # standard deviation of one box's height, as a share
 
@@ -129,7 +129,7 @@ def _by_rays(labels: Sequence[str], rays: NDArray[np.float64]) -> list[LensHeigh
     slopes = -rays[..., 2] / np.maximum(np.linalg.norm(rays[..., :2], axis=-1), 1e-9)
     estimates = []
     for label, (fall, top), both in zip(labels, slopes.tolist(), rays, strict=True):
-        if fall < LEAST_FALL or fall - top < LEAST_RISE:
+        if fall < LEAST_SLOPE or fall - top < LEAST_SLOPE:
             continue
         usual_m, depth_m = HEIGHT_M[label][0], min(footprint_m(label, 0.0))
         estimates.append(LensHeight(label, fall * (usual_m + max(top, 0.0) * depth_m) / (fall - top), fall, both))

@@ -8,12 +8,13 @@ from scipy.ndimage import distance_transform_edt
 from scipy.special import bdtrc
 
 from edgemap.geometry.arrays import Array
-from edgemap.geometry.grid.occupancy_grid import OCCUPIED, UNKNOWN, OccupancyGrid
+from edgemap.geometry.grid.occupancy_grid import OCCUPIED, UNKNOWN, GridRule, OccupancyGrid
 from edgemap.geometry.grid.rooms import Mask
+from edgemap.geometry.grid.walls import ASIDE_CELLS
 from edgemap.geometry.registration.hypotheses import SAME_PLACE_M, SAME_TURN_RAD
 from edgemap.geometry.se2 import SE2
 
-NEAR_M = 0.1  # of an occupied cell to one of the other grid: two cells, as an edge seen from two sides is wide
+NEAR_M = ASIDE_CELLS * GridRule().cell_m  # of an occupied cell to one of the other grid
 APART_M = 1.0  # along a contour between two cells that agree independently: walls and furniture are straight that long
 MOST_CELLS = 200  # of a contour that are compared
 STEP_RAD = SAME_TURN_RAD / 4.0  # between two directions that are tried

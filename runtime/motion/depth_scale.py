@@ -8,13 +8,13 @@ import numpy as np
 from edgemap.geometry.camera.depth_points import SparseDepth
 from edgemap.geometry.camera.floor import FloorCamera
 from edgemap.geometry.camera.mount import HeightEstimate
+from edgemap.geometry.grid.floor_scan import EDGE
 from edgemap.geometry.observations.floor_mask import FloorMask
 from edgemap.runtime.frames.faults import Fault, FaultKind
 
 PICTURES, KEPT = 10, 100  # with floor, before depth is judged; the latest ones that are
 POINTS = 50  # of the floor in a picture that counts
 FARTHEST_M = 40.0  # 8 m at five times their length
-FLOOR = 0.5  # probability
 LEAST_M = 1e-3
 LOWEST = 98.0  # percentile of the heights of all points in a picture: beyond are reflections
 SOME = 90.0  # percentile over pictures: in a tenth of those with floor, the lowest point is the floor
@@ -49,7 +49,7 @@ class DepthScale:
             return None
         points, pixels = depth.points(camera.intrinsics, FARTHEST_M)
         below_m = np.maximum(-(points @ camera.mount.rotation_base_optical()[2]), LEAST_M)
-        on_floor = below_m[floor.at(pixels) > FLOOR]
+        on_floor = below_m[floor.at(pixels) > EDGE]
         if len(on_floor) < POINTS:
             return None
         seen_m = float(np.median(on_floor)), float(np.percentile(below_m, LOWEST))

@@ -21,6 +21,7 @@ from edgemap.bridges.ros2.recordings.reading import short
 from edgemap.geometry.arrays import Array
 from edgemap.geometry.camera.attitude import Attitude
 from edgemap.geometry.camera.mount import Mount
+from edgemap.geometry.grid.occupancy_grid import GridRule
 from edgemap.geometry.se2 import SE2
 from edgemap.runtime.frames.errors import CameraError, OdometryError
 from edgemap.runtime.frames.limits import EVERY_S
@@ -29,7 +30,7 @@ from edgemap.runtime.frames.timing import StreamTimer
 from edgemap.runtime.motion.given_poses import GivenPoses
 from edgemap.runtime.step.pose_journal import MAXIMUM
 
-FOLLOWED = 0.05  # m, and rad: a cell of the grid; smaller corrections wait until they add up to it
+FOLLOWED = GridRule().cell_m  # and rad; smaller corrections wait until they add up to it
 RECENT = 50  # poses with tilt that are kept: those about a picture
 
 

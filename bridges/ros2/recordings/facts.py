@@ -6,11 +6,10 @@ programs read the messages.
 
 import json
 from dataclasses import asdict, dataclass
-from typing import Annotated, Any, Optional
+from typing import Any, Optional
 
 import msgspec
 import numpy as np
-from msgspec import Meta
 
 from edgemap.geometry.camera.intrinsics import Intrinsics
 from edgemap.geometry.camera.mount import Mount, Platform
@@ -20,7 +19,7 @@ from edgemap.runtime.frames.errors import CameraError, OdometryError
 from edgemap.runtime.frames.inference import Inference
 from edgemap.runtime.frames.reading import Coordinate, Stamp, Strict, decode_json, one_line
 from edgemap.runtime.frames.trajectory import Trajectory
-from edgemap.runtime.inputs.drives.camera_yaml import LensRecord
+from edgemap.runtime.inputs.drives.camera_yaml import LensRecord, Rate
 
 RECORD = "edgemap.recording"  # name of the MCAP metadata record
 FORMAT = "edgemap.recording/1"
@@ -67,7 +66,7 @@ _INFERENCE: Any = Inference | None
 _LENS: Any = LensRecord | None
 _MOUNT: Any = _RecordedMount | None
 _CALIBRATION: Any = dict[str, Any] | None
-_RATE: Any = Optional[Annotated[float, Meta(gt=0.0, le=1e5)]]  # noqa: UP045
+_RATE: Any = Optional[Rate]  # noqa: UP045
 
 
 def read_facts(record: dict[str, str], where: str) -> Facts:

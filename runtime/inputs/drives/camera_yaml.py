@@ -29,6 +29,7 @@ UpAxis = Literal["x", "y", "z", "-x", "-y", "-z"]
 Angle = Annotated[float, Meta(gt=-90.0, lt=90.0)]  # degrees
 Arm = Annotated[float, Meta(ge=-100.0, le=100.0)]  # metres
 Focal = Annotated[float, Meta(gt=0.0, le=1e6)]  # px
+Rate = Annotated[float, Meta(gt=0.0, le=1e5)]  # Hz
 Part = Annotated[float, Meta(ge=-1.1, le=1.1)]  # of a unit quaternion
 
 
@@ -96,7 +97,7 @@ class _Depth(LensRecord):
 
 
 class _CameraYaml(LensRecord):
-    fps: Annotated[float, Meta(gt=0.0, le=1e5)] | None = None
+    fps: Rate | None = None
     world_up: UpAxis | None = None
     mount: _Mount | None = None
     calibration: dict[str, Any] | None = None

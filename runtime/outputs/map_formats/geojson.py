@@ -5,6 +5,7 @@ import math
 from collections.abc import Collection, Sequence
 from itertools import chain
 
+from edgemap.geometry.grid.occupancy_grid import GridRule
 from edgemap.geometry.grid.rooms import Door, Room
 from edgemap.geometry.grid.walls import Wall
 from edgemap.geometry.map_object import MapObject, radius_m
@@ -21,7 +22,7 @@ from edgemap.runtime.step.map_file import (
 )
 
 FRAME = "local frame map, metres, REP-103 (x forward, y left, counter-clockwise); NOT WGS 84 longitude and latitude"
-STEP_M = 0.05  # spacing of the trajectory's points
+STEP_M = GridRule().cell_m  # spacing of the trajectory's points
 
 
 def geojson_text(

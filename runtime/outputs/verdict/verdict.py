@@ -7,6 +7,7 @@ from pathlib import Path
 from statistics import median
 from typing import Any, NamedTuple
 
+from edgemap.geometry.camera.floor import FloorNoise
 from edgemap.geometry.errors import EdgemapError
 from edgemap.geometry.map_object import MapObject
 from edgemap.geometry.objects.annotations import LEVELS, Annotations, Level
@@ -31,7 +32,6 @@ DOUBTFUL = 0.5
 OFF_MOUNT_DEG = 2.0  # of pitch or roll: moves what is 3 m before a lens 0.6 m up by half a metre
 SLOW_HZ = 4.0  # at 0.5 m/s and 60 degrees/s a picture shares three quarters of its view with the one before
 SEEN_M = 3.0  # from where most objects are seen; what is nearer than the nearest floor does not show where it stands
-TILT_RAD = math.radians(0.5)  # standard deviation of an attitude
 
 
 @dataclass(frozen=True, slots=True)
@@ -239,7 +239,8 @@ def _objects(run: _Run) -> Iterator[Finding]:
     typical_m, height_m = median(sigma_of(item) for item in objects), record.get("mount", {}).get("height_m", math.inf)
     if typical_m > 0.5 * WRONG_M:
         text = f"the objects' positions are known to {typical_m:.2f} m"
-        is_low = TILT_RAD * SEEN_M**2 / height_m > 0.5 * WRONG_M  # an uncertain tilt alone moves objects that far
+        # An uncertain tilt alone moves objects that far.
+        is_low = FloorNoise().tilt_rad * SEEN_M**2 / height_m > 0.5 * WRONG_M
         low = f", with a lens {height_m:.2f} m above the floor" if is_low else ""
         yield Finding(_level(typical_m, WRONG_M), CAUSES["low" if low else "other"], text + low)
 
