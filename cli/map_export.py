@@ -76,16 +76,16 @@ def command(
     path = _target(map, format, out)
     written, what = [path], f"{len(mapped)} objects"
     if format == "nav2":
-        from edgemap.runtime.outputs.map_formats.grid import CellsRule, grid_of, observed_cells
+        from edgemap.runtime.outputs.map_formats.grid import CellsRule, grid_of
         from edgemap.runtime.outputs.map_formats.nav2 import write_nav2
 
         if floor is None:
             grid = grid_of(mapped, trajectory, CellsRule(resolution, robot_width))
         else:
-            grid = observed_cells(floor, mapped if objects else ())
+            grid = grid_of(mapped if objects else (), None, CellsRule(floor.cell_m), floor)
         written = list(write_nav2(path, grid))
         rows, columns = grid.cells.shape
-        what = f"occupancy map of {columns} x {rows} cells of {grid.resolution_m:g} m, "
+        what = f"occupancy map of {columns} x {rows} cells of {grid.cell_m:g} m, "
         what += f"with {len(mapped)} objects," if floor is None or objects else "without objects (--objects adds them),"
     elif format == "nav2-masks":
         from edgemap.runtime.outputs.map_formats.nav2 import write_masks

@@ -27,21 +27,6 @@ def header(stamp_ns: int, frame_id: str) -> Message:
     return {"stamp": ros_time(stamp_ns), "frame_id": frame_id}
 
 
-def occupancy_grid_message(
-    stamp_ns: int, cells: NDArray[np.int8], corner_m: tuple[float, float], cell_m: float, ids: FrameIds = IDS
-) -> Message:
-    """`nav_msgs/OccupancyGrid` in the map frame. cells (rows, columns): -1 unknown, 0 free to 100 occupied, x along
-    the columns. corner_m: x and y of the first cell's corner."""
-    rows, columns = cells.shape
-    origin = {
-        "position": {"x": corner_m[0], "y": corner_m[1], "z": 0.0},
-        "orientation": {"x": 0.0, "y": 0.0, "z": 0.0, "w": 1.0},
-    }
-    head = header(stamp_ns, ids.map)
-    info = {"map_load_time": head["stamp"], "resolution": cell_m, "width": columns, "height": rows, "origin": origin}
-    return {"header": head, "info": info, "data": cells.tobytes()}
-
-
 def compressed_image(stamp_ns: int, picture: bytes, encoding: str, ids: FrameIds = IDS) -> Message:
     """`sensor_msgs/CompressedImage`. encoding: jpeg or png."""
     return {"header": header(stamp_ns, ids.optical), "format": encoding, "data": picture}
@@ -176,8 +161,12 @@ def tf(*transforms: Message) -> Message:
 
 
 def _pose(pose: SE2) -> Message:
-    x, y, z, w = _about_z(pose.yaw_rad)
-    return {"position": {"x": pose.x_m, "y": pose.y_m, "z": 0.0}, "orientation": {"x": x, "y": y, "z": z, "w": w}}
+    return {"position": {"x": pose.x_m, "y": pose.y_m, "z": 0.0}, "orientation": orientation(pose.yaw_rad)}
+
+
+def orientation(yaw_rad: float) -> Message:
+    """`geometry_msgs/Quaternion` about z."""
+    return dict(zip("xyzw", _about_z(yaw_rad), strict=True))
 
 
 def _about_z(yaw_rad: float) -> tuple[float, float, float, float]:

@@ -5,16 +5,15 @@ from enum import IntEnum
 
 import numpy as np
 
-from edgemap.bridges.ros2.messages.build import header, instance_id, occupancy_grid_message
+from edgemap.bridges.ros2.messages.build import header, instance_id, orientation
 from edgemap.bridges.ros2.messages.definitions import Message
 from edgemap.bridges.ros2.messages.topics import IDS, FrameIds
 from edgemap.geometry.grid.floor_scan import FloorScan
 from edgemap.geometry.grid.occupancy_grid import OccupancyGrid
 from edgemap.geometry.map_object import MapObject, ellipse_95, footprint_of, yaw_of
 from edgemap.geometry.objects.annotations import MapIdentity
-from edgemap.geometry.se2 import SE2
 from edgemap.runtime.frames.colours import label_rgb
-from edgemap.runtime.outputs.map_formats.grid import live_grid
+from edgemap.runtime.outputs.map_formats.grid import FloorCells
 
 TALLEST_M, FLAT_M, LETTER_M, THIN_M = 2.5, 0.01, 0.15, 5e-4
 BEAM_RAD, NEAREST_M = math.radians(0.5), 0.05  # of the floor's scan
@@ -62,7 +61,6 @@ def markers(stamp_ns: int, objects: list[MapObject], ids: FrameIds = IDS) -> Mes
         red, green, blue = label_rgb(item.label)
         tint = {"r": red, "g": green, "b": blue}
         long_m, short_m, yaw_rad = ellipse_95(item.covariance_m2)
-        rotated = _rotation(yaw_rad)
         common = {"header": header(stamp_ns, ids.map), "id": number}
         box = {"pose": _pose(item), "scale": _box(item)}
         entries.append(common | box | {"ns": "objects", "type": Shape.CUBE, "color": tint | {"a": 0.5}})
@@ -70,17 +68,11 @@ def markers(stamp_ns: int, objects: list[MapObject], ids: FrameIds = IDS) -> Mes
         white = {"r": 1.0, "g": 1.0, "b": 1.0, "a": 1.0}
         entries.append(common | name | {"ns": "names", "type": Shape.TEXT, "text": item.id, "color": white})
         ellipse = {
-            "pose": {"position": _place(item, FLAT_M / 2.0), "orientation": rotated},
+            "pose": {"position": _place(item, FLAT_M / 2.0), "orientation": orientation(yaw_rad)},
             "scale": {"x": max(2.0 * long_m, THIN_M), "y": max(2.0 * short_m, THIN_M), "z": FLAT_M},
         }
         entries.append(common | ellipse | {"ns": "ellipses", "type": Shape.CYLINDER, "color": tint | {"a": 0.8}})
     return {"markers": entries}
-
-
-def occupancy_grid(stamp_ns: int, objects: list[MapObject], pose_map_base: SE2, ids: FrameIds = IDS) -> Message:
-    """`nav_msgs/OccupancyGrid` in the map frame: footprints occupied, the robot's own floor free, the rest unknown."""
-    grid = live_grid(objects, pose_map_base.x_m, pose_map_base.y_m)
-    return occupancy_grid_message(stamp_ns, grid.cells, (grid.x_m, grid.y_m), grid.resolution_m, ids)
 
 
 def _place(item: MapObject, z_m: float) -> dict[str, float]:
@@ -91,14 +83,10 @@ def _height_m(item: MapObject) -> float:
     return min(max(float(item.height_m), FLAT_M), TALLEST_M)
 
 
-def _rotation(yaw_rad: float) -> dict[str, float]:
-    return {"x": 0.0, "y": 0.0, "z": math.sin(yaw_rad / 2.0), "w": math.cos(yaw_rad / 2.0)}
-
-
 def _pose(item: MapObject) -> dict[str, dict[str, float]]:
     """Of the middle of its box; x is forward where it has a yaw."""
     pose, yaw_rad = {"position": _place(item, _height_m(item) / 2.0)}, yaw_of(item)
-    return pose if yaw_rad is None else pose | {"orientation": _rotation(yaw_rad)}
+    return pose if yaw_rad is None else pose | {"orientation": orientation(yaw_rad)}
 
 
 def _box(item: MapObject) -> dict[str, float]:
@@ -107,9 +95,13 @@ def _box(item: MapObject) -> dict[str, float]:
     return {"x": max(float(depth_m), FLAT_M), "y": max(float(width_m), FLAT_M), "z": _height_m(item)}
 
 
-def grid_message(stamp_ns: int, grid: OccupancyGrid, ids: FrameIds = IDS) -> Message:
+def grid_message(stamp_ns: int, grid: OccupancyGrid | FloorCells, ids: FrameIds = IDS) -> Message:
     """`nav_msgs/OccupancyGrid` in the map frame: observed floor free, obstacles occupied, the rest unknown."""
-    return occupancy_grid_message(stamp_ns, grid.cells, (grid.x_m, grid.y_m), grid.cell_m, ids)
+    rows, columns = grid.cells.shape
+    origin = {"position": {"x": grid.x_m, "y": grid.y_m, "z": 0.0}, "orientation": orientation(0.0)}
+    head, size = header(stamp_ns, ids.map), {"width": columns, "height": rows}
+    info = {"map_load_time": head["stamp"], "resolution": grid.cell_m, **size, "origin": origin}
+    return {"header": head, "info": info, "data": grid.cells.tobytes()}
 
 
 def scan_message(stamp_ns: int, scan: FloorScan, ids: FrameIds = IDS) -> Message:

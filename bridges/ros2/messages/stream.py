@@ -10,7 +10,6 @@ from edgemap.bridges.ros2.messages.map_messages import (
     detections_3d,
     grid_message,
     markers,
-    occupancy_grid,
     scan_message,
 )
 from edgemap.bridges.ros2.messages.topics import FrameIds
@@ -21,6 +20,7 @@ from edgemap.geometry.map_object import MapObject
 from edgemap.geometry.objects.annotations import MapIdentity
 from edgemap.geometry.se2 import SE2
 from edgemap.runtime.frames.frame import Frame, jpeg, png
+from edgemap.runtime.outputs.map_formats.grid import live_grid
 from edgemap.runtime.step.slam import StepResult
 
 JPEG_QUALITY = 90
@@ -128,7 +128,8 @@ class MessageStream:
         """The objects on the map, for programs, for eyes, and as obstacles around the robot for planners."""
         yield Outgoing(topics.OBJECTS, stamp_ns, lambda: detections_3d(stamp_ns, objects, self.frames, self._identity))
         yield Outgoing(topics.MARKERS, stamp_ns, lambda: markers(stamp_ns, objects, self.frames))
-        yield Outgoing(topics.GRID, stamp_ns, lambda: occupancy_grid(stamp_ns, objects, pose_map_base, self.frames))
+        here = pose_map_base.x_m, pose_map_base.y_m
+        yield Outgoing(topics.GRID, stamp_ns, lambda: grid_message(stamp_ns, live_grid(objects, *here), self.frames))
 
 
 @lru_cache(maxsize=2)

@@ -19,6 +19,7 @@ from edgemap.geometry.se2 import SE2
 from edgemap.runtime.frames.colours import SHAPES, label_colour, label_mark
 from edgemap.runtime.frames.disk import make_folder, write_atomically
 from edgemap.runtime.frames.frame import png
+from edgemap.runtime.outputs.map_formats.grid import CellsRule
 from edgemap.runtime.outputs.map_formats.shapes import (
     INK,
     MAXIMUM_SHAPES,
@@ -36,7 +37,7 @@ from edgemap.runtime.outputs.map_formats.shapes import (
 from edgemap.runtime.outputs.sightings_file import SeenRecord
 from edgemap.runtime.outputs.verdict.verdict import is_doubtful
 
-WIDEST_PX, TALLEST_PX, TITLE_PX, MARGIN_M = 960.0, 720.0, 28.0, 0.5  # of one panel
+WIDEST_PX, TALLEST_PX, TITLE_PX = 960.0, 720.0, 28.0  # of one panel
 LONGEST_AXIS_M = 3.0  # an ellipse larger than this does not enlarge the drawing
 GRID, MUTED, PATH, LONE = "#e6e8eb", "#5d6672", "#7f8a97", "#8d96a1"
 FLOOR_COLOUR, OBSTACLE_COLOUR = "#e6edf2", "#6b7585"
@@ -137,7 +138,8 @@ def _sheet(drawn: DrawnMap) -> Sheet:
         reach = max(reach_m(item), ellipse_m)
         points.append(item.position_m + reach * np.array([[1, 1], [-1, -1]]))
     every = np.concatenate(points)
-    low, high = every.min(axis=0) - MARGIN_M, every.max(axis=0) + MARGIN_M
+    margin_m = CellsRule().margin_m
+    low, high = every.min(axis=0) - margin_m, every.max(axis=0) + margin_m
     deep_m, wide_m = np.maximum(high - low, 3.0)
     px_per_m = min(WIDEST_PX / wide_m, TALLEST_PX / deep_m)
     wide_m, deep_m = max(wide_m, 0.4 * WIDEST_PX / px_per_m), max(deep_m, 0.35 * WIDEST_PX / px_per_m)

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from edgemap.geometry.errors import MapError
-from edgemap.geometry.grid.occupancy_grid import FREE, OCCUPIED, UNKNOWN, OccupancyGrid
+from edgemap.geometry.grid.occupancy_grid import FREE, OCCUPIED, UNKNOWN, GridRule, OccupancyGrid
 from edgemap.geometry.map_object import MapObject, footprint_of, reach_m, yaw_of
 from edgemap.geometry.se2 import SE2
 from edgemap.runtime.frames.trajectory import Trajectory
@@ -21,73 +21,62 @@ MAXIMUM_CELLS, MAXIMUM_LIVE_CELLS = 100_000_000, 1_000_000
 class FloorCells:
     """cells: (rows, columns) int8; row 0 has the smallest y, column 0 the smallest x, as in nav_msgs/OccupancyGrid.
 
-    x_m, y_m: the outer corner of cell (0, 0) in the map frame.
+    x_m, y_m: the outer corner of cell (0, 0) in the map frame. cell_m: side of a cell.
     """
 
     cells: NDArray[np.int8]
     x_m: float
     y_m: float
-    resolution_m: float
+    cell_m: float
 
 
 @dataclass(frozen=True, slots=True)
 class CellsRule:
-    """resolution_m: side of a cell. robot_width_m: width that the robot sweeps free along its path. margin_m: unknown
+    """cell_m: side of a cell. robot_width_m: width that the robot sweeps free along its path. margin_m: unknown
     border around the map.
     """
 
-    resolution_m: float = 0.05
+    cell_m: float = GridRule().cell_m
     robot_width_m: float = 0.35
     margin_m: float = 0.5
 
 
 def grid_of(
-    objects: Sequence[MapObject], trajectory: Trajectory | None = None, rule: CellsRule | None = None
+    objects: Sequence[MapObject],
+    trajectory: Trajectory | None = None,
+    rule: CellsRule | None = None,
+    observed: OccupancyGrid | None = None,
 ) -> FloorCells:
-    """Objects occupied, the floor that the robot has driven over free, the rest unknown; objects win.
+    """Objects occupied, the floor that the robot has driven over free, the rest unknown, or as observed in cells of the
+    same size; objects win.
 
     Raises MapError where nothing is there to draw, or for more than 100 million cells.
     """
     rule = rule or CellsRule()
-    res = rule.resolution_m
+    res = rule.cell_m
     path_m = np.array([(pose.x_m, pose.y_m) for pose in trajectory.poses] if trajectory else []).reshape(-1, 2)
-    discs = [(item.position_m, reach_m(item)) for item in objects]
-    reach = [*((centre, radius) for centre, radius in discs), *((point, rule.robot_width_m / 2.0) for point in path_m)]
-    if not reach:
+    reach = [(item.position_m, reach_m(item) + rule.margin_m) for item in objects]
+    reach += [(point, rule.robot_width_m / 2.0 + rule.margin_m) for point in path_m]
+    corners = [centre + sign * radius for centre, radius in reach for sign in (-1.0, 1.0)]
+    if observed is not None:  # both lie on whole cells from the map's origin
+        corner, shape = np.array([observed.x_m, observed.y_m]), observed.cells.shape
+        corners += [corner + 0.5 * res, corner + (np.array(shape[::-1]) - 0.5) * res]
+    if not corners:
         raise MapError("the map has neither objects nor a trajectory: there is no floor to draw")
-    low = np.min([centre - radius for centre, radius in reach], axis=0) - rule.margin_m
-    high = np.max([centre + radius for centre, radius in reach], axis=0) + rule.margin_m
-    first = np.floor(low / res)  # whole cells from the map's origin, so that grids of one map fit onto each other
-    columns, rows = (int(count) for count in np.ceil(high / res) - first)
+    first = np.floor(np.min(corners, axis=0) / res)  # whole cells, so that grids of one map fit onto each other
+    columns, rows = (int(count) for count in np.ceil(np.max(corners, axis=0) / res) - first)
     if rows * columns > MAXIMUM_CELLS:
         raise MapError(f"{columns} x {rows} cells of {res:g} m: more than {MAXIMUM_CELLS}, take a coarser resolution")
     x_m, y_m = (round(float(value) * res, 9) for value in first)
     grid = FloorCells(np.full((rows, columns), UNKNOWN, np.int8), x_m, y_m, res)
+    if observed is not None:
+        column, row = np.rint(corner / res - first).astype(int)
+        grid.cells[row : row + shape[0], column : column + shape[1]] = observed.cells
     if len(path_m):
         _sweep(grid, path_m, rule.robot_width_m / 2.0)
     for item in objects:
         _occupy(grid, item)
     return grid
-
-
-def observed_cells(grid: OccupancyGrid, objects: Sequence[MapObject] = ()) -> FloorCells:
-    """The observed floor, with objects drawn over it. Raises MapError as `grid_of`."""
-    cells = FloorCells(grid.cells, grid.x_m, grid.y_m, grid.cell_m)
-    if not objects:
-        return cells
-    drawn = grid_of(objects, None, CellsRule(grid.cell_m))  # both lie on whole cells from the map's origin
-    res, parts = grid.cell_m, (cells, drawn)
-    low = np.min([[part.x_m, part.y_m] for part in parts], axis=0)
-    size = [np.array(part.cells.shape[::-1]) * res + [part.x_m, part.y_m] for part in parts]
-    columns, rows = np.rint((np.max(size, axis=0) - low) / res).astype(int)
-    if rows * columns > MAXIMUM_CELLS:
-        raise MapError(f"{columns} x {rows} cells of {res:g} m: more than {MAXIMUM_CELLS}")
-    both = FloorCells(np.full((rows, columns), UNKNOWN, np.int8), float(low[0]), float(low[1]), res)
-    for part in parts:
-        column, row = np.rint((np.array([part.x_m, part.y_m]) - low) / res).astype(int)
-        known = part.cells != UNKNOWN
-        both.cells[row : row + part.cells.shape[0], column : column + part.cells.shape[1]][known] = part.cells[known]
-    return both
 
 
 def live_grid(objects: Sequence[MapObject], x_m: float, y_m: float) -> FloorCells:
@@ -97,14 +86,14 @@ def live_grid(objects: Sequence[MapObject], x_m: float, y_m: float) -> FloorCell
     here = Trajectory(np.zeros(1), (SE2(x_m, y_m),))
     points = np.array([[x_m, y_m], *(item.position_m for item in objects)])
     sides_m = np.ptp(points, axis=0) + 2.0 * (rule.margin_m + max([reach_m(item) for item in objects], default=1.0))
-    while float(np.prod(np.ceil(sides_m / rule.resolution_m) + 2.0)) > MAXIMUM_LIVE_CELLS:
-        rule = replace(rule, resolution_m=2.0 * rule.resolution_m)
+    while float(np.prod(np.ceil(sides_m / rule.cell_m) + 2.0)) > MAXIMUM_LIVE_CELLS:
+        rule = replace(rule, cell_m=2.0 * rule.cell_m)
     return grid_of(objects, here, rule)
 
 
 def _sweep(grid: FloorCells, path_m: NDArray[np.float64], radius_m: float) -> None:
     """Frees the cells whose centre is within a radius of the path, to half a cell."""
-    res, at = grid.resolution_m, np.floor((path_m - [grid.x_m, grid.y_m]) / grid.resolution_m).astype(np.int32)
+    res, at = grid.cell_m, np.floor((path_m - [grid.x_m, grid.y_m]) / grid.cell_m).astype(np.int32)
     around = math.ceil(radius_m / res) + 1
     (c0, r0), (c1, r1) = np.maximum(at.min(axis=0) - around, 0), at.max(axis=0) + around + 1
     part = grid.cells[r0:r1, c0:c1]
@@ -116,7 +105,7 @@ def _sweep(grid: FloorCells, path_m: NDArray[np.float64], radius_m: float) -> No
 
 def _occupy(grid: FloorCells, item: MapObject) -> None:
     """Occupies the cells whose centre is within an object's footprint, and always the cell of its centre."""
-    res, radius = grid.resolution_m, reach_m(item) / grid.resolution_m
+    res, radius = grid.cell_m, reach_m(item) / grid.cell_m
     at = (item.position_m - [grid.x_m, grid.y_m]) / res
     c0, r0 = np.floor(at - radius).astype(int)
     c1, r1 = np.ceil(at + radius).astype(int)

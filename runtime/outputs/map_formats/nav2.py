@@ -39,8 +39,8 @@ def write_nav2(path: Path, grid: FloorCells) -> tuple[Path, Path]:
     for value, level in VALUES.items():
         levels[np.uint8(value % 256)] = level
     pixels = levels[grid.cells.view(np.uint8)]
-    note = f"# edgemap: {grid.resolution_m:g} m per pixel\n"
-    return path, write_picture(path, pixels, "trinary", grid.resolution_m, (grid.x_m, grid.y_m), note)
+    note = f"# edgemap: {grid.cell_m:g} m per pixel\n"
+    return path, write_picture(path, pixels, "trinary", grid.cell_m, (grid.x_m, grid.y_m), note)
 
 
 def write_picture(

@@ -218,7 +218,7 @@ def served(path):
 def test_a_live_grid_is_bounded_however_far_objects_are():
     here = live_grid(mapped(CROOKED), -1.0, -1.0)
     row, column = int((2.0 - here.y_m) / 0.05), int((1.0 - here.x_m) / 0.05)
-    assert here.resolution_m == 0.05
+    assert here.cell_m == 0.05
     assert here.cells[row, column] == OCCUPIED
     assert here.cells[int((-1.0 - here.y_m) / 0.05), int((-1.0 - here.x_m) / 0.05)] == FREE
     far = live_grid(mapped([*CROOKED, ("chair", 1e6, -1e6)]), 0.0, 0.0)
@@ -248,7 +248,7 @@ def test_nothing_is_mirrored_or_transposed(tmp_path):
 @pytest.mark.parametrize("shift", [(0.0, 0.0), (-7.013, 3.021), (100.5, -200.25)])
 def test_cells_lie_where_the_origin_says_to_half_a_cell(tmp_path, shift):
     room = mapped([("refrigerator", shift[0], shift[1])])  # radius 0.367 m
-    write_nav2(tmp_path / "map.yaml", grid_of(room, rule=CellsRule(resolution_m=0.02)))
+    write_nav2(tmp_path / "map.yaml", grid_of(room, rule=CellsRule(cell_m=0.02)))
     value = served(tmp_path / "map.yaml")
     edge = 0.65 / np.sqrt(np.pi)
     for turn in np.linspace(0, 2 * np.pi, 24):
@@ -262,7 +262,7 @@ def test_an_object_on_the_way_stays_occupied_and_a_standing_robot_has_swept_its_
     values, counts = np.unique(grid.cells, return_counts=True)
     assert values.tolist() == [UNKNOWN, FREE, OCCUPIED]
     assert counts[2] * 0.05**2 == pytest.approx(0.25, rel=0.05)  # a chair's 0.5 m by 0.5 m
-    grid = grid_of([], path_of((0.0, 0.0), (0.0, 0.0)), CellsRule(resolution_m=0.01, robot_width_m=1.0))
+    grid = grid_of([], path_of((0.0, 0.0), (0.0, 0.0)), CellsRule(cell_m=0.01, robot_width_m=1.0))
     assert (grid.cells == FREE).sum() * 0.01**2 == pytest.approx(np.pi / 4, rel=0.01)
     with pytest.raises(MapError, match="neither objects nor a trajectory"):
         grid_of([])
