@@ -132,37 +132,32 @@ def placed_history(history: tuple[MapEvent, ...], place: Callable[[Array], Array
     return tuple(replace(event, from_m=moved(event.from_m), to_m=moved(event.to_m)) for event in history)
 
 
+@dataclass(slots=True)
 class SightingSums:
     """Sums over the sightings of an object. They give its size, confidence and times, and can be joined."""
 
-    __slots__ = ("count", "first_seen_s", "height_m", "last_seen_s", "miss", "pictures", "weight", "width_m")
-
-    def __init__(self) -> None:
-        self.count, self.pictures, self.weight, self.width_m, self.height_m, self.miss = 0, 0.0, 0.0, 0.0, 0.0, 0.0
-        self.first_seen_s, self.last_seen_s = math.inf, -math.inf
+    count: int = 0
+    pictures: float = 0.0
+    weight: float = 0.0
+    width_m: float = 0.0
+    height_m: float = 0.0
+    miss: float = 0.0
+    first_seen_s: float = math.inf
+    last_seen_s: float = -math.inf
 
     @classmethod
     def of_saved(cls, item: MapObject) -> "SightingSums":
         """The sums of an object that was loaded from an earlier map."""
-        sums = cls()
-        sums.count, sums.pictures, sums.weight = item.count, float(item.count), float(item.count)
-        sums.width_m, sums.height_m = item.width_m * item.count, item.height_m * item.count
-        sums.miss = math.log1p(-min(item.confidence, 1.0 - 1e-9))
-        sums.first_seen_s, sums.last_seen_s = item.first_seen_s, item.last_seen_s
-        return sums
+        count, sizes_m = item.count, (item.width_m * item.count, item.height_m * item.count)
+        miss = math.log1p(-min(item.confidence, 1.0 - 1e-9))
+        return cls(count, float(count), float(count), *sizes_m, miss, item.first_seen_s, item.last_seen_s)
 
     def add(self, placed: PlacedSighting) -> None:
         """Adds one sighting."""
-        sighting = placed.sighting
-        self.count += 1
-        self.pictures += sighting.pictures
-        self.weight += sighting.weight * sighting.pictures
-        self.width_m += sighting.width_m
-        self.height_m += sighting.height_m
-        miss = math.log1p(-min(sighting.score, 0.999)) / REPEATED
-        self.miss += miss * sighting.pictures
-        self.first_seen_s = min(self.first_seen_s, sighting.stamp_s)
-        self.last_seen_s = max(self.last_seen_s, sighting.stamp_s)
+        seen = placed.sighting
+        miss = math.log1p(-min(seen.score, 0.999)) / REPEATED
+        sums = seen.pictures, seen.weight * seen.pictures, seen.width_m, seen.height_m, miss * seen.pictures
+        self.join(SightingSums(1, *sums, seen.stamp_s, seen.stamp_s))
 
     def join(self, other: "SightingSums") -> None:
         """Adds another object's sums."""
