@@ -95,7 +95,8 @@ def guess_camera(
         pitch = float(weights @ [pitch, edges.pitch_rad] / weights.sum())
         pitch_sigma, pitch_how = math.hypot(weights.sum() ** -0.5, sway_rad), f"{edges.how}, {pitch_how}"
     tilted = Mount(1.0, pitch, roll)
-    floor_share = _floor_share(lens, tilted)
+    horizon_row = FloorCamera(lens, tilted).horizon_row()  # in the middle column
+    floor_share = float(np.clip((lens.height - horizon_row) / lens.height, 0.0, 1.0))
     if floor_share < LEAST_FLOOR:
         raise CalibrationError(
             f"{100 * floor_share:.0f} % of the picture lies below the horizon (pitch {math.degrees(pitch):.1f} deg up "
@@ -141,12 +142,6 @@ def _tilt_by_edges(ends: list[Array], lens: Intrinsics, focal_sigma: float) -> _
     sigma = math.hypot(abs(pitch) * focal_sigma, SURE_RAD)
     sways = scatter if roll_scatter > MAXIMUM_SCATTER_RAD else 0.0
     return _EdgesTilt(pitch, roll, sigma, sways, f"the edges of {len(angles)} pictures")
-
-
-def _floor_share(lens: Intrinsics, mount: Mount) -> float:
-    """Share of the picture's height below the horizon, in the middle column."""
-    row = FloorCamera(lens, mount).horizon_row()
-    return float(np.clip((lens.height - row) / lens.height, 0.0, 1.0))
 
 
 def quarter_turns(pictures: Sequence[Picture], detect: Detector) -> int:

@@ -51,13 +51,11 @@ def run_record(
         place = options.map.place()
         continued = place is not None and place.exists  # the first run by a name makes the map
         record |= {"map": str(options.map.saved), "start": options.map.start, "map_continued": continued}
-    return record | {"options": options.inputs() | _decided(options, loaded), "config": config_document(tuned)}
-
-
-def _decided(options: RunOptions, loaded: Bundle) -> dict[str, Any]:
-    """Engine and precision, where they were asked for or are not the defaults: a recording may bring them."""
-    decided, usual = asdict(Inference(loaded.engine, loaded.precision)), asdict(Inference())
-    return {name: one for name, one in decided.items() if name in options.inputs() or one != usual[name]}
+    # Engine and precision where they were asked for, or are not the defaults: a recording may bring them.
+    inputs, usual = options.inputs(), asdict(Inference())
+    decided = asdict(Inference(loaded.engine, loaded.precision)).items()
+    inputs |= {name: one for name, one in decided if name in inputs or one != usual[name]}
+    return record | {"options": inputs, "config": config_document(tuned)}
 
 
 def scale_source(record: dict[str, Any]) -> str:

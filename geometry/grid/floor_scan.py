@@ -64,7 +64,8 @@ class FloorScan:
             weights *= (1.0 + mask.wall[row - 2, column][still]) / 1.5
         measured = weights > 0.0
         free = np.where(solid, np.clip((floor - EDGE) / 0.4, 0.0, 1.0), np.float32(0.0)).astype(np.float32)
-        for x0, y0, x1, y1 in _in_cells(detected_px, mask, free):
+        cell_px = np.array([mask.width, mask.height] * 2) / (free.shape[::-1] * 2)
+        for x0, y0, x1, y1 in np.rint(np.maximum(detected_px, 0.0) / cell_px).astype(int).tolist():
             free[y0:y1, x0:x1] = 0.0
         return cls(points[measured], weights[measured], free, camera, rule)
 
@@ -100,12 +101,6 @@ class FloorScan:
         weights = free * row_weights(away_m2, self.camera, self.row_px, self.rule)
         counts = weights > 0.0
         return cells[counts].astype(np.int32) + first, weights[counts]
-
-
-def _in_cells(boxes_px: Array, mask: FloorMask, cells: NDArray[np.float32]) -> list[list[int]]:
-    """Boxes (N, 4) in cells of the mask, each x0, y0, x1, y1."""
-    size = np.array([mask.width, mask.height], dtype=np.float64) / cells.shape[::-1]
-    return np.rint(np.maximum(boxes_px, 0.0) / np.tile(size, 2)).astype(int).tolist()
 
 
 def row_weights(away_m2: Array, camera: FloorCamera, row_px: float, rule: GridRule) -> Array:

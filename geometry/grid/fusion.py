@@ -56,8 +56,9 @@ class GridFusion:
         self.scan = None
         if self._drawing is None:
             self._bound()
-        else:
-            self._draw_some(self._drawing)
+        elif (canvas := next(self._drawing)) is not None:
+            self._drawing, self._canvas = None, canvas
+            self._revision += 1
         if not self._is_due(pose_map_base, stamp_s):
             return
         if self._begins_patch(pose_map_base):
@@ -166,11 +167,6 @@ class GridFusion:
         """Draw the grid again where a patch no longer lies where it was drawn."""
         if moved_m(self._patches, self.rule.cell_m) > self.rule.cell_m / 2.0:
             self._drawing = self._drawn()
-
-    def _draw_some(self, drawing: Iterator[Canvas | None]) -> None:
-        if (canvas := next(drawing)) is not None:
-            self._drawing, self._canvas = None, canvas
-            self._revision += 1
 
     def _drawn(self) -> Iterator[Canvas | None]:
         """Draws all patches, some in each step, then yields the canvas. Evidence added meanwhile is drawn last."""

@@ -61,11 +61,12 @@ def approach(
     for standoff_m in np.arange(rule.standoff_m, rule.standoff_m + REACH_M + 1e-9, STEP_M).tolist():
         for direction in around.tolist():
             away = np.array([math.cos(direction), math.sin(direction)])
-            at = item.position_m + away * (_extent_m(item, direction) + standoff_m + rule.robot_radius_m)
-            floor = _floor(at, grid, rule.robot_radius_m)
-            edge_m = _extent_m(item, direction)
+            edge_m, radius = _extent_m(item, direction), rule.robot_radius_m
+            at = item.position_m + away * (edge_m + standoff_m + radius)
+            floor = _floor(at, grid, radius)
             blocked = grid is not None and _wall_between(item.position_m, away, edge_m, edge_m + standoff_m, grid)
-            if floor == "taken" or blocked or _crowded(at, others, rule.robot_radius_m):
+            crowded = any(np.linalg.norm(at - other.position_m) < radius_m(other) + radius for other in others)
+            if floor == "taken" or blocked or crowded:
                 taken += 1
                 continue
             cost = standoff_m + (UNKNOWN_M if floor == "unknown" else 0.0)
@@ -113,10 +114,6 @@ def _wall_between(centre: Array, away: Array, from_m: float, to_m: float, grid: 
     edge are the object's, as the grid may have moved it."""
     along = np.arange(from_m + BESIDE_M, to_m, grid.cell_m)
     return bool((grid.at(centre + along[:, None] * away) == OCCUPIED).any()) if len(along) else False
-
-
-def _crowded(at: Array, others: Sequence[MapObject], robot_radius_m: float) -> bool:
-    return any(np.linalg.norm(at - other.position_m) < radius_m(other) + robot_radius_m for other in others)
 
 
 def _floor(at: Array, grid: OccupancyGrid | None, robot_radius_m: float) -> str:

@@ -140,14 +140,10 @@ class Overlaps:
         elif shares_floor(a.label, b.label):
             return False
         else:
-            near_m = self.rule.apart * min(_side_m(a), _side_m(b))
+            near_m = self.rule.apart * min(*footprint_m(a.label, a.width_m), *footprint_m(b.label, b.width_m))
         x_m, y_m = a.position_m - b.position_m
         return x_m * x_m + y_m * y_m < near_m * near_m
 
 
 def _extent_m(candidate: Candidate) -> float:
     return extent_m(candidate.label, candidate.width_m)
-
-
-def _side_m(candidate: Candidate) -> float:
-    return min(footprint_m(candidate.label, candidate.width_m))

@@ -25,7 +25,7 @@ from edgemap.geometry.objects.class_posterior import Candidate, Overlaps, label_
 from edgemap.geometry.objects.footprint import DIRECTIONS, FittedFootprint, fitted
 from edgemap.geometry.observations.sighting import PlacedSighting
 from edgemap.geometry.slam.object_landmarks import Landmark, Sums, rotations
-from edgemap.geometry.slam.pose_graph import GraphRule, PoseGraph, drop_keyframes
+from edgemap.geometry.slam.pose_graph import GraphRule, PoseGraph
 from edgemap.geometry.trajectory_correction import composed
 
 MERGED_IDS = 4096  # merged ids that are reported; older ones are dropped
@@ -152,10 +152,6 @@ class FloorMap:
         gone = {number for number, one in self.graph.landmarks.all.items() if one.gone}
         if gone:
             self.graph.remove(gone)
-
-    def bound_trajectory(self) -> None:
-        """Drops keyframes beyond the maximum. Not during a loop closure."""
-        drop_keyframes(self.graph)
 
     def objects(self) -> list[MapObject]:
         """Objects with enough evidence, one in each place, ordered by id."""

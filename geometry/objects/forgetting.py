@@ -79,11 +79,15 @@ class Forgetter:
             clear |= floor_in_place(objects, camera, pose_map_base, floor)
         labels = np.array(detections.labels, dtype=object)
         for row, item in enumerate(objects):
-            if item.id in sighted:
-                self._hit(item, pose_map_base, bool(clear[row]))
+            if item.id in sighted:  # it is present, whatever was missed before and in the same observation
+                if clear[row]:
+                    self._observation_at(item, pose_map_base).seen = True
+                self._missed[item.id] = 0
             elif clear[row]:
+                observation = self._observation_at(item, pose_map_base)
                 like = detections.boxes[labels == item.label] if len(detections) else np.zeros((0, 4))
-                self._miss(item, pose_map_base, bool((iou(boxes[row], like) >= self.rule.same_iou).any()))
+                if not observation.seen and (iou(boxes[row], like) >= self.rule.same_iou).any():
+                    observation.seen = None
             else:
                 continue
             missed = self._missed[item.id]
@@ -108,17 +112,6 @@ class Forgetter:
         positions = pose_map_base.inverse().apply(np.array([item.position_m for item in objects]))
         ahead = positions[:, 0] > 0.0
         return [item for item, close in zip(objects, ahead, strict=True) if close or item.id in sighted]
-
-    def _hit(self, item: MapObject, pose_map_base: SE2, clear: bool) -> None:
-        """The object is present, whatever was missed before and in the same observation."""
-        if clear:
-            self._observation_at(item, pose_map_base).seen = True
-        self._missed[item.id] = 0
-
-    def _miss(self, item: MapObject, pose_map_base: SE2, like_it: bool) -> None:
-        observation = self._observation_at(item, pose_map_base)
-        if like_it and not observation.seen:
-            observation.seen = None
 
     def _observation_at(self, item: MapObject, pose_map_base: SE2) -> _Visit:
         """The observation that this frame belongs to; an observation that ends by it is counted."""

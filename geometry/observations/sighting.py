@@ -139,11 +139,6 @@ class BoxEvidence:
 EVERY_BOX = BoxEvidence()
 
 
-def _feet_cut(boxes: Array, camera: FloorCamera, rule: FloorRule) -> NDArray[np.bool_]:
-    """Which boxes the picture's lower border cuts, (N,)."""
-    return boxes[:, 3] >= camera.intrinsics.height - 1 - _edge_px(camera, rule)
-
-
 def _edge_px(camera: FloorCamera, rule: FloorRule) -> float:
     """Standard deviation of a box's edge by the size of the picture, px."""
     return rule.box.picture_share * max(camera.intrinsics.width, camera.intrinsics.height)
@@ -191,7 +186,8 @@ def sightings_of(
             covariance_m2 = covariance_m2 + np.outer(along_m, along_m)
         part, outline_m = box.is_hidden or box.cut, None
         if width_m > 0.0 and not part:
-            outline_m = np.vstack([box.lens_m, _lower_edge_m(detections.boxes[row], camera)])
+            x0, _, x1, y1 = detections.boxes[row] - 0.5  # of a box's edges to those of pixels
+            outline_m = np.vstack([box.lens_m, camera.floor_points([(x0, y1), (x1, y1)])])
         sightings.append(
             Sighting(
                 label, score, foot.position_m + box.direction * middle_m, covariance_m2, shared_m2,
@@ -218,7 +214,7 @@ def _on_floor(
     if len(rows) == 0:
         return
     boxes, feet = detections.boxes[rows], feet[rows]
-    low = _feet_cut(boxes, camera, rule)
+    low = boxes[:, 3] >= camera.intrinsics.height - 1 - _edge_px(camera, rule)  # cut by the picture's lower border
     px_per_m = camera.intrinsics.fx / camera.optical_depth_m(camera.floor_points(feet))
     widths_m = (boxes[:, 2] - boxes[:, 0]) / px_per_m
     labels = detections.labels
@@ -252,11 +248,6 @@ def _on_floor(
         flags = bool(cut[at]), bool(low[at]), float(cover[at]), nearest_m
         place = lens, near[at], random[at], direction, reach_m
         yield row, BoxOnFloor(shapes[at], *place, width_m, height_m, extent, *flags, *ranges[at].tolist()), shared[at]
-
-
-def _lower_edge_m(box: Array, camera: FloorCamera) -> Array:
-    """Both ends of a box's lower edge on the floor, (2, 2), base frame."""
-    return camera.floor_points([(box[0] - 0.5, box[3] - 0.5), (box[2] - 0.5, box[3] - 0.5)])
 
 
 def _floor_begins_m(box: Array, camera: FloorCamera, floor: FloorMask | None) -> float:

@@ -85,16 +85,13 @@ class KeyframeTrajectory:
         self.covariances.append(self.covariance)
         self._motions.append(self.since)
         self._covariances.append(self._since_covariance + np.eye(3) * EXACT**2)
-        self._loose.append(self._loosened(self._since_covariance))
+        path_m2 = (self.rule.slip * math.hypot(self.since.x_m, self.since.y_m)) ** 2 + EXACT**2
+        turn_rad2 = (self.rule.slip * self.since.yaw_rad) ** 2 + EXACT**2
+        self._loose.append(self._since_covariance + np.diag([path_m2, path_m2, turn_rad2]))
         self.poses.append(self.pose)
         self.stamps_s.append(stamp_s)
         self._headings.append((self._turned_rad, heading_rad2))
         self.since, self._since_covariance = SE2(), np.zeros((3, 3))
-
-    def _loosened(self, covariance: Array) -> Array:
-        path_m2 = (self.rule.slip * math.hypot(self.since.x_m, self.since.y_m)) ** 2 + EXACT**2
-        turn_rad2 = (self.rule.slip * self.since.yaw_rad) ** 2 + EXACT**2
-        return covariance + np.diag([path_m2, path_m2, turn_rad2])
 
     def factors(self, loose: bool = False) -> OdometryFactors:
         """The keyframes' odometry factors. loose: with the covariances that loops are searched with."""

@@ -57,7 +57,9 @@ class LoopSearch:
         if not graph.links:
             return None
         while unfit := self._unfit(at, after, new):
-            self._take_back(unfit)
+            for number in unfit:
+                graph.refused.add((number, graph.root(graph.links[number])))
+                del graph.links[number]
             new = {number: first for number, first in new.items() if number in graph.links}
             after = yield from at.solved(graph.links, PLAIN)
         self.accepted += len(graph.links) - len(before)
@@ -96,11 +98,6 @@ class LoopSearch:
         by_chance = len(at.ties(new)) * math.log(graph.rule.hypotheses.spacing_m2)
         ratio = closed.log_evidence - without.log_evidence + by_chance
         return closed if ratio > 0.0 else None
-
-    def _take_back(self, links: Sequence[int]) -> None:
-        for number in links:
-            self.graph.refused.add((number, self.graph.root(self.graph.links[number])))
-            del self.graph.links[number]
 
     def _unfit(self, at: Snapshot, after: Solution, new: Mapping[int, int]) -> list[int]:
         """Links to revoke: all new ones if one of these does not fit, else the worst of the others."""

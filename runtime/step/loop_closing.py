@@ -7,7 +7,7 @@ from edgemap.geometry.arrays import Array
 from edgemap.geometry.objects.floor_map import FloorMap
 from edgemap.geometry.se2 import SE2
 from edgemap.geometry.slam.loop_closure import Closure, LoopSearch
-from edgemap.geometry.slam.pose_graph import PoseGraph
+from edgemap.geometry.slam.pose_graph import PoseGraph, drop_keyframes
 from edgemap.geometry.trajectory_correction import TrajectoryCorrection
 
 
@@ -72,7 +72,7 @@ class LoopCloser:
     def _units(self, floor_map: FloorMap) -> Closure:
         floor_map.bound()
         yield
-        floor_map.bound_trajectory()
+        drop_keyframes(floor_map.graph)
         yield
         if not self.closes_loops:
             return None

@@ -186,7 +186,9 @@ class Mapper:
         self.memory.begin(observed.stamp_s, self._shown_grid)
         stage = self._watch.stage
         with stage("closure"):
-            observed = self._with_blind(self._timed(_sound(observed)))
+            observed = self._timed(_sound(observed))
+            if self._blind is not None:  # the time without pictures since the last step
+                observed, self._blind = replace(observed, motion=_composed(self._blind, observed.motion)), None
             self.scale = 1.0 if self._has_scale else observed.scale
             self._advance(observed.motion)
             self._retilt(observed.mount_estimate)
@@ -320,13 +322,8 @@ class Mapper:
     def _places(self) -> Array:
         """Where the map is (N, 2): its objects, the robot, its grid, and the saved map that is searched."""
         robot = [(self.pose_map_base.x_m, self.pose_map_base.y_m)]
-        saved = self.relocaliser.saved if self.relocaliser is not None and self.relocaliser.searching else ()
+        saved = self.relocaliser.saved if self.relocaliser and self.searching else ()
         return np.array([*robot, *places_of([*self.objects(), *saved], self._shown_grid)])
-
-    def _with_blind(self, observed: FrameObservations) -> FrameObservations:
-        """Adds the motion of the time without pictures since the last step."""
-        blind, self._blind = self._blind, None
-        return observed if blind is None else replace(observed, motion=_composed(blind, observed.motion))
 
     def _timed(self, observed: FrameObservations) -> FrameObservations:
         """Weighs each sighting by the time since the last searched picture: evidence does not depend on the rate."""

@@ -86,7 +86,10 @@ class LiveCamera(Camera):
                 if now_s >= until_s:
                     text = f"camera {self.info.name}: no frame within {TICK_S} s"
                     raise FrameTimeout(text, self._supervisor.stream_s(), self.state)
-                self._await(until_s - now_s)
+                if self._thread is None:
+                    self._poll()
+                else:
+                    self._changed.wait(until_s - now_s)
             picture, self._slot = self._slot, None
         if (measured_hz := self._supervisor.rate_hz) is not None:  # what a device states is often another rate
             self.update_info(rate_hz=measured_hz)
@@ -103,12 +106,6 @@ class LiveCamera(Camera):
             self._supervisor.close()
         elif self._thread is not threading.current_thread():
             self._thread.join(timeout=TICK_S)
-
-    def _await(self, limit_s: float) -> None:
-        if self._thread is None:
-            self._poll()
-        else:
-            self._changed.wait(limit_s)
 
     def _poll(self) -> None:
         try:

@@ -43,7 +43,8 @@ def read_tum_drive(folder: Path) -> Drive:
 
 def _read_listed(folder: Path, setup: Setup) -> Drive:
     listing = folder / "rgb.txt"
-    stamps, images = _read_listing(listing)
+    good, stamps, lines = listed(listing, 2)
+    images = tuple(folder / lines[at].split(maxsplit=1)[1] for at in good)
     truth_path = folder / "groundtruth.txt"
     if not truth_path.is_file():
         return _drive(folder, images, stamps, setup, None)
@@ -72,12 +73,6 @@ def _drive(
 ) -> Drive:
     rate_hz = rate_of_stamps(stamps, setup.rate_hz)
     return Drive("tum", folder, images, stamps, setup.intrinsics, setup.mount, rate_hz, truth, attitudes=attitudes)
-
-
-def _read_listing(path: Path) -> tuple[Array, tuple[Path, ...]]:
-    """Stamps and files; lines that are none are counted. Raises CameraError."""
-    good, stamps, lines = listed(path, 2)
-    return stamps, tuple(path.parent / lines[at].split(maxsplit=1)[1] for at in good)
 
 
 def _is_covered(truth_stamps: Array, stamp: float) -> bool:

@@ -69,10 +69,6 @@ def _feature(identity: str, kind: str, points_m: Sequence[Sequence[float]], prop
     return {"type": "Feature", "id": identity, "geometry": geometry, "properties": properties | {"frame": "map"}}
 
 
-def _rounded(points_m: Sequence[Sequence[float]]) -> list[list[float]]:
-    return [[round(x, 4), round(y, 4)] for x, y in points_m]
-
-
 def _object(item: MapObject, map_id: str) -> dict:
     record = object_record(item) | {"uuid": object_uuid(item.id, map_id), "radius_m": round(radius_m(item), 4)}
     return _feature(item.id, "Polygon", record.pop("footprint"), record)
@@ -87,8 +83,8 @@ def _zone(zone: Zone, taken: Collection[str]) -> dict:
 
 
 def _wall(number: int, wall: Wall) -> dict:
-    properties = {"wall": True, "length_m": round(wall.length_m, 3)}
-    return _feature(f"wall-{number}", "LineString", _rounded((wall.from_m, wall.to_m)), properties)
+    properties, ends = {"wall": True, "length_m": round(wall.length_m, 3)}, (wall.from_m, wall.to_m)
+    return _feature(f"wall-{number}", "LineString", [[round(x, 4), round(y, 4)] for x, y in ends], properties)
 
 
 def _room(room: Room) -> dict:
