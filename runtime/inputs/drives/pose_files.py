@@ -82,16 +82,6 @@ def _entries(path: Path) -> list[tuple[int, str]]:
     return kept
 
 
-def check_increasing(path: Path, stamps_s: Array) -> None:
-    """Raises CameraError, naming the file and the place, where stamps do not strictly increase."""
-    stuck = np.flatnonzero(np.diff(stamps_s) <= 0)
-    if len(stuck):
-        i = int(stuck[0])
-        raise CameraError(
-            f"{path}: stamp {i + 1} ({stamps_s[i + 1]} s) does not come after stamp {i} ({stamps_s[i]} s)"
-        )
-
-
 def rate_of_stamps(stamps_s: Array, default_hz: float) -> float:
     """Pictures per second by the median step; the default for a single one."""
     return float(1.0 / np.median(np.diff(stamps_s))) if len(stamps_s) > 1 else default_hz
