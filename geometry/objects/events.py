@@ -90,8 +90,7 @@ _Events = dict[tuple[str, str], _Event]  # by kind and id: of one kind and id th
 
 
 class _Fold:
-    """The map while events are folded over it, a method for each kind of edit. objects: by id. became: merged ids with
-    those they became part of."""
+    """The map while events are folded over it. objects: by id. became: merged ids with those they became part of."""
 
     def __init__(self, measured: FloorMap, events: _Events) -> None:
         self.measured, self.events = measured, events
@@ -102,7 +101,7 @@ class _Fold:
         self.rooms: dict[str, Room] = {}
         self.dock: SE2 | None = None
         for event in events.values():
-            getattr(self, f"_{event.edit.do}")(event)
+            self._apply(event)
         for item in [item for item in self.objects.values() if item.confirmed and item.confidence < 1.0]:
             self.objects[item.id] = replace(item, confidence=1.0)
         self.shown = sorted(self.objects.values(), key=lambda item: id_order(item.id))
@@ -127,17 +126,28 @@ class _Fold:
             self.objects[into] = joined([self.objects[into], self.objects.pop(identity)])
             self.became[identity] = into
 
-    def _name(self, event: _Event) -> None:
-        self.change(event.edit.id, lambda item: replace(item, name=event.edit.name))
-
-    def _confirm(self, event: _Event) -> None:
-        self.change(event.edit.id, lambda item: replace(item, confirmed=event.edit.on))
-
-    def _correct(self, event: _Event) -> None:
-        self.change(event.edit.id, lambda item: _corrected(item, event.edit))
-
-    def _merge(self, event: _Event) -> None:
-        self.join(event.edit.id, event.edit.into)
+    def _apply(self, event: _Event) -> None:
+        edit = event.edit
+        if edit.do == "name":
+            self.change(edit.id, lambda item: replace(item, name=edit.name))
+        elif edit.do == "confirm":
+            self.change(edit.id, lambda item: replace(item, confirmed=edit.on))
+        elif edit.do == "correct":
+            self.change(edit.id, lambda item: _corrected(item, edit))
+        elif edit.do == "add":
+            self._add(event)
+        elif edit.do == "merge":
+            self.join(edit.id, edit.into)
+        elif edit.do == "delete":
+            item = self.objects.get(self.root(edit.id))
+            if item is not None and item.label in event.labels:  # under another label it is something else by now
+                self.deleted.append(self.objects.pop(item.id))
+        elif edit.do == "zone":
+            self.zones[edit.id] = Zone(edit.id, edit.name, edit.corners_m)
+        elif edit.do == "room":
+            self.rooms[edit.id] = Room(edit.id, edit.corners_m, name=edit.name)
+        else:
+            self.dock = edit.pose and SE2(*edit.pose)
 
     def _add(self, event: _Event) -> None:
         """Detections of its class in its place become part of it; the place is that of the latest correction."""
@@ -154,20 +164,6 @@ class _Fold:
             near_m = float(np.linalg.norm(other.position_m - final.position_m))
             if other.label == final.label and near_m < least_spacing_m(final, other):
                 self.join(other.id, edit.id)
-
-    def _delete(self, event: _Event) -> None:
-        item = self.objects.get(self.root(event.edit.id))
-        if item is not None and item.label in event.labels:  # under another label it is something else by now
-            self.deleted.append(self.objects.pop(item.id))
-
-    def _zone(self, event: _Event) -> None:
-        self.zones[event.edit.id] = Zone(event.edit.id, event.edit.name, event.edit.corners_m)
-
-    def _room(self, event: _Event) -> None:
-        self.rooms[event.edit.id] = Room(event.edit.id, event.edit.corners_m, name=event.edit.name)
-
-    def _dock(self, event: _Event) -> None:
-        self.dock = event.edit.pose and SE2(*event.edit.pose)
 
 
 @dataclass(slots=True)
