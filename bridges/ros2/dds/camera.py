@@ -2,7 +2,6 @@
 with wheels or an IMU on ROS 2 topics."""
 
 import time
-from collections.abc import Callable
 from dataclasses import replace
 from typing import Any
 
@@ -16,7 +15,8 @@ from edgemap.bridges.ros2.dds.tf_poses import live_tf_poses
 from edgemap.bridges.ros2.messages.definitions import RosClock, ns_of, to_s
 from edgemap.bridges.ros2.messages.topics import IMU, INFO, KINDS
 from edgemap.bridges.ros2.recordings.foreign import FLOOR_FRAME, info_topics, lens_of, mount_of, push_message
-from edgemap.bridges.ros2.recordings.pictures import compressed_picture, raw_picture
+from edgemap.bridges.ros2.recordings.pictures import PICTURE_KINDS
+from edgemap.bridges.ros2.recordings.reading import short
 from edgemap.geometry.camera.intrinsics import Intrinsics
 from edgemap.geometry.camera.mount import Mount
 from edgemap.runtime.frames.camera import Camera, Driver, Picture, RecoveryRule, SensorTopics
@@ -27,11 +27,6 @@ from edgemap.runtime.frames.reading import print_message
 from edgemap.runtime.inputs.cameras.imu_buffer import ImuBuffer
 from edgemap.runtime.inputs.cameras.live import LiveCamera
 from edgemap.runtime.inputs.cameras.wrappers import CameraAround
-
-PICTURES: dict[str, Callable[[Any, str], Any]] = {
-    "sensor_msgs/msg/Image": raw_picture,
-    "sensor_msgs/msg/CompressedImage": compressed_picture,
-}
 
 
 class Ros2Device:
@@ -44,11 +39,12 @@ class Ros2Device:
         self.rate_hz: float | None = None
         self._name, self._depth = name, depth
         kind = node.kind_of(topic, WAIT_S)
-        if kind not in PICTURES:
-            others = ", ".join(name for name, known in sorted(node.published().items()) if known in PICTURES) or "none"
+        if kind is None or short(kind) not in PICTURE_KINDS:
+            published = sorted(node.published().items())
+            others = ", ".join(name for name, known in published if short(known) in PICTURE_KINDS) or "none"
             what = f"{topic} is {kind}, not pictures" if kind else f"nobody publishes {topic}"
             raise CameraError(f"camera {name}: {what} within {WAIT_S:.0f} s (topics with pictures: {others})")
-        self._decode = PICTURES[kind]
+        self._decode = PICTURE_KINDS[short(kind)]
         # Asked for before the first picture, so that they come beside it.
         infos = [node.subscription(info, KINDS[INFO]) for info in info_topics(topic)]
         self._pictures = node.subscription(topic, kind, depth=2)

@@ -11,6 +11,7 @@ from edgemap.bridges.ros2.messages.definitions import ns_of, to_s
 from edgemap.bridges.ros2.messages.topics import INFO, KINDS
 from edgemap.bridges.ros2.recordings.foreign import info_topics, lens_of
 from edgemap.bridges.ros2.recordings.pictures import READERS, aligned
+from edgemap.bridges.ros2.recordings.reading import short
 from edgemap.geometry.camera.intrinsics import Intrinsics
 from edgemap.runtime.frames.camera import NO_DEPTH
 from edgemap.runtime.frames.errors import CameraError
@@ -70,7 +71,7 @@ class DepthTopic:
         if (now_s := time.monotonic()) - self._asked_s < EVERY_S:
             return None
         self._asked_s = now_s
-        kinds = {name: kind.replace("/msg/", "/") for name, kind in self._node.published().items()}
+        kinds = {name: short(kind) for name, kind in self._node.published().items()}
         topic = self._topic or aligned(kinds)
         self._kind = kinds.get(topic or "", "")
         if topic is None or self._kind not in READERS:

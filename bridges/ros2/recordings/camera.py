@@ -23,12 +23,11 @@ from edgemap.bridges.ros2.recordings.foreign import (
     tf_of,
 )
 from edgemap.bridges.ros2.recordings.pictures import (
-    compressed_picture,
+    PICTURE_KINDS,
     depth_of,
     depth_topic,
     kind_of_pictures,
     own_depth_of,
-    raw_picture,
 )
 from edgemap.bridges.ros2.recordings.reader import open_reading
 from edgemap.bridges.ros2.recordings.reading import Reading
@@ -46,7 +45,6 @@ from edgemap.runtime.inputs.drives.pictures import Levels
 from edgemap.runtime.motion.given_poses import GivenPoses
 from edgemap.runtime.step.pose_journal import SAME_S
 
-PICTURE_KINDS = {"sensor_msgs/Image": raw_picture, "sensor_msgs/CompressedImage": compressed_picture}
 INFO_KIND, TF_KIND = "sensor_msgs/CameraInfo", "tf2_msgs/TFMessage"
 USABLE = "colour", "infrared"  # kinds of pictures, the first that there is
 

@@ -64,21 +64,19 @@ def raw_picture(message: Any, name: str, levels: Levels | None = None) -> NDArra
             f"{name}: Image encoding {one_line(message.encoding, 40)!r} is not supported "
             f"(understood: {', '.join(ENCODINGS)})"
         )
-    channels, _ = ENCODINGS[message.encoding]
+    return bgr_of(_rows(message, ENCODINGS[message.encoding][0], name), message.encoding)
+
+
+def _rows(message: Any, channels: int, name: str) -> NDArray[np.uint8]:
+    """Rows (H, W x channels) of a `sensor_msgs/Image`. channels: bytes of a pixel. Raises CameraError."""
     height, width, step = int(message.height), int(message.width), int(message.step)
-    if (
-        height * width > PIXEL_LIMIT
-        or (channels == 2 and width % 2)  # two pixels share their colour
-        or not height
-        or not width
-        or step < width * channels
-        or len(message.data) < height * step
-    ):
+    split = channels == 2 and message.encoding in ENCODINGS and width % 2  # two pixels share their colour
+    if not 0 < height * width <= PIXEL_LIMIT or split or step < width * channels or len(message.data) < height * step:
         raise CameraError(
-            f"{name}: Image of {width}x{height} px {message.encoding} with {len(message.data)} bytes in rows of {step}"
+            f"{name}: Image of {width}x{height} px {one_line(message.encoding, 40)} with {len(message.data)} bytes in "
+            f"rows of {step}"
         )
-    rows = np.frombuffer(message.data, np.uint8, height * step).reshape(height, step)
-    return bgr_of(rows[:, : width * channels], message.encoding)
+    return np.frombuffer(message.data, np.uint8, height * step).reshape(height, step)[:, : width * channels]
 
 
 def compressed_picture(message: Any, name: str, levels: Levels | None = None) -> NDArray[np.uint8]:
@@ -95,6 +93,9 @@ def compressed_picture(message: Any, name: str, levels: Levels | None = None) ->
     return decode_picture(bytes(message.data), name, levels)
 
 
+PICTURE_KINDS = {"sensor_msgs/Image": raw_picture, "sensor_msgs/CompressedImage": compressed_picture}
+
+
 def _odd_format(form: str) -> bool:
     """Whether a CompressedImage of this format is no picture that is decoded."""
     words = form.lower().replace(";", " ").split()
@@ -103,7 +104,7 @@ def _odd_format(form: str) -> bool:
 
 FARTHEST_M = 100.0  # as medians of a depth picture go: beyond, they are millimetres
 PER_METRE = 1000, 10000  # steps of a metre: of nearly every depth camera, and of the near-range ones
-SIXTEEN = "16UC1", "mono16"
+DEPTH_NUMBERS = {"32FC1": "f4", "16UC1": "u2", "mono16": "u2"}
 FLOATS = "32FC1 in bytes; png"
 ALIGNED = "aligned_depth_to_color", "depth_registered"  # in the topic's name: Intel's driver, ROS's image pipeline
 # Before the PNG of `compressedDepth`: a format, and A and B of depth = A / (value - B).
@@ -134,18 +135,17 @@ def own_depth(message: Any, name: str) -> Depth:
 def raw_depth(message: Any, name: str) -> Depth:
     """A decoded `sensor_msgs/Image` of REP 118: `16UC1`, millimetres, or `32FC1`, metres; millimetres where their
     median is no distance that a depth camera measures. Raises CameraError."""
-    kind = {"32FC1": "f4"}.get(message.encoding, "u2" if message.encoding in SIXTEEN else None)
+    if message.encoding not in DEPTH_NUMBERS:
+        raise CameraError(f"{name}: Image encoding {one_line(message.encoding, 40)!r} is no depth")
+    kind = DEPTH_NUMBERS[message.encoding]
     values = _values(message, kind, name).astype(np.float32)
     return values / np.float32(1000) if kind == "u2" or in_millimetres(values) else _valid_depth(values)
 
 
-def _values(message: Any, kind: str | None, name: str) -> NDArray[Any]:
+def _values(message: Any, kind: str, name: str) -> NDArray[Any]:
     """Numbers (H, W) of a `sensor_msgs/Image` of one channel. kind: u2 or f4. Raises CameraError."""
-    height, width, step = int(message.height), int(message.width), int(message.step)
-    if kind is None or height * width > PIXEL_LIMIT or step < width * int(kind[1]) or len(message.data) < height * step:
-        raise CameraError(f"{name}: depth of {width}x{height} px {one_line(message.encoding, 40)} in rows of {step}")
-    rows = np.frombuffer(message.data, np.uint8, height * step).reshape(height, step)[:, : width * int(kind[1])]
-    return np.ascontiguousarray(rows).view((">" if message.is_bigendian else "<") + kind)
+    rows = np.ascontiguousarray(_rows(message, int(kind[1]), name))
+    return rows.view((">" if message.is_bigendian else "<") + kind)
 
 
 def in_millimetres(depth: NDArray[Any]) -> bool:

@@ -72,9 +72,9 @@ class McapFile:
         self._channels: dict[str, int] = {}
         self._counts: dict[str, int] = {}
 
-    def write(self, topic: str, kind: str, stamp_ns: int, message: Message) -> None:
-        """Append a message of a ROS 2 type (`sensor_msgs/msg/CameraInfo`) at a stamp."""
-        channel = self._channels.get(topic)
+    def write(self, topic: str, stamp_ns: int, message: Message) -> None:
+        """Append a message at a stamp."""
+        channel, kind = self._channels.get(topic), KINDS[topic]
         if channel is None:
             if kind not in self._schemas:
                 text = definition(kind).encode()
@@ -164,19 +164,17 @@ class Recorder:
         for track in self._tracks:
             track.write_until(self._file, stamp_ns)
         if to_s(stamp_ns) != frame.stamp_s:  # finer than a nanosecond: the replay shall have it all the same
-            self._file.write(STAMPS, KINDS[STAMPS], stamp_ns, {"data": frame.stamp_s})
+            self._file.write(STAMPS, stamp_ns, {"data": frame.stamp_s})
         if not frame.search:
-            self._file.write(SEARCHED, KINDS[SEARCHED], stamp_ns, {"data": 0.0})
+            self._file.write(SEARCHED, stamp_ns, {"data": 0.0})
         samples = frame.imu
         for at_s, gyro, accel in zip(samples.stamps_s, samples.gyro_rad_s, samples.accel_m_s2, strict=True):
             if at_s < 0.0:
                 continue  # before a stream that starts at zero: no ROS time
             at_ns = to_ns(float(at_s))
-            self._file.write(IMU, KINDS[IMU], at_ns, build.imu(at_ns, gyro.tolist(), accel.tolist()))
+            self._file.write(IMU, at_ns, build.imu(at_ns, gyro.tolist(), accel.tolist()))
         if frame.depth is not None:
-            self._file.write(
-                DEPTH, KINDS[DEPTH], stamp_ns, build.compressed_image(stamp_ns, *encoded_depth(frame.depth))
-            )
+            self._file.write(DEPTH, stamp_ns, build.compressed_image(stamp_ns, *encoded_depth(frame.depth)))
         for outgoing in self._stream.picture(frame):
             self._write(outgoing)
         self.frames += 1
@@ -196,7 +194,7 @@ class Recorder:
     def edit(self, line: str) -> None:
         """Record an edit, as a line of edits.jsonl, at the picture before it."""
         stamp_ns = self._last[0] if self._last is not None else 0
-        self._file.write(EDITS, KINDS[EDITS], stamp_ns, {"data": line})
+        self._file.write(EDITS, stamp_ns, {"data": line})
 
     def close(self) -> None:
         """The last map, where it is newer than the one recorded, and the file's end; may be called twice."""
@@ -212,7 +210,7 @@ class Recorder:
             return
         if outgoing.topic == OBJECTS:
             self._map_ns = outgoing.stamp_ns
-        self._file.write(outgoing.topic, outgoing.kind, outgoing.stamp_ns, outgoing.make())
+        self._file.write(outgoing.topic, outgoing.stamp_ns, outgoing.make())
 
 
 class _Track:
@@ -229,7 +227,7 @@ class _Track:
             and (now_ns := to_ns(float(self.trajectory.stamps_s[self._next]))) <= stamp_ns
         ):
             message = build.odometry(now_ns, self.trajectory.poses[self._next], ids=self._ids)
-            file.write(self.topic, KINDS[self.topic], now_ns, message)
+            file.write(self.topic, now_ns, message)
             self._next += 1
 
 
