@@ -54,30 +54,22 @@ def command(
     (objects, notes), grid = load_annotated_map(path), load_grid(path)
     named = object is None or any(object in (item.id, item.name) for item in objects)
     room = None if named or label else room_called(rooms_of(objects, notes, grid)[0], object or "")
+    rule = ApproachRule(standoff, robot_radius)
     if room is not None and grid is not None:
-        pose = room_pose(room, grid, ApproachRule(standoff, robot_radius))
-        if ros2:
-            publish_goal(pose)
-        if json:
-            print(dumps({"room": room.id, "frame": "map"} | pose_record(pose)))
-            return
-        there = "; published on /goal_pose" if ros2 else ""
-        print(f"{room.id} ({title_of(room)}): x {pose.x_m:.2f} m, y {pose.y_m:.2f} m, on free floor{there}")
-        return
-    robot_m = numbers(near, "--near", "X,Y") if near else None
-    item = _chosen(objects, object, label, robot_m or [0.0, 0.0])
-    goal = approach(item, objects, grid, robot_m, ApproachRule(standoff, robot_radius))
+        pose = room_pose(room, grid, rule)
+        record = {"room": room.id, "frame": "map"} | pose_record(pose)
+        text = f"{room.id} ({title_of(room)}): x {pose.x_m:.2f} m, y {pose.y_m:.2f} m, on free floor"
+    else:
+        robot_m = numbers(near, "--near", "X,Y") if near else None
+        item = _chosen(objects, object, label, robot_m or [0.0, 0.0])
+        goal = approach(item, objects, grid, robot_m, rule)
+        pose, record = goal.pose, {"object": item.id, "frame": "map"} | goal_record(goal)
+        floor = {"free": "free floor", "unknown": "floor that nobody has seen: check the way"}[goal.floor]
+        text = f"{item.id}: x {pose.x_m:.2f} m, y {pose.y_m:.2f} m, yaw {degrees(pose.yaw_rad):.1f} deg; "
+        text += f"{goal.standoff_m:.2f} m before it, {floor}"
     if ros2:
-        publish_goal(goal.pose)
-    if json:
-        print(dumps({"object": item.id, "frame": "map"} | goal_record(goal)))
-        return
-    pose = goal.pose
-    floor = {"free": "free floor", "unknown": "floor that nobody has seen: check the way"}[goal.floor]
-    print(
-        f"{item.id}: x {pose.x_m:.2f} m, y {pose.y_m:.2f} m, yaw {degrees(pose.yaw_rad):.1f} deg; "
-        f"{goal.standoff_m:.2f} m before it, {floor}" + ("; published on /goal_pose" if ros2 else "")
-    )
+        publish_goal(pose)
+    print(dumps(record) if json else text + ("; published on /goal_pose" if ros2 else ""))
 
 
 def _chosen(objects: "list[MapObject]", wanted: str | None, label: str | None, near_m: list[float]) -> "MapObject":
