@@ -34,7 +34,6 @@ class PicturesAttitude:
         tilt = tilt or MountTiltRule()
         self._carried_rad, self._nodding_rad = tilt.prior, tilt.nod / 2.0
         self.correct_mount(mount)
-        self._up, self._up_rad = self._mounted, math.inf
         self._seen_s, self._begun, self._carried = -math.inf, False, Carried()
         self.seen_up: Array | None = None
         self._since: Array | None = None  # rotation since the picture whose edges are looked for
@@ -80,10 +79,9 @@ class PicturesAttitude:
         return room
 
     def correct_mount(self, mount: Mount) -> None:
-        """The mount has these angles."""
-        self._mounted = up_optical(mount.pitch_rad, mount.roll_rad)
+        """The mount has these angles, at which the tilt starts again."""
         self._given = Attitude.of_mount(mount, self._nodding_rad)
-        self._up, self._up_rad = self._mounted, math.inf
+        self._up, self._up_rad = up_optical(mount.pitch_rad, mount.roll_rad), math.inf
 
     def _attitude(self, measured: bool, predicted: bool) -> Attitude:
         """The tilt of the last frame, where it was measured and is certain enough; else the mount's angles."""
