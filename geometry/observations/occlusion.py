@@ -6,15 +6,18 @@ from numpy.typing import NDArray
 from edgemap.geometry.arrays import Array
 from edgemap.geometry.observations.detections import Detections
 
-# What people put on furniture; on the floor only where no furniture is seen under it.
-TABLETOP_LABELS = frozenset(
-    {"vase", "potted plant", "tv", "laptop", "book", "bottle", "wine glass", "cup", "bowl", "clock", "microwave",
-     "toaster", "teddy bear", "keyboard", "mouse", "remote", "cell phone", "fork", "knife", "spoon", "scissors",
-     "hair drier", "toothbrush", "banana", "apple", "sandwich", "orange", "broccoli", "carrot", "hot dog", "pizza",
-     "donut", "cake", "sink", "backpack", "handbag", "suitcase"}
+# Small things that people keep on furniture.
+WORKTOP_LABELS = frozenset(
+    {"laptop", "book", "wine glass", "cup", "bowl", "microwave", "toaster", "keyboard", "mouse", "remote", "cell phone",
+     "fork", "knife", "spoon", "scissors", "toothbrush", "banana", "apple", "sandwich", "orange", "broccoli", "carrot",
+     "hot dog", "pizza", "donut", "cake"}
 )  # fmt: skip
-SUPPORT_LABELS = frozenset({"dining table", "couch", "bed", "bench", "oven", "refrigerator", "chair", "sink"})
 BAG_LABELS = frozenset({"backpack", "handbag", "suitcase"})  # people carry them, too
+# What people put on furniture; on the floor only where no furniture is seen under it.
+TABLETOP_LABELS = (
+    WORKTOP_LABELS | BAG_LABELS | {"vase", "potted plant", "tv", "bottle", "clock", "teddy bear", "hair drier", "sink"}
+)
+SUPPORT_LABELS = frozenset({"dining table", "couch", "bed", "bench", "oven", "refrigerator", "chair", "sink"})
 
 _IN_FRONT_PX = 3.0  # a box whose lower edge is this much lower in the picture stands nearer
 

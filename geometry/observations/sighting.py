@@ -14,7 +14,7 @@ from edgemap.geometry.observations.class_extents import WIDEST_M, Shape, extent_
 from edgemap.geometry.observations.detections import Detections
 from edgemap.geometry.observations.feet import BoxOnFloor, box_ranges
 from edgemap.geometry.observations.floor_mask import FloorMask
-from edgemap.geometry.observations.occlusion import carried, covered
+from edgemap.geometry.observations.occlusion import WORKTOP_LABELS, carried, covered
 from edgemap.geometry.se2 import SE2
 
 NEAREST_M = 0.2  # from the lens to the lower edge of anything: the robot itself is in between
@@ -148,6 +148,13 @@ def feet_px(detections: Detections) -> Array:
     """Middle of each box's lower edge as the lens counts pixels, from their centres, (N, 2) px."""
     boxes = detections.boxes
     return np.column_stack([(boxes[:, 0] + boxes[:, 2]) / 2.0, boxes[:, 3]]) - 0.5
+
+
+def is_worktop(mask: FloorMask | None, detections: Detections) -> bool:
+    """Whether a floor mask takes a worktop for floor: small things of furniture stand on it, at the middle of a box's
+    lower edge."""
+    small = [label in WORKTOP_LABELS for label in detections.labels]
+    return mask is not None and any(small) and bool((mask.at(feet_px(detections)[small]) >= 0.5).any())
 
 
 def sightings_of(

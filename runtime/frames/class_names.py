@@ -3,6 +3,8 @@
 from pathlib import Path
 
 from edgemap.geometry.errors import EdgemapError
+from edgemap.geometry.observations.detections import MOVER_LABELS
+from edgemap.geometry.observations.occlusion import WORKTOP_LABELS
 from edgemap.runtime.frames.reading import one_line, read_text
 from edgemap.runtime.frames.yaml_file import read_yaml
 
@@ -26,15 +28,10 @@ def _categories() -> tuple[str, ...]:
 
 COCO_91 = _categories()
 
-# They walk away.
-LIVING = frozenset({"person", "bird", "cat", "dog", "horse", "sheep", "cow", "elephant", "bear", "zebra", "giraffe"})
-
 # They lie on tables, hang, fly, or are carried: the box's lower edge is not on the floor.
-NEVER_ON_THE_FLOOR = frozenset(
+NEVER_ON_THE_FLOOR = WORKTOP_LABELS.union(
     """airplane|boat|traffic light|umbrella|handbag|tie|frisbee|skis|snowboard|sports ball|kite|baseball bat
-baseball glove|skateboard|surfboard|tennis racket|bottle|wine glass|cup|fork|knife|spoon|bowl|banana|apple|sandwich
-orange|broccoli|carrot|hot dog|pizza|donut|cake|laptop|tv|mouse|remote|keyboard|cell phone|microwave|toaster|book|clock
-scissors|teddy bear|hair drier|toothbrush""".replace("\n", "|").split("|")
+baseball glove|skateboard|surfboard|tennis racket|bottle|tv|clock|teddy bear|hair drier""".replace("\n", "|").split("|")
 )
 
 # They stand in streets. A map of a home has none; `--classes` may name them all the same.
@@ -43,7 +40,7 @@ OUTDOORS = frozenset({"car", "motorcycle", "bus", "train", "truck", "fire hydran
 
 def is_mapped(name: str) -> bool:
     """Whether a class goes on the map by default: none of COCO's that live, lie on tables or stand in streets."""
-    return name not in LIVING | NEVER_ON_THE_FLOOR | OUTDOORS and not name.startswith("unused ")
+    return name not in MOVER_LABELS | NEVER_ON_THE_FLOOR | OUTDOORS and not name.startswith("unused ")
 
 
 def read_class_names(path: Path, error: type[EdgemapError]) -> tuple[str, ...]:

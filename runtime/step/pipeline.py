@@ -11,8 +11,7 @@ from edgemap.geometry.camera.depth_points import SparseDepth
 from edgemap.geometry.camera.floor import FloorCamera
 from edgemap.geometry.observations.detections import Detections, mover_boxes
 from edgemap.geometry.observations.floor_mask import FloorMask
-from edgemap.geometry.observations.sighting import sightings_of
-from edgemap.geometry.observations.worktop import is_worktop
+from edgemap.geometry.observations.sighting import is_worktop, sightings_of
 from edgemap.geometry.se2 import SE2
 from edgemap.runtime.frames.errors import CameraError
 from edgemap.runtime.frames.faults import Fault
