@@ -63,8 +63,10 @@ class LoopCloser:
         before = graph.trajectory.pose
         solution, covariances, relinked = solved
         past = graph.correct(solution, covariances, relinked, now_s)
-        if past is None:
-            return None
+        return None if past is None else self.correction(graph, before, past)
+
+    def correction(self, graph: PoseGraph, before: SE2, past: TrajectoryCorrection) -> LoopCorrection:
+        """A graph's correction as a step takes it. before: pose of this frame before it."""
         pose = graph.trajectory.pose
         moved_m = math.hypot(pose.x_m - before.x_m, pose.y_m - before.y_m)
         return LoopCorrection(pose, past.covariances[-1], past, moved_m, self.accepted)

@@ -376,11 +376,8 @@ class Mapper:
         if was_busy and not self.loop_closer.busy:
             self.pose_covariance = graph.trajectory.covariance
         if motion.instead is not None and self.paper is None:
-            before = self.pose_map_base
             past = graph.replace_motions(motion.instead, observed.stamp_s, motion.in_map)
-            moved_m = float(np.linalg.norm((before.inverse() @ graph.trajectory.pose).vector()[:2]))
-            links = self.loop_closer.accepted
-            correction = LoopCorrection(graph.trajectory.pose, past.covariances[-1], past, moved_m, links)
+            correction = self.loop_closer.correction(graph, self.pose_map_base, past)
         if correction is not None:
             self.pose_map_base = correction.pose_map_base
             self.trajectory.correct(correction.past)
