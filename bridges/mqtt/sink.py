@@ -23,7 +23,7 @@ from edgemap.geometry.objects.zone_watch import ZoneWatch
 from edgemap.runtime.frames.errors import PublishError
 from edgemap.runtime.frames.extras import need
 from edgemap.runtime.frames.faults import Fault
-from edgemap.runtime.frames.limits import EVERY_S, PATIENCE_S
+from edgemap.runtime.frames.limits import EVERY_S, PATIENCE_S, SELDOM_S
 from edgemap.runtime.frames.option_texts import host_and_port
 from edgemap.runtime.frames.timing import StreamTimer
 from edgemap.runtime.frames.version import VERSION
@@ -38,7 +38,6 @@ PORT = 1883
 RETRY_S = (1, 30)  # shortest and longest pause before the broker is tried again
 QUEUED = 1000  # messages kept for a broker that does not take them
 PACKET_BYTES = 1 << 18  # of one packet from the broker: more than any object's
-COSTLY_EVERY_S = 10.0  # of stream, between two pictures of the map, and two maps that commands ask for
 NO_IDENTITY = MapIdentity("map")
 REMEMBERED = ("objects", "zones")  # retained topics that an earlier run may have left
 
@@ -89,8 +88,8 @@ class MqttPublisher:
         self._asked: Future[str] | None = None  # the newest edit, until it is taken or refused
         self._zones, self._in_zones = ZoneWatch(), dict[str, str]()  # payloads by id
         self._picture = MapPicture(lambda data: self._publish("map", b64encode(data), retain=True))
-        self._picture_timer = StreamTimer(COSTLY_EVERY_S)
-        self._save_timer, self._save_asked = StreamTimer(COSTLY_EVERY_S), threading.Event()
+        self._picture_timer = StreamTimer(SELDOM_S)
+        self._save_timer, self._save_asked = StreamTimer(SELDOM_S), threading.Event()  # of maps that commands ask for
         self._fault, self._faults, self._state_timer = "", 0, StreamTimer(EVERY_S)
         self._state: dict[str, Any] = {}  # the newest
         self._connected, self._refused = threading.Event(), "no answer"

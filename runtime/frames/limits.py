@@ -8,5 +8,6 @@ QUEUE = 10_000  # faults, edits or samples that wait for a reader which does not
 TICK_S = 0.5  # longest wait before a stop is noticed
 LOWEST_M, HIGHEST_M = 0.05, 3.0  # of a lens above the floor that is guessed, measured or typed
 EVERY_S = 1.0  # between two reports, of stream or clock, of what changes slowly: nobody needs more
+SELDOM_S = 10.0  # between two reports of one lasting condition, and between two messages that cost much
 PATIENCE_S = 2.0  # for which a start, an end or a read waits for another program or a device
 SILENCE_S = 10.0  # for which a device, a recording or a server gives nothing before it does not answer

@@ -12,12 +12,13 @@ from numpy.typing import NDArray
 
 from edgemap.runtime.frames.faults import Fault, FaultKind
 from edgemap.runtime.frames.frame import Frame
+from edgemap.runtime.frames.limits import SELDOM_S
 from edgemap.runtime.frames.timing import StreamTimer
 
 WORKING_WIDTH = 160  # px; pictures are averaged down to about this width, which takes the noise out
 FINE_PX, COARSE_PX = 5, 15  # boxes at the working width; structure between them, and below the first
 PERCENTILE = 0.99  # of the absolute structure
-REPEATED_S = 10.0  # of stream, between two faults that report one lasting condition
+REPEATED_S = SELDOM_S  # of stream, between two faults that report one lasting condition
 DECODER_GREY = 128  # what decoders leave where data is missing
 TILES = 16, 12  # across and down, of a picture that may be covered in part; a torn one lacks a row of them
 BLACK = 16  # grey level of black in video (ITU-R BT.601)

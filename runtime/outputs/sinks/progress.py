@@ -8,11 +8,10 @@ from tqdm import tqdm
 
 from edgemap.geometry.map_object import MapObject
 from edgemap.runtime.frames.faults import Fault, FaultKind
+from edgemap.runtime.frames.limits import SELDOM_S
 from edgemap.runtime.frames.reading import print_message, printable
 from edgemap.runtime.step.sinks import Sink
 from edgemap.runtime.step.slam import StepResult
-
-LINE_EVERY_S = 10.0  # where there is no terminal: often enough to see that it runs, rare enough for a journal
 
 
 class ProgressBar(Sink):
@@ -32,7 +31,7 @@ class ProgressBar(Sink):
 
     def fault(self, fault: Fault) -> None:
         """Print it above the bar, unless one of its kind was printed in the last 10 s."""
-        if monotonic() - self._printed_s.get(fault.kind, -math.inf) >= LINE_EVERY_S:
+        if monotonic() - self._printed_s.get(fault.kind, -math.inf) >= SELDOM_S:
             self._printed_s[fault.kind] = monotonic()
             self._bar.write(printable(fault.text), file=sys.stderr)
 
@@ -59,7 +58,7 @@ class ProgressLines(Sink):
     def write(self, result: StepResult, objects: list[MapObject]) -> None:
         """One frame more; print the line when it is due."""
         self._frames += 1
-        if monotonic() - self._line_s >= LINE_EVERY_S:
+        if monotonic() - self._line_s >= SELDOM_S:
             self._line_s = monotonic()
             of = f" of {self._total}" if self._total else ""
             again = f", {self._repeated} more faults like those above" if self._repeated else ""
