@@ -53,6 +53,8 @@ def command(
     Precision and recall are those at the bundle's own threshold, with the suppression of a run, at IoU 0.50.
     Boxes that are known to be seen too little (under 30 % visible, or under 24 px) are ignored: neither hit nor miss.
     """
+    from functools import partial
+
     from tqdm import tqdm
 
     from edgemap.cli.simulated import as_data
@@ -82,15 +84,12 @@ def command(
     with as_data(data, frames, quiet=json) as folder:
         for image, truth in tqdm(labelled_pictures(folder, frames), unit=" pictures", disable=json or None):
             unknown += sum(label not in number for label in truth.labels)
-            size, ignored = (image.shape[1], image.shape[0]), truth.ignorable()
-            outputs = detector.raw(image)
-            detections, thresholded = every(*outputs), as_run(*outputs)
-            pictures.append(ScoredPicture.compare(size, truth.boxes, truth.labels, ignored, detections, number))
-            shown.append(ScoredPicture.compare(size, truth.boxes, truth.labels, ignored, thresholded, number))
+            size, outputs = (image.shape[1], image.shape[0]), detector.raw(image)
+            compare = partial(ScoredPicture.compare, size, truth.boxes, truth.labels, truth.ignorable())
+            pictures.append(compare(every(*outputs), number))
+            shown.append(compare(as_run(*outputs), number))
             if calibrate:
-                possible.append(
-                    ScoredPicture.compare(size, truth.boxes, truth.labels, ignored, every_name(*outputs), number)
-                )
+                possible.append(compare(every_name(*outputs), number))
             if mistakes:
                 mistakes.add(image, shown[-1])
     document: dict[str, Any] = {"data": data, "bundle": loaded.manifest.name}

@@ -1,5 +1,6 @@
 """`edgemap eval map`: how true the map is, with true poses and with estimated ones."""
 
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -128,13 +129,8 @@ def command(
     for name in variants:
         figures = document[name]
         poses = {"true": "true poses", "estimated": f"{motion.odometry} poses"}.get(name, "without wheels")
-        if figures.get("grid"):
-            print(f"  {poses:<14} {_grid_line(figures['grid'])}")
-            print(f"  {poses:<14} {_rooms_line(figures['rooms'], figures['doors'])}")
-        print(f"  {poses:<14} {_line(figures)}  ECE {figure(figures['reliability']['ece'])}")
-        print(f"  {poses:<14} {_shape_line(figures)}")
-        if found := figures.get("footprint"):
-            print(f"  {poses:<14} {_footprint_line(found)}")
+        for line in _lines(figures):
+            print(f"  {poses:<14} {line}")
         for label, row in figures["per_class"].items():
             print(f"    {label:<14} {_line(row)}")
 
@@ -149,32 +145,28 @@ def _line(figures: dict[str, Any]) -> str:
     )
 
 
-def _shape_line(figures: dict[str, Any]) -> str:
-    return (
+def _lines(figures: dict[str, Any]) -> Iterator[str]:
+    """What is printed of one variant, where it has it."""
+    if grid := figures.get("grid"):
+        free, occupied, walls = grid["free"], grid["occupied"], grid["walls"]
+        yield (
+            f"floor: free cells right {figure(free['precision'])}, within 10 cm {figure(free['precision_10cm'])}, "
+            f"of all {figure(free['recall'])}; occupied within 10 cm {figure(occupied['precision_10cm'])}; "
+            f"walls seen {figure(walls['recall'])}"
+        )
+        rooms, doors = figures["rooms"], figures["doors"]
+        yield (
+            f"rooms: found {figure(rooms['found'])}, IoU {figure(rooms['mean_iou'])}, precision "
+            f"{figure(rooms['precision'])}, kinds right {figure(rooms['kinds'])}; doors: precision "
+            f"{figure(doors['precision'])}, recall {figure(doors['recall'])}"
+        )
+    yield f"{_line(figures)}  ECE {figure(figures['reliability']['ece'])}"
+    yield (
         f"shape: F1 {figure(figures['f1_aligned'])} after the best rigid alignment, {figure(figures['f1_scaled'])} "
         f"after one that scales too; map {figure(figures['scale'])} times its true size"
     )
-
-
-def _rooms_line(rooms: dict[str, Any], doors: dict[str, Any]) -> str:
-    return (
-        f"rooms: found {figure(rooms['found'])}, IoU {figure(rooms['mean_iou'])}, precision "
-        f"{figure(rooms['precision'])}, kinds right {figure(rooms['kinds'])}; doors: precision "
-        f"{figure(doors['precision'])}, recall {figure(doors['recall'])}"
-    )
-
-
-def _footprint_line(found: dict[str, Any]) -> str:
-    return (
-        f"footprints: F1 {figure(found['f1_iou25'])} at IoU 0.25, mean IoU {figure(found['mean_iou'])}; yaw error "
-        f"{figure(found['yaw_error_deg'], unit=' deg')}, known for {figure(found['oriented'])} of those judged"
-    )
-
-
-def _grid_line(grid: dict[str, Any]) -> str:
-    free, occupied, walls = grid["free"], grid["occupied"], grid["walls"]
-    return (
-        f"floor: free cells right {figure(free['precision'])}, within 10 cm {figure(free['precision_10cm'])}, "
-        f"of all {figure(free['recall'])}; occupied within 10 cm {figure(occupied['precision_10cm'])}; "
-        f"walls seen {figure(walls['recall'])}"
-    )
+    if found := figures.get("footprint"):
+        yield (
+            f"footprints: F1 {figure(found['f1_iou25'])} at IoU 0.25, mean IoU {figure(found['mean_iou'])}; yaw error "
+            f"{figure(found['yaw_error_deg'], unit=' deg')}, known for {figure(found['oriented'])} of those judged"
+        )
