@@ -39,16 +39,6 @@ class JudgeRule:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Step:
-    """A step of the camera: its span in s, and its motion x, y, yaw (3,) with variances (3,)."""
-
-    from_s: float
-    to_s: float
-    motion: Array
-    variances: Array
-
-
-@dataclass(frozen=True, slots=True, eq=False)
 class _Compared:
     """N steps of both: spans (N, 2) in s, the camera's motions (N, 3) with variances, the source's motions, the block
     of each step, and the blocks with a clear turn."""
@@ -70,7 +60,8 @@ class MotionJudge:
     def __init__(self, rule: JudgeRule | None = None, least: tuple[float, float] = LEAST) -> None:
         """least: yaw in rad and length in m of a block that counts."""
         self._rule, (self._least_rad, self._least_m) = rule or JudgeRule(), least
-        self._steps, self._timer = deque[Step](), StreamTimer(EVERY_S)
+        # The camera's steps, (8,) each: span in s, motion x, y, yaw and its variances.
+        self._steps, self._timer = deque[Array](), StreamTimer(EVERY_S)
         self.conclusive = False
 
     @property
@@ -82,8 +73,8 @@ class MotionJudge:
         """A step of the camera: its motion and covariance (3, 3), None where it was not measured. Returns whether it is
         time to judge."""
         if moved is not None and math.isfinite(from_s):
-            self._steps.append(Step(from_s, to_s, moved[0].vector(), np.diag(moved[1])))
-        while self._steps and self._steps[0].from_s < to_s - self._rule.span_s:
+            self._steps.append(np.array([from_s, to_s, *moved[0].vector(), *np.diag(moved[1])]))
+        while self._steps and self._steps[0][0] < to_s - self._rule.span_s:
             self._steps.popleft()
         return self._timer.due(to_s)
 
@@ -117,14 +108,13 @@ class MotionJudge:
         """The steps that the source measured too; None of too few."""
         if len(self._steps) < 2:
             return None
-        spans = np.array([(step.from_s, step.to_s) for step in self._steps])
-        seen = np.array([step.motion for step in self._steps])
-        variances = np.array([step.variances for step in self._steps])
-        given = _between(path, spans, 0.0)
+        steps = np.array(self._steps)
+        given = _between(path, steps[:, :2], 0.0)
         known = np.isfinite(given).all(axis=1)
         if known.sum() < 2:
             return None
-        spans, seen, given, variances = spans[known], seen[known], given[known], variances[known]
+        steps, given = steps[known], given[known]
+        spans, seen, variances = steps[:, :2], steps[:, 2:5], steps[:, 5:]
         block = np.unique(np.floor(spans[:, 1] / EVERY_S), return_inverse=True)[1]  # as long as between two judgements
         turned = _blocks(block, np.abs(seen[:, 2]), variances[:, 2], self._least_rad)
         self.conclusive |= len(turned) >= FEWEST
