@@ -62,17 +62,7 @@ class FaultKind(StrEnum):
     @property
     def notice(self) -> bool:
         """Whether it reports the end of a fault."""
-        return self in NOTICES
-
-
-NOTICES = frozenset(
-    {
-        FaultKind.RECOVERED,
-        FaultKind.WHEELS_RESTORED,
-        FaultKind.IMU_RESTORED,
-        FaultKind.OUTPUT_RESTORED,
-    }
-)
+        return self is FaultKind.RECOVERED or self.name.endswith("_RESTORED")
 
 
 @dataclass(frozen=True, slots=True)
