@@ -105,11 +105,6 @@ class Supervisor:
         driver.watch(self._changed)
 
     @property
-    def stall_limit_s(self) -> float:
-        """Time without a frame after which the frame counts as late, s."""
-        return self._recovery.stall_limit_s
-
-    @property
     def clock(self) -> StreamClock:
         """The stream's."""
         return self._check.clock
