@@ -17,7 +17,6 @@ from edgemap.geometry.observations.feet import box_ranges
 from edgemap.geometry.observations.floor_mask import FloorMask
 from edgemap.geometry.observations.occlusion import covered
 from edgemap.geometry.observations.sighting import BoxEvidence, BoxNoise, FloorRule, is_worktop, sightings_of
-from edgemap.geometry.se2 import SE2
 
 NAMES = ("chair", "person", "vase", "dining table", "tv", "refrigerator", "suitcase", "couch")
 CAMERA = FloorCamera(Intrinsics(640, 480, 500.0, 500.0, 319.5, 239.5), Mount(1.0, 0.0, 0.0, 0.2, 0.0))
