@@ -8,6 +8,7 @@ window are marginalised (Schur complement).
 """
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, fields, replace
 from functools import partial
 from typing import Self
@@ -22,7 +23,7 @@ from edgemap.geometry.errors import GeometryError
 from edgemap.geometry.odometry.readout import Readout
 from edgemap.geometry.odometry.resection import DepthLandmarks, LensPose, resect, rotation_vector
 from edgemap.geometry.odometry.window_factors import FactorRows, PoseFactors
-from edgemap.geometry.robust import CLEAR_SIGMAS, TUKEY, tukey, tukey_root
+from edgemap.geometry.robust import CLEAR_SIGMAS, HUBER, TUKEY, tukey, tukey_root
 from edgemap.geometry.se2 import SE2
 
 Mask = NDArray[np.bool_]
@@ -37,7 +38,9 @@ FIRST, NONE = np.array([0]), np.array([], dtype=np.intp)
 UNHELD_RAD = np.radians(2.0)  # standard deviation of a tilt after the mount's angles have changed
 # Least depth of a point that was triangulated over a gap; share of its inverse depth to which a known one is known.
 NEAR_M, KNOWN_SHARE = 0.3, 0.2
-ANY = 0.3, 0.4  # mean inverse depth of a new point off the floor and its standard deviation, 1/m
+# Mean inverse depth of points off the floor, the standard deviation of a room's mean from it and that of a point from
+# its room's mean, 1/m: new points err together, so that many of them know no more of a room's size than one.
+ANY = 0.3, 0.4
 
 
 @dataclass(frozen=True, slots=True)
@@ -118,8 +121,8 @@ class Tracks:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class System:
-    """Normal equations: of the poses and the readout (6 S + 1, 6 S + 1) and (6 S + 1,), of the inverse depths (N,), and
-    between both (N, 6 S + 1)."""
+    """Normal equations: of the poses and what is shared (K, K) and (K,), of the inverse depths (N,), and between both
+    (N, K). Columns: six for each of S poses, the readout, the mean inverse depth, S levels of the floor."""
 
     poses: Array
     right: Array
@@ -128,7 +131,7 @@ class System:
     between: Array
 
     def reduced(self) -> tuple[Array, Array]:
-        """The equations of the poses alone, with the inverse depths eliminated."""
+        """The equations without the inverse depths, which are eliminated."""
         root = np.sqrt(self.depths)
         part = self.between / root[:, None]
         return self.poses - part.T @ part, self.right - part.T @ (self.depths_right / root)
@@ -151,6 +154,7 @@ class KeyframeWindow:
         self._track_sigma = self._parallax = 1.0 / focal_px
         self._carried, self.readout = True, readout or Readout()
         self._readout_s = self.readout.time_s  # that the points are corrected by
+        self._mean_inverse_m, self._levels_m = ANY[0], np.zeros(self._slots)  # as of `System`
         self.poses: list[LensPose] = []
         self._factors: list[PoseFactors] = []
         self._prior: tuple[Array, Array, list[LensPose]] = np.zeros((0, 0)), np.zeros(0), []
@@ -299,7 +303,7 @@ class KeyframeWindow:
         ray = np.column_stack([points, np.ones(count)])
         on_floor = -(ray @ pose.rotation[2]) / pose.position_m[2]
         is_floor = (floor >= 0.5) & (on_floor * pose.position_m[2] > 1.0 / self._reach_heights)
-        inverse = np.where(is_floor, on_floor, np.maximum(ANY[0], on_floor))
+        inverse = np.where(is_floor, on_floor, np.maximum(self._mean_inverse_m, on_floor))
         variance = np.where(is_floor, 0.05 * on_floor, np.maximum(ANY[1], 0.5 * on_floor)) ** 2
         finite = np.isfinite(measured)
         inverse = np.where(finite, measured, inverse)
@@ -340,13 +344,15 @@ class KeyframeWindow:
         count, everyone = len(self.poses), np.arange(len(self.poses))
         rotation, position = self._arrays()
         rows, off = FactorRows(self._factors, self._lever_m).rows(rotation, position, everyone, everyone[1:])
-        size, prior = 6 * count, self.readout
-        fixed, fixed_rhs = np.zeros((size + 1, size + 1)), np.zeros(size + 1)
+        size, every, prior = 6 * count, 6 * count + 2 + count, self.readout
+        fixed, fixed_rhs = np.zeros((every, every)), np.zeros(every)
         fixed[:size, :size], fixed_rhs[:size] = rows.T @ rows, rows.T @ off
         self._prior_factor(fixed, fixed_rhs)
-        fixed[np.diag_indices(size + 1)] += 1e-9
-        fixed[size, size] += prior.information
-        fixed_rhs[size] = prior.information * (prior.time_s - self._readout_s)
+        shared = np.concatenate([[prior.information, ANY[1] ** -2], self._levels_information(position)])
+        fixed[range(size, every), range(size, every)] = shared
+        fixed[np.diag_indices(every)] += 1e-9
+        off_mean = [prior.time_s - self._readout_s, ANY[0] - self._mean_inverse_m, *-self._levels_m[:count]]
+        fixed_rhs[size:] = shared * off_mean
         information = fixed
         tracks = Tracks(self.points, count, (self._track_sigma, self._rule.depth_sigma))
         for round_ in range(self._rounds(measured=tracks.at.shape[1] == 3)):
@@ -360,9 +366,11 @@ class KeyframeWindow:
             rotation, position = rotation_of(turns) @ rotation, position + shifts
             inverse = np.clip(self.points.inverse_m + depth, FARTHEST, NEAREST)
             self.points = replace(self.points, inverse_m=inverse, variance=1.0 / system.depths)
+            self._mean_inverse_m += float(step[size + 1])
+            self._levels_m[:count] += step[size + 2 :]
             self._retime(float(step[size]), tracks)
         self.poses = [LensPose(*pose) for pose in zip(rotation, position, strict=True)]
-        covariance = np.asarray(np.linalg.solve(information, np.eye(size + 1)[:, size - 12 :]), dtype=np.float64)
+        covariance = np.asarray(np.linalg.solve(information, np.eye(every)[:, size - 12 : size + 1]), dtype=np.float64)
         self._covariance = covariance[size - 12 : size, :12]
         if self._grown:
             added = 1.0 / float(covariance[size, 12]) - prior.information
@@ -424,42 +432,57 @@ class KeyframeWindow:
         by_depth[:, 2:] += root[:, 2:]
         hosted = (rotation[host, :, :2] @ points.late[everyone, host][:, :, None])[..., 0]
         by_late -= (by_away @ hosted[point, :, None])[..., 0]
-        # One row for each coordinate of a track, and one for each point's height: six columns for each pose, and one.
+        # One row for each coordinate of a track, and one for each point's height.
         many = parts * len(point)
-        rows = np.zeros((many + number, count, 6))
-        pair = rows[:many].reshape(-1, parts, count, 6)
+        rows, floor_rows = np.zeros((many, count, 6)), np.zeros((number, size + 2 + count))
+        pair = rows.reshape(-1, parts, count, 6)
         indices = np.arange(len(point))
         by = np.empty((len(point), parts, 6))
         by[..., :3], by[..., 3:] = _cross(by_away, away[:, None]), -shifted
         pair[indices, :, slot] = by
         by[..., :3], by[..., 3:] = -_cross(by_away, ray_of[:, None]), shifted
         pair[indices, :, tracks.host] = by
-        # A point on the floor has height zero: lens height times inverse depth, plus the ray's slope.
-        height = position[host, 2]
-        above, on_floor = -(inverse * height + ray[:, 2]), np.maximum(-ray[:, 2] / height, 1e-3)
-        sigma = rule.roughness * height * on_floor
-        distance2 = (above / sigma) ** 2
+        # A point on the floor has its host's level: lens height above it times inverse depth, plus the ray's slope.
         is_floor = (points.floor >= 0.5 * points.views) & (ray[:, 2] < 0.0)
+        on_floor = np.maximum(-ray[:, 2] / position[host, 2], 1e-3)
+        sigma = rule.roughness * position[host, 2] * on_floor
+        height = position[host, 2] - np.where(is_floor, self._levels_m[host], 0.0)
+        above = -(inverse * height + ray[:, 2])
+        distance2 = (above / sigma) ** 2
         weight = np.where(is_floor, tukey(distance2, rule.floor_gate * scale), 0.0)
         # Nothing lies below the floor.
-        below = (above > 0.0) & (weight == 0.0) & (on_floor * height > 1.0 / self._reach_heights)
+        below = (above > 0.0) & (weight == 0.0) & (-ray[:, 2] > 1.0 / self._reach_heights)
         root = np.sqrt(weight + np.where(below, 1.0 / (9.0 * np.sqrt(1.0 + distance2 / 9.0)), 0.0)) / sigma
-        slopes = np.zeros((number, 6))
-        slopes[:, 0], slopes[:, 1], slopes[:, 5] = ray[:, 1] * root, -ray[:, 0] * root, inverse * root
-        rows[many + everyone, host] = slopes
+        for column, slope in ((0, ray[:, 1]), (1, -ray[:, 0]), (5, inverse)):
+            floor_rows[everyone, 6 * host + column] = slope * root
+        floor_rows[:, size] = -hosted[:, 2] * root
+        floor_rows[everyone, size + 2 + host] = np.where(is_floor, -inverse * root, 0.0)
         height, above = height * root, above * root
-        rows = np.column_stack([rows.reshape(-1, size), np.concatenate([by_late.ravel(), -hosted[:, 2] * root])])
-        between = rows[many:] * height[:, None]
+        rows = np.column_stack([rows.reshape(-1, size), by_late.ravel()])
+        between = floor_rows * height[:, None]
         if many:
-            products = (by_depth[:, None] @ rows[:many].reshape(-1, parts, size + 1))[:, 0]
-            between[tracks.owners] += np.add.reduceat(products, tracks.first, axis=0)
-        loose = np.maximum(ANY[1], 0.5 * on_floor) ** -2
+            products = (by_depth[:, None] @ rows.reshape(-1, parts, size + 1))[:, 0]
+            between[tracks.owners, : size + 1] += np.add.reduceat(products, tracks.first, axis=0)
+        loose, mean = np.maximum(ANY[1], 0.5 * on_floor) ** -2, np.maximum(self._mean_inverse_m, on_floor)
+        like_others = np.where(is_floor | (on_floor > self._mean_inverse_m), 0.0, loose)
+        between[:, size + 1] = -like_others
         nearer = (points.measured[everyone, host] - inverse) / rule.depth_sigma
         held = np.nan_to_num(tukey(nearer**2, scale * TUKEY)) / rule.depth_sigma
         depths = height**2 + loose + held / rule.depth_sigma + np.bincount(point, (by_depth**2).sum(axis=1), number)
-        depths_right = height * above + loose * (np.maximum(ANY[0], on_floor) - inverse) + held * np.nan_to_num(nearer)
+        depths_right = height * above + loose * (mean - inverse) + held * np.nan_to_num(nearer)
         depths_right += np.bincount(point, (by_depth * residual).sum(axis=1), number)
-        return System(rows.T @ rows, rows.T @ np.concatenate([residual.ravel(), above]), depths, depths_right, between)
+        poses, right = floor_rows.T @ floor_rows, floor_rows.T @ above
+        poses[: size + 1, : size + 1] += rows.T @ rows
+        right[: size + 1] += rows.T @ residual.ravel()
+        poses[size + 1, size + 1] = like_others.sum()
+        right[size + 1] = like_others @ (inverse - mean)
+        return System(poses, right, depths, depths_right, between)
+
+    def _levels_information(self, position: Array) -> Array:
+        """Information of the level of what each pose shows as the floor (S,), m^-2: it is as level as the floor, or a
+        table (Huber)."""
+        sigma, level = self._rule.roughness * position[:, 2], np.abs(self._levels_m[: len(position)])
+        return 1.0 / (sigma * np.maximum(sigma, level / HUBER))
 
     def _prior_factor(self, information: Array, right: Array) -> None:
         """Adds the prior of the first poses in the window, from the marginalised ones."""
@@ -484,7 +507,8 @@ class KeyframeWindow:
             self._factors[last] = self._factors[last].after(self._factors[last - 1], turn)
             prior, gradient, then = self._prior
             if last - 1 < len(then):
-                self._prior = *_without(prior, gradient, last - 1), then[: last - 1] + then[last:]
+                leaves = range(6 * last - 6, 6 * last)
+                self._prior = *_without(prior, gradient, leaves), then[: last - 1] + then[last:]
             self._remove(last - 1)
         elif len(self.poses) == self._slots:
             self._marginalise()
@@ -518,18 +542,24 @@ class KeyframeWindow:
         points, (rotation, position) = self.points.chosen(self.points.host == 0), self._arrays()
         tracks = Tracks(points, len(rotation), (self._track_sigma, self._rule.depth_sigma))
         information, right = self._system(tracks, points, rotation, position, 1.0).reduced()
-        information, right = information[:-1, :-1], right[:-1]  # as if the readout were known
+        size = 6 * len(rotation)
+        kept = [*range(size), size + 2]  # as if the readout and the mean depth were known
+        information, right = information[np.ix_(kept, kept)], right[kept]
         rows, off = FactorRows(self._factors, self._lever_m).rows(rotation, position, np.array([0]), np.array([1]))
-        information += rows.T @ rows
-        right += rows.T @ off
+        information[:size, :size] += rows.T @ rows
+        right[:size] += rows.T @ off
+        held = self._levels_information(position)[0]
+        information[size, size] += held
+        right[size] -= held * self._levels_m[0]
         self._prior_factor(information, right)
-        self._prior = *_without(information, right, 0), self.poses[1:]
+        self._prior = *_without(information, right, [*range(6), size]), self.poses[1:]
         self._rehost(0, len(self.poses) - 1)
         self._remove(0)
 
     def _remove(self, index: int) -> None:
         """Removes one pose from all arrays."""
         del self.poses[index], self._factors[index]
+        self._levels_m = np.append(np.delete(self._levels_m, index), 0.0)
         for name in ("at", "observed", "measured", "late"):
             array = getattr(self.points, name)
             array[:, index:-1] = array[:, index + 1 :].copy()
@@ -549,12 +579,12 @@ def rows_of(ids: NDArray[np.int64], among: NDArray[np.int64]) -> Indices:
     return np.array([place.get(one, -1) for one in ids.tolist()], dtype=np.intp)
 
 
-def _without(information: Array, right: Array, index: int) -> tuple[Array, Array]:
-    """Equations with one pose eliminated."""
+def _without(information: Array, right: Array, leaves: Sequence[int]) -> tuple[Array, Array]:
+    """Equations with some columns eliminated."""
     mine = np.zeros(len(right), dtype=bool)
-    mine[6 * index : 6 * index + 6] = True
+    mine[leaves] = True
     block = information[np.ix_(~mine, mine)]
-    gain = np.linalg.solve(information[np.ix_(mine, mine)] + 1e-6 * np.eye(6), block.T).T
+    gain = np.linalg.solve(information[np.ix_(mine, mine)] + 1e-6 * np.eye(len(leaves)), block.T).T
     left = information[np.ix_(~mine, ~mine)] - gain @ block.T
     return (left + left.T) / 2.0, right[~mine] - gain @ right[mine]
 
