@@ -33,6 +33,7 @@ Indices = NDArray[np.intp]
 # of a robot otherwise.
 CARRIED_ROUNDS, FEWER_ROUNDS, LEAST_ROUNDS = 4, 2, 1
 NEAREST, FARTHEST = 20.0, 1e-4  # inverse depths, 1/m
+LOWEST_M = 1e-3  # height of a lens
 ORIGIN = np.array([1e-6, 1e-6, 1e6, 1e8, 1e8, 1e-6])  # information that fixes heading and place of the first pose
 FIRST, NONE = np.array([0]), np.array([], dtype=np.intp)
 UNHELD_RAD = np.radians(2.0)  # standard deviation of a tilt after the mount's angles have changed
@@ -51,7 +52,6 @@ class WindowRule:
     gate_px: float = 2.5  # distance beyond which a track has no weight
     shared: float = 0.6  # a picture becomes a keyframe where a smaller share of the last one's tracks is left
     roughness: float = 0.009  # of the floor, share of the lens's height
-    floor_gate: float = 5.0  # standard deviations beyond which a point of the floor has no weight
     # Standard deviation of an inverse depth that a depth camera measures, 1/m; it measures a disparity, whose error is
     # the same at any distance.
     depth_sigma: float = 0.0035
@@ -449,7 +449,7 @@ class KeyframeWindow:
         height = position[host, 2] - np.where(is_floor, self._levels_m[host], 0.0)
         above = -(inverse * height + ray[:, 2])
         distance2 = (above / sigma) ** 2
-        weight = np.where(is_floor, tukey(distance2, rule.floor_gate * scale), 0.0)
+        weight = np.where(is_floor, tukey(distance2, TUKEY * scale), 0.0)
         # Nothing lies below the floor.
         below = (above > 0.0) & (weight == 0.0) & (-ray[:, 2] > 1.0 / self._reach_heights)
         root = np.sqrt(weight + np.where(below, 1.0 / (9.0 * np.sqrt(1.0 + distance2 / 9.0)), 0.0)) / sigma
@@ -481,7 +481,8 @@ class KeyframeWindow:
     def _levels_information(self, position: Array) -> Array:
         """Information of the level of what each pose shows as the floor (S,), m^-2: it is as level as the floor, or a
         table (Huber)."""
-        sigma, level = self._rule.roughness * position[:, 2], np.abs(self._levels_m[: len(position)])
+        sigma = self._rule.roughness * np.maximum(position[:, 2], LOWEST_M)
+        level = np.abs(self._levels_m[: len(position)])
         return 1.0 / (sigma * np.maximum(sigma, level / HUBER))
 
     def _prior_factor(self, information: Array, right: Array) -> None:

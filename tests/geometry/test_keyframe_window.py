@@ -117,6 +117,45 @@ def test_measured_depths_keep_the_scale_where_the_height_is_wrong(false_depths, 
     assert lengths[False] == pytest.approx(1.0, abs=share)
 
 
+def followed_from_the_mount(pictures, points, floor, rng, depth=False):
+    """A window after a straight way from the mount's own pose, along points (N, 3) with the mask's probabilities, and
+    the sum of its motions as they were known at their time."""
+    travelled_m = 0.0
+    window, up = KeyframeWindow(WindowRule(), FOCAL_PX, LEVEL, 12.0), up_optical(LEVEL.pitch_rad, 0.0)
+    factors = PoseFactors(up, math.radians(3.0), HEIGHT_M, 0.025 * HEIGHT_M, 0.012 * HEIGHT_M, np.eye(3))
+    for index in range(pictures):
+        pose = LensPose(LEVEL.rotation_base_optical(), np.array([0.06 * index, 0.0, HEIGHT_M]))
+        local = (points - pose.position_m) @ pose.rotation
+        image = local[:, :2] / np.maximum(local[:, 2:], 0.1)
+        ids = np.flatnonzero((local[:, 2] > 0.3) & (np.abs(image) < [0.64, 0.48]).all(axis=1))
+        image = image[ids] + rng.normal(0.0, 0.3 / FOCAL_PX, (len(ids), 2))
+        measured = 1.0 / np.where(local[ids, 2] < 6.0, local[ids, 2], np.nan)
+        measured = measured + rng.normal(0.0, WindowRule().depth_sigma, len(ids))
+        start = window.resected(window.poses[-1], ids, image)[0] if index else pose
+        window.step(start, factors, ids, image, floor[ids], measured if depth else None)
+        travelled_m += (window.poses[-1].position_m - window.poses[max(len(window.poses) - 2, 0)].position_m)[0]
+    return window, travelled_m
+
+
+def test_many_new_points_know_no_more_of_the_size_of_a_room_than_one():
+    """Its walls are farther away than points are on average."""
+    for seed in range(3):
+        points, on_floor = scene(np.random.default_rng(seed), 250)
+        floor = np.where(on_floor, 0.9, 0.1)
+        _, travelled_m = followed_from_the_mount(10, points, floor, np.random.default_rng(seed))
+        assert travelled_m == pytest.approx(0.06 * 9, rel=0.03)
+
+
+def test_a_table_that_the_mask_takes_for_floor_has_a_level_of_its_own():
+    for seed in range(2):
+        points, on_floor = scene(np.random.default_rng(seed), 250)
+        points[on_floor, 2] = 0.3
+        points, floor = points[::3], np.where(on_floor, 0.9, 0.1)[::3]
+        window, _ = followed_from_the_mount(30, points, floor, np.random.default_rng(seed), depth=True)
+        assert window.poses[-1].position_m[2] == pytest.approx(HEIGHT_M, abs=0.08)
+        assert window.poses[-1].position_m[0] == pytest.approx(0.06 * 29, rel=0.01)
+
+
 def test_a_gyro_holds_the_rotation_where_the_tracks_are_bad():
     poses, apart = walk(12), []
     for gyro_rad in (math.inf, math.radians(0.02)):
