@@ -20,6 +20,7 @@ from edgemap.geometry.camera.mount import Mount
 from edgemap.runtime.frames.errors import DiskError, OdometryError, RunFolderError
 from edgemap.runtime.frames.faults import FaultKind
 from edgemap.runtime.inputs.open import open_camera
+from edgemap.runtime.outputs.sinks.kinds import PluginSink
 from edgemap.runtime.outputs.sinks.run_folder import RunFolder
 from edgemap.runtime.step.map_file import load_map
 from edgemap.runtime.step.sinks import SinkGroup
@@ -74,6 +75,17 @@ def test_a_sink_that_fails_is_told_once_and_gets_every_later_result(error, text)
         sinks.close()
     assert good.closed
     assert texts(good.faults[2:]) == f"MQTT: {text}"
+
+
+def test_a_sink_of_another_package_receives_the_boxes_that_came_after_the_last_frame():
+    class Late(Listener):
+        def last(self, result, objects):
+            self.came = result, objects
+
+    late = Late()
+    result, objects = Steps().next()
+    SinkGroup([PluginSink("theirs", lambda: late), PluginSink("without", Listener)]).last(result, objects)
+    assert late.came == (result, objects)
 
 
 def test_an_unknown_failure_keeps_its_traceback_in_the_log(caplog):

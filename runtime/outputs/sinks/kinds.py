@@ -91,6 +91,10 @@ class PluginSink(Sink):
             raise self._failure or PluginError("its package gave no sink")
         self._sink.write(result, objects)
 
+    def last(self, result: StepResult, objects: list[MapObject]) -> None:
+        """Passes the boxes on that came after the last frame, where the sink takes them."""
+        getattr(self._sink, "last", lambda *_: None)(result, objects)
+
     def fault(self, fault: Fault) -> None:
         """Passes a fault on."""
         if self._sink is not None:
