@@ -446,17 +446,18 @@ class KeyframeWindow:
         is_floor = (points.floor >= 0.5 * points.views) & (ray[:, 2] < 0.0)
         on_floor = np.maximum(-ray[:, 2] / position[host, 2], 1e-3)
         sigma = rule.roughness * position[host, 2] * on_floor
-        height = position[host, 2] - np.where(is_floor, self._levels_m[host], 0.0)
+        above = inverse * (self._levels_m[host] - position[host, 2]) - ray[:, 2]
+        weight = np.where(is_floor, tukey((above / sigma) ** 2, TUKEY * scale), 0.0)
+        # Nothing lies below the floor, whose own level is zero.
+        height = position[host, 2] - np.where(weight > 0.0, self._levels_m[host], 0.0)
         above = -(inverse * height + ray[:, 2])
         distance2 = (above / sigma) ** 2
-        weight = np.where(is_floor, tukey(distance2, TUKEY * scale), 0.0)
-        # Nothing lies below the floor.
         below = (above > 0.0) & (weight == 0.0) & (-ray[:, 2] > 1.0 / self._reach_heights)
         root = np.sqrt(weight + np.where(below, 1.0 / (9.0 * np.sqrt(1.0 + distance2 / 9.0)), 0.0)) / sigma
         for column, slope in ((0, ray[:, 1]), (1, -ray[:, 0]), (5, inverse)):
             floor_rows[everyone, 6 * host + column] = slope * root
         floor_rows[:, size] = -hosted[:, 2] * root
-        floor_rows[everyone, size + 2 + host] = np.where(is_floor, -inverse * root, 0.0)
+        floor_rows[everyone, size + 2 + host] = np.where(weight > 0.0, -inverse * root, 0.0)
         height, above = height * root, above * root
         rows = np.column_stack([rows.reshape(-1, size), by_late.ravel()])
         between = floor_rows * height[:, None]
