@@ -146,7 +146,7 @@ class _Fold:
             self.zones[edit.id] = Zone(edit.id, edit.name, edit.corners_m)
         elif edit.do == "room":
             self.rooms[edit.id] = Room(edit.id, edit.corners_m, name=edit.name)
-        else:
+        elif edit.do == "dock":
             self.dock = edit.pose and SE2(*edit.pose)
 
     def _add(self, event: _Event) -> None:

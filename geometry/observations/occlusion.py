@@ -6,7 +6,7 @@ from numpy.typing import NDArray
 from edgemap.geometry.arrays import Array
 from edgemap.geometry.observations.detections import Detections
 
-# Small things that people keep on furniture.
+# Classes of small objects that stand on furniture.
 WORKTOP_LABELS = frozenset(
     {"laptop", "book", "wine glass", "cup", "bowl", "microwave", "toaster", "keyboard", "mouse", "remote", "cell phone",
      "fork", "knife", "spoon", "scissors", "toothbrush", "banana", "apple", "sandwich", "orange", "broccoli", "carrot",

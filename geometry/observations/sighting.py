@@ -151,8 +151,7 @@ def feet_px(detections: Detections) -> Array:
 
 
 def is_worktop(mask: FloorMask | None, detections: Detections) -> bool:
-    """Whether a floor mask takes a worktop for floor: small things of furniture stand on it, at the middle of a box's
-    lower edge."""
+    """Whether a floor mask takes a worktop for floor: it is floor at the foot of an object of `WORKTOP_LABELS`."""
     small = [label in WORKTOP_LABELS for label in detections.labels]
     return mask is not None and any(small) and bool((mask.at(feet_px(detections)[small]) >= 0.5).any())
 
@@ -193,7 +192,7 @@ def sightings_of(
             covariance_m2 = covariance_m2 + np.outer(along_m, along_m)
         part, outline_m = box.is_hidden or box.cut, None
         if width_m > 0.0 and not part:
-            x0, _, x1, y1 = detections.boxes[row] - 0.5  # of a box's edges to those of pixels
+            x0, _, x1, y1 = detections.boxes[row] - 0.5  # pixel centres
             outline_m = np.vstack([box.lens_m, camera.floor_points([(x0, y1), (x1, y1)])])
         sightings.append(
             Sighting(

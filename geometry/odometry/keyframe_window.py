@@ -33,7 +33,7 @@ Indices = NDArray[np.intp]
 # of a robot otherwise.
 CARRIED_ROUNDS, FEWER_ROUNDS, LEAST_ROUNDS = 4, 2, 1
 NEAREST, FARTHEST = 20.0, 1e-4  # inverse depths, 1/m
-LOWEST_M = 1e-3  # height of a lens
+LEAST_HEIGHT_M = 1e-3  # of a lens, from which the floor's roughness follows
 ORIGIN = np.array([1e-6, 1e-6, 1e6, 1e8, 1e8, 1e-6])  # information that fixes heading and place of the first pose
 FIRST, NONE = np.array([0]), np.array([], dtype=np.intp)
 UNHELD_RAD = np.radians(2.0)  # standard deviation of a tilt after the mount's angles have changed
@@ -119,10 +119,20 @@ class Tracks:
         self.owners = self.point[self.first]
 
 
+class Columns:
+    """Columns of the normal equations of S poses: six for each pose, then what points share: the readout, the mean
+    inverse depth, and the level of what each pose shows as the floor, `levels` (S,)."""
+
+    def __init__(self, poses: int) -> None:
+        self.readout, self.mean = 6 * poses, 6 * poses + 1
+        self.levels = self.mean + 1 + np.arange(poses)
+        self.count = self.mean + 1 + poses
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class System:
-    """Normal equations: of the poses and what is shared (K, K) and (K,), of the inverse depths (N,), and between both
-    (N, K). Columns: six for each of S poses, the readout, the mean inverse depth, S levels of the floor."""
+    """Normal equations: of the poses and what points share (K, K) and (K,), of the inverse depths (N,), and between
+    both (N, K); K as of `Columns`."""
 
     poses: Array
     right: Array
@@ -154,7 +164,7 @@ class KeyframeWindow:
         self._track_sigma = self._parallax = 1.0 / focal_px
         self._carried, self.readout = True, readout or Readout()
         self._readout_s = self.readout.time_s  # that the points are corrected by
-        self._mean_inverse_m, self._levels_m = ANY[0], np.zeros(self._slots)  # as of `System`
+        self._mean_inverse_m, self._levels_m = ANY[0], np.zeros(self._slots)  # as of `Columns`
         self.poses: list[LensPose] = []
         self._factors: list[PoseFactors] = []
         self._prior: tuple[Array, Array, list[LensPose]] = np.zeros((0, 0)), np.zeros(0), []
@@ -344,15 +354,14 @@ class KeyframeWindow:
         count, everyone = len(self.poses), np.arange(len(self.poses))
         rotation, position = self._arrays()
         rows, off = FactorRows(self._factors, self._lever_m).rows(rotation, position, everyone, everyone[1:])
-        size, every, prior = 6 * count, 6 * count + 2 + count, self.readout
-        fixed, fixed_rhs = np.zeros((every, every)), np.zeros(every)
+        size, column, prior = 6 * count, Columns(count), self.readout
+        fixed, fixed_rhs = np.zeros((column.count, column.count)), np.zeros(column.count)
         fixed[:size, :size], fixed_rhs[:size] = rows.T @ rows, rows.T @ off
         self._prior_factor(fixed, fixed_rhs)
         shared = np.concatenate([[prior.information, ANY[1] ** -2], self._levels_information(position)])
-        fixed[range(size, every), range(size, every)] = shared
-        fixed[np.diag_indices(every)] += 1e-9
-        off_mean = [prior.time_s - self._readout_s, ANY[0] - self._mean_inverse_m, *-self._levels_m[:count]]
-        fixed_rhs[size:] = shared * off_mean
+        from_prior = [prior.time_s - self._readout_s, ANY[0] - self._mean_inverse_m, *-self._levels_m[:count]]
+        fixed[size:, size:], fixed_rhs[size:] = np.diag(shared), shared * from_prior
+        fixed[np.diag_indices(column.count)] += 1e-9
         information = fixed
         tracks = Tracks(self.points, count, (self._track_sigma, self._rule.depth_sigma))
         for round_ in range(self._rounds(measured=tracks.at.shape[1] == 3)):
@@ -366,14 +375,15 @@ class KeyframeWindow:
             rotation, position = rotation_of(turns) @ rotation, position + shifts
             inverse = np.clip(self.points.inverse_m + depth, FARTHEST, NEAREST)
             self.points = replace(self.points, inverse_m=inverse, variance=1.0 / system.depths)
-            self._mean_inverse_m += float(step[size + 1])
-            self._levels_m[:count] += step[size + 2 :]
-            self._retime(float(step[size]), tracks)
+            self._mean_inverse_m += float(step[column.mean])
+            self._levels_m[:count] += step[column.levels]
+            self._retime(float(step[column.readout]), tracks)
         self.poses = [LensPose(*pose) for pose in zip(rotation, position, strict=True)]
-        covariance = np.asarray(np.linalg.solve(information, np.eye(every)[:, size - 12 : size + 1]), dtype=np.float64)
+        wanted = np.eye(column.count)[:, size - 12 : size + 1]  # the last two poses and the readout
+        covariance = np.asarray(np.linalg.solve(information, wanted), dtype=np.float64)
         self._covariance = covariance[size - 12 : size, :12]
         if self._grown:
-            added = 1.0 / float(covariance[size, 12]) - prior.information
+            added = 1.0 / float(covariance[column.readout, 12]) - prior.information
             self.readout = prior.updated(self._readout_s, added, 1.0 / self._rule.keyframes)
 
     def _retime(self, longer_s: float, tracks: "Tracks") -> None:
@@ -404,7 +414,7 @@ class KeyframeWindow:
         gate = scale * rule.gate_px / (self._track_sigma * self._focal_px)
         host, inverse, everyone = points.host, points.inverse_m, np.arange(number)
         point, slot = tracks.point, tracks.slot
-        size = 6 * count
+        size, column = 6 * count, Columns(count)
         ray = (rotation[host] @ points.ray[:, :, None])[..., 0]
         base = position[tracks.host] - position[slot]
         baseline, ray_of = inverse[point, None] * base, ray[point]
@@ -434,7 +444,7 @@ class KeyframeWindow:
         by_late -= (by_away @ hosted[point, :, None])[..., 0]
         # One row for each coordinate of a track, and one for each point's height.
         many = parts * len(point)
-        rows, floor_rows = np.zeros((many, count, 6)), np.zeros((number, size + 2 + count))
+        rows, floor_rows = np.zeros((many, count, 6)), np.zeros((number, column.count))
         pair = rows.reshape(-1, parts, count, 6)
         indices = np.arange(len(point))
         by = np.empty((len(point), parts, 6))
@@ -446,7 +456,7 @@ class KeyframeWindow:
         is_floor = (points.floor >= 0.5 * points.views) & (ray[:, 2] < 0.0)
         on_floor = np.maximum(-ray[:, 2] / position[host, 2], 1e-3)
         sigma = rule.roughness * position[host, 2] * on_floor
-        above = inverse * (self._levels_m[host] - position[host, 2]) - ray[:, 2]
+        above = -(inverse * (position[host, 2] - self._levels_m[host]) + ray[:, 2])
         weight = np.where(is_floor, tukey((above / sigma) ** 2, TUKEY * scale), 0.0)
         # Nothing lies below the floor, whose own level is zero.
         height = position[host, 2] - np.where(weight > 0.0, self._levels_m[host], 0.0)
@@ -454,10 +464,10 @@ class KeyframeWindow:
         distance2 = (above / sigma) ** 2
         below = (above > 0.0) & (weight == 0.0) & (-ray[:, 2] > 1.0 / self._reach_heights)
         root = np.sqrt(weight + np.where(below, 1.0 / (9.0 * np.sqrt(1.0 + distance2 / 9.0)), 0.0)) / sigma
-        for column, slope in ((0, ray[:, 1]), (1, -ray[:, 0]), (5, inverse)):
-            floor_rows[everyone, 6 * host + column] = slope * root
-        floor_rows[:, size] = -hosted[:, 2] * root
-        floor_rows[everyone, size + 2 + host] = np.where(weight > 0.0, -inverse * root, 0.0)
+        for axis, slope in ((0, ray[:, 1]), (1, -ray[:, 0]), (5, inverse)):
+            floor_rows[everyone, 6 * host + axis] = slope * root
+        floor_rows[:, column.readout] = -hosted[:, 2] * root
+        floor_rows[everyone, column.levels[host]] = np.where(weight > 0.0, -inverse * root, 0.0)
         height, above = height * root, above * root
         rows = np.column_stack([rows.reshape(-1, size), by_late.ravel()])
         between = floor_rows * height[:, None]
@@ -466,7 +476,7 @@ class KeyframeWindow:
             between[tracks.owners, : size + 1] += np.add.reduceat(products, tracks.first, axis=0)
         loose, mean = np.maximum(ANY[1], 0.5 * on_floor) ** -2, np.maximum(self._mean_inverse_m, on_floor)
         like_others = np.where(is_floor | (on_floor > self._mean_inverse_m), 0.0, loose)
-        between[:, size + 1] = -like_others
+        between[:, column.mean] = -like_others
         nearer = (points.measured[everyone, host] - inverse) / rule.depth_sigma
         held = np.nan_to_num(tukey(nearer**2, scale * TUKEY)) / rule.depth_sigma
         depths = height**2 + loose + held / rule.depth_sigma + np.bincount(point, (by_depth**2).sum(axis=1), number)
@@ -475,14 +485,14 @@ class KeyframeWindow:
         poses, right = floor_rows.T @ floor_rows, floor_rows.T @ above
         poses[: size + 1, : size + 1] += rows.T @ rows
         right[: size + 1] += rows.T @ residual.ravel()
-        poses[size + 1, size + 1] = like_others.sum()
-        right[size + 1] = like_others @ (inverse - mean)
+        poses[column.mean, column.mean] = like_others.sum()
+        right[column.mean] = like_others @ (inverse - mean)
         return System(poses, right, depths, depths_right, between)
 
     def _levels_information(self, position: Array) -> Array:
         """Information of the level of what each pose shows as the floor (S,), m^-2: it is as level as the floor, or a
         table (Huber)."""
-        sigma = self._rule.roughness * np.maximum(position[:, 2], LOWEST_M)
+        sigma = self._rule.roughness * np.maximum(position[:, 2], LEAST_HEIGHT_M)
         level = np.abs(self._levels_m[: len(position)])
         return 1.0 / (sigma * np.maximum(sigma, level / HUBER))
 
@@ -545,7 +555,7 @@ class KeyframeWindow:
         tracks = Tracks(points, len(rotation), (self._track_sigma, self._rule.depth_sigma))
         information, right = self._system(tracks, points, rotation, position, 1.0).reduced()
         size = 6 * len(rotation)
-        kept = [*range(size), size + 2]  # as if the readout and the mean depth were known
+        kept = [*range(size), Columns(len(rotation)).levels[0]]  # as if the readout and the mean depth were known
         information, right = information[np.ix_(kept, kept)], right[kept]
         rows, off = FactorRows(self._factors, self._lever_m).rows(rotation, position, np.array([0]), np.array([1]))
         information[:size, :size] += rows.T @ rows

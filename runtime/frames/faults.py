@@ -62,7 +62,9 @@ class FaultKind(StrEnum):
     @property
     def notice(self) -> bool:
         """Whether it reports the end of a fault."""
-        return self is FaultKind.RECOVERED or self.name.endswith("_RESTORED")
+        return self in {
+            FaultKind.RECOVERED, FaultKind.WHEELS_RESTORED, FaultKind.IMU_RESTORED, FaultKind.OUTPUT_RESTORED,
+        }  # fmt: skip
 
 
 @dataclass(frozen=True, slots=True)

@@ -81,12 +81,21 @@ class MotionJudge:
     def judge(self, path: Path, lengths: bool = True) -> str:
         """What is wrong with a source, in words; empty where nothing is, or it cannot be judged yet. lengths: whether
         it measures lengths, or yaw alone."""
-        return self.delay(path) or self.difference(path, lengths)
+        compared = self._compared(path)
+        return "" if compared is None else self._late(path, compared) or self._differs(compared, lengths)
 
     def delay(self, path: Path) -> str:
         """By how much a source's yaw follows late or early, in words; empty as of `judge`."""
         compared = self._compared(path)
-        if compared is None or len(compared.turned) < FEWEST:
+        return "" if compared is None else self._late(path, compared)
+
+    def difference(self, path: Path, lengths: bool = True) -> str:
+        """As `judge`, without a delay."""
+        compared = self._compared(path)
+        return "" if compared is None else self._differs(compared, lengths)
+
+    def _late(self, path: Path, compared: "_Compared") -> str:
+        if len(compared.turned) < FEWEST:
             return ""
         yaw = compared.seen[:, 2]
         match = [_correlation(yaw, _between(path, compared.spans, lag_s)[:, 2]) for lag_s in LAGS_S]
@@ -97,11 +106,7 @@ class MotionJudge:
             return f"it is {abs(LAGS_S[best]):.2f} s {late} against the pictures"
         return ""
 
-    def difference(self, path: Path, lengths: bool = True) -> str:
-        """As `judge`, without a delay."""
-        compared = self._compared(path)
-        if compared is None:
-            return ""
+    def _differs(self, compared: "_Compared", lengths: bool) -> str:
         return self._yaw(compared) or (self._length(compared) if lengths else "")
 
     def _compared(self, path: Path) -> "_Compared | None":

@@ -55,7 +55,7 @@ def test_an_odometry_is_trained_exported_and_run(edgemap, floor_drive, tmp_path)
     written = features[0].stat().st_mtime_ns
     result = edgemap.ok("train", "odometry", *flags, *spent, "--steps", "3", "--resume", "--bfloat16")
     assert "after 3 steps" in result.stdout or "after 2 steps" in result.stdout
-    assert features[0].stat().st_mtime_ns == written, "features were computed anew"
+    assert features[0].stat().st_mtime_ns == written, "features were computed again"
     short = edgemap("train", "odometry", *flags[:-1], "40", *spent[:-1], tmp_path / "none")
     assert (short.returncode, "16 frames, sequences need 40" in short.stderr) == (1, True)
 

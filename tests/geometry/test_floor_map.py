@@ -19,8 +19,8 @@ from edgemap.runtime.step.map_file import load_map, map_document, map_text, read
 
 
 def drive(placed, seed, frames=60):
-    """Things anywhere, some close to their like, seen off and on with errors that grow with distance and time, now and
-    then under another label, twice, or where nothing stands."""
+    """Objects at random places, some near others of their class, sighted now and then with errors that grow with
+    distance and time, sometimes under another label, twice, or where nothing stands."""
     rng = np.random.default_rng(seed)
     places = [(str(rng.choice(["chair", "couch", "vase"])), rng.uniform(-2.5, 2.5, 2)) for _ in range(9)]
     drift = rng.normal(0, 0.004, 2)
@@ -61,14 +61,14 @@ def test_things_apart_from_their_like_are_found_one_by_one(placed, seed):
 @given(st.integers(0, 10**6))
 @settings(max_examples=8)
 def test_every_id_ever_told_is_an_object_or_says_what_it_became(placed_, seed):
-    floor_map, told, counts = FloorMap(), set(), 0
+    floor_map, reported, counts = FloorMap(), set(), 0
     for sightings in drive(placed_, seed):
         ids = floor_map.update(sightings)
         assert [id_order(identity)[0] for identity in ids] == [placed.label for placed in sightings]
         assert len(set(ids)) == len(ids)  # never two boxes of one frame
-        told.update(ids)
+        reported.update(ids)
         counts += len(ids)
-    for identity in told:
+    for identity in reported:
         assert (identity in floor_map.ids) != (identity in floor_map.merged)
     assert set(floor_map.merged.values()) <= floor_map.ids
     assert sum(one.sums.count for one in floor_map.graph.landmarks.all.values()) == counts
@@ -269,12 +269,12 @@ def test_confidence_is_the_probability_that_such_an_object_is_real(placed):
     """The odds of the mean score after 4 full sightings of 4 pictures each, and in proportion to them: those of a chair
     of 0.9 are 9 / 4 after 4 frames and 9 * 30 / 16 after 30, those of one of 0.5 are 1 / 4 and 30 / 16."""
     for score, after_4, after_30 in ((0.9, 9.0 / 13.0, 270.0 / 286.0), (0.5, 1.0 / 5.0, 30.0 / 46.0)):
-        chairs, told = FloorMap(), {}
+        chairs, reported = FloorMap(), {}
         for frame in range(30):
             chairs.update([placed("chair", 2.0, 0.0, frame, score=score)])
-            told |= {item.count: item.confidence for item in chairs.objects()}
-        assert (told[4], told[30]) == pytest.approx((after_4, after_30), abs=1e-3)
-        assert list(told.values()) == sorted(told.values())
+            reported |= {item.count: item.confidence for item in chairs.objects()}
+        assert (reported[4], reported[30]) == pytest.approx((after_4, after_30), abs=1e-3)
+        assert list(reported.values()) == sorted(reported.values())
 
 
 def test_what_an_earlier_map_is_sure_of_is_not_doubted_when_seen_again(placed):

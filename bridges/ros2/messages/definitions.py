@@ -14,9 +14,9 @@ from edgemap.runtime.frames.errors import RecordingError
 
 Message = dict[str, Any]  # a message by field name; fields that are left out are zero
 
-SEPARATOR = "================================================================================"
+SEPARATOR = "=" * 80
 
-_, *_SECTIONS = Path(__file__).with_name("definitions.txt").read_text().split("\nMSG: ")
+_SECTIONS = Path(__file__).with_name("definitions.txt").read_text().split("\nMSG: ")[1:]
 FIELDS = {kind: fields.strip() for kind, _, fields in (section.partition("\n") for section in _SECTIONS)}
 DAMAGE = (struct.error, ValueError, LookupError, RuntimeError, OverflowError)  # what a decoder raises at damaged bytes
 

@@ -23,11 +23,11 @@ from edgemap.runtime.frames.limits import EVERY_S
 from edgemap.runtime.motion.attitude.pictures import PicturesAttitude
 from edgemap.runtime.motion.attitude.segments import Segments, line_ends, segments_between
 from edgemap.runtime.motion.health import HealthRule, Views
-from edgemap.runtime.motion.judge import FEWEST
 
 # What a step can afford: pictures are scaled down to so many (192 x 144) and cut into strips, one of which is read a
 # frame. Edges at twice the size are no more precise.
 PIXELS, STRIPS = 27_648, 3
+FEWEST = 4  # estimates; the median deviation of fewer is no measure
 EDGES, GRAVITY, DEPTH = "the room's edges", "gravity", "the floor in depth pictures"
 
 

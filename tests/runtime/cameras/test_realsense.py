@@ -140,13 +140,13 @@ def test_what_librealsense_says_of_damaged_motion_or_depth_is_one_line(realsense
 
 def test_a_stream_that_ends_is_late_and_then_opened_again(realsense_recording):
     path, pictures, _ = realsense_recording
-    driver, told = Playback(path), []
+    driver, faults = Playback(path), []
     with LiveCamera(driver, rule=RecoveryRule(stall_limit_s=0.4)) as camera:
         assert (camera.info.live, camera.info.size, camera.info.rate_hz) == (True, (640, 480), 30.0)
         assert camera.info.intrinsics.fx == 615.2
         driver.broken = 1
-        frames = live_camera.drain(camera, len(pictures) + 5, told)
-    kinds = [fault.kind.value for fault in told]  # on a busy machine it is late before that, too
+        frames = live_camera.drain(camera, len(pictures) + 5, faults)
+    kinds = [fault.kind.value for fault in faults]  # on a busy machine it is late before that, too
     ended = kinds.index("closed")
     assert "late" in kinds[:ended]
     assert "recovered" in kinds[ended:]
