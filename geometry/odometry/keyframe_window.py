@@ -35,7 +35,7 @@ CARRIED_ROUNDS, FEWER_ROUNDS, LEAST_ROUNDS = 4, 2, 1
 NEAREST, FARTHEST = 20.0, 1e-4  # inverse depths, 1/m
 LEAST_HEIGHT_M = 1e-3  # of a lens, from which the floor's roughness follows
 ORIGIN = np.array([1e-6, 1e-6, 1e6, 1e8, 1e8, 1e-6])  # information that fixes heading and place of the first pose
-FIRST, NONE = np.array([0]), np.array([], dtype=np.intp)
+SECOND = np.array([1])
 UNHELD_RAD = np.radians(2.0)  # standard deviation of a tilt after the mount's angles have changed
 # Least depth of a point that was triangulated over a gap; share of its inverse depth to which a known one is known.
 NEAR_M, KNOWN_SHARE = 0.3, 0.2
@@ -269,7 +269,7 @@ class KeyframeWindow:
         factors: PoseFactors | None = None,
     ) -> tuple[LensPose, float]:
         """The pose near an expected one where tracks, as of `step`, agree with the points as they are and with the
-        picture's gravity and height, and the weight of those that do."""
+        picture's factors, and the weight of those that do."""
         rows = rows_of(self.points.ids, ids)
         points = points if late is None else points - self._readout_s * late
         kept, seen = self.points.chosen(rows >= 0), points[rows[rows >= 0]]
@@ -285,7 +285,7 @@ class KeyframeWindow:
         sigma_m = np.sqrt(kept.variance) / kept.inverse_m**2
         landmarks = DepthLandmarks(world, along, np.minimum(sigma_m, 2.0 / kept.inverse_m))
         sigma = self._rule.gate_px / self._focal_px / TUKEY
-        prior = factors and partial(_held, FactorRows([factors], self._lever_m))
+        prior = factors and partial(_held, FactorRows([self._factors[-1], factors], self._lever_m), self.poses[-1])
         start = resect(landmarks, seen, start, 2.0 * sigma, prior).pose
         estimate = resect(landmarks, seen, start, sigma, prior)
         return estimate.pose, float(estimate.weights.sum())
@@ -580,9 +580,11 @@ class KeyframeWindow:
         host[host > index] -= 1
 
 
-def _held(factors: FactorRows, pose: LensPose) -> tuple[Array, Array]:
-    """One picture's gravity and height as a prior of its pose."""
-    return factors.rows(pose.rotation[None], pose.position_m[None], FIRST, NONE)
+def _held(factors: FactorRows, last: LensPose, pose: LensPose) -> tuple[Array, Array]:
+    """One picture's factors as a prior of its pose, the one before being known."""
+    rotation, position = np.array([last.rotation, pose.rotation]), np.array([last.position_m, pose.position_m])
+    rows, off = factors.rows(rotation, position, SECOND, SECOND)
+    return rows[:, 6:], off
 
 
 def rows_of(ids: NDArray[np.int64], among: NDArray[np.int64]) -> Indices:

@@ -1,6 +1,7 @@
 """A window of keyframes, against points and poses that are projected by hand."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -154,6 +155,28 @@ def test_a_table_that_the_mask_takes_for_floor_has_a_level_of_its_own():
         window, _ = followed_from_the_mount(30, points, floor, np.random.default_rng(seed), depth=True)
         assert window.poses[-1].position_m[2] == pytest.approx(HEIGHT_M, abs=0.08)
         assert window.poses[-1].position_m[0] == pytest.approx(0.06 * 29, rel=0.01)
+
+
+def test_wheels_hold_the_pose_that_a_plain_front_of_unknown_depth_leaves_open():
+    """A turn on the spot, before it is in the window; the lens is 0.28 m ahead of the axle."""
+    mount = Mount.from_degrees(0.5, 10.0, forward_m=0.28)
+    first, turn = LensPose(mount.rotation_base_optical(), mount.position_base_m()), small_rotation(0.0, 0.0, -0.13)
+    second = LensPose(turn @ first.rotation, turn @ first.position_m)
+    up = up_optical(mount.pitch_rad, 0.0)
+    carried = PoseFactors(up, math.radians(0.3), 0.5, 0.002, 0.001, np.eye(3))
+    aside_m = []
+    for seed in range(4):
+        rng, ids = np.random.default_rng(seed), np.arange(30)
+        points = np.column_stack([np.full(30, 1.2), rng.uniform(-0.5, 0.3, 30), rng.uniform(0.2, 0.7, 30)])
+        local = [(points - pose.position_m) @ pose.rotation for pose in (first, second)]
+        before, now = (one[:, :2] / one[:, 2:] + rng.normal(0.0, 0.3 / FOCAL_PX, (30, 2)) for one in local)
+        window = KeyframeWindow(WindowRule(), FOCAL_PX, mount, 12.0)
+        window.step(first, carried, ids, before, np.zeros(30))
+        for factors in (carried, replace(carried, slip_m=0.0025)):
+            pose, _ = window.resected(first, ids, now, None, factors)
+            aside_m.append(abs((window.base(first).inverse() @ window.base(pose)).y_m))
+    assert np.mean(aside_m[::2]) > 0.03  # what wheels are for
+    assert max(aside_m[1::2]) < 0.005
 
 
 def test_a_gyro_holds_the_rotation_where_the_tracks_are_bad():
