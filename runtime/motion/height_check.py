@@ -53,7 +53,7 @@ class HeightCheck:
         self.reset()
 
     def reset(self) -> None:
-        """Discards all measurements, as after a correction of the camera's attitude; `judge` keeps a guess's sizes."""
+        """Discards all measurements, as of a carried camera."""
         self._sizes = HeightBySizes(KEPT)
         self._ratios: deque[float] = deque(maxlen=KEPT)  # logarithms of wheels over camera
         self._depths: deque[float] = deque(maxlen=KEPT)  # logarithms of depth's height over the mount's
@@ -72,12 +72,11 @@ class HeightCheck:
         """The fault after one more frame with a good picture; None where there is none or it was reported before.
         depth: whether the frame brings any."""
         used = attitude.mount.used if attitude.mount else self._used
-        if used != self._used or attitude.carried:
-            sizes = self._sizes
+        if attitude.carried:
             self.reset()
-            if self._guessed and not attitude.carried:  # the scale is by sizes: without them it returns to the guess
-                turned = used.rotation_base_optical() @ self._used.rotation_base_optical().T
-                self._sizes = sizes.turned(turned)
+        elif used != self._used:
+            self._sizes = self._sizes.turned(used.rotation_base_optical() @ self._used.rotation_base_optical().T)
+            self._ratios.clear()  # of motions by other angles
         self._used = used
         self._began_s = min(self._began_s, stamp_s)
         if depth or motion.lengths is not None:

@@ -86,11 +86,11 @@ class MountRule:
 class MountCheck:
     """The mount's angles as all measurements together estimate them (`MountTilt`).
 
-    Where they clearly contradict the mount, a fault is reported once, and their estimate is used from then on. A
-    carried camera has no mount and is not checked. Edges of single frames update `pictures`. health: by which a picture
-    shows another view (`moved`). used: the mount that attitudes refer to. estimate: None before the first judgement.
-    carried: whether the tilt by edges scatters more than a mounted camera's. room: its heading by the edges of the last
-    frame, if just computed.
+    On wheels, their estimate is used once it has converged; where they clearly contradict the mount, at once, and a
+    fault is reported. A carried camera has no mount and is not checked. Edges of single frames update `pictures`.
+    health: by which a picture shows another view (`moved`). used: the mount that attitudes refer to. estimate: None
+    before the first judgement. carried: whether the tilt by edges scatters more than a mounted camera's. room: its
+    heading by the edges of the last frame, if just computed.
     """
 
     def __init__(
@@ -120,8 +120,8 @@ class MountCheck:
 
     @property
     def carried(self) -> bool:
-        """Whether the estimates by edges scatter more than a mounted camera's."""
-        return self._steady is False
+        """Whether the estimates by edges scatter more than a mounted camera's, of a mount that is not known yet."""
+        return self._steady is False and not self._settled
 
     def see(self, frame: Frame) -> Fault | None:
         """Processes a part of a frame's edges. Returns a fault when the mount has just proved wrong."""
@@ -213,7 +213,7 @@ class MountCheck:
         wrong = (not waits) & (np.abs(tilt.error_rad) > CLEAR_SIGMAS * sigma)
         self._settled |= self._on_wheels and bool(tilt.converged().all())
         self._wrong = reported | wrong
-        error_rad = np.where(self._wrong, tilt.error_rad, 0.0)
+        error_rad = np.where(self._wrong | self._settled, tilt.error_rad, 0.0)
         if np.abs(error_rad - self._corrected).max() > rule.tilt.lasting / 2.0:
             self._corrected, self.used = error_rad, self._with(error_rad)
         self.estimate = MountEstimate(self._with(tilt.error_rad), sigma, self.used, self._mount)

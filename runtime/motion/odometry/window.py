@@ -206,8 +206,9 @@ class WindowOdometry:
         gyro = None if attitude is None or self._skipped else attitude.rotation
         gyro = gyro if gyro is not None and gyro.proved else None  # of wrong axes it would lose the tracks
         used = self._mount if attitude is None or attitude.mount is None else attitude.mount.used
-        corrected, self._mount = used != self._mount, used
-        if corrected:
+        turned_rad = math.hypot(used.pitch_rad - self._mount.pitch_rad, used.roll_rad - self._mount.roll_rad)
+        self._mount = used
+        if turned_rad > self._tilt_rad[0]:
             self._graph.loosen(self._up())
         if attitude is not None and attitude.predicted and attitude.seen_up is not None and not self._skipped:
             self._graph.see_up(attitude.seen_up, self._edges_rad)
