@@ -216,23 +216,26 @@ def paper_step(tmp_path):
         bundle = load_bundle(painted.write_painted(tmp_path / "b", [], odometry=True, **options))
         odometry = PaperOdometry(bundle)
         features = bundle.backbone.run({"image": np.zeros((1, 3, 64, 64), np.float32)})
-        return odometry, lambda: odometry.step(Frame(0, 0.0, np.zeros((64, 64, 3), np.uint8)), features)
+        image = np.zeros((64, 64, 3), np.uint8)
+        return lambda stamp_s=0.0: odometry.step(Frame(0, stamp_s, image), features)
 
     return made
 
 
-def test_paper_head_carries_its_state_and_forgets_it_on_reset(paper_step):
-    odometry, step = paper_step()
-    for expected in ([0.01, 0.02, 0.03], [0.01]):
-        first = step()
-        assert first.motion == SE2()
-        assert first.covariance[0, 0] == 1.0
-        assert [step().motion.x_m for _ in expected] == pytest.approx(expected)
-        odometry.reset("test")
+def test_paper_head_carries_its_state_and_forgets_it_over_a_gap(paper_step):
+    step = paper_step()
+    first = step()
+    assert first.motion == SE2()
+    assert first.covariance[0, 0] == 1.0
+    assert [step().motion.x_m for _ in range(3)] == pytest.approx([0.01, 0.02, 0.03])
+    late = step(60.0)
+    assert late.blind
+    assert [fault.kind for fault in late.faults] == [FaultKind.ODOMETRY]
+    assert step(60.0).motion.x_m == pytest.approx(0.01)
 
 
 def test_a_head_with_a_window_starts_anew_from_the_last_frame(paper_step):
-    _, step = paper_step(window=2)
+    step = paper_step(window=2)
     assert [step().motion.x_m for _ in range(6)] == pytest.approx([0.0, 0.01, 0.02, 0.01, 0.02, 0.01])
 
 

@@ -4,9 +4,9 @@ from edgemap.runtime.motion.odometry.protocol import no_motion
 
 
 class MadeOdometry:
-    """Counts resets; a subclass has `step`. A step without a picture fails the test unless it is overridden."""
+    """A subclass has `step`. A step without a picture fails the test unless it is overridden."""
 
-    name, needs_features, resets = "made", False, 0
+    name, needs_features = "made", False
 
     def step_blind(self, stamp_s, reason, attitude=None):
         raise AssertionError(reason)
@@ -16,6 +16,3 @@ class MadeOdometry:
 
     def rest(self, stamp_s):
         return no_motion()
-
-    def reset(self, reason):
-        self.resets += 1

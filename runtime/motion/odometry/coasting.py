@@ -41,7 +41,8 @@ class Coasting:
         rule = rule or CoastingRule()
         speed, turn = rule.speed_sigma_m_s, rule.yaw_rate_sigma_rad_s
         self._change = np.array([speed, 0.5 * speed, turn])
-        self.reset()
+        self._velocity, self._variance, self._sigmas = np.zeros(3), UNKNOWN, np.ones(3)
+        self._last_s = self._blind_from_s = self._measured_s = -math.inf
 
     def saw(self, motion: SE2, stamp_s: float, covariance: Array = EXACT) -> None:
         """A measured motion that ended at a stamp, with its covariance (3, 3)."""
@@ -70,8 +71,3 @@ class Coasting:
         covariance = np.diag(self._sigmas**2 * (after_s**2 - before_s**2))
         state = MotionState.COASTING if carried_s > 0.0 and self._velocity.any() else MotionState.BLIND
         return Motion(SE2(*(self._velocity * carried_s)), covariance, faults, state)
-
-    def reset(self) -> None:
-        """Discards the velocity."""
-        self._velocity, self._variance, self._sigmas = np.zeros(3), UNKNOWN, np.ones(3)
-        self._last_s = self._blind_from_s = self._measured_s = -math.inf

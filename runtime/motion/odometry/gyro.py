@@ -33,7 +33,7 @@ class GyroOdometry:
 
     def __init__(self, displaced: bool = False) -> None:
         self._displaced = displaced
-        self.reset("start")
+        self._first = True
 
     def step(self, frame: Frame, features: Tensors, prior: FramePrior = NO_PRIOR) -> Motion:  # noqa: ARG002
         """The yaw since the last frame."""
@@ -65,10 +65,6 @@ class GyroOdometry:
     def rest(self, stamp_s: float) -> Motion:  # noqa: ARG002
         """No motion. Nothing to store: the next rotation begins at this stamp in any case."""
         return no_motion()
-
-    def reset(self, reason: str) -> None:  # noqa: ARG002
-        """Start again at the next frame."""
-        self._first = True
 
 
 def yaw_motion(rotation: GyroRotation) -> Motion:

@@ -78,7 +78,13 @@ class HybridOdometry:
         self._sources = dict(sources)
         self._rule, self._coasting = rule or HybridRule(), Coasting(coasting)
         self._covered_limit = (health or HealthRule()).part_share
-        self.reset("start")
+        self._measured = set[str]()
+        self._news = {name: StreamTimer(REPEATED_S) for name in self._sources}  # of their faults
+        self._first = True
+        self._agreed_s = self._fused_s = -math.inf  # of the last step in which the sources agreed, and of the last one
+        self._movers = 0.0  # share of the picture that people and animals cover
+        self._compass, self._wheels = RoomCompass(self._rule.compass), WheelTrust(self._rule.trust)
+        self._last_s = -math.inf  # of the last step
 
     def step(self, frame: Frame, features: Tensors, prior: FramePrior = NO_PRIOR) -> Motion:
         """The fused motion since the last frame."""
@@ -105,20 +111,6 @@ class HybridOdometry:
         self._coasting.saw(SE2(), stamp_s)
         self._last_s = stamp_s
         return no_motion()
-
-    def reset(self, reason: str) -> None:
-        """Every source starts again."""
-        for source in self._sources.values():
-            source.reset(reason)
-        self._coasting.reset()
-        self._measured = set[str]()
-        self._news = {name: StreamTimer(REPEATED_S) for name in self._sources}  # of their faults
-        self._first = True
-        self._agreed_s = self._fused_s = -math.inf  # of the last step in which the sources agreed, and of the last one
-        self._movers = 0.0  # share of the picture that people and animals cover
-        self._compass = RoomCompass(self._rule.compass, unobserved_rad2=0.0 if reason == "start" else math.inf)
-        self._wheels = WheelTrust(self._rule.trust)
-        self._last_s = -math.inf  # of the last step
 
     def _fused(self, stamp_s: float, motions: Mapping[str, Motion], covered: float = 0.0) -> Motion:
         """The motion of a step by those of the sources. covered: as of `FramePrior`."""

@@ -75,13 +75,6 @@ class JudgedOdometry:
         self._last_s = stamp_s
         return self._chosen(self._given(stamp_s)[0].rest(stamp_s), self._camera.rest(stamp_s), stamp_s)
 
-    def reset(self, reason: str) -> None:
-        """Both start again."""
-        self._camera.reset(reason)
-        if self._opened is not None:
-            self._opened[0].reset(reason)
-        self._last_s = -math.inf
-
     def _given(self, stamp_s: float) -> tuple[RecordedOdometry, PoseTrack, GivenPoses | None]:
         if self._opened is None:
             self._opened = self._open(stamp_s)

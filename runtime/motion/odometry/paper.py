@@ -29,11 +29,14 @@ class PaperOdometry:
                 "(edgemap train odometry)"
             )
         sigmas = (self._head.sigma_forward_m, self._head.sigma_left_m, self._head.sigma_yaw_rad)
-        self._covariance, self._coasting_rule = np.diag(np.square(sigmas)), coasting
-        self.reset("start")
+        self._covariance = np.diag(np.square(sigmas))
+        self._coasting, self._last_s, self._fed = Coasting(coasting), -math.inf, 0
+        self._states: Tensors = {}
+        self._last: NDArray[np.float32] | None = None  # the last picture's features
+        self._guessed, self._blind_covariance = SE2(), np.zeros((3, 3))  # since the last picture
 
     def step(self, frame: Frame, features: Tensors, prior: FramePrior = NO_PRIOR) -> Motion:  # noqa: ARG002
-        """Feed this frame's features; the first ones after a reset give identity."""
+        """Feed this frame's features; the first ones give identity."""
         gap_s, self._last_s = frame.stamp_s - self._last_s, frame.stamp_s
         guessed, self._guessed = self._guessed, SE2()
         blind, self._blind_covariance = self._blind_covariance, np.zeros((3, 3))
@@ -73,13 +76,6 @@ class PaperOdometry:
         self._last_s, self._guessed, self._blind_covariance = stamp_s, SE2(), np.zeros((3, 3))
         self._coasting.saw(SE2(), stamp_s)
         return no_motion()
-
-    def reset(self, reason: str) -> None:  # noqa: ARG002
-        """Start again from the initial states."""
-        self._coasting, self._last_s, self._fed = Coasting(self._coasting_rule), -math.inf, 0
-        self._states: Tensors = {}
-        self._last: NDArray[np.float32] | None = None  # the last picture's features
-        self._guessed, self._blind_covariance = SE2(), np.zeros((3, 3))  # since the last picture
 
     def _feed(self, feature: NDArray[np.float32]) -> SE2:
         outputs = self._network.run({self._head.feature_input: feature, **self._states})

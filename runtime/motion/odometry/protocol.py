@@ -152,7 +152,7 @@ NO_PRIOR = FramePrior()
 
 
 class Odometry(Protocol):
-    """Fed every frame in order. The first step after construction or a reset gives identity, covariance unknown.
+    """Fed every frame in order. The first step gives identity, covariance unknown.
 
     needs_features: whether it cannot measure where the backbone did not run.
     """
@@ -183,6 +183,3 @@ class Odometry(Protocol):
     def rest(self, stamp_s: float) -> Motion:
         """`no_motion`: the base stood still since the previous step; the last picture is valid for this stamp too."""
         ...
-
-    def reset(self, reason: str) -> None:
-        """Resets the state, after a gap in the frames or a change of place."""

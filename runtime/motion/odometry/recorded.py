@@ -74,7 +74,8 @@ class RecordedOdometry:
         self._edge_s = edge_s
         period_s = float(np.median(np.diff(trajectory.stamps_s))) if len(trajectory.poses) > 1 else 0.0
         self._longest_gap_s = max(LONGEST_GAP_S, LONGEST_GAP_PERIODS * period_s)
-        self.reset("start")
+        self._last: SE2 | None = None
+        self._last_s = -math.inf
 
     def step(self, frame: Frame, features: Tensors, prior: FramePrior = NO_PRIOR) -> Motion:  # noqa: ARG002
         """The recorded motion since the last frame."""
@@ -96,11 +97,6 @@ class RecordedOdometry:
         """Zero motion; continues from the stamp."""
         self._to(stamp_s)
         return no_motion()
-
-    def reset(self, reason: str) -> None:  # noqa: ARG002
-        """Start again at the next frame."""
-        self._last: SE2 | None = None
-        self._last_s = -math.inf
 
     def _to(self, stamp_s: float) -> Motion:
         pose, fault = self._pose(stamp_s)

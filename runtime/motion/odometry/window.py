@@ -91,7 +91,8 @@ class WindowOdometry:
         self.judged = begun.certain() if carried else begun
         self._rolling = Rolling(self._rule.slip_share, 0.0, _axle_sigma_m(self._level.mount))
         self._coasting, self.readout = Coasting(coasting), Readout()
-        self.reset("start")
+        self._first, self._seen_s = True, -math.inf
+        self._start_again()
 
     def step(self, frame: Frame, features: Tensors, prior: FramePrior = NO_PRIOR) -> Motion:  # noqa: ARG002
         """Tracks the corners of the previous frame into this frame and estimates the motion between both."""
@@ -117,12 +118,6 @@ class WindowOdometry:
         self._motion = SE2()
         self._coasting.saw(SE2(), stamp_s)
         return no_motion()
-
-    def reset(self, reason: str) -> None:  # noqa: ARG002
-        """Start again at the next frame."""
-        self._first, self._seen_s = True, -math.inf
-        self._coasting.reset()
-        self._start_again()
 
     def _start_again(self) -> None:
         """Discards the previous picture and all estimates from it."""
