@@ -3,12 +3,10 @@
 import math
 
 import numpy as np
-from numpy.typing import NDArray
 
+from edgemap.geometry.arrays import Array
 from edgemap.geometry.camera.attitude import MountEstimate
 from edgemap.geometry.camera.mount import HeightEstimate, Mount
-
-Array = NDArray[np.float64]
 
 
 def up_optical(pitch_rad: float, roll_rad: float) -> Array:

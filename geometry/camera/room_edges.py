@@ -4,12 +4,10 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from edgemap.geometry.arrays import Array
 from edgemap.geometry.camera.inertial import SKEW, small_rotation
 from edgemap.geometry.robust import tukey
-
-Array = NDArray[np.float64]
 
 STEP_RAD, COARSE_RAD = math.radians(2.0), math.radians(2.5)  # between directions tried, and how near edges count then
 NEAR_RAD = math.radians(1.5)  # an edge belongs to a direction that its plane misses by less, at last

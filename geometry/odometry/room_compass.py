@@ -8,12 +8,11 @@ import math
 from dataclasses import dataclass, field, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from edgemap.geometry.arrays import Array
 from edgemap.geometry.camera.attitude import RoomHeading
 from edgemap.geometry.robust import CLEAR_SIGMAS
 
-Array = NDArray[np.float64]
 Prior = tuple[Array, Array]  # of two values, as an information matrix (2, 2), rad^-2, and its product with them
 
 RIGHT_ANGLE = math.pi / 2.0

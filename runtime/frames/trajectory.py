@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from edgemap.geometry.arrays import Array
 from edgemap.geometry.camera.attitude import Attitude
 from edgemap.geometry.errors import EdgemapError
 from edgemap.geometry.se2 import SE2
@@ -194,8 +195,6 @@ class TrackFile:
         """Reads the file. Raises CameraError."""
         return self.read(self.spec)
 
-
-Array = NDArray[np.float64]
 
 SIGMA_RAD = math.radians(0.2)  # of a recorded pose: stamps of pictures and poses differ slightly
 
