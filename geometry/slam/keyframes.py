@@ -97,13 +97,12 @@ class KeyframeTrajectory:
         """The keyframes' odometry factors. loose: with the covariances that loops are searched with."""
         motions = np.array([motion.vector() for motion in self._motions]).reshape(-1, 3)
         covariances = np.array(self._loose if loose else self._covariances).reshape(-1, 3, 3)
-        gains = self.rule.gain, self.rule.gain
         headings = np.array(self._headings).reshape(-1, 2)
         # Their error is mostly the room's, which all share: together they have the information of one.
         measured = int(np.isfinite(headings[:, 1]).sum())
         heading_information = 1.0 / (headings[:, 1] * max(measured, 1))
-        first = self._first, self._first_information
-        return OdometryFactors(motions, inverse(covariances), *first, gains, headings[:, 0], heading_information)
+        first = self._first, self._first_information, self.rule.gain
+        return OdometryFactors(motions, inverse(covariances), *first, headings[:, 0], heading_information)
 
     def vectors(self) -> Array:
         """All keyframes' poses, (K, 3)."""
@@ -150,28 +149,20 @@ class KeyframeTrajectory:
 
     def drop(self, gone: Set[int]) -> None:
         """Removes keyframes, except the first and the last; the motions before and after each are composed."""
-        self._covariances, self._loose = self._joined(self._covariances, gone), self._joined(self._loose, gone)
-        motions: list[SE2] = []
+        motions, covariances, loose = list[SE2](), list[Array](), list[Array]()
         for before, motion in enumerate(self._motions):
+            for joined, one in ((covariances, self._covariances[before]), (loose, self._loose[before])):
+                if before in gone:
+                    joined[-1] = compose_covariance(motions[-1], joined[-1], motion, one)
+                else:
+                    joined.append(one)
             if before in gone:
                 motions[-1] = motions[-1] @ motion
             else:
                 motions.append(motion)
-        self._motions = motions
+        self._motions, self._covariances, self._loose = motions, covariances, loose
         self.poses = [pose for row, pose in enumerate(self.poses) if row not in gone]
         self.covariances = [covariance for row, covariance in enumerate(self.covariances) if row not in gone]
         self._vectors = np.zeros((0, 3))
         self.stamps_s = [stamp_s for row, stamp_s in enumerate(self.stamps_s) if row not in gone]
         self._headings = [heading for row, heading in enumerate(self._headings) if row not in gone]
-
-    def _joined(self, covariances: list[Array], gone: Set[int]) -> list[Array]:
-        """Covariances of the motions once keyframes are dropped."""
-        joined, motion = list[Array](), SE2()
-        for before, covariance in enumerate(covariances):
-            if before in gone:
-                joined[-1] = compose_covariance(motion, joined[-1], self._motions[before], covariance)
-                motion = motion @ self._motions[before]
-            else:
-                joined.append(covariance)
-                motion = self._motions[before]
-        return joined

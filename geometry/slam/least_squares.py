@@ -23,7 +23,7 @@ CONVERGED = 0.01  # iterations end when a step gains less log-likelihood: loop c
 class OdometryFactors:
     """Factors of a chain of K poses. motions (K - 1, 3): motion from each pose to the next, (m, m, rad), in the frame
     of the earlier pose. information (K - 1, 3, 3): of the motions. first (3,): prior of the first pose.
-    first_information (3, 3): of this prior. gains (2,): standard deviations of two relative scale errors, one of all
+    first_information (3, 3): of this prior. gain: standard deviation of two relative scale errors, one of all
     translations and one of all rotations. headings (K,): compass yaw of each pose, rad. heading_information (K,):
     rad^-2, zero for a pose without a compass yaw. headings and heading_information may be empty."""
 
@@ -31,7 +31,7 @@ class OdometryFactors:
     information: Array
     first: Array
     first_information: Array
-    gains: tuple[float, float] = (0.0, 0.0)
+    gain: float = 0.0
     headings: Array = field(default_factory=lambda: np.zeros(0))
     heading_information: Array = field(default_factory=lambda: np.zeros(0))
 
@@ -119,7 +119,7 @@ def solve(
         if system.gain(step) < CONVERGED:
             break
     poses = np.column_stack([poses[:, :2], wrap_angles(poses[:, 2])])
-    odometry = replace(problem.odometry, gains=(0.0, 0.0))
+    odometry = replace(problem.odometry, gain=0.0)
     gaussian = replace(problem, odometry=odometry, freedom=math.inf)
     stated = partial(_System, gaussian, poses, landmarks, biases)
     return Solution(poses, landmarks, biases, system.chi2, system.log_evidence(), system, stated)
@@ -185,8 +185,8 @@ class _System:
             self._cost += 0.5 * float(off @ off)
         x, y, by_before, by_after = _seen_from(poses[:-1], poses[1:, :2])
         by_gain = np.zeros((count - 1, 3, 2))
-        by_gain[:, :2, 0] = -odometry.gains[0] * odometry.motions[:, :2]
-        by_gain[:, 2, 1] = -odometry.gains[1] * odometry.motions[:, 2]
+        by_gain[:, :2, 0] = -odometry.gain * odometry.motions[:, :2]
+        by_gain[:, 2, 1] = -odometry.gain * odometry.motions[:, 2]
         residual = np.column_stack([x, y, poses[1:, 2] - poses[:-1, 2]]) - odometry.motions + by_gain @ biases[:2]
         residual[:, 2] = wrap_angles(residual[:, 2])
         turn = np.tile([0.0, 0.0, 1.0], (count - 1, 1, 1))

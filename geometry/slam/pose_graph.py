@@ -80,7 +80,7 @@ class Snapshot:
                 number = ties[number]
             first.append(number)
         row = {number: at for at, number in enumerate(dict.fromkeys(first))}
-        return row, _rows([row[number] for number in first])
+        return row, np.array([row[number] for number in first], dtype=np.intp)
 
     def solved(
         self, links: Links, iterations: int, *, loose: bool = False, start: Solution | None = None
@@ -293,10 +293,6 @@ class PoseGraph:
         correction = self.trajectory.replace_motions(path, now_s, in_map)
         self.place(list(self.landmarks.all.values()))
         return correction
-
-
-def _rows(numbers: list[int]) -> Rows:
-    return np.array(numbers, dtype=np.intp)
 
 
 def drop_keyframes(graph: PoseGraph) -> None:

@@ -78,7 +78,7 @@ def drive(seed=0, count=9):
     start[0] = poses[0].vector()
     headings = np.array([p.yaw_rad for p in poses]) + random.normal(0.0, 0.02, count)
     known = np.where(np.arange(count) % 3 == 0, 0.0, random.uniform(100.0, 2500.0, count))
-    chain = OdometryFactors(np.array(motions), information, start[0], FIXED, (0.05, 0.1), headings, known)
+    chain = OdometryFactors(np.array(motions), information, start[0], FIXED, 0.08, headings, known)
     return start, landmarks + random.normal(0.0, 0.2, (3, 2)), chain, looks
 
 
@@ -88,7 +88,7 @@ def residuals(x, count, chain, looks):
     found = [math.sqrt(FIXED[0, 0]) * (poses[0] - chain.first)]
     for k, (motion, information) in enumerate(zip(chain.motions, chain.information, strict=True)):
         relative = SE2(*poses[k]).inverse() @ SE2(*poses[k + 1])
-        off = relative.vector() - motion * (1 + np.array([0.05, 0.05, 0.1]) * x[[-3, -3, -2]])
+        off = relative.vector() - motion * (1 + 0.08 * x[[-3, -3, -2]])
         off[2] = math.remainder(off[2], math.tau)
         found.append(np.linalg.cholesky(information).T @ off)
     off = [math.remainder(yaw_rad, math.tau) for yaw_rad in poses[:, 2] - chain.headings]
