@@ -1,6 +1,5 @@
 """Merges maps of one place: fuses matched objects, copies all others and keeps edits."""
 
-from collections import Counter
 from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
@@ -52,11 +51,7 @@ def merge_maps(
     rule = rule or LandmarkRule()
     here = [moved(item, alignment) for item in second]
     partner = {j: i for i, j in (*alignment.pairs, *_overlapping(first, here, alignment.pairs))}
-    merged = {item.id: item for item in first}
-    highest: Counter[str] = Counter()
-    for item in [*first, *second]:
-        label, number = id_order(item.id)
-        highest[label] = max(highest[label], number)
+    merged, taken = {item.id: item for item in first}, {item.id for item in (*first, *second)}
     became: dict[str, str] = {}
     for j, item in enumerate(second):
         if j in partner:
@@ -64,10 +59,8 @@ def merge_maps(
             merged[ours.id] = fused(ours, here[j], rule)
             became[item.id] = ours.id
             continue
-        identity = item.id
-        if identity in merged:
-            highest[item.label] += 1
-            identity = f"{item.label}-{highest[item.label]}"
+        identity = _next_id(item.label, taken) if item.id in merged else item.id
+        taken.add(identity)
         merged[identity] = replace(here[j], id=identity)
         became[item.id] = identity
     return sorted(merged.values(), key=lambda item: id_order(item.id)), became
@@ -145,7 +138,7 @@ def merge_annotated(
     merged = [item for item in merged if item.id not in gone or item.name or item.confirmed or item.corrected]
     taken, kept = {item.id for item in merged}, list[MapObject]()
     for item in (*annotations.deleted, *removed):
-        kept.append(replace(item, id=_free_id(item, taken)))
+        kept.append(replace(item, id=_next_id(item.label, taken)) if item.id in taken else item)
         taken.add(kept[-1].id)
     dock = annotations.dock or (more.dock and alignment.pose_a_b @ more.dock)
     identity = annotations.identity and annotations.identity.merged(more.identity)
@@ -153,11 +146,9 @@ def merge_annotated(
     return merged, replace(added, deleted=tuple(kept), dock=dock, identity=identity)
 
 
-def _free_id(item: MapObject, taken: Collection[str]) -> str:
-    if item.id not in taken:
-        return item.id
-    numbers = [number for label, number in map(id_order, taken) if label == item.label]
-    return f"{item.label}-{max(numbers, default=0) + 1}"
+def _next_id(label: str, taken: Collection[str]) -> str:
+    numbers = [number for other, number in map(id_order, taken) if other == label]
+    return f"{label}-{max(numbers, default=0) + 1}"
 
 
 def _overlapping(first: Sequence[MapObject], second: Sequence[MapObject], pairs: Pairs) -> Pairs:
