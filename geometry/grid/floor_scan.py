@@ -5,6 +5,7 @@ from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.ndimage import binary_opening
 
 from edgemap.geometry.arrays import Array
 from edgemap.geometry.camera.depth_points import SparseDepth
@@ -131,16 +132,8 @@ def _border_rays(lens: Intrinsics) -> Array:
 
 
 def _runs(floor: Mask, rows: int) -> Mask:
-    """The cells that belong to so many in a column, at least (a morphological opening)."""
-    if len(floor) < rows:
-        return np.zeros_like(floor)
-    starts = floor[: len(floor) - rows + 1].copy()
-    for k in range(1, rows):
-        starts &= floor[k : len(floor) - rows + 1 + k]
-    runs = np.zeros_like(floor)
-    for k in range(rows):
-        runs[k : len(floor) - rows + 1 + k] |= starts
-    return runs
+    """The cells that belong to so many in a column, at least."""
+    return np.asarray(binary_opening(floor, np.ones((rows, 1), np.bool_)), dtype=np.bool_)
 
 
 def _lowest_run(runs: Mask, floor: Mask) -> Mask:
