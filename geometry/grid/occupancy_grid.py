@@ -107,7 +107,3 @@ class OccupancyGrid:
         columns, rows = (np.clip(np.floor(old[axis] + 1e-9).astype(int), 0, shape[axis] - 1) for axis in range(2))
         x_m, y_m = (first * self.cell_m).tolist()
         return replace(self, log_odds=self.log_odds[np.ix_(rows, columns)], x_m=x_m, y_m=y_m)
-
-    def area_m2(self, value: int) -> float:
-        """Total area, m^2, of the cells in one state (FREE, OCCUPIED or UNKNOWN)."""
-        return float((self.cells == value).sum()) * self.cell_m**2

@@ -45,12 +45,11 @@ class _Visit:
 
 
 class Forgetter:
-    """Counts how often each object of the map was missed since it was last detected. observations: clear observations
-    so far, by id. missing: objects that would have left but are kept."""
+    """Counts how often each object of the map was missed since it was last detected. missing: objects that would have
+    left but are kept."""
 
     def __init__(self, camera: FloorCamera, rule: ForgetRule | None = None) -> None:
         self.camera, self.rule = camera, rule or ForgetRule()
-        self.observations: dict[str, int] = defaultdict(int)
         self.missing: set[str] = set()
         self._open: dict[str, _Visit] = {}
         self._missed: dict[str, int] = defaultdict(int)
@@ -120,7 +119,6 @@ class Forgetter:
             moved = observation.pose_map_base.inverse() @ pose_map_base
             if math.hypot(moved.x_m, moved.y_m) < same_m and abs(moved.yaw_rad) < same_m:
                 return observation
-            self.observations[item.id] += observation.seen is not None
             self._missed[item.id] += observation.seen is False
         self._open[item.id] = _Visit(pose_map_base)
         return self._open[item.id]

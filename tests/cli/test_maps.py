@@ -7,7 +7,7 @@ from dataclasses import replace
 import cv2
 import numpy as np
 import pytest
-from support.boxed_room import floor_mask, walls
+from support.boxed_room import area_m2, floor_mask, walls
 from support.refusal import one_line
 from support.rooms import furnished, mapped
 
@@ -69,7 +69,7 @@ def test_two_drives_of_one_room_become_one_map(edgemap, tmp_path, grid):
     assert {item.id for item in first} <= {item.id for item in merged}
     for label, x, y in room:
         assert any(item.label == label and np.allclose(item.position_m, [x, y], atol=1e-4) for item in merged)
-    assert load_grid(tmp_path / "merged").area_m2(FREE) == pytest.approx(grid.area_m2(FREE), rel=0.05)
+    assert area_m2(load_grid(tmp_path / "merged"), FREE) == pytest.approx(area_m2(grid, FREE), rel=0.05)
 
 
 def test_maps_that_do_not_fit_are_refused_with_numbers(edgemap, tmp_path):
@@ -201,7 +201,7 @@ def test_the_height_by_tape_scales_all_lengths(edgemap, guessed_run, tmp_path):
     grid = load_grid(tmp_path / "scaled")
     assert grid.cell_m == 0.05
     assert grid.at([(0.02, 0.02), (1.57, 0.77), (1.62, 0.4)]).tolist() == [FREE, FREE, OCCUPIED]
-    assert grid.area_m2(FREE) == pytest.approx(0.64 * floor().area_m2(FREE), rel=0.05)
+    assert area_m2(grid, FREE) == pytest.approx(0.64 * area_m2(floor(), FREE), rel=0.05)
 
 
 def test_a_distance_between_two_objects_scales_it_too(edgemap, guessed_run, tmp_path):
@@ -211,7 +211,7 @@ def test_a_distance_between_two_objects_scales_it_too(edgemap, guessed_run, tmp_
     objects, _ = load_annotated_map(tmp_path / "scaled")
     assert math.dist(objects[0].position_m, objects[1].position_m) == pytest.approx(length_m)
     grid = load_grid(tmp_path / "scaled")
-    assert grid.area_m2(FREE) == pytest.approx(2.25 * floor().area_m2(FREE), rel=0.05)  # without holes
+    assert area_m2(grid, FREE) == pytest.approx(2.25 * area_m2(floor(), FREE), rel=0.05)  # without holes
     assert OCCUPIED in grid.at([(3.02, 0.7)]).tolist()
 
 

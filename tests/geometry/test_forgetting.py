@@ -1,4 +1,5 @@
 import math
+from collections import Counter
 from dataclasses import replace
 from itertools import pairwise
 
@@ -23,6 +24,20 @@ from edgemap.geometry.observations.sighting import FloorRule, sightings_of
 from edgemap.geometry.se2 import SE2
 
 NOTHING = Detections.none(("chair",))
+
+
+class CountingForgetter(Forgetter):
+    """observations: clear observations so far, by id."""
+
+    def __init__(self, camera):
+        super().__init__(camera)
+        self.observations = Counter()
+
+    def _observation_at(self, item, pose_map_base):
+        before = self._open.get(item.id)
+        now = super()._observation_at(item, pose_map_base)
+        self.observations[item.id] += before is not None and before is not now and before.seen is not None
+        return now
 
 
 def drive(room, way, random, rate=0.8, saved=None, forgetter=None):
@@ -122,7 +137,7 @@ def looks_from(count):
 
 
 def test_confidence_falls_look_by_look_until_the_object_leaves_and_its_id_is_not_given_again():
-    floor_map, forgetter = chair_map(), Forgetter(CAMERA)
+    floor_map, forgetter = chair_map(), CountingForgetter(CAMERA)
     confidences, real = [], floor_map.objects()[0].confidence
     for pose in looks_from(12):
         forgetter.observe(floor_map, NOTHING, pose, [])
@@ -161,9 +176,9 @@ def test_furniture_moved_between_two_drives():
         random = np.random.default_rng(seed)
         way = round_trip(160, radius_m=1.5, turns=1.9)
         room = [t for t in furnished(random, 18, apart_m=0.9) if min(_away(t, p) for p in way) > 0.7]
-        floor_map, early = drive(room[:-4], way, random, forgetter=Forgetter(CAMERA))
+        floor_map, early = drive(room[:-4], way, random, forgetter=CountingForgetter(CAMERA))
         saved = floor_map.objects()
-        forgetter = Forgetter(CAMERA)
+        forgetter = CountingForgetter(CAMERA)
         later, left = drive(room[4:], way, random, saved=saved, forgetter=forgetter)
         present, lost = present + len(saved), lost + len(early)
         for item in saved:

@@ -62,3 +62,8 @@ def _along_rays(
             hit = (near <= far) & (near > 0.0)
             to_box[hit] = np.minimum(to_box[hit], near[hit])
     return to_floor, to_box
+
+
+def area_m2(grid, value):
+    """Total area of a grid's cells in one state, m^2."""
+    return float((grid.cells == value).sum()) * grid.cell_m**2
