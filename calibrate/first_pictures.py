@@ -2,9 +2,11 @@
 
 import math
 import time
-from collections.abc import Callable, Collection, Iterator, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
+
+import cv2
 
 from edgemap.calibrate.board import PICTURES, frames_of
 from edgemap.calibrate.floor_depth import fit_floor_depth, gravity
@@ -21,7 +23,7 @@ from edgemap.runtime.frames.frame import Frame
 from edgemap.runtime.frames.reading import user_path
 from edgemap.runtime.inputs.drives.camera_yaml import read_camera_yaml
 from edgemap.runtime.motion.camera_guess import CameraGuess
-from edgemap.runtime.motion.health import views_of
+from edgemap.runtime.motion.health import HealthRule, Views
 from edgemap.runtime.network.bundle import Bundle
 from edgemap.runtime.network.decode import Decoder, Detector
 
@@ -107,3 +109,9 @@ def guessing_frames(source: Camera, again: Callable[[], Camera]) -> list[Frame]:
     if FEWEST_ROOMS <= len(views) < len(frames):  # as many again from what is not at rest
         return list(views_of(sampled(max(1, every * len(views) // len(frames)))))[: 2 * PICTURES]
     return frames
+
+
+def views_of(frames: Iterable[Frame]) -> Iterator[Frame]:
+    """The pictures that show another view than the previous one of the result; the first one is included."""
+    views = Views(HealthRule().moved)
+    return (frame for frame in frames if views.is_another(cv2.cvtColor(frame.image, cv2.COLOR_BGR2GRAY)))

@@ -66,8 +66,8 @@ def _by_room(
 ) -> "tuple[Intrinsics, Fit]":
     from edgemap.calibrate.board import frames_of
     from edgemap.calibrate.floor_depth import gravity
+    from edgemap.cli.signals import stop_on_signals
     from edgemap.geometry.camera.imu import ImuSamples
-    from edgemap.runtime.step.loop import stop_on_signals
 
     with calibration.open(topics) as source, stop_on_signals() as stop:
         lens, prior, rolls = calibration.lens(source), source.info.mount, source.info.wheel is not None
@@ -100,12 +100,12 @@ def _by_edges(
 
     from edgemap.calibrate.board import frames_of
     from edgemap.calibrate.wheel_height import fit_wheel_height
+    from edgemap.cli.signals import stop_on_signals
     from edgemap.geometry.camera.inertial import OFFSET_RAD
     from edgemap.geometry.camera.level import pitch_roll
     from edgemap.geometry.camera.mount import Mount
     from edgemap.runtime.frames.errors import CalibrationError
     from edgemap.runtime.frames.trajectory import TrackFile
-    from edgemap.runtime.step.loop import stop_on_signals
 
     try:
         with calibration.open() as source:

@@ -55,8 +55,8 @@ class CalibrationOptions:
     def views(self, source: "Camera", board: "Board") -> "list[BoardView]":
         """Different views of the board, printed one by one; Ctrl-C ends the search with the views so far."""
         from edgemap.calibrate.board import board_views
+        from edgemap.cli.signals import stop_on_signals
         from edgemap.runtime.frames.reading import print_message
-        from edgemap.runtime.step.loop import stop_on_signals
 
         views: list[BoardView] = []
         printed_s = monotonic()
@@ -103,8 +103,8 @@ class MountCalibrationOptions(CalibrationOptions):
         CalibrationError."""
         from edgemap.calibrate.board import frames_of
         from edgemap.calibrate.tilt import fit_tilt
+        from edgemap.cli.signals import stop_on_signals
         from edgemap.runtime.motion.attitude.segments import find_segments
-        from edgemap.runtime.step.loop import stop_on_signals
 
         count = min(self.frames or source.info.frame_count or 10 * EDGES, source.info.frame_count or 10 * EDGES)
         every = max(1, math.ceil(count / EDGES))

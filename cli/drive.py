@@ -15,6 +15,8 @@ from edgemap.cli.options import minimum_score
 from edgemap.cli.publishers import WatchGroup
 from edgemap.cli.run_options import RunOptions
 from edgemap.cli.run_record import run_record, scale_source
+from edgemap.cli.service import ServiceNotifier
+from edgemap.cli.signals import stop_on_signals
 from edgemap.cli.summary import RunSummary, judge_of, with_map_so_far
 from edgemap.geometry.camera.floor import FloorCamera
 from edgemap.runtime.compose import RunSpec, compose, mapped_classes
@@ -25,7 +27,6 @@ from edgemap.runtime.inputs.cameras.wrappers import PacedCamera, SearchRate
 from edgemap.runtime.motion.camera_guess import CameraGuess
 from edgemap.runtime.network.bundle import Bundle
 from edgemap.runtime.network.manifest_file import write_manifest
-from edgemap.runtime.outputs.service import ServiceNotifier
 from edgemap.runtime.outputs.sinks.kinds import RunInfo, open_sinks
 from edgemap.runtime.outputs.sinks.living_map import LivingMap
 from edgemap.runtime.outputs.sinks.progress import progress
@@ -33,7 +34,7 @@ from edgemap.runtime.outputs.sinks.run_folder import RunFolder
 from edgemap.runtime.outputs.verdict.verdict import Verdict
 from edgemap.runtime.step.config import Config
 from edgemap.runtime.step.edit_queue import Edits, load_edits, read_edits
-from edgemap.runtime.step.loop import run, stop_on_signals
+from edgemap.runtime.step.loop import run
 from edgemap.runtime.step.map_store import MapPlace
 from edgemap.runtime.step.mapper import Mapper
 from edgemap.runtime.step.sinks import Sink

@@ -30,9 +30,9 @@ def command(
     """
     from edgemap.bridges.fleet.keeper import PlaceKeeper
     from edgemap.bridges.fleet.network import place_and_address, zenoh_address
+    from edgemap.cli.signals import stop_on_signals
     from edgemap.geometry.errors import EdgemapError
     from edgemap.runtime.frames.extras import need
-    from edgemap.runtime.step.loop import stop_on_signals
 
     need("fleet", "edgemap fleet serve")  # before the folder is made
     if not 0.1 <= every <= 3600.0:

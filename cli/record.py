@@ -35,13 +35,13 @@ def command(
     """
     from edgemap.bridges.ros2.recordings.facts import Facts
     from edgemap.bridges.ros2.recordings.recorder import Recorder
+    from edgemap.cli.signals import stop_on_signals
     from edgemap.geometry.errors import EdgemapError
     from edgemap.runtime.frames.camera import CameraOptions, next_frame
     from edgemap.runtime.frames.errors import RecordingError
     from edgemap.runtime.frames.reading import print_message
     from edgemap.runtime.frames.trajectory import TrackFile
     from edgemap.runtime.inputs.cameras.kinds import read_wheels
-    from edgemap.runtime.step.loop import stop_on_signals
 
     at_least(1, frames=frames)
     check_name(out)

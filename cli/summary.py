@@ -9,11 +9,11 @@ import numpy as np
 
 from edgemap.benchmarks.map_variants import true_object, true_objects
 from edgemap.evaluation.objects import TrueObject, evaluation_rows
-from edgemap.geometry.camera.level import mount_text
+from edgemap.evaluation.rows import EvaluationRow, tally
+from edgemap.geometry.camera.attitude import MountEstimate
 from edgemap.geometry.camera.mount import HeightEstimate, Mount
 from edgemap.geometry.errors import EdgemapError
 from edgemap.geometry.map_object import MapObject
-from edgemap.geometry.objects.evaluation_row import EvaluationRow, tally
 from edgemap.geometry.objects.scale import scaled_objects
 from edgemap.geometry.odometry.rolling import Rolling
 from edgemap.runtime.frames.camera import Camera
@@ -88,6 +88,27 @@ class RunSummary(Sink):
         count, shown = self.fault_count, "; ".join(list(self.faults.values())[:SHOWN_FAULTS])
         rest = f"; all in {folder}/run.json" if len(self.faults) > SHOWN_FAULTS else ""
         return printable(f"{count} fault{'s' if count > 1 else ''}: {shown}{rest}")
+
+
+def mount_text(
+    configured: Mount,
+    estimate: MountEstimate | None,
+    height: HeightEstimate | None = None,
+    sources: tuple[str, str] = ("given", "given"),
+) -> str:
+    """One line with the configured and the estimated angles and height of a mount. sources: of the configured angles,
+    and of the height."""
+    parts = []
+    if estimate is not None:
+        angles = np.degrees([[mount.pitch_rad, mount.roll_rad] for mount in (configured, estimate.mount)])
+        for name, before, after, sigma in zip(
+            ("pitch", "roll"), *angles, np.degrees(estimate.sigma_rad[::-1]), strict=True
+        ):
+            parts.append(f"{name} {before:.1f} deg {sources[0]}, {after:.1f} +- {sigma:.1f} deg estimated")
+    if height is not None:
+        estimated = f"{height.height_m:.2f} +- {height.sigma_m:.2f} m estimated"
+        parts.append(f"height {configured.height_m:.2f} m {sources[1]}, {estimated}")
+    return f"mount: {'; '.join(parts)}"
 
 
 @contextmanager

@@ -8,8 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import linear_sum_assignment
 
+from edgemap.evaluation.rows import STATES, EvaluationRow, State
 from edgemap.geometry.map_object import CHI2_95, MapObject
-from edgemap.geometry.objects.evaluation_row import STATES, EvaluationRow, State
 
 FOUND_M = 0.5  # from its true one, an object is found
 MINIMUM_FRAMES = 10  # seen in fewer, a true object is neither hit nor miss

@@ -96,18 +96,3 @@ def compose_covariance(pose: SE2, pose_covariance: Array, motion: SE2, motion_co
     )
     wrt_motion = np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
     return wrt_pose @ pose_covariance @ wrt_pose.T + wrt_motion @ motion_covariance @ wrt_motion.T
-
-
-def fit_se2(from_m: Array, to_m: Array, weights: Array) -> SE2:
-    """The SE2 that best takes points (N, 2) to points (N, 2): weighted least squares, closed form.
-
-    Two-dimensional case of Umeyama (1991) without scale. Needs two points that do not coincide.
-    """
-    share = weights / weights.sum()
-    centre_from, centre_to = share @ from_m, share @ to_m
-    a, b = from_m - centre_from, to_m - centre_to
-    yaw = math.atan2(
-        float((share * (a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0])).sum()), float((share[:, None] * a * b).sum())
-    )
-    shift = centre_to - SE2(0.0, 0.0, yaw).apply(centre_from)
-    return SE2(shift[0], shift[1], yaw)

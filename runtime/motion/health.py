@@ -2,7 +2,6 @@
 
 import math
 from collections import deque
-from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, replace
 
 import cv2
@@ -226,9 +225,3 @@ class Views:
             return False
         self._last = coarse
         return True
-
-
-def views_of(frames: Iterable[Frame]) -> Iterator[Frame]:
-    """The pictures that show another view than the previous one of the result; the first one is included."""
-    views = Views(HealthRule().moved)
-    return (frame for frame in frames if views.is_another(cv2.cvtColor(frame.image, cv2.COLOR_BGR2GRAY)))

@@ -1,10 +1,7 @@
 """The loop of a run: frames from a camera through front end and back end into sinks, until the end or a stop."""
 
-import signal
 import threading
-from collections.abc import Callable, Generator, Iterator, Sequence
-from contextlib import contextmanager
-from types import FrameType
+from collections.abc import Callable, Generator, Sequence
 
 from edgemap.geometry.errors import EdgemapError
 from edgemap.runtime.frames.camera import Camera
@@ -89,21 +86,3 @@ def run(
 ) -> int:
     """All `steps`, for their sinks; the number of frames done."""
     return sum(1 for _ in steps(camera, slam, sinks, frames, stop, strict, beat, edits))
-
-
-@contextmanager
-def stop_on_signals() -> Iterator[threading.Event]:
-    """An event that Ctrl-C or SIGTERM sets; a second Ctrl-C interrupts at once. For the main thread only."""
-    stop = threading.Event()
-
-    def ask(number: int, frame: FrameType | None) -> None:  # noqa: ARG001
-        if stop.is_set():
-            raise KeyboardInterrupt
-        stop.set()
-
-    before = {number: signal.signal(number, ask) for number in (signal.SIGINT, signal.SIGTERM)}
-    try:
-        yield stop
-    finally:
-        for number, handler in before.items():
-            signal.signal(number, handler)

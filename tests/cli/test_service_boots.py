@@ -15,7 +15,7 @@ import numpy as np
 import pytest
 from support.pictures import write_round
 
-from edgemap.runtime.outputs.service import ServiceNotifier
+from edgemap.cli.service import ServiceNotifier
 from edgemap.runtime.step.map_file import load_map
 
 UNIT = Path(__file__).parents[2] / "deploy" / "edgemap.service"

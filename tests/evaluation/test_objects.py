@@ -8,8 +8,8 @@ import pytest
 from edgemap.evaluation.footprints import iou, score_footprints, yaw_error_deg
 from edgemap.evaluation.map_alignment import aligned_figures
 from edgemap.evaluation.objects import TrueObject, evaluation_rows, score_map
+from edgemap.evaluation.rows import tally
 from edgemap.geometry.map_object import MapObject, MeasuredFootprint, outline_m
-from edgemap.geometry.objects.evaluation_row import tally
 
 
 def mapped(name, x, y, sigma=0.1):

@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from edgemap.geometry.odometry.consensus import MotionEstimate, consensus, fused
-from edgemap.geometry.se2 import SE2, compose_covariance, fit_se2, wrap_angle
+from edgemap.geometry.se2 import SE2, compose_covariance, wrap_angle
 
 metres = st.floats(-50, 50)
 angles = st.floats(-20, 20)
@@ -59,25 +59,6 @@ def test_covariance_of_a_composition_matches_sampling():
     moves = zip(*(rng.multivariate_normal(np.zeros(3), one, 20000) for one in (p, q)), strict=True)
     samples = np.array([(SE2(*(pose.vector() + a)) @ SE2(*(motion.vector() + b))).vector() for a, b in moves])
     np.testing.assert_allclose(compose_covariance(pose, p, motion, q), np.cov(samples.T), rtol=0.06, atol=1.5e-5)
-
-
-motions = st.builds(SE2, st.floats(-0.3, 0.3), st.floats(-0.1, 0.1), st.floats(-0.5, 0.5))
-
-
-@given(motions, st.integers(0, 10**6))
-def test_fit_recovers_an_exact_motion(motion, seed):
-    points = np.random.default_rng(seed).uniform([0.5, -2], [5, 2], (20, 2))
-    found = fit_se2(points, motion.apply(points), np.ones(20))
-    np.testing.assert_allclose(found.vector(), motion.vector(), atol=1e-9)
-
-
-def test_points_weigh_by_their_information():
-    """Half of the points, at a sigma of 1 cm, say 0.100 m; the others, at 2 cm, 0.110 m: (4 * 0.100 + 0.110) / 5."""
-    before = np.random.default_rng(5).uniform(1.0, 3.0, (40, 2))
-    sigmas, moved = np.repeat([0.01, 0.02], 20), np.repeat([0.100, 0.110], 20)
-    before[20:] = before[:20]  # so that only the shift differs
-    after = before - np.column_stack([moved, np.zeros(40)])
-    assert fit_se2(after, before, sigmas**-2.0).x_m == pytest.approx(0.102, abs=2e-4)
 
 
 def measured(x_m, sigma_m=0.01):

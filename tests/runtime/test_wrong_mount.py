@@ -9,10 +9,11 @@ import numpy as np
 import pytest
 from support.edges import room_edges
 
+from edgemap.cli.summary import mount_text
 from edgemap.geometry.camera.attitude import TrackedRotation
 from edgemap.geometry.camera.carried import Carried
 from edgemap.geometry.camera.floor import FloorCamera
-from edgemap.geometry.camera.level import mount_text, pitch_roll, up_optical
+from edgemap.geometry.camera.level import pitch_roll, up_optical
 from edgemap.geometry.camera.mount import Mount, Platform
 from edgemap.geometry.camera.room_edges import room_axes
 from edgemap.runtime.frames.errors import EdgemapError

@@ -7,10 +7,10 @@ from typing import Any
 
 import numpy as np
 
+from edgemap.evaluation.rows import EvaluationRow, tally
 from edgemap.geometry.grid.occupancy_grid import OccupancyGrid
 from edgemap.geometry.map_object import MapObject
 from edgemap.geometry.objects.annotations import NO_ANNOTATIONS, Annotations
-from edgemap.geometry.objects.evaluation_row import EvaluationRow, tally
 from edgemap.runtime.frames.colours import label_mark
 from edgemap.runtime.frames.errors import OdometryError
 from edgemap.runtime.frames.faults import Fault, read_fault

@@ -5,9 +5,9 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+from edgemap.evaluation.rows import EvaluationRow
 from edgemap.geometry.map_object import MapObject
 from edgemap.geometry.objects.annotations import Annotations
-from edgemap.geometry.objects.evaluation_row import EvaluationRow
 from edgemap.runtime.frames.disk import write_atomically
 from edgemap.runtime.frames.errors import CameraError
 from edgemap.runtime.frames.frame import jpeg

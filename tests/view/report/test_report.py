@@ -8,10 +8,10 @@ import pytest
 from support.axe import find_axe, serious_faults
 from support.made_camera import MadeCamera, raising
 
+from edgemap.evaluation.rows import EvaluationRow
 from edgemap.geometry.camera.floor import FloorCamera
 from edgemap.geometry.camera.intrinsics import Intrinsics
 from edgemap.geometry.camera.mount import Mount
-from edgemap.geometry.objects.evaluation_row import EvaluationRow
 from edgemap.geometry.objects.events import Edit
 from edgemap.geometry.se2 import SE2
 from edgemap.runtime.frames.errors import CameraError
