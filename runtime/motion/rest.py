@@ -15,7 +15,7 @@ from edgemap.runtime.frames.frame import Frame
 from edgemap.runtime.frames.timing import StreamTimer
 from edgemap.runtime.motion.attitude.source import Moved
 from edgemap.runtime.motion.health import REPEATED_S, HealthRule, PictureHealth
-from edgemap.runtime.motion.odometry.protocol import STILL_RAD
+from edgemap.runtime.motion.odometry.protocol import STILL
 
 Array = NDArray[np.float32]
 
@@ -156,7 +156,7 @@ class RestMonitor:
         if turned is not None and turned.proved:  # samples that come late turn while the picture rests
             self._turned_rad += turned.yaw_rad
             self._turned_sigma_rad += turned.sigma_rad  # its bias errs in every step alike
-        must = abs(self._turned_rad) > STILL_RAD + CLEAR_SIGMAS * self._turned_sigma_rad
+        must = abs(self._turned_rad) > STILL + CLEAR_SIGMAS * self._turned_sigma_rad
         if moved is not None and reference.stamp_s == self._before_s:
             (x_m, y_m, _), sigma_m = moved[0].vector(), math.sqrt(float(np.trace(moved[1][:2, :2])))
             speed_m_s = (math.hypot(x_m, y_m) - sigma_m) / self._step_s

@@ -14,7 +14,7 @@ from edgemap.geometry.errors import MapError
 from edgemap.geometry.grid.floor_scan import FloorScan
 from edgemap.geometry.grid.fusion import GridFusion
 from edgemap.geometry.grid.occupancy_grid import OccupancyGrid
-from edgemap.geometry.map_object import MapObject
+from edgemap.geometry.map_object import REPEATED, MapObject
 from edgemap.geometry.objects.annotations import NO_ANNOTATIONS, Annotations
 from edgemap.geometry.objects.events import Edit, EditError, MapEvents
 from edgemap.geometry.objects.floor_map import FloorMap
@@ -37,9 +37,9 @@ from edgemap.runtime.step.pose_journal import PoseJournal
 from edgemap.runtime.step.relocalisation import Relocaliser
 
 MIN_VARIANCE_M2 = 1e-10  # of an observation: no box is that exact, and its inverse stays finite
-PICTURE_S = 0.1  # that evidence is counted in: thresholds were chosen at 10 Hz
+# That evidence is counted in: thresholds were chosen at 10 Hz. One picture counts for at most as many as weigh as one.
+PICTURE_S = 0.1
 LEAST_PICTURES = 0.01  # after however short a step of the clock: evidence is divided by it
-LONGEST_S = 0.4  # that one picture stands for at most, more than a third of a second: one search at 3 Hz
 WIDEST_M = 50.0  # that a map becomes by what somebody states: homes are smaller, and memory grows with its square
 START_SIGMAS = (0.10, 0.10, math.radians(3.0))  # m, m, rad: how well a person knows where the robot stands
 
@@ -333,7 +333,7 @@ class Mapper:
         since_s, self._searched_s = stamp_s - self._searched_s, stamp_s
         if not math.isfinite(since_s):
             return observed
-        pictures = max(round(min(since_s, LONGEST_S) / PICTURE_S, 2), LEAST_PICTURES)
+        pictures = max(round(min(since_s / PICTURE_S, REPEATED), 2), LEAST_PICTURES)
         if pictures == 1.0:
             return observed
         return replace(observed, sightings=[replace(seen, pictures=pictures) for seen in observed.sightings])

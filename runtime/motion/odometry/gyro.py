@@ -10,7 +10,7 @@ from edgemap.runtime.frames.faults import Fault, FaultKind
 from edgemap.runtime.frames.frame import Frame
 from edgemap.runtime.motion.odometry.protocol import (
     NO_PRIOR,
-    STILL_RAD,
+    STILL,
     FramePrior,
     Motion,
     blind_motion,
@@ -19,8 +19,6 @@ from edgemap.runtime.motion.odometry.protocol import (
 )
 from edgemap.runtime.motion.trust import UNPROVEN
 from edgemap.runtime.network.network import Tensors
-
-UNKNOWN_M = 10.0  # standard deviation of a step's translation
 
 
 class GyroOdometry:
@@ -60,7 +58,7 @@ class GyroOdometry:
         """Whether the yaw is within the gyro's noise."""
         if attitude is None or attitude.rotation is None:
             return None
-        return abs(attitude.rotation.yaw_rad) < STILL_RAD + attitude.rotation.sigma_rad
+        return abs(attitude.rotation.yaw_rad) < STILL + attitude.rotation.sigma_rad
 
     def rest(self, stamp_s: float) -> Motion:  # noqa: ARG002
         """No motion. Nothing to store: the next rotation begins at this stamp in any case."""
@@ -70,5 +68,5 @@ class GyroOdometry:
 def yaw_motion(rotation: GyroRotation) -> Motion:
     """A gyro's rotation as a motion of unknown translation."""
     unproved = 0.0 if rotation.proved else UNPROVEN[2]  # it may be late, and its sign and scale wrong
-    variances = UNKNOWN_M**2, UNKNOWN_M**2, rotation.sigma_rad**2 + unproved
+    variances = [*UNPROVEN[:2], rotation.sigma_rad**2 + unproved]
     return Motion(SE2(0.0, 0.0, rotation.yaw_rad), np.diag(variances))

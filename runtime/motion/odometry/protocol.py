@@ -17,8 +17,8 @@ from edgemap.runtime.frames.frame import Frame
 from edgemap.runtime.network.network import Tensors
 
 FARTHEST_M = 100.0  # of one step
-STILL_M, STILL_RAD = 0.002, 0.002  # of one step, below which wheels and gyro report rest; their noise is less
-REST_M, REST_RAD = 1e-5, 1e-5  # standard deviations of no motion
+STILL = 0.002  # m and rad of one step, below which wheels and gyro report rest; their noise is less
+REST_SIGMA = 1e-5  # m and rad: standard deviations of no motion
 ROUNDING = 1e-6  # of a covariance, as a share of its largest entry; networks answer in float32
 
 
@@ -121,7 +121,7 @@ class Motion:
 def no_motion() -> Motion:
     """The motion of one frame at rest. Any motion missed here is part of the first measured motion after it."""
     rest = TrackedRotation(np.eye(3))
-    return Motion(covariance=np.diag(np.square([REST_M, REST_M, REST_RAD])), rotation=rest)
+    return Motion(covariance=np.eye(3) * REST_SIGMA**2, rotation=rest)
 
 
 def blind_motion(*faults: Fault) -> Motion:

@@ -14,8 +14,7 @@ from edgemap.runtime.frames.frame import Frame
 from edgemap.runtime.frames.trajectory import PoseTrack
 from edgemap.runtime.motion.odometry.protocol import (
     NO_PRIOR,
-    STILL_M,
-    STILL_RAD,
+    STILL,
     FramePrior,
     Motion,
     blind_motion,
@@ -91,7 +90,7 @@ class RecordedOdometry:
         if self._last is None or pose is None or fault or self._broken(stamp_s):
             return None
         motion = self._last.inverse() @ pose
-        return math.hypot(motion.x_m, motion.y_m) < STILL_M and abs(motion.yaw_rad) < STILL_RAD
+        return math.hypot(motion.x_m, motion.y_m) < STILL and abs(motion.yaw_rad) < STILL
 
     def rest(self, stamp_s: float) -> Motion:
         """Zero motion; continues from the stamp."""
