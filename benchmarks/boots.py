@@ -105,7 +105,7 @@ def drive_once(drive: Path, place: Path, boot: int, options: BootsOptions) -> bo
     from edgemap.runtime.network.bundle import load_bundle
     from edgemap.runtime.network.store import bundle_folder
     from edgemap.runtime.outputs.sinks.living_map import LivingMap
-    from edgemap.runtime.step.loop import run
+    from edgemap.runtime.step.loop import steps
 
     start = start_of(drive) if boot and options.known_start else None
     with open_camera(f"drive:{drive}") as camera:
@@ -116,7 +116,8 @@ def drive_once(drive: Path, place: Path, boot: int, options: BootsOptions) -> bo
         slam = compose(camera, bundle, FloorCamera(lens, mount), RunSpec(map=place, start=start))
         slam.clock = clock(boot)
         sink = LivingMap(place, lambda: slam.mapper.searching)
-        run(camera, slam, [sink])
+        for _ in steps(camera, slam, [sink]):
+            pass
         sink.release()
     return not slam.mapper.searching
 

@@ -34,7 +34,7 @@ from edgemap.runtime.outputs.sinks.run_folder import RunFolder
 from edgemap.runtime.outputs.verdict.verdict import Verdict
 from edgemap.runtime.step.config import Config
 from edgemap.runtime.step.edit_queue import Edits, load_edits, read_edits
-from edgemap.runtime.step.loop import run
+from edgemap.runtime.step.loop import steps
 from edgemap.runtime.step.map_store import MapPlace
 from edgemap.runtime.step.mapper import Mapper
 from edgemap.runtime.step.sinks import Sink
@@ -232,7 +232,8 @@ class Run:
         try:
             with with_map_so_far(summary, files):
                 source = page.camera(source, stop) if page else source
-                done = run(source, self.slam, sinks, camera.frames, stop, self.strict, notifier.beat, edits)
+                results = steps(source, self.slam, sinks, camera.frames, stop, self.strict, notifier.beat, edits)
+                done = sum(1 for _ in results)
         finally:
             notifier.stopping()
         summary.print(self.folder, done, stop.is_set(), files.verdict, report.evaluation_rows)

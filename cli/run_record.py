@@ -6,6 +6,8 @@ from datetime import UTC, datetime
 from importlib.metadata import version
 from typing import Any
 
+import msgspec
+
 from edgemap import __version__
 from edgemap.cli.run_options import RunOptions
 from edgemap.geometry.camera.floor import FloorCamera
@@ -14,7 +16,7 @@ from edgemap.runtime.frames.camera import Camera
 from edgemap.runtime.frames.inference import Inference
 from edgemap.runtime.motion.odometry_names import PICTURE_ODOMETRIES
 from edgemap.runtime.network.bundle import Bundle
-from edgemap.runtime.step.config import Config, config_document
+from edgemap.runtime.step.config import Config
 
 
 def run_record(
@@ -55,7 +57,7 @@ def run_record(
     inputs, usual = options.inputs(), asdict(Inference())
     decided = asdict(Inference(loaded.engine, loaded.precision)).items()
     inputs |= {name: one for name, one in decided if name in inputs or one != usual[name]}
-    return record | {"options": inputs, "config": config_document(tuned)}
+    return record | {"options": inputs, "config": msgspec.to_builtins(tuned)}
 
 
 def scale_source(record: dict[str, Any]) -> str:

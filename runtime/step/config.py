@@ -51,11 +51,6 @@ class Config:
     grid: GridRule = field(default_factory=GridRule)
 
 
-def config_document(config: Config) -> dict[str, Any]:
-    """The resolved tree as plain values."""
-    return msgspec.to_builtins(config)
-
-
 def load_config(path: Path) -> Config:
     """The tree that a YAML file or a run.json gives, by its section `config` (any part of the tree).
 
@@ -84,8 +79,8 @@ def load_options(path: Path) -> dict[str, Any]:
 
 
 def _document(path: Path) -> tuple[Path, dict[str, Any]]:
-    """The file, and its content with at least one of its two sections."""
-    path = _file(path)
+    """The file (a run folder's is its run.json), and its content with at least one of its two sections."""
+    path = path / "run.json" if path.is_dir() else path
     is_json = path.suffix == ".json"
     document = (
         decode_json(read_bytes(path, ConfigError), dict, path, ConfigError) if is_json else read_yaml(path, ConfigError)
@@ -93,11 +88,6 @@ def _document(path: Path) -> tuple[Path, dict[str, Any]]:
     if not isinstance(document, dict) or not ({"config", "options"} & document.keys()):
         raise ConfigError(f"{path}: has neither a section `config` nor `options`")
     return path, document
-
-
-def _file(path: Path) -> Path:
-    """A run folder's run.json; a file as it is."""
-    return path / "run.json" if path.is_dir() else path
 
 
 def _merged(default: Any, values: Any, where: str, unknown: list[tuple[str, str]]) -> Any:

@@ -72,17 +72,3 @@ def steps(
         if (late := slam.finish()) is not None:
             group.last(late, slam.objects())
         group.close()
-
-
-def run(
-    camera: Camera,
-    slam: SemanticSlam,
-    sinks: Sequence[Sink],
-    frames: int | None = None,
-    stop: threading.Event | None = None,
-    strict: bool = False,
-    beat: Callable[[str], None] = lambda _: None,
-    edits: Edits | None = None,
-) -> int:
-    """All `steps`, for their sinks; the number of frames done."""
-    return sum(1 for _ in steps(camera, slam, sinks, frames, stop, strict, beat, edits))

@@ -14,7 +14,7 @@ from edgemap.geometry.errors import EdgemapError
 from edgemap.geometry.map_object import MapObject
 from edgemap.runtime.inputs.open import open_camera
 from edgemap.runtime.outputs.sinks.run_folder import RunFolder
-from edgemap.runtime.step.loop import run as drive
+from edgemap.runtime.step.loop import steps
 from edgemap.runtime.step.map_file import load_map
 from edgemap.runtime.step.sinks import Sink
 from edgemap.runtime.step.slam import StepResult
@@ -100,4 +100,5 @@ def _child(demo: DemoDrive, folder: Path, pipe: int) -> None:
     cv2.setNumThreads(1)
     sinks = [RunFolder(folder, demo.floor, {})]
     with open_camera("demo") as camera:
-        drive(camera, demo.slam("wheel"), [_Teller(pipe), *sinks] if pipe >= 0 else sinks, FRAMES)
+        for _ in steps(camera, demo.slam("wheel"), [_Teller(pipe), *sinks] if pipe >= 0 else sinks, FRAMES):
+            pass

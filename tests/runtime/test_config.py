@@ -4,6 +4,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import jsonschema
+import msgspec
 import pytest
 import yaml
 from support.faults import kinds
@@ -15,7 +16,7 @@ from edgemap.geometry.objects.annotations import NO_ANNOTATIONS, MapIdentity
 from edgemap.geometry.objects.events import Edit
 from edgemap.geometry.objects.zone_watch import ZoneWatch
 from edgemap.runtime.outputs.verdict.verdict import verdict_of
-from edgemap.runtime.step.config import Config, ConfigError, config_document, load_config, load_options
+from edgemap.runtime.step.config import Config, ConfigError, load_config, load_options
 from edgemap.runtime.step.map_file import change_record, map_document, saved_text
 
 
@@ -32,7 +33,7 @@ def test_a_part_of_the_tree_changes_that_part_alone(tmp_path):
     assert (config.forgetting.same_m, config.loop_closure.keyframes.keyframe_m, options) == (0.5, 0.5, {})
     assert config.association.min_count == Config().association.min_count
     assert config.floor == Config().floor
-    again = load_config(written(tmp_path, {"config": config_document(config)}, "run.json"))
+    again = load_config(written(tmp_path, {"config": msgspec.to_builtins(config)}, "run.json"))
     assert again == config  # the resolved tree gives itself back
 
 

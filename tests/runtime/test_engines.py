@@ -36,7 +36,7 @@ from edgemap.runtime.network.open_bundle import subgraph
 from edgemap.runtime.network.preprocess import EDGE_PX, place, rows_of
 from edgemap.runtime.network.store import bundle_folder
 from edgemap.runtime.outputs.sinks.run_folder import RunFolder
-from edgemap.runtime.step.loop import run
+from edgemap.runtime.step.loop import steps
 
 NANO = bundle_folder("edgemap-nano")
 
@@ -188,7 +188,7 @@ def test_a_run_writes_the_boxes_of_the_last_picture_too(bundle, tmp_path):
     for name, one in {"alone": bundle, "beside": replace(bundle, companion=bundle)}.items():
         camera = PicturesCamera(name, pictures, np.arange(9) / 10, FLOOR.intrinsics)
         slam = slam_of(one, POSES)
-        assert run(camera, slam, [RunFolder(tmp_path / name, FLOOR, {})]) == 9
+        assert len(list(steps(camera, slam, [RunFolder(tmp_path / name, FLOOR, {})]))) == 9
         lines = (tmp_path / name / "sightings.jsonl").read_text().splitlines()
         frames = len((tmp_path / name / "trajectory.tum").read_text().splitlines())
         written[name] = [(json.loads(line)["frame"], json.loads(line)["map_m"]) for line in lines], frames

@@ -19,7 +19,7 @@ from edgemap.runtime.frames.frame import Frame
 from edgemap.runtime.motion.odometry.protocol import Motion
 from edgemap.runtime.network.bundle import load_bundle
 from edgemap.runtime.outputs.sinks.run_folder import RunFolder
-from edgemap.runtime.step.loop import run
+from edgemap.runtime.step.loop import steps
 from edgemap.runtime.step.map_file import load_map
 from edgemap.runtime.step.mapper import Mapper
 
@@ -66,14 +66,14 @@ def test_a_frame_of_another_size_is_named_and_stop_ends_after_the_frame_in_hand(
         pipeline(bundle).step(Frame(0, 0.0, np.zeros((64, 32, 3), np.uint8), "x.png"))
     stop = threading.Event()
     camera = memory(50, lambda index: stop.set() if index == 4 else None)
-    assert run(camera, pipeline(bundle), [RunFolder(tmp_path / "run", FLOOR, {})], stop=stop) == 5
+    assert len(list(steps(camera, pipeline(bundle), [RunFolder(tmp_path / "run", FLOOR, {})], stop=stop))) == 5
 
 
 def test_the_run_folder_holds_the_contract(bundle, tmp_path):
     pipe = pipeline(bundle)
     sink = RunFolder(tmp_path / "run", FLOOR, {"camera": "memory"})
     assert load_map(tmp_path / "run") == []  # an empty valid map before the first frame
-    assert run(memory(25), pipe, [sink]) == 25
+    assert len(list(steps(memory(25), pipe, [sink]))) == 25
     assert {path.name for path in (tmp_path / "run").iterdir()} == {
         "map.json", "grid.npz", "trajectory.tum", "sightings.jsonl", "run.json", "mount.jpg",
     }  # fmt: skip
@@ -96,7 +96,7 @@ def test_a_failure_loses_nothing_of_the_map(bundle, tmp_path, error, ended):
     """A known one is in the record as well."""
     sink = RunFolder(tmp_path / "run", FLOOR, {})
     with pytest.raises(type(error)):
-        run(memory(50, raising(13, error)), pipeline(bundle), [sink])
+        list(steps(memory(50, raising(13, error)), pipeline(bundle), [sink]))
     (chair,) = load_map(tmp_path / "run")
     assert chair.count == 13
     faults = json.loads((tmp_path / "run" / "run.json").read_text())["faults"]

@@ -14,6 +14,7 @@ from pathlib import Path
 from typing import Any
 
 import cv2
+import msgspec
 import numpy as np
 import pytest
 import yaml
@@ -57,7 +58,7 @@ from edgemap.runtime.outputs.map_formats.grid import grid_of
 from edgemap.runtime.outputs.map_formats.nav2 import vector_text
 from edgemap.runtime.outputs.map_formats.table import csv_text
 from edgemap.runtime.outputs.sightings_file import read_sightings
-from edgemap.runtime.step.config import Config, config_document, load_config
+from edgemap.runtime.step.config import Config, load_config
 from edgemap.runtime.step.edit_queue import load_edits
 from edgemap.runtime.step.grid_file import load_grid, read_grid
 from edgemap.runtime.step.map_file import load_annotated_map, save_map
@@ -88,7 +89,7 @@ EDITS = [
     {"frames": 5, "do": "zone", "name": "desk", "corners_m": [[0.0, 0.0], [1.0, 0.0], [1.0, 1.0]]},
     {"frames": 9, "do": "pose", "pose": [1.0, 2.0, 0.5], "sigmas": [0.1, 0.1, 0.05]},
 ]
-TUNING = config_document(Config())
+TUNING = msgspec.to_builtins(Config())
 TUNING = {"config": {name: TUNING[name] for name in ("floor", "rest")}, "options": {"camera": "demo"}}
 TUM = "".join(f"{i / 10} {i / 20} {i / 50} 0 0 0 {np.sin(i / 40):.9f} {np.cos(i / 40):.9f}\n" for i in range(12))
 WHEEL = "stamp_s,x_m,y_m,yaw_rad\n" + "".join(f"{i / 10},{i / 20},{i / 50},{i / 30}\n" for i in range(12))
@@ -157,7 +158,7 @@ def use_camera_file(path: Path) -> CameraFile:
 
 
 def use_config(path: Path) -> None:
-    json.dumps(config_document(load_config(path)), allow_nan=False)
+    json.dumps(msgspec.to_builtins(load_config(path)), allow_nan=False)
 
 
 def use_trajectory(trajectory: Trajectory) -> None:

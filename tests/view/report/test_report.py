@@ -20,7 +20,7 @@ from edgemap.runtime.motion.odometry.recorded import RecordedOdometry
 from edgemap.runtime.network.bundle import load_bundle
 from edgemap.runtime.outputs.sinks.run_folder import RunFolder
 from edgemap.runtime.step.edit_queue import Edits
-from edgemap.runtime.step.loop import run
+from edgemap.runtime.step.loop import steps
 from edgemap.runtime.step.mapper import Mapper
 from edgemap.runtime.step.pipeline import Pipeline
 from edgemap.runtime.step.slam import SemanticSlam
@@ -51,7 +51,8 @@ def drive(bundle, folder, count=30, fails_at=None, record=None, truth=True, judg
     record = {"camera": "memory", "mapped": ["chair"], **(record or {})}
     about = about_run(camera, bundle, FLOOR, "truth", folder, count) | {"camera": record["camera"]}
     report = ReportFile(folder, about, real if truth else None, judge)
-    run(camera, pipeline, [RunFolder(folder, FLOOR, record), report], edits=edits)
+    for _ in steps(camera, pipeline, [RunFolder(folder, FLOOR, record), report], edits=edits):
+        pass
     return report
 
 
