@@ -54,7 +54,7 @@ def pull_known(name: str, given: str | None = None) -> Path:
     from edgemap.runtime.frames.errors import BundleError
     from edgemap.runtime.frames.extras import need
     from edgemap.runtime.network.manifest_file import read_manifest, verified_file
-    from edgemap.runtime.network.store import cache_folder, shipped_heads
+    from edgemap.runtime.network.store import cache_folder, shipped_folder
 
     if name not in KNOWN:
         raise BundleError(f"{name!r} is neither a bundle's folder nor URL, nor a known model ({', '.join(KNOWN)})")
@@ -73,4 +73,5 @@ def pull_known(name: str, given: str | None = None) -> Path:
     from edgemap.export.obtain import obtain
 
     weights, sources = obtain(KNOWN[name], given)
-    return export_backbone(name, folder, weights=weights, heads=shipped_heads(name), sources=sources)
+    heads = sorted((shipped_folder() / "heads").glob(f"{name}.*.pt"))
+    return export_backbone(name, folder, weights=weights, heads=heads, sources=sources)

@@ -24,8 +24,8 @@ def command(
     Reads run.json and map.json of a run folder. The gravest cause comes first. Of a saved map without its run it shows
     the verdict of the run that saved it.
     """
-    from edgemap.runtime.outputs.verdict.verdict import TITLES, explain, read_run
-    from edgemap.runtime.step.map_file import identity_record, load_annotated_map
+    from edgemap.runtime.outputs.verdict.verdict import TITLES, explain, read_record
+    from edgemap.runtime.step.map_file import identity_record, load_annotated_map, load_map
     from edgemap.runtime.step.map_store import saved_map
 
     folder = run or last_run()
@@ -38,8 +38,8 @@ def command(
         else:
             _print_saved(folder, identity)
         return
-    record, objects = read_run(folder)
-    verdict, steps = explain(record, objects)
+    record = read_record(folder / "run.json")
+    verdict, steps = explain(record, load_map(folder))
     ended = bool(record.get("finished", True))
     if json:
         document = {"run": str(folder), "ended": ended, "verdict": verdict.document()}

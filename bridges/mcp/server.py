@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Sequence
+from datetime import UTC, datetime
 from typing import TYPE_CHECKING, Annotated, Any
 
 import numpy as np
@@ -16,6 +17,7 @@ from edgemap.geometry.objects.queries import changes, inside_polygon, labelled, 
 from edgemap.geometry.objects.rooms import parts_of, room_at, rooms_of, shared_m2
 from edgemap.geometry.se2 import SE2
 from edgemap.runtime.frames.extras import need
+from edgemap.runtime.frames.reading import one_line
 from edgemap.runtime.frames.version import VERSION
 from edgemap.runtime.outputs.verdict.verdict import is_doubtful, sigma_of
 from edgemap.runtime.step.map_file import (
@@ -26,7 +28,6 @@ from edgemap.runtime.step.map_file import (
     object_uuid,
     room_record,
 )
-from edgemap.runtime.step.map_records import parse_utc
 from edgemap.runtime.step.wall_clock import utc_text
 
 if TYPE_CHECKING:
@@ -240,3 +241,12 @@ def one(objects: list[MapObject], identity: str) -> MapObject:
         if item.id == identity:
             return item
     raise MapError(f"no object {identity[:60]!r} on the map; list_objects has the ids")
+
+
+def parse_utc(text: str) -> float:
+    """A wall time by ISO 8601 as seconds since 1970; without a zone it is UTC. Raises MapError."""
+    try:
+        at = datetime.fromisoformat(text)
+        return (at if at.tzinfo else at.replace(tzinfo=UTC)).timestamp()
+    except (ValueError, OverflowError):
+        raise MapError(f"{one_line(text, 40)!r} is no time: expected one such as 2026-11-28T08:00:00Z") from None

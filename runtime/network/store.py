@@ -28,11 +28,6 @@ def cache_folder() -> Path:
     return Path(os.environ.get("EDGEMAP_CACHE") or platformdirs.user_cache_path("edgemap"))
 
 
-def downloads_folder() -> Path:
-    """Folder of fetched files."""
-    return cache_folder() / "downloads"
-
-
 def bundle_folder(name: str) -> Path:
     """The path that a `--bundle` text means: a folder that holds a bundle, a file, any path, or a name.
 
@@ -133,11 +128,6 @@ def shipped_bundles() -> list[str]:
     """Names of the bundles that come with the package, the default ones first."""
     names = (path.parent.name for path in shipped_folder().glob(f"*/{MANIFEST_NAME}"))
     return sorted(names, key=lambda name: (name not in (LENS, RENDERED), name))
-
-
-def shipped_heads(name: str) -> list[Path]:
-    """Trained heads for a backbone that come with the package: `models/heads/NAME.KIND.pt`."""
-    return sorted((shipped_folder() / "heads").glob(f"{name}.*.pt"))
 
 
 def _place(name: str, source: str) -> Path:

@@ -1,16 +1,15 @@
 """The records of a `map.json`: every value checked as it is read; its JSON Schema is made of them."""
 
-from datetime import UTC, datetime
+from datetime import datetime
 from typing import Annotated, Literal
 
 import msgspec
 from msgspec import Meta
 
-from edgemap.geometry.errors import MapError
 from edgemap.geometry.map_object import EventKind, MapEvent
 from edgemap.geometry.objects.annotations import LONGEST_NAME, MAXIMUM_CORNERS, MAXIMUM_ZONES, Level
 from edgemap.geometry.se2 import SE2
-from edgemap.runtime.frames.reading import HIDDEN, Coordinate, Name, Share, Size, Stamp, one_line
+from edgemap.runtime.frames.reading import HIDDEN, Coordinate, Name, Share, Size, Stamp
 
 MAXIMUM_OBJECTS = 100_000
 GivenName = Annotated[str, Meta(max_length=LONGEST_NAME, pattern=rf"\A[^{HIDDEN}]*\Z")]  # by a person
@@ -148,15 +147,6 @@ class MapRecord(msgspec.Struct, kw_only=True):
     saved_at: Utc | None = None
     verdict: VerdictRecord | None = None
     vanished: Annotated[list[MapObjectRecord], Meta(max_length=1000)] = msgspec.field(default_factory=list)
-
-
-def parse_utc(text: str) -> float:
-    """A wall time by ISO 8601 as seconds since 1970; without a zone it is UTC. Raises MapError."""
-    try:
-        at = datetime.fromisoformat(text)
-        return (at if at.tzinfo else at.replace(tzinfo=UTC)).timestamp()
-    except (ValueError, OverflowError):
-        raise MapError(f"{one_line(text, 40)!r} is no time: expected one such as 2026-11-28T08:00:00Z") from None
 
 
 def seconds(at: datetime | None) -> float | None:

@@ -17,6 +17,7 @@ from edgemap.geometry.grid.occupancy_grid import OccupancyGrid
 from edgemap.geometry.map_object import MapObject
 from edgemap.geometry.objects.annotations import NO_ANNOTATIONS, Annotations
 from edgemap.geometry.objects.scale import scaled_map
+from edgemap.geometry.observations.sighting import PlacedSighting
 from edgemap.runtime.frames.disk import SAVE_EVERY_S, LineFile, lock_folder, write_atomically
 from edgemap.runtime.frames.errors import DiskError, RunFolderError
 from edgemap.runtime.frames.faults import Fault
@@ -123,7 +124,7 @@ class RunFolder:
             start = result.relocated.vector().tolist()
             self.add_record({"relocated": {"frame": self._frames, "pose_map_start": start}})
         for placed, identity in zip(result.sightings, result.object_ids, strict=True):
-            record = sighting_record(result, placed.sighting.detection, placed, identity)
+            record = sighting_record(result, placed, identity)
             self._sightings.append(json.dumps(record, allow_nan=False) + "\n")
 
     def fault(self, fault: Fault) -> None:
@@ -230,16 +231,15 @@ class RunFolder:
         return record | {"verdict": self.verdict.document()}
 
 
-def sighting_record(result: StepResult, detection: int, placed: Any, identity: str) -> dict[str, Any]:
+def sighting_record(result: StepResult, placed: PlacedSighting, identity: str) -> dict[str, Any]:
     """One sighting as a line of sightings.jsonl: its position in the picture, from the robot, and in the map."""
     sighting = placed.sighting
-    box = result.detections.boxes[detection]
     return {
         "frame": sighting.frame,
         "stamp_s": round(sighting.stamp_s, 6),
         "label": sighting.label,
         "score": round(sighting.score, 4),
-        "box_px": [round(float(v), 1) for v in box],
+        "box_px": [round(float(v), 1) for v in result.detections.boxes[sighting.detection]],
         "object": identity,
         "base_m": [round(float(v), 4) for v in sighting.position_base_m],
         "map_m": [round(float(v), 4) for v in placed.position_map_m],

@@ -16,7 +16,6 @@ from edgemap.runtime.frames.faults import FaultKind, read_fault
 from edgemap.runtime.frames.reading import decode_json, error_line, printable, read_bytes
 from edgemap.runtime.motion.odometry_names import PICTURE_ODOMETRIES
 from edgemap.runtime.outputs.verdict.causes import CAUSES, Cause, cause_of
-from edgemap.runtime.step.map_file import load_map
 
 SHOWN_FAULTS = 3  # of one cause
 
@@ -310,11 +309,6 @@ def _explained(record: Mapping[str, Any], objects: Sequence[MapObject]) -> tuple
 def read_record(path: Path) -> dict[str, Any]:
     """A run.json. Raises RunFolderError."""
     return decode_json(read_bytes(path, RunFolderError), dict, path, RunFolderError)
-
-
-def read_run(folder: Path) -> tuple[dict[str, Any], list[MapObject]]:
-    """run.json and the objects of map.json. Raises RunFolderError or MapError."""
-    return read_record(folder / "run.json"), load_map(folder)
 
 
 def verdict_or_none(record: Mapping[str, Any], objects: Sequence[MapObject]) -> Verdict | None:
