@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 from edgemap.cli.guessed_camera import CameraKeeper
 from edgemap.cli.named_maps import PlaceFinder, find_place
 from edgemap.cli.options import minimum_score
+from edgemap.cli.progress import progress
 from edgemap.cli.publishers import WatchGroup
 from edgemap.cli.run_options import RunOptions
 from edgemap.cli.run_record import run_record, scale_source
@@ -29,7 +30,6 @@ from edgemap.runtime.network.bundle import Bundle
 from edgemap.runtime.network.manifest_file import write_manifest
 from edgemap.runtime.outputs.sinks.kinds import RunInfo, open_sinks
 from edgemap.runtime.outputs.sinks.living_map import LivingMap
-from edgemap.runtime.outputs.sinks.progress import progress
 from edgemap.runtime.outputs.sinks.run_folder import RunFolder
 from edgemap.runtime.outputs.verdict.verdict import Verdict
 from edgemap.runtime.step.config import Config
