@@ -93,8 +93,7 @@ def _differences(pairings: Sequence[Pairing], landmarks: Array, covariance: Arra
     """Offsets between the ends of P pairings, (2 P,), and their covariance, (2 P, 2 P)."""
     now, before = (np.array([getattr(pairing, end) for pairing in pairings]) for end in ("now", "before"))
     difference = (landmarks[now] - landmarks[before]).ravel()
-    rows = [(2 * end[:, None] + np.arange(2)).ravel() for end in (now, before)]
-    a, b = rows
+    a, b = ((2 * end[:, None] + np.arange(2)).ravel() for end in (now, before))
     spread = covariance[np.ix_(a, a)] + covariance[np.ix_(b, b)] - covariance[np.ix_(a, b)] - covariance[np.ix_(b, a)]
     return difference, spread
 

@@ -20,6 +20,7 @@ from edgemap.runtime.frames.tables import STAMP, NumberTable, columns
 
 TUM = NumberTable((STAMP, *columns("x_m y_m z_m qx qy qz qw")), samples=True)
 FASTEST_M_S = 60.0  # a car of KITTI; a faster pose was reset or is damaged
+EDGE_S = 0.15  # by which poses may end before the pictures
 QUATERNION_TOLERANCE = 0.02  # of its length: files keep few digits
 
 
@@ -39,7 +40,7 @@ class Trajectory:
     def __str__(self) -> str:
         return f"{len(self.poses)} poses"
 
-    def at(self, stamp_s: float, tolerance_s: float = 0.15) -> SE2:
+    def at(self, stamp_s: float, tolerance_s: float = EDGE_S) -> SE2:
         """The pose at a stamp, interpolated. Raises OdometryError for a stamp outside by more than the tolerance."""
         first, last = self.stamps_s[0], self.stamps_s[-1]
         if not first - tolerance_s <= stamp_s <= last + tolerance_s:

@@ -23,14 +23,13 @@ from edgemap.runtime.frames.spatial_poses import (
     poses_of,
 )
 from edgemap.runtime.frames.tables import Column, NumberTable
-from edgemap.runtime.frames.trajectory import TUM, AttitudeTrack, PoseTrack, Trajectory, tum_rows
+from edgemap.runtime.frames.trajectory import EDGE_S, TUM, AttitudeTrack, PoseTrack, Trajectory, tum_rows
 
 # ORB-SLAM3 writes nanoseconds.
 TUM_OF_OTHERS = NumberTable((Column("stamp", -1e19, 1e19), *TUM.columns[1:]), samples=True)
 BASE, CAMERA = "base", "camera"
 CLEARLY = 0.2  # by which a rarer reading must explain the file better (eight drives: 0.27 to 1, a right one 0.05)
 UPRIGHT = math.cos(math.radians(10.0))  # of an axis of the world to up: it is meant to be up
-EDGE_S = 0.15  # by which poses may end before the pictures
 UNITS = {"s": 1.0, "ms": 1e3, "us": 1e6, "ns": 1e9}
 PERIODS_S = 0.001, 2.0  # between two poses of a trajectory; other medians are stamps in another unit
 

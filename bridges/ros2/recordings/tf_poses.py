@@ -15,8 +15,8 @@ from edgemap.runtime.frames.errors import CameraError, OdometryError
 from edgemap.runtime.frames.notes import note_dropped
 from edgemap.runtime.frames.reading import one_line, print_message
 from edgemap.runtime.frames.spatial_poses import base_attitudes, poses_of
-from edgemap.runtime.frames.trajectory import QUATERNION_TOLERANCE, Trajectory
-from edgemap.runtime.motion.given_poses import EDGE_S, GivenPoses
+from edgemap.runtime.frames.trajectory import EDGE_S, QUATERNION_TOLERANCE, Trajectory
+from edgemap.runtime.motion.given_poses import GivenPoses
 
 
 def tf_poses(recording: Reading, frames: str, mount: Mount, first_s: float) -> GivenPoses:

@@ -26,7 +26,7 @@ from edgemap.geometry.se2 import SE2
 from edgemap.runtime.frames.camera import DEFAULT_RATE_HZ
 from edgemap.runtime.frames.errors import CameraError
 from edgemap.runtime.frames.spatial_poses import base_attitudes, planarise_base
-from edgemap.runtime.frames.trajectory import Trajectory, tum_line
+from edgemap.runtime.frames.trajectory import EDGE_S, Trajectory, tum_line
 from edgemap.runtime.inputs.drives.camera_yaml import read_camera_yaml, write_camera_yaml
 from edgemap.runtime.inputs.drives.drive import Drive, LabelledBoxes
 from edgemap.runtime.inputs.drives.pictures import list_pictures
@@ -61,7 +61,7 @@ def read_own(folder: Path) -> Drive:
         if images:
             check_count(folder / "stamps.txt", len(stamps), len(images), source)
         first, last = truth.stamps_s[0], truth.stamps_s[-1]
-        if stamps[0] < first - 0.15 or stamps[-1] > last + 0.15:
+        if stamps[0] < first - EDGE_S or stamps[-1] > last + EDGE_S:
             raise CameraError(
                 f"{path}: covers {first:.3f} to {last:.3f} s, the pictures lie at {stamps[0]:.3f} to {stamps[-1]:.3f} s"
             )

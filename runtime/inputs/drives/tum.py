@@ -31,23 +31,29 @@ def read_tum_drive(folder: Path) -> Drive:
     """
     setup = read_setup(folder, world_up="z")
     if (folder / "rgb.txt").is_file():
-        return _read_listed(folder, setup)
-    pictures_folder = first_folder(folder, ("rgb", "images", "image"))
-    images = list_pictures(pictures_folder)
-    path = folder / "poses.tum"
-    stamps, poses = read_tum_3d(path)
-    check_count(path, len(stamps), len(images), pictures_folder)
-    truth = trajectory(path, stamps, planarise_camera(poses, setup.world_up, setup.mount))
-    return _drive(folder, images, stamps, setup, truth, camera_attitudes(stamps, poses, setup.world_up))
+        images, stamps, truth, attitudes = _listed_pictures(folder, setup)
+    else:
+        pictures_folder = first_folder(folder, ("rgb", "images", "image"))
+        images = list_pictures(pictures_folder)
+        path = folder / "poses.tum"
+        stamps, poses = read_tum_3d(path)
+        check_count(path, len(stamps), len(images), pictures_folder)
+        truth = trajectory(path, stamps, planarise_camera(poses, setup.world_up, setup.mount))
+        attitudes = camera_attitudes(stamps, poses, setup.world_up)
+    rate_hz = rate_of_stamps(stamps, setup.rate_hz)
+    return Drive("tum", folder, images, stamps, setup.intrinsics, setup.mount, rate_hz, truth, attitudes=attitudes)
 
 
-def _read_listed(folder: Path, setup: Setup) -> Drive:
+def _listed_pictures(
+    folder: Path, setup: Setup
+) -> tuple[tuple[Path, ...], Array, Trajectory | None, AttitudeTrack | None]:
+    """Pictures of `rgb.txt` with stamps, truth and attitudes; without those that the truth does not cover."""
     listing = folder / "rgb.txt"
     good, stamps, lines = listed(listing, 2)
     images = tuple(folder / lines[at].split(maxsplit=1)[1] for at in good)
     truth_path = folder / "groundtruth.txt"
     if not truth_path.is_file():
-        return _drive(folder, images, stamps, setup, None)
+        return images, stamps, None, None
     truth_stamps, poses = read_tum_3d(truth_path)
     recorded = Trajectory(truth_stamps, planarise_camera(poses, setup.world_up, setup.mount))
     known = [i for i, stamp in enumerate(stamps) if _is_covered(truth_stamps, stamp)]
@@ -60,19 +66,7 @@ def _read_listed(folder: Path, setup: Setup) -> Drive:
     kept = stamps[known]
     truth = trajectory(truth_path, kept, poses_at)
     attitudes = camera_attitudes(truth_stamps, poses, setup.world_up)
-    return _drive(folder, tuple(images[i] for i in known), kept, setup, truth, attitudes)
-
-
-def _drive(
-    folder: Path,
-    images: tuple[Path, ...],
-    stamps: Array,
-    setup: Setup,
-    truth: Trajectory | None,
-    attitudes: AttitudeTrack | None = None,
-) -> Drive:
-    rate_hz = rate_of_stamps(stamps, setup.rate_hz)
-    return Drive("tum", folder, images, stamps, setup.intrinsics, setup.mount, rate_hz, truth, attitudes=attitudes)
+    return tuple(images[i] for i in known), kept, truth, attitudes
 
 
 def _is_covered(truth_stamps: Array, stamp: float) -> bool:

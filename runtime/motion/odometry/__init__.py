@@ -9,8 +9,8 @@ from edgemap.geometry.camera.mount_tilt import MountTiltRule
 from edgemap.runtime.frames.camera import Camera
 from edgemap.runtime.frames.errors import OdometryError
 from edgemap.runtime.frames.faults import FaultKind
-from edgemap.runtime.frames.trajectory import PoseTrack, TrackFile
-from edgemap.runtime.motion.given_poses import EDGE_S, GivenPoses, read_given
+from edgemap.runtime.frames.trajectory import EDGE_S, PoseTrack, TrackFile
+from edgemap.runtime.motion.given_poses import GivenPoses, read_given
 from edgemap.runtime.motion.health import HealthRule
 from edgemap.runtime.motion.judge import JudgeRule, MotionJudge
 from edgemap.runtime.motion.odometry.coasting import CoastingRule
