@@ -70,6 +70,10 @@ class SE2:
         """(x_m, y_m, yaw_rad), shape (3,)."""
         return np.array([self.x_m, self.y_m, self.yaw_rad])
 
+    def is_within(self, limit: float) -> bool:
+        """Whether it is less than a limit in metres away, and turned by less than the same in radians."""
+        return math.hypot(self.x_m, self.y_m) < limit and abs(self.yaw_rad) < limit
+
     def scaled(self, factor: float) -> "SE2":
         """The same heading, with the position times `factor`."""
         return SE2(factor * self.x_m, factor * self.y_m, self.yaw_rad)

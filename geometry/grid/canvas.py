@@ -5,7 +5,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from edgemap.geometry.grid.patch import Cells, Patch, Steps, after
+from edgemap.geometry.grid.patch import Cells, Patch, Steps, after, placed
 from edgemap.geometry.se2 import SE2
 
 MARGIN = 64  # cells by which it grows, at least
@@ -93,7 +93,7 @@ class Canvas:
 
     def draw(self, patch: Patch, cell_m: float, newest: bool = False) -> None:
         """Applies a patch to the log-odds at its current place. newest: whether later additions belong to it."""
-        cells = patch.placed(cell_m)
+        cells = placed(patch.cells, patch.move, cell_m)
         at, fits = self._odds.at(cells)
         odds = self.odds.ravel()
         values = [array[fits] for array in (patch.shift, patch.low, patch.high)]

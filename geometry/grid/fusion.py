@@ -61,7 +61,7 @@ class GridFusion:
             self._revision += 1
         if not self._is_due(pose_map_base, stamp_s):
             return
-        if self._begins_patch(pose_map_base):
+        if self._began is not None and not (self._began[0].inverse() @ pose_map_base).is_within(self.rule.patch_m):
             self._close_patch()
         if self._began is None:
             self._began = pose_map_base, stamp_s
@@ -109,17 +109,8 @@ class GridFusion:
     def _is_due(self, pose: SE2, stamp_s: float) -> bool:
         if self._last is None:
             return True
-        since = self._last[0].inverse() @ pose
-        rule = self.rule
-        far = math.hypot(since.x_m, since.y_m) >= rule.scan_m or abs(since.yaw_rad) >= rule.scan_m
-        return far or not 0.0 <= stamp_s - self._last[1] < rule.scan_s
-
-    def _begins_patch(self, pose: SE2) -> bool:
-        if self._began is None:
-            return False
-        since = self._began[0].inverse() @ pose
-        rule = self.rule
-        return math.hypot(since.x_m, since.y_m) >= rule.patch_m or abs(since.yaw_rad) >= rule.patch_m
+        near = (self._last[0].inverse() @ pose).is_within(self.rule.scan_m)
+        return not near or not 0.0 <= stamp_s - self._last[1] < self.rule.scan_s
 
     def _add_floor(self, evidence: Evidence, pose: SE2, scan: FloorScan) -> None:
         """Evidence of a picture's floor mask for the map's cells."""

@@ -51,10 +51,6 @@ class Patch:
         """Where it began, in the current map."""
         return self.move @ self.began
 
-    def placed(self, cell_m: float) -> Cells:
-        """Its cells (N, 2) in the current map; duplicates are possible."""
-        return placed(self.cells, self.move, cell_m)
-
 
 def moved_m(patches: Sequence[Patch], cell_m: float) -> float:
     """Greatest distance along an axis that a corner of any patch moved since it was drawn, m."""
@@ -68,7 +64,7 @@ def moved_m(patches: Sequence[Patch], cell_m: float) -> float:
 
 
 def placed(cells: Cells, move: SE2, cell_m: float) -> Cells:
-    """Cells (N, 2) after a move of their map."""
+    """Cells (N, 2) after a move of their map; duplicates are possible."""
     if move == SE2():
         return cells
     return np.floor(move.apply((cells + 0.5) * cell_m) / cell_m).astype(np.int32)

@@ -111,11 +111,6 @@ class FloorMap:
             label, number = id_order(item.id)
             self._issued[label] = max(self._issued[label], number)
 
-    @property
-    def ids(self) -> frozenset[str]:
-        """Ids of all objects, also of those with too little evidence to be shown or that overlap a better one."""
-        return frozenset(self._objects)
-
     def update(self, sightings: list[PlacedSighting]) -> list[str]:
         """Updates the map with all sightings of one frame. Returns the id of each one's object."""
         self._frames += 1

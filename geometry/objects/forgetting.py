@@ -1,7 +1,6 @@
 """Negative evidence: removes an object that is repeatedly missed in plain view, or where the picture shows floor in its
 place."""
 
-import math
 from collections import defaultdict
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass, field
@@ -63,14 +62,14 @@ class Forgetter:
         camera: FloorCamera | None = None,
         kept: Collection[str] = (),
         floor: FloorMask | None = None,
-    ) -> list[str]:
-        """Updates with one frame, after the map was updated with its sightings. Returns the ids to remove. detections:
-        all boxes of the frame. pose_map_base: pose of the robot in this frame. object_ids: objects sighted. camera:
-        with the frame's attitude, None for the level robot's. kept: ids of objects that a person has confirmed, which
-        never leave. floor: where the picture shows floor; None without a floor mask.
+    ) -> None:
+        """Updates with one frame, after the map was updated with its sightings. detections: all boxes of the frame.
+        pose_map_base: pose of the robot in this frame. object_ids: objects sighted. camera: with the frame's attitude,
+        None for the level robot's. kept: ids of objects that a person has confirmed, which never leave. floor: where
+        the picture shows floor; None without a floor mask.
         """
         camera = camera or self.camera
-        sighted, gone = {floor_map.shown_as(identity) for identity in object_ids}, []
+        sighted = {floor_map.shown_as(identity) for identity in object_ids}
         objects = self._concerned(floor_map, pose_map_base, sighted)
         boxes = expected_boxes(objects, camera, pose_map_base)
         clear = in_plain_view(objects, boxes, camera, pose_map_base, detections, self.rule.view)
@@ -95,12 +94,10 @@ class Forgetter:
                 (self.missing.add if missed >= self.rule.misses else self.missing.discard)(item.id)
             elif missed >= self.rule.misses:
                 floor_map.drop(item.id)
-                gone.append(item.id)
                 for counts in (self._missed, self._open):
                     counts.pop(item.id, None)
             else:
                 floor_map.set_presence(item.id, 1.0 - missed / self.rule.misses)
-        return gone
 
     def _concerned(self, floor_map: FloorMap, pose_map_base: SE2, sighted: set[str]) -> list[MapObject]:
         """Objects near enough that are sighted or ahead; others cannot be in view."""
@@ -114,10 +111,9 @@ class Forgetter:
 
     def _observation_at(self, item: MapObject, pose_map_base: SE2) -> _Visit:
         """The observation that this frame belongs to; an observation that ends by it is counted."""
-        observation, same_m = self._open.get(item.id), self.rule.same_m
+        observation = self._open.get(item.id)
         if observation is not None:
-            moved = observation.pose_map_base.inverse() @ pose_map_base
-            if math.hypot(moved.x_m, moved.y_m) < same_m and abs(moved.yaw_rad) < same_m:
+            if (observation.pose_map_base.inverse() @ pose_map_base).is_within(self.rule.same_m):
                 return observation
             self._missed[item.id] += observation.seen is False
         self._open[item.id] = _Visit(pose_map_base)

@@ -236,14 +236,10 @@ class Mapper:
             object_ids = [merges.get(self.map.shown_as(identity), identity) for identity in object_ids]
         return object_ids, self.map.merged | merges
 
-    def step_blind(self, motion: Motion) -> tuple[SE2, Array]:
-        """A motion without observations: pose and its covariance (3, 3) after it. The next step takes it in."""
+    def step_blind(self, motion: Motion) -> None:
+        """A motion without observations; the next step takes it in."""
         motion = motion.checked("this")
         self._blind = motion if self._blind is None else _composed(self._blind, motion)
-        covariance = compose_covariance(
-            self.pose_map_base, self.pose_covariance, self._blind.motion, self._blind.covariance
-        )
-        return self.pose_map_base @ self._blind.motion, covariance
 
     def edit(self, edit: Edit) -> str:
         """Applies a person's edit of the map between two steps. Returns the id of its object or zone. Raises EditError.

@@ -6,13 +6,9 @@ from functools import partial
 from math import degrees
 from typing import Any
 
-import numpy as np
-from numpy.typing import NDArray
-
 from edgemap.geometry.camera.floor import FloorCamera
 from edgemap.geometry.map_object import MapObject
 from edgemap.geometry.observations.detections import Detections
-from edgemap.geometry.se2 import SE2
 from edgemap.runtime.frames.camera import Camera
 from edgemap.runtime.frames.faults import Fault
 from edgemap.runtime.frames.frame import Frame
@@ -127,9 +123,9 @@ class SemanticSlam:
             return None
         return StepResult.of(*newest, self.mapper.step(newest[1]), pictured=self.pipeline.pictured)
 
-    def step_blind(self, stamp_s: float, reason: Fault) -> tuple[SE2, NDArray[np.float64]]:
-        """A step without a frame: pose and covariance from sources that need no picture. The map stays unchanged."""
-        return self.mapper.step_blind(self.pipeline.odometry.step_blind(stamp_s, reason))
+    def step_blind(self, stamp_s: float, reason: Fault) -> None:
+        """A step without a frame: the motion by sources that need no picture. The map stays unchanged."""
+        self.mapper.step_blind(self.pipeline.odometry.step_blind(stamp_s, reason))
 
     def objects(self) -> list[MapObject]:
         """The objects of the map."""

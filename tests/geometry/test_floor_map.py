@@ -69,8 +69,8 @@ def test_every_id_ever_told_is_an_object_or_says_what_it_became(placed_, seed):
         reported.update(ids)
         counts += len(ids)
     for identity in reported:
-        assert (identity in floor_map.ids) != (identity in floor_map.merged)
-    assert set(floor_map.merged.values()) <= floor_map.ids
+        assert (identity in floor_map._objects) != (identity in floor_map.merged)
+    assert set(floor_map.merged.values()) <= floor_map._objects.keys()
     assert sum(one.sums.count for one in floor_map.graph.landmarks.all.values()) == counts
 
 

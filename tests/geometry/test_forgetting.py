@@ -51,8 +51,11 @@ def drive(room, way, random, rate=0.8, saved=None, forgetter=None):
             floor_map.graph.advance(way[number - 1].inverse() @ pose, np.zeros((3, 3)), number / 10)
         found = sightings_of(detections, CAMERA, FloorRule(), number, number / 10)
         ids = floor_map.update([sighting.placed(here, np.zeros((3, 3))) for sighting in found])
-        for identity in forgetter.observe(floor_map, detections, here, ids) if forgetter else ():
-            left[identity] = forgetter.observations[identity]
+        if forgetter:
+            known = {item.id for item in floor_map.objects()}
+            forgetter.observe(floor_map, detections, here, ids)
+            for identity in known - {item.id for item in floor_map.objects()}:
+                left[identity] = forgetter.observations[identity]
     return floor_map, left
 
 

@@ -89,8 +89,7 @@ class RecordedOdometry:
         pose, fault = self._pose(stamp_s)
         if self._last is None or pose is None or fault or self._broken(stamp_s):
             return None
-        motion = self._last.inverse() @ pose
-        return math.hypot(motion.x_m, motion.y_m) < STILL and abs(motion.yaw_rad) < STILL
+        return (self._last.inverse() @ pose).is_within(STILL)
 
     def rest(self, stamp_s: float) -> Motion:
         """Zero motion; continues from the stamp."""
