@@ -41,10 +41,10 @@ class BoxOnFloor:
 
     lens_m, edge_m (2,), edge_m2 (2, 2): the lens and that projection, base frame; direction (2,), reach_m: from the one
     to the other. width_m, height_m: apparent, there (the paper's eq. 4). extent_m: the longer side of its class's usual
-    footprint. cut: by the picture's left or right border; low: by its lower one. cover: share of the lower edge that
-    nearer boxes cover. nearest_m: the nearest range at which its foot may be: `reach_m` where floor begins below the
-    edge, less where something stands before it or the picture ends. measured_m, measured_sigma_m: range of what the box
-    shows by depth; NaN where there is none.
+    footprint. cut: by the picture's left or right border. cover: share of the lower edge that nearer boxes cover.
+    nearest_m: the nearest range at which its foot may be: `reach_m` where floor begins below the edge, less where
+    something stands before it or the picture ends. measured_m, measured_sigma_m: range of what the box shows by depth;
+    NaN where there is none.
     """
 
     shape: Shape
@@ -57,7 +57,6 @@ class BoxOnFloor:
     height_m: float
     extent_m: float
     cut: bool
-    low: bool
     cover: float
     nearest_m: float
     measured_m: float

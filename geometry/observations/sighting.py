@@ -251,7 +251,7 @@ def _on_floor(
         nearest_m = (
             min(NEAREST_M, 0.5 * reach_m) if low[at] else min(_floor_begins_m(boxes[at], camera, floor), reach_m)
         )
-        flags = bool(cut[at]), bool(low[at]), float(cover[at]), nearest_m
+        flags = bool(cut[at]), float(cover[at]), nearest_m
         place = lens, near[at], random[at], direction, reach_m
         yield row, BoxOnFloor(shapes[at], *place, width_m, height_m, extent, *flags, *ranges[at].tolist()), shared[at]
 

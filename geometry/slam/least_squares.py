@@ -60,14 +60,12 @@ class LandmarkFactors:
 @dataclass(frozen=True, eq=False)
 class Solution:
     """The estimate. poses (K, 3): x, y, yaw, map frame. landmarks (L, 2): map frame. biases (3,): scale errors of the
-    translations and rotations, and mount error, in standard deviations. chi2 (N,): squared Mahalanobis distance of each
-    observation. log_evidence: log-likelihood of all measurements (Laplace approximation), up to a constant of the
-    odometry."""
+    translations and rotations, and mount error, in standard deviations. log_evidence: log-likelihood of all
+    measurements (Laplace approximation), up to a constant of the odometry."""
 
     poses: Array
     landmarks: Array
     biases: Array
-    chi2: Array
     log_evidence: float
     _last: "_System"
     _stated: "Callable[[], _System]"
@@ -100,7 +98,7 @@ class Problem:
     odometry: OdometryFactors
     observations: ObservationFactors
     landmarks: LandmarkFactors
-    kernel: float = 9.0
+    kernel: float
     freedom: float = math.inf
 
 
@@ -122,12 +120,12 @@ def solve(
     odometry = replace(problem.odometry, gain=0.0)
     gaussian = replace(problem, odometry=odometry, freedom=math.inf)
     stated = partial(_System, gaussian, poses, landmarks, biases)
-    return Solution(poses, landmarks, biases, system.chi2, system.log_evidence(), system, stated)
+    return Solution(poses, landmarks, biases, system.log_evidence(), system, stated)
 
 
 class _System:
     """The problem linearised: whitened residuals, their sparse Jacobian, and the factorised normal equations. Unknowns:
-    poses, landmarks, gains of the odometry (2), error of the mount. chi2 (N,): as of `Solution`."""
+    poses, landmarks, gains of the odometry (2), error of the mount."""
 
     def __init__(self, problem: Problem, poses: Array, landmarks: Array, biases: Array) -> None:
         self._landmark, self._bias = poses.size, poses.size + landmarks.size  # their first columns
@@ -136,7 +134,7 @@ class _System:
         self._rows, self._cost = 0, 0.5 * float(biases @ biases)
         self._add(biases[:, None], (self._bias + np.arange(3), np.ones((3, 1, 1))))
         self._add_odometry(problem.odometry, problem.freedom, poses, biases)
-        self.chi2 = self._add_observations(problem.observations, problem.kernel, poses, landmarks, biases)
+        self._add_observations(problem.observations, problem.kernel, poses, landmarks, biases)
         self._add_priors(problem.landmarks, landmarks)
         values, rows, columns = (np.concatenate(part) for part in zip(*self._entries, strict=True))
         jacobian = csc_array((values, (rows, columns)), shape=(self._rows, self._bias + 3))
@@ -206,8 +204,7 @@ class _System:
 
     def _add_observations(
         self, seen: ObservationFactors, kernel: float, poses: Array, landmarks: Array, biases: Array
-    ) -> Array:
-        """Returns the squared Mahalanobis distances (N,)."""
+    ) -> None:
         x, y, by_pose, by_landmark = _seen_from(poses[seen.pose], landmarks[seen.landmark])
         residual = np.column_stack([x, y]) + biases[2] * seen.bias_m - seen.position_m
         root, residual = _whitened(seen.information, residual)
@@ -222,7 +219,6 @@ class _System:
         by_mount, mount = root @ seen.bias_m[:, :, None], np.full(len(x), self._bias + 2)
         blocks = (3 * seen.pose, root @ by_pose), (self._landmark + 2 * seen.landmark, root @ by_landmark)
         self._add(residual * weight[:, None], *blocks, (mount, by_mount))
-        return chi2
 
     def _add_priors(self, factors: LandmarkFactors, landmarks: Array) -> None:
         known = np.flatnonzero(factors.information.any(axis=(1, 2)))

@@ -3,7 +3,6 @@
 import math
 from dataclasses import dataclass
 
-from edgemap.geometry.arrays import Array
 from edgemap.geometry.objects.floor_map import FloorMap
 from edgemap.geometry.se2 import SE2
 from edgemap.geometry.slam.loop_closure import Closure, LoopSearch
@@ -13,12 +12,11 @@ from edgemap.geometry.trajectory_correction import TrajectoryCorrection
 
 @dataclass(frozen=True, slots=True, eq=False)
 class LoopCorrection:
-    """A loop closure's result. pose_map_base, pose_covariance: of this frame. past: correction of everything before it.
-    moved_m: correction of this frame's pose. links: number of landmarks matched to earlier ones so far.
+    """A loop closure's result. pose_map_base: of this frame. past: correction of everything before it. moved_m:
+    correction of this frame's pose. links: number of landmarks matched to earlier ones so far.
     """
 
     pose_map_base: SE2
-    pose_covariance: Array
     past: TrajectoryCorrection
     moved_m: float
     links: int
@@ -69,7 +67,7 @@ class LoopCloser:
         """A graph's correction as a step takes it. before: pose of this frame before it."""
         pose = graph.trajectory.pose
         moved_m = math.hypot(pose.x_m - before.x_m, pose.y_m - before.y_m)
-        return LoopCorrection(pose, past.covariances[-1], past, moved_m, self.accepted)
+        return LoopCorrection(pose, past, moved_m, self.accepted)
 
     def _units(self, floor_map: FloorMap) -> Closure:
         floor_map.bound()
