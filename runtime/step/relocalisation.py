@@ -76,10 +76,13 @@ class Relocaliser:
         return self.alignment
 
     def _search(self) -> Generator[None, None, Alignment]:
-        """The alignment, a bounded unit of work at each step, at the end of the map of this run as it is then: it has
-        grown and moved meanwhile. Raises AlignmentError."""
+        """The alignment, a bounded unit of work at each step. Raises AlignmentError."""
         found = yield from aligning(self.saved, self.run_map.objects(), self._registration, self._grids)
-        return realigned(found, self.saved, self.run_map.objects(), self._registration, self._grids)
+        return self._as_it_is_now(found)
+
+    def _as_it_is_now(self, alignment: Alignment) -> Alignment:
+        """The map of this run has grown and moved since the work began. Raises AlignmentError."""
+        return realigned(alignment, self.saved, self.run_map.objects(), self._registration, self._grids)
 
     @property
     def _grids(self) -> Grids:
