@@ -119,21 +119,6 @@ def test_plain_view_is_whole_near_and_known_from_here(pose, plain):
     assert in_plain_view(objects, boxes, CAMERA, pose, NOTHING, rule).tolist() == [plain]
 
 
-def test_what_stands_nearer_hides_and_what_stands_behind_does_not():
-    objects = chair_map().objects()
-    boxes = expected_boxes(objects, CAMERA, SE2())
-    x0, y0, x1, y1 = boxes[0]
-
-    def plain(box):
-        seen = Detections(np.array([box]), np.array([0.9]), np.array([0]), ("person",))
-        return bool(in_plain_view(objects, boxes, CAMERA, SE2(), seen, ViewRule())[0])
-
-    middle = (x0 + x1) / 2
-    assert not plain([middle, y0, x1 + 50, y1 + 20])
-    assert plain([middle, y0 - 30, x1 + 50, y1 - 10])
-    assert plain([x1 - 5, y0, x1 + 50, y1 + 20])
-
-
 def looks_from(count):
     """Poses that differ enough for each to be a look, with a plain view of the chair."""
     return [SE2(0.3 + 0.2 * (number % 2), 0.0, 0.0) for number in range(count)]
