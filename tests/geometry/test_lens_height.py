@@ -14,7 +14,7 @@ from edgemap.geometry.camera.mount import Mount
 from edgemap.geometry.camera.mount_tilt import MountTilt, MountTiltRule
 from edgemap.geometry.observations.class_extents import HEIGHT_M, footprint_m
 from edgemap.geometry.observations.detections import Detections
-from edgemap.geometry.observations.lens_height import HeightBySizes, HeightMeasurement, agreed_height, lens_heights
+from edgemap.geometry.observations.lens_height import HeightMeasurement, agreed_height, lens_heights
 
 NAMES = ("chair", "person", "tv")
 CAMERA = FloorCamera(Intrinsics(640, 480, 400.0, 400.0, 319.5, 239.5), Mount(0.5, 0.1, 0.02))
@@ -92,31 +92,6 @@ def test_the_error_of_the_pitch_that_classes_share_does_not_average_out():
     many = [HeightMeasurement(str(count), 0.0, math.hypot(0.2, 0.1), 0.1) for count in range(400)]
     assert agreed_height(many)[1] == pytest.approx(math.hypot(0.2 / 20.0, 0.1))
     assert agreed_height([one])[1] == pytest.approx(one.sigma)
-
-
-@pytest.mark.parametrize(("roll", "pitch"), [(0.02, 0.16), (-0.05, 0.06)])
-def test_boxes_kept_over_a_correction_are_those_of_the_new_mount(roll, pitch):
-    boxes = detections(WHOLE, [100.0, 200.0, 160.0, 380.0], [480.0, 150.0, 560.0, 420.0])
-    other = FloorCamera(CAMERA.intrinsics, Mount(0.5, pitch, roll))
-    kept, expected = HeightBySizes(10), HeightBySizes(10)
-    kept.add(boxes, CAMERA)
-    expected.add(boxes, other)
-    turned = kept.turned(other.mount.rotation_base_optical() @ CAMERA.mount.rotation_base_optical().T)
-    (found,), (right,), (before,) = (sizes.measurements(0.01) for sizes in (turned, expected, kept))
-    assert (found.log_m, found.sigma, found.shared) == pytest.approx((right.log_m, right.sigma, right.shared))
-    assert abs(found.log_m - before.log_m) > 0.05
-
-
-@pytest.mark.parametrize(("pitch_deg", "roll_deg"), [(2.0, 0.0), (-3.0, 1.0), (0.5, -2.0)])
-def test_turns_on_a_floor_give_pitch_and_roll(pitch_deg, roll_deg):
-    given, true = Mount.from_degrees(0.5, 10.0), Mount.from_degrees(0.5, 10.0 + pitch_deg, roll_deg)
-    by_given = given.rotation_base_optical() @ true.rotation_base_optical().T  # of base directions, as they are seen
-    tilt = MountTilt.prior(MountTiltRule())
-    assert tilt.by_turn(by_given @ [0.0, 0.0, 0.05]) is tilt  # less precise than the configured mount
-    for turned_rad in (1.3, -1.2, 1.4):
-        tilt = tilt.by_turn(by_given @ [0.0, 0.0, turned_rad])
-    assert np.degrees(tilt.error_rad) == pytest.approx([roll_deg, pitch_deg], abs=0.15)
-    assert np.degrees(tilt.sigma_rad()).max() < 0.6
 
 
 def test_the_covariance_is_that_of_an_information_filter():
