@@ -104,6 +104,14 @@ def test_a_mount_that_depth_shows_to_be_wrong_is_a_fault_once():
 LEVEL = FloorCamera(LENS, Mount(1.0, 0.0, 0.0, 0.2, 0.0))
 
 
+def floor_depth(camera, farthest_m=math.inf):
+    """The depth picture of a bare floor up to there."""
+    v, u = np.mgrid[0:240, 0:320]
+    points = camera.floor_points(np.column_stack([u.ravel(), v.ravel()]))
+    depth = np.nan_to_num(camera.optical_depth_m(points)).reshape(240, 320).astype(np.float32)
+    return np.where(depth < farthest_m, depth, 0.0)
+
+
 def fridge(lower_edge):
     return Detections(
         np.array([[300.0, 60.0, 342.0, lower_edge]]), np.array([0.9]), np.zeros(1, int), ("refrigerator",)
@@ -139,11 +147,8 @@ def test_corners_keep_the_scale_by_depth_where_the_height_is_wrong():
     height, too short on this floor, whose large blobs pull corners (`test_keyframe_window` has exact corners)."""
     frames, poses = drive(MOTIONS["straight"])
     believed = FloorCamera(CAMERA.intrinsics, Mount.from_degrees(0.65, 15.0, 0.0, 0.12))
-    v, u = np.mgrid[0:240, 0:320]
-    points = CAMERA.floor_points(np.column_stack([u.ravel(), v.ravel()]))
-    depth = np.nan_to_num(CAMERA.optical_depth_m(points)).reshape(240, 320).astype(np.float32)
     lengths = {}
-    for given in (None, depth):
+    for given in (None, floor_depth(CAMERA)):
         odometry, pose = WindowOdometry(believed), SE2()
         for frame in frames:
             pose = pose @ odometry.step(Frame(frame.index, frame.stamp_s, frame.image, depth=given), {}).motion
@@ -156,13 +161,10 @@ def test_planar_follows_a_camera_that_nods_by_the_floor_in_its_depth():
     """Three degrees up and down over a second, and nobody tells but the depth."""
     _, poses = drive(MOTIONS["straight"])
     source, odometry, pose = EstimatedAttitude(CAMERA), WindowOdometry(CAMERA), SE2()
-    v, u = np.mgrid[0:240, 0:320]
-    pixels = np.column_stack([u.ravel(), v.ravel()])
     for index, true in enumerate(poses):
         tilt = math.radians(3.0) * math.sin(0.6 * index)
         camera = CAMERA.at(Attitude(0.0, CAMERA.mount.pitch_rad + tilt, np.zeros((2, 2))))
-        depth = np.nan_to_num(camera.optical_depth_m(camera.floor_points(pixels))).reshape(240, 320).astype(np.float32)
-        frame = Frame(index, index / 10, seen_by(camera, true), depth=np.where(depth < 6.0, depth, 0.0))
+        frame = Frame(index, index / 10, seen_by(camera, true), depth=floor_depth(camera, 6.0))
         attitude = source.predict(frame)
         assert attitude.source == "depth"
         pose = pose @ odometry.step(frame, {}, FramePrior(attitude)).motion
@@ -171,71 +173,48 @@ def test_planar_follows_a_camera_that_nods_by_the_floor_in_its_depth():
     assert abs(off.yaw_rad) < 0.02
 
 
-V, U = np.mgrid[0:240, 0:320]
-DEPTH = np.nan_to_num(CAMERA.optical_depth_m(CAMERA.floor_points(np.column_stack([U.ravel(), V.ravel()]))))
-DEPTH = np.where(DEPTH < 6.0, DEPTH, 0.0).reshape(240, 320).astype(np.float32)
+DEPTH = floor_depth(CAMERA, 6.0)
+NO_DEPTH = np.zeros_like(DEPTH)
 
 
-def with_holes(share, seed=0):
+def with_holes(share, seed):
     """The floor's depth, where blocks of 8 px are missing."""
     kept = np.random.default_rng(seed).uniform(size=(30, 40)) >= share
     return np.where(np.kron(kept, np.ones((8, 8), bool)), DEPTH, 0.0).astype(np.float32)
 
 
-def odometry():
-    return WindowOdometry(CAMERA)
+DEPTHS = {  # of the frame with this number
+    "whole": lambda index: DEPTH,
+    "with holes": lambda index: with_holes(0.5, index),
+    "ends": lambda index: DEPTH if index < 10 else None,
+    "is blank": lambda index: DEPTH if index < 8 else NO_DEPTH,
+    "now and then": lambda index: DEPTH if index % 2 == 0 else None,
+}
+MOVED = [(name, depth, 0.055) for name in MOTIONS for depth in ("whole", "with holes")]  # m off, of 0.8 m
+MOVED += [("straight", "ends", 0.055), ("straight", "is blank", 0.055), ("left arc", "now and then", 0.035)]
 
 
-def followed(frames, source=None):
-    source, pose, found = source or odometry(), SE2(), []
-    for frame in frames:
-        found.append(source.step(frame, {}))
-        pose = pose @ found[-1].motion
-    return pose, found
-
-
-def off(pose, true):
-    apart = pose.inverse() @ true
-    return math.hypot(apart.x_m, apart.y_m), abs(apart.yaw_rad)
-
-
-@pytest.mark.parametrize("name", list(MOTIONS))
-@pytest.mark.parametrize("holes", [0.0, 0.5])
-def test_motion_by_depth_with_and_without_holes(name, holes):
+@pytest.mark.parametrize(("name", "depth", "most_m"), MOVED)
+def test_motion_by_depth_that_has_holes_ends_or_comes_now_and_then(name, depth, most_m):
+    """Large blobs pull corners."""
     frames, poses = drive(MOTIONS[name])
-    pose, found = followed([replace(f, depth=with_holes(holes, f.index)) for f in frames])
-    apart_m, apart_rad = off(pose, poses[-1])
-    assert apart_m < 0.055  # of 0.8 m: large blobs pull corners
-    assert apart_rad < 0.02
-    assert all(motion.measured for motion in found[1:])
+    source, pose = WindowOdometry(CAMERA), SE2()
+    for frame in frames:
+        motion = source.step(replace(frame, depth=DEPTHS[depth](frame.index)), {})
+        assert motion.measured or frame.index == 0
+        pose = pose @ motion.motion
+    apart = pose.inverse() @ poses[-1]
+    assert math.hypot(apart.x_m, apart.y_m) < most_m
+    assert abs(apart.yaw_rad) < 0.02
 
 
 def test_a_covered_lens_costs_its_own_pictures_and_not_the_drive():
     frames, poses = drive(MOTIONS["left arc"])
-    frames = [replace(f, depth=DEPTH) for f in frames]
-    dark = np.zeros_like(frames[0].image)
-    frames = [replace(f, image=dark) if f.index in (8, 9) else f for f in frames]
-    source, pose = odometry(), SE2()
+    source, pose = WindowOdometry(CAMERA), SE2()
     for frame in frames:
-        motion = source.step_blind(frame.stamp_s, made("covered")) if frame.image is dark else source.step(frame, {})
+        covered, seen = frame.index in (8, 9), replace(frame, depth=DEPTH)
+        motion = source.step_blind(frame.stamp_s, made("covered")) if covered else source.step(seen, {})
         pose = pose @ motion.motion
-    apart_m, apart_rad = off(pose, poses[-1])
-    assert apart_m < 0.055  # of 0.8 m: large blobs pull corners
-    assert apart_rad < 0.02
-
-
-def test_depth_that_ends_or_comes_now_and_then_is_no_end_of_the_motion():
-    frames, poses = drive(MOTIONS["straight"])
-    pose, found = followed([replace(f, depth=DEPTH) if f.index < 10 else f for f in frames])
-    assert sum(motion.blind for motion in found) == 0
-    assert off(pose, poses[-1])[0] < 0.055
-    frames, poses = drive(MOTIONS["straight"])
-    blank = np.zeros_like(DEPTH)
-    pose, found = followed([replace(f, depth=DEPTH if f.index < 8 else blank) for f in frames])
-    assert all(motion.measured for motion in found[1:])
-    assert off(pose, poses[-1])[0] < 0.055
-    frames, poses = drive(MOTIONS["left arc"])
-    source, pose = odometry(), SE2()
-    for frame in frames:
-        pose = pose @ source.step(replace(frame, depth=DEPTH) if frame.index % 2 == 0 else frame, {}).motion
-    assert off(pose, poses[-1])[0] < 0.035
+    apart = pose.inverse() @ poses[-1]
+    assert math.hypot(apart.x_m, apart.y_m) < 0.055
+    assert abs(apart.yaw_rad) < 0.02
