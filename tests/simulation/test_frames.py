@@ -1,5 +1,6 @@
 """Rendered pictures against edgemap.geometry: boxes, shares, lenses, depths; the demo has enough to map."""
 
+import json
 from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
@@ -10,10 +11,14 @@ import pytest
 
 from edgemap.geometry.camera.intrinsics import Distortion, Intrinsics
 from edgemap.geometry.camera.mount import Mount
+from edgemap.geometry.errors import EdgemapError
 from edgemap.geometry.se2 import SE2
 from edgemap.runtime.inputs import demo
+from edgemap.simulation.errors import SimulationError
 from edgemap.simulation.render.mesh import Material, Mesh, box, quad
 from edgemap.simulation.render.scene import LightMix, LitPart, LitScene, LitSurface, Surface
+from edgemap.simulation.render.view import Lens, View
+from edgemap.simulation.truth import picture_boxes
 
 INTRINSICS = Intrinsics(320, 240, 200.0, 200.0, 159.5, 119.5)
 BENT = replace(INTRINSICS, distortion=Distortion("brown_conrady", (-0.25, 0.08, 0.002, -0.003, 0.0)))
@@ -43,7 +48,6 @@ def wall(x, half, lamp=1.0, day=0.0):
 def draw():
     """Makes a renderer of parts and surfaces; closed at the end."""
     pytest.importorskip("moderngl")
-    from edgemap.geometry.errors import EdgemapError
     from edgemap.simulation.render.renderer import Renderer
 
     made = []
@@ -62,14 +66,10 @@ def draw():
 
 @pytest.fixture
 def view():
-    from edgemap.simulation.render.view import View
-
     return View.of_base(SE2(0.0, 0.0, 0.0), MOUNT)
 
 
 def boxes(renderer, view, labels, movers=()):
-    from edgemap.simulation.truth import picture_boxes
-
     items = tuple(SimpleNamespace(id=id_, label=label) for id_, label in labels.items())
     apartment: Any = SimpleNamespace(furniture=items)
     records = picture_boxes(renderer, renderer.frame(view, movers=movers), view, apartment, movers)
@@ -162,9 +162,6 @@ def test_bent_lens_puts_points_where_intrinsics_project_them(draw, view):
 
 
 def test_lens_that_folds_is_refused():
-    from edgemap.simulation.errors import SimulationError
-    from edgemap.simulation.render.view import Lens
-
     with pytest.raises(SimulationError, match="folds the picture"):
         Lens(replace(INTRINSICS, distortion=Distortion("brown_conrady", (-2.0,))))
 
@@ -193,8 +190,6 @@ FOLDER = Path(demo.__file__).parent
 
 
 def test_enough_to_map_and_light_enough_to_ship():
-    import json
-
     objects = json.loads((FOLDER / "objects.json").read_text())["objects"]
     scorable = [o for o in objects if o["on_floor"] and o["visible_frames"] >= 10]
     assert len(scorable) >= 8
@@ -216,42 +211,14 @@ UNEVEN = Intrinsics(320, 240, 290.0, 270.0, 150.3, 128.9)
 TILTED = Mount.from_degrees(0.55, 14.0, roll_deg=6.0, forward_m=0.2, left_m=-0.07)
 
 
-@pytest.fixture(scope="module")
-def markers():
-    """Small boxes (2 cm) in front of the robot, their middles (N, 3), and a renderer of them."""
-    pytest.importorskip("moderngl")
-    from edgemap.geometry.errors import EdgemapError
-    from edgemap.simulation.render.renderer import Renderer
-
+def test_ids_stand_where_geometry_projects_them(draw):
+    """Small boxes (2 cm) in front of the robot; where they stand is written from the mount alone, apart from View."""
     base = np.array([[1.5, 0.0, 0.02], [2.0, 0.5, 0.3], [3.0, -0.9, 0.7], [2.5, 0.9, 0.05], [1.2, -0.2, 0.3]])
     middles = np.column_stack([POSE.apply(base[:, :2]), base[:, 2]])
-    parts = []
-    for id_, middle in enumerate(middles, start=1):
-        for part in box(middle - 0.01, middle + 0.01, Material()).parts:
-            light = np.ones(part.positions.shape, dtype=np.float32)
-            parts.append(LitPart(id_, part, light, light))
-    try:
-        made = Renderer(LitScene((), tuple(parts), ()), UNEVEN)
-    except EdgemapError as error:
-        pytest.skip(str(error))
-    yield middles, made
-    made.close()
-
-
-def optical(points_room):
-    """Points of the room in the optical frame, written from the mount alone, apart from the renderer's View."""
-    base = POSE.inverse().apply(points_room[:, :2])
-    return (np.column_stack([base, points_room[:, 2]]) - TILTED.position_base_m()) @ TILTED.rotation_base_optical()
-
-
-def test_ids_stand_where_geometry_projects_them(markers):
-    from edgemap.simulation.render.view import View
-
-    middles, renderer = markers
-    frame = renderer.frame(View.of_base(POSE, TILTED))
-    expected = optical(middles)
-    pixels = UNEVEN.project(expected)
-    for id_, (pixel, point) in enumerate(zip(pixels, expected, strict=True), start=1):
+    parts = [part for id_, at in enumerate(middles, 1) for part in lit(id_, box(at - 0.01, at + 0.01, GREY))]
+    frame = draw(parts, intrinsics=UNEVEN).frame(View.of_base(POSE, TILTED))
+    expected = (base - TILTED.position_base_m()) @ TILTED.rotation_base_optical()
+    for id_, (pixel, point) in enumerate(zip(UNEVEN.project(expected), expected, strict=True), start=1):
         rows, columns = np.nonzero(frame.ids == id_)
         assert len(rows) > 3, f"marker {id_} is not in the picture"
         assert np.hypot(columns.mean() - pixel[0], rows.mean() - pixel[1]) < 1.0
