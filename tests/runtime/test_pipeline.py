@@ -136,22 +136,3 @@ def test_the_map_does_not_depend_on_the_rate(every):
         near = min((seen for seen in there if seen.label == item.label), key=lambda seen: off_m(seen, item))
         assert off_m(near, item) < 0.15
         assert near.confidence == pytest.approx(item.confidence, abs=0.08)
-
-
-@pytest.mark.parametrize(("rate_hz", "pictures"), [(30, 6), (10, 2), (60, 12)])
-def test_a_glimpse_is_no_object_however_many_pictures_show_it(rate_hz, pictures):
-    """A fifth of a second in view is on no map, six tenths are."""
-    mapper = Mapper()
-
-    def see(count, start):
-        for index in range(start, start + count):
-            stamp_s = index / rate_hz
-            (seen,) = sighted([("chair", 2.0, 0.1)], SE2(), index, np.random.default_rng(index))
-            seen = replace(seen, stamp_s=stamp_s)
-            motion = Motion(SE2(), np.zeros((3, 3)))
-            mapper.step(replace(observed(index, [seen], motion), stamp_s=stamp_s))
-
-    see(pictures, 0)
-    assert mapper.objects() == []
-    see(2 * pictures, pictures)
-    assert len(mapper.objects()) == 1
