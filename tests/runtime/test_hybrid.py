@@ -129,13 +129,17 @@ def test_blind_of_everything_it_carries_on_for_a_second_and_its_doubt_covers_any
     assert 3.0 < math.sqrt(sum(step.covariance[0, 0] for step in steps)) < 6.0
 
 
+def beside_a_gyro(camera, rotation):
+    """A hybrid of scripted pictures and a gyro after two steps, the second's motion, and the attitude of both."""
+    hybrid = fusing(camera=Scripted(*camera), gyro=GyroOdometry())
+    attitude = replace(Attitude(0.0, 0.0, np.zeros((2, 2))), rotation=rotation)
+    _, found = (hybrid.step(at(index / 10), {}, FramePrior(attitude)) for index in range(2))
+    return hybrid, found, attitude
+
+
 def test_the_gyro_alone_gives_yaw_and_leaves_the_way_unknown():
     """Blind with a gyro: yaw is measured to 0.01 rad, 3 s of unknown speed stay unknown."""
-    hybrid = fusing(camera=Scripted(*[motion(0.1, 0.01)] * 2), gyro=GyroOdometry())
-    rotation = GyroRotation(np.eye(3), 0.05, 0.01)
-    attitude = replace(Attitude(0.0, 0.0, np.zeros((2, 2))), rotation=rotation)
-    for index in range(2):
-        hybrid.step(at(index / 10), {}, FramePrior(attitude))
+    hybrid, _, attitude = beside_a_gyro([motion(0.1, 0.01)] * 2, GyroRotation(np.eye(3), 0.05, 0.01))
     steps = [hybrid.step_blind(0.1 + k / 10, made("no picture"), attitude) for k in range(1, 31)]
     assert sum(step.motion.yaw_rad for step in steps) == pytest.approx(30 * 0.05, abs=5e-3)
     assert sum(step.covariance[2, 2] for step in steps) < LASTING**2 * 30 * 0.01**2
@@ -184,10 +188,8 @@ def test_each_step_states_who_was_used_who_was_blind_and_who_was_left_out():
 
 
 def test_the_gyro_is_told_what_the_others_measured_and_not_its_own_yaw():
-    camera = Scripted(*[motion(0.1, 0.01, 0.02)] * 2)
-    hybrid = fusing(camera=camera, gyro=GyroOdometry())
-    attitude = replace(Attitude(0.0, 0.0, np.zeros((2, 2))), rotation=GyroRotation(np.eye(3), 0.03, 0.001))
-    found = [hybrid.step(at(index / 10), {}, FramePrior(attitude)) for index in range(2)][1]
+    camera = [motion(0.1, 0.01, 0.02)] * 2
+    hybrid, found, attitude = beside_a_gyro(camera, GyroRotation(np.eye(3), 0.03, 0.001))
     assert found.motion.yaw_rad == pytest.approx(0.03, abs=2e-4)
     moved = found.moved()
     assert (moved[0].yaw_rad, moved[1][2, 2]) == pytest.approx((0.02, LASTING * 1e-4))
@@ -196,10 +198,8 @@ def test_the_gyro_is_told_what_the_others_measured_and_not_its_own_yaw():
 
 def test_a_picture_that_errs_in_yaw_leaves_the_gyro_alone():
     """0.2 rad of yaw at a stated 0.01 beside a gyro that says none: halfway between would be 0.1."""
-    camera = Scripted(motion(0.0, 1.0), motion(0.1, 0.01, 0.2))
-    hybrid = fusing(camera=camera, gyro=GyroOdometry())
-    attitude = replace(Attitude(0.0, 0.0, np.zeros((2, 2))), rotation=GyroRotation(np.eye(3), 0.0, 0.001))
-    found = [hybrid.step(at(index / 10), {}, FramePrior(attitude)) for index in range(2)][1]
+    camera = [motion(0.0, 1.0), motion(0.1, 0.01, 0.2)]
+    _, found, _ = beside_a_gyro(camera, GyroRotation(np.eye(3), 0.0, 0.001))
     assert abs(found.motion.yaw_rad) < 0.001
     assert found.motion.x_m == pytest.approx(0.1, abs=1e-3)
     assert found.covariance[0, 0] == pytest.approx(
@@ -209,10 +209,8 @@ def test_a_picture_that_errs_in_yaw_leaves_the_gyro_alone():
 
 def test_a_gyro_that_is_not_confirmed_has_no_weight_beside_the_camera():
     """A late one says that the robot rests as it begins to turn."""
-    hybrid = fusing(camera=Scripted(motion(0.0, 1.0), motion(0.1, 0.01, 0.1)), gyro=GyroOdometry())
-    rotation = GyroRotation(np.eye(3), 0.0, 0.001, proved=False)
-    attitude = replace(Attitude(0.0, 0.0, np.zeros((2, 2))), rotation=rotation)
-    found = [hybrid.step(at(index / 10), {}, FramePrior(attitude)) for index in range(2)][1]
+    camera = [motion(0.0, 1.0), motion(0.1, 0.01, 0.1)]
+    _, found, _ = beside_a_gyro(camera, GyroRotation(np.eye(3), 0.0, 0.001, proved=False))
     assert found.motion.yaw_rad == pytest.approx(0.1, abs=1e-4)
 
 
