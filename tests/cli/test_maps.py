@@ -7,7 +7,7 @@ from dataclasses import replace
 import cv2
 import numpy as np
 import pytest
-from support.boxed_room import area_m2, floor_mask, walls
+from support.boxed_room import CAMERA, area_m2, floor_mask, walls
 from support.refusal import one_line
 from support.rooms import furnished, mapped
 
@@ -21,30 +21,42 @@ from edgemap.runtime.frames.trajectory import trajectory_of, tum_line
 from edgemap.runtime.step.grid_file import load_grid, save_grid
 from edgemap.runtime.step.map_file import load_annotated_map, save_map
 
+ROOM = [("chair", 1.0, 0.0), ("couch", 3.0, 2.0)]
+
+
+def floor():
+    """Free from (0, 0) to (2, 1) m, with one wall of cells along x = 2 m."""
+    log_odds = np.full((20, 41), -32, np.int8)
+    log_odds[:, 40] = 32
+    return OccupancyGrid(log_odds, 0.0, 0.0, 0.05)
+
 
 @pytest.fixture
-def run_folder(tmp_path):
+def guessed_run(tmp_path):
     folder = tmp_path / "run"
     folder.mkdir()
-    save_map(folder / "map.json", mapped([("chair", 1.0, 0.0), ("couch", 3.0, 2.0)]))
-    (folder / "trajectory.tum").write_text("".join(tum_line(k / 10, SE2(k / 10, 0.0)) for k in range(20)))
+    zone = Zone("zone-1", "kitchen", ((0.0, 0.0), (1.0, 0.0), (1.0, 1.0)))
+    save_map(folder / "map.json", mapped(ROOM), Annotations((zone,), (), SE2(1.0, 2.0, 0.5)), floor())
+    (folder / "trajectory.tum").write_text("".join(tum_line(k / 10, SE2(k / 10, 0.0, 0.3)) for k in range(20)))
+    record = {"mount": {"height_m": 0.75}, "odometry": "hybrid", "quality": {"wheel_frames": 0}}
+    (folder / "run.json").write_text(json.dumps(record))
     return folder
 
 
-def test_exports_land_beside_the_map_in_a_file_or_in_a_folder(edgemap, run_folder, tmp_path):
+def test_exports_land_beside_the_map_in_a_file_or_in_a_folder(edgemap, guessed_run, tmp_path):
     expected = {
         "geojson": "map.geojson", "nav2": "map.yaml", "nav2-vector": "vector_objects.yaml", "csv": "map.csv",
         "svg": "map.svg",
     }  # fmt: skip
     for kind, name in expected.items():
-        done = edgemap.ok("map", "export", run_folder, "--format", kind)
-        assert str(run_folder / name) in done.stdout
-        assert (run_folder / name).stat().st_size > 0
-    assert (run_folder / "map.pgm").read_bytes().startswith(b"P5\n")
-    assert json.loads((run_folder / "map.geojson").read_text())["features"][-1]["id"] == "trajectory"
-    assert edgemap("map", "export", run_folder, "--format", "nav2", "-o", tmp_path / "a" / "flat.pgm").returncode == 0
+        done = edgemap.ok("map", "export", guessed_run, "--format", kind)
+        assert str(guessed_run / name) in done.stdout
+        assert (guessed_run / name).stat().st_size > 0
+    assert (guessed_run / "map.pgm").read_bytes().startswith(b"P5\n")
+    assert json.loads((guessed_run / "map.geojson").read_text())["features"][-1]["id"] == "trajectory"
+    assert edgemap("map", "export", guessed_run, "--format", "nav2", "-o", tmp_path / "a" / "flat.pgm").returncode == 0
     assert "image: flat.pgm" in (tmp_path / "a" / "flat.yaml").read_text()
-    assert edgemap("map", "export", run_folder / "map.json", "--format", "csv", "-o", tmp_path / "b").returncode == 0
+    assert edgemap("map", "export", guessed_run / "map.json", "--format", "csv", "-o", tmp_path / "b").returncode == 0
     assert (tmp_path / "b" / "map.csv").is_file()
 
 
@@ -136,14 +148,6 @@ def test_the_history_and_the_verdict_of_any_map(edgemap, tmp_path):
     assert "dim light" in lines[1]
 
 
-@pytest.fixture
-def chairs(tmp_path):
-    near, far = mapped([("chair", 2.0, 0.0), ("chair", 2.0, 2.0)])
-    free = OccupancyGrid(np.full((200, 200), -100, np.int8), -5.0, -5.0, 0.05)
-    save_map(tmp_path / "map.json", [replace(near, name="blue chair"), far], NO_ANNOTATIONS, free)
-    return tmp_path / "map.json"
-
-
 @pytest.mark.parametrize(
     ("asked", "expected"),
     [
@@ -153,36 +157,17 @@ def chairs(tmp_path):
         (("--label", "chair"), "chair-1"),
     ],
 )
-def test_a_pose_before_an_object(edgemap, chairs, asked, expected):
-    done = edgemap.ok("map", "approach", chairs, *asked, "--json")
+def test_a_pose_before_an_object(edgemap, tmp_path, asked, expected):
+    near, far = mapped([("chair", 2.0, 0.0), ("chair", 2.0, 2.0)])
+    free = OccupancyGrid(np.full((200, 200), -100, np.int8), -5.0, -5.0, 0.05)
+    save_map(tmp_path / "map.json", [replace(near, name="blue chair"), far], NO_ANNOTATIONS, free)
+    done = edgemap.ok("map", "approach", tmp_path, *asked, "--json")
     document = json.loads(done.stdout)
     assert (document["object"], document["frame"], document["floor"]) == (expected, "map", "free")
     assert document["standoff_m"] == 0.4
-    done = edgemap("map", "approach", chairs, "chair-1", "--near", "0,0")
+    done = edgemap("map", "approach", tmp_path, "chair-1", "--near", "0,0")
     assert done.stdout.startswith("chair-1: x 1.")
     assert "yaw 0.0 deg; 0.40 m before it, free floor" in done.stdout
-
-
-ROOM = [("chair", 1.0, 0.0), ("couch", 3.0, 2.0)]
-
-
-def floor():
-    """Free from (0, 0) to (2, 1) m, with one wall of cells along x = 2 m."""
-    log_odds = np.full((20, 41), -32, np.int8)
-    log_odds[:, 40] = 32
-    return OccupancyGrid(log_odds, 0.0, 0.0, 0.05)
-
-
-@pytest.fixture
-def guessed_run(tmp_path):
-    folder = tmp_path / "run"
-    folder.mkdir()
-    zone = Zone("zone-1", "kitchen", ((0.0, 0.0), (1.0, 0.0), (1.0, 1.0)))
-    save_map(folder / "map.json", mapped(ROOM), Annotations((zone,), (), SE2(1.0, 2.0, 0.5)), floor())
-    (folder / "trajectory.tum").write_text("".join(tum_line(k / 10, SE2(k / 10, 0.0, 0.3)) for k in range(20)))
-    record = {"mount": {"height_m": 0.75}, "odometry": "hybrid", "quality": {"wheel_frames": 0}}
-    (folder / "run.json").write_text(json.dumps(record))
-    return folder
 
 
 def test_the_height_by_tape_scales_all_lengths(edgemap, guessed_run, tmp_path):
@@ -245,8 +230,6 @@ WALLS = walls(-1.0, -2.0, 4.0, 2.0)
 @pytest.fixture(scope="module")
 def grid() -> OccupancyGrid:
     """A room of 5 x 4 m, seen from its middle."""
-    from support.boxed_room import CAMERA
-
     fusion = GridFusion()
     for index in range(60):
         pose = SE2(0.5 + 0.5 * np.cos(index / 9), 0.0, index / 9)
