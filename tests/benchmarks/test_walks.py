@@ -19,12 +19,8 @@ from edgemap.runtime.network.store import bundle_folder
 from edgemap.runtime.step.config import Config
 
 
-def straight(step_m, count):
-    return Trajectory(np.arange(count) / 10.0, tuple(SE2(step_m * i, 0.0, 0.0) for i in range(count)))
-
-
 def test_a_walk_that_is_a_tenth_too_long():
-    truth = straight(0.25, 41)
+    truth = Trajectory(np.arange(41) / 10.0, tuple(SE2(0.25 * i, 0.0, 0.0) for i in range(41)))
     steps = [SE2(0.275, 0.0, 0.0)] * 40
     found = walk_errors(truth, truth.stamps_s.tolist(), steps, np.tile(np.eye(3) * 0.01, (40, 1, 1)))
     # A segment of L ends at the first frame beyond L: one step of 0.25 m more, each 10 % too long.

@@ -28,11 +28,6 @@ def write_pictures(folder, count=6, size=32):
     return folder
 
 
-@pytest.fixture
-def pictures(tmp_path):
-    return write_pictures(tmp_path / "pictures")
-
-
 @pytest.fixture(scope="module")
 def quantised_once(tmp_path_factory, small_files):
     folder, (cfg, weights) = tmp_path_factory.mktemp("quantised"), small_files
@@ -46,9 +41,10 @@ def quantised_bundle(tmp_path, quantised_once):
     return shutil.copytree(quantised_once, tmp_path / "b")
 
 
-def test_int8_is_near_float32_and_features_are_the_same_bit_for_bit(quantised_bundle, pictures):
+def test_int8_is_near_float32_and_features_are_the_same_bit_for_bit(quantised_bundle, tmp_path):
     exact, small = load_bundle(quantised_bundle), load_bundle(quantised_bundle, precision="int8")
     assert (exact.precision, small.precision) == ("float32", "int8")
+    pictures = write_pictures(tmp_path / "pictures")
     picture = read_picture(pictures / "3.png")[:, :, ::-1].transpose(2, 0, 1)[None].astype(np.float32)
     true, found = exact.backbone.run({"image": picture}), small.backbone.run({"image": picture})
     np.testing.assert_array_equal(found["feature_layer2"], true["feature_layer2"])

@@ -51,11 +51,6 @@ def test_the_trail_is_the_way_and_a_lasting_fault_is_told_once(tmp_path):
     assert len(page.trail.since(0, 99)[0]) == 6
 
 
-def five_frames():
-    """Stamped 0, 0.4, … 1.6 seconds."""
-    return MadeCamera(5, lambda _: np.zeros((4, 4, 3), np.uint8), rate_hz=2.5)
-
-
 def indices(camera, count):
     return [None if frame is None else frame.index for frame in (camera.read() for _ in range(count))]
 
@@ -69,7 +64,8 @@ def test_after_a_pause_frames_keep_their_pace_and_none_is_lost():
         now[0] += seconds
 
     pause = Pause(lambda: now[0])
-    camera = PausableCamera(PacedCamera(five_frames(), pause.running_s, sleep), pause, lambda: False)
+    five = MadeCamera(5, lambda _: np.zeros((4, 4, 3), np.uint8), rate_hz=2.5)
+    camera = PausableCamera(PacedCamera(five, pause.running_s, sleep), pause, lambda: False)
     assert indices(camera, 2) == [0, 1]
     pause.set(True)
     now[0] += 30.0

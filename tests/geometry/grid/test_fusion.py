@@ -35,11 +35,6 @@ def turn(x_m=0.0, y_m=0.0, steps=60):
     return [SE2(x_m, y_m, math.tau * k / steps) for k in range(steps)]
 
 
-def ahead(steps=25, step_m=0.04):
-    """Straight on."""
-    return [SE2(k * step_m, 0.0, 0.0) for k in range(steps)]
-
-
 def settled(fusion, stamp_s, pose):
     """Its grid once a correction is drawn."""
     for _ in range(50):
@@ -145,7 +140,7 @@ def test_evidence_counts_places_and_time_not_pictures(rate_hz):
 def test_a_correction_moves_what_was_seen_with_the_poses_it_was_seen_from():
     """Seen from poses 0.3 m too far left, then put right: the grid is that of a drive with the right poses."""
     wrong, right = GridFusion(), GridFusion()
-    poses, off = ahead(40), SE2(0.0, 0.3, 0.0)
+    poses, off = [SE2(0.04 * k, 0.0, 0.0) for k in range(40)], SE2(0.0, 0.3, 0.0)
     for index, pose in enumerate(poses):
         mask = floor_mask([*ROOM, CHAIR], pose)
         right.observe(pose, index / 10, CAMERA, mask, NOBODY)

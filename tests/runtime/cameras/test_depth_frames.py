@@ -1,7 +1,6 @@
 """Depth and inertial samples that come with the pictures."""
 
 import math
-from pathlib import Path
 from typing import Any
 
 import cv2
@@ -67,7 +66,8 @@ def test_a_drive_brings_its_depth_and_goes_on_past_what_is_damaged(tmp_path):
     damaged = tmp_path / "depth/1.png"
     damaged.write_bytes(damaged.read_bytes()[:60])
     cv2.imwrite(str(tmp_path / "depth/2.png"), np.ones((240, 320), np.uint16))
-    _camera_file(tmp_path)
+    lens = "{width: 640, height: 480, fx: 615.2, fy: 615.4, cx: 321.1, cy: 239.7, fps: 10, world_up: z, "
+    (tmp_path / "camera.yaml").write_text(lens + "mount: {height_m: 0.62, pitch_deg: 17}}\n")
     poses = "".join(f"{index / 10} {index / 10} 0 0 0 0 0 1\n" for index in range(4))
     (tmp_path / "poses.tum").write_text(poses)
     with open_camera(f"drive:{tmp_path}") as camera:
@@ -76,11 +76,6 @@ def test_a_drive_brings_its_depth_and_goes_on_past_what_is_damaged(tmp_path):
     assert frames[3].depth[0, 0] == np.float32(1.003)
     with open_camera(f"drive:{tmp_path}", CameraOptions(depth=False)) as camera:
         assert [frame.depth for frame in recordings.drain(camera)] == [None] * 4
-
-
-def _camera_file(folder: Path) -> None:
-    lens = "{width: 640, height: 480, fx: 615.2, fy: 615.4, cx: 321.1, cy: 239.7, fps: 10, world_up: z, "
-    (folder / "camera.yaml").write_text(lens + "mount: {height_m: 0.62, pitch_deg: 17}}\n")
 
 
 @pytest.mark.parametrize("kind", ["c2w", "drive"])
@@ -113,14 +108,11 @@ def test_depth_of_a_camera_beside_the_lens_is_registered_to_the_picture(tmp_path
     assert second.depth is None
 
 
-def still():
-    lens = Intrinsics(8, 6, 8.0, 8.0, 3.5, 2.5)
-    return MadeCamera(math.inf, lambda _: np.zeros((6, 8, 3), np.uint8), start_s=0.1, intrinsics=lens)
-
-
 def test_samples_pushed_by_a_program_come_with_the_frames_once_each():
     buffer = ImuBuffer(rotation=np.array([[0.0, -1.0, 0.0], [0.0, 0.0, -1.0], [1.0, 0.0, 0.0]]))  # base axes
-    camera = ImuCamera(still(), buffer)
+    lens = Intrinsics(8, 6, 8.0, 8.0, 3.5, 2.5)
+    still = MadeCamera(math.inf, lambda _: np.zeros((6, 8, 3), np.uint8), start_s=0.1, intrinsics=lens)
+    camera = ImuCamera(still, buffer)
     for stamp_s in (0.05, 0.10, 0.15):
         buffer.push(stamp_s, (0.0, 0.0, 1.0), (0.0, 0.0, 9.8))
     buffer.push(0.12, (0.0, 0.0, float("nan")), (0.0, 0.0, 9.8))

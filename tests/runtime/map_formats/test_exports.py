@@ -126,10 +126,6 @@ def path_of(*points):
     return Trajectory(np.arange(float(len(points))), tuple(SE2(x, y) for x, y in points))
 
 
-def many(count):
-    return mapped([("chair", float(k % 100), float(k // 100)) for k in range(count)])
-
-
 @pytest.mark.parametrize(
     ("trajectory", "rule", "told"),
     [
@@ -143,7 +139,7 @@ def test_a_grid_is_counted_before_it_is_made(trajectory, rule, told):
 
 
 def test_the_other_exporters_are_bounded_too(tmp_path):
-    objects = many(MAXIMUM_SHAPES + 1)
+    objects = mapped([("chair", float(k % 100), float(k // 100)) for k in range(MAXIMUM_SHAPES + 1)])
     with pytest.raises(MapError, match=f"at most {MAXIMUM_SHAPES} are shapes"):
         vector_text(objects)
     with pytest.raises(MapError, match="5001 objects, at most 5000 are drawn"):
