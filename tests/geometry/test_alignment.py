@@ -159,21 +159,12 @@ def test_objects_a_thousand_kilometres_off_with_no_doubt_at_all_are_aligned_or_r
 OTHER = [((0, 0), (3, 4)), ((3, 0), (6.5, 2)), ((-2, 1), (0, 4))]
 
 
-def yield_from(work):
-    """What a generator returns."""
-    while True:
-        try:
-            next(work)
-        except StopIteration as end:
-            return end.value
-
-
 @pytest.mark.parametrize("motion", [SE2(1.0, -2.0, 0.6), SE2(-3.0, 4.0, 2.8)])
 def test_two_objects_and_the_floor_are_enough_and_either_alone_is_not(motion):
     """Two pairs of chair and plant stand equally far apart; a part of the floor rules one of them out."""
 
     def aligned(first, second):
-        return yield_from(aligning(mapped(PAIRS), mapped(PAIRS[:2], motion), grids=(first, second)))
+        return align(mapped(PAIRS), mapped(PAIRS[:2], motion), (first, second))
 
     whole, part = floor(ROOMS), floor(ROOMS, motion, cut_m=3.7)
     found = aligned(whole, part)

@@ -24,6 +24,7 @@ from PIL import Image
 from support.huge_png import png
 from support.mutations import (
     MUTATED,
+    drained,
     mutated_bytes,
     mutated_json,
     mutated_lines,
@@ -39,9 +40,8 @@ from edgemap.geometry.errors import EdgemapError, MapError
 from edgemap.geometry.objects import queries
 from edgemap.geometry.objects.merge import merge_maps
 from edgemap.geometry.registration.alignment import align
-from edgemap.runtime.frames.camera import Camera
 from edgemap.runtime.frames.class_names import read_class_names
-from edgemap.runtime.frames.errors import CameraError, CameraFault
+from edgemap.runtime.frames.errors import CameraError
 from edgemap.runtime.frames.reading import one_line, read_bytes
 from edgemap.runtime.frames.trajectory import Trajectory
 from edgemap.runtime.inputs.cameras.pictures import VideoCamera, drive_camera
@@ -191,19 +191,6 @@ def use_picture(path: Path) -> None:
     image = read_picture(path)
     assert image.dtype == np.uint8
     assert image.ndim == 3
-
-
-def drained(camera: Camera) -> None:
-    """Reads at most fifty frames and closes the camera; faults are what a run continues after."""
-    last_s = -math.inf
-    with camera:
-        for _ in range(50):
-            with suppress(CameraFault):
-                if (frame := camera.read()) is None:
-                    return
-                assert frame.image.dtype == np.uint8
-                assert frame.stamp_s >= last_s
-                last_s = frame.stamp_s
 
 
 GRID = {

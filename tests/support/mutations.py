@@ -9,10 +9,13 @@ from functools import reduce
 from operator import getitem
 from typing import Any
 
+import numpy as np
 from hypothesis import HealthCheck, settings
 from hypothesis import strategies as st
 
 from edgemap.geometry.errors import EdgemapError
+from edgemap.runtime.frames.camera import Camera
+from edgemap.runtime.frames.errors import CameraFault
 
 MUTATED = settings(
     max_examples=int(os.environ.get("EDGEMAP_EXAMPLES", "15")),
@@ -41,6 +44,19 @@ def refused_or(read: Any, *arguments: Any) -> Any:
         assert text.isprintable()
         assert len(text) < 1000
         return None
+
+
+def drained(camera: Camera) -> None:
+    """Reads at most fifty frames and closes the camera; faults are what a run continues after."""
+    last_s = -math.inf
+    with camera:
+        for _ in range(50):
+            with suppress(CameraFault):
+                if (frame := camera.read()) is None:
+                    return
+                assert frame.image.dtype == np.uint8
+                assert frame.stamp_s >= last_s
+                last_s = frame.stamp_s
 
 
 def _places(tree: Any, path: tuple = ()) -> list[tuple]:
