@@ -6,13 +6,16 @@ import cv2
 import numpy as np
 import pytest
 
+from edgemap.geometry.se2 import SE2, wrap_angle
+from edgemap.simulation.apartment.apartment import furnish, move_furniture
+from edgemap.simulation.record import moved_record
+from edgemap.simulation.world import Choices, draw_world
+
 pytestmark = pytest.mark.usefixtures("furniture_catalogue")
 
 
 @pytest.fixture(scope="module", params=[5, 8110])
 def home(request):
-    from edgemap.simulation.apartment.apartment import furnish, move_furniture
-
     before = furnish(request.param)
     return before, *move_furniture(before, 3, np.random.default_rng(1))
 
@@ -46,13 +49,11 @@ def test_moved_pieces_stand_free_and_far_from_their_like(home):
             assert _shared_m2(floor, np.array([(x0, y0), (x1, y0), (x1, y1), (x0, y1)])) == 0.0
         for other in before.furniture:
             if other.label == was.label:
-                assert _apart_m(other, now) > 1.0
+                apart = other.pose_home_object.inverse() @ now.pose_home_object
+                assert math.hypot(apart.x_m, apart.y_m) > 1.0
 
 
 def test_the_second_drive_keeps_camera_and_light_and_says_where_it_starts():
-    from edgemap.simulation.record import moved_record
-    from edgemap.simulation.world import Choices, draw_world
-
     before, after = draw_world(8110, 20), draw_world(8110, 20, Choices(moved=2))
     assert (after.home_seed, after.camera, after.light, after.effects) == (
         before.home_seed, before.camera, before.light, before.effects
@@ -61,19 +62,12 @@ def test_the_second_drive_keeps_camera_and_light_and_says_where_it_starts():
     record = moved_record(after)
     x_m, y_m, yaw_deg = record["start"]
     first, start = before.poses()[0], after.poses()[0]
-    c, s = math.cos(first.yaw_rad), math.sin(first.yaw_rad)
-    assert first.x_m + c * x_m - s * y_m == pytest.approx(start.x_m, abs=1e-3)
-    assert first.y_m + s * x_m + c * y_m == pytest.approx(start.y_m, abs=1e-3)
-    assert math.remainder(first.yaw_rad + math.radians(yaw_deg) - start.yaw_rad, 2 * math.pi) == pytest.approx(
-        0.0, abs=1e-4
-    )
+    found = first @ SE2(x_m, y_m, math.radians(yaw_deg))
+    assert (found.x_m, found.y_m) == pytest.approx((start.x_m, start.y_m), abs=1e-3)
+    assert wrap_angle(found.yaw_rad - start.yaw_rad) == pytest.approx(0.0, abs=1e-4)
     assert [len(record[kind]) for kind in ("removed", "moved")] == [2, 2]
     for item in record["moved"]:
         assert math.dist(item["was_m"], item["is_m"]) > 1.0
-
-
-def _apart_m(a, b):
-    return math.hypot(a.pose_home_object.x_m - b.pose_home_object.x_m, a.pose_home_object.y_m - b.pose_home_object.y_m)
 
 
 def _shared_m2(a, b):

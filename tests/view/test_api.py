@@ -16,9 +16,11 @@ from support.faults import made
 from support.http_client import Api
 from support.live import raw_viewer
 
+from edgemap.bridges.mcp.maps import open_source
 from edgemap.geometry.errors import MapError
 from edgemap.geometry.grid.occupancy_grid import OccupancyGrid
 from edgemap.runtime.step.map_file import save_map
+from edgemap.view import questions
 from edgemap.view.api import OPENAPI, api_routes
 from edgemap.view.questions import BODY_BYTES
 from edgemap.view.updates import ProcessUsage
@@ -166,19 +168,12 @@ def test_wrong_bodies_are_refused_in_one_line(robot):
     assert not served.page.pause.paused
 
 
-def shown_commands():
-    return [
-        line
-        for block in re.findall(r"```sh\n(.*?)```", DOCS.read_text(), re.S)
-        for line in block.replace("\\\n", " ").splitlines()
-        if line.startswith("curl")
-    ]
-
-
 def test_the_pages_commands_run_in_order(robot, tmp_path):
     served, _ = robot
     served.page.crops.consider(served.page.newest.result)
-    commands = shown_commands()
+    blocks = re.findall(r"```sh\n(.*?)```", DOCS.read_text(), re.S)
+    lines = [line for block in blocks for line in block.replace("\\\n", " ").splitlines()]
+    commands = [line for line in lines if line.startswith("curl")]
     assert len(commands) >= 10
     for line in commands:
         line = line.replace("http://127.0.0.1:8090", f"http://127.0.0.1:{served.port}")
@@ -410,8 +405,6 @@ def test_an_edit_that_the_run_does_not_take_is_withdrawn(serve, monkeypatch):
 
 
 def test_a_body_that_never_comes_is_not_waited_for(serve, monkeypatch):
-    from edgemap.view import questions
-
     monkeypatch.setattr(questions, "BODY_LIMIT_S", 0.05)
     served = serve()
     with socket.create_connection(("127.0.0.1", served.port), timeout=60) as rude:
@@ -421,8 +414,6 @@ def test_a_body_that_never_comes_is_not_waited_for(serve, monkeypatch):
 
 
 def test_an_agents_server_asks_a_run(robot):
-    from edgemap.bridges.mcp.maps import open_source
-
     served, _ = robot
     source = open_source(served.url)
     source.mark("chair-1", {"name": "mine", "confirmed": True})

@@ -126,8 +126,6 @@ def test_wheels_that_rolled_before_a_stream_that_starts_at_zero_are_recorded(tmp
 
 
 def test_given_lens_and_mount_go_first_and_another_size_is_refused(tmp_path):
-    from dataclasses import replace
-
     path = str(record(tmp_path / "a.mcap", FACTS, noise(2)))
     lens, mount = replace(LENS, fx=70.0), replace(MOUNT, height_m=1.0)
     with open_camera(path, CameraOptions(intrinsics=lens, mount=mount)) as camera:
@@ -139,16 +137,17 @@ def test_given_lens_and_mount_go_first_and_another_size_is_refused(tmp_path):
         camera.read()
 
 
-def test_nothing_is_written_over_and_a_flipped_bit_is_noticed(tmp_path, whole):
+def test_nothing_is_written_over_and_a_flipped_bit_is_noticed(tmp_path):
     path = record(tmp_path / "a.mcap", FACTS, noise(2))
     before = path.read_bytes()
     with pytest.raises(RecordingError, match=r"a\.mcap exists already"):
         record(path, FACTS, noise(2))
     assert path.read_bytes() == before
-    data = bytearray(whole)
+    path = record(tmp_path / "b.mcap", FACTS, noise(200), lossless=True)
+    data = bytearray(path.read_bytes())
     data[len(data) // 2] ^= 1
-    (tmp_path / "a.mcap").write_bytes(data)
-    with open_camera(str(tmp_path / "a.mcap")) as camera, pytest.raises(CameraError, match=r"damaged recording.*crc"):
+    path.write_bytes(data)
+    with open_camera(str(path)) as camera, pytest.raises(CameraError, match=r"damaged recording.*crc"):
         drain(camera)
 
 
@@ -178,12 +177,6 @@ def test_a_killed_recording_still_opens(tmp_path):
     for got, was in zip(played, frames, strict=False):
         assert got.stamp_s == was.stamp_s
         np.testing.assert_array_equal(got.image, was.image)
-
-
-@pytest.fixture(scope="module")
-def whole(tmp_path_factory):
-    path = record(tmp_path_factory.mktemp("whole") / "a.mcap", FACTS, noise(200), lossless=True)
-    return path.read_bytes()
 
 
 def test_a_recording_cut_off_is_read_to_its_last_complete_chunk(tmp_path):
@@ -274,18 +267,14 @@ def test_inertial_samples_are_replayed_bit_for_bit(tmp_path):
         np.testing.assert_array_equal(again.imu.accel_m_s2, frame.imu.accel_m_s2)
 
 
-def with_depth(frames):
+def test_depth_is_replayed_bit_for_bit_or_left_out(tmp_path):
     """Millimetres, tenths of them, any floats with what is no number, and none."""
     random = np.random.default_rng(2)
     raw = random.integers(0, 65536, (48, 64)).astype(np.float32)
     wild = random.normal(size=(48, 64)).astype(np.float32)
     wild[0, :3] = np.nan, np.inf, 7e6
     depths = [raw / np.float32(1000), raw / np.float32(10000), wild, None, np.zeros((48, 64), np.float32)]
-    return [replace(frame, depth=depth) for frame, depth in zip(frames, depths, strict=True)]
-
-
-def test_depth_is_replayed_bit_for_bit_or_left_out(tmp_path):
-    frames = with_depth(noise(5))
+    frames = [replace(frame, depth=depth) for frame, depth in zip(noise(5), depths, strict=True)]
     path = str(record(tmp_path / "a.mcap", FACTS, frames))
     with open_camera(path) as camera:
         assert camera.info.size == (64, 48)
