@@ -11,7 +11,7 @@ from support import painted
 from support.made_camera import MadeCamera
 
 from edgemap.benchmarks import rivals as contest
-from edgemap.benchmarks.bench import CHUNK, WARM_UP, drive_chunks, measure
+from edgemap.benchmarks.bench import CHUNK, WARM_UP, drive_chunks, floor_head_ms, measure
 from edgemap.benchmarks.map_variants import remembering, replayed
 from edgemap.benchmarks.odometry import follow
 from edgemap.benchmarks.rivals import picture_to_boxes
@@ -112,10 +112,6 @@ def test_ratios_are_ours_over_theirs(monkeypatch):
 
 
 def test_the_floor_head_is_timed_apart_from_its_backbone(tmp_path):
-    from edgemap.benchmarks.bench import floor_head_ms
-    from edgemap.runtime.network.bundle import load_bundle
-    from edgemap.runtime.network.store import bundle_folder
-
     bundle = load_bundle(bundle_folder("edgemap-nano"), 1).for_pictures(640, 480)
     before = time.process_time()
     bundle.backbone.run(bundle.backbone.zeros())

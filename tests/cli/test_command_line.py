@@ -17,6 +17,7 @@ from support.rooms import mapped
 import edgemap.cli
 from edgemap.cli import main
 from edgemap.cli.camera_options import known_lens, open_described
+from edgemap.cli.simulate import homes_of
 from edgemap.cli.summary import with_map_so_far
 from edgemap.cli.usage import parse_and_call
 from edgemap.runtime.frames.extras import EXTRAS
@@ -71,8 +72,6 @@ def test_run_has_few_flags_and_doctor_knows_every_extra_and_every_package_of_it(
 
 
 def test_shards_share_the_homes():
-    from edgemap.cli.simulate import homes_of
-
     parts = [homes_of("3:14", f"{part}/4") for part in range(1, 5)]
     assert list(parts[1]) == [4, 8, 12]
     assert sorted(home for part in parts for home in part) == list(homes_of("3:14", None)) == list(range(3, 14))

@@ -15,7 +15,7 @@ from support.pictures import write_scene
 from support.refusal import one_line
 from support.waiting import wait_for
 
-from edgemap.cli import main
+from edgemap.cli import COMMANDS, main
 from edgemap.runtime.frames.errors import DiskError
 from edgemap.runtime.step.map_file import load_map
 
@@ -24,8 +24,6 @@ DEMO = Path(__file__).parents[2] / "runtime" / "inputs" / "demo"
 
 
 def test_help_is_quick_names_every_command_and_imports_nothing_heavy(edgemap):
-    from edgemap.cli import COMMANDS
-
     result = edgemap.ok("--help")
     for words in COMMANDS:
         assert words in result.stdout

@@ -4,10 +4,12 @@ import gc
 
 import numpy as np
 
+from edgemap.cli import drive, main
 from edgemap.cli.summary import judge_of, object_lines
 from edgemap.geometry.map_object import MapObject
 from edgemap.runtime.frames.camera import Camera, CameraInfo
 from edgemap.runtime.inputs.cameras.wrappers import PacedCamera
+from edgemap.runtime.network.network import Network
 
 CHAIR = MapObject("chair-1", "chair", np.array([2.0, 0.3]), np.eye(2) * 0.01, 0.5, 0.9, 9, 1.0, 0.0, 1.0)
 
@@ -57,9 +59,6 @@ def test_a_drive_with_truth_ends_with_verdicts(edgemap, painted_bundle, known_dr
 
 
 def test_a_run_keeps_no_network_for_rows_that_its_pictures_do_not_reach(tmp_path, monkeypatch):
-    from edgemap.cli import drive, main
-    from edgemap.runtime.network.network import Network
-
     def whole_networks():
         gc.collect()
         return sum(isinstance(one, Network) and one.inputs.get("image", (0,) * 4)[2] == 416 for one in gc.get_objects())

@@ -2,6 +2,7 @@
 
 from functools import partial
 
+import cv2
 import numpy as np
 import pytest
 import torch
@@ -158,8 +159,6 @@ def test_maxpool_pads_as_darknet_does(size, stride, cells):
 
 def test_yolov3_tiny_sees_the_dog(shared_data):
     """The real weights on a real picture, decoded by hand: the strongest cell of the coarse head says dog."""
-    import cv2
-
     network = Darknet.from_cfg(yolov3_tiny()).eval()
     load_weights(network, shared_data / "weights" / "yolov3-tiny.weights")
     picture = cv2.imread(str(shared_data / "pictures" / "dog.jpg"))

@@ -12,6 +12,7 @@ from support.faults import texts
 from support.rooms import ROOM
 from support.seen import CAMERA
 
+from edgemap.geometry.errors import MapError
 from edgemap.geometry.objects.annotations import Annotations, Zone
 from edgemap.geometry.objects.events import Edit, EditError
 from edgemap.geometry.objects.forgetting import Forgetter
@@ -198,8 +199,6 @@ def test_a_damaged_file_of_edits_is_one_line(tmp_path, line):
 
 
 def test_a_map_with_damaged_annotations_is_refused(tmp_path):
-    from edgemap.geometry.errors import MapError
-
     zone = Zone("zone-1", "hall", SQUARE)
     good = map_document(driven().objects()[:2], Annotations((zone,)))
     wrong = [

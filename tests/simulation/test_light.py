@@ -1,8 +1,10 @@
+import os
+
 import numpy as np
 import pytest
 
-from edgemap.simulation.render.mesh import Material
-from edgemap.simulation.render.scene import AreaLight, Scene, Surface
+from edgemap.simulation.render.mesh import Material, box
+from edgemap.simulation.render.scene import ROOM_ID, AreaLight, Scene, Solid, Surface
 
 pytest.importorskip("embreex")
 
@@ -29,9 +31,6 @@ def test_small_lamp_follows_the_inverse_square_law():
 
 
 def test_box_throws_a_shadow():
-    from edgemap.simulation.render.mesh import box
-    from edgemap.simulation.render.scene import Solid
-
     block = Solid(1, box((-0.3, -0.3, 0.5), (0.3, 0.3, 0.6), GREY))
     lit = bake(Scene((floor(3.0),), (block,), (lamp(2.0, 0.1, 100.0),)), 0, BakeSettings(texel_m=0.1, bounces=0))
     light = lit.surfaces[0][1][..., 0]
@@ -74,9 +73,6 @@ def test_light_in_a_closed_grey_room_is_a_geometric_series():
 
 
 def test_no_light_leaks_through_a_wall_and_no_seam_runs_along_the_skirting():
-    from edgemap.simulation.render.mesh import box
-    from edgemap.simulation.render.scene import ROOM_ID, Solid
-
     bright, dark = box_room((0.0, 0.0, 0.0), (3.0, 3.0, 2.5)), box_room((3.1, 0.0, 0.0), (6.0, 3.0, 2.5))
     light = AreaLight(np.array([1.2, 1.2, 2.45]), np.array([0, 0.6, 0.0]), np.array([0.6, 0, 0.0]), np.full(3, 8.0))
     trim = Solid(ROOM_ID, box((0.0, 0.0, 0.0), (0.014, 3.0, 0.09), GREY))
@@ -92,8 +88,6 @@ def test_no_light_leaks_through_a_wall_and_no_seam_runs_along_the_skirting():
 
 
 def test_one_seed_one_light_whatever_the_number_of_threads(monkeypatch):
-    import os
-
     room = box_room((0.0, 0.0, 0.0), (3.0, 3.0, 2.5))
     light = AreaLight(np.array([1.2, 1.2, 2.45]), np.array([0, 0.6, 0.0]), np.array([0.6, 0, 0.0]), np.full(3, 8.0))
     first = bake(Scene(room, (), (light,)), 3, BakeSettings.draft())

@@ -8,8 +8,10 @@ from functools import cache
 import numpy as np
 import pytest
 
+from edgemap.runtime.frames.errors import MissingExtraError
 from edgemap.simulation.apartment.furniture import kinds
 from edgemap.simulation.apartment.made import KINDS, made
+from edgemap.simulation.errors import require
 from edgemap.simulation.render.mesh import Material, quad, subdivided
 from edgemap.simulation.render.obj import read_obj
 
@@ -87,8 +89,5 @@ def test_obj_is_scaled_and_turned_to_rep103():
 
 
 def test_missing_extra_is_one_line():
-    from edgemap.runtime.frames.errors import MissingExtraError
-    from edgemap.simulation.errors import require
-
     with pytest.raises(MissingExtraError, match=r"\[simulation\]"):
         require("no_such_renderer")

@@ -24,6 +24,7 @@ from edgemap.simulation.render.view import View
 from edgemap.simulation.robot.imu import GRAVITY_M_S2, ImuErrors, imu_samples
 from edgemap.simulation.robot.motion import SAMPLE_S, Limits, SampledDrive, stand, straight, turn
 from edgemap.simulation.robot.nodding import Nodding, lean, nodding_of
+from edgemap.simulation.world import Choices, draw_world
 
 MOUNT = Mount.from_degrees(0.5, 12.0, 1.0, 0.15, 0.02)
 PERFECT = ImuErrors(**{field.name: 200.0 if field.name == "rate_hz" else 0.0 for field in fields(ImuErrors)})
@@ -113,8 +114,6 @@ def test_the_truth_of_a_drive_holds_the_tilts(tmp_path):
 
 
 def test_options_change_nothing_else_that_a_seed_draws(furniture_catalogue):
-    from edgemap.simulation.world import Choices, draw_world
-
     level, nodding = (
         draw_world(9107, 5, Choices(contract=False, nodding=wanted, imu=wanted)) for wanted in (False, True)
     )

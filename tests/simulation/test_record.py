@@ -1,6 +1,7 @@
 """Recordings: what was stopped goes on and ends with the same bytes; what they hold fits together."""
 
 from dataclasses import replace
+from shutil import copytree
 
 import cv2
 import numpy as np
@@ -9,11 +10,16 @@ import pytest
 pytest.importorskip("moderngl")
 pytest.importorskip("embreex")
 
+from edgemap.geometry.camera.floor import FloorCamera
 from edgemap.geometry.errors import EdgemapError
 from edgemap.runtime.frames.camera import Camera
 from edgemap.runtime.inputs.drives import open_drive
-from edgemap.runtime.inputs.drives.truth import FloorLabel, floor_pairs, read_floor_labels
+from edgemap.runtime.inputs.drives.truth import FloorLabel, floor_pairs, read_floor_labels, read_floor_plan
+from edgemap.simulation import record as module
+from edgemap.simulation import shots
 from edgemap.simulation.errors import SimulationError
+from edgemap.simulation.live import SimCamera
+from edgemap.simulation.record import record
 
 FRAMES = 5
 
@@ -21,8 +27,6 @@ FRAMES = 5
 @pytest.fixture(scope="module", autouse=True)
 def quick_light(lit):
     """Coarse light, and once for all recordings."""
-    from edgemap.simulation import shots
-
     patch = pytest.MonkeyPatch()
     patch.setattr(shots, "lit_home", lambda _: lit)
     yield
@@ -31,8 +35,6 @@ def quick_light(lit):
 
 @pytest.fixture(scope="module")
 def recorded(drawn, tmp_path_factory):
-    from edgemap.simulation.record import record
-
     folder = tmp_path_factory.mktemp("whole") / "drive"
     try:
         record(drawn, folder, depth=True, workers=1)
@@ -59,8 +61,6 @@ def test_a_recording_is_a_drive_with_all_of_its_truth(recorded, drawn):
 
 
 def test_a_recording_that_was_killed_goes_on_and_ends_the_same(recorded, drawn, tmp_path):
-    from edgemap.simulation.record import record
-
     class Killed(Exception):
         pass
 
@@ -81,8 +81,6 @@ def test_a_recording_that_was_killed_goes_on_and_ends_the_same(recorded, drawn, 
 
 
 def test_a_finished_recording_is_left_as_it_is_and_another_is_refused(recorded, drawn):
-    from edgemap.simulation.record import record
-
     before = contents(recorded)
     record(drawn, recorded, depth=True, workers=1)
     assert contents(recorded) == before
@@ -92,8 +90,6 @@ def test_a_finished_recording_is_left_as_it_is_and_another_is_refused(recorded, 
 
 
 def test_a_folder_with_other_things_is_left_alone(drawn, tmp_path):
-    from edgemap.simulation.record import record
-
     (tmp_path / "thesis.txt").write_text("mine")
     with pytest.raises(SimulationError, match="not empty"):
         record(drawn, tmp_path, workers=1)
@@ -101,10 +97,6 @@ def test_a_folder_with_other_things_is_left_alone(drawn, tmp_path):
 
 
 def test_the_live_camera_delivers_the_recorded_pictures(recorded, drawn):
-    import cv2
-
-    from edgemap.simulation.live import SimCamera
-
     with SimCamera("sim:9107", drawn) as camera:
         assert isinstance(camera, Camera)
         assert (camera.info.size, camera.info.rate_hz, camera.info.frame_count, camera.info.live) == (
@@ -128,12 +120,7 @@ def test_the_live_camera_delivers_the_recorded_pictures(recorded, drawn):
 
 def test_the_floor_plan_lies_beside_the_drive_and_comes_to_one_that_was_rendered_without(recorded, drawn, tmp_path):
     """The robot's poses lie on floor, outside of every wall and footprint; asked for again nothing is rendered."""
-    from shutil import copytree
-
     from matplotlib.path import Path as Polygon
-
-    from edgemap.runtime.inputs.drives.truth import read_floor_plan
-    from edgemap.simulation.record import record
 
     plan = read_floor_plan(recorded)
     poses = open_drive(f"drive:{recorded}").truth.poses
@@ -153,9 +140,6 @@ def test_the_floor_plan_lies_beside_the_drive_and_comes_to_one_that_was_rendered
 
 
 def test_floor_labels_are_what_depth_and_mount_say(recorded, drawn, monkeypatch, lit):
-    from edgemap.geometry.camera.floor import FloorCamera
-    from edgemap.simulation import record as module
-
     monkeypatch.setattr(module, "lit_home", lambda *_: lit)
     assert module.label_drive(drawn, recorded, 2) == 3
     before = contents(recorded)

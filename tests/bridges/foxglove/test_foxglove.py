@@ -1,5 +1,6 @@
 """A client of Foxglove's WebSocket protocol that shares no code with the server reads what a run publishes."""
 
+import base64
 import json
 import math
 import struct
@@ -157,8 +158,6 @@ def test_the_layout_shows_topics_that_are_sent_in_panels_that_take_their_types(s
 def test_annotations_hold_every_box(server):
     descriptors = pytest.importorskip("google.protobuf.descriptor_pb2")
     factory = pytest.importorskip("google.protobuf.message_factory")
-    import base64
-
     with closing(Client(server.url)) as viewer:
         channel = viewer.channels["/detections/annotations"]
         assert (channel["encoding"], channel["schemaName"]) == ("protobuf", "foxglove.ImageAnnotations")

@@ -7,6 +7,7 @@ from typing import Any
 import cv2
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 from support.recordings import FACTS, LENS, MOUNT, noise
 from support.results import CHAIR, COVARIANCE, OFF, POSES, results
 
@@ -103,8 +104,6 @@ def test_the_lens_projects_as_ours_does(topics):
 
 
 def test_tf_leads_from_the_map_to_the_lens(topics):
-    from scipy.spatial.transform import Rotation
-
     tree = {}
     for _, message in topics["/tf"][-2:]:
         for step in message.transforms:

@@ -2,6 +2,7 @@
 
 from dataclasses import replace
 
+import cv2
 import msgspec
 import numpy as np
 import pytest
@@ -255,8 +256,6 @@ def test_boxes_of_two_teachers_by_hand():
 
 
 def test_pictures_without_labels_take_the_teachers(tmp_path):
-    import cv2
-
     for number in range(3):
         cv2.imwrite(str(tmp_path / f"{number}.png"), np.full((50, 100, 3), number, np.uint8))
 

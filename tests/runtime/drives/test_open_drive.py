@@ -7,6 +7,7 @@ from functools import partial
 import cv2
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 from support.pictures import write_pictures
 from support.refusal import refused
 
@@ -335,8 +336,6 @@ def test_real_kitti_drives_ahead_and_its_left_turn_is_positive(shared_data):
     np.testing.assert_allclose(found[:, 0], matrices[:, 2, 3], atol=1e-6)  # ahead is the world's z
     np.testing.assert_allclose(found[:, 1], -matrices[:, 0, 3], atol=1e-6)  # left is against its x
     # scipy's yaw about the downward y axis, turned round
-    from scipy.spatial.transform import Rotation
-
     about_down = Rotation.from_matrix(matrices[:, :, :3]).as_euler("YXZ")[:, 0]
     np.testing.assert_allclose(np.sin(found[:, 2] + about_down), 0.0, atol=1e-6)
     np.testing.assert_allclose(drive.full_poses[:, :2, 3], found[:, :2], atol=1e-6)
