@@ -66,7 +66,7 @@ class Darknet(nn.Module):
 
     def convolutions(self) -> list[layers.Convolution]:
         """All convolutions in file order: the order of the weights file."""
-        return [layer for layer in self.layers if isinstance(layer, layers.Convolution)]
+        return [module for module in self.modules() if isinstance(module, layers.Convolution)]
 
     def stride(self, layer: int) -> int:
         """Input px per cell of a layer's output. Raises ExportError where the two axes differ."""
@@ -121,14 +121,14 @@ class Darknet(nn.Module):
             case "upsample":
                 return layers.upsample(section, shape, index - 1)
             case "avgpool":
-                return layers.AveragePool([index - 1]), (shape[0], 1, 1)
+                return layers.Layer([index - 1], nn.AdaptiveAvgPool2d(1)), (shape[0], 1, 1)
             case "route":
                 return self._route(section, index)
             case "shortcut":
                 return self._shortcut(section, index)
             case "yolo":
                 return self._yolo(section, index, shape)
-        return layers.Same([index - 1]), shape
+        return layers.Layer([index - 1]), shape
 
     def _sources(self, section: Section, key: str, index: int) -> list[int]:
         sources = [number if number >= 0 else index + number for number in section.integers(key)]
@@ -150,7 +150,7 @@ class Darknet(nn.Module):
                 f"{section.where} group_id={group} of groups={groups} does not fit {[s[0] for s in shapes]} channels"
             )
         channels = sum(shape[0] // groups for shape in shapes)
-        return layers.Route(sources, groups, group), (channels, *shapes[0][1:])
+        return layers.Layer(sources, layers.Route(groups, group)), (channels, *shapes[0][1:])
 
     def _shortcut(self, section: Section, index: int) -> tuple[layers.Layer, Shape]:
         if section.text("weights_type", "none") != "none":
@@ -162,7 +162,8 @@ class Darknet(nn.Module):
                 raise ExportError(
                     f"{section.where} adds layer {source} of shape {self.shapes[source]} to shape {shape}"
                 )
-        return layers.Shortcut([index - 1, *sources], layers.activation(section, "linear")), shape
+        added = layers.Shortcut(layers.activation(section, "linear"))
+        return layers.Layer([index - 1, *sources], added), shape
 
     def _yolo(self, section: Section, index: int, shape: Shape) -> tuple[layers.Layer, Shape]:
         flat, classes = section.numbers("anchors"), section.integer("classes", 20, least=1)
@@ -182,7 +183,7 @@ class Darknet(nn.Module):
         if not pairs or not all(side > 0.0 for pair in pairs for side in pair):
             raise ExportError(f"{section.where} anchors={section.text('anchors')}: sides must be positive")
         self.heads.append(Yolo(index - 1, classes, anchors, section.number("scale_x_y", 1.0), shape))
-        return layers.Same([index - 1]), shape
+        return layers.Layer([index - 1]), shape
 
 
 def fold_batch_norm(network: Darknet) -> None:

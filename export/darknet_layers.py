@@ -5,7 +5,6 @@ from dataclasses import dataclass
 
 import torch
 from torch import Tensor, nn
-from torch.nn import functional
 
 from edgemap.export.darknet_cfg import Section
 from edgemap.export.errors import ExportError
@@ -44,18 +43,23 @@ FOREIGN = (
 
 
 class Layer(nn.Module):
-    """A layer that reads the outputs of `sources` (absolute layer indices; -1 is the network's input)."""
+    """A module that reads the outputs of `sources` (absolute layer indices; -1 is the network's input)."""
 
-    def __init__(self, sources: Sequence[int]) -> None:
+    def __init__(self, sources: Sequence[int], module: nn.Module | None = None) -> None:
+        """module: nothing for what passes its source on: dropout when a trained network runs, and a head's marker."""
         super().__init__()
-        self.sources = tuple(sources)
+        self.sources, self.module = tuple(sources), module or nn.Identity()
+
+    def forward(self, *parts: Tensor) -> Tensor:
+        """The sources' outputs, (1, C, H, W) each, to one."""
+        return self.module(*parts)
 
 
-class Convolution(Layer):
+class Convolution(nn.Module):
     """Convolution, optional batch normalisation, activation."""
 
-    def __init__(self, source: int, conv: nn.Conv2d, norm: nn.BatchNorm2d | None, activation: nn.Module) -> None:
-        super().__init__([source])
+    def __init__(self, conv: nn.Conv2d, norm: nn.BatchNorm2d | None, activation: nn.Module) -> None:
+        super().__init__()
         self.conv, self.norm, self.activation = conv, norm, activation
 
     def forward(self, x: Tensor) -> Tensor:
@@ -64,37 +68,11 @@ class Convolution(Layer):
         return self.activation(x if self.norm is None else self.norm(x))
 
 
-class MaxPool(Layer):
-    """Max pooling with Darknet's own padding: half of it (rounded down) before, the rest behind."""
-
-    def __init__(self, source: int, size: int, stride: int, pad: tuple[int, int, int, int]) -> None:
-        super().__init__([source])
-        self.size, self.stride, self.pad = size, stride, pad
-
-    def forward(self, x: Tensor) -> Tensor:
-        """(1, C, H, W) to (1, C, H', W'); padding never wins."""
-        if any(self.pad):
-            x = functional.pad(x, self.pad, value=float("-inf"))
-        return functional.max_pool2d(x, self.size, self.stride)
-
-
-class Upsample(Layer):
-    """Nearest-neighbour enlargement by a whole factor."""
-
-    def __init__(self, source: int, factor: int) -> None:
-        super().__init__([source])
-        self.factor = float(factor)
-
-    def forward(self, x: Tensor) -> Tensor:
-        """(1, C, H, W) to (1, C, factor H, factor W)."""
-        return functional.interpolate(x, scale_factor=self.factor, mode="nearest")
-
-
-class Route(Layer):
+class Route(nn.Module):
     """Concatenation over channels of one group of each source."""
 
-    def __init__(self, sources: Sequence[int], groups: int, group: int) -> None:
-        super().__init__(sources)
+    def __init__(self, groups: int, group: int) -> None:
+        super().__init__()
         self.groups, self.group = groups, group
 
     def forward(self, *parts: Tensor) -> Tensor:
@@ -104,11 +82,11 @@ class Route(Layer):
         return parts[0] if len(parts) == 1 else torch.cat(parts, dim=1)
 
 
-class Shortcut(Layer):
+class Shortcut(nn.Module):
     """Sum of equal shapes, then an activation."""
 
-    def __init__(self, sources: Sequence[int], activation: nn.Module) -> None:
-        super().__init__(sources)
+    def __init__(self, activation: nn.Module) -> None:
+        super().__init__()
         self.activation = activation
 
     def forward(self, x: Tensor, *others: Tensor) -> Tensor:
@@ -116,22 +94,6 @@ class Shortcut(Layer):
         for other in others:
             x = x + other
         return self.activation(x)
-
-
-class AveragePool(Layer):
-    """The mean over all cells."""
-
-    def forward(self, x: Tensor) -> Tensor:
-        """(1, C, H, W) to (1, C, 1, 1)."""
-        return x.mean(dim=(2, 3), keepdim=True)
-
-
-class Same(Layer):
-    """Passes its source on: dropout when a trained network runs, and the marker of a detection head."""
-
-    def forward(self, x: Tensor) -> Tensor:
-        """Returns its input."""
-        return x
 
 
 @dataclass(frozen=True)
@@ -176,12 +138,15 @@ def convolutional(section: Section, shape: Shape, source: int) -> tuple[Layer, S
         raise ExportError(f"{section.where} size={size} does not fit into {height}x{width} cells")
     conv = nn.Conv2d(channels, filters, size, stride, padding * dilation, dilation, groups, bias=not normalised)
     norm = nn.BatchNorm2d(filters, eps=BATCH_NORM_EPSILON) if normalised else None
-    layer = Convolution(source, conv, norm, activation(section, "logistic"))
+    layer = Layer([source], Convolution(conv, norm, activation(section, "logistic")))
     return layer, (filters, out_height, out_width)
 
 
 def maxpool(section: Section, shape: Shape, source: int) -> tuple[Layer, Shape]:
-    """`[maxpool]`: (cells + padding - size) / stride + 1 with padding = size - 1, unless the cfg says otherwise."""
+    """`[maxpool]`: (cells + padding - size) / stride + 1 with padding = size - 1, unless the cfg says otherwise.
+
+    Half of the padding, rounded down, comes before, the rest behind; it never wins.
+    """
     stride = section.integer("stride", 1, least=1)
     size = section.integer("size", stride, least=1)
     padding = section.integer("padding", size - 1, least=0)
@@ -193,8 +158,10 @@ def maxpool(section: Section, shape: Shape, source: int) -> tuple[Layer, Shape]:
             raise ExportError(f"{section.where} size={size} does not fit into {shape[1]}x{shape[2]} cells")
         out.append(count)
         pads.append(max(0, (count - 1) * stride + size - cells - before))
-    layer = MaxPool(source, size, stride, (before, pads[1], before, pads[0]))
-    return layer, (shape[0], out[0], out[1])
+    pool: nn.Module = nn.MaxPool2d(size, stride)
+    if before or any(pads):
+        pool = nn.Sequential(nn.ConstantPad2d((before, pads[1], before, pads[0]), float("-inf")), pool)
+    return Layer([source], pool), (shape[0], out[0], out[1])
 
 
 def upsample(section: Section, shape: Shape, source: int) -> tuple[Layer, Shape]:
@@ -202,4 +169,4 @@ def upsample(section: Section, shape: Shape, source: int) -> tuple[Layer, Shape]
     factor = section.integer("stride", 2, least=1)
     if section.number("scale", 1.0) != 1.0:
         raise ExportError(f"{section.where} scale={section.text('scale')} is not supported, only 1")
-    return Upsample(source, factor), (shape[0], shape[1] * factor, shape[2] * factor)
+    return Layer([source], nn.Upsample(scale_factor=float(factor))), (shape[0], shape[1] * factor, shape[2] * factor)

@@ -131,7 +131,7 @@ def default_opset(model: ModelProto) -> int:
 def _fold_input_scale(network: Darknet, factor: float) -> None:
     """Zero padding stays zero under a factor, so scaling the first weights is the same as scaling the picture."""
     readers = [layer for layer in network.layers if -1 in layer.sources]  # type: ignore[operator]
-    if len(readers) != 1 or readers[0] is not network.convolutions()[0]:
+    if len(readers) != 1 or readers[0].module is not network.convolutions()[0]:
         raise ExportError(f"{network.name}: its input must be read by one [convolutional] layer only")
     with torch.no_grad():
         weight = network.convolutions()[0].conv.weight

@@ -61,14 +61,14 @@ def test_every_value_of_the_file_lands_in_its_place(tmp_path, small_cfg):
     assert load_weights(network, tmp_path / "w").seen == 1 << 40
     values = network.state_dict()
     # Darknet: biases, scales, means, variances, then weights (filters, channels, rows, columns)
-    assert values["layers.0.norm.bias"].tolist() == [0, 1, 2, 3]
-    assert values["layers.0.norm.weight"].tolist() == [4, 5, 6, 7]
-    assert values["layers.0.norm.running_mean"].tolist() == [8, 9, 10, 11]
-    assert values["layers.0.norm.running_var"].tolist() == [12, 13, 14, 15]
-    assert values["layers.0.conv.weight"][0, 0].tolist() == [[16, 17, 18], [19, 20, 21], [22, 23, 24]]
-    assert values["layers.0.conv.weight"][3, 2, 2, 2].item() == 123
-    assert values["layers.2.conv.bias"].tolist() == list(range(124, 132))
-    assert values["layers.6.conv.weight"][6, 7].item() == SMALL_VALUES - 1
+    assert values["layers.0.module.norm.bias"].tolist() == [0, 1, 2, 3]
+    assert values["layers.0.module.norm.weight"].tolist() == [4, 5, 6, 7]
+    assert values["layers.0.module.norm.running_mean"].tolist() == [8, 9, 10, 11]
+    assert values["layers.0.module.norm.running_var"].tolist() == [12, 13, 14, 15]
+    assert values["layers.0.module.conv.weight"][0, 0].tolist() == [[16, 17, 18], [19, 20, 21], [22, 23, 24]]
+    assert values["layers.0.module.conv.weight"][3, 2, 2, 2].item() == 123
+    assert values["layers.2.module.conv.bias"].tolist() == list(range(124, 132))
+    assert values["layers.6.module.conv.weight"][6, 7].item() == SMALL_VALUES - 1
 
 
 @pytest.mark.parametrize(("change", "words"), [(-4, "found 658"), (-1, "found 658 and 3 bytes more"), (4, "found 660")])
