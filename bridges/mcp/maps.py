@@ -5,7 +5,7 @@ import os
 import urllib.error
 import urllib.request
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Any
 from urllib.parse import quote, urlsplit
 
 import numpy as np
@@ -33,33 +33,9 @@ from edgemap.runtime.step.wall_clock import host_clock, utc_text
 BOUND = round(GridRule().highest * STEPS)
 
 
-class MapSource(Protocol):
-    """A map that is asked. All methods raise MapError in one line."""
-
-    def read(self) -> tuple[list[MapObject], Annotations]:
-        """The map as it stands now."""
-        ...
-
-    def grid(self) -> OccupancyGrid | None:
-        """The floor; None where there is none yet."""
-        ...
-
-    def approach(self, item: MapObject, objects: list[MapObject]) -> dict[str, Any]:
-        """A free pose that faces an object."""
-        ...
-
-    def mark(self, identity: str, edit: dict[str, Any]) -> None:
-        """Sets `name` and `confirmed` of an object."""
-        ...
-
-    def picture(self, identity: str) -> bytes:
-        """A JPEG of an object."""
-        ...
-
-
 class SavedMap:
     """A map.json, a run folder or a named map; read again for every question, so it may be that of a run that goes on.
-    Raises MapError where there is none."""
+    Raises MapError where there is none, and so do all methods, in one line."""
 
     def __init__(self, text: str) -> None:
         self.path = map_path(saved_map(text))
@@ -74,11 +50,11 @@ class SavedMap:
         return load_grid(self.path)
 
     def approach(self, item: MapObject, objects: list[MapObject]) -> dict[str, Any]:
-        """By the saved grid."""
+        """A free pose that faces an object, by the saved grid."""
         return goal_record(approach(item, objects, self.grid()))
 
     def mark(self, identity: str, edit: dict[str, Any]) -> None:
-        """Writes the map, unless a run uses it."""
+        """Sets `name` and `confirmed` of an object in the file, unless a run uses it."""
         lock = lock_folder(self.path.parent, "a run uses this map: give the address of its page, http://…")
         try:
             document = decode_json(read_bytes(self.path, MapError), dict[str, Any], self.path, MapError)
@@ -97,7 +73,7 @@ class SavedMap:
 
 
 class RunningMap:
-    """A run with `--view`, at the address of its page. Raises MapError where none answers."""
+    """A run with `--view`, at the address of its page, asked as a `SavedMap` is. Raises MapError where none answers."""
 
     def __init__(self, address: str) -> None:
         parts = urlsplit(address)
@@ -136,6 +112,9 @@ class RunningMap:
             raise MapError(f"{self._root}/{what}: {one_line(error.read(500).decode(errors='replace'))}") from None
         except (OSError, ValueError) as error:
             raise MapError(f"{self._root}: no run answers ({one_line(getattr(error, 'reason', error))})") from None
+
+
+MapSource = SavedMap | RunningMap
 
 
 def floor_grid(floor: dict[str, Any]) -> OccupancyGrid | None:
