@@ -154,12 +154,12 @@ def _figures(matches: list[_Match]) -> dict[str, Any]:
     mapped = len(found) + sum(len(match.left) for match in matches)
     true = len(found) + sum(len(match.missed) for match in matches)
     return {
-        "precision": _share(len(errors), mapped),
-        "recall": _share(len(errors), true),
-        "f1": _share(2 * len(errors), mapped + true),
+        "precision": share(len(errors), mapped),
+        "recall": share(len(errors), true),
+        "f1": share(2 * len(errors), mapped + true),
         "median_error_m": round(float(np.median(errors)), 4) if errors else None,
         "p90_error_m": round(float(np.percentile(errors, 90)), 4) if errors else None,
-        "covered95": _share(sum(covered), len(covered)),
+        "covered95": share(sum(covered), len(covered)),
         "anees": round(float(np.mean(nees)), 4) if nees else None,
         "ellipse_m2": round(float(np.mean(ellipses)), 4) if ellipses else None,
         "objects_mapped": mapped,
@@ -168,7 +168,8 @@ def _figures(matches: list[_Match]) -> dict[str, Any]:
     }
 
 
-def _share(part: int, whole: int) -> float | None:
+def share(part: int, whole: int) -> float | None:
+    """A part of a whole as figures have it; None of nothing."""
     return round(part / whole, 4) if whole else None
 
 

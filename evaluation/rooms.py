@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 from scipy.optimize import linear_sum_assignment
 
+from edgemap.evaluation.objects import share
 from edgemap.geometry.arrays import Array
 from edgemap.geometry.grid.rooms import Door, Mask, Room, inside
 from edgemap.geometry.se2 import SE2
@@ -52,10 +53,10 @@ def score_rooms(
     ignored = len(pairs) - len(found)
     return {
         "rooms": {
-            "found": _rate(len(found), int(counts.sum())),
+            "found": share(len(found), int(counts.sum())),
             "mean_iou": round(float(np.mean([iou[pair] for pair in found])), 4) if found else None,
-            "precision": _rate(len(found), len(rooms) - ignored),
-            "kinds": _rate(sum(named), len(named)),
+            "precision": share(len(found), len(rooms) - ignored),
+            "kinds": share(sum(named), len(named)),
         },
         "doors": _doors(doors, truth.doorways, [_share(seen, inside(d, points)) for d in truth.doorways]),
     }
@@ -72,8 +73,8 @@ def _doors(doors: Sequence[Door], doorways: Sequence[Array], shares: Sequence[fl
     matched = [int(row) for row, column in zip(rows, columns, strict=True) if away[row, column] <= FOUND_M]
     hits = sum(wanted[row] for row in matched)
     return {
-        "precision": _rate(hits, len(doors) - (len(matched) - hits)),
-        "recall": _rate(hits, sum(wanted)),
+        "precision": share(hits, len(doors) - (len(matched) - hits)),
+        "recall": share(hits, sum(wanted)),
     }
 
 
@@ -106,7 +107,3 @@ def _seen(low: Array, points: Array, walls: Sequence[Array], poses: Sequence[SE2
 def _share(part: Mask, whole: Mask) -> float:
     """Share of a mask that another one covers, 0 of none."""
     return float((part & whole).sum()) / max(int(whole.sum()), 1)
-
-
-def _rate(part: int, whole: int) -> float | None:
-    return round(part / whole, 4) if whole else None
