@@ -60,16 +60,18 @@ class Section:
         try:
             value = read(text)
         except ValueError:
-            raise ExportError(f"{self.file}:{self.options[key][1]}: {key}={one_line(text, 60)} is not {what}") from None
+            raise ExportError(f"{self._where(key)}={one_line(text, 60)} is not {what}") from None
         self._in_range(key, value)
         if least is not None and value < least:
-            raise ExportError(f"{self.file}:{self.options[key][1]}: {key}={text}, expected {least} or more")
+            raise ExportError(f"{self._where(key)}={text}, expected {least} or more")
         return value
+
+    def _where(self, key: str) -> str:
+        return f"{self.file}:{self.options[key][1]}: {key}"
 
     def _in_range(self, key: str, value: float) -> None:
         if not abs(value) <= LARGEST:
-            where = f"{self.file}:{self.options[key][1]}"
-            raise ExportError(f"{where}: {key}={one_line(self.text(key), 40)}, at most {LARGEST:,} are read")
+            raise ExportError(f"{self._where(key)}={one_line(self.text(key), 40)}, at most {LARGEST:,} are read")
 
     def _list(self, key: str, read: Callable[[str], Value], what: str) -> list[Value]:
         text = self.text(key)
@@ -79,9 +81,7 @@ class Section:
                 self._in_range(key, value)
             return values
         except ValueError:
-            raise ExportError(
-                f"{self.file}:{self.options[key][1]}: {key}={one_line(text, 60)} is not a list of {what}"
-            ) from None
+            raise ExportError(f"{self._where(key)}={one_line(text, 60)} is not a list of {what}") from None
 
 
 def parse_cfg(text: str, file: str = "cfg") -> list[Section]:

@@ -86,14 +86,6 @@ def load_weights(network: Darknet, path: Path) -> WeightsHeader:
     return header
 
 
-def save_weights(network: Darknet, path: Path, seen: int = 0) -> None:
-    """Write the network as a .weights file, version 0.2.0."""
-    with path.open("wb") as stream:
-        stream.write(np.array([0, 2, 0], "<i4").tobytes() + np.array([seen], "<u8").tobytes())
-        for tensor in tensors_in_file_order(network):
-            stream.write(tensor.detach().numpy().astype("<f4").tobytes())
-
-
 def random_weights(network: Darknet, seed: int = 0) -> None:
     """Fill the network with seeded random values whose activations keep their size through many layers."""
     generator = torch.Generator().manual_seed(seed)

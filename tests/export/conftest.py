@@ -77,8 +77,10 @@ def small_weights(tmp_path, small_cfg) -> Path:
 
 
 def write_small(folder: Path) -> tuple[Path, Path]:
+    from support.darknet_file import save_weights
+
     from edgemap.export.darknet import Darknet
-    from edgemap.export.darknet_weights import random_weights, save_weights
+    from edgemap.export.darknet_weights import random_weights
 
     cfg, weights = folder / "small.cfg", folder / "small.weights"
     cfg.write_text(SMALL_CFG)

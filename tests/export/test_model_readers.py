@@ -14,9 +14,11 @@ from support.refusal import refused
 
 torch = pytest.importorskip("torch")
 
+from support.darknet_file import save_weights  # noqa: E402
+
 from edgemap.export.adopt import load_onnx  # noqa: E402
 from edgemap.export.darknet import Darknet  # noqa: E402
-from edgemap.export.darknet_weights import load_weights, random_weights, save_weights  # noqa: E402
+from edgemap.export.darknet_weights import load_weights, random_weights  # noqa: E402
 from edgemap.export.detector.network import FORMAT, load_network  # noqa: E402
 from edgemap.export.errors import ExportError  # noqa: E402
 from edgemap.export.odometry.checkpoint import HeadCheckpoint, load_head, save_head  # noqa: E402
