@@ -35,7 +35,6 @@ CARRIED_ROUNDS, FEWER_ROUNDS, LEAST_ROUNDS = 4, 2, 1
 NEAREST, FARTHEST = 20.0, 1e-4  # inverse depths, 1/m
 LEAST_HEIGHT_M = 1e-3  # of a lens, from which the floor's roughness follows
 ORIGIN = np.array([1e-6, 1e-6, 1e6, 1e8, 1e8, 1e-6])  # information that fixes heading and place of the first pose
-SECOND = np.array([1])
 UNHELD_RAD = np.radians(2.0)  # standard deviation of a tilt after the mount's angles have changed
 # Least depth of a point that was triangulated over a gap; share of its inverse depth to which a known one is known.
 NEAR_M, KNOWN_SHARE = 0.3, 0.2
@@ -583,7 +582,8 @@ class KeyframeWindow:
 def _held(factors: FactorRows, last: LensPose, pose: LensPose) -> tuple[Array, Array]:
     """One picture's factors as a prior of its pose, the one before being known."""
     rotation, position = np.array([last.rotation, pose.rotation]), np.array([last.position_m, pose.position_m])
-    rows, off = factors.rows(rotation, position, SECOND, SECOND)
+    second = np.array([1])
+    rows, off = factors.rows(rotation, position, second, second)
     return rows[:, 6:], off
 
 

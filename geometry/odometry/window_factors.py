@@ -11,8 +11,9 @@ from edgemap.geometry.arrays import Array
 
 Indices = NDArray[np.intp]
 
-SLIPPED = 6.0  # standard deviations from which on wheels lose their weight: a robot may drive sideways
-DENIED = 10.0  # standard deviations from which on a gyro loses its weight
+# Standard deviations from which on a gyro and the rolling of wheels lose their weight (Cauchy): a bias may be wrong,
+# and a robot may drive sideways.
+DENIED = 10.0
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -94,7 +95,7 @@ class FactorRows:
                 ]
             )
             off_gyro = (residual[:, :3] * weight[:, :3] / 2.0) ** 2
-            weight[:, :3] /= np.sqrt(1.0 + off_gyro.sum(axis=1) / DENIED**2)[:, None]  # its bias may be wrong (Cauchy)
+            weight[:, :3] /= np.sqrt(1.0 + off_gyro.sum(axis=1) / DENIED**2)[:, None]
             gap = np.zeros((between, 4, count, 6))
             for row, column in enumerate((0, 1, 2, 5)):
                 gap[indices, row, gaps, column], gap[indices, row, before, column] = weight[:, row], -weight[:, row]
@@ -118,7 +119,7 @@ class FactorRows:
         c, s = np.cos(middle), np.sin(middle)
         along, across = c * moved[:, 0] + s * moved[:, 1], c * moved[:, 1] - s * moved[:, 0]
         weight = self._slip_weight[gaps]
-        weight = weight / np.sqrt(1.0 + (across * weight / SLIPPED) ** 2)  # Cauchy
+        weight = weight / np.sqrt(1.0 + (across * weight / DENIED) ** 2)
         rows, indices = np.zeros((len(gaps), count, 6)), np.arange(len(gaps))
         for pose, sign in ((gaps, 1.0), (before, -1.0)):
             rows[indices, pose, 2] = sign * (c * arm[pose, 0] + s * arm[pose, 1]) - along / 2.0

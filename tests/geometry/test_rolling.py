@@ -45,6 +45,13 @@ def test_turns_show_how_far_the_lens_is_ahead_of_an_axle_that_no_one_measured(ah
     assert 0.004 < rolling.axle_sigma_m < 0.03
 
 
+def test_a_robot_that_drives_sideways_teaches_no_axle():
+    rolling = ROLLING
+    for index in range(40):
+        rolling = rolling.learnt(0.05, 0.003**2, 0.004 * math.sin(index))
+    assert abs(rolling.axle_m) < 0.02
+
+
 def after(nods_deg, path_m=0.05, rate_hz=10.0):
     carried = Carried()
     for nod_deg in nods_deg:

@@ -46,12 +46,10 @@ class PicturesRule:
     # A picture becomes a keyframe where the tracks have moved by this much since the last one, the rotation aside.
     parallax_px: tuple[float, float] = (8.0, 15.0)
     # Factor on the covariance of a motion whose scale is not measured by depth: its errors last.
-    covariance_scale: tuple[float, float] = (12.0, 8.0)
+    covariance_scale: float = 8.0
     least_weight: float = 8.0  # minimum total weight of the tracks that agree
-    # Standard deviation of the lens's height about the mount's, and of its change from picture to picture, shares of
-    # it.
+    # Standard deviation of the lens's height about the mount's, as a share of it; from picture to picture half as much.
     height_share: tuple[float, float] = (0.004, 0.025)
-    rise_share: tuple[float, float] = (0.002, 0.012)
     attitude_pictures: float = 10.0  # number of pictures for which an error of a measured attitude lasts
     slip_share: float = 0.01  # lateral slip of wheels, as of `Rolling`
     gyro_rad: float = math.radians(0.05)  # standard deviation of the rotation that a gyro measures between two pictures
@@ -222,7 +220,7 @@ class WindowOdometry:
 
     def _covariance(self) -> Array:
         """Of the window's last two poses, (12, 12)."""
-        return self._held(self._rule.covariance_scale) ** self._graph.unmeasured() * self._graph.covariance()
+        return self._rule.covariance_scale ** self._graph.unmeasured() * self._graph.covariance()
 
     def _measured(self, step: Motion, stamp_s: float, dt_s: float | None, gyro: bool) -> Motion:
         """The motion up to the last picture, and what it shows of the camera. dt_s: between both pictures; None over a
@@ -283,6 +281,7 @@ class WindowOdometry:
     def _factors(self, attitude: Attitude | None, gyro: GyroRotation | None) -> PoseFactors:
         """Gravity, height, gyro and wheels as factors of this picture's pose."""
         rule, height_m = self._rule, self._camera.mount.height_m
+        height_sigma_m = self._held(rule.height_share) * height_m
         up_rad = self._held(self._tilt_rad)
         if attitude is not None and attitude.source != "mount" and not attitude.predicted:
             variance = float(np.trace(attitude.covariance_rad2)) / 2.0
@@ -294,8 +293,8 @@ class WindowOdometry:
             up=self._up(),
             up_rad=up_rad,
             height_m=height_m,
-            height_sigma_m=self._held(rule.height_share) * height_m,
-            rise_m=self._held(rule.rise_share) * height_m,
+            height_sigma_m=height_sigma_m,
+            rise_m=height_sigma_m / 2.0,
             gyro=np.eye(3) if gyro is None else gyro.rotation,
             gyro_rad=gyro_rad,
             slip_m=self._rolling.slip_m(self._motion) if self.judged.on_wheels and not self._skipped else math.inf,
