@@ -86,11 +86,11 @@ class MountRule:
 class MountCheck:
     """The mount's angles as all measurements together estimate them (`MountTilt`).
 
-    On wheels, their estimate is used once it has converged; where they clearly contradict the mount, at once, and a
-    fault is reported. A carried camera has no mount and is not checked. Edges of single frames update `pictures`.
-    health: by which a picture shows another view (`moved`). used: the mount that attitudes refer to. estimate: None
-    before the first judgement. carried: whether the tilt by edges scatters more than a mounted camera's. room: its
-    heading by the edges of the last frame, if just computed.
+    On wheels, their estimate is used once it has converged, if it is off by more than its standard deviation; where
+    they clearly contradict the mount, at once, and a fault is reported. A carried camera has no mount and is not
+    checked. Edges of single frames update `pictures`. health: by which a picture shows another view (`moved`). used:
+    the mount that attitudes refer to. estimate: None before the first judgement. carried: whether the tilt by edges
+    scatters more than a mounted camera's. room: its heading by the edges of the last frame, if just computed.
     """
 
     def __init__(
@@ -105,7 +105,8 @@ class MountCheck:
         self._configured = np.array([self._mount.roll_rad, self._mount.pitch_rad])
         self._to_base = self._mount.rotation_base_optical()
         self._tilt = MountTilt.prior(self._rule.tilt)
-        self._wrong, self._corrected = np.zeros(2, dtype=bool), np.zeros(2)  # which angle is wrong, and by how much
+        self._wrong = np.zeros(2, dtype=bool)  # which angle is
+        self._replaced, self._corrected = np.zeros(2, dtype=bool), np.zeros(2)  # which is estimated, and by how much
         self.used = self._mount
         self.estimate: MountEstimate | None = None
         self.room: RoomHeading | None = None
@@ -213,7 +214,8 @@ class MountCheck:
         wrong = (not waits) & (np.abs(tilt.error_rad) > CLEAR_SIGMAS * sigma)
         self._settled |= self._on_wheels and bool(tilt.converged().all())
         self._wrong = reported | wrong
-        error_rad = np.where(self._wrong | self._settled, tilt.error_rad, 0.0)
+        self._replaced |= self._wrong | (self._settled & (np.abs(tilt.error_rad) > sigma))
+        error_rad = np.where(self._replaced, tilt.error_rad, 0.0)
         if np.abs(error_rad - self._corrected).max() > rule.tilt.lasting / 2.0:
             self._corrected, self.used = error_rad, self._with(error_rad)
         self.estimate = MountEstimate(self._with(tilt.error_rad), sigma, self.used, self._mount)
