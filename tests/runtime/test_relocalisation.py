@@ -29,9 +29,18 @@ def driven(*arguments, **options):
     return list(go(*arguments, **options))
 
 
-def saved_map():
+START, LATER = round_trip(80)[0], round_trip(80, start_rad=2.0)  # of the saved map's drive, and a later one
+THERE, END = START.inverse() @ LATER[0], START.inverse() @ LATER[-1]  # of the later one in the saved map
+
+
+@pytest.fixture(scope="module")
+def saved():
     *_, (_, objects) = driven(Mapper(), seed=7)
     return objects
+
+
+def off_m(pose, true):
+    return np.hypot(pose.x_m - true.x_m, pose.y_m - true.y_m)
 
 
 def in_room(objects, origin):
@@ -45,19 +54,15 @@ def in_room(objects, origin):
     return found
 
 
-def test_a_saved_map_without_new_sightings_stays_as_it_is():
-    saved = saved_map()
+def test_a_saved_map_without_new_sightings_stays_as_it_is(saved):
     again = FloorMap.continued(saved)
     for _ in range(700):  # more than what is forgotten after
         again.update([])
     assert map_document(again.objects()) == map_document(saved)
 
 
-def test_an_unknown_start_is_found_by_the_objects(tmp_path):
-    saved, start = saved_map(), round_trip(80)[0]
-    known = in_room(saved, start)
-    way = round_trip(80, start_rad=2.0)
-    mapper = Mapper()
+def test_an_unknown_start_is_found_by_the_objects(saved, tmp_path):
+    known, mapper = in_room(saved, START), Mapper()
     mapper.relocalise_in(saved)
     folder = RunFolder(tmp_path / "run", FLOOR, {})
     moved = []
@@ -65,23 +70,22 @@ def test_an_unknown_start_is_found_by_the_objects(tmp_path):
         folder.write(result, objects)
         moved += [index] if result.relocated else []
         if moved:
-            at, truth = result.pose_map_base, start.inverse() @ way[index]
-            assert np.hypot(at.x_m - truth.x_m, at.y_m - truth.y_m) < 0.15
+            assert off_m(result.pose_map_base, START.inverse() @ LATER[index]) < 0.15
             for placed, identity in zip(result.sightings, result.object_ids, strict=True):
                 if identity in known:
-                    there = start.apply(placed.position_map_m)
+                    there = START.apply(placed.position_map_m)
                     assert np.hypot(*(there - known[identity][1:])) < 0.4
     folder.close()
     assert len(moved) == 1
     assert 3 < moved[0] < 70
-    now = in_room(mapper.objects(), start)
+    now = in_room(mapper.objects(), START)
     assert {identity: now[identity] for identity in known} == known
     assert len(set(now.values())) == len(now)
     # What was written before the place was known is in the saved map's frame too.
     written = read_tum(tmp_path / "run" / "trajectory.tum")
     assert len(written.poses) == 80
-    for pose, true in zip(written.poses, way, strict=True):
-        assert start.inverse().apply([true.x_m, true.y_m]) == pytest.approx([pose.x_m, pose.y_m], abs=0.15)
+    for pose, true in zip(written.poses, LATER, strict=True):
+        assert START.inverse().apply([true.x_m, true.y_m]) == pytest.approx([pose.x_m, pose.y_m], abs=0.15)
     record = json.loads((tmp_path / "run" / "run.json").read_text())
     assert record["relocated"]["frame"] == moved[0] + 1
     merged, places = record["merged"], {item.id: item.position_m for item in load_map(tmp_path / "run")}
@@ -92,8 +96,7 @@ def test_an_unknown_start_is_found_by_the_objects(tmp_path):
             assert np.linalg.norm(places[identity] - sighting["map_m"]) < 0.4
 
 
-def test_an_id_means_one_thing_before_and_after():
-    saved = saved_map()
+def test_an_id_means_one_thing_before_and_after(saved):
     mapper = Mapper()
     mapper.relocalise_in(saved)
     taken, own = {item.id for item in saved}, set()
@@ -104,10 +107,10 @@ def test_an_id_means_one_thing_before_and_after():
     assert {new for old, new in result.merged.items() if old in own} & taken
 
 
-def test_another_room_is_not_taken_for_the_saved_one():
+def test_another_room_is_not_taken_for_the_saved_one(saved):
     other = furnished(np.random.default_rng(12), 16, apart_m=0.8)
     mapper = Mapper()
-    mapper.relocalise_in(saved_map())
+    mapper.relocalise_in(saved)
     for result, _ in go(mapper, room=other):
         assert result.relocated is None
     assert mapper.relocaliser.alignment is None
@@ -134,39 +137,29 @@ def first_found(results):
     return next(index for index, (result, _) in enumerate(results) if result.relocated)
 
 
-def test_a_right_guess_is_proved_sooner_than_a_search_finds_it():
-    saved, start, there = saved_map(), round_trip(80)[0], round_trip(80, start_rad=2.0)[0]
-    guess = start.inverse() @ there
+def test_a_right_guess_is_proved_sooner_than_a_search_finds_it(saved):
     searching, guessing = Mapper(), Mapper()
     searching.relocalise_in(saved)
-    guessing.relocalise_in(saved, guesses=[SE2(30.0, 0.0, 0.0), guess])
+    guessing.relocalise_in(saved, guesses=[SE2(30.0, 0.0, 0.0), THERE])
     searched, guessed = driven(searching, 2.0), driven(guessing, 2.0)
     assert first_found(guessed) < first_found(searched)
-    at = guessed[-1][0].pose_map_base
-    truth = start.inverse() @ round_trip(80, start_rad=2.0)[-1]
-    assert np.hypot(at.x_m - truth.x_m, at.y_m - truth.y_m) < 0.3
+    assert off_m(guessed[-1][0].pose_map_base, END) < 0.3
 
 
-def test_a_robot_that_was_carried_off_is_not_where_it_was_left():
+def test_a_robot_that_was_carried_off_is_not_where_it_was_left(saved):
     """A wrong guess costs nothing: the objects refute it, and find the place as without it."""
-    saved, start = saved_map(), round_trip(80)[0]
-    there = start.inverse() @ round_trip(80, start_rad=2.0)[0]
     mapper = Mapper()
-    mapper.relocalise_in(saved, guesses=[SE2(there.x_m + 2.0, there.y_m, there.yaw_rad + 1.5), SE2()])
+    mapper.relocalise_in(saved, guesses=[SE2(THERE.x_m + 2.0, THERE.y_m, THERE.yaw_rad + 1.5), SE2()])
     *_, (result, _) = driven(mapper, 2.0)
-    truth = start.inverse() @ round_trip(80, start_rad=2.0)[-1]
-    at = result.pose_map_base
-    assert np.hypot(at.x_m - truth.x_m, at.y_m - truth.y_m) < 0.3
+    assert off_m(result.pose_map_base, END) < 0.3
 
 
 @pytest.mark.parametrize("at_last", [False, True])
-def test_a_map_is_continued_at_its_last_pose_or_its_dock_whichever_is_right(at_last):
-    saved, start, there = saved_map(), round_trip(80)[0], round_trip(80, start_rad=2.0)[0]
-    guess = start.inverse() @ there
+def test_a_map_is_continued_at_its_last_pose_or_its_dock_whichever_is_right(saved, at_last):
     docked, found = Mapper(), Mapper()
-    dock, last = (SE2(30.0, 0.0, 0.0), guess) if at_last else (guess, None)
+    dock, last = (SE2(30.0, 0.0, 0.0), THERE) if at_last else (THERE, None)
     docked.continue_map(saved, Annotations(dock=dock, last_pose=last), None)
-    found.relocalise_in(saved, guesses=[guess])
+    found.relocalise_in(saved, guesses=[THERE])
     assert first_found(driven(docked, 2.0)) == first_found(driven(found, 2.0))
 
 
@@ -180,21 +173,18 @@ def test_chance_proves_no_guess(seed):
 
 
 @pytest.mark.parametrize("in_dock", [False, True])
-def test_a_pose_that_is_set_ends_the_search(in_dock):
-    saved, start = saved_map(), round_trip(80)[0]
-    there = start.inverse() @ round_trip(80, start_rad=2.0)[0]
+def test_a_pose_that_is_set_ends_the_search(saved, in_dock):
     mapper = Mapper()
-    mapper.relocalise_in(saved, Annotations(dock=there))
+    mapper.relocalise_in(saved, Annotations(dock=THERE))
     assert mapper.searching
     assert mapper.annotations().dock is None  # it is in a frame that the robot has yet to find
-    pose = Edit("pose", "dock") if in_dock else Edit("pose", pose=(there.x_m, there.y_m, there.yaw_rad))
+    pose = Edit("pose", "dock") if in_dock else Edit("pose", pose=(THERE.x_m, THERE.y_m, THERE.yaw_rad))
     assert mapper.edit(pose) == "pose"
     assert not mapper.searching
-    assert mapper.annotations().dock == there
+    assert mapper.annotations().dock == THERE
     results = driven(mapper, 2.0)
     assert first_found(results) == 0
-    at, truth = results[-1][0].pose_map_base, start.inverse() @ round_trip(80, start_rad=2.0)[-1]
-    assert np.hypot(at.x_m - truth.x_m, at.y_m - truth.y_m) < 0.3
+    assert off_m(results[-1][0].pose_map_base, END) < 0.3
     assert len(results[-1][1]) <= len(saved) + 2  # nothing twice
 
 
@@ -225,7 +215,7 @@ def test_what_is_no_pose_is_refused(edit, message):
 
 
 @pytest.mark.parametrize("far", [(1e6, 1e6, 0.0), (2e6, 0.0, 0.0), (0.0, -1e308, 0.0), (400.0, 0.0, 0.0)])
-def test_a_pose_far_from_the_map_is_refused_and_loses_nothing(far):
+def test_a_pose_far_from_the_map_is_refused_and_loses_nothing(saved, far):
     mapper = Mapper()
     driven(mapper, count=40)
     before = mapper.pose_map_base, [item.id for item in mapper.objects()]
@@ -238,14 +228,13 @@ def test_a_pose_far_from_the_map_is_refused_and_loses_nothing(far):
             mapper.edit(edit)
     assert (mapper.pose_map_base, [item.id for item in mapper.objects()]) == before
     with pytest.raises(MapError, match="too far: the map would be more than 50 m wide"):
-        Mapper().start_in(saved_map(), SE2(*far))
+        Mapper().start_in(saved, SE2(*far))
 
 
 @pytest.mark.parametrize("x_m", [1e6 + 1.0, float("nan"), float("inf")])
-def test_a_map_that_no_reader_takes_does_not_replace_one_that_they_do(x_m, tmp_path):
-    good = saved_map()
-    save_map(tmp_path / "map.json", good)
-    bad = [replace(good[0], position_m=np.array([x_m, 0.0])), *good[1:]]
+def test_a_map_that_no_reader_takes_does_not_replace_one_that_they_do(saved, x_m, tmp_path):
+    save_map(tmp_path / "map.json", saved)
+    bad = [replace(saved[0], position_m=np.array([x_m, 0.0])), *saved[1:]]
     with pytest.raises(MapError, match="not saved"):
         save_map(tmp_path / "map.json", bad)
-    assert [item.id for item in load_map(tmp_path / "map.json")] == [item.id for item in good]
+    assert [item.id for item in load_map(tmp_path / "map.json")] == [item.id for item in saved]
