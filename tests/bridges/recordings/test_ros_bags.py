@@ -13,8 +13,8 @@ from support.recordings import bag, drain
 from support.ros_bag import STORE, camera_info, compressed, image, imu, odometry, tf, transform, write_bag
 
 from edgemap.geometry.camera.intrinsics import Distortion, Intrinsics
-from edgemap.runtime.frames.camera import CameraOptions, SensorTopics
-from edgemap.runtime.frames.errors import CameraError, CameraFault
+from edgemap.runtime.frames.camera import CameraOptions, SensorTopics, next_frame
+from edgemap.runtime.frames.errors import CameraError
 from edgemap.runtime.inputs.open import open_camera
 
 K = [58.0, 0.0, 31.0, 0.0, 59.0, 23.0, 0.0, 0.0, 1.0]
@@ -212,17 +212,9 @@ def test_damaged_first_pictures_are_told_and_skipped(tmp_path):
     step = 100_000_000
     pictures = [compressed(T0 + i * step, b"rubbish" if i in (0, 1, 4) else PNG, "png") for i in range(6)]
     messages = [("/cam/compressed", T0 + i * step, message) for i, message in enumerate(pictures)]
-    camera, frames, told = open_camera(str(write_bag(tmp_path / "bag", messages))), [], []
-    with camera:
-        while True:
-            try:
-                frame = camera.read()
-            except CameraFault as fault:
-                told.append(fault)
-                continue
-            if frame is None:
-                break
-            frames.append(frame)
+    told = []
+    with open_camera(str(write_bag(tmp_path / "bag", messages))) as camera:
+        frames = list(iter(lambda: next_frame(camera, told.append), None))
     assert [fault.kind.value for fault in told] == ["damaged"] * 3
     assert all(str(fault).endswith("skipped") for fault in told)
     np.testing.assert_allclose([f.stamp_s - T0 / 1e9 for f in frames], [0.2, 0.3, 0.5], atol=1e-6)
