@@ -2,7 +2,6 @@
 
 import json
 import re
-from collections.abc import Iterable
 from typing import Any, get_args
 
 from edgemap.geometry.map_object import EventKind
@@ -67,11 +66,6 @@ def zone_discovery(robot: str, root: str, version: str, zone: str, name: str) ->
 def config_topic(robot: str, kind: str, name: str) -> str:
     """The topic of an entity's configuration."""
     return f"homeassistant/{kind}/{device_identity(robot)}/{name}/config"
-
-
-def occupied_by(items: Iterable[Any]) -> list[str]:
-    """Names of a zone's objects, ids where they have none."""
-    return [item.name or item.id for item in items]
 
 
 def _config(robot: str, root: str, version: str, name: str, entity: dict[str, Any]) -> str:

@@ -12,7 +12,7 @@ from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
-from edgemap.bridges.mqtt.home_assistant import config_topic, discovery, occupied_by, zone_discovery
+from edgemap.bridges.mqtt.home_assistant import config_topic, discovery, zone_discovery
 from edgemap.bridges.mqtt.picture import MapPicture
 from edgemap.geometry.map_object import MapEvent, MapObject
 from edgemap.geometry.objects.annotations import MapIdentity
@@ -231,7 +231,7 @@ class MqttPublisher:
     def _publish_zones(self, result: StepResult, objects: list[MapObject]) -> None:
         """What is in each zone, where that has changed; a zone that is gone leaves Home Assistant."""
         now = {
-            topic_level(zone.id): (zone.name, occupied_by(inside_polygon(objects, zone.corners_m)))
+            topic_level(zone.id): (zone.name, [one.name or one.id for one in inside_polygon(objects, zone.corners_m)])
             for zone in result.annotations.zones
         }
         for identity, (name, held) in now.items():

@@ -107,13 +107,15 @@ class Subscription:
 
 
 class Node:
-    """A DDS participant in one domain. Raises Ros2Error if Cyclone DDS cannot create it."""
+    """A DDS participant in one domain. before: additional configuration of Cyclone DDS. Raises Ros2Error if that cannot
+    create it."""
 
-    def __init__(self, domain: int, config: str) -> None:
+    def __init__(self, discovery: Discovery, before: str = "") -> None:
         from cyclonedds.builtin import BuiltinDataReader, BuiltinTopicDcpsPublication
         from cyclonedds.core import DDSException
         from cyclonedds.domain import Domain, DomainParticipant
 
+        domain, config = discovery.domain, discovery.cyclone_config(before)
         try:
             self._domain = Domain(domain, config) if config else None
             self._participant = DomainParticipant(domain)
@@ -154,12 +156,7 @@ class Node:
 def shared_node() -> Node:
     """This process's node, configured by the environment. Raises Ros2Error, or MissingExtraError without the extra."""
     need("ros2", "ROS 2")
-    return node_for(discovery_from(os.environ), os.environ.get("CYCLONEDDS_URI", ""))
-
-
-def node_for(discovery: Discovery, before: str = "") -> Node:
-    """Creates a separate node. before: additional configuration of Cyclone DDS. Raises Ros2Error."""
-    return Node(discovery.domain, discovery.cyclone_config(before))
+    return Node(discovery_from(os.environ), os.environ.get("CYCLONEDDS_URI", ""))
 
 
 @cache

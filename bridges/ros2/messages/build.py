@@ -75,16 +75,6 @@ def _rotation_base_optical(mount: Mount) -> tuple[float, float, float, float]:
     return x, y, z, w
 
 
-def pose_transforms(
-    stamp_ns: int, pose_map_base: SE2, pose_odom_base: SE2, ids: FrameIds = IDS
-) -> tuple[Message, Message]:
-    """`geometry_msgs/TransformStamped` map -> odom, and odom -> base_link, of one step."""
-    return (
-        planar_transform(stamp_ns, ids.map, ids.odom, pose_map_base @ pose_odom_base.inverse()),
-        planar_transform(stamp_ns, ids.odom, ids.base, pose_odom_base),
-    )
-
-
 def planar_transform(stamp_ns: int, parent: str, child: str, pose_parent_child: SE2) -> Message:
     """`geometry_msgs/TransformStamped` on the floor."""
     place = [pose_parent_child.x_m, pose_parent_child.y_m, 0.0]

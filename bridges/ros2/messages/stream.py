@@ -100,9 +100,11 @@ class MessageStream:
         yield Outgoing(topics.ODOMETRY, stamp_ns, lambda: build.step_odometry(stamp_ns, result, dt_s, ids))
         pose_odom_base = self.robot_odom(result.frame.stamp_s) if self.robot_odom else result.pose_odom_base
         if pose_odom_base is not None:
-            own = self.robot_odom is None
-            transforms = build.pose_transforms(stamp_ns, result.pose_map_base, pose_odom_base, ids)
-            yield Outgoing(topics.TF, stamp_ns, lambda: build.tf(*(transforms if own else transforms[:1])))
+            pose_map_odom = result.pose_map_base @ pose_odom_base.inverse()
+            transforms = [build.planar_transform(stamp_ns, ids.map, ids.odom, pose_map_odom)]
+            if self.robot_odom is None:
+                transforms.append(build.planar_transform(stamp_ns, ids.odom, ids.base, pose_odom_base))
+            yield Outgoing(topics.TF, stamp_ns, lambda: build.tf(*transforms))
         pictured_ns = stamp_ns - to_ns(result.frame.stamp_s) + to_ns(result.pictured.stamp_s)
         yield self._boxes(result, stamp_ns)
         if (scan := result.floor_scan) is not None:

@@ -31,7 +31,7 @@ pytest.importorskip("cyclonedds", reason="cyclonedds is not installed (extra 'ro
 from edgemap.bridges.ros2.dds.camera import Ros2Camera, Ros2SensorsCamera
 from edgemap.bridges.ros2.dds.depth import DepthTopic
 from edgemap.bridges.ros2.dds.discovery import Discovery
-from edgemap.bridges.ros2.dds.node import Node, Reliability, node_for
+from edgemap.bridges.ros2.dds.node import Node, Reliability
 from edgemap.bridges.ros2.dds.sources import WheelTopic
 from edgemap.bridges.ros2.recordings.facts import Facts
 from edgemap.bridges.ros2.recordings.recorder import Recorder
@@ -64,7 +64,7 @@ def program(request) -> Path:
 
 @pytest.fixture(scope="module")
 def node() -> Node:
-    return node_for(Discovery(DOMAIN))
+    return Node(Discovery(DOMAIN))
 
 
 class Peer:

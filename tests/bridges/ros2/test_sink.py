@@ -27,7 +27,7 @@ from edgemap.runtime.step.mapper import Mapper
 
 pytest.importorskip("cyclonedds", reason="cyclonedds is not installed (extra 'ros2')")
 from edgemap.bridges.ros2.dds.discovery import Discovery
-from edgemap.bridges.ros2.dds.node import Node, Reliability, node_for
+from edgemap.bridges.ros2.dds.node import Node, Reliability
 from edgemap.bridges.ros2.messages import build
 from edgemap.bridges.ros2.messages.diagnostics import RunDiagnostics
 from edgemap.bridges.ros2.messages.topics import FrameIds
@@ -39,7 +39,7 @@ TF = ("/tf", "tf2_msgs/msg/TFMessage")
 
 @pytest.fixture(scope="module")
 def node() -> Node:
-    return node_for(Discovery(DOMAIN, "OFF"))
+    return Node(Discovery(DOMAIN, "OFF"))
 
 
 def sink_of(node: Node, *arguments, **options) -> Ros2Sink:

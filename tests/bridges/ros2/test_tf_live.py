@@ -9,7 +9,7 @@ import pytest
 
 pytest.importorskip("cyclonedds", reason="cyclonedds is not installed (extra 'ros2')")
 from edgemap.bridges.ros2.dds.discovery import Discovery
-from edgemap.bridges.ros2.dds.node import node_for
+from edgemap.bridges.ros2.dds.node import Node
 from edgemap.bridges.ros2.dds.tf_poses import live_tf_poses
 from edgemap.bridges.ros2.messages import build
 from edgemap.bridges.ros2.messages.topics import KINDS, TF
@@ -24,7 +24,7 @@ def test_a_path_that_comes_after_a_correction_replaces_its_spread():
     """Odometry slips by 0.3 m in a second, which a loop shows later: tf does not know where, the path does."""
     true = [SE2(0.05 * i, 0.0, 0.0) for i in range(COUNT)]
     odom = [SE2(0.05 * i, 0.3 * np.clip((i - 40) / 10, 0.0, 1.0), 0.0) for i in range(COUNT)]
-    node = node_for(Discovery(1 + (os.getpid() + 80) % 100, "OFF"))
+    node = Node(Discovery(1 + (os.getpid() + 80) % 100, "OFF"))
     tf, path = node.publisher(TF, KINDS[TF]), node.publisher("/mapPath", "nav_msgs/msg/Path")
 
     def publish(index):
