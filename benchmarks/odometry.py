@@ -3,9 +3,7 @@
 from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from itertools import accumulate
 from math import degrees, inf
-from operator import matmul
 from pathlib import Path
 from typing import Any
 
@@ -21,7 +19,7 @@ from edgemap.evaluation.odometry import (
     figures,
     worst_drive,
 )
-from edgemap.evaluation.trajectory import attitude_figures, planar_fit
+from edgemap.evaluation.trajectory import attitude_figures, integrated, planar_fit
 from edgemap.geometry.camera.attitude import Attitude
 from edgemap.geometry.camera.floor import FloorCamera
 from edgemap.geometry.camera.imu import ImuSamples
@@ -98,7 +96,7 @@ def follow(
         tuple(indices),
         np.array([one.stamp_s for one in observed]),
         tuple(start @ pose for pose in true),
-        tuple(accumulate((motion.motion for motion in motions), matmul, initial=SE2())),
+        tuple(integrated([motion.motion for motion in motions])),
         np.array([motion.covariance for motion in motions]),
         sum(guessed),
         tuple(one.camera.attitude if one.camera else None for one in observed),
