@@ -31,22 +31,12 @@ FLAT_TOPS = {"dining table"}
 _SHAPES: dict[str, Callable[..., Any]] = {
     function.__name__: function
     for function in (
-        *(
-            solids.beam,
-            solids.tube,
-            solids.bar,
-            solids.rod,
-            lofts.surface,
-            lofts.loft,
-            lofts.plate,
-            lofts.pad,
-            lofts.lathe,
-        ),
-        *(lofts.sheet, solids.block, solids.rounded, solids.cushion, solids.padded, solids.ball, box, quad, leaves),
+        solids.beam, solids.rod, solids.rounded, solids.cushion, solids.padded, lofts.surface, lofts.loft, lofts.lathe,
+        lofts.sheet, box, quad, leaves,
     )
-}
+}  # fmt: skip
 _OUTLINES: dict[str, Callable[..., Any]] = {
-    function.__name__: function for function in (lofts.arc, lofts.filleted, lofts.oval, lofts.raised, lofts.rectangle)
+    function.__name__: function for function in (lofts.oval, lofts.raised, lofts.rectangle)
 }
 
 

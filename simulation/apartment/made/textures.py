@@ -9,26 +9,24 @@ from edgemap.simulation.render.mesh import Array
 _PX = 128
 
 
-def grain(rng: np.random.Generator, stretch: float) -> Texture:
-    """Wood, its grain along the columns."""
-    return _shading(1.0 + 0.07 * noise(rng, _PX, _PX, stretch=stretch, slope=0.8))
-
-
-def brushed(rng: np.random.Generator) -> Texture:
-    """Steel, brushed along the columns."""
-    return _shading(1.0 + 0.025 * noise(rng, _PX, _PX, stretch=24.0, slope=0.5), 228.0)
-
-
-def cloth(
-    rng: np.random.Generator, contrast: float, slope: float, stripes: int = 0, checked: bool = False, dark: float = 1.0
+def mottled(
+    rng: np.random.Generator,
+    contrast: float,
+    slope: float,
+    stretch: float = 1.0,
+    white: float = 225.0,
+    stripes: int = 0,
+    checked: bool = False,
+    dark: float = 1.0,
 ) -> Texture:
-    """Mottled; with stripes or checks where `stripes` is more than 0, darkened by a factor."""
-    field = 1.0 + contrast * noise(rng, _PX, _PX, slope=slope)
+    """Cloth, or with a stretch of 10 and more wood and steel, their grain along the columns; with stripes or checks
+    where `stripes` is more than 0, darkened by a factor."""
+    field = 1.0 + contrast * noise(rng, _PX, _PX, stretch=stretch, slope=slope)
     if stripes:
         bands = np.arange(_PX) * stripes // _PX % 2
         both = np.maximum(bands[:, None], bands[None]) if checked else np.broadcast_to(bands, field.shape)
         field = field * np.where(both, dark, 1.0)
-    return _shading(field)
+    return _shading(field, white)
 
 
 def cane(rng: np.random.Generator) -> Texture:
@@ -62,11 +60,11 @@ def leaf(pattern: str = "", at: float = 0.0, dark: ArrayLike = 1.0) -> Texture:
     return texels
 
 
-def _shading(field: Array, white: float = 225.0) -> Texture:
+def _shading(field: Array, white: float) -> Texture:
     """Grey texels of a field (H, W); white: the value of 1, of 255."""
     texels = np.full((*field.shape, 4), 255, dtype=np.uint8)
     texels[..., :3] = np.clip(field[..., None] * white, 0.0, 255.0).astype(np.uint8)
     return texels
 
 
-DRAWN = {"grain": grain, "brushed": brushed, "cloth": cloth, "cane": cane, "wicker": wicker}
+DRAWN = {"mottled": mottled, "cane": cane, "wicker": wicker}

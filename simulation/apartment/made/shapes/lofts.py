@@ -1,4 +1,4 @@
-"""Smooth surfaces through grids and rings: outlines, lofts, plates, padding, bodies of revolution, sheets."""
+"""Smooth surfaces through grids and rings: outlines, lofts, bodies of revolution, sheets."""
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -57,11 +57,9 @@ def _triangles(values: Array) -> Array:
     return np.concatenate([np.stack([a, b, c], axis=1), np.stack([a, c, d], axis=1)])
 
 
-def rectangle(depth: float, width: float, radius: float | None = None, steps: int = 4) -> Array:
-    """Closed outline (N, 2) of a rectangle centred at the origin. radius: of its corners; None for sharp corners."""
+def rectangle(depth: float, width: float, radius: float, steps: int = 4) -> Array:
+    """Closed outline (N, 2) of a rectangle centred at the origin. radius: of its corners."""
     corners = np.array([[1, -1], [1, 1], [-1, 1], [-1, -1]])
-    if radius is None:
-        return _closed(corners * [depth / 2.0, width / 2.0])
     radius = max(min(radius, depth / 2.0 - 1e-4, width / 2.0 - 1e-4), 1e-4)
     turn = np.linspace(0.0, np.pi / 2.0, steps)
     arcs = []
@@ -98,34 +96,8 @@ def raised(outline: Array, x: float, y: float, z: float, scale: float = 1.0) -> 
     return np.concatenate([outline * scale + [x, y], np.full((len(outline), 1), z)], axis=1)
 
 
-def filleted(corners: ArrayLike, radius: float, steps: int = 5, closed: bool = False) -> Array:
-    """A polyline (N, 3) with rounded corners."""
-    corners = np.asarray(corners, dtype=np.float64)
-    if closed:
-        corners = np.concatenate([[(corners[0] + corners[-1]) / 2.0], corners, [(corners[0] + corners[-1]) / 2.0]])
-    path, t = [corners[:1]], np.linspace(0.0, 1.0, steps)[:, None]
-    for before, corner, after in zip(corners, corners[1:], corners[2:], strict=False):
-        ends = []
-        for other in (before, after):
-            away = float(np.linalg.norm(other - corner))
-            ends.append(corner + min(radius, 0.48 * away) * (other - corner) / away)
-        path.append((1.0 - t) ** 2 * ends[0] + 2.0 * t * (1.0 - t) * corner + t**2 * ends[1])
-    return np.concatenate([*path, corners[-1:]])
-
-
-def arc(start: ArrayLike, end: ArrayLike, bulge: ArrayLike, points: int = 9) -> Array:
-    """A path (points, 3) from start to end along half an ellipse that reaches out by `bulge` (3,)."""
-    start, end, bulge = (np.asarray(value, dtype=np.float64) for value in (start, end, bulge))
-    turn = np.linspace(0.0, np.pi, points)[:, None]
-    return (start + end) / 2.0 - np.cos(turn) * (end - start) / 2.0 + np.sin(turn) * bulge
-
-
 def _closed(outline: Array) -> Array:
     return np.concatenate([outline, outline[:1]])
-
-
-# An outline with at most this number of points has corners, which stay sharp.
-_CORNERS = 12
 
 
 def loft(rings: ArrayLike, material: Material, low: bool = True, high: bool = True) -> Mesh:
@@ -155,25 +127,6 @@ def cap(ring: Array, material: Material) -> Part:
     facing = facing.sum(axis=0) / np.linalg.norm(facing.sum(axis=0))
     flat = np.delete(corners, np.argmax(np.abs(facing)), axis=2)
     return Part(material, corners, np.broadcast_to(facing, corners.shape).copy(), flat)
-
-
-def plate(outline: Array, low: float, high: float, material: Material, taper: float = 1.0) -> Mesh:
-    """A level plate with a star-shaped outline (N, 2) between two heights. taper: scale of the lower face."""
-    middle = (outline.min(axis=0) + outline.max(axis=0)) / 2.0
-    rings = np.stack([raised(outline - middle, middle[0], middle[1], low, taper), raised(outline, 0.0, 0.0, high)])
-    if len(outline) > _CORNERS:
-        return loft(rings, material)
-    sides = [surface(rings[:, i : i + 2], material) for i in range(len(outline) - 1)]
-    return Mesh((*sides, cap(rings[0, ::-1], material), cap(rings[1], material)))
-
-
-def pad(outline: Array, low: float, high: float, material: Material, crown: float = 0.015) -> Mesh:
-    """The padding of a seat between two heights, with round edges. outline: (N, 2), centred at the origin. crown:
-    height by which the middle of the top rises above `high`, m."""
-    edge = min(0.4 * (high - low), 0.03) / float(np.abs(outline).max())
-    soft = [(1.0 - edge, low), (1.0, low * 0.7 + high * 0.3), (1.0, low * 0.3 + high * 0.7), (1.0 - 0.4 * edge, high)]
-    top = [(1.0 - 1.5 * edge, high + 0.35 * crown), (0.6, high + 0.85 * crown), (0.0, high + crown)]
-    return loft([raised(outline, 0.0, 0.0, z, scale) for scale, z in soft + top], material, high=False)
 
 
 def lathe(radii: Array, heights: Array, material: Material, sides: int = 28) -> Part:

@@ -1,19 +1,13 @@
-"""Solid shapes: bars, blocks, boxes with round edges, cushions, upholstered blocks and balls."""
+"""Solid shapes: bars, boxes with round edges, cushions and upholstered blocks."""
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from edgemap.simulation.apartment.made.shapes.lofts import grid, lathe, loft, normals_of, rectangle, surface
-from edgemap.simulation.render.mesh import Array, Material, Mesh, Part, box, quad
+from edgemap.simulation.apartment.made.shapes.lofts import grid, loft, normals_of, rectangle, surface
+from edgemap.simulation.render.mesh import Array, Material, Mesh, Part, quad
 
 # The two axes of a ring and the axis of the body, for bodies along x, y and z. The ring runs counter-clockwise.
 _PLANES = ((1, 2, 0), (2, 0, 1), (0, 1, 2))
-
-
-def block(x: float, y: float, z: float, depth: float, width: float, height: float, material: Material) -> Mesh:
-    """A box with the given depth, width and height, m. The centre of its lower face is at (x, y, z)."""
-    low = np.array([x - depth / 2.0, y - width / 2.0, z])
-    return box(low, low + [depth, width, height], material)
 
 
 def rounded(low: ArrayLike, high: ArrayLike, material: Material, radius: float, edge: float, axis: int = 2) -> Mesh:
@@ -100,14 +94,6 @@ def padded(middle: ArrayLike, size: ArrayLike, material: Material, radius: float
     return Mesh((grid(np.asarray(middle) + points, normals, material),))
 
 
-def ball(middle: ArrayLike, size: float, material: Material) -> Mesh:
-    """A small round knob with few facets. middle: centre (3,). size: diameter, m."""
-    up = np.linspace(-np.pi / 2.0, np.pi / 2.0, 7)
-    x, y, z = (float(value) for value in np.asarray(middle))
-    knob = lathe(np.cos(up) * size / 2.0, np.sin(up) * size / 2.0, material, 10)
-    return Mesh((knob,)).placed(x, y, z, 0.0)
-
-
 def beam(
     start: ArrayLike,
     end: ArrayLike,
@@ -142,23 +128,6 @@ def _facet(corners: Array, size: tuple[float, float], material: Material) -> Par
     order = np.array([[0, 1, 2], [0, 2, 3]])
     coordinates = np.array([[0.0, 0.0], [0.0, v], [u, v], [u, 0.0]])
     return Part(material, corners[order], face.normals, coordinates[order])
-
-
-def tube(start: ArrayLike, end: ArrayLike, radius: float, material: Material, end_radius: float | None = None) -> Mesh:
-    """A straight, closed round bar between two points (3,). end_radius: radius at the end, if the bar tapers."""
-    path = np.array([start, end], dtype=np.float64)
-    axis = _unit(path[1] - path[0])
-    across = np.cross(axis, [1.0, 0.0, 0.0] if abs(axis[0]) < 0.7 else [0.0, 1.0, 0.0])
-    return rod(path, [radius, radius if end_radius is None else end_radius], material, sides=10, across=across)
-
-
-def bar(start: ArrayLike, end: ArrayLike, radius: float, material: Material, hidden_m: float) -> Mesh:
-    """A straight round bar. Both ends, `hidden_m` long, are inside other parts. Light is stored at vertices, so the bar
-    also has vertices where it leaves these parts."""
-    start, end = np.asarray(start, dtype=np.float64), np.asarray(end, dtype=np.float64)
-    share = min(hidden_m / float(np.linalg.norm(end - start)), 0.45)
-    at = np.array([0.0, share, 1.0 - share, 1.0])[:, None]
-    return rod(start + at * (end - start), radius, material)
 
 
 def rod(
