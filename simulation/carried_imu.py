@@ -10,7 +10,6 @@ from pathlib import Path
 
 import numpy as np
 from scipy.interpolate import CubicSpline
-from scipy.ndimage import gaussian_filter1d
 from scipy.spatial.transform import Rotation, RotationSpline
 
 from edgemap.geometry.camera.imu import ImuSamples
@@ -20,6 +19,7 @@ from edgemap.runtime.inputs.drives.drive import Drive
 from edgemap.runtime.inputs.drives.sensor_csv import write_imu_csv
 from edgemap.simulation.render.mesh import Array
 from edgemap.simulation.robot.imu import ImuErrors, measured
+from edgemap.simulation.robot.router import smoothed
 
 SMOOTH = 1.0  # frames; recorded places jitter by centimetres, which are no accelerations
 START_S, STEP_S = 1.0, 0.1  # from rest to the first picture; between poses at rest
@@ -38,7 +38,7 @@ def carried_imu(
     knots_s = np.concatenate([drive.stamps_s[0] - START_S - rest_s + at_rest, drive.stamps_s])
     poses = np.concatenate([np.repeat(drive.full_poses[:1], len(at_rest), axis=0), drive.full_poses])
     turned = RotationSpline(knots_s, Rotation.from_matrix(poses[:, :3, :3] @ drive.mount.rotation_base_optical()))
-    places = CubicSpline(knots_s, _smooth(poses[:, :3, 3]))
+    places = CubicSpline(knots_s, smoothed(poses[:, :3, 3], SMOOTH))
     errors = errors or ImuErrors()
 
     def lens(stamps_s: Array) -> tuple[Array, Array]:
@@ -46,14 +46,6 @@ def carried_imu(
 
     period_s = 1.0 / errors.rate_hz
     return measured(np.arange(knots_s[0] + period_s, knots_s[-1] - period_s, period_s), lens, rng, errors)
-
-
-def _smooth(places: Array) -> Array:
-    """Places (N, 3) without their jitter; the velocity at both ends goes on, so that the ends accelerate no more than
-    the rest."""
-    reach = min(round(4.0 * SMOOTH), len(places) - 1)
-    before, after = 2.0 * places[0] - places[reach:0:-1], 2.0 * places[-1] - places[-2 : -reach - 2 : -1]
-    return gaussian_filter1d(np.concatenate([before, places, after]), SMOOTH, axis=0)[reach:-reach]
 
 
 def main() -> None:

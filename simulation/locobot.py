@@ -1,7 +1,7 @@
 """The paper's private data set, rendered: a LoCoBot's RGB, depth and wheel odometry, to train on and to test on."""
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 from edgemap.geometry.camera.intrinsics import Intrinsics
@@ -26,18 +26,12 @@ SMOOTH = Choices(
     habits=Habits(look_about=0.1, pause=0.1, back_off=0.1),
     contract=False,
 )
-SHARP = Choices(
-    CAMERA,
-    effects=EFFECTS,
-    light="day",
-    people=0,
+SHARP = replace(
+    SMOOTH,
     limits=Limits(0.18, 0.08, 0.6, 0.8, yaw_rate_rad_s=1.5, yaw_acceleration_rad_s2=5.0),
     habits=Habits(look_about=0.8, pause=0.1, back_off=0.35),
-    contract=False,
 )
-CHANGING = Choices(
-    CAMERA, effects=EFFECTS, light="changing", people=0, limits=SMOOTH.limits, habits=SMOOTH.habits, contract=False
-)
+CHANGING = replace(SMOOTH, light="changing")
 TRAINING_FRAMES, TEST_FRAMES = 1000, 2000  # of each drive
 TEST_SEED = 9100
 

@@ -183,6 +183,7 @@ def record(
 
 
 def _settings(world: World, layout: str, video: bool, depth: bool) -> dict[str, Any]:
+    chosen = {"nodding": world.tilts is not None, "imu": world.imu}
     return (
         {
             "format": FORMAT,
@@ -199,14 +200,9 @@ def _settings(world: World, layout: str, video: bool, depth: bool) -> dict[str, 
             "pitch_rad": world.camera.mount.pitch_rad,
             "focal_px": world.camera.intrinsics.fx,
         }
-        | _options(world)
+        | {name: True for name, wanted in chosen.items() if wanted}
         | ({"moved": len(world.changes.moved)} if world.changes else {})
     )
-
-
-def _options(world: World) -> dict[str, bool]:
-    chosen = {"nodding": world.tilts is not None, "imu": world.imu}
-    return {name: True for name, wanted in chosen.items() if wanted}
 
 
 def _write_video(store: FrameStore, rate_hz: float) -> None:
@@ -225,16 +221,15 @@ def moved_record(world: World) -> dict[str, Any]:
     return {
         "frame": "start pose of the drive before",
         "start": [round(start.x_m, 4), round(start.y_m, 4), round(math.degrees(start.yaw_rad), 4)],
-        "removed": [_named(item) | {"was_m": _place(item, pose_before_home)} for item in world.changes.removed],
+        "removed": [_former(item, pose_before_home) for item in world.changes.removed],
         "moved": [
-            _named(old) | {"was_m": _place(old, pose_before_home), "is_m": _place(new, pose_before_home)}
-            for old, new in world.changes.moved
+            _former(old, pose_before_home) | {"is_m": _place(new, pose_before_home)} for old, new in world.changes.moved
         ],
     }
 
 
-def _named(item: Placed) -> dict[str, Any]:
-    return {"id": item.id, "label": item.label}
+def _former(item: Placed, pose_before_home: SE2) -> dict[str, Any]:
+    return {"id": item.id, "label": item.label, "was_m": _place(item, pose_before_home)}
 
 
 def _place(item: Placed, pose_before_home: SE2) -> list[float]:

@@ -10,7 +10,7 @@ import numpy as np
 from edgemap.geometry.camera.mount import Mount
 from edgemap.geometry.se2 import SE2
 from edgemap.simulation.apartment import furniture
-from edgemap.simulation.apartment.apartment import Apartment, Changes, Placed, furnish, move_furniture, purpose_of
+from edgemap.simulation.apartment.apartment import Apartment, Changes, furnish, move_furniture, purpose_of
 from edgemap.simulation.apartment.furniture import Model
 from edgemap.simulation.apartment.shell import build_shell
 from edgemap.simulation.camera.exposure import LightScript
@@ -104,15 +104,11 @@ class World:
 def build_scene(apartment: Apartment, seed: int) -> Scene:
     """Everything to light and draw, ids as in `apartment.furniture`."""
     shell = build_shell(apartment.before or apartment, np.random.default_rng([seed, 1]))
-    solids = tuple(
-        Solid(item.id, furniture.piece(item.model, item.tint).placed(*_place(item))) for item in apartment.furniture
-    )
-    return Scene(shell.surfaces, (*shell.solids, *solids), shell.lights)
-
-
-def _place(item: Placed) -> tuple[float, float, float, float]:
-    pose = item.pose_home_object
-    return pose.x_m, pose.y_m, item.z_m, pose.yaw_rad
+    solids = list(shell.solids)
+    for item in apartment.furniture:
+        mesh, pose = furniture.piece(item.model, item.tint), item.pose_home_object
+        solids.append(Solid(item.id, mesh.placed(pose.x_m, pose.y_m, item.z_m, pose.yaw_rad)))
+    return Scene(shell.surfaces, tuple(solids), shell.lights)
 
 
 def draw_world(seed: int, frames: int, choices: Choices | None = None) -> World:

@@ -2,8 +2,7 @@
 
 from collections.abc import Iterable
 
-from edgemap.simulation.apartment.furniture import Model
-from edgemap.simulation.apartment.made import LIBRARY
+from edgemap.simulation.apartment.furniture import LICENCES, Model
 
 _LICENCE_LINKS = {
     "CC0 1.0": "https://creativecommons.org/publicdomain/zero/1.0/",
@@ -24,9 +23,9 @@ Unrelated views of furnished homes: `images/`, YOLO text labels with COCO's clas
 def credits_text(models: Iterable[Model], command: str, about: str = DRIVE) -> str:
     """Markdown: description, origin, and each distinct model with creator, library and licence."""
     rows = {
-        f"| {m.name} (`{m.key}`) | {m.creator} | {m.library} | [{m.licence}]({_LICENCE_LINKS[m.licence]}) |"
+        f"| {m.name} (`{m.key}`) | {m.creator} | {m.library} | [{licence}]({_LICENCE_LINKS[licence]}) |"
         for m in models
-        if m.library != LIBRARY
+        if (licence := LICENCES.get(m.library))
     }
     return f"""{about}
 Nothing in it was photographed or recorded. Made with

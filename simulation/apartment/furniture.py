@@ -64,11 +64,6 @@ class Model:
         """Short unique name: library and OBJ file."""
         return f"{self.library}/{Path(self.path).stem}"
 
-    @property
-    def licence(self) -> str:
-        """Licence of the library the model is from."""
-        return LICENCES[self.library]
-
     def scaled(self, factor: float, stretch: tuple[float, float, float] = (1.0, 1.0, 1.0)) -> "Model":
         """The same model larger or smaller in all directions, and stretched in depth, width and height."""
         depth, width, height = (factor * part for part in stretch)

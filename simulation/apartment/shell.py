@@ -21,7 +21,7 @@ def build_shell(apartment: Apartment, rng: np.random.Generator) -> Scene:
     for room in plan.rooms:
         walls, skirting = decor.walls(room.kind, rng), float(rng.uniform(0.06, 0.11))
         floor, tile = decor.floor(room.kind, rng)
-        surfaces.append(_lying(room.rectangle, 0.0, floor, tile))
+        surfaces.append(_lying(room.rectangle, floor, tile))
         surfaces.append(_hanging(room.rectangle, plan.height_m))
         for side in ("near", "far", "left", "right"):
             for low, high, bottom in wall_pieces(plan, room, side):
@@ -40,7 +40,7 @@ def build_shell(apartment: Apartment, rng: np.random.Generator) -> Scene:
         for door in plan.doorways:
             if plan.rooms[door.rooms[0]] is room:
                 plain = walls["near"][0]
-                surfaces.extend([_lying(door.rectangle, 0.0, floor, tile), *openings.reveals(door, plan, plain)])
+                surfaces.extend([_lying(door.rectangle, floor, tile), *openings.reveals(door, plan, plain)])
     for door in plan.doorways:
         meshes.extend(openings.door_frame(door, trim))
     meshes.extend(openings.door_leaf(leaf, trim) for leaf in plan.leaves)
@@ -71,9 +71,9 @@ def wall_pieces(plan: ApartmentPlan, room: RoomArea, side: str) -> list[tuple[fl
     return [*pieces, (at, high, 0.0)]
 
 
-def _lying(rectangle: Rectangle, z_m: float, material: Material, tile: float) -> Surface:
+def _lying(rectangle: Rectangle, material: Material, tile: float) -> Surface:
     x0, y0, x1, y1 = rectangle
-    corner: Array = np.array([x0, y0, z_m])
+    corner: Array = np.array([x0, y0, 0.0])
     return Surface(corner, np.array([x1 - x0, 0.0, 0.0]), np.array([0.0, y1 - y0, 0.0]), material, (tile, tile))
 
 

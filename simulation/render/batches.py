@@ -28,17 +28,6 @@ CORNERS = np.dtype(
     ]
 )
 SURFACES = np.dtype([("position", "3f4"), ("uv", "2f4"), ("normal", "4i1"), ("tint", "4u1"), ("map_uv", "2f4")])
-FORMATS = {
-    "position": "3f4",
-    "uv": "2f4",
-    "normal": "3i1 1x",
-    "tint": "3f1 1x",
-    "map_uv": "2f4",
-    "day_front": "3f2",
-    "day_back": "3f2",
-    "lamp_front": "3f2",
-    "lamp_back": "3f2",
-}
 
 
 @dataclass(frozen=True, slots=True)

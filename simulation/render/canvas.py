@@ -16,11 +16,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from edgemap.simulation.errors import SimulationError, require
-from edgemap.simulation.render.batches import FORMATS, Batch, Packed, SurfaceKind
+from edgemap.simulation.render.batches import Batch, Packed, SurfaceKind
 from edgemap.simulation.render.mesh import Array
 from edgemap.simulation.render.scene import ROOM_ID
 
 LAMPS = 4
+THREE_OF_FOUR = {"normal": "3i1 1x", "tint": "3f1 1x"}  # moderngl's formats of bytes; a tint's are 0..1
 # From the square root of display-linear light to sRGB gamma, both 0..255.
 DISPLAY = np.round(255.0 * (np.arange(256) / 255.0) ** (2.0 / 2.2)).astype(np.uint8)
 
@@ -126,8 +127,9 @@ class Meshes:
     def _format(self, used: set[str]) -> str:
         """moderngl's format of the vertices, with padding for attributes that the program does not read."""
         dtype = self.packed.vertices.dtype
-        sizes = {name: dtype[name].itemsize for name in dtype.names or ()}
-        return " ".join(FORMATS[name] if name in used else f"{sizes[name]}x" for name in sizes)
+        parts = {name: dtype[name] for name in dtype.names or ()}
+        kinds = {name: f"{part.shape[0]}f{part.base.itemsize}" for name, part in parts.items()} | THREE_OF_FOUR
+        return " ".join(kinds[name] if name in used else f"{part.itemsize}x" for name, part in parts.items())
 
 
 def depth_of(target: Any) -> NDArray[np.float32]:

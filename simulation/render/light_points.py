@@ -87,12 +87,12 @@ class SurfacePoints:
         """The map (rows, columns, 6) of fine values (N, 6), less noisy; covered texels take over their neighbours'."""
         coarse = open_coarse.reshape(self.coarse_shape).astype(np.uint8)
         inside = cv2.resize(coarse, self.shape[::-1], interpolation=cv2.INTER_NEAREST) > 0
-        return _smooth(light.reshape(*self.shape, 6), self._open & inside, 0.8)
+        return _smooth(light.reshape(*self.shape, 6), self._open & inside)
 
     def smooth_coarse(self, light: Light, open_coarse: NDArray[np.bool_]) -> Light:
         """The map (rows, columns, 6) of coarse values (M, 6)."""
         open_ = self._coarse_open & open_coarse.reshape(self.coarse_shape)
-        smooth = _smooth(light.reshape(*self.coarse_shape, 6), open_, 0.8)
+        smooth = _smooth(light.reshape(*self.coarse_shape, 6), open_)
         size = self.shape[::-1]
         halves = [
             cv2.resize(np.ascontiguousarray(half), size, interpolation=cv2.INTER_LINEAR)
@@ -232,18 +232,16 @@ def _bytes(values: np.ndarray, kind: str) -> NDArray[np.uint8]:
     return values.view(np.uint8).reshape(len(values), values.shape[1] * values.itemsize)
 
 
-def _smooth(light: Light, open_: NDArray[np.bool_], sigma: float) -> Light:
+def _smooth(light: Light, open_: NDArray[np.bool_]) -> Light:
     """Blurred (rows, columns, 6), taking only the open texels; the others get what lies nearest around them."""
     done = np.zeros_like(light)
     missing = np.ones(open_.shape, dtype=bool)
     weight = open_.astype(np.float32)
-    for width in (sigma, 2.0, 6.0, 20.0):
+    for width in (0.8, 2.0, 6.0, 20.0):
         blurred = cv2.GaussianBlur(weight, (0, 0), width, borderType=cv2.BORDER_REPLICATE)
         here = missing & (blurred > 0.02)
-        for half in (slice(0, 3), slice(3, 6)):
-            sums = np.ascontiguousarray(light[..., half] * weight[..., None])
-            sums = cv2.GaussianBlur(sums, (0, 0), width, borderType=cv2.BORDER_REPLICATE)
-            done[..., half][here] = sums[here] / blurred[here, None]
+        sums = cv2.GaussianBlur(light * weight[..., None], (0, 0), width, borderType=cv2.BORDER_REPLICATE)
+        done[here] = sums[here] / blurred[here, None]
         missing &= ~here
         if not missing.any():
             break

@@ -5,7 +5,6 @@ least, for the time it takes, is driven. A drive is one endless stream: a longer
 """
 
 import math
-from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -42,19 +41,6 @@ class Habits:
     back_off: float = 0.2
 
 
-def explore(
-    grid: PlanGrid, sight: VisibilityEstimate, limits: Limits, rng: np.random.Generator, habits: Habits | None = None
-) -> Iterator[Array]:
-    """An infinite sequence of moves, sampled as in `simulation.robot.motion`; the first is the start alone, (1, 3).
-
-    Raises SimulationError where the home has no free floor, or no path leads on.
-    """
-    explorer = _Explorer(grid, sight, limits, rng, habits or Habits())
-    yield explorer.pose[None]
-    while True:
-        yield explorer.next_leg()
-
-
 def drive(
     grid: PlanGrid,
     sight: VisibilityEstimate,
@@ -63,13 +49,12 @@ def drive(
     seconds: float,
     habits: Habits | None = None,
 ) -> SampledDrive:
-    """Explore for at least this long. Raises SimulationError as `explore` does."""
-    moves, needed = [], math.ceil(seconds / SAMPLE_S) + 1
-    for move in explore(grid, sight, limits, rng, habits):
-        moves.append(move)
-        needed -= len(move)
-        if needed <= 0:
-            break
+    """Explore for at least this long. Raises SimulationError where the home has no free floor, or no path leads on."""
+    explorer = _Explorer(grid, sight, limits, rng, habits or Habits())
+    moves, needed = [explorer.pose[None]], math.ceil(seconds / SAMPLE_S)
+    while needed > 0:
+        moves.append(explorer.next_leg())
+        needed -= len(moves[-1])
     return SampledDrive(np.concatenate(moves))
 
 

@@ -31,15 +31,19 @@ class Limits:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class SampledDrive:
-    """A whole drive, sampled every SAMPLE_S from time 0: samples (N, 3) x, y, yaw (not wrapped)."""
+class Sampled:
+    """Three values every SAMPLE_S from time 0, (N, 3)."""
 
     samples: Array
 
     def at(self, stamps_s: Array) -> Array:
-        """(M, 3) x, y, yaw at stamps (M,) in seconds; before the start and after the end it stands."""
+        """(M, 3) at stamps (M,) in seconds; before the start the first, after the end the last."""
         time = np.arange(len(self.samples)) * SAMPLE_S
         return np.stack([np.interp(stamps_s, time, self.samples[:, axis]) for axis in range(3)], axis=-1)
+
+
+class SampledDrive(Sampled):
+    """A whole drive: samples of x, y in metres and yaw in radians (not wrapped)."""
 
     def poses(self, frames: int, rate_hz: float) -> list[SE2]:
         """Poses of the base in the home frame at each picture."""

@@ -7,7 +7,7 @@ import numpy as np
 from scipy.ndimage import gaussian_filter1d
 
 from edgemap.simulation.render.mesh import Array
-from edgemap.simulation.robot.motion import SAMPLE_S, SampledDrive
+from edgemap.simulation.robot.motion import SAMPLE_S, Sampled, SampledDrive
 
 _PROFILE_M = 0.005  # between two heights of the floor
 
@@ -38,17 +38,8 @@ class Nodding:
     askew_m: float = 0.04
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Tilts:
-    """Tilt of the base along a drive, every SAMPLE_S from time 0. samples: (N, 3), roll and pitch (positive down) in
-    rad, rise in metres."""
-
-    samples: Array
-
-    def at(self, stamps_s: Array) -> Array:
-        """(M, 3) at stamps (M,) in seconds."""
-        time = np.arange(len(self.samples)) * SAMPLE_S
-        return np.stack([np.interp(stamps_s, time, self.samples[:, axis]) for axis in range(3)], axis=-1)
+class Tilts(Sampled):
+    """Tilt of the base along a drive: samples of roll and pitch (positive down) in rad, and rise in metres."""
 
 
 def lean(tilt: Array) -> Array:

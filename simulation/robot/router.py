@@ -73,15 +73,15 @@ class Router:
         dense = np.arange(0.0, travelled[-1], _STEP_M)
         line = np.stack([np.interp(dense, travelled, points_m[:, axis]) for axis in range(2)], axis=1)
         for sigma_m in _ROUNDINGS_M:
-            smooth = _smooth(line, sigma_m / _STEP_M)
+            smooth = smoothed(line, sigma_m / _STEP_M)
             if self._grid.clearance_m(smooth).min() > self._need_m - 0.02:
                 path = _even(smooth)
                 return None if _turns_back(path) else path
         return None
 
 
-def _smooth(line: Array, sigma: float) -> Array:
-    """Rounded off with both ends in place: beyond them the line goes on as its mirror image through the end."""
+def smoothed(line: Array, sigma: float) -> Array:
+    """A line (N, D) rounded off with both ends in place: beyond them it goes on as its mirror image through the end."""
     pad = min(len(line) - 1, int(4 * sigma))
     head, tail = 2.0 * line[0] - line[pad:0:-1], 2.0 * line[-1] - line[-2 : -pad - 2 : -1]
     return gaussian_filter1d(np.concatenate([head, line, tail]), sigma, axis=0)[pad : pad + len(line)]
