@@ -72,11 +72,6 @@ class Ranks:
         distributed.broadcast_object_list(box)
         return box[0]
 
-    def close(self) -> None:
-        """Leave the group."""
-        if self.count > 1 and distributed.is_initialized():
-            distributed.destroy_process_group()
-
 
 class Training(ABC, Generic[N, S]):
     """One training in a folder: it trains `network`, and validates and saves the moving average of its weights. rows:
@@ -101,7 +96,7 @@ class Training(ABC, Generic[N, S]):
         torch.set_num_threads(settings.threads)
         self.ranks = Ranks(settings.device)
         self.device = self.ranks.device
-        self.folder, self.settings, self.schedule = folder, settings, Schedule(settings.minutes, budget)
+        self.folder, self.settings, self.budget = folder, settings, budget
         self.network = network.to(self.device).train()
         self.learning = [parameter for parameter in network.parameters() if parameter.requires_grad]
         self.average = {name: tensor.detach().clone() for name, tensor in network.state_dict().items()}
@@ -133,7 +128,9 @@ class Training(ABC, Generic[N, S]):
 
     def progress(self) -> float:
         """Share of the budget that is spent, 0..1."""
-        return self.schedule.progress(self.trained_s, self.spent())
+        if self.settings.minutes is not None:
+            return min(1.0, self.trained_s / (60.0 * self.settings.minutes))
+        return min(1.0, self.spent() / self.budget) if self.budget else 1.0
 
     def decay(self) -> float:
         """Share of the moving average that a step keeps."""
@@ -261,26 +258,12 @@ def average_into(average: dict[str, Tensor], network: nn.Module, decay: float) -
         average[name].copy_(now[name])
 
 
-@dataclass(frozen=True)
-class Schedule:
-    """A budget of minutes or, where that is None, of epochs."""
-
-    minutes: float | None
-    epochs: int
-
-    def progress(self, trained_s: float, epoch: float) -> float:
-        """Share of the budget that is spent, 0..1. epoch: whole and part epochs done."""
-        if self.minutes is not None:
-            return min(1.0, trained_s / (60.0 * self.minutes))
-        return min(1.0, epoch / self.epochs) if self.epochs else 1.0
-
-    @staticmethod
-    def rate(progress: float) -> float:
-        """Factor on the learning rate: linear warm-up, then cosine decay."""
-        if progress < WARM_UP:
-            return max(0.01, progress / WARM_UP)
-        fall = (progress - WARM_UP) / (1.0 - WARM_UP)
-        return LAST_RATE + (1.0 - LAST_RATE) * 0.5 * (1.0 + math.cos(math.pi * fall))
+def rate_at(progress: float) -> float:
+    """Factor on the learning rate at a share of the budget: linear warm-up, then cosine decay."""
+    if progress < WARM_UP:
+        return max(0.01, progress / WARM_UP)
+    fall = (progress - WARM_UP) / (1.0 - WARM_UP)
+    return LAST_RATE + (1.0 - LAST_RATE) * 0.5 * (1.0 + math.cos(math.pi * fall))
 
 
 @dataclass(frozen=True, slots=True)

@@ -14,9 +14,9 @@ from edgemap.export.detector.loader import Batches
 from edgemap.export.detector.loss import Assignment, Targets, detection_loss, distance_loss
 from edgemap.export.detector.network import TorchNetwork
 from edgemap.export.detector.store import Example
-from edgemap.export.detector.validate import validate
+from edgemap.export.detector.validate import validate_sets
 from edgemap.export.settings import DetectorSettings
-from edgemap.export.training import Panel, Training
+from edgemap.export.training import Panel, Training, rate_at
 
 CLIP_NORM = 20.0
 NO_MOSAIC = 0.85  # of the budget after which pictures stay single
@@ -95,7 +95,7 @@ class Trainer(Training[TorchNetwork, DetectorSettings]):
 
     def train_batch(self, images: torch.Tensor, targets: Targets) -> None:
         """One step of the optimiser on a batch."""
-        rate = self.settings.rate * self.schedule.rate(self.progress())
+        rate = self.settings.rate * rate_at(self.progress())
         images, targets = images.to(self.device, non_blocking=True), targets.to(self.device)
         with self._narrow():
             rows = self.network.read(self.forward(images), images)
@@ -128,18 +128,9 @@ class Trainer(Training[TorchNetwork, DetectorSettings]):
             self.rows.append(row)
 
     def _validated(self, means: dict[str, float]) -> dict[str, Any]:
-        network = self.averaged()
-        sets = {name: validate(network, examples) for name, examples in self.validation.items()}
-        apart = {f"ap50_{name}": figures["ap50"] for name, figures in sets.items()} if len(sets) > 1 else {}
-        row = {
-            "epoch": round(self.spent(), 2),
-            "pictures": self.steps * self.settings.batch * self.ranks.count,
-            **means,
-            "ap": round(sum(figures["ap"] for figures in sets.values()) / len(sets), 6),
-            "ap50": round(sum(figures["ap50"] for figures in sets.values()) / len(sets), 6),
-            **apart,
-        }
-        if self.enter(row):
+        network, pictures = self.averaged(), self.steps * self.settings.batch * self.ranks.count
+        sets, figures = validate_sets(network, self.validation)
+        if self.enter({"epoch": round(self.spent(), 2), "pictures": pictures, **means, **figures}):
             training = {"pictures": len(self.train), "settings": asdict(self.settings), **self.rows[-1]}
             network.save(self.folder / "best.pt", {"training": training, "validation": sets})
         return self.rows[-1]

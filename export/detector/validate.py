@@ -51,6 +51,17 @@ def validate(network: TorchNetwork, examples: Sequence[Example]) -> dict[str, An
     return average_precision(scored, network.names)
 
 
+def validate_sets(
+    network: TorchNetwork, validation: Mapping[str, Sequence[Example]]
+) -> tuple[dict[str, dict[str, Any]], dict[str, float]]:
+    """`validate` on each set of examples, by name; and for a table `ap` and `ap50`, means over the sets, and of several
+    sets each one's `ap50_NAME`."""
+    sets = {name: validate(network, examples) for name, examples in validation.items()}
+    means = {key: round(sum(figures[key] for figures in sets.values()) / len(sets), 6) for key in ("ap", "ap50")}
+    apart = {f"ap50_{name}": figures["ap50"] for name, figures in sets.items()} if len(sets) > 1 else {}
+    return sets, means | apart
+
+
 SHARES = (1.0, 0.95, 0.9, 0.85, 0.8, 0.7, 0.6)  # of the trained weights
 
 
@@ -75,11 +86,8 @@ def choose_blend(
     chosen = tuned
     for share in SHARES:
         network = blend(start, tuned, share)
-        sets = {name: validate(network, examples) for name, examples in validation.items()}
-        mean = {key: sum(figures[key] for figures in sets.values()) / len(sets) for key in ("ap", "ap50")}
-        apart = {f"ap50_{name}": figures["ap50"] for name, figures in sets.items()} if len(sets) > 1 else {}
-        rows.append({"share": share, **mean, **apart})
-        if mean["ap50"] < rows[0]["ap50"] - most_loss:
+        rows.append({"share": share} | validate_sets(network, validation)[1])
+        if rows[-1]["ap50"] < rows[0]["ap50"] - most_loss:
             break
         chosen = network
     return chosen, rows

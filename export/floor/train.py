@@ -19,7 +19,7 @@ from edgemap.export.floor.features import Features
 from edgemap.export.floor.head import LABELS, STRIDES, FloorHead
 from edgemap.export.floor.pictures import load, named
 from edgemap.export.settings import FloorSettings
-from edgemap.export.training import Training
+from edgemap.export.training import Training, rate_at
 from edgemap.runtime.network.manifest import FloorSpec
 from edgemap.runtime.network.preprocess import floor_mask
 
@@ -68,7 +68,7 @@ class FloorTrainer(Training[FloorHead, FloorSettings]):
         while (progress := self.progress()) < 1.0:
             features, computed, truth, labelled = self._batch()
             loss, parts = floor_loss(self.network(*features, computed), truth, labelled)
-            self.learn(loss, parts, self.settings.rate * self.schedule.rate(progress))
+            self.learn(loss, parts, self.settings.rate * rate_at(progress))
             yield
 
     def _batch(self) -> tuple[list[Tensor], Tensor, Tensor, Tensor]:
