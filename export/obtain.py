@@ -1,6 +1,5 @@
 """Downloads the file of a published model. Sources are tried in order; the checksum is verified before parsing."""
 
-import hashlib
 import os
 import re
 import shutil
@@ -121,13 +120,10 @@ def extract_member(archive: Path, source: SourceArchive, target: Path, sums: tup
             stream = tar.extractfile(name)
             if stream is None:
                 raise DownloadError(f"{source}: {name} is no regular file")
-            digest = hashlib.sha256()
             with part.open("wb") as out:
-                while piece := stream.read(1 << 20):
-                    digest.update(piece)
-                    out.write(piece)
-        if digest.hexdigest() not in sums:
-            raise DownloadError(f"{source}: sha256 {digest.hexdigest()[:12]}…, expected {sums[0][:12]}…")
+                shutil.copyfileobj(stream, out)
+        if (found := sha256_file(part)) not in sums:
+            raise DownloadError(f"{source}: sha256 {found[:12]}…, expected {sums[0][:12]}…")
         part.replace(target)
     except KeyError:
         raise DownloadError(f"{source}: no member {name} in the archive") from None
