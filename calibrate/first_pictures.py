@@ -10,7 +10,7 @@ import cv2
 
 from edgemap.calibrate.board import PICTURES, frames_of
 from edgemap.calibrate.floor_depth import fit_floor_depth, gravity
-from edgemap.calibrate.guess import Focal, guess_camera, quarter_turns
+from edgemap.calibrate.guess import guess_camera, quarter_turns
 from edgemap.calibrate.guess_focal import FEWEST_ROOMS
 from edgemap.calibrate.stated_focal import stated_focal_px
 from edgemap.geometry.camera.floor import FloorCamera
@@ -47,8 +47,7 @@ def guess_of(
     manifest = bundle.manifest
     detector = Detector(bundle, Decoder(manifest.detector, manifest.confidence, one_name=True))
     pictures = [frame.image for frame in frames]
-    focal = None if source.info.live else stated_focal_px(user_path(spec), *source.info.size)
-    stated = focal and Focal(focal[0], 0.05, focal[1])
+    stated = None if source.info.live else stated_focal_px(user_path(spec), *source.info.size)
     guess = guess_camera(pictures, detector, lens, mount, stated, height_m)
     return replace(guess, quarter_turns=quarter_turns(pictures, detector))
 

@@ -38,6 +38,7 @@ from edgemap.runtime.motion.camera_guess import CameraGuess
 # Of a pitch by edges with the right focal length: 0.34 degrees RMS on twelve rendered homes, where the pitch by sizes
 # errs by 3 degrees.
 SURE_RAD = math.radians(0.35)
+STATED_SIGMA = 0.05  # of a focal length that a file states, as a share
 LEAST_FLOOR = 0.1  # share of the picture below the horizon
 
 Picture = NDArray[np.uint8]
@@ -46,29 +47,21 @@ TRIED = 10  # pictures
 CLEAR = 2.0  # times the scores: 3 to 8 on three real walks and a rendered home that were turned by 90 degrees
 
 
-@dataclass(frozen=True, slots=True)
-class Focal:
-    """A focal length that a file states: px, its standard deviation as a share, and its source."""
-
-    px: float
-    sigma: float
-    source: str
-
-
 def guess_camera(
     pictures: Sequence[Picture],
     detect: Detector,
     lens: Intrinsics | None = None,
     mount: Mount | None = None,
-    stated: Focal | None = None,
+    stated: tuple[float, str] | None = None,
     height_m: float | None = None,
 ) -> CameraGuess:
     """Lens and mount of the camera that took these pictures.
 
     Focal length: as stated by the files, else from the usual field of view and the room's edges (three directions
     become orthogonal at the correct one). Pitch and roll: from the room's edges, else the angles at which objects of
-    usual heights agree. Height: objects of usual heights. lens, mount, height_m: configured values, which stay. Raises
-    CalibrationError, with the numbers, for pictures without floor, or a lens outside 0.05 to 3 m above it.
+    usual heights agree. Height: objects of usual heights. lens, mount, height_m: configured values, which stay. stated:
+    a focal length in px, and what states it. Raises CalibrationError, with the numbers, for pictures without floor, or
+    a lens outside 0.05 to 3 m above it.
     """
     if not pictures:
         raise CalibrationError("no picture came to guess the camera from")
@@ -78,7 +71,7 @@ def guess_camera(
     if lens is None:
         share, focal_sigma, bend, focal_how = focal_by_edges(ends, width, height)
         if stated is not None:
-            share, focal_sigma, bend, focal_how = stated.px / max(width, height), stated.sigma, 0.0, stated.source
+            share, focal_sigma, bend, focal_how = stated[0] / max(width, height), STATED_SIGMA, 0.0, stated[1]
         lens = plain_lens(width, height, share, bend)
     boxes = [detect(picture) for picture in pictures]
     if mount is not None:

@@ -7,7 +7,7 @@ import pytest
 from support.scenes import room
 
 from edgemap.calibrate.board import frames_of
-from edgemap.calibrate.guess import Focal, guess_camera, quarter_turns
+from edgemap.calibrate.guess import guess_camera, quarter_turns
 from edgemap.calibrate.stated_focal import stated_focal_px
 from edgemap.calibrate.tilt import fit_tilt
 from edgemap.geometry.camera.floor import FloorCamera
@@ -82,7 +82,7 @@ def test_what_is_known_stays():
     assert guess.mount is mount
     assert guess.lens.fx == pytest.approx(0.8 * 640)  # the usual field of view
     assert guess.focal_sigma > 0.2
-    stated = guess_camera([GREY], lambda _: nothing, None, mount, Focal(555.0, 0.05, "EXIF"))
+    stated = guess_camera([GREY], lambda _: nothing, None, mount, (555.0, "EXIF"))
     assert (stated.lens.fx, stated.focal_sigma) == (555.0, 0.05)
     assert "EXIF" in stated.lines()[0]
 
