@@ -64,8 +64,8 @@ def command(
     from edgemap.runtime.network.store import cache_folder
 
     feature = feature or ("stride32" if is_onnx(backbone) else "head")
-    part = open_backbone(backbone, weights, [feature])
-    store = FeatureStore(part, feature, cache or cache_folder() / "features", settings.threads)
+    part = open_backbone(backbone, weights, feature)
+    store = FeatureStore(part, cache or cache_folder() / "features", settings.threads)
     print(f"features {feature} {store.shape} of {part.name} in {store.folder}", flush=True)
     train = store.load(data, first, frames)
     held_back = store.load(validation, validation_first, validation_frames)

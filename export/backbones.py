@@ -33,15 +33,13 @@ DARKNET_PAD = 127  # Darknet's letterbox fills with 0.5
 
 @dataclass
 class Backbone:
-    """A detector ready to be bundled. features: export's word for a feature to the output's name.
-
-    confidence, sure_confidence: as in the manifest, what maps best.
+    """A detector ready to be bundled, with one feature of its own at most. confidence, sure_confidence: as in the
+    manifest, what maps best.
     """
 
     name: str
     model: ModelProto
     detector: DetectorSpec
-    features: dict[str, str]
     reference: parity.Reference
     exact: bool
     measured: dict[str, Any]
@@ -54,14 +52,14 @@ class Backbone:
 def darknet_backbone(
     backbone: str,
     weights: Path | None,
-    wanted: list[str],
+    feature: str | None,
     size: tuple[int, int] | None,
     random_seed: int | None,
     sources: tuple[str, ...],
 ) -> Backbone:
     """A Darknet network by name or .cfg, with weights from a file, a seed, or (for a name) the known sources.
 
-    wanted: the features that heads read. Raises ExportError or DownloadError.
+    feature: what a head reads. Raises ExportError or DownloadError.
     """
     network, name = _darknet_network(backbone, size)
     if random_seed is not None:
@@ -76,7 +74,7 @@ def darknet_backbone(
         header = load_weights(network, weights)
         about = {"file": weights.name, "sha256": sha256_file(weights), "pictures_seen": header.seen}
     about["float32_values"] = value_count(network)
-    detector, features = _darknet_detector(network, wanted)
+    detector = _darknet_detector(network, feature)
     names = list(dict.fromkeys(spec.name for spec in (*detector.heads, *detector.features)))
     network.eval()
 
@@ -90,7 +88,6 @@ def darknet_backbone(
         name=name,
         model=backbone_to_onnx(network, detector),
         detector=detector,
-        features=features,
         reference=reference,
         exact=False,
         measured={"weights": about},
@@ -99,13 +96,11 @@ def darknet_backbone(
     )
 
 
-def trained_backbone(name: str, wanted: list[str]) -> Backbone:
-    """A detector's best.pt, or our own bundle by name, one feature tapped. Raises ExportError or BundleError."""
+def trained_backbone(name: str, feature: str | None) -> Backbone:
+    """A detector's best.pt, or our own bundle by name, with a feature tapped. Raises ExportError or BundleError."""
     model, manifest = load_detector(name)
     manifest = msgspec.structs.replace(manifest, detector=of_home(manifest.detector))
-    if len(set(wanted)) > 1:
-        raise ExportError(f"{name}: heads that read different features ({', '.join(wanted)}) do not fit one network")
-    detector = tapped(model, manifest.detector, Path(name), wanted[0] if wanted else None)
+    detector = tapped(model, manifest.detector, Path(name), feature)
     graph = Graph(model)
 
     def reference(picture: NDArray[np.float32]) -> Tensors:
@@ -118,7 +113,6 @@ def trained_backbone(name: str, wanted: list[str]) -> Backbone:
         name=manifest.name,
         model=model,
         detector=detector,
-        features={word: feature.name for word in wanted for feature in detector.features},
         reference=reference,
         exact=False,
         measured=manifest.measured | {"weights": {"parameters": parameters}},
@@ -140,13 +134,13 @@ def _darknet_network(backbone: str, size: tuple[int, int] | None) -> tuple[Darkn
     return Darknet.from_cfg(path, size), path.stem
 
 
-def _darknet_detector(network: Darknet, wanted: list[str]) -> tuple[DetectorSpec, dict[str, str]]:
-    """The contract of a Darknet network; sets the network's outputs to heads, then features."""
+def _darknet_detector(network: Darknet, feature: str | None) -> DetectorSpec:
+    """The contract of a Darknet network; sets the network's outputs to heads, then the feature."""
     names = {head.layer: f"head_stride{network.stride(head.layer)}" for head in network.heads}
     if len(set(names.values())) != len(names):
         names = {layer: f"{name}_layer{layer}" for layer, name in names.items()}
-    layers = {word: network.feature_layer(word) for word in wanted}
-    for layer in layers.values():
+    layers = () if feature is None else (network.feature_layer(feature),)
+    for layer in layers:
         names.setdefault(layer, f"feature_layer{layer}")
     network.outputs = tuple(names)
     heads = tuple(
@@ -161,9 +155,9 @@ def _darknet_detector(network: Darknet, wanted: list[str]) -> tuple[DetectorSpec
     )
     features = tuple(
         FeatureSpec(name=names[layer], shape=(1, *network.shapes[layer]), stride=network.stride(layer))
-        for layer in dict.fromkeys(layers.values())
+        for layer in layers
     )
-    detector = DetectorSpec(
+    return DetectorSpec(
         file="backbone.onnx",
         input=InputSpec(
             name="image",
@@ -179,19 +173,16 @@ def _darknet_detector(network: Darknet, wanted: list[str]) -> tuple[DetectorSpec
         features=features,
         classes=class_entries(network.heads[0].classes),
     )
-    return detector, {word: names[layer] for word, layer in layers.items()}
 
 
-def adopted_backbone(backbone: str, weights: Path | None, wanted: list[str], sources: tuple[str, ...]) -> Backbone:
-    """An ONNX detector by name or file, one feature tapped. Raises ExportError or DownloadError."""
+def adopted_backbone(backbone: str, weights: Path | None, feature: str | None, sources: tuple[str, ...]) -> Backbone:
+    """An ONNX detector by name or file, with a feature tapped. Raises ExportError or DownloadError."""
     entry = KNOWN.get(backbone)
     path, name = (Path(backbone), Path(backbone).stem) if entry is None else (weights, backbone)
     if path is None:
         assert entry is not None
         path, sources = obtain(entry)
-    if len(set(wanted)) > 1:
-        raise ExportError(f"{path}: heads that read different features ({', '.join(wanted)}) do not fit one ONNX file")
-    model, detector = adopt(path, wanted[0] if wanted else None)
+    model, detector = adopt(path, feature)
     exact = detector.decode != "dfl"
     original = parity.open_network(path if exact else with_outputs(path, [head.name for head in detector.heads]))
 
@@ -202,7 +193,6 @@ def adopted_backbone(backbone: str, weights: Path | None, wanted: list[str], sou
         name=name,
         model=model,
         detector=detector,
-        features={word: feature.name for word in wanted for feature in detector.features},
         reference=reference,
         exact=exact,
         measured={"weights": {"file": path.name, "sha256": sha256_file(path)}},

@@ -22,7 +22,7 @@ from edgemap.export.odometry.paper import random_head
 from edgemap.export.onnx_export import free_rows, head_to_onnx, save_model, seal
 from edgemap.export.quantise import CalibrationPictures, add_int8, read_calibration
 from edgemap.runtime.network.bundle import Bundle, load_bundle
-from edgemap.runtime.network.manifest import DetectorSpec, Manifest, OdometryHead, Parity, StateSpec
+from edgemap.runtime.network.manifest import Manifest, OdometryHead, Parity, StateSpec
 from edgemap.runtime.network.manifest_file import FORMAT, sha256_file, write_manifest
 from edgemap.runtime.network.network import Tensors
 from edgemap.runtime.network.store import BUNDLE_NAME, check_place, staged
@@ -54,28 +54,25 @@ def export_backbone(
     """
     check_place(out)
     calibration = None if calibrate is None else read_calibration(calibrate)
-    floors, checkpoints = _loaded(heads, feature)
+    floor, checkpoint = _loaded(heads, feature)
     trained_here = is_trained(backbone)
     adopted = is_onnx(backbone)
     if (adopted or trained_here) and (size is not None or random_seed is not None):
         raise ExportError(f"{backbone}: --size and --random-weights are for Darknet backbones, this file is fixed")
     if weights is not None and (random_seed is not None or trained_here or backbone.endswith(".onnx")):
         raise ExportError(f"--weights {weights}: {backbone} takes no weights file here")
-    wanted = [checkpoint.feature for checkpoint in checkpoints]
-    if not checkpoints and feature is not None:
-        wanted = [feature]
-    part = open_backbone(backbone, weights, wanted, size, random_seed, sources)
+    feature = checkpoint.feature if checkpoint else feature
+    part = open_backbone(backbone, weights, feature, size, random_seed, sources)
     part.name = out.name if backbone.endswith(".pt") else part.name
-    if wanted and not checkpoints:
-        shape = _feature_shape(part.detector, part.features[wanted[0]])
-        checkpoints = [HeadCheckpoint(random_head(shape), part.name, wanted[0], trained=False)]
+    if checkpoint is None and feature is not None:
+        head = random_head(part.detector.features[0].shape)
+        checkpoint = HeadCheckpoint(head, part.name, feature, trained=False)
     models: dict[str, ModelProto] = {}
     odometry: dict[str, OdometryHead] = {}
-    for checkpoint in checkpoints:
-        record = _head_record(checkpoint, part)
-        odometry["paper"] = record
+    if checkpoint is not None:
+        odometry["paper"] = record = _head_record(checkpoint, part)
         models[record.file] = head_to_onnx(checkpoint.head, record)
-    for floor in floors:
+    if floor is not None:
         _join(part, floor)
     models[part.detector.file] = seal(free_rows(part.model, part.detector), part.detector)
     manifest = Manifest(
@@ -87,19 +84,19 @@ def export_backbone(
         odometry=odometry,
         confidence=part.confidence,
         sure_confidence=part.sure_confidence,
-        measured=part.measured | ({"odometry.paper": checkpoints[0].measured} if checkpoints else {}),
+        measured=part.measured | ({"odometry.paper": checkpoint.measured} if checkpoint else {}),
         licence=part.licence,
         sources=part.sources,
     )
 
     def proof(bundle: Bundle) -> dict[str, Parity]:
-        return parity.prove(bundle, part.reference, [checkpoint.head for checkpoint in checkpoints], part.exact)
+        return parity.prove(bundle, part.reference, checkpoint and checkpoint.head, part.exact)
 
     return write_bundle(out, manifest, models, proof, calibration)
 
 
-def _loaded(heads: Sequence[Path], feature: str | None) -> tuple[list[FloorCheckpoint], list[HeadCheckpoint]]:
-    """Floor heads and odometry heads. feature: as for `export_backbone`. Raises ExportError."""
+def _loaded(heads: Sequence[Path], feature: str | None) -> tuple[FloorCheckpoint | None, HeadCheckpoint | None]:
+    """Floor head and odometry head. feature: as for `export_backbone`. Raises ExportError."""
     floors = [load_floor(path) for path in heads if is_floor(path)]
     checkpoints = [load_head(path) for path in heads if not is_floor(path)]
     if len(floors) > 1 or len(checkpoints) > 1:
@@ -108,23 +105,23 @@ def _loaded(heads: Sequence[Path], feature: str | None) -> tuple[list[FloorCheck
         )
     if checkpoints and feature is not None:
         raise ExportError(f"--feature {feature}: a trained head brings its own ({checkpoints[0].feature})")
-    return floors, checkpoints
+    return next(iter(floors), None), next(iter(checkpoints), None)
 
 
 def open_backbone(
     backbone: str,
     weights: Path | None,
-    wanted: list[str],
+    feature: str | None,
     size: tuple[int, int] | None = None,
     random_seed: int | None = None,
     sources: tuple[str, ...] = (),
 ) -> Backbone:
-    """A backbone by name, .cfg, .onnx or best.pt, tapped where heads want it. Raises ExportError or DownloadError."""
+    """A backbone by name, .cfg, .onnx or best.pt, tapped where a head wants it. Raises ExportError or DownloadError."""
     if is_trained(backbone):
-        return trained_backbone(backbone, wanted)
+        return trained_backbone(backbone, feature)
     if is_onnx(backbone):
-        return adopted_backbone(backbone, weights, wanted, sources)
-    return darknet_backbone(backbone, weights, wanted, size, random_seed, sources)
+        return adopted_backbone(backbone, weights, feature, sources)
+    return darknet_backbone(backbone, weights, feature, size, random_seed, sources)
 
 
 def is_trained(backbone: str) -> bool:
@@ -163,10 +160,9 @@ def _tensors(part: Backbone, names: Sequence[str]) -> list[Tensor4]:
 
 
 def _head_record(checkpoint: HeadCheckpoint, part: Backbone) -> OdometryHead:
-    name = part.features[checkpoint.feature]
-    shape, head = _feature_shape(part.detector, name), checkpoint.head
-    if head.shape != shape:
-        raise ExportError(f"paper head takes features {head.shape}, {name} of {part.name} has {shape}")
+    (feature,), head = part.detector.features, checkpoint.head
+    if head.shape != feature.shape:
+        raise ExportError(f"paper head takes features {head.shape}, {feature.name} of {part.name} has {feature.shape}")
     states = tuple(
         StateSpec(input=f"{word}_in", output=f"{word}_out", shape=shape) for word, shape in head.state_shapes.items()
     )
@@ -174,7 +170,7 @@ def _head_record(checkpoint: HeadCheckpoint, part: Backbone) -> OdometryHead:
     return OdometryHead(
         file="odometry.paper.onnx",
         kind="paper",
-        feature=name,
+        feature=feature.name,
         feature_input="feature",
         motion="motion",
         states=states,
@@ -185,10 +181,6 @@ def _head_record(checkpoint: HeadCheckpoint, part: Backbone) -> OdometryHead:
         sigma_left_m=left,
         sigma_yaw_rad=yaw,
     )
-
-
-def _feature_shape(detector: DetectorSpec, name: str) -> tuple[int, ...]:
-    return next(spec.shape for spec in detector.features if spec.name == name)
 
 
 Proof = Callable[[Bundle], dict[str, Parity]]

@@ -1,6 +1,6 @@
 """Proof that a bundle computes what its source computes: random pictures, random states, a chain of steps."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -80,8 +80,8 @@ def network_input(picture: NDArray[np.float32], spec: InputSpec) -> NDArray[np.f
     return (picture * np.float32(spec.scale) - mean) / std
 
 
-def prove(bundle: Bundle, reference: Reference, heads: Sequence[PaperHead], exact: bool = False) -> dict[str, Parity]:
-    """Run source and bundle side by side; a Parity per file, relative tolerance 1e-4 for the backbone, 5e-4 for heads.
+def prove(bundle: Bundle, reference: Reference, head: PaperHead | None, exact: bool = False) -> dict[str, Parity]:
+    """Run source and bundle side by side; a Parity per file, relative tolerance 1e-4 for the backbone, 5e-4 for a head.
 
     Each of 2 cases is a chain of 8 steps: a fresh random picture per step, random states at the start, each side fed
     with its own features and its own states, every output of every step and the final state compared. exact: the
@@ -89,10 +89,10 @@ def prove(bundle: Bundle, reference: Reference, heads: Sequence[PaperHead], exac
     """
     detector, spec = bundle.manifest.detector, bundle.manifest.detector.input
     backbone = Comparison(detector.file, 0.0 if exact else RELATIVE_TOLERANCE)
-    chains = [_Chain(bundle, head) for head in heads]
+    chain = None if head is None else _Chain(bundle, head)
     for case in range(CASES):
         generator = np.random.default_rng(case)
-        for chain in chains:
+        if chain:
             chain.start(generator)
         for step in range(STEPS):
             picture = network_input(random_picture(generator, spec.height, spec.width), spec)
@@ -102,10 +102,10 @@ def prove(bundle: Bundle, reference: Reference, heads: Sequence[PaperHead], exac
             for name, tensor in expected.items():
                 floor = detector.floor is not None and name == detector.floor.name
                 backbone.check(name, tensor, found[name], when, RELATIVE_TOLERANCE if floor else None)
-            for chain in chains:
+            if chain:
                 feature = chain.record.feature
                 chain.step(expected.get(feature, found[feature]), found[feature], when)
-    parts = backbone, *(chain.comparison for chain in chains)
+    parts = (backbone, chain.comparison) if chain else (backbone,)
     return {part.file: part.result(STEPS, CASES) for part in parts}
 
 

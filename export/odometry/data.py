@@ -44,15 +44,15 @@ class FeatureDrive:
 
 
 class FeatureStore:
-    """Cached features in a folder, keyed by the backbone's bytes, its input rule and the feature's name. An interrupted
+    """Cached features in a folder, keyed by the backbone's bytes, its input rule and its feature's name. An interrupted
     drive is continued.
     """
 
-    def __init__(self, part: Backbone, feature: str, folder: Path, threads: int = 2) -> None:
+    def __init__(self, part: Backbone, folder: Path, threads: int = 2) -> None:
         self.input = part.detector.input
-        self._name = part.features[feature]
+        (feature,) = part.detector.features
+        self._name, self.shape = feature.name, feature.shape
         model = part.model.SerializeToString(deterministic=True)
-        self.shape = tuple(next(item.shape for item in part.detector.features if item.name == self._name))
         # A mirrored picture's raw YOLOv3 map is the mirrored map with negated x offsets of boxes; others: unknown.
         raw = [head for head in part.detector.heads if part.detector.decode == "yolov3" and head.name == self._name]
         values = self.shape[1] // max(1, *(len(head.anchors) for head in raw)) if raw else 0

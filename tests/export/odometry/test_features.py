@@ -28,8 +28,8 @@ def filmed(folder, level):
 
 
 def test_a_video_rendered_again_gets_features_of_its_own(small_cfg, small_weights, tmp_path):
-    part = darknet_backbone(str(small_cfg), small_weights, ["stride4"], None, None, ())
-    store = FeatureStore(part, "stride4", tmp_path / "cache", threads=1)
+    part = darknet_backbone(str(small_cfg), small_weights, "stride4", None, None, ())
+    store = FeatureStore(part, tmp_path / "cache", threads=1)
     spec, found = f"drive:{tmp_path / 'home'}", []
     for level in (40, 220, 40):
         filmed(tmp_path / "home", level)
