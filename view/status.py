@@ -82,11 +82,6 @@ def pose_sigma(result: StepResult) -> tuple[float, float]:
     )
 
 
-def step_ms(result: StepResult) -> float:
-    """Time of the complete step."""
-    return float(sum(result.stages_ms.values()))
-
-
 def _shown(result: StepResult) -> set[FaultKind]:
     """The faults that `_of_step` shows already."""
     blindness = result.health.blindness
