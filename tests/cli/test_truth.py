@@ -63,7 +63,7 @@ def test_a_run_keeps_no_network_for_rows_that_its_pictures_do_not_reach(tmp_path
         gc.collect()
         return sum(isinstance(one, Network) and one.inputs.get("image", (0,) * 4)[2] == 416 for one in gc.get_objects())
 
-    before, during, run = whole_networks(), [], drive.run
-    monkeypatch.setattr(drive, "run", lambda *given: during.append(whole_networks()) or run(*given))
+    before, during, steps = whole_networks(), [], drive.steps
+    monkeypatch.setattr(drive, "steps", lambda *given: during.append(whole_networks()) or steps(*given))
     main(["run", "--frames", "1", "--threads", "1", "-o", str(tmp_path / "run")])
     assert during == [before]
