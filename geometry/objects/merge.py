@@ -1,6 +1,7 @@
 """Merges maps of one place: fuses matched objects, copies all others and keeps edits."""
 
-from collections.abc import Callable, Collection, Mapping, Sequence
+from collections import Counter
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -51,7 +52,8 @@ def merge_maps(
     rule = rule or LandmarkRule()
     here = [moved(item, alignment) for item in second]
     partner = {j: i for i, j in (*alignment.pairs, *_overlapping(first, here, alignment.pairs))}
-    merged, taken = {item.id: item for item in first}, {item.id for item in (*first, *second)}
+    merged, taken = {item.id: item for item in first}, {item.id for item in first}
+    highest = _highest(item.id for item in (*first, *second))
     became: dict[str, str] = {}
     for j, item in enumerate(second):
         if j in partner:
@@ -59,8 +61,7 @@ def merge_maps(
             merged[ours.id] = fused(ours, here[j], rule)
             became[item.id] = ours.id
             continue
-        identity = _next_id(item.label, taken) if item.id in merged else item.id
-        taken.add(identity)
+        identity = _free_id(item, taken, highest)
         merged[identity] = replace(here[j], id=identity)
         became[item.id] = identity
     return sorted(merged.values(), key=lambda item: id_order(item.id)), became
@@ -136,19 +137,30 @@ def merge_annotated(
     ):
         gone |= {objects[i].id for i, _ in _overlapping(objects, deleted, ())}
     merged = [item for item in merged if item.id not in gone or item.name or item.confirmed or item.corrected]
-    taken, kept = {item.id for item in merged}, list[MapObject]()
-    for item in (*annotations.deleted, *removed):
-        kept.append(replace(item, id=_next_id(item.label, taken)) if item.id in taken else item)
-        taken.add(kept[-1].id)
+    taken = {item.id for item in merged}
+    highest = _highest(taken)
+    kept = [replace(item, id=_free_id(item, taken, highest)) for item in (*annotations.deleted, *removed)]
     dock = annotations.dock or (more.dock and alignment.pose_a_b @ more.dock)
     identity = annotations.identity and annotations.identity.merged(more.identity)
     added = annotations.with_areas(more, alignment.pose_a_b)
     return merged, replace(added, deleted=tuple(kept), dock=dock, identity=identity)
 
 
-def _next_id(label: str, taken: Collection[str]) -> str:
-    numbers = [number for other, number in map(id_order, taken) if other == label]
-    return f"{label}-{max(numbers, default=0) + 1}"
+def _highest(ids: Iterable[str]) -> Counter[str]:
+    """The highest number of each label."""
+    highest: Counter[str] = Counter()
+    for label, number in map(id_order, ids):
+        highest[label] = max(highest[label], number)
+    return highest
+
+
+def _free_id(item: MapObject, taken: set[str], highest: Counter[str]) -> str:
+    """The object's id, or where that is taken the next one of its label; it is taken from now on."""
+    identity = f"{item.label}-{highest[item.label] + 1}" if item.id in taken else item.id
+    taken.add(identity)
+    label, number = id_order(identity)
+    highest[label] = max(highest[label], number)
+    return identity
 
 
 def _overlapping(first: Sequence[MapObject], second: Sequence[MapObject], pairs: Pairs) -> Pairs:

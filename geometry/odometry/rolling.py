@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from edgemap.geometry.arrays import Array
-from edgemap.geometry.robust import TUKEY, tukey
+from edgemap.geometry.robust import tukey
 from edgemap.geometry.se2 import SE2
 
 ROLLED_M = 1e-3  # least standard deviation of lateral slip
@@ -48,7 +48,7 @@ class Rolling:
             return self
         prior = self.axle_sigma_m**2
         expected_m2 = variance_m2 + MEASURED_M**2 + prior * yaw_rad**2
-        trusted = float(tukey(np.array(lateral_m**2 / expected_m2), TUKEY))  # what drives sideways shows no axle
+        trusted = float(tukey(np.array(lateral_m**2 / expected_m2)))  # what drives sideways shows no axle
         gain = trusted * prior * yaw_rad / expected_m2
         sigma = math.sqrt(max(prior * (1.0 - gain * yaw_rad), FOLLOWED_M**2))
         return replace(self, axle_m=self.axle_m + gain * lateral_m, axle_sigma_m=sigma)

@@ -150,16 +150,16 @@ class KeyframeTrajectory:
     def drop(self, gone: Set[int]) -> None:
         """Removes keyframes, except the first and the last; the motions before and after each are composed."""
         motions, covariances, loose = list[SE2](), list[Array](), list[Array]()
-        for before, motion in enumerate(self._motions):
-            for joined, one in ((covariances, self._covariances[before]), (loose, self._loose[before])):
-                if before in gone:
-                    joined[-1] = compose_covariance(motions[-1], joined[-1], motion, one)
-                else:
-                    joined.append(one)
+        steps = zip(self._motions, self._covariances, self._loose, strict=True)
+        for before, (motion, covariance, wide) in enumerate(steps):
             if before in gone:
+                covariances[-1] = compose_covariance(motions[-1], covariances[-1], motion, covariance)
+                loose[-1] = compose_covariance(motions[-1], loose[-1], motion, wide)
                 motions[-1] = motions[-1] @ motion
             else:
                 motions.append(motion)
+                covariances.append(covariance)
+                loose.append(wide)
         self._motions, self._covariances, self._loose = motions, covariances, loose
         self.poses = [pose for row, pose in enumerate(self.poses) if row not in gone]
         self.covariances = [covariance for row, covariance in enumerate(self.covariances) if row not in gone]

@@ -37,7 +37,7 @@ from edgemap.runtime.step.pose_journal import PoseJournal
 from edgemap.runtime.step.relocalisation import Relocaliser
 
 MIN_VARIANCE_M2 = 1e-10  # of an observation: no box is that exact, and its inverse stays finite
-# That evidence is counted in: thresholds were chosen at 10 Hz. One picture counts for at most as many as weigh as one.
+# That evidence is counted in: thresholds were chosen at 10 Hz. One picture stands for `REPEATED` of them at most.
 PICTURE_S = 0.1
 LEAST_PICTURES = 0.01  # after however short a step of the clock: evidence is divided by it
 WIDEST_M = 50.0  # that a map becomes by what somebody states: homes are smaller, and memory grows with its square

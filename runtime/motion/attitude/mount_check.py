@@ -105,8 +105,8 @@ class MountCheck:
         self._configured = np.array([self._mount.roll_rad, self._mount.pitch_rad])
         self._to_base = self._mount.rotation_base_optical()
         self._tilt = MountTilt.prior(self._rule.tilt)
-        self._wrong = np.zeros(2, dtype=bool)  # which angle is
-        self._replaced, self._corrected = np.zeros(2, dtype=bool), np.zeros(2)  # which is estimated, and by how much
+        # Of roll and pitch: which is clearly wrong, which is replaced by its estimate, and the correction, rad.
+        self._wrong, self._replaced, self._corrected = np.zeros(2, dtype=bool), np.zeros(2, dtype=bool), np.zeros(2)
         self.used = self._mount
         self.estimate: MountEstimate | None = None
         self.room: RoomHeading | None = None

@@ -212,11 +212,11 @@ def test_damaged_first_pictures_are_told_and_skipped(tmp_path):
     step = 100_000_000
     pictures = [compressed(T0 + i * step, b"rubbish" if i in (0, 1, 4) else PNG, "png") for i in range(6)]
     messages = [("/cam/compressed", T0 + i * step, message) for i, message in enumerate(pictures)]
-    told = []
+    faults = []
     with open_camera(str(write_bag(tmp_path / "bag", messages))) as camera:
-        frames = list(iter(lambda: next_frame(camera, told.append), None))
-    assert [fault.kind.value for fault in told] == ["damaged"] * 3
-    assert all(str(fault).endswith("skipped") for fault in told)
+        frames = list(iter(lambda: next_frame(camera, faults.append), None))
+    assert [fault.kind.value for fault in faults] == ["damaged"] * 3
+    assert all(str(fault).endswith("skipped") for fault in faults)
     np.testing.assert_allclose([f.stamp_s - T0 / 1e9 for f in frames], [0.2, 0.3, 0.5], atol=1e-6)
     assert [frame.index for frame in frames] == [0, 1, 2]
 
