@@ -44,27 +44,17 @@ class DepthLandmarks:
     sigma_m: Array
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Resected:
-    """pose: the estimate. covariance: (6, 6) in its optical axes, displacement (m) and rotation (rad). weights (N,): 0
-    where a point does not fit.
-    """
-
-    pose: LensPose
-    covariance: Array
-    weights: Array
-
-
 def resect(
     landmarks: DepthLandmarks, observed: Array, start: LensPose, sigma: float, prior: Prior | None = None
-) -> Resected:
-    """The pose that fits normalised image points (N, 2) best: Gauss-Newton from a start, Tukey's weights, annealed.
+) -> tuple[LensPose, Array]:
+    """The pose that fits normalised image points (N, 2) best, and their weights (N,), 0 of those that do not fit:
+    Gauss-Newton from a start, Tukey's weights, annealed.
 
     sigma: standard deviation of an image point. prior: what else is measured of a pose. The error of a landmark's depth
     widens its residual along the epipolar line, so that a far one determines the rotation and a near one the
     displacement.
     """
-    pose, weights, inverse, excess = start, np.zeros(len(observed)), np.eye(6), 1.0
+    pose, weights = start, np.zeros(len(observed))
     for scale in ANNEALING:
         local = (landmarks.points_m - pose.position_m) @ pose.rotation
         ahead = local[:, 2] > 0.05
@@ -96,11 +86,9 @@ def resect(
             turned, off = prior(pose)
             turned = np.hstack([turned[:, 3:] @ pose.rotation, turned[:, :3] @ pose.rotation])
             information, right = information + turned.T @ turned, right + turned.T @ off
-        inverse = np.asarray(np.linalg.inv(information), dtype=np.float64)
-        step = inverse @ right
+        step = np.asarray(np.linalg.inv(information) @ right, dtype=np.float64)
         pose = pose @ LensPose(small_rotation(*step[3:].tolist()), step[:3])
-        excess = max(1.0, float(weights @ distance2) / max(2.0 * float(weights.sum()) - 6.0, 1.0))
-    return Resected(pose, inverse * excess, weights)
+    return pose, weights
 
 
 def rotation_vector(rotation: Array) -> Array:

@@ -82,17 +82,14 @@ class MotionJudge:
         """What is wrong with a source, in words; empty where nothing is, or it cannot be judged yet. lengths: whether
         it measures lengths, or yaw alone."""
         compared = self._compared(path)
-        return "" if compared is None else self._late(path, compared) or self._differs(compared, lengths)
+        if compared is None:
+            return ""
+        return self._late(path, compared) or self._yaw(compared) or (self._length(compared) if lengths else "")
 
     def delay(self, path: Path) -> str:
         """By how much a source's yaw follows late or early, in words; empty as of `judge`."""
         compared = self._compared(path)
         return "" if compared is None else self._late(path, compared)
-
-    def difference(self, path: Path, lengths: bool = True) -> str:
-        """As `judge`, without a delay."""
-        compared = self._compared(path)
-        return "" if compared is None else self._differs(compared, lengths)
 
     def _late(self, path: Path, compared: "_Compared") -> str:
         if len(compared.turned) < FEWEST:
@@ -105,9 +102,6 @@ class MotionJudge:
             late = "late" if LAGS_S[best] > 0.0 else "early"
             return f"it is {abs(LAGS_S[best]):.2f} s {late} against the pictures"
         return ""
-
-    def _differs(self, compared: "_Compared", lengths: bool) -> str:
-        return self._yaw(compared) or (self._length(compared) if lengths else "")
 
     def _compared(self, path: Path) -> "_Compared | None":
         """The steps that the source measured too; None of too few."""

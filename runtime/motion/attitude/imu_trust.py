@@ -177,7 +177,7 @@ class ImuTrust:
                 return path_of(stamps_s, (turns @ axis)[:, None] * [0.0, 0.0, 1.0], wraps=False)
 
             late = self._judge.delay(about(up))
-            self._contrary = late or self._judge.difference(about(up), lengths=False)
+            self._contrary = late or self._judge.judge(about(up), lengths=False)
             if self._contrary and not late:
                 wrong = partial(self._judge.judge, lengths=False)
                 right = next((name for name, axis in AXES.items() if not wrong(about(axis))), "")
