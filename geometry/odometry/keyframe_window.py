@@ -296,13 +296,14 @@ class KeyframeWindow:
         along = np.einsum("nij,nj->ni", rotation, points.ray)
         return position + along / points.inverse_m[:, None], along
 
-    def expose(self, ids: NDArray[np.int64], points: Array, late: Array) -> None:
-        """Corrects the points that only the last picture shows by when their rows were exposed, as their motion since
-        shows it. points (N, 2): of these tracks in that picture."""
-        last, rows, mine = len(self.poses) - 1, rows_of(self.points.ids, ids), self.points
-        new = (rows >= 0) & (mine.host == last) & (mine.observed.sum(axis=1) == 1)
-        mine.late[new, last] = late[rows[new]]
-        mine.at[new, last] = mine.ray[new, :2] = points[rows[new]] - self._readout_s * late[rows[new]]
+    def begin_again(self, ids: NDArray[np.int64], points: Array, late: Array) -> None:
+        """The points that only the last picture shows start again, as their motion since shows when their rows were
+        exposed. points (N, 2): of these tracks in that picture."""
+        last, rows = len(self.poses) - 1, rows_of(self.points.ids, ids)
+        new = (rows >= 0) & (self.points.host == last) & (self.points.observed.sum(axis=1) == 1)
+        mine, rows = self.points.chosen(new), rows[new]
+        self.points = self.points.chosen(~new)
+        self.add(mine.ids, points[rows], mine.floor, mine.measured[:, last], late[rows])
 
     def add(self, ids: NDArray[np.int64], points: Array, floor: Array, measured: Array, late: Array) -> None:
         """New points, hosted by the last pose."""

@@ -58,7 +58,7 @@ def driven(readout_s, pictures=40):
         late = speed * image[:, 1:] / SIDES[1] / 2.0
         if before is not None:
             first = speed * before[:, 1:] / SIDES[1] / 2.0
-            window.expose(np.flatnonzero(both), before[both], first[both])
+            window.begin_again(np.flatnonzero(both), before[both], first[both])
             start, _ = window.resected(start, ids, image[seen], late[seen], factors)
         window.step(start, factors, ids, image[seen], on_floor[seen], None, late[seen], 0.5, 8.0, carried=False)
         before, seen_before = image, seen

@@ -161,7 +161,7 @@ class WindowOdometry:
         """Tracks the corners from where this pose expects them; the pose that they agree on, and their weight. shifted:
         as of `CornerTracker.follow`."""
         self._tracker.follow(self._expected(start), shifted, self._detail())
-        self._graph.expose(*self._tracker.observed_before())
+        self._graph.begin_again(*self._tracker.observed_before())
         return self._resected(start, factors)
 
     def _detail(self) -> bool:
