@@ -1,6 +1,7 @@
 """Poses among points of known depth, against points that are projected by hand."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 
@@ -15,13 +16,13 @@ def turned(yaw_rad, pitch_rad=0.0):
     return np.array([[cy, 0, sy], [0, 1, 0], [-sy, 0, cy]]) @ np.array([[1, 0, 0], [0, cp, -sp], [0, sp, cp]])
 
 
-def scene(seed, true, depth_noise=0.0, sigma=SIGMA):
+def scene(seed, true, depth_noise=0.0):
     """Landmarks seen from the origin, with errors of their depth, and where a lens at `true` sees them."""
     rng = np.random.default_rng(seed)
     rays = np.column_stack([rng.uniform(-0.5, 0.5, 200), rng.uniform(-0.35, 0.35, 200), np.ones(200)])
     depth_m = rng.uniform(1.0, 5.0, 200)
     local = (rays * depth_m[:, None] - true.position_m) @ true.rotation
-    seen = local[:, :2] / local[:, 2:] + rng.normal(0.0, sigma, (200, 2))
+    seen = local[:, :2] / local[:, 2:] + rng.normal(0.0, SIGMA, (200, 2))
     sigma_m = np.full(200, max(depth_noise, 1e-6))
     measured_m = depth_m + rng.normal(0.0, 1.0, 200) * sigma_m
     return DepthLandmarks(rays * measured_m[:, None], rays, sigma_m), seen
@@ -36,6 +37,18 @@ def test_a_pose_is_found_among_a_third_of_wrong_matches():
     np.testing.assert_allclose(pose.rotation, true.rotation, atol=5e-4)
     assert weights[::3].mean() < 0.05
     assert weights[1::3].mean() > 0.6
+
+
+def test_depths_that_are_known_to_err_move_a_pose_less_and_put_no_point_aside():
+    true, off_m, kept = LensPose(turned(0.08), np.array([0.1, 0.0, 0.2])), [], []
+    for seed in range(20):
+        landmarks, seen = scene(seed, true, depth_noise=0.1)
+        for stated in (landmarks, replace(landmarks, sigma_m=np.full(200, 1e-6))):
+            pose, weights = resect(stated, seen, true, SIGMA)
+            off_m.append(np.linalg.norm(pose.position_m - true.position_m))
+            kept.append((weights > 0.0).mean())
+    assert np.mean(off_m[::2]) < 0.8 * np.mean(off_m[1::2])
+    assert np.mean(kept[::2]) > 0.99 > 0.9 > np.mean(kept[1::2])
 
 
 def test_what_is_measured_of_a_pose_outweighs_points_that_agree_on_another():

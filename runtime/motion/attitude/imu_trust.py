@@ -176,10 +176,9 @@ class ImuTrust:
             def about(axis: Array) -> Path:
                 return path_of(stamps_s, (turns @ axis)[:, None] * [0.0, 0.0, 1.0], wraps=False)
 
-            late = self._judge.delay(about(up))
-            self._contrary = late or self._judge.judge(about(up), lengths=False)
-            if self._contrary and not late:
-                wrong = partial(self._judge.judge, lengths=False)
+            wrong = partial(self._judge.judge, lengths=False)
+            self._contrary = wrong(about(up))
+            if self._contrary and not self._judge.delay(about(up)):
                 right = next((name for name, axis in AXES.items() if not wrong(about(axis))), "")
                 self._contrary += (
                     f"; about its {right} axis it does (are its axes right, down, ahead?)" if right else ""
