@@ -81,6 +81,9 @@ def command(
     close: Annotated[
         float, arg(metavar="SHARE", help="Of --pictures, taken before walls and furniture: little or no floor in view.")
     ] = 0.0,
+    carried: Annotated[
+        bool, arg(help="Of --pictures: by a camera that a person carries, 1.2 to 1.75 m up, looking down.")
+    ] = False,
     seeds: Annotated[
         str | None,
         arg(
@@ -115,6 +118,8 @@ def command(
         raise UsageError("--floor-labels is for drives of single pictures; --pictures has them always")
     if not 0.0 <= close <= 1.0 or (close and pictures is None):
         raise UsageError(f"--close {close:g}: expected 0 to 1, a share of --pictures")
+    if carried and pictures is None:
+        raise UsageError("--carried is for --pictures")
     at_least(0, people=drive.people, seed=seed, moved=drive.moved)
     if not 1.0 <= drive.rate <= 120.0:
         raise UsageError(f"--rate {drive.rate:g}: expected 1 to 120 pictures per second")
@@ -128,7 +133,7 @@ def command(
         if pictures is not None:
             from edgemap.simulation.pictures import render_pictures
 
-            render_pictures(out, pictures, homes_of(seeds, shard), progress, command=typed, close=close)
+            render_pictures(out, pictures, homes_of(seeds, shard), progress, typed, close, carried)
         elif locobot:
             from edgemap.simulation.locobot import record_locobot
 

@@ -147,3 +147,6 @@ def light_of(name: str, rng: np.random.Generator, changes: bool = False) -> Ligh
     times = tuple(round(float(first_s + every_s * number), 3) for number in range(int(7200.0 / every_s)))
     other = rng.uniform(0.5, 0.9) if script.lamp < 0.3 else rng.uniform(0.02, 0.15)
     return LightScript(script.day, script.lamp, times, float(other))
+
+
+CARRIED = Envelope(height_m=(1.2, 1.75), aim_distance_m=(1.2, 4.0), pitch_deg=(5.0, 45.0))  # by a person who walks

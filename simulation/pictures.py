@@ -44,15 +44,17 @@ def render_pictures(
     progress: Callable[[int, int], None] = lambda _done, _all: None,
     command: str = "edgemap simulate",
     close: float = 0.0,
+    carried: bool = False,
 ) -> None:
-    """Render that many views of every home, a share `close` of them with little floor in view; finished homes are kept,
-    and the result is the same however often it was stopped. Raises SimulationError and MissingExtraError, one line
-    each."""
+    """Render that many views of every home, a share `close` of them with little floor in view, by a robot's camera
+    or a carried one; finished homes are kept, and the result is the same however often it was stopped. Raises
+    SimulationError and MissingExtraError, one line each."""
     for module in ("moderngl", "embreex", "PIL"):
         require(module)
     settings = {"format": FORMAT, "per_home": per_home, "first_home": homes[0], "homes": len(homes)}
     settings |= {"home_step": homes.step} if homes.step > 1 else {}
     settings |= {"close": close} if close else {}
+    settings |= {"carried": True} if carried else {}
     store = PartStore(folder, settings, ("images", "labels", "floor"))
     if store.complete:
         progress(per_home * len(homes), per_home * len(homes))
@@ -60,7 +62,7 @@ def render_pictures(
     missing = store.missing(homes)
     done = len(homes) - len(missing)
     progress(done * per_home, len(homes) * per_home)
-    tasks = [(folder, home, per_home, close) for home in missing]
+    tasks = [(folder, home, per_home, close, carried) for home in missing]
     workers = min(default_workers(), max(1, len(tasks)))
     made = ordered(_render_home, tasks, workers, _nothing) if workers > 1 else map(_render_home, tasks)
     for number, _ in enumerate(made, start=done + 1):
@@ -78,12 +80,12 @@ def _nothing() -> None:
     """Nothing to prepare: every home is a task of its own."""
 
 
-def _render_home(task: tuple[Path, int, int, float]) -> int:
+def _render_home(task: tuple[Path, int, int, float, bool]) -> int:
     """Furnish, light and show one home; its part file comes last, and only with it the home counts as made."""
-    folder, home, per_home, close = task
+    folder, home, per_home, close, carried = task
     apartment = furnish(home)
     lit = bake(build_scene(apartment, home), home, BakeSettings.draft())
-    views = draw_views(apartment, home, per_home, close=close)
+    views = draw_views(apartment, home, per_home, close, carried)
     renderer = Renderer(lit, views[0].camera.intrinsics)
     frames, digits = [], max(2, len(str(per_home - 1)))  # in order of their names
     for number, shown in enumerate(views):

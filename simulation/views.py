@@ -11,7 +11,7 @@ from edgemap.simulation.apartment.apartment import Apartment, purpose_of
 from edgemap.simulation.apartment.furniture import Purpose
 from edgemap.simulation.camera.exposure import LightScript
 from edgemap.simulation.camera.film import CameraSetup, Effects
-from edgemap.simulation.envelope import Envelope
+from edgemap.simulation.envelope import CARRIED, Envelope
 from edgemap.simulation.render.mesh import Array
 from edgemap.simulation.render.movers import Mover
 from edgemap.simulation.robot.plan_grid import CELL_M, PlanGrid, VisibilityEstimate
@@ -44,9 +44,10 @@ class Shown:
     passers: tuple[str, ...]
 
 
-def draw_views(apartment: Apartment, seed: int, count: int, close: float = 0.0) -> list[Shown]:
-    """Views of the home of a seed; of the last ones, a share `close`, little or no floor is in view."""
-    envelope, grid = Envelope(), PlanGrid(apartment)
+def draw_views(apartment: Apartment, seed: int, count: int, close: float = 0.0, carried: bool = False) -> list[Shown]:
+    """Views of the home of a seed; of the last ones, a share `close`, little or no floor is in view. carried: by
+    cameras that a person carries, not by a robot's."""
+    envelope, grid = CARRIED if carried else Envelope(), PlanGrid(apartment)
     shown: dict[int, float] = {}
     views = []
     for number in range(count):

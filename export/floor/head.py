@@ -6,7 +6,7 @@ from torch.nn import functional
 
 LABELS = ("floor", "wall")
 STRIDES = (4, 8, 16, 32)  # of the features that it reads, finest first
-WIDTH, DETAIL = 32, 16  # channels of its maps of stride 8, and of those that it makes of the features of stride 4
+WIDTH, DETAIL = 48, 16  # channels of its maps of stride 8, and of those that it makes of the features of stride 4
 DEEP = 2  # blocks at stride 32, where they cost least and see the room
 COARSE = 3  # blocks at stride 16, where they cost little and see far
 FINE = 2  # rows and columns of output cells in one of stride 8

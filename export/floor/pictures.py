@@ -1,6 +1,6 @@
 """Labelled pictures as a floor head learns from them: cut, flipped, relit, and with floors of other colours.
 
-Labels are shares (H, W, 3) uint8 of other, floor and wall in 255ths; all 0 where unknown.
+Labels are shares (H, W, 3) uint8 of other, floor and wall in 255ths; their sum is how far they are known.
 """
 
 from pathlib import Path
@@ -17,12 +17,12 @@ from edgemap.runtime.network.preprocess import Placement
 
 Image = NDArray[np.uint8]
 Float = NDArray[np.float32]
-SMALLEST = 0.55  # side of a cut, of the picture's
+SMALLEST = 0.3  # side of a cut, of the picture's: what is low in a picture is then seldom floor only because it is low
 ASPECT = (0.8, 1.25)
 CLASSES = (FloorLabel.OTHER, FloorLabel.FLOOR, FloorLabel.WALL)  # of the channels of the shares
 SURE = 0.6  # share of a label where one must be named; below it a pixel is unknown
 KEPT_PX = 512  # longer side of a picture in training
-WHOLE = 0.3  # share of pictures that are not cut
+WHOLE = 0.15  # share of pictures that are not cut
 TINTED, SUNLIT, RUGGED, WET, LITTERED = 0.5, 0.2, 0.2, 0.15, 0.2  # shares of those whose floor is changed so
 
 

@@ -2,6 +2,7 @@
 
 import copy
 import sys
+from pathlib import Path
 from types import SimpleNamespace
 
 import cv2
@@ -180,15 +181,31 @@ class LeftToRight:
         return self.logits
 
 
-def test_the_teacher_sees_a_picture_and_its_mirror_image(monkeypatch, tmp_path):
+class LowestRows(LeftToRight):
+    """Takes the lowest quarter of any picture for floor."""
+
+    def invoke(self):
+        self.logits = np.full((1, 8, 8, 32), 10, np.uint8)
+        self.logits[..., 0] = 58
+        self.logits[:, 6:, :, 4] = 90
+
+
+def taught(monkeypatch, network, picture):
     monkeypatch.setitem(sys.modules, "ai_edge_litert", SimpleNamespace())
-    monkeypatch.setitem(sys.modules, "ai_edge_litert.interpreter", SimpleNamespace(Interpreter=LeftToRight))
-    label = open_teacher(tmp_path / "any.tflite")
-    picture = np.zeros((8, 8, 3), np.uint8)
-    picture[4:] = 255
-    shares = label(picture)
-    np.testing.assert_array_equal(shares, label(picture[:, ::-1])[:, ::-1])
-    odds = np.exp([(40 + 4 * column) / 8.0 - 6.0 for column in (2, 5)])  # of floor against other, columns 2 and 5
-    floor = (odds / (odds + 1.0 + 30.0 * np.exp(-6.0))).mean()
-    assert shares[5, 2, 1] == pytest.approx(255.0 * floor, abs=1.0)
+    monkeypatch.setitem(sys.modules, "ai_edge_litert.interpreter", SimpleNamespace(Interpreter=network))
+    return open_teacher(Path("any.tflite"))(picture)
+
+
+def test_the_teacher_sees_a_picture_and_its_mirror_image(monkeypatch):
+    picture = np.zeros((80, 80, 3), np.uint8)
+    picture[40:] = 255
+    shares = taught(monkeypatch, LeftToRight, picture)
+    np.testing.assert_array_equal(shares, taught(monkeypatch, LeftToRight, picture[:, ::-1])[:, ::-1])
     assert (named(shares[:4]) == 0).all()
+    assert (named(shares[5:]) == 1).all()
+
+
+def test_a_teacher_for_whom_low_is_floor_is_unsure_of_a_pictures_lower_border(monkeypatch):
+    known = taught(monkeypatch, LowestRows, np.zeros((80, 80, 3), np.uint8)).sum(axis=2)
+    assert (known[:4] > 240).all()
+    assert (known[6:] < 240).all()

@@ -129,3 +129,9 @@ def test_close_views_have_less_floor_ahead_and_leave_the_others_alone():
     assert [view.camera for view in mixed] == [view.camera for view in usual]
     near, far = ([ahead_m(grid, view) for view in views[4:]] for views in (mixed, usual))
     assert np.median(near) < 0.5 * np.median(far)
+
+
+def test_carried_cameras_are_higher_than_a_robots():
+    robots, carried = ([view.camera.mount for view in draw_views(furnish(3), 3, 8, carried=by)] for by in (False, True))
+    assert max(mount.height_m for mount in robots) <= 1.3
+    assert all(1.2 <= mount.height_m <= 1.75 and mount.pitch_rad > 0.0 for mount in carried)
