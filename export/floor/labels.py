@@ -71,7 +71,8 @@ def _within(shares: Callable[[Image], NDArray[np.float32]], image: Image, scale:
     """The shares of a picture within its mirrored surroundings, of which it is that share across and down."""
     height, width = image.shape[:2]
     above, beside = (round(side * (1.0 / scale - 1.0) / 2.0) for side in (height, width))
-    found = shares(np.asarray(cv2.copyMakeBorder(image, above, above, beside, beside, cv2.BORDER_REFLECT_101)))
+    larger = cv2.copyMakeBorder(image, above, above, beside, beside, cv2.BORDER_REFLECT_101)
+    found = shares(np.asarray(larger, np.uint8))
     rows, columns = found.shape[:2]
     top, left = round(above * rows / (height + 2 * above)), round(beside * columns / (width + 2 * beside))
     return np.asarray(cv2.resize(found[top : rows - top, left : columns - left], (columns, rows)), np.float32)
