@@ -12,7 +12,7 @@ from edgemap.export.floor.features import Features
 from edgemap.export.floor.head import FINE, STRIDES
 from edgemap.export.floor.pictures import load, targets, varied
 
-FORMAT = "edgemap.floor.views/3"
+FORMAT = "edgemap.floor.views/4"
 STRIDE = STRIDES[1] // FINE
 FULL = 255  # of a share in 8 bits
 Pair = tuple[Path, Path]

@@ -7,6 +7,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 from numpy.typing import NDArray
+from scipy.special import expit, logit
 from tqdm import tqdm
 
 from edgemap.export.errors import ExportError
@@ -21,18 +22,18 @@ Pair = tuple[Path, Path]
 Teacher = Callable[[Image], Image]
 FLOORS = (4, 29)  # of the teacher's 32 classes: floor, rug
 WALLS = (1, 15)  # wall, door
-# Sides of the picture as shares of what the teacher sees, the rest its mirror image: what stands at the picture's lower
-# border then has more below it, and a sofa's seat is floor less often.
+# Sizes at which the teacher sees a picture, as shares of its input's sides; the picture's reflection fills the rest.
+# The lower border of a photograph is then not that of the input, where the teacher expects floor.
 SCALES = (1.0, 0.7, 0.5)
-FLOOR_LOGIT = 1.0  # added to the floor's, as their mean is unsure of floor more often than of other things
-SHARPNESS = 2.0  # of a mean's logit, which is nearer to 0 than each view's
-LEAST_KNOWN = 0.1  # of a pixel that is as likely floor as not
+FLOOR_BIAS = 1.0  # added to the logit of the mean probability of floor, which is too low
+SHARPNESS = 2.0  # factor on that logit: a mean over views is less confident than each of them
+LEAST_WEIGHT = 0.1  # of a pixel whose probability of floor is a half
 
 
 def open_teacher(path: Path, threads: int = 1) -> Teacher:
-    """A function from a BGR picture to its shares of other, floor and wall, (h, w, 3) uint8 in 255ths, whose sum is how
-    far the teacher is sure of the floor, from a .tflite file whose output is (1, h, w, 32) logits. They are means over
-    the picture in several sizes and their mirror images.
+    """A function from a BGR picture to its shares of other, floor and wall, (h, w, 3) uint8 in 255ths, from a .tflite
+    file whose output is (1, h, w, 32) logits: means over several sizes of the picture and of its mirror image. The
+    three add up to the label's weight, which is the smaller the less sure the teacher is of the floor.
 
     Raises ExportError for another network, or without the extra `teacher`.
     """
@@ -60,15 +61,15 @@ def open_teacher(path: Path, threads: int = 1) -> Teacher:
         floor, wall = (found[..., list(group)].sum(axis=2) for group in (FLOORS, WALLS))
         return np.stack([1.0 - floor - wall, floor, wall], axis=2)
 
-    def mirrored(image: Image) -> NDArray[np.float32]:
+    def both_sides(image: Image) -> NDArray[np.float32]:
         small = np.asarray(cv2.resize(image, (columns, rows), interpolation=cv2.INTER_AREA), np.uint8)
         return (shares(small) + shares(small[:, ::-1])[:, ::-1]) / 2.0
 
-    return lambda image: _sure(np.mean([_within(mirrored, image, scale) for scale in SCALES], axis=0))
+    return lambda image: _weighted(np.mean([_at_scale(both_sides, image, scale) for scale in SCALES], axis=0))
 
 
-def _within(shares: Callable[[Image], NDArray[np.float32]], image: Image, scale: float) -> NDArray[np.float32]:
-    """The shares of a picture within its mirrored surroundings, of which it is that share across and down."""
+def _at_scale(shares: Callable[[Image], NDArray[np.float32]], image: Image, scale: float) -> NDArray[np.float32]:
+    """The shares of a picture that is padded with its reflection, and takes that share of the result's sides."""
     height, width = image.shape[:2]
     above, beside = (round(side * (1.0 / scale - 1.0) / 2.0) for side in (height, width))
     larger = cv2.copyMakeBorder(image, above, above, beside, beside, cv2.BORDER_REFLECT_101)
@@ -78,13 +79,12 @@ def _within(shares: Callable[[Image], NDArray[np.float32]], image: Image, scale:
     return np.asarray(cv2.resize(found[top : rows - top, left : columns - left], (columns, rows)), np.float32)
 
 
-def _sure(mean: NDArray[np.float32]) -> Image:
-    """Shares in 255ths of a mean over views: its floor calibrated and sharpened, less where that is unsure."""
-    floor = np.clip(mean[..., 1], 1e-4, 1.0 - 1e-4)
-    floor = 1.0 / (1.0 + np.exp(-SHARPNESS * (np.log(floor / (1.0 - floor)) + FLOOR_LOGIT)))
+def _weighted(mean: NDArray[np.float32]) -> Image:
+    """Weighted shares in 255ths of mean probabilities of other, floor and wall (h, w, 3), the floor's calibrated."""
+    floor = expit(SHARPNESS * (logit(np.clip(mean[..., 1], 1e-4, 1.0 - 1e-4)) + FLOOR_BIAS))
     wall = np.minimum(mean[..., 2], 1.0 - floor)
-    known = np.maximum(np.abs(2.0 * floor - 1.0), LEAST_KNOWN)[..., None]
-    return np.rint(255.0 * known * np.stack([1.0 - floor - wall, floor, wall], axis=2)).astype(np.uint8)
+    weight = np.maximum(np.abs(2.0 * floor - 1.0), LEAST_WEIGHT)[..., None]
+    return np.rint(255.0 * weight * np.stack([1.0 - floor - wall, floor, wall], axis=2)).astype(np.uint8)
 
 
 def labelled(spec: str, teacher: Teacher | None, labels: Path) -> list[Pair]:

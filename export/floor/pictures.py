@@ -1,6 +1,6 @@
 """Labelled pictures as a floor head learns from them: cut, flipped, relit, and with floors of other colours.
 
-Labels are shares (H, W, 3) uint8 of other, floor and wall in 255ths; their sum is how far they are known.
+Labels are shares (H, W, 3) uint8 of other, floor and wall in 255ths; their sum is the label's weight.
 """
 
 from pathlib import Path
@@ -17,7 +17,7 @@ from edgemap.runtime.network.preprocess import Placement
 
 Image = NDArray[np.uint8]
 Float = NDArray[np.float32]
-SMALLEST = 0.3  # side of a cut, of the picture's: what is low in a picture is then seldom floor only because it is low
+SMALLEST = 0.3  # side of a crop, of the picture's: small enough that the lowest rows often show no floor
 ASPECT = (0.8, 1.25)
 CLASSES = (FloorLabel.OTHER, FloorLabel.FLOOR, FloorLabel.WALL)  # of the channels of the shares
 SURE = 0.6  # share of a label where one must be named; below it a pixel is unknown

@@ -169,6 +169,7 @@ REFUSED = [
     ("simulate --seeds 0:9 --shard 0/3 -o out", 2, "'0/3'"),
     ("simulate --seeds 0:2 --shard 3/3 -o out", 2, "3/3"),
     ("simulate --mount high -o out", 2, "'high'"),
+    ("simulate --carried -o out", 2, "--carried is for --pictures"),
     ("eval map --camera sim:-1 --bundle bundle", 2, "'sim:-1'"),
     ("eval map --camera tum:pictures --bundle bundle", 1, "pictures"),
     ("eval floor --data kitti:pictures", 2, "floor:DIR"),
