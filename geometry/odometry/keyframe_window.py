@@ -15,6 +15,8 @@ from typing import Self
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.linalg import block_diag
+from scipy.spatial.distance import cdist
 
 from edgemap.geometry.arrays import Array
 from edgemap.geometry.camera.inertial import rotation_of, small_rotation
@@ -38,8 +40,8 @@ ORIGIN = np.array([1e-6, 1e-6, 1e6, 1e8, 1e8, 1e-6])  # information that fixes h
 UNHELD_RAD = np.radians(2.0)  # standard deviation of a tilt after the mount's angles have changed
 # Least depth of a point that was triangulated over a gap; share of its inverse depth to which a known one is known.
 NEAR_M, KNOWN_SHARE = 0.3, 0.2
-# Mean inverse depth of points off the floor, the standard deviation of a room's mean from it and that of a point from
-# its room's mean, 1/m: new points err together, so that many of them know no more of a room's size than one.
+# Mean inverse depth of points off the floor, the standard deviation of a view's mean from it and that of a point from
+# its view's mean, 1/m: new points err together, so that many of them know no more of a view's depth than one.
 ANY = 0.3, 0.4
 
 
@@ -119,13 +121,15 @@ class Tracks:
 
 
 class Columns:
-    """Columns of the normal equations of S poses: six for each pose, then what points share: the readout, the mean
-    inverse depth, and the level of what each pose shows as the floor, `levels` (S,)."""
+    """Columns of the normal equations of S poses: six for each pose, then what points share: the readout, the level of
+    what each pose shows as the floor, `levels` (S,), and the mean inverse depth of what each pose shows, `means` (S,).
+    """
 
     def __init__(self, poses: int) -> None:
-        self.readout, self.mean = 6 * poses, 6 * poses + 1
-        self.levels = self.mean + 1 + np.arange(poses)
-        self.count = self.mean + 1 + poses
+        self.readout = 6 * poses
+        self.levels = self.readout + 1 + np.arange(poses)
+        self.means = self.levels + poses
+        self.count = self.readout + 1 + 2 * poses
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -163,7 +167,7 @@ class KeyframeWindow:
         self._track_sigma = self._parallax = 1.0 / focal_px
         self._carried, self.readout = True, readout or Readout()
         self._readout_s = self.readout.time_s  # that the points are corrected by
-        self._mean_inverse_m, self._levels_m = ANY[0], np.zeros(self._slots)  # as of `Columns`
+        self._levels_m, self._means_inverse_m = np.zeros(self._slots), np.full(self._slots, ANY[0])  # as of `Columns`
         self.poses: list[LensPose] = []
         self._factors: list[PoseFactors] = []
         self._prior: tuple[Array, Array, list[LensPose]] = np.zeros((0, 0)), np.zeros(0), []
@@ -203,6 +207,7 @@ class KeyframeWindow:
             self._prior = np.diag(ORIGIN), np.zeros(6), [start]
         else:
             self._make_room()
+            self._means_inverse_m[len(self.poses)] = self._means_inverse_m[len(self.poses) - 1]
         self.poses, self._factors = [*self.poses, start], [*self._factors, factors]
         rows = rows_of(self.points.ids, ids)
         hit, last = rows >= 0, len(self.poses) - 1
@@ -312,7 +317,7 @@ class KeyframeWindow:
         ray = np.column_stack([points, np.ones(count)])
         on_floor = -(ray @ pose.rotation[2]) / pose.position_m[2]
         is_floor = (floor >= 0.5) & (on_floor * pose.position_m[2] > 1.0 / self._reach_heights)
-        inverse = np.where(is_floor, on_floor, np.maximum(self._mean_inverse_m, on_floor))
+        inverse = np.where(is_floor, on_floor, np.maximum(self._expected_inverse_m(points), on_floor))
         variance = np.where(is_floor, 0.05 * on_floor, np.maximum(ANY[1], 0.5 * on_floor)) ** 2
         finite = np.isfinite(measured)
         inverse = np.where(finite, measured, inverse)
@@ -325,6 +330,20 @@ class KeyframeWindow:
         host, views = np.full(count, last), np.ones(count)
         new = WindowPoints(ids, host, ray, inverse, variance, floor + 0.0, views, at, observed, depths, moves)
         self.points = self.points.joined(new)
+
+    def _expected_inverse_m(self, points: Array) -> Array:
+        """Inverse depths (N,) at which new points, (N, 2) in the last picture, start: before a carried camera, which
+        views without floor may take for their mirror image, that of the nearest one off the floor whose depth is known;
+        else the view's mean."""
+        last, pose, old = len(self.poses) - 1, self.poses[-1], self.points
+        known = old.observed[:, last] & (np.sqrt(old.variance) < KNOWN_SHARE * old.inverse_m)
+        known &= old.floor < 0.5 * old.views
+        if not self._carried or not known.any():
+            return np.full(len(points), self._means_inverse_m[last])
+        mine = old.chosen(known)
+        depth_m = ((self._world(mine)[0] - pose.position_m) @ pose.rotation)[:, 2]
+        nearest = cdist(points, mine.at[:, last]).argmin(axis=1)
+        return 1.0 / np.maximum(depth_m[nearest], 1.0 / NEAREST)
 
     def bridge(self, ids: NDArray[np.int64], now: Array, turn: Array, way: Array) -> LensPose:
         """The pose of a picture far from the last one, by the direction of the motion between both.
@@ -357,9 +376,10 @@ class KeyframeWindow:
         fixed, fixed_rhs = np.zeros((column.count, column.count)), np.zeros(column.count)
         fixed[:size, :size], fixed_rhs[:size] = rows.T @ rows, rows.T @ off
         self._prior_factor(fixed, fixed_rhs)
-        shared = np.concatenate([[prior.information, ANY[1] ** -2], self._levels_information(position)])
-        from_prior = [prior.time_s - self._readout_s, ANY[0] - self._mean_inverse_m, *-self._levels_m[:count]]
-        fixed[size:, size:], fixed_rhs[size:] = np.diag(shared), shared * from_prior
+        levels, means = np.diag(self._levels_information(position)), self._means_information()
+        shared = fixed[size:, size:] = block_diag(prior.information, levels, means)
+        off_levels, off_means = -self._levels_m[:count], ANY[0] - self._means_inverse_m[:count]
+        fixed_rhs[size:] = shared @ np.concatenate([[prior.time_s - self._readout_s], off_levels, off_means])
         fixed[np.diag_indices(column.count)] += 1e-9
         information = fixed
         tracks = Tracks(self.points, count, (self._track_sigma, self._rule.depth_sigma))
@@ -374,8 +394,8 @@ class KeyframeWindow:
             rotation, position = rotation_of(turns) @ rotation, position + shifts
             inverse = np.clip(self.points.inverse_m + depth, FARTHEST, NEAREST)
             self.points = replace(self.points, inverse_m=inverse, variance=1.0 / system.depths)
-            self._mean_inverse_m += float(step[column.mean])
             self._levels_m[:count] += step[column.levels]
+            self._means_inverse_m[:count] += step[column.means]
             self._retime(float(step[column.readout]), tracks)
         self.poses = [LensPose(*pose) for pose in zip(rotation, position, strict=True)]
         wanted = np.eye(column.count)[:, size - 12 : size + 1]  # the last two poses and the readout
@@ -473,9 +493,9 @@ class KeyframeWindow:
         if many:
             products = (by_depth[:, None] @ rows.reshape(-1, parts, size + 1))[:, 0]
             between[tracks.owners, : size + 1] += np.add.reduceat(products, tracks.first, axis=0)
-        loose, mean = np.maximum(ANY[1], 0.5 * on_floor) ** -2, np.maximum(self._mean_inverse_m, on_floor)
-        like_others = np.where(is_floor | (on_floor > self._mean_inverse_m), 0.0, loose)
-        between[:, column.mean] = -like_others
+        loose, of_view = np.maximum(ANY[1], 0.5 * on_floor) ** -2, self._means_inverse_m[host]
+        mean, like_others = np.maximum(of_view, on_floor), np.where(is_floor | (on_floor > of_view), 0.0, loose)
+        between[everyone, column.means[host]] = -like_others
         nearer = (points.measured[everyone, host] - inverse) / rule.depth_sigma
         held = np.nan_to_num(tukey(nearer**2, scale * TUKEY)) / rule.depth_sigma
         depths = height**2 + loose + held / rule.depth_sigma + np.bincount(point, (by_depth**2).sum(axis=1), number)
@@ -484,8 +504,8 @@ class KeyframeWindow:
         poses, right = floor_rows.T @ floor_rows, floor_rows.T @ above
         poses[: size + 1, : size + 1] += rows.T @ rows
         right[: size + 1] += rows.T @ residual.ravel()
-        poses[column.mean, column.mean] = like_others.sum()
-        right[column.mean] = like_others @ (inverse - mean)
+        poses[column.means, column.means] = np.bincount(host, like_others, count)
+        right[column.means] = np.bincount(host, like_others * (inverse - mean), count)
         return System(poses, right, depths, depths_right, between)
 
     def _levels_information(self, position: Array) -> Array:
@@ -494,6 +514,15 @@ class KeyframeWindow:
         sigma = self._rule.roughness * np.maximum(position[:, 2], LEAST_HEIGHT_M)
         level = np.abs(self._levels_m[: len(position)])
         return 1.0 / (sigma * np.maximum(sigma, level / HUBER))
+
+    def _means_information(self) -> Array:
+        """Information (S, S) of the mean inverse depth of what each pose shows, m^2: as alike as the points that one
+        pose shares with the pose before are many of its own (a Markov chain)."""
+        seen = self.points.observed[:, : len(self.poses)]
+        alike = (seen[:, 1:] & seen[:, :-1]).sum(axis=0) / (seen[:, 1:].sum(axis=0) + 1.0)
+        rows = np.eye(len(self.poses)) - np.diag(alike, -1)
+        rows[1:] /= np.sqrt(1.0 - alike**2)[:, None]
+        return rows.T @ rows / ANY[1] ** 2
 
     def _prior_factor(self, information: Array, right: Array) -> None:
         """Adds the prior of the first poses in the window, from the marginalised ones."""
@@ -554,7 +583,7 @@ class KeyframeWindow:
         tracks = Tracks(points, len(rotation), (self._track_sigma, self._rule.depth_sigma))
         information, right = self._system(tracks, points, rotation, position, 1.0).reduced()
         size = 6 * len(rotation)
-        kept = [*range(size), Columns(len(rotation)).levels[0]]  # as if the readout and the mean depth were known
+        kept = [*range(size), Columns(len(rotation)).levels[0]]  # as if the readout and the mean depths were known
         information, right = information[np.ix_(kept, kept)], right[kept]
         rows, off = FactorRows(self._factors, self._lever_m).rows(rotation, position, np.array([0]), np.array([1]))
         information[:size, :size] += rows.T @ rows
@@ -571,6 +600,7 @@ class KeyframeWindow:
         """Removes one pose from all arrays."""
         del self.poses[index], self._factors[index]
         self._levels_m = np.append(np.delete(self._levels_m, index), 0.0)
+        self._means_inverse_m = np.append(np.delete(self._means_inverse_m, index), ANY[0])
         for name in ("at", "observed", "measured", "late"):
             array = getattr(self.points, name)
             array[:, index:-1] = array[:, index + 1 :].copy()

@@ -86,7 +86,7 @@ def test_motion_pitch_and_roll_are_found_from_a_mount_that_is_two_degrees_off():
 def test_edges_of_the_room_show_the_tilt_of_a_camera_eight_degrees_off_its_mount():
     poses = walk(30, pitch_deg=28.0)
     for edges_rad, low_deg, high_deg in ((math.radians(0.7), 0.0, 1.2), (None, 1.8, 10.0)):
-        window = followed(poses, np.random.default_rng(0), edges_rad=edges_rad, walls=True)
+        window = followed(poses, np.random.default_rng(2), edges_rad=edges_rad, walls=True)
         off_rad = np.linalg.norm(np.cross(window.poses[-1].rotation[2], poses[-1].rotation[2]))
         assert low_deg < math.degrees(off_rad) < high_deg
         assert off_rad < 3.0 * math.sqrt(np.trace(window.covariance()[6:8, 6:8]) / 2.0)
@@ -145,6 +145,42 @@ def test_many_new_points_know_no_more_of_the_size_of_a_room_than_one():
         floor = np.where(on_floor, 0.9, 0.1)
         _, travelled_m = followed_from_the_mount(10, points, floor, np.random.default_rng(seed))
         assert travelled_m == pytest.approx(0.06 * 9, rel=0.03)
+
+
+def before_walls(shown, carried):
+    """Depths of points (160,) in a window after steps aside before a wall 1 m away at the left (64 points), one 4 m
+    away at the right (64), whose depths are measured, and 32 other points on both, whose depths are not. shown: ids of
+    each picture."""
+    rng, level = np.random.default_rng(0), Mount.from_degrees(HEIGHT_M, 0.0)
+    depth_m = np.repeat([1.0, 4.0, 1.0, 4.0], [64, 64, 16, 16])
+    across = rng.uniform(0.1, 0.5, 160) * np.where(depth_m == 1.0, 1.0, -1.0)
+    points = np.column_stack([depth_m, depth_m * across, rng.uniform(1.2, 1.8, 160)])
+    window = KeyframeWindow(WindowRule(), FOCAL_PX, level, 12.0)
+    factors = PoseFactors(up_optical(0.0, 0.0), 0.002, HEIGHT_M, 0.01, 0.005, np.eye(3))
+    for index, ids in enumerate(shown):
+        pose = LensPose(level.rotation_base_optical(), np.array([0.0, -0.01 * index, HEIGHT_M]))
+        local = ((points - pose.position_m) @ pose.rotation)[ids]
+        measured = np.where(ids < 128, 1.0 / local[:, 2], np.nan)
+        window.step(pose, factors, ids, local[:, :2] / local[:, 2:], np.zeros(len(ids)), measured, carried=carried)
+    return window.local(np.arange(160), window.poses[-1])[:, 2]
+
+
+def test_a_new_point_before_a_carried_camera_starts_at_the_depth_of_its_neighbour():
+    shown = [np.arange(128)] * 5 + [np.arange(160)]
+    depth_m = before_walls(shown, carried=True)
+    np.testing.assert_allclose(depth_m[128:], np.repeat([1.0, 4.0], 16), rtol=0.1)
+    assert np.ptp(before_walls(shown, carried=False)[128:]) < 1e-9  # a robot's: the view's mean
+
+
+def test_what_a_view_shows_need_not_be_as_near_as_what_has_left_it():
+    """The near wall stays in view, or leaves it two pictures before the last."""
+    near, others = np.arange(64), np.arange(128, 160)
+    stays = before_walls(
+        [near] * 6 + [np.concatenate([near, others[:16]])] * 2 + [np.concatenate([near, others])], False
+    )
+    leaves = before_walls([near] * 6 + [others[:16]] * 2 + [others], False)
+    assert stays[144] < 1.6
+    assert leaves[144] > 2.0
 
 
 def test_a_table_that_the_mask_takes_for_floor_has_a_level_of_its_own():

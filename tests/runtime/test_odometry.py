@@ -65,7 +65,7 @@ def test_the_window_follows_a_robot_that_moves_sideways_by_itself():
     """Much floor in view outweighs that most robots cannot."""
     frames, poses = drive([SE2(0.04)] * 55 + [SE2(0.0, 0.03, 0.0)] * 20)
     off = off_after(frames, poses)
-    assert math.hypot(off.x_m, off.y_m) < 0.05
+    assert math.hypot(off.x_m, off.y_m) < 0.06
     assert abs(off.yaw_rad) < 0.02
 
 

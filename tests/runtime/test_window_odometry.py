@@ -15,12 +15,13 @@ from edgemap.geometry.camera.attitude import Attitude, TrackedRotation
 from edgemap.geometry.camera.floor import FloorCamera
 from edgemap.geometry.camera.level import up_optical
 from edgemap.geometry.camera.mount import Mount, Platform
+from edgemap.geometry.observations.floor_mask import FloorMask
 from edgemap.geometry.se2 import SE2
 from edgemap.runtime.frames.camera import CameraInfo
 from edgemap.runtime.frames.frame import Frame
 from edgemap.runtime.motion.attitude.estimator import EstimatedAttitude
 from edgemap.runtime.motion.odometry import OdometryRules, hybrid_sources
-from edgemap.runtime.motion.odometry.corners import spread
+from edgemap.runtime.motion.odometry.corners import CornersRule, CornerTracker, spread
 from edgemap.runtime.motion.odometry.protocol import FramePrior, Motion
 from edgemap.runtime.motion.odometry.window import WindowOdometry
 from edgemap.runtime.step.pipeline import attitude_after
@@ -156,6 +157,19 @@ def test_a_camera_that_begins_to_sway_counts_as_carried():
     assert sorted(used) == used
     assert not any(motion.blind for motion in motions)
     assert total(motions).x_m == pytest.approx(poses[-1].x_m, abs=0.08)
+
+
+@pytest.mark.parametrize("floor", [0.0, 0.5])
+def test_corners_that_no_floor_gives_are_sought_elsewhere(floor):
+    rng, rule = np.random.default_rng(0), CornersRule()
+    tracker = CornerTracker(CAMERA, rule)
+    noise = rng.integers(0, 255, (240, 320, 3), dtype=np.uint8)
+    tracker.take(Frame(0, 0.0, noise), np.zeros((0, 4)), math.inf)
+    seen = np.repeat([[0.0], [1.0]], [round(60 * (1 - floor)), round(60 * floor)], axis=0).repeat(80, axis=1)
+    tracker.mark_floor(CAMERA, FloorMask(seen.astype(np.float32), 320, 240))
+    tracker.seek(0.0, False)
+    assert len(tracker.corners) == rule.corners
+    assert (tracker.tracks()[2] >= 0.5).sum() == (floor > 0.0) * round(rule.floor_share * rule.corners)
 
 
 @given(st.integers(0, 10**6), st.integers(1, 60), st.integers(0, 20))

@@ -211,9 +211,10 @@ class CornerTracker:
         )
 
     def seek(self, more: float, scattered: bool) -> None:
-        """Replaces missing corners separately on the floor and elsewhere: a wall's contrast must not hide the floor.
-        more: share of `CornersRule.corners` that is sought in addition. scattered: they are spread over the picture, as
-        one piece of furniture must not hide the room; else the strongest are taken, which large motions need."""
+        """Replaces missing corners, first on the floor: a wall's contrast must not hide it. Elsewhere as many as are
+        still missing. more: share of `CornersRule.corners` that is sought in addition. scattered: they are spread over
+        the picture, as one piece of furniture must not hide the room; else the strongest are taken, which large motions
+        need."""
         count = round((1.0 + more) * self._rule.corners)
         if self._picture is None or count - len(self.corners) < count // FEW:
             return
@@ -221,12 +222,12 @@ class CornerTracker:
         free = np.full(grey.shape, 255, dtype=np.uint8)
         for corner in self.corners.astype(np.intp).tolist():
             cv2.circle(free, corner, self._rule.apart_px, 0, -1)
-        floors = int(self._on_floor(self.corners).sum())
-        for mask, have, share in (
-            (free & self._mask, floors, self._rule.floor_share),
-            (free & ~self._mask, len(self.corners) - floors, 1.0 - self._rule.floor_share),
+        elsewhere = len(self.corners) - int(self._on_floor(self.corners).sum())
+        for mask, most in (
+            (free & self._mask, round(self._rule.floor_share * count) + elsewhere),
+            (free & ~self._mask, count),
         ):
-            wanted = round(share * count) - have
+            wanted = most - len(self.corners)
             lines = np.flatnonzero(mask.any(axis=1))
             if wanted <= 0 or not len(lines):
                 continue
