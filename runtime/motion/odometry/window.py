@@ -48,7 +48,6 @@ class PicturesRule:
     # Factor on the covariance of a motion whose scale is not measured by depth: its errors last.
     covariance_scale: float = 8.0
     least_weight: float = 8.0  # minimum total weight of the tracks that agree
-    sure_weight: float = 16.0  # below it other motions are tried
     # Standard deviation of the lens's height about the mount's, as a share of it; from picture to picture half as much.
     height_share: tuple[float, float] = (0.004, 0.025)
     attitude_pictures: float = 10.0  # number of pictures for which an error of a measured attitude lasts
@@ -145,7 +144,7 @@ class WindowOdometry:
             self._motion = SE2()
         start = self._expected_pose(gyro)
         pose, weight = self._track(start, gyro is None, factors)
-        if surprised := weight < self._rule.sure_weight:
+        if surprised := weight < self._rule.least_weight:
             pose, weight = self._surprised(pose, weight, factors)
         self._tracker.seek(self._by_tracks_alone(), self._detail())
         if weight < self._rule.least_weight:
@@ -176,7 +175,7 @@ class WindowOdometry:
     def _surprised(self, pose: LensPose, weight: float, factors: PoseFactors) -> tuple[LensPose, float]:
         """The pose of a picture that does not agree with the expected motion, and the weight of its tracks: the camera
         has stopped, or a light was switched, or pictures were lost while it drove on, and descriptors find corners."""
-        tracker, last, sure = self._tracker, self._graph.poses[-1], self._rule.sure_weight
+        tracker, last, least = self._tracker, self._graph.poses[-1], self._rule.least_weight
         expected = tracker.corners, tracker.ids
         tracker.follow_again(self._detail())
         rested, by_rest = self._resected(last, factors)
@@ -185,7 +184,7 @@ class WindowOdometry:
         else:
             tracker.corners, tracker.ids = expected
         one = len(self._graph.poses) == 1  # after one surprise follows another, as of noise
-        if weight >= sure or one or (found := tracker.find_again()) is None:
+        if weight >= least or one or (found := tracker.find_again()) is None:
             return pose, weight
         still = np.zeros_like(found.points)
         self._graph.add(found.ids, found.points, found.floor, self._unit_m / found.depth_m, still)
