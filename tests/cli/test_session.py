@@ -194,7 +194,7 @@ def test_pushed_pictures_make_the_map_of_the_same_frames(painted_bundle, stamped
     assert poses == [result.pose_map_base for result in results]
     places = [[(item.id, *item.position_m) for item in one.map] for one in (pushed, session)]
     assert places[0] == places[1]
-    assert [item.id for item in session.map] == ["chair-1"]
+    assert [item.label for item in session.map] == ["chair"]
 
 
 def test_pushed_wheels_move_the_robot(painted_bundle):
