@@ -88,6 +88,16 @@ class WindowPoints:
     def __len__(self) -> int:
         return len(self.ids)
 
+    @property
+    def on_floor(self) -> Mask:
+        """Those that the floor masks of most of their pictures show on the floor, (N,)."""
+        return self.floor >= 0.5 * self.views
+
+    @property
+    def known(self) -> Mask:
+        """Those whose inverse depth is known to `KNOWN_SHARE` of it, (N,)."""
+        return np.sqrt(self.variance) < KNOWN_SHARE * self.inverse_m
+
     def chosen(self, which: Mask) -> Self:
         """The points at which the mask (N,) is set."""
         return type(self)(*(getattr(self, f.name)[which] for f in fields(self)))
@@ -260,8 +270,7 @@ class KeyframeWindow:
         rows = rows_of(ids, self.points.ids)
         local = np.full((len(ids), 3), np.nan)
         if len(self.points):
-            every = (self._world(self.points)[0] - pose.position_m) @ pose.rotation
-            local[rows >= 0] = every[rows[rows >= 0]]
+            local[rows >= 0] = self._local(self.points, pose)[rows[rows >= 0]]
         return local
 
     def resected(
@@ -301,6 +310,10 @@ class KeyframeWindow:
         along = np.einsum("nij,nj->ni", rotation, points.ray)
         return position + along / points.inverse_m[:, None], along
 
+    def _local(self, points: WindowPoints, pose: LensPose) -> Array:
+        """Points (N, 3) in a lens's optical axes."""
+        return (self._world(points)[0] - pose.position_m) @ pose.rotation
+
     def begin_again(self, ids: NDArray[np.int64], points: Array, late: Array) -> None:
         """The points that only the last picture shows start again, as their motion since shows when their rows were
         exposed. points (N, 2): of these tracks in that picture."""
@@ -335,13 +348,11 @@ class KeyframeWindow:
         """Inverse depths (N,) at which new points, (N, 2) in the last picture, start: before a carried camera, which
         views without floor may take for their mirror image, that of the nearest one off the floor whose depth is known;
         else the view's mean."""
-        last, pose, old = len(self.poses) - 1, self.poses[-1], self.points
-        known = old.observed[:, last] & (np.sqrt(old.variance) < KNOWN_SHARE * old.inverse_m)
-        known &= old.floor < 0.5 * old.views
-        if not self._carried or not known.any():
+        last, old = len(self.poses) - 1, self.points
+        mine = old.chosen(self._carried & old.observed[:, last] & old.known & ~old.on_floor)
+        if not len(mine):
             return np.full(len(points), self._means_inverse_m[last])
-        mine = old.chosen(known)
-        depth_m = ((self._world(mine)[0] - pose.position_m) @ pose.rotation)[:, 2]
+        depth_m = self._local(mine, self.poses[last])[:, 2]
         nearest = cdist(points, mine.at[:, last]).argmin(axis=1)
         return 1.0 / np.maximum(depth_m[nearest], 1.0 / NEAREST)
 
@@ -354,10 +365,10 @@ class KeyframeWindow:
         """
         last, rows = self.poses[-1], rows_of(self.points.ids, ids)
         mine, seen = rows >= 0, np.column_stack([now, np.ones(len(now))])[rows[rows >= 0]]
-        local_m = (self._world(self.points.chosen(mine))[0] - last.position_m) @ last.rotation
+        local_m = self._local(self.points.chosen(mine), last)
         depth_m = local_m[:, 2]
         by_depth, by_length = _cross(seen, local_m / depth_m[:, None] @ turn.T), _cross(seen, way)
-        known = np.sqrt(self.points.variance[mine]) < KNOWN_SHARE * self.points.inverse_m[mine]
+        known = self.points.known[mine]
         lengths = -(depth_m[:, None] * by_depth * by_length).sum(axis=1) / (by_length**2).sum(axis=1)
         length_m = max(float(np.median(lengths[known])), 0.0) if known.any() else 0.0
         if length_m > 0.0:
@@ -472,7 +483,7 @@ class KeyframeWindow:
         by[..., :3], by[..., 3:] = -_cross(by_away, ray_of[:, None]), shifted
         pair[indices, :, tracks.host] = by
         # A point on the floor has its host's level: lens height above it times inverse depth, plus the ray's slope.
-        is_floor = (points.floor >= 0.5 * points.views) & (ray[:, 2] < 0.0)
+        is_floor = points.on_floor & (ray[:, 2] < 0.0)
         on_floor = np.maximum(-ray[:, 2] / position[host, 2], 1e-3)
         sigma = rule.roughness * position[host, 2] * on_floor
         above = -(inverse * (position[host, 2] - self._levels_m[host]) + ray[:, 2])
@@ -570,8 +581,7 @@ class KeyframeWindow:
         dropped."""
         points, mine = self.points, self.points.host == old
         here = mine & points.observed[:, new]
-        world, _ = self._world(points.chosen(here))
-        depth = ((world - self.poses[new].position_m) @ self.poses[new].rotation)[:, 2]
+        depth = self._local(points.chosen(here), self.poses[new])[:, 2]
         points.inverse_m[here] = np.clip(1.0 / np.maximum(depth, 0.05), FARTHEST, NEAREST)
         points.ray[here] = np.column_stack([points.at[here, new], np.ones(here.sum())])
         points.host[here], points.observed[here, :new] = new, False
