@@ -4,7 +4,8 @@ rolling shutter.
 Optical axes are those of a camera (z ahead); the world has the floor at z = 0 and z up. A pose is perturbed by a
 rotation from the left and a displacement, both in world axes: six numbers. A point lies on a ray of its host, the first
 keyframe that observed it, at an inverse depth, which pictures with depth measure at each pose. Poses that leave the
-window are marginalised (Schur complement).
+window are marginalised (Schur complement). A track is followed from picture to picture, so its error is a random walk:
+what counts is how far it has moved since the pose that observed it before.
 """
 
 import math
@@ -25,15 +26,16 @@ from edgemap.geometry.errors import GeometryError
 from edgemap.geometry.odometry.readout import Readout
 from edgemap.geometry.odometry.resection import DepthLandmarks, LensPose, resect, rotation_vector
 from edgemap.geometry.odometry.window_factors import FactorRows, PoseFactors
-from edgemap.geometry.robust import CLEAR_SIGMAS, HUBER, TUKEY, tukey, tukey_root
+from edgemap.geometry.robust import ANNEALING, CLEAR_SIGMAS, HUBER, TUKEY, tukey, tukey_root
 from edgemap.geometry.se2 import SE2
 
 Mask = NDArray[np.bool_]
 Indices = NDArray[np.intp]
 
-# Rounds of Gauss and Newton of a carried camera, of one with measured depths and of a robot after a new keyframe, and
-# of a robot otherwise.
-CARRIED_ROUNDS, FEWER_ROUNDS, LEAST_ROUNDS = 4, 2, 1
+# Factors on the gates in rounds of Gauss and Newton: of a carried camera, of one with measured depths and of a robot
+# after a new keyframe, and of a robot otherwise.
+CARRIED_ROUNDS, FEWER_ROUNDS, LEAST_ROUNDS = ANNEALING[:4], (1.0, 1.0), (1.0,)
+RAYLEIGH = math.sqrt(2.0 * math.log(2.0))  # median length of a normal error in a plane, in standard deviations
 NEAREST, FARTHEST = 20.0, 1e-4  # inverse depths, 1/m
 LEAST_HEIGHT_M = 1e-3  # of a lens, from which the floor's roughness follows
 ORIGIN = np.array([1e-6, 1e-6, 1e6, 1e8, 1e8, 1e-6])  # information that fixes heading and place of the first pose
@@ -50,7 +52,10 @@ class WindowRule:
     """Size and weights of the window."""
 
     keyframes: int = 8  # in the window
-    gate_px: float = 2.5  # distance beyond which a track has no weight
+    gate_px: float = 2.5  # from where a point is expected, beyond which its track has no weight in a first pose
+    # Least standard deviation of a track's error from one picture to the next; of fast and blurred pictures it is
+    # larger, as their own tracks show.
+    track_px: float = 0.1
     shared: float = 0.6  # a picture becomes a keyframe where a smaller share of the last one's tracks is left
     roughness: float = 0.009  # of the floor, share of the lens's height
     # Standard deviation of an inverse depth that a depth camera measures, 1/m; it measures a disparity, whose error is
@@ -108,26 +113,49 @@ class WindowPoints:
 
 
 class Tracks:
-    """The observations of points from other poses than their hosts, sorted by points.
+    """The observations of points from other poses than their hosts, sorted by points and then by poses.
 
     at (M, K): normalised image points and, where any is measured, inverse depths (K is 3, else 2). weight (M, K):
-    inverse standard deviations, 0 of a depth that was not measured. late (M, 2): as of the points.
+    inverse standard deviations of the steps, 0 of a depth that was not measured. late (M, 2): as of the points.
+    follows (M,): the row before is the same point's; the others follow their hosts.
     """
 
-    def __init__(self, points: WindowPoints, count: int, sigmas: tuple[float, float]) -> None:
-        tracked = points.observed[:, :count].copy()
+    def __init__(self, points: WindowPoints, pictures: Sequence[int], sigmas: tuple[float, float]) -> None:
+        """pictures: number of each pose's picture. sigmas: of a track from picture to picture, of a depth."""
+        tracked = points.observed[:, : len(pictures)].copy()
         tracked[np.arange(len(points)), points.host] = False
         self.point, self.slot = np.nonzero(tracked)
         self.host, at = points.host[self.point], points.at[self.point, self.slot]
+        self.follows = np.diff(self.point, prepend=-1) == 0
+        self.first = np.flatnonzero(~self.follows)
+        self.owners = self.point[self.first]
+        before = np.where(self.follows, np.roll(self.slot, 1), self.host)
         track, depth_sigma = sigmas
-        weight, measured = np.full(at.shape, 1.0 / track), points.measured[self.point, self.slot]
+        number = np.array(pictures)
+        weight = (1.0 / (track * np.sqrt(number[self.slot] - number[before])))[:, None].repeat(2, axis=1)
+        measured = points.measured[self.point, self.slot]
         finite = np.isfinite(measured)
         if finite.any():
             at = np.column_stack([at, np.where(finite, measured, 0.0)])
             weight = np.column_stack([weight, finite / depth_sigma])
         self.at, self.weight, self.late = at, weight, points.late[self.point, self.slot]
-        self.first = np.flatnonzero(np.diff(self.point, prepend=-1))
-        self.owners = self.point[self.first]
+
+    def steps(self, values: Array) -> Array:
+        """Values (M, K, ...), those of image points less what they were in the observation before."""
+        steps, follows = values.copy(), self.follows
+        steps[follows, :2] -= values[:-1, :2][follows[1:]]
+        return steps
+
+    def scatter(self, lengths: Array, which: Mask, poses: int) -> Array:
+        """Standard deviations (M,) of each track's picture, by the median length of its steps; which (M,): that count;
+        lengths (M,): normalised. At least 1."""
+        slot = np.where(which, self.slot, poses)
+        order = np.lexsort((lengths, slot))
+        first = np.searchsorted(slot[order], np.arange(poses + 1))
+        some = first[1:] > first[:-1]
+        median = np.zeros(poses)
+        median[some] = lengths[order][(first[:-1] + first[1:])[some] // 2]
+        return np.maximum(median / RAYLEIGH, 1.0)[self.slot]
 
 
 class Columns:
@@ -174,11 +202,12 @@ class KeyframeWindow:
         self._reverse = SE2(-mount.forward_m, -mount.left_m, 0.0)
         self.move_axle(0.0)
         self._slots = rule.keyframes + 1
-        self._track_sigma = self._parallax = 1.0 / focal_px
+        self._sigmas, self._parallax = (rule.track_px / focal_px, rule.depth_sigma), 1.0 / focal_px
         self._carried, self.readout = True, readout or Readout()
         self._readout_s = self.readout.time_s  # that the points are corrected by
         self._levels_m, self._means_inverse_m = np.zeros(self._slots), np.full(self._slots, ANY[0])  # as of `Columns`
         self.poses: list[LensPose] = []
+        self._picture, self._pictures = 0, list[int]()  # number of the newest picture, and of each pose's
         self._factors: list[PoseFactors] = []
         self._prior: tuple[Array, Array, list[LensPose]] = np.zeros((0, 0)), np.zeros(0), []
         self._covariance = np.zeros((0, 0))
@@ -198,7 +227,6 @@ class KeyframeWindow:
         floor: Array,
         measured: Array | None = None,
         late: Array | None = None,
-        track_px: float = 1.0,
         parallax_px: float = 15.0,
         carried: bool = True,
     ) -> None:
@@ -206,12 +234,12 @@ class KeyframeWindow:
 
         start: its pose, by `resected`. ids (N,), points (N, 2), floor (N,): tracks, their normalised image points, and
         the probability that each lies on the floor. measured (N,): their inverse depths, NaN where none was measured.
-        track_px: standard deviation of a track. parallax_px: the picture before becomes a keyframe where the tracks
-        have moved by so much since the last one, the rotation aside. carried: the camera swings: more rounds.
+        parallax_px: the picture before becomes a keyframe where the tracks have moved by so much since the last one,
+        the rotation aside. carried: the camera swings: more rounds, wide gates at first.
         """
         measured = np.full(len(ids), np.nan) if measured is None else measured
         late = np.zeros((len(ids), 2)) if late is None else late
-        first, self._track_sigma = not self.poses, track_px / self._focal_px
+        first = not self.poses
         self._parallax, self._carried = parallax_px / self._focal_px, carried
         if first:
             self._prior = np.diag(ORIGIN), np.zeros(6), [start]
@@ -219,6 +247,8 @@ class KeyframeWindow:
             self._make_room()
             self._means_inverse_m[len(self.poses)] = self._means_inverse_m[len(self.poses) - 1]
         self.poses, self._factors = [*self.poses, start], [*self._factors, factors]
+        self._picture += 1
+        self._pictures.append(self._picture)
         rows = rows_of(self.points.ids, ids)
         hit, last = rows >= 0, len(self.poses) - 1
         self.points.observed[:, last] = hit
@@ -393,9 +423,9 @@ class KeyframeWindow:
         fixed_rhs[size:] = shared @ np.concatenate([[prior.time_s - self._readout_s], off_levels, off_means])
         fixed[np.diag_indices(column.count)] += 1e-9
         information = fixed
-        tracks = Tracks(self.points, count, (self._track_sigma, self._rule.depth_sigma))
-        for round_ in range(self._rounds(measured=tracks.at.shape[1] == 3)):
-            system = self._system(tracks, self.points, rotation, position, 1.5 if round_ == 0 else 1.0)
+        tracks = Tracks(self.points, self._pictures, self._sigmas)
+        for scale in self._rounds(measured=tracks.at.shape[1] == 3):
+            system = self._system(tracks, self.points, rotation, position, scale)
             information, right = system.reduced()
             information += fixed
             step = np.asarray(np.linalg.solve(information, right + fixed_rhs), dtype=np.float64)
@@ -424,7 +454,7 @@ class KeyframeWindow:
         points.ray[:, :2] -= longer_s * points.late[everyone, points.host]
         tracks.at[:, :2] -= longer_s * tracks.late
 
-    def _rounds(self, measured: bool) -> int:
+    def _rounds(self, measured: bool) -> Sequence[float]:
         if self._carried:
             return FEWER_ROUNDS if measured else CARRIED_ROUNDS
         return FEWER_ROUNDS if self._grown else LEAST_ROUNDS
@@ -441,7 +471,6 @@ class KeyframeWindow:
     def _system(self, tracks: "Tracks", points: WindowPoints, rotation: Array, position: Array, scale: float) -> System:
         """Normal equations of tracks, measured depths and points on the floor. scale: factor on the gates."""
         rule, count, number = self._rule, len(rotation), len(points)
-        gate = scale * rule.gate_px / (self._track_sigma * self._focal_px)
         host, inverse, everyone = points.host, points.inverse_m, np.arange(number)
         point, slot = tracks.point, tracks.slot
         size, column = 6 * count, Columns(count)
@@ -455,33 +484,37 @@ class KeyframeWindow:
         depth = np.where(ahead, local[:, 2], 1.0)
         parts = tracks.at.shape[1]
         predicted = np.column_stack([local[:, :2], inverse[point]])[:, :parts] / depth[:, None]
-        residual = (tracks.at - predicted) * tracks.weight
-        distance2 = (residual[:, :2] ** 2).sum(axis=1)
-        root = np.where(ahead, tukey_root(distance2, gate), 0.0)[:, None].repeat(parts, axis=1)
+        # What a track has moved by since the observation before, as both poses show it.
+        visible = ahead & np.where(tracks.follows, np.roll(ahead, 1), True)
+        residual, weight = tracks.steps(tracks.at - predicted) * tracks.weight, tracks.weight.copy()
+        larger = tracks.scatter(np.hypot(residual[:, 0], residual[:, 1]), visible, count)[:, None]
+        residual[:, :2] /= larger
+        weight[:, :2] /= larger
+        root = tukey_root((residual[:, :2] ** 2).sum(axis=1), scale * TUKEY) * visible
+        root = root[:, None].repeat(parts, axis=1)
         root[:, 2:] *= tukey_root(residual[:, 2:] ** 2, scale * TUKEY)
         residual *= root
-        # Derivative of the image point and of the inverse depth by the direction in world axes.
-        root *= tracks.weight / depth[:, None]
-        by_late = np.zeros_like(residual)
-        by_late[:, :2] = root[:, :2] * depth[:, None] * tracks.late
+        root *= weight
+        # Derivatives of the image point and of the inverse depth by the direction in world axes, and by the others.
         by_away = -predicted[..., None] * axes[:, 2:]
         by_away[:, :2] += axes[:, :2]
-        by_away *= root[..., None]
+        by_away /= depth[:, None, None]
         shifted = inverse[point, None, None] * by_away
         by_depth = (by_away @ base[:, :, None])[..., 0]
-        by_depth[:, 2:] += root[:, 2:]
+        by_depth[:, 2:] += 1.0 / depth[:, None]
         hosted = (rotation[host, :, :2] @ points.late[everyone, host][:, :, None])[..., 0]
-        by_late -= (by_away @ hosted[point, :, None])[..., 0]
-        # One row for each coordinate of a track, and one for each point's height.
-        many = parts * len(point)
-        rows, floor_rows = np.zeros((many, count, 6)), np.zeros((number, column.count))
-        pair = rows.reshape(-1, parts, count, 6)
-        indices = np.arange(len(point))
+        by_late = -(by_away @ hosted[point, :, None])[..., 0]
+        by_late[:, :2] += tracks.late
+        by_late, by_depth = tracks.steps(by_late) * root, tracks.steps(by_depth) * root
+        pair, indices = np.zeros((len(point), parts, count, 6)), np.arange(len(point))
         by = np.empty((len(point), parts, 6))
         by[..., :3], by[..., 3:] = _cross(by_away, away[:, None]), -shifted
         pair[indices, :, slot] = by
         by[..., :3], by[..., 3:] = -_cross(by_away, ray_of[:, None]), shifted
         pair[indices, :, tracks.host] = by
+        # One row for each coordinate of a track, and one for each point's height.
+        many = parts * len(point)
+        rows, floor_rows = tracks.steps(pair) * root[..., None, None], np.zeros((number, column.count))
         # A point on the floor has its host's level: lens height above it times inverse depth, plus the ray's slope.
         is_floor = points.on_floor & (ray[:, 2] < 0.0)
         on_floor = np.maximum(-ray[:, 2] / position[host, 2], 1e-3)
@@ -590,7 +623,7 @@ class KeyframeWindow:
     def _marginalise(self) -> None:
         """The oldest keyframe, and the points that it hosts, become a prior on the other poses."""
         points, (rotation, position) = self.points.chosen(self.points.host == 0), self._arrays()
-        tracks = Tracks(points, len(rotation), (self._track_sigma, self._rule.depth_sigma))
+        tracks = Tracks(points, self._pictures, self._sigmas)
         information, right = self._system(tracks, points, rotation, position, 1.0).reduced()
         size = 6 * len(rotation)
         kept = [*range(size), Columns(len(rotation)).levels[0]]  # as if the readout and the mean depths were known
@@ -608,7 +641,7 @@ class KeyframeWindow:
 
     def _remove(self, index: int) -> None:
         """Removes one pose from all arrays."""
-        del self.poses[index], self._factors[index]
+        del self.poses[index], self._factors[index], self._pictures[index]
         self._levels_m = np.append(np.delete(self._levels_m, index), 0.0)
         self._means_inverse_m = np.append(np.delete(self._means_inverse_m, index), ANY[0])
         for name in ("at", "observed", "measured", "late"):

@@ -40,13 +40,10 @@ class PicturesRule:
     corners: CornersRule = field(default_factory=CornersRule)
     window: WindowRule = field(default_factory=WindowRule)
     carried: CarriedRule = field(default_factory=CarriedRule)  # for a carried camera, and for one on wheels
-    # Standard deviation of a track at the working width; larger than a track's error in one picture, because such
-    # errors last. Measured depths hold a carried camera as its mount holds a robot: it is then as small.
-    track_px: tuple[float, float] = (0.5, 1.0)
     # A picture becomes a keyframe where the tracks have moved by this much since the last one, the rotation aside.
     parallax_px: tuple[float, float] = (8.0, 15.0)
     # Factor on the covariance of a motion whose scale is not measured by depth: its errors last.
-    covariance_scale: float = 8.0
+    covariance_scale: float = 16.0
     least_weight: float = 8.0  # minimum total weight of the tracks that agree
     # Standard deviation of the lens's height about the mount's, as a share of it; from picture to picture half as much.
     height_share: tuple[float, float] = (0.004, 0.025)
@@ -149,8 +146,8 @@ class WindowOdometry:
         self._tracker.seek(self._by_tracks_alone(), self._detail())
         if weight < self._rule.least_weight:
             return self._started_again(frame, start, factors)
-        pair = self._held(self._rule.track_px, self._by_tracks_alone()), self._held(self._rule.parallax_px)
-        self._graph.step(pose, factors, *self._tracks(), *pair, surprised or self.judged.carried)
+        parallax_px, carried = self._held(self._rule.parallax_px), surprised or self.judged.carried
+        self._graph.step(pose, factors, *self._tracks(), parallax_px, carried)
         self.readout = self._graph.readout
         step = self._by_window()
         if not step.checked(self.name).measured:  # no track ties the picture to those before
@@ -220,7 +217,11 @@ class WindowOdometry:
 
     def _covariance(self) -> Array:
         """Of the window's last two poses, (12, 12)."""
-        return self._rule.covariance_scale ** self._graph.unmeasured() * self._graph.covariance()
+        return self._lasting() * self._graph.covariance()
+
+    def _lasting(self) -> float:
+        """Factor on the covariance of a motion, as errors of its scale last; not on what a single motion shows."""
+        return self._rule.covariance_scale ** self._graph.unmeasured()
 
     def _measured(self, step: Motion, stamp_s: float, dt_s: float | None, gyro: bool) -> Motion:
         """The motion up to the last picture, and what it shows of the camera. dt_s: between both pictures; None over a
@@ -230,7 +231,7 @@ class WindowOdometry:
         self._coasting.saw(motion, stamp_s, total)
         self._since, self._since_covariance, self._skipped = SE2(), np.zeros((3, 3)), False
         self._base, self._motion = self._graph.base(pose), motion
-        self._roll(motion, total)
+        self._roll(motion, total / self._lasting())
         if dt_s is not None:
             nod = pose.rotation[2] - before.rotation[2]
             self._swing(float(nod @ nod) / 2.0, motion, dt_s, gyro)
@@ -304,10 +305,10 @@ class WindowOdometry:
         """`Carried.share` times the share of the corners whose depths are not measured."""
         return self.judged.share * self._graph.unmeasured()
 
-    def _held(self, pair: tuple[float, float], share: float | None = None) -> float:
-        """A value between a robot's and a carried camera's. share: of the latter; by default `Carried.share`."""
+    def _held(self, pair: tuple[float, float]) -> float:
+        """A value between a robot's and a carried camera's, by `Carried.share`."""
         robot, carried = pair
-        return robot * (carried / robot) ** (self.judged.share if share is None else share)
+        return robot * (carried / robot) ** self.judged.share
 
     def _camera_pose(self) -> LensPose:
         """The pose of the camera on its mount, above the origin."""
