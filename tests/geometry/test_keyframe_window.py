@@ -38,22 +38,25 @@ def walk(pictures, nod_deg=3.0, pitch_deg=20.0):
 
 def followed(
     poses, rng, noise_px=0.3, wrong=0.0, gyro_rad=math.inf, rule=None, up_deg=10.0, height_m=HEIGHT_M,
-    false_depths=None, edges_rad=None, walls=False,
+    false_depths=None, edges_rad=None, walls=False, adds_up=False,
 ):  # fmt: skip
-    """A window after these poses. wrong: share of the points off the floor that the mask takes for floor. height_m: as
-    given. false_depths: share of the points whose measured depths are wrong; None: no depth is measured. edges_rad:
-    standard deviation of up by edges of every third picture. walls: no point is on the floor."""
+    """A window after these poses. noise_px: of tracks, in all pictures or in each; adds_up: from one to the next. wrong:
+    share of the points off the floor that the mask takes for floor. height_m: as given. false_depths: share of the
+    points whose measured depths are wrong; None: no depth is measured. edges_rad: standard deviation of up by edges of
+    every third picture. walls: no point is on the floor."""
     points, on_floor = scene(rng)
     points, on_floor = (points[~on_floor], on_floor[~on_floor]) if walls else (points, on_floor)
     floor = np.where(on_floor | (rng.uniform(size=len(points)) < wrong), 0.9, 0.1)
     rule, up = rule or WindowRule(), up_optical(LEVEL.pitch_rad, 0.0)
-    window = KeyframeWindow(rule, FOCAL_PX, LEVEL, 12.0)
+    window, noise_px = KeyframeWindow(rule, FOCAL_PX, LEVEL, 12.0), np.broadcast_to(noise_px, len(poses))
+    error, seen = np.zeros((len(points), 2)), np.zeros(len(points), dtype=bool)
     for index, pose in enumerate(poses):
         local = (points - pose.position_m) @ pose.rotation
         image = local[:, :2] / np.maximum(local[:, 2:], 0.1)
-        seen = (local[:, 2] > 0.3) & (np.abs(image) < [0.64, 0.48]).all(axis=1)
+        before, seen = seen, (local[:, 2] > 0.3) & (np.abs(image) < [0.64, 0.48]).all(axis=1)
         seen &= np.arange(len(points)) % 3 == 0
-        image = image + rng.normal(0.0, noise_px / FOCAL_PX, image.shape)
+        error = error * (before & adds_up)[:, None] + rng.normal(0.0, noise_px[index] / FOCAL_PX, image.shape)
+        image = image + error
         gyro = np.eye(3) if index == 0 else poses[index - 1].rotation.T @ pose.rotation
         start = window.poses[-1] if index else LensPose(LEVEL.rotation_base_optical(), np.array([0.0, 0.0, height_m]))
         sigmas = 0.025 * height_m, 0.012 * height_m
@@ -81,6 +84,34 @@ def test_motion_pitch_and_roll_are_found_from_a_mount_that_is_two_degrees_off():
     np.testing.assert_allclose(window.poses[-1].rotation[2], poses[-1].rotation[2], atol=math.radians(0.5))
     off = window.poses[-1].position_m - poses[-1].position_m
     assert np.linalg.norm(off) < 0.06  # of 1.74 m
+
+
+def last_motion(window):
+    """Displacement between the window's last two poses, and its covariance (3, 3)."""
+    by = np.zeros((3, 12))
+    by[:, 3:6], by[:, 9:12] = -np.eye(3), np.eye(3)
+    return window.poses[-1].position_m - window.poses[-2].position_m, by @ window.covariance() @ by.T
+
+
+@pytest.mark.parametrize(("noise_px", "off_m"), [(0.1, 0.002), (0.5, 0.006)])
+def test_a_motion_is_as_uncertain_as_its_tracks_show(noise_px, off_m):
+    """They are followed from picture to picture, so that their errors add up."""
+    poses, errors, squares = walk(24), [], []
+    for seed in range(6):
+        moved, covariance = last_motion(followed(poses, np.random.default_rng(seed), noise_px, adds_up=True))
+        error = moved - (poses[-1].position_m - poses[-2].position_m)
+        errors.append(np.linalg.norm(error))
+        squares.append(error @ np.linalg.solve(covariance, error) / 3.0)
+    assert np.mean(errors) < off_m
+    assert 0.3 < np.mean(squares) < 3.0
+
+
+def test_a_blurred_picture_is_less_sure_than_a_sharp_one():
+    sharp, blurred = (
+        np.trace(last_motion(followed(walk(12), np.random.default_rng(0), [0.1] * 11 + [last_px]))[1])
+        for last_px in (0.1, 1.5)
+    )
+    assert blurred > 20.0 * sharp
 
 
 def test_edges_of_the_room_show_the_tilt_of_a_camera_eight_degrees_off_its_mount():
