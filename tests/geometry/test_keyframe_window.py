@@ -40,7 +40,7 @@ def followed(
     poses, rng, noise_px=0.3, wrong=0.0, gyro_rad=math.inf, rule=None, up_deg=10.0, height_m=HEIGHT_M,
     false_depths=None, edges_rad=None, walls=False, adds_up=False,
 ):  # fmt: skip
-    """A window after these poses. noise_px: of tracks, in all pictures or in each; adds_up: from one to the next. wrong:
+    """A window after these poses. noise_px: of tracks, in all pictures or in each; adds_up: to the next. wrong:
     share of the points off the floor that the mask takes for floor. height_m: as given. false_depths: share of the
     points whose measured depths are wrong; None: no depth is measured. edges_rad: standard deviation of up by edges of
     every third picture. walls: no point is on the floor."""
