@@ -353,6 +353,16 @@ class KeyframeWindow:
         self.points = self.points.chosen(~new)
         self.add(mine.ids, points[rows], mine.floor, mine.measured[:, last], late[rows])
 
+    def move_on(self, ids: NDArray[np.int64], late: Array) -> None:
+        """The last picture's points moved as the motions before and after it show, on average; late (N, 2): of these
+        tracks in that picture, by the motion after it."""
+        last, rows = len(self.poses) - 1, rows_of(ids, self.points.ids)
+        mine = rows[rows >= 0]
+        before = self.points.late[mine, last]
+        central = (before + late[rows >= 0]) / 2.0
+        self.points.at[mine, last] += self._readout_s * (before - central)
+        self.points.late[mine, last] = central
+
     def add(self, ids: NDArray[np.int64], points: Array, floor: Array, measured: Array, late: Array) -> None:
         """New points, hosted by the last pose."""
         count, last, pose = len(ids), len(self.poses) - 1, self.poses[-1]

@@ -146,6 +146,9 @@ class WindowOdometry:
         self._tracker.seek(self._by_tracks_alone(), self._detail())
         if weight < self._rule.least_weight:
             return self._started_again(frame, start, factors)
+        if not surprised:
+            ids, _, late = self._tracker.observed_before()
+            self._graph.move_on(ids, late)
         parallax_px, carried = self._held(self._rule.parallax_px), surprised or self.judged.carried
         self._graph.step(pose, factors, *self._tracks(), parallax_px, carried)
         self.readout = self._graph.readout
