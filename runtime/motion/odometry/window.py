@@ -42,7 +42,8 @@ class PicturesRule:
     carried: CarriedRule = field(default_factory=CarriedRule)  # for a carried camera, and for one on wheels
     # A picture becomes a keyframe where the tracks have moved by this much since the last one, the rotation aside.
     parallax_px: tuple[float, float] = (8.0, 15.0)
-    # Factor on the covariance of a motion whose scale is not measured by depth: its errors last.
+    # Factor on the covariance of a motion whose scale is not measured by depth: its errors last. Between 1 and this where
+    # a share of the depths is measured.
     covariance_scale: float = 16.0
     least_weight: float = 8.0  # minimum total weight of the tracks that agree
     # Standard deviation of the lens's height about the mount's, as a share of it; from picture to picture half as much.
@@ -224,7 +225,7 @@ class WindowOdometry:
 
     def _lasting(self) -> float:
         """Factor on the covariance of a motion, as errors of its scale last; not on what a single motion shows."""
-        return self._rule.covariance_scale ** self._graph.unmeasured()
+        return 1.0 + (self._rule.covariance_scale - 1.0) * self._graph.unmeasured()
 
     def _measured(self, step: Motion, stamp_s: float, dt_s: float | None, gyro: bool) -> Motion:
         """The motion up to the last picture, and what it shows of the camera. dt_s: between both pictures; None over a
