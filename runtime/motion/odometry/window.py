@@ -42,8 +42,8 @@ class PicturesRule:
     carried: CarriedRule = field(default_factory=CarriedRule)  # for a carried camera, and for one on wheels
     # A picture becomes a keyframe where the tracks have moved by this much since the last one, the rotation aside.
     parallax_px: tuple[float, float] = (8.0, 15.0)
-    # Factor on the covariance of a motion whose scale is not measured by depth: its errors last. Between 1 and this where
-    # a share of the depths is measured.
+    # Factor on the covariance of a motion whose scale is not measured by depth: its errors last. Between 1 and this
+    # where a share of the depths is measured.
     covariance_scale: float = 16.0
     least_weight: float = 8.0  # minimum total weight of the tracks that agree
     # Standard deviation of the lens's height about the mount's, as a share of it; from picture to picture half as much.
