@@ -5,7 +5,7 @@ Optical axes are those of a camera (z ahead); the world has the floor at z = 0 a
 rotation from the left and a displacement, both in world axes: six numbers. A point lies on a ray of its host, the first
 keyframe that observed it, at an inverse depth, which pictures with depth measure at each pose. Poses that leave the
 window are marginalised (Schur complement). A track is followed from picture to picture, so its error is a random walk:
-what counts is how far it has moved since the pose that observed it before.
+its residuals are differences between consecutive observations.
 """
 
 import math
@@ -26,7 +26,7 @@ from edgemap.geometry.errors import GeometryError
 from edgemap.geometry.odometry.readout import Readout
 from edgemap.geometry.odometry.resection import DepthLandmarks, LensPose, resect, rotation_vector
 from edgemap.geometry.odometry.window_factors import FactorRows, PoseFactors
-from edgemap.geometry.robust import ANNEALING, CLEAR_SIGMAS, HUBER, TUKEY, tukey, tukey_root
+from edgemap.geometry.robust import ANNEALING, CLEAR_SIGMAS, HUBER, RAYLEIGH, TUKEY, tukey, tukey_root
 from edgemap.geometry.se2 import SE2
 
 Mask = NDArray[np.bool_]
@@ -35,7 +35,6 @@ Indices = NDArray[np.intp]
 # Factors on the gates in rounds of Gauss and Newton: of a carried camera, of one with measured depths and of a robot
 # after a new keyframe, and of a robot otherwise.
 CARRIED_ROUNDS, FEWER_ROUNDS, LEAST_ROUNDS = ANNEALING[:4], (1.0, 1.0), (1.0,)
-RAYLEIGH = math.sqrt(2.0 * math.log(2.0))  # median length of a normal error in a plane, in standard deviations
 NEAREST, FARTHEST = 20.0, 1e-4  # inverse depths, 1/m
 LEAST_HEIGHT_M = 1e-3  # of a lens, from which the floor's roughness follows
 ORIGIN = np.array([1e-6, 1e-6, 1e6, 1e8, 1e8, 1e-6])  # information that fixes heading and place of the first pose
@@ -117,7 +116,7 @@ class Tracks:
 
     at (M, K): normalised image points and, where any is measured, inverse depths (K is 3, else 2). weight (M, K):
     inverse standard deviations of the steps, 0 of a depth that was not measured. late (M, 2): as of the points.
-    follows (M,): the row before is the same point's; the others follow their hosts.
+    follows (M,): whether the previous row is the same point's; otherwise the previous observation is the host's.
     """
 
     def __init__(self, points: WindowPoints, pictures: Sequence[int], sigmas: tuple[float, float]) -> None:
@@ -141,14 +140,14 @@ class Tracks:
         self.at, self.weight, self.late = at, weight, points.late[self.point, self.slot]
 
     def steps(self, values: Array) -> Array:
-        """Values (M, K, ...), those of image points less what they were in the observation before."""
+        """Values (M, K, ...) less those of the point's previous observation (0 at its host); depths' as they are."""
         steps, follows = values.copy(), self.follows
         steps[follows, :2] -= values[:-1, :2][follows[1:]]
         return steps
 
     def scatter(self, lengths: Array, which: Mask, poses: int) -> Array:
-        """Standard deviations (M,) of each track's picture, by the median length of its steps; which (M,): that count;
-        lengths (M,): normalised. At least 1."""
+        """Standard deviation (M,) of a step in each row's picture, from the median length of that picture's steps, at
+        least 1. lengths (M,): of the steps, in standard deviations. which (M,): rows that count."""
         slot = np.where(which, self.slot, poses)
         order = np.lexsort((lengths, slot))
         first = np.searchsorted(slot[order], np.arange(poses + 1))
@@ -207,7 +206,7 @@ class KeyframeWindow:
         self._readout_s = self.readout.time_s  # that the points are corrected by
         self._levels_m, self._means_inverse_m = np.zeros(self._slots), np.full(self._slots, ANY[0])  # as of `Columns`
         self.poses: list[LensPose] = []
-        self._picture, self._pictures = 0, list[int]()  # number of the newest picture, and of each pose's
+        self._pictures: list[int] = []  # number of each pose's picture
         self._factors: list[PoseFactors] = []
         self._prior: tuple[Array, Array, list[LensPose]] = np.zeros((0, 0)), np.zeros(0), []
         self._covariance = np.zeros((0, 0))
@@ -247,8 +246,7 @@ class KeyframeWindow:
             self._make_room()
             self._means_inverse_m[len(self.poses)] = self._means_inverse_m[len(self.poses) - 1]
         self.poses, self._factors = [*self.poses, start], [*self._factors, factors]
-        self._picture += 1
-        self._pictures.append(self._picture)
+        self._pictures.append(0 if first else self._pictures[-1] + 1)
         rows = rows_of(self.points.ids, ids)
         hit, last = rows >= 0, len(self.poses) - 1
         self.points.observed[:, last] = hit
@@ -353,9 +351,9 @@ class KeyframeWindow:
         self.points = self.points.chosen(~new)
         self.add(mine.ids, points[rows], mine.floor, mine.measured[:, last], late[rows])
 
-    def move_on(self, ids: NDArray[np.int64], late: Array) -> None:
-        """The last picture's points moved as the motions before and after it show, on average; late (N, 2): of these
-        tracks in that picture, by the motion after it."""
+    def average_late(self, ids: NDArray[np.int64], late: Array) -> None:
+        """The velocity of the last picture's points becomes the mean of those before and after it (central difference).
+        late (N, 2): of these tracks in that picture, by the motion after it."""
         last, rows = len(self.poses) - 1, rows_of(ids, self.points.ids)
         mine = rows[rows >= 0]
         before = self.points.late[mine, last]
@@ -494,7 +492,7 @@ class KeyframeWindow:
         depth = np.where(ahead, local[:, 2], 1.0)
         parts = tracks.at.shape[1]
         predicted = np.column_stack([local[:, :2], inverse[point]])[:, :parts] / depth[:, None]
-        # What a track has moved by since the observation before, as both poses show it.
+        # Residuals of steps; a step needs the point ahead of the lens in both observations.
         visible = ahead & np.where(tracks.follows, np.roll(ahead, 1), True)
         residual, weight = tracks.steps(tracks.at - predicted) * tracks.weight, tracks.weight.copy()
         larger = tracks.scatter(np.hypot(residual[:, 0], residual[:, 1]), visible, count)[:, None]
@@ -505,7 +503,7 @@ class KeyframeWindow:
         root[:, 2:] *= tukey_root(residual[:, 2:] ** 2, scale * TUKEY)
         residual *= root
         root *= weight
-        # Derivatives of the image point and of the inverse depth by the direction in world axes, and by the others.
+        # Derivatives of the image point and of the inverse depth: by the direction in world axes, then by the states.
         by_away = -predicted[..., None] * axes[:, 2:]
         by_away[:, :2] += axes[:, :2]
         by_away /= depth[:, None, None]

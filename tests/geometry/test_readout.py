@@ -60,7 +60,7 @@ def driven(readout_s, pictures=80):
             first = speed * before[:, 1:] / SIDES[1] / 2.0
             window.begin_again(np.flatnonzero(both), before[both], first[both])
             start, _ = window.resected(start, ids, image[seen], late[seen], factors)
-            window.move_on(np.flatnonzero(both), first[both])
+            window.average_late(np.flatnonzero(both), first[both])
         window.step(start, factors, ids, image[seen], on_floor[seen], None, late[seen], 8.0, carried=False)
         before, seen_before = image, seen
     return window

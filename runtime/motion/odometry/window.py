@@ -141,15 +141,17 @@ class WindowOdometry:
         if dt_s > LONGEST_DT_S:
             self._motion = SE2()
         start = self._expected_pose(gyro)
-        pose, weight = self._track(start, gyro is None, factors)
+        self._tracker.follow(self._expected(start), gyro is None, self._detail())
+        ids, before, late = self._tracker.observed_before()
+        self._graph.begin_again(ids, before, late)
+        pose, weight = self._resected(start, factors)
         if surprised := weight < self._rule.least_weight:
             pose, weight = self._surprised(pose, weight, factors)
         self._tracker.seek(self._by_tracks_alone(), self._detail())
         if weight < self._rule.least_weight:
             return self._started_again(frame, start, factors)
         if not surprised:
-            ids, _, late = self._tracker.observed_before()
-            self._graph.move_on(ids, late)
+            self._graph.average_late(ids, late)
         parallax_px, carried = self._held(self._rule.parallax_px), surprised or self.judged.carried
         self._graph.step(pose, factors, *self._tracks(), parallax_px, carried)
         self.readout = self._graph.readout
@@ -157,13 +159,6 @@ class WindowOdometry:
         if not step.checked(self.name).measured:  # no track ties the picture to those before
             return self._started_again(frame, start, factors)
         return self._measured(step, frame.stamp_s, None if surprised else dt_s, gyro is not None)
-
-    def _track(self, start: LensPose, shifted: bool, factors: PoseFactors) -> tuple[LensPose, float]:
-        """Tracks the corners from where this pose expects them; the pose that they agree on, and their weight. shifted:
-        as of `CornerTracker.follow`."""
-        self._tracker.follow(self._expected(start), shifted, self._detail())
-        self._graph.begin_again(*self._tracker.observed_before())
-        return self._resected(start, factors)
 
     def _detail(self) -> bool:
         """Whether large structures count half and corners are spread: what is carried turns fast, and large turns need
