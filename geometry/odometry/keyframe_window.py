@@ -74,7 +74,8 @@ class WindowPoints:
     with z = 1. inverse_m (N,): inverse depth along the optical axis; variance (N,): of it. floor (N,), views (N,): sum
     of the floor mask's probability and its number of pictures. at (N, S, 2): normalised image points by pose; observed
     (N, S): where there is one. measured (N, S): inverse depth by pose; NaN where it was not measured. late (N, S, 2):
-    how far `at` would move for each second of the shutter's readout, which `at` and `ray` are corrected by.
+    how far `at` would move for each second of the shutter's readout, which `at` and `ray` are corrected by. number
+    (N, S): of each pose's picture; those before a track was found again count as if they came just before that.
     """
 
     ids: NDArray[np.int64]
@@ -88,6 +89,7 @@ class WindowPoints:
     observed: Mask
     measured: Array
     late: Array
+    number: Array
 
     def __len__(self) -> int:
         return len(self.ids)
@@ -119,9 +121,9 @@ class Tracks:
     follows (M,): whether the previous row is the same point's; otherwise the previous observation is the host's.
     """
 
-    def __init__(self, points: WindowPoints, pictures: Sequence[int], sigmas: tuple[float, float]) -> None:
-        """pictures: number of each pose's picture. sigmas: of a track from picture to picture, of a depth."""
-        tracked = points.observed[:, : len(pictures)].copy()
+    def __init__(self, points: WindowPoints, poses: int, sigmas: tuple[float, float]) -> None:
+        """sigmas: of a track from picture to picture, of a depth."""
+        tracked = points.observed[:, :poses].copy()
         tracked[np.arange(len(points)), points.host] = False
         self.point, self.slot = np.nonzero(tracked)
         self.host, at = points.host[self.point], points.at[self.point, self.slot]
@@ -130,8 +132,8 @@ class Tracks:
         self.owners = self.point[self.first]
         before = np.where(self.follows, np.roll(self.slot, 1), self.host)
         track, depth_sigma = sigmas
-        number = np.array(pictures)
-        weight = (1.0 / (track * np.sqrt(number[self.slot] - number[before])))[:, None].repeat(2, axis=1)
+        span = points.number[self.point, self.slot] - points.number[self.point, before]
+        weight = (1.0 / (track * np.sqrt(span)))[:, None].repeat(2, axis=1)
         measured = points.measured[self.point, self.slot]
         finite = np.isfinite(measured)
         if finite.any():
@@ -206,7 +208,7 @@ class KeyframeWindow:
         self._readout_s = self.readout.time_s  # that the points are corrected by
         self._levels_m, self._means_inverse_m = np.zeros(self._slots), np.full(self._slots, ANY[0])  # as of `Columns`
         self.poses: list[LensPose] = []
-        self._pictures: list[int] = []  # number of each pose's picture
+        self.pictures: list[int] = []  # number of each pose's picture
         self._factors: list[PoseFactors] = []
         self._prior: tuple[Array, Array, list[LensPose]] = np.zeros((0, 0)), np.zeros(0), []
         self._covariance = np.zeros((0, 0))
@@ -214,7 +216,18 @@ class KeyframeWindow:
         none, pair = np.zeros(0), np.zeros((0, self._slots, 2))
         number, index = np.zeros(0, dtype=np.int64), np.zeros(0, dtype=np.intp)
         self.points = WindowPoints(
-            number, index, np.zeros((0, 3)), none, none, none, none, pair, pair[..., 0].astype(bool), pair[..., 0], pair
+            number,
+            index,
+            np.zeros((0, 3)),
+            none,
+            none,
+            none,
+            none,
+            pair,
+            pair[..., 0].astype(bool),
+            pair[..., 0],
+            pair,
+            pair[..., 0],
         )
 
     def step(
@@ -246,10 +259,10 @@ class KeyframeWindow:
             self._make_room()
             self._means_inverse_m[len(self.poses)] = self._means_inverse_m[len(self.poses) - 1]
         self.poses, self._factors = [*self.poses, start], [*self._factors, factors]
-        self._pictures.append(0 if first else self._pictures[-1] + 1)
+        self.pictures.append(0 if first else self.pictures[-1] + 1)
         rows = rows_of(self.points.ids, ids)
         hit, last = rows >= 0, len(self.poses) - 1
-        self.points.observed[:, last] = hit
+        self.points.observed[:, last], self.points.number[:, last] = hit, self.pictures[-1]
         self.points.at[hit, last] = (points - self._readout_s * late)[rows[hit]]
         self.points.late[hit, last] = late[rows[hit]]
         self.points.measured[:, last] = np.where(hit, measured[rows], np.nan) if len(ids) else np.nan
@@ -351,6 +364,19 @@ class KeyframeWindow:
         self.points = self.points.chosen(~new)
         self.add(mine.ids, points[rows], mine.floor, mine.measured[:, last], late[rows])
 
+    def lost(self, ids: NDArray[np.int64]) -> tuple[NDArray[np.int64], Indices]:
+        """Points of known depth whose tracks are not among these, but were before the last picture: ids (N,), and the
+        pose (N,) that last observed each."""
+        last, points = len(self.poses) - 1, self.points
+        newest = last - points.observed[:, last::-1].argmax(axis=1)
+        gone = (rows_of(points.ids, ids) < 0) & points.known & (newest < last)
+        return points.ids[gone], newest[gone]
+
+    def see_again(self, ids: NDArray[np.int64], poses: Indices) -> None:
+        """The next picture shows lost tracks (N,) again, each compared with the picture of its last pose (N,)."""
+        number, rows = self.points.number, rows_of(ids, self.points.ids)
+        number[rows] += self.pictures[-1] - number[rows, poses][:, None]
+
     def average_late(self, ids: NDArray[np.int64], late: Array) -> None:
         """The velocity of the last picture's points becomes the mean of those before and after it (central difference).
         late (N, 2): of these tracks in that picture, by the motion after it."""
@@ -376,10 +402,10 @@ class KeyframeWindow:
         at, observed = np.zeros((count, self._slots, 2)), np.zeros((count, self._slots), dtype=bool)
         depths = np.full((count, self._slots), np.nan)
         at[:, last], observed[:, last], depths[:, last] = points, True, measured
-        moves = np.zeros_like(at)
-        moves[:, last] = late
+        moves, number = np.zeros_like(at), np.zeros_like(depths)
+        moves[:, last], number[:, last] = late, self.pictures[-1]
         host, views = np.full(count, last), np.ones(count)
-        new = WindowPoints(ids, host, ray, inverse, variance, floor + 0.0, views, at, observed, depths, moves)
+        new = WindowPoints(ids, host, ray, inverse, variance, floor + 0.0, views, at, observed, depths, moves, number)
         self.points = self.points.joined(new)
 
     def _expected_inverse_m(self, points: Array) -> Array:
@@ -431,7 +457,7 @@ class KeyframeWindow:
         fixed_rhs[size:] = shared @ np.concatenate([[prior.time_s - self._readout_s], off_levels, off_means])
         fixed[np.diag_indices(column.count)] += 1e-9
         information = fixed
-        tracks = Tracks(self.points, self._pictures, self._sigmas)
+        tracks = Tracks(self.points, count, self._sigmas)
         for scale in self._rounds(measured=tracks.at.shape[1] == 3):
             system = self._system(tracks, self.points, rotation, position, scale)
             information, right = system.reduced()
@@ -631,7 +657,7 @@ class KeyframeWindow:
     def _marginalise(self) -> None:
         """The oldest keyframe, and the points that it hosts, become a prior on the other poses."""
         points, (rotation, position) = self.points.chosen(self.points.host == 0), self._arrays()
-        tracks = Tracks(points, self._pictures, self._sigmas)
+        tracks = Tracks(points, len(self.poses), self._sigmas)
         information, right = self._system(tracks, points, rotation, position, 1.0).reduced()
         size = 6 * len(rotation)
         kept = [*range(size), Columns(len(rotation)).levels[0]]  # as if the readout and the mean depths were known
@@ -649,10 +675,10 @@ class KeyframeWindow:
 
     def _remove(self, index: int) -> None:
         """Removes one pose from all arrays."""
-        del self.poses[index], self._factors[index], self._pictures[index]
+        del self.poses[index], self._factors[index], self.pictures[index]
         self._levels_m = np.append(np.delete(self._levels_m, index), 0.0)
         self._means_inverse_m = np.append(np.delete(self._means_inverse_m, index), ANY[0])
-        for name in ("at", "observed", "measured", "late"):
+        for name in ("at", "observed", "measured", "late", "number"):
             array = getattr(self.points, name)
             array[:, index:-1] = array[:, index + 1 :].copy()
         self.points.observed[:, -1] = False

@@ -38,12 +38,13 @@ def walk(pictures, nod_deg=3.0, pitch_deg=20.0):
 
 def followed(
     poses, rng, noise_px=0.3, wrong=0.0, gyro_rad=math.inf, rule=None, up_deg=10.0, height_m=HEIGHT_M,
-    false_depths=None, edges_rad=None, walls=False, adds_up=False,
+    false_depths=None, edges_rad=None, walls=False, adds_up=False, hidden=range(0), again=True,
 ):  # fmt: skip
     """A window after these poses. noise_px: of tracks, in all pictures or in each; adds_up: to the next. wrong:
     share of the points off the floor that the mask takes for floor. height_m: as given. false_depths: share of the
     points whose measured depths are wrong; None: no depth is measured. edges_rad: standard deviation of up by edges of
-    every third picture. walls: no point is on the floor."""
+    every third picture. walls: no point is on the floor. hidden: pictures in which four of five points are not seen;
+    again: which the next one compares with those before."""
     points, on_floor = scene(rng)
     points, on_floor = (points[~on_floor], on_floor[~on_floor]) if walls else (points, on_floor)
     floor = np.where(on_floor | (rng.uniform(size=len(points)) < wrong), 0.9, 0.1)
@@ -54,7 +55,7 @@ def followed(
         local = (points - pose.position_m) @ pose.rotation
         image = local[:, :2] / np.maximum(local[:, 2:], 0.1)
         before, seen = seen, (local[:, 2] > 0.3) & (np.abs(image) < [0.64, 0.48]).all(axis=1)
-        seen &= np.arange(len(points)) % 3 == 0
+        seen &= (np.arange(len(points)) % 3 == 0) & ((index not in hidden) | (np.arange(len(points)) % 5 == 0))
         error = error * (before & adds_up)[:, None] + rng.normal(0.0, noise_px[index] / FOCAL_PX, image.shape)
         image = image + error
         gyro = np.eye(3) if index == 0 else poses[index - 1].rotation.T @ pose.rotation
@@ -69,6 +70,9 @@ def followed(
         if edges_rad and index % 3 == 1:
             window.see_up(poses[index - 1].rotation[2] + rng.normal(0.0, edges_rad, 3), edges_rad)
         ids = np.flatnonzero(seen)
+        if again and index and index == hidden.stop:
+            lost, shown = window.lost(np.flatnonzero(before))
+            window.see_again(lost, shown)
         start, weight = window.resected(start, ids, image[seen]) if index else (start, 0.0)
         window.step(start, factors, ids, image[seen], floor[seen], measured[seen])
         assert index == 0 or weight > 20.0
@@ -112,6 +116,16 @@ def test_a_blurred_picture_is_less_sure_than_a_sharp_one():
         for last_px in (0.1, 1.5)
     )
     assert blurred > 20.0 * sharp
+
+
+@pytest.mark.parametrize("again", [True, False])
+def test_tracks_that_are_found_again_count_as_if_no_picture_lay_between(again):
+    window = followed(walk(20), np.random.default_rng(0), 0.1, hidden=range(11, 19), again=again)
+    points, last = window.points, len(window.poses) - 1
+    twice = points.observed[:, last] & (points.observed.sum(axis=1) > 1)
+    before = last - 1 - points.observed[:, last - 1 :: -1].argmax(axis=1)
+    spans = (points.number[:, last] - points.number[np.arange(len(points)), before])[twice]
+    assert set(spans) == ({1} if again else {1, 9})
 
 
 def test_edges_of_the_room_show_the_tilt_of_a_camera_eight_degrees_off_its_mount():

@@ -172,6 +172,37 @@ def test_corners_that_no_floor_gives_are_sought_elsewhere(floor):
     assert (tracker.tracks()[2] >= 0.5).sum() == (floor > 0.0) * round(rule.floor_share * rule.corners)
 
 
+def test_corners_that_were_covered_are_found_again_by_an_earlier_picture():
+    """A hand before the left half; where they are expected is 1 px off, that of a few by 20 px."""
+    frames, poses, _ = walked([SE2(0.01)] * 2)
+    covered = frames[1].image.copy()
+    covered[:, :160] = 90
+    tracker, nobody = CornerTracker(HEAD, CornersRule()), np.zeros((0, 4))
+    for number, frame in enumerate([frames[0], replace(frames[1], image=covered), frames[2]]):
+        tracker.take(frame, nobody, 0.1)
+        tracker.mark_floor(HEAD, None)
+        if number == 0:
+            tracker.seek(0.0, True)
+            tracker.keep([0])
+            corners, ids = tracker.corners, tracker.ids
+        else:
+            tracker.follow(tracker.corners, False, False)
+    lost = ~np.isin(ids, tracker.ids)
+    there = poses[2].inverse().apply(HEAD.floor_points(corners[lost]))
+    camera = HEAD.mount.rotation_base_optical(), HEAD.mount.position_base_m()
+    true = HEAD.intrinsics.project((np.column_stack([there, np.zeros(len(there))]) - camera[1]) @ camera[0])
+    expected = (true + [1.0, 0.0]).astype(np.float32)
+    expected[:5] += 20.0
+    found = tracker.find_lost(ids[lost], np.zeros(lost.sum(), dtype=np.intp), expected, expected, 2.5, False)
+    right = np.isin(ids[lost], found)
+    assert lost.sum() > 40
+    assert right[5:].mean() > 0.8
+    assert not right[:5].any()
+    np.testing.assert_array_equal(tracker.ids[-len(found) :], found)
+    off = tracker.corners[-len(found) :] - true[right]
+    assert np.abs(off).max() < 0.5
+
+
 @given(st.integers(0, 10**6), st.integers(1, 60), st.integers(0, 20))
 def test_corners_are_spread_and_the_strongest_is_kept(seed, count, kept):
     rng = np.random.default_rng(seed)

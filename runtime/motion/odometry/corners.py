@@ -1,6 +1,7 @@
 """Corners that are tracked from picture to picture (Lucas and Kanade 1981, Shi and Tomasi 1994)."""
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -114,6 +115,7 @@ class CornerTracker:
         self._picture: Picture | None = None
         self.corners = np.zeros((0, 2), dtype=np.float32)
         self.ids = np.zeros(0, dtype=np.int64)
+        self._kept: dict[int, tuple[Picture, Pixels, NDArray[np.int64]]] = {}  # pictures with their corners and ids
         self._before, self._span_s = (self.corners, self.ids), math.inf
         self._floor, self._mask = None, np.zeros(self._size[::-1], dtype=np.uint8)
 
@@ -158,8 +160,8 @@ class CornerTracker:
             return
         if shifted:
             expected = expected + self._surprise(self._last, self._picture, expected)
-        moved, good = self._moved(self._last, self._picture, expected, detail)
-        good &= ((moved >= 0) & (moved <= [self._size[0] - 1.0, self._size[1] - 1.0])).all(axis=1)
+        moved, good = self._moved(self._last, self._picture, self.corners, expected, detail)
+        good &= self._inside(moved)
         self.corners, self.ids = moved[good], self.ids[good]
 
     def follow_again(self, detail: bool) -> None:
@@ -170,6 +172,40 @@ class CornerTracker:
             self._last, self._picture = last.level, now.level
             self.follow(self.corners, False, detail)
             self._last, self._picture = last, now
+
+    def keep(self, numbers: Sequence[int]) -> None:
+        """Keeps the newest picture, which is the last of these, and of the others those that are kept."""
+        if self._picture is not None:
+            newest = self._picture, self.corners, self.ids
+            self._kept = {one: self._kept.get(one, newest) for one in numbers[:-1]} | {numbers[-1]: newest}
+
+    def find_lost(
+        self,
+        ids: NDArray[np.int64],
+        numbers: NDArray[np.int64],
+        expected: Pixels,
+        before: Pixels,
+        near_px: float,
+        detail: bool,
+    ) -> NDArray[np.int64]:
+        """Tracks lost corners (N,) from the kept pictures (N,) that last showed them, and adds those that are within
+        near_px of where they are expected; returns their ids. expected, before (N, 2): px in this picture and in the
+        one before, NaN where a corner would be behind the lens."""
+        added = [(self.corners, self.ids, self._before[0], self._before[1])]
+        wanted = self._inside(expected) & np.isfinite(before).all(axis=1)
+        for number in np.unique(numbers[wanted]).tolist():
+            picture, corners, known = self._kept[number]
+            rows = rows_of(ids, known)
+            mine = np.flatnonzero(wanted & (numbers == number) & (rows >= 0))
+            if self._picture is None or not len(mine):
+                continue
+            moved, good = self._moved(picture, self._picture, corners[rows[mine]], expected[mine], detail)
+            off = moved - expected[mine]
+            good &= self._inside(moved) & (np.hypot(*off.T) < near_px)
+            added.append((moved[good], ids[mine][good], (before[mine] + off)[good].astype(np.float32), ids[mine][good]))
+        self.corners, self.ids, *was = (np.concatenate(part) for part in zip(*added, strict=True))
+        self._before = was[0], was[1]
+        return self.ids[len(added[0][1]) :]
 
     def find_again(self) -> Found | None:
         """Adds corners by the descriptors of both pictures (ORB, Rublee et al. 2011), where they agree with one rigid
@@ -326,16 +362,22 @@ class CornerTracker:
         reaches = (falls * self._rule.reach_heights > 1.0).astype(np.uint8) * 255
         return np.asarray(cv2.resize(reaches, self._size, interpolation=cv2.INTER_NEAREST))
 
-    def _moved(self, last: Picture, now: Picture, expected: Pixels, detail: bool) -> tuple[Pixels, Mask]:
-        """The corners in the new picture (N, 2), and which were tracked."""
+    def _inside(self, pixels: Array | Pixels) -> Mask:
+        """Whether each pixel (N, 2) lies in the picture, (N,)."""
+        return np.all((pixels >= 0) & (pixels <= [self._size[0] - 1.0, self._size[1] - 1.0]), axis=1)
+
+    def _moved(
+        self, last: Picture, now: Picture, corners: Pixels, expected: Pixels, detail: bool
+    ) -> tuple[Pixels, Mask]:
+        """Corners (N, 2) of one picture in another, and which were tracked."""
         if detail:
-            coarse, near = self._tracked(last.half, now.half, self.corners / 2.0, expected / 2.0, LEVELS - 1)
-            moved, good = self._tracked(last.detail, now.detail, self.corners, 2.0 * coarse, 0)
+            coarse, near = self._tracked(last.half, now.half, corners / 2.0, expected / 2.0, LEVELS - 1)
+            moved, good = self._tracked(last.detail, now.detail, corners, 2.0 * coarse, 0)
             good &= near
         else:  # KITTI from frame 500: 5.6 %, with detail 7.9
-            moved, good = self._tracked(last.grey, now.grey, self.corners, expected, LEVELS)
-        back, returned = self._tracked(now.grey, last.grey, moved, self.corners, 1)
-        return moved, good & returned & (np.abs(back - self.corners).max(axis=1) < BACK_PX)
+            moved, good = self._tracked(last.grey, now.grey, corners, expected, LEVELS)
+        back, returned = self._tracked(now.grey, last.grey, moved, corners, 1)
+        return moved, good & returned & (np.abs(back - corners).max(axis=1) < BACK_PX)
 
     def _tracked(
         self, last: MatLike, grey: MatLike, corners: Pixels, expected: Pixels, levels: int

@@ -13,7 +13,7 @@ from edgemap.geometry.camera.floor import FloorCamera
 from edgemap.geometry.camera.level import up_optical
 from edgemap.geometry.camera.mount import Mount
 from edgemap.geometry.camera.mount_tilt import MountTiltRule
-from edgemap.geometry.odometry.keyframe_window import KeyframeWindow, WindowRule
+from edgemap.geometry.odometry.keyframe_window import KeyframeWindow, WindowRule, rows_of
 from edgemap.geometry.odometry.readout import Readout
 from edgemap.geometry.odometry.resection import LensPose
 from edgemap.geometry.odometry.rolling import Rolling
@@ -147,13 +147,15 @@ class WindowOdometry:
         pose, weight = self._resected(start, factors)
         if surprised := weight < self._rule.least_weight:
             pose, weight = self._surprised(pose, weight, factors)
+        else:
+            self._graph.average_late(ids, late)
+            self._find_lost(pose)
         self._tracker.seek(self._by_tracks_alone(), self._detail())
         if weight < self._rule.least_weight:
             return self._started_again(frame, start, factors)
-        if not surprised:
-            self._graph.average_late(ids, late)
         parallax_px, carried = self._held(self._rule.parallax_px), surprised or self.judged.carried
         self._graph.step(pose, factors, *self._tracks(), parallax_px, carried)
+        self._tracker.keep(self._graph.pictures)
         self.readout = self._graph.readout
         step = self._by_window()
         if not step.checked(self.name).measured:  # no track ties the picture to those before
@@ -186,6 +188,15 @@ class WindowOdometry:
         self._graph.add(found.ids, found.points, found.floor, self._unit_m / found.depth_m, still)
         start = self._graph.bridge(*tracker.observed()[:2], found.turn, found.way)
         return self._resected(start, factors)
+
+    def _find_lost(self, pose: LensPose) -> None:
+        """Corners that were lost since an earlier keyframe are tracked from its picture into one with this pose."""
+        graph, tracker = self._graph, self._tracker
+        ids, poses = graph.lost(tracker.ids)
+        numbers, near_px = np.array(graph.pictures)[poses], self._window_rule.gate_px
+        expected, before = self._projected(ids, pose), self._projected(ids, graph.poses[-1])
+        found = tracker.find_lost(ids, numbers, expected, before, near_px, self._detail())
+        graph.see_again(found, poses[rows_of(found, ids)])
 
     def _attend(self, attitude: Attitude | None) -> GyroRotation | None:
         """Updates the camera of this frame; returns the rotation since the last picture by a gyro."""
@@ -261,6 +272,7 @@ class WindowOdometry:
         """A new window at this pose."""
         self._graph = self._empty()
         self._graph.step(start, factors, *self._tracks())
+        self._tracker.keep(self._graph.pictures)
         self._base = self._graph.base(start)
         self._since, self._since_covariance, self._skipped = SE2(), np.zeros((3, 3)), False
 
@@ -325,9 +337,14 @@ class WindowOdometry:
 
     def _expected(self, pose: LensPose) -> Pixels:
         """Where the corners are expected from this pose, (N, 2) px."""
-        local = self._graph.local(self._tracker.ids, pose)
-        expected = self._tracker.intrinsics.project(np.where(local[:, 2:] > 0.1, local, np.nan))
-        return np.where(np.isfinite(expected), expected, self._tracker.corners).astype(np.float32)
+        expected = self._projected(self._tracker.ids, pose)
+        return np.where(np.isfinite(expected), expected, self._tracker.corners)
+
+    def _projected(self, ids: NDArray[np.int64], pose: LensPose) -> Pixels:
+        """Points of the window in a picture of this pose, (N, 2) px; NaN for those that it has not or that are behind
+        the lens."""
+        local = self._graph.local(ids, pose)
+        return self._tracker.intrinsics.project(np.where(local[:, 2:] > 0.1, local, np.nan)).astype(np.float32)
 
     def _metric(self, motion: Motion) -> Motion:
         """Converts a motion from the camera's unit of length to metres."""
