@@ -17,7 +17,6 @@ from typing import Self
 import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import block_diag
-from scipy.spatial.distance import cdist
 
 from edgemap.geometry.arrays import Array
 from edgemap.geometry.camera.inertial import rotation_of, small_rotation
@@ -394,7 +393,7 @@ class KeyframeWindow:
         ray = np.column_stack([points, np.ones(count)])
         on_floor = -(ray @ pose.rotation[2]) / pose.position_m[2]
         is_floor = (floor >= 0.5) & (on_floor * pose.position_m[2] > 1.0 / self._reach_heights)
-        inverse = np.where(is_floor, on_floor, np.maximum(self._expected_inverse_m(points), on_floor))
+        inverse = np.where(is_floor, on_floor, np.maximum(self._means_inverse_m[last], on_floor))
         variance = np.where(is_floor, 0.05 * on_floor, np.maximum(ANY[1], 0.5 * on_floor)) ** 2
         finite = np.isfinite(measured)
         inverse = np.where(finite, measured, inverse)
@@ -407,18 +406,6 @@ class KeyframeWindow:
         host, views = np.full(count, last), np.ones(count)
         new = WindowPoints(ids, host, ray, inverse, variance, floor + 0.0, views, at, observed, depths, moves, number)
         self.points = self.points.joined(new)
-
-    def _expected_inverse_m(self, points: Array) -> Array:
-        """Inverse depths (N,) at which new points, (N, 2) in the last picture, start: before a carried camera, which
-        views without floor may take for their mirror image, that of the nearest one off the floor whose depth is known;
-        else the view's mean."""
-        last, old = len(self.poses) - 1, self.points
-        mine = old.chosen(self._carried & old.observed[:, last] & old.known & ~old.on_floor)
-        if not len(mine):
-            return np.full(len(points), self._means_inverse_m[last])
-        depth_m = self._local(mine, self.poses[last])[:, 2]
-        nearest = cdist(points, mine.at[:, last]).argmin(axis=1)
-        return 1.0 / np.maximum(depth_m[nearest], 1.0 / NEAREST)
 
     def bridge(self, ids: NDArray[np.int64], now: Array, turn: Array, way: Array) -> LensPose:
         """The pose of a picture far from the last one, by the direction of the motion between both.

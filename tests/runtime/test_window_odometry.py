@@ -16,6 +16,7 @@ from edgemap.geometry.camera.floor import FloorCamera
 from edgemap.geometry.camera.level import up_optical
 from edgemap.geometry.camera.mount import Mount, Platform
 from edgemap.geometry.observations.floor_mask import FloorMask
+from edgemap.geometry.odometry.keyframe_window import KeyframeWindow
 from edgemap.geometry.se2 import SE2
 from edgemap.runtime.frames.camera import CameraInfo
 from edgemap.runtime.frames.frame import Frame
@@ -115,6 +116,22 @@ def test_a_gap_between_pictures_is_bridged_by_descriptors(gap, lost_s):
     off = total(motions).inverse() @ poses[-1]
     assert math.hypot(off.x_m, off.y_m) < 0.04
     assert abs(off.yaw_rad) < 0.01
+
+
+@pytest.mark.parametrize(("share", "sought"), [(0.25, 1), (0.4, 0)])
+def test_a_pose_that_few_of_the_tracks_agree_with_is_doubted_and_descriptors_are_tried(monkeypatch, share, sought):
+    """In go2_office 9 of 45 tracks over a gap of 0.7 m agreed with standing still."""
+    frames, _, attitudes = walked([SE2(0.06)] * 5)
+    odometry, resected, tried = WindowOdometry(HEAD), KeyframeWindow.resected, []
+
+    def agreeing(window, start, ids, *others):
+        return resected(window, start, ids, *others)[0], len(ids) * (share if frame is frames[-1] else 1.0)
+
+    monkeypatch.setattr(KeyframeWindow, "resected", agreeing)
+    monkeypatch.setattr(CornerTracker, "find_again", lambda tracker: tried.append(tracker))
+    for frame, seen in zip(frames, attitudes, strict=True):
+        odometry.step(frame, {}, FramePrior(seen))
+    assert len(tried) == sought
 
 
 @pytest.mark.parametrize(

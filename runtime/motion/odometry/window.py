@@ -46,6 +46,7 @@ class PicturesRule:
     # where a share of the depths is measured.
     covariance_scale: float = 16.0
     least_weight: float = 8.0  # minimum total weight of the tracks that agree
+    agreeing_share: float = 1 / 3  # a pose that a smaller share of the tracks agrees with is doubted
     # Standard deviation of the lens's height about the mount's, as a share of it; from picture to picture half as much.
     height_share: tuple[float, float] = (0.004, 0.025)
     attitude_pictures: float = 10.0  # number of pictures for which an error of a measured attitude lasts
@@ -145,7 +146,7 @@ class WindowOdometry:
         ids, before, late = self._tracker.observed_before()
         self._graph.begin_again(ids, before, late)
         pose, weight = self._resected(start, factors)
-        if surprised := weight < self._rule.least_weight:
+        if surprised := self._doubted(weight):
             pose, weight = self._surprised(pose, weight, factors)
         else:
             self._graph.average_late(ids, late)
@@ -170,10 +171,14 @@ class WindowOdometry:
     def _resected(self, start: LensPose, factors: PoseFactors) -> tuple[LensPose, float]:
         return self._graph.resected(start, *self._tracker.observed(), factors)
 
+    def _doubted(self, weight: float) -> bool:
+        """Whether a picture's pose may be wrong, by the weight of its tracks that agree with it."""
+        return weight < max(self._rule.least_weight, self._rule.agreeing_share * len(self._tracker.observed()[0]))
+
     def _surprised(self, pose: LensPose, weight: float, factors: PoseFactors) -> tuple[LensPose, float]:
         """The pose of a picture that does not agree with the expected motion, and the weight of its tracks: the camera
         has stopped, or a light was switched, or pictures were lost while it drove on, and descriptors find corners."""
-        tracker, last, least = self._tracker, self._graph.poses[-1], self._rule.least_weight
+        tracker, last = self._tracker, self._graph.poses[-1]
         expected = tracker.corners, tracker.ids
         tracker.follow_again(self._detail())
         rested, by_rest = self._resected(last, factors)
@@ -182,7 +187,7 @@ class WindowOdometry:
         else:
             tracker.corners, tracker.ids = expected
         one = len(self._graph.poses) == 1  # after one surprise follows another, as of noise
-        if weight >= least or one or (found := tracker.find_again()) is None:
+        if not self._doubted(weight) or one or (found := tracker.find_again()) is None:
             return pose, weight
         still = np.zeros_like(found.points)
         self._graph.add(found.ids, found.points, found.floor, self._unit_m / found.depth_m, still)
