@@ -128,7 +128,7 @@ def test_a_pose_that_few_of_the_tracks_agree_with_is_doubted_and_descriptors_are
         return resected(window, start, ids, *others)[0], len(ids) * (share if frame is frames[-1] else 1.0)
 
     monkeypatch.setattr(KeyframeWindow, "resected", agreeing)
-    monkeypatch.setattr(CornerTracker, "find_again", lambda tracker: tried.append(tracker))
+    monkeypatch.setattr(CornerTracker, "find_again", lambda tracker, far_px: tried.append(far_px))
     for frame, seen in zip(frames, attitudes, strict=True):
         odometry.step(frame, {}, FramePrior(seen))
     assert len(tried) == sought

@@ -207,9 +207,9 @@ class CornerTracker:
         self._before = was[0], was[1]
         return self.ids[len(added[0][1]) :]
 
-    def find_again(self) -> Found | None:
+    def find_again(self, far_px: float) -> Found | None:
         """Adds corners by the descriptors of both pictures (ORB, Rublee et al. 2011), where they agree with one rigid
-        motion (Nister 2004)."""
+        motion (Nister 2004) and half of them have moved by far_px: of a short step this is not the motion."""
         if self._last is None or self._picture is None:
             return None
         orb = cv2.ORB.create(FEATURES, edgeThreshold=ORB_BORDER_PX)
@@ -229,6 +229,8 @@ class CornerTracker:
             return None
         _, turn, way, _ = cv2.recoverPose(essential[:3], *seen, np.eye(3), mask=inside.copy())
         inside = inside.ravel() > 0
+        if np.median(np.hypot(*(now - before)[inside].T)) < far_px:
+            return None
         floor = self._sampled(before, *self._floor_before)
         others = round((1.0 - self._rule.floor_share) * self._rule.corners)  # else none are sought on the floor
         inside &= (floor >= 0.5) | (np.cumsum(inside & (floor < 0.5)) <= others)

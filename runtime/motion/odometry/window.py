@@ -145,10 +145,9 @@ class WindowOdometry:
         self._tracker.follow(self._expected(start), gyro is None, self._detail())
         ids, before, late = self._tracker.observed_before()
         self._graph.begin_again(ids, before, late)
-        pose, weight = self._resected(start, factors)
-        if surprised := self._doubted(weight):
-            pose, weight = self._surprised(pose, weight, factors)
-        else:
+        expected, weight = self._resected(start, factors)
+        pose, weight = self._surprised(expected, weight, factors) if self._doubted(weight) else (expected, weight)
+        if not (surprised := pose is not expected):
             self._graph.average_late(ids, late)
             self._find_lost(pose)
         self._tracker.seek(self._by_tracks_alone(), self._detail())
@@ -179,15 +178,17 @@ class WindowOdometry:
         """The pose of a picture that does not agree with the expected motion, and the weight of its tracks: the camera
         has stopped, or a light was switched, or pictures were lost while it drove on, and descriptors find corners."""
         tracker, last = self._tracker, self._graph.poses[-1]
-        expected = tracker.corners, tracker.ids
-        tracker.follow_again(self._detail())
-        rested, by_rest = self._resected(last, factors)
-        if by_rest > weight:
-            pose, weight = rested, by_rest
-        else:
-            tracker.corners, tracker.ids = expected
+        if weight < self._rule.least_weight:
+            expected = tracker.corners, tracker.ids
+            tracker.follow_again(self._detail())
+            rested, by_rest = self._resected(last, factors)
+            if by_rest > weight:
+                pose, weight = rested, by_rest
+            else:
+                tracker.corners, tracker.ids = expected
         one = len(self._graph.poses) == 1  # after one surprise follows another, as of noise
-        if not self._doubted(weight) or one or (found := tracker.find_again()) is None:
+        far_px = self._rule.corners.window_px if weight >= self._rule.least_weight else 0.0
+        if not self._doubted(weight) or one or (found := tracker.find_again(far_px)) is None:
             return pose, weight
         still = np.zeros_like(found.points)
         self._graph.add(found.ids, found.points, found.floor, self._unit_m / found.depth_m, still)
