@@ -212,21 +212,10 @@ class KeyframeWindow:
         self._prior: tuple[Array, Array, list[LensPose]] = np.zeros((0, 0)), np.zeros(0), []
         self._covariance = np.zeros((0, 0))
         self._grown = True  # the last picture's predecessor became a keyframe
-        none, pair = np.zeros(0), np.zeros((0, self._slots, 2))
+        none, pair, one = np.zeros(0), np.zeros((0, self._slots, 2)), np.zeros((0, self._slots))
         number, index = np.zeros(0, dtype=np.int64), np.zeros(0, dtype=np.intp)
         self.points = WindowPoints(
-            number,
-            index,
-            np.zeros((0, 3)),
-            none,
-            none,
-            none,
-            none,
-            pair,
-            pair[..., 0].astype(bool),
-            pair[..., 0],
-            pair,
-            pair[..., 0],
+            number, index, np.zeros((0, 3)), none, none, none, none, pair, one.astype(bool), one, pair, one
         )
 
     def step(
@@ -364,8 +353,8 @@ class KeyframeWindow:
         self.add(mine.ids, points[rows], mine.floor, mine.measured[:, last], late[rows])
 
     def lost(self, ids: NDArray[np.int64]) -> tuple[NDArray[np.int64], Indices]:
-        """Points of known depth whose tracks are not among these, but were before the last picture: ids (N,), and the
-        pose (N,) that last observed each."""
+        """Points of known depth that are not among these tracks and were last observed before the last pose: their ids
+        (N,), and that pose (N,)."""
         last, points = len(self.poses) - 1, self.points
         newest = last - points.observed[:, last::-1].argmax(axis=1)
         gone = (rows_of(points.ids, ids) < 0) & points.known & (newest < last)

@@ -134,6 +134,8 @@ class CornerTracker:
         grey = cv2.cvtColor(frame.image, cv2.COLOR_BGR2GRAY)
         if (grey.shape[1], grey.shape[0]) != self._size:
             grey = cv2.resize(grey, self._size, interpolation=cv2.INTER_AREA)
+        if self._last is not None:
+            self._last.depth = None  # older pictures are kept without it
         self._last, self._picture, self._span_s = self._picture, Picture(grey, frame.depth), span_s
         self._movers = (movers * (self._size[0] / frame.image.shape[1])).astype(np.intp)
         self._still = np.full(self._size[::-1], 255, dtype=np.uint8)
