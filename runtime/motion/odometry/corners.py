@@ -79,11 +79,6 @@ class Picture:
         return cv2.pyrDown(self.grey)
 
     @cached_property
-    def level(self) -> "Picture":
-        """The same with an even histogram, as bright as any other: lights are switched."""
-        return Picture(cv2.equalizeHist(self.grey))
-
-    @cached_property
     def detail(self) -> MatLike:
         """Large structures have half their contrast: they pull corners of weakly textured floors along, which makes a
         robot appear slower (home 9001: by 16 % before a wall)."""
@@ -165,15 +160,6 @@ class CornerTracker:
         moved, good = self._moved(self._last, self._picture, self.corners, expected, detail)
         good &= self._inside(moved)
         self.corners, self.ids = moved[good], self.ids[good]
-
-    def follow_again(self, detail: bool) -> None:
-        """Tracks the corners from where they were before `follow`, in pictures of equal brightness."""
-        self.corners, self.ids = self._before
-        last, now = self._last, self._picture
-        if last is not None and now is not None:
-            self._last, self._picture = last.level, now.level
-            self.follow(self.corners, False, detail)
-            self._last, self._picture = last, now
 
     def keep(self, numbers: Sequence[int]) -> None:
         """Keeps the newest picture, which is the last of these, and of the others those that are kept."""

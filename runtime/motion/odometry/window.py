@@ -176,19 +176,11 @@ class WindowOdometry:
 
     def _surprised(self, pose: LensPose, weight: float, factors: PoseFactors) -> tuple[LensPose, float]:
         """The pose of a picture that does not agree with the expected motion, and the weight of its tracks: the camera
-        has stopped, or a light was switched, or pictures were lost while it drove on, and descriptors find corners."""
-        tracker, last = self._tracker, self._graph.poses[-1]
-        if weight < self._rule.least_weight:
-            expected = tracker.corners, tracker.ids
-            tracker.follow_again(self._detail())
-            rested, by_rest = self._resected(last, factors)
-            if by_rest > weight:
-                pose, weight = rested, by_rest
-            else:
-                tracker.corners, tracker.ids = expected
+        has stopped, a light was switched, or pictures were lost while it drove on. Descriptors find corners."""
+        tracker = self._tracker
         one = len(self._graph.poses) == 1  # after one surprise follows another, as of noise
         far_px = self._rule.corners.window_px if weight >= self._rule.least_weight else 0.0
-        if not self._doubted(weight) or one or (found := tracker.find_again(far_px)) is None:
+        if one or (found := tracker.find_again(far_px)) is None:
             return pose, weight
         still = np.zeros_like(found.points)
         self._graph.add(found.ids, found.points, found.floor, self._unit_m / found.depth_m, still)
