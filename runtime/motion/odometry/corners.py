@@ -165,7 +165,7 @@ class CornerTracker:
         """Keeps the newest picture, which is the last of these, and of the others those that are kept."""
         if self._picture is not None:
             newest = self._picture, self.corners, self.ids
-            self._kept = {one: self._kept.get(one, newest) for one in numbers[:-1]} | {numbers[-1]: newest}
+            self._kept = {one: self._kept[one] for one in numbers[:-1]} | {numbers[-1]: newest}
 
     def find_lost(
         self,
@@ -191,8 +191,8 @@ class CornerTracker:
             off = moved - expected[mine]
             good &= self._inside(moved) & (np.hypot(*off.T) < near_px)
             added.append((moved[good], ids[mine][good], (before[mine] + off)[good].astype(np.float32), ids[mine][good]))
-        self.corners, self.ids, *was = (np.concatenate(part) for part in zip(*added, strict=True))
-        self._before = was[0], was[1]
+        self.corners, self.ids, corners, ids = (np.concatenate(part) for part in zip(*added, strict=True))
+        self._before = corners, ids
         return self.ids[len(added[0][1]) :]
 
     def find_again(self, far_px: float) -> Found | None:

@@ -145,8 +145,11 @@ class WindowOdometry:
         self._tracker.follow(self._expected(start), gyro is None, self._detail())
         ids, before, late = self._tracker.observed_before()
         self._graph.begin_again(ids, before, late)
-        expected, weight = self._resected(start, factors)
-        pose, weight = self._surprised(expected, weight, factors) if self._doubted(weight) else (expected, weight)
+        tracks = self._tracker.observed()
+        expected, weight = self._graph.resected(start, *tracks, factors)
+        pose = expected
+        if weight < max(self._rule.least_weight, self._rule.agreeing_share * len(tracks[0])):
+            pose, weight = self._surprised(pose, weight, factors)
         if not (surprised := pose is not expected):
             self._graph.average_late(ids, late)
             self._find_lost(pose)
@@ -167,13 +170,6 @@ class WindowOdometry:
         large structures and strong corners; so do roads."""
         return self._in_room and not self.judged.carried
 
-    def _resected(self, start: LensPose, factors: PoseFactors) -> tuple[LensPose, float]:
-        return self._graph.resected(start, *self._tracker.observed(), factors)
-
-    def _doubted(self, weight: float) -> bool:
-        """Whether a picture's pose may be wrong, by the weight of its tracks that agree with it."""
-        return weight < max(self._rule.least_weight, self._rule.agreeing_share * len(self._tracker.observed()[0]))
-
     def _surprised(self, pose: LensPose, weight: float, factors: PoseFactors) -> tuple[LensPose, float]:
         """The pose of a picture that does not agree with the expected motion, and the weight of its tracks: the camera
         has stopped, a light was switched, or pictures were lost while it drove on. Descriptors find corners."""
@@ -184,8 +180,9 @@ class WindowOdometry:
             return pose, weight
         still = np.zeros_like(found.points)
         self._graph.add(found.ids, found.points, found.floor, self._unit_m / found.depth_m, still)
-        start = self._graph.bridge(*tracker.observed()[:2], found.turn, found.way)
-        return self._resected(start, factors)
+        ids, points, late = tracker.observed()
+        start = self._graph.bridge(ids, points, found.turn, found.way)
+        return self._graph.resected(start, ids, points, late, factors)
 
     def _find_lost(self, pose: LensPose) -> None:
         """Corners that were lost since an earlier keyframe are tracked from its picture into one with this pose."""
