@@ -14,7 +14,7 @@ from edgemap.geometry.camera.floor import FloorCamera
 from edgemap.runtime.compose import optics_record
 from edgemap.runtime.frames.camera import Camera
 from edgemap.runtime.frames.inference import Inference
-from edgemap.runtime.motion.odometry_names import PICTURE_ODOMETRIES
+from edgemap.runtime.motion.odometry_names import HYBRID
 from edgemap.runtime.network.bundle import Bundle
 from edgemap.runtime.step.config import Config
 
@@ -71,4 +71,4 @@ def scale_source(record: dict[str, Any]) -> str:
     if int(record.get("attitude_sources", {}).get("depth", 0)):
         return "depth"
     odometry = str(record.get("odometry", ""))
-    return "" if odometry in PICTURE_ODOMETRIES else odometry
+    return "" if odometry == HYBRID else odometry

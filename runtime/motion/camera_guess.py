@@ -11,7 +11,7 @@ from edgemap.geometry.camera.intrinsics import Intrinsics
 from edgemap.geometry.camera.mount import Mount
 from edgemap.runtime.frames.errors import CameraError
 from edgemap.runtime.frames.reading import convert
-from edgemap.runtime.motion.odometry_names import PICTURE_ODOMETRIES
+from edgemap.runtime.motion.odometry_names import HYBRID
 
 TURNS = ("", "90 degrees counterclockwise", "180 degrees", "90 degrees clockwise")  # by quarter turns
 
@@ -62,7 +62,7 @@ class CameraGuess:
     def scale_sigma(self, odometry: str) -> float:
         """Standard deviation, as a share, of a height that a run corrects together with all lengths. 0 for a configured
         height, for a carried camera, and where the odometry's lengths do not depend on the height."""
-        return self.height_sigma if not self.sway_rad and odometry in PICTURE_ODOMETRIES else 0.0
+        return self.height_sigma if not self.sway_rad and odometry == HYBRID else 0.0
 
     def record(self) -> dict[str, object]:
         """The guess as in run.json, and in `calibration` of a camera.yaml."""

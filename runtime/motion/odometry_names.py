@@ -1,6 +1,6 @@
 """Names of odometries by what their lengths depend on. No imports: the command line's help reads them."""
 
-PICTURE_ODOMETRIES = ("hybrid", "window")  # lengths are in proportion to the height of the lens
+HYBRID = "hybrid"  # lengths are in proportion to the height of the lens
 
 
 def is_pose_file(spec: str) -> bool:

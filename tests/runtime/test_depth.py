@@ -32,7 +32,7 @@ OTHER = Attitude(0.0, MOUNT.pitch_rad, np.eye(2) * 1e-4, rotation=GyroRotation(n
 
 def by_depth(depth):
     """The attitude of one frame, beside another source's."""
-    return DepthAttitude(FloorCamera(LENS, MOUNT)).predict(Frame(0, 0.0, BLANK, depth=depth), OTHER)
+    return DepthAttitude(FloorCamera(LENS, MOUNT), math.radians(0.2)).predict(Frame(0, 0.0, BLANK, depth=depth), OTHER)
 
 
 @pytest.mark.parametrize(("pitch_deg", "roll_deg", "rise_m"), [(0.0, 0.0, 0.0), (3.0, -2.0, 0.03), (-3.0, 1.0, -0.02)])
@@ -48,7 +48,7 @@ def test_the_floor_tells_attitude_and_height_beside_a_wall_and_a_table(pitch_deg
 
 
 def test_a_nodding_camera_is_followed_farther_than_it_would_be_found():
-    source = DepthAttitude(FloorCamera(LENS, MOUNT))
+    source = DepthAttitude(FloorCamera(LENS, MOUNT), math.radians(0.2))
     for index in range(8):  # a degree and a half a picture
         depth = depth_room(Mount.from_degrees(0.5, 15.0 + 1.5 * index))
         found = source.predict(Frame(index, index / 10, BLANK, depth=depth), OTHER)

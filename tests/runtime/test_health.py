@@ -184,7 +184,7 @@ def rotation(yaw_rad):
 
 
 def test_wheels_and_gyro_say_still_or_moving_or_nothing():
-    wheels = RecordedOdometry(Trajectory(np.arange(4.0), (SE2(), SE2(), SE2(0.01), SE2(0.01))), "wheels", edge_s=0.1)
+    wheels = RecordedOdometry(Trajectory(np.arange(4.0), (SE2(), SE2(), SE2(0.01), SE2(0.01))), "wheels")
     assert wheels.still(0.0, None) is None
     wheels.rest(0.0)
     assert wheels.still(1.0, None) is True

@@ -26,7 +26,6 @@ from edgemap.runtime.motion.odometry import OdometryRules
 EVERY_PX = 12  # between the depths that are read
 FARTHEST_RAD, FARTHEST_SHARE = math.radians(15.0), 0.3  # from the other source's up direction; of the mount's height
 SOUGHT_S, SOUGHT_RAD, SOUGHT_SHARE = 0.5, math.radians(25.0), 0.15  # a lost floor: how often, how far off, and high
-LEVEL_RAD = math.radians(0.2)  # standard deviation of the floor's slope: rugs, sills
 SLOWEST_S = 0.75  # between two samples; a slower IMU is none
 Given = Callable[[float], Attitude | None]  # by stamp, None where it is not known
 
@@ -36,8 +35,9 @@ class DepthAttitude:
 
     name = "depth"
 
-    def __init__(self, camera: FloorCamera) -> None:
-        self._height_m, self._lens = camera.mount.height_m, camera.intrinsics
+    def __init__(self, camera: FloorCamera, slope_rad: float) -> None:
+        """slope_rad: standard deviation of the floor's slope: rugs, sills."""
+        self._height_m, self._lens, self._slope_rad = camera.mount.height_m, camera.intrinsics, slope_rad
         self._floor: tuple[FloorPlane, NDArray[np.float64]] | None = None  # in the last picture
         self._last: FloorPlane | None = None
         self._seen_s = self._sought_s = -math.inf
@@ -53,7 +53,7 @@ class DepthAttitude:
             return other
         plane, covariance = self._floor
         self._last, self._seen_s = plane, frame.stamp_s
-        level = Attitude.of_up(plane.up, np.diag(np.diag(covariance)[[1, 0]] + LEVEL_RAD**2), self.name)
+        level = Attitude.of_up(plane.up, np.diag(np.diag(covariance)[[1, 0]] + self._slope_rad**2), self.name)
         return other.held_to(replace(level, height_m=plane.height_m))
 
     def _follow(
@@ -108,7 +108,7 @@ class EstimatedAttitude:
         rule, rules, mount = rule or AttitudeRule(), rules or OdometryRules(), camera.mount
         self._pictures = PicturesAttitude(mount, rule.check.tilt)
         self._inertial = InertialAttitude(mount, rule, rules.pictures.carried, rules.hybrid.trust, clock)
-        self._depth, self._imu, self._given = DepthAttitude(camera), imu, given
+        self._depth, self._imu, self._given = DepthAttitude(camera, rule.check.tilt.lasting), imu, given
         self._check = MountCheck(camera, self._pictures, rule.check, health)
         self._mount, self.faults = mount, tuple[Fault, ...]()
         self._attitude = Attitude.of_mount(mount)

@@ -23,14 +23,13 @@ Array = NDArray[np.float64]
 GYRO_RAD_S, ACCEL_M_S2 = (1.5, 35.0), (15.0, 160.0)
 REPEATS = 5  # of one value: a driver delivers a sample up to four times; as many of all three axes are a frozen gyro's
 LIVELY = 50  # samples after which a sensor counts as one with noise
-SINGLE = 10  # samples, each alone in its frame, from which the rate is computed
+FEWEST = 10  # samples, each alone in its frame, for a rate; frames in a row whose samples are of another time
 APART_S = 1.0  # between a frame and its newest sample, from which on they are of two clocks, or of two sides of a hole
 HISTORY_S = 100.0  # of samples before a frame that are integrated at most
 WEIGHTLESS_M_S2 = 1.0  # a sample below is none: nothing falls freely
 GRAVITY_SHARES = 0.75, 1.25  # of gravity, between which the mean force of a second lies
 OFF_UP_RAD = math.radians(50.0)  # of it to the mount's up, beyond what a head nods
 AXES = dict(zip(("+x", "+y", "+z", "-x", "-y", "-z"), np.vstack([np.eye(3), -np.eye(3)]), strict=True))
-OTHER_CLOCK = 10  # frames in a row without samples but of another time, from which on it is a fault
 
 
 class _Sensor:
@@ -85,7 +84,7 @@ class ImuTrust:
         self._clock = clock
         self._turned_rad = self._span_s = 0.0  # over the last step, by the gyro
         self._seen_s, self._reason = math.nan, ""
-        self._frames, self._per_sample = 0, deque[int](maxlen=SINGLE)  # since the last sample; of the last samples
+        self._frames, self._per_sample = 0, deque[int](maxlen=FEWEST)  # since the last sample; of the last samples
         self._slow = False
         self._off_clock = 0  # frames since the newest samples, where these are of another time
         self._off_clock_s = 0.0
@@ -117,7 +116,7 @@ class ImuTrust:
         if fault:
             return samples, fault
         self._count(len(samples))
-        if self._off_clock == OTHER_CLOCK:
+        if self._off_clock == FEWEST:
             return self._with_fault(samples)
         if not len(samples):
             return samples, None
@@ -243,14 +242,14 @@ class ImuTrust:
         """Why a sensor is left out; empty where none is."""
         if self._clock:
             return self._clock
-        if self._off_clock >= OTHER_CLOCK:
+        if self._off_clock >= FEWEST:
             where = f"{abs(self._off_clock_s):.6g} s {'before' if self._off_clock_s > 0.0 else 'after'} the picture"
             return f"IMU: its newest sample is {where} (two clocks?)"
         for sensor in (self._gyro, self._accel):
             if sensor.bad:
                 return sensor.reason
-        frames = (sum(self._per_sample) - max(self._per_sample, default=0)) / (SINGLE - 1)  # one may be a hole
-        self._slow = len(self._per_sample) == SINGLE and frames > (1.5 if self._slow else 2.0)
+        frames = (sum(self._per_sample) - max(self._per_sample, default=0)) / (FEWEST - 1)  # one may be a hole
+        self._slow = len(self._per_sample) == FEWEST and frames > (1.5 if self._slow else 2.0)
         if self._slow:
             return f"IMU: one sample in {frames:.1f} frames, at least one in two is needed"
         if contrary := self._turns_gravity or self._contrary:

@@ -6,22 +6,23 @@ from pathlib import Path
 
 from edgemap.geometry.camera.floor import FloorCamera
 from edgemap.geometry.camera.mount_tilt import MountTiltRule
+from edgemap.geometry.se2 import SE2
 from edgemap.runtime.frames.camera import Camera
 from edgemap.runtime.frames.errors import OdometryError
 from edgemap.runtime.frames.faults import FaultKind
-from edgemap.runtime.frames.trajectory import EDGE_S, PoseTrack, TrackFile
+from edgemap.runtime.frames.trajectory import PoseTrack, TrackFile
 from edgemap.runtime.motion.given_poses import GivenPoses, read_given
 from edgemap.runtime.motion.health import HealthRule
 from edgemap.runtime.motion.judge import JudgeRule, MotionJudge
 from edgemap.runtime.motion.odometry.coasting import CoastingRule
 from edgemap.runtime.motion.odometry.gyro import GyroOdometry
 from edgemap.runtime.motion.odometry.hybrid import CAMERA, GYRO, WHEELS, HybridOdometry, HybridRule
-from edgemap.runtime.motion.odometry.judged import JudgedOdometry
+from edgemap.runtime.motion.odometry.judged import JudgedOdometry, OpenPoses
 from edgemap.runtime.motion.odometry.paper import PaperOdometry
 from edgemap.runtime.motion.odometry.protocol import Motion, Odometry
 from edgemap.runtime.motion.odometry.recorded import WHEEL, DriftRate, RecordedOdometry
 from edgemap.runtime.motion.odometry.window import PicturesRule, WindowOdometry
-from edgemap.runtime.motion.odometry_names import is_pose_file, is_tf
+from edgemap.runtime.motion.odometry_names import HYBRID, is_pose_file, is_tf
 from edgemap.runtime.network.bundle import Bundle
 
 __all__ = ["Motion", "Odometry", "OdometryRules", "at_head_height", "open_odometry"]
@@ -53,54 +54,49 @@ def open_odometry(
     tilt: MountTiltRule | None = None,
     pose_frame: str | None = None,
 ) -> Odometry:
-    """The odometry that a name stands for: hybrid, paper, truth, wheel or FILE.tum; for experiments a member of the
-    hybrid alone: window, gyro.
+    """The odometry that a name stands for: hybrid, paper, truth, wheel, FILE.tum or tf.
 
     wheels: whether the hybrid uses the source's wheels, where it has any. health: rule of its pictures. tilt: rule of
     the camera's tilt about its mount. pose_frame: as of `read_given`. Raises OdometryError for one that is unknown or
     not available here.
     """
     rules = rules or OdometryRules()
-    if spec == "hybrid":
+
+    def judged(name: str, open_poses: OpenPoses, kind: FaultKind, start: SE2 | None = None) -> JudgedOdometry:
+        own = _hybrid(camera, floor, False, rules, health, tilt)
+        return JudgedOdometry(name, open_poses, own, MotionJudge(rules.judge), kind, start)
+
+    if spec == HYBRID:
         return _hybrid(camera, floor, wheels, rules, health, tilt)
-    if spec == "gyro":
-        return GyroOdometry()
-    if spec == "window":
-        return WindowOdometry(floor, rules.pictures, rules.coasting, tilt, at_head_height(camera, floor))
     if spec == "paper":
         return PaperOdometry(bundle, rules.coasting.of_unit(floor.mount.platform.unit_m))
     if spec == "truth":
         if camera.info.truth is None:
             raise OdometryError(f"odometry truth: {camera.info.name} has no recorded poses")
-        return RecordedOdometry(camera.info.truth, "truth", edge_s=EDGE_S)
+        return RecordedOdometry(camera.info.truth, "truth")
     if spec == "wheel":
         if camera.info.wheel is None:
             raise OdometryError(f"odometry wheel: {camera.info.name} brings no wheel odometry")
         wheel = _wheels(camera.info.wheel, rules)
-        beside = _hybrid(camera, floor, False, rules, health, tilt)
-        opened = wheel, wheel.trajectory, None
-        return JudgedOdometry(wheel.name, lambda _: opened, beside, MotionJudge(rules.judge), FaultKind.WHEELS_EXCLUDED)
+        return judged(wheel.name, lambda _: (wheel, None), FaultKind.WHEELS_EXCLUDED)
     if is_pose_file(spec):
         file = read_given(Path(spec), floor.mount, pose_frame)
         count, rate_hz = camera.info.frame_count, camera.info.rate_hz
 
-        def given(stamp_s: float) -> tuple[RecordedOdometry, PoseTrack, GivenPoses]:
+        def given(stamp_s: float) -> tuple[RecordedOdometry, GivenPoses]:
             last_s = stamp_s + (count - 1) / rate_hz if count and rate_hz else math.inf
             poses = file.by_clock(spec, stamp_s, last_s)
-            return RecordedOdometry(poses.trajectory, spec, edge_s=EDGE_S), poses.trajectory, poses
+            return RecordedOdometry(poses.trajectory, spec), poses
 
-        beside = _hybrid(camera, floor, False, rules, health, tilt)
-        return JudgedOdometry(spec, given, beside, MotionJudge(rules.judge), FaultKind.POSES_EXCLUDED)
+        return judged(spec, given, FaultKind.POSES_EXCLUDED)
     if is_tf(spec):
         if camera.info.tf is None:
             raise OdometryError(
                 f"odometry {spec}: {camera.info.name} has no tf; a recording with /tf or ros2:/TOPIC has"
             )
         poses = camera.info.tf(spec.partition(":")[2], floor.mount)
-        opened = RecordedOdometry(poses.trajectory, spec, edge_s=EDGE_S), poses.trajectory, poses
-        beside = _hybrid(camera, floor, False, rules, health, tilt)
-        judge, kind = MotionJudge(rules.judge), FaultKind.POSES_EXCLUDED
-        return JudgedOdometry(spec, lambda _: opened, beside, judge, kind, poses.start)
+        opened = RecordedOdometry(poses.trajectory, spec), poses
+        return judged(spec, lambda _: opened, FaultKind.POSES_EXCLUDED, poses.start)
     raise OdometryError(f"odometry {spec!r} is not hybrid, paper, truth, wheel, FILE.tum or tf")
 
 
@@ -129,7 +125,7 @@ def hybrid_sources(
     sources: dict[str, Odometry] = {CAMERA: pictures}
     if wheels and camera.info.wheel is not None:
         sources[WHEELS] = _wheels(camera.info.wheel, rules)
-    return sources | {GYRO: GyroOdometry(displaced=True)}
+    return sources | {GYRO: GyroOdometry()}
 
 
 def at_head_height(camera: Camera, floor: FloorCamera) -> bool:

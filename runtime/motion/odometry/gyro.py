@@ -1,4 +1,4 @@
-"""Yaw from the gyro, and within the hybrid the accelerometer's displacement; without it the translation is unknown."""
+"""Yaw from the gyro, and the accelerometer's displacement, whose velocity other odometries measure."""
 
 from dataclasses import replace
 
@@ -22,15 +22,11 @@ from edgemap.runtime.network.network import Tensors
 
 
 class GyroOdometry:
-    """The gyro's rotation as of the frame's attitude, which estimates the bias at rest; a step without one is blind.
-
-    displaced: whether to use the accelerometer's displacement, whose velocity needs another odometry.
-    """
+    """The gyro's rotation as of the frame's attitude, which estimates the bias at rest; a step without one is blind."""
 
     name, needs_features = "gyro", False
 
-    def __init__(self, displaced: bool = False) -> None:
-        self._displaced = displaced
+    def __init__(self) -> None:
         self._first = True
 
     def step(self, frame: Frame, features: Tensors, prior: FramePrior = NO_PRIOR) -> Motion:  # noqa: ARG002
@@ -48,7 +44,7 @@ class GyroOdometry:
         if attitude is None or attitude.rotation is None:
             return blind_motion(Fault(FaultKind.GYRO, f"gyro odometry: no samples up to {stamp_s:.3f} s"))
         motion, displaced = yaw_motion(attitude.rotation), attitude.rotation.displaced
-        if not self._displaced or displaced is None:
+        if displaced is None:
             return motion
         moved, covariance = motion.motion, motion.covariance.copy()
         (x_m, y_m), covariance[:2, :2] = displaced

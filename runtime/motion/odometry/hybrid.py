@@ -8,7 +8,7 @@ import numpy as np
 
 from edgemap.geometry.camera.attitude import Attitude
 from edgemap.geometry.observations.detections import share_covered
-from edgemap.geometry.odometry.consensus import MotionEstimate, consensus, distance, fused
+from edgemap.geometry.odometry.consensus import MotionEstimate, consensus, fused
 from edgemap.geometry.odometry.room_compass import CompassRule, RoomCompass
 from edgemap.geometry.se2 import SE2
 from edgemap.runtime.frames.faults import Fault, FaultKind
@@ -26,7 +26,7 @@ from edgemap.runtime.motion.odometry.protocol import (
     no_motion,
     unknown_covariance,
 )
-from edgemap.runtime.motion.trust import UNPROVEN, WHEELS, TrustRule, WheelTrust
+from edgemap.runtime.motion.trust import WHEELS, TrustRule, WheelTrust
 from edgemap.runtime.network.network import Tensors
 
 UNKNOWN = np.diag(unknown_covariance())  # variances from which a motion is worth less than a guess
@@ -131,7 +131,7 @@ class HybridOdometry:
             guess = self._coasting.guess(stamp_s, *_distinct(faults))
             guess = _with_gyro(guess, alive[GYRO]) if alive else guess
             return replace(guess, members=self._roles(alive, alive))
-        estimate = consensus(self._reweighted_by_gyro(alive))
+        estimate = consensus(alive)
         scale, conflict = self._lasting(estimate.conflict, stamp_s)
         moved, covariance = estimate.motion, scale * np.asarray(estimate.covariance)
         rotation = next((motion.rotation for motion in motions.values() if motion.rotation is not None), None)
@@ -190,16 +190,6 @@ class HybridOdometry:
         covariance = motion.covariance + np.diag([0.0, 0.0, turned_rad**2])
         heading = SE2(x_m, y_m, yaw_rad + turned_rad)
         return replace(motion, motion=heading, covariance=covariance, heading_rad2=self._compass.heading_rad2)
-
-    def _reweighted_by_gyro(self, alive: Mapping[str, MotionEstimate]) -> Mapping[str, MotionEstimate]:
-        """The estimates; the covariance of one whose yaw disagrees with the gyro's is inflated until they agree. A
-        gyro's covariance includes its bias and scale; no covariance includes moving objects and slipping wheels."""
-        gyro = alive.get(GYRO)
-        if gyro is None:
-            return alive
-        yaw = MotionEstimate(gyro.motion, gyro.covariance + np.diag([*UNPROVEN[:2], 0.0]))
-        excess = {name: max(distance(item, yaw), 1.0) for name, item in alive.items()}
-        return {name: replace(item, covariance=item.covariance * excess[name]) for name, item in alive.items()}
 
     def _roles(self, alive: Collection[str], used: Collection[str]) -> dict[str, str]:
         """The role of each source in a step, as of `Motion.members`."""

@@ -19,11 +19,13 @@ from edgemap.runtime.motion.odometry.protocol import NO_PRIOR, FramePrior, Motio
 from edgemap.runtime.motion.odometry.recorded import RecordedOdometry
 from edgemap.runtime.network.network import Tensors
 
+# The external odometry from the first frame's stamp on, with a file's attitudes where there are any.
+OpenPoses = Callable[[float], tuple[RecordedOdometry, GivenPoses | None]]
+
 
 class JudgedOdometry:
     """The external motion, until the camera's contradicts it; from then on the camera's.
 
-    open_poses: makes the external odometry at the first frame's stamp, with the file's attitudes where there are any.
     The map's latest poses become the camera's then. kind: of the fault that leaves the source out. start: the first
     frame's pose in the source's map; None where that begins there.
     """
@@ -33,7 +35,7 @@ class JudgedOdometry:
     def __init__(
         self,
         name: str,
-        open_poses: Callable[[float], tuple[RecordedOdometry, PoseTrack, GivenPoses | None]],
+        open_poses: OpenPoses,
         camera: HybridOdometry,
         judge: MotionJudge,
         kind: FaultKind,
@@ -41,14 +43,14 @@ class JudgedOdometry:
     ) -> None:
         self.name, self._open, self._camera, self._judge, self._kind = name, open_poses, camera, judge, kind
         self.start = start
-        self._opened: tuple[RecordedOdometry, PoseTrack, GivenPoses | None] | None = None
+        self._opened: tuple[RecordedOdometry, GivenPoses | None] | None = None
         self._wrong, self._news = False, list[Fault]()
         self._last_s = -math.inf
         self._path = deque[tuple[float, SE2]]()  # the camera's, as long as the judge looks back
 
     def attitude(self, stamp_s: float) -> Attitude | None:
         """The camera's attitude by poses of six dimensions; None where they have three, or are wrong."""
-        given = self._given(stamp_s)[2]
+        given = self._given(stamp_s)[1]
         return None if self._wrong or given is None else given.attitude(stamp_s)
 
     def step(self, frame: Frame, features: Tensors, prior: FramePrior = NO_PRIOR) -> Motion:
@@ -57,7 +59,7 @@ class JudgedOdometry:
         given = self._given(frame.stamp_s)[0].step(frame, features, prior)
         due, self._last_s = self._judge.add(self._last_s, frame.stamp_s, seen.moved()), frame.stamp_s
         if due and not self._wrong:
-            self._judge_now(self._given(frame.stamp_s)[1], frame.stamp_s)
+            self._judge_now(self._given(frame.stamp_s)[0].trajectory, frame.stamp_s)
         return self._chosen(replace(given, rotation=seen.rotation), seen, frame.stamp_s)
 
     def step_blind(self, stamp_s: float, reason: Fault, attitude: Attitude | None = None) -> Motion:
@@ -75,10 +77,10 @@ class JudgedOdometry:
         self._last_s = stamp_s
         return self._chosen(self._given(stamp_s)[0].rest(stamp_s), self._camera.rest(stamp_s), stamp_s)
 
-    def _given(self, stamp_s: float) -> tuple[RecordedOdometry, PoseTrack, GivenPoses | None]:
+    def _given(self, stamp_s: float) -> tuple[RecordedOdometry, GivenPoses | None]:
         if self._opened is None:
             self._opened = self._open(stamp_s)
-            given = self._opened[2]
+            given = self._opened[1]
             if given is not None and given.read_as:
                 text = f"odometry {self.name}: {', '.join(given.read_as)}: read as such, state it or convert the file"
                 self._news.append(Fault(FaultKind.POSES_CONVERTED, text))
@@ -102,7 +104,7 @@ class JudgedOdometry:
         self._path.append((stamp_s, self._path[-1][1] @ seen.motion if self._path else SE2()))
         while self._path[0][0] < stamp_s - self._judge.reach_s:
             self._path.popleft()
-        poses = None if self._wrong else self._given(stamp_s)[2]
+        poses = None if self._wrong else self._given(stamp_s)[1]
         if excluded:
             motion = replace(motion, instead=self._seen_at)
         elif poses is not None and (corrected := poses.correction(stamp_s)) is not None:

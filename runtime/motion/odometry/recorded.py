@@ -11,7 +11,7 @@ from edgemap.geometry.se2 import SE2
 from edgemap.runtime.frames.errors import OdometryError
 from edgemap.runtime.frames.faults import Fault, FaultKind
 from edgemap.runtime.frames.frame import Frame
-from edgemap.runtime.frames.trajectory import PoseTrack
+from edgemap.runtime.frames.trajectory import EDGE_S, PoseTrack
 from edgemap.runtime.motion.odometry.protocol import (
     NO_PRIOR,
     STILL,
@@ -50,7 +50,7 @@ ROUNDED_M, ROUNDED_RAD = 1e-4, 1e-5  # of what files hold
 # 2.9) with 6.5; drift over 5 m 0.97 and 0.87 %).
 WHEEL = DriftRate(0.0065)
 FASTEST_M_S = 3.0  # that a small robot's wheel rolls; a faster change between two samples is a jump, not a motion
-EDGE_S = 0.01  # outside the recording that still count as its end: stamps are rounded
+ROUNDED_S = 0.01  # outside the wheels' samples that still count as their end: stamps are rounded
 LONGEST_GAP_S, LONGEST_GAP_PERIODS = 0.5, 5.0  # between two samples; a longer one is a hole, not a straight line
 
 
@@ -63,14 +63,13 @@ class RecordedOdometry:
 
     needs_features = False
 
-    def __init__(
-        self, trajectory: PoseTrack, name: str, drift: DriftRate | None = None, edge_s: float = EDGE_S
-    ) -> None:
+    def __init__(self, trajectory: PoseTrack, name: str, drift: DriftRate | None = None) -> None:
         self.name = name
         self.trajectory = trajectory
         self._drift = drift or DriftRate()
-        self._kind = FaultKind.WHEELS if self._drift.roughness_m else FaultKind.POSES
-        self._edge_s = edge_s
+        self._kind, self._edge_s = FaultKind.POSES, EDGE_S
+        if self._drift.roughness_m:
+            self._kind, self._edge_s = FaultKind.WHEELS, ROUNDED_S
         period_s = float(np.median(np.diff(trajectory.stamps_s))) if len(trajectory.poses) > 1 else 0.0
         self._longest_gap_s = max(LONGEST_GAP_S, LONGEST_GAP_PERIODS * period_s)
         self._last: SE2 | None = None
@@ -128,7 +127,7 @@ class RecordedOdometry:
         last = min(int(np.searchsorted(stamps, stamp_s)), len(stamps) - 1)
         for at in range(first, last):
             span_s, moved = float(stamps[at + 1] - stamps[at]), poses[at].inverse() @ poses[at + 1]
-            both = abs(stamps[at] - self._last_s) <= EDGE_S and abs(stamps[at + 1] - stamp_s) <= EDGE_S
+            both = abs(stamps[at] - self._last_s) <= ROUNDED_S and abs(stamps[at + 1] - stamp_s) <= ROUNDED_S
             if span_s > self._longest_gap_s and not both:  # between samples at both pictures nothing is interpolated
                 return f"no sample from {stamps[at]:.3f} to {stamps[at + 1]:.3f} s"
             if self._drift.roughness_m and self._drift.rolled_m(moved) > FASTEST_M_S * span_s:

@@ -27,8 +27,7 @@ from edgemap.runtime.motion.odometry.protocol import NO_PRIOR, FramePrior, Motio
 from edgemap.runtime.network.network import Tensors
 
 SHORTEST_S = 1e-3  # minimum time between two pictures
-SMALLEST_SIGMA_RAD = 1e-4  # of a tilt
-MINIMUM_COVARIANCE = np.diag([1e-4, 1e-4, 1e-4]) ** 2
+LEAST_SIGMA = 1e-4  # m and rad, of a motion and of a tilt
 TURN_M = 0.2  # path of a turn, per radian
 
 
@@ -218,7 +217,7 @@ class WindowOdometry:
         level = self._base.rotation().T
         by[:2, 3:5], by[:2, 9:11], by[2, 2], by[2, 8] = -level, level, -1.0, 1.0
         by[0, 2], by[1, 2] = motion.y_m, -motion.x_m
-        return Motion(motion, by @ covariance @ by.T + MINIMUM_COVARIANCE + self._since_covariance)
+        return Motion(motion, by @ covariance @ by.T + LEAST_SIGMA**2 * np.eye(3) + self._since_covariance)
 
     def _covariance(self) -> Array:
         """Of the window's last two poses, (12, 12)."""
@@ -292,7 +291,7 @@ class WindowOdometry:
         up_rad = self._held(self._tilt_rad)
         if attitude is not None and attitude.source != "mount" and not attitude.predicted:
             variance = float(np.trace(attitude.covariance_rad2)) / 2.0
-            up_rad = max(math.sqrt(rule.attitude_pictures * variance), SMALLEST_SIGMA_RAD)
+            up_rad = max(math.sqrt(rule.attitude_pictures * variance), LEAST_SIGMA)
         gyro_rad = math.inf
         if gyro is not None:
             gyro_rad = math.hypot(rule.gyro_rad + rule.gyro_share * gyro.angle_rad, gyro.sigma_rad)

@@ -14,7 +14,7 @@ from edgemap.geometry.objects.annotations import LEVELS, Annotations, Level
 from edgemap.runtime.frames.errors import RunFolderError
 from edgemap.runtime.frames.faults import FaultKind, read_fault
 from edgemap.runtime.frames.reading import decode_json, error_line, printable, read_bytes
-from edgemap.runtime.motion.odometry_names import PICTURE_ODOMETRIES
+from edgemap.runtime.motion.odometry_names import HYBRID
 from edgemap.runtime.outputs.verdict.causes import CAUSES, Cause, cause_of
 
 SHOWN_FAULTS = 3  # of one cause
@@ -164,7 +164,7 @@ def _measures_by_floor(run: _Run) -> bool:
     """Whether the floor in the pictures is what gives lengths: neither wheels nor depth nor external poses do."""
     depth = run.record.get("attitude_sources", {}).get("depth", 0)
     measured = depth or run.quality.get("wheel_frames", 0)
-    return not measured and run.record.get("odometry", "hybrid") in PICTURE_ODOMETRIES
+    return not measured and run.record.get("odometry", "hybrid") == HYBRID
 
 
 def _is_carried(run: _Run) -> bool:
