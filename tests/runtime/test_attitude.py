@@ -318,21 +318,28 @@ def test_the_rotation_is_known_from_the_first_frame_on_whose_samples_reach_back_
 HEAD = Mount.from_degrees(1.7, 20.0)
 
 
-def test_edges_of_the_room_show_up_in_the_frame_before_while_the_camera_turns():
+def test_edges_of_the_room_show_up_in_the_last_frame_while_the_camera_turns():
     source, rng, turn = PicturesAttitude(HEAD), np.random.default_rng(1), small_rotation(0.03, 0.02, 0.1)
     up, rotation = up_optical(HEAD.pitch_rad, 0.0), TrackedRotation(turn, Carried().certain())
     for index in range(2):
         source.predict(index / 10.0)
-        source.begin_edges()
         source.update(rotation)
-        begun = Attitude.of_up(turn.T @ up, np.zeros((2, 2)), "truth")
-        source.predict(index / 10.0 + 0.05)
-        source.update(rotation)
-        up = turn.T @ turn.T @ up
+        up = turn.T @ up
         assert source.seen_up is None
-        pitch_deg, roll_deg = np.degrees([begun.pitch_rad, begun.roll_rad]).tolist()
+        true = Attitude.of_up(up, np.zeros((2, 2)), "truth")
+        pitch_deg, roll_deg = np.degrees([true.pitch_rad, true.roll_rad]).tolist()
         assert source.see_edges(*room_edges(pitch_deg, roll_deg, rng)) is not None
         assert np.linalg.norm(np.cross(source.seen_up, up)) < math.radians(1.0)
+
+
+def test_edges_of_two_pictures_show_the_room_together_turned_with_the_camera():
+    source, rng, turn = PicturesAttitude(HEAD), np.random.default_rng(0), small_rotation(0.0, 0.02, 0.5)
+    normals, lengths = room_edges(20.0, 0.0, rng, count=6, outliers=0)
+    first, second = np.arange(0, len(lengths), 2), np.arange(1, len(lengths), 2)
+    assert source.see_edges(normals[first], lengths[first]) is None
+    source.update(TrackedRotation(turn, Carried().certain()))
+    room = source.see_edges(normals[second] @ turn, lengths[second])
+    assert np.linalg.norm(np.cross(room.up, turn.T @ up_optical(HEAD.pitch_rad, 0.0))) < math.radians(1.0)
 
 
 def test_a_carried_camera_has_the_tilt_of_the_odometry_and_a_mounted_one_begins_each_frame_at_its_mount():
@@ -354,7 +361,7 @@ def test_a_carried_camera_has_the_tilt_of_the_odometry_and_a_mounted_one_begins_
 def test_a_real_walk_is_seen_level_without_an_imu(shared_data):
     drive = open_drive(f"c2w:{shared_data / 'hololens'}")
     camera = drive_camera(replace(drive, depth=()), "a walk")
-    with edgemap.open(camera, "edgemap-pico", odometry="window") as session:
+    with edgemap.open(camera, "edgemap-pico") as session:
         found = [step.observed.camera.attitude for step, _ in zip(session, range(80), strict=False)]
     true = [drive.attitudes.at(stamp_s, HEAD.height_m) for stamp_s in drive.stamps_s[:80]]
     mount = attitude_figures([Attitude.of_mount(drive.mount)] * 45, true[35:])

@@ -34,10 +34,9 @@ class PicturesAttitude:
         tilt = tilt or MountTiltRule()
         self._carried_rad, self._nodding_rad = tilt.prior, tilt.nod / 2.0
         self.correct_mount(mount)
-        self._seen_s, self._begun, self._carried = -math.inf, False, Carried()
+        self._seen_s, self._carried = -math.inf, Carried()
         self.seen_up: Array | None = None
-        self._since: Array | None = None  # rotation since the picture whose edges are looked for
-        self._before: tuple[Array, Array] | None = None  # the last edges, normals and lengths, in its axes
+        self._edges: tuple[Array, Array] | None = None  # of an earlier picture, in the last frame's optical axes
 
     def predict(self, stamp_s: float) -> Attitude:
         """The prediction before this frame is tracked: the mount's angles, or for a carried camera the tilt of the
@@ -50,32 +49,27 @@ class PicturesAttitude:
 
     def update(self, rotation: TrackedRotation | None) -> Attitude:
         """The attitude of the last frame, as the odometry measured it."""
-        self._carry_edges(rotation)
-        if rotation is not None:
-            self._carried = rotation.carried or self._carried
-            self._up = rotation.rotation.T @ self._up if rotation.up is None else rotation.up
-            self._up_rad = self._up_rad if rotation.up is None else rotation.up_rad
+        self.seen_up = None
+        if rotation is None:
+            self._edges = None
+            return self._attitude(measured=True, predicted=False)
+        self._edges = self._edges and (self._edges[0] @ rotation.rotation, self._edges[1])
+        self._carried = rotation.carried or self._carried
+        self._up = rotation.rotation.T @ self._up if rotation.up is None else rotation.up
+        self._up_rad = self._up_rad if rotation.up is None else rotation.up_rad
         return self._attitude(measured=True, predicted=False)
 
-    def begin_edges(self) -> None:
-        """Starts the edge detection on this frame's picture."""
-        self._begun = True
-
     def see_edges(self, normals: Array, lengths: Array) -> RoomAxes | None:
-        """The room in the picture that was begun, by its edges (as of `room_axes`) and those of the pictures before it;
-        None where too few agree."""
-        since = None if self._begun else self._since  # begun still: no rotation was measured since
-        expected = self._up if since is None else since @ self._up
-        reach_rad, before = REACH_SIGMAS * self._carried_rad, self._before
-        self._before = None if since is None else (normals, lengths)
-        room = None
+        """The room by the edges of the last frame's picture (as of `room_axes`) and those of the picture before it that
+        was read; None where too few agree."""
+        reach_rad, before = REACH_SIGMAS * self._carried_rad, self._edges
+        self._edges, room = (normals, lengths), None
         if before is not None:
             both = np.concatenate([before[0], normals]), np.concatenate([before[1], lengths])
-            room = room_axes(*both, expected, reach_rad)
+            room = room_axes(*both, self._up, reach_rad)
         if room is None:
-            room = room_axes(normals, lengths, expected, reach_rad)
-        if room is not None and since is not None:
-            self.seen_up = since.T @ room.up
+            room = room_axes(normals, lengths, self._up, reach_rad)
+        self.seen_up = None if room is None else room.up
         return room
 
     def correct_mount(self, mount: Mount) -> None:
@@ -88,15 +82,3 @@ class PicturesAttitude:
         if not measured or CLEAR_SIGMAS * self._up_rad >= self._carried_rad:
             return replace(self._given, predicted=predicted)
         return replace(Attitude.of_up(self._up, np.eye(2) * self._up_rad**2, self.name), predicted=predicted)
-
-    def _carry_edges(self, rotation: TrackedRotation | None) -> None:
-        """Rotates the kept edges into the axes of the picture that was begun."""
-        self.seen_up = None
-        if rotation is None:
-            self._since = self._before = None
-        elif self._since is not None:
-            self._since = self._since @ rotation.rotation
-        if self._begun:
-            if self._before is not None and self._since is not None:
-                self._before = self._before[0] @ self._since, self._before[1]
-            self._since, self._begun = np.eye(3), False
