@@ -175,7 +175,6 @@ class MapEvents:
     _events: _Events = field(default_factory=dict)
     _zones_issued: int = 0
     _folded: tuple[list[MapObject], _Fold] | None = None
-    _annotations: Annotations = NO_ANNOTATIONS
 
     @classmethod
     def of(cls, saved: Iterable[MapObject], annotations: Annotations, placed: bool = True) -> "MapEvents":
@@ -223,13 +222,11 @@ class MapEvents:
         return self._fold(measured).shown if self._events else measured.objects()
 
     def annotations(self, measured: FloorMap) -> Annotations:
-        """Current zones, deleted objects, dock and named rooms; the same object until one changes."""
-        now = NO_ANNOTATIONS
-        if self._events:
-            fold = self._fold(measured)
-            now = Annotations(tuple(fold.zones.values()), tuple(fold.deleted), fold.dock, tuple(fold.rooms.values()))
-        self._annotations = self._annotations if now == self._annotations else now
-        return self._annotations
+        """Current zones, deleted objects, dock and named rooms."""
+        if not self._events:
+            return NO_ANNOTATIONS
+        fold = self._fold(measured)
+        return Annotations(tuple(fold.zones.values()), tuple(fold.deleted), fold.dock, tuple(fold.rooms.values()))
 
     def kept(self, measured: FloorMap) -> frozenset[str]:
         """Ids of the measured map that a person has confirmed or named: they are not forgotten."""

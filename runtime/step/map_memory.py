@@ -15,7 +15,7 @@ from edgemap.geometry.arrays import CHI2_997, positive
 from edgemap.geometry.grid.occupancy_grid import FREE, OccupancyGrid
 from edgemap.geometry.grid.rooms import Door, Room
 from edgemap.geometry.map_object import CHI2_95, MapEvent, MapObject, radius_m
-from edgemap.geometry.objects.annotations import NO_ANNOTATIONS, Annotations, MapIdentity
+from edgemap.geometry.objects.annotations import Annotations, MapIdentity
 from edgemap.geometry.objects.class_posterior import least_spacing_m
 from edgemap.geometry.objects.events import Edit
 from edgemap.geometry.observations.class_extents import extent_m
@@ -47,7 +47,6 @@ class MapMemory:
         self._moved_from: dict[str, str] = {}  # ids of this run's objects, to those that they were in the saved map
         self._raw: Sequence[MapObject] = ()
         self._shown: dict[str, tuple[tuple[object, ...], MapObject]] = {}
-        self._noted: tuple[Annotations, tuple[object, ...], Annotations] = NO_ANNOTATIONS, (), NO_ANNOTATIONS
 
     def enter(
         self,
@@ -118,18 +117,11 @@ class MapMemory:
         return [self._annotated(item) for item in objects]
 
     def annotations(self, annotations: Annotations) -> Annotations:
-        """A map's annotations with its identity and what has vanished; the same object until one changes."""
-        before, key, noted = self._noted
-        if before is not annotations or key != self._key():
-            gone = (self._annotated(item) if item.id in self._events else item for item in self._vanished.values())
-            (rooms, doors), named = self._areas, {room.id for room in annotations.rooms}
-            rooms = (*annotations.rooms, *(room for room in rooms if room.id not in named))
-            noted = replace(annotations, rooms=rooms, doors=doors, identity=self.identity, vanished=tuple(gone))
-            self._noted = annotations, self._key(), noted
-        return noted
-
-    def _key(self) -> tuple[object, ...]:
-        return (self.identity, self.clock.utc(0.0), *self._vanished)
+        """A map's annotations with its identity and what has vanished."""
+        gone = (self._annotated(item) if item.id in self._events else item for item in self._vanished.values())
+        (rooms, doors), named = self._areas, {room.id for room in annotations.rooms}
+        rooms = (*annotations.rooms, *(room for room in rooms if room.id not in named))
+        return replace(annotations, rooms=rooms, doors=doors, identity=self.identity, vanished=tuple(gone))
 
     def _extend(self, identity: str, stamps_s: tuple[float, float]) -> None:
         first_s, last_s = self._sighted.get(identity, stamps_s)
@@ -165,7 +157,6 @@ class MapMemory:
                 events[-1] = events[-1][0], replace(events[-1][1], what="vanished")
                 self._shown.pop(item.id, None)
                 self._vanished[item.id] = self._annotated(item)
-                self._noted = NO_ANNOTATIONS, (), NO_ANNOTATIONS
 
     def _come(self, item: MapObject) -> None:
         """An object is shown that was not before."""
