@@ -8,7 +8,6 @@ import numpy as np
 
 from edgemap.geometry.arrays import Array
 from edgemap.geometry.camera.attitude import MountEstimate
-from edgemap.geometry.camera.floor import FloorCamera
 from edgemap.geometry.camera.mount import Mount
 from edgemap.geometry.errors import MapError
 from edgemap.geometry.grid.floor_scan import FloorScan
@@ -28,7 +27,6 @@ from edgemap.geometry.se2 import SE2, compose_covariance
 from edgemap.runtime.frames.limits import EVERY_S
 from edgemap.runtime.frames.timing import Stopwatch, StreamTimer
 from edgemap.runtime.motion.odometry.protocol import FARTHEST_M, Motion, is_covariance
-from edgemap.runtime.motion.odometry_names import is_pose_file, is_tf
 from edgemap.runtime.step.config import Config
 from edgemap.runtime.step.frame_observations import FrameObservations
 from edgemap.runtime.step.loop_closing import LoopCloser, LoopCorrection
@@ -267,7 +265,8 @@ class Mapper:
         path, new = self.map.graph.trajectory, [item for item in shown if item.id not in self._saved_ids]
         crossed = {item.id for item in new if is_crossed(item, path, self._lens_m)}
         shown = [item for item in shown if item.id not in crossed] if crossed else shown
-        return self.memory.annotated(shown, self.map.merged | self.edits.merges(self.map), self.annotations().deleted)
+        deleted = self.edits.annotations(self.map).deleted
+        return self.memory.annotated(shown, self.map.merged | self.edits.merges(self.map), deleted)
 
     @property
     def searching(self) -> bool:
@@ -447,24 +446,6 @@ def far_from_map(points_m: Sequence[Sequence[float]], places_m: Array) -> str:
         if not (wide_m <= np.maximum(high - low, WIDEST_M)).all():
             return f"x {x_m:g} m, y {y_m:g} m is too far: the map would be more than {WIDEST_M:g} m wide"
     return ""
-
-
-def new_mapper(
-    config: Config,
-    clustering: str = "default",
-    odometry: str = "hybrid",
-    loop_closure: bool = True,
-    forgets: FloorCamera | None = None,
-) -> Mapper:
-    """An empty back end; with recorded poses it closes no loops. clustering: default or paper. forgets: the camera by
-    whose view objects that are gone leave the map."""
-    recorded = odometry == "truth" or is_pose_file(odometry) or is_tf(odometry)
-    return Mapper(
-        config=config,
-        paper=PaperMap() if clustering == "paper" else None,
-        closes_loops=loop_closure and not recorded,
-        forgetter=Forgetter(forgets, config.forgetting) if forgets else None,
-    )
 
 
 def _composed(first: Motion, second: Motion) -> Motion:

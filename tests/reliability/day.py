@@ -18,10 +18,9 @@ from edgemap.geometry.observations.sighting import Sighting
 from edgemap.geometry.se2 import SE2
 from edgemap.runtime.motion.odometry.protocol import Motion
 from edgemap.runtime.motion.odometry.recorded import WHEEL
-from edgemap.runtime.step.config import Config
 from edgemap.runtime.step.frame_observations import FrameObservations
 from edgemap.runtime.step.map_file import map_text
-from edgemap.runtime.step.mapper import Mapper, new_mapper
+from edgemap.runtime.step.mapper import Mapper
 from reliability.parts import PartReport
 
 DAY_S, PIECES = 86_400, 24
@@ -39,7 +38,7 @@ F1_LOSS = 0.1  # likewise
 def run(seed: int, share: float, out: Path) -> PartReport:
     """The real back end, loop closure included; what the front end gives is drawn from a room of 14 objects."""
     steps = max(PIECES, round(DAY_S * share))
-    rows = drive_through(new_mapper(Config()), RoundTrip(seed), steps, PIECES, 24.0, LIMIT_S * share)
+    rows = drive_through(Mapper(closes_loops=True), RoundTrip(seed), steps, PIECES, 24.0, LIMIT_S * share)
     return _report(rows)
 
 
