@@ -14,7 +14,7 @@ from edgemap.geometry.objects.floor_map import FloorMap
 from edgemap.geometry.paper.paper_map import PaperMap
 from edgemap.geometry.se2 import SE2
 from edgemap.geometry.slam.pose_graph import GraphRule
-from edgemap.runtime.step.map_file import load_map, map_text, read_map, save_map
+from edgemap.runtime.step.map_file import load_map, map_document, read_map, save_map, saved_text
 
 
 def drive(placed, seed, frames=60):
@@ -297,7 +297,7 @@ def objects(placed):
 
 def test_a_covariance_that_rounds_to_two_values_reads_back(objects):
     odd = np.array([[29.0, 15.02238263051], [15.02238263049, 110.0]])  # the fuzz of edits made such a one
-    read, _ = read_map(map_text([replace(objects[0], covariance_m2=odd)]).encode(), "map")
+    read, _ = read_map(saved_text(map_document([replace(objects[0], covariance_m2=odd)])).encode(), "map")
     np.testing.assert_allclose(read[0].covariance_m2, odd)
 
 

@@ -19,7 +19,7 @@ from edgemap.geometry.se2 import SE2
 from edgemap.runtime.motion.odometry.protocol import Motion
 from edgemap.runtime.motion.odometry.recorded import WHEEL
 from edgemap.runtime.step.frame_observations import FrameObservations
-from edgemap.runtime.step.map_file import map_text
+from edgemap.runtime.step.map_file import map_document, saved_text
 from edgemap.runtime.step.mapper import Mapper
 from reliability.parts import PartReport
 
@@ -89,7 +89,7 @@ def drive_through(
                 "largest_ms": max(times_ms),
                 "rss_mb": process.memory_info().rss / 1e6,
                 "objects": len(objects),
-                "map_kb": len(map_text(objects)) / 1e3,
+                "map_kb": len(saved_text(map_document(objects))) / 1e3,
                 "f1": source.f1(objects),
             }
             print(", ".join(f"{name} {value:.2f}" for name, value in row.items()), flush=True)
