@@ -279,14 +279,13 @@ class MapEvents:
         if edit.do == "zone":
             return self._checked_zone(edit)
         if edit.do == "dock":
-            if edit.pose is None or not all(map(math.isfinite, edit.pose)):
+            if edit.pose is None:
                 raise EditError("a dock needs a pose: x, y and yaw")
             return replace(edit, id="dock")
         if edit.do == "room":
-            if not edit.id or not _is_name(edit.name) or not 3 <= len(edit.corners_m) <= MAXIMUM_CORNERS:
-                raise EditError(
-                    f"a room has an id, an outline and a name of at most {LONGEST_NAME} printable characters"
-                )
+            _check_name(edit.name, "a name")
+            if not edit.id or not 3 <= len(edit.corners_m) <= MAXIMUM_CORNERS:
+                raise EditError("a room has an id and an outline")
             return edit
         if edit.do in ("correct", "add"):
             _check_values(edit)
@@ -295,8 +294,7 @@ class MapEvents:
         for identity in (edit.id, edit.into) if edit.do == "merge" else (edit.id,):
             if identity not in shown:
                 raise EditError(f"no object {identity!r} on the map")
-        if edit.do == "name" and not _is_name(edit.name):
-            raise EditError(f"a name has at most {LONGEST_NAME} printable characters and no space at its ends")
+        _check_name(edit.name, "a name")
         if edit.do == "merge" and edit.id == edit.into:
             raise EditError(f"{edit.id!r} cannot be merged with itself")
         return edit
@@ -319,8 +317,9 @@ class MapEvents:
             raise EditError(f"{MAXIMUM_ZONES} zones are drawn already")
         if not 3 <= len(edit.corners_m) <= MAXIMUM_CORNERS or polygon_m2(edit.corners_m) < SMALLEST_M**2:
             raise EditError(f"a zone has 3 to {MAXIMUM_CORNERS} corners around at least {SMALLEST_M**2:g} m2")
-        if not edit.name or len(edit.name) > LONGEST_NAME or not edit.name.isprintable():
-            raise EditError(f"a zone has a name of at most {LONGEST_NAME} printable characters")
+        if not edit.name:
+            raise EditError("a zone has a name")
+        _check_name(edit.name, "a name")
         self._zones_issued += not edit.id
         return replace(edit, id=edit.id or f"zone-{self._zones_issued}")
 
@@ -380,10 +379,7 @@ def _check_values(edit: Edit) -> None:
     if edit.size_m is not None and not all(SMALLEST_M <= side <= LARGEST_M for side in edit.size_m):
         sides = " x ".join(f"{side:g}" for side in edit.size_m)
         raise EditError(f"a size is width, depth and height of {SMALLEST_M} to {LARGEST_M:g} m each, not {sides} m")
-    if not all(map(math.isfinite, (*(edit.place_m or ()), edit.yaw_rad or 0.0))):
-        raise EditError("a position and a yaw are finite numbers")
-    if not _is_name(edit.label):
-        raise EditError(f"a label has at most {LONGEST_NAME} printable characters and no space at its ends")
+    _check_name(edit.label, "a label")
 
 
 def _poses(edit: Edit) -> Array:
@@ -422,5 +418,7 @@ def _labels(item: MapObject) -> frozenset[str]:
     return frozenset({item.label, *item.labels})
 
 
-def _is_name(text: str) -> bool:
-    return len(text) <= LONGEST_NAME and text.isprintable() and text == text.strip()
+def _check_name(text: str, what: str) -> None:
+    """Raises EditError for a name or a label that no map may hold."""
+    if len(text) > LONGEST_NAME or not text.isprintable() or text != text.strip():
+        raise EditError(f"{what} has at most {LONGEST_NAME} printable characters and no space at its ends")

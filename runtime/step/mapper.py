@@ -130,8 +130,6 @@ class Mapper:
         """
         if far := far_from_map([(start.x_m, start.y_m)], places_of(saved, grid)):
             raise MapError(f"start pose: {far}")
-        if not math.isfinite(start.yaw_rad):
-            raise MapError(f"start pose: yaw {start.yaw_rad}")
         self._has_scale = True
         if grid is not None:
             self.grid.continue_from(grid)
@@ -295,12 +293,9 @@ class Mapper:
             if (dock := (place.annotations if place else self.annotations()).dock) is None:
                 raise EditError("the map has no dock")
             edit = replace(edit, pose=(dock.x_m, dock.y_m, dock.yaw_rad))
-        if edit.pose is None or not np.isfinite(edit.pose).all():
-            raise EditError("a pose is x, y and yaw: three finite numbers")
-        sigmas = edit.sigmas or START_SIGMAS
-        if not (np.isfinite(sigmas).all() and min(sigmas) > 0.0 and max(sigmas) < FARTHEST_M):
-            raise EditError(f"standard deviations of a pose are above 0 and below {FARTHEST_M:g}")
-        pose, covariance = SE2(*edit.pose), np.diag(np.square(sigmas))
+        if edit.pose is None:
+            raise EditError("a pose is x, y and yaw")
+        pose, covariance = SE2(*edit.pose), np.diag(np.square(edit.sigmas or START_SIGMAS))
         if self.relocaliser is not None and self.relocaliser.searching:
             back = self.pose_map_base.inverse()
             place = Alignment.exact(pose @ back)
