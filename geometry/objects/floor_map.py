@@ -27,7 +27,6 @@ from edgemap.geometry.slam.object_landmarks import Landmark, Sums, rotations
 from edgemap.geometry.slam.pose_graph import GraphRule, PoseGraph
 from edgemap.geometry.trajectory_correction import composed
 
-MERGED_IDS = 4096  # merged ids that are reported; older ones are dropped
 FITTED = 2  # footprints at most in one update, which bounds its time
 
 
@@ -151,12 +150,6 @@ class FloorMap:
         self._refresh()
         return self._listed
 
-    def near(self, point_m: Array, reach_m: float) -> list[MapObject]:
-        """The objects within a distance of a point (2,)."""
-        self._refresh()
-        ids = [item.id for item in self._overlaps.within(point_m, reach_m) if item.id in self._shown]
-        return [self._shown[identity] for identity in sorted(ids, key=id_order)]
-
     def shown_as(self, identity: str) -> str:
         """The id under which the map shows this object: unchanged, or that of the object that replaced it."""
         self._refresh()
@@ -266,8 +259,7 @@ class FloorMap:
             for old in renamed:
                 del self._objects[old]
                 self._change(old)
-            merged = {old: renamed.get(new, new) for old, new in self.merged.items()} | renamed
-            self.merged = dict(islice(merged.items(), max(len(merged) - MERGED_IDS, 0), None))
+            self.merged = {old: renamed.get(new, new) for old, new in self.merged.items()} | renamed
 
     def _remove(self, identity: str) -> None:
         item = self._objects.pop(identity)

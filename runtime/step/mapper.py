@@ -37,7 +37,6 @@ from edgemap.runtime.step.relocalisation import Relocaliser
 MIN_VARIANCE_M2 = 1e-10  # of an observation: no box is that exact, and its inverse stays finite
 # That evidence is counted in: thresholds were chosen at 10 Hz. One picture stands for `REPEATED` of them at most.
 PICTURE_S = 0.1
-LEAST_PICTURES = 0.01  # after however short a step of the clock: evidence is divided by it
 WIDEST_M = 50.0  # that a map becomes by what somebody states: homes are smaller, and memory grows with its square
 START_SIGMAS = (0.10, 0.10, math.radians(3.0))  # m, m, rad: how well a person knows where the robot stands
 
@@ -323,7 +322,7 @@ class Mapper:
         since_s, self._searched_s = stamp_s - self._searched_s, stamp_s
         if not math.isfinite(since_s):
             return observed
-        pictures = max(round(min(since_s / PICTURE_S, REPEATED), 2), LEAST_PICTURES)
+        pictures = max(round(min(since_s / PICTURE_S, REPEATED), 2), 0.01)  # above 0: evidence is divided by it
         if pictures == 1.0:
             return observed
         return replace(observed, sightings=[replace(seen, pictures=pictures) for seen in observed.sightings])

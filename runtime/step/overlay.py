@@ -15,7 +15,6 @@ Picture = NDArray[np.uint8]
 Plate = tuple[int, int, int, int]  # left, top, right, bottom, px
 
 GRID_M = 6  # ahead and to both sides
-TINT = 0.45  # how much of what the floor head sees shows
 
 
 class Bgr:
@@ -63,7 +62,7 @@ def draw_floor_mask(image: Picture, mask: FloorMask) -> Picture:
     size = image.shape[1], image.shape[0]
     for shares, colour in ((mask.floor, Bgr.FLOOR), (mask.wall, Bgr.WALL)):
         if shares is not None:
-            weight = TINT * cv2.resize(shares, size, interpolation=cv2.INTER_LINEAR)[..., None]
+            weight = 0.45 * cv2.resize(shares, size, interpolation=cv2.INTER_LINEAR)[..., None]
             picture += weight * (np.array(colour, np.float32) - picture)
     return picture.astype(np.uint8)
 

@@ -17,8 +17,6 @@ from edgemap.runtime.frames.reading import decode_json, error_line, printable, r
 from edgemap.runtime.motion.odometry_names import PICTURE_ODOMETRIES
 from edgemap.runtime.outputs.verdict.causes import CAUSES, Cause, cause_of
 
-SHOWN_FAULTS = 3  # of one cause
-
 TITLES: dict[Level, str] = {"good": "good", "care": "use with care", "unreliable": "not reliable"}
 
 # Half a metre separates one chair from the next, and what `eval map` counts as the same place; at 3 m, from where
@@ -26,8 +24,6 @@ TITLES: dict[Level, str] = {"good": "good", "care": "use with care", "unreliable
 WRONG_M, WRONG_DEG = 0.5, 10.0
 # A quarter of a drive without a measurement is what no loop closure brings back; a twentieth is a corner or two.
 LOST_SHARE, SOME_SHARE = 0.25, 0.05
-# Detections below are as likely nothing as something.
-DOUBTFUL = 0.5
 OFF_MOUNT_DEG = 2.0  # of pitch or roll: moves what is 3 m before a lens 0.6 m up by half a metre
 SLOW_HZ = 4.0  # at 0.5 m/s and 60 degrees/s a picture shares three quarters of its view with the one before
 SEEN_M = 3.0  # from where most objects are seen; what is nearer than the nearest floor does not show where it stands
@@ -260,7 +256,7 @@ def is_doubtful(item: MapObject) -> bool:
     """Whether an object is doubtful: no person has confirmed it, and its confidence is below a half or its position
     uncertain by more than half a metre.
     """
-    return not item.confirmed and (item.confidence < DOUBTFUL or sigma_of(item) > WRONG_M)
+    return not item.confirmed and (item.confidence < 0.5 or sigma_of(item) > WRONG_M)
 
 
 def sigma_of(item: MapObject) -> float:
@@ -302,7 +298,7 @@ def _explained(record: Mapping[str, Any], objects: Sequence[MapObject]) -> tuple
             shown.setdefault(cause, []).append(printable(fault.line))
     counted = {finding.cause for finding in verdict.findings}
     for cause, lines in shown.items():
-        evidence.setdefault(cause, []).extend(lines[:SHOWN_FAULTS])
+        evidence.setdefault(cause, []).extend(lines[:3])
     return verdict, [Step(cause, tuple(dict.fromkeys(lines)), cause in counted) for cause, lines in evidence.items()]
 
 
