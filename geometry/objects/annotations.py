@@ -1,6 +1,5 @@
 """What people add to a map besides its objects: zones, deletions and the dock."""
 
-import re
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Literal, TypeVar
@@ -16,7 +15,6 @@ Corners = tuple[tuple[float, float], ...]
 MAXIMUM_CORNERS, MAXIMUM_ZONES, LONGEST_NAME = 100, 200, 80
 Level = Literal["good", "care", "unreliable"]
 LEVELS: tuple[Level, ...] = ("good", "care", "unreliable")
-NUMBER = re.compile(r"\d[\d,.]*")
 
 
 @dataclass(frozen=True, slots=True)
@@ -52,10 +50,8 @@ class MapIdentity:
         """Of this map with another one merged into it: no better than either."""
         if other is None or other.level is None or self.level is None:
             return self.next()
-        worst, reasons = max(self.level, other.level, key=LEVELS.index), dict[str, str]()
-        for reason in self.reasons + other.reasons:
-            reasons.setdefault(NUMBER.sub("", reason), reason)  # two runs have the same one with other numbers
-        return replace(self.next(), level=worst, reasons=tuple(reasons.values()))
+        worst, reasons = max(self.level, other.level, key=LEVELS.index), dict.fromkeys(self.reasons + other.reasons)
+        return replace(self.next(), level=worst, reasons=tuple(reasons))
 
 
 @dataclass(frozen=True, slots=True)

@@ -108,7 +108,7 @@ class _Fold:
 
     def root(self, identity: str) -> str:
         """The id under which the map shows what was once this object."""
-        identity = shown_id(self.measured, identity)
+        identity = self.measured.shown_as(identity)
         while identity in self.became:
             identity = self.became[identity]
         return identity
@@ -232,7 +232,7 @@ class MapEvents:
         """Ids of the measured map that a person has confirmed or named: they are not forgotten."""
         edits = (event.edit for event in self._events.values())
         kept = (one.id for one in edits if (one.do == "confirm" and one.on) or (one.do == "name" and one.name))
-        return frozenset(shown_id(measured, identity) for identity in kept)
+        return frozenset(measured.shown_as(identity) for identity in kept)
 
     def merges(self, measured: FloorMap) -> dict[str, str]:
         """Ids that became part of others by merges and additions, to those."""
@@ -268,7 +268,7 @@ class MapEvents:
         return self._folded[1]
 
     def _undo(self, identity: str, measured: FloorMap) -> None:
-        keys = [key for key in self._events if key[0] in UNDOABLE and identity in (key[1], shown_id(measured, key[1]))]
+        keys = [key for key in self._events if key[0] in UNDOABLE and identity in (key[1], measured.shown_as(key[1]))]
         if not keys:
             raise EditError(f"{identity!r} was neither corrected nor merged nor deleted, and is no zone")
         del self._events[keys[-1]]
@@ -322,11 +322,6 @@ class MapEvents:
         _check_name(edit.name, "a name")
         self._zones_issued += not edit.id
         return replace(edit, id=edit.id or f"zone-{self._zones_issued}")
-
-
-def shown_id(measured: FloorMap, identity: str) -> str:
-    """The id under which the measured map shows what was once this object."""
-    return measured.shown_as(measured.merged.get(identity, identity))
 
 
 def joined(parts: Sequence[MapObject]) -> MapObject:

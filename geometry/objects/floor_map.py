@@ -111,7 +111,8 @@ class FloorMap:
     def update(self, sightings: list[PlacedSighting]) -> list[str]:
         """Updates the map with all sightings of one frame. Returns the id of each one's object."""
         self._frames += 1
-        before = {number: (one.last, len(one.distinct)) for number, one in self._in_view(sightings).items()}
+        near = self.graph.landmarks.in_view(self.graph.trajectory.odometer_m) if sightings else []
+        before = {one.number: (one.last, len(one.distinct)) for one in near}
         landmarks = self.graph.observe(sightings, self._frames)
         for label in dict.fromkeys(placed.label for placed in sightings):
             same_label = [one for one in landmarks if one.label == label]
@@ -151,9 +152,9 @@ class FloorMap:
         return self._listed
 
     def shown_as(self, identity: str) -> str:
-        """The id under which the map shows this object: unchanged, or that of the object that replaced it."""
+        """The id under which the map shows what was once this object."""
         self._refresh()
-        return self._overlaps.best(identity)
+        return self._overlaps.best(self.merged.get(identity, identity))
 
     def moved(self) -> None:
         """Applies a trajectory correction: everything moves with its keyframes, and association is repeated."""
@@ -188,11 +189,6 @@ class FloorMap:
         self.graph.tilt_rad = self.graph.tilt_rad + tilt_rad
         self.graph.place(list(self.graph.landmarks.all.values()))
         self.moved()
-
-    def _in_view(self, sightings: Sequence[PlacedSighting]) -> dict[int, Landmark]:
-        """Landmarks that these sightings may be of."""
-        near = self.graph.landmarks.in_view(self.graph.trajectory.odometer_m) if sightings else []
-        return {one.number: one for one in near}
 
     def _group(self, label: str, changed: Sequence[Landmark]) -> None:
         """Repeats the association of all landmarks within reach of these."""
@@ -310,9 +306,9 @@ class FloorMap:
         named: dict[str, float] = defaultdict(float)
         for item, one in zip(items, estimates, strict=True):
             named[item.label] += one.sums.weight
-        others = [one.sums for item, one in zip(items[1:], estimates[1:], strict=True) if item.label != best.label]
         estimate = estimates[0]
-        if not estimate.shows(self.rule, others):
+        others = sum(weight for label, weight in named.items() if label != best.label)
+        if estimate.saved is None and estimate.sums.weight + others < self.rule.min_count:
             return None
         labels = label_posterior(named, self._overlaps.rule)
         if estimate.saved is not None and len(best.landmarks) == 1:  # not seen since
