@@ -37,26 +37,6 @@ def drive(placed, seed, frames=60):
         ]
 
 
-@pytest.mark.parametrize("seed", range(15))
-def test_things_apart_from_their_like_are_found_one_by_one(placed, seed):
-    """Up to eight objects at least 0.9 m from their like, seen off and on from changing distances."""
-    rng = np.random.default_rng(seed)
-    places = []
-    for _ in range(8):
-        label, spot = str(rng.choice(["chair", "couch"])), rng.uniform(-3, 3, 2)
-        if all(np.linalg.norm(spot - at) >= (0.9 if other == "chair" == label else 1.6) for other, at in places):
-            places.append((label, spot))
-    online = FloorMap()
-    for frame in range(40):
-        sigma_m = rng.uniform(0.04, 0.12)
-        seen = [(label, spot + rng.normal(0, sigma_m, 2)) for label, spot in places if rng.random() < 0.5]
-        online.update([placed(label, *spot, frame, sigma_m=sigma_m) for label, spot in seen])
-    assert len(online.objects()) == len(places)
-    for label, spot in places:
-        near = [np.linalg.norm(item.position_m - spot) for item in online.objects() if item.label == label]
-        assert min(near) < 0.1
-
-
 @given(st.integers(0, 10**6))
 @settings(max_examples=8)
 def test_every_id_ever_told_is_an_object_or_says_what_it_became(placed_, seed):

@@ -4,7 +4,6 @@ once, and so is its end; what can be kept is kept."""
 import json
 import shutil
 import subprocess
-import sys
 from asyncio import CancelledError
 from contextlib import suppress
 
@@ -188,23 +187,6 @@ def test_a_second_run_is_refused_while_the_first_one_lasts_and_after(tmp_path):
     first.close()
     with pytest.raises(RunFolderError, match="already holds a run"):
         RunFolder(tmp_path / "run", FLOOR, {})
-
-
-def test_of_many_runs_at_once_one_gets_the_folder(tmp_path):
-    program = (
-        "import sys, time; from pathlib import Path\n"
-        "from edgemap.runtime.frames.errors import RunFolderError\n"
-        "from edgemap.runtime.outputs.sinks.run_folder import RunFolder\n"
-        "sys.stdin.readline()\n"
-        "try: mine = RunFolder(Path(sys.argv[1]), None, {}); print('mine', flush=True); time.sleep(1)\n"
-        "except RunFolderError: print('refused', flush=True)\n"
-    )
-    command = [sys.executable, "-c", program, str(tmp_path / "run")]
-    runs = [subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True) for _ in range(3)]
-    for run in runs:
-        run.stdin.write("\n")
-        run.stdin.flush()
-    assert sorted(run.communicate()[0].strip() for run in runs) == ["mine", "refused", "refused"]
 
 
 @pytest.mark.parametrize("small_disk", [RUN_KIB], indirect=True)
