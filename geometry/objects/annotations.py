@@ -76,12 +76,6 @@ class Annotations:
         plain = {"name": "", "confirmed": False, "corrected": (), "yaw_rad": None, "depth_m": None}
         return [replace(item, **plain) for item in (*saved, *self.deleted)]
 
-    def judged(self, level: Level, reasons: Sequence[str]) -> "Annotations":
-        """With how far the map can be trusted, and why not further."""
-        if self.identity is None:
-            return self
-        return replace(self, identity=replace(self.identity, level=level, reasons=tuple(reasons)))
-
     def with_areas(self, other: "Annotations", pose_map_other: SE2) -> "Annotations":
         """Another map's zones and named rooms added, in this one's frame and with the next free ids."""
         zones = (*self.zones, *_added(other.zones, self.zones, pose_map_other))

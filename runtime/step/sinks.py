@@ -115,7 +115,8 @@ class SinkGroup:
 
     def ending(self, error: EdgemapError) -> None:
         """Report the failure that ends the run to every sink, but for those whose reader gets it from the caller."""
-        fault = ending_fault(error)
+        kind = FaultKind.LOST if isinstance(error, CameraLostError) else FaultKind.ENDED
+        fault = error.fault if isinstance(error, CameraFault) else Fault(kind, str(error))
         for sink in self._sinks:
             if not getattr(sink, "for_caller", False):
                 SinkGroup([sink]).fault(fault)
@@ -131,13 +132,6 @@ class SinkGroup:
                 failure = failure or error
         if failure is not None:
             raise failure
-
-
-def ending_fault(error: EdgemapError) -> Fault:
-    """The fault of the error that ends a run."""
-    if isinstance(error, CameraFault):
-        return error.fault
-    return Fault(FaultKind.LOST if isinstance(error, CameraLostError) else FaultKind.ENDED, str(error))
 
 
 def _line(error: BaseException) -> str:

@@ -108,8 +108,9 @@ def documents():
     steps.mapper.edit(Edit("name", "chair-1", name="mine"))
     steps.mapper.edit(Edit("dock", pose=(0.0, 1.0, 0.5)))
     steps.mapper.edit(Edit("zone", name="hall", corners_m=((2.0, 0.0), (4.0, 0.0), (4.0, 2.0), (2.0, 2.0))))
-    objects, annotations = steps.mapper.objects(), steps.mapper.annotations().judged("care", ["dim light"])
-    annotations = replace(annotations, vanished=(replace(objects[1], id="couch-9"),))
+    objects, annotations = steps.mapper.objects(), steps.mapper.annotations()
+    identity = replace(annotations.identity, level="care", reasons=("dim light",))
+    annotations = replace(annotations, identity=identity, vanished=(replace(objects[1], id="couch-9"),))
     watch.update([], annotations.zones, 0.0)
     events = [event for stamp_s in (1.0, 3.0) for event in watch.update(objects, annotations.zones, stamp_s)]
     return {

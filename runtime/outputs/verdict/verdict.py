@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from statistics import median
 from typing import Any, NamedTuple
@@ -58,7 +58,10 @@ class Verdict:
 
     def on(self, annotations: Annotations) -> Annotations:
         """A map's annotations with this verdict."""
-        return annotations.judged(self.level, [finding.text for finding in self.findings])
+        if annotations.identity is None:
+            return annotations
+        reasons = tuple(finding.text for finding in self.findings)
+        return replace(annotations, identity=replace(annotations.identity, level=self.level, reasons=reasons))
 
 
 def verdict_of(record: Mapping[str, Any], objects: Sequence[MapObject]) -> Verdict:
