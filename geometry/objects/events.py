@@ -177,20 +177,27 @@ class MapEvents:
     _folded: tuple[list[MapObject], _Fold] | None = None
 
     @classmethod
-    def of(cls, saved: Iterable[MapObject], annotations: Annotations, placed: bool = True) -> "MapEvents":
-        """The edits that a saved map holds. placed: whether its zones and its dock have a position yet; without one
-        they come with `enter`.
-        """
+    def after(cls, zones: Iterable[Zone]) -> "MapEvents":
+        """No edits yet; new zones are numbered after these."""
+        return cls(_zones_issued=max((id_order(zone.id)[1] for zone in zones), default=0))
+
+    @classmethod
+    def of(cls, saved: Iterable[MapObject], annotations: Annotations) -> "MapEvents":
+        """The edits that a saved map holds."""
         edits = list[Edit]()
         for item in (*saved, *annotations.deleted):
             edits += [Edit("name", item.id, name=item.name)] if item.name else []
             edits += [Edit("confirm", item.id)] if item.confirmed else []
             edits += [_correction_of(item)] if item.corrected else []
-        events = {(edit.do, edit.id): _Event(edit) for edit in edits}
+        edits += [Edit("zone", zone.id, zone.name, corners_m=zone.corners_m) for zone in annotations.zones]
+        edits += [Edit("room", room.id, room.name, corners_m=room.corners_m) for room in annotations.rooms if room.name]
+        if (dock := annotations.dock) is not None:
+            edits.append(Edit("dock", "dock", pose=(dock.x_m, dock.y_m, dock.yaw_rad)))
+        made = cls.after(annotations.zones)
+        made._events = {(edit.do, edit.id): _Event(edit) for edit in edits}
         for item in annotations.deleted:
-            events["delete", item.id] = _Event(Edit("delete", item.id), labels=_labels(item))
-        issued = max((id_order(zone.id)[1] for zone in annotations.zones), default=0)
-        return cls(events | (_events_of(annotations) if placed else {}), issued)
+            made._events["delete", item.id] = _Event(Edit("delete", item.id), labels=_labels(item))
+        return made
 
     def take(self, edit: Edit, measured: FloorMap, anchors: Anchors) -> str:
         """Adds an edit. Returns the id of its object or zone. anchors: stamps (N,) of the poses nearest to points (N,
@@ -246,12 +253,11 @@ class MapEvents:
         """Applies a loop closure: each place that was set in this run moves with the pose nearest to it."""
         self._move(correction.moved_poses)
 
-    def enter(self, annotations: Annotations, pose_saved_own: SE2, saved: Iterable[MapObject] = ()) -> None:
-        """This run's edits move into a saved map's frame, and that map's zones and dock come first. annotations: of the
-        saved map. pose_saved_own: pose of this run's map in it. saved: its objects where their edits are not here yet.
-        """
+    def enter(self, saved: Iterable[MapObject], annotations: Annotations, pose_saved_own: SE2) -> None:
+        """This run's edits move into a saved map's frame, and that map's edits come first. pose_saved_own: pose of this
+        run's map in it."""
         self._move(lambda _, poses: composed(pose_saved_own.vector()[None], poses))
-        self._events = (MapEvents.of(saved, annotations)._events if saved else _events_of(annotations)) | self._events
+        self._events = MapEvents.of(saved, annotations)._events | self._events
 
     def _move(self, move: Callable[[np.ndarray, Array], Array]) -> None:
         """Moves the places that were set in this run. move: takes stamps (N,) and poses (N, 3) to poses now."""
@@ -399,14 +405,6 @@ def _at(edit: Edit, poses: Array) -> Edit:
         return replace(edit, pose=(x_m, y_m, yaw_rad))
     place_m = None if edit.place_m is None else (x_m, y_m)
     return replace(edit, place_m=place_m, yaw_rad=None if edit.yaw_rad is None else yaw_rad)
-
-
-def _events_of(annotations: Annotations) -> _Events:
-    edits = [Edit("zone", zone.id, zone.name, corners_m=zone.corners_m) for zone in annotations.zones]
-    edits += [Edit("room", room.id, room.name, corners_m=room.corners_m) for room in annotations.rooms if room.name]
-    if (dock := annotations.dock) is not None:
-        edits.append(Edit("dock", "dock", pose=(dock.x_m, dock.y_m, dock.yaw_rad)))
-    return {(edit.do, edit.id): _Event(edit) for edit in edits}
 
 
 def _labels(item: MapObject) -> frozenset[str]:

@@ -165,10 +165,10 @@ class Mapper:
         numbered after the saved ones, so ids stay unique; `merged` maps new objects to matching saved ones. grid: the
         saved map's.
         """
-        self.relocaliser = Relocaliser(annotations.measured(saved), self.config, guesses, annotations, grid)
+        self.relocaliser = Relocaliser(saved, self.config, guesses, annotations, grid)
         self.map = self.relocaliser.run_map
         self.map.reserve(annotations.vanished)
-        self.edits = MapEvents.of(saved, annotations, placed=False)
+        self.edits = MapEvents.after(annotations.zones)
         self.enter_place(self.relocaliser)
 
     def enter_place(self, place: Relocaliser) -> None:
@@ -417,7 +417,7 @@ class Mapper:
         deleted = {item.id for item in saved.annotations.deleted}
         remembered = [item for item in saved.saved if item.id not in deleted]
         self.memory.enter(remembered, saved.annotations, saved.grid, became)
-        self.edits.enter(saved.annotations, alignment.pose_a_b, saved.edited)
+        self.edits.enter(saved.edited, saved.annotations, alignment.pose_a_b)
         self._relocated = alignment.pose_a_b
         return became
 
