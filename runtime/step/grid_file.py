@@ -20,7 +20,6 @@ from edgemap.runtime.frames.reading import MESSAGE_LENGTH, Name, decode_json, on
 
 # Type and dimensions of each array.
 MEMBERS = {"log_odds": ("|i1", 2), "origin_m": ("<f8", 1), "resolution_m": ("<f8", 0), "thresholds": ("<f8", 1)}
-LARGEST_BYTES = LONGEST * LONGEST + 1024  # of an unpacked array with its header
 
 
 class _Named(msgspec.Struct):
@@ -112,7 +111,7 @@ def read_grid(data: bytes, source: str) -> OccupancyGrid:
 
 def _member(archive: zipfile.ZipFile, name: str, where: str) -> np.ndarray[Any, Any]:
     """One array, whose size in the file is checked before it is unpacked."""
-    info = archive.getinfo(f"{name}.npy")
-    if info.file_size > LARGEST_BYTES:
-        raise MapError(f"{where}: {name} of {info.file_size:,} bytes, at most {LARGEST_BYTES:,} are read")
+    info, most = archive.getinfo(f"{name}.npy"), LONGEST * LONGEST + 1024  # with a header
+    if info.file_size > most:
+        raise MapError(f"{where}: {name} of {info.file_size:,} bytes, at most {most:,} are read")
     return npy.read_array(io.BytesIO(archive.read(info)), allow_pickle=False)

@@ -25,7 +25,6 @@ from edgemap.runtime.step.wall_clock import WallClock
 MOVED_M = 0.25  # a shorter way is no move: estimates settle by as much
 MAXIMUM_EVENTS = 20  # of an object: the first and the latest
 MAXIMUM_VANISHED = 100  # objects that are remembered after they are gone
-FREE_SHARE = 0.8  # of a footprint that was free floor before: something has come there since
 BY_PEOPLE = {"name": "named", "confirm": "confirmed", "correct": "corrected", "add": "added", "merge": "merged"}
 
 
@@ -257,7 +256,7 @@ def _is_free(floor: OccupancyGrid | None, item: MapObject) -> bool:
         return False
     turns, r_m = np.linspace(0.0, math.tau, 8, endpoint=False), 0.7 * radius_m(item)
     points_m = item.position_m + np.vstack([np.zeros(2), r_m * np.column_stack([np.cos(turns), np.sin(turns)])])
-    return float(np.mean(floor.at(points_m) == FREE)) >= FREE_SHARE
+    return float(np.mean(floor.at(points_m) == FREE)) >= 0.8
 
 
 def _is_in_place(saved: MapObject, item: MapObject) -> bool:

@@ -34,7 +34,6 @@ from edgemap.runtime.step.map_memory import MapMemory
 from edgemap.runtime.step.pose_journal import PoseJournal
 from edgemap.runtime.step.relocalisation import Relocaliser
 
-MIN_VARIANCE_M2 = 1e-10  # of an observation: no box is that exact, and its inverse stays finite
 # That evidence is counted in: thresholds were chosen at 10 Hz. One picture stands for `REPEATED` of them at most.
 PICTURE_S = 0.1
 WIDEST_M = 50.0  # that a map becomes by what somebody states: homes are smaller, and memory grows with its square
@@ -466,7 +465,7 @@ def _is_sound(sighting: Sighting) -> bool:
     return (
         is_covariance(covariance_m2)
         and is_covariance(shared_m2)
-        and xx * yy - xy * xy > MIN_VARIANCE_M2 * (xx + yy)  # so the smaller eigenvalue is above it
+        and xx * yy - xy * xy > 1e-10 * (xx + yy)  # so the smaller eigenvalue is above 1e-10 m2, and its inverse finite
         and xx + yy + shared_xx + shared_yy < FARTHEST_M**2
         and math.hypot(*place_m) < FARTHEST_M
     )

@@ -9,7 +9,6 @@ from functools import cache
 from pathlib import Path
 from typing import NamedTuple
 
-EPOCH_S = 1e9, 1e10  # stamps between are seconds since 1970: as time since a start they would be 31 years
 EARLIEST_S = datetime(2026, 1, 1, tzinfo=UTC).timestamp()  # a host's clock before this program was written is not set
 STEP_S = 2.0  # between clocks: less is the delivery of a picture, or drift that is taken over at this size
 # Where systems without a battery-backed clock keep the time of their last shutdown, from which they boot.
@@ -50,7 +49,10 @@ def _has_hardware_clock() -> bool:
 def stream_clock(live: bool, stamp_s: float) -> ClockReading:
     """The clocks at a picture's stamp: a live camera's picture is of now; a file's stamps are seconds since 1970, or
     their wall time is unknown."""
-    return host_clock() if live else ClockReading(stamp_s, stamp_s if EPOCH_S[0] < stamp_s < EPOCH_S[1] else None)
+    if live:
+        return host_clock()
+    since_1970 = 1e9 < stamp_s < 1e10  # as time since a start it would be 31 years or more
+    return ClockReading(stamp_s, stamp_s if since_1970 else None)
 
 
 class WallClock:

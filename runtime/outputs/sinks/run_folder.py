@@ -33,7 +33,6 @@ from edgemap.runtime.step.overlay import draw_floor_grid
 from edgemap.runtime.step.pose_journal import PoseJournal
 from edgemap.runtime.step.slam import StepResult
 
-TIMED = 1000  # frames, the latest, whose stage times run.json sums up
 MAX_FAULTS = 200  # in run.json; the count goes on
 
 
@@ -59,7 +58,7 @@ class RunFolder:
         self._saved_grid: tuple[OccupancyGrid | None, float] = (None, 1.0)  # and its scale
         self._scale = 1.0  # see `MapUpdate`
         self._merged: dict[str, str] = {}
-        self._stage_times: dict[str, deque[float]] = {}
+        self._stage_times: dict[str, deque[float]] = {}  # of the latest 1,000 frames
         self._faults: list[dict[str, Any]] = []
         self.verdict = Verdict("care")  # of the newest save
         self.document: dict[str, Any] = {}  # run.json of the newest save
@@ -96,7 +95,7 @@ class RunFolder:
         self._trajectory.append(tum_line(stamp_s, result.pose_map_base))
         self.last(result, objects)
         for stage, time_ms in result.stages_ms.items():
-            self._stage_times.setdefault(stage, deque(maxlen=TIMED)).append(time_ms)
+            self._stage_times.setdefault(stage, deque(maxlen=1000)).append(time_ms)
         self._counts.write(result, objects)
         if result.relocated is not None or self._save_timer.is_due(stamp_s):
             self._save(rewrite=result.relocated is not None)
