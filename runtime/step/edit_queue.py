@@ -28,7 +28,7 @@ from edgemap.runtime.frames.reading import (
     read_text,
 )
 from edgemap.runtime.motion.odometry.protocol import FARTHEST_M
-from edgemap.runtime.step.map_records import Yaw
+from edgemap.runtime.step.map_records import Point, Yaw
 from edgemap.runtime.step.mapper import Mapper
 
 Sigma = Annotated[float, Meta(gt=0.0, lt=FARTHEST_M)]  # m or rad
@@ -45,9 +45,9 @@ class _Line(Strict, omit_defaults=True):
     name: Text = ""
     on: bool = True
     into: Text = ""
-    corners_m: Annotated[tuple[tuple[Coordinate, Coordinate], ...], Meta(max_length=MAXIMUM_CORNERS)] = ()
+    corners_m: Annotated[tuple[Point, ...], Meta(max_length=MAXIMUM_CORNERS)] = ()
     label: Text = ""
-    place_m: tuple[Coordinate, Coordinate] | None = None
+    place_m: Point | None = None
     size_m: tuple[Size, Size, Size] | None = None
     yaw_rad: Yaw | None = None
     pose: tuple[Coordinate, Coordinate, Yaw] | None = None

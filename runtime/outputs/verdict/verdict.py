@@ -285,18 +285,14 @@ def explain(record: Mapping[str, Any], objects: Sequence[MapObject]) -> tuple[Ve
     where fields of the record are of other types.
     """
     try:
-        return _explained(record, objects)
+        verdict, faults = verdict_of(record, objects), list(map(read_fault, record.get("faults", [])))
     except (LookupError, TypeError, ValueError, AttributeError, ArithmeticError) as error:
         raise RunFolderError(f"run.json: damaged, or of another version ({error_line(error)})") from None
-
-
-def _explained(record: Mapping[str, Any], objects: Sequence[MapObject]) -> tuple[Verdict, list[Step]]:
-    verdict = verdict_of(record, objects)
     evidence: dict[Cause, list[str]] = {}
     for finding in verdict.findings:
         evidence.setdefault(finding.cause, []).append(finding.text)
     shown: dict[Cause, list[str]] = {}
-    for fault in map(read_fault, record.get("faults", [])):
+    for fault in faults:
         if cause := cause_of(fault.kind):
             shown.setdefault(cause, []).append(printable(fault.line))
     counted = {finding.cause for finding in verdict.findings}
