@@ -23,7 +23,6 @@ from edgemap.runtime.outputs.sinks.kinds import PluginSink
 from edgemap.runtime.outputs.sinks.run_folder import RunFolder
 from edgemap.runtime.step.map_file import load_map
 from edgemap.runtime.step.sinks import SinkGroup
-from edgemap.view.page import LivePage
 
 FLOOR = FloorCamera(Intrinsics(320, 240, 250.0, 250.0, 159.5, 119.5), Mount.from_degrees(0.6, 11.5))
 RECORDING_KIB = 2048
@@ -91,18 +90,6 @@ def test_an_unknown_failure_keeps_its_traceback_in_the_log(caplog):
     Steps().into(SinkGroup([Listener("ROS 2", range(10), TypeError("a bug"))]), 3)
     (record,) = [record for record in caplog.records if record.levelname == "ERROR"]
     assert record.exc_info[0] is TypeError
-
-
-def test_a_page_whose_server_is_gone_costs_no_step(tmp_path):
-    def gone():
-        raise RuntimeError("Event loop is closed")
-
-    page, listener = LivePage({}, tmp_path), Listener()
-    sinks, steps = SinkGroup([page, listener]), Steps()
-    page.wake_once(gone)
-    steps.into(sinks, 3)
-    assert listener.frames == [0, 1, 2]
-    assert listener.faults[0].text == "live page: RuntimeError: Event loop is closed; the run goes on"
 
 
 @pytest.mark.parametrize("small_disk", [RECORDING_KIB], indirect=True)
