@@ -44,7 +44,6 @@ class MapMemory:
         self._vanished: dict[str, MapObject] = {}
         self._areas: tuple[tuple[Room, ...], tuple[Door, ...]] = (), ()  # of the saved map
         self._moved_from: dict[str, str] = {}  # ids of this run's objects, to those that they were in the saved map
-        self._raw: Sequence[MapObject] = ()
         self._shown: dict[str, tuple[tuple[object, ...], MapObject]] = {}
 
     def enter(
@@ -67,7 +66,6 @@ class MapMemory:
         new = {identity: events for identity, events in self._events.items() if identity in renamed}
         self._events = {name: new[old] for old, name in renamed.items() if old in new and name not in self._earlier}
         self._standing = dict(self._earlier)
-        self._raw = ()
         for identity in self._sighted:
             self._add(identity, MapEvent("restored"))
 
@@ -110,9 +108,7 @@ class MapMemory:
     ) -> list[MapObject]:
         """The objects with wall times and history, after noting what has changed since the last call. merged: retired
         ids, with those that they became part of. deleted: by a person."""
-        if objects is not self._raw:
-            self._compare(objects, merged, {item.id for item in deleted})
-            self._raw = objects
+        self._compare(objects, merged, {item.id for item in deleted})
         return [self._annotated(item) for item in objects]
 
     def annotations(self, annotations: Annotations) -> Annotations:
@@ -128,7 +124,6 @@ class MapMemory:
 
     def _add(self, identity: str, event: MapEvent) -> None:
         self._events.setdefault(identity, []).append((self._stamp_s, event))
-        self._raw = ()
 
     def _compare(self, objects: Sequence[MapObject], merged: Mapping[str, str], deleted: set[str]) -> None:
         """Notes what has appeared, vanished or moved."""
@@ -213,7 +208,6 @@ class MapMemory:
                 self._earlier[new[0].id] = replace(self._earlier[old.id], id=new[0].id)
                 self._events[new[0].id] = [(new[0].first_seen_s, moved)]
                 del self._vanished[old.id]
-                self._raw = ()
 
     def _annotated(self, item: MapObject) -> MapObject:
         earlier, stamps_s = self._earlier.get(item.id), self._sighted.get(item.id)
