@@ -61,8 +61,6 @@ class Sink(Protocol):
 class SinkGroup:
     """All sinks of a run as one that never fails before `close`. See `Sink` for its guarantees."""
 
-    name = "sinks"
-
     def __init__(self, sinks: Sequence[Sink]) -> None:
         self._sinks = sinks
         self._outages: dict[int, float] = {}  # stamps since which sinks fail, by their place

@@ -297,7 +297,7 @@ def explain(record: Mapping[str, Any], objects: Sequence[MapObject]) -> tuple[Ve
             shown.setdefault(cause, []).append(printable(fault.line))
     counted = {finding.cause for finding in verdict.findings}
     for cause, lines in shown.items():
-        evidence.setdefault(cause, []).extend(lines[:3])
+        evidence.setdefault(cause, []).extend(lines[:3])  # more say the same
     return verdict, [Step(cause, tuple(dict.fromkeys(lines)), cause in counted) for cause, lines in evidence.items()]
 
 
