@@ -27,6 +27,7 @@ from edgemap.geometry.slam.object_landmarks import Landmark, Sums, rotations
 from edgemap.geometry.slam.pose_graph import GraphRule, PoseGraph
 from edgemap.geometry.trajectory_correction import composed
 
+MERGED_IDS = 4096  # merged ids that are reported; older ones are dropped
 FITTED = 2  # footprints at most in one update, which bounds its time
 
 
@@ -255,7 +256,8 @@ class FloorMap:
             for old in renamed:
                 del self._objects[old]
                 self._change(old)
-            self.merged = {old: renamed.get(new, new) for old, new in self.merged.items()} | renamed
+            merged = {old: renamed.get(new, new) for old, new in self.merged.items()} | renamed
+            self.merged = dict(islice(merged.items(), max(len(merged) - MERGED_IDS, 0), None))
 
     def _remove(self, identity: str) -> None:
         item = self._objects.pop(identity)

@@ -35,7 +35,6 @@ from edgemap.runtime.step.wall_clock import host_clock, utc_text
 
 FORMAT = "edgemap.map/1"
 ROUNDING_M2 = 1e-9  # of the file's covariances
-SAME_M = 1e-3  # difference of a circle of the usual size, as the file rounds it
 DEFAULT_MAP_ID = "map"
 
 
@@ -287,7 +286,8 @@ def _measured(record: MapObjectRecord) -> MeasuredFootprint | None:
         return MeasuredFootprint(width_m, depth_m, record.yaw_rad, record.yaw_sigma_rad)
     side_m = math.sqrt(math.pi) * float(np.linalg.norm(corners - corners.mean(axis=0), axis=1).mean())
     usual_m = math.sqrt(math.prod(footprint_m(record.label, record.width_m)))
-    return None if record.yaw_rad is not None or abs(side_m - usual_m) < SAME_M else MeasuredFootprint(side_m, side_m)
+    is_usual = abs(side_m - usual_m) < 1e-3  # but for the file's rounding
+    return None if record.yaw_rad is not None or is_usual else MeasuredFootprint(side_m, side_m)
 
 
 def object_uuid(object_id: str, map_id: str = DEFAULT_MAP_ID) -> str:
