@@ -126,7 +126,7 @@ class Question:
         if self.corners_m is not None:
             objects = queries.inside_polygon(objects, self.corners_m)
         if self.since_s is not None:
-            objects = queries.since(objects, self.since_s)
+            objects = [item for item in objects if item.last_seen_s >= self.since_s]
         if self.near_m is None:
             return [(item, None) for item in objects]
         return [(item, distance_m) for distance_m, item in queries.nearest(objects, self.near_m)]

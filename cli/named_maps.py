@@ -5,7 +5,7 @@ from dataclasses import replace
 from pathlib import Path
 
 from edgemap.geometry.errors import MapError
-from edgemap.geometry.objects.annotations import Annotations
+from edgemap.geometry.objects.annotations import Zone
 from edgemap.geometry.objects.events import MapEvents
 from edgemap.geometry.objects.floor_map import FloorMap
 from edgemap.geometry.registration.alignment import Alignment, AlignmentError, aligning
@@ -30,9 +30,7 @@ class PlaceFinder(Relocaliser):
         self._maps: list[Relocaliser] = []
         for folder in folders:
             objects, annotations = load_annotated_map(folder)
-            place = Relocaliser(annotations.measured(objects), config, annotations=annotations, grid=load_grid(folder))
-            place.edited = objects
-            self._maps.append(place)
+            self._maps.append(Relocaliser(objects, config, annotations=annotations, grid=load_grid(folder)))
         everything = [item for place in self._maps for item in (*place.saved, *place.annotations.vanished)]
         self.run_map = FloorMap.after(everything, config.association, config.loop_closure)
         rule = replace(config.registration, chance=config.registration.chance / max(len(folders), 1))
@@ -40,9 +38,9 @@ class PlaceFinder(Relocaliser):
             place.run_map, place._registration = self.run_map, rule
 
     @property
-    def zones(self) -> Annotations:
+    def zones(self) -> list[Zone]:
         """All maps' zones, whose ids are not used again."""
-        return Annotations(tuple(zone for place in self._maps for zone in place.annotations.zones))
+        return [zone for place in self._maps for zone in place.annotations.zones]
 
     @property
     def searching(self) -> bool:
@@ -77,5 +75,5 @@ def find_place(mapper: Mapper) -> PlaceFinder:
     if not folders:
         raise MapError(f"--map auto: no named map in {maps_folder()}; make one with --map NAME")
     finder = PlaceFinder(folders, mapper.config, mapper.enter_place)
-    mapper.relocaliser, mapper.map, mapper.edits = finder, finder.run_map, MapEvents.of((), finder.zones, placed=False)
+    mapper.relocaliser, mapper.map, mapper.edits = finder, finder.run_map, MapEvents.after(finder.zones)
     return finder

@@ -9,8 +9,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from edgemap.geometry.camera.imu import ImuSamples
-from edgemap.geometry.grid.occupancy_grid import OccupancyGrid
-from edgemap.geometry.grid.rooms import Room
 from edgemap.geometry.objects.scale import scaled_map
 from edgemap.geometry.se2 import SE2
 from edgemap.runtime.frames.camera import Camera
@@ -113,16 +111,6 @@ class Session:
         annotations = self._counts.verdict(scale).on(mapper.annotations())
         objects, annotations, grid = scaled_map(self.slam.objects(), annotations, mapper.grid.grid(), scale)
         return MapObjects(objects, mapper.trajectory, annotations, grid, scale)
-
-    @property
-    def grid(self) -> OccupancyGrid | None:
-        """The floor: free, occupied and unknown cells; None before any was seen."""
-        return self.map.grid
-
-    @property
-    def rooms(self) -> tuple[Room, ...]:
-        """The rooms by id, with kind, name, outline and the ids of their objects."""
-        return self.map.rooms
 
     @property
     def verdict(self) -> Verdict:

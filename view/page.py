@@ -1,5 +1,6 @@
 """The sink of the live page. It keeps the newest result, and the history for viewers that connect late."""
 
+import json
 import threading
 import time
 from collections import deque
@@ -20,7 +21,7 @@ from edgemap.geometry.se2 import SE2
 from edgemap.runtime.frames.faults import Fault, FaultKind
 from edgemap.runtime.outputs.verdict.verdict import Verdict
 from edgemap.runtime.step.edit_queue import Edits
-from edgemap.runtime.step.map_file import map_text, save_map
+from edgemap.runtime.step.map_file import map_document, save_map
 from edgemap.runtime.step.pose_journal import PoseJournal
 from edgemap.runtime.step.slam import StepResult
 from edgemap.view.pause import Pause
@@ -229,7 +230,7 @@ class LivePage:
 
     def map_text(self) -> str:
         """The map as the text of `map.json`."""
-        return map_text(*self._saved_map()[:2])
+        return json.dumps(map_document(*self._saved_map()[:2]), indent=1) + "\n"
 
     def save(self) -> Path:
         """Writes the current map to a file of its own in the run folder, beside map.json. Raises MapError."""

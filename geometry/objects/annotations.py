@@ -1,6 +1,5 @@
 """What people add to a map besides its objects: zones, deletions and the dock."""
 
-import re
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Literal, TypeVar
@@ -16,7 +15,6 @@ Corners = tuple[tuple[float, float], ...]
 MAXIMUM_CORNERS, MAXIMUM_ZONES, LONGEST_NAME = 100, 200, 80
 Level = Literal["good", "care", "unreliable"]
 LEVELS: tuple[Level, ...] = ("good", "care", "unreliable")
-NUMBER = re.compile(r"\d[\d,.]*")
 
 
 @dataclass(frozen=True, slots=True)
@@ -52,10 +50,8 @@ class MapIdentity:
         """Of this map with another one merged into it: no better than either."""
         if other is None or other.level is None or self.level is None:
             return self.next()
-        worst, reasons = max(self.level, other.level, key=LEVELS.index), dict[str, str]()
-        for reason in self.reasons + other.reasons:
-            reasons.setdefault(NUMBER.sub("", reason), reason)  # two runs have the same one with other numbers
-        return replace(self.next(), level=worst, reasons=tuple(reasons.values()))
+        worst, reasons = max(self.level, other.level, key=LEVELS.index), dict.fromkeys(self.reasons + other.reasons)
+        return replace(self.next(), level=worst, reasons=tuple(reasons))
 
 
 @dataclass(frozen=True, slots=True)
@@ -79,12 +75,6 @@ class Annotations:
         """The measured objects of a saved map, deleted ones included, without edits."""
         plain = {"name": "", "confirmed": False, "corrected": (), "yaw_rad": None, "depth_m": None}
         return [replace(item, **plain) for item in (*saved, *self.deleted)]
-
-    def judged(self, level: Level, reasons: Sequence[str]) -> "Annotations":
-        """With how far the map can be trusted, and why not further."""
-        if self.identity is None:
-            return self
-        return replace(self, identity=replace(self.identity, level=level, reasons=tuple(reasons)))
 
     def with_areas(self, other: "Annotations", pose_map_other: SE2) -> "Annotations":
         """Another map's zones and named rooms added, in this one's frame and with the next free ids."""

@@ -16,8 +16,7 @@ from edgemap.geometry.se2 import SE2, wrap_angle
 
 DIRECTIONS = 48  # about the object, in which a pose is tried
 STEP_M, REACH_M = 0.1, 1.0  # how much farther than the wished standoff, where that is taken
-# Costs, in metres: of a pose a quarter turn away from the object's front, and of floor that nobody has seen.
-SIDE_M, UNKNOWN_M = 1.0, 10.0
+UNKNOWN_M = 10.0  # cost of floor that nobody has seen
 WALK_SHARE = 0.1  # of the distance from the robot: of two good poses the nearer one
 
 
@@ -70,8 +69,8 @@ def approach(
                 taken += 1
                 continue
             cost = standoff_m + (UNKNOWN_M if floor == "unknown" else 0.0)
-            if yaw_rad is not None:
-                cost += SIDE_M * abs(wrap_angle(direction - yaw_rad)) / (math.pi / 2.0)
+            if yaw_rad is not None:  # a pose a quarter turn away from the object's front costs a metre
+                cost += abs(wrap_angle(direction - yaw_rad)) / (math.pi / 2.0)
             if robot_m is not None:
                 cost += WALK_SHARE * float(np.linalg.norm(at - np.asarray(robot_m)))
             pose = SE2(float(at[0]), float(at[1]), wrap_angle(direction + math.pi))

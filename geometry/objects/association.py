@@ -32,9 +32,11 @@ class Estimate:
     """
 
     def __init__(self, landmarks: Sequence[Landmark], centre_m2: float) -> None:
-        self.sums = SightingSums()
+        self.sums, self._own = SightingSums(), SightingSums()  # of all runs, and of this one
         for landmark in landmarks:
             self.sums.join(landmark.sums)
+            if landmark.saved is None:
+                self._own.join(landmark.sums)
         self.saved = next((one.saved for one in landmarks if one.saved is not None), None)
         first = min(landmarks, key=lambda one: (one.saved is None, one.sums.first_seen_s))
         since_m2, information, vector, shared = float(np.trace(first.first_m2)) / 2.0, 0.0, 0.0, 0.0
@@ -45,12 +47,6 @@ class Estimate:
         fused_m2 = np.linalg.inv(information)
         self.position_m: Array = fused_m2 @ vector
         self.covariance_m2: Array = fused_m2 + np.eye(2) * centre_m2 + shared + first.first_m2
-        self._landmarks = landmarks
-
-    def shows(self, rule: AssociationRule, others: Sequence[SightingSums] = ()) -> bool:
-        """Whether the evidence suffices for the map. others: sightings of the same object under other labels."""
-        weight = self.sums.weight + sum(sums.weight for sums in others)
-        return self.saved is not None or weight >= rule.min_count
 
     def as_object(self, identity: str, label: str, rule: AssociationRule) -> MapObject:
         """Converts the estimate to an object of the map. Its confidence is the probability that such an object is real,
@@ -63,13 +59,9 @@ class Estimate:
         """Probability that an object with these sightings, of this run only, is real: the odds of their mean score to
         the power of their evidence over the evidence that an object needs. Consecutive pictures count as one.
         """
-        sums = SightingSums()
-        for landmark in self._landmarks:
-            if landmark.saved is None:
-                sums.join(landmark.sums)
-        if sums.count == 0:
+        if self._own.count == 0:
             return 0.0
-        odds = sums.weight / REPEATED / rule.min_count * math.exp(sums.score_log_odds)
+        odds = self._own.weight / REPEATED / rule.min_count * math.exp(self._own.score_log_odds)
         return odds / (1.0 + odds)
 
 

@@ -6,13 +6,11 @@ from typing import Generic, TypeVar
 
 from edgemap.geometry.arrays import Array
 
-CELL_M = 1.0
-
 Key = TypeVar("Key", bound=Hashable)
 
 
 class Cells(Generic[Key]):
-    """Keys with a position each."""
+    """Keys with a position each, in cells of a metre."""
 
     def __init__(self) -> None:
         self._cells: dict[tuple[int, int], dict[Key, None]] = {}
@@ -38,7 +36,7 @@ class Cells(Generic[Key]):
     def within(self, point_m: Array, reach_m: float) -> list[Key]:
         """Keys within a distance of a point (2,), in a deterministic order."""
         x_m, y_m = point_m.tolist()
-        (i, j), ring, near = _cell(x_m, y_m), math.ceil(reach_m / CELL_M), list[Key]()
+        (i, j), ring, near = _cell(x_m, y_m), math.ceil(reach_m), list[Key]()
         for a in range(i - ring, i + ring + 1):
             for b in range(j - ring, j + ring + 1):
                 for key in self._cells.get((a, b), ()):
@@ -49,4 +47,4 @@ class Cells(Generic[Key]):
 
 
 def _cell(x_m: float, y_m: float) -> tuple[int, int]:
-    return math.floor(x_m / CELL_M), math.floor(y_m / CELL_M)
+    return math.floor(x_m), math.floor(y_m)

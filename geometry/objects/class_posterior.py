@@ -19,13 +19,10 @@ def least_spacing_m(a: MapObject, b: MapObject) -> float:
 
 @dataclass(frozen=True, slots=True)
 class OverlapRule:
-    """Smallest distance of two objects' centres, and what a label states. A table and a seat may be in one place, as
-    the seat is pushed under it.
+    """When two candidates nearer than `APART` are one object, and what a label states. A table and a seat may be in one
+    place, as the seat is pushed under it.
     """
 
-    # Of one label: share of the smaller one's extent. Of two labels: share of the smaller one's shorter side, below
-    # which they would stand in one another.
-    apart: float = APART
     # Of one label, only where one has less than this share of the other's evidence, as two chairs pushed together are
     # detected about as often.
     far_less: float = 0.5
@@ -81,8 +78,11 @@ class Overlaps:
     def update(self, candidate: Candidate) -> None:
         """Add a candidate, or change it."""
         self.remove(candidate.id)
-        reach_m = self.rule.apart * _extent_m(candidate)
-        near = {other.id for other in self.within(candidate.position_m, reach_m) if self._overlap(candidate, other)}
+        reach_m = APART * _extent_m(candidate)
+        near = {
+            identity for identity in self._cells.within(candidate.position_m, reach_m)
+            if self._overlap(candidate, self._candidates[identity])
+        }  # fmt: skip
         for other in near:
             self._near[other].add(candidate.id)
         self._candidates[candidate.id], self._near[candidate.id] = candidate, near
@@ -99,10 +99,6 @@ class Overlaps:
             self._near[other].discard(identity)
         self._cells.remove(identity)
         self._changed |= {identity, *near, *(item.id for item in self.members.get(self.best(identity), ()))}
-
-    def within(self, point_m: Array, reach_m: float) -> list[Candidate]:
-        """Candidates within a distance of a point (2,), in a deterministic order."""
-        return [self._candidates[identity] for identity in self._cells.within(point_m, reach_m)]
 
     def settle(self) -> set[str]:
         """Repeats the overlap decision around all changes. Returns the ids of objects that changed or disappeared."""
@@ -136,11 +132,11 @@ class Overlaps:
             less, more = sorted((a.evidence, b.evidence))
             if less >= self.rule.far_less * more:
                 return False
-            near_m = self.rule.apart * min(_extent_m(a), _extent_m(b))
+            near_m = APART * min(_extent_m(a), _extent_m(b))
         elif shares_floor(a.label, b.label):
             return False
         else:
-            near_m = self.rule.apart * min(*footprint_m(a.label, a.width_m), *footprint_m(b.label, b.width_m))
+            near_m = APART * min(*footprint_m(a.label, a.width_m), *footprint_m(b.label, b.width_m))
         x_m, y_m = a.position_m - b.position_m
         return x_m * x_m + y_m * y_m < near_m * near_m
 

@@ -108,7 +108,7 @@ class _Fold:
 
     def root(self, identity: str) -> str:
         """The id under which the map shows what was once this object."""
-        identity = shown_id(self.measured, identity)
+        identity = self.measured.shown_as(identity)
         while identity in self.became:
             identity = self.became[identity]
         return identity
@@ -175,23 +175,29 @@ class MapEvents:
     _events: _Events = field(default_factory=dict)
     _zones_issued: int = 0
     _folded: tuple[list[MapObject], _Fold] | None = None
-    _annotations: Annotations = NO_ANNOTATIONS
 
     @classmethod
-    def of(cls, saved: Iterable[MapObject], annotations: Annotations, placed: bool = True) -> "MapEvents":
-        """The edits that a saved map holds. placed: whether its zones and its dock have a position yet; without one
-        they come with `enter`.
-        """
+    def after(cls, zones: Iterable[Zone]) -> "MapEvents":
+        """No edits yet; new zones are numbered after these."""
+        return cls(_zones_issued=max((id_order(zone.id)[1] for zone in zones), default=0))
+
+    @classmethod
+    def of(cls, saved: Iterable[MapObject], annotations: Annotations) -> "MapEvents":
+        """The edits that a saved map holds."""
         edits = list[Edit]()
         for item in (*saved, *annotations.deleted):
             edits += [Edit("name", item.id, name=item.name)] if item.name else []
             edits += [Edit("confirm", item.id)] if item.confirmed else []
             edits += [_correction_of(item)] if item.corrected else []
-        events = {(edit.do, edit.id): _Event(edit) for edit in edits}
+        edits += [Edit("zone", zone.id, zone.name, corners_m=zone.corners_m) for zone in annotations.zones]
+        edits += [Edit("room", room.id, room.name, corners_m=room.corners_m) for room in annotations.rooms if room.name]
+        if (dock := annotations.dock) is not None:
+            edits.append(Edit("dock", "dock", pose=(dock.x_m, dock.y_m, dock.yaw_rad)))
+        made = cls.after(annotations.zones)
+        made._events = {(edit.do, edit.id): _Event(edit) for edit in edits}
         for item in annotations.deleted:
-            events["delete", item.id] = _Event(Edit("delete", item.id), labels=_labels(item))
-        issued = max((id_order(zone.id)[1] for zone in annotations.zones), default=0)
-        return cls(events | (_events_of(annotations) if placed else {}), issued)
+            made._events["delete", item.id] = _Event(Edit("delete", item.id), labels=_labels(item))
+        return made
 
     def take(self, edit: Edit, measured: FloorMap, anchors: Anchors) -> str:
         """Adds an edit. Returns the id of its object or zone. anchors: stamps (N,) of the poses nearest to points (N,
@@ -223,19 +229,17 @@ class MapEvents:
         return self._fold(measured).shown if self._events else measured.objects()
 
     def annotations(self, measured: FloorMap) -> Annotations:
-        """Current zones, deleted objects, dock and named rooms; the same object until one changes."""
-        now = NO_ANNOTATIONS
-        if self._events:
-            fold = self._fold(measured)
-            now = Annotations(tuple(fold.zones.values()), tuple(fold.deleted), fold.dock, tuple(fold.rooms.values()))
-        self._annotations = self._annotations if now == self._annotations else now
-        return self._annotations
+        """Current zones, deleted objects, dock and named rooms."""
+        if not self._events:
+            return NO_ANNOTATIONS
+        fold = self._fold(measured)
+        return Annotations(tuple(fold.zones.values()), tuple(fold.deleted), fold.dock, tuple(fold.rooms.values()))
 
     def kept(self, measured: FloorMap) -> frozenset[str]:
         """Ids of the measured map that a person has confirmed or named: they are not forgotten."""
         edits = (event.edit for event in self._events.values())
         kept = (one.id for one in edits if (one.do == "confirm" and one.on) or (one.do == "name" and one.name))
-        return frozenset(shown_id(measured, identity) for identity in kept)
+        return frozenset(measured.shown_as(identity) for identity in kept)
 
     def merges(self, measured: FloorMap) -> dict[str, str]:
         """Ids that became part of others by merges and additions, to those."""
@@ -249,12 +253,11 @@ class MapEvents:
         """Applies a loop closure: each place that was set in this run moves with the pose nearest to it."""
         self._move(correction.moved_poses)
 
-    def enter(self, annotations: Annotations, pose_saved_own: SE2, saved: Iterable[MapObject] = ()) -> None:
-        """This run's edits move into a saved map's frame, and that map's zones and dock come first. annotations: of the
-        saved map. pose_saved_own: pose of this run's map in it. saved: its objects where their edits are not here yet.
-        """
+    def enter(self, saved: Iterable[MapObject], annotations: Annotations, pose_saved_own: SE2) -> None:
+        """This run's edits move into a saved map's frame, and that map's edits come first. pose_saved_own: pose of this
+        run's map in it."""
         self._move(lambda _, poses: composed(pose_saved_own.vector()[None], poses))
-        self._events = (MapEvents.of(saved, annotations)._events if saved else _events_of(annotations)) | self._events
+        self._events = MapEvents.of(saved, annotations)._events | self._events
 
     def _move(self, move: Callable[[np.ndarray, Array], Array]) -> None:
         """Moves the places that were set in this run. move: takes stamps (N,) and poses (N, 3) to poses now."""
@@ -271,7 +274,7 @@ class MapEvents:
         return self._folded[1]
 
     def _undo(self, identity: str, measured: FloorMap) -> None:
-        keys = [key for key in self._events if key[0] in UNDOABLE and identity in (key[1], shown_id(measured, key[1]))]
+        keys = [key for key in self._events if key[0] in UNDOABLE and identity in (key[1], measured.shown_as(key[1]))]
         if not keys:
             raise EditError(f"{identity!r} was neither corrected nor merged nor deleted, and is no zone")
         del self._events[keys[-1]]
@@ -282,14 +285,13 @@ class MapEvents:
         if edit.do == "zone":
             return self._checked_zone(edit)
         if edit.do == "dock":
-            if edit.pose is None or not all(map(math.isfinite, edit.pose)):
+            if edit.pose is None:
                 raise EditError("a dock needs a pose: x, y and yaw")
             return replace(edit, id="dock")
         if edit.do == "room":
-            if not edit.id or not _is_name(edit.name) or not 3 <= len(edit.corners_m) <= MAXIMUM_CORNERS:
-                raise EditError(
-                    f"a room has an id, an outline and a name of at most {LONGEST_NAME} printable characters"
-                )
+            _check_name(edit.name, "a name")
+            if not edit.id or not 3 <= len(edit.corners_m) <= MAXIMUM_CORNERS:
+                raise EditError("a room has an id and an outline")
             return edit
         if edit.do in ("correct", "add"):
             _check_values(edit)
@@ -298,8 +300,7 @@ class MapEvents:
         for identity in (edit.id, edit.into) if edit.do == "merge" else (edit.id,):
             if identity not in shown:
                 raise EditError(f"no object {identity!r} on the map")
-        if edit.do == "name" and not _is_name(edit.name):
-            raise EditError(f"a name has at most {LONGEST_NAME} printable characters and no space at its ends")
+        _check_name(edit.name, "a name")
         if edit.do == "merge" and edit.id == edit.into:
             raise EditError(f"{edit.id!r} cannot be merged with itself")
         return edit
@@ -322,15 +323,11 @@ class MapEvents:
             raise EditError(f"{MAXIMUM_ZONES} zones are drawn already")
         if not 3 <= len(edit.corners_m) <= MAXIMUM_CORNERS or polygon_m2(edit.corners_m) < SMALLEST_M**2:
             raise EditError(f"a zone has 3 to {MAXIMUM_CORNERS} corners around at least {SMALLEST_M**2:g} m2")
-        if not edit.name or len(edit.name) > LONGEST_NAME or not edit.name.isprintable():
-            raise EditError(f"a zone has a name of at most {LONGEST_NAME} printable characters")
+        if not edit.name:
+            raise EditError("a zone has a name")
+        _check_name(edit.name, "a name")
         self._zones_issued += not edit.id
         return replace(edit, id=edit.id or f"zone-{self._zones_issued}")
-
-
-def shown_id(measured: FloorMap, identity: str) -> str:
-    """The id under which the measured map shows what was once this object."""
-    return measured.shown_as(measured.merged.get(identity, identity))
 
 
 def joined(parts: Sequence[MapObject]) -> MapObject:
@@ -383,10 +380,7 @@ def _check_values(edit: Edit) -> None:
     if edit.size_m is not None and not all(SMALLEST_M <= side <= LARGEST_M for side in edit.size_m):
         sides = " x ".join(f"{side:g}" for side in edit.size_m)
         raise EditError(f"a size is width, depth and height of {SMALLEST_M} to {LARGEST_M:g} m each, not {sides} m")
-    if not all(map(math.isfinite, (*(edit.place_m or ()), edit.yaw_rad or 0.0))):
-        raise EditError("a position and a yaw are finite numbers")
-    if not _is_name(edit.label):
-        raise EditError(f"a label has at most {LONGEST_NAME} printable characters and no space at its ends")
+    _check_name(edit.label, "a label")
 
 
 def _poses(edit: Edit) -> Array:
@@ -413,17 +407,11 @@ def _at(edit: Edit, poses: Array) -> Edit:
     return replace(edit, place_m=place_m, yaw_rad=None if edit.yaw_rad is None else yaw_rad)
 
 
-def _events_of(annotations: Annotations) -> _Events:
-    edits = [Edit("zone", zone.id, zone.name, corners_m=zone.corners_m) for zone in annotations.zones]
-    edits += [Edit("room", room.id, room.name, corners_m=room.corners_m) for room in annotations.rooms if room.name]
-    if (dock := annotations.dock) is not None:
-        edits.append(Edit("dock", "dock", pose=(dock.x_m, dock.y_m, dock.yaw_rad)))
-    return {(edit.do, edit.id): _Event(edit) for edit in edits}
-
-
 def _labels(item: MapObject) -> frozenset[str]:
     return frozenset({item.label, *item.labels})
 
 
-def _is_name(text: str) -> bool:
-    return len(text) <= LONGEST_NAME and text.isprintable() and text == text.strip()
+def _check_name(text: str, what: str) -> None:
+    """Raises EditError for a name or a label that no map may hold."""
+    if len(text) > LONGEST_NAME or not text.isprintable() or text != text.strip():
+        raise EditError(f"{what} has at most {LONGEST_NAME} printable characters and no space at its ends")

@@ -7,7 +7,6 @@ moves with the keyframes that observed it.
 """
 
 import math
-from bisect import bisect_left
 from collections import Counter, defaultdict
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -61,8 +60,7 @@ class FloorMap:
         self._changed: dict[str, None] = {}
         self._overlaps = Overlaps(self.rule.overlap)
         self._shown: dict[str, MapObject] = {}
-        self._ordered: list[MapObject] = []  # what is shown, by id
-        self._listed: list[MapObject] | None = []
+        self._listed: list[MapObject] = []  # what is shown, by id
         self.grid: OccupancyGrid | None = None  # that footprints are fitted to
         self._unfitted: dict[str, None] = {}  # ids of objects whose outlines have changed, oldest first
 
@@ -114,7 +112,8 @@ class FloorMap:
     def update(self, sightings: list[PlacedSighting]) -> list[str]:
         """Updates the map with all sightings of one frame. Returns the id of each one's object."""
         self._frames += 1
-        before = {number: (one.last, len(one.distinct)) for number, one in self._in_view(sightings).items()}
+        near = self.graph.landmarks.in_view(self.graph.trajectory.odometer_m) if sightings else []
+        before = {one.number: (one.last, len(one.distinct)) for one in near}
         landmarks = self.graph.observe(sightings, self._frames)
         for label in dict.fromkeys(placed.label for placed in sightings):
             same_label = [one for one in landmarks if one.label == label]
@@ -151,20 +150,12 @@ class FloorMap:
     def objects(self) -> list[MapObject]:
         """Objects with enough evidence, one in each place, ordered by id."""
         self._refresh()
-        if self._listed is None:
-            self._listed = self._ordered.copy()
         return self._listed
 
-    def near(self, point_m: Array, reach_m: float) -> list[MapObject]:
-        """The objects within a distance of a point (2,)."""
-        self._refresh()
-        ids = [item.id for item in self._overlaps.within(point_m, reach_m) if item.id in self._shown]
-        return [self._shown[identity] for identity in sorted(ids, key=id_order)]
-
     def shown_as(self, identity: str) -> str:
-        """The id under which the map shows this object: unchanged, or that of the object that replaced it."""
+        """The id under which the map shows what was once this object."""
         self._refresh()
-        return self._overlaps.best(identity)
+        return self._overlaps.best(self.merged.get(identity, identity))
 
     def moved(self) -> None:
         """Applies a trajectory correction: everything moves with its keyframes, and association is repeated."""
@@ -199,11 +190,6 @@ class FloorMap:
         self.graph.tilt_rad = self.graph.tilt_rad + tilt_rad
         self.graph.place(list(self.graph.landmarks.all.values()))
         self.moved()
-
-    def _in_view(self, sightings: Sequence[PlacedSighting]) -> dict[int, Landmark]:
-        """Landmarks that these sightings may be of."""
-        near = self.graph.landmarks.in_view(self.graph.trajectory.odometer_m) if sightings else []
-        return {one.number: one for one in near}
 
     def _group(self, label: str, changed: Sequence[Landmark]) -> None:
         """Repeats the association of all landmarks within reach of these."""
@@ -309,18 +295,11 @@ class FloorMap:
         self._changed = {}
         for identity in self._overlaps.settle():
             members = self._overlaps.members.get(identity)
-            self._show(identity, self._as_map_object(members) if members else None)
-        self._listed = None
-
-    def _show(self, identity: str, shown: MapObject | None) -> None:
-        """Shows or hides an object at its place in the order, so that a large map is not sorted again."""
-        listed, key = identity in self._shown, (id_order(identity), identity)
-        at = bisect_left(self._ordered, key, key=lambda item: (id_order(item.id), item.id))
-        if shown is None and listed:
-            del self._shown[identity], self._ordered[at]
-        elif shown is not None:
-            self._shown[identity] = shown
-            self._ordered[at : at + listed] = [shown]
+            if members and (shown := self._as_map_object(members)):
+                self._shown[identity] = shown
+            else:
+                self._shown.pop(identity, None)
+        self._listed = sorted(self._shown.values(), key=lambda item: (id_order(item.id), item.id))
 
     def _as_map_object(self, members: list[Candidate]) -> MapObject | None:
         """Candidates in one place as one object; None where their evidence together does not suffice."""
@@ -329,9 +308,9 @@ class FloorMap:
         named: dict[str, float] = defaultdict(float)
         for item, one in zip(items, estimates, strict=True):
             named[item.label] += one.sums.weight
-        others = [one.sums for item, one in zip(items[1:], estimates[1:], strict=True) if item.label != best.label]
         estimate = estimates[0]
-        if not estimate.shows(self.rule, others):
+        others = sum(weight for label, weight in named.items() if label != best.label)
+        if estimate.saved is None and estimate.sums.weight + others < self.rule.min_count:
             return None
         labels = label_posterior(named, self._overlaps.rule)
         if estimate.saved is not None and len(best.landmarks) == 1:  # not seen since

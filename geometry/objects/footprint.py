@@ -19,7 +19,6 @@ from edgemap.geometry.se2 import wrap_angle
 YAWS = 36  # of half a turn that are tried
 HUBER2 = 4.0  # squared normalised residual from which on a line counts less (Cauchy)
 SQUARE = 0.15  # difference of sides up to which a quarter turn makes none
-ITERATIONS = 5  # of reweighting
 DIRECTIONS = 24  # of view; the lines seen along one repeat each other's error
 SAMPLES = np.stack(np.meshgrid(*[np.linspace(-0.9, 0.9, 10)] * 2), axis=-1).reshape(-1, 2)  # of the half sides
 NEAR_RAD = math.radians(12.0)  # of the most probable yaw: averaged
@@ -112,7 +111,7 @@ def _rectangles(prior: Array, outlines: Array, front: Array, across: Array, rule
         axis=2,
     )
     rectangles: Array = np.tile(prior, (len(front), 1))
-    for _ in range(ITERATIONS):
+    for _ in range(5):  # of reweighting, which has converged by then
         scale_m, chi2 = _residuals(design, rectangles, offsets, sigmas_m)
         weighted = design.transpose(0, 2, 1) * (weights / scale_m**2 / (1.0 + chi2 / HUBER2))[:, None]
         normal = weighted @ design + np.diag(sizes**-2)

@@ -1,4 +1,4 @@
-"""Queries on a map: nearest objects, objects inside a polygon, objects observed and changed since a time."""
+"""Queries on a map: nearest objects, objects inside a polygon, changes since a time."""
 
 import math
 from collections.abc import Sequence
@@ -6,12 +6,9 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import ArrayLike
 
-from edgemap.geometry.arrays import Array
 from edgemap.geometry.errors import MapError
-from edgemap.geometry.grid.rooms import Mask, inside
+from edgemap.geometry.grid.rooms import inside
 from edgemap.geometry.map_object import MapEvent, MapObject
-
-_EDGE_M = 1e-9  # this near to a polygon's side, a point counts as inside
 
 
 def labelled(objects: Sequence[MapObject], *labels: str) -> list[MapObject]:
@@ -35,7 +32,7 @@ def nearest(
 
 
 def inside_polygon(objects: Sequence[MapObject], corners_m: ArrayLike) -> list[MapObject]:
-    """The objects whose centre lies inside or on a polygon, in their order.
+    """The objects whose centre lies inside a polygon, in their order.
 
     corners_m: (N, 2), N >= 3, map frame, either way round, not closed; sides that cross follow the even-odd rule.
     Raises MapError for anything else.
@@ -44,13 +41,7 @@ def inside_polygon(objects: Sequence[MapObject], corners_m: ArrayLike) -> list[M
     if corners.ndim != 2 or corners.shape[1] != 2 or len(corners) < 3 or not np.isfinite(corners).all():
         raise MapError("inside_polygon: needs three corners or more, each two finite numbers, x and y in metres")
     points = np.array([item.position_m for item in objects]).reshape(-1, 2)
-    within = inside(corners, points) | _on_side(corners, points)
-    return [item for item, is_in in zip(objects, within, strict=True) if is_in]
-
-
-def since(objects: Sequence[MapObject], stamp_s: float) -> list[MapObject]:
-    """The objects last observed at or after a stamp in seconds, on the clock of the map's stamps."""
-    return [item for item in objects if item.last_seen_s >= stamp_s]
+    return [item for item, is_in in zip(objects, inside(corners, points), strict=True) if is_in]
 
 
 def changes(objects: Sequence[MapObject], since_utc: float | None = None) -> list[tuple[MapObject, MapEvent]]:
@@ -60,11 +51,3 @@ def changes(objects: Sequence[MapObject], since_utc: float | None = None) -> lis
     if since_utc is not None:
         pairs = [(item, event) for item, event in pairs if event.at is not None and event.at >= since_utc]
     return sorted(pairs, key=lambda pair: -math.inf if pair[1].at is None else pair[1].at)
-
-
-def _on_side(corners: Array, points: Array) -> Mask:
-    """Which points (N, 2) lie on a side of a polygon (K, 2)."""
-    along, to_point = np.roll(corners, -1, axis=0) - corners, points[:, None] - corners
-    length_m2 = np.maximum((along**2).sum(axis=1), 1e-300)
-    share = np.clip((to_point * along).sum(axis=-1) / length_m2, 0.0, 1.0)
-    return np.linalg.norm(to_point - share[..., None] * along, axis=-1).min(axis=1) <= _EDGE_M

@@ -61,7 +61,7 @@ def in_plain_view(
     inside = (boxes[:, :2] >= 0.0).all(axis=1) & (boxes[:, 2:] <= size).all(axis=1)
     here = np.array([pose_map_base.x_m, pose_map_base.y_m])
     clear = np.zeros(len(objects), dtype=bool)
-    reach = np.array([np.linalg.norm(item.position_m - here) for item in objects])
+    reach = np.linalg.norm(np.array([item.position_m for item in objects]).reshape(-1, 2) - here, axis=1)
     for row in np.flatnonzero(inside).tolist():
         views = np.array(objects[row].seen_from_m).reshape(-1, 2)
         if len(views) == 0 or _off_lines_m(here, views, objects[row].position_m) > rule.near_view_m:

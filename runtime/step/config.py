@@ -1,6 +1,6 @@
 """The configuration tree: every tuned number of the step under one name, as YAML, in run.json, and back."""
 
-from dataclasses import dataclass, field, fields, is_dataclass, replace
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -14,7 +14,7 @@ from edgemap.geometry.observations.sighting import FloorRule
 from edgemap.geometry.registration.alignment import AlignmentRule
 from edgemap.geometry.slam.pose_graph import GraphRule
 from edgemap.runtime.frames.camera import RecoveryRule
-from edgemap.runtime.frames.reading import decode_json, one_line, print_message, read_bytes
+from edgemap.runtime.frames.reading import convert, decode_json, one_line, print_message, read_bytes
 from edgemap.runtime.frames.yaml_file import read_yaml
 from edgemap.runtime.motion.attitude.inertial import AttitudeRule
 from edgemap.runtime.motion.health import HealthRule
@@ -59,13 +59,17 @@ def load_config(path: Path) -> Config:
     """
     path, document = _document(path)
     unknown: list[tuple[str, str]] = []
-    config = _merged(Config(), document.get("config") or {}, f"{path}: config", unknown)
+    where, defaults = f"{path}: config", msgspec.to_builtins(Config())
+    values = _merged(defaults, document.get("config") or {}, where, unknown)
     if unknown and not str(document.get("format", "")).startswith("edgemap.run/"):
         raise ConfigError("{} is unknown (known: {})".format(*unknown[0]))
     if unknown:
         names = ", ".join(where.removeprefix(f"{path}: config.") for where, _ in unknown)
         print_message(f"{path}: {len(unknown)} numbers of another version passed over: {one_line(names)}")
-    return config
+    try:
+        return convert(values, Config, where, ConfigError)
+    except GeometryError as error:
+        raise ConfigError(f"{where}: {error}") from None
 
 
 def load_options(path: Path) -> dict[str, Any]:
@@ -90,37 +94,19 @@ def _document(path: Path) -> tuple[Path, dict[str, Any]]:
     return path, document
 
 
-def _merged(default: Any, values: Any, where: str, unknown: list[tuple[str, str]]) -> Any:
-    """A dataclass with the values that a document gives, checked field by field. unknown: gets each name that the class
-    has not, with those that it has.
-    """
+def _merged(defaults: dict[str, Any], values: Any, where: str, unknown: list[tuple[str, str]]) -> Any:
+    """A part of the tree with the values that a document gives. unknown: gets each name that the part has not, with
+    those that it has."""
     if not isinstance(values, dict):
-        raise ConfigError(f"{where} is {_shown(values)}, not a mapping")
-    names = {item.name for item in fields(default)}
-    changed: dict[str, Any] = {}
+        return values
+    merged = dict(defaults)
     for key, value in values.items():
         here = f"{where}.{one_line(key, 40)}"
-        if key not in names:
-            unknown.append((here, ", ".join(sorted(names))))
-            continue
-        before = getattr(default, key)
-        changed[key] = _merged(before, value, here, unknown) if is_dataclass(before) else _number(before, value, here)
-    try:
-        return replace(default, **changed)
-    except GeometryError as error:
-        raise ConfigError(f"{where}: {error}") from None
-
-
-def _number(before: Any, value: Any, where: str) -> Any:
-    """A value of the default's type."""
-    try:
-        number = msgspec.convert(value, type(before), strict=True)
-    except msgspec.ValidationError:
-        raise ConfigError(f"{where} is {_shown(value)}, not a {type(before).__name__}") from None
-    if isinstance(number, float) and not abs(number) < 1e12:
-        raise ConfigError(f"{where} is {_shown(value)}, not a finite number")
-    return number
-
-
-def _shown(value: Any) -> str:
-    return f"a {type(value).__name__}" if isinstance(value, dict | list) else one_line(repr(value), 60)
+        if key not in defaults:
+            unknown.append((here, ", ".join(sorted(defaults))))
+        elif isinstance(value, int | float) and not abs(value) < 1e12:
+            raise ConfigError(f"{here} is {value}, not a finite number")
+        else:
+            part = defaults[key]
+            merged[key] = _merged(part, value, here, unknown) if isinstance(part, dict) else value
+    return merged

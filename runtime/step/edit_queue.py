@@ -27,9 +27,11 @@ from edgemap.runtime.frames.reading import (
     error_line,
     read_text,
 )
-from edgemap.runtime.step.map_records import Yaw
+from edgemap.runtime.motion.odometry.protocol import FARTHEST_M
+from edgemap.runtime.step.map_records import Point, Yaw
 from edgemap.runtime.step.mapper import Mapper
 
+Sigma = Annotated[float, Meta(gt=0.0, lt=FARTHEST_M)]  # m or rad
 Text = Annotated[str, Meta(max_length=200, pattern=rf"\A[^{HIDDEN}]*\Z")]
 Edited = Callable[[list[MapObject], Annotations], None]
 
@@ -43,13 +45,13 @@ class _Line(Strict, omit_defaults=True):
     name: Text = ""
     on: bool = True
     into: Text = ""
-    corners_m: Annotated[tuple[tuple[Coordinate, Coordinate], ...], Meta(max_length=MAXIMUM_CORNERS)] = ()
+    corners_m: Annotated[tuple[Point, ...], Meta(max_length=MAXIMUM_CORNERS)] = ()
     label: Text = ""
-    place_m: tuple[Coordinate, Coordinate] | None = None
+    place_m: Point | None = None
     size_m: tuple[Size, Size, Size] | None = None
     yaw_rad: Yaw | None = None
     pose: tuple[Coordinate, Coordinate, Yaw] | None = None
-    sigmas: tuple[Size, Size, Yaw] | None = None
+    sigmas: tuple[Sigma, Sigma, Sigma] | None = None
 
 
 class Edits:

@@ -2,7 +2,6 @@
 
 import io
 import os
-import tokenize
 import zipfile
 import zlib
 from contextlib import suppress
@@ -21,11 +20,6 @@ from edgemap.runtime.frames.reading import MESSAGE_LENGTH, Name, decode_json, on
 
 # Type and dimensions of each array.
 MEMBERS = {"log_odds": ("|i1", 2), "origin_m": ("<f8", 1), "resolution_m": ("<f8", 0), "thresholds": ("<f8", 1)}
-LARGEST_BYTES = LONGEST * LONGEST + 1024  # of an unpacked array with its header
-DAMAGE = (  # what zipfile and numpy raise at damaged bytes
-    zipfile.BadZipFile, zlib.error, tokenize.TokenError, EOFError, OSError, ValueError, LookupError, SyntaxError,
-    RuntimeError, MemoryError,
-)  # fmt: skip
 
 
 class _Named(msgspec.Struct):
@@ -99,7 +93,9 @@ def read_grid(data: bytes, source: str) -> OccupancyGrid:
     try:
         with zipfile.ZipFile(io.BytesIO(data)) as archive:
             arrays = [_member(archive, name, where) for name in MEMBERS]
-    except DAMAGE as why:
+    except MapError:
+        raise
+    except Exception as why:  # zipfile and numpy raise ten kinds at damaged bytes
         raise MapError(f"{where} ({one_line(why, MESSAGE_LENGTH // 2)})") from None
     layout = [(array.dtype.str, array.ndim) for array in arrays]
     cells, origin, resolution, thresholds = arrays
@@ -115,7 +111,7 @@ def read_grid(data: bytes, source: str) -> OccupancyGrid:
 
 def _member(archive: zipfile.ZipFile, name: str, where: str) -> np.ndarray[Any, Any]:
     """One array, whose size in the file is checked before it is unpacked."""
-    info = archive.getinfo(f"{name}.npy")
-    if info.file_size > LARGEST_BYTES:
-        raise MapError(f"{where}: {name} of {info.file_size:,} bytes, at most {LARGEST_BYTES:,} are read")
+    info, most = archive.getinfo(f"{name}.npy"), LONGEST * LONGEST + 1024  # with a header
+    if info.file_size > most:
+        raise MapError(f"{where}: {name} of {info.file_size:,} bytes, at most {most:,} are read")
     return npy.read_array(io.BytesIO(archive.read(info)), allow_pickle=False)

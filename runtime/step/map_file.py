@@ -4,6 +4,7 @@ import hashlib
 import json
 import math
 import uuid
+from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
@@ -34,7 +35,6 @@ from edgemap.runtime.step.wall_clock import host_clock, utc_text
 
 FORMAT = "edgemap.map/1"
 ROUNDING_M2 = 1e-9  # of the file's covariances
-SAME_M = 1e-3  # difference of a circle of the usual size, as the file rounds it
 DEFAULT_MAP_ID = "map"
 
 
@@ -52,8 +52,7 @@ def map_document(
     `rooms` and `doors`; `dock`; `last_pose`, of the robot when the map was saved. Of an object `name`, `confirmed`,
     `corrected` and `depth_m`, stated by a person; `yaw_rad` is null where its `footprint` is a circle.
     """
-    seen = [item for item in objects if item.seen_from_m]
-    views = {item.id: [[round(x_m, 3), round(y_m, 3)] for x_m, y_m in item.seen_from_m] for item in seen}
+    views = {item.id: [_place(view, 3) for view in item.seen_from_m] for item in objects if item.seen_from_m}
     document: dict = {"format": FORMAT, "frame": "map"} | identity_record(annotations.identity)
     document |= {"objects": [object_record(item) for item in objects]}
     document |= {"seen_from_m": views} if views else {}
@@ -83,7 +82,7 @@ def event_record(event: MapEvent) -> dict:
     """One entry of a history as `map.json` holds it."""
     record: dict = {"at": utc_text(event.at), "what": event.what, "by": event.by}
     places = {"from_m": event.from_m, "to_m": event.to_m}
-    record |= {name: [round(one, 4) for one in place] for name, place in places.items() if place is not None}
+    record |= {name: _place(place) for name, place in places.items() if place is not None}
     return record | ({"other": event.other} if event.other else {})
 
 
@@ -112,7 +111,7 @@ def object_record(item: MapObject) -> dict:
     return stated | {
         "yaw_rad": None if yaw_rad is None else round(yaw_rad, 5),
         "yaw_sigma_rad": None if sigma_rad is None else round(sigma_rad, 5),
-        "footprint": [[round(x_m, 4), round(y_m, 4)] for x_m, y_m in outline_m(item).tolist()],
+        "footprint": [_place(corner) for corner in outline_m(item).tolist()],
         "id": item.id,
         "label": item.label,
         "x_m": round(float(item.position_m[0]), 6),
@@ -135,19 +134,12 @@ def object_record(item: MapObject) -> dict:
 
 def wall_records(grid: OccupancyGrid) -> list[dict]:
     """The walls of a grid as `map.json` holds them."""
-    return [
-        {"from_m": [round(x, 3) for x in wall.from_m], "to_m": [round(x, 3) for x in wall.to_m]}
-        for wall in walls_of(grid)
-    ]
+    return [{"from_m": _place(wall.from_m, 3), "to_m": _place(wall.to_m, 3)} for wall in walls_of(grid)]
 
 
 def zone_record(zone: Zone | Room) -> dict:
     """One zone as `map.json` holds it."""
-    return {
-        "id": zone.id,
-        "name": zone.name,
-        "corners_m": [[round(float(x), 4), round(float(y), 4)] for x, y in zone.corners_m],
-    }
+    return {"id": zone.id, "name": zone.name, "corners_m": [_place(corner) for corner in zone.corners_m]}
 
 
 def room_record(room: Room) -> dict:
@@ -157,19 +149,13 @@ def room_record(room: Room) -> dict:
 
 def door_record(door: Door) -> dict:
     """One door as `map.json` holds it."""
-    ends = {key: [round(x, 3) for x in point] for key, point in (("from_m", door.from_m), ("to_m", door.to_m))}
+    ends = {"from_m": _place(door.from_m, 3), "to_m": _place(door.to_m, 3)}
     return {"id": door.id} | ends | {"rooms": list(door.rooms), "open": round(door.open, 3)}
 
 
-def map_text(
-    objects: list[MapObject],
-    annotations: Annotations = NO_ANNOTATIONS,
-    grid: OccupancyGrid | None = None,
-    grid_file: str = "grid.npz",
-    last_pose: SE2 | None = None,
-) -> str:
-    """The map as the text of `map.json`, before it is saved."""
-    return json.dumps(map_document(objects, annotations, grid, grid_file, last_pose), indent=1) + "\n"
+def _place(point_m: Sequence[float], digits: int = 4) -> list[float]:
+    """A position as JSON holds it."""
+    return [round(float(value), digits) for value in point_m]
 
 
 def saved_text(document: dict) -> str:
@@ -300,7 +286,8 @@ def _measured(record: MapObjectRecord) -> MeasuredFootprint | None:
         return MeasuredFootprint(width_m, depth_m, record.yaw_rad, record.yaw_sigma_rad)
     side_m = math.sqrt(math.pi) * float(np.linalg.norm(corners - corners.mean(axis=0), axis=1).mean())
     usual_m = math.sqrt(math.prod(footprint_m(record.label, record.width_m)))
-    return None if record.yaw_rad is not None or abs(side_m - usual_m) < SAME_M else MeasuredFootprint(side_m, side_m)
+    is_usual = abs(side_m - usual_m) < 1e-3  # but for the file's rounding
+    return None if record.yaw_rad is not None or is_usual else MeasuredFootprint(side_m, side_m)
 
 
 def object_uuid(object_id: str, map_id: str = DEFAULT_MAP_ID) -> str:

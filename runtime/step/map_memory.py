@@ -15,7 +15,7 @@ from edgemap.geometry.arrays import CHI2_997, positive
 from edgemap.geometry.grid.occupancy_grid import FREE, OccupancyGrid
 from edgemap.geometry.grid.rooms import Door, Room
 from edgemap.geometry.map_object import CHI2_95, MapEvent, MapObject, radius_m
-from edgemap.geometry.objects.annotations import NO_ANNOTATIONS, Annotations, MapIdentity
+from edgemap.geometry.objects.annotations import Annotations, MapIdentity
 from edgemap.geometry.objects.class_posterior import least_spacing_m
 from edgemap.geometry.objects.events import Edit
 from edgemap.geometry.observations.class_extents import extent_m
@@ -25,7 +25,6 @@ from edgemap.runtime.step.wall_clock import WallClock
 MOVED_M = 0.25  # a shorter way is no move: estimates settle by as much
 MAXIMUM_EVENTS = 20  # of an object: the first and the latest
 MAXIMUM_VANISHED = 100  # objects that are remembered after they are gone
-FREE_SHARE = 0.8  # of a footprint that was free floor before: something has come there since
 BY_PEOPLE = {"name": "named", "confirm": "confirmed", "correct": "corrected", "add": "added", "merge": "merged"}
 
 
@@ -45,9 +44,7 @@ class MapMemory:
         self._vanished: dict[str, MapObject] = {}
         self._areas: tuple[tuple[Room, ...], tuple[Door, ...]] = (), ()  # of the saved map
         self._moved_from: dict[str, str] = {}  # ids of this run's objects, to those that they were in the saved map
-        self._raw: Sequence[MapObject] = ()
         self._shown: dict[str, tuple[tuple[object, ...], MapObject]] = {}
-        self._noted: tuple[Annotations, tuple[object, ...], Annotations] = NO_ANNOTATIONS, (), NO_ANNOTATIONS
 
     def enter(
         self,
@@ -69,7 +66,6 @@ class MapMemory:
         new = {identity: events for identity, events in self._events.items() if identity in renamed}
         self._events = {name: new[old] for old, name in renamed.items() if old in new and name not in self._earlier}
         self._standing = dict(self._earlier)
-        self._raw = ()
         for identity in self._sighted:
             self._add(identity, MapEvent("restored"))
 
@@ -112,24 +108,15 @@ class MapMemory:
     ) -> list[MapObject]:
         """The objects with wall times and history, after noting what has changed since the last call. merged: retired
         ids, with those that they became part of. deleted: by a person."""
-        if objects is not self._raw:
-            self._compare(objects, merged, {item.id for item in deleted})
-            self._raw = objects
+        self._compare(objects, merged, {item.id for item in deleted})
         return [self._annotated(item) for item in objects]
 
     def annotations(self, annotations: Annotations) -> Annotations:
-        """A map's annotations with its identity and what has vanished; the same object until one changes."""
-        before, key, noted = self._noted
-        if before is not annotations or key != self._key():
-            gone = (self._annotated(item) if item.id in self._events else item for item in self._vanished.values())
-            (rooms, doors), named = self._areas, {room.id for room in annotations.rooms}
-            rooms = (*annotations.rooms, *(room for room in rooms if room.id not in named))
-            noted = replace(annotations, rooms=rooms, doors=doors, identity=self.identity, vanished=tuple(gone))
-            self._noted = annotations, self._key(), noted
-        return noted
-
-    def _key(self) -> tuple[object, ...]:
-        return (self.identity, self.clock.utc(0.0), *self._vanished)
+        """A map's annotations with its identity and what has vanished."""
+        gone = (self._annotated(item) if item.id in self._events else item for item in self._vanished.values())
+        (rooms, doors), named = self._areas, {room.id for room in annotations.rooms}
+        rooms = (*annotations.rooms, *(room for room in rooms if room.id not in named))
+        return replace(annotations, rooms=rooms, doors=doors, identity=self.identity, vanished=tuple(gone))
 
     def _extend(self, identity: str, stamps_s: tuple[float, float]) -> None:
         first_s, last_s = self._sighted.get(identity, stamps_s)
@@ -137,7 +124,6 @@ class MapMemory:
 
     def _add(self, identity: str, event: MapEvent) -> None:
         self._events.setdefault(identity, []).append((self._stamp_s, event))
-        self._raw = ()
 
     def _compare(self, objects: Sequence[MapObject], merged: Mapping[str, str], deleted: set[str]) -> None:
         """Notes what has appeared, vanished or moved."""
@@ -165,7 +151,6 @@ class MapMemory:
                 events[-1] = events[-1][0], replace(events[-1][1], what="vanished")
                 self._shown.pop(item.id, None)
                 self._vanished[item.id] = self._annotated(item)
-                self._noted = NO_ANNOTATIONS, (), NO_ANNOTATIONS
 
     def _come(self, item: MapObject) -> None:
         """An object is shown that was not before."""
@@ -223,7 +208,6 @@ class MapMemory:
                 self._earlier[new[0].id] = replace(self._earlier[old.id], id=new[0].id)
                 self._events[new[0].id] = [(new[0].first_seen_s, moved)]
                 del self._vanished[old.id]
-                self._raw = ()
 
     def _annotated(self, item: MapObject) -> MapObject:
         earlier, stamps_s = self._earlier.get(item.id), self._sighted.get(item.id)
@@ -266,7 +250,7 @@ def _is_free(floor: OccupancyGrid | None, item: MapObject) -> bool:
         return False
     turns, r_m = np.linspace(0.0, math.tau, 8, endpoint=False), 0.7 * radius_m(item)
     points_m = item.position_m + np.vstack([np.zeros(2), r_m * np.column_stack([np.cos(turns), np.sin(turns)])])
-    return float(np.mean(floor.at(points_m) == FREE)) >= FREE_SHARE
+    return float(np.mean(floor.at(points_m) == FREE)) >= 0.8  # a cell at its rim may be another thing's
 
 
 def _is_in_place(saved: MapObject, item: MapObject) -> bool:

@@ -13,6 +13,7 @@ from edgemap.runtime.frames.reading import HIDDEN, Coordinate, Name, Share, Size
 
 MAXIMUM_OBJECTS = 100_000
 GivenName = Annotated[str, Meta(max_length=LONGEST_NAME, pattern=rf"\A[^{HIDDEN}]*\Z")]  # by a person
+Point = tuple[Coordinate, Coordinate]
 Yaw = Annotated[float, Meta(ge=-7.0, le=7.0)]  # radians
 Utc = Annotated[datetime, Meta(tz=True)]
 Variance = Annotated[float, Meta(ge=-1e6, le=1e6)]  # square metres
@@ -30,8 +31,8 @@ class EventRecord(msgspec.Struct, kw_only=True):
     at: Utc | None = None
     what: EventKind
     by: Literal["sensor", "person"] = "sensor"
-    from_m: tuple[Coordinate, Coordinate] | None = None
-    to_m: tuple[Coordinate, Coordinate] | None = None
+    from_m: Point | None = None
+    to_m: Point | None = None
     other: Annotated[str, Meta(max_length=200, pattern=rf"\A[^{HIDDEN}]*\Z")] = ""
 
     @property
@@ -69,9 +70,7 @@ class MapObjectRecord(msgspec.Struct, kw_only=True):
     )
     yaw_rad: Yaw | None = None
     yaw_sigma_rad: Annotated[float, Meta(ge=0.0, le=7.0)] | None = None
-    footprint: Annotated[list[tuple[Coordinate, Coordinate]], Meta(max_length=100)] = msgspec.field(
-        default_factory=list
-    )
+    footprint: Annotated[list[Point], Meta(max_length=100)] = msgspec.field(default_factory=list)
     depth_m: Size | None = None
     first_seen: Utc | None = None
     last_seen: Utc | None = None
@@ -98,7 +97,7 @@ class ZoneRecord(msgspec.Struct, kw_only=True):
 
     id: Name
     name: GivenName
-    corners_m: Annotated[list[tuple[Coordinate, Coordinate]], Meta(min_length=3, max_length=MAXIMUM_CORNERS)]
+    corners_m: Annotated[list[Point], Meta(min_length=3, max_length=MAXIMUM_CORNERS)]
 
 
 class RoomRecord(ZoneRecord, kw_only=True):
@@ -112,8 +111,8 @@ class RoomRecord(ZoneRecord, kw_only=True):
 class WallRecord(msgspec.Struct, kw_only=True):
     """One wall, a straight line."""
 
-    from_m: tuple[Coordinate, Coordinate]
-    to_m: tuple[Coordinate, Coordinate]
+    from_m: Point
+    to_m: Point
 
 
 class DoorRecord(WallRecord, kw_only=True):
@@ -137,9 +136,7 @@ class MapRecord(msgspec.Struct, kw_only=True):
     rooms: Annotated[list[RoomRecord], Meta(max_length=10_000)] = msgspec.field(default_factory=list)
     doors: Annotated[list[DoorRecord], Meta(max_length=10_000)] = msgspec.field(default_factory=list)
     deleted: Annotated[list[MapObjectRecord], Meta(max_length=MAXIMUM_OBJECTS)] = msgspec.field(default_factory=list)
-    seen_from_m: dict[Name, Annotated[list[tuple[Coordinate, Coordinate]], Meta(max_length=10_000)]] = msgspec.field(
-        default_factory=dict
-    )
+    seen_from_m: dict[Name, Annotated[list[Point], Meta(max_length=10_000)]] = msgspec.field(default_factory=dict)
     dock: PoseRecord | None = None
     last_pose: PoseRecord | None = None
     map_id: Name | None = None

@@ -8,7 +8,6 @@ import numpy as np
 
 from edgemap.geometry.arrays import Array
 from edgemap.geometry.camera.attitude import MountEstimate
-from edgemap.geometry.camera.floor import FloorCamera
 from edgemap.geometry.camera.mount import Mount
 from edgemap.geometry.errors import MapError
 from edgemap.geometry.grid.floor_scan import FloorScan
@@ -28,7 +27,6 @@ from edgemap.geometry.se2 import SE2, compose_covariance
 from edgemap.runtime.frames.limits import EVERY_S
 from edgemap.runtime.frames.timing import Stopwatch, StreamTimer
 from edgemap.runtime.motion.odometry.protocol import FARTHEST_M, Motion, is_covariance
-from edgemap.runtime.motion.odometry_names import is_pose_file, is_tf
 from edgemap.runtime.step.config import Config
 from edgemap.runtime.step.frame_observations import FrameObservations
 from edgemap.runtime.step.loop_closing import LoopCloser, LoopCorrection
@@ -36,10 +34,8 @@ from edgemap.runtime.step.map_memory import MapMemory
 from edgemap.runtime.step.pose_journal import PoseJournal
 from edgemap.runtime.step.relocalisation import Relocaliser
 
-MIN_VARIANCE_M2 = 1e-10  # of an observation: no box is that exact, and its inverse stays finite
 # That evidence is counted in: thresholds were chosen at 10 Hz. One picture stands for `REPEATED` of them at most.
 PICTURE_S = 0.1
-LEAST_PICTURES = 0.01  # after however short a step of the clock: evidence is divided by it
 WIDEST_M = 50.0  # that a map becomes by what somebody states: homes are smaller, and memory grows with its square
 START_SIGMAS = (0.10, 0.10, math.radians(3.0))  # m, m, rad: how well a person knows where the robot stands
 
@@ -132,8 +128,6 @@ class Mapper:
         """
         if far := far_from_map([(start.x_m, start.y_m)], places_of(saved, grid)):
             raise MapError(f"start pose: {far}")
-        if not math.isfinite(start.yaw_rad):
-            raise MapError(f"start pose: yaw {start.yaw_rad}")
         self._has_scale = True
         if grid is not None:
             self.grid.continue_from(grid)
@@ -170,10 +164,10 @@ class Mapper:
         numbered after the saved ones, so ids stay unique; `merged` maps new objects to matching saved ones. grid: the
         saved map's.
         """
-        self.relocaliser = Relocaliser(annotations.measured(saved), self.config, guesses, annotations, grid)
+        self.relocaliser = Relocaliser(saved, self.config, guesses, annotations, grid)
         self.map = self.relocaliser.run_map
         self.map.reserve(annotations.vanished)
-        self.edits = MapEvents.of(saved, annotations, placed=False)
+        self.edits = MapEvents.after(annotations.zones)
         self.enter_place(self.relocaliser)
 
     def enter_place(self, place: Relocaliser) -> None:
@@ -267,7 +261,8 @@ class Mapper:
         path, new = self.map.graph.trajectory, [item for item in shown if item.id not in self._saved_ids]
         crossed = {item.id for item in new if is_crossed(item, path, self._lens_m)}
         shown = [item for item in shown if item.id not in crossed] if crossed else shown
-        return self.memory.annotated(shown, self.map.merged | self.edits.merges(self.map), self.annotations().deleted)
+        deleted = self.edits.annotations(self.map).deleted
+        return self.memory.annotated(shown, self.map.merged | self.edits.merges(self.map), deleted)
 
     @property
     def searching(self) -> bool:
@@ -296,12 +291,9 @@ class Mapper:
             if (dock := (place.annotations if place else self.annotations()).dock) is None:
                 raise EditError("the map has no dock")
             edit = replace(edit, pose=(dock.x_m, dock.y_m, dock.yaw_rad))
-        if edit.pose is None or not np.isfinite(edit.pose).all():
-            raise EditError("a pose is x, y and yaw: three finite numbers")
-        sigmas = edit.sigmas or START_SIGMAS
-        if not (np.isfinite(sigmas).all() and min(sigmas) > 0.0 and max(sigmas) < FARTHEST_M):
-            raise EditError(f"standard deviations of a pose are above 0 and below {FARTHEST_M:g}")
-        pose, covariance = SE2(*edit.pose), np.diag(np.square(sigmas))
+        if edit.pose is None:
+            raise EditError("a pose is x, y and yaw")
+        pose, covariance = SE2(*edit.pose), np.diag(np.square(edit.sigmas or START_SIGMAS))
         if self.relocaliser is not None and self.relocaliser.searching:
             back = self.pose_map_base.inverse()
             place = Alignment.exact(pose @ back)
@@ -329,7 +321,7 @@ class Mapper:
         since_s, self._searched_s = stamp_s - self._searched_s, stamp_s
         if not math.isfinite(since_s):
             return observed
-        pictures = max(round(min(since_s / PICTURE_S, REPEATED), 2), LEAST_PICTURES)
+        pictures = max(round(min(since_s / PICTURE_S, REPEATED), 2), 0.01)  # above 0: evidence is divided by it
         if pictures == 1.0:
             return observed
         return replace(observed, sightings=[replace(seen, pictures=pictures) for seen in observed.sightings])
@@ -424,7 +416,7 @@ class Mapper:
         deleted = {item.id for item in saved.annotations.deleted}
         remembered = [item for item in saved.saved if item.id not in deleted]
         self.memory.enter(remembered, saved.annotations, saved.grid, became)
-        self.edits.enter(saved.annotations, alignment.pose_a_b, saved.edited)
+        self.edits.enter(saved.edited, saved.annotations, alignment.pose_a_b)
         self._relocated = alignment.pose_a_b
         return became
 
@@ -447,24 +439,6 @@ def far_from_map(points_m: Sequence[Sequence[float]], places_m: Array) -> str:
         if not (wide_m <= np.maximum(high - low, WIDEST_M)).all():
             return f"x {x_m:g} m, y {y_m:g} m is too far: the map would be more than {WIDEST_M:g} m wide"
     return ""
-
-
-def new_mapper(
-    config: Config,
-    clustering: str = "default",
-    odometry: str = "hybrid",
-    loop_closure: bool = True,
-    forgets: FloorCamera | None = None,
-) -> Mapper:
-    """An empty back end; with recorded poses it closes no loops. clustering: default or paper. forgets: the camera by
-    whose view objects that are gone leave the map."""
-    recorded = odometry == "truth" or is_pose_file(odometry) or is_tf(odometry)
-    return Mapper(
-        config=config,
-        paper=PaperMap() if clustering == "paper" else None,
-        closes_loops=loop_closure and not recorded,
-        forgetter=Forgetter(forgets, config.forgetting) if forgets else None,
-    )
 
 
 def _composed(first: Motion, second: Motion) -> Motion:
@@ -491,7 +465,7 @@ def _is_sound(sighting: Sighting) -> bool:
     return (
         is_covariance(covariance_m2)
         and is_covariance(shared_m2)
-        and xx * yy - xy * xy > MIN_VARIANCE_M2 * (xx + yy)  # so the smaller eigenvalue is above it
+        and xx * yy - xy * xy > 1e-10 * (xx + yy)  # so the smaller eigenvalue is above 1e-10 m2, and its inverse finite
         and xx + yy + shared_xx + shared_yy < FARTHEST_M**2
         and math.hypot(*place_m) < FARTHEST_M
     )

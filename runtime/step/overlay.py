@@ -14,8 +14,7 @@ from edgemap.geometry.observations.sighting import Sighting
 Picture = NDArray[np.uint8]
 Plate = tuple[int, int, int, int]  # left, top, right, bottom, px
 
-GRID_LINES = 6
-TINT = 0.45  # how much of what the floor head sees shows
+GRID_M = 6  # ahead and to both sides
 
 
 class Bgr:
@@ -30,22 +29,21 @@ class Bgr:
 
 
 def draw_floor_grid(image: Picture, camera: FloorCamera) -> Picture:
-    """A copy of the picture with the horizon (red) and a grid on the floor, distances from the base written on it.
+    """A copy of the picture with the horizon (red) and a metre grid on the floor, its distances from the base written.
 
     Where the mount is right, grid lines lie flat on the floor and the horizon cuts everything at camera height.
     """
     picture = image.copy()
     thickness = max(1, image.shape[1] // 640)
-    step, taken = grid_step_m(camera), list[Plate]()
-    reach = GRID_LINES * step
-    for metre in range(step, reach + 1, step):
-        across = np.column_stack([np.full(81, float(metre)), np.linspace(-reach, reach, 81)])
+    taken = list[Plate]()
+    for metre in range(1, GRID_M + 1):
+        across = np.column_stack([np.full(81, float(metre)), np.linspace(-GRID_M, GRID_M, 81)])
         _polyline(picture, camera.project(across), Bgr.GRID, thickness)
         along = camera.project(np.array([[float(metre), 0.0]]))[0]
         if _inside(picture, along) and not (taken and taken[-1][1] - along[1] < 4):  # far lines crowd each other
             _text(picture, f"{metre} m", along + [4, -4], Bgr.GRID, taken)
-    for left in range(-reach, reach + 1, step):
-        along = np.column_stack([np.linspace(0.3 * step, reach, 120), np.full(120, float(left))])
+    for left in range(-GRID_M, GRID_M + 1):
+        along = np.column_stack([np.linspace(0.3, GRID_M, 120), np.full(120, float(left))])
         _polyline(picture, camera.project(along), Bgr.GRID, thickness)
     columns = np.linspace(0, image.shape[1] - 1, 33)
     horizon = np.array([[column, camera.horizon_row(float(column))] for column in columns])
@@ -64,15 +62,9 @@ def draw_floor_mask(image: Picture, mask: FloorMask) -> Picture:
     size = image.shape[1], image.shape[0]
     for shares, colour in ((mask.floor, Bgr.FLOOR), (mask.wall, Bgr.WALL)):
         if shares is not None:
-            weight = TINT * cv2.resize(shares, size, interpolation=cv2.INTER_LINEAR)[..., None]
+            weight = 0.45 * cv2.resize(shares, size, interpolation=cv2.INTER_LINEAR)[..., None]
             picture += weight * (np.array(colour, np.float32) - picture)
     return picture.astype(np.uint8)
-
-
-def grid_step_m(camera: FloorCamera) -> int:
-    """Metres between grid lines: 1, or 5 where all visible floor is far away, as on a car."""
-    nearest = camera.floor_points([(camera.intrinsics.cx, camera.intrinsics.height - 1.0)])[0, 0]
-    return 1 if nearest < 3.0 else 5
 
 
 def draw_detections(image: Picture, detections: Detections, sightings: list[Sighting] | None) -> Picture:

@@ -23,23 +23,23 @@ RETRY_AFTER = 50  # frames after which the same number of objects is worth anoth
 class Relocaliser:
     """Tries to align the map of this run with a saved one whenever it has grown, a bounded unit of work in each frame.
 
-    run_map: the map to build until then; its ids continue after the saved ones. annotations, grid: of the saved map,
-    which have no pose in this run until then. alignment: None until then. reason: why there is none yet.
-    guesses: poses in the saved map at which the run may have started (last pose, dock); they are tried first, and fewer
-    objects confirm them.
+    saved: the saved map's objects as they were measured; edited: with their edits. run_map: the map to build until the
+    alignment; its ids continue after the saved ones. annotations, grid: of the saved map, which have no pose in this
+    run until then. alignment: None until then. reason: why there is none yet. guesses: poses in the saved map at which
+    the run may have started (last pose, dock); they are tried first, and fewer objects confirm them.
     """
 
     def __init__(
         self,
-        saved: Sequence[MapObject],
+        edited: Sequence[MapObject],
         config: Config,
         guesses: Sequence[SE2] = (),
         annotations: Annotations = NO_ANNOTATIONS,
         grid: OccupancyGrid | None = None,
     ) -> None:
-        self.saved, self.annotations, self.grid = list(saved), annotations, grid
-        self.edited: Sequence[MapObject] = ()  # the saved ones, where their edits come with the alignment
-        self.run_map: FloorMap = FloorMap.after(saved, config.association, config.loop_closure)
+        self.saved, self.edited = annotations.measured(edited), edited
+        self.annotations, self.grid = annotations, grid
+        self.run_map: FloorMap = FloorMap.after(self.saved, config.association, config.loop_closure)
         self._registration, self._guesses = config.registration, tuple(guesses)
         self.alignment: Alignment | None = None
         self.reason = "no object seen yet"

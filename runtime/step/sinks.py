@@ -2,7 +2,7 @@
 
 import logging
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Protocol
 
 from edgemap.geometry.errors import EdgemapError
@@ -58,40 +58,28 @@ class Sink(Protocol):
         """
 
 
-@dataclass(slots=True)
-class _Outage:
-    since_s: float
-    steps: int = 1
-
-
 class SinkGroup:
     """All sinks of a run as one that never fails before `close`. See `Sink` for its guarantees."""
 
-    name = "sinks"
-
     def __init__(self, sinks: Sequence[Sink]) -> None:
         self._sinks = sinks
-        self._outages: dict[int, _Outage] = {}  # by the sink's place
+        self._outages: dict[int, float] = {}  # stamps since which sinks fail, by their place
         self._since: list[Fault] = []  # outside of a step, since `faults_since` was asked
 
     def write(self, result: StepResult, objects: list[MapObject]) -> None:
         """Offer a step's result to every sink, then its faults."""
         stamp_s = result.frame.stamp_s
         for place, sink in enumerate(self._sinks):
-            outage = self._outages.get(place)
             try:
                 sink.write(result, objects)
             except raised() as error:  # a sink may raise anything; mapping continues
-                if outage is not None:
-                    outage.steps += 1
-                    continue
-                self._outages[place] = _Outage(stamp_s)
-                self.fault(Fault(FaultKind.OUTPUT, f"{sink.name}: {_line(error)}; the run goes on"))
+                if place not in self._outages:
+                    self._outages[place] = stamp_s
+                    self.fault(Fault(FaultKind.OUTPUT, f"{sink.name}: {_line(error)}; the run goes on"))
                 continue
-            if outage is not None:
-                del self._outages[place]
-                away_s = stamp_s - outage.since_s
-                text = f"{sink.name}: works again after {away_s:.1f} s of stream ({outage.steps} steps failed)"
+            if place in self._outages:
+                away_s = stamp_s - self._outages.pop(place)
+                text = f"{sink.name}: works again after {away_s:.1f} s of stream"
                 self.fault(Fault(FaultKind.OUTPUT_RESTORED, text))
         for fault in result.observed.faults:
             self._report(fault)
@@ -125,7 +113,8 @@ class SinkGroup:
 
     def ending(self, error: EdgemapError) -> None:
         """Report the failure that ends the run to every sink, but for those whose reader gets it from the caller."""
-        fault = ending_fault(error)
+        kind = FaultKind.LOST if isinstance(error, CameraLostError) else FaultKind.ENDED
+        fault = error.fault if isinstance(error, CameraFault) else Fault(kind, str(error))
         for sink in self._sinks:
             if not getattr(sink, "for_caller", False):
                 SinkGroup([sink]).fault(fault)
@@ -141,13 +130,6 @@ class SinkGroup:
                 failure = failure or error
         if failure is not None:
             raise failure
-
-
-def ending_fault(error: EdgemapError) -> Fault:
-    """The fault of the error that ends a run."""
-    if isinstance(error, CameraFault):
-        return error.fault
-    return Fault(FaultKind.LOST if isinstance(error, CameraLostError) else FaultKind.ENDED, str(error))
 
 
 def _line(error: BaseException) -> str:

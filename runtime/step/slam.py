@@ -8,7 +8,9 @@ from typing import Any
 
 from edgemap.geometry.camera.floor import FloorCamera
 from edgemap.geometry.map_object import MapObject
+from edgemap.geometry.objects.forgetting import Forgetter
 from edgemap.geometry.observations.detections import Detections
+from edgemap.geometry.paper.paper_map import PaperMap
 from edgemap.runtime.frames.camera import Camera
 from edgemap.runtime.frames.faults import Fault
 from edgemap.runtime.frames.frame import Frame
@@ -17,10 +19,11 @@ from edgemap.runtime.motion.health import PictureHealth
 from edgemap.runtime.motion.odometry import open_odometry
 from edgemap.runtime.motion.odometry.judged import JudgedOdometry
 from edgemap.runtime.motion.odometry.protocol import Motion
+from edgemap.runtime.motion.odometry_names import is_pose_file, is_tf
 from edgemap.runtime.network.bundle import Bundle
 from edgemap.runtime.step.config import Config
 from edgemap.runtime.step.frame_observations import FrameObservations
-from edgemap.runtime.step.mapper import Mapper, MapUpdate, new_mapper
+from edgemap.runtime.step.mapper import Mapper, MapUpdate
 from edgemap.runtime.step.pipeline import Pipeline
 from edgemap.runtime.step.wall_clock import ClockReading, stream_clock
 
@@ -154,6 +157,12 @@ class SlamOptions:
     guessed_height: float = 0.0
     pose_frame: str | None = None
 
+    @property
+    def closes_loops(self) -> bool:
+        """Whether loops are closed: not with recorded poses."""
+        recorded = self.odometry == "truth" or is_pose_file(self.odometry) or is_tf(self.odometry)
+        return self.loop_closure and not recorded
+
 
 def build_slam(
     camera: Camera, bundle: Bundle, floor: FloorCamera, options: SlamOptions | None = None, config: Config | None = None
@@ -177,6 +186,10 @@ def build_slam(
         confidence=options.confidence,
         guessed_height=options.guessed_height,
     )
-    forgets = floor if options.forgets else None
-    mapper = new_mapper(config, options.clustering, options.odometry, options.loop_closure, forgets)
+    mapper = Mapper(
+        config=config,
+        paper=PaperMap() if options.clustering == "paper" else None,
+        closes_loops=options.closes_loops,
+        forgetter=Forgetter(floor, config.forgetting) if options.forgets else None,
+    )
     return SemanticSlam(pipeline, mapper, camera.info.live)

@@ -9,10 +9,8 @@ from functools import cache
 from pathlib import Path
 from typing import NamedTuple
 
-EPOCH_S = 1e9, 1e10  # stamps between are seconds since 1970: as time since a start they would be 31 years
 EARLIEST_S = datetime(2026, 1, 1, tzinfo=UTC).timestamp()  # a host's clock before this program was written is not set
 STEP_S = 2.0  # between clocks: less is the delivery of a picture, or drift that is taken over at this size
-UNSYNCHRONISED = 5  # TIME_ERROR of adjtimex(2)
 # Where systems without a battery-backed clock keep the time of their last shutdown, from which they boot.
 RESTORED = Path("/var/lib/systemd/timesync/clock"), Path("/etc/fake-hwclock.data")
 
@@ -36,12 +34,11 @@ def host_clock() -> ClockReading:
 def _is_set() -> bool:
     """Whether a time server or a battery-backed clock has set the host's clock. A host that boots with the time of its
     last shutdown does not know how long it was off."""
-    if (
-        not sys.platform.startswith("linux")
-        or ctypes.CDLL(None).adjtimex(ctypes.create_string_buffer(512)) != UNSYNCHRONISED
-    ):
+    if not sys.platform.startswith("linux"):
         return True
-    return _has_hardware_clock() or not any(path.exists() for path in RESTORED)
+    state = ctypes.CDLL(None).adjtimex(ctypes.create_string_buffer(512))
+    unsynchronised = state == 5  # TIME_ERROR of adjtimex(2)
+    return not unsynchronised or _has_hardware_clock() or not any(path.exists() for path in RESTORED)
 
 
 @cache
@@ -52,7 +49,10 @@ def _has_hardware_clock() -> bool:
 def stream_clock(live: bool, stamp_s: float) -> ClockReading:
     """The clocks at a picture's stamp: a live camera's picture is of now; a file's stamps are seconds since 1970, or
     their wall time is unknown."""
-    return host_clock() if live else ClockReading(stamp_s, stamp_s if EPOCH_S[0] < stamp_s < EPOCH_S[1] else None)
+    if live:
+        return host_clock()
+    since_1970 = 1e9 < stamp_s < 1e10  # as time since a start it would be 31 years or more
+    return ClockReading(stamp_s, stamp_s if since_1970 else None)
 
 
 class WallClock:

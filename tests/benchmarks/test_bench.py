@@ -21,8 +21,6 @@ from edgemap.runtime.inputs.open import DEMO, open_camera
 from edgemap.runtime.network.bundle import load_bundle
 from edgemap.runtime.network.decode import Decoder, Detector
 from edgemap.runtime.network.store import bundle_folder
-from edgemap.runtime.step.config import Config
-from edgemap.runtime.step.mapper import new_mapper
 from edgemap.runtime.step.slam import SemanticSlam, SlamOptions
 
 
@@ -176,15 +174,7 @@ def test_a_remembered_picture_has_the_outputs_of_the_network(demo, most):
     assert all((kept.run(tensors)[name] is values) == (most is None) for name, values in first.items())
 
 
-@pytest.mark.parametrize(
-    ("closes", "how"),
-    [
-        (True, {}),
-        (False, {"odometry": "truth"}),
-        (False, {"odometry": "poses.tum"}),
-        (False, {"clustering": "paper"}),
-        (False, {"loop_closure": False}),
-    ],
-)
-def test_loops_close_only_where_poses_are_not_given(closes, how):
-    assert new_mapper(Config(), **how).loop_closer.closes_loops == closes
+def test_loops_close_only_where_poses_are_not_given():
+    assert SlamOptions().closes_loops
+    for options in (SlamOptions("truth"), SlamOptions("poses.tum"), SlamOptions("tf"), SlamOptions(loop_closure=False)):
+        assert not options.closes_loops

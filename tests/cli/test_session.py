@@ -88,8 +88,8 @@ def test_a_saved_map_is_loaded_as_a_session_has_it(painted_bundle, pictures, tmp
     assert of_file
     assert of_session
     assert (of_file.map_id, of_file.reasons) == (of_session.map_id, of_session.reasons)
-    assert (loaded.grid is None) == (session.grid is None)
-    assert loaded.rooms == session.rooms
+    assert (loaded.grid is None) == (session.map.grid is None)
+    assert loaded.rooms == session.map.rooms
     drawn = [json.loads(one.to_geojson())["features"] for one in (session.map, loaded)]
     assert [one["id"] for one in drawn[0] if one["id"] != "trajectory"] == [one["id"] for one in drawn[1]]
 

@@ -21,7 +21,7 @@ from edgemap.geometry.objects.forgetting import Forgetter
 from edgemap.geometry.se2 import SE2
 from edgemap.runtime.step.edit_queue import Edits, load_edits
 from edgemap.runtime.step.grid_file import load_grid
-from edgemap.runtime.step.map_file import load_annotated_map, map_text, replace_map, save_map
+from edgemap.runtime.step.map_file import load_annotated_map, map_document, replace_map, save_map, saved_text
 from edgemap.runtime.step.mapper import WIDEST_M, Mapper
 
 LENGTH = 50  # actions of one drive
@@ -99,7 +99,7 @@ class Edited:
         objects, annotations, grid = mapper.objects(), mapper.annotations(), mapper.grid.grid()
         save_map(path, objects, annotations, grid)
         if last_pose:
-            replace_map(path, map_text(objects, annotations, grid, last_pose=mapper.pose_map_base))
+            replace_map(path, saved_text(map_document(objects, annotations, grid, last_pose=mapper.pose_map_base)))
         read, notes = load_annotated_map(self.folder)
         assert [item.id for item in read] == [item.id for item in objects]
         assert [zone.id for zone in notes.zones] == [zone.id for zone in annotations.zones]

@@ -28,7 +28,7 @@ from edgemap.runtime.outputs.map_formats.drawing import DrawnMap, map_svg
 from edgemap.runtime.outputs.map_formats.geojson import geojson_text
 from edgemap.runtime.outputs.map_formats.nav2 import vector_text
 from edgemap.runtime.outputs.map_formats.table import csv_text
-from edgemap.runtime.step.map_file import map_text, read_map
+from edgemap.runtime.step.map_file import map_document, read_map, saved_text
 from edgemap.view.app import make_app
 from edgemap.view.page import LivePage
 from edgemap.view.pause import Pause
@@ -56,7 +56,7 @@ def maps(draw):
     """Objects and annotations of a map file that edgemap reads."""
     objects, areas = draw(st.lists(things, max_size=4)), draw(st.lists(zones, max_size=2))
     try:
-        return read_map(map_text(objects, Annotations(tuple(areas))).encode(), "a map")
+        return read_map(saved_text(map_document(objects, Annotations(tuple(areas)))).encode(), "a map")
     except MapError:
         reject()
 

@@ -129,12 +129,12 @@ def test_an_addition_takes_in_what_is_detected_where_it_was_corrected_to():
 
 
 def test_edits_of_this_run_turn_into_the_saved_maps_frame():
-    base, events = measured(), MapEvents.of([], Annotations(), placed=False)
+    base, events = measured(), MapEvents()
     taken(events, base, [
         Edit("correct", "chair-1", place_m=(1.0, 0.0), yaw_rad=0.5), Edit("correct", "tv-1", yaw_rad=0.25),
         Edit("dock", pose=(2.0, 0.0, 0.0)), Edit("zone", name="hall", corners_m=SQUARE),
     ])  # fmt: skip
-    events.enter(Annotations(dock=SE2(9.0, 9.0, 0.0)), SE2(1.0, 0.0, np.pi / 2))
+    events.enter([], Annotations(dock=SE2(9.0, 9.0, 0.0)), SE2(1.0, 0.0, np.pi / 2))
     shown = {item.id: item for item in events.shown(base)}
     assert shown["chair-1"].position_m == pytest.approx([1.0, 1.0])
     assert shown["chair-1"].yaw_rad == pytest.approx(0.5 + np.pi / 2)
@@ -153,7 +153,7 @@ def test_a_loop_closure_that_moves_nothing_changes_no_edit(edits):
     none = np.zeros((1, 3))
     events.moved(TrajectoryCorrection(np.zeros(1), none, none, np.zeros((1, 3, 3))))
     assert document(events, base) == before
-    events.enter(Annotations(), SE2())
+    events.enter([], Annotations(), SE2())
     assert document(events, base) == before
 
 

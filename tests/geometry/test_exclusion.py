@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from edgemap.geometry.objects.class_posterior import Candidate, OverlapRule, Overlaps, label_posterior
+from edgemap.geometry.objects.class_posterior import APART, Candidate, OverlapRule, Overlaps, label_posterior
 from edgemap.geometry.observations.class_extents import extent_m, footprint_m
 
 RULE = OverlapRule()
@@ -106,9 +106,9 @@ def test_nothing_overlaps_and_the_order_of_changes_does_not_matter(rows):
         sides = [min(footprint_m(item.label, item.width_m)) for item in (a, b)]
         less, more = sorted((a.evidence, b.evidence))
         if a.label == b.label:
-            least = RULE.apart * min(extents) if less < RULE.far_less * more else 0.0
+            least = APART * min(extents) if less < RULE.far_less * more else 0.0
         else:
-            least = RULE.apart * min(sides)
+            least = APART * min(sides)
         return np.linalg.norm(a.position_m - b.position_m) >= least - 1e-9
 
     assert all(stand_apart(a, b) for a in kept for b in kept if a is not b)

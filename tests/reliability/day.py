@@ -18,10 +18,9 @@ from edgemap.geometry.observations.sighting import Sighting
 from edgemap.geometry.se2 import SE2
 from edgemap.runtime.motion.odometry.protocol import Motion
 from edgemap.runtime.motion.odometry.recorded import WHEEL
-from edgemap.runtime.step.config import Config
 from edgemap.runtime.step.frame_observations import FrameObservations
-from edgemap.runtime.step.map_file import map_text
-from edgemap.runtime.step.mapper import Mapper, new_mapper
+from edgemap.runtime.step.map_file import map_document, saved_text
+from edgemap.runtime.step.mapper import Mapper
 from reliability.parts import PartReport
 
 DAY_S, PIECES = 86_400, 24
@@ -39,7 +38,7 @@ F1_LOSS = 0.1  # likewise
 def run(seed: int, share: float, out: Path) -> PartReport:
     """The real back end, loop closure included; what the front end gives is drawn from a room of 14 objects."""
     steps = max(PIECES, round(DAY_S * share))
-    rows = drive_through(new_mapper(Config()), RoundTrip(seed), steps, PIECES, 24.0, LIMIT_S * share)
+    rows = drive_through(Mapper(closes_loops=True), RoundTrip(seed), steps, PIECES, 24.0, LIMIT_S * share)
     return _report(rows)
 
 
@@ -90,7 +89,7 @@ def drive_through(
                 "largest_ms": max(times_ms),
                 "rss_mb": process.memory_info().rss / 1e6,
                 "objects": len(objects),
-                "map_kb": len(map_text(objects)) / 1e3,
+                "map_kb": len(saved_text(map_document(objects))) / 1e3,
                 "f1": source.f1(objects),
             }
             print(", ".join(f"{name} {value:.2f}" for name, value in row.items()), flush=True)

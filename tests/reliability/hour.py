@@ -21,9 +21,8 @@ from edgemap.runtime.inputs.drives import Drive, open_drive
 from edgemap.runtime.motion.odometry.protocol import Motion
 from edgemap.runtime.network.bundle import load_bundle
 from edgemap.runtime.network.store import bundle_folder
-from edgemap.runtime.step.config import Config
 from edgemap.runtime.step.frame_observations import FrameObservations
-from edgemap.runtime.step.mapper import new_mapper
+from edgemap.runtime.step.mapper import Mapper
 from edgemap.runtime.step.slam import SlamOptions
 from reliability.day import GROWTH_MB, drive_through
 from reliability.parts import PartReport
@@ -42,7 +41,7 @@ def run(seed: int, share: float, out: Path) -> PartReport:
     drive = _rendered(folder, HOME + seed, frames)
     source = RecordedDrive(_observed(drive, frames, out / f"{folder.name}.pkl"), drive)
     steps = FRAMES * frames // NEW_FRAMES // MINUTES * MINUTES
-    rows = drive_through(new_mapper(Config()), source, steps, MINUTES, 1.0, LIMIT_S, RATE_HZ)
+    rows = drive_through(Mapper(closes_loops=True), source, steps, MINUTES, 1.0, LIMIT_S, RATE_HZ)
     return _report(rows, len(source.observed), steps)
 
 

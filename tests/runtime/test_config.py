@@ -56,17 +56,11 @@ def test_numbers_of_another_version_s_run_are_passed_over_and_printed(tmp_path, 
     ("document", "told"),
     [
         ({"config": {"asociation": {}}}, r"config\.asociation is unknown \(known: association, "),
-        (
-            {"config": {"forgetting": {"same_m": "wide"}}},
-            r"forgetting\.same_m is 'wide', not a float",
-        ),
+        ({"config": {"forgetting": {"same_m": "wide"}}}, r"`\$\.forgetting\.same_m`, found 'wide'"),
         ({"config": {"forgetting": {"same_m": float("inf")}}}, "not a finite number"),
         ({"config": {"forgetting": {"same_m": 1e15}}}, "not a finite number"),
-        ({"config": {"association": 3}}, "association is 3, not a mapping"),
-        (
-            {"config": {"odometry": {"pictures": {"window": {"keyframes": 0}}}}},
-            r"odometry\.pictures\.window: keyframes is 0, must be above 0",
-        ),
+        ({"config": {"association": 3}}, r"`\$\.association`, found 3"),
+        ({"config": {"odometry": {"pictures": {"window": {"keyframes": 0}}}}}, "keyframes is 0, must be above 0"),
         ({"config": {"floor": {"mapped": ["chair"]}}}, r"floor\.mapped is unknown"),
         ({"options": ["frames"]}, "options is a list, not a mapping"),
         ({"other": 1}, "neither a section"),
@@ -114,8 +108,9 @@ def documents():
     steps.mapper.edit(Edit("name", "chair-1", name="mine"))
     steps.mapper.edit(Edit("dock", pose=(0.0, 1.0, 0.5)))
     steps.mapper.edit(Edit("zone", name="hall", corners_m=((2.0, 0.0), (4.0, 0.0), (4.0, 2.0), (2.0, 2.0))))
-    objects, annotations = steps.mapper.objects(), steps.mapper.annotations().judged("care", ["dim light"])
-    annotations = replace(annotations, vanished=(replace(objects[1], id="couch-9"),))
+    objects, annotations = steps.mapper.objects(), steps.mapper.annotations()
+    identity = replace(annotations.identity, level="care", reasons=("dim light",))
+    annotations = replace(annotations, identity=identity, vanished=(replace(objects[1], id="couch-9"),))
     watch.update([], annotations.zones, 0.0)
     events = [event for stamp_s in (1.0, 3.0) for event in watch.update(objects, annotations.zones, stamp_s)]
     return {

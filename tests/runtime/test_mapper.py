@@ -113,21 +113,6 @@ def test_a_saved_map_keeps_the_furniture_that_the_path_crosses():
     assert [item.id for item in mapper.objects()] == [bed.id]
 
 
-def test_what_was_always_seen_may_be_missed_for_a_while_before_it_is_gone():
-    """Twelve looks show it, each from 0.15 m beside the one before; of those that miss it five are needed."""
-    random, chair = np.random.default_rng(0), [("chair", 2.0, 0.0)]
-    mapper, left, before = Mapper(forgetter=Forgetter(CAMERA)), {}, SE2()
-    for frame in range(-20, 9):
-        nearer = SE2(0.3 + 0.15 * (frame % 2), 0.0, 0.0)  # so in plain view
-        pose = SE2() if frame < -12 else nearer
-        boxes = look(chair, pose, random, 1.0)[0] if frame < 0 else Detections.none(("chair",))
-        sightings = sightings_of(boxes, CAMERA, FloorRule(), frame, frame / 10)
-        motion, before = Motion(before.inverse() @ pose, np.zeros((3, 3))), pose
-        mapper.step(FrameObservations(frame, frame / 10, boxes, sightings, motion))
-        left[frame] = len(mapper.objects())
-    assert [left[frame] for frame in (-1, 4, 5)] == [1, 1, 0]
-
-
 @pytest.mark.parametrize(("floor", "stays"), [(1.0, False), (0.0, True)])
 def test_a_saved_chair_leaves_where_the_picture_shows_floor_in_its_place_from_a_side_it_was_never_seen_from(
     floor, stays
@@ -181,27 +166,6 @@ def test_the_alignment_is_part_of_the_pose_covariance_after_relocalisation():
     assert np.linalg.eigvalsh(alignment.covariance).min() > 1e-6
     assert np.linalg.eigvalsh(excess).min() > -1e-9  # at least the alignment's
     assert np.trace(excess) < 2.0 * np.trace(before.pose_covariance) + 1e-4  # and the drive's own little
-
-
-def test_of_objects_told_with_0_9_nine_in_ten_are_real():
-    """A detector finds true objects more often and with higher scores: 30 chairs in three frames of five with 0.5 to
-    0.95, 30 of something else in one of five with 0.3 to 0.6."""
-    random, mapper = np.random.default_rng(5), Mapper()
-    places = [(1.0 + 2.0 * row, 2.0 * column) for row in range(10) for column in range(6)]
-    is_real = [number % 2 == 0 for number in range(60)]
-    means = [random.uniform(0.5, 0.95) if real else random.uniform(0.3, 0.6) for real in is_real]
-    for index in range(80):
-        seen = [
-            replace(sight("chair", *place, index=index), score=float(np.clip(mean + random.normal(0, 0.05), 0.3, 0.98)))
-            for place, real, mean in zip(places, is_real, means, strict=True)
-            if random.random() < (0.6 if real else 0.2)
-        ]
-        mapper.step(observed(index, seen, Motion(SE2(), np.zeros((3, 3)))))
-    told = [(item.confidence, is_real[places.index(tuple(np.round(item.position_m)))]) for item in mapper.objects()]
-    sure = [real for confidence, real in told if confidence >= 0.9]
-    assert len(sure) >= 10
-    assert np.mean(sure) >= 0.9
-    assert np.mean([confidence for confidence, real in told if not real]) < 0.5
 
 
 def test_a_motion_without_a_picture_follows_the_pose():

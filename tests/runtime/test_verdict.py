@@ -233,13 +233,3 @@ def test_what_is_counted():
     largest = np.sqrt(np.linalg.eigvalsh(COVARIANCE[:2, :2])[-1])
     assert found["sigma_m"] == {"end": pytest.approx(largest, abs=1e-4), "largest": pytest.approx(largest, abs=1e-4)}
     assert found["heading_sigma_deg"]["end"] == pytest.approx(np.degrees(np.sqrt(0.03)), abs=1e-3)
-
-
-def test_a_covariance_that_is_none_is_left_out():
-    counter = RunCounts({})
-    first, second = made(2)
-    counter.write(first, [])
-    counter.write(replace(second, pose_covariance=np.full((3, 3), np.nan)), [])
-    assert json.dumps(counter.quality(), allow_nan=False)
-    assert counter.quality()["sigma_m"]["end"] > 0.1
-    assert not counter.quality()["wheels"]

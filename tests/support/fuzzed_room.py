@@ -32,9 +32,8 @@ from edgemap.runtime.network.bundle import Bundle
 from edgemap.runtime.network.manifest import Manifest
 from edgemap.runtime.network.manifest_file import FORMAT
 from edgemap.runtime.network.network import Compute, Network
-from edgemap.runtime.step.config import Config
-from edgemap.runtime.step.map_file import map_text, read_map
-from edgemap.runtime.step.mapper import new_mapper
+from edgemap.runtime.step.map_file import map_document, read_map, saved_text
+from edgemap.runtime.step.mapper import Mapper
 from edgemap.runtime.step.pipeline import Pipeline
 from edgemap.runtime.step.slam import SemanticSlam, SlamOptions, StepResult, build_slam
 
@@ -133,7 +132,7 @@ def slam_of(camera: Camera, room: Room, imu: bool, corners: bool) -> SemanticSla
     odometry = HybridOdometry({name: source for name, source in sources.items() if name != "camera"})
     return SemanticSlam(
         Pipeline(room.bundle(), FLOOR, odometry, attitude=open_attitude("hybrid", camera, FLOOR, imu)),
-        new_mapper(Config()),
+        Mapper(closes_loops=True),
     )
 
 
@@ -166,7 +165,7 @@ class Checked:
     def end(self) -> list[MapObject]:
         """The map, after it was written and read."""
         objects = self._slam.objects()
-        read, _ = read_map(map_text(objects).encode(), "the map")
+        read, _ = read_map(saved_text(map_document(objects)).encode(), "the map")
         assert [item.id for item in read] == [item.id for item in objects]
         if not self._slam.mapper.searching:
             assert {item.id for item in self._saved} <= {item.id for item in objects}

@@ -38,7 +38,6 @@ from edgemap.runtime.outputs.sightings_file import SeenRecord
 from edgemap.runtime.outputs.verdict.verdict import is_doubtful
 
 WIDEST_PX, TALLEST_PX, TITLE_PX = 960.0, 720.0, 28.0  # of one panel
-LONGEST_AXIS_M = 3.0  # an ellipse larger than this does not enlarge the drawing
 GRID, MUTED, PATH, LONE = "#e6e8eb", "#5d6672", "#7f8a97", "#8d96a1"
 FLOOR_COLOUR, OBSTACLE_COLOUR = "#e6edf2", "#6b7585"
 
@@ -134,7 +133,7 @@ def _sheet(drawn: DrawnMap) -> Sheet:
     if drawn.grid is not None and (drawn.grid.cells != UNKNOWN).any():
         points.append(drawn.grid.centres_m(drawn.grid.cells != UNKNOWN))
     for item in drawn.objects:
-        ellipse_m = 0.0 if is_doubtful(item) else min(ellipse_95(item.covariance_m2)[0], LONGEST_AXIS_M)
+        ellipse_m = 0.0 if is_doubtful(item) else min(ellipse_95(item.covariance_m2)[0], 3.0)  # a larger one is cut
         reach = max(reach_m(item), ellipse_m)
         points.append(item.position_m + reach * np.array([[1, 1], [-1, -1]]))
     every = np.concatenate(points)

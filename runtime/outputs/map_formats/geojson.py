@@ -2,7 +2,7 @@
 
 import json
 import math
-from collections.abc import Collection, Sequence
+from collections.abc import Sequence
 from itertools import chain
 
 from edgemap.geometry.grid.occupancy_grid import GridRule
@@ -41,10 +41,9 @@ def geojson_text(
     `crs: null` (GeoJSON 2008, section 3) that no program should take the numbers for degrees. Exterior rings run
     counter-clockwise (section 3.1.6).
     """
-    taken, zones = {item.id for item in objects}, annotations.zones
     features = chain(
         (_object(item, map_id) for item in objects),
-        (_zone(zone, taken) for zone in zones),
+        (_zone(zone) for zone in annotations.zones),
         (_wall(number, wall) for number, wall in enumerate(walls, start=1)),
         (_room(room) for room in rooms),
         (_door(door) for door in doors),
@@ -74,12 +73,11 @@ def _object(item: MapObject, map_id: str) -> dict:
     return _feature(item.id, "Polygon", record.pop("footprint"), record)
 
 
-def _zone(zone: Zone, taken: Collection[str]) -> dict:
-    """taken: ids of objects, beside which zones have another namespace and features have not."""
+def _zone(zone: Zone) -> dict:
     ring = zone_record(zone)["corners_m"]
     if sum(x0 * y1 - x1 * y0 for (x0, y0), (x1, y1) in zip(ring, ring[1:] + ring[:1], strict=True)) < 0.0:
         ring.reverse()
-    return _feature(f"zone:{zone.id}" if zone.id in taken else zone.id, "Polygon", ring, {"zone": zone.name})
+    return _feature(zone.id, "Polygon", ring, {"zone": zone.name})
 
 
 def _wall(number: int, wall: Wall) -> dict:

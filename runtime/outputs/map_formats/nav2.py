@@ -3,8 +3,8 @@ zones as masks for the costmap filters: where a robot must not go, and how fast 
 
 import math
 import re
-from collections import Counter
 from collections.abc import Mapping, Sequence
+from itertools import chain, count
 from pathlib import Path
 from typing import Any
 
@@ -17,13 +17,10 @@ from edgemap.geometry.errors import MapError
 from edgemap.geometry.map_object import MapObject, outline_m, radius_m, yaw_of
 from edgemap.geometry.objects.annotations import Zone
 from edgemap.runtime.frames.disk import write_atomically
-from edgemap.runtime.outputs.map_formats.grid import FREE, MAXIMUM_CELLS, OCCUPIED, UNKNOWN, FloorCells
+from edgemap.runtime.outputs.map_formats.grid import FREE, MAXIMUM_CELLS, OCCUPIED, FloorCells
 from edgemap.runtime.outputs.map_formats.shapes import MAXIMUM_SHAPES
 from edgemap.runtime.step.map_file import DEFAULT_MAP_ID, object_uuid
 
-# What map_saver writes: darkness is occupancy, (255 - value) / 255; unknown lies between both thresholds.
-VALUES = {FREE: 254, OCCUPIED: 0, UNKNOWN: 205}
-FREE_THRESH, OCCUPIED_THRESH = 0.196, 0.65
 MARGIN_M = 1.0  # of empty mask around the zones
 FRAME_ID = "map"
 
@@ -35,10 +32,8 @@ def write_nav2(path: Path, grid: FloorCells) -> tuple[Path, Path]:
     frame, columns run along x. Source: https://docs.nav2.org/configuration/packages/configuring-map-server.html and
     nav2_map_server's map_io.cpp (cell (x, height - y - 1) is pixel (x, y)).
     """
-    levels = np.zeros(256, np.uint8)
-    for value, level in VALUES.items():
-        levels[np.uint8(value % 256)] = level
-    pixels = levels[grid.cells.view(np.uint8)]
+    # As map_saver writes them: darkness is occupancy, (255 - value) / 255; unknown lies between both thresholds.
+    pixels = np.select([grid.cells == FREE, grid.cells == OCCUPIED], [254, 0], 205).astype(np.uint8)
     note = f"# edgemap: {grid.cell_m:g} m per pixel\n"
     return path, write_picture(path, pixels, "trinary", grid.cell_m, (grid.x_m, grid.y_m), note)
 
@@ -51,16 +46,13 @@ def write_picture(
     picture = path.with_suffix(".pgm")
     rows, columns = pixels.shape
     write_atomically(picture, f"P5\n{note}{columns} {rows}\n255\n".encode() + pixels[::-1].tobytes())
-    lines = [
-        yaml.safe_dump({"image": picture.name}, allow_unicode=True, width=math.inf).rstrip(),
-        f"mode: {mode}",
-        f"resolution: {resolution_m:.6f}",
-        f"origin: [{corner_m[0]:.6f}, {corner_m[1]:.6f}, 0.0]",
-        "negate: 0",
-        f"occupied_thresh: {OCCUPIED_THRESH}",
-        f"free_thresh: {FREE_THRESH}",
-    ]
-    write_atomically(path, "\n".join(lines) + "\n")
+    described = {
+        "image": picture.name, "mode": mode, "resolution": round(resolution_m, 6),
+        "origin": [round(float(corner_m[0]), 6), round(float(corner_m[1]), 6), 0.0], "negate": 0,
+        "occupied_thresh": 0.65, "free_thresh": 0.196,
+    }  # fmt: skip
+    options = {"sort_keys": False, "default_flow_style": None, "allow_unicode": True, "width": math.inf}
+    write_atomically(path, yaml.safe_dump(described, **options))
     return picture
 
 
@@ -83,10 +75,9 @@ def vector_text(
     if len(objects) > MAXIMUM_SHAPES:
         raise MapError(f"{len(objects)} objects: at most {MAXIMUM_SHAPES} are shapes of a parameter file")
     shapes: dict[str, dict[str, Any]] = {}
-    tried: Counter[str] = Counter()
     for zone in zones:
         closed = zone.name in keep_out or zone.id in keep_out
-        shapes[_unused(_name(zone.id), shapes, tried)] = {
+        shapes[_unused(_name(zone.id), shapes)] = {
             "type": "polygon",
             "uuid": object_uuid(zone.id, map_id),
             "frame_id": FRAME_ID,
@@ -102,7 +93,7 @@ def vector_text(
         else:
             points = [round(value, 4) for value in outline_m(item).ravel().tolist()]
             shape = {"type": "polygon", "closed": True, "points": points}
-        shapes[_unused(_name(item.id), shapes, tried)] = known | shape
+        shapes[_unused(_name(item.id), shapes)] = known | shape
     parameters: dict[str, Any] = {
         "map_topic": "vo_map", "global_frame_id": FRAME_ID, "resolution": float(resolution_m), "default_value": -1,
         "overlay_type": 0, "update_frequency": 1.0, "transform_tolerance": 0.1,
@@ -118,13 +109,10 @@ def _name(identity: str) -> str:
     return name if name[:1].isalpha() else f"object_{name}"
 
 
-def _unused(name: str, taken: dict[str, Any], tried: Counter[str]) -> str:
-    """`potted plant-1` and `potted-plant-1` are two shapes. tried: numbers used up, by name."""
-    unused = name
-    while unused in taken:
-        tried[name] += 1
-        unused = f"{name}_{tried[name] + 1}"
-    return unused
+def _unused(name: str, taken: dict[str, Any]) -> str:
+    """`potted plant-1` and `potted-plant-1` are two shapes."""
+    names = chain([name], (f"{name}_{number}" for number in count(2)))
+    return next(unused for unused in names if unused not in taken)
 
 
 def write_masks(

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from edgemap.runtime.frames.frame import png
 from edgemap.runtime.frames.reading import printable
 
-TEXT_PX, WIDTH_SHARE = 13.0, 0.56  # height of the text; usual width of a letter against it
+TEXT_PX = 13.0  # height of the text
 _GAP = 8.0
 MAXIMUM_PLACED = 300  # texts that avoid each other: half a second
 
@@ -36,7 +36,7 @@ def place_labels(
     taken: list[Box] = [(x - 5, y - 5, x + 5, y + 5) for _, x, y in marks]
     placed = []
     for text, x, y in marks:
-        wide = len(text) * TEXT_PX * WIDTH_SHARE
+        wide = len(text) * TEXT_PX * 0.56  # the usual width of a letter against its height
         best = min(
             (_cost(spot, wide, rank, taken, width_px, height_px), rank, spot) for rank, spot in enumerate(_spots(x, y))
         )[2]

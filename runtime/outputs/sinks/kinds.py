@@ -58,11 +58,8 @@ def open_sinks(asked: Mapping[str, str], run: RunInfo) -> list[Sink]:
     for name, address in asked.items():
         if name not in kinds:
             raise UsageError(f"--sink {name}: no such sink; installed are {', '.join(sorted(kinds))}")
-        point = kinds[name]
-        if point.value.startswith("edgemap."):
-            sinks.append(load_plugin(point).open(address, run))
-        else:
-            sinks.append(PluginSink(name, partial(_opened, point, address, run)))
+        opened = partial(_opened, kinds[name], address, run)
+        sinks.append(opened() if kinds[name].value.startswith("edgemap.") else PluginSink(name, opened))
     return sinks
 
 

@@ -33,9 +33,7 @@ from edgemap.runtime.step.overlay import draw_floor_grid
 from edgemap.runtime.step.pose_journal import PoseJournal
 from edgemap.runtime.step.slam import StepResult
 
-STAGES_EVERY = 20  # saves between two in which run.json's stage times are new: of 10,000 frames they take 7 ms
 MAX_FAULTS = 200  # in run.json; the count goes on
-IN_USE = "another run writes into it; choose another --out"
 
 
 class RunFolder:
@@ -60,9 +58,7 @@ class RunFolder:
         self._saved_grid: tuple[OccupancyGrid | None, float] = (None, 1.0)  # and its scale
         self._scale = 1.0  # see `MapUpdate`
         self._merged: dict[str, str] = {}
-        self._stage_times: dict[str, deque[float]] = {}
-        self._stages: dict[str, dict[str, float]] = {}
-        self._saves = 0
+        self._stage_times: dict[str, deque[float]] = {}  # of the latest 1,000 frames
         self._faults: list[dict[str, Any]] = []
         self.verdict = Verdict("care")  # of the newest save
         self.document: dict[str, Any] = {}  # run.json of the newest save
@@ -74,16 +70,12 @@ class RunFolder:
         self._stamp_s = 0.0
         self._started = self._saved_at = perf_counter()
         self._closed = False
-        self._lock = lock_folder(folder, IN_USE)
-        if any(
-            (folder / name).is_symlink() or (folder / name).exists()
-            for name in ("run.json", "trajectory.tum", "sightings.jsonl")
-        ):
-            os.close(self._lock)
-            raise RunFolderError(f"{folder} already holds a run; choose another --out")
+        self._lock = lock_folder(folder, "another run writes into it; choose another --out")
         try:
+            if any(os.path.lexists(folder / name) for name in ("run.json", "trajectory.tum", "sightings.jsonl")):
+                raise RunFolderError(f"{folder} already holds a run; choose another --out")
             self._write_all()
-        except DiskError:
+        except EdgemapError:
             os.close(self._lock)
             raise
 
@@ -92,11 +84,8 @@ class RunFolder:
         self._counts.record = self._counts.record | entries
 
     def write(self, result: StepResult, objects: list[MapObject]) -> None:
-        """Append pose and sightings; save everything by the stream's time.
-
-        Raises DiskError, or RunFolderError where another run took the folder, from the save that fails until one does
-        not.
-        """
+        """Append pose and sightings; save everything by the stream's time. Raises DiskError from the save that fails
+        until one does not."""
         if self._frames == 0:
             picture = draw_floor_grid(result.frame.image, self._camera)
             with suppress(cv2.error, DiskError):
@@ -106,7 +95,7 @@ class RunFolder:
         self._trajectory.append(tum_line(stamp_s, result.pose_map_base))
         self.last(result, objects)
         for stage, time_ms in result.stages_ms.items():
-            self._stage_times.setdefault(stage, deque(maxlen=10_000)).append(time_ms)
+            self._stage_times.setdefault(stage, deque(maxlen=1000)).append(time_ms)
         self._counts.write(result, objects)
         if result.relocated is not None or self._save_timer.is_due(stamp_s):
             self._save(rewrite=result.relocated is not None)
@@ -143,7 +132,7 @@ class RunFolder:
 
     def judge(self) -> Verdict:
         """The verdict on the map as it stands, newer than that of the newest save."""
-        self._document()
+        self.verdict = self._counts.verdict(self._file_scale)
         return self.verdict
 
     def close(self) -> None:
@@ -166,12 +155,7 @@ class RunFolder:
 
     def _write_all(self, rewrite: bool = False) -> None:
         """The map first: it is what the run is for. Raises DiskError."""
-        if not self.folder.exists():  # it vanished; made again where what it lay in is still there
-            lock = lock_folder(self.folder, IN_USE, parents=False)
-            os.close(self._lock)
-            self._lock, self._saved_grid = lock, (None, 1.0)
         record = self._document()
-        self._saves += 1
         self._save_map()
         self._trajectory.flush()
         self._sightings.flush()
@@ -213,17 +197,13 @@ class RunFolder:
 
     def _document(self) -> dict[str, Any]:
         """run.json as it stands, with the verdict."""
-        finished = self._closed
-        seconds = perf_counter() - self._started
-        if finished or self._saves % STAGES_EVERY == 1:
-            self._stages = {name: percentiles(times_ms) for name, times_ms in self._stage_times.items()}
         if (scale := self._file_scale) != 1.0:
             self._counts.mount_seen |= {"used_height_m": round(scale * self._camera.mount.height_m, 4)}
         record = self._counts.document(scale) | {
-            "finished": finished,
+            "finished": self._closed,
             "frames": self._frames,
-            "seconds": round(seconds, 3),
-            "stages_ms": self._stages,
+            "seconds": round(perf_counter() - self._started, 3),
+            "stages_ms": {name: percentiles(times_ms) for name, times_ms in self._stage_times.items()},
             "merged": self._merged,
             "faults": self._faults,
         }

@@ -68,8 +68,6 @@ class RunCounts(Sink):
         )
         self._travelled_m = result.travelled_m
         covariance = result.pose_covariance
-        if not np.isfinite(covariance).all():  # nothing to count, and nothing that JSON can hold
-            return
         self._sigma_m = math.sqrt(max(float(np.linalg.eigvalsh(covariance[:2, :2])[-1]), 0.0))
         self._heading_rad = math.sqrt(max(float(covariance[2, 2]), 0.0))
         self._largest_m = max(self._largest_m, self._sigma_m)

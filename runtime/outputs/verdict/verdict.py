@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from statistics import median
 from typing import Any, NamedTuple
@@ -17,8 +17,6 @@ from edgemap.runtime.frames.reading import decode_json, error_line, printable, r
 from edgemap.runtime.motion.odometry_names import HYBRID
 from edgemap.runtime.outputs.verdict.causes import CAUSES, Cause, cause_of
 
-SHOWN_FAULTS = 3  # of one cause
-
 TITLES: dict[Level, str] = {"good": "good", "care": "use with care", "unreliable": "not reliable"}
 
 # Half a metre separates one chair from the next, and what `eval map` counts as the same place; at 3 m, from where
@@ -26,10 +24,7 @@ TITLES: dict[Level, str] = {"good": "good", "care": "use with care", "unreliable
 WRONG_M, WRONG_DEG = 0.5, 10.0
 # A quarter of a drive without a measurement is what no loop closure brings back; a twentieth is a corner or two.
 LOST_SHARE, SOME_SHARE = 0.25, 0.05
-# Detections below are as likely nothing as something.
-DOUBTFUL = 0.5
 OFF_MOUNT_DEG = 2.0  # of pitch or roll: moves what is 3 m before a lens 0.6 m up by half a metre
-SLOW_HZ = 4.0  # at 0.5 m/s and 60 degrees/s a picture shares three quarters of its view with the one before
 SEEN_M = 3.0  # from where most objects are seen; what is nearer than the nearest floor does not show where it stands
 
 
@@ -62,7 +57,10 @@ class Verdict:
 
     def on(self, annotations: Annotations) -> Annotations:
         """A map's annotations with this verdict."""
-        return annotations.judged(self.level, [finding.text for finding in self.findings])
+        if annotations.identity is None:
+            return annotations
+        reasons = tuple(finding.text for finding in self.findings)
+        return replace(annotations, identity=replace(annotations.identity, level=self.level, reasons=reasons))
 
 
 def verdict_of(record: Mapping[str, Any], objects: Sequence[MapObject]) -> Verdict:
@@ -203,7 +201,8 @@ def _camera(run: _Run) -> Iterator[Finding]:
     if run.quality.get("carried_frames", 0) > SOME_SHARE * run.quality["frames"]:
         yield Finding("care", CAUSES["carried"], "the camera sways as in a hand or on a head")
     rate = run.quality.get("rate_hz")
-    if rate is not None and rate < SLOW_HZ:
+    # At 0.5 m/s and 60 degrees/s a picture of 4 Hz shares three quarters of its view with the one before.
+    if rate is not None and rate < 4.0:
         yield Finding("care", CAUSES["rate"], f"{rate:.1f} pictures per second")
 
 
@@ -260,7 +259,7 @@ def is_doubtful(item: MapObject) -> bool:
     """Whether an object is doubtful: no person has confirmed it, and its confidence is below a half or its position
     uncertain by more than half a metre.
     """
-    return not item.confirmed and (item.confidence < DOUBTFUL or sigma_of(item) > WRONG_M)
+    return not item.confirmed and (item.confidence < 0.5 or sigma_of(item) > WRONG_M)
 
 
 def sigma_of(item: MapObject) -> float:
@@ -286,23 +285,19 @@ def explain(record: Mapping[str, Any], objects: Sequence[MapObject]) -> tuple[Ve
     where fields of the record are of other types.
     """
     try:
-        return _explained(record, objects)
+        verdict, faults = verdict_of(record, objects), list(map(read_fault, record.get("faults", [])))
     except (LookupError, TypeError, ValueError, AttributeError, ArithmeticError) as error:
         raise RunFolderError(f"run.json: damaged, or of another version ({error_line(error)})") from None
-
-
-def _explained(record: Mapping[str, Any], objects: Sequence[MapObject]) -> tuple[Verdict, list[Step]]:
-    verdict = verdict_of(record, objects)
     evidence: dict[Cause, list[str]] = {}
     for finding in verdict.findings:
         evidence.setdefault(finding.cause, []).append(finding.text)
     shown: dict[Cause, list[str]] = {}
-    for fault in map(read_fault, record.get("faults", [])):
+    for fault in faults:
         if cause := cause_of(fault.kind):
             shown.setdefault(cause, []).append(printable(fault.line))
     counted = {finding.cause for finding in verdict.findings}
     for cause, lines in shown.items():
-        evidence.setdefault(cause, []).extend(lines[:SHOWN_FAULTS])
+        evidence.setdefault(cause, []).extend(lines[:3])  # more say the same
     return verdict, [Step(cause, tuple(dict.fromkeys(lines)), cause in counted) for cause, lines in evidence.items()]
 
 

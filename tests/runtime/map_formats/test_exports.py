@@ -159,8 +159,6 @@ def test_objects_and_zones_are_two_namespaces():
     assert [item.id for item in objects] == ["zone-1"]
     read, annotations = read_map(json.dumps(map_document(objects, Annotations(zones))).encode(), "a map")
     assert (read[0].id, annotations.zones) == ("zone-1", zones)
-    ids = [feature["id"] for feature in json.loads(geojson_text(objects, annotations=annotations))["features"]]
-    assert ids == ["zone-1", "zone:zone-1"]
     with pytest.raises(MapError, match="two zones have the id 'zone-1'"):
         read_map(json.dumps(map_document([], Annotations(zones * 2))).encode(), "a map")
 
