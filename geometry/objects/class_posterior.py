@@ -79,10 +79,8 @@ class Overlaps:
         """Add a candidate, or change it."""
         self.remove(candidate.id)
         reach_m = APART * _extent_m(candidate)
-        near = {
-            identity for identity in self._cells.within(candidate.position_m, reach_m)
-            if self._overlap(candidate, self._candidates[identity])
-        }  # fmt: skip
+        within = self.within(candidate.position_m, reach_m)
+        near = {identity for identity in within if self._overlap(candidate, self._candidates[identity])}
         for other in near:
             self._near[other].add(candidate.id)
         self._candidates[candidate.id], self._near[candidate.id] = candidate, near
@@ -99,6 +97,10 @@ class Overlaps:
             self._near[other].discard(identity)
         self._cells.remove(identity)
         self._changed |= {identity, *near, *(item.id for item in self.members.get(self.best(identity), ()))}
+
+    def within(self, point_m: Array, reach_m: float) -> list[str]:
+        """Ids of the candidates within a distance of a point (2,), in a deterministic order."""
+        return self._cells.within(point_m, reach_m)
 
     def settle(self) -> set[str]:
         """Repeats the overlap decision around all changes. Returns the ids of objects that changed or disappeared."""

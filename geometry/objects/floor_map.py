@@ -152,6 +152,12 @@ class FloorMap:
         self._refresh()
         return self._listed
 
+    def near(self, point_m: Array, reach_m: float) -> list[MapObject]:
+        """The objects within a distance of a point (2,), ordered by id."""
+        self._refresh()
+        ids = [identity for identity in self._overlaps.within(point_m, reach_m) if identity in self._shown]
+        return [self._shown[identity] for identity in sorted(ids, key=id_order)]
+
     def shown_as(self, identity: str) -> str:
         """The id under which the map shows what was once this object."""
         self._refresh()

@@ -17,6 +17,7 @@ from edgemap.geometry.observations.floor_mask import FloorMask
 from edgemap.geometry.se2 import SE2
 from edgemap.geometry.slam.keyframes import KeyframeTrajectory
 
+NEAR_M = 20.0  # nothing farther is sighted, and a step does not ask all objects of a large map
 FIXTURES = frozenset({"bed", "couch", "dining table", "oven", "refrigerator", "toilet"})  # they stay in place
 
 
@@ -99,8 +100,8 @@ class Forgetter:
                 floor_map.set_presence(item.id, 1.0 - missed / self.rule.misses)
 
     def _concerned(self, floor_map: FloorMap, pose_map_base: SE2, sighted: set[str]) -> list[MapObject]:
-        """Objects that are sighted or ahead; others cannot be in view."""
-        objects = floor_map.objects()
+        """Objects near enough that are sighted or ahead; others cannot be in view."""
+        objects = floor_map.near(np.array([pose_map_base.x_m, pose_map_base.y_m]), NEAR_M)
         if not objects:
             return []
         positions = pose_map_base.inverse().apply(np.array([item.position_m for item in objects]))

@@ -61,21 +61,21 @@ def write_atomically(path: Path, text: str | bytes | Callable[[], Iterable[bytes
         raise DiskError(f"{path}: cannot be written ({error.strerror})") from None
 
 
-def make_folder(folder: Path) -> Path:
-    """Makes a folder where it is missing, and its parents; the folder. Raises DiskError."""
+def make_folder(folder: Path, parents: bool = True) -> Path:
+    """Makes a folder where it is missing, and its parents if asked for; the folder. Raises DiskError."""
     try:
-        folder.mkdir(parents=True, exist_ok=True)
+        folder.mkdir(parents=parents, exist_ok=parents)
     except OSError as error:
-        raise DiskError(f"{folder}: cannot be written ({error.strerror})") from None
+        raise DiskError(f"{folder}: {'cannot be written' if parents else 'is gone'} ({error.strerror})") from None
     return folder
 
 
-def lock_folder(folder: Path, held: str) -> int:
+def lock_folder(folder: Path, held: str, parents: bool = True) -> int:
     """An open handle of a folder, made as by `make_folder`, that no other run holds.
 
     Raises RunFolderError (held: its words), or DiskError.
     """
-    make_folder(folder)
+    make_folder(folder, parents)
     try:
         handle = os.open(folder, os.O_RDONLY | os.O_DIRECTORY | os.O_CLOEXEC)
         try:

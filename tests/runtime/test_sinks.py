@@ -220,3 +220,19 @@ def test_a_folder_with_a_file_of_the_runs_is_left_alone_links_too(tmp_path, name
     with pytest.raises(RunFolderError, match="already holds a run"):
         RunFolder(folder, FLOOR, {})
     assert kept.read_text() == "mine\n"
+
+
+def test_a_folder_that_vanishes_is_made_again_where_its_place_is_there(tmp_path):
+    place = tmp_path / "stick"
+    place.mkdir()
+    (files, told), steps = told_beside(place / "run"), Steps()
+    steps.into(files, 5)
+    shutil.rmtree(place)
+    steps.into(files, 20)
+    assert len(told) == 1
+    assert "is gone" in told[0].text
+    place.mkdir()
+    steps.into(files, 20)
+    files.close()
+    assert [objects.label for objects in load_map(place / "run")] == ["chair", "couch"]
+    assert stamps(place / "run")[-1] == pytest.approx(4.4)

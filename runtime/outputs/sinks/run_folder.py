@@ -33,6 +33,7 @@ from edgemap.runtime.step.overlay import draw_floor_grid
 from edgemap.runtime.step.pose_journal import PoseJournal
 from edgemap.runtime.step.slam import StepResult
 
+IN_USE = "another run writes into it; choose another --out"
 MAX_FAULTS = 200  # in run.json; the count goes on
 
 
@@ -70,7 +71,7 @@ class RunFolder:
         self._stamp_s = 0.0
         self._started = self._saved_at = perf_counter()
         self._closed = False
-        self._lock = lock_folder(folder, "another run writes into it; choose another --out")
+        self._lock = lock_folder(folder, IN_USE)
         try:
             if any(os.path.lexists(folder / name) for name in ("run.json", "trajectory.tum", "sightings.jsonl")):
                 raise RunFolderError(f"{folder} already holds a run; choose another --out")
@@ -84,8 +85,11 @@ class RunFolder:
         self._counts.record = self._counts.record | entries
 
     def write(self, result: StepResult, objects: list[MapObject]) -> None:
-        """Append pose and sightings; save everything by the stream's time. Raises DiskError from the save that fails
-        until one does not."""
+        """Append pose and sightings; save everything by the stream's time.
+
+        Raises DiskError, or RunFolderError where another run took the folder, from the save that fails until one does
+        not.
+        """
         if self._frames == 0:
             picture = draw_floor_grid(result.frame.image, self._camera)
             with suppress(cv2.error, DiskError):
@@ -155,6 +159,10 @@ class RunFolder:
 
     def _write_all(self, rewrite: bool = False) -> None:
         """The map first: it is what the run is for. Raises DiskError."""
+        if not self.folder.exists():  # it vanished; made again where what it lay in is still there
+            lock = lock_folder(self.folder, IN_USE, parents=False)
+            os.close(self._lock)
+            self._lock, self._saved_grid = lock, (None, 1.0)
         record = self._document()
         self._save_map()
         self._trajectory.flush()
