@@ -7,9 +7,9 @@ from itertools import pairwise
 
 import numpy as np
 
-from edgemap.geometry.arrays import Array
+from edgemap.geometry.arrays import Array, inverse
 from edgemap.geometry.se2 import SE2, compose_covariance
-from edgemap.geometry.slam.least_squares import OdometryFactors, inverse
+from edgemap.geometry.slam.least_squares import OdometryFactors
 from edgemap.geometry.trajectory_correction import TrajectoryCorrection, composed
 
 FIXED = np.eye(3) * 1e8  # information of a first pose that is the map's origin

@@ -246,14 +246,5 @@ def _seen_from(poses: Array, points_m: Array) -> tuple[Array, Array, Array, Arra
     c, s = np.cos(poses[:, 2]), np.sin(poses[:, 2])
     dx, dy = (points_m - poses[:, :2]).T
     x, y = c * dx + s * dy, -s * dx + c * dy
-    return x, y, _stack([[-c, -s, y], [s, -c, -x]]), _stack([[c, s], [-s, c]])
-
-
-def _stack(rows: list[list[Array]]) -> Array:
-    """Stacks R lists of C arrays (N,) into matrices (N, R, C)."""
-    return np.stack([np.stack(row, axis=-1) for row in rows], axis=-2)
-
-
-def inverse(matrices: Array) -> Array:
-    """Inverses of matrices (..., N, N), in double precision."""
-    return np.asarray(np.linalg.inv(matrices), dtype=np.float64)
+    by_pose, by_point = np.array([[-c, -s, y], [s, -c, -x]]), np.array([[c, s], [-s, c]])
+    return x, y, np.moveaxis(by_pose, -1, 0), np.moveaxis(by_point, -1, 0)

@@ -12,12 +12,12 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import linear_sum_assignment
 
-from edgemap.geometry.arrays import CHI2_997, Array
+from edgemap.geometry.arrays import CHI2_997, Array, inverse
 from edgemap.geometry.map_object import MapObject, SightingSums
 from edgemap.geometry.observations.sighting import PlacedSighting
-from edgemap.geometry.se2 import SE2
+from edgemap.geometry.se2 import SE2, by_pose
 from edgemap.geometry.slam.keyframes import KeyframeTrajectory
-from edgemap.geometry.slam.least_squares import ObservationFactors, inverse
+from edgemap.geometry.slam.least_squares import ObservationFactors
 
 IMPOSSIBLE = 1e6  # cost of a pair that may not be
 
@@ -211,9 +211,7 @@ def place(landmarks: Sequence[Landmark], trajectory: KeyframeTrajectory, tilt_ra
     normal[:, 2, 2] += 1.0
     inverse = np.linalg.inv(normal)
     positions = (inverse @ right[:, :, None])[:, :2, 0]
-    wrt_pose = np.zeros((len(at), 2, 3))
-    wrt_pose[:, 0, 0] = wrt_pose[:, 1, 1] = 1.0
-    wrt_pose[:, 0, 2], wrt_pose[:, 1, 2] = -lever[:, 1], lever[:, 0]
+    wrt_pose = by_pose(lever)
     from_pose = wrt_pose @ covariances @ wrt_pose.transpose(0, 2, 1)
     count = rows[:, 0]
     share = count / np.repeat(np.add.reduceat(count, starts), sizes)

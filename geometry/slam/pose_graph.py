@@ -6,7 +6,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from edgemap.geometry.arrays import CHI2_997, Array, positive
+from edgemap.geometry.arrays import CHI2_997, Array, inverse, positive
 from edgemap.geometry.map_object import MapObject, SightingSums
 from edgemap.geometry.observations.class_extents import footprint_m
 from edgemap.geometry.observations.sighting import PlacedSighting
@@ -19,7 +19,6 @@ from edgemap.geometry.slam.least_squares import (
     Problem,
     Rows,
     Solution,
-    inverse,
     solve,
 )
 from edgemap.geometry.slam.loop_hypotheses import LoopHypothesisRule

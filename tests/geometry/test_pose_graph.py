@@ -9,6 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.optimize import least_squares
 
+from edgemap.geometry.arrays import inverse
 from edgemap.geometry.se2 import SE2, compose_covariance
 from edgemap.geometry.slam import least_squares as graph
 from edgemap.geometry.slam.keyframes import KeyframeTrajectory
@@ -17,7 +18,6 @@ from edgemap.geometry.slam.least_squares import (
     ObservationFactors,
     OdometryFactors,
     Problem,
-    inverse,
 )
 from edgemap.geometry.trajectory_correction import TrajectoryCorrection
 
