@@ -7,7 +7,7 @@ from collections.abc import Generator, Mapping, Sequence, Set
 
 from edgemap.geometry.arrays import CHI2_997, Array
 from edgemap.geometry.slam.least_squares import Solution
-from edgemap.geometry.slam.loop_hypotheses import Pairing, certain_pairings
+from edgemap.geometry.slam.loop_hypotheses import certain_pairings
 from edgemap.geometry.slam.object_landmarks import Landmark
 from edgemap.geometry.slam.pose_graph import PoseGraph, Snapshot
 
@@ -78,13 +78,13 @@ class LoopSearch:
         graph = self.graph
         before = yield from at.solved(graph.links, SEARCH, loose=True)
         row, _ = at.objects(graph.links)
-        pairings = [Pairing(row[one.number], row[root]) for one, root in candidates if {one.number, root} <= row.keys()]
+        pairings = [(row[one.number], row[root]) for one, root in candidates if {one.number, root} <= row.keys()]
         supported = sum(len(groups[graph.root(number)]) > 1 for number in in_view)
         certain = yield from certain_pairings(
             pairings, before.landmarks, before.landmark_covariance, graph.rule.hypotheses, supported
         )
         name = list(row)
-        return witnessed(graph, {name[pairing.now]: name[pairing.before] for pairing in certain})
+        return witnessed(graph, {name[now]: name[before] for now, before in certain})
 
     def _weighed(
         self, at: Snapshot, new: Mapping[int, int], without: Solution
