@@ -19,8 +19,6 @@ from edgemap.geometry.se2 import SE2, by_pose
 from edgemap.geometry.slam.keyframes import KeyframeTrajectory
 from edgemap.geometry.slam.least_squares import ObservationFactors
 
-IMPOSSIBLE = 1e6  # cost of a pair that may not be
-
 
 class Sums:
     """Columns of an observation's sums."""
@@ -273,44 +271,32 @@ class LandmarkSet:
 
     def associated(self, sightings: Sequence[PlacedSighting], odometer_m: float) -> list[Landmark]:
         """The landmark of each sighting of one frame: the nearest in view, one to one, or a new one."""
-        near = self.in_view(odometer_m)
-        matched: dict[int, Landmark] = {}
-        for label in dict.fromkeys(sighting.label for sighting in sightings):
-            rows = [row for row, sighting in enumerate(sightings) if sighting.label == label]
-            candidates = [landmark for landmark in near if landmark.label == label and landmark.keyframes]
-            matched |= self._matched(rows, sightings, candidates, odometer_m)
+        near = [landmark for landmark in self.in_view(odometer_m) if landmark.keyframes]
+        cost = np.full((len(sightings), len(near) + len(sightings)), math.inf)
+        np.fill_diagonal(cost[:, len(near) :], CHI2_997)  # of a new one
+        for row, placed in enumerate(sightings):
+            for column, landmark in enumerate(near):
+                if landmark.label == placed.label:
+                    cost[row, column] = self._distance2(placed, landmark, odometer_m)
         landmarks = [
-            matched.get(row) or self.begin(placed.label, placed.sighting.extent_m, odometer_m)
-            for row, placed in enumerate(sightings)
+            near[column] if column < len(near) else self.begin(placed.label, placed.sighting.extent_m, odometer_m)
+            for column, placed in zip(linear_sum_assignment(cost)[1].tolist(), sightings, strict=True)
         ]
         for landmark, placed in zip(landmarks, sightings, strict=True):
             landmark.sums.add(placed)
             landmark.observed_at_m = odometer_m
         return landmarks
 
-    def _matched(
-        self, rows: list[int], sightings: Sequence[PlacedSighting], candidates: list[Landmark], odometer_m: float
-    ) -> dict[int, Landmark]:
-        if not candidates:
-            return {}
-        cost = np.full((len(rows), len(candidates) + len(rows)), IMPOSSIBLE)
-        for i, row in enumerate(rows):
-            cost[i, len(candidates) + i] = CHI2_997
-            for j, landmark in enumerate(candidates):
-                cost[i, j] = self._distance2(sightings[row], landmark, odometer_m)
-        chosen = zip(*linear_sum_assignment(cost), strict=True)
-        return {rows[i]: candidates[j] for i, j in chosen if j < len(candidates)}
-
     def _distance2(self, placed: PlacedSighting, landmark: Landmark, odometer_m: float) -> float:
-        """Squared Mahalanobis distance; beyond gate or reach a value at which a new landmark costs less."""
+        """Squared Mahalanobis distance; infinite beyond gate or reach."""
         x_m, y_m = (placed.position_map_m - landmark.position_m).tolist()
         if x_m * x_m + y_m * y_m > self.rule.reach_m**2:
-            return IMPOSSIBLE
+            return math.inf
         added = self.rule.side_m2(landmark.extent_m) + (self.slip * (odometer_m - landmark.observed_at_m)) ** 2
         (a, b), (_, d) = placed.covariance_m2.tolist()
         a, d = a + added, d + added
         distance2 = (d * x_m * x_m - 2.0 * b * x_m * y_m + a * y_m * y_m) / (a * d - b * b)
-        return distance2 if distance2 <= CHI2_997 else IMPOSSIBLE
+        return distance2 if distance2 <= CHI2_997 else math.inf
 
 
 def rotations(yaw_rad: Array) -> Array:
