@@ -13,18 +13,13 @@ from edgemap.geometry.se2 import SE2
 def merged_grid(first: OccupancyGrid | None, second: OccupancyGrid | None, pose_a_b: SE2) -> OccupancyGrid | None:
     """Two saved grids in the first one's frame, with the second one's pose `pose_a_b`; log-odds add up."""
     rule = GridRule()
-    canvas = Canvas(*step_bounds(rule))
+    canvas = Canvas(rule)
     for saved, move in ((first, SE2()), (second, pose_a_b)):
         if saved is not None:
             patch = saved_patch(saved, rule)
             patch.move = move
-            canvas.draw(patch, rule.cell_m)
+            canvas.draw(patch)
     return grid_of(canvas, rule)
-
-
-def step_bounds(rule: GridRule) -> tuple[int, int]:
-    """The bounds of log-odds, in steps."""
-    return round(-rule.highest * UNIT), round(rule.highest * UNIT)
 
 
 def grid_of(canvas: Canvas, rule: GridRule, revision: int = 0) -> OccupancyGrid | None:
@@ -44,5 +39,5 @@ def saved_patch(saved: OccupancyGrid, rule: GridRule) -> Patch:
     cells = columns_rows(saved.centres_m(observed), rule.cell_m)
     steps = np.rint(saved.log_odds[observed] * (UNIT / STEPS)).astype(np.int16)
     _, one = np.unique(cells, axis=0, return_index=True)  # where its cells are smaller than these
-    low, high = (np.full(len(one), bound, np.int16) for bound in step_bounds(rule))
-    return Patch(-math.inf, SE2(), cells[one], np.clip(steps[one], low, high), low, high)
+    bound = np.full(len(one), round(rule.highest * UNIT), np.int16)
+    return Patch(-math.inf, SE2(), cells[one], np.clip(steps[one], -bound, bound), -bound, bound)
