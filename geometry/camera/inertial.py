@@ -38,7 +38,6 @@ class _States:
 
 
 _IDENTITY, _DIAGONAL = np.eye(_States.ALL), np.diag_indices(_States.ALL)
-_AXES = np.diag_indices(3)
 
 
 @dataclass(frozen=True, slots=True)
@@ -156,7 +155,7 @@ def inertial_moved(
     swung, displaced = ((state.rotation - before.rotation) @ arm_optical_m.T).T
     loose = noise.resting**2 + float(swung @ swung) / span_s**2
     variance = axes @ covariance[:2, :2] @ axes.T
-    variance[_AXES] += [loose, loose, noise.resting**2]
+    variance += np.diag([loose, loose, noise.resting**2])
     residual = displaced / span_s + axes @ [motion.x_m, motion.y_m] - (state.velocity + before.velocity) / 2.0
     moved = _corrected(state, _selected(_States.VELOCITY), residual, variance, learns_vertical_bias=False, robust=True)
     variance = float(covariance[2, 2]) + noise.gyro**2 * span_s + (noise.turned_share * motion.yaw_rad) ** 2

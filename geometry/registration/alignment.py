@@ -24,7 +24,6 @@ from edgemap.geometry.se2 import SE2, by_pose, wrap_angle
 Pairs = tuple[tuple[int, int], ...]
 Rows = NDArray[np.intp]
 
-UNITS_OF_WORK = 5000  # of one alignment that somebody waits for: some ten seconds
 MAXIMUM_PAIRS = 1_000_000  # of objects of both maps: 1,000 each
 
 
@@ -70,7 +69,7 @@ def align(first: Sequence[MapObject], second: Sequence[MapObject], grids: Grids 
     """Find the second map's place in the first one's frame. Raises AlignmentError where that is not certain."""
     work = aligning(first, second, grids=grids)
     try:
-        for _ in range(UNITS_OF_WORK):
+        for _ in range(5000):  # some ten seconds, for which somebody waits
             next(work)
     except StopIteration as end:
         return end.value

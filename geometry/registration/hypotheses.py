@@ -12,8 +12,6 @@ from edgemap.geometry.map_object import MapObject
 from edgemap.geometry.se2 import SE2, wrap_angles
 
 SHORTEST_M = 0.7  # nearer objects constrain the rotation too little
-MAXIMUM_CORRESPONDENCES = 200  # of which every two are tried; more are drawn from, rarest labels first
-MAXIMUM_MODES = 16  # clearly different motions that are examined
 SAME_PLACE_M, SAME_TURN_RAD = 0.4, 0.2  # motions that differ by less are one
 CHUNK = 200_000  # distances between objects, of all motions scored in one unit of work
 
@@ -90,12 +88,12 @@ def hypotheses(first: Places, second: Places) -> Motions:
 
 
 def best_modes(motions: Motions, first: Places, second: Places, reach_m: float) -> Generator[None, None, list[SE2]]:
-    """The motions that match the most objects, best first, clearly different from each other; yields
+    """The motions that match the most objects, 16 at most, best first, clearly different from each other; yields
     after every unit of work."""
     scores = yield from _scores(motions, first, second, reach_m)
     centre = motions.apply(second.positions_m.mean(axis=0)[None])[:, 0]
     alive, modes = np.ones(len(scores), dtype=bool), []
-    while alive.any() and len(modes) < MAXIMUM_MODES:
+    while alive.any() and len(modes) < 16:
         row = int(np.argmax(np.where(alive, scores, -1.0)))
         modes.append(motions.pose(row))
         rotation = np.abs(wrap_angles(motions.yaw_rad - motions.yaw_rad[row]))
@@ -128,12 +126,13 @@ def _scores(motions: Motions, first: Places, second: Places, reach_m: float) -> 
 
 
 def _correspondences(first: Places, second: Places) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
-    """Rows of the first and of the second map with one label; the rarest labels where there are too many."""
+    """Rows of the first and of the second map with one label; of more than 200, of which every two are tried, some of
+    the most frequent labels are drawn."""
     i, j = np.nonzero(first.labels[:, None] == second.labels)
     random, chosen = np.random.default_rng(0), list[int]()
     by_label = [np.flatnonzero(first.labels[i] == label) for label in dict.fromkeys(first.labels[i].tolist())]
     for rows in sorted(by_label, key=len):
-        room = max(MAXIMUM_CORRESPONDENCES - len(chosen), 0)
+        room = max(200 - len(chosen), 0)
         if len(rows) > room:
             rows = rows[np.sort(random.choice(len(rows), room, replace=False))]
         chosen += rows.tolist()

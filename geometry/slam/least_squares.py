@@ -15,7 +15,6 @@ from edgemap.geometry.se2 import wrap_angles
 
 Rows = NDArray[np.intp]
 
-TOGETHER = 25  # poses whose covariances are one unit of work: as long as an iteration
 CONVERGED = 0.01  # iterations end when a step gains less log-likelihood: loop closure compares whole units
 
 
@@ -79,10 +78,10 @@ class Solution:
     def pose_covariances(self) -> Generator[None, None, Array]:
         """Covariances of the poses, (K, 3, 3), from the stated odometry covariances; loop closure adds none. Yields
         after each unit of work."""
-        stated, blocks = self._stated(), list[Array]()
+        stated, blocks, together = self._stated(), list[Array](), 25  # poses: as long as an iteration
         yield
-        for first in range(0, len(self.poses), TOGETHER):
-            count = min(TOGETHER, len(self.poses) - first)
+        for first in range(0, len(self.poses), together):
+            count = min(together, len(self.poses) - first)
             covariance = stated.covariance(3 * first, 3 * (first + count)).reshape(count, 3, count, 3)
             blocks.append(covariance[np.arange(count), :, np.arange(count)])
             yield
@@ -103,7 +102,7 @@ class Problem:
 
 
 def solve(
-    problem: Problem, poses: Array, landmarks: Array, biases: Array, iterations: int = 6
+    problem: Problem, poses: Array, landmarks: Array, biases: Array, iterations: int
 ) -> Generator[None, None, Solution]:
     """Gauss-Newton iterations that start from poses (K, 3) and landmarks (L, 2). Yields after each iteration, whose
     time is bounded."""

@@ -15,8 +15,6 @@ Closure = Generator[None, None, "tuple[Solution, Array, bool] | None"]
 
 Evidence = frozenset[tuple[int, int, int]]  # of a hypothesis: its links, and how often each later landmark was observed
 
-PLAIN, SEARCH, REFINE = 6, 2, 8  # iterations at most, of a solution by what it is for
-
 
 class LoopSearch:
     """Finds loop closures in a graph. accepted: number of links that were not revoked."""
@@ -46,7 +44,7 @@ class LoopSearch:
             new = {}
         if not graph.links and not new:
             return None
-        after = yield from at.solved(graph.links, PLAIN)
+        after = yield from at.solved(graph.links)
         if new:
             closed = yield from self._weighed(at, new, after)
             if closed is not None:
@@ -61,7 +59,7 @@ class LoopSearch:
                 graph.refused.add((number, graph.root(graph.links[number])))
                 del graph.links[number]
             new = {number: first for number, first in new.items() if number in graph.links}
-            after = yield from at.solved(graph.links, PLAIN)
+            after = yield from at.solved(graph.links)
         self.accepted += len(graph.links) - len(before)
         yield
         covariances = yield from after.pose_covariances()
@@ -76,7 +74,7 @@ class LoopSearch:
     ) -> Generator[None, None, dict[int, int]]:
         """The links that are certain among all pairings, with room for a slip of the odometry."""
         graph = self.graph
-        before = yield from at.solved(graph.links, SEARCH, loose=True)
+        before = yield from at.solved(graph.links, loose=True, iterations=2)
         row, _ = at.objects(graph.links)
         pairings = [(row[one.number], row[root]) for one, root in candidates if {one.number, root} <= row.keys()]
         supported = sum(len(groups[graph.root(number)]) > 1 for number in in_view)
@@ -94,7 +92,7 @@ class LoopSearch:
         stands there."""
         graph = self.graph
         links = graph.links | dict(new)
-        closed = yield from at.solved(links, REFINE, start=without)
+        closed = yield from at.solved(links, start=without, iterations=8)
         by_chance = len(at.ties(new)) * math.log(graph.rule.hypotheses.spacing_m2)
         ratio = closed.log_evidence - without.log_evidence + by_chance
         return closed if ratio > 0.0 else None

@@ -82,7 +82,7 @@ class Snapshot:
         return row, np.array([row[number] for number in first], dtype=np.intp)
 
     def solved(
-        self, links: Links, iterations: int, *, loose: bool = False, start: Solution | None = None
+        self, links: Links, *, loose: bool = False, start: Solution | None = None, iterations: int = 6
     ) -> Generator[None, None, Solution]:
         """Least squares with these links. loose: with the odometry that loops are searched with, and no robust kernel.
         start: initial values instead of the current ones."""
