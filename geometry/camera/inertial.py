@@ -59,12 +59,6 @@ class InertialNoise:
     gap_s: float = 0.05  # longest time between samples; rotation in a longer hole is not measured
     hole: float = 1.0  # density of the change of the rate in such a hole, rad/s
 
-    @property
-    def start_speed(self) -> float:
-        """Standard deviation of the initial velocity of a camera that is not near its mount's angles, m/s: a walk
-        mistaken for rest at the start would appear as an acceleration."""
-        return CLEAR_SIGMAS * self.speed
-
 
 @dataclass(frozen=True, slots=True, eq=False)
 class InertialState:
@@ -120,7 +114,7 @@ def inertial_start(
     force = samples.accel_m_s2.mean(axis=0)
     mean_m_s2 = float(np.linalg.norm(force))
     if up_optical is None:
-        up, speed = force / max(mean_m_s2, 1e-9), noise.start_speed
+        up, speed = force / max(mean_m_s2, 1e-9), CLEAR_SIGMAS * noise.speed  # a walk taken for rest would accelerate
         tilt = sigma_rad + 0.5 * abs(mean_m_s2 / GRAVITY_M_S2 - 1.0)  # a camera that is pushed shows no gravity
     else:
         up, speed, tilt = up_optical, noise.speed, sigma_rad
@@ -157,7 +151,7 @@ def inertial_moved(
     variance = axes @ covariance[:2, :2] @ axes.T
     variance += np.diag([loose, loose, noise.resting**2])
     residual = displaced / span_s + axes @ [motion.x_m, motion.y_m] - (state.velocity + before.velocity) / 2.0
-    moved = _corrected(state, _selected(_States.VELOCITY), residual, variance, learns_vertical_bias=False, robust=True)
+    moved = _corrected(state, _IDENTITY[_States.VELOCITY], residual, variance, learns_vertical_bias=False, robust=True)
     variance = float(covariance[2, 2]) + noise.gyro**2 * span_s + (noise.turned_share * motion.yaw_rad) ** 2
     about = np.zeros((1, _States.ALL))
     about[0, _States.BIAS] = moved.up_optical
@@ -189,7 +183,7 @@ def inertial_mounted(state: InertialState, up_optical: Array, sigmas_rad: Array)
     up_optical: (3,) on the level robot. sigmas_rad: (2,) of the nods, about the world's axes.
     """
     off = state.rotation @ up_optical
-    selected = _selected(_States.TILT)[:2]
+    selected = _IDENTITY[_States.TILT][:2]
     variance = np.diag(np.square(sigmas_rad))
     return _corrected(state, selected, np.array([off[1], -off[0]]), variance, learns_vertical_bias=False)
 
@@ -252,7 +246,7 @@ def _turned_rad(before: Array, after: Array) -> float:
 def _held(state: InertialState, span_s: float, noise: InertialNoise) -> InertialState:
     """Bounds velocities that no odometry measures. At rest the velocity is zero and the mean rate is the bias; about
     the vertical only without odometry, which distinguishes a slow turn from rest."""
-    selected = _selected(_States.VELOCITY)
+    selected = _IDENTITY[_States.VELOCITY]
     if state.calm is None:
         variance = noise.speed**2 * max(1.0 / span_s, 1.0) * np.eye(3)
         state = _corrected(state, selected, -state.velocity, variance, learns_vertical_bias=False)
@@ -263,7 +257,7 @@ def _held(state: InertialState, span_s: float, noise: InertialNoise) -> Inertial
     # The window's mean is nearly the same one frame later: each counts for its share of a second.
     variance = noise.resting**2 / len(state.recent) / span_s * np.eye(3)
     vertical = state.calm is None
-    return _corrected(state, _selected(_States.BIAS), rate - state.bias, variance, learns_vertical_bias=vertical)
+    return _corrected(state, _IDENTITY[_States.BIAS], rate - state.bias, variance, learns_vertical_bias=vertical)
 
 
 def _corrected(
@@ -297,10 +291,6 @@ def _corrected(
         offset=state.offset + change[_States.OFFSET],
         covariance=left @ state.covariance @ left.T + gain @ variance @ gain.T,
     )
-
-
-def _selected(part: slice) -> Array:
-    return _IDENTITY[part]
 
 
 def small_rotation(x: float, y: float, z: float) -> Array:

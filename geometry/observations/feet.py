@@ -14,7 +14,7 @@ from edgemap.geometry.camera.depth_points import NEAREST_M
 from edgemap.geometry.camera.floor import FloorCamera
 from edgemap.geometry.observations.class_extents import Shape
 
-SURFACE_SHARE, SURFACE_SIGMA = 0.5, 0.5  # of the way to its middle: how far behind its lower edge an object is seen
+SURFACE_SHARE = 0.5  # of the way to its middle, give or take as much: how far behind its lower edge an object is seen
 HIDDEN = 0.5  # share of a lower edge covered by nearer boxes, from which on it may well be hidden
 FARTHEST_M = 8.0
 OFF_FLOOR_M, OFF_FLOOR_PER_M = 0.05, 0.01  # lower points are the floor's
@@ -106,8 +106,7 @@ def by_depth(box: BoxOnFloor, foot: Foot) -> Foot:
     """Depth shows a surface some way behind the foot."""
     behind_m = box.shape.reach_m(box.width_m) * SURFACE_SHARE
     error_m = box.measured_m - behind_m - float(box.direction @ (foot.position_m - box.lens_m))
-    sigma_m = math.hypot(box.measured_sigma_m, SURFACE_SIGMA * box.shape.reach_m(box.width_m))
-    return _ranged(foot, box.direction, error_m, sigma_m)
+    return _ranged(foot, box.direction, error_m, math.hypot(box.measured_sigma_m, behind_m))
 
 
 def _ranged(foot: Foot, direction: Array, error_m: float, sigma_m: float) -> Foot:

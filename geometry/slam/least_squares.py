@@ -15,8 +15,6 @@ from edgemap.geometry.se2 import wrap_angles
 
 Rows = NDArray[np.intp]
 
-CONVERGED = 0.01  # iterations end when a step gains less log-likelihood: loop closure compares whole units
-
 
 @dataclass(frozen=True, slots=True, eq=False)
 class OdometryFactors:
@@ -113,7 +111,7 @@ def solve(
         poses, landmarks = poses + at_poses.reshape(-1, 3), landmarks + at_landmarks.reshape(-1, 2)
         biases = biases + of_biases
         yield
-        if system.gain(step) < CONVERGED:
+        if system.gain(step) < 0.01:  # of log-likelihood, of which loop closure compares whole units
             break
     poses = np.column_stack([poses[:, :2], wrap_angles(poses[:, 2])])
     odometry = replace(problem.odometry, gain=0.0)
