@@ -12,7 +12,7 @@ from edgemap.geometry.grid.canvas import Canvas
 from edgemap.geometry.grid.floor_scan import FloorScan, depth_evidence
 from edgemap.geometry.grid.merge import grid_of, saved_patch
 from edgemap.geometry.grid.occupancy_grid import GridRule, OccupancyGrid
-from edgemap.geometry.grid.patch import Cells, Evidence, Patch, columns_rows, joined, moved_m, repeated
+from edgemap.geometry.grid.patch import Cells, Evidence, Patch, columns_rows, joined, moved_m, repeated, summed
 from edgemap.geometry.observations.floor_mask import FloorMask
 from edgemap.geometry.se2 import SE2
 from edgemap.geometry.trajectory_correction import TrajectoryCorrection, nearest_earlier
@@ -65,14 +65,20 @@ class GridFusion:
         if self._began is None:
             self._began = pose_map_base, stamp_s
         self._last = pose_map_base, stamp_s
-        evidence = Evidence(self.rule.cell_m)
+        rule, occupied = self.rule, list[Evidence]()
+        free: list[Evidence] = [(self._driven(pose_map_base), 2.0 * rule.highest)]
         if mask is not None:
-            self.scan = FloorScan.of(mask, camera, movers_px, detected_px, self.rule)
-            self._add_floor(evidence, pose_map_base, self.scan)
+            self.scan = FloorScan.of(mask, camera, movers_px, detected_px, rule)
+            cells, weights = self.scan.free_cells(pose_map_base, rule.cell_m)
+            contacts = columns_rows(pose_map_base.apply(self.scan.contacts_base_m), rule.cell_m)
+            free.append((cells, rule.free * weights))
+            occupied.append((contacts, rule.occupied * self.scan.weights))
         if depth is not None:
-            self._add_depth(evidence, pose_map_base, depth_evidence(depth, camera, movers_px, self.rule))
-        evidence.free(self._driven(pose_map_base), 2.0 * self.rule.highest)
-        self._canvas.add(*evidence.steps())
+            both_m = depth_evidence(depth, camera, movers_px, rule)
+            floor, hits = (columns_rows(pose_map_base.apply(points_m), rule.cell_m) for points_m in both_m)
+            free.append((floor, rule.free))
+            occupied.append((repeated(hits), rule.occupied))  # a single one may lie between an edge and its background
+        self._canvas.add(*summed(free, occupied))
         self._revision += 1
 
     def moved(self, past: TrajectoryCorrection) -> None:
@@ -107,22 +113,6 @@ class GridFusion:
             return True
         near = (self._last[0].inverse() @ pose).is_within(self.rule.scan_m)
         return not near or not 0.0 <= stamp_s - self._last[1] < self.rule.scan_s
-
-    def _add_floor(self, evidence: Evidence, pose: SE2, scan: FloorScan) -> None:
-        """Evidence of a picture's floor mask for the map's cells."""
-        rule = self.rule
-        cells, weights = scan.free_cells(pose, rule.cell_m)
-        evidence.free(cells, rule.free * weights)
-        evidence.occupied(columns_rows(pose.apply(scan.contacts_base_m), rule.cell_m), rule.occupied * scan.weights)
-
-    def _add_depth(self, evidence: Evidence, pose: SE2, floor_and_obstacles_m: tuple[Array, Array]) -> None:
-        """Evidence of a depth picture for the map's cells. A single point is no obstacle: it may lie between an edge
-        and its background.
-        """
-        rule = self.rule
-        floor, hits = (columns_rows(pose.apply(points_m), rule.cell_m) for points_m in floor_and_obstacles_m)
-        evidence.free(floor, rule.free)
-        evidence.occupied(repeated(hits), rule.occupied)
 
     def _driven(self, pose: SE2) -> Cells:
         """The floor below the robot."""
