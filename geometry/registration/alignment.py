@@ -112,7 +112,7 @@ def aligning(
     if not fits:
         raise AlignmentError(f"no motion lays more than one of {shared} objects with a common label onto its like")
     weight = (lambda fit: len(fit.pairs)) if None in grids else _surprise
-    best = max(fits, key=lambda fit: (weight(fit), -fit.chi2))
+    best = max(fits, key=lambda fit: (weight(fit), -fit.distances2.sum()))
     rivals = [fit for fit in fits if maps.differ(best, fit)]
     rival = max(rivals, key=weight, default=None)
     summary = f"the best alignment explains {len(best.pairs)} of {shared} objects with a common label"
@@ -176,18 +176,14 @@ def aligned_near(
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Fit:
-    """A refined motion. chi2: sum of the pairs' squared Mahalanobis distances, `distances2`. chance: see `Alignment`,
-    with that of the grids."""
+    """A refined motion. distances2: squared Mahalanobis distance of each pair. chance: see `Alignment`, with that of the
+    grids."""
 
     pose: SE2
     covariance: Array
     pairs: Pairs
     distances2: Array
     chance: float = 1.0
-
-    @property
-    def chi2(self) -> float:
-        return float(self.distances2.sum())
 
 
 class _Maps:

@@ -108,7 +108,8 @@ class LoopSearch:
 def _unlinked(graph: PoseGraph, groups: Mapping[int, list[Landmark]], in_view: Set[int]) -> list[Landmark]:
     """Landmarks that are not linked to an earlier object yet: those in view, most sightings first, then those that left
     the view unlinked, the latest first, before they are dropped."""
-    since = len(graph.trajectory) // 2 if graph.is_full else len(graph.trajectory)
+    count = len(graph.trajectory)
+    since = count // 2 if count >= graph.rule.keyframes.maximum else count
     candidates = [
         one
         for (one, *others) in groups.values()

@@ -228,11 +228,6 @@ class PoseGraph:
         self.remove({gone.number})
         self.place([kept])
 
-    @property
-    def is_full(self) -> bool:
-        """Whether keyframes have to go."""
-        return len(self.trajectory) >= self.rule.keyframes.maximum
-
     def is_likely(self, landmark: Landmark) -> bool:
         """Whether it was observed often enough to close loops with."""
         return not landmark.gone and (landmark.saved is not None or landmark.sums.pictures >= self.least_pictures)
