@@ -84,19 +84,17 @@ class FloorCamera:
         It is computed from the viewing rays, so it includes roll and lens distortion. It may lie outside the picture.
         """
         column = self.intrinsics.cx if column_px is None else column_px
-        low, high = -4.0 * self.intrinsics.height, 5.0 * self.intrinsics.height
-        if self.intrinsics.distortion.is_identity:  # z of the ray is linear in the row
-            z_low, z_high = self.rays_base([(column, low), (column, high)])[:, 2]
-            return low + (high - low) * z_low / (z_low - z_high)
-        low, high = 0.0, self.intrinsics.height - 1.0
-        rows = np.linspace(low, high, 257)
-        z = self.rays_base(np.column_stack([np.full_like(rows, column), rows]))[:, 2]
-        below = np.flatnonzero(z < 0)
-        if len(below) == 0 or below[0] == 0:
-            undistorted = replace(self, intrinsics=replace(self.intrinsics, distortion=Distortion()))
-            return undistorted.horizon_row(column)
-        first = below[0]
-        return float(rows[first - 1] + (rows[first] - rows[first - 1]) * z[first - 1] / (z[first - 1] - z[first]))
+        height = self.intrinsics.height
+        if not self.intrinsics.distortion.is_identity:
+            rows = np.linspace(0.0, height - 1.0, 257)
+            z = self.rays_base(np.column_stack([np.full_like(rows, column), rows]))[:, 2]
+            first = int((z < 0.0).argmax())
+            if first > 0:
+                return float(np.interp(0.0, -z[first - 1 : first + 1], rows[first - 1 : first + 1]))
+        # Without distortion, as also for a row outside the picture, z is linear in the row.
+        plain = replace(self, intrinsics=replace(self.intrinsics, distortion=Distortion()))
+        z_top, z_bottom = plain.rays_base([(column, 0.0), (column, height)])[:, 2]
+        return float(height * z_top / (z_top - z_bottom))
 
     def optical_depth_m(self, points_base_m: ArrayLike) -> Array:
         """Depth of floor points (N, 2), base frame, along the optical axis, metres, (N,). It scales sizes (eq. 4)."""

@@ -12,14 +12,12 @@ import math
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from edgemap.geometry.arrays import Array
 from edgemap.geometry.camera.attitude import GyroRotation, rotation_angle
 from edgemap.geometry.camera.imu import ImuSamples
 from edgemap.geometry.robust import CLEAR_SIGMAS
 from edgemap.geometry.se2 import SE2, wrap_angle
-
-Array = NDArray[np.float64]
 
 GRAVITY_M_S2 = 9.81
 OFFSET_RAD = math.radians(2.5)  # tilt that an uncalibrated accelerometer's offset shows (BMI055: 70 mg, 4 deg at most)

@@ -176,8 +176,8 @@ def aligned_near(
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Fit:
-    """A refined motion. distances2: squared Mahalanobis distance of each pair. chance: see `Alignment`, with that of the
-    grids."""
+    """A refined motion. distances2: squared Mahalanobis distance of each pair. chance: see `Alignment`, with that of
+    the grids."""
 
     pose: SE2
     covariance: Array
