@@ -97,7 +97,7 @@ def by_pose(levers_m: Array) -> Array:
 
 
 def compose_covariance(pose: SE2, pose_covariance: Array, motion: SE2, motion_covariance: Array) -> Array:
-    """First-order covariance of `pose @ motion`, 3x3 in (m, m, rad), both errors independent.
+    """First-order covariance of `pose @ motion`, (..., 3, 3) in (m, m, rad), both errors independent.
 
     The pose's error is additive in (x, y, yaw) of its frame, and so is the motion's
     (Smith, Self and Cheeseman 1990, the compounding operation).
