@@ -75,12 +75,10 @@ class Distortion:
         for one that is not supported, with its name."""
         model = OTHER_NAMES.get(re.sub(r"[^a-z0-9]", "", name.lower()))
         values = [float(value) for value in coefficients]
-        if model is None or (model == "none" and any(values)):
-            raise GeometryError(f"distortion {name[:40]!r} with {len(values)} coefficients is not supported")
         if model in ("brown_conrady", "rational"):
             model = "rational" if any(values[5:]) else "brown_conrady" if any(values) else "none"
-        known = DISTORTION_MODELS[model]
-        if any(values[known:]):
+        known = 0 if model is None or model == "none" else DISTORTION_MODELS[model]
+        if model is None or any(values[known:]):
             raise GeometryError(f"distortion {name[:40]!r} with {len(values)} coefficients is not supported")
         return cls(model, tuple(values[:known]) if any(values) else ())
 

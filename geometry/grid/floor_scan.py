@@ -139,8 +139,6 @@ def _contacts(mask: FloorMask, runs: Mask) -> tuple[NDArray[np.intp], NDArray[np
     """Where a run of floor ends upwards in a column and two rows of something else begin: the topmost row of the run,
     the column, and how far from that row's middle to that of the row above it ends, 0 to 1, each (N,)."""
     odds = mask.floor
-    if len(odds) < 3:
-        return np.zeros(0, np.intp), np.zeros(0, np.intp), np.zeros(0)
     row, column = np.nonzero(runs[2:] & (odds[1:-1] <= EDGE) & (odds[:-2] <= EDGE))
     row = row + 2
     below, above = (odds[at, column].astype(np.float64) for at in (row, row - 1))

@@ -25,15 +25,17 @@ EDGE_PX = 3.0  # by which an edge of a box may be off: one that is lower by more
 def carried(detections: Detections) -> NDArray[np.bool_]:
     """Tabletop objects and bags on furniture, and bags on people: their lower edge lies inside that box, well above its
     feet; (N,)."""
-    labels, found = detections.labels, np.zeros(len(detections), dtype=bool)
-    for row, label in enumerate(labels):
-        if label in TABLETOP_LABELS:
-            supports = (SUPPORT_LABELS | {"person"} if label in BAG_LABELS else SUPPORT_LABELS) - {label}
-            left, top, right, bottom = detections.boxes[[other in supports for other in labels]].T
-            x0, _, x1, y1 = detections.boxes[row]
-            below = (left <= (x0 + x1) / 2.0) & ((x0 + x1) / 2.0 <= right) & (right - left > x1 - x0)
-            found[row] = (below & (top <= y1) & (y1 <= bottom - 0.15 * (bottom - top))).any()
-    return found
+    listed, (left, top, right, bottom) = detections.labels, detections.boxes.T
+    tabletop, support, bag = (
+        np.array([label in names for label in listed], dtype=np.bool_)
+        for names in (TABLETOP_LABELS, SUPPORT_LABELS, BAG_LABELS)
+    )
+    labels = np.array(listed, dtype=np.str_)
+    may = tabletop[:, None] & (support | (bag[:, None] & (labels == "person"))) & (labels[:, None] != labels)
+    middle, foot, width = ((left + right) / 2.0)[:, None], bottom[:, None], right - left
+    above = (left <= middle) & (middle <= right) & (width > width[:, None])
+    inside = (top <= foot) & (foot <= bottom - 0.15 * (bottom - top))
+    return np.asarray((may & above & inside).any(axis=1), dtype=np.bool_)
 
 
 def covered(boxes: Array, row: int) -> float:

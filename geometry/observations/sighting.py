@@ -288,15 +288,12 @@ def _without_doubles(sightings: list[Sighting], boxes: Array) -> list[Sighting]:
     """
     kept: list[Sighting] = []
     for sighting in sorted(sightings, key=lambda s: -s.score):
-        for other in kept:
-            near_m = 0.5 * sighting.extent_m
-            if (
-                other.label == sighting.label
-                and np.linalg.norm(other.position_base_m - sighting.position_base_m) < near_m
-                and _overlap(boxes[other.detection], boxes[sighting.detection])
-            ):
-                break
-        else:
+        if not any(
+            other.label == sighting.label
+            and np.linalg.norm(other.position_base_m - sighting.position_base_m) < 0.5 * sighting.extent_m
+            and _overlap(boxes[other.detection], boxes[sighting.detection])
+            for other in kept
+        ):
             kept.append(sighting)
     return kept
 

@@ -114,11 +114,7 @@ class Landmark:
         """Adds the observations of another visit to the same object. Together they are as much evidence as the better
         one, as repeated visits repeat a false detection.
         """
-        rows = dict(zip(self.keyframes, self.rows, strict=True))
-        for keyframe, row in zip(other.keyframes, other.rows, strict=True):
-            rows[keyframe] = _both(rows[keyframe], row) if keyframe in rows else row
-        self.keyframes = sorted(rows)
-        self.rows = np.array([rows[keyframe] for keyframe in self.keyframes]).reshape(-1, Sums.COLUMNS)
+        self._keep([*zip(self.keyframes, self.rows, strict=True), *zip(other.keyframes, other.rows, strict=True)])
         weight = max(self.sums.weight, other.sums.weight)
         self.sums.join(other.sums)
         self.sums.weight = weight
@@ -130,16 +126,17 @@ class Landmark:
         """Moves each observation to another keyframe's frame. onto: by old row, the new row and the old keyframe's pose
         in the new one's frame, None where it stays. Returns whether any observation moved."""
         moves = [onto[keyframe] for keyframe in self.keyframes]
-        if all(pose is None for _, pose in moves):
-            self.keyframes = [new for new, _ in moves]
-            return False
-        moved: dict[int, Array] = {}
-        for (new, pose), row in zip(moves, self.rows, strict=True):
-            row = row if pose is None else _in_frame(row, pose)
-            moved[new] = _both(moved[new], row) if new in moved else row
-        self.keyframes = sorted(moved)
-        self.rows = np.array([moved[keyframe] for keyframe in self.keyframes])
-        return True
+        rows = zip(moves, self.rows, strict=True)
+        self._keep([(new, row if pose is None else _in_frame(row, pose)) for (new, pose), row in rows])
+        return any(pose is not None for _, pose in moves)
+
+    def _keep(self, observed: Sequence[tuple[int, Array]]) -> None:
+        """Has these observations, each of a keyframe; those of one keyframe add up."""
+        rows: dict[int, Array] = {}
+        for keyframe, row in observed:
+            rows[keyframe] = _both(rows[keyframe], row) if keyframe in rows else row
+        self.keyframes = sorted(rows)
+        self.rows = np.array([rows[keyframe] for keyframe in self.keyframes]).reshape(-1, Sums.COLUMNS)
 
 
 def observed(placed: PlacedSighting, since: SE2, tilt_rad: Array, repeated: float) -> Array:
