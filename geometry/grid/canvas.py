@@ -1,12 +1,13 @@
-"""Cells of the map in arrays that grow with it."""
+"""Cells of the map in arrays that grow with it; saved grids as evidence, and two grids of one place as one."""
 
+import math
 from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import NDArray
 
-from edgemap.geometry.grid.occupancy_grid import GridRule
-from edgemap.geometry.grid.patch import UNIT, Cells, Patch, Steps, after, placed
+from edgemap.geometry.grid.occupancy_grid import STEPS, GridRule, OccupancyGrid
+from edgemap.geometry.grid.patch import UNIT, Cells, Patch, Steps, after, columns_rows, placed
 from edgemap.geometry.se2 import SE2
 
 MARGIN = 64  # cells by which it grows, at least
@@ -61,11 +62,6 @@ class Canvas:
         """Log-odds (rows, columns), in steps."""
         return self._odds.arrays[0]
 
-    @property
-    def first(self) -> Cells:
-        """Column and row of the first cell."""
-        return self._odds.first
-
     def add(self, cells: Cells, steps: Steps) -> None:
         """Change the log-odds of cells (N, 2), none twice, by steps (N,), as part of the newest patch."""
         at, fits = self._odds.at(cells)
@@ -96,7 +92,39 @@ class Canvas:
             at, fits = self._newest.at(cells[fits])
             self._note(at, [array[fits] for array in values])
 
+    def grid(self, revision: int = 0) -> OccupancyGrid | None:
+        """The observed part; None without any."""
+        rows, columns = np.flatnonzero(self.odds.any(axis=1)), np.flatnonzero(self.odds.any(axis=0))
+        if not len(rows):
+            return None
+        part = self.odds[rows[0] : rows[-1] + 1, columns[0] : columns[-1] + 1]
+        log_odds = part * np.float32(STEPS / UNIT)
+        x_m, y_m = ((self._odds.first + [columns[0], rows[0]]) * self._cell_m).tolist()
+        return OccupancyGrid(np.rint(log_odds, out=log_odds).astype(np.int8), x_m, y_m, self._cell_m, revision=revision)
+
     def _note(self, at: NDArray[np.intp], values: Sequence[Steps]) -> None:
         """Sets what the newest patch adds to its cells."""
         for array, given in zip(self._newest.arrays, values, strict=True):
             array.ravel()[at] = given
+
+
+def saved_patch(saved: OccupancyGrid, rule: GridRule) -> Patch:
+    """A saved grid as evidence that no correction moves, by this run's cells."""
+    observed = saved.log_odds != 0
+    cells = columns_rows(saved.centres_m(observed), rule.cell_m)
+    steps = np.rint(saved.log_odds[observed] * (UNIT / STEPS)).astype(np.int16)
+    _, one = np.unique(cells, axis=0, return_index=True)  # where its cells are smaller than these
+    bound = np.full(len(one), round(rule.highest * UNIT), np.int16)
+    return Patch(-math.inf, SE2(), cells[one], np.clip(steps[one], -bound, bound), -bound, bound)
+
+
+def merged_grid(first: OccupancyGrid | None, second: OccupancyGrid | None, pose_a_b: SE2) -> OccupancyGrid | None:
+    """Two saved grids in the first one's frame, with the second one's pose `pose_a_b`; log-odds add up."""
+    rule = GridRule()
+    canvas = Canvas(rule)
+    for saved, move in ((first, SE2()), (second, pose_a_b)):
+        if saved is not None:
+            patch = saved_patch(saved, rule)
+            patch.move = move
+            canvas.draw(patch)
+    return canvas.grid()

@@ -8,9 +8,8 @@ import numpy as np
 from edgemap.geometry.arrays import Array
 from edgemap.geometry.camera.depth_points import SparseDepth
 from edgemap.geometry.camera.floor import FloorCamera
-from edgemap.geometry.grid.canvas import Canvas
+from edgemap.geometry.grid.canvas import Canvas, saved_patch
 from edgemap.geometry.grid.floor_scan import FloorScan, depth_evidence
-from edgemap.geometry.grid.merge import grid_of, saved_patch
 from edgemap.geometry.grid.occupancy_grid import GridRule, OccupancyGrid
 from edgemap.geometry.grid.patch import Cells, Evidence, Patch, columns_rows, joined, moved_m, repeated, summed
 from edgemap.geometry.observations.floor_mask import FloorMask
@@ -105,7 +104,7 @@ class GridFusion:
     def grid(self) -> OccupancyGrid | None:
         """The current grid; None before the first evidence. The same object until something changes."""
         if self._shown is None or self._shown.revision != self._revision:
-            self._shown = grid_of(self._canvas, self.rule, self._revision)
+            self._shown = self._canvas.grid(self._revision)
         return self._shown
 
     def _is_due(self, pose: SE2, stamp_s: float) -> bool:

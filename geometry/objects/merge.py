@@ -7,7 +7,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from edgemap.geometry.arrays import CHI2_997, Array, positive
-from edgemap.geometry.grid.merge import merged_grid
+from edgemap.geometry.grid.canvas import merged_grid
 from edgemap.geometry.grid.occupancy_grid import OccupancyGrid
 from edgemap.geometry.map_object import MapObject, id_order, placed_history
 from edgemap.geometry.objects.annotations import NO_ANNOTATIONS, Annotations
