@@ -49,7 +49,7 @@ class FloorCamera:
             self.mount,
             pitch_rad=_clipped(attitude.pitch_rad),
             roll_rad=_clipped(attitude.roll_rad),
-            height_m=self.mount.height_m if attitude.height_m is None else max(attitude.height_m, 0.02),
+            height_m=self.mount.height_m if attitude.height_m is None else max(attitude.height_m, 0.02),  # never below
         )
         return replace(self, mount=mount, attitude=attitude)
 

@@ -98,7 +98,7 @@ def _plane(
     None where it holds too few of `total` points."""
     if len(points) < MINIMUM_POINTS:
         return None
-    corners = points[rng.integers(0, len(points), (300, 3))]
+    corners = points[rng.integers(0, len(points), (300, 3))]  # of planes that are tried
     normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     size = np.linalg.norm(normals, axis=1)
     normals = normals / np.maximum(size, 1e-12)[:, None]
@@ -110,7 +110,7 @@ def _plane(
     heights = -(normals * corners[:, 0]).sum(axis=1)
     best = int((np.abs(points @ normals.T + heights) < band[:, None]).sum(axis=0).argmax())
     normal, height_m, quiet = normals[best], float(heights[best]), 1.0
-    for _ in range(6):
+    for _ in range(6):  # least squares
         off = np.abs(points @ normal + height_m) / band
         on = off < quiet
         if on.sum() < max(MINIMUM_POINTS, MINIMUM_SHARE * total):

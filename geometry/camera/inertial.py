@@ -112,7 +112,8 @@ def inertial_start(
     force = samples.accel_m_s2.mean(axis=0)
     mean_m_s2 = float(np.linalg.norm(force))
     if up_optical is None:
-        up, speed = force / max(mean_m_s2, 1e-9), CLEAR_SIGMAS * noise.speed  # a walk taken for rest would accelerate
+        # A walk mistaken for rest at the start would appear as an acceleration, so the velocity is known less.
+        up, speed = force / max(mean_m_s2, 1e-9), CLEAR_SIGMAS * noise.speed
         tilt = sigma_rad + 0.5 * abs(mean_m_s2 / GRAVITY_M_S2 - 1.0)  # a camera that is pushed shows no gravity
     else:
         up, speed, tilt = up_optical, noise.speed, sigma_rad

@@ -49,7 +49,7 @@ def mover_boxes(detections: Detections) -> NDArray[np.float64]:
 
 
 def share_covered(boxes: NDArray[np.float64], width_px: int, height_px: int) -> float:
-    """Share of a picture that boxes (M, 4), px, cover together."""
+    """Share of a picture that boxes (M, 4), px, cover together, on a grid of 16 px."""
     cell_px = 16
     seen = np.zeros((max(height_px // cell_px, 1), max(width_px // cell_px, 1)), dtype=np.bool_)
     for x0, y0, x1, y1 in np.maximum(np.rint(boxes / cell_px), 0.0).astype(np.intp).tolist():

@@ -19,7 +19,7 @@ TABLETOP_LABELS = (
 )
 SUPPORT_LABELS = frozenset({"dining table", "couch", "bed", "bench", "oven", "refrigerator", "chair", "sink"})
 
-EDGE_PX = 3.0  # by which an edge of a box may be off: one that is lower by more stands nearer
+EDGE_PX = 3.0  # by which an edge of a box may be off: lower by more is nearer, and nearer to the border may be cut
 
 
 def carried(detections: Detections) -> NDArray[np.bool_]:
