@@ -1,9 +1,9 @@
 """Trajectory and landmarks as one sparse least-squares problem."""
 
 import math
-from collections.abc import Callable, Generator
+from collections.abc import Generator
 from dataclasses import dataclass, field, replace
-from functools import cached_property, partial
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -46,14 +46,6 @@ class ObservationFactors:
     bias_m: Array
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class LandmarkFactors:
-    """Priors of landmarks. prior_m (L, 2), information (L, 2, 2): zero without a prior."""
-
-    prior_m: Array
-    information: Array
-
-
 @dataclass(frozen=True, eq=False)
 class Solution:
     """The estimate. poses (K, 3): x, y, yaw, map frame. landmarks (L, 2): map frame. biases (3,): scale errors of the
@@ -65,7 +57,7 @@ class Solution:
     biases: Array
     log_evidence: float
     _last: "_System"
-    _stated: "Callable[[], _System]"
+    _problem: "Problem"
 
     @cached_property
     def landmark_covariance(self) -> Array:
@@ -76,7 +68,10 @@ class Solution:
     def pose_covariances(self) -> Generator[None, None, Array]:
         """Covariances of the poses, (K, 3, 3), from the stated odometry covariances; loop closure adds none. Yields
         after each unit of work."""
-        stated, blocks, together = self._stated(), list[Array](), 25  # poses: as long as an iteration
+        odometry = replace(self._problem.odometry, gain=0.0)
+        gaussian = replace(self._problem, odometry=odometry, freedom=math.inf)
+        stated = _System(gaussian, self.poses, self.landmarks, self.biases)
+        blocks, together = list[Array](), 25  # poses: as long as an iteration
         yield
         for first in range(0, len(self.poses), together):
             count = min(together, len(self.poses) - first)
@@ -88,22 +83,24 @@ class Solution:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Problem:
-    """All factors of a drive. kernel: squared residual at which the weight of an observation is one half (Cauchy).
-    freedom: degrees of freedom of the odometry errors (Student's t), which allow for slip; infinite for Gaussian ones.
+    """All factors of a drive. landmarks_m (L, 2): where the landmarks start, and where their priors are. priors (L, 2,
+    2): information of these, zero for a landmark without one. kernel: squared residual at which the weight of an
+    observation is one half (Cauchy). freedom: degrees of freedom of the odometry errors (Student's t), which allow for
+    slip; infinite for Gaussian ones.
     """
 
     odometry: OdometryFactors
     observations: ObservationFactors
-    landmarks: LandmarkFactors
+    landmarks_m: Array
+    priors: Array
     kernel: float
     freedom: float = math.inf
 
 
-def solve(
-    problem: Problem, poses: Array, landmarks: Array, biases: Array, iterations: int
-) -> Generator[None, None, Solution]:
-    """Gauss-Newton iterations that start from poses (K, 3) and landmarks (L, 2). Yields after each iteration, whose
-    time is bounded."""
+def solve(problem: Problem, poses: Array, biases: Array, iterations: int) -> Generator[None, None, Solution]:
+    """Gauss-Newton iterations that start from poses (K, 3) and biases (3,). Yields after each iteration, whose time is
+    bounded."""
+    landmarks = problem.landmarks_m
     for _ in range(max(iterations, 1)):
         system = _System(problem, poses, landmarks, biases)
         step = system.step()
@@ -114,10 +111,7 @@ def solve(
         if system.gain(step) < 0.01:  # of log-likelihood, of which loop closure compares whole units
             break
     poses = np.column_stack([poses[:, :2], wrap_angles(poses[:, 2])])
-    odometry = replace(problem.odometry, gain=0.0)
-    gaussian = replace(problem, odometry=odometry, freedom=math.inf)
-    stated = partial(_System, gaussian, poses, landmarks, biases)
-    return Solution(poses, landmarks, biases, system.log_evidence(), system, stated)
+    return Solution(poses, landmarks, biases, system.log_evidence(), system, problem)
 
 
 class _System:
@@ -132,7 +126,7 @@ class _System:
         self._add(biases[:, None], (self._bias + np.arange(3), np.ones((3, 1, 1))))
         self._add_odometry(problem.odometry, problem.freedom, poses, biases)
         self._add_observations(problem.observations, problem.kernel, poses, landmarks, biases)
-        self._add_priors(problem.landmarks, landmarks)
+        self._add_priors(problem, landmarks)
         values, rows, columns = (np.concatenate(part) for part in zip(*self._entries, strict=True))
         jacobian = csc_array((values, (rows, columns)), shape=(self._rows, self._bias + 3))
         self._gradient = -(jacobian.T @ np.concatenate(self._residuals))
@@ -217,10 +211,10 @@ class _System:
         blocks = (3 * seen.pose, root @ by_pose), (self._landmark + 2 * seen.landmark, root @ by_landmark)
         self._add(residual * weight[:, None], *blocks, (mount, by_mount))
 
-    def _add_priors(self, factors: LandmarkFactors, landmarks: Array) -> None:
-        known = np.flatnonzero(factors.information.any(axis=(1, 2)))
-        information = factors.information[known]
-        root, residual = _whitened(information, (landmarks - factors.prior_m)[known])
+    def _add_priors(self, problem: Problem, landmarks: Array) -> None:
+        known = np.flatnonzero(problem.priors.any(axis=(1, 2)))
+        information = problem.priors[known]
+        root, residual = _whitened(information, (landmarks - problem.landmarks_m)[known])
         self._add(residual, (self._landmark + 2 * known, root))
         self._cost += 0.5 * float((residual**2).sum()) + _normalisation(information)
         self._cost -= len(landmarks) * math.log(2.0 * math.pi)  # of the integral over their positions

@@ -13,7 +13,6 @@ from edgemap.geometry.observations.sighting import PlacedSighting
 from edgemap.geometry.se2 import SE2, wrap_angles
 from edgemap.geometry.slam.keyframes import KeyframeRule, KeyframeTrajectory
 from edgemap.geometry.slam.least_squares import (
-    LandmarkFactors,
     ObservationFactors,
     OdometryFactors,
     Problem,
@@ -91,14 +90,13 @@ class Snapshot:
         has_prior = self.priors.any(axis=(1, 2))
         for some in (~has_prior, has_prior):
             places_m[owner[some]], priors[owner[some]] = self.positions_m[some], self.priors[some]
-        landmarks, seen = LandmarkFactors(places_m, priors), self.observations
-        seen = replace(seen, landmark=owner[seen.landmark])
+        seen = replace(self.observations, landmark=owner[self.observations.landmark])
         if loose:
-            problem = Problem(self.loose, seen, landmarks, math.inf)
+            problem = Problem(self.loose, seen, places_m, priors, math.inf)
         else:
-            problem = Problem(self.odometry, seen, landmarks, CHI2_997, self.freedom)
+            problem = Problem(self.odometry, seen, places_m, priors, CHI2_997, self.freedom)
         poses, biases = (self.poses, self.biases) if start is None else (start.poses, start.biases)
-        return (yield from solve(problem, poses, places_m, biases, iterations))
+        return (yield from solve(problem, poses, biases, iterations))
 
     def link_chi2(self, links: Links, solution: Solution) -> dict[int, float]:
         """Squared Mahalanobis distance of each linked landmark, by number, from where all others of its object are."""
