@@ -122,7 +122,7 @@ class _System:
         self._landmark, self._bias = poses.size, poses.size + landmarks.size  # their first columns
         self._entries: list[tuple[Array, Rows, Rows]] = []  # values, rows and columns of the Jacobian
         self._residuals: list[Array] = []
-        self._rows, self._cost = 0, 0.5 * float(biases @ biases)
+        self._rows, self._cost = 0, 0.0
         self._add(biases[:, None], (self._bias + np.arange(3), np.ones((3, 1, 1))))
         self._add_odometry(problem.odometry, problem.freedom, poses, biases)
         self._add_observations(problem.observations, problem.kernel, poses, landmarks, biases)
@@ -150,14 +150,25 @@ class _System:
         unit[first:end] = np.eye(end - first)
         return np.asarray(self._factor.solve(unit)[first:end], dtype=np.float64)
 
-    def _add(self, residual: Array, *blocks: tuple[Rows, Array]) -> None:
-        """Whitened residuals (N, D). blocks: first columns (N,) of some unknowns, and derivatives (N, D, C) by them."""
+    def _add(
+        self, residual: Array, *blocks: tuple[Rows, Array], scale: float = math.inf, dimension: float = 0.0
+    ) -> None:
+        """Whitened residuals (N, D). blocks: first columns (N,) of some unknowns, and derivatives (N, D, C) by them.
+        scale, dimension: of a density with heavy tails: the degrees of freedom and D (Student's t), or the squared
+        residual at which a weight is one half and 0 (Cauchy); a normal one where the scale is infinite."""
+        chi2, weight = (residual**2).sum(axis=1), np.ones(len(residual))
+        if math.isfinite(scale):
+            weight = np.sqrt((scale + dimension) / (scale + chi2))
+            self._cost += 0.5 * (scale + dimension) * float(np.log1p(chi2 / scale).sum())
+        else:
+            self._cost += 0.5 * float(chi2.sum())
         rows = self._rows + np.arange(residual.size).reshape(*residual.shape, 1)
         for first, jacobian in blocks:
             columns = first[:, None, None] + np.arange(jacobian.shape[2])
             rows_of, columns_of = np.broadcast_arrays(rows, columns)
-            self._entries.append((jacobian.ravel(), rows_of.ravel(), columns_of.ravel()))
-        self._residuals.append(residual.ravel())
+            weighted = jacobian * weight[:, None, None]
+            self._entries.append((weighted.ravel(), rows_of.ravel(), columns_of.ravel()))
+        self._residuals.append((residual * weight[:, None]).ravel())
         self._rows += residual.size
 
     def _add_odometry(self, odometry: OdometryFactors, freedom: float, poses: Array, biases: Array) -> None:
@@ -166,12 +177,10 @@ class _System:
         first[:, 2] = wrap_angles(first[:, 2])
         root, first = _whitened(odometry.first_information[None], first)
         self._add(first, (np.zeros(1, dtype=np.intp), root))
-        self._cost += 0.5 * float((first**2).sum())
         if len(odometry.headings):
             weight = np.sqrt(odometry.heading_information)
             off = weight * wrap_angles(poses[:, 2] - odometry.headings)
             self._add(off[:, None], (3 * np.arange(count) + 2, weight[:, None, None]))
-            self._cost += 0.5 * float(off @ off)
         x, y, by_before, by_after = _seen_from(poses[:-1], poses[1:, :2])
         by_gain = np.zeros((count - 1, 3, 2))
         by_gain[:, :2, 0] = -odometry.gain * odometry.motions[:, :2]
@@ -182,16 +191,9 @@ class _System:
         by_before = np.concatenate([by_before, -turn], axis=1)
         by_after = np.concatenate([np.pad(by_after, ((0, 0), (0, 0), (0, 1))), turn], axis=1)
         root, residual = _whitened(odometry.information, residual)
-        chi2, weight = (residual**2).sum(axis=1), np.ones(count - 1)
-        if math.isfinite(freedom):
-            weight = np.sqrt((freedom + 3.0) / (freedom + chi2))
-            self._cost += 0.5 * (freedom + 3.0) * float(np.log1p(chi2 / freedom).sum())
-        else:
-            self._cost += 0.5 * float(chi2.sum())
-        root *= weight[:, None, None]
         before, gains = 3 * np.arange(count - 1), np.full(count - 1, self._bias)
         blocks = (before, root @ by_before), (before + 3, root @ by_after), (gains, root @ by_gain)
-        self._add(residual * weight[:, None], *blocks)
+        self._add(residual, *blocks, scale=freedom, dimension=3.0)
 
     def _add_observations(
         self, seen: ObservationFactors, kernel: float, poses: Array, landmarks: Array, biases: Array
@@ -199,24 +201,17 @@ class _System:
         x, y, by_pose, by_landmark = _seen_from(poses[seen.pose], landmarks[seen.landmark])
         residual = np.column_stack([x, y]) + biases[2] * seen.bias_m - seen.position_m
         root, residual = _whitened(seen.information, residual)
-        chi2, weight = (residual**2).sum(axis=1), np.ones(len(x))
         self._cost += _normalisation(seen.information)
-        if math.isfinite(kernel):
-            weight = 1.0 / np.sqrt(1.0 + chi2 / kernel)
-            self._cost += 0.5 * kernel * float(np.log1p(chi2 / kernel).sum())
-        else:
-            self._cost += 0.5 * float(chi2.sum())
-        root *= weight[:, None, None]
         by_mount, mount = root @ seen.bias_m[:, :, None], np.full(len(x), self._bias + 2)
         blocks = (3 * seen.pose, root @ by_pose), (self._landmark + 2 * seen.landmark, root @ by_landmark)
-        self._add(residual * weight[:, None], *blocks, (mount, by_mount))
+        self._add(residual, *blocks, (mount, by_mount), scale=kernel)
 
     def _add_priors(self, problem: Problem, landmarks: Array) -> None:
         known = np.flatnonzero(problem.priors.any(axis=(1, 2)))
         information = problem.priors[known]
         root, residual = _whitened(information, (landmarks - problem.landmarks_m)[known])
         self._add(residual, (self._landmark + 2 * known, root))
-        self._cost += 0.5 * float((residual**2).sum()) + _normalisation(information)
+        self._cost += _normalisation(information)
         self._cost -= len(landmarks) * math.log(2.0 * math.pi)  # of the integral over their positions
 
 
