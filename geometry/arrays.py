@@ -11,3 +11,8 @@ def positive(matrix: Array, least: float = 0.0) -> Array:
     """The nearest symmetric matrix with no eigenvalue below `least`."""
     values, vectors = np.linalg.eigh((matrix + matrix.T) / 2.0)
     return (vectors * np.maximum(values, least)) @ vectors.T
+
+
+def inverse(matrices: Array) -> Array:
+    """Inverses of matrices (..., N, N), in double precision."""
+    return np.asarray(np.linalg.inv(matrices), dtype=np.float64)

@@ -88,8 +88,16 @@ class SE2:
         )
 
 
+def by_pose(levers_m: Array) -> Array:
+    """Derivatives (N, 2, 3) of points by the pose x, y, yaw (m, m, rad) that carries them. levers_m (N, 2): from its
+    position to the points, in its outer frame."""
+    derivative = np.tile(np.eye(2, 3), (len(levers_m), 1, 1))
+    derivative[:, 0, 2], derivative[:, 1, 2] = -levers_m[:, 1], levers_m[:, 0]
+    return derivative
+
+
 def compose_covariance(pose: SE2, pose_covariance: Array, motion: SE2, motion_covariance: Array) -> Array:
-    """First-order covariance of `pose @ motion`, 3x3 in (m, m, rad), both errors independent.
+    """First-order covariance of `pose @ motion`, (..., 3, 3) in (m, m, rad), both errors independent.
 
     The pose's error is additive in (x, y, yaw) of its frame, and so is the motion's
     (Smith, Self and Cheeseman 1990, the compounding operation).

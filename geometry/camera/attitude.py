@@ -27,11 +27,6 @@ class GyroRotation:
     proved: bool = True
     displaced: tuple[Array, Array] | None = None
 
-    @property
-    def angle_rad(self) -> float:
-        """Angle of the rotation, rad, 0 to pi."""
-        return rotation_angle(self.rotation)
-
 
 @dataclass(frozen=True, slots=True, eq=False)
 class TrackedRotation:

@@ -13,7 +13,6 @@ from edgemap.geometry.camera.mount import Mount, rotation_base_optical
 from edgemap.geometry.errors import GeometryError
 
 FARTHEST_HEIGHTS = 20.0  # maximum range of the nearest visible floor; 3 degrees below the horizon, boxes give no range
-LOWEST_M = 0.02  # minimum height of the lens above the floor in one frame
 
 
 @dataclass(frozen=True, slots=True)
@@ -50,7 +49,7 @@ class FloorCamera:
             self.mount,
             pitch_rad=_clipped(attitude.pitch_rad),
             roll_rad=_clipped(attitude.roll_rad),
-            height_m=self.mount.height_m if attitude.height_m is None else max(attitude.height_m, LOWEST_M),
+            height_m=self.mount.height_m if attitude.height_m is None else max(attitude.height_m, 0.02),  # never below
         )
         return replace(self, mount=mount, attitude=attitude)
 
@@ -85,19 +84,17 @@ class FloorCamera:
         It is computed from the viewing rays, so it includes roll and lens distortion. It may lie outside the picture.
         """
         column = self.intrinsics.cx if column_px is None else column_px
-        low, high = -4.0 * self.intrinsics.height, 5.0 * self.intrinsics.height
-        if self.intrinsics.distortion.is_identity:  # z of the ray is linear in the row
-            z_low, z_high = self.rays_base([(column, low), (column, high)])[:, 2]
-            return low + (high - low) * z_low / (z_low - z_high)
-        low, high = 0.0, self.intrinsics.height - 1.0
-        rows = np.linspace(low, high, 257)
-        z = self.rays_base(np.column_stack([np.full_like(rows, column), rows]))[:, 2]
-        below = np.flatnonzero(z < 0)
-        if len(below) == 0 or below[0] == 0:
-            undistorted = replace(self, intrinsics=replace(self.intrinsics, distortion=Distortion()))
-            return undistorted.horizon_row(column)
-        first = below[0]
-        return float(rows[first - 1] + (rows[first] - rows[first - 1]) * z[first - 1] / (z[first - 1] - z[first]))
+        height = self.intrinsics.height
+        if not self.intrinsics.distortion.is_identity:
+            rows = np.linspace(0.0, height - 1.0, 257)
+            z = self.rays_base(np.column_stack([np.full_like(rows, column), rows]))[:, 2]
+            first = int((z < 0.0).argmax())
+            if first > 0:
+                return float(np.interp(0.0, -z[first - 1 : first + 1], rows[first - 1 : first + 1]))
+        # Without distortion, as also for a row outside the picture, z is linear in the row.
+        plain = replace(self, intrinsics=replace(self.intrinsics, distortion=Distortion()))
+        z_top, z_bottom = plain.rays_base([(column, 0.0), (column, height)])[:, 2]
+        return float(height * z_top / (z_top - z_bottom))
 
     def optical_depth_m(self, points_base_m: ArrayLike) -> Array:
         """Depth of floor points (N, 2), base frame, along the optical axis, metres, (N,). It scales sizes (eq. 4)."""
@@ -126,30 +123,27 @@ def floor_covariances(
     """
     pixels, mount = np.asarray(pixels, dtype=np.float64).reshape(-1, 2), camera.mount
     variance_px2 = np.asarray(sigmas_px, dtype=np.float64).reshape(-1, 2, 1, 1) ** 2
-    around = pixels + _HALF_PIXELS[:, None]  # all five in one call: the lens model is the most expensive part
+    halves = np.array([[0.5, 0.0], [-0.5, 0.0], [0.0, 0.5], [0.0, -0.5], [0.0, 0.0]])
+    around = pixels + halves[:, None]  # all five in one call: the lens model is the most expensive part
     rays = camera.intrinsics.rays(around.reshape(-1, 2))
     lens = mount.position_base_m()
-    points = on_floor(rays, mount.rotation_base_optical(), lens).reshape(len(_HALF_PIXELS), -1, 2)
+    points = on_floor(rays, mount.rotation_base_optical(), lens).reshape(len(halves), -1, 2)
     right, left, below, above, here = points
     wrt_u, wrt_v = right - left, below - above
     from_pixels = variance_px2[:, 0] * _outer(wrt_u) + variance_px2[:, 1] * _outer(wrt_v)
-    middle = rays[-len(pixels) :]
+    middle, step_rad = rays[-len(pixels) :], 1e-4
 
     def moved(pitch_rad: float, roll_rad: float) -> Array:
         return on_floor(middle, rotation_base_optical(mount.pitch_rad + pitch_rad, mount.roll_rad + roll_rad), lens)
 
-    wrt_roll = (moved(0.0, _STEP) - moved(0.0, -_STEP)) / (2.0 * _STEP)
-    wrt_pitch = (moved(_STEP, 0.0) - moved(-_STEP, 0.0)) / (2.0 * _STEP)
+    wrt_roll = (moved(0.0, step_rad) - moved(0.0, -step_rad)) / (2.0 * step_rad)
+    wrt_pitch = (moved(step_rad, 0.0) - moved(-step_rad, 0.0)) / (2.0 * step_rad)
     wrt_height = (here - lens[:2]) / mount.height_m
     from_mount = noise.tilt_rad**2 * (_outer(wrt_roll) + _outer(wrt_pitch)) + noise.height_m**2 * _outer(wrt_height)
     if camera.attitude is not None:
         wrt_attitude = np.stack([wrt_roll, wrt_pitch], axis=-1)
         from_pixels = from_pixels + wrt_attitude @ camera.attitude.covariance_rad2 @ wrt_attitude.transpose(0, 2, 1)
     return from_pixels, from_mount
-
-
-_HALF_PIXELS = np.array([[0.5, 0.0], [-0.5, 0.0], [0.0, 0.5], [0.0, -0.5], [0.0, 0.0]])
-_STEP = 1e-4  # rad
 
 
 def on_floor(rays_optical: Array, rotation: Array, lens: Array) -> Array:

@@ -1,7 +1,7 @@
 """The floor as a plane fitted to the 3-D points of a depth camera."""
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -9,9 +9,6 @@ from edgemap.geometry.arrays import Array
 from edgemap.geometry.robust import NORMAL
 
 STEEPEST_RAD = math.radians(45.0)  # between a plane's normal and where up is expected
-TRIALS = 300
-ROUNDS = 6  # of the refinement
-PLANES = 4  # floor, table, seat, ceiling: the floor is the lowest of the first few
 MINIMUM_SHARE = 0.05  # of the points, on one plane
 MINIMUM_POINTS = 100
 BELOW_SHARE = 0.02  # of the points, that noise and reflections put below a floor
@@ -26,18 +23,19 @@ QUIETEST = 0.15  # of that noise, when the points of the plane scatter less: els
 @dataclass(frozen=True, slots=True, eq=False)
 class FloorPlane:
     """up: (3,) unit vector away from the floor, optical frame. height_m: of the lens above it. rms_m: root mean square
-    distance of its points from it. share: fraction of all points that lie on it.
+    distance of its points from it. share: fraction of all points that lie on it. covariance: (3, 3) in pitch, roll
+    (rad) and height (m); infinite where it was not estimated.
     """
 
     up: Array
     height_m: float
     rms_m: float
     share: float
+    covariance: Array = field(default_factory=lambda: np.full((3, 3), np.inf))
 
 
-def follow_floor(points_m: Array, up: Array, height_m: float) -> tuple[FloorPlane, Array] | None:
-    """The floor near where it is expected, and its covariance (3, 3) in pitch, roll (rad) and height (m); None where
-    too few points lie there, or too many below.
+def follow_floor(points_m: Array, up: Array, height_m: float) -> FloorPlane | None:
+    """The floor near where it is expected, with its covariance; None where too few points lie there, or too many below.
 
     points_m: (N, 3), optical frame. up: (3,) unit vector and height_m of the expected plane, good to a few degrees and
     centimetres. Least squares, the band about the plane ever narrower.
@@ -67,7 +65,7 @@ def follow_floor(points_m: Array, up: Array, height_m: float) -> tuple[FloorPlan
     covariance = covariance * CORRELATED * quiet**2
     if np.diag(covariance)[:2].max() > SURE_RAD**2 or covariance[2, 2] > SURE_M**2:
         return None
-    return FloorPlane(up, height_m, float(np.sqrt((heights[on] ** 2).mean())), float(on.mean())), covariance
+    return FloorPlane(up, height_m, float(np.sqrt((heights[on] ** 2).mean())), float(on.mean()), covariance)
 
 
 def find_floor(points_m: Array, rng: np.random.Generator, up: Array | None = None) -> FloorPlane | None:
@@ -79,7 +77,7 @@ def find_floor(points_m: Array, rng: np.random.Generator, up: Array | None = Non
     expected = np.array([0.0, -1.0, 0.0]) if up is None else up / np.linalg.norm(up)
     band = BAND * (NOISE_M + NOISE_PER_M * points_m[:, 2])
     left, planes = np.ones(len(points_m), dtype=bool), []
-    for _ in range(PLANES):
+    for _ in range(4):  # floor, table, seat, ceiling: the floor is the lowest of the first few
         plane = _plane(points_m[left], band[left], expected, rng, len(points_m))
         if plane is None:
             break
@@ -100,7 +98,7 @@ def _plane(
     None where it holds too few of `total` points."""
     if len(points) < MINIMUM_POINTS:
         return None
-    corners = points[rng.integers(0, len(points), (TRIALS, 3))]
+    corners = points[rng.integers(0, len(points), (300, 3))]  # of planes that are tried
     normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     size = np.linalg.norm(normals, axis=1)
     normals = normals / np.maximum(size, 1e-12)[:, None]
@@ -112,7 +110,7 @@ def _plane(
     heights = -(normals * corners[:, 0]).sum(axis=1)
     best = int((np.abs(points @ normals.T + heights) < band[:, None]).sum(axis=0).argmax())
     normal, height_m, quiet = normals[best], float(heights[best]), 1.0
-    for _ in range(ROUNDS):
+    for _ in range(6):  # least squares
         off = np.abs(points @ normal + height_m) / band
         on = off < quiet
         if on.sum() < max(MINIMUM_POINTS, MINIMUM_SHARE * total):

@@ -29,7 +29,7 @@ class ImuSamples:
     @classmethod
     def none(cls) -> "ImuSamples":
         """No sample."""
-        return _NONE
+        return cls(np.zeros(0), np.zeros((0, 3)), np.zeros((0, 3)))
 
     @classmethod
     def joined(cls, parts: "list[ImuSamples]") -> "ImuSamples":
@@ -53,6 +53,3 @@ class ImuSamples:
     def rotated(self, rotation: Array) -> "ImuSamples":
         """The samples in another frame: `rotation` (3, 3) takes directions of this frame into it."""
         return ImuSamples(self.stamps_s, self.gyro_rad_s @ rotation.T, self.accel_m_s2 @ rotation.T)
-
-
-_NONE = ImuSamples(np.zeros(0), np.zeros((0, 3)), np.zeros((0, 3)))

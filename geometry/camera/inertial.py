@@ -12,14 +12,12 @@ import math
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from edgemap.geometry.arrays import Array
 from edgemap.geometry.camera.attitude import GyroRotation, rotation_angle
 from edgemap.geometry.camera.imu import ImuSamples
 from edgemap.geometry.robust import CLEAR_SIGMAS
 from edgemap.geometry.se2 import SE2, wrap_angle
-
-Array = NDArray[np.float64]
 
 GRAVITY_M_S2 = 9.81
 OFFSET_RAD = math.radians(2.5)  # tilt that an uncalibrated accelerometer's offset shows (BMI055: 70 mg, 4 deg at most)
@@ -38,7 +36,6 @@ class _States:
 
 
 _IDENTITY, _DIAGONAL = np.eye(_States.ALL), np.diag_indices(_States.ALL)
-_AXES = np.diag_indices(3)
 
 
 @dataclass(frozen=True, slots=True)
@@ -59,12 +56,6 @@ class InertialNoise:
     turned_share: float = 0.05  # of a yaw by odometry, beyond its covariance: its errors last longer than a step
     gap_s: float = 0.05  # longest time between samples; rotation in a longer hole is not measured
     hole: float = 1.0  # density of the change of the rate in such a hole, rad/s
-
-    @property
-    def start_speed(self) -> float:
-        """Standard deviation of the initial velocity of a camera that is not near its mount's angles, m/s: a walk
-        mistaken for rest at the start would appear as an acceleration."""
-        return CLEAR_SIGMAS * self.speed
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -121,7 +112,8 @@ def inertial_start(
     force = samples.accel_m_s2.mean(axis=0)
     mean_m_s2 = float(np.linalg.norm(force))
     if up_optical is None:
-        up, speed = force / max(mean_m_s2, 1e-9), noise.start_speed
+        # A walk mistaken for rest at the start would appear as an acceleration, so the velocity is known less.
+        up, speed = force / max(mean_m_s2, 1e-9), CLEAR_SIGMAS * noise.speed
         tilt = sigma_rad + 0.5 * abs(mean_m_s2 / GRAVITY_M_S2 - 1.0)  # a camera that is pushed shows no gravity
     else:
         up, speed, tilt = up_optical, noise.speed, sigma_rad
@@ -156,9 +148,9 @@ def inertial_moved(
     swung, displaced = ((state.rotation - before.rotation) @ arm_optical_m.T).T
     loose = noise.resting**2 + float(swung @ swung) / span_s**2
     variance = axes @ covariance[:2, :2] @ axes.T
-    variance[_AXES] += [loose, loose, noise.resting**2]
+    variance += np.diag([loose, loose, noise.resting**2])
     residual = displaced / span_s + axes @ [motion.x_m, motion.y_m] - (state.velocity + before.velocity) / 2.0
-    moved = _corrected(state, _selected(_States.VELOCITY), residual, variance, learns_vertical_bias=False, robust=True)
+    moved = _corrected(state, _IDENTITY[_States.VELOCITY], residual, variance, learns_vertical_bias=False, robust=True)
     variance = float(covariance[2, 2]) + noise.gyro**2 * span_s + (noise.turned_share * motion.yaw_rad) ** 2
     about = np.zeros((1, _States.ALL))
     about[0, _States.BIAS] = moved.up_optical
@@ -190,7 +182,7 @@ def inertial_mounted(state: InertialState, up_optical: Array, sigmas_rad: Array)
     up_optical: (3,) on the level robot. sigmas_rad: (2,) of the nods, about the world's axes.
     """
     off = state.rotation @ up_optical
-    selected = _selected(_States.TILT)[:2]
+    selected = _IDENTITY[_States.TILT][:2]
     variance = np.diag(np.square(sigmas_rad))
     return _corrected(state, selected, np.array([off[1], -off[0]]), variance, learns_vertical_bias=False)
 
@@ -253,7 +245,7 @@ def _turned_rad(before: Array, after: Array) -> float:
 def _held(state: InertialState, span_s: float, noise: InertialNoise) -> InertialState:
     """Bounds velocities that no odometry measures. At rest the velocity is zero and the mean rate is the bias; about
     the vertical only without odometry, which distinguishes a slow turn from rest."""
-    selected = _selected(_States.VELOCITY)
+    selected = _IDENTITY[_States.VELOCITY]
     if state.calm is None:
         variance = noise.speed**2 * max(1.0 / span_s, 1.0) * np.eye(3)
         state = _corrected(state, selected, -state.velocity, variance, learns_vertical_bias=False)
@@ -264,7 +256,7 @@ def _held(state: InertialState, span_s: float, noise: InertialNoise) -> Inertial
     # The window's mean is nearly the same one frame later: each counts for its share of a second.
     variance = noise.resting**2 / len(state.recent) / span_s * np.eye(3)
     vertical = state.calm is None
-    return _corrected(state, _selected(_States.BIAS), rate - state.bias, variance, learns_vertical_bias=vertical)
+    return _corrected(state, _IDENTITY[_States.BIAS], rate - state.bias, variance, learns_vertical_bias=vertical)
 
 
 def _corrected(
@@ -298,10 +290,6 @@ def _corrected(
         offset=state.offset + change[_States.OFFSET],
         covariance=left @ state.covariance @ left.T + gain @ variance @ gain.T,
     )
-
-
-def _selected(part: slice) -> Array:
-    return _IDENTITY[part]
 
 
 def small_rotation(x: float, y: float, z: float) -> Array:

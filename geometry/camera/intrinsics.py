@@ -11,10 +11,9 @@ from numpy.typing import ArrayLike
 from edgemap.geometry.arrays import Array
 from edgemap.geometry.errors import GeometryError
 
-# Of the picture's width or height: lenses are a tenth off at most, exchanged numbers a sixth, those of half the size a
-# quarter.
-OFF_MIDDLE = 0.15
-UNEQUAL = 0.15  # logarithm of fx / fy: pixels are square to some per cent
+# By how much numbers may be off that are a lens's: the middle, as a share of the picture's width or height (a tenth at
+# most; exchanged numbers a sixth, those of half the size a quarter), and fx / fy from 1, as logarithm.
+DOUBTFUL = 0.15
 # Models and how many coefficients they have.
 DISTORTION_MODELS = {
     "none": 5, "brown_conrady": 5, "inverse_brown_conrady": 5, "modified_brown_conrady": 5, "rational": 8,
@@ -76,12 +75,10 @@ class Distortion:
         for one that is not supported, with its name."""
         model = OTHER_NAMES.get(re.sub(r"[^a-z0-9]", "", name.lower()))
         values = [float(value) for value in coefficients]
-        if model is None or (model == "none" and any(values)):
-            raise GeometryError(f"distortion {name[:40]!r} with {len(values)} coefficients is not supported")
         if model in ("brown_conrady", "rational"):
             model = "rational" if any(values[5:]) else "brown_conrady" if any(values) else "none"
-        known = DISTORTION_MODELS[model]
-        if any(values[known:]):
+        known = 0 if model is None or model == "none" else DISTORTION_MODELS[model]
+        if model is None or any(values[known:]):
             raise GeometryError(f"distortion {name[:40]!r} with {len(values)} coefficients is not supported")
         return cls(model, tuple(values[:known]) if any(values) else ())
 
@@ -94,30 +91,6 @@ class Distortion:
         """Ideal to distorted normalised image points, shape (N, 2), no unit."""
         if self.is_identity:
             return points
-        return self._polynomial(points)
-
-    def undistort(self, points: Array) -> Array:
-        """Distorted to ideal normalised image points, shape (N, 2), by Newton's method."""
-        if self.is_identity:
-            return points
-        return self._undistorted_fisheye(points) if self.model == "equidistant" else _invert(self._polynomial, points)
-
-    def _of_angle(self, angle: Array) -> Array:
-        """Distance from the middle of the picture by the angle to the optical axis, rad."""
-        k1, k2, k3, k4 = (*self.coefficients, 0.0, 0.0, 0.0, 0.0)[:4]
-        a2 = angle * angle
-        return angle * (1.0 + a2 * (k1 + a2 * (k2 + a2 * (k3 + a2 * k4))))
-
-    def _undistorted_fisheye(self, points: Array) -> Array:
-        distance = np.hypot(points[:, 0], points[:, 1])
-        angle = np.minimum(distance, STEEPEST_RAD)
-        for _ in range(20):
-            slope = (self._of_angle(angle + 1e-6) - self._of_angle(angle - 1e-6)) / 2e-6
-            step = (self._of_angle(angle) - distance) / np.maximum(slope, 1e-3)
-            angle = np.clip(angle - np.clip(step, -0.5, 0.5), 0.0, STEEPEST_RAD)
-        return points * (np.tan(angle) / np.maximum(distance, 1e-12))[:, None]
-
-    def _polynomial(self, points: Array) -> Array:
         x, y = points[:, 0], points[:, 1]
         r2 = x * x + y * y
         if self.model == "equidistant":
@@ -133,6 +106,27 @@ class Distortion:
         return np.stack(
             [xr + 2.0 * p1 * x * y + p2 * (r2 + 2.0 * x * x), yr + p1 * (r2 + 2.0 * y * y) + 2.0 * p2 * x * y], axis=1
         )
+
+    def undistort(self, points: Array) -> Array:
+        """Distorted to ideal normalised image points, shape (N, 2), by Newton's method."""
+        if self.is_identity:
+            return points
+        return self._undistorted_fisheye(points) if self.model == "equidistant" else _invert(self.distort, points)
+
+    def _of_angle(self, angle: Array) -> Array:
+        """Distance from the middle of the picture by the angle to the optical axis, rad."""
+        k1, k2, k3, k4 = (*self.coefficients, 0.0, 0.0, 0.0, 0.0)[:4]
+        a2 = angle * angle
+        return angle * (1.0 + a2 * (k1 + a2 * (k2 + a2 * (k3 + a2 * k4))))
+
+    def _undistorted_fisheye(self, points: Array) -> Array:
+        distance = np.hypot(points[:, 0], points[:, 1])
+        angle = np.minimum(distance, STEEPEST_RAD)
+        for _ in range(20):
+            slope = (self._of_angle(angle + 1e-6) - self._of_angle(angle - 1e-6)) / 2e-6
+            step = (self._of_angle(angle) - distance) / np.maximum(slope, 1e-3)
+            angle = np.clip(angle - np.clip(step, -0.5, 0.5), 0.0, STEEPEST_RAD)
+        return points * (np.tan(angle) / np.maximum(distance, 1e-12))[:, None]
 
 
 def _invert(function: Callable[[Array], Array], targets: Array) -> Array:
@@ -191,12 +185,12 @@ class Intrinsics:
     def doubt(self) -> str | None:
         """Why the numbers may be those of another picture size or in another order; None where nothing shows it."""
         off_x, off_y = abs(self.cx - self.width / 2) / self.width, abs(self.cy - self.height / 2) / self.height
-        if max(off_x, off_y) > OFF_MIDDLE:
+        if max(off_x, off_y) > DOUBTFUL:
             return (
                 f"the principal point {self.cx:g},{self.cy:g} is far from the middle of {self.width}x{self.height} px: "
                 "are these numbers for pictures of another size?"
             )
-        if abs(math.log(self.fx / self.fy)) > UNEQUAL:
+        if abs(math.log(self.fx / self.fy)) > DOUBTFUL:
             return f"the focal lengths {self.fx:g} and {self.fy:g} px are not alike: is the order fx, fy, cx, cy?"
         return None
 

@@ -11,7 +11,6 @@ from edgemap.geometry.robust import tukey
 
 STEP_RAD, COARSE_RAD = math.radians(2.0), math.radians(2.5)  # between directions tried, and how near edges count then
 NEAR_RAD = math.radians(1.5)  # an edge belongs to a direction that its plane misses by less, at last
-ROUNDS = 5  # of least squares, from the best of a grid, which needs no annealing
 SIGMA_RAD = math.radians(0.7)  # of an edge of REFERENCE_RAD; shorter ones are less certain
 REFERENCE_RAD = 0.15
 FEWEST, MINIMUM_LENGTH_RAD = 6, 0.6  # upright edges, and their length as seen
@@ -47,7 +46,7 @@ def room_axes(normals: Array, lengths: Array, expected: Array, reach_rad: float)
     each, explained = np.arange(len(lengths)), 0.0
     upright = level = lengths > 0.0
     weight = np.minimum(lengths / REFERENCE_RAD, 2.0) / SIGMA_RAD**2
-    for _ in range(ROUNDS):
+    for _ in range(5):  # from the best of a grid, which needs no annealing
         misses = normals @ directions.T
         kind = np.abs(misses).argmin(axis=1)
         miss = misses[each, kind]

@@ -18,9 +18,6 @@ from edgemap.geometry.se2 import SE2
 
 Mask = NDArray[np.bool_]
 EDGE = 0.5  # probability at which floor ends
-BORDER = 12  # rays along each side of the picture
-NOTHING = np.zeros((0, 4))  # boxes
-NOTHING.setflags(write=False)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -37,14 +34,9 @@ class FloorScan:
     camera: FloorCamera
     rule: GridRule
 
-    @property
-    def row_px(self) -> float:
-        """Pixels of the picture per row of the mask."""
-        return self.camera.intrinsics.height / len(self.free)
-
     @classmethod
     def of(
-        cls, mask: FloorMask, camera: FloorCamera, movers_px: Array, rule: GridRule, detected_px: Array = NOTHING
+        cls, mask: FloorMask, camera: FloorCamera, movers_px: Array, detected_px: Array, rule: GridRule
     ) -> "FloorScan":
         """mask: of a picture by this camera, with that frame's attitude. movers_px: boxes (M, 4) of people and animals,
         which make no obstacle within a cell of the mask. detected_px: boxes (N, 4) of all detections."""
@@ -99,7 +91,7 @@ class FloorScan:
         at, free = at[free > 0.0], free[free > 0.0]
         cells = np.column_stack([at % len(x), at // len(x)])
         away_m2 = x[cells[:, 0]] ** 2 + y[cells[:, 1]] ** 2
-        weights = free * row_weights(away_m2, self.camera, self.row_px, self.rule)
+        weights = free * row_weights(away_m2, self.camera, lens.height / rows, self.rule)
         counts = weights > 0.0
         return cells[counts].astype(np.int32) + first, weights[counts]
 
@@ -124,7 +116,7 @@ def _box(rays: Array, height_m: float, reach_m: float) -> tuple[Array, Array]:
 @lru_cache(maxsize=8)
 def _border_rays(lens: Intrinsics) -> Array:
     """Rays (N, 3), z = 1, of the optical frame along the outer border of the picture."""
-    x, y = (np.linspace(-0.5, side - 0.5, BORDER) for side in (lens.width, lens.height))
+    x, y = (np.linspace(-0.5, side - 0.5, 12) for side in (lens.width, lens.height))
     sides = [(x, y[0]), (x, y[-1]), (x[0], y), (x[-1], y)]
     rays = lens.rays(np.concatenate([np.column_stack(np.broadcast_arrays(u, v)) for u, v in sides]))
     rays.setflags(write=False)
@@ -147,8 +139,6 @@ def _contacts(mask: FloorMask, runs: Mask) -> tuple[NDArray[np.intp], NDArray[np
     """Where a run of floor ends upwards in a column and two rows of something else begin: the topmost row of the run,
     the column, and how far from that row's middle to that of the row above it ends, 0 to 1, each (N,)."""
     odds = mask.floor
-    if len(odds) < 3:
-        return np.zeros(0, np.intp), np.zeros(0, np.intp), np.zeros(0)
     row, column = np.nonzero(runs[2:] & (odds[1:-1] <= EDGE) & (odds[:-2] <= EDGE))
     row = row + 2
     below, above = (odds[at, column].astype(np.float64) for at in (row, row - 1))
@@ -172,24 +162,14 @@ def inside_boxes(pixels: Array, boxes: Array, margin_px: float) -> NDArray[np.bo
     return np.asarray(hit.any(axis=1), dtype=np.bool_)
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class DepthScan:
-    """floor_base_m, obstacles_base_m: (N, 2) each, base frame."""
-
-    floor_base_m: Array
-    obstacles_base_m: Array
-
-    @classmethod
-    def of(cls, depth: SparseDepth, camera: FloorCamera, movers_px: Array, rule: GridRule) -> "DepthScan":
-        """Classifies points by their height above the floor, whose error grows with range through the attitude. Points
-        above the robot are no evidence. movers_px: boxes (M, 4) of people and animals, which make no obstacle
-        within one point of the lattice.
-        """
-        points, pixels = depth.points(camera.intrinsics, rule.reach_m)
-        base = points @ camera.mount.rotation_base_optical().T + camera.mount.position_base_m()
-        unsure_m = rule.obstacle_m + rule.obstacle_per_m * np.hypot(base[:, 0], base[:, 1])
-        top_m = max(camera.mount.height_m, rule.robot_height_m)
-        stands = (base[:, 2] > unsure_m) & (base[:, 2] < top_m)
-        at = np.flatnonzero(stands)
-        at = at[~inside_boxes(pixels[at], movers_px, depth.every_px)]
-        return cls(base[np.abs(base[:, 2]) <= unsure_m, :2], base[at, :2])
+def depth_evidence(depth: SparseDepth, camera: FloorCamera, movers_px: Array, rule: GridRule) -> tuple[Array, Array]:
+    """Points (N, 2) of the floor and of obstacles, base frame, by their height above the floor, whose error grows with
+    range through the attitude. Points above the robot are no evidence. movers_px: boxes (M, 4) of people and animals,
+    which make no obstacle within one point of the lattice."""
+    points, pixels = depth.points(camera.intrinsics, rule.reach_m)
+    base = points @ camera.mount.rotation_base_optical().T + camera.mount.position_base_m()
+    unsure_m = rule.obstacle_m + rule.obstacle_per_m * np.hypot(base[:, 0], base[:, 1])
+    top_m = max(camera.mount.height_m, rule.robot_height_m)
+    at = np.flatnonzero((base[:, 2] > unsure_m) & (base[:, 2] < top_m))
+    at = at[~inside_boxes(pixels[at], movers_px, depth.every_px)]
+    return base[np.abs(base[:, 2]) <= unsure_m, :2], base[at, :2]

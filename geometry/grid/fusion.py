@@ -8,11 +8,10 @@ import numpy as np
 from edgemap.geometry.arrays import Array
 from edgemap.geometry.camera.depth_points import SparseDepth
 from edgemap.geometry.camera.floor import FloorCamera
-from edgemap.geometry.grid.canvas import Canvas
-from edgemap.geometry.grid.floor_scan import NOTHING, DepthScan, FloorScan
-from edgemap.geometry.grid.merge import grid_of, saved_patch, step_bounds
+from edgemap.geometry.grid.canvas import Canvas, saved_patch
+from edgemap.geometry.grid.floor_scan import FloorScan, depth_evidence
 from edgemap.geometry.grid.occupancy_grid import GridRule, OccupancyGrid
-from edgemap.geometry.grid.patch import Cells, Evidence, Patch, columns_rows, joined, moved_m, repeated
+from edgemap.geometry.grid.patch import Cells, Evidence, Patch, columns_rows, joined, moved_m, repeated, summed
 from edgemap.geometry.observations.floor_mask import FloorMask
 from edgemap.geometry.se2 import SE2
 from edgemap.geometry.trajectory_correction import TrajectoryCorrection, nearest_earlier
@@ -33,7 +32,7 @@ class GridFusion:
         self.rule = rule or GridRule()
         self.scan: FloorScan | None = None
         self._patches: list[Patch] = []
-        self._canvas = self._new_canvas()
+        self._canvas = Canvas(self.rule)
         self._drawing: Iterator[Canvas | None] | None = None
         self._revision = 0
         self._shown: OccupancyGrid | None = None
@@ -47,12 +46,11 @@ class GridFusion:
         camera: FloorCamera,
         mask: FloorMask | None,
         movers_px: Array,
+        detected_px: Array,
         depth: SparseDepth | None = None,
-        detected_px: Array = NOTHING,
     ) -> None:
         """Fuses a frame, where one is due: the robot's pose, the floor mask, if it was computed, and the depth, if
-        there is any. movers_px: boxes (M, 4) of people and animals. detected_px: boxes (N, 4) of all detections.
-        """
+        there is any. movers_px: boxes (M, 4) of people and animals. detected_px: boxes (N, 4) of all detections."""
         self.scan = None
         if self._drawing is None:
             self._bound()
@@ -66,20 +64,25 @@ class GridFusion:
         if self._began is None:
             self._began = pose_map_base, stamp_s
         self._last = pose_map_base, stamp_s
-        evidence = Evidence(self.rule.cell_m)
+        rule, occupied = self.rule, list[Evidence]()
+        free: list[Evidence] = [(self._driven(pose_map_base), 2.0 * rule.highest)]
         if mask is not None:
-            self.scan = FloorScan.of(mask, camera, movers_px, self.rule, detected_px)
-            self._add_floor(evidence, pose_map_base, self.scan)
+            self.scan = FloorScan.of(mask, camera, movers_px, detected_px, rule)
+            cells, weights = self.scan.free_cells(pose_map_base, rule.cell_m)
+            contacts = columns_rows(pose_map_base.apply(self.scan.contacts_base_m), rule.cell_m)
+            free.append((cells, rule.free * weights))
+            occupied.append((contacts, rule.occupied * self.scan.weights))
         if depth is not None:
-            self._add_depth(evidence, pose_map_base, DepthScan.of(depth, camera, movers_px, self.rule))
-        evidence.free(self._driven(pose_map_base), 2.0 * self.rule.highest)
-        self._canvas.add(*evidence.steps())
+            both_m = depth_evidence(depth, camera, movers_px, rule)
+            floor, hits = (columns_rows(pose_map_base.apply(points_m), rule.cell_m) for points_m in both_m)
+            free.append((floor, rule.free))
+            occupied.append((repeated(hits), rule.occupied))  # a single one may lie between an edge and its background
+        self._canvas.add(*summed(free, occupied))
         self._revision += 1
 
     def moved(self, past: TrajectoryCorrection) -> None:
         """Applies a trajectory correction to everything observed from it."""
-        if self._began is not None:
-            self._close_patch()
+        self._close_patch()
         stamped = [patch for patch in self._patches if patch.stamp_s > -math.inf]
         moves = past.moved_poses([p.stamp_s for p in stamped], [p.move.vector() for p in stamped]) if stamped else []
         for patch, move in zip(stamped, moves, strict=True):
@@ -88,8 +91,7 @@ class GridFusion:
 
     def transform(self, pose_map_start: SE2) -> None:
         """Moves everything to another frame, in which the old one has the pose `pose_map_start`."""
-        if self._began is not None:
-            self._close_patch()
+        self._close_patch()
         for patch in self._patches:
             patch.move = pose_map_start @ patch.move
         self._moved_patches()
@@ -101,9 +103,8 @@ class GridFusion:
 
     def grid(self) -> OccupancyGrid | None:
         """The current grid; None before the first evidence. The same object until something changes."""
-        if self._shown is not None and self._shown.revision == self._revision:
-            return self._shown
-        self._shown = grid_of(self._canvas, self.rule, self._revision)
+        if self._shown is None or self._shown.revision != self._revision:
+            self._shown = self._canvas.grid(self._revision)
         return self._shown
 
     def _is_due(self, pose: SE2, stamp_s: float) -> bool:
@@ -111,23 +112,6 @@ class GridFusion:
             return True
         near = (self._last[0].inverse() @ pose).is_within(self.rule.scan_m)
         return not near or not 0.0 <= stamp_s - self._last[1] < self.rule.scan_s
-
-    def _add_floor(self, evidence: Evidence, pose: SE2, scan: FloorScan) -> None:
-        """Evidence of a picture's floor mask for the map's cells."""
-        rule = self.rule
-        cells, weights = scan.free_cells(pose, rule.cell_m)
-        evidence.free(cells, rule.free * weights)
-        evidence.occupied(columns_rows(pose.apply(scan.contacts_base_m), rule.cell_m), rule.occupied * scan.weights)
-
-    def _add_depth(self, evidence: Evidence, pose: SE2, scan: DepthScan) -> None:
-        """Evidence of a depth picture for the map's cells. A single point is no obstacle: it may lie between an edge
-        and its background.
-        """
-        rule = self.rule
-        both = scan.floor_base_m, scan.obstacles_base_m
-        floor, hits = (columns_rows(pose.apply(points_m), rule.cell_m) for points_m in both)
-        evidence.free(floor, rule.free)
-        evidence.occupied(repeated(hits), rule.occupied)
 
     def _driven(self, pose: SE2) -> Cells:
         """The floor below the robot."""
@@ -161,21 +145,14 @@ class GridFusion:
 
     def _drawn(self) -> Iterator[Canvas | None]:
         """Draws all patches, some in each step, then yields the canvas. Evidence added meanwhile is drawn last."""
-        canvas, done = self._new_canvas(), 0
+        canvas, cells = Canvas(self.rule), 0
         yield None  # the step of a correction has enough to do
-        while done < len(self._patches):
-            cells = 0
-            while done < len(self._patches) and cells < REDRAW_CELLS:
-                patch = self._patches[done]
-                canvas.draw(patch, self.rule.cell_m)
-                patch.drawn = patch.move
-                cells += len(patch)
-                done += 1
-            if done < len(self._patches):
+        for patch in self._patches:
+            if cells >= REDRAW_CELLS:
+                cells = 0
                 yield None
-        newest = self._canvas.take_patch(0.0, SE2())
-        canvas.draw(newest, self.rule.cell_m, newest=True)
+            canvas.draw(patch)
+            patch.drawn = patch.move
+            cells += len(patch)
+        canvas.draw(self._canvas.take_patch(0.0, SE2()), newest=True)
         yield canvas
-
-    def _new_canvas(self) -> Canvas:
-        return Canvas(*step_bounds(self.rule))

@@ -11,7 +11,6 @@ from scipy.ndimage import binary_dilation
 from edgemap.geometry.arrays import Array
 
 FREE, OCCUPIED, UNKNOWN = 0, 100, -1  # as in nav_msgs/OccupancyGrid
-FREE_BELOW, OCCUPIED_ABOVE = math.log(0.25 / 0.75), math.log(0.65 / 0.35)  # log-odds of those of Nav2's map_saver
 BESIDE_M = 0.15  # maximum distance of an occupied cell to a free one
 STEPS = 16  # log-odds are saved in sixteenths, 8 bits
 
@@ -52,8 +51,8 @@ class OccupancyGrid:
     x_m: float
     y_m: float
     cell_m: float
-    free_below: float = FREE_BELOW
-    occupied_above: float = OCCUPIED_ABOVE
+    free_below: float = math.log(0.25 / 0.75)  # log-odds of the thresholds of Nav2's map_saver
+    occupied_above: float = math.log(0.65 / 0.35)
     revision: int = 0
 
     @cached_property

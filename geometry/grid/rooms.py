@@ -25,7 +25,6 @@ PASSAGE = 0.75  # metres of wall in a cut that a metre of floor across it outwei
 JAMB = 0.3  # metres of wall that a passage between two ends of wall counts for
 BEYOND_M = 1.2  # from a room's observed floor and objects to the cut that bounds it, at most
 OBJECT_SHARE = 0.85  # of an object's radius: occupied cells there are the object, not wall
-TURN_POINTS = 800  # by which the direction of the walls is chosen
 
 Mask = NDArray[np.bool_]
 Point = tuple[float, float]
@@ -186,7 +185,7 @@ def _points(points_m: Array, turn: Array) -> tuple[Point, ...]:
 def _turn(points_m: Array, cell_m: float) -> Array:
     """Rotation (2, 2) after which walls run along x and y: the one after which points fall into the fewest rows and
     columns."""
-    thinned = points_m[:: 1 + len(points_m) // TURN_POINTS]
+    thinned = points_m[:: 1 + len(points_m) // 800]
     quarters = np.array([[-1, -1], [1, -1], [-1, 1], [1, 1]]) * (cell_m / 4.0)  # a cell is a square, not a point
     points = (thinned[:, None] + quarters).reshape(-1, 2)
 

@@ -13,7 +13,6 @@ from edgemap.geometry.grid.occupancy_grid import FREE, OCCUPIED, OccupancyGrid
 
 SHORTEST_M = 0.8  # of a wall: the edge of a chair or a shelf is shorter
 FILLED = 0.6  # least share of a wall's length that has a cell
-GAP_M = (1.0 - FILLED) * SHORTEST_M  # the one gap that the shortest wall may have: a lamp makes it, a doorway does not
 # Distance of a wall's cells from its line, as an edge observed from two sides is a band of two cells; so far the ends
 # of the shortest wall move between two directions that are tried in turn, and a wall bends beside a cut between rooms.
 ASIDE_CELLS = 2
@@ -100,8 +99,8 @@ def _parts(
     place = points @ along
     inliers = np.flatnonzero(left & (np.abs(points @ normal - offset_m) <= aside_m))
     inliers = inliers[np.argsort(place[inliers], kind="stable")]
-    parts = []
-    for run in np.split(inliers, np.flatnonzero(np.diff(place[inliers]) > GAP_M) + 1):
+    parts, gap_m = [], (1.0 - FILLED) * SHORTEST_M  # that the shortest wall may have: by a lamp, not by a doorway
+    for run in np.split(inliers, np.flatnonzero(np.diff(place[inliers]) > gap_m) + 1):
         if not len(run):
             continue
         first, last = float(place[run[0]]) - cell_m / 2.0, float(place[run[-1]]) + cell_m / 2.0

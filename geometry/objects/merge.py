@@ -7,14 +7,14 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from edgemap.geometry.arrays import CHI2_997, Array, positive
-from edgemap.geometry.grid.merge import merged_grid
+from edgemap.geometry.grid.canvas import merged_grid
 from edgemap.geometry.grid.occupancy_grid import OccupancyGrid
 from edgemap.geometry.map_object import MapObject, id_order, placed_history
 from edgemap.geometry.objects.annotations import NO_ANNOTATIONS, Annotations
 from edgemap.geometry.objects.class_posterior import APART
 from edgemap.geometry.observations.class_extents import extent_m
-from edgemap.geometry.registration.alignment import Alignment, AlignmentError, Pairs, align, jacobian
-from edgemap.geometry.se2 import SE2, wrap_angle
+from edgemap.geometry.registration.alignment import Alignment, AlignmentError, Pairs, align
+from edgemap.geometry.se2 import SE2, by_pose, wrap_angle
 from edgemap.geometry.slam.object_landmarks import LandmarkRule
 
 AnnotatedMap = tuple[Sequence[MapObject], Annotations]
@@ -29,7 +29,8 @@ CORRECTABLE = {
 def moved(item: MapObject, alignment: Alignment) -> MapObject:
     """An object of the second map in the first one's frame, with the alignment's covariance added."""
     pose = alignment.pose_a_b
-    rotation, wrt_pose = pose.rotation(), jacobian(pose, item.position_m)
+    rotation = pose.rotation()
+    (wrt_pose,) = by_pose((rotation @ item.position_m)[None])
     covariance = rotation @ item.covariance_m2 @ rotation.T + wrt_pose @ alignment.covariance @ wrt_pose.T
     views = tuple((float(x), float(y)) for x, y in pose.apply(np.reshape(item.seen_from_m, (-1, 2))))
     yaw_rad = None if item.yaw_rad is None else wrap_angle(item.yaw_rad + pose.yaw_rad)

@@ -2,8 +2,6 @@
 
 from dataclasses import dataclass
 
-WIDEST_UNKNOWN_M = 1.0
-
 # Usual footprint of a class, width and depth in metres; a class without one gets the box's width for both.
 FOOTPRINT_M = {
     "chair": (0.50, 0.50), "couch": (2.00, 0.90), "potted plant": (0.40, 0.40), "bed": (1.60, 2.00),
@@ -74,7 +72,7 @@ MEASURED = {
 
 def footprint_m(label: str, width_m: float) -> tuple[float, float]:
     """Width and depth in metres: the class's usual footprint, or a square of its apparent width, at most 1 m."""
-    unknown_m = min(width_m, WIDEST_UNKNOWN_M)
+    unknown_m = min(width_m, 1.0)
     return FOOTPRINT_M.get(label, (unknown_m, unknown_m))
 
 

@@ -8,7 +8,6 @@ from numpy.typing import NDArray
 MOVER_LABELS = frozenset(
     {"person", "cat", "dog", "bird", "horse", "sheep", "cow", "elephant", "bear", "zebra", "giraffe"}
 )
-GRID_PX = 16
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -50,8 +49,9 @@ def mover_boxes(detections: Detections) -> NDArray[np.float64]:
 
 
 def share_covered(boxes: NDArray[np.float64], width_px: int, height_px: int) -> float:
-    """Share of a picture that boxes (M, 4), px, cover together, on a grid of GRID_PX."""
-    seen = np.zeros((max(height_px // GRID_PX, 1), max(width_px // GRID_PX, 1)), dtype=np.bool_)
-    for x0, y0, x1, y1 in np.maximum(np.rint(boxes / GRID_PX), 0.0).astype(np.intp).tolist():
+    """Share of a picture that boxes (M, 4), px, cover together, on a grid of 16 px."""
+    cell_px = 16
+    seen = np.zeros((max(height_px // cell_px, 1), max(width_px // cell_px, 1)), dtype=np.bool_)
+    for x0, y0, x1, y1 in np.maximum(np.rint(boxes / cell_px), 0.0).astype(np.intp).tolist():
         seen[y0:y1, x0:x1] = True
     return float(seen.mean())

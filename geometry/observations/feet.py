@@ -14,10 +14,8 @@ from edgemap.geometry.camera.depth_points import NEAREST_M
 from edgemap.geometry.camera.floor import FloorCamera
 from edgemap.geometry.observations.class_extents import Shape
 
-SURFACE_SHARE, SURFACE_SIGMA = 0.5, 0.5  # of the way to its middle: how far behind its lower edge an object is seen
+SURFACE_SHARE = 0.5  # of the way to its middle, give or take as much: how far behind its lower edge an object is seen
 HIDDEN = 0.5  # share of a lower edge covered by nearer boxes, from which on it may well be hidden
-ACROSS, DOWN = (0.2, 0.8), (0.15, 0.9)  # of a box, its part that is read
-SAMPLES = 14  # along each side of it
 FARTHEST_M = 8.0
 OFF_FLOOR_M, OFF_FLOOR_PER_M = 0.05, 0.01  # lower points are the floor's
 KNOWN_SHARE = 0.25  # of the samples, above the floor and with measured depth
@@ -108,8 +106,7 @@ def by_depth(box: BoxOnFloor, foot: Foot) -> Foot:
     """Depth shows a surface some way behind the foot."""
     behind_m = box.shape.reach_m(box.width_m) * SURFACE_SHARE
     error_m = box.measured_m - behind_m - float(box.direction @ (foot.position_m - box.lens_m))
-    sigma_m = math.hypot(box.measured_sigma_m, SURFACE_SIGMA * box.shape.reach_m(box.width_m))
-    return _ranged(foot, box.direction, error_m, sigma_m)
+    return _ranged(foot, box.direction, error_m, math.hypot(box.measured_sigma_m, behind_m))
 
 
 def _ranged(foot: Foot, direction: Array, error_m: float, sigma_m: float) -> Foot:
@@ -134,7 +131,7 @@ def box_ranges(depth: NDArray[np.float32], boxes: Array, camera: FloorCamera) ->
         return ranges
     size = np.array([camera.intrinsics.width, camera.intrinsics.height], dtype=np.float64)
     low, high = np.clip(boxes[:, :2], 0.0, size), np.clip(boxes[:, 2:], 0.0, size)
-    across, down = (np.linspace(*part, SAMPLES) for part in (ACROSS, DOWN))
+    across, down = np.linspace(0.2, 0.8, 14), np.linspace(0.15, 0.9, 14)  # of a box, where it is read
     u = low[:, :1] + (high - low)[:, :1] * across
     v = low[:, 1:] + (high - low)[:, 1:] * down
     columns = np.clip(u.astype(np.intp), 0, camera.intrinsics.width - 1)

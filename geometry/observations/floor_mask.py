@@ -4,6 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
+from scipy.ndimage import map_coordinates
 
 from edgemap.geometry.arrays import Array
 
@@ -40,16 +41,9 @@ class FloorMask:
         edges = points + 0.5  # from the outer edge of the first pixel
         size = np.array([self.width, self.height], dtype=np.float64)
         inside = np.all((edges >= 0.0) & (edges <= size), axis=1)
-        rows, columns = self.floor.shape
-        last = np.array([columns - 1, rows - 1])
-        cell = np.clip(np.where(inside[:, None], edges, 0.0) * [columns, rows] / size - 0.5, 0.0, last)
-        first = np.minimum(cell.astype(np.intp), np.maximum(last - 1, 0))
-        across, down = (cell - first).T
-        c, r = first.T
-        c1, r1 = np.minimum(c + 1, last[0]), np.minimum(r + 1, last[1])
-        above = (1.0 - across) * self.floor[r, c] + across * self.floor[r, c1]
-        below = (1.0 - across) * self.floor[r1, c] + across * self.floor[r1, c1]
-        return np.where(inside, (1.0 - down) * above + down * below, 0.0)
+        cells = (np.where(inside[:, None], edges, 0.0) * self.floor.shape[::-1] / size - 0.5).T
+        values = map_coordinates(self.floor, cells[::-1], np.float64, order=1, mode="nearest")
+        return np.where(inside, values, 0.0)
 
     def hidden_until(self, box: ArrayLike) -> float | None:
         """Row of the picture where floor begins below a box (4,) whose lower edge has none below it in any column: what

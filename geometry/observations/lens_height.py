@@ -14,10 +14,9 @@ from numpy.typing import NDArray
 from edgemap.geometry.camera.floor import FloorCamera
 from edgemap.geometry.observations.class_extents import HEIGHT_M, footprint_m
 from edgemap.geometry.observations.detections import Detections
-from edgemap.geometry.observations.occlusion import carried, covered
+from edgemap.geometry.observations.occlusion import EDGE_PX, carried, covered
 from edgemap.geometry.robust import median_and_scatter
 
-BORDER_PX = 3.0  # a box this near the picture's border may be cut
 HIDDEN = 0.1  # share of a lower edge that nearer boxes cover; from it on, the foot may belong to another object
 LEAST_SCORE = 0.5
 LEAST_SLOPE = 0.05  # to the foot, and from foot to top; less shows pitch
@@ -112,8 +111,8 @@ def lens_heights(detections: Detections, camera: FloorCamera) -> list[LensHeight
     depth of the class.
     """
     labels, boxes = detections.labels, detections.boxes
-    width, height = camera.intrinsics.width - BORDER_PX, camera.intrinsics.height - BORDER_PX
-    inside = (boxes[:, :2] > BORDER_PX).all(axis=1) & (boxes[:, 2] < width) & (boxes[:, 3] < height)
+    width, height = camera.intrinsics.width - EDGE_PX, camera.intrinsics.height - EDGE_PX
+    inside = (boxes[:, :2] > EDGE_PX).all(axis=1) & (boxes[:, 2] < width) & (boxes[:, 3] < height)
     likely = inside & (detections.scores >= LEAST_SCORE)
     usual = [row for row in np.flatnonzero(likely).tolist() if labels[row] in HEIGHT_M]
     rows = [row for row in usual if HEIGHT_M[labels[row]][1] <= WORST_SHARE]

@@ -19,39 +19,32 @@ TABLETOP_LABELS = (
 )
 SUPPORT_LABELS = frozenset({"dining table", "couch", "bed", "bench", "oven", "refrigerator", "chair", "sink"})
 
-_IN_FRONT_PX = 3.0  # a box whose lower edge is this much lower in the picture stands nearer
+EDGE_PX = 3.0  # by which an edge of a box may be off: lower by more is nearer, and nearer to the border may be cut
 
 
 def carried(detections: Detections) -> NDArray[np.bool_]:
     """Tabletop objects and bags on furniture, and bags on people: their lower edge lies inside that box, well above its
     feet; (N,)."""
-    labels = detections.labels
-    return np.array([_is_carried(i, detections.boxes, labels) for i in range(len(detections))], dtype=bool)
+    listed, (left, top, right, bottom) = detections.labels, detections.boxes.T
+    tabletop, support, bag = (
+        np.array([label in names for label in listed], dtype=np.bool_)
+        for names in (TABLETOP_LABELS, SUPPORT_LABELS, BAG_LABELS)
+    )
+    labels = np.array(listed, dtype=np.str_)
+    may = tabletop[:, None] & (support | (bag[:, None] & (labels == "person"))) & (labels[:, None] != labels)
+    middle, foot, width = ((left + right) / 2.0)[:, None], bottom[:, None], right - left
+    above = (left <= middle) & (middle <= right) & (width > width[:, None])
+    inside = (top <= foot) & (foot <= bottom - 0.15 * (bottom - top))
+    return np.asarray((may & above & inside).any(axis=1), dtype=np.bool_)
 
 
 def covered(boxes: Array, row: int) -> float:
     """Share of a box's lower edge, 0..1, that lies inside boxes (N, 4) of objects standing nearer: what may hide it."""
     x0, _, x1, y1 = boxes[row]
-    nearer = (boxes[:, 3] > y1 + _IN_FRONT_PX) & (boxes[:, 1] < y1)
+    nearer = (boxes[:, 3] > y1 + EDGE_PX) & (boxes[:, 1] < y1)
     left, right = np.clip(boxes[nearer, 0], x0, x1), np.clip(boxes[nearer, 2], x0, x1)
     hidden_px, reached = 0.0, x0
     for start, end in sorted(zip(left.tolist(), right.tolist(), strict=True)):
         hidden_px += max(0.0, end - max(start, reached))
         reached = max(reached, end)
     return hidden_px / max(x1 - x0, 1e-9)
-
-
-def _is_carried(index: int, boxes: Array, labels: list[str]) -> bool:
-    if labels[index] not in TABLETOP_LABELS:
-        return False
-    x0, _, x1, y1 = boxes[index]
-    middle = (x0 + x1) / 2.0
-    for other, label in enumerate(labels):
-        if other == index or label == labels[index]:
-            continue
-        if label not in SUPPORT_LABELS and not (label == "person" and labels[index] in BAG_LABELS):
-            continue
-        sx0, sy0, sx1, sy1 = boxes[other]
-        if sx0 <= middle <= sx1 and sy0 <= y1 <= sy1 - 0.15 * (sy1 - sy0) and (sx1 - sx0) > (x1 - x0):
-            return True
-    return False

@@ -222,38 +222,35 @@ def _on_floor(
     boxes, feet = detections.boxes[rows], feet[rows]
     low = boxes[:, 3] >= camera.intrinsics.height - 1 - _edge_px(camera, rule)  # cut by the picture's lower border
     px_per_m = camera.intrinsics.fx / camera.optical_depth_m(camera.floor_points(feet))
-    widths_m = (boxes[:, 2] - boxes[:, 0]) / px_per_m
-    labels = detections.labels
-    shapes = [shape_of(labels[row], width_m) for row, width_m in zip(rows, widths_m, strict=True)]
+    sizes_px, labels = boxes[:, 2:] - boxes[:, :2], np.array(detections.labels)[rows].tolist()
+    widths_m = (sizes_px[:, 0] / px_per_m).tolist()
+    shapes = [shape_of(label, width_m) for label, width_m in zip(labels, widths_m, strict=True)]
     cover = np.array([covered(detections.boxes, int(row)) for row in rows])
     cut, across_px, sigmas_px = _edges(boxes, shapes, px_per_m, cover, camera, rule)
     feet = feet + np.column_stack([across_px, np.zeros(len(feet))])
     near = camera.floor_points(feet)
     random, shared = floor_covariances(camera, feet, sigmas_px, rule.noise)
-    depths_m = camera.optical_depth_m(near)
+    sizes_m = camera.optical_depth_m(near)[:, None] * sizes_px / [camera.intrinsics.fx, camera.intrinsics.fy]
     lens = camera.mount.position_base_m()[:2]
+    bearings = near - lens
+    reach_m = np.linalg.norm(bearings, axis=1)
+    directions = bearings / np.maximum(reach_m, 1e-9)[:, None]
+    (xx, xy), (_, yy) = np.moveaxis(random + shared, 0, -1)
+    sigmas_m = np.sqrt((xx + yy) / 2.0 + np.hypot((xx - yy) / 2.0, xy))  # along the longer axis
+    nearest_share = 1.0 - 2.0 * sigmas_m / np.maximum(reach_m, 1e-9)  # two deviations
+    widest_m = np.array([WIDEST_M.get(label, math.inf) for label in labels])
+    # Half a pixel from the horizon, or perhaps at it; or wider than anything of that label: it is something else.
+    good = np.isfinite(random).all(axis=(1, 2)) & (nearest_share >= 0.0) & (sizes_m[:, 0] * nearest_share <= widest_m)
     ranges = np.full((len(boxes), 2), np.nan) if depth is None else box_ranges(depth, boxes, camera)
-    for at, row in enumerate(rows.tolist()):
-        if not np.isfinite(random[at]).all():  # half a pixel from the horizon
-            continue
-        x0, y0, x1, y1 = boxes[at]
-        depth_m = float(depths_m[at])
-        width_m = depth_m * (x1 - x0) / camera.intrinsics.fx
-        height_m = depth_m * (y1 - y0) / camera.intrinsics.fy
-        bearing = near[at] - lens
-        reach_m = float(np.linalg.norm(bearing))
-        nearest_share = 1.0 - 2.0 * _largest_sigma(random[at] + shared[at]) / max(reach_m, 1e-9)  # two deviations
-        if nearest_share < 0.0:  # the edge may as well be at the horizon
-            continue
-        if width_m * nearest_share > WIDEST_M.get(labels[row], math.inf):  # it is something else
-            continue
-        direction, extent = bearing / max(reach_m, 1e-9), extent_m(labels[row], float(widths_m[at]))
-        nearest_m = (
-            min(NEAREST_M, 0.5 * reach_m) if low[at] else min(_floor_begins_m(boxes[at], camera, floor), reach_m)
-        )
-        flags = bool(cut[at]), float(cover[at]), nearest_m
-        place = lens, near[at], random[at], direction, reach_m
-        yield row, BoxOnFloor(shapes[at], *place, width_m, height_m, extent, *flags, *ranges[at].tolist()), shared[at]
+    for at in np.flatnonzero(good).tolist():
+        far_m = float(reach_m[at])
+        nearest_m = min(NEAREST_M, 0.5 * far_m) if low[at] else min(_floor_begins_m(boxes[at], camera, floor), far_m)
+        width_m, height_m = sizes_m[at].tolist()
+        box = BoxOnFloor(
+            shapes[at], lens, near[at], random[at], directions[at], far_m, width_m, height_m,
+            extent_m(labels[at], widths_m[at]), bool(cut[at]), float(cover[at]), nearest_m, *ranges[at].tolist(),
+        )  # fmt: skip
+        yield int(rows[at]), box, shared[at]
 
 
 def _floor_begins_m(box: Array, camera: FloorCamera, floor: FloorMask | None) -> float:
@@ -264,12 +261,6 @@ def _floor_begins_m(box: Array, camera: FloorCamera, floor: FloorMask | None) ->
         return math.inf
     (place_m,) = camera.floor_points([((box[0] + box[2]) / 2.0 - 0.5, row - 0.5)])
     return float(np.linalg.norm(place_m - camera.mount.position_base_m()[:2]))
-
-
-def _largest_sigma(covariance: Array) -> float:
-    """Of a (2, 2), along its longer axis."""
-    (xx, xy), (_, yy) = covariance.tolist()
-    return math.sqrt((xx + yy) / 2.0 + math.hypot((xx - yy) / 2.0, xy))
 
 
 def _edges(
@@ -297,15 +288,12 @@ def _without_doubles(sightings: list[Sighting], boxes: Array) -> list[Sighting]:
     """
     kept: list[Sighting] = []
     for sighting in sorted(sightings, key=lambda s: -s.score):
-        for other in kept:
-            near_m = 0.5 * sighting.extent_m
-            if (
-                other.label == sighting.label
-                and np.linalg.norm(other.position_base_m - sighting.position_base_m) < near_m
-                and _overlap(boxes[other.detection], boxes[sighting.detection])
-            ):
-                break
-        else:
+        if not any(
+            other.label == sighting.label
+            and np.linalg.norm(other.position_base_m - sighting.position_base_m) < 0.5 * sighting.extent_m
+            and _overlap(boxes[other.detection], boxes[sighting.detection])
+            for other in kept
+        ):
             kept.append(sighting)
     return kept
 

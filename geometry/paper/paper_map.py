@@ -9,8 +9,6 @@ from edgemap.geometry.arrays import Array
 from edgemap.geometry.map_object import MapObject, SightingSums, id_order
 from edgemap.geometry.observations.sighting import PlacedSighting
 
-REACH_M = 1.0  # section 3.7
-
 
 @dataclass(slots=True, eq=False)
 class _Cluster:
@@ -63,9 +61,9 @@ class PaperMap:
         return sorted(objects, key=lambda item: id_order(item.id))
 
     def _add(self, placed: PlacedSighting) -> str:
-        clusters, reach_m2 = self._clusters[placed.label], REACH_M**2
+        clusters = self._clusters[placed.label]
         away_m2 = [np.square(one.positions_m - placed.position_map_m).sum(axis=1).min() for one in clusters]
-        near = [one for one, distance_m2 in zip(clusters, away_m2, strict=True) if distance_m2 <= reach_m2]
+        near = [one for one, distance_m2 in zip(clusters, away_m2, strict=True) if distance_m2 <= 1.0]
         if not near:
             self._issued[placed.label] += 1
             near = [_Cluster(f"{placed.label}-{self._issued[placed.label]}")]

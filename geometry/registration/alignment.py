@@ -10,20 +10,20 @@ from collections.abc import Generator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.optimize import linear_sum_assignment
 from scipy.special import bdtrc
 
-from edgemap.geometry.arrays import CHI2_997, Array
+from edgemap.geometry.arrays import CHI2_997, Array, inverse
 from edgemap.geometry.errors import MapError
 from edgemap.geometry.map_object import MapObject
 from edgemap.geometry.registration.grid_overlap import Grids, fitted_grid
-from edgemap.geometry.registration.hypotheses import SAME_PLACE_M, SAME_TURN_RAD, best_modes, hypotheses
-from edgemap.geometry.se2 import SE2, wrap_angle
+from edgemap.geometry.registration.hypotheses import SAME_PLACE_M, SAME_TURN_RAD, Places, best_modes, hypotheses
+from edgemap.geometry.se2 import SE2, by_pose, wrap_angle
 
-ROUNDS = 10  # of refinement, at most: it ends where the pairs stay
 Pairs = tuple[tuple[int, int], ...]
+Rows = NDArray[np.intp]
 
-UNITS_OF_WORK = 5000  # of one alignment that somebody waits for: some ten seconds
 MAXIMUM_PAIRS = 1_000_000  # of objects of both maps: 1,000 each
 
 
@@ -69,7 +69,7 @@ def align(first: Sequence[MapObject], second: Sequence[MapObject], grids: Grids 
     """Find the second map's place in the first one's frame. Raises AlignmentError where that is not certain."""
     work = aligning(first, second, grids=grids)
     try:
-        for _ in range(UNITS_OF_WORK):
+        for _ in range(5000):  # some ten seconds, for which somebody waits
             next(work)
     except StopIteration as end:
         return end.value
@@ -88,32 +88,32 @@ def aligning(
     Chance is counted a contrario (Moisan and Stival 2004): the number of motions tried, times the probability that as
     many of the other objects fall as near to one of their label at random.
     """
-    rule = rule or AlignmentRule()
     if len(first) * len(second) > MAXIMUM_PAIRS:
         raise AlignmentError(
             f"maps of {len(first)} and {len(second)} objects are too large to compare: "
             f"{MAXIMUM_PAIRS:,} pairs of objects at most"
         )
-    shared, least = _shared(first, second), rule.least_pairs if None in grids else 2
+    maps = _Maps(first, second, rule, grids)
+    rule, shared = maps.rule, maps.shared()
+    least = rule.least_pairs if None in grids else 2
     if shared < least:
         raise AlignmentError(
             f"the maps ({len(first)} and {len(second)} objects) share {shared} objects by label, "
             f"at least {least} are needed"
         )
-    tried = hypotheses(first, second)
+    tried = hypotheses(maps.first, maps.second)
     yield
-    modes, fits = (yield from best_modes(tried, first, second, rule.reach_m)), list[_Fit]()
+    modes, fits = (yield from best_modes(tried, maps.first, maps.second, rule.reach_m)), list[_Fit]()
     for mode in modes:
         yield
-        if fit := _refined(mode, first, second, rule):
-            chance = _chance(fit, first, second, shared, len(tried.yaw_rad), rule)
-            fits.append(_with_grid(fit, grids, chance, first, second, rule))
+        if fit := maps.refined(mode):
+            fits.append(maps.with_grid(fit, maps.chance(fit, shared, len(tried.yaw_rad))))
     yield
     if not fits:
         raise AlignmentError(f"no motion lays more than one of {shared} objects with a common label onto its like")
     weight = (lambda fit: len(fit.pairs)) if None in grids else _surprise
-    best = max(fits, key=lambda fit: (weight(fit), -fit.chi2))
-    rivals = [fit for fit in fits if best.differs(fit, second)]
+    best = max(fits, key=lambda fit: (weight(fit), -fit.distances2.sum()))
+    rivals = [fit for fit in fits if maps.differ(best, fit)]
     rival = max(rivals, key=weight, default=None)
     summary = f"the best alignment explains {len(best.pairs)} of {shared} objects with a common label"
     if len(best.pairs) < least:
@@ -128,15 +128,7 @@ def aligning(
         raise AlignmentError(
             f"ambiguous: {summary} ({_words(best.pose)}), and a clearly different one {count} ({_words(rival.pose)})"
         )
-    return _alignment(best, first, second, shared, count)
-
-
-def _alignment(
-    fit: "_Fit", first: Sequence[MapObject], second: Sequence[MapObject], shared: int, rival: int = 0
-) -> Alignment:
-    distances = [np.linalg.norm(first[i].position_m - fit.pose.apply(second[j].position_m)) for i, j in fit.pairs]
-    rms_m = math.sqrt(float(np.mean(np.square(distances))))
-    return Alignment(fit.pose, fit.covariance, fit.pairs, shared, rival, fit.chance, rms_m)
+    return maps.alignment(best, shared, count)
 
 
 def realigned(
@@ -148,10 +140,10 @@ def realigned(
 ) -> Alignment:
     """Updates an alignment of maps that have changed a little since. Raises AlignmentError where too few objects still
     match."""
-    rule = rule or AlignmentRule()
-    if fit := _refined(alignment.pose_a_b, first, second, rule):
-        fit = _with_grid(fit, grids, alignment.chance, first, second, rule)
-    if fit is None or len(fit.pairs) < max(2, rule.rival_share * len(alignment.pairs)):
+    maps = _Maps(first, second, rule, grids)
+    if fit := maps.refined(alignment.pose_a_b):
+        fit = maps.with_grid(fit, alignment.chance)
+    if fit is None or len(fit.pairs) < max(2, maps.rule.rival_share * len(alignment.pairs)):
         raise AlignmentError(f"{len(alignment.pairs)} objects matched, and no longer do")
     return replace(alignment, pose_a_b=fit.pose, covariance=fit.covariance, pairs=fit.pairs)
 
@@ -169,37 +161,23 @@ def aligned_near(
     number of guesses, times the probability that as many of the second map's objects fall onto one of their label at
     random, times that of the grids. Raises AlignmentError where no guess is certain.
     """
-    rule = rule or AlignmentRule()
-    fits = list[_Fit]()
+    maps, fits = _Maps(first, second, rule, grids), list[_Fit]()
     for guess in guesses:
-        fit = _refined(guess, first, second, rule)
-        if fit and math.hypot(fit.pose.x_m - guess.x_m, fit.pose.y_m - guess.y_m) <= rule.reach_m:
-            near = float(_probabilities(fit.pose, first, second, rule).mean())
-            chance = len(guesses) * float(bdtrc(len(fit.pairs) - 1, len(second), near))
-            fits.append(_with_grid(fit, grids, chance, first, second, rule))
+        fit = maps.refined(guess)
+        if fit and math.hypot(fit.pose.x_m - guess.x_m, fit.pose.y_m - guess.y_m) <= maps.rule.reach_m:
+            near = float(maps.probabilities(fit.pose).mean())
+            fits.append(maps.with_grid(fit, len(guesses) * float(bdtrc(len(fit.pairs) - 1, len(second), near))))
     best = min(fits, key=lambda fit: fit.chance, default=None)
-    if best is None or best.chance > rule.chance:
+    if best is None or best.chance > maps.rule.chance:
         reason = f"by chance {best.chance:.2g} times" if best else "no two objects agree"
-        raise AlignmentError(f"no guessed start fits ({reason}; at most {rule.chance:g} is accepted)")
-    return _alignment(best, first, second, _shared(first, second))
-
-
-def _probabilities(pose: SE2, first: Sequence[MapObject], second: Sequence[MapObject], rule: AlignmentRule) -> Array:
-    """Probability of each object of the second map (N,) that it falls within the gate of one of its label at random."""
-    span = np.ptp([item.position_m for item in first], axis=0) + 1.0
-    covariances, labels = np.array([ours.covariance_m2 for ours in first]), np.array([ours.label for ours in first])
-    rotation, areas_m2 = pose.rotation(), list[float]()
-    for theirs in second:
-        alike = covariances[labels == theirs.label] + rotation @ theirs.covariance_m2 @ rotation.T
-        gates_m2 = np.minimum(rule.reach_m**2, CHI2_997 * np.sqrt(np.linalg.det(alike)))
-        areas_m2.append(math.pi * float(gates_m2.sum()))
-    return np.minimum(np.array(areas_m2) / float(np.prod(span)), 1.0)
+        raise AlignmentError(f"no guessed start fits ({reason}; at most {maps.rule.chance:g} is accepted)")
+    return maps.alignment(best, maps.shared())
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Fit:
-    """A refined motion. distances2: squared Mahalanobis distance of each pair; chi2: their sum. chance: see
-    `Alignment`, with that of the grids."""
+    """A refined motion. distances2: squared Mahalanobis distance of each pair. chance: see `Alignment`, with that of
+    the grids."""
 
     pose: SE2
     covariance: Array
@@ -207,122 +185,124 @@ class _Fit:
     distances2: Array
     chance: float = 1.0
 
-    @property
-    def chi2(self) -> float:
-        return float(self.distances2.sum())
 
-    def differs(self, other: "_Fit", second: Sequence[MapObject]) -> bool:
+class _Maps:
+    """Two maps that are compared, by a rule."""
+
+    def __init__(
+        self, first: Sequence[MapObject], second: Sequence[MapObject], rule: AlignmentRule | None, grids: Grids
+    ) -> None:
+        self.first, self.second = Places.of(first), Places.of(second)
+        self.rule, self._grids = rule or AlignmentRule(), grids
+        self._alike = self.first.labels[:, None] == self.second.labels
+
+    def shared(self) -> int:
+        """Number of objects that could be pairs by their labels."""
+        ours, theirs = self.first.labels.tolist(), self.second.labels.tolist()
+        return sum(min(ours.count(label), theirs.count(label)) for label in set(ours))
+
+    def refined(self, pose: SE2) -> _Fit | None:
+        """Pair one to one and fit in turns until the pairs stay; None where fewer than two are left."""
+        pairs, covariance = self._paired(pose), np.zeros((3, 3))
+        for _ in range(10):
+            if len(pairs) < 2:
+                return None
+            pose, covariance = self._fitted(pose, pairs)
+            before, pairs = pairs, self._paired(pose)
+            if pairs == before:
+                break
+        if len(pairs) < 2:
+            return None
+        distances2 = self._distances2(pose, *np.array(pairs).T)
+        free = 2 * len(pairs) - 3
+        return _Fit(pose, covariance * max(1.0, float(distances2.sum()) / free), pairs, distances2)
+
+    def with_grid(self, fit: _Fit, chance: float) -> _Fit:
+        """The fit with the chance of both; by the grids where these agree for certain."""
+        grid = fitted_grid(self._grids, fit.pose)
+        if grid is None or grid.chance > self.rule.chance:
+            return replace(fit, chance=chance * (grid.chance if grid else 1.0))
+        pairs = self._paired(grid.pose) or fit.pairs
+        return replace(fit, pose=grid.pose, covariance=grid.covariance, pairs=pairs, chance=chance * grid.chance)
+
+    def probabilities(self, pose: SE2) -> Array:
+        """Probability of each object of the second map (N,) that it falls within the gate of one of its label at
+        random."""
+        rows, columns = np.nonzero(self._alike)
+        spread = np.sqrt(np.linalg.det(self._covariances(pose, rows, columns)))
+        gates_m2 = np.minimum(self.rule.reach_m**2, CHI2_997 * spread)
+        areas_m2 = math.pi * np.bincount(columns, gates_m2, len(self.second.labels))
+        span = np.ptp(self.first.positions_m, axis=0) + 1.0
+        return np.minimum(areas_m2 / float(np.prod(span)), 1.0)
+
+    def chance(self, fit: _Fit, shared: int, tried: int) -> float:
+        """Expected number of motions between unrelated maps that explain as many objects as closely: the minimum over
+        the number of nearest pairs that are compared."""
+        probabilities = self.probabilities(fit.pose)
+        probability = float(probabilities[probabilities > 0.0].mean())
+        minimum = float(max(tried, 1))  # of the two objects that gave the motion
+        others = shared - 2
+        for rank, distance2 in enumerate(np.sort(fit.distances2)[2:], start=3):
+            near = min(1.0, probability * float(distance2) / CHI2_997)
+            minimum = min(minimum, others * max(tried, 1) * float(bdtrc(rank - 3, others, near)))
+        return minimum
+
+    def differ(self, one: _Fit, other: _Fit) -> bool:
         """Whether another motion is clearly a different one: of the pairs, and of where it lays the second map."""
-        middle = np.mean([item.position_m for item in second], axis=0)
-        apart_m = float(np.linalg.norm(self.pose.apply(middle) - other.pose.apply(middle)))
-        turn_rad = abs(wrap_angle(self.pose.yaw_rad - other.pose.yaw_rad))
-        if apart_m <= SAME_PLACE_M and turn_rad <= SAME_TURN_RAD:
+        middle = self.second.positions_m.mean(axis=0)
+        apart_m = float(np.linalg.norm(one.pose.apply(middle) - other.pose.apply(middle)))
+        if apart_m <= SAME_PLACE_M and abs(wrap_angle(one.pose.yaw_rad - other.pose.yaw_rad)) <= SAME_TURN_RAD:
             return False
-        return 2 * len(set(other.pairs) & set(self.pairs)) < len(other.pairs)
+        return 2 * len(set(other.pairs) & set(one.pairs)) < len(other.pairs)
+
+    def alignment(self, fit: _Fit, shared: int, rival: int = 0) -> Alignment:
+        """The result of an accepted motion."""
+        rows, columns = np.array(fit.pairs).T
+        misses_m2 = np.square(self.first.positions_m[rows] - fit.pose.apply(self.second.positions_m[columns]))
+        rms_m = math.sqrt(float(misses_m2.sum(axis=1).mean()))
+        return Alignment(fit.pose, fit.covariance, fit.pairs, shared, rival, fit.chance, rms_m)
+
+    def _paired(self, pose: SE2) -> Pairs:
+        """One-to-one pairs within gate and reach: most pairs first, then smallest distance."""
+        apart_m = self.first.positions_m[:, None] - pose.apply(self.second.positions_m)
+        rows, columns = np.nonzero(self._alike & (np.square(apart_m).sum(axis=2) <= self.rule.reach_m**2))
+        distances2, far = self._distances2(pose, rows, columns), 1e3
+        cost = np.full(self._alike.shape, far)
+        cost[rows, columns] = np.where(distances2 <= CHI2_997, distances2, far)
+        pairs = zip(*(ends.tolist() for ends in linear_sum_assignment(cost)), strict=True)
+        return tuple(pair for pair in pairs if cost[pair] < far)
+
+    def _distances2(self, pose: SE2, rows: Rows, columns: Rows) -> Array:
+        """Squared Mahalanobis distances (K,) of objects of the first map from those of the second."""
+        misses = (self.first.positions_m[rows] - pose.apply(self.second.positions_m[columns]))[:, :, None]
+        return (misses * np.linalg.solve(self._covariances(pose, rows, columns), misses)).sum(axis=(1, 2))
+
+    def _covariances(self, pose: SE2, rows: Rows, columns: Rows) -> Array:
+        """Covariances (K, 2, 2) of the differences of their positions."""
+        rotation = pose.rotation()
+        return self.first.covariances_m2[rows] + (rotation @ self.second.covariances_m2 @ rotation.T)[columns]
+
+    def _fitted(self, pose: SE2, pairs: Pairs) -> tuple[SE2, Array]:
+        """Weighted least squares over all pairs (Gauss-Newton): the motion and its covariance."""
+        rows, columns = np.array(pairs).T
+        covariance, theirs_m = np.zeros((3, 3)), self.second.positions_m[columns]
+        for _ in range(5):
+            residuals = (self.first.positions_m[rows] - pose.apply(theirs_m))[:, :, None]
+            wrt_pose = by_pose(theirs_m @ pose.rotation().T)
+            weighted = wrt_pose.transpose(0, 2, 1) @ inverse(self._covariances(pose, rows, columns))
+            information = (weighted @ wrt_pose).sum(axis=0)
+            # Above what rounding takes: of objects a thousand kilometres off, 1e-9 would be lost in it.
+            floor = max(1e-9, 1e-13 * float(np.trace(information)))
+            covariance = inverse(information + floor * np.eye(3))
+            step = covariance @ (weighted @ residuals).sum(axis=(0, 2))
+            pose = SE2(*(pose.vector() + step))
+            if np.abs(step).max() < 1e-9:
+                break
+        return pose, covariance
 
 
 def _surprise(fit: _Fit) -> float:
     return max(-math.log(max(fit.chance, 1e-300)), 0.0)
-
-
-def _with_grid(
-    fit: _Fit, grids: Grids, chance: float, first: Sequence[MapObject], second: Sequence[MapObject], rule: AlignmentRule
-) -> _Fit:
-    """The fit with the chance of both; by the grids where these agree for certain."""
-    grid = fitted_grid(grids, fit.pose)
-    if grid is None or grid.chance > rule.chance:
-        return replace(fit, chance=chance * (grid.chance if grid else 1.0))
-    pairs = _paired(grid.pose, first, second, rule) or fit.pairs
-    return replace(fit, pose=grid.pose, covariance=grid.covariance, pairs=pairs, chance=chance * grid.chance)
-
-
-def _shared(first: Sequence[MapObject], second: Sequence[MapObject]) -> int:
-    ours, theirs = ([item.label for item in objects] for objects in (first, second))
-    return sum(min(ours.count(label), theirs.count(label)) for label in set(ours))
-
-
-def _refined(pose: SE2, first: Sequence[MapObject], second: Sequence[MapObject], rule: AlignmentRule) -> _Fit | None:
-    """Pair one to one and fit in turns until the pairs stay; None where fewer than two are left."""
-    pairs, covariance = _paired(pose, first, second, rule), np.zeros((3, 3))
-    for _ in range(ROUNDS):
-        if len(pairs) < 2:
-            return None
-        pose, covariance = _fitted(pose, pairs, first, second)
-        before, pairs = pairs, _paired(pose, first, second, rule)
-        if pairs == before:
-            break
-    if len(pairs) < 2:
-        return None
-    distances2 = np.array([_distance2(pose, first[i], second[j]) for i, j in pairs])
-    free = 2 * len(pairs) - 3
-    return _Fit(pose, covariance * max(1.0, float(distances2.sum()) / free), pairs, distances2)
-
-
-def _paired(pose: SE2, first: Sequence[MapObject], second: Sequence[MapObject], rule: AlignmentRule) -> Pairs:
-    """One-to-one pairs within gate and reach: most pairs first, then smallest distance."""
-    places = pose.apply(np.array([item.position_m for item in second]))
-    far = 1e3
-    cost = np.full((len(first), len(second)), far)
-    for i, ours in enumerate(first):
-        near = np.flatnonzero(((places - ours.position_m) ** 2).sum(axis=1) <= rule.reach_m**2)
-        for j in near.tolist():
-            if second[j].label == ours.label and (distance2 := _distance2(pose, ours, second[j])) <= CHI2_997:
-                cost[i, j] = distance2
-    rows, columns = linear_sum_assignment(cost)
-    return tuple((int(i), int(j)) for i, j in zip(rows, columns, strict=True) if cost[i, j] < far)
-
-
-def _distance2(pose: SE2, ours: MapObject, theirs: MapObject) -> float:
-    difference = ours.position_m - pose.apply(theirs.position_m)
-    return float(difference @ np.linalg.solve(_pair_covariance(pose, ours, theirs), difference))
-
-
-def _pair_covariance(pose: SE2, ours: MapObject, theirs: MapObject) -> Array:
-    rotation = pose.rotation()
-    return ours.covariance_m2 + rotation @ theirs.covariance_m2 @ rotation.T
-
-
-def _fitted(pose: SE2, pairs: Pairs, first: Sequence[MapObject], second: Sequence[MapObject]) -> tuple[SE2, Array]:
-    """Weighted least squares over all pairs (Gauss-Newton): the motion and its covariance."""
-    covariance = np.zeros((3, 3))
-    for _ in range(5):
-        information, vector = np.zeros((3, 3)), np.zeros(3)
-        for i, j in pairs:
-            residual = first[i].position_m - pose.apply(second[j].position_m)
-            wrt_pose = jacobian(pose, second[j].position_m)
-            weighted = wrt_pose.T @ np.linalg.inv(_pair_covariance(pose, first[i], second[j]))
-            information += weighted @ wrt_pose
-            vector += weighted @ residual
-        # Above what rounding takes: of objects a thousand kilometres off, 1e-9 would be lost in it.
-        floor = max(1e-9, 1e-13 * float(np.trace(information)))
-        covariance = np.linalg.inv(information + floor * np.eye(3)).astype(np.float64)
-        step = covariance @ vector
-        pose = SE2(*(pose.vector() + step))
-        if np.abs(step).max() < 1e-9:
-            break
-    return pose, covariance
-
-
-def jacobian(pose_a_b: SE2, point_b_m: Array) -> Array:
-    """Derivative (2, 3) of a point (2,) of frame b, transformed to frame a, by the motion's (x, y, yaw)."""
-    rotated = pose_a_b.rotation() @ point_b_m
-    return np.array([[1.0, 0.0, -rotated[1]], [0.0, 1.0, rotated[0]]])
-
-
-def _chance(
-    fit: _Fit, first: Sequence[MapObject], second: Sequence[MapObject], shared: int, tried: int, rule: AlignmentRule
-) -> float:
-    """Expected number of motions between unrelated maps that explain as many objects as closely: the minimum over the
-    number of nearest pairs that are compared."""
-    probabilities = _probabilities(fit.pose, first, second, rule)
-    probability = float(probabilities[probabilities > 0.0].mean())
-    minimum = float(max(tried, 1))  # of the two objects that gave the motion
-    others = shared - 2
-    for rank, distance2 in enumerate(np.sort(fit.distances2), start=1):
-        if rank > 2:
-            near = min(1.0, probability * float(distance2) / CHI2_997)
-            minimum = min(minimum, others * max(tried, 1) * float(bdtrc(rank - 3, others, near)))
-    return minimum
 
 
 def _words(pose: SE2) -> str:

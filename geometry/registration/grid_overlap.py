@@ -16,7 +16,6 @@ from edgemap.geometry.se2 import SE2
 
 NEAR_M = ASIDE_CELLS * GridRule().cell_m  # of an occupied cell to one of the other grid
 APART_M = 1.0  # along a contour between two cells that agree independently: walls and furniture are straight that long
-MOST_CELLS = 200  # of a contour that are compared
 STEP_RAD = SAME_TURN_RAD / 4.0  # between two directions that are tried
 Grids = tuple[OccupancyGrid | None, OccupancyGrid | None]
 
@@ -49,7 +48,7 @@ def fitted_grid(grids: Grids, pose: SE2) -> GridFit | None:
     if not len(contour) or not near.any():
         return None
     share = near.sum() / known.sum()
-    points = contour[:: 1 + len(contour) // MOST_CELLS]
+    points = contour[:: 1 + len(contour) // 200]  # so many are compared at most
     middle = points.mean(axis=0)
     steps = np.arange(-SAME_PLACE_M, SAME_PLACE_M + NEAR_M / 2.0, NEAR_M)
     shifts = np.stack(np.meshgrid(steps, steps), axis=-1).reshape(-1, 1, 2)

@@ -2,6 +2,7 @@
 
 from collections.abc import Generator, Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,14 +12,35 @@ from edgemap.geometry.map_object import MapObject
 from edgemap.geometry.se2 import SE2, wrap_angles
 
 SHORTEST_M = 0.7  # nearer objects constrain the rotation too little
-MAXIMUM_CORRESPONDENCES = 200  # of which every two are tried; more are drawn from, rarest labels first
-MAXIMUM_MODES = 16  # clearly different motions that are examined
 SAME_PLACE_M, SAME_TURN_RAD = 0.4, 0.2  # motions that differ by less are one
 CHUNK = 200_000  # distances between objects, of all motions scored in one unit of work
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Motions:
+class Places:
+    """The objects of a map: positions_m (N, 2), covariances_m2 (N, 2, 2), and labels (N,)."""
+
+    positions_m: Array
+    covariances_m2: Array
+    labels: NDArray[np.str_]
+
+    @classmethod
+    def of(cls, objects: Sequence[MapObject]) -> "Places":
+        """As arrays."""
+        positions_m, covariances_m2 = (
+            np.array([getattr(item, part) for item in objects], dtype=np.float64)
+            for part in ("position_m", "covariance_m2")
+        )
+        labels = np.array([item.label for item in objects], dtype=np.str_)
+        return cls(positions_m.reshape(-1, 2), covariances_m2.reshape(-1, 2, 2), labels)
+
+    @property
+    def variances_m2(self) -> Array:
+        """Mean variance over directions of each object, (N,)."""
+        return np.trace(self.covariances_m2, axis1=1, axis2=2) / 2.0
+
+
+class Motions(NamedTuple):
     """N motions: yaw_rad (N,), and the places to which they take the midpoint of the two objects they come from.
 
     middle_a_m, middle_b_m: (N, 2) that midpoint in both maps. place_m2: (N,) variance there; turn_rad2: (N,).
@@ -28,20 +50,13 @@ class Motions:
     middle_a_m: Array
     middle_b_m: Array
     place_m2: Array
-    yaw_variance_rad2: Array
+    turn_rad2: Array
 
     def apply(self, points_b_m: Array) -> Array:
         """Points (K, 2) of the second map in the first one's frame, by each motion: (N, K, 2)."""
         c, s = np.cos(self.yaw_rad)[:, None], np.sin(self.yaw_rad)[:, None]
         x, y = np.moveaxis(points_b_m[None] - self.middle_b_m[:, None], -1, 0)
         return np.stack([c * x - s * y, s * x + c * y], axis=-1) + self.middle_a_m[:, None]
-
-    def rows(self, chosen: NDArray[np.integer] | slice) -> "Motions":
-        """The motions at these indices."""
-        return Motions(
-            self.yaw_rad[chosen], self.middle_a_m[chosen], self.middle_b_m[chosen], self.place_m2[chosen],
-            self.yaw_variance_rad2[chosen],
-        )  # fmt: skip
 
     def pose(self, row: int) -> SE2:
         """Pose of the second map in the first, of the motion at an index."""
@@ -50,11 +65,10 @@ class Motions:
         return SE2(x_m, y_m, rotation.yaw_rad)
 
 
-def hypotheses(first: Sequence[MapObject], second: Sequence[MapObject]) -> Motions:
+def hypotheses(first: Places, second: Places) -> Motions:
     """All motions by two label-consistent correspondences whose lengths agree within the gate; never a mirror image."""
     i, j = _correspondences(first, second)
-    a, b = _positions(first), _positions(second)
-    var_a, var_b = _variances(first), _variances(second)
+    a, b, var_a, var_b = first.positions_m, second.positions_m, first.variances_m2, second.variances_m2
     p, q = np.triu_indices(len(i), 1)
     along_a, along_b = a[i[q]] - a[i[p]], b[j[q]] - b[j[p]]
     length_a, length_b = np.linalg.norm(along_a, axis=1), np.linalg.norm(along_b, axis=1)
@@ -73,15 +87,13 @@ def hypotheses(first: Sequence[MapObject], second: Sequence[MapObject]) -> Motio
     )
 
 
-def best_modes(
-    motions: Motions, first: Sequence[MapObject], second: Sequence[MapObject], reach_m: float
-) -> Generator[None, None, list[SE2]]:
-    """The motions that match the most objects, best first, clearly different from each other; yields
+def best_modes(motions: Motions, first: Places, second: Places, reach_m: float) -> Generator[None, None, list[SE2]]:
+    """The motions that match the most objects, 16 at most, best first, clearly different from each other; yields
     after every unit of work."""
     scores = yield from _scores(motions, first, second, reach_m)
-    centre = motions.apply(_positions(second).mean(axis=0)[None])[:, 0]
+    centre = motions.apply(second.positions_m.mean(axis=0)[None])[:, 0]
     alive, modes = np.ones(len(scores), dtype=bool), []
-    while alive.any() and len(modes) < MAXIMUM_MODES:
+    while alive.any() and len(modes) < 16:
         row = int(np.argmax(np.where(alive, scores, -1.0)))
         modes.append(motions.pose(row))
         rotation = np.abs(wrap_angles(motions.yaw_rad - motions.yaw_rad[row]))
@@ -89,55 +101,39 @@ def best_modes(
     return modes
 
 
-def _scores(
-    motions: Motions, first: Sequence[MapObject], second: Sequence[MapObject], reach_m: float
-) -> Generator[None, None, Array]:
+def _scores(motions: Motions, first: Places, second: Places, reach_m: float) -> Generator[None, None, Array]:
     """Number of objects that each motion explains, (N,): an object counts less with distance, 0 at the gate."""
-    a, b = _positions(first), _positions(second)
-    pair_m2 = _variances(first)[:, None] + _variances(second)[None]
-    same = np.array([ours.label for ours in first])[:, None] == np.array([theirs.label for theirs in second])[None]
+    a, b = first.positions_m, second.positions_m
+    pair_m2 = first.variances_m2[:, None] + second.variances_m2
+    same = first.labels[:, None] == second.labels
     scores = np.zeros(len(motions.yaw_rad))
-    size = max(CHUNK // max(len(first) * len(second), 1), 1)
+    size = max(CHUNK // max(same.size, 1), 1)
     for start in range(0, len(scores), size):
-        chunk = motions.rows(slice(start, start + size))
+        chunk = Motions(*(values[start : start + size] for values in motions))
         placed = chunk.apply(b)
         apart2 = ((placed[:, None] - a[None, :, None]) ** 2).sum(axis=-1)
         lever2 = ((b[None] - chunk.middle_b_m[:, None]) ** 2).sum(axis=-1)
-        vague_m2 = chunk.place_m2[:, None] + chunk.yaw_variance_rad2[:, None] * lever2
+        vague_m2 = chunk.place_m2[:, None] + chunk.turn_rad2[:, None] * lever2
         variance_m2 = pair_m2[None] + vague_m2[:, None]
         near = 1.0 - apart2 / (CHI2_997 * variance_m2)
         near *= pair_m2[None] / variance_m2  # a vague motion explains much, and says little by it
         near[(apart2 > reach_m**2) | ~same[None]] = 0.0
         near = np.maximum(near, 0.0)
         scores[start : start + size] = np.minimum(near.max(axis=1).sum(axis=1), near.max(axis=2).sum(axis=1))
-        for _ in range(max(1, len(first) * len(second) // CHUNK)):  # one motion of large maps is several units
+        for _ in range(max(1, same.size // CHUNK)):  # one motion of large maps is several units
             yield
     return scores
 
 
-def _correspondences(first: Sequence[MapObject], second: Sequence[MapObject]) -> tuple[NDArray, NDArray]:
-    """Rows of the first and of the second map with one label; the rarest labels where there are too many."""
-    theirs: dict[str, list[int]] = {}
-    for j, item in enumerate(second):
-        theirs.setdefault(item.label, []).append(j)
-    by_label: dict[str, list[tuple[int, int]]] = {}
-    for i, item in enumerate(first):
-        by_label.setdefault(item.label, []).extend((i, j) for j in theirs.get(item.label, ()))
-    random = np.random.default_rng(0)
-    chosen: list[tuple[int, int]] = []
-    for pairs in sorted(by_label.values(), key=len):
-        room = max(MAXIMUM_CORRESPONDENCES - len(chosen), 0)
-        if len(pairs) > room:
-            pairs = [pairs[k] for k in sorted(random.choice(len(pairs), room, replace=False))]
-        chosen += pairs
-    rows = np.array(chosen, dtype=np.int64).reshape(-1, 2)
-    return rows[:, 0], rows[:, 1]
-
-
-def _positions(objects: Sequence[MapObject]) -> Array:
-    return np.array([item.position_m for item in objects]).reshape(-1, 2)
-
-
-def _variances(objects: Sequence[MapObject]) -> Array:
-    """Mean variance over directions of each object, (N,) m^2."""
-    return np.array([np.trace(item.covariance_m2) / 2.0 for item in objects])
+def _correspondences(first: Places, second: Places) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+    """Rows of the first and of the second map with one label; of more than 200, of which every two are tried, some of
+    the most frequent labels are drawn."""
+    i, j = np.nonzero(first.labels[:, None] == second.labels)
+    random, chosen = np.random.default_rng(0), list[int]()
+    by_label = [np.flatnonzero(first.labels[i] == label) for label in dict.fromkeys(first.labels[i].tolist())]
+    for rows in sorted(by_label, key=len):
+        room = max(200 - len(chosen), 0)
+        if len(rows) > room:
+            rows = rows[np.sort(random.choice(len(rows), room, replace=False))]
+        chosen += rows.tolist()
+    return i[chosen], j[chosen]

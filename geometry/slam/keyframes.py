@@ -7,9 +7,9 @@ from itertools import pairwise
 
 import numpy as np
 
-from edgemap.geometry.arrays import Array
+from edgemap.geometry.arrays import Array, inverse
 from edgemap.geometry.se2 import SE2, compose_covariance
-from edgemap.geometry.slam.least_squares import OdometryFactors, inverse
+from edgemap.geometry.slam.least_squares import OdometryFactors
 from edgemap.geometry.trajectory_correction import TrajectoryCorrection, composed
 
 FIXED = np.eye(3) * 1e8  # information of a first pose that is the map's origin
@@ -43,10 +43,9 @@ class KeyframeTrajectory:
         self.since = SE2()  # the base in the last keyframe
         self.odometer_m = 0.0
         self._since_covariance = np.zeros((3, 3))
-        self._motions: list[SE2] = []
-        self._covariances: list[Array] = []  # of the motions
+        # Motions between the keyframes with two covariances (2, 3, 3): their own, and the one to search loops with.
+        self._steps: list[tuple[SE2, Array]] = []
         self._vectors = np.zeros((0, 3))
-        self._loose: list[Array] = []  # covariances that loops are searched with
         self._first, self._first_information = np.zeros(3), FIXED
         self._turned_rad = 0.0  # the sum of all yaws
         self._headings: list[tuple[float, float]] = []  # of the keyframes, by it, and its variance
@@ -83,11 +82,10 @@ class KeyframeTrajectory:
     def keep(self, stamp_s: float, heading_rad2: float = math.inf) -> None:
         """Makes the current pose a keyframe. heading_rad2: variance of the sum of all yaws up to here."""
         self.covariances.append(self.covariance)
-        self._motions.append(self.since)
-        self._covariances.append(self._since_covariance + np.eye(3) * EXACT**2)
         path_m2 = (self.rule.slip * math.hypot(self.since.x_m, self.since.y_m)) ** 2 + EXACT**2
         turn_rad2 = (self.rule.slip * self.since.yaw_rad) ** 2 + EXACT**2
-        self._loose.append(self._since_covariance + np.diag([path_m2, path_m2, turn_rad2]))
+        least = np.stack([np.eye(3) * EXACT**2, np.diag([path_m2, path_m2, turn_rad2])])
+        self._steps.append((self.since, self._since_covariance + least))
         self.poses.append(self.pose)
         self.stamps_s.append(stamp_s)
         self._headings.append((self._turned_rad, heading_rad2))
@@ -95,8 +93,8 @@ class KeyframeTrajectory:
 
     def factors(self, loose: bool = False) -> OdometryFactors:
         """The keyframes' odometry factors. loose: with the covariances that loops are searched with."""
-        motions = np.array([motion.vector() for motion in self._motions]).reshape(-1, 3)
-        covariances = np.array(self._loose if loose else self._covariances).reshape(-1, 3, 3)
+        motions = np.array([motion.vector() for motion, _ in self._steps]).reshape(-1, 3)
+        covariances = np.array([covariances[int(loose)] for _, covariances in self._steps]).reshape(-1, 3, 3)
         headings = np.array(self._headings).reshape(-1, 2)
         # Their error is mostly the room's, which all share: together they have the information of one.
         measured = int(np.isfinite(headings[:, 1]).sum())
@@ -117,10 +115,8 @@ class KeyframeTrajectory:
         from `now_s` on refer to the corrected pose of the base.
         """
         after = [SE2(*pose) for pose in poses]
-        for motion, covariance in zip(
-            self._motions[len(after) - 1 :], self._covariances[len(after) - 1 :], strict=True
-        ):
-            following = compose_covariance(after[-1], covariances[-1], motion, covariance)
+        for motion, (own, _) in self._steps[len(after) - 1 :]:
+            following = compose_covariance(after[-1], covariances[-1], motion, own)
             covariances = np.concatenate([covariances, following[None]])
             after.append(after[-1] @ motion)
         before = self.vectors()
@@ -143,24 +139,20 @@ class KeyframeTrajectory:
         map's frame, so that the first pose is its too."""
         at = [path(stamp_s) for stamp_s in (*self.stamps_s, now_s)]
         moved = [None if a is None or b is None else a.inverse() @ b for a, b in pairwise(at)]
-        *self._motions, self.since = [new or old for new, old in zip(moved, [*self._motions, self.since], strict=True)]
+        self._steps = [(new or old, both) for new, (old, both) in zip(moved[:-1], self._steps, strict=True)]
+        self.since = moved[-1] or self.since
         first = at[0].vector()[None] if in_map and at[0] is not None else self.vectors()[:1]
         return self.set_poses(first, np.array(self.covariances[:1]), now_s)
 
     def drop(self, gone: Set[int]) -> None:
         """Removes keyframes, except the first and the last; the motions before and after each are composed."""
-        motions, covariances, loose = list[SE2](), list[Array](), list[Array]()
-        steps = zip(self._motions, self._covariances, self._loose, strict=True)
-        for before, (motion, covariance, wide) in enumerate(steps):
+        steps = list[tuple[SE2, Array]]()
+        for before, (motion, covariances) in enumerate(self._steps):
             if before in gone:
-                covariances[-1] = compose_covariance(motions[-1], covariances[-1], motion, covariance)
-                loose[-1] = compose_covariance(motions[-1], loose[-1], motion, wide)
-                motions[-1] = motions[-1] @ motion
-            else:
-                motions.append(motion)
-                covariances.append(covariance)
-                loose.append(wide)
-        self._motions, self._covariances, self._loose = motions, covariances, loose
+                earlier, others = steps.pop()
+                motion, covariances = earlier @ motion, compose_covariance(earlier, others, motion, covariances)
+            steps.append((motion, covariances))
+        self._steps = steps
         self.poses = [pose for row, pose in enumerate(self.poses) if row not in gone]
         self.covariances = [covariance for row, covariance in enumerate(self.covariances) if row not in gone]
         self._vectors = np.zeros((0, 3))

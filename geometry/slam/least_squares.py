@@ -1,9 +1,9 @@
 """Trajectory and landmarks as one sparse least-squares problem."""
 
 import math
-from collections.abc import Callable, Generator
+from collections.abc import Generator
 from dataclasses import dataclass, field, replace
-from functools import cached_property, partial
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,9 +14,6 @@ from edgemap.geometry.arrays import Array
 from edgemap.geometry.se2 import wrap_angles
 
 Rows = NDArray[np.intp]
-
-TOGETHER = 25  # poses whose covariances are one unit of work: as long as an iteration
-CONVERGED = 0.01  # iterations end when a step gains less log-likelihood: loop closure compares whole units
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -49,14 +46,6 @@ class ObservationFactors:
     bias_m: Array
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class LandmarkFactors:
-    """Priors of landmarks. prior_m (L, 2), information (L, 2, 2): zero without a prior."""
-
-    prior_m: Array
-    information: Array
-
-
 @dataclass(frozen=True, eq=False)
 class Solution:
     """The estimate. poses (K, 3): x, y, yaw, map frame. landmarks (L, 2): map frame. biases (3,): scale errors of the
@@ -68,7 +57,7 @@ class Solution:
     biases: Array
     log_evidence: float
     _last: "_System"
-    _stated: "Callable[[], _System]"
+    _problem: "Problem"
 
     @cached_property
     def landmark_covariance(self) -> Array:
@@ -79,10 +68,13 @@ class Solution:
     def pose_covariances(self) -> Generator[None, None, Array]:
         """Covariances of the poses, (K, 3, 3), from the stated odometry covariances; loop closure adds none. Yields
         after each unit of work."""
-        stated, blocks = self._stated(), list[Array]()
+        odometry = replace(self._problem.odometry, gain=0.0)
+        gaussian = replace(self._problem, odometry=odometry, freedom=math.inf)
+        stated = _System(gaussian, self.poses, self.landmarks, self.biases)
+        blocks, together = list[Array](), 25  # poses: as long as an iteration
         yield
-        for first in range(0, len(self.poses), TOGETHER):
-            count = min(TOGETHER, len(self.poses) - first)
+        for first in range(0, len(self.poses), together):
+            count = min(together, len(self.poses) - first)
             covariance = stated.covariance(3 * first, 3 * (first + count)).reshape(count, 3, count, 3)
             blocks.append(covariance[np.arange(count), :, np.arange(count)])
             yield
@@ -91,22 +83,24 @@ class Solution:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Problem:
-    """All factors of a drive. kernel: squared residual at which the weight of an observation is one half (Cauchy).
-    freedom: degrees of freedom of the odometry errors (Student's t), which allow for slip; infinite for Gaussian ones.
+    """All factors of a drive. landmarks_m (L, 2): where the landmarks start, and where their priors are. priors (L, 2,
+    2): information of these, zero for a landmark without one. kernel: squared residual at which the weight of an
+    observation is one half (Cauchy). freedom: degrees of freedom of the odometry errors (Student's t), which allow for
+    slip; infinite for Gaussian ones.
     """
 
     odometry: OdometryFactors
     observations: ObservationFactors
-    landmarks: LandmarkFactors
+    landmarks_m: Array
+    priors: Array
     kernel: float
     freedom: float = math.inf
 
 
-def solve(
-    problem: Problem, poses: Array, landmarks: Array, biases: Array, iterations: int = 6
-) -> Generator[None, None, Solution]:
-    """Gauss-Newton iterations that start from poses (K, 3) and landmarks (L, 2). Yields after each iteration, whose
-    time is bounded."""
+def solve(problem: Problem, poses: Array, biases: Array, iterations: int) -> Generator[None, None, Solution]:
+    """Gauss-Newton iterations that start from poses (K, 3) and biases (3,). Yields after each iteration, whose time is
+    bounded."""
+    landmarks = problem.landmarks_m
     for _ in range(max(iterations, 1)):
         system = _System(problem, poses, landmarks, biases)
         step = system.step()
@@ -114,13 +108,10 @@ def solve(
         poses, landmarks = poses + at_poses.reshape(-1, 3), landmarks + at_landmarks.reshape(-1, 2)
         biases = biases + of_biases
         yield
-        if system.gain(step) < CONVERGED:
+        if system.gain(step) < 0.01:  # of log-likelihood, of which loop closure compares whole units
             break
     poses = np.column_stack([poses[:, :2], wrap_angles(poses[:, 2])])
-    odometry = replace(problem.odometry, gain=0.0)
-    gaussian = replace(problem, odometry=odometry, freedom=math.inf)
-    stated = partial(_System, gaussian, poses, landmarks, biases)
-    return Solution(poses, landmarks, biases, system.log_evidence(), system, stated)
+    return Solution(poses, landmarks, biases, system.log_evidence(), system, problem)
 
 
 class _System:
@@ -131,11 +122,11 @@ class _System:
         self._landmark, self._bias = poses.size, poses.size + landmarks.size  # their first columns
         self._entries: list[tuple[Array, Rows, Rows]] = []  # values, rows and columns of the Jacobian
         self._residuals: list[Array] = []
-        self._rows, self._cost = 0, 0.5 * float(biases @ biases)
+        self._rows, self._cost = 0, 0.0
         self._add(biases[:, None], (self._bias + np.arange(3), np.ones((3, 1, 1))))
         self._add_odometry(problem.odometry, problem.freedom, poses, biases)
         self._add_observations(problem.observations, problem.kernel, poses, landmarks, biases)
-        self._add_priors(problem.landmarks, landmarks)
+        self._add_priors(problem, landmarks)
         values, rows, columns = (np.concatenate(part) for part in zip(*self._entries, strict=True))
         jacobian = csc_array((values, (rows, columns)), shape=(self._rows, self._bias + 3))
         self._gradient = -(jacobian.T @ np.concatenate(self._residuals))
@@ -159,14 +150,25 @@ class _System:
         unit[first:end] = np.eye(end - first)
         return np.asarray(self._factor.solve(unit)[first:end], dtype=np.float64)
 
-    def _add(self, residual: Array, *blocks: tuple[Rows, Array]) -> None:
-        """Whitened residuals (N, D). blocks: first columns (N,) of some unknowns, and derivatives (N, D, C) by them."""
+    def _add(
+        self, residual: Array, *blocks: tuple[Rows, Array], scale: float = math.inf, dimension: float = 0.0
+    ) -> None:
+        """Whitened residuals (N, D). blocks: first columns (N,) of some unknowns, and derivatives (N, D, C) by them.
+        scale, dimension: of a density with heavy tails: the degrees of freedom and D (Student's t), or the squared
+        residual at which a weight is one half and 0 (Cauchy); a normal one where the scale is infinite."""
+        chi2, weight = (residual**2).sum(axis=1), np.ones(len(residual))
+        if math.isfinite(scale):
+            weight = np.sqrt((scale + dimension) / (scale + chi2))
+            self._cost += 0.5 * (scale + dimension) * float(np.log1p(chi2 / scale).sum())
+        else:
+            self._cost += 0.5 * float(chi2.sum())
         rows = self._rows + np.arange(residual.size).reshape(*residual.shape, 1)
         for first, jacobian in blocks:
             columns = first[:, None, None] + np.arange(jacobian.shape[2])
             rows_of, columns_of = np.broadcast_arrays(rows, columns)
-            self._entries.append((jacobian.ravel(), rows_of.ravel(), columns_of.ravel()))
-        self._residuals.append(residual.ravel())
+            weighted = jacobian * weight[:, None, None]
+            self._entries.append((weighted.ravel(), rows_of.ravel(), columns_of.ravel()))
+        self._residuals.append((residual * weight[:, None]).ravel())
         self._rows += residual.size
 
     def _add_odometry(self, odometry: OdometryFactors, freedom: float, poses: Array, biases: Array) -> None:
@@ -175,12 +177,10 @@ class _System:
         first[:, 2] = wrap_angles(first[:, 2])
         root, first = _whitened(odometry.first_information[None], first)
         self._add(first, (np.zeros(1, dtype=np.intp), root))
-        self._cost += 0.5 * float((first**2).sum())
         if len(odometry.headings):
             weight = np.sqrt(odometry.heading_information)
             off = weight * wrap_angles(poses[:, 2] - odometry.headings)
             self._add(off[:, None], (3 * np.arange(count) + 2, weight[:, None, None]))
-            self._cost += 0.5 * float(off @ off)
         x, y, by_before, by_after = _seen_from(poses[:-1], poses[1:, :2])
         by_gain = np.zeros((count - 1, 3, 2))
         by_gain[:, :2, 0] = -odometry.gain * odometry.motions[:, :2]
@@ -191,16 +191,9 @@ class _System:
         by_before = np.concatenate([by_before, -turn], axis=1)
         by_after = np.concatenate([np.pad(by_after, ((0, 0), (0, 0), (0, 1))), turn], axis=1)
         root, residual = _whitened(odometry.information, residual)
-        chi2, weight = (residual**2).sum(axis=1), np.ones(count - 1)
-        if math.isfinite(freedom):
-            weight = np.sqrt((freedom + 3.0) / (freedom + chi2))
-            self._cost += 0.5 * (freedom + 3.0) * float(np.log1p(chi2 / freedom).sum())
-        else:
-            self._cost += 0.5 * float(chi2.sum())
-        root *= weight[:, None, None]
         before, gains = 3 * np.arange(count - 1), np.full(count - 1, self._bias)
         blocks = (before, root @ by_before), (before + 3, root @ by_after), (gains, root @ by_gain)
-        self._add(residual * weight[:, None], *blocks)
+        self._add(residual, *blocks, scale=freedom, dimension=3.0)
 
     def _add_observations(
         self, seen: ObservationFactors, kernel: float, poses: Array, landmarks: Array, biases: Array
@@ -208,24 +201,17 @@ class _System:
         x, y, by_pose, by_landmark = _seen_from(poses[seen.pose], landmarks[seen.landmark])
         residual = np.column_stack([x, y]) + biases[2] * seen.bias_m - seen.position_m
         root, residual = _whitened(seen.information, residual)
-        chi2, weight = (residual**2).sum(axis=1), np.ones(len(x))
         self._cost += _normalisation(seen.information)
-        if math.isfinite(kernel):
-            weight = 1.0 / np.sqrt(1.0 + chi2 / kernel)
-            self._cost += 0.5 * kernel * float(np.log1p(chi2 / kernel).sum())
-        else:
-            self._cost += 0.5 * float(chi2.sum())
-        root *= weight[:, None, None]
         by_mount, mount = root @ seen.bias_m[:, :, None], np.full(len(x), self._bias + 2)
         blocks = (3 * seen.pose, root @ by_pose), (self._landmark + 2 * seen.landmark, root @ by_landmark)
-        self._add(residual * weight[:, None], *blocks, (mount, by_mount))
+        self._add(residual, *blocks, (mount, by_mount), scale=kernel)
 
-    def _add_priors(self, factors: LandmarkFactors, landmarks: Array) -> None:
-        known = np.flatnonzero(factors.information.any(axis=(1, 2)))
-        information = factors.information[known]
-        root, residual = _whitened(information, (landmarks - factors.prior_m)[known])
+    def _add_priors(self, problem: Problem, landmarks: Array) -> None:
+        known = np.flatnonzero(problem.priors.any(axis=(1, 2)))
+        information = problem.priors[known]
+        root, residual = _whitened(information, (landmarks - problem.landmarks_m)[known])
         self._add(residual, (self._landmark + 2 * known, root))
-        self._cost += 0.5 * float((residual**2).sum()) + _normalisation(information)
+        self._cost += _normalisation(information)
         self._cost -= len(landmarks) * math.log(2.0 * math.pi)  # of the integral over their positions
 
 
@@ -246,14 +232,5 @@ def _seen_from(poses: Array, points_m: Array) -> tuple[Array, Array, Array, Arra
     c, s = np.cos(poses[:, 2]), np.sin(poses[:, 2])
     dx, dy = (points_m - poses[:, :2]).T
     x, y = c * dx + s * dy, -s * dx + c * dy
-    return x, y, _stack([[-c, -s, y], [s, -c, -x]]), _stack([[c, s], [-s, c]])
-
-
-def _stack(rows: list[list[Array]]) -> Array:
-    """Stacks R lists of C arrays (N,) into matrices (N, R, C)."""
-    return np.stack([np.stack(row, axis=-1) for row in rows], axis=-2)
-
-
-def inverse(matrices: Array) -> Array:
-    """Inverses of matrices (..., N, N), in double precision."""
-    return np.asarray(np.linalg.inv(matrices), dtype=np.float64)
+    by_pose, by_point = np.array([[-c, -s, y], [s, -c, -x]]), np.array([[c, s], [-s, c]])
+    return x, y, np.moveaxis(by_pose, -1, 0), np.moveaxis(by_point, -1, 0)

@@ -7,15 +7,13 @@ from collections.abc import Generator, Mapping, Sequence, Set
 
 from edgemap.geometry.arrays import CHI2_997, Array
 from edgemap.geometry.slam.least_squares import Solution
-from edgemap.geometry.slam.loop_hypotheses import Pairing, certain_pairings
+from edgemap.geometry.slam.loop_hypotheses import certain_pairings
 from edgemap.geometry.slam.object_landmarks import Landmark
 from edgemap.geometry.slam.pose_graph import PoseGraph, Snapshot
 
 Closure = Generator[None, None, "tuple[Solution, Array, bool] | None"]
 
 Evidence = frozenset[tuple[int, int, int]]  # of a hypothesis: its links, and how often each later landmark was observed
-
-PLAIN, SEARCH, REFINE = 6, 2, 8  # iterations at most, of a solution by what it is for
 
 
 class LoopSearch:
@@ -46,7 +44,7 @@ class LoopSearch:
             new = {}
         if not graph.links and not new:
             return None
-        after = yield from at.solved(graph.links, PLAIN)
+        after = yield from at.solved(graph.links)
         if new:
             closed = yield from self._weighed(at, new, after)
             if closed is not None:
@@ -61,7 +59,7 @@ class LoopSearch:
                 graph.refused.add((number, graph.root(graph.links[number])))
                 del graph.links[number]
             new = {number: first for number, first in new.items() if number in graph.links}
-            after = yield from at.solved(graph.links, PLAIN)
+            after = yield from at.solved(graph.links)
         self.accepted += len(graph.links) - len(before)
         yield
         covariances = yield from after.pose_covariances()
@@ -76,15 +74,15 @@ class LoopSearch:
     ) -> Generator[None, None, dict[int, int]]:
         """The links that are certain among all pairings, with room for a slip of the odometry."""
         graph = self.graph
-        before = yield from at.solved(graph.links, SEARCH, loose=True)
+        before = yield from at.solved(graph.links, loose=True, iterations=2)
         row, _ = at.objects(graph.links)
-        pairings = [Pairing(row[one.number], row[root]) for one, root in candidates if {one.number, root} <= row.keys()]
+        pairings = [(row[one.number], row[root]) for one, root in candidates if {one.number, root} <= row.keys()]
         supported = sum(len(groups[graph.root(number)]) > 1 for number in in_view)
         certain = yield from certain_pairings(
             pairings, before.landmarks, before.landmark_covariance, graph.rule.hypotheses, supported
         )
         name = list(row)
-        return witnessed(graph, {name[pairing.now]: name[pairing.before] for pairing in certain})
+        return witnessed(graph, {name[now]: name[before] for now, before in certain})
 
     def _weighed(
         self, at: Snapshot, new: Mapping[int, int], without: Solution
@@ -94,7 +92,7 @@ class LoopSearch:
         stands there."""
         graph = self.graph
         links = graph.links | dict(new)
-        closed = yield from at.solved(links, REFINE, start=without)
+        closed = yield from at.solved(links, start=without, iterations=8)
         by_chance = len(at.ties(new)) * math.log(graph.rule.hypotheses.spacing_m2)
         ratio = closed.log_evidence - without.log_evidence + by_chance
         return closed if ratio > 0.0 else None
@@ -110,7 +108,8 @@ class LoopSearch:
 def _unlinked(graph: PoseGraph, groups: Mapping[int, list[Landmark]], in_view: Set[int]) -> list[Landmark]:
     """Landmarks that are not linked to an earlier object yet: those in view, most sightings first, then those that left
     the view unlinked, the latest first, before they are dropped."""
-    since = len(graph.trajectory) // 2 if graph.is_full else len(graph.trajectory)
+    count = len(graph.trajectory)
+    since = count // 2 if count >= graph.rule.keyframes.maximum else count
     candidates = [
         one
         for (one, *others) in groups.values()

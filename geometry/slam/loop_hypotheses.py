@@ -9,6 +9,8 @@ import numpy as np
 
 from edgemap.geometry.arrays import CHI2_997, Array
 
+Pairing = tuple[int, int]  # rows of a landmark in view, and of an earlier one that it may be
+
 HYPOTHESES = 400  # at most; with more, half of the landmarks are weighed, those with fewest candidates
 
 
@@ -21,14 +23,6 @@ class LoopHypothesisRule:
     same_m: float = 0.3  # pairings with landmarks nearer together than this count as one
 
 
-@dataclass(frozen=True, slots=True)
-class Pairing:
-    """A landmark in view (row) that may be an earlier one."""
-
-    now: int
-    before: int
-
-
 def certain_pairings(
     pairings: Sequence[Pairing], landmarks: Array, covariance: Array, rule: LoopHypothesisRule, supported: int = 0
 ) -> Generator[None, None, list[Pairing]]:
@@ -39,17 +33,14 @@ def certain_pairings(
     and Tardos 2001), but instead of the hypothesis with the most pairings the posterior of each pairing over all
     hypotheses counts: among twins none is certain.
     """
-    pairings = _compatible(pairings, landmarks, covariance)
-    if not pairings:
+    pairings, weighed = _compatible(pairings, landmarks, covariance), None
+    while pairings and (weighed := (yield from _weighed(pairings, landmarks, covariance, rule))) is None:
+        pairings = _least_ambiguous(pairings)
+    if weighed is None:
         return []
-    tree = _Tree(pairings, landmarks, covariance, rule)
-    while not (yield from tree.grown()):
-        if not (pairings := _least_ambiguous(pairings)):
-            return []
-        tree = _Tree(pairings, landmarks, covariance, rule)
-    weights = np.exp(np.array(tree.scores) - max(tree.scores))
-    shares = np.zeros(len(pairings))
-    for weight, chosen in zip(weights / weights.sum(), tree.hypotheses, strict=True):
+    scores = np.array([score for _, score in weighed])
+    weights, shares = np.exp(scores - scores.max()), np.zeros(len(pairings))
+    for weight, (chosen, _) in zip(weights / weights.sum(), weighed, strict=True):
         shares[list(chosen)] += weight
     accepted = _held(pairings, shares, landmarks, rule)
     return accepted if len(accepted) + supported > 1 else []
@@ -58,30 +49,28 @@ def certain_pairings(
 def _held(pairings: Sequence[Pairing], shares: Array, landmarks: Array, rule: LoopHypothesisRule) -> list[Pairing]:
     """The best pairing of each landmark in view, where it is certain together with those to the same position."""
     accepted: dict[int, Pairing] = {}
-    for now in dict.fromkeys(pairing.now for pairing in pairings):
-        rows = [row for row, pairing in enumerate(pairings) if pairing.now == now and pairing.before not in accepted]
+    for now in dict.fromkeys(now for now, _ in pairings):
+        rows = [row for row, (other, before) in enumerate(pairings) if other == now and before not in accepted]
         if not rows:
             continue
-        best = pairings[max(rows, key=lambda row: float(shares[row]))]
-        positions = landmarks[[pairings[row].before for row in rows]]
-        alike = np.linalg.norm(positions - landmarks[best.before], axis=1) <= rule.same_m
+        _, best = pairings[max(rows, key=lambda row: float(shares[row]))]
+        positions = landmarks[[pairings[row][1] for row in rows]]
+        alike = np.linalg.norm(positions - landmarks[best], axis=1) <= rule.same_m
         if shares[rows][alike].sum() >= rule.certain:
-            accepted[best.before] = best
+            accepted[best] = now, best
     return list(accepted.values())
 
 
 def _least_ambiguous(pairings: Sequence[Pairing]) -> list[Pairing]:
     """The half of the landmarks in view with the fewest candidates; none where there is only one landmark."""
-    candidates = Counter(pairing.now for pairing in pairings)
+    candidates = Counter(now for now, _ in pairings)
     kept = sorted(candidates, key=lambda now: candidates[now])[: len(candidates) // 2]
-    return [pairing for pairing in pairings if pairing.now in kept]
+    return [pairing for pairing in pairings if pairing[0] in kept]
 
 
 def _compatible(pairings: Sequence[Pairing], landmarks: Array, covariance: Array) -> list[Pairing]:
     """Pairings that are within the gate individually."""
-    now, before = (
-        np.array([getattr(pairing, end) for pairing in pairings], dtype=np.intp) for end in ("now", "before")
-    )
+    now, before = np.array(pairings, dtype=np.intp).reshape(-1, 2).T
     blocks = covariance.reshape(len(landmarks), 2, len(landmarks), 2)
     covariances = blocks[now, :, now] + blocks[before, :, before] - blocks[now, :, before] - blocks[before, :, now]
     difference = (landmarks[now] - landmarks[before])[:, :, None]
@@ -89,60 +78,39 @@ def _compatible(pairings: Sequence[Pairing], landmarks: Array, covariance: Array
     return [pairing for pairing, distance2 in zip(pairings, distances2, strict=True) if distance2 <= CHI2_997]
 
 
-def _differences(pairings: Sequence[Pairing], landmarks: Array, covariance: Array) -> tuple[Array, Array]:
-    """Offsets between the ends of P pairings, (2 P,), and their covariance, (2 P, 2 P)."""
-    now, before = (np.array([getattr(pairing, end) for pairing in pairings]) for end in ("now", "before"))
-    difference = (landmarks[now] - landmarks[before]).ravel()
+def _weighed(
+    pairings: Sequence[Pairing], landmarks: Array, covariance: Array, rule: LoopHypothesisRule
+) -> Generator[None, None, list[tuple[tuple[int, ...], float]] | None]:
+    """All hypotheses, in which each landmark in view is one of its candidates or new: rows of pairings, and the
+    log-likelihood over all new. None where there are too many."""
+    now, before = np.array(pairings).T
+    branches = sorted((np.flatnonzero(now == one).tolist() for one in dict.fromkeys(now.tolist())), key=len)
     a, b = ((2 * end[:, None] + np.arange(2)).ravel() for end in (now, before))
     spread = covariance[np.ix_(a, a)] + covariance[np.ix_(b, b)] - covariance[np.ix_(a, b)] - covariance[np.ix_(b, a)]
-    return difference, spread
-
-
-class _Tree:
-    """All hypotheses: each landmark in view is one of its candidates or new. scores: log-likelihood over all new."""
-
-    def __init__(
-        self, pairings: Sequence[Pairing], landmarks: Array, covariance: Array, rule: LoopHypothesisRule
-    ) -> None:
-        self._pairings, self._rule = pairings, rule
-        self._branches: list[list[int]] = []
-        for now in dict.fromkeys(pairing.now for pairing in pairings):
-            self._branches.append([row for row, pairing in enumerate(pairings) if pairing.now == now])
-        self._branches.sort(key=len)
-        self.hypotheses: list[tuple[int, ...]] = []
-        self.scores: list[float] = []
-        self._nodes = 0
-        self._difference, self._covariance = _differences(pairings, landmarks, covariance)
-
-    def grown(self) -> Generator[None, None, bool]:
-        """Whether all hypotheses were weighed."""
-        return (yield from self._grow(0, (), 0.0, self._difference, self._covariance))
-
-    def _grow(
-        self, depth: int, chosen: tuple[int, ...], score: float, difference: Array, covariance: Array
-    ) -> Generator[None, None, bool]:
-        self._nodes += 1
-        if self._nodes % (HYPOTHESES // 10) == 0:
+    hypotheses = list[tuple[tuple[int, ...], float]]()
+    # Depth in the tree, rows chosen so far, their log-likelihood, and all offsets with their covariance given these.
+    nodes = [(0, tuple[int, ...](), 0.0, (landmarks[now] - landmarks[before]).ravel(), spread)]
+    visited = 0
+    while nodes:
+        depth, chosen, score, difference, spread = nodes.pop()
+        visited += 1
+        if visited % (HYPOTHESES // 10) == 0:
             yield
-        if len(self.scores) >= HYPOTHESES:
-            return False
-        if depth == len(self._branches):
-            self.hypotheses.append(chosen)
-            self.scores.append(score)
-            return True
-        taken = {self._pairings[row].before for row in chosen}
-        for row in self._branches[depth]:
-            if self._pairings[row].before in taken:
-                continue
+        if len(hypotheses) >= HYPOTHESES:
+            return None
+        if depth == len(branches):
+            hypotheses.append((chosen, score))
+            continue
+        nodes.append((depth + 1, chosen, score, difference, spread))
+        taken = {pairings[row][1] for row in chosen}
+        for row in reversed([row for row in branches[depth] if pairings[row][1] not in taken]):
             pair = slice(2 * row, 2 * row + 2)
-            factor = np.linalg.inv(covariance[pair, pair])
-            distance2 = float(difference[pair] @ factor @ difference[pair])
+            information = np.linalg.inv(spread[pair, pair])
+            distance2 = float(difference[pair] @ information @ difference[pair])
             if distance2 > CHI2_997:
                 continue
-            density = math.sqrt(float(np.linalg.det(factor))) / (2.0 * math.pi) * self._rule.spacing_m2
-            gain = covariance[:, pair] @ factor
-            after = difference - gain @ difference[pair], covariance - gain @ covariance[pair]
-            likelihood = score + math.log(density) - distance2 / 2.0
-            if not (yield from self._grow(depth + 1, (*chosen, row), likelihood, *after)):
-                return False
-        return (yield from self._grow(depth + 1, chosen, score, difference, covariance))
+            density = math.sqrt(float(np.linalg.det(information))) / (2.0 * math.pi) * rule.spacing_m2
+            gain = spread[:, pair] @ information
+            after = difference - gain @ difference[pair], spread - gain @ spread[pair]
+            nodes.append((depth + 1, (*chosen, row), score + math.log(density) - distance2 / 2.0, *after))
+    return hypotheses

@@ -12,14 +12,12 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import linear_sum_assignment
 
-from edgemap.geometry.arrays import CHI2_997, Array
+from edgemap.geometry.arrays import CHI2_997, Array, inverse
 from edgemap.geometry.map_object import MapObject, SightingSums
 from edgemap.geometry.observations.sighting import PlacedSighting
-from edgemap.geometry.se2 import SE2
+from edgemap.geometry.se2 import SE2, by_pose
 from edgemap.geometry.slam.keyframes import KeyframeTrajectory
-from edgemap.geometry.slam.least_squares import ObservationFactors, inverse
-
-IMPOSSIBLE = 1e6  # cost of a pair that may not be
+from edgemap.geometry.slam.least_squares import ObservationFactors
 
 
 class Sums:
@@ -116,11 +114,7 @@ class Landmark:
         """Adds the observations of another visit to the same object. Together they are as much evidence as the better
         one, as repeated visits repeat a false detection.
         """
-        rows = dict(zip(self.keyframes, self.rows, strict=True))
-        for keyframe, row in zip(other.keyframes, other.rows, strict=True):
-            rows[keyframe] = _both(rows[keyframe], row) if keyframe in rows else row
-        self.keyframes = sorted(rows)
-        self.rows = np.array([rows[keyframe] for keyframe in self.keyframes]).reshape(-1, Sums.COLUMNS)
+        self._keep([*zip(self.keyframes, self.rows, strict=True), *zip(other.keyframes, other.rows, strict=True)])
         weight = max(self.sums.weight, other.sums.weight)
         self.sums.join(other.sums)
         self.sums.weight = weight
@@ -132,16 +126,17 @@ class Landmark:
         """Moves each observation to another keyframe's frame. onto: by old row, the new row and the old keyframe's pose
         in the new one's frame, None where it stays. Returns whether any observation moved."""
         moves = [onto[keyframe] for keyframe in self.keyframes]
-        if all(pose is None for _, pose in moves):
-            self.keyframes = [new for new, _ in moves]
-            return False
-        moved: dict[int, Array] = {}
-        for (new, pose), row in zip(moves, self.rows, strict=True):
-            row = row if pose is None else _in_frame(row, pose)
-            moved[new] = _both(moved[new], row) if new in moved else row
-        self.keyframes = sorted(moved)
-        self.rows = np.array([moved[keyframe] for keyframe in self.keyframes])
-        return True
+        rows = zip(moves, self.rows, strict=True)
+        self._keep([(new, row if pose is None else _in_frame(row, pose)) for (new, pose), row in rows])
+        return any(pose is not None for _, pose in moves)
+
+    def _keep(self, observed: Sequence[tuple[int, Array]]) -> None:
+        """Has these observations, each of a keyframe; those of one keyframe add up."""
+        rows: dict[int, Array] = {}
+        for keyframe, row in observed:
+            rows[keyframe] = _both(rows[keyframe], row) if keyframe in rows else row
+        self.keyframes = sorted(rows)
+        self.rows = np.array([rows[keyframe] for keyframe in self.keyframes]).reshape(-1, Sums.COLUMNS)
 
 
 def observed(placed: PlacedSighting, since: SE2, tilt_rad: Array, repeated: float) -> Array:
@@ -211,9 +206,7 @@ def place(landmarks: Sequence[Landmark], trajectory: KeyframeTrajectory, tilt_ra
     normal[:, 2, 2] += 1.0
     inverse = np.linalg.inv(normal)
     positions = (inverse @ right[:, :, None])[:, :2, 0]
-    wrt_pose = np.zeros((len(at), 2, 3))
-    wrt_pose[:, 0, 0] = wrt_pose[:, 1, 1] = 1.0
-    wrt_pose[:, 0, 2], wrt_pose[:, 1, 2] = -lever[:, 1], lever[:, 0]
+    wrt_pose = by_pose(lever)
     from_pose = wrt_pose @ covariances @ wrt_pose.transpose(0, 2, 1)
     count = rows[:, 0]
     share = count / np.repeat(np.add.reduceat(count, starts), sizes)
@@ -275,44 +268,32 @@ class LandmarkSet:
 
     def associated(self, sightings: Sequence[PlacedSighting], odometer_m: float) -> list[Landmark]:
         """The landmark of each sighting of one frame: the nearest in view, one to one, or a new one."""
-        near = self.in_view(odometer_m)
-        matched: dict[int, Landmark] = {}
-        for label in dict.fromkeys(sighting.label for sighting in sightings):
-            rows = [row for row, sighting in enumerate(sightings) if sighting.label == label]
-            candidates = [landmark for landmark in near if landmark.label == label and landmark.keyframes]
-            matched |= self._matched(rows, sightings, candidates, odometer_m)
+        near = [landmark for landmark in self.in_view(odometer_m) if landmark.keyframes]
+        cost = np.full((len(sightings), len(near) + len(sightings)), math.inf)
+        np.fill_diagonal(cost[:, len(near) :], CHI2_997)  # of a new one
+        for row, placed in enumerate(sightings):
+            for column, landmark in enumerate(near):
+                if landmark.label == placed.label:
+                    cost[row, column] = self._distance2(placed, landmark, odometer_m)
         landmarks = [
-            matched.get(row) or self.begin(placed.label, placed.sighting.extent_m, odometer_m)
-            for row, placed in enumerate(sightings)
+            near[column] if column < len(near) else self.begin(placed.label, placed.sighting.extent_m, odometer_m)
+            for column, placed in zip(linear_sum_assignment(cost)[1].tolist(), sightings, strict=True)
         ]
         for landmark, placed in zip(landmarks, sightings, strict=True):
             landmark.sums.add(placed)
             landmark.observed_at_m = odometer_m
         return landmarks
 
-    def _matched(
-        self, rows: list[int], sightings: Sequence[PlacedSighting], candidates: list[Landmark], odometer_m: float
-    ) -> dict[int, Landmark]:
-        if not candidates:
-            return {}
-        cost = np.full((len(rows), len(candidates) + len(rows)), IMPOSSIBLE)
-        for i, row in enumerate(rows):
-            cost[i, len(candidates) + i] = CHI2_997
-            for j, landmark in enumerate(candidates):
-                cost[i, j] = self._distance2(sightings[row], landmark, odometer_m)
-        chosen = zip(*linear_sum_assignment(cost), strict=True)
-        return {rows[i]: candidates[j] for i, j in chosen if j < len(candidates)}
-
     def _distance2(self, placed: PlacedSighting, landmark: Landmark, odometer_m: float) -> float:
-        """Squared Mahalanobis distance; beyond gate or reach a value at which a new landmark costs less."""
+        """Squared Mahalanobis distance; infinite beyond gate or reach."""
         x_m, y_m = (placed.position_map_m - landmark.position_m).tolist()
         if x_m * x_m + y_m * y_m > self.rule.reach_m**2:
-            return IMPOSSIBLE
+            return math.inf
         added = self.rule.side_m2(landmark.extent_m) + (self.slip * (odometer_m - landmark.observed_at_m)) ** 2
         (a, b), (_, d) = placed.covariance_m2.tolist()
         a, d = a + added, d + added
         distance2 = (d * x_m * x_m - 2.0 * b * x_m * y_m + a * y_m * y_m) / (a * d - b * b)
-        return distance2 if distance2 <= CHI2_997 else IMPOSSIBLE
+        return distance2 if distance2 <= CHI2_997 else math.inf
 
 
 def rotations(yaw_rad: Array) -> Array:

@@ -6,20 +6,18 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from edgemap.geometry.arrays import CHI2_997, Array, positive
+from edgemap.geometry.arrays import CHI2_997, Array, inverse, positive
 from edgemap.geometry.map_object import MapObject, SightingSums
 from edgemap.geometry.observations.class_extents import footprint_m
 from edgemap.geometry.observations.sighting import PlacedSighting
 from edgemap.geometry.se2 import SE2, wrap_angles
 from edgemap.geometry.slam.keyframes import KeyframeRule, KeyframeTrajectory
 from edgemap.geometry.slam.least_squares import (
-    LandmarkFactors,
     ObservationFactors,
     OdometryFactors,
     Problem,
     Rows,
     Solution,
-    inverse,
     solve,
 )
 from edgemap.geometry.slam.loop_hypotheses import LoopHypothesisRule
@@ -83,7 +81,7 @@ class Snapshot:
         return row, np.array([row[number] for number in first], dtype=np.intp)
 
     def solved(
-        self, links: Links, iterations: int, *, loose: bool = False, start: Solution | None = None
+        self, links: Links, *, loose: bool = False, start: Solution | None = None, iterations: int = 6
     ) -> Generator[None, None, Solution]:
         """Least squares with these links. loose: with the odometry that loops are searched with, and no robust kernel.
         start: initial values instead of the current ones."""
@@ -92,14 +90,13 @@ class Snapshot:
         has_prior = self.priors.any(axis=(1, 2))
         for some in (~has_prior, has_prior):
             places_m[owner[some]], priors[owner[some]] = self.positions_m[some], self.priors[some]
-        landmarks, seen = LandmarkFactors(places_m, priors), self.observations
-        seen = replace(seen, landmark=owner[seen.landmark])
+        seen = replace(self.observations, landmark=owner[self.observations.landmark])
         if loose:
-            problem = Problem(self.loose, seen, landmarks, math.inf)
+            problem = Problem(self.loose, seen, places_m, priors, math.inf)
         else:
-            problem = Problem(self.odometry, seen, landmarks, CHI2_997, self.freedom)
+            problem = Problem(self.odometry, seen, places_m, priors, CHI2_997, self.freedom)
         poses, biases = (self.poses, self.biases) if start is None else (start.poses, start.biases)
-        return (yield from solve(problem, poses, places_m, biases, iterations))
+        return (yield from solve(problem, poses, biases, iterations))
 
     def link_chi2(self, links: Links, solution: Solution) -> dict[int, float]:
         """Squared Mahalanobis distance of each linked landmark, by number, from where all others of its object are."""
@@ -228,11 +225,6 @@ class PoseGraph:
         kept.distinct.discard(kept.number)
         self.remove({gone.number})
         self.place([kept])
-
-    @property
-    def is_full(self) -> bool:
-        """Whether keyframes have to go."""
-        return len(self.trajectory) >= self.rule.keyframes.maximum
 
     def is_likely(self, landmark: Landmark) -> bool:
         """Whether it was observed often enough to close loops with."""

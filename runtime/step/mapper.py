@@ -280,7 +280,7 @@ class Mapper:
         self._lens_m = observed.camera.mount.height_m
         movers, detected, seen = mover_boxes(observed.detections), observed.detections.boxes, observed.pictured
         pose, camera = self._pose_of(observed), seen.camera or observed.camera
-        self.grid.observe(pose, seen.stamp_s, camera, seen.floor, movers, seen.depth, detected)
+        self.grid.observe(pose, seen.stamp_s, camera, seen.floor, movers, detected, seen.depth)
         if self._shown_timer.due(observed.stamp_s):
             self._shown_grid = self.map.grid = self.grid.grid()
 

@@ -230,12 +230,10 @@ WALLS = walls(-1.0, -2.0, 4.0, 2.0)
 @pytest.fixture(scope="module")
 def grid() -> OccupancyGrid:
     """A room of 5 x 4 m, seen from its middle."""
-    fusion = GridFusion()
+    fusion, camera, nobody = GridFusion(), FloorCamera(CAMERA.intrinsics, CAMERA.mount), np.zeros((0, 4))
     for index in range(60):
         pose = SE2(0.5 + 0.5 * np.cos(index / 9), 0.0, index / 9)
-        fusion.observe(
-            pose, index / 10, FloorCamera(CAMERA.intrinsics, CAMERA.mount), floor_mask(WALLS, pose), np.zeros((0, 4))
-        )
+        fusion.observe(pose, index / 10, camera, floor_mask(WALLS, pose), nobody, nobody)
     found = fusion.grid()
     assert found is not None
     return found

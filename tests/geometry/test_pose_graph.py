@@ -9,20 +9,18 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.optimize import least_squares
 
+from edgemap.geometry.arrays import inverse
 from edgemap.geometry.se2 import SE2, compose_covariance
 from edgemap.geometry.slam import least_squares as graph
 from edgemap.geometry.slam.keyframes import KeyframeTrajectory
 from edgemap.geometry.slam.least_squares import (
-    LandmarkFactors,
     ObservationFactors,
     OdometryFactors,
     Problem,
-    inverse,
 )
 from edgemap.geometry.trajectory_correction import TrajectoryCorrection
 
 FIXED = np.eye(3) * 1e8
-NOTHING = LandmarkFactors(np.zeros((3, 2)), np.zeros((3, 2, 2)))
 AT_REST = OdometryFactors(np.zeros((0, 3)), np.zeros((0, 3, 3)), np.zeros(3), FIXED)
 
 
@@ -36,15 +34,11 @@ def observations(places=(), information=1.0, pose=None, landmark=None, bias_m=(0
     )  # fmt: skip
 
 
-def priors(places, information=0.0):
-    """Of landmarks at places (N, 2)."""
-    places = np.reshape(np.asarray(places, dtype=float), (-1, 2))
-    return LandmarkFactors(places, np.tile(np.eye(2) * information, (len(places), 1, 1)))
-
-
-def solve(poses, landmarks, chain, looks, known, kernel=9.0, rounds=6, freedom=math.inf):
-    """The solution, whatever the units of work."""
-    return ended(graph.solve(Problem(chain, looks, known, kernel, freedom), poses, landmarks, np.zeros(3), rounds))
+def solve(poses, landmarks, chain, looks, known=0.0, kernel=9.0, rounds=6, freedom=math.inf):
+    """The solution, whatever the units of work. known: information of each landmark's place."""
+    landmarks = np.reshape(np.asarray(landmarks, dtype=float), (-1, 2))
+    priors = np.tile(np.eye(2) * known, (len(landmarks), 1, 1))
+    return ended(graph.solve(Problem(chain, looks, landmarks, priors, kernel, freedom), poses, np.zeros(3), rounds))
 
 
 def ended(work):
@@ -104,7 +98,7 @@ def residuals(x, count, chain, looks):
 @pytest.mark.parametrize("seed", [0, 1, 2])
 def test_the_least_squares_are_scipys(seed):
     start, landmarks, chain, looks = drive(seed)
-    ours = solve(start, landmarks, chain, looks, NOTHING, kernel=1e12, rounds=30)
+    ours = solve(start, landmarks, chain, looks, kernel=1e12, rounds=30)
     count = len(start)
     x = np.concatenate([start.ravel(), landmarks.ravel(), np.zeros(3)])
     theirs = least_squares(residuals, x, args=(count, chain, looks), xtol=1e-14, ftol=1e-14, gtol=1e-12)
@@ -125,7 +119,7 @@ def test_the_least_squares_are_scipys(seed):
 def test_the_evidence_is_the_likelihood_of_what_was_measured_with_all_unknowns_integrated_out():
     """One landmark observed twice, with a prior or without: the ratio to nothing observed is the density of how far
     what was measured is apart, a Gaussian's; one observation alone of a landmark without a prior is no evidence."""
-    nothing = solve(np.zeros((1, 3)), np.zeros((0, 2)), AT_REST, observations(), priors([]), math.inf, 9).log_evidence
+    nothing = solve(np.zeros((1, 3)), np.zeros((0, 2)), AT_REST, observations(), 0.0, math.inf, 9).log_evidence
     places, own_m2 = np.array([[0.0, 0.0], [0.3, 0.1]]), 0.02
     for known, seen, apart_m2 in (
         (0.0, places, 2 * own_m2),
@@ -133,7 +127,7 @@ def test_the_evidence_is_the_likelihood_of_what_was_measured_with_all_unknowns_i
         (0.0, places[1:], None),
     ):
         found = solve(
-            np.zeros((1, 3)), places[:1], AT_REST, observations(seen, 1.0 / own_m2), priors(places[:1], known),
+            np.zeros((1, 3)), places[:1], AT_REST, observations(seen, 1.0 / own_m2), known,
             math.inf, 9,
         )  # fmt: skip
         expected = 0.0
@@ -152,8 +146,8 @@ def test_a_slip_is_found_where_it_happened():
     observed = np.concatenate([SE2(*pose).inverse().apply(places) for pose in true])
     looks = observations(observed, 400.0, np.repeat(np.arange(9), 2), np.tile([0, 1], 9))
     start = np.column_stack([np.cumsum([0.0, *motions[:, 0]]), np.zeros((9, 2))])
-    gaussian = solve(start, places, chain, looks, priors(places, 1e4), math.inf, 40)
-    heavy = solve(true, places, chain, looks, priors(places, 1e4), math.inf, 40, freedom=4.0)
+    gaussian = solve(start, places, chain, looks, 1e4, math.inf, 40)
+    heavy = solve(true, places, chain, looks, 1e4, math.inf, 40, freedom=4.0)
     assert np.abs(heavy.poses - true)[:, 0].max() < 0.03
     assert np.abs(gaussian.poses - true)[:, 0].max() > 0.2
     assert heavy.log_evidence > gaussian.log_evidence + 100
@@ -164,9 +158,8 @@ def test_one_look_at_a_known_landmark_is_a_kalman_update():
     # round
     # solves what is linear, a second one confirms it.
     chain = replace(AT_REST, first_information=np.diag([25.0, 25.0, 1e12]))
-    known = priors([(2.0, 0.0)], 100.0)
     expected, found = (
-        solve(np.zeros((1, 3)), known.prior_m, chain, observations([(x_m, 0.0)], 100.0), known, kernel=1e9, rounds=2)
+        solve(np.zeros((1, 3)), [(2.0, 0.0)], chain, observations([(x_m, 0.0)], 100.0), 100.0, kernel=1e9, rounds=2)
         for x_m in (2.0, 1.7)
     )
     assert found.poses[0] == pytest.approx([0.3 * 0.04 / 0.06, 0.0, 0.0], abs=1e-6)
@@ -177,10 +170,10 @@ def test_one_look_at_a_known_landmark_is_a_kalman_update():
 
 def test_a_robust_kernel_charges_less_for_a_residual_of_three_standard_deviations():
     """Pose and landmark are fixed, 0.3 m from what a look of 0.1 m says: 9 / 2, or 9 / 2 log(1 + 9 / 9)."""
-    known, looks = priors([(2.0, 0.0)], 1e10), observations([(1.7, 0.0)], 100.0)
+    looks = observations([(1.7, 0.0)], 100.0)
     chain = replace(AT_REST, first_information=np.eye(3) * 1e10)
     robust, gaussian = (
-        solve(np.zeros((1, 3)), known.prior_m, chain, looks, known, kernel).log_evidence for kernel in (9.0, math.inf)
+        solve(np.zeros((1, 3)), [(2.0, 0.0)], chain, looks, 1e10, kernel).log_evidence for kernel in (9.0, math.inf)
     )
     assert robust - gaussian == pytest.approx(4.5 - 4.5 * math.log(2.0), abs=1e-3)
 

@@ -262,9 +262,9 @@ def test_false_hypotheses_never_move_the_pose_beyond_what_odometry_leaves_open(s
 
     def wrong(pairings, landmarks, *others):
         yield
-        far_m = [float(np.linalg.norm(landmarks[pair.now] - landmarks[pair.before])) for pair in pairings]
-        found = {pair.now: pair for pair, m in zip(pairings, far_m, strict=True) if abs(m - apart_m) < 0.4}
-        return list({pair.before: pair for pair in found.values()}.values())[:links]
+        far_m = [float(np.linalg.norm(landmarks[now] - landmarks[before])) for now, before in pairings]
+        found = {pair[0]: pair for pair, m in zip(pairings, far_m, strict=True) if abs(m - apart_m) < 0.4}
+        return list({pair[1]: pair for pair in found.values()}.values())[:links]
 
     room, way = furnished(random, 14, apart_m=0.8), round_trip(130, turns=1.6)
     motions, errors = odometry(way, random), dict[int, float]()

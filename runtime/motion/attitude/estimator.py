@@ -38,27 +38,23 @@ class DepthAttitude:
     def __init__(self, camera: FloorCamera, slope_rad: float) -> None:
         """slope_rad: standard deviation of the floor's slope: rugs, sills."""
         self._height_m, self._lens, self._slope_rad = camera.mount.height_m, camera.intrinsics, slope_rad
-        self._floor: tuple[FloorPlane, NDArray[np.float64]] | None = None  # in the last picture
         self._last: FloorPlane | None = None
         self._seen_s = self._sought_s = -math.inf
 
     def predict(self, frame: Frame, other: Attitude) -> Attitude:
         """The attitude at the frame's stamp: another source's, with roll, pitch and height of the floor."""
-        self._floor = None
         if frame.depth is None:
             return other
         points = SparseDepth.of(frame.depth, EVERY_PX).points(self._lens)[0]
-        self._floor = self._follow(points, other, frame.stamp_s)
-        if self._floor is None:
+        plane = self._follow(points, other, frame.stamp_s)
+        if plane is None:
             return other
-        plane, covariance = self._floor
         self._last, self._seen_s = plane, frame.stamp_s
-        level = Attitude.of_up(plane.up, np.diag(np.diag(covariance)[[1, 0]] + self._slope_rad**2), self.name)
+        variances = np.diag(plane.covariance)[[1, 0]] + self._slope_rad**2
+        level = Attitude.of_up(plane.up, np.diag(variances), self.name)
         return other.held_to(replace(level, height_m=plane.height_m))
 
-    def _follow(
-        self, points: NDArray[np.float64], other: Attitude, stamp_s: float
-    ) -> tuple[FloorPlane, NDArray[np.float64]] | None:
+    def _follow(self, points: NDArray[np.float64], other: Attitude, stamp_s: float) -> FloorPlane | None:
         up = up_optical(other.pitch_rad, other.roll_rad)
         expected = [(up, other.height_m or self._height_m)]
         if self._last is not None and stamp_s - self._seen_s < LONGEST_S:
@@ -67,22 +63,20 @@ class DepthAttitude:
             plane = follow_floor(points, direction, height_m)
             if plane is None:
                 continue
-            near = abs(plane[0].height_m / self._height_m - 1.0) < FARTHEST_SHARE
-            if near and float(plane[0].up @ up) > math.cos(FARTHEST_RAD):
+            near = abs(plane.height_m / self._height_m - 1.0) < FARTHEST_SHARE
+            if near and float(plane.up @ up) > math.cos(FARTHEST_RAD):
                 return plane
         lost_s = stamp_s - max(self._seen_s, self._sought_s)
         return self._sought(points, up, stamp_s) if lost_s >= SOUGHT_S else None
 
-    def _sought(
-        self, points: NDArray[np.float64], up: NDArray[np.float64], stamp_s: float
-    ) -> tuple[FloorPlane, NDArray[np.float64]] | None:
+    def _sought(self, points: NDArray[np.float64], up: NDArray[np.float64], stamp_s: float) -> FloorPlane | None:
         """Searches the lowest plane, for a camera that is held at unexpected angles."""
         self._sought_s = stamp_s
         plane = find_floor(points, np.random.default_rng(0), up)
         if plane is None or abs(plane.height_m / self._height_m - 1.0) > SOUGHT_SHARE:
             return None
         followed = follow_floor(points, plane.up, plane.height_m)
-        return followed if followed is not None and float(followed[0].up @ up) > math.cos(SOUGHT_RAD) else None
+        return followed if followed is not None and float(followed.up @ up) > math.cos(SOUGHT_RAD) else None
 
 
 class EstimatedAttitude:

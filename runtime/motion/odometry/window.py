@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from edgemap.geometry.arrays import Array
-from edgemap.geometry.camera.attitude import Attitude, GyroRotation, TrackedRotation
+from edgemap.geometry.camera.attitude import Attitude, GyroRotation, TrackedRotation, rotation_angle
 from edgemap.geometry.camera.carried import Carried, CarriedRule
 from edgemap.geometry.camera.floor import FloorCamera
 from edgemap.geometry.camera.level import up_optical
@@ -294,7 +294,7 @@ class WindowOdometry:
             up_rad = max(math.sqrt(rule.attitude_pictures * variance), LEAST_SIGMA)
         gyro_rad = math.inf
         if gyro is not None:
-            gyro_rad = math.hypot(rule.gyro_rad + rule.gyro_share * gyro.angle_rad, gyro.sigma_rad)
+            gyro_rad = math.hypot(rule.gyro_rad + rule.gyro_share * rotation_angle(gyro.rotation), gyro.sigma_rad)
         return PoseFactors(
             up=self._up(),
             up_rad=up_rad,

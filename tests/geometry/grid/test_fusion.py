@@ -26,7 +26,7 @@ def drive(fusion, boxes, poses, start_s=0.0, movers=NOBODY, rate_hz=10.0):
     """Observe these boxes from poses, one after the other; the next stamp."""
     masks = {pose: floor_mask(boxes, pose) for pose in dict.fromkeys(poses)}
     for index, pose in enumerate(poses):
-        fusion.observe(pose, start_s + index / rate_hz, CAMERA, masks[pose], movers)
+        fusion.observe(pose, start_s + index / rate_hz, CAMERA, masks[pose], movers, NOBODY)
     return start_s + len(poses) / rate_hz
 
 
@@ -38,7 +38,7 @@ def turn(x_m=0.0, y_m=0.0, steps=60):
 def settled(fusion, stamp_s, pose):
     """Its grid once a correction is drawn."""
     for _ in range(50):
-        fusion.observe(pose, stamp_s, CAMERA, None, NOBODY)
+        fusion.observe(pose, stamp_s, CAMERA, None, NOBODY, NOBODY)
     return shown(fusion)
 
 
@@ -72,7 +72,7 @@ def test_what_looks_like_floor_in_a_detections_box_is_not_free_until_it_is_seen_
     (middle_px,) = CAMERA.project([(1.0, 0.0, 0.0)])
     box = np.array([[*(middle_px - 12.0), *(middle_px + 12.0)]])
     for index in range(12):
-        fusion.observe(pose, 0.5 * index, CAMERA, mask, NOBODY, detected_px=box)
+        fusion.observe(pose, 0.5 * index, CAMERA, mask, NOBODY, box)
     assert shown(fusion).at([(1.0, 0.0)]) == UNKNOWN
     assert (shown(fusion).at([(1.0, 0.3), (1.5, -0.6)]) == FREE).all()
     drive(fusion, ROOM, [pose] * 12, start_s=6.0, rate_hz=2.0)
@@ -110,15 +110,15 @@ def test_depth_alone_fills_the_grid_and_knows_what_stands_on_floor_that_looks_th
     with_depth, by_mask = GridFusion(), GridFusion()
     for index, pose in enumerate(where):
         depth = SparseDepth.of(depth_picture([*ROOM, shoe, mat], pose))
-        with_depth.observe(pose, index / 2, CAMERA, floor_mask(ROOM, pose), NOBODY, depth)
-        by_mask.observe(pose, index / 2, CAMERA, floor_mask(ROOM, pose), NOBODY)
+        with_depth.observe(pose, index / 2, CAMERA, floor_mask(ROOM, pose), NOBODY, NOBODY, depth)
+        by_mask.observe(pose, index / 2, CAMERA, floor_mask(ROOM, pose), NOBODY, NOBODY)
     assert shown(by_mask).at([(1.65, 0.1)])[0] == FREE
     at_shoe = shown(with_depth).at([(1.525, 0.1), (1.575, 0.1), (1.625, 0.1)])
     assert (at_shoe == OCCUPIED).any()
     assert (shown(with_depth).at([(1.15, -0.2), (1.5, -0.3)]) == FREE).all()  # a mat of 2 cm is floor
     alone = GridFusion()
     for index, pose in enumerate(where):
-        alone.observe(pose, index / 2, CAMERA, None, NOBODY, SparseDepth.of(depth_picture([*ROOM, shoe], pose)))
+        alone.observe(pose, index / 2, CAMERA, None, NOBODY, NOBODY, SparseDepth.of(depth_picture([*ROOM, shoe], pose)))
     assert area_m2(shown(alone), FREE) > 2.0
 
 
@@ -143,8 +143,8 @@ def test_a_correction_moves_what_was_seen_with_the_poses_it_was_seen_from():
     poses, off = [SE2(0.04 * k, 0.0, 0.0) for k in range(40)], SE2(0.0, 0.3, 0.0)
     for index, pose in enumerate(poses):
         mask = floor_mask([*ROOM, CHAIR], pose)
-        right.observe(pose, index / 10, CAMERA, mask, NOBODY)
-        wrong.observe(off @ pose, index / 10, CAMERA, mask, NOBODY)
+        right.observe(pose, index / 10, CAMERA, mask, NOBODY, NOBODY)
+        wrong.observe(off @ pose, index / 10, CAMERA, mask, NOBODY, NOBODY)
     stamps = np.arange(0, 40, 5) / 10
     moves = np.tile([0.0, -0.3, 0.0], (len(stamps), 1))
     wrong.moved(TrajectoryCorrection(stamps, moves, np.zeros((8, 3)), np.zeros((8, 3, 3))))
@@ -172,7 +172,7 @@ def test_a_run_that_finds_itself_lays_its_floor_into_the_saved_one():
     pose_map_start = SE2(0.5, 1.0, -0.7)  # where in the saved map this run began
     for index, pose in enumerate(turn(0.5, 1.0)):
         mask = floor_mask([*ROOM, CHAIR], pose)
-        own.observe(pose_map_start.inverse() @ pose, index / 10, CAMERA, mask, NOBODY)
+        own.observe(pose_map_start.inverse() @ pose, index / 10, CAMERA, mask, NOBODY, NOBODY)
     own.transform(pose_map_start)
     own.continue_from(shown(saved))
     grid = settled(own, 6.0, SE2(0.5, 1.0, 0.0))
@@ -192,7 +192,7 @@ def test_an_office_of_500_square_metres_takes_less_than_20_mb(tmp_path):
             pose = SE2(x_m, y_m, heading)
             mask = floor_mask(hall, pose)
             for _ in range(2):
-                fusion.observe(pose, stamp_s, CAMERA, mask, NOBODY)
+                fusion.observe(pose, stamp_s, CAMERA, mask, NOBODY, NOBODY)
                 stamp_s += 0.5
         move = np.array([[0.04, 0.0, 0.0]])
         fusion.moved(TrajectoryCorrection(np.zeros(1), move, np.zeros((1, 3)), np.zeros((1, 3, 3))))
