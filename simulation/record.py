@@ -16,7 +16,6 @@ from edgemap.runtime.frames.disk import write_atomically
 from edgemap.runtime.frames.frame import png
 from edgemap.runtime.frames.reading import library_path
 from edgemap.runtime.frames.trajectory import Trajectory
-from edgemap.runtime.inputs.drives.locobot import write_locobot
 from edgemap.runtime.inputs.drives.own import write_drive
 from edgemap.runtime.inputs.drives.pictures import list_pictures, read_picture
 from edgemap.runtime.inputs.drives.sensor_csv import write_imu_csv
@@ -134,23 +133,19 @@ def record(
     world: World,
     folder: Path,
     *,
-    layout: str = "drive",
     video: bool = False,
     depth: bool = False,
     progress: Progress = lambda _done, _all: None,
     command: str = "edgemap simulate",
     workers: int | None = None,
 ) -> None:
-    """Renders a world's drive to a folder; an interrupted one is resumed, with identical bytes. layout: `drive`
-    (images/ or video.mp4; depth/ if asked) or `locobot` (rgb/, depth/). depth: 16 bits, millimetres along the optical
-    axis. progress: called with the pictures done and all. Raises SimulationError, DiskError and MissingExtraError.
+    """Renders a world's drive to a folder; an interrupted one is resumed, with identical bytes. video: one video.mp4
+    instead of images/. depth: depth/ too, 16 bits, millimetres along the optical axis. progress: called with the
+    pictures done and all. Raises SimulationError, DiskError and MissingExtraError.
     """
-    locobot = layout == "locobot"
-    settings = _settings(world, layout, video, depth)
-    store = FrameStore(folder, settings, "rgb" if locobot else None if video else "images", depth or locobot)
+    store = FrameStore(folder, _settings(world, video, depth), None if video else "images", depth)
     if store.complete:
-        if not locobot:  # it may have been rendered when plans held less
-            write_floor_plan(world, store)
+        write_floor_plan(world, store)  # it may have been rendered when plans held less
         progress(world.frames, world.frames)
         return
     missing = store.missing(range(world.frames))
@@ -163,26 +158,22 @@ def record(
         _write_video(store, world.camera.rate_hz)
     camera, truth = world.camera, truth_of(world)
     wheel = wheel_odometry(world.motion, world.stamps_s, np.random.default_rng([world.seed, 3]))
-    if locobot:
-        write_locobot(folder, camera.intrinsics, camera.mount, camera.rate_hz, wheel.tolist(), truth)
-    else:
-        boxes = [store.read(index) for index in range(world.frames)]
-        objects = object_records(world.apartment, world.poses()[0], boxes)
-        tilts = None if world.tilts is None else world.tilts.at(world.stamps_s)
-        rows = wheel.tolist()
-        write_floor_plan(world, store)
-        write_drive(folder, camera.intrinsics, camera.mount, camera.rate_hz, truth, objects, boxes, rows, tilts)
-        if world.imu:
-            rng = np.random.default_rng([world.seed, 9])
-            samples = imu_samples(world.motion, world.tilts, camera.mount, float(world.stamps_s[-1]) + 0.1, rng)
-            write_imu_csv(folder / "imu.csv", samples)
+    boxes = [store.read(index) for index in range(world.frames)]
+    objects = object_records(world.apartment, world.poses()[0], boxes)
+    tilts = None if world.tilts is None else world.tilts.at(world.stamps_s)
+    write_floor_plan(world, store)
+    write_drive(folder, camera.intrinsics, camera.mount, camera.rate_hz, truth, objects, boxes, wheel.tolist(), tilts)
+    if world.imu:
+        rng = np.random.default_rng([world.seed, 9])
+        samples = imu_samples(world.motion, world.tilts, camera.mount, float(world.stamps_s[-1]) + 0.1, rng)
+        write_imu_csv(folder / "imu.csv", samples)
     if moved := moved_record(world):
         write_atomically(folder / "moved.json", json.dumps(moved, indent=1))
     write_atomically(folder / "README.md", credits_text(world.models(), command))
     store.finish()
 
 
-def _settings(world: World, layout: str, video: bool, depth: bool) -> dict[str, Any]:
+def _settings(world: World, video: bool, depth: bool) -> dict[str, Any]:
     chosen = {"nodding": world.tilts is not None, "imu": world.imu}
     return (
         {
@@ -190,7 +181,7 @@ def _settings(world: World, layout: str, video: bool, depth: bool) -> dict[str, 
             "seed": world.seed,
             "home_seed": world.home_seed,
             "frames": world.frames,
-            "layout": layout,
+            "layout": "drive",
             "video": video,
             "depth": depth,
             "people": len(world.walkers),
