@@ -20,7 +20,7 @@ SEED_DIGITS = 18
 class SimCamera(Camera):
     """Renders a world's drive while it is read, a few pictures ahead. world: with all of its truth.
 
-    Raises SimulationError and MissingExtraError, one line each.
+    Raises SimulationError.
     """
 
     def __init__(self, name: str, world: World) -> None:

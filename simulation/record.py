@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from edgemap.geometry.se2 import SE2
 from edgemap.runtime.frames.disk import write_atomically
+from edgemap.runtime.frames.extras import need
 from edgemap.runtime.frames.frame import png
 from edgemap.runtime.frames.reading import library_path
 from edgemap.runtime.frames.trajectory import Trajectory
@@ -25,7 +26,6 @@ from edgemap.simulation.apartment.credits import credits_text
 from edgemap.simulation.apartment.layout import Placed
 from edgemap.simulation.apartment.plan import Rectangle
 from edgemap.simulation.apartment.space import rectangle_corners
-from edgemap.simulation.errors import require
 from edgemap.simulation.render.light import BakeSettings
 from edgemap.simulation.render.mesh import Array
 from edgemap.simulation.robot.imu import imu_samples, wheel_odometry
@@ -43,7 +43,9 @@ def write_video(path: Path, pictures: Iterable[NDArray[np.uint8]], rate_hz: floa
 
     Raises MissingExtraError where PyAV is absent.
     """
-    av = require("av")
+    need("simulation", "a video", ("av",))
+    import av
+
     with av.open(library_path(path), "w", format="mp4") as container:
         stream = container.add_stream("libvpx-vp9", rate=Fraction(rate_hz).limit_denominator(1000))
         stream.pix_fmt, stream.options = "yuv420p", {"crf": str(QUALITY_CRF), "b": "0", "cpu-used": "2"}

@@ -15,7 +15,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from edgemap.simulation.errors import SimulationError, require
+from edgemap.simulation.errors import SimulationError
 from edgemap.simulation.render.batches import Batch, Packed, SurfaceKind
 from edgemap.simulation.render.mesh import Array
 from edgemap.simulation.render.scene import ROOM_ID
@@ -43,8 +43,9 @@ class RenderTarget:
     """One OpenGL context with its programs and textures. Raises SimulationError if OpenGL is missing."""
 
     def __init__(self) -> None:
-        self.gl = require("moderngl")
-        self.context = _context(self.gl)
+        import moderngl
+
+        self.gl, self.context = moderngl, _context(moderngl)
         self._programs: dict[SurfaceKind, Any] = {}
         self._textures: dict[int, tuple[NDArray[np.uint8], Any]] = {}
         self.silhouette = self.context.program(*shader("silhouette"))

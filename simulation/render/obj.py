@@ -8,7 +8,6 @@ from itertools import pairwise
 
 import numpy as np
 
-from edgemap.simulation.errors import require
 from edgemap.simulation.render.mesh import Array, Material, Mesh, Part, srgb_to_linear
 
 _LARGEST_TEXTURE_PX = 512
@@ -141,7 +140,9 @@ def _texture(archive: zipfile.ZipFile, path: str) -> np.ndarray | None:
     found = names.get(posixpath.normpath(path).lower())
     if found is None:
         return None
-    image = require("PIL.Image").open(io.BytesIO(archive.read(found))).convert("RGBA")
+    from PIL import Image
+
+    image = Image.open(io.BytesIO(archive.read(found))).convert("RGBA")
     image.thumbnail((_LARGEST_TEXTURE_PX, _LARGEST_TEXTURE_PX))
     return np.asarray(image, dtype=np.uint8)
 

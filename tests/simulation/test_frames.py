@@ -16,6 +16,8 @@ from edgemap.geometry.se2 import SE2
 from edgemap.runtime.inputs import demo
 from edgemap.simulation.errors import SimulationError
 from edgemap.simulation.render.mesh import Material, Mesh, box, quad
+from edgemap.simulation.render.movers import Mover
+from edgemap.simulation.render.renderer import Renderer
 from edgemap.simulation.render.scene import LightMix, LitPart, LitScene, LitSurface, Surface
 from edgemap.simulation.render.view import Lens, View
 from edgemap.simulation.truth import picture_boxes
@@ -47,9 +49,6 @@ def wall(x, half, lamp=1.0, day=0.0):
 @pytest.fixture
 def draw():
     """Makes a renderer of parts and surfaces; closed at the end."""
-    pytest.importorskip("moderngl")
-    from edgemap.simulation.render.renderer import Renderer
-
     made = []
 
     def make(parts, surfaces=(), intrinsics=INTRINSICS):
@@ -167,8 +166,6 @@ def test_lens_that_folds_is_refused():
 
 
 def test_movers_stand_where_they_are_put(draw, view):
-    from edgemap.simulation.render.movers import Mover
-
     renderer = draw(lit(1, sheet(4.0, -0.3, 0.3, 0.7, 1.3)), [wall(6.0, 3.0)])
     mesh = box((-0.1, -0.2, 0.0), (0.1, 0.2, 1.8), GREY)
     mover = Mover(10_000, mesh, SE2(2.0, 0.3, np.pi / 2))

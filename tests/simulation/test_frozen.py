@@ -5,8 +5,6 @@ import json
 
 import pytest
 
-pytest.importorskip("moderngl")
-
 from edgemap.benchmarks.rooms import SUMS
 from edgemap.runtime.inputs.drives.own import write_drive
 from edgemap.simulation.apartment import furniture

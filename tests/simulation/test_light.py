@@ -3,13 +3,10 @@ import os
 import numpy as np
 import pytest
 
-from edgemap.simulation.render.mesh import Material, box
-from edgemap.simulation.render.scene import ROOM_ID, AreaLight, Scene, Solid, Surface
-
-pytest.importorskip("embreex")
-
 from edgemap.simulation.render.light import BakeSettings, bake
+from edgemap.simulation.render.mesh import Material, box
 from edgemap.simulation.render.raytracer import cosine_directions, r2_sequence
+from edgemap.simulation.render.scene import ROOM_ID, AreaLight, Scene, Solid, Surface
 
 GREY = Material((0.5, 0.5, 0.5))
 

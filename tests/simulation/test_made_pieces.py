@@ -8,10 +8,8 @@ from functools import cache
 import numpy as np
 import pytest
 
-from edgemap.runtime.frames.errors import MissingExtraError
 from edgemap.simulation.apartment.furniture import kinds
 from edgemap.simulation.apartment.made import KINDS, made
-from edgemap.simulation.errors import require
 from edgemap.simulation.render.mesh import Material, quad, subdivided
 from edgemap.simulation.render.obj import read_obj
 
@@ -86,8 +84,3 @@ def test_obj_is_scaled_and_turned_to_rep103():
     tip = points[points[:, 0].argmax()]
     np.testing.assert_allclose(tip, [0.6, 0.0, 0.0], atol=1e-12)
     assert mesh.parts[0].material.colour == pytest.approx((1.0, 0.0, 0.0))
-
-
-def test_missing_extra_is_one_line():
-    with pytest.raises(MissingExtraError, match=r"\[simulation\]"):
-        require("no_such_renderer")

@@ -7,9 +7,6 @@ import cv2
 import numpy as np
 import pytest
 
-pytest.importorskip("moderngl")
-pytest.importorskip("embreex")
-
 from edgemap.geometry.camera.floor import FloorCamera
 from edgemap.geometry.errors import EdgemapError
 from edgemap.runtime.frames.camera import Camera
