@@ -42,7 +42,7 @@ def run(seed: int, share: float, out: Path) -> PartReport:
     drive = _rendered(folder, HOME + seed, frames)
     source = RecordedDrive(_observed(drive, frames, out / f"{folder.name}.pkl"), drive)
     steps = FRAMES * frames // NEW_FRAMES // MINUTES * MINUTES
-    rows = drive_through(new_mapper(Config()), source, steps, MINUTES, 1.0, LIMIT_S, RATE_HZ)
+    rows = drive_through(new_mapper(Config()), source.step, source.f1, steps, MINUTES, 1.0, LIMIT_S, RATE_HZ)
     return _report(rows, len(source.observed), steps)
 
 
