@@ -21,7 +21,6 @@ from edgemap.runtime.inputs.drives.own import write_drive
 from edgemap.runtime.inputs.drives.pictures import list_pictures, read_picture
 from edgemap.runtime.inputs.drives.sensor_csv import write_imu_csv
 from edgemap.runtime.inputs.drives.truth import PLAN_FORMAT, PLAN_NAME
-from edgemap.simulation.apartment.apartment import Apartment
 from edgemap.simulation.apartment.credits import credits_text
 from edgemap.simulation.apartment.layout import Placed
 from edgemap.simulation.apartment.plan import Rectangle
@@ -75,11 +74,11 @@ def label_drive(world: World, folder: Path, every: int) -> int:
     return len(files)
 
 
-def floor_plan_record(apartment: Apartment, pose_home_map: SE2) -> dict[str, Any]:
-    """Contents of `floor_plan.json`, in the map frame, metres. Furniture is its oriented bounding rectangle with its
-    lowest and highest point; walls contain open door leaves.
+def write_floor_plan(world: World, folder: Path) -> None:
+    """Writes `floor_plan.json`, in the map frame, metres. Furniture is its oriented bounding rectangle with its lowest
+    and highest point; walls contain open door leaves. Raises DiskError.
     """
-    pose_map_home, plan = pose_home_map.inverse(), apartment.plan
+    pose_map_home, plan = world.poses()[0].inverse(), world.apartment.plan
 
     def corners(points: Array) -> list[list[float]]:
         return np.round(pose_map_home.apply(points), 4).tolist()
@@ -87,7 +86,7 @@ def floor_plan_record(apartment: Apartment, pose_home_map: SE2) -> dict[str, Any
     def rectangle(area: Rectangle) -> list[list[float]]:
         return corners(rectangle_corners(area))
 
-    return {
+    record = {
         "format": PLAN_FORMAT,
         "frame": "map",
         "walls": [{"corners_m": rectangle(wall)} for wall in plan.walls],
@@ -111,15 +110,10 @@ def floor_plan_record(apartment: Apartment, pose_home_map: SE2) -> dict[str, Any
                 "high_m": round(float(item.z_m + item.model.height_m), 4),
                 "corners_m": corners(item.footprint_home_m()),
             }
-            for item in apartment.furniture
+            for item in world.apartment.furniture
         ],
     }
-
-
-def write_floor_plan(world: World, store: FrameStore) -> None:
-    """Write it beside the other truth files. Raises DiskError."""
-    record = floor_plan_record(world.apartment, world.poses()[0])
-    write_atomically(store.folder / PLAN_NAME, json.dumps(record, indent=None) + "\n")
+    write_atomically(folder / PLAN_NAME, json.dumps(record) + "\n")
 
 
 Progress = Callable[[int, int], None]
@@ -147,7 +141,7 @@ def record(
     """
     store = FrameStore(folder, _settings(world, video, depth), None if video else "images", depth)
     if store.complete:
-        write_floor_plan(world, store)  # it may have been rendered when plans held less
+        write_floor_plan(world, folder)  # it may have been rendered when plans held less
         progress(world.frames, world.frames)
         return
     missing = store.missing(range(world.frames))
@@ -157,13 +151,15 @@ def record(
         store.save(shot)
         progress(number, world.frames)
     if video:
-        _write_video(store, world.camera.rate_hz)
+        unfinished = store.parts / "video.mp4"
+        write_video(unfinished, map(read_picture, store.picture_paths()), world.camera.rate_hz)
+        unfinished.replace(folder / "video.mp4")
     camera, truth = world.camera, truth_of(world)
     wheel = wheel_odometry(world.motion, world.stamps_s, np.random.default_rng([world.seed, 3]))
     boxes = [store.read(index) for index in range(world.frames)]
     objects = object_records(world.apartment, world.poses()[0], boxes)
     tilts = None if world.tilts is None else world.tilts.at(world.stamps_s)
-    write_floor_plan(world, store)
+    write_floor_plan(world, folder)
     write_drive(folder, camera.intrinsics, camera.mount, camera.rate_hz, truth, objects, boxes, wheel.tolist(), tilts)
     if world.imu:
         rng = np.random.default_rng([world.seed, 9])
@@ -196,12 +192,6 @@ def _settings(world: World, video: bool, depth: bool) -> dict[str, Any]:
         | {name: True for name, wanted in chosen.items() if wanted}
         | ({"moved": len(world.changes.moved)} if world.changes else {})
     )
-
-
-def _write_video(store: FrameStore, rate_hz: float) -> None:
-    unfinished = store.parts / "video.mp4"
-    write_video(unfinished, map(read_picture, store.picture_paths()), rate_hz)
-    unfinished.replace(store.folder / "video.mp4")
 
 
 def moved_record(world: World) -> dict[str, Any]:

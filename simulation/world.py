@@ -110,20 +110,13 @@ def build_scene(apartment: Apartment, seed: int) -> Scene:
 
 
 def draw_world(seed: int, frames: int, choices: Choices | None = None) -> World:
-    """The world of a seed, its base level or nodding; see `_draw_world`. Nodding and IMU have random streams of their
-    own, so that everything else is as without them."""
-    choices = choices or Choices()
-    world = _draw_world(seed, frames, choices)
-    tilts = nodding_of(world.motion, (seed, world.home_seed, 8)) if choices.nodding else None
-    return replace(world, tilts=tilts, imu=choices.imu)
-
-
-def _draw_world(seed: int, frames: int, choices: Choices) -> World:
     """The world of a seed: the first home, camera and drive, in a fixed order, that offer what the contract asks.
 
     The contract is judged on the drive's first 45 s whatever `frames` is, and a drive is one endless stream, so
-    a longer recording of a seed begins with the shorter one. Raises SimulationError where no try will do.
+    a longer recording of a seed begins with the shorter one. Nodding and IMU have random streams of their own, so that
+    everything else is as without them. Raises SimulationError where no try will do.
     """
+    choices = choices or Choices()
     for attempt in range(_HOMES):
         home_seed = seed // _BLOCK * _BLOCK + (seed + _STRIDE * attempt) % _BLOCK
         apartment = furnish(home_seed)
@@ -132,8 +125,12 @@ def _draw_world(seed: int, frames: int, choices: Choices) -> World:
         grid = PlanGrid(apartment)
         for number in range(_DRIVES):
             world = _draw_drive(seed, home_seed, number, frames, apartment, grid, choices)
-            if world is not None:
-                return _after_moving(world, number, frames, choices) if choices.moved else world
+            if world is None:
+                continue
+            if choices.moved:
+                world = _after_moving(world, number, frames, choices)
+            tilts = nodding_of(world.motion, (seed, home_seed, 8)) if choices.nodding else None
+            return replace(world, tilts=tilts, imu=choices.imu)
     raise SimulationError(f"seed {seed}: none of {_HOMES} homes offers a drive of {_LEAST_WAY_M:.0f} m")
 
 

@@ -8,10 +8,9 @@ import numpy as np
 
 from edgemap.geometry.se2 import SE2
 from edgemap.simulation.apartment import furniture
-from edgemap.simulation.apartment.furniture import Model, Purpose
+from edgemap.simulation.apartment.furniture import Model, Purpose, Tint
 from edgemap.simulation.apartment.plan import ApartmentPlan, RoomArea
 from edgemap.simulation.apartment.space import Boxes, Floor, rectangle_corners
-from edgemap.simulation.apartment.tint import Tint, draw_tint
 from edgemap.simulation.render.mesh import Array
 
 # Classes that move by themselves: detected, but never mapped, and not required in a home.
@@ -103,7 +102,7 @@ class Layout:
         piece with the same tint. spare_m: margin that must be free around and above it.
         """
         label = furniture.kinds()[kind].label
-        tint = like.tint if like else draw_tint(self.rng, 0.12 if label in _GROWS else 1.0)
+        tint = like.tint if like else Tint.draw(self.rng, 0.12 if label in _GROWS else 1.0)
         item = Placed(len(self.placed) + 1, label, model, pose, z_m, tint, kind)
         return item if self.settle(item, room, tuple(other.id for other in ignore), spare_m) else None
 

@@ -124,8 +124,6 @@ class Wholes:
             clip, batches = clip @ movers[id_].matrix_home_mover(), meshes.packed.batches
         else:
             meshes, batches = self._still.parts, self._still.batches_of(id_)
-        if meshes is None:
-            return
         program: Any = self._canvas.silhouette
         program["clip_home"].write(clip.T.astype("f4").tobytes())
         for batch in batches:

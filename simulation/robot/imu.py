@@ -159,11 +159,4 @@ def _lens(moved: CubicSpline, tilted: CubicSpline, mount: Mount, stamps_s: Array
 
 def _rotation_vectors(rotations: Array) -> Array:
     """Of small rotations (N, 3, 3), as vectors (N, 3)."""
-    return 0.5 * np.stack(
-        [
-            rotations[:, 2, 1] - rotations[:, 1, 2],
-            rotations[:, 0, 2] - rotations[:, 2, 0],
-            rotations[:, 1, 0] - rotations[:, 0, 1],
-        ],
-        axis=-1,
-    )
+    return 0.5 * (rotations - rotations.transpose(0, 2, 1))[:, [2, 0, 1], [1, 2, 0]]
