@@ -133,7 +133,6 @@ def record(
     depth: bool = False,
     progress: Progress = lambda _done, _all: None,
     command: str = "edgemap simulate",
-    workers: int | None = None,
 ) -> None:
     """Renders a world's drive to a folder; an interrupted one is resumed, with identical bytes. video: one video.mp4
     instead of images/. depth: depth/ too, 16 bits, millimetres along the optical axis. progress: called with the
@@ -147,7 +146,7 @@ def record(
     missing = store.missing(range(world.frames))
     done = world.frames - len(missing)
     progress(done, world.frames)
-    for number, shot in enumerate(shots(world, missing, workers), start=done + 1):
+    for number, shot in enumerate(shots(world, missing), start=done + 1):
         store.save(shot)
         progress(number, world.frames)
     if video:

@@ -20,8 +20,8 @@ from edgemap.simulation.errors import SimulationError
 from edgemap.simulation.people import Walker, draw_walkers
 from edgemap.simulation.render.scene import Scene, Solid
 from edgemap.simulation.robot.explore import drive
-from edgemap.simulation.robot.motion import SampledDrive
-from edgemap.simulation.robot.nodding import Tilts, nodding_of
+from edgemap.simulation.robot.motion import Sampled
+from edgemap.simulation.robot.nodding import nodding_of
 from edgemap.simulation.robot.plan_grid import PlanGrid, VisibilityEstimate
 
 # What a drive must offer within its first 45 s, estimated from the plan: a little more than the contract asks, because
@@ -77,12 +77,12 @@ class World:
     camera: CameraSetup
     effects: Effects
     light: LightScript
-    motion: SampledDrive
+    motion: Sampled
     frames: int
     walkers: tuple[Walker, ...] = ()
     changes: Changes | None = None
     start_before: SE2 | None = None
-    tilts: Tilts | None = None
+    tilts: Sampled | None = None
     imu: bool = False
 
     @property
@@ -96,7 +96,7 @@ class World:
 
     def poses(self) -> list[SE2]:
         """Poses of the base in the home frame, one per picture."""
-        return self.motion.poses(self.frames, self.camera.rate_hz)
+        return [SE2(*row) for row in self.motion.at(self.stamps_s)]
 
 
 def build_scene(apartment: Apartment, seed: int) -> Scene:
@@ -185,7 +185,7 @@ def _draw_drive(
     return World(seed, home_seed, apartment, camera, effects, light, motion, frames, walkers)
 
 
-def _fulfils(motion: SampledDrive, sight: VisibilityEstimate) -> bool:
+def _fulfils(motion: Sampled, sight: VisibilityEstimate) -> bool:
     poses = motion.at(CONTRACT_STAMPS_S)
     if np.linalg.norm(np.diff(poses[:, :2], axis=0), axis=1).sum() < _LEAST_WAY_M:
         return False

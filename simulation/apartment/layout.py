@@ -60,7 +60,6 @@ class Layout:
         self.purpose: Purpose = purpose
         self.placed: list[Placed] = []
         self.boxes, self.floor = Boxes(), Floor(plan)
-        self._usual: dict[str, Model] = {}
         for wall in plan.walls:
             self.boxes.add(rectangle_corners(wall), 0.0, plan.height_m, 0)
         for door in plan.doorways:
@@ -72,11 +71,8 @@ class Layout:
             keep = plan.rooms[window.room].strip(window.side, low, high, _WINDOW_M)
             self.boxes.add(rectangle_corners(keep), window.sill_m + 0.02, window.top_m, 0)
 
-    def model(self, kind: str, usual: bool = False) -> Model:
-        """A model of a kind in a size of its own. usual: the model that this home has several of, such as a table's
-        chairs."""
-        if usual and kind in self._usual:
-            return self._usual[kind]
+    def model(self, kind: str) -> Model:
+        """A model of a kind in a size of its own."""
         pool = furniture.kinds()[kind]
         keys = pool.choices(self.purpose)
         key = keys[int(self.rng.integers(len(keys)))]
@@ -84,8 +80,7 @@ class Layout:
         stretch = (1.0, 1.0, 1.0)
         if pool.label and self.purpose == "training":
             stretch = (self.uniform(0.9, 1.1), self.uniform(0.9, 1.1), self.uniform(0.9, 1.1))
-        model = furniture.model_of(key).scaled(size, stretch)
-        return self._usual.setdefault(kind, model) if usual else model
+        return furniture.model_of(key).scaled(size, stretch)
 
     def put(
         self,

@@ -11,7 +11,7 @@ from scipy.ndimage import map_coordinates
 
 from edgemap.simulation.render.mesh import Array
 from edgemap.simulation.render.scene import Probes
-from edgemap.simulation.robot.motion import SampledDrive
+from edgemap.simulation.robot.motion import Sampled
 
 # Time that a lamp takes to switch.
 _SWITCH_S = 0.15
@@ -74,7 +74,7 @@ def settled_gain(level: Array) -> Array:
     return np.clip((np.asarray(level) / _GOOD_LEVEL + 1e-4) ** -_SHARE, _LEAST, _MOST)
 
 
-def gains(probes: Probes | None, script: LightScript, motion: SampledDrive, stamps_s: Array, lag_s: float) -> Array:
+def gains(probes: Probes | None, script: LightScript, motion: Sampled, stamps_s: Array, lag_s: float) -> Array:
     """Exposure gains (N,) at increasing stamps of a drive. The gain approaches `settled_gain` exponentially.
 
     lag_s: time constant of the logarithm of the gain, s.

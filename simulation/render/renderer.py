@@ -22,8 +22,6 @@ from edgemap.simulation.render.still import Still
 from edgemap.simulation.render.view import Lens, View, clip_matrix, metres, oversampled
 from edgemap.simulation.render.whole import Wholes
 
-_TIMES = 2  # rows and columns drawn for each of the picture
-
 
 @dataclass(frozen=True, slots=True, eq=False)
 class RenderedFrame:
@@ -36,9 +34,7 @@ class RenderedFrame:
 
 
 class Renderer:
-    """Draws one lit scene through one camera, bent lens or not. Raises SimulationError where OpenGL is missing or a
-    lens cannot be drawn.
-    """
+    """Draws one lit scene through one camera, bent lens or not. Raises SimulationError where OpenGL is missing."""
 
     def __init__(self, scene: LitScene, intrinsics: Intrinsics) -> None:
         self._canvas = RenderTarget()
@@ -52,10 +48,10 @@ class Renderer:
         self.use_lens(intrinsics)
 
     def use_lens(self, intrinsics: Intrinsics) -> None:
-        """Change the camera; the scene stays as it is. Raises SimulationError for a lens that cannot be drawn."""
+        """Change the camera; the scene stays as it is."""
         lens = Lens(intrinsics)
         self.intrinsics, self._lens = intrinsics, lens
-        self._pinhole = oversampled(lens.pinhole, _TIMES)
+        self._pinhole = oversampled(lens.pinhole)
         size = (self._pinhole.width, self._pinhole.height)
         if self._fine is None or self._fine.size != size:
             with self._canvas.context:
@@ -109,6 +105,6 @@ class Renderer:
         depth = depth_of(self._fine)
         small = cv2.pyrDown(raw, dstsize=(self._lens.pinhole.width, size[0] // 2))
         colour = cv2.LUT(np.ascontiguousarray(small[..., :3]), DISPLAY)
-        exact_ids = np.array(ids, dtype=np.int32)[self._lens.exact(raw[..., 3], _TIMES)]
-        exact_depth = self._lens.exact(depth, _TIMES)
+        exact_ids = np.array(ids, dtype=np.int32)[self._lens.exact(raw[..., 3])]
+        exact_depth = self._lens.exact(depth)
         return RenderedFrame(self._lens.colour(np.asarray(colour, dtype=np.uint8)), exact_ids, metres(exact_depth))

@@ -12,7 +12,7 @@ from edgemap.geometry.se2 import wrap_angle
 from edgemap.simulation.errors import SimulationError
 from edgemap.simulation.render.mesh import Array
 from edgemap.simulation.robot import motion
-from edgemap.simulation.robot.motion import SAMPLE_S, Limits, SampledDrive
+from edgemap.simulation.robot.motion import SAMPLE_S, Limits, Sampled
 from edgemap.simulation.robot.plan_grid import PlanGrid, VisibilityEstimate
 from edgemap.simulation.robot.router import Router
 
@@ -33,14 +33,14 @@ _FACE, _PAUSE, _LOOK_ABOUT, _BACK_OFF = 0.6, 0.2, 0.25, 0.2
 
 def drive(
     grid: PlanGrid, sight: VisibilityEstimate, limits: Limits, rng: np.random.Generator, seconds: float
-) -> SampledDrive:
+) -> Sampled:
     """Explore for at least this long. Raises SimulationError where the home has no free floor, or no path leads on."""
     explorer = _Explorer(grid, sight, limits, rng)
     moves, needed = [explorer.pose[None]], math.ceil(seconds / SAMPLE_S)
     while needed > 0:
         moves.append(explorer.next_leg())
         needed -= len(moves[-1])
-    return SampledDrive(np.concatenate(moves))
+    return Sampled(np.concatenate(moves))
 
 
 class _Explorer:

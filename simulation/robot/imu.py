@@ -12,8 +12,8 @@ from edgemap.geometry.camera.imu import ImuSamples
 from edgemap.geometry.camera.mount import Mount
 from edgemap.geometry.se2 import SE2
 from edgemap.simulation.render.mesh import Array
-from edgemap.simulation.robot.motion import SAMPLE_S, SampledDrive
-from edgemap.simulation.robot.nodding import Tilts, lean
+from edgemap.simulation.robot.motion import SAMPLE_S, Sampled
+from edgemap.simulation.robot.nodding import lean
 
 
 @dataclass(frozen=True, slots=True)
@@ -37,9 +37,7 @@ class Wheels:
     slip_s: float = 0.4
 
 
-def wheel_odometry(
-    motion: SampledDrive, stamps_s: Array, rng: np.random.Generator, wheels: Wheels | None = None
-) -> Array:
+def wheel_odometry(motion: Sampled, stamps_s: Array, rng: np.random.Generator, wheels: Wheels | None = None) -> Array:
     """Rows (stamp_s, x_m, y_m, yaw_rad), (N, 4), at stamps (N,): the wheels' own integrated pose, from the identity.
 
     A wheel slips on the floor more readily while it is turning against the other one.
@@ -103,8 +101,8 @@ class ImuErrors:
 
 
 def imu_samples(
-    motion: SampledDrive,
-    tilts: Tilts | None,
+    motion: Sampled,
+    tilts: Sampled | None,
     mount: Mount,
     until_s: float,
     rng: np.random.Generator,

@@ -15,7 +15,7 @@ from edgemap.simulation.camera.exposure import LightScript, gains
 from edgemap.simulation.camera.film import noisy
 from edgemap.simulation.camera.shutter import exposed, flow_px_s, optical_twist
 from edgemap.simulation.envelope import Envelope
-from edgemap.simulation.robot.motion import SampledDrive
+from edgemap.simulation.robot.motion import Sampled
 from edgemap.simulation.robot.plan_grid import PlanGrid
 from edgemap.simulation.views import draw_views
 
@@ -85,7 +85,7 @@ def test_noise_has_the_sensors_variance_and_repeats():
 def test_exposure_follows_a_switched_lamp_with_its_lag():
     """Without probes the room is as bright as its shares say; 0.7 s after the switch, with a lag of 0.5 s."""
     script = LightScript(day=0.0, lamp=0.8, switches_s=(10.0,), switched=0.1)
-    stands = SampledDrive(np.zeros((2, 3)))
+    stands = Sampled(np.zeros((2, 3)))
     before, after, settled = gains(None, script, stands, np.array([9.5, 10.2 + 0.5, 20.0]), 0.5)
     assert before < after < settled
     share = math.log(after / before) / math.log(settled / before)

@@ -13,7 +13,7 @@ from edgemap.simulation.camera.film import CameraSetup
 from edgemap.simulation.robot import motion
 from edgemap.simulation.robot.explore import drive
 from edgemap.simulation.robot.imu import Wheels, wheel_odometry
-from edgemap.simulation.robot.motion import SAMPLE_S, Limits, SampledDrive
+from edgemap.simulation.robot.motion import SAMPLE_S, Limits, Sampled
 from edgemap.simulation.robot.plan_grid import PlanGrid, VisibilityEstimate
 from edgemap.simulation.truth import object_records
 
@@ -119,7 +119,7 @@ def test_a_turn_and_a_straight_take_the_time_of_their_trapezium():
 
 def test_perfect_wheels_tell_the_truth_to_a_tick():
     perfect = Wheels(tick_m=1e-6, scale=0.0, unlike=0.0, base_scale=0.0, creep=0.0, slips_per_m=0.0)
-    turning = SampledDrive(np.stack([0.5 * np.sin(t := np.arange(500) * 0.01), 0.5 * (1 - np.cos(t)), t], axis=1))
+    turning = Sampled(np.stack([0.5 * np.sin(t := np.arange(500) * 0.01), 0.5 * (1 - np.cos(t)), t], axis=1))
     rows = wheel_odometry(turning, np.arange(95) / 10.0, np.random.default_rng(0), perfect)
     np.testing.assert_allclose(rows[:, 1:3], turning.at(rows[:, 0])[:, :2], atol=2e-4)
     assert abs(SE2(0, 0, rows[-1, 3] - turning.at(rows[-1:, 0])[0, 2]).yaw_rad) < 2e-4

@@ -14,12 +14,11 @@ from edgemap.geometry.camera.mount import Mount
 from edgemap.geometry.errors import EdgemapError
 from edgemap.geometry.se2 import SE2
 from edgemap.runtime.inputs import demo
-from edgemap.simulation.errors import SimulationError
 from edgemap.simulation.render.mesh import Material, Mesh, box, quad
 from edgemap.simulation.render.movers import Mover
 from edgemap.simulation.render.renderer import Renderer
 from edgemap.simulation.render.scene import LightMix, LitPart, LitScene, LitSurface, Surface
-from edgemap.simulation.render.view import Lens, View
+from edgemap.simulation.render.view import View
 from edgemap.simulation.truth import picture_boxes
 
 INTRINSICS = Intrinsics(320, 240, 200.0, 200.0, 159.5, 119.5)
@@ -158,11 +157,6 @@ def test_bent_lens_puts_points_where_intrinsics_project_them(draw, view):
         weight = bright[near]
         assert np.hypot((c * weight).sum() / weight.sum() - u, (r * weight).sum() / weight.sum() - v) < 0.2
         assert frame.depth_m[rows, columns] == pytest.approx(2.0, abs=1e-3)
-
-
-def test_lens_that_folds_is_refused():
-    with pytest.raises(SimulationError, match="folds the picture"):
-        Lens(replace(INTRINSICS, distortion=Distortion("brown_conrady", (-2.0,))))
 
 
 def test_movers_stand_where_they_are_put(draw, view):
