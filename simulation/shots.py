@@ -3,7 +3,7 @@
 import multiprocessing
 import os
 from collections import deque
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Generator, Iterable, Iterator
 from concurrent.futures import Future, ProcessPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
 from typing import Any, TypeVar
@@ -65,7 +65,7 @@ _FEW = 40
 _studio: Studio | None = None
 
 
-def shots(world: World, indices: Iterable[int]) -> Iterator[Shot]:
+def shots(world: World, indices: Iterable[int]) -> Generator[Shot, None, None]:
     """Pictures of the given indices, in that order; the same whatever the number of processes."""
     todo = list(indices)
     workers = 1 if len(todo) < _FEW else default_workers()

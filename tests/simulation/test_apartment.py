@@ -18,7 +18,7 @@ LABELS = {
     "person", "cat", "dog", "backpack", "suitcase", "chair", "couch", "potted plant", "bed", "dining table", "toilet",
     "tv", "laptop", "microwave", "oven", "sink", "refrigerator", "vase",
 }  # fmt: skip
-SEEDS = (3, 42, 8123, 9101, 9110)
+SEEDS = (3, 42, 8123, 9101, 9110, 9205)
 
 
 @pytest.fixture(scope="module")
@@ -109,8 +109,13 @@ def test_enough_floor_objects_with_known_labels(homes):
         assert [item.id for item in home.furniture] == list(range(1, len(home.furniture) + 1))
 
 
-def test_held_out_models_show_only_in_homes_from_9000(homes):
+def test_homes_show_the_models_of_their_purpose(homes):
+    assert [purpose_of(seed) for seed in (7999, 8000, 8999, 9000, 9199, 9200, 9299, 9300)] == [
+        "training", "validation", "validation", "test", "test", "frozen", "frozen", "test",
+    ]  # fmt: skip
     kinds = furniture.kinds()
+    frozen = {key for kind in kinds.values() for key in kind.frozen}
+    assert {item.model.key for item in homes[9205].furniture} & frozen
     for seed, home in homes.items():
         for item in home.furniture:
             kind = kinds[item.kind]
