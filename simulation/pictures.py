@@ -106,7 +106,7 @@ def _render_home(task: tuple[Path, int, int, float, bool]) -> int:
     return home
 
 
-def _light(shown: Shown, probes: Probes | None, rng: np.random.Generator) -> tuple[LightMix, float]:
+def _light(shown: Shown, probes: Probes, rng: np.random.Generator) -> tuple[LightMix, float]:
     """Light at some moment, and how far the camera brightens it, more or less."""
     mix = light_mix(shown.light, rng.uniform(0.0, 60.0))
     day, lamp = light_levels(probes, shown.pose_home_base.vector()[None])

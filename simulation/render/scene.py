@@ -131,4 +131,4 @@ class LitScene:
     surfaces: tuple[LitSurface, ...]
     parts: tuple[LitPart, ...]
     lights: tuple[AreaLight, ...]
-    probes: Probes | None = None
+    probes: Probes

@@ -141,14 +141,10 @@ class _Explorer:
         ahead = np.array([math.cos(yaw), math.sin(yaw)])
         look = points[min(len(points) - 1, 4)] - here
         off = abs(wrap_angle(math.atan2(look[1], look[0]) - yaw))
-        if off < _BEND_RAD:
-            far = np.linalg.norm(points - here, axis=1) > 1.6 * _BEND_M
-            bent = np.concatenate([here[None], (here + _BEND_M * ahead)[None], points[1:][far[1:]]])
-            path = self._router.rounded(bent) if far.any() else None
-            if path is None:
-                path = self._router.rounded(points)
-        else:
-            path = self._router.rounded(points)
+        path, far = None, np.linalg.norm(points - here, axis=1) > 1.6 * _BEND_M
+        if off < _BEND_RAD and far.any():
+            path = self._router.rounded(np.stack([here, here + _BEND_M * ahead, *points[1:][far[1:]]]))
+        path = self._router.rounded(points) if path is None else path
         if path is None:
             return None
         left = float(motion.headings(path, yaw)[0] - yaw)

@@ -58,9 +58,8 @@ def wheel_odometry(motion: Sampled, stamps_s: Array, rng: np.random.Generator, w
     yaw = np.concatenate([[0.0], np.cumsum(turn)])
     middle = yaw[:-1] + turn / 2.0
     x, y = (np.concatenate([[0.0], np.cumsum(ahead * part(middle))]) for part in (np.cos, np.sin))
-    time = np.arange(len(samples)) * SAMPLE_S
-    at = [np.interp(stamps_s, time, values) for values in (x, y, yaw)]
-    return np.array([(stamp, *SE2(*row).vector()) for stamp, *row in zip(stamps_s, *at, strict=True)])
+    poses = Sampled(np.stack([x, y, yaw], axis=1)).at(stamps_s)
+    return np.array([(stamp, *SE2(*row).vector()) for stamp, row in zip(stamps_s, poses, strict=True)])
 
 
 def _slip(amount: Array, rng: np.random.Generator, wheels: Wheels) -> Array:

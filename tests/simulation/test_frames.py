@@ -17,7 +17,7 @@ from edgemap.runtime.inputs import demo
 from edgemap.simulation.render.mesh import Material, Mesh, box, quad
 from edgemap.simulation.render.movers import Mover
 from edgemap.simulation.render.renderer import Renderer
-from edgemap.simulation.render.scene import LightMix, LitPart, LitScene, LitSurface, Surface
+from edgemap.simulation.render.scene import LightMix, LitPart, LitScene, LitSurface, Probes, Surface
 from edgemap.simulation.render.view import View
 from edgemap.simulation.truth import picture_boxes
 
@@ -25,6 +25,7 @@ INTRINSICS = Intrinsics(320, 240, 200.0, 200.0, 159.5, 119.5)
 # Looks along x from (0, 0, 1).
 MOUNT = Mount.from_degrees(1.0, 0.0)
 GREY = Material((0.5, 0.5, 0.5))
+PROBES = Probes(np.zeros(3), np.ones(3), *[np.full((1, 1, 1, 6, 3), 0.2, np.float32)] * 2)
 
 
 def lit(id_, mesh, lamp=1.0, day=0.0):
@@ -51,7 +52,7 @@ def draw():
 
     def make(parts, surfaces=(), intrinsics=INTRINSICS):
         try:
-            made.append(Renderer(LitScene(tuple(surfaces), tuple(parts), ()), intrinsics))
+            made.append(Renderer(LitScene(tuple(surfaces), tuple(parts), (), PROBES), intrinsics))
         except EdgemapError as error:
             pytest.skip(str(error))
         return made[-1]
