@@ -178,7 +178,7 @@ def _settings(world: World, video: bool, depth: bool) -> dict[str, Any]:
             "seed": world.seed,
             "home_seed": world.home_seed,
             "frames": world.frames,
-            "layout": "drive",
+            "layout": "drive",  # the only one; named so that earlier renderings go on
             "video": video,
             "depth": depth,
             "people": len(world.walkers),
