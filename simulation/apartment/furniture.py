@@ -180,7 +180,7 @@ class Tint:
 
     def on(self, material: Material) -> Material:
         """The material in this tint; what glows or lets light through keeps its colour."""
-        if max(material.emission) > 0.0 or material.opacity < 0.99:
+        if max(material.emission) > 0.0 or material.see_through:
             return material
         red, green, blue = material.colour
         if material.texture is None and self.hue:

@@ -51,11 +51,6 @@ class Batch:
     count: int
     corners: Array
 
-    @property
-    def see_through(self) -> bool:
-        """True where it is blended over what stands behind."""
-        return self.material.opacity < 0.99
-
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Packed:
@@ -105,8 +100,8 @@ def _drawn_alike(lit: LitPart) -> tuple[Any, ...]:
     cell = ()
     if lit.id == ROOM_ID:
         cell = tuple(np.floor(lit.part.positions.reshape(-1, 3).mean(axis=0) / _CELL_M).astype(int))
-    see_through = material.opacity if material.opacity < 0.99 else 1.0
-    return lit.id, cell, id(material.texture), round(material.gloss, 2), see_through, material.emission, material.group
+    opacity = material.opacity if material.see_through else 1.0
+    return lit.id, cell, id(material.texture), round(material.gloss, 2), opacity, material.emission, material.group
 
 
 def _corner_rows(lit: LitPart) -> NDArray[Any]:
